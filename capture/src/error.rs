@@ -1,0 +1,228 @@
+//! Everything that can be wrong with a capture, each as one sentence with its remedy.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why a capture could not be read or written. `Display` is one plain sentence that names the
+/// file and says what to do; it is what a program prints after `error: `.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CaptureError {
+    /// There is nothing at the path.
+    #[error("{} does not exist; check the path of the capture folder or zip", path.display())]
+    NotFound {
+        /// The path given.
+        path: PathBuf,
+    },
+    /// The operating system refused a read.
+    #[error("{} could not be read ({source}); check that it exists and that you may read it", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// The operating system refused a write.
+    #[error("{} could not be written ({source}); {}", path.display(), write_remedy(source))]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// The output folder holds something already.
+    #[error("{} is not an empty folder; choose another output folder or empty it first", path.display())]
+    OutputNotEmpty {
+        /// The output folder.
+        path: PathBuf,
+    },
+    /// A file that is neither a folder nor a zip archive.
+    #[error(
+        "{path} is not a capture folder and not a readable zip archive ({reason}); give a folder or a zip in Bonn's layout"
+    )]
+    NotAnArchive {
+        /// The path given.
+        path: String,
+        /// What the zip reader says.
+        reason: String,
+    },
+    /// A zip entry whose path leads out of the archive.
+    #[error(
+        "{archive} holds an entry named `{entry}` that leads out of the archive; do not trust it, get the archive from its source again"
+    )]
+    UnsafeEntry {
+        /// The archive.
+        archive: String,
+        /// The entry's name.
+        entry: String,
+    },
+    /// A zip entry, or a file, far larger than an image of this capture can be.
+    #[error(
+        "{path} {claim}, more than an image of this capture can need; it may be a decompression bomb, get the file from its source again"
+    )]
+    TooLarge {
+        /// The entry or file.
+        path: String,
+        /// What it claims, as a verb phrase.
+        claim: String,
+    },
+    /// No file at all.
+    #[error("{path} is empty; a capture holds images named like `tv000_pv000/00000 tl000 pl000 tv000 pv000.png`")]
+    Empty {
+        /// The folder or archive.
+        path: String,
+    },
+    /// Files, but none with capture angles in its name.
+    #[error(
+        "{path} holds {files} files but no image named like `00000 tl000 pl000 tv000 pv000.png` (or .jpg, .exr); point to the folder that holds the capture's images"
+    )]
+    NoImages {
+        /// The folder or archive.
+        path: String,
+        /// Number of files seen.
+        files: usize,
+    },
+    /// Two files for the same pair of directions.
+    #[error("{first} and {second} are images of the same light and view; remove one of them")]
+    DoubledPair {
+        /// The first file.
+        first: String,
+        /// The second file.
+        second: String,
+    },
+    /// A pair without an image.
+    #[error(
+        "{path} lacks {missing} of its {expected_count} images ({views} views x {lights} lights), first `{expected}`; add what is missing or remove the views or lights that are incomplete"
+    )]
+    MissingPair {
+        /// The folder or archive.
+        path: String,
+        /// Name of the first file that should be there.
+        expected: String,
+        /// Number of pairs without an image.
+        missing: usize,
+        /// Number of pairs that views x lights make.
+        expected_count: usize,
+        /// Number of views found in the names.
+        views: usize,
+        /// Number of lights found in the names.
+        lights: usize,
+    },
+    /// Images of more than one format.
+    #[error("{first} and {second} have different formats; a capture holds one of png, jpg or exr, convert the others")]
+    MixedFormats {
+        /// A file of the first format.
+        first: String,
+        /// A file of another.
+        second: String,
+    },
+    /// An image that cannot be decoded.
+    #[error("{path} cannot be read as an image ({reason}); it is damaged or of another kind, copy or make it again")]
+    BadImage {
+        /// The file.
+        path: String,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// An image of another size than the first.
+    #[error(
+        "{path} is {width} x {height}, but the capture's first image is {expected_width} x {expected_height}; all images must have one size, replace it"
+    )]
+    WrongSize {
+        /// The file.
+        path: String,
+        /// Its width in texels.
+        width: usize,
+        /// Its height in texels.
+        height: usize,
+        /// Width of the capture in texels.
+        expected_width: usize,
+        /// Height of the capture in texels.
+        expected_height: usize,
+    },
+    /// NaN, infinity, or a negative below -0.1.
+    #[error(
+        "{path} has the value {value} in channel {channel} of the texel at column {column}, row {row}; values must be finite and at least -0.1, mend or re-export the image"
+    )]
+    BadValue {
+        /// The file.
+        path: String,
+        /// The value after scale and cosine.
+        value: f32,
+        /// Column from the left, from 0.
+        column: usize,
+        /// Row from the top, from 0.
+        row: usize,
+        /// 0 red, 1 green, 2 blue.
+        channel: usize,
+    },
+    /// `capture.toml` is malformed.
+    #[error(
+        "{path} line {line} is not understood ({reason}); correct that line or remove the file to use the defaults"
+    )]
+    BadManifest {
+        /// The manifest.
+        path: String,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A set of directions that cannot be used.
+    #[error("the set of directions cannot be used: {reason}")]
+    BadDirections {
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// A word that is none of those allowed.
+    #[error("`{word}` is not {what}; write {allowed}")]
+    BadWord {
+        /// The word given.
+        word: String,
+        /// What it should be.
+        what: &'static str,
+        /// The allowed words.
+        allowed: &'static str,
+    },
+    /// A capture description or image that cannot be written.
+    #[error("the capture {} cannot be written: {reason}", path.display())]
+    BadOutput {
+        /// The output folder.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+}
+
+impl CaptureError {
+    pub(crate) fn read(path: &Path, source: io::Error) -> CaptureError {
+        if source.kind() == io::ErrorKind::NotFound {
+            return CaptureError::NotFound { path: path.into() };
+        }
+        CaptureError::Read { path: path.into(), source }
+    }
+
+    pub(crate) fn write(path: &Path, source: io::Error) -> CaptureError {
+        CaptureError::Write { path: path.into(), source }
+    }
+}
+
+fn write_remedy(source: &io::Error) -> &'static str {
+    match source.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "free space on that disk and run again",
+        _ => "check that the folder exists and that you may write there",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_from_other_write_errors() {
+        let full = CaptureError::write(Path::new("out/a.png"), io::ErrorKind::StorageFull.into()).to_string();
+        assert!(full.contains("out/a.png") && full.contains("free space"), "{full}");
+        let denied = CaptureError::write(Path::new("out/a.png"), io::ErrorKind::PermissionDenied.into()).to_string();
+        assert!(!denied.contains("free space"), "{denied}");
+    }
+}

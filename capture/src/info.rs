@@ -1,0 +1,286 @@
+//! What a capture is apart from its pixels, and the radiometry between file values and
+//! reflectance x cosine.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::colour::Transfer;
+use crate::direction::DirectionSet;
+use crate::error::CaptureError;
+
+/// Whether the files' values contain the cosine of the light's incidence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cosine {
+    /// Reflectance x cosine, as a photograph of a flat sample under a point light holds it.
+    Included,
+    /// Plain reflectance; the reader multiplies by |cos theta_i|.
+    Excluded,
+}
+
+/// Which sides of the sample the light and the eye are on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Light and eye in front.
+    Front,
+    /// Light and eye behind (the other face; its frame is mirrored in u).
+    Back,
+    /// Light behind, eye in front.
+    TransmissionBack,
+    /// Light in front, eye behind.
+    TransmissionFront,
+}
+
+/// File format of a capture's images.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ImageFormat {
+    /// PNG, 8 bits a channel (16 are read too).
+    Png,
+    /// JPEG, 8 bits a channel.
+    Jpg,
+    /// OpenEXR, linear half or float.
+    Exr,
+}
+
+/// What a capture is: its size, its directions, and how file values become reflectance.
+///
+/// The quantity of a capture is `pi * BRDF * |n.wi|`: 1.0 is a white Lambertian surface lit at
+/// normal incidence. From a file value to it: undo `transfer`, multiply by `scale`, and where
+/// `cosine` is [`Cosine::Excluded`] multiply by |cos theta_i|.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CaptureInfo {
+    /// Width of every image in texels.
+    pub width: usize,
+    /// Height of every image in texels.
+    pub height: usize,
+    /// Directions towards the eye.
+    pub views: DirectionSet,
+    /// Directions towards the light.
+    pub lights: DirectionSet,
+    /// Curve of the files' values; always [`Transfer::Linear`] for EXR.
+    pub transfer: Transfer,
+    /// Whether the files' values contain the cosine of incidence.
+    pub cosine: Cosine,
+    /// Factor from linear file values to reflectance, positive.
+    pub scale: f32,
+    /// Sides of light and eye.
+    pub side: Side,
+    /// Physical width and height of the images in millimetres, where known.
+    pub size_mm: Option<[f32; 2]>,
+    /// Format of the images.
+    pub format: ImageFormat,
+    /// A short name for people.
+    pub name: String,
+    /// Where the capture comes from, in words; empty where unknown.
+    pub provenance: String,
+}
+
+impl CaptureInfo {
+    /// A description with the defaults of a capture without `capture.toml`: sRGB curve (linear
+    /// for EXR), cosine included, front side, scale 1, size unknown, no provenance.
+    pub fn new(
+        name: impl Into<String>,
+        width: usize,
+        height: usize,
+        views: DirectionSet,
+        lights: DirectionSet,
+        format: ImageFormat,
+    ) -> CaptureInfo {
+        CaptureInfo {
+            width,
+            height,
+            views,
+            lights,
+            transfer: format.default_transfer(),
+            cosine: Cosine::Included,
+            scale: 1.0,
+            side: Side::Front,
+            size_mm: None,
+            format,
+            name: name.into(),
+            provenance: String::new(),
+        }
+    }
+
+    /// The same capture described as files of another format: a change between EXR and an 8-bit
+    /// format takes that format's default curve. An EXR capture's 8-bit error figures, for
+    /// example, are computed on `in_format(ImageFormat::Png)`.
+    pub fn in_format(&self, format: ImageFormat) -> CaptureInfo {
+        let keeps_curve = (self.format == ImageFormat::Exr) == (format == ImageFormat::Exr);
+        let transfer = if keeps_curve { self.transfer } else { format.default_transfer() };
+        CaptureInfo { format, transfer, ..self.clone() }
+    }
+
+    /// Number of (view, light) pairs. Pair index = `view * lights.len() + light`.
+    pub fn pair_count(&self) -> usize {
+        self.views.len() * self.lights.len()
+    }
+
+    /// Number of texels of one image.
+    pub fn texel_count(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// The factor from linear file values to reflectance x cosine under light `light`.
+    pub fn linear_factor(&self, light: usize) -> f32 {
+        match self.cosine {
+            Cosine::Included => self.scale,
+            Cosine::Excluded => {
+                let cosine = self.lights.directions()[light].theta_deg.to_radians().cos().abs();
+                (f64::from(self.scale) * cosine) as f32
+            }
+        }
+    }
+
+    /// Reflectance x cosine of each 8-bit file value under light `light`: a table for decoding
+    /// [`crate::Pixels::Encoded8`].
+    pub fn linear_from_encoded8(&self, light: usize) -> [f32; 256] {
+        let factor = self.linear_factor(light);
+        std::array::from_fn(|value| self.transfer.linear_from_encoded(value as f32 / 255.0) * factor)
+    }
+
+    /// The file value, on the scale 0 to 255 and before rounding, of reflectance x cosine
+    /// `linear` under light `light`. Not clamped above; negatives become 0 (with a curve) or stay
+    /// (without). 0 where the light grazes so that no file value could hold it.
+    pub fn encoded_from_linear(&self, light: usize, linear: f32) -> f32 {
+        255.0 * self.transfer.encoded_from_linear(file_linear(linear, self.linear_factor(light)))
+    }
+
+    /// The 8-bit file value of reflectance x cosine `linear` under light `light`, as the writers
+    /// store it: rounded to nearest, clamped to 0..=255, NaN becomes 0. For whole images use
+    /// [`crate::Encoder8`], which gives the same values faster.
+    pub fn encoded8_from_linear(&self, light: usize, linear: f32) -> u8 {
+        round_to_8_bits(self.encoded_from_linear(light, linear))
+    }
+}
+
+/// The linear file value of reflectance x cosine, 0 where the factor is 0.
+pub(crate) fn file_linear(linear: f32, factor: f32) -> f32 {
+    if factor > 0.0 { linear / factor } else { 0.0 }
+}
+
+/// Rounds to nearest and clamps; a NaN becomes 0.
+pub(crate) fn round_to_8_bits(value: f32) -> u8 {
+    // `as` saturates and maps NaN to 0.
+    (value + 0.5).floor() as u8
+}
+
+impl ImageFormat {
+    /// The file name extension, without the dot.
+    pub fn extension(self) -> &'static str {
+        match self {
+            ImageFormat::Png => "png",
+            ImageFormat::Jpg => "jpg",
+            ImageFormat::Exr => "exr",
+        }
+    }
+
+    /// The format that a file name extension stands for, in any case; `None` for others.
+    pub fn from_extension(extension: &str) -> Option<ImageFormat> {
+        match extension.to_ascii_lowercase().as_str() {
+            "png" => Some(ImageFormat::Png),
+            "jpg" | "jpeg" => Some(ImageFormat::Jpg),
+            "exr" => Some(ImageFormat::Exr),
+            _ => None,
+        }
+    }
+
+    /// The curve that files of this format have where nothing says otherwise.
+    pub fn default_transfer(self) -> Transfer {
+        if self == ImageFormat::Exr { Transfer::Linear } else { Transfer::Srgb }
+    }
+}
+
+/// The words of an enum, for reading and writing it.
+macro_rules! words {
+    ($type:ty, $what:literal, $allowed:literal, $($variant:path => $word:literal),+) => {
+        impl fmt::Display for $type {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(match self { $($variant => $word),+ })
+            }
+        }
+        impl FromStr for $type {
+            type Err = CaptureError;
+            fn from_str(word: &str) -> Result<Self, CaptureError> {
+                match word {
+                    $($word => Ok($variant),)+
+                    _ => Err(CaptureError::BadWord { word: word.into(), what: $what, allowed: $allowed }),
+                }
+            }
+        }
+    };
+}
+
+words!(Cosine, "an answer to whether the cosine is in the values", "\"included\" or \"excluded\"",
+    Cosine::Included => "included", Cosine::Excluded => "excluded");
+words!(Side, "a side", "\"front\", \"back\", \"transmission-back\" (light behind) or \"transmission-front\" (light in front)",
+    Side::Front => "front", Side::Back => "back",
+    Side::TransmissionBack => "transmission-back", Side::TransmissionFront => "transmission-front");
+words!(ImageFormat, "an image format", "png, jpg or exr",
+    ImageFormat::Png => "png", ImageFormat::Jpg => "jpg", ImageFormat::Exr => "exr");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn info() -> CaptureInfo {
+        let set = DirectionSet::bonn81();
+        CaptureInfo::new("test", 4, 3, set.clone(), set, ImageFormat::Png)
+    }
+
+    #[test]
+    fn every_8_bit_value_is_its_own_decoding_and_encoding() {
+        for transfer in [Transfer::Srgb, Transfer::Gamma(2.2), Transfer::Linear] {
+            for cosine in [Cosine::Included, Cosine::Excluded] {
+                let info = CaptureInfo { transfer, cosine, scale: 1.7, ..info() };
+                for light in [0, 30, 80] {
+                    let table = info.linear_from_encoded8(light);
+                    for value in 0..=255u8 {
+                        assert_eq!(info.encoded8_from_linear(light, table[value as usize]), value);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_excluded_cosine_is_multiplied_in_and_divided_out_once() {
+        let included = info();
+        let excluded = CaptureInfo { cosine: Cosine::Excluded, ..info() };
+        // Light 80 stands at 75 degrees.
+        let cosine = 75f32.to_radians().cos();
+        let ratio = excluded.linear_from_encoded8(80)[200] / included.linear_from_encoded8(80)[200];
+        assert!((ratio - cosine).abs() < 1e-6);
+        assert_eq!(excluded.linear_from_encoded8(0), included.linear_from_encoded8(0));
+    }
+
+    #[test]
+    fn values_outside_the_range_are_clamped_and_nan_is_black() {
+        let info = info();
+        for (linear, value) in [(-0.05, 0), (1.0, 255), (7.0, 255), (f32::NAN, 0), (f32::INFINITY, 255)] {
+            assert_eq!(info.encoded8_from_linear(0, linear), value);
+        }
+    }
+
+    #[test]
+    fn a_grazing_light_without_cosine_gives_black_instead_of_infinity() {
+        let lights = DirectionSet::new(vec![crate::Direction::new(90.0, 0.0)]).unwrap();
+        let info = CaptureInfo { lights, cosine: Cosine::Excluded, scale: 0.0, ..info() };
+        assert_eq!(info.encoded_from_linear(0, 0.3), 0.0);
+    }
+
+    #[test]
+    fn pair_index_and_counts_follow_views_times_lights() {
+        let info = CaptureInfo { views: DirectionSet::random(3, 1).unwrap(), ..info() };
+        assert_eq!(info.pair_count(), 243);
+        assert_eq!(info.texel_count(), 12);
+    }
+
+    #[test]
+    fn changing_to_exr_and_back_changes_the_curve() {
+        let gamma = CaptureInfo { transfer: Transfer::Gamma(2.2), ..info() };
+        assert_eq!(gamma.in_format(ImageFormat::Jpg).transfer, Transfer::Gamma(2.2));
+        let exr = gamma.in_format(ImageFormat::Exr);
+        assert_eq!(exr.transfer, Transfer::Linear);
+        assert_eq!(exr.in_format(ImageFormat::Png).transfer, Transfer::Srgb);
+    }
+}

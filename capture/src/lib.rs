@@ -1,0 +1,65 @@
+//! What a BTF sample is: direction sets, transfer curves, and capture folders in and out.
+//!
+//! A capture is a set of photographs of one flat material: one image for every pair of a view and
+//! a light. On disk it is Bonn's layout (UBO2003): `tvTTT_pvPPP/NNNNN tlTTT plPPP tvTTT
+//! pvPPP.EXT` with the angles in degrees, as a folder or as a zip of one that is read in place,
+//! and beside the images an optional `capture.toml` with what the names cannot say.
+//!
+//! The quantity everywhere is reflectance x cosine, `pi * BRDF * |n.wi|`, linear, with sRGB
+//! primaries: 1.0 is a white Lambertian surface lit at normal incidence. Texels are row-major from
+//! the top left, the channel comes last, and pair index = `view * lights + light`.
+//!
+//! ```
+//! use btf_capture::{Capture, CaptureInfo, CaptureWriter, DirectionSet, ImageFormat, Pixels};
+//!
+//! let parent = tempfile::tempdir()?;
+//! let dir = parent.path().join("grey");
+//! let set = DirectionSet::random(3, 1)?;
+//! let info = CaptureInfo::new("grey", 4, 4, set.clone(), set, ImageFormat::Png);
+//! let writer = CaptureWriter::create(&dir, info)?;
+//! for view in 0..3 {
+//!     for light in 0..3 {
+//!         writer.write(view, light, &[0.25; 4 * 4 * 3])?;
+//!     }
+//! }
+//! writer.finish()?;
+//!
+//! let capture = Capture::open(&dir)?;
+//! let table = capture.info().linear_from_encoded8(2);
+//! let Pixels::Encoded8(values) = capture.read(0, 2)? else { unreachable!("png has 8 bits") };
+//! assert!((table[values[0] as usize] - 0.25).abs() < 0.002);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Reading in this order: [`Direction`] and [`DirectionSet`]; [`CaptureInfo`] with [`Transfer`],
+//! [`Cosine`] and [`Side`], which hold the radiometry; [`Capture`] and [`CaptureWriter`];
+//! [`CaptureError`], one sentence for everything that can be wrong. [`mod@atomic`] is for every
+//! program that writes files.
+//!
+//! Not here: error metrics (they are the fitter's), other containers than folders and zips, and
+//! sets that are no full grid of views x lights.
+
+pub mod atomic;
+#[cfg(test)]
+mod bad_input;
+mod bonn;
+mod capture;
+mod colour;
+mod direction;
+mod encode8;
+mod error;
+mod exr_image;
+mod images;
+mod info;
+mod manifest;
+mod source;
+mod writer;
+
+pub use atomic::{AtomicFile, write_file_atomically};
+pub use capture::{Capture, MIN_LINEAR, Pixels};
+pub use colour::Transfer;
+pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
+pub use encode8::Encoder8;
+pub use error::CaptureError;
+pub use info::{CaptureInfo, Cosine, ImageFormat, Side};
+pub use writer::CaptureWriter;

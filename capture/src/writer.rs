@@ -1,0 +1,217 @@
+//! Writing a capture folder that appears whole or not at all.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rayon::prelude::*;
+
+use crate::atomic::{parent_of, sync_folder, temporary_sibling};
+use crate::bonn;
+use crate::capture::MIN_LINEAR;
+use crate::encode8::Encoder8;
+use crate::error::CaptureError;
+use crate::exr_image;
+use crate::images;
+use crate::info::{CaptureInfo, ImageFormat, file_linear};
+use crate::manifest::{self, MANIFEST_NAME};
+
+/// Writes a capture folder in Bonn's layout, image by image, from any number of threads and in
+/// any order. Everything goes into a hidden folder beside the final one; [`CaptureWriter::finish`]
+/// puts it in place. Dropped without that (an error, Ctrl-C), it leaves nothing behind.
+#[derive(Debug)]
+pub struct CaptureWriter {
+    path: PathBuf,
+    staging: Staging,
+    info: CaptureInfo,
+    encoder: Encoder8,
+    /// Which pairs have been written.
+    written: Vec<AtomicBool>,
+}
+
+/// A folder that is removed when dropped, unless it was renamed away.
+#[derive(Debug)]
+struct Staging {
+    path: PathBuf,
+    kept: bool,
+}
+
+impl Drop for Staging {
+    fn drop(&mut self) {
+        if !self.kept {
+            // Nothing can be done about a failure here.
+            let _ = fs::remove_dir_all(&self.path);
+        }
+    }
+}
+
+impl CaptureWriter {
+    /// Starts a capture that will become the folder `dir`; missing parent folders are made.
+    ///
+    /// # Errors
+    /// [`CaptureError::OutputNotEmpty`] if `dir` holds anything, [`CaptureError::BadOutput`] for a
+    /// description that makes no capture (no texels, a curve with EXR, a scale that is not
+    /// positive), [`CaptureError::Write`].
+    pub fn create(dir: impl AsRef<Path>, info: CaptureInfo) -> Result<CaptureWriter, CaptureError> {
+        let dir = dir.as_ref();
+        check_info(&info).map_err(|reason| CaptureError::BadOutput { path: dir.into(), reason })?;
+        refuse_non_empty(dir)?;
+        let failed = |source| CaptureError::write(dir, source);
+        fs::create_dir_all(parent_of(dir)).map_err(failed)?;
+        let staging_path = temporary_sibling(dir)?;
+        fs::create_dir(&staging_path).map_err(failed)?;
+        let staging = Staging { path: staging_path, kept: false };
+        for &view in info.views.directions() {
+            fs::create_dir(staging.path.join(bonn::folder_name(view))).map_err(failed)?;
+        }
+        let encoder = Encoder8::new(&info);
+        let written = (0..info.pair_count()).map(|_| AtomicBool::new(false)).collect();
+        Ok(CaptureWriter { path: dir.into(), staging, info, encoder, written })
+    }
+
+    /// What the capture is.
+    pub fn info(&self) -> &CaptureInfo {
+        &self.info
+    }
+
+    /// Writes one image of reflectance x cosine, `linear[texel, channel]`. 8-bit formats round and
+    /// clamp to what the curve holds; EXR keeps negatives down to -0.1 and clamps below that and
+    /// above half's 65504. Writing a pair again replaces it.
+    ///
+    /// # Errors
+    /// [`CaptureError::BadOutput`] if `linear` is not texels x 3 long or holds a NaN or infinity,
+    /// [`CaptureError::Write`] (a full disk says so).
+    ///
+    /// # Panics
+    /// If `view` or `light` is out of range.
+    pub fn write(&self, view: usize, light: usize, linear: &[f32]) -> Result<(), CaptureError> {
+        let info = &self.info;
+        assert!(view < info.views.len() && light < info.lights.len(), "pair ({view}, {light}) out of range");
+        let relative = self.relative_path(view, light);
+        let final_path = self.path.join(&relative);
+        let refused = |reason: String| CaptureError::BadOutput { path: final_path.clone(), reason };
+        if linear.len() != info.texel_count() * 3 {
+            let reason =
+                format!("it got {} values for {} x {} texels of 3 channels", linear.len(), info.width, info.height);
+            return Err(refused(reason));
+        }
+        if let Some(at) = linear.iter().position(|value| !value.is_finite()) {
+            let reason = format!("texel {} has the value {}; values must be finite", at / 3, linear[at]);
+            return Err(refused(reason));
+        }
+        let bytes = match info.format {
+            ImageFormat::Exr => {
+                let factor = info.linear_factor(light);
+                let values: Vec<f32> = linear.iter().map(|&x| file_linear(x.max(MIN_LINEAR), factor)).collect();
+                exr_image::encode(&values, info.width, info.height)
+            }
+            format => {
+                let mut pixels = vec![0; linear.len()];
+                self.encoder.encode_slice(light, linear, &mut pixels);
+                images::encode_8_bit(&pixels, info.width, info.height, format)
+            }
+        }
+        .map_err(refused)?;
+        write_whole(&self.staging.path.join(relative), &bytes)
+            .map_err(|source| CaptureError::write(&final_path, source))?;
+        self.written[view * info.lights.len() + light].store(true, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Writes `capture.toml`, syncs everything to disk and puts the folder in place.
+    ///
+    /// # Errors
+    /// [`CaptureError::BadOutput`] if an image was never written, [`CaptureError::OutputNotEmpty`]
+    /// if something else filled the folder meanwhile, [`CaptureError::Write`]; nothing is left.
+    pub fn finish(mut self) -> Result<(), CaptureError> {
+        let missing = self.written.iter().filter(|written| !written.load(Ordering::Relaxed)).count();
+        let refused = |reason: String| CaptureError::BadOutput { path: self.path.clone(), reason };
+        if missing > 0 {
+            return Err(refused(format!("{missing} of its {} images were never written", self.written.len())));
+        }
+        let text = manifest::to_text(&self.info).map_err(refused)?;
+        let failed = |source| CaptureError::write(&self.path, source);
+        write_whole(&self.staging.path.join(MANIFEST_NAME), text.as_bytes())
+            .map_err(|source| CaptureError::write(&self.path.join(MANIFEST_NAME), source))?;
+        // Synced at the end and in parallel: one by one while writing would wait for the disk at
+        // every image.
+        (0..self.written.len()).into_par_iter().try_for_each(|pair| {
+            let lights = self.info.lights.len();
+            let relative = self.relative_path(pair / lights, pair % lights);
+            File::open(self.staging.path.join(&relative))
+                .and_then(|file| file.sync_all())
+                .map_err(|source| CaptureError::write(&self.path.join(relative), source))
+        })?;
+        for &view in self.info.views.directions() {
+            sync_folder(&self.staging.path.join(bonn::folder_name(view)));
+        }
+        sync_folder(&self.staging.path);
+        refuse_non_empty(&self.path)?;
+        if self.path.exists() {
+            // Renaming onto an empty folder is not possible everywhere.
+            fs::remove_dir(&self.path).map_err(failed)?;
+        }
+        fs::rename(&self.staging.path, &self.path).map_err(failed)?;
+        self.staging.kept = true;
+        sync_folder(parent_of(&self.path));
+        Ok(())
+    }
+
+    fn relative_path(&self, view: usize, light: usize) -> PathBuf {
+        let info = &self.info;
+        Path::new(&bonn::folder_name(info.views.directions()[view])).join(bonn::file_name(
+            &info.views,
+            &info.lights,
+            view,
+            light,
+            info.format.extension(),
+        ))
+    }
+}
+
+fn check_info(info: &CaptureInfo) -> Result<(), String> {
+    images::check_size(info.width, info.height, None).map_err(|_| {
+        format!("{} x {} texels cannot be written; give 1 to {}", info.width, info.height, images::MAX_TEXELS)
+    })?;
+    if info.format == ImageFormat::Exr && info.transfer != crate::Transfer::Linear {
+        return Err(format!("EXR images are linear, so the curve cannot be {}; use linear", info.transfer));
+    }
+    if !(info.scale > 0.0 && info.scale.is_finite()) {
+        return Err(format!("its scale is {}; it must be a positive number", info.scale));
+    }
+    Ok(())
+}
+
+fn refuse_non_empty(dir: &Path) -> Result<(), CaptureError> {
+    match fs::read_dir(dir) {
+        Ok(mut entries) => match entries.next() {
+            None => Ok(()),
+            Some(_) => Err(CaptureError::OutputNotEmpty { path: dir.into() }),
+        },
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
+            Err(CaptureError::OutputNotEmpty { path: dir.into() })
+        }
+        Err(source) => Err(CaptureError::write(dir, source)),
+    }
+}
+
+/// Writes a file and closes it; the caller syncs.
+fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    File::create(path)?.write_all(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_is_reported_with_the_remedy() {
+        // /dev/full fails every write as a full disk does.
+        let error = write_whole(Path::new("/dev/full"), b"x").unwrap_err();
+        let message = CaptureError::write(Path::new("out/00000 tl000.png"), error).to_string();
+        assert!(message.contains("out/00000 tl000.png") && message.contains("free space"), "{message}");
+    }
+}

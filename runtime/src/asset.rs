@@ -1,0 +1,367 @@
+//! An asset in memory, in its file form: what [`crate::pack`] writes and [`Asset::parse`] reads.
+
+use crate::error::FormatError;
+use crate::format::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_RANK, SectionKind, read_directory};
+use crate::lobe::{FILE_WORDS, Lobe};
+use crate::residual::{Basis, Coefficients, Factors, ResidualKind};
+use crate::sphere::Sphere;
+use half::f16;
+use std::collections::HashMap;
+
+/// Which side of the surface a light or an eye is on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum SurfaceSide {
+    /// The side that the macroscopic normal points to.
+    Front = 0,
+    /// The other one; its directions are stored mirrored in z, so that they too have z > 0.
+    Back = 1,
+}
+
+/// A texel's use of one lobe of its cluster's dictionary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LobeRef {
+    /// Index into the cluster's dictionary.
+    pub lobe: u8,
+    /// RGB weight codes, see [`crate::weight_from_byte`].
+    pub weight: [u8; 3],
+}
+
+/// A lobe of a dictionary with the scale of the weights that refer to it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DictionaryLobe {
+    /// The lobe.
+    pub lobe: Lobe,
+    /// Largest weight that a texel can give it.
+    pub weight_scale: f32,
+}
+
+/// The residual of a layer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Residual {
+    /// Shared factor matrices.
+    pub factors: Factors,
+    /// `bases[0]` is the mean, `bases[j]` the j-th component.
+    pub bases: Vec<Basis>,
+    /// `coefficients[j - 1]` belongs to `bases[j]`.
+    pub coefficients: Vec<Coefficients>,
+}
+
+/// One combination of light side and eye side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Side of the light.
+    pub light_side: SurfaceSide,
+    /// Side of the eye.
+    pub view_side: SurfaceSide,
+    /// Curve in which the residual is added.
+    pub residual_kind: ResidualKind,
+    /// The curve's epsilon, 1e-6 to 1.
+    pub epsilon: f32,
+    /// Light directions.
+    pub lights: Sphere,
+    /// View directions.
+    pub views: Sphere,
+    /// Cluster per texel.
+    pub texel_clusters: Vec<u8>,
+    /// Number of lobes per texel.
+    pub texel_lobe_counts: Vec<u8>,
+    /// Dictionary per cluster.
+    pub dictionary: Vec<Vec<DictionaryLobe>>,
+    /// References of all texels, one texel after the other, in order of importance.
+    pub lobe_refs: Vec<LobeRef>,
+    /// The residual, if the asset has one and the tier at hand reaches it.
+    pub residual: Option<Residual>,
+}
+
+/// A packed BTF in its file form.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Asset {
+    /// Texels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Material description, JSON.
+    pub material: String,
+    /// One to four layers.
+    pub layers: Vec<Layer>,
+}
+
+/// Bit widths that a coefficient plane may have.
+pub const COEFFICIENT_BITS: [u32; 6] = [2, 3, 4, 5, 6, 8];
+/// Words of a layer section.
+pub const LAYER_WORDS: usize = 8;
+/// Encoding number of 8-bit core rows with half-precision scales.
+pub const ENCODING_ROWS_I8: u32 = 1;
+/// Encoding number of bit-packed mid-rise coefficient codes.
+pub const ENCODING_CODES: u32 = 1;
+
+/// A section's bytes, read front to back.
+struct Reader<'a> {
+    name: String,
+    bytes: &'a [u8],
+}
+
+impl<'a> Reader<'a> {
+    fn bad<T>(&self, reason: &'static str) -> Result<T, FormatError> {
+        Err(FormatError::Section { section: self.name.clone(), reason })
+    }
+
+    fn take(&mut self, count: usize) -> Result<&'a [u8], FormatError> {
+        if count > self.bytes.len() {
+            return self.bad("it ends too early");
+        }
+        let (head, tail) = self.bytes.split_at(count);
+        self.bytes = tail;
+        Ok(head)
+    }
+
+    fn words(&mut self, count: usize) -> Result<Vec<u32>, FormatError> {
+        let bytes = count.checked_mul(4).map_or_else(|| self.bad("a count overflows"), Ok)?;
+        Ok(self.take(bytes)?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+
+    /// Half-precision numbers, padded to a whole word; all must be finite.
+    fn halves(&mut self, count: usize) -> Result<Vec<f16>, FormatError> {
+        let padded = count.div_ceil(2).checked_mul(4).map_or_else(|| self.bad("a count overflows"), Ok)?;
+        let all: Vec<f16> =
+            self.take(padded)?.chunks_exact(2).map(|b| f16::from_bits(u16::from_le_bytes([b[0], b[1]]))).collect();
+        if all.iter().any(|x| !x.is_finite()) {
+            return self.bad("a number is not finite");
+        }
+        if all[count..].iter().any(|x| x.to_bits() != 0) {
+            return self.bad("padding is not zero");
+        }
+        Ok(all[..count].to_vec())
+    }
+
+    fn end(&self) -> Result<(), FormatError> {
+        if self.bytes.is_empty() { Ok(()) } else { self.bad("it is longer than its content") }
+    }
+}
+
+/// The sections that are present in the tier at hand, by kind, layer and index.
+struct Sections<'a> {
+    bytes: &'a [u8],
+    entries: HashMap<(u32, u32, u32), (usize, usize)>,
+}
+
+impl<'a> Sections<'a> {
+    fn find(&self, kind: SectionKind, layer: u32, index: u32) -> Option<Reader<'a>> {
+        let (start, end) = *self.entries.get(&(kind as u32, layer, index))?;
+        Some(Reader { name: format!("{kind:?} {index} of layer {layer}"), bytes: self.bytes.get(start..end)? })
+    }
+
+    fn get(&self, kind: SectionKind, layer: u32, index: u32) -> Result<Reader<'a>, FormatError> {
+        self.find(kind, layer, index)
+            .ok_or_else(|| FormatError::MissingSection { section: format!("{kind:?} {index} of layer {layer}") })
+    }
+}
+
+impl Asset {
+    /// Checks and reads a whole asset or one of its documented prefixes (tiers).
+    ///
+    /// Never panics, and allocates no more than a small multiple of `bytes.len()`.
+    pub fn parse(bytes: &[u8]) -> Result<Asset, FormatError> {
+        let directory = read_directory(bytes)?;
+        let mut entries = HashMap::new();
+        for entry in &directory.sections {
+            let (start, end) = (entry.offset as usize, entry.offset as usize + entry.length as usize);
+            let key = (entry.kind, entry.layer, entry.index);
+            if SectionKind::from_number(entry.kind).is_none() {
+                continue;
+            }
+            if end <= bytes.len() && entries.insert(key, (start, end)).is_some() {
+                return Err(FormatError::Section { section: entry.name(), reason: "it is there twice" });
+            }
+        }
+        let sections = Sections { bytes, entries };
+        let (width, height) = (directory.width as usize, directory.height as usize);
+        let mut material = sections.get(SectionKind::Material, 0, 0)?;
+        let text = material.take(material.bytes.len())?;
+        let material = match std::str::from_utf8(text) {
+            Ok(text) => text.to_string(),
+            Err(_) => return material.bad("it is not UTF-8"),
+        };
+        let layers = (0..directory.layers)
+            .map(|layer| read_layer(&sections, layer, width * height))
+            .collect::<Result<Vec<_>, _>>()?;
+        Ok(Asset { width, height, material, layers })
+    }
+
+    /// Texels.
+    pub fn texel_count(&self) -> usize {
+        self.width * self.height
+    }
+}
+
+fn side_from_word(word: u32) -> Option<SurfaceSide> {
+    [SurfaceSide::Front, SurfaceSide::Back].into_iter().find(|side| *side as u32 == word)
+}
+
+fn read_layer(sections: &Sections, layer: u32, texels: usize) -> Result<Layer, FormatError> {
+    let mut reader = sections.get(SectionKind::Layer, layer, 0)?;
+    let words = reader.words(LAYER_WORDS)?;
+    reader.end()?;
+    let (Some(light_side), Some(view_side)) = (side_from_word(words[0]), side_from_word(words[1])) else {
+        return reader.bad("a side is neither 0 nor 1");
+    };
+    let Some(residual_kind) = ResidualKind::from_number(words[2]) else {
+        return reader.bad("residual_kind is not 0, 1 or 2");
+    };
+    let epsilon = f32::from_bits(words[3]);
+    if !(1e-6..=1.0).contains(&epsilon) {
+        return reader.bad("epsilon is not within 1e-6 to 1");
+    }
+    let (clusters, components) = (words[4] as usize, words[5] as usize);
+    if clusters == 0 || clusters > MAX_CLUSTERS || components > MAX_COMPONENTS || words[6] > 1 || words[7] != 0 {
+        return reader.bad("a count is out of range");
+    }
+    let has_residual = words[6] == 1;
+
+    let sphere = |index: u32| -> Result<Sphere, FormatError> {
+        let mut reader = sections.get(SectionKind::Directions, layer, index)?;
+        let words = reader.words(reader.bytes.len() / 4)?;
+        reader.end()?;
+        Sphere::from_words(words).or_else(|reason| reader.bad(reason))
+    };
+    let (lights, views) = (sphere(0)?, sphere(1)?);
+
+    let mut reader = sections.get(SectionKind::TexelClusters, layer, 0)?;
+    let texel_clusters = reader.take(texels)?.to_vec();
+    reader.end()?;
+    if texel_clusters.iter().any(|cluster| usize::from(*cluster) >= clusters) {
+        return reader.bad("a texel names a cluster that is not there");
+    }
+    let mut reader = sections.get(SectionKind::TexelLobeCounts, layer, 0)?;
+    let texel_lobe_counts = reader.take(texels)?.to_vec();
+    reader.end()?;
+
+    let mut reader = sections.get(SectionKind::Dictionary, layer, 0)?;
+    let counts = reader.words(clusters)?;
+    let mut dictionary = Vec::with_capacity(clusters);
+    for count in counts {
+        if count as usize > MAX_DICTIONARY {
+            return reader.bad("a dictionary has more than 256 lobes");
+        }
+        let words = reader.words(count as usize * FILE_WORDS)?;
+        let lobes: Option<Vec<_>> = words
+            .chunks_exact(FILE_WORDS)
+            .map(|w| Lobe::from_words([w[0], w[1], w[2], w[3], w[4]]))
+            .map(|found| found.map(|(lobe, weight_scale)| DictionaryLobe { lobe, weight_scale }))
+            .collect();
+        match lobes {
+            Some(lobes) => dictionary.push(lobes),
+            None => return reader.bad("a lobe's parameter is out of its range"),
+        }
+    }
+    reader.end()?;
+
+    let mut reader = sections.get(SectionKind::LobeRefs, layer, 0)?;
+    let total: usize = texel_lobe_counts.iter().map(|count| usize::from(*count)).sum();
+    let lobe_refs: Vec<LobeRef> = reader
+        .words(total)?
+        .into_iter()
+        .map(|word| {
+            let [lobe, r, g, b] = word.to_le_bytes();
+            LobeRef { lobe, weight: [r, g, b] }
+        })
+        .collect();
+    reader.end()?;
+    let mut at = 0;
+    for (texel, count) in texel_lobe_counts.iter().enumerate() {
+        let lobes = dictionary[usize::from(texel_clusters[texel])].len();
+        let refs = &lobe_refs[at..at + usize::from(*count)];
+        at += usize::from(*count);
+        if refs.iter().any(|reference| usize::from(reference.lobe) >= lobes) {
+            return reader.bad("a texel names a lobe that its cluster does not have");
+        }
+    }
+
+    let residual = if has_residual {
+        read_residual(sections, layer, texels, clusters, components, [views.len(), lights.len()])?
+    } else {
+        None
+    };
+    Ok(Layer {
+        light_side,
+        view_side,
+        residual_kind,
+        epsilon,
+        lights,
+        views,
+        texel_clusters,
+        texel_lobe_counts,
+        dictionary,
+        lobe_refs,
+        residual,
+    })
+}
+
+/// `None` where the tier at hand ends before the factors.
+fn read_residual(
+    sections: &Sections,
+    layer: u32,
+    texels: usize,
+    clusters: usize,
+    components: usize,
+    shape: [usize; 2],
+) -> Result<Option<Residual>, FormatError> {
+    let Some(mut reader) = sections.find(SectionKind::Factors, layer, 0) else {
+        return Ok(None);
+    };
+    let words = reader.words(8)?;
+    let ranks = [0, 1, 2].map(|c| [words[2 * c] as usize, words[2 * c + 1] as usize]);
+    if ranks.iter().flatten().any(|rank| *rank > MAX_RANK) || words[6] | words[7] != 0 {
+        return reader.bad("a rank is above 256 or a reserved word is not zero");
+    }
+    let mut view = [const { Vec::new() }; 3];
+    let mut light = [const { Vec::new() }; 3];
+    for channel in 0..3 {
+        view[channel] = reader.halves(shape[0] * ranks[channel][0])?;
+        light[channel] = reader.halves(shape[1] * ranks[channel][1])?;
+    }
+    reader.end()?;
+    let factors = Factors { shape, ranks, view, light };
+
+    let mut bases = Vec::new();
+    let mut coefficients = Vec::new();
+    for index in 0..=components as u32 {
+        let basis = sections.find(SectionKind::Basis, layer, index);
+        let plane = if index == 0 { None } else { sections.find(SectionKind::Coefficients, layer, index) };
+        let Some(mut reader) = basis else { break };
+        if index > 0 && plane.is_none() {
+            break;
+        }
+        if reader.words(1)?[0] != ENCODING_ROWS_I8 {
+            return reader.bad("its encoding is not 1");
+        }
+        let scales = reader.halves(clusters * factors.rows())?;
+        if scales.iter().any(|scale| scale.to_f32() < 0.0) {
+            return reader.bad("a scale is negative");
+        }
+        let count = clusters * factors.core_len();
+        let padded = reader.take(count.next_multiple_of(4))?;
+        if padded[count..].iter().any(|byte| *byte != 0) {
+            return reader.bad("padding is not zero");
+        }
+        reader.end()?;
+        bases.push(Basis { scales, values: padded[..count].iter().map(|byte| *byte as i8).collect() });
+        if let Some(mut reader) = plane {
+            let head = reader.words(2)?;
+            let bits = head[1];
+            if head[0] != ENCODING_CODES || !COEFFICIENT_BITS.contains(&bits) {
+                return reader.bad("its encoding or bit width is not known");
+            }
+            let steps = reader.halves(clusters)?;
+            let words = reader.words(texels.div_ceil((32 / bits) as usize))?;
+            reader.end()?;
+            let codes = (0..texels).map(|texel| crate::quantize::code_at(&words, texel, bits) as u8).collect();
+            coefficients.push(Coefficients { bits, steps, codes });
+        }
+    }
+    if bases.is_empty() {
+        return Ok(None);
+    }
+    Ok(Some(Residual { factors, bases, coefficients }))
+}

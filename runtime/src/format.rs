@@ -1,0 +1,357 @@
+//! The byte layout of an asset: the one file that knows offsets. Normative text: docs/FORMAT.md.
+//!
+//! A file is an array of little-endian `u32` words: header, section table, tier table, then the
+//! sections, each aligned to [`ALIGNMENT`] bytes and zero-padded.
+
+use crate::error::FormatError;
+
+/// `SPMM` as a little-endian word.
+pub const MAGIC: u32 = u32::from_le_bytes(*b"SPMM");
+/// The version that this crate writes and reads. Version 0 may change until version 1 is frozen.
+pub const VERSION: u32 = 0;
+/// Every section starts at a multiple of this many bytes (the strictest storage-binding offset of WebGPU).
+pub const ALIGNMENT: usize = 256;
+/// Words of the header.
+pub const HEADER_WORDS: usize = 16;
+/// Words of a section table entry.
+pub const SECTION_ENTRY_WORDS: usize = 8;
+/// Most sections in a file.
+pub const MAX_SECTIONS: usize = 4096;
+/// Most layers in a file (front, back, and the two transmissions).
+pub const MAX_LAYERS: usize = 4;
+/// Largest width or height in texels.
+pub const MAX_SIDE: u32 = 16_384;
+/// Most clusters in a layer: a cluster id is one byte.
+pub const MAX_CLUSTERS: usize = 256;
+/// Most lobes in one cluster's dictionary: a lobe id is one byte.
+pub const MAX_DICTIONARY: usize = 256;
+/// Most directions in a set.
+pub const MAX_DIRECTIONS: usize = 4096;
+/// Most residual components.
+pub const MAX_COMPONENTS: usize = 64;
+/// Largest rank of a factor matrix.
+pub const MAX_RANK: usize = 256;
+
+/// Header words, by name.
+pub mod header {
+    /// `SPMM`.
+    pub const MAGIC: usize = 0;
+    /// Format version.
+    pub const VERSION: usize = 1;
+    /// Length of the whole file in bytes, low word.
+    pub const LENGTH_LOW: usize = 2;
+    /// Length of the whole file in bytes, high word (0 in version 0).
+    pub const LENGTH_HIGH: usize = 3;
+    /// Number of sections.
+    pub const SECTIONS: usize = 4;
+    /// Number of tiers.
+    pub const TIERS: usize = 5;
+    /// Number of layers.
+    pub const LAYERS: usize = 6;
+    /// Texels per row.
+    pub const WIDTH: usize = 7;
+    /// Rows.
+    pub const HEIGHT: usize = 8;
+    /// Channels per sample (3).
+    pub const CHANNELS: usize = 9;
+    /// Channel basis (0: linear sRGB primaries, D65).
+    pub const BASIS: usize = 10;
+    /// Flags (0 in version 0; bit 0 is reserved for signed weights).
+    pub const FLAGS: usize = 11;
+    /// Checksum of header (these two words as 0), section table and tier table.
+    pub const CHECKSUM_LOW: usize = 12;
+    /// High word of the checksum.
+    pub const CHECKSUM_HIGH: usize = 13;
+}
+
+/// What a section holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u32)]
+pub enum SectionKind {
+    /// UTF-8 JSON: name, physical size, capture source, error figures, fit parameters.
+    Material = 1,
+    /// A layer's parameters.
+    Layer = 2,
+    /// A direction set with triangles and grid; index 0 light, 1 view.
+    Directions = 3,
+    /// Cluster id per texel, one byte each.
+    TexelClusters = 4,
+    /// Lobe count per texel, one byte each.
+    TexelLobeCounts = 5,
+    /// Per cluster a dictionary of lobes.
+    Dictionary = 6,
+    /// Lobe references with RGB weights, texel by texel.
+    LobeRefs = 7,
+    /// Factor matrices of the residual bases.
+    Factors = 8,
+    /// Cores of one residual basis for all clusters; index 0 the mean, j the j-th component.
+    Basis = 9,
+    /// Coefficients of the j-th component for all texels (index j from 1).
+    Coefficients = 10,
+    /// Reserved: per-texel height.
+    Height = 11,
+    /// Reserved: mip levels.
+    Mip = 12,
+}
+
+impl SectionKind {
+    /// The kind with number `kind`, if this version knows it.
+    pub fn from_number(kind: u32) -> Option<SectionKind> {
+        use SectionKind::*;
+        [
+            Material,
+            Layer,
+            Directions,
+            TexelClusters,
+            TexelLobeCounts,
+            Dictionary,
+            LobeRefs,
+            Factors,
+            Basis,
+            Coefficients,
+            Height,
+            Mip,
+        ]
+        .into_iter()
+        .find(|known| *known as u32 == kind)
+    }
+}
+
+/// One row of the section table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SectionEntry {
+    /// Number of the kind (see [`SectionKind`]; unknown ones may stand here).
+    pub kind: u32,
+    /// Layer, or 0 for sections of the whole asset.
+    pub layer: u32,
+    /// Index among sections of one kind and layer.
+    pub index: u32,
+    /// Bit 0: a reader that does not know the kind must refuse the file.
+    pub flags: u32,
+    /// Byte offset from the start of the file, a multiple of [`ALIGNMENT`].
+    pub offset: u32,
+    /// Bytes, without padding.
+    pub length: u32,
+    /// First eight bytes of the BLAKE3 hash of the section's bytes.
+    pub checksum: u64,
+}
+
+/// Flag of a section that a reader may not skip.
+pub const SECTION_REQUIRED: u32 = 1;
+
+impl SectionEntry {
+    /// For messages: `Basis 3 of layer 0`.
+    pub fn name(&self) -> String {
+        match SectionKind::from_number(self.kind) {
+            Some(kind) => format!("{kind:?} {} of layer {}", self.index, self.layer),
+            None => format!("kind {}", self.kind),
+        }
+    }
+}
+
+/// First eight bytes of the BLAKE3 hash, as a little-endian integer.
+pub fn checksum(bytes: &[u8]) -> u64 {
+    let hash = blake3::hash(bytes);
+    u64::from_le_bytes(hash.as_bytes()[..8].try_into().unwrap_or([0; 8]))
+}
+
+/// A file's header with its tables, checked.
+#[derive(Debug, Clone)]
+pub struct Directory {
+    /// Texels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Number of layers, 1 to [`MAX_LAYERS`].
+    pub layers: u32,
+    /// Section table, whole file.
+    pub sections: Vec<SectionEntry>,
+    /// Documented prefix lengths in bytes, ascending; the last is the whole file's.
+    pub tiers: Vec<u32>,
+    /// Which of `tiers` the bytes at hand are.
+    pub tier: usize,
+}
+
+fn word(bytes: &[u8], index: usize) -> u32 {
+    let start = index * 4;
+    u32::from_le_bytes([bytes[start], bytes[start + 1], bytes[start + 2], bytes[start + 3]])
+}
+
+fn in_range(field: &'static str, got: u32, least: u32, most: u32, allowed: &'static str) -> Result<u32, FormatError> {
+    if (least..=most).contains(&got) { Ok(got) } else { Err(FormatError::Field { field, got: got.into(), allowed }) }
+}
+
+/// Checks header, tables, section bounds, padding and every present section's checksum.
+///
+/// Cost: one hash of the bytes. Allocation: bounded by the tables, which are bounded by `bytes`.
+pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
+    let got = bytes.len();
+    let head = HEADER_WORDS * 4;
+    if got >= 4 && word(bytes, header::MAGIC) != MAGIC {
+        return Err(FormatError::BadMagic { got: [bytes[0], bytes[1], bytes[2], bytes[3]] });
+    }
+    if got < head {
+        return Err(FormatError::TooShort { expected: head, got });
+    }
+    let version = word(bytes, header::VERSION);
+    if version != VERSION {
+        return Err(FormatError::Version { expected: VERSION, got: version });
+    }
+    let sections =
+        in_range("section_count", word(bytes, header::SECTIONS), 1, MAX_SECTIONS as u32, "1 to 4096")? as usize;
+    let tiers = in_range("tier_count", word(bytes, header::TIERS), 1, MAX_SECTIONS as u32, "1 to 4096")? as usize;
+    let tables_end = (HEADER_WORDS + sections * SECTION_ENTRY_WORDS + tiers) * 4;
+    if got < tables_end {
+        return Err(FormatError::TooShort { expected: tables_end, got });
+    }
+    let mut head_bytes = bytes[..tables_end].to_vec();
+    head_bytes[header::CHECKSUM_LOW * 4..header::CHECKSUM_LOW * 4 + 8].fill(0);
+    let stored = u64::from(word(bytes, header::CHECKSUM_LOW)) | u64::from(word(bytes, header::CHECKSUM_HIGH)) << 32;
+    if checksum(&head_bytes) != stored {
+        return Err(FormatError::HeaderChecksum);
+    }
+    in_range("length_high", word(bytes, header::LENGTH_HIGH), 0, 0, "0")?;
+    let layers = in_range("layer_count", word(bytes, header::LAYERS), 1, MAX_LAYERS as u32, "1 to 4")?;
+    let width = in_range("width", word(bytes, header::WIDTH), 1, MAX_SIDE, "1 to 16384")?;
+    let height = in_range("height", word(bytes, header::HEIGHT), 1, MAX_SIDE, "1 to 16384")?;
+    in_range("channels", word(bytes, header::CHANNELS), 3, 3, "3 in version 0")?;
+    in_range("basis", word(bytes, header::BASIS), 0, 0, "0 (linear sRGB) in version 0")?;
+    in_range("flags", word(bytes, header::FLAGS), 0, 0, "0 in version 0")?;
+    in_range("reserved", word(bytes, 14) | word(bytes, 15), 0, 0, "0")?;
+
+    let total = word(bytes, header::LENGTH_LOW);
+    let tiers: Vec<u32> = (0..tiers).map(|i| word(bytes, HEADER_WORDS + sections * SECTION_ENTRY_WORDS + i)).collect();
+    let ascending = tiers.windows(2).all(|pair| pair[0] < pair[1]);
+    if !ascending || tiers.last() != Some(&total) {
+        return Err(FormatError::Section {
+            section: "tier table".into(),
+            reason: "lengths must rise to the file's length",
+        });
+    }
+    let tier = tiers
+        .iter()
+        .position(|length| *length as usize == got)
+        .ok_or(FormatError::Length { expected: total.into(), got: got as u64 })?;
+
+    let sections: Vec<SectionEntry> = (0..sections)
+        .map(|i| {
+            let at = |field: usize| word(bytes, HEADER_WORDS + i * SECTION_ENTRY_WORDS + field);
+            SectionEntry {
+                kind: at(0),
+                layer: at(1),
+                index: at(2),
+                flags: at(3),
+                offset: at(4),
+                length: at(5),
+                checksum: u64::from(at(6)) | u64::from(at(7)) << 32,
+            }
+        })
+        .collect();
+
+    // Sections follow each other in order; what lies between them is zero, so no byte is unaccounted for.
+    let mut end = tables_end;
+    for entry in &sections {
+        let start = end.next_multiple_of(ALIGNMENT);
+        let broken = |reason| FormatError::Section { section: entry.name(), reason };
+        if entry.offset as usize != start {
+            return Err(broken("it must start at the next multiple of 256 after its predecessor"));
+        }
+        if SectionKind::from_number(entry.kind).is_none() && entry.flags & SECTION_REQUIRED != 0 {
+            return Err(FormatError::UnknownRequiredSection { kind: entry.kind });
+        }
+        if entry.layer >= layers {
+            return Err(broken("its layer is not below the layer count"));
+        }
+        let new_end = start.checked_add(entry.length as usize).ok_or(broken("its length overflows"))?;
+        if new_end > total as usize {
+            return Err(broken("it reaches beyond the file's length"));
+        }
+        if end < got {
+            if bytes[end..start.min(got)].iter().any(|byte| *byte != 0) {
+                return Err(broken("the padding before it is not zero"));
+            }
+            if start < got {
+                let body = bytes.get(start..new_end).ok_or(broken("a tier ends inside it"))?;
+                if checksum(body) != entry.checksum {
+                    return Err(FormatError::SectionChecksum { section: entry.name() });
+                }
+            }
+        }
+        end = new_end;
+    }
+    if end.next_multiple_of(ALIGNMENT) != total as usize {
+        return Err(FormatError::Section {
+            section: "section table".into(),
+            reason: "sections must end at the file's length",
+        });
+    }
+    if end < got && bytes[end..].iter().any(|byte| *byte != 0) {
+        return Err(FormatError::Section { section: "padding at the end".into(), reason: "it must be zero" });
+    }
+    Ok(Directory { width, height, layers, sections, tiers, tier })
+}
+
+/// A section that the packer is about to write.
+pub struct SectionSource {
+    /// What it holds.
+    pub kind: SectionKind,
+    /// Layer.
+    pub layer: u32,
+    /// Index among its kind.
+    pub index: u32,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+    /// True where a prefix of the file that ends after this section is a valid, coarser asset.
+    pub ends_tier: bool,
+}
+
+/// Writes header, tables and sections. The last section always ends a tier.
+pub fn write_file(width: u32, height: u32, layers: u32, sections: &[SectionSource]) -> Result<Vec<u8>, FormatError> {
+    let refuse = |reason: &str| FormatError::Pack { reason: reason.to_string() };
+    if sections.is_empty() || sections.len() > MAX_SECTIONS {
+        return Err(refuse("it needs 1 to 4096 sections"));
+    }
+    let tier_ends: Vec<usize> =
+        (0..sections.len()).filter(|&i| sections[i].ends_tier || i + 1 == sections.len()).collect();
+    let tables_end = (HEADER_WORDS + sections.len() * SECTION_ENTRY_WORDS + tier_ends.len()) * 4;
+    let mut words: Vec<u32> = vec![0; tables_end / 4];
+    let mut body: Vec<u8> = vec![0; tables_end.next_multiple_of(ALIGNMENT)];
+    let mut tiers = Vec::new();
+    for (i, section) in sections.iter().enumerate() {
+        let offset = u32::try_from(body.len()).map_err(|_| refuse("it is larger than 4 GiB"))?;
+        let hash = checksum(&section.bytes);
+        let at = HEADER_WORDS + i * SECTION_ENTRY_WORDS;
+        words[at..at + SECTION_ENTRY_WORDS].copy_from_slice(&[
+            section.kind as u32,
+            section.layer,
+            section.index,
+            SECTION_REQUIRED,
+            offset,
+            u32::try_from(section.bytes.len()).map_err(|_| refuse("a section is larger than 4 GiB"))?,
+            hash as u32,
+            (hash >> 32) as u32,
+        ]);
+        body.extend_from_slice(&section.bytes);
+        body.resize(body.len().next_multiple_of(ALIGNMENT), 0);
+        if tier_ends.contains(&i) {
+            tiers.push(u32::try_from(body.len()).map_err(|_| refuse("it is larger than 4 GiB"))?);
+        }
+    }
+    let total = *tiers.last().unwrap_or(&0);
+    words[header::MAGIC] = MAGIC;
+    words[header::VERSION] = VERSION;
+    words[header::LENGTH_LOW] = total;
+    words[header::SECTIONS] = sections.len() as u32;
+    words[header::TIERS] = tiers.len() as u32;
+    words[header::LAYERS] = layers;
+    words[header::WIDTH] = width;
+    words[header::HEIGHT] = height;
+    words[header::CHANNELS] = 3;
+    let tier_at = HEADER_WORDS + sections.len() * SECTION_ENTRY_WORDS;
+    words[tier_at..tier_at + tiers.len()].copy_from_slice(&tiers);
+    let hash = checksum(bytemuck::cast_slice(&words));
+    words[header::CHECKSUM_LOW] = hash as u32;
+    words[header::CHECKSUM_HIGH] = (hash >> 32) as u32;
+    body[..tables_end].copy_from_slice(bytemuck::cast_slice(&words));
+    Ok(body)
+}

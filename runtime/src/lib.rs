@@ -1,0 +1,47 @@
+//! The packed BTF asset (`.spmm`) and its decoder, in Rust and WGSL.
+//!
+//! Bytes in, numbers out, and bytes out of the packer: no files, no threads, no GPU, no image codecs.
+//! The byte layout is docs/FORMAT.md; the model is docs/MODEL.md.
+//!
+//! ```text
+//! bytes --Asset::parse--> Asset (file form) --Resident::from_asset--> Resident --decode--> RGB
+//!       <----- pack -----                                             words for the GPU, WGSL beside
+//! ```
+//!
+//! Values are `pi * BRDF * max(0, n.wi)`: 1 is a white Lambertian lit at normal incidence. The cosine
+//! is inside; a renderer never multiplies another one.
+//!
+//! Limits of version 0: three channels, product grids of directions, non-negative lobe weights,
+//! nearest texel.
+
+#![forbid(unsafe_code)]
+
+mod asset;
+mod decode;
+mod error;
+mod format;
+mod lobe;
+mod pack;
+mod quantize;
+mod resident;
+mod residual;
+mod sphere;
+mod wgsl;
+
+pub use asset::{Asset, COEFFICIENT_BITS, DictionaryLobe, Layer, LobeRef, Residual, SurfaceSide};
+pub use decode::{
+    DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE, decode, decode_from_file_form, decode_measured,
+    lobe_sum_at_pairs, lobe_tables,
+};
+pub use error::FormatError;
+pub use format::{ALIGNMENT, Directory, MAGIC, SectionEntry, SectionKind, VERSION, read_directory};
+pub use lobe::{Lobe, LobeFamily, LobeSetup};
+pub use pack::pack;
+pub use quantize::{byte_from_weight, code_from_coefficient, coefficient_from_code, weight_from_byte};
+pub use resident::{HORIZON_COS, Resident, block};
+pub use residual::{Basis, COLOUR_FRAME, Coefficients, Factors, ROOT, ResidualKind, core_at_pair, expand_core};
+pub use sphere::{Neighbours, Sphere};
+pub use wgsl::{WGSL, wgsl_library};
+
+// Words are moved between bytes and `u32` as they lie in memory.
+const _: () = assert!(cfg!(target_endian = "little"), "btf-runtime supports little-endian targets");

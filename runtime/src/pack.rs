@@ -1,0 +1,187 @@
+//! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
+
+use crate::asset::{Asset, COEFFICIENT_BITS, ENCODING_CODES, ENCODING_ROWS_I8, Layer};
+use crate::error::FormatError;
+use crate::format::{
+    MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_RANK, MAX_SIDE, SectionKind, SectionSource,
+    write_file,
+};
+use crate::quantize::words_from_codes;
+use half::f16;
+
+fn refuse<T>(reason: &str) -> Result<T, FormatError> {
+    Err(FormatError::Pack { reason: reason.to_string() })
+}
+
+fn bytes_from_words(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+fn push_halves(bytes: &mut Vec<u8>, halves: &[f16]) {
+    bytes.extend(halves.iter().flat_map(|x| x.to_bits().to_le_bytes()));
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+}
+
+/// The asset's bytes: what `btf-fit` writes to an `.spmm` file.
+///
+/// Sections that every tier needs come first, then the residual of all layers component by component,
+/// each of which ends a tier. Errors name the rule of FORMAT.md that the asset breaks.
+pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
+    let in_side = |side: usize| side >= 1 && side <= MAX_SIDE as usize;
+    if !in_side(asset.width) || !in_side(asset.height) {
+        return refuse("width and height must be 1 to 16384");
+    }
+    if asset.layers.is_empty() || asset.layers.len() > MAX_LAYERS {
+        return refuse("it must have 1 to 4 layers");
+    }
+    let mut sections = vec![SectionSource {
+        kind: SectionKind::Material,
+        layer: 0,
+        index: 0,
+        bytes: asset.material.clone().into_bytes(),
+        ends_tier: false,
+    }];
+    let last = asset.layers.len() - 1;
+    for (number, layer) in asset.layers.iter().enumerate() {
+        check_layer(layer, asset.texel_count())?;
+        push_base_sections(&mut sections, layer, number as u32, number == last);
+    }
+    let deepest = asset.layers.iter().filter_map(|layer| layer.residual.as_ref()).map(|r| r.bases.len()).max();
+    for index in 0..deepest.unwrap_or(0) {
+        for (number, layer) in asset.layers.iter().enumerate() {
+            push_residual_sections(&mut sections, layer, number as u32, index);
+        }
+        if let Some(section) = sections.last_mut() {
+            section.ends_tier = true;
+        }
+    }
+    write_file(asset.width as u32, asset.height as u32, asset.layers.len() as u32, &sections)
+}
+
+fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
+    let clusters = layer.dictionary.len();
+    if clusters == 0 || clusters > MAX_CLUSTERS || layer.dictionary.iter().any(|d| d.len() > MAX_DICTIONARY) {
+        return refuse("a layer needs 1 to 256 clusters of at most 256 lobes");
+    }
+    if layer.texel_clusters.len() != texels || layer.texel_lobe_counts.len() != texels {
+        return refuse("a per-texel array has not one entry per texel");
+    }
+    if layer.texel_clusters.iter().any(|cluster| usize::from(*cluster) >= clusters) {
+        return refuse("a texel names a cluster that is not there");
+    }
+    let total: usize = layer.texel_lobe_counts.iter().map(|count| usize::from(*count)).sum();
+    if total != layer.lobe_refs.len() {
+        return refuse("the lobe counts do not add up to the references");
+    }
+    let Some(residual) = &layer.residual else {
+        return Ok(());
+    };
+    let factors = &residual.factors;
+    if residual.bases.is_empty()
+        || residual.bases.len() > MAX_COMPONENTS + 1
+        || residual.coefficients.len() + 1 != residual.bases.len()
+    {
+        return refuse("a residual needs a mean and at most 64 components, each with coefficients");
+    }
+    if factors.shape != [layer.views.len(), layer.lights.len()]
+        || factors.ranks.iter().flatten().any(|rank| *rank > MAX_RANK)
+    {
+        return refuse("the factors do not fit the direction sets");
+    }
+    for channel in 0..3 {
+        let [rv, rl] = factors.ranks[channel];
+        if factors.view[channel].len() != factors.shape[0] * rv || factors.light[channel].len() != factors.shape[1] * rl
+        {
+            return refuse("a factor matrix does not fit its ranks");
+        }
+    }
+    for basis in &residual.bases {
+        if basis.scales.len() != clusters * factors.rows() || basis.values.len() != clusters * factors.core_len() {
+            return refuse("a basis does not fit its ranks");
+        }
+    }
+    for plane in &residual.coefficients {
+        if !COEFFICIENT_BITS.contains(&plane.bits) || plane.steps.len() != clusters || plane.codes.len() != texels {
+            return refuse("a coefficient plane does not fit the texels or has a bit width that is not known");
+        }
+    }
+    Ok(())
+}
+
+fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, number: u32, ends_tier: bool) {
+    let mut push = |kind, index, bytes: Vec<u8>, ends_tier| {
+        sections.push(SectionSource { kind, layer: number, index, bytes, ends_tier });
+    };
+    let components = layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    let words = [
+        layer.light_side as u32,
+        layer.view_side as u32,
+        layer.residual_kind as u32,
+        layer.epsilon.to_bits(),
+        layer.dictionary.len() as u32,
+        components as u32,
+        u32::from(layer.residual.is_some()),
+        0,
+    ];
+    push(SectionKind::Layer, 0, bytes_from_words(&words), false);
+    push(SectionKind::Directions, 0, bytes_from_words(layer.lights.words()), false);
+    push(SectionKind::Directions, 1, bytes_from_words(layer.views.words()), false);
+    push(SectionKind::TexelClusters, 0, layer.texel_clusters.clone(), false);
+    push(SectionKind::TexelLobeCounts, 0, layer.texel_lobe_counts.clone(), false);
+    let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();
+    words.extend(layer.dictionary.iter().flatten().flat_map(|entry| entry.lobe.to_words(entry.weight_scale)));
+    push(SectionKind::Dictionary, 0, bytes_from_words(&words), false);
+    let words: Vec<u32> = layer
+        .lobe_refs
+        .iter()
+        .map(|reference| {
+            let [r, g, b] = reference.weight;
+            u32::from_le_bytes([reference.lobe, r, g, b])
+        })
+        .collect();
+    push(SectionKind::LobeRefs, 0, bytes_from_words(&words), ends_tier);
+}
+
+fn push_residual_sections(sections: &mut Vec<SectionSource>, layer: &Layer, number: u32, index: usize) {
+    let Some(residual) = &layer.residual else {
+        return;
+    };
+    let Some(basis) = residual.bases.get(index) else {
+        return;
+    };
+    let factors = &residual.factors;
+    if index == 0 {
+        let mut words: Vec<u32> = factors.ranks.iter().flatten().map(|rank| *rank as u32).collect();
+        words.extend([0, 0]);
+        let mut bytes = bytes_from_words(&words);
+        for channel in 0..3 {
+            push_halves(&mut bytes, &factors.view[channel]);
+            push_halves(&mut bytes, &factors.light[channel]);
+        }
+        sections.push(SectionSource { kind: SectionKind::Factors, layer: number, index: 0, bytes, ends_tier: false });
+    }
+    let mut bytes = bytes_from_words(&[ENCODING_ROWS_I8]);
+    push_halves(&mut bytes, &basis.scales);
+    bytes.extend(basis.values.iter().map(|q| *q as u8));
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    sections.push(SectionSource {
+        kind: SectionKind::Basis,
+        layer: number,
+        index: index as u32,
+        bytes,
+        ends_tier: false,
+    });
+    if index > 0 {
+        let plane = &residual.coefficients[index - 1];
+        let mut bytes = bytes_from_words(&[ENCODING_CODES, plane.bits]);
+        push_halves(&mut bytes, &plane.steps);
+        bytes.extend(bytes_from_words(&words_from_codes(&plane.codes, plane.bits)));
+        sections.push(SectionSource {
+            kind: SectionKind::Coefficients,
+            layer: number,
+            index: index as u32,
+            bytes,
+            ends_tier: false,
+        });
+    }
+}

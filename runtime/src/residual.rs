@@ -1,0 +1,284 @@
+//! The residual: what the lobes leave, as per-cluster bases factored over light x view [Tucker 1966],
+//! and the curve in which lobes and residual are added. Twin: `shaders/residual.wgsl`.
+
+use half::f16;
+
+/// The curve `g` in which the residual is added to the lobes: `X = g^-1(g(S) + R)`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum ResidualKind {
+    /// `g(x) = x`.
+    Additive = 0,
+    /// `g(x) = ln(x + epsilon)`.
+    Log = 1,
+    /// `g(x) = (x + epsilon)^(1 / 2.4)`: the sRGB curve's exponent, so that errors are those that `psnr_db` counts.
+    Root = 2,
+}
+
+/// Exponent of the root curve.
+pub const ROOT: f32 = 2.4;
+/// Largest `|g(S) + R|` that the log curve exponentiates (e^12 is beyond any reflectance).
+pub const MAX_LOG: f32 = 12.0;
+
+impl ResidualKind {
+    /// The kind with number `number`.
+    pub fn from_number(number: u32) -> Option<ResidualKind> {
+        [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root].into_iter().find(|kind| *kind as u32 == number)
+    }
+
+    /// `g(x)`; `x` is clamped at 0 except for the additive kind.
+    pub fn encode(self, x: f32, epsilon: f32) -> f32 {
+        match self {
+            ResidualKind::Additive => x,
+            ResidualKind::Log => (x.max(0.0) + epsilon).ln(),
+            ResidualKind::Root => (x.max(0.0) + epsilon).powf(1.0 / ROOT),
+        }
+    }
+
+    /// `g^-1(y)`; finite for every finite `y`.
+    pub fn decode(self, y: f32, epsilon: f32) -> f32 {
+        match self {
+            ResidualKind::Additive => y,
+            ResidualKind::Log => y.clamp(-MAX_LOG, MAX_LOG).exp() - epsilon,
+            ResidualKind::Root => root_power(y.max(0.0)) - epsilon,
+        }
+    }
+
+    /// Lobe sum `s` and residual `r` of one channel, combined; `beyond` as in [`crate::Neighbours`].
+    ///
+    /// An additive residual is scaled by `beyond`, a root residual by its root (both then scale like
+    /// the light's cosine), a log residual, which is a factor, is kept.
+    pub fn combine(self, s: f32, r: f32, epsilon: f32, beyond: f32) -> f32 {
+        let scaled = match self {
+            ResidualKind::Additive => r * beyond,
+            ResidualKind::Log => r,
+            ResidualKind::Root => r * beyond.max(1e-12).powf(1.0 / ROOT),
+        };
+        self.decode(self.encode(s, epsilon) + scaled, epsilon).max(0.0)
+    }
+}
+
+/// `y^2.4` as `y^2 (y^2)^0.2`; 0 stays 0.
+fn root_power(y: f32) -> f32 {
+    if y <= 1e-12 { 0.0 } else { y.powf(ROOT) }
+}
+
+/// Luma-chroma rows of the bases' colour frame, orthonormal: grey, red-blue, green-magenta.
+pub const COLOUR_FRAME: [[f32; 3]; 3] = [
+    [0.577_350_26, 0.577_350_26, 0.577_350_26],
+    [std::f32::consts::FRAC_1_SQRT_2, 0.0, -std::f32::consts::FRAC_1_SQRT_2],
+    [0.408_248_3, -0.816_496_6, 0.408_248_3],
+];
+
+/// Factor matrices shared by all bases of a layer, one pair per colour-frame channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Factors {
+    /// Number of views and lights.
+    pub shape: [usize; 2],
+    /// Ranks `[view, light]` per channel.
+    pub ranks: [[usize; 2]; 3],
+    /// Per channel the view matrix, row-major `[view, view rank]`.
+    pub view: [Vec<f16>; 3],
+    /// Per channel the light matrix, row-major `[light, light rank]`.
+    pub light: [Vec<f16>; 3],
+}
+
+impl Factors {
+    /// Core rows of one cluster: a scale each.
+    pub fn rows(&self) -> usize {
+        self.ranks.iter().map(|rank| rank[0]).sum()
+    }
+
+    /// Core values of one cluster.
+    pub fn core_len(&self) -> usize {
+        self.ranks.iter().map(|rank| rank[0] * rank[1]).sum()
+    }
+}
+
+/// One basis (the mean or a component) of every cluster: 8-bit cores with a half-precision scale per row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Basis {
+    /// `[cluster, row]`, rows of the three channels one after the other.
+    pub scales: Vec<f16>,
+    /// `[cluster, channel, view rank, light rank]`; the value is `scale * q / 127`.
+    pub values: Vec<i8>,
+}
+
+impl Basis {
+    /// Quantises cores `[cluster][channel, view rank, light rank]` row by row.
+    ///
+    /// Error: at most half a step, `row maximum / 254` plus the scale's half-precision rounding.
+    pub fn quantize(factors: &Factors, cores: &[Vec<f32>]) -> Basis {
+        let mut basis = Basis { scales: Vec::new(), values: Vec::new() };
+        for core in cores {
+            let mut at = 0;
+            for rank in factors.ranks {
+                for _ in 0..rank[0] {
+                    let row = &core[at..at + rank[1]];
+                    at += rank[1];
+                    let peak = row.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
+                    // Round the scale up, so that the peak still fits.
+                    let mut scale = f16::from_f32(peak);
+                    if scale.to_f32() < peak {
+                        scale = f16::from_bits(scale.to_bits() + 1);
+                    }
+                    let inverse = if scale.to_f32() > 0.0 { 127.0 / scale.to_f32() } else { 0.0 };
+                    basis.scales.push(scale);
+                    basis.values.extend(row.iter().map(|x| (x * inverse).round().clamp(-127.0, 127.0) as i8));
+                }
+            }
+        }
+        basis
+    }
+
+    /// The core of `cluster` in floats, `[channel, view rank, light rank]`.
+    pub fn core(&self, factors: &Factors, cluster: usize) -> Vec<f32> {
+        let (rows, len) = (factors.rows(), factors.core_len());
+        let scales = &self.scales[cluster * rows..(cluster + 1) * rows];
+        let values = &self.values[cluster * len..(cluster + 1) * len];
+        let mut core = Vec::with_capacity(len);
+        let mut row = 0;
+        for rank in factors.ranks {
+            for _ in 0..rank[0] {
+                let scale = scales[row].to_f32() / 127.0;
+                row += 1;
+                let start = core.len();
+                core.extend(values[start..start + rank[1]].iter().map(|q| f32::from(*q) * scale));
+            }
+        }
+        core
+    }
+}
+
+/// A core expanded to `[view, light, rgb]`: `sum_rs U[v, r] core[r, s] W[l, s]`, back in RGB.
+///
+/// Cost: about 0.3 MFLOP a channel for Bonn's 81 x 81 at rank 32.
+pub fn expand_core(factors: &Factors, core: &[f32]) -> Vec<f32> {
+    let [views, lights] = factors.shape;
+    let mut rgb = vec![0.0f32; views * lights * 3];
+    let mut core_at = 0;
+    for channel in 0..3 {
+        let [rv, rl] = factors.ranks[channel];
+        let core = &core[core_at..core_at + rv * rl];
+        core_at += rv * rl;
+        let view: Vec<f32> = factors.view[channel].iter().map(|x| x.to_f32()).collect();
+        let light: Vec<f32> = factors.light[channel].iter().map(|x| x.to_f32()).collect();
+        // rows[r, l] = sum_s core[r, s] W[l, s]
+        let mut rows = vec![0.0f32; rv * lights];
+        for r in 0..rv {
+            for l in 0..lights {
+                let w = &light[l * rl..(l + 1) * rl];
+                rows[r * lights + l] = core[r * rl..(r + 1) * rl].iter().zip(w).map(|(a, b)| a * b).sum();
+            }
+        }
+        let mut line = vec![0.0f32; lights];
+        for v in 0..views {
+            line.fill(0.0);
+            for r in 0..rv {
+                let u = view[v * rv + r];
+                for (out, x) in line.iter_mut().zip(&rows[r * lights..(r + 1) * lights]) {
+                    *out += u * x;
+                }
+            }
+            for (l, x) in line.iter().enumerate() {
+                for c in 0..3 {
+                    rgb[(v * lights + l) * 3 + c] += COLOUR_FRAME[channel][c] * x;
+                }
+            }
+        }
+    }
+    rgb
+}
+
+/// A core's value at one pair, straight from the factored form: `view rank x light rank` multiply-adds
+/// a channel. The resident form exists because this is the dear way.
+pub fn core_at_pair(factors: &Factors, basis: &Basis, cluster: usize, view: usize, light: usize) -> [f32; 3] {
+    let (rows, len) = (factors.rows(), factors.core_len());
+    let mut rgb = [0.0f32; 3];
+    let (mut row, mut at) = (cluster * rows, cluster * len);
+    for channel in 0..3 {
+        let [rv, rl] = factors.ranks[channel];
+        let w = &factors.light[channel][light * rl..(light + 1) * rl];
+        let mut sum = 0.0f32;
+        for r in 0..rv {
+            let inner: f32 = basis.values[at..at + rl].iter().zip(w).map(|(q, x)| f32::from(*q) * x.to_f32()).sum();
+            sum += factors.view[channel][view * rv + r].to_f32() * basis.scales[row].to_f32() / 127.0 * inner;
+            row += 1;
+            at += rl;
+        }
+        for c in 0..3 {
+            rgb[c] += COLOUR_FRAME[channel][c] * sum;
+        }
+    }
+    rgb
+}
+
+/// Coefficients of one component for all texels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coefficients {
+    /// Bits a code: 2, 3, 4, 5, 6 or 8.
+    pub bits: u32,
+    /// Step per cluster.
+    pub steps: Vec<f16>,
+    /// Code per texel.
+    pub codes: Vec<u8>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_curve_is_undone_by_its_inverse() {
+        for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
+            for x in [0.0f32, 1e-4, 0.02, 0.5, 1.0, 7.0, 100.0] {
+                let back = kind.decode(kind.encode(x, 0.01), 0.01);
+                assert!((back - x).abs() <= 1e-5 + 2e-5 * x, "{kind:?} {x} {back}");
+            }
+            for y in [-1e30f32, -5.0, 0.0, 1e3] {
+                assert!(kind.decode(y, 0.01).is_finite() || kind == ResidualKind::Root);
+            }
+        }
+    }
+
+    #[test]
+    fn the_colour_frame_is_orthonormal() {
+        for i in 0..3 {
+            for j in 0..3 {
+                let product: f32 = (0..3).map(|c| COLOUR_FRAME[i][c] * COLOUR_FRAME[j][c]).sum();
+                assert!((product - if i == j { 1.0 } else { 0.0 }).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn the_expanded_core_agrees_with_the_factored_one_at_every_pair() {
+        let number = |i: usize| ((i * 7919 % 1000) as f32 / 500.0) - 1.0;
+        let matrix = |n: usize, salt: usize| (0..n).map(|i| f16::from_f32(number(i + salt))).collect::<Vec<_>>();
+        let factors = Factors {
+            shape: [5, 7],
+            ranks: [[4, 3], [2, 2], [1, 2]],
+            view: [matrix(20, 1), matrix(10, 2), matrix(5, 3)],
+            light: [matrix(21, 4), matrix(14, 5), matrix(14, 6)],
+        };
+        let cores: Vec<Vec<f32>> =
+            (0..2).map(|k| (0..factors.core_len()).map(|i| number(i * 3 + k)).collect()).collect();
+        let basis = Basis::quantize(&factors, &cores);
+        for cluster in 0..2 {
+            let expanded = expand_core(&factors, &basis.core(&factors, cluster));
+            for view in 0..5 {
+                for light in 0..7 {
+                    let direct = core_at_pair(&factors, &basis, cluster, view, light);
+                    let other = core_at_pair(&factors, &basis, 1 - cluster, view, light);
+                    let at = (view * 7 + light) * 3;
+                    let close = |a: [f32; 3]| (0..3).all(|c| (a[c] - expanded[at + c]).abs() < 1e-4);
+                    assert!(close(direct));
+                    assert!(!close(other), "the planted cluster must not agree");
+                }
+            }
+            for (q, x) in basis.core(&factors, cluster).iter().zip(&cores[cluster]) {
+                assert!((q - x).abs() < 0.006, "{q} {x}");
+            }
+        }
+    }
+}

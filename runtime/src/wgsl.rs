@@ -1,0 +1,15 @@
+//! The decoder's WGSL as text, to be joined in this order with an includer's own.
+
+/// `(file name, text)`. The library has no bindings; its includer defines `fn asset_word(index: u32) -> u32`.
+pub const WGSL: &[(&str, &str)] = &[
+    ("quantize.wgsl", include_str!("shaders/quantize.wgsl")),
+    ("sphere.wgsl", include_str!("shaders/sphere.wgsl")),
+    ("lobe.wgsl", include_str!("shaders/lobe.wgsl")),
+    ("residual.wgsl", include_str!("shaders/residual.wgsl")),
+    ("decode.wgsl", include_str!("shaders/decode.wgsl")),
+];
+
+/// All of [`WGSL`], joined.
+pub fn wgsl_library() -> String {
+    WGSL.iter().map(|(_, text)| *text).collect::<Vec<_>>().join("\n")
+}
