@@ -13,7 +13,8 @@ const CELLS: usize = 4096;
 /// milliseconds) and share it between threads.
 #[derive(Debug, Clone)]
 pub struct Encoder8 {
-    /// `thresholds[v]`: the smallest linear file value that is stored as at least `v + 1`.
+    /// `thresholds[v]`: the smallest linear file value that is stored as at least `v + 1`; NaN for
+    /// the last, which nothing reaches.
     thresholds: [f32; 256],
     /// The stored value at the lower edge of each cell.
     first_guess: Vec<u8>,
@@ -24,7 +25,7 @@ pub struct Encoder8 {
 impl Encoder8 {
     /// The encoder of a capture's files.
     pub fn new(info: &CaptureInfo) -> Encoder8 {
-        let mut thresholds = [f32::INFINITY; 256];
+        let mut thresholds = [f32::NAN; 256];
         for value in 0..255u8 {
             thresholds[value as usize] = smallest_stored_above(info.transfer, value);
         }

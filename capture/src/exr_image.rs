@@ -67,7 +67,8 @@ pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<D
 /// times faster to read than the compressed kinds, and noise hardly compresses. Values beyond
 /// half's range are written as its largest.
 pub(crate) fn encode(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
-    let half = |value: f32| f16::from_f32(value.min(MAX_HALF));
+    // Not `min`, which would turn a NaN into the largest value.
+    let half = |value: f32| f16::from_f32(if value > MAX_HALF { MAX_HALF } else { value });
     let channels = SpecificChannels::rgb(|position: Vec2<usize>| {
         let at = (position.y() * width + position.x()) * 3;
         (half(values[at]), half(values[at + 1]), half(values[at + 2]))

@@ -1,7 +1,9 @@
 //! An asset in memory, in its file form: what [`crate::pack`] writes and [`Asset::parse`] reads.
 
 use crate::error::FormatError;
-use crate::format::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_RANK, SectionKind, read_directory};
+use crate::format::{
+    MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_RANK, SectionKind, basis_words, read_directory,
+};
 use crate::lobe::{FILE_WORDS, Lobe};
 use crate::residual::{Basis, Coefficients, Factors, ResidualKind};
 use crate::sphere::Sphere;
@@ -89,6 +91,8 @@ pub struct Asset {
 
 /// Bit widths that a coefficient plane may have.
 pub const COEFFICIENT_BITS: [u32; 6] = [2, 3, 4, 5, 6, 8];
+/// Allowed epsilon of a residual's curve.
+pub const EPSILON_RANGE: std::ops::RangeInclusive<f32> = 1e-6..=1.0;
 /// Words of a layer section.
 pub const LAYER_WORDS: usize = 8;
 /// Encoding number of 8-bit core rows with half-precision scales.
@@ -144,6 +148,8 @@ impl<'a> Reader<'a> {
 struct Sections<'a> {
     bytes: &'a [u8],
     entries: HashMap<(u32, u32, u32), (usize, usize)>,
+    /// True where the bytes are the whole file, so that every promised section must be there.
+    whole: bool,
 }
 
 impl<'a> Sections<'a> {
@@ -155,6 +161,11 @@ impl<'a> Sections<'a> {
     fn get(&self, kind: SectionKind, layer: u32, index: u32) -> Result<Reader<'a>, FormatError> {
         self.find(kind, layer, index)
             .ok_or_else(|| FormatError::MissingSection { section: format!("{kind:?} {index} of layer {layer}") })
+    }
+
+    /// `None` where a coarser tier ends before the section; in a whole file its absence is an error.
+    fn get_in_tier(&self, kind: SectionKind, layer: u32, index: u32) -> Result<Option<Reader<'a>>, FormatError> {
+        if self.whole { self.get(kind, layer, index).map(Some) } else { Ok(self.find(kind, layer, index)) }
     }
 }
 
@@ -175,7 +186,7 @@ impl Asset {
                 return Err(FormatError::Section { section: entry.name(), reason: "it is there twice" });
             }
         }
-        let sections = Sections { bytes, entries };
+        let sections = Sections { bytes, entries, whole: directory.tier + 1 == directory.tiers.len() };
         let (width, height) = (directory.width as usize, directory.height as usize);
         let mut material = sections.get(SectionKind::Material, 0, 0)?;
         let text = material.take(material.bytes.len())?;
@@ -210,7 +221,7 @@ fn read_layer(sections: &Sections, layer: u32, texels: usize) -> Result<Layer, F
         return reader.bad("residual_kind is not 0, 1 or 2");
     };
     let epsilon = f32::from_bits(words[3]);
-    if !(1e-6..=1.0).contains(&epsilon) {
+    if !EPSILON_RANGE.contains(&epsilon) {
         return reader.bad("epsilon is not within 1e-6 to 1");
     }
     let (clusters, components) = (words[4] as usize, words[5] as usize);
@@ -307,9 +318,12 @@ fn read_residual(
     components: usize,
     shape: [usize; 2],
 ) -> Result<Option<Residual>, FormatError> {
-    let Some(mut reader) = sections.find(SectionKind::Factors, layer, 0) else {
+    let Some(mut reader) = sections.get_in_tier(SectionKind::Factors, layer, 0)? else {
         return Ok(None);
     };
+    if basis_words(shape, clusters, components + 1) > MAX_BASIS_WORDS {
+        return reader.bad("its bases would take more than 1 GiB when expanded");
+    }
     let words = reader.words(8)?;
     let ranks = [0, 1, 2].map(|c| [words[2 * c] as usize, words[2 * c + 1] as usize]);
     if ranks.iter().flatten().any(|rank| *rank > MAX_RANK) || words[6] | words[7] != 0 {
@@ -327,8 +341,8 @@ fn read_residual(
     let mut bases = Vec::new();
     let mut coefficients = Vec::new();
     for index in 0..=components as u32 {
-        let basis = sections.find(SectionKind::Basis, layer, index);
-        let plane = if index == 0 { None } else { sections.find(SectionKind::Coefficients, layer, index) };
+        let basis = sections.get_in_tier(SectionKind::Basis, layer, index)?;
+        let plane = if index == 0 { None } else { sections.get_in_tier(SectionKind::Coefficients, layer, index)? };
         let Some(mut reader) = basis else { break };
         if index > 0 && plane.is_none() {
             break;

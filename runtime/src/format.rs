@@ -31,6 +31,14 @@ pub const MAX_DIRECTIONS: usize = 4096;
 pub const MAX_COMPONENTS: usize = 64;
 /// Largest rank of a factor matrix.
 pub const MAX_RANK: usize = 256;
+/// Most words that one layer's expanded bases may take (1 GiB): a few hundred bytes of factors must not
+/// make a reader allocate without bound.
+pub const MAX_BASIS_WORDS: u64 = 1 << 28;
+
+/// Words of a layer's expanded bases: halves `[cluster, pair, channel, basis]`, bases padded to an even count.
+pub fn basis_words(shape: [usize; 2], clusters: usize, bases: usize) -> u64 {
+    [shape[0], shape[1], 3, clusters, bases.div_ceil(2)].iter().map(|n| *n as u64).product()
+}
 
 /// Header words, by name.
 pub mod header {
@@ -222,10 +230,11 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
     let total = word(bytes, header::LENGTH_LOW);
     let tiers: Vec<u32> = (0..tiers).map(|i| word(bytes, HEADER_WORDS + sections * SECTION_ENTRY_WORDS + i)).collect();
     let ascending = tiers.windows(2).all(|pair| pair[0] < pair[1]);
-    if !ascending || tiers.last() != Some(&total) {
+    let aligned = tiers.iter().all(|length| *length as usize % ALIGNMENT == 0);
+    if !ascending || !aligned || tiers.last() != Some(&total) {
         return Err(FormatError::Section {
             section: "tier table".into(),
-            reason: "lengths must rise to the file's length",
+            reason: "lengths must be multiples of 256 and rise to the file's length",
         });
     }
     let tier = tiers

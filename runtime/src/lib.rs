@@ -26,6 +26,8 @@ mod quantize;
 mod resident;
 mod residual;
 mod sphere;
+#[doc(hidden)]
+pub mod testing;
 mod wgsl;
 
 pub use asset::{Asset, COEFFICIENT_BITS, DictionaryLobe, Layer, LobeRef, Residual, SurfaceSide};

@@ -1,11 +1,12 @@
 //! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
 
-use crate::asset::{Asset, COEFFICIENT_BITS, ENCODING_CODES, ENCODING_ROWS_I8, Layer};
+use crate::asset::{Asset, COEFFICIENT_BITS, DictionaryLobe, ENCODING_CODES, ENCODING_ROWS_I8, EPSILON_RANGE, Layer};
 use crate::error::FormatError;
 use crate::format::{
-    MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_RANK, MAX_SIDE, SectionKind, SectionSource,
-    write_file,
+    MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_RANK, MAX_SIDE, SectionKind,
+    SectionSource, basis_words, write_file,
 };
+use crate::lobe::Lobe;
 use crate::quantize::words_from_codes;
 use half::f16;
 
@@ -73,6 +74,20 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
     if total != layer.lobe_refs.len() {
         return refuse("the lobe counts do not add up to the references");
     }
+    let mut refs = layer.lobe_refs.iter();
+    for (cluster, count) in layer.texel_clusters.iter().zip(&layer.texel_lobe_counts) {
+        let lobes = layer.dictionary[usize::from(*cluster)].len();
+        if refs.by_ref().take(usize::from(*count)).any(|reference| usize::from(reference.lobe) >= lobes) {
+            return refuse("a texel names a lobe that its cluster does not have");
+        }
+    }
+    if !EPSILON_RANGE.contains(&layer.epsilon) {
+        return refuse("epsilon must be 1e-6 to 1");
+    }
+    let readable = |entry: &DictionaryLobe| Lobe::from_words(entry.lobe.to_words(entry.weight_scale)).is_some();
+    if !layer.dictionary.iter().flatten().all(readable) {
+        return refuse("a lobe's parameter or weight scale is out of its range; use Lobe::clamped");
+    }
     let Some(residual) = &layer.residual else {
         return Ok(());
     };
@@ -95,14 +110,27 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
             return refuse("a factor matrix does not fit its ranks");
         }
     }
+    let finite = |halves: &[f16]| halves.iter().all(|x| x.is_finite());
+    if !factors.view.iter().chain(&factors.light).all(|matrix| finite(matrix)) {
+        return refuse("a factor is not a finite half-precision number");
+    }
+    if basis_words(factors.shape, clusters, residual.bases.len()) > MAX_BASIS_WORDS {
+        return refuse("its bases would take more than 1 GiB when expanded; use fewer clusters or components");
+    }
     for basis in &residual.bases {
         if basis.scales.len() != clusters * factors.rows() || basis.values.len() != clusters * factors.core_len() {
             return refuse("a basis does not fit its ranks");
+        }
+        if !finite(&basis.scales) || basis.scales.iter().any(|scale| scale.to_f32() < 0.0) {
+            return refuse("a basis' scale is negative or not finite");
         }
     }
     for plane in &residual.coefficients {
         if !COEFFICIENT_BITS.contains(&plane.bits) || plane.steps.len() != clusters || plane.codes.len() != texels {
             return refuse("a coefficient plane does not fit the texels or has a bit width that is not known");
+        }
+        if !finite(&plane.steps) || plane.codes.iter().any(|code| u32::from(*code) >> plane.bits != 0) {
+            return refuse("a coefficient's step is not finite or its code is wider than the plane's bits");
         }
     }
     Ok(())
@@ -183,5 +211,68 @@ fn push_residual_sections(sections: &mut Vec<SectionSource>, layer: &Layer, numb
             bytes,
             ends_tier: false,
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::Residual;
+    use crate::residual::ResidualKind;
+    use crate::testing::sample_asset;
+
+    fn with(asset: &mut Asset) -> &mut Residual {
+        asset.layers[0].residual.as_mut().unwrap()
+    }
+
+    #[test]
+    fn the_packer_refuses_every_asset_that_the_parser_would_refuse() {
+        let mut asset = sample_asset(1, 6, 5, ResidualKind::Root);
+        assert!(pack(&asset).is_ok(), "the control must pass");
+        type Change = fn(&mut Asset);
+        let changes: [(&str, Change); 22] = [
+            ("no width", |a| a.width = 0),
+            ("too high", |a| a.height = 16_385),
+            ("no layers", |a| a.layers.clear()),
+            ("five layers", |a| a.layers = vec![a.layers[0].clone(); 5]),
+            ("no clusters", |a| a.layers[0].dictionary.clear()),
+            ("a short texel array", |a| {
+                a.layers[0].texel_clusters.pop();
+            }),
+            ("an unknown cluster", |a| a.layers[0].texel_clusters[3] = 3),
+            ("too few references", |a| {
+                a.layers[0].lobe_refs.pop();
+            }),
+            ("an unknown lobe", |a| a.layers[0].lobe_refs[0].lobe = 9),
+            ("epsilon 0", |a| a.layers[0].epsilon = 0.0),
+            ("epsilon NaN", |a| a.layers[0].epsilon = f32::NAN),
+            ("a lobe out of range", |a| a.layers[0].dictionary[1][7].lobe.params[0] = 0.01),
+            ("a negative weight scale", |a| a.layers[0].dictionary[1][7].weight_scale = -1.0),
+            ("a component without coefficients", |a| {
+                with(a).coefficients.pop();
+            }),
+            ("a factor of another shape", |a| {
+                with(a).factors.light[2].pop();
+            }),
+            ("an infinite factor", |a| with(a).factors.view[0][0] = f16::INFINITY),
+            ("a short basis", |a| {
+                with(a).bases[2].values.pop();
+            }),
+            ("a negative scale", |a| with(a).bases[2].scales[0] = f16::NEG_ONE),
+            ("seven bits", |a| with(a).coefficients[0].bits = 7),
+            ("a step that is not a number", |a| with(a).coefficients[0].steps[1] = f16::NAN),
+            // The fourth component has 4 bits.
+            ("a code wider than its bits", |a| with(a).coefficients[3].codes[5] = 16),
+            ("directions of another count", |a| with(a).factors.shape.reverse()),
+        ];
+        for (what, change) in changes {
+            let mut bad = asset.clone();
+            change(&mut bad);
+            assert!(matches!(pack(&bad), Err(FormatError::Pack { .. })), "{what} must be refused");
+        }
+        // Without a residual it is an asset still.
+        asset.layers[0].residual = None;
+        let bytes = pack(&asset).unwrap();
+        assert_eq!(Asset::parse(&bytes).unwrap(), asset);
     }
 }

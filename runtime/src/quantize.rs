@@ -4,7 +4,8 @@ use half::f16;
 
 /// Lobe weight from its byte: `scale (q / 255)^2`, so that small weights keep their relative precision.
 ///
-/// Error: at most half a step, `scale (2 q + 1) / 255^2 / 2`; relative below 1 % from 4 % of the scale up.
+/// Error: at most half a step, `scale (2 q + 1) / 255^2 / 2`; relative about `1 / q`, so below 2 % from 4 % of
+/// the scale up and below 1 % from 16 % up.
 pub fn weight_from_byte(q: u32, scale: f32) -> f32 {
     let x = q as f32 / 255.0;
     scale * x * x

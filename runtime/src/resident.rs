@@ -58,6 +58,10 @@ pub mod block {
 
 /// The light fades to 0 below this cosine (84 degrees), or below the set's own least cosine.
 pub const HORIZON_COS: f32 = 0.1;
+/// Least cosine at which the fade starts, so that no decoder divides by a denormal.
+const LEAST_HORIZON_COS: f32 = 1e-6;
+/// Largest half-precision number: what a basis is clamped to, because infinity times a zero weight is NaN.
+const MAX_HALF: f32 = 65504.0;
 
 /// An asset ready to bind.
 #[derive(Debug, Clone, PartialEq)]
@@ -132,7 +136,7 @@ where
     words.resize(base + LAYER_BLOCK_WORDS, 0);
     let bases = layer.residual.as_ref().map_or(0, |residual| residual.bases.len());
     let channel_words = bases.div_ceil(2);
-    let horizon = HORIZON_COS.min(layer.lights.least_cosine());
+    let horizon = HORIZON_COS.min(layer.lights.least_cosine()).max(LEAST_HORIZON_COS);
     let set = |words: &mut Vec<u32>, field: usize, value: u32| words[base + field] = value;
     set(words, block::LIGHT_SIDE, layer.light_side as u32);
     set(words, block::VIEW_SIDE, layer.view_side as u32);
@@ -213,7 +217,7 @@ fn expand_cluster(residual: &Residual, cluster: usize) -> Vec<u32> {
         .map(|(index, basis)| {
             let step = if index == 0 { 1.0 } else { residual.coefficients[index - 1].steps[cluster].to_f32() };
             let mut expanded = expand_core(&residual.factors, &basis.core(&residual.factors, cluster));
-            expanded.iter_mut().for_each(|x| *x *= step);
+            expanded.iter_mut().for_each(|x| *x = (*x * step).clamp(-MAX_HALF, MAX_HALF));
             expanded
         })
         .collect();
@@ -225,4 +229,72 @@ fn expand_cluster(residual: &Residual, cluster: usize) -> Vec<u32> {
         }
     }
     words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::residual::ResidualKind;
+    use crate::sphere::Sphere;
+    use crate::testing::{direction_from_degrees, sample_asset};
+
+    #[test]
+    fn clusters_expanded_in_any_order_give_the_same_words() {
+        let asset = sample_asset(1, 6, 5, ResidualKind::Root);
+        let one_by_one = Resident::from_asset(&asset);
+        let backwards = Resident::from_asset_with(&asset, |count, expand| {
+            let mut clusters: Vec<_> = (0..count).rev().map(expand).collect();
+            clusters.reverse();
+            clusters
+        });
+        assert_eq!(one_by_one, backwards);
+        // Planted difference: clusters left in the wrong order.
+        let wrong = Resident::from_asset_with(&asset, |count, expand| (0..count).rev().map(expand).collect());
+        assert_ne!(one_by_one, wrong);
+    }
+
+    #[test]
+    fn the_parts_of_a_layer_follow_each_other_without_gaps() {
+        let asset = sample_asset(2, 6, 5, ResidualKind::Log);
+        let resident = Resident::from_asset(&asset);
+        let (words, layer) = (resident.words(), &asset.layers[0]);
+        assert_eq!((resident.width(), resident.height(), resident.layers(), words.len()), (6, 5, 1, words[3] as usize));
+        let at = words[ASSET_LAYERS] as usize;
+        let field = |field: usize| words[at + field] as usize;
+        assert_eq!(at, ASSET_WORDS);
+        let lengths = [
+            (block::LIGHTS, layer.lights.words().len()),
+            (block::VIEWS, layer.views.words().len()),
+            (block::RECORDS, 2 * 30),
+            (block::REFS, layer.lobe_refs.len()),
+            (block::DICTIONARIES, 3 + 3 * 9 * RESIDENT_WORDS),
+            (block::BASIS, 3 * layer.lights.len() * layer.views.len() * 3 * 3),
+            (block::CODES, 30),
+            (block::BITS, 4),
+        ];
+        let mut next = at + LAYER_BLOCK_WORDS;
+        for (name, length) in lengths {
+            assert_eq!(field(name), next, "field {name}");
+            next += length;
+        }
+        assert_eq!(next, words.len());
+        let counts =
+            [block::BASES, block::CHANNEL_WORDS, block::CODE_WORDS, block::LIGHT_COUNT, block::PAIRS].map(field);
+        assert_eq!(counts, [5, 3, 1, 20, 340]);
+    }
+
+    #[test]
+    fn the_fade_starts_below_the_lowest_measured_light_and_never_at_zero() {
+        let horizon = |theta: f64| {
+            let mut asset = sample_asset(3, 2, 2, ResidualKind::Log);
+            asset.layers[0].residual = None;
+            asset.layers[0].lights =
+                Sphere::new(&[direction_from_degrees(0.0, 0.0), direction_from_degrees(theta, 0.0)]).unwrap();
+            let words = Resident::from_asset(&asset).words;
+            f32::from_bits(words[words[ASSET_LAYERS] as usize + block::HORIZON])
+        };
+        assert_eq!(horizon(75.0), HORIZON_COS);
+        assert!((horizon(87.0) - 87.0f32.to_radians().cos()).abs() < 1e-6);
+        assert_eq!(horizon(90.0), LEAST_HORIZON_COS);
+    }
 }

@@ -23,6 +23,11 @@ pub const ITEM_EDGE: u32 = 0x8000_0000;
 const INSIDE_TOLERANCE: f32 = -1e-5;
 /// Largest grid side.
 const MAX_GRID: u32 = 256;
+/// Largest entry of a triangle's inverse matrix: the least area that is kept is 1e-9. Bounded, so that
+/// no barycentric weight overflows.
+const MAX_INVERSE: f32 = 1e10;
+/// Largest 1 / length^2 of an edge: two directions closer than that coincide.
+const MAX_INVERSE_LENGTH2: f32 = 1e30;
 
 /// A direction set, as the words of its section (the file form is the resident form).
 #[derive(Debug, Clone, PartialEq)]
@@ -137,7 +142,8 @@ impl Sphere {
             return Err("its length does not match its counts");
         }
         let words = &sphere.words;
-        let finite = |range: std::ops::Range<usize>| words[range].iter().all(|w| f32::from_bits(*w).is_finite());
+        // False for NaN.
+        let within = |at: usize, count: usize, most: f32| (at..at + count).all(|i| f(words, i).abs() <= most);
         for i in 0..n {
             let d = sphere.direction(i as u32);
             let length2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
@@ -147,14 +153,16 @@ impl Sphere {
         }
         for i in 0..triangles {
             let at = sphere.triangles_at() + i * TRIANGLE_WORDS;
-            if !finite(at..at + 6) || words[at + 6..at + 9].iter().any(|id| *id as usize >= n) {
-                return Err("a triangle is not finite or names a direction that is not there");
+            let fine = within(at, 2, 1.01) && within(at + 2, 4, MAX_INVERSE);
+            if !fine || words[at + 6..at + 9].iter().any(|id| *id as usize >= n) {
+                return Err("a triangle is out of range or names a direction that is not there");
             }
         }
         for i in 0..edges {
             let at = sphere.edges_at() + i * EDGE_WORDS;
-            if !finite(at..at + 5) || words[at + 5..at + 7].iter().any(|id| *id as usize >= n) {
-                return Err("an edge is not finite or names a direction that is not there");
+            let fine = within(at, 2, 1.01) && within(at + 2, 2, 2.02) && within(at + 4, 1, MAX_INVERSE_LENGTH2);
+            if !fine || words[at + 5..at + 7].iter().any(|id| *id as usize >= n) {
+                return Err("an edge is out of range or names a direction that is not there");
             }
         }
         let offsets = &words[sphere.cells_at()..sphere.items_at()];
@@ -195,6 +203,29 @@ impl Sphere {
     /// Neighbours of a unit direction with z >= 0.
     pub fn locate(&self, direction: [f32; 3]) -> Neighbours {
         locate(&self.words, 0, direction)
+    }
+
+    /// Per direction its neighbours in the triangulation (and along the hull), ascending.
+    pub fn neighbours(&self) -> Vec<Vec<usize>> {
+        let mut near = vec![std::collections::BTreeSet::new(); self.len()];
+        let mut join = |a: u32, b: u32| {
+            if a != b {
+                near[a as usize].insert(b as usize);
+                near[b as usize].insert(a as usize);
+            }
+        };
+        for i in 0..self.words[1] as usize {
+            let at = self.triangles_at() + i * TRIANGLE_WORDS + 6;
+            let ids = &self.words[at..at + 3];
+            join(ids[0], ids[1]);
+            join(ids[1], ids[2]);
+            join(ids[2], ids[0]);
+        }
+        for i in 0..self.words[2] as usize {
+            let at = self.edges_at() + i * EDGE_WORDS + 5;
+            join(self.words[at], self.words[at + 1]);
+        }
+        near.into_iter().map(|ids| ids.into_iter().collect()).collect()
     }
 
     /// Smallest cosine to the normal in the set.
@@ -480,12 +511,15 @@ mod tests {
     fn every_damaged_word_is_refused_or_harmless() {
         let words = Sphere::new(&bonn81()).unwrap().words().to_vec();
         for i in 0..words.len() {
-            for value in [u32::MAX, 0x7f80_0000, 5000] {
+            for value in [u32::MAX, 0x7f80_0000, 5000, 3e38f32.to_bits(), (-1e10f32).to_bits(), 0] {
                 let mut damaged = words.clone();
                 damaged[i] = value;
                 if let Ok(sphere) = Sphere::from_words(damaged) {
                     for j in 0..10 {
-                        sphere.locate(unit(f64::from(j) * 9.0, f64::from(j) * 33.0));
+                        let found = sphere.locate(unit(f64::from(j) * 9.0, f64::from(j) * 33.0));
+                        let sum: f32 = found.weights.iter().sum();
+                        assert!((sum - 1.0).abs() < 1e-5 && found.beyond.is_finite(), "word {i}: {found:?}");
+                        assert!(found.ids.iter().all(|id| (*id as usize) < sphere.len()));
                     }
                 }
             }

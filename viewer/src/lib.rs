@@ -1,1 +1,52 @@
-//! Work in progress.
+//! Draws surfaces that carry packed BTF assets: a window, pictures without one, and the tests' ways in.
+//!
+//! ```text
+//! SceneAsset::load, Scene::built_in | load_scene --> Scene --render--> Picture --write_png--> PNG
+//!                                                      \---run_window--> a window
+//! ```
+//!
+//! One primary ray per pixel and sample, point lights with shadow rays. Three backends trace the same rays over the same
+//! triangles and decode the same bytes: ray query (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in
+//! storage buffers (`shaders/trace_bvh.wgsl`), and the CPU (`cpu.rs`), which is the reference. What they share on the
+//! GPU is `shaders/shade.wgsl`.
+//!
+//! Decoded values hold the cosine: radiance = intensity / distance^2 x visibility x decoded / pi.
+//!
+//! Limits: point lights only, no indirect light, nearest texel, at most 2^24 triangles, all assets of a scene in one
+//! storage binding.
+
+mod app;
+mod blit;
+mod bvh;
+mod camera;
+mod cpu;
+mod error;
+mod geometry;
+mod gpu;
+mod gpu_decode;
+mod headless;
+mod mesh;
+mod mesh_file;
+mod panel;
+mod picture;
+mod scene;
+mod scene_file;
+mod shaders;
+mod trace;
+
+pub use app::{WindowParams, run_window};
+pub use bvh::{AnyHit, Bvh, BvhNode, Hit, NO_HIT};
+pub use camera::{Camera, CameraFrame, jitter};
+pub use cpu::CpuPicture;
+pub use error::ViewerError;
+pub use geometry::{Geometry, Triangle, Vertex};
+pub use gpu::{BackendChoice, Gpu};
+pub use gpu_decode::{DecodeQuery, gpu_decode};
+pub use headless::{Control, MAX_SIDE, RenderParams, RenderReport, Rendered, render};
+pub use mesh::{MeshPart, cube, plane, quad, sphere};
+pub use mesh_file::load_mesh;
+pub use picture::Picture;
+pub use scene::{BACKGROUND, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject, intensity_for};
+pub use scene_file::load_scene;
+pub use shaders::{GpuTracer, trace_module};
+pub use trace::{GpuTimer, NO_ASSET, PixelHit, Tracer};

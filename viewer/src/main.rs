@@ -1,2 +1,249 @@
-//! Work in progress.
-fn main() {}
+//! `btf-view`: shows packed BTF assets in a window, or renders them into a picture.
+
+use btf_runtime::{DecodeOptions, Interpolation};
+use btf_viewer::{
+    BackendChoice, Control, GpuTracer, MeshChoice, RenderParams, Scene, SceneAsset, ViewerError, WindowParams,
+    load_scene, render, run_window,
+};
+use clap::{Parser, ValueEnum};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const EXAMPLES: &str = "\
+Examples:
+  btf-view leaf.spmm
+  btf-view leaf.spmm --headless --out leaf.png --size 512x512
+  btf-view leaf.spmm cloth.spmm --mesh cornell --lights 3
+  btf-view --scene scene.toml --headless --out picture.png --json -
+
+In the window: drag turns, the wheel zooms, Shift or the right button moves.";
+
+/// Shows packed BTF assets (.spmm) on a mesh, lit by point lights.
+#[derive(Parser)]
+#[command(name = "btf-view", version, after_help = EXAMPLES)]
+struct Arguments {
+    /// Packed assets, made by `btf-fit fit CAPTURE -o ASSET.spmm`
+    assets: Vec<PathBuf>,
+    /// Scene description: meshes, materials, lights, camera
+    #[arg(long, value_name = "SCENE.toml", conflicts_with_all = ["mesh", "uv_scale"])]
+    scene: Option<PathBuf>,
+    /// sphere, plane, cornell, or an .obj, .gltf or .glb file
+    #[arg(long, default_value = "sphere", value_name = "MESH")]
+    mesh: String,
+    /// How often the material is repeated along u and v
+    #[arg(long, default_value = "1", value_name = "N|UxV", value_parser = parse_scale)]
+    uv_scale: [f32; 2],
+    /// Number of point lights, of the same brightness together [default: 1, or the scene's own]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    lights: Option<u32>,
+    /// Exposure in stops [default: 0, or the scene's own]
+    #[arg(long, value_name = "EV", allow_hyphen_values = true)]
+    exposure: Option<f32>,
+    /// Renders a picture instead of opening a window
+    #[arg(long, requires = "out")]
+    headless: bool,
+    /// The picture, 8-bit sRGB PNG
+    #[arg(long, value_name = "FILE.png", requires = "headless")]
+    out: Option<PathBuf>,
+    /// Size of the picture or window in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<[u32; 2]>,
+    /// Frames to average: each adds a sample per pixel, the first through its middle
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    frames: u32,
+    /// What traces rays and decodes
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    backend: BackendName,
+    /// Part of the name of the adapter to use, where there are several
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+    /// Residual components at most [default: all]
+    #[arg(long, value_name = "N")]
+    components: Option<u32>,
+    /// Lobes per texel at most [default: all]
+    #[arg(long, value_name = "N")]
+    lobes: Option<u32>,
+    /// How the residual is carried between measured directions
+    #[arg(long, value_enum, default_value_t = InterpolationName::Fast)]
+    interpolation: InterpolationName,
+    /// Writes the figures as JSON; - is stdout
+    #[arg(long, value_name = "FILE", requires = "headless")]
+    json: Option<PathBuf>,
+    /// Threads of the CPU decoder [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    threads: Option<u32>,
+    /// Prints nothing but errors
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum BackendName {
+    Auto,
+    RayQuery,
+    Bvh,
+    Cpu,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum InterpolationName {
+    Fast,
+    Exact,
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    sides
+        .filter(|sides: &[u32; 2]| sides.iter().all(|side| (1..=btf_viewer::MAX_SIDE).contains(side)))
+        .ok_or_else(|| format!("a size is WIDTHxHEIGHT, as in 512x512, each 1 to {}", btf_viewer::MAX_SIDE))
+}
+
+fn parse_scale(text: &str) -> Result<[f32; 2], String> {
+    let scale = match text.split_once('x') {
+        Some((u, v)) => u.parse().ok().zip(v.parse().ok()).map(|(u, v)| [u, v]),
+        None => text.parse().ok().map(|both| [both, both]),
+    };
+    scale
+        .filter(|scale: &[f32; 2]| scale.iter().all(|x| x.is_finite() && *x > 0.0))
+        .ok_or_else(|| "a scale is a number above 0, as in 2, or two, as in 2x3".into())
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    match run(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), ViewerError> {
+    if let Some(threads) = arguments.threads {
+        // The pool can only be set once, and this is the first use.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
+    }
+    let scene = make_scene(arguments)?;
+    let decode = DecodeOptions {
+        components: arguments.components.unwrap_or(u32::MAX),
+        lobes: arguments.lobes.unwrap_or(u32::MAX),
+        interpolation: match arguments.interpolation {
+            InterpolationName::Fast => Interpolation::Fast,
+            InterpolationName::Exact => Interpolation::Exact,
+        },
+    };
+    let backend = match arguments.backend {
+        BackendName::Auto => BackendChoice::Auto,
+        BackendName::RayQuery => BackendChoice::Gpu(GpuTracer::RayQuery),
+        BackendName::Bvh => BackendChoice::Gpu(GpuTracer::Bvh),
+        BackendName::Cpu => BackendChoice::Cpu,
+    };
+    let adapter = arguments.adapter.clone();
+    match &arguments.out {
+        Some(out) => {
+            let size = arguments.size.unwrap_or([512, 512]);
+            headless(arguments, &scene, RenderParams { size, frames: arguments.frames, backend, adapter, decode }, out)
+        }
+        None => {
+            let size = arguments.size.unwrap_or([1100, 760]);
+            run_window(scene, WindowParams { size, backend, adapter, decode })
+        }
+    }
+}
+
+fn make_scene(arguments: &Arguments) -> Result<Scene, ViewerError> {
+    let assets = arguments
+        .assets
+        .iter()
+        .map(|path| SceneAsset::load(path).map(Arc::new))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mesh = MeshChoice::from_argument(&arguments.mesh);
+    let mut scene = match &arguments.scene {
+        Some(path) => load_scene(path, assets)?,
+        None => Scene::built_in(&mesh, assets, arguments.uv_scale)?,
+    };
+    if let Some(count) = arguments.lights {
+        if arguments.scene.is_none() && mesh == MeshChoice::Cornell {
+            scene.place_cornell_lights(count as usize);
+        } else {
+            scene.place_lights(count as usize);
+        }
+    }
+    scene.exposure_ev = arguments.exposure.unwrap_or(scene.exposure_ev);
+    Ok(scene)
+}
+
+fn headless(
+    arguments: &Arguments,
+    scene: &Scene,
+    params: RenderParams,
+    out: &std::path::Path,
+) -> Result<(), ViewerError> {
+    static CANCELLED: AtomicBool = AtomicBool::new(false);
+    // Without a handler Ctrl-C ends the program anyway, only not with 130.
+    let _ = ctrlc::set_handler(|| CANCELLED.store(true, Ordering::Relaxed));
+    const STEPS: f32 = 1000.0;
+    let bar = if arguments.quiet {
+        indicatif::ProgressBar::hidden()
+    } else {
+        indicatif::ProgressBar::new(STEPS as u64)
+            .with_style(indicatif::ProgressStyle::with_template("{bar:40} {percent}% {eta}").unwrap_or_else(|_| {
+                // The template is a constant; the default style is as good.
+                indicatif::ProgressStyle::default_bar()
+            }))
+    };
+    let notice = |text: &str| {
+        if !arguments.quiet {
+            eprintln!("note: {text}");
+        }
+    };
+    let control = Control {
+        cancelled: &|| CANCELLED.load(Ordering::Relaxed),
+        progress: &|share| bar.set_position((share * STEPS) as u64),
+        notice: &notice,
+    };
+    let result = render(scene, &params, &control);
+    bar.finish_and_clear();
+    let rendered = result?;
+    if CANCELLED.load(Ordering::Relaxed) {
+        return Err(ViewerError::Interrupted);
+    }
+    rendered.picture.write_png(out, scene.exposure_ev)?;
+    let report = &rendered.report;
+    let json = serde_json::to_string_pretty(report).unwrap_or_default();
+    match arguments.json.as_deref() {
+        Some(path) if path.as_os_str() == "-" => println!("{json}"),
+        Some(path) => btf_capture::atomic::write_file_atomically(path, json.as_bytes())?,
+        None if arguments.quiet => {}
+        None => println!(
+            "{}: {}x{}, {} on {}, {:.2} ms per frame ({})",
+            out.display(),
+            report.width,
+            report.height,
+            report.backend,
+            report.adapter,
+            report.frame_ms,
+            report.timer
+        ),
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn arguments_are_consistent_and_sizes_and_scales_are_checked() {
+        Arguments::command().debug_assert();
+        assert_eq!(parse_size("640x480"), Ok([640, 480]));
+        assert!(["640", "0x5", "5x", "axb", "99999x2"].iter().all(|text| parse_size(text).is_err()));
+        assert_eq!(parse_scale("2"), Ok([2.0, 2.0]));
+        assert_eq!(parse_scale("2x0.5"), Ok([2.0, 0.5]));
+        assert!(["0", "-1", "nan", "2x", "x"].iter().all(|text| parse_scale(text).is_err()));
+    }
+}

@@ -1,0 +1,25 @@
+//! What can go wrong when a capture is made, each as one sentence with its remedy.
+
+use btf_capture::CaptureError;
+
+/// Why no capture was made. `Display` is one plain sentence.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SynthError {
+    /// A parameter out of its range.
+    #[error("{name} is {value}, which is out of range; give {allowed}")]
+    BadParameter {
+        /// The parameter, as on the command line where there is one.
+        name: &'static str,
+        /// The value given.
+        value: String,
+        /// The allowed range.
+        allowed: String,
+    },
+    /// The caller asked to stop; nothing was left behind.
+    #[error("stopped before the capture was complete; nothing was written")]
+    Stopped,
+    /// The capture could not be written.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+}

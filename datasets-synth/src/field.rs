@@ -1,0 +1,114 @@
+//! A regular grid of values over a leaf patch and its margin, sampled bilinearly.
+
+/// Where the nodes of a [`Field`] stand. Lengths in millimetres, the origin at the patch's lower
+/// left corner, x to the right, y up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Grid {
+    /// Nodes along x and along y.
+    pub side: usize,
+    /// Distance between nodes in millimetres.
+    pub cell_mm: f32,
+    /// Distance of the first node from the origin, to the left and below, in millimetres.
+    pub margin_mm: f32,
+}
+
+impl Grid {
+    /// A grid over a square patch of `size_mm`, of at least `margin_mm` around.
+    pub fn new(size_mm: f32, cell_mm: f32, margin_mm: f32) -> Grid {
+        let margin_cells = (margin_mm / cell_mm).ceil();
+        let side = (size_mm / cell_mm).round() as usize + 2 * margin_cells as usize + 1;
+        Grid { side, cell_mm, margin_mm: margin_cells * cell_mm }
+    }
+
+    /// Position of a node in millimetres.
+    pub fn position_mm(&self, column: usize, row: usize) -> [f32; 2] {
+        [column as f32 * self.cell_mm - self.margin_mm, row as f32 * self.cell_mm - self.margin_mm]
+    }
+
+    /// Place in cells from the first node, of a position in millimetres.
+    #[inline]
+    pub fn cells(&self, position_mm: [f32; 2]) -> [f32; 2] {
+        position_mm.map(|x| (x + self.margin_mm) / self.cell_mm)
+    }
+
+    /// Number of nodes.
+    pub fn len(&self) -> usize {
+        self.side * self.side
+    }
+
+    /// The four nodes around a place and their weights; places outside are drawn to the edge.
+    #[inline]
+    pub fn corners(&self, place: [f32; 2]) -> Corners {
+        let last = (self.side - 1) as f32;
+        // Just below the last node, so that the cell to the right exists.
+        let x = place[0].clamp(0.0, last - 1e-3);
+        let y = place[1].clamp(0.0, last - 1e-3);
+        let (column, row) = (x as usize, y as usize);
+        let (fx, fy) = (x - column as f32, y - row as f32);
+        Corners {
+            first: row * self.side + column,
+            side: self.side,
+            weights: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
+        }
+    }
+}
+
+/// A cell of a grid with bilinear weights of its nodes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Corners {
+    first: usize,
+    side: usize,
+    weights: [f32; 4],
+}
+
+impl Corners {
+    #[inline]
+    fn nodes(&self) -> [usize; 4] {
+        [self.first, self.first + 1, self.first + self.side, self.first + self.side + 1]
+    }
+
+    /// The interpolated value of one field.
+    #[inline]
+    pub fn sample(&self, values: &[f32]) -> f32 {
+        let nodes = self.nodes();
+        (0..4).map(|i| self.weights[i] * values[nodes[i]]).sum()
+    }
+
+    /// The interpolated value of a field of shares, 0 to 255 standing for 0 to 1.
+    #[inline]
+    pub fn sample_share(&self, values: &[u8]) -> f32 {
+        let nodes = self.nodes();
+        let sum: f32 = (0..4).map(|i| self.weights[i] * f32::from(values[nodes[i]])).sum();
+        sum * (1.0 / 255.0)
+    }
+
+    /// The interpolated value of a field of several channels.
+    #[inline]
+    pub fn sample_all<const N: usize>(&self, values: &[[f32; N]]) -> [f32; N] {
+        let nodes = self.nodes();
+        std::array::from_fn(|channel| (0..4).map(|i| self.weights[i] * values[nodes[i]][channel]).sum())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_is_sampled_exactly_inside_and_held_outside() {
+        let grid = Grid::new(2.0, 0.25, 0.6);
+        let plane: Vec<f32> = (0..grid.len())
+            .map(|node| {
+                let [x, y] = grid.position_mm(node % grid.side, node / grid.side);
+                3.0 * x - 2.0 * y
+            })
+            .collect();
+        for (x, y) in [(0.0, 0.0), (1.99, 0.4), (-0.7, 2.3), (1.1, 1.3)] {
+            let value = grid.corners(grid.cells([x, y])).sample(&plane);
+            assert!((value - (3.0 * x - 2.0 * y)).abs() < 1e-4, "{x} {y}: {value}");
+        }
+        let outside = grid.corners(grid.cells([99.0, 0.0])).sample(&plane);
+        let edge = grid.corners(grid.cells([2.75, 0.0])).sample(&plane);
+        assert!((outside - edge).abs() < 0.01);
+    }
+}

@@ -1,0 +1,61 @@
+//! Everything that can go wrong while fitting, expanding or comparing.
+
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why a fit, an expansion or a comparison stopped. Each message is one sentence with its remedy.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum FitError {
+    /// The capture is not usable.
+    #[error(transparent)]
+    Capture(#[from] btf_capture::CaptureError),
+    /// An asset is not usable.
+    #[error("{path}: {source}")]
+    Asset {
+        /// The asset's file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: btf_runtime::FormatError,
+    },
+    /// The asset that was built breaks a rule of the format.
+    #[error(transparent)]
+    Pack(#[from] btf_runtime::FormatError),
+    /// A file could not be read or written.
+    #[error("{path}: {action} failed ({source}); {remedy}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What was tried.
+        action: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+        /// What helps.
+        remedy: &'static str,
+    },
+    /// Options that do not go together or are out of range.
+    #[error("{0}")]
+    Params(String),
+    /// The memory limit is below what the capture needs.
+    #[error("--memory {given} is too little for this capture: it needs at least {needed} (one block of texels and the features of all texels); raise --memory")]
+    Memory {
+        /// The limit, in words.
+        given: String,
+        /// The least that works, in words.
+        needed: String,
+    },
+    /// No setting reaches what `--bytes` or `--psnr` asked for.
+    #[error("{0}")]
+    Budget(String),
+    /// The captures of one asset do not fit each other.
+    #[error("{path}: {reason}; the captures of one asset must share one texel grid and differ in their sides")]
+    Layers {
+        /// The capture that does not fit.
+        path: PathBuf,
+        /// What differs.
+        reason: String,
+    },
+    /// Ctrl-C.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
+}

@@ -1,0 +1,331 @@
+//! The description inside an asset: what the material is, which captures it came from, how it was
+//! fitted and how large its error is. JSON; no times, paths or thread counts, so that the same input
+//! gives the same bytes.
+
+use crate::error::FitError;
+use crate::metrics::Metrics;
+use crate::params::{ErrorMeasure, FitParams, KMeansEngine};
+use btf_capture::{CaptureInfo, Cosine, Direction, DirectionSet, ImageFormat, Side, Transfer};
+use btf_runtime::{Asset, Layer, Sphere, SurfaceSide};
+use serde::{Deserialize, Serialize};
+
+/// What an asset says about itself. Every key may be absent: another program may have written it.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Material {
+    /// Short name for people.
+    pub name: String,
+    /// Physical width and height in millimetres, where known.
+    pub size_mm: Option<[f32; 2]>,
+    /// One entry per layer, in the asset's order.
+    pub layers: Vec<MaterialLayer>,
+    /// How it was fitted.
+    pub fit: Option<FitRecord>,
+    /// Error of the whole asset against its captures, all layers, as decoded from the file.
+    pub error: Option<Metrics>,
+}
+
+/// Where a layer comes from.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct MaterialLayer {
+    /// The capture's conventions.
+    pub capture: CaptureRecord,
+    /// Number of views.
+    pub views: usize,
+    /// Number of lights.
+    pub lights: usize,
+}
+
+/// The conventions of a capture's files, in the words of `capture.toml`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct CaptureRecord {
+    /// The capture's name.
+    pub name: String,
+    /// `srgb`, `linear` or `gamma:2.2`.
+    pub transfer: String,
+    /// Factor from linear file values to reflectance.
+    pub scale: f32,
+    /// `included` or `excluded`.
+    pub cosine: String,
+    /// `front`, `back`, `transmission-back` or `transmission-front`.
+    pub side: String,
+    /// `png`, `jpg` or `exr`.
+    pub format: String,
+    /// Where the capture comes from, in words.
+    pub provenance: String,
+}
+
+impl Default for CaptureRecord {
+    /// A capture without `capture.toml`.
+    fn default() -> CaptureRecord {
+        CaptureRecord {
+            name: String::new(),
+            transfer: Transfer::Srgb.to_string(),
+            scale: 1.0,
+            cosine: Cosine::Included.to_string(),
+            side: Side::Front.to_string(),
+            format: ImageFormat::Png.to_string(),
+            provenance: String::new(),
+        }
+    }
+}
+
+/// How an asset was fitted: what was asked for and what was chosen.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct FitRecord {
+    /// Clusters, as asked for.
+    pub clusters: usize,
+    /// Most lobes per texel, as asked for.
+    pub lobes: usize,
+    /// Residual components, as chosen.
+    pub components: usize,
+    /// `gamma`, `linear` or `log`.
+    pub error: String,
+    /// `product` or `linfa`.
+    pub kmeans: String,
+    /// Seed.
+    pub seed: u64,
+    /// Share of the direction pairs held back; absent for none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leave_out: Option<f64>,
+    /// `--bytes`, where given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bytes: Option<u64>,
+    /// `--psnr`, where given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub psnr_db: Option<f64>,
+}
+
+impl FitRecord {
+    /// The record of a fit with `params` that ended with `components` residual components.
+    pub fn new(params: &FitParams, components: usize) -> FitRecord {
+        FitRecord {
+            clusters: params.clusters,
+            lobes: params.lobes,
+            components,
+            error: match params.error {
+                ErrorMeasure::Gamma => "gamma",
+                ErrorMeasure::Linear => "linear",
+                ErrorMeasure::Log => "log",
+            }
+            .into(),
+            kmeans: match params.kmeans {
+                KMeansEngine::Product => "product",
+                KMeansEngine::Linfa => "linfa",
+            }
+            .into(),
+            seed: params.seed,
+            leave_out: (params.leave_out > 0.0).then_some(params.leave_out),
+            bytes: params.bytes,
+            psnr_db: params.psnr_db,
+        }
+    }
+}
+
+impl Material {
+    /// The description of a fit of `captures`, one per layer, without the error figures.
+    pub fn new(captures: &[&CaptureInfo], fit: FitRecord) -> Material {
+        Material {
+            name: captures.first().map(|info| info.name.clone()).unwrap_or_default(),
+            size_mm: captures.iter().find_map(|info| info.size_mm),
+            layers: captures
+                .iter()
+                .map(|info| MaterialLayer {
+                    capture: CaptureRecord::of(info),
+                    views: info.views.len(),
+                    lights: info.lights.len(),
+                })
+                .collect(),
+            fit: Some(fit),
+            error: None,
+        }
+    }
+
+    /// Reads an asset's description.
+    ///
+    /// # Errors
+    /// If it is not JSON or a known key has a value of another type. Absent and unknown keys are fine.
+    pub fn from_asset(asset: &Asset) -> Result<Material, FitError> {
+        serde_json::from_str(&asset.material).map_err(|error| {
+            FitError::Params(format!(
+                "the asset's material description is not understood ({error}); it was written by a faulty program"
+            ))
+        })
+    }
+
+    /// The JSON that stands in the asset. The same description always gives the same text.
+    pub fn to_json(&self) -> String {
+        // Plain data of numbers and strings: serialising cannot fail.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+
+    /// The capture that layer `number` of `asset` was fitted from, as far as the asset tells: its
+    /// directions as the file names had them, its conventions from this description or, where that is
+    /// silent, those of a capture without `capture.toml`.
+    ///
+    /// # Errors
+    /// If a convention is a word that is not known.
+    pub fn capture_info(&self, asset: &Asset, number: usize) -> Result<CaptureInfo, FitError> {
+        let layer = &asset.layers[number];
+        let record = self.layers.get(number).map_or_else(
+            || CaptureRecord { side: side_of_layer(layer).to_string(), ..CaptureRecord::default() },
+            |layer| layer.capture.clone(),
+        );
+        let side: Side = record.side.parse()?;
+        let name = if record.name.is_empty() { self.name.clone() } else { record.name };
+        let (views, lights) = file_directions(layer, side)?;
+        let format: ImageFormat = record.format.parse()?;
+        Ok(CaptureInfo {
+            transfer: record.transfer.parse()?,
+            cosine: record.cosine.parse()?,
+            scale: record.scale,
+            side,
+            size_mm: self.size_mm,
+            provenance: record.provenance,
+            ..CaptureInfo::new(name, asset.width, asset.height, views, lights, format)
+        })
+    }
+}
+
+impl CaptureRecord {
+    /// The conventions of `info`.
+    pub fn of(info: &CaptureInfo) -> CaptureRecord {
+        CaptureRecord {
+            name: info.name.clone(),
+            transfer: info.transfer.to_string(),
+            scale: info.scale,
+            cosine: info.cosine.to_string(),
+            side: info.side.to_string(),
+            format: info.format.to_string(),
+            provenance: info.provenance.clone(),
+        }
+    }
+}
+
+/// Sides of light and eye of a capture, as a layer stores them.
+pub fn sides_of_capture(side: Side) -> (SurfaceSide, SurfaceSide) {
+    match side {
+        Side::Front => (SurfaceSide::Front, SurfaceSide::Front),
+        Side::Back => (SurfaceSide::Back, SurfaceSide::Back),
+        Side::TransmissionBack => (SurfaceSide::Back, SurfaceSide::Front),
+        Side::TransmissionFront => (SurfaceSide::Front, SurfaceSide::Back),
+    }
+}
+
+/// The capture side that a layer's sides stand for.
+pub fn side_of_layer(layer: &Layer) -> Side {
+    [Side::Front, Side::Back, Side::TransmissionBack, Side::TransmissionFront]
+        .into_iter()
+        .find(|side| sides_of_capture(*side) == (layer.light_side, layer.view_side))
+        .unwrap_or(Side::Front)
+}
+
+/// The unit vectors that a layer stores for a capture's directions: a direction behind the surface
+/// (file angle above 90 degrees) is mirrored in z, the texel grid stays as the images have it.
+pub fn layer_directions(set: &DirectionSet) -> Vec<[f32; 3]> {
+    set.units().into_iter().map(|[x, y, z]| [x, y, z.abs()]).collect()
+}
+
+/// View and light directions of a layer as file names give them: in a transmission capture the light
+/// stands above 90 degrees.
+fn file_directions(layer: &Layer, side: Side) -> Result<(DirectionSet, DirectionSet), FitError> {
+    let behind = matches!(side, Side::TransmissionBack | Side::TransmissionFront);
+    let set = |sphere: &Sphere, behind: bool| {
+        let directions = (0..sphere.len() as u32).map(|id| {
+            let [x, y, z] = sphere.direction(id);
+            angles_from_unit([x, y, if behind { -z } else { z }])
+        });
+        DirectionSet::new(directions.collect())
+    };
+    Ok((set(&layer.views, false)?, set(&layer.lights, behind)?))
+}
+
+/// Largest difference of a component between a unit vector and the angles read back from it: two
+/// roundings of single precision near 1.
+const SAME_COMPONENT: f64 = 1.2e-7;
+
+/// The direction of a unit vector of single precision, with the fewest decimals of a degree that give
+/// the same vector again; five where none of them does.
+fn angles_from_unit(unit: [f32; 3]) -> Direction {
+    let [x, y, z] = unit.map(f64::from);
+    let theta = (x * x + y * y).sqrt().atan2(z).to_degrees();
+    let phi = y.atan2(x).to_degrees().rem_euclid(360.0);
+    let rounded = |decimals: i32| {
+        let scale = 10f64.powi(decimals);
+        Direction::new((theta * scale).round() / scale, (phi * scale).round() / scale)
+    };
+    let same = |direction: &Direction| {
+        let back = direction.unit_f64();
+        (0..3).all(|i| (back[i] - f64::from(unit[i])).abs() < SAME_COMPONENT)
+    };
+    (0..5).map(rounded).find(same).unwrap_or_else(|| rounded(5))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample_asset::sample_asset;
+
+    fn info() -> CaptureInfo {
+        let set = DirectionSet::bonn81();
+        CaptureInfo {
+            transfer: Transfer::Gamma(2.2),
+            scale: 0.1,
+            size_mm: Some([20.0, 12.5]),
+            provenance: "a test".into(),
+            ..CaptureInfo::new("cloth", 4, 4, set.clone(), set, ImageFormat::Png)
+        }
+    }
+
+    #[test]
+    fn a_description_is_read_back_whole_and_holds_no_path_time_or_thread_count() {
+        let params = FitParams { cache_directory: "/somewhere/secret".into(), ..FitParams::default() };
+        let material = Material::new(&[&info()], FitRecord::new(&params, 5));
+        let text = material.to_json();
+        assert!(!text.contains("secret") && !text.contains("memory") && !text.contains("thread"), "{text}");
+        let asset = Asset { material: text, ..sample_asset() };
+        assert_eq!(Material::from_asset(&asset).unwrap(), material);
+        assert_eq!(material.layers[0].capture.transfer, "gamma:2.2");
+    }
+
+    #[test]
+    fn a_foreign_description_is_read_as_far_as_it_goes_and_nonsense_is_refused() {
+        let read = |text: &str| Material::from_asset(&Asset { material: text.into(), ..sample_asset() });
+        let foreign = read(r#"{"name":"x","artist":"y"}"#).unwrap();
+        assert_eq!((foreign.name.as_str(), foreign.layers.len()), ("x", 0));
+        let message = read(r#"{"name":7}"#).unwrap_err().to_string();
+        assert!(message.contains("material description"), "{message}");
+    }
+
+    #[test]
+    fn every_angle_of_the_known_sets_comes_back_exactly_from_its_vector() {
+        for name in ["bonn81", "dome151", "random:200"] {
+            for direction in DirectionSet::by_name(name).unwrap().directions() {
+                assert_eq!(angles_from_unit(direction.unit()), *direction);
+            }
+        }
+        // Planted difference: a hundredth of a degree is not rounded away.
+        for odd in [Direction::new(44.99, 12.34), Direction::new(104.99, 359.01)] {
+            assert_eq!(angles_from_unit(odd.unit()), odd);
+        }
+    }
+
+    #[test]
+    fn the_capture_of_a_layer_has_its_conventions_and_directions() {
+        let asset = sample_asset();
+        let material = Material { layers: vec![MaterialLayer::default()], ..Material::default() };
+        let found = material.capture_info(&asset, 0).unwrap();
+        assert_eq!((found.width, found.height), (asset.width, asset.height));
+        assert_eq!(found.views.len(), asset.layers[0].views.len());
+        let mut through = asset.clone();
+        through.layers[0].light_side = SurfaceSide::Back;
+        let found = Material::default().capture_info(&through, 0).unwrap();
+        assert_eq!(found.side, Side::TransmissionBack);
+        assert!(found.lights.directions().iter().all(|d| d.theta_deg > 90.0));
+        assert!(found.views.directions().iter().all(|d| d.theta_deg < 90.0));
+        assert_eq!(layer_directions(&found.lights).len(), asset.layers[0].lights.len());
+    }
+}

@@ -1,0 +1,124 @@
+//! What a fit is asked for, and what it gives.
+
+use crate::error::FitError;
+use btf_runtime::{Asset, ResidualKind};
+use std::path::PathBuf;
+
+/// The error that a fit minimises.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ErrorMeasure {
+    /// Gamma-encoded values, as `psnr_db` counts them: root residual.
+    Gamma,
+    /// Linear values: additive residual.
+    Linear,
+    /// Relative values: log residual.
+    Log,
+}
+
+impl ErrorMeasure {
+    /// The residual's curve and its epsilon.
+    pub fn residual(self) -> (ResidualKind, f32) {
+        match self {
+            ErrorMeasure::Gamma => (ResidualKind::Root, 0.001),
+            ErrorMeasure::Linear => (ResidualKind::Additive, 0.001),
+            ErrorMeasure::Log => (ResidualKind::Log, 0.01),
+        }
+    }
+}
+
+/// Which k-means runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum KMeansEngine {
+    /// Matrix-product Lloyd with greedy k-means++ seeding (default).
+    Product,
+    /// linfa-clustering's, single run.
+    Linfa,
+}
+
+/// What is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitParams {
+    /// Largest asset in bytes.
+    pub bytes: Option<u64>,
+    /// Least `psnr_db`; the smallest asset that reaches it is chosen.
+    pub psnr_db: Option<f64>,
+    /// Clusters, 1 to 256.
+    pub clusters: usize,
+    /// Most lobes per texel, 0 to 32.
+    pub lobes: usize,
+    /// Residual components, 0 to 64; `None`: what the budget gives, else 8.
+    pub components: Option<usize>,
+    /// Peak memory in bytes.
+    pub memory_bytes: u64,
+    /// Error to minimise.
+    pub error: ErrorMeasure,
+    /// Share of the direction pairs that is held back, 0 to 0.9.
+    pub leave_out: f64,
+    /// Seed of every random choice.
+    pub seed: u64,
+    /// Which k-means.
+    pub kmeans: KMeansEngine,
+    /// Folder for the temporary cache.
+    pub cache_directory: PathBuf,
+}
+
+impl Default for FitParams {
+    fn default() -> FitParams {
+        FitParams {
+            bytes: None,
+            psnr_db: None,
+            clusters: 32,
+            lobes: 8,
+            components: None,
+            memory_bytes: 4_000_000_000,
+            error: ErrorMeasure::Gamma,
+            leave_out: 0.0,
+            seed: 1,
+            kmeans: KMeansEngine::Product,
+            cache_directory: PathBuf::from("."),
+        }
+    }
+}
+
+impl FitParams {
+    /// Checks every range.
+    pub fn check(&self) -> Result<(), FitError> {
+        let refuse = |text: &str| Err(FitError::Params(text.to_string()));
+        if !(1..=256).contains(&self.clusters) {
+            return refuse("--clusters must be 1 to 256");
+        }
+        if self.lobes > 32 {
+            return refuse("--lobes must be 0 to 32");
+        }
+        if self.components.is_some_and(|components| components > 64) {
+            return refuse("--components must be 0 to 64");
+        }
+        if !(0.0..=0.9).contains(&self.leave_out) {
+            return refuse("--leave-out must be 0 to 0.9");
+        }
+        if self.bytes.is_some() && self.psnr_db.is_some() {
+            return refuse("--bytes and --psnr ask for two different things; give one of them");
+        }
+        if self.psnr_db.is_some_and(|db| !(5.0..=80.0).contains(&db)) {
+            return refuse("--psnr must be 5 to 80 (dB)");
+        }
+        Ok(())
+    }
+}
+
+/// What a fit gives.
+#[derive(Debug, Clone)]
+pub struct FitOutcome {
+    /// The asset.
+    pub asset: Asset,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+    /// Mean number of lobes of a texel, all layers.
+    pub lobes_per_texel_mean: f64,
+    /// Residual components, the first layer's.
+    pub components: usize,
+    /// Clusters, the first layer's.
+    pub clusters: usize,
+    /// Held-back pairs (`view * lights + light`), the first layer's; empty without `--leave-out`.
+    pub left_out: Vec<usize>,
+}

@@ -1,0 +1,114 @@
+//! A small asset made by hand for the tests of this crate: every section, odd counts, all of it within
+//! the ranges of the format.
+
+use btf_capture::DirectionSet;
+use btf_runtime::{
+    Asset, Basis, Coefficients, DictionaryLobe, Factors, Layer, Lobe, LobeFamily, LobeRef, Residual, ResidualKind,
+    Sphere, SurfaceSide,
+};
+use half::f16;
+
+/// Numbers in [-1, 1) that look random and are the same everywhere.
+pub(crate) fn number(seed: usize) -> f32 {
+    let mut x = (seed as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x5851_F42D_4C95_7F2D;
+    x ^= x >> 31;
+    x = x.wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^= x >> 29;
+    (x >> 40) as f32 / (1 << 23) as f32 - 1.0
+}
+
+/// 5 x 3 texels, 7 views, 9 lights, 3 clusters, 0 to 3 lobes a texel, 3 components of 4, 8 and 3 bits.
+pub(crate) fn sample_asset() -> Asset {
+    let views = DirectionSet::random(7, 3).unwrap_or_else(|error| panic!("{error}"));
+    let lights = DirectionSet::random(9, 4).unwrap_or_else(|error| panic!("{error}"));
+    sample_asset_with(5, 3, &views, &lights, ResidualKind::Root)
+}
+
+/// The same of another size.
+pub(crate) fn sample_asset_with(
+    width: usize,
+    height: usize,
+    views: &DirectionSet,
+    lights: &DirectionSet,
+    kind: ResidualKind,
+) -> Asset {
+    const CLUSTERS: usize = 3;
+    let sphere = |set: &DirectionSet| {
+        Sphere::new(&crate::material::layer_directions(set)).unwrap_or_else(|error| panic!("{error}"))
+    };
+    let lobe = |family, x, y, params| DictionaryLobe {
+        lobe: Lobe { family, normal_xy: [x, y], tangent_rad: 0.3, params }.rounded(),
+        weight_scale: 0.75,
+    };
+    let dictionary: Vec<Vec<DictionaryLobe>> = (0..CLUSTERS)
+        .map(|cluster| {
+            let tilt = 0.1 * cluster as f32;
+            vec![
+                lobe(LobeFamily::Lambertian, tilt, 0.0, [0.0; 4]),
+                lobe(LobeFamily::Ggx, 0.0, tilt, [0.3, 0.5, 0.0, 0.0]),
+                lobe(LobeFamily::WindowedCosine, -tilt, 0.1, [4.0, 0.2, -0.1, 0.0]),
+            ]
+        })
+        .collect();
+    let texels = width * height;
+    let texel_clusters: Vec<u8> = (0..texels).map(|texel| (texel * 5 % CLUSTERS) as u8).collect();
+    let texel_lobe_counts: Vec<u8> = (0..texels).map(|texel| (texel * 7 % 4) as u8).collect();
+    let lobe_refs = texel_lobe_counts
+        .iter()
+        .enumerate()
+        .flat_map(|(texel, count)| {
+            (0..*count).map(move |lobe| LobeRef {
+                lobe,
+                weight: [0, 1, 2].map(|c| (120.0 + 100.0 * number(texel * 9 + usize::from(lobe) * 3 + c)) as u8),
+            })
+        })
+        .collect();
+    let ranks = [[3, 4], [2, 2], [1, 2]];
+    let halves = |count: usize, salt: usize| (0..count).map(|i| f16::from_f32(number(i + salt))).collect::<Vec<_>>();
+    let factors = Factors {
+        shape: [views.len(), lights.len()],
+        ranks,
+        view: [0, 1, 2].map(|c: usize| halves(views.len() * ranks[c][0], 1000 * c)),
+        light: [0, 1, 2].map(|c: usize| halves(lights.len() * ranks[c][1], 1000 * c + 500)),
+    };
+    let bases = (0..4)
+        .map(|index: usize| {
+            let size = if index == 0 { 0.1 } else { 0.02 };
+            let cores: Vec<Vec<f32>> = (0..CLUSTERS)
+                .map(|cluster| {
+                    (0..factors.core_len()).map(|i| size * number(i + 100 * cluster + 10_000 * index)).collect()
+                })
+                .collect();
+            Basis::quantize(&factors, &cores)
+        })
+        .collect();
+    let coefficients = [4u32, 8, 3]
+        .into_iter()
+        .enumerate()
+        .map(|(index, bits)| Coefficients {
+            bits,
+            steps: vec![f16::from_f32(2.0 / (1u32 << bits) as f32); CLUSTERS],
+            codes: (0..texels)
+                .map(|texel| ((number(texel + 777 * index) * 0.5 + 0.5) * (1u32 << bits) as f32) as u8)
+                .collect(),
+        })
+        .collect();
+    Asset {
+        width,
+        height,
+        material: "{}".into(),
+        layers: vec![Layer {
+            light_side: SurfaceSide::Front,
+            view_side: SurfaceSide::Front,
+            residual_kind: kind,
+            epsilon: 0.001,
+            lights: sphere(lights),
+            views: sphere(views),
+            texel_clusters,
+            texel_lobe_counts,
+            dictionary,
+            lobe_refs,
+            residual: Some(Residual { factors, bases, coefficients }),
+        }],
+    }
+}

@@ -1,0 +1,294 @@
+//! Small deterministic assets and file surgery for the tests of this package and of its users. Not part
+//! of the promised interface.
+
+use crate::asset::{Asset, COEFFICIENT_BITS, DictionaryLobe, Layer, LobeRef, Residual, SurfaceSide};
+use crate::error::FormatError;
+use crate::format::{ALIGNMENT, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum, header, read_directory};
+use crate::lobe::{Lobe, LobeFamily};
+use crate::residual::{Basis, Coefficients, Factors, ResidualKind};
+use crate::sphere::Sphere;
+use half::f16;
+
+/// A small generator (splitmix64): the same seed gives the same numbers everywhere.
+#[derive(Debug, Clone)]
+pub struct Random(u64);
+
+impl Random {
+    /// A stream of numbers from `seed`.
+    pub fn new(seed: u64) -> Random {
+        Random(seed)
+    }
+
+    /// The next 64 bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform within `least..most`.
+    pub fn within(&mut self, least: f32, most: f32) -> f32 {
+        least + (most - least) * ((self.bits() >> 40) as f32 / (1u64 << 24) as f32)
+    }
+
+    /// Uniform below `count`, which is at least 1.
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.bits() % count as u64) as usize
+    }
+
+    /// Unit direction, uniform on the upper hemisphere.
+    pub fn direction(&mut self) -> [f32; 3] {
+        direction_from_cos(self.within(0.0, 1.0), self.within(0.0, 360.0))
+    }
+}
+
+fn direction_from_cos(cos: f32, phi_deg: f32) -> [f32; 3] {
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    let (sin_phi, cos_phi) = phi_deg.to_radians().sin_cos();
+    [sin * cos_phi, sin * sin_phi, cos]
+}
+
+/// The unit direction `(theta, phi)` in degrees.
+pub fn direction_from_degrees(theta_deg: f64, phi_deg: f64) -> [f32; 3] {
+    let (sin, cos) = theta_deg.to_radians().sin_cos();
+    let (sin_phi, cos_phi) = phi_deg.to_radians().sin_cos();
+    [(sin * cos_phi) as f32, (sin * sin_phi) as f32, cos as f32]
+}
+
+/// The pole and rings of `(theta in degrees, count)`.
+pub fn ring_directions(rings: &[(f64, usize)]) -> Vec<[f32; 3]> {
+    let ring = |&(theta_deg, count): &(f64, usize)| {
+        (0..count).map(move |i| direction_from_degrees(theta_deg, 360.0 * i as f64 / count as f64))
+    };
+    std::iter::once([0.0, 0.0, 1.0]).chain(rings.iter().flat_map(ring)).collect()
+}
+
+/// A lobe of `family` with normal, tangent and parameters anywhere in their ranges, as the file form
+/// gives it back. One parameter in eight stands at a bound.
+pub fn random_lobe(random: &mut Random, family: LobeFamily) -> Lobe {
+    let mut params = [0.0; 4];
+    for (param, (least, most)) in params.iter_mut().zip(family.ranges()) {
+        *param = match random.below(16) {
+            0 => least,
+            1 => most,
+            // Exponents: as likely below as above the geometric middle.
+            _ if least > 0.0 => least * (most / least).powf(random.within(0.0, 1.0)),
+            _ => random.within(least, most),
+        };
+    }
+    let tilt = random.within(0.0, 1.0).powi(2);
+    let [x, y, _] = direction_from_cos((1.0 - 0.98 * tilt).sqrt(), random.within(0.0, 360.0));
+    Lobe { family, normal_xy: [x, y], tangent_rad: random.within(-3.2, 3.2), params }.rounded()
+}
+
+fn halves(random: &mut Random, count: usize, amplitude: f32) -> Vec<f16> {
+    (0..count).map(|_| f16::from_f32(random.within(-amplitude, amplitude))).collect()
+}
+
+/// A one-layer asset of random content that [`crate::pack`] writes and [`Asset::parse`] reads back equal:
+/// three clusters, 20 lights and 17 views in three rings each, every lobe family, 1 to 4 lobes a texel
+/// and 4 residual components of different bit widths and ranks up to 5.
+pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) -> Asset {
+    const CLUSTERS: usize = 3;
+    const COMPONENTS: usize = 4;
+    let mut random = Random::new(seed);
+    let random = &mut random;
+    let sphere = |rings: &[(f64, usize)]| Sphere::new(&ring_directions(rings)).expect("the rings are distinct");
+    let lights = sphere(&[(25.0, 4), (50.0, 6), (75.0, 9)]);
+    let views = sphere(&[(30.0, 3), (55.0, 5), (70.0, 8)]);
+
+    let texels = width * height;
+    let texel_clusters: Vec<u8> = (0..texels).map(|_| random.below(CLUSTERS) as u8).collect();
+    let texel_lobe_counts: Vec<u8> = (0..texels).map(|_| 1 + random.below(4) as u8).collect();
+    let dictionary: Vec<Vec<DictionaryLobe>> = (0..CLUSTERS)
+        .map(|_| {
+            let entry = |family| DictionaryLobe {
+                lobe: random_lobe(random, family),
+                // Narrow peaks are tall: keep the sum near reflectances.
+                weight_scale: f16::from_f32(if family == LobeFamily::Lambertian { 0.5 } else { 0.05 }).to_f32(),
+            };
+            LobeFamily::ALL.map(entry).to_vec()
+        })
+        .collect();
+    let mut lobe_refs = Vec::new();
+    for count in &texel_lobe_counts {
+        for slot in 0..*count {
+            // Every texel has a diffuse part, as real ones do.
+            let lobe = if slot == 0 { 0 } else { 1 + random.below(8) as u8 };
+            lobe_refs.push(LobeRef { lobe, weight: [0; 3].map(|_| random.below(256) as u8) });
+        }
+    }
+
+    // The additive curve adds reflectances, the others steps of their own.
+    let amplitude = match kind {
+        ResidualKind::Additive => 0.05,
+        ResidualKind::Log => 0.25,
+        ResidualKind::Root => 0.08,
+    };
+    let ranks = [0; 3].map(|_| [1 + random.below(5), 1 + random.below(5)]);
+    let shape = [views.len(), lights.len()];
+    let factors = Factors {
+        shape,
+        ranks,
+        view: ranks.map(|[rank, _]| halves(random, shape[0] * rank, 1.0)),
+        light: ranks.map(|[_, rank]| halves(random, shape[1] * rank, 1.0)),
+    };
+    let bases = (0..=COMPONENTS)
+        .map(|index| {
+            let peak = amplitude / (1.0 + index as f32);
+            let cores: Vec<Vec<f32>> =
+                (0..CLUSTERS).map(|_| (0..factors.core_len()).map(|_| random.within(-peak, peak)).collect()).collect();
+            Basis::quantize(&factors, &cores)
+        })
+        .collect();
+    let coefficients = (0..COMPONENTS)
+        .map(|component| {
+            let bits = COEFFICIENT_BITS[COEFFICIENT_BITS.len() - 1 - component];
+            Coefficients {
+                bits,
+                steps: (0..CLUSTERS).map(|_| f16::from_f32(random.within(0.5, 2.0) / (1u32 << bits) as f32)).collect(),
+                codes: (0..texels).map(|_| random.below(1 << bits) as u8).collect(),
+            }
+        })
+        .collect();
+    let layer = Layer {
+        light_side: SurfaceSide::Front,
+        view_side: SurfaceSide::Front,
+        residual_kind: kind,
+        epsilon: 0.01,
+        lights,
+        views,
+        texel_clusters,
+        texel_lobe_counts,
+        dictionary,
+        lobe_refs,
+        residual: Some(Residual { factors, bases, coefficients }),
+    };
+    let material = format!("{{\"name\":\"sample {seed}\"}}");
+    Asset { width, height, material, layers: vec![layer] }
+}
+
+/// Index of a texel's first lobe reference.
+pub fn first_ref(layer: &Layer, texel: usize) -> usize {
+    layer.texel_lobe_counts[..texel].iter().map(|count| usize::from(*count)).sum()
+}
+
+/// A section taken out of a file, to be changed and put back.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SectionPart {
+    /// Kind number, layer, index and flags, as in the section table.
+    pub head: [u32; 4],
+    /// The section's bytes.
+    pub bytes: Vec<u8>,
+    /// True where a tier ends behind it.
+    pub ends_tier: bool,
+}
+
+/// A file in parts. Putting it together again computes offsets, lengths and checksums anew, so that a
+/// reader sees the change and not the damage.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileParts {
+    /// The header's words; lengths, counts and checksum are overwritten.
+    pub header: [u32; HEADER_WORDS],
+    /// The sections in order.
+    pub sections: Vec<SectionPart>,
+}
+
+impl FileParts {
+    /// Takes a valid file apart. Errors: those of [`Asset::parse`]'s first stage.
+    pub fn from_bytes(bytes: &[u8]) -> Result<FileParts, FormatError> {
+        let directory = read_directory(bytes)?;
+        let mut header = [0; HEADER_WORDS];
+        for (word, b) in header.iter_mut().zip(bytes.chunks_exact(4)) {
+            *word = u32::from_le_bytes([b[0], b[1], b[2], b[3]]);
+        }
+        let sections = directory
+            .sections
+            .iter()
+            .map(|entry| {
+                let (start, end) = (entry.offset as usize, (entry.offset + entry.length) as usize);
+                SectionPart {
+                    head: [entry.kind, entry.layer, entry.index, entry.flags],
+                    bytes: bytes[start..end].to_vec(),
+                    ends_tier: directory.tiers.contains(&(end.next_multiple_of(ALIGNMENT) as u32)),
+                }
+            })
+            .collect();
+        Ok(FileParts { header, sections })
+    }
+
+    /// The file, with every derived number right.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let tiers = self.sections.iter().filter(|section| section.ends_tier).count();
+        let tables_end = 4 * (HEADER_WORDS + self.sections.len() * SECTION_ENTRY_WORDS + tiers);
+        let mut words = self.header.to_vec();
+        let mut body = vec![0; tables_end.next_multiple_of(ALIGNMENT)];
+        let mut ends = Vec::new();
+        for section in &self.sections {
+            let hash = checksum(&section.bytes);
+            words.extend(section.head);
+            words.extend([body.len() as u32, section.bytes.len() as u32, hash as u32, (hash >> 32) as u32]);
+            body.extend_from_slice(&section.bytes);
+            body.resize(body.len().next_multiple_of(ALIGNMENT), 0);
+            if section.ends_tier {
+                ends.push(body.len() as u32);
+            }
+        }
+        words.extend(ends);
+        words[header::LENGTH_LOW] = body.len() as u32;
+        words[header::LENGTH_HIGH] = 0;
+        words[header::SECTIONS] = self.sections.len() as u32;
+        words[header::TIERS] = tiers as u32;
+        for (place, word) in body.chunks_exact_mut(4).zip(&words) {
+            place.copy_from_slice(&word.to_le_bytes());
+        }
+        repair_header_checksum(&mut body);
+        body
+    }
+}
+
+/// Makes the header's checksum right again after a change to header or tables. Counts that reach beyond
+/// the file leave it as it is.
+pub fn repair_header_checksum(bytes: &mut [u8]) {
+    let word = |index: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| bytes[4 * index + i])) as usize;
+    let (sections, tiers) = (word(header::SECTIONS), word(header::TIERS));
+    let words = sections.saturating_mul(SECTION_ENTRY_WORDS).saturating_add(tiers).saturating_add(HEADER_WORDS);
+    let Some(tables) = words.checked_mul(4).and_then(|end| bytes.get_mut(..end)) else {
+        return;
+    };
+    tables[4 * header::CHECKSUM_LOW..][..8].fill(0);
+    let hash = checksum(tables);
+    tables[4 * header::CHECKSUM_LOW..][..8].copy_from_slice(&hash.to_le_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pack;
+
+    const KINDS: [ResidualKind; 3] = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
+
+    #[test]
+    fn a_sample_asset_survives_packing_and_parsing() {
+        for (seed, kind) in KINDS.into_iter().enumerate() {
+            let asset = sample_asset(seed as u64, 6, 5, kind);
+            let bytes = pack(&asset).unwrap();
+            assert_eq!(Asset::parse(&bytes).unwrap(), asset);
+            assert_eq!(pack(&sample_asset(seed as u64, 6, 5, kind)).unwrap(), bytes, "same seed, same bytes");
+            // Planted difference: another seed is another asset.
+            assert_ne!(pack(&sample_asset(seed as u64 + 100, 6, 5, kind)).unwrap(), bytes);
+        }
+    }
+
+    #[test]
+    fn a_file_taken_apart_and_put_together_is_the_same_file() {
+        let bytes = pack(&sample_asset(4, 6, 5, ResidualKind::Root)).unwrap();
+        let mut parts = FileParts::from_bytes(&bytes).unwrap();
+        assert_eq!(parts.to_bytes(), bytes);
+        parts.sections[0].bytes.push(b' ');
+        assert_ne!(parts.to_bytes(), bytes);
+        assert!(Asset::parse(&parts.to_bytes()).is_ok());
+    }
+}

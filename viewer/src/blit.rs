@@ -1,0 +1,68 @@
+//! Puts the accumulated picture on a window's surface. Twin of the structs: `shaders/blit.wgsl`.
+
+use crate::error::ViewerError;
+use crate::gpu::Gpu;
+use crate::shaders::BLIT;
+use crate::trace::bind;
+
+/// Twin: `Blit` in `blit.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+pub(crate) struct GpuBlit {
+    pub picture: [u32; 2],
+    pub window: [u32; 2],
+    pub gain: f32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+}
+
+/// The pipeline and its parameters.
+pub(crate) struct Blit {
+    pipeline: wgpu::RenderPipeline,
+    params: wgpu::Buffer,
+}
+
+impl Blit {
+    pub(crate) fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Result<Blit, ViewerError> {
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("blit"),
+            source: wgpu::ShaderSource::Wgsl(BLIT.into()),
+        });
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("blit"),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("blit_vertex"),
+                compilation_options: Default::default(),
+                buffers: &[],
+            },
+            primitive: Default::default(),
+            depth_stencil: None,
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("blit_fragment"),
+                compilation_options: Default::default(),
+                targets: &[Some(format.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        let params = gpu.empty_buffer("blit", size_of::<GpuBlit>() as u64, wgpu::BufferUsages::UNIFORM)?;
+        gpu.check()?;
+        Ok(Blit { pipeline, params })
+    }
+
+    /// Draws `picture` over the whole pass.
+    pub(crate) fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass, picture: &wgpu::Buffer, params: GpuBlit) {
+        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
+        let layout = self.pipeline.get_bind_group_layout(0);
+        let group =
+            bind(gpu, &layout, &[(0, self.params.as_entire_binding()), (1, picture.as_entire_binding())]);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.draw(0..3, 0..1);
+    }
+}

@@ -1,0 +1,91 @@
+//! What can go wrong, each as one sentence that names the file or the missing thing.
+
+use std::path::{Path, PathBuf};
+
+/// Every error of this crate.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ViewerError {
+    /// A file cannot be read. Remedy: check the path and its permissions.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// A file is not a whole asset. Remedy: fit it again, or copy it again.
+    #[error("{}: {source}", path.display())]
+    Asset {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: btf_runtime::FormatError,
+    },
+    /// A mesh file cannot be used. Remedy: export it again as the message says.
+    #[error("{}: {reason}", path.display())]
+    Mesh {
+        /// The file, or the built-in mesh's name.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// A scene description is wrong. Remedy: correct the named key.
+    #[error("{}: {reason}", path.display())]
+    Scene {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// Options contradict each other or are out of range; the program exits with 2.
+    #[error("{0}")]
+    Usage(String),
+    /// No adapter for the backend that was asked for.
+    #[error("{0}")]
+    NoAdapter(String),
+    /// The adapter is too small for the scene, or the driver reported an error.
+    #[error("the GPU {adapter} failed: {reason}; --backend cpu renders without it")]
+    Gpu {
+        /// Adapter name.
+        adapter: String,
+        /// What the driver or the limit check said.
+        reason: String,
+    },
+    /// The result cannot be written.
+    #[error(transparent)]
+    Write(#[from] btf_capture::CaptureError),
+    /// The picture cannot be encoded.
+    #[error("{}: the PNG cannot be encoded: {reason}", path.display())]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// What the encoder said.
+        reason: String,
+    },
+    /// No window can be opened. Remedy: `--headless`.
+    #[error("no window can be opened ({0}); --headless --out picture.png renders without one")]
+    Window(String),
+    /// The user pressed Ctrl-C; the program exits with 130.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
+}
+
+impl ViewerError {
+    pub(crate) fn mesh(path: impl AsRef<Path>, reason: impl Into<String>) -> ViewerError {
+        ViewerError::Mesh { path: path.as_ref().to_path_buf(), reason: reason.into() }
+    }
+
+    pub(crate) fn scene(path: impl AsRef<Path>, reason: impl Into<String>) -> ViewerError {
+        ViewerError::Scene { path: path.as_ref().to_path_buf(), reason: reason.into() }
+    }
+
+    /// The exit status that COMMANDS promises: 2 usage, 130 Ctrl-C, else 1.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            ViewerError::Usage(_) => 2,
+            ViewerError::Interrupted => 130,
+            _ => 1,
+        }
+    }
+}

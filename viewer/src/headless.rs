@@ -1,0 +1,282 @@
+//! Renders a scene without a window, on whichever backend was asked for.
+
+use crate::cpu::CpuPicture;
+use crate::error::ViewerError;
+use crate::gpu::{BackendChoice, Gpu};
+use crate::picture::Picture;
+use crate::scene::Scene;
+use crate::shaders::GpuTracer;
+use crate::trace::{GpuTimer, PixelHit, Tracer};
+use btf_runtime::DecodeOptions;
+use serde::Serialize;
+use std::time::Instant;
+
+/// Largest picture side, pixels.
+pub const MAX_SIDE: u32 = 16384;
+
+/// What to render.
+#[derive(Debug, Clone)]
+pub struct RenderParams {
+    /// Width and height, pixels, 1 to [`MAX_SIDE`].
+    pub size: [u32; 2],
+    /// Frames, at least 1. Each adds one sample per pixel, the first through the pixel's middle, the others spread over
+    /// it; the picture is their mean and the frame time their mean.
+    pub frames: u32,
+    /// Which renderer.
+    pub backend: BackendChoice,
+    /// Part of the adapter's name, where there are several.
+    pub adapter: Option<String>,
+    /// How assets are decoded.
+    pub decode: DecodeOptions,
+}
+
+/// How a rendering talks to its caller while it runs.
+pub struct Control<'a> {
+    /// Asked between rows and frames; `true` ends the rendering with [`ViewerError::Interrupted`].
+    pub cancelled: &'a (dyn Fn() -> bool + Sync),
+    /// Told the share of the work that is done, 0 to 1.
+    pub progress: &'a (dyn Fn(f32) + Sync),
+    /// Told what the user should know although it is not an error, one sentence.
+    pub notice: &'a (dyn Fn(&str) + Sync),
+}
+
+impl Control<'_> {
+    /// Neither stops nor says anything.
+    pub const SILENT: Control<'static> = Control { cancelled: &|| false, progress: &|_| (), notice: &|_| () };
+}
+
+/// The figures of a rendering; the keys of `--json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct RenderReport {
+    /// Adapter name, or the number of threads of the CPU backend.
+    pub adapter: String,
+    /// Graphics interface and kind of adapter.
+    pub interface: String,
+    /// `ray-query`, `bvh` or `cpu`.
+    pub backend: &'static str,
+    /// Mean time of a frame, milliseconds; compiling and uploading are not in it.
+    pub frame_ms: f64,
+    /// `gpu-timestamps` (begin and end of the compute pass) or `wall-clock` (submission until it is finished).
+    pub timer: &'static str,
+    /// Asset decodes per frame (of the last frame, where jitter makes them differ).
+    pub spmm_evaluations: u64,
+    /// Rays per frame, shadow rays included (of the last frame).
+    pub rays: u64,
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Frames, which are also the samples per pixel.
+    pub frames: u32,
+    /// Lights.
+    pub lights: usize,
+    /// Triangles.
+    pub triangles: usize,
+    /// Residual components at most; `null` for all.
+    pub components: Option<u32>,
+    /// Lobes at most; `null` for all.
+    pub lobes: Option<u32>,
+    /// `fast` or `exact`.
+    pub interpolation: &'static str,
+}
+
+/// A finished rendering.
+pub struct Rendered {
+    /// The picture, linear.
+    pub picture: Picture,
+    /// What the last sample of every pixel did, row-major from the top left.
+    pub hits: Vec<PixelHit>,
+    /// The figures.
+    pub report: RenderReport,
+}
+
+/// Renders `scene`. Cost: on a GPU one dispatch per frame; on the CPU about one BVH traversal and one decode per pixel
+/// and light on every thread.
+///
+/// # Errors
+/// [`ViewerError::Usage`] for sizes out of range, [`ViewerError::NoAdapter`] where a GPU is asked for by name and there
+/// is none (with [`BackendChoice::Auto`] it renders on the CPU and says so), [`ViewerError::Gpu`],
+/// [`ViewerError::Interrupted`].
+pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Rendered, ViewerError> {
+    if params.size.iter().any(|side| *side == 0 || *side > MAX_SIDE) {
+        return Err(ViewerError::Usage(format!("a picture's sides are 1 to {MAX_SIDE} pixels, as in --size 512x512")));
+    }
+    if params.frames == 0 {
+        return Err(ViewerError::Usage("--frames is at least 1".into()));
+    }
+    if let Some(reason) = scene.camera.fault() {
+        return Err(ViewerError::Usage(reason.into()));
+    }
+    match params.backend {
+        BackendChoice::Cpu => render_cpu(scene, params, control),
+        BackendChoice::Gpu(tracer) => {
+            render_gpu(&Gpu::headless(params.adapter.as_deref())?, tracer, scene, params, control)
+        }
+        BackendChoice::Auto => match Gpu::headless(params.adapter.as_deref()) {
+            Ok(gpu) => render_gpu(&gpu, gpu.best_tracer(), scene, params, control),
+            // A name that fits no adapter is a mistake, not a machine without one.
+            Err(error) if params.adapter.is_some() => Err(error),
+            Err(error) => {
+                (control.notice)(&format!("{error}; rendering with the CPU decoder"));
+                render_cpu(scene, params, control)
+            }
+        },
+    }
+}
+
+fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Rendered, ViewerError> {
+    use std::sync::atomic::{AtomicU64, Ordering};
+    let mut picture = CpuPicture::new(params.size);
+    let rows = AtomicU64::new(0);
+    let total = u64::from(params.frames) * u64::from(params.size[1]);
+    let row_done = || {
+        let done = rows.fetch_add(1, Ordering::Relaxed) + 1;
+        (control.progress)(done as f32 / total as f32);
+        !(control.cancelled)()
+    };
+    let start = Instant::now();
+    for _ in 0..params.frames {
+        picture.add_sample(scene, &params.decode, &row_done);
+        if (control.cancelled)() {
+            return Err(ViewerError::Interrupted);
+        }
+    }
+    let frame_ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(params.frames);
+    let adapter = format!("CPU, {} threads", rayon::current_num_threads());
+    let described = (adapter, "cpu".to_string(), "cpu", "wall-clock");
+    Ok(rendered(scene, params, picture.radiance(), picture.hits, described, frame_ms))
+}
+
+fn render_gpu(
+    gpu: &Gpu,
+    tracer: GpuTracer,
+    scene: &Scene,
+    params: &RenderParams,
+    control: &Control,
+) -> Result<Rendered, ViewerError> {
+    let mut trace = Tracer::new(gpu, scene, tracer)?;
+    let timer = GpuTimer::new(gpu);
+    trace.warm_up(gpu, scene, params.size, &params.decode)?;
+    let mut total_ms = 0.0;
+    for frame in 0..params.frames {
+        if (control.cancelled)() {
+            return Err(ViewerError::Interrupted);
+        }
+        let start = Instant::now();
+        trace.sample(gpu, scene, params.size, &params.decode, frame, timer.as_ref())?;
+        gpu.wait()?;
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        total_ms += timer.as_ref().map_or(Ok(wall_ms), |timer| timer.read_ms(gpu))?;
+        (control.progress)((frame + 1) as f32 / params.frames as f32);
+    }
+    let timer = if timer.is_some() { "gpu-timestamps" } else { "wall-clock" };
+    let described = (gpu.adapter_name().to_string(), gpu.interface(), tracer.name(), timer);
+    let frame_ms = total_ms / f64::from(params.frames);
+    Ok(rendered(scene, params, trace.read_radiance(gpu)?, trace.read_hits(gpu)?, described, frame_ms))
+}
+
+fn rendered(
+    scene: &Scene,
+    params: &RenderParams,
+    radiance: Vec<[f32; 3]>,
+    hits: Vec<PixelHit>,
+    (adapter, interface, backend, timer): (String, String, &'static str, &'static str),
+    frame_ms: f64,
+) -> Rendered {
+    let [width, height] = params.size;
+    let limit = |x: u32| (x != u32::MAX).then_some(x);
+    let report = RenderReport {
+        adapter,
+        interface,
+        backend,
+        frame_ms,
+        timer,
+        spmm_evaluations: hits.iter().map(|hit| u64::from(hit.evaluations)).sum(),
+        rays: hits.iter().map(|hit| u64::from(hit.rays)).sum(),
+        width,
+        height,
+        frames: params.frames,
+        lights: scene.lights.len(),
+        triangles: scene.geometry.triangles().len(),
+        components: limit(params.decode.components),
+        lobes: limit(params.decode.lobes),
+        interpolation: match params.decode.interpolation {
+            btf_runtime::Interpolation::Fast => "fast",
+            btf_runtime::Interpolation::Exact => "exact",
+        },
+    };
+    Rendered { picture: Picture { width, height, radiance }, hits, report }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh;
+    use crate::scene::{Material, SceneObject};
+    use std::path::Path;
+
+    fn grey(part: mesh::MeshPart) -> SceneObject {
+        SceneObject { part, material: Material::plain([0.5; 3]) }
+    }
+
+    fn cpu(size: [u32; 2]) -> RenderParams {
+        RenderParams { size, frames: 1, backend: BackendChoice::Cpu, adapter: None, decode: DecodeOptions::default() }
+    }
+
+    #[test]
+    fn a_facing_grey_plane_has_the_radiance_of_the_formula() {
+        let mut scene = Scene::from_objects(Path::new("plane"), vec![grey(mesh::plane())], Vec::new()).unwrap();
+        scene.camera.eye = glam::Vec3::new(0.0, 0.0, 8.0);
+        scene.camera.target = glam::Vec3::ZERO;
+        let position = glam::Vec3::new(3.0, 0.0, 4.0);
+        scene.lights = vec![crate::scene::PointLight { position, intensity: [100.0, 50.0, 0.0] }];
+        let rendered = render(&scene, &cpu([33, 33]), &Control::SILENT).unwrap();
+        let middle = rendered.picture.radiance[16 * 33 + 16];
+        // Distance 5, cosine 4/5.
+        let expected = 100.0 / 25.0 * 0.5 * 0.8 / std::f32::consts::PI;
+        assert!((middle[0] - expected).abs() < 1e-4 && (middle[1] - expected / 2.0).abs() < 1e-4 && middle[2] == 0.0);
+        assert_eq!(rendered.report.spmm_evaluations, 0);
+    }
+
+    #[test]
+    fn an_object_between_light_and_surface_throws_a_shadow() {
+        let mut blocker = mesh::plane();
+        blocker.transform(glam::Mat4::from_translation(glam::Vec3::Z) * glam::Mat4::from_scale(glam::Vec3::splat(0.3)));
+        for (objects, lit) in [(vec![grey(mesh::plane())], true), (vec![grey(mesh::plane()), grey(blocker)], false)] {
+            let mut scene = Scene::from_objects(Path::new("x"), objects, Vec::new()).unwrap();
+            // The eye looks at the middle from the side, past the blocker.
+            scene.camera.eye = glam::Vec3::new(8.0, 0.0, 3.0);
+            scene.camera.target = glam::Vec3::ZERO;
+            let position = glam::Vec3::new(0.0, 0.0, 3.0);
+            scene.lights = vec![crate::scene::PointLight { position, intensity: [30.0; 3] }];
+            let rendered = render(&scene, &cpu([33, 33]), &Control::SILENT).unwrap();
+            assert_eq!(rendered.picture.radiance[16 * 33 + 16][0] > 0.1, lit);
+        }
+    }
+
+    #[test]
+    fn a_lit_sphere_does_not_shadow_itself() {
+        let mut scene = Scene::from_objects(Path::new("sphere"), vec![grey(mesh::sphere())], Vec::new()).unwrap();
+        let eye = scene.camera.eye;
+        scene.lights = vec![crate::scene::PointLight { position: eye, intensity: [1000.0; 3] }];
+        let rendered = render(&scene, &cpu([128, 128]), &Control::SILENT).unwrap();
+        let black = rendered
+            .picture
+            .radiance
+            .iter()
+            .zip(&rendered.hits)
+            .filter(|(radiance, hit)| hit.primitive != crate::NO_HIT && radiance[0] == 0.0)
+            .count();
+        assert_eq!(black, 0);
+    }
+
+    #[test]
+    fn cancelling_ends_with_exit_code_130_and_bad_sizes_with_2() {
+        let scene = Scene::from_objects(Path::new("sphere"), vec![grey(mesh::sphere())], Vec::new()).unwrap();
+        let stop = Control { cancelled: &|| true, ..Control::SILENT };
+        assert_eq!(render(&scene, &cpu([8, 8]), &stop).err().map(|error| error.exit_code()), Some(130));
+        for size in [[0, 8], [8, MAX_SIDE + 1]] {
+            assert_eq!(render(&scene, &cpu(size), &Control::SILENT).err().map(|error| error.exit_code()), Some(2));
+        }
+    }
+}

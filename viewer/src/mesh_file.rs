@@ -1,0 +1,283 @@
+//! OBJ and glTF files as mesh parts.
+
+use crate::error::ViewerError;
+use crate::geometry::Vertex;
+use crate::mesh::{MeshPart, fill_normals, fill_tangents, tangent_of};
+use glam::{Mat4, Vec3};
+use std::path::Path;
+
+/// Reads `.obj`, `.gltf` or `.glb`; node transforms are applied, texture coordinates turned so that v grows upwards,
+/// missing normals and tangents filled in. Parts without texture coordinates come with `has_uv = false`.
+///
+/// # Errors
+/// [`ViewerError::Mesh`] for files that cannot be read, have no triangles or name vertices that are not there.
+pub fn load_mesh(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    let parts = match extension.as_str() {
+        "obj" => load_obj(path)?,
+        "gltf" | "glb" => load_gltf(path)?,
+        _ => {
+            return Err(ViewerError::mesh(
+                path,
+                "this is neither a built-in mesh (sphere, plane, cornell) nor an .obj, .gltf or .glb file",
+            ));
+        }
+    };
+    if parts.iter().all(|part| part.triangles.is_empty()) {
+        return Err(ViewerError::mesh(path, "it has no triangles, export the mesh's faces"));
+    }
+    Ok(parts)
+}
+
+/// Fills what the file lacks, and checks the numbers that everything after relies on.
+fn finish(path: &Path, mut part: MeshPart, has_normals: bool, has_tangents: bool) -> Result<MeshPart, ViewerError> {
+    let fault = |what: &str| ViewerError::mesh(path, format!("the part '{}' {what}, export it again", part.name));
+    let count = part.vertices.len();
+    if part.triangles.iter().flatten().any(|index| *index as usize >= count) {
+        return Err(fault("names a vertex that is not there"));
+    }
+    if part.vertices.iter().any(|vertex| bytemuck::cast_ref::<Vertex, [f32; 12]>(vertex).iter().any(|x| !x.is_finite()))
+    {
+        return Err(fault("has a coordinate that is not a finite number"));
+    }
+    for vertex in &mut part.vertices {
+        vertex.normal = Vec3::from(vertex.normal).normalize_or_zero().to_array();
+    }
+    if !has_normals || part.vertices.iter().any(|vertex| vertex.normal == [0.0; 3]) {
+        fill_normals(&mut part.vertices, &part.triangles);
+    }
+    if has_tangents {
+        for vertex in &mut part.vertices {
+            let tangent = Vec3::from_slice(&vertex.tangent);
+            vertex.tangent = tangent_of(vertex.normal.into(), tangent, vertex.tangent[3]);
+        }
+    } else {
+        fill_tangents(&mut part.vertices, &part.triangles);
+    }
+    Ok(part)
+}
+
+fn load_obj(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
+    let options = tobj::LoadOptions {
+        single_index: true,
+        triangulate: true,
+        ignore_points: true,
+        ignore_lines: true,
+        ..Default::default()
+    };
+    let (models, materials) = tobj::load_obj(path, &options)
+        .map_err(|error| ViewerError::mesh(path, format!("the OBJ file cannot be read: {error}")))?;
+    // A missing .mtl only costs the colours.
+    let materials = materials.unwrap_or_default();
+    let mut parts = Vec::new();
+    for model in models {
+        let mesh = model.mesh;
+        if mesh.positions.is_empty() || mesh.indices.is_empty() {
+            continue;
+        }
+        let count = mesh.positions.len() / 3;
+        let has_uv = mesh.texcoords.len() == 2 * count;
+        let has_normals = mesh.normals.len() == 3 * count;
+        let vertices = (0..count)
+            .map(|i| Vertex {
+                position: [mesh.positions[3 * i], mesh.positions[3 * i + 1], mesh.positions[3 * i + 2]],
+                u: if has_uv { mesh.texcoords[2 * i] } else { 0.0 },
+                normal: if has_normals {
+                    [mesh.normals[3 * i], mesh.normals[3 * i + 1], mesh.normals[3 * i + 2]]
+                } else {
+                    [0.0; 3]
+                },
+                v: if has_uv { mesh.texcoords[2 * i + 1] } else { 0.0 },
+                tangent: [1.0, 0.0, 0.0, 1.0],
+            })
+            .collect();
+        let material = mesh.material_id.and_then(|id| materials.get(id));
+        let part = MeshPart {
+            name: material.map_or(model.name, |material| material.name.clone()),
+            group: mesh.material_id.unwrap_or(0),
+            diffuse: material.and_then(|material| material.diffuse).unwrap_or([0.5; 3]),
+            has_uv,
+            vertices,
+            triangles: mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        };
+        parts.push(finish(path, part, has_normals, false)?);
+    }
+    Ok(parts)
+}
+
+fn load_gltf(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
+    let fault = |reason: String| ViewerError::mesh(path, reason);
+    // Geometry only: pictures inside the file are not decoded.
+    let gltf = gltf::Gltf::open(path).map_err(|error| fault(format!("the glTF file cannot be read: {error}")))?;
+    let buffers = gltf::import_buffers(&gltf.document, path.parent(), gltf.blob.clone())
+        .map_err(|error| fault(format!("the glTF file's buffers cannot be read: {error}")))?;
+    for accessor in gltf.accessors() {
+        if !accessor_fits(&accessor, &buffers) {
+            return Err(fault(format!("accessor {} reaches beyond its buffer, export it again", accessor.index())));
+        }
+    }
+    let scene = gltf
+        .default_scene()
+        .or_else(|| gltf.scenes().next())
+        .ok_or_else(|| fault("the glTF file has no scene, export one".into()))?;
+    let mut parts = Vec::new();
+    let mut open: Vec<(gltf::Node, Mat4)> = scene.nodes().map(|node| (node, Mat4::IDENTITY)).collect();
+    open.reverse();
+    while let Some((node, parent)) = open.pop() {
+        let matrix = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
+        if let Some(mesh) = node.mesh() {
+            if !(matrix.is_finite() && matrix.determinant().abs() > 1e-30) {
+                return Err(fault(format!("node {} has a transform that flattens it, correct its scale", node.index())));
+            }
+            for primitive in mesh.primitives() {
+                if let Some(part) = gltf_part(path, &primitive, &buffers)? {
+                    let mut part = part;
+                    part.transform(matrix);
+                    parts.push(part);
+                }
+            }
+        }
+        let children: Vec<_> = node.children().map(|child| (child, matrix)).collect();
+        open.extend(children.into_iter().rev());
+    }
+    Ok(parts)
+}
+
+/// Whether all elements lie within the buffer view and that within its buffer; the crate's readers take it on trust.
+fn accessor_fits(accessor: &gltf::Accessor, buffers: &[gltf::buffer::Data]) -> bool {
+    let Some(view) = accessor.view() else { return true };
+    let stride = view.stride().unwrap_or(accessor.size());
+    let span = accessor.count().checked_sub(1).map_or(Some(0), |last| {
+        last.checked_mul(stride)?.checked_add(accessor.size())?.checked_add(accessor.offset())
+    });
+    let end = view.offset().checked_add(view.length());
+    span.is_some_and(|span| span <= view.length())
+        && end.is_some_and(|end| buffers.get(view.buffer().index()).is_some_and(|buffer| end <= buffer.len()))
+}
+
+fn gltf_part(
+    path: &Path,
+    primitive: &gltf::Primitive,
+    buffers: &[gltf::buffer::Data],
+) -> Result<Option<MeshPart>, ViewerError> {
+    use gltf::mesh::Mode;
+    let fault = |reason: &str| ViewerError::mesh(path, reason);
+    if primitive.mode() != Mode::Triangles {
+        return match primitive.mode() {
+            Mode::TriangleStrip | Mode::TriangleFan => {
+                Err(fault("it has triangle strips or fans, export plain triangles"))
+            }
+            // Points and lines have no surface.
+            _ => Ok(None),
+        };
+    }
+    let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|data| data.0.as_slice()));
+    let positions: Vec<[f32; 3]> =
+        reader.read_positions().ok_or_else(|| fault("a primitive has no positions, export it again"))?.collect();
+    let normals: Option<Vec<[f32; 3]>> = reader.read_normals().map(Iterator::collect);
+    let tangents: Option<Vec<[f32; 4]>> = reader.read_tangents().map(Iterator::collect);
+    let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(0).map(|uvs| uvs.into_f32().collect());
+    let indices: Vec<u32> = match reader.read_indices() {
+        Some(indices) => indices.into_u32().collect(),
+        None => (0..positions.len() as u32).collect(),
+    };
+    let same = |length: Option<usize>| length.is_none_or(|length| length == positions.len());
+    if !same(normals.as_ref().map(Vec::len)) || !same(tangents.as_ref().map(Vec::len)) || !same(uvs.as_ref().map(Vec::len))
+    {
+        return Err(fault("a primitive's attributes differ in length, export it again"));
+    }
+    let vertices = (0..positions.len())
+        .map(|i| Vertex {
+            position: positions[i],
+            u: uvs.as_ref().map_or(0.0, |uvs| uvs[i][0]),
+            normal: normals.as_ref().map_or([0.0; 3], |normals| normals[i]),
+            // glTF's v grows downwards; its tangents are already for the upward one.
+            v: uvs.as_ref().map_or(0.0, |uvs| 1.0 - uvs[i][1]),
+            tangent: tangents.as_ref().map_or([1.0, 0.0, 0.0, 1.0], |tangents| tangents[i]),
+        })
+        .collect();
+    let material = primitive.material();
+    let colour = material.pbr_metallic_roughness().base_color_factor();
+    let part = MeshPart {
+        name: material.name().unwrap_or("unnamed").into(),
+        group: material.index().unwrap_or(0),
+        diffuse: [colour[0], colour[1], colour[2]],
+        has_uv: uvs.is_some(),
+        vertices,
+        triangles: indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+    };
+    finish(path, part, normals.is_some(), tangents.is_some()).map(Some)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRIANGLE_OBJ: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+
+    /// One triangle in the xy plane, its node moved by (5, 0, 0); the buffer is a file beside.
+    fn write_gltf(dir: &Path, max_index: u16) -> std::path::PathBuf {
+        let mut bytes = Vec::new();
+        for x in [0f32, 0., 0., 1., 0., 0., 0., 1., 0., /* uv */ 0., 1., 1., 1., 0., 0.] {
+            bytes.extend(x.to_le_bytes());
+        }
+        [0, 1, max_index].iter().for_each(|i| bytes.extend(i.to_le_bytes()));
+        std::fs::write(dir.join("t.bin"), &bytes).unwrap();
+        let json = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
+            "nodes":[{"mesh":0,"translation":[5,0,0]}],
+            "meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2}]}],
+            "buffers":[{"uri":"t.bin","byteLength":66}],
+            "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":24},
+                           {"buffer":0,"byteOffset":60,"byteLength":6}],
+            "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
+                         {"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"},
+                         {"bufferView":2,"componentType":5123,"count":3,"type":"SCALAR"}]}"#;
+        std::fs::write(dir.join("t.gltf"), json).unwrap();
+        dir.join("t.gltf")
+    }
+
+    #[test]
+    fn reads_an_obj_and_derives_its_frame() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("t.obj");
+        std::fs::write(&path, TRIANGLE_OBJ).unwrap();
+        let parts = load_mesh(&path).unwrap();
+        assert_eq!((parts.len(), parts[0].triangles.len(), parts[0].has_uv), (1, 1, true));
+        let vertex = parts[0].vertices[0];
+        assert_eq!((vertex.normal, vertex.tangent), ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]));
+    }
+
+    #[test]
+    fn reads_a_gltf_with_its_node_transform_and_turns_v_upwards() {
+        let dir = tempfile::tempdir().unwrap();
+        let parts = load_mesh(&write_gltf(dir.path(), 2)).unwrap();
+        let vertex = parts[0].vertices[2];
+        assert_eq!((vertex.position, vertex.u, vertex.v), ([5.0, 1.0, 0.0], 0.0, 1.0));
+        assert_eq!((vertex.normal, vertex.tangent), ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]));
+    }
+
+    #[test]
+    fn bad_meshes_are_refused_with_a_sentence_that_names_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            std::fs::write(dir.path().join(name), text).unwrap();
+            dir.path().join(name)
+        };
+        let bad = [
+            write("empty.obj", ""),
+            write("points.obj", "v 0 0 0\nv 1 0 0\n"),
+            write("range.obj", "v 0 0 0\nf 1 2 3\n"),
+            write("nan.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+            write("cut.gltf", "{\"asset\":"),
+            write("noise.glb", "glTFnothing of the kind"),
+            write("mesh.stl", "solid"),
+            write_gltf(dir.path(), 9),
+            dir.path().join("missing.obj"),
+        ];
+        for path in bad {
+            let message = load_mesh(&path).unwrap_err().to_string();
+            assert!(message.starts_with(&path.display().to_string()), "{message}");
+            assert!(!message.contains('\n'), "{message}");
+        }
+    }
+}

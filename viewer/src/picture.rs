@@ -1,0 +1,66 @@
+//! From linear radiance to an 8-bit sRGB picture.
+
+use crate::error::ViewerError;
+use btf_capture::Transfer;
+use btf_capture::atomic::write_file_atomically;
+use image::ImageEncoder;
+use image::codecs::png::PngEncoder;
+use std::path::Path;
+
+/// A picture in linear radiance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Linear RGB, sRGB primaries, row-major from the top left.
+    pub radiance: Vec<[f32; 3]>,
+}
+
+impl Picture {
+    /// Exposure, then the sRGB curve, then rounding to 0..255; brighter is cut off. `[pixel, channel]`.
+    pub fn srgb8(&self, exposure_ev: f32) -> Vec<u8> {
+        let gain = exposure_ev.exp2();
+        let encode = |x: &f32| (Transfer::Srgb.encoded_from_linear((x * gain).clamp(0.0, 1.0)) * 255.0).round() as u8;
+        self.radiance.iter().flatten().map(encode).collect()
+    }
+
+    /// Writes an 8-bit sRGB PNG; never half a file.
+    ///
+    /// # Errors
+    /// [`ViewerError::Write`] or [`ViewerError::Encode`], both naming the file.
+    pub fn write_png(&self, path: &Path, exposure_ev: f32) -> Result<(), ViewerError> {
+        let mut bytes = Vec::new();
+        PngEncoder::new(&mut bytes)
+            .write_image(&self.srgb8(exposure_ev), self.width, self.height, image::ExtendedColorType::Rgb8)
+            .map_err(|error| ViewerError::Encode { path: path.into(), reason: error.to_string() })?;
+        write_file_atomically(path, &bytes)?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exposure_comes_before_the_curve_and_both_ends_are_cut_off() {
+        let picture = Picture { width: 2, height: 1, radiance: vec![[0.0, 0.25, 1.0], [-1.0, 9.0, f32::NAN]] };
+        assert_eq!(picture.srgb8(0.0)[..5], [0, 137, 255, 0, 255]);
+        // 0.25 twice doubled is 1.
+        assert_eq!(picture.srgb8(2.0)[1], 255);
+    }
+
+    #[test]
+    fn png_comes_back_as_it_was_written() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let picture = Picture { width: 3, height: 2, radiance: (0..6).map(|i| [i as f32 / 5.0; 3]).collect() };
+        picture.write_png(&path, 0.0).unwrap();
+        let read = image::open(&path).unwrap().to_rgb8();
+        assert_eq!((read.dimensions(), read.into_raw()), ((3, 2), picture.srgb8(0.0)));
+        let message = picture.write_png(&dir.path().join("no/such/a.png"), 0.0).unwrap_err().to_string();
+        assert!(message.contains("a.png"), "{message}");
+    }
+}

@@ -1,0 +1,380 @@
+//! What is drawn: geometry, materials, packed assets, lights, camera, exposure; and the built-in scenes.
+
+use crate::camera::Camera;
+use crate::error::ViewerError;
+use crate::geometry::{Geometry, Triangle};
+use crate::mesh::{self, MeshPart};
+use crate::mesh_file::load_mesh;
+use btf_runtime::{Asset, Resident};
+use glam::{Mat4, Vec3};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Linear grey behind everything.
+pub const BACKGROUND: [f32; 3] = [0.18; 3];
+/// Field of view of the built-in scenes, degrees.
+const FIELD_OF_VIEW_DEG: f32 = 30.0;
+/// From the object to the first light: upper left, in front. In camera axes (right, up, towards the eye).
+const KEY_LIGHT: Vec3 = Vec3::new(-0.65, 0.75, 0.9);
+/// Distance of the lights from the object's centre, in radii of its bounding sphere.
+const LIGHT_DISTANCE_RADII: f32 = 4.0;
+/// Brightness of the built-in lights together: a white Lambertian surface that faces all of them at the object's
+/// centre has this linear value. Two rather than one, because real materials are seldom white.
+const KEY_BRIGHTNESS: f32 = 2.0;
+
+/// A packed asset, ready to be decoded.
+#[derive(Debug)]
+pub struct SceneAsset {
+    /// File stem, for messages and the panel.
+    pub name: String,
+    /// The asset in its resident form.
+    pub resident: Resident,
+}
+
+impl SceneAsset {
+    /// Reads and checks an asset and expands its bases on all threads.
+    ///
+    /// # Errors
+    /// [`ViewerError::Read`] or [`ViewerError::Asset`], both naming the file.
+    pub fn load(path: &Path) -> Result<SceneAsset, ViewerError> {
+        let bytes = std::fs::read(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
+        let asset = Asset::parse(&bytes).map_err(|source| ViewerError::Asset { path: path.into(), source })?;
+        let name = path.file_stem().map_or_else(|| "asset".into(), |stem| stem.to_string_lossy().into_owned());
+        Ok(SceneAsset::new(name, &asset))
+    }
+
+    /// Expands an asset that is already in memory.
+    pub fn new(name: impl Into<String>, asset: &Asset) -> SceneAsset {
+        let resident =
+            Resident::from_asset_with(asset, |count, expand| (0..count).into_par_iter().map(expand).collect());
+        SceneAsset { name: name.into(), resident }
+    }
+}
+
+/// What a triangle is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// Index into [`Scene::assets`]; `None` for a plain diffuse surface.
+    pub asset: Option<usize>,
+    /// Linear sRGB reflectance of a plain surface, 0 to 1.
+    pub diffuse: [f32; 3],
+    /// Factors on the texture coordinates: how often the asset is repeated.
+    pub uv_scale: [f32; 2],
+}
+
+impl Material {
+    /// A material that shows asset number `asset`.
+    pub fn from_asset(asset: usize, uv_scale: [f32; 2]) -> Material {
+        Material { asset: Some(asset), diffuse: [0.5; 3], uv_scale }
+    }
+
+    /// A plain diffuse material.
+    pub fn plain(diffuse: [f32; 3]) -> Material {
+        Material { asset: None, diffuse, uv_scale: [1.0; 2] }
+    }
+}
+
+/// A light without size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointLight {
+    /// Position, world space.
+    pub position: Vec3,
+    /// Linear RGB intensity; irradiance at distance d and normal incidence is intensity / d^2.
+    pub intensity: [f32; 3],
+}
+
+/// Everything that a tracer needs.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Triangles and their hierarchy.
+    pub geometry: Arc<Geometry>,
+    /// Materials; triangles name them by number.
+    pub materials: Vec<Material>,
+    /// Assets; materials name them by number.
+    pub assets: Vec<Arc<SceneAsset>>,
+    /// Point lights.
+    pub lights: Vec<PointLight>,
+    /// Camera.
+    pub camera: Camera,
+    /// Exposure in stops: the picture is multiplied by `2^exposure_ev` before the sRGB curve.
+    pub exposure_ev: f32,
+    /// Linear colour where a ray hits nothing.
+    pub background: [f32; 3],
+}
+
+/// Which mesh carries the assets.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum MeshChoice {
+    /// One sphere per asset, side by side.
+    Sphere,
+    /// One plane per asset, side by side.
+    Plane,
+    /// A Cornell box: the first asset on the sphere, the last on the back wall.
+    Cornell,
+    /// An OBJ or glTF file.
+    File(PathBuf),
+}
+
+impl MeshChoice {
+    /// The meaning of `--mesh`: a built-in name, or else a path.
+    pub fn from_argument(argument: &str) -> MeshChoice {
+        match argument {
+            "sphere" => MeshChoice::Sphere,
+            "plane" => MeshChoice::Plane,
+            "cornell" => MeshChoice::Cornell,
+            path => MeshChoice::File(path.into()),
+        }
+    }
+}
+
+/// A part of a mesh together with its material.
+pub struct SceneObject {
+    /// Geometry, in world space.
+    pub part: MeshPart,
+    /// Its material.
+    pub material: Material,
+}
+
+impl Scene {
+    /// Joins objects into a scene with the default camera, one light and the default background.
+    ///
+    /// # Errors
+    /// [`ViewerError::Mesh`] naming `origin` if a part that carries an asset has no texture coordinates, or if no
+    /// triangle is left.
+    pub fn from_objects(
+        origin: &Path,
+        objects: Vec<SceneObject>,
+        assets: Vec<Arc<SceneAsset>>,
+    ) -> Result<Scene, ViewerError> {
+        let (mut vertices, mut triangles, mut materials) = (Vec::new(), Vec::new(), Vec::<Material>::new());
+        for SceneObject { part, material } in objects {
+            if material.asset.is_some_and(|asset| asset >= assets.len()) {
+                return Err(ViewerError::mesh(origin, format!("the part '{}' names an asset that is not there", part.name)));
+            }
+            if material.asset.is_some() && !part.has_uv {
+                return Err(ViewerError::mesh(
+                    origin,
+                    format!("the part '{}' has no texture coordinates, unwrap it before it can carry a material", part.name),
+                ));
+            }
+            let number = materials.iter().position(|known| *known == material).unwrap_or_else(|| {
+                materials.push(material);
+                materials.len() - 1
+            });
+            let first = vertices.len() as u32;
+            vertices.extend(part.vertices);
+            triangles.extend(part.triangles.iter().map(|triangle| Triangle {
+                vertices: triangle.map(|index| index.saturating_add(first)),
+                material: number as u32,
+            }));
+        }
+        let geometry = Geometry::new(vertices, triangles).map_err(|reason| ViewerError::mesh(origin, reason))?;
+        let (centre, radius) = geometry.bounding_sphere();
+        let camera = Camera::framing(centre, radius, Vec3::new(0.0, 0.25, 1.0), FIELD_OF_VIEW_DEG);
+        let mut scene = Scene {
+            geometry: Arc::new(geometry),
+            materials,
+            assets,
+            lights: Vec::new(),
+            camera,
+            exposure_ev: 0.0,
+            background: BACKGROUND,
+        };
+        scene.place_lights(1);
+        Ok(scene)
+    }
+
+    /// One of the built-in scenes, or a mesh file: in a file with one asset every part with texture coordinates gets
+    /// it; with several, material number i of the file gets asset i and the rest stay plain in their own colour.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`] without assets; [`ViewerError::Mesh`] for files.
+    pub fn built_in(mesh: &MeshChoice, assets: Vec<Arc<SceneAsset>>, uv_scale: [f32; 2]) -> Result<Scene, ViewerError> {
+        if assets.is_empty() {
+            return Err(ViewerError::Usage(
+                "no asset was named: make one from a capture folder with `btf-fit fit CAPTURE -o ASSET.spmm`, \
+                 then run `btf-view ASSET.spmm`"
+                    .into(),
+            ));
+        }
+        let count = assets.len();
+        let row = |part: fn() -> MeshPart| -> Vec<SceneObject> {
+            (0..count)
+                .map(|asset| {
+                    let mut part = part();
+                    let x = 2.3 * (asset as f32 - (count - 1) as f32 * 0.5);
+                    part.transform(Mat4::from_translation(Vec3::X * x));
+                    SceneObject { part, material: Material::from_asset(asset, uv_scale) }
+                })
+                .collect()
+        };
+        match mesh {
+            MeshChoice::Sphere => Scene::from_objects(Path::new("sphere"), row(mesh::sphere), assets),
+            MeshChoice::Plane => {
+                let mut scene = Scene::from_objects(Path::new("plane"), row(mesh::plane), assets)?;
+                let (centre, radius) = scene.geometry.bounding_sphere();
+                scene.camera = Camera::framing(centre, radius, Vec3::new(0.0, -0.55, 1.0), FIELD_OF_VIEW_DEG);
+                scene.place_lights(1);
+                Ok(scene)
+            }
+            MeshChoice::Cornell => {
+                let mut scene = Scene::from_objects(Path::new("cornell"), cornell_objects(count, uv_scale), assets)?;
+                scene.camera =
+                    Camera { eye: Vec3::new(0.0, 0.0, 4.4), target: Vec3::ZERO, up: Vec3::Y, fov_deg: 34.0 };
+                scene.place_cornell_lights(1);
+                Ok(scene)
+            }
+            MeshChoice::File(path) => {
+                let objects = load_mesh(path)?
+                    .into_iter()
+                    .map(|part| {
+                        let asset = if count == 1 { Some(0) } else { (part.group < count).then_some(part.group) };
+                        let material = match asset {
+                            Some(asset) if part.has_uv => Material::from_asset(asset, uv_scale),
+                            Some(_) if count > 1 => Material::plain(part.diffuse),
+                            _ => Material::plain(part.diffuse),
+                        };
+                        SceneObject { part, material }
+                    })
+                    .collect::<Vec<_>>();
+                if objects.iter().all(|object| object.material.asset.is_none()) {
+                    return Err(ViewerError::mesh(
+                        path,
+                        "no part has texture coordinates, unwrap the mesh before it can carry a material",
+                    ));
+                }
+                Scene::from_objects(path, objects, assets)
+            }
+        }
+    }
+
+    /// `count` lights on a spiral over the half sphere that faces the camera, the first from the upper left; their
+    /// intensities add up to the same brightness whatever the count.
+    pub fn place_lights(&mut self, count: usize) {
+        let (centre, radius) = self.geometry.bounding_sphere();
+        let forward = (self.camera.eye - centre).normalize_or(Vec3::Z);
+        let right = self.camera.up.cross(forward).normalize_or(Vec3::X);
+        let up = forward.cross(right);
+        let distance = LIGHT_DISTANCE_RADII * radius;
+        self.lights = (0..count)
+            .map(|index| {
+                let local = if index == 0 { KEY_LIGHT.normalize() } else { spiral_direction(index, count) };
+                let direction = right * local.x + up * local.y + forward * local.z;
+                PointLight {
+                    position: centre + direction * distance,
+                    intensity: [intensity_for(distance, KEY_BRIGHTNESS / count as f32); 3],
+                }
+            })
+            .collect();
+    }
+
+    /// `count` lights in a ring under the ceiling of the Cornell box.
+    pub fn place_cornell_lights(&mut self, count: usize) {
+        self.lights = (0..count)
+            .map(|index| {
+                let angle = std::f32::consts::TAU * index as f32 / count as f32;
+                let reach = if count == 1 { 0.0 } else { 0.35 };
+                PointLight {
+                    position: Vec3::new(reach * angle.cos(), 0.85, 0.25 + reach * angle.sin()),
+                    intensity: [intensity_for(1.2, 1.2 / count as f32); 3],
+                }
+            })
+            .collect();
+    }
+}
+
+/// Intensity with which a white Lambertian surface at `distance`, lit at normal incidence, has `brightness`.
+pub fn intensity_for(distance: f32, brightness: f32) -> f32 {
+    std::f32::consts::PI * distance * distance * brightness
+}
+
+/// Direction `index` of `count` on a golden-angle spiral over the half sphere z > 0.
+fn spiral_direction(index: usize, count: usize) -> Vec3 {
+    const GOLDEN_ANGLE: f32 = 2.399_963;
+    // From just above the horizon to near the axis.
+    let z = 0.15 + 0.8 * (index as f32 + 0.5) / count as f32;
+    let r = (1.0 - z * z).sqrt();
+    let (sin, cos) = (GOLDEN_ANGLE * index as f32 + 2.2).sin_cos();
+    Vec3::new(r * cos, r * sin, z)
+}
+
+fn cornell_objects(assets: usize, uv_scale: [f32; 2]) -> Vec<SceneObject> {
+    const WHITE: [f32; 3] = [0.73; 3];
+    const RED: [f32; 3] = [0.57, 0.04, 0.04];
+    const GREEN: [f32; 3] = [0.1, 0.4, 0.08];
+    let wall = |name: &str, corner: [f32; 3], u: Vec3, v: Vec3, diffuse| SceneObject {
+        part: mesh::quad(name, corner.into(), u * 2.0, v * 2.0),
+        material: Material::plain(diffuse),
+    };
+    let mut objects = vec![
+        wall("floor", [-1.0, -1.0, 1.0], Vec3::X, Vec3::NEG_Z, WHITE),
+        wall("ceiling", [-1.0, 1.0, -1.0], Vec3::X, Vec3::Z, WHITE),
+        wall("left wall", [-1.0, -1.0, 1.0], Vec3::NEG_Z, Vec3::Y, RED),
+        wall("right wall", [1.0, -1.0, -1.0], Vec3::Z, Vec3::Y, GREEN),
+    ];
+    let mut back = wall("back wall", [-1.0, -1.0, -1.0], Vec3::X, Vec3::Y, WHITE);
+    back.material = Material::from_asset(assets - 1, uv_scale);
+    objects.push(back);
+    let mut block = mesh::cube("block");
+    block.transform(
+        Mat4::from_translation(Vec3::new(-0.38, -0.45, -0.3))
+            * Mat4::from_rotation_y(0.3)
+            * Mat4::from_scale(Vec3::new(0.27, 0.55, 0.27)),
+    );
+    objects.push(SceneObject { part: block, material: Material::plain(WHITE) });
+    let mut sphere = mesh::sphere();
+    sphere.transform(
+        Mat4::from_translation(Vec3::new(0.4, -0.58, 0.2)) * Mat4::from_scale(Vec3::splat(0.42)),
+    );
+    objects.push(SceneObject { part: sphere, material: Material::from_asset(0, uv_scale) });
+    objects
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plain(part: MeshPart) -> SceneObject {
+        SceneObject { part, material: Material::plain([0.5; 3]) }
+    }
+
+    #[test]
+    fn a_scene_without_assets_says_how_to_make_one() {
+        let error = Scene::built_in(&MeshChoice::Sphere, Vec::new(), [1.0; 2]).unwrap_err();
+        assert!(error.to_string().contains("btf-fit fit"));
+        assert_eq!(error.exit_code(), 2);
+    }
+
+    #[test]
+    fn an_asset_needs_texture_coordinates_and_must_exist() {
+        let mut part = mesh::plane();
+        let object = SceneObject { part: part.clone(), material: Material::from_asset(0, [1.0; 2]) };
+        assert!(Scene::from_objects(Path::new("x.obj"), vec![object], Vec::new()).is_err());
+        part.has_uv = false;
+        assert!(Scene::from_objects(Path::new("x.obj"), vec![plain(part)], Vec::new()).is_ok());
+    }
+
+    #[test]
+    fn lights_keep_their_sum_and_the_first_comes_from_the_upper_left() {
+        let mut scene = Scene::from_objects(Path::new("plane"), vec![plain(mesh::plane())], Vec::new()).unwrap();
+        let one = scene.lights[0];
+        assert!(one.position.x < 0.0 && one.position.y > 0.0 && one.position.z > 0.0);
+        scene.place_lights(17);
+        let sum: f32 = scene.lights.iter().map(|light| light.intensity[0]).sum();
+        assert_eq!(scene.lights[0].position, one.position);
+        assert!((sum / one.intensity[0] - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_file_that_is_not_an_asset_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        for bytes in [&b""[..], b"not an asset at all"] {
+            let path = dir.path().join("bad.spmm");
+            std::fs::write(&path, bytes).unwrap();
+            let message = SceneAsset::load(&path).unwrap_err().to_string();
+            assert!(message.contains("bad.spmm: "), "{message}");
+        }
+        assert!(matches!(SceneAsset::load(&dir.path().join("no.spmm")), Err(ViewerError::Read { .. })));
+    }
+}

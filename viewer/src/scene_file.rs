@@ -1,0 +1,271 @@
+//! SCENE.toml: meshes, materials, lights and camera in one file. Paths are relative to that file.
+//!
+//! ```toml
+//! exposure_ev = 0.0                 # optional, as is background = [0.18, 0.18, 0.18]
+//!
+//! [camera]                          # optional: else everything is framed
+//! eye = [0.0, 1.0, 5.0]
+//! target = [0.0, 0.0, 0.0]
+//! fov_deg = 30.0
+//!
+//! [[material]]
+//! name = "leaf"
+//! asset = "leaf.spmm"               # or a number: the n-th asset of the command line, from 0
+//! uv_scale = [2.0, 2.0]
+//!
+//! [[material]]
+//! name = "grey"
+//! diffuse = [0.5, 0.5, 0.5]
+//!
+//! [[object]]
+//! mesh = "sphere"                   # sphere, plane, cube, or an .obj, .gltf or .glb file
+//! material = "leaf"
+//! parts = { laces = "grey" }        # parts of the file by material name, where they differ
+//! translate = [0.0, 1.0, 0.0]       # after rotate_deg (about x, then y, then z) and scale
+//!
+//! [[light]]                         # optional: else one light from the upper left
+//! position = [-3.0, 4.0, 5.0]
+//! intensity = [100.0, 100.0, 100.0]
+//! ```
+
+use crate::camera::Camera;
+use crate::error::ViewerError;
+use crate::mesh;
+use crate::mesh_file::load_mesh;
+use crate::scene::{Material, PointLight, Scene, SceneAsset, SceneObject};
+use glam::{EulerRot, Mat4, Quat, Vec3};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneFile {
+    #[serde(default)]
+    exposure_ev: f32,
+    background: Option<[f32; 3]>,
+    camera: Option<CameraEntry>,
+    #[serde(default, rename = "material")]
+    materials: Vec<MaterialEntry>,
+    #[serde(default, rename = "object")]
+    objects: Vec<ObjectEntry>,
+    #[serde(default, rename = "light")]
+    lights: Vec<LightEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraEntry {
+    eye: [f32; 3],
+    target: [f32; 3],
+    #[serde(default = "y_axis")]
+    up: [f32; 3],
+    #[serde(default = "default_fov_deg")]
+    fov_deg: f32,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MaterialEntry {
+    name: String,
+    asset: Option<AssetEntry>,
+    diffuse: Option<[f32; 3]>,
+    #[serde(default = "ones2")]
+    uv_scale: [f32; 2],
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum AssetEntry {
+    Number(usize),
+    Path(String),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ObjectEntry {
+    mesh: String,
+    material: Option<String>,
+    #[serde(default)]
+    parts: BTreeMap<String, String>,
+    #[serde(default)]
+    translate: [f32; 3],
+    #[serde(default)]
+    rotate_deg: [f32; 3],
+    #[serde(default = "ones3")]
+    scale: [f32; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LightEntry {
+    position: [f32; 3],
+    intensity: [f32; 3],
+}
+
+fn y_axis() -> [f32; 3] {
+    [0.0, 1.0, 0.0]
+}
+
+fn default_fov_deg() -> f32 {
+    30.0
+}
+
+fn ones2() -> [f32; 2] {
+    [1.0; 2]
+}
+
+fn ones3() -> [f32; 3] {
+    [1.0; 3]
+}
+
+/// Reads a scene description and everything that it names. `assets` are those of the command line.
+///
+/// # Errors
+/// [`ViewerError::Scene`] naming the key that is wrong, or the error of a mesh or an asset that it names.
+pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene, ViewerError> {
+    let fault = |reason: String| ViewerError::scene(path, reason);
+    let text = std::fs::read_to_string(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
+    let file: SceneFile = toml::from_str(&text).map_err(|error| {
+        let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+        fault(format!("line {line}: {}", error.message().replace('\n', " ")))
+    })?;
+    if file.objects.is_empty() {
+        return Err(fault("it has no [[object]], add one with mesh = \"sphere\"".into()));
+    }
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let named = assets.len();
+
+    let mut materials = BTreeMap::new();
+    for entry in &file.materials {
+        let asset = match &entry.asset {
+            None => None,
+            Some(AssetEntry::Number(number)) if *number < named => Some(*number),
+            Some(AssetEntry::Number(number)) => {
+                return Err(fault(format!(
+                    "material '{}' names asset {number}, but the command line has {named}",
+                    entry.name
+                )));
+            }
+            Some(AssetEntry::Path(file)) => {
+                assets.push(Arc::new(SceneAsset::load(&folder.join(file))?));
+                Some(assets.len() - 1)
+            }
+        };
+        if asset.is_some() == entry.diffuse.is_some() {
+            return Err(fault(format!("material '{}' needs either asset or diffuse", entry.name)));
+        }
+        let material = Material { asset, diffuse: entry.diffuse.unwrap_or([0.5; 3]), uv_scale: entry.uv_scale };
+        if !material.diffuse.iter().chain(&material.uv_scale).all(|x| x.is_finite()) {
+            return Err(fault(format!("material '{}' has a number that is not finite", entry.name)));
+        }
+        if materials.insert(entry.name.as_str(), material).is_some() {
+            return Err(fault(format!("material '{}' is there twice", entry.name)));
+        }
+    }
+    let find = |name: &str| {
+        materials.get(name).copied().ok_or_else(|| fault(format!("there is no [[material]] with name = \"{name}\"")))
+    };
+
+    let mut objects = Vec::new();
+    for entry in &file.objects {
+        let parts = match entry.mesh.as_str() {
+            "sphere" => vec![mesh::sphere()],
+            "plane" => vec![mesh::plane()],
+            "cube" => vec![mesh::cube("cube")],
+            file => load_mesh(&folder.join(file))?,
+        };
+        let [x, y, z] = entry.rotate_deg.map(f32::to_radians);
+        // glam applies the last letter's angle first.
+        let rotation = Quat::from_euler(EulerRot::ZYX, z, y, x);
+        let matrix = Mat4::from_scale_rotation_translation(entry.scale.into(), rotation, entry.translate.into());
+        if !(matrix.is_finite() && matrix.determinant().abs() > 1e-30) {
+            return Err(fault(format!("object '{}' is flattened by its scale", entry.mesh)));
+        }
+        if let Some(name) = entry.parts.keys().find(|name| parts.iter().all(|part| part.name != **name)) {
+            return Err(fault(format!("object '{}' has no part called '{name}'", entry.mesh)));
+        }
+        for mut part in parts {
+            let material = match entry.parts.get(&part.name).or(entry.material.as_ref()) {
+                Some(name) => find(name)?,
+                None => Material::plain(part.diffuse),
+            };
+            part.transform(matrix);
+            objects.push(SceneObject { part, material });
+        }
+    }
+
+    let mut scene = Scene::from_objects(path, objects, assets)?;
+    if let Some(CameraEntry { eye, target, up, fov_deg }) = file.camera {
+        scene.camera = Camera { eye: eye.into(), target: target.into(), up: up.into(), fov_deg };
+        if let Some(reason) = scene.camera.fault() {
+            return Err(fault(reason.into()));
+        }
+        scene.place_lights(1);
+    }
+    if !file.lights.is_empty() {
+        scene.lights = file
+            .lights
+            .iter()
+            .map(|light| PointLight { position: Vec3::from(light.position), intensity: light.intensity })
+            .collect();
+    }
+    scene.exposure_ev = file.exposure_ev;
+    scene.background = file.background.unwrap_or(scene.background);
+    let numbers = scene.lights.iter().flat_map(|light| light.position.to_array().into_iter().chain(light.intensity));
+    if !numbers.chain(scene.background).chain([scene.exposure_ev]).all(f32::is_finite) {
+        return Err(fault("a light, the background or the exposure has a number that is not finite".into()));
+    }
+    Ok(scene)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn load(text: &str) -> Result<Scene, ViewerError> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("scene.toml");
+        std::fs::write(&path, text).unwrap();
+        load_scene(&path, Vec::new())
+    }
+
+    const GREY: &str = "[[material]]\nname = \"grey\"\ndiffuse = [0.5, 0.5, 0.5]\n";
+
+    #[test]
+    fn reads_objects_lights_and_camera() {
+        let scene = load(&format!(
+            "exposure_ev = 1.0\n[camera]\neye = [0, 0, 9]\ntarget = [0, 0, 0]\n{GREY}\
+             [[object]]\nmesh = \"plane\"\nmaterial = \"grey\"\ntranslate = [0, 2, 0]\nrotate_deg = [0, 90, 0]\n\
+             [[light]]\nposition = [1, 2, 3]\nintensity = [4, 5, 6]\n"
+        ))
+        .unwrap();
+        assert_eq!((scene.lights.len(), scene.exposure_ev, scene.camera.eye.z), (1, 1.0, 9.0));
+        // Turned by 90 degrees about y, +z becomes +x.
+        assert!(scene.geometry.vertices()[0].normal[0] > 0.999);
+        assert!((scene.geometry.bounding_sphere().0.y - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn wrong_scenes_are_refused_with_a_sentence_that_names_the_file() {
+        let object = "[[object]]\nmesh = \"plane\"\n";
+        let bad = [
+            String::new(),
+            "camera = 3".into(),
+            format!("{object}colour = 1\n"),
+            format!("{object}material = \"leaf\"\n"),
+            format!("{GREY}{GREY}{object}"),
+            format!("[[material]]\nname = \"a\"\n{object}"),
+            format!("[[material]]\nname = \"a\"\nasset = 0\n{object}"),
+            format!("{object}scale = [1, 0, 1]\n"),
+            format!("{object}parts = {{ lace = \"grey\" }}\n"),
+            format!("{object}[camera]\neye = [0, 0, 0]\ntarget = [0, 0, 0]\n"),
+            format!("{object}[[light]]\nposition = [nan, 0, 0]\nintensity = [1, 1, 1]\n"),
+        ];
+        for text in bad {
+            let message = load(&text).unwrap_err().to_string();
+            assert!(message.contains("scene.toml: ") && !message.contains('\n'), "{message}");
+        }
+    }
+}

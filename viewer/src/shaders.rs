@@ -1,0 +1,164 @@
+//! The shader texts, joined as plain text in a fixed order.
+
+const SCENE: &str = include_str!("shaders/scene.wgsl");
+const SHADE: &str = include_str!("shaders/shade.wgsl");
+const BVH: &str = include_str!("shaders/bvh.wgsl");
+const TRACE_BVH: &str = include_str!("shaders/trace_bvh.wgsl");
+const TRACE_RAY_QUERY: &str = include_str!("shaders/trace_ray_query.wgsl");
+const DECODE_QUERIES: &str = include_str!("shaders/decode_queries.wgsl");
+/// Shows a picture in a window.
+pub(crate) const BLIT: &str = include_str!("shaders/blit.wgsl");
+
+/// How a GPU finds what a ray hits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GpuTracer {
+    /// Acceleration structures and ray queries; needs an adapter that has them.
+    RayQuery,
+    /// A bounding volume hierarchy in storage buffers; runs everywhere.
+    Bvh,
+}
+
+impl GpuTracer {
+    /// The backend's name on the command line and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            GpuTracer::RayQuery => "ray-query",
+            GpuTracer::Bvh => "bvh",
+        }
+    }
+}
+
+/// The whole module of a tracer: entry points `trace_main` (draws) and `decode_main` (decodes a list of samples).
+pub fn trace_module(tracer: GpuTracer) -> String {
+    let library = btf_runtime::wgsl_library();
+    // The file with the enable directive comes first.
+    let tracer_parts: &[&str] = match tracer {
+        GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
+        GpuTracer::Bvh => &[TRACE_BVH, BVH],
+    };
+    [tracer_parts, &[SCENE, &library, SHADE, DECODE_QUERIES]].concat().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::{BvhNode, NO_HIT, STACK};
+    use crate::geometry::{Triangle, Vertex};
+    use crate::gpu_decode::{GpuQuery, GpuQueryParams};
+    use crate::trace::{Frame, GpuLight, GpuMaterial, PixelHit};
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+    use std::mem::{offset_of, size_of};
+
+    fn parse(text: &str) -> Result<naga::Module, String> {
+        let mut frontend = naga::front::wgsl::Frontend::new_with_options(naga::front::wgsl::Options {
+            capabilities: Capabilities::RAY_QUERY,
+            ..naga::front::wgsl::Options::new()
+        });
+        frontend.parse(text).map_err(|error| error.emit_to_string(text))
+    }
+
+    fn validate(text: &str, capabilities: Capabilities) -> Result<naga::Module, String> {
+        let module = parse(text)?;
+        Validator::new(ValidationFlags::all(), capabilities)
+            .validate(&module)
+            .map_err(|error| error.emit_to_string(text))?;
+        Ok(module)
+    }
+
+    /// Differences between a WGSL struct and `(name, offset)` of its Rust twin.
+    fn layout_difference(module: &naga::Module, name: &str, size: usize, fields: &[(&str, usize)]) -> Option<String> {
+        let found = module.types.iter().find_map(|(_, ty)| match &ty.inner {
+            naga::TypeInner::Struct { members, span } if ty.name.as_deref() == Some(name) => Some((members, *span)),
+            _ => None,
+        });
+        let (members, span) = found?;
+        let in_wgsl: Vec<(String, usize)> =
+            members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect();
+        let in_rust: Vec<(String, usize)> = fields.iter().map(|(n, o)| ((*n).to_string(), *o)).collect();
+        (in_wgsl != in_rust || span as usize != size)
+            .then(|| format!("{name}: WGSL {in_wgsl:?} span {span}, Rust {in_rust:?} size {size}"))
+    }
+
+    fn constant(module: &naga::Module, name: &str) -> Option<naga::Literal> {
+        let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
+        match module.global_expressions[constant.init] {
+            naga::Expression::Literal(literal) => Some(literal),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn every_module_is_valid_with_exactly_the_capabilities_that_we_ask_for() {
+        validate(&trace_module(GpuTracer::Bvh), Capabilities::empty()).unwrap();
+        validate(BLIT, Capabilities::empty()).unwrap();
+        let ray_query = trace_module(GpuTracer::RayQuery);
+        validate(&ray_query, Capabilities::RAY_QUERY).unwrap();
+        // The check can fail: without the capability the same text is refused, as is a module with a fault.
+        assert!(validate(&ray_query, Capabilities::empty()).is_err());
+        assert!(validate(&trace_module(GpuTracer::Bvh).replace("shade_pixel(id.xy)", "shade_pixel(id)"), Capabilities::empty()).is_err());
+    }
+
+    #[test]
+    fn only_the_ray_query_file_needs_the_extension() {
+        assert!(trace_module(GpuTracer::RayQuery).starts_with("enable wgpu_ray_query;"));
+        assert!(!trace_module(GpuTracer::Bvh).contains("ray_query"));
+    }
+
+    macro_rules! fields {
+        ($ty:ty; $($field:ident),*) => {
+            (size_of::<$ty>(), vec![$((stringify!($field), offset_of!($ty, $field))),*])
+        };
+    }
+
+    #[test]
+    fn structs_have_the_same_fields_at_the_same_offsets_in_rust_and_wgsl() {
+        let module = parse(&trace_module(GpuTracer::Bvh)).unwrap();
+        let all = [
+            ("Frame", fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, jitter, components, lobes)),
+            ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
+            ("Triangle", fields!(Triangle; vertices, material)),
+            ("Material", fields!(GpuMaterial; diffuse, asset, uv_scale, pad)),
+            ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
+            ("PixelHit", fields!(PixelHit; primitive, rays, evaluations, pad)),
+            ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
+            ("Query", fields!(GpuQuery; wi, texel, wo, layer)),
+            ("QueryParams", fields!(GpuQueryParams; count, components, lobes, interpolation)),
+        ];
+        for (name, (size, fields)) in &all {
+            assert_eq!(layout_difference(&module, name, *size, fields), None);
+            // Swapped fields of the same size are noticed.
+            let mut swapped = fields.clone();
+            swapped.swap(0, 1);
+            assert!(layout_difference(&module, name, *size, &swapped).is_some());
+        }
+        let blit = parse(BLIT).unwrap();
+        let (size, fields) = fields!(crate::blit::GpuBlit; picture, window, gain, pad0, pad1, pad2);
+        assert_eq!(layout_difference(&blit, "Blit", size, &fields), None);
+    }
+
+    #[test]
+    fn constants_are_equal_in_rust_and_wgsl() {
+        let module = parse(&trace_module(GpuTracer::Bvh)).unwrap();
+        assert_eq!(constant(&module, "BVH_STACK"), Some(naga::Literal::U32(STACK as u32)));
+        assert_eq!(constant(&module, "NO_HIT"), Some(naga::Literal::U32(NO_HIT)));
+        assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::trace::NO_ASSET)));
+        for (name, value) in crate::bvh::CONSTANTS.iter().chain(crate::cpu::CONSTANTS) {
+            assert_eq!(constant(&module, name), Some(naga::Literal::F32(*value)), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_stage_binds_at_most_eight_storage_buffers() {
+        for tracer in [GpuTracer::Bvh, GpuTracer::RayQuery] {
+            let module = parse(&trace_module(tracer)).unwrap();
+            let info = Validator::new(ValidationFlags::all(), Capabilities::RAY_QUERY).validate(&module).unwrap();
+            for entry in 0..module.entry_points.len() {
+                let used = module.global_variables.iter().filter(|(handle, variable)| {
+                    matches!(variable.space, naga::AddressSpace::Storage { .. })
+                        && !info.get_entry_point(entry)[*handle].is_empty()
+                });
+                assert!(used.count() <= 8);
+            }
+        }
+    }
+}

@@ -1,0 +1,37 @@
+// Shows the accumulated picture in a window: mean, exposure, sRGB curve.
+
+struct Blit {
+    // Pixels of the picture.
+    picture: vec2<u32>,
+    // Pixels of the window.
+    window: vec2<u32>,
+    // 2^exposure_ev.
+    gain: f32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
+}
+
+@group(0) @binding(0) var<uniform> blit: Blit;
+@group(0) @binding(1) var<storage, read> picture: array<vec4<f32>>;
+
+// One triangle that covers the window.
+@vertex
+fn blit_vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    return vec4<f32>(f32((index << 1u) & 2u) * 2.0 - 1.0, f32(index & 2u) * 2.0 - 1.0, 0.0, 1.0);
+}
+
+// IEC 61966-2-1. Twin: btf_capture::Transfer::Srgb.
+fn srgb_from_linear(x: vec3<f32>) -> vec3<f32> {
+    let clamped = clamp(x, vec3<f32>(0.0), vec3<f32>(1.0));
+    let curve = 1.055 * pow(clamped, vec3<f32>(1.0 / 2.4)) - 0.055;
+    return select(curve, clamped * 12.92, clamped <= vec3<f32>(0.0031308));
+}
+
+@fragment
+fn blit_fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let scaled = position.xy * vec2<f32>(blit.picture) / vec2<f32>(blit.window);
+    let pixel = min(vec2<u32>(scaled), blit.picture - vec2<u32>(1u));
+    let sum = picture[pixel.y * blit.picture.x + pixel.x];
+    return vec4<f32>(srgb_from_linear(sum.rgb / max(sum.w, 1.0) * blit.gain), 1.0);
+}
