@@ -47,7 +47,7 @@ impl Capture {
     /// # Errors
     /// Each of [`CaptureError`]'s reading variants; nothing is written and nothing unpacked.
     ///
-    /// Cost: a listing and one image; about 20 ms for 6561 files in a warm cache.
+    /// Cost: a listing and one image; some milliseconds for 6561 files in a warm cache.
     pub fn open(path: impl AsRef<Path>) -> Result<Capture, CaptureError> {
         let path = path.as_ref();
         let source = Source::open(path)?;

@@ -9,8 +9,7 @@ use crate::info::{CaptureInfo, file_linear, round_to_8_bits};
 const CELLS: usize = 4096;
 
 /// Encodes many linear values as 8-bit file values: [`CaptureInfo::encoded8_from_linear`] by
-/// table, about twenty times faster because no power is taken. Build one per capture (a few
-/// milliseconds) and share it between threads.
+/// table, several times faster because no power is taken. Build one per capture and share it between threads.
 #[derive(Debug, Clone)]
 pub struct Encoder8 {
     /// `thresholds[v]`: the smallest linear file value that is stored as at least `v + 1`; NaN for

@@ -176,8 +176,7 @@ pub(crate) fn encode_8_bit(pixels: &[u8], width: usize, height: usize, format: I
     let colour = image::ExtendedColorType::Rgb8;
     let mut bytes = Vec::with_capacity(pixels.len() / 2 + 1024);
     let done = match format {
-        // A fixed filter and the fast compressor: captures are read far more often than kept, and
-        // adaptive filters take longer than the compression itself.
+        // A fixed filter and the fast compressor: thousands of images go by, so speed before size.
         ImageFormat::Png => PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Sub)
             .write_image(pixels, columns, rows, colour),
         _ => JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).write_image(pixels, columns, rows, colour),

@@ -125,11 +125,23 @@ impl FitRecord {
     }
 }
 
+/// Most bytes of a name and of a provenance that are kept: the room for the description is reserved
+/// before it is known (see [`crate::MATERIAL_RESERVE`]).
+const MOST_NAME: usize = 100;
+const MOST_PROVENANCE: usize = 300;
+
+/// `text` in one line, cut at `most` bytes.
+fn shortened(text: &str, most: usize) -> String {
+    let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let end = (0..=most.min(line.len())).rev().find(|end| line.is_char_boundary(*end)).unwrap_or(0);
+    line[..end].to_string()
+}
+
 impl Material {
     /// The description of a fit of `captures`, one per layer, without the error figures.
     pub fn new(captures: &[&CaptureInfo], fit: FitRecord) -> Material {
         Material {
-            name: captures.first().map(|info| info.name.clone()).unwrap_or_default(),
+            name: captures.first().map(|info| shortened(&info.name, MOST_NAME)).unwrap_or_default(),
             size_mm: captures.iter().find_map(|info| info.size_mm),
             layers: captures
                 .iter()
@@ -194,13 +206,13 @@ impl CaptureRecord {
     /// The conventions of `info`.
     pub fn of(info: &CaptureInfo) -> CaptureRecord {
         CaptureRecord {
-            name: info.name.clone(),
+            name: shortened(&info.name, MOST_NAME),
             transfer: info.transfer.to_string(),
             scale: info.scale,
             cosine: info.cosine.to_string(),
             side: info.side.to_string(),
             format: info.format.to_string(),
-            provenance: info.provenance.clone(),
+            provenance: shortened(&info.provenance, MOST_PROVENANCE),
         }
     }
 }
@@ -298,6 +310,23 @@ mod tests {
         assert_eq!((foreign.name.as_str(), foreign.layers.len()), ("x", 0));
         let message = read(r#"{"name":7}"#).unwrap_err().to_string();
         assert!(message.contains("material description"), "{message}");
+    }
+
+    #[test]
+    fn a_long_provenance_does_not_outgrow_the_reserve() {
+        let long = CaptureInfo { name: "\"é".repeat(500), provenance: "\n\"é€".repeat(500), ..info() };
+        let params = FitParams { bytes: Some(u64::MAX), leave_out: 0.123_456_789, ..FitParams::default() };
+        let error = Metrics {
+            psnr_db: 34.123_456_789,
+            psnr_linear_db: 34.123_456_789,
+            rel_rmse: 1.234_567_89e-5,
+            worst_texel_rmse: 1.234_567_89e-5,
+            delta_e00_mean: Some(1.234_567_89e-5),
+        };
+        let material = Material::new(&[&long, &long, &long, &long], FitRecord::new(&params, 64));
+        let text = Material { error: Some(error.rounded()), ..material }.to_json();
+        assert!(text.len() + 256 < crate::pipeline::MATERIAL_RESERVE, "{}", text.len());
+        assert!(text.contains("\\\"é"), "the text is cut between letters: {text}");
     }
 
     #[test]

@@ -12,11 +12,13 @@ use crate::holdout::Holdout;
 use crate::kmeans::{Clustering, kmeans};
 use crate::local_pca::{OVERSAMPLING, ResidualSource, local_pca};
 use crate::monitor::Monitor;
+use crate::compare::{MeasureParams, colour_pair_stride, measure, stride_over_pairs};
 use crate::params::{FitOutcome, FitParams};
 use crate::project::features;
 use crate::sparse::{ClusterLobes, correlate, select};
-use btf_capture::{Capture, CaptureInfo, Side};
-use btf_runtime::{Asset, Layer, ResidualKind, Sphere, SurfaceSide, lobe_tables, pack};
+use btf_capture::{Capture, CaptureInfo};
+use crate::material::{layer_directions, sides_of_capture};
+use btf_runtime::{Asset, Layer, Residual, ResidualKind, Resident, Sphere, lobe_tables, pack};
 use ndarray::{Array2, ArrayView2};
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -31,7 +33,7 @@ const REPRESENTATIVES: usize = 12;
 /// Lobes per dictionary.
 const DICTIONARY_SIZE: usize = 32;
 /// Pairs that a dictionary is fitted on at most.
-const DICTIONARY_PAIRS: usize = 8192;
+const DICTIONARY_PAIRS: usize = 3400;
 /// Added to a reflectance before its tone weight is taken.
 const TONE_EPSILON: f32 = 0.02;
 /// Without a byte budget: the relative error that one more lobe must remove.
@@ -44,6 +46,10 @@ const REF_BYTES: f64 = 4.0;
 const DEFAULT_COMPONENTS: usize = 8;
 const DEFAULT_RANKS: [usize; 3] = [32, 16, 16];
 const DEFAULT_BITS: u32 = 8;
+/// Rounds of plan and measurement that a PSNR goal gets, and how far above the goal the sampled figure
+/// must lie, so that the figure over all pairs reaches it.
+const PSNR_ROUNDS: usize = 5;
+const PSNR_MARGIN_DB: f64 = 0.03;
 /// Most components that a budget is filled with.
 const MOST_COMPONENTS: usize = 40;
 /// Room for the material text, whose figures are known only at the end.
@@ -66,7 +72,7 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
         let info = capture.info();
         let reason = if (info.width, info.height) != (width, height) {
             Some(format!("it is {} x {} texels, the first is {width} x {height}", info.width, info.height))
-        } else if captures[..number].iter().any(|other| sides(other.info().side) == sides(info.side)) {
+        } else if captures[..number].iter().any(|other| sides_of_capture(other.info().side) == sides_of_capture(info.side)) {
             Some("it shows the same sides as another".to_string())
         } else {
             None
@@ -87,21 +93,6 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
     let asset = Asset { width, height, material: String::new(), layers };
     let bytes = pack(&asset)?;
     Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, components, clusters, left_out })
-}
-
-fn sides(side: Side) -> (SurfaceSide, SurfaceSide) {
-    match side {
-        Side::Front => (SurfaceSide::Front, SurfaceSide::Front),
-        Side::Back => (SurfaceSide::Back, SurfaceSide::Back),
-        Side::TransmissionBack => (SurfaceSide::Back, SurfaceSide::Front),
-        Side::TransmissionFront => (SurfaceSide::Front, SurfaceSide::Back),
-    }
-}
-
-/// Unit vectors with z > 0: directions behind the surface are mirrored, as the format stores them.
-fn sphere(units: Vec<[f32; 3]>) -> Result<Sphere, FitError> {
-    let up: Vec<[f32; 3]> = units.into_iter().map(|[x, y, z]| [x, y, z.abs()]).collect();
-    Ok(Sphere::new(&up)?)
 }
 
 fn bytes_in_words(bytes: usize) -> String {
@@ -135,7 +126,7 @@ fn plan_memory(info: &CaptureInfo, params: &FitParams, wanted: usize) -> Result<
 
 fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monitor: &Monitor) -> Result<(Layer, Vec<usize>), FitError> {
     let info = capture.info();
-    let (lights, views) = (sphere(info.lights.units())?, sphere(info.views.units())?);
+    let (lights, views) = (Sphere::new(&layer_directions(&info.lights))?, Sphere::new(&layer_directions(&info.views))?);
     let searched = budget.is_some() || params.psnr_db.is_some();
     let wanted = params.components.unwrap_or(if searched { MOST_COMPONENTS } else { DEFAULT_COMPONENTS });
     let (most_components, left) = plan_memory(info, params, wanted)?;
@@ -162,12 +153,13 @@ fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monit
 
     let selection = monitor.stage("weights", || {
         let correlations = correlate(&cache, &clusters, &clustering.labels, monitor)?;
-        let mean_count = budget.map(|bytes| LOBE_SHARE * bytes as f64 / (REF_BYTES * info.texel_count() as f64));
+        let share = |bytes: usize| LOBE_SHARE * bytes as f64 / (REF_BYTES * info.texel_count() as f64);
+        let mean_count = budget.map(share).or(params.psnr_db.map(|_| 1.0));
         Ok(select(&clusters, &clustering.labels, &correlations, params.lobes, LOBE_PRICE, mean_count))
     })?;
     let mut layer = Layer {
-        light_side: sides(info.side).0,
-        view_side: sides(info.side).1,
+        light_side: sides_of_capture(info.side).0,
+        view_side: sides_of_capture(info.side).1,
         residual_kind: kind,
         epsilon,
         lights,
@@ -193,32 +185,77 @@ fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monit
         let rotated = Rotated::new(&models, [layer.views.len(), layer.lights.len()]);
         let planner = Planner::new(&models, &rotated, info.texel_count());
         let base = pack(&Asset { width: info.width, height: info.height, material: String::new(), layers: vec![layer.clone()] })?.len();
-        let plan = choose_plan(&planner, params, budget, base, info)?;
-        encode_residual(&source, &rotated, &plan, monitor)
+        match (budget, params.psnr_db) {
+            (Some(bytes), _) => {
+                let plan = plan_for_bytes(&planner, bytes, base, info)?;
+                encode_residual(&source, &rotated, &plan, monitor)
+            }
+            (None, Some(db)) => residual_for_psnr(capture, &mut layer, &planner, db, params, monitor, &|plan| {
+                encode_residual(&source, &rotated, plan, monitor)
+            }),
+            (None, None) => {
+                let plan = planner.fixed(DEFAULT_RANKS, vec![DEFAULT_BITS; planner.most_components()]);
+                encode_residual(&source, &rotated, &plan, monitor)
+            }
+        }
     })?;
     layer.residual = Some(residual);
     Ok((layer, holdout.pairs))
 }
 
-fn choose_plan(planner: &Planner, params: &FitParams, budget: Option<usize>, base: usize, info: &CaptureInfo) -> Result<Plan, FitError> {
+fn plan_for_bytes(planner: &Planner, bytes: usize, base: usize, info: &CaptureInfo) -> Result<Plan, FitError> {
+    planner.within_bytes(bytes.saturating_sub(base), planner.most_components()).ok_or_else(|| {
+        let least = base + planner.bytes([2, 2, 2], &[]) + MATERIAL_RESERVE;
+        FitError::Budget(format!(
+            "--bytes is too small for {} texels: the smallest asset has about {least} bytes; raise --bytes or lower --clusters",
+            info.texel_count()
+        ))
+    })
+}
+
+/// The smallest residual whose measured `psnr_db` is at least `db`: the plan's prediction is corrected by
+/// what it turned out to give.
+fn residual_for_psnr(
+    capture: &Capture,
+    layer: &mut Layer,
+    planner: &Planner,
+    db: f64,
+    params: &FitParams,
+    monitor: &Monitor,
+    encode: &dyn Fn(&Plan) -> Result<Residual, FitError>,
+) -> Result<Residual, FitError> {
+    let info = capture.info();
     let most = planner.most_components();
-    if let Some(bytes) = budget {
-        let room = bytes.saturating_sub(base);
-        return planner.within_bytes(room, most).ok_or_else(|| {
-            let least = base + planner.bytes([2, 2, 2], &[]) + MATERIAL_RESERVE;
-            FitError::Budget(format!(
-                "--bytes {bytes} is too small for {} texels: the smallest asset has about {least} bytes; raise --bytes or lower --clusters",
-                info.texel_count()
-            ))
-        });
+    let samples = (info.texel_count() * info.pair_count() * 3) as f64;
+    let stride = colour_pair_stride(info.views.len(), info.lights.len());
+    let measured_pairs: Vec<usize> = (0..info.pair_count()).step_by(stride).collect();
+    let mut target = error_for_psnr(db) * samples;
+    let mut found: Option<(usize, Residual)> = None;
+    let mut reached = 0.0f64;
+    for _ in 0..PSNR_ROUNDS {
+        let Some(plan) = planner.within_error(target, most).or_else(|| planner.best(most)) else { break };
+        let last_resort = plan.error > target;
+        layer.residual = Some(encode(&plan)?);
+        let asset = Asset { width: info.width, height: info.height, material: String::new(), layers: vec![layer.clone()] };
+        let resident = Resident::from_asset_with(&asset, |n, expand| (0..n).into_par_iter().map(expand).collect());
+        let measure_params =
+            MeasureParams { pairs: Some(measured_pairs.clone()), memory_bytes: params.memory_bytes / 8, ..MeasureParams::default() };
+        let measured = measure(capture, &asset, &resident, &measure_params, monitor)?.metrics().psnr_db;
+        reached = reached.max(measured);
+        let smaller = found.as_ref().is_none_or(|(bytes, _)| plan.bytes < *bytes);
+        if measured >= db + PSNR_MARGIN_DB && smaller {
+            found = layer.residual.take().map(|residual| (plan.bytes, residual));
+        }
+        if (measured < db && last_resort) || (measured >= db && measured <= db + 6.0 * PSNR_MARGIN_DB) {
+            break;
+        }
+        target *= 10f64.powf((measured - db - 3.0 * PSNR_MARGIN_DB) / 10.0);
     }
-    if let Some(db) = params.psnr_db {
-        let samples = (info.texel_count() * info.pair_count() * 3) as f64;
-        return planner.within_error(error_for_psnr(db) * samples, most).or_else(|| planner.best(most)).ok_or_else(|| {
-            FitError::Budget(format!("--psnr {db} cannot be reached; lower it or raise --clusters"))
-        });
-    }
-    Ok(planner.fixed(DEFAULT_RANKS, vec![DEFAULT_BITS; most]))
+    found.map(|(_, residual)| residual).ok_or_else(|| {
+        FitError::Budget(format!(
+            "--psnr {db} cannot be reached with these clusters and components (the best was {reached:.2} dB); lower it or raise --clusters"
+        ))
+    })
 }
 
 /// Mean squared error in the root domain at which `psnr_db` is `db`: the 8-bit code is about
@@ -307,7 +344,8 @@ fn dictionaries(
         monitor.check()?;
     }
 
-    let stride = pairs.div_ceil(DICTIONARY_PAIRS);
+    // A stride that shares no factor with the number of lights visits all of them.
+    let stride = stride_over_pairs(pairs.div_ceil(DICTIONARY_PAIRS), lights.len());
     let used: Vec<usize> = (0..pairs).step_by(stride).collect();
     let light_count = lights.len();
     let sampled = Pairs {

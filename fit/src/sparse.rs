@@ -14,6 +14,8 @@ use std::ops::ControlFlow;
 /// Stagewise step and end of a texel's path, relative to its strongest correlation.
 const STEP: f64 = 0.03;
 const LEAST_PENALTY: f64 = 0.02;
+/// With room for fewer lobes per texel than this, none are chosen.
+const LEAST_MEAN: f64 = 0.5;
 /// Texels of a product.
 const BATCH: usize = 64;
 
@@ -181,7 +183,20 @@ pub struct Selection {
 
 /// Chooses at most `most` lobes for every texel. Another lobe is taken while it lowers the texel's
 /// relative error by more than a price; the price is `price`, or what makes the mean count `mean_count`.
-pub fn select(clusters: &[ClusterLobes], labels: &[u32], correlations: &Correlations, most: usize, price: f64, mean_count: Option<f64>) -> Selection {
+///
+/// A texel takes at least one lobe unless the budget is too small for that: the residual of a cluster
+/// is of low rank only where all of its texels are predicted, or none.
+pub fn select(
+    clusters: &[ClusterLobes],
+    labels: &[u32],
+    correlations: &Correlations,
+    most: usize,
+    price: f64,
+    mean_count: Option<f64>,
+) -> Selection {
+    let most = if mean_count.is_some_and(|mean| mean < LEAST_MEAN) { 0 } else { most };
+    let least = most.min(1);
+    let mean_count = mean_count.map(|mean| mean.max(1.0));
     let choices: Vec<Choice> = (0..labels.len())
         .into_par_iter()
         .map(|texel| {
@@ -196,7 +211,7 @@ pub fn select(clusters: &[ClusterLobes], labels: &[u32], correlations: &Correlat
         let errors = &choices[texel].errors;
         let scale = if mean_count.is_some() { correlations.energy[texel] / mean_energy } else { 1.0 };
         let cost = |m: usize| scale * errors[m] + price * m as f64;
-        (0..errors.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b)).then(a.cmp(&b))).unwrap_or(0)
+        (least.min(errors.len() - 1)..errors.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b)).then(a.cmp(&b))).unwrap_or(0)
     };
     let mut price = price;
     if let Some(mean_count) = mean_count {

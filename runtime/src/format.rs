@@ -170,7 +170,7 @@ pub struct Directory {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Number of layers, 1 to [`MAX_LAYERS`].
+    /// Number of layers, 1 to 4.
     pub layers: u32,
     /// Section table, whole file.
     pub sections: Vec<SectionEntry>,
@@ -230,7 +230,7 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
     let total = word(bytes, header::LENGTH_LOW);
     let tiers: Vec<u32> = (0..tiers).map(|i| word(bytes, HEADER_WORDS + sections * SECTION_ENTRY_WORDS + i)).collect();
     let ascending = tiers.windows(2).all(|pair| pair[0] < pair[1]);
-    let aligned = tiers.iter().all(|length| *length as usize % ALIGNMENT == 0);
+    let aligned = tiers.iter().all(|length| (*length as usize).is_multiple_of(ALIGNMENT));
     if !ascending || !aligned || tiers.last() != Some(&total) {
         return Err(FormatError::Section {
             section: "tier table".into(),
@@ -267,6 +267,9 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
         }
         if SectionKind::from_number(entry.kind).is_none() && entry.flags & SECTION_REQUIRED != 0 {
             return Err(FormatError::UnknownRequiredSection { kind: entry.kind });
+        }
+        if entry.flags & !SECTION_REQUIRED != 0 {
+            return Err(broken("its flags are neither 0 nor 1"));
         }
         if entry.layer >= layers {
             return Err(broken("its layer is not below the layer count"));

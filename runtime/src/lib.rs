@@ -37,12 +37,16 @@ pub use decode::{
 };
 pub use error::FormatError;
 pub use format::{ALIGNMENT, Directory, MAGIC, SectionEntry, SectionKind, VERSION, read_directory};
-pub use lobe::{Lobe, LobeFamily, LobeSetup};
+pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
 pub use pack::pack;
 pub use quantize::{byte_from_weight, code_from_coefficient, coefficient_from_code, weight_from_byte};
-pub use resident::{HORIZON_COS, Resident, block};
-pub use residual::{Basis, COLOUR_FRAME, Coefficients, Factors, ROOT, ResidualKind, core_at_pair, expand_core};
-pub use sphere::{Neighbours, Sphere};
+pub use resident::{ASSET_LAYERS, HORIZON_COS, Resident, block};
+pub use residual::{
+    Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, ResidualKind, core_at_pair, expand_core,
+};
+pub use sphere::{
+    DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS,
+};
 pub use wgsl::{WGSL, wgsl_library};
 
 // Words are moved between bytes and `u32` as they lie in memory.

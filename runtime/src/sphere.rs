@@ -20,7 +20,7 @@ pub const EDGE_WORDS: usize = 8;
 /// Bit that marks a grid item as an edge.
 pub const ITEM_EDGE: u32 = 0x8000_0000;
 /// A direction counts as inside a triangle down to this barycentric weight (f32 rounding on an edge).
-const INSIDE_TOLERANCE: f32 = -1e-5;
+pub const INSIDE_TOLERANCE: f32 = -1e-5;
 /// Largest grid side.
 const MAX_GRID: u32 = 256;
 /// Largest entry of a triangle's inverse matrix: the least area that is kept is 1e-9. Bounded, so that
@@ -124,7 +124,7 @@ impl Sphere {
         Ok(Sphere { words })
     }
 
-    /// Checks the words of a section. Every rule of FORMAT.md that keeps [`locate`] in bounds is here.
+    /// Checks the words of a section. Every rule of FORMAT.md that keeps [`Sphere::locate`] in bounds is here.
     pub fn from_words(words: Vec<u32>) -> Result<Sphere, &'static str> {
         if words.len() < SPHERE_HEADER_WORDS {
             return Err("it is shorter than its header");

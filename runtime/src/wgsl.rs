@@ -1,6 +1,9 @@
 //! The decoder's WGSL as text, to be joined in this order with an includer's own.
 
 /// `(file name, text)`. The library has no bindings; its includer defines `fn asset_word(index: u32) -> u32`.
+///
+/// Core WGSL and nothing else. It reads half-precision pairs with `unpack2x16float`: naga's
+/// `SHADER_FLOAT16_IN_FLOAT32`, which every WebGPU device has (wgpu: `DownlevelFlags::SHADER_F16_IN_F32`).
 pub const WGSL: &[(&str, &str)] = &[
     ("quantize.wgsl", include_str!("shaders/quantize.wgsl")),
     ("sphere.wgsl", include_str!("shaders/sphere.wgsl")),

@@ -59,8 +59,7 @@ impl Blit {
     pub(crate) fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass, picture: &wgpu::Buffer, params: GpuBlit) {
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
         let layout = self.pipeline.get_bind_group_layout(0);
-        let group =
-            bind(gpu, &layout, &[(0, self.params.as_entire_binding()), (1, picture.as_entire_binding())]);
+        let group = bind(gpu, &layout, &[(0, self.params.as_entire_binding()), (1, picture.as_entire_binding())]);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.draw(0..3, 0..1);

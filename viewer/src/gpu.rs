@@ -29,8 +29,9 @@ pub struct Gpu {
 }
 
 /// What to install or check where no adapter answers.
-const NO_ADAPTER_REMEDY: &str = "install the graphics driver's Vulkan part (on Debian and Ubuntu the package \
-                                 mesa-vulkan-drivers, which also has a software driver)";
+const NO_ADAPTER_REMEDY: &str = "to have one, install the graphics driver's Vulkan part (on Debian and Ubuntu the \
+                                 package mesa-vulkan-drivers, which also has a software driver); --headless with \
+                                 --backend cpu renders without";
 
 /// Which backends are looked at: those that the shaders are tested for.
 const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
@@ -62,7 +63,7 @@ impl Gpu {
         if adapters.is_empty() {
             let purpose = if surface.is_some() { " that can show a window" } else { "" };
             return Err(ViewerError::NoAdapter(format!(
-                "no Vulkan, Metal or DirectX 12 adapter{purpose} answers: {NO_ADAPTER_REMEDY}, or use --backend cpu"
+                "no Vulkan, Metal or DirectX 12 adapter{purpose} answers; {NO_ADAPTER_REMEDY}"
             )));
         }
         let names: Vec<String> = adapters.iter().map(|adapter| adapter.get_info().name).collect();
@@ -93,6 +94,13 @@ impl Gpu {
 
     fn from_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Gpu, ViewerError> {
         let info = adapter.get_info();
+        // Assets hold half-precision numbers; every adapter that could run WebGPU reads them.
+        if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::SHADER_F16_IN_F32) {
+            return Err(ViewerError::NoAdapter(format!(
+                "the adapter {} does not read half-precision numbers, use --backend cpu",
+                info.name
+            )));
+        }
         let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::EXPERIMENTAL_RAY_QUERY;
         let features = adapter.features() & wanted;
         let ray_query = features.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY);
@@ -193,7 +201,12 @@ impl Gpu {
     }
 
     /// A storage or other buffer that holds `bytes`; at least 32 bytes long, because empty bindings are not allowed.
-    pub(crate) fn buffer(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, ViewerError> {
+    pub(crate) fn buffer(
+        &self,
+        label: &str,
+        bytes: &[u8],
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, ViewerError> {
         let buffer = self.empty_buffer(label, bytes.len() as u64, usage)?;
         self.queue.write_buffer(&buffer, 0, bytes);
         Ok(buffer)
@@ -221,7 +234,12 @@ impl Gpu {
             )));
         }
         let usage = usage | wgpu::BufferUsages::COPY_DST;
-        Ok(self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false }))
+        Ok(self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        }))
     }
 
     /// Copies a whole buffer back; `buffer` has `COPY_SRC`.

@@ -117,7 +117,7 @@ pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result
             // A name that fits no adapter is a mistake, not a machine without one.
             Err(error) if params.adapter.is_some() => Err(error),
             Err(error) => {
-                (control.notice)(&format!("{error}; rendering with the CPU decoder"));
+                (control.notice)(&format!("rendering with the CPU decoder: {error}"));
                 render_cpu(scene, params, control)
             }
         },

@@ -155,11 +155,8 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
 }
 
 fn make_scene(arguments: &Arguments) -> Result<Scene, ViewerError> {
-    let assets = arguments
-        .assets
-        .iter()
-        .map(|path| SceneAsset::load(path).map(Arc::new))
-        .collect::<Result<Vec<_>, _>>()?;
+    let assets =
+        arguments.assets.iter().map(|path| SceneAsset::load(path).map(Arc::new)).collect::<Result<Vec<_>, _>>()?;
     let mesh = MeshChoice::from_argument(&arguments.mesh);
     let mut scene = match &arguments.scene {
         Some(path) => load_scene(path, assets)?,
@@ -189,11 +186,12 @@ fn headless(
     let bar = if arguments.quiet {
         indicatif::ProgressBar::hidden()
     } else {
-        indicatif::ProgressBar::new(STEPS as u64)
-            .with_style(indicatif::ProgressStyle::with_template("{bar:40} {percent}% {eta}").unwrap_or_else(|_| {
+        indicatif::ProgressBar::new(STEPS as u64).with_style(
+            indicatif::ProgressStyle::with_template("{bar:40} {percent}% {eta}").unwrap_or_else(|_| {
                 // The template is a constant; the default style is as good.
                 indicatif::ProgressStyle::default_bar()
-            }))
+            }),
+        )
     };
     let notice = |text: &str| {
         if !arguments.quiet {

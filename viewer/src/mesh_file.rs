@@ -58,13 +58,7 @@ fn finish(path: &Path, mut part: MeshPart, has_normals: bool, has_tangents: bool
 }
 
 fn load_obj(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
-    let options = tobj::LoadOptions {
-        single_index: true,
-        triangulate: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..Default::default()
-    };
+    let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
     let (models, materials) = tobj::load_obj(path, &options)
         .map_err(|error| ViewerError::mesh(path, format!("the OBJ file cannot be read: {error}")))?;
     // A missing .mtl only costs the colours.
@@ -127,7 +121,10 @@ fn load_gltf(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
         let matrix = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
         if let Some(mesh) = node.mesh() {
             if !(matrix.is_finite() && matrix.determinant().abs() > 1e-30) {
-                return Err(fault(format!("node {} has a transform that flattens it, correct its scale", node.index())));
+                return Err(fault(format!(
+                    "node {} has a transform that flattens it, correct its scale",
+                    node.index()
+                )));
             }
             for primitive in mesh.primitives() {
                 if let Some(part) = gltf_part(path, &primitive, &buffers)? {
@@ -147,9 +144,10 @@ fn load_gltf(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
 fn accessor_fits(accessor: &gltf::Accessor, buffers: &[gltf::buffer::Data]) -> bool {
     let Some(view) = accessor.view() else { return true };
     let stride = view.stride().unwrap_or(accessor.size());
-    let span = accessor.count().checked_sub(1).map_or(Some(0), |last| {
-        last.checked_mul(stride)?.checked_add(accessor.size())?.checked_add(accessor.offset())
-    });
+    let span = accessor
+        .count()
+        .checked_sub(1)
+        .map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(accessor.size())?.checked_add(accessor.offset()));
     let end = view.offset().checked_add(view.length());
     span.is_some_and(|span| span <= view.length())
         && end.is_some_and(|end| buffers.get(view.buffer().index()).is_some_and(|buffer| end <= buffer.len()))
@@ -182,7 +180,9 @@ fn gltf_part(
         None => (0..positions.len() as u32).collect(),
     };
     let same = |length: Option<usize>| length.is_none_or(|length| length == positions.len());
-    if !same(normals.as_ref().map(Vec::len)) || !same(tangents.as_ref().map(Vec::len)) || !same(uvs.as_ref().map(Vec::len))
+    if !same(normals.as_ref().map(Vec::len))
+        || !same(tangents.as_ref().map(Vec::len))
+        || !same(uvs.as_ref().map(Vec::len))
     {
         return Err(fault("a primitive's attributes differ in length, export it again"));
     }

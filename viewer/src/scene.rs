@@ -20,8 +20,8 @@ const KEY_LIGHT: Vec3 = Vec3::new(-0.65, 0.75, 0.9);
 /// Distance of the lights from the object's centre, in radii of its bounding sphere.
 const LIGHT_DISTANCE_RADII: f32 = 4.0;
 /// Brightness of the built-in lights together: a white Lambertian surface that faces all of them at the object's
-/// centre has this linear value. Two rather than one, because real materials are seldom white.
-const KEY_BRIGHTNESS: f32 = 2.0;
+/// centre has this linear value. More than one, because real materials are seldom white.
+const KEY_BRIGHTNESS: f32 = 1.6;
 
 /// A packed asset, ready to be decoded.
 #[derive(Debug)]
@@ -150,12 +150,18 @@ impl Scene {
         let (mut vertices, mut triangles, mut materials) = (Vec::new(), Vec::new(), Vec::<Material>::new());
         for SceneObject { part, material } in objects {
             if material.asset.is_some_and(|asset| asset >= assets.len()) {
-                return Err(ViewerError::mesh(origin, format!("the part '{}' names an asset that is not there", part.name)));
+                return Err(ViewerError::mesh(
+                    origin,
+                    format!("the part '{}' names an asset that is not there", part.name),
+                ));
             }
             if material.asset.is_some() && !part.has_uv {
                 return Err(ViewerError::mesh(
                     origin,
-                    format!("the part '{}' has no texture coordinates, unwrap it before it can carry a material", part.name),
+                    format!(
+                        "the part '{}' has no texture coordinates, unwrap it before it can carry a material",
+                        part.name
+                    ),
                 ));
             }
             let number = materials.iter().position(|known| *known == material).unwrap_or_else(|| {
@@ -220,8 +226,7 @@ impl Scene {
             }
             MeshChoice::Cornell => {
                 let mut scene = Scene::from_objects(Path::new("cornell"), cornell_objects(count, uv_scale), assets)?;
-                scene.camera =
-                    Camera { eye: Vec3::new(0.0, 0.0, 4.4), target: Vec3::ZERO, up: Vec3::Y, fov_deg: 34.0 };
+                scene.camera = Camera { eye: Vec3::new(0.0, 0.0, 4.4), target: Vec3::ZERO, up: Vec3::Y, fov_deg: 34.0 };
                 scene.place_cornell_lights(1);
                 Ok(scene)
             }
@@ -232,7 +237,6 @@ impl Scene {
                         let asset = if count == 1 { Some(0) } else { (part.group < count).then_some(part.group) };
                         let material = match asset {
                             Some(asset) if part.has_uv => Material::from_asset(asset, uv_scale),
-                            Some(_) if count > 1 => Material::plain(part.diffuse),
                             _ => Material::plain(part.diffuse),
                         };
                         SceneObject { part, material }
@@ -324,9 +328,7 @@ fn cornell_objects(assets: usize, uv_scale: [f32; 2]) -> Vec<SceneObject> {
     );
     objects.push(SceneObject { part: block, material: Material::plain(WHITE) });
     let mut sphere = mesh::sphere();
-    sphere.transform(
-        Mat4::from_translation(Vec3::new(0.4, -0.58, 0.2)) * Mat4::from_scale(Vec3::splat(0.42)),
-    );
+    sphere.transform(Mat4::from_translation(Vec3::new(0.4, -0.58, 0.2)) * Mat4::from_scale(Vec3::splat(0.42)));
     objects.push(SceneObject { part: sphere, material: Material::from_asset(0, uv_scale) });
     objects
 }

@@ -8,7 +8,7 @@ use crate::shaders::{GpuTracer, trace_module};
 use btf_runtime::DecodeOptions;
 use wgpu::BufferUsages;
 
-/// [`GpuMaterial::asset`] of a plain material. Twin: `NO_ASSET` in `scene.wgsl`.
+/// The asset offset of a plain material. Twin: `NO_ASSET` in `scene.wgsl`.
 pub const NO_ASSET: u32 = u32::MAX;
 /// Assets begin at multiples of this many words in the arena, so that their sections stay aligned to 256 bytes.
 const ARENA_ALIGNMENT_WORDS: usize = 64;
@@ -162,6 +162,11 @@ impl Tracer {
         self.tracer
     }
 
+    /// Width and height of the picture, `None` before the first sample.
+    pub fn size(&self) -> Option<[u32; 2]> {
+        self.target.as_ref().map(|target| [target.width, target.height])
+    }
+
     /// Adds sample number `sample` to every pixel (0 starts anew) and submits the work. `timer` is where the GPU
     /// writes when it begins and ends.
     ///
@@ -187,7 +192,13 @@ impl Tracer {
     ///
     /// # Errors
     /// As [`Tracer::sample`].
-    pub fn warm_up(&mut self, gpu: &Gpu, scene: &Scene, size: [u32; 2], decode: &DecodeOptions) -> Result<(), ViewerError> {
+    pub fn warm_up(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        size: [u32; 2],
+        decode: &DecodeOptions,
+    ) -> Result<(), ViewerError> {
         self.prepare(gpu, scene, size)?;
         self.write_frame(gpu, scene, size, decode, 0);
         self.dispatch(gpu, [1, 1], None);
@@ -247,12 +258,7 @@ impl Tracer {
         let lights: Vec<GpuLight> = scene
             .lights
             .iter()
-            .map(|light| GpuLight {
-                position: light.position.to_array(),
-                pad0: 0,
-                intensity: light.intensity,
-                pad1: 0,
-            })
+            .map(|light| GpuLight { position: light.position.to_array(), pad0: 0, intensity: light.intensity, pad1: 0 })
             .collect();
         gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
     }
@@ -317,7 +323,11 @@ fn light_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, ViewerError> {
     gpu.empty_buffer("lights", (count * size_of::<GpuLight>()) as u64, BufferUsages::STORAGE)
 }
 
-fn acceleration_structure(gpu: &Gpu, scene: &Scene, vertices: &wgpu::Buffer) -> Result<(wgpu::Tlas, wgpu::Blas), ViewerError> {
+fn acceleration_structure(
+    gpu: &Gpu,
+    scene: &Scene,
+    vertices: &wgpu::Buffer,
+) -> Result<(wgpu::Tlas, wgpu::Blas), ViewerError> {
     let geometry = &scene.geometry;
     let most = gpu.device.limits().max_blas_primitive_count as usize;
     if geometry.triangles().len() > most {
@@ -399,9 +409,9 @@ fn structure_layout(gpu: &Gpu, tracer: GpuTracer) -> wgpu::BindGroupLayout {
             min_binding_size: None,
         },
     };
-    let entry =
-        wgpu::BindGroupLayoutEntry { binding: 0, visibility: wgpu::ShaderStages::COMPUTE, ty, count: None };
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("structure"), entries: &[entry] })
+    let entry = wgpu::BindGroupLayoutEntry { binding: 0, visibility: wgpu::ShaderStages::COMPUTE, ty, count: None };
+    gpu.device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("structure"), entries: &[entry] })
 }
 
 pub(crate) fn bind(

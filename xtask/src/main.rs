@@ -1,2 +1,119 @@
-//! Work in progress.
-fn main() {}
+//! `cargo xtask CHORE`: every chore of the repository, in Rust, with nothing to install first.
+//!
+//! | Chore | File |
+//! |---|---|
+//! | `test` | `test.rs`: the steps of CI; `counts.rs` reads the test runners' output |
+//! | `check` | `check.rs`: format and clippy |
+//! | `demo` | `demo.rs`: capture, fit, compare, picture; `outputs.rs` remembers which files it made |
+//! | `bench` | `bench.rs` |
+//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `apt.rs` reads Debian's package sources |
+//!
+//! The checks that are ours stand in `arrows.rs`, `licences.rs` (over `spdx.rs`) and `words.rs`; all of them read
+//! `cargo metadata` through `metadata.rs`.
+//!
+//! Exit codes: 0 success, 1 a failure, 2 bad usage; a program that a chore started passes its own code on.
+
+mod apt;
+mod arrows;
+mod bench;
+mod check;
+mod counts;
+mod demo;
+mod driver;
+mod failure;
+mod licences;
+mod metadata;
+mod outputs;
+mod shell;
+mod spdx;
+mod test;
+mod words;
+
+use failure::Failure;
+use std::process::ExitCode;
+
+const HELP: &str = "\
+Usage: cargo xtask CHORE [OPTIONS]
+
+Chores:
+  demo    make a leaf capture, fit it, measure it and render a picture of it
+  test    everything that CI runs; --quick is the tier for every edit
+  check   format and clippy only
+  bench   time reading, clustering, fitting and decoding (criterion)
+  setup   install the software Vulkan driver that the GPU tests run on
+
+`cargo xtask CHORE --help` tells more, with an example.";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match run(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// Runs the chore that the arguments name.
+fn run(arguments: &[String]) -> Result<(), Failure> {
+    let Some((chore, rest)) = arguments.split_first() else {
+        return Err(Failure::usage(format!("a chore is missing\n\n{HELP}")));
+    };
+    match chore.as_str() {
+        "demo" => demo::run(rest),
+        "test" => test::run(rest),
+        "check" => check::run(rest),
+        "bench" => bench::run(rest),
+        "setup" => driver::run(rest),
+        "-h" | "--help" | "help" => {
+            println!("{HELP}");
+            Ok(())
+        }
+        unknown => Err(Failure::usage(format!("there is no chore '{unknown}'\n\n{HELP}"))),
+    }
+}
+
+/// Whether the user asks for a chore's own help.
+fn asks_for_help(arguments: &[String]) -> bool {
+    arguments.iter().take_while(|argument| *argument != "--").any(|argument| argument == "-h" || argument == "--help")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn exit_code_of(arguments: &[&str]) -> u8 {
+        let arguments: Vec<String> = arguments.iter().map(ToString::to_string).collect();
+        run(&arguments).err().map_or(0, |failure| failure.exit_code())
+    }
+
+    #[test]
+    fn an_unknown_chore_is_bad_usage_and_the_list_is_shown() {
+        let failure = run(&["brew".to_string()]).unwrap_err();
+        assert_eq!(failure.exit_code(), 2);
+        assert!(failure.to_string().contains("no chore 'brew'"));
+        for chore in ["demo", "test", "check", "bench", "setup"] {
+            assert!(failure.to_string().contains(chore), "{chore} is not in the list");
+        }
+    }
+
+    #[test]
+    fn bad_options_of_every_chore_are_bad_usage() {
+        assert_eq!(exit_code_of(&[]), 2);
+        assert_eq!(exit_code_of(&["test", "--fast"]), 2);
+        assert_eq!(exit_code_of(&["test", "--only", "tea"]), 2);
+        assert_eq!(exit_code_of(&["demo", "--size", "large"]), 2);
+        assert_eq!(exit_code_of(&["demo", "--out"]), 2);
+        assert_eq!(exit_code_of(&["check", "now"]), 2);
+        assert_eq!(exit_code_of(&["setup", "now"]), 2);
+    }
+
+    #[test]
+    fn help_is_no_failure() {
+        assert_eq!(exit_code_of(&["--help"]), 0);
+        for chore in ["demo", "test", "check", "bench", "setup"] {
+            assert_eq!(exit_code_of(&[chore, "--help"]), 0);
+        }
+    }
+}

@@ -20,7 +20,7 @@ use std::f64::consts::PI;
 /// Smallest roughness: a narrower lobe falls between the directions of every known sampling.
 pub const MIN_ROUGHNESS: f64 = 0.05;
 
-/// Refractive index of a leaf's cuticle that [Miao] uses for the gloss.
+/// Refractive index of a leaf's cuticle, for the gloss [Miao, text after eq. 6].
 pub const CUTICLE_INDEX: f64 = 1.42;
 
 /// Entries of the table of directional albedo, even in the root of the cosine: dense towards

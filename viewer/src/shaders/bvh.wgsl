@@ -12,12 +12,14 @@ struct BvhNode {
 const BVH_STACK: u32 = 64u;
 const BOX_SLACK: f32 = 1.000001;
 const LEAST_DIRECTION: f32 = 1e-15;
-const LEAST_DETERMINANT: f32 = 1e-20;
+const LEAST_DETERMINANT: f32 = 1e-30;
+const EDGE_SLACK: f32 = 2.4e-7;
 
 fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> Hit {
     var best = Hit(t_max, NO_HIT, 0.0, 0.0);
     let least = select(vec3<f32>(LEAST_DIRECTION), vec3<f32>(-LEAST_DIRECTION), direction < vec3<f32>(0.0));
     let inverse = 1.0 / select(direction, least, abs(direction) < vec3<f32>(LEAST_DIRECTION));
+    let shear = bvh_shear(direction);
     var stack: array<u32, BVH_STACK>;
     var size = 0u;
     var at = 0u;
@@ -28,7 +30,7 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
         let node = nodes[at];
         if node.count > 0u {
             for (var primitive = node.first; primitive < node.first + node.count; primitive++) {
-                let hit = bvh_intersect(origin, direction, primitive);
+                let hit = bvh_intersect(origin, shear, primitive);
                 if hit.primitive != NO_HIT && hit.t < best.t {
                     best = hit;
                     if any {
@@ -69,25 +71,55 @@ fn bvh_enter(node: BvhNode, origin: vec3<f32>, inverse: vec3<f32>, t_max: f32) -
     return select(t_max, near, near <= far && near < t_max);
 }
 
-fn bvh_intersect(origin: vec3<f32>, direction: vec3<f32>, primitive: u32) -> Hit {
+struct BvhShear {
+    factors: vec3<f32>,
+    axis: u32,
+}
+
+fn bvh_shear(direction: vec3<f32>) -> BvhShear {
+    let size = abs(direction);
+    let axis = select(select(2u, 1u, size.y > size.z), 0u, size.x > size.y && size.x > size.z);
+    let d = bvh_turn(direction, axis);
+    let inverse = 1.0 / d.z;
+    return BvhShear(vec3<f32>(d.x * inverse, d.y * inverse, inverse), axis);
+}
+
+fn bvh_apply(shear: BvhShear, given: vec3<f32>) -> vec3<f32> {
+    let v = bvh_turn(given, shear.axis);
+    return vec3<f32>(v.x - shear.factors.x * v.z, v.y - shear.factors.y * v.z, v.z * shear.factors.z);
+}
+
+fn bvh_turn(v: vec3<f32>, axis: u32) -> vec3<f32> {
+    return select(select(v, v.zxy, axis == 1u), v.yzx, axis == 0u);
+}
+
+// (edge function, how much of it is rounding).
+fn bvh_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
+    let a = p.x * q.y;
+    let b = p.y * q.x;
+    return vec2<f32>(a - b, EDGE_SLACK * (abs(a) + abs(b)));
+}
+
+fn bvh_intersect(origin: vec3<f32>, shear: BvhShear, primitive: u32) -> Hit {
     let miss = Hit(0.0, NO_HIT, 0.0, 0.0);
     let corner = triangles[primitive].vertices;
-    let a = vertices[corner.x].position;
-    let ab = vertices[corner.y].position - a;
-    let ac = vertices[corner.z].position - a;
-    let p = cross(direction, ac);
-    let determinant = dot(ab, p);
-    if abs(determinant) < LEAST_DETERMINANT {
+    let a = bvh_apply(shear, vertices[corner.x].position - origin);
+    let b = bvh_apply(shear, vertices[corner.y].position - origin);
+    let c = bvh_apply(shear, vertices[corner.z].position - origin);
+    let wa = bvh_edge(c, b);
+    let wb = bvh_edge(a, c);
+    let wc = bvh_edge(b, a);
+    let positive = wa.x >= -wa.y && wb.x >= -wb.y && wc.x >= -wc.y;
+    let negative = wa.x <= wa.y && wb.x <= wb.y && wc.x <= wc.y;
+    let determinant = wa.x + wb.x + wc.x;
+    if !(positive || negative) || abs(determinant) < LEAST_DETERMINANT {
         return miss;
     }
     let inverse = 1.0 / determinant;
-    let s = origin - a;
-    let u = dot(s, p) * inverse;
-    let q = cross(s, ab);
-    let v = dot(direction, q) * inverse;
-    let t = dot(ac, q) * inverse;
-    if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 {
-        return Hit(t, primitive, u, v);
+    let t = (wa.x * a.z + wb.x * b.z + wc.x * c.z) * inverse;
+    if t <= 0.0 {
+        return miss;
     }
-    return miss;
+    let u = clamp(wb.x * inverse, 0.0, 1.0);
+    return Hit(t, primitive, u, clamp(wc.x * inverse, 0.0, 1.0 - u));
 }

@@ -1,0 +1,152 @@
+//! `btf-fit compare`.
+
+use super::output::{check_distinct, check_file, is_stdout, say, write_json};
+use super::{Decoding, Failure, Shared, progress};
+use btf_capture::{Capture, write_file_atomically};
+use btf_fit::{
+    MeasureParams, Metrics, ReportInput, ReportLayer, bytes_from_text, layer_for_capture, load_asset, measure,
+    peak_memory_bytes, report_html, resident_in_parallel, write_heatmaps,
+};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Measure the error of an asset against a capture
+///
+/// The capture must have the asset's texels. Where its directions are not those of the asset, the asset
+/// is interpolated.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:
+  btf-fit compare WOOL wool.spmm --json - --heatmap maps")]
+pub(super) struct CompareArgs {
+    /// The capture: a folder or a zip
+    #[arg(value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// The asset
+    #[arg(value_name = "ASSET.spmm")]
+    asset: PathBuf,
+    /// Layer of the asset, from 0; the one of the capture's side if not given
+    #[arg(long, value_name = "N")]
+    layer: Option<usize>,
+    #[command(flatten)]
+    decoding: Decoding,
+    /// Most memory to use for images
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "4GB")]
+    memory: u64,
+    /// Write error maps (per texel, per pair) and a table of all pairs into this folder
+    #[arg(long, value_name = "DIR")]
+    heatmap: Option<PathBuf>,
+    /// Write a page with figures, pictures and error maps
+    #[arg(long, value_name = "REPORT.html")]
+    report: Option<PathBuf>,
+    /// Write the figures as JSON; - for standard output
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What `compare --json` writes.
+#[derive(Debug, serde::Serialize)]
+struct CompareResult<'a> {
+    capture: &'a Path,
+    asset: &'a Path,
+    layer: usize,
+    bytes: usize,
+    #[serde(flatten)]
+    metrics: Metrics,
+    texels: usize,
+    pairs: usize,
+    interpolated: bool,
+    /// Column and row of the texel with the largest linear error.
+    worst_texel: [usize; 2],
+    seconds: f64,
+    peak_memory_bytes: Option<u64>,
+}
+
+pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
+    let start = Instant::now();
+    let outputs: Vec<&Path> =
+        [args.report.as_ref(), args.json.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
+    check_distinct(&outputs)?;
+    let capture = Capture::open(&args.capture)?;
+    let (bytes, asset) = load_asset(&args.asset)?;
+    for path in &outputs {
+        check_file(path, &[args.capture.clone(), args.asset.clone()])?;
+    }
+    if let Some(dir) = &args.heatmap {
+        std::fs::create_dir_all(dir)
+            .map_err(|error| Failure::Path(format!("{} cannot be made a folder ({error}); give another one", dir.display())))?;
+        check_file(&dir.join("pairs.csv"), std::slice::from_ref(&args.capture))?;
+    }
+    let layer = match args.layer {
+        Some(layer) if layer < asset.layers.len() => layer,
+        Some(layer) => {
+            let count = asset.layers.len();
+            return Err(Failure::Usage(format!("--layer {layer} is not there: {} has {count}", args.asset.display())));
+        }
+        None => layer_for_capture(capture.info(), &asset)?,
+    };
+
+    let monitor = progress::monitor(shared)?;
+    let resident = resident_in_parallel(&asset);
+    let params =
+        MeasureParams { layer, options: args.decoding.options(), memory_bytes: args.memory, ..MeasureParams::default() };
+    let comparison = monitor.stage("measure", || measure(&capture, &asset, &resident, &params, &monitor))?;
+    if let Some(dir) = &args.heatmap {
+        write_heatmaps(dir, capture.info(), &comparison)?;
+    }
+    if let Some(path) = &args.report {
+        let layers = vec![ReportLayer { capture: &capture, layer, comparison: &comparison }];
+        let input = ReportInput {
+            bytes: &bytes,
+            asset: &asset,
+            resident: &resident,
+            layers,
+            stages: &[],
+            peak_memory_bytes: None,
+            psnr_left_out_db: None,
+        };
+        write_file_atomically(path, report_html(&input, &monitor)?.as_bytes())?;
+    }
+    let worst = comparison
+        .texel_linear_error
+        .iter()
+        .enumerate()
+        .fold((0, 0.0), |worst, (texel, error)| if *error > worst.1 { (texel, *error) } else { worst })
+        .0;
+    let result = CompareResult {
+        capture: &args.capture,
+        asset: &args.asset,
+        layer,
+        bytes: bytes.len(),
+        metrics: comparison.metrics(),
+        texels: comparison.width * comparison.height,
+        pairs: comparison.pairs.len(),
+        interpolated: comparison.interpolated,
+        worst_texel: [worst % comparison.width, worst / comparison.width],
+        seconds: start.elapsed().as_secs_f64(),
+        peak_memory_bytes: peak_memory_bytes(),
+    };
+    if let Some(target) = &args.json {
+        write_json(target, &result)?;
+    }
+    if !shared.quiet && !args.json.as_deref().is_some_and(is_stdout) {
+        say(&summary(&result));
+    }
+    Ok(())
+}
+
+fn summary(result: &CompareResult) -> String {
+    let metrics = &result.metrics;
+    let [x, y] = result.worst_texel;
+    let mut text = format!(
+        "psnr            {:.3} dB (8-bit values)\npsnr, linear    {:.3} dB\nrelative RMSE   {:.5}\nworst texel     {:.5} RMSE at column {x}, row {y}",
+        metrics.psnr_db, metrics.psnr_linear_db, metrics.rel_rmse, metrics.worst_texel_rmse
+    );
+    if let Some(delta_e) = metrics.delta_e00_mean {
+        text += &format!("\nCIEDE2000       {delta_e:.3}, mean");
+    }
+    if result.interpolated {
+        text += "\nthe capture has directions that the asset has not measured; the asset was interpolated there";
+    }
+    text
+}

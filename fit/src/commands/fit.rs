@@ -1,0 +1,299 @@
+//! `btf-fit fit`.
+
+use super::output::{check_distinct, check_file, complain, is_stdout, say, write_json};
+use super::{Failure, Shared, progress};
+use btf_capture::{Capture, write_file_atomically};
+use btf_fit::{
+    ErrorMeasure, FitError, FitParams, Fitted, KMeansEngine, Metrics, Monitor, ReportInput, ReportLayer, Stage,
+    bytes_from_text, fit_and_measure, peak_memory_bytes, report_html, text_from_bytes,
+};
+use clap::{Args, ValueEnum};
+use serde::ser::{Serialize, SerializeMap, Serializer};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Fit captures and pack them into one asset
+///
+/// CAPTURE is a folder in Bonn's layout (UBO2003) or a zip of one. Several captures of the same texel
+/// grid, which differ in the sides of light and eye, become the layers of one asset.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  btf-fit fit WOOL -o wool.spmm --bytes 2MB --report wool.html
+  btf-fit fit LEAF_FRONT LEAF_BACK LEAF_THROUGH -o leaf.spmm --psnr 35 --json -")]
+pub(super) struct FitArgs {
+    /// Capture folders or zips, one per layer
+    #[arg(required = true, value_name = "CAPTURE")]
+    captures: Vec<PathBuf>,
+    /// The asset to write
+    #[arg(short, long, value_name = "ASSET.spmm")]
+    output: PathBuf,
+    /// Largest size of the asset, as 2MB or 2MiB; lobes, components and bits are chosen to fit
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, conflicts_with = "psnr")]
+    bytes: Option<u64>,
+    /// Least PSNR of the 8-bit values in dB; the smallest asset that reaches it is chosen
+    #[arg(long, value_name = "DB")]
+    psnr: Option<f64>,
+    /// Clusters of texels, 1 to 256, each with its own lobes and bases
+    #[arg(long, value_name = "N", default_value_t = FitParams::default().clusters)]
+    clusters: usize,
+    /// Most lobes of a texel, 0 to 32
+    #[arg(long, value_name = "N", default_value_t = FitParams::default().lobes)]
+    lobes: usize,
+    /// Residual components, 0 to 64; what --bytes or --psnr gives, else 8
+    #[arg(long, value_name = "N")]
+    components: Option<usize>,
+    /// Most memory to use
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "4GB")]
+    memory: u64,
+    /// The error to make small: of gamma-encoded values, of linear ones, or relative
+    #[arg(long, value_enum, default_value = "gamma")]
+    error: ErrorArg,
+    /// Hold this share of the direction pairs back, 0 to 0.9, and report their error apart
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    leave_out: f64,
+    /// The k-means to use
+    #[arg(long, value_enum, default_value = "product")]
+    kmeans: KMeansArg,
+    /// Seed of every random choice
+    #[arg(long, default_value_t = FitParams::default().seed)]
+    seed: u64,
+    /// Write a page with figures, pictures and error maps
+    #[arg(long, value_name = "REPORT.html")]
+    report: Option<PathBuf>,
+    /// Write the figures as JSON; - for standard output
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ErrorArg {
+    Gamma,
+    Linear,
+    Log,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum KMeansArg {
+    /// Matrix products, the fastest
+    Product,
+    /// linfa-clustering's, for comparison
+    Linfa,
+}
+
+/// What `fit --json` writes.
+#[derive(Debug, serde::Serialize)]
+struct FitResult<'a> {
+    asset: &'a Path,
+    bytes: usize,
+    seconds: f64,
+    stages: Stages<'a>,
+    peak_memory_bytes: Option<u64>,
+    #[serde(flatten)]
+    metrics: Metrics,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    psnr_left_out_db: Option<f64>,
+    clusters: usize,
+    lobes_per_texel_mean: f64,
+    components: usize,
+    layers: usize,
+}
+
+/// Seconds by stage, in the order of the stages.
+#[derive(Debug)]
+struct Stages<'a>(&'a [Stage]);
+
+impl Serialize for Stages<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.0.len()))?;
+        for stage in self.0 {
+            map.serialize_entry(&stage.name, &stage.seconds)?;
+        }
+        map.end()
+    }
+}
+
+pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
+    let start = Instant::now();
+    let params = params(args);
+    params.check().map_err(|error| Failure::Usage(error.to_string()))?;
+    let outputs: Vec<&Path> =
+        [Some(&args.output), args.report.as_ref(), args.json.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
+    if is_stdout(&args.output) {
+        return Err(Failure::Usage("an asset cannot be written to standard output; give -o a file name".into()));
+    }
+    check_distinct(&outputs)?;
+    let captures = args.captures.iter().map(Capture::open).collect::<Result<Vec<_>, _>>()?;
+    for path in &outputs {
+        check_file(path, &args.captures)?;
+    }
+
+    let monitor = progress::monitor(shared)?;
+    let fitted = fit_and_measure(&captures, &params, &monitor)?;
+    let page = match &args.report {
+        Some(_) => Some(monitor.stage("report", || page(&captures, &fitted, &monitor))?),
+        None => None,
+    };
+    // Ctrl-C up to here leaves everything as it was.
+    monitor.check()?;
+    write_file_atomically(&args.output, &fitted.bytes)?;
+    if let (Some(path), Some(page)) = (&args.report, page) {
+        write_file_atomically(path, page.as_bytes())?;
+    }
+    let stages = monitor.stages();
+    let result = FitResult {
+        asset: &args.output,
+        bytes: fitted.bytes.len(),
+        seconds: start.elapsed().as_secs_f64(),
+        stages: Stages(&stages),
+        peak_memory_bytes: peak_memory_bytes(),
+        metrics: fitted.metrics,
+        psnr_left_out_db: fitted.psnr_left_out_db,
+        clusters: fitted.clusters,
+        lobes_per_texel_mean: fitted.lobes_per_texel_mean,
+        components: fitted.components,
+        layers: fitted.asset.layers.len(),
+    };
+    if let Some(target) = &args.json {
+        write_json(target, &result)?;
+    }
+    if !shared.quiet && !args.json.as_deref().is_some_and(is_stdout) {
+        say(&summary(&result, args));
+    }
+    if let Some(asked) = args.psnr.filter(|asked| fitted.metrics.psnr_db < *asked) {
+        complain(&format!(
+            "warning: {:.2} dB were reached, --psnr asked for {asked}; give more --clusters",
+            fitted.metrics.psnr_db
+        ));
+    }
+    Ok(())
+}
+
+fn params(args: &FitArgs) -> FitParams {
+    let folder = args.output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    FitParams {
+        bytes: args.bytes,
+        psnr_db: args.psnr,
+        clusters: args.clusters,
+        lobes: args.lobes,
+        components: args.components,
+        memory_bytes: args.memory,
+        error: match args.error {
+            ErrorArg::Gamma => ErrorMeasure::Gamma,
+            ErrorArg::Linear => ErrorMeasure::Linear,
+            ErrorArg::Log => ErrorMeasure::Log,
+        },
+        leave_out: args.leave_out,
+        seed: args.seed,
+        kmeans: match args.kmeans {
+            KMeansArg::Product => KMeansEngine::Product,
+            KMeansArg::Linfa => KMeansEngine::Linfa,
+        },
+        cache_directory: folder.to_path_buf(),
+    }
+}
+
+fn page(captures: &[Capture], fitted: &Fitted, monitor: &Monitor) -> Result<String, FitError> {
+    let stages = monitor.stages();
+    let layers = captures
+        .iter()
+        .zip(&fitted.comparisons)
+        .enumerate()
+        .map(|(layer, (capture, comparison))| ReportLayer { capture, layer, comparison })
+        .collect();
+    let input = ReportInput {
+        bytes: &fitted.bytes,
+        asset: &fitted.asset,
+        resident: &fitted.resident,
+        layers,
+        stages: &stages,
+        peak_memory_bytes: peak_memory_bytes(),
+        psnr_left_out_db: fitted.psnr_left_out_db,
+    };
+    report_html(&input, monitor)
+}
+
+fn summary(result: &FitResult, args: &FitArgs) -> String {
+    let metrics = &result.metrics;
+    let mut lines = vec![
+        format!("{}: {}", args.output.display(), text_from_bytes(result.bytes as u64)),
+        format!("  psnr        {:.2} dB (8-bit values), {:.2} dB (linear)", metrics.psnr_db, metrics.psnr_linear_db),
+        format!("  error       {:.4} relative RMSE, {:.4} worst texel", metrics.rel_rmse, metrics.worst_texel_rmse),
+    ];
+    if let Some(delta_e) = metrics.delta_e00_mean {
+        lines.push(format!("  colour      {delta_e:.2} CIEDE2000, mean"));
+    }
+    if let Some(db) = result.psnr_left_out_db {
+        lines.push(format!("  left out    {db:.2} dB"));
+    }
+    lines.push(format!(
+        "  model       {} clusters, {:.2} lobes per texel, {} components",
+        result.clusters, result.lobes_per_texel_mean, result.components
+    ));
+    let memory = result.peak_memory_bytes.map_or(String::new(), |bytes| format!(", {} memory", text_from_bytes(bytes)));
+    lines.push(format!("  time        {:.1} s{memory}", result.seconds));
+    if let Some(path) = &args.report {
+        lines.push(format!("  report      {}", path.display()));
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Wrapper {
+        #[command(flatten)]
+        args: FitArgs,
+    }
+
+    fn parse(words: &[&str]) -> Result<FitParams, clap::Error> {
+        Wrapper::try_parse_from(["fit"].iter().chain(words)).map(|wrapper| params(&wrapper.args))
+    }
+
+    #[test]
+    fn the_defaults_are_the_librarys() {
+        assert_eq!(parse(&["capture", "-o", "a.spmm"]).unwrap(), FitParams::default());
+        let other = parse(&["c", "-o", "out/a.spmm", "--bytes", "1.75MB", "--memory", "500MiB", "--error", "log"]).unwrap();
+        assert_eq!((other.bytes, other.memory_bytes), (Some(1_750_000), 500 << 20));
+        assert_eq!((other.error, other.cache_directory), (ErrorMeasure::Log, PathBuf::from("out")));
+    }
+
+    #[test]
+    fn options_that_contradict_each_other_are_refused() {
+        assert!(parse(&["c", "-o", "a", "--bytes", "2MB", "--psnr", "35"]).is_err());
+        assert!(parse(&["-o", "a"]).is_err());
+        assert!(parse(&["c"]).is_err());
+        assert!(parse(&["c", "-o", "a", "--bytes", "lots"]).is_err());
+    }
+
+    #[test]
+    fn json_has_the_keys_that_scripts_rely_on_and_stages_in_order() {
+        let stages = [Stage { name: "read".into(), seconds: 1.0 }, Stage { name: "cluster".into(), seconds: 2.0 }];
+        let metrics =
+            Metrics { psnr_db: 34.0, psnr_linear_db: 40.0, rel_rmse: 0.1, worst_texel_rmse: 0.2, delta_e00_mean: Some(1.0) };
+        let result = FitResult {
+            asset: Path::new("a.spmm"),
+            bytes: 5,
+            seconds: 3.0,
+            stages: Stages(&stages),
+            peak_memory_bytes: Some(7),
+            metrics,
+            psnr_left_out_db: None,
+            clusters: 32,
+            lobes_per_texel_mean: 2.5,
+            components: 8,
+            layers: 1,
+        };
+        let text = serde_json::to_string(&result).unwrap();
+        for key in [
+            "bytes", "seconds", "stages", "peak_memory_bytes", "psnr_db", "psnr_linear_db", "rel_rmse", "worst_texel_rmse",
+            "clusters", "lobes_per_texel_mean", "components", "delta_e00_mean",
+        ] {
+            assert!(text.contains(&format!("\"{key}\":")), "{key} in {text}");
+        }
+        assert!(!text.contains("psnr_left_out_db"));
+        assert!(text.contains(r#""stages":{"read":1.0,"cluster":2.0}"#), "{text}");
+    }
+}

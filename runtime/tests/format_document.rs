@@ -1,0 +1,210 @@
+//! Executes the worked example of docs/FORMAT.md: its bytes are parsed, every field that it names is
+//! compared, its values are decoded, and the same asset packed from parts gives the same bytes.
+
+use btf_runtime::{
+    Asset, Basis, Coefficients, DecodeOptions, DictionaryLobe, Factors, Interpolation, Layer, Lobe, LobeFamily,
+    LobeRef, Resident, Residual, ResidualKind, Sphere, SurfaceSide, coefficient_from_code, decode, pack,
+    read_directory, weight_from_byte,
+};
+use half::f16;
+
+const DOCUMENT: &str = include_str!("../../docs/FORMAT.md");
+
+/// The lines of the fenced block with this info string.
+fn block(name: &str) -> Vec<&'static str> {
+    let fence = format!("```{name}");
+    let mut lines = DOCUMENT.lines().skip_while(|line| *line != fence);
+    assert!(lines.next().is_some(), "docs/FORMAT.md has no block {name}");
+    lines.take_while(|line| *line != "```").collect()
+}
+
+/// `offset  bytes in hex  | remark`; what lies between the rows is zero, up to the row `end`.
+fn bytes_from_dump(lines: &[&str]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for line in lines {
+        let mut words = line.split('|').next().unwrap_or("").split_whitespace();
+        let Some(offset) = words.next() else { continue };
+        let offset = usize::from_str_radix(offset, 16).expect("an offset in hex");
+        assert!(offset >= bytes.len(), "rows rise: {line}");
+        bytes.resize(offset, 0);
+        bytes.extend(words.map(|byte| u8::from_str_radix(byte, 16).expect("a byte in hex")));
+    }
+    bytes
+}
+
+/// `name = value` lines.
+fn named(name: &str) -> Vec<(String, String)> {
+    let pair = |line: &str| {
+        let (name, value) = line.split_once('=').expect("name = value");
+        (name.trim().to_string(), value.trim().to_string())
+    };
+    block(name).into_iter().map(pair).collect()
+}
+
+fn halves(numbers: &[f32]) -> Vec<f16> {
+    numbers.iter().map(|x| f16::from_f32(*x)).collect()
+}
+
+/// The example from its parts, as a fitter would hand it to the packer.
+fn example() -> Asset {
+    let factors = Factors {
+        shape: [1, 3],
+        ranks: [[1, 1], [1, 1], [0, 0]],
+        view: [halves(&[1.0]), halves(&[1.0]), vec![]],
+        light: [halves(&[1.0, 0.5, 0.25]), halves(&[0.0, 1.0, -1.0]), vec![]],
+    };
+    let residual = Residual {
+        bases: vec![
+            Basis { scales: halves(&[0.125, 0.0625]), values: vec![127, 127] },
+            Basis { scales: halves(&[0.25, 0.125]), values: vec![127, -127] },
+        ],
+        coefficients: vec![Coefficients { bits: 4, steps: halves(&[0.25]), codes: vec![10] }],
+        factors,
+    };
+    let lobe = Lobe { family: LobeFamily::Lambertian, normal_xy: [0.0; 2], tangent_rad: 0.0, params: [0.0; 4] };
+    let layer = Layer {
+        light_side: SurfaceSide::Front,
+        view_side: SurfaceSide::Front,
+        residual_kind: ResidualKind::Additive,
+        epsilon: 0.5,
+        lights: Sphere::new(&[[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.6, 0.8]]).unwrap(),
+        views: Sphere::new(&[[0.0, 0.0, 1.0]]).unwrap(),
+        texel_clusters: vec![0],
+        texel_lobe_counts: vec![1],
+        dictionary: vec![vec![DictionaryLobe { lobe, weight_scale: 1.0 }]],
+        lobe_refs: vec![LobeRef { lobe: 0, weight: [255, 204, 51] }],
+        residual: Some(residual),
+    };
+    Asset { width: 1, height: 1, material: r#"{"name":"example"}"#.to_string(), layers: vec![layer] }
+}
+
+/// Every field of the example by its name in the document, in the document's order.
+fn fields(bytes: &[u8]) -> Vec<(String, String)> {
+    let (directory, asset) = (read_directory(bytes).unwrap(), Asset::parse(bytes).unwrap());
+    let layer = &asset.layers[0];
+    let (entry, reference) = (&layer.dictionary[0][0], &layer.lobe_refs[0]);
+    let residual = layer.residual.as_ref().unwrap();
+    let plane = &residual.coefficients[0];
+    let list = |halves: &[f16]| halves.iter().map(|x| x.to_f32().to_string()).collect::<Vec<_>>().join(" ");
+    let counts = |sphere: &Sphere| sphere.words()[..5].iter().map(u32::to_string).collect::<Vec<_>>().join(" ");
+    let offsets: Vec<String> = directory.sections.iter().map(|section| section.offset.to_string()).collect();
+    let tiers: Vec<String> = directory.tiers.iter().map(u32::to_string).collect();
+    let weights = reference.weight.map(|q| format!("{:.4}", weight_from_byte(q.into(), entry.weight_scale)));
+    [
+        ("length", bytes.len().to_string()),
+        ("width", asset.width.to_string()),
+        ("height", asset.height.to_string()),
+        ("layer_count", directory.layers.to_string()),
+        ("section_count", directory.sections.len().to_string()),
+        ("section offsets", offsets.join(" ")),
+        ("tier lengths", tiers.join(" ")),
+        ("material", asset.material.clone()),
+        ("light_side", format!("{:?}", layer.light_side)),
+        ("view_side", format!("{:?}", layer.view_side)),
+        ("residual_kind", format!("{:?}", layer.residual_kind)),
+        ("epsilon", layer.epsilon.to_string()),
+        ("clusters", layer.dictionary.len().to_string()),
+        ("components", residual.coefficients.len().to_string()),
+        ("light set: directions triangles edges side items", counts(&layer.lights)),
+        ("light 1", format!("{:?}", layer.lights.direction(1))),
+        ("view set: directions triangles edges side items", counts(&layer.views)),
+        ("cluster of texel 0", layer.texel_clusters[0].to_string()),
+        ("lobes of texel 0", layer.texel_lobe_counts[0].to_string()),
+        ("family of lobe 0", format!("{:?}", entry.lobe.family)),
+        ("weight scale of lobe 0", entry.weight_scale.to_string()),
+        ("weights of texel 0", weights.join(" ")),
+        ("ranks", format!("{:?}", residual.factors.ranks)),
+        ("light factors, channel 0", list(&residual.factors.light[0])),
+        ("light factors, channel 1", list(&residual.factors.light[1])),
+        ("core of the mean", format!("{:?}", residual.bases[0].core(&residual.factors, 0))),
+        ("core of component 1", format!("{:?}", residual.bases[1].core(&residual.factors, 0))),
+        ("bits of component 1", plane.bits.to_string()),
+        ("step of component 1", plane.steps[0].to_f32().to_string()),
+        ("code of texel 0", plane.codes[0].to_string()),
+        ("coefficient of texel 0, in steps", coefficient_from_code(plane.codes[0].into(), plane.bits).to_string()),
+    ]
+    .into_iter()
+    .map(|(name, value)| (name.to_string(), value))
+    .collect()
+}
+
+/// The example's bytes as the document has them.
+fn document_bytes() -> Vec<u8> {
+    bytes_from_dump(&block("hexdump"))
+}
+
+#[test]
+fn the_documents_bytes_parse_and_every_named_field_is_there() {
+    let bytes = document_bytes();
+    assert_eq!(named("fields"), fields(&bytes));
+    // Planted difference: another weight is another line.
+    let mut other = example();
+    other.layers[0].lobe_refs[0].weight[1] = 205;
+    assert_ne!(named("fields"), fields(&pack(&other).unwrap()));
+}
+
+#[test]
+fn the_example_packed_from_its_parts_gives_the_documents_bytes() {
+    let bytes = document_bytes();
+    assert_eq!(Asset::parse(&bytes).unwrap(), example());
+    let packed = pack(&example()).unwrap();
+    let first = packed.iter().zip(&bytes).position(|(a, b)| a != b);
+    assert_eq!((first, packed.len()), (None, bytes.len()), "first different byte, length");
+}
+
+#[test]
+fn one_changed_byte_of_the_document_is_refused() {
+    let bytes = document_bytes();
+    assert!(Asset::parse(&bytes).is_ok());
+    for at in 0..bytes.len() {
+        let mut changed = bytes.clone();
+        changed[at] = changed[at].wrapping_add(1);
+        assert!(Asset::parse(&changed).is_err(), "byte {at:#x}");
+    }
+}
+
+#[test]
+fn the_documents_decoded_values_are_what_the_decoder_gives() {
+    let bytes = document_bytes();
+    let tiers = read_directory(&bytes).unwrap().tiers;
+    let mut rows = 0;
+    for (input, output) in named("decoded") {
+        let words: Vec<&str> = input.split_whitespace().collect();
+        let ["tier", tier, rule, "wi", direction @ ..] = &words[..] else { panic!("{input}") };
+        let numbers = |words: &[&str]| -> [f32; 3] {
+            let numbers: Vec<f32> = words.iter().map(|word| word.parse().expect("a number")).collect();
+            numbers.try_into().expect("three numbers")
+        };
+        let wi = numbers(direction);
+        let expected = numbers(&output.split_whitespace().collect::<Vec<_>>());
+        let interpolation = match *rule {
+            "fast" => Interpolation::Fast,
+            "exact" => Interpolation::Exact,
+            _ => panic!("{input}"),
+        };
+        let length = tiers[tier.parse::<usize>().expect("a tier")] as usize;
+        let resident = Resident::from_asset(&Asset::parse(&bytes[..length]).unwrap());
+        let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
+        let got = decode(&resident, 0, 0, wi, [0.0, 0.0, 1.0], &options);
+        let close = |expected: [f32; 3]| (0..3).all(|c| (got[c] - expected[c]).abs() <= 1e-4);
+        assert!(close(expected), "{input}: {got:?}");
+        assert!(!close([expected[0], expected[1], expected[2] + 3e-4]), "the planted value must not pass");
+        rows += 1;
+    }
+    assert_eq!(rows, 10);
+}
+
+#[test]
+fn the_documents_lobe_families_are_the_codes() {
+    let rows = block("families");
+    assert_eq!(rows.len(), LobeFamily::ALL.len());
+    for (family, row) in LobeFamily::ALL.into_iter().zip(rows) {
+        let mut expected = format!("{} {family:?}", family as u32);
+        for (i, (least, most)) in family.ranges().into_iter().enumerate() {
+            if (least, most) != (0.0, 0.0) {
+                expected += &format!(" p{i} {least} {most}");
+            }
+        }
+        assert_eq!(row.split_whitespace().collect::<Vec<_>>().join(" "), expected);
+    }
+}

@@ -1,0 +1,226 @@
+//! The WGSL library beside its Rust twin: it parses and validates with nothing beyond core WGSL, its
+//! constants are the twin's, and the twin files hold the same functions in the same order.
+
+use btf_runtime::{
+    ASSET_LAYERS, DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Interpolation, LOBE_RESIDENT_WORDS,
+    LobeFamily, MAX_LOG, MIN_COS_VIEW, MIN_HALF, RATIO_EPSILON, RATIO_RANGE, ROOT, ResidualKind, SPHERE_HEADER_WORDS,
+    TRIANGLE_WORDS, WGSL, block, wgsl_library,
+};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{Expression, Literal, Module};
+
+/// The least that an includer adds: the binding and an entry point.
+const INCLUDER: &str = "
+@group(0) @binding(0) var<storage, read> words: array<u32>;
+@group(0) @binding(1) var<storage, read_write> result: array<vec4<f32>>;
+
+fn asset_word(index: u32) -> u32 {
+    return words[index];
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let options = BtfOptions(0xffffffffu, 0xffffffffu, id.y, 0u);
+    let layer = btf_layer_for_sides(0u, 0u, 0u);
+    let texel = btf_texel(0u, vec2<f32>(0.25, f32(id.x) / 64.0));
+    let wi = normalize(vec3<f32>(0.1, 0.2, 1.0));
+    result[id.x] = vec4<f32>(btf_decode(0u, layer, texel, wi, vec3<f32>(0.0, 0.0, 1.0), options), 1.0);
+}
+";
+
+/// All that the library needs. `unpack2x16float` is core WGSL; naga counts it as a capability of its own
+/// because some OpenGL drivers, and Mesa's software Vulkan without 16-bit floats, lack it.
+const CAPABILITIES: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+
+fn module_from(source: &str, capabilities: Capabilities) -> Result<Module, String> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
+    Validator::new(ValidationFlags::all(), capabilities)
+        .validate(&module)
+        .map_err(|error| error.emit_to_string(source))?;
+    Ok(module)
+}
+
+fn library() -> Module {
+    module_from(&(wgsl_library() + INCLUDER), CAPABILITIES).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn the_library_is_valid_with_exactly_the_capability_that_it_names() {
+    let module = library();
+    assert!(module_from(&(wgsl_library() + INCLUDER), Capabilities::empty()).is_err(), "it is needed");
+    assert_eq!(module.entry_points.len(), 1);
+    for name in ["btf_decode", "btf_texel", "btf_size", "btf_layer_for_sides"] {
+        assert!(module.functions.iter().any(|(_, function)| function.name.as_deref() == Some(name)), "{name}");
+    }
+    // The library alone lacks the includer's reader, and a planted type error is seen.
+    assert!(module_from(&wgsl_library(), CAPABILITIES).is_err());
+    let broken = (wgsl_library() + INCLUDER).replace("MIN_COS_VIEW: f32 = 0.02", "MIN_COS_VIEW: f32 = 2u");
+    assert!(module_from(&broken, CAPABILITIES).is_err());
+}
+
+#[test]
+fn the_library_binds_nothing_and_has_no_entry_points() {
+    for (name, text) in WGSL {
+        for word in ["@group", "@binding", "@compute", "@fragment", "@vertex", "var<storage", "var<uniform"] {
+            assert!(!text.contains(word), "{name} has {word}");
+        }
+    }
+}
+
+/// Name and value of every constant of the module, as doubles (every u32 and f32 fits one exactly).
+fn constants(module: &Module) -> Vec<(String, f64)> {
+    let mut found: Vec<(String, f64)> = module
+        .constants
+        .iter()
+        .filter_map(|(_, constant)| {
+            let value = match module.global_expressions[constant.init] {
+                Expression::Literal(Literal::U32(value)) => f64::from(value),
+                Expression::Literal(Literal::F32(value)) => f64::from(value),
+                _ => return None,
+            };
+            Some((constant.name.clone()?, value))
+        })
+        .collect();
+    found.sort_by(|a, b| a.0.cmp(&b.0));
+    found
+}
+
+/// The twin of every WGSL constant.
+fn expected_constants() -> Vec<(String, f64)> {
+    let words = [
+        ("SPHERE_HEADER_WORDS", SPHERE_HEADER_WORDS),
+        ("DIRECTION_WORDS", DIRECTION_WORDS),
+        ("TRIANGLE_WORDS", TRIANGLE_WORDS),
+        ("EDGE_WORDS", EDGE_WORDS),
+        ("ITEM_EDGE", ITEM_EDGE as usize),
+        ("LOBE_RESIDENT_WORDS", LOBE_RESIDENT_WORDS),
+        ("RESIDUAL_ADDITIVE", ResidualKind::Additive as usize),
+        ("RESIDUAL_LOG", ResidualKind::Log as usize),
+        ("RESIDUAL_ROOT", ResidualKind::Root as usize),
+        ("INTERPOLATION_EXACT", Interpolation::Exact as usize),
+        ("ASSET_LAYERS", ASSET_LAYERS),
+        ("BLOCK_LIGHT_SIDE", block::LIGHT_SIDE),
+        ("BLOCK_VIEW_SIDE", block::VIEW_SIDE),
+        ("BLOCK_RESIDUAL_KIND", block::RESIDUAL_KIND),
+        ("BLOCK_EPSILON", block::EPSILON),
+        ("BLOCK_BASES", block::BASES),
+        ("BLOCK_CHANNEL_WORDS", block::CHANNEL_WORDS),
+        ("BLOCK_LIGHTS", block::LIGHTS),
+        ("BLOCK_VIEWS", block::VIEWS),
+        ("BLOCK_RECORDS", block::RECORDS),
+        ("BLOCK_REFS", block::REFS),
+        ("BLOCK_DICTIONARIES", block::DICTIONARIES),
+        ("BLOCK_BASIS", block::BASIS),
+        ("BLOCK_CODES", block::CODES),
+        ("BLOCK_CODE_WORDS", block::CODE_WORDS),
+        ("BLOCK_BITS", block::BITS),
+        ("BLOCK_LIGHT_COUNT", block::LIGHT_COUNT),
+        ("BLOCK_PAIRS", block::PAIRS),
+        ("BLOCK_HORIZON", block::HORIZON),
+    ];
+    let floats = [
+        ("INSIDE_TOLERANCE", INSIDE_TOLERANCE),
+        // The twin's infinity: WGSL must make none.
+        ("FAR", 1e30),
+        ("MIN_COS_VIEW", MIN_COS_VIEW),
+        ("MIN_HALF", MIN_HALF),
+        ("ROOT", ROOT),
+        ("MAX_LOG", MAX_LOG),
+        ("RATIO_EPSILON", RATIO_EPSILON),
+        ("RATIO_LEAST", RATIO_RANGE[0]),
+        ("RATIO_MOST", RATIO_RANGE[1]),
+    ];
+    let mut all: Vec<(String, f64)> = words.iter().map(|(name, value)| (name.to_string(), *value as f64)).collect();
+    all.extend(floats.iter().map(|(name, value)| (name.to_string(), f64::from(*value))));
+    all.sort_by(|a, b| a.0.cmp(&b.0));
+    all
+}
+
+#[test]
+fn every_wgsl_constant_is_its_rust_twins() {
+    assert_eq!(constants(&library()), expected_constants());
+    // Planted difference: two fields of a layer block swapped.
+    let swapped = (wgsl_library() + INCLUDER)
+        .replace("BLOCK_BASIS: u32 = 11u", "BLOCK_BASIS: u32 = 12u")
+        .replace("BLOCK_CODES: u32 = 12u", "BLOCK_CODES: u32 = 11u");
+    assert_ne!(constants(&module_from(&swapped, CAPABILITIES).expect("still valid")), expected_constants());
+}
+
+#[test]
+fn the_options_lie_in_wgsl_as_documented() {
+    let module = library();
+    let (_, options) = module.types.iter().find(|(_, kind)| kind.name.as_deref() == Some("BtfOptions")).unwrap();
+    let naga::TypeInner::Struct { members, span } = &options.inner else { panic!("BtfOptions is a struct") };
+    let fields: Vec<(&str, u32)> =
+        members.iter().map(|member| (member.name.as_deref().unwrap_or(""), member.offset)).collect();
+    assert_eq!((fields, *span), (vec![("components", 0), ("lobes", 4), ("interpolation", 8), ("pad", 12)], 16));
+}
+
+/// Names after `fn`, in order of appearance.
+fn function_names(text: &str) -> Vec<&str> {
+    let after_fn = |line: &'_ str| -> Option<usize> {
+        let code = line.trim_start();
+        let start = ["fn ", "pub fn ", "pub(crate) fn "].iter().find(|head| code.starts_with(**head))?;
+        Some(line.len() - code.len() + start.len())
+    };
+    text.lines()
+        .filter_map(|line| after_fn(line).map(|start| &line[start..]))
+        .map(|name| &name[..name.find(['(', '<']).unwrap_or(name.len())])
+        .collect()
+}
+
+/// The first WGSL function that has no Rust twin in its place.
+fn first_out_of_order<'a>(rust: &str, wgsl: &'a str, prefix: &str, alone: &[&str]) -> Option<&'a str> {
+    let rust = rust.split("#[cfg(test)]").next().unwrap_or(rust);
+    let mut twins = function_names(rust).into_iter();
+    function_names(wgsl)
+        .into_iter()
+        .filter(|name| !alone.contains(name))
+        .find(|name| !twins.any(|twin| twin == name.strip_prefix(prefix).unwrap_or(name)))
+}
+
+#[test]
+fn twin_files_hold_the_same_functions_in_the_same_order() {
+    let wgsl = |name: &str| WGSL.iter().find(|(file, _)| *file == name).unwrap().1;
+    // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
+    type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
+    let twins: [Twin; 5] = [
+        (include_str!("../src/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
+        (include_str!("../src/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
+        (include_str!("../src/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
+        (include_str!("../src/residual.rs"), "residual.wgsl", "residual_", &[]),
+        (
+            include_str!("../src/decode.rs"),
+            "decode.wgsl",
+            "btf_",
+            &["btf_size", "btf_texel", "btf_layer_for_sides", "btf_texel_record"],
+        ),
+    ];
+    for (rust, file, prefix, alone) in twins {
+        assert_eq!(first_out_of_order(rust, wgsl(file), prefix, alone), None, "{file}");
+        for name in alone {
+            assert!(function_names(wgsl(file)).contains(name), "{name} is no longer in {file}");
+        }
+    }
+    // Planted difference: two lobes exchanged.
+    let exchanged = wgsl("lobe.wgsl")
+        .replace("fn lobe_ward(", "fn x(")
+        .replace("fn lobe_ggx(", "fn lobe_ward(")
+        .replace("fn x(", "fn lobe_ggx(");
+    let found = first_out_of_order(include_str!("../src/lobe.rs"), &exchanged, "lobe_", &["lobe_from_resident"]);
+    assert!(found.is_some());
+}
+
+#[test]
+fn the_lobe_switch_has_a_case_for_each_family() {
+    let lobes = WGSL.iter().find(|(file, _)| *file == "lobe.wgsl").unwrap().1;
+    for family in LobeFamily::ALL {
+        // lobe_oren_nayar from OrenNayar; Lambertian, 0, is the default.
+        let name = format!("{family:?}").chars().fold(String::from("lobe"), |name, c| {
+            if c.is_uppercase() { name + "_" + &c.to_lowercase().to_string() } else { name + &c.to_string() }
+        });
+        let case = format!("case {}u: {{ return {name}(", family as u32);
+        assert_eq!(lobes.contains(&case), family != LobeFamily::Lambertian, "{case}");
+    }
+    assert!(lobes.contains("default: { return ci; }"));
+}

@@ -1,0 +1,218 @@
+//! The side panel: what the user can turn while looking.
+
+use crate::scene::{PointLight, Scene, intensity_for};
+use crate::shaders::GpuTracer;
+use btf_runtime::{DecodeOptions, Interpolation};
+use glam::Vec3;
+
+/// Slider position of the lobes above which all are used; fitted assets have fewer.
+const LOBES_ALL: u32 = 17;
+/// Most lights that the panel offers.
+const MAX_PANEL_LIGHTS: usize = 256;
+
+/// A renderer that the panel can switch to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Renderer {
+    Gpu(GpuTracer),
+    Cpu,
+}
+
+impl Renderer {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Renderer::Gpu(tracer) => tracer.name(),
+            Renderer::Cpu => "cpu",
+        }
+    }
+}
+
+/// A light as the panel shows it: by angles about the scene's centre, seen from its front (+z).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PanelLight {
+    azimuth_deg: f32,
+    elevation_deg: f32,
+    distance: f32,
+    brightness: f32,
+    colour: [f32; 3],
+}
+
+impl PanelLight {
+    fn from_light(light: &PointLight, centre: Vec3) -> PanelLight {
+        let offset = light.position - centre;
+        let distance = offset.length().max(1e-6);
+        let peak = light.intensity.iter().fold(0f32, |a, b| a.max(*b));
+        PanelLight {
+            azimuth_deg: offset.x.atan2(offset.z).to_degrees(),
+            elevation_deg: (offset.y / distance).clamp(-1.0, 1.0).asin().to_degrees(),
+            distance,
+            brightness: peak / intensity_for(distance, 1.0),
+            colour: if peak > 0.0 { light.intensity.map(|x| x / peak) } else { [1.0; 3] },
+        }
+    }
+
+    fn light(&self, centre: Vec3) -> PointLight {
+        let (sin_a, cos_a) = self.azimuth_deg.to_radians().sin_cos();
+        let (sin_e, cos_e) = self.elevation_deg.to_radians().sin_cos();
+        let intensity = intensity_for(self.distance, self.brightness);
+        PointLight {
+            position: centre + Vec3::new(sin_a * cos_e, sin_e, cos_a * cos_e) * self.distance,
+            intensity: self.colour.map(|x| x * intensity),
+        }
+    }
+}
+
+/// What the panel shows but does not change.
+pub(crate) struct Status<'a> {
+    pub adapter: &'a str,
+    pub renderers: &'a [Renderer],
+    pub frame_ms: Option<f64>,
+    pub timer: &'static str,
+    pub samples: u32,
+    pub picture: [u32; 2],
+    pub problem: Option<&'a str>,
+}
+
+/// The panel's state.
+pub(crate) struct Panel {
+    pub decode: DecodeOptions,
+    pub renderer: Renderer,
+    lights: Vec<PanelLight>,
+    selected: usize,
+    max_components: u32,
+    centre: Vec3,
+    radius: f32,
+}
+
+impl Panel {
+    pub(crate) fn new(scene: &Scene, decode: DecodeOptions, renderer: Renderer) -> Panel {
+        let (centre, radius) = scene.geometry.bounding_sphere();
+        let residents = scene.assets.iter().map(|asset| &asset.resident);
+        let max_components =
+            residents.flat_map(|resident| (0..resident.layers()).map(|l| resident.components(l))).max().unwrap_or(0);
+        Panel {
+            decode,
+            renderer,
+            lights: scene.lights.iter().map(|light| PanelLight::from_light(light, centre)).collect(),
+            selected: 0,
+            max_components,
+            centre,
+            radius,
+        }
+    }
+
+    /// Draws the panel; true if something changed that changes the picture (exposure does not need new samples).
+    pub(crate) fn show(&mut self, ui: &mut egui::Ui, scene: &mut Scene, status: &Status) -> bool {
+        let before = (self.decode, self.renderer, self.lights.clone());
+        ui.heading("BTF viewer");
+        self.show_status(ui, status);
+        ui.separator();
+        self.show_decoding(ui, scene);
+        ui.separator();
+        self.show_lights(ui);
+        ui.separator();
+        ui.small("drag: turn   wheel: zoom\nshift or right drag: move");
+        if before.2 != self.lights {
+            scene.lights = self.lights.iter().map(|light| light.light(self.centre)).collect();
+        }
+        before != (self.decode, self.renderer, self.lights.clone())
+    }
+
+    fn show_status(&mut self, ui: &mut egui::Ui, status: &Status) {
+        ui.label(status.adapter);
+        egui::ComboBox::from_label("backend").selected_text(self.renderer.name()).show_ui(ui, |ui| {
+            for renderer in status.renderers {
+                ui.selectable_value(&mut self.renderer, *renderer, renderer.name());
+            }
+        });
+        match status.frame_ms {
+            Some(ms) => ui.label(format!("{ms:.2} ms per frame ({})", status.timer)),
+            None => ui.label("measuring"),
+        };
+        ui.label(format!("{} x {}, {} samples", status.picture[0], status.picture[1], status.samples));
+        if let Some(problem) = status.problem {
+            ui.colored_label(egui::Color32::LIGHT_RED, problem);
+        }
+    }
+
+    fn show_decoding(&mut self, ui: &mut egui::Ui, scene: &mut Scene) {
+        let mut components = self.decode.components.min(self.max_components);
+        ui.add_enabled_ui(self.max_components > 0, |ui| {
+            let slider = egui::Slider::new(&mut components, 0..=self.max_components);
+            if ui.add(slider.text("components")).changed() {
+                self.decode.components = if components == self.max_components { u32::MAX } else { components };
+            }
+        });
+        let mut lobes = self.decode.lobes.min(LOBES_ALL);
+        let slider = egui::Slider::new(&mut lobes, 0..=LOBES_ALL)
+            .custom_formatter(|x, _| if x >= f64::from(LOBES_ALL) { "all".into() } else { format!("{x:.0}") });
+        if ui.add(slider.text("lobes")).changed() {
+            self.decode.lobes = if lobes == LOBES_ALL { u32::MAX } else { lobes };
+        }
+        ui.horizontal(|ui| {
+            ui.radio_value(&mut self.decode.interpolation, Interpolation::Fast, "fast");
+            ui.radio_value(&mut self.decode.interpolation, Interpolation::Exact, "exact");
+            ui.label("interpolation");
+        });
+        ui.add(egui::Slider::new(&mut scene.exposure_ev, -6.0..=6.0).text("exposure, EV"));
+    }
+
+    fn show_lights(&mut self, ui: &mut egui::Ui) {
+        ui.horizontal(|ui| {
+            ui.label(format!("lights: {}", self.lights.len()));
+            if ui.add_enabled(self.lights.len() < MAX_PANEL_LIGHTS, egui::Button::new("add")).clicked() {
+                // Opposite to the last one, so that it shows.
+                let last = self.lights.last().copied().unwrap_or(PanelLight {
+                    azimuth_deg: 35.0,
+                    elevation_deg: 40.0,
+                    distance: 4.0 * self.radius,
+                    brightness: 1.0,
+                    colour: [1.0; 3],
+                });
+                let azimuth_deg = (last.azimuth_deg + 70.0 + 180.0).rem_euclid(360.0) - 180.0;
+                self.lights.push(PanelLight { azimuth_deg, ..last });
+                self.selected = self.lights.len() - 1;
+            }
+            if ui.add_enabled(!self.lights.is_empty(), egui::Button::new("remove")).clicked() {
+                self.lights.remove(self.selected);
+                self.selected = self.selected.min(self.lights.len().saturating_sub(1));
+            }
+        });
+        if self.lights.len() > 1 {
+            let last = self.lights.len() - 1;
+            // Counted from 1, as the number of lights is.
+            let mut number = self.selected + 1;
+            ui.add(egui::Slider::new(&mut number, 1..=last + 1).text("light"));
+            self.selected = number - 1;
+        }
+        let radius = self.radius;
+        if let Some(light) = self.lights.get_mut(self.selected) {
+            ui.add(egui::Slider::new(&mut light.azimuth_deg, -180.0..=180.0).text("azimuth"));
+            ui.add(egui::Slider::new(&mut light.elevation_deg, -90.0..=90.0).text("elevation"));
+            // A nearer or farther light keeps its brightness on the object.
+            ui.add(
+                egui::Slider::new(&mut light.distance, 0.2 * radius..=20.0 * radius).logarithmic(true).text("distance"),
+            );
+            ui.add(egui::Slider::new(&mut light.brightness, 0.0..=10.0).text("brightness"));
+            ui.horizontal(|ui| {
+                ui.color_edit_button_rgb(&mut light.colour);
+                ui.label("colour");
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_light_survives_the_way_through_the_panel() {
+        let centre = Vec3::new(1.0, 2.0, 3.0);
+        let light = PointLight { position: Vec3::new(-3.0, 5.0, 9.0), intensity: [10.0, 20.0, 5.0] };
+        let back = PanelLight::from_light(&light, centre).light(centre);
+        assert!((back.position - light.position).length() < 1e-4);
+        assert!(back.intensity.iter().zip(light.intensity).all(|(a, b)| (a - b).abs() < 1e-3));
+        let dark = PointLight { intensity: [0.0; 3], ..light };
+        assert_eq!(PanelLight::from_light(&dark, centre).light(centre).intensity, [0.0; 3]);
+    }
+}

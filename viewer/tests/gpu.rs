@@ -1,0 +1,215 @@
+//! What the GPU draws is what the CPU reference draws. A missing adapter is a failure, unless `BTF_SKIP_GPU=1` is set;
+//! then each test prints one line `skipped: ...` and passes.
+
+use btf_runtime::testing::{Random, sample_asset};
+use btf_runtime::{Asset, DecodeOptions, Interpolation, Resident, ResidualKind, decode, pack};
+use btf_viewer::{
+    BackendChoice, Control, DecodeQuery, Gpu, GpuTracer, MeshChoice, NO_HIT, RenderParams, Rendered, Scene, SceneAsset,
+    gpu_decode, render,
+};
+use std::sync::Arc;
+
+/// Absolute and relative tolerance of a decoded channel. Half-precision bases are steps of 2^-11 relative; both decoders
+/// read the same bytes, so what is left is the rounding of f32 sums and of the drivers' powers and exponentials.
+const ABSOLUTE: f32 = 1e-3;
+const RELATIVE: f32 = 1e-3;
+
+/// The adapter, or `None` where GPU tests are skipped on purpose.
+fn gpu(test: &str) -> Option<Gpu> {
+    if std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1") {
+        println!("skipped: {test} (BTF_SKIP_GPU=1)");
+        return None;
+    }
+    match Gpu::headless(None) {
+        Ok(gpu) => Some(gpu),
+        Err(error) => panic!("{error}; BTF_SKIP_GPU=1 skips this test"),
+    }
+}
+
+/// Both tracers; the driver of the tests has ray queries.
+const TRACERS: [GpuTracer; 2] = [GpuTracer::RayQuery, GpuTracer::Bvh];
+
+fn asset(seed: u64, kind: ResidualKind) -> Asset {
+    // Through the file form, as a user's asset goes.
+    Asset::parse(&pack(&sample_asset(seed, 24, 16, kind)).unwrap()).unwrap()
+}
+
+fn close(a: f32, b: f32) -> bool {
+    (a - b).abs() <= ABSOLUTE + RELATIVE * a.abs()
+}
+
+/// Samples of which a channel differs by more than the tolerance.
+fn count_differences(expected: &[[f32; 3]], found: &[[f32; 3]]) -> usize {
+    assert_eq!(expected.len(), found.len());
+    expected.iter().zip(found).filter(|(a, b)| !(0..3).all(|channel| close(a[channel], b[channel]))).count()
+}
+
+fn unit(mut v: [f32; 3]) -> [f32; 3] {
+    let length = v.iter().map(|x| x * x).sum::<f32>().sqrt();
+    v.iter_mut().for_each(|x| *x /= length);
+    v
+}
+
+/// Directions over the half sphere; one in eight at, just above or below the horizon, one in 64 along the normal.
+fn direction(random: &mut Random) -> [f32; 3] {
+    let mut d = random.direction();
+    match random.below(64) {
+        0 => d = [0.0, 0.0, 1.0],
+        1 | 2 => d[2] = 0.0,
+        3 | 4 => d[2] = 1e-4,
+        5 | 6 => d[2] = -d[2],
+        7 | 8 => d[2] = 0.02,
+        _ => {}
+    }
+    unit(d)
+}
+
+#[test]
+fn gpu_decodes_100_000_samples_like_the_cpu() {
+    let Some(gpu) = gpu("gpu_decodes_100_000_samples_like_the_cpu") else { return };
+    const SAMPLES: usize = 100_000;
+    for (seed, kind) in [(1, ResidualKind::Additive), (2, ResidualKind::Log), (3, ResidualKind::Root)] {
+        let resident = Resident::from_asset(&asset(seed, kind));
+        let texels = resident.width() * resident.height();
+        let mut random = Random::new(seed);
+        let queries: Vec<DecodeQuery> = (0..SAMPLES)
+            .map(|_| DecodeQuery {
+                layer: 0,
+                texel: random.below(texels as usize) as u32,
+                wi: direction(&mut random),
+                wo: direction(&mut random),
+            })
+            .collect();
+        for interpolation in [Interpolation::Fast, Interpolation::Exact] {
+            let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
+            let cpu = |options: &DecodeOptions| -> Vec<[f32; 3]> {
+                queries.iter().map(|q| decode(&resident, q.layer, q.texel, q.wi, q.wo, options)).collect()
+            };
+            let expected = cpu(&options);
+            for tracer in TRACERS {
+                let found = gpu_decode(&gpu, tracer, &resident, &options, &queries).unwrap();
+                let worst = expected
+                    .iter()
+                    .zip(&found)
+                    .flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs() / (ABSOLUTE + RELATIVE * a[c].abs())))
+                    .fold(0.0, f32::max);
+                println!("{kind:?} {interpolation:?} {}: worst {worst:.4} of the tolerance", tracer.name());
+                assert_eq!(count_differences(&expected, &found), 0, "{kind:?} {interpolation:?} {}", tracer.name());
+                // Planted differences: one component less, and one value off by two tolerances.
+                let fewer = cpu(&DecodeOptions { components: 3, ..options });
+                assert!(count_differences(&fewer, &found) > SAMPLES / 100);
+                let mut off = expected.clone();
+                off[777][1] += 2.0 * (ABSOLUTE + RELATIVE * off[777][1]);
+                assert_eq!(count_differences(&off, &found), 1);
+            }
+        }
+    }
+}
+
+fn scene(mesh: MeshChoice) -> Scene {
+    let assets = vec![Arc::new(SceneAsset::new("sample", &asset(5, ResidualKind::Root)))];
+    let mut scene = Scene::built_in(&mesh, assets, [1.0; 2]).unwrap();
+    if mesh == MeshChoice::Cornell {
+        scene.place_cornell_lights(3)
+    } else {
+        scene.place_lights(3)
+    }
+    scene
+}
+
+fn draw(scene: &Scene, backend: BackendChoice, frames: u32) -> Rendered {
+    let params = RenderParams { size: [160, 120], frames, backend, adapter: None, decode: DecodeOptions::default() };
+    render(scene, &params, &Control::SILENT).unwrap()
+}
+
+/// Pixels whose primitives differ, and of those the ones that do not lie on an edge. On an edge, within rounding, a ray may
+/// go to either side: the two triangles have a corner in common, or (silhouettes) a pixel beside this one hits the other.
+fn primitive_differences(scene: &Scene, a: &Rendered, b: &Rendered) -> (usize, usize) {
+    let (width, height) = (a.report.width as usize, a.report.height as usize);
+    let mut differences = (0, 0);
+    for (pixel, (p, q)) in a.hits.iter().zip(&b.hits).map(|(a, b)| (a.primitive, b.primitive)).enumerate() {
+        if p == q {
+            continue;
+        }
+        let corners_touch = p != NO_HIT
+            && q != NO_HIT
+            && scene.geometry.corners(p).iter().any(|corner| scene.geometry.corners(q).contains(corner));
+        let (x, y) = (pixel % width, pixel / width);
+        let beside = (y.saturating_sub(1)..(y + 2).min(height))
+            .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x))
+            .any(|near| a.hits[near].primitive == q);
+        differences.0 += 1;
+        differences.1 += usize::from(!corners_touch && !beside);
+    }
+    differences
+}
+
+/// Share of pixels that may lie on an edge within rounding.
+const EDGE_SHARE: usize = 500;
+
+#[test]
+fn ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel() {
+    let Some(_gpu) = gpu("ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel") else { return };
+    for mesh in [MeshChoice::Sphere, MeshChoice::Plane, MeshChoice::Cornell] {
+        let scene = scene(mesh.clone());
+        let cpu = draw(&scene, BackendChoice::Cpu, 1);
+        let [query, bvh] = TRACERS.map(|tracer| draw(&scene, BackendChoice::Gpu(tracer), 1));
+        assert!(cpu.hits.iter().any(|hit| hit.primitive != NO_HIT));
+        for (name, a, b) in
+            [("ray query, bvh", &query, &bvh), ("ray query, cpu", &query, &cpu), ("bvh, cpu", &bvh, &cpu)]
+        {
+            let (edges, faults) = primitive_differences(&scene, a, b);
+            println!("{mesh:?}, {name}: {edges} edge pixels differ, {faults} pixels elsewhere");
+            assert!(edges <= a.hits.len() / EDGE_SHARE && faults == 0, "{mesh:?}, {name}");
+        }
+        // Planted difference: a camera that is half a pixel further.
+        let mut moved = scene.clone();
+        moved.camera.pan(0.5 / 120.0, 0.0);
+        let (edges, faults) =
+            primitive_differences(&scene, &query, &draw(&moved, BackendChoice::Gpu(GpuTracer::Bvh), 1));
+        assert!(edges > query.hits.len() / EDGE_SHARE || faults > 0, "{mesh:?}");
+    }
+}
+
+/// Pixels whose radiance differs. Nearest texels and shadow edges flip where rounding does.
+fn picture_differences(a: &Rendered, b: &Rendered) -> usize {
+    count_differences(&a.picture.radiance, &b.picture.radiance)
+}
+
+#[test]
+fn gpu_pictures_equal_the_cpu_picture() {
+    let Some(_gpu) = gpu("gpu_pictures_equal_the_cpu_picture") else { return };
+    for mesh in [MeshChoice::Sphere, MeshChoice::Cornell] {
+        let scene = scene(mesh.clone());
+        let cpu = draw(&scene, BackendChoice::Cpu, 2);
+        assert!(cpu.report.spmm_evaluations > 0 && cpu.report.rays > 0);
+        let allowed = cpu.hits.len() / 200;
+        for tracer in TRACERS {
+            let found = draw(&scene, BackendChoice::Gpu(tracer), 2);
+            let differences = picture_differences(&cpu, &found);
+            println!("{mesh:?}, {}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
+            assert!(differences <= allowed, "{mesh:?} {}: {differences}", tracer.name());
+            let share = found.report.spmm_evaluations as f64 / cpu.report.spmm_evaluations as f64;
+            assert!((share - 1.0).abs() < 0.002, "{share}");
+        }
+        // Planted differences: a light that moves a little, and one sample less per pixel.
+        let mut moved = scene.clone();
+        moved.lights[0].position.x += 0.02 * moved.lights[0].position.length();
+        assert!(picture_differences(&cpu, &draw(&moved, BackendChoice::Gpu(GpuTracer::Bvh), 2)) > allowed);
+        assert!(picture_differences(&cpu, &draw(&scene, BackendChoice::Gpu(GpuTracer::Bvh), 1)) > allowed);
+    }
+}
+
+#[test]
+fn two_assets_share_one_arena() {
+    let Some(_gpu) = gpu("two_assets_share_one_arena") else { return };
+    let load = |seed| Arc::new(SceneAsset::new("sample", &asset(seed, ResidualKind::Log)));
+    let both = Scene::built_in(&MeshChoice::Plane, vec![load(1), load(2)], [1.0; 2]).unwrap();
+    let cpu = draw(&both, BackendChoice::Cpu, 1);
+    let swapped = Scene { assets: both.assets.iter().rev().cloned().collect(), ..both.clone() };
+    let allowed = cpu.hits.len() / 200;
+    assert!(picture_differences(&cpu, &draw(&swapped, BackendChoice::Cpu, 1)) > allowed);
+    for tracer in TRACERS {
+        assert!(picture_differences(&cpu, &draw(&both, BackendChoice::Gpu(tracer), 1)) <= allowed);
+    }
+}

@@ -1,0 +1,123 @@
+//! Starting other programs.
+
+use crate::failure::Failure;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+
+/// The repository's root: the folder above this package.
+pub fn root() -> PathBuf {
+    // Cargo sets the variable when it runs the program, so a checkout that was moved is found too.
+    let package = std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| env!("CARGO_MANIFEST_DIR").into(), PathBuf::from);
+    package.parent().map_or(package.clone(), Path::to_path_buf)
+}
+
+/// `cargo ARGUMENTS` in the repository's root, with the cargo that started us.
+pub fn cargo(arguments: &[&str]) -> Command {
+    let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(program);
+    command.args(arguments).current_dir(root());
+    command
+}
+
+/// The command line as a user would type it.
+pub fn line_of(command: &Command) -> String {
+    let mut words = vec![
+        Path::new(command.get_program()).file_stem().unwrap_or(command.get_program()).to_string_lossy().into_owned(),
+    ];
+    for argument in command.get_args() {
+        let argument = argument.to_string_lossy();
+        let is_plain = !argument.is_empty() && argument.chars().all(|c| c.is_alphanumeric() || "-_./=:,@+\\".contains(c));
+        words.push(if is_plain { argument.into_owned() } else { format!("'{argument}'") });
+    }
+    words.join(" ")
+}
+
+/// Runs a program with our own input and output, after printing its command line.
+pub fn run(command: &mut Command) -> Result<ExitStatus, Failure> {
+    println!("$ {}", line_of(command));
+    // Otherwise our line may come after the program's where output is piped.
+    let _ = std::io::stdout().flush();
+    command.status().map_err(|error| cannot_start(command, &error))
+}
+
+/// [`run`], where anything but success is a failure that carries the program's exit code.
+pub fn run_checked(command: &mut Command) -> Result<(), Failure> {
+    let status = run(command)?;
+    match status.success() {
+        true => Ok(()),
+        false => Err(Failure::of_program(format!("`{}` failed", line_of(command)), status.code())),
+    }
+}
+
+/// Runs a program while its output is passed on line by line, and returns that output, both streams together.
+pub fn run_and_read(command: &mut Command) -> Result<(ExitStatus, String), Failure> {
+    println!("$ {}", line_of(command));
+    let _ = std::io::stdout().flush();
+    let mut child = command
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(|error| cannot_start(command, &error))?;
+    let stdout = child.stdout.take();
+    let stderr = child.stderr.take();
+    let (from_stdout, from_stderr) = std::thread::scope(|scope| {
+        let errors = scope.spawn(move || stderr.map_or(String::new(), |stream| pass_on(stream, std::io::stderr())));
+        let output = stdout.map_or(String::new(), |stream| pass_on(stream, std::io::stdout()));
+        (output, errors.join().unwrap_or_default())
+    });
+    let status = child.wait().map_err(|error| cannot_start(command, &error))?;
+    Ok((status, from_stdout + &from_stderr))
+}
+
+/// The standard output of a program that only answers a question; `None` where it is absent or fails.
+pub fn answer_of(command: &mut Command) -> Option<String> {
+    let output = command.stdin(Stdio::null()).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+fn cannot_start(command: &Command, error: &std::io::Error) -> Failure {
+    Failure::new(format!("`{}` does not start: {error}", line_of(command)))
+}
+
+/// Copies `from` to `to` line by line and returns all of it. A reader of ours that went away (`| head`) is no reason to stop.
+fn pass_on(from: impl Read, mut to: impl Write) -> String {
+    let mut reader = BufReader::new(from);
+    let mut all = String::new();
+    let mut line = Vec::new();
+    while matches!(reader.read_until(b'\n', &mut line), Ok(length) if length > 0) {
+        let _ = to.write_all(&line);
+        let _ = to.flush();
+        all.push_str(&String::from_utf8_lossy(&line));
+        line.clear();
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_line_is_quoted_so_that_it_can_be_typed() {
+        let mut command = Command::new("some/folder/cargo");
+        command.args(["nextest", "run", "-E", "not test(slow::)", ""]);
+        assert_eq!(line_of(&command), "cargo nextest run -E 'not test(slow::)' ''");
+    }
+
+    #[test]
+    fn output_is_read_and_the_status_kept() {
+        let (status, text) = run_and_read(&mut cargo(&["--version"])).unwrap();
+        assert!(status.success() && text.starts_with("cargo "), "{text}");
+        let (status, text) = run_and_read(&mut cargo(&["no-such-command"])).unwrap();
+        assert!(!status.success() && text.contains("no-such-command"), "{text}");
+    }
+
+    #[test]
+    fn a_program_that_is_not_there_is_named() {
+        let failure = run_checked(&mut Command::new("btf-no-such-program")).unwrap_err();
+        assert!(failure.to_string().contains("btf-no-such-program"));
+        assert_eq!(answer_of(&mut Command::new("btf-no-such-program")), None);
+    }
+}
