@@ -6,7 +6,7 @@ use crate::candidates::Freedom;
 use crate::lasso::{LassoParams, LassoProblem, non_negative_weights, stagewise_lasso};
 use argmin::core::{CostFunction, Executor};
 use argmin::solver::neldermead::NelderMead;
-use btf_runtime::{Lobe, LobeFamily};
+use btf_runtime::Lobe;
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, ArrayView1, s};
 use std::ops::ControlFlow;
@@ -340,13 +340,4 @@ impl CostFunction for LobeSearch<'_, '_> {
     fn cost(&self, vector: &Vec<f64>) -> Result<f64, argmin::core::Error> {
         Ok(-self.correlation(vector))
     }
-}
-
-/// Number of lobes per family, for reports.
-pub fn family_counts(lobes: impl Iterator<Item = Lobe>) -> [usize; 9] {
-    let mut counts = [0; 9];
-    for lobe in lobes {
-        counts[LobeFamily::ALL.iter().position(|family| *family == lobe.family).unwrap_or(0)] += 1;
-    }
-    counts
 }

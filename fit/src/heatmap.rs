@@ -140,7 +140,7 @@ fn text_width(text: &str) -> usize {
 /// Three significant digits without an exponent where that is short.
 pub(crate) fn short_number(x: f32) -> String {
     match x.abs() {
-        0.0 => "0".to_string(),
+        a if a == a.trunc() && a < 1e6 => format!("{x:.0}"),
         a if a >= 99.95 => format!("{x:.0}"),
         a if a >= 9.995 => format!("{x:.1}"),
         a if a >= 0.9995 => format!("{x:.2}"),

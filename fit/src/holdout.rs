@@ -46,11 +46,6 @@ impl Holdout {
         Holdout { pairs, sources }
     }
 
-    /// True where nothing is held back.
-    pub fn is_empty(&self) -> bool {
-        self.pairs.is_empty()
-    }
-
     /// Replaces the held-back samples of a texel's row `[pair, channel]`; a pair without seen neighbours becomes 0.
     pub fn fill(&self, row: &mut [f32]) {
         for (pair, sources) in self.pairs.iter().zip(&self.sources) {

@@ -53,7 +53,7 @@ pub use memory::peak_memory_bytes;
 pub use metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 pub use monitor::{Monitor, Stage};
 pub use report::{ReportInput, ReportLayer, report_html};
-pub use params::{ErrorMeasure, FitOutcome, FitParams, KMeansEngine};
+pub use params::{ErrorMeasure, FitOutcome, FitParams, KMeansEngine, LobeFigures};
 pub use kmeans::{Clustering, kmeans};
 pub use lasso::{LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso};
 pub use pipeline::{MATERIAL_RESERVE, fit};

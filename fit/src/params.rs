@@ -106,6 +106,17 @@ impl FitParams {
     }
 }
 
+/// Tone-weighted squared error of the lobes alone, relative to the energy of what they predict.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LobeFigures {
+    /// Representatives, dictionary as the Lasso selected it.
+    pub selected: f64,
+    /// Representatives, after the refinement of parameters and normals.
+    pub refined: f64,
+    /// Every texel with its own sparse selection, mean.
+    pub sparse: f64,
+}
+
 /// What a fit gives.
 #[derive(Debug, Clone)]
 pub struct FitOutcome {
@@ -115,6 +126,8 @@ pub struct FitOutcome {
     pub bytes: Vec<u8>,
     /// Mean number of lobes of a texel, all layers.
     pub lobes_per_texel_mean: f64,
+    /// What the lobes achieve, the first layer's.
+    pub lobes: LobeFigures,
     /// Residual components, the first layer's.
     pub components: usize,
     /// Clusters, the first layer's.

@@ -13,7 +13,7 @@ use crate::kmeans::{Clustering, kmeans};
 use crate::local_pca::{OVERSAMPLING, ResidualSource, local_pca};
 use crate::monitor::Monitor;
 use crate::compare::{MeasureParams, colour_pair_stride, measure, stride_over_pairs};
-use crate::params::{FitOutcome, FitParams};
+use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
 use crate::sparse::{ClusterLobes, correlate, select};
 use btf_capture::{Capture, CaptureInfo};
@@ -67,6 +67,7 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
     let (width, height) = (first.info().width, first.info().height);
     let mut layers = Vec::new();
     let mut left_out = Vec::new();
+    let mut lobes = LobeFigures::default();
     let budget = params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE) / captures.len());
     for (number, capture) in captures.iter().enumerate() {
         let info = capture.info();
@@ -80,9 +81,9 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
         if let Some(reason) = reason {
             return Err(FitError::Layers { path: capture.path_of(0, 0).into(), reason });
         }
-        let (layer, held) = fit_layer(capture, params, budget, monitor)?;
+        let (layer, held, figures) = fit_layer(capture, params, budget, monitor)?;
         if number == 0 {
-            left_out = held;
+            (left_out, lobes) = (held, figures);
         }
         layers.push(layer);
     }
@@ -92,7 +93,7 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
     let clusters = layers[0].dictionary.len();
     let asset = Asset { width, height, material: String::new(), layers };
     let bytes = pack(&asset)?;
-    Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, components, clusters, left_out })
+    Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out })
 }
 
 fn bytes_in_words(bytes: usize) -> String {
@@ -124,7 +125,7 @@ fn plan_memory(info: &CaptureInfo, params: &FitParams, wanted: usize) -> Result<
     Ok((most, limit.saturating_sub(used) as u64))
 }
 
-fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monitor: &Monitor) -> Result<(Layer, Vec<usize>), FitError> {
+fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monitor: &Monitor) -> Result<(Layer, Vec<usize>, LobeFigures), FitError> {
     let info = capture.info();
     let (lights, views) = (Sphere::new(&layer_directions(&info.lights))?, Sphere::new(&layer_directions(&info.views))?);
     let searched = budget.is_some() || params.psnr_db.is_some();
@@ -147,7 +148,7 @@ fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monit
         (clustering, representatives)
     };
     let (clustering, representatives) = clustering;
-    let clusters = monitor.stage("dictionary", || {
+    let (clusters, figures) = monitor.stage("dictionary", || {
         dictionaries(&cache, &representatives, &views, &lights, &holdout, kind, params.lobes, monitor)
     })?;
 
@@ -200,7 +201,8 @@ fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monit
         }
     })?;
     layer.residual = Some(residual);
-    Ok((layer, holdout.pairs))
+    let lobes = LobeFigures { sparse: selection.mean_relative_error, ..figures };
+    Ok((layer, holdout.pairs, lobes))
 }
 
 fn plan_for_bytes(planner: &Planner, bytes: usize, base: usize, info: &CaptureInfo) -> Result<Plan, FitError> {
@@ -325,7 +327,7 @@ fn dictionaries(
     kind: ResidualKind,
     lobes: usize,
     monitor: &Monitor,
-) -> Result<Vec<ClusterLobes>, FitError> {
+) -> Result<(Vec<ClusterLobes>, LobeFigures), FitError> {
     let pairs = cache.pair_count();
     let mut functions: Vec<Array2<f32>> = representatives.iter().map(|chosen| Array2::zeros((pairs, 3 * chosen.len()))).collect();
     let mut row = vec![0.0; 3 * pairs];
@@ -358,7 +360,7 @@ fn dictionaries(
     drop(columns);
 
     let done = std::sync::atomic::AtomicUsize::new(0);
-    functions
+    let built: Vec<(ClusterLobes, Dictionary)> = functions
         .par_iter()
         .map(|functions| {
             monitor.check()?;
@@ -382,7 +384,15 @@ fn dictionaries(
             let tables = lobe_tables(&found.lobes, views, lights);
             let count = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
             monitor.report("dictionary", count, representatives.len())?;
-            Ok(ClusterLobes::new(found.lobes, tables, weights))
+            Ok((ClusterLobes::new(found.lobes.clone(), tables, weights), found))
         })
-        .collect()
+        .collect::<Result<_, FitError>>()?;
+    let total = |part: fn(&Dictionary) -> f64| built.iter().map(|(_, found)| part(found)).sum::<f64>();
+    let energy = total(|found| found.energy).max(1e-30);
+    let figures = LobeFigures {
+        selected: total(|found| found.error_selected) / energy,
+        refined: total(|found| found.error_refined) / energy,
+        sparse: 0.0,
+    };
+    Ok((built.into_iter().map(|(lobes, _)| lobes).collect(), figures))
 }

@@ -79,6 +79,11 @@ fn ticks(least: f64, most: f64, count: usize) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
+/// A tick without the rounding noise of its multiplication.
+fn tick_text(tick: f64) -> String {
+    format!("{}", (tick * 1e6).round() / 1e6)
+}
+
 /// Points joined by a line, axes with round numbers.
 pub(crate) fn line(points: &[(f64, f64)], x_label: &str, y_label: &str) -> Markup {
     const WIDTH: f64 = 440.0;
@@ -98,13 +103,13 @@ pub(crate) fn line(points: &[(f64, f64)], x_label: &str, y_label: &str) -> Marku
     let path: Vec<String> = points.iter().map(|p| format!("{:.1},{:.1}", x(p.0), y(p.1))).collect();
     html! {
         svg viewBox={"0 0 " (WIDTH) " " (HEIGHT)} width=(WIDTH) role="img" {
-            @for tick in ticks(x0, x1, 6) {
-                line x1=(px(x(tick))) x2=(px(x(tick))) y1="10" y2=(HEIGHT - BOTTOM) stroke="#e4e4e4" {}
-                text.muted x=(px(x(tick))) y=(HEIGHT - BOTTOM + 15.0) text-anchor="middle" { (short_number(tick as f32)) }
+            @for tick in &ticks(x0, x1, 6) {
+                line x1=(px(x(*tick))) x2=(px(x(*tick))) y1="10" y2=(HEIGHT - BOTTOM) stroke="#e4e4e4" {}
+                text.muted x=(px(x(*tick))) y=(HEIGHT - BOTTOM + 15.0) text-anchor="middle" { (tick_text(*tick)) }
             }
-            @for tick in ticks(y0, y1, 5) {
-                line x1=(LEFT) x2=(WIDTH - 10.0) y1=(px(y(tick))) y2=(px(y(tick))) stroke="#e4e4e4" {}
-                text.muted x=(LEFT - 6.0) y=(px(y(tick) + 4.0)) text-anchor="end" { (short_number(tick as f32)) }
+            @for tick in &ticks(y0, y1, 5) {
+                line x1=(LEFT) x2=(WIDTH - 10.0) y1=(px(y(*tick))) y2=(px(y(*tick))) stroke="#e4e4e4" {}
+                text.muted x=(LEFT - 6.0) y=(px(y(*tick) + 4.0)) text-anchor="end" { (tick_text(*tick)) }
             }
             polyline points=(path.join(" ")) fill="none" stroke=(ACCENT) stroke-width="2" {}
             @for p in points {
@@ -116,19 +121,18 @@ pub(crate) fn line(points: &[(f64, f64)], x_label: &str, y_label: &str) -> Marku
     }
 }
 
-/// A value per direction as a dot on the disk seen from above: radius = polar angle, phi = 0 to the
-/// right, counter-clockwise. `range` is the colour map's.
+/// A value per direction as a dot on the disk seen from above: radius = polar angle with rings at 30, 60
+/// and 90 degrees, phi = 0 to the right, counter-clockwise. `range` is the colour map's.
 pub(crate) fn polar(directions: &[Direction], values: &[Option<f64>], range: (f64, f64)) -> Markup {
-    const SIDE: f64 = 300.0;
-    const RADIUS: f64 = 132.0;
+    const SIDE: f64 = 250.0;
+    const RADIUS: f64 = 118.0;
     let centre = SIDE / 2.0;
-    let dot = (110.0 / (directions.len() as f64).sqrt()).clamp(2.0, 10.0);
+    let dot = (95.0 / (directions.len() as f64).sqrt()).clamp(2.0, 10.0);
     let share = |value: f64| (value - range.0) / (range.1 - range.0).max(1e-9);
     html! {
         svg viewBox={"0 0 " (SIDE) " " (SIDE)} width=(SIDE) role="img" {
             @for theta in [30.0, 60.0, 90.0] {
                 circle cx=(centre) cy=(centre) r=(px(theta / 90.0 * RADIUS)) fill="none" stroke="#ddd" {}
-                text.muted x=(centre + 2.0) y=(px(centre - theta / 90.0 * RADIUS - 2.0)) { (theta) "°" }
             }
             @for (direction, value) in directions.iter().zip(values) {
                 @let theta = direction.theta_deg.min(180.0 - direction.theta_deg);
@@ -149,7 +153,7 @@ pub(crate) fn polar(directions: &[Direction], values: &[Option<f64>], range: (f6
 /// The colour map as a bar with its range.
 pub(crate) fn legend(range: (f64, f64), unit: &str) -> Markup {
     const STEPS: usize = 48;
-    const WIDTH: f64 = 300.0;
+    const WIDTH: f64 = 250.0;
     let step = WIDTH / STEPS as f64;
     html! {
         svg viewBox={"0 0 " (WIDTH) " 30"} width=(WIDTH) role="img" {
@@ -184,14 +188,16 @@ mod tests {
         let found = ticks(31.3, 34.2, 5);
         assert!(found.len() >= 2 && found.iter().all(|t| (31.3..=34.2).contains(t)), "{found:?}");
         assert!(ticks(5.0, 5.0, 4).len() <= 1);
+        let text: Vec<String> = ticks(0.0, 0.7, 4).into_iter().map(tick_text).collect();
+        assert_eq!(text, ["0", "0.2", "0.4", "0.6"]);
     }
 
     #[test]
     fn a_light_from_the_right_stands_right_and_one_along_y_above() {
         let set = [Direction::new(45.0, 0.0), Direction::new(45.0, 90.0)];
         let text = polar(&set, &[Some(1.0), None], (0.0, 1.0)).into_string();
-        assert!(text.contains(r#"cx="216.0" cy="150.0""#), "{text}");
-        assert!(text.contains(r##"cx="150.0" cy="84.0" r="10.0" fill="#bbb""##), "{text}");
+        assert!(text.contains(r#"cx="184.0" cy="125.0""#), "{text}");
+        assert!(text.contains(r##"cx="125.0" cy="66.0" r="10.0" fill="#bbb""##), "{text}");
     }
 
     #[test]

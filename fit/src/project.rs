@@ -56,6 +56,9 @@ pub fn orthonormalize(a: &Array2<f32>) -> Array2<f32> {
 
 fn orthonormalize_once(a: &Array2<f32>) -> Array2<f32> {
     let n = a.ncols();
+    if n == 0 {
+        return a.clone();
+    }
     let gram = transposed_product(a.view(), a.view());
     let eigen = SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| f64::from(gram[[i, j]])));
     let top = eigen.eigenvalues.iter().fold(0.0f64, |top, x| top.max(*x));
@@ -70,6 +73,9 @@ fn orthonormalize_once(a: &Array2<f32>) -> Array2<f32> {
 /// each vector's largest entry is positive, so that the result does not depend on the solver's mood.
 pub fn sorted_eigen(matrix: &Array2<f64>) -> (Vec<f64>, Array2<f64>) {
     let n = matrix.nrows();
+    if n == 0 {
+        return (Vec::new(), Array2::zeros((0, 0)));
+    }
     let eigen = SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| 0.5 * (matrix[[i, j]] + matrix[[j, i]])));
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));

@@ -16,10 +16,12 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 /// Largest side of a picture in the page, in texels; larger captures show their centre.
 const MOST_SIDE: usize = 256;
+/// Side of pictures and maps on the page, in CSS pixels: four fit beside each other.
+const SHOWN_SIDE: usize = 250;
 /// Factor by which the difference pictures are brightened.
 const DIFFERENCE_GAIN: u8 = 8;
 /// Most points of the curve of size against quality.
-const MOST_TIERS: usize = 9;
+const MOST_TIERS: usize = 12;
 /// Every how many of the colour difference's pairs that curve is measured on: about 64 in all.
 const TIER_PAIR_SHARE: usize = 4;
 
@@ -116,7 +118,7 @@ pub fn report_html(input: &ReportInput, monitor: &Monitor) -> Result<String, Fit
                     div.row {
                         @if tiers.len() > 1 {
                             figure {
-                                figcaption { "Size against quality: each point is a prefix of the file that is an asset of its own" }
+                                figcaption { "Size against quality, on a share of the pairs: each point is a prefix of the file that is an asset of its own" }
                                 (line(&tiers, "size in MB", "PSNR in dB"))
                             }
                         }
@@ -136,18 +138,18 @@ pub fn report_html(input: &ReportInput, monitor: &Monitor) -> Result<String, Fit
 
 const STYLE: &str = "
 :root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif; color: #1d2327; background: #f5f6f7; margin: 0 auto; max-width: 1180px; padding: 24px; }
+body { font: 15px/1.5 system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif; color: #1d2327; background: #f5f6f7; margin: 0 auto; max-width: 1200px; padding: 24px; }
 h1 { font-size: 30px; margin: 0; } h2 { font-size: 19px; margin: 0 0 12px; } header p { margin: 4px 0 20px; color: #5a646b; }
 section { background: #fff; border: 1px solid #e2e5e8; border-radius: 8px; padding: 18px 20px; margin: 18px 0; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(165px, 1fr)); gap: 12px; }
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(125px, 1fr)); gap: 12px; }
 .tile { background: #fff; border: 1px solid #e2e5e8; border-radius: 8px; padding: 12px 14px; }
-.tile b { display: block; font-size: 24px; font-weight: 600; font-variant-numeric: tabular-nums; } .tile span { color: #5a646b; font-size: 13px; display: block; }
-.row { display: flex; flex-wrap: wrap; gap: 28px; align-items: flex-start; }
-figure { margin: 0; } figcaption { font-size: 13px; color: #39434a; margin-bottom: 8px; max-width: 440px; }
+.tile b { display: block; font-size: 22px; font-weight: 600; white-space: nowrap; font-variant-numeric: tabular-nums; } .tile span { color: #5a646b; font-size: 13px; display: block; }
+.row { display: flex; flex-wrap: wrap; gap: 26px; align-items: flex-start; }
+figure { margin: 0; } figcaption { font-size: 13px; color: #39434a; margin-bottom: 8px; max-width: 440px; min-height: 20px; }
 img { image-rendering: pixelated; display: block; background: #000; }
-svg { max-width: 100%; height: auto; } svg text { font-size: 11.5px; fill: #1d2327; } svg text.muted { fill: #68727a; }
+svg { display: block; max-width: 100%; height: auto; } img + svg { margin-top: 6px; } svg + svg { margin-top: 6px; } svg text { font-size: 11.5px; fill: #1d2327; } svg text.muted { fill: #68727a; }
 table { border-collapse: collapse; font-size: 14px; } td, th { text-align: left; padding: 4px 18px 4px 0; vertical-align: top; font-weight: normal; } th { color: #5a646b; }
-.pictures td { padding: 0 10px 12px 0; } .pictures th { padding-bottom: 6px; font-size: 13px; } .pictures small { color: #5a646b; display: block; max-width: 190px; }
+.pictures td { padding: 0 14px 12px 0; } .pictures th { padding: 0 12px 8px 0; font-size: 13px; width: 250px; } .pictures th:first-child { width: 70px; } .pictures strong { color: #1d2327; } .pictures small { display: block; }
 footer { color: #68727a; font-size: 13px; }
 ";
 
@@ -201,10 +203,10 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
             div.row {
                 figure {
                     figcaption { "RMSE of each texel over all pairs" }
-                    (picture(&map, 300)?) (legend((0.0, top.into()), "8-bit steps"))
+                    (picture(&map, SHOWN_SIDE)?) (legend((0.0, top.into()), "8-bit steps"))
                 }
                 figure {
-                    figcaption { "PSNR by view (centre: frontal, rim: grazing)" }
+                    figcaption { "PSNR by view (centre: frontal, rim: 90°)" }
                     (polar(info.views.directions(), &by_view, range)) (legend(range, "dB"))
                 }
                 figure {
@@ -212,8 +214,8 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
                     (polar(info.lights.directions(), &by_light, range)) (legend(range, "dB"))
                 }
                 figure {
-                    figcaption { "RMSE of each pair: a row per view, a column per light" }
-                    (picture(&pair_map, 300)?) (legend((0.0, pair_top.into()), "8-bit steps"))
+                    figcaption { "RMSE of each pair: row view, column light" }
+                    (picture(&pair_map, SHOWN_SIDE)?) (legend((0.0, pair_top.into()), "8-bit steps"))
                 }
             }
         }
@@ -222,11 +224,11 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
             div.row {
                 figure {
                     figcaption { (facts.clusters) " clusters, each with its own dictionary and bases" }
-                    (picture(&cluster_map(source, comparison.width), 300)?)
+                    (picture(&cluster_map(source, comparison.width), SHOWN_SIDE)?)
                 }
                 figure {
                     figcaption { "Lobes of each texel, mean " (format!("{:.2}", facts.lobes_per_texel_mean)) }
-                    (picture(&lobe_map(source, comparison.width), 300)?)
+                    (picture(&lobe_map(source, comparison.width), SHOWN_SIDE)?)
                     (legend((0.0, facts.lobes_per_texel_max as f64), "lobes"))
                 }
                 figure { figcaption { "How many texels have how many lobes" } (histogram(&counts, "lobes per texel")) }
@@ -335,7 +337,7 @@ fn pictures(input: &ReportInput, layer: &ReportLayer) -> Result<Markup, FitError
     let decoder = ImageDecoder::new(input.asset, input.resident, layer.layer, &DecodeOptions::default());
     // Shown with the sRGB curve, whatever the files have.
     let shown = Encoder8::new(&CaptureInfo { transfer: Transfer::Srgb, ..info.in_format(ImageFormat::Png) });
-    let mut rows = Vec::new();
+    let mut columns = Vec::new();
     let mut seen = Vec::new();
     for (title, view, light) in SHOWN {
         let view = nearest(&info.views, view);
@@ -361,19 +363,29 @@ fn pictures(input: &ReportInput, layer: &ReportLayer) -> Result<Markup, FitError
             original.iter().zip(&coded).map(|(x, y)| x.abs_diff(*y).saturating_mul(DIFFERENCE_GAIN)).collect();
         let psnr = layer.comparison.psnr_of_pairs([view * info.lights.len() + light]);
         let (v, l) = (info.views.directions()[view], info.lights.directions()[light]);
-        rows.push(html! {
-            tr {
-                td { strong { (title) } small { "view " (v) } small { "light " (l) } @if let Some(db) = psnr { small { (decibel_text(db)) " dB" } } }
-                @for pixels in [&original, &coded, &difference] {
-                    td { (picture(&crop(pixels, info.width, info.height), 256)?) }
-                }
-            }
-        });
+        let caption = html! {
+            strong { (title) }
+            small { "view " (v) } small { "light " (l) }
+            @if let Some(db) = psnr { small { (decibel_text(db)) " dB" } }
+        };
+        let pixels = [&original, &coded, &difference];
+        columns.push((caption, pixels.map(|pixels| picture(&crop(pixels, info.width, info.height), SHOWN_SIDE))));
     }
+    let mut captions = Vec::new();
+    let mut rows = [const { Vec::new() }; 3];
+    for (caption, pictures) in columns {
+        captions.push(caption);
+        for (row, picture) in rows.iter_mut().zip(pictures) {
+            row.push(picture?);
+        }
+    }
+    let labels = ["original".to_string(), "decoded".to_string(), format!("difference × {DIFFERENCE_GAIN}")];
     Ok(html! {
         table.pictures {
-            tr { th {} th { "original" } th { "decoded" } th { "difference × " (DIFFERENCE_GAIN) } }
-            @for row in &rows { (row) }
+            tr { th {} @for caption in &captions { th { (caption) } } }
+            @for (label, row) in labels.iter().zip(&rows) {
+                tr { th { (label) } @for picture in row { td { (picture) } } }
+            }
         }
     })
 }

@@ -46,9 +46,9 @@ pub(super) struct CompareArgs {
 
 /// What `compare --json` writes.
 #[derive(Debug, serde::Serialize)]
-struct CompareResult<'a> {
-    capture: &'a Path,
-    asset: &'a Path,
+struct CompareResult {
+    capture: String,
+    asset: String,
     layer: usize,
     bytes: usize,
     #[serde(flatten)]
@@ -114,8 +114,8 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         .fold((0, 0.0), |worst, (texel, error)| if *error > worst.1 { (texel, *error) } else { worst })
         .0;
     let result = CompareResult {
-        capture: &args.capture,
-        asset: &args.asset,
+        capture: args.capture.display().to_string(),
+        asset: args.asset.display().to_string(),
         layer,
         bytes: bytes.len(),
         metrics: comparison.metrics(),

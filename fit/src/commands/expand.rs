@@ -5,7 +5,7 @@ use super::{Decoding, Failure, Shared, progress};
 use btf_capture::{DirectionSet, ImageFormat};
 use btf_fit::{ExpandParams, expand, load_asset, resident_in_parallel};
 use clap::{Args, ValueEnum};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Decode an asset back into a capture folder
@@ -49,8 +49,8 @@ enum FormatArg {
 
 /// What `expand --json` writes.
 #[derive(Debug, serde::Serialize)]
-struct ExpandResult<'a> {
-    directory: &'a Path,
+struct ExpandResult {
+    directory: String,
     width: usize,
     height: usize,
     views: usize,
@@ -81,7 +81,7 @@ pub(super) fn run(args: &ExpandArgs, shared: &Shared) -> Result<(), Failure> {
     let resident = resident_in_parallel(&asset);
     let info = expand(&asset, &resident, &args.directory, &params, &monitor)?;
     let result = ExpandResult {
-        directory: &args.directory,
+        directory: args.directory.display().to_string(),
         width: info.width,
         height: info.height,
         views: info.views.len(),

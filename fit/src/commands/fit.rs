@@ -83,7 +83,7 @@ enum KMeansArg {
 /// What `fit --json` writes.
 #[derive(Debug, serde::Serialize)]
 struct FitResult<'a> {
-    asset: &'a Path,
+    asset: String,
     bytes: usize,
     seconds: f64,
     stages: Stages<'a>,
@@ -141,7 +141,7 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     }
     let stages = monitor.stages();
     let result = FitResult {
-        asset: &args.output,
+        asset: args.output.display().to_string(),
         bytes: fitted.bytes.len(),
         seconds: start.elapsed().as_secs_f64(),
         stages: Stages(&stages),
@@ -274,7 +274,7 @@ mod tests {
         let metrics =
             Metrics { psnr_db: 34.0, psnr_linear_db: 40.0, rel_rmse: 0.1, worst_texel_rmse: 0.2, delta_e00_mean: Some(1.0) };
         let result = FitResult {
-            asset: Path::new("a.spmm"),
+            asset: "a.spmm".into(),
             bytes: 5,
             seconds: 3.0,
             stages: Stages(&stages),

@@ -1,0 +1,51 @@
+//! Bonn's directions end at 75 degrees. Beyond, lobes and the carried residual are compared with
+//! synthetic data that was held back.
+
+use btf_capture::{Direction, DirectionSet, ImageFormat};
+use btf_fit::FitParams;
+use btf_runtime::{DecodeOptions, Interpolation, decode};
+use btf_tests::{capture_of, fitted, resident, small_fit};
+
+fn rings(rings: &[(f64, usize)]) -> DirectionSet {
+    let all = rings.iter().flat_map(|&(theta_deg, count)| {
+        (0..count).map(move |i| Direction { theta_deg, phi_deg: 360.0 * i as f64 / count as f64 })
+    });
+    DirectionSet::new(all.collect()).unwrap()
+}
+
+/// A diffuse body darkened towards grazing views and lights, not one of the fitter's lobes.
+fn material(wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
+    let soft = |z: f32| z / (z + 0.15);
+    let back = 1.0 + 0.4 * (wi[0] * wo[0] + wi[1] * wo[1]);
+    [0.5, 0.3, 0.2].map(|albedo| albedo * wi[2] * soft(wi[2]) * soft(wo[2]) * back)
+}
+
+#[test]
+fn grazing_light_that_was_held_back_is_predicted_better_than_by_the_edge_value() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = rings(&[(0.0, 1), (20.0, 6), (40.0, 10), (60.0, 12), (75.0, 16)]);
+    let capture = capture_of(&folder.path().join("m"), 4, &set, &set, ImageFormat::Exr, |_, wi, wo| material(wi, wo));
+    let outcome = fitted(&capture, &FitParams { clusters: 1, ..small_fit(folder.path()) });
+    let loaded = resident(&outcome.asset);
+    let held = rings(&[(78.0, 7), (81.0, 7), (84.0, 7)]);
+    for interpolation in [Interpolation::Fast, Interpolation::Exact] {
+        let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
+        let (mut decoded_error, mut edge_error, mut energy) = (0.0f64, 0.0f64, 0.0f64);
+        for wi in held.units() {
+            for wo in set.units() {
+                let truth = material(wi, wo);
+                let found = decode(&loaded, 0, 5, wi, wo, &options);
+                // What repeating the value at 75 degrees would give.
+                let scale = 75f32.to_radians().sin() / (1.0 - wi[2] * wi[2]).sqrt();
+                let at_edge = material([wi[0] * scale, wi[1] * scale, 75f32.to_radians().cos()], wo);
+                for c in 0..3 {
+                    decoded_error += f64::from(found[c] - truth[c]).powi(2);
+                    edge_error += f64::from(at_edge[c] - truth[c]).powi(2);
+                    energy += f64::from(truth[c]).powi(2);
+                }
+            }
+        }
+        let (decoded, edge) = ((decoded_error / energy).sqrt(), (edge_error / energy).sqrt());
+        assert!(decoded < 0.5 * edge, "{interpolation:?}: relative error {decoded}, of the edge value {edge}");
+    }
+}

@@ -1,0 +1,8 @@
+//! Promises that hold across packages, one module each.
+
+mod beyond_the_measured_directions;
+mod budget;
+mod bytes_are_repeatable;
+mod expand_and_measure;
+mod measured_photographs;
+mod recovery;
