@@ -39,7 +39,7 @@ const TONE_EPSILON: f32 = 0.02;
 /// Without a byte budget: the relative error that one more lobe must remove.
 const LOBE_PRICE: f64 = 0.002;
 /// Share of a byte budget that lobe references may take.
-const LOBE_SHARE: f64 = 0.12;
+const LOBE_SHARE: f64 = 0.15;
 /// Bytes of a lobe reference.
 const REF_BYTES: f64 = 4.0;
 /// Without a budget: components, ranks and bits.
