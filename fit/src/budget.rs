@@ -64,7 +64,11 @@ impl<'a> Planner<'a> {
                             .iter()
                             .enumerate()
                             .map(|(cluster, model)| {
-                                let carried = if index == 0 { model.count as f64 } else { model.variances.get(index - 1).copied().unwrap_or(0.0) };
+                                let carried = if index == 0 {
+                                    model.count as f64
+                                } else {
+                                    model.variances.get(index - 1).copied().unwrap_or(0.0)
+                                };
                                 carried * self.rotated.lost(cluster, index, channel, rank)
                             })
                             .sum()
@@ -84,8 +88,10 @@ impl<'a> Planner<'a> {
         let rows: usize = ranks.iter().map(|rank| rank[0]).sum();
         let core: usize = ranks.iter().map(|rank| rank[0] * rank[1]).sum();
         let basis = 4 + 2 * even(clusters * rows) + (clusters * core).next_multiple_of(4);
-        let planes: usize =
-            bits.iter().map(|&bits| aligned(8 + 2 * even(clusters) + 4 * self.texels.div_ceil((32 / bits) as usize))).sum();
+        let planes: usize = bits
+            .iter()
+            .map(|&bits| aligned(8 + 2 * even(clusters) + 4 * self.texels.div_ceil((32 / bits) as usize)))
+            .sum();
         // Table entries: 32 bytes a section, 4 bytes a tier; rounded up with the header's own alignment.
         let entries = 32 * (2 + 2 * bits.len()) + 4 * (1 + bits.len());
         aligned(factors) + (1 + bits.len()) * aligned(basis) + planes + entries.next_multiple_of(ALIGNMENT) + ALIGNMENT
@@ -93,7 +99,8 @@ impl<'a> Planner<'a> {
 
     /// A plan with given settings.
     pub fn fixed(&self, ranks: [usize; 3], bits: Vec<u32>) -> Plan {
-        let losses: Vec<f64> = (0..3).map(|c| self.rank_losses(&[ranks[c]], c)[0][..=bits.len()].iter().sum::<f64>()).collect();
+        let losses: Vec<f64> =
+            (0..3).map(|c| self.rank_losses(&[ranks[c]], c)[0][..=bits.len()].iter().sum::<f64>()).collect();
         let error = self.coding_error(&bits) + losses.iter().sum::<f64>();
         Plan { bytes: self.bytes(ranks, &bits), ranks, bits, error }
     }
@@ -155,12 +162,18 @@ impl<'a> Planner<'a> {
 
     /// The plan of least error within `bytes`, if any fits.
     pub fn within_bytes(&self, bytes: usize, most: usize) -> Option<Plan> {
-        self.candidates(most).into_iter().filter(|plan| plan.bytes <= bytes).min_by(|a, b| a.error.total_cmp(&b.error).then(a.bytes.cmp(&b.bytes)))
+        self.candidates(most)
+            .into_iter()
+            .filter(|plan| plan.bytes <= bytes)
+            .min_by(|a, b| a.error.total_cmp(&b.error).then(a.bytes.cmp(&b.bytes)))
     }
 
     /// The smallest plan with at most `error`, if any reaches it.
     pub fn within_error(&self, error: f64, most: usize) -> Option<Plan> {
-        self.candidates(most).into_iter().filter(|plan| plan.error <= error).min_by(|a, b| a.bytes.cmp(&b.bytes).then(a.error.total_cmp(&b.error)))
+        self.candidates(most)
+            .into_iter()
+            .filter(|plan| plan.error <= error)
+            .min_by(|a, b| a.bytes.cmp(&b.bytes).then(a.error.total_cmp(&b.error)))
     }
 
     /// The plan of least error whatever its size.

@@ -19,7 +19,8 @@ const UNITS: [(&str, u64); 9] = [
 /// # Errors
 /// One sentence for what is not such a size, is not positive, or is below one byte.
 pub fn bytes_from_text(text: &str) -> Result<u64, String> {
-    let refuse = || format!("`{text}` is not a size; write a positive number with B, kB, MB, GB, KiB, MiB or GiB, as in 2MB");
+    let refuse =
+        || format!("`{text}` is not a size; write a positive number with B, kB, MB, GB, KiB, MiB or GiB, as in 2MB");
     let trimmed = text.trim();
     let split = trimmed.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(trimmed.len());
     let (number, unit) = (trimmed[..split].trim(), trimmed[split..].to_ascii_lowercase());
@@ -67,7 +68,9 @@ mod tests {
 
     #[test]
     fn what_is_no_size_is_refused() {
-        for text in ["", "MB", "-2MB", "2XB", "0", "0.1", "nan", "infMB", "1e6", "2 M B", "1.2.3MB", "99999999TB", "2µB"] {
+        for text in
+            ["", "MB", "-2MB", "2XB", "0", "0.1", "nan", "infMB", "1e6", "2 M B", "1.2.3MB", "99999999TB", "2µB"]
+        {
             let message = bytes_from_text(text).unwrap_err();
             assert!(message.contains("as in 2MB"), "{message}");
         }

@@ -53,7 +53,12 @@ impl TileCache {
     ///
     /// Holds the samples in memory if they take at most half of `memory_bytes`, else in a temporary file
     /// in `directory`. Needs beside them two views' worth of images.
-    pub fn build(capture: &Capture, memory_bytes: u64, directory: &Path, monitor: &Monitor) -> Result<TileCache, FitError> {
+    pub fn build(
+        capture: &Capture,
+        memory_bytes: u64,
+        directory: &Path,
+        monitor: &Monitor,
+    ) -> Result<TileCache, FitError> {
         let info = capture.info();
         let (texels, views, lights) = (info.texel_count(), info.views.len(), info.lights.len());
         let pairs = views * lights;
@@ -77,7 +82,8 @@ impl TileCache {
             file.set_len(total as u64).map_err(fail)?;
             Storage::File { file, path }
         };
-        let tables = if eight_bit { (0..lights).map(|light| info.linear_from_encoded8(light)).collect() } else { Vec::new() };
+        let tables =
+            if eight_bit { (0..lights).map(|light| info.linear_from_encoded8(light)).collect() } else { Vec::new() };
         let mut cache = TileCache { texels, pairs, lights, eight_bit, tables, storage };
 
         // Batches bound the images in memory to about an eighth of the limit.
@@ -159,12 +165,14 @@ impl TileCache {
             let start = self.tile_range(tile).start + pairs.start * texels.len() * unit;
             match &mut self.storage {
                 Storage::Memory(bytes) => bytes[start..start + run.len()].copy_from_slice(&run),
-                Storage::File { file, path } => write_at(file, &run, start as u64).map_err(|source| FitError::File {
-                    path: path.clone(),
-                    action: "writing the decoded capture",
-                    source,
-                    remedy: "free some space there or raise --memory",
-                })?,
+                Storage::File { file, path } => {
+                    write_at(file, &run, start as u64).map_err(|source| FitError::File {
+                        path: path.clone(),
+                        action: "writing the decoded capture",
+                        source,
+                        remedy: "free some space there or raise --memory",
+                    })?
+                }
             }
         }
         Ok(())
@@ -235,7 +243,8 @@ impl Tile<'_> {
             let stride = self.cache.pairs * 3;
             let samples = &self.samples[index * stride..(index + 1) * stride];
             for (out, codes) in out.chunks_exact_mut(row).zip(samples.chunks_exact(row)) {
-                for ((out, codes), table) in out.chunks_exact_mut(3).zip(codes.chunks_exact(3)).zip(&self.cache.tables) {
+                for ((out, codes), table) in out.chunks_exact_mut(3).zip(codes.chunks_exact(3)).zip(&self.cache.tables)
+                {
                     for c in 0..3 {
                         out[c] = table[usize::from(codes[c])];
                     }

@@ -99,7 +99,9 @@ impl Comparison {
 
     /// `psnr_db` of each light over its views.
     pub fn psnr_by_light(&self) -> Vec<Option<f64>> {
-        (0..self.lights).map(|light| self.psnr_of_pairs((light..self.views * self.lights).step_by(self.lights))).collect()
+        (0..self.lights)
+            .map(|light| self.psnr_of_pairs((light..self.views * self.lights).step_by(self.lights)))
+            .collect()
     }
 
     /// Root mean square error per texel, in steps of 8-bit values.
@@ -211,10 +213,8 @@ pub fn measure_images(
     let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
     let stride = colour_pair_stride(info.views.len(), lights);
 
-    let mut blocks: Vec<Block> = (0..texels)
-        .step_by(BLOCK_TEXELS)
-        .map(|first| Block::new(first..(first + BLOCK_TEXELS).min(texels)))
-        .collect();
+    let mut blocks: Vec<Block> =
+        (0..texels).step_by(BLOCK_TEXELS).map(|first| Block::new(first..(first + BLOCK_TEXELS).min(texels))).collect();
     let mut pair_code_error = vec![0; info.pair_count()];
     // A linear image is held in single precision.
     let batch = ((params.memory_bytes / 8) as usize / (texels * 12)).clamp(1, MOST_BATCH);

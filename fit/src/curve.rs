@@ -22,7 +22,9 @@ impl Curve {
         let steps = (MOST.to_bits() - LEAST.to_bits()) >> STEP_BITS;
         let table = match kind {
             ResidualKind::Additive => Vec::new(),
-            _ => (0..=steps + 1).map(|i| kind.encode(f32::from_bits(LEAST.to_bits() + (i << STEP_BITS)), epsilon)).collect(),
+            _ => (0..=steps + 1)
+                .map(|i| kind.encode(f32::from_bits(LEAST.to_bits() + (i << STEP_BITS)), epsilon))
+                .collect(),
         };
         Curve { kind, epsilon, table }
     }

@@ -105,7 +105,8 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
     let directory = read_directory(bytes)?;
     let mut sections: Vec<SectionSize> = Vec::new();
     for entry in directory.sections.iter().filter(|entry| (entry.offset as usize) < bytes.len()) {
-        let kind = SectionKind::from_number(entry.kind).map_or(format!("kind {}", entry.kind), |kind| format!("{kind:?}"));
+        let kind =
+            SectionKind::from_number(entry.kind).map_or(format!("kind {}", entry.kind), |kind| format!("{kind:?}"));
         let at = sections.iter().position(|size| size.kind == kind).unwrap_or_else(|| {
             sections.push(SectionSize { kind, count: 0, bytes: 0 });
             sections.len() - 1
@@ -227,7 +228,11 @@ impl Display for Description {
             writeln!(f, "\nlayer {number}: {}, {} views x {} lights", layer.side, layer.views, layer.lights)?;
             if let Some(record) = material.layers.get(number).map(|layer| &layer.capture) {
                 write!(f, "  capture   {}", if record.name.is_empty() { "(no name)" } else { &record.name })?;
-                writeln!(f, ", {}, curve {}, cosine {}, scale {}", record.format, record.transfer, record.cosine, record.scale)?;
+                writeln!(
+                    f,
+                    ", {}, curve {}, cosine {}, scale {}",
+                    record.format, record.transfer, record.cosine, record.scale
+                )?;
             }
             writeln!(f, "  clusters  {} with {} lobes", layer.clusters, layer.dictionary_lobes)?;
             writeln!(
@@ -387,7 +392,8 @@ mod tests {
         let nameless = folder.path().join("nameless.spmm");
         std::fs::write(&nameless, pack(&Asset { material: "[]x".into(), ..sample_asset() }).unwrap()).unwrap();
         for (path, name) in [(&absent, "absent.spmm"), (&junk, "junk.spmm"), (&nameless, "nameless.spmm")] {
-            for message in [describe_file(path).unwrap_err().to_string(), validate_file(path).unwrap_err().to_string()] {
+            for message in [describe_file(path).unwrap_err().to_string(), validate_file(path).unwrap_err().to_string()]
+            {
                 assert!(message.contains(name) && !message.contains('\n'), "{message}");
             }
         }

@@ -63,22 +63,40 @@ pub struct Dictionary {
 ///
 /// `tables` are the candidates' values `[pair, candidate]`. Cost for Bonn's pairs, 860 candidates and 32
 /// lobes: about a second.
-pub fn build_dictionary(target: &Target, pairs: &Pairs, candidates: &[Lobe], tables: &Array2<f32>, size: usize) -> Dictionary {
+pub fn build_dictionary(
+    target: &Target,
+    pairs: &Pairs,
+    candidates: &[Lobe],
+    tables: &Array2<f32>,
+    size: usize,
+) -> Dictionary {
     let mut functions = target.functions.clone();
     for (mut row, weight) in functions.rows_mut().into_iter().zip(&target.root_weights) {
         row *= *weight;
     }
     let chosen = select(target, &functions, candidates, tables, size);
-    let mut state = Refinement::new(chosen.iter().map(|&i| candidates[i]).collect(), pairs, &target.root_weights, &functions);
+    let mut state =
+        Refinement::new(chosen.iter().map(|&i| candidates[i]).collect(), pairs, &target.root_weights, &functions);
     let energy = functions.iter().map(|x| f64::from(*x).powi(2)).sum();
     let error_selected = state.error;
     state.search_strongest();
     state.gauss_newton();
-    Dictionary { lobes: state.lobes.iter().map(Lobe::rounded).collect(), energy, error_selected, error_refined: state.error }
+    Dictionary {
+        lobes: state.lobes.iter().map(Lobe::rounded).collect(),
+        energy,
+        error_selected,
+        error_refined: state.error,
+    }
 }
 
 /// Candidates by their share in the representatives' Lasso paths.
-fn select(target: &Target, functions: &Array2<f32>, candidates: &[Lobe], tables: &Array2<f32>, size: usize) -> Vec<usize> {
+fn select(
+    target: &Target,
+    functions: &Array2<f32>,
+    candidates: &[Lobe],
+    tables: &Array2<f32>,
+    size: usize,
+) -> Vec<usize> {
     let n = candidates.len();
     let mut weighted = tables.clone();
     for (mut row, weight) in weighted.rows_mut().into_iter().zip(&target.root_weights) {
@@ -100,8 +118,9 @@ fn select(target: &Target, functions: &Array2<f32>, candidates: &[Lobe], tables:
     let mut importance = vec![0.0f64; n];
     let mut correlation_sum = vec![0.0f64; n];
     for r in 0..representatives {
-        let grey: Vec<f64> =
-            (0..n).map(|i| (0..3).map(|c| f64::from(products[[i, 3 * r + c]])).sum::<f64>() / 3.0 * inverse[i]).collect();
+        let grey: Vec<f64> = (0..n)
+            .map(|i| (0..3).map(|c| f64::from(products[[i, 3 * r + c]])).sum::<f64>() / 3.0 * inverse[i])
+            .collect();
         let top = grey.iter().fold(0.0f64, |top, x| top.max(*x));
         correlation_sum.iter_mut().zip(&grey).for_each(|(sum, x)| *sum += x.max(0.0));
         if top <= 0.0 {
@@ -233,7 +252,8 @@ impl<'a> Refinement<'a> {
                 // The weights of this lobe alone follow in closed form; the full solve comes after all.
                 let table = self.tables.column(index);
                 let norm = table.dot(&table).max(1e-20);
-                let weights: Vec<f32> = (0..alone.ncols()).map(|c| (table.dot(&alone.column(c)) / norm).max(0.0)).collect();
+                let weights: Vec<f32> =
+                    (0..alone.ncols()).map(|c| (table.dot(&alone.column(c)) / norm).max(0.0)).collect();
                 self.weights.row_mut(index).assign(&ArrayView1::from(&weights));
                 let own = self.tables.column(index).to_owned().insert_axis(ndarray::Axis(1));
                 self.residual = alone - own.dot(&self.weights.slice(s![index..index + 1, ..]));
@@ -248,9 +268,13 @@ impl<'a> Refinement<'a> {
         let mut damping = 1e-2;
         for _ in 0..GAUSS_NEWTON_STEPS {
             let freedoms: Vec<Freedom> = self.lobes.iter().map(|lobe| Freedom::of(lobe.family)).collect();
-            let vectors: Vec<Vec<f64>> = self.lobes.iter().zip(&freedoms).map(|(lobe, freedom)| freedom.vector(lobe)).collect();
-            let owners: Vec<(usize, usize)> =
-                vectors.iter().enumerate().flat_map(|(lobe, vector)| (0..vector.len()).map(move |slot| (lobe, slot))).collect();
+            let vectors: Vec<Vec<f64>> =
+                self.lobes.iter().zip(&freedoms).map(|(lobe, freedom)| freedom.vector(lobe)).collect();
+            let owners: Vec<(usize, usize)> = vectors
+                .iter()
+                .enumerate()
+                .flat_map(|(lobe, vector)| (0..vector.len()).map(move |slot| (lobe, slot)))
+                .collect();
             let mut jacobian = Array2::<f32>::zeros((self.root_weights.len(), owners.len()));
             const H: f64 = 2e-3;
             for (column, &(lobe, slot)) in owners.iter().enumerate() {
@@ -261,7 +285,11 @@ impl<'a> Refinement<'a> {
                 };
                 let (up, down) = (at(H), at(-H));
                 let slope = 1.0 / (2.0 * H) as f32;
-                jacobian.column_mut(column).iter_mut().zip(up.iter().zip(&down)).for_each(|(j, (u, d))| *j = (u - d) * slope);
+                jacobian
+                    .column_mut(column)
+                    .iter_mut()
+                    .zip(up.iter().zip(&down))
+                    .for_each(|(j, (u, d))| *j = (u - d) * slope);
             }
             let products = jacobian.t().dot(&jacobian);
             let overlap = self.weights.dot(&self.weights.t());
@@ -271,7 +299,9 @@ impl<'a> Refinement<'a> {
                 let weights = self.weights.row(owners[i].0);
                 f64::from(pulled.row(i).dot(&weights))
             });
-            let normal = DMatrix::from_fn(n, n, |i, j| f64::from(products[[i, j]]) * f64::from(overlap[[owners[i].0, owners[j].0]]));
+            let normal = DMatrix::from_fn(n, n, |i, j| {
+                f64::from(products[[i, j]]) * f64::from(overlap[[owners[i].0, owners[j].0]])
+            });
             let mean_diagonal = normal.diagonal().sum() / n.max(1) as f64;
             let mut accepted = false;
             for _ in 0..3 {
@@ -284,14 +314,12 @@ impl<'a> Refinement<'a> {
                     continue;
                 };
                 let step = cholesky.solve(&gradient);
-                let kept = (self.lobes.clone(), self.tables.clone(), self.weights.clone(), self.residual.clone(), self.error);
+                let kept =
+                    (self.lobes.clone(), self.tables.clone(), self.weights.clone(), self.residual.clone(), self.error);
                 let mut at = 0;
                 for i in 0..vectors.len() {
-                    let moved: Vec<f64> = vectors[i]
-                        .iter()
-                        .enumerate()
-                        .map(|(slot, x)| x + step[at + slot].clamp(-0.3, 0.3))
-                        .collect();
+                    let moved: Vec<f64> =
+                        vectors[i].iter().enumerate().map(|(slot, x)| x + step[at + slot].clamp(-0.3, 0.3)).collect();
                     at += vectors[i].len();
                     let lobe = freedoms[i].lobe(&self.lobes[i], &moved);
                     self.set_table(i, &lobe);

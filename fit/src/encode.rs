@@ -28,10 +28,16 @@ struct Decoded {
 }
 
 /// Quantises the bases by `plan` and fits every texel's coefficients to them. Cost: one pass over the capture.
-pub fn encode_residual(source: &ResidualSource, rotated: &Rotated, plan: &Plan, monitor: &Monitor) -> Result<Residual, FitError> {
+pub fn encode_residual(
+    source: &ResidualSource,
+    rotated: &Rotated,
+    plan: &Plan,
+    monitor: &Monitor,
+) -> Result<Residual, FitError> {
     let factors = rotated.factors(plan.ranks);
     let count = plan.bits.len();
-    let bases: Vec<Basis> = (0..=count).map(|index| Basis::quantize(&factors, &rotated.cores(&factors, index))).collect();
+    let bases: Vec<Basis> =
+        (0..=count).map(|index| Basis::quantize(&factors, &rotated.cores(&factors, index))).collect();
     let len = source.row_len();
     let mut decoded: Vec<Decoded> = (0..source.clusters.len())
         .into_par_iter()
@@ -44,8 +50,10 @@ pub fn encode_residual(source: &ResidualSource, rotated: &Rotated, plan: &Plan, 
             let gram = components.t().dot(&components);
             let trace: f64 = (0..count).map(|j| f64::from(gram[[j, j]])).sum();
             let ridge = RIDGE * trace / count.max(1) as f64 + 1e-12;
-            let matrix = DMatrix::from_fn(count, count, |i, j| f64::from(gram[[i, j]]) + if i == j { ridge } else { 0.0 });
-            let inverse = matrix.cholesky().map(|cholesky| cholesky.inverse()).unwrap_or_else(|| DMatrix::identity(count, count));
+            let matrix =
+                DMatrix::from_fn(count, count, |i, j| f64::from(gram[[i, j]]) + if i == j { ridge } else { 0.0 });
+            let inverse =
+                matrix.cholesky().map(|cholesky| cholesky.inverse()).unwrap_or_else(|| DMatrix::identity(count, count));
             Decoded {
                 mean: Array1::from(expand(&bases[0])),
                 components,
@@ -117,11 +125,12 @@ mod tests {
     fn coefficients_by_normal_equations(components: &Array2<f32>, row: &[f32]) -> Vec<f32> {
         let n = components.ncols();
         let dot = |i: usize, j: usize| f64::from(components.column(i).dot(&components.column(j)));
-        let right = DVector::from_fn(n, |i, _| components.column(i).iter().zip(row).map(|(a, b)| f64::from(a * b)).sum::<f64>());
+        let right = DVector::from_fn(n, |i, _| {
+            components.column(i).iter().zip(row).map(|(a, b)| f64::from(a * b)).sum::<f64>()
+        });
         let solved = DMatrix::from_fn(n, n, dot).lu().solve(&right).unwrap_or_else(|| DVector::zeros(n));
         solved.iter().map(|x| *x as f32).collect()
     }
-
 
     #[test]
     fn the_step_clips_tails_where_that_pays() {

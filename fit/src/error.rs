@@ -37,7 +37,9 @@ pub enum FitError {
     #[error("{0}")]
     Params(String),
     /// The memory limit is below what the capture needs.
-    #[error("--memory {given} is too little for this capture: it needs at least {needed} (one block of texels and the features of all texels); raise --memory")]
+    #[error(
+        "--memory {given} is too little for this capture: it needs at least {needed} (one block of texels and the features of all texels); raise --memory"
+    )]
     Memory {
         /// The limit, in words.
         given: String,

@@ -37,9 +37,9 @@ pub struct ExpandParams {
 pub fn expand_info(asset: &Asset, params: &ExpandParams) -> Result<CaptureInfo, FitError> {
     if params.layer >= asset.layers.len() {
         return Err(FitError::Params(format!(
-            "the asset has {} layers and no layer {}; give --layer 0 to {}",
-            asset.layers.len(),
+            "the asset has no layer {}, its last one is {}; give --layer 0 to {}",
             params.layer,
+            asset.layers.len() - 1,
             asset.layers.len() - 1
         )));
     }
@@ -159,8 +159,7 @@ mod tests {
         let original_dir = folder.path().join("original");
         let writer = CaptureWriter::create(&original_dir, info.clone()).unwrap();
         for pair in 0..info.pair_count() {
-            let noise: Vec<f32> =
-                (0..info.texel_count() * 3).map(|i| 0.3 + 0.3 * number(i * 1000 + pair)).collect();
+            let noise: Vec<f32> = (0..info.texel_count() * 3).map(|i| 0.3 + 0.3 * number(i * 1000 + pair)).collect();
             writer.write(pair / 9, pair % 9, &noise).unwrap();
         }
         writer.finish().unwrap();
@@ -235,8 +234,14 @@ mod tests {
             if name == "own" {
                 // The same numbers as the front layer that it was made from, lights in mirrored order.
                 let front_dir = folder.path().join("front");
-                expand(&front, &Resident::from_asset(&front), &front_dir, &ExpandParams::default(), &Monitor::default())
-                    .unwrap();
+                expand(
+                    &front,
+                    &Resident::from_asset(&front),
+                    &front_dir,
+                    &ExpandParams::default(),
+                    &Monitor::default(),
+                )
+                .unwrap();
                 let (through, front) = (codes(&capture), codes(&Capture::open(&front_dir).unwrap()));
                 let mirrored: Vec<_> = (0..63).map(|pair| front[pair / 9 * 9 + 8 - pair % 9].clone()).collect();
                 assert_eq!(through, mirrored);

@@ -35,7 +35,9 @@ impl Rotated {
             .iter()
             .flat_map(|model| {
                 let mean = std::iter::once((model.count as f64, model.mean.view()));
-                mean.chain(model.components.columns().into_iter().enumerate().map(|(j, column)| (model.variances[j], column)))
+                mean.chain(
+                    model.components.columns().into_iter().enumerate().map(|(j, column)| (model.variances[j], column)),
+                )
             })
             .collect();
         let rotation = |channel: usize| -> (Array2<f32>, Array2<f32>) {
@@ -85,7 +87,11 @@ impl Rotated {
     /// Factor matrices cut to `ranks` (per channel, for view and light alike, at most their counts).
     pub fn factors(&self, ranks: [usize; 3]) -> Factors {
         let cut = |matrix: &Array2<f32>, rank: usize| -> Vec<f16> {
-            matrix.rows().into_iter().flat_map(|row| row.iter().take(rank).map(|x| f16::from_f32(*x)).collect::<Vec<_>>()).collect()
+            matrix
+                .rows()
+                .into_iter()
+                .flat_map(|row| row.iter().take(rank).map(|x| f16::from_f32(*x)).collect::<Vec<_>>())
+                .collect()
         };
         let ranks = ranks.map(|rank| [rank.min(self.shape[0]), rank.min(self.shape[1])]);
         Factors {

@@ -6,7 +6,7 @@ use crate::error::FitError;
 use crate::material::{FitRecord, Material};
 use crate::metrics::{ErrorSums, Metrics};
 use crate::monitor::Monitor;
-use crate::params::{FitOutcome, FitParams};
+use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::pipeline::fit;
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{Asset, Resident, pack};
@@ -27,6 +27,8 @@ pub struct Fitted {
     pub psnr_left_out_db: Option<f64>,
     /// Mean number of lobes of a texel, all layers.
     pub lobes_per_texel_mean: f64,
+    /// What the lobes of the first layer achieve without the residual.
+    pub lobes: LobeFigures,
     /// Residual components of the first layer.
     pub components: usize,
     /// Clusters of the first layer.
@@ -41,7 +43,7 @@ pub struct Fitted {
 /// # Errors
 /// As [`fit()`] and [`measure`]; [`FitError::Budget`] if the description does not fit into the bytes asked for.
 pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
-    let FitOutcome { bytes, lobes_per_texel_mean, components, clusters, left_out, .. } =
+    let FitOutcome { bytes, lobes_per_texel_mean, lobes, components, clusters, left_out, .. } =
         fit(captures, params, monitor)?;
     let mut asset = Asset::parse(&bytes)?;
     let (resident, comparisons) = monitor.stage("measure", || {
@@ -77,6 +79,7 @@ pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monit
         metrics,
         psnr_left_out_db,
         lobes_per_texel_mean,
+        lobes,
         components,
         clusters,
     })

@@ -20,7 +20,7 @@ const LETTER_SCALE: usize = 2;
 const VIRIDIS: [[f32; 7]; 3] = [
     [0.277_727_33, 0.105_093_04, -0.330_861_83, -4.634_230_5, 6.228_27, 4.776_385, -5.435_456],
     [0.005_407_344_5, 1.404_613_5, 0.214_847_56, -5.799_101, 14.179_933, -13.745_145, 4.645_852_6],
-    [0.334_099_8, 1.384_590_2, 0.095_095_16, -19.332_441, 56.690_553, -65.353_03, 26.312_435],
+    [0.334_099_8, 1.384_590_2, 0.095_095_16, -19.332_441, 56.690_55, -65.353_03, 26.312_435],
 ];
 
 /// The colour of `t` in [0, 1] on the map viridis: dark blue to yellow, lightness rising evenly. Values
@@ -152,7 +152,12 @@ pub(crate) fn short_number(x: f32) -> String {
 /// A letter of 3 x 5 dots: one octal digit a row, from the top.
 fn glyph(letter: char) -> u16 {
     const LETTERS: &str = "0123456789.-+ABCDEFGHIJKLMNOPQRSTUVWXYZ";
-    const ROWS: [u16; 39] = [0o75557, 0o26227, 0o71747, 0o71717, 0o55711, 0o74717, 0o74757, 0o71111, 0o75757, 0o75717, 0o00002, 0o00700, 0o02720, 0o25755, 0o65656, 0o34443, 0o65556, 0o74647, 0o74644, 0o34553, 0o55755, 0o72227, 0o11152, 0o55655, 0o44447, 0o57755, 0o65555, 0o25552, 0o65644, 0o25573, 0o65655, 0o34216, 0o72222, 0o55557, 0o55552, 0o55775, 0o55255, 0o55222, 0o71247];
+    const ROWS: [u16; 39] = [
+        0o75557, 0o26227, 0o71747, 0o71717, 0o55711, 0o74717, 0o74757, 0o71111, 0o75757, 0o75717, 0o00002, 0o00700,
+        0o02720, 0o25755, 0o65656, 0o34443, 0o65556, 0o74647, 0o74644, 0o34553, 0o55755, 0o72227, 0o11152, 0o55655,
+        0o44447, 0o57755, 0o65555, 0o25552, 0o65644, 0o25573, 0o65655, 0o34216, 0o72222, 0o55557, 0o55552, 0o55775,
+        0o55255, 0o55222, 0o71247,
+    ];
     let letter = letter.to_ascii_uppercase();
     LETTERS.find(letter).map_or(0, |at| ROWS[at])
 }
@@ -207,11 +212,7 @@ fn pairs_csv(info: &CaptureInfo, comparison: &Comparison) -> String {
         let (v, l) = (info.views.directions()[view], info.lights.directions()[light]);
         let psnr = comparison.psnr_of_pairs([pair]).unwrap_or(f64::INFINITY);
         // Writing into a string cannot fail.
-        let _ = writeln!(
-            text,
-            "{view},{light},{},{},{},{},{psnr:.4}",
-            v.theta_deg, v.phi_deg, l.theta_deg, l.phi_deg
-        );
+        let _ = writeln!(text, "{view},{light},{},{},{},{},{psnr:.4}", v.theta_deg, v.phi_deg, l.theta_deg, l.phi_deg);
     }
     text
 }

@@ -2,8 +2,8 @@
 
 use btf_capture::CaptureInfo;
 use btf_runtime::Sphere;
-use rand::seq::SliceRandom;
 use rand::SeedableRng;
+use rand::seq::SliceRandom;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 /// The held-back pairs and how their samples are filled from those that are seen.

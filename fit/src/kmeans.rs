@@ -30,7 +30,12 @@ pub struct Clustering {
 
 /// Clusters the rows of `points` `[point, dimension]` into at most `clusters` (fewer where there are
 /// fewer points). Deterministic for a seed, on any number of threads.
-pub fn kmeans(points: ArrayView2<f32>, clusters: usize, engine: KMeansEngine, seed: u64) -> Result<Clustering, FitError> {
+pub fn kmeans(
+    points: ArrayView2<f32>,
+    clusters: usize,
+    engine: KMeansEngine,
+    seed: u64,
+) -> Result<Clustering, FitError> {
     let clusters = clusters.min(points.nrows()).max(1);
     match engine {
         KMeansEngine::Product => Ok(lloyd(points, seed_greedily(points, clusters, seed))),
@@ -81,7 +86,13 @@ fn assign(points: ArrayView2<f32>, centroids: &Array2<f32>) -> Assignment {
             part
         })
         .collect();
-    let mut all = Assignment { labels: Vec::new(), distances: Vec::new(), inertia: 0.0, sums: Array2::zeros((k, d)), counts: vec![0; k] };
+    let mut all = Assignment {
+        labels: Vec::new(),
+        distances: Vec::new(),
+        inertia: 0.0,
+        sums: Array2::zeros((k, d)),
+        counts: vec![0; k],
+    };
     for part in parts {
         all.labels.extend(part.labels);
         all.distances.extend(part.distances);

@@ -56,7 +56,8 @@ pub fn stagewise_lasso(
     let mut counts = vec![0i64; n];
     let mut gradient: Vec<f64> = problem.correlation.iter().map(|b| -b).collect();
     let mut penalty = f64::INFINITY;
-    let change = |gradient: &[f64], j: usize, step: f64| step * gradient[j] + 0.5 * step * step * problem.gram[j * n + j];
+    let change =
+        |gradient: &[f64], j: usize, step: f64| step * gradient[j] + 0.5 * step * step * problem.gram[j * n + j];
 
     for _ in 0..params.most_steps {
         let mut chosen: Option<(usize, i64, bool)> = None;
@@ -66,10 +67,10 @@ pub fn stagewise_lasso(
                 .filter(|&j| counts[j] != 0)
                 .map(|j| (change(&gradient, j, -(counts[j].signum() as f64) * epsilon), j))
                 .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            if let Some((rise, j)) = best {
-                if rise - penalty * epsilon < -tolerance {
-                    chosen = Some((j, -counts[j].signum(), true));
-                }
+            if let Some((rise, j)) = best
+                && rise - penalty * epsilon < -tolerance
+            {
+                chosen = Some((j, -counts[j].signum(), true));
             }
         }
         if chosen.is_none() {
@@ -174,10 +175,15 @@ mod tests {
     }
 
     fn columns(n: usize, p: usize, shared: f64) -> Vec<Vec<f64>> {
-        let number = |i: usize| (((i as u64).wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407) >> 33) % 2000) as f64 / 1000.0 - 1.0;
+        let number = |i: usize| {
+            (((i as u64).wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407) >> 33) % 2000) as f64
+                / 1000.0
+                - 1.0
+        };
         (0..p)
             .map(|j| {
-                let raw: Vec<f64> = (0..n).map(|i| number(i * 977 + j * 7919 + 13) + shared * number(i * 31 + 5)).collect();
+                let raw: Vec<f64> =
+                    (0..n).map(|i| number(i * 977 + j * 7919 + 13) + shared * number(i * 31 + 5)).collect();
                 let norm = raw.iter().map(|x| x * x).sum::<f64>().sqrt();
                 raw.into_iter().map(|x| x / norm).collect()
             })
@@ -185,11 +191,19 @@ mod tests {
     }
 
     fn response(columns: &[Vec<f64>]) -> Vec<f64> {
-        (0..columns[0].len()).map(|i| 2.0 * columns[0][i] - 1.5 * columns[3][i] + 1.0 * columns[5][i] + 0.05 * (i as f64).sin()).collect()
+        (0..columns[0].len())
+            .map(|i| 2.0 * columns[0][i] - 1.5 * columns[3][i] + 1.0 * columns[5][i] + 0.05 * (i as f64).sin())
+            .collect()
     }
 
     /// Largest distance between the stagewise path and coordinate descent, over the path.
-    fn path_distance(gram: &[f64], b: &[f64], epsilon: f64, non_negative: bool, backward_allowed: bool) -> (f64, usize) {
+    fn path_distance(
+        gram: &[f64],
+        b: &[f64],
+        epsilon: f64,
+        non_negative: bool,
+        backward_allowed: bool,
+    ) -> (f64, usize) {
         let p = LassoProblem { gram, correlation: b, non_negative };
         let top = b.iter().fold(0.0f64, |top, x| top.max(x.abs()));
         let mut worst = 0.0f64;
@@ -256,10 +270,12 @@ mod tests {
         assert!(backward > 50, "only {backward} backward steps");
         assert!(distance < 10e-3, "{distance}");
         // Without backward steps (forward stagewise) the answer is another one.
-        let exact = coordinate_descent(&LassoProblem { gram: &gram, correlation: &b, non_negative: true }, 1e-3, 20_000);
+        let exact =
+            coordinate_descent(&LassoProblem { gram: &gram, correlation: &b, non_negative: true }, 1e-3, 20_000);
         let mut forward = vec![0.0f64; 3];
         for _ in 0..3000 {
-            let gradient: Vec<f64> = (0..3).map(|j| (0..3).map(|i| gram[j * 3 + i] * forward[i]).sum::<f64>() - b[j]).collect();
+            let gradient: Vec<f64> =
+                (0..3).map(|j| (0..3).map(|i| gram[j * 3 + i] * forward[i]).sum::<f64>() - b[j]).collect();
             let best = (0..3).min_by(|&i, &j| gradient[i].total_cmp(&gradient[j])).unwrap();
             if gradient[best] > -1e-3 {
                 break;

@@ -1,37 +1,48 @@
-//! Fits a capture and packs it, measures what was packed, expands it again and reports.
+//! Fits a capture and packs it; measures what was packed, expands it again and reports.
+//!
+//! ```text
+//! Capture --TileCache--> features --kmeans--> clusters --stagewise_lasso--> dictionaries
+//!         --> lobes and weights per texel --> factored residual --fit--> Asset
+//! Capture + Asset --measure--> Comparison --> Metrics, error maps, report
+//! Asset --expand--> capture folder
+//! ```
+//!
+//! [`fit_and_measure`] is the whole job. Every stage reads linear reflectance x cosine; 8-bit values
+//! exist only where the error of a file is counted ([`Metrics`]). Results do not depend on the number of
+//! threads, and memory stays within [`FitParams::memory_bytes`].
 
-mod cache;
-mod sparse;
-mod project;
-mod pipeline;
-mod local_pca;
-mod lasso;
-mod kmeans;
-mod holdout;
-mod factor;
-mod encode;
-mod dictionary;
-mod curve;
-mod candidates;
 mod budget;
 mod byte_size;
+mod cache;
+mod candidates;
 mod ciede;
 mod compare;
+mod curve;
 mod describe;
+mod dictionary;
+mod encode;
 mod error;
 mod expand;
+mod factor;
 mod fitted;
 mod heatmap;
+mod holdout;
 mod image_decoder;
+mod kmeans;
+mod lasso;
+mod local_pca;
 mod material;
 mod memory;
 mod metrics;
 mod monitor;
 mod params;
+mod pipeline;
 mod plot;
+mod project;
 mod report;
 #[cfg(test)]
 mod sample_asset;
+mod sparse;
 
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};
@@ -46,14 +57,14 @@ pub use expand::{ExpandParams, expand, expand_info};
 pub use fitted::{Fitted, fit_and_measure};
 pub use heatmap::{Raster, scale_top, viridis, write_heatmaps};
 pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot, TexelBlock};
+pub use kmeans::{Clustering, kmeans};
+pub use lasso::{LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso};
 pub use material::{
     CaptureRecord, FitRecord, Material, MaterialLayer, layer_directions, side_of_layer, sides_of_capture,
 };
 pub use memory::peak_memory_bytes;
 pub use metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 pub use monitor::{Monitor, Stage};
-pub use report::{ReportInput, ReportLayer, report_html};
 pub use params::{ErrorMeasure, FitOutcome, FitParams, KMeansEngine, LobeFigures};
-pub use kmeans::{Clustering, kmeans};
-pub use lasso::{LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso};
 pub use pipeline::{MATERIAL_RESERVE, fit};
+pub use report::{ReportInput, ReportLayer, report_html};

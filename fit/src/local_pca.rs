@@ -116,10 +116,20 @@ struct Sketch {
 /// Fits `components` principal components (fewer where a cluster has fewer texels) to each cluster.
 ///
 /// Cost: two passes over the capture.
-pub fn local_pca(source: &ResidualSource, components: usize, seed: u64, monitor: &Monitor) -> Result<Vec<LocalPca>, FitError> {
+pub fn local_pca(
+    source: &ResidualSource,
+    components: usize,
+    seed: u64,
+    monitor: &Monitor,
+) -> Result<Vec<LocalPca>, FitError> {
     let len = source.row_len();
     let wide = components + OVERSAMPLING;
-    let new = || Sketch { sum: Array1::zeros(len), range: Array2::zeros((len, wide)), omega_sum: vec![0.0; wide], ..Sketch::default() };
+    let new = || Sketch {
+        sum: Array1::zeros(len),
+        range: Array2::zeros((len, wide)),
+        omega_sum: vec![0.0; wide],
+        ..Sketch::default()
+    };
     let mut sketches: Vec<Sketch> = source.clusters.iter().map(|_| new()).collect();
     source.for_each_block("residual", (0, 3), monitor, &mut sketches, |_, sketch, texels, rows| {
         // A texel's random row depends on the texel alone.
@@ -128,7 +138,8 @@ pub fn local_pca(source: &ResidualSource, components: usize, seed: u64, monitor:
             texels
                 .iter()
                 .flat_map(|texel| {
-                    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed.wrapping_mul(0x9e37_79b9).wrapping_add(*texel as u64));
+                    let mut random =
+                        Xoshiro256PlusPlus::seed_from_u64(seed.wrapping_mul(0x9e37_79b9).wrapping_add(*texel as u64));
                     (0..wide).map(move |_| if random.r#gen::<bool>() { 1.0f32 } else { -1.0 }).collect::<Vec<_>>()
                 })
                 .collect(),
@@ -191,12 +202,16 @@ fn nystrom(q: &Array2<f32>, image: &Array2<f32>, components: usize) -> (Array2<f
     }
     let core = transposed_product(q.view(), image.view()).mapv(f64::from);
     let trace: f64 = (0..n).map(|i| core[[i, i]]).sum();
-    let core = DMatrix::from_fn(n, n, |i, j| 0.5 * (core[[i, j]] + core[[j, i]]) + if i == j { 1e-7 * trace.abs() / n as f64 + 1e-30 } else { 0.0 });
+    let core = DMatrix::from_fn(n, n, |i, j| {
+        0.5 * (core[[i, j]] + core[[j, i]]) + if i == j { 1e-7 * trace.abs() / n as f64 + 1e-30 } else { 0.0 }
+    });
     // image * L^-T, whose Gram matrix has C's eigenvalues.
     let eigen = nalgebra::SymmetricEigen::new(core);
     let top = eigen.eigenvalues.iter().fold(0.0f64, |top, x| top.max(*x));
     let kept: Vec<usize> = (0..n).filter(|&i| eigen.eigenvalues[i] > 1e-9 * top).collect();
-    let whiten = Array2::from_shape_fn((n, kept.len()), |(i, j)| (eigen.eigenvectors[(i, kept[j])] / eigen.eigenvalues[kept[j]].sqrt()) as f32);
+    let whiten = Array2::from_shape_fn((n, kept.len()), |(i, j)| {
+        (eigen.eigenvectors[(i, kept[j])] / eigen.eigenvalues[kept[j]].sqrt()) as f32
+    });
     let half = image.dot(&whiten);
     let gram = transposed_product(half.view(), half.view()).mapv(f64::from);
     let (values, vectors) = sorted_eigen(&gram);
@@ -219,7 +234,12 @@ mod tests {
         let q = orthonormalize(&c.dot(&Array2::from_shape_simple_fn((n, 9), || random.gen_range(-1.0..1.0f32))));
         let (vectors, found) = nystrom(&q, &c.dot(&q), 4);
         for i in 0..4 {
-            assert!((found[i] - f64::from(values[i])).abs() < 0.01 * f64::from(values[i]), "{i}: {} {}", found[i], values[i]);
+            assert!(
+                (found[i] - f64::from(values[i])).abs() < 0.01 * f64::from(values[i]),
+                "{i}: {} {}",
+                found[i],
+                values[i]
+            );
             let overlap = vectors.column(i).dot(&basis.column(i)).abs();
             assert!(overlap > 0.999, "{i}: {overlap}");
             assert!(vectors.column(i).dot(&basis.column((i + 1) % 12)).abs() < 0.05);

@@ -3,6 +3,7 @@
 use crate::budget::{Plan, Planner};
 use crate::cache::{Mapping, TileCache};
 use crate::candidates::candidate_lobes;
+use crate::compare::{MeasureParams, colour_pair_stride, measure, stride_over_pairs};
 use crate::curve::Curve;
 use crate::dictionary::{Dictionary, Pairs, Target, build_dictionary};
 use crate::encode::encode_residual;
@@ -11,14 +12,13 @@ use crate::factor::Rotated;
 use crate::holdout::Holdout;
 use crate::kmeans::{Clustering, kmeans};
 use crate::local_pca::{OVERSAMPLING, ResidualSource, local_pca};
+use crate::material::{layer_directions, sides_of_capture};
 use crate::monitor::Monitor;
-use crate::compare::{MeasureParams, colour_pair_stride, measure, stride_over_pairs};
 use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
 use crate::sparse::{ClusterLobes, correlate, select};
 use btf_capture::{Capture, CaptureInfo};
-use crate::material::{layer_directions, sides_of_capture};
-use btf_runtime::{Asset, Layer, Residual, ResidualKind, Resident, Sphere, lobe_tables, pack};
+use btf_runtime::{Asset, Layer, Resident, Residual, ResidualKind, Sphere, lobe_tables, pack};
 use ndarray::{Array2, ArrayView2};
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -73,7 +73,10 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
         let info = capture.info();
         let reason = if (info.width, info.height) != (width, height) {
             Some(format!("it is {} x {} texels, the first is {width} x {height}", info.width, info.height))
-        } else if captures[..number].iter().any(|other| sides_of_capture(other.info().side) == sides_of_capture(info.side)) {
+        } else if captures[..number]
+            .iter()
+            .any(|other| sides_of_capture(other.info().side) == sides_of_capture(info.side))
+        {
             Some("it shows the same sides as another".to_string())
         } else {
             None
@@ -125,7 +128,12 @@ fn plan_memory(info: &CaptureInfo, params: &FitParams, wanted: usize) -> Result<
     Ok((most, limit.saturating_sub(used) as u64))
 }
 
-fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monitor: &Monitor) -> Result<(Layer, Vec<usize>, LobeFigures), FitError> {
+fn fit_layer(
+    capture: &Capture,
+    params: &FitParams,
+    budget: Option<usize>,
+    monitor: &Monitor,
+) -> Result<(Layer, Vec<usize>, LobeFigures), FitError> {
     let info = capture.info();
     let (lights, views) = (Sphere::new(&layer_directions(&info.lights))?, Sphere::new(&layer_directions(&info.views))?);
     let searched = budget.is_some() || params.psnr_db.is_some();
@@ -143,7 +151,8 @@ fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monit
         let found = monitor.stage("project", || {
             features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
         })?;
-        let clustering = monitor.stage("cluster", || kmeans(found.scores.view(), params.clusters, params.kmeans, params.seed))?;
+        let clustering =
+            monitor.stage("cluster", || kmeans(found.scores.view(), params.clusters, params.kmeans, params.seed))?;
         let representatives = representatives(&clustering, found.scores.view(), params.seed);
         (clustering, representatives)
     };
@@ -185,7 +194,13 @@ fn fit_layer(capture: &Capture, params: &FitParams, budget: Option<usize>, monit
         let models = local_pca(&source, most_components, params.seed, monitor)?;
         let rotated = Rotated::new(&models, [layer.views.len(), layer.lights.len()]);
         let planner = Planner::new(&models, &rotated, info.texel_count());
-        let base = pack(&Asset { width: info.width, height: info.height, material: String::new(), layers: vec![layer.clone()] })?.len();
+        let base = pack(&Asset {
+            width: info.width,
+            height: info.height,
+            material: String::new(),
+            layers: vec![layer.clone()],
+        })?
+        .len();
         match (budget, params.psnr_db) {
             (Some(bytes), _) => {
                 let plan = plan_for_bytes(&planner, bytes, base, info)?;
@@ -238,10 +253,14 @@ fn residual_for_psnr(
         let Some(plan) = planner.within_error(target, most).or_else(|| planner.best(most)) else { break };
         let last_resort = plan.error > target;
         layer.residual = Some(encode(&plan)?);
-        let asset = Asset { width: info.width, height: info.height, material: String::new(), layers: vec![layer.clone()] };
+        let asset =
+            Asset { width: info.width, height: info.height, material: String::new(), layers: vec![layer.clone()] };
         let resident = Resident::from_asset_with(&asset, |n, expand| (0..n).into_par_iter().map(expand).collect());
-        let measure_params =
-            MeasureParams { pairs: Some(measured_pairs.clone()), memory_bytes: params.memory_bytes / 8, ..MeasureParams::default() };
+        let measure_params = MeasureParams {
+            pairs: Some(measured_pairs.clone()),
+            memory_bytes: params.memory_bytes / 8,
+            ..MeasureParams::default()
+        };
         let measured = measure(capture, &asset, &resident, &measure_params, monitor)?.metrics().psnr_db;
         reached = reached.max(measured);
         let smaller = found.as_ref().is_none_or(|(bytes, _)| plan.bytes < *bytes);
@@ -283,7 +302,9 @@ fn representatives(clustering: &Clustering, scores: ArrayView2<f32>, seed: u64) 
             };
             let mut random = Xoshiro256PlusPlus::seed_from_u64(seed.wrapping_add(cluster as u64 * 7919));
             let centroid = clustering.centroids.row(cluster);
-            let Some(first) = members.iter().copied().min_by(|&a, &b| distance(a, centroid).total_cmp(&distance(b, centroid))) else {
+            let Some(first) =
+                members.iter().copied().min_by(|&a, &b| distance(a, centroid).total_cmp(&distance(b, centroid)))
+            else {
                 return Vec::new();
             };
             let mut chosen = vec![first];
@@ -329,7 +350,8 @@ fn dictionaries(
     monitor: &Monitor,
 ) -> Result<(Vec<ClusterLobes>, LobeFigures), FitError> {
     let pairs = cache.pair_count();
-    let mut functions: Vec<Array2<f32>> = representatives.iter().map(|chosen| Array2::zeros((pairs, 3 * chosen.len()))).collect();
+    let mut functions: Vec<Array2<f32>> =
+        representatives.iter().map(|chosen| Array2::zeros((pairs, 3 * chosen.len()))).collect();
     let mut row = vec![0.0; 3 * pairs];
     for tile in 0..cache.tile_count() {
         let loaded = cache.read(tile)?;
@@ -377,7 +399,9 @@ fn dictionaries(
             } else {
                 let target = Target {
                     root_weights: used.iter().map(|pair| weights[*pair].sqrt()).collect(),
-                    functions: Array2::from_shape_fn((used.len(), functions.ncols()), |(p, column)| functions[[used[p], column]]),
+                    functions: Array2::from_shape_fn((used.len(), functions.ncols()), |(p, column)| {
+                        functions[[used[p], column]]
+                    }),
                 };
                 build_dictionary(&target, &sampled, &candidates, &tables, DICTIONARY_SIZE)
             };

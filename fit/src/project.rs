@@ -62,7 +62,8 @@ fn orthonormalize_once(a: &Array2<f32>) -> Array2<f32> {
     let gram = transposed_product(a.view(), a.view());
     let eigen = SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| f64::from(gram[[i, j]])));
     let top = eigen.eigenvalues.iter().fold(0.0f64, |top, x| top.max(*x));
-    let kept: Vec<usize> = (0..n).filter(|&i| eigen.eigenvalues[i] > top * 1e-10 && eigen.eigenvalues[i] > 0.0).collect();
+    let kept: Vec<usize> =
+        (0..n).filter(|&i| eigen.eigenvalues[i] > top * 1e-10 && eigen.eigenvalues[i] > 0.0).collect();
     let rotation = Array2::from_shape_fn((n, kept.len()), |(i, j)| {
         (eigen.eigenvectors[(i, kept[j])] / eigen.eigenvalues[kept[j]].sqrt()) as f32
     });
@@ -148,7 +149,8 @@ pub fn features(
     let gram = transposed_product(right.view(), right.view()).mapv(f64::from);
     let (values, vectors) = sorted_eigen(&gram);
     let kept = dimensions.min(values.iter().filter(|value| **value > 0.0).count()).max(1).min(vectors.ncols());
-    let rotation = Array2::from_shape_fn((vectors.nrows(), kept), |(i, j)| (vectors[[i, j]] / values[j].max(1e-30).sqrt()) as f32);
+    let rotation =
+        Array2::from_shape_fn((vectors.nrows(), kept), |(i, j)| (vectors[[i, j]] / values[j].max(1e-30).sqrt()) as f32);
     let basis = right.dot(&rotation);
     drop(block);
 

@@ -72,7 +72,8 @@ pub fn report_html(input: &ReportInput, monitor: &Monitor) -> Result<String, Fit
     for layer in &input.layers {
         sums.add(&layer.comparison.sums);
     }
-    let raw: u64 = input.layers.iter().map(|l| (l.capture.info().texel_count() * l.capture.info().pair_count() * 3) as u64).sum();
+    let raw: u64 =
+        input.layers.iter().map(|l| (l.capture.info().texel_count() * l.capture.info().pair_count() * 3) as u64).sum();
     let name = match description.material.name.as_str() {
         "" => "Material",
         name => name,
@@ -191,7 +192,8 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
     let families: Vec<(String, f64, String)> = facts
         .families
         .iter()
-        .map(|f| (f.family.to_string(), f.texels as f64, format!("{} of {}", f.texels, input.asset.layers[layer.layer].lobe_refs.len())))
+        .filter(|f| f.texels > 0)
+        .map(|f| (f.family.to_string(), f.texels as f64, format!("{} of {}", f.texels, source.lobe_refs.len())))
         .collect();
     Ok(html! {
         section {
@@ -244,7 +246,7 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
 fn cluster_map(layer: &Layer, width: usize) -> Raster {
     let colour = |cluster: u8| {
         let hue = (f32::from(cluster) * 0.618_034).fract() * 6.0;
-        let value = if cluster % 2 == 0 { 0.92 } else { 0.68 };
+        let value = if cluster.is_multiple_of(2) { 0.92 } else { 0.68 };
         let channel = |offset: f32| {
             let x = ((hue + offset) % 6.0 - 3.0).abs() - 1.0;
             ((1.0 - 0.6 * (1.0 - x.clamp(0.0, 1.0))) * value * 255.0) as u8
@@ -440,8 +442,12 @@ fn tier_curve(input: &ReportInput, description: &Description, monitor: &Monitor)
     let stride = colour_pair_stride(info.views.len(), info.lights.len());
     let pairs: Vec<usize> = (0..info.pair_count()).step_by(stride).step_by(TIER_PAIR_SHARE).collect();
     let params = MeasureParams { layer: layer.layer, pairs: Some(pairs), ..MeasureParams::default() };
-    let present: Vec<usize> =
-        description.tiers.iter().map(|tier| tier.bytes as usize).filter(|length| *length <= input.bytes.len()).collect();
+    let present: Vec<usize> = description
+        .tiers
+        .iter()
+        .map(|tier| tier.bytes as usize)
+        .filter(|length| *length <= input.bytes.len())
+        .collect();
     let count = present.len().min(MOST_TIERS);
     let mut points = Vec::new();
     for i in 0..count {
@@ -479,9 +485,15 @@ mod tests {
 
     #[test]
     fn base64_follows_the_test_vectors_of_rfc_4648() {
-        for (plain, coded) in
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("fooba", "Zm9vYmE="), ("foobar", "Zm9vYmFy")]
-        {
+        for (plain, coded) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("fooba", "Zm9vYmE="),
+            ("foobar", "Zm9vYmFy"),
+        ] {
             assert_eq!(base64(plain.as_bytes()), coded);
         }
         assert_eq!(base64(&[0xfb, 0xff]), "+/8=");
@@ -503,7 +515,10 @@ mod tests {
         let asset = Asset::parse(&bytes).unwrap();
         let resident = Resident::from_asset(&asset);
         let monitor = Monitor::default();
-        let fewer = ExpandParams { options: DecodeOptions { components: 1, ..DecodeOptions::default() }, ..ExpandParams::default() };
+        let fewer = ExpandParams {
+            options: DecodeOptions { components: 1, ..DecodeOptions::default() },
+            ..ExpandParams::default()
+        };
         expand(&asset, &resident, &folder.path().join("capture"), &fewer, &monitor).unwrap();
         let capture = Capture::open(folder.path().join("capture")).unwrap();
         let comparison = measure(&capture, &asset, &resident, &MeasureParams::default(), &monitor).unwrap();

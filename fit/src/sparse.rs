@@ -38,8 +38,9 @@ impl ClusterLobes {
         let mut gram = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..=i {
-                let sum: f64 =
-                    (0..weights.len()).map(|p| f64::from(weights[p]) * f64::from(tables[i][p]) * f64::from(tables[j][p])).sum();
+                let sum: f64 = (0..weights.len())
+                    .map(|p| f64::from(weights[p]) * f64::from(tables[i][p]) * f64::from(tables[j][p]))
+                    .sum();
                 gram[i * n + j] = sum;
                 gram[j * n + i] = sum;
             }
@@ -57,21 +58,29 @@ pub struct Correlations {
 }
 
 /// One pass over the capture.
-pub fn correlate(cache: &TileCache, clusters: &[ClusterLobes], labels: &[u32], monitor: &Monitor) -> Result<Correlations, FitError> {
+pub fn correlate(
+    cache: &TileCache,
+    clusters: &[ClusterLobes],
+    labels: &[u32],
+    monitor: &Monitor,
+) -> Result<Correlations, FitError> {
     let pairs = cache.pair_count();
     let most = clusters.iter().map(|cluster| cluster.lobes.len()).max().unwrap_or(0);
     let mut products = Array2::<f32>::zeros((cache.texel_count(), 3 * most));
     let mut energy = vec![0.0; cache.texel_count()];
     let weighted: Vec<Array2<f32>> = clusters
         .iter()
-        .map(|cluster| Array2::from_shape_fn((pairs, cluster.lobes.len()), |(p, i)| cluster.weights[p] * cluster.tables[i][p]))
+        .map(|cluster| {
+            Array2::from_shape_fn((pairs, cluster.lobes.len()), |(p, i)| cluster.weights[p] * cluster.tables[i][p])
+        })
         .collect();
     for tile in 0..cache.tile_count() {
         let loaded = cache.read(tile)?;
         let first = loaded.texels.start;
         let mut order: Vec<usize> = (0..loaded.texels.len()).collect();
         order.sort_by_key(|&i| (labels[first + i], i));
-        let batches: Vec<&[usize]> = order.chunk_by(|&a, &b| labels[first + a] == labels[first + b]).flat_map(|run| run.chunks(BATCH)).collect();
+        let batches: Vec<&[usize]> =
+            order.chunk_by(|&a, &b| labels[first + a] == labels[first + b]).flat_map(|run| run.chunks(BATCH)).collect();
         let results: Vec<(&[usize], Array2<f32>, Vec<f64>)> = batches
             .into_par_iter()
             .map(|batch| {
@@ -127,7 +136,8 @@ fn choose(cluster: &ClusterLobes, products: &[f32], energy: f64, most: usize) ->
     let norms: Vec<f64> = (0..n).map(|i| cluster.gram[i * n + i].sqrt()).collect();
     let inverse: Vec<f64> = norms.iter().map(|norm| if *norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();
     let gram: Vec<f64> = (0..n * n).map(|k| cluster.gram[k] * inverse[k / n] * inverse[k % n]).collect();
-    let grey: Vec<f64> = (0..n).map(|i| (0..3).map(|c| f64::from(products[3 * i + c])).sum::<f64>() / 3.0 * inverse[i]).collect();
+    let grey: Vec<f64> =
+        (0..n).map(|i| (0..3).map(|c| f64::from(products[3 * i + c])).sum::<f64>() / 3.0 * inverse[i]).collect();
     let top = grey.iter().fold(0.0f64, |top, x| top.max(*x));
     if top <= 0.0 {
         return choice;
@@ -201,7 +211,12 @@ pub fn select(
         .into_par_iter()
         .map(|texel| {
             let row = correlations.products.slice(s![texel, ..]);
-            choose(&clusters[labels[texel] as usize], row.as_slice().unwrap_or_default(), correlations.energy[texel], most)
+            choose(
+                &clusters[labels[texel] as usize],
+                row.as_slice().unwrap_or_default(),
+                correlations.energy[texel],
+                most,
+            )
         })
         .collect();
     let total_energy: f64 = correlations.energy.iter().sum::<f64>().max(1e-30);
@@ -211,7 +226,9 @@ pub fn select(
         let errors = &choices[texel].errors;
         let scale = if mean_count.is_some() { correlations.energy[texel] / mean_energy } else { 1.0 };
         let cost = |m: usize| scale * errors[m] + price * m as f64;
-        (least.min(errors.len() - 1)..errors.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b)).then(a.cmp(&b))).unwrap_or(0)
+        (least.min(errors.len() - 1)..errors.len())
+            .min_by(|&a, &b| cost(a).total_cmp(&cost(b)).then(a.cmp(&b)))
+            .unwrap_or(0)
     };
     let mut price = price;
     if let Some(mean_count) = mean_count {
@@ -245,7 +262,8 @@ pub fn select(
             let entry = |(lobe, peak): (&Lobe, &f64)| {
                 let rounded = f16::from_f64(peak.min(60_000.0));
                 // Rounded up, so that the largest weight still fits.
-                let up = if f64::from(rounded.to_f32()) < *peak { f16::from_bits(rounded.to_bits() + 1) } else { rounded };
+                let up =
+                    if f64::from(rounded.to_f32()) < *peak { f16::from_bits(rounded.to_bits() + 1) } else { rounded };
                 DictionaryLobe { lobe: *lobe, weight_scale: up.to_f32() }
             };
             cluster.lobes.iter().zip(peaks).map(entry).collect()
@@ -269,8 +287,12 @@ pub fn select(
                 let scale = selection.dictionary[cluster][lobe].weight_scale;
                 let codes = [0, 1, 2].map(|c| byte_from_weight(rgb[c] as f32, scale));
                 if codes != [0; 3] {
-                    let size2: f64 = codes.iter().map(|q| f64::from(weight_from_byte((*q).into(), scale)).powi(2)).sum();
-                    own.push((size2 * clusters[cluster].gram[lobe * n + lobe], LobeRef { lobe: lobe as u8, weight: codes }));
+                    let size2: f64 =
+                        codes.iter().map(|q| f64::from(weight_from_byte((*q).into(), scale)).powi(2)).sum();
+                    own.push((
+                        size2 * clusters[cluster].gram[lobe * n + lobe],
+                        LobeRef { lobe: lobe as u8, weight: codes },
+                    ));
                 }
             }
         }

@@ -21,13 +21,42 @@ const RUNTIME: &str = "btf-runtime";
 /// Crates (and families, `name-*`) that would bring the runtime a GPU, an image codec, threads, files or a window.
 const RUNTIME_FORBIDS: [&str; 33] = [
     // GPU and windows.
-    "wgpu", "wgpu-*", "naga", "ash", "metal", "vulkano", "winit", "egui", "egui-*",
+    "wgpu",
+    "wgpu-*",
+    "naga",
+    "ash",
+    "metal",
+    "vulkano",
+    "winit",
+    "egui",
+    "egui-*",
     // Image codecs.
-    "image", "image-*", "exr", "png", "jpeg-*", "zune-*", "gif", "tiff", "ktx2",
+    "image",
+    "image-*",
+    "exr",
+    "png",
+    "jpeg-*",
+    "zune-*",
+    "gif",
+    "tiff",
+    "ktx2",
     // Threads.
-    "rayon", "rayon-*", "crossbeam", "crossbeam-*", "threadpool", "tokio", "async-*",
+    "rayon",
+    "rayon-*",
+    "crossbeam",
+    "crossbeam-*",
+    "threadpool",
+    "tokio",
+    "async-*",
     // Files and the operating system.
-    "memmap2", "tempfile", "walkdir", "zip", "rustix", "fs-err", "gltf", "tobj",
+    "memmap2",
+    "tempfile",
+    "walkdir",
+    "zip",
+    "rustix",
+    "fs-err",
+    "gltf",
+    "tobj",
 ];
 
 /// Modules of the standard library that the runtime's sources may not name, for the same reason.
@@ -44,7 +73,8 @@ pub fn check(metadata: &Metadata, root: &Path) -> Result<String, String> {
         offences.push("runtime/src holds no Rust file, so its sources were not checked".to_string());
     }
     for path in &sources {
-        let text = std::fs::read_to_string(path).map_err(|error| format!("{} is not readable: {error}", path.display()))?;
+        let text =
+            std::fs::read_to_string(path).map_err(|error| format!("{} is not readable: {error}", path.display()))?;
         let name = path.strip_prefix(root).unwrap_or(path).display().to_string();
         offences.extend(forbidden_words(&name, &text));
     }
@@ -73,7 +103,9 @@ fn forbidden_arrows(declared: &[(&str, BTreeSet<&str>)]) -> Vec<String> {
     let mut offences = Vec::new();
     for (package, uses) in declared {
         let Some((_, allowed)) = ALLOWED.iter().find(|(name, _)| name == package) else {
-            offences.push(format!("{package} is no package of xtask/src/arrows.rs: add it there and to docs/ARCHITECTURE.md"));
+            offences.push(format!(
+                "{package} is no package of xtask/src/arrows.rs: add it there and to docs/ARCHITECTURE.md"
+            ));
             continue;
         };
         for other in uses.iter().filter(|other| !allowed.contains(other)) {
@@ -91,7 +123,8 @@ fn forbidden_crates(linked: &BTreeSet<&str>) -> Vec<String> {
         })
     };
     let bad = linked.iter().filter(|name| forbids(name));
-    bad.map(|name| format!("{RUNTIME} links {name}; the runtime has no GPU, image codec, thread or file crate")).collect()
+    bad.map(|name| format!("{RUNTIME} links {name}; the runtime has no GPU, image codec, thread or file crate"))
+        .collect()
 }
 
 /// Lines of a source file that name a forbidden module. Comments and the test module at the file's end are left out.
@@ -104,7 +137,8 @@ fn forbidden_words(name: &str, text: &str) -> Vec<String> {
         let code = line.split("//").next().unwrap_or_default();
         for module in RUNTIME_FORBIDS_IN_STD {
             if names_std_module(code, module) {
-                offences.push(format!("{name}:{}: std::{module} is not for the runtime: bytes in, numbers out", index + 1));
+                offences
+                    .push(format!("{name}:{}: std::{module} is not for the runtime: bytes in, numbers out", index + 1));
             }
         }
     }
@@ -118,9 +152,9 @@ fn names_std_module(code: &str, module: &str) -> bool {
         match rest.strip_prefix('{') {
             None => words_of(rest).next() == Some(module),
             // The first word of each member of the group; nested groups are further members, which is on the strict side.
-            Some(group) => group
-                .split(['{', ',', '}'])
-                .any(|member| words_of(member.trim_start()).next() == Some(module)),
+            Some(group) => {
+                group.split(['{', ',', '}']).any(|member| words_of(member.trim_start()).next() == Some(module))
+            }
         }
     })
 }
@@ -178,7 +212,10 @@ mod tests {
     fn the_arrows_of_the_plan_pass() {
         assert_eq!(offences("btf-fit", &["btf-capture", "btf-runtime"]), [""; 0]);
         assert_eq!(offences("btf-synth", &["btf-capture"]), [""; 0]);
-        assert_eq!(offences("btf-tests", &["btf-fit", "btf-viewer", "btf-synth", "btf-capture", "btf-runtime"]), [""; 0]);
+        assert_eq!(
+            offences("btf-tests", &["btf-fit", "btf-viewer", "btf-synth", "btf-capture", "btf-runtime"]),
+            [""; 0]
+        );
     }
 
     #[test]

@@ -15,6 +15,11 @@ impl Failure {
         Failure { message: message.into(), exit_code: 1 }
     }
 
+    /// Exit code 1 without a sentence: everything has been said already.
+    pub fn silent() -> Failure {
+        Failure::new("")
+    }
+
     /// The arguments are wrong: exit code 2.
     pub fn usage(message: impl Into<String>) -> Failure {
         Failure { message: message.into(), exit_code: 2 }

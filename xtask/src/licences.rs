@@ -55,7 +55,9 @@ fn offence(package: &Package) -> Option<String> {
     match spdx::is_satisfied(expression, &|licence| ACCEPTED.contains(&licence)) {
         Ok(true) => None,
         Ok(false) => Some(format!("{who} is under '{expression}', which xtask/src/licences.rs does not accept")),
-        Err(reason) => Some(format!("{who} has the licence text '{expression}', which is no SPDX expression: {reason}")),
+        Err(reason) => {
+            Some(format!("{who} has the licence text '{expression}', which is no SPDX expression: {reason}"))
+        }
     }
 }
 
@@ -82,7 +84,9 @@ mod tests {
 
     #[test]
     fn a_planted_bad_licence_is_found_and_its_crate_named() {
-        for expression in ["GPL-3.0-only", "MIT AND GPL-3.0-only", "AGPL-3.0-or-later", "MPL-2.0", "LicenseRef-Mine", "MIT;"] {
+        for expression in
+            ["GPL-3.0-only", "MIT AND GPL-3.0-only", "AGPL-3.0-or-later", "MPL-2.0", "LicenseRef-Mine", "MIT;"]
+        {
             let offence = offence(&package(Some(expression), None)).unwrap_or_else(|| panic!("{expression} passed"));
             assert!(offence.contains("planted 1.2.3") && offence.contains(expression), "{offence}");
         }

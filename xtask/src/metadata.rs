@@ -5,7 +5,6 @@ use crate::shell;
 use serde::Deserialize;
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
-use std::process::Command;
 
 /// The parts of `cargo metadata --format-version 1` that our checks read. It covers the dependencies of every platform.
 #[derive(Deserialize)]
@@ -102,9 +101,4 @@ impl Metadata {
 /// Whether `cargo NAME` is there (an installed subcommand).
 pub fn has_subcommand(name: &str) -> bool {
     shell::answer_of(&mut shell::cargo(&[name, "--version"])).is_some()
-}
-
-/// Whether a program of that name answers to `--version`.
-pub fn has_program(name: &str) -> bool {
-    shell::answer_of(Command::new(name).arg("--version")).is_some()
 }

@@ -8,7 +8,8 @@ use std::process::{Command, ExitStatus, Stdio};
 /// The repository's root: the folder above this package.
 pub fn root() -> PathBuf {
     // Cargo sets the variable when it runs the program, so a checkout that was moved is found too.
-    let package = std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| env!("CARGO_MANIFEST_DIR").into(), PathBuf::from);
+    let package =
+        std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| env!("CARGO_MANIFEST_DIR").into(), PathBuf::from);
     package.parent().map_or(package.clone(), Path::to_path_buf)
 }
 
@@ -27,7 +28,8 @@ pub fn line_of(command: &Command) -> String {
     ];
     for argument in command.get_args() {
         let argument = argument.to_string_lossy();
-        let is_plain = !argument.is_empty() && argument.chars().all(|c| c.is_alphanumeric() || "-_./=:,@+\\".contains(c));
+        let is_plain =
+            !argument.is_empty() && argument.chars().all(|c| c.is_alphanumeric() || "-_./=:,@+\\".contains(c));
         words.push(if is_plain { argument.into_owned() } else { format!("'{argument}'") });
     }
     words.join(" ")

@@ -134,9 +134,18 @@ mod tests {
 
     #[test]
     fn text_that_is_no_expression_is_an_error_and_not_a_pass() {
-        for expression in
-            ["", "MIT OR", "OR MIT", "(MIT", "MIT)", "MIT Apache-2.0", "MIT, Apache-2.0", "MIT WITH", "MIT AND ()", "MIT//Zlib"]
-        {
+        for expression in [
+            "",
+            "MIT OR",
+            "OR MIT",
+            "(MIT",
+            "MIT)",
+            "MIT Apache-2.0",
+            "MIT, Apache-2.0",
+            "MIT WITH",
+            "MIT AND ()",
+            "MIT//Zlib",
+        ] {
             assert!(satisfied(expression).is_err(), "{expression}");
         }
     }

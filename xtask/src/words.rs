@@ -5,8 +5,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Beginnings of paths that exist on one machine only. Written in two halves, so that this file passes its own check.
-const LOCAL: [&str; 5] =
-    [concat!("/ro", "ot/"), concat!("/wo", "rk/"), concat!("/ho", "me/"), concat!("/Us", "ers/"), concat!("C:\\Us", "ers\\")];
+const LOCAL: [&str; 5] = [
+    concat!("/ro", "ot/"),
+    concat!("/wo", "rk/"),
+    concat!("/ho", "me/"),
+    concat!("/Us", "ers/"),
+    concat!("C:\\Us", "ers\\"),
+];
 
 /// Only tests may name the temporary folder.
 const TEMPORARY: &str = concat!("/t", "mp/");
@@ -45,7 +50,8 @@ fn local_paths(file: &Path, text: &str) -> Vec<String> {
         for word in LOCAL.into_iter().chain(temporary) {
             if names_path(line, word) {
                 let place = format!("{}:{}", file.display(), index + 1);
-                offences.push(format!("{place}: '{word}...' is a folder of one machine; use a relative path or an option"));
+                offences
+                    .push(format!("{place}: '{word}...' is a folder of one machine; use a relative path or an option"));
             }
         }
     }
@@ -119,7 +125,10 @@ mod tests {
     #[test]
     fn addresses_and_relative_paths_pass() {
         for word in LOCAL.iter().filter(|word| word.starts_with('/')) {
-            assert_eq!(offences("README.md", &format!("https://example.org{word}page and ..{word}page and our{word}page")), 0);
+            assert_eq!(
+                offences("README.md", &format!("https://example.org{word}page and ..{word}page and our{word}page")),
+                0
+            );
         }
     }
 

@@ -73,23 +73,29 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         check_file(path, &[args.capture.clone(), args.asset.clone()])?;
     }
     if let Some(dir) = &args.heatmap {
-        std::fs::create_dir_all(dir)
-            .map_err(|error| Failure::Path(format!("{} cannot be made a folder ({error}); give another one", dir.display())))?;
+        std::fs::create_dir_all(dir).map_err(|error| {
+            Failure::Path(format!("{} cannot be made a folder ({error}); give another one", dir.display()))
+        })?;
         check_file(&dir.join("pairs.csv"), std::slice::from_ref(&args.capture))?;
     }
     let layer = match args.layer {
         Some(layer) if layer < asset.layers.len() => layer,
         Some(layer) => {
-            let count = asset.layers.len();
-            return Err(Failure::Usage(format!("--layer {layer} is not there: {} has {count}", args.asset.display())));
+            let last = asset.layers.len() - 1;
+            let path = args.asset.display();
+            return Err(Failure::Usage(format!("{path} has no layer {layer}; give --layer 0 to {last}")));
         }
         None => layer_for_capture(capture.info(), &asset)?,
     };
 
     let monitor = progress::monitor(shared)?;
     let resident = resident_in_parallel(&asset);
-    let params =
-        MeasureParams { layer, options: args.decoding.options(), memory_bytes: args.memory, ..MeasureParams::default() };
+    let params = MeasureParams {
+        layer,
+        options: args.decoding.options(),
+        memory_bytes: args.memory,
+        ..MeasureParams::default()
+    };
     let comparison = monitor.stage("measure", || measure(&capture, &asset, &resident, &params, &monitor))?;
     if let Some(dir) = &args.heatmap {
         write_heatmaps(dir, capture.info(), &comparison)?;

@@ -97,7 +97,13 @@ pub(super) fn run(args: &ExpandArgs, shared: &Shared) -> Result<(), Failure> {
     if !shared.quiet && !args.json.as_deref().is_some_and(is_stdout) {
         say(&format!(
             "{}: {} images ({} views x {} lights) of {} x {} texels, {}",
-            args.directory.display(), result.images, result.views, result.lights, result.width, result.height, result.format
+            args.directory.display(),
+            result.images,
+            result.views,
+            result.lights,
+            result.width,
+            result.height,
+            result.format
         ));
     }
     Ok(())

@@ -96,6 +96,16 @@ struct FitResult<'a> {
     lobes_per_texel_mean: f64,
     components: usize,
     layers: usize,
+    lobe_error: LobeError,
+}
+
+/// Error of the lobes alone, relative to the energy of what they predict: after the Lasso, after the
+/// refinement, and after every texel's own selection.
+#[derive(Debug, serde::Serialize)]
+struct LobeError {
+    selected: f64,
+    refined: f64,
+    sparse: f64,
 }
 
 /// Seconds by stage, in the order of the stages.
@@ -116,8 +126,11 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     let start = Instant::now();
     let params = params(args);
     params.check().map_err(|error| Failure::Usage(error.to_string()))?;
-    let outputs: Vec<&Path> =
-        [Some(&args.output), args.report.as_ref(), args.json.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
+    let outputs: Vec<&Path> = [Some(&args.output), args.report.as_ref(), args.json.as_ref()]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
     if is_stdout(&args.output) {
         return Err(Failure::Usage("an asset cannot be written to standard output; give -o a file name".into()));
     }
@@ -152,6 +165,11 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         lobes_per_texel_mean: fitted.lobes_per_texel_mean,
         components: fitted.components,
         layers: fitted.asset.layers.len(),
+        lobe_error: LobeError {
+            selected: fitted.lobes.selected,
+            refined: fitted.lobes.refined,
+            sparse: fitted.lobes.sparse,
+        },
     };
     if let Some(target) = &args.json {
         write_json(target, &result)?;
@@ -255,7 +273,8 @@ mod tests {
     #[test]
     fn the_defaults_are_the_librarys() {
         assert_eq!(parse(&["capture", "-o", "a.spmm"]).unwrap(), FitParams::default());
-        let other = parse(&["c", "-o", "out/a.spmm", "--bytes", "1.75MB", "--memory", "500MiB", "--error", "log"]).unwrap();
+        let other =
+            parse(&["c", "-o", "out/a.spmm", "--bytes", "1.75MB", "--memory", "500MiB", "--error", "log"]).unwrap();
         assert_eq!((other.bytes, other.memory_bytes), (Some(1_750_000), 500 << 20));
         assert_eq!((other.error, other.cache_directory), (ErrorMeasure::Log, PathBuf::from("out")));
     }
@@ -271,8 +290,13 @@ mod tests {
     #[test]
     fn json_has_the_keys_that_scripts_rely_on_and_stages_in_order() {
         let stages = [Stage { name: "read".into(), seconds: 1.0 }, Stage { name: "cluster".into(), seconds: 2.0 }];
-        let metrics =
-            Metrics { psnr_db: 34.0, psnr_linear_db: 40.0, rel_rmse: 0.1, worst_texel_rmse: 0.2, delta_e00_mean: Some(1.0) };
+        let metrics = Metrics {
+            psnr_db: 34.0,
+            psnr_linear_db: 40.0,
+            rel_rmse: 0.1,
+            worst_texel_rmse: 0.2,
+            delta_e00_mean: Some(1.0),
+        };
         let result = FitResult {
             asset: "a.spmm".into(),
             bytes: 5,
@@ -285,11 +309,22 @@ mod tests {
             lobes_per_texel_mean: 2.5,
             components: 8,
             layers: 1,
+            lobe_error: LobeError { selected: 0.1, refined: 0.09, sparse: 0.08 },
         };
         let text = serde_json::to_string(&result).unwrap();
         for key in [
-            "bytes", "seconds", "stages", "peak_memory_bytes", "psnr_db", "psnr_linear_db", "rel_rmse", "worst_texel_rmse",
-            "clusters", "lobes_per_texel_mean", "components", "delta_e00_mean",
+            "bytes",
+            "seconds",
+            "stages",
+            "peak_memory_bytes",
+            "psnr_db",
+            "psnr_linear_db",
+            "rel_rmse",
+            "worst_texel_rmse",
+            "clusters",
+            "lobes_per_texel_mean",
+            "components",
+            "delta_e00_mean",
         ] {
             assert!(text.contains(&format!("\"{key}\":")), "{key} in {text}");
         }

@@ -1,0 +1,21 @@
+//! `cargo xtask bench`.
+
+use crate::failure::Failure;
+use crate::shell::{cargo, run_checked};
+
+const HELP: &str = "\
+Times reading, clustering, fitting and decoding with criterion.
+
+Usage: cargo xtask bench [CRITERION ARGUMENTS]
+
+Example: cargo xtask bench decode";
+
+/// Passes its arguments on to the benches of the tests package.
+pub fn run(arguments: &[String]) -> Result<(), Failure> {
+    if crate::asks_for_help(arguments) {
+        println!("{HELP}");
+        return Ok(());
+    }
+    let mut command = cargo(&["bench", "--package", "btf-tests", "--bench", "stages", "--"]);
+    run_checked(command.args(arguments))
+}

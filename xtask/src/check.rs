@@ -1,0 +1,22 @@
+//! `cargo xtask check`: format and clippy, the two that every edit needs.
+
+use crate::failure::Failure;
+use crate::shell::{cargo, run_checked};
+
+/// `cargo fmt` without writing.
+pub const FORMAT: &[&str] = &["fmt", "--all", "--check"];
+/// Clippy with warnings as errors.
+pub const CLIPPY: &[&str] = &["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"];
+
+/// Runs both.
+pub fn run(arguments: &[String]) -> Result<(), Failure> {
+    if crate::asks_for_help(arguments) {
+        println!("Checks format and lints.\n\nUsage: cargo xtask check");
+        return Ok(());
+    }
+    if let Some(unknown) = arguments.first() {
+        return Err(Failure::usage(format!("`check` takes no argument, it was given '{unknown}'")));
+    }
+    run_checked(&mut cargo(FORMAT))?;
+    run_checked(&mut cargo(CLIPPY))
+}
