@@ -16,9 +16,6 @@ use std::ops::Range;
 /// Directions closer than this count as the same, in degrees.
 pub const SAME_DIRECTION_DEG: f64 = 0.01;
 
-/// Word of the resident form from which the layers' offsets stand (see `Resident`).
-const RESIDENT_LAYERS: usize = 4;
-
 /// A direction as a layer knows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Spot {
@@ -109,7 +106,7 @@ impl<'a> ImageDecoder<'a> {
     /// If `layer` is out of range.
     pub fn new(asset: &'a Asset, resident: &'a Resident, layer: usize, options: &DecodeOptions) -> ImageDecoder<'a> {
         let words = resident.words();
-        let base = words[RESIDENT_LAYERS + layer] as usize;
+        let base = words[btf_runtime::ASSET_LAYERS + layer] as usize;
         let source = &asset.layers[layer];
         let bases = words[base + block::BASES].min(options.components.saturating_add(1)) as usize;
         let mut setups = Vec::new();

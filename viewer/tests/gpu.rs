@@ -7,6 +7,7 @@ use btf_viewer::{
     BackendChoice, Control, DecodeQuery, Gpu, GpuTracer, MeshChoice, NO_HIT, RenderParams, Rendered, Scene, SceneAsset,
     gpu_decode, render,
 };
+use std::io::Write;
 use std::sync::Arc;
 
 /// Absolute and relative tolerance of a decoded channel. Half-precision bases are steps of 2^-11 relative; both decoders
@@ -18,6 +19,11 @@ const RELATIVE: f32 = 1e-3;
 fn gpu(test: &str) -> Option<Gpu> {
     if std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1") {
         println!("skipped: {test} (BTF_SKIP_GPU=1)");
+        // `cargo xtask test` counts the lines of this file as skipped tests.
+        if let Some(log) = std::env::var_os("BTF_SKIP_LOG") {
+            let mut file = std::fs::OpenOptions::new().create(true).append(true).open(log).expect("the skip log opens");
+            writeln!(file, "{test} (BTF_SKIP_GPU=1)").expect("the skip log is written");
+        }
         return None;
     }
     match Gpu::headless(None) {
