@@ -38,9 +38,14 @@ fn cluster(criterion: &mut Criterion) {
 
 fn lasso(criterion: &mut Criterion) {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
-    let design = Array2::from_shape_simple_fn((400, 32), || random.gen_range(0.0..1.0f64));
+    let mut design = Array2::from_shape_simple_fn((400, 32), || random.gen_range(0.0..1.0f64));
+    for mut atom in design.columns_mut() {
+        let norm = atom.dot(&atom).sqrt();
+        atom /= norm;
+    }
     let gram: Vec<f64> = design.t().dot(&design).iter().copied().collect();
-    let correlation: Vec<f64> = design.t().dot(&design.column(3)).iter().map(|x| x + 0.1).collect();
+    let response = &design.column(3) * 0.5 + &design.column(9) * 0.3 + &design.column(20) * 0.2;
+    let correlation: Vec<f64> = design.t().dot(&response).to_vec();
     let top = correlation.iter().fold(0.0f64, |top, x| top.max(*x));
     criterion.bench_function("lasso/one texel, 32 lobes", |bench| {
         bench.iter(|| {

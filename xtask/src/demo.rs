@@ -79,7 +79,7 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     run_checked(
         program("btf-view")
             .arg(path("leaf.spmm"))
-            .args(["--mesh", "sphere", "--uv-scale", "2", "--headless", "--size", "512x512", "--frames", "8", "--out"])
+            .args(["--mesh", "sphere", "--uv-scale", "3", "--headless", "--size", "512x512", "--frames", "8", "--out"])
             .arg(path("leaf.png"))
             .arg("--json")
             .arg(path("view.json")),

@@ -23,14 +23,14 @@ measured data, without which the tests that use it are skipped.
 Example: BTF_SKIP_GPU=1 cargo xtask test";
 
 /// What has happened so far.
-struct Session {
+struct Suite {
     counts: Counts,
     failures: Vec<String>,
 }
 
-impl Session {
+impl Suite {
     /// Runs one step; a failed check is one failed test, and no later step runs.
-    fn step(&mut self, name: &str, work: impl FnOnce(&mut Session) -> Result<Counts, String>) -> bool {
+    fn step(&mut self, name: &str, work: impl FnOnce(&mut Suite) -> Result<Counts, String>) -> bool {
         if !self.failures.is_empty() {
             return false;
         }
@@ -77,43 +77,48 @@ impl Session {
 
 /// Runs the suite; the closing line is printed in every case.
 fn run_suite(quick: bool) -> Result<(), Failure> {
-    let skip_gpu = std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value != "0" && !value.is_empty());
-    let mut session = Session { counts: Counts::default(), failures: Vec::new() };
-    session.cargo("format", FORMAT, &[]);
-    session.cargo("clippy", CLIPPY, &[]);
+    let skip_gpu = std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1");
+    let mut suite = Suite { counts: Counts::default(), failures: Vec::new() };
+    suite.cargo("format", FORMAT, &[]);
+    suite.cargo("clippy", CLIPPY, &[]);
     let metadata = match Metadata::read() {
         Ok(metadata) => Some(metadata),
         Err(failure) => {
-            session.step("metadata", |_| Err(failure.to_string()));
+            suite.step("metadata", |_| Err(failure.to_string()));
             None
         }
     };
     if let Some(metadata) = &metadata {
-        session.check("arrows", || arrows::check(metadata, &root()));
-        session.check("licences", || licences::check(metadata));
+        suite.check("arrows", || arrows::check(metadata, &root()));
+        suite.check("licences", || licences::check(metadata));
     }
-    session.check("words", || words::check(&root()));
+    suite.check("words", || words::check(&root()));
     if quick {
-        session.step("unit tests", |_| tests(&["--workspace", "--lib", "--bins"], None));
-        session.step("left out by --quick", |_| {
+        suite.step("unit tests", |_| tests(&["--workspace", "--lib", "--bins"], None));
+        suite.step("left out by --quick", |_| {
             println!("integration tests, GPU tests, doc tests and docs: `cargo xtask test` runs them");
             Ok(Counts::SKIPPED)
         });
     } else {
-        if !skip_gpu {
-            session.check("driver", || driver::ensure().map_err(|failure| failure.to_string()));
-        }
+        suite.step("driver", |_| {
+            if skip_gpu {
+                println!("left out: BTF_SKIP_GPU=1");
+                return Ok(Counts::SKIPPED);
+            }
+            println!("{}", driver::ensure().map_err(|failure| failure.to_string())?);
+            Ok(Counts::PASSED)
+        });
         let log = metadata.as_ref().map(|metadata| metadata.target_directory.join("skipped-tests.txt"));
-        session.step("tests", |_| tests(&["--workspace"], log.as_deref()));
-        session.step("doc tests", |_| doc_tests());
-        session.cargo("docs", &["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")]);
+        suite.step("tests", |_| tests(&["--workspace"], log.as_deref()));
+        suite.step("doc tests", |_| doc_tests());
+        suite.cargo("docs", &["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")]);
     }
     println!();
-    for failure in &session.failures {
+    for failure in &suite.failures {
         eprintln!("failed: {failure}");
     }
-    println!("{}", session.counts);
-    match session.failures.is_empty() {
+    println!("{}", suite.counts);
+    match suite.failures.is_empty() {
         true => Ok(()),
         false => Err(Failure::silent()),
     }
