@@ -20,8 +20,8 @@ pub struct TileCache {
     pairs: usize,
     lights: usize,
     eight_bit: bool,
-    /// Linear value per light and 8-bit code (8-bit captures only).
-    tables: Vec<[f32; 256]>,
+    /// Samples as they are, linear.
+    linear: Mapping,
     storage: Storage,
 }
 
@@ -84,7 +84,8 @@ impl TileCache {
         };
         let tables =
             if eight_bit { (0..lights).map(|light| info.linear_from_encoded8(light)).collect() } else { Vec::new() };
-        let mut cache = TileCache { texels, pairs, lights, eight_bit, tables, storage };
+        let mut cache =
+            TileCache { texels, pairs, lights, eight_bit, linear: Mapping { tables, curve: Box::new(|x| x) }, storage };
 
         // Batches bound the images in memory to about an eighth of the limit.
         let image_bytes = texels * 3 * bytes_per_sample;
@@ -216,8 +217,8 @@ impl TileCache {
 }
 
 impl Tile<'_> {
-    /// Samples of the block's texel `index`, mapped: `out` is `[pair, channel]`.
-    fn map_texel(&self, index: usize, out: &mut [f32], mapping: &Mapping) {
+    /// Samples of the block's texel `index` through `mapping`: `out` is `[pair, channel]`.
+    pub fn texel_mapped(&self, index: usize, out: &mut [f32], mapping: &Mapping) {
         let stride = self.cache.pairs * self.cache.sample_bytes();
         let samples = &self.samples[index * stride..(index + 1) * stride];
         if self.cache.eight_bit {
@@ -238,32 +239,7 @@ impl Tile<'_> {
 
     /// Linear reflectance times cosine of the block's texel `index`, `[pair, channel]`.
     pub fn texel_linear(&self, index: usize, out: &mut [f32]) {
-        if self.cache.eight_bit {
-            let row = self.cache.lights * 3;
-            let stride = self.cache.pairs * 3;
-            let samples = &self.samples[index * stride..(index + 1) * stride];
-            for (out, codes) in out.chunks_exact_mut(row).zip(samples.chunks_exact(row)) {
-                for ((out, codes), table) in out.chunks_exact_mut(3).zip(codes.chunks_exact(3)).zip(&self.cache.tables)
-                {
-                    for c in 0..3 {
-                        out[c] = table[usize::from(codes[c])];
-                    }
-                }
-            }
-        } else {
-            self.map_texel(index, out, &Mapping { tables: Vec::new(), curve: Box::new(|x| x) });
-        }
-    }
-
-    /// The same through `mapping`.
-    pub fn texel_mapped(&self, index: usize, out: &mut [f32], mapping: &Mapping) {
-        self.map_texel(index, out, mapping);
-    }
-
-    /// The file's own 8-bit codes, `[pair, channel]`, where the capture is 8-bit.
-    pub fn texel_codes(&self, index: usize) -> Option<&[u8]> {
-        let stride = self.cache.pairs * 3;
-        self.cache.eight_bit.then(|| &self.samples[index * stride..(index + 1) * stride])
+        self.texel_mapped(index, out, &self.cache.linear);
     }
 }
 
@@ -276,7 +252,7 @@ pub struct Mapping {
 impl Mapping {
     /// `curve` of the linear sample.
     pub fn new(cache: &TileCache, curve: impl Fn(f32) -> f32 + Sync + Send + 'static) -> Mapping {
-        let tables = cache.tables.iter().map(|table| table.map(&curve)).collect();
+        let tables = cache.linear.tables.iter().map(|table| table.map(&curve)).collect();
         Mapping { tables, curve: Box::new(curve) }
     }
 }
