@@ -28,20 +28,15 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod capture_leaf;
 mod error;
-mod field;
 mod leaf;
-mod noise;
 mod optics;
-mod relief;
-mod rig;
-mod venation;
+mod surface;
 
-pub use capture_leaf::{Progress, write_leaf_capture};
 pub use error::SynthError;
-pub use leaf::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use leaf::capture::{Progress, write_leaf_capture};
+pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use optics::colour::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
 pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS, fresnel};
 pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};
-pub use optics::spectrum::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
-pub use rig::{LightVisibility, ViewHits, render};
+pub use surface::rig::{LightVisibility, ViewHits, render};

@@ -1,6 +1,6 @@
 //! Leaf optics: what a point of a leaf does with light, in double precision.
 
+pub(crate) mod colour;
 pub(crate) mod cook_torrance;
 pub(crate) mod plate;
-pub(crate) mod spectrum;
 mod tables;

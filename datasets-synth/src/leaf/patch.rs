@@ -4,11 +4,11 @@ use btf_capture::{DirectionSet, ImageFormat};
 use rayon::prelude::*;
 
 use crate::error::SynthError;
-use crate::field::Grid;
+use crate::leaf::relief::{RELIEF_BOUND_MM, Relief};
+use crate::leaf::venation::Venation;
+use crate::optics::colour::{LeafContents, SpectrumToRgb};
 use crate::optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, MIN_ROUGHNESS};
-use crate::optics::spectrum::{LeafContents, SpectrumToRgb};
-use crate::relief::{RELIEF_BOUND_MM, Relief};
-use crate::venation::Venation;
+use crate::surface::grid::Grid;
 
 /// Largest side of a capture in texels.
 pub const MAX_LEAF_SIZE: usize = 2048;

@@ -10,7 +10,7 @@
 
 use rayon::prelude::*;
 
-use crate::leaf::Leaf;
+use crate::leaf::patch::Leaf;
 use crate::optics::cook_torrance::LobeAngles;
 
 /// Points per texel and axis.
@@ -214,7 +214,7 @@ mod tests {
 
     use super::*;
     use crate::LeafParams;
-    use crate::leaf::tests::small;
+    use crate::leaf::patch::tests::small;
 
     fn leaf() -> Leaf {
         let set = DirectionSet::new(vec![Direction::new(75.0, 0.0)]).unwrap();

@@ -4,7 +4,7 @@
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use crate::noise::{cell_border_distance, gradient_noise};
+use crate::surface::noise::{cell_border_distance, gradient_noise};
 
 /// Half the width of the main vein at the patch's lower edge in millimetres.
 const MAIN_HALF_WIDTH_MM: f32 = 0.42;

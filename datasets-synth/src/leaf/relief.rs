@@ -4,8 +4,8 @@
 //! bumps of the epidermis. Structure finer than the texels can carry is faded out here, so that a
 //! capture does not alias; what it would have done to the gloss is the roughness' part.
 
-use crate::noise::gradient_noise;
-use crate::venation::{VeinSite, Venation};
+use crate::leaf::venation::{VeinSite, Venation};
+use crate::surface::noise::gradient_noise;
 
 /// Depth of the groove over the main vein in millimetres.
 const MAIN_GROOVE_MM: f32 = 0.20;

@@ -7,8 +7,8 @@ use btf_capture::{CaptureInfo, CaptureWriter};
 use rayon::prelude::*;
 
 use crate::error::SynthError;
-use crate::leaf::{Leaf, LeafParams};
-use crate::rig::{LightVisibility, ViewHits, render};
+use crate::leaf::patch::{Leaf, LeafParams};
+use crate::surface::rig::{LightVisibility, ViewHits, render};
 
 /// Lights whose visibility is held at a time may take this many bytes; more lights are done in
 /// blocks, each of which marches the views again.
@@ -71,7 +71,7 @@ mod tests {
     use btf_capture::{Capture, ImageFormat, Pixels};
 
     use super::*;
-    use crate::leaf::tests::small;
+    use crate::leaf::patch::tests::small;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {
         ControlFlow::Continue(())

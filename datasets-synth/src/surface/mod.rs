@@ -1,0 +1,5 @@
+//! Mesostructure: what a relief of any material needs to be photographed.
+
+pub(crate) mod grid;
+pub(crate) mod noise;
+pub(crate) mod rig;
