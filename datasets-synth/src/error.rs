@@ -23,3 +23,12 @@ pub enum SynthError {
     #[error(transparent)]
     Capture(#[from] CaptureError),
 }
+
+/// Refuses a number out of a range by name.
+pub(crate) fn check_range(name: &'static str, value: f64, low: f64, high: f64) -> Result<(), SynthError> {
+    // Not `<`, so that a NaN is refused, too.
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(SynthError::BadParameter { name, value: value.to_string(), allowed: format!("a number from {low} to {high}") })
+}

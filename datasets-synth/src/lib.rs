@@ -29,14 +29,30 @@
 //! ```
 
 mod error;
+mod instruments;
 mod leaf;
 mod optics;
 mod surface;
 
 pub use error::SynthError;
+pub use instruments::goniophotometer::{Goniogram, Goniophotometer, Interactions};
+pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectrum};
 pub use leaf::capture::{Progress, write_leaf_capture};
 pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use optics::abm_b::{AbmB, AspectRatios, Composition, Specimen};
+pub use optics::abm_u::AbmU;
+pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
 pub use optics::colour::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
 pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS, fresnel};
+pub use optics::path_lengths::{
+    Beam, Estimate, Face, Parallel, PathLengths, TracedBeam, trace_path_lengths, trace_splitting,
+};
 pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};
+pub use optics::stack::{Crossing, Interface, InverseExponent, Medium, PathRule, Spread, Stack};
+pub use optics::tissue::Tissue;
+pub use optics::units::{
+    Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, PerCentimetre,
+    SquareCentimetresPerGram, SquareCentimetresPerMicrogram,
+};
+pub use optics::walk::{Absorption, End, Walked, walk, walk_splitting};
 pub use surface::rig::{LightVisibility, ViewHits, render};

@@ -108,3 +108,23 @@ pub(crate) const D65: [f64; BANDS] = [
     107.689, 104.405, 104.046, 100.0, 96.3342, 95.788, 88.6856, 90.0062, 89.5991, 87.6987, 83.2886, 83.6992, 80.0268,
     80.2146, 82.2778, 78.2842, 69.7213, 71.6091,
 ];
+
+/// Chlorophyll at any wavelength in nm: linear between entries, 0 beyond them.
+pub(crate) fn prospect_5_chlorophyll(nm: f64) -> f64 {
+    between(&CHLOROPHYLL, nm)
+}
+
+/// Carotenoids, the same.
+pub(crate) fn prospect_5_carotenoid(nm: f64) -> f64 {
+    between(&CAROTENOID, nm)
+}
+
+fn between(table: &[f64; BANDS], nm: f64) -> f64 {
+    let place = (nm - FIRST_NM) / STEP_NM;
+    if !(0.0..=(BANDS - 1) as f64).contains(&place) {
+        return 0.0;
+    }
+    let cell = (place as usize).min(BANDS - 2);
+    let t = place - cell as f64;
+    table[cell] * (1.0 - t) + table[cell + 1] * t
+}

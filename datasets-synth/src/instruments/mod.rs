@@ -1,0 +1,4 @@
+//! Virtual instruments: what a laboratory would measure on a leaf model.
+
+pub(crate) mod goniophotometer;
+pub(crate) mod spectrophotometer;
