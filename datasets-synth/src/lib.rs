@@ -36,7 +36,7 @@ mod surface;
 
 pub use error::SynthError;
 pub use instruments::goniophotometer::{Goniogram, Goniophotometer, Interactions};
-pub use instruments::plot::{LinePlot, Series, bars_svg, disk_svg, goniogram_svg};
+pub use instruments::plot::{LinePlot, Series, counts_svg, disk_svg, goniogram_svg};
 pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectrum};
 pub use leaf::capture::{Progress, write_leaf_capture};
 pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
@@ -49,6 +49,7 @@ pub use optics::path_lengths::{
     Beam, Estimate, Face, Parallel, PathLengths, TracedBeam, trace_path_lengths, trace_splitting,
 };
 pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};
+pub use optics::scatter_table::{Passage, ScatterTable};
 pub use optics::stack::{Crossing, Interface, InverseExponent, Medium, PathRule, Spread, Stack};
 pub use optics::tissue::Tissue;
 pub use optics::units::{

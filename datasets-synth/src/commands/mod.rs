@@ -1,6 +1,9 @@
 //! The subcommands, one file each, and what they share.
 
+mod goniophotometer;
 mod leaf;
+mod model;
+mod spectrum;
 
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -29,6 +32,10 @@ struct Cli {
 enum Command {
     /// Photograph a leaf: veins, relief, pigments and gloss.
     Leaf(leaf::LeafArgs),
+    /// Measure spectral reflectance and transmittance of a leaf model.
+    Spectrum(spectrum::SpectrumArgs),
+    /// Measure BRDF and BTDF of a leaf model over the sphere.
+    Goniophotometer(goniophotometer::GoniophotometerArgs),
 }
 
 /// How the program ends.
@@ -56,6 +63,8 @@ pub fn run() -> ExitCode {
     let cli = Cli::parse();
     let result = match cli.command {
         Command::Leaf(args) => leaf::run(&args),
+        Command::Spectrum(args) => spectrum::run(&args),
+        Command::Goniophotometer(args) => goniophotometer::run(&args),
     };
     let (sentence, code) = match result {
         Ok(()) => return ExitCode::SUCCESS,
@@ -176,4 +185,12 @@ impl From<Format> for ImageFormat {
 /// Writes a text file that is whole or not there.
 fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
     write_file_atomically(path, text.as_bytes()).map_err(|error| Failure::Failed(error.to_string()))
+}
+
+/// A count as people type it: 1000000 or 1e6.
+fn whole_number(text: &str) -> Result<u64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if (1.0..=1e12).contains(&x) && x.fract() == 0.0 => Ok(x as u64),
+        _ => Err("give a whole number from 1 to 1e12, such as 1000000 or 1e6".into()),
+    }
 }

@@ -254,7 +254,7 @@ impl Goniophotometer {
 mod tests {
     use super::*;
     use crate::optics::abm97::Abm97;
-    use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+    use crate::optics::stack::{Crossing, Interface, PathRule, Spread, Stack};
     use crate::optics::units::OpticalDepth;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {

@@ -81,8 +81,8 @@ impl Frame {
         (left + t * (WIDTH - left - right), HEIGHT - bottom - u * (HEIGHT - top - bottom))
     }
 
-    fn axes(&self, x_label: &str, y_label: &str) -> Markup {
-        let (x_ticks, y_ticks) = (ticks(self.x[0], self.x[1]), ticks(self.y[0], self.y[1]));
+    fn axes(&self, x_label: &str, y_label: &str, y_ticks: &[f64]) -> Markup {
+        let x_ticks = ticks(self.x[0], self.x[1]);
         let step = |t: &[f64]| if t.len() > 1 { t[1] - t[0] } else { 1.0 };
         let (low, high) = (self.place(self.x[0], self.y[0]), self.place(self.x[1], self.y[1]));
         html! {
@@ -91,10 +91,10 @@ impl Frame {
                 line x1=(px(px_x)) x2=(px(px_x)) y1=(px(low.1)) y2=(px(high.1)) stroke="#e4e4e4" {}
                 text x=(px(px_x)) y=(px(low.1 + 18.0)) text-anchor="middle" { (number(x, step(&x_ticks))) }
             }
-            @for &y in &y_ticks {
+            @for &y in y_ticks {
                 @let (_, px_y) = self.place(self.x[0], y);
                 line x1=(px(low.0)) x2=(px(high.0)) y1=(px(px_y)) y2=(px(px_y)) stroke="#e4e4e4" {}
-                text x=(px(low.0 - 8.0)) y=(px(px_y + 4.0)) text-anchor="end" { (number(y, step(&y_ticks))) }
+                text x=(px(low.0 - 8.0)) y=(px(px_y + 4.0)) text-anchor="end" { (number(y, step(y_ticks))) }
             }
             line x1=(px(low.0)) x2=(px(high.0)) y1=(px(low.1)) y2=(px(low.1)) stroke="#222" {}
             line x1=(px(low.0)) x2=(px(low.0)) y1=(px(low.1)) y2=(px(high.1)) stroke="#222" {}
@@ -131,7 +131,7 @@ impl LinePlot {
         let [low, high] = range(|p| p.1);
         let frame = Frame { x: widened(range(|p| p.0)), y: widened([low.min(0.0), 1.05 * high]) };
         let content = html! {
-            (frame.axes(&self.x_label, &self.y_label))
+            (frame.axes(&self.x_label, &self.y_label, &ticks(frame.y[0], frame.y[1])))
             @for (i, series) in self.series.iter().enumerate() {
                 @let line = series.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite());
                 path d=(path(line.map(|p| frame.place(p.0, p.1)))) fill="none" stroke-width="2"
@@ -196,18 +196,25 @@ pub fn goniogram_svg(title: &str, unit: &str, above: &[Series], below: &[Series]
     file(SIZE, SIZE, title, &content)
 }
 
-/// Bars: one group per x, one bar of each series in it.
-pub fn bars_svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> String {
-    let most = series.iter().flat_map(|s| &s.points).map(|p| p.1).fold(1e-12, f64::max);
+/// Bars over whole numbers with a logarithmic vertical axis from 1: one group per x, one bar of each series.
+pub fn counts_svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> String {
+    let most = series.iter().flat_map(|s| &s.points).map(|p| p.1).fold(10.0, f64::max);
     let last = series.iter().flat_map(|s| &s.points).map(|p| p.0).fold(0.0, f64::max);
-    let frame = Frame { x: [-0.5, last + 0.5], y: [0.0, 1.05 * most] };
+    // A count of one still shows: the axis starts at a half.
+    let frame = Frame { x: [-0.5, last + 0.5], y: [0.5f64.log10(), most.log10() + 0.1] };
     let width = 0.9 / series.len().max(1) as f64;
+    let (low, high) = (frame.place(frame.x[0], frame.y[0]), frame.place(frame.x[1], frame.y[1]));
     let content = html! {
-        (frame.axes(x_label, y_label))
+        (frame.axes(x_label, y_label, &[]))
+        @for power in 0..=(most.log10() as i32) {
+            @let (_, y) = frame.place(0.0, f64::from(power));
+            line x1=(px(low.0)) x2=(px(high.0)) y1=(px(y)) y2=(px(y)) stroke="#e4e4e4" {}
+            text x=(px(low.0 - 8.0)) y=(px(y + 4.0)) text-anchor="end" { (10f64.powi(power)) }
+        }
         @for (i, s) in series.iter().enumerate() {
-            @for &(x, y) in s.points.iter().filter(|p| p.1 > 0.0) {
-                @let from = frame.place(x - 0.45 + width * i as f64, y);
-                @let to = frame.place(x - 0.45 + width * (i + 1) as f64, 0.0);
+            @for &(x, y) in s.points.iter().filter(|p| p.1 >= 1.0) {
+                @let from = frame.place(x - 0.45 + width * i as f64, y.log10());
+                @let to = frame.place(x - 0.45 + width * (i + 1) as f64, frame.y[0]);
                 rect x=(px(from.0)) y=(px(from.1)) width=(px((to.0 - from.0).max(0.6))) height=(px(to.1 - from.1))
                     fill=(COLOURS[i % COLOURS.len()]) {}
             }
@@ -276,7 +283,7 @@ mod tests {
         for svg in [
             svg,
             goniogram_svg("g", "1/sr", &s, &s),
-            bars_svg("b", "x", "y", &[line("c", &[(0.0, 3.0), (1.0, 0.0)])]),
+            counts_svg("b", "x", "y", &[line("c", &[(0.0, 3.0), (1.0, 0.0)])]),
             disk_svg("d", 2, 3, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]),
             LinePlot { title: String::new(), x_label: String::new(), y_label: String::new(), series: vec![] }.svg(),
         ] {

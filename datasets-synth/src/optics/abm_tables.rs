@@ -9,9 +9,6 @@ use crate::optics::units::{Nanometres, PerCentimetre, SquareCentimetresPerGram};
 /// First wavelength.
 pub(crate) const FIRST: Nanometres = Nanometres(400.0);
 
-/// Last wavelength.
-pub(crate) const LAST: Nanometres = Nanometres(2500.0);
-
 /// Distance between wavelengths in nm.
 const STEP_NM: f64 = 5.0;
 
@@ -275,6 +272,6 @@ mod tests {
         assert_eq!(water(Nanometres(2495.0)).0, 93.06);
         assert!((water(Nanometres(2497.5)).0 - (93.06 + 95.7) / 2.0).abs() < 1e-9);
         assert_eq!(chlorophyll(Nanometres(405.0)).0, 6.77e4);
-        assert_eq!(chlorophyll(Nanometres(9000.0)), chlorophyll(LAST));
+        assert_eq!(chlorophyll(Nanometres(9000.0)), chlorophyll(Nanometres(2500.0)));
     }
 }

@@ -8,6 +8,7 @@ pub(crate) mod colour;
 pub(crate) mod cook_torrance;
 pub(crate) mod path_lengths;
 pub(crate) mod plate;
+pub(crate) mod scatter_table;
 pub(crate) mod stack;
 mod tables;
 pub(crate) mod tissue;

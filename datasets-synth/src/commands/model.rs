@@ -1,0 +1,235 @@
+//! Options that name a leaf model and its contents, shared by the commands.
+
+use btf_synth::{
+    Abm97, Abm97Switches, AbmB, AbmU, Centimetres, Crossing, EntryLobe, MesophyllKind, MicrogramsPerSquareCentimetre,
+    PathRule, Specimen, States, Tissue,
+};
+use clap::{Args, ValueEnum};
+
+use super::Failure;
+
+/// Models of a blade's optics.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Model {
+    /// N-layer plates, PROSPECT-D
+    PlateN,
+    /// One absorbing plate, exact equations, spectral index
+    PlateExact,
+    /// One plate as printed, with the paper's slips, for reproduction and error reports only
+    PlatePaper,
+    /// Random walk over four interfaces, 1997
+    Abm97,
+    /// Random walk over six interfaces, two-sided leaf, 2006
+    AbmB,
+    /// Random walk over six interfaces, one-sided leaf (maize), 2006
+    AbmU,
+}
+
+impl std::fmt::Display for Model {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Model::PlateN => "plate-n",
+            Model::PlateExact => "plate-exact",
+            Model::PlatePaper => "plate-paper",
+            Model::Abm97 => "abm97",
+            Model::AbmB => "abm-b",
+            Model::AbmU => "abm-u",
+        })
+    }
+}
+
+/// Faces, as typed.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Side {
+    /// The upper face
+    Adaxial,
+    /// The lower face
+    Abaxial,
+}
+
+impl From<Side> for btf_synth::Face {
+    fn from(side: Side) -> btf_synth::Face {
+        match side {
+            Side::Adaxial => btf_synth::Face::Adaxial,
+            Side::Abaxial => btf_synth::Face::Abaxial,
+        }
+    }
+}
+
+/// Readings and parameters of the algorithmic models.
+#[derive(Args, Clone)]
+#[command(next_help_heading = "Algorithmic models (abm97, abm-b, abm-u)")]
+pub struct TissueArgs {
+    /// Leaf of abm-b and abm-u [default: soybean for abm-b, maize for abm-u]
+    #[arg(long, value_enum)]
+    specimen: Option<SpecimenName>,
+    /// Thickness of the whole leaf in cm [default: abm97 0.016, soybean 0.0204, maize 0.0166]
+    #[arg(long, value_name = "CM")]
+    thickness_cm: Option<f64>,
+    /// Oblateness of epidermal cells, both faces [default: 5]
+    #[arg(long)]
+    oblateness: Option<f64>,
+    /// Length of a slanted crossing [default: slant for abm97, sieve for abm-b and abm-u]
+    #[arg(long, value_enum)]
+    path: Option<PathName>,
+    /// abm97: lobe of light that enters the mesophyll
+    #[arg(long, value_enum, default_value_t = Entry::Diffuse)]
+    entry: Entry,
+    /// abm97: states 3 and 4 do not spread light
+    #[arg(long)]
+    flat_spongy_side: bool,
+    /// abm97: rule for lobes that cross the interface which they have just left
+    #[arg(long, value_enum, default_value_t = CrossingName::Resample)]
+    crossing: CrossingName,
+    /// abm97: states that are walked; reduced is the paper's form of two states
+    #[arg(long, value_enum, default_value_t = StatesName::All)]
+    states: StatesName,
+    /// abm97: pigmented share of the thickness, palisade 45 %, undifferentiated 75 %
+    #[arg(long, value_enum, default_value_t = Mesophyll::Palisade)]
+    mesophyll: Mesophyll,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SpecimenName {
+    Soybean,
+    Maize,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum PathName {
+    Slant,
+    Sieve,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Entry {
+    Diffuse,
+    Oblateness,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum CrossingName {
+    Resample,
+    Mirror,
+    Keep,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum StatesName {
+    All,
+    Reduced,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Mesophyll {
+    Palisade,
+    Undifferentiated,
+}
+
+impl TissueArgs {
+    fn path(&self, default: PathRule) -> PathRule {
+        match self.path {
+            None => default,
+            Some(PathName::Slant) => PathRule::Slant,
+            Some(PathName::Sieve) => PathRule::Sieve,
+        }
+    }
+
+    /// The tissue of an algorithmic model; `None` for the plates. Contents in ug/cm2 where they are given,
+    /// else those of the model's own leaf.
+    pub fn tissue(&self, model: Model, cab: Option<f64>, car: Option<f64>) -> Result<Option<Box<dyn Tissue>>, Failure> {
+        Ok(Some(match model {
+            Model::PlateN | Model::PlateExact | Model::PlatePaper => return Ok(None),
+            Model::Abm97 => Box::new(self.abm97(cab, car)?),
+            Model::AbmB => Box::new(AbmB {
+                specimen: self.specimen(Specimen::soybean(), cab, car)?,
+                path: self.path(PathRule::Sieve),
+            }),
+            Model::AbmU => Box::new(AbmU {
+                specimen: self.specimen(Specimen::maize(), cab, car)?,
+                path: self.path(PathRule::Sieve),
+            }),
+        }))
+    }
+
+    fn abm97(&self, cab: Option<f64>, car: Option<f64>) -> Result<Abm97, Failure> {
+        let mut leaf = Abm97::default();
+        if let Some(cab) = cab {
+            leaf.chlorophyll = MicrogramsPerSquareCentimetre(cab);
+        }
+        if let Some(car) = car {
+            leaf.carotenoid = MicrogramsPerSquareCentimetre(car);
+        }
+        if let Some(cm) = self.thickness_cm {
+            leaf.leaf_thickness = Centimetres(cm);
+        }
+        if let Some(oblateness) = self.oblateness {
+            leaf.adaxial.oblateness = oblateness;
+            leaf.abaxial.oblateness = oblateness;
+        }
+        leaf.mesophyll = match self.mesophyll {
+            Mesophyll::Palisade => MesophyllKind::Palisade,
+            Mesophyll::Undifferentiated => MesophyllKind::Undifferentiated,
+        };
+        leaf.switches = Abm97Switches {
+            entry: match self.entry {
+                Entry::Diffuse => EntryLobe::Diffuse,
+                Entry::Oblateness => EntryLobe::Oblateness,
+            },
+            spongy_side_spreads: !self.flat_spongy_side,
+            crossing: match self.crossing {
+                CrossingName::Resample => Crossing::Resample,
+                CrossingName::Mirror => Crossing::Mirror,
+                CrossingName::Keep => Crossing::Keep,
+            },
+            path: self.path(PathRule::Slant),
+            states: match self.states {
+                StatesName::All => States::All,
+                StatesName::Reduced => States::Reduced,
+            },
+        };
+        leaf.check()?;
+        Ok(leaf)
+    }
+
+    fn specimen(&self, default: Specimen, cab: Option<f64>, car: Option<f64>) -> Result<Specimen, Failure> {
+        let mut leaf = match self.specimen {
+            None => default,
+            Some(SpecimenName::Soybean) => Specimen::soybean(),
+            Some(SpecimenName::Maize) => Specimen::maize(),
+        };
+        if let Some(cm) = self.thickness_cm {
+            leaf.thickness = Centimetres(cm);
+        }
+        if let Some(oblateness) = self.oblateness {
+            leaf.aspect.epidermis = oblateness;
+        }
+        if let Some(cab) = cab {
+            leaf.composition.chlorophyll = leaf.concentration(MicrogramsPerSquareCentimetre(cab));
+        }
+        if let Some(car) = car {
+            leaf.composition.carotenoid = leaf.concentration(MicrogramsPerSquareCentimetre(car));
+        }
+        leaf.check()?;
+        Ok(leaf)
+    }
+}
+
+/// What the leaf holds.
+#[derive(Args, Clone)]
+#[command(next_help_heading = "Contents")]
+pub struct ContentsArgs {
+    /// Chlorophyll a + b in ug/cm2 (0 to 100) [default: plates 40, else the model's own leaf]
+    #[arg(long)]
+    pub cab: Option<f64>,
+    /// Carotenoids in ug/cm2 (0 to 25) [default: plates 8, else the model's own leaf]
+    #[arg(long)]
+    pub car: Option<f64>,
+}
+
+impl ContentsArgs {
+    /// Whole-leaf optics of a plate model.
+    pub fn plate_spectrum(&self, _: Model, _: f64, _: &[f64]) -> Result<Vec<btf_synth::PlateOptics>, Failure> {
+        Err(Failure::Failed("plates are on their way".into()))
+    }
+}
