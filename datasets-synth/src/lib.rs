@@ -46,7 +46,7 @@ pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKin
 pub use optics::colour::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
 pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS, fresnel};
 pub use optics::path_lengths::{
-    Beam, Estimate, Face, Parallel, PathLengths, TracedBeam, trace_path_lengths, trace_splitting,
+    Beam, Diffuse, Estimate, Face, Parallel, PathLengths, TracedBeam, trace_path_lengths, trace_splitting,
 };
 pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};
 pub use optics::scatter_table::{Passage, ScatterTable};
