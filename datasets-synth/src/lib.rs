@@ -51,7 +51,7 @@ pub use optics::path_lengths::{
 pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};
 pub use optics::scatter_table::{Passage, ScatterTable};
 pub use optics::stack::{Crossing, Interface, InverseExponent, Medium, PathRule, Spread, Stack};
-pub use optics::tissue::Tissue;
+pub use optics::tissue::{DepthParts, Tissue};
 pub use optics::units::{
     Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, PerCentimetre,
     SquareCentimetresPerGram, SquareCentimetresPerMicrogram,

@@ -255,7 +255,7 @@ mod tests {
     use super::*;
     use crate::optics::abm97::Abm97;
     use crate::optics::stack::{Crossing, Interface, PathRule, Spread, Stack};
-    use crate::optics::units::OpticalDepth;
+    use crate::optics::tissue::DepthParts;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {
         ControlFlow::Continue(())
@@ -268,8 +268,8 @@ mod tests {
             let diffuse = Interface { refracted_below: Spread::diffuse(), ..Interface::plain(1.0, 1.0) };
             Stack::new(vec![diffuse], vec![], PathRule::Slant, Crossing::Resample)
         }
-        fn optical_depth(&self, _: Nanometres) -> OpticalDepth {
-            OpticalDepth(0.0)
+        fn depth_parts(&self, _: Nanometres) -> DepthParts {
+            DepthParts::default()
         }
         fn has_constant_indices(&self) -> bool {
             true

@@ -246,6 +246,7 @@ mod tests {
     use super::*;
     use crate::optics::abm_b::AbmB;
     use crate::optics::abm97::Abm97;
+    use crate::optics::tissue::DepthParts;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {
         ControlFlow::Continue(())
@@ -299,8 +300,9 @@ mod tests {
             fn stack(&self, wavelength: Nanometres) -> Stack {
                 self.0.stack(wavelength)
             }
-            fn optical_depth(&self, wavelength: Nanometres) -> crate::optics::units::OpticalDepth {
-                self.0.optical_depth(wavelength) * self.0.mesophyll_thickness().0
+            fn depth_parts(&self, wavelength: Nanometres) -> DepthParts {
+                let rest = self.0.optical_depth(wavelength) * self.0.mesophyll_thickness().0;
+                DepthParts { rest, ..DepthParts::default() }
             }
             fn has_constant_indices(&self) -> bool {
                 true

@@ -44,7 +44,7 @@
 use crate::error::{SynthError, check_range};
 use crate::optics::abm_tables::water;
 use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
-use crate::optics::tissue::Tissue;
+use crate::optics::tissue::{DepthParts, Tissue};
 use crate::optics::units::{
     Centimetres, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, SquareCentimetresPerMicrogram,
 };
@@ -242,12 +242,15 @@ impl Tissue for Abm97 {
         Stack::new(vec![upper, mesophyll, wall, lower], media, path, crossing)
     }
 
-    fn optical_depth(&self, wavelength: Nanometres) -> OpticalDepth {
+    fn depth_parts(&self, wavelength: Nanometres) -> DepthParts {
         // A_g = A c / t_m per length, times t_m; written out, so that the units are checked.
         let thickness = self.mesophyll_thickness();
-        let pigments =
-            (chlorophyll(wavelength) * self.chlorophyll + carotenoid(wavelength) * self.carotenoid) / thickness;
-        (pigments + water(wavelength) * self.water_share) * thickness
+        let depth = |per_area: OpticalDepth| per_area / thickness * thickness;
+        DepthParts {
+            chlorophyll: depth(chlorophyll(wavelength) * self.chlorophyll),
+            carotenoid: depth(carotenoid(wavelength) * self.carotenoid),
+            rest: water(wavelength) * self.water_share * thickness,
+        }
     }
 
     fn has_constant_indices(&self) -> bool {

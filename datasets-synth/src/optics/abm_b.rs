@@ -39,10 +39,8 @@
 use crate::error::{SynthError, check_range};
 use crate::optics::abm_tables as tables;
 use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
-use crate::optics::tissue::Tissue;
-use crate::optics::units::{
-    Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, PerCentimetre,
-};
+use crate::optics::tissue::{DepthParts, Tissue};
+use crate::optics::units::{Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres};
 
 /// What a mesophyll holds, per volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,13 +60,16 @@ pub struct Composition {
 }
 
 impl Composition {
-    /// Absorption per length, `A_g` [Baranoski 2006].
-    pub fn absorption(&self, wavelength: Nanometres) -> PerCentimetre {
-        tables::chlorophyll(wavelength) * self.chlorophyll
-            + tables::carotenoid(wavelength) * self.carotenoid
-            + tables::protein(wavelength) * self.protein
+    /// Optical depth of a straight crossing of `thickness`, `A_g t_m` by absorber [Baranoski 2006].
+    pub fn depth(&self, wavelength: Nanometres, thickness: Centimetres) -> DepthParts {
+        let solids = tables::protein(wavelength) * self.protein
             + tables::cellulose(wavelength) * (self.cellulose + self.lignin)
-            + tables::water(wavelength) * self.water_share
+            + tables::water(wavelength) * self.water_share;
+        DepthParts {
+            chlorophyll: tables::chlorophyll(wavelength) * self.chlorophyll * thickness,
+            carotenoid: tables::carotenoid(wavelength) * self.carotenoid * thickness,
+            rest: solids * thickness,
+        }
     }
 }
 
@@ -234,8 +235,8 @@ impl Tissue for AbmB {
         Stack::new(interfaces, media, self.path, Crossing::Resample)
     }
 
-    fn optical_depth(&self, wavelength: Nanometres) -> OpticalDepth {
-        self.specimen.composition.absorption(wavelength) * self.specimen.mesophyll_thickness()
+    fn depth_parts(&self, wavelength: Nanometres) -> DepthParts {
+        self.specimen.composition.depth(wavelength, self.specimen.mesophyll_thickness())
     }
 
     fn has_constant_indices(&self) -> bool {

@@ -26,8 +26,8 @@
 use crate::optics::abm_b::Specimen;
 use crate::optics::abm_tables as tables;
 use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
-use crate::optics::tissue::Tissue;
-use crate::optics::units::{Nanometres, OpticalDepth};
+use crate::optics::tissue::{DepthParts, Tissue};
+use crate::optics::units::Nanometres;
 
 /// A unifacial leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,8 +79,8 @@ impl Tissue for AbmU {
         Stack::new(interfaces, media, self.path, Crossing::Resample)
     }
 
-    fn optical_depth(&self, wavelength: Nanometres) -> OpticalDepth {
-        self.specimen.composition.absorption(wavelength) * self.specimen.mesophyll_thickness()
+    fn depth_parts(&self, wavelength: Nanometres) -> DepthParts {
+        self.specimen.composition.depth(wavelength, self.specimen.mesophyll_thickness())
     }
 
     fn has_constant_indices(&self) -> bool {
