@@ -4,6 +4,8 @@
 //! Figures of the Natural Phenomena Simulation Group, University of Waterloo, as published with their
 //! ABM-B and ABM-U (BSD-3, notice in NOTICE) [Baranoski 2006; Baranoski 2007].
 
+#![allow(clippy::approx_constant, reason = "measured figures that happen to lie near constants")]
+
 use crate::optics::units::{Nanometres, PerCentimetre, SquareCentimetresPerGram};
 
 /// First wavelength.

@@ -59,6 +59,14 @@ pub struct ScatterTable {
     cells: Vec<[f32; WAYS]>,
 }
 
+/// What the rays of one incidence became.
+struct Incidence {
+    /// Number of rays by cell and class of ways.
+    cells: Vec<[f64; WAYS]>,
+    /// Per class of ways: rays and the sum of their ways.
+    means: [[f64; 2]; WAYS],
+}
+
 fn way_class(way: f64) -> usize {
     if way == 0.0 {
         return 0;
@@ -78,8 +86,7 @@ impl ScatterTable {
     /// some 5 s on one core for both passages together; noise of a cell is then below 3 %.
     pub fn trace(stack: &Stack, face: Face, passage: Passage, rays: u64, seed: u64) -> ScatterTable {
         let wanted = passage == Passage::Reflection;
-        // Per incidence: weights of cells, and per class of ways the number and the sum of ways.
-        let traced: Vec<(Vec<[f64; WAYS]>, [[f64; 2]; WAYS])> = (0..INCIDENCES)
+        let traced: Vec<Incidence> = (0..INCIDENCES)
             .map(|i| {
                 let theta = incidence_cosine(i).acos().to_degrees();
                 let beam = Parallel::onto(face, theta);
@@ -118,17 +125,17 @@ impl ScatterTable {
                         mean[1] += part[1];
                     }
                 }
-                (cells, means)
+                Incidence { cells, means }
             })
             .collect();
         let ways = std::array::from_fn(|class| {
             let (count, sum) =
-                traced.iter().fold((0.0, 0.0), |(n, s), (_, means)| (n + means[class][0], s + means[class][1]));
+                traced.iter().fold((0.0, 0.0), |(n, s), i| (n + i.means[class][0], s + i.means[class][1]));
             if count > 0.0 { (sum / count) as f32 } else { 0.0 }
         });
         let cells = traced
             .iter()
-            .flat_map(|(cells, _)| cells.iter().enumerate())
+            .flat_map(|incidence| incidence.cells.iter().enumerate())
             .map(|(i, cell)| {
                 // pi f = pi weight / (N projected solid angle).
                 let scale = std::f64::consts::PI / (rays as f64 * projected_solid_angle(i));
