@@ -37,6 +37,7 @@ pub use error::SynthError;
 pub use leaf::capture::{Progress, write_leaf_capture};
 pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
 pub use optics::colour::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
-pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS, fresnel};
+pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS};
+pub use optics::fresnel::{fresnel, fresnel_between, reflect, refract, refract_cos};
 pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};
 pub use surface::rig::{LightVisibility, ViewHits, render};

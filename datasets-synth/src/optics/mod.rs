@@ -2,5 +2,6 @@
 
 pub(crate) mod colour;
 pub(crate) mod cook_torrance;
+pub(crate) mod fresnel;
 pub(crate) mod plate;
 mod tables;
