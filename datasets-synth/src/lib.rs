@@ -44,7 +44,8 @@ pub use optics::abm_b::{AbmB, AspectRatios, Composition, Specimen};
 pub use optics::abm_u::AbmU;
 pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
 pub use optics::colour::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
-pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS, fresnel};
+pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS};
+pub use optics::fresnel::{fresnel, fresnel_between, reflect, refract, refract_cos};
 pub use optics::path_lengths::{
     Beam, Diffuse, Estimate, Face, Parallel, PathLengths, TracedBeam, trace_path_lengths, trace_splitting,
 };

@@ -17,6 +17,8 @@
 
 use std::f64::consts::PI;
 
+use crate::optics::fresnel::fresnel;
+
 /// Smallest roughness: a narrower lobe falls between the directions of every known sampling.
 pub const MIN_ROUGHNESS: f64 = 0.05;
 
@@ -29,19 +31,6 @@ const ALBEDO_ENTRIES: usize = 257;
 
 /// Strata per axis of the quadrature of one entry.
 const QUADRATURE: usize = 96;
-
-/// Reflectance of unpolarised light at an interface from air into `index` (>= 1), at an angle of
-/// cosine `cosine` in [0, 1] [Cook & Torrance 1982].
-pub fn fresnel(index: f64, cosine: f64) -> f64 {
-    let c = cosine.clamp(0.0, 1.0);
-    let g = (index * index + c * c - 1.0).max(0.0).sqrt();
-    if g + c == 0.0 {
-        return 0.0;
-    }
-    let ratio = (g - c) / (g + c);
-    let other = (c * (g + c) - 1.0) / (c * (g - c) + 1.0);
-    0.5 * ratio * ratio * (1.0 + other * other)
-}
 
 /// A gloss lobe with its directional albedo tabulated.
 #[derive(Debug, Clone)]
@@ -202,17 +191,6 @@ mod tests {
     fn pi_brdf_cos(lobe: &CookTorrance, wi: [f64; 3], wo: [f64; 3]) -> f64 {
         let angles = angles(wi, wo);
         f64::from(lobe.pi_brdf_cos(lobe.fresnel(angles.o_dot_h), angles))
-    }
-
-    #[test]
-    fn fresnel_is_right_at_normal_grazing_and_brewster_incidence() {
-        assert!((fresnel(1.42, 1.0) - (0.42f64 / 2.42).powi(2)).abs() < 1e-15);
-        assert!((fresnel(1.42, 0.0) - 1.0).abs() < 1e-15);
-        // At Brewster's angle only the perpendicular part is left: ((n^2-1)/(n^2+1))^2 / 2.
-        let brewster = 1.0 / (1.0 + 1.42f64 * 1.42).sqrt();
-        let expected = ((1.42f64.powi(2) - 1.0) / (1.42f64.powi(2) + 1.0)).powi(2) / 2.0;
-        assert!((fresnel(1.42, brewster) - expected).abs() < 1e-15);
-        assert_eq!(fresnel(1.0, 0.0), 0.0);
     }
 
     /// Directional albedo at 0, 60, 80, 89 degrees of the corrected lobe of index 1.42, computed

@@ -6,6 +6,7 @@ mod abm_tables;
 pub(crate) mod abm_u;
 pub(crate) mod colour;
 pub(crate) mod cook_torrance;
+pub(crate) mod fresnel;
 pub(crate) mod path_lengths;
 pub(crate) mod plate;
 pub(crate) mod scatter_table;

@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn mean_interface_transmittance_is_the_cosine_weighted_mean_of_fresnel() {
-        use crate::optics::cook_torrance::fresnel;
+        use crate::optics::fresnel::fresnel;
         // Midpoint rule over sin^2, which carries the cosine weight.
         let count = 20_000;
         for cone in [40.0f64, 90.0] {

@@ -14,6 +14,7 @@ use rand::Rng;
 use rand::RngCore;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
+use crate::optics::fresnel::interface_optics;
 use crate::optics::stack::{Crossing, Interface, Medium, Spread, Stack};
 
 /// A ray that has met this many interfaces is given up: a guard against indices that trap light.
@@ -56,22 +57,6 @@ pub struct Walked {
     pub end: End,
     /// Interfaces met, the first included.
     pub interactions: u32,
-}
-
-/// Fresnel's reflectance for unpolarised light, and the cosine of refraction (0 at total reflection).
-#[inline]
-fn interface_optics(index_from: f64, index_to: f64, cosine: f64) -> (f64, f64) {
-    let ratio = index_from / index_to;
-    // 1 - ratio^2 (1 - cosine^2), without cancellation where the indices are near each other.
-    let cos2_t = (1.0 - ratio) * (1.0 + ratio) + ratio * ratio * cosine * cosine;
-    if cos2_t <= 0.0 {
-        return (1.0, 0.0);
-    }
-    let cos_t = cos2_t.sqrt();
-    let (ii, it, ti, tt) = (index_from * cosine, index_from * cos_t, index_to * cosine, index_to * cos_t);
-    let s = (ii - tt) / (ii + tt);
-    let p = (it - ti) / (it + ti);
-    (0.5 * (s * s + p * p), cos_t)
 }
 
 /// A number in (0, 1]: a logarithm of it is finite.
