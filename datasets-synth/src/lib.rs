@@ -3,9 +3,10 @@
 //!
 //! The chain, from contents to pictures:
 //!
-//! 1. [`LeafContents`]: pigments per area, and their absorption at 31 wavelengths.
-//! 2. [`plate_inside`] and [`plate`]: `plate-exact`, a leaf as one absorbing plate.
-//! 3. [`SpectrumToRgb`]: spectra under D65 to linear sRGB.
+//! 1. [`LeafContents`]: pigments per area, and [`SpecificAbsorption`]: what they absorb.
+//! 2. [`PlateModel`]: [`plate_n`], a leaf as N absorbing plates; [`plate`], as one; [`plate_paper`],
+//!    as printed. [`plate_spectrum`] gives a whole leaf's spectra, [`PlateBody`] a texel's colour.
+//! 3. [`RgbFromSpectrum`]: spectra under D65 to linear sRGB.
 //! 4. [`CookTorrance`]: the gloss on top, and how much light it lets in and out.
 //! 5. [`Leaf`]: veins, relief and the textures of pigment, gloss and thickness on a grid.
 //! 6. [`ViewHits`], [`LightVisibility`], [`render`]: parallax, masking, shadows, one image.
@@ -43,15 +44,25 @@ pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
 pub use optics::abm_b::{AbmB, AspectRatios, Composition, Specimen};
 pub use optics::abm_u::AbmU;
 pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
-pub use optics::colour::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
+pub use optics::colour::{RgbBands, RgbFromSpectrum};
+pub use optics::contents::LeafContents;
 pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS};
 pub use optics::fresnel::{fresnel, fresnel_between, reflect, refract, refract_cos};
+pub use optics::interface::mean_interface_transmittance;
 pub use optics::path_lengths::{
     Beam, Diffuse, Estimate, Face, Parallel, PathLengths, TracedBeam, trace_path_lengths, trace_splitting,
 };
-pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};
+pub use optics::plate_body::{BodyRgb, PlateBody};
+pub use optics::plate_exact::{plate, plate_inside};
+pub use optics::plate_model::{PROSPECT_CONE_DEG, PlateModel, PlateOptics, plate_spectrum};
+pub use optics::plate_n::{plate_n, plate_n_inside};
+pub use optics::plate_paper::{PAPER_WAVELENGTHS_NM, plate_paper, plate_paper_absorption, plate_paper_of_theta};
 pub use optics::scatter_table::{Passage, ScatterTable};
+pub use optics::specific_absorption::{SpecificAbsorption, check_wavelengths};
 pub use optics::stack::{Crossing, Interface, InverseExponent, Medium, PathRule, Spread, Stack};
+pub use optics::theta::{
+    ThetaForm, diffuse_transmission, diffuse_transmission_f32, rational_p1q2, rational_p2q3, three_piece_fit,
+};
 pub use optics::tissue::{DepthParts, Tissue};
 pub use optics::units::{
     Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, PerCentimetre,

@@ -62,6 +62,7 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
         contents: LeafContents {
             chlorophyll_ug_per_cm2: args.cab,
             carotenoid_ug_per_cm2: args.car,
+            anthocyanin_ug_per_cm2: 0.0,
             brown: args.cbrown,
             water_cm: args.cw,
             dry_matter_g_per_cm2: args.cm,

@@ -1,8 +1,8 @@
 //! Options that name a leaf model and its contents, shared by the commands.
 
 use btf_synth::{
-    Abm97, Abm97Switches, AbmB, AbmU, Centimetres, Crossing, EntryLobe, MesophyllKind, MicrogramsPerSquareCentimetre,
-    PathRule, Specimen, States, Tissue,
+    Abm97, Abm97Switches, AbmB, AbmU, Centimetres, Crossing, EntryLobe, LeafContents, MesophyllKind,
+    MicrogramsPerSquareCentimetre, PathRule, PlateModel, Specimen, States, Tissue,
 };
 use clap::{Args, ValueEnum};
 
@@ -219,17 +219,55 @@ impl TissueArgs {
 #[derive(Args, Clone)]
 #[command(next_help_heading = "Contents")]
 pub struct ContentsArgs {
-    /// Chlorophyll a + b in ug/cm2 (0 to 100) [default: plates 40, else the model's own leaf]
+    /// Chlorophyll a + b in ug/cm2 (0 to 100) [default: 40 for plates, else the model's own leaf]
     #[arg(long)]
     pub cab: Option<f64>,
-    /// Carotenoids in ug/cm2 (0 to 25) [default: plates 8, else the model's own leaf]
+    /// Carotenoids in ug/cm2 (0 to 25) [default: 8 for plates, else the model's own leaf]
     #[arg(long)]
     pub car: Option<f64>,
+    /// Anthocyanins in ug/cm2 (0 to 15), plate-n only [default: 0]
+    #[arg(long)]
+    pub cant: Option<f64>,
+    /// Brown pigment in arbitrary units (0 to 1), plates only [default: 0]
+    #[arg(long)]
+    pub cbrown: Option<f64>,
+    /// Dry matter in g/cm2 (0 to 0.02), plates only [default: 0.005]
+    #[arg(long)]
+    pub cm: Option<f64>,
+    /// Water in cm (0 to 0.04), plates only [default: 0.01]
+    #[arg(long)]
+    pub cw: Option<f64>,
+    /// Structure parameter N (1 to 3), plates only [default: 1.5]
+    #[arg(long)]
+    pub n: Option<f64>,
+    /// Half-angle of the cone of incident light in degrees, spectra of plates only [default: 40 for plate-n, else 0]
+    #[arg(long)]
+    pub cone_deg: Option<f64>,
 }
 
 impl ContentsArgs {
-    /// Whole-leaf optics of a plate model.
-    pub fn plate_spectrum(&self, _: Model, _: f64, _: &[f64]) -> Result<Vec<btf_synth::PlateOptics>, Failure> {
-        Err(Failure::Failed("plates are on their way".into()))
+    /// Contents for the plate models, over `default`.
+    pub fn over(&self, default: LeafContents) -> LeafContents {
+        LeafContents {
+            chlorophyll_ug_per_cm2: self.cab.unwrap_or(default.chlorophyll_ug_per_cm2),
+            carotenoid_ug_per_cm2: self.car.unwrap_or(default.carotenoid_ug_per_cm2),
+            anthocyanin_ug_per_cm2: self.cant.unwrap_or(default.anthocyanin_ug_per_cm2),
+            brown: self.cbrown.unwrap_or(default.brown),
+            water_cm: self.cw.unwrap_or(default.water_cm),
+            dry_matter_g_per_cm2: self.cm.unwrap_or(default.dry_matter_g_per_cm2),
+            structure: self.n.unwrap_or(default.structure),
+        }
+    }
+}
+
+impl Model {
+    /// The plate model, if it is one.
+    pub fn plate(self) -> Option<PlateModel> {
+        match self {
+            Model::PlateN => Some(PlateModel::N),
+            Model::PlateExact => Some(PlateModel::Exact),
+            Model::PlatePaper => Some(PlateModel::Paper),
+            Model::Abm97 | Model::AbmB | Model::AbmU => None,
+        }
     }
 }

@@ -3,7 +3,10 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use btf_synth::{Estimate, LinePlot, Method, Rays, Series, Spectrophotometer, Spectrum};
+use btf_synth::{
+    Estimate, LeafContents, LinePlot, Method, PAPER_WAVELENGTHS_NM, Rays, Series, Spectrophotometer, Spectrum,
+    plate_spectrum,
+};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
@@ -29,7 +32,7 @@ pub struct SpectrumArgs {
     /// Face towards the light (the plates are alike from both)
     #[arg(long, value_enum, default_value_t = Side::Adaxial)]
     side: Side,
-    /// First wavelength in nm (from 400)
+    /// First wavelength in nm (from 400); plate-paper knows 435, 546 and 675 nm alone
     #[arg(long, default_value_t = 400.0)]
     from_nm: f64,
     /// Last wavelength in nm (to 780; algorithmic models to 2500)
@@ -82,10 +85,14 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
     let wavelength_nm = wavelengths(args)?;
     let tissue = args.tissue.tissue(args.model, args.contents.cab, args.contents.car)?;
     let started = Instant::now();
-    let spectrum = match tissue {
-        None => {
+    let spectrum = match (tissue, args.model.plate()) {
+        (None, plate) => {
+            let model = plate.unwrap_or_default();
             let exact = |mean| Estimate { mean, standard_error: 0.0 };
-            let optics = args.contents.plate_spectrum(args.model, args.incidence_deg, &wavelength_nm)?;
+            let contents = args.contents.over(LeafContents::default());
+            model.check(model.default_table(), &contents)?;
+            let cone_deg = args.contents.cone_deg.unwrap_or(model.default_cone_deg());
+            let optics = plate_spectrum(model, model.default_table(), &contents, cone_deg, &wavelength_nm)?;
             Spectrum {
                 reflectance: optics.iter().map(|o| exact(o.reflectance)).collect(),
                 transmittance: optics.iter().map(|o| exact(o.transmittance)).collect(),
@@ -93,7 +100,7 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
                 rays: 0,
             }
         }
-        Some(tissue) => {
+        (Some(tissue), _) => {
             let beam = match args.beam {
                 BeamName::Parallel => Spectrophotometer::parallel(),
                 BeamName::Emitter => Spectrophotometer::default(),
@@ -143,6 +150,10 @@ pub(super) fn side_name(side: Side) -> &'static str {
 }
 
 fn wavelengths(args: &SpectrumArgs) -> Result<Vec<f64>, Failure> {
+    if args.model == Model::PlatePaper {
+        // Printed for no other wavelengths.
+        return Ok(PAPER_WAVELENGTHS_NM.into_iter().rev().collect());
+    }
     let algorithmic = matches!(args.model, Model::Abm97 | Model::AbmB | Model::AbmU);
     let last = if algorithmic { 2500.0 } else { 780.0 };
     let (from, to, step) = (args.from_nm, args.to_nm, args.step_nm);

@@ -6,8 +6,12 @@ use rayon::prelude::*;
 use crate::error::SynthError;
 use crate::leaf::relief::{RELIEF_BOUND_MM, Relief};
 use crate::leaf::venation::Venation;
-use crate::optics::colour::{LeafContents, SpectrumToRgb};
+use crate::optics::colour::RgbBands;
+use crate::optics::contents::LeafContents;
 use crate::optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, MIN_ROUGHNESS};
+use crate::optics::plate_body::PlateBody;
+use crate::optics::plate_model::PlateModel;
+use crate::optics::specific_absorption::SpecificAbsorption;
 use crate::surface::grid::Grid;
 
 /// Largest side of a capture in texels.
@@ -69,16 +73,9 @@ impl LeafParams {
     /// # Errors
     /// [`SynthError::BadParameter`] for the first that is out of its range.
     pub fn check(&self) -> Result<(), SynthError> {
-        let contents = &self.contents;
         for (name, value, low, high) in [
             ("--size", self.size as f64, 8.0, MAX_LEAF_SIZE as f64),
             ("--size-mm", f64::from(self.size_mm), 1.0, 200.0),
-            ("--cab", contents.chlorophyll_ug_per_cm2, 0.0, 100.0),
-            ("--car", contents.carotenoid_ug_per_cm2, 0.0, 25.0),
-            ("--cbrown", contents.brown, 0.0, 1.0),
-            ("--cw", contents.water_cm, 0.0, 0.04),
-            ("--cm", contents.dry_matter_g_per_cm2, 0.0, 0.02),
-            ("--n", contents.structure, 1.0, 3.0),
             ("--gamma", self.roughness, MIN_ROUGHNESS, 1.0),
         ] {
             // Not `<`, so that a NaN is refused, too.
@@ -87,6 +84,7 @@ impl LeafParams {
                 return Err(SynthError::BadParameter { name, value: value.to_string(), allowed });
             }
         }
+        PlateModel::Exact.check(SpecificAbsorption::Prospect5, &self.contents)?;
         for set in [&self.views, &self.lights] {
             if let Some(d) = set.directions().iter().find(|d| d.theta_deg > MAX_LEAF_THETA_DEG) {
                 let allowed = format!("directions within {MAX_LEAF_THETA_DEG} degrees of the normal");
@@ -146,7 +144,7 @@ impl Leaf {
         let grid = Grid::new(params.size_mm, texel_mm / NODES_PER_TEXEL, RELIEF_BOUND_MM * slope + SHADOW_MARGIN_MM);
         let venation = Venation::new(params.size_mm, grid.margin_mm, params.seed);
         let relief = Relief::new(venation, texel_mm, params.seed);
-        let convert = SpectrumToRgb::new();
+        let body = PlateBody::new(PlateModel::Exact, SpecificAbsorption::Prospect5, RgbBands::Spectral31)?;
 
         let nodes: Vec<(f32, [f32; 4])> = (0..grid.len())
             .into_par_iter()
@@ -158,8 +156,8 @@ impl Leaf {
                     brown: params.contents.brown * f64::from(tissue.brown),
                     ..params.contents
                 };
-                let [r, g, b] = convert.plate_rgb(&contents.absorption(), f64::from(tissue.thickness));
-                (height, [r as f32, g as f32, b as f32, tissue.gloss])
+                let [r, g, b] = body.rgb(&contents, f64::from(tissue.thickness)).reflectance;
+                (height, [r, g, b, tissue.gloss])
             })
             .collect();
 

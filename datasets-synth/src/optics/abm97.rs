@@ -42,8 +42,10 @@
 //! leaves have 0.10 on average (states 3 and 4 unspread give that value). `abm_b` mends the interfaces.
 
 use crate::error::{SynthError, check_range};
-use crate::optics::abm_tables::water;
 use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+use crate::optics::tables::abm::water;
+use crate::optics::tables::prospect_5::PROSPECT_5;
+use crate::optics::tables::{LEAF_FIRST_NM, LEAF_LAST_NM, interpolated};
 use crate::optics::tissue::{DepthParts, Tissue};
 use crate::optics::units::{
     Centimetres, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, SquareCentimetresPerMicrogram,
@@ -258,14 +260,20 @@ impl Tissue for Abm97 {
     }
 }
 
-/// Specific absorption of chlorophyll a + b, PROSPECT-5; 0 beyond its table, where it has vanished.
+/// Specific absorption of chlorophyll a + b [Feret 2008].
 fn chlorophyll(wavelength: Nanometres) -> SquareCentimetresPerMicrogram {
-    SquareCentimetresPerMicrogram(crate::optics::tables::prospect_5_chlorophyll(wavelength.0))
+    SquareCentimetresPerMicrogram(prospect_5(&PROSPECT_5.chlorophyll, wavelength))
 }
 
-/// Specific absorption of carotenoids, PROSPECT-5.
+/// Specific absorption of carotenoids [Feret 2008].
 fn carotenoid(wavelength: Nanometres) -> SquareCentimetresPerMicrogram {
-    SquareCentimetresPerMicrogram(crate::optics::tables::prospect_5_carotenoid(wavelength.0))
+    SquareCentimetresPerMicrogram(prospect_5(&PROSPECT_5.carotenoid, wavelength))
+}
+
+/// A pigment's column of PROSPECT-5; 0 beyond 780 nm, where pigments have vanished.
+fn prospect_5(column: &[f64], wavelength: Nanometres) -> f64 {
+    let nm = wavelength.0.max(LEAF_FIRST_NM);
+    if nm > LEAF_LAST_NM { 0.0 } else { interpolated(column, LEAF_FIRST_NM, 1.0, nm) }
 }
 
 #[cfg(test)]

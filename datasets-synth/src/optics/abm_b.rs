@@ -37,8 +37,8 @@
 //! Beer's law (`1 / cos(cos theta)`). Reflectance at 450 and 680 nm is near its floor for any pigment.
 
 use crate::error::{SynthError, check_range};
-use crate::optics::abm_tables as tables;
 use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+use crate::optics::tables::abm as tables;
 use crate::optics::tissue::{DepthParts, Tissue};
 use crate::optics::units::{Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres};
 

@@ -24,8 +24,8 @@
 //! chlorophyll there, which no plane layer shows.
 
 use crate::optics::abm_b::Specimen;
-use crate::optics::abm_tables as tables;
 use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+use crate::optics::tables::abm as tables;
 use crate::optics::tissue::{DepthParts, Tissue};
 use crate::optics::units::Nanometres;
 

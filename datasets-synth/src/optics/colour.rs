@@ -1,112 +1,117 @@
-//! From a leaf's contents to linear sRGB over 31 wavelengths.
+//! From spectra to linear sRGB: 31 wavelengths under D65, or the paper's three.
 
-use crate::optics::plate::{diffuse_transmission, mean_interface_transmittance, plate_inside_of};
-use crate::optics::tables::{
-    BANDS, BROWN, CAROTENOID, CHLOROPHYLL, CIE_X, CIE_Y, CIE_Z, D65, DRY_MATTER, FIRST_NM, REFRACTIVE_INDEX, STEP_NM,
-    WATER,
-};
+use crate::error::SynthError;
+use crate::optics::plate_paper::PAPER_WAVELENGTHS_NM;
+use crate::optics::specific_absorption::check_wavelengths;
+use crate::optics::tables::cie::{CIE_FIRST_NM, CIE_STEP_NM, CIE_X, CIE_Y, CIE_Z, D65};
+use crate::optics::tables::interpolated;
 
 /// From CIE XYZ to linear sRGB [IEC 61966-2-1].
 const RGB_FROM_XYZ: [[f64; 3]; 3] = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
 
-/// What a leaf holds per area of leaf.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LeafContents {
-    /// Chlorophyll a + b in ug/cm2, 0 to 100.
-    pub chlorophyll_ug_per_cm2: f64,
-    /// Carotenoids in ug/cm2, 0 to 25.
-    pub carotenoid_ug_per_cm2: f64,
-    /// Brown pigment in arbitrary units, 0 to 1.
-    pub brown: f64,
-    /// Water in cm, 0 to 0.04.
-    pub water_cm: f64,
-    /// Dry matter in g/cm2, 0 to 0.02.
-    pub dry_matter_g_per_cm2: f64,
-    /// Structure parameter N, 1 to 3.
-    pub structure: f64,
+/// At which wavelengths a colour is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RgbBands {
+    /// 400, 410, ... 700 nm under D65, CIE 1931 2-degree observer.
+    #[default]
+    Spectral31,
+    /// Red is what happens at 675 nm, green at 546 and blue at 435 [Miao]: no colour that an eye
+    /// would see. 675 nm is where chlorophyll absorbs most, so red comes out too dark.
+    ThreeWavelength,
 }
 
-impl Default for LeafContents {
-    /// A green leaf: 40 ug/cm2 chlorophyll, 8 ug/cm2 carotenoids, no brown pigment, 0.01 cm water,
-    /// 0.005 g/cm2 dry matter, N = 1.5.
-    fn default() -> LeafContents {
-        LeafContents {
-            chlorophyll_ug_per_cm2: 40.0,
-            carotenoid_ug_per_cm2: 8.0,
-            brown: 0.0,
-            water_cm: 0.01,
-            dry_matter_g_per_cm2: 0.005,
-            structure: 1.5,
+impl RgbBands {
+    /// Its name: `spectral` or `three-wavelength`.
+    pub fn name(self) -> &'static str {
+        match self {
+            RgbBands::Spectral31 => "spectral",
+            RgbBands::ThreeWavelength => "three-wavelength",
         }
     }
 }
 
-impl LeafContents {
-    /// Absorption `k = sum K C / N` at each of the [`wavelengths_nm`] [Miao, eq. 5].
-    pub fn absorption(&self) -> [f64; BANDS] {
-        std::array::from_fn(|band| {
-            (CHLOROPHYLL[band] * self.chlorophyll_ug_per_cm2
-                + CAROTENOID[band] * self.carotenoid_ug_per_cm2
-                + BROWN[band] * self.brown
-                + WATER[band] * self.water_cm
-                + DRY_MATTER[band] * self.dry_matter_g_per_cm2)
-                / self.structure
-        })
-    }
-}
-
-/// The wavelengths of all spectra in nanometres: 400, 410, ... 700.
-pub fn wavelengths_nm() -> [f64; BANDS] {
-    std::array::from_fn(|band| FIRST_NM + STEP_NM * band as f64)
-}
-
-/// Refractive index of the leaf's material at each of the [`wavelengths_nm`].
-pub fn refractive_index() -> [f64; BANDS] {
-    REFRACTIVE_INDEX
-}
-
-/// Turns reflectance spectra under D65 into linear sRGB (2-degree observer).
+/// Turns spectra of reflectance or transmittance into linear sRGB.
 ///
-/// Each channel is divided by what a perfect reflector gives, so that one is (1, 1, 1) exactly;
-/// the correction for the cut at 400 and 700 nm and the 10 nm steps is below 0.3 % in every
-/// channel. Colours outside the gamut keep their negative values.
+/// Under D65 each channel is divided by what a perfect reflector gives, so that one is (1, 1, 1)
+/// exactly; for [`RgbBands::Spectral31`] that corrects the cut at 400 and 700 nm and the 10 nm steps
+/// by below 0.3 % in every channel. Colours outside the gamut keep their negative values.
 #[derive(Debug, Clone)]
-pub struct SpectrumToRgb {
-    /// `[channel][band]`.
-    weights: [[f64; BANDS]; 3],
+pub struct RgbFromSpectrum {
+    wavelengths_nm: Vec<f64>,
+    /// `[band][channel]`.
+    weights: Vec<[f64; 3]>,
     /// What a perfect reflector gave before the correction.
     uncorrected_white: [f64; 3],
-    /// Mean transmittance of the interface for diffuse light, by band.
-    diffuse_entry: [f64; BANDS],
 }
 
-impl Default for SpectrumToRgb {
-    fn default() -> SpectrumToRgb {
-        SpectrumToRgb::new()
-    }
-}
-
-impl SpectrumToRgb {
-    /// Tabulates the weights.
-    pub fn new() -> SpectrumToRgb {
-        let luminance: f64 = (0..BANDS).map(|band| D65[band] * CIE_Y[band]).sum();
-        let mut weights: [[f64; BANDS]; 3] = std::array::from_fn(|channel| {
-            let row = RGB_FROM_XYZ[channel];
-            std::array::from_fn(|band| {
-                D65[band] * (row[0] * CIE_X[band] + row[1] * CIE_Y[band] + row[2] * CIE_Z[band]) / luminance
-            })
-        });
-        let uncorrected_white = weights.map(|row| row.iter().sum());
-        for (row, white) in weights.iter_mut().zip(uncorrected_white) {
-            row.iter_mut().for_each(|weight| *weight /= white);
+impl RgbFromSpectrum {
+    /// For spectra at `bands`.
+    pub fn new(bands: RgbBands) -> RgbFromSpectrum {
+        match bands {
+            RgbBands::Spectral31 => RgbFromSpectrum::under_d65((0..31).map(|i| 400.0 + 10.0 * f64::from(i)).collect()),
+            RgbBands::ThreeWavelength => RgbFromSpectrum {
+                wavelengths_nm: PAPER_WAVELENGTHS_NM.to_vec(),
+                weights: vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+                uncorrected_white: [1.0; 3],
+            },
         }
-        let diffuse_entry = REFRACTIVE_INDEX.map(|index| mean_interface_transmittance(90.0, index));
-        SpectrumToRgb { weights, uncorrected_white, diffuse_entry }
     }
 
-    /// Linear sRGB of a reflectance spectrum, signed.
-    pub fn rgb(&self, reflectance: &[f64; BANDS]) -> [f64; 3] {
-        self.weights.map(|row| row.iter().zip(reflectance).map(|(w, r)| w * r).sum())
+    /// For spectra under D65 at `count` (2 or more) evenly spaced wavelengths from `first_nm` to
+    /// `last_nm`, both included and within 400 to 780 nm.
+    ///
+    /// # Errors
+    /// [`SynthError::BadParameter`] for wavelengths out of range or fewer than 2.
+    pub fn evenly_spaced(first_nm: f64, last_nm: f64, count: usize) -> Result<RgbFromSpectrum, SynthError> {
+        if count < 2 {
+            let allowed = "2 wavelengths or more".to_owned();
+            return Err(SynthError::BadParameter { name: "a spectrum", value: count.to_string(), allowed });
+        }
+        let at = |i: usize| first_nm + (last_nm - first_nm) * i as f64 / (count - 1) as f64;
+        let wavelengths_nm: Vec<f64> = (0..count).map(at).collect();
+        check_wavelengths(&wavelengths_nm)?;
+        Ok(RgbFromSpectrum::under_d65(wavelengths_nm))
+    }
+
+    /// Of evenly spaced wavelengths inside the tables.
+    fn under_d65(wavelengths_nm: Vec<f64>) -> RgbFromSpectrum {
+        let at = |column: &[f64], nm: f64| interpolated(column, CIE_FIRST_NM, CIE_STEP_NM, nm);
+        let luminance: f64 = wavelengths_nm.iter().map(|&nm| at(&D65, nm) * at(&CIE_Y, nm)).sum();
+        let mut weights: Vec<[f64; 3]> = wavelengths_nm
+            .iter()
+            .map(|&nm| {
+                let xyz = [at(&CIE_X, nm), at(&CIE_Y, nm), at(&CIE_Z, nm)];
+                let power = at(&D65, nm) / luminance;
+                RGB_FROM_XYZ.map(|row| power * (row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2]))
+            })
+            .collect();
+        let uncorrected_white = std::array::from_fn(|channel| weights.iter().map(|w| w[channel]).sum());
+        for weight in &mut weights {
+            for channel in 0..3 {
+                weight[channel] /= uncorrected_white[channel];
+            }
+        }
+        RgbFromSpectrum { wavelengths_nm, weights, uncorrected_white }
+    }
+
+    /// The wavelengths in nanometres that spectra are given at.
+    pub fn wavelengths_nm(&self) -> &[f64] {
+        &self.wavelengths_nm
+    }
+
+    /// Linear sRGB of a spectrum at [`RgbFromSpectrum::wavelengths_nm`], signed.
+    ///
+    /// # Panics
+    /// If the spectrum has another number of wavelengths.
+    pub fn rgb(&self, spectrum: &[f64]) -> [f64; 3] {
+        assert_eq!(spectrum.len(), self.weights.len(), "a value per wavelength");
+        let mut rgb = [0.0; 3];
+        for (weight, value) in self.weights.iter().zip(spectrum) {
+            for channel in 0..3 {
+                rgb[channel] += weight[channel] * value;
+            }
+        }
+        rgb
     }
 
     /// Linear sRGB of a perfect reflector before the correction that makes it (1, 1, 1).
@@ -114,14 +119,9 @@ impl SpectrumToRgb {
         self.uncorrected_white
     }
 
-    /// Linear sRGB of the share of entered light that leaves a plate in front again, for
-    /// absorption `k` times `thickness`: [`crate::plate_inside`] over the bands.
-    pub fn plate_rgb(&self, absorption: &[f64; BANDS], thickness: f64) -> [f64; 3] {
-        let spectrum = std::array::from_fn(|band| {
-            let theta = diffuse_transmission(absorption[band] * thickness);
-            plate_inside_of(theta, REFRACTIVE_INDEX[band], self.diffuse_entry[band]).reflectance
-        });
-        self.rgb(&spectrum)
+    /// `[band][channel]`: what [`RgbFromSpectrum::rgb`] multiplies with.
+    pub(crate) fn weights(&self) -> &[[f64; 3]] {
+        &self.weights
     }
 }
 
@@ -131,44 +131,40 @@ mod tests {
 
     #[test]
     fn a_perfect_reflector_is_white_and_the_correction_is_small() {
-        let convert = SpectrumToRgb::new();
-        for channel in convert.rgb(&[1.0; BANDS]) {
+        let convert = RgbFromSpectrum::new(RgbBands::Spectral31);
+        assert_eq!(convert.wavelengths_nm().len(), 31);
+        for channel in convert.rgb(&[1.0; 31]) {
             assert!((channel - 1.0).abs() < 1e-12);
         }
         for channel in convert.uncorrected_white() {
             assert!((channel - 1.0).abs() < 3e-3, "{:?}", convert.uncorrected_white());
         }
+        assert_eq!(RgbFromSpectrum::new(RgbBands::ThreeWavelength).rgb(&[0.1, 0.2, 0.3]), [0.1, 0.2, 0.3]);
     }
 
     #[test]
     fn a_band_of_green_light_lies_outside_the_gamut_and_stays_signed() {
-        let wavelengths = wavelengths_nm();
-        let spectrum = std::array::from_fn(|band| if (wavelengths[band] - 520.0).abs() < 25.0 { 1.0 } else { 0.0 });
-        let [r, g, b] = SpectrumToRgb::new().rgb(&spectrum);
+        let convert = RgbFromSpectrum::new(RgbBands::Spectral31);
+        let green = |nm: &f64| if (nm - 520.0).abs() < 25.0 { 1.0 } else { 0.0 };
+        let spectrum: Vec<f64> = convert.wavelengths_nm().iter().map(green).collect();
+        let [r, g, b] = convert.rgb(&spectrum);
         assert!(g > 0.2 && r < 0.0, "{r} {g} {b}");
     }
 
     #[test]
-    fn a_green_leaf_is_green_a_yellow_one_yellow_and_more_chlorophyll_is_darker() {
-        let convert = SpectrumToRgb::new();
-        let rgb = |contents: LeafContents| convert.plate_rgb(&contents.absorption(), 1.0);
-        let green = rgb(LeafContents::default());
-        assert!(green[1] > 1.3 * green[0] && green[1] > 2.0 * green[2], "{green:?}");
-        let yellow = rgb(LeafContents { chlorophyll_ug_per_cm2: 1.0, ..LeafContents::default() });
-        assert!(yellow[0] > 0.8 * yellow[1] && yellow[1] > 2.0 * yellow[2], "{yellow:?}");
-        let dark = rgb(LeafContents { chlorophyll_ug_per_cm2: 80.0, ..LeafContents::default() });
-        assert!(dark[1] < green[1]);
-        let thick = convert.plate_rgb(&LeafContents::default().absorption(), 1.5);
-        assert!(thick[1] < green[1], "thicker is darker in front");
-    }
-
-    #[test]
-    fn the_tables_hold_the_published_values_at_550_nm() {
-        let band = 15;
-        assert_eq!(wavelengths_nm()[band], 550.0);
-        assert_eq!(CIE_Y[band], 0.9949501);
-        assert_eq!(CHLOROPHYLL[band], 0.01286);
-        assert_eq!(CAROTENOID[band], 0.003816);
-        assert_eq!(refractive_index()[band], 1.4303);
+    fn spectra_at_other_steps_give_the_same_colour_and_too_few_wavelengths_are_refused() {
+        // A smooth edge, as a leaf's at 700 nm and a flower's at 500.
+        let edge = |nm: &f64| 1.0 / (1.0 + (-(nm - 580.0) / 30.0).exp());
+        let colour =
+            |convert: &RgbFromSpectrum| convert.rgb(&convert.wavelengths_nm().iter().map(edge).collect::<Vec<f64>>());
+        let fine = colour(&RgbFromSpectrum::evenly_spaced(400.0, 780.0, 381).unwrap());
+        let coarse = colour(&RgbFromSpectrum::new(RgbBands::Spectral31));
+        let three = colour(&RgbFromSpectrum::new(RgbBands::ThreeWavelength));
+        let apart = |x: [f64; 3]| (0..3).map(|c| (x[c] - fine[c]).abs()).fold(0.0, f64::max);
+        assert!(apart(coarse) < 3e-3, "{fine:?} {coarse:?}");
+        // Planted difference.
+        assert!(apart(three) > 0.03, "{fine:?} {three:?}");
+        assert!(RgbFromSpectrum::evenly_spaced(390.0, 780.0, 10).is_err());
+        assert!(RgbFromSpectrum::evenly_spaced(400.0, 780.0, 1).is_err());
     }
 }

@@ -2,16 +2,23 @@
 
 pub(crate) mod abm97;
 pub(crate) mod abm_b;
-mod abm_tables;
 pub(crate) mod abm_u;
 pub(crate) mod colour;
+pub(crate) mod contents;
 pub(crate) mod cook_torrance;
 pub(crate) mod fresnel;
+pub(crate) mod interface;
 pub(crate) mod path_lengths;
-pub(crate) mod plate;
+pub(crate) mod plate_body;
+pub(crate) mod plate_exact;
+pub(crate) mod plate_model;
+pub(crate) mod plate_n;
+pub(crate) mod plate_paper;
 pub(crate) mod scatter_table;
+pub(crate) mod specific_absorption;
 pub(crate) mod stack;
 mod tables;
+pub(crate) mod theta;
 pub(crate) mod tissue;
 pub(crate) mod units;
 pub(crate) mod walk;
