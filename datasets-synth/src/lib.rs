@@ -8,8 +8,9 @@
 //! 3. [`SpectrumToRgb`]: spectra under D65 to linear sRGB.
 //! 4. [`CookTorrance`]: the gloss on top, and how much light it lets in and out.
 //! 5. [`Leaf`]: veins, relief and the textures of pigment, gloss and thickness on a grid.
-//! 6. [`ViewHits`], [`LightVisibility`], [`render`]: parallax, masking, shadows, one image.
-//! 7. [`write_leaf_capture`]: all images, as a Bonn-layout folder.
+//! 6. [`HeightField`], [`Material`], [`ViewHits`], [`Illumination`], [`render`]: parallax, masking,
+//!    shadows, one image of any material.
+//! 7. [`write_leaf_capture`]: all images and the height map, as a Bonn-layout folder.
 //!
 //! Everything that is random comes from a seed; the number of threads never matters.
 //!
@@ -34,9 +35,12 @@ mod optics;
 mod surface;
 
 pub use error::SynthError;
-pub use leaf::capture::{Progress, write_leaf_capture};
+pub use leaf::capture::write_leaf_capture;
 pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use leaf::shading::{LeafPair, LeafPoint};
 pub use optics::colour::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
 pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS, fresnel};
 pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};
-pub use surface::rig::{LightVisibility, ViewHits, render};
+pub use surface::capture::{HEIGHT_MAP_NAME, Progress, write_capture};
+pub use surface::height_field::{HeightField, LightVisibility};
+pub use surface::rig::{Hit, Illumination, Material, ViewHits, render};
