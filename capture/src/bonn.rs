@@ -45,6 +45,11 @@ pub(crate) fn file_name(
     )
 }
 
+/// Whether reading a capture would take a file of this name for one of its images.
+pub(crate) fn is_image_name(name: &str) -> bool {
+    parse_name(name).is_some()
+}
+
 /// The light and view that a file name states, and its format; `None` for other files.
 fn parse_name(path: &str) -> Option<(Direction, Direction, ImageFormat)> {
     let name = path.rsplit('/').next()?;

@@ -79,6 +79,17 @@ pub(crate) fn encode(values: &[f32], width: usize, height: usize) -> Result<Vec<
     Ok(bytes.into_inner())
 }
 
+/// Encodes one channel, Y, in single precision without compression.
+pub(crate) fn encode_map(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
+    let channels = SpecificChannels::build()
+        .with_channel("Y")
+        .with_pixel_fn(|position: Vec2<usize>| (values[position.y() * width + position.x()],));
+    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
+    let mut bytes = Cursor::new(Vec::with_capacity(width * height * 4 + 4096));
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
+    Ok(bytes.into_inner())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -113,6 +124,28 @@ mod tests {
             let back = decoded(&bytes.into_inner());
             assert_eq!(back[(7 * 40 + 5) * 3..][..3], [5.0, 7.0, 0.25], "{compression}");
         }
+    }
+
+    #[test]
+    fn a_map_keeps_single_precision() {
+        use exr::prelude::ReadSpecificChannel;
+        let values: Vec<f32> = (0..7 * 4).map(|i| i as f32 * 0.123_456_7 - 1.5).collect();
+        let bytes = encode_map(&values, 7, 4).unwrap();
+        let back = read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .specific_channels()
+            .required("Y")
+            .collect_pixels(
+                |_, _| vec![0f32; 28],
+                |values: &mut Vec<f32>, position, (y,): (f32,)| values[position.y() * 7 + position.x()] = y,
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+            .unwrap();
+        assert_eq!(back.layer_data.channel_data.pixels, values);
     }
 
     #[test]

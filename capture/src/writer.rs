@@ -119,6 +119,29 @@ impl CaptureWriter {
         Ok(())
     }
 
+    /// Writes a map beside the images, such as the relief that they show: a single-precision EXR
+    /// file of one channel, Y, with one of `values`, `[row, column]`, per texel. Reading a capture
+    /// passes over it.
+    ///
+    /// # Errors
+    /// [`CaptureError::BadOutput`] if `name` is no plain file name or one that a capture gives to
+    /// its own files, or `values` is not texels long; [`CaptureError::Write`].
+    pub fn write_map(&self, name: &str, values: &[f32]) -> Result<(), CaptureError> {
+        let (info, final_path) = (&self.info, self.path.join(name));
+        let refused = |reason: String| CaptureError::BadOutput { path: final_path.clone(), reason };
+        if Path::new(name).file_name() != Some(name.as_ref()) || name == MANIFEST_NAME || bonn::is_image_name(name) {
+            return Err(refused("a map cannot have this name; give a plain one that ends in .exr".into()));
+        }
+        if values.len() != info.texel_count() {
+            return Err(refused(format!("it got {} values for {} x {} texels", values.len(), info.width, info.height)));
+        }
+        let bytes = exr_image::encode_map(values, info.width, info.height).map_err(refused)?;
+        let staged = self.staging.path.join(name);
+        write_whole(&staged, &bytes)
+            .and_then(|()| File::open(&staged)?.sync_all())
+            .map_err(|source| CaptureError::write(&final_path, source))
+    }
+
     /// Writes `capture.toml`, syncs everything to disk and puts the folder in place.
     ///
     /// # Errors
@@ -205,6 +228,24 @@ fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_map_lies_beside_the_images_and_does_not_disturb_reading() {
+        let parent = tempfile::tempdir().unwrap();
+        let dir = parent.path().join("with map");
+        let set = crate::DirectionSet::random(1, 1).unwrap();
+        let writer =
+            CaptureWriter::create(&dir, CaptureInfo::new("m", 3, 2, set.clone(), set, ImageFormat::Exr)).unwrap();
+        writer.write(0, 0, &[0.5; 18]).unwrap();
+        writer.write_map("height.exr", &[0.25; 6]).unwrap();
+        for (name, count) in [("height.exr", 5), ("../height.exr", 6), ("capture.toml", 6), ("", 6)] {
+            assert!(writer.write_map(name, &vec![0.0; count]).is_err(), "{name}");
+        }
+        assert!(writer.write_map("00000 tl000 pl000 tv000 pv000.exr", &[0.0; 6]).is_err());
+        writer.finish().unwrap();
+        assert!(dir.join("height.exr").is_file());
+        assert_eq!(crate::Capture::open(&dir).unwrap().info().pair_count(), 1);
+    }
 
     #[test]
     #[cfg(target_os = "linux")]

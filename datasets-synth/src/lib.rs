@@ -9,8 +9,9 @@
 //! 3. [`RgbFromSpectrum`]: spectra under D65 to linear sRGB.
 //! 4. [`CookTorrance`]: the gloss on top, and how much light it lets in and out.
 //! 5. [`Leaf`]: veins, relief and the textures of pigment, gloss and thickness on a grid.
-//! 6. [`ViewHits`], [`LightVisibility`], [`render`]: parallax, masking, shadows, one image.
-//! 7. [`write_leaf_capture`]: all images, as a Bonn-layout folder.
+//! 6. [`HeightField`], [`Material`], [`ViewHits`], [`Illumination`], [`render`]: parallax, masking,
+//!    shadows, one image of any material.
+//! 7. [`write_leaf_capture`]: all images and the height map, as a Bonn-layout folder.
 //!
 //! Everything that is random comes from a seed; the number of threads never matters.
 //!
@@ -39,8 +40,9 @@ pub use error::SynthError;
 pub use instruments::goniophotometer::{Goniogram, Goniophotometer, Interactions};
 pub use instruments::plot::{LinePlot, Series, counts_svg, disk_svg, goniogram_svg};
 pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectrum};
-pub use leaf::capture::{Progress, write_leaf_capture};
+pub use leaf::capture::write_leaf_capture;
 pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use leaf::shading::{LeafPair, LeafPoint};
 pub use optics::abm_b::{AbmB, AspectRatios, Composition, Specimen};
 pub use optics::abm_u::AbmU;
 pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
@@ -69,4 +71,6 @@ pub use optics::units::{
     SquareCentimetresPerGram, SquareCentimetresPerMicrogram,
 };
 pub use optics::walk::{Absorption, End, Walked, walk, walk_splitting};
-pub use surface::rig::{LightVisibility, ViewHits, render};
+pub use surface::capture::{HEIGHT_MAP_NAME, Progress, write_capture};
+pub use surface::height_field::{HeightField, LightVisibility};
+pub use surface::rig::{Hit, Illumination, Material, ViewHits, render};

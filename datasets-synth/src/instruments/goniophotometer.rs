@@ -19,11 +19,11 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use crate::error::{SynthError, check_range};
-use crate::leaf::capture::Progress;
 use crate::optics::path_lengths::{BLOCK, Beam, Face, Parallel, block_random};
 use crate::optics::tissue::Tissue;
 use crate::optics::units::Nanometres;
 use crate::optics::walk::{Absorption, End, walk};
+use crate::surface::capture::Progress;
 
 /// Blocks of rays between two reports of progress.
 const BLOCKS_PER_STEP: u64 = 128;

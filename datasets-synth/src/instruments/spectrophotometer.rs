@@ -23,7 +23,6 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
 use crate::error::{SynthError, check_range};
-use crate::leaf::capture::Progress;
 use crate::optics::path_lengths::{
     BLOCK, Beam, Estimate, Face, TracedBeam, block_random, trace_path_lengths, trace_splitting,
 };
@@ -31,6 +30,7 @@ use crate::optics::stack::Stack;
 use crate::optics::tissue::Tissue;
 use crate::optics::units::Nanometres;
 use crate::optics::walk::{Absorption, End, walk};
+use crate::surface::capture::Progress;
 
 /// Rays of the first try when a precision is asked for.
 const PILOT_RAYS: u64 = 100_000;

@@ -1,71 +1,31 @@
 //! From a leaf's parameters to a capture folder.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
-use btf_capture::{CaptureInfo, CaptureWriter};
-use rayon::prelude::*;
+use btf_capture::CaptureInfo;
 
 use crate::error::SynthError;
 use crate::leaf::patch::{Leaf, LeafParams};
-use crate::surface::rig::{LightVisibility, ViewHits, render};
+use crate::surface::capture::{Progress, write_capture};
 
-/// Lights whose visibility is held at a time may take this many bytes; more lights are done in
-/// blocks, each of which marches the views again.
-const VISIBILITY_BYTES: usize = 256 << 20;
-
-/// Called now and then with the number of images done and of all images; `Break` stops the work.
-pub type Progress<'a> = &'a (dyn Fn(usize, usize) -> ControlFlow<()> + Sync);
-
-/// Makes the leaf of `params` and writes its capture to the folder `dir`, in parallel on the
-/// current thread pool. The same parameters give the same files on any number of threads.
+/// Makes the leaf of `params` and writes its capture to the folder `dir`, with its height map; see
+/// [`write_capture`]. The same parameters give the same files on any number of threads.
 ///
 /// # Errors
-/// [`SynthError::BadParameter`]; [`SynthError::Stopped`] if `progress` asked for it;
-/// [`SynthError::Capture`] if the folder is not empty or cannot be written. In each case nothing
-/// is left behind.
+/// [`SynthError::BadParameter`]; otherwise as [`write_capture`].
 pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: Progress) -> Result<(), SynthError> {
     params.check()?;
     let mut info =
         CaptureInfo::new("leaf", params.size, params.size, params.views.clone(), params.lights.clone(), params.format);
     info.size_mm = Some([params.size_mm; 2]);
     info.provenance = params.provenance();
-    let total = info.pair_count();
-    let report = |done: usize| match progress(done, total) {
-        ControlFlow::Continue(()) => Ok(()),
-        ControlFlow::Break(()) => Err(SynthError::Stopped),
-    };
-
-    // The writer first: it refuses a folder that is not empty before any work.
-    let writer = CaptureWriter::create(dir, info)?;
-    report(0)?;
-    let leaf = Leaf::new(params)?;
-    let (views, lights) = (params.views.units(), params.lights.units());
-    let block = (VISIBILITY_BYTES / LightVisibility::bytes(&leaf)).clamp(1, lights.len());
-    let done = std::sync::atomic::AtomicUsize::new(0);
-    for first in (0..lights.len()).step_by(block) {
-        let visibilities: Vec<LightVisibility> = lights[first..(first + block).min(lights.len())]
-            .par_iter()
-            .map(|&wi| {
-                report(done.load(std::sync::atomic::Ordering::Relaxed))?;
-                Ok(LightVisibility::new(&leaf, wi))
-            })
-            .collect::<Result<_, SynthError>>()?;
-        for (view, &wo) in views.iter().enumerate() {
-            let hits = ViewHits::new(&leaf, wo);
-            visibilities.par_iter().enumerate().try_for_each(|(i, visibility)| {
-                writer.write(view, first + i, &render(&leaf, &hits, visibility))?;
-                report(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1)
-            })?;
-        }
-    }
-    writer.finish()?;
-    Ok(())
+    write_capture(dir, info, || Leaf::new(params), progress)
 }
 
 #[cfg(test)]
 mod tests {
     use std::fs;
+    use std::ops::ControlFlow;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use btf_capture::{Capture, ImageFormat, Pixels};

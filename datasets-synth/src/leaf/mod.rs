@@ -3,4 +3,5 @@
 pub(crate) mod capture;
 pub(crate) mod patch;
 pub(crate) mod relief;
+pub(crate) mod shading;
 pub(crate) mod venation;

@@ -13,6 +13,7 @@ use crate::optics::plate_body::PlateBody;
 use crate::optics::plate_model::PlateModel;
 use crate::optics::specific_absorption::SpecificAbsorption;
 use crate::surface::grid::Grid;
+use crate::surface::height_field::HeightField;
 
 /// Largest side of a capture in texels.
 pub const MAX_LEAF_SIZE: usize = 2048;
@@ -117,14 +118,10 @@ impl LeafParams {
 /// height 0 over the patch.
 #[derive(Debug, Clone)]
 pub struct Leaf {
-    pub(crate) grid: Grid,
+    pub(crate) face: HeightField,
     pub(crate) size: usize,
-    pub(crate) size_mm: f32,
-    pub(crate) height_mm: Vec<f32>,
-    /// Slopes dz/dx, dz/dy; linear sRGB share of entered light that leaves again; gloss.
-    pub(crate) surface: Vec<[f32; 6]>,
-    pub(crate) lowest_mm: f32,
-    pub(crate) highest_mm: f32,
+    /// Linear sRGB share of entered light that leaves again; gloss.
+    pub(crate) surface: Vec<[f32; 4]>,
     pub(crate) lobe: CookTorrance,
 }
 
@@ -161,40 +158,11 @@ impl Leaf {
             })
             .collect();
 
-        // Mean height 0 over the patch itself; summed in order, so threads do not matter.
-        let inside = |node: usize| {
-            let p = grid.position_mm(node % grid.side, node / grid.side);
-            p.iter().all(|x| (0.0..=params.size_mm).contains(x))
-        };
-        let (sum, count) = (0..grid.len())
-            .filter(|&node| inside(node))
-            .fold((0f64, 0usize), |(sum, count), node| (sum + f64::from(nodes[node].0), count + 1));
-        let mean = (sum / count as f64) as f32;
-        let height_mm: Vec<f32> = nodes.iter().map(|node| node.0 - mean).collect();
-
-        let at = |column: usize, row: usize| height_mm[row * grid.side + column];
-        let surface = (0..grid.len())
-            .into_par_iter()
-            .map(|node| {
-                let (column, row) = (node % grid.side, node / grid.side);
-                let (left, right) = (column.saturating_sub(1), (column + 1).min(grid.side - 1));
-                let (below, above) = (row.saturating_sub(1), (row + 1).min(grid.side - 1));
-                let slope_x = (at(right, row) - at(left, row)) / ((right - left) as f32 * grid.cell_mm);
-                let slope_y = (at(column, above) - at(column, below)) / ((above - below) as f32 * grid.cell_mm);
-                let [r, g, b, gloss] = nodes[node].1;
-                [slope_x, slope_y, r, g, b, gloss]
-            })
-            .collect();
-        let lowest_mm = height_mm.iter().copied().fold(f32::MAX, f32::min);
-        let highest_mm = height_mm.iter().copied().fold(f32::MIN, f32::max);
+        let (height_mm, surface) = nodes.into_iter().unzip();
         Ok(Leaf {
-            grid,
+            face: HeightField::new(grid, params.size_mm, height_mm),
             size: params.size,
-            size_mm: params.size_mm,
-            height_mm,
             surface,
-            lowest_mm,
-            highest_mm,
             lobe: CookTorrance::new(CUTICLE_INDEX, params.roughness),
         })
     }
@@ -202,26 +170,24 @@ impl Leaf {
     /// Height of the relief in millimetres at a position in millimetres from the patch's lower
     /// left corner.
     pub fn height_mm(&self, position_mm: [f32; 2]) -> f32 {
-        self.grid.corners(self.grid.cells(position_mm)).sample(&self.height_mm)
+        self.face.height_mm(position_mm)
     }
 
     /// Unit normal of the relief at a position.
     pub fn normal(&self, position_mm: [f32; 2]) -> [f32; 3] {
-        let s = self.surface_at(position_mm);
-        let scale = 1.0 / (1.0 + s[0] * s[0] + s[1] * s[1]).sqrt();
-        [-s[0] * scale, -s[1] * scale, scale]
+        self.face.normal(position_mm)
     }
 
     /// Linear sRGB share of the light entered at a position that leaves again in front, the body
     /// colour below the gloss; signed.
     pub fn body_rgb(&self, position_mm: [f32; 2]) -> [f32; 3] {
-        let s = self.surface_at(position_mm);
-        [s[2], s[3], s[4]]
+        let [r, g, b, _] = self.surface_at(position_mm);
+        [r, g, b]
     }
 
     /// Strength of the gloss at a position, 0 to 1.
     pub fn gloss(&self, position_mm: [f32; 2]) -> f32 {
-        self.surface_at(position_mm)[5]
+        self.surface_at(position_mm)[3]
     }
 
     /// The gloss lobe.
@@ -229,8 +195,8 @@ impl Leaf {
         &self.lobe
     }
 
-    fn surface_at(&self, position_mm: [f32; 2]) -> [f32; 6] {
-        self.grid.corners(self.grid.cells(position_mm)).sample_all(&self.surface)
+    fn surface_at(&self, position_mm: [f32; 2]) -> [f32; 4] {
+        self.face.grid.corners(self.face.grid.cells(position_mm)).sample_all(&self.surface)
     }
 }
 
@@ -266,15 +232,15 @@ pub(crate) mod tests {
             pool.install(|| Leaf::new(&LeafParams { seed, ..small() }).unwrap())
         };
         let (one, three, other) = (grow(1, 1), grow(3, 1), grow(1, 2));
-        assert_eq!(one.height_mm, three.height_mm);
+        assert_eq!(one.face.height_map_mm(48), three.face.height_map_mm(48));
         assert_eq!(one.surface, three.surface);
-        assert_ne!(one.height_mm, other.height_mm);
+        assert_ne!(one.face.height_map_mm(48), other.face.height_map_mm(48));
     }
 
     #[test]
     fn normals_are_the_gradient_of_the_height() {
         let leaf = Leaf::new(&LeafParams { size: 128, ..small() }).unwrap();
-        let h = leaf.grid.cell_mm;
+        let h = leaf.face.grid.cell_mm;
         for i in 0..200 {
             // On nodes, where the tabulated slope is the central difference itself.
             let node = [(40 + i % 20) as f32 * h, (60 + i / 20) as f32 * h];
