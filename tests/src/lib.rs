@@ -1,5 +1,7 @@
 //! What the promises and the benches share: small captures, fitted assets, data that may be absent.
 
+pub mod leaf_trade;
+
 use btf_capture::{Capture, CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
 use btf_fit::{FitOutcome, FitParams, Monitor, fit};
 use btf_runtime::{Asset, Resident};

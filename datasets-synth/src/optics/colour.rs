@@ -15,7 +15,7 @@ pub enum RgbBands {
     /// 400, 410, ... 700 nm under D65, CIE 1931 2-degree observer.
     #[default]
     Spectral31,
-    /// Red is what happens at 675 nm, green at 546 and blue at 435 [Miao]: no colour that an eye
+    /// Red is what happens at 675 nm, green at 546 and blue at 435 [Miao, after eq. 5]: no colour that an eye
     /// would see. 675 nm is where chlorophyll absorbs most, so red comes out too dark.
     ThreeWavelength,
 }

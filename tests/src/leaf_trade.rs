@@ -1,0 +1,217 @@
+//! What the plate models and theta's forms lose, as figures: for the promises that hold them and for
+//! the example `leaf_trade`, which prints them beside times.
+
+use btf_fit::{Lab, delta_e00};
+use btf_synth::{
+    BodyRgb, LeafContents, PlateBody, PlateModel, PlateOptics, RgbBands, RgbFromSpectrum, SpecificAbsorption,
+    ThetaForm, diffuse_transmission, plate, plate_paper_absorption, plate_paper_of_theta, plate_spectrum,
+    three_piece_fit,
+};
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// CIE XYZ from linear sRGB, IEC 61966-2-1.
+const XYZ_FROM_SRGB: [[f64; 3]; 3] = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
+
+/// The paper's index, of which printed eq. 6 is the plate.
+const PAPER_INDEX: f64 = 1.42;
+
+/// The dry matter absorption at 435 nm that the paper prints a tenth of, in cm2/g [Feret 2008].
+const DRY_MATTER_435: [f64; 2] = [14.81, 1.481];
+
+/// Largest and mean of a set of differences.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Spread {
+    /// Largest.
+    pub max: f64,
+    /// Mean.
+    pub mean: f64,
+}
+
+impl Spread {
+    /// Of some differences, all at least 0.
+    pub fn of(differences: impl IntoIterator<Item = f64>) -> Spread {
+        let (max, sum, count) =
+            differences.into_iter().fold((0f64, 0.0, 0usize), |(max, sum, count), x| (max.max(x), sum + x, count + 1));
+        Spread { max, mean: sum / count.max(1) as f64 }
+    }
+}
+
+/// L*a*b* of linear sRGB, whose white is (1, 1, 1); negative values are followed, not cut.
+pub fn lab_from_linear(rgb: [f64; 3]) -> Lab {
+    const DELTA: f64 = 6.0 / 29.0;
+    let f = XYZ_FROM_SRGB.map(|row| {
+        let t = (row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2]) / row.iter().sum::<f64>();
+        if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
+    });
+    [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
+}
+
+/// CIEDE2000 between two linear colours.
+pub fn delta_e00_linear(x: [f64; 3], y: [f64; 3]) -> f64 {
+    delta_e00(lab_from_linear(x), lab_from_linear(y))
+}
+
+/// Leaves from green over yellow and red to brown, thin and thick, each within the models' ranges:
+/// 378 sets of contents.
+pub fn contents_grid() -> Vec<LeafContents> {
+    let mut grid = Vec::new();
+    for chlorophyll_ug_per_cm2 in [0.0, 2.0, 10.0, 20.0, 40.0, 60.0, 80.0] {
+        for carotenoid_ug_per_cm2 in [1.0, 8.0, 16.0] {
+            for anthocyanin_ug_per_cm2 in [0.0, 3.0, 10.0] {
+                for brown in [0.0, 0.5] {
+                    for structure in [1.0, 1.5, 2.5] {
+                        grid.push(LeafContents {
+                            chlorophyll_ug_per_cm2,
+                            carotenoid_ug_per_cm2,
+                            anthocyanin_ug_per_cm2,
+                            brown,
+                            structure,
+                            ..LeafContents::default()
+                        });
+                    }
+                }
+            }
+        }
+    }
+    grid
+}
+
+/// What a form of theta loses.
+#[derive(Debug, Clone, Copy)]
+pub struct ThetaErrors {
+    /// In theta, over 0 <= k <= 10 in even steps.
+    pub theta: Spread,
+    /// In the reflectance of one plate of index 1.42 lit along its normal, over the same.
+    pub reflectance: Spread,
+    /// In its transmittance.
+    pub transmittance: Spread,
+    /// CIEDE2000 of the body's colour in front and behind, `plate-n` over [`contents_grid`].
+    pub colour: Spread,
+}
+
+/// Measures a form against the exact theta.
+pub fn theta_errors(form: ThetaForm) -> ThetaErrors {
+    let steps = 100_000;
+    let ks = || (0..=steps).map(|i| 10.0 * f64::from(i) / f64::from(steps));
+    // The plate as a function of theta: eq. 3-4 with k = 0's optics as the scale-free parts.
+    let clear = plate(0.0, PAPER_INDEX, 0.0);
+    let surface = ((PAPER_INDEX - 1.0) / (PAPER_INDEX + 1.0)).powi(2);
+    // R = s + c q th^2 / (1 - q^2 th^2), T = c th / (1 - q^2 th^2), with q from R and T at th = 1.
+    let q = (clear.reflectance - surface) / clear.transmittance;
+    let c = clear.transmittance * (1.0 - q * q);
+    let optics = |theta: f64| {
+        let behind = c * theta / (1.0 - q * q * theta * theta);
+        PlateOptics { reflectance: surface + q * theta * behind, transmittance: behind }
+    };
+    let both = |k: f64| (optics(form.at(k)), optics(diffuse_transmission(k)));
+    let exact = plate_n_body(ThetaForm::Exact);
+    let body = plate_n_body(form);
+    let sides = |x: BodyRgb| [x.reflectance.map(f64::from), x.transmittance.map(f64::from)];
+    ThetaErrors {
+        theta: Spread::of(ks().map(|k| (form.at(k) - diffuse_transmission(k)).abs())),
+        reflectance: Spread::of(ks().map(both).map(|(x, y)| (x.reflectance - y.reflectance).abs())),
+        transmittance: Spread::of(ks().map(both).map(|(x, y)| (x.transmittance - y.transmittance).abs())),
+        colour: Spread::of(contents_grid().iter().flat_map(|contents| {
+            let (x, y) = (sides(body.rgb(contents, 1.0)), sides(exact.rgb(contents, 1.0)));
+            [0, 1].map(|side| delta_e00_linear(x[side], y[side]))
+        })),
+    }
+}
+
+fn plate_n_body(form: ThetaForm) -> PlateBody {
+    let body = PlateBody::new(PlateModel::N, SpecificAbsorption::ProspectD, RgbBands::Spectral31);
+    body.expect("plate-n has spectral bands").with_theta(form)
+}
+
+/// Linear sRGB of a whole leaf's reflectance and transmittance, under the model's own cone.
+///
+/// # Panics
+/// For `plate-paper` at other than three wavelengths.
+pub fn leaf_rgb(model: PlateModel, contents: &LeafContents, convert: &RgbFromSpectrum) -> [[f64; 3]; 2] {
+    let table = SpecificAbsorption::ProspectD;
+    let spectrum = plate_spectrum(model, table, contents, model.default_cone_deg(), convert.wavelengths_nm());
+    let (front, behind): (Vec<f64>, Vec<f64>) =
+        spectrum.expect("the contents are in range").iter().map(|x| (x.reflectance, x.transmittance)).unzip();
+    [convert.rgb(&front), convert.rgb(&behind)]
+}
+
+/// CIEDE2000 of a model's colours, reflected and transmitted, against `plate-n` at 31 wavelengths,
+/// over the members of [`contents_grid`] that `keep` keeps. All from PROSPECT-D, but for
+/// `plate-paper`, which has its own numbers.
+pub fn colour_errors(
+    model: PlateModel,
+    convert: &RgbFromSpectrum,
+    keep: impl Fn(&LeafContents) -> bool,
+) -> [Spread; 2] {
+    let reference = RgbFromSpectrum::new(RgbBands::Spectral31);
+    let pairs: Vec<[f64; 2]> = contents_grid()
+        .iter()
+        .filter(|contents| keep(contents))
+        .map(|contents| {
+            let (x, y) = (leaf_rgb(model, contents, convert), leaf_rgb(PlateModel::N, contents, &reference));
+            [0, 1].map(|side| delta_e00_linear(x[side], y[side]))
+        })
+        .collect();
+    [0, 1].map(|side| Spread::of(pairs.iter().map(|pair| pair[side])))
+}
+
+/// Root mean square differences to `plate-n` at one wavelength: reflectance, transmittance.
+#[derive(Debug, Clone, Copy)]
+pub struct SinglePlateRow {
+    /// Wavelength in nanometres.
+    pub wavelength_nm: f64,
+    /// `plate-exact`.
+    pub exact: [f64; 2],
+    /// Printed eq. 6 and three-piece fit, with the dry matter absorption of the source.
+    pub printed: [f64; 2],
+    /// The same with the paper's slip in that absorption at 435 nm.
+    pub printed_slip: [f64; 2],
+}
+
+/// How far a single plate is from N layers, over `sets` random contents (chlorophyll 0 to 80 ug/cm2,
+/// carotenoids 0 to 20, N 1 to 2.5, dry matter 0.001 to 0.02 g/cm2, in 30 % of them brown pigment 0
+/// to 0.5). All from PROSPECT-5, N layers lit over 40 degrees, single plates along the normal.
+pub fn single_plate_errors(seed: u64, sets: usize) -> Vec<SinglePlateRow> {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let contents: Vec<LeafContents> = (0..sets)
+        .map(|_| LeafContents {
+            chlorophyll_ug_per_cm2: random.gen_range(0.0..80.0),
+            carotenoid_ug_per_cm2: random.gen_range(0.0..20.0),
+            anthocyanin_ug_per_cm2: 0.0,
+            brown: if random.gen_bool(0.3) { random.gen_range(0.0..0.5) } else { 0.0 },
+            water_cm: 0.01,
+            dry_matter_g_per_cm2: random.gen_range(0.001..0.02),
+            structure: random.gen_range(1.0..2.5),
+        })
+        .collect();
+    let table = SpecificAbsorption::Prospect5;
+    [(435.0, 2), (546.0, 1), (675.0, 0)]
+        .map(|(wavelength_nm, band)| {
+            let of = |model: PlateModel, x: &LeafContents| {
+                plate_spectrum(model, table, x, model.default_cone_deg(), &[wavelength_nm]).expect("in range")[0]
+            };
+            let printed = |x: &LeafContents| {
+                let [right, slip] = DRY_MATTER_435;
+                let missing = if band == 2 { (right - slip) * x.dry_matter_g_per_cm2 / x.structure } else { 0.0 };
+                plate_paper_of_theta(three_piece_fit(plate_paper_absorption(x)[band] + missing))
+            };
+            let rmse = |model: &dyn Fn(&LeafContents) -> PlateOptics| {
+                let squares = contents.iter().fold([0.0; 2], |sum, x| {
+                    let (a, b) = (model(x), of(PlateModel::N, x));
+                    [
+                        sum[0] + (a.reflectance - b.reflectance).powi(2),
+                        sum[1] + (a.transmittance - b.transmittance).powi(2),
+                    ]
+                });
+                squares.map(|square| (square / sets as f64).sqrt())
+            };
+            SinglePlateRow {
+                wavelength_nm,
+                exact: rmse(&|x| of(PlateModel::Exact, x)),
+                printed: rmse(&printed),
+                printed_slip: rmse(&|x| of(PlateModel::Paper, x)),
+            }
+        })
+        .to_vec()
+}
