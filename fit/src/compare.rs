@@ -5,6 +5,7 @@
 
 use crate::ciede::{LabConverter, delta_e00};
 use crate::error::FitError;
+use crate::frame::{turn_image, turn_map};
 use crate::image_decoder::{ImageDecoder, PairPlan, Spot};
 use crate::material::sides_of_capture;
 use crate::metrics::{ErrorSums, Metrics, psnr_db_from_codes};
@@ -49,7 +50,8 @@ impl Default for MeasureParams {
     }
 }
 
-/// Error of one layer, whole and by texel and pair.
+/// Error of one layer, whole and by texel and pair. Texels, views and lights are numbered as the capture
+/// has them, also where it is turned over.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// Texels per row.
@@ -206,8 +208,8 @@ pub fn measure_images(
     }
     let layer = &asset.layers[params.layer];
     let (texels, lights) = (info.texel_count(), info.lights.len());
-    let view_spots = Spot::of_set(&layer.views, &info.views);
-    let light_spots = Spot::of_set(&layer.lights, &info.lights);
+    let view_spots = Spot::of_set(&layer.views, &info.views, info.side);
+    let light_spots = Spot::of_set(&layer.lights, &info.lights, info.side);
     let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
     let coding = Coding::new(info);
     let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
@@ -226,7 +228,12 @@ pub fn measure_images(
                 monitor.check()?;
                 let (view, light) = (pair / lights, pair % lights);
                 let plan = decoder.plan(view_spots[view], light_spots[light]);
-                Ok(Work { light, plan, pixels: read(view, light)?, colour: pair % stride == 0 })
+                let mut pixels = read(view, light)?;
+                match &mut pixels {
+                    Pixels::Encoded8(codes) => turn_image(codes, info.width, info.side),
+                    Pixels::Linear(values) => turn_image(values, info.width, info.side),
+                }
+                Ok(Work { light, plan, pixels, colour: pair % stride == 0 })
             })
             .collect::<Result<_, FitError>>()?;
         let errors: Vec<Vec<u64>> = blocks.par_iter_mut().map(|block| block.take(&decoder, &coding, &work)).collect();
@@ -243,10 +250,13 @@ pub fn measure_images(
     for block in &blocks {
         sums.add(&block.sums);
     }
-    let texel_linear_error: Vec<f64> = blocks.iter().flat_map(|block| block.linear_error.iter().copied()).collect();
+    let mut texel_linear_error: Vec<f64> = blocks.iter().flat_map(|block| block.linear_error.iter().copied()).collect();
     sums.linear_error = texel_linear_error.iter().sum();
     sums.worst_texel = texel_linear_error.iter().fold(0.0f64, |worst, error| worst.max(error / per_texel));
     sums.code_error = pair_code_error.iter().sum();
+    let mut texel_code_error: Vec<u64> = blocks.iter().flat_map(|block| block.code_error.iter().copied()).collect();
+    turn_map(&mut texel_linear_error, info.width, info.side);
+    turn_map(&mut texel_code_error, info.width, info.side);
     Ok(Comparison {
         width: info.width,
         height: info.height,
@@ -255,7 +265,7 @@ pub fn measure_images(
         pairs,
         interpolated: view_spots.iter().chain(&light_spots).any(|spot| matches!(spot, Spot::Other(_))),
         sums,
-        texel_code_error: blocks.iter().flat_map(|block| block.code_error.iter().copied()).collect(),
+        texel_code_error,
         texel_linear_error,
         pair_code_error,
     })

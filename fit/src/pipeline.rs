@@ -9,10 +9,11 @@ use crate::dictionary::{Dictionary, Pairs, Target, build_dictionary};
 use crate::encode::encode_residual;
 use crate::error::FitError;
 use crate::factor::Rotated;
+use crate::frame::layer_directions;
 use crate::holdout::Holdout;
 use crate::kmeans::{Clustering, kmeans};
 use crate::local_pca::{OVERSAMPLING, ResidualSource, local_pca};
-use crate::material::{layer_directions, sides_of_capture};
+use crate::material::sides_of_capture;
 use crate::monitor::Monitor;
 use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
@@ -135,7 +136,8 @@ fn fit_layer(
     monitor: &Monitor,
 ) -> Result<(Layer, Vec<usize>, LobeFigures), FitError> {
     let info = capture.info();
-    let (lights, views) = (Sphere::new(&layer_directions(&info.lights))?, Sphere::new(&layer_directions(&info.views))?);
+    let lights = Sphere::new(&layer_directions(&info.lights, info.side))?;
+    let views = Sphere::new(&layer_directions(&info.views, info.side))?;
     let searched = budget.is_some() || params.psnr_db.is_some();
     let wanted = params.components.unwrap_or(if searched { MOST_COMPONENTS } else { DEFAULT_COMPONENTS });
     let (most_components, left) = plan_memory(info, params, wanted)?;
