@@ -7,7 +7,7 @@ use crate::ciede::{LabConverter, delta_e00};
 use crate::error::FitError;
 use crate::frame::{turn_image, turn_map};
 use crate::image_decoder::{ImageDecoder, PairPlan, Spot};
-use crate::material::sides_of_capture;
+use crate::material::{side_of_layer, sides_of_capture};
 use crate::metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 use crate::monitor::Monitor;
 use btf_capture::{Capture, CaptureInfo, Encoder8, ImageFormat, Pixels};
@@ -163,10 +163,17 @@ pub fn layer_for_capture(info: &CaptureInfo, asset: &Asset) -> Result<usize, Fit
     let sides = sides_of_capture(info.side);
     asset.layers.iter().position(|layer| (layer.light_side, layer.view_side) == sides).ok_or_else(|| {
         FitError::Params(format!(
-            "the asset has no layer for the capture's side `{}`; compare it with a capture of a side that it holds",
-            info.side
+            "the asset has no layer for the side `{}` of the capture {}, it holds {}; compare it with a capture of a side that it holds, or correct `side` in capture.toml",
+            info.side,
+            info.name,
+            side_words(asset)
         ))
     })
+}
+
+/// The sides of an asset's layers, in the words of `capture.toml`.
+pub fn side_words(asset: &Asset) -> String {
+    asset.layers.iter().map(|layer| format!("`{}`", side_of_layer(layer))).collect::<Vec<_>>().join(", ")
 }
 
 /// Measures the asset against `capture`, reading each of its images once.
@@ -574,7 +581,14 @@ mod tests {
         let error = measure_images(&info, &read, &asset, &resident, &params, &Monitor::default()).unwrap_err();
         assert!(error.to_string().contains("8 x 8 texels and the asset 41 x 30"), "{error}");
         let back = CaptureInfo { side: btf_capture::Side::Back, ..info };
-        assert!(layer_for_capture(&back, &asset).unwrap_err().to_string().contains("`back`"));
+        let message = layer_for_capture(&back, &asset).unwrap_err().to_string();
+        assert!(message.contains("side `back` of the capture small") && message.contains("holds `front`"), "{message}");
+        let mut through = asset.clone();
+        through.layers.push(through.layers[0].clone());
+        through.layers[1].light_side = btf_runtime::SurfaceSide::Back;
+        for (side, layer) in [(btf_capture::Side::Front, 0), (btf_capture::Side::TransmissionBack, 1)] {
+            assert_eq!(layer_for_capture(&CaptureInfo { side, ..back.clone() }, &through).unwrap(), layer);
+        }
     }
 
     #[test]

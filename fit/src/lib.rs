@@ -48,7 +48,9 @@ mod sparse;
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};
 pub use ciede::{Lab, LabConverter, delta_e00};
-pub use compare::{Comparison, MeasureParams, colour_pair_stride, layer_for_capture, measure, measure_images};
+pub use compare::{
+    Comparison, MeasureParams, colour_pair_stride, layer_for_capture, measure, measure_images, side_words,
+};
 pub use describe::{
     Description, FamilyUse, LayerDescription, SectionSize, TierDescription, describe, describe_file, family_name,
     load_asset, resident_in_parallel, validate, validate_file,

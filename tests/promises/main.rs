@@ -4,5 +4,6 @@ mod beyond_the_measured_directions;
 mod budget;
 mod bytes_are_repeatable;
 mod expand_and_measure;
+mod leaf_layers;
 mod measured_photographs;
 mod recovery;
