@@ -501,3 +501,70 @@ fn a_writer_refuses_what_no_reader_would_take() {
     values[31] = f32::NAN;
     assert_says(&message(&writer.write(0, 0, &values).unwrap_err()), &["texel 10", "NaN"]);
 }
+
+#[test]
+fn a_transmission_capture_is_written_and_read_with_its_lights_behind() {
+    for side in [Side::TransmissionBack, Side::TransmissionFront] {
+        for cosine in [Cosine::Included, Cosine::Excluded] {
+            let parent = tempfile::tempdir().unwrap();
+            let dir = parent.path().join("tiny");
+            let lights = directions().behind().unwrap();
+            write(&dir, CaptureInfo { lights, side, cosine, scale: 4.0, ..info(ImageFormat::Png) });
+            assert!(dir.join("tv075_pv345/00005 tl142.5 pl120 tv075 pv345.png").exists());
+            let capture = Capture::open(&dir).unwrap();
+            assert_eq!(capture.info().side, side);
+            assert_eq!(capture.info().lights.directions()[0], Direction::new(105.0, 345.0));
+            for light in 0..3 {
+                let table = capture.info().linear_from_encoded8(light);
+                let Pixels::Encoded8(values) = capture.read(2, light).unwrap() else { panic!("png has 8 bits") };
+                for (value, written) in values.iter().zip(linear(2, light)) {
+                    assert!((table[usize::from(*value)] - written).abs() < 0.02, "{side} {cosine} light {light}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn directions_that_disagree_with_the_side_are_refused_by_reader_and_writer() {
+    let parent = tempfile::tempdir().unwrap();
+    let behind = directions().behind().unwrap();
+    let mixed = DirectionSet::new([directions().directions(), &behind.directions()[..1]].concat()).unwrap();
+    let level = DirectionSet::new(vec![Direction::new(90.0, 0.0)]).unwrap();
+    let good = info(ImageFormat::Png);
+    for (side, views, lights, parts) in [
+        (Side::Front, &behind, &good.lights, ["view theta 105 phi 345", "turned over"]),
+        (Side::TransmissionFront, &behind, &behind, ["view theta 105 phi 345", "turned over"]),
+        (Side::Back, &level, &good.lights, ["view theta 90 phi 0", "below 90"]),
+        (Side::Front, &good.views, &behind, ["light theta 105 phi 345 stands behind", "`front`"]),
+        (Side::Back, &good.views, &behind, ["light theta 105 phi 345 stands behind", "`back`"]),
+        (Side::Front, &good.views, &mixed, ["light theta 105 phi 345 stands behind", "of its own"]),
+        (Side::TransmissionBack, &good.views, &good.lights, ["light theta 0 phi 0 stands in front", "above 90"]),
+        (Side::TransmissionFront, &good.views, &mixed, ["light theta 0 phi 0 stands in front", "above 90"]),
+        (Side::TransmissionBack, &good.views, &level, ["light theta 90 phi 0", "above 90"]),
+    ] {
+        let bad = CaptureInfo { side, views: views.clone(), lights: lights.clone(), ..good.clone() };
+        let error = CaptureWriter::create(parent.path().join("refused"), bad.clone()).unwrap_err();
+        assert!(matches!(error, CaptureError::BadOutput { .. }), "{error}");
+        assert_says(&message(&error), &parts);
+
+        // The same as a folder that another program wrote.
+        let dir = parent.path().join(format!("{side}-{}-{}", views.len(), lights.directions()[0]));
+        let picture = encode_8_bit(&picture(WIDTH, HEIGHT), WIDTH, HEIGHT, ImageFormat::Png).unwrap();
+        fs::create_dir(&dir).unwrap();
+        for view in 0..views.len() {
+            for light in 0..lights.len() {
+                fs::write(dir.join(crate::bonn::file_name(views, lights, view, light, "png")), &picture).unwrap();
+            }
+        }
+        fs::write(dir.join("capture.toml"), format!("side = \"{side}\"")).unwrap();
+        let error = open_error(&dir);
+        assert!(matches!(error, CaptureError::BadSides { .. }), "{error}");
+        assert_says(&message(&error), &[&parts[..], &[&dir.file_name().unwrap().to_string_lossy()]].concat());
+        fs::remove_dir_all(&dir).unwrap();
+    }
+    assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);
+    // A light that grazes belongs to the face that is seen, where it gives black.
+    let grazing = CaptureInfo { views: directions(), lights: level, ..good };
+    assert!(CaptureWriter::create(parent.path().join("grazing"), grazing).is_ok());
+}

@@ -41,8 +41,9 @@ pub enum Pixels {
 
 impl Capture {
     /// Opens the folder or zip at `path`: reads the angles from the names, checks that they form a
-    /// full grid of views x lights, reads `capture.toml` where there is one, and decodes the first
-    /// image for the size. Other files are passed over.
+    /// full grid of views x lights, reads `capture.toml` where there is one, checks that angles and
+    /// side agree (see [`crate::Side`]), and decodes the first image for the size. Other files are
+    /// passed over.
     ///
     /// # Errors
     /// Each of [`CaptureError`]'s reading variants; nothing is written and nothing unpacked.
@@ -68,6 +69,7 @@ impl Capture {
             })?;
             manifest::apply(&text, &shown, &mut info)?;
         }
+        info.check_sides().map_err(|reason| CaptureError::BadSides { path: path.display().to_string(), reason })?;
         let mut capture = Capture { source, info, files: layout.files };
         let first = capture.decode(0, 0, None)?;
         (capture.info.width, capture.info.height) = (first.width, first.height);

@@ -153,6 +153,17 @@ impl DirectionSet {
         DirectionSet::new(directions)
     }
 
+    /// The same directions on the other side of the surface, `180 - theta`: the lights of a
+    /// transmission capture from those of a reflection capture, and back.
+    ///
+    /// # Errors
+    /// [`CaptureError::BadDirections`] if two directions differ by less than a millionth of a degree,
+    /// to which angles are rounded here so that 180 - 12.34 is 167.66 in a file's name.
+    pub fn behind(&self) -> Result<DirectionSet, CaptureError> {
+        let mirrored = |d: &Direction| Direction::new(((180.0 - d.theta_deg) * 1e6).round() / 1e6, d.phi_deg);
+        DirectionSet::new(self.directions.iter().map(mirrored).collect())
+    }
+
     /// Reads a text file with one direction a line, `theta phi` in degrees, separated by blanks
     /// or a comma; `#` starts a comment.
     ///
@@ -297,6 +308,20 @@ mod tests {
         assert_eq!(a, DirectionSet::by_name("random:50:3").unwrap());
         assert!(DirectionSet::random(0, 1).is_err());
         assert!(DirectionSet::random(MAX_DIRECTIONS + 1, 1).is_err());
+    }
+
+    #[test]
+    fn behind_and_behind_again_is_the_same_set() {
+        for set in [DirectionSet::bonn81(), DirectionSet::dome151(), DirectionSet::random(60, 2).unwrap()] {
+            let behind = set.behind().unwrap();
+            assert_ne!(behind, set);
+            assert_eq!(behind.behind().unwrap(), set);
+            assert_eq!(behind.directions()[set.len() - 1].theta_deg, 180.0 - set.directions()[0].theta_deg);
+            let mirrored = behind.units().into_iter().all(|[x, y, z]| {
+                set.units().iter().any(|u| (u[0] - x).abs() + (u[1] - y).abs() + (u[2] + z).abs() < 1e-6)
+            });
+            assert!(mirrored);
+        }
     }
 
     #[test]

@@ -174,6 +174,14 @@ pub enum CaptureError {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// Directions that do not agree with the capture's side.
+    #[error("{path} cannot be used: {reason}")]
+    BadSides {
+        /// The folder or archive.
+        path: String,
+        /// What is wrong and what to do.
+        reason: String,
+    },
     /// A word that is none of those allowed.
     #[error("`{word}` is not {what}; write {allowed}")]
     BadWord {

@@ -18,16 +18,47 @@ pub enum Cosine {
 }
 
 /// Which sides of the sample the light and the eye are on.
+///
+/// A camera sees the back with the sample turned over, about the y axis (the vertical one of the
+/// images): a mark at the left edge of the front stands at the right edge of the back. **The images
+/// and directions of a capture are always those of the face that is seen**: columns and x as the
+/// camera has them, z towards the eye. So the eye's polar angle is below 90 degrees in every capture,
+/// and the light's is above 90 exactly in the two transmission captures, where it stands behind the
+/// face that is seen:
+///
+/// | Side | Light | Eye | Frame | Theta of the lights |
+/// |---|---|---|---|---|
+/// | `Front` | front | front | the front's | at most 90 |
+/// | `Back` | back | back | turned over | at most 90 |
+/// | `TransmissionBack` | back | front | the front's | above 90 |
+/// | `TransmissionFront` | front | back | turned over | above 90 |
+///
+/// A direction (x, y, z) of a turned-over frame is (-x, y, -z) in the front's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// Light and eye in front.
     Front,
-    /// Light and eye behind (the other face; its frame is mirrored in u).
+    /// Light and eye behind; in the turned-over frame.
     Back,
     /// Light behind, eye in front.
     TransmissionBack,
-    /// Light in front, eye behind.
+    /// Light in front, eye behind; in the turned-over frame.
     TransmissionFront,
+}
+
+impl Side {
+    /// Every side.
+    pub const ALL: [Side; 4] = [Side::Front, Side::Back, Side::TransmissionBack, Side::TransmissionFront];
+
+    /// Whether the eye is behind, so that images and directions are in the turned-over frame.
+    pub fn is_turned_over(self) -> bool {
+        matches!(self, Side::Back | Side::TransmissionFront)
+    }
+
+    /// Whether light and eye are on different sides, so that the lights stand above 90 degrees.
+    pub fn is_transmission(self) -> bool {
+        matches!(self, Side::TransmissionBack | Side::TransmissionFront)
+    }
 }
 
 /// File format of a capture's images.
@@ -43,9 +74,10 @@ pub enum ImageFormat {
 
 /// What a capture is: its size, its directions, and how file values become reflectance.
 ///
-/// The quantity of a capture is `pi * BRDF * |n.wi|`: 1.0 is a white Lambertian surface lit at
-/// normal incidence. From a file value to it: undo `transfer`, multiply by `scale`, and where
-/// `cosine` is [`Cosine::Excluded`] multiply by |cos theta_i|.
+/// The quantity of a capture is `pi * BRDF * |n.wi|` (BTDF where light and eye are on different
+/// sides): 1.0 is a white Lambertian surface lit at normal incidence. From a file value to it: undo
+/// `transfer`, multiply by `scale`, and where `cosine` is [`Cosine::Excluded`] multiply by
+/// |cos theta_i|. Images and directions are in the frame of the face that is seen, see [`Side`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct CaptureInfo {
     /// Width of every image in texels.
@@ -120,7 +152,35 @@ impl CaptureInfo {
         self.width * self.height
     }
 
-    /// The factor from linear file values to reflectance x cosine under light `light`.
+    /// Checks that the directions agree with the side as [`Side`] tells: every view below 90
+    /// degrees, lights above 90 exactly where the side is a transmission. One sentence otherwise,
+    /// to stand behind the capture's name.
+    pub(crate) fn check_sides(&self) -> Result<(), String> {
+        if let Some(view) = self.views.directions().iter().find(|view| view.theta_deg >= 90.0) {
+            return Err(format!(
+                "its view {view} is not in front of the face that is seen; views stand below 90 degrees on every \
+                 side, the back is seen with the sample turned over (side `back` or `transmission-front`)"
+            ));
+        }
+        let behind = |light: &&crate::Direction| light.theta_deg > 90.0;
+        let lights = self.lights.directions();
+        let found = if self.side.is_transmission() {
+            lights.iter().find(|light| !behind(light)).map(|light| (light, "in front of", "at most", "above"))
+        } else {
+            lights.iter().find(behind).map(|light| (light, "behind", "above", "at most"))
+        };
+        match found {
+            None => Ok(()),
+            Some((light, place, is, must)) => Err(format!(
+                "its light {light} stands {place} the face that is seen ({is} 90 degrees), but on side `{}` lights \
+                 stand {must} 90; correct `side` in capture.toml, or make a capture of its own of those lights",
+                self.side
+            )),
+        }
+    }
+
+    /// The factor from linear file values to reflectance x cosine under light `light`; of a light
+    /// behind the surface the cosine counts without its sign.
     pub fn linear_factor(&self, light: usize) -> f32 {
         match self.cosine {
             Cosine::Included => self.scale,

@@ -26,7 +26,8 @@ struct Manifest {
     /// From linear file values to reflectance.
     #[serde(skip_serializing_if = "Option::is_none")]
     scale: Option<toml::Spanned<f64>>,
-    /// `front`, `back`, `transmission-back` or `transmission-front`.
+    /// `front`, `back`, `transmission-back` (light behind) or `transmission-front` (eye behind); see
+    /// [`crate::Side`] for the frame that each has.
     #[serde(skip_serializing_if = "Option::is_none")]
     side: Option<toml::Spanned<String>>,
     /// Width and height.

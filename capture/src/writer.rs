@@ -52,7 +52,7 @@ impl CaptureWriter {
     /// # Errors
     /// [`CaptureError::OutputNotEmpty`] if `dir` holds anything, [`CaptureError::BadOutput`] for a
     /// description that makes no capture (no texels, a curve with EXR, a scale that is not
-    /// positive), [`CaptureError::Write`].
+    /// positive, directions that disagree with the side), [`CaptureError::Write`].
     pub fn create(dir: impl AsRef<Path>, info: CaptureInfo) -> Result<CaptureWriter, CaptureError> {
         let dir = dir.as_ref();
         check_info(&info).map_err(|reason| CaptureError::BadOutput { path: dir.into(), reason })?;
@@ -203,7 +203,7 @@ fn check_info(info: &CaptureInfo) -> Result<(), String> {
     if !(info.scale > 0.0 && info.scale.is_finite()) {
         return Err(format!("its scale is {}; it must be a positive number", info.scale));
     }
-    Ok(())
+    info.check_sides()
 }
 
 fn refuse_non_empty(dir: &Path) -> Result<(), CaptureError> {

@@ -1,5 +1,5 @@
 //! How many residual components, which ranks and how many bits: the plan of least predicted error
-//! within a byte budget, or of least bytes for a predicted PSNR.
+//! within a byte budget, of one layer or of several together, or of least bytes for a predicted PSNR.
 
 use crate::factor::Rotated;
 use crate::local_pca::LocalPca;
@@ -179,5 +179,128 @@ impl<'a> Planner<'a> {
     /// The plan of least error whatever its size.
     pub fn best(&self, most: usize) -> Option<Plan> {
         self.candidates(most).into_iter().min_by(|a, b| a.error.total_cmp(&b.error))
+    }
+}
+
+/// The plans, one per planner, that together have the least error within `bytes` as far as the lower convex
+/// hulls of size against error tell: equal slopes everywhere [shoham1988]. What is left over goes to the
+/// first layer that can use it. `None` if not even the smallest plans fit. For one planner this is
+/// [`Planner::within_bytes`].
+pub fn plans_within_bytes(planners: &[Planner], bytes: usize) -> Option<Vec<Plan>> {
+    let hulls: Vec<Vec<(usize, f64)>> =
+        planners.iter().map(|planner| lower_hull(planner.candidates(planner.most_components()))).collect();
+    let mut at = vec![0; hulls.len()];
+    let mut left = bytes.checked_sub(hulls.iter().map(|hull| hull[0].0).sum())?;
+    // Steps along the hulls, steepest first; a step that does not fit ends its layer's walk.
+    let mut open: Vec<usize> = (0..hulls.len()).collect();
+    let step = |layer: usize, at: usize| {
+        let (from, to) = (hulls[layer].get(at)?, hulls[layer].get(at + 1)?);
+        Some((to.0 - from.0, (from.1 - to.1) / (to.0 - from.0) as f64))
+    };
+    loop {
+        open.retain(|&layer| step(layer, at[layer]).is_some_and(|(cost, _)| cost <= left));
+        let slope = |layer: usize| step(layer, at[layer]).map_or(0.0, |(_, slope)| slope);
+        // The first of equally steep ones.
+        let Some(&best) = open.iter().rev().max_by(|a, b| slope(**a).total_cmp(&slope(**b))) else { break };
+        left -= step(best, at[best]).map_or(0, |(cost, _)| cost);
+        at[best] += 1;
+    }
+    planners
+        .iter()
+        .zip(&hulls)
+        .zip(&at)
+        .map(|((planner, hull), &at)| {
+            let room = hull[at].0 + left;
+            let plan = planner.within_bytes(room, planner.most_components())?;
+            left = room - plan.bytes;
+            Some(plan)
+        })
+        .collect()
+}
+
+/// Bytes and error of the plans on the lower convex hull, bytes rising and error falling.
+fn lower_hull(mut plans: Vec<Plan>) -> Vec<(usize, f64)> {
+    plans.sort_by(|a, b| a.bytes.cmp(&b.bytes).then(a.error.total_cmp(&b.error)));
+    let mut hull: Vec<(usize, f64)> = Vec::new();
+    for plan in plans {
+        let point = (plan.bytes, plan.error);
+        if hull.last().is_some_and(|last| last.0 == point.0 || last.1 <= point.1) {
+            continue;
+        }
+        while let [.., a, b] = hull[..] {
+            // `b` lies on or above the line from `a` to the new point.
+            let through = (b.0 - a.0) as f64 * (point.1 - a.1) - (point.0 - a.0) as f64 * (b.1 - a.1);
+            if through > 0.0 {
+                break;
+            }
+            hull.pop();
+        }
+        hull.push(point);
+    }
+    hull
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{Array1, Array2};
+
+    /// One cluster of 1,000 texels, 6 views x 5 lights, components of falling variance times `strength`.
+    fn models(strength: f64) -> Vec<LocalPca> {
+        let samples = 6 * 5 * 3;
+        let wave = |i: usize, j: usize| ((i * (2 * j + 3)) as f32 * 0.37 + j as f32).sin() / (samples as f32).sqrt();
+        let variances: Vec<f64> = (0..6).map(|j| strength * 400.0 * 0.5f64.powi(j)).collect();
+        vec![LocalPca {
+            count: 1000,
+            mean: Array1::from_shape_fn(samples, |i| strength.sqrt() as f32 * wave(i, 9)),
+            components: Array2::from_shape_fn((samples, 6), |(i, j)| wave(i, j)),
+            energy: variances.iter().sum::<f64>() * 1.05,
+            variances,
+        }]
+    }
+
+    fn point(bytes: usize, error: f64) -> Plan {
+        Plan { ranks: [1; 3], bits: Vec::new(), error, bytes }
+    }
+
+    #[test]
+    fn the_hull_keeps_what_no_mixture_of_others_beats() {
+        let plans = [(10, 9.0), (20, 8.5), (30, 4.0), (30, 5.0), (40, 4.5), (50, 3.9), (70, 1.0), (80, 1.0)];
+        let hull = lower_hull(plans.map(|(bytes, error)| point(bytes, error)).to_vec());
+        assert_eq!(hull, [(10, 9.0), (30, 4.0), (70, 1.0)]);
+    }
+
+    #[test]
+    fn one_layer_alone_gets_what_it_always_got() {
+        let models = models(1.0);
+        let rotated = Rotated::new(&models, [6, 5]);
+        let planner = Planner::new(&models, &rotated, 1000);
+        for bytes in [2_000, 3_500, 5_000, 9_000, 1_000_000] {
+            let alone = planner.within_bytes(bytes, 6);
+            let together = plans_within_bytes(std::slice::from_ref(&planner), bytes).map(|plans| plans[0].clone());
+            assert_eq!(alone.is_some(), together.is_some());
+            assert_eq!(alone, together);
+        }
+    }
+
+    #[test]
+    fn bytes_go_where_the_error_is_and_the_sum_beats_equal_shares() {
+        let (hard, easy) = (models(100.0), models(0.1));
+        let (a, b) = (Rotated::new(&hard, [6, 5]), Rotated::new(&easy, [6, 5]));
+        let planners = [Planner::new(&hard, &a, 1000), Planner::new(&easy, &b, 1000)];
+        let total = 9_000;
+        let plans = plans_within_bytes(&planners, total).unwrap();
+        assert!(plans[0].bytes + plans[1].bytes <= total && plans[0].bytes > 2 * plans[1].bytes, "{plans:?}");
+        let error = |plans: &[Plan]| plans.iter().map(|plan| plan.error).sum::<f64>();
+        let equal = [0, 1].map(|layer| planners[layer].within_bytes(total / 2, 6).unwrap());
+        assert!(error(&plans) < 0.7 * error(&equal), "{} {}", error(&plans), error(&equal));
+        // Every pair of plans: none is much better.
+        let best = planners[0].candidates(6).into_iter().filter(|plan| plan.bytes < total).filter_map(|plan| {
+            let other = planners[1].within_bytes(total - plan.bytes, 6)?;
+            Some(plan.error + other.error)
+        });
+        let best = best.fold(f64::INFINITY, f64::min);
+        assert!(error(&plans) <= 1.15 * best, "{} {best}", error(&plans));
+        assert!(plans_within_bytes(&planners, 1_500).is_none());
     }
 }

@@ -1,8 +1,10 @@
 //! A capture turned from images into blocks of texels, once, so that every later pass reads a texel's
 //! whole function at a stretch. In memory where it fits, else in a file beside the output that is
-//! gone when the cache is dropped.
+//! gone when the cache is dropped. Texels are in the asset's order: the images of a capture that is turned
+//! over are mirrored here.
 
 use crate::error::FitError;
+use crate::frame::turn_image;
 use crate::monitor::Monitor;
 use btf_capture::{Capture, Pixels};
 use half::f16;
@@ -98,11 +100,15 @@ impl TileCache {
                 .map(|pair| {
                     monitor.check()?;
                     Ok(match capture.read(pair / lights, pair % lights)? {
-                        Pixels::Encoded8(codes) => codes,
-                        Pixels::Linear(values) => values
-                            .iter()
-                            .flat_map(|x| f16::from_f32(x.clamp(-65504.0, 65504.0)).to_bits().to_le_bytes())
-                            .collect(),
+                        Pixels::Encoded8(mut codes) => {
+                            turn_image(&mut codes, info.width, info.side);
+                            codes
+                        }
+                        Pixels::Linear(mut values) => {
+                            turn_image(&mut values, info.width, info.side);
+                            let half = |x: &f32| f16::from_f32(x.clamp(-65504.0, 65504.0)).to_bits().to_le_bytes();
+                            values.iter().flat_map(half).collect()
+                        }
                     })
                 })
                 .collect::<Result<_, FitError>>()?;

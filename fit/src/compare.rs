@@ -5,8 +5,9 @@
 
 use crate::ciede::{LabConverter, delta_e00};
 use crate::error::FitError;
+use crate::frame::{turn_image, turn_map};
 use crate::image_decoder::{ImageDecoder, PairPlan, Spot};
-use crate::material::sides_of_capture;
+use crate::material::{side_of_layer, sides_of_capture};
 use crate::metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 use crate::monitor::Monitor;
 use btf_capture::{Capture, CaptureInfo, Encoder8, ImageFormat, Pixels};
@@ -49,7 +50,8 @@ impl Default for MeasureParams {
     }
 }
 
-/// Error of one layer, whole and by texel and pair.
+/// Error of one layer, whole and by texel and pair. Texels, views and lights are numbered as the capture
+/// has them, also where it is turned over.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// Texels per row.
@@ -161,10 +163,17 @@ pub fn layer_for_capture(info: &CaptureInfo, asset: &Asset) -> Result<usize, Fit
     let sides = sides_of_capture(info.side);
     asset.layers.iter().position(|layer| (layer.light_side, layer.view_side) == sides).ok_or_else(|| {
         FitError::Params(format!(
-            "the asset has no layer for the capture's side `{}`; compare it with a capture of a side that it holds",
-            info.side
+            "the asset has no layer for the side `{}` of the capture {}, it holds {}; compare it with a capture of a side that it holds, or correct `side` in capture.toml",
+            info.side,
+            info.name,
+            side_words(asset)
         ))
     })
+}
+
+/// The sides of an asset's layers, in the words of `capture.toml`.
+pub fn side_words(asset: &Asset) -> String {
+    asset.layers.iter().map(|layer| format!("`{}`", side_of_layer(layer))).collect::<Vec<_>>().join(", ")
 }
 
 /// Measures the asset against `capture`, reading each of its images once.
@@ -206,8 +215,8 @@ pub fn measure_images(
     }
     let layer = &asset.layers[params.layer];
     let (texels, lights) = (info.texel_count(), info.lights.len());
-    let view_spots = Spot::of_set(&layer.views, &info.views);
-    let light_spots = Spot::of_set(&layer.lights, &info.lights);
+    let view_spots = Spot::of_set(&layer.views, &info.views, info.side);
+    let light_spots = Spot::of_set(&layer.lights, &info.lights, info.side);
     let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
     let coding = Coding::new(info);
     let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
@@ -226,7 +235,12 @@ pub fn measure_images(
                 monitor.check()?;
                 let (view, light) = (pair / lights, pair % lights);
                 let plan = decoder.plan(view_spots[view], light_spots[light]);
-                Ok(Work { light, plan, pixels: read(view, light)?, colour: pair % stride == 0 })
+                let mut pixels = read(view, light)?;
+                match &mut pixels {
+                    Pixels::Encoded8(codes) => turn_image(codes, info.width, info.side),
+                    Pixels::Linear(values) => turn_image(values, info.width, info.side),
+                }
+                Ok(Work { light, plan, pixels, colour: pair % stride == 0 })
             })
             .collect::<Result<_, FitError>>()?;
         let errors: Vec<Vec<u64>> = blocks.par_iter_mut().map(|block| block.take(&decoder, &coding, &work)).collect();
@@ -243,10 +257,13 @@ pub fn measure_images(
     for block in &blocks {
         sums.add(&block.sums);
     }
-    let texel_linear_error: Vec<f64> = blocks.iter().flat_map(|block| block.linear_error.iter().copied()).collect();
+    let mut texel_linear_error: Vec<f64> = blocks.iter().flat_map(|block| block.linear_error.iter().copied()).collect();
     sums.linear_error = texel_linear_error.iter().sum();
     sums.worst_texel = texel_linear_error.iter().fold(0.0f64, |worst, error| worst.max(error / per_texel));
     sums.code_error = pair_code_error.iter().sum();
+    let mut texel_code_error: Vec<u64> = blocks.iter().flat_map(|block| block.code_error.iter().copied()).collect();
+    turn_map(&mut texel_linear_error, info.width, info.side);
+    turn_map(&mut texel_code_error, info.width, info.side);
     Ok(Comparison {
         width: info.width,
         height: info.height,
@@ -255,7 +272,7 @@ pub fn measure_images(
         pairs,
         interpolated: view_spots.iter().chain(&light_spots).any(|spot| matches!(spot, Spot::Other(_))),
         sums,
-        texel_code_error: blocks.iter().flat_map(|block| block.code_error.iter().copied()).collect(),
+        texel_code_error,
         texel_linear_error,
         pair_code_error,
     })
@@ -564,7 +581,14 @@ mod tests {
         let error = measure_images(&info, &read, &asset, &resident, &params, &Monitor::default()).unwrap_err();
         assert!(error.to_string().contains("8 x 8 texels and the asset 41 x 30"), "{error}");
         let back = CaptureInfo { side: btf_capture::Side::Back, ..info };
-        assert!(layer_for_capture(&back, &asset).unwrap_err().to_string().contains("`back`"));
+        let message = layer_for_capture(&back, &asset).unwrap_err().to_string();
+        assert!(message.contains("side `back` of the capture small") && message.contains("holds `front`"), "{message}");
+        let mut through = asset.clone();
+        through.layers.push(through.layers[0].clone());
+        through.layers[1].light_side = btf_runtime::SurfaceSide::Back;
+        for (side, layer) in [(btf_capture::Side::Front, 0), (btf_capture::Side::TransmissionBack, 1)] {
+            assert_eq!(layer_for_capture(&CaptureInfo { side, ..back.clone() }, &through).unwrap(), layer);
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::byte_size::text_from_bytes;
 use crate::error::FitError;
 use crate::material::{Material, side_of_layer};
+use btf_capture::Side;
 use btf_runtime::{Asset, Layer, LobeFamily, Resident, ResidualKind, SectionKind, VERSION, read_directory};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -140,12 +141,14 @@ pub fn resident_in_parallel(asset: &Asset) -> Resident {
 }
 
 /// Checks everything in the asset's bytes: header, tables, checksums, every section's content, and the
-/// material description.
+/// material description. The sides of its layers come back, in order.
 ///
 /// # Errors
 /// The first thing that is wrong.
-pub fn validate(bytes: &[u8]) -> Result<(), FitError> {
-    Material::from_asset(&Asset::parse(bytes)?).map(|_| ())
+pub fn validate(bytes: &[u8]) -> Result<Vec<Side>, FitError> {
+    let asset = Asset::parse(bytes)?;
+    Material::from_asset(&asset)?;
+    Ok(asset.layers.iter().map(side_of_layer).collect())
 }
 
 /// The name of a lobe family as people write it.
@@ -303,7 +306,7 @@ pub fn describe_file(path: &Path) -> Result<Description, FitError> {
 ///
 /// # Errors
 /// As [`validate`], or if it cannot be read; the message names the file.
-pub fn validate_file(path: &Path) -> Result<(), FitError> {
+pub fn validate_file(path: &Path) -> Result<Vec<Side>, FitError> {
     validate(&read_file(path)?).map_err(|error| with_path(path, error))
 }
 
@@ -370,7 +373,7 @@ mod tests {
     #[test]
     fn every_flipped_byte_and_every_cut_is_refused() {
         let bytes = bytes();
-        assert!(validate(&bytes).is_ok());
+        assert_eq!(validate(&bytes).unwrap(), [Side::Front]);
         for at in (0..bytes.len()).step_by(7) {
             let mut damaged = bytes.clone();
             damaged[at] ^= 0x40;

@@ -2,10 +2,11 @@
 //! script, or render a table of any directions.
 
 use crate::error::FitError;
+use crate::frame::turn_image;
 use crate::image_decoder::{ImageDecoder, Spot};
 use crate::material::Material;
 use crate::monitor::Monitor;
-use btf_capture::{CaptureInfo, CaptureWriter, Direction, DirectionSet, ImageFormat, Side};
+use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
 use btf_runtime::{Asset, DecodeOptions, Resident};
 use rayon::prelude::*;
 use std::path::Path;
@@ -21,9 +22,9 @@ pub struct ExpandParams {
     pub layer: usize,
     /// Components, lobes and, for directions that the asset has not measured, the interpolation rule.
     pub options: DecodeOptions,
-    /// Directions of view and light; `None` for the asset's own. For a layer with light and eye on
-    /// different sides the lights are put behind the surface (180 degrees minus theta) if all of them
-    /// stand in front.
+    /// Directions of view and light, all in front of the face that is seen; `None` for the asset's own.
+    /// For a layer with light and eye on different sides the lights are put behind the surface (180
+    /// degrees minus theta).
     pub directions: Option<DirectionSet>,
     /// Format of the images; `None` for exr where the capture was exr, else png.
     pub format: Option<ImageFormat>,
@@ -50,14 +51,15 @@ pub fn expand_info(asset: &Asset, params: &ExpandParams) -> Result<CaptureInfo, 
     };
     if let Some(set) = &params.directions {
         info.views = set.clone();
-        info.lights = if is_transmission(info.side) { behind(set)? } else { set.clone() };
+        info.lights = if info.side.is_transmission() { set.behind()? } else { set.clone() };
     }
     // A JPEG would add its own error to the decoded values.
     let own = if info.format == ImageFormat::Exr { ImageFormat::Exr } else { ImageFormat::Png };
     Ok(info.in_format(params.format.unwrap_or(own)))
 }
 
-/// Decodes layer `params.layer` into the capture folder `dir`, which must be empty or absent.
+/// Decodes layer `params.layer` into the capture folder `dir`, which must be empty or absent. A layer of
+/// the back is written in the turned-over frame that a camera sees, as [`btf_capture::Side`] tells.
 ///
 /// The 8-bit values of measured directions are those that `psnr_db` is computed from. `resident` must
 /// be `asset`'s. Parallel over images; memory: about 20 bytes per texel and thread.
@@ -74,14 +76,10 @@ pub fn expand(
     let info = expand_info(asset, params)?;
     let layer = &asset.layers[params.layer];
     let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
-    // In a layer's frame z is positive on the side that the layer has the light on; a direction on the
-    // other side decodes to black.
-    let light_z = if is_transmission(info.side) { -1.0 } else { 1.0 };
-    let views: Vec<Spot> = info.views.units().into_iter().map(|unit| Spot::find(&layer.views, unit)).collect();
-    let lights: Vec<Spot> =
-        info.lights.units().into_iter().map(|[x, y, z]| Spot::find(&layer.lights, [x, y, light_z * z])).collect();
-
+    // The writer refuses directions on another side of the surface than the layer's.
     let writer = CaptureWriter::create(dir, info.clone())?;
+    let views = Spot::of_set(&layer.views, &info.views, info.side);
+    let lights = Spot::of_set(&layer.lights, &info.lights, info.side);
     let (texels, pairs) = (info.texel_count(), info.pair_count());
     let done = AtomicUsize::new(0);
     (0..pairs).into_par_iter().try_for_each(|pair| -> Result<(), FitError> {
@@ -93,6 +91,7 @@ pub fn expand(
             let first = number * BLOCK_TEXELS;
             decoder.decode(&decoder.block(first..first + out.len() / 3), &plan, out);
         }
+        turn_image(&mut image, info.width, info.side);
         Ok(writer.write(view, light, &image)?)
     })?;
     monitor.check()?;
@@ -101,27 +100,13 @@ pub fn expand(
     Ok(info)
 }
 
-fn is_transmission(side: Side) -> bool {
-    matches!(side, Side::TransmissionBack | Side::TransmissionFront)
-}
-
-/// The directions behind the surface: those of `set`, mirrored if all of them stand in front.
-fn behind(set: &DirectionSet) -> Result<DirectionSet, FitError> {
-    if set.directions().iter().any(|direction| direction.theta_deg > 90.0) {
-        return Ok(set.clone());
-    }
-    // Whole millionths of a degree, so that 180 - 12.34 stays 167.66 in the file's name.
-    let mirrored = |d: &Direction| Direction::new(((180.0 - d.theta_deg) * 1e6).round() / 1e6, d.phi_deg);
-    Ok(DirectionSet::new(set.directions().iter().map(mirrored).collect())?)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compare::{MeasureParams, measure};
-    use crate::material::{CaptureRecord, FitRecord, MaterialLayer};
+    use crate::compare::{MeasureParams, measure, measure_images};
+    use crate::material::{CaptureRecord, FitRecord, MaterialLayer, sides_of_capture};
     use crate::sample_asset::{number, sample_asset};
-    use btf_capture::{Capture, Pixels};
+    use btf_capture::{Capture, Pixels, Side};
     use btf_runtime::{Interpolation, decode, pack};
 
     fn parsed(asset: &Asset) -> Asset {
@@ -216,37 +201,94 @@ mod tests {
         }
     }
 
+    /// The sample asset with its one layer on `side`.
+    fn on_side(side: Side) -> Asset {
+        let mut asset = sample_asset();
+        (asset.layers[0].light_side, asset.layers[0].view_side) = sides_of_capture(side);
+        parsed(&asset)
+    }
+
     #[test]
-    fn a_transmission_layer_comes_back_with_its_lights_behind_the_surface() {
+    fn a_layer_of_any_side_is_written_as_a_camera_sees_it() {
         let folder = tempfile::tempdir().unwrap();
-        let mut through = sample_asset();
-        through.layers[0].light_side = btf_runtime::SurfaceSide::Back;
-        let asset = parsed(&through);
-        let resident = Resident::from_asset(&asset);
-        let front = parsed(&sample_asset());
-        for (name, directions) in [("own", None), ("named", Some(DirectionSet::random(3, 5).unwrap()))] {
-            let (dir, params) = (folder.path().join(name), ExpandParams { directions, ..ExpandParams::default() });
-            let info = expand(&asset, &resident, &dir, &params, &Monitor::default()).unwrap();
-            assert!(info.lights.directions().iter().all(|d| d.theta_deg > 90.0));
-            let capture = Capture::open(&dir).unwrap();
-            assert_eq!(capture.info().side, Side::TransmissionBack);
-            assert!(codes(&capture).concat().iter().any(|code| *code > 0), "a light behind is on the layer's side");
-            if name == "own" {
-                // The same numbers as the front layer that it was made from, lights in mirrored order.
-                let front_dir = folder.path().join("front");
-                expand(
-                    &front,
-                    &Resident::from_asset(&front),
-                    &front_dir,
-                    &ExpandParams::default(),
-                    &Monitor::default(),
-                )
-                .unwrap();
-                let (through, front) = (codes(&capture), codes(&Capture::open(&front_dir).unwrap()));
-                let mirrored: Vec<_> = (0..63).map(|pair| front[pair / 9 * 9 + 8 - pair % 9].clone()).collect();
-                assert_eq!(through, mirrored);
+        let monitor = Monitor::default();
+        for side in Side::ALL {
+            let asset = on_side(side);
+            let resident = Resident::from_asset(&asset);
+            for (name, directions) in [("own", None), ("named", Some(DirectionSet::random(3, 5).unwrap()))] {
+                let dir = folder.path().join(format!("{side}-{name}"));
+                let params = ExpandParams { directions, ..ExpandParams::default() };
+                expand(&asset, &resident, &dir, &params, &monitor).unwrap();
+                let capture = Capture::open(&dir).unwrap();
+                let info = capture.info();
+                assert_eq!(info.side, side);
+                // Every texel by the runtime's decoder in the front's frame, the sample turned by hand.
+                let (views, lights) = (info.views.units(), info.lights.units());
+                let turn = |[x, y, z]: [f32; 3]| if side.is_turned_over() { [-x, y, -z] } else { [x, y, z] };
+                let (mut lit, mut off) = (0, 0);
+                for (pair, codes) in codes(&capture).iter().enumerate() {
+                    let (view, light) = (pair / lights.len(), pair % lights.len());
+                    for (at, code) in codes.chunks_exact(3).enumerate() {
+                        let (column, row) = (at % 5, at / 5);
+                        let front_column = if side.is_turned_over() { 4 - column } else { column };
+                        let expected = |texel: usize| {
+                            let (wi, wo) = (turn(lights[light]), turn(views[view]));
+                            decode(&resident, 0, texel as u32, wi, wo, &params.options)
+                                .map(|x| info.encoded8_from_linear(light, x))
+                        };
+                        let far = |a: [u8; 3]| (0..3).any(|c| a[c].abs_diff(code[c]) > 1);
+                        assert!(!far(expected(row * 5 + front_column)), "{side} {name}, column {column}");
+                        lit += usize::from(code[0] > 0);
+                        // Planted difference: the columns the other way round.
+                        off += usize::from(far(expected(row * 5 + 4 - front_column)));
+                    }
+                }
+                assert!(lit > 0 && off > 0, "{side} {name}");
+                if name == "own" {
+                    let found = measure(&capture, &asset, &resident, &MeasureParams::default(), &monitor).unwrap();
+                    assert!(!found.interpolated && found.metrics().psnr_db.is_infinite(), "{side}");
+                }
             }
         }
+    }
+
+    #[test]
+    fn errors_are_shown_where_the_capture_has_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let monitor = Monitor::default();
+        for side in Side::ALL {
+            let asset = on_side(side);
+            let resident = Resident::from_asset(&asset);
+            let dir = folder.path().join(side.to_string());
+            let info = expand(&asset, &resident, &dir, &ExpandParams::default(), &monitor).unwrap();
+            let capture = Capture::open(&dir).unwrap();
+            // One texel of one image of the capture spoilt: column 1 of row 2.
+            let read = |view: usize, light: usize| -> Result<Pixels, FitError> {
+                let mut pixels = capture.read(view, light)?;
+                if let (Pixels::Encoded8(codes), 2, 3) = (&mut pixels, view, light) {
+                    codes[(2 * 5 + 1) * 3] ^= 0x80;
+                }
+                Ok(pixels)
+            };
+            let found = measure_images(&info, &read, &asset, &resident, &MeasureParams::default(), &monitor).unwrap();
+            let wrong = |errors: &[u64]| (0..errors.len()).filter(|at| errors[*at] > 0).collect::<Vec<_>>();
+            assert_eq!(wrong(&found.texel_code_error), [11], "{side}");
+            assert_eq!(wrong(&found.pair_code_error), [2 * 9 + 3], "{side}");
+            // Everywhere else only what 8 bits leave.
+            assert!(found.texel_linear_error[11] > 20.0 * found.texel_linear_error[13], "{side}");
+        }
+    }
+
+    #[test]
+    fn directions_on_the_wrong_side_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let asset = on_side(Side::TransmissionFront);
+        let behind = DirectionSet::random(3, 5).unwrap().behind().unwrap();
+        let params = ExpandParams { directions: Some(behind), ..ExpandParams::default() };
+        let dir = folder.path().join("out");
+        let error = expand(&asset, &Resident::from_asset(&asset), &dir, &params, &Monitor::default()).unwrap_err();
+        assert!(error.to_string().contains("views stand below 90 degrees"), "{error}");
+        assert!(!dir.exists());
     }
 
     #[test]

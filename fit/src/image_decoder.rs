@@ -4,8 +4,8 @@
 //! A pair is planned once (lobe values and residual rows of every cluster), then a texel costs its few
 //! weights only.
 
-use crate::material::layer_directions;
-use btf_capture::DirectionSet;
+use crate::frame::layer_directions;
+use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
     Asset, DecodeOptions, HORIZON_COS, Interpolation, Layer, LobeSetup, Neighbours, RATIO_EPSILON, RATIO_RANGE, ROOT,
     Resident, ResidualKind, Sphere, block, coefficient_from_code, weight_from_byte,
@@ -32,9 +32,9 @@ impl Spot {
         (0..sphere.len()).find(same).map_or(Spot::Other(unit), Spot::Measured)
     }
 
-    /// One spot per direction of a capture's set.
-    pub fn of_set(sphere: &Sphere, set: &DirectionSet) -> Vec<Spot> {
-        layer_directions(set).into_iter().map(|unit| Spot::find(sphere, unit)).collect()
+    /// One spot per direction of a set of a capture of `side`.
+    pub fn of_set(sphere: &Sphere, set: &DirectionSet, side: Side) -> Vec<Spot> {
+        layer_directions(set, side).into_iter().map(|unit| Spot::find(sphere, unit)).collect()
     }
 }
 
@@ -440,6 +440,6 @@ mod tests {
         let shifted = |by: f64| btf_capture::Direction::new(75.0 + by, 345.0).unit();
         assert_eq!(Spot::find(&sphere, shifted(0.009)), Spot::Measured(80));
         assert!(matches!(Spot::find(&sphere, shifted(0.011)), Spot::Other(_)));
-        assert_eq!(Spot::of_set(&sphere, &set), (0..81).map(Spot::Measured).collect::<Vec<_>>());
+        assert_eq!(Spot::of_set(&sphere, &set, Side::Front), (0..81).map(Spot::Measured).collect::<Vec<_>>());
     }
 }

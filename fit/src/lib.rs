@@ -25,6 +25,7 @@ mod error;
 mod expand;
 mod factor;
 mod fitted;
+mod frame;
 mod heatmap;
 mod holdout;
 mod image_decoder;
@@ -47,7 +48,9 @@ mod sparse;
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};
 pub use ciede::{Lab, LabConverter, delta_e00};
-pub use compare::{Comparison, MeasureParams, colour_pair_stride, layer_for_capture, measure, measure_images};
+pub use compare::{
+    Comparison, MeasureParams, colour_pair_stride, layer_for_capture, measure, measure_images, side_words,
+};
 pub use describe::{
     Description, FamilyUse, LayerDescription, SectionSize, TierDescription, describe, describe_file, family_name,
     load_asset, resident_in_parallel, validate, validate_file,
@@ -55,13 +58,12 @@ pub use describe::{
 pub use error::FitError;
 pub use expand::{ExpandParams, expand, expand_info};
 pub use fitted::{Fitted, fit_and_measure};
+pub use frame::{capture_directions, layer_directions};
 pub use heatmap::{Raster, scale_top, viridis, write_heatmaps};
 pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot, TexelBlock};
 pub use kmeans::{Clustering, kmeans};
 pub use lasso::{LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso};
-pub use material::{
-    CaptureRecord, FitRecord, Material, MaterialLayer, layer_directions, side_of_layer, sides_of_capture,
-};
+pub use material::{CaptureRecord, FitRecord, Material, MaterialLayer, side_of_layer, sides_of_capture};
 pub use memory::peak_memory_bytes;
 pub use metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 pub use monitor::{Monitor, Stage};

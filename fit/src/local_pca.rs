@@ -103,6 +103,13 @@ pub struct LocalPca {
     pub energy: f64,
 }
 
+impl LocalPca {
+    /// What planning needs, without mean and components.
+    pub fn without_bases(self) -> LocalPca {
+        LocalPca { mean: Array1::default(0), components: Array2::default((0, 0)), ..self }
+    }
+}
+
 #[derive(Default)]
 struct Sketch {
     count: usize,

@@ -1,6 +1,6 @@
 //! The fit, stage by stage: read, project, cluster, dictionary, weights, residual, encode, measure.
 
-use crate::budget::{Plan, Planner};
+use crate::budget::{Plan, Planner, plans_within_bytes};
 use crate::cache::{Mapping, TileCache};
 use crate::candidates::candidate_lobes;
 use crate::compare::{MeasureParams, colour_pair_stride, measure, stride_over_pairs};
@@ -9,16 +9,17 @@ use crate::dictionary::{Dictionary, Pairs, Target, build_dictionary};
 use crate::encode::encode_residual;
 use crate::error::FitError;
 use crate::factor::Rotated;
+use crate::frame::layer_directions;
 use crate::holdout::Holdout;
 use crate::kmeans::{Clustering, kmeans};
-use crate::local_pca::{OVERSAMPLING, ResidualSource, local_pca};
-use crate::material::{layer_directions, sides_of_capture};
+use crate::local_pca::{LocalPca, OVERSAMPLING, ResidualSource, local_pca};
+use crate::material::sides_of_capture;
 use crate::monitor::Monitor;
 use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
-use crate::sparse::{ClusterLobes, correlate, select};
+use crate::sparse::{ClusterLobes, Selection, correlate, select};
 use btf_capture::{Capture, CaptureInfo};
-use btf_runtime::{Asset, Layer, Resident, Residual, ResidualKind, Sphere, lobe_tables, pack};
+use btf_runtime::{Asset, Layer, MAX_LAYERS, Resident, Residual, ResidualKind, Sphere, lobe_tables, pack};
 use ndarray::{Array2, ArrayView2};
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -58,37 +59,45 @@ pub const MATERIAL_RESERVE: usize = 4096;
 /// Fits captures (the layers of one asset) and packs them.
 ///
 /// Same captures, parameters and seed give the same bytes on any number of threads. Memory: at most
-/// `params.memory_bytes`. The material text is empty: the caller describes the asset and packs it again.
+/// `params.memory_bytes`. A byte budget goes to the layers by need: the residuals of all of them are planned
+/// together for the least error over all samples. With several captures under a budget each of them is
+/// therefore read twice. A PSNR goal holds for every layer. The material text is empty: the caller describes
+/// the asset and packs it again.
+///
+/// # Errors
+/// What is wrong with a capture, or with several together; a budget or a memory limit that is too small.
 pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<FitOutcome, FitError> {
     params.check()?;
     let Some(first) = captures.first() else {
         return Err(FitError::Params("give at least one capture".to_string()));
     };
+    check_layers(captures)?;
     let (width, height) = (first.info().width, first.info().height);
+    let budget = params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE));
+    let share = budget.map(|bytes| bytes / captures.len());
     let mut layers = Vec::new();
+    let mut waiting = Vec::new();
     let mut left_out = Vec::new();
     let mut lobes = LobeFigures::default();
-    let budget = params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE) / captures.len());
     for (number, capture) in captures.iter().enumerate() {
-        let info = capture.info();
-        let reason = if (info.width, info.height) != (width, height) {
-            Some(format!("it is {} x {} texels, the first is {width} x {height}", info.width, info.height))
-        } else if captures[..number]
-            .iter()
-            .any(|other| sides_of_capture(other.info().side) == sides_of_capture(info.side))
-        {
-            Some("it shows the same sides as another".to_string())
-        } else {
-            None
-        };
-        if let Some(reason) = reason {
-            return Err(FitError::Layers { path: capture.path_of(0, 0).into(), reason });
-        }
-        let (layer, held, figures) = fit_layer(capture, params, budget, monitor)?;
+        let (prepared, figures) = prepare_layer(capture, params, share, captures.len() - 1, monitor)?;
         if number == 0 {
-            (left_out, lobes) = (held, figures);
+            (left_out, lobes) = (prepared.holdout.pairs.clone(), figures);
         }
-        layers.push(layer);
+        match budget {
+            Some(_) if captures.len() > 1 => waiting.push(Prepared { cache: None, ..prepared }),
+            Some(bytes) => {
+                let plans = plan_for_bytes(std::slice::from_ref(&prepared), bytes)?;
+                layers.push(finish_layer(capture, prepared, Goal::Plan(&plans[0]), params, monitor)?);
+            }
+            None => layers.push(finish_layer(capture, prepared, Goal::Params, params, monitor)?),
+        }
+    }
+    if let (Some(bytes), false) = (budget, waiting.is_empty()) {
+        let plans = plan_for_bytes(&waiting, bytes)?;
+        for ((capture, prepared), plan) in captures.iter().zip(waiting).zip(&plans) {
+            layers.push(finish_layer(capture, prepared, Goal::Plan(plan), params, monitor)?);
+        }
     }
     let references: usize = layers.iter().map(|layer| layer.lobe_refs.len()).sum();
     let lobes_per_texel_mean = references as f64 / (width * height * layers.len()) as f64;
@@ -99,12 +108,39 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
     Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out })
 }
 
+/// Captures that become layers of one asset have one texel grid and differ in their sides.
+fn check_layers(captures: &[Capture]) -> Result<(), FitError> {
+    let (width, height) = (captures[0].info().width, captures[0].info().height);
+    if captures.len() > MAX_LAYERS {
+        let path = captures[MAX_LAYERS].path_of(0, 0).into();
+        return Err(FitError::Layers { path, reason: format!("an asset has at most {MAX_LAYERS} layers") });
+    }
+    for (number, capture) in captures.iter().enumerate() {
+        let info = capture.info();
+        let reason = if (info.width, info.height) != (width, height) {
+            format!("it is {} x {} texels, the first is {width} x {height}", info.width, info.height)
+        } else if captures[..number].iter().any(|other| other.info().side == info.side) {
+            format!("it shows the same side as another, `{}`", info.side)
+        } else {
+            continue;
+        };
+        return Err(FitError::Layers { path: capture.path_of(0, 0).into(), reason });
+    }
+    Ok(())
+}
+
 fn bytes_in_words(bytes: usize) -> String {
     format!("{:.0} MB", bytes as f64 / 1e6)
 }
 
-/// Components that the memory limit allows, and what is left of it for the decoded capture.
-fn plan_memory(info: &CaptureInfo, params: &FitParams, wanted: usize) -> Result<(usize, u64), FitError> {
+/// Components that the memory limit allows, and what is left of it for the decoded capture, while `waiting`
+/// other layers wait for their bytes with their bases in memory.
+fn plan_memory(
+    info: &CaptureInfo,
+    params: &FitParams,
+    wanted: usize,
+    waiting: usize,
+) -> Result<(usize, u64), FitError> {
     let (texels, samples) = (info.texel_count(), info.pair_count() * 3);
     let clusters = params.clusters.min(texels);
     let threads = rayon::current_num_threads();
@@ -115,9 +151,9 @@ fn plan_memory(info: &CaptureInfo, params: &FitParams, wanted: usize) -> Result<
         + (2 * threads + 1) * 4 * DICTIONARY_PAIRS.min(info.pair_count()) * 900
         + threads * 8 * 900 * 900
         + 4 * FEATURE_SAMPLE.min(texels) * samples
-        + clusters * samples * 4 * (REPRESENTATIVES / 2 + DICTIONARY_SIZE / 3)
+        + clusters * samples * 4 * (REPRESENTATIVES / 2 + (1 + waiting) * DICTIONARY_SIZE / 3)
         + 100_000_000;
-    let per_component = 5 * 4 * clusters * samples;
+    let per_component = (5 + waiting) * 4 * clusters * samples;
     let limit = params.memory_bytes as usize;
     let needed = fixed + per_component * (OVERSAMPLING + 2);
     if limit < needed {
@@ -128,20 +164,60 @@ fn plan_memory(info: &CaptureInfo, params: &FitParams, wanted: usize) -> Result<
     Ok((most, limit.saturating_sub(used) as u64))
 }
 
-fn fit_layer(
+/// A layer up to the choice of its residual's ranks and bits.
+struct Prepared {
+    /// Without residual yet.
+    layer: Layer,
+    lobes: Vec<ClusterLobes>,
+    selection: Selection,
+    labels: Vec<u32>,
+    holdout: Holdout,
+    /// Without the bases, which `rotated` holds.
+    models: Vec<LocalPca>,
+    rotated: Rotated,
+    /// Bytes of an asset of this layer alone without the residual.
+    base_bytes: usize,
+    texels: usize,
+    /// Memory for the decoded capture.
+    cache_memory: u64,
+    /// The decoded capture; `None` where it is to be read again.
+    cache: Option<TileCache>,
+}
+
+impl Prepared {
+    fn planner(&self) -> Planner<'_> {
+        Planner::new(&self.models, &self.rotated, self.texels)
+    }
+}
+
+/// What decides on a residual.
+enum Goal<'a> {
+    /// This plan.
+    Plan(&'a Plan),
+    /// The parameters' PSNR or, without one, the defaults.
+    Params,
+}
+
+/// Everything up to the plan. `share` is the layer's share of a byte budget, for its lobes; `others` is the
+/// number of other layers.
+fn prepare_layer(
     capture: &Capture,
     params: &FitParams,
-    budget: Option<usize>,
+    share: Option<usize>,
+    others: usize,
     monitor: &Monitor,
-) -> Result<(Layer, Vec<usize>, LobeFigures), FitError> {
+) -> Result<(Prepared, LobeFigures), FitError> {
     let info = capture.info();
-    let (lights, views) = (Sphere::new(&layer_directions(&info.lights))?, Sphere::new(&layer_directions(&info.views))?);
-    let searched = budget.is_some() || params.psnr_db.is_some();
+    let lights = Sphere::new(&layer_directions(&info.lights, info.side))?;
+    let views = Sphere::new(&layer_directions(&info.views, info.side))?;
+    let searched = share.is_some() || params.psnr_db.is_some();
     let wanted = params.components.unwrap_or(if searched { MOST_COMPONENTS } else { DEFAULT_COMPONENTS });
-    let (most_components, left) = plan_memory(info, params, wanted)?;
+    let waiting = if share.is_some() { others } else { 0 };
+    let (most_components, left) = plan_memory(info, params, wanted, waiting)?;
 
     // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
-    let cache = monitor.stage("read", || TileCache::build(capture, 2 * left, &params.cache_directory, monitor))?;
+    let cache_memory = 2 * left;
+    let cache = read_capture(capture, cache_memory, params, monitor)?;
     let holdout = Holdout::new(info, &lights, &views, params.leave_out, params.seed);
     let (kind, epsilon) = params.error.residual();
     let curve = Curve::new(kind, epsilon);
@@ -163,11 +239,11 @@ fn fit_layer(
 
     let selection = monitor.stage("weights", || {
         let correlations = correlate(&cache, &clusters, &clustering.labels, monitor)?;
-        let share = |bytes: usize| LOBE_SHARE * bytes as f64 / (REF_BYTES * info.texel_count() as f64);
-        let mean_count = budget.map(share).or(params.psnr_db.map(|_| 1.0));
+        let count = |bytes: usize| LOBE_SHARE * bytes as f64 / (REF_BYTES * info.texel_count() as f64);
+        let mean_count = share.map(count).or(params.psnr_db.map(|_| 1.0));
         Ok(select(&clusters, &clustering.labels, &correlations, params.lobes, LOBE_PRICE, mean_count))
     })?;
-    let mut layer = Layer {
+    let layer = Layer {
         light_side: sides_of_capture(info.side).0,
         view_side: sides_of_capture(info.side).1,
         residual_kind: kind,
@@ -190,42 +266,82 @@ fn fit_layer(
         labels: &clustering.labels,
         holdout: &holdout,
     };
-    let residual = monitor.stage("residual", || {
+    let (models, rotated) = monitor.stage("residual", || {
         let models = local_pca(&source, most_components, params.seed, monitor)?;
         let rotated = Rotated::new(&models, [layer.views.len(), layer.lights.len()]);
-        let planner = Planner::new(&models, &rotated, info.texel_count());
-        let base = pack(&Asset {
-            width: info.width,
-            height: info.height,
-            material: String::new(),
-            layers: vec![layer.clone()],
-        })?
-        .len();
-        match (budget, params.psnr_db) {
-            (Some(bytes), _) => {
-                let plan = plan_for_bytes(&planner, bytes, base, info)?;
-                encode_residual(&source, &rotated, &plan, monitor)
-            }
-            (None, Some(db)) => residual_for_psnr(capture, &mut layer, &planner, db, params, monitor, &|plan| {
-                encode_residual(&source, &rotated, plan, monitor)
-            }),
-            (None, None) => {
-                let plan = planner.fixed(DEFAULT_RANKS, vec![DEFAULT_BITS; planner.most_components()]);
-                encode_residual(&source, &rotated, &plan, monitor)
-            }
+        Ok((models.into_iter().map(LocalPca::without_bases).collect(), rotated))
+    })?;
+    let alone = Asset { width: info.width, height: info.height, material: String::new(), layers: vec![layer.clone()] };
+    let figures = LobeFigures { sparse: selection.mean_relative_error, ..figures };
+    let prepared = Prepared {
+        layer,
+        lobes: clusters,
+        labels: clustering.labels,
+        selection,
+        holdout,
+        models,
+        rotated,
+        base_bytes: pack(&alone)?.len(),
+        texels: info.texel_count(),
+        cache_memory,
+        cache: Some(cache),
+    };
+    Ok((prepared, figures))
+}
+
+fn read_capture(capture: &Capture, memory: u64, params: &FitParams, monitor: &Monitor) -> Result<TileCache, FitError> {
+    monitor.stage("read", || TileCache::build(capture, memory, &params.cache_directory, monitor))
+}
+
+/// Chooses the residual's plan where it is not given, and makes the residual.
+fn finish_layer(
+    capture: &Capture,
+    mut prepared: Prepared,
+    goal: Goal,
+    params: &FitParams,
+    monitor: &Monitor,
+) -> Result<Layer, FitError> {
+    let cache = match prepared.cache.take() {
+        Some(cache) => cache,
+        None => read_capture(capture, prepared.cache_memory, params, monitor)?,
+    };
+    let mut layer = prepared.layer.clone();
+    let curve = Curve::new(layer.residual_kind, layer.epsilon);
+    let mapping = Mapping::new(&cache, curve.exact());
+    let source = ResidualSource {
+        cache: &cache,
+        mapping: &mapping,
+        curve: &curve,
+        clusters: &prepared.lobes,
+        selection: &prepared.selection,
+        labels: &prepared.labels,
+        holdout: &prepared.holdout,
+    };
+    let encode = |plan: &Plan| encode_residual(&source, &prepared.rotated, plan, monitor);
+    let residual = monitor.stage("residual", || match (goal, params.psnr_db) {
+        (Goal::Plan(plan), _) => encode(plan),
+        (Goal::Params, Some(db)) => {
+            residual_for_psnr(capture, &mut layer, &prepared.planner(), db, params, monitor, &encode)
+        }
+        (Goal::Params, None) => {
+            let planner = prepared.planner();
+            encode(&planner.fixed(DEFAULT_RANKS, vec![DEFAULT_BITS; planner.most_components()]))
         }
     })?;
     layer.residual = Some(residual);
-    let lobes = LobeFigures { sparse: selection.mean_relative_error, ..figures };
-    Ok((layer, holdout.pairs, lobes))
+    Ok(layer)
 }
 
-fn plan_for_bytes(planner: &Planner, bytes: usize, base: usize, info: &CaptureInfo) -> Result<Plan, FitError> {
-    planner.within_bytes(bytes.saturating_sub(base), planner.most_components()).ok_or_else(|| {
-        let least = base + planner.bytes([2, 2, 2], &[]) + MATERIAL_RESERVE;
+/// The plans of least error over all layers within `bytes`, everything but the description included.
+fn plan_for_bytes(layers: &[Prepared], bytes: usize) -> Result<Vec<Plan>, FitError> {
+    let base: usize = layers.iter().map(|layer| layer.base_bytes).sum();
+    let planners: Vec<Planner> = layers.iter().map(Prepared::planner).collect();
+    plans_within_bytes(&planners, bytes.saturating_sub(base)).ok_or_else(|| {
+        let least: usize = planners.iter().map(|planner| planner.bytes([2, 2, 2], &[])).sum();
         FitError::Budget(format!(
-            "--bytes is too small for {} texels: the smallest asset has about {least} bytes; raise --bytes or lower --clusters",
-            info.texel_count()
+            "--bytes is too small for {} texels: the smallest asset has about {} bytes; raise --bytes or lower --clusters",
+            layers.iter().map(|layer| layer.texels).sum::<usize>(),
+            base + least + MATERIAL_RESERVE
         ))
     })
 }

@@ -5,6 +5,7 @@ use crate::byte_size::text_from_bytes;
 use crate::compare::{Comparison, MeasureParams, colour_pair_stride, measure};
 use crate::describe::{Description, describe, resident_in_parallel};
 use crate::error::FitError;
+use crate::frame::{turn_image, turn_map};
 use crate::heatmap::{Raster, scale_top};
 use crate::image_decoder::{ImageDecoder, Spot};
 use crate::metrics::ErrorSums;
@@ -25,13 +26,28 @@ const MOST_TIERS: usize = 12;
 /// Every how many of the colour difference's pairs that curve is measured on: about 64 in all.
 const TIER_PAIR_SHARE: usize = 4;
 
-/// Directions of view and light that the page shows, theta and phi in degrees: frontal, grazing light,
-/// mirror direction at 45, across, both grazing.
-const SHOWN: [(&str, [f64; 2], [f64; 2]); 4] = [
-    ("Frontal view and light", [0.0, 0.0], [0.0, 0.0]),
-    ("Mirror direction, 45°", [45.0, 180.0], [45.0, 0.0]),
-    ("Frontal view, light from the side", [0.0, 0.0], [60.0, 90.0]),
-    ("Grazing view and light", [75.0, 90.0], [75.0, 0.0]),
+/// What a pair is called with light and eye on one side, and on two.
+struct Title {
+    reflected: &'static str,
+    through: &'static str,
+}
+
+/// Directions of view and light that the page shows, theta and phi in degrees, a light behind the surface
+/// as its mirror image in front: frontal, grazing light, mirror direction (straight through) at 45, across,
+/// both grazing.
+const SHOWN: [(Title, [f64; 2], [f64; 2]); 4] = [
+    (Title { reflected: "Frontal view and light", through: "Frontal, light behind" }, [0.0, 0.0], [0.0, 0.0]),
+    (Title { reflected: "Mirror direction, 45°", through: "Straight through, 45°" }, [45.0, 180.0], [45.0, 0.0]),
+    (
+        Title { reflected: "Frontal view, light from the side", through: "Frontal view, light askew behind" },
+        [0.0, 0.0],
+        [60.0, 90.0],
+    ),
+    (
+        Title { reflected: "Grazing view and light", through: "Grazing view, grazing light behind" },
+        [75.0, 90.0],
+        [75.0, 0.0],
+    ),
 ];
 
 /// What a page is made from.
@@ -119,7 +135,7 @@ pub fn report_html(input: &ReportInput, monitor: &Monitor) -> Result<String, Fit
                     div.row {
                         @if tiers.len() > 1 {
                             figure {
-                                figcaption { "Size against quality, on a share of the pairs: each point is a prefix of the file that is an asset of its own" }
+                                figcaption { "Size against quality, on a share of the pairs" @if input.layers.len() > 1 { " of the first layer" } ": each point is a prefix of the file that is an asset of its own" }
                                 (line(&tiers, "size in MB", "PSNR in dB"))
                             }
                         }
@@ -226,11 +242,11 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
             div.row {
                 figure {
                     figcaption { (facts.clusters) " clusters, each with its own dictionary and bases" }
-                    (picture(&cluster_map(source, comparison.width), SHOWN_SIDE)?)
+                    (picture(&cluster_map(source, info), SHOWN_SIDE)?)
                 }
                 figure {
                     figcaption { "Lobes of each texel, mean " (format!("{:.2}", facts.lobes_per_texel_mean)) }
-                    (picture(&lobe_map(source, comparison.width), SHOWN_SIDE)?)
+                    (picture(&lobe_map(source, info), SHOWN_SIDE)?)
                     (legend((0.0, facts.lobes_per_texel_max as f64), "lobes"))
                 }
                 figure { figcaption { "How many texels have how many lobes" } (histogram(&counts, "lobes per texel")) }
@@ -243,7 +259,10 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
 }
 
 /// Each cluster in a colour of its own: hues a golden angle apart, so that neighbours in number differ.
-fn cluster_map(layer: &Layer, width: usize) -> Raster {
+/// Turned as the capture is.
+fn cluster_map(layer: &Layer, info: &CaptureInfo) -> Raster {
+    let mut clusters = layer.texel_clusters.clone();
+    turn_map(&mut clusters, info.width, info.side);
     let colour = |cluster: u8| {
         let hue = (f32::from(cluster) * 0.618_034).fract() * 6.0;
         let value = if cluster.is_multiple_of(2) { 0.92 } else { 0.68 };
@@ -253,13 +272,14 @@ fn cluster_map(layer: &Layer, width: usize) -> Raster {
         };
         [channel(0.0), channel(4.0), channel(2.0)]
     };
-    Raster::from_fn(width, layer.texel_clusters.len() / width, |x, y| colour(layer.texel_clusters[y * width + x]))
+    Raster::from_fn(info.width, info.height, |x, y| colour(clusters[y * info.width + x]))
 }
 
-fn lobe_map(layer: &Layer, width: usize) -> Raster {
-    let values: Vec<_> = layer.texel_lobe_counts.iter().map(|count| Some(f32::from(*count))).collect();
+fn lobe_map(layer: &Layer, info: &CaptureInfo) -> Raster {
+    let mut values: Vec<_> = layer.texel_lobe_counts.iter().map(|count| Some(f32::from(*count))).collect();
     let top = values.iter().flatten().fold(0.0f32, |top, count| top.max(*count));
-    Raster::of_values(&values, width, top)
+    turn_map(&mut values, info.width, info.side);
+    Raster::of_values(&values, info.width, top)
 }
 
 fn section_bars(description: &Description) -> Markup {
@@ -342,6 +362,7 @@ fn pictures(input: &ReportInput, layer: &ReportLayer) -> Result<Markup, FitError
     let mut columns = Vec::new();
     let mut seen = Vec::new();
     for (title, view, light) in SHOWN {
+        let title = if info.side.is_transmission() { title.through } else { title.reflected };
         let view = nearest(&info.views, view);
         let light = nearest(&info.lights, light);
         if seen.contains(&(view, light)) {
@@ -355,9 +376,13 @@ fn pictures(input: &ReportInput, layer: &ReportLayer) -> Result<Markup, FitError
                 codes.into_iter().map(|code| table[usize::from(code)]).collect()
             }
         };
-        let spots = (Spot::of_set(&source.views, &info.views)[view], Spot::of_set(&source.lights, &info.lights)[light]);
+        let spots = (
+            Spot::of_set(&source.views, &info.views, info.side)[view],
+            Spot::of_set(&source.lights, &info.lights, info.side)[light],
+        );
         let mut decoded = vec![0.0; linear.len()];
         decoder.decode(&decoder.block(0..info.texel_count()), &decoder.plan(spots.0, spots.1), &mut decoded);
+        turn_image(&mut decoded, info.width, info.side);
         let (mut original, mut coded) = (vec![0; linear.len()], vec![0; linear.len()]);
         shown.encode_slice(light, &linear, &mut original);
         shown.encode_slice(light, &decoded, &mut coded);

@@ -34,7 +34,8 @@ pub(crate) fn sample_asset_with(
 ) -> Asset {
     const CLUSTERS: usize = 3;
     let sphere = |set: &DirectionSet| {
-        Sphere::new(&crate::material::layer_directions(set)).unwrap_or_else(|error| panic!("{error}"))
+        Sphere::new(&crate::frame::layer_directions(set, btf_capture::Side::Front))
+            .unwrap_or_else(|error| panic!("{error}"))
     };
     let lobe = |family, x, y, params| DictionaryLobe {
         lobe: Lobe { family, normal_xy: [x, y], tangent_rad: 0.3, params }.rounded(),

@@ -1,6 +1,6 @@
 //! `btf-fit` as a user runs it: exit codes, one-sentence errors, nothing lost and nothing half written.
 
-use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
+use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat, Side};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -85,6 +85,61 @@ fn a_fit_is_described_checked_and_a_damaged_copy_refused() {
         let (code, text) = refusal(&btf_fit(&[command, "cut.spmm"], here));
         assert!(code == 1 && text.contains("cut.spmm"), "{code} {text}");
     }
+}
+
+#[test]
+fn four_captures_of_a_leaf_become_one_asset_of_four_layers() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let set = DirectionSet::random(6, 7).unwrap();
+    for side in Side::ALL {
+        let lights = if side.is_transmission() { set.behind().unwrap() } else { set.clone() };
+        let info = CaptureInfo::new("leaf", 7, 5, set.clone(), lights.clone(), ImageFormat::Png);
+        let writer = CaptureWriter::create(here.join(side.to_string()), CaptureInfo { side, ..info }).unwrap();
+        for view in 0..6 {
+            for (light, wi) in lights.units().iter().enumerate() {
+                let sample = |texel: usize| wi[2].abs() * (0.4 + 0.3 * wi[0] * (texel as f32 * 0.7).sin());
+                writer.write(view, light, &(0..35 * 3).map(|i| sample(i / 3)).collect::<Vec<_>>()).unwrap();
+            }
+        }
+        writer.finish().unwrap();
+    }
+    let sides = Side::ALL.map(|side| side.to_string());
+    let mut arguments =
+        vec!["fit", "-o", "leaf.spmm", "--clusters=2", "--components=0", "--report", "leaf.html", "--json", "-"];
+    arguments.extend(sides.iter().map(String::as_str));
+    let output = btf_fit(&arguments, here);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(json["layers"], 4);
+    let page = std::fs::read_to_string(here.join("leaf.html")).unwrap();
+    let checked = String::from_utf8(btf_fit(&["validate", "leaf.spmm"], here).stdout).unwrap();
+    assert_eq!(checked.trim(), "ok: 4 layers (front, back, transmission-back, transmission-front)");
+    let told = String::from_utf8(btf_fit(&["info", "leaf.spmm"], here).stdout).unwrap();
+    for (number, side) in sides.iter().enumerate() {
+        assert_eq!(json["by_layer"][number]["side"], side.as_str());
+        assert!(told.contains(&format!("layer {number}: {side}, 6 views x 6 lights")), "{told}");
+        assert!(page.contains(&format!("Beside the originals – {side}")));
+        let compared = btf_fit(&["compare", side, "leaf.spmm", "--json", "-"], here);
+        let compared: serde_json::Value = serde_json::from_slice(&compared.stdout).unwrap();
+        assert_eq!((&compared["layer"], &compared["side"]), (&number.into(), &side.as_str().into()));
+        assert_eq!(compared["psnr_db"], json["by_layer"][number]["psnr_db"]);
+        let out = format!("decoded-{side}");
+        let layer = number.to_string();
+        assert!(btf_fit(&["expand", "leaf.spmm", &out, "--layer", &layer, "--quiet"], here).status.success());
+        let decoded = btf_fit(&["compare", &out, "leaf.spmm", "--json", "-"], here);
+        let decoded: serde_json::Value = serde_json::from_slice(&decoded.stdout).unwrap();
+        assert_eq!(decoded["layer"], number);
+        assert!(decoded["psnr_db"].as_f64().unwrap_or(f64::INFINITY) > compared["psnr_db"].as_f64().unwrap() + 10.0);
+    }
+
+    // An asset of one layer, compared with a capture of another side, or with `side` written wrongly.
+    assert!(btf_fit(&["fit", "front", "-o", "one.spmm", "--clusters", "2", "--quiet"], here).status.success());
+    let (code, text) = refusal(&btf_fit(&["compare", "back", "one.spmm"], here));
+    assert!(code == 1 && text.contains("no layer for the side `back`") && text.contains("holds `front`"), "{text}");
+    std::fs::write(here.join("transmission-back/capture.toml"), "side = \"front\"").unwrap();
+    let (code, text) = refusal(&btf_fit(&["fit", "transmission-back", "-o", "x.spmm"], here));
+    assert!(code == 1 && text.contains("transmission-back cannot be used") && text.contains("behind"), "{text}");
 }
 
 #[test]

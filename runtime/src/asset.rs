@@ -16,7 +16,8 @@ use std::collections::HashMap;
 pub enum SurfaceSide {
     /// The side that the macroscopic normal points to.
     Front = 0,
-    /// The other one; its directions are stored mirrored in z, so that they too have z > 0.
+    /// The other one; its directions are stored mirrored in z, so that they too have z > 0. Their x and
+    /// y are the front's.
     Back = 1,
 }
 
@@ -85,7 +86,7 @@ pub struct Asset {
     pub height: usize,
     /// Material description, JSON.
     pub material: String,
-    /// One to four layers.
+    /// One to four layers, no two with the same sides, all on one texel grid: the front's.
     pub layers: Vec<Layer>,
 }
 
@@ -197,6 +198,10 @@ impl Asset {
         let layers = (0..directory.layers)
             .map(|layer| read_layer(&sections, layer, width * height))
             .collect::<Result<Vec<_>, _>>()?;
+        if let Some(number) = doubled_sides(&layers) {
+            let section = format!("Layer 0 of layer {number}");
+            return Err(FormatError::Section { section, reason: "an earlier layer has the same sides" });
+        }
         Ok(Asset { width, height, material, layers })
     }
 
@@ -204,6 +209,12 @@ impl Asset {
     pub fn texel_count(&self) -> usize {
         self.width * self.height
     }
+}
+
+/// Number of the first layer whose sides an earlier one has.
+pub(crate) fn doubled_sides(layers: &[Layer]) -> Option<usize> {
+    let sides = |layer: &Layer| (layer.light_side, layer.view_side);
+    (0..layers.len()).find(|&number| layers[..number].iter().any(|other| sides(other) == sides(&layers[number])))
 }
 
 fn side_from_word(word: u32) -> Option<SurfaceSide> {

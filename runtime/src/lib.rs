@@ -8,7 +8,7 @@
 //!       <----- pack -----                                             words for the GPU, WGSL beside
 //! ```
 //!
-//! Values are `pi * BRDF * max(0, n.wi)`: 1 is a white Lambertian lit at normal incidence. The cosine
+//! Values are `pi * BRDF * |n.wi|`: 1 is a white Lambertian lit at normal incidence. The cosine
 //! is inside; a renderer never multiplies another one.
 //!
 //! Limits of version 0: three channels, product grids of directions, non-negative lobe weights,
@@ -36,7 +36,7 @@ pub use decode::{
     lobe_sum_at_pairs, lobe_tables,
 };
 pub use error::FormatError;
-pub use format::{ALIGNMENT, Directory, MAGIC, SectionEntry, SectionKind, VERSION, read_directory};
+pub use format::{ALIGNMENT, Directory, MAGIC, MAX_LAYERS, SectionEntry, SectionKind, VERSION, read_directory};
 pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
 pub use pack::pack;
 pub use quantize::{byte_from_weight, code_from_coefficient, coefficient_from_code, weight_from_byte};

@@ -1,6 +1,8 @@
 //! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
 
-use crate::asset::{Asset, COEFFICIENT_BITS, DictionaryLobe, ENCODING_CODES, ENCODING_ROWS_I8, EPSILON_RANGE, Layer};
+use crate::asset::{
+    Asset, COEFFICIENT_BITS, DictionaryLobe, ENCODING_CODES, ENCODING_ROWS_I8, EPSILON_RANGE, Layer, doubled_sides,
+};
 use crate::error::FormatError;
 use crate::format::{
     MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_RANK, MAX_SIDE, SectionKind,
@@ -34,6 +36,9 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     }
     if asset.layers.is_empty() || asset.layers.len() > MAX_LAYERS {
         return refuse("it must have 1 to 4 layers");
+    }
+    if doubled_sides(&asset.layers).is_some() {
+        return refuse("no two layers may have the same sides of light and eye");
     }
     let mut sections = vec![SectionSource {
         kind: SectionKind::Material,
@@ -230,11 +235,12 @@ mod tests {
         let mut asset = sample_asset(1, 6, 5, ResidualKind::Root);
         assert!(pack(&asset).is_ok(), "the control must pass");
         type Change = fn(&mut Asset);
-        let changes: [(&str, Change); 22] = [
+        let changes: [(&str, Change); 23] = [
             ("no width", |a| a.width = 0),
             ("too high", |a| a.height = 16_385),
             ("no layers", |a| a.layers.clear()),
             ("five layers", |a| a.layers = vec![a.layers[0].clone(); 5]),
+            ("the same sides twice", |a| a.layers.push(a.layers[0].clone())),
             ("no clusters", |a| a.layers[0].dictionary.clear()),
             ("a short texel array", |a| {
                 a.layers[0].texel_clusters.pop();

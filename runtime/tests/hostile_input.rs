@@ -310,3 +310,27 @@ fn a_small_file_that_promises_a_huge_resident_form_is_refused() {
     let refused = Asset::parse(&parts.to_bytes()).unwrap_err();
     assert!(refused.to_string().contains("1 GiB"), "{refused}");
 }
+
+#[test]
+fn two_layers_of_the_same_sides_are_refused_though_the_checksums_are_right() {
+    let mut asset = sample_asset(7, 3, 2, ResidualKind::Root);
+    let front = asset.layers[0].clone();
+    for (light_side, view_side) in [
+        (btf_runtime::SurfaceSide::Back, btf_runtime::SurfaceSide::Back),
+        (btf_runtime::SurfaceSide::Back, btf_runtime::SurfaceSide::Front),
+        (btf_runtime::SurfaceSide::Front, btf_runtime::SurfaceSide::Back),
+    ] {
+        asset.layers.push(btf_runtime::Layer { light_side, view_side, ..front.clone() });
+    }
+    let good = pack(&asset).unwrap();
+    assert_eq!(Asset::parse(&good).unwrap(), asset, "the control must pass");
+    let mut parts = FileParts::from_bytes(&good).unwrap();
+    let mut layers = parts.sections.iter_mut().filter(|section| section.head[0] == SectionKind::Layer as u32);
+    // The third layer's light comes to the front.
+    set_word(&mut layers.nth(2).unwrap().bytes, 0, 0);
+    let refused = Asset::parse(&parts.to_bytes()).unwrap_err();
+    assert_eq!(
+        refused,
+        FormatError::Section { section: "Layer 0 of layer 2".into(), reason: "an earlier layer has the same sides" }
+    );
+}

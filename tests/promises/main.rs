@@ -5,5 +5,6 @@ mod budget;
 mod bytes_are_repeatable;
 mod expand_and_measure;
 mod leaf_colour;
+mod leaf_layers;
 mod measured_photographs;
 mod recovery;

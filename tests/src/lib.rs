@@ -39,12 +39,24 @@ pub fn capture_of(
     format: ImageFormat,
     value: impl Fn(usize, [f32; 3], [f32; 3]) -> [f32; 3] + Sync,
 ) -> Capture {
-    let info = CaptureInfo::new("test", size, size, views.clone(), lights.clone(), format);
+    capture_from(folder, CaptureInfo::new("test", size, size, views.clone(), lights.clone(), format), value)
+}
+
+/// Writes the capture that `info` describes, of any side and shape. `value(texel, wi, wo)` is in the capture's own
+/// frame: of the back, that of the turned-over sample.
+///
+/// # Panics
+/// If it cannot be written or read.
+pub fn capture_from(
+    folder: &Path,
+    info: CaptureInfo,
+    value: impl Fn(usize, [f32; 3], [f32; 3]) -> [f32; 3] + Sync,
+) -> Capture {
+    let (view_units, light_units, texels) = (info.views.units(), info.lights.units(), info.texel_count());
     let writer = CaptureWriter::create(folder, info).expect("the capture folder is made");
-    let (view_units, light_units) = (views.units(), lights.units());
     for (v, wo) in view_units.iter().enumerate() {
         (0..light_units.len()).into_par_iter().for_each(|l| {
-            let image: Vec<f32> = (0..size * size).flat_map(|texel| value(texel, light_units[l], *wo)).collect();
+            let image: Vec<f32> = (0..texels).flat_map(|texel| value(texel, light_units[l], *wo)).collect();
             writer.write(v, l, &image).expect("an image is written");
         });
     }

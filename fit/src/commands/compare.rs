@@ -13,8 +13,8 @@ use std::time::Instant;
 
 /// Measure the error of an asset against a capture
 ///
-/// The capture must have the asset's texels. Where its directions are not those of the asset, the asset
-/// is interpolated.
+/// The capture must have the asset's texels. Of an asset of several layers it is compared with the one of
+/// its side. Where its directions are not those of the asset, the asset is interpolated.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   btf-fit compare WOOL wool.spmm --json - --heatmap maps")]
@@ -50,6 +50,8 @@ struct CompareResult {
     capture: String,
     asset: String,
     layer: usize,
+    /// The side of the capture, in its own words.
+    side: String,
     bytes: usize,
     #[serde(flatten)]
     metrics: Metrics,
@@ -123,6 +125,7 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         capture: args.capture.display().to_string(),
         asset: args.asset.display().to_string(),
         layer,
+        side: capture.info().side.to_string(),
         bytes: bytes.len(),
         metrics: comparison.metrics(),
         texels: comparison.width * comparison.height,

@@ -11,7 +11,8 @@ use std::time::Instant;
 /// Decode an asset back into a capture folder
 ///
 /// With the asset's own directions (the default) and png, the files hold exactly the 8-bit values that
-/// psnr_db is computed from.
+/// psnr_db is computed from. A layer of the back is written as a camera sees the sample turned over, like
+/// the capture that it was fitted from.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit expand wool.spmm WOOL_DECODED
@@ -30,7 +31,7 @@ pub(super) struct ExpandArgs {
     /// Format of the images; exr if the capture was exr, else png. A jpg adds its own error
     #[arg(long, value_enum)]
     format: Option<FormatArg>,
-    /// Layer of the asset, from 0
+    /// Layer of the asset, from 0; `info` lists them
     #[arg(long, value_name = "N", default_value_t = 0)]
     layer: usize,
     #[command(flatten)]

@@ -5,7 +5,7 @@ use super::{Failure, Shared, progress};
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
     ErrorMeasure, FitError, FitParams, Fitted, KMeansEngine, Metrics, Monitor, ReportInput, ReportLayer, Stage,
-    bytes_from_text, fit_and_measure, peak_memory_bytes, report_html, text_from_bytes,
+    bytes_from_text, fit_and_measure, peak_memory_bytes, report_html, side_of_layer, text_from_bytes,
 };
 use clap::{Args, ValueEnum};
 use serde::ser::{Serialize, SerializeMap, Serializer};
@@ -15,11 +15,13 @@ use std::time::Instant;
 /// Fit captures and pack them into one asset
 ///
 /// CAPTURE is a folder in Bonn's layout (UBO2003) or a zip of one. Several captures of the same texel
-/// grid, which differ in the sides of light and eye, become the layers of one asset.
+/// grid, which differ in the sides of light and eye, become the layers of one asset. Those of the back
+/// (side back or transmission-front in capture.toml) are as a camera sees the sample turned over about
+/// its vertical axis; their columns and x are mirrored here.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit fit WOOL -o wool.spmm --bytes 2MB --report wool.html
-  btf-fit fit LEAF_FRONT LEAF_BACK LEAF_THROUGH -o leaf.spmm --psnr 35 --json -")]
+  btf-fit fit LEAF_FRONT LEAF_BACK LEAF_THROUGH_BACK LEAF_THROUGH_FRONT -o leaf.spmm --bytes 6MB --json -")]
 pub(super) struct FitArgs {
     /// Capture folders or zips, one per layer
     #[arg(required = true, value_name = "CAPTURE")]
@@ -80,7 +82,9 @@ enum KMeansArg {
     Linfa,
 }
 
-/// What `fit --json` writes.
+/// What `fit --json` writes. Of an asset of several layers the error keys and `lobes_per_texel_mean` are of
+/// all of them; `clusters`, `components`, `lobe_error` and `psnr_left_out_db` are the first layer's, and
+/// `by_layer` has each layer's own.
 #[derive(Debug, serde::Serialize)]
 struct FitResult<'a> {
     asset: String,
@@ -96,7 +100,28 @@ struct FitResult<'a> {
     lobes_per_texel_mean: f64,
     components: usize,
     layers: usize,
+    by_layer: Vec<LayerResult>,
     lobe_error: LobeError,
+}
+
+/// One layer's figures.
+#[derive(Debug, serde::Serialize)]
+struct LayerResult {
+    side: String,
+    psnr_db: f64,
+    rel_rmse: f64,
+    clusters: usize,
+    lobes_per_texel_mean: f64,
+    components: usize,
+}
+
+impl LayerResult {
+    fn model(&self) -> String {
+        format!(
+            "{} clusters, {:.2} lobes per texel, {} components",
+            self.clusters, self.lobes_per_texel_mean, self.components
+        )
+    }
 }
 
 /// Error of the lobes alone, relative to the energy of what they predict: after the Lasso, after the
@@ -165,6 +190,7 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         lobes_per_texel_mean: fitted.lobes_per_texel_mean,
         components: fitted.components,
         layers: fitted.asset.layers.len(),
+        by_layer: layer_results(&fitted),
         lobe_error: LobeError {
             selected: fitted.lobes.selected,
             refined: fitted.lobes.refined,
@@ -184,6 +210,21 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         ));
     }
     Ok(())
+}
+
+fn layer_results(fitted: &Fitted) -> Vec<LayerResult> {
+    let figures = fitted.asset.layers.iter().zip(&fitted.comparisons).map(|(layer, comparison)| {
+        let metrics = comparison.metrics();
+        LayerResult {
+            side: side_of_layer(layer).to_string(),
+            psnr_db: metrics.psnr_db,
+            rel_rmse: metrics.rel_rmse,
+            clusters: layer.dictionary.len(),
+            lobes_per_texel_mean: layer.lobe_refs.len() as f64 / layer.texel_clusters.len() as f64,
+            components: layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len()),
+        }
+    });
+    figures.collect()
 }
 
 fn params(args: &FitArgs) -> FitParams {
@@ -243,10 +284,13 @@ fn summary(result: &FitResult, args: &FitArgs) -> String {
     if let Some(db) = result.psnr_left_out_db {
         lines.push(format!("  left out    {db:.2} dB"));
     }
-    lines.push(format!(
-        "  model       {} clusters, {:.2} lobes per texel, {} components",
-        result.clusters, result.lobes_per_texel_mean, result.components
-    ));
+    if let [layer] = &result.by_layer[..] {
+        lines.push(format!("  model       {}", layer.model()));
+    } else {
+        for layer in &result.by_layer {
+            lines.push(format!("  {:18}  {:.2} dB, {}", layer.side, layer.psnr_db, layer.model()));
+        }
+    }
     let memory = result.peak_memory_bytes.map_or(String::new(), |bytes| format!(", {} memory", text_from_bytes(bytes)));
     lines.push(format!("  time        {:.1} s{memory}", result.seconds));
     if let Some(path) = &args.report {
@@ -309,6 +353,7 @@ mod tests {
             lobes_per_texel_mean: 2.5,
             components: 8,
             layers: 1,
+            by_layer: Vec::new(),
             lobe_error: LobeError { selected: 0.1, refined: 0.09, sparse: 0.08 },
         };
         let text = serde_json::to_string(&result).unwrap();

@@ -26,6 +26,8 @@ pub(super) struct ValidateArgs {
 struct Verdict {
     valid: bool,
     error: Option<String>,
+    /// The layers' sides, in order; empty where it is not valid.
+    layers: Vec<String>,
 }
 
 pub(super) fn run(args: &ValidateArgs, shared: &Shared) -> Result<(), Failure> {
@@ -33,11 +35,14 @@ pub(super) fn run(args: &ValidateArgs, shared: &Shared) -> Result<(), Failure> {
     if let Some(target) = &args.json {
         check_file(target, std::slice::from_ref(&args.asset))?;
         let error = result.as_ref().err().map(ToString::to_string);
-        write_json(target, &Verdict { valid: error.is_none(), error })?;
+        let layers = result.iter().flatten().map(ToString::to_string).collect();
+        write_json(target, &Verdict { valid: error.is_none(), error, layers })?;
     }
-    result?;
+    let layers = result?;
     if !shared.quiet && !args.json.as_deref().is_some_and(is_stdout) {
-        say("ok");
+        let sides: Vec<String> = layers.iter().map(ToString::to_string).collect();
+        let word = if sides.len() == 1 { "layer" } else { "layers" };
+        say(&format!("ok: {} {word} ({})", sides.len(), sides.join(", ")));
     }
     Ok(())
 }
