@@ -88,6 +88,21 @@ fn main() {
         }
     }
 
+    println!("\n| plate-n, three wavelengths against 31 | dE00 front max / mean | dE00 behind max / mean |");
+    println!("|---|---|---|");
+    let three = RgbFromSpectrum::new(RgbBands::ThreeWavelength);
+    let plain = |c: &LeafContents| c.anthocyanin_ug_per_cm2 == 0.0 && c.brown == 0.0;
+    let sets: [(&str, &dyn Fn(&LeafContents) -> bool); 4] = [
+        ("green: chlorophyll 20 ug/cm2 up", &|c| plain(c) && c.chlorophyll_ug_per_cm2 >= 20.0),
+        ("yellow: chlorophyll up to 2 ug/cm2", &|c| plain(c) && c.chlorophyll_ug_per_cm2 <= 2.0),
+        ("red: anthocyanins", &|c| c.anthocyanin_ug_per_cm2 > 0.0 && c.brown == 0.0),
+        ("brown: brown pigment", &|c| c.brown > 0.0),
+    ];
+    for (name, keep) in sets {
+        let [front, behind] = colour_errors(PlateModel::N, &three, keep);
+        println!("| {name} | {:.1} / {:.1} | {:.1} / {:.1} |", front.max, front.mean, behind.max, behind.mean);
+    }
+
     println!("\n| nm | plate-exact R / T | printed R / T | printed with its slip R / T |");
     println!("|---|---|---|---|");
     for row in single_plate_errors(1, 3000) {
