@@ -38,6 +38,14 @@ fn texel_nanoseconds(body: &PlateBody) -> f64 {
     })
 }
 
+/// Which leaves of the grid count.
+type Keep = fn(&LeafContents) -> bool;
+
+/// Neither red nor brown pigment.
+fn plain(contents: &LeafContents) -> bool {
+    contents.anthocyanin_ug_per_cm2 == 0.0 && contents.brown == 0.0
+}
+
 fn main() {
     println!("| theta(k) | ns | theta max / mean | rho max / mean | tau max / mean | dE00 max / mean |");
     println!("|---|---|---|---|---|---|");
@@ -86,6 +94,20 @@ fn main() {
                 );
             }
         }
+    }
+
+    println!("\n| plate-n, three wavelengths against 31 | dE00 front max / mean | dE00 behind max / mean |");
+    println!("|---|---|---|");
+    let three = RgbFromSpectrum::new(RgbBands::ThreeWavelength);
+    let sets: [(&str, Keep); 4] = [
+        ("green: chlorophyll 20 ug/cm2 up", |c| plain(c) && c.chlorophyll_ug_per_cm2 >= 20.0),
+        ("yellow: chlorophyll up to 2 ug/cm2", |c| plain(c) && c.chlorophyll_ug_per_cm2 <= 2.0),
+        ("red: anthocyanins", |c| c.anthocyanin_ug_per_cm2 > 0.0 && c.brown == 0.0),
+        ("brown: brown pigment", |c| c.brown > 0.0),
+    ];
+    for (name, keep) in sets {
+        let [front, behind] = colour_errors(PlateModel::N, &three, keep);
+        println!("| {name} | {:.1} / {:.1} | {:.1} / {:.1} |", front.max, front.mean, behind.max, behind.mean);
     }
 
     println!("\n| nm | plate-exact R / T | printed R / T | printed with its slip R / T |");
