@@ -1,0 +1,69 @@
+//! The seen face of a leaf, the other one behind it, and where the light comes from.
+
+use crate::optics::path_lengths::Face;
+use crate::optics::scatter_table::Passage;
+use crate::surface::height_field::{HeightField, LightVisibility};
+use crate::surface::rig::dot;
+
+/// Factors of the appearance textures on a leaf's contents at one node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Tint {
+    /// On chlorophyll.
+    pub chlorophyll: f32,
+    /// On carotenoids.
+    pub carotenoid: f32,
+    /// On brown pigment and anthocyanins.
+    pub brown: f32,
+    /// On the absorption, for thickness.
+    pub thickness: f32,
+}
+
+/// A leaf's two faces as the camera has them. Both lie on one grid, in the seen face's lateral frame; the
+/// far one's heights stand out of its own face.
+#[derive(Debug, Clone)]
+pub(crate) struct Seen {
+    /// Which face is seen.
+    pub side: Face,
+    /// Whether the light is on the eye's side.
+    pub passage: Passage,
+    /// Side of the images in texels.
+    pub size: usize,
+    /// The seen face.
+    pub face: HeightField,
+    /// The other face.
+    pub far: HeightField,
+}
+
+/// A direction in the far face's frame.
+#[inline]
+fn turned(w: [f32; 3]) -> [f32; 3] {
+    [w[0], w[1], -w[2]]
+}
+
+impl Seen {
+    /// What of the light `wi` reaches the face that it falls on.
+    pub fn visibility(&self, wi: [f32; 3]) -> LightVisibility {
+        match self.passage {
+            Passage::Reflection => LightVisibility::new(&self.face, wi),
+            Passage::Transmission => LightVisibility::new(&self.far, turned(wi)),
+        }
+    }
+
+    /// Normal of the far face at a place, in its own frame; needed for transmission only.
+    #[inline]
+    pub fn far_normal(&self, place: [f32; 2]) -> [f32; 3] {
+        match self.passage {
+            Passage::Reflection => [0.0, 0.0, 1.0],
+            Passage::Transmission => self.far.normal_at(place),
+        }
+    }
+
+    /// Cosine of incidence on the lit face.
+    #[inline]
+    pub fn cos_i(&self, normal: [f32; 3], far_normal: [f32; 3], wi: [f32; 3]) -> f32 {
+        match self.passage {
+            Passage::Reflection => dot(normal, wi),
+            Passage::Transmission => dot(far_normal, turned(wi)),
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! The models that a leaf's blade can be made of.
+
+use crate::optics::abm_b::AbmB;
+use crate::optics::abm_u::AbmU;
+use crate::optics::abm97::Abm97;
+use crate::optics::plate_model::PlateModel;
+use crate::optics::tissue::Tissue;
+
+/// Optics of a blade.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LeafModel {
+    /// Absorbing plates below a Cook-Torrance gloss; contents by [`crate::LeafContents`].
+    Plate(PlateModel),
+    /// Random walk of 1997, with its own surface and contents.
+    Abm97(Abm97),
+    /// Random walk through a two-sided leaf.
+    AbmB(AbmB),
+    /// Random walk through a one-sided leaf.
+    AbmU(AbmU),
+}
+
+impl Default for LeafModel {
+    /// `plate-n`.
+    fn default() -> LeafModel {
+        LeafModel::Plate(PlateModel::N)
+    }
+}
+
+impl LeafModel {
+    /// Its name on the command line.
+    pub fn name(&self) -> &'static str {
+        match self {
+            LeafModel::Plate(model) => model.name(),
+            LeafModel::Abm97(_) => "abm97",
+            LeafModel::AbmB(_) => "abm-b",
+            LeafModel::AbmU(_) => "abm-u",
+        }
+    }
+
+    /// The tissue that rays walk through, for the algorithmic models.
+    pub fn tissue(&self) -> Option<&dyn Tissue> {
+        match self {
+            LeafModel::Plate(_) => None,
+            LeafModel::Abm97(tissue) => Some(tissue),
+            LeafModel::AbmB(tissue) => Some(tissue),
+            LeafModel::AbmU(tissue) => Some(tissue),
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! A leaf of an algorithmic model before the camera: per texel the colour of every class of ways through
+//! the mesophyll, per direction pair the weight of every class.
+//!
+//! The model's own surface reflection (ways of length 0) is the gloss, so gloss texture and roughness of
+//! the plates do not apply. Maps of pigment and thickness act on the optical depth. The table is traced
+//! at one wavelength: models with spectral indices take those of 550 nm for all (error in docs/LEAF.md).
+
+use rayon::prelude::*;
+
+use crate::leaf::face::{Seen, Tint};
+use crate::optics::colour::{RgbBands, RgbFromSpectrum};
+use crate::optics::path_lengths::Face;
+use crate::optics::scatter_table::{Passage, ScatterTable, WAYS};
+use crate::optics::tissue::{DepthParts, Tissue};
+use crate::optics::units::Nanometres;
+use crate::surface::height_field::{HeightField, LightVisibility};
+use crate::surface::rig::{Hit, Material, dot};
+
+/// Wavelength whose refractive indices the table is traced with.
+const TABLE_WAVELENGTH: Nanometres = Nanometres(550.0);
+
+/// Rays of each of the table's incidences.
+pub(crate) const TABLE_RAYS: u64 = 1_000_000;
+
+/// Linear sRGB of every class of ways, white for no absorption.
+type WayColours = [[f32; 3]; WAYS];
+
+/// The leaf. See the notes at the top of this file.
+pub(crate) struct TissueLeaf {
+    seen: Seen,
+    table: ScatterTable,
+    colours: Vec<[f32; 3 * WAYS]>,
+}
+
+/// The view's half of a point's shading.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TissuePoint {
+    cos_o: f32,
+    far_normal: [f32; 3],
+    colours: WayColours,
+}
+
+/// Constants of one image.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TissuePair {
+    i_dot_o: f32,
+    /// Cosine of the azimuth between light and eye about the mean normal.
+    cos_phi: f32,
+}
+
+impl TissueLeaf {
+    /// Traces the table with `rays` rays an incidence and colours the nodes of `seen` by `tints`.
+    pub fn new(tissue: &dyn Tissue, seen: Seen, tints: &[Tint], rays: u64, seed: u64) -> TissueLeaf {
+        let light = match (seen.side, seen.passage) {
+            (side, Passage::Reflection) => side,
+            (Face::Adaxial, Passage::Transmission) => Face::Abaxial,
+            (Face::Abaxial, Passage::Transmission) => Face::Adaxial,
+        };
+        let table = ScatterTable::trace(&tissue.stack(TABLE_WAVELENGTH), light, seen.passage, rays, seed);
+        let convert = RgbFromSpectrum::new(RgbBands::Spectral31);
+        let bands: Vec<(DepthParts, [f64; 3])> = convert
+            .wavelengths_nm()
+            .iter()
+            .zip(convert.weights())
+            .map(|(&nm, &weights)| (tissue.depth_parts(Nanometres(nm)), weights))
+            .collect();
+        let ways = table.ways();
+        let colours = tints.par_iter().map(|tint| way_colours(&bands, &ways, tint)).collect();
+        TissueLeaf { seen, table, colours }
+    }
+}
+
+/// Colour of each class of ways, `sum over wavelengths of weight exp(-k way)`.
+fn way_colours(bands: &[(DepthParts, [f64; 3])], ways: &[f32; WAYS], tint: &Tint) -> [f32; 3 * WAYS] {
+    let mut colours = [0f64; 3 * WAYS];
+    for (depth, weights) in bands {
+        let k = f64::from(tint.thickness)
+            * (depth.chlorophyll.0 * f64::from(tint.chlorophyll)
+                + depth.carotenoid.0 * f64::from(tint.carotenoid)
+                + depth.rest.0);
+        for (class, way) in ways.iter().enumerate() {
+            let left = (-k * f64::from(*way)).exp();
+            for channel in 0..3 {
+                colours[3 * class + channel] += weights[channel] * left;
+            }
+        }
+    }
+    colours.map(|c| c as f32)
+}
+
+impl Material for TissueLeaf {
+    type Point = TissuePoint;
+    type Pair = TissuePair;
+
+    fn size(&self) -> usize {
+        self.seen.size
+    }
+
+    fn face(&self) -> &HeightField {
+        &self.seen.face
+    }
+
+    fn visibility(&self, wi: [f32; 3]) -> LightVisibility {
+        self.seen.visibility(wi)
+    }
+
+    fn point(&self, place: [f32; 2], normal: [f32; 3], wo: [f32; 3]) -> TissuePoint {
+        let flat = self.seen.face.grid.corners(place).sample_all(&self.colours);
+        TissuePoint {
+            cos_o: dot(normal, wo).max(1e-3),
+            far_normal: self.seen.far_normal(place),
+            colours: std::array::from_fn(|class| std::array::from_fn(|channel| flat[3 * class + channel])),
+        }
+    }
+
+    fn pair(&self, wi: [f32; 3], wo: [f32; 3]) -> TissuePair {
+        let lateral = (wi[0].hypot(wi[1])) * (wo[0].hypot(wo[1]));
+        let cos_phi = if lateral > 1e-12 { (wi[0] * wo[0] + wi[1] * wo[1]) / lateral } else { -1.0 };
+        TissuePair { i_dot_o: dot(wi, wo), cos_phi }
+    }
+
+    #[inline]
+    fn cos_i(&self, hit: &Hit<TissuePoint>, wi: [f32; 3]) -> f32 {
+        self.seen.cos_i(hit.normal, hit.point.far_normal, wi)
+    }
+
+    fn shade(&self, pair: &TissuePair, hit: &Hit<TissuePoint>, cos_i: f32) -> [f32; 3] {
+        let TissuePoint { cos_o, colours, .. } = hit.point;
+        let cos_phi = match self.seen.passage {
+            // About the point's own normal.
+            Passage::Reflection => {
+                let sines = ((1.0 - cos_i * cos_i) * (1.0 - cos_o * cos_o)).max(0.0).sqrt();
+                if sines > 1e-6 { (pair.i_dot_o - cos_i * cos_o) / sines } else { -1.0 }
+            }
+            // The two faces have two normals; the blade's plane decides.
+            Passage::Transmission => pair.cos_phi,
+        };
+        let weights = self.table.pi_f(cos_i.min(1.0), cos_o.min(1.0), cos_phi);
+        let mut sum = [0f32; 3];
+        for (weight, colour) in weights.iter().zip(&colours) {
+            for channel in 0..3 {
+                sum[channel] += weight * colour[channel];
+            }
+        }
+        sum.map(|c| c * cos_i)
+    }
+}
