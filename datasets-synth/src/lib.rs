@@ -8,7 +8,7 @@
 //!    as printed. [`plate_spectrum`] gives a whole leaf's spectra, [`PlateBody`] a texel's colour.
 //! 3. [`RgbFromSpectrum`]: spectra under D65 to linear sRGB.
 //! 4. [`CookTorrance`]: the gloss on top, and how much light it lets in and out.
-//! 5. [`Leaf`]: veins, relief and the textures of pigment, gloss and thickness on a grid.
+//! 5. [`LeafParams`]: veins, relief and the textures of pigment, gloss and thickness; [`LeafModel`].
 //! 6. [`HeightField`], [`Material`], [`ViewHits`], [`Illumination`], [`render`]: parallax, masking,
 //!    shadows, one image of any material.
 //! 7. [`write_leaf_capture`]: all images and the height map, as a Bonn-layout folder.
@@ -41,8 +41,8 @@ pub use instruments::goniophotometer::{Goniogram, Goniophotometer, Interactions}
 pub use instruments::plot::{LinePlot, Series, counts_svg, disk_svg, goniogram_svg};
 pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectrum};
 pub use leaf::capture::write_leaf_capture;
-pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
-pub use leaf::shading::{LeafPair, LeafPoint};
+pub use leaf::model::LeafModel;
+pub use leaf::patch::{LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
 pub use optics::abm_b::{AbmB, AspectRatios, Composition, Specimen};
 pub use optics::abm_u::AbmU;
 pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};

@@ -66,7 +66,8 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
         let given = args.wavelength_nm;
         return Err(Failure::Usage(format!("--wavelength-nm is {given}, which is out of range; give 400 to 2500")));
     }
-    let Some(tissue) = args.tissue.tissue(args.model, args.contents.cab, args.contents.car)? else {
+    let model = args.tissue.leaf_model(args.model, args.contents.cab, args.contents.car)?;
+    let Some(tissue) = model.tissue() else {
         return Err(Failure::Usage(format!(
             "{} is Lambertian below its gloss and needs no goniophotometer; give --model abm97, abm-b or abm-u",
             args.model
@@ -86,7 +87,7 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
     let grams: Vec<Goniogram> = args.run.work("goniophotometer", "rays", total, |progress| {
         let measured = args.incidence_deg.iter().enumerate().map(|(i, &deg)| {
             let onwards = |done: usize, _: usize| progress(i * rays as usize + done, total);
-            instrument(deg).measure(tissue.as_ref(), wavelength, rays, args.seed, &onwards)
+            instrument(deg).measure(tissue, wavelength, rays, args.seed, &onwards)
         });
         measured.collect()
     })?;
@@ -95,7 +96,7 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
         .into_iter()
         .map(|nm| {
             let first = instrument(args.incidence_deg[0]);
-            Ok((nm, first.interactions(tissue.as_ref(), Nanometres(nm), INTERACTION_RAYS, args.seed)?))
+            Ok((nm, first.interactions(tissue, Nanometres(nm), INTERACTION_RAYS, args.seed)?))
         })
         .collect::<Result<_, Failure>>()?;
 

@@ -2,16 +2,19 @@
 
 use std::time::Instant;
 
-use btf_synth::{LeafContents, LeafParams, write_leaf_capture};
+use btf_synth::{LeafContents, LeafParams, Passage, RgbBands, write_leaf_capture};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::model::{ContentsArgs, Model, Side, TissueArgs};
 use super::{CaptureArgs, Failure, RunArgs};
 
 #[derive(Args)]
 #[command(after_help = "Examples:
   btf-synth leaf my-leaf
   btf-synth leaf autumn --size 128 --cab 5 --car 12 --cbrown 0.3 --seed 7
+  btf-synth leaf back --model abm97 --side abaxial
+  btf-synth leaf through --transmission
   btf-synth leaf hdr-leaf --format exr --directions dome151 --json leaf.json")]
 pub struct LeafArgs {
     #[command(flatten)]
@@ -22,35 +25,30 @@ pub struct LeafArgs {
     #[arg(long, default_value_t = 20.0, value_name = "MM")]
     size_mm: f32,
     /// Model of the blade's optics
-    #[arg(long, value_enum, default_value_t = Model::PlateExact)]
+    #[arg(long, value_enum, default_value_t = Model::PlateN)]
     model: Model,
-    /// Chlorophyll a + b in ug/cm2 (0 to 100)
-    #[arg(long, default_value_t = 40.0)]
-    cab: f64,
-    /// Carotenoids in ug/cm2 (0 to 25)
-    #[arg(long, default_value_t = 8.0)]
-    car: f64,
-    /// Brown pigment in arbitrary units (0 to 1)
-    #[arg(long, default_value_t = 0.0)]
-    cbrown: f64,
-    /// Dry matter in g/cm2 (0 to 0.02)
-    #[arg(long, default_value_t = 0.005)]
-    cm: f64,
-    /// Water in cm (0 to 0.04)
-    #[arg(long, default_value_t = 0.01)]
-    cw: f64,
-    /// Structure parameter N (1 to 3)
-    #[arg(long, default_value_t = 1.5)]
-    n: f64,
-    /// Roughness of the gloss (0.05 to 1)
+    /// Face that is seen
+    #[arg(long, value_enum, default_value_t = Side::Adaxial)]
+    side: Side,
+    /// Put the lights behind the leaf: angles above 90 degrees
+    #[arg(long)]
+    transmission: bool,
+    /// Wavelengths of the plate models' colour: 400 to 700 nm every 10 nm, or 675, 546 and 435 nm
+    #[arg(long, value_enum, default_value_t = Bands::Spectral)]
+    bands: Bands,
+    /// Roughness of the plates' gloss (0.05 to 1)
     #[arg(long, default_value_t = 0.3)]
     gamma: f64,
+    #[command(flatten)]
+    contents: ContentsArgs,
+    #[command(flatten)]
+    tissue: TissueArgs,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum Model {
-    /// One absorbing plate, exact equations, spectral index
-    PlateExact,
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Bands {
+    Spectral,
+    Three,
 }
 
 /// Writes the capture.
@@ -59,15 +57,14 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
     let params = LeafParams {
         size: args.capture.size,
         size_mm: args.size_mm,
-        contents: LeafContents {
-            chlorophyll_ug_per_cm2: args.cab,
-            carotenoid_ug_per_cm2: args.car,
-            anthocyanin_ug_per_cm2: 0.0,
-            brown: args.cbrown,
-            water_cm: args.cw,
-            dry_matter_g_per_cm2: args.cm,
-            structure: args.n,
+        model: args.tissue.leaf_model(args.model, args.contents.cab, args.contents.car)?,
+        contents: args.contents.over(LeafContents::default()),
+        bands: match args.bands {
+            Bands::Spectral => RgbBands::Spectral31,
+            Bands::Three => RgbBands::ThreeWavelength,
         },
+        side: args.side.into(),
+        passage: if args.transmission { Passage::Transmission } else { Passage::Reflection },
         roughness: args.gamma,
         seed: args.capture.seed,
         views: directions.clone(),
@@ -75,7 +72,6 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
         format: args.capture.format.into(),
     };
     params.check()?;
-    let Model::PlateExact = args.model;
     let started = Instant::now();
     let images = params.views.len() * params.lights.len();
     let out_dir = &args.capture.out_dir;
@@ -91,7 +87,8 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
         "lights": params.lights.len(),
         "size_mm": params.size_mm,
         "format": params.format.to_string(),
-        "model": "plate-exact",
+        "model": args.model.to_string(),
+        "side": params.capture_side().to_string(),
         "seed": params.seed,
     });
     args.run.report(&result, &format!("{}: {images} images in {seconds:.1} s", out_dir.display()))

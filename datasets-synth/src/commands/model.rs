@@ -1,8 +1,8 @@
 //! Options that name a leaf model and its contents, shared by the commands.
 
 use btf_synth::{
-    Abm97, Abm97Switches, AbmB, AbmU, Centimetres, Crossing, EntryLobe, LeafContents, MesophyllKind,
-    MicrogramsPerSquareCentimetre, PathRule, PlateModel, Specimen, States, Tissue,
+    Abm97, Abm97Switches, AbmB, AbmU, Centimetres, Crossing, EntryLobe, LeafContents, LeafModel, MesophyllKind,
+    MicrogramsPerSquareCentimetre, PathRule, PlateModel, Specimen, States,
 };
 use clap::{Args, ValueEnum};
 
@@ -135,21 +135,22 @@ impl TissueArgs {
         }
     }
 
-    /// The tissue of an algorithmic model; `None` for the plates. Contents in ug/cm2 where they are given,
-    /// else those of the model's own leaf.
-    pub fn tissue(&self, model: Model, cab: Option<f64>, car: Option<f64>) -> Result<Option<Box<dyn Tissue>>, Failure> {
-        Ok(Some(match model {
-            Model::PlateN | Model::PlateExact | Model::PlatePaper => return Ok(None),
-            Model::Abm97 => Box::new(self.abm97(cab, car)?),
-            Model::AbmB => Box::new(AbmB {
-                specimen: self.specimen(Specimen::soybean(), cab, car)?,
-                path: self.path(PathRule::Sieve),
-            }),
-            Model::AbmU => Box::new(AbmU {
-                specimen: self.specimen(Specimen::maize(), cab, car)?,
-                path: self.path(PathRule::Sieve),
-            }),
-        }))
+    /// The model with its parameters; contents in ug/cm2 where they are given, else those of the model's
+    /// own leaf.
+    pub fn leaf_model(&self, model: Model, cab: Option<f64>, car: Option<f64>) -> Result<LeafModel, Failure> {
+        let specimen = |default| self.specimen(default, cab, car);
+        Ok(match model {
+            Model::PlateN => LeafModel::Plate(PlateModel::N),
+            Model::PlateExact => LeafModel::Plate(PlateModel::Exact),
+            Model::PlatePaper => LeafModel::Plate(PlateModel::Paper),
+            Model::Abm97 => LeafModel::Abm97(self.abm97(cab, car)?),
+            Model::AbmB => {
+                LeafModel::AbmB(AbmB { specimen: specimen(Specimen::soybean())?, path: self.path(PathRule::Sieve) })
+            }
+            Model::AbmU => {
+                LeafModel::AbmU(AbmU { specimen: specimen(Specimen::maize())?, path: self.path(PathRule::Sieve) })
+            }
+        })
     }
 
     fn abm97(&self, cab: Option<f64>, car: Option<f64>) -> Result<Abm97, Failure> {
@@ -256,18 +257,6 @@ impl ContentsArgs {
             water_cm: self.cw.unwrap_or(default.water_cm),
             dry_matter_g_per_cm2: self.cm.unwrap_or(default.dry_matter_g_per_cm2),
             structure: self.n.unwrap_or(default.structure),
-        }
-    }
-}
-
-impl Model {
-    /// The plate model, if it is one.
-    pub fn plate(self) -> Option<PlateModel> {
-        match self {
-            Model::PlateN => Some(PlateModel::N),
-            Model::PlateExact => Some(PlateModel::Exact),
-            Model::PlatePaper => Some(PlateModel::Paper),
-            Model::Abm97 | Model::AbmB | Model::AbmU => None,
         }
     }
 }

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use btf_synth::{
-    Estimate, LeafContents, LinePlot, Method, PAPER_WAVELENGTHS_NM, Rays, Series, Spectrophotometer, Spectrum,
-    plate_spectrum,
+    Estimate, LeafContents, LeafModel, LinePlot, Method, PAPER_WAVELENGTHS_NM, Rays, Series, Spectrophotometer,
+    Spectrum, plate_spectrum,
 };
 use clap::{Args, ValueEnum};
 use serde_json::json;
@@ -83,11 +83,10 @@ enum MethodName {
 /// Measures and writes.
 pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
     let wavelength_nm = wavelengths(args)?;
-    let tissue = args.tissue.tissue(args.model, args.contents.cab, args.contents.car)?;
+    let model = args.tissue.leaf_model(args.model, args.contents.cab, args.contents.car)?;
     let started = Instant::now();
-    let spectrum = match (tissue, args.model.plate()) {
-        (None, plate) => {
-            let model = plate.unwrap_or_default();
+    let spectrum = match (model, model.tissue()) {
+        (LeafModel::Plate(model), _) => {
             let exact = |mean| Estimate { mean, standard_error: 0.0 };
             let contents = args.contents.over(LeafContents::default());
             model.check(model.default_table(), &contents)?;
@@ -100,7 +99,8 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
                 rays: 0,
             }
         }
-        (Some(tissue), _) => {
+        (_, None) => unreachable!("a model without a tissue is made of plates"),
+        (_, Some(tissue)) => {
             let beam = match args.beam {
                 BeamName::Parallel => Spectrophotometer::parallel(),
                 BeamName::Emitter => Spectrophotometer::default(),
@@ -116,7 +116,7 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
                 MethodName::Direct => Method::Direct,
             };
             args.run.work("spectrum", "wavelengths", wavelength_nm.len(), |progress| {
-                instrument.measure(tissue.as_ref(), &wavelength_nm, rays, method, args.seed, progress)
+                instrument.measure(tissue, &wavelength_nm, rays, method, args.seed, progress)
             })?
         }
     };

@@ -2,10 +2,18 @@
 
 use std::path::Path;
 
-use btf_capture::CaptureInfo;
+use btf_capture::{CaptureInfo, Direction, DirectionSet};
 
 use crate::error::SynthError;
+use crate::leaf::model::LeafModel;
 use crate::leaf::patch::{Leaf, LeafParams};
+use crate::leaf::plate_leaf::{Coupling, PlateLeaf};
+use crate::leaf::tissue_leaf::{TABLE_RAYS, TissueLeaf};
+use crate::optics::colour::RgbBands;
+use crate::optics::cook_torrance::{CUTICLE_INDEX, CookTorrance};
+use crate::optics::plate_body::PlateBody;
+use crate::optics::plate_model::PlateModel;
+use crate::optics::scatter_table::Passage;
 use crate::surface::capture::{Progress, write_capture};
 
 /// Makes the leaf of `params` and writes its capture to the folder `dir`, with its height map; see
@@ -15,11 +23,42 @@ use crate::surface::capture::{Progress, write_capture};
 /// [`SynthError::BadParameter`]; otherwise as [`write_capture`].
 pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: Progress) -> Result<(), SynthError> {
     params.check()?;
-    let mut info =
-        CaptureInfo::new("leaf", params.size, params.size, params.views.clone(), params.lights.clone(), params.format);
+    let lights = match params.passage {
+        Passage::Reflection => params.lights.clone(),
+        // The light stands behind the face that is seen.
+        Passage::Transmission => {
+            let behind = |d: &Direction| Direction::new(180.0 - d.theta_deg, d.phi_deg);
+            DirectionSet::new(params.lights.directions().iter().map(behind).collect())?
+        }
+    };
+    let mut info = CaptureInfo::new("leaf", params.size, params.size, params.views.clone(), lights, params.format);
     info.size_mm = Some([params.size_mm; 2]);
+    info.side = params.capture_side();
     info.provenance = params.provenance();
-    write_capture(dir, info, || Leaf::new(params), progress)
+    match (&params.model, params.model.tissue()) {
+        (_, Some(tissue)) => write_capture(
+            dir,
+            info,
+            || {
+                let leaf = Leaf::new(params)?;
+                Ok(TissueLeaf::new(tissue, leaf.seen, &leaf.tints, TABLE_RAYS, params.seed))
+            },
+            progress,
+        ),
+        (LeafModel::Plate(model), None) => write_capture(dir, info, || plate_leaf(*model, params), progress),
+        (_, None) => unreachable!("a model without a tissue is made of plates"),
+    }
+}
+
+/// The material of a plate model.
+fn plate_leaf(model: PlateModel, params: &LeafParams) -> Result<PlateLeaf, SynthError> {
+    let leaf = Leaf::new(params)?;
+    let bands = if model == PlateModel::Paper { RgbBands::ThreeWavelength } else { params.bands };
+    let body = PlateBody::new(model, model.default_table(), bands)?;
+    let lobe = CookTorrance::new(CUTICLE_INDEX, params.roughness);
+    // The printed body holds the surface's reflection already, and nothing couples it to the gloss.
+    let coupling = if model == PlateModel::Paper { Coupling::None } else { Coupling::Energy };
+    Ok(PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, &body, lobe, coupling))
 }
 
 #[cfg(test)]
@@ -59,7 +98,7 @@ mod tests {
         let info = capture.info();
         assert_eq!((info.width, info.height, info.views.len(), info.lights.len()), (48, 48, 4, 5));
         assert_eq!(info.size_mm, Some([20.0, 20.0]));
-        assert!(info.provenance.contains("plate-exact") && info.provenance.contains("seed 1"));
+        assert!(info.provenance.contains("plate-n") && info.provenance.contains("seed 1"));
         assert_eq!(all_pixels(&dir).len(), 20);
     }
 

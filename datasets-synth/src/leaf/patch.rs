@@ -1,17 +1,20 @@
 //! A leaf patch: what was asked for, and the grids that rendering reads.
 
-use btf_capture::{DirectionSet, ImageFormat};
+use btf_capture::{DirectionSet, ImageFormat, Side};
 use rayon::prelude::*;
 
-use crate::error::SynthError;
-use crate::leaf::relief::{RELIEF_BOUND_MM, Relief};
+use crate::error::{SynthError, check_range};
+use crate::leaf::face::{Seen, Tint};
+use crate::leaf::model::LeafModel;
+use crate::leaf::relief::{RELIEF_BOUND_MM, Relief, TextureSample};
 use crate::leaf::venation::Venation;
+use crate::optics::abm_b::AbmB;
+use crate::optics::abm_u::AbmU;
 use crate::optics::colour::RgbBands;
 use crate::optics::contents::LeafContents;
-use crate::optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, MIN_ROUGHNESS};
-use crate::optics::plate_body::PlateBody;
-use crate::optics::plate_model::PlateModel;
-use crate::optics::specific_absorption::SpecificAbsorption;
+use crate::optics::cook_torrance::{CUTICLE_INDEX, MIN_ROUGHNESS};
+use crate::optics::path_lengths::Face;
+use crate::optics::scatter_table::Passage;
 use crate::surface::grid::Grid;
 use crate::surface::height_field::HeightField;
 
@@ -38,28 +41,43 @@ pub struct LeafParams {
     pub size: usize,
     /// Width and height of the patch in millimetres, 1 to 200.
     pub size_mm: f32,
-    /// What the blade holds; veins deviate from it.
+    /// Optics of the blade.
+    pub model: LeafModel,
+    /// What the blade holds, for the plate models; veins deviate from it. The algorithmic models carry
+    /// their own contents.
     pub contents: LeafContents,
-    /// Roughness of the gloss (rms slope of its facets), 0.05 to 1.
+    /// Wavelengths of the plate models' colour.
+    pub bands: RgbBands,
+    /// Roughness of the plates' gloss (rms slope of its facets), 0.05 to 1.
     pub roughness: f64,
+    /// Face that is seen.
+    pub side: Face,
+    /// Whether the light falls on the seen face or on the other one.
+    pub passage: Passage,
     /// Seed of veins and relief.
     pub seed: u64,
     /// Directions towards the eye, polar angle at most [`MAX_LEAF_THETA_DEG`].
     pub views: DirectionSet,
-    /// Directions towards the light, the same.
+    /// Directions towards the light, the same; for transmission they are turned to the far side,
+    /// `theta` to `180 - theta`.
     pub lights: DirectionSet,
     /// Format of the images.
     pub format: ImageFormat,
 }
 
 impl Default for LeafParams {
-    /// A green leaf, 256 x 256 texels of 20 x 20 mm, Bonn's 81 x 81 directions, png, seed 1.
+    /// A green leaf of `plate-n`, its face in reflection, 256 x 256 texels of 20 x 20 mm, Bonn's 81 x 81
+    /// directions, png, seed 1.
     fn default() -> LeafParams {
         LeafParams {
             size: 256,
             size_mm: 20.0,
+            model: LeafModel::default(),
             contents: LeafContents::default(),
+            bands: RgbBands::Spectral31,
             roughness: 0.3,
+            side: Face::Adaxial,
+            passage: Passage::Reflection,
             seed: 1,
             views: DirectionSet::bonn81(),
             lights: DirectionSet::bonn81(),
@@ -74,18 +92,15 @@ impl LeafParams {
     /// # Errors
     /// [`SynthError::BadParameter`] for the first that is out of its range.
     pub fn check(&self) -> Result<(), SynthError> {
-        for (name, value, low, high) in [
-            ("--size", self.size as f64, 8.0, MAX_LEAF_SIZE as f64),
-            ("--size-mm", f64::from(self.size_mm), 1.0, 200.0),
-            ("--gamma", self.roughness, MIN_ROUGHNESS, 1.0),
-        ] {
-            // Not `<`, so that a NaN is refused, too.
-            if !(low..=high).contains(&value) {
-                let allowed = format!("a number from {low} to {high}");
-                return Err(SynthError::BadParameter { name, value: value.to_string(), allowed });
-            }
+        check_range("--size", self.size as f64, 8.0, MAX_LEAF_SIZE as f64)?;
+        check_range("--size-mm", f64::from(self.size_mm), 1.0, 200.0)?;
+        check_range("--gamma", self.roughness, MIN_ROUGHNESS, 1.0)?;
+        match &self.model {
+            LeafModel::Plate(model) => model.check(model.default_table(), &self.contents)?,
+            LeafModel::Abm97(leaf) => leaf.check()?,
+            LeafModel::AbmB(leaf) => leaf.specimen.check()?,
+            LeafModel::AbmU(leaf) => leaf.specimen.check()?,
         }
-        PlateModel::Exact.check(SpecificAbsorption::Prospect5, &self.contents)?;
         for set in [&self.views, &self.lights] {
             if let Some(d) = set.directions().iter().find(|d| d.theta_deg > MAX_LEAF_THETA_DEG) {
                 let allowed = format!("directions within {MAX_LEAF_THETA_DEG} degrees of the normal");
@@ -95,34 +110,69 @@ impl LeafParams {
         Ok(())
     }
 
+    /// The sides of light and eye in a capture's terms.
+    pub fn capture_side(&self) -> Side {
+        match (self.side, self.passage) {
+            (Face::Adaxial, Passage::Reflection) => Side::Front,
+            (Face::Abaxial, Passage::Reflection) => Side::Back,
+            (Face::Adaxial, Passage::Transmission) => Side::TransmissionBack,
+            (Face::Abaxial, Passage::Transmission) => Side::TransmissionFront,
+        }
+    }
+
     /// What was asked for in one line, for the capture's provenance.
     pub fn provenance(&self) -> String {
+        let face = match self.side {
+            Face::Adaxial => "adaxial",
+            Face::Abaxial => "abaxial",
+        };
+        let light = match self.passage {
+            Passage::Reflection => "reflection",
+            Passage::Transmission => "transmission",
+        };
         let c = &self.contents;
-        format!(
-            "btf-synth leaf: model plate-exact, chlorophyll {} ug/cm2, carotenoids {} ug/cm2, brown {}, water {} cm, \
-             dry matter {} g/cm2, N {}, gloss roughness {} of index {CUTICLE_INDEX}, upper face, seed {}, synthetic",
-            c.chlorophyll_ug_per_cm2,
-            c.carotenoid_ug_per_cm2,
-            c.brown,
-            c.water_cm,
-            c.dry_matter_g_per_cm2,
-            c.structure,
-            self.roughness,
-            self.seed,
-        )
+        let optics = match &self.model {
+            LeafModel::Plate(_) => format!(
+                "chlorophyll {} ug/cm2, carotenoids {} ug/cm2, anthocyanins {} ug/cm2, brown {}, water {} cm, dry \
+                 matter {} g/cm2, N {}, gloss roughness {} of index {CUTICLE_INDEX}, {}",
+                c.chlorophyll_ug_per_cm2,
+                c.carotenoid_ug_per_cm2,
+                c.anthocyanin_ug_per_cm2,
+                c.brown,
+                c.water_cm,
+                c.dry_matter_g_per_cm2,
+                c.structure,
+                self.roughness,
+                self.bands.name(),
+            ),
+            LeafModel::Abm97(leaf) => format!(
+                "chlorophyll {} ug/cm2, carotenoids {} ug/cm2, mesophyll {} cm",
+                leaf.chlorophyll.0,
+                leaf.carotenoid.0,
+                leaf.mesophyll_thickness().0
+            ),
+            LeafModel::AbmB(AbmB { specimen, .. }) | LeafModel::AbmU(AbmU { specimen, .. }) => format!(
+                "chlorophyll {:.2} ug/cm2, carotenoids {:.2} ug/cm2, mesophyll {} cm",
+                specimen.chlorophyll_per_area().0,
+                specimen.carotenoid_per_area().0,
+                specimen.mesophyll_thickness().0
+            ),
+        };
+        let model = self.model.name();
+        format!("btf-synth leaf: model {model}, {optics}, {face} face in {light}, seed {}, synthetic", self.seed)
     }
 }
 
-/// A leaf patch's upper face on a grid: relief, body colour, gloss. Lengths in millimetres, the
-/// origin at the patch's lower left corner, x to the right, y up, z towards the viewer with mean
-/// height 0 over the patch.
+/// A leaf patch without its optics: the two faces' relief and the appearance textures, on one grid, in the
+/// seen face's frame. Lengths in millimetres, the origin at the patch's lower left corner, x to the right,
+/// y up, z out of the face.
 #[derive(Debug, Clone)]
-pub struct Leaf {
-    pub(crate) face: HeightField,
-    pub(crate) size: usize,
-    /// Linear sRGB share of entered light that leaves again; gloss.
-    pub(crate) surface: Vec<[f32; 4]>,
-    pub(crate) lobe: CookTorrance,
+pub(crate) struct Leaf {
+    pub seen: Seen,
+    /// Factors on the contents, per node.
+    pub tints: Vec<Tint>,
+    /// Strength of the gloss of the seen and of the far face, 0 to 1, per node.
+    pub gloss: Vec<[f32; 2]>,
 }
 
 impl Leaf {
@@ -130,9 +180,6 @@ impl Leaf {
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
-    ///
-    /// Cost: 31 plate evaluations per grid node (some microseconds), of which there are four
-    /// per texel and some in the margin.
     pub fn new(params: &LeafParams) -> Result<Leaf, SynthError> {
         params.check()?;
         let steepest = params.views.directions().iter().map(|d| d.theta_deg).fold(0.0, f64::max);
@@ -141,68 +188,47 @@ impl Leaf {
         let grid = Grid::new(params.size_mm, texel_mm / NODES_PER_TEXEL, RELIEF_BOUND_MM * slope + SHADOW_MARGIN_MM);
         let venation = Venation::new(params.size_mm, grid.margin_mm, params.seed);
         let relief = Relief::new(venation, texel_mm, params.seed);
-        let body = PlateBody::new(PlateModel::Exact, SpecificAbsorption::Prospect5, RgbBands::Spectral31)?;
-
-        let nodes: Vec<(f32, [f32; 4])> = (0..grid.len())
+        let nodes: Vec<(f32, TextureSample)> = (0..grid.len())
             .into_par_iter()
             .map(|node| {
-                let (height, tissue) = relief.at(grid.position_mm(node % grid.side, node / grid.side));
-                let contents = LeafContents {
-                    chlorophyll_ug_per_cm2: params.contents.chlorophyll_ug_per_cm2 * f64::from(tissue.chlorophyll),
-                    carotenoid_ug_per_cm2: params.contents.carotenoid_ug_per_cm2 * f64::from(tissue.carotenoid),
-                    brown: params.contents.brown * f64::from(tissue.brown),
-                    ..params.contents
-                };
-                let [r, g, b] = body.rgb(&contents, f64::from(tissue.thickness)).reflectance;
-                (height, [r, g, b, tissue.gloss])
+                let [x, y] = grid.position_mm(node % grid.side, node / grid.side);
+                // The back is seen with the leaf turned over about y.
+                match params.side {
+                    Face::Adaxial => relief.at([x, y]),
+                    Face::Abaxial => relief.at([params.size_mm - x, y]),
+                }
             })
             .collect();
-
-        let (height_mm, surface) = nodes.into_iter().unzip();
+        // A thin sheet: what is sunk into one face stands out of the other.
+        let sign = params.side.sign() as f32;
+        let heights = |sign: f32| nodes.iter().map(|(height, _)| sign * height).collect();
         Ok(Leaf {
-            face: HeightField::new(grid, params.size_mm, height_mm),
-            size: params.size,
-            surface,
-            lobe: CookTorrance::new(CUTICLE_INDEX, params.roughness),
+            seen: Seen {
+                side: params.side,
+                passage: params.passage,
+                size: params.size,
+                face: HeightField::new(grid, params.size_mm, heights(sign)),
+                far: HeightField::new(grid, params.size_mm, heights(-sign)),
+            },
+            tints: nodes
+                .iter()
+                .map(|(_, t)| Tint {
+                    chlorophyll: t.chlorophyll,
+                    carotenoid: t.carotenoid,
+                    brown: t.brown,
+                    thickness: t.thickness,
+                })
+                .collect(),
+            gloss: nodes.iter().map(|(_, t)| [t.gloss; 2]).collect(),
         })
-    }
-
-    /// Height of the relief in millimetres at a position in millimetres from the patch's lower
-    /// left corner.
-    pub fn height_mm(&self, position_mm: [f32; 2]) -> f32 {
-        self.face.height_mm(position_mm)
-    }
-
-    /// Unit normal of the relief at a position.
-    pub fn normal(&self, position_mm: [f32; 2]) -> [f32; 3] {
-        self.face.normal(position_mm)
-    }
-
-    /// Linear sRGB share of the light entered at a position that leaves again in front, the body
-    /// colour below the gloss; signed.
-    pub fn body_rgb(&self, position_mm: [f32; 2]) -> [f32; 3] {
-        let [r, g, b, _] = self.surface_at(position_mm);
-        [r, g, b]
-    }
-
-    /// Strength of the gloss at a position, 0 to 1.
-    pub fn gloss(&self, position_mm: [f32; 2]) -> f32 {
-        self.surface_at(position_mm)[3]
-    }
-
-    /// The gloss lobe.
-    pub fn lobe(&self) -> &CookTorrance {
-        &self.lobe
-    }
-
-    fn surface_at(&self, position_mm: [f32; 2]) -> [f32; 4] {
-        self.face.grid.corners(self.face.grid.cells(position_mm)).sample_all(&self.surface)
     }
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::optics::abm97::Abm97;
+    use crate::optics::units::Centimetres;
 
     pub(crate) fn small() -> LeafParams {
         LeafParams {
@@ -222,6 +248,8 @@ pub(crate) mod tests {
         assert!(named(LeafParams { contents, ..small() }).contains("--n is 0.5"));
         let lights = DirectionSet::new(vec![btf_capture::Direction::new(89.0, 0.0)]).unwrap();
         assert!(named(LeafParams { lights, ..small() }).contains("--directions"));
+        let thin = Abm97 { leaf_thickness: Centimetres(0.0), ..Abm97::default() };
+        assert!(named(LeafParams { model: LeafModel::Abm97(thin), ..small() }).contains("--thickness-cm"));
         small().check().unwrap();
     }
 
@@ -232,34 +260,22 @@ pub(crate) mod tests {
             pool.install(|| Leaf::new(&LeafParams { seed, ..small() }).unwrap())
         };
         let (one, three, other) = (grow(1, 1), grow(3, 1), grow(1, 2));
-        assert_eq!(one.face.height_map_mm(48), three.face.height_map_mm(48));
-        assert_eq!(one.surface, three.surface);
-        assert_ne!(one.face.height_map_mm(48), other.face.height_map_mm(48));
+        let heights = |leaf: &Leaf| leaf.seen.face.height_map_mm(48);
+        assert_eq!(heights(&one), heights(&three));
+        assert_eq!((&one.tints, &one.gloss), (&three.tints, &three.gloss));
+        assert_ne!(one.seen.face.height_map_mm(48), heights(&other));
     }
 
     #[test]
-    fn normals_are_the_gradient_of_the_height() {
-        let leaf = Leaf::new(&LeafParams { size: 128, ..small() }).unwrap();
-        let h = leaf.face.grid.cell_mm;
+    fn the_back_is_the_face_turned_over() {
+        let face = Leaf::new(&small()).unwrap();
+        let back = Leaf::new(&LeafParams { side: Face::Abaxial, ..small() }).unwrap();
         for i in 0..200 {
-            // On nodes, where the tabulated slope is the central difference itself.
-            let node = [(40 + i % 20) as f32 * h, (60 + i / 20) as f32 * h];
-            let n = leaf.normal(node);
-            let difference =
-                (leaf.height_mm([node[0] + h, node[1]]) - leaf.height_mm([node[0] - h, node[1]])) / (2.0 * h);
-            assert!((-n[0] / n[2] - difference).abs() < 2e-3, "{n:?} {difference}");
-            assert!((n.iter().map(|c| c * c).sum::<f32>() - 1.0).abs() < 1e-5);
-        }
-    }
-
-    #[test]
-    fn the_blade_is_green_and_never_brighter_than_white() {
-        let leaf = Leaf::new(&small()).unwrap();
-        for i in 0..400 {
-            let p = [(i % 20) as f32, (i / 20) as f32];
-            let [r, g, b] = leaf.body_rgb(p);
-            assert!(g > b && g < 1.0 && r < 1.0 && b > -0.1, "{r} {g} {b}");
-            assert!((0.0..=1.0).contains(&leaf.gloss(p)));
+            let p = [(i % 20) as f32 + 0.4, (i / 20) as f32 * 1.9 + 0.3];
+            let turned = [20.0 - p[0], p[1]];
+            // What the face's far side shows at a place is what the back shows at the mirrored one.
+            assert!((face.seen.far.height_mm(p) - back.seen.face.height_mm(turned)).abs() < 2e-3, "{p:?}");
+            assert!((face.seen.face.height_mm(p) - back.seen.far.height_mm(turned)).abs() < 2e-3, "{p:?}");
         }
     }
 }

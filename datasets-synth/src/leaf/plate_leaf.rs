@@ -151,3 +151,101 @@ impl Material for PlateLeaf {
         body_rgb.map(|c| c * body + reflected)
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use btf_capture::{Direction, DirectionSet};
+
+    use super::*;
+    use crate::leaf::patch::{Leaf, LeafParams, tests::small};
+    use crate::optics::colour::RgbBands;
+    use crate::optics::path_lengths::Face;
+    use crate::optics::plate_model::PlateModel;
+    use crate::surface::height_field;
+    use crate::surface::rig::{Illumination, ViewHits, render};
+
+    fn lobe() -> CookTorrance {
+        CookTorrance::new(1.42, 0.3)
+    }
+
+    /// A leaf of 64 x 64 texels as it grows.
+    pub(crate) fn grown(side: Face, passage: Passage) -> PlateLeaf {
+        let set = DirectionSet::new(vec![Direction::new(75.0, 0.0)]).unwrap();
+        let params = LeafParams { size: 64, views: set.clone(), lights: set, side, passage, ..small() };
+        let leaf = Leaf::new(&params).unwrap();
+        let body = PlateBody::new(PlateModel::N, PlateModel::N.default_table(), RgbBands::Spectral31).unwrap();
+        PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, &body, lobe(), Coupling::Energy)
+    }
+
+    /// A leaf of 64 x 64 texels whose face has `height` in millimetres over the position, one body colour
+    /// and gloss; its far face is flat.
+    pub(crate) fn shaped(height: impl Fn([f32; 2]) -> f32, gloss: f32, passage: Passage) -> PlateLeaf {
+        let face = height_field::tests::shaped(height);
+        let far = height_field::tests::shaped(|_| 0.0);
+        let surface = vec![[0.5, 0.4, 0.3, gloss, gloss]; face.grid.len()];
+        let seen = Seen { side: Face::Adaxial, passage, size: 64, face, far };
+        PlateLeaf { seen, surface, lobe: lobe(), coupling: Coupling::Energy }
+    }
+
+    fn image(leaf: &PlateLeaf, wi: Direction, wo: Direction) -> Vec<f32> {
+        render(leaf, &ViewHits::new(leaf, wo.unit()), &Illumination::new(leaf, wi.unit()))
+    }
+
+    #[test]
+    fn light_from_behind_gives_the_transmitted_colour_times_its_cosine() {
+        let flat = shaped(|_| 0.0, 0.0, Passage::Transmission);
+        for (light, view) in [(180.0, 0.0), (120.0, 30.0), (105.0, 75.0)] {
+            let image = image(&flat, Direction::new(light, 40.0), Direction::new(view, 200.0));
+            let cos = -light.to_radians().cos() as f32;
+            for texel in image.chunks_exact(3) {
+                assert!((texel[0] - 0.5 * cos).abs() < 1e-5 && (texel[2] - 0.3 * cos).abs() < 1e-5, "{texel:?}");
+            }
+        }
+        // Light in front gives nothing through.
+        let front = image(&flat, Direction::new(30.0, 0.0), Direction::new(0.0, 0.0));
+        assert!(front.iter().all(|x| *x == 0.0));
+    }
+
+    #[test]
+    fn glossy_faces_let_less_through_and_never_more_than_fell_in() {
+        // Diffuse light from behind, averaged over the views, must not exceed the body's share.
+        let glossy = shaped(|_| 0.0, 1.0, Passage::Transmission);
+        let dull = shaped(|_| 0.0, 0.0, Passage::Transmission);
+        let at = |leaf: &PlateLeaf, light: f64, view: f64| {
+            image(leaf, Direction::new(light, 0.0), Direction::new(view, 90.0))[0]
+        };
+        assert!(at(&glossy, 105.0, 10.0) < 0.95 * at(&dull, 105.0, 10.0), "grazing light is reflected");
+        let mean = (0..40)
+            .map(|i| f64::from(at(&glossy, 180.0, (1.0 - (f64::from(i) + 0.5) / 40.0).sqrt().acos().to_degrees())))
+            .sum::<f64>()
+            / 40.0;
+        let entering = f64::from(1.0 - lobe().albedo(1.0));
+        assert!((mean - 0.5 * entering).abs() < 5e-3, "{mean} {}", 0.5 * entering);
+    }
+
+    #[test]
+    fn the_shadow_of_the_far_faces_relief_falls_on_transmitted_light_alone() {
+        let mut walled = shaped(|_| 0.0, 0.0, Passage::Transmission);
+        walled.seen.far = height_field::tests::shaped(|p| if (p[0] - 10.0).abs() < 0.5 { 0.4 } else { 0.0 });
+        // From +x behind at 60 degrees from the normal: the shadow lies at smaller x.
+        let lit = image(&walled, Direction::new(120.0, 0.0), Direction::new(0.0, 0.0));
+        let row = 32 * 64;
+        let column = |x: f32| 3 * (row + (x / 20.0 * 64.0) as usize);
+        assert!(lit[column(9.1)] < 0.5 * lit[column(5.0)], "{} {}", lit[column(9.1)], lit[column(5.0)]);
+        assert!((lit[column(12.0)] - lit[column(5.0)]).abs() < 0.02);
+    }
+
+    #[test]
+    fn both_faces_of_a_grown_leaf_show_and_transmit_green() {
+        for side in [Face::Adaxial, Face::Abaxial] {
+            for (passage, theta) in [(Passage::Reflection, 30.0), (Passage::Transmission, 150.0)] {
+                let leaf = grown(side, passage);
+                let image = image(&leaf, Direction::new(theta, 70.0), Direction::new(20.0, 200.0));
+                let mean = |channel: usize| image.iter().skip(channel).step_by(3).sum::<f32>() / (64.0 * 64.0);
+                let (r, g, b) = (mean(0), mean(1), mean(2));
+                assert!(g > 1.1 * r && g > 1.5 * b && g < 0.6 && b > -0.02, "{side:?} {passage:?}: {r} {g} {b}");
+                assert!(image.iter().all(|x| x.is_finite()));
+            }
+        }
+    }
+}

@@ -37,7 +37,7 @@ pub(crate) const RELIEF_BOUND_MM: f32 = 0.6;
 
 /// Scales of a leaf's contents and gloss at one point: the appearance textures.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Tissue {
+pub(crate) struct TextureSample {
     /// Factor on chlorophyll, V_a.
     pub chlorophyll: f32,
     /// Factor on carotenoids, V_c.
@@ -65,7 +65,7 @@ impl Relief {
     }
 
     /// Height in millimetres and tissue at a position.
-    pub fn at(&self, position_mm: [f32; 2]) -> (f32, Tissue) {
+    pub fn at(&self, position_mm: [f32; 2]) -> (f32, TextureSample) {
         let site = self.venation.site(position_mm);
         (self.height_mm(position_mm, site), self.tissue(position_mm, site))
     }
@@ -88,7 +88,7 @@ impl Relief {
         height
     }
 
-    fn tissue(&self, p: [f32; 2], site: VeinSite) -> Tissue {
+    fn tissue(&self, p: [f32; 2], site: VeinSite) -> TextureSample {
         let main = self.band(site.main, site.main_half_width);
         let secondary = self.band(site.secondary, site.secondary_half_width);
         let tertiary = 0.8 * self.line(site.tertiary, FINE_HALF_WIDTHS_MM[0]);
@@ -100,7 +100,7 @@ impl Relief {
         let mottle =
             1.0 + 0.16 * self.wave(p, 2.6, 200) + 0.10 * self.wave(p, 0.8, 201) + 0.10 * self.wave(p, 0.3, 202);
         let fleck = 1.0 + 0.8 * self.wave(p, 1.6, 203).max(0.0);
-        Tissue {
+        TextureSample {
             chlorophyll: towards(mottle, [0.82, 0.62, 0.38, 0.26]).max(0.0),
             carotenoid: towards(1.0 + 0.1 * self.wave(p, 2.6, 204), [1.0, 1.05, 1.2, 1.3]),
             brown: towards(fleck, [1.0, 1.1, 1.6, 2.0]),
@@ -163,12 +163,13 @@ mod tests {
     fn veins_are_lower_paler_glossier_and_thicker_than_the_blade() {
         let relief = relief(20.0 / 256.0);
         let mean = |on_vein: bool| {
-            let chosen: Vec<(f32, Tissue)> = positions()
+            let chosen: Vec<(f32, TextureSample)> = positions()
                 .filter(|&p| (relief.venation.site(p).main < 0.1) == on_vein)
                 .map(|p| relief.at(p))
                 .collect();
             assert!(chosen.len() > 20);
-            let mean = |pick: fn(&(f32, Tissue)) -> f32| chosen.iter().map(pick).sum::<f32>() / chosen.len() as f32;
+            let mean =
+                |pick: fn(&(f32, TextureSample)) -> f32| chosen.iter().map(pick).sum::<f32>() / chosen.len() as f32;
             [mean(|c| c.0), mean(|c| c.1.chlorophyll), mean(|c| c.1.gloss), mean(|c| c.1.thickness)]
         };
         let (vein, blade) = (mean(true), mean(false));

@@ -145,3 +145,97 @@ impl Material for TissueLeaf {
         sum.map(|c| c * cos_i)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use btf_capture::Direction;
+
+    use super::*;
+    use crate::optics::abm97::Abm97;
+    use crate::optics::path_lengths::{Parallel, trace_path_lengths};
+    use crate::surface::height_field;
+    use crate::surface::rig::{Illumination, ViewHits, render};
+
+    const PLAIN: Tint = Tint { chlorophyll: 1.0, carotenoid: 1.0, brown: 1.0, thickness: 1.0 };
+
+    fn flat(side: Face, passage: Passage, tint: Tint) -> TissueLeaf {
+        let face = height_field::tests::shaped(|_| 0.0);
+        let seen = Seen { side, passage, size: 64, far: face.clone(), face };
+        let tints = vec![tint; seen.face.grid.len()];
+        TissueLeaf::new(&Abm97::default(), seen, &tints, 40_000, 1)
+    }
+
+    fn first(leaf: &TissueLeaf, wi: Direction, wo: Direction) -> [f32; 3] {
+        let image = render(leaf, &ViewHits::new(leaf, wo.unit()), &Illumination::new(leaf, wi.unit()));
+        [image[0], image[1], image[2]]
+    }
+
+    /// The images of a flat leaf, integrated over the views, against the model's own spectrum.
+    #[test]
+    fn images_add_up_to_the_models_reflectance_and_transmittance() {
+        let tissue = Abm97::default();
+        let stack = tissue.stack(Nanometres(550.0));
+        let convert = RgbFromSpectrum::new(RgbBands::Spectral31);
+        for side in [Face::Adaxial, Face::Abaxial] {
+            // cos = (15/19)^2, an incidence of the table.
+            let theta = (15f64 / 19.0).powi(2).acos().to_degrees();
+            let traced = trace_path_lengths(&stack, &Parallel::onto(side, theta), 200_000, 3);
+            for passage in [Passage::Reflection, Passage::Transmission] {
+                let spectrum: Vec<f64> = convert
+                    .wavelengths_nm()
+                    .iter()
+                    .map(|&nm| {
+                        let k = tissue.optical_depth(Nanometres(nm)).0;
+                        match passage {
+                            Passage::Reflection => traced.reflectance(k).mean,
+                            Passage::Transmission => traced.transmittance(k).mean,
+                        }
+                    })
+                    .collect();
+                let expected = convert.rgb(&spectrum);
+                let (seen, light_deg) = match (passage, side) {
+                    (Passage::Reflection, side) => (side, theta),
+                    (Passage::Transmission, Face::Adaxial) => (Face::Abaxial, 180.0 - theta),
+                    (Passage::Transmission, Face::Abaxial) => (Face::Adaxial, 180.0 - theta),
+                };
+                let leaf = flat(seen, passage, PLAIN);
+                let light = Direction::new(light_deg, 0.0);
+                let (steps, turns) = (16, 24);
+                let mut sum = [0f64; 3];
+                for i in 0..steps {
+                    let cos: f64 = (f64::from(i) + 0.5) / f64::from(steps);
+                    for j in 0..turns {
+                        let phi = 360.0 * (f64::from(j) + 0.5) / f64::from(turns);
+                        let rgb = first(&leaf, light, Direction::new(cos.acos().to_degrees(), phi));
+                        (0..3).for_each(|c| sum[c] += f64::from(rgb[c]) * cos);
+                    }
+                }
+                let scale = 2.0 / f64::from(steps * turns) / (15f64 / 19.0).powi(2);
+                for channel in 0..3 {
+                    let found = sum[channel] * scale;
+                    assert!(
+                        (found - expected[channel]).abs() < 0.012,
+                        "{side:?} {passage:?} {channel}: {found} {expected:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn thicker_and_greener_places_are_darker() {
+        let at = |tint| {
+            first(
+                &flat(Face::Adaxial, Passage::Transmission, tint),
+                Direction::new(180.0, 0.0),
+                Direction::new(0.0, 0.0),
+            )
+        };
+        let plain = at(PLAIN);
+        let thick = at(Tint { thickness: 1.5, ..PLAIN });
+        let pale = at(Tint { chlorophyll: 0.3, ..PLAIN });
+        for channel in 0..3 {
+            assert!(thick[channel] < plain[channel] && pale[channel] > plain[channel]);
+        }
+    }
+}

@@ -150,26 +150,22 @@ pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use btf_capture::{Direction, DirectionSet};
+    use btf_capture::Direction;
 
     use super::*;
-    use crate::leaf::patch::{Leaf, LeafParams, tests::small};
-    use crate::surface::height_field;
+    use crate::leaf::plate_leaf::{PlateLeaf, tests as plate_leaf};
+    use crate::optics::path_lengths::Face;
+    use crate::optics::scatter_table::Passage;
 
-    fn leaf() -> Leaf {
-        let set = DirectionSet::new(vec![Direction::new(75.0, 0.0)]).unwrap();
-        Leaf::new(&LeafParams { size: 64, views: set.clone(), lights: set, ..small() }).unwrap()
+    fn leaf() -> PlateLeaf {
+        plate_leaf::grown(Face::Adaxial, Passage::Reflection)
     }
 
-    /// A leaf whose relief is replaced: `height` in millimetres over the position, one body
-    /// colour and gloss.
-    fn shaped(height: impl Fn([f32; 2]) -> f32, gloss: f32) -> Leaf {
-        let face = height_field::tests::shaped(height);
-        let surface = vec![[0.5, 0.4, 0.3, gloss]; face.grid.len()];
-        Leaf { face, surface, ..leaf() }
+    fn shaped(height: impl Fn([f32; 2]) -> f32, gloss: f32) -> PlateLeaf {
+        plate_leaf::shaped(height, gloss, Passage::Reflection)
     }
 
-    fn image(leaf: &Leaf, wi: Direction, wo: Direction) -> Vec<f32> {
+    fn image(leaf: &PlateLeaf, wi: Direction, wo: Direction) -> Vec<f32> {
         render(leaf, &ViewHits::new(leaf, wo.unit()), &Illumination::new(leaf, wi.unit()))
     }
 
@@ -216,12 +212,13 @@ mod tests {
         for (theta, phi) in [(30.0, 20.0), (75.0, 200.0), (85.0, 300.0)] {
             let wo = Direction::new(theta, phi).unit();
             for i in 0..100 {
-                let start = leaf.face.grid.cells([(i % 10) as f32 * 2.0 + 0.3, (i / 10) as f32 * 2.0 + 0.3]);
-                let place = leaf.face.march_down(start, wo);
+                let start = leaf.face().grid.cells([(i % 10) as f32 * 2.0 + 0.3, (i / 10) as f32 * 2.0 + 0.3]);
+                let place = leaf.face().march_down(start, wo);
                 // Height of the ray over that place.
-                let along = ((place[0] - start[0]) * wo[0] + (place[1] - start[1]) * wo[1]) * leaf.face.grid.cell_mm;
+                let along = ((place[0] - start[0]) * wo[0] + (place[1] - start[1]) * wo[1]) * leaf.face().grid.cell_mm;
                 let z = along * wo[2] / (wo[0] * wo[0] + wo[1] * wo[1]);
-                let surface = leaf.face.height_mm(place.map(|x| x * leaf.face.grid.cell_mm - leaf.face.grid.margin_mm));
+                let surface =
+                    leaf.face().height_mm(place.map(|x| x * leaf.face().grid.cell_mm - leaf.face().grid.margin_mm));
                 assert!((z - surface).abs() < 5e-3, "{theta}: ray {z} surface {surface}");
             }
         }
