@@ -8,7 +8,7 @@ use btf_synth::{
     Spectrum, plate_spectrum,
 };
 use clap::{Args, ValueEnum};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::model::{Model, Side, TissueArgs};
 use super::{Failure, RunArgs, write_text};
@@ -32,6 +32,9 @@ pub struct SpectrumArgs {
     /// Face towards the light (the plates are alike from both)
     #[arg(long, value_enum, default_value_t = Side::Adaxial)]
     side: Side,
+    /// Measure the other face too
+    #[arg(long)]
+    both_sides: bool,
     /// First wavelength in nm (from 400); plate-paper knows 435, 546 and 675 nm alone
     #[arg(long, default_value_t = 400.0)]
     from_nm: f64,
@@ -85,19 +88,24 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
     let wavelength_nm = wavelengths(args)?;
     let model = args.tissue.leaf_model(args.model, args.contents.cab, args.contents.car)?;
     let started = Instant::now();
-    let spectrum = match (model, model.tissue()) {
+    let mut sides = vec![args.side];
+    if args.both_sides {
+        sides.push(if args.side == Side::Adaxial { Side::Abaxial } else { Side::Adaxial });
+    }
+    let spectra: Vec<Spectrum> = match (model, model.tissue()) {
         (LeafModel::Plate(model), _) => {
             let exact = |mean| Estimate { mean, standard_error: 0.0 };
             let contents = args.contents.over(LeafContents::default());
             model.check(model.default_table(), &contents)?;
             let cone_deg = args.contents.cone_deg.unwrap_or(model.default_cone_deg());
             let optics = plate_spectrum(model, model.default_table(), &contents, cone_deg, &wavelength_nm)?;
-            Spectrum {
+            let spectrum = Spectrum {
                 reflectance: optics.iter().map(|o| exact(o.reflectance)).collect(),
                 transmittance: optics.iter().map(|o| exact(o.transmittance)).collect(),
                 wavelength_nm,
                 rays: 0,
-            }
+            };
+            vec![spectrum; sides.len()]
         }
         (_, None) => unreachable!("a model without a tissue is made of plates"),
         (_, Some(tissue)) => {
@@ -105,7 +113,6 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
                 BeamName::Parallel => Spectrophotometer::parallel(),
                 BeamName::Emitter => Spectrophotometer::default(),
             };
-            let instrument = Spectrophotometer { incidence_deg: args.incidence_deg, face: args.side.into(), ..beam };
             let rays = match (args.rays, args.precision) {
                 (_, Some(precision)) => Rays::Precision(precision),
                 (rays, None) => Rays::Count(rays.unwrap_or(1_000_000)),
@@ -115,31 +122,53 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
                 MethodName::Splitting => Method::Splitting,
                 MethodName::Direct => Method::Direct,
             };
-            args.run.work("spectrum", "wavelengths", wavelength_nm.len(), |progress| {
-                instrument.measure(tissue, &wavelength_nm, rays, method, args.seed, progress)
+            let (count, total) = (wavelength_nm.len(), wavelength_nm.len() * sides.len());
+            args.run.work("spectrum", "wavelengths", total, |progress| {
+                let measured = sides.iter().enumerate().map(|(i, &side)| {
+                    let instrument = Spectrophotometer { incidence_deg: args.incidence_deg, face: side.into(), ..beam };
+                    let onwards = |done: usize, _: usize| progress(i * count + done, total);
+                    instrument.measure(tissue, &wavelength_nm, rays, method, args.seed, &onwards)
+                });
+                measured.collect()
             })?
         }
     };
     let seconds = started.elapsed().as_secs_f64();
     if let Some(path) = &args.plot {
-        write_text(path, &plot(args, &spectrum))?;
+        write_text(path, &plot(args, &sides, &spectra))?;
     }
+    let mut result = figures(&spectra[0]);
+    result["model"] = json!(args.model.to_string());
+    result["side"] = json!(side_name(args.side));
+    result["incidence_deg"] = json!(args.incidence_deg);
+    result["seed"] = json!(args.seed);
+    result["seconds"] = json!(seconds);
+    if let Some(other) = spectra.get(1) {
+        result[side_name(sides[1])] = figures(other);
+    }
+    let tables: Vec<String> = spectra
+        .iter()
+        .zip(&sides)
+        .map(|(spectrum, side)| {
+            let heading = if args.both_sides { format!("{}\n", side_name(*side)) } else { String::new() };
+            heading + &table(spectrum)
+        })
+        .collect();
+    args.run.report(&result, tables.concat().trim_end())
+}
+
+/// A spectrum as the JSON result has it.
+fn figures(spectrum: &Spectrum) -> Value {
     let mean = |values: &[Estimate]| values.iter().map(|e| e.mean).collect::<Vec<f64>>();
     let error = |values: &[Estimate]| values.iter().map(|e| e.standard_error).collect::<Vec<f64>>();
-    let result = json!({
-        "model": args.model.to_string(),
-        "side": side_name(args.side),
-        "incidence_deg": args.incidence_deg,
+    json!({
         "wavelength_nm": spectrum.wavelength_nm,
         "reflectance": mean(&spectrum.reflectance),
         "transmittance": mean(&spectrum.transmittance),
         "reflectance_standard_error": error(&spectrum.reflectance),
         "transmittance_standard_error": error(&spectrum.transmittance),
         "rays": spectrum.rays,
-        "seed": args.seed,
-        "seconds": seconds,
-    });
-    args.run.report(&result, table(&spectrum).trim_end())
+    })
 }
 
 pub(super) fn side_name(side: Side) -> &'static str {
@@ -168,16 +197,21 @@ fn wavelengths(args: &SpectrumArgs) -> Result<Vec<f64>, Failure> {
     Ok((0..=count).map(|i| from + step * i as f64).collect())
 }
 
-fn plot(args: &SpectrumArgs, spectrum: &Spectrum) -> String {
-    let line = |label: &str, values: &[Estimate]| Series {
-        label: label.into(),
-        points: spectrum.wavelength_nm.iter().copied().zip(values.iter().map(|e| e.mean)).collect(),
-    };
+fn plot(args: &SpectrumArgs, sides: &[Side], spectra: &[Spectrum]) -> String {
+    let mut series = Vec::new();
+    for (side, spectrum) in sides.iter().zip(spectra) {
+        for (quantity, values) in [("reflectance", &spectrum.reflectance), ("transmittance", &spectrum.transmittance)] {
+            let label = if args.both_sides { format!("{}, {quantity}", side_name(*side)) } else { quantity.into() };
+            let points = spectrum.wavelength_nm.iter().copied().zip(values.iter().map(|e| e.mean)).collect();
+            series.push(Series { label, points });
+        }
+    }
+    let faces = if args.both_sides { "both faces".into() } else { format!("{} face", side_name(args.side)) };
     LinePlot {
-        title: format!("{}, {} face, {} degrees", args.model, side_name(args.side), args.incidence_deg),
+        title: format!("{}, {faces}, {} degrees", args.model, args.incidence_deg),
         x_label: "wavelength in nm".into(),
         y_label: "share of incident light".into(),
-        series: vec![line("reflectance", &spectrum.reflectance), line("transmittance", &spectrum.transmittance)],
+        series,
     }
     .svg()
 }

@@ -129,7 +129,7 @@ impl LinePlot {
         };
         let widened = |[low, high]: [f64; 2]| if low < high { [low, high] } else { [low.min(0.0), high.max(1.0)] };
         let [low, high] = range(|p| p.1);
-        let frame = Frame { x: widened(range(|p| p.0)), y: widened([low.min(0.0), 1.05 * high]) };
+        let frame = Frame { x: widened(range(|p| p.0)), y: widened([low.min(0.0), 1.28 * high]) };
         let content = html! {
             (frame.axes(&self.x_label, &self.y_label, &ticks(frame.y[0], frame.y[1])))
             @for (i, series) in self.series.iter().enumerate() {

@@ -146,13 +146,13 @@ impl LeafParams {
                 self.bands.name(),
             ),
             LeafModel::Abm97(leaf) => format!(
-                "chlorophyll {} ug/cm2, carotenoids {} ug/cm2, mesophyll {} cm",
+                "chlorophyll {} ug/cm2, carotenoids {} ug/cm2, mesophyll {:.4} cm",
                 leaf.chlorophyll.0,
                 leaf.carotenoid.0,
                 leaf.mesophyll_thickness().0
             ),
             LeafModel::AbmB(AbmB { specimen, .. }) | LeafModel::AbmU(AbmU { specimen, .. }) => format!(
-                "chlorophyll {:.2} ug/cm2, carotenoids {:.2} ug/cm2, mesophyll {} cm",
+                "chlorophyll {:.2} ug/cm2, carotenoids {:.2} ug/cm2, mesophyll {:.4} cm",
                 specimen.chlorophyll_per_area().0,
                 specimen.carotenoid_per_area().0,
                 specimen.mesophyll_thickness().0
