@@ -37,7 +37,10 @@ pub use error::SynthError;
 pub use leaf::capture::{Progress, write_leaf_capture};
 pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
 pub use optics::colour::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
-pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS};
 pub use optics::fresnel::{fresnel, fresnel_between, reflect, refract, refract_cos};
+pub use optics::gloss::{
+    CUTICLE_INDEX, CookTorrance, GlossCoupling, GlossForm, GlossParams, LobeAngles, MIN_ROUGHNESS, vein_frame,
+};
 pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};
+pub use optics::two_sided::two_sided_diffuse;
 pub use surface::rig::{LightVisibility, ViewHits, render};

@@ -7,7 +7,7 @@ use crate::error::SynthError;
 use crate::leaf::relief::{RELIEF_BOUND_MM, Relief};
 use crate::leaf::venation::Venation;
 use crate::optics::colour::{LeafContents, SpectrumToRgb};
-use crate::optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, MIN_ROUGHNESS};
+use crate::optics::gloss::{CUTICLE_INDEX, CookTorrance, MIN_ROUGHNESS};
 use crate::surface::grid::Grid;
 
 /// Largest side of a capture in texels.

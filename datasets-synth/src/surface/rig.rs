@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 
 use crate::leaf::patch::Leaf;
-use crate::optics::cook_torrance::LobeAngles;
+use crate::optics::gloss::LobeAngles;
 
 /// Points per texel and axis.
 pub(crate) const SUPERSAMPLES: usize = 2;
@@ -122,7 +122,7 @@ pub fn render(leaf: &Leaf, view: &ViewHits, light: &LightVisibility) -> Vec<f32>
             }
             let angles = LobeAngles { cos_i, cos_o: hit.cos_o, cos_h: dot(hit.normal, half), o_dot_h };
             let gloss = hit.gloss * leaf.lobe.pi_brdf_cos(fresnel, angles);
-            let body = (1.0 - hit.gloss * leaf.lobe.albedo(cos_i)) * cos_i;
+            let body = leaf.lobe.lets_in(hit.gloss, leaf.lobe.albedo(cos_i)) * cos_i;
             for channel in 0..3 {
                 texel[channel] += visible * (hit.body[channel] * body + gloss);
             }
