@@ -48,8 +48,10 @@ pub use optics::abm_u::AbmU;
 pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
 pub use optics::colour::{RgbBands, RgbFromSpectrum};
 pub use optics::contents::LeafContents;
-pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS};
 pub use optics::fresnel::{fresnel, fresnel_between, reflect, refract, refract_cos};
+pub use optics::gloss::{
+    CUTICLE_INDEX, CookTorrance, GlossCoupling, GlossForm, GlossParams, LobeAngles, MIN_ROUGHNESS, vein_frame,
+};
 pub use optics::interface::mean_interface_transmittance;
 pub use optics::path_lengths::{
     Beam, Diffuse, Estimate, Face, Parallel, PathLengths, TracedBeam, trace_path_lengths, trace_splitting,
@@ -66,6 +68,7 @@ pub use optics::theta::{
     ThetaForm, diffuse_transmission, diffuse_transmission_f32, rational_p1q2, rational_p2q3, three_piece_fit,
 };
 pub use optics::tissue::{DepthParts, Tissue};
+pub use optics::two_sided::two_sided_diffuse;
 pub use optics::units::{
     Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, PerCentimetre,
     SquareCentimetresPerGram, SquareCentimetresPerMicrogram,

@@ -2,7 +2,9 @@
 
 use std::time::Instant;
 
-use btf_synth::{LeafContents, LeafParams, Passage, RgbBands, write_leaf_capture};
+use btf_synth::{
+    GlossCoupling, GlossForm, GlossParams, LeafContents, LeafParams, Passage, RgbBands, write_leaf_capture,
+};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
@@ -39,6 +41,15 @@ pub struct LeafArgs {
     /// Roughness of the plates' gloss (0.05 to 1)
     #[arg(long, default_value_t = 0.3)]
     gamma: f64,
+    /// Roughness across the veins, where it differs from --gamma along them
+    #[arg(long)]
+    gamma_across: Option<f64>,
+    /// Gloss with the printed factor, four times too bright
+    #[arg(long)]
+    legacy_4x: bool,
+    /// Add the gloss on top of the body instead of taking from it what the gloss reflects
+    #[arg(long)]
+    uncoupled: bool,
     #[command(flatten)]
     contents: ContentsArgs,
     #[command(flatten)]
@@ -65,7 +76,13 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
         },
         side: args.side.into(),
         passage: if args.transmission { Passage::Transmission } else { Passage::Reflection },
-        roughness: args.gamma,
+        gloss: GlossParams {
+            gamma_along: args.gamma,
+            gamma_across: args.gamma_across.unwrap_or(args.gamma),
+            form: if args.legacy_4x { GlossForm::Legacy4x } else { GlossForm::Corrected },
+            coupling: if args.uncoupled { GlossCoupling::None } else { GlossCoupling::Energy },
+            ..GlossParams::default()
+        },
         seed: args.capture.seed,
         views: directions.clone(),
         lights: directions,

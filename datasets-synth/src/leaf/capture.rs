@@ -7,10 +7,10 @@ use btf_capture::{CaptureInfo, Direction, DirectionSet};
 use crate::error::SynthError;
 use crate::leaf::model::LeafModel;
 use crate::leaf::patch::{Leaf, LeafParams};
-use crate::leaf::plate_leaf::{Coupling, PlateLeaf};
+use crate::leaf::plate_leaf::PlateLeaf;
 use crate::leaf::tissue_leaf::{TABLE_RAYS, TissueLeaf};
 use crate::optics::colour::RgbBands;
-use crate::optics::cook_torrance::{CUTICLE_INDEX, CookTorrance};
+use crate::optics::gloss::{CookTorrance, GlossCoupling, GlossParams};
 use crate::optics::plate_body::PlateBody;
 use crate::optics::plate_model::PlateModel;
 use crate::optics::scatter_table::Passage;
@@ -55,10 +55,10 @@ fn plate_leaf(model: PlateModel, params: &LeafParams) -> Result<PlateLeaf, Synth
     let leaf = Leaf::new(params)?;
     let bands = if model == PlateModel::Paper { RgbBands::ThreeWavelength } else { params.bands };
     let body = PlateBody::new(model, model.default_table(), bands)?;
-    let lobe = CookTorrance::new(CUTICLE_INDEX, params.roughness);
     // The printed body holds the surface's reflection already, and nothing couples it to the gloss.
-    let coupling = if model == PlateModel::Paper { Coupling::None } else { Coupling::Energy };
-    Ok(PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, &body, lobe, coupling))
+    let coupling = if model == PlateModel::Paper { GlossCoupling::None } else { params.gloss.coupling };
+    let lobe = CookTorrance::from_params(&GlossParams { coupling, ..params.gloss });
+    Ok(PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, leaf.veins, &body, lobe))
 }
 
 #[cfg(test)]

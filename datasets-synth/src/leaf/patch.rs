@@ -12,7 +12,7 @@ use crate::optics::abm_b::AbmB;
 use crate::optics::abm_u::AbmU;
 use crate::optics::colour::RgbBands;
 use crate::optics::contents::LeafContents;
-use crate::optics::cook_torrance::{CUTICLE_INDEX, MIN_ROUGHNESS};
+use crate::optics::gloss::GlossParams;
 use crate::optics::path_lengths::Face;
 use crate::optics::scatter_table::Passage;
 use crate::surface::grid::Grid;
@@ -48,8 +48,8 @@ pub struct LeafParams {
     pub contents: LeafContents,
     /// Wavelengths of the plate models' colour.
     pub bands: RgbBands,
-    /// Roughness of the plates' gloss (rms slope of its facets), 0.05 to 1.
-    pub roughness: f64,
+    /// Gloss of the plate models. For `plate-paper` nothing is coupled, whatever this says.
+    pub gloss: GlossParams,
     /// Face that is seen.
     pub side: Face,
     /// Whether the light falls on the seen face or on the other one.
@@ -75,7 +75,7 @@ impl Default for LeafParams {
             model: LeafModel::default(),
             contents: LeafContents::default(),
             bands: RgbBands::Spectral31,
-            roughness: 0.3,
+            gloss: GlossParams::default(),
             side: Face::Adaxial,
             passage: Passage::Reflection,
             seed: 1,
@@ -94,7 +94,7 @@ impl LeafParams {
     pub fn check(&self) -> Result<(), SynthError> {
         check_range("--size", self.size as f64, 8.0, MAX_LEAF_SIZE as f64)?;
         check_range("--size-mm", f64::from(self.size_mm), 1.0, 200.0)?;
-        check_range("--gamma", self.roughness, MIN_ROUGHNESS, 1.0)?;
+        self.gloss.check()?;
         match &self.model {
             LeafModel::Plate(model) => model.check(model.default_table(), &self.contents)?,
             LeafModel::Abm97(leaf) => leaf.check()?,
@@ -134,7 +134,7 @@ impl LeafParams {
         let optics = match &self.model {
             LeafModel::Plate(_) => format!(
                 "chlorophyll {} ug/cm2, carotenoids {} ug/cm2, anthocyanins {} ug/cm2, brown {}, water {} cm, dry \
-                 matter {} g/cm2, N {}, gloss roughness {} of index {CUTICLE_INDEX}, {}",
+                 matter {} g/cm2, N {}, gloss {} of index {}, roughness {} along and {} across the veins, {}",
                 c.chlorophyll_ug_per_cm2,
                 c.carotenoid_ug_per_cm2,
                 c.anthocyanin_ug_per_cm2,
@@ -142,7 +142,10 @@ impl LeafParams {
                 c.water_cm,
                 c.dry_matter_g_per_cm2,
                 c.structure,
-                self.roughness,
+                self.gloss.form.name(),
+                self.gloss.index,
+                self.gloss.gamma_along,
+                self.gloss.gamma_across,
                 self.bands.name(),
             ),
             LeafModel::Abm97(leaf) => format!(
@@ -173,6 +176,8 @@ pub(crate) struct Leaf {
     pub tints: Vec<Tint>,
     /// Strength of the gloss of the seen and of the far face, 0 to 1, per node.
     pub gloss: Vec<[f32; 2]>,
+    /// Direction of the veins in the plane, per node.
+    pub veins: Vec<[f32; 2]>,
 }
 
 impl Leaf {
@@ -220,6 +225,7 @@ impl Leaf {
                 })
                 .collect(),
             gloss: nodes.iter().map(|(_, t)| [t.gloss; 2]).collect(),
+            veins: vec![[0.0, 1.0]; nodes.len()],
         })
     }
 }
@@ -243,7 +249,7 @@ pub(crate) mod tests {
     fn parameters_out_of_range_are_named() {
         let named = |params: LeafParams| params.check().unwrap_err().to_string();
         assert!(named(LeafParams { size: 7, ..small() }).contains("--size is 7"));
-        assert!(named(LeafParams { roughness: f64::NAN, ..small() }).contains("--gamma"));
+        assert!(named(LeafParams { gloss: GlossParams::isotropic(1.42, f64::NAN), ..small() }).contains("--gamma"));
         let contents = LeafContents { structure: 0.5, ..LeafContents::default() };
         assert!(named(LeafParams { contents, ..small() }).contains("--n is 0.5"));
         let lights = DirectionSet::new(vec![btf_capture::Direction::new(89.0, 0.0)]).unwrap();

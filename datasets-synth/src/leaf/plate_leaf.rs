@@ -10,28 +10,20 @@ use rayon::prelude::*;
 
 use crate::leaf::face::{Seen, Tint};
 use crate::optics::contents::LeafContents;
-use crate::optics::cook_torrance::{CookTorrance, LobeAngles};
+use crate::optics::gloss::{CookTorrance, LobeAngles, vein_frame};
 use crate::optics::plate_body::PlateBody;
 use crate::optics::scatter_table::Passage;
 use crate::surface::height_field::{HeightField, LightVisibility};
 use crate::surface::rig::{Hit, Material, dot};
-
-/// How gloss and body add up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Coupling {
-    /// What the gloss reflects does not enter.
-    Energy,
-    /// The two are added, as printed.
-    None,
-}
 
 /// The leaf. See the notes at the top of this file.
 pub(crate) struct PlateLeaf {
     seen: Seen,
     /// Per node: the body's share on the eye's side, linear sRGB; gloss of the seen and of the far face.
     surface: Vec<[f32; 5]>,
+    /// Per node: direction of the veins in the plane, of any length.
+    veins: Vec<[f32; 2]>,
     lobe: CookTorrance,
-    coupling: Coupling,
 }
 
 /// The view's half of a point's shading.
@@ -43,6 +35,8 @@ pub(crate) struct PlatePoint {
     body: [f32; 3],
     /// Of the face that the light falls on.
     gloss: f32,
+    /// Unit vectors along and across the veins; read where the lobe is anisotropic.
+    frame: [[f32; 3]; 2],
 }
 
 /// The constants of one image. Light and view are parallel, so the angle at the facets is one for
@@ -52,19 +46,20 @@ pub(crate) struct PlatePair {
     half: [f32; 3],
     o_dot_h: f32,
     fresnel: f32,
+    wi: [f32; 3],
 }
 
 impl PlateLeaf {
     /// Colours the nodes of `seen`: `tints` scale `contents`, `gloss` holds the strengths of the seen and of
-    /// the far face.
+    /// the far face, `veins` their direction in the plane.
     pub fn new(
         seen: Seen,
         contents: &LeafContents,
         tints: &[Tint],
         gloss: &[[f32; 2]],
+        veins: Vec<[f32; 2]>,
         body: &PlateBody,
         lobe: CookTorrance,
-        coupling: Coupling,
     ) -> PlateLeaf {
         let surface = tints
             .par_iter()
@@ -85,7 +80,16 @@ impl PlateLeaf {
                 [r, g, b, gloss, far_gloss]
             })
             .collect();
-        PlateLeaf { seen, surface, lobe, coupling }
+        PlateLeaf { seen, surface, veins, lobe }
+    }
+
+    /// Directional albedo of the lobe towards `w` at cosine `cosine`.
+    #[inline]
+    fn albedo(&self, cosine: f32, w: [f32; 3], frame: &[[f32; 3]; 2]) -> f32 {
+        match self.lobe.is_anisotropic() {
+            true => self.lobe.albedo_along(cosine, frame.map(|axis| dot(axis, w))),
+            false => self.lobe.albedo(cosine),
+        }
     }
 }
 
@@ -106,18 +110,21 @@ impl Material for PlateLeaf {
     }
 
     fn point(&self, place: [f32; 2], normal: [f32; 3], wo: [f32; 3]) -> PlatePoint {
-        let [r, g, b, gloss, far_gloss] = self.seen.face.grid.corners(place).sample_all(&self.surface);
+        let corners = self.seen.face.grid.corners(place);
+        let [r, g, b, gloss, far_gloss] = corners.sample_all(&self.surface);
+        let frame = match self.lobe.is_anisotropic() {
+            true => vein_frame(normal, corners.sample_all(&self.veins)),
+            false => [[0.0; 3]; 2],
+        };
         // Interpolated normals may turn from the eye at a silhouette, where the surface itself does not.
         let cos_o = dot(normal, wo).max(1e-3);
-        let lets_out = match self.coupling {
-            Coupling::Energy => self.lobe.coupling(gloss, 0.0, self.lobe.albedo(cos_o)),
-            Coupling::None => 1.0,
-        };
+        let lets_out = self.lobe.coupling(gloss, 0.0, self.albedo(cos_o, wo, &frame));
         let gloss = match self.seen.passage {
             Passage::Reflection => gloss,
             Passage::Transmission => far_gloss,
         };
-        PlatePoint { cos_o, far_normal: self.seen.far_normal(place), body: [r, g, b].map(|c| c * lets_out), gloss }
+        let body = [r, g, b].map(|c| c * lets_out);
+        PlatePoint { cos_o, far_normal: self.seen.far_normal(place), body, gloss, frame }
     }
 
     fn pair(&self, wi: [f32; 3], wo: [f32; 3]) -> PlatePair {
@@ -125,7 +132,7 @@ impl Material for PlateLeaf {
         let inverse_length = 1.0 / dot(sum, sum).max(1e-20).sqrt();
         let half = sum.map(|c| c * inverse_length);
         let o_dot_h = dot(wo, half);
-        PlatePair { half, o_dot_h, fresnel: self.lobe.fresnel(o_dot_h) }
+        PlatePair { half, o_dot_h, fresnel: self.lobe.fresnel(o_dot_h), wi }
     }
 
     #[inline]
@@ -135,20 +142,22 @@ impl Material for PlateLeaf {
 
     #[inline]
     fn shade(&self, pair: &PlatePair, hit: &Hit<PlatePoint>, cos_i: f32) -> [f32; 3] {
-        let PlatePoint { cos_o, body: body_rgb, gloss, .. } = hit.point;
-        let lets_in = match self.coupling {
-            Coupling::Energy => 1.0 - gloss * self.lobe.albedo(cos_i),
-            Coupling::None => 1.0,
-        };
-        let body = lets_in * cos_i;
-        let reflected = match self.seen.passage {
+        let PlatePoint { cos_o, body: body_rgb, gloss, frame, .. } = &hit.point;
+        let (body, reflected) = match self.seen.passage {
             Passage::Reflection => {
-                let angles = LobeAngles { cos_i, cos_o, cos_h: dot(hit.normal, pair.half), o_dot_h: pair.o_dot_h };
-                gloss * self.lobe.pi_brdf_cos(pair.fresnel, angles)
+                let body = self.lobe.lets_in(*gloss, self.albedo(cos_i, pair.wi, frame));
+                let cos_h = dot(hit.normal, pair.half);
+                let angles = LobeAngles { cos_i, cos_o: *cos_o, cos_h, o_dot_h: pair.o_dot_h };
+                let lobe = match self.lobe.is_anisotropic() {
+                    true => self.lobe.pi_brdf_cos_along(pair.fresnel, angles, frame.map(|axis| dot(axis, pair.half))),
+                    false => self.lobe.pi_brdf_cos(pair.fresnel, angles),
+                };
+                (body, gloss * lobe)
             }
-            Passage::Transmission => 0.0,
+            // The far face's veins run alike, but its normal is another: the mean over the azimuth does.
+            Passage::Transmission => (self.lobe.lets_in(*gloss, self.lobe.albedo(cos_i)), 0.0),
         };
-        body_rgb.map(|c| c * body + reflected)
+        body_rgb.map(|c| c * body * cos_i + reflected)
     }
 }
 
@@ -159,6 +168,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::leaf::patch::{Leaf, LeafParams, tests::small};
     use crate::optics::colour::RgbBands;
+    use crate::optics::gloss::GlossParams;
     use crate::optics::path_lengths::Face;
     use crate::optics::plate_model::PlateModel;
     use crate::surface::height_field;
@@ -174,7 +184,7 @@ pub(crate) mod tests {
         let params = LeafParams { size: 64, views: set.clone(), lights: set, side, passage, ..small() };
         let leaf = Leaf::new(&params).unwrap();
         let body = PlateBody::new(PlateModel::N, PlateModel::N.default_table(), RgbBands::Spectral31).unwrap();
-        PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, &body, lobe(), Coupling::Energy)
+        PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, leaf.veins, &body, lobe())
     }
 
     /// A leaf of 64 x 64 texels whose face has `height` in millimetres over the position, one body colour
@@ -184,7 +194,8 @@ pub(crate) mod tests {
         let far = height_field::tests::shaped(|_| 0.0);
         let surface = vec![[0.5, 0.4, 0.3, gloss, gloss]; face.grid.len()];
         let seen = Seen { side: Face::Adaxial, passage, size: 64, face, far };
-        PlateLeaf { seen, surface, lobe: lobe(), coupling: Coupling::Energy }
+        let veins = vec![[0.0, 1.0]; surface.len()];
+        PlateLeaf { seen, surface, veins, lobe: lobe() }
     }
 
     fn image(leaf: &PlateLeaf, wi: Direction, wo: Direction) -> Vec<f32> {
@@ -233,6 +244,23 @@ pub(crate) mod tests {
         let column = |x: f32| 3 * (row + (x / 20.0 * 64.0) as usize);
         assert!(lit[column(9.1)] < 0.5 * lit[column(5.0)], "{} {}", lit[column(9.1)], lit[column(5.0)]);
         assert!((lit[column(12.0)] - lit[column(5.0)]).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_lobe_that_is_narrow_across_the_veins_is_brighter_there_and_still_reciprocal() {
+        let mut leaf = shaped(|_| 0.0, 1.0, Passage::Reflection);
+        let params = GlossParams { gamma_along: 0.5, gamma_across: 0.15, ..GlossParams::default() };
+        leaf.lobe = CookTorrance::from_params(&params);
+        let at = |wi: Direction, wo: Direction| image(&leaf, wi, wo)[2];
+        // Veins run along y: half vectors tilted along y are common, tilted along x are not.
+        let (up, side) = (Direction::new(50.0, 90.0), Direction::new(50.0, 0.0));
+        let zenith = Direction::new(0.0, 0.0);
+        assert!(at(up, zenith) > 1.02 * at(side, zenith), "{} {}", at(up, zenith), at(side, zenith));
+        for (a, b) in [(Direction::new(20.0, 10.0), Direction::new(60.0, 150.0)), (up, side)] {
+            let forward = at(a, b) / a.unit()[2];
+            let backward = at(b, a) / b.unit()[2];
+            assert!((forward - backward).abs() < 2e-3 * forward, "{forward} {backward}");
+        }
     }
 
     #[test]
