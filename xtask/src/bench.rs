@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::shell::{cargo, run_checked};
 
 const HELP: &str = "\
-Times reading, clustering, fitting and decoding with criterion.
+Times reading, clustering, fitting, decoding and leaf optics with criterion.
 
 Usage: cargo xtask bench [CRITERION ARGUMENTS]
 
@@ -16,6 +16,6 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
         println!("{HELP}");
         return Ok(());
     }
-    let mut command = cargo(&["bench", "--package", "btf-tests", "--bench", "stages", "--"]);
+    let mut command = cargo(&["bench", "--package", "btf-tests", "--benches", "--"]);
     run_checked(command.args(arguments))
 }

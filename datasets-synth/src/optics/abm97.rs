@@ -245,12 +245,11 @@ impl Tissue for Abm97 {
     }
 
     fn depth_parts(&self, wavelength: Nanometres) -> DepthParts {
-        // A_g = A c / t_m per length, times t_m; written out, so that the units are checked.
+        // A_g t_m = (A c / t_m) t_m = A c: a content per area needs no thickness, and none can be 0.
         let thickness = self.mesophyll_thickness();
-        let depth = |per_area: OpticalDepth| per_area / thickness * thickness;
         DepthParts {
-            chlorophyll: depth(chlorophyll(wavelength) * self.chlorophyll),
-            carotenoid: depth(carotenoid(wavelength) * self.carotenoid),
+            chlorophyll: chlorophyll(wavelength) * self.chlorophyll,
+            carotenoid: carotenoid(wavelength) * self.carotenoid,
             rest: water(wavelength) * self.water_share * thickness,
         }
     }
@@ -298,6 +297,11 @@ mod tests {
         assert!((leaf.optical_depth(GREEN).0 - 0.561).abs() < 1e-3);
         assert!((leaf.optical_depth(RED).0 - 2.46).abs() < 1e-2);
         assert!((leaf.mesophyll_thickness().0 - 0.0072).abs() < 1e-12);
+        // Absorption per length is what the printed eq. 9 wants, and is finite down to no thickness at all.
+        let per_length = leaf.depth_parts(GREEN).chlorophyll / leaf.mesophyll_thickness();
+        assert!((per_length.0 - 77.9).abs() < 0.1, "A_g in 1/cm");
+        let none = Abm97 { leaf_thickness: Centimetres(0.0), ..leaf };
+        assert!((none.optical_depth(RED).0 - leaf.optical_depth(RED).0).abs() < 1e-4 && none.check().is_err());
         // Water: nothing in the visible, all of it at its band.
         let dry = Abm97 { water_share: 0.0, ..leaf };
         assert!((dry.optical_depth(GREEN).0 - leaf.optical_depth(GREEN).0).abs() < 1e-5);
