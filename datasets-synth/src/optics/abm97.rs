@@ -47,9 +47,7 @@ use crate::optics::tables::abm::water;
 use crate::optics::tables::prospect_5::PROSPECT_5;
 use crate::optics::tables::{LEAF_FIRST_NM, LEAF_LAST_NM, interpolated};
 use crate::optics::tissue::{DepthParts, Tissue};
-use crate::optics::units::{
-    Centimetres, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, SquareCentimetresPerMicrogram,
-};
+use crate::optics::units::{Centimetres, MicrogramsPerSquareCentimetre, Nanometres, SquareCentimetresPerMicrogram};
 
 /// One epidermis.
 #[derive(Debug, Clone, Copy, PartialEq)]
