@@ -5,4 +5,5 @@ mod budget;
 mod bytes_are_repeatable;
 mod expand_and_measure;
 mod measured_photographs;
+mod mitsuba_peers;
 mod recovery;
