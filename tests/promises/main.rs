@@ -7,4 +7,5 @@ mod expand_and_measure;
 mod leaf_colour;
 mod leaf_layers;
 mod measured_photographs;
+mod mitsuba_peers;
 mod recovery;

@@ -2,7 +2,7 @@
 //!
 //! | Chore | File |
 //! |---|---|
-//! | `test` | `test.rs`: the steps of CI; `counts.rs` reads the test runners' output |
+//! | `test` | `test.rs`: the steps of CI; `counts.rs` reads the test runners' output, `peers.rs` installs Mitsuba |
 //! | `check` | `check.rs`: format and clippy |
 //! | `demo` | `demo.rs`: capture, fit, compare, picture |
 //! | `bench` | `bench.rs` |
@@ -22,6 +22,7 @@ mod driver;
 mod failure;
 mod licences;
 mod metadata;
+mod peers;
 mod shell;
 mod spdx;
 mod test;
