@@ -1,6 +1,8 @@
 //! The subcommands, one file each, and what they share.
 
+mod cloth;
 mod leaf;
+mod leather;
 
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -27,8 +29,12 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Photograph woven cloth: yarns, plies and fibres.
+    Cloth(cloth::ClothArgs),
     /// Photograph a leaf: veins, relief, pigments and gloss.
     Leaf(leaf::LeafArgs),
+    /// Photograph pebbled leather: grain, creases, pores and finish.
+    Leather(leather::LeatherArgs),
 }
 
 /// How the program ends.
@@ -55,7 +61,9 @@ impl From<SynthError> for Failure {
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
     let result = match cli.command {
+        Command::Cloth(args) => cloth::run(&args),
         Command::Leaf(args) => leaf::run(&args),
+        Command::Leather(args) => leather::run(&args),
     };
     let (sentence, code) = match result {
         Ok(()) => return ExitCode::SUCCESS,
@@ -171,6 +179,14 @@ impl From<Format> for ImageFormat {
             Format::Exr => ImageFormat::Exr,
         }
     }
+}
+
+/// Reads a colour of three numbers with commas between.
+fn parse_colour(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers
+        .and_then(|numbers| <[f64; 3]>::try_from(numbers).ok())
+        .ok_or_else(|| "write three numbers with commas between, such as 0.3,0.1,0.05".into())
 }
 
 /// Writes a text file that is whole or not there.
