@@ -1,5 +1,5 @@
-//! Synthetic captures of leaves: leaf optics, veins and relief, and a virtual rig that photographs
-//! them under every pair of a view and a light.
+//! Synthetic captures of leaves, woven cloth and leather: their optics and relief, and a virtual rig
+//! that photographs them under every pair of a view and a light.
 //!
 //! The chain, from contents to pictures:
 //!
@@ -12,6 +12,11 @@
 //! 6. [`HeightField`], [`Material`], [`ViewHits`], [`Illumination`], [`render`]: parallax, masking,
 //!    shadows, one image of any material.
 //! 7. [`write_leaf_capture`]: all images and the height map, as a Bonn-layout folder.
+//!
+//! Two other materials keep fitters from being tuned to leaves: [`Cloth`], yarns whose [`Fibre`]s
+//! scatter light as cylinders, written by [`write_cloth_capture`], and [`Leather`], a grain of pebbles
+//! under a [`Finish`] of long-tailed [`Facets`], written by [`write_leather_capture`]. Both add one
+//! indirect [`Bounce`].
 //!
 //! Everything that is random comes from a seed; the number of threads never matters.
 //!
@@ -30,12 +35,19 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod cloth;
 mod error;
 mod instruments;
 mod leaf;
+mod leather;
 mod optics;
 mod surface;
 
+pub use cloth::capture::write_cloth_capture;
+pub use cloth::fabric::{Cloth, ClothPair, ClothPoint};
+pub use cloth::fibre::{Fibre, FibreDirection, FibrePair, FibreParams, FibreView};
+pub use cloth::params::ClothParams;
+pub use cloth::weave::Weave;
 pub use error::SynthError;
 pub use instruments::goniophotometer::{Goniogram, Goniophotometer, Interactions};
 pub use instruments::plot::{LinePlot, Series, counts_svg, disk_svg, goniogram_svg};
@@ -43,6 +55,11 @@ pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectr
 pub use leaf::capture::write_leaf_capture;
 pub use leaf::model::LeafModel;
 pub use leaf::patch::{LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use leather::capture::write_leather_capture;
+pub use leather::facets::{FacetDirection, Facets};
+pub use leather::finish::{Finish, FinishParams, FinishView};
+pub use leather::hide::{Leather, LeatherPair, LeatherPoint};
+pub use leather::params::LeatherParams;
 pub use optics::abm_b::{AbmB, AspectRatios, Composition, Specimen};
 pub use optics::abm_u::AbmU;
 pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
@@ -74,6 +91,8 @@ pub use optics::units::{
     SquareCentimetresPerGram, SquareCentimetresPerMicrogram,
 };
 pub use optics::walk::{Absorption, End, Walked, walk, walk_splitting};
+pub use surface::bounce::{Bounce, BouncedLight};
 pub use surface::capture::{HEIGHT_MAP_NAME, Progress, write_capture};
+pub use surface::capture_params::{CaptureParams, MAX_CAPTURE_SIZE, MAX_CAPTURE_THETA_DEG};
 pub use surface::height_field::{HeightField, LightVisibility};
 pub use surface::rig::{Hit, Illumination, Material, ViewHits, render};

@@ -1,7 +1,9 @@
 //! The subcommands, one file each, and what they share.
 
+mod cloth;
 mod goniophotometer;
 mod leaf;
+mod leather;
 mod model;
 mod spectrum;
 
@@ -30,12 +32,16 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Photograph woven cloth: yarns, plies and fibres.
+    Cloth(cloth::ClothArgs),
     /// Photograph a leaf: veins, relief, pigments and gloss.
     Leaf(leaf::LeafArgs),
     /// Measure spectral reflectance and transmittance of a leaf model.
     Spectrum(spectrum::SpectrumArgs),
     /// Measure BRDF and BTDF of a leaf model over the sphere.
     Goniophotometer(goniophotometer::GoniophotometerArgs),
+    /// Photograph pebbled leather: grain, creases, pores and finish.
+    Leather(leather::LeatherArgs),
 }
 
 /// How the program ends.
@@ -62,9 +68,11 @@ impl From<SynthError> for Failure {
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
     let result = match cli.command {
+        Command::Cloth(args) => cloth::run(&args),
         Command::Leaf(args) => leaf::run(&args),
         Command::Spectrum(args) => spectrum::run(&args),
         Command::Goniophotometer(args) => goniophotometer::run(&args),
+        Command::Leather(args) => leather::run(&args),
     };
     let (sentence, code) = match result {
         Ok(()) => return ExitCode::SUCCESS,
@@ -180,6 +188,14 @@ impl From<Format> for ImageFormat {
             Format::Exr => ImageFormat::Exr,
         }
     }
+}
+
+/// Reads a colour of three numbers with commas between.
+fn parse_colour(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers
+        .and_then(|numbers| <[f64; 3]>::try_from(numbers).ok())
+        .ok_or_else(|| "write three numbers with commas between, such as 0.3,0.1,0.05".into())
 }
 
 /// Writes a text file that is whole or not there.

@@ -15,24 +15,16 @@ use crate::optics::contents::LeafContents;
 use crate::optics::gloss::GlossParams;
 use crate::optics::path_lengths::Face;
 use crate::optics::scatter_table::Passage;
+use crate::surface::capture_params::{MAX_CAPTURE_SIZE, MAX_CAPTURE_THETA_DEG};
 use crate::surface::grid::Grid;
 use crate::surface::height_field::HeightField;
 
 /// Largest side of a capture in texels.
-pub const MAX_LEAF_SIZE: usize = 2048;
+pub const MAX_LEAF_SIZE: usize = MAX_CAPTURE_SIZE;
 
 /// Steepest direction that a leaf is rendered under, in degrees: beyond it a ray crosses more
 /// relief than the patch has.
-pub const MAX_LEAF_THETA_DEG: f64 = 88.0;
-
-/// Nodes of the relief's grid per texel and axis.
-const NODES_PER_TEXEL: f32 = 2.0;
-
-/// Margins are made for directions up to this polar angle; steeper rays read the edge.
-const MARGIN_THETA_DEG: f64 = 82.0;
-
-/// Margin beyond what the view's parallax needs, in millimetres: for shadows from outside.
-const SHADOW_MARGIN_MM: f32 = 1.0;
+pub const MAX_LEAF_THETA_DEG: f64 = MAX_CAPTURE_THETA_DEG;
 
 /// What leaf to make and how to photograph it.
 #[derive(Debug, Clone, PartialEq)]
@@ -187,10 +179,8 @@ impl Leaf {
     /// [`SynthError::BadParameter`].
     pub fn new(params: &LeafParams) -> Result<Leaf, SynthError> {
         params.check()?;
-        let steepest = params.views.directions().iter().map(|d| d.theta_deg).fold(0.0, f64::max);
-        let slope = steepest.min(MARGIN_THETA_DEG).to_radians().tan() as f32;
         let texel_mm = params.size_mm / params.size as f32;
-        let grid = Grid::new(params.size_mm, texel_mm / NODES_PER_TEXEL, RELIEF_BOUND_MM * slope + SHADOW_MARGIN_MM);
+        let grid = Grid::for_patch(params.size, params.size_mm, RELIEF_BOUND_MM, &params.views);
         let venation = Venation::new(params.size_mm, grid.margin_mm, params.seed);
         let relief = Relief::new(venation, texel_mm, params.seed);
         let nodes: Vec<(f32, TextureSample)> = (0..grid.len())

@@ -5,7 +5,7 @@
 //! capture does not alias; what it would have done to the gloss is the roughness' part.
 
 use crate::leaf::venation::{VeinSite, Venation};
-use crate::surface::noise::gradient_noise;
+use crate::surface::noise::{carried_by_texels, gradient_noise};
 
 /// Depth of the groove over the main vein in millimetres.
 const MAIN_GROOVE_MM: f32 = 0.20;
@@ -29,8 +29,6 @@ const AREOLE_REACH_MM: f32 = 0.35;
 const WAVES_MM: [(f32, f32); 2] = [(9.0, 0.12), (3.6, 0.035)];
 /// Wavelength and amplitude of the epidermis' bumps.
 const BUMPS_MM: [(f32, f32); 3] = [(0.55, 0.010), (0.34, 0.006), (0.22, 0.0035)];
-/// A wave shorter than this many texels is left out, one longer than the second number is whole.
-const FADE_TEXELS: [f32; 2] = [2.5, 4.0];
 
 /// Greatest distance of the relief from its mean in millimetres, a safe bound for margins.
 pub(crate) const RELIEF_BOUND_MM: f32 = 0.6;
@@ -129,8 +127,7 @@ impl Relief {
 
     /// Noise of one wavelength, faded out where texels cannot carry it.
     fn wave(&self, p: [f32; 2], wavelength_mm: f32, stream: u32) -> f32 {
-        let texels = wavelength_mm / self.texel_mm;
-        let t = ((texels - FADE_TEXELS[0]) / (FADE_TEXELS[1] - FADE_TEXELS[0])).clamp(0.0, 1.0);
+        let t = carried_by_texels(wavelength_mm / self.texel_mm);
         if t == 0.0 {
             return 0.0;
         }

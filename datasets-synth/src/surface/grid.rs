@@ -1,6 +1,17 @@
-//! A regular grid of values over a leaf patch and its margin, sampled bilinearly.
+//! A regular grid of values over a patch and its margin, sampled bilinearly.
 
-/// Where the nodes of a [`Field`] stand. Lengths in millimetres, the origin at the patch's lower
+use btf_capture::DirectionSet;
+
+/// Nodes of a patch's grid per texel and axis.
+const NODES_PER_TEXEL: f32 = 2.0;
+
+/// Margins are made for directions up to this polar angle; steeper rays read the edge.
+const MARGIN_THETA_DEG: f64 = 82.0;
+
+/// Margin beyond what the view's parallax needs, in millimetres: for shadows from outside.
+const SHADOW_MARGIN_MM: f32 = 1.0;
+
+/// Where the nodes of a field stand. Lengths in millimetres, the origin at the patch's lower
 /// left corner, x to the right, y up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Grid {
@@ -18,6 +29,24 @@ impl Grid {
         let margin_cells = (margin_mm / cell_mm).ceil();
         let side = (size_mm / cell_mm).round() as usize + 2 * margin_cells as usize + 1;
         Grid { side, cell_mm, margin_mm: margin_cells * cell_mm }
+    }
+
+    /// The grid of a patch of `size` x `size` texels and `size_mm` whose relief stays within
+    /// `relief_bound_mm` of its mean, photographed from `views`.
+    pub fn for_patch(size: usize, size_mm: f32, relief_bound_mm: f32, views: &DirectionSet) -> Grid {
+        let steepest = views.directions().iter().map(|d| d.theta_deg).fold(0.0, f64::max);
+        let slope = steepest.min(MARGIN_THETA_DEG).to_radians().tan() as f32;
+        let texel_mm = size_mm / size as f32;
+        Grid::new(size_mm, texel_mm / NODES_PER_TEXEL, relief_bound_mm * slope + SHADOW_MARGIN_MM)
+    }
+
+    /// The grid of every `stride`-th node.
+    pub fn coarse(&self, stride: usize) -> Grid {
+        Grid {
+            side: ((self.side - 1) / stride + 1).max(2),
+            cell_mm: self.cell_mm * stride as f32,
+            margin_mm: self.margin_mm,
+        }
     }
 
     /// Position of a node in millimetres.

@@ -138,6 +138,38 @@ impl HeightField {
         at(0.5 * (free + blocked))
     }
 
+    /// From the surface at `place` (in cells) along `direction` (unit) to where the ray meets the
+    /// surface again: its place in cells. `None` where the ray escapes upwards or past the edge.
+    pub(crate) fn march_out(&self, place: [f32; 2], direction: [f32; 3]) -> Option<[f32; 2]> {
+        let sin = (direction[0] * direction[0] + direction[1] * direction[1]).sqrt();
+        if sin < 1e-5 {
+            return None;
+        }
+        let drift = [direction[0] / sin, direction[1] / sin];
+        let rise_mm = direction[2] / sin * self.grid.cell_mm;
+        let last = (self.grid.side - 1) as f32;
+        let start_mm = self.grid.corners(place).sample(&self.height_mm) + 1e-3 * self.grid.cell_mm;
+        let at = |way: f32| [place[0] + drift[0] * way, place[1] + drift[1] * way];
+        let above = |way: f32| start_mm + rise_mm * way > self.grid.corners(at(way)).sample(&self.height_mm);
+        let mut way = 0.0;
+        loop {
+            way += STEP_CELLS;
+            let [x, y] = at(way);
+            if start_mm + rise_mm * way > self.highest_mm || x < 0.0 || y < 0.0 || x > last || y > last {
+                return None;
+            }
+            if !above(way) {
+                break;
+            }
+        }
+        let (mut free, mut blocked) = (way - STEP_CELLS, way);
+        for _ in 0..REFINEMENTS {
+            let middle = 0.5 * (free + blocked);
+            if above(middle) { free = middle } else { blocked = middle }
+        }
+        Some(at(0.5 * (free + blocked)))
+    }
+
     /// Share of the lamp that a node sees: from how far the relief keeps clear of the way to the
     /// lamp's middle.
     fn march_up(&self, column: usize, row: usize, wi: [f32; 3]) -> f32 {

@@ -1,5 +1,14 @@
 //! Deterministic two-dimensional noise: smooth gradient noise and cells with their borders.
 
+/// A wave shorter than this many texels is left out, one longer than the second number is whole.
+const FADE_TEXELS: [f32; 2] = [2.5, 4.0];
+
+/// Share of a wave of so many texels' length that a picture should show, 0 to 1: what texels
+/// cannot carry would only alias.
+pub(crate) fn carried_by_texels(texels: f32) -> f32 {
+    ((texels - FADE_TEXELS[0]) / (FADE_TEXELS[1] - FADE_TEXELS[0])).clamp(0.0, 1.0)
+}
+
 /// Mixes a lattice point and a seed to 32 well-scattered bits (finaliser of MurmurHash3, applied
 /// between the inputs).
 fn hash(x: i32, y: i32, seed: u32) -> u32 {
@@ -36,9 +45,31 @@ pub(crate) fn gradient_noise(x: f32, y: f32, seed: u32) -> f32 {
     1.4 * (bottom * (1.0 - v) + top * v)
 }
 
+/// A number in [0, 1) of a lattice point.
+pub(crate) fn lattice_unit(x: i32, y: i32, seed: u32) -> f32 {
+    two_units(hash(x, y, seed))[0]
+}
+
+/// Where a point lies in its cell of a Voronoi diagram.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Cell {
+    /// Distance to the nearest border of the cell.
+    pub border: f32,
+    /// Distance to the cell's site.
+    pub site: f32,
+    /// A number in [0, 1) of the cell's own.
+    pub unit: f32,
+}
+
 /// Distance from a point to the nearest border between Voronoi cells of one jittered site per unit
 /// square [Worley 1996; exact border distance by the bisectors].
 pub(crate) fn cell_border_distance(x: f32, y: f32, seed: u32) -> f32 {
+    cell(x, y, seed).border
+}
+
+/// The cell that a point lies in, among cells of one jittered site per unit square [Worley 1996;
+/// exact border distance by the bisectors].
+pub(crate) fn cell(x: f32, y: f32, seed: u32) -> Cell {
     /// How far a site may stand from the middle of its square: less than half keeps cells of
     /// like size.
     const JITTER: f32 = 0.8;
@@ -50,6 +81,7 @@ pub(crate) fn cell_border_distance(x: f32, y: f32, seed: u32) -> f32 {
     };
     // The nearest site stands at most two squares away, and so does each neighbour of its cell.
     let mut nearest = [f32::MAX; 2];
+    let mut square = [0; 2];
     let mut nearest_squared = f32::MAX;
     let mut sites = [[0f32; 2]; 25];
     for dy in -2..=2 {
@@ -60,6 +92,7 @@ pub(crate) fn cell_border_distance(x: f32, y: f32, seed: u32) -> f32 {
             if squared < nearest_squared {
                 nearest_squared = squared;
                 nearest = s;
+                square = [ix + dx, iy + dy];
             }
         }
     }
@@ -72,7 +105,11 @@ pub(crate) fn cell_border_distance(x: f32, y: f32, seed: u32) -> f32 {
             border = border.min((middle[0] * difference[0] + middle[1] * difference[1]) / length);
         }
     }
-    border.max(0.0)
+    Cell {
+        border: border.max(0.0),
+        site: nearest_squared.sqrt(),
+        unit: lattice_unit(square[0], square[1], seed.wrapping_add(0x51)),
+    }
 }
 
 #[cfg(test)]

@@ -4,10 +4,12 @@
 //! texel is marched along the relief to the first surface point: parallax and masking. For a
 //! light, the way from each node of the relief towards it is marched for what stands in the way:
 //! shadows, with the penumbra of a lamp of half a degree radius. A texel is the mean over its
-//! points of `pi f_r cos_i` times visibility.
+//! points of `pi f_r cos_i` times visibility, and where the material has it, of the light that
+//! comes by way of the surface itself ([`Bounce`]).
 
 use rayon::prelude::*;
 
+use crate::surface::bounce::{Bounce, BouncedLight};
 use crate::surface::height_field::{HeightField, LightVisibility};
 
 /// Points per texel and axis.
@@ -49,6 +51,17 @@ pub trait Material: Sync {
 
     /// `pi * BSDF * cos_i` of the fully lit point, linear sRGB; `cos_i` is positive.
     fn shade(&self, pair: &Self::Pair, hit: &Hit<Self::Point>, cos_i: f32) -> [f32; 3];
+
+    /// The transport of light from the surface to itself; none here.
+    fn bounce(&self) -> Option<&Bounce> {
+        None
+    }
+
+    /// Share of diffuse light at a point that leaves towards the eye, linear sRGB: what bounced
+    /// light is multiplied with.
+    fn diffuse_reflectance(&self, _hit: &Hit<Self::Point>) -> [f32; 3] {
+        [0.0; 3]
+    }
 }
 
 /// What one point of a texel sees under one view.
@@ -75,6 +88,7 @@ pub struct ViewHits<P> {
 pub struct Illumination {
     wi: [f32; 3],
     visibility: LightVisibility,
+    bounced: Option<BouncedLight>,
 }
 
 impl<P: Copy + Send + Sync> ViewHits<P> {
@@ -106,12 +120,14 @@ impl<P: Copy + Send + Sync> ViewHits<P> {
 impl Illumination {
     /// Marches the shadows of the light `wi` (unit), on the calling thread.
     pub fn new<M: Material>(material: &M, wi: [f32; 3]) -> Illumination {
-        Illumination { wi, visibility: material.visibility(wi) }
+        let visibility = material.visibility(wi);
+        let bounced = material.bounce().map(|bounce| bounce.gather(material.face(), &visibility, wi));
+        Illumination { wi, visibility, bounced }
     }
 
     /// Bytes that one light takes for this material.
     pub(crate) fn bytes<M: Material>(material: &M) -> usize {
-        LightVisibility::bytes(material.face())
+        LightVisibility::bytes(material.face()) + material.bounce().map_or(0, Bounce::bytes_per_light)
     }
 }
 
@@ -125,6 +141,12 @@ pub fn render<M: Material>(material: &M, view: &ViewHits<M::Point>, light: &Illu
     for points in view.hits.chunks_exact(POINTS) {
         let mut texel = [0f32; 3];
         for hit in points {
+            if let Some(bounced) = &light.bounced {
+                let (arriving, reflectance) = (bounced.at(hit.place), material.diffuse_reflectance(hit));
+                for channel in 0..3 {
+                    texel[channel] += arriving[channel] * reflectance[channel];
+                }
+            }
             let cos_i = material.cos_i(hit, wi);
             if cos_i <= 0.0 {
                 continue;

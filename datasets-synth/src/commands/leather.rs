@@ -1,0 +1,106 @@
+//! `btf-synth leather`: the capture of pebbled leather.
+
+use std::time::Instant;
+
+use btf_synth::{CaptureParams, FinishParams, HEIGHT_MAP_NAME, LeatherParams, write_leather_capture};
+use clap::Args;
+use serde_json::json;
+
+use super::{CaptureArgs, Failure, RunArgs, parse_colour};
+
+#[derive(Args)]
+#[command(after_help = "Examples:
+  btf-synth leather my-leather
+  btf-synth leather black --colour 0.012,0.011,0.011 --grain-mm 0.8 --roughness 0.18
+  btf-synth leather suede-like --roughness 0.7 --relief-mm 0.05 --wrinkles 2 --format exr --json leather.json")]
+pub struct LeatherArgs {
+    #[command(flatten)]
+    capture: CaptureArgs,
+    #[command(flatten)]
+    run: RunArgs,
+    /// Width and height of the patch in millimetres (1 to 200)
+    #[arg(long, default_value_t = 16.0, value_name = "MM")]
+    size_mm: f32,
+    /// Colour of the body below the finish, linear sRGB (each 0.002 to 0.8)
+    #[arg(long, value_name = "R,G,B", default_value = "0.24,0.095,0.038", value_parser = parse_colour)]
+    colour: [f64; 3],
+    /// Mean size of a pebble in millimetres (0.2 to 10)
+    #[arg(long, default_value_t = 1.1, value_name = "MM")]
+    grain_mm: f64,
+    /// Height of a pebble in millimetres (0 to 1)
+    #[arg(long, default_value_t = 0.16, value_name = "MM")]
+    relief_mm: f64,
+    /// Strength of the fine wrinkles (0 to 3)
+    #[arg(long, default_value_t = 1.0)]
+    wrinkles: f64,
+    /// Share of the hair follicles that show (0 to 1)
+    #[arg(long, default_value_t = 0.45)]
+    pores: f64,
+    /// How much more pigment lies in the creases (0 to 2)
+    #[arg(long, default_value_t = 0.6)]
+    antique: f64,
+    /// Refractive index of the finish (1.05 to 3)
+    #[arg(long, default_value_t = 1.49)]
+    finish_index: f64,
+    /// Roughness of the whole finish (0.03 to 1)
+    #[arg(long, default_value_t = 0.24)]
+    roughness: f64,
+    /// Roughness of the broken finish in the creases (0.03 to 1)
+    #[arg(long, default_value_t = 0.5)]
+    broken_roughness: f64,
+    /// Length of the highlight's tail (1.55, long, to 20)
+    #[arg(long, default_value_t = 2.6)]
+    tail: f64,
+    /// Leave out light that comes by way of other pebbles
+    #[arg(long)]
+    no_bounce: bool,
+}
+
+/// Writes the capture.
+pub fn run(args: &LeatherArgs) -> Result<(), Failure> {
+    let directions = args.capture.direction_set()?;
+    let params = LeatherParams {
+        capture: CaptureParams {
+            size: args.capture.size,
+            size_mm: args.size_mm,
+            seed: args.capture.seed,
+            views: directions.clone(),
+            lights: directions,
+            format: args.capture.format.into(),
+        },
+        grain_mm: args.grain_mm,
+        relief_mm: args.relief_mm,
+        wrinkles: args.wrinkles,
+        pores: args.pores,
+        colour: args.colour,
+        antique: args.antique,
+        finish: FinishParams {
+            index: args.finish_index,
+            roughness: args.roughness,
+            broken_roughness: args.broken_roughness,
+            tail: args.tail,
+        },
+        bounce: !args.no_bounce,
+    };
+    params.check()?;
+    let started = Instant::now();
+    let capture = &params.capture;
+    let images = capture.views.len() * capture.lights.len();
+    let out_dir = &args.capture.out_dir;
+    args.run.work("leather", "images", images, |progress| write_leather_capture(out_dir, &params, progress))?;
+    let seconds = started.elapsed().as_secs_f64();
+    let result = json!({
+        "path": out_dir.display().to_string(),
+        "height_map": out_dir.join(HEIGHT_MAP_NAME).display().to_string(),
+        "images": images,
+        "seconds": seconds,
+        "width": capture.size,
+        "height": capture.size,
+        "views": capture.views.len(),
+        "lights": capture.lights.len(),
+        "size_mm": capture.size_mm,
+        "format": capture.format.to_string(),
+        "seed": capture.seed,
+    });
+    args.run.report(&result, &format!("{}: {images} images in {seconds:.1} s", out_dir.display()))
+}
