@@ -36,7 +36,8 @@
 //! inner scattering is normalised; the dye is an optical depth instead of a factor; scattering
 //! between fibres is added.
 //!
-//! Energy and reciprocity: white fibres give back all light, up to the tables (5e-3); swapping wi and
+//! Energy and reciprocity: white fibres give back all light, up to the tables (5e-3 within 82
+//! degrees); swapping wi and
 //! wo changes nothing but rounding (1e-4).
 //!
 //! When it is wrong: fibres are round and smooth (cotton is a twisted ribbon, wool has scales); the
@@ -438,7 +439,7 @@ mod tests {
             let fibre = Fibre::new(&params).unwrap();
             for wi in [unit(0.0, 0.0), unit(35.0, 0.0), unit(60.0, 90.0), unit(75.0, 30.0), unit(82.0, 200.0)] {
                 let [white, grey, black] = albedo(&fibre, [0.0, 0.3, 9.0], wi);
-                assert!((white - 1.0).abs() < 1e-2, "{params:?} {wi:?}: {white}");
+                assert!((white - 1.0).abs() < 5e-3, "{params:?} {wi:?}: {white}");
                 assert!(grey < 0.7 && black < 0.4 && black < grey, "{grey} {black}");
             }
         }

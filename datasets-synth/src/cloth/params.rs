@@ -5,9 +5,9 @@
 //! | weave | - | twill | plain, twill, satin |
 //! | warp, weft count | yarns per cm | 20, 18 | 4 to 80 |
 //! | flatness (thickness over width) | - | 0.5 | 0.2 to 1 |
-//! | twist | degrees | 24 | -50 to 50 |
+//! | twist | degrees | 32 | -50 to 50 |
 //! | plies | - | 2 | 1 to 4 |
-//! | fuzz (height of loose fibres) | micrometres | 5 | 0 to 30 |
+//! | fuzz (height of loose fibres) | micrometres | 3 | 0 to 30 |
 //! | irregularity | - | 0.35 | 0 to 1 |
 //! | warp, weft colour (diffuse albedo) | linear sRGB | blue, near white | 0 to 0.9 |
 //!
@@ -60,9 +60,9 @@ impl Default for ClothParams {
             warp_per_cm: 20.0,
             weft_per_cm: 18.0,
             flatness: 0.5,
-            twist_deg: 24.0,
+            twist_deg: 32.0,
             plies: 2,
-            fuzz_um: 5.0,
+            fuzz_um: 3.0,
             irregularity: 0.35,
             warp_colour: [0.045, 0.075, 0.19],
             weft_colour: [0.58, 0.56, 0.50],

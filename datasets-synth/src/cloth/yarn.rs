@@ -8,16 +8,19 @@ use crate::surface::noise::{carried_by_texels, gradient_noise, lattice_unit};
 /// Width of a yarn over the distance to the next one.
 const COVER: f32 = 0.97;
 /// Depth of the groove between plies over half a yarn's thickness.
-const PLY_GROOVE: f32 = 0.30;
+const PLY_GROOVE: f32 = 0.42;
 /// Angle of the fibres in a plied yarn over that of its plies: spun the other way, they come to lie
 /// nearly along the yarn.
 const PLIED_FIBRE_ANGLE: f32 = -0.35;
 /// Length and width of the bundles of fibres that show as streaks, in millimetres.
-const STREAK_MM: [f32; 2] = [0.42, 0.062];
+const STREAK_MM: [f32; 2] = [0.55, 0.10];
 /// Height of a streak over half a yarn's thickness.
-const STREAK_HEIGHT: f32 = 0.055;
+const STREAK_HEIGHT: f32 = 0.10;
 /// Wavelength of the fuzz in millimetres.
-const FUZZ_MM: f32 = 0.11;
+const FUZZ_MM: f32 = 0.16;
+/// How much narrower a yarn is where it passes from one side of the cloth to the other, squeezed
+/// between the crossing ones.
+const SQUEEZE: f32 = 0.28;
 /// Root mean square of the gradient noise.
 const NOISE_RMS: f32 = 0.3;
 
@@ -112,13 +115,6 @@ impl Yarns {
         let slow = |periods: f32, k: u32| gradient_noise(along / (periods * crossing), row, stream.wrapping_add(k));
         let centre = number as f32 * spacing + self.irregularity * 0.35 * spacing * slow(6.0, 1);
         let slub = 1.0 + self.irregularity * (0.30 * slow(5.0, 2) + 0.20 * slow(1.3, 3));
-        let half_width = 0.5 * spacing * COVER * slub;
-        let q = (p[across_axis] - centre) / half_width;
-        if q.abs() >= 1.0 {
-            return None;
-        }
-        let around = q.asin();
-
         // The middle of the yarn, from crossing to crossing.
         let position = along / crossing;
         let (before, t) = (position.floor(), position - position.floor());
@@ -131,12 +127,21 @@ impl Yarns {
         };
         let (from, to) = (level(before as i32), level(before as i32 + 1));
         let bent = 0.5 - 0.5 * (std::f32::consts::PI * t).cos();
+        let lift = from + (to - from) * bent;
+        // Fibres and plies wind about the yarn as it was spun, before it was woven.
+        let nominal = 0.5 * spacing * COVER;
+        let half_width = nominal * slub * (1.0 - SQUEEZE * (1.0 - lift * lift));
+        let q = (p[across_axis] - centre) / half_width;
+        if q.abs() >= 1.0 {
+            return None;
+        }
+        let around = q.asin();
         // A float bulges a little where nothing holds it down.
         let float = if from > 0.0 && to > 0.0 { 0.12 * (std::f32::consts::PI * t).sin() } else { 0.0 };
-        let middle = self.half_thickness_mm * (from + (to - from) * bent + float);
+        let middle = self.half_thickness_mm * (lift + float);
 
-        let grooves = self.ply_groove(number, along, around, half_width);
-        let streak = self.streak(number, along, around * half_width, stream);
+        let grooves = self.ply_groove(number, along, around, nominal);
+        let streak = self.streak(number, along, around * nominal, stream);
         let fuzz = self.fuzz_mm / NOISE_RMS
             * carried_by_texels(FUZZ_MM / self.texel_mm)
             * gradient_noise(p[0] / FUZZ_MM, p[1] / FUZZ_MM, stream.wrapping_add(9));
@@ -147,7 +152,7 @@ impl Yarns {
         direction[across_axis] = sin * around.cos();
         direction[along_axis] = cos;
         let yarn_dye = 2.0 * lattice_unit(number, set as i32, self.seed.wrapping_add(77)) - 1.0;
-        let dye = self.irregularity * (0.45 * yarn_dye + 0.5 * slow(2.5, 4)) + 0.35 * streak + 0.25 * grooves;
+        let dye = self.irregularity * (0.45 * yarn_dye + 0.5 * slow(2.5, 4)) + 0.6 * streak + 0.45 * grooves;
         Some(YarnPoint {
             height_mm: middle + self.half_thickness_mm * profile + fuzz,
             direction,
@@ -181,7 +186,7 @@ impl Yarns {
                     stream.wrapping_add(k),
                 )
         };
-        0.6 * wave(1.0, 5) + 0.8 * wave(1.9, 6) + 0.5 * wave(0.5, 7)
+        0.9 * wave(1.0, 5) + 0.6 * wave(1.9, 6) + 0.5 * wave(0.5, 7)
     }
 }
 
@@ -212,7 +217,7 @@ mod tests {
         let yarns = even(Weave::Plain);
         let warp = yarns.at([0.0, 0.0]);
         let angle = (warp.direction[0] / warp.direction[1]).atan().to_degrees();
-        assert!(warp.warp == 1.0 && (angle - 24.0).abs() < 1e-3, "{angle}");
+        assert!(warp.warp == 1.0 && (angle - 32.0).abs() < 1e-3, "{angle}");
         let weft = yarns.at([yarns.spacing_mm[0], 0.0]);
         assert!(weft.warp == 0.0 && weft.direction[0] > weft.direction[1]);
     }

@@ -40,13 +40,13 @@ pub struct ClothArgs {
     #[arg(long, default_value_t = 0.5)]
     flatness: f64,
     /// Twist of the yarn in degrees, the sign its sense (-50 to 50)
-    #[arg(long, default_value_t = 24.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 32.0, allow_negative_numbers = true)]
     twist_deg: f64,
     /// Strands that a yarn is plied of (1 to 4)
     #[arg(long, default_value_t = 2)]
     plies: u32,
     /// Height of the smallest bumps in micrometres (0 to 30)
-    #[arg(long, default_value_t = 5.0)]
+    #[arg(long, default_value_t = 3.0)]
     fuzz_um: f64,
     /// How much yarns differ and wander (0 to 1)
     #[arg(long, default_value_t = 0.35)]

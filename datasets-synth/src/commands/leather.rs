@@ -28,7 +28,7 @@ pub struct LeatherArgs {
     #[arg(long, default_value_t = 1.1, value_name = "MM")]
     grain_mm: f64,
     /// Height of a pebble in millimetres (0 to 1)
-    #[arg(long, default_value_t = 0.16, value_name = "MM")]
+    #[arg(long, default_value_t = 0.14, value_name = "MM")]
     relief_mm: f64,
     /// Strength of the fine wrinkles (0 to 3)
     #[arg(long, default_value_t = 1.0)]

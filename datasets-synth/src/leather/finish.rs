@@ -23,7 +23,7 @@
 //! The normalisation of the first factor is that of [Kelemen 2001].
 //!
 //! Energy and reciprocity: without pigment on a white hide all light comes back, up to the tables
-//! (5e-3); swapping directions changes nothing but rounding.
+//! (2e-3 within 84 degrees); swapping directions changes nothing but rounding.
 //!
 //! When it is wrong: the hide scatters where light enters (no translucency), the coat's interface is
 //! rough for reflection and flat for the refracted ways, and pigment does not scatter.
@@ -246,7 +246,7 @@ mod tests {
             for whole in [0.0, 0.5, 1.0] {
                 for theta in [0.0, 40.0, 70.0, 84.0] {
                     let [white, grey, black] = albedo(&finish, whole, [0.0, 0.4, 6.0], unit(theta, 0.0));
-                    assert!((white - 1.0).abs() < 1.2e-2, "{params:?} {whole} {theta}: {white}");
+                    assert!((white - 1.0).abs() < 2e-3, "{params:?} {whole} {theta}: {white}");
                     assert!(black < grey && grey < 0.95 * white, "{grey} {black}");
                 }
             }

@@ -4,17 +4,17 @@ use crate::leather::params::LeatherParams;
 use crate::surface::noise::{carried_by_texels, cell, gradient_noise};
 
 /// Distance from a crease over which a pebble rises, over the size of a pebble.
-const PEBBLE_REACH: f32 = 0.34;
+const PEBBLE_REACH: f32 = 0.27;
 /// Size of the finer cells over that of the pebbles, and their height over the pebbles'.
 const FINE_CELLS: [f32; 2] = [0.31, 0.22];
 /// How far pebbles are pushed about by noise, over their size.
 const PUSH: f32 = 0.42;
 /// Size of the wrinkles in millimetres and their height at strength 1.
-const WRINKLES_MM: [(f32, f32); 3] = [(0.42, 0.0075), (0.23, 0.0045), (0.13, 0.0022)];
+const WRINKLES_MM: [(f32, f32); 3] = [(0.48, 0.012), (0.27, 0.009), (0.17, 0.005)];
 /// Distance between hair follicles, their radius and their depth in millimetres.
 const FOLLICLE_SPACING_MM: f32 = 0.62;
-const FOLLICLE_RADIUS_MM: f32 = 0.075;
-const FOLLICLE_DEPTH_MM: f32 = 0.045;
+const FOLLICLE_RADIUS_MM: f32 = 0.09;
+const FOLLICLE_DEPTH_MM: f32 = 0.06;
 /// Height of the slow waves of the hide over the pebbles', and their wavelength in pebbles.
 const WAVES: [(f32, f32); 2] = [(0.35, 3.1), (0.5, 9.0)];
 
@@ -57,7 +57,7 @@ impl Grain {
 
     /// Greatest distance of the relief from its mean, a safe bound.
     pub fn bound_mm(&self) -> f32 {
-        1.7 * self.relief_mm + 0.015 * self.wrinkles + FOLLICLE_DEPTH_MM
+        1.7 * self.relief_mm + 0.025 * self.wrinkles + FOLLICLE_DEPTH_MM
     }
 
     /// The grain at a position in millimetres.

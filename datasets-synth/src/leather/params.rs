@@ -3,7 +3,7 @@
 //! | parameter | unit | default | valid |
 //! |---|---|---|---|
 //! | grain (size of a pebble) | mm | 1.1 | 0.2 to 10 |
-//! | relief (height of a pebble) | mm | 0.16 | 0 to 1 |
+//! | relief (height of a pebble) | mm | 0.14 | 0 to 1 |
 //! | wrinkles | - | 1 | 0 to 3 |
 //! | pores (share of follicles that show) | - | 0.45 | 0 to 1 |
 //! | colour (body, lit and seen from above) | linear sRGB | cognac | 0.002 to 0.8 |
@@ -44,7 +44,7 @@ impl Default for LeatherParams {
         LeatherParams {
             capture: CaptureParams::new(16.0),
             grain_mm: 1.1,
-            relief_mm: 0.16,
+            relief_mm: 0.14,
             wrinkles: 1.0,
             pores: 0.45,
             colour: [0.24, 0.095, 0.038],
