@@ -24,9 +24,12 @@ fn interpreter() -> Option<PathBuf> {
     }
     let program = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("the target folder holds its tmp");
-    let installed = target.join("peers/mitsuba").join(program);
-    if installed.exists() {
-        return Some(installed);
+    let folder = target.join("peers/mitsuba");
+    // The stamp is written last: without it the environment is half made, with other contents it is an old one.
+    let wanted = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/requirements.txt"));
+    let present = std::fs::read_to_string(folder.join("requirements-installed.txt"));
+    if matches!((wanted, present), (Ok(wanted), Ok(present)) if wanted == present) {
+        return Some(folder.join(program));
     }
     btf_tests::skip("Mitsuba is not in target/peers (`cargo xtask test` installs it, or set BTF_PEERS_PYTHON)");
     None
