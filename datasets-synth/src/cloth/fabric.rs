@@ -30,6 +30,8 @@ pub struct ClothPoint {
     tangent: [f32; 3],
     cover: f32,
     fibre: FibreView,
+    /// Share of diffuse light that leaves towards the eye.
+    diffuse: [f32; 3],
 }
 
 /// The constants of one image.
@@ -105,7 +107,9 @@ impl Material for Cloth {
         // Interpolated normals may turn from the eye at a silhouette, where the surface itself does not.
         let cos_o = dot(normal, wo).max(1e-3);
         let out = FibreDirection::new(wo, tangent, cos_o);
-        ClothPoint { tangent, cover, fibre: self.fibre.view(out, self.depth(warp, dye)) }
+        let fibre = self.fibre.view(out, self.depth(warp, dye));
+        let diffuse = self.fibre.diffuse_reflectance(&fibre).map(|c| c * cover);
+        ClothPoint { tangent, cover, fibre, diffuse }
     }
 
     fn pair(&self, wi: [f32; 3], wo: [f32; 3]) -> ClothPair {
@@ -124,6 +128,6 @@ impl Material for Cloth {
     }
 
     fn diffuse_reflectance(&self, hit: &Hit<ClothPoint>) -> [f32; 3] {
-        self.fibre.diffuse_reflectance(&hit.point.fibre).map(|c| c * hit.point.cover)
+        hit.point.diffuse
     }
 }

@@ -26,8 +26,9 @@ pub struct Leather {
 /// The view's half of a point's shading.
 #[derive(Debug, Clone, Copy)]
 pub struct LeatherPoint {
-    cos_o: f32,
     finish: FinishView,
+    /// Share of diffuse light that leaves towards the eye.
+    diffuse: [f32; 3],
 }
 
 /// The constants of one image.
@@ -92,7 +93,8 @@ impl Material for Leather {
         let [pigment, whole] = self.face.grid.corners(place).sample_all(&self.coat);
         // Interpolated normals may turn from the eye at a silhouette, where the surface itself does not.
         let cos_o = dot(normal, wo).max(1e-3);
-        LeatherPoint { cos_o, finish: self.finish.view(cos_o, whole, self.depth.map(|depth| depth * pigment)) }
+        let finish = self.finish.view(cos_o, whole, self.depth.map(|depth| depth * pigment));
+        LeatherPoint { diffuse: self.finish.diffuse_reflectance(cos_o, &finish), finish }
     }
 
     fn pair(&self, wi: [f32; 3], wo: [f32; 3]) -> LeatherPair {
@@ -112,6 +114,6 @@ impl Material for Leather {
     }
 
     fn diffuse_reflectance(&self, hit: &Hit<LeatherPoint>) -> [f32; 3] {
-        self.finish.diffuse_reflectance(hit.point.cos_o, &hit.point.finish)
+        hit.point.diffuse
     }
 }
