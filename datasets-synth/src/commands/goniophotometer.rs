@@ -3,7 +3,11 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use btf_synth::{Goniogram, Goniophotometer, Interactions, Nanometres, Series, counts_svg, disk_svg, goniogram_svg};
+use btf_synth::{
+    CookTorrance, GlossCoupling, GlossParams, Goniogram, Goniophotometer, Interactions, LeafContents, LeafModel,
+    Nanometres, PlateModel, PlateOptics, Series, check_wavelengths, counts_svg, disk_svg, goniogram_svg, plate_inside,
+    plate_n_inside, plate_spectrum,
+};
 use clap::Args;
 use serde_json::json;
 
@@ -28,6 +32,9 @@ pub struct GoniophotometerArgs {
     tissue: TissueArgs,
     #[command(flatten)]
     run: RunArgs,
+    /// Roughness of the plates' gloss (0.05 to 1)
+    #[arg(long, default_value_t = 0.3)]
+    gamma: f64,
     /// Face towards the light
     #[arg(long, value_enum, default_value_t = Side::Adaxial)]
     side: Side,
@@ -67,12 +74,6 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("--wavelength-nm is {given}, which is out of range; give 400 to 2500")));
     }
     let model = args.tissue.leaf_model(args.model, args.contents.cab, args.contents.car)?;
-    let Some(tissue) = model.tissue() else {
-        return Err(Failure::Usage(format!(
-            "{} is Lambertian below its gloss and needs no goniophotometer; give --model abm97, abm-b or abm-u",
-            args.model
-        )));
-    };
     let wavelength = Nanometres(args.wavelength_nm);
     let instrument = |incidence_deg: f64| Goniophotometer {
         latitudes: args.latitudes,
@@ -84,21 +85,28 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
     let started = Instant::now();
     let rays = args.rays;
     let total = args.incidence_deg.len() * rays as usize;
-    let grams: Vec<Goniogram> = args.run.work("goniophotometer", "rays", total, |progress| {
-        let measured = args.incidence_deg.iter().enumerate().map(|(i, &deg)| {
-            let onwards = |done: usize, _: usize| progress(i * rays as usize + done, total);
-            instrument(deg).measure(tissue, wavelength, rays, args.seed, &onwards)
-        });
-        measured.collect()
-    })?;
-    let seconds = started.elapsed().as_secs_f64();
-    let counted: Vec<(f64, Interactions)> = [450.0, 550.0, 680.0]
-        .into_iter()
-        .map(|nm| {
+    let (grams, counted): (Vec<Goniogram>, Vec<(f64, Interactions)>) = match (model, model.tissue()) {
+        (_, Some(tissue)) => {
+            let grams = args.run.work("goniophotometer", "rays", total, |progress| {
+                let measured = args.incidence_deg.iter().enumerate().map(|(i, &deg)| {
+                    let onwards = |done: usize, _: usize| progress(i * rays as usize + done, total);
+                    instrument(deg).measure(tissue, wavelength, rays, args.seed, &onwards)
+                });
+                measured.collect()
+            })?;
             let first = instrument(args.incidence_deg[0]);
-            Ok((nm, first.interactions(tissue, Nanometres(nm), INTERACTION_RAYS, args.seed)?))
-        })
-        .collect::<Result<_, Failure>>()?;
+            let counted = [450.0, 550.0, 680.0]
+                .map(|nm| Ok((nm, first.interactions(tissue, Nanometres(nm), INTERACTION_RAYS, args.seed)?)));
+            (grams, counted.into_iter().collect::<Result<_, Failure>>()?)
+        }
+        (LeafModel::Plate(plate), None) => {
+            let (inside, lobe) = plate_and_gloss(args, plate)?;
+            let measured = args.incidence_deg.iter().map(|&deg| instrument(deg).measure_plate(inside, &lobe));
+            (measured.collect::<Result<_, _>>()?, Vec::new())
+        }
+        (_, None) => unreachable!("a model without a tissue is made of plates"),
+    };
+    let seconds = started.elapsed().as_secs_f64();
 
     let in_plane = |pick: fn(&Goniogram) -> &[f64]| -> Vec<Series> {
         let label = |deg: &f64| format!("incidence {deg}\u{b0}");
@@ -114,7 +122,7 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
             format!("BRDF, {}, light at {}\u{b0}, {} nm", args.model, args.incidence_deg[0], args.wavelength_nm);
         write_text(path, &disk_svg(&title, args.latitudes / 2, args.longitudes, &grams[0].brdf))?;
     }
-    if let Some(path) = &args.interactions_plot {
+    if let (Some(path), false) = (&args.interactions_plot, counted.is_empty()) {
         let series: Vec<Series> = counted
             .iter()
             .map(|(nm, counts)| Series {
@@ -162,7 +170,7 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
         "model": args.model.to_string(),
         "side": side_name(args.side),
         "wavelength_nm": args.wavelength_nm,
-        "rays": rays,
+        "rays": grams.iter().map(|gram| gram.rays).max(),
         "seed": args.seed,
         "seconds": seconds,
         "rays_per_second": total as f64 / seconds,
@@ -176,6 +184,33 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
         let f = mirror.map_or(0.0, |p| p.1);
         text += &format!("{deg:>9}  {:>11.4}  {:>13.4}  {f:>8.4} / sr\n", gram.reflectance, gram.transmittance);
     }
-    text += &format!("{:.2e} rays/s", total as f64 / seconds);
-    args.run.report(&result, &text)
+    if !counted.is_empty() {
+        text += &format!("{:.2e} rays/s", total as f64 / seconds);
+    }
+    args.run.report(&result, text.trim_end())
+}
+
+/// A plate's shares of entered light at the wavelength, and the gloss on top.
+fn plate_and_gloss(args: &GoniophotometerArgs, model: PlateModel) -> Result<(PlateOptics, CookTorrance), Failure> {
+    let contents = args.contents.over(LeafContents::default());
+    let table = model.default_table();
+    model.check(table, &contents)?;
+    let nm = args.wavelength_nm;
+    let printed = GlossParams { coupling: GlossCoupling::None, ..GlossParams::default() };
+    let (inside, params) = match model {
+        // The printed body holds the surface's reflection already; at its three wavelengths alone.
+        PlateModel::Paper => (plate_spectrum(model, table, &contents, 0.0, &[nm])?[0], printed),
+        PlateModel::Exact | PlateModel::N => {
+            check_wavelengths(&[nm])?;
+            let (k, index) = (table.absorption(&contents, nm) / contents.structure, table.index(nm));
+            let inside = match model {
+                PlateModel::N => plate_n_inside(k, index, contents.structure)?,
+                _ => plate_inside(k, index),
+            };
+            (inside, GlossParams::default())
+        }
+    };
+    let params = GlossParams { gamma_along: args.gamma, gamma_across: args.gamma, ..params };
+    params.check()?;
+    Ok((inside, CookTorrance::from_params(&params)))
 }
