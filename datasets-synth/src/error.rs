@@ -16,10 +16,27 @@ pub enum SynthError {
         /// The allowed range.
         allowed: String,
     },
+    /// A texture file or folder that cannot be used.
+    #[error("{path} {fault}; {remedy}")]
+    BadTexture {
+        /// The file or folder.
+        path: String,
+        /// What is wrong with it.
+        fault: String,
+        /// What to do about it.
+        remedy: &'static str,
+    },
     /// The caller asked to stop; nothing was left behind.
     #[error("stopped before the capture was complete; nothing was written")]
     Stopped,
     /// The capture could not be written.
     #[error(transparent)]
     Capture(#[from] CaptureError),
+}
+
+impl SynthError {
+    /// A [`SynthError::BadTexture`].
+    pub(crate) fn bad_texture(path: &std::path::Path, fault: String, remedy: &'static str) -> SynthError {
+        SynthError::BadTexture { path: path.display().to_string(), fault, remedy }
+    }
 }

@@ -7,7 +7,8 @@
 //! 2. [`plate_inside`] and [`plate`]: `plate-exact`, a leaf as one absorbing plate.
 //! 3. [`SpectrumToRgb`]: spectra under D65 to linear sRGB.
 //! 4. [`CookTorrance`]: the gloss on top, and how much light it lets in and out.
-//! 5. [`Leaf`]: veins, relief and the textures of pigment, gloss and thickness on a grid.
+//! 5. [`AppearanceTextures`]: structure, pigment, gloss, thickness and relief, grown for a [`Species`]
+//!    and a [`Chlorosis`] or the user's own [`TextureImages`]; [`Leaf`]: a face with its colours.
 //! 6. [`ViewHits`], [`LightVisibility`], [`render`]: parallax, masking, shadows, one image.
 //! 7. [`write_leaf_capture`]: all images, as a Bonn-layout folder.
 //!
@@ -35,7 +36,12 @@ mod surface;
 
 pub use error::SynthError;
 pub use leaf::capture::{Progress, write_leaf_capture};
-pub use leaf::patch::{Leaf, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use leaf::chlorosis::{Chlorosis, Deficiency};
+pub use leaf::patch::{Leaf, LeafFace, LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use leaf::species::{Species, SpeciesPreset};
+pub use leaf::texture_folder::{TEXTURES_NAME, TextureImages};
+pub use leaf::texture_image::TextureKind;
+pub use leaf::textures::{AppearanceTextures, LeafLook};
 pub use optics::colour::{LeafContents, SpectrumToRgb, refractive_index, wavelengths_nm};
 pub use optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, LobeAngles, MIN_ROUGHNESS, fresnel};
 pub use optics::plate::{PlateOptics, diffuse_transmission, mean_interface_transmittance, plate, plate_inside};

@@ -1,6 +1,7 @@
 //! The subcommands, one file each, and what they share.
 
 mod leaf;
+mod leaf_look;
 
 use std::io::Write;
 use std::ops::ControlFlow;

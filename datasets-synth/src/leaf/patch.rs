@@ -4,8 +4,10 @@ use btf_capture::{DirectionSet, ImageFormat};
 use rayon::prelude::*;
 
 use crate::error::SynthError;
-use crate::leaf::relief::{RELIEF_BOUND_MM, Relief};
-use crate::leaf::venation::Venation;
+use crate::leaf::relief::{RELIEF_BOUND_MM, TextureSample};
+use crate::leaf::species::Species;
+use crate::leaf::textures::{AppearanceTextures, LeafLook};
+use crate::leaf::vein::direction_of;
 use crate::optics::colour::{LeafContents, SpectrumToRgb};
 use crate::optics::cook_torrance::{CUTICLE_INDEX, CookTorrance, MIN_ROUGHNESS};
 use crate::surface::grid::Grid;
@@ -26,6 +28,16 @@ const MARGIN_THETA_DEG: f64 = 82.0;
 /// Margin beyond what the view's parallax needs, in millimetres: for shadows from outside.
 const SHADOW_MARGIN_MM: f32 = 1.0;
 
+/// A face of a leaf.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LeafFace {
+    /// The upper face.
+    #[default]
+    Adaxial,
+    /// The lower face, seen with the leaf turned over about y: what is left on the upper face is right.
+    Abaxial,
+}
+
 /// What leaf to make and how to photograph it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafParams {
@@ -37,6 +49,10 @@ pub struct LeafParams {
     pub contents: LeafContents,
     /// Roughness of the gloss (rms slope of its facets), 0.05 to 1.
     pub roughness: f64,
+    /// Face that is seen.
+    pub face: LeafFace,
+    /// Species, deficiency, and textures of the user's own.
+    pub look: LeafLook,
     /// Seed of veins and relief.
     pub seed: u64,
     /// Directions towards the eye, polar angle at most [`MAX_LEAF_THETA_DEG`].
@@ -55,6 +71,8 @@ impl Default for LeafParams {
             size_mm: 20.0,
             contents: LeafContents::default(),
             roughness: 0.3,
+            face: LeafFace::Adaxial,
+            look: LeafLook::default(),
             seed: 1,
             views: DirectionSet::bonn81(),
             lights: DirectionSet::bonn81(),
@@ -64,6 +82,26 @@ impl Default for LeafParams {
 }
 
 impl LeafParams {
+    /// The patch, contents and roughness of a species' preset, otherwise as the default.
+    pub fn of(species: Species) -> LeafParams {
+        let preset = species.preset();
+        LeafParams {
+            size_mm: preset.size_mm,
+            contents: preset.contents,
+            roughness: preset.gamma(),
+            look: LeafLook { species: Some(species), ..LeafLook::default() },
+            ..LeafParams::default()
+        }
+    }
+
+    /// The nodes of the patch with the margin that its steepest view needs.
+    pub(crate) fn grid(&self) -> Grid {
+        let steepest = self.views.directions().iter().map(|d| d.theta_deg).fold(0.0, f64::max);
+        let slope = steepest.min(MARGIN_THETA_DEG).to_radians().tan() as f32;
+        let texel_mm = self.size_mm / self.size as f32;
+        Grid::new(self.size_mm, texel_mm / NODES_PER_TEXEL, RELIEF_BOUND_MM * slope + SHADOW_MARGIN_MM)
+    }
+
     /// Checks every range.
     ///
     /// # Errors
@@ -87,6 +125,7 @@ impl LeafParams {
                 return Err(SynthError::BadParameter { name, value: value.to_string(), allowed });
             }
         }
+        self.look.check()?;
         for set in [&self.views, &self.lights] {
             if let Some(d) = set.directions().iter().find(|d| d.theta_deg > MAX_LEAF_THETA_DEG) {
                 let allowed = format!("directions within {MAX_LEAF_THETA_DEG} degrees of the normal");
@@ -99,9 +138,13 @@ impl LeafParams {
     /// What was asked for in one line, for the capture's provenance.
     pub fn provenance(&self) -> String {
         let c = &self.contents;
+        let face = match self.face {
+            LeafFace::Adaxial => "upper face",
+            LeafFace::Abaxial => "lower face",
+        };
         format!(
             "btf-synth leaf: model plate-exact, chlorophyll {} ug/cm2, carotenoids {} ug/cm2, brown {}, water {} cm, \
-             dry matter {} g/cm2, N {}, gloss roughness {} of index {CUTICLE_INDEX}, upper face, seed {}, synthetic",
+             dry matter {} g/cm2, N {}, gloss roughness {} of index {CUTICLE_INDEX}{}, {face}, seed {}, synthetic",
             c.chlorophyll_ug_per_cm2,
             c.carotenoid_ug_per_cm2,
             c.brown,
@@ -109,12 +152,13 @@ impl LeafParams {
             c.dry_matter_g_per_cm2,
             c.structure,
             self.roughness,
+            self.look.provenance(),
             self.seed,
         )
     }
 }
 
-/// A leaf patch's upper face on a grid: relief, body colour, gloss. Lengths in millimetres, the
+/// One face of a leaf patch on a grid: relief, body colour, gloss. Lengths in millimetres, the
 /// origin at the patch's lower left corner, x to the right, y up, z towards the viewer with mean
 /// height 0 over the patch.
 #[derive(Debug, Clone)]
@@ -128,6 +172,10 @@ pub struct Leaf {
     pub(crate) lowest_mm: f32,
     pub(crate) highest_mm: f32,
     pub(crate) lobe: CookTorrance,
+    /// Height of the other face out of that face, in this face's x and y; mean 0 over the patch.
+    other_height_mm: Vec<f32>,
+    /// Twice the angle of the vein direction, as cosine and sine.
+    double_direction: Vec<[f32; 2]>,
 }
 
 impl Leaf {
@@ -139,40 +187,30 @@ impl Leaf {
     /// Cost: 31 plate evaluations per grid node (some microseconds), of which there are four
     /// per texel and some in the margin.
     pub fn new(params: &LeafParams) -> Result<Leaf, SynthError> {
-        params.check()?;
-        let steepest = params.views.directions().iter().map(|d| d.theta_deg).fold(0.0, f64::max);
-        let slope = steepest.min(MARGIN_THETA_DEG).to_radians().tan() as f32;
-        let texel_mm = params.size_mm / params.size as f32;
-        let grid = Grid::new(params.size_mm, texel_mm / NODES_PER_TEXEL, RELIEF_BOUND_MM * slope + SHADOW_MARGIN_MM);
-        let venation = Venation::new(params.size_mm, grid.margin_mm, params.seed);
-        let relief = Relief::new(venation, texel_mm, params.seed);
+        let textures = AppearanceTextures::new(params)?;
+        let textures = match params.face {
+            LeafFace::Adaxial => textures,
+            LeafFace::Abaxial => textures.turned_over(),
+        };
+        let grid = textures.grid;
         let convert = SpectrumToRgb::new();
-
-        let nodes: Vec<(f32, [f32; 4])> = (0..grid.len())
-            .into_par_iter()
-            .map(|node| {
-                let (height, tissue) = relief.at(grid.position_mm(node % grid.side, node / grid.side));
-                let contents = LeafContents {
-                    chlorophyll_ug_per_cm2: params.contents.chlorophyll_ug_per_cm2 * f64::from(tissue.chlorophyll),
-                    carotenoid_ug_per_cm2: params.contents.carotenoid_ug_per_cm2 * f64::from(tissue.carotenoid),
-                    brown: params.contents.brown * f64::from(tissue.brown),
-                    ..params.contents
-                };
-                let [r, g, b] = convert.plate_rgb(&contents.absorption(), f64::from(tissue.thickness));
-                (height, [r as f32, g as f32, b as f32, tissue.gloss])
-            })
-            .collect();
+        let body: Vec<[f32; 4]> =
+            textures.samples.par_iter().map(|sample| body_and_gloss(sample, &params.contents, &convert)).collect();
 
         // Mean height 0 over the patch itself; summed in order, so threads do not matter.
         let inside = |node: usize| {
             let p = grid.position_mm(node % grid.side, node / grid.side);
             p.iter().all(|x| (0.0..=params.size_mm).contains(x))
         };
-        let (sum, count) = (0..grid.len())
-            .filter(|&node| inside(node))
-            .fold((0f64, 0usize), |(sum, count), node| (sum + f64::from(nodes[node].0), count + 1));
-        let mean = (sum / count as f64) as f32;
-        let height_mm: Vec<f32> = nodes.iter().map(|node| node.0 - mean).collect();
+        let centred = |face: usize| -> Vec<f32> {
+            let height = |node: usize| textures.samples[node].height_mm[face];
+            let (sum, count) = (0..grid.len())
+                .filter(|&node| inside(node))
+                .fold((0f64, 0usize), |(sum, count), node| (sum + f64::from(height(node)), count + 1));
+            let mean = (sum / count as f64) as f32;
+            (0..grid.len()).map(|node| height(node) - mean).collect()
+        };
+        let (height_mm, other_height_mm) = (centred(0), centred(1));
 
         let at = |column: usize, row: usize| height_mm[row * grid.side + column];
         let surface = (0..grid.len())
@@ -183,7 +221,7 @@ impl Leaf {
                 let (below, above) = (row.saturating_sub(1), (row + 1).min(grid.side - 1));
                 let slope_x = (at(right, row) - at(left, row)) / ((right - left) as f32 * grid.cell_mm);
                 let slope_y = (at(column, above) - at(column, below)) / ((above - below) as f32 * grid.cell_mm);
-                let [r, g, b, gloss] = nodes[node].1;
+                let [r, g, b, gloss] = body[node];
                 [slope_x, slope_y, r, g, b, gloss]
             })
             .collect();
@@ -198,6 +236,8 @@ impl Leaf {
             lowest_mm,
             highest_mm,
             lobe: CookTorrance::new(CUTICLE_INDEX, params.roughness),
+            other_height_mm,
+            double_direction: textures.samples.iter().map(|sample| sample.double_direction).collect(),
         })
     }
 
@@ -226,6 +266,16 @@ impl Leaf {
         self.surface_at(position_mm)[5]
     }
 
+    /// Height in millimetres of the other face, out of that face, at a position of this one.
+    pub fn other_height_mm(&self, position_mm: [f32; 2]) -> f32 {
+        self.grid.corners(self.grid.cells(position_mm)).sample(&self.other_height_mm)
+    }
+
+    /// Unit vector along the veins near a position, in the plane of the patch; y is not negative.
+    pub fn vein_direction(&self, position_mm: [f32; 2]) -> [f32; 2] {
+        direction_of(self.grid.corners(self.grid.cells(position_mm)).sample_all(&self.double_direction))
+    }
+
     /// The gloss lobe.
     pub fn lobe(&self) -> &CookTorrance {
         &self.lobe
@@ -234,6 +284,19 @@ impl Leaf {
     fn surface_at(&self, position_mm: [f32; 2]) -> [f32; 6] {
         self.grid.corners(self.grid.cells(position_mm)).sample_all(&self.surface)
     }
+}
+
+/// Linear sRGB of the body and strength of the gloss of a node.
+fn body_and_gloss(sample: &TextureSample, contents: &LeafContents, convert: &SpectrumToRgb) -> [f32; 4] {
+    let [chlorophyll, carotenoid, brown] = sample.pigment.map(f64::from);
+    let contents = LeafContents {
+        chlorophyll_ug_per_cm2: contents.chlorophyll_ug_per_cm2 * chlorophyll,
+        carotenoid_ug_per_cm2: contents.carotenoid_ug_per_cm2 * carotenoid,
+        brown: contents.brown * brown,
+        ..*contents
+    };
+    let [r, g, b] = convert.plate_rgb(&contents.absorption(), f64::from(sample.thickness));
+    [r as f32, g as f32, b as f32, sample.gloss[0]]
 }
 
 #[cfg(test)]

@@ -36,6 +36,11 @@ pub(crate) fn gradient_noise(x: f32, y: f32, seed: u32) -> f32 {
     1.4 * (bottom * (1.0 - v) + top * v)
 }
 
+/// A number in [0, 1) of a lattice point.
+pub(crate) fn lattice_unit(x: i32, y: i32, seed: u32) -> f32 {
+    two_units(hash(x, y, seed))[0]
+}
+
 /// Distance from a point to the nearest border between Voronoi cells of one jittered site per unit
 /// square [Worley 1996; exact border distance by the bisectors].
 pub(crate) fn cell_border_distance(x: f32, y: f32, seed: u32) -> f32 {
