@@ -16,6 +16,16 @@ pub enum SynthError {
         /// The allowed range.
         allowed: String,
     },
+    /// A texture file or folder that cannot be used.
+    #[error("{path} {fault}; {remedy}")]
+    BadTexture {
+        /// The file or folder.
+        path: String,
+        /// What is wrong with it.
+        fault: String,
+        /// What to do about it.
+        remedy: &'static str,
+    },
     /// The caller asked to stop; nothing was left behind.
     #[error("stopped before the capture was complete; nothing was written")]
     Stopped,
@@ -31,4 +41,11 @@ pub(crate) fn check_range(name: &'static str, value: f64, low: f64, high: f64) -
         return Ok(());
     }
     Err(SynthError::BadParameter { name, value: value.to_string(), allowed: format!("a number from {low} to {high}") })
+}
+
+impl SynthError {
+    /// A [`SynthError::BadTexture`].
+    pub(crate) fn bad_texture(path: &std::path::Path, fault: String, remedy: &'static str) -> SynthError {
+        SynthError::BadTexture { path: path.display().to_string(), fault, remedy }
+    }
 }

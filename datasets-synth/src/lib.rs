@@ -17,6 +17,10 @@
 //! scatter light as cylinders, written by [`write_cloth_capture`], and [`Leather`], a grain of pebbles
 //! under a [`Finish`] of long-tailed [`Facets`], written by [`write_leather_capture`]. Both add one
 //! indirect [`Bounce`].
+//! 5. [`AppearanceTextures`]: structure, pigment, gloss, thickness and relief, grown for a [`Species`]
+//!    and a [`Chlorosis`] or the user's own [`TextureImages`]; [`Leaf`]: a face with its colours.
+//! 6. [`ViewHits`], [`LightVisibility`], [`render`]: parallax, masking, shadows, one image.
+//! 7. [`write_leaf_capture`]: all images, as a Bonn-layout folder.
 //!
 //! Everything that is random comes from a seed; the number of threads never matters.
 //!
@@ -53,8 +57,13 @@ pub use instruments::goniophotometer::{Goniogram, Goniophotometer, Interactions}
 pub use instruments::plot::{LinePlot, Series, counts_svg, disk_svg, goniogram_svg};
 pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectrum};
 pub use leaf::capture::write_leaf_capture;
+pub use leaf::chlorosis::{Chlorosis, Deficiency};
 pub use leaf::model::LeafModel;
 pub use leaf::patch::{LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use leaf::species::{Species, SpeciesPreset};
+pub use leaf::texture_folder::{TEXTURES_NAME, TextureImages};
+pub use leaf::texture_image::TextureKind;
+pub use leaf::textures::{AppearanceTextures, LeafLook};
 pub use leather::capture::write_leather_capture;
 pub use leather::facets::{FacetDirection, Facets};
 pub use leather::finish::{Finish, FinishParams, FinishView};

@@ -2,12 +2,11 @@
 
 use std::time::Instant;
 
-use btf_synth::{
-    GlossCoupling, GlossForm, GlossParams, LeafContents, LeafParams, Passage, RgbBands, write_leaf_capture,
-};
+use btf_synth::{GlossCoupling, GlossForm, GlossParams, LeafParams, Passage, RgbBands, write_leaf_capture};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::leaf_look::LookArgs;
 use super::model::{ContentsArgs, Model, Side, TissueArgs};
 use super::{CaptureArgs, Failure, RunArgs};
 
@@ -15,6 +14,9 @@ use super::{CaptureArgs, Failure, RunArgs};
 #[command(after_help = "Examples:
   btf-synth leaf my-leaf
   btf-synth leaf autumn --size 128 --cab 5 --car 12 --cbrown 0.3 --seed 7
+  btf-synth leaf maize --species maize --deficiency magnesium --severity 0.8
+  btf-synth leaf beech --species tree --export-textures beech-textures
+  btf-synth leaf mine --textures beech-textures
   btf-synth leaf back --model abm97 --side abaxial
   btf-synth leaf through --transmission
   btf-synth leaf hdr-leaf --format exr --directions dome151 --json leaf.json")]
@@ -23,9 +25,11 @@ pub struct LeafArgs {
     capture: CaptureArgs,
     #[command(flatten)]
     run: RunArgs,
-    /// Width and height of the patch in millimetres (1 to 200)
-    #[arg(long, default_value_t = 20.0, value_name = "MM")]
-    size_mm: f32,
+    #[command(flatten)]
+    look: LookArgs,
+    /// Width and height of the patch in millimetres (1 to 200) [default: the species', otherwise 20]
+    #[arg(long, value_name = "MM")]
+    size_mm: Option<f32>,
     /// Model of the blade's optics
     #[arg(long, value_enum, default_value_t = Model::PlateN)]
     model: Model,
@@ -38,10 +42,10 @@ pub struct LeafArgs {
     /// Wavelengths of the plate models' colour: 400 to 700 nm every 10 nm, or 675, 546 and 435 nm
     #[arg(long, value_enum, default_value_t = Bands::Spectral)]
     bands: Bands,
-    /// Roughness of the plates' gloss (0.05 to 1)
-    #[arg(long, default_value_t = 0.3)]
-    gamma: f64,
-    /// Roughness across the veins, where it differs from --gamma along them
+    /// Roughness of the plates' gloss (0.05 to 1) [default: the species', otherwise 0.3]
+    #[arg(long)]
+    gamma: Option<f64>,
+    /// Roughness across the veins, where it differs from --gamma along them [default: the species', or --gamma]
     #[arg(long)]
     gamma_across: Option<f64>,
     /// Gloss with the printed factor, four times too bright
@@ -65,11 +69,15 @@ enum Bands {
 /// Writes the capture.
 pub fn run(args: &LeafArgs) -> Result<(), Failure> {
     let directions = args.capture.direction_set()?;
+    let preset = args.look.params()?;
+    // The algorithmic models keep their own leaf's pigments unless the user, or an albino, has others.
+    let none = args.look.albino.then_some(0.0);
+    let (cab, car) = (args.contents.cab.or(none), args.contents.car.or(none));
     let params = LeafParams {
         size: args.capture.size,
-        size_mm: args.size_mm,
-        model: args.tissue.leaf_model(args.model, args.contents.cab, args.contents.car)?,
-        contents: args.contents.over(LeafContents::default()),
+        size_mm: args.size_mm.unwrap_or(preset.size_mm),
+        model: args.tissue.leaf_model(args.model, cab, car)?,
+        contents: args.contents.over(preset.contents),
         bands: match args.bands {
             Bands::Spectral => RgbBands::Spectral31,
             Bands::Three => RgbBands::ThreeWavelength,
@@ -77,8 +85,8 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
         side: args.side.into(),
         passage: if args.transmission { Passage::Transmission } else { Passage::Reflection },
         gloss: GlossParams {
-            gamma_along: args.gamma,
-            gamma_across: args.gamma_across.unwrap_or(args.gamma),
+            gamma_along: args.gamma.unwrap_or(preset.gloss.gamma_along),
+            gamma_across: args.gamma_across.or(args.gamma).unwrap_or(preset.gloss.gamma_across),
             form: if args.legacy_4x { GlossForm::Legacy4x } else { GlossForm::Corrected },
             coupling: if args.uncoupled { GlossCoupling::None } else { GlossCoupling::Energy },
             ..GlossParams::default()
@@ -87,11 +95,13 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
         views: directions.clone(),
         lights: directions,
         format: args.capture.format.into(),
+        look: preset.look,
     };
     params.check()?;
     let started = Instant::now();
     let images = params.views.len() * params.lights.len();
     let out_dir = &args.capture.out_dir;
+    let textures = args.look.export(&params)?;
     args.run.work("leaf", "images", images, |progress| write_leaf_capture(out_dir, &params, progress))?;
     let seconds = started.elapsed().as_secs_f64();
     let result = json!({
@@ -106,6 +116,8 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
         "format": params.format.to_string(),
         "model": args.model.to_string(),
         "side": params.capture_side().to_string(),
+        "species": params.look.species.map(|species| species.name()),
+        "textures": textures.map(|dir| dir.display().to_string()),
         "seed": params.seed,
     });
     args.run.report(&result, &format!("{}: {images} images in {seconds:.1} s", out_dir.display()))

@@ -3,6 +3,7 @@
 mod cloth;
 mod goniophotometer;
 mod leaf;
+mod leaf_look;
 mod leather;
 mod model;
 mod spectrum;

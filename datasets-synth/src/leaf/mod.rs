@@ -1,10 +1,18 @@
 //! Leaves: veins, relief and appearance textures, and the capture of a patch.
 
 pub(crate) mod capture;
+pub(crate) mod chlorosis;
 pub(crate) mod face;
 pub(crate) mod model;
+pub(crate) mod parallel_venation;
 pub(crate) mod patch;
+pub(crate) mod pinnate_venation;
 pub(crate) mod plate_leaf;
 pub(crate) mod relief;
+pub(crate) mod species;
+pub(crate) mod texture_folder;
+pub(crate) mod texture_image;
+pub(crate) mod textures;
 pub(crate) mod tissue_leaf;
+pub(crate) mod vein;
 pub(crate) mod venation;

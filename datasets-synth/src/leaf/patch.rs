@@ -1,13 +1,13 @@
 //! A leaf patch: what was asked for, and the grids that rendering reads.
 
 use btf_capture::{DirectionSet, ImageFormat, Side};
-use rayon::prelude::*;
 
 use crate::error::{SynthError, check_range};
 use crate::leaf::face::{Seen, Tint};
 use crate::leaf::model::LeafModel;
-use crate::leaf::relief::{RELIEF_BOUND_MM, Relief, TextureSample};
-use crate::leaf::venation::Venation;
+use crate::leaf::relief::{RELIEF_BOUND_MM, TextureSample};
+use crate::leaf::species::Species;
+use crate::leaf::textures::{AppearanceTextures, LeafLook};
 use crate::optics::abm_b::AbmB;
 use crate::optics::abm_u::AbmU;
 use crate::optics::colour::RgbBands;
@@ -42,6 +42,8 @@ pub struct LeafParams {
     pub bands: RgbBands,
     /// Gloss of the plate models. For `plate-paper` nothing is coupled, whatever this says.
     pub gloss: GlossParams,
+    /// Species, deficiency, and textures of the user's own.
+    pub look: LeafLook,
     /// Face that is seen.
     pub side: Face,
     /// Whether the light falls on the seen face or on the other one.
@@ -68,6 +70,7 @@ impl Default for LeafParams {
             contents: LeafContents::default(),
             bands: RgbBands::Spectral31,
             gloss: GlossParams::default(),
+            look: LeafLook::default(),
             side: Face::Adaxial,
             passage: Passage::Reflection,
             seed: 1,
@@ -79,6 +82,23 @@ impl Default for LeafParams {
 }
 
 impl LeafParams {
+    /// The patch, contents and gloss of a species' preset, otherwise as the default.
+    pub fn of(species: Species) -> LeafParams {
+        let preset = species.preset();
+        LeafParams {
+            size_mm: preset.size_mm,
+            contents: preset.contents,
+            gloss: preset.gloss(),
+            look: LeafLook { species: Some(species), ..LeafLook::default() },
+            ..LeafParams::default()
+        }
+    }
+
+    /// The nodes of the patch with the margin that its steepest view needs.
+    pub(crate) fn grid(&self) -> Grid {
+        Grid::for_patch(self.size, self.size_mm, RELIEF_BOUND_MM, &self.views)
+    }
+
     /// Checks every range.
     ///
     /// # Errors
@@ -87,6 +107,7 @@ impl LeafParams {
         check_range("--size", self.size as f64, 8.0, MAX_LEAF_SIZE as f64)?;
         check_range("--size-mm", f64::from(self.size_mm), 1.0, 200.0)?;
         self.gloss.check()?;
+        self.look.check()?;
         match &self.model {
             LeafModel::Plate(model) => model.check(model.default_table(), &self.contents)?,
             LeafModel::Abm97(leaf) => leaf.check()?,
@@ -154,7 +175,8 @@ impl LeafParams {
             ),
         };
         let model = self.model.name();
-        format!("btf-synth leaf: model {model}, {optics}, {face} face in {light}, seed {}, synthetic", self.seed)
+        let look = self.look.provenance();
+        format!("btf-synth leaf: model {model}, {optics}{look}, {face} face in {light}, seed {}, synthetic", self.seed)
     }
 }
 
@@ -168,7 +190,7 @@ pub(crate) struct Leaf {
     pub tints: Vec<Tint>,
     /// Strength of the gloss of the seen and of the far face, 0 to 1, per node.
     pub gloss: Vec<[f32; 2]>,
-    /// Direction of the veins in the plane, per node.
+    /// Cosine and sine of twice the angle of the veins in the plane, per node.
     pub veins: Vec<[f32; 2]>,
 }
 
@@ -179,43 +201,23 @@ impl Leaf {
     /// [`SynthError::BadParameter`].
     pub fn new(params: &LeafParams) -> Result<Leaf, SynthError> {
         params.check()?;
-        let texel_mm = params.size_mm / params.size as f32;
-        let grid = Grid::for_patch(params.size, params.size_mm, RELIEF_BOUND_MM, &params.views);
-        let venation = Venation::new(params.size_mm, grid.margin_mm, params.seed);
-        let relief = Relief::new(venation, texel_mm, params.seed);
-        let nodes: Vec<(f32, TextureSample)> = (0..grid.len())
-            .into_par_iter()
-            .map(|node| {
-                let [x, y] = grid.position_mm(node % grid.side, node / grid.side);
-                // The back is seen with the leaf turned over about y.
-                match params.side {
-                    Face::Adaxial => relief.at([x, y]),
-                    Face::Abaxial => relief.at([params.size_mm - x, y]),
-                }
-            })
-            .collect();
-        // A thin sheet: what is sunk into one face stands out of the other.
-        let sign = params.side.sign() as f32;
-        let heights = |sign: f32| nodes.iter().map(|(height, _)| sign * height).collect();
+        let textures = match params.side {
+            Face::Adaxial => AppearanceTextures::new(params)?,
+            Face::Abaxial => AppearanceTextures::new(params)?.turned_over(),
+        };
+        let (grid, samples) = (textures.grid, &textures.samples);
+        let field = |face: usize| {
+            HeightField::new(grid, params.size_mm, samples.iter().map(|sample| sample.height_mm[face]).collect())
+        };
+        let tint = |sample: &TextureSample| {
+            let [chlorophyll, carotenoid, brown] = sample.pigment;
+            Tint { chlorophyll, carotenoid, brown, thickness: sample.thickness }
+        };
         Ok(Leaf {
-            seen: Seen {
-                side: params.side,
-                passage: params.passage,
-                size: params.size,
-                face: HeightField::new(grid, params.size_mm, heights(sign)),
-                far: HeightField::new(grid, params.size_mm, heights(-sign)),
-            },
-            tints: nodes
-                .iter()
-                .map(|(_, t)| Tint {
-                    chlorophyll: t.chlorophyll,
-                    carotenoid: t.carotenoid,
-                    brown: t.brown,
-                    thickness: t.thickness,
-                })
-                .collect(),
-            gloss: nodes.iter().map(|(_, t)| [t.gloss; 2]).collect(),
-            veins: vec![[0.0, 1.0]; nodes.len()],
+            seen: Seen { side: params.side, passage: params.passage, size: params.size, face: field(0), far: field(1) },
+            tints: samples.iter().map(tint).collect(),
+            gloss: samples.iter().map(|sample| sample.gloss).collect(),
+            veins: samples.iter().map(|sample| sample.double_direction).collect(),
         })
     }
 }

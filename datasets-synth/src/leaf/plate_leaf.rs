@@ -9,6 +9,7 @@
 use rayon::prelude::*;
 
 use crate::leaf::face::{Seen, Tint};
+use crate::leaf::vein::direction_of;
 use crate::optics::contents::LeafContents;
 use crate::optics::gloss::{CookTorrance, LobeAngles, vein_frame};
 use crate::optics::plate_body::PlateBody;
@@ -21,7 +22,7 @@ pub(crate) struct PlateLeaf {
     seen: Seen,
     /// Per node: the body's share on the eye's side, linear sRGB; gloss of the seen and of the far face.
     surface: Vec<[f32; 5]>,
-    /// Per node: direction of the veins in the plane, of any length.
+    /// Per node: cosine and sine of twice the angle of the veins in the plane, which averages as it should.
     veins: Vec<[f32; 2]>,
     lobe: CookTorrance,
 }
@@ -51,7 +52,7 @@ pub(crate) struct PlatePair {
 
 impl PlateLeaf {
     /// Colours the nodes of `seen`: `tints` scale `contents`, `gloss` holds the strengths of the seen and of
-    /// the far face, `veins` their direction in the plane.
+    /// the far face, `veins` twice the angle of their direction in the plane.
     pub fn new(
         seen: Seen,
         contents: &LeafContents,
@@ -113,7 +114,7 @@ impl Material for PlateLeaf {
         let corners = self.seen.face.grid.corners(place);
         let [r, g, b, gloss, far_gloss] = corners.sample_all(&self.surface);
         let frame = match self.lobe.is_anisotropic() {
-            true => vein_frame(normal, corners.sample_all(&self.veins)),
+            true => vein_frame(normal, direction_of(corners.sample_all(&self.veins))),
             false => [[0.0; 3]; 2],
         };
         // Interpolated normals may turn from the eye at a silhouette, where the surface itself does not.
@@ -167,6 +168,7 @@ pub(crate) mod tests {
 
     use super::*;
     use crate::leaf::patch::{Leaf, LeafParams, tests::small};
+    use crate::leaf::vein::double_angle;
     use crate::optics::colour::RgbBands;
     use crate::optics::gloss::GlossParams;
     use crate::optics::path_lengths::Face;
@@ -194,7 +196,7 @@ pub(crate) mod tests {
         let far = height_field::tests::shaped(|_| 0.0);
         let surface = vec![[0.5, 0.4, 0.3, gloss, gloss]; face.grid.len()];
         let seen = Seen { side: Face::Adaxial, passage, size: 64, face, far };
-        let veins = vec![[0.0, 1.0]; surface.len()];
+        let veins = vec![double_angle([0.0, 1.0]); surface.len()];
         PlateLeaf { seen, surface, veins, lobe: lobe() }
     }
 

@@ -1,114 +1,205 @@
-//! The upper face's relief and its pigment, gloss and thickness textures, from the veins.
+//! Both faces' relief and the pigment, gloss and thickness of the tissue, from the veins.
 //!
-//! Veins are sunk into the upper face, the blade bulges between them, the finest structure are
-//! bumps of the epidermis. Structure finer than the texels can carry is faded out here, so that a
-//! capture does not alias; what it would have done to the gloss is the roughness' part.
+//! Veins are sunk into the upper face and stand out of the lower one, the blade bulges between them, the
+//! finest structure are bumps of the epidermis. The blade is one sheet: its waves and bulges are the same on
+//! both faces with opposite sign, and pigments and thickness belong to the place, not to the face. Structure
+//! finer than the texels can carry is faded out here, so that a capture does not alias; what it would have
+//! done to the gloss is the roughness' part.
 
+use crate::leaf::chlorosis::{Chlorosis, LeafPlace};
+use crate::leaf::species::{Traits, VenationTraits};
+use crate::leaf::vein::double_angle;
 use crate::leaf::venation::{VeinSite, Venation};
 use crate::surface::noise::{carried_by_texels, gradient_noise};
-
-/// Depth of the groove over the main vein in millimetres.
-const MAIN_GROOVE_MM: f32 = 0.20;
-/// Depth of the groove over a secondary vein at its start.
-const SECONDARY_GROOVE_MM: f32 = 0.11;
-/// Depth of the groove over a tertiary vein.
-const TERTIARY_GROOVE_MM: f32 = 0.028;
-/// Depth of the groove over the finest veins.
-const QUATERNARY_GROOVE_MM: f32 = 0.008;
-/// Half-width of the grooves over tertiary and over the finest veins.
-const FINE_HALF_WIDTHS_MM: [f32; 2] = [0.075, 0.045];
-/// Height of the blade between secondary veins over the blade beside them.
-const BULGE_MM: f32 = 0.20;
-/// Distance from a vein over which the blade rises.
-const BULGE_REACH_MM: f32 = 1.1;
-/// Height of the blade inside a tertiary area over its border.
-const AREOLE_BULGE_MM: f32 = 0.05;
-/// Distance from a tertiary vein over which it rises.
-const AREOLE_REACH_MM: f32 = 0.35;
-/// Wavelength and amplitude of the slow waves of the blade.
-const WAVES_MM: [(f32, f32); 2] = [(9.0, 0.12), (3.6, 0.035)];
-/// Wavelength and amplitude of the epidermis' bumps.
-const BUMPS_MM: [(f32, f32); 3] = [(0.55, 0.010), (0.34, 0.006), (0.22, 0.0035)];
 
 /// Greatest distance of the relief from its mean in millimetres, a safe bound for margins.
 pub(crate) const RELIEF_BOUND_MM: f32 = 0.6;
 
-/// Scales of a leaf's contents and gloss at one point: the appearance textures.
+/// Distance from a great vein over which magnesium-starved tissue stays green, pinnate and parallel.
+const GREEN_REACH_MM: [f32; 2] = [1.5, 0.30];
+
+/// How much green in the structure texture a tertiary and a finest vein are worth; a secondary is 1.
+const FINE_STRUCTURE: [f32; 2] = [0.5, 0.25];
+
+/// Everything that the appearance textures hold at one point of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TextureSample {
-    /// Factor on chlorophyll, V_a.
-    pub chlorophyll: f32,
-    /// Factor on carotenoids, V_c.
-    pub carotenoid: f32,
-    /// Factor on brown pigment, V_b.
-    pub brown: f32,
-    /// Strength of the gloss, V_g, 0 to 1.
-    pub gloss: f32,
+    /// Main vein, lesser veins, mesophyll; together 1.
+    pub structure: [f32; 3],
+    /// Factors on chlorophyll, carotenoids and brown pigment: V_a, V_c, V_b.
+    pub pigment: [f32; 3],
+    /// Strength of the gloss, V_g, 0 to 1, adaxial and abaxial.
+    pub gloss: [f32; 2],
     /// Factor on the absorption for thickness, V_t.
     pub thickness: f32,
+    /// Height of the adaxial and of the abaxial face, each out of its face.
+    pub height_mm: [f32; 2],
+    /// Cosine and sine of twice the angle of the veins' direction.
+    pub double_direction: [f32; 2],
+}
+
+/// Shares of a point that veins of each order take.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct VeinMasks {
+    pub main: f32,
+    pub secondary: f32,
+    pub tertiary: f32,
+    pub quaternary: f32,
+    /// How near the great veins are, for deficiencies.
+    pub near: f32,
 }
 
 /// Relief and tissue of one leaf.
 #[derive(Debug, Clone)]
 pub(crate) struct Relief {
     venation: Venation,
+    traits: Traits,
+    chlorosis: Option<Chlorosis>,
+    size_mm: f32,
     texel_mm: f32,
     seed: u32,
 }
 
 impl Relief {
-    /// The relief over `venation` for texels of `texel_mm`.
-    pub fn new(venation: Venation, texel_mm: f32, seed: u64) -> Relief {
-        Relief { venation, texel_mm, seed: (seed ^ (seed >> 29)) as u32 }
+    /// The relief over `venation`, for a patch of `size_mm` of texels of `texel_mm`.
+    pub fn new(
+        venation: Venation,
+        traits: Traits,
+        chlorosis: Option<Chlorosis>,
+        size_mm: f32,
+        texel_mm: f32,
+        seed: u64,
+    ) -> Relief {
+        Relief { venation, traits, chlorosis, size_mm, texel_mm, seed: (seed ^ (seed >> 29)) as u32 }
     }
 
-    /// Height in millimetres and tissue at a position.
-    pub fn at(&self, position_mm: [f32; 2]) -> (f32, TextureSample) {
+    /// All textures at a position, seen from the adaxial side.
+    pub fn at(&self, position_mm: [f32; 2]) -> TextureSample {
         let site = self.venation.site(position_mm);
-        (self.height_mm(position_mm, site), self.tissue(position_mm, site))
-    }
-
-    fn height_mm(&self, p: [f32; 2], site: VeinSite) -> f32 {
-        let taper = site.secondary_half_width / 0.17;
-        let nearest = (site.main - site.main_half_width).min(site.secondary).max(0.0);
-        let rise = |distance: f32, reach: f32| 1.0 - (-(distance / reach).powi(2)).exp();
-        let mut height = -MAIN_GROOVE_MM * (-(site.main / (1.3 * site.main_half_width)).powi(2)).exp();
-        height -= SECONDARY_GROOVE_MM * taper * self.line(site.secondary, 1.4 * site.secondary_half_width);
-        height += BULGE_MM * rise(nearest, BULGE_REACH_MM);
-        // On the veins themselves there is no network.
-        let blade = rise(nearest, 0.3);
-        height += blade * AREOLE_BULGE_MM * rise(site.tertiary, AREOLE_REACH_MM);
-        height -= blade * TERTIARY_GROOVE_MM * self.line(site.tertiary, FINE_HALF_WIDTHS_MM[0]);
-        height -= blade * QUATERNARY_GROOVE_MM * self.line(site.quaternary, FINE_HALF_WIDTHS_MM[1]);
-        for (i, (wavelength, amplitude)) in WAVES_MM.into_iter().chain(BUMPS_MM).enumerate() {
-            height += amplitude * self.wave(p, wavelength, 100 + i as u32);
-        }
-        height
-    }
-
-    fn tissue(&self, p: [f32; 2], site: VeinSite) -> TextureSample {
-        let main = self.band(site.main, site.main_half_width);
-        let secondary = self.band(site.secondary, site.secondary_half_width);
-        let tertiary = 0.8 * self.line(site.tertiary, FINE_HALF_WIDTHS_MM[0]);
-        let quaternary = 0.6 * self.line(site.quaternary, FINE_HALF_WIDTHS_MM[1]);
-        // Towards the value on each order of vein, the finest first.
-        let towards = |blade: f32, targets: [f32; 4]| {
-            [quaternary, tertiary, secondary, main].iter().zip(targets).fold(blade, |v, (m, t)| v + (t - v) * m)
-        };
-        let mottle =
-            1.0 + 0.16 * self.wave(p, 2.6, 200) + 0.10 * self.wave(p, 0.8, 201) + 0.10 * self.wave(p, 0.3, 202);
-        let fleck = 1.0 + 0.8 * self.wave(p, 1.6, 203).max(0.0);
+        let masks = self.masks(site);
         TextureSample {
-            chlorophyll: towards(mottle, [0.82, 0.62, 0.38, 0.26]).max(0.0),
-            carotenoid: towards(1.0 + 0.1 * self.wave(p, 2.6, 204), [1.0, 1.05, 1.2, 1.3]),
-            brown: towards(fleck, [1.0, 1.1, 1.6, 2.0]),
-            gloss: towards(
-                0.70 + 0.15 * self.wave(p, 4.0, 205) + 0.10 * self.wave(p, 0.6, 206),
-                [0.70, 0.72, 0.85, 0.95],
-            )
-            .clamp(0.0, 1.0),
-            thickness: towards(1.0 + 0.05 * self.wave(p, 5.0, 207), [1.02, 1.06, 1.25, 1.5]),
+            structure: structure(masks),
+            height_mm: self.heights_mm(position_mm, site),
+            double_direction: double_angle(site.direction),
+            ..self.tissue(position_mm, masks, site.across)
         }
+    }
+
+    /// Pigment, gloss and thickness at a position whose veins are given; relief and structure of a bare blade.
+    /// `across_mm` is the distance from the main vein.
+    pub fn tissue(&self, p: [f32; 2], masks: VeinMasks, across_mm: f32) -> TextureSample {
+        let t = &self.traits.tissue;
+        // Towards the value on each order of vein, the finest first.
+        let shares = [masks.quaternary, masks.tertiary, masks.secondary, masks.main];
+        let towards = |blade: f32, targets: [f32; 4]| {
+            shares.iter().zip(targets).fold(blade, |v, (m, target)| v + (target - v) * m)
+        };
+        let uneven = 0.16 * self.wave(p, 2.6, 200) + 0.10 * self.wave(p, 0.8, 201) + 0.10 * self.wave(p, 0.3, 202);
+        let fleck = 1.0 + 0.8 * self.wave(p, 1.6, 203).max(0.0);
+        let healthy = [
+            towards(1.0 + t.mottle * uneven, t.chlorophyll).max(0.0),
+            towards(1.0 + 0.1 * self.wave(p, 2.6, 204), t.carotenoid),
+            towards(fleck, t.brown),
+        ];
+        let sheen = 1.0 + (0.15 * self.wave(p, 4.0, 205) + 0.10 * self.wave(p, 0.6, 206)) / 0.70;
+        let gloss = towards(t.blade_gloss * sheen, t.gloss).clamp(0.0, 1.0);
+        TextureSample {
+            structure: [0.0, 0.0, 1.0],
+            pigment: match &self.chlorosis {
+                None => healthy,
+                Some(chlorosis) => chlorosis.pigments(healthy, &self.place(p, masks, across_mm)),
+            },
+            gloss: [gloss, gloss * t.abaxial_gloss],
+            thickness: towards(1.0 + 0.05 * self.wave(p, 5.0, 207), t.thickness),
+            height_mm: [0.0; 2],
+            double_direction: double_angle([0.0, 1.0]),
+        }
+    }
+
+    /// Relief of both faces where the veins are known as shares only: `main` and `secondary` after a slight
+    /// blur, `near` after one as wide as the blade's bulge.
+    pub fn heights_from_masks_mm(&self, p: [f32; 2], masks: VeinMasks) -> [f32; 2] {
+        let r = &self.traits.relief;
+        let sheet = r.bulge_mm * (1.0 - masks.near) + self.waves_mm(p);
+        let veins = |depth: [f32; 4]| depth[0] * masks.main + depth[1] * masks.secondary * (1.0 - masks.main);
+        [
+            sheet - veins(r.groove_mm) + self.bumps_mm(p, 102, 1.0),
+            veins(r.ridge_mm) - sheet + self.bumps_mm(p, 112, r.abaxial_bumps),
+        ]
+    }
+
+    /// Distance to the right of the main vein.
+    pub fn across_mm(&self, p: [f32; 2]) -> f32 {
+        self.venation.site(p).across
+    }
+
+    /// Distance over which the blade bulges between veins.
+    pub fn bulge_reach_mm(&self) -> f32 {
+        self.traits.relief.bulge_reach_mm
+    }
+
+    fn place(&self, p: [f32; 2], masks: VeinMasks, across_mm: f32) -> LeafPlace {
+        let noise = self.wave(p, self.size_mm / 6.0, 210) + 0.5 * self.wave(p, self.size_mm / 18.0, 211);
+        LeafPlace {
+            up: p[1] / self.size_mm,
+            across: across_mm.abs() / self.size_mm,
+            near_vein: masks.near,
+            noise,
+            grass: matches!(self.traits.venation, VenationTraits::Parallel(_)),
+        }
+    }
+
+    fn masks(&self, site: VeinSite) -> VeinMasks {
+        let strength = self.traits.tissue.fine_strength;
+        let widths = self.traits.relief.fine_half_widths_mm;
+        let great = (site.main - site.main_half_width).min(site.secondary - site.secondary_half_width).max(0.0);
+        let reach = match self.traits.venation {
+            VenationTraits::Pinnate(_) => GREEN_REACH_MM[0],
+            VenationTraits::Parallel(_) => GREEN_REACH_MM[1],
+        };
+        let tertiary = strength[0] * self.line(site.tertiary, widths[0]);
+        VeinMasks {
+            main: self.band(site.main, site.main_half_width),
+            secondary: self.band(site.secondary, site.secondary_half_width),
+            tertiary,
+            quaternary: strength[1] * self.line(site.quaternary, widths[1]),
+            near: (-(great / reach).powi(2)).exp().max(0.5 * tertiary),
+        }
+    }
+
+    /// Of the adaxial and of the abaxial face.
+    fn heights_mm(&self, p: [f32; 2], site: VeinSite) -> [f32; 2] {
+        let r = &self.traits.relief;
+        let taper = site.secondary_half_width / self.traits.venation.secondary_half_width_mm();
+        let nearest = rounded_min(site.main - site.main_half_width, site.secondary, r.axil_mm).max(0.0);
+        let rise = |distance: f32, reach: f32| 1.0 - (-(distance / reach).powi(2)).exp();
+        // How much of a groove or ridge of each order is here; on the veins themselves there is no network.
+        let blade = rise(nearest, 0.3);
+        let main = (-(site.main / (r.groove_widths[0] * site.main_half_width)).powi(2)).exp();
+        let secondary = taper * self.line(site.secondary, r.groove_widths[1] * site.secondary_half_width);
+        let tertiary = blade * self.line(site.tertiary, r.fine_half_widths_mm[0]);
+        let quaternary = blade * self.line(site.quaternary, r.fine_half_widths_mm[1]);
+        let veins =
+            |depth: [f32; 4]| depth[0] * main + depth[1] * secondary + depth[2] * tertiary + depth[3] * quaternary;
+        let bulge = r.bulge_mm * rise(nearest, r.bulge_reach_mm);
+        let areole = blade * r.areole_bulge_mm * rise(site.tertiary, r.areole_reach_mm);
+        let sheet = bulge + areole + self.waves_mm(p);
+        [
+            sheet - veins(r.groove_mm) + self.bumps_mm(p, 102, 1.0),
+            veins(r.ridge_mm) - sheet + self.bumps_mm(p, 112, r.abaxial_bumps),
+        ]
+    }
+
+    /// Slow waves of the whole sheet.
+    fn waves_mm(&self, p: [f32; 2]) -> f32 {
+        let waves = self.traits.relief.waves_mm.iter().enumerate();
+        waves.map(|(i, (wavelength, amplitude))| amplitude * self.wave(p, *wavelength, 100 + i as u32)).sum()
+    }
+
+    /// Bumps of one face's epidermis.
+    fn bumps_mm(&self, p: [f32; 2], stream: u32, gain: f32) -> f32 {
+        let bumps = self.traits.relief.bumps_mm.iter().enumerate();
+        bumps.map(|(i, (wavelength, amplitude))| gain * amplitude * self.wave(p, *wavelength, stream + i as u32)).sum()
     }
 
     /// A bell across a fine line, 1 in its middle; a line thinner than a texel is widened and
@@ -131,16 +222,35 @@ impl Relief {
         if t == 0.0 {
             return 0.0;
         }
-        t * gradient_noise(p[0] / wavelength_mm, p[1] / wavelength_mm, self.seed.wrapping_mul(31).wrapping_add(stream))
+        let (x, y) = (p[0] / wavelength_mm, p[1] / (wavelength_mm * self.traits.relief.stretch));
+        t * gradient_noise(x, y, self.seed.wrapping_mul(31).wrapping_add(stream))
     }
+}
+
+/// The smaller of two numbers, rounded where they differ by less than `width`.
+fn rounded_min(a: f32, b: f32, width: f32) -> f32 {
+    let h = (width - (a - b).abs()).max(0.0);
+    if h > 0.0 { a.min(b) - h * h / (4.0 * width) } else { a.min(b) }
+}
+
+/// The structure texture's colour: the paper's three, and lesser veins as a part of green.
+fn structure(masks: VeinMasks) -> [f32; 3] {
+    let fine = (FINE_STRUCTURE[0] * masks.tertiary).max(FINE_STRUCTURE[1] * masks.quaternary);
+    let lesser = masks.secondary.max(fine);
+    let green = (1.0 - masks.main) * lesser;
+    [masks.main, green, 1.0 - masks.main - green]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::leaf::species::Species;
 
-    fn relief(texel_mm: f32) -> Relief {
-        Relief::new(Venation::new(20.0, 3.0, 1), texel_mm, 1)
+    const KINDS: [Option<Species>; 4] = [None, Some(Species::Maize), Some(Species::Soybean), Some(Species::Tree)];
+
+    fn relief(species: Option<Species>, texel_mm: f32) -> Relief {
+        let traits = Traits::of(species);
+        Relief::new(Venation::new(&traits.venation, 20.0, 3.0, 1), traits, None, 20.0, texel_mm, 1)
     }
 
     fn positions() -> impl Iterator<Item = [f32; 2]> {
@@ -149,39 +259,64 @@ mod tests {
 
     #[test]
     fn the_relief_stays_within_its_bound() {
-        let relief = relief(20.0 / 256.0);
-        let heights: Vec<f32> = positions().map(|p| relief.at(p).0).collect();
-        let mean = heights.iter().sum::<f32>() / heights.len() as f32;
-        let worst = heights.iter().map(|h| (h - mean).abs()).fold(0.0, f32::max);
-        assert!(worst < RELIEF_BOUND_MM && worst > 0.1, "{worst}");
+        for species in KINDS {
+            let relief = relief(species, 20.0 / 256.0);
+            for face in 0..2 {
+                let heights: Vec<f32> = positions().map(|p| relief.at(p).height_mm[face]).collect();
+                let mean = heights.iter().sum::<f32>() / heights.len() as f32;
+                let worst = heights.iter().map(|h| (h - mean).abs()).fold(0.0, f32::max);
+                assert!(worst < RELIEF_BOUND_MM && worst > 0.1, "{species:?} {face}: {worst}");
+            }
+        }
     }
 
     #[test]
-    fn veins_are_lower_paler_glossier_and_thicker_than_the_blade() {
-        let relief = relief(20.0 / 256.0);
-        let mean = |on_vein: bool| {
-            let chosen: Vec<(f32, TextureSample)> = positions()
-                .filter(|&p| (relief.venation.site(p).main < 0.1) == on_vein)
-                .map(|p| relief.at(p))
-                .collect();
-            assert!(chosen.len() > 20);
-            let mean =
-                |pick: fn(&(f32, TextureSample)) -> f32| chosen.iter().map(pick).sum::<f32>() / chosen.len() as f32;
-            [mean(|c| c.0), mean(|c| c.1.chlorophyll), mean(|c| c.1.gloss), mean(|c| c.1.thickness)]
-        };
-        let (vein, blade) = (mean(true), mean(false));
-        assert!(vein[0] < blade[0] - 0.1 && vein[1] < 0.4 * blade[1]);
-        assert!(vein[2] > blade[2] && vein[3] > 1.3 * blade[3]);
+    fn veins_are_lower_paler_glossier_and_thicker_than_the_blade_and_stand_out_below() {
+        for species in KINDS {
+            let relief = relief(species, 20.0 / 256.0);
+            let mean = |on_vein: bool| {
+                let chosen: Vec<TextureSample> = positions()
+                    .filter(|&p| (relief.venation.site(p).main < 0.1) == on_vein)
+                    .map(|p| relief.at(p))
+                    .collect();
+                assert!(chosen.len() > 20);
+                let mean = |pick: fn(&TextureSample) -> f32| chosen.iter().map(pick).sum::<f32>() / chosen.len() as f32;
+                [
+                    mean(|s| s.height_mm[0]),
+                    mean(|s| s.pigment[0]),
+                    mean(|s| s.gloss[0]),
+                    mean(|s| s.thickness),
+                    mean(|s| s.height_mm[1]),
+                    mean(|s| s.structure[0]),
+                ]
+            };
+            let (vein, blade) = (mean(true), mean(false));
+            assert!(vein[0] < blade[0] - 0.1 && vein[1] < 0.5 * blade[1], "{species:?}: {vein:?} {blade:?}");
+            assert!(vein[2] > blade[2] && vein[3] > 1.2 * blade[3]);
+            assert!(vein[4] > blade[4] + 0.2, "stands out on the abaxial face");
+            assert!(vein[5] > 0.8 && blade[5] < 0.2);
+        }
     }
 
     #[test]
     fn coarse_texels_carry_no_fine_bumps() {
-        // What is left between neighbours after a second difference, at two texel sizes.
         let rough = |texel: f32| {
-            let relief = relief(texel);
-            let bump = |p: [f32; 2]| BUMPS_MM.map(|(w, a)| a * relief.wave(p, w, 102)).iter().sum::<f32>();
-            positions().map(|p| bump(p).abs()).sum::<f32>()
+            let relief = relief(None, texel);
+            positions().map(|p| relief.bumps_mm(p, 102, 1.0).abs()).sum::<f32>()
         };
         assert!(rough(0.4) == 0.0 && rough(0.05) > 0.0);
+    }
+
+    #[test]
+    fn the_structure_texture_adds_up_and_tells_the_orders_apart() {
+        let relief = relief(Some(Species::Tree), 20.0 / 256.0);
+        let mut greens = [0usize; 2];
+        for p in positions() {
+            let [r, g, b] = relief.at(p).structure;
+            assert!((r + g + b - 1.0).abs() < 1e-5 && r.min(g).min(b) >= -1e-6);
+            greens[0] += usize::from(g > 0.9);
+            greens[1] += usize::from((0.25..0.6).contains(&g));
+        }
+        assert!(greens.iter().all(|&n| n > 100), "{greens:?}");
     }
 }

@@ -1,0 +1,438 @@
+//! Species: how the veins run, how deep they lie, what the tissue holds, how rough the cuticle is.
+//!
+//! | preset | veins | patch | contents | gloss |
+//! |---|---|---|---|---|
+//! | maize | parallel, wide midrib, commissures | 30 mm | Cab 40, Car 5, N 1.5 [Miao, Fig. 2a] | rougher across the veins |
+//! | soybean | pinnate, fine reticulum | 30 mm | Cab 43.62 [Baranoski 1997, Table 1], Car 8 | dull: hairs |
+//! | tree | pinnate, strong secondaries, ladder tertiaries | 30 mm | Cab 50, Car 10, N 1.6 | glossy |
+//! | none | pinnate, two Voronoi networks | 20 mm | Cab 40, Car 8, N 1.5 | 0.3 |
+//!
+//! Where the numbers come from: the contents as cited, otherwise from the middle of the ranges that leaf
+//! models are used in (Cab 0 to 100, Car 0 to 25 ug/cm2, N 1 to 3); lengths are the usual sizes of such
+//! leaves to a tenth or so (maize: laterals 1 to 2 mm apart with some ten small veins between, of which a
+//! texel of 0.1 mm can carry three; midrib 2 to 4 mm; broad leaves: secondaries 5 to 10 mm apart on either side,
+//! tertiaries 1 to 3 mm). Roughness along and across veins differ as in [Comar 2014] for grasses.
+//!
+//! When it is wrong: a preset is a look, no botanical measurement; cultivar, age and growth change every
+//! number by half. Hairs are a duller, rougher gloss and not hairs.
+
+use crate::leaf::pinnate_venation::RungTraits;
+use crate::optics::contents::LeafContents;
+use crate::optics::gloss::GlossParams;
+
+/// A leaf with a name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Species {
+    /// *Zea mays*: a grass with parallel veins.
+    Maize,
+    /// *Glycine max*: pinnate, hairy and dull.
+    Soybean,
+    /// A broad-leaved tree such as beech or oak: strong secondaries, tertiaries like ladders, glossy.
+    Tree,
+}
+
+/// What a species sets where nothing else is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpeciesPreset {
+    /// Width and height of the patch in millimetres.
+    pub size_mm: f32,
+    /// What the blade holds.
+    pub contents: LeafContents,
+    /// Roughness of the gloss along the veins.
+    pub gamma_along: f64,
+    /// Roughness of the gloss across the veins.
+    pub gamma_across: f64,
+}
+
+impl SpeciesPreset {
+    /// The gloss of the preset.
+    pub fn gloss(&self) -> GlossParams {
+        GlossParams { gamma_along: self.gamma_along, gamma_across: self.gamma_across, ..GlossParams::default() }
+    }
+}
+
+impl Species {
+    /// Every species.
+    pub const ALL: [Species; 3] = [Species::Maize, Species::Soybean, Species::Tree];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Species::Maize => "maize",
+            Species::Soybean => "soybean",
+            Species::Tree => "tree",
+        }
+    }
+
+    /// Its preset.
+    pub fn preset(self) -> SpeciesPreset {
+        let contents = |chlorophyll, carotenoid, structure| LeafContents {
+            chlorophyll_ug_per_cm2: chlorophyll,
+            carotenoid_ug_per_cm2: carotenoid,
+            structure,
+            ..LeafContents::default()
+        };
+        match self {
+            Species::Maize => SpeciesPreset {
+                size_mm: 30.0,
+                contents: contents(40.0, 5.0, 1.5),
+                gamma_along: 0.26,
+                gamma_across: 0.42,
+            },
+            Species::Soybean => SpeciesPreset {
+                size_mm: 30.0,
+                contents: contents(43.62, 8.0, 1.5),
+                gamma_along: 0.50,
+                gamma_across: 0.50,
+            },
+            Species::Tree => SpeciesPreset {
+                size_mm: 30.0,
+                contents: contents(50.0, 10.0, 1.6),
+                gamma_along: 0.22,
+                gamma_across: 0.24,
+            },
+        }
+    }
+}
+
+/// Everything that shapes a leaf's faces.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Traits {
+    pub venation: VenationTraits,
+    pub relief: ReliefTraits,
+    pub tissue: TissueTraits,
+}
+
+/// Which way veins run, with their sizes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum VenationTraits {
+    Pinnate(PinnateTraits),
+    Parallel(ParallelTraits),
+}
+
+/// Sizes of pinnate veins. Lengths in millimetres.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PinnateTraits {
+    /// Half the width of the main vein at the patch's lower edge.
+    pub main_half_width_mm: f32,
+    /// Relative loss of that width per millimetre towards the tip.
+    pub main_taper_per_mm: f32,
+    /// Half the width of a secondary vein where it leaves the main one.
+    pub secondary_half_width_mm: f32,
+    /// Length over which a secondary vein thins to its end.
+    pub secondary_length_mm: f32,
+    /// The same as a share of the patch, if that is longer.
+    pub secondary_share_of_patch: f32,
+    /// Distance between secondary veins along the main one, both sides counted.
+    pub secondary_spacing_mm: f32,
+    /// Angle between a secondary vein and the main one at its start and at its end, in degrees.
+    pub secondary_angles_deg: [f32; 2],
+    /// Relative jitter of those angles.
+    pub secondary_angle_jitter: f32,
+    /// How far a secondary swings about its course, in degrees.
+    pub secondary_wave_deg: f32,
+    pub tertiary: TertiaryTraits,
+    /// Mean size of the areas that the finest veins enclose.
+    pub finest_cell_mm: f32,
+}
+
+/// What lies between secondaries.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum TertiaryTraits {
+    /// A network of cells of a mean size.
+    Network { cell_mm: f32 },
+    /// Curves from secondary to secondary.
+    Rungs(RungTraits),
+}
+
+/// Sizes of parallel veins. Lengths in millimetres.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ParallelTraits {
+    /// Half the width of the midrib at the patch's lower edge.
+    pub main_half_width_mm: f32,
+    /// Relative loss of that width per millimetre towards the tip.
+    pub main_taper_per_mm: f32,
+    pub lateral_half_width_mm: f32,
+    pub lateral_spacing_mm: f32,
+    pub fine_spacing_mm: f32,
+    /// Length of the stretch of a strip that holds one commissural vein.
+    pub commissure_spacing_mm: f32,
+}
+
+/// Depths and heights in millimetres. Four numbers are the main, secondary, tertiary and finest veins.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ReliefTraits {
+    /// Depth of the grooves over the veins in the adaxial face.
+    pub groove_mm: [f32; 4],
+    /// Height of the ridges under the veins on the abaxial face.
+    pub ridge_mm: [f32; 4],
+    /// Width of groove and ridge over the vein's, of the two great orders.
+    pub groove_widths: [f32; 2],
+    /// Half-width of tertiary and of the finest veins.
+    pub fine_half_widths_mm: [f32; 2],
+    /// Height of the adaxial blade between great veins over the blade beside them.
+    pub bulge_mm: f32,
+    /// Distance from a great vein over which the blade rises.
+    pub bulge_reach_mm: f32,
+    /// Difference of the distances to two great veins below which the blade is rounded between them.
+    pub axil_mm: f32,
+    /// Height of the blade inside a tertiary area over its border.
+    pub areole_bulge_mm: f32,
+    /// Distance from a tertiary vein over which it rises.
+    pub areole_reach_mm: f32,
+    /// Wavelength and amplitude of the slow waves of the whole blade.
+    pub waves_mm: [(f32, f32); 2],
+    /// Wavelength and amplitude of the epidermis' bumps.
+    pub bumps_mm: [(f32, f32); 3],
+    /// How many times the bumps of the abaxial face are higher.
+    pub abaxial_bumps: f32,
+    /// How many times longer waves, bumps and mottle are along the blade than across.
+    pub stretch: f32,
+}
+
+/// Factors on the contents. Four numbers are the finest, tertiary, secondary and main veins.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TissueTraits {
+    pub chlorophyll: [f32; 4],
+    pub carotenoid: [f32; 4],
+    pub brown: [f32; 4],
+    pub gloss: [f32; 4],
+    pub thickness: [f32; 4],
+    /// How much of a fine vein shows, tertiary and finest.
+    pub fine_strength: [f32; 2],
+    /// Gloss of the blade.
+    pub blade_gloss: f32,
+    /// Gloss of the abaxial face over the adaxial one's.
+    pub abaxial_gloss: f32,
+    /// How uneven the chlorophyll is, 1 for the plain leaf.
+    pub mottle: f32,
+}
+
+/// The plain leaf: what no species is asked for.
+const PLAIN: Traits = Traits {
+    venation: VenationTraits::Pinnate(PinnateTraits {
+        main_half_width_mm: 0.42,
+        main_taper_per_mm: 0.008,
+        secondary_half_width_mm: 0.17,
+        secondary_length_mm: 22.0,
+        secondary_share_of_patch: 0.0,
+        secondary_spacing_mm: 3.4,
+        secondary_angles_deg: [62.0, 28.0],
+        secondary_angle_jitter: 0.06,
+        secondary_wave_deg: 6.0,
+        tertiary: TertiaryTraits::Network { cell_mm: 1.7 },
+        finest_cell_mm: 0.62,
+    }),
+    relief: ReliefTraits {
+        groove_mm: [0.20, 0.11, 0.028, 0.008],
+        ridge_mm: [0.24, 0.14, 0.035, 0.009],
+        groove_widths: [1.3, 1.4],
+        fine_half_widths_mm: [0.075, 0.045],
+        bulge_mm: 0.20,
+        bulge_reach_mm: 1.1,
+        axil_mm: 0.0,
+        areole_bulge_mm: 0.05,
+        areole_reach_mm: 0.35,
+        waves_mm: [(9.0, 0.12), (3.6, 0.035)],
+        bumps_mm: [(0.55, 0.010), (0.34, 0.006), (0.22, 0.0035)],
+        abaxial_bumps: 1.3,
+        stretch: 1.0,
+    },
+    tissue: TissueTraits {
+        chlorophyll: [0.82, 0.62, 0.38, 0.26],
+        carotenoid: [1.0, 1.05, 1.2, 1.3],
+        brown: [1.0, 1.1, 1.6, 2.0],
+        gloss: [0.70, 0.72, 0.85, 0.95],
+        thickness: [1.02, 1.06, 1.25, 1.5],
+        fine_strength: [0.8, 0.6],
+        blade_gloss: 0.70,
+        abaxial_gloss: 0.7,
+        mottle: 1.0,
+    },
+};
+
+const TREE: Traits = Traits {
+    venation: VenationTraits::Pinnate(PinnateTraits {
+        main_half_width_mm: 0.50,
+        main_taper_per_mm: 0.006,
+        secondary_half_width_mm: 0.24,
+        secondary_length_mm: 26.0,
+        secondary_share_of_patch: 1.25,
+        secondary_spacing_mm: 3.9,
+        secondary_angles_deg: [50.0, 36.0],
+        secondary_angle_jitter: 0.04,
+        secondary_wave_deg: 1.5,
+        tertiary: TertiaryTraits::Rungs(RungTraits {
+            spacing_mm: 1.7,
+            spacing_jitter: 0.16,
+            wander_mm: 0.30,
+            bow: 0.05,
+            forks: 0.22,
+            ties: 0.0,
+        }),
+        finest_cell_mm: 0.55,
+    }),
+    relief: ReliefTraits {
+        groove_mm: [0.20, 0.13, 0.024, 0.007],
+        ridge_mm: [0.25, 0.18, 0.06, 0.012],
+        groove_widths: [1.3, 1.4],
+        fine_half_widths_mm: [0.070, 0.040],
+        bulge_mm: 0.19,
+        bulge_reach_mm: 1.3,
+        axil_mm: 0.9,
+        areole_bulge_mm: 0.024,
+        areole_reach_mm: 0.40,
+        waves_mm: [(11.0, 0.11), (4.0, 0.025)],
+        bumps_mm: [(0.55, 0.007), (0.34, 0.004), (0.22, 0.0025)],
+        abaxial_bumps: 1.6,
+        stretch: 1.0,
+    },
+    tissue: TissueTraits {
+        chlorophyll: [0.80, 0.55, 0.28, 0.17],
+        carotenoid: [1.0, 1.0, 1.02, 1.05],
+        brown: [1.0, 1.1, 1.6, 2.0],
+        gloss: [0.85, 0.85, 0.92, 0.97],
+        thickness: [1.02, 1.06, 1.2, 1.35],
+        fine_strength: [0.8, 0.55],
+        blade_gloss: 0.85,
+        abaxial_gloss: 0.45,
+        mottle: 0.8,
+    },
+};
+
+const SOYBEAN: Traits = Traits {
+    venation: VenationTraits::Pinnate(PinnateTraits {
+        main_half_width_mm: 0.36,
+        main_taper_per_mm: 0.009,
+        secondary_half_width_mm: 0.16,
+        secondary_length_mm: 24.0,
+        secondary_share_of_patch: 1.25,
+        secondary_spacing_mm: 4.3,
+        secondary_angles_deg: [56.0, 26.0],
+        secondary_angle_jitter: 0.07,
+        secondary_wave_deg: 5.0,
+        tertiary: TertiaryTraits::Rungs(RungTraits {
+            spacing_mm: 2.2,
+            spacing_jitter: 0.26,
+            wander_mm: 0.80,
+            bow: 0.03,
+            forks: 0.15,
+            ties: 0.8,
+        }),
+        finest_cell_mm: 0.72,
+    }),
+    relief: ReliefTraits {
+        groove_mm: [0.15, 0.09, 0.030, 0.012],
+        ridge_mm: [0.26, 0.16, 0.05, 0.016],
+        groove_widths: [1.3, 1.5],
+        fine_half_widths_mm: [0.060, 0.045],
+        bulge_mm: 0.16,
+        bulge_reach_mm: 1.4,
+        axil_mm: 0.9,
+        areole_bulge_mm: 0.06,
+        areole_reach_mm: 0.45,
+        waves_mm: [(9.0, 0.13), (3.4, 0.045)],
+        bumps_mm: [(0.55, 0.014), (0.34, 0.009), (0.22, 0.005)],
+        abaxial_bumps: 1.8,
+        stretch: 1.0,
+    },
+    tissue: TissueTraits {
+        chlorophyll: [0.72, 0.45, 0.32, 0.22],
+        carotenoid: [1.0, 1.0, 1.02, 1.05],
+        brown: [1.0, 1.1, 1.5, 1.8],
+        gloss: [0.40, 0.42, 0.50, 0.58],
+        thickness: [1.04, 1.08, 1.2, 1.35],
+        fine_strength: [0.75, 0.75],
+        blade_gloss: 0.38,
+        abaxial_gloss: 0.7,
+        mottle: 1.1,
+    },
+};
+
+const MAIZE: Traits = Traits {
+    venation: VenationTraits::Parallel(ParallelTraits {
+        main_half_width_mm: 1.25,
+        main_taper_per_mm: 0.006,
+        lateral_half_width_mm: 0.10,
+        lateral_spacing_mm: 1.55,
+        fine_spacing_mm: 0.36,
+        commissure_spacing_mm: 1.5,
+    }),
+    relief: ReliefTraits {
+        groove_mm: [0.34, 0.030, 0.008, 0.003],
+        ridge_mm: [0.42, 0.055, 0.012, 0.004],
+        groove_widths: [0.9, 1.6],
+        fine_half_widths_mm: [0.060, 0.035],
+        bulge_mm: 0.045,
+        bulge_reach_mm: 0.5,
+        axil_mm: 0.3,
+        areole_bulge_mm: 0.012,
+        areole_reach_mm: 0.15,
+        waves_mm: [(10.0, 0.10), (4.2, 0.020)],
+        bumps_mm: [(0.55, 0.005), (0.34, 0.004), (0.22, 0.003)],
+        abaxial_bumps: 1.2,
+        stretch: 4.0,
+    },
+    tissue: TissueTraits {
+        chlorophyll: [0.86, 0.78, 0.55, 0.07],
+        // The midrib is parenchyma with few plastids of any kind: white, not the yellow of lesser veins.
+        carotenoid: [1.0, 1.0, 1.02, 0.30],
+        brown: [1.0, 1.05, 1.3, 1.6],
+        gloss: [0.60, 0.64, 0.72, 0.80],
+        thickness: [1.0, 1.03, 1.12, 1.3],
+        fine_strength: [0.75, 0.35],
+        blade_gloss: 0.58,
+        abaxial_gloss: 0.85,
+        mottle: 0.55,
+    },
+};
+
+impl VenationTraits {
+    /// Half the width of a secondary vein at its start.
+    pub fn secondary_half_width_mm(&self) -> f32 {
+        match self {
+            VenationTraits::Pinnate(traits) => traits.secondary_half_width_mm,
+            VenationTraits::Parallel(traits) => traits.lateral_half_width_mm,
+        }
+    }
+}
+
+impl Traits {
+    /// The traits of a species, or of the plain leaf.
+    pub fn of(species: Option<Species>) -> Traits {
+        match species {
+            None => PLAIN,
+            Some(Species::Maize) => MAIZE,
+            Some(Species::Soybean) => SOYBEAN,
+            Some(Species::Tree) => TREE,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_valid_parameters_and_differ() {
+        let presets = Species::ALL.map(Species::preset);
+        for preset in presets {
+            let params = crate::LeafParams {
+                size_mm: preset.size_mm,
+                contents: preset.contents,
+                gloss: preset.gloss(),
+                ..crate::LeafParams::default()
+            };
+            params.check().unwrap();
+            assert!(preset.gamma_along <= preset.gamma_across);
+        }
+        assert!(presets[0] != presets[1] && presets[1] != presets[2]);
+    }
+
+    #[test]
+    fn maize_holds_what_the_first_figure_says() {
+        let contents = Species::Maize.preset().contents;
+        let figure = (contents.chlorophyll_ug_per_cm2, contents.carotenoid_ug_per_cm2, contents.brown);
+        assert_eq!((figure, contents.structure), ((40.0, 5.0, 0.0), 1.5));
+    }
+}

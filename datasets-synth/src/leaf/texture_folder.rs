@@ -1,0 +1,333 @@
+//! A folder of appearance textures: `structure.png`, `pigment.png` and so on, and `textures.toml`, which says
+//! what place on the leaf they cover and what black and white mean.
+//!
+//! ```toml
+//! [area]              # where the images lie, from the patch's lower left corner
+//! left_mm = -1.02
+//! bottom_mm = -1.02
+//! width_mm = 22.04
+//! height_mm = 22.04
+//!
+//! [pigment]
+//! low = 0.0           # value of black
+//! high = 2.0          # value of white
+//! ```
+//!
+//! Without the file, or a part of it, images cover the patch exactly and have each kind's usual range. Every
+//! image may have its own resolution.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use btf_capture::write_file_atomically;
+
+use crate::error::SynthError;
+use crate::leaf::texture_image::{TextureImage, TextureKind};
+
+/// Name of the description file.
+pub const TEXTURES_NAME: &str = "textures.toml";
+
+/// Largest description file in bytes.
+const MAX_DESCRIPTION_BYTES: u64 = 1 << 16;
+
+/// How far an image's shape may be from its area's before it is taken for a mistake.
+const SHAPE_TOLERANCE: f64 = 0.02;
+
+/// The place that textures cover: x and y of the lower left corner, width and height, in millimetres.
+pub(crate) type AreaMm = [f64; 4];
+
+/// Textures of the user's own. Empty: everything is grown.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TextureImages {
+    /// `None`: the patch.
+    area_mm: Option<AreaMm>,
+    /// By [`TextureKind`].
+    images: [Option<(Arc<TextureImage>, [f64; 2])>; TextureKind::ALL.len()],
+}
+
+impl TextureImages {
+    /// Reads the textures that the folder `dir` holds. Any may be missing, not all.
+    ///
+    /// # Errors
+    /// [`SynthError::BadTexture`]: a folder without textures, an image that is damaged, too large, of another
+    /// format or of a shape that its area has not, a description that does not make sense.
+    ///
+    /// Cost: 6 bytes per texel, at most 8192 x 8192 texels an image.
+    pub fn read(dir: impl AsRef<Path>) -> Result<TextureImages, SynthError> {
+        let dir = dir.as_ref();
+        let listing = fs::read_dir(dir).map_err(|error| {
+            SynthError::bad_texture(
+                dir,
+                format!("cannot be opened as a folder ({error})"),
+                "point to a folder of textures",
+            )
+        })?;
+        for entry in listing.flatten() {
+            let path = entry.path();
+            let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("").to_ascii_lowercase();
+            let is_kind = TextureKind::ALL.iter().any(|kind| kind.name() == stem);
+            let expected = path.file_name().and_then(|s| s.to_str()) == Some(&format!("{stem}.png"));
+            if is_kind && !expected {
+                let fault = "is named like a texture but not with the ending .png in small letters".to_string();
+                return Err(SynthError::bad_texture(&path, fault, "save it as a PNG of that name or move it away"));
+            }
+        }
+        let description = Description::read(&dir.join(TEXTURES_NAME))?;
+        let mut textures = TextureImages { area_mm: description.area_mm, ..TextureImages::default() };
+        for (slot, kind) in textures.images.iter_mut().zip(TextureKind::ALL) {
+            let path = dir.join(format!("{}.png", kind.name()));
+            if !path.exists() {
+                continue;
+            }
+            let image = TextureImage::read(&path, kind.channels())?;
+            check_shape(&path, &image, description.area_mm)?;
+            *slot = Some((Arc::new(image), description.ranges[kind as usize]));
+        }
+        if textures.is_empty() {
+            let names = TextureKind::ALL.map(|kind| format!("{}.png", kind.name())).join(", ");
+            let fault = format!("holds none of {names}");
+            return Err(SynthError::bad_texture(dir, fault, "point to a folder of textures"));
+        }
+        Ok(textures)
+    }
+
+    /// Whether there is no image at all.
+    pub fn is_empty(&self) -> bool {
+        self.images.iter().all(Option::is_none)
+    }
+
+    /// The kinds that there are.
+    pub fn kinds(&self) -> impl Iterator<Item = TextureKind> {
+        TextureKind::ALL.into_iter().filter(|kind| self.has(*kind))
+    }
+
+    /// Whether there is an image of a kind.
+    pub fn has(&self, kind: TextureKind) -> bool {
+        self.images[kind as usize].is_some()
+    }
+
+    /// The value of a kind at a position in millimetres of a patch of `size_mm`, if there is an image of it.
+    pub(crate) fn sample(&self, kind: TextureKind, position_mm: [f32; 2], size_mm: f32) -> Option<[f32; 3]> {
+        let (image, range) = self.images[kind as usize].as_ref()?;
+        let size = f64::from(size_mm);
+        let [left, bottom, width, height] = self.area_mm.unwrap_or([0.0, 0.0, size, size]);
+        let [x, y] = position_mm.map(f64::from);
+        Some(image.sample([(x - left) / width, 1.0 - (y - bottom) / height], *range))
+    }
+}
+
+/// Writes textures of one area into the new folder `dir`: values `[texel, channel]`, row 0 at the top, with the
+/// range that black and white stand for. `about` is a line for people.
+///
+/// # Errors
+/// [`SynthError::BadTexture`] if `dir` holds files already or cannot be made, [`SynthError::Capture`] if a file
+/// cannot be written.
+pub(crate) fn write_textures(
+    dir: &Path,
+    area_mm: AreaMm,
+    size_mm: f32,
+    about: &str,
+    textures: &[(TextureKind, Vec<f32>, [f64; 2])],
+    width: usize,
+) -> Result<(), SynthError> {
+    if fs::read_dir(dir).is_ok_and(|mut listing| listing.next().is_some()) {
+        let fault = "holds files already".to_string();
+        return Err(SynthError::bad_texture(dir, fault, "give a folder that is new or empty"));
+    }
+    fs::create_dir_all(dir).map_err(|error| {
+        SynthError::bad_texture(
+            dir,
+            format!("cannot be made ({error})"),
+            "give a folder in a place that can be written",
+        )
+    })?;
+    let [left, bottom, area_width, area_height] = area_mm;
+    // Writing to a string does not fail.
+    let mut text = String::new();
+    let _ = write!(
+        text,
+        "# Appearance textures of a leaf; edit or replace any image, delete what shall be grown again.\n\
+         # {about}\n\
+         # Pixels are numbers, not colours: black is `low`, white is `high`, no gamma curve. The tip is at the top.\n\n\
+         size_mm = {size_mm:?}\n\n\
+         [area]\nleft_mm = {left:?}\nbottom_mm = {bottom:?}\nwidth_mm = {area_width:?}\nheight_mm = {area_height:?}\n"
+    );
+    for (kind, values, range) in textures {
+        let image = TextureImage::from_values(width, kind.channels(), values, *range);
+        let path = dir.join(format!("{}.png", kind.name()));
+        let bytes = image.encode(*kind != TextureKind::Structure).map_err(|error| {
+            SynthError::bad_texture(&path, format!("cannot be encoded ({error})"), "report this with the command line")
+        })?;
+        write_file_atomically(&path, &bytes)?;
+        let (name, [low, high]) = (kind.name(), range);
+        let _ = write!(text, "\n# {}\n[{name}]\nlow = {low:?}\nhigh = {high:?}\n", kind.meaning());
+    }
+    write_file_atomically(dir.join(TEXTURES_NAME), text.as_bytes())?;
+    Ok(())
+}
+
+fn check_shape(path: &Path, image: &TextureImage, area_mm: Option<AreaMm>) -> Result<(), SynthError> {
+    let [width, height] = image.size();
+    let [_, _, area_width, area_height] = area_mm.unwrap_or([0.0, 0.0, 1.0, 1.0]);
+    let ratio = width as f64 * area_height / (height as f64 * area_width);
+    if (1.0 - SHAPE_TOLERANCE..=1.0 + SHAPE_TOLERANCE).contains(&ratio) {
+        return Ok(());
+    }
+    let shape = match area_mm {
+        Some(_) => format!("an area of {area_width} x {area_height} mm"),
+        None => "a square patch".to_string(),
+    };
+    let fault = format!("has {width} x {height} texels but covers {shape}");
+    Err(SynthError::bad_texture(path, fault, "crop or scale it to that shape"))
+}
+
+/// What `textures.toml` says.
+struct Description {
+    area_mm: Option<AreaMm>,
+    ranges: [[f64; 2]; TextureKind::ALL.len()],
+}
+
+impl Description {
+    /// Reads the file, or takes the defaults where there is none.
+    fn read(path: &Path) -> Result<Description, SynthError> {
+        let bad = |fault: String| {
+            SynthError::bad_texture(
+                path,
+                fault,
+                "correct or delete it, then images cover the patch in their usual range",
+            )
+        };
+        let mut description = Description { area_mm: None, ranges: TextureKind::ALL.map(TextureKind::default_range) };
+        match fs::metadata(path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(description),
+            Ok(data) if data.len() > MAX_DESCRIPTION_BYTES => {
+                return Err(bad(format!("has {} bytes, and {MAX_DESCRIPTION_BYTES} are allowed", data.len())));
+            }
+            _ => {}
+        }
+        let text = fs::read_to_string(path).map_err(|error| bad(format!("cannot be read ({error})")))?;
+        let file: toml::Table = text.parse().map_err(|error: toml::de::Error| {
+            bad(format!("is no TOML ({})", error.message().lines().next().unwrap_or("unknown")))
+        })?;
+        let number = |table: &toml::Table, name: &str, key: &str| -> Result<f64, SynthError> {
+            let value = table.get(key).and_then(|v| v.as_float().or_else(|| v.as_integer().map(|i| i as f64)));
+            value.filter(|v| v.is_finite()).ok_or_else(|| bad(format!("has no number `{key}` in [{name}]")))
+        };
+        let table = |name: &str| match file.get(name) {
+            None => Ok(None),
+            Some(toml::Value::Table(table)) => Ok(Some(table)),
+            Some(_) => Err(bad(format!("has `{name}` as something else than a table"))),
+        };
+        if let Some(area) = table("area")? {
+            let get = |key| number(area, "area", key);
+            let [left, bottom, width, height] =
+                [get("left_mm")?, get("bottom_mm")?, get("width_mm")?, get("height_mm")?];
+            if ![left, bottom].iter().all(|x| x.abs() <= 1e4)
+                || ![width, height].iter().all(|x| (1e-3..=1e4).contains(x))
+            {
+                return Err(bad("has an [area] of less than 0.001 or more than 10000 mm".to_string()));
+            }
+            description.area_mm = Some([left, bottom, width, height]);
+        }
+        for kind in TextureKind::ALL {
+            let name = kind.name();
+            let Some(range) = table(name)? else { continue };
+            let (low, high) = (number(range, name, "low")?, number(range, name, "high")?);
+            let [least, most] = kind.allowed_range();
+            if !(least <= low && low < high && high <= most) {
+                return Err(bad(format!(
+                    "has {low} to {high} in [{name}], which is not a rise within {least} to {most}"
+                )));
+            }
+            description.ranges[kind as usize] = [low, high];
+        }
+        Ok(description)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::leaf::texture_image::tests::png_bytes;
+
+    fn grey(side: [u32; 2]) -> Vec<u8> {
+        let data = vec![128; (side[0] * side[1]) as usize];
+        png_bytes(side, png::ColorType::Grayscale, png::BitDepth::Eight, &data)
+    }
+
+    fn refusal(files: &[(&str, &[u8])]) -> String {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, bytes) in files {
+            fs::write(dir.path().join(name), bytes).unwrap();
+        }
+        let message = TextureImages::read(dir.path()).unwrap_err().to_string();
+        assert_eq!(message.lines().count(), 1, "{message}");
+        message
+    }
+
+    #[test]
+    fn a_folder_of_one_grey_texel_is_textures() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("gloss.png"), grey([1, 1])).unwrap();
+        let textures = TextureImages::read(dir.path()).unwrap();
+        assert_eq!(textures.kinds().collect::<Vec<_>>(), [TextureKind::Gloss]);
+        let value = textures.sample(TextureKind::Gloss, [3.0, 99.0], 20.0).unwrap()[0];
+        assert!((value - 128.0 / 255.0).abs() < 1e-6);
+        assert_eq!(textures.sample(TextureKind::Pigment, [3.0, 9.0], 20.0), None);
+    }
+
+    #[test]
+    fn black_and_white_mean_what_the_description_says() {
+        let dir = tempfile::tempdir().unwrap();
+        let two = png_bytes([2, 2], png::ColorType::Grayscale, png::BitDepth::Eight, &[0, 255, 0, 255]);
+        fs::write(dir.path().join("height.png"), two).unwrap();
+        let text = "[area]\nleft_mm = 10\nbottom_mm = 0.0\nwidth_mm = 2\nheight_mm = 2\n[height]\nlow = -1\nhigh = 3\n";
+        fs::write(dir.path().join(TEXTURES_NAME), text).unwrap();
+        let textures = TextureImages::read(dir.path()).unwrap();
+        let at = |x: f32| textures.sample(TextureKind::Height, [x, 1.0], 20.0).unwrap()[0];
+        assert!((at(10.5) + 1.0).abs() < 1e-4 && (at(11.5) - 3.0).abs() < 1e-4 && (at(11.0) - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn what_cannot_be_used_is_named_with_its_remedy() {
+        let whole = grey([4, 4]);
+        for (message, parts) in [
+            (refusal(&[]), ["holds none of", "point to"]),
+            (refusal(&[("photo.png", &whole)]), ["holds none of", "point to"]),
+            (refusal(&[("gloss.png", &whole[..whole.len() - 9])]), ["gloss.png is no whole PNG", "save it again"]),
+            (refusal(&[("pigment.png", b"")]), ["pigment.png is no whole PNG", "save it again"]),
+            (refusal(&[("pigment.png", b"\xFF\xD8 a jpeg")]), ["pigment.png is no whole PNG", "save it again"]),
+            (refusal(&[("gloss.jpg", &whole)]), ["gloss.jpg is named like", "save it as a PNG"]),
+            (refusal(&[("Gloss.PNG", &whole)]), ["Gloss.PNG is named like", "save it as a PNG"]),
+            (refusal(&[("gloss.png", &grey([8, 2]))]), ["8 x 2 texels but covers a square", "crop or scale"]),
+            (refusal(&[("gloss.png", &whole), (TEXTURES_NAME, b"[gloss")]), ["is no TOML", "correct or delete"]),
+            (refusal(&[("gloss.png", &whole), (TEXTURES_NAME, b"gloss = 1")]), ["`gloss` as something", "correct"]),
+            (refusal(&[("gloss.png", &whole), (TEXTURES_NAME, b"[gloss]\nlow = 0")]), ["no number `high`", "correct"]),
+            (
+                refusal(&[("gloss.png", &whole), (TEXTURES_NAME, b"[height]\nlow = nan\nhigh = 1")]),
+                ["no number `low`", "correct"],
+            ),
+            (
+                refusal(&[("gloss.png", &whole), (TEXTURES_NAME, b"[height]\nlow = 1\nhigh = 1")]),
+                ["not a rise", "correct"],
+            ),
+            (
+                refusal(&[("gloss.png", &whole), (TEXTURES_NAME, &[b'#'; 1 << 17])]),
+                ["65536 are allowed", "correct or delete"],
+            ),
+            (
+                refusal(&[
+                    ("gloss.png", &whole),
+                    (TEXTURES_NAME, b"[area]\nleft_mm = 0\nbottom_mm = 0\nwidth_mm = 0\nheight_mm = 1"),
+                ]),
+                ["[area] of less than", "correct"],
+            ),
+        ] {
+            assert!(parts.iter().all(|part| message.contains(part)), "{message}: {parts:?}");
+        }
+        let nowhere = TextureImages::read("/nonexistent/textures").unwrap_err().to_string();
+        assert!(nowhere.contains("/nonexistent/textures cannot be opened"), "{nowhere}");
+    }
+}
