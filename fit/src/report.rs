@@ -534,6 +534,46 @@ mod tests {
     }
 
     #[test]
+    fn a_capture_of_any_side_stands_beside_its_own_picture_and_not_a_mirrored_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let monitor = Monitor::default();
+        for side in btf_capture::Side::ALL {
+            let mut source = sample_asset();
+            (source.layers[0].light_side, source.layers[0].view_side) = crate::material::sides_of_capture(side);
+            let bytes = pack(&source).unwrap();
+            let asset = Asset::parse(&bytes).unwrap();
+            let resident = Resident::from_asset(&asset);
+            let dir = folder.path().join(side.to_string());
+            expand(&asset, &resident, &dir, &ExpandParams::default(), &monitor).unwrap();
+            let capture = Capture::open(dir).unwrap();
+            let comparison = measure(&capture, &asset, &resident, &MeasureParams::default(), &monitor).unwrap();
+            let input = ReportInput {
+                bytes: &bytes,
+                asset: &asset,
+                resident: &resident,
+                layers: vec![ReportLayer { capture: &capture, layer: 0, comparison: &comparison }],
+                stages: &[],
+                peak_memory_bytes: None,
+                psnr_left_out_db: None,
+            };
+            let page = report_html(&input, &monitor).unwrap();
+            let row = |label: &str| {
+                let (_, rest) = page.split_once(&format!("<th>{label}</th>")).unwrap();
+                rest.split_once("</tr>").unwrap().0.to_string()
+            };
+            // The files hold exactly what is decoded, and five columns of different texels are no mirror image.
+            assert_eq!(row("original"), row("decoded"), "{side}");
+            assert_eq!(page.contains("Straight through"), side.is_transmission());
+            let mut clusters = source.layers[0].texel_clusters.clone();
+            turn_map(&mut clusters, 5, side);
+            assert_eq!(clusters != source.layers[0].texel_clusters, side.is_turned_over());
+            let turned = Layer { texel_clusters: clusters, ..source.layers[0].clone() };
+            let front = CaptureInfo { side: btf_capture::Side::Front, ..capture.info().clone() };
+            assert_eq!(cluster_map(&source.layers[0], capture.info()), cluster_map(&turned, &front));
+        }
+    }
+
+    #[test]
     fn the_page_stands_alone_and_shows_the_figures() {
         let folder = tempfile::tempdir().unwrap();
         let bytes = pack(&sample_asset()).unwrap();
