@@ -16,8 +16,8 @@
 //! When it is wrong: a preset is a look, no botanical measurement; cultivar, age and growth change every
 //! number by half. Hairs are a duller, rougher gloss and not hairs.
 
+use crate::LeafContents;
 use crate::leaf::pinnate_venation::RungTraits;
-use crate::optics::colour::LeafContents;
 
 /// A leaf with a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -416,14 +416,10 @@ mod tests {
     #[test]
     fn presets_are_valid_parameters_and_differ() {
         let presets = Species::ALL.map(Species::preset);
-        for preset in presets {
-            let params = crate::LeafParams {
-                size_mm: preset.size_mm,
-                contents: preset.contents,
-                roughness: preset.gamma(),
-                ..crate::LeafParams::default()
-            };
+        for (species, preset) in Species::ALL.into_iter().zip(presets) {
+            let params = crate::LeafParams::of(species);
             params.check().unwrap();
+            assert_eq!((params.size_mm, params.contents), (preset.size_mm, preset.contents));
             assert!(preset.gamma_along <= preset.gamma() && preset.gamma() <= preset.gamma_across);
         }
         assert!(presets[0] != presets[1] && presets[1] != presets[2]);
