@@ -416,15 +416,12 @@ mod tests {
     #[test]
     fn presets_are_valid_parameters_and_differ() {
         let presets = Species::ALL.map(Species::preset);
-        for preset in presets {
-            let params = crate::LeafParams {
-                size_mm: preset.size_mm,
-                contents: preset.contents,
-                gloss: preset.gloss(),
-                ..crate::LeafParams::default()
-            };
+        for (species, preset) in Species::ALL.into_iter().zip(presets) {
+            let params = crate::LeafParams::of(species);
             params.check().unwrap();
+            assert_eq!((params.size_mm, params.contents), (preset.size_mm, preset.contents));
             assert!(preset.gamma_along <= preset.gamma_across);
+            assert_eq!(params.gloss, preset.gloss());
         }
         assert!(presets[0] != presets[1] && presets[1] != presets[2]);
     }
