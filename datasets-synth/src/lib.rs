@@ -1,26 +1,26 @@
 //! Synthetic captures of leaves, woven cloth and leather: their optics and relief, and a virtual rig
 //! that photographs them under every pair of a view and a light.
 //!
-//! The chain, from contents to pictures:
+//! The chain, from contents to pictures of leaves:
 //!
 //! 1. [`LeafContents`]: pigments per area, and [`SpecificAbsorption`]: what they absorb.
 //! 2. [`PlateModel`]: [`plate_n`], a leaf as N absorbing plates; [`plate`], as one; [`plate_paper`],
 //!    as printed. [`plate_spectrum`] gives a whole leaf's spectra, [`PlateBody`] a texel's colour.
-//! 3. [`RgbFromSpectrum`]: spectra under D65 to linear sRGB.
-//! 4. [`CookTorrance`]: the gloss on top, and how much light it lets in and out.
-//! 5. [`LeafParams`]: veins, relief and the textures of pigment, gloss and thickness; [`LeafModel`].
-//! 6. [`HeightField`], [`Material`], [`ViewHits`], [`Illumination`], [`render`]: parallax, masking,
+//!    [`CookTorrance`]: the gloss on top, and how much light it lets in and out.
+//! 3. [`Tissue`]: the algorithmic models [`Abm97`], [`AbmB`] and [`AbmU`], each a [`Stack`] of interfaces
+//!    that [`walk`] walks; [`trace_path_lengths`] gives spectra of any pigments, [`ScatterTable`] a BRDF.
+//! 4. [`Spectrophotometer`] and [`Goniophotometer`]: what a laboratory would measure on them.
+//! 5. [`RgbFromSpectrum`]: spectra under D65 to linear sRGB.
+//! 6. [`AppearanceTextures`]: structure, pigment, gloss, thickness and relief, grown for a [`Species`]
+//!    and a [`Chlorosis`] or the user's own [`TextureImages`].
+//! 7. [`HeightField`], [`Material`], [`ViewHits`], [`Illumination`], [`render`]: parallax, masking,
 //!    shadows, one image of any material.
-//! 7. [`write_leaf_capture`]: all images and the height map, as a Bonn-layout folder.
+//! 8. [`write_leaf_capture`]: all images of [`LeafParams`] and the height map, as a Bonn-layout folder.
 //!
 //! Two other materials keep fitters from being tuned to leaves: [`Cloth`], yarns whose [`Fibre`]s
 //! scatter light as cylinders, written by [`write_cloth_capture`], and [`Leather`], a grain of pebbles
 //! under a [`Finish`] of long-tailed [`Facets`], written by [`write_leather_capture`]. Both add one
 //! indirect [`Bounce`].
-//! 5. [`AppearanceTextures`]: structure, pigment, gloss, thickness and relief, grown for a [`Species`]
-//!    and a [`Chlorosis`] or the user's own [`TextureImages`]; [`Leaf`]: a face with its colours.
-//! 6. [`ViewHits`], [`LightVisibility`], [`render`]: parallax, masking, shadows, one image.
-//! 7. [`write_leaf_capture`]: all images, as a Bonn-layout folder.
 //!
 //! Everything that is random comes from a seed; the number of threads never matters.
 //!

@@ -19,7 +19,7 @@ pub(super) struct LookArgs {
     #[arg(long, requires = "deficiency", value_name = "S")]
     severity: Option<f64>,
     /// No pigment at all: an albino leaf
-    #[arg(long, conflicts_with_all = ["cab", "car", "cbrown", "deficiency"])]
+    #[arg(long, conflicts_with_all = ["cab", "car", "cant", "cbrown", "deficiency"])]
     pub albino: bool,
     /// Folder of your own textures (structure.png, pigment.png, gloss.png, ...); what it lacks is grown
     #[arg(long, value_name = "DIR")]
@@ -67,9 +67,12 @@ impl LookArgs {
         if chlorosis.is_some() {
             params.contents.brown = Chlorosis::BROWN;
         }
+        // [Miao, Fig. 2f]: the text says that all pigments are 0; the caption prints C_r 5 and C_b 0.2 instead,
+        // which is a brownish yellow leaf (--cab 0 --car 5 --cbrown 0.2).
         if self.albino {
             params.contents.chlorophyll_ug_per_cm2 = 0.0;
             params.contents.carotenoid_ug_per_cm2 = 0.0;
+            params.contents.anthocyanin_ug_per_cm2 = 0.0;
             params.contents.brown = 0.0;
         }
         let images = self.textures.as_ref().map_or(Ok(TextureImages::default()), TextureImages::read)?;

@@ -120,7 +120,7 @@ impl LeafParams {
                 return Err(SynthError::BadParameter { name: "--directions", value: d.to_string(), allowed });
             }
         }
-        Ok(())
+        Grid::check_patch(self.size, self.size_mm, RELIEF_BOUND_MM, &self.views)
     }
 
     /// The sides of light and eye in a capture's terms.
@@ -248,6 +248,9 @@ pub(crate) mod tests {
         assert!(named(LeafParams { lights, ..small() }).contains("--directions"));
         let thin = Abm97 { leaf_thickness: Centimetres(0.0), ..Abm97::default() };
         assert!(named(LeafParams { model: LeafModel::Abm97(thin), ..small() }).contains("--thickness-cm"));
+        let tiny = LeafParams { size: 2048, size_mm: 1.0, ..LeafParams::default() };
+        assert!(named(tiny).contains("--size-mm is 1 for 2048 texels"));
+        LeafParams { size: 2048, ..LeafParams::default() }.check().unwrap();
         small().check().unwrap();
     }
 

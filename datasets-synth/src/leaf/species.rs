@@ -13,6 +13,9 @@
 //! texel of 0.1 mm can carry three; midrib 2 to 4 mm; broad leaves: secondaries 5 to 10 mm apart on either side,
 //! tertiaries 1 to 3 mm). Roughness along and across veins differ as in [Comar 2014] for grasses.
 //!
+//! Differs from the paper in: it gives veins more carotenoids than the mesophyll (V_c); maize's midrib has
+//! less here, because it is white and not yellow.
+//!
 //! When it is wrong: a preset is a look, no botanical measurement; cultivar, age and growth change every
 //! number by half. Hairs are a duller, rougher gloss and not hairs.
 
