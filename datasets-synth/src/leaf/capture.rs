@@ -71,6 +71,8 @@ mod tests {
 
     use super::*;
     use crate::leaf::patch::tests::small;
+    use crate::leaf::species::Species;
+    use crate::optics::path_lengths::Face;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {
         ControlFlow::Continue(())
@@ -130,5 +132,37 @@ mod tests {
         fs::write(dir.join("precious"), b"keep").unwrap();
         assert!(matches!(write_leaf_capture(&dir, &small(), &go_on), Err(SynthError::Capture(_))));
         assert_eq!(fs::read(dir.join("precious")).unwrap(), b"keep");
+    }
+
+    /// Light straight through the leaf, seen from either face: the same blade, in mirrored columns.
+    #[test]
+    fn the_two_transmission_captures_show_one_leaf_turned_over() {
+        let parent = tempfile::tempdir().unwrap();
+        let straight = DirectionSet::new(vec![Direction::new(0.0, 0.0)]).unwrap();
+        let through = |side: Face| {
+            let dir = parent.path().join(format!("{side:?}"));
+            let (views, lights) = (straight.clone(), straight.clone());
+            let species = LeafParams::of(Species::Tree);
+            let passage = Passage::Transmission;
+            let params = LeafParams { size: 48, side, passage, views, lights, format: ImageFormat::Exr, ..species };
+            write_leaf_capture(&dir, &params, &go_on).unwrap();
+            let capture = Capture::open(&dir).unwrap();
+            assert_eq!(capture.info().lights.directions()[0].theta_deg, 180.0);
+            assert_eq!(capture.info().side, params.capture_side());
+            let Pixels::Linear(image) = capture.read(0, 0).unwrap() else { panic!("EXR is linear") };
+            image
+        };
+        let (face, back) = (through(Face::Adaxial), through(Face::Abaxial));
+        let apart = |column_of: fn(usize) -> usize| {
+            let sum: f32 = (0..48 * 48)
+                .map(|texel| {
+                    let (row, column) = (texel / 48, texel % 48);
+                    (face[3 * texel + 1] - back[3 * (row * 48 + column_of(column)) + 1]).abs()
+                })
+                .sum();
+            sum / face.iter().skip(1).step_by(3).sum::<f32>()
+        };
+        let (turned, planted) = (apart(|column| 47 - column), apart(|column| column));
+        assert!(turned < 0.04 && planted > 2.5 * turned, "{turned} {planted}");
     }
 }
