@@ -34,13 +34,18 @@ pub enum SynthError {
     Capture(#[from] CaptureError),
 }
 
-/// Refuses a number out of a range by name.
+/// Refuses a number outside of a range, or no number, by name.
 pub(crate) fn check_range(name: &'static str, value: f64, low: f64, high: f64) -> Result<(), SynthError> {
     // Not `<`, so that a NaN is refused, too.
     if (low..=high).contains(&value) {
         return Ok(());
     }
     Err(SynthError::BadParameter { name, value: value.to_string(), allowed: format!("a number from {low} to {high}") })
+}
+
+/// Refuses the first of some numbers that is out of its range: `(name, number, least, most)`.
+pub(crate) fn check_ranges(ranges: &[(&'static str, f64, f64, f64)]) -> Result<(), SynthError> {
+    ranges.iter().try_for_each(|&(name, value, low, high)| check_range(name, value, low, high))
 }
 
 impl SynthError {

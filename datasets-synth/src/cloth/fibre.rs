@@ -47,8 +47,8 @@
 use std::f64::consts::PI;
 
 use crate::error::SynthError;
+use crate::error::check_ranges;
 use crate::optics::fresnel::fresnel;
-use crate::surface::capture_params::check_ranges;
 use crate::surface::rig::dot;
 use crate::surface::table::CosineTable;
 

@@ -15,8 +15,8 @@
 
 use crate::cloth::fibre::FibreParams;
 use crate::cloth::weave::Weave;
-use crate::error::SynthError;
-use crate::surface::capture_params::{CaptureParams, check_ranges};
+use crate::error::{SynthError, check_ranges};
+use crate::surface::capture_params::CaptureParams;
 
 /// What cloth to weave; see the module's table.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,7 +2,7 @@
 
 use btf_capture::{DirectionSet, ImageFormat, Side};
 
-use crate::error::{SynthError, check_range};
+use crate::error::{SynthError, check_ranges};
 use crate::leaf::face::{Seen, Tint};
 use crate::leaf::model::LeafModel;
 use crate::leaf::relief::{RELIEF_BOUND_MM, TextureSample};
@@ -104,8 +104,10 @@ impl LeafParams {
     /// # Errors
     /// [`SynthError::BadParameter`] for the first that is out of its range.
     pub fn check(&self) -> Result<(), SynthError> {
-        check_range("--size", self.size as f64, 8.0, MAX_LEAF_SIZE as f64)?;
-        check_range("--size-mm", f64::from(self.size_mm), 1.0, 200.0)?;
+        check_ranges(&[
+            ("--size", self.size as f64, 8.0, MAX_LEAF_SIZE as f64),
+            ("--size-mm", f64::from(self.size_mm), 1.0, 200.0),
+        ])?;
         self.gloss.check()?;
         self.look.check()?;
         match &self.model {

@@ -29,9 +29,9 @@
 //! rough for reflection and flat for the refracted ways, and pigment does not scatter.
 
 use crate::error::SynthError;
+use crate::error::check_ranges;
 use crate::leather::facets::{FacetDirection, Facets};
 use crate::optics::fresnel::fresnel;
-use crate::surface::capture_params::check_ranges;
 
 /// Reflectance of the hide below the pigment (bleached collagen).
 const HIDE_REFLECTANCE: f64 = 0.92;

@@ -11,9 +11,9 @@
 //!
 //! The finish's own parameters stand in [`FinishParams`].
 
-use crate::error::SynthError;
+use crate::error::{SynthError, check_ranges};
 use crate::leather::finish::FinishParams;
-use crate::surface::capture_params::{CaptureParams, check_ranges};
+use crate::surface::capture_params::CaptureParams;
 
 /// What leather to make; see the module's table.
 #[derive(Debug, Clone, PartialEq)]

@@ -30,7 +30,7 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use crate::error::SynthError;
+use crate::error::{SynthError, check_ranges};
 use crate::optics::fresnel::fresnel;
 
 /// Smallest roughness: a narrower lobe falls between the directions of every known sampling.
@@ -147,18 +147,11 @@ impl GlossParams {
     /// # Errors
     /// [`SynthError::BadParameter`] for the first that is out of its range.
     pub fn check(&self) -> Result<(), SynthError> {
-        for (name, value, low, high) in [
+        check_ranges(&[
             ("the gloss's index", self.index, 1.01, 3.0),
             ("--gamma", self.gamma_along, MIN_ROUGHNESS, 1.0),
             ("--gamma-across", self.gamma_across, MIN_ROUGHNESS, 1.0),
-        ] {
-            // Not `<`, so that a NaN is refused, too.
-            if !(low..=high).contains(&value) {
-                let allowed = format!("a number from {low} to {high}");
-                return Err(SynthError::BadParameter { name, value: value.to_string(), allowed });
-            }
-        }
-        Ok(())
+        ])
     }
 
     /// Both roughnesses raised to the floor; a NaN becomes the floor.

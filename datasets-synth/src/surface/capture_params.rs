@@ -2,7 +2,7 @@
 
 use btf_capture::{CaptureInfo, DirectionSet, ImageFormat};
 
-use crate::error::SynthError;
+use crate::error::{SynthError, check_ranges};
 use crate::surface::grid::Grid;
 
 /// Largest side of a capture in texels.
@@ -78,21 +78,6 @@ impl CaptureParams {
         info.provenance = provenance;
         info
     }
-}
-
-/// Checks numbers against ranges, `(name, number, least, most)`.
-///
-/// # Errors
-/// [`SynthError::BadParameter`] for the first that is outside, or no number.
-pub(crate) fn check_ranges(ranges: &[(&'static str, f64, f64, f64)]) -> Result<(), SynthError> {
-    for &(name, value, low, high) in ranges {
-        // Not `<`, so that a NaN is refused, too.
-        if !(low..=high).contains(&value) {
-            let allowed = format!("a number from {low} to {high}");
-            return Err(SynthError::BadParameter { name, value: value.to_string(), allowed });
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]
