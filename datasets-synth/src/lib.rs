@@ -30,11 +30,14 @@
 //! ```
 //! use std::ops::ControlFlow;
 //! use btf_capture::DirectionSet;
-//! use btf_synth::{LeafParams, write_leaf_capture};
+//! use btf_synth::{CaptureParams, LeafParams, write_leaf_capture};
 //!
 //! let parent = tempfile::tempdir()?;
 //! let set = DirectionSet::random(2, 1)?;
-//! let params = LeafParams { size: 16, views: set.clone(), lights: set, ..LeafParams::default() };
+//! let params = LeafParams {
+//!     capture: CaptureParams { size: 16, views: set.clone(), lights: set, ..CaptureParams::new(20.0) },
+//!     ..LeafParams::default()
+//! };
 //! write_leaf_capture(parent.path().join("leaf"), &params, &|_, _| ControlFlow::Continue(()))?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -59,7 +62,7 @@ pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectr
 pub use leaf::capture::write_leaf_capture;
 pub use leaf::chlorosis::{Chlorosis, Deficiency};
 pub use leaf::model::LeafModel;
-pub use leaf::patch::{LeafParams, MAX_LEAF_SIZE, MAX_LEAF_THETA_DEG};
+pub use leaf::patch::LeafParams;
 pub use leaf::species::{Species, SpeciesPreset};
 pub use leaf::texture_folder::{TEXTURES_NAME, TextureImages};
 pub use leaf::texture_image::TextureKind;
@@ -69,7 +72,7 @@ pub use leather::facets::{FacetDirection, Facets};
 pub use leather::finish::{Finish, FinishParams, FinishView};
 pub use leather::hide::{Leather, LeatherPair, LeatherPoint};
 pub use leather::params::LeatherParams;
-pub use optics::abm_b::{AbmB, AspectRatios, Composition, Specimen};
+pub use optics::abm_b::AbmB;
 pub use optics::abm_u::AbmU;
 pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
 pub use optics::colour::{RgbBands, RgbFromSpectrum};
@@ -89,6 +92,7 @@ pub use optics::plate_n::{plate_n, plate_n_inside};
 pub use optics::plate_paper::{PAPER_WAVELENGTHS_NM, plate_paper, plate_paper_absorption, plate_paper_of_theta};
 pub use optics::scatter_table::{Passage, ScatterTable};
 pub use optics::specific_absorption::{SpecificAbsorption, check_wavelengths};
+pub use optics::specimen::{AspectRatios, Composition, Specimen};
 pub use optics::stack::{Crossing, Interface, InverseExponent, Medium, PathRule, Spread, Stack};
 pub use optics::theta::{
     ThetaForm, diffuse_transmission, diffuse_transmission_f32, rational_p1q2, rational_p2q3, three_piece_fit,

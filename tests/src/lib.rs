@@ -5,7 +5,7 @@ pub mod leaf_trade;
 use btf_capture::{Capture, CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
 use btf_fit::{FitOutcome, FitParams, Monitor, fit};
 use btf_runtime::{Asset, Resident};
-use btf_synth::{LeafParams, write_leaf_capture};
+use btf_synth::{CaptureParams, LeafParams, write_leaf_capture};
 use rayon::prelude::*;
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -22,7 +22,11 @@ pub fn leaf_capture(
     lights: &DirectionSet,
     format: ImageFormat,
 ) -> Capture {
-    let params = LeafParams { size, views: views.clone(), lights: lights.clone(), format, ..LeafParams::default() };
+    let params = LeafParams::default();
+    let params = LeafParams {
+        capture: CaptureParams { size, views: views.clone(), lights: lights.clone(), format, ..params.capture },
+        ..params
+    };
     write_leaf_capture(folder, &params, &|_, _| ControlFlow::Continue(())).expect("the leaf capture is written");
     Capture::open(folder).expect("the leaf capture is read")
 }

@@ -1,8 +1,6 @@
 //! `btf-synth cloth`: the capture of woven cloth.
 
-use std::time::Instant;
-
-use btf_synth::{CaptureParams, ClothParams, FibreParams, HEIGHT_MAP_NAME, Weave, write_cloth_capture};
+use btf_synth::{ClothParams, FibreParams, Weave, write_cloth_capture};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
@@ -77,16 +75,8 @@ enum WeaveArg {
 
 /// Writes the capture.
 pub fn run(args: &ClothArgs) -> Result<(), Failure> {
-    let directions = args.capture.direction_set()?;
     let params = ClothParams {
-        capture: CaptureParams {
-            size: args.capture.size,
-            size_mm: args.size_mm,
-            seed: args.capture.seed,
-            views: directions.clone(),
-            lights: directions,
-            format: args.capture.format.into(),
-        },
+        capture: args.capture.params(args.size_mm)?,
         weave: match args.weave {
             WeaveArg::Plain => Weave::Plain,
             WeaveArg::Twill => Weave::Twill,
@@ -110,25 +100,11 @@ pub fn run(args: &ClothArgs) -> Result<(), Failure> {
         bounce: !args.no_bounce,
     };
     params.check()?;
-    let started = Instant::now();
-    let capture = &params.capture;
-    let images = capture.views.len() * capture.lights.len();
-    let out_dir = &args.capture.out_dir;
-    args.run.work("cloth", "images", images, |progress| write_cloth_capture(out_dir, &params, progress))?;
-    let seconds = started.elapsed().as_secs_f64();
-    let result = json!({
-        "path": out_dir.display().to_string(),
-        "height_map": out_dir.join(HEIGHT_MAP_NAME).display().to_string(),
-        "images": images,
-        "seconds": seconds,
-        "width": capture.size,
-        "height": capture.size,
-        "views": capture.views.len(),
-        "lights": capture.lights.len(),
-        "size_mm": capture.size_mm,
-        "format": capture.format.to_string(),
-        "weave": params.weave.to_string(),
-        "seed": capture.seed,
-    });
-    args.run.report(&result, &format!("{}: {images} images in {seconds:.1} s", out_dir.display()))
+    args.capture.photograph(
+        &args.run,
+        "cloth",
+        &params.capture,
+        &json!({ "weave": params.weave.to_string() }),
+        |dir, progress| write_cloth_capture(dir, &params, progress),
+    )
 }

@@ -1,7 +1,5 @@
 //! `btf-synth leaf`: the capture of a leaf.
 
-use std::time::Instant;
-
 use btf_synth::{GlossCoupling, GlossForm, GlossParams, LeafParams, Passage, RgbBands, write_leaf_capture};
 use clap::{Args, ValueEnum};
 use serde_json::json;
@@ -68,14 +66,12 @@ enum Bands {
 
 /// Writes the capture.
 pub fn run(args: &LeafArgs) -> Result<(), Failure> {
-    let directions = args.capture.direction_set()?;
     let preset = args.look.params()?;
     // The algorithmic models keep their own leaf's pigments unless the user, or an albino, has others.
     let none = args.look.albino.then_some(0.0);
     let (cab, car) = (args.contents.cab.or(none), args.contents.car.or(none));
     let params = LeafParams {
-        size: args.capture.size,
-        size_mm: args.size_mm.unwrap_or(preset.size_mm),
+        capture: args.capture.params(args.size_mm.unwrap_or(preset.capture.size_mm))?,
         model: args.tissue.leaf_model(args.model, cab, car)?,
         contents: args.contents.over(preset.contents),
         bands: match args.bands {
@@ -91,34 +87,17 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
             coupling: if args.uncoupled { GlossCoupling::None } else { GlossCoupling::Energy },
             ..GlossParams::default()
         },
-        seed: args.capture.seed,
-        views: directions.clone(),
-        lights: directions,
-        format: args.capture.format.into(),
         look: preset.look,
     };
     params.check()?;
-    let started = Instant::now();
-    let images = params.views.len() * params.lights.len();
-    let out_dir = &args.capture.out_dir;
     let textures = args.look.export(&params)?;
-    args.run.work("leaf", "images", images, |progress| write_leaf_capture(out_dir, &params, progress))?;
-    let seconds = started.elapsed().as_secs_f64();
-    let result = json!({
-        "path": out_dir.display().to_string(),
-        "images": images,
-        "seconds": seconds,
-        "width": params.size,
-        "height": params.size,
-        "views": params.views.len(),
-        "lights": params.lights.len(),
-        "size_mm": params.size_mm,
-        "format": params.format.to_string(),
+    let more = json!({
         "model": args.model.to_string(),
         "side": params.capture_side().to_string(),
         "species": params.look.species.map(|species| species.name()),
         "textures": textures.map(|dir| dir.display().to_string()),
-        "seed": params.seed,
     });
-    args.run.report(&result, &format!("{}: {images} images in {seconds:.1} s", out_dir.display()))
+    args.capture.photograph(&args.run, "leaf", &params.capture, &more, |dir, progress| {
+        write_leaf_capture(dir, &params, progress)
+    })
 }

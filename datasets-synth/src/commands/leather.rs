@@ -1,8 +1,6 @@
 //! `btf-synth leather`: the capture of pebbled leather.
 
-use std::time::Instant;
-
-use btf_synth::{CaptureParams, FinishParams, HEIGHT_MAP_NAME, LeatherParams, write_leather_capture};
+use btf_synth::{FinishParams, LeatherParams, write_leather_capture};
 use clap::Args;
 use serde_json::json;
 
@@ -58,16 +56,8 @@ pub struct LeatherArgs {
 
 /// Writes the capture.
 pub fn run(args: &LeatherArgs) -> Result<(), Failure> {
-    let directions = args.capture.direction_set()?;
     let params = LeatherParams {
-        capture: CaptureParams {
-            size: args.capture.size,
-            size_mm: args.size_mm,
-            seed: args.capture.seed,
-            views: directions.clone(),
-            lights: directions,
-            format: args.capture.format.into(),
-        },
+        capture: args.capture.params(args.size_mm)?,
         grain_mm: args.grain_mm,
         relief_mm: args.relief_mm,
         wrinkles: args.wrinkles,
@@ -83,24 +73,7 @@ pub fn run(args: &LeatherArgs) -> Result<(), Failure> {
         bounce: !args.no_bounce,
     };
     params.check()?;
-    let started = Instant::now();
-    let capture = &params.capture;
-    let images = capture.views.len() * capture.lights.len();
-    let out_dir = &args.capture.out_dir;
-    args.run.work("leather", "images", images, |progress| write_leather_capture(out_dir, &params, progress))?;
-    let seconds = started.elapsed().as_secs_f64();
-    let result = json!({
-        "path": out_dir.display().to_string(),
-        "height_map": out_dir.join(HEIGHT_MAP_NAME).display().to_string(),
-        "images": images,
-        "seconds": seconds,
-        "width": capture.size,
-        "height": capture.size,
-        "views": capture.views.len(),
-        "lights": capture.lights.len(),
-        "size_mm": capture.size_mm,
-        "format": capture.format.to_string(),
-        "seed": capture.seed,
-    });
-    args.run.report(&result, &format!("{}: {images} images in {seconds:.1} s", out_dir.display()))
+    args.capture.photograph(&args.run, "leather", &params.capture, &json!({}), |dir, progress| {
+        write_leather_capture(dir, &params, progress)
+    })
 }

@@ -13,12 +13,13 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use btf_capture::{DirectionSet, ImageFormat, write_file_atomically};
-use btf_synth::SynthError;
+use btf_synth::{CaptureParams, HEIGHT_MAP_NAME, Progress, SynthError};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// Set by Ctrl-C; the work stops at the next step.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -169,8 +170,51 @@ struct CaptureArgs {
 }
 
 impl CaptureArgs {
-    fn direction_set(&self) -> Result<DirectionSet, Failure> {
-        DirectionSet::by_name(&self.directions).map_err(|error| Failure::Failed(error.to_string()))
+    /// What is asked for, of a patch of `size_mm`.
+    fn params(&self, size_mm: f32) -> Result<CaptureParams, Failure> {
+        let set = DirectionSet::by_name(&self.directions).map_err(|error| Failure::Failed(error.to_string()))?;
+        Ok(CaptureParams {
+            size: self.size,
+            size_mm,
+            seed: self.seed,
+            views: set.clone(),
+            lights: set,
+            format: self.format.into(),
+        })
+    }
+
+    /// Writes the capture of `params` by `write` with a progress bar and reports it; `more` are the material's
+    /// own keys of the JSON result.
+    fn photograph(
+        &self,
+        run: &RunArgs,
+        material: &'static str,
+        params: &CaptureParams,
+        more: &Value,
+        write: impl FnOnce(&Path, Progress) -> Result<(), SynthError> + Send,
+    ) -> Result<(), Failure> {
+        let started = Instant::now();
+        let images = params.views.len() * params.lights.len();
+        let out_dir = &self.out_dir;
+        run.work(material, "images", images, |progress| write(out_dir, progress))?;
+        let seconds = started.elapsed().as_secs_f64();
+        let mut result = json!({
+            "path": out_dir.display().to_string(),
+            "height_map": out_dir.join(HEIGHT_MAP_NAME).display().to_string(),
+            "images": images,
+            "seconds": seconds,
+            "width": params.size,
+            "height": params.size,
+            "views": params.views.len(),
+            "lights": params.lights.len(),
+            "size_mm": params.size_mm,
+            "format": params.format.to_string(),
+            "seed": params.seed,
+        });
+        for (key, value) in more.as_object().into_iter().flatten() {
+            result[key] = value.clone();
+        }
+        run.report(&result, &format!("{}: {images} images in {seconds:.1} s", out_dir.display()))
     }
 }
 

@@ -185,13 +185,7 @@ impl Goniophotometer {
             }
         }
         let n = rays as f64;
-        let ring = |i: usize| (PI / 2.0) * i as f64 / rings as f64;
-        let solid: Vec<f64> = (0..patches)
-            .map(|patch| {
-                let i = patch / self.longitudes;
-                TAU / self.longitudes as f64 * (ring(i + 1).sin().powi(2) - ring(i).sin().powi(2)) / 2.0
-            })
-            .collect();
+        let solid: Vec<f64> = (0..patches).map(|patch| self.projected_solid_angle(patch)).collect();
         let value = |side: usize| (0..patches).map(|p| sums[side * patches + p][0] / (n * solid[p])).collect();
         let error = |side: usize| {
             (0..patches)
@@ -204,8 +198,8 @@ impl Goniophotometer {
         let total = |side: usize| sums[side * patches..(side + 1) * patches].iter().map(|s| s[0]).sum::<f64>() / n;
         Ok(Goniogram {
             rays,
-            theta_deg: (0..rings).map(|i| 90.0 * (i as f64 + 0.5) / rings as f64).collect(),
-            phi_deg: (0..self.longitudes).map(|j| 360.0 * (j as f64 + 0.5) / self.longitudes as f64).collect(),
+            theta_deg: middles(rings, 90.0),
+            phi_deg: middles(self.longitudes, 360.0),
             brdf: value(0),
             btdf: value(1),
             brdf_error: error(0),
@@ -227,18 +221,17 @@ impl Goniophotometer {
         let rings = self.latitudes / 2;
         let (sin_i, cos_i) = self.incidence_deg.to_radians().sin_cos();
         let albedo_i = lobe.albedo(cos_i as f32);
-        let ring = |i: f64| ((PI / 2.0) * i / rings as f64).sin().powi(2);
         let (mut brdf, mut btdf) = (Vec::new(), Vec::new());
         let (mut reflectance, mut transmittance) = (0.0, 0.0);
         for patch in 0..rings * self.longitudes {
             let (i, j) = (patch / self.longitudes, patch % self.longitudes);
-            let solid = TAU / self.longitudes as f64 * (ring(i as f64 + 1.0) - ring(i as f64)) / 2.0;
+            let solid = self.projected_solid_angle(patch);
             let (mut front, mut behind) = (0.0, 0.0);
             for step in 0..STEPS * STEPS {
                 // Even in the projected solid angle.
                 let u = (0.5 + (step / STEPS) as f64) / STEPS as f64;
                 let v = (0.5 + (step % STEPS) as f64) / STEPS as f64;
-                let sin2 = ring(i as f64) * (1.0 - u) + ring(i as f64 + 1.0) * u;
+                let sin2 = self.sin2_of_ring(i) * (1.0 - u) + self.sin2_of_ring(i + 1) * u;
                 let (sin_o, cos_o) = (sin2.sqrt(), (1.0 - sin2).sqrt());
                 let cos_phi = (TAU * (j as f64 + v) / self.longitudes as f64).cos();
                 let i_dot_o = cos_i * cos_o + sin_i * sin_o * cos_phi;
@@ -262,8 +255,8 @@ impl Goniophotometer {
         }
         Ok(Goniogram {
             rays: 0,
-            theta_deg: (0..rings).map(|i| 90.0 * (i as f64 + 0.5) / rings as f64).collect(),
-            phi_deg: (0..self.longitudes).map(|j| 360.0 * (j as f64 + 0.5) / self.longitudes as f64).collect(),
+            theta_deg: middles(rings, 90.0),
+            phi_deg: middles(self.longitudes, 360.0),
             brdf_error: vec![0.0; brdf.len()],
             btdf_error: vec![0.0; btdf.len()],
             brdf,
@@ -300,6 +293,17 @@ impl Goniophotometer {
         Ok(result)
     }
 
+    /// Squared sine of the polar angle at which ring `i` starts.
+    fn sin2_of_ring(&self, i: usize) -> f64 {
+        (PI * i as f64 / self.latitudes as f64).sin().powi(2)
+    }
+
+    /// Integral of the cosine over a patch.
+    fn projected_solid_angle(&self, patch: usize) -> f64 {
+        let i = patch / self.longitudes;
+        TAU / self.longitudes as f64 * (self.sin2_of_ring(i + 1) - self.sin2_of_ring(i)) / 2.0
+    }
+
     /// The patch, on either side, that a direction of travel meets.
     fn patch(&self, direction: [f64; 3]) -> usize {
         let rings = self.latitudes / 2;
@@ -308,6 +312,11 @@ impl Goniophotometer {
         let phi = direction[1].atan2(direction[0]).rem_euclid(TAU);
         ring * self.longitudes + ((phi / TAU * self.longitudes as f64) as usize).min(self.longitudes - 1)
     }
+}
+
+/// Middles of `count` even parts of `whole_deg`.
+fn middles(count: usize, whole_deg: f64) -> Vec<f64> {
+    (0..count).map(|i| whole_deg * (i as f64 + 0.5) / count as f64).collect()
 }
 
 #[cfg(test)]

@@ -2,8 +2,6 @@
 
 use std::path::Path;
 
-use btf_capture::{CaptureInfo, Direction, DirectionSet};
-
 use crate::error::SynthError;
 use crate::leaf::model::LeafModel;
 use crate::leaf::patch::{Leaf, LeafParams};
@@ -23,25 +21,19 @@ use crate::surface::capture::{Progress, write_capture};
 /// [`SynthError::BadParameter`]; otherwise as [`write_capture`].
 pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: Progress) -> Result<(), SynthError> {
     params.check()?;
-    let lights = match params.passage {
-        Passage::Reflection => params.lights.clone(),
-        // The light stands behind the face that is seen.
-        Passage::Transmission => {
-            let behind = |d: &Direction| Direction::new(180.0 - d.theta_deg, d.phi_deg);
-            DirectionSet::new(params.lights.directions().iter().map(behind).collect())?
-        }
-    };
-    let mut info = CaptureInfo::new("leaf", params.size, params.size, params.views.clone(), lights, params.format);
-    info.size_mm = Some([params.size_mm; 2]);
+    let mut info = params.capture.info("leaf", params.provenance());
     info.side = params.capture_side();
-    info.provenance = params.provenance();
+    if params.passage == Passage::Transmission {
+        // The light stands behind the face that is seen.
+        info.lights = info.lights.behind()?;
+    }
     match (&params.model, params.model.tissue()) {
         (_, Some(tissue)) => write_capture(
             dir,
             info,
             || {
                 let leaf = Leaf::new(params)?;
-                Ok(TissueLeaf::new(tissue, leaf.seen, &leaf.tints, TABLE_RAYS, params.seed))
+                Ok(TissueLeaf::new(tissue, leaf.seen, &leaf.tints, TABLE_RAYS, params.capture.seed))
             },
             progress,
         ),
@@ -67,12 +59,13 @@ mod tests {
     use std::ops::ControlFlow;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    use btf_capture::{Capture, ImageFormat, Pixels};
+    use btf_capture::{Capture, Direction, DirectionSet, ImageFormat, Pixels};
 
     use super::*;
     use crate::leaf::patch::tests::small;
     use crate::leaf::species::Species;
     use crate::optics::path_lengths::Face;
+    use crate::surface::capture_params::CaptureParams;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {
         ControlFlow::Continue(())
@@ -110,7 +103,8 @@ mod tests {
         let write = |name: &str, threads: usize, seed: u64| {
             let dir = parent.path().join(name);
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let params = LeafParams { seed, format: ImageFormat::Exr, ..small() };
+            let params =
+                LeafParams { capture: CaptureParams { seed, format: ImageFormat::Exr, ..small().capture }, ..small() };
             pool.install(|| write_leaf_capture(&dir, &params, &go_on)).unwrap();
             all_pixels(&dir)
         };
@@ -144,7 +138,12 @@ mod tests {
             let (views, lights) = (straight.clone(), straight.clone());
             let species = LeafParams::of(Species::Tree);
             let passage = Passage::Transmission;
-            let params = LeafParams { size: 48, side, passage, views, lights, format: ImageFormat::Exr, ..species };
+            let params = LeafParams {
+                capture: CaptureParams { size: 48, views, lights, format: ImageFormat::Exr, ..species.capture.clone() },
+                side,
+                passage,
+                ..species
+            };
             write_leaf_capture(&dir, &params, &go_on).unwrap();
             let capture = Capture::open(&dir).unwrap();
             assert_eq!(capture.info().lights.directions()[0].theta_deg, 180.0);

@@ -1,8 +1,8 @@
 //! A leaf patch: what was asked for, and the grids that rendering reads.
 
-use btf_capture::{DirectionSet, ImageFormat, Side};
+use btf_capture::Side;
 
-use crate::error::{SynthError, check_ranges};
+use crate::error::SynthError;
 use crate::leaf::face::{Seen, Tint};
 use crate::leaf::model::LeafModel;
 use crate::leaf::relief::{RELIEF_BOUND_MM, TextureSample};
@@ -15,24 +15,16 @@ use crate::optics::contents::LeafContents;
 use crate::optics::gloss::GlossParams;
 use crate::optics::path_lengths::Face;
 use crate::optics::scatter_table::Passage;
-use crate::surface::capture_params::{MAX_CAPTURE_SIZE, MAX_CAPTURE_THETA_DEG};
+use crate::surface::capture_params::CaptureParams;
 use crate::surface::grid::Grid;
 use crate::surface::height_field::HeightField;
-
-/// Largest side of a capture in texels.
-pub const MAX_LEAF_SIZE: usize = MAX_CAPTURE_SIZE;
-
-/// Steepest direction that a leaf is rendered under, in degrees: beyond it a ray crosses more
-/// relief than the patch has.
-pub const MAX_LEAF_THETA_DEG: f64 = MAX_CAPTURE_THETA_DEG;
 
 /// What leaf to make and how to photograph it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafParams {
-    /// Width and height of the images in texels, 8 to [`MAX_LEAF_SIZE`].
-    pub size: usize,
-    /// Width and height of the patch in millimetres, 1 to 200.
-    pub size_mm: f32,
+    /// Patch, directions and images. For transmission the lights are turned to the far side, `theta` to
+    /// `180 - theta`.
+    pub capture: CaptureParams,
     /// Optics of the blade.
     pub model: LeafModel,
     /// What the blade holds, for the plate models; veins deviate from it. The algorithmic models carry
@@ -48,15 +40,6 @@ pub struct LeafParams {
     pub side: Face,
     /// Whether the light falls on the seen face or on the other one.
     pub passage: Passage,
-    /// Seed of veins and relief.
-    pub seed: u64,
-    /// Directions towards the eye, polar angle at most [`MAX_LEAF_THETA_DEG`].
-    pub views: DirectionSet,
-    /// Directions towards the light, the same; for transmission they are turned to the far side,
-    /// `theta` to `180 - theta`.
-    pub lights: DirectionSet,
-    /// Format of the images.
-    pub format: ImageFormat,
 }
 
 impl Default for LeafParams {
@@ -64,8 +47,7 @@ impl Default for LeafParams {
     /// directions, png, seed 1.
     fn default() -> LeafParams {
         LeafParams {
-            size: 256,
-            size_mm: 20.0,
+            capture: CaptureParams::new(20.0),
             model: LeafModel::default(),
             contents: LeafContents::default(),
             bands: RgbBands::Spectral31,
@@ -73,10 +55,6 @@ impl Default for LeafParams {
             look: LeafLook::default(),
             side: Face::Adaxial,
             passage: Passage::Reflection,
-            seed: 1,
-            views: DirectionSet::bonn81(),
-            lights: DirectionSet::bonn81(),
-            format: ImageFormat::Png,
         }
     }
 }
@@ -86,7 +64,7 @@ impl LeafParams {
     pub fn of(species: Species) -> LeafParams {
         let preset = species.preset();
         LeafParams {
-            size_mm: preset.size_mm,
+            capture: CaptureParams::new(preset.size_mm),
             contents: preset.contents,
             gloss: preset.gloss(),
             look: LeafLook { species: Some(species), ..LeafLook::default() },
@@ -96,7 +74,7 @@ impl LeafParams {
 
     /// The nodes of the patch with the margin that its steepest view needs.
     pub(crate) fn grid(&self) -> Grid {
-        Grid::for_patch(self.size, self.size_mm, RELIEF_BOUND_MM, &self.views)
+        self.capture.grid(RELIEF_BOUND_MM)
     }
 
     /// Checks every range.
@@ -104,10 +82,7 @@ impl LeafParams {
     /// # Errors
     /// [`SynthError::BadParameter`] for the first that is out of its range.
     pub fn check(&self) -> Result<(), SynthError> {
-        check_ranges(&[
-            ("--size", self.size as f64, 8.0, MAX_LEAF_SIZE as f64),
-            ("--size-mm", f64::from(self.size_mm), 1.0, 200.0),
-        ])?;
+        self.capture.check()?;
         self.gloss.check()?;
         self.look.check()?;
         match &self.model {
@@ -116,13 +91,7 @@ impl LeafParams {
             LeafModel::AbmB(leaf) => leaf.specimen.check()?,
             LeafModel::AbmU(leaf) => leaf.specimen.check()?,
         }
-        for set in [&self.views, &self.lights] {
-            if let Some(d) = set.directions().iter().find(|d| d.theta_deg > MAX_LEAF_THETA_DEG) {
-                let allowed = format!("directions within {MAX_LEAF_THETA_DEG} degrees of the normal");
-                return Err(SynthError::BadParameter { name: "--directions", value: d.to_string(), allowed });
-            }
-        }
-        Grid::check_patch(self.size, self.size_mm, RELIEF_BOUND_MM, &self.views)
+        self.capture.check_grid(RELIEF_BOUND_MM)
     }
 
     /// The sides of light and eye in a capture's terms.
@@ -178,7 +147,10 @@ impl LeafParams {
         };
         let model = self.model.name();
         let look = self.look.provenance();
-        format!("btf-synth leaf: model {model}, {optics}{look}, {face} face in {light}, seed {}, synthetic", self.seed)
+        format!(
+            "btf-synth leaf: model {model}, {optics}{look}, {face} face in {light}, seed {}, synthetic",
+            self.capture.seed
+        )
     }
 }
 
@@ -209,14 +181,24 @@ impl Leaf {
         };
         let (grid, samples) = (textures.grid, &textures.samples);
         let field = |face: usize| {
-            HeightField::new(grid, params.size_mm, samples.iter().map(|sample| sample.height_mm[face]).collect())
+            HeightField::new(
+                grid,
+                params.capture.size_mm,
+                samples.iter().map(|sample| sample.height_mm[face]).collect(),
+            )
         };
         let tint = |sample: &TextureSample| {
             let [chlorophyll, carotenoid, brown] = sample.pigment;
             Tint { chlorophyll, carotenoid, brown, thickness: sample.thickness }
         };
         Ok(Leaf {
-            seen: Seen { side: params.side, passage: params.passage, size: params.size, face: field(0), far: field(1) },
+            seen: Seen {
+                side: params.side,
+                passage: params.passage,
+                size: params.capture.size,
+                face: field(0),
+                far: field(1),
+            },
             tints: samples.iter().map(tint).collect(),
             gloss: samples.iter().map(|sample| sample.gloss).collect(),
             veins: samples.iter().map(|sample| sample.double_direction).collect(),
@@ -226,33 +208,41 @@ impl Leaf {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use btf_capture::DirectionSet;
+
     use super::*;
     use crate::optics::abm97::Abm97;
     use crate::optics::units::Centimetres;
 
+    /// The default leaf under other conditions.
+    pub(crate) fn with(change: impl FnOnce(&mut CaptureParams)) -> LeafParams {
+        let mut params = LeafParams::default();
+        change(&mut params.capture);
+        params
+    }
+
     pub(crate) fn small() -> LeafParams {
-        LeafParams {
-            size: 48,
-            views: DirectionSet::random(4, 1).unwrap(),
-            lights: DirectionSet::random(5, 2).unwrap(),
-            ..LeafParams::default()
-        }
+        with(|capture| {
+            capture.size = 48;
+            capture.views = DirectionSet::random(4, 1).unwrap();
+            capture.lights = DirectionSet::random(5, 2).unwrap();
+        })
     }
 
     #[test]
     fn parameters_out_of_range_are_named() {
         let named = |params: LeafParams| params.check().unwrap_err().to_string();
-        assert!(named(LeafParams { size: 7, ..small() }).contains("--size is 7"));
+        assert!(named(with(|capture| capture.size = 7)).contains("--size is 7"));
         assert!(named(LeafParams { gloss: GlossParams::isotropic(1.42, f64::NAN), ..small() }).contains("--gamma"));
         let contents = LeafContents { structure: 0.5, ..LeafContents::default() };
         assert!(named(LeafParams { contents, ..small() }).contains("--n is 0.5"));
         let lights = DirectionSet::new(vec![btf_capture::Direction::new(89.0, 0.0)]).unwrap();
-        assert!(named(LeafParams { lights, ..small() }).contains("--directions"));
+        assert!(named(with(|capture| capture.lights = lights)).contains("--directions"));
         let thin = Abm97 { leaf_thickness: Centimetres(0.0), ..Abm97::default() };
         assert!(named(LeafParams { model: LeafModel::Abm97(thin), ..small() }).contains("--thickness-cm"));
-        let tiny = LeafParams { size: 2048, size_mm: 1.0, ..LeafParams::default() };
+        let tiny = with(|capture| (capture.size, capture.size_mm) = (2048, 1.0));
         assert!(named(tiny).contains("--size-mm is 1 for 2048 texels"));
-        LeafParams { size: 2048, ..LeafParams::default() }.check().unwrap();
+        with(|capture| capture.size = 2048).check().unwrap();
         small().check().unwrap();
     }
 
@@ -260,7 +250,10 @@ pub(crate) mod tests {
     fn the_same_seed_gives_the_same_leaf_on_any_number_of_threads() {
         let grow = |threads: usize, seed: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| Leaf::new(&LeafParams { seed, ..small() }).unwrap())
+            pool.install(|| {
+                let capture = CaptureParams { seed, ..small().capture };
+                Leaf::new(&LeafParams { capture, ..small() }).unwrap()
+            })
         };
         let (one, three, other) = (grow(1, 1), grow(3, 1), grow(1, 2));
         let heights = |leaf: &Leaf| leaf.seen.face.height_map_mm(48);

@@ -173,6 +173,7 @@ pub(crate) mod tests {
     use crate::optics::gloss::GlossParams;
     use crate::optics::path_lengths::Face;
     use crate::optics::plate_model::PlateModel;
+    use crate::surface::capture_params::CaptureParams;
     use crate::surface::height_field;
     use crate::surface::rig::{Illumination, ViewHits, render};
 
@@ -183,7 +184,12 @@ pub(crate) mod tests {
     /// A leaf of 64 x 64 texels as it grows.
     pub(crate) fn grown(side: Face, passage: Passage) -> PlateLeaf {
         let set = DirectionSet::new(vec![Direction::new(75.0, 0.0)]).unwrap();
-        let params = LeafParams { size: 64, views: set.clone(), lights: set, side, passage, ..small() };
+        let params = LeafParams {
+            capture: CaptureParams { size: 64, views: set.clone(), lights: set, ..small().capture },
+            side,
+            passage,
+            ..small()
+        };
         let leaf = Leaf::new(&params).unwrap();
         let body = PlateBody::new(PlateModel::N, PlateModel::N.default_table(), RgbBands::Spectral31).unwrap();
         PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, leaf.veins, &body, lobe())

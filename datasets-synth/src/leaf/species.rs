@@ -422,7 +422,7 @@ mod tests {
         for (species, preset) in Species::ALL.into_iter().zip(presets) {
             let params = crate::LeafParams::of(species);
             params.check().unwrap();
-            assert_eq!((params.size_mm, params.contents), (preset.size_mm, preset.contents));
+            assert_eq!((params.capture.size_mm, params.contents), (preset.size_mm, preset.contents));
             assert!(preset.gamma_along <= preset.gamma_across);
             assert_eq!(params.gloss, preset.gloss());
         }

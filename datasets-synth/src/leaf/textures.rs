@@ -89,11 +89,11 @@ impl AppearanceTextures {
     /// margin.
     pub fn new(params: &LeafParams) -> Result<AppearanceTextures, SynthError> {
         params.check()?;
-        let (grid, look, size_mm) = (params.grid(), &params.look, params.size_mm);
+        let (grid, look, size_mm) = (params.grid(), &params.look, params.capture.size_mm);
         let traits = Traits::of(look.species);
-        let venation = Venation::new(&traits.venation, size_mm, grid.margin_mm, params.seed);
-        let texel_mm = size_mm / params.size as f32;
-        let relief = Relief::new(venation, traits, look.chlorosis, size_mm, texel_mm, params.seed);
+        let venation = Venation::new(&traits.venation, size_mm, grid.margin_mm, params.capture.seed);
+        let texel_mm = params.capture.texel_mm();
+        let relief = Relief::new(venation, traits, look.chlorosis, size_mm, texel_mm, params.capture.seed);
         let mut samples: Vec<TextureSample> = if look.images.has(TextureKind::Structure) {
             from_structure(&grid, &relief, size_mm, &look.images)
         } else {
@@ -105,7 +105,7 @@ impl AppearanceTextures {
                 .enumerate()
                 .for_each(|(node, sample)| put_in(sample, &look.images, position(&grid, node), size_mm));
         }
-        let about = format!("Made by btf-synth{}, seed {}, {size_mm} mm.", look.provenance(), params.seed);
+        let about = format!("Made by btf-synth{}, seed {}, {size_mm} mm.", look.provenance(), params.capture.seed);
         Ok(AppearanceTextures { grid, size_mm, about, samples })
     }
 
@@ -301,16 +301,23 @@ mod tests {
     use crate::leaf::chlorosis::Deficiency;
     use crate::leaf::texture_image::tests::png_bytes;
     use crate::leaf::vein::direction_of;
+    use crate::surface::capture_params::CaptureParams;
     use crate::write_leaf_capture;
 
     fn params(species: Option<Species>) -> LeafParams {
-        LeafParams {
+        let params = species.map_or_else(LeafParams::default, LeafParams::of);
+        let capture = CaptureParams {
             size: 40,
             views: DirectionSet::random(2, 1).unwrap(),
             lights: DirectionSet::random(3, 2).unwrap(),
             format: ImageFormat::Exr,
-            ..species.map_or_else(LeafParams::default, LeafParams::of)
-        }
+            ..params.capture
+        };
+        LeafParams { capture, ..params }
+    }
+
+    fn with_seed(params: LeafParams, seed: u64) -> LeafParams {
+        LeafParams { capture: CaptureParams { seed, ..params.capture }, ..params }
     }
 
     fn with_images(params: &LeafParams, images: TextureImages) -> LeafParams {
@@ -360,13 +367,13 @@ mod tests {
             AppearanceTextures::new(&grown).unwrap().export(dir.path()).unwrap();
             // Of another seed, so that nothing can come from growing.
             let images = TextureImages::read(dir.path()).unwrap();
-            let read = LeafParams { seed: 99, ..with_images(&grown, images) };
+            let read = with_seed(with_images(&grown, images), 99);
             let (a, b) = (capture(&grown), capture(&read));
             let worst = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             // Half precision of the files, and 16-bit heights at the edges of shadows.
             assert!(worst < 4e-3, "{species:?}: {worst}");
             // Planted difference: the seed without the images.
-            let other = capture(&LeafParams { seed: 99, ..grown });
+            let other = capture(&with_seed(grown, 99));
             assert!(a.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) > 0.05);
         }
     }
@@ -451,7 +458,10 @@ mod tests {
     fn nitrogen_and_magnesium_show_in_the_textures_of_a_species() {
         // Texels fine enough for a lateral vein, and no margin for oblique views.
         let views = DirectionSet::new(vec![btf_capture::Direction::new(0.0, 0.0)]).unwrap();
-        let params = |species: Option<Species>| LeafParams { size: 128, views: views.clone(), ..params(species) };
+        let params = |species: Option<Species>| {
+            let params = params(species);
+            LeafParams { capture: CaptureParams { size: 128, views: views.clone(), ..params.capture }, ..params }
+        };
         for species in Species::ALL {
             let of = |deficiency| {
                 let chlorosis = Some(Chlorosis { deficiency, severity: 0.7 });
@@ -479,7 +489,8 @@ mod tests {
         for species in [None, Some(Species::Maize), Some(Species::Soybean), Some(Species::Tree)] {
             let grow = |threads: usize, seed: u64| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                let params = LeafParams { seed, size: 24, ..params(species) };
+                let params = params(species);
+                let params = LeafParams { capture: CaptureParams { seed, size: 24, ..params.capture }, ..params };
                 pool.install(|| AppearanceTextures::new(&params).unwrap())
             };
             assert!(grow(1, 1) == grow(3, 1) && grow(1, 1) != grow(1, 2), "{species:?}");

@@ -23,7 +23,7 @@
 //! When it is wrong: as `abm_b`; a leaf whose veins are wrapped in bundle sheaths (maize) holds much of its
 //! chlorophyll there, which no plane layer shows.
 
-use crate::optics::abm_b::Specimen;
+use crate::optics::specimen::Specimen;
 use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
 use crate::optics::tables::abm as tables;
 use crate::optics::tissue::{DepthParts, Tissue};
@@ -80,7 +80,7 @@ impl Tissue for AbmU {
     }
 
     fn depth_parts(&self, wavelength: Nanometres) -> DepthParts {
-        self.specimen.composition.depth(wavelength, self.specimen.mesophyll_thickness())
+        self.specimen.depth_parts(wavelength)
     }
 
     fn has_constant_indices(&self) -> bool {

@@ -16,6 +16,7 @@ pub(crate) mod plate_n;
 pub(crate) mod plate_paper;
 pub(crate) mod scatter_table;
 pub(crate) mod specific_absorption;
+pub(crate) mod specimen;
 pub(crate) mod stack;
 mod tables;
 pub(crate) mod theta;

@@ -63,23 +63,10 @@ unit!(
     SquareCentimetresPerGram
 );
 
-/// `-ln` of the share of light that a straight crossing leaves: `A_g t_m`, a plain number.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
-pub struct OpticalDepth(pub f64);
-
-impl Add for OpticalDepth {
-    type Output = OpticalDepth;
-    fn add(self, other: OpticalDepth) -> OpticalDepth {
-        OpticalDepth(self.0 + other.0)
-    }
-}
-
-impl Mul<f64> for OpticalDepth {
-    type Output = OpticalDepth;
-    fn mul(self, factor: f64) -> OpticalDepth {
-        OpticalDepth(self.0 * factor)
-    }
-}
+unit!(
+    /// `-ln` of the share of light that a straight crossing leaves: `A_g t_m`, a plain number.
+    OpticalDepth
+);
 
 impl Mul<MicrogramsPerSquareCentimetre> for SquareCentimetresPerMicrogram {
     type Output = OpticalDepth;

@@ -3,7 +3,7 @@
 use btf_capture::{CaptureInfo, DirectionSet, ImageFormat};
 
 use crate::error::{SynthError, check_ranges};
-use crate::surface::grid::Grid;
+use crate::surface::grid::{Grid, MAX_SIDE};
 
 /// Largest side of a capture in texels.
 pub const MAX_CAPTURE_SIZE: usize = 2048;
@@ -68,6 +68,19 @@ impl CaptureParams {
     /// The grid for a relief that stays within `relief_bound_mm` of its mean.
     pub(crate) fn grid(&self, relief_bound_mm: f32) -> Grid {
         Grid::for_patch(self.size, self.size_mm, relief_bound_mm, &self.views)
+    }
+
+    /// Refuses a patch so small for its texels that the margin which oblique views need would dwarf it.
+    ///
+    /// # Errors
+    /// [`SynthError::BadParameter`].
+    pub(crate) fn check_grid(&self, relief_bound_mm: f32) -> Result<(), SynthError> {
+        if self.grid(relief_bound_mm).side <= MAX_SIDE {
+            return Ok(());
+        }
+        let allowed = format!("a larger patch or a smaller --size, so that {MAX_SIDE} nodes a side are enough");
+        let value = format!("{} for {} texels", self.size_mm, self.size);
+        Err(SynthError::BadParameter { name: "--size-mm", value, allowed })
     }
 
     /// The capture's description.

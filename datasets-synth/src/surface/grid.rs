@@ -2,13 +2,11 @@
 
 use btf_capture::DirectionSet;
 
-use crate::error::SynthError;
-
 /// Nodes of a patch's grid per texel and axis.
 const NODES_PER_TEXEL: f32 = 2.0;
 
 /// Most nodes along a side: a leaf takes some 150 bytes a node while it is made.
-const MAX_SIDE: usize = 8192;
+pub(crate) const MAX_SIDE: usize = 8192;
 
 /// Margins are made for directions up to this polar angle; steeper rays read the edge.
 const MARGIN_THETA_DEG: f64 = 82.0;
@@ -43,23 +41,6 @@ impl Grid {
         let slope = steepest.min(MARGIN_THETA_DEG).to_radians().tan() as f32;
         let texel_mm = size_mm / size as f32;
         Grid::new(size_mm, texel_mm / NODES_PER_TEXEL, relief_bound_mm * slope + SHADOW_MARGIN_MM)
-    }
-
-    /// Refuses a patch so small for its texels that the margin which oblique views need would dwarf it.
-    ///
-    /// # Errors
-    /// [`SynthError::BadParameter`].
-    pub fn check_patch(
-        size: usize,
-        size_mm: f32,
-        relief_bound_mm: f32,
-        views: &DirectionSet,
-    ) -> Result<(), SynthError> {
-        if Grid::for_patch(size, size_mm, relief_bound_mm, views).side <= MAX_SIDE {
-            return Ok(());
-        }
-        let allowed = format!("a larger patch or a smaller --size, so that {MAX_SIDE} nodes a side are enough");
-        Err(SynthError::BadParameter { name: "--size-mm", value: format!("{size_mm} for {size} texels"), allowed })
     }
 
     /// The grid of every `stride`-th node.
