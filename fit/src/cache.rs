@@ -185,12 +185,39 @@ impl TileCache {
         Ok(())
     }
 
-    /// Reads block `tile` and turns it texel-major.
-    pub fn read(&self, tile: usize) -> Result<Tile<'_>, FitError> {
-        let (range, texels, unit) = (self.tile_range(tile), self.tile_texels(tile), self.sample_bytes());
-        let loaded;
-        let pair_major: &[u8] = match &self.storage {
-            Storage::Memory(bytes) => &bytes[range],
+    /// The texels `chosen` (ascending) as one block: its texel `i` is `chosen[i]`. Memory: their samples.
+    pub fn gather(&self, chosen: &[usize]) -> Result<Tile<'_>, FitError> {
+        let unit = self.sample_bytes();
+        let stride = self.pairs * unit;
+        let mut samples = vec![0; chosen.len() * stride];
+        let mut next = 0;
+        for tile in 0..self.tile_count() {
+            let texels = self.tile_texels(tile);
+            let first = next;
+            while next < chosen.len() && chosen[next] < texels.end {
+                next += 1;
+            }
+            if first == next {
+                continue;
+            }
+            self.with_pair_major(tile, |pair_major| {
+                for (i, texel) in chosen[first..next].iter().enumerate() {
+                    let to = &mut samples[(first + i) * stride..(first + i + 1) * stride];
+                    for (pair, to) in to.chunks_exact_mut(unit).enumerate() {
+                        let from = (pair * texels.len() + texel - texels.start) * unit;
+                        to.copy_from_slice(&pair_major[from..from + unit]);
+                    }
+                }
+            })?;
+        }
+        Ok(Tile { cache: self, texels: 0..chosen.len(), samples })
+    }
+
+    /// Block `tile` as it lies: `[pair, texel, channel]`.
+    fn with_pair_major<R>(&self, tile: usize, work: impl FnOnce(&[u8]) -> R) -> Result<R, FitError> {
+        let range = self.tile_range(tile);
+        match &self.storage {
+            Storage::Memory(bytes) => Ok(work(&bytes[range])),
             Storage::File { file, path } => {
                 let mut bytes = vec![0; range.len()];
                 read_at(file, &mut bytes, range.start as u64).map_err(|source| FitError::File {
@@ -199,12 +226,21 @@ impl TileCache {
                     source,
                     remedy: "run the fit again",
                 })?;
-                loaded = bytes;
-                &loaded
+                Ok(work(&bytes))
             }
-        };
+        }
+    }
+
+    /// Reads block `tile` and turns it texel-major.
+    pub fn read(&self, tile: usize) -> Result<Tile<'_>, FitError> {
+        let (texels, unit) = (self.tile_texels(tile), self.sample_bytes());
+        let samples = self.with_pair_major(tile, |pair_major| self.texel_major(pair_major, texels.len(), unit))?;
+        Ok(Tile { cache: self, texels, samples })
+    }
+
+    fn texel_major(&self, pair_major: &[u8], count: usize, unit: usize) -> Vec<u8> {
         let mut samples = vec![0; pair_major.len()];
-        let (count, stride) = (texels.len(), self.pairs * unit);
+        let stride = self.pairs * unit;
         // Blocked, so that both sides stay in the cache.
         const BLOCK: usize = 64;
         for pair_block in (0..self.pairs).step_by(BLOCK) {
@@ -218,7 +254,7 @@ impl TileCache {
                 }
             }
         }
-        Ok(Tile { cache: self, texels, samples })
+        samples
     }
 }
 

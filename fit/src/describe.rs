@@ -80,8 +80,8 @@ pub struct LayerDescription {
     pub residual: String,
     /// Residual components.
     pub components: usize,
-    /// Bits of each component's coefficients.
-    pub coefficient_bits: Vec<u32>,
+    /// Bases that all clusters share.
+    pub shared_bases: usize,
     /// Ranks `[view, light]` of the factored bases, per channel (grey, red-blue, green-magenta).
     pub ranks: [[usize; 2]; 3],
 }
@@ -207,7 +207,7 @@ fn describe_layer(layer: &Layer) -> LayerDescription {
         }
         .into(),
         components: residual.map_or(0, |residual| residual.coefficients.len()),
-        coefficient_bits: residual.iter().flat_map(|r| &r.coefficients).map(|plane| plane.bits).collect(),
+        shared_bases: residual.map_or(0, |residual| residual.shared.steps.len()),
         ranks: residual.map_or([[0; 2]; 3], |residual| residual.factors.ranks),
     }
 }
@@ -250,10 +250,9 @@ impl Display for Description {
                     family.family, family.dictionary, family.texels
                 )?;
             }
-            let bits: Vec<String> = layer.coefficient_bits.iter().map(u32::to_string).collect();
             write!(f, "  residual  {}, {} components", layer.residual, layer.components)?;
             if layer.components > 0 {
-                write!(f, " of {} bits, ranks {:?}", bits.join(" "), layer.ranks)?;
+                write!(f, " mixed from {} shared bases, ranks {:?}", layer.shared_bases, layer.ranks)?;
             }
             writeln!(f)?;
         }
@@ -351,7 +350,7 @@ mod tests {
         assert_eq!(refs as f64, layer.lobes_per_texel_mean * 15.0);
         // Every dictionary has the same three families and every texel takes its lobes from the front.
         assert!(layer.families[0].texels > layer.families[2].texels);
-        assert_eq!(layer.coefficient_bits, [4, 8, 3]);
+        assert_eq!(layer.shared_bases, 5);
         assert_eq!(found.resident_bytes, 4 * Resident::from_asset(&Asset::parse(&bytes).unwrap()).words().len() as u64);
         let components: Vec<_> = found.tiers.iter().map(|tier| tier.components).collect();
         assert_eq!(components, [None, Some(0), Some(1), Some(2), Some(3)]);

@@ -1,155 +1,331 @@
-//! Turns the residual model into what the format stores: quantised bases, then coefficients refitted
-//! by least squares on the decoded bases, then bit planes.
+//! Turns a residual's model into what the format stores. One step size decides on everything: coefficients, the
+//! clusters' mixtures and the shared bases are each quantised so that a code's error moves the samples by as much
+//! as a coefficient's does. Equal slopes of error against bytes follow from that [Shoham 1988], within a layer and
+//! between layers.
 
-use crate::budget::Plan;
-use crate::error::FitError;
+use crate::coordinates::Coordinates;
 use crate::factor::Rotated;
-use crate::local_pca::ResidualSource;
-use crate::monitor::Monitor;
-use btf_runtime::{Basis, Coefficients, Residual, code_from_coefficient, coefficient_from_code, expand_core};
-use half::f16;
+use crate::local_pca::LocalPca;
+use btf_runtime::{
+    Basis, Coefficients, MAX_BASIS_STEP, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, Residual, SharedBases, plane_bytes,
+};
 use nalgebra::DMatrix;
-use ndarray::{Array1, Array2};
+use ndarray::{Array1, Array2, Axis, s};
 use rayon::prelude::*;
 
+/// A value is rounded towards 0 by this much more than to the nearest code: what a code near 0 costs in bytes, its
+/// small gain does not pay.
+const DEAD_ZONE: f32 = 0.1;
+/// Squared error that a byte must remove to be worth it, in squared steps: the slope of an entropy-coded uniform
+/// quantiser, `2 ln 2 / 12` a bit, 8 bits.
+const SQUARED_STEPS_PER_BYTE: f64 = 0.92;
+/// A component of a cluster whose coefficients have less than this root mean square, in steps, is left out: nearly
+/// all of its codes would be 0.
+const LEAST_RMS: f64 = 0.3;
 /// Ridge of the refit, relative to the mean diagonal of the bases' Gram matrix.
 const RIDGE: f64 = 1e-6;
+/// Largest code of a shared basis or a mixture.
+const MOST_CODE: f32 = 32_000.0;
 
-/// A cluster's bases as the decoder will see them.
-struct Decoded {
-    mean: Array1<f32>,
-    /// `[sample, component]`.
-    components: Array2<f32>,
-    /// Inverse of the components' Gram matrix, ridged.
-    inverse: Array2<f32>,
-    /// Texels and their coefficients, as they come.
-    texels: Vec<usize>,
-    coefficients: Vec<f32>,
+/// What is quantised: a layer's residual up to the choice of a step.
+pub struct Model {
+    /// Where every texel lies, without the directions (`rotated` holds them).
+    pub coordinates: Coordinates,
+    /// The directions, factored.
+    pub rotated: Rotated,
+    /// The clusters' models in coordinates.
+    pub clusters: Vec<LocalPca>,
+    /// Texels a row.
+    pub width: usize,
 }
 
-/// Quantises the bases by `plan` and fits every texel's coefficients to them. Cost: one pass over the capture.
-pub fn encode_residual(
-    source: &ResidualSource,
-    rotated: &Rotated,
-    plan: &Plan,
-    monitor: &Monitor,
-) -> Result<Residual, FitError> {
-    let factors = rotated.factors(plan.ranks);
-    let count = plan.bits.len();
-    let bases: Vec<Basis> =
-        (0..=count).map(|index| Basis::quantize(&factors, &rotated.cores(&factors, index))).collect();
-    let len = source.row_len();
-    let mut decoded: Vec<Decoded> = (0..source.clusters.len())
-        .into_par_iter()
-        .map(|cluster| {
-            let expand = |basis: &Basis| expand_core(&factors, &basis.core(&factors, cluster));
-            let mut components = Array2::<f32>::zeros((len, count));
-            for (j, basis) in bases[1..].iter().enumerate() {
-                components.column_mut(j).assign(&Array1::from(expand(basis)));
-            }
-            let gram = components.t().dot(&components);
-            let trace: f64 = (0..count).map(|j| f64::from(gram[[j, j]])).sum();
-            let ridge = RIDGE * trace / count.max(1) as f64 + 1e-12;
-            let matrix =
-                DMatrix::from_fn(count, count, |i, j| f64::from(gram[[i, j]]) + if i == j { ridge } else { 0.0 });
-            let inverse =
-                matrix.cholesky().map(|cholesky| cholesky.inverse()).unwrap_or_else(|| DMatrix::identity(count, count));
-            Decoded {
-                mean: Array1::from(expand(&bases[0])),
-                components,
-                inverse: Array2::from_shape_fn((count, count), |(i, j)| inverse[(i, j)] as f32),
-                texels: Vec::new(),
-                coefficients: Vec::new(),
-            }
-        })
-        .collect();
-    source.for_each_block("residual", (2, 3), monitor, &mut decoded, |_, cluster, texels, mut rows| {
-        rows -= &cluster.mean;
-        let fitted = rows.dot(&cluster.components).dot(&cluster.inverse);
-        cluster.texels.extend_from_slice(texels);
-        cluster.coefficients.extend(fitted.iter());
-    })?;
-
-    let coefficients = (0..count)
-        .into_par_iter()
-        .map(|j| {
-            let bits = plan.bits[j];
-            let mut plane = Coefficients { bits, steps: Vec::new(), codes: vec![0; source.labels.len()] };
-            for cluster in &decoded {
-                let values: Vec<f32> = cluster.coefficients.iter().skip(j).step_by(count).copied().collect();
-                let step = best_step(&values, bits);
-                for (texel, value) in cluster.texels.iter().zip(&values) {
-                    plane.codes[*texel] = code_from_coefficient(*value, step.to_f32(), bits);
-                }
-                plane.steps.push(step);
-            }
-            plane
-        })
-        .collect();
-    Ok(Residual { factors, bases, coefficients })
+/// A quantised residual with its predicted error.
+pub struct Encoded {
+    /// The residual.
+    pub residual: Residual,
+    /// Predicted sum over texels and samples of the squared error, in the residual's curve.
+    pub error: f64,
 }
 
-/// The quantiser step of least squared error: the full range, or less of it with its tails clipped.
-fn best_step(values: &[f32], bits: u32) -> f16 {
+/// The code nearest to `value / step`, with a dead zone around 0.
+fn code(value: f32, step: f32) -> f32 {
+    let steps = value / step;
+    (steps.abs() + 0.5 - DEAD_ZONE).floor().copysign(steps)
+}
+
+/// Codes of `values` with steps of about `step`, larger where the codes would need more than 16 bits.
+fn quantize(values: &[f32], step: f64) -> (f32, Vec<i16>) {
     let peak = values.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
-    let half_range = (1u32 << (bits - 1)) as f32;
-    // A step must be positive and finite in half precision.
-    let floor = f16::from_f32(1e-6);
-    if peak <= 0.0 || !peak.is_finite() {
-        return floor;
-    }
-    let error = |step: f16| -> f64 {
-        let step = step.to_f32();
-        values
-            .iter()
-            .map(|value| {
-                let code = code_from_coefficient(*value, step, bits);
-                f64::from(value - step * coefficient_from_code(code.into(), bits)).powi(2)
-            })
-            .sum()
-    };
-    (0..14)
-        .map(|i| f16::from_f32((peak / half_range * 0.85f32.powi(i)).clamp(1e-6, 60_000.0)))
-        .map(|step| if step < floor { floor } else { step })
-        .min_by(|a, b| error(*a).total_cmp(&error(*b)))
-        .unwrap_or(floor)
+    let step = (step as f32).max(peak / MOST_CODE).clamp(1e-20, MAX_BASIS_STEP);
+    (step, values.iter().map(|x| code(*x, step).clamp(-MOST_CODE, MOST_CODE) as i16).collect())
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::DVector;
+impl Model {
+    /// Quantises everything with the step `step` (in the residual's curve, of orthonormal coefficients), with at
+    /// most `most_components` components.
+    ///
+    /// Cost: some products of `texels x directions x components`; no pass over the capture.
+    pub fn encode(&self, step: f64, most_components: usize) -> Encoded {
+        let shared = self.shared_bases(step);
+        let on = self.products(&shared);
+        let count = self.clusters.iter().map(|cluster| cluster.variances.len()).max().unwrap_or(0);
+        let count = count.min(most_components).min(MAX_COMPONENTS);
+        let fitted: Vec<Fitted> = self.clusters.par_iter().map(|cluster| self.fit(cluster, &on, step, count)).collect();
 
-    /// Least-squares coefficients of one row on given bases, by the normal equations: the slow twin of the
-    /// refit in [`encode_residual`].
-    fn coefficients_by_normal_equations(components: &Array2<f32>, row: &[f32]) -> Vec<f32> {
-        let n = components.ncols();
-        let dot = |i: usize, j: usize| f64::from(components.column(i).dot(&components.column(j)));
-        let right = DVector::from_fn(n, |i, _| {
-            components.column(i).iter().zip(row).map(|(a, b)| f64::from(a * b)).sum::<f64>()
+        let texels = self.coordinates.scores.nrows();
+        let mut bases = vec![collect_basis(&fitted, 0)];
+        let mut coefficients = Vec::new();
+        // Components in order, as long as they are worth their bytes.
+        let batch = 2 * rayon::current_num_threads();
+        'components: for first in (0..count).step_by(batch) {
+            let planes: Vec<(Coefficients, Basis, bool)> = (first..(first + batch).min(count))
+                .into_par_iter()
+                .map(|j| {
+                    let (plane, gain) = self.plane(&fitted, j, texels, step);
+                    let basis = collect_basis(&fitted, j + 1);
+                    let codes: Vec<i32> = plane.codes.iter().map(|code| i32::from(*code)).collect();
+                    let values: Vec<i32> = basis.values.iter().map(|code| i32::from(*code)).collect();
+                    let bytes = plane_bytes(&codes, self.width)
+                        + plane_bytes(&values, shared.bases.steps.len())
+                        + 4 * self.clusters.len();
+                    let worth = gain > SQUARED_STEPS_PER_BYTE * step * step * bytes as f64;
+                    (plane, basis, worth)
+                })
+                .collect();
+            for (plane, basis, worth) in planes {
+                if !worth {
+                    break 'components;
+                }
+                bases.push(basis);
+                coefficients.push(plane);
+            }
+        }
+        let error = self.error(&fitted, &coefficients, &on);
+        let factors = self.rotated.factors(shared.ranks);
+        Encoded { residual: Residual { factors, shared: shared.bases, bases, coefficients }, error }
+    }
+
+    /// Quantises the shared bases' cores and cuts the factors to the ranks that are worth their bytes.
+    fn shared_bases(&self, step: f64) -> Shared {
+        let [views, lights] = self.rotated.shape;
+        let steps: Vec<f64> = self.coordinates.energies.iter().map(|energy| step / energy.max(1e-30).sqrt()).collect();
+        // Squared error, in squared steps, that each rank takes away.
+        let mut ranks = [[0; 2]; 3];
+        for (channel, ranks) in ranks.iter_mut().enumerate() {
+            let mut gains = [vec![0.0f64; views], vec![0.0f64; lights]];
+            for (basis, step) in steps.iter().enumerate() {
+                for ((v, l), x) in self.rotated.core(basis, channel).indexed_iter() {
+                    if code(*x, *step as f32) != 0.0 {
+                        let gain = (f64::from(*x) / step).powi(2);
+                        gains[0][v] += gain;
+                        gains[1][l] += gain;
+                    }
+                }
+            }
+            let cut = |gains: &[f64], height: usize| {
+                // A rank costs its column of halves; its codes were judged one by one.
+                let price = SQUARED_STEPS_PER_BYTE * 2.0 * height as f64;
+                gains.iter().rposition(|gain| *gain > price).map_or(0, |last| last + 1)
+            };
+            *ranks = [cut(&gains[0], views), cut(&gains[1], lights)];
+            if ranks.contains(&0) {
+                *ranks = [0, 0];
+            }
+        }
+        let coded: Vec<(f32, Vec<i16>)> = (0..self.rotated.count())
+            .into_par_iter()
+            .map(|basis| {
+                let values = (0..3).flat_map(|channel| {
+                    let [rv, rl] = ranks[channel];
+                    self.rotated.core(basis, channel).slice(s![..rv, ..rl]).iter().copied().collect::<Vec<_>>()
+                });
+                let values: Vec<f32> = values.collect();
+                quantize(&values, steps[basis])
+            })
+            .collect();
+        let used = coded.iter().rposition(|(_, values)| values.iter().any(|q| *q != 0)).map_or(0, |last| last + 1);
+        let bases = SharedBases {
+            steps: coded[..used].iter().map(|(step, _)| *step).collect(),
+            values: coded[..used].iter().flat_map(|(_, values)| values.iter().copied()).collect(),
+        };
+        Shared { bases, ranks }
+    }
+
+    /// Products of the decoded shared bases among themselves and with the exact directions.
+    fn products(&self, shared: &Shared) -> Products {
+        let used = shared.bases.steps.len();
+        let len: usize = shared.ranks.iter().map(|[rv, rl]| rv * rl).sum();
+        let decoded = Array2::from_shape_fn((used, len), |(basis, i)| {
+            shared.bases.steps[basis] * f32::from(shared.bases.values[basis * len + i])
         });
-        let solved = DMatrix::from_fn(n, n, dot).lu().solve(&right).unwrap_or_else(|| DVector::zeros(n));
-        solved.iter().map(|x| *x as f32).collect()
+        let mut exact = Array2::<f32>::zeros((self.rotated.count(), len));
+        for (basis, mut row) in exact.rows_mut().into_iter().enumerate() {
+            let mut at = 0;
+            for (channel, [rv, rl]) in shared.ranks.iter().enumerate() {
+                for x in self.rotated.core(basis, channel).slice(s![..*rv, ..*rl]) {
+                    row[at] = *x;
+                    at += 1;
+                }
+            }
+        }
+        let gram = decoded.dot(&decoded.t());
+        Products { solver: Solver::new(&gram), cross: exact.dot(&decoded.t()), gram }
     }
 
-    #[test]
-    fn the_step_clips_tails_where_that_pays() {
-        // Mostly small values, one outlier: at four bits the best step ignores it.
-        let mut values: Vec<f32> = (0..4000).map(|i| ((i * 37 % 201) as f32 - 100.0) / 100.0).collect();
-        values.push(30.0);
-        let step = best_step(&values, 4).to_f32();
-        assert!(step < 30.0 / 8.0 * 0.5, "{step}");
-        // At eight bits there is room for everything.
-        assert!(best_step(&values[..4000], 8).to_f32() <= 1.0 / 128.0 * 1.01);
+    /// A cluster's mean and components on the decoded shared bases, and its texels' coefficients on the result.
+    fn fit(&self, cluster: &LocalPca, on: &Products, step: f64, count: usize) -> Fitted {
+        let Products { gram, cross, solver } = on;
+        let used = gram.nrows();
+        let texels = cluster.members.len();
+        let kept = cluster
+            .variances
+            .iter()
+            .take(count)
+            .take_while(|variance| (**variance / texels as f64).sqrt() > LEAST_RMS * step)
+            .count();
+        // `gram^-1 cross' x`: the mixture nearest to x.
+        let mixture = |x: &Array1<f32>| -> Vec<f32> { solver.solve(&cross.t().dot(x)) };
+        let mut bases = Vec::with_capacity(count + 1);
+        bases.push(if texels == 0 {
+            (0.0, vec![0; used])
+        } else {
+            quantize(&mixture(&cluster.mean), step / (texels as f64).sqrt())
+        });
+        for j in 0..kept {
+            let column = cluster.components.column(j).to_owned();
+            bases.push(quantize(&mixture(&column), step / cluster.variances[j].max(1e-30).sqrt()));
+        }
+        // What quantised to nothing has no coefficients; components are dropped from the end only.
+        let kept = (1..=kept).take_while(|j| bases[*j].1.iter().any(|q| *q != 0)).count();
+        bases.truncate(kept + 1);
+        let decoded = |j: usize| bases[j].1.iter().map(|q| bases[j].0 * f32::from(*q)).collect::<Array1<f32>>();
+        let mean = decoded(0);
+        let mut components = Array2::<f32>::zeros((used, kept));
+        for j in 0..kept {
+            components.column_mut(j).assign(&decoded(j + 1));
+        }
+        bases.resize(count + 1, (0.0, vec![0; used]));
+        let own_gram = components.t().dot(&gram.dot(&components));
+        let own = Solver::new(&own_gram);
+        // Products of the residual about the mean with the components, then their coefficients.
+        let rows = self.coordinates.scores.select(Axis(0), &cluster.members);
+        let mut products = rows.dot(&cross.dot(&components));
+        products -= &components.t().dot(&gram.dot(&mean));
+        let inverse = own.inverse();
+        let coefficients = products.dot(&inverse);
+        Fitted { members: cluster.members.clone(), bases, mean, own_gram, products, coefficients }
     }
 
-    #[test]
-    fn the_refit_solves_least_squares() {
-        let components = Array2::from_shape_fn((30, 3), |(i, j)| ((i * (j + 2) * 7 % 23) as f32 - 11.0) / 11.0);
-        let truth = [0.7f32, -0.2, 1.3];
-        let row: Vec<f32> = (0..30).map(|i| (0..3).map(|j| truth[j] * components[[i, j]]).sum()).collect();
-        let found = coefficients_by_normal_equations(&components, &row);
-        assert!(found.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?}");
-        assert!((found[0] - truth[1]).abs() > 0.1);
+    /// Component `j`'s codes for all texels, and the squared error that they take away.
+    fn plane(&self, fitted: &[Fitted], j: usize, texels: usize, step: f64) -> (Coefficients, f64) {
+        let mut peak = 0.0f32;
+        for cluster in fitted.iter().filter(|cluster| j < cluster.coefficients.ncols()) {
+            peak = cluster.coefficients.column(j).iter().fold(peak, |peak, x| peak.max(x.abs()));
+        }
+        let step = (step as f32).max(peak / 127.0).min(MAX_COEFFICIENT_STEP);
+        let mut codes = vec![0i8; texels];
+        let (mut up, mut down, mut energy, mut left) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+        for cluster in fitted.iter().filter(|cluster| j < cluster.coefficients.ncols()) {
+            for (texel, y) in cluster.members.iter().zip(cluster.coefficients.column(j)) {
+                let q = code(*y, step).clamp(-127.0, 127.0);
+                codes[*texel] = q as i8;
+                let (q, y) = (f64::from(q), f64::from(*y));
+                up += q * y;
+                down += q * q;
+                energy += y * y;
+            }
+        }
+        // The step of least squares for these codes.
+        let step = if down > 0.0 { (up / down) as f32 } else { 0.0 };
+        left += energy - up * up / down.max(1e-30);
+        (Coefficients { step, codes }, energy - left)
+    }
+
+    /// Predicted squared error of the whole.
+    fn error(&self, fitted: &[Fitted], planes: &[Coefficients], on: &Products) -> f64 {
+        let Products { gram, cross, .. } = on;
+        let sums: Vec<f64> = fitted
+            .par_iter()
+            .zip(&self.clusters)
+            .map(|(fitted, cluster)| {
+                let texels = cluster.members.len() as f64;
+                // |x - mean|^2 summed, without |x|^2.
+                let along = f64::from(fitted.mean.dot(&cross.t().dot(&cluster.mean)));
+                let mut sum = texels * (f64::from(fitted.mean.dot(&gram.dot(&fitted.mean))) - 2.0 * along);
+                let used = planes.len().min(fitted.coefficients.ncols());
+                let own_gram = fitted.own_gram.slice(s![..used, ..used]);
+                let mut y = Array1::<f32>::zeros(used);
+                for (i, texel) in fitted.members.iter().enumerate() {
+                    for (y, plane) in y.iter_mut().zip(planes) {
+                        *y = plane.step * f32::from(plane.codes[*texel]);
+                    }
+                    let product = y.dot(&fitted.products.slice(s![i, ..used]));
+                    sum += f64::from(y.dot(&own_gram.dot(&y))) - 2.0 * f64::from(product);
+                }
+                sum
+            })
+            .collect();
+        (self.coordinates.squares + sums.iter().sum::<f64>()).max(0.0)
+    }
+}
+
+struct Shared {
+    bases: SharedBases,
+    ranks: [[usize; 2]; 3],
+}
+
+/// Products of the decoded shared bases.
+struct Products {
+    /// `[shared basis, shared basis]`.
+    gram: Array2<f32>,
+    /// With the exact directions: `[direction, shared basis]`.
+    cross: Array2<f32>,
+    /// Solves for mixtures.
+    solver: Solver,
+}
+
+/// A cluster on the decoded shared bases.
+struct Fitted {
+    members: Vec<usize>,
+    /// Step and codes of the mean and of each component; empty mixtures for components that it does without.
+    bases: Vec<(f32, Vec<i16>)>,
+    /// Decoded mean.
+    mean: Array1<f32>,
+    /// Gram matrix of the decoded components.
+    own_gram: Array2<f32>,
+    /// Per member, products of its residual about the mean with the components.
+    products: Array2<f32>,
+    /// Per member, coefficients of least squares.
+    coefficients: Array2<f32>,
+}
+
+fn collect_basis(fitted: &[Fitted], index: usize) -> Basis {
+    Basis {
+        steps: fitted.iter().map(|cluster| cluster.bases[index].0).collect(),
+        values: fitted.iter().flat_map(|cluster| cluster.bases[index].1.iter().copied()).collect(),
+    }
+}
+
+/// Inverse of a ridged Gram matrix.
+struct Solver(DMatrix<f64>);
+
+impl Solver {
+    fn new(gram: &Array2<f32>) -> Solver {
+        let n = gram.nrows();
+        let trace: f64 = (0..n).map(|i| f64::from(gram[[i, i]])).sum();
+        let ridge = RIDGE * trace / n.max(1) as f64 + 1e-12;
+        let matrix = DMatrix::from_fn(n, n, |i, j| {
+            0.5 * (f64::from(gram[[i, j]]) + f64::from(gram[[j, i]])) + if i == j { ridge } else { 0.0 }
+        });
+        Solver(matrix.cholesky().map(|cholesky| cholesky.inverse()).unwrap_or_else(|| DMatrix::identity(n, n)))
+    }
+
+    fn inverse(&self) -> Array2<f32> {
+        Array2::from_shape_fn(self.0.shape(), |(i, j)| self.0[(i, j)] as f32)
+    }
+
+    fn solve(&self, right: &Array1<f32>) -> Vec<f32> {
+        let n = right.len();
+        (0..n).map(|i| (0..n).map(|j| self.0[(i, j)] * f64::from(right[j])).sum::<f64>() as f32).collect()
     }
 }

@@ -8,7 +8,7 @@ use crate::frame::layer_directions;
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
     Asset, DecodeOptions, HORIZON_COS, Interpolation, Layer, LobeSetup, Neighbours, RATIO_EPSILON, RATIO_RANGE, ROOT,
-    Resident, ResidualKind, Sphere, block, coefficient_from_code, weight_from_byte,
+    Resident, ResidualKind, Sphere, block, weight_from_byte,
 };
 use half::f16;
 use std::ops::Range;
@@ -66,8 +66,6 @@ pub struct ImageDecoder<'a> {
     first_lobe: Vec<usize>,
     /// Per texel the number of its first lobe reference, and one more.
     first_ref: Vec<u32>,
-    /// Weight of each code, per component.
-    code_values: Vec<Vec<f32>>,
 }
 
 /// What all texels share at one pair of directions.
@@ -120,9 +118,6 @@ impl<'a> ImageDecoder<'a> {
         for count in &source.texel_lobe_counts {
             first_ref.push(first_ref[first_ref.len() - 1] + u32::from(*count));
         }
-        let code_values = source.residual.iter().flat_map(|residual| &residual.coefficients).map(|plane| {
-            (0..1u32 << plane.bits).map(|code| coefficient_from_code(code, plane.bits)).collect::<Vec<f32>>()
-        });
         ImageDecoder {
             layer: source,
             words,
@@ -135,7 +130,6 @@ impl<'a> ImageDecoder<'a> {
             setups,
             first_lobe,
             first_ref,
-            code_values: code_values.take(bases.saturating_sub(1)).collect(),
         }
     }
 
@@ -201,8 +195,8 @@ impl<'a> ImageDecoder<'a> {
         if let Some(residual) = layer.residual.as_ref().filter(|_| self.bases > 0) {
             for (texel, weights) in texels.zip(basis_weights.chunks_exact_mut(stride)) {
                 weights[0] = 1.0;
-                for (component, values) in self.code_values.iter().enumerate() {
-                    weights[component + 1] = values[usize::from(residual.coefficients[component].codes[texel])];
+                for (weight, plane) in weights[1..self.bases].iter_mut().zip(&residual.coefficients) {
+                    *weight = f32::from(plane.codes[texel]);
                 }
             }
         }

@@ -17,6 +17,7 @@ mod cache;
 mod candidates;
 mod ciede;
 mod compare;
+mod coordinates;
 mod curve;
 mod describe;
 mod dictionary;
@@ -41,6 +42,7 @@ mod pipeline;
 mod plot;
 mod project;
 mod report;
+mod residual_source;
 #[cfg(test)]
 mod sample_asset;
 mod sparse;

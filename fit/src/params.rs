@@ -19,7 +19,7 @@ impl ErrorMeasure {
     /// The residual's curve and its epsilon.
     pub fn residual(self) -> (ResidualKind, f32) {
         match self {
-            ErrorMeasure::Gamma => (ResidualKind::Root, 0.001),
+            ErrorMeasure::Gamma => (ResidualKind::Root, 0.003),
             ErrorMeasure::Linear => (ResidualKind::Additive, 0.001),
             ErrorMeasure::Log => (ResidualKind::Log, 0.01),
         }

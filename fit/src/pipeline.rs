@@ -1,25 +1,27 @@
 //! The fit, stage by stage: read, project, cluster, dictionary, weights, residual, encode, measure.
 
-use crate::budget::{Plan, Planner, plans_within_bytes};
+use crate::budget::{Candidate, within_bytes};
 use crate::cache::{Mapping, TileCache};
 use crate::candidates::candidate_lobes;
 use crate::compare::{MeasureParams, colour_pair_stride, measure, stride_over_pairs};
+use crate::coordinates::Coordinates;
 use crate::curve::Curve;
 use crate::dictionary::{Dictionary, Pairs, Target, build_dictionary};
-use crate::encode::encode_residual;
+use crate::encode::Model;
 use crate::error::FitError;
 use crate::factor::Rotated;
 use crate::frame::layer_directions;
 use crate::holdout::Holdout;
-use crate::kmeans::{Clustering, kmeans};
-use crate::local_pca::{LocalPca, OVERSAMPLING, ResidualSource, local_pca};
+use crate::kmeans::kmeans;
+use crate::local_pca::{local_pca, reassign};
 use crate::material::sides_of_capture;
 use crate::monitor::Monitor;
 use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
-use crate::sparse::{ClusterLobes, Selection, correlate, select};
+use crate::residual_source::ResidualSource;
+use crate::sparse::{ClusterLobes, correlate, select};
 use btf_capture::{Capture, CaptureInfo};
-use btf_runtime::{Asset, Layer, MAX_LAYERS, Resident, Residual, ResidualKind, Sphere, lobe_tables, pack};
+use btf_runtime::{Asset, Layer, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack};
 use ndarray::{Array2, ArrayView2};
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -29,6 +31,12 @@ use rayon::prelude::*;
 const FEATURE_DIMENSIONS: usize = 64;
 /// Texels that these directions are found from.
 const FEATURE_SAMPLE: usize = 2048;
+/// Components of the models by which texels are moved between clusters, and rounds of that.
+const REASSIGN_COMPONENTS: usize = 8;
+const REASSIGN_ROUNDS: usize = 3;
+/// Shared bases at most, and texels that they are found from.
+const SHARED_BASES: usize = 320;
+const SHARED_SAMPLE: usize = 8192;
 /// Representative texels per cluster.
 const REPRESENTATIVES: usize = 12;
 /// Lobes per dictionary.
@@ -40,29 +48,25 @@ const TONE_EPSILON: f32 = 0.02;
 /// Without a byte budget: the relative error that one more lobe must remove.
 const LOBE_PRICE: f64 = 0.002;
 /// Share of a byte budget that lobe references may take.
-const LOBE_SHARE: f64 = 0.15;
-/// Bytes of a lobe reference.
-const REF_BYTES: f64 = 4.0;
-/// Without a budget: components, ranks and bits.
+const LOBE_SHARE: f64 = 0.1;
+/// Bytes of a lobe reference, coded.
+const REF_BYTES: f64 = 2.0;
+/// Without a goal: components, and the step in the residual's curve.
 const DEFAULT_COMPONENTS: usize = 8;
-const DEFAULT_RANKS: [usize; 3] = [32, 16, 16];
-const DEFAULT_BITS: u32 = 8;
-/// Rounds of plan and measurement that a PSNR goal gets, and how far above the goal the sampled figure
+const DEFAULT_STEP: f64 = 0.25;
+/// Rounds of encoding and measurement that a PSNR goal gets, and how far above the goal the sampled figure
 /// must lie, so that the figure over all pairs reaches it.
-const PSNR_ROUNDS: usize = 5;
+const PSNR_ROUNDS: usize = 6;
 const PSNR_MARGIN_DB: f64 = 0.03;
-/// Most components that a budget is filled with.
-const MOST_COMPONENTS: usize = 40;
 /// Room for the material text, whose figures are known only at the end.
 pub const MATERIAL_RESERVE: usize = 4096;
 
 /// Fits captures (the layers of one asset) and packs them.
 ///
 /// Same captures, parameters and seed give the same bytes on any number of threads. Memory: at most
-/// `params.memory_bytes`. A byte budget goes to the layers by need: the residuals of all of them are planned
-/// together for the least error over all samples. With several captures under a budget each of them is
-/// therefore read twice. A PSNR goal holds for every layer. The material text is empty: the caller describes
-/// the asset and packs it again.
+/// `params.memory_bytes`. One step size quantises all layers, so that a byte budget goes where it takes away most
+/// error; a PSNR goal is one over all samples of all layers. The material text is empty: the caller describes the
+/// asset and packs it again.
 ///
 /// # Errors
 /// What is wrong with a capture, or with several together; a budget or a memory limit that is too small.
@@ -75,35 +79,25 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
     let (width, height) = (first.info().width, first.info().height);
     let budget = params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE));
     let share = budget.map(|bytes| bytes / captures.len());
-    let mut layers = Vec::new();
-    let mut waiting = Vec::new();
+    let mut prepared = Vec::new();
     let mut left_out = Vec::new();
     let mut lobes = LobeFigures::default();
     for (number, capture) in captures.iter().enumerate() {
-        let (prepared, figures) = prepare_layer(capture, params, share, captures.len() - 1, monitor)?;
+        let (layer, figures, held_back) = prepare_layer(capture, params, share, captures.len() - 1, monitor)?;
         if number == 0 {
-            (left_out, lobes) = (prepared.holdout.pairs.clone(), figures);
+            (left_out, lobes) = (held_back, figures);
         }
-        match budget {
-            Some(_) if captures.len() > 1 => waiting.push(Prepared { cache: None, ..prepared }),
-            Some(bytes) => {
-                let plans = plan_for_bytes(std::slice::from_ref(&prepared), bytes)?;
-                layers.push(finish_layer(capture, prepared, Goal::Plan(&plans[0]), params, monitor)?);
-            }
-            None => layers.push(finish_layer(capture, prepared, Goal::Params, params, monitor)?),
-        }
+        prepared.push(layer);
     }
-    if let (Some(bytes), false) = (budget, waiting.is_empty()) {
-        let plans = plan_for_bytes(&waiting, bytes)?;
-        for ((capture, prepared), plan) in captures.iter().zip(waiting).zip(&plans) {
-            layers.push(finish_layer(capture, prepared, Goal::Plan(plan), params, monitor)?);
-        }
-    }
-    let references: usize = layers.iter().map(|layer| layer.lobe_refs.len()).sum();
-    let lobes_per_texel_mean = references as f64 / (width * height * layers.len()) as f64;
-    let components = layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
-    let clusters = layers[0].dictionary.len();
-    let asset = Asset { width, height, material: String::new(), layers };
+    let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
+        (Some(bytes), _) => within_budget(&prepared, bytes, [width, height], params, monitor),
+        (None, Some(db)) => within_error(captures, &prepared, db, [width, height], params, monitor),
+        (None, None) => Ok(assemble(&prepared, DEFAULT_STEP, [width, height], params).asset),
+    })?;
+    let references: usize = asset.layers.iter().map(|layer| layer.lobe_refs.len()).sum();
+    let lobes_per_texel_mean = references as f64 / (width * height * asset.layers.len()) as f64;
+    let components = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    let clusters = asset.layers[0].dictionary.len();
     let bytes = pack(&asset)?;
     Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out })
 }
@@ -133,115 +127,101 @@ fn bytes_in_words(bytes: usize) -> String {
     format!("{:.0} MB", bytes as f64 / 1e6)
 }
 
-/// Components that the memory limit allows, and what is left of it for the decoded capture, while `waiting`
-/// other layers wait for their bytes with their bases in memory.
-fn plan_memory(
-    info: &CaptureInfo,
-    params: &FitParams,
-    wanted: usize,
-    waiting: usize,
-) -> Result<(usize, u64), FitError> {
+/// Texels of the sample that shared bases are found from, and what the memory limit leaves for the decoded capture,
+/// while `waiting` other layers wait for their step with their coordinates in memory.
+fn plan_memory(info: &CaptureInfo, params: &FitParams, waiting: usize) -> Result<(usize, u64), FitError> {
     let (texels, samples) = (info.texel_count(), info.pair_count() * 3);
     let clusters = params.clusters.min(texels);
     let threads = rayon::current_num_threads();
-    // Features, products and choices of all texels; one block twice as 8-bit or half samples and once as
-    // floats; candidates' tables per thread; the feature sample.
-    let fixed = texels * (4 * FEATURE_DIMENSIONS + 12 * DICTIONARY_SIZE + 1024)
-        + 1024.min(texels) * samples * (2 * 2 + 4)
+    let rank = SHARED_BASES.min(samples).min(texels);
+    // Features, coordinates (those of one layer three times while it is encoded), products and choices of all
+    // texels; one block twice as 8-bit or half samples and rows as floats; candidates' tables per thread; the
+    // shared bases and what finds and factors them.
+    let fixed = texels * (4 * FEATURE_DIMENSIONS + 4 * rank * (3 + waiting) + 12 * DICTIONARY_SIZE + 1024)
+        + 1024.min(texels) * samples * 2 * 2
+        + threads * 4 * 256.min(texels) * samples
         + (2 * threads + 1) * 4 * DICTIONARY_PAIRS.min(info.pair_count()) * 900
         + threads * 8 * 900 * 900
-        + 4 * FEATURE_SAMPLE.min(texels) * samples
         + clusters * samples * 4 * (REPRESENTATIVES / 2 + (1 + waiting) * DICTIONARY_SIZE / 3)
+        + (6 + waiting) * 4 * rank * samples
         + 100_000_000;
-    let per_component = (5 + waiting) * 4 * clusters * samples;
     let limit = params.memory_bytes as usize;
-    let needed = fixed + per_component * (OVERSAMPLING + 2);
+    let least_sample = (2 * rank).min(SHARED_SAMPLE).min(texels);
+    // Sampled texels lie in the form of the cache.
+    let needed = fixed + 2 * least_sample * samples;
     if limit < needed {
         return Err(FitError::Memory { given: bytes_in_words(limit), needed: bytes_in_words(needed) });
     }
-    let most = ((limit - fixed) / per_component).saturating_sub(OVERSAMPLING + 1).min(wanted);
-    let used = fixed + per_component * (most + OVERSAMPLING + 1);
-    Ok((most, limit.saturating_sub(used) as u64))
+    let sample = ((limit - fixed) / 2 / (2 * samples).max(1)).clamp(least_sample, SHARED_SAMPLE.min(texels));
+    Ok((sample, (limit - fixed - 2 * sample * samples) as u64))
 }
 
-/// A layer up to the choice of its residual's ranks and bits.
+/// A layer up to the choice of its residual's step.
 struct Prepared {
     /// Without residual yet.
     layer: Layer,
-    lobes: Vec<ClusterLobes>,
-    selection: Selection,
-    labels: Vec<u32>,
-    holdout: Holdout,
-    /// Without the bases, which `rotated` holds.
-    models: Vec<LocalPca>,
-    rotated: Rotated,
-    /// Bytes of an asset of this layer alone without the residual.
-    base_bytes: usize,
-    texels: usize,
-    /// Memory for the decoded capture.
-    cache_memory: u64,
-    /// The decoded capture; `None` where it is to be read again.
-    cache: Option<TileCache>,
+    model: Model,
 }
 
-impl Prepared {
-    fn planner(&self) -> Planner<'_> {
-        Planner::new(&self.models, &self.rotated, self.texels)
-    }
-}
-
-/// What decides on a residual.
-enum Goal<'a> {
-    /// This plan.
-    Plan(&'a Plan),
-    /// The parameters' PSNR or, without one, the defaults.
-    Params,
-}
-
-/// Everything up to the plan. `share` is the layer's share of a byte budget, for its lobes; `others` is the
-/// number of other layers.
+/// Everything up to the step, the figures of the lobes, and the held-back pairs. `share` is the layer's share of a
+/// byte budget, for its lobes; `others` is the number of other layers.
 fn prepare_layer(
     capture: &Capture,
     params: &FitParams,
     share: Option<usize>,
     others: usize,
     monitor: &Monitor,
-) -> Result<(Prepared, LobeFigures), FitError> {
+) -> Result<(Prepared, LobeFigures, Vec<usize>), FitError> {
     let info = capture.info();
     let lights = Sphere::new(&layer_directions(&info.lights, info.side))?;
     let views = Sphere::new(&layer_directions(&info.views, info.side))?;
-    let searched = share.is_some() || params.psnr_db.is_some();
-    let wanted = params.components.unwrap_or(if searched { MOST_COMPONENTS } else { DEFAULT_COMPONENTS });
-    let waiting = if share.is_some() { others } else { 0 };
-    let (most_components, left) = plan_memory(info, params, wanted, waiting)?;
+    let (sample, left) = plan_memory(info, params, others)?;
 
     // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
-    let cache_memory = 2 * left;
-    let cache = read_capture(capture, cache_memory, params, monitor)?;
+    let cache = monitor.stage("read", || TileCache::build(capture, 2 * left, &params.cache_directory, monitor))?;
     let holdout = Holdout::new(info, &lights, &views, params.leave_out, params.seed);
     let (kind, epsilon) = params.error.residual();
     let curve = Curve::new(kind, epsilon);
     let mapping = Mapping::new(&cache, curve.exact());
 
-    let clustering = {
-        let found = monitor.stage("project", || {
-            features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
-        })?;
-        let clustering =
-            monitor.stage("cluster", || kmeans(found.scores.view(), params.clusters, params.kmeans, params.seed))?;
-        let representatives = representatives(&clustering, found.scores.view(), params.seed);
-        (clustering, representatives)
-    };
-    let (clustering, representatives) = clustering;
+    let found = monitor.stage("project", || {
+        features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
+    })?;
+    let (labels, representatives) = monitor.stage("cluster", || {
+        let clustering = kmeans(found.scores.view(), params.clusters, params.kmeans, params.seed)?;
+        let mut labels = clustering.labels;
+        let clusters = clustering.centroids.nrows();
+        let clusters = reassign(found.scores.view(), &mut labels, clusters, REASSIGN_COMPONENTS, REASSIGN_ROUNDS);
+        let representatives = representatives(&labels, clusters, found.scores.view(), params.seed);
+        Ok((labels, representatives))
+    })?;
+    drop(found);
     let (clusters, figures) = monitor.stage("dictionary", || {
         dictionaries(&cache, &representatives, &views, &lights, &holdout, kind, params.lobes, monitor)
     })?;
 
     let selection = monitor.stage("weights", || {
-        let correlations = correlate(&cache, &clusters, &clustering.labels, monitor)?;
+        let correlations = correlate(&cache, &clusters, &labels, monitor)?;
         let count = |bytes: usize| LOBE_SHARE * bytes as f64 / (REF_BYTES * info.texel_count() as f64);
         let mean_count = share.map(count).or(params.psnr_db.map(|_| 1.0));
-        Ok(select(&clusters, &clustering.labels, &correlations, params.lobes, LOBE_PRICE, mean_count))
+        Ok(select(&clusters, &labels, &correlations, params.lobes, LOBE_PRICE, mean_count))
+    })?;
+    let source = ResidualSource {
+        cache: &cache,
+        mapping: &mapping,
+        curve: &curve,
+        clusters: &clusters,
+        selection: &selection,
+        labels: &labels,
+        holdout: &holdout,
+    };
+    let model = monitor.stage("residual", || {
+        let mut coordinates = Coordinates::new(&source, SHARED_BASES, sample, params.seed, monitor)?;
+        let rotated = Rotated::new(&coordinates.directions, &coordinates.energies, [views.len(), lights.len()]);
+        coordinates.directions = Array2::zeros((0, 0));
+        let most = params.components.unwrap_or(MAX_COMPONENTS);
+        let models = local_pca(coordinates.scores.view(), &labels, clusters.len(), most);
+        Ok(Model { coordinates, rotated, clusters: models, width: info.width })
     })?;
     let layer = Layer {
         light_side: sides_of_capture(info.side).0,
@@ -250,149 +230,158 @@ fn prepare_layer(
         epsilon,
         lights,
         views,
-        texel_clusters: clustering.labels.iter().map(|label| *label as u8).collect(),
+        texel_clusters: labels.iter().map(|label| *label as u8).collect(),
         texel_lobe_counts: selection.counts.clone(),
         dictionary: selection.dictionary.clone(),
         lobe_refs: selection.refs.clone(),
         residual: None,
     };
-
-    let source = ResidualSource {
-        cache: &cache,
-        mapping: &mapping,
-        curve: &curve,
-        clusters: &clusters,
-        selection: &selection,
-        labels: &clustering.labels,
-        holdout: &holdout,
-    };
-    let (models, rotated) = monitor.stage("residual", || {
-        let models = local_pca(&source, most_components, params.seed, monitor)?;
-        let rotated = Rotated::new(&models, [layer.views.len(), layer.lights.len()]);
-        Ok((models.into_iter().map(LocalPca::without_bases).collect(), rotated))
-    })?;
-    let alone = Asset { width: info.width, height: info.height, material: String::new(), layers: vec![layer.clone()] };
     let figures = LobeFigures { sparse: selection.mean_relative_error, ..figures };
-    let prepared = Prepared {
-        layer,
-        lobes: clusters,
-        labels: clustering.labels,
-        selection,
-        holdout,
-        models,
-        rotated,
-        base_bytes: pack(&alone)?.len(),
-        texels: info.texel_count(),
-        cache_memory,
-        cache: Some(cache),
+    Ok((Prepared { layer, model }, figures, holdout.pairs))
+}
+
+/// An asset with its predicted error.
+struct Assembled {
+    asset: Asset,
+    /// Predicted sum of squared errors over all samples of all layers, in the residual's curve.
+    error: f64,
+}
+
+/// The asset whose residuals are all quantised with `step`.
+fn assemble(layers: &[Prepared], step: f64, [width, height]: [usize; 2], params: &FitParams) -> Assembled {
+    let default = if params.bytes.is_some() || params.psnr_db.is_some() { MAX_COMPONENTS } else { DEFAULT_COMPONENTS };
+    let most = params.components.unwrap_or(default);
+    let mut error = 0.0;
+    let layers = layers
+        .iter()
+        .map(|prepared| {
+            let encoded = prepared.model.encode(step, most);
+            error += encoded.error;
+            Layer { residual: Some(encoded.residual), ..prepared.layer.clone() }
+        })
+        .collect();
+    Assembled { asset: Asset { width, height, material: String::new(), layers }, error }
+}
+
+/// Size of the greatest coefficient that any layer can have: a row of root mean square length, times a margin.
+fn greatest_coefficient(layers: &[Prepared]) -> f64 {
+    let length = |prepared: &Prepared| {
+        let coordinates = &prepared.model.coordinates;
+        (coordinates.squares / coordinates.scores.nrows() as f64).sqrt()
     };
-    Ok((prepared, figures))
+    layers.iter().map(length).fold(0.0, f64::max)
 }
 
-fn read_capture(capture: &Capture, memory: u64, params: &FitParams, monitor: &Monitor) -> Result<TileCache, FitError> {
-    monitor.stage("read", || TileCache::build(capture, memory, &params.cache_directory, monitor))
-}
-
-/// Chooses the residual's plan where it is not given, and makes the residual.
-fn finish_layer(
-    capture: &Capture,
-    mut prepared: Prepared,
-    goal: Goal,
+/// The asset of least error within `bytes`, everything but the description included.
+fn within_budget(
+    layers: &[Prepared],
+    bytes: usize,
+    grid: [usize; 2],
     params: &FitParams,
     monitor: &Monitor,
-) -> Result<Layer, FitError> {
-    let cache = match prepared.cache.take() {
-        Some(cache) => cache,
-        None => read_capture(capture, prepared.cache_memory, params, monitor)?,
-    };
-    let mut layer = prepared.layer.clone();
-    let curve = Curve::new(layer.residual_kind, layer.epsilon);
-    let mapping = Mapping::new(&cache, curve.exact());
-    let source = ResidualSource {
-        cache: &cache,
-        mapping: &mapping,
-        curve: &curve,
-        clusters: &prepared.lobes,
-        selection: &prepared.selection,
-        labels: &prepared.labels,
-        holdout: &prepared.holdout,
-    };
-    let encode = |plan: &Plan| encode_residual(&source, &prepared.rotated, plan, monitor);
-    let residual = monitor.stage("residual", || match (goal, params.psnr_db) {
-        (Goal::Plan(plan), _) => encode(plan),
-        (Goal::Params, Some(db)) => {
-            residual_for_psnr(capture, &mut layer, &prepared.planner(), db, params, monitor, &encode)
+) -> Result<Asset, FitError> {
+    let found = within_bytes(bytes, greatest_coefficient(layers), |step| {
+        monitor.check()?;
+        let made = assemble(layers, step, grid, params);
+        if std::env::var("BTF_DEBUG").is_ok() {
+            let samples = grid[0] as f64
+                * grid[1] as f64
+                * layers.iter().map(|l| l.layer.views.len() * l.layer.lights.len() * 3).sum::<usize>() as f64;
+            let r = made.asset.layers[0].residual.as_ref().unwrap();
+            eprintln!(
+                "step {step:.4} psnr {:.3} bytes {} comps {} shared {}",
+                10.0 * (1.0 / (made.error / samples * 1.055 * 1.055)).log10(),
+                pack(&made.asset)?.len(),
+                r.coefficients.len(),
+                r.shared.steps.len()
+            );
         }
-        (Goal::Params, None) => {
-            let planner = prepared.planner();
-            encode(&planner.fixed(DEFAULT_RANKS, vec![DEFAULT_BITS; planner.most_components()]))
-        }
+        let asset = made.asset;
+        Ok::<_, FitError>(Candidate { bytes: pack(&asset)?.len(), value: asset })
     })?;
-    layer.residual = Some(residual);
-    Ok(layer)
-}
-
-/// The plans of least error over all layers within `bytes`, everything but the description included.
-fn plan_for_bytes(layers: &[Prepared], bytes: usize) -> Result<Vec<Plan>, FitError> {
-    let base: usize = layers.iter().map(|layer| layer.base_bytes).sum();
-    let planners: Vec<Planner> = layers.iter().map(Prepared::planner).collect();
-    plans_within_bytes(&planners, bytes.saturating_sub(base)).ok_or_else(|| {
-        let least: usize = planners.iter().map(|planner| planner.bytes([2, 2, 2], &[])).sum();
+    found.map_err(|least| {
         FitError::Budget(format!(
             "--bytes is too small for {} texels: the smallest asset has about {} bytes; raise --bytes or lower --clusters",
-            layers.iter().map(|layer| layer.texels).sum::<usize>(),
-            base + least + MATERIAL_RESERVE
+            grid[0] * grid[1] * layers.len(),
+            least + MATERIAL_RESERVE
         ))
     })
 }
 
-/// The smallest residual whose measured `psnr_db` is at least `db`: the plan's prediction is corrected by
-/// what it turned out to give.
-fn residual_for_psnr(
-    capture: &Capture,
-    layer: &mut Layer,
-    planner: &Planner,
+/// The smallest asset whose measured `psnr_db` over all layers is at least `db`: the prediction is corrected by what
+/// it turned out to give.
+fn within_error(
+    captures: &[Capture],
+    layers: &[Prepared],
     db: f64,
+    grid: [usize; 2],
     params: &FitParams,
     monitor: &Monitor,
-    encode: &dyn Fn(&Plan) -> Result<Residual, FitError>,
-) -> Result<Residual, FitError> {
-    let info = capture.info();
-    let most = planner.most_components();
-    let samples = (info.texel_count() * info.pair_count() * 3) as f64;
-    let stride = colour_pair_stride(info.views.len(), info.lights.len());
-    let measured_pairs: Vec<usize> = (0..info.pair_count()).step_by(stride).collect();
+) -> Result<Asset, FitError> {
+    let samples: f64 = captures.iter().map(|c| (c.info().texel_count() * c.info().pair_count() * 3) as f64).sum();
+    let greatest = greatest_coefficient(layers);
     let mut target = error_for_psnr(db) * samples;
-    let mut found: Option<(usize, Residual)> = None;
+    let mut found: Option<(usize, Asset)> = None;
     let mut reached = 0.0f64;
     for _ in 0..PSNR_ROUNDS {
-        let Some(plan) = planner.within_error(target, most).or_else(|| planner.best(most)) else { break };
-        let last_resort = plan.error > target;
-        layer.residual = Some(encode(&plan)?);
-        let asset =
-            Asset { width: info.width, height: info.height, material: String::new(), layers: vec![layer.clone()] };
-        let resident = Resident::from_asset_with(&asset, |n, expand| (0..n).into_par_iter().map(expand).collect());
-        let measure_params = MeasureParams {
-            pairs: Some(measured_pairs.clone()),
-            memory_bytes: params.memory_bytes / 8,
-            ..MeasureParams::default()
-        };
-        let measured = measure(capture, &asset, &resident, &measure_params, monitor)?.metrics().psnr_db;
+        let candidate = coarsest_within_error(layers, target, greatest, grid, params, monitor)?;
+        let bytes = pack(&candidate.asset)?.len();
+        let last_resort = candidate.error > target;
+        let resident =
+            Resident::from_asset_with(&candidate.asset, |n, expand| (0..n).into_par_iter().map(expand).collect());
+        let mut errors = (0.0, 0.0);
+        for capture in captures {
+            let info = capture.info();
+            let stride = colour_pair_stride(info.views.len(), info.lights.len());
+            let measure_params = MeasureParams {
+                pairs: Some((0..info.pair_count()).step_by(stride).collect()),
+                memory_bytes: params.memory_bytes / 8,
+                ..MeasureParams::default()
+            };
+            let metrics = measure(capture, &candidate.asset, &resident, &measure_params, monitor)?.metrics();
+            let weight = (info.texel_count() * info.pair_count()) as f64;
+            errors = (errors.0 + weight * 10f64.powf(-metrics.psnr_db / 10.0), errors.1 + weight);
+        }
+        let measured = -10.0 * (errors.0 / errors.1).log10();
         reached = reached.max(measured);
-        let smaller = found.as_ref().is_none_or(|(bytes, _)| plan.bytes < *bytes);
-        if measured >= db + PSNR_MARGIN_DB && smaller {
-            found = layer.residual.take().map(|residual| (plan.bytes, residual));
+        if measured >= db + PSNR_MARGIN_DB && found.as_ref().is_none_or(|(least, _)| bytes < *least) {
+            found = Some((bytes, candidate.asset));
         }
         if (measured < db && last_resort) || (measured >= db && measured <= db + 6.0 * PSNR_MARGIN_DB) {
             break;
         }
         target *= 10f64.powf((measured - db - 3.0 * PSNR_MARGIN_DB) / 10.0);
     }
-    found.map(|(_, residual)| residual).ok_or_else(|| {
+    found.map(|(_, asset)| asset).ok_or_else(|| {
         FitError::Budget(format!(
             "--psnr {db} cannot be reached with these clusters and components (the best was {reached:.2} dB); lower it or raise --clusters"
         ))
     })
+}
+
+/// The asset of the coarsest step whose predicted error is at most `target`; that of the finest step where none is.
+fn coarsest_within_error(
+    layers: &[Prepared],
+    target: f64,
+    greatest: f64,
+    grid: [usize; 2],
+    params: &FitParams,
+    monitor: &Monitor,
+) -> Result<Assembled, FitError> {
+    let mut exponents = [-16.0f64, 2.0];
+    let mut best = None;
+    for _ in 0..8 {
+        monitor.check()?;
+        let middle = 0.5 * (exponents[0] + exponents[1]);
+        let candidate = assemble(layers, greatest * middle.exp2(), grid, params);
+        if candidate.error <= target {
+            exponents[0] = middle;
+            best = Some(candidate);
+        } else {
+            exponents[1] = middle;
+        }
+    }
+    Ok(best.unwrap_or_else(|| assemble(layers, greatest * exponents[0].exp2(), grid, params)))
 }
 
 /// Mean squared error in the root domain at which `psnr_db` is `db`: the 8-bit code is about
@@ -404,9 +393,9 @@ fn error_for_psnr(db: f64) -> f64 {
 
 /// Texels of each cluster that its dictionary is fitted to: the one nearest to the centroid, then by
 /// distance-squared sampling, so that the cluster's variety is seen.
-fn representatives(clustering: &Clustering, scores: ArrayView2<f32>, seed: u64) -> Vec<Vec<usize>> {
-    let mut members: Vec<Vec<usize>> = vec![Vec::new(); clustering.centroids.nrows()];
-    for (texel, label) in clustering.labels.iter().enumerate() {
+fn representatives(labels: &[u32], clusters: usize, scores: ArrayView2<f32>, seed: u64) -> Vec<Vec<usize>> {
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); clusters];
+    for (texel, label) in labels.iter().enumerate() {
         members[*label as usize].push(texel);
     }
     members
@@ -417,7 +406,10 @@ fn representatives(clustering: &Clustering, scores: ArrayView2<f32>, seed: u64) 
                 scores.row(texel).iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum()
             };
             let mut random = Xoshiro256PlusPlus::seed_from_u64(seed.wrapping_add(cluster as u64 * 7919));
-            let centroid = clustering.centroids.row(cluster);
+            let mut centroid = ndarray::Array1::<f32>::zeros(scores.ncols());
+            members.iter().for_each(|&texel| centroid += &scores.row(texel));
+            centroid /= members.len().max(1) as f32;
+            let centroid = centroid.view();
             let Some(first) =
                 members.iter().copied().min_by(|&a, &b| distance(a, centroid).total_cmp(&distance(b, centroid)))
             else {

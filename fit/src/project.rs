@@ -91,6 +91,86 @@ pub fn sorted_eigen(matrix: &Array2<f64>) -> (Vec<f64>, Array2<f64>) {
     (values, vectors)
 }
 
+/// Rows that are made when they are needed: `rows(range)` gives `[row, sample]`.
+pub struct Rows<'a, E> {
+    /// How many.
+    pub count: usize,
+    /// Samples a row.
+    pub samples: usize,
+    /// Makes a range of them.
+    pub make: &'a (dyn Fn(std::ops::Range<usize>) -> Result<Array2<f32>, E> + Sync),
+}
+
+impl<E: Send> Rows<'_, E> {
+    /// `work(rows)` of blocks of [`ROW_BLOCK`] rows, in order.
+    fn map<R: Send>(&self, work: impl Fn(Array2<f32>) -> R + Sync) -> Result<Vec<R>, E> {
+        (0..self.count)
+            .step_by(ROW_BLOCK)
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|first| Ok(work((self.make)(first..(first + ROW_BLOCK).min(self.count))?)))
+            .collect()
+    }
+
+    /// `X q`.
+    fn times(&self, q: &Array2<f32>) -> Result<Array2<f32>, E> {
+        let parts = self.map(|rows| rows.dot(q))?;
+        let views: Vec<_> = parts.iter().map(|part| part.view()).collect();
+        Ok(ndarray::concatenate(ndarray::Axis(0), &views).unwrap_or_else(|_| Array2::zeros((0, q.ncols()))))
+    }
+
+    /// `X' q`, blocks added in order whatever the threads.
+    fn transposed_times(&self, q: &Array2<f32>) -> Result<Array2<f32>, E> {
+        let blocks: Vec<usize> = (0..self.count).step_by(ROW_BLOCK).collect();
+        let mut sum = Array2::<f32>::zeros((self.samples, q.ncols()));
+        // Eight sums at a time bound the memory; within one the order is fixed.
+        for group in blocks.chunks(8 * 4) {
+            let parts: Vec<Array2<f32>> = group
+                .par_chunks(8)
+                .map(|firsts| {
+                    let mut part = Array2::<f32>::zeros((self.samples, q.ncols()));
+                    for &first in firsts {
+                        let range = first..(first + ROW_BLOCK).min(self.count);
+                        let rows = (self.make)(range.clone())?;
+                        ndarray::linalg::general_mat_mul(1.0, &rows.t(), &q.slice(s![range, ..]), 1.0, &mut part);
+                    }
+                    Ok(part)
+                })
+                .collect::<Result<_, E>>()?;
+            parts.iter().for_each(|part| sum += part);
+        }
+        Ok(sum)
+    }
+}
+
+/// The `count` leading right singular vectors of `rows` in columns, fewer where their rank is lower, one at least: a
+/// randomised range finder with a power iteration [Halko 2011].
+///
+/// Cost: four products of `rows x samples x count`; rows are made four times.
+pub fn principal_directions<E: Send>(
+    rows: &Rows<E>,
+    count: usize,
+    random: &mut Xoshiro256PlusPlus,
+) -> Result<Array2<f32>, E> {
+    let rank = (count + OVERSAMPLING).min(rows.count).min(rows.samples);
+    let mut q = orthonormalize(&rows.times(&gaussian(rows.samples, rank, random))?);
+    let back = orthonormalize(&rows.transposed_times(&q)?);
+    q = orthonormalize(&rows.times(&back)?);
+    drop(back);
+    let right = rows.transposed_times(&q)?;
+    let gram = transposed_product(right.view(), right.view()).mapv(f64::from);
+    let (values, vectors) = sorted_eigen(&gram);
+    let top = values.first().copied().unwrap_or(0.0);
+    let kept = count.min(values.iter().filter(|value| **value > 1e-10 * top).count()).max(1).min(vectors.ncols());
+    if right.ncols() == 0 || top <= 0.0 {
+        // Nothing there: any direction will do.
+        return Ok(Array2::from_shape_fn((rows.samples, 1), |(i, _)| if i == 0 { 1.0 } else { 0.0 }));
+    }
+    let rotation =
+        Array2::from_shape_fn((vectors.nrows(), kept), |(i, j)| (vectors[[i, j]] / values[j].max(1e-30).sqrt()) as f32);
+    Ok(right.dot(&rotation))
+}
+
 /// Projects every texel's function (through `mapping`) onto `dimensions` principal directions of a
 /// sample of at most `sample` texels.
 ///
@@ -128,33 +208,14 @@ pub fn features(
     }
     let mean = block.mean_axis(ndarray::Axis(0)).unwrap_or_else(|| ndarray::Array1::zeros(samples));
     block -= &mean;
-
-    let rank = (dimensions + OVERSAMPLING).min(chosen.len()).min(samples);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-    let wide = |q: &Array2<f32>| -> Array2<f32> {
-        // block [n, samples] . q [samples, r], rows in parallel.
-        let parts: Vec<Array2<f32>> = (0..block.nrows())
-            .collect::<Vec<_>>()
-            .par_chunks(ROW_BLOCK)
-            .map(|rows| block.slice(s![rows[0]..rows[0] + rows.len(), ..]).dot(q))
-            .collect();
-        let views: Vec<_> = parts.iter().map(|part| part.view()).collect();
-        ndarray::concatenate(ndarray::Axis(0), &views).unwrap_or_else(|_| Array2::zeros((0, q.ncols())))
-    };
-    let mut q = orthonormalize(&wide(&gaussian(samples, rank, &mut random)));
-    let back = orthonormalize(&transposed_product(block.view(), q.view()));
-    q = orthonormalize(&wide(&back));
-    monitor.check()?;
-    let right = transposed_product(block.view(), q.view());
-    let gram = transposed_product(right.view(), right.view()).mapv(f64::from);
-    let (values, vectors) = sorted_eigen(&gram);
-    let kept = dimensions.min(values.iter().filter(|value| **value > 0.0).count()).max(1).min(vectors.ncols());
-    let rotation =
-        Array2::from_shape_fn((vectors.nrows(), kept), |(i, j)| (vectors[[i, j]] / values[j].max(1e-30).sqrt()) as f32);
-    let basis = right.dot(&rotation);
+    let sampled =
+        Rows { count: block.nrows(), samples, make: &|range| Ok::<_, FitError>(block.slice(s![range, ..]).to_owned()) };
+    let basis = principal_directions(&sampled, dimensions, &mut random)?;
     drop(block);
+    monitor.check()?;
 
-    let mut scores = Array2::<f32>::zeros((texels, kept));
+    let mut scores = Array2::<f32>::zeros((texels, basis.ncols()));
     for tile in 0..cache.tile_count() {
         let loaded = cache.read(tile)?;
         let range = loaded.texels.clone();

@@ -340,7 +340,7 @@ fn fit_section(description: &Description) -> Markup {
                         td {
                             (layer.residual) ", " (layer.components) " components"
                             @if layer.components > 0 {
-                                " of " (layer.coefficient_bits.iter().map(u32::to_string).collect::<Vec<_>>().join(" ")) " bits, ranks "
+                                " mixed from " (layer.shared_bases) " shared bases, ranks "
                                 (format!("{:?}", layer.ranks))
                             }
                         }

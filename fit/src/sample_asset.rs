@@ -4,7 +4,7 @@
 use btf_capture::DirectionSet;
 use btf_runtime::{
     Asset, Basis, Coefficients, DictionaryLobe, Factors, Layer, Lobe, LobeFamily, LobeRef, Residual, ResidualKind,
-    Sphere, SurfaceSide,
+    SharedBases, Sphere, SurfaceSide,
 };
 use half::f16;
 
@@ -17,7 +17,8 @@ pub(crate) fn number(seed: usize) -> f32 {
     (x >> 40) as f32 / (1 << 23) as f32 - 1.0
 }
 
-/// 5 x 3 texels, 7 views, 9 lights, 3 clusters, 0 to 3 lobes a texel, 3 components of 4, 8 and 3 bits.
+/// 5 x 3 texels, 7 views, 9 lights, 3 clusters, 0 to 3 lobes a texel, 3 components
+/// mixed from 5 shared bases.
 pub(crate) fn sample_asset() -> Asset {
     let views = DirectionSet::random(7, 3).unwrap_or_else(|error| panic!("{error}"));
     let lights = DirectionSet::random(9, 4).unwrap_or_else(|error| panic!("{error}"));
@@ -72,26 +73,23 @@ pub(crate) fn sample_asset_with(
         view: [0, 1, 2].map(|c: usize| halves(views.len() * ranks[c][0], 1000 * c)),
         light: [0, 1, 2].map(|c: usize| halves(lights.len() * ranks[c][1], 1000 * c + 500)),
     };
+    const SHARED: usize = 5;
+    let codes = |count: usize, most: f32, salt: usize| -> Vec<i16> {
+        (0..count).map(|i| (most * number(i + salt)) as i16).collect()
+    };
+    let shared = SharedBases { steps: vec![0.01; SHARED], values: codes(SHARED * factors.core_len(), 100.0, 31) };
     let bases = (0..4)
         .map(|index: usize| {
             let size = if index == 0 { 0.1 } else { 0.02 };
-            let cores: Vec<Vec<f32>> = (0..CLUSTERS)
-                .map(|cluster| {
-                    (0..factors.core_len()).map(|i| size * number(i + 100 * cluster + 10_000 * index)).collect()
-                })
-                .collect();
-            Basis::quantize(&factors, &cores)
+            Basis { steps: vec![size / 50.0; CLUSTERS], values: codes(CLUSTERS * SHARED, 50.0, 10_000 * index) }
         })
         .collect();
-    let coefficients = [4u32, 8, 3]
+    let coefficients = [8.0f32, 127.0, 4.0]
         .into_iter()
         .enumerate()
-        .map(|(index, bits)| Coefficients {
-            bits,
-            steps: vec![f16::from_f32(2.0 / (1u32 << bits) as f32); CLUSTERS],
-            codes: (0..texels)
-                .map(|texel| ((number(texel + 777 * index) * 0.5 + 0.5) * (1u32 << bits) as f32) as u8)
-                .collect(),
+        .map(|(index, most)| Coefficients {
+            step: 1.0 / most,
+            codes: codes(texels, most, 777 * index).into_iter().map(|code| code as i8).collect(),
         })
         .collect();
     Asset {
@@ -109,7 +107,7 @@ pub(crate) fn sample_asset_with(
             texel_lobe_counts,
             dictionary,
             lobe_refs,
-            residual: Some(Residual { factors, bases, coefficients }),
+            residual: Some(Residual { factors, shared, bases, coefficients }),
         }],
     }
 }

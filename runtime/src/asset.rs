@@ -1,12 +1,15 @@
 //! An asset in memory, in its file form: what [`crate::pack`] writes and [`Asset::parse`] reads.
 
+use crate::entropy::{Decoder, bounded, decode_plane};
 use crate::error::FormatError;
 use crate::format::{
-    MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_RANK, SectionKind, basis_words, read_directory,
+    MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_RANK,
+    MAX_SHARED, SectionKind, basis_words, read_directory,
 };
 use crate::lobe::{FILE_WORDS, Lobe};
-use crate::residual::{Basis, Coefficients, Factors, ResidualKind};
+use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::sphere::Sphere;
+use crate::texel_coding::{code_clusters, code_counts, code_refs};
 use half::f16;
 use std::collections::HashMap;
 
@@ -37,17 +40,6 @@ pub struct DictionaryLobe {
     pub lobe: Lobe,
     /// Largest weight that a texel can give it.
     pub weight_scale: f32,
-}
-
-/// The residual of a layer.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Residual {
-    /// Shared factor matrices.
-    pub factors: Factors,
-    /// `bases[0]` is the mean, `bases[j]` the j-th component.
-    pub bases: Vec<Basis>,
-    /// `coefficients[j - 1]` belongs to `bases[j]`.
-    pub coefficients: Vec<Coefficients>,
 }
 
 /// One combination of light side and eye side.
@@ -90,17 +82,10 @@ pub struct Asset {
     pub layers: Vec<Layer>,
 }
 
-/// Bit widths that a coefficient plane may have.
-pub const COEFFICIENT_BITS: [u32; 6] = [2, 3, 4, 5, 6, 8];
 /// Allowed epsilon of a residual's curve.
 pub const EPSILON_RANGE: std::ops::RangeInclusive<f32> = 1e-6..=1.0;
 /// Words of a layer section.
 pub const LAYER_WORDS: usize = 8;
-/// Encoding number of 8-bit core rows with half-precision scales.
-pub const ENCODING_ROWS_I8: u32 = 1;
-/// Encoding number of bit-packed mid-rise coefficient codes.
-pub const ENCODING_CODES: u32 = 1;
-
 /// A section's bytes, read front to back.
 struct Reader<'a> {
     name: String,
@@ -138,6 +123,47 @@ impl<'a> Reader<'a> {
             return self.bad("padding is not zero");
         }
         Ok(all[..count].to_vec())
+    }
+
+    /// Steps of up to `most`.
+    fn steps(&mut self, count: usize, most: f32) -> Result<Vec<f32>, FormatError> {
+        let steps: Vec<f32> = self.words(count)?.into_iter().map(f32::from_bits).collect();
+        if steps.iter().all(|step| (0.0..=most).contains(step)) {
+            Ok(steps)
+        } else {
+            self.bad("a step is out of range")
+        }
+    }
+
+    /// What is left, as a coded plane of `count` numbers.
+    fn plane(&mut self, count: usize, width: usize) -> Result<Vec<i32>, FormatError> {
+        let bytes = self.take(self.bytes.len())?;
+        decode_plane(bytes, count, width).or_else(|reason| self.bad(reason))
+    }
+
+    /// The same as 16-bit numbers.
+    fn plane16(&mut self, count: usize, width: usize) -> Result<Vec<i16>, FormatError> {
+        let plane = self.plane(count, width)?;
+        match plane.into_iter().map(i16::try_from).collect() {
+            Ok(values) => Ok(values),
+            Err(_) => self.bad("a number has more than 16 bits"),
+        }
+    }
+
+    /// What is left, decoded by `code` into `count` values.
+    fn coded<T: Clone>(
+        &mut self,
+        count: usize,
+        empty: T,
+        code: impl FnOnce(&mut Decoder, &mut [T]),
+    ) -> Result<Vec<T>, FormatError> {
+        let bytes = self.take(self.bytes.len())?;
+        bounded(count, bytes).or_else(|reason| self.bad(reason))?;
+        let mut values = vec![empty; count];
+        let mut decoder = Decoder::new(bytes);
+        code(&mut decoder, &mut values);
+        decoder.ended().or_else(|reason| self.bad(reason))?;
+        Ok(values)
     }
 
     fn end(&self) -> Result<(), FormatError> {
@@ -196,7 +222,7 @@ impl Asset {
             Err(_) => return material.bad("it is not UTF-8"),
         };
         let layers = (0..directory.layers)
-            .map(|layer| read_layer(&sections, layer, width * height))
+            .map(|layer| read_layer(&sections, layer, width, height))
             .collect::<Result<Vec<_>, _>>()?;
         if let Some(number) = doubled_sides(&layers) {
             let section = format!("Layer 0 of layer {number}");
@@ -221,7 +247,8 @@ fn side_from_word(word: u32) -> Option<SurfaceSide> {
     [SurfaceSide::Front, SurfaceSide::Back].into_iter().find(|side| *side as u32 == word)
 }
 
-fn read_layer(sections: &Sections, layer: u32, texels: usize) -> Result<Layer, FormatError> {
+fn read_layer(sections: &Sections, layer: u32, width: usize, height: usize) -> Result<Layer, FormatError> {
+    let texels = width * height;
     let mut reader = sections.get(SectionKind::Layer, layer, 0)?;
     let words = reader.words(LAYER_WORDS)?;
     reader.end()?;
@@ -245,19 +272,17 @@ fn read_layer(sections: &Sections, layer: u32, texels: usize) -> Result<Layer, F
         let mut reader = sections.get(SectionKind::Directions, layer, index)?;
         let words = reader.words(reader.bytes.len() / 4)?;
         reader.end()?;
-        Sphere::from_words(words).or_else(|reason| reader.bad(reason))
+        Sphere::from_file_words(&words).or_else(|reason| reader.bad(reason))
     };
     let (lights, views) = (sphere(0)?, sphere(1)?);
 
     let mut reader = sections.get(SectionKind::TexelClusters, layer, 0)?;
-    let texel_clusters = reader.take(texels)?.to_vec();
-    reader.end()?;
+    let texel_clusters = reader.coded(texels, 0u8, |decoder, ids| code_clusters(decoder, ids, width))?;
     if texel_clusters.iter().any(|cluster| usize::from(*cluster) >= clusters) {
         return reader.bad("a texel names a cluster that is not there");
     }
     let mut reader = sections.get(SectionKind::TexelLobeCounts, layer, 0)?;
-    let texel_lobe_counts = reader.take(texels)?.to_vec();
-    reader.end()?;
+    let texel_lobe_counts = reader.coded(texels, 0u8, |decoder, counts| code_counts(decoder, counts))?;
 
     let mut reader = sections.get(SectionKind::Dictionary, layer, 0)?;
     let counts = reader.words(clusters)?;
@@ -281,15 +306,9 @@ fn read_layer(sections: &Sections, layer: u32, texels: usize) -> Result<Layer, F
 
     let mut reader = sections.get(SectionKind::LobeRefs, layer, 0)?;
     let total: usize = texel_lobe_counts.iter().map(|count| usize::from(*count)).sum();
-    let lobe_refs: Vec<LobeRef> = reader
-        .words(total)?
-        .into_iter()
-        .map(|word| {
-            let [lobe, r, g, b] = word.to_le_bytes();
-            LobeRef { lobe, weight: [r, g, b] }
-        })
-        .collect();
-    reader.end()?;
+    let lobe_refs = reader.coded(total, LobeRef { lobe: 0, weight: [0; 3] }, |decoder, refs| {
+        code_refs(decoder, refs, &texel_clusters, &texel_lobe_counts);
+    })?;
     let mut at = 0;
     for (texel, count) in texel_lobe_counts.iter().enumerate() {
         let lobes = dictionary[usize::from(texel_clusters[texel])].len();
@@ -301,7 +320,7 @@ fn read_layer(sections: &Sections, layer: u32, texels: usize) -> Result<Layer, F
     }
 
     let residual = if has_residual {
-        read_residual(sections, layer, texels, clusters, components, [views.len(), lights.len()])?
+        read_residual(sections, layer, [width, height], clusters, components, [views.len(), lights.len()])?
     } else {
         None
     };
@@ -324,7 +343,7 @@ fn read_layer(sections: &Sections, layer: u32, texels: usize) -> Result<Layer, F
 fn read_residual(
     sections: &Sections,
     layer: u32,
-    texels: usize,
+    grid: [usize; 2],
     clusters: usize,
     components: usize,
     shape: [usize; 2],
@@ -349,6 +368,18 @@ fn read_residual(
     reader.end()?;
     let factors = Factors { shape, ranks, view, light };
 
+    // Shared bases and means come together: without them there is no residual.
+    let Some(mut reader) = sections.get_in_tier(SectionKind::SharedBases, layer, 0)? else {
+        return Ok(None);
+    };
+    let shared = reader.words(1)?[0] as usize;
+    if shared > MAX_SHARED {
+        return reader.bad("it has more than 1024 bases");
+    }
+    let steps = reader.steps(shared, MAX_BASIS_STEP)?;
+    let values = reader.plane16(shared * factors.core_len(), factors.core_len())?;
+    let shared = SharedBases { steps, values };
+
     let mut bases = Vec::new();
     let mut coefficients = Vec::new();
     for index in 0..=components as u32 {
@@ -358,35 +389,20 @@ fn read_residual(
         if index > 0 && plane.is_none() {
             break;
         }
-        if reader.words(1)?[0] != ENCODING_ROWS_I8 {
-            return reader.bad("its encoding is not 1");
-        }
-        let scales = reader.halves(clusters * factors.rows())?;
-        if scales.iter().any(|scale| scale.to_f32() < 0.0) {
-            return reader.bad("a scale is negative");
-        }
-        let count = clusters * factors.core_len();
-        let padded = reader.take(count.next_multiple_of(4))?;
-        if padded[count..].iter().any(|byte| *byte != 0) {
-            return reader.bad("padding is not zero");
-        }
-        reader.end()?;
-        bases.push(Basis { scales, values: padded[..count].iter().map(|byte| *byte as i8).collect() });
+        let steps = reader.steps(clusters, MAX_BASIS_STEP)?;
+        let values = reader.plane16(clusters * shared.steps.len(), shared.steps.len())?;
+        bases.push(Basis { steps, values });
         if let Some(mut reader) = plane {
-            let head = reader.words(2)?;
-            let bits = head[1];
-            if head[0] != ENCODING_CODES || !COEFFICIENT_BITS.contains(&bits) {
-                return reader.bad("its encoding or bit width is not known");
+            let step = reader.steps(1, MAX_COEFFICIENT_STEP)?[0];
+            let plane = reader.plane(grid[0] * grid[1], grid[0])?;
+            match plane.into_iter().map(i8::try_from).collect() {
+                Ok(codes) => coefficients.push(Coefficients { step, codes }),
+                Err(_) => return reader.bad("a code has more than 8 bits"),
             }
-            let steps = reader.halves(clusters)?;
-            let words = reader.words(texels.div_ceil((32 / bits) as usize))?;
-            reader.end()?;
-            let codes = (0..texels).map(|texel| crate::quantize::code_at(&words, texel, bits) as u8).collect();
-            coefficients.push(Coefficients { bits, steps, codes });
         }
     }
     if bases.is_empty() {
         return Ok(None);
     }
-    Ok(Some(Residual { factors, bases, coefficients }))
+    Ok(Some(Residual { factors, shared, bases, coefficients }))
 }

@@ -9,8 +9,8 @@ use crate::error::FormatError;
 pub const MAGIC: u32 = u32::from_le_bytes(*b"SPMM");
 /// The version that this crate writes and reads. Version 0 may change until version 1 is frozen.
 pub const VERSION: u32 = 0;
-/// Every section starts at a multiple of this many bytes (the strictest storage-binding offset of WebGPU).
-pub const ALIGNMENT: usize = 256;
+/// Every section starts at a multiple of this many bytes.
+pub const ALIGNMENT: usize = 16;
 /// Words of the header.
 pub const HEADER_WORDS: usize = 16;
 /// Words of a section table entry.
@@ -28,7 +28,13 @@ pub const MAX_DICTIONARY: usize = 256;
 /// Most directions in a set.
 pub const MAX_DIRECTIONS: usize = 4096;
 /// Most residual components.
-pub const MAX_COMPONENTS: usize = 64;
+pub const MAX_COMPONENTS: usize = 128;
+/// Most shared bases of a layer.
+pub const MAX_SHARED: usize = 1024;
+/// Largest step of a shared basis or of a cluster's mixture: bounded, so that no expanded basis overflows to NaN.
+pub const MAX_BASIS_STEP: f32 = 1e4;
+/// Largest step of a coefficient.
+pub const MAX_COEFFICIENT_STEP: f32 = 1e9;
 /// Largest rank of a factor matrix.
 pub const MAX_RANK: usize = 256;
 /// Most words that one layer's expanded bases may take (1 GiB): a few hundred bytes of factors must not
@@ -82,9 +88,9 @@ pub enum SectionKind {
     Layer = 2,
     /// A direction set with triangles and grid; index 0 light, 1 view.
     Directions = 3,
-    /// Cluster id per texel, one byte each.
+    /// Cluster id per texel.
     TexelClusters = 4,
-    /// Lobe count per texel, one byte each.
+    /// Lobe count per texel.
     TexelLobeCounts = 5,
     /// Per cluster a dictionary of lobes.
     Dictionary = 6,
@@ -92,14 +98,16 @@ pub enum SectionKind {
     LobeRefs = 7,
     /// Factor matrices of the residual bases.
     Factors = 8,
-    /// Cores of one residual basis for all clusters; index 0 the mean, j the j-th component.
-    Basis = 9,
+    /// Cores of the bases that all clusters share.
+    SharedBases = 9,
+    /// One basis of every cluster as a mixture of the shared ones; index 0 the mean, j the j-th component.
+    Basis = 10,
     /// Coefficients of the j-th component for all texels (index j from 1).
-    Coefficients = 10,
+    Coefficients = 11,
     /// Reserved: per-texel height.
-    Height = 11,
+    Height = 12,
     /// Reserved: mip levels.
-    Mip = 12,
+    Mip = 13,
 }
 
 impl SectionKind {
@@ -115,6 +123,7 @@ impl SectionKind {
             Dictionary,
             LobeRefs,
             Factors,
+            SharedBases,
             Basis,
             Coefficients,
             Height,

@@ -18,6 +18,7 @@
 
 mod asset;
 mod decode;
+mod entropy;
 mod error;
 mod format;
 mod lobe;
@@ -28,21 +29,27 @@ mod residual;
 mod sphere;
 #[doc(hidden)]
 pub mod testing;
+mod texel_coding;
 mod wgsl;
 
-pub use asset::{Asset, COEFFICIENT_BITS, DictionaryLobe, Layer, LobeRef, Residual, SurfaceSide};
+pub use asset::{Asset, DictionaryLobe, Layer, LobeRef, SurfaceSide};
 pub use decode::{
     DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE, decode, decode_from_file_form, decode_measured,
     lobe_sum_at_pairs, lobe_tables,
 };
+pub use entropy::plane_bytes;
 pub use error::FormatError;
-pub use format::{ALIGNMENT, Directory, MAGIC, MAX_LAYERS, SectionEntry, SectionKind, VERSION, read_directory};
+pub use format::{
+    ALIGNMENT, Directory, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_LAYERS,
+    MAX_SHARED, SectionEntry, SectionKind, VERSION, read_directory,
+};
 pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
 pub use pack::pack;
-pub use quantize::{byte_from_weight, code_from_coefficient, coefficient_from_code, weight_from_byte};
+pub use quantize::{byte_from_weight, coefficient_from_byte, weight_from_byte};
 pub use resident::{ASSET_LAYERS, HORIZON_COS, Resident, block};
 pub use residual::{
-    Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, ResidualKind, core_at_pair, expand_core,
+    Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases, core_at_pair,
+    expand_core,
 };
 pub use sphere::{
     DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS,

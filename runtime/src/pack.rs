@@ -1,15 +1,14 @@
 //! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
 
-use crate::asset::{
-    Asset, COEFFICIENT_BITS, DictionaryLobe, ENCODING_CODES, ENCODING_ROWS_I8, EPSILON_RANGE, Layer, doubled_sides,
-};
+use crate::asset::{Asset, DictionaryLobe, EPSILON_RANGE, Layer, doubled_sides};
+use crate::entropy::{Encoder, encode_plane};
 use crate::error::FormatError;
 use crate::format::{
-    MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_RANK, MAX_SIDE, SectionKind,
-    SectionSource, basis_words, write_file,
+    MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS,
+    MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, SectionSource, basis_words, write_file,
 };
 use crate::lobe::Lobe;
-use crate::quantize::words_from_codes;
+use crate::texel_coding::{code_clusters, code_counts, code_refs};
 use half::f16;
 
 fn refuse<T>(reason: &str) -> Result<T, FormatError> {
@@ -50,12 +49,12 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     let last = asset.layers.len() - 1;
     for (number, layer) in asset.layers.iter().enumerate() {
         check_layer(layer, asset.texel_count())?;
-        push_base_sections(&mut sections, layer, number as u32, number == last);
+        push_base_sections(&mut sections, layer, asset.width, number as u32, number == last);
     }
     let deepest = asset.layers.iter().filter_map(|layer| layer.residual.as_ref()).map(|r| r.bases.len()).max();
     for index in 0..deepest.unwrap_or(0) {
         for (number, layer) in asset.layers.iter().enumerate() {
-            push_residual_sections(&mut sections, layer, number as u32, index);
+            push_residual_sections(&mut sections, layer, asset.width, number as u32, index);
         }
         if let Some(section) = sections.last_mut() {
             section.ends_tier = true;
@@ -122,26 +121,38 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
     if basis_words(factors.shape, clusters, residual.bases.len()) > MAX_BASIS_WORDS {
         return refuse("its bases would take more than 1 GiB when expanded; use fewer clusters or components");
     }
+    let shared = residual.shared.steps.len();
+    let steps_fit = |steps: &[f32], most: f32| steps.iter().all(|step| (0.0..=most).contains(step));
+    if shared > MAX_SHARED
+        || residual.shared.values.len() != shared * factors.core_len()
+        || !steps_fit(&residual.shared.steps, MAX_BASIS_STEP)
+    {
+        return refuse("the shared bases do not fit the ranks, are more than 1024, or have a step out of range");
+    }
     for basis in &residual.bases {
-        if basis.scales.len() != clusters * factors.rows() || basis.values.len() != clusters * factors.core_len() {
-            return refuse("a basis does not fit its ranks");
+        if basis.steps.len() != clusters || basis.values.len() != clusters * shared {
+            return refuse("a basis does not fit the clusters and the shared bases");
         }
-        if !finite(&basis.scales) || basis.scales.iter().any(|scale| scale.to_f32() < 0.0) {
-            return refuse("a basis' scale is negative or not finite");
+        if !steps_fit(&basis.steps, MAX_BASIS_STEP) {
+            return refuse("a basis' step is out of range");
         }
     }
     for plane in &residual.coefficients {
-        if !COEFFICIENT_BITS.contains(&plane.bits) || plane.steps.len() != clusters || plane.codes.len() != texels {
-            return refuse("a coefficient plane does not fit the texels or has a bit width that is not known");
-        }
-        if !finite(&plane.steps) || plane.codes.iter().any(|code| u32::from(*code) >> plane.bits != 0) {
-            return refuse("a coefficient's step is not finite or its code is wider than the plane's bits");
+        if plane.codes.len() != texels || !steps_fit(&[plane.step], MAX_COEFFICIENT_STEP) {
+            return refuse("a coefficient plane does not fit the texels or its step is out of range");
         }
     }
     Ok(())
 }
 
-fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, number: u32, ends_tier: bool) {
+/// Bytes that `code` writes.
+fn coded(code: impl FnOnce(&mut Encoder)) -> Vec<u8> {
+    let mut coder = Encoder::new();
+    code(&mut coder);
+    coder.finish()
+}
+
+fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, width: usize, number: u32, ends_tier: bool) {
     let mut push = |kind, index, bytes: Vec<u8>, ends_tier| {
         sections.push(SectionSource { kind, layer: number, index, bytes, ends_tier });
     };
@@ -157,31 +168,33 @@ fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, number: 
         0,
     ];
     push(SectionKind::Layer, 0, bytes_from_words(&words), false);
-    push(SectionKind::Directions, 0, bytes_from_words(layer.lights.words()), false);
-    push(SectionKind::Directions, 1, bytes_from_words(layer.views.words()), false);
-    push(SectionKind::TexelClusters, 0, layer.texel_clusters.clone(), false);
-    push(SectionKind::TexelLobeCounts, 0, layer.texel_lobe_counts.clone(), false);
+    push(SectionKind::Directions, 0, bytes_from_words(&layer.lights.to_file_words()), false);
+    push(SectionKind::Directions, 1, bytes_from_words(&layer.views.to_file_words()), false);
+    let ids = coded(|coder| code_clusters(coder, &mut layer.texel_clusters.clone(), width));
+    push(SectionKind::TexelClusters, 0, ids, false);
+    let counts = coded(|coder| code_counts(coder, &mut layer.texel_lobe_counts.clone()));
+    push(SectionKind::TexelLobeCounts, 0, counts, false);
     let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();
     words.extend(layer.dictionary.iter().flatten().flat_map(|entry| entry.lobe.to_words(entry.weight_scale)));
     push(SectionKind::Dictionary, 0, bytes_from_words(&words), false);
-    let words: Vec<u32> = layer
-        .lobe_refs
-        .iter()
-        .map(|reference| {
-            let [r, g, b] = reference.weight;
-            u32::from_le_bytes([reference.lobe, r, g, b])
-        })
-        .collect();
-    push(SectionKind::LobeRefs, 0, bytes_from_words(&words), ends_tier);
+    let refs = coded(|coder| {
+        code_refs(coder, &mut layer.lobe_refs.clone(), &layer.texel_clusters, &layer.texel_lobe_counts);
+    });
+    push(SectionKind::LobeRefs, 0, refs, ends_tier);
 }
 
-fn push_residual_sections(sections: &mut Vec<SectionSource>, layer: &Layer, number: u32, index: usize) {
+fn push_residual_sections(sections: &mut Vec<SectionSource>, layer: &Layer, width: usize, number: u32, index: usize) {
     let Some(residual) = &layer.residual else {
         return;
     };
     let Some(basis) = residual.bases.get(index) else {
         return;
     };
+    let mut push = |kind, index: usize, bytes: Vec<u8>| {
+        sections.push(SectionSource { kind, layer: number, index: index as u32, bytes, ends_tier: false });
+    };
+    let wide = |values: &[i16]| values.iter().map(|x| i32::from(*x)).collect::<Vec<i32>>();
+    let bits = |steps: &[f32]| steps.iter().map(|step| step.to_bits()).collect::<Vec<u32>>();
     let factors = &residual.factors;
     if index == 0 {
         let mut words: Vec<u32> = factors.ranks.iter().flatten().map(|rank| *rank as u32).collect();
@@ -191,39 +204,26 @@ fn push_residual_sections(sections: &mut Vec<SectionSource>, layer: &Layer, numb
             push_halves(&mut bytes, &factors.view[channel]);
             push_halves(&mut bytes, &factors.light[channel]);
         }
-        sections.push(SectionSource { kind: SectionKind::Factors, layer: number, index: 0, bytes, ends_tier: false });
+        push(SectionKind::Factors, 0, bytes);
+        let mut bytes = bytes_from_words(&[residual.shared.steps.len() as u32]);
+        bytes.extend(bytes_from_words(&bits(&residual.shared.steps)));
+        bytes.extend(encode_plane(&wide(&residual.shared.values), factors.core_len()));
+        push(SectionKind::SharedBases, 0, bytes);
     }
-    let mut bytes = bytes_from_words(&[ENCODING_ROWS_I8]);
-    push_halves(&mut bytes, &basis.scales);
-    bytes.extend(basis.values.iter().map(|q| *q as u8));
-    bytes.resize(bytes.len().next_multiple_of(4), 0);
-    sections.push(SectionSource {
-        kind: SectionKind::Basis,
-        layer: number,
-        index: index as u32,
-        bytes,
-        ends_tier: false,
-    });
-    if index > 0 {
-        let plane = &residual.coefficients[index - 1];
-        let mut bytes = bytes_from_words(&[ENCODING_CODES, plane.bits]);
-        push_halves(&mut bytes, &plane.steps);
-        bytes.extend(bytes_from_words(&words_from_codes(&plane.codes, plane.bits)));
-        sections.push(SectionSource {
-            kind: SectionKind::Coefficients,
-            layer: number,
-            index: index as u32,
-            bytes,
-            ends_tier: false,
-        });
+    let mut bytes = bytes_from_words(&bits(&basis.steps));
+    bytes.extend(encode_plane(&wide(&basis.values), residual.shared.steps.len()));
+    push(SectionKind::Basis, index, bytes);
+    if let Some(plane) = index.checked_sub(1).map(|component| &residual.coefficients[component]) {
+        let mut bytes = bytes_from_words(&bits(&[plane.step]));
+        bytes.extend(encode_plane(&plane.codes.iter().map(|x| i32::from(*x)).collect::<Vec<_>>(), width));
+        push(SectionKind::Coefficients, index, bytes);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::Residual;
-    use crate::residual::ResidualKind;
+    use crate::residual::{Residual, ResidualKind};
     use crate::testing::sample_asset;
 
     fn with(asset: &mut Asset) -> &mut Residual {
@@ -235,7 +235,7 @@ mod tests {
         let mut asset = sample_asset(1, 6, 5, ResidualKind::Root);
         assert!(pack(&asset).is_ok(), "the control must pass");
         type Change = fn(&mut Asset);
-        let changes: [(&str, Change); 23] = [
+        let changes: [(&str, Change); 24] = [
             ("no width", |a| a.width = 0),
             ("too high", |a| a.height = 16_385),
             ("no layers", |a| a.layers.clear()),
@@ -264,11 +264,15 @@ mod tests {
             ("a short basis", |a| {
                 with(a).bases[2].values.pop();
             }),
-            ("a negative scale", |a| with(a).bases[2].scales[0] = f16::NEG_ONE),
-            ("seven bits", |a| with(a).coefficients[0].bits = 7),
-            ("a step that is not a number", |a| with(a).coefficients[0].steps[1] = f16::NAN),
-            // The fourth component has 4 bits.
-            ("a code wider than its bits", |a| with(a).coefficients[3].codes[5] = 16),
+            ("a negative step", |a| with(a).bases[2].steps[0] = -1.0),
+            ("short shared bases", |a| {
+                with(a).shared.values.pop();
+            }),
+            ("a step of a shared basis too large", |a| with(a).shared.steps[0] = 2e4),
+            ("a step that is not a number", |a| with(a).coefficients[0].step = f32::NAN),
+            ("a short plane", |a| {
+                with(a).coefficients[0].codes.pop();
+            }),
             ("directions of another count", |a| with(a).factors.shape.reverse()),
         ];
         for (what, change) in changes {

@@ -1,4 +1,4 @@
-//! Bit widths and number encodings. Twin: `shaders/quantize.wgsl`.
+//! Number encodings. Twin: `shaders/quantize.wgsl`.
 
 use half::f16;
 
@@ -21,16 +21,9 @@ pub fn byte_from_weight(weight: f32, scale: f32) -> u8 {
     if guess < 255 && error(guess + 1) < error(guess) { (guess + 1) as u8 } else { guess as u8 }
 }
 
-/// Residual coefficient in units of its step, from its stored code of `bits` bits: mid-rise, zero-mean,
-/// `code - 2^(bits-1) + 1/2`.
-pub fn coefficient_from_code(code: u32, bits: u32) -> f32 {
-    code as f32 - (1u32 << (bits - 1)) as f32 + 0.5
-}
-
-/// The code whose decoded coefficient is nearest to `value / step`.
-pub fn code_from_coefficient(value: f32, step: f32, bits: u32) -> u8 {
-    let half_range = (1u32 << (bits - 1)) as f32;
-    ((value / step).floor() + half_range).clamp(0.0, 2.0 * half_range - 1.0) as u8
+/// Residual coefficient in units of its step from the low byte of `word`: two's complement.
+pub fn coefficient_from_byte(byte: u32) -> f32 {
+    f32::from(byte as u8 as i8)
 }
 
 /// The low or high half-precision number of a word (`slot` 0 or 1).
@@ -41,23 +34,6 @@ pub fn half_at(word: u32, slot: u32) -> f32 {
 /// Two numbers as half precision in one word, `a` in the low half.
 pub fn word_from_halves(a: f32, b: f32) -> u32 {
     u32::from(f16::from_f32(a).to_bits()) | u32::from(f16::from_f32(b).to_bits()) << 16
-}
-
-/// Coefficient codes packed `bits` at a time, lowest bits first; no code straddles a word.
-///
-/// `bits`: 2, 3, 4, 5, 6 or 8; `32 / bits` (rounded down) codes a word.
-pub fn words_from_codes(codes: &[u8], bits: u32) -> Vec<u32> {
-    let per_word = (32 / bits) as usize;
-    codes
-        .chunks(per_word)
-        .map(|chunk| chunk.iter().enumerate().fold(0, |word, (i, code)| word | u32::from(*code) << (i as u32 * bits)))
-        .collect()
-}
-
-/// The code number `index` of a plane packed by [`words_from_codes`].
-pub fn code_at(words: &[u32], index: usize, bits: u32) -> u32 {
-    let per_word = (32 / bits) as usize;
-    words[index / per_word] >> ((index % per_word) as u32 * bits) & ((1 << bits) - 1)
 }
 
 #[cfg(test)]
@@ -75,28 +51,9 @@ mod tests {
     }
 
     #[test]
-    fn codes_survive_packing_at_every_width() {
-        for bits in [2, 3, 4, 5, 6, 8] {
-            let codes: Vec<u8> = (0..77u32).map(|i| (i * 37 % (1 << bits)) as u8).collect();
-            let words = words_from_codes(&codes, bits);
-            for (i, code) in codes.iter().enumerate() {
-                assert_eq!(code_at(&words, i, bits), u32::from(*code), "{bits} bits, code {i}");
-            }
-            // Planted difference: a neighbour's width reads something else.
-            let other = if bits == 8 { 6 } else { 8 };
-            assert!((0..19).any(|i| code_at(&words, i, other) != u32::from(codes[i])));
-        }
-    }
-
-    #[test]
-    fn a_coefficient_is_decoded_within_half_a_step() {
-        for bits in [2, 4, 8] {
-            let reach = (1u32 << (bits - 1)) as f32;
-            for i in -100..=100 {
-                let value = i as f32 / 100.0 * (reach - 0.01);
-                let code = code_from_coefficient(value, 1.0, bits);
-                assert!((coefficient_from_code(code.into(), bits) - value).abs() <= 0.5 + 1e-4);
-            }
+    fn a_coefficients_byte_is_twos_complement() {
+        for (byte, value) in [(0u32, 0.0), (1, 1.0), (127, 127.0), (0x81, -127.0), (0xff, -1.0)] {
+            assert_eq!(coefficient_from_byte(byte), value);
         }
     }
 }

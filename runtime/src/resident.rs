@@ -4,10 +4,10 @@
 //! All offsets are in words, relative to the asset's first word, so that several assets share one
 //! buffer. Twin of the offsets: `shaders/decode.wgsl`.
 
-use crate::asset::{Asset, Layer, Residual};
+use crate::asset::{Asset, Layer};
 use crate::lobe::RESIDENT_WORDS;
 use crate::quantize::word_from_halves;
-use crate::residual::expand_core;
+use crate::residual::{Residual, expand_core};
 
 /// Asset words: width, height, layers, total words, then an offset per layer.
 pub const ASSET_LAYERS: usize = 4;
@@ -46,14 +46,12 @@ pub mod block {
     pub const CODES: usize = 12;
     /// Words of a texel's codes.
     pub const CODE_WORDS: usize = 13;
-    /// Offset of the bit widths, one word per component.
-    pub const BITS: usize = 14;
     /// Number of lights.
-    pub const LIGHT_COUNT: usize = 15;
+    pub const LIGHT_COUNT: usize = 14;
     /// Pairs, views times lights.
-    pub const PAIRS: usize = 16;
+    pub const PAIRS: usize = 15;
     /// Cosine below which the light fades to the horizon (f32).
-    pub const HORIZON: usize = 17;
+    pub const HORIZON: usize = 16;
 }
 
 /// The light fades to 0 below this cosine (84 degrees), or below the set's own least cosine.
@@ -198,25 +196,20 @@ where
     set(words, block::CODE_WORDS, code_words as u32);
     for texel in 0..layer.texel_clusters.len() {
         for word in 0..code_words {
-            let byte = |slot: usize| residual.coefficients.get(word * 4 + slot).map_or(0, |plane| plane.codes[texel]);
+            let byte =
+                |slot: usize| residual.coefficients.get(word * 4 + slot).map_or(0, |plane| plane.codes[texel] as u8);
             words.push(u32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)]));
         }
     }
-    let here = words.len() as u32;
-    set(words, block::BITS, here);
-    words.extend(residual.coefficients.iter().map(|plane| plane.bits));
 }
 
 /// One cluster's bases as halves `[pair, channel, basis]`, bases padded to an even count; the step of
-/// a component's codes is multiplied in, so that decoding needs no per-cluster scale.
+/// a component's codes is multiplied in.
 fn expand_cluster(residual: &Residual, cluster: usize) -> Vec<u32> {
-    let bases: Vec<Vec<f32>> = residual
-        .bases
-        .iter()
-        .enumerate()
-        .map(|(index, basis)| {
-            let step = if index == 0 { 1.0 } else { residual.coefficients[index - 1].steps[cluster].to_f32() };
-            let mut expanded = expand_core(&residual.factors, &basis.core(&residual.factors, cluster));
+    let bases: Vec<Vec<f32>> = (0..residual.bases.len())
+        .map(|index| {
+            let step = if index == 0 { 1.0 } else { residual.coefficients[index - 1].step };
+            let mut expanded = expand_core(&residual.factors, &residual.core(index, cluster));
             expanded.iter_mut().for_each(|x| *x = (*x * step).clamp(-MAX_HALF, MAX_HALF));
             expanded
         })
@@ -270,7 +263,6 @@ mod tests {
             (block::DICTIONARIES, 3 + 3 * 9 * RESIDENT_WORDS),
             (block::BASIS, 3 * layer.lights.len() * layer.views.len() * 3 * 3),
             (block::CODES, 30),
-            (block::BITS, 4),
         ];
         let mut next = at + LAYER_BLOCK_WORDS;
         for (name, length) in lengths {

@@ -1,5 +1,5 @@
-//! The residual: what the lobes leave, as per-cluster bases factored over light x view [Tucker 1966],
-//! and the curve in which lobes and residual are added. Twin: `shaders/residual.wgsl`.
+//! The residual: what the lobes leave, in bases per cluster that are mixtures of shared ones, which are factored
+//! over light x view [Tucker 1966], and the curve in which lobes and residual are added. Twin: `shaders/residual.wgsl`.
 
 use half::f16;
 
@@ -84,66 +84,65 @@ pub struct Factors {
 }
 
 impl Factors {
-    /// Core rows of one cluster: a scale each.
-    pub fn rows(&self) -> usize {
-        self.ranks.iter().map(|rank| rank[0]).sum()
-    }
-
-    /// Core values of one cluster.
+    /// Values of one core, `[channel, view rank, light rank]`.
     pub fn core_len(&self) -> usize {
         self.ranks.iter().map(|rank| rank[0] * rank[1]).sum()
     }
 }
 
-/// One basis (the mean or a component) of every cluster: 8-bit cores with a half-precision scale per row.
+/// The bases that all clusters of a layer share: what their own bases are mixed from.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Basis {
-    /// `[cluster, row]`, rows of the three channels one after the other.
-    pub scales: Vec<f16>,
-    /// `[cluster, channel, view rank, light rank]`; the value is `scale * q / 127`.
-    pub values: Vec<i8>,
+pub struct SharedBases {
+    /// Step of each basis' core.
+    pub steps: Vec<f32>,
+    /// `[basis, channel, view rank, light rank]`; the core's value is `step * q`.
+    pub values: Vec<i16>,
 }
 
-impl Basis {
-    /// Quantises cores `[cluster][channel, view rank, light rank]` row by row.
-    ///
-    /// Error: at most half a step, `row maximum / 254` plus the scale's half-precision rounding.
-    pub fn quantize(factors: &Factors, cores: &[Vec<f32>]) -> Basis {
-        let mut basis = Basis { scales: Vec::new(), values: Vec::new() };
-        for core in cores {
-            let mut at = 0;
-            for rank in factors.ranks {
-                for _ in 0..rank[0] {
-                    let row = &core[at..at + rank[1]];
-                    at += rank[1];
-                    let peak = row.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
-                    // Round the scale up, so that the peak still fits.
-                    let mut scale = f16::from_f32(peak);
-                    if scale.to_f32() < peak {
-                        scale = f16::from_bits(scale.to_bits() + 1);
-                    }
-                    let inverse = if scale.to_f32() > 0.0 { 127.0 / scale.to_f32() } else { 0.0 };
-                    basis.scales.push(scale);
-                    basis.values.extend(row.iter().map(|x| (x * inverse).round().clamp(-127.0, 127.0) as i8));
-                }
-            }
-        }
-        basis
-    }
+/// One basis of every cluster (the mean or a component), as a mixture of the shared bases.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Basis {
+    /// Step per cluster.
+    pub steps: Vec<f32>,
+    /// `[cluster, shared basis]`; the weight is `step * q`.
+    pub values: Vec<i16>,
+}
 
-    /// The core of `cluster` in floats, `[channel, view rank, light rank]`.
-    pub fn core(&self, factors: &Factors, cluster: usize) -> Vec<f32> {
-        let (rows, len) = (factors.rows(), factors.core_len());
-        let scales = &self.scales[cluster * rows..(cluster + 1) * rows];
-        let values = &self.values[cluster * len..(cluster + 1) * len];
-        let mut core = Vec::with_capacity(len);
-        let mut row = 0;
-        for rank in factors.ranks {
-            for _ in 0..rank[0] {
-                let scale = scales[row].to_f32() / 127.0;
-                row += 1;
-                let start = core.len();
-                core.extend(values[start..start + rank[1]].iter().map(|q| f32::from(*q) * scale));
+/// Coefficients of one component for all texels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coefficients {
+    /// Step: the coefficient is `step * code`.
+    pub step: f32,
+    /// Code per texel.
+    pub codes: Vec<i8>,
+}
+
+/// The residual of a layer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Residual {
+    /// Factor matrices of the shared bases' cores.
+    pub factors: Factors,
+    /// The shared bases.
+    pub shared: SharedBases,
+    /// `bases[0]` is the mean, `bases[j]` the j-th component.
+    pub bases: Vec<Basis>,
+    /// `coefficients[j - 1]` belongs to `bases[j]`.
+    pub coefficients: Vec<Coefficients>,
+}
+
+impl Residual {
+    /// The core of basis `index` in `cluster`, `[channel, view rank, light rank]`: the shared cores mixed.
+    ///
+    /// Cost: a multiply-add per core value and shared basis with a weight other than 0.
+    pub fn core(&self, index: usize, cluster: usize) -> Vec<f32> {
+        let (len, shared) = (self.factors.core_len(), self.shared.steps.len());
+        let basis = &self.bases[index];
+        let mut core = vec![0.0f32; len];
+        for (number, q) in basis.values[cluster * shared..(cluster + 1) * shared].iter().enumerate() {
+            if *q != 0 {
+                let weight = basis.steps[cluster] * f32::from(*q) * self.shared.steps[number];
+                let values = &self.shared.values[number * len..(number + 1) * len];
+                core.iter_mut().zip(values).for_each(|(sum, x)| *sum += weight * f32::from(*x));
             }
         }
         core
@@ -192,18 +191,16 @@ pub fn expand_core(factors: &Factors, core: &[f32]) -> Vec<f32> {
 
 /// A core's value at one pair, straight from the factored form: `view rank x light rank` multiply-adds
 /// a channel. The resident form exists because this is the dear way.
-pub fn core_at_pair(factors: &Factors, basis: &Basis, cluster: usize, view: usize, light: usize) -> [f32; 3] {
-    let (rows, len) = (factors.rows(), factors.core_len());
+pub fn core_at_pair(factors: &Factors, core: &[f32], view: usize, light: usize) -> [f32; 3] {
     let mut rgb = [0.0f32; 3];
-    let (mut row, mut at) = (cluster * rows, cluster * len);
+    let mut at = 0;
     for channel in 0..3 {
         let [rv, rl] = factors.ranks[channel];
         let w = &factors.light[channel][light * rl..(light + 1) * rl];
         let mut sum = 0.0f32;
         for r in 0..rv {
-            let inner: f32 = basis.values[at..at + rl].iter().zip(w).map(|(q, x)| f32::from(*q) * x.to_f32()).sum();
-            sum += factors.view[channel][view * rv + r].to_f32() * basis.scales[row].to_f32() / 127.0 * inner;
-            row += 1;
+            let inner: f32 = core[at..at + rl].iter().zip(w).map(|(q, x)| q * x.to_f32()).sum();
+            sum += factors.view[channel][view * rv + r].to_f32() * inner;
             at += rl;
         }
         for c in 0..3 {
@@ -211,17 +208,6 @@ pub fn core_at_pair(factors: &Factors, basis: &Basis, cluster: usize, view: usiz
         }
     }
     rgb
-}
-
-/// Coefficients of one component for all texels.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Coefficients {
-    /// Bits a code: 2, 3, 4, 5, 6 or 8.
-    pub bits: u32,
-    /// Step per cluster.
-    pub steps: Vec<f16>,
-    /// Code per texel.
-    pub codes: Vec<u8>,
 }
 
 #[cfg(test)]
@@ -261,24 +247,34 @@ mod tests {
             view: [matrix(20, 1), matrix(10, 2), matrix(5, 3)],
             light: [matrix(21, 4), matrix(14, 5), matrix(14, 6)],
         };
-        let cores: Vec<Vec<f32>> =
-            (0..2).map(|k| (0..factors.core_len()).map(|i| number(i * 3 + k)).collect()).collect();
-        let basis = Basis::quantize(&factors, &cores);
+        let codes = |n: usize, salt: usize| (0..n).map(|i| (100.0 * number(3 * i + salt)) as i16).collect::<Vec<_>>();
+        let shared = SharedBases { steps: vec![0.01, 0.002, 0.03], values: codes(3 * factors.core_len(), 7) };
+        let bases = vec![Basis { steps: vec![0.02, 0.01], values: codes(6, 8) }];
+        let residual = Residual { factors, shared, bases, coefficients: Vec::new() };
         for cluster in 0..2 {
-            let expanded = expand_core(&factors, &basis.core(&factors, cluster));
+            let (core, other) = (residual.core(0, cluster), residual.core(0, 1 - cluster));
+            let expanded = expand_core(&residual.factors, &core);
             for view in 0..5 {
                 for light in 0..7 {
-                    let direct = core_at_pair(&factors, &basis, cluster, view, light);
-                    let other = core_at_pair(&factors, &basis, 1 - cluster, view, light);
                     let at = (view * 7 + light) * 3;
-                    let close = |a: [f32; 3]| (0..3).all(|c| (a[c] - expanded[at + c]).abs() < 1e-4);
-                    assert!(close(direct));
-                    assert!(!close(other), "the planted cluster must not agree");
+                    let close = |core: &[f32]| {
+                        let direct = core_at_pair(&residual.factors, core, view, light);
+                        (0..3).all(|c| (direct[c] - expanded[at + c]).abs() < 1e-4)
+                    };
+                    assert!(close(&core));
+                    assert!(!close(&other), "the planted cluster must not agree");
                 }
             }
-            for (q, x) in basis.core(&factors, cluster).iter().zip(&cores[cluster]) {
-                assert!((q - x).abs() < 0.006, "{q} {x}");
-            }
+            // By hand: the mixture's first value.
+            let by_hand: f64 = (0..3)
+                .map(|r| {
+                    let weight = f64::from(residual.bases[0].steps[cluster])
+                        * f64::from(residual.bases[0].values[cluster * 3 + r]);
+                    let value = residual.shared.values[r * residual.factors.core_len()];
+                    weight * f64::from(residual.shared.steps[r]) * f64::from(value)
+                })
+                .sum();
+            assert!((by_hand - f64::from(core[0])).abs() < 1e-5);
         }
     }
 }

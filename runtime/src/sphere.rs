@@ -23,13 +23,15 @@ pub const ITEM_EDGE: u32 = 0x8000_0000;
 pub const INSIDE_TOLERANCE: f32 = -1e-5;
 /// Largest grid side.
 const MAX_GRID: u32 = 256;
+/// Least area (doubled) of a triangle on the disk.
+const LEAST_AREA: f64 = 1e-9;
 /// Largest entry of a triangle's inverse matrix: the least area that is kept is 1e-9. Bounded, so that
 /// no barycentric weight overflows.
 const MAX_INVERSE: f32 = 1e10;
 /// Largest 1 / length^2 of an edge: two directions closer than that coincide.
 const MAX_INVERSE_LENGTH2: f32 = 1e30;
 
-/// A direction set, as the words of its section (the file form is the resident form).
+/// A direction set, as the words of its resident form.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sphere {
     words: Vec<u32>,
@@ -88,18 +90,26 @@ impl Sphere {
                 ids
             })
             // A sliver between nearly collinear directions has no usable inverse; its edges carry on.
-            .filter(|ids| signed_area(&disk, ids).abs() > 1e-9)
+            .filter(|ids| signed_area(&disk, ids).abs() > LEAST_AREA)
             .collect();
         triangles.sort_unstable();
         let edges = hull_edges(&disk, &delaunay);
 
+        Ok(Sphere::from_parts(directions, &triangles, &edges))
+    }
+
+    /// The words of a set whose triangles and edges are known. Sums, products, quotients and square roots in
+    /// double precision only: the same words everywhere.
+    fn from_parts(directions: &[[f32; 3]], triangles: &[[usize; 3]], edges: &[(usize, usize)]) -> Sphere {
+        let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
+        let n = directions.len();
         let side = ((2.0 * triangles.len() as f64).sqrt().ceil() as usize).clamp(4, 64);
-        let (offsets, items) = build_grid(side, &disk, &triangles, &edges);
+        let (offsets, items) = build_grid(side, &disk, triangles, edges);
 
         let mut words =
             vec![n as u32, triangles.len() as u32, edges.len() as u32, side as u32, items.len() as u32, 0, 0, 0];
         words.extend(directions.iter().flatten().map(|x| x.to_bits()));
-        for ids in &triangles {
+        for ids in triangles {
             let [p0, p1, p2] = ids.map(|id| disk[id]);
             let (ax, ay, bx, by) = (p1[0] - p0[0], p1[1] - p0[1], p2[0] - p0[0], p2[1] - p0[1]);
             let inverse = 1.0 / (ax * by - bx * ay);
@@ -109,7 +119,7 @@ impl Sphere {
             words.extend(ids.map(|id| id as u32));
             words.extend([0, 0, 0]);
         }
-        for &(a, b) in &edges {
+        for &(a, b) in edges {
             let (pa, pb) = (disk[a], disk[b]);
             let (dx, dy) = (pb[0] - pa[0], pb[1] - pa[1]);
             let length2 = dx * dx + dy * dy;
@@ -121,11 +131,62 @@ impl Sphere {
         }
         words.extend(offsets);
         words.extend(items);
-        Ok(Sphere { words })
+        Sphere { words }
     }
 
-    /// Checks the words of a section. Every rule of FORMAT.md that keeps [`Sphere::locate`] in bounds is here.
-    pub fn from_words(words: Vec<u32>) -> Result<Sphere, &'static str> {
+    /// What the file form keeps: counts, directions, triangles and edges; the rest follows from them.
+    pub fn to_file_words(&self) -> Vec<u32> {
+        let [n, triangles, edges] = [0, 1, 2].map(|i| self.words[i] as usize);
+        let mut words = vec![n as u32, triangles as u32, edges as u32];
+        words.extend(&self.words[SPHERE_HEADER_WORDS..self.triangles_at()]);
+        let triangle_ids =
+            (0..triangles).flat_map(|i| &self.words[self.triangles_at() + i * TRIANGLE_WORDS + 6..][..3]);
+        let edge_ids = (0..edges).flat_map(|i| &self.words[self.edges_at() + i * EDGE_WORDS + 5..][..2]);
+        let ids: Vec<u32> = triangle_ids.chain(edge_ids).copied().collect();
+        words.extend(ids.chunks(2).map(|pair| pair[0] | pair.get(1).copied().unwrap_or(0) << 16));
+        words
+    }
+
+    /// Checks and reads what [`Sphere::to_file_words`] gives. Cost: that of building the grid, about a
+    /// millisecond for Bonn's 81.
+    pub fn from_file_words(words: &[u32]) -> Result<Sphere, &'static str> {
+        let [n, t, e] = *words.first_chunk::<3>().ok_or("it is shorter than its header")?;
+        let [n, t, e] = [n, t, e].map(|count| count as usize);
+        if n == 0 || n > MAX_DIRECTIONS || t > 2 * n || e == 0 || e > n {
+            return Err("a count is out of range");
+        }
+        let id_words = (3 * t + 2 * e).div_ceil(2);
+        if words.len() != 3 + 3 * n + id_words {
+            return Err("its length does not match its counts");
+        }
+        let directions: Vec<[f32; 3]> =
+            words[3..3 + 3 * n].chunks_exact(3).map(|d| [0, 1, 2].map(|i| f32::from_bits(d[i]))).collect();
+        for d in &directions {
+            let length2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            if !(0.998..=1.002).contains(&length2) || d[2].is_nan() || d[2] <= 0.0 {
+                return Err("a direction is not a unit vector above the horizon");
+            }
+        }
+        let mut ids: Vec<usize> =
+            words[3 + 3 * n..].iter().flat_map(|word| [(word & 0xffff) as usize, (word >> 16) as usize]).collect();
+        if ids.drain(3 * t + 2 * e..).any(|padding| padding != 0) {
+            return Err("padding is not zero");
+        }
+        if ids.iter().any(|id| *id >= n) {
+            return Err("a triangle or an edge names a direction that is not there");
+        }
+        let triangles: Vec<[usize; 3]> = ids[..3 * t].chunks_exact(3).map(|id| [id[0], id[1], id[2]]).collect();
+        let edges: Vec<(usize, usize)> = ids[3 * t..].chunks_exact(2).map(|id| (id[0], id[1])).collect();
+        let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
+        if triangles.iter().any(|ids| signed_area(&disk, ids).abs() <= LEAST_AREA) {
+            return Err("a triangle has no area");
+        }
+        // Every rule that keeps `locate` in bounds is checked on the whole.
+        Sphere::from_words(Sphere::from_parts(&directions, &triangles, &edges).words)
+    }
+
+    /// Checks resident words: every rule that keeps [`Sphere::locate`] in bounds.
+    fn from_words(words: Vec<u32>) -> Result<Sphere, &'static str> {
         if words.len() < SPHERE_HEADER_WORDS {
             return Err("it is shorter than its header");
         }
@@ -180,7 +241,7 @@ impl Sphere {
         Ok(sphere)
     }
 
-    /// The section's words.
+    /// The resident words.
     pub fn words(&self) -> &[u32] {
         &self.words
     }

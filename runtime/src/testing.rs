@@ -1,11 +1,11 @@
 //! Small deterministic assets and file surgery for the tests of this package and of its users. Not part
 //! of the promised interface.
 
-use crate::asset::{Asset, COEFFICIENT_BITS, DictionaryLobe, Layer, LobeRef, Residual, SurfaceSide};
+use crate::asset::{Asset, DictionaryLobe, Layer, LobeRef, SurfaceSide};
 use crate::error::FormatError;
 use crate::format::{ALIGNMENT, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum, header, read_directory};
 use crate::lobe::{Lobe, LobeFamily};
-use crate::residual::{Basis, Coefficients, Factors, ResidualKind};
+use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::sphere::Sphere;
 use half::f16;
 
@@ -89,10 +89,11 @@ fn halves(random: &mut Random, count: usize, amplitude: f32) -> Vec<f16> {
 
 /// A one-layer asset of random content that [`crate::pack`] writes and [`Asset::parse`] reads back equal:
 /// three clusters, 20 lights and 17 views in three rings each, every lobe family, 1 to 4 lobes a texel
-/// and 4 residual components of different bit widths and ranks up to 5.
+/// and 4 residual components of different steps and ranks up to 5.
 pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) -> Asset {
     const CLUSTERS: usize = 3;
     const COMPONENTS: usize = 4;
+    const SHARED: usize = 3;
     let mut random = Random::new(seed);
     let random = &mut random;
     let sphere = |rings: &[(f64, usize)]| Sphere::new(&ring_directions(rings)).expect("the rings are distinct");
@@ -135,22 +136,22 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         view: ranks.map(|[rank, _]| halves(random, shape[0] * rank, 1.0)),
         light: ranks.map(|[_, rank]| halves(random, shape[1] * rank, 1.0)),
     };
+    let mut codes = |count: usize, most: usize| -> Vec<i16> {
+        (0..count).map(|_| random.below(2 * most + 1) as i16 - most as i16).collect()
+    };
+    // Rank-1 to rank-5 cores of +-1, mixed by weights that fall with the component.
+    let shared = SharedBases { steps: vec![0.01; SHARED], values: codes(SHARED * factors.core_len(), 100) };
     let bases = (0..=COMPONENTS)
         .map(|index| {
-            let peak = amplitude / (1.0 + index as f32);
-            let cores: Vec<Vec<f32>> =
-                (0..CLUSTERS).map(|_| (0..factors.core_len()).map(|_| random.within(-peak, peak)).collect()).collect();
-            Basis::quantize(&factors, &cores)
+            let step = amplitude / (1.0 + index as f32) / 50.0;
+            Basis { steps: vec![step, 0.5 * step, 0.7 * step], values: codes(CLUSTERS * SHARED, 50) }
         })
         .collect();
     let coefficients = (0..COMPONENTS)
         .map(|component| {
-            let bits = COEFFICIENT_BITS[COEFFICIENT_BITS.len() - 1 - component];
-            Coefficients {
-                bits,
-                steps: (0..CLUSTERS).map(|_| f16::from_f32(random.within(0.5, 2.0) / (1u32 << bits) as f32)).collect(),
-                codes: (0..texels).map(|_| random.below(1 << bits) as u8).collect(),
-            }
+            let most = [127, 20, 3, 1][component];
+            let codes = codes(texels, most).into_iter().map(|code| code as i8).collect();
+            Coefficients { step: 0.7 / most as f32, codes }
         })
         .collect();
     let layer = Layer {
@@ -164,7 +165,7 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         texel_lobe_counts,
         dictionary,
         lobe_refs,
-        residual: Some(Residual { factors, bases, coefficients }),
+        residual: Some(Residual { factors, shared, bases, coefficients }),
     };
     let material = format!("{{\"name\":\"sample {seed}\"}}");
     Asset { width, height, material, layers: vec![layer] }

@@ -3,8 +3,8 @@
 
 use btf_runtime::{
     Asset, Basis, Coefficients, DecodeOptions, DictionaryLobe, Factors, Interpolation, Layer, Lobe, LobeFamily,
-    LobeRef, Resident, Residual, ResidualKind, Sphere, SurfaceSide, coefficient_from_code, decode, pack,
-    read_directory, weight_from_byte,
+    LobeRef, Resident, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide, decode, pack, read_directory,
+    weight_from_byte,
 };
 use half::f16;
 
@@ -54,11 +54,9 @@ fn example() -> Asset {
         light: [halves(&[1.0, 0.5, 0.25]), halves(&[0.0, 1.0, -1.0]), vec![]],
     };
     let residual = Residual {
-        bases: vec![
-            Basis { scales: halves(&[0.125, 0.0625]), values: vec![127, 127] },
-            Basis { scales: halves(&[0.25, 0.125]), values: vec![127, -127] },
-        ],
-        coefficients: vec![Coefficients { bits: 4, steps: halves(&[0.25]), codes: vec![10] }],
+        shared: SharedBases { steps: vec![0.125, 0.0625], values: vec![2, 1, 1, -2] },
+        bases: vec![Basis { steps: vec![0.5], values: vec![1, 0] }, Basis { steps: vec![0.25], values: vec![4, -2] }],
+        coefficients: vec![Coefficients { step: 0.25, codes: vec![3] }],
         factors,
     };
     let lobe = Lobe { family: LobeFamily::Lambertian, normal_xy: [0.0; 2], tangent_rad: 0.0, params: [0.0; 4] };
@@ -116,12 +114,14 @@ fn fields(bytes: &[u8]) -> Vec<(String, String)> {
         ("ranks", format!("{:?}", residual.factors.ranks)),
         ("light factors, channel 0", list(&residual.factors.light[0])),
         ("light factors, channel 1", list(&residual.factors.light[1])),
-        ("core of the mean", format!("{:?}", residual.bases[0].core(&residual.factors, 0))),
-        ("core of component 1", format!("{:?}", residual.bases[1].core(&residual.factors, 0))),
-        ("bits of component 1", plane.bits.to_string()),
-        ("step of component 1", plane.steps[0].to_f32().to_string()),
+        ("steps of the shared bases", format!("{:?}", residual.shared.steps)),
+        ("codes of the shared bases", format!("{:?}", residual.shared.values)),
+        ("mixture of the mean", format!("{:?} of {:?}", residual.bases[0].values, residual.bases[0].steps)),
+        ("mixture of component 1", format!("{:?} of {:?}", residual.bases[1].values, residual.bases[1].steps)),
+        ("core of the mean", format!("{:?}", residual.core(0, 0))),
+        ("core of component 1", format!("{:?}", residual.core(1, 0))),
+        ("step of component 1", plane.step.to_string()),
         ("code of texel 0", plane.codes[0].to_string()),
-        ("coefficient of texel 0, in steps", coefficient_from_code(plane.codes[0].into(), plane.bits).to_string()),
     ]
     .into_iter()
     .map(|(name, value)| (name.to_string(), value))

@@ -53,8 +53,12 @@ fn held_bytes(asset: &Asset) -> usize {
     let layer = |layer: &btf_runtime::Layer| {
         let residual = layer.residual.as_ref().map_or(0, |residual| {
             let factors: usize = residual.factors.view.iter().chain(&residual.factors.light).map(|m| 2 * m.len()).sum();
-            let bases: usize = residual.bases.iter().map(|basis| 2 * basis.scales.len() + basis.values.len()).sum();
-            factors + bases + residual.coefficients.iter().map(|plane| plane.codes.len()).sum::<usize>()
+            let numbers = |steps: &[f32], values: &[i16]| 4 * steps.len() + 2 * values.len();
+            let bases: usize = residual.bases.iter().map(|basis| numbers(&basis.steps, &basis.values)).sum();
+            factors
+                + numbers(&residual.shared.steps, &residual.shared.values)
+                + bases
+                + residual.coefficients.iter().map(|plane| plane.codes.len()).sum::<usize>()
         });
         let dictionary: usize = layer.dictionary.iter().map(|lobes| 24 + size_of_val(&lobes[..])).sum();
         let sets = 4 * (layer.lights.words().len() + layer.views.words().len());
@@ -141,12 +145,15 @@ fn each_damage_is_named() {
     );
     assert_eq!(with(&|b| b[40] ^= 1), FormatError::HeaderChecksum);
     let last = bytes.len();
-    let section = with(&|b| b[last - 256] ^= 1);
+    let section = with(&|b| b[last - 16] ^= 1);
     assert!(
         matches!(&section, FormatError::SectionChecksum { section } if section == "Coefficients 4 of layer 0"),
         "{section}"
     );
-    let padding = with(&|b| b[last - 1] = 1);
+    // Behind the first section that does not end where the next one starts.
+    let sections = read_directory(&bytes).unwrap().sections;
+    let end = sections.iter().map(|entry| entry.offset + entry.length).find(|end| end % 16 != 0).unwrap();
+    let padding = with(&|b| b[end as usize] = 1);
     assert!(padding.to_string().contains("padding"), "{padding}");
     for message in [version, section, padding] {
         assert_eq!(message.to_string().lines().count(), 1);
@@ -230,7 +237,8 @@ fn random_words_in_any_section_decode_safely_or_are_refused() {
             match Asset::parse(&forged) {
                 Ok(asset) => {
                     read += 1;
-                    assert!(held_bytes(&asset) < 8 * forged.len() + 4096, "more is held than the file has bytes for");
+                    // A coded byte holds at most 1024 numbers of two bytes.
+                    assert!(held_bytes(&asset) < 2048 * forged.len(), "more is held than the file has bytes for");
                     decode_everywhere(&asset, &mut random);
                     let again = pack(&asset).expect("what was read can be written");
                     assert_eq!(Asset::parse(&again).as_ref(), Ok(&asset), "and read again");
@@ -239,7 +247,7 @@ fn random_words_in_any_section_decode_safely_or_are_refused() {
             }
         }
     }
-    assert!(read > 1000 && refused > 1000, "both outcomes must be tried: {read} read, {refused} refused");
+    assert!(read > 500 && refused > 1000, "both outcomes must be tried: {read} read, {refused} refused");
 }
 
 fn unknown_section(flags: u32) -> SectionPart {
@@ -297,11 +305,12 @@ fn a_small_file_that_promises_a_huge_resident_form_is_refused() {
     residual.factors.ranks = [[0; 2]; 3];
     residual.factors.view = Default::default();
     residual.factors.light = Default::default();
+    residual.shared.steps.clear();
+    residual.shared.values.clear();
     for basis in &mut residual.bases {
-        basis.scales.clear();
+        basis.steps = vec![0.0; 256];
         basis.values.clear();
     }
-    residual.coefficients.iter_mut().for_each(|plane| plane.steps = vec![Default::default(); 256]);
     let fits = pack(&asset).expect("257 x 257 x 3 x 3 x 256 words are below the limit");
     let mut parts = FileParts::from_bytes(&fits).unwrap();
     // 63 components promised instead of 4: 32 words for each pair, channel and cluster.

@@ -113,7 +113,6 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("BLOCK_BASIS", block::BASIS),
         ("BLOCK_CODES", block::CODES),
         ("BLOCK_CODE_WORDS", block::CODE_WORDS),
-        ("BLOCK_BITS", block::BITS),
         ("BLOCK_LIGHT_COUNT", block::LIGHT_COUNT),
         ("BLOCK_PAIRS", block::PAIRS),
         ("BLOCK_HORIZON", block::HORIZON),

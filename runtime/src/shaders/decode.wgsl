@@ -16,10 +16,9 @@ const BLOCK_DICTIONARIES: u32 = 10u;
 const BLOCK_BASIS: u32 = 11u;
 const BLOCK_CODES: u32 = 12u;
 const BLOCK_CODE_WORDS: u32 = 13u;
-const BLOCK_BITS: u32 = 14u;
-const BLOCK_LIGHT_COUNT: u32 = 15u;
-const BLOCK_PAIRS: u32 = 16u;
-const BLOCK_HORIZON: u32 = 17u;
+const BLOCK_LIGHT_COUNT: u32 = 14u;
+const BLOCK_PAIRS: u32 = 15u;
+const BLOCK_HORIZON: u32 = 16u;
 
 const INTERPOLATION_EXACT: u32 = 1u;
 const RATIO_EPSILON: f32 = 0.03;
@@ -114,8 +113,7 @@ fn btf_basis_weight(t: BtfTexel, index: u32) -> f32 {
     let component = index - 1u;
     let codes = t.base + asset_word(t.layer + BLOCK_CODES) + t.texel * asset_word(t.layer + BLOCK_CODE_WORDS);
     let word = asset_word(codes + component / 4u);
-    let bits = asset_word(t.base + asset_word(t.layer + BLOCK_BITS) + component);
-    return coefficient_from_code((word >> (8u * (component % 4u))) & 0xffu, bits);
+    return coefficient_from_byte((word >> (8u * (component % 4u))) & 0xffu);
 }
 
 fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: vec3<f32>, options: BtfOptions) -> vec3<f32> {

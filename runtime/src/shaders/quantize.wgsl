@@ -1,4 +1,4 @@
-// Bit widths and number encodings. Twin: quantize.rs.
+// Number encodings. Twin: quantize.rs.
 // The includer defines `fn asset_word(index: u32) -> u32`.
 
 fn asset_f32(index: u32) -> f32 {
@@ -10,6 +10,6 @@ fn weight_from_byte(q: u32, scale: f32) -> f32 {
     return scale * x * x;
 }
 
-fn coefficient_from_code(code: u32, bits: u32) -> f32 {
-    return f32(code) - f32(1u << (bits - 1u)) + 0.5;
+fn coefficient_from_byte(byte: u32) -> f32 {
+    return f32(bitcast<i32>(byte << 24u) >> 24u);
 }

@@ -1,0 +1,127 @@
+//! How the file form codes what each texel has: its cluster, its lobe count, its lobe references.
+//! One routine both ways, as in [`crate::entropy`].
+
+use crate::asset::LobeRef;
+use crate::entropy::{BinaryCoder, Bit, Signed, Tree};
+
+/// Codes one cluster id per texel, rows of `width`: equal to the left one, else to the one above, else to the one
+/// above right, else itself.
+pub(crate) fn code_clusters(coder: &mut impl BinaryCoder, ids: &mut [u8], width: usize) {
+    let mut same = [[Bit::NEW; 8]; 3];
+    let mut tree = Tree::<8>::new();
+    for i in 0..ids.len() {
+        let column = i % width;
+        let west = if column > 0 { ids[i - 1] } else { 0 };
+        let north = if i >= width { ids[i - width] } else { west };
+        let north_west = if i >= width && column > 0 { ids[i - width - 1] } else { north };
+        let north_east = if i >= width && column + 1 < width { ids[i - width + 1] } else { north };
+        let alike =
+            usize::from(west == north) | usize::from(north == north_east) << 1 | usize::from(west == north_west) << 2;
+        let id = ids[i];
+        ids[i] = if coder.bit(&mut same[0][alike], id == west) {
+            west
+        } else if north != west && coder.bit(&mut same[1][alike], id == north) {
+            north
+        } else if north_east != north && north_east != west && coder.bit(&mut same[2][alike], id == north_east) {
+            north_east
+        } else {
+            tree.code(coder, u32::from(id)) as u8
+        };
+    }
+}
+
+/// Codes one lobe count per texel, in the light of the texel before.
+pub(crate) fn code_counts(coder: &mut impl BinaryCoder, counts: &mut [u8]) {
+    let mut trees = vec![Tree::<8>::new(); 8];
+    let mut before = 0u8;
+    for count in counts {
+        *count = trees[usize::from(before.min(7))].code(coder, u32::from(*count)) as u8;
+        before = *count;
+    }
+}
+
+/// Codes all lobe references, texel after texel: the lobe by its cluster's habits, the weights as differences
+/// from those that the same lobe of the cluster had last.
+pub(crate) fn code_refs(coder: &mut impl BinaryCoder, refs: &mut [LobeRef], clusters: &[u8], counts: &[u8]) {
+    let most = clusters.iter().map(|id| usize::from(*id) + 1).max().unwrap_or(0);
+    let mut lobes = vec![Tree::<8>::new(); most];
+    let mut last: Vec<([u8; 3], u32)> = vec![([128; 3], 8); most * 256];
+    let mut models = [Signed::new(), Signed::new(), Signed::new()];
+    let mut refs = refs.iter_mut();
+    for (cluster, count) in clusters.iter().zip(counts) {
+        for reference in refs.by_ref().take(usize::from(*count)) {
+            let cluster = usize::from(*cluster);
+            reference.lobe = lobes[cluster].code(coder, u32::from(reference.lobe)) as u8;
+            let (weight, size) = &mut last[cluster * 256 + usize::from(reference.lobe)];
+            let mut first = 0;
+            let mut sizes = 0;
+            for (channel, model) in models.iter_mut().enumerate() {
+                // Green and blue mostly follow red.
+                let expected = i32::from(weight[channel]) + first;
+                let difference = model.code(coder, i32::from(reference.weight[channel]) - expected, *size, 0);
+                reference.weight[channel] = (expected + difference) as u8;
+                if channel == 0 {
+                    first = difference;
+                }
+                sizes += difference.unsigned_abs();
+            }
+            *size = (*size + sizes) / 2;
+            *weight = reference.weight;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::entropy::{Decoder, Encoder};
+    use crate::testing::Random;
+
+    #[test]
+    fn cluster_ids_come_back_and_patches_of_equal_ones_are_cheap() {
+        let mut random = Random::new(6);
+        let patches: Vec<u8> = (0..64 * 64).map(|i| ((i % 64) / 16 + (i / 64) / 16 * 7) as u8).collect();
+        let noise: Vec<u8> = (0..64 * 64).map(|_| random.below(256) as u8).collect();
+        let mut sizes = Vec::new();
+        for ids in [patches, noise] {
+            let mut coder = Encoder::new();
+            code_clusters(&mut coder, &mut ids.clone(), 64);
+            let bytes = coder.finish();
+            let mut back = vec![0; ids.len()];
+            let mut decoder = Decoder::new(&bytes);
+            code_clusters(&mut decoder, &mut back, 64);
+            assert!(decoder.ended().is_ok() && back == ids);
+            sizes.push(bytes.len());
+        }
+        assert!(sizes[0] < 200 && sizes[1] > 4096, "{sizes:?}");
+    }
+
+    #[test]
+    fn references_of_any_weights_come_back() {
+        let mut random = Random::new(7);
+        let clusters: Vec<u8> = (0..500).map(|_| random.below(3) as u8).collect();
+        let mut counts: Vec<u8> = (0..500).map(|_| random.below(4) as u8).collect();
+        let total = counts.iter().map(|count| usize::from(*count)).sum();
+        let refs: Vec<LobeRef> = (0..total)
+            .map(|_| LobeRef { lobe: random.below(256) as u8, weight: [0; 3].map(|_| random.below(256) as u8) })
+            .collect();
+        let mut coder = Encoder::new();
+        code_counts(&mut coder, &mut counts.clone());
+        code_refs(&mut coder, &mut refs.clone(), &clusters, &counts);
+        let bytes = coder.finish();
+        let mut decoder = Decoder::new(&bytes);
+        let mut back = vec![0; 500];
+        code_counts(&mut decoder, &mut back);
+        assert_eq!(back, counts);
+        let mut back = vec![LobeRef { lobe: 0, weight: [0; 3] }; total];
+        code_refs(&mut decoder, &mut back, &clusters, &counts);
+        assert!(decoder.ended().is_ok());
+        assert_eq!(back, refs);
+        // Planted difference: other clusters read something else.
+        counts.reverse();
+        let mut decoder = Decoder::new(&bytes);
+        let mut other = vec![0; 500];
+        code_counts(&mut decoder, &mut other);
+        assert_ne!(other, counts);
+    }
+}
