@@ -36,7 +36,6 @@ impl Scalar {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Matrix {
     at: usize,
-    pub(super) rows: usize,
     /// Numbers of a row in the file.
     pub(super) columns: usize,
     scalar: Scalar,
@@ -54,7 +53,7 @@ impl Matrix {
         let at = cursor.at;
         let count = rows.checked_mul(columns).ok_or_else(|| format!("{what} would have {rows} x {columns} numbers"))?;
         cursor.take_many(count, scalar.bytes(), what)?;
-        Ok(Matrix { at, rows, columns, scalar })
+        Ok(Matrix { at, columns, scalar })
     }
 
     /// Appends the first `used` numbers of row `row` to `out`.

@@ -212,3 +212,44 @@ fn provenance(info: &ContainerInfo, words: &[String]) -> String {
     parts.extend(words.iter().cloned());
     parts.join("; ")
 }
+
+#[cfg(test)]
+#[path = "../../tests/support/ubo2014_writer.rs"]
+mod ubo2014_writer;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_prefix_is_refused() {
+        for bytes in ubo2014_writer::one_of_each_kind() {
+            assert!(read(&bytes).is_ok());
+            for length in 0..bytes.len() {
+                let reason = read(&bytes[..length]).err().unwrap_or_else(|| panic!("prefix of {length} is read"));
+                assert!(!reason.is_empty() && !reason.contains('\n') && !reason.ends_with('.'), "{reason}");
+            }
+            assert!(read(&[&bytes[..], &[0]].concat()).is_err());
+        }
+    }
+
+    #[test]
+    fn no_lie_in_a_header_panics_or_allocates_beyond_the_file() {
+        for bytes in ubo2014_writer::one_of_each_kind() {
+            for position in 0..bytes.len() - 4 {
+                for lie in [[0xFF; 4], [0, 0, 0, 0x80], [0; 4], [0xFF, 0xFF, 0xFF, 0x03], [1, 0, 0, 0]] {
+                    let mut damaged = bytes.clone();
+                    damaged[position..position + 4].copy_from_slice(&lie);
+                    let Ok((header, data, _)) = read(&damaged) else { continue };
+                    // What is taken for good can be computed.
+                    let lights = &header.lights.in_file;
+                    let images = match data {
+                        Data::Factored(data) => data.images(&damaged, 0, lights),
+                        Data::Bdi(data) => data.images(&damaged, 0, lights),
+                    };
+                    assert_eq!(images.len(), lights.len() * header.texel_count() * 3);
+                }
+            }
+        }
+    }
+}
