@@ -72,9 +72,9 @@ pub enum CaptureError {
         /// The folder or archive.
         path: String,
     },
-    /// Files, but none with capture angles in its name.
+    /// Files, but none with capture angles in its name, and no list.
     #[error(
-        "{path} holds {files} files but no image named like `00000 tl000 pl000 tv000 pv000.png` or `tv000_pv000_tl000_pl000.exr` (png, jpg, exr or hdr) and no list of images (a .csv with the columns file, theta_v, phi_v, theta_l, phi_l); point to the folder that holds the capture's images"
+        "{path} holds {files} files but no image named like `00000 tl000 pl000 tv000 pv000.png` or `tv000_pv000_tl000_pl000.exr` (png, jpg, exr or hdr) and no list of images (a .csv with the columns file, theta_v, phi_v, theta_l, phi_l); point to the folder that holds the capture's images, or to the UBO2014 file (.btf) itself"
     )]
     NoImages {
         /// The folder or archive.

@@ -65,6 +65,34 @@ fn zip_of(folder: &Path, entries: &[(String, Vec<u8>)]) -> PathBuf {
 }
 
 #[test]
+fn a_zip_as_bonn_packs_it_is_read_and_a_doubled_image_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = |pair: usize| {
+        let (tv, tl) = ([0, 75][pair / 2], [0, 15][pair % 2]);
+        format!("UBO2003/MANYFILES/tv{tv:03}_pv000/{pair:05} tl{tl:03} pl000 tv{tv:03} pv000.jpg")
+    };
+    let jpg = |grey: u8| {
+        let mut bytes = Vec::new();
+        let picture = vec![grey; WIDTH * HEIGHT * 3];
+        let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95);
+        encoder.encode(&picture, WIDTH as u32, HEIGHT as u32, image::ExtendedColorType::Rgb8).unwrap();
+        bytes
+    };
+    let mut entries: Vec<(String, Vec<u8>)> = (0..4).map(|pair| (name(pair), jpg(50 * (pair as u8 + 1)))).collect();
+    std::fs::rename(zip_of(folder.path(), &entries), folder.path().join("UBO_WOOL256.zip")).unwrap();
+    let capture = Capture::open(folder.path().join("UBO_WOOL256.zip")).unwrap();
+    assert_eq!((capture.info().name.as_str(), capture.info().transfer), ("UBO_WOOL256", Transfer::Srgb));
+    assert_eq!(capture.info().views.directions()[1], Direction::new(75.0, 0.0));
+    for pair in 0..4 {
+        let Pixels::Encoded8(values) = capture.read(pair / 2, pair % 2).unwrap() else { panic!("jpg has 8 bits") };
+        assert!(values.iter().all(|value| value.abs_diff(50 * (pair as u8 + 1)) <= 1));
+    }
+    entries.push((name(3).replace("MANYFILES", "COPY"), jpg(1)));
+    let error = Capture::open(zip_of(folder.path(), &entries)).unwrap_err();
+    assert!(matches!(error, CaptureError::DoubledPair { .. }), "{error}");
+}
+
+#[test]
 fn atriums_pictures_stand_upright_and_keep_their_range_in_folders_and_zips() {
     let folder = tempfile::tempdir().unwrap();
     let angles = ["tl000 pl000", "tl015 pl060"];
