@@ -252,7 +252,7 @@ fn every_colour_model_gives_the_colour_that_went_in() {
     let lab_of = |rgb: &[f64]| {
         let xyz = times(&xyz_of, rgb);
         let f = |t: f64| if t > 0.008_856_45 { t.cbrt() } else { 7.787_037 * t + 4.0 / 29.0 };
-        let [x, y, z] = [f(xyz[0] / 0.9642), f(xyz[1]), f(xyz[2] / 0.8249)];
+        let [x, y, z] = [f(xyz[0] / 0.96422), f(xyz[1]), f(xyz[2] / 0.82521)];
         vec![116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
     };
     let forward = |model: i32, rgb: &[f64]| -> Vec<f64> {

@@ -13,12 +13,13 @@ const RGB_FROM_YUV: [[f32; 3]; 3] = [[1.0, 0.0, 1.13983], [1.0, -0.39465, -0.580
 /// From YCoCg to RGB.
 const RGB_FROM_YCOCG: [[f32; 3]; 3] = [[1.0, 1.0, -1.0], [1.0, 0.0, 1.0], [1.0, -1.0, -1.0]];
 
-/// XYZ of the white D50 that Lab values are relative to in colour profiles [ICC.1].
-const XYZ_OF_D50: [f32; 3] = [0.9642, 1.0, 0.8249];
+/// XYZ of the white D50, 2-degree observer, that Lab values are relative to in colour profiles
+/// [CIE 015:2018].
+const XYZ_OF_D50: [f32; 3] = [0.964_22, 1.0, 0.825_21];
 
 /// From XYZ relative to D50 to linear sRGB, the white adapted by Bradford [IEC 61966-2-1, ICC.1].
 const RGB_FROM_XYZ_D50: [[f32; 3]; 3] = [
-    [3.133_856_1, -1.616_866_7, -0.490_614_6],
+    [3.133_856, -1.616_866_7, -0.490_614_6],
     [-0.978_768_4, 1.916_141_5, 0.033_454],
     [0.071_945_3, -0.228_991_4, 1.405_242_7],
 ];
