@@ -14,7 +14,7 @@ const YUV_TO_RGB: [[f64; 3]; 3] = [[1.0, 0.0, 1.13983], [1.0, -0.39465, -0.5806]
 
 /// Reflectances from 0.02 to far above 1, all different.
 fn reflectance(view: usize, light: usize, texel: usize, channel: usize) -> f64 {
-    let highlight = if (view + light + texel) % 7 == 0 { 25.0 } else { 0.0 };
+    let highlight = if (view + light + texel).is_multiple_of(7) { 25.0 } else { 0.0 };
     0.05 + 0.031 * ((texel * 5 + view * 3 + light * 2 + channel * 11) % 23) as f64 + highlight
 }
 
@@ -104,7 +104,7 @@ fn every_kind_gives_its_values_in_every_precision_either_way_round() {
                 let file = file(&bytes);
                 let capture = Capture::open(&file.path).unwrap();
                 assert_eq!(capture.container().unwrap().kind, kind);
-                let error = worst(&file.path, &scene, |v, l, t, c| reflectance(v, l, t, c));
+                let error = worst(&file.path, &scene, reflectance);
                 assert!(error < tolerance, "{} scalar {scalar} transposed {transposed}: {error}", kind.name());
                 // A planted difference: the neighbouring texel.
                 assert!(worst(&file.path, &scene, |v, l, t, c| reflectance(v, l, t + 1, c)) > 0.5);
@@ -148,7 +148,7 @@ fn a_file_without_the_cosine_is_multiplied_by_it() {
     let file = file(&dfmf_rgb(&scene, &Style { cosine: 0, ..Style::default() }));
     let cosine = |light: usize| scene.lights[light][0].to_radians().cos();
     assert!(worst(&file.path, &scene, |v, l, t, c| cosine(l) * reflectance(v, l, t, c)) < 2e-5);
-    assert!(worst(&file.path, &scene, |v, l, t, c| reflectance(v, l, t, c)) > 0.5);
+    assert!(worst(&file.path, &scene, reflectance) > 0.5);
     // What stands beside the file goes before what stands in it.
     std::fs::write(file.path.with_extension("toml"), "cosine = \"included\"\nscale = 0.5\nname = \"wool\"").unwrap();
     assert!(worst(&file.path, &scene, |v, l, t, c| 0.5 * reflectance(v, l, t, c)) < 2e-5);
@@ -166,7 +166,7 @@ fn the_height_map_and_the_reduced_range_of_an_fmf_are_taken() {
         let style = Style { transposed, ..Style::default() };
         let head = FmfHead::Extended { version: 2, reduction: 1, height_map: Some(map.clone()) };
         let file = file(&fmf(&logarithmic, &style, &head));
-        assert!(worst(&file.path, &logarithmic, |v, l, t, c| reflectance(v, l, t, c)) < 1e-4);
+        assert!(worst(&file.path, &logarithmic, reflectance) < 1e-4);
         let capture = Capture::open(&file.path).unwrap();
         let found = capture.container().unwrap().height_map.clone().unwrap();
         assert_eq!((found.width, found.height), (2, 3));
@@ -186,8 +186,8 @@ fn a_factorisation_cut_to_fewer_components_is_read_to_its_first_ones() {
     cut[at] = 5;
     let (whole, cut) = (file(&bytes), file(&cut));
     assert_eq!(Capture::open(&cut.path).unwrap().container().unwrap().components, 5);
-    let error = worst(&cut.path, &scene, |v, l, t, c| reflectance(v, l, t, c));
-    assert!(error > 0.01 && worst(&whole.path, &scene, |v, l, t, c| reflectance(v, l, t, c)) < 2e-5, "{error}");
+    let error = worst(&cut.path, &scene, reflectance);
+    assert!(error > 0.01 && worst(&whole.path, &scene, reflectance) < 2e-5, "{error}");
 }
 
 #[test]
@@ -293,7 +293,7 @@ fn every_colour_model_gives_the_colour_that_went_in() {
     for model in [0, 1, 2, 3, 4, 5, 6, 9, 10, 11, 12] {
         let scene = scene(&names, |rgb| forward(model, rgb));
         let file = file(&dfmf(&scene, &Style { scalar: 8, ..Style::default() }, model, mean, axes));
-        let error = worst(&file.path, &scene, |v, l, t, c| reflectance(v, l, t, c));
+        let error = worst(&file.path, &scene, reflectance);
         // Lab ends in a rounded matrix; logarithms of large numbers in single precision.
         let tolerance = if model == 2 { 2e-3 } else { 2e-4 };
         assert!(error < tolerance, "model {model}: {error}");
@@ -303,8 +303,7 @@ fn every_colour_model_gives_the_colour_that_went_in() {
             let other = if matches!(model, 6) { 9 } else { model + 1 };
             let file = self::file(&dfmf(&scene, &Style::default(), other, mean, axes));
             let opened = Capture::open(&file.path);
-            let differs =
-                opened.is_err() || worst_or_refused(&file.path, &scene, |v, l, t, c| reflectance(v, l, t, c)) > 0.01;
+            let differs = opened.is_err() || worst_or_refused(&file.path, &scene, reflectance) > 0.01;
             assert!(differs, "model {model} read as {other}");
         }
     }

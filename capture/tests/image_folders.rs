@@ -188,7 +188,7 @@ fn png(grey: u8) -> Vec<u8> {
     let mut bytes = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
     encoder
-        .write_image(&vec![grey; WIDTH * HEIGHT * 3], WIDTH as u32, HEIGHT as u32, image::ExtendedColorType::Rgb8)
+        .write_image(&[grey; WIDTH * HEIGHT * 3], WIDTH as u32, HEIGHT as u32, image::ExtendedColorType::Rgb8)
         .unwrap();
     bytes
 }
