@@ -1,25 +1,14 @@
-//! Bonn's layout: file names that carry the angles, and finding the product grid in them.
+//! Bonn's layout: file names that carry the angles. UBO2003, ATRIUM, and with the view first the
+//! spectral sets.
 //!
 //! `tvTTT_pvPPP/NNNNN tlTTT plPPP tvTTT pvPPP.EXT`: angles in degrees, three digits before the
 //! point (`tl023.5`), NNNNN = light * views + view. The number is written but never trusted when
-//! reading: the angles decide.
+//! reading: the angles decide, in whatever order the name has them.
 
-use std::collections::HashMap;
-
-use crate::direction::{Direction, DirectionSet, MAX_DIRECTIONS, angle_name};
-use crate::error::CaptureError;
-use crate::info::ImageFormat;
+use crate::direction::{Direction, DirectionSet, angle_name};
+use crate::grid::{Grid, GridImage};
+use crate::images::FileFormat;
 use crate::source::{Source, folders_of};
-
-/// A capture's grid and the source's file of each pair.
-#[derive(Debug)]
-pub(crate) struct Layout {
-    pub views: DirectionSet,
-    pub lights: DirectionSet,
-    pub format: ImageFormat,
-    /// File of pair `view * lights + light`.
-    pub files: Vec<usize>,
-}
 
 /// Name of the folder of a view, `tvTTT_pvPPP`.
 pub(crate) fn folder_name(view: Direction) -> String {
@@ -51,10 +40,10 @@ pub(crate) fn is_image_name(name: &str) -> bool {
 }
 
 /// The light and view that a file name states, and its format; `None` for other files.
-fn parse_name(path: &str) -> Option<(Direction, Direction, ImageFormat)> {
+fn parse_name(path: &str) -> Option<(Direction, Direction, FileFormat)> {
     let name = path.rsplit('/').next()?;
     let (stem, extension) = name.rsplit_once('.')?;
-    let format = ImageFormat::from_extension(extension)?;
+    let format = FileFormat::from_extension(extension)?;
     // Light theta, light phi, view theta, view phi.
     let mut angles = [None; 4];
     for word in stem.split([' ', '_']) {
@@ -76,74 +65,24 @@ fn parse_angle(text: &str) -> Option<f64> {
     if plain { text.parse().ok() } else { None }
 }
 
-/// Finds the product grid of views and lights in the names of `source`.
-pub(crate) fn find_layout(source: &Source) -> Result<Layout, CaptureError> {
-    let root = source.root().display().to_string();
-    if source.names().is_empty() {
-        return Err(CaptureError::Empty { path: root });
-    }
-    let found: Vec<(usize, Direction, Direction, ImageFormat)> = source
-        .names()
-        .iter()
-        .enumerate()
-        .filter_map(|(file, name)| parse_name(name).map(|(light, view, format)| (file, light, view, format)))
-        .collect();
-    let Some(&(first, _, _, format)) = found.first() else {
-        return Err(CaptureError::NoImages { path: root, files: source.names().len() });
-    };
+/// The images that the names in `source` tell of; empty if there are none.
+pub(crate) fn find_images(source: &Source) -> Vec<GridImage> {
+    let names = source.names().iter().enumerate();
+    names
+        .filter_map(|(file, name)| {
+            let (light, view, format) = parse_name(name)?;
+            Some(GridImage { file, light, view, format })
+        })
+        .collect()
+}
 
-    // Two files of one pair, which two formats of one image are, too.
-    let key = |d: Direction| (d.theta_deg.to_bits(), d.phi_deg.to_bits());
-    let mut file_of_pair = HashMap::with_capacity(found.len());
-    for &(file, light, view, _) in &found {
-        if let Some(other) = file_of_pair.insert((key(light), key(view)), file) {
-            return Err(CaptureError::DoubledPair { first: source.shown(other), second: source.shown(file) });
-        }
-    }
-    if let Some(&(other, ..)) = found.iter().find(|&&(.., f)| f != format) {
-        return Err(CaptureError::MixedFormats { first: source.shown(first), second: source.shown(other) });
-    }
-
-    let distinct = |directions: &mut dyn Iterator<Item = Direction>| {
-        let by_key: HashMap<_, _> = directions.map(|d| (key(d), d)).collect();
-        if by_key.len() > MAX_DIRECTIONS {
-            let reason = format!("{root} names {} directions; at most {MAX_DIRECTIONS} are allowed", by_key.len());
-            return Err(CaptureError::BadDirections { reason });
-        }
-        DirectionSet::new(by_key.into_values().collect())
-    };
-    let views = distinct(&mut found.iter().map(|&(_, _, view, _)| view))?;
-    let lights = distinct(&mut found.iter().map(|&(_, light, _, _)| light))?;
-
-    let expected_count = views.len() * lights.len();
-    let missing = expected_count - found.len();
-    if missing > 0 {
-        let (view, light) = (0..views.len())
-            .flat_map(|view| (0..lights.len()).map(move |light| (view, light)))
-            .find(|&(view, light)| {
-                !file_of_pair.contains_key(&(key(lights.directions()[light]), key(views.directions()[view])))
-            })
-            .unwrap_or((0, 0));
-        let (_, extension) = source.names()[first].rsplit_once('.').unwrap_or(("", format.extension()));
-        let name = file_name(&views, &lights, view, light, extension);
-        let nested = folders_of(found.iter().map(|&(file, ..)| source.names()[file].as_str())).len() > 1;
-        let expected = if nested { format!("{}/{name}", folder_name(views.directions()[view])) } else { name };
-        return Err(CaptureError::MissingPair {
-            path: root,
-            expected,
-            missing,
-            expected_count,
-            views: views.len(),
-            lights: lights.len(),
-        });
-    }
-    let files = views
-        .directions()
-        .iter()
-        .flat_map(|&view| lights.directions().iter().map(move |&light| (light, view)))
-        .map(|(light, view)| file_of_pair[&(key(light), key(view))])
-        .collect();
-    Ok(Layout { views, lights, format, files })
+/// The name that the image of a pair would have beside `images`.
+pub(crate) fn missing_name(source: &Source, images: &[GridImage], grid: &Grid, view: usize, light: usize) -> String {
+    let names = || images.iter().map(|image| source.names()[image.file].as_str());
+    let extension = names().next().and_then(|name| name.rsplit_once('.')).map_or("", |(_, extension)| extension);
+    let name = file_name(&grid.views, &grid.lights, view, light, extension);
+    let nested = folders_of(names()).len() > 1;
+    if nested { format!("{}/{name}", folder_name(grid.views.directions()[view])) } else { name }
 }
 
 #[cfg(test)]
@@ -161,7 +100,7 @@ mod tests {
             for (i, &view) in directions.directions().iter().enumerate() {
                 let light = (i * 7) % directions.len();
                 let name = format!("a/b/{}", file_name(&directions, &directions, i, light, "EXR"));
-                assert_eq!(parse_name(&name), Some((directions.directions()[light], view, ImageFormat::Exr)));
+                assert_eq!(parse_name(&name), Some((directions.directions()[light], view, FileFormat::Exr)));
             }
         }
     }

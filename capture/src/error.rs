@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 #[non_exhaustive]
 pub enum CaptureError {
     /// There is nothing at the path.
-    #[error("{} does not exist; check the path of the capture folder or zip", path.display())]
+    #[error("{} does not exist; check the path of the capture", path.display())]
     NotFound {
         /// The path given.
         path: PathBuf,
@@ -36,9 +36,9 @@ pub enum CaptureError {
         /// The output folder.
         path: PathBuf,
     },
-    /// A file that is neither a folder nor a zip archive.
+    /// A file that is no capture of any kind.
     #[error(
-        "{path} is not a capture folder and not a readable zip archive ({reason}); give a folder or a zip in Bonn's layout"
+        "{path} is not a capture folder and not a readable zip archive ({reason}); give a folder or a zip in Bonn's layout, a folder or a zip with a list of its images (.csv), or a UBO2014 file (.btf)"
     )]
     NotAnArchive {
         /// The path given.
@@ -72,9 +72,9 @@ pub enum CaptureError {
         /// The folder or archive.
         path: String,
     },
-    /// Files, but none with capture angles in its name.
+    /// Files, but none with capture angles in its name, and no list.
     #[error(
-        "{path} holds {files} files but no image named like `00000 tl000 pl000 tv000 pv000.png` (or .jpg, .exr); point to the folder that holds the capture's images"
+        "{path} holds {files} files but no image named like `00000 tl000 pl000 tv000 pv000.png` or `tv000_pv000_tl000_pl000.exr` (png, jpg, exr or hdr) and no list of images (a .csv with the columns file, theta_v, phi_v, theta_l, phi_l); point to the folder that holds the capture's images, or to the UBO2014 file (.btf) itself"
     )]
     NoImages {
         /// The folder or archive.
@@ -109,7 +109,9 @@ pub enum CaptureError {
         lights: usize,
     },
     /// Images of more than one format.
-    #[error("{first} and {second} have different formats; a capture holds one of png, jpg or exr, convert the others")]
+    #[error(
+        "{first} and {second} have different formats; a capture holds one of png, jpg, exr or hdr, convert the others"
+    )]
     MixedFormats {
         /// A file of the first format.
         first: String,
@@ -167,6 +169,34 @@ pub enum CaptureError {
         line: usize,
         /// What is wrong.
         reason: String,
+    },
+    /// A UBO2014 file that cannot be read.
+    #[error(
+        "{path} cannot be read as a UBO2014 file ({reason}); it is cut, damaged or of another kind, get it from its source again"
+    )]
+    BadContainer {
+        /// The file.
+        path: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A list of images that cannot be used.
+    #[error("{path} line {line} is not understood ({reason}); correct that line")]
+    BadList {
+        /// The list.
+        path: String,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// More than one list of images.
+    #[error("{first} and {second} both list the capture's images; remove one of them or name the one to read")]
+    TwoLists {
+        /// The first list.
+        first: String,
+        /// The second list.
+        second: String,
     },
     /// A set of directions that cannot be used.
     #[error("the set of directions cannot be used: {reason}")]

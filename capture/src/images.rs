@@ -1,4 +1,4 @@
-//! Decoding and encoding of one image: png and jpg here, exr in its own file.
+//! Decoding and encoding of one image: png and jpg here, exr and hdr in their own files.
 //!
 //! Decoders are strict: an image whose file ends early or whose checksums fail is refused, never
 //! filled up with grey. JPEG has no checksum, so a JPEG damaged inside, its end intact, is seen
@@ -16,6 +16,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::exr_image;
 use crate::info::ImageFormat;
+use crate::radiance;
 
 /// Largest number of texels of an image: 8192 x 8192. Larger claims are refused before anything
 /// is allocated.
@@ -24,14 +25,51 @@ pub(crate) const MAX_TEXELS: usize = 1 << 26;
 /// Quality of written JPEGs, 1 to 100.
 const JPEG_QUALITY: u8 = 95;
 
+/// What an image file can be, told by its name's extension.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FileFormat {
+    Png,
+    Jpg,
+    /// RGB or one channel per wavelength.
+    Exr,
+    /// Radiance.
+    Hdr,
+}
+
+impl FileFormat {
+    /// The format that a file name extension stands for, in any case; `None` for others.
+    pub(crate) fn from_extension(extension: &str) -> Option<FileFormat> {
+        if extension.eq_ignore_ascii_case("hdr") {
+            return Some(FileFormat::Hdr);
+        }
+        ImageFormat::from_extension(extension).map(|format| match format {
+            ImageFormat::Png => FileFormat::Png,
+            ImageFormat::Jpg => FileFormat::Jpg,
+            ImageFormat::Exr => FileFormat::Exr,
+        })
+    }
+
+    /// The format that a capture of such files would be written in.
+    pub(crate) fn written_as(self) -> ImageFormat {
+        match self {
+            FileFormat::Png => ImageFormat::Png,
+            FileFormat::Jpg => ImageFormat::Jpg,
+            FileFormat::Exr | FileFormat::Hdr => ImageFormat::Exr,
+        }
+    }
+}
+
 /// File values of a decoded image, `[texel, channel]`, three channels.
 #[derive(Debug)]
 pub(crate) enum Samples {
     U8(Vec<u8>),
     /// 16-bit PNG, 0 to 65535.
     U16(Vec<u16>),
-    /// EXR.
+    /// EXR, Radiance.
     F32(Vec<f32>),
+    /// Linear RGB made here from something else, a spectrum or a factorisation. A negative is then no
+    /// sign of a damaged file: below what captures hold it is clamped, not refused.
+    Computed(Vec<f32>),
 }
 
 #[derive(Debug)]
@@ -63,16 +101,17 @@ impl ImageFault {
 /// Decodes `bytes`. With `expected` given, an image of another size is refused from its header.
 pub(crate) fn decode(
     bytes: &[u8],
-    format: ImageFormat,
+    format: FileFormat,
     expected: Option<(usize, usize)>,
 ) -> Result<DecodedImage, ImageFault> {
     if bytes.is_empty() {
         return Err(ImageFault::damaged("the file is empty"));
     }
     match format {
-        ImageFormat::Png => decode_png(bytes, expected),
-        ImageFormat::Jpg => decode_jpg(bytes, expected),
-        ImageFormat::Exr => exr_image::decode(bytes, expected),
+        FileFormat::Png => decode_png(bytes, expected),
+        FileFormat::Jpg => decode_jpg(bytes, expected),
+        FileFormat::Exr => exr_image::decode(bytes, expected),
+        FileFormat::Hdr => radiance::decode(bytes, expected),
     }
 }
 
@@ -210,11 +249,11 @@ pub(crate) mod tests {
     fn png_comes_back_bit_for_bit_and_jpg_nearly() {
         let pixels = picture(32, 24);
         let png = encode_8_bit(&pixels, 32, 24, ImageFormat::Png).unwrap();
-        let image = decode(&png, ImageFormat::Png, Some((32, 24))).unwrap();
+        let image = decode(&png, FileFormat::Png, Some((32, 24))).unwrap();
         assert_eq!((image.width, image.height), (32, 24));
         assert_eq!(samples_u8(image), pixels);
         let jpg = encode_8_bit(&pixels, 32, 24, ImageFormat::Jpg).unwrap();
-        let back = samples_u8(decode(&jpg, ImageFormat::Jpg, Some((32, 24))).unwrap());
+        let back = samples_u8(decode(&jpg, FileFormat::Jpg, Some((32, 24))).unwrap());
         let worst = pixels.iter().zip(&back).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
         assert!(worst > 0 && worst < 60, "{worst}");
     }
@@ -222,12 +261,12 @@ pub(crate) mod tests {
     #[test]
     fn every_prefix_of_a_png_and_of_a_jpg_is_refused() {
         let pixels = picture(24, 24);
-        for format in [ImageFormat::Png, ImageFormat::Jpg] {
+        for (format, file) in [(ImageFormat::Png, FileFormat::Png), (ImageFormat::Jpg, FileFormat::Jpg)] {
             let bytes = encode_8_bit(&pixels, 24, 24, format).unwrap();
             for length in 0..bytes.len() {
-                assert!(decode(&bytes[..length], format, None).is_err(), "{format} prefix of {length}");
+                assert!(decode(&bytes[..length], file, None).is_err(), "{format} prefix of {length}");
             }
-            assert!(decode(&bytes, format, None).is_ok());
+            assert!(decode(&bytes, file, None).is_ok());
         }
     }
 
@@ -238,7 +277,7 @@ pub(crate) mod tests {
         for position in 0..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[position] ^= 0x10;
-            if let Ok(image) = decode(&damaged, ImageFormat::Png, Some((16, 16))) {
+            if let Ok(image) = decode(&damaged, FileFormat::Png, Some((16, 16))) {
                 assert_eq!(samples_u8(image), pixels, "byte {position} changed the pixels unseen");
             }
         }
@@ -248,7 +287,7 @@ pub(crate) mod tests {
     fn another_size_is_refused_from_the_header() {
         let bytes = encode_8_bit(&picture(16, 8), 16, 8, ImageFormat::Png).unwrap();
         assert_eq!(
-            decode(&bytes, ImageFormat::Png, Some((8, 16))).unwrap_err(),
+            decode(&bytes, FileFormat::Png, Some((8, 16))).unwrap_err(),
             ImageFault::WrongSize { width: 16, height: 8 }
         );
     }
@@ -259,7 +298,7 @@ pub(crate) mod tests {
         // Width and height stand at bytes 16..24 of every PNG; without the right checksum the
         // claim is refused even earlier, so the checksum is left wrong on purpose.
         bytes[16..24].copy_from_slice(&[0x7F, 0xFF, 0xFF, 0xFF, 0x7F, 0xFF, 0xFF, 0xFF]);
-        assert!(decode(&bytes, ImageFormat::Png, None).is_err());
+        assert!(decode(&bytes, FileFormat::Png, None).is_err());
         assert!(check_size(1 << 20, 1 << 20, None).is_err());
         assert!(check_size(usize::MAX, 2, None).is_err());
         assert!(check_size(0, 7, None).is_err());
@@ -271,7 +310,7 @@ pub(crate) mod tests {
         let encode = |data: &[u8], colour| {
             let mut bytes = Vec::new();
             PngEncoder::new(&mut bytes).write_image(data, 2, 1, colour).unwrap();
-            decode(&bytes, ImageFormat::Png, Some((2, 1))).unwrap()
+            decode(&bytes, FileFormat::Png, Some((2, 1))).unwrap()
         };
         assert_eq!(samples_u8(encode(&[7, 9], Colour::L8)), [7, 7, 7, 9, 9, 9]);
         assert_eq!(samples_u8(encode(&[7, 255, 9, 255], Colour::La8)), [7, 7, 7, 9, 9, 9]);

@@ -98,7 +98,8 @@ pub struct CaptureInfo {
     pub side: Side,
     /// Physical width and height of the images in millimetres, where known.
     pub size_mm: Option<[f32; 2]>,
-    /// Format of the images.
+    /// Format of the images; [`ImageFormat::Exr`] stands for all linear ones, so for Radiance pictures and
+    /// UBO2014 files, too.
     pub format: ImageFormat,
     /// A short name for people.
     pub name: String,

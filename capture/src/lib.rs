@@ -3,7 +3,9 @@
 //! A capture is a set of photographs of one flat material: one image for every pair of a view and
 //! a light. On disk it is Bonn's layout (UBO2003): `tvTTT_pvPPP/NNNNN tlTTT plPPP tvTTT
 //! pvPPP.EXT` with the angles in degrees, as a folder or as a zip of one that is read in place,
-//! and beside the images an optional `capture.toml` with what the names cannot say.
+//! and beside the images an optional `capture.toml` with what the names cannot say. Read, but not
+//! written, are images of any names with a list of their directions, Radiance and spectral EXR images,
+//! and UBO2014 files; docs/CAPTURES.md tells of each what is taken from where.
 //!
 //! The quantity everywhere is reflectance x cosine, `pi * BRDF * |n.wi|`, linear, with sRGB
 //! primaries: 1.0 is a white Lambertian surface lit at normal incidence. Texels are row-major from
@@ -34,25 +36,30 @@
 //! Reading in this order: [`Direction`] and [`DirectionSet`]; [`CaptureInfo`] with [`Transfer`],
 //! [`Cosine`] and [`Side`], which hold the radiometry; [`Capture`] and [`CaptureWriter`];
 //! [`CaptureError`], one sentence for everything that can be wrong. [`mod@atomic`] is for every
-//! program that writes files.
+//! program that writes files, [`cie`] for those that deal in spectra.
 //!
-//! Not here: error metrics (they are the fitter's), other containers than folders and zips, and
-//! sets that are no full grid of views x lights.
+//! Not here: error metrics (they are the fitter's), and sets that are no full grid of views x lights.
 
 pub mod atomic;
 #[cfg(test)]
 mod bad_input;
 mod bonn;
 mod capture;
+pub mod cie;
 mod colour;
 mod direction;
 mod encode8;
 mod error;
 mod exr_image;
+mod grid;
 mod images;
 mod info;
+mod list;
 mod manifest;
+mod radiance;
 mod source;
+mod spectrum;
+mod ubo2014;
 mod writer;
 
 pub use atomic::{AtomicFile, write_file_atomically};
@@ -62,4 +69,5 @@ pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 pub use encode8::Encoder8;
 pub use error::CaptureError;
 pub use info::{CaptureInfo, Cosine, ImageFormat, Side};
+pub use ubo2014::{ContainerInfo, ContainerKind, HeightMap};
 pub use writer::CaptureWriter;

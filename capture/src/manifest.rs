@@ -54,7 +54,7 @@ pub(crate) fn apply(text: &str, path: &str, info: &mut CaptureInfo) -> Result<()
     if let Some(word) = manifest.transfer {
         let transfer = word.get_ref().parse().map_err(at(word.span()))?;
         if info.format == ImageFormat::Exr && transfer != crate::Transfer::Linear {
-            let reason = format!("EXR images are linear, so transfer cannot be `{transfer}`; write \"linear\"");
+            let reason = format!("its images are linear, so transfer cannot be `{transfer}`; write \"linear\"");
             return Err(bad(word.span().start, reason));
         }
         info.transfer = transfer;

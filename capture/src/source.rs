@@ -1,4 +1,4 @@
-//! Where a capture's files lie: in a folder or, unpacked in place, in a zip archive.
+//! Where a capture's image files lie: in a folder or, unpacked in place, in a zip archive.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -45,7 +45,21 @@ enum Kind {
 
 /// A memory map that clones by reference.
 #[derive(Debug, Clone)]
-struct SharedBytes(Arc<memmap2::Mmap>);
+pub(crate) struct SharedBytes(Arc<memmap2::Mmap>);
+
+impl SharedBytes {
+    /// Maps the file at `path`; `None` if it is empty, which cannot be mapped.
+    pub(crate) fn map(path: &Path) -> Result<Option<SharedBytes>, CaptureError> {
+        let file = File::open(path).map_err(|source| CaptureError::read(path, source))?;
+        let size = file.metadata().map_err(|source| CaptureError::read(path, source))?.len();
+        if size == 0 {
+            return Ok(None);
+        }
+        #[allow(unsafe_code, reason = "mapping a file: read-only, and captures are not rewritten while they are read")]
+        let map = unsafe { memmap2::Mmap::map(&file) }.map_err(|source| CaptureError::read(path, source))?;
+        Ok(Some(SharedBytes(Arc::new(map))))
+    }
+}
 
 impl AsRef<[u8]> for SharedBytes {
     fn as_ref(&self) -> &[u8] {
@@ -69,16 +83,9 @@ impl Source {
 
     fn open_zip(path: &Path) -> Result<Source, CaptureError> {
         let shown = path.display().to_string();
-        let file = File::open(path).map_err(|source| CaptureError::read(path, source))?;
-        let size = file.metadata().map_err(|source| CaptureError::read(path, source))?.len();
         let not_a_zip = |reason: String| CaptureError::NotAnArchive { path: shown.clone(), reason };
-        if size == 0 {
-            return Err(not_a_zip("it is an empty file".into()));
-        }
-        #[allow(unsafe_code, reason = "mapping a file: read-only, and captures are not rewritten while they are read")]
-        let map = unsafe { memmap2::Mmap::map(&file) }.map_err(|source| CaptureError::read(path, source))?;
-        let archive =
-            ZipArchive::new(Cursor::new(SharedBytes(Arc::new(map)))).map_err(|error| not_a_zip(one_line(&error)))?;
+        let bytes = SharedBytes::map(path)?.ok_or_else(|| not_a_zip("it is an empty file".into()))?;
+        let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| not_a_zip(one_line(&error)))?;
         if archive.has_duplicate_names() {
             return Err(not_a_zip("two of its entries have one name".into()));
         }
@@ -197,7 +204,7 @@ fn list_folder(folder: &Path, prefix: &str, depth: usize, names: &mut Vec<String
 
 /// The name with `/` between its parts, or `None` if it leads out of the archive: absolute, with a
 /// drive, with a part `..`, or with a NUL. Backslashes count as separators, as Windows takes them.
-fn safe_name(name: &str) -> Option<String> {
+pub(crate) fn safe_name(name: &str) -> Option<String> {
     let name = name.replace('\\', "/");
     let bytes = name.as_bytes();
     let has_drive = bytes.len() >= 2 && bytes[0].is_ascii_alphabetic() && bytes[1] == b':';

@@ -3,11 +3,8 @@
 use crate::error::SynthError;
 use crate::optics::plate_paper::PAPER_WAVELENGTHS_NM;
 use crate::optics::specific_absorption::check_wavelengths;
-use crate::optics::tables::cie::{CIE_FIRST_NM, CIE_STEP_NM, CIE_X, CIE_Y, CIE_Z, D65};
 use crate::optics::tables::interpolated;
-
-/// From CIE XYZ to linear sRGB [IEC 61966-2-1].
-const RGB_FROM_XYZ: [[f64; 3]; 3] = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
+use btf_capture::cie;
 
 /// At which wavelengths a colour is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -75,14 +72,14 @@ impl RgbFromSpectrum {
 
     /// Of evenly spaced wavelengths inside the tables.
     fn under_d65(wavelengths_nm: Vec<f64>) -> RgbFromSpectrum {
-        let at = |column: &[f64], nm: f64| interpolated(column, CIE_FIRST_NM, CIE_STEP_NM, nm);
-        let luminance: f64 = wavelengths_nm.iter().map(|&nm| at(&D65, nm) * at(&CIE_Y, nm)).sum();
+        let at = |column: &[f64], nm: f64| interpolated(column, cie::FIRST_NM, cie::STEP_NM, nm);
+        let luminance: f64 = wavelengths_nm.iter().map(|&nm| at(&cie::D65, nm) * at(&cie::Y, nm)).sum();
         let mut weights: Vec<[f64; 3]> = wavelengths_nm
             .iter()
             .map(|&nm| {
-                let xyz = [at(&CIE_X, nm), at(&CIE_Y, nm), at(&CIE_Z, nm)];
-                let power = at(&D65, nm) / luminance;
-                RGB_FROM_XYZ.map(|row| power * (row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2]))
+                let xyz = [at(&cie::X, nm), at(&cie::Y, nm), at(&cie::Z, nm)];
+                let power = at(&cie::D65, nm) / luminance;
+                cie::RGB_FROM_XYZ.map(|row| power * (row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2]))
             })
             .collect();
         let uncorrected_white = std::array::from_fn(|channel| weights.iter().map(|w| w[channel]).sum());

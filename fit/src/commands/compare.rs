@@ -19,7 +19,7 @@ use std::time::Instant;
 #[command(after_help = "Example:
   btf-fit compare WOOL wool.spmm --json - --heatmap maps")]
 pub(super) struct CompareArgs {
-    /// The capture: a folder or a zip
+    /// The capture: a folder, a zip or a .btf file
     #[arg(value_name = "CAPTURE")]
     capture: PathBuf,
     /// The asset

@@ -14,7 +14,8 @@ use std::time::Instant;
 
 /// Fit captures and pack them into one asset
 ///
-/// CAPTURE is a folder in Bonn's layout (UBO2003) or a zip of one. Several captures of the same texel
+/// CAPTURE is a folder or a zip of images in Bonn's layout (UBO2003, ATRIUM, spectral sets) or with a list
+/// of its images (a .csv), or a UBO2014 file (.btf); docs/CAPTURES.md. Several captures of the same texel
 /// grid, which differ in the sides of light and eye, become the layers of one asset. Those of the back
 /// (side back or transmission-front in capture.toml) are as a camera sees the sample turned over about
 /// its vertical axis; their columns and x are mirrored here.
@@ -23,7 +24,7 @@ use std::time::Instant;
   btf-fit fit WOOL -o wool.spmm --bytes 2MB --report wool.html
   btf-fit fit LEAF_FRONT LEAF_BACK LEAF_THROUGH_BACK LEAF_THROUGH_FRONT -o leaf.spmm --bytes 6MB --json -")]
 pub(super) struct FitArgs {
-    /// Capture folders or zips, one per layer
+    /// Captures: folders, zips or .btf files, one per layer
     #[arg(required = true, value_name = "CAPTURE")]
     captures: Vec<PathBuf>,
     /// The asset to write

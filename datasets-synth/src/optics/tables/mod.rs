@@ -1,7 +1,6 @@
 //! Figures typed in from the literature; nothing is read at run time.
 
 pub(crate) mod abm;
-pub(crate) mod cie;
 pub(crate) mod prospect_5;
 #[allow(clippy::approx_constant, reason = "one refractive index happens to start with log2(e)'s digits")]
 pub(crate) mod prospect_d;
