@@ -46,6 +46,8 @@ mod residual_source;
 #[cfg(test)]
 mod sample_asset;
 mod sparse;
+mod texel_tiles;
+mod tile_errors;
 
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};
@@ -62,7 +64,7 @@ pub use expand::{ExpandParams, expand, expand_info};
 pub use fitted::{Fitted, fit_and_measure};
 pub use frame::{capture_directions, layer_directions};
 pub use heatmap::{Raster, scale_top, viridis, write_heatmaps};
-pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot, TexelBlock};
+pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot};
 pub use kmeans::{Clustering, kmeans};
 pub use lasso::{LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso};
 pub use material::{CaptureRecord, FitRecord, Material, MaterialLayer, side_of_layer, sides_of_capture};
@@ -72,3 +74,4 @@ pub use monitor::{Monitor, Stage};
 pub use params::{ErrorMeasure, FitOutcome, FitParams, KMeansEngine, LobeFigures};
 pub use pipeline::{MATERIAL_RESERVE, fit};
 pub use report::{ReportInput, ReportLayer, report_html};
+pub use texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb};
