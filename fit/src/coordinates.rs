@@ -32,6 +32,7 @@ impl Coordinates {
         rank: usize,
         sample: usize,
         seed: u64,
+        stage: &str,
         monitor: &Monitor,
     ) -> Result<Coordinates, FitError> {
         let texels = source.cache.texel_count();
@@ -52,7 +53,7 @@ impl Coordinates {
         let mut scores = Array2::<f32>::zeros((texels, directions.ncols()));
         let mut squares = 0.0;
         source.for_each_block(
-            "residual",
+            stage,
             monitor,
             |range, rows| {
                 let squares: f64 = rows.iter().map(|x| f64::from(*x) * f64::from(*x)).sum();

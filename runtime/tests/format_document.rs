@@ -3,8 +3,8 @@
 
 use btf_runtime::{
     Asset, Basis, Coefficients, DecodeOptions, DictionaryLobe, Factors, Interpolation, Layer, Lobe, LobeFamily,
-    LobeRef, Resident, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide, decode, pack, read_directory,
-    weight_from_byte,
+    LobeRef, LobeRole, Resident, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide, decode, pack,
+    read_directory, weight_from_byte,
 };
 use half::f16;
 
@@ -63,6 +63,7 @@ fn example() -> Asset {
     let layer = Layer {
         light_side: SurfaceSide::Front,
         view_side: SurfaceSide::Front,
+        lobe_role: LobeRole::Base,
         residual_kind: ResidualKind::Additive,
         epsilon: 0.5,
         lights: Sphere::new(&[[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.6, 0.8]]).unwrap(),
@@ -99,6 +100,7 @@ fn fields(bytes: &[u8]) -> Vec<(String, String)> {
         ("material", asset.material.clone()),
         ("light_side", format!("{:?}", layer.light_side)),
         ("view_side", format!("{:?}", layer.view_side)),
+        ("lobe_role", format!("{:?}", layer.lobe_role)),
         ("residual_kind", format!("{:?}", layer.residual_kind)),
         ("epsilon", layer.epsilon.to_string()),
         ("clusters", layer.dictionary.len().to_string()),

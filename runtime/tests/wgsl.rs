@@ -116,6 +116,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("BLOCK_LIGHT_COUNT", block::LIGHT_COUNT),
         ("BLOCK_PAIRS", block::PAIRS),
         ("BLOCK_HORIZON", block::HORIZON),
+        ("BLOCK_LOBE_ROLE", block::LOBE_ROLE),
     ];
     let floats = [
         ("INSIDE_TOLERANCE", INSIDE_TOLERANCE),
