@@ -211,7 +211,8 @@ impl<'a> Sections<'a> {
 impl Asset {
     /// Checks and reads a whole asset or one of its documented prefixes (tiers).
     ///
-    /// Never panics, and allocates no more than a small multiple of `bytes.len()`.
+    /// Never panics. Allocates for coded numbers only what `bytes` can hold (1024 numbers a byte), and builds each
+    /// direction set's grid: of 64 x 64 cells at most.
     pub fn parse(bytes: &[u8]) -> Result<Asset, FormatError> {
         let directory = read_directory(bytes)?;
         let mut entries = HashMap::new();

@@ -100,7 +100,7 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
         || residual.bases.len() > MAX_COMPONENTS + 1
         || residual.coefficients.len() + 1 != residual.bases.len()
     {
-        return refuse("a residual needs a mean and at most 64 components, each with coefficients");
+        return refuse("a residual needs a mean and at most 128 components, each with coefficients");
     }
     if factors.shape != [layer.views.len(), layer.lights.len()]
         || factors.ranks.iter().flatten().any(|rank| *rank > MAX_RANK)
