@@ -4,7 +4,6 @@ import hashlib
 import os
 import re
 import tempfile
-import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,7 +65,8 @@ def read(folder, cache=None):
     transfer = "srgb"
     toml = Path(folder) / "capture.toml"
     if toml.is_file():
-        transfer = tomllib.loads(toml.read_text(encoding="utf-8")).get("transfer", "srgb")
+        stated = re.search(r'^transfer\s*=\s*"([^"]+)"', toml.read_text(encoding="utf-8"), re.MULTILINE)
+        transfer = stated.group(1) if stated else transfer
     from PIL import Image
 
     width, height = Image.open(files[0][3]).size
