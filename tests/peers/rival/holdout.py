@@ -128,7 +128,9 @@ class Filled:
 
 
 def neighbour_weights(capture, kept, held):
-    """Two [held, pair] matrices: means of measured neighbours at the same view, and at the same light."""
+    """Two sparse [held, pair] matrices: means of measured neighbours at the same view, and at the same light."""
+    from scipy.sparse import csr_matrix
+
     views, lights, _ = capture.shape
     near_light, near_view = Triangles(capture.lights_deg).neighbours(), Triangles(capture.views_deg).neighbours()
     measured = np.zeros(views * lights, bool)
@@ -143,7 +145,7 @@ def neighbour_weights(capture, kept, held):
     empty = both.sum(-1) == 0
     both[0][empty[0]] = both[1][empty[0]]
     both[1][empty[1]] = both[0][empty[1]]
-    return both
+    return csr_matrix(both[0]), csr_matrix(both[1])
 
 
 def measure(capture, domain, held, size, rank=256, seed=1, log=print):
@@ -210,10 +212,12 @@ def measure(capture, domain, held, size, rank=256, seed=1, log=print):
             truth = measured[:, held_values]
             linear = domain.to_linear(decoded).astype(np.float32).reshape(len(decoded), -1, 3)
             direct = np.clip(decoded[:, held_values], 0, 255)
-            # Interpolated linear values, encoded again; one product a channel.
+            # Interpolated linear values, encoded again.
+            linear = np.ascontiguousarray(linear.transpose(1, 0, 2)).reshape(views * lights, -1)
+            sides = [weights @ linear for weights in (by_light, by_view)]
             mixes = []
-            for weights in (by_light, by_view, (by_light + by_view) / 2):
-                mixed = np.stack([linear[:, :, c] @ weights.T for c in range(3)], -1).reshape(len(decoded), -1)
+            for mixed in (*sides, (sides[0] + sides[1]) / 2):
+                mixed = mixed.reshape(len(held), -1, 3).transpose(1, 0, 2).reshape(len(decoded), -1)
                 mixes.append(255 * np.clip(encoded_of(mixed, capture.transfer), 0, 1))
             guesses = [direct, *mixes, (direct + mixes[2]) / 2]
             sums[0] += np.sum((domain.codes(decoded)[:, kept_values] - measured[:, kept_values]).astype(np.float64) ** 2)
