@@ -115,7 +115,7 @@ def measure(arguments):
     if "published" in codecs:
         report.replace(["fmf", "local pca"])
         domain = Domain("linear", data.transfer)
-        frame = coordinates.measure(data, domain, min(arguments.rank, 128), seed)
+        frame = coordinates.measure(data, domain, min(arguments.rank, 192), seed)
         report.add(published.fmf_points(data, domain, frame))
         for clusters in published.LPCA_CLUSTERS:
             report.add(published.lpca_points(data, domain, frame, seed, (clusters,)))
