@@ -47,7 +47,7 @@ impl Coordinates {
                 Ok::<_, FitError>(source.rows(&block, range, |index| chosen[index]))
             },
         };
-        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5ba5_ed);
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5ba5);
         let directions = principal_directions(&sampled, rank, &mut random)?;
         drop(block);
         let mut scores = Array2::<f32>::zeros((texels, directions.ncols()));

@@ -55,7 +55,7 @@ const DEFAULT_COMPONENTS: usize = 8;
 const DEFAULT_STEP: f64 = 0.001;
 /// Rounds of encoding and measurement that a PSNR goal gets, and how far above the goal the sampled figure
 /// must lie, so that the figure over all pairs reaches it.
-const PSNR_ROUNDS: usize = 6;
+const PSNR_ROUNDS: usize = 8;
 const PSNR_MARGIN_DB: f64 = 0.03;
 /// Room for the material text, whose figures are known only at the end.
 pub const MATERIAL_RESERVE: usize = 4096;
@@ -321,6 +321,10 @@ fn within_error(
     let mut target = error_for_psnr(db) * samples;
     let mut found: Option<(usize, Asset)> = None;
     let mut reached = 0.0f64;
+    // Logarithms of targets with what they gave, nearest to the goal from either side.
+    let mut above: Option<(f64, f64)> = None;
+    let mut below: Option<(f64, f64)> = None;
+    let mut side = None;
     for _ in 0..PSNR_ROUNDS {
         let candidate = coarsest_within_error(layers, target, greatest, grid, params, monitor)?;
         let bytes = pack(&candidate.asset)?.len();
@@ -348,7 +352,25 @@ fn within_error(
         if (measured < db && last_resort) || (measured >= db && measured <= db + 6.0 * PSNR_MARGIN_DB) {
             break;
         }
-        target *= 10f64.powf((measured - db - 3.0 * PSNR_MARGIN_DB) / 10.0);
+        // A little above the goal on the line between what was too much and what was too little; else as if error
+        // were what it was predicted to be. (Near the rounding of 8-bit captures it falls much faster.)
+        let point = (target.log10(), measured);
+        if measured > db {
+            above = Some(point)
+        } else {
+            below = Some(point)
+        }
+        let goal = db + 3.0 * PSNR_MARGIN_DB;
+        target = 10f64.powf(match (above, below) {
+            (Some(above), Some(below)) if above.1 > below.1 && goal > below.1 => {
+                let along = ((goal - below.1) / (above.1 - below.1)).clamp(0.05, 0.95);
+                // Twice on one side: the line misleads.
+                let along = if side == Some(measured > db) { 0.5 } else { along };
+                below.0 + along * (above.0 - below.0)
+            }
+            _ => point.0 + (measured - goal) / 10.0,
+        });
+        side = Some(measured > db);
     }
     found.map(|(_, asset)| asset).ok_or_else(|| {
         FitError::Budget(format!(
