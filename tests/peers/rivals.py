@@ -27,6 +27,9 @@ from rival.domain import Domain, psnr_db
 TARGETS = [1e5, 1.25e5, 1.6e5, 2e5, 2.5e5, 3e5, 4e5, 5e5, 6.3e5, 7.9e5, 1e6, 1.26e6, 1.58e6, 2e6, 2.5e6, 3.2e6, 4e6, 4.5e6]
 
 
+QUICK_TARGETS = [1.6e5, 2.5e5, 5e5, 1e6, 2e6, 4e6]
+
+
 def log(*words):
     print(f"[{time.time() - START:6.0f} s]", *words, file=sys.stderr, flush=True)
 
@@ -88,6 +91,7 @@ def measure(arguments):
     seed = arguments.seed
     codecs = [codec for codec in arguments.codec.split(",") if codec != "none"]
     gamma = Domain("gamma", data.transfer)
+    every_target = QUICK_TARGETS if arguments.quick else TARGETS
     if "strong" in codecs or "plus" in codecs or arguments.off_grid:
         for kind in arguments.domains.split(","):
             domain = Domain(kind, data.transfer)
@@ -99,7 +103,7 @@ def measure(arguments):
             if "strong" in codecs:
                 if kind == "gamma":
                     report.replace(["strong"])
-                for estimate in strong.best_at(found, TARGETS if kind == "gamma" else TARGETS[4::5]):
+                for estimate in strong.best_at(found, every_target if kind == "gamma" else every_target[2::3]):
                     report.add([strong.measure(data, domain, frame, spaces, estimate, chosen, seed)[0]])
             if arguments.off_grid and kind == "gamma":
                 other = captures.read(arguments.off_grid, arguments.cache)
@@ -117,8 +121,9 @@ def measure(arguments):
         domain = Domain("linear", data.transfer)
         frame = coordinates.measure(data, domain, min(arguments.rank, 192), seed)
         report.add(published.fmf_points(data, domain, frame))
-        for clusters in published.LPCA_CLUSTERS:
-            report.add(published.lpca_points(data, domain, frame, seed, (clusters,)))
+        for clusters in (32,) if arguments.quick else published.LPCA_CLUSTERS:
+            components = (4, 8) if arguments.quick else published.LPCA_COMPONENTS
+            report.add(published.lpca_points(data, domain, frame, seed, (clusters,), components, log))
         del frame
     if "stacks" in codecs:
         report.replace(["jpeg", "jpeg xl", "av1"])
@@ -161,6 +166,7 @@ def main():
     parser.add_argument("--add", action="store_true", help="keep what the report has of other codecs and measurements")
     parser.add_argument("--codec", default="strong,published", help="of: strong, published, plus, stacks; or none")
     parser.add_argument("--domains", default="gamma", help="of the strong rival: gamma, log")
+    parser.add_argument("--quick", action="store_true", help="six sizes of strong, 32 x 4 and 32 x 8 of local PCA")
     parser.add_argument("--slice", type=int, metavar="VIEW", help="one view of the capture only")
     parser.add_argument("--leave-out", type=float, metavar="SHARE", help="hold back pairs as `btf-fit fit --leave-out` does")
     parser.add_argument("--held-out", metavar="FILE", help="hold back these pairs: JSON [[view, light], ...]")
