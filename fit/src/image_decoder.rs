@@ -8,8 +8,8 @@ use crate::frame::layer_directions;
 use crate::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb, texel_tiles};
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
-    Asset, DecodeOptions, HORIZON_COS, Interpolation, Layer, LobeSetup, Neighbours, RATIO_EPSILON, RATIO_RANGE,
-    Resident, ResidualKind, Sphere, block, root,
+    Asset, DecodeOptions, HORIZON_COS, Interpolation, Layer, LobeRole, LobeSetup, Neighbours, RATIO_EPSILON,
+    RATIO_RANGE, Resident, ResidualKind, Sphere, block, root,
 };
 use half::f16;
 
@@ -153,10 +153,12 @@ impl<'a> ImageDecoder<'a> {
                 *sum += tap.weight * row;
             }
         }
-        let residual_scale = match self.layer.residual_kind {
-            ResidualKind::Additive => into.beyond,
-            ResidualKind::Log => 1.0,
-            ResidualKind::Root => root(into.beyond.max(1e-12)),
+        let (residual_scale, fade) = match self.layer.residual_kind {
+            _ if self.used_words == 0 => (1.0, fade),
+            _ if self.layer.lobe_role == LobeRole::Guide => (1.0, fade * into.beyond),
+            ResidualKind::Additive => (into.beyond, fade),
+            ResidualKind::Log => (1.0, fade),
+            ResidualKind::Root => (root(into.beyond.max(1e-12)), fade),
         };
         PairPlan { taps: vec![Tap { weight: 1.0, values: here, rows }], here: None, residual_scale, fade }
     }
@@ -218,11 +220,12 @@ impl<'a> ImageDecoder<'a> {
     /// Lobes and residual at `tap`, combined.
     fn combine(&self, tile: &TexelTile, weights: &BasisWeights, tap: &Tap, scale: f32, out: &mut TileRgb) {
         let (kind, epsilon) = (self.layer.residual_kind, self.layer.epsilon);
-        self.lobe_sums(tile, &tap.values, out);
         if self.used_words == 0 {
-            return;
+            return self.lobe_sums(tile, &tap.values, out);
         }
-        if tile.has_lobes() {
+        // Guiding lobes add nothing.
+        if tile.has_lobes() && self.layer.lobe_role == LobeRole::Base {
+            self.lobe_sums(tile, &tap.values, out);
             kind.encode_slice(out.as_flattened_mut(), epsilon);
         } else {
             out.as_flattened_mut().fill(kind.encode(0.0, epsilon));
@@ -283,9 +286,17 @@ mod tests {
 
     const KINDS: [ResidualKind; 3] = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
 
-    fn asset(kind: ResidualKind) -> Asset {
+    const ROLES: [LobeRole; 2] = [LobeRole::Base, LobeRole::Guide];
+
+    /// One asset per curve and role.
+    fn assets() -> impl Iterator<Item = (ResidualKind, LobeRole, Asset)> {
+        KINDS.into_iter().flat_map(|kind| ROLES.map(|role| (kind, role, asset(kind, role))))
+    }
+
+    fn asset(kind: ResidualKind, role: LobeRole) -> Asset {
         let (views, lights) = (DirectionSet::random(7, 3).unwrap(), DirectionSet::random(9, 4).unwrap());
-        let asset = sample_asset_with(5, 3, &views, &lights, kind);
+        let mut asset = sample_asset_with(5, 3, &views, &lights, kind);
+        asset.layers[0].lobe_role = role;
         Asset::parse(&pack(&asset).unwrap()).unwrap()
     }
 
@@ -297,8 +308,7 @@ mod tests {
 
     #[test]
     fn measured_pairs_are_bit_for_bit_those_of_the_runtime() {
-        for kind in KINDS {
-            let asset = asset(kind);
+        for (kind, role, asset) in assets() {
             let resident = Resident::from_asset(&asset);
             let layer = &asset.layers[0];
             for (components, lobes) in [(u32::MAX, u32::MAX), (2, u32::MAX), (1, 1), (0, 2)] {
@@ -314,7 +324,7 @@ mod tests {
                     first_ref += usize::from(layer.texel_lobe_counts[texel]);
                     for pair in 0..7 * 9 {
                         let fast = image(&decoder, 15, Spot::Measured(pair / 9), Spot::Measured(pair % 9));
-                        assert_eq!(fast[texel * 3..texel * 3 + 3], slow[pair * 3..pair * 3 + 3], "{kind:?}");
+                        assert_eq!(fast[texel * 3..texel * 3 + 3], slow[pair * 3..pair * 3 + 3], "{kind:?} {role:?}");
                     }
                 }
             }
@@ -326,8 +336,7 @@ mod tests {
         let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 + 1e-4 * b.abs();
         let directions = DirectionSet::random(12, 99).unwrap().units();
         let grazing = [[1.0, 0.0, 0.0], [0.9999, 0.0, 0.014_141], [0.0, -0.6, -0.8]];
-        for kind in KINDS {
-            let asset = asset(kind);
+        for (kind, role, asset) in assets() {
             let resident = Resident::from_asset(&asset);
             let (lights, views) = (&asset.layers[0].lights, &asset.layers[0].views);
             for interpolation in [Interpolation::Fast, Interpolation::Exact] {
@@ -347,7 +356,7 @@ mod tests {
                             let planted = decode(&resident, 0, texel as u32, *wi, *wo, &other);
                             for c in 0..3 {
                                 let got = fast[texel * 3 + c];
-                                assert!(near(got, slow[c]), "{kind:?} {interpolation:?} {wi:?} {wo:?}: {got} {slow:?}");
+                                assert!(near(got, slow[c]), "{kind:?} {role:?} {wi:?} {wo:?}: {got} {slow:?}");
                                 rules_differ |= !near(got, planted[c]);
                             }
                         }
