@@ -4,21 +4,27 @@
 use crate::colour::Transfer;
 use crate::info::{CaptureInfo, file_linear, round_to_8_bits};
 
-/// Number of cells of the first-guess table over file values in [0, 1]. 4096 cells leave at most
-/// three steps of the sRGB curve (slope 12.92) in one cell.
-const CELLS: usize = 4096;
-
 /// Encodes many linear values as 8-bit file values: [`CaptureInfo::encoded8_from_linear`] by
 /// table, several times faster because no power is taken. Build one per capture and share it between threads.
 #[derive(Debug, Clone)]
 pub struct Encoder8 {
-    /// `thresholds[v]`: the smallest linear file value that is stored as at least `v + 1`; NaN for
-    /// the last, which nothing reaches.
-    thresholds: [f32; 256],
-    /// The stored value at the lower edge of each cell.
-    first_guess: Vec<u8>,
+    /// Cells of equal relative width over the floats from the smallest threshold to the largest.
+    cells: Vec<Cell>,
+    /// Bits of the first and the last float that has a cell of its own.
+    range: [u32; 2],
+    /// Bits of a float that do not count for its cell.
+    shift: u32,
     /// Per light: factor from file values to reflectance x cosine.
     factors: Vec<f32>,
+}
+
+/// Floats with the same leading bits: at most two 8-bit values meet here.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    /// The smallest float that is stored above `value`; NaN if nothing is.
+    next: f32,
+    /// The 8-bit value at the lower edge.
+    value: u8,
 }
 
 impl Encoder8 {
@@ -28,9 +34,26 @@ impl Encoder8 {
         for value in 0..255u8 {
             thresholds[value as usize] = smallest_stored_above(info.transfer, value);
         }
-        let first_guess = (0..CELLS).map(|cell| encode(info.transfer, cell as f32 / CELLS as f32)).collect();
+        let range = [thresholds[0].to_bits(), thresholds[254].to_bits()];
+        // Eight bits behind the exponent separate the values of every curve that is steepest at 0.
+        let cell_of = |bits: u32, shift: u32| (bits - range[0]) >> shift;
+        let apart = |shift: &u32| {
+            thresholds[..255]
+                .windows(2)
+                .all(|pair| cell_of(pair[0].to_bits(), *shift) < cell_of(pair[1].to_bits(), *shift))
+        };
+        let shift = (8..=15).rev().find(apart).unwrap_or(8);
+        let mut value = 0u8;
+        let cells = (0..=cell_of(range[1], shift)).map(|cell| {
+            let least = f32::from_bits(range[0] + (cell << shift));
+            while least > thresholds[value as usize] {
+                value += 1;
+            }
+            Cell { next: thresholds[value as usize], value }
+        });
+        let cells = cells.collect();
         let factors = (0..info.lights.len()).map(|light| info.linear_factor(light)).collect();
-        Encoder8 { thresholds, first_guess, factors }
+        Encoder8 { cells, range, shift, factors }
     }
 
     /// The 8-bit file value of reflectance x cosine `linear` under light `light`; equal to
@@ -44,6 +67,7 @@ impl Encoder8 {
     ///
     /// # Panics
     /// If the lengths differ.
+    #[inline(always)]
     pub fn encode_slice(&self, light: usize, linear: &[f32], encoded: &mut [u8]) {
         assert_eq!(linear.len(), encoded.len(), "one 8-bit value per linear value");
         let factor = self.factors[light];
@@ -52,15 +76,14 @@ impl Encoder8 {
         }
     }
 
-    #[inline]
+    /// No branch: a decoded image is noise to a branch predictor.
+    #[inline(always)]
     fn encode_file_value(&self, file_value: f32) -> u8 {
-        // `as` maps NaN and negatives to cell 0, where the loop below ends at once.
-        let cell = ((file_value * CELLS as f32) as usize).min(CELLS - 1);
-        let mut value = self.first_guess[cell];
-        while file_value >= self.thresholds[value as usize] {
-            value += 1;
-        }
-        value
+        // As a comparison, NaN becomes 0.
+        let file_value = if file_value > 0.0 { file_value } else { 0.0 };
+        let bits = file_value.to_bits().clamp(self.range[0], self.range[1]);
+        let cell = self.cells[((bits - self.range[0]) >> self.shift) as usize];
+        cell.value + u8::from(file_value >= cell.next)
     }
 }
 
@@ -88,12 +111,14 @@ mod tests {
     fn the_table_equals_the_definition_everywhere_and_at_every_threshold() {
         let set = DirectionSet::bonn81();
         let base = CaptureInfo::new("test", 1, 1, set.clone(), set, ImageFormat::Png);
-        for transfer in [Transfer::Srgb, Transfer::Gamma(2.2), Transfer::Gamma(0.5), Transfer::Linear] {
+        for transfer in
+            [Transfer::Gamma(7.0), Transfer::Srgb, Transfer::Gamma(2.2), Transfer::Gamma(0.5), Transfer::Linear]
+        {
             let info = CaptureInfo { transfer, cosine: Cosine::Excluded, scale: 1.3, ..base.clone() };
             let encoder = Encoder8::new(&info);
             let mut values: Vec<f32> = (0..60_000).map(|i| i as f32 * 2.5e-5 - 0.1).collect();
-            for t in &encoder.thresholds[..255] {
-                let linear = t * info.linear_factor(70);
+            for value in 0..255 {
+                let linear = smallest_stored_above(transfer, value) * info.linear_factor(70);
                 values.extend([linear.next_down(), linear, linear.next_up()]);
             }
             values.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -0.0]);

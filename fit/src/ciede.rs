@@ -39,7 +39,20 @@ impl LabConverter {
 /// The cube root with its linear piece near black, CIE 15.
 fn lab_curve(t: f64) -> f64 {
     const DELTA: f64 = 6.0 / 29.0;
-    if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
+    if t > DELTA * DELTA * DELTA { cube_root(t) } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
+}
+
+/// The cube root of a normal positive number within 1e-14: a third of its exponent, then Halley's iteration;
+/// several times faster than the one that is right to the last bit.
+fn cube_root(t: f64) -> f64 {
+    // Two thirds of the exponent's bias, and what makes the error of the guess alike on both sides.
+    const BIAS: u64 = 0x2A9F_7893_0000_0000;
+    let mut y = f64::from_bits(t.to_bits() / 3 + BIAS);
+    for _ in 0..3 {
+        let cube = y * y * y;
+        y *= (cube + 2.0 * t) / (2.0 * cube + t);
+    }
+    y
 }
 
 /// CIEDE2000 with unit weights, [Sharma 2005, eqs. 2 to 22].
@@ -90,6 +103,14 @@ pub fn delta_e00(x: Lab, y: Lab) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_cube_root_is_the_cube_root() {
+        for i in 1..20_000 {
+            let t = 1.3f64.powi(i % 60 - 30) * (1.0 + f64::from(i) * 1e-4);
+            assert!((cube_root(t) / t.cbrt() - 1.0).abs() < 1e-14, "{t}");
+        }
+    }
 
     /// The 34 pairs of [Sharma 2005, table 1]: two colours and their difference, four decimals.
     const SHARMA: [(Lab, Lab, f64); 34] = [

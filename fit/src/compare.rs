@@ -17,6 +17,8 @@ use rayon::prelude::*;
 
 /// About how many pairs the colour difference is taken over.
 const COLOUR_PAIRS: usize = 256;
+/// At least so many colours it is taken over, or all of those pairs': every n-th texel of a tile.
+const COLOURS: usize = 4_000_000;
 
 /// Most images held at a time.
 const MOST_BATCH: usize = 64;
@@ -175,7 +177,8 @@ pub fn side_words(asset: &Asset) -> String {
 /// Measures the asset against `capture`, reading each of its images once.
 ///
 /// `resident` must be `asset`'s. Directions of the capture within 0.01 degrees of the asset's are
-/// decoded as measured ones, others are interpolated. Cost: @@COST@@
+/// decoded as measured ones, others are interpolated. Cost: about 3 ns and 0.1 ns per component
+/// a sample and core beside the reading of the images.
 ///
 /// # Errors
 /// If the sizes differ, an image cannot be read, or the monitor was cancelled.
@@ -216,6 +219,7 @@ pub fn measure_images(
     let coding = Coding::new(info);
     let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
     let stride = colour_pair_stride(info.views.len(), lights);
+    let texel_stride = (texels * pairs.len().div_ceil(stride) / COLOURS).max(1);
 
     let mut tile_errors = vec![TileErrors::default(); decoder.tiles().len()];
     let mut pair_code_error = vec![0; info.pair_count()];
@@ -235,7 +239,7 @@ pub fn measure_images(
                     Pixels::Linear(values) => turn_image(values, info.width, info.side),
                 }
                 let image = TiledImage::new(&pixels, decoder.tiles());
-                Ok(PairWork { light, plan, image, colour: pair % stride == 0 })
+                Ok(PairWork { light, plan, image, colour_every: (pair % stride == 0).then_some(texel_stride) })
             })
             .collect::<Result<_, FitError>>()?;
         let errors: Vec<Vec<u64>> = tile_errors

@@ -44,7 +44,7 @@ const REPRESENTATIVES: usize = 12;
 /// Lobes per dictionary.
 const DICTIONARY_SIZE: usize = 32;
 /// Pairs that a dictionary is fitted on at most.
-const DICTIONARY_PAIRS: usize = 3400;
+const DICTIONARY_PAIRS: usize = 1100;
 /// Added to a reflectance before its tone weight is taken.
 const TONE_EPSILON: f32 = 0.02;
 /// The relative error that one more lobe must remove.

@@ -101,6 +101,7 @@ impl TexelTile {
     }
 
     /// Unpacks the weights of the bases.
+    #[inline(always)]
     pub fn unpack(&self, into: &mut BasisWeights) {
         into.weights.clear();
         into.weights.extend(self.codes.iter().map(|codes| codes.map(f32::from)));
@@ -109,6 +110,7 @@ impl TexelTile {
     /// Sums of the lobes; `values` are those of the cluster's dictionary at one pair.
     ///
     /// A texel's additions have the order of its lobes; places without texel get 0.
+    #[inline(always)]
     pub fn lobe_sums(&self, values: &[f32], sums: &mut TileRgb) {
         *sums = [[0.0; TILE_TEXELS]; 3];
         for slot in &self.slots {
@@ -126,6 +128,7 @@ impl BasisWeights {
     /// Sums of the bases; `rows` are those of the tile's cluster at one pair, one per two bases.
     ///
     /// A texel's additions have the order of the bases, two by two.
+    #[inline(always)]
     pub fn residual_sums(&self, rows: &[RowWord], sums: &mut TileRgb) {
         for (strip, weights) in self.weights.chunks_exact(2 * rows.len()).enumerate() {
             let mut sum = [[0.0f32; STRIP]; 3];

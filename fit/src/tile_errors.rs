@@ -7,6 +7,7 @@ use crate::image_decoder::{ImageDecoder, PairPlan};
 use crate::metrics::ErrorSums;
 use crate::texel_tiles::{BasisWeights, TILE_TEXELS, TexelTile, TileRgb};
 use btf_capture::{CaptureInfo, Encoder8, ImageFormat, Pixels};
+use pulp::{Arch, Simd, WithSimd};
 
 /// 8-bit values per channel and texel of a tile; 0 behind the tile's last texel.
 pub type TileCodes = [[u8; TILE_TEXELS]; 3];
@@ -70,8 +71,8 @@ pub struct PairWork {
     pub plan: PairPlan,
     /// The capture's image.
     pub image: TiledImage,
-    /// Whether the colour difference is taken here.
-    pub colour: bool,
+    /// If the colour difference is taken here: at every so many texels.
+    pub colour_every: Option<usize>,
 }
 
 /// Sums of a tile's errors so far.
@@ -101,10 +102,35 @@ impl Default for TileErrors {
     }
 }
 
+/// What [`TileErrors::take`] does, as a type: a closure would not be inlined where the wide vectors are.
+struct TakePairs<'a> {
+    errors: &'a mut TileErrors,
+    decoder: &'a ImageDecoder<'a>,
+    number: usize,
+    coding: &'a Coding,
+    batch: &'a [PairWork],
+}
+
+impl WithSimd for TakePairs<'_> {
+    type Output = Vec<u64>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Vec<u64> {
+        self.errors.take_pairs(self.decoder, self.number, self.coding, self.batch)
+    }
+}
+
 impl TileErrors {
     /// Adds `batch` for tile number `number` of `decoder`; the squared differences of 8-bit values of each of its
     /// pairs come back.
+    ///
+    /// Compiled for the processor's widest vectors: the operations and their order, and so the bits, stay the same.
     pub fn take(&mut self, decoder: &ImageDecoder, number: usize, coding: &Coding, batch: &[PairWork]) -> Vec<u64> {
+        Arch::new().dispatch(TakePairs { errors: self, decoder, number, coding, batch })
+    }
+
+    #[inline(always)]
+    fn take_pairs(&mut self, decoder: &ImageDecoder, number: usize, coding: &Coding, batch: &[PairWork]) -> Vec<u64> {
         let tile = &decoder.tiles()[number];
         let count = tile.texels.len();
         let mut weights = BasisWeights::default();
@@ -117,40 +143,40 @@ impl TileErrors {
             coding.encoder.encode_slice(light, linear.as_flattened(), codes.as_flattened_mut());
         };
         let mut code_sums = [0u32; TILE_TEXELS];
-        let errors = batch
-            .iter()
-            .map(|work| {
-                decoder.decode_tile(tile, &weights, &work.plan, &mut decoded);
-                encode(work.light, &decoded, &mut decoded_codes);
-                match &work.image {
-                    TiledImage::Codes(codes) => {
-                        original_codes = codes[number];
-                        let table = &coding.tables[work.light];
-                        for c in 0..3 {
-                            for i in 0..count {
-                                original[c][i] = table[usize::from(original_codes[c][i])];
-                            }
+        // A loop, not an iterator's closures: those would be compiled for the narrow vectors.
+        let mut errors = Vec::with_capacity(batch.len());
+        for work in batch {
+            decoder.decode_tile(tile, &weights, &work.plan, &mut decoded);
+            encode(work.light, &decoded, &mut decoded_codes);
+            match &work.image {
+                TiledImage::Codes(codes) => {
+                    original_codes = codes[number];
+                    let table = &coding.tables[work.light];
+                    for c in 0..3 {
+                        for i in 0..count {
+                            original[c][i] = table[usize::from(original_codes[c][i])];
                         }
                     }
-                    TiledImage::Linear(values) => {
-                        original = values[number];
-                        encode(work.light, &original, &mut original_codes);
-                    }
                 }
-                for c in 0..3 {
-                    // Behind the last texel nothing differs.
-                    decoded[c][count..].fill(0.0);
-                    decoded_codes[c][count..].fill(0);
-                    original[c][count..].fill(0.0);
-                    original_codes[c][count..].fill(0);
+                TiledImage::Linear(values) => {
+                    original = values[number];
+                    encode(work.light, &original, &mut original_codes);
                 }
-                if work.colour {
-                    self.add_colours(&coding.lab, count, &original_codes, &decoded_codes);
-                }
-                self.add_linear(&original, &decoded);
-                add_codes(&original_codes, &decoded_codes, &mut code_sums)
-            })
-            .collect();
+            }
+            for c in 0..3 {
+                // Behind the last texel nothing differs.
+                decoded[c][count..].fill(0.0);
+                decoded_codes[c][count..].fill(0);
+                original[c][count..].fill(0.0);
+                original_codes[c][count..].fill(0);
+            }
+            if let Some(every) = work.colour_every {
+                let texels = (number % every..count).step_by(every);
+                self.add_colours(&coding.lab, texels, &original_codes, &decoded_codes);
+            }
+            self.add_linear(&original, &decoded);
+            errors.push(add_codes(&original_codes, &decoded_codes, &mut code_sums));
+        }
         self.code_error.iter_mut().zip(code_sums).for_each(|(sum, batch)| *sum += u64::from(batch));
         errors
     }
@@ -166,6 +192,7 @@ impl TileErrors {
         }
     }
 
+    #[inline(always)]
     fn add_linear(&mut self, original: &TileRgb, decoded: &TileRgb) {
         // A peak per place: one for all would make every comparison wait for the one before.
         let mut peaks = [self.linear_peak; TILE_TEXELS];
@@ -182,18 +209,25 @@ impl TileErrors {
         self.linear_peak = peaks.into_iter().fold(0.0, f32::max);
     }
 
-    fn add_colours(&mut self, lab: &LabConverter, count: usize, original: &TileCodes, decoded: &TileCodes) {
-        for i in 0..count {
+    fn add_colours(
+        &mut self,
+        lab: &LabConverter,
+        texels: impl Iterator<Item = usize>,
+        original: &TileCodes,
+        decoded: &TileCodes,
+    ) {
+        for i in texels {
+            self.colours += 1;
             let [x, y] = [original, decoded].map(|codes| [codes[0][i], codes[1][i], codes[2][i]]);
             if x != y {
                 self.delta_e00 += delta_e00(lab.lab(x), lab.lab(y));
             }
         }
-        self.colours += count as u64;
     }
 }
 
 /// Adds the squared differences of one pair to `sums` and gives their total.
+#[inline(always)]
 fn add_codes(original: &TileCodes, decoded: &TileCodes, sums: &mut [u32; TILE_TEXELS]) -> u64 {
     let mut total = [0u32; TILE_TEXELS];
     for c in 0..3 {

@@ -45,9 +45,10 @@ const ONE_OVER_ROOT: Exponent = Exponent::new(1.0 / 2.4);
 /// Bits of `1 / sqrt 2`, where the range of mantissas begins.
 const LEAST_MANTISSA: u32 = 0x3f35_04f3;
 /// `log2 m = s (L0 + L1 s^2 + L2 s^4 + L3 s^6)` with `s = (m - 1) / (m + 1)`: least largest relative error, 7e-10.
-const LOG: [f32; 4] = [2.885_390_1, 0.961_798_85, 0.576_713_6, 0.431_756_15];
+const LOG: [f32; 4] = [2.885_39, 0.961_798_85, 0.576_713_6, 0.431_756_15];
 /// `2^f` for `f` in `[-0.5, 0.5]`: least largest relative error, 1.9e-9.
-const EXP: [f32; 7] = [1.0, 0.693_147_2, 0.240_226_47, 0.055_503_29, 0.009_618_489, 0.001_339_993_1, 0.000_153_458_12];
+const EXP: [f32; 7] =
+    [1.0, std::f32::consts::LN_2, 0.240_226_47, 0.055_503_29, 0.009_618_489, 0.001_339_993_1, 0.000_153_458_12];
 /// Adding it to a number below 2^22 rounds that to a whole number, which then stands in the low bits.
 const ROUNDER: f32 = 12_582_912.0;
 

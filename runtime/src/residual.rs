@@ -61,7 +61,7 @@ impl ResidualKind {
     }
 
     /// [`ResidualKind::encode`] of many numbers, in place: the same bits, for the root curve in vectors.
-    #[inline]
+    #[inline(always)]
     pub fn encode_slice(self, values: &mut [f32], epsilon: f32) {
         // A loop per kind: a choice within the loop would keep it from running in vectors.
         match self {
@@ -73,7 +73,7 @@ impl ResidualKind {
 
     /// [`ResidualKind::decode`] of many numbers and at least 0, in place: the same bits, for the root curve in
     /// vectors.
-    #[inline]
+    #[inline(always)]
     pub fn decode_slice(self, values: &mut [f32], epsilon: f32) {
         match self {
             ResidualKind::Additive => values.iter_mut().for_each(|y| *y = y.max(0.0)),
