@@ -323,7 +323,7 @@ fn read_layer(sections: &Sections, layer: u32, width: usize, height: usize) -> R
     let mut reader = sections.get(SectionKind::LobeRefs, layer, 0)?;
     let total: usize = texel_lobe_counts.iter().map(|count| usize::from(*count)).sum();
     let lobe_refs = reader.coded(total, LobeRef { lobe: 0, weight: [0; 3] }, |decoder, refs| {
-        code_refs(decoder, refs, &texel_clusters, &texel_lobe_counts);
+        code_refs(decoder, refs, &texel_clusters, &texel_lobe_counts, 1);
     })?;
     let mut at = 0;
     for (texel, count) in texel_lobe_counts.iter().enumerate() {

@@ -8,7 +8,7 @@ use crate::format::{
     MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, SectionSource, basis_words, write_file,
 };
 use crate::lobe::Lobe;
-use crate::texel_coding::{code_clusters, code_counts, code_refs};
+use crate::texel_coding::{code_clusters, code_counts, encode_refs};
 use half::f16;
 
 fn refuse<T>(reason: &str) -> Result<T, FormatError> {
@@ -177,9 +177,7 @@ fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, width: u
     let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();
     words.extend(layer.dictionary.iter().flatten().flat_map(|entry| entry.lobe.to_words(entry.weight_scale)));
     push(SectionKind::Dictionary, 0, bytes_from_words(&words), false);
-    let refs = coded(|coder| {
-        code_refs(coder, &mut layer.lobe_refs.clone(), &layer.texel_clusters, &layer.texel_lobe_counts);
-    });
+    let refs = encode_refs(&layer.lobe_refs, &layer.texel_clusters, &layer.texel_lobe_counts);
     push(SectionKind::LobeRefs, 0, refs, ends_tier);
 }
 

@@ -2,7 +2,7 @@
 //! One routine both ways, as in [`crate::entropy`].
 
 use crate::asset::LobeRef;
-use crate::entropy::{BinaryCoder, Bit, Signed, Tree};
+use crate::entropy::{BinaryCoder, Bit, Encoder, Signed, Tree, bounded};
 
 /// Codes one cluster id per texel, rows of `width`: equal to the left one, else to the one above, else to the one
 /// above right, else itself.
@@ -49,7 +49,16 @@ pub(crate) fn code_counts(coder: &mut impl BinaryCoder, counts: &mut [u8], clust
 
 /// Codes all lobe references, texel after texel: those of the last texel of its cluster with as many; or the lobes by
 /// the cluster's habits, and weights as differences from those that the same lobe of the cluster had last.
-pub(crate) fn code_refs(coder: &mut impl BinaryCoder, refs: &mut [LobeRef], clusters: &[u8], counts: &[u8]) {
+///
+/// The encoder writes every `fresh_every`-th texel's references out though they may be the last texel's; the decoder
+/// ignores the number.
+pub(crate) fn code_refs(
+    coder: &mut impl BinaryCoder,
+    refs: &mut [LobeRef],
+    clusters: &[u8],
+    counts: &[u8],
+    fresh_every: usize,
+) {
     let most = clusters.iter().map(|id| usize::from(*id) + 1).max().unwrap_or(0);
     let mut same = [Bit::NEW; 2];
     let mut lobes = vec![Tree::<8>::new(); most];
@@ -58,7 +67,7 @@ pub(crate) fn code_refs(coder: &mut impl BinaryCoder, refs: &mut [LobeRef], clus
     // Where the last texel of each cluster has its references, and how many.
     let mut before: Vec<(usize, usize)> = vec![(0, 0); most];
     let (mut at, mut alike_before) = (0, 0);
-    for (cluster, count) in clusters.iter().zip(counts) {
+    for (texel, (cluster, count)) in clusters.iter().zip(counts).enumerate() {
         let (cluster, count) = (usize::from(*cluster), usize::from(*count));
         let (from, of) = std::mem::replace(&mut before[cluster], (at, count));
         let own = at..at + count;
@@ -67,7 +76,7 @@ pub(crate) fn code_refs(coder: &mut impl BinaryCoder, refs: &mut [LobeRef], clus
             continue;
         }
         if of == count {
-            let alike = refs[from..from + of] == refs[own.clone()];
+            let alike = (texel + 1) % fresh_every > 0 && refs[from..from + of] == refs[own.clone()];
             let alike = coder.bit(&mut same[alike_before], alike);
             alike_before = usize::from(alike);
             if alike {
@@ -96,10 +105,24 @@ pub(crate) fn code_refs(coder: &mut impl BinaryCoder, refs: &mut [LobeRef], clus
     }
 }
 
+/// The stream of [`code_refs`], of at least so many bytes as bound its references: one decision can stand for 255.
+pub(crate) fn encode_refs(refs: &[LobeRef], clusters: &[u8], counts: &[u8]) -> Vec<u8> {
+    let mut fresh_every = 1 << 20;
+    loop {
+        let mut coder = Encoder::new();
+        code_refs(&mut coder, &mut refs.to_vec(), clusters, counts, fresh_every);
+        let bytes = coder.finish();
+        if fresh_every == 1 || bounded(refs.len(), &bytes).is_ok() {
+            return bytes;
+        }
+        fresh_every /= 4;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::entropy::{Decoder, Encoder};
+    use crate::entropy::Decoder;
     use crate::testing::Random;
 
     #[test]
@@ -132,14 +155,14 @@ mod tests {
             .collect();
         let mut coder = Encoder::new();
         code_counts(&mut coder, &mut counts.clone(), &clusters);
-        code_refs(&mut coder, &mut refs.clone(), &clusters, &counts);
+        code_refs(&mut coder, &mut refs.clone(), &clusters, &counts, usize::MAX);
         let bytes = coder.finish();
         let mut decoder = Decoder::new(&bytes);
         let mut back = vec![0; 500];
         code_counts(&mut decoder, &mut back, &clusters);
         assert_eq!(back, counts);
         let mut back = vec![LobeRef { lobe: 0, weight: [0; 3] }; total];
-        code_refs(&mut decoder, &mut back, &clusters, &counts);
+        code_refs(&mut decoder, &mut back, &clusters, &counts, 1);
         assert!(decoder.ended().is_ok());
         assert_eq!(back, refs);
         // Planted difference: other clusters read something else.
@@ -150,11 +173,28 @@ mod tests {
         // What a cluster's texels have in common costs next to nothing.
         let refs = vec![LobeRef { lobe: 3, weight: [9, 200, 77] }; 1000];
         let mut coder = Encoder::new();
-        code_refs(&mut coder, &mut refs.clone(), &clusters, &[2; 500]);
+        code_refs(&mut coder, &mut refs.clone(), &clusters, &[2; 500], usize::MAX);
         let bytes = coder.finish();
         assert!(bytes.len() < 60, "{}", bytes.len());
         let mut back = vec![LobeRef { lobe: 0, weight: [0; 3] }; 1000];
-        code_refs(&mut Decoder::new(&bytes), &mut back, &clusters, &[2; 500]);
+        code_refs(&mut Decoder::new(&bytes), &mut back, &clusters, &[2; 500], 1);
         assert_eq!(back, refs);
+    }
+    #[test]
+    fn a_stream_bounds_its_references_however_alike_they_are() {
+        for count in [1u8, 12, 255] {
+            let (clusters, counts) = ([0; 30_000], [count; 30_000]);
+            let refs = vec![LobeRef { lobe: 0, weight: [128; 3] }; 30_000 * usize::from(count)];
+            let bytes = encode_refs(&refs, &clusters, &counts);
+            assert!(bounded(refs.len(), &bytes).is_ok() && bytes.len() < refs.len() / 100 + 100, "{}", bytes.len());
+            let mut back = vec![LobeRef { lobe: 9, weight: [0; 3] }; refs.len()];
+            let mut decoder = Decoder::new(&bytes);
+            code_refs(&mut decoder, &mut back, &clusters, &counts, usize::MAX);
+            assert!(decoder.ended().is_ok() && back == refs);
+            // Planted difference: written out once only, many of them are more than the bytes may promise.
+            let mut coder = Encoder::new();
+            code_refs(&mut coder, &mut refs.clone(), &clusters, &counts, usize::MAX);
+            assert_eq!(bounded(refs.len(), &coder.finish()).is_ok(), count == 1);
+        }
     }
 }
