@@ -60,6 +60,8 @@ pub struct FitParams {
     pub kmeans: KMeansEngine,
     /// Folder for the temporary cache.
     pub cache_directory: PathBuf,
+    /// Folder in which the results of finished stages are kept and looked for; `None` keeps nothing.
+    pub resume: Option<PathBuf>,
 }
 
 impl Default for FitParams {
@@ -76,6 +78,7 @@ impl Default for FitParams {
             seed: 1,
             kmeans: KMeansEngine::Product,
             cache_directory: PathBuf::from("."),
+            resume: None,
         }
     }
 }

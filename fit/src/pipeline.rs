@@ -1,8 +1,9 @@
 //! The fit, stage by stage: read, project, cluster, dictionary, weights, residual, encode, measure.
 
-use crate::budget::{Candidate, within_bytes};
+use crate::budget::{Candidate, SEARCH_ROUNDS, within_bytes};
 use crate::cache::{Mapping, TileCache};
 use crate::candidates::candidate_lobes;
+use crate::checkpoint::{Checkpoint, Stages};
 use crate::compare::{MeasureParams, colour_pair_stride, measure, stride_over_pairs};
 use crate::coordinates::Coordinates;
 use crate::curve::Curve;
@@ -20,6 +21,7 @@ use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
 use crate::residual_source::ResidualSource;
 use crate::sparse::{ClusterLobes, correlate, select};
+use crate::stored::{Input, Stored};
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{Asset, Layer, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack};
 use ndarray::{Array2, ArrayView2};
@@ -72,34 +74,79 @@ pub const MATERIAL_RESERVE: usize = 4096;
 /// What is wrong with a capture, or with several together; a budget or a memory limit that is too small.
 pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<FitOutcome, FitError> {
     params.check()?;
+    fit_from(captures, params, &Checkpoint::open(captures, params, monitor)?, monitor)
+}
+
+/// The same, with the stages that `checkpoint` keeps.
+pub(crate) fn fit_from(
+    captures: &[Capture],
+    params: &FitParams,
+    checkpoint: &Checkpoint,
+    monitor: &Monitor,
+) -> Result<FitOutcome, FitError> {
+    params.check()?;
     let Some(first) = captures.first() else {
         return Err(FitError::Params("give at least one capture".to_string()));
     };
     check_layers(captures)?;
-    let (width, height) = (first.info().width, first.info().height);
+    let grid = [first.info().width, first.info().height];
+    let encoded =
+        checkpoint.whole().load_or("encode", || prepare_and_encode(captures, grid, params, checkpoint, monitor))?;
+    let asset = Asset::parse(&encoded.bytes)?;
+    let references: usize = asset.layers.iter().map(|layer| layer.lobe_refs.len()).sum();
+    let lobes_per_texel_mean = references as f64 / (grid[0] * grid[1] * asset.layers.len()) as f64;
+    let components = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    let clusters = asset.layers[0].dictionary.len();
+    let Encoded { bytes, lobes, left_out } = encoded;
+    Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out })
+}
+
+/// A packed asset and what is not read off it.
+struct Encoded {
+    bytes: Vec<u8>,
+    lobes: LobeFigures,
+    left_out: Vec<usize>,
+}
+
+impl Stored for Encoded {
+    fn put(&self, to: &mut dyn std::io::Write) -> std::io::Result<()> {
+        self.bytes.put(to)?;
+        self.lobes.put(to)?;
+        self.left_out.put(to)
+    }
+
+    fn take(from: &mut Input) -> std::io::Result<Encoded> {
+        Ok(Encoded { bytes: Vec::take(from)?, lobes: LobeFigures::take(from)?, left_out: Vec::take(from)? })
+    }
+}
+
+fn prepare_and_encode(
+    captures: &[Capture],
+    grid: [usize; 2],
+    params: &FitParams,
+    checkpoint: &Checkpoint,
+    monitor: &Monitor,
+) -> Result<Encoded, FitError> {
     let budget = params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE));
     let share = budget.map(|bytes| bytes / captures.len());
     let mut prepared = Vec::new();
     let mut left_out = Vec::new();
     let mut lobes = LobeFigures::default();
     for (number, capture) in captures.iter().enumerate() {
-        let (layer, figures, held_back) = prepare_layer(capture, params, share, captures.len() - 1, monitor)?;
+        let (sample, left) = plan_memory(capture.info(), params, captures.len() - 1)?;
+        let stages = checkpoint.layer(number, sample);
+        let (layer, figures, held_back) = prepare_layer(capture, params, share, sample, left, &stages, monitor)?;
         if number == 0 {
             (left_out, lobes) = (held_back, figures);
         }
         prepared.push(layer);
     }
     let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
-        (Some(bytes), _) => within_budget(&prepared, bytes, [width, height], params, monitor),
-        (None, Some(db)) => within_error(captures, &prepared, db, [width, height], params, monitor),
-        (None, None) => Ok(assemble(&prepared, DEFAULT_STEP, [width, height], params).asset),
+        (Some(bytes), _) => within_budget(&prepared, bytes, grid, params, monitor),
+        (None, Some(db)) => within_error(captures, &prepared, db, grid, params, monitor),
+        (None, None) => Ok(assemble(&prepared, DEFAULT_STEP, grid, params).asset),
     })?;
-    let references: usize = asset.layers.iter().map(|layer| layer.lobe_refs.len()).sum();
-    let lobes_per_texel_mean = references as f64 / (width * height * asset.layers.len()) as f64;
-    let components = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
-    let clusters = asset.layers[0].dictionary.len();
-    let bytes = pack(&asset)?;
-    Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out })
+    Ok(Encoded { bytes: pack(&asset)?, lobes, left_out })
 }
 
 /// Captures that become layers of one asset have one texel grid and differ in their sides.
@@ -164,30 +211,30 @@ struct Prepared {
 }
 
 /// Everything up to the step, the figures of the lobes, and the held-back pairs. `share` is the layer's share of a
-/// byte budget, for its lobes; `others` is the number of other layers.
+/// byte budget, for its lobes; `sample` and `left` are what [`plan_memory`] gives.
 fn prepare_layer(
     capture: &Capture,
     params: &FitParams,
     share: Option<usize>,
-    others: usize,
+    sample: usize,
+    left: u64,
+    stages: &Stages,
     monitor: &Monitor,
 ) -> Result<(Prepared, LobeFigures, Vec<usize>), FitError> {
     let info = capture.info();
     let lights = Sphere::new(&layer_directions(&info.lights, info.side))?;
     let views = Sphere::new(&layer_directions(&info.views, info.side))?;
-    let (sample, left) = plan_memory(info, params, others)?;
-
     // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
-    let cache = monitor.stage("read", || TileCache::build(capture, 2 * left, &params.cache_directory, monitor))?;
+    let cache = TileCache::new(capture, 2 * left, &params.cache_directory, Some(stages), monitor)?;
     let holdout = Holdout::new(info, &lights, &views, params.leave_out, params.seed);
     let (kind, epsilon) = params.error.residual();
     let curve = Curve::new(kind, epsilon);
     let mapping = Mapping::new(&cache, curve.exact());
 
-    let found = monitor.stage("project", || {
+    let found = stages.run("project", || {
         features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
     })?;
-    let (labels, representatives) = monitor.stage("cluster", || {
+    let (labels, representatives) = stages.run("cluster", || {
         let clustering = kmeans(found.scores.view(), params.clusters, params.kmeans, params.seed)?;
         let mut labels = clustering.labels;
         let clusters = clustering.centroids.nrows();
@@ -196,11 +243,11 @@ fn prepare_layer(
         Ok((labels, representatives))
     })?;
     drop(found);
-    let (clusters, figures) = monitor.stage("dictionary", || {
+    let (clusters, figures) = stages.run("dictionary", || {
         dictionaries(&cache, &representatives, &views, &lights, &holdout, kind, params.lobes, monitor)
     })?;
 
-    let selection = monitor.stage("weights", || {
+    let selection = stages.run("weights", || {
         let correlations = correlate(&cache, &clusters, &labels, monitor)?;
         let count = |bytes: usize| LOBE_SHARE * bytes as f64 / (REF_BYTES * info.texel_count() as f64);
         let mean_count = share.map(count).or(params.psnr_db.map(|_| 1.0));
@@ -215,8 +262,9 @@ fn prepare_layer(
         labels: &labels,
         holdout: &holdout,
     };
+    let mut coordinates =
+        stages.run("residual", || Coordinates::new(&source, SHARED_BASES, sample, params.seed, monitor))?;
     let model = monitor.stage("residual", || {
-        let mut coordinates = Coordinates::new(&source, SHARED_BASES, sample, params.seed, monitor)?;
         let rotated = Rotated::new(&coordinates.directions, &coordinates.energies, [views.len(), lights.len()]);
         coordinates.directions = Array2::zeros((0, 0));
         let most = params.components.unwrap_or(MAX_COMPONENTS);
@@ -280,8 +328,10 @@ fn within_budget(
     params: &FitParams,
     monitor: &Monitor,
 ) -> Result<Asset, FitError> {
+    let mut round = 0;
     let found = within_bytes(bytes, greatest_coefficient(layers), |step| {
-        monitor.check()?;
+        monitor.report("encode", round, SEARCH_ROUNDS)?;
+        round += 1;
         let made = assemble(layers, step, grid, params);
         if std::env::var("BTF_DEBUG").is_ok() {
             let samples = grid[0] as f64
@@ -323,7 +373,8 @@ fn within_error(
     let mut target = error_for_psnr(db) * samples;
     let mut found: Option<(usize, Asset)> = None;
     let mut reached = 0.0f64;
-    for _ in 0..PSNR_ROUNDS {
+    for round in 0..PSNR_ROUNDS {
+        monitor.report("encode", round, PSNR_ROUNDS)?;
         let candidate = coarsest_within_error(layers, target, greatest, grid, params, monitor)?;
         let bytes = pack(&candidate.asset)?.len();
         let last_resort = candidate.error > target;

@@ -15,7 +15,7 @@ use std::ops::Range;
 /// The residual of every texel.
 pub struct ResidualSource<'a> {
     /// The capture.
-    pub cache: &'a TileCache,
+    pub cache: &'a TileCache<'a>,
     /// The residual's curve applied to samples.
     pub mapping: &'a Mapping,
     /// The same for lobe sums.

@@ -1,0 +1,234 @@
+//! `--resume`: killed at any moment and run again, a fit ends in the same bytes, goes on after its last finished
+//! stage, and takes nothing that is of another fit or damaged.
+
+use btf_capture::{Capture, CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
+use btf_fit::{FitError, FitParams, Monitor, fit_and_measure};
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// A capture of tilted, glossy facets; `shade` makes another one of the same shape.
+fn write_capture(path: &Path, size: usize, directions: usize, shade: f32) {
+    let set = DirectionSet::random(directions, 7).unwrap();
+    let info = CaptureInfo::new("capture", size, size, set.clone(), set.clone(), ImageFormat::Png);
+    let writer = CaptureWriter::create(path, info).unwrap();
+    for (view, wo) in set.units().iter().enumerate() {
+        for (light, wi) in set.units().iter().enumerate() {
+            let sample = |texel: usize| {
+                let slope = 0.3 * (texel as f32 * 0.7).sin();
+                let gloss = (wi[2] * wo[2] - wi[0] * wo[0]).max(0.0).powi(6);
+                (shade * (wi[2] + slope * wi[0]) + 0.3 * slope * gloss).max(0.0)
+            };
+            let image: Vec<f32> =
+                (0..size * size).flat_map(|t| [0.5, 0.4, 0.2].map(|albedo| albedo * sample(t))).collect();
+            writer.write(view, light, &image).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+const OPTIONS: [&str; 4] = ["--clusters", "3", "--bytes", "20kB"];
+
+fn start(folder: &Path, asset: &str, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_btf-fit"));
+    command.args(["fit", "capture", "-o", asset]).args(OPTIONS).args(more).current_dir(folder);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+#[test]
+fn a_fit_that_is_killed_at_ten_random_moments_ends_in_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    write_capture(&here.join("capture"), 16, 10, 1.0);
+    let begun = Instant::now();
+    let output = start(here, "whole.spmm", &[]).output().unwrap();
+    let whole_s = begun.elapsed().as_secs_f64();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let wanted = std::fs::read(here.join("whole.spmm")).unwrap();
+    assert!(!here.join("whole.spmm.resume").exists(), "without --resume nothing is kept");
+
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(2026);
+    let (mut killed, mut resumed) = (0, 0);
+    for moment in 0..10 {
+        let asset = format!("{moment}.spmm");
+        let mut child = start(here, &asset, &["--resume"]).spawn().unwrap();
+        std::thread::sleep(Duration::from_secs_f64(random.gen_range(0.0..1.0) * whole_s));
+        // SIGKILL where there are signals.
+        child.kill().unwrap();
+        killed += usize::from(!child.wait().unwrap().success());
+        let output = start(here, &asset, &["--resume", "--json", "-"]).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        resumed += usize::from(!json["resumed"].as_array().unwrap().is_empty());
+        assert!(std::fs::read(here.join(&asset)).unwrap() == wanted, "killed for the {moment}th time");
+        assert!(!here.join(format!("{asset}.resume")).exists(), "the finished stages go when the asset is written");
+    }
+    println!("a fit of {whole_s:.2} s: {killed} of 10 were killed in time, {resumed} went on from finished stages");
+    // On a busy machine moments shift; but most must have hit.
+    assert!(killed >= 5 && resumed >= 1, "{killed} killed, {resumed} resumed");
+}
+
+struct Run {
+    /// The asset, or nothing where the run was interrupted.
+    bytes: Option<Vec<u8>>,
+    skipped: Vec<String>,
+    ran: Vec<String>,
+    remarks: Vec<String>,
+}
+
+/// Fits; stops at the first report of the stage `stop`.
+fn run(capture: &Path, params: &FitParams, stop: &'static str) -> Run {
+    let remarks = Arc::new(Mutex::new(Vec::new()));
+    let heard = Arc::clone(&remarks);
+    let monitor = Arc::new_cyclic(|own: &std::sync::Weak<Monitor>| {
+        let own = own.clone();
+        Monitor::with_listener(move |stage, _, _| {
+            if let (true, Some(monitor)) = (stage == stop, own.upgrade()) {
+                monitor.cancel();
+            }
+        })
+        .on_remark(move |text| heard.lock().unwrap().push(text.to_string()))
+    });
+    let bytes = match fit_and_measure(&[Capture::open(capture).unwrap()], params, &monitor) {
+        Ok(fitted) => Some(fitted.bytes),
+        Err(FitError::Interrupted) => None,
+        Err(error) => panic!("{error}"),
+    };
+    let ran = monitor.stages().into_iter().map(|stage| stage.name).collect();
+    let remarks = remarks.lock().unwrap().clone();
+    Run { bytes, skipped: monitor.skipped(), ran, remarks }
+}
+
+fn params(folder: &Path) -> FitParams {
+    FitParams {
+        clusters: 3,
+        bytes: Some(20_000),
+        leave_out: 0.1,
+        cache_directory: folder.to_path_buf(),
+        resume: Some(folder.join("a.spmm.resume")),
+        ..FitParams::default()
+    }
+}
+
+/// The files of the finished stages.
+fn stages(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder.join("a.spmm.resume")).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<PathBuf> = entries.filter(|path| path.extension().is_some_and(|end| end == "stage")).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn finished_stages_are_skipped_wherever_the_fit_was_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let (here, capture) = (folder.path(), folder.path().join("capture"));
+    write_capture(&capture, 14, 8, 1.0);
+    let undisturbed = run(&capture, &FitParams { resume: None, ..params(here) }, "").bytes.unwrap();
+    let order = ["project", "cluster", "dictionary", "weights", "residual", "encode", "measure"];
+    for (finished, stop) in order.into_iter().enumerate() {
+        let params = FitParams { resume: Some(here.join(stop)), ..params(here) };
+        assert!(run(&capture, &params, stop).bytes.is_none(), "stopped at {stop}");
+        let resumed = run(&capture, &params, "");
+        assert!(resumed.bytes.unwrap() == undisturbed, "stopped at {stop}");
+        assert!(resumed.remarks.is_empty(), "{:?}", resumed.remarks);
+        // What was done is not done again; with the residual's coordinates no image is read before it is measured.
+        let skipped: Vec<&str> = resumed.skipped.iter().map(String::as_str).collect();
+        let expected = if finished >= 6 { &["encode"][..] } else { &order[..finished] };
+        assert_eq!(skipped, expected, "stopped at {stop}");
+        let again: Vec<&String> = resumed.ran.iter().filter(|name| skipped.contains(&name.as_str())).collect();
+        assert!(again.iter().all(|name| *name == "residual"), "{again:?} ran again");
+        assert_eq!(resumed.ran.iter().any(|name| name == "read"), finished < 5, "stopped at {stop}");
+    }
+}
+
+#[test]
+fn stages_of_another_capture_or_other_options_are_not_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let (here, capture) = (folder.path(), folder.path().join("capture"));
+    write_capture(&capture, 14, 8, 1.0);
+    let other_options = FitParams { seed: 5, clusters: 2, ..params(here) };
+    let alone = |params: &FitParams| run(&capture, &FitParams { resume: None, ..params.clone() }, "").bytes.unwrap();
+    let (first, second) = (alone(&params(here)), alone(&other_options));
+    assert!(first != second, "the planted difference shows in the bytes");
+
+    assert!(run(&capture, &params(here), "measure").bytes.is_none());
+    assert_eq!(stages(here).len(), 7);
+    let resumed = run(&capture, &other_options, "measure");
+    assert!(resumed.skipped.is_empty());
+    assert!(matches!(&resumed.remarks[..], [remark] if remark.contains("other options")), "{:?}", resumed.remarks);
+    assert!(run(&capture, &other_options, "").bytes.unwrap() == second);
+
+    // Another capture in the same place: same names, same sizes in texels, other light.
+    assert!(run(&capture, &params(here), "measure").bytes.is_none());
+    std::fs::rename(&capture, here.join("first")).unwrap();
+    write_capture(&capture, 14, 8, 0.6);
+    let darker = alone(&params(here));
+    assert!(darker != first);
+    let resumed = run(&capture, &params(here), "");
+    assert!(matches!(&resumed.remarks[..], [remark] if remark.contains("another capture")), "{:?}", resumed.remarks);
+    assert!(resumed.skipped.is_empty() && resumed.bytes.unwrap() == darker);
+
+    // One stage of the first capture put among those of the second by hand: its own key gives it away.
+    let moved = FitParams { resume: Some(here.join("first.resume")), ..params(here) };
+    assert!(run(&here.join("first"), &moved, "measure").bytes.is_none());
+    assert!(run(&capture, &params(here), "measure").bytes.is_none());
+    let name = stages(here)[1].file_name().unwrap().to_owned();
+    std::fs::copy(here.join("first.resume").join(&name), here.join("a.spmm.resume").join(&name)).unwrap();
+    std::fs::remove_file(here.join("a.spmm.resume/whole-encode.stage")).unwrap();
+    let resumed = run(&capture, &params(here), "");
+    assert!(matches!(&resumed.remarks[..], [remark] if remark.contains("of another fit")), "{:?}", resumed.remarks);
+    assert!(resumed.bytes.unwrap() == darker);
+}
+
+#[test]
+fn a_cut_or_damaged_stage_is_computed_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let (here, capture) = (folder.path(), folder.path().join("capture"));
+    write_capture(&capture, 14, 8, 1.0);
+    let undisturbed = run(&capture, &FitParams { resume: None, ..params(here) }, "").bytes.unwrap();
+    assert!(run(&capture, &params(here), "measure").bytes.is_none());
+    let whole: Vec<(PathBuf, Vec<u8>)> =
+        stages(here).into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
+    for (number, (path, bytes)) in whole.iter().enumerate() {
+        let mut flipped = bytes.clone();
+        let middle = bytes.len() / 2;
+        flipped[middle] ^= 16;
+        for (what, damaged) in [("cut", &bytes[..bytes.len() - 1 - number * 7]), ("flipped", &flipped)] {
+            whole.iter().for_each(|(path, bytes)| std::fs::write(path, bytes).unwrap());
+            if !path.ends_with("whole-encode.stage") {
+                // Otherwise nothing before it would be looked at.
+                std::fs::remove_file(here.join("a.spmm.resume/whole-encode.stage")).unwrap();
+            }
+            std::fs::write(path, damaged).unwrap();
+            // A file that a killed run was still writing.
+            std::fs::write(here.join("a.spmm.resume/.layer0-cluster.stage.partial-1-0"), "x").unwrap();
+            let resumed = run(&capture, &params(here), "");
+            assert!(resumed.bytes.unwrap() == undisturbed, "{what}: {}", path.display());
+            assert_eq!(resumed.remarks.len(), 1, "{what}: {} {:?}", path.display(), resumed.remarks);
+            assert!(!here.join("a.spmm.resume/.layer0-cluster.stage.partial-1-0").exists());
+        }
+    }
+}
+
+#[test]
+fn a_capture_that_does_not_fit_into_memory_is_not_decoded_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let (here, capture) = (folder.path(), folder.path().join("capture"));
+    write_capture(&capture, 64, 16, 1.0);
+    let small = FitParams { memory_bytes: 1, ..params(here) };
+    let refused = fit_and_measure(&[Capture::open(&capture).unwrap()], &small, &Monitor::default()).err().unwrap();
+    let needed = refused.to_string();
+    let needed = needed.split("at least ").nth(1).unwrap().split(' ').next().unwrap().parse::<u64>().unwrap();
+    let small = FitParams { memory_bytes: (needed + 1) * 1_000_000, ..params(here) };
+    let undisturbed = run(&capture, &FitParams { resume: None, ..small.clone() }, "").bytes.unwrap();
+    assert!(run(&capture, &small, "cluster").bytes.is_none());
+    assert!(here.join("a.spmm.resume/layer0-read.texels").exists());
+    let resumed = run(&capture, &small, "");
+    assert_eq!(resumed.skipped, ["project", "read"]);
+    assert!(resumed.bytes.unwrap() == undisturbed && resumed.remarks.is_empty());
+}
