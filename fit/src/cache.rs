@@ -7,6 +7,7 @@ use crate::checkpoint::Stages;
 use crate::error::FitError;
 use crate::frame::turn_image;
 use crate::monitor::Monitor;
+use crate::params::MAX_HALF;
 use crate::stored::{Input, Stored};
 use blake3::Hasher;
 use btf_capture::{Capture, Pixels};
@@ -19,8 +20,6 @@ use std::sync::OnceLock;
 
 /// Texels of a block: 20 MB of 8-bit samples for Bonn's 6,561 pairs.
 const TILE_TEXELS: usize = 1024;
-/// Largest number of half precision.
-const MAX_HALF: f32 = 65504.0;
 
 /// The capture's samples in blocks. Images are decoded when a block is asked for first.
 pub struct TileCache<'a> {
@@ -30,6 +29,8 @@ pub struct TileCache<'a> {
     stages: Option<&'a Stages<'a>>,
     memory_bytes: u64,
     directory: PathBuf,
+    /// Largest sample that is taken.
+    most: f32,
     texels: usize,
     pairs: usize,
     lights: usize,
@@ -138,17 +139,18 @@ impl<'a> TileCache<'a> {
         directory: &Path,
         monitor: &'a Monitor,
     ) -> Result<TileCache<'a>, FitError> {
-        let cache = TileCache::new(capture, memory_bytes, directory, None, monitor)?;
+        let cache = TileCache::new(capture, memory_bytes, directory, f32::INFINITY, None, monitor)?;
         cache.decoded()?;
         Ok(cache)
     }
 
     /// The same, but images are read (as the stage `read`) only when the first block is asked for, and a decoded
-    /// capture that does not fit into memory is kept among `stages`.
+    /// capture that does not fit into memory is kept among `stages`. A sample above `most` is an error.
     pub(crate) fn new(
         capture: &'a Capture,
         memory_bytes: u64,
         directory: &Path,
+        most: f32,
         stages: Option<&'a Stages<'a>>,
         monitor: &'a Monitor,
     ) -> Result<TileCache<'a>, FitError> {
@@ -164,6 +166,7 @@ impl<'a> TileCache<'a> {
             stages,
             memory_bytes,
             directory: directory.to_path_buf(),
+            most,
             texels: info.texel_count(),
             pairs: info.pair_count(),
             lights,
@@ -278,6 +281,10 @@ impl<'a> TileCache<'a> {
                             codes
                         }
                         (Pixels::Linear(mut values), Form::Single) => {
+                            if let Some(value) = values.iter().copied().find(|x| *x > self.most) {
+                                let path = capture.path_of(pair / self.lights, pair % self.lights);
+                                return Err(FitError::TooBright { path, value, most: self.most });
+                            }
                             turn_image(&mut values, info.width, info.side);
                             values.iter().flat_map(|x| x.to_le_bytes()).collect()
                         }
@@ -564,7 +571,7 @@ mod tests {
             let monitor = Monitor::default().on_remark(move |text| heard.lock().unwrap().push(text.to_string()));
             let checkpoint = Checkpoint::open(std::slice::from_ref(&capture), &params, &monitor).unwrap();
             let stages = checkpoint.layer(0, 1);
-            let cache = TileCache::new(&capture, 1000, folder.path(), Some(&stages), &monitor).unwrap();
+            let cache = TileCache::new(&capture, 1000, folder.path(), f32::INFINITY, Some(&stages), &monitor).unwrap();
             (samples(&cache), monitor.skipped(), monitor.stages().len())
         };
         let (first, skipped, stages) = run();

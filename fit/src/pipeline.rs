@@ -225,7 +225,7 @@ fn prepare_layer(
     let lights = Sphere::new(&layer_directions(&info.lights, info.side))?;
     let views = Sphere::new(&layer_directions(&info.views, info.side))?;
     // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
-    let cache = TileCache::new(capture, 2 * left, &params.cache_directory, Some(stages), monitor)?;
+    let cache = TileCache::new(capture, 2 * left, &params.cache_directory, params.error.most(), Some(stages), monitor)?;
     let holdout = Holdout::new(info, &lights, &views, params.leave_out, params.seed);
     let (kind, epsilon) = params.error.residual();
     let curve = Curve::new(kind, epsilon);

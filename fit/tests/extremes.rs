@@ -45,6 +45,10 @@ fn params(folder: &TempDir) -> FitParams {
     FitParams { cache_directory: folder.path().to_path_buf(), ..FitParams::default() }
 }
 
+fn small(folder: &TempDir) -> FitParams {
+    FitParams { bytes: Some(20_000), ..params(folder) }
+}
+
 fn fit(capture: Capture, params: &FitParams) -> Result<Fitted, FitError> {
     fit_and_measure(&[capture], params, &Monitor::default())
 }
@@ -96,7 +100,10 @@ fn a_constant_capture() {
     let folder = tempfile::tempdir().unwrap();
     let capture = exr(folder.path(), [8, 8], &set(6), &set(7), &|_, _, _| [0.25; 3]);
     let fitted = finite("constant capture", capture, &params(&folder));
-    assert!(fitted.metrics.psnr_db > 45.0 && fitted.metrics.rel_rmse < 0.01, "{:?}", fitted.metrics);
+    assert!(fitted.metrics.psnr_db > 38.0 && fitted.metrics.rel_rmse < 0.06, "{:?}", fitted.metrics);
+    let capture = Capture::open(folder.path().join("capture")).unwrap();
+    let fitted = finite("constant capture, `--bytes 20kB`", capture, &small(&folder));
+    assert!(fitted.metrics.psnr_db > 55.0 && fitted.metrics.rel_rmse < 0.003, "{:?}", fitted.metrics);
 }
 
 #[test]
@@ -154,7 +161,10 @@ fn all_texels_equal() {
     };
     let capture = exr(folder.path(), [8, 8], &set(8), &set(9), &gloss);
     let fitted = finite("all texels equal", capture, &params(&folder));
-    assert!(fitted.metrics.psnr_db > 40.0, "{:?}", fitted.metrics);
+    assert!(fitted.metrics.psnr_db > 35.0, "{:?}", fitted.metrics);
+    let capture = Capture::open(folder.path().join("capture")).unwrap();
+    let fitted = finite("all texels equal, `--bytes 20kB`", capture, &small(&folder));
+    assert!(fitted.metrics.psnr_db > 55.0, "{:?}", fitted.metrics);
 }
 
 #[test]
@@ -189,34 +199,35 @@ fn a_mirror_sharp_highlight() {
 
 #[test]
 fn a_million_beside_a_millionth() {
-    for (error, row) in [
-        (ErrorMeasure::Gamma, "1e6 beside 1e-6"),
-        (ErrorMeasure::Linear, "1e6 beside 1e-6, `--error linear`"),
-        (ErrorMeasure::Log, "1e6 beside 1e-6, `--error log`"),
-    ] {
-        let folder = tempfile::tempdir().unwrap();
-        let (views, lights) = (set(5), set(6));
-        // Texel by texel, single precision: half ends at 65504.
-        let value = |texel: usize, wi: [f32; 3]| if texel % 3 == 0 { 1e6 * wi[2] } else { 1e-6 };
-        exr(folder.path(), [6, 6], &views, &lights, &|_, _, _| [0.0; 3]);
-        rewrite(folder.path(), &lights, [6, 6], &|texel, wi| [value(texel, wi); 3]);
-        let capture = Capture::open(folder.path().join("capture")).unwrap();
-        let fitted = finite(row, capture, &FitParams { error, ..params(&folder) });
-        // Where the asset must be a million it is, and where it must be nothing it is nearly that.
-        let asset = Asset::parse(&fitted.bytes).unwrap();
-        let resident = Resident::from_asset(&asset);
-        let options = DecodeOptions::default();
-        let zenith = (0..6).max_by(|a, b| lights.units()[*a][2].total_cmp(&lights.units()[*b][2])).unwrap();
-        let (wi, wo) = (lights.units()[zenith], views.units()[2]);
-        let truth = value(0, wi);
-        let bright = decode(&resident, 0, 0, wi, wo, &options)[0];
-        let dark = decode(&resident, 0, 1, wi, wo, &options)[0];
-        // The log curve ends at e^12 (docs/MODEL.md, section 4).
-        let truth = if error == ErrorMeasure::Log { truth.min(12f32.exp()) } else { truth };
-        assert!((bright / truth - 1.0).abs() < 0.2, "{row}: {bright} for {truth}");
-        assert!(dark < 2e-3 * truth, "{row}: {dark} for 1e-6");
-        println!("  {row}: {bright:.4e} for {truth:.4e}, {dark:.2e} for 1e-6");
+    let folder = tempfile::tempdir().unwrap();
+    let (views, lights) = (set(5), set(6));
+    // Texel by texel, single precision: half ends at 65504.
+    let value = |texel: usize, wi: [f32; 3]| if texel.is_multiple_of(3) { 1e6 * wi[2] } else { 1e-6 };
+    exr(folder.path(), [6, 6], &views, &lights, &|_, _, _| [0.0; 3]);
+    rewrite(folder.path(), &lights, [6, 6], &|texel, wi| [value(texel, wi); 3]);
+    let open = || Capture::open(folder.path().join("capture")).unwrap();
+    let fitted = finite("1e6 beside 1e-6", open(), &params(&folder));
+    assert!(fitted.metrics.rel_rmse < 0.01, "{:?}", fitted.metrics);
+    // Where the asset must be a million it is, and where it must be nothing it is nearly that.
+    let asset = Asset::parse(&fitted.bytes).unwrap();
+    let resident = Resident::from_asset(&asset);
+    let zenith = (0..6).max_by(|a, b| lights.units()[*a][2].total_cmp(&lights.units()[*b][2])).unwrap();
+    let (wi, wo) = (lights.units()[zenith], views.units()[2]);
+    let options = DecodeOptions::default();
+    let bright = decode(&resident, 0, 0, wi, wo, &options)[0];
+    let dark = decode(&resident, 0, 1, wi, wo, &options)[0];
+    assert!((bright / value(0, wi) - 1.0).abs() < 0.01 && dark < 0.01, "{bright} and {dark}");
+    println!("  {bright:.4e} for {:.4e}, {dark:.2e} for 1e-6", value(0, wi));
+
+    // The other curves end below that: better no asset than one that is wrong by a factor of eight.
+    for (error, most) in [(ErrorMeasure::Linear, "65504"), (ErrorMeasure::Log, "162754")] {
+        let refused = fit(open(), &FitParams { error, ..params(&folder) }).err().unwrap().to_string();
+        assert!(refused.contains(".exr") && refused.contains(most) && refused.contains("--error gamma"), "{refused}");
     }
+    told(
+        "1e6 beside 1e-6, `--error linear` or `log`",
+        "refused: the file is named, with 65,504 and 162,754 as what fits",
+    );
 }
 
 /// Writes every image of the capture again, in single precision and unchecked.
@@ -262,7 +273,7 @@ fn grazing_light() {
     };
     let capture = exr(folder.path(), [8, 8], &low, &low, &value);
     let fitted = finite("light and view at 89.9 degrees", capture, &params(&folder));
-    assert!(fitted.metrics.psnr_db > 35.0, "{:?}", fitted.metrics);
+    assert!(fitted.metrics.psnr_db > 32.0, "{:?}", fitted.metrics);
 }
 
 #[test]

@@ -52,14 +52,22 @@ fn a_fit_that_is_killed_at_ten_random_moments_ends_in_the_same_bytes() {
     assert!(!here.join("whole.spmm.resume").exists(), "without --resume nothing is kept");
 
     let mut random = Xoshiro256PlusPlus::seed_from_u64(2026);
-    let (mut killed, mut resumed) = (0, 0);
+    let mut resumed = 0;
     for moment in 0..10 {
         let asset = format!("{moment}.spmm");
-        let mut child = start(here, &asset, &["--resume"]).spawn().unwrap();
-        std::thread::sleep(Duration::from_secs_f64(random.gen_range(0.0..1.0) * whole_s));
-        // SIGKILL where there are signals.
-        child.kill().unwrap();
-        killed += usize::from(!child.wait().unwrap().success());
+        let mut wait_s = random.gen_range(0.0..1.0) * whole_s;
+        loop {
+            let mut child = start(here, &asset, &["--resume"]).spawn().unwrap();
+            std::thread::sleep(Duration::from_secs_f64(wait_s));
+            // SIGKILL where there are signals.
+            child.kill().unwrap();
+            if !child.wait().unwrap().success() {
+                break;
+            }
+            // It was faster than the undisturbed one: not killed at all.
+            std::fs::remove_file(here.join(&asset)).unwrap();
+            wait_s *= 0.7;
+        }
         let output = start(here, &asset, &["--resume", "--json", "-"]).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -68,9 +76,8 @@ fn a_fit_that_is_killed_at_ten_random_moments_ends_in_the_same_bytes() {
         assert!(std::fs::read(here.join(&asset)).unwrap() == wanted, "killed for the {moment}th time");
         assert!(!here.join(format!("{asset}.resume")).exists(), "the finished stages go when the asset is written");
     }
-    println!("a fit of {whole_s:.2} s: {killed} of 10 were killed in time, {resumed} went on from finished stages");
-    // On a busy machine moments shift; but most must have hit.
-    assert!(killed >= 5 && resumed >= 1, "{killed} killed, {resumed} resumed");
+    println!("a fit of {whole_s:.2} s was killed ten times, {resumed} times it went on from finished stages");
+    assert!(resumed >= 2, "{resumed}");
 }
 
 struct Run {
@@ -173,6 +180,7 @@ fn stages_of_another_capture_or_other_options_are_not_used() {
     assert!(matches!(&resumed.remarks[..], [remark] if remark.contains("another capture")), "{:?}", resumed.remarks);
     assert!(resumed.skipped.is_empty() && resumed.bytes.unwrap() == darker);
 
+    std::fs::remove_dir_all(here.join("a.spmm.resume")).unwrap();
     // One stage of the first capture put among those of the second by hand: its own key gives it away.
     let moved = FitParams { resume: Some(here.join("first.resume")), ..params(here) };
     assert!(run(&here.join("first"), &moved, "measure").bytes.is_none());
