@@ -19,12 +19,14 @@ use crate::material::sides_of_capture;
 use crate::monitor::Monitor;
 use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
-use crate::residual_source::ResidualSource;
-use crate::sparse::{ClusterLobes, correlate, select};
+use crate::residual_source::{ResidualSource, TexelLobes};
+use crate::sparse::{ClusterLobes, LobesOf, correlate, drop_unused, select};
 use crate::stored::{Input, Stored};
 use btf_capture::{Capture, CaptureInfo};
-use btf_runtime::{Asset, Layer, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack};
-use ndarray::{Array2, ArrayView2};
+use btf_runtime::{
+    Asset, Layer, LobeRole, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack,
+};
+use ndarray::{Array2, ArrayView2, s};
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
@@ -47,18 +49,15 @@ const DICTIONARY_SIZE: usize = 32;
 const DICTIONARY_PAIRS: usize = 3400;
 /// Added to a reflectance before its tone weight is taken.
 const TONE_EPSILON: f32 = 0.02;
-/// Without a byte budget: the relative error that one more lobe must remove.
+/// The relative error that one more lobe must remove.
 const LOBE_PRICE: f64 = 0.002;
-/// Share of a byte budget that lobe references may take.
-const LOBE_SHARE: f64 = 0.1;
-/// Bytes of a lobe reference, coded.
-const REF_BYTES: f64 = 2.0;
-/// Without a goal: components, and the step in the residual's curve.
+/// Without a goal: components, and the step in the residual's curve relative to the root of the number of samples: a
+/// third of that is the error of a sample that each component's rounding leaves.
 const DEFAULT_COMPONENTS: usize = 8;
-const DEFAULT_STEP: f64 = 0.25;
+const DEFAULT_STEP: f64 = 0.001;
 /// Rounds of encoding and measurement that a PSNR goal gets, and how far above the goal the sampled figure
 /// must lie, so that the figure over all pairs reaches it.
-const PSNR_ROUNDS: usize = 6;
+const PSNR_ROUNDS: usize = 8;
 const PSNR_MARGIN_DB: f64 = 0.03;
 /// Room for the material text, whose figures are known only at the end.
 pub const MATERIAL_RESERVE: usize = 4096;
@@ -128,14 +127,13 @@ fn prepare_and_encode(
     monitor: &Monitor,
 ) -> Result<Encoded, FitError> {
     let budget = params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE));
-    let share = budget.map(|bytes| bytes / captures.len());
     let mut prepared = Vec::new();
     let mut left_out = Vec::new();
     let mut lobes = LobeFigures::default();
     for (number, capture) in captures.iter().enumerate() {
         let (sample, left) = plan_memory(capture.info(), params, captures.len() - 1)?;
         let stages = checkpoint.layer(number, sample);
-        let (layer, figures, held_back) = prepare_layer(capture, params, share, sample, left, &stages, monitor)?;
+        let (layer, figures, held_back) = prepare_layer(capture, params, sample, left, &stages, monitor)?;
         if number == 0 {
             (left_out, lobes) = (held_back, figures);
         }
@@ -144,7 +142,10 @@ fn prepare_and_encode(
     let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
         (Some(bytes), _) => within_budget(&prepared, bytes, grid, params, monitor),
         (None, Some(db)) => within_error(captures, &prepared, db, grid, params, monitor),
-        (None, None) => Ok(assemble(&prepared, DEFAULT_STEP, grid, params).asset),
+        (None, None) => {
+            let step = DEFAULT_STEP * (3.0 * captures[0].info().pair_count() as f64).sqrt();
+            Ok(assemble(&prepared, step, grid, params).asset)
+        }
     })?;
     Ok(Encoded { bytes: pack(&asset)?, lobes, left_out })
 }
@@ -210,12 +211,11 @@ struct Prepared {
     model: Model,
 }
 
-/// Everything up to the step, the figures of the lobes, and the held-back pairs. `share` is the layer's share of a
-/// byte budget, for its lobes; `sample` and `left` are what [`plan_memory`] gives.
+/// Everything up to the step, the figures of the lobes, and the held-back pairs. `sample` and `left` are what
+/// [`plan_memory`] gives.
 fn prepare_layer(
     capture: &Capture,
     params: &FitParams,
-    share: Option<usize>,
     sample: usize,
     left: u64,
     stages: &Stages,
@@ -231,49 +231,61 @@ fn prepare_layer(
     let curve = Curve::new(kind, epsilon);
     let mapping = Mapping::new(&cache, curve.exact());
 
-    let found = stages.run("project", || {
-        features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
-    })?;
+    // With a goal, lobes only guide: bytes go to a residual that stands alone, and texels are clustered by it.
+    let guide = params.bytes.is_some() || params.psnr_db.is_some();
+    let role = if guide { LobeRole::Guide } else { LobeRole::Base };
+    let source = |lobes| ResidualSource { cache: &cache, mapping: &mapping, curve: &curve, lobes, holdout: &holdout };
+    let (alone, scores) = if guide {
+        let found = stages.run("project", || {
+            Coordinates::new(&source(None), SHARED_BASES, sample, params.seed, "project", monitor)
+        })?;
+        let dimensions = FEATURE_DIMENSIONS.min(found.scores.ncols());
+        let scores = found.scores.slice(s![.., ..dimensions]).to_owned();
+        (Some(found), scores)
+    } else {
+        let found = stages.run("project", || {
+            features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
+        })?;
+        (None, found.scores)
+    };
     let (labels, representatives) = stages.run("cluster", || {
-        let clustering = kmeans(found.scores.view(), params.clusters, params.kmeans, params.seed)?;
+        let clustering = kmeans(scores.view(), params.clusters, params.kmeans, params.seed)?;
         let mut labels = clustering.labels;
         let clusters = clustering.centroids.nrows();
-        let clusters = reassign(found.scores.view(), &mut labels, clusters, REASSIGN_COMPONENTS, REASSIGN_ROUNDS);
-        let representatives = representatives(&labels, clusters, found.scores.view(), params.seed);
-        Ok((labels, representatives))
+        let clusters = reassign(scores.view(), &mut labels, clusters, REASSIGN_COMPONENTS, REASSIGN_ROUNDS);
+        let representatives = representatives(&labels, clusters, scores.view(), params.seed);
+        Ok::<_, FitError>((labels, representatives))
     })?;
-    drop(found);
-    let (clusters, figures) = stages.run("dictionary", || {
+    drop(scores);
+    let (mut clusters, figures) = stages.run("dictionary", || {
         dictionaries(&cache, &representatives, &views, &lights, &holdout, kind, params.lobes, monitor)
     })?;
 
-    let selection = stages.run("weights", || {
+    let mut selection = stages.run("weights", || {
         let correlations = correlate(&cache, &clusters, &labels, monitor)?;
-        let count = |bytes: usize| LOBE_SHARE * bytes as f64 / (REF_BYTES * info.texel_count() as f64);
-        let mean_count = share.map(count).or(params.psnr_db.map(|_| 1.0));
-        Ok(select(&clusters, &labels, &correlations, params.lobes, LOBE_PRICE, mean_count))
+        let of = if guide { LobesOf::Clusters } else { LobesOf::Texels };
+        Ok(select(&clusters, &labels, &correlations, of, params.lobes, LOBE_PRICE))
     })?;
-    let source = ResidualSource {
-        cache: &cache,
-        mapping: &mapping,
-        curve: &curve,
-        clusters: &clusters,
-        selection: &selection,
-        labels: &labels,
-        holdout: &holdout,
+    // Not part of the stage, because it changes what an earlier stage gave.
+    drop_unused(&mut clusters, &mut selection, &labels);
+    let mut coordinates = match alone {
+        Some(found) => found,
+        None => stages.run("residual", || {
+            let lobes = TexelLobes { clusters: &clusters, selection: &selection, labels: &labels };
+            Coordinates::new(&source(Some(lobes)), SHARED_BASES, sample, params.seed, "residual", monitor)
+        })?,
     };
-    let mut coordinates =
-        stages.run("residual", || Coordinates::new(&source, SHARED_BASES, sample, params.seed, monitor))?;
     let model = monitor.stage("residual", || {
         let rotated = Rotated::new(&coordinates.directions, &coordinates.energies, [views.len(), lights.len()]);
         coordinates.directions = Array2::zeros((0, 0));
         let most = params.components.unwrap_or(MAX_COMPONENTS);
         let models = local_pca(coordinates.scores.view(), &labels, clusters.len(), most);
-        Ok(Model { coordinates, rotated, clusters: models, width: info.width })
+        Ok::<_, FitError>(Model { coordinates, rotated, clusters: models, width: info.width })
     })?;
     let layer = Layer {
         light_side: sides_of_capture(info.side).0,
         view_side: sides_of_capture(info.side).1,
+        lobe_role: role,
         residual_kind: kind,
         epsilon,
         lights,
@@ -332,21 +344,7 @@ fn within_budget(
     let found = within_bytes(bytes, greatest_coefficient(layers), |step| {
         monitor.report("encode", round, SEARCH_ROUNDS)?;
         round += 1;
-        let made = assemble(layers, step, grid, params);
-        if std::env::var("BTF_DEBUG").is_ok() {
-            let samples = grid[0] as f64
-                * grid[1] as f64
-                * layers.iter().map(|l| l.layer.views.len() * l.layer.lights.len() * 3).sum::<usize>() as f64;
-            let r = made.asset.layers[0].residual.as_ref().unwrap();
-            eprintln!(
-                "step {step:.4} psnr {:.3} bytes {} comps {} shared {}",
-                10.0 * (1.0 / (made.error / samples * 1.055 * 1.055)).log10(),
-                pack(&made.asset)?.len(),
-                r.coefficients.len(),
-                r.shared.steps.len()
-            );
-        }
-        let asset = made.asset;
+        let asset = assemble(layers, step, grid, params).asset;
         Ok::<_, FitError>(Candidate { bytes: pack(&asset)?.len(), value: asset })
     })?;
     found.map_err(|least| {
@@ -373,6 +371,10 @@ fn within_error(
     let mut target = error_for_psnr(db) * samples;
     let mut found: Option<(usize, Asset)> = None;
     let mut reached = 0.0f64;
+    // Logarithms of targets with what they gave, nearest to the goal from either side.
+    let mut above: Option<(f64, f64)> = None;
+    let mut below: Option<(f64, f64)> = None;
+    let mut side = None;
     for round in 0..PSNR_ROUNDS {
         monitor.report("encode", round, PSNR_ROUNDS)?;
         let candidate = coarsest_within_error(layers, target, greatest, grid, params, monitor)?;
@@ -401,7 +403,25 @@ fn within_error(
         if (measured < db && last_resort) || (measured >= db && measured <= db + 6.0 * PSNR_MARGIN_DB) {
             break;
         }
-        target *= 10f64.powf((measured - db - 3.0 * PSNR_MARGIN_DB) / 10.0);
+        // A little above the goal on the line between what was too much and what was too little; else as if error
+        // were what it was predicted to be. (Near the rounding of 8-bit captures it falls much faster.)
+        let point = (target.log10(), measured);
+        if measured > db {
+            above = Some(point)
+        } else {
+            below = Some(point)
+        }
+        let goal = db + 3.0 * PSNR_MARGIN_DB;
+        target = 10f64.powf(match (above, below) {
+            (Some(above), Some(below)) if above.1 > below.1 && goal > below.1 => {
+                let along = ((goal - below.1) / (above.1 - below.1)).clamp(0.05, 0.95);
+                // Twice on one side: the line misleads.
+                let along = if side == Some(measured > db) { 0.5 } else { along };
+                below.0 + along * (above.0 - below.0)
+            }
+            _ => point.0 + (measured - goal) / 10.0,
+        });
+        side = Some(measured > db);
     }
     found.map(|(_, asset)| asset).ok_or_else(|| {
         FitError::Budget(format!(
