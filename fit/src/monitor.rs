@@ -47,8 +47,11 @@ impl Monitor {
         }
     }
 
-    /// Notes that the result of a stage was there already.
+    /// Notes that the result of a stage was there already, and reports it as done.
     pub fn skip(&self, stage: &str) {
+        if let Some(listener) = &self.listener {
+            listener(stage, 1, 1);
+        }
         if let Ok(mut skipped) = self.skipped.lock() {
             skipped.push(stage.to_string());
         }

@@ -30,54 +30,73 @@ fn write_capture(path: &Path, size: usize, directions: usize, shade: f32) {
     writer.finish().unwrap();
 }
 
-const OPTIONS: [&str; 4] = ["--clusters", "3", "--bytes", "20kB"];
+/// With a goal lobes only guide and stages come in another order than without.
+const ORDERS: [&[&str]; 2] = [&["--clusters", "3", "--bytes", "20kB"], &["--clusters", "3"]];
 
-fn start(folder: &Path, asset: &str, more: &[&str]) -> Command {
+fn start(folder: &Path, asset: &str, options: &[&str], more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_btf-fit"));
-    command.args(["fit", "capture", "-o", asset]).args(OPTIONS).args(more).current_dir(folder);
+    command.args(["fit", "capture", "-o", asset]).args(options).args(more).current_dir(folder);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
+}
+
+/// Starts the fit and kills it after `wait_s` (SIGKILL where there are signals); whether it was still running.
+fn kill_after(wait_s: f64, mut command: Command) -> bool {
+    let mut child = command.spawn().unwrap();
+    std::thread::sleep(Duration::from_secs_f64(wait_s));
+    child.kill().unwrap();
+    !child.wait().unwrap().success()
+}
+
+/// Runs to the end with `--resume`; the stages that were there already.
+fn resume(folder: &Path, asset: &str, options: &[&str]) -> Vec<String> {
+    let output = start(folder, asset, options, &["--resume", "--json", "-"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(!folder.join(format!("{asset}.resume")).exists(), "the finished stages go when the asset is written");
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    json["resumed"].as_array().unwrap().iter().map(|stage| stage.as_str().unwrap().to_string()).collect()
 }
 
 #[test]
 fn a_fit_that_is_killed_at_ten_random_moments_ends_in_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    write_capture(&here.join("capture"), 16, 10, 1.0);
-    let begun = Instant::now();
-    let output = start(here, "whole.spmm", &[]).output().unwrap();
-    let whole_s = begun.elapsed().as_secs_f64();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let wanted = std::fs::read(here.join("whole.spmm")).unwrap();
-    assert!(!here.join("whole.spmm.resume").exists(), "without --resume nothing is kept");
-
+    write_capture(&here.join("capture"), 24, 14, 1.0);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(2026);
     let mut resumed = 0;
-    for moment in 0..10 {
-        let asset = format!("{moment}.spmm");
-        let mut wait_s = random.gen_range(0.0..1.0) * whole_s;
-        loop {
-            let mut child = start(here, &asset, &["--resume"]).spawn().unwrap();
-            std::thread::sleep(Duration::from_secs_f64(wait_s));
-            // SIGKILL where there are signals.
-            child.kill().unwrap();
-            if !child.wait().unwrap().success() {
-                break;
-            }
-            // It was faster than the undisturbed one: not killed at all.
-            std::fs::remove_file(here.join(&asset)).unwrap();
-            wait_s *= 0.7;
-        }
-        let output = start(here, &asset, &["--resume", "--json", "-"]).output().unwrap();
+    for (order, options) in ORDERS.into_iter().enumerate() {
+        let begun = Instant::now();
+        let output = start(here, "whole.spmm", options, &[]).output().unwrap();
+        let whole_s = begun.elapsed().as_secs_f64();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
-        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        resumed += usize::from(!json["resumed"].as_array().unwrap().is_empty());
-        assert!(std::fs::read(here.join(&asset)).unwrap() == wanted, "killed for the {moment}th time");
-        assert!(!here.join(format!("{asset}.resume")).exists(), "the finished stages go when the asset is written");
+        let wanted = std::fs::read(here.join("whole.spmm")).unwrap();
+        assert!(!here.join("whole.spmm.resume").exists(), "without --resume nothing is kept");
+
+        for moment in 0..5 {
+            let asset = format!("{order}-{moment}.spmm");
+            let mut wait_s = random.gen_range(0.0..1.0) * whole_s;
+            while !kill_after(wait_s, start(here, &asset, options, &["--resume"])) {
+                // It was faster than the undisturbed one: not killed at all.
+                std::fs::remove_file(here.join(&asset)).unwrap();
+                wait_s *= 0.7;
+            }
+            resumed += usize::from(!resume(here, &asset, options).is_empty());
+            assert!(std::fs::read(here.join(&asset)).unwrap() == wanted, "{options:?}, killed for the {moment}th time");
+        }
+        // One fit that is never left alone long enough for the whole.
+        let mut kills = 0;
+        while kills < 5 && kill_after(0.5 * whole_s, start(here, "often.spmm", options, &["--resume"])) {
+            kills += 1;
+        }
+        if kills == 5 {
+            resume(here, "often.spmm", options);
+        }
+        assert!(std::fs::read(here.join("often.spmm")).unwrap() == wanted, "{options:?}, killed {kills} times");
+        println!("{options:?}: {whole_s:.2} s undisturbed, finished after {kills} kills in a row");
     }
-    println!("a fit of {whole_s:.2} s was killed ten times, {resumed} times it went on from finished stages");
-    assert!(resumed >= 2, "{resumed}");
+    println!("killed ten times, {resumed} times it went on from finished stages");
+    assert!(resumed >= 3, "{resumed}");
 }
 
 struct Run {
@@ -130,26 +149,38 @@ fn stages(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
+/// Parameters of both orders of stages.
+fn both(folder: &Path) -> [FitParams; 2] {
+    let goal = params(folder);
+    [FitParams { bytes: None, ..goal.clone() }, goal]
+}
+
 #[test]
 fn finished_stages_are_skipped_wherever_the_fit_was_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let (here, capture) = (folder.path(), folder.path().join("capture"));
     write_capture(&capture, 14, 8, 1.0);
-    let undisturbed = run(&capture, &FitParams { resume: None, ..params(here) }, "").bytes.unwrap();
     let order = ["project", "cluster", "dictionary", "weights", "residual", "encode", "measure"];
-    for (finished, stop) in order.into_iter().enumerate() {
-        let params = FitParams { resume: Some(here.join(stop)), ..params(here) };
-        assert!(run(&capture, &params, stop).bytes.is_none(), "stopped at {stop}");
-        let resumed = run(&capture, &params, "");
-        assert!(resumed.bytes.unwrap() == undisturbed, "stopped at {stop}");
-        assert!(resumed.remarks.is_empty(), "{:?}", resumed.remarks);
-        // What was done is not done again; with the residual's coordinates no image is read before it is measured.
-        let skipped: Vec<&str> = resumed.skipped.iter().map(String::as_str).collect();
-        let expected = if finished >= 6 { &["encode"][..] } else { &order[..finished] };
-        assert_eq!(skipped, expected, "stopped at {stop}");
-        let again: Vec<&String> = resumed.ran.iter().filter(|name| skipped.contains(&name.as_str())).collect();
-        assert!(again.iter().all(|name| *name == "residual"), "{again:?} ran again");
-        assert_eq!(resumed.ran.iter().any(|name| name == "read"), finished < 5, "stopped at {stop}");
+    for asked in both(here) {
+        // With a goal the residual's coordinates are those of the stage `project`; the rest of it is not kept.
+        let kept = if asked.bytes.is_some() { 4 } else { 5 };
+        let undisturbed = run(&capture, &FitParams { resume: None, ..asked.clone() }, "").bytes.unwrap();
+        for (finished, stop) in order.into_iter().enumerate() {
+            let what = format!("{:?} stopped at {stop}", asked.bytes);
+            let params = FitParams { resume: Some(here.join(format!("{kept}-{stop}"))), ..asked.clone() };
+            assert!(run(&capture, &params, stop).bytes.is_none(), "{what}");
+            let resumed = run(&capture, &params, "");
+            assert!(resumed.bytes.unwrap() == undisturbed, "{what}");
+            assert!(resumed.remarks.is_empty(), "{what}: {:?}", resumed.remarks);
+            // What was done is not done again; behind the last pass over all texels no image is read before it is
+            // measured.
+            let skipped: Vec<&str> = resumed.skipped.iter().map(String::as_str).collect();
+            let expected = if finished >= 6 { &["encode"][..] } else { &order[..finished.min(kept)] };
+            assert_eq!(skipped, expected, "{what}");
+            let again: Vec<&String> = resumed.ran.iter().filter(|name| skipped.contains(&name.as_str())).collect();
+            assert!(again.iter().all(|name| *name == "residual"), "{what}: {again:?} ran again");
+            assert_eq!(resumed.ran.iter().any(|name| name == "read"), finished < kept, "{what}");
+        }
     }
 }
 
@@ -164,7 +195,7 @@ fn stages_of_another_capture_or_other_options_are_not_used() {
     assert!(first != second, "the planted difference shows in the bytes");
 
     assert!(run(&capture, &params(here), "measure").bytes.is_none());
-    assert_eq!(stages(here).len(), 7);
+    assert_eq!(stages(here).len(), 6);
     let resumed = run(&capture, &other_options, "measure");
     assert!(resumed.skipped.is_empty());
     assert!(matches!(&resumed.remarks[..], [remark] if remark.contains("other options")), "{:?}", resumed.remarks);
@@ -198,28 +229,32 @@ fn a_cut_or_damaged_stage_is_computed_anew() {
     let folder = tempfile::tempdir().unwrap();
     let (here, capture) = (folder.path(), folder.path().join("capture"));
     write_capture(&capture, 14, 8, 1.0);
-    let undisturbed = run(&capture, &FitParams { resume: None, ..params(here) }, "").bytes.unwrap();
-    assert!(run(&capture, &params(here), "measure").bytes.is_none());
-    let whole: Vec<(PathBuf, Vec<u8>)> =
-        stages(here).into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
-    for (number, (path, bytes)) in whole.iter().enumerate() {
-        let mut flipped = bytes.clone();
-        let middle = bytes.len() / 2;
-        flipped[middle] ^= 16;
-        for (what, damaged) in [("cut", &bytes[..bytes.len() - 1 - number * 7]), ("flipped", &flipped)] {
-            whole.iter().for_each(|(path, bytes)| std::fs::write(path, bytes).unwrap());
-            if !path.ends_with("whole-encode.stage") {
-                // Otherwise nothing before it would be looked at.
-                std::fs::remove_file(here.join("a.spmm.resume/whole-encode.stage")).unwrap();
+    for params in both(here) {
+        let undisturbed = run(&capture, &FitParams { resume: None, ..params.clone() }, "").bytes.unwrap();
+        assert!(run(&capture, &params, "measure").bytes.is_none());
+        let whole: Vec<(PathBuf, Vec<u8>)> =
+            stages(here).into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
+        assert_eq!(whole.len(), if params.bytes.is_some() { 6 } else { 7 });
+        for (number, (path, bytes)) in whole.iter().enumerate() {
+            let mut flipped = bytes.clone();
+            let middle = bytes.len() / 2;
+            flipped[middle] ^= 16;
+            for (what, damaged) in [("cut", &bytes[..bytes.len() - 1 - number * 7]), ("flipped", &flipped)] {
+                whole.iter().for_each(|(path, bytes)| std::fs::write(path, bytes).unwrap());
+                if !path.ends_with("whole-encode.stage") {
+                    // Otherwise nothing before it would be looked at.
+                    std::fs::remove_file(here.join("a.spmm.resume/whole-encode.stage")).unwrap();
+                }
+                std::fs::write(path, damaged).unwrap();
+                // A file that a killed run was still writing.
+                std::fs::write(here.join("a.spmm.resume/.layer0-cluster.stage.partial-1-0"), "x").unwrap();
+                let resumed = run(&capture, &params, "");
+                assert!(resumed.bytes.unwrap() == undisturbed, "{what}: {}", path.display());
+                assert_eq!(resumed.remarks.len(), 1, "{what}: {} {:?}", path.display(), resumed.remarks);
+                assert!(!here.join("a.spmm.resume/.layer0-cluster.stage.partial-1-0").exists());
             }
-            std::fs::write(path, damaged).unwrap();
-            // A file that a killed run was still writing.
-            std::fs::write(here.join("a.spmm.resume/.layer0-cluster.stage.partial-1-0"), "x").unwrap();
-            let resumed = run(&capture, &params(here), "");
-            assert!(resumed.bytes.unwrap() == undisturbed, "{what}: {}", path.display());
-            assert_eq!(resumed.remarks.len(), 1, "{what}: {} {:?}", path.display(), resumed.remarks);
-            assert!(!here.join("a.spmm.resume/.layer0-cluster.stage.partial-1-0").exists());
         }
+        std::fs::remove_dir_all(here.join("a.spmm.resume")).unwrap();
     }
 }
 

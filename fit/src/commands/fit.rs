@@ -175,7 +175,7 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         check_file(path, &args.captures)?;
     }
 
-    let monitor = progress::monitor(shared, Some(Forecast::new(captures.len(), args.report.is_some())))?;
+    let monitor = progress::monitor(shared, Some(Forecast::new(captures.len(), &params, args.report.is_some())))?;
     let fitted = fit_and_measure(&captures, &params, &monitor).map_err(|error| match error {
         FitError::Interrupted if args.resume => Failure::Suspended,
         other => other.into(),

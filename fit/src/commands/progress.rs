@@ -83,7 +83,8 @@ mod tests {
     #[test]
     fn the_time_left_is_rounded_up_to_what_a_guess_can_say() {
         assert_eq!(whole(0.3), "; the whole fit about 5 seconds more");
-        assert_eq!(whole(61.0), "; the whole fit about 1 minute more");
+        assert_eq!(whole(61.0), "; the whole fit about 65 seconds more");
+        assert_eq!(whole(121.0), "; the whole fit about 3 minutes more");
         assert_eq!(whole(1201.0), "; the whole fit about 21 minutes more");
     }
 }
