@@ -7,7 +7,7 @@ use crate::checkpoint::Stages;
 use crate::error::FitError;
 use crate::frame::turn_image;
 use crate::monitor::Monitor;
-use crate::params::MAX_HALF;
+use crate::params::{ErrorMeasure, MAX_HALF};
 use crate::stored::{Input, Stored};
 use blake3::Hasher;
 use btf_capture::{Capture, Pixels};
@@ -283,7 +283,12 @@ impl<'a> TileCache<'a> {
                         (Pixels::Linear(mut values), Form::Single) => {
                             if let Some(value) = values.iter().copied().find(|x| *x > self.most) {
                                 let path = capture.path_of(pair / self.lights, pair % self.lights);
-                                return Err(FitError::TooBright { path, value, most: self.most });
+                                let remedy = if value <= ErrorMeasure::Gamma.most() {
+                                    "use --error gamma"
+                                } else {
+                                    "divide all images of the capture by one number"
+                                };
+                                return Err(FitError::TooBright { path, value, most: self.most, remedy });
                             }
                             turn_image(&mut values, info.width, info.side);
                             values.iter().flat_map(|x| x.to_le_bytes()).collect()

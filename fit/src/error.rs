@@ -47,7 +47,7 @@ pub enum FitError {
         needed: String,
     },
     /// A sample that the residual's curve cannot hold.
-    #[error("{path} has the value {value}, and assets made with this --error hold at most {most}; use --error gamma")]
+    #[error("{path} has the value {value:e}, and assets made with this --error hold at most {most}; {remedy}")]
     TooBright {
         /// The image.
         path: String,
@@ -55,6 +55,8 @@ pub enum FitError {
         value: f32,
         /// The largest that fits.
         most: f32,
+        /// What helps.
+        remedy: &'static str,
     },
     /// No setting reaches what `--bytes` or `--psnr` asked for.
     #[error("{0}")]

@@ -1,5 +1,6 @@
 //! Numerical extremes: each row of the table in docs/TRADE.md is a test here. Every one gives a finite asset with its
-//! error figure, or a clear error. `cargo test -p btf-fit --test extremes -- --nocapture` prints the table's lines.
+//! error figure, without a goal, with `--bytes` and with `--psnr`, or a clear error.
+//! `cargo test -p btf-fit --test extremes -- --nocapture --test-threads 1` prints the table's lines.
 
 use btf_capture::{Capture, CaptureInfo, CaptureWriter, Direction, DirectionSet, ImageFormat};
 use btf_fit::{ErrorMeasure, FitError, FitParams, Fitted, Monitor, fit_and_measure};
@@ -45,17 +46,16 @@ fn params(folder: &TempDir) -> FitParams {
     FitParams { cache_directory: folder.path().to_path_buf(), ..FitParams::default() }
 }
 
-fn small(folder: &TempDir) -> FitParams {
-    FitParams { bytes: Some(20_000), ..params(folder) }
+fn open(folder: &TempDir) -> Capture {
+    Capture::open(folder.path().join("capture")).unwrap()
 }
 
 fn fit(capture: Capture, params: &FitParams) -> Result<Fitted, FitError> {
     fit_and_measure(&[capture], params, &Monitor::default())
 }
 
-/// Fits, checks that the packed asset decodes to finite numbers from everywhere, and prints the table's line.
-fn finite(row: &str, capture: Capture, params: &FitParams) -> Fitted {
-    let fitted = fit(capture, params).unwrap();
+/// Checks that the packed asset decodes to finite numbers from everywhere, and gives its figures for the table.
+fn finite(row: &str, fitted: &Fitted) -> String {
     let asset = Asset::parse(&fitted.bytes).unwrap();
     let resident = Resident::from_asset(&asset);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(11);
@@ -80,15 +80,58 @@ fn finite(row: &str, capture: Capture, params: &FitParams) -> Fitted {
     let m = &fitted.metrics;
     let figures = [m.rel_rmse, m.worst_texel_rmse, m.delta_e00_mean.unwrap_or(0.0)];
     assert!(figures.iter().all(|x| x.is_finite()) && !m.psnr_db.is_nan() && !m.psnr_linear_db.is_nan(), "{row}: {m:?}");
-    told(row, &format!("{:.2} dB, {:.2e}", m.psnr_db, m.rel_rmse));
-    fitted
+    format!("{:.2} dB, {:.1e}", m.psnr_db, m.rel_rmse)
 }
 
-/// Prints a row, and sees that docs/TRADE.md has it.
-fn told(row: &str, figures: &str) {
-    println!("| {row} | {figures} |");
+/// Fits what lies in `folder` without a goal, within `bytes` and to 40 dB; `check` sees the first two fits.
+fn with_and_without_goal(row: &str, folder: &TempDir, asked: &FitParams, bytes: u64, check: &dyn Fn(&Fitted)) {
+    let small = FitParams { bytes: Some(bytes), ..asked.clone() };
+    let figures = [asked, &small].map(|params| {
+        let fitted = fit(open(folder), params).unwrap();
+        assert!(params.bytes.is_none_or(|most| fitted.bytes.len() as u64 <= most), "{row}: {}", fitted.bytes.len());
+        let figures = finite(row, &fitted);
+        check(&fitted);
+        figures
+    });
+    let exact = fit(open(folder), &FitParams { psnr_db: Some(40.0), ..asked.clone() }).unwrap();
+    finite(row, &exact);
+    assert!(exact.metrics.psnr_db >= 40.0, "{row}: {:?}", exact.metrics);
+    told(row, &figures);
+}
+
+/// Prints a row, and sees that docs/TRADE.md has it with about these figures.
+fn told<T: AsRef<str>>(row: &str, figures: &[T]) {
+    let cells: Vec<&str> = figures.iter().map(AsRef::as_ref).collect();
+    println!("| {row} | {} |", cells.join(" | "));
     let table = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/TRADE.md")).unwrap();
-    assert!(table.contains(&format!("\n| {row} |")), "docs/TRADE.md has no row `{row}`");
+    let line = table.lines().find(|line| line.starts_with(&format!("| {row} |")));
+    let line = line.unwrap_or_else(|| panic!("docs/TRADE.md has no row `{row}`"));
+    let printed: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).skip(1).collect();
+    let same = printed.len() == cells.len() && printed.iter().zip(&cells).all(|(printed, cell)| agrees(printed, cell));
+    assert!(same, "docs/TRADE.md says `{line}`, now it is {cells:?}");
+}
+
+/// Whether two cells tell the same: within 3 dB and a factor of 2, because machines round differently.
+fn agrees(printed: &str, now: &str) -> bool {
+    let parts = |cell: &str| -> Option<[f64; 2]> {
+        let (db, relative) = cell.split_once(" dB, ")?;
+        Some([db.parse().ok()?, relative.parse().ok()?])
+    };
+    match (parts(printed), parts(now)) {
+        (Some(a), Some(b)) => {
+            let ratio = a[1] / b[1];
+            (a[0] == b[0] || (a[0] - b[0]).abs() < 3.0) && (a[1] == b[1] || (0.5..2.0).contains(&ratio))
+        }
+        _ => printed == now,
+    }
+}
+
+#[test]
+fn a_figure_that_changed_is_seen() {
+    assert!(agrees("50.00 dB, 1.0e-3", "51.20 dB, 1.4e-3") && agrees("inf dB, 0.0e0", "inf dB, 0.0e0"));
+    for other in ["46.00 dB, 1.0e-3", "50.00 dB, 3.0e-3", "inf dB, 1.0e-3", "50.00 dB, 0.0e0", "refused"] {
+        assert!(!agrees("50.00 dB, 1.0e-3", other), "{other}");
+    }
 }
 
 fn lambertian(albedo: f32, wi: [f32; 3]) -> [f32; 3] {
@@ -98,34 +141,31 @@ fn lambertian(albedo: f32, wi: [f32; 3]) -> [f32; 3] {
 #[test]
 fn a_constant_capture() {
     let folder = tempfile::tempdir().unwrap();
-    let capture = exr(folder.path(), [8, 8], &set(6), &set(7), &|_, _, _| [0.25; 3]);
-    let fitted = finite("constant capture", capture, &params(&folder));
-    assert!(fitted.metrics.psnr_db > 38.0 && fitted.metrics.rel_rmse < 0.06, "{:?}", fitted.metrics);
-    let capture = Capture::open(folder.path().join("capture")).unwrap();
-    let fitted = finite("constant capture, `--bytes 20kB`", capture, &small(&folder));
-    assert!(fitted.metrics.psnr_db > 55.0 && fitted.metrics.rel_rmse < 0.003, "{:?}", fitted.metrics);
+    exr(folder.path(), [8, 8], &set(6), &set(7), &|_, _, _| [0.25; 3]);
+    with_and_without_goal("constant capture", &folder, &params(&folder), 20_000, &|fitted| {
+        assert!(fitted.metrics.psnr_db > 55.0 && fitted.metrics.rel_rmse < 0.003, "{:?}", fitted.metrics);
+    });
 }
 
 #[test]
 fn a_black_capture() {
     for (format, row) in [(ImageFormat::Exr, "black capture"), (ImageFormat::Png, "black capture, 8 bits")] {
         let folder = tempfile::tempdir().unwrap();
-        let capture = capture_with(folder.path(), [8, 8], &set(6), &set(7), format, &|_, _, _| [0.0; 3]);
-        let fitted = finite(row, capture, &params(&folder));
-        assert!(
-            fitted.metrics.psnr_db == f64::INFINITY && fitted.metrics.worst_texel_rmse < 1e-4,
-            "{:?}",
-            fitted.metrics
-        );
+        capture_with(folder.path(), [8, 8], &set(6), &set(7), format, &|_, _, _| [0.0; 3]);
+        with_and_without_goal(row, &folder, &params(&folder), 20_000, &|fitted| {
+            let black = fitted.metrics.psnr_db == f64::INFINITY && fitted.metrics.worst_texel_rmse < 1e-4;
+            assert!(black, "{:?}", fitted.metrics);
+        });
     }
 }
 
 #[test]
 fn one_texel() {
     let folder = tempfile::tempdir().unwrap();
-    let capture = exr(folder.path(), [1, 1], &set(6), &set(7), &|_, wi, _| lambertian(0.5, wi));
-    let fitted = finite("one texel", capture, &params(&folder));
-    assert!(fitted.metrics.psnr_db > 45.0, "{:?}", fitted.metrics);
+    exr(folder.path(), [1, 1], &set(6), &set(7), &|_, wi, _| lambertian(0.5, wi));
+    with_and_without_goal("one texel", &folder, &params(&folder), 20_000, &|fitted| {
+        assert!(fitted.metrics.psnr_db > 50.0, "{:?}", fitted.metrics);
+    });
 }
 
 #[test]
@@ -136,20 +176,33 @@ fn one_direction() {
         [(&one, &one, "one direction"), (&one, &set(5), "one view"), (&set(5), &one, "one light")]
     {
         let folder = tempfile::tempdir().unwrap();
-        let capture = exr(folder.path(), [9, 7], views, lights, &value);
-        let fitted = finite(row, capture, &params(&folder));
-        assert!(fitted.metrics.psnr_db > 38.0, "{:?}", fitted.metrics);
+        exr(folder.path(), [9, 7], views, lights, &value);
+        with_and_without_goal(row, &folder, &params(&folder), 20_000, &|fitted| {
+            assert!(fitted.metrics.psnr_db > 50.0, "{:?}", fitted.metrics);
+        });
     }
 }
 
 #[test]
 fn two_identical_clusters() {
     let folder = tempfile::tempdir().unwrap();
-    // Two kinds of texels; seven clusters are asked for, so that several hold the same.
-    let value = |texel: usize, wi: [f32; 3], _: [f32; 3]| lambertian(if texel % 2 == 0 { 0.2 } else { 0.6 }, wi);
-    let capture = exr(folder.path(), [8, 8], &set(6), &set(7), &value);
-    let fitted = finite("two identical clusters", capture, &FitParams { clusters: 7, ..params(&folder) });
-    assert!(fitted.metrics.psnr_db > 40.0 && fitted.clusters <= 7, "{:?}", fitted.metrics);
+    // Two kinds of texels that no 8-bit code tells apart, and two clusters for them.
+    let value = |texel: usize, wi: [f32; 3], _: [f32; 3]| lambertian(if texel % 2 == 0 { 0.5 } else { 0.501 }, wi);
+    exr(folder.path(), [8, 8], &set(6), &set(7), &value);
+    let asked = FitParams { clusters: 2, ..params(&folder) };
+    with_and_without_goal("two identical clusters", &folder, &asked, 20_000, &|fitted| {
+        let labels = &fitted.asset.layers[0].texel_clusters;
+        assert!(fitted.clusters == 2 && labels.contains(&0) && labels.contains(&1), "{labels:?}");
+        assert!(fitted.metrics.psnr_db > 50.0, "{:?}", fitted.metrics);
+    });
+    // Clusters that would be equal to the last bit become one.
+    exr_again(&folder, &|_, wi| lambertian(0.5, wi));
+    let fitted = fit(open(&folder), &asked).unwrap();
+    assert!(fitted.clusters <= 2 && fitted.metrics.psnr_db > 50.0, "{:?}", fitted.metrics);
+}
+
+fn exr_again(folder: &TempDir, value: &(dyn Fn(usize, [f32; 3]) -> [f32; 3] + Sync)) {
+    rewrite(folder.path(), &set(7), [8, 8], value);
 }
 
 #[test]
@@ -159,21 +212,21 @@ fn all_texels_equal() {
         let base = lambertian(0.4, wi);
         base.map(|x| x + 0.3 * (wi[2] * wo[2] - wi[0] * wo[0] - wi[1] * wo[1]).max(0.0).powi(8))
     };
-    let capture = exr(folder.path(), [8, 8], &set(8), &set(9), &gloss);
-    let fitted = finite("all texels equal", capture, &params(&folder));
-    assert!(fitted.metrics.psnr_db > 35.0, "{:?}", fitted.metrics);
-    let capture = Capture::open(folder.path().join("capture")).unwrap();
-    let fitted = finite("all texels equal, `--bytes 20kB`", capture, &small(&folder));
-    assert!(fitted.metrics.psnr_db > 55.0, "{:?}", fitted.metrics);
+    exr(folder.path(), [8, 8], &set(8), &set(9), &gloss);
+    with_and_without_goal("all texels equal", &folder, &params(&folder), 20_000, &|fitted| {
+        assert!(fitted.metrics.psnr_db > 50.0, "{:?}", fitted.metrics);
+    });
 }
 
 #[test]
 fn more_clusters_than_texels() {
     let folder = tempfile::tempdir().unwrap();
     let value = |texel: usize, wi: [f32; 3], _: [f32; 3]| lambertian(0.1 + 0.1 * texel as f32, wi);
-    let capture = exr(folder.path(), [3, 2], &set(6), &set(7), &value);
-    let fitted = finite("more clusters than texels", capture, &FitParams { clusters: 256, ..params(&folder) });
-    assert!(fitted.metrics.psnr_db > 40.0 && fitted.clusters <= 6, "{:?}", fitted.metrics);
+    exr(folder.path(), [3, 2], &set(6), &set(7), &value);
+    let asked = FitParams { clusters: 256, ..params(&folder) };
+    with_and_without_goal("more clusters than texels", &folder, &asked, 20_000, &|fitted| {
+        assert!(fitted.metrics.psnr_db > 50.0 && fitted.clusters <= 6, "{:?}", fitted.metrics);
+    });
 }
 
 #[test]
@@ -182,7 +235,7 @@ fn a_mirror_sharp_highlight() {
     // Full width at half height under half a degree; the grid's steps are 15 degrees. Light and view sets are the
     // same turned by half a circle, so that a few pairs are in the mirror's direction.
     let views = DirectionSet::bonn81();
-    let kept: Vec<Direction> = views.directions().iter().copied().filter(|d| d.theta_deg < 50.0).step_by(2).collect();
+    let kept: Vec<Direction> = views.directions().iter().copied().filter(|d| d.theta_deg < 50.0).step_by(3).collect();
     let views = DirectionSet::new(kept.clone()).unwrap();
     let across = kept.iter().map(|d| Direction::new(d.theta_deg, (d.phi_deg + 180.0) % 360.0)).collect();
     let lights = DirectionSet::new(across).unwrap();
@@ -192,9 +245,11 @@ fn a_mirror_sharp_highlight() {
         let peak = if half_z > 0.0 { 200.0 * (f64::from(half_z).min(1.0).powf(2e5) as f32) } else { 0.0 };
         lambertian(0.2 + 0.002 * (texel % 30) as f32, wi).map(|x| x + peak * wi[2])
     };
-    let capture = exr(folder.path(), [8, 8], &views, &lights, &value);
-    let fitted = finite("mirror-sharp highlight", capture, &params(&folder));
-    assert!(fitted.metrics.psnr_db > 30.0 && fitted.metrics.rel_rmse < 0.5, "{:?}", fitted.metrics);
+    exr(folder.path(), [8, 8], &views, &lights, &value);
+    with_and_without_goal("mirror-sharp highlight", &folder, &params(&folder), 20_000, &|fitted| {
+        // The highlight itself, 200 and more, is where linear values say how well it is met.
+        assert!(fitted.metrics.psnr_db > 40.0 && fitted.metrics.rel_rmse < 0.05, "{:?}", fitted.metrics);
+    });
 }
 
 #[test]
@@ -205,29 +260,38 @@ fn a_million_beside_a_millionth() {
     let value = |texel: usize, wi: [f32; 3]| if texel.is_multiple_of(3) { 1e6 * wi[2] } else { 1e-6 };
     exr(folder.path(), [6, 6], &views, &lights, &|_, _, _| [0.0; 3]);
     rewrite(folder.path(), &lights, [6, 6], &|texel, wi| [value(texel, wi); 3]);
-    let open = || Capture::open(folder.path().join("capture")).unwrap();
-    let fitted = finite("1e6 beside 1e-6", open(), &params(&folder));
-    assert!(fitted.metrics.rel_rmse < 0.01, "{:?}", fitted.metrics);
-    // Where the asset must be a million it is, and where it must be nothing it is nearly that.
-    let asset = Asset::parse(&fitted.bytes).unwrap();
-    let resident = Resident::from_asset(&asset);
     let zenith = (0..6).max_by(|a, b| lights.units()[*a][2].total_cmp(&lights.units()[*b][2])).unwrap();
     let (wi, wo) = (lights.units()[zenith], views.units()[2]);
-    let options = DecodeOptions::default();
-    let bright = decode(&resident, 0, 0, wi, wo, &options)[0];
-    let dark = decode(&resident, 0, 1, wi, wo, &options)[0];
-    assert!((bright / value(0, wi) - 1.0).abs() < 0.01 && dark < 0.01, "{bright} and {dark}");
-    println!("  {bright:.4e} for {:.4e}, {dark:.2e} for 1e-6", value(0, wi));
+    with_and_without_goal("1e6 beside 1e-6", &folder, &params(&folder), 20_000, &|fitted| {
+        assert!(fitted.metrics.rel_rmse < 0.01, "{:?}", fitted.metrics);
+        // Where the asset must be a million it is, and where it must be nothing it is nearly that.
+        let asset = Asset::parse(&fitted.bytes).unwrap();
+        let resident = Resident::from_asset(&asset);
+        let bright = decode(&resident, 0, 0, wi, wo, &DecodeOptions::default())[0];
+        let dark = decode(&resident, 0, 1, wi, wo, &DecodeOptions::default())[0];
+        println!("  {bright:.4e} for {:.4e}, {dark:.2e} for 1e-6", value(0, wi));
+        assert!((bright / value(0, wi) - 1.0).abs() < 0.01 && dark < 0.01, "{bright} and {dark}");
+    });
 
     // The other curves end below that: better no asset than one that is wrong by a factor of eight.
     for (error, most) in [(ErrorMeasure::Linear, "65504"), (ErrorMeasure::Log, "162754")] {
-        let refused = fit(open(), &FitParams { error, ..params(&folder) }).err().unwrap().to_string();
+        let refused = fit(open(&folder), &FitParams { error, ..params(&folder) }).err().unwrap().to_string();
         assert!(refused.contains(".exr") && refused.contains(most) && refused.contains("--error gamma"), "{refused}");
     }
-    told(
-        "1e6 beside 1e-6, `--error linear` or `log`",
-        "refused: the file is named, with 65,504 and 162,754 as what fits",
+    let refused = "refused: the file is named, with 65,504 and 162,754 as what fits";
+    told("1e6 beside 1e-6, `--error linear` or `log`", &[refused, refused]);
+
+    rewrite(folder.path(), &lights, [6, 6], &|texel, _| [if texel == 7 { 3e38 } else { 0.5 }; 3]);
+    let refused = fit(open(&folder), &params(&folder)).err().unwrap().to_string();
+    assert!(
+        refused.contains(".exr")
+            && refused.contains("362279")
+            && refused.contains("divide")
+            && !refused.contains("use --error"),
+        "{refused}"
     );
+    let refused = "refused: the file is named, with 3.6e11 as what fits";
+    told("3e38", &[refused, refused]);
 }
 
 /// Writes every image of the capture again, in single precision and unchecked.
@@ -271,9 +335,10 @@ fn grazing_light() {
         let sheen = 0.5 * (1.0 - wi[2]).powi(5) * (1.0 - wo[2]).powi(5);
         lambertian(0.3 + 0.02 * (texel % 8) as f32, wi).map(|x| x + sheen)
     };
-    let capture = exr(folder.path(), [8, 8], &low, &low, &value);
-    let fitted = finite("light and view at 89.9 degrees", capture, &params(&folder));
-    assert!(fitted.metrics.psnr_db > 32.0, "{:?}", fitted.metrics);
+    exr(folder.path(), [8, 8], &low, &low, &value);
+    with_and_without_goal("light and view at 89.9 degrees", &folder, &params(&folder), 20_000, &|fitted| {
+        assert!(fitted.metrics.psnr_db > 40.0, "{:?}", fitted.metrics);
+    });
 }
 
 #[test]
@@ -292,7 +357,8 @@ fn not_a_number() {
         let named = refused.contains(".exr") && refused.contains(word) && refused.contains("column 1, row 2");
         assert!(named && refused.lines().count() == 1, "{refused}");
     }
-    told("NaN or infinity", "refused: file, texel and channel are named");
+    let refused = "refused: file, texel and channel are named";
+    told("NaN or infinity", &[refused, refused]);
 }
 
 #[test]
@@ -302,14 +368,12 @@ fn small_negative_values() {
     let capture = exr(folder.path(), [8, 8], &set(5), &set(6), &value);
     let btf_capture::Pixels::Linear(kept) = capture.read(0, 0).unwrap() else { panic!("EXR is linear") };
     assert!((kept[1] + 0.02).abs() < 1e-4, "the capture keeps the sign: {}", kept[1]);
-    let fitted = finite("small negative input", capture, &params(&folder));
-    // The asset gives 0 there (docs/MODEL.md, section 4); the error that is told is that against -0.02.
-    let quarter = 0.02 / (3.0f64).sqrt();
-    assert!(
-        fitted.metrics.worst_texel_rmse > 0.8 * quarter && fitted.metrics.worst_texel_rmse < 1.5 * quarter,
-        "{:?}",
-        fitted.metrics
-    );
+    with_and_without_goal("small negative input", &folder, &params(&folder), 20_000, &|fitted| {
+        // The asset gives 0 there (docs/MODEL.md, section 4); the error that is told is that against -0.02.
+        let quarter = 0.02 / (3.0f64).sqrt();
+        let worst = fitted.metrics.worst_texel_rmse;
+        assert!(worst > 0.8 * quarter && worst < 1.5 * quarter, "{:?}", fitted.metrics);
+    });
     let below = exr_below(folder.path());
     assert!(below.contains("-0.2") && below.contains("at least -0.1"), "{below}");
 }
@@ -325,11 +389,13 @@ fn a_weight_above_half_precision() {
     let (views, lights) = (set(5), set(6));
     exr(folder.path(), [6, 6], &views, &lights, &|_, _, _| [0.0; 3]);
     rewrite(folder.path(), &lights, [6, 6], &|texel, wi| [3e5 * wi[2] * (1.0 + 0.05 * (texel % 5) as f32); 3]);
-    let capture = Capture::open(folder.path().join("capture")).unwrap();
-    let fitted = finite("weight above half precision", capture, &params(&folder));
-    let scales = fitted.asset.layers[0].dictionary.iter().flatten().map(|entry| entry.weight_scale);
-    let most = scales.fold(0.0f32, f32::max);
-    assert!(most.is_finite() && fitted.metrics.rel_rmse < 0.2, "{most} {:?}", fitted.metrics);
+    with_and_without_goal("weight above half precision", &folder, &params(&folder), 20_000, &|fitted| {
+        let scales = fitted.asset.layers[0].dictionary.iter().flatten().map(|entry| entry.weight_scale);
+        let most = scales.fold(0.0f32, f32::max);
+        // Half precision's last step; what the lobes cannot carry the residual does.
+        assert!((59_000.0..65_505.0).contains(&most), "{most}");
+        assert!(fitted.metrics.rel_rmse < 0.01, "{:?}", fitted.metrics);
+    });
 }
 
 #[test]
@@ -340,9 +406,11 @@ fn more_texels_and_references_than_16_bits() {
     let value = |texel: usize, wi: [f32; 3], _: [f32; 3]| {
         if texel >= 70_000 { [0.05 * wi[2], 0.9 * wi[2], 0.1] } else { lambertian(0.3 + 0.1 * (texel % 7) as f32, wi) }
     };
-    let capture = capture_with(folder.path(), [SIDE, SIDE], &set(3), &set(4), ImageFormat::Png, &value);
-    let fitted = finite("more than 65,536 texels", capture, &FitParams { clusters: 4, ..params(&folder) });
-    let references = fitted.asset.layers[0].lobe_refs.len();
-    assert!(SIDE * SIDE > 1 << 16 && references > 1 << 16, "{references} references");
-    assert!(fitted.metrics.psnr_db > 35.0 && fitted.metrics.worst_texel_rmse < 0.1, "{:?}", fitted.metrics);
+    capture_with(folder.path(), [SIDE, SIDE], &set(2), &set(4), ImageFormat::Png, &value);
+    let asked = FitParams { clusters: 4, ..params(&folder) };
+    with_and_without_goal("more than 65,536 texels", &folder, &asked, 200_000, &|fitted| {
+        let references = fitted.asset.layers[0].lobe_refs.len();
+        assert!(SIDE * SIDE > 1 << 16 && references > 1 << 16, "{references} references");
+        assert!(fitted.metrics.psnr_db > 45.0 && fitted.metrics.worst_texel_rmse < 0.02, "{:?}", fitted.metrics);
+    });
 }
