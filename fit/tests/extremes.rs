@@ -187,7 +187,8 @@ fn one_direction() {
 fn two_identical_clusters() {
     let folder = tempfile::tempdir().unwrap();
     // Two kinds of texels that no 8-bit code tells apart, and two clusters for them.
-    let value = |texel: usize, wi: [f32; 3], _: [f32; 3]| lambertian(if texel % 2 == 0 { 0.5 } else { 0.501 }, wi);
+    let value =
+        |texel: usize, wi: [f32; 3], _: [f32; 3]| lambertian(if texel.is_multiple_of(2) { 0.5 } else { 0.501 }, wi);
     exr(folder.path(), [8, 8], &set(6), &set(7), &value);
     let asked = FitParams { clusters: 2, ..params(&folder) };
     with_and_without_goal("two identical clusters", &folder, &asked, 20_000, &|fitted| {
@@ -364,7 +365,8 @@ fn not_a_number() {
 #[test]
 fn small_negative_values() {
     let folder = tempfile::tempdir().unwrap();
-    let value = |texel: usize, wi: [f32; 3], _: [f32; 3]| [0.4 * wi[2], if texel % 4 == 0 { -0.02 } else { 0.1 }, 0.2];
+    let value =
+        |texel: usize, wi: [f32; 3], _: [f32; 3]| [0.4 * wi[2], if texel.is_multiple_of(4) { -0.02 } else { 0.1 }, 0.2];
     let capture = exr(folder.path(), [8, 8], &set(5), &set(6), &value);
     let btf_capture::Pixels::Linear(kept) = capture.read(0, 0).unwrap() else { panic!("EXR is linear") };
     assert!((kept[1] + 0.02).abs() < 1e-4, "the capture keeps the sign: {}", kept[1]);
