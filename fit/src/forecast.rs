@@ -265,6 +265,10 @@ mod tests {
             assert!((left.stage_s.unwrap() - 0.5 * share("read")).abs() < 1e-9, "{first} {left:?}");
             assert!((left.whole_s.unwrap() - to_come - 0.5 * share("read")).abs() < 1e-6, "{first} {left:?}");
             forecast.report("read", 10, 10, share("read"));
+            // Back in the outer stage, whose silence is not taken for slow reading.
+            forecast.report(first, 0, 0, share("read"));
+            let left = forecast.report(first, 0, 0, share("read") + 0.2 * share(first));
+            assert!((left.whole_s.unwrap() - to_come + 0.2 * share(first)).abs() < 1e-6, "{first} {left:?}");
             let left = forecast.report(first, 1, 4, share("read") + 0.25 * share(first));
             assert!((left.whole_s.unwrap() - to_come + 0.25 * share(first)).abs() < 1e-6, "{first} {left:?}");
         }

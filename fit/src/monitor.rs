@@ -84,7 +84,8 @@ impl Monitor {
         self.check()
     }
 
-    /// Runs `work` as the stage `name` and keeps its time, without that of stages inside it.
+    /// Runs `work` as the stage `name` and keeps its time, without that of stages inside it. Begin of the stage, and end
+    /// of one inside it, are reported as 0 of 0 of the stage.
     pub fn stage<T>(&self, name: &str, work: impl FnOnce() -> Result<T, FitError>) -> Result<T, FitError> {
         if let Ok(mut running) = self.running.lock() {
             running.push((name.to_string(), 0.0));
@@ -92,12 +93,17 @@ impl Monitor {
         let start = Instant::now();
         let result = self.report(name, 0, 0).and_then(|()| work());
         let seconds = start.elapsed().as_secs_f64();
-        let mut inside = 0.0;
+        let (mut inside, mut around) = (0.0, None);
         if let Ok(mut running) = self.running.lock() {
             inside = running.pop().map_or(0.0, |(_, inside)| inside);
             if let Some(outer) = running.last_mut() {
                 outer.1 += seconds;
+                around = Some(outer.0.clone());
             }
+        }
+        // It goes on, and it may be long before it says so itself.
+        if let (Some(around), Some(listener)) = (around, &self.listener) {
+            listener(&around, 0, 0);
         }
         if let Ok(mut stages) = self.stages.lock() {
             match stages.iter_mut().find(|stage| stage.name == name) {
@@ -140,7 +146,10 @@ mod tests {
             })
             .unwrap();
         monitor.report("other", 2, 2).unwrap();
-        assert_eq!(*heard.lock().unwrap(), ["outer 0/0", "inner 0/0", "inner 1/2", "outer 3/4", "other 2/2"]);
+        assert_eq!(
+            *heard.lock().unwrap(),
+            ["outer 0/0", "inner 0/0", "inner 1/2", "outer 0/0", "outer 3/4", "other 2/2"]
+        );
         let stages = monitor.stages();
         assert_eq!(stages.iter().map(|stage| stage.name.as_str()).collect::<Vec<_>>(), ["inner", "outer"]);
         assert!(stages[0].seconds >= 0.2 && stages[1].seconds < 0.2, "{stages:?}");
