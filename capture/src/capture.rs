@@ -29,13 +29,13 @@ const MAX_SPECTRAL_BYTES_PER_TEXEL: u64 = 1024;
 /// A capture of any kind that is read, opened for reading from any number of threads.
 #[derive(Debug)]
 pub struct Capture {
-    images: Images,
+    pub(crate) images: Images,
     info: CaptureInfo,
 }
 
 /// Where images come from.
 #[derive(Debug)]
-enum Images {
+pub(crate) enum Images {
     /// One file each.
     Files {
         source: Source,

@@ -59,6 +59,7 @@ mod manifest;
 mod radiance;
 mod source;
 mod spectrum;
+mod stamp;
 mod ubo2014;
 mod writer;
 
@@ -69,5 +70,6 @@ pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 pub use encode8::Encoder8;
 pub use error::CaptureError;
 pub use info::{CaptureInfo, Cosine, ImageFormat, Side};
+pub use stamp::FileStamp;
 pub use ubo2014::{ContainerInfo, ContainerKind, HeightMap};
 pub use writer::CaptureWriter;

@@ -112,6 +112,14 @@ impl Source {
         &self.root
     }
 
+    /// The archive that holds the files; `None` for a folder.
+    pub(crate) fn archive(&self) -> Option<&Path> {
+        match self.kind {
+            Kind::Folder => None,
+            Kind::Zip { .. } => Some(&self.root),
+        }
+    }
+
     pub(crate) fn names(&self) -> &[String] {
         &self.names
     }

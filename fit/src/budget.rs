@@ -1,7 +1,7 @@
 //! The step of the quantisers for a size: everything else follows from the step, so that one number is searched.
 
 /// Evaluations that a search gets at most.
-const ROUNDS: usize = 9;
+pub const SEARCH_ROUNDS: usize = 9;
 /// A size within this share below the limit ends the search.
 const CLOSE: f64 = 0.005;
 /// Halvings below and doublings above the greatest coefficient that a step may have.
@@ -32,7 +32,7 @@ pub fn within_bytes<T, E>(
     let mut best: Option<Candidate<T>> = None;
     let mut at = -5.0f64;
     let mut previous: Option<(f64, f64)> = None;
-    for round in 0..ROUNDS {
+    for round in 0..SEARCH_ROUNDS {
         let candidate = make(greatest * at.exp2())?;
         let ratio = candidate.bytes as f64 / limit.max(1) as f64;
         if candidate.bytes <= limit {
@@ -60,7 +60,7 @@ pub fn within_bytes<T, E>(
                 low + (high - low) * along.clamp(0.05, 0.95)
             }
             // Never fits so far: the coarsest there is, before the rounds are over.
-            (Some(_), None) if round + 2 >= ROUNDS => COARSEST,
+            (Some(_), None) if round + 2 >= SEARCH_ROUNDS => COARSEST,
             _ => {
                 let slope = previous.map_or(1.0, |(x, y): (f64, f64)| (y - ratio.log2()) / (at - x));
                 (at + ((ratio.log2() + 0.5 * CLOSE) / slope.clamp(0.2, 3.0)).clamp(-4.0, 4.0)).clamp(FINEST, COARSEST)

@@ -1,127 +1,326 @@
 //! A capture turned from images into blocks of texels, once, so that every later pass reads a texel's
 //! whole function at a stretch. In memory where it fits, else in a file beside the output that is
-//! gone when the cache is dropped. Texels are in the asset's order: the images of a capture that is turned
-//! over are mirrored here.
+//! gone when the cache is dropped, unless finished stages are kept. Texels are in the asset's order: the images of a
+//! capture that is turned over are mirrored here.
 
+use crate::checkpoint::Stages;
 use crate::error::FitError;
 use crate::frame::turn_image;
 use crate::monitor::Monitor;
+use crate::params::{ErrorMeasure, MAX_HALF};
+use crate::stored::{Input, Stored};
+use blake3::Hasher;
 use btf_capture::{Capture, Pixels};
 use half::f16;
 use rayon::prelude::*;
 use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Texels of a block: 20 MB of 8-bit samples for Bonn's 6,561 pairs.
 const TILE_TEXELS: usize = 1024;
 
-/// The capture's samples in blocks.
-pub struct TileCache {
+/// The capture's samples in blocks. Images are decoded when a block is asked for first.
+pub struct TileCache<'a> {
+    capture: &'a Capture,
+    monitor: &'a Monitor,
+    /// Where a decoded capture in a file is kept, if it is.
+    stages: Option<&'a Stages<'a>>,
+    memory_bytes: u64,
+    directory: PathBuf,
+    /// Largest sample that is taken.
+    most: f32,
     texels: usize,
     pairs: usize,
     lights: usize,
-    eight_bit: bool,
     /// Samples as they are, linear.
     linear: Mapping,
-    storage: Storage,
+    decoded: OnceLock<Decoded>,
 }
 
-enum Storage {
+/// How a sample is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+enum Form {
+    /// The file's own code.
+    Encoded8 = 0,
+    /// Linear, half precision.
+    Half = 1,
+    /// Linear, single precision: where a sample is above half precision's range.
+    Single = 2,
+}
+
+impl Form {
+    const ALL: [Form; 3] = [Form::Encoded8, Form::Half, Form::Single];
+
+    /// Bytes of a texel's three samples.
+    fn unit(self) -> usize {
+        match self {
+            Form::Encoded8 => 3,
+            Form::Half => 6,
+            Form::Single => 12,
+        }
+    }
+}
+
+struct Decoded {
+    form: Form,
+    place: Place,
+}
+
+enum Place {
     Memory(Vec<u8>),
-    File { file: File, path: PathBuf },
+    File { file: File, path: PathBuf, kept: bool },
 }
 
-impl Drop for TileCache {
+impl Drop for Place {
     fn drop(&mut self) {
-        if let Storage::File { path, .. } = &self.storage {
+        if let Place::File { path, kept: false, .. } = self {
             // Nothing is lost if this fails: the file only holds what the capture holds.
             let _ = std::fs::remove_file(path);
         }
     }
 }
 
+impl Place {
+    fn write(&mut self, bytes: &[u8], start: usize) -> Result<(), FitError> {
+        match self {
+            Place::Memory(all) => all[start..start + bytes.len()].copy_from_slice(bytes),
+            Place::File { file, path, .. } => {
+                write_at(file, bytes, start as u64).map_err(|source| FitError::File {
+                    path: path.clone(),
+                    action: "writing the decoded capture",
+                    source,
+                    remedy: "free some space there or raise --memory",
+                })?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What is kept of a decoded capture beside its file: by it a later run sees that the file is whole.
+struct Record {
+    form: u8,
+    /// Hash of each block.
+    blocks: Vec<[u8; 32]>,
+}
+
+impl Stored for Record {
+    fn put(&self, to: &mut dyn std::io::Write) -> std::io::Result<()> {
+        self.form.put(to)?;
+        self.blocks.put(to)
+    }
+
+    fn take(from: &mut Input) -> std::io::Result<Record> {
+        Ok(Record { form: u8::take(from)?, blocks: Vec::take(from)? })
+    }
+}
+
 /// A block of texels, each with all its samples.
 pub struct Tile<'a> {
-    cache: &'a TileCache,
+    cache: &'a TileCache<'a>,
+    form: Form,
     /// Which texels.
     pub texels: Range<usize>,
-    /// `[texel, pair, channel]` codes, or half-precision bits for linear captures.
+    /// `[texel, pair, channel]`.
     samples: Vec<u8>,
 }
 
-impl TileCache {
+impl<'a> TileCache<'a> {
     /// Reads every image of `capture` once, in parallel.
     ///
     /// Holds the samples in memory if they take at most half of `memory_bytes`, else in a temporary file
     /// in `directory`. Needs beside them two views' worth of images.
     pub fn build(
-        capture: &Capture,
+        capture: &'a Capture,
         memory_bytes: u64,
         directory: &Path,
-        monitor: &Monitor,
-    ) -> Result<TileCache, FitError> {
-        let info = capture.info();
-        let (texels, views, lights) = (info.texel_count(), info.views.len(), info.lights.len());
-        let pairs = views * lights;
-        let eight_bit = matches!(capture.read(0, 0)?, Pixels::Encoded8(_));
-        let bytes_per_sample = if eight_bit { 1 } else { 2 };
-        let total = texels * pairs * 3 * bytes_per_sample;
-        let storage = if total as u64 <= memory_bytes / 2 {
-            Storage::Memory(vec![0; total])
-        } else {
-            let fail = |source| FitError::File {
-                path: directory.to_path_buf(),
-                action: "making a temporary file for the decoded capture",
-                source,
-                remedy: "free some space there or write the asset elsewhere",
-            };
-            let (file, path) = tempfile::Builder::new()
-                .prefix(".btf-fit-")
-                .tempfile_in(directory)
-                .and_then(|temporary| temporary.keep().map_err(|error| error.error))
-                .map_err(fail)?;
-            file.set_len(total as u64).map_err(fail)?;
-            Storage::File { file, path }
-        };
-        let tables =
-            if eight_bit { (0..lights).map(|light| info.linear_from_encoded8(light)).collect() } else { Vec::new() };
-        let mut cache =
-            TileCache { texels, pairs, lights, eight_bit, linear: Mapping { tables, curve: Box::new(|x| x) }, storage };
+        monitor: &'a Monitor,
+    ) -> Result<TileCache<'a>, FitError> {
+        let cache = TileCache::new(capture, memory_bytes, directory, f32::INFINITY, None, monitor)?;
+        cache.decoded()?;
+        Ok(cache)
+    }
 
+    /// The same, but images are read (as the stage `read`) only when the first block is asked for, and a decoded
+    /// capture that does not fit into memory is kept among `stages`. A sample above `most` is an error.
+    pub(crate) fn new(
+        capture: &'a Capture,
+        memory_bytes: u64,
+        directory: &Path,
+        most: f32,
+        stages: Option<&'a Stages<'a>>,
+        monitor: &'a Monitor,
+    ) -> Result<TileCache<'a>, FitError> {
+        let info = capture.info();
+        let lights = info.lights.len();
+        let tables = match capture.read(0, 0)? {
+            Pixels::Encoded8(_) => (0..lights).map(|light| info.linear_from_encoded8(light)).collect(),
+            Pixels::Linear(_) => Vec::new(),
+        };
+        Ok(TileCache {
+            capture,
+            monitor,
+            stages,
+            memory_bytes,
+            directory: directory.to_path_buf(),
+            most,
+            texels: info.texel_count(),
+            pairs: info.pair_count(),
+            lights,
+            linear: Mapping { tables, curve: Box::new(|x| x) },
+            decoded: OnceLock::new(),
+        })
+    }
+
+    /// The samples: those at hand, else those that an earlier run kept, else the images decoded.
+    fn decoded(&self) -> Result<&Decoded, FitError> {
+        if let Some(decoded) = self.decoded.get() {
+            return Ok(decoded);
+        }
+        let found = match self.kept() {
+            Some(kept) => kept,
+            None => self.monitor.stage("read", || {
+                if !self.linear.tables.is_empty() {
+                    return Ok(self.decode(Form::Encoded8)?.unwrap_or_else(|| unreachable!("codes fit into bytes")));
+                }
+                match self.decode(Form::Half)? {
+                    Some(decoded) => Ok(decoded),
+                    None => Ok(self.decode(Form::Single)?.unwrap_or_else(|| unreachable!("floats fit into floats"))),
+                }
+            })?,
+        };
+        Ok(self.decoded.get_or_init(|| found))
+    }
+
+    /// What an earlier run decoded into a file, if every block of it is as it was.
+    fn kept(&self) -> Option<Decoded> {
+        let stages = self.stages?;
+        let path = stages.texels_path()?;
+        let record: Record = stages.load("read")?;
+        let form = *Form::ALL.get(usize::from(record.form))?;
+        let whole = || -> std::io::Result<Option<File>> {
+            let file = File::open(&path)?;
+            if file.metadata()?.len() != (self.texels * self.pairs * form.unit()) as u64 {
+                return Ok(None);
+            }
+            if record.blocks.len() != self.tile_count() {
+                return Ok(None);
+            }
+            for (tile, hash) in record.blocks.iter().enumerate() {
+                let range = self.tile_range(tile, form);
+                let mut bytes = vec![0; range.len()];
+                read_at(&file, &mut bytes, range.start as u64)?;
+                if *blake3::hash(&bytes).as_bytes() != *hash {
+                    return Ok(None);
+                }
+            }
+            Ok(Some(file))
+        };
+        match whole() {
+            Ok(Some(file)) => {
+                self.monitor.skip("read");
+                Some(Decoded { form, place: Place::File { file, path, kept: true } })
+            }
+            _ => {
+                stages.ignore(&path);
+                None
+            }
+        }
+    }
+
+    /// A new file for the decoded capture: among the kept stages, else a temporary one.
+    fn make_file(&self, bytes: usize) -> Result<Place, FitError> {
+        let kept = self.stages.and_then(Stages::texels_path);
+        let shown = kept.as_deref().unwrap_or(&self.directory).to_path_buf();
+        let fail = |source| FitError::File {
+            path: shown.clone(),
+            action: "making a file for the decoded capture",
+            source,
+            remedy: "free some space there or write the asset elsewhere",
+        };
+        let (file, path, kept) = match kept {
+            Some(path) => {
+                let file = File::options().read(true).write(true).create(true).truncate(true).open(&path);
+                (file.map_err(fail)?, path, true)
+            }
+            None => {
+                let temporary = tempfile::Builder::new().prefix(".btf-fit-").tempfile_in(&self.directory);
+                let (file, path) = temporary.and_then(|file| file.keep().map_err(|error| error.error)).map_err(fail)?;
+                (file, path, false)
+            }
+        };
+        file.set_len(bytes as u64).map_err(fail)?;
+        Ok(Place::File { file, path, kept })
+    }
+
+    /// Decodes all images into `form`; `None` if a sample does not fit into it.
+    fn decode(&self, form: Form) -> Result<Option<Decoded>, FitError> {
+        let (capture, info) = (self.capture, self.capture.info());
+        let total = self.texels * self.pairs * form.unit();
+        let place =
+            if total as u64 <= self.memory_bytes / 2 { Place::Memory(vec![0; total]) } else { self.make_file(total)? };
+        let keep = matches!(place, Place::File { kept: true, .. });
+        let mut decoded = Decoded { form, place };
+        let mut hashers = if keep { vec![Hasher::new(); self.tile_count()] } else { Vec::new() };
         // Batches bound the images in memory to about an eighth of the limit.
-        let image_bytes = texels * 3 * bytes_per_sample;
-        let batch = ((memory_bytes / 8) as usize / image_bytes.max(1)).clamp(1, 256);
-        for first in (0..pairs).step_by(batch) {
-            let range = first..(first + batch).min(pairs);
+        let image_bytes = self.texels * form.unit();
+        let batch = ((self.memory_bytes / 8) as usize / image_bytes.max(1)).clamp(1, 256);
+        for first in (0..self.pairs).step_by(batch) {
+            let range = first..(first + batch).min(self.pairs);
             let images: Vec<Vec<u8>> = range
                 .clone()
                 .into_par_iter()
                 .map(|pair| {
-                    monitor.check()?;
-                    Ok(match capture.read(pair / lights, pair % lights)? {
-                        Pixels::Encoded8(mut codes) => {
+                    self.monitor.check()?;
+                    Ok(match (capture.read(pair / self.lights, pair % self.lights)?, form) {
+                        (Pixels::Encoded8(mut codes), _) => {
                             turn_image(&mut codes, info.width, info.side);
                             codes
                         }
-                        Pixels::Linear(mut values) => {
+                        (Pixels::Linear(mut values), Form::Single) => {
+                            if let Some(value) = values.iter().copied().find(|x| *x > self.most) {
+                                let path = capture.path_of(pair / self.lights, pair % self.lights);
+                                let remedy = if value <= ErrorMeasure::Gamma.most() {
+                                    "use --error gamma"
+                                } else {
+                                    "divide all images of the capture by one number"
+                                };
+                                return Err(FitError::TooBright { path, value, most: self.most, remedy });
+                            }
                             turn_image(&mut values, info.width, info.side);
-                            let half = |x: &f32| f16::from_f32(x.clamp(-65504.0, 65504.0)).to_bits().to_le_bytes();
-                            values.iter().flat_map(half).collect()
+                            values.iter().flat_map(|x| x.to_le_bytes()).collect()
+                        }
+                        (Pixels::Linear(values), _) if values.iter().any(|x| *x > MAX_HALF) => Vec::new(),
+                        (Pixels::Linear(mut values), _) => {
+                            turn_image(&mut values, info.width, info.side);
+                            values.iter().flat_map(|x| f16::from_f32(*x).to_bits().to_le_bytes()).collect()
                         }
                     })
                 })
                 .collect::<Result<_, FitError>>()?;
+            if form == Form::Half && images.iter().any(Vec::is_empty) {
+                return Ok(None);
+            }
             if images.iter().any(|image| image.len() != image_bytes) {
                 return Err(FitError::Params(format!(
                     "{}: the capture mixes 8-bit and linear images; convert them to one kind",
-                    capture.path_of(first / lights, first % lights)
+                    capture.path_of(first / self.lights, first % self.lights)
                 )));
             }
-            cache.store(range, &images)?;
-            monitor.report("read", (first + batch).min(pairs), pairs)?;
+            self.store(&mut decoded, &mut hashers, range, &images)?;
+            self.monitor.report("read", (first + batch).min(self.pairs), self.pairs)?;
         }
-        Ok(cache)
+        if let (Place::File { file, kept: true, .. }, Some(stages)) = (&decoded.place, self.stages) {
+            // The record must not outlive blocks that a power cut took.
+            if file.sync_all().is_ok() {
+                let blocks = hashers.iter().map(|hasher| *hasher.finalize().as_bytes()).collect();
+                stages.keep("read", &Record { form: form as u8, blocks });
+            }
+        }
+        Ok(Some(decoded))
     }
 
     /// Blocks.
@@ -139,19 +338,10 @@ impl TileCache {
         self.pairs
     }
 
-    /// Bytes that [`TileCache::read`] allocates at most, for the caller's memory plan.
-    pub fn tile_bytes(&self) -> usize {
-        2 * TILE_TEXELS.min(self.texels) * self.pairs * self.sample_bytes()
-    }
-
-    fn sample_bytes(&self) -> usize {
-        if self.eight_bit { 3 } else { 6 }
-    }
-
     /// Byte range of a block; within it samples lie `[pair, texel, channel]`.
-    fn tile_range(&self, tile: usize) -> Range<usize> {
+    fn tile_range(&self, tile: usize, form: Form) -> Range<usize> {
         let texels = self.tile_texels(tile);
-        let texel_bytes = self.pairs * self.sample_bytes();
+        let texel_bytes = self.pairs * form.unit();
         texels.start * texel_bytes..texels.end * texel_bytes
     }
 
@@ -160,8 +350,14 @@ impl TileCache {
         tile * TILE_TEXELS..((tile + 1) * TILE_TEXELS).min(self.texels)
     }
 
-    fn store(&mut self, pairs: Range<usize>, images: &[Vec<u8>]) -> Result<(), FitError> {
-        let unit = self.sample_bytes();
+    fn store(
+        &self,
+        decoded: &mut Decoded,
+        hashers: &mut [Hasher],
+        pairs: Range<usize>,
+        images: &[Vec<u8>],
+    ) -> Result<(), FitError> {
+        let unit = decoded.form.unit();
         let mut run = Vec::new();
         for tile in 0..self.tile_count() {
             let texels = self.tile_texels(tile);
@@ -169,17 +365,11 @@ impl TileCache {
             for image in images {
                 run.extend_from_slice(&image[texels.start * unit..texels.end * unit]);
             }
-            let start = self.tile_range(tile).start + pairs.start * texels.len() * unit;
-            match &mut self.storage {
-                Storage::Memory(bytes) => bytes[start..start + run.len()].copy_from_slice(&run),
-                Storage::File { file, path } => {
-                    write_at(file, &run, start as u64).map_err(|source| FitError::File {
-                        path: path.clone(),
-                        action: "writing the decoded capture",
-                        source,
-                        remedy: "free some space there or raise --memory",
-                    })?
-                }
+            let start = self.tile_range(tile, decoded.form).start + pairs.start * texels.len() * unit;
+            decoded.place.write(&run, start)?;
+            // The runs of a block come in its own order.
+            if let Some(hasher) = hashers.get_mut(tile) {
+                hasher.update(&run);
             }
         }
         Ok(())
@@ -187,7 +377,8 @@ impl TileCache {
 
     /// The texels `chosen` (ascending) as one block: its texel `i` is `chosen[i]`. Memory: their samples.
     pub fn gather(&self, chosen: &[usize]) -> Result<Tile<'_>, FitError> {
-        let unit = self.sample_bytes();
+        let form = self.decoded()?.form;
+        let unit = form.unit();
         let stride = self.pairs * unit;
         let mut samples = vec![0; chosen.len() * stride];
         let mut next = 0;
@@ -210,15 +401,16 @@ impl TileCache {
                 }
             })?;
         }
-        Ok(Tile { cache: self, texels: 0..chosen.len(), samples })
+        Ok(Tile { cache: self, form, texels: 0..chosen.len(), samples })
     }
 
     /// Block `tile` as it lies: `[pair, texel, channel]`.
     fn with_pair_major<R>(&self, tile: usize, work: impl FnOnce(&[u8]) -> R) -> Result<R, FitError> {
-        let range = self.tile_range(tile);
-        match &self.storage {
-            Storage::Memory(bytes) => Ok(work(&bytes[range])),
-            Storage::File { file, path } => {
+        let decoded = self.decoded()?;
+        let range = self.tile_range(tile, decoded.form);
+        match &decoded.place {
+            Place::Memory(bytes) => Ok(work(&bytes[range])),
+            Place::File { file, path, .. } => {
                 let mut bytes = vec![0; range.len()];
                 read_at(file, &mut bytes, range.start as u64).map_err(|source| FitError::File {
                     path: path.clone(),
@@ -233,9 +425,10 @@ impl TileCache {
 
     /// Reads block `tile` and turns it texel-major.
     pub fn read(&self, tile: usize) -> Result<Tile<'_>, FitError> {
-        let (texels, unit) = (self.tile_texels(tile), self.sample_bytes());
-        let samples = self.with_pair_major(tile, |pair_major| self.texel_major(pair_major, texels.len(), unit))?;
-        Ok(Tile { cache: self, texels, samples })
+        let (texels, form) = (self.tile_texels(tile), self.decoded()?.form);
+        let samples =
+            self.with_pair_major(tile, |pair_major| self.texel_major(pair_major, texels.len(), form.unit()))?;
+        Ok(Tile { cache: self, form, texels, samples })
     }
 
     fn texel_major(&self, pair_major: &[u8], count: usize, unit: usize) -> Vec<u8> {
@@ -261,9 +454,13 @@ impl TileCache {
 impl Tile<'_> {
     /// Samples of the block's texel `index` through `mapping`: `out` is `[pair, channel]`.
     pub fn texel_mapped(&self, index: usize, out: &mut [f32], mapping: &Mapping) {
-        let stride = self.cache.pairs * self.cache.sample_bytes();
+        let stride = self.cache.pairs * self.form.unit();
         let samples = &self.samples[index * stride..(index + 1) * stride];
-        if self.cache.eight_bit {
+        if self.form == Form::Single {
+            for (out, bytes) in out.iter_mut().zip(samples.chunks_exact(4)) {
+                *out = (mapping.curve)(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
+            }
+        } else if self.form == Form::Encoded8 {
             let row = self.cache.lights * 3;
             for (out, codes) in out.chunks_exact_mut(row).zip(samples.chunks_exact(row)) {
                 for ((out, codes), table) in out.chunks_exact_mut(3).zip(codes.chunks_exact(3)).zip(&mapping.tables) {
@@ -330,4 +527,75 @@ fn read_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> std::io::Resul
         offset += read as u64;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::checkpoint::Checkpoint;
+    use crate::params::FitParams;
+    use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
+    use std::sync::{Arc, Mutex};
+
+    fn capture(path: &Path) -> Capture {
+        let set = DirectionSet::random(4, 1).unwrap();
+        // More than one block.
+        let info = CaptureInfo::new("noise", 40, 33, set.clone(), set, ImageFormat::Png);
+        let writer = CaptureWriter::create(path, info).unwrap();
+        for pair in 0..16 {
+            let image: Vec<f32> =
+                (0..40 * 33 * 3).map(|i| ((i * 7919 + pair * 104_729) % 256) as f32 / 255.0).collect();
+            writer.write(pair / 4, pair % 4, &image).unwrap();
+        }
+        writer.finish().unwrap();
+        Capture::open(path).unwrap()
+    }
+
+    fn samples(cache: &TileCache) -> Vec<f32> {
+        let mut all = Vec::new();
+        let mut row = vec![0.0; cache.pair_count() * 3];
+        for tile in 0..cache.tile_count() {
+            let tile = cache.read(tile).unwrap();
+            for index in 0..tile.texels.len() {
+                tile.texel_linear(index, &mut row);
+                all.extend_from_slice(&row);
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn a_decoded_capture_in_a_file_is_kept_taken_again_and_refused_when_damaged() {
+        let folder = tempfile::tempdir().unwrap();
+        let capture = capture(&folder.path().join("capture"));
+        let resume = folder.path().join("a.spmm.resume");
+        let params = FitParams { resume: Some(resume.clone()), ..FitParams::default() };
+        let remarks = Arc::new(Mutex::new(Vec::<String>::new()));
+        let run = || {
+            let heard = Arc::clone(&remarks);
+            let monitor = Monitor::default().on_remark(move |text| heard.lock().unwrap().push(text.to_string()));
+            let checkpoint = Checkpoint::open(std::slice::from_ref(&capture), &params, &monitor).unwrap();
+            let stages = checkpoint.layer(0, 1);
+            let cache = TileCache::new(&capture, 1000, folder.path(), f32::INFINITY, Some(&stages), &monitor).unwrap();
+            (samples(&cache), monitor.skipped(), monitor.stages().len())
+        };
+        let (first, skipped, stages) = run();
+        assert_eq!((skipped.len(), stages), (0, 1));
+        let (again, skipped, stages) = run();
+        assert_eq!((again == first, skipped, stages), (true, vec!["read".to_string()], 0));
+        assert!(remarks.lock().unwrap().is_empty());
+        let file = std::fs::read_dir(&resume).unwrap().map(|entry| entry.unwrap().path());
+        let file = file.into_iter().find(|path| path.extension().is_some_and(|end| end == "texels")).unwrap();
+        let whole = std::fs::read(&file).unwrap();
+        let mut flipped = whole.clone();
+        flipped[whole.len() / 2] ^= 4;
+        for damaged in [&flipped[..], &whole[..whole.len() - 1], &[]] {
+            std::fs::write(&file, damaged).unwrap();
+            let (again, skipped, _) = run();
+            assert_eq!((again == first, skipped.len()), (true, 0));
+            assert_eq!(std::mem::take(&mut *remarks.lock().unwrap()).len(), 1);
+        }
+        std::fs::remove_file(&file).unwrap();
+        assert!(run().0 == first);
+    }
 }

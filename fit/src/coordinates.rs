@@ -8,6 +8,10 @@ use crate::residual_source::ResidualSource;
 use ndarray::{Array2, s};
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Times that [`principal_directions`] asks for each row.
+const SAMPLE_PASSES: usize = 4;
 
 /// A residual's coordinates.
 pub struct Coordinates {
@@ -39,11 +43,14 @@ impl Coordinates {
         let count = sample.clamp(1, texels);
         let chosen: Vec<usize> = (0..count).map(|i| i * texels / count).collect();
         let block = source.cache.gather(&chosen)?;
+        // Rows of the sample are made for each product, those of all texels once.
+        let (made, all) = (AtomicUsize::new(0), SAMPLE_PASSES * count + texels);
         let sampled = Rows {
             count,
             samples: source.row_len(),
             make: &|range| {
-                monitor.check()?;
+                let before = made.fetch_add(range.len(), Ordering::Relaxed);
+                monitor.report(stage, before.min(all), all)?;
                 Ok::<_, FitError>(source.rows(&block, range, |index| chosen[index]))
             },
         };
@@ -53,8 +60,7 @@ impl Coordinates {
         let mut scores = Array2::<f32>::zeros((texels, directions.ncols()));
         let mut squares = 0.0;
         source.for_each_block(
-            stage,
-            monitor,
+            |done| monitor.report(stage, all - texels + done, all),
             |range, rows| {
                 let squares: f64 = rows.iter().map(|x| f64::from(*x) * f64::from(*x)).sum();
                 (range, rows.dot(&directions), squares)

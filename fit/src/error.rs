@@ -46,6 +46,18 @@ pub enum FitError {
         /// The least that works, in words.
         needed: String,
     },
+    /// A sample that the residual's curve cannot hold.
+    #[error("{path} has the value {value:e}, and assets made with this --error hold at most {most}; {remedy}")]
+    TooBright {
+        /// The image.
+        path: String,
+        /// Its sample.
+        value: f32,
+        /// The largest that fits.
+        most: f32,
+        /// What helps.
+        remedy: &'static str,
+    },
     /// No setting reaches what `--bytes` or `--psnr` asked for.
     #[error("{0}")]
     Budget(String),

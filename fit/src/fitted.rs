@@ -1,5 +1,8 @@
 //! A fit with its error: fits, measures what was packed, and writes the figures into the asset.
 
+use crate::checkpoint::Checkpoint;
+#[cfg(doc)]
+use crate::checkpoint::remove_finished_stages;
 use crate::compare::{Comparison, MeasureParams, measure};
 use crate::describe::resident_in_parallel;
 use crate::error::FitError;
@@ -7,7 +10,7 @@ use crate::material::{FitRecord, Material};
 use crate::metrics::{ErrorSums, Metrics};
 use crate::monitor::Monitor;
 use crate::params::{FitOutcome, FitParams, LobeFigures};
-use crate::pipeline::fit;
+use crate::pipeline::fit_from;
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{Asset, Resident, pack};
 
@@ -38,22 +41,23 @@ pub struct Fitted {
 /// Fits `captures`, one per layer, measures the packed asset against them (stage `measure`) and packs it
 /// again with its description and error figures.
 ///
-/// The same captures, parameters and seed give the same bytes on any number of threads.
+/// The same captures, parameters and seed give the same bytes on any number of threads, also where a run goes on
+/// from the stages that `params.resume` keeps: [`remove_finished_stages`] once the asset is written.
 ///
 /// # Errors
 /// As [`fit()`] and [`measure`]; [`FitError::Budget`] if the description does not fit into the bytes asked for.
 pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
-    let FitOutcome { bytes, lobes_per_texel_mean, lobes, components, clusters, left_out, .. } =
-        fit(captures, params, monitor)?;
-    let mut asset = Asset::parse(&bytes)?;
-    let (resident, comparisons) = monitor.stage("measure", || {
-        let resident = resident_in_parallel(&asset);
+    params.check()?;
+    let checkpoint = Checkpoint::open(captures, params, monitor)?;
+    let FitOutcome { mut asset, lobes_per_texel_mean, lobes, components, clusters, left_out, .. } =
+        fit_from(captures, params, &checkpoint, monitor)?;
+    let resident = resident_in_parallel(&asset);
+    let comparisons: Vec<Comparison> = checkpoint.whole().run("measure", || {
         let comparisons = captures.iter().enumerate().map(|(layer, capture)| {
             let measuring = MeasureParams { layer, memory_bytes: params.memory_bytes, ..MeasureParams::default() };
             measure(capture, &asset, &resident, &measuring, monitor)
         });
-        let comparisons = comparisons.collect::<Result<Vec<_>, _>>()?;
-        Ok((resident, comparisons))
+        comparisons.collect()
     })?;
     let mut sums = ErrorSums::default();
     for comparison in &comparisons {

@@ -15,6 +15,7 @@ mod budget;
 mod byte_size;
 mod cache;
 mod candidates;
+mod checkpoint;
 mod ciede;
 mod compare;
 mod coordinates;
@@ -26,6 +27,7 @@ mod error;
 mod expand;
 mod factor;
 mod fitted;
+mod forecast;
 mod frame;
 mod heatmap;
 mod holdout;
@@ -46,11 +48,13 @@ mod residual_source;
 #[cfg(test)]
 mod sample_asset;
 mod sparse;
+mod stored;
 mod texel_tiles;
 mod tile_errors;
 
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};
+pub use checkpoint::remove_finished_stages;
 pub use ciede::{Lab, LabConverter, delta_e00};
 pub use compare::{
     Comparison, MeasureParams, colour_pair_stride, layer_for_capture, measure, measure_images, side_words,
@@ -62,6 +66,7 @@ pub use describe::{
 pub use error::FitError;
 pub use expand::{ExpandParams, expand, expand_info};
 pub use fitted::{Fitted, fit_and_measure};
+pub use forecast::{Forecast, Left};
 pub use frame::{capture_directions, layer_directions};
 pub use heatmap::{Raster, scale_top, viridis, write_heatmaps};
 pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot};

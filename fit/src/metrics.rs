@@ -21,7 +21,7 @@ pub struct Metrics {
     /// The same ratio of linear reflectance x cosine; the peak is the capture's largest sample.
     #[serde(with = "decibel")]
     pub psnr_linear_db: f64,
-    /// `sqrt(sum (x' - x)^2 / sum x^2)`, linear.
+    /// `sqrt(sum (x' - x)^2 / sum x^2)`, linear. Where the capture is black, `x` of the divisor and the peak above are 1.
     pub rel_rmse: f64,
     /// Largest root mean square error of one texel over its pairs and channels, linear.
     pub worst_texel_rmse: f64,
@@ -97,10 +97,13 @@ impl ErrorSums {
     /// The figures of these sums.
     pub fn metrics(&self) -> Metrics {
         let samples = self.samples.max(1) as f64;
+        // Where all is black, white takes the place of what errors are relative to.
+        let (peak, square) =
+            if self.linear_square > 0.0 { (self.linear_peak, self.linear_square) } else { (1.0, samples) };
         Metrics {
             psnr_db: psnr_db_from_codes(self.code_error, self.samples),
-            psnr_linear_db: decibels(self.linear_peak * self.linear_peak, self.linear_error / samples),
-            rel_rmse: if self.linear_error > 0.0 { (self.linear_error / self.linear_square).sqrt() } else { 0.0 },
+            psnr_linear_db: decibels(peak * peak, self.linear_error / samples),
+            rel_rmse: if self.linear_error > 0.0 { (self.linear_error / square).sqrt() } else { 0.0 },
             worst_texel_rmse: self.worst_texel.sqrt(),
             delta_e00_mean: (self.colours > 0).then(|| self.delta_e00 / self.colours as f64),
         }
@@ -161,6 +164,8 @@ mod tests {
     fn an_exact_copy_has_infinite_psnr_which_json_holds_as_null() {
         let exact = ErrorSums { samples: 3, linear_square: 1.0, linear_peak: 1.0, ..ErrorSums::default() }.metrics();
         assert_eq!((exact.psnr_db, exact.rel_rmse), (f64::INFINITY, 0.0));
+        let black = ErrorSums { samples: 100, linear_error: 1e-4, ..ErrorSums::default() }.metrics();
+        assert!((black.rel_rmse - 1e-3).abs() < 1e-12 && (black.psnr_linear_db - 60.0).abs() < 1e-9, "{black:?}");
         let text = serde_json::to_string(&exact).unwrap();
         assert!(text.contains("\"psnr_db\":null"), "{text}");
         assert_eq!(serde_json::from_str::<Metrics>(&text).unwrap(), exact);

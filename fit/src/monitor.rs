@@ -10,10 +10,15 @@ use std::time::Instant;
 pub struct Monitor {
     cancelled: AtomicBool,
     listener: Option<Box<Listener>>,
+    hearer: Option<Box<Hearer>>,
+    /// The stages that run now, outermost first, each with the seconds of those that ran inside it.
+    running: Mutex<Vec<(String, f64)>>,
     stages: Mutex<Vec<Stage>>,
+    skipped: Mutex<Vec<String>>,
 }
 
 type Listener = dyn Fn(&str, usize, usize) + Send + Sync;
+type Hearer = dyn Fn(&str) + Send + Sync;
 
 /// A finished stage.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +35,33 @@ impl Monitor {
         Monitor { listener: Some(Box::new(listener)), ..Monitor::default() }
     }
 
+    /// The same monitor, which calls `hearer(sentence)` for what a user should know though it stops nothing.
+    pub fn on_remark(self, hearer: impl Fn(&str) + Send + Sync + 'static) -> Monitor {
+        Monitor { hearer: Some(Box::new(hearer)), ..self }
+    }
+
+    /// Makes a remark, one sentence.
+    pub fn remark(&self, sentence: &str) {
+        if let Some(hearer) = &self.hearer {
+            hearer(sentence);
+        }
+    }
+
+    /// Notes that the result of a stage was there already, and reports it as done.
+    pub fn skip(&self, stage: &str) {
+        if let Some(listener) = &self.listener {
+            listener(stage, 1, 1);
+        }
+        if let Ok(mut skipped) = self.skipped.lock() {
+            skipped.push(stage.to_string());
+        }
+    }
+
+    /// The stages whose results were there already, in order.
+    pub fn skipped(&self) -> Vec<String> {
+        self.skipped.lock().map(|skipped| skipped.clone()).unwrap_or_default()
+    }
+
     /// Asks the computation to stop at the next opportunity.
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
@@ -40,24 +72,43 @@ impl Monitor {
         if self.cancelled.load(Ordering::Relaxed) { Err(FitError::Interrupted) } else { Ok(()) }
     }
 
-    /// Reports progress and checks for cancellation.
+    /// Reports progress and checks for cancellation. Inside a stage only its own progress is passed on, not that of
+    /// other work that it calls.
     pub fn report(&self, stage: &str, done: usize, total: usize) -> Result<(), FitError> {
         if let Some(listener) = &self.listener {
-            listener(stage, done, total);
+            let running = self.running.lock().map(|running| running.last().map(|(name, _)| name != stage));
+            if !matches!(running, Ok(Some(true))) {
+                listener(stage, done, total);
+            }
         }
         self.check()
     }
 
-    /// Runs `work` as the stage `name` and keeps its time.
+    /// Runs `work` as the stage `name` and keeps its time, without that of stages inside it. Begin of the stage, and end
+    /// of one inside it, are reported as 0 of 0 of the stage.
     pub fn stage<T>(&self, name: &str, work: impl FnOnce() -> Result<T, FitError>) -> Result<T, FitError> {
-        self.report(name, 0, 0)?;
+        if let Ok(mut running) = self.running.lock() {
+            running.push((name.to_string(), 0.0));
+        }
         let start = Instant::now();
-        let result = work();
+        let result = self.report(name, 0, 0).and_then(|()| work());
         let seconds = start.elapsed().as_secs_f64();
+        let (mut inside, mut around) = (0.0, None);
+        if let Ok(mut running) = self.running.lock() {
+            inside = running.pop().map_or(0.0, |(_, inside)| inside);
+            if let Some(outer) = running.last_mut() {
+                outer.1 += seconds;
+                around = Some(outer.0.clone());
+            }
+        }
+        // It goes on, and it may be long before it says so itself.
+        if let (Some(around), Some(listener)) = (around, &self.listener) {
+            listener(&around, 0, 0);
+        }
         if let Ok(mut stages) = self.stages.lock() {
             match stages.iter_mut().find(|stage| stage.name == name) {
-                Some(stage) => stage.seconds += seconds,
-                None => stages.push(Stage { name: name.to_string(), seconds }),
+                Some(stage) => stage.seconds += seconds - inside,
+                None => stages.push(Stage { name: name.to_string(), seconds: seconds - inside }),
             }
         }
         result
@@ -66,5 +117,41 @@ impl Monitor {
     /// The finished stages, in order.
     pub fn stages(&self) -> Vec<Stage> {
         self.stages.lock().map(|stages| stages.clone()).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use std::thread::sleep;
+    use std::time::Duration;
+
+    #[test]
+    fn a_stage_inside_another_counts_once_and_reports_only_its_own_progress() {
+        let heard = Arc::new(Mutex::new(Vec::new()));
+        let list = Arc::clone(&heard);
+        let monitor = Monitor::with_listener(move |name, done, total| {
+            list.lock().unwrap().push(format!("{name} {done}/{total}"));
+        });
+        monitor
+            .stage("outer", || {
+                sleep(Duration::from_millis(20));
+                monitor.stage("inner", || {
+                    sleep(Duration::from_millis(200));
+                    monitor.report("inner", 1, 2)
+                })?;
+                monitor.report("other", 1, 2)?;
+                monitor.report("outer", 3, 4)
+            })
+            .unwrap();
+        monitor.report("other", 2, 2).unwrap();
+        assert_eq!(
+            *heard.lock().unwrap(),
+            ["outer 0/0", "inner 0/0", "inner 1/2", "outer 0/0", "outer 3/4", "other 2/2"]
+        );
+        let stages = monitor.stages();
+        assert_eq!(stages.iter().map(|stage| stage.name.as_str()).collect::<Vec<_>>(), ["inner", "outer"]);
+        assert!(stages[0].seconds >= 0.2 && stages[1].seconds < 0.2, "{stages:?}");
     }
 }

@@ -1,8 +1,11 @@
 //! What a fit is asked for, and what it gives.
 
 use crate::error::FitError;
-use btf_runtime::{Asset, ResidualKind};
+use btf_runtime::{Asset, MAX_LOG, ROOT, ResidualKind};
 use std::path::PathBuf;
+
+/// Largest number of half precision.
+pub(crate) const MAX_HALF: f32 = 65504.0;
 
 /// The error that a fit minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +25,16 @@ impl ErrorMeasure {
             ErrorMeasure::Gamma => (ResidualKind::Root, 0.003),
             ErrorMeasure::Linear => (ResidualKind::Additive, 0.001),
             ErrorMeasure::Log => (ResidualKind::Log, 0.01),
+        }
+    }
+
+    /// The largest sample that an asset can hold whose residual alone must carry it: a decoder keeps bases in half
+    /// precision and ends the log curve at [`MAX_LOG`].
+    pub fn most(self) -> f32 {
+        match self {
+            ErrorMeasure::Gamma => MAX_HALF.powf(ROOT),
+            ErrorMeasure::Linear => MAX_HALF,
+            ErrorMeasure::Log => MAX_LOG.exp(),
         }
     }
 }
@@ -60,6 +73,8 @@ pub struct FitParams {
     pub kmeans: KMeansEngine,
     /// Folder for the temporary cache.
     pub cache_directory: PathBuf,
+    /// Folder in which the results of finished stages are kept and looked for; `None` keeps nothing.
+    pub resume: Option<PathBuf>,
 }
 
 impl Default for FitParams {
@@ -76,6 +91,7 @@ impl Default for FitParams {
             seed: 1,
             kmeans: KMeansEngine::Product,
             cache_directory: PathBuf::from("."),
+            resume: None,
         }
     }
 }

@@ -1,8 +1,9 @@
 //! The fit, stage by stage: read, project, cluster, dictionary, weights, residual, encode, measure.
 
-use crate::budget::{Candidate, within_bytes};
+use crate::budget::{Candidate, SEARCH_ROUNDS, within_bytes};
 use crate::cache::{Mapping, TileCache};
 use crate::candidates::candidate_lobes;
+use crate::checkpoint::{Checkpoint, Stages};
 use crate::compare::{MeasureParams, colour_pair_stride, measure, stride_over_pairs};
 use crate::coordinates::Coordinates;
 use crate::curve::Curve;
@@ -20,6 +21,7 @@ use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
 use crate::residual_source::{ResidualSource, TexelLobes};
 use crate::sparse::{ClusterLobes, LobesOf, correlate, drop_unused, select};
+use crate::stored::{Input, Stored};
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{
     Asset, Layer, LobeRole, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack,
@@ -71,36 +73,81 @@ pub const MATERIAL_RESERVE: usize = 4096;
 /// What is wrong with a capture, or with several together; a budget or a memory limit that is too small.
 pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<FitOutcome, FitError> {
     params.check()?;
+    fit_from(captures, params, &Checkpoint::open(captures, params, monitor)?, monitor)
+}
+
+/// The same, with the stages that `checkpoint` keeps.
+pub(crate) fn fit_from(
+    captures: &[Capture],
+    params: &FitParams,
+    checkpoint: &Checkpoint,
+    monitor: &Monitor,
+) -> Result<FitOutcome, FitError> {
+    params.check()?;
     let Some(first) = captures.first() else {
         return Err(FitError::Params("give at least one capture".to_string()));
     };
     check_layers(captures)?;
-    let (width, height) = (first.info().width, first.info().height);
+    let grid = [first.info().width, first.info().height];
+    let encoded =
+        checkpoint.whole().load_or("encode", || prepare_and_encode(captures, grid, params, checkpoint, monitor))?;
+    let asset = Asset::parse(&encoded.bytes)?;
+    let references: usize = asset.layers.iter().map(|layer| layer.lobe_refs.len()).sum();
+    let lobes_per_texel_mean = references as f64 / (grid[0] * grid[1] * asset.layers.len()) as f64;
+    let components = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    let clusters = asset.layers[0].dictionary.len();
+    let Encoded { bytes, lobes, left_out } = encoded;
+    Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out })
+}
+
+/// A packed asset and what is not read off it.
+struct Encoded {
+    bytes: Vec<u8>,
+    lobes: LobeFigures,
+    left_out: Vec<usize>,
+}
+
+impl Stored for Encoded {
+    fn put(&self, to: &mut dyn std::io::Write) -> std::io::Result<()> {
+        self.bytes.put(to)?;
+        self.lobes.put(to)?;
+        self.left_out.put(to)
+    }
+
+    fn take(from: &mut Input) -> std::io::Result<Encoded> {
+        Ok(Encoded { bytes: Vec::take(from)?, lobes: LobeFigures::take(from)?, left_out: Vec::take(from)? })
+    }
+}
+
+fn prepare_and_encode(
+    captures: &[Capture],
+    grid: [usize; 2],
+    params: &FitParams,
+    checkpoint: &Checkpoint,
+    monitor: &Monitor,
+) -> Result<Encoded, FitError> {
     let budget = params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE));
     let mut prepared = Vec::new();
     let mut left_out = Vec::new();
     let mut lobes = LobeFigures::default();
     for (number, capture) in captures.iter().enumerate() {
-        let (layer, figures, held_back) = prepare_layer(capture, params, captures.len() - 1, monitor)?;
+        let (sample, left) = plan_memory(capture.info(), params, captures.len() - 1)?;
+        let stages = checkpoint.layer(number, sample);
+        let (layer, figures, held_back) = prepare_layer(capture, params, sample, left, &stages, monitor)?;
         if number == 0 {
             (left_out, lobes) = (held_back, figures);
         }
         prepared.push(layer);
     }
     let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
-        (Some(bytes), _) => within_budget(&prepared, bytes, [width, height], params, monitor),
-        (None, Some(db)) => within_error(captures, &prepared, db, [width, height], params, monitor),
+        (Some(bytes), _) => within_budget(&prepared, bytes, grid, params, monitor),
+        (None, Some(db)) => within_error(captures, &prepared, db, grid, params, monitor),
         (None, None) => {
-            let step = DEFAULT_STEP * (3.0 * first.info().pair_count() as f64).sqrt();
-            Ok(assemble(&prepared, step, [width, height], params).asset)
+            let step = DEFAULT_STEP * (3.0 * captures[0].info().pair_count() as f64).sqrt();
+            Ok(assemble(&prepared, step, grid, params).asset)
         }
     })?;
-    let references: usize = asset.layers.iter().map(|layer| layer.lobe_refs.len()).sum();
-    let lobes_per_texel_mean = references as f64 / (width * height * asset.layers.len()) as f64;
-    let components = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
-    let clusters = asset.layers[0].dictionary.len();
-    let bytes = pack(&asset)?;
-    Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out })
+    Ok(Encoded { bytes: pack(&asset)?, lobes, left_out })
 }
 
 /// Captures that become layers of one asset have one texel grid and differ in their sides.
@@ -164,21 +211,21 @@ struct Prepared {
     model: Model,
 }
 
-/// Everything up to the step, the figures of the lobes, and the held-back pairs. `others` is
-/// the number of other layers.
+/// Everything up to the step, the figures of the lobes, and the held-back pairs. `sample` and `left` are what
+/// [`plan_memory`] gives.
 fn prepare_layer(
     capture: &Capture,
     params: &FitParams,
-    others: usize,
+    sample: usize,
+    left: u64,
+    stages: &Stages,
     monitor: &Monitor,
 ) -> Result<(Prepared, LobeFigures, Vec<usize>), FitError> {
     let info = capture.info();
     let lights = Sphere::new(&layer_directions(&info.lights, info.side))?;
     let views = Sphere::new(&layer_directions(&info.views, info.side))?;
-    let (sample, left) = plan_memory(info, params, others)?;
-
     // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
-    let cache = monitor.stage("read", || TileCache::build(capture, 2 * left, &params.cache_directory, monitor))?;
+    let cache = TileCache::new(capture, 2 * left, &params.cache_directory, params.error.most(), Some(stages), monitor)?;
     let holdout = Holdout::new(info, &lights, &views, params.leave_out, params.seed);
     let (kind, epsilon) = params.error.residual();
     let curve = Curve::new(kind, epsilon);
@@ -188,19 +235,20 @@ fn prepare_layer(
     let guide = params.bytes.is_some() || params.psnr_db.is_some();
     let role = if guide { LobeRole::Guide } else { LobeRole::Base };
     let source = |lobes| ResidualSource { cache: &cache, mapping: &mapping, curve: &curve, lobes, holdout: &holdout };
-    let mut alone = None;
-    let scores = monitor.stage("project", || {
-        if guide {
-            let found = Coordinates::new(&source(None), SHARED_BASES, sample, params.seed, "project", monitor)?;
-            let dimensions = FEATURE_DIMENSIONS.min(found.scores.ncols());
-            let scores = found.scores.slice(s![.., ..dimensions]).to_owned();
-            alone = Some(found);
-            return Ok(scores);
-        }
-        let found = features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)?;
-        Ok::<_, FitError>(found.scores)
-    })?;
-    let (labels, representatives) = monitor.stage("cluster", || {
+    let (alone, scores) = if guide {
+        let found = stages.run("project", || {
+            Coordinates::new(&source(None), SHARED_BASES, sample, params.seed, "project", monitor)
+        })?;
+        let dimensions = FEATURE_DIMENSIONS.min(found.scores.ncols());
+        let scores = found.scores.slice(s![.., ..dimensions]).to_owned();
+        (Some(found), scores)
+    } else {
+        let found = stages.run("project", || {
+            features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
+        })?;
+        (None, found.scores)
+    };
+    let (labels, representatives) = stages.run("cluster", || {
         let clustering = kmeans(scores.view(), params.clusters, params.kmeans, params.seed)?;
         let mut labels = clustering.labels;
         let clusters = clustering.centroids.nrows();
@@ -209,25 +257,25 @@ fn prepare_layer(
         Ok::<_, FitError>((labels, representatives))
     })?;
     drop(scores);
-    let (mut clusters, figures) = monitor.stage("dictionary", || {
+    let (mut clusters, figures) = stages.run("dictionary", || {
         dictionaries(&cache, &representatives, &views, &lights, &holdout, kind, params.lobes, monitor)
     })?;
 
-    let selection = monitor.stage("weights", || {
+    let mut selection = stages.run("weights", || {
         let correlations = correlate(&cache, &clusters, &labels, monitor)?;
         let of = if guide { LobesOf::Clusters } else { LobesOf::Texels };
-        let mut selection = select(&clusters, &labels, &correlations, of, params.lobes, LOBE_PRICE);
-        drop_unused(&mut clusters, &mut selection, &labels);
-        Ok::<_, FitError>(selection)
+        Ok(select(&clusters, &labels, &correlations, of, params.lobes, LOBE_PRICE))
     })?;
+    // Not part of the stage, because it changes what an earlier stage gave.
+    drop_unused(&mut clusters, &mut selection, &labels);
+    let mut coordinates = match alone {
+        Some(found) => found,
+        None => stages.run("residual", || {
+            let lobes = TexelLobes { clusters: &clusters, selection: &selection, labels: &labels };
+            Coordinates::new(&source(Some(lobes)), SHARED_BASES, sample, params.seed, "residual", monitor)
+        })?,
+    };
     let model = monitor.stage("residual", || {
-        let mut coordinates = match alone {
-            Some(found) => found,
-            None => {
-                let lobes = TexelLobes { clusters: &clusters, selection: &selection, labels: &labels };
-                Coordinates::new(&source(Some(lobes)), SHARED_BASES, sample, params.seed, "residual", monitor)?
-            }
-        };
         let rotated = Rotated::new(&coordinates.directions, &coordinates.energies, [views.len(), lights.len()]);
         coordinates.directions = Array2::zeros((0, 0));
         let most = params.components.unwrap_or(MAX_COMPONENTS);
@@ -292,8 +340,10 @@ fn within_budget(
     params: &FitParams,
     monitor: &Monitor,
 ) -> Result<Asset, FitError> {
+    let mut round = 0;
     let found = within_bytes(bytes, greatest_coefficient(layers), |step| {
-        monitor.check()?;
+        monitor.report("encode", round, SEARCH_ROUNDS)?;
+        round += 1;
         let asset = assemble(layers, step, grid, params).asset;
         Ok::<_, FitError>(Candidate { bytes: pack(&asset)?.len(), value: asset })
     })?;
@@ -325,7 +375,8 @@ fn within_error(
     let mut above: Option<(f64, f64)> = None;
     let mut below: Option<(f64, f64)> = None;
     let mut side = None;
-    for _ in 0..PSNR_ROUNDS {
+    for round in 0..PSNR_ROUNDS {
+        monitor.report("encode", round, PSNR_ROUNDS)?;
         let candidate = coarsest_within_error(layers, target, greatest, grid, params, monitor)?;
         let bytes = pack(&candidate.asset)?.len();
         let last_resort = candidate.error > target;

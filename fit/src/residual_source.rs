@@ -4,7 +4,6 @@ use crate::cache::{Mapping, Tile, TileCache};
 use crate::curve::Curve;
 use crate::error::FitError;
 use crate::holdout::Holdout;
-use crate::monitor::Monitor;
 use crate::project::ROW_BLOCK;
 use crate::sparse::{ClusterLobes, Selection};
 use btf_runtime::lobe_sum_at_pairs;
@@ -25,7 +24,7 @@ pub struct TexelLobes<'a> {
 /// The residual of every texel.
 pub struct ResidualSource<'a> {
     /// The capture.
-    pub cache: &'a TileCache,
+    pub cache: &'a TileCache<'a>,
     /// The residual's curve applied to samples.
     pub mapping: &'a Mapping,
     /// The same for lobe sums.
@@ -70,19 +69,17 @@ impl ResidualSource<'_> {
     }
 
     /// Calls `work(texels, rows)` for blocks of at most [`ROW_BLOCK`] texels, in parallel, and gives what it
-    /// returns in the order of the blocks.
+    /// returns in the order of the blocks. `done(texels)` follows the progress and may end it.
     pub fn for_each_block<R: Send>(
         &self,
-        stage: &str,
-        monitor: &Monitor,
+        done: impl Fn(usize) -> Result<(), FitError>,
         work: impl Fn(Range<usize>, Array2<f32>) -> R + Sync,
         mut take: impl FnMut(R),
     ) -> Result<(), FitError> {
-        let tiles = self.cache.tile_count();
-        for tile in 0..tiles {
+        for tile in 0..self.cache.tile_count() {
             let loaded = self.cache.read(tile)?;
             let range = loaded.texels.clone();
-            let done: Vec<R> = (0..range.len())
+            let results: Vec<R> = (0..range.len())
                 .step_by(ROW_BLOCK)
                 .collect::<Vec<_>>()
                 .into_par_iter()
@@ -92,8 +89,8 @@ impl ResidualSource<'_> {
                     work(range.start + numbers.start..range.start + numbers.end, rows)
                 })
                 .collect();
-            done.into_iter().for_each(&mut take);
-            monitor.report(stage, tile + 1, tiles)?;
+            results.into_iter().for_each(&mut take);
+            done(range.end)?;
         }
         Ok(())
     }

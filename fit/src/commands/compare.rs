@@ -90,7 +90,7 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         None => layer_for_capture(capture.info(), &asset)?,
     };
 
-    let monitor = progress::monitor(shared)?;
+    let monitor = progress::monitor(shared, None)?;
     let resident = resident_in_parallel(&asset);
     let params = MeasureParams {
         layer,

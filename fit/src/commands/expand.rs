@@ -78,7 +78,7 @@ pub(super) fn run(args: &ExpandArgs, shared: &Shared) -> Result<(), Failure> {
     if let Some(target) = &args.json {
         check_file(target, std::slice::from_ref(&args.asset))?;
     }
-    let monitor = progress::monitor(shared)?;
+    let monitor = progress::monitor(shared, None)?;
     let resident = resident_in_parallel(&asset);
     let info = expand(&asset, &resident, &args.directory, &params, &monitor)?;
     let result = ExpandResult {

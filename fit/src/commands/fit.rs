@@ -4,8 +4,9 @@ use super::output::{check_distinct, check_file, complain, is_stdout, say, write_
 use super::{Failure, Shared, progress};
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
-    ErrorMeasure, FitError, FitParams, Fitted, KMeansEngine, Metrics, Monitor, ReportInput, ReportLayer, Stage,
-    bytes_from_text, fit_and_measure, peak_memory_bytes, report_html, side_of_layer, text_from_bytes,
+    ErrorMeasure, FitError, FitParams, Fitted, Forecast, KMeansEngine, Metrics, Monitor, ReportInput, ReportLayer,
+    Stage, bytes_from_text, fit_and_measure, peak_memory_bytes, remove_finished_stages, report_html, side_of_layer,
+    text_from_bytes,
 };
 use clap::{Args, ValueEnum};
 use serde::ser::{Serialize, SerializeMap, Serializer};
@@ -22,6 +23,7 @@ use std::time::Instant;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit fit WOOL -o wool.spmm --bytes 2MB --report wool.html
+  btf-fit fit WOOL -o wool.spmm --bytes 2MB --resume    # again after a crash: goes on where that was
   btf-fit fit LEAF_FRONT LEAF_BACK LEAF_THROUGH_BACK LEAF_THROUGH_FRONT -o leaf.spmm --bytes 6MB --json -")]
 pub(super) struct FitArgs {
     /// Captures: folders, zips or .btf files, one per layer
@@ -60,6 +62,10 @@ pub(super) struct FitArgs {
     /// Seed of every random choice
     #[arg(long, default_value_t = FitParams::default().seed)]
     seed: u64,
+    /// Keep every finished stage in ASSET.spmm.resume until the asset is written, and go on from what an earlier,
+    /// interrupted run of the same command kept there; the asset is the same, byte for byte
+    #[arg(long)]
+    resume: bool,
     /// Write a page with figures, pictures and error maps
     #[arg(long, value_name = "REPORT.html")]
     report: Option<PathBuf>,
@@ -92,6 +98,9 @@ struct FitResult<'a> {
     bytes: usize,
     seconds: f64,
     stages: Stages<'a>,
+    /// Stages that an earlier run had finished; only with `--resume`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    resumed: Option<Vec<String>>,
     peak_memory_bytes: Option<u64>,
     #[serde(flatten)]
     metrics: Metrics,
@@ -166,8 +175,11 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         check_file(path, &args.captures)?;
     }
 
-    let monitor = progress::monitor(shared)?;
-    let fitted = fit_and_measure(&captures, &params, &monitor)?;
+    let monitor = progress::monitor(shared, Some(Forecast::new(captures.len(), &params, args.report.is_some())))?;
+    let fitted = fit_and_measure(&captures, &params, &monitor).map_err(|error| match error {
+        FitError::Interrupted if args.resume => Failure::Suspended,
+        other => other.into(),
+    })?;
     let page = match &args.report {
         Some(_) => Some(monitor.stage("report", || page(&captures, &fitted, &monitor))?),
         None => None,
@@ -178,12 +190,16 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     if let (Some(path), Some(page)) = (&args.report, page) {
         write_file_atomically(path, page.as_bytes())?;
     }
+    if let Some(folder) = &params.resume {
+        remove_finished_stages(folder);
+    }
     let stages = monitor.stages();
     let result = FitResult {
         asset: args.output.display().to_string(),
         bytes: fitted.bytes.len(),
         seconds: start.elapsed().as_secs_f64(),
         stages: Stages(&stages),
+        resumed: args.resume.then(|| monitor.skipped()),
         peak_memory_bytes: peak_memory_bytes(),
         metrics: fitted.metrics,
         psnr_left_out_db: fitted.psnr_left_out_db,
@@ -249,6 +265,11 @@ fn params(args: &FitArgs) -> FitParams {
             KMeansArg::Linfa => KMeansEngine::Linfa,
         },
         cache_directory: folder.to_path_buf(),
+        resume: args.resume.then(|| {
+            let mut name = args.output.clone().into_os_string();
+            name.push(".resume");
+            name.into()
+        }),
     }
 }
 
@@ -321,6 +342,8 @@ mod tests {
         let other =
             parse(&["c", "-o", "out/a.spmm", "--bytes", "1.75MB", "--memory", "500MiB", "--error", "log"]).unwrap();
         assert_eq!((other.bytes, other.memory_bytes), (Some(1_750_000), 500 << 20));
+        let kept = parse(&["c", "-o", "out/a.spmm", "--resume"]).unwrap().resume;
+        assert_eq!((other.resume, kept), (None, Some(PathBuf::from("out/a.spmm.resume"))));
         assert_eq!((other.error, other.cache_directory), (ErrorMeasure::Log, PathBuf::from("out")));
     }
 
@@ -347,6 +370,7 @@ mod tests {
             bytes: 5,
             seconds: 3.0,
             stages: Stages(&stages),
+            resumed: None,
             peak_memory_bytes: Some(7),
             metrics,
             psnr_left_out_db: None,

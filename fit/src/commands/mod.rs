@@ -104,6 +104,8 @@ enum Failure {
     Usage(String),
     #[error("{0}")]
     Path(String),
+    #[error("interrupted; run the same command again to go on after the last finished stage")]
+    Suspended,
     #[error(transparent)]
     Fit(#[from] FitError),
 }
@@ -118,7 +120,7 @@ impl Failure {
     fn exit(&self) -> Exit {
         match self {
             Failure::Usage(_) => Exit::Usage,
-            Failure::Fit(FitError::Interrupted) => Exit::Interrupted,
+            Failure::Suspended | Failure::Fit(FitError::Interrupted) => Exit::Interrupted,
             Failure::Path(_) | Failure::Fit(_) => Exit::Failure,
         }
     }
@@ -164,6 +166,7 @@ mod tests {
     fn every_failure_has_its_exit_code() {
         assert_eq!(Failure::Usage(String::new()).exit() as u8, 2);
         assert_eq!(Failure::Path(String::new()).exit() as u8, 1);
+        assert_eq!(Failure::Suspended.exit() as u8, 130);
         assert_eq!(Failure::from(FitError::Interrupted).exit() as u8, 130);
         assert_eq!(Failure::from(FitError::Params(String::new())).exit() as u8, 1);
     }
