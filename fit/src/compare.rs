@@ -207,6 +207,19 @@ pub fn measure_images(
     params: &MeasureParams,
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
+    let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
+    measure_decoder(info, read, asset, &decoder, params, monitor)
+}
+
+/// The same with a decoder of layer `params.layer` of `asset`, whose options count instead of `params.options`.
+pub(crate) fn measure_decoder(
+    info: &CaptureInfo,
+    read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
+    asset: &Asset,
+    decoder: &ImageDecoder,
+    params: &MeasureParams,
+    monitor: &Monitor,
+) -> Result<Comparison, FitError> {
     if (info.width, info.height) != (asset.width, asset.height) {
         return Err(FitError::Params(format!(
             "the capture {} has {} x {} texels and the asset {} x {}; compare an asset with the capture that it was fitted from",
@@ -217,7 +230,6 @@ pub fn measure_images(
     let (texels, lights) = (info.texel_count(), info.lights.len());
     let view_spots = Spot::of_set(&layer.views, &info.views, info.side);
     let light_spots = Spot::of_set(&layer.lights, &info.lights, info.side);
-    let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
     let coding = Coding::new(info);
     let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
     let stride = colour_pair_stride(info.views.len(), lights);
@@ -243,7 +255,7 @@ pub fn measure_images(
                 Ok(Work { light, plan, pixels, colour: pair % stride == 0 })
             })
             .collect::<Result<_, FitError>>()?;
-        let errors: Vec<Vec<u64>> = blocks.par_iter_mut().map(|block| block.take(&decoder, &coding, &work)).collect();
+        let errors: Vec<Vec<u64>> = blocks.par_iter_mut().map(|block| block.take(decoder, &coding, &work)).collect();
         for block_errors in errors {
             for (pair, error) in batch_pairs.iter().zip(block_errors) {
                 pair_code_error[*pair] += error;

@@ -8,7 +8,7 @@ use crate::frame::layer_directions;
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
     Asset, DecodeOptions, HORIZON_COS, Interpolation, Layer, LobeSetup, Neighbours, RATIO_EPSILON, RATIO_RANGE, ROOT,
-    Resident, ResidualKind, Sphere, block, weight_from_byte,
+    Resident, ResidualKind, SingleBases, Sphere, block, weight_from_byte,
 };
 use half::f16;
 use std::ops::Range;
@@ -55,6 +55,8 @@ pub struct ImageDecoder<'a> {
     basis_at: usize,
     /// Words per pair and channel in the resident form.
     channel_words: usize,
+    /// The same bases in single precision, if those are to be used.
+    singles: Option<&'a [f32]>,
     /// Words per pair and channel that the options use.
     used_words: usize,
     /// Bases that the options use; 0 without residual.
@@ -123,6 +125,7 @@ impl<'a> ImageDecoder<'a> {
             words,
             basis_at: words[base + block::BASIS] as usize,
             channel_words: words[base + block::CHANNEL_WORDS] as usize,
+            singles: None,
             used_words: bases.div_ceil(2),
             bases,
             interpolation: options.interpolation,
@@ -131,6 +134,12 @@ impl<'a> ImageDecoder<'a> {
             first_lobe,
             first_ref,
         }
+    }
+
+    /// The same decoder with layer `layer` of `bases`, which must be of the same asset, in place of the resident
+    /// form's halves.
+    pub fn with_single_bases(self, bases: &'a SingleBases, layer: usize) -> ImageDecoder<'a> {
+        ImageDecoder { singles: Some(bases.layer(layer)), ..self }
     }
 
     /// Prepares a pair. Cost: an evaluation of every dictionary lobe, ten where neither direction is
@@ -291,7 +300,12 @@ impl<'a> ImageDecoder<'a> {
         let mut rows = Vec::with_capacity(self.row_len());
         for cluster in 0..self.first_lobe.len() {
             for channel in 0..3 {
-                let at = self.basis_at + ((cluster * pairs + pair) * 3 + channel) * self.channel_words;
+                let at = ((cluster * pairs + pair) * 3 + channel) * self.channel_words;
+                if let Some(singles) = self.singles {
+                    rows.extend_from_slice(&singles[2 * at..2 * (at + self.used_words)]);
+                    continue;
+                }
+                let at = self.basis_at + at;
                 for word in 0..self.used_words {
                     let halves = self.words[at + word];
                     rows.extend([halves as u16, (halves >> 16) as u16].map(|bits| f16::from_bits(bits).to_f32()));

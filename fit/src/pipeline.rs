@@ -71,28 +71,13 @@ pub const MATERIAL_RESERVE: usize = 4096;
 /// # Errors
 /// What is wrong with a capture, or with several together; a budget or a memory limit that is too small.
 pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<FitOutcome, FitError> {
-    params.check()?;
-    let Some(first) = captures.first() else {
-        return Err(FitError::Params("give at least one capture".to_string()));
-    };
-    check_layers(captures)?;
-    let (width, height) = (first.info().width, first.info().height);
-    let budget = params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE));
-    let share = budget.map(|bytes| bytes / captures.len());
-    let mut prepared = Vec::new();
-    let mut left_out = Vec::new();
-    let mut lobes = LobeFigures::default();
-    for (number, capture) in captures.iter().enumerate() {
-        let (layer, figures, held_back) = prepare_layer(capture, params, share, captures.len() - 1, monitor)?;
-        if number == 0 {
-            (left_out, lobes) = (held_back, figures);
-        }
-        prepared.push(layer);
-    }
+    let PreparedFit { layers: prepared, grid, lobes, left_out, .. } = PreparedFit::prepare(captures, params, monitor)?;
+    let [width, height] = grid;
+    let budget = byte_budget(params);
     let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
-        (Some(bytes), _) => within_budget(&prepared, bytes, [width, height], params, monitor),
-        (None, Some(db)) => within_error(captures, &prepared, db, [width, height], params, monitor),
-        (None, None) => Ok(assemble(&prepared, DEFAULT_STEP, [width, height], params).asset),
+        (Some(bytes), _) => within_budget(&prepared, bytes, grid, params, monitor),
+        (None, Some(db)) => within_error(captures, &prepared, db, grid, params, monitor),
+        (None, None) => Ok(assemble(&prepared, DEFAULT_STEP, grid, params).asset),
     })?;
     let references: usize = asset.layers.iter().map(|layer| layer.lobe_refs.len()).sum();
     let lobes_per_texel_mean = references as f64 / (width * height * asset.layers.len()) as f64;
@@ -100,6 +85,63 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
     let clusters = asset.layers[0].dictionary.len();
     let bytes = pack(&asset)?;
     Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out })
+}
+
+/// A fit up to the choice of its step: what `fit` searches in and `trade` sweeps over.
+pub struct PreparedFit {
+    layers: Vec<Prepared>,
+    /// Texels per row, rows.
+    grid: [usize; 2],
+    params: FitParams,
+    lobes: LobeFigures,
+    left_out: Vec<usize>,
+}
+
+impl PreparedFit {
+    /// Every stage but the last. Memory: at most `params.memory_bytes`; four bytes per texel and shared basis stay.
+    ///
+    /// # Errors
+    /// As [`fit`], without those about a budget.
+    pub fn prepare(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<PreparedFit, FitError> {
+        params.check()?;
+        let Some(first) = captures.first() else {
+            return Err(FitError::Params("give at least one capture".to_string()));
+        };
+        check_layers(captures)?;
+        let grid = [first.info().width, first.info().height];
+        let share = byte_budget(params).map(|bytes| bytes / captures.len());
+        let mut prepared = PreparedFit {
+            layers: Vec::new(),
+            grid,
+            params: params.clone(),
+            lobes: LobeFigures::default(),
+            left_out: Vec::new(),
+        };
+        for (number, capture) in captures.iter().enumerate() {
+            let (layer, figures, held_back) = prepare_layer(capture, params, share, captures.len() - 1, monitor)?;
+            if number == 0 {
+                (prepared.left_out, prepared.lobes) = (held_back, figures);
+            }
+            prepared.layers.push(layer);
+        }
+        Ok(prepared)
+    }
+
+    /// The asset, without description, whose residuals are quantised with `step` and have at most `components`.
+    pub fn asset(&self, step: f64, components: usize) -> Asset {
+        let params = FitParams { components: Some(components), ..self.params.clone() };
+        assemble(&self.layers, step, self.grid, &params).asset
+    }
+
+    /// The size of the greatest coefficient: steps are told relative to it.
+    pub fn greatest_coefficient(&self) -> f64 {
+        greatest_coefficient(&self.layers)
+    }
+}
+
+/// What `--bytes` leaves for everything but the description.
+fn byte_budget(params: &FitParams) -> Option<usize> {
+    params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE))
 }
 
 /// Captures that become layers of one asset have one texel grid and differ in their sides.
