@@ -5,6 +5,7 @@
 //!         --> lobes and weights per texel --> factored residual --fit--> Asset
 //! Capture + Asset --measure--> Comparison --> Metrics, error maps, report
 //! Asset --expand--> capture folder
+//! Capture --trade--> bytes, error and time over a grid of settings
 //! ```
 //!
 //! [`fit_and_measure`] is the whole job. Every stage reads linear reflectance x cosine; 8-bit values
@@ -23,10 +24,12 @@ mod describe;
 mod dictionary;
 mod encode;
 mod error;
+mod evaluation_time;
 mod expand;
 mod factor;
 mod fitted;
 mod frame;
+mod gpu_times;
 mod heatmap;
 mod holdout;
 mod image_decoder;
@@ -38,6 +41,7 @@ mod memory;
 mod metrics;
 mod monitor;
 mod params;
+mod pareto;
 mod pipeline;
 mod plot;
 mod project;
@@ -46,6 +50,10 @@ mod residual_source;
 #[cfg(test)]
 mod sample_asset;
 mod sparse;
+mod thinned_grid;
+mod trade;
+mod trade_grid;
+mod trade_page;
 
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};
@@ -61,6 +69,7 @@ pub use error::FitError;
 pub use expand::{ExpandParams, expand, expand_info};
 pub use fitted::{Fitted, fit_and_measure};
 pub use frame::{capture_directions, layer_directions};
+pub use gpu_times::GpuTimes;
 pub use heatmap::{Raster, scale_top, viridis, write_heatmaps};
 pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot, TexelBlock};
 pub use kmeans::{Clustering, kmeans};
@@ -70,5 +79,8 @@ pub use memory::peak_memory_bytes;
 pub use metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 pub use monitor::{Monitor, Stage};
 pub use params::{ErrorMeasure, FitOutcome, FitParams, KMeansEngine, LobeFigures};
+pub use pareto::{CostAndGain, pareto_front};
 pub use pipeline::{MATERIAL_RESERVE, fit};
 pub use report::{ReportInput, ReportLayer, report_html};
+pub use trade::{Limit, Precision, Rule, Trade, TradeParams, TradePoint, trade};
+pub use trade_page::{trade_csv, trade_html, trade_plots};

@@ -1,0 +1,362 @@
+//! A trade as a table (CSV), plots (SVG) and a page (HTML) that needs nothing else.
+
+use crate::byte_size::text_from_bytes;
+use crate::plot::{Dot, scatter};
+use crate::report::{STYLE, decibel_text, tile};
+use crate::trade::{Limit, Precision, Rule, Trade, TradePoint};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+/// Columns of the table, in order.
+const COLUMNS: [&str; 26] = [
+    "lobes",
+    "lobes_per_texel_mean",
+    "step",
+    "bits_per_coefficient",
+    "limit",
+    "components",
+    "interpolation",
+    "precision",
+    "bytes",
+    "resident_bytes",
+    "psnr_db",
+    "psnr_linear_db",
+    "delta_e00_mean",
+    "rel_rmse",
+    "worst_texel_rmse",
+    "psnr_between_db",
+    "cpu_ns",
+    "gpu_ns",
+    "front_bytes_psnr",
+    "front_ns_psnr",
+    "front_ns_between",
+    "all_psnr_db",
+    "all_psnr_linear_db",
+    "all_delta_e00_mean",
+    "all_rel_rmse",
+    "all_worst_texel_rmse",
+];
+
+fn limit_word(limit: Limit) -> &'static str {
+    match limit {
+        Limit::None => "none",
+        Limit::Encode => "encode",
+        Limit::Decode => "decode",
+        Limit::Lobes => "lobes",
+    }
+}
+
+fn rule_word(rule: Rule) -> &'static str {
+    match rule {
+        Rule::Fast => "fast",
+        Rule::Exact => "exact",
+    }
+}
+
+fn precision_word(precision: Precision) -> &'static str {
+    match precision {
+        Precision::Half => "half",
+        Precision::Single => "single",
+    }
+}
+
+/// All points, one a row under one row of names, separated by commas; empty where there is no figure, `inf` for an
+/// infinite PSNR. Columns `all_...` are errors over all pairs, of the points of the summary.
+pub fn trade_csv(trade: &Trade) -> String {
+    let mut text = COLUMNS.join(",") + "\n";
+    let optional = |x: Option<f64>, decimals: usize| x.map_or(String::new(), |x| format!("{x:.decimals$}"));
+    let metrics = |m: Option<&crate::metrics::Metrics>| {
+        [
+            optional(m.map(|m| m.psnr_db), 4),
+            optional(m.map(|m| m.psnr_linear_db), 4),
+            optional(m.and_then(|m| m.delta_e00_mean), 5),
+            optional(m.map(|m| m.rel_rmse), 6),
+            optional(m.map(|m| m.worst_texel_rmse), 6),
+        ]
+    };
+    for point in &trade.points {
+        let mut row: Vec<String> = vec![
+            point.lobes.to_string(),
+            format!("{:.3}", point.lobes_per_texel_mean),
+            format!("{:.6}", point.step),
+            optional(point.bits_per_coefficient, 4),
+            limit_word(point.limit).into(),
+            point.components.to_string(),
+            rule_word(point.interpolation).into(),
+            precision_word(point.precision).into(),
+            point.bytes.to_string(),
+            point.resident_bytes.to_string(),
+        ];
+        row.extend(metrics(Some(&point.metrics)));
+        row.extend([optional(point.psnr_between_db, 4), format!("{:.1}", point.cpu_ns), optional(point.gpu_ns, 3)]);
+        let fronts = [point.front_bytes_psnr, point.front_ns_psnr, point.front_ns_between];
+        row.extend(fronts.map(|on| u8::from(on).to_string()));
+        row.extend(metrics(point.all_pairs.as_ref()));
+        text += &row.join(",");
+        text.push('\n');
+    }
+    text
+}
+
+/// The setting of a point in words.
+fn words(point: &TradePoint) -> String {
+    let lobes = match point.lobes {
+        1 => "1 lobe".to_string(),
+        n => format!("{n} lobes"),
+    };
+    let components = match point.limit {
+        Limit::Lobes => return format!("{lobes} alone"),
+        Limit::None => format!("all {} components", point.components),
+        Limit::Encode => format!("{} components, limited while encoding", point.components),
+        Limit::Decode => format!("{} components, limited while decoding", point.components),
+    };
+    let bits = point.bits_per_coefficient.map_or(String::new(), |bits| format!(", {bits:.2} bits"));
+    format!("{lobes}, {components}{bits}, {}, {}", rule_word(point.interpolation), precision_word(point.precision))
+}
+
+/// One plot: file name, caption, picture.
+struct Plot {
+    name: &'static str,
+    caption: &'static str,
+    picture: Markup,
+}
+
+fn plots(trade: &Trade) -> Vec<Plot> {
+    let mut lobes: Vec<usize> = trade.points.iter().map(|point| point.lobes).collect();
+    lobes.sort_unstable();
+    lobes.dedup();
+    let groups: Vec<String> = lobes.iter().map(|n| format!("{n} lobe{}", if *n == 1 { "" } else { "s" })).collect();
+    let dot = |point: &TradePoint, x: f64, y: f64, unit: &str, front: bool| Dot {
+        x,
+        y,
+        group: lobes.iter().position(|n| *n == point.lobes).unwrap_or(0),
+        front,
+        title: format!("{}: {}, {} dB", words(point), unit, decibel_text(y)),
+    };
+    let file = |point: &&TradePoint| point.interpolation == Rule::Fast && point.precision == Precision::Half;
+    let bytes: Vec<Dot> = trade
+        .points
+        .iter()
+        .filter(file)
+        .map(|p| dot(p, p.bytes as f64 / 1e3, p.metrics.psnr_db, &text_from_bytes(p.bytes as u64), p.front_bytes_psnr))
+        .collect();
+    let time = |p: &TradePoint, y: f64, front: bool| dot(p, p.cpu_ns, y, &format!("{:.0} ns", p.cpu_ns), front);
+    let speed: Vec<Dot> = trade
+        .points
+        .iter()
+        .filter(|p| p.interpolation == Rule::Fast)
+        .map(|p| time(p, p.metrics.psnr_db, p.front_ns_psnr))
+        .collect();
+    let between: Vec<Dot> =
+        trade.points.iter().filter_map(|p| Some(time(p, p.psnr_between_db?, p.front_ns_between))).collect();
+    let mut plots = vec![
+        Plot {
+            name: "bytes-psnr.svg",
+            caption: "Size against accuracy. The line joins what no other setting beats.",
+            picture: scatter(&bytes, &groups, "size in kB", "PSNR in dB"),
+        },
+        Plot {
+            name: "ns-psnr.svg",
+            caption: "Speed against accuracy at measured directions, fast rule, both precisions.",
+            picture: scatter(&speed, &groups, "ns per evaluation, one CPU thread", "PSNR in dB"),
+        },
+    ];
+    if !between.is_empty() {
+        plots.push(Plot {
+            name: "ns-between.svg",
+            caption: "Speed against accuracy between measured directions, both rules.",
+            picture: scatter(&between, &groups, "ns per evaluation, one CPU thread", "PSNR between in dB"),
+        });
+    }
+    plots
+}
+
+/// The plots as files: name and content.
+pub fn trade_plots(trade: &Trade) -> Vec<(&'static str, String)> {
+    let files = plots(trade).into_iter().map(|plot| {
+        let svg = plot.picture.into_string();
+        (plot.name, svg.replacen("<svg ", "<svg xmlns=\"http://www.w3.org/2000/svg\" ", 1) + "\n")
+    });
+    files.collect()
+}
+
+fn table(trade: &Trade) -> Markup {
+    let optional = |x: Option<f64>, decimals: usize| x.map_or("–".to_string(), |x| format!("{x:.decimals$}"));
+    html! {
+        table.figures {
+            tr {
+                @for head in ["Setting", "Size", "In memory", "PSNR", "PSNR, linear", "ΔE00", "PSNR between", "CPU ns", "GPU ns", "Best in"] {
+                    th { (head) }
+                }
+            }
+            @for point in trade.summary.iter().map(|i| &trade.points[*i]) {
+                @let metrics = point.all_pairs.as_ref().unwrap_or(&point.metrics);
+                tr {
+                    td { (words(point)) }
+                    td { (text_from_bytes(point.bytes as u64)) }
+                    td { (text_from_bytes(point.resident_bytes as u64)) }
+                    td { (decibel_text(metrics.psnr_db)) }
+                    td { (decibel_text(metrics.psnr_linear_db)) }
+                    td { (optional(metrics.delta_e00_mean, 2)) }
+                    td { (point.psnr_between_db.map_or("–".into(), decibel_text)) }
+                    td { (format!("{:.0}", point.cpu_ns)) }
+                    td { (optional(point.gpu_ns, 2)) }
+                    td {
+                        @for (on, word) in [(point.front_bytes_psnr, "size"), (point.front_ns_psnr, "speed"), (point.front_ns_between, "speed between")] {
+                            @if on { span.mark { (word) } " " }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+const MORE_STYLE: &str = "
+.figures td, .figures th { padding: 4px 14px 4px 0; font-variant-numeric: tabular-nums; border-bottom: 1px solid #eef0f2; }
+.figures td:first-child { max-width: 420px; } .mark { background: #e3eff2; border-radius: 4px; padding: 1px 6px; font-size: 12px; white-space: nowrap; }
+.row figcaption { max-width: 560px; } ul { margin: 0; padding-left: 20px; }
+";
+
+/// The page: plots, the summary's table with errors over all pairs, and how everything was measured.
+pub fn trade_html(trade: &Trade) -> String {
+    let points = || trade.points.iter();
+    let best = points().map(|p| p.metrics.psnr_db).fold(f64::NEG_INFINITY, f64::max);
+    let fastest = points().filter(|p| p.limit == Limit::None).map(|p| p.cpu_ns).fold(f64::INFINITY, f64::min);
+    let sizes = points().map(|p| p.bytes as u64);
+    let (least, most) = (sizes.clone().min().unwrap_or(0), sizes.max().unwrap_or(0));
+    let [width, height] = trade.size;
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (trade.capture) " – speed against accuracy" }
+                style { (PreEscaped(STYLE)) (PreEscaped(MORE_STYLE)) }
+            }
+            body {
+                header {
+                    h1 { (trade.capture) }
+                    p { "Speed against accuracy against size: " (width) " × " (height) " texels, " (trade.capture_pairs) " direction pairs, " (trade.clusters) " clusters" }
+                }
+                div.tiles {
+                    (tile("Settings", &trade.points.len().to_string(), "measured"))
+                    (tile("Sizes", &format!("{} to {}", text_from_bytes(least), text_from_bytes(most)), "smallest and largest file"))
+                    (tile("Best PSNR", &decibel_text(best), "8-bit values, dB"))
+                    (tile("Fastest", &format!("{fastest:.0} ns"), "per evaluation, all components"))
+                }
+                section {
+                    h2 { "The trade" }
+                    div.row {
+                        @for plot in plots(trade) {
+                            figure { figcaption { (plot.caption) } (plot.picture) }
+                        }
+                    }
+                }
+                section {
+                    h2 { "What nothing beats" }
+                    p { "Up to eight settings of each front, their errors over all pairs. The names: how many lobes, how many components of the residual, bits of a coefficient in the file (one step quantises everything), rule between measured directions, precision of the expanded bases in memory." }
+                    (table(trade))
+                }
+                section {
+                    h2 { "How it was measured" }
+                    ul {
+                        li { "Plots and the CSV's columns without " code { "all_" } ": " (trade.pairs) " of " (trade.capture_pairs) " pairs, evenly over all views and lights; all texels." }
+                        li { "CPU ns: the resident decoder on one thread at " (trade.timing[0]) " random texels and directions, the same for all settings; median of " (trade.timing[1]) " passes after one that is not counted. They depend on the machine and on what else it did: read them as ratios." }
+                        li { "GPU ns: " (trade.gpu) "." }
+                        li { "PSNR between: " (trade.between) "." }
+                        li { "Both rules decode measured directions alike, and neither rule nor precision changes the file: the front of size is of the fast rule in half precision." }
+                        li { "Components limited while decoding: the size is that of the file's tier with them, the memory that of the whole file, which a decoder has that turns components off; a file limited while encoding has both." }
+                        li { "Seed " (trade.seed) "." }
+                    }
+                }
+                footer { "Written by btf-fit " (env!("CARGO_PKG_VERSION")) ". PSNR is of 8-bit gamma-encoded values over texels, pairs and channels, peak 255, unless it says otherwise." }
+            }
+        }
+    };
+    page.into_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::Metrics;
+
+    fn point(lobes: usize, bytes: usize, psnr_db: f64, front: bool) -> TradePoint {
+        let metrics =
+            Metrics { psnr_db, psnr_linear_db: 40.0, rel_rmse: 0.1, worst_texel_rmse: 0.2, delta_e00_mean: Some(1.5) };
+        TradePoint {
+            lobes,
+            lobes_per_texel_mean: 1.25,
+            step: 0.125,
+            bits_per_coefficient: Some(2.5),
+            limit: Limit::Decode,
+            components: 8,
+            interpolation: Rule::Fast,
+            precision: Precision::Half,
+            bytes,
+            resident_bytes: 2 * bytes,
+            metrics,
+            psnr_between_db: Some(psnr_db - 3.0),
+            cpu_ns: 123.45,
+            gpu_ns: None,
+            front_bytes_psnr: front,
+            front_ns_psnr: false,
+            front_ns_between: false,
+            all_pairs: front.then_some(metrics),
+        }
+    }
+
+    fn sample() -> Trade {
+        Trade {
+            capture: "wool <1>".into(),
+            size: [4, 3],
+            capture_pairs: 36,
+            pairs: 36,
+            seed: 1,
+            clusters: 2,
+            timing: [100, 3],
+            between: "nowhere".into(),
+            gpu: "empty: no GPU".into(),
+            points: vec![point(0, 1000, 30.0, true), point(2, 2000, f64::INFINITY, false)],
+            summary: vec![0],
+        }
+    }
+
+    #[test]
+    fn every_row_has_every_column() {
+        let text = trade_csv(&sample());
+        let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        assert_eq!(rows.len(), 3);
+        assert!(rows.iter().all(|row| row.len() == COLUMNS.len()));
+        let value = |row: usize, column: &str| rows[row][COLUMNS.iter().position(|name| *name == column).unwrap()];
+        assert_eq!(rows[0], COLUMNS);
+        assert_eq!((value(1, "bytes"), value(1, "psnr_db"), value(1, "limit")), ("1000", "30.0000", "decode"));
+        assert_eq!((value(1, "cpu_ns"), value(1, "gpu_ns"), value(1, "front_bytes_psnr")), ("123.5", "", "1"));
+        assert_eq!((value(1, "all_psnr_db"), value(2, "all_psnr_db")), ("30.0000", ""));
+        assert_eq!((value(2, "psnr_db"), value(2, "front_bytes_psnr")), ("inf", "0"));
+    }
+
+    #[test]
+    fn the_page_stands_alone_and_names_the_reason_of_an_empty_column() {
+        let page = trade_html(&sample());
+        for outside in ["http:", "https:", "src=\"/", "<link", "<script", "url(", "NaN"] {
+            assert!(!page.contains(outside), "{outside}");
+        }
+        assert!(page.contains("empty: no GPU") && page.contains("wool &lt;1&gt;"));
+        assert_eq!(page.matches("<svg").count(), 3);
+        // The table has the summary's points alone.
+        assert_eq!(page.matches("<td>0 lobes, 8 components").count(), 1);
+        assert_eq!(page.matches("<td>2 lobes, 8 components").count(), 0);
+    }
+
+    #[test]
+    fn a_plot_as_a_file_is_an_svg_of_its_own() {
+        let files = trade_plots(&sample());
+        let names: Vec<&str> = files.iter().map(|file| file.0).collect();
+        assert_eq!(names, ["bytes-psnr.svg", "ns-psnr.svg", "ns-between.svg"]);
+        for (name, text) in files {
+            assert!(text.starts_with("<svg xmlns=\"http://www.w3.org/2000/svg\" ") && !text.contains("NaN"), "{name}");
+        }
+    }
+}
