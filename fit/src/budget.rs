@@ -27,7 +27,8 @@ pub fn within_bytes<T, E>(
     let greatest = greatest.max(1e-12);
     // log2 of the finest step known to fit and of the coarsest known not to.
     // Each with log2 of its size over the limit.
-    let (mut fits, mut exceeds): (Option<(f64, f64)>, Option<(f64, f64)>) = (None, None);
+    let mut fits: Option<(f64, f64)> = None;
+    let mut exceeds: Option<(f64, f64)> = None;
     let mut best: Option<Candidate<T>> = None;
     let mut at = -5.0f64;
     let mut previous: Option<(f64, f64)> = None;

@@ -32,6 +32,7 @@ impl Coordinates {
         rank: usize,
         sample: usize,
         seed: u64,
+        stage: &str,
         monitor: &Monitor,
     ) -> Result<Coordinates, FitError> {
         let texels = source.cache.texel_count();
@@ -46,13 +47,13 @@ impl Coordinates {
                 Ok::<_, FitError>(source.rows(&block, range, |index| chosen[index]))
             },
         };
-        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5ba5_ed);
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5ba5);
         let directions = principal_directions(&sampled, rank, &mut random)?;
         drop(block);
         let mut scores = Array2::<f32>::zeros((texels, directions.ncols()));
         let mut squares = 0.0;
         source.for_each_block(
-            "residual",
+            stage,
             monitor,
             |range, rows| {
                 let squares: f64 = rows.iter().map(|x| f64::from(*x) * f64::from(*x)).sum();

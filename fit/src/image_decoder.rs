@@ -7,8 +7,8 @@
 use crate::frame::layer_directions;
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
-    Asset, DecodeOptions, HORIZON_COS, Interpolation, Layer, LobeSetup, Neighbours, RATIO_EPSILON, RATIO_RANGE, ROOT,
-    Resident, ResidualKind, SingleBases, Sphere, block, weight_from_byte,
+    Asset, DecodeOptions, HORIZON_COS, Interpolation, Layer, LobeRole, LobeSetup, Neighbours, RATIO_EPSILON,
+    RATIO_RANGE, ROOT, Resident, ResidualKind, SingleBases, Sphere, block, weight_from_byte,
 };
 use half::f16;
 use std::ops::Range;
@@ -175,10 +175,12 @@ impl<'a> ImageDecoder<'a> {
                 *sum += tap.weight * row;
             }
         }
-        let residual_scale = match self.layer.residual_kind {
-            ResidualKind::Additive => into.beyond,
-            ResidualKind::Log => 1.0,
-            ResidualKind::Root => into.beyond.max(1e-12).powf(1.0 / ROOT),
+        let (residual_scale, fade) = match self.layer.residual_kind {
+            _ if self.bases == 0 => (1.0, fade),
+            _ if self.layer.lobe_role == LobeRole::Guide => (1.0, fade * into.beyond),
+            ResidualKind::Additive => (into.beyond, fade),
+            ResidualKind::Log => (1.0, fade),
+            ResidualKind::Root => (into.beyond.max(1e-12).powf(1.0 / ROOT), fade),
         };
         PairPlan { taps: vec![Tap { weight: 1.0, values: here, rows }], here: None, residual_scale, fade }
     }
@@ -285,7 +287,8 @@ impl<'a> ImageDecoder<'a> {
             return s;
         }
         let (kind, epsilon) = (self.layer.residual_kind, self.layer.epsilon);
-        [0, 1, 2].map(|c| kind.decode(kind.encode(s[c], epsilon) + r[c] * scale, epsilon).max(0.0))
+        let share = if self.layer.lobe_role == LobeRole::Guide { 0.0 } else { 1.0 };
+        [0, 1, 2].map(|c| kind.decode(kind.encode(share * s[c], epsilon) + r[c] * scale, epsilon).max(0.0))
     }
 
     fn row_len(&self) -> usize {

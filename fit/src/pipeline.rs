@@ -18,11 +18,13 @@ use crate::material::sides_of_capture;
 use crate::monitor::Monitor;
 use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
-use crate::residual_source::ResidualSource;
-use crate::sparse::{ClusterLobes, correlate, select};
+use crate::residual_source::{ResidualSource, TexelLobes};
+use crate::sparse::{ClusterLobes, LobesOf, correlate, drop_unused, select};
 use btf_capture::{Capture, CaptureInfo};
-use btf_runtime::{Asset, Layer, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack};
-use ndarray::{Array2, ArrayView2};
+use btf_runtime::{
+    Asset, Layer, LobeRole, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack,
+};
+use ndarray::{Array2, ArrayView2, s};
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
@@ -45,18 +47,15 @@ const DICTIONARY_SIZE: usize = 32;
 const DICTIONARY_PAIRS: usize = 3400;
 /// Added to a reflectance before its tone weight is taken.
 const TONE_EPSILON: f32 = 0.02;
-/// Without a byte budget: the relative error that one more lobe must remove.
+/// The relative error that one more lobe must remove.
 const LOBE_PRICE: f64 = 0.002;
-/// Share of a byte budget that lobe references may take.
-const LOBE_SHARE: f64 = 0.1;
-/// Bytes of a lobe reference, coded.
-const REF_BYTES: f64 = 2.0;
-/// Without a goal: components, and the step in the residual's curve.
+/// Without a goal: components, and the step in the residual's curve relative to the root of the number of samples: a
+/// third of that is the error of a sample that each component's rounding leaves.
 const DEFAULT_COMPONENTS: usize = 8;
-const DEFAULT_STEP: f64 = 0.25;
+const DEFAULT_STEP: f64 = 0.001;
 /// Rounds of encoding and measurement that a PSNR goal gets, and how far above the goal the sampled figure
 /// must lie, so that the figure over all pairs reaches it.
-const PSNR_ROUNDS: usize = 6;
+const PSNR_ROUNDS: usize = 8;
 const PSNR_MARGIN_DB: f64 = 0.03;
 /// Room for the material text, whose figures are known only at the end.
 pub const MATERIAL_RESERVE: usize = 4096;
@@ -77,7 +76,10 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
     let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
         (Some(bytes), _) => within_budget(&prepared, bytes, grid, params, monitor),
         (None, Some(db)) => within_error(captures, &prepared, db, grid, params, monitor),
-        (None, None) => Ok(assemble(&prepared, DEFAULT_STEP, grid, params).asset),
+        (None, None) => {
+            let step = DEFAULT_STEP * (3.0 * captures[0].info().pair_count() as f64).sqrt();
+            Ok(assemble(&prepared, step, grid, params).asset)
+        }
     })?;
     let references: usize = asset.layers.iter().map(|layer| layer.lobe_refs.len()).sum();
     let lobes_per_texel_mean = references as f64 / (width * height * asset.layers.len()) as f64;
@@ -109,7 +111,6 @@ impl PreparedFit {
         };
         check_layers(captures)?;
         let grid = [first.info().width, first.info().height];
-        let share = byte_budget(params).map(|bytes| bytes / captures.len());
         let mut prepared = PreparedFit {
             layers: Vec::new(),
             grid,
@@ -118,7 +119,7 @@ impl PreparedFit {
             left_out: Vec::new(),
         };
         for (number, capture) in captures.iter().enumerate() {
-            let (layer, figures, held_back) = prepare_layer(capture, params, share, captures.len() - 1, monitor)?;
+            let (layer, figures, held_back) = prepare_layer(capture, params, captures.len() - 1, monitor)?;
             if number == 0 {
                 (prepared.left_out, prepared.lobes) = (held_back, figures);
             }
@@ -205,12 +206,11 @@ struct Prepared {
     model: Model,
 }
 
-/// Everything up to the step, the figures of the lobes, and the held-back pairs. `share` is the layer's share of a
-/// byte budget, for its lobes; `others` is the number of other layers.
+/// Everything up to the step, the figures of the lobes, and the held-back pairs. `others` is
+/// the number of other layers.
 fn prepare_layer(
     capture: &Capture,
     params: &FitParams,
-    share: Option<usize>,
     others: usize,
     monitor: &Monitor,
 ) -> Result<(Prepared, LobeFigures, Vec<usize>), FitError> {
@@ -226,48 +226,60 @@ fn prepare_layer(
     let curve = Curve::new(kind, epsilon);
     let mapping = Mapping::new(&cache, curve.exact());
 
-    let found = monitor.stage("project", || {
-        features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
+    // With a goal, lobes only guide: bytes go to a residual that stands alone, and texels are clustered by it.
+    let guide = params.bytes.is_some() || params.psnr_db.is_some();
+    let role = if guide { LobeRole::Guide } else { LobeRole::Base };
+    let source = |lobes| ResidualSource { cache: &cache, mapping: &mapping, curve: &curve, lobes, holdout: &holdout };
+    let mut alone = None;
+    let scores = monitor.stage("project", || {
+        if guide {
+            let found = Coordinates::new(&source(None), SHARED_BASES, sample, params.seed, "project", monitor)?;
+            let dimensions = FEATURE_DIMENSIONS.min(found.scores.ncols());
+            let scores = found.scores.slice(s![.., ..dimensions]).to_owned();
+            alone = Some(found);
+            return Ok(scores);
+        }
+        let found = features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)?;
+        Ok::<_, FitError>(found.scores)
     })?;
     let (labels, representatives) = monitor.stage("cluster", || {
-        let clustering = kmeans(found.scores.view(), params.clusters, params.kmeans, params.seed)?;
+        let clustering = kmeans(scores.view(), params.clusters, params.kmeans, params.seed)?;
         let mut labels = clustering.labels;
         let clusters = clustering.centroids.nrows();
-        let clusters = reassign(found.scores.view(), &mut labels, clusters, REASSIGN_COMPONENTS, REASSIGN_ROUNDS);
-        let representatives = representatives(&labels, clusters, found.scores.view(), params.seed);
-        Ok((labels, representatives))
+        let clusters = reassign(scores.view(), &mut labels, clusters, REASSIGN_COMPONENTS, REASSIGN_ROUNDS);
+        let representatives = representatives(&labels, clusters, scores.view(), params.seed);
+        Ok::<_, FitError>((labels, representatives))
     })?;
-    drop(found);
-    let (clusters, figures) = monitor.stage("dictionary", || {
+    drop(scores);
+    let (mut clusters, figures) = monitor.stage("dictionary", || {
         dictionaries(&cache, &representatives, &views, &lights, &holdout, kind, params.lobes, monitor)
     })?;
 
     let selection = monitor.stage("weights", || {
         let correlations = correlate(&cache, &clusters, &labels, monitor)?;
-        let count = |bytes: usize| LOBE_SHARE * bytes as f64 / (REF_BYTES * info.texel_count() as f64);
-        let mean_count = share.map(count).or(params.psnr_db.map(|_| 1.0));
-        Ok(select(&clusters, &labels, &correlations, params.lobes, LOBE_PRICE, mean_count))
+        let of = if guide { LobesOf::Clusters } else { LobesOf::Texels };
+        let mut selection = select(&clusters, &labels, &correlations, of, params.lobes, LOBE_PRICE);
+        drop_unused(&mut clusters, &mut selection, &labels);
+        Ok::<_, FitError>(selection)
     })?;
-    let source = ResidualSource {
-        cache: &cache,
-        mapping: &mapping,
-        curve: &curve,
-        clusters: &clusters,
-        selection: &selection,
-        labels: &labels,
-        holdout: &holdout,
-    };
     let model = monitor.stage("residual", || {
-        let mut coordinates = Coordinates::new(&source, SHARED_BASES, sample, params.seed, monitor)?;
+        let mut coordinates = match alone {
+            Some(found) => found,
+            None => {
+                let lobes = TexelLobes { clusters: &clusters, selection: &selection, labels: &labels };
+                Coordinates::new(&source(Some(lobes)), SHARED_BASES, sample, params.seed, "residual", monitor)?
+            }
+        };
         let rotated = Rotated::new(&coordinates.directions, &coordinates.energies, [views.len(), lights.len()]);
         coordinates.directions = Array2::zeros((0, 0));
         let most = params.components.unwrap_or(MAX_COMPONENTS);
         let models = local_pca(coordinates.scores.view(), &labels, clusters.len(), most);
-        Ok(Model { coordinates, rotated, clusters: models, width: info.width })
+        Ok::<_, FitError>(Model { coordinates, rotated, clusters: models, width: info.width })
     })?;
     let layer = Layer {
         light_side: sides_of_capture(info.side).0,
         view_side: sides_of_capture(info.side).1,
+        lobe_role: role,
         residual_kind: kind,
         epsilon,
         lights,
@@ -324,21 +336,7 @@ fn within_budget(
 ) -> Result<Asset, FitError> {
     let found = within_bytes(bytes, greatest_coefficient(layers), |step| {
         monitor.check()?;
-        let made = assemble(layers, step, grid, params);
-        if std::env::var("BTF_DEBUG").is_ok() {
-            let samples = grid[0] as f64
-                * grid[1] as f64
-                * layers.iter().map(|l| l.layer.views.len() * l.layer.lights.len() * 3).sum::<usize>() as f64;
-            let r = made.asset.layers[0].residual.as_ref().unwrap();
-            eprintln!(
-                "step {step:.4} psnr {:.3} bytes {} comps {} shared {}",
-                10.0 * (1.0 / (made.error / samples * 1.055 * 1.055)).log10(),
-                pack(&made.asset)?.len(),
-                r.coefficients.len(),
-                r.shared.steps.len()
-            );
-        }
-        let asset = made.asset;
+        let asset = assemble(layers, step, grid, params).asset;
         Ok::<_, FitError>(Candidate { bytes: pack(&asset)?.len(), value: asset })
     })?;
     found.map_err(|least| {
@@ -365,6 +363,10 @@ fn within_error(
     let mut target = error_for_psnr(db) * samples;
     let mut found: Option<(usize, Asset)> = None;
     let mut reached = 0.0f64;
+    // Logarithms of targets with what they gave, nearest to the goal from either side.
+    let mut above: Option<(f64, f64)> = None;
+    let mut below: Option<(f64, f64)> = None;
+    let mut side = None;
     for _ in 0..PSNR_ROUNDS {
         let candidate = coarsest_within_error(layers, target, greatest, grid, params, monitor)?;
         let bytes = pack(&candidate.asset)?.len();
@@ -392,7 +394,25 @@ fn within_error(
         if (measured < db && last_resort) || (measured >= db && measured <= db + 6.0 * PSNR_MARGIN_DB) {
             break;
         }
-        target *= 10f64.powf((measured - db - 3.0 * PSNR_MARGIN_DB) / 10.0);
+        // A little above the goal on the line between what was too much and what was too little; else as if error
+        // were what it was predicted to be. (Near the rounding of 8-bit captures it falls much faster.)
+        let point = (target.log10(), measured);
+        if measured > db {
+            above = Some(point)
+        } else {
+            below = Some(point)
+        }
+        let goal = db + 3.0 * PSNR_MARGIN_DB;
+        target = 10f64.powf(match (above, below) {
+            (Some(above), Some(below)) if above.1 > below.1 && goal > below.1 => {
+                let along = ((goal - below.1) / (above.1 - below.1)).clamp(0.05, 0.95);
+                // Twice on one side: the line misleads.
+                let along = if side == Some(measured > db) { 0.5 } else { along };
+                below.0 + along * (above.0 - below.0)
+            }
+            _ => point.0 + (measured - goal) / 10.0,
+        });
+        side = Some(measured > db);
     }
     found.map(|(_, asset)| asset).ok_or_else(|| {
         FitError::Budget(format!(

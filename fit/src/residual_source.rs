@@ -12,6 +12,16 @@ use ndarray::Array2;
 use rayon::prelude::*;
 use std::ops::Range;
 
+/// The lobes of every texel.
+pub struct TexelLobes<'a> {
+    /// Dictionaries on the measured pairs.
+    pub clusters: &'a [ClusterLobes],
+    /// Lobes of the texels.
+    pub selection: &'a Selection,
+    /// Cluster per texel.
+    pub labels: &'a [u32],
+}
+
 /// The residual of every texel.
 pub struct ResidualSource<'a> {
     /// The capture.
@@ -20,12 +30,8 @@ pub struct ResidualSource<'a> {
     pub mapping: &'a Mapping,
     /// The same for lobe sums.
     pub curve: &'a Curve,
-    /// Dictionaries on the measured pairs.
-    pub clusters: &'a [ClusterLobes],
-    /// Lobes of the texels.
-    pub selection: &'a Selection,
-    /// Cluster per texel.
-    pub labels: &'a [u32],
+    /// What is taken off: nothing where lobes only guide.
+    pub lobes: Option<TexelLobes<'a>>,
     /// Held-back pairs.
     pub holdout: &'a Holdout,
 }
@@ -38,16 +44,16 @@ impl ResidualSource<'_> {
 
     /// `g(X) - g(S)` of `texel`, which is number `index` of the block.
     fn row(&self, tile: &Tile, index: usize, texel: usize, row: &mut [f32], scratch: &mut [f32]) {
-        let cluster = self.labels[texel] as usize;
         tile.texel_mapped(index, row, self.mapping);
-        let refs = &self.selection.refs[self.selection.first[texel]..][..usize::from(self.selection.counts[texel])];
-        if refs.is_empty() {
+        if let Some(TexelLobes { clusters, selection, labels }) = &self.lobes {
+            let cluster = labels[texel] as usize;
+            let refs = &selection.refs[selection.first[texel]..][..usize::from(selection.counts[texel])];
+            let scales: Vec<f32> = selection.dictionary[cluster].iter().map(|entry| entry.weight_scale).collect();
+            lobe_sum_at_pairs(refs, &scales, &clusters[cluster].tables, scratch);
+            row.iter_mut().zip(scratch.iter()).for_each(|(x, s)| *x -= self.curve.encode(*s));
+        } else {
             let nothing = self.curve.encode(0.0);
             row.iter_mut().for_each(|x| *x -= nothing);
-        } else {
-            let scales: Vec<f32> = self.selection.dictionary[cluster].iter().map(|entry| entry.weight_scale).collect();
-            lobe_sum_at_pairs(refs, &scales, &self.clusters[cluster].tables, scratch);
-            row.iter_mut().zip(scratch.iter()).for_each(|(x, s)| *x -= self.curve.encode(*s));
         }
         self.holdout.fill(row);
     }

@@ -3,8 +3,8 @@
 
 use btf_capture::DirectionSet;
 use btf_runtime::{
-    Asset, Basis, Coefficients, DictionaryLobe, Factors, Layer, Lobe, LobeFamily, LobeRef, Residual, ResidualKind,
-    SharedBases, Sphere, SurfaceSide,
+    Asset, Basis, Coefficients, DictionaryLobe, Factors, Layer, Lobe, LobeFamily, LobeRef, LobeRole, Residual,
+    ResidualKind, SharedBases, Sphere, SurfaceSide,
 };
 use half::f16;
 
@@ -99,6 +99,7 @@ pub(crate) fn sample_asset_with(
         layers: vec![Layer {
             light_side: SurfaceSide::Front,
             view_side: SurfaceSide::Front,
+            lobe_role: LobeRole::Base,
             residual_kind: kind,
             epsilon: 0.001,
             lights: sphere(lights),

@@ -14,8 +14,6 @@ use std::ops::ControlFlow;
 /// Stagewise step and end of a texel's path, relative to its strongest correlation.
 const STEP: f64 = 0.03;
 const LEAST_PENALTY: f64 = 0.02;
-/// With room for fewer lobes per texel than this, none are chosen.
-const LEAST_MEAN: f64 = 0.5;
 /// Texels of a product.
 const BATCH: usize = 64;
 
@@ -177,6 +175,38 @@ fn choose(cluster: &ClusterLobes, products: &[f32], energy: f64, most: usize) ->
     choice
 }
 
+/// The choice for each cluster's mean function.
+fn choose_for_means(
+    clusters: &[ClusterLobes],
+    labels: &[u32],
+    correlations: &Correlations,
+    most: usize,
+) -> Vec<Choice> {
+    let mut sums = vec![(vec![0.0f64; correlations.products.ncols()], 0usize); clusters.len()];
+    for (label, products) in labels.iter().zip(correlations.products.rows()) {
+        let (sum, count) = &mut sums[*label as usize];
+        sum.iter_mut().zip(products).for_each(|(sum, x)| *sum += f64::from(*x));
+        *count += 1;
+    }
+    clusters
+        .par_iter()
+        .zip(&sums)
+        .map(|(cluster, (sum, count))| {
+            let mean: Vec<f32> = sum.iter().map(|x| (x / (*count).max(1) as f64) as f32).collect();
+            let n = cluster.lobes.len();
+            // The energy that all lobes together explain stands for the mean's own, which is not at hand.
+            let every: Vec<usize> = (0..n).collect();
+            let mut energy = 0.0;
+            for c in 0..3 {
+                let correlation: Vec<f64> = (0..n).map(|i| f64::from(mean[3 * i + c])).collect();
+                let solved = non_negative_weights(&cluster.gram, n, &correlation, &every);
+                energy += solved.iter().zip(&correlation).map(|(w, x)| w * x).sum::<f64>();
+            }
+            choose(cluster, &mean, energy, most)
+        })
+        .collect()
+}
+
 /// Lobe references of all texels.
 pub struct Selection {
     /// Number of lobes per texel.
@@ -191,56 +221,51 @@ pub struct Selection {
     pub mean_relative_error: f64,
 }
 
-/// Chooses at most `most` lobes for every texel. Another lobe is taken while it lowers the texel's
-/// relative error by more than a price; the price is `price`, or what makes the mean count `mean_count`.
-///
-/// A texel takes at least one lobe unless the budget is too small for that: the residual of a cluster
-/// is of low rank only where all of its texels are predicted, or none.
+/// Whose lobes are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LobesOf {
+    /// Each texel has lobes and weights of its own.
+    Texels,
+    /// All texels of a cluster have those of its mean: they cost next to no bytes, and leave a residual of the lowest
+    /// rank, because all of a cluster is predicted alike.
+    Clusters,
+}
+
+/// Chooses at most `most` lobes for every texel: another one is taken while it lowers the relative error by more than
+/// `price`.
 pub fn select(
     clusters: &[ClusterLobes],
     labels: &[u32],
     correlations: &Correlations,
+    of: LobesOf,
     most: usize,
     price: f64,
-    mean_count: Option<f64>,
 ) -> Selection {
-    let most = if mean_count.is_some_and(|mean| mean < LEAST_MEAN) { 0 } else { most };
-    let least = most.min(1);
-    let mean_count = mean_count.map(|mean| mean.max(1.0));
-    let choices: Vec<Choice> = (0..labels.len())
-        .into_par_iter()
-        .map(|texel| {
-            let row = correlations.products.slice(s![texel, ..]);
-            choose(
-                &clusters[labels[texel] as usize],
-                row.as_slice().unwrap_or_default(),
-                correlations.energy[texel],
-                most,
-            )
-        })
-        .collect();
-    let total_energy: f64 = correlations.energy.iter().sum::<f64>().max(1e-30);
-    let mean_energy = total_energy / labels.len().max(1) as f64;
-    // The size whose error plus price times size is least. With a byte budget, bright texels' errors weigh more.
-    let best_size = |texel: usize, price: f64| -> usize {
-        let errors = &choices[texel].errors;
-        let scale = if mean_count.is_some() { correlations.energy[texel] / mean_energy } else { 1.0 };
-        let cost = |m: usize| scale * errors[m] + price * m as f64;
-        (least.min(errors.len() - 1)..errors.len())
+    let choices: Vec<Choice> = match of {
+        LobesOf::Clusters => choose_for_means(clusters, labels, correlations, most),
+        LobesOf::Texels => (0..labels.len())
+            .into_par_iter()
+            .map(|texel| {
+                let row = correlations.products.slice(s![texel, ..]);
+                let cluster = &clusters[labels[texel] as usize];
+                choose(cluster, row.as_slice().unwrap_or_default(), correlations.energy[texel], most)
+            })
+            .collect(),
+    };
+    let best_size = |choice: &Choice| {
+        let errors = &choice.errors;
+        let cost = |m: usize| errors[m] + price * m as f64;
+        (most.min(1).min(errors.len() - 1)..errors.len())
             .min_by(|&a, &b| cost(a).total_cmp(&cost(b)).then(a.cmp(&b)))
             .unwrap_or(0)
     };
-    let mut price = price;
-    if let Some(mean_count) = mean_count {
-        let (mut low, mut high) = (1e-9f64, 1e3f64);
-        for _ in 0..50 {
-            price = (low * high).sqrt();
-            let total: usize = (0..labels.len()).into_par_iter().map(|texel| best_size(texel, price)).sum();
-            if total as f64 > mean_count * labels.len() as f64 { low = price } else { high = price }
-        }
-        price = high;
-    }
-    let sizes: Vec<usize> = (0..labels.len()).into_par_iter().map(|texel| best_size(texel, price)).collect();
+    let chosen_sizes: Vec<usize> = choices.par_iter().map(best_size).collect();
+    let choice_of = |texel: usize| match of {
+        LobesOf::Clusters => labels[texel] as usize,
+        LobesOf::Texels => texel,
+    };
+    let choices: Vec<&Choice> = (0..labels.len()).map(|texel| &choices[choice_of(texel)]).collect();
+    let sizes: Vec<usize> = (0..labels.len()).map(|texel| chosen_sizes[choice_of(texel)]).collect();
 
     // A lobe's scale is its largest weight.
     let mut peaks: Vec<Vec<f64>> = clusters.iter().map(|cluster| vec![0.0; cluster.lobes.len()]).collect();
@@ -301,4 +326,34 @@ pub fn select(
         selection.refs.extend(own.into_iter().map(|(_, reference)| reference));
     }
     selection
+}
+
+/// Drops lobes that no texel takes from the dictionaries, and numbers the others anew.
+pub fn drop_unused(clusters: &mut [ClusterLobes], selection: &mut Selection, labels: &[u32]) {
+    let mut used: Vec<Vec<bool>> = clusters.iter().map(|cluster| vec![false; cluster.lobes.len()]).collect();
+    for (texel, &first) in selection.first.iter().enumerate() {
+        for reference in &selection.refs[first..first + usize::from(selection.counts[texel])] {
+            used[labels[texel] as usize][usize::from(reference.lobe)] = true;
+        }
+    }
+    let mut numbers: Vec<Vec<u8>> = Vec::with_capacity(clusters.len());
+    for (cluster, used) in used.iter().enumerate() {
+        let kept: Vec<usize> = (0..used.len()).filter(|&lobe| used[lobe]).collect();
+        let mut number = vec![0; used.len()];
+        kept.iter().enumerate().for_each(|(new, &old)| number[old] = new as u8);
+        let old = &clusters[cluster];
+        let lobes = kept.iter().map(|&lobe| old.lobes[lobe]).collect();
+        let tables = kept.iter().map(|&lobe| old.tables[lobe].clone()).collect();
+        let gram = kept.iter().flat_map(|&a| kept.iter().map(move |&b| (a, b)));
+        let gram = gram.map(|(a, b)| old.gram[a * used.len() + b]).collect();
+        clusters[cluster] = ClusterLobes { lobes, tables, weights: old.weights.clone(), gram };
+        let dictionary = &mut selection.dictionary[cluster];
+        *dictionary = kept.iter().map(|&lobe| dictionary[lobe]).collect();
+        numbers.push(number);
+    }
+    for (texel, &first) in selection.first.iter().enumerate() {
+        for reference in &mut selection.refs[first..first + usize::from(selection.counts[texel])] {
+            reference.lobe = numbers[labels[texel] as usize][usize::from(reference.lobe)];
+        }
+    }
 }

@@ -413,7 +413,10 @@ mod tests {
         TradeParams::quick().check().unwrap();
         assert!(refused(TradeParams { lobes: Vec::new(), ..TradeParams::default() }).contains("--lobes"));
         assert!(refused(TradeParams { lobes: vec![33], ..TradeParams::default() }).contains("--lobes"));
-        assert!(refused(TradeParams { components: vec![MAX_COMPONENTS + 1], ..TradeParams::default() }).contains("--components"));
+        assert!(
+            refused(TradeParams { components: vec![MAX_COMPONENTS + 1], ..TradeParams::default() })
+                .contains("--components")
+        );
         assert!(refused(TradeParams { pairs: 0, ..TradeParams::default() }).contains("--pairs"));
         assert!(refused(TradeParams { steps_per_octave: 0, ..TradeParams::default() }).contains("--steps-per-octave"));
     }

@@ -24,6 +24,16 @@ pub enum SurfaceSide {
     Back = 1,
 }
 
+/// What a layer's lobes are to its residual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum LobeRole {
+    /// The residual is added to them: `X = g^-1(g(S) + R)`.
+    Base = 0,
+    /// The residual stands alone, `X = g^-1(g(0) + R)`; the lobes guide interpolation, sampling and editing.
+    Guide = 1,
+}
+
 /// A texel's use of one lobe of its cluster's dictionary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LobeRef {
@@ -49,6 +59,8 @@ pub struct Layer {
     pub light_side: SurfaceSide,
     /// Side of the eye.
     pub view_side: SurfaceSide,
+    /// What the lobes are to the residual.
+    pub lobe_role: LobeRole,
     /// Curve in which the residual is added.
     pub residual_kind: ResidualKind,
     /// The curve's epsilon, 1e-6 to 1.
@@ -199,7 +211,8 @@ impl<'a> Sections<'a> {
 impl Asset {
     /// Checks and reads a whole asset or one of its documented prefixes (tiers).
     ///
-    /// Never panics, and allocates no more than a small multiple of `bytes.len()`.
+    /// Never panics. Allocates for coded numbers only what `bytes` can hold (1024 numbers a byte), and builds each
+    /// direction set's grid: of 64 x 64 cells at most.
     pub fn parse(bytes: &[u8]) -> Result<Asset, FormatError> {
         let directory = read_directory(bytes)?;
         let mut entries = HashMap::new();
@@ -263,10 +276,11 @@ fn read_layer(sections: &Sections, layer: u32, width: usize, height: usize) -> R
         return reader.bad("epsilon is not within 1e-6 to 1");
     }
     let (clusters, components) = (words[4] as usize, words[5] as usize);
-    if clusters == 0 || clusters > MAX_CLUSTERS || components > MAX_COMPONENTS || words[6] > 1 || words[7] != 0 {
+    if clusters == 0 || clusters > MAX_CLUSTERS || components > MAX_COMPONENTS || words[6] > 1 || words[7] > 1 {
         return reader.bad("a count is out of range");
     }
     let has_residual = words[6] == 1;
+    let lobe_role = if words[7] == 0 { LobeRole::Base } else { LobeRole::Guide };
 
     let sphere = |index: u32| -> Result<Sphere, FormatError> {
         let mut reader = sections.get(SectionKind::Directions, layer, index)?;
@@ -282,7 +296,9 @@ fn read_layer(sections: &Sections, layer: u32, width: usize, height: usize) -> R
         return reader.bad("a texel names a cluster that is not there");
     }
     let mut reader = sections.get(SectionKind::TexelLobeCounts, layer, 0)?;
-    let texel_lobe_counts = reader.coded(texels, 0u8, |decoder, counts| code_counts(decoder, counts))?;
+    let texel_lobe_counts = reader.coded(texels, 0u8, |decoder, counts| {
+        code_counts(decoder, counts, &texel_clusters);
+    })?;
 
     let mut reader = sections.get(SectionKind::Dictionary, layer, 0)?;
     let counts = reader.words(clusters)?;
@@ -327,6 +343,7 @@ fn read_layer(sections: &Sections, layer: u32, width: usize, height: usize) -> R
     Ok(Layer {
         light_side,
         view_side,
+        lobe_role,
         residual_kind,
         epsilon,
         lights,

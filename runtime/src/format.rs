@@ -86,7 +86,7 @@ pub enum SectionKind {
     Material = 1,
     /// A layer's parameters.
     Layer = 2,
-    /// A direction set with triangles and grid; index 0 light, 1 view.
+    /// A direction set with triangles and hull edges; index 0 light, 1 view.
     Directions = 3,
     /// Cluster id per texel.
     TexelClusters = 4,
@@ -243,7 +243,7 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
     if !ascending || !aligned || tiers.last() != Some(&total) {
         return Err(FormatError::Section {
             section: "tier table".into(),
-            reason: "lengths must be multiples of 256 and rise to the file's length",
+            reason: "lengths must be multiples of 16 and rise to the file's length",
         });
     }
     let tier = tiers
@@ -272,7 +272,7 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
         let start = end.next_multiple_of(ALIGNMENT);
         let broken = |reason| FormatError::Section { section: entry.name(), reason };
         if entry.offset as usize != start {
-            return Err(broken("it must start at the next multiple of 256 after its predecessor"));
+            return Err(broken("it must start at the next multiple of 16 after its predecessor"));
         }
         if SectionKind::from_number(entry.kind).is_none() && entry.flags & SECTION_REQUIRED != 0 {
             return Err(FormatError::UnknownRequiredSection { kind: entry.kind });

@@ -33,7 +33,7 @@ pub mod testing;
 mod texel_coding;
 mod wgsl;
 
-pub use asset::{Asset, DictionaryLobe, Layer, LobeRef, SurfaceSide};
+pub use asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
 pub use decode::{
     DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE, decode, decode_from_file_form, decode_measured,
     decode_single, lobe_sum_at_pairs, lobe_tables,

@@ -100,7 +100,7 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
         || residual.bases.len() > MAX_COMPONENTS + 1
         || residual.coefficients.len() + 1 != residual.bases.len()
     {
-        return refuse("a residual needs a mean and at most 64 components, each with coefficients");
+        return refuse("a residual needs a mean and at most 128 components, each with coefficients");
     }
     if factors.shape != [layer.views.len(), layer.lights.len()]
         || factors.ranks.iter().flatten().any(|rank| *rank > MAX_RANK)
@@ -165,14 +165,14 @@ fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, width: u
         layer.dictionary.len() as u32,
         components as u32,
         u32::from(layer.residual.is_some()),
-        0,
+        layer.lobe_role as u32,
     ];
     push(SectionKind::Layer, 0, bytes_from_words(&words), false);
     push(SectionKind::Directions, 0, bytes_from_words(&layer.lights.to_file_words()), false);
     push(SectionKind::Directions, 1, bytes_from_words(&layer.views.to_file_words()), false);
     let ids = coded(|coder| code_clusters(coder, &mut layer.texel_clusters.clone(), width));
     push(SectionKind::TexelClusters, 0, ids, false);
-    let counts = coded(|coder| code_counts(coder, &mut layer.texel_lobe_counts.clone()));
+    let counts = coded(|coder| code_counts(coder, &mut layer.texel_lobe_counts.clone(), &layer.texel_clusters));
     push(SectionKind::TexelLobeCounts, 0, counts, false);
     let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();
     words.extend(layer.dictionary.iter().flatten().flat_map(|entry| entry.lobe.to_words(entry.weight_scale)));

@@ -52,6 +52,8 @@ pub mod block {
     pub const PAIRS: usize = 15;
     /// Cosine below which the light fades to the horizon (f32).
     pub const HORIZON: usize = 16;
+    /// What the lobes are to the residual, see [`crate::LobeRole`].
+    pub const LOBE_ROLE: usize = 17;
 }
 
 /// The light fades to 0 below this cosine (84 degrees), or below the set's own least cosine.
@@ -145,6 +147,7 @@ where
     set(words, block::LIGHT_COUNT, layer.lights.len() as u32);
     set(words, block::PAIRS, (layer.lights.len() * layer.views.len()) as u32);
     set(words, block::HORIZON, horizon.to_bits());
+    set(words, block::LOBE_ROLE, layer.lobe_role as u32);
 
     let here = words.len() as u32;
     set(words, block::LIGHTS, here);

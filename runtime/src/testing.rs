@@ -1,7 +1,7 @@
 //! Small deterministic assets and file surgery for the tests of this package and of its users. Not part
 //! of the promised interface.
 
-use crate::asset::{Asset, DictionaryLobe, Layer, LobeRef, SurfaceSide};
+use crate::asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
 use crate::error::FormatError;
 use crate::format::{ALIGNMENT, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum, header, read_directory};
 use crate::lobe::{Lobe, LobeFamily};
@@ -157,6 +157,7 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
     let layer = Layer {
         light_side: SurfaceSide::Front,
         view_side: SurfaceSide::Front,
+        lobe_role: LobeRole::Base,
         residual_kind: kind,
         epsilon: 0.01,
         lights,

@@ -30,27 +30,52 @@ pub(crate) fn code_clusters(coder: &mut impl BinaryCoder, ids: &mut [u8], width:
     }
 }
 
-/// Codes one lobe count per texel, in the light of the texel before.
-pub(crate) fn code_counts(coder: &mut impl BinaryCoder, counts: &mut [u8]) {
-    let mut trees = vec![Tree::<8>::new(); 8];
-    let mut before = 0u8;
-    for count in counts {
-        *count = trees[usize::from(before.min(7))].code(coder, u32::from(*count)) as u8;
-        before = *count;
+/// Codes one lobe count per texel: that of the last texel of its cluster, or itself.
+pub(crate) fn code_counts(coder: &mut impl BinaryCoder, counts: &mut [u8], clusters: &[u8]) {
+    let mut same = [Bit::NEW; 2];
+    let mut tree = Tree::<8>::new();
+    let mut last = [0u8; 256];
+    let mut before = 0;
+    for (count, cluster) in counts.iter_mut().zip(clusters) {
+        let last = &mut last[usize::from(*cluster)];
+        let alike = coder.bit(&mut same[before], *count == *last);
+        if !alike {
+            *last = tree.code(coder, u32::from(*count)) as u8;
+        }
+        *count = *last;
+        before = usize::from(alike);
     }
 }
 
-/// Codes all lobe references, texel after texel: the lobe by its cluster's habits, the weights as differences
-/// from those that the same lobe of the cluster had last.
+/// Codes all lobe references, texel after texel: those of the last texel of its cluster with as many; or the lobes by
+/// the cluster's habits, and weights as differences from those that the same lobe of the cluster had last.
 pub(crate) fn code_refs(coder: &mut impl BinaryCoder, refs: &mut [LobeRef], clusters: &[u8], counts: &[u8]) {
     let most = clusters.iter().map(|id| usize::from(*id) + 1).max().unwrap_or(0);
+    let mut same = [Bit::NEW; 2];
     let mut lobes = vec![Tree::<8>::new(); most];
     let mut last: Vec<([u8; 3], u32)> = vec![([128; 3], 8); most * 256];
     let mut models = [Signed::new(), Signed::new(), Signed::new()];
-    let mut refs = refs.iter_mut();
+    // Where the last texel of each cluster has its references, and how many.
+    let mut before: Vec<(usize, usize)> = vec![(0, 0); most];
+    let (mut at, mut alike_before) = (0, 0);
     for (cluster, count) in clusters.iter().zip(counts) {
-        for reference in refs.by_ref().take(usize::from(*count)) {
-            let cluster = usize::from(*cluster);
+        let (cluster, count) = (usize::from(*cluster), usize::from(*count));
+        let (from, of) = std::mem::replace(&mut before[cluster], (at, count));
+        let own = at..at + count;
+        at += count;
+        if count == 0 {
+            continue;
+        }
+        if of == count {
+            let alike = refs[from..from + of] == refs[own.clone()];
+            let alike = coder.bit(&mut same[alike_before], alike);
+            alike_before = usize::from(alike);
+            if alike {
+                refs.copy_within(from..from + of, own.start);
+                continue;
+            }
+        }
+        for reference in &mut refs[own] {
             reference.lobe = lobes[cluster].code(coder, u32::from(reference.lobe)) as u8;
             let (weight, size) = &mut last[cluster * 256 + usize::from(reference.lobe)];
             let mut first = 0;
@@ -100,28 +125,36 @@ mod tests {
     fn references_of_any_weights_come_back() {
         let mut random = Random::new(7);
         let clusters: Vec<u8> = (0..500).map(|_| random.below(3) as u8).collect();
-        let mut counts: Vec<u8> = (0..500).map(|_| random.below(4) as u8).collect();
+        let counts: Vec<u8> = (0..500).map(|_| random.below(4) as u8).collect();
         let total = counts.iter().map(|count| usize::from(*count)).sum();
         let refs: Vec<LobeRef> = (0..total)
             .map(|_| LobeRef { lobe: random.below(256) as u8, weight: [0; 3].map(|_| random.below(256) as u8) })
             .collect();
         let mut coder = Encoder::new();
-        code_counts(&mut coder, &mut counts.clone());
+        code_counts(&mut coder, &mut counts.clone(), &clusters);
         code_refs(&mut coder, &mut refs.clone(), &clusters, &counts);
         let bytes = coder.finish();
         let mut decoder = Decoder::new(&bytes);
         let mut back = vec![0; 500];
-        code_counts(&mut decoder, &mut back);
+        code_counts(&mut decoder, &mut back, &clusters);
         assert_eq!(back, counts);
         let mut back = vec![LobeRef { lobe: 0, weight: [0; 3] }; total];
         code_refs(&mut decoder, &mut back, &clusters, &counts);
         assert!(decoder.ended().is_ok());
         assert_eq!(back, refs);
         // Planted difference: other clusters read something else.
-        counts.reverse();
         let mut decoder = Decoder::new(&bytes);
         let mut other = vec![0; 500];
-        code_counts(&mut decoder, &mut other);
+        code_counts(&mut decoder, &mut other, &[0; 500]);
         assert_ne!(other, counts);
+        // What a cluster's texels have in common costs next to nothing.
+        let refs = vec![LobeRef { lobe: 3, weight: [9, 200, 77] }; 1000];
+        let mut coder = Encoder::new();
+        code_refs(&mut coder, &mut refs.clone(), &clusters, &[2; 500]);
+        let bytes = coder.finish();
+        assert!(bytes.len() < 60, "{}", bytes.len());
+        let mut back = vec![LobeRef { lobe: 0, weight: [0; 3] }; 1000];
+        code_refs(&mut Decoder::new(&bytes), &mut back, &clusters, &[2; 500]);
+        assert_eq!(back, refs);
     }
 }

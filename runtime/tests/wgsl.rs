@@ -3,8 +3,8 @@
 
 use btf_runtime::{
     ASSET_LAYERS, DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Interpolation, LOBE_RESIDENT_WORDS,
-    LobeFamily, MAX_LOG, MIN_COS_VIEW, MIN_HALF, RATIO_EPSILON, RATIO_RANGE, ROOT, ResidualKind, SPHERE_HEADER_WORDS,
-    TRIANGLE_WORDS, WGSL, block, wgsl_library,
+    LobeFamily, LobeRole, MAX_LOG, MIN_COS_VIEW, MIN_HALF, RATIO_EPSILON, RATIO_RANGE, ROOT, ResidualKind,
+    SPHERE_HEADER_WORDS, TRIANGLE_WORDS, WGSL, block, wgsl_library,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module};
@@ -97,6 +97,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("RESIDUAL_ADDITIVE", ResidualKind::Additive as usize),
         ("RESIDUAL_LOG", ResidualKind::Log as usize),
         ("RESIDUAL_ROOT", ResidualKind::Root as usize),
+        ("LOBE_ROLE_GUIDE", LobeRole::Guide as usize),
         ("INTERPOLATION_EXACT", Interpolation::Exact as usize),
         ("ASSET_LAYERS", ASSET_LAYERS),
         ("BLOCK_LIGHT_SIDE", block::LIGHT_SIDE),
@@ -116,6 +117,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("BLOCK_LIGHT_COUNT", block::LIGHT_COUNT),
         ("BLOCK_PAIRS", block::PAIRS),
         ("BLOCK_HORIZON", block::HORIZON),
+        ("BLOCK_LOBE_ROLE", block::LOBE_ROLE),
     ];
     let floats = [
         ("INSIDE_TOLERANCE", INSIDE_TOLERANCE),

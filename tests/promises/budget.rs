@@ -19,7 +19,8 @@ fn more_bytes_give_less_error_and_no_budget_is_passed() {
             .metrics()
             .psnr_db
     };
-    let (small, large) = (quality(30_000), quality(80_000));
+    // Below the sizes at which 8-bit captures come back nearly exactly, where error jumps.
+    let (small, large) = (quality(13_000), quality(26_000));
     assert!(large > small + 1.0, "{small} dB, {large} dB");
 
     let wanted = (small + large) / 2.0;
@@ -30,7 +31,7 @@ fn more_bytes_give_less_error_and_no_budget_is_passed() {
         .metrics()
         .psnr_db;
     assert!(reached >= wanted && reached < wanted + 1.0, "{reached} for {wanted}");
-    assert!(outcome.bytes.len() < 80_000);
+    assert!(outcome.bytes.len() < 26_000);
 
     let refused = |params: FitParams| match fit(std::slice::from_ref(&capture), &params, &Monitor::default()) {
         Err(FitError::Budget(text)) => text,

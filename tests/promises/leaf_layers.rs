@@ -226,7 +226,7 @@ fn a_budget_over_four_layers_is_kept_goes_by_need_and_gives_the_same_bytes_on_an
         outcome.asset.layers.iter().map(|layer| layer.residual.as_ref().unwrap().coefficients.len()).collect();
     assert!(components[1..].iter().all(|count| *count < components[0]), "{components:?}");
 
-    let few = FitParams { bytes: Some(20_000), ..params };
+    let few = FitParams { bytes: Some(8_000), ..params };
     let refused = fit(&captures, &few, &Monitor::default()).unwrap_err().to_string();
     assert!(refused.contains("--bytes is too small"), "{refused}");
 }

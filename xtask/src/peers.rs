@@ -57,6 +57,24 @@ pub fn ensure(target: &Path) -> Result<String, Failure> {
     Ok(format!("Mitsuba {version} was installed in {}", folder.display()))
 }
 
+/// Runs the self-check of the rival codecs with the Python that [`ensure`] found or made; the sentence says so.
+pub fn check_rivals(target: &Path) -> Result<String, Failure> {
+    let python = match std::env::var_os("BTF_PEERS_PYTHON") {
+        Some(named) => PathBuf::from(named),
+        None => interpreter_in(&target.join("peers").join("mitsuba")),
+    };
+    let mut command = Command::new(python);
+    command.args(["-m", "unittest", "test_rivals"]).current_dir(root().join("tests").join("peers"));
+    let (status, output) = run_and_read(&mut command)?;
+    match status.success() {
+        true => Ok("the rival codecs agree with themselves".to_string()),
+        false if output.contains("No module named 'numpy'") => {
+            Err(Failure::new(format!("the self-check of the rival codecs needs numpy: install it, {LEAVE_OUT}")))
+        }
+        false => Err(Failure::new("the self-check of the rival codecs failed: see tests/peers/test_rivals.py")),
+    }
+}
+
 /// Makes the environment and installs the requirements into it, over the network.
 fn make(folder: &Path, python: &Path) -> Result<(), Failure> {
     let system = if cfg!(windows) { "python" } else { "python3" };

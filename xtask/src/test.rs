@@ -117,7 +117,8 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
             let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
             let target = target.ok_or("the target folder is not known")?;
             println!("{}", peers::ensure(target).map_err(|failure| failure.to_string())?);
-            Ok(Counts::PASSED)
+            println!("{}", peers::check_rivals(target).map_err(|failure| failure.to_string())?);
+            Ok(Counts { passed: 2, ..Counts::default() })
         });
         let log = metadata.as_ref().map(|metadata| metadata.target_directory.join("skipped-tests.txt"));
         suite.step("tests", |_| tests(&["--workspace"], log.as_deref()));

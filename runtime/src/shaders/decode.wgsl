@@ -16,9 +16,11 @@ const BLOCK_DICTIONARIES: u32 = 10u;
 const BLOCK_BASIS: u32 = 11u;
 const BLOCK_CODES: u32 = 12u;
 const BLOCK_CODE_WORDS: u32 = 13u;
+const LOBE_ROLE_GUIDE: u32 = 1u;
 const BLOCK_LIGHT_COUNT: u32 = 14u;
 const BLOCK_PAIRS: u32 = 15u;
 const BLOCK_HORIZON: u32 = 16u;
+const BLOCK_LOBE_ROLE: u32 = 17u;
 
 const INTERPOLATION_EXACT: u32 = 1u;
 const RATIO_EPSILON: f32 = 0.03;
@@ -145,6 +147,9 @@ fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: 
     let kind = asset_word(t.layer + BLOCK_RESIDUAL_KIND);
     let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
     let exact = options.interpolation == INTERPOLATION_EXACT;
+    // Lobes that only guide are not part of the value.
+    let guide = asset_word(t.layer + BLOCK_LOBE_ROLE) == LOBE_ROLE_GUIDE;
+    let base_share = select(1.0, 0.0, guide);
 
     var residual: array<vec3<f32>, 9>;
     for (var i = 0u; i < 9u; i++) {
@@ -168,7 +173,9 @@ fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: 
         for (var i = 0u; i < 9u; i++) {
             r += view.weights[i / 3u] * light.weights[i % 3u] * residual[i];
         }
-        return residual_combine(kind, here, r, epsilon, light.beyond) * fade;
+        let scaled = select(light.beyond, 1.0, guide);
+        let falling = select(1.0, light.beyond, guide);
+        return residual_combine(kind, base_share * here, r, epsilon, scaled) * falling * fade;
     }
 
     var decoded = vec3<f32>(0.0);
@@ -178,7 +185,7 @@ fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: 
         let wi_measured = sphere_direction(lights_at, light.ids[i % 3u]);
         let wo_measured = sphere_direction(views_at, view.ids[i / 3u]);
         let s = btf_lobe_sum(t, wi_measured, wo_measured);
-        decoded += weight * residual_combine(kind, s, residual[i], epsilon, 1.0);
+        decoded += weight * residual_combine(kind, base_share * s, residual[i], epsilon, 1.0);
         lobes += weight * s;
     }
     let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);
