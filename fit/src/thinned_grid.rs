@@ -13,18 +13,28 @@ const FIRST: usize = 2;
 pub(crate) struct ThinnedGrid {
     /// The asset; a single layer, of fewer views and lights.
     pub(crate) asset: Asset,
-    /// Pairs of the whole grid (`view * lights + light`) with both directions taken out, ascending.
+    /// Pairs of the whole grid (`view * lights + light`) whose directions were taken out, both where both kinds could
+    /// be spared, ascending.
     pub(crate) pairs: Vec<usize>,
 }
 
-/// Layer `layer` of `asset` without every fifth view and light that has measured ones all around; `None` where no
-/// direction can be spared or the layer has no residual.
+/// Layer `layer` of `asset` without every fifth view and light that has measured ones all around; where no view can be
+/// spared, as in a capture of one, without lights only, and the other way round. `None` where no direction at all can
+/// be spared or the layer has no residual.
 pub(crate) fn thinned_grid(asset: &Asset, layer: usize) -> Option<ThinnedGrid> {
     let whole = &asset.layers[layer];
     let residual = whole.residual.as_ref()?;
-    let (views, kept_views) = thinned(&whole.views)?;
-    let (lights, kept_lights) = thinned(&whole.lights)?;
-    let out = |kept: &[usize], count: usize| (0..count).filter(|id| !kept.contains(id)).collect::<Vec<_>>();
+    let (thin_views, thin_lights) = (thinned(&whole.views), thinned(&whole.lights));
+    if thin_views.is_none() && thin_lights.is_none() {
+        return None;
+    }
+    let all = |sphere: &Sphere| (sphere.clone(), (0..sphere.len()).collect());
+    let (views, kept_views) = thin_views.unwrap_or_else(|| all(&whole.views));
+    let (lights, kept_lights) = thin_lights.unwrap_or_else(|| all(&whole.lights));
+    // What is measured: directions that are gone, or all where none is.
+    let out = |kept: &[usize], count: usize| {
+        (0..count).filter(|id| kept.len() == count || !kept.contains(id)).collect::<Vec<_>>()
+    };
     let (out_views, out_lights) = (out(&kept_views, whole.views.len()), out(&kept_lights, whole.lights.len()));
     let light_count = whole.lights.len();
     let pairs = out_views.iter().flat_map(|view| out_lights.iter().map(move |light| view * light_count + light));
@@ -91,6 +101,15 @@ mod tests {
             let unit = whole.views.direction((pair / whole.lights.len()) as u32);
             assert!(find(&layer.views, unit).is_none() && layer.views.locate(unit).beyond == 1.0);
         }
+    }
+
+    #[test]
+    fn one_view_is_kept_and_lights_are_taken_out() {
+        let one = DirectionSet::random(1, 3).unwrap();
+        let asset = sample_asset_with(3, 2, &one, &DirectionSet::bonn81(), ResidualKind::Root);
+        let thin = thinned_grid(&asset, 0).unwrap();
+        assert_eq!(thin.asset.layers[0].views.len(), 1);
+        assert_eq!(thin.pairs.len(), 81 - thin.asset.layers[0].lights.len());
     }
 
     #[test]

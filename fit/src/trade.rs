@@ -1,12 +1,12 @@
 //! Speed against accuracy against bytes, measured on one capture over a grid of settings.
 //!
-//! Everything up to the choice of a step is done once per number of lobes ([`PreparedFit`], which `fit` searches in);
-//! each step and each limit of components is then encoded, packed, read back, measured and timed.
+//! Everything up to the choice of a step is done once per number of lobes and role of theirs ([`PreparedFit`], which
+//! `fit` searches in); each step and each limit of components is then encoded, packed, read back, measured and timed.
 
 use crate::compare::{MeasureParams, measure_decoder};
 use crate::describe::resident_in_parallel;
 use crate::error::FitError;
-use crate::gpu_times::GpuTimes;
+use crate::gpu_clock::{GpuChoice, GpuClock};
 use crate::metrics::Metrics;
 use crate::monitor::Monitor;
 use crate::params::FitParams;
@@ -29,6 +29,8 @@ pub struct TradeParams {
     pub fit: FitParams,
     /// Numbers of lobes per texel, as `--lobes` of a fit.
     pub lobes: Vec<usize>,
+    /// Roles that lobes are tried in. Without lobes there is no role, and one sweep.
+    pub roles: Vec<Role>,
     /// Limits of components, tried while encoding and while decoding, beside no limit.
     pub components: Vec<usize>,
     /// Steps per factor of two: 2 for a factor of sqrt 2.
@@ -41,6 +43,8 @@ pub struct TradeParams {
     pub evaluations: usize,
     /// Timed passes, whose median is taken.
     pub repeats: usize,
+    /// Adapter to time on as well.
+    pub gpu: GpuChoice,
 }
 
 impl Default for TradeParams {
@@ -48,12 +52,14 @@ impl Default for TradeParams {
         TradeParams {
             fit: FitParams::default(),
             lobes: vec![0, 1, 2, 4],
+            roles: vec![Role::Guide, Role::Base],
             components: vec![4, 8, 16, 32],
             steps_per_octave: 2,
             most_bytes: None,
             pairs: 64,
             evaluations: 2048,
             repeats: 5,
+            gpu: GpuChoice::Best,
         }
     }
 }
@@ -81,6 +87,9 @@ impl TradeParams {
         if self.lobes.is_empty() || self.lobes.iter().any(|lobes| *lobes > 32) {
             return refuse("--lobes must be numbers from 0 to 32, as in 0,1,2,4");
         }
+        if self.roles.is_empty() {
+            return refuse("--roles must be guide, base or both");
+        }
         if self.components.iter().any(|components| *components > MAX_COMPONENTS) {
             return refuse(&format!("--components must be numbers from 0 to {MAX_COMPONENTS}, as in 4,8,16"));
         }
@@ -106,6 +115,16 @@ pub enum Limit {
     Decode,
     /// The file's first tier: lobes without residual.
     Lobes,
+}
+
+/// What lobes are to the residual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// The residual stands alone, lobes guide interpolation: what a fit with `--bytes` or `--psnr` makes.
+    Guide,
+    /// The residual is what the lobes leave: what a fit without a goal makes.
+    Base,
 }
 
 /// Precision of the expanded bases in memory.
@@ -143,11 +162,14 @@ impl Rule {
 pub struct TradePoint {
     /// Lobes per texel, as asked for.
     pub lobes: usize,
+    /// What they are to the residual; [`Role::Guide`] without lobes.
+    pub role: Role,
     /// Lobes per texel, as chosen.
     pub lobes_per_texel_mean: f64,
-    /// Step of the quantisers relative to the greatest coefficient; 0 for lobes alone.
-    pub step: f64,
-    /// Bits of a coefficient in the file, on average; `None` without components.
+    /// The step of the quantisers in bits: the step is the length of a texel's coefficients (root mean square over the
+    /// texels) over two to this power. One more bit halves the error of rounding. `None` for lobes alone.
+    pub bits: Option<f64>,
+    /// Bits that a coefficient takes in the file, on average, after entropy coding; `None` without components.
     pub bits_per_coefficient: Option<f64>,
     /// How components are limited.
     pub limit: Limit,
@@ -203,6 +225,8 @@ pub struct Trade {
     pub between: String,
     /// Where `gpu_ns` comes from, or why it is empty, in words.
     pub gpu: String,
+    /// Whether `gpu_ns` are times of a software driver, which computes on the CPU.
+    pub gpu_is_software: bool,
     /// All points, in the order of the grid.
     pub points: Vec<TradePoint>,
     /// Indices of the points of the summary, by bytes, then time.
@@ -210,22 +234,23 @@ pub struct Trade {
 }
 
 /// Measures `capture`'s trade. `reference` is a capture of the same texels in other directions, on which interpolation
-/// is measured; without one, on a thinned grid. `gpu` holds times of a GPU where there are any.
+/// is measured; without one, on a thinned grid.
 ///
-/// Figures but times are the same for the same arguments. Cost: a fit per number of lobes, and per step and limit an
-/// encoding, an expansion of bases in four forms, and four timings. Memory: as a fit, and all files of the grid.
+/// Figures but times are the same for the same arguments. Cost: a fit per number of lobes and role, and per step and
+/// limit an encoding, an expansion of bases in four forms, and six timings. Memory: as a fit, and all files of the
+/// grid.
 ///
 /// # Errors
-/// As a fit and a measurement; parameters out of range; a reference of other texels.
+/// As a fit and a measurement; parameters out of range; a reference of other texels; an adapter that is not there.
 pub fn trade(
     capture: &Capture,
     reference: Option<&Capture>,
-    gpu: Option<&GpuTimes>,
     params: &TradeParams,
     monitor: &Monitor,
 ) -> Result<Trade, FitError> {
     params.check()?;
     let info = capture.info();
+    let gpu = GpuClock::open(&params.gpu)?;
     let strided = strided_pairs(info, params.pairs);
     let held = Images::read(capture, &strided, monitor)?;
     let between = match reference {
@@ -240,7 +265,7 @@ pub fn trade(
     let mut grid = Grid {
         capture,
         params,
-        gpu,
+        gpu: gpu.as_ref().ok(),
         held,
         strided,
         reference: between,
@@ -249,8 +274,9 @@ pub fn trade(
         files: Vec::new(),
         monitor,
     };
-    for (number, lobes) in params.lobes.iter().enumerate() {
-        grid.sweep(*lobes, number)?;
+    let sweeps: Vec<(usize, Role)> = sweeps(&params.lobes, &params.roles);
+    for (number, (lobes, role)) in sweeps.iter().enumerate() {
+        grid.sweep(*lobes, *role, [number, sweeps.len()])?;
     }
     let Grid { strided, mut points, files, reference, thinned, .. } = grid;
     mark_fronts(&mut points);
@@ -267,18 +293,32 @@ pub fn trade(
         between: match (&reference, &thinned) {
             (Some(reference), _) => format!("{} pairs of the capture {}", reference.pairs.len(), reference.info.name),
             (None, Some(between)) => format!(
-                "{} pairs of this capture whose two directions were taken out of the grid, with about a fifth of all directions inside it: the gaps are wider than the asset's own, so this is a pessimistic figure; --reference gives the real one",
+                "{} pairs of this capture whose directions were taken out of the grid, with about a fifth of all directions inside it: the gaps are wider than the asset's own, so this is a pessimistic figure; --reference gives the real one",
                 between.pairs.len()
             ),
             (None, None) => "not measured: the capture has too few directions to spare one; give --reference a capture in other directions".into(),
         },
-        gpu: gpu.map_or(
-            "empty: this program drives no GPU; give --gpu the JSON of `btf-view bench components`".into(),
-            GpuTimes::words,
-        ),
+        gpu: match &gpu {
+            Ok(clock) => clock.words(),
+            Err(reason) => reason.clone(),
+        },
+        gpu_is_software: gpu.as_ref().is_ok_and(GpuClock::is_software),
         points,
         summary,
     })
+}
+
+/// Fits that the grid needs: without lobes one.
+fn sweeps(lobes: &[usize], roles: &[Role]) -> Vec<(usize, Role)> {
+    let mut found = Vec::new();
+    for &lobes in lobes {
+        for &role in if lobes == 0 { &[Role::Guide] } else { roles } {
+            if !found.contains(&(lobes, role)) {
+                found.push((lobes, role));
+            }
+        }
+    }
+    found
 }
 
 fn check_reference(info: &CaptureInfo, other: &CaptureInfo) -> Result<(), FitError> {
@@ -369,8 +409,9 @@ mod tests {
             Metrics { psnr_db, psnr_linear_db: 0.0, rel_rmse: 0.0, worst_texel_rmse: 0.0, delta_e00_mean: None };
         TradePoint {
             lobes: 0,
+            role: Role::Guide,
             lobes_per_texel_mean: 0.0,
-            step: 1.0,
+            bits: Some(5.0),
             bits_per_coefficient: None,
             limit: Limit::None,
             components: 1,
@@ -407,6 +448,13 @@ mod tests {
     }
 
     #[test]
+    fn every_number_of_lobes_is_fitted_in_every_role_and_none_once() {
+        use Role::{Base, Guide};
+        assert_eq!(sweeps(&[0, 2, 0], &[Guide, Base]), [(0, Guide), (2, Guide), (2, Base)]);
+        assert_eq!(sweeps(&[0, 2], &[Base]), [(0, Guide), (2, Base)]);
+    }
+
+    #[test]
     fn what_is_out_of_range_is_named() {
         let refused = |params: TradeParams| params.check().unwrap_err().to_string();
         TradeParams::default().check().unwrap();
@@ -417,6 +465,7 @@ mod tests {
             refused(TradeParams { components: vec![MAX_COMPONENTS + 1], ..TradeParams::default() })
                 .contains("--components")
         );
+        assert!(refused(TradeParams { roles: Vec::new(), ..TradeParams::default() }).contains("--roles"));
         assert!(refused(TradeParams { pairs: 0, ..TradeParams::default() }).contains("--pairs"));
         assert!(refused(TradeParams { steps_per_octave: 0, ..TradeParams::default() }).contains("--steps-per-octave"));
     }

@@ -4,7 +4,7 @@ use crate::compare::{MeasureParams, colour_pair_stride, measure_decoder};
 use crate::describe::resident_in_parallel;
 use crate::error::FitError;
 use crate::evaluation_time::{Query, median_nanoseconds, random_queries};
-use crate::gpu_times::GpuTimes;
+use crate::gpu_clock::{GpuAsset, GpuClock};
 use crate::image_decoder::ImageDecoder;
 use crate::material::{FitRecord, Material};
 use crate::metrics::Metrics;
@@ -13,7 +13,7 @@ use crate::params::FitParams;
 use crate::pareto::spread;
 use crate::pipeline::PreparedFit;
 use crate::thinned_grid::{ThinnedGrid, thinned_grid};
-use crate::trade::{BETWEEN_PAIRS, Limit, Precision, Rule, TradeParams, TradePoint};
+use crate::trade::{BETWEEN_PAIRS, Limit, Precision, Role, Rule, TradeParams, TradePoint};
 use btf_capture::{Capture, CaptureInfo, Pixels};
 use btf_runtime::{
     Asset, DecodeOptions, MAX_COMPONENTS, Resident, SectionKind, SingleBases, decode, decode_single, pack,
@@ -23,9 +23,9 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// log2 of the coarsest step, relative to the greatest coefficient, and of the finest.
-const COARSEST_STEP: f64 = -1.0;
-const FINEST_STEP: f64 = -16.0;
+/// Bits of the coarsest step and of the finest.
+const LEAST_BITS: f64 = 1.0;
+const MOST_BITS: f64 = 16.0;
 /// A step that gains less than this many dB over the one before ends the sweep: the components are used up.
 const LEAST_GAIN_DB: f64 = 0.05;
 /// Without a limit: bytes per texel, and beside them, of the largest asset.
@@ -108,7 +108,7 @@ pub(crate) fn singles_in_parallel(asset: &Asset) -> SingleBases {
 pub(crate) struct Grid<'a> {
     pub(crate) capture: &'a Capture,
     pub(crate) params: &'a TradeParams,
-    pub(crate) gpu: Option<&'a GpuTimes>,
+    pub(crate) gpu: Option<&'a GpuClock>,
     pub(crate) strided: Vec<usize>,
     pub(crate) held: Images,
     pub(crate) reference: Option<Between<'a>>,
@@ -123,41 +123,52 @@ pub(crate) struct Grid<'a> {
 /// What the points of one asset and one limit share.
 struct Setting {
     lobes: usize,
-    step: f64,
+    role: Role,
+    bits: Option<f64>,
     limit: Limit,
     components: usize,
 }
 
 impl Grid<'_> {
-    /// All steps and limits for one number of lobes.
-    pub(crate) fn sweep(&mut self, lobes: usize, number: usize) -> Result<(), FitError> {
+    /// All steps and limits for one number of lobes in one role; the sweep is number `at[0]` of `at[1]`.
+    pub(crate) fn sweep(&mut self, lobes: usize, role: Role, at: [usize; 2]) -> Result<(), FitError> {
         let params = FitParams {
             lobes,
             components: None,
-            bytes: None,
+            // A goal is what makes lobes a guide; how large it is matters to the choice of the step alone.
+            bytes: (role == Role::Guide).then_some(self.most_bytes() as u64),
             psnr_db: None,
             leave_out: 0.0,
             ..self.params.fit.clone()
         };
         let fit = PreparedFit::prepare(std::slice::from_ref(self.capture), &params, self.monitor)?;
         let monitor = self.monitor;
-        monitor.stage("grid", || self.steps(&fit, &params, number))
+        monitor.stage("grid", || self.steps(&fit, &params, role, at))
     }
 
-    fn steps(&mut self, fit: &PreparedFit, params: &FitParams, number: usize) -> Result<(), FitError> {
+    /// Size of the largest asset that is tried.
+    fn most_bytes(&self) -> usize {
+        let usual = MOST_BYTES_PER_TEXEL * self.capture.info().texel_count() + MOST_BYTES_BESIDE;
+        self.params.most_bytes.map_or(usual, |x| x as usize)
+    }
+
+    fn steps(
+        &mut self,
+        fit: &PreparedFit,
+        params: &FitParams,
+        role: Role,
+        [number, sweeps]: [usize; 2],
+    ) -> Result<(), FitError> {
         let info = self.capture.info();
-        let most = self
-            .params
-            .most_bytes
-            .map_or(MOST_BYTES_PER_TEXEL * info.texel_count() + MOST_BYTES_BESIDE, |x| x as usize);
-        let octaves = COARSEST_STEP - FINEST_STEP;
+        let most = self.most_bytes();
+        let octaves = MOST_BITS - LEAST_BITS;
         let count = (octaves * self.params.steps_per_octave as f64) as usize + 1;
-        let total = count * self.params.lobes.len();
+        let total = count * sweeps;
         let mut before: Option<f64> = None;
         for at in 0..count {
             self.monitor.report("grid", number * count + at, total)?;
-            let relative = (COARSEST_STEP - at as f64 / self.params.steps_per_octave as f64).exp2();
-            let step = relative * fit.greatest_coefficient().max(1e-12);
+            let bits = LEAST_BITS + at as f64 / self.params.steps_per_octave as f64;
+            let step = fit.greatest_coefficient().max(1e-12) / bits.exp2();
             let make = |components: usize| -> Result<Made, FitError> {
                 let asset = fit.asset(step, components);
                 let chosen = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
@@ -174,7 +185,8 @@ impl Grid<'_> {
             if whole.bytes.len() > most && before.is_some() {
                 break;
             }
-            let setting = |limit, components| Setting { lobes: params.lobes, step: relative, limit, components };
+            let setting =
+                |limit, components| Setting { lobes: params.lobes, role, bits: Some(bits), limit, components };
             if before.is_none() && params.lobes > 0 {
                 self.lobes_alone(&whole, &setting(Limit::Lobes, 0))?;
             }
@@ -203,7 +215,7 @@ impl Grid<'_> {
         let directory = read_directory(&whole.bytes)?;
         let Some(first) = directory.tiers.first() else { return Ok(()) };
         let made = Made::from_bytes(whole.bytes[..*first as usize].to_vec())?;
-        let setting = Setting { step: 0.0, limit: setting.limit, ..*setting };
+        let setting = Setting { bits: None, ..*setting };
         self.measure_made(&made, &[setting])?;
         Ok(())
     }
@@ -218,6 +230,11 @@ impl Grid<'_> {
         let thin = self.thinned_of(made)?;
         let layer = &made.asset.layers[0];
         let queries = random_queries(self.params.evaluations, made.asset.texel_count(), layer, self.params.fit.seed);
+        let on_gpu: Option<(&GpuClock, GpuAsset)> = self.gpu.and_then(|clock| {
+            let count = clock.query_count();
+            let queries = random_queries(count, made.asset.texel_count(), layer, self.params.fit.seed);
+            Some((clock, clock.upload(&made.resident, &queries)?))
+        });
         let file = Arc::new(made.bytes.clone());
         let references: usize = layer.lobe_refs.len();
         for setting in settings {
@@ -233,11 +250,13 @@ impl Grid<'_> {
                         continue;
                     }
                     let options = options(setting.components, rule);
-                    let gpu_ns = self.gpu.filter(|_| precision == Precision::Half);
+                    // The shader reads halves only.
+                    let gpu = on_gpu.as_ref().filter(|_| precision == Precision::Half);
                     self.points.push(TradePoint {
                         lobes: setting.lobes,
+                        role: setting.role,
                         lobes_per_texel_mean: references as f64 / made.asset.texel_count() as f64,
-                        step: setting.step,
+                        bits: setting.bits,
                         bits_per_coefficient: (coefficients > 0)
                             .then(|| 8.0 * coefficient_bytes as f64 / coefficients as f64),
                         limit: setting.limit,
@@ -249,7 +268,7 @@ impl Grid<'_> {
                         metrics,
                         psnr_between_db: self.between(made, thin.as_ref(), &options, precision)?,
                         cpu_ns: self.time(made, &queries, &options, precision),
-                        gpu_ns: gpu_ns.and_then(|times| times.nanoseconds(setting.components, rule)),
+                        gpu_ns: gpu.and_then(|(clock, asset)| clock.nanoseconds(asset, &options, self.params.repeats)),
                         front_bytes_psnr: false,
                         front_ns_psnr: false,
                         front_ns_between: false,

@@ -4,10 +4,10 @@ use super::output::{check_distinct, check_file, is_stdout, say, write_json};
 use super::{Failure, Shared, progress};
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
-    FitParams, GpuTimes, Limit, Precision, Rule, Stage, Trade, TradeParams, bytes_from_text, peak_memory_bytes,
+    FitParams, GpuChoice, Limit, Precision, Role, Rule, Stage, Trade, TradeParams, bytes_from_text, peak_memory_bytes,
     text_from_bytes, trade, trade_csv, trade_html, trade_plots,
 };
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -15,17 +15,19 @@ use std::time::Instant;
 const TABLE: &str = "trade.csv";
 const PAGE: &str = "trade.html";
 /// All plots there may be.
-const PLOTS: [&str; 3] = ["bytes-psnr.svg", "ns-psnr.svg", "ns-between.svg"];
+const PLOTS: [&str; 4] = ["bytes-psnr.svg", "ns-psnr.svg", "ns-between.svg", "gpu-psnr.svg"];
 
 /// Measure speed against accuracy against size over a grid of settings
 ///
-/// Varies lobes, step of the quantisers (bits), components (limited while encoding and while decoding),
-/// interpolation and precision in memory; measures bytes, errors and nanoseconds of each setting, and marks
-/// those that no other one beats. docs/TRADE.md tells how to choose from them.
+/// Varies lobes and what they are to the residual, step of the quantisers (bits), components (limited while
+/// encoding and while decoding), interpolation and precision in memory; measures bytes, errors and nanoseconds of
+/// each setting, and marks those that no other one beats. docs/TRADE.md tells how to choose from them.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit trade WOOL --out wool-trade --quick
-  btf-fit trade WOOL --lobes 0,2 --components 8,16 --html wool.html --json -")]
+  btf-fit trade WOOL --lobes 0,2 --roles guide --components 8,16 --gpu none --html wool.html --json -
+
+A page with plots stands alone: it opens without a network.")]
 pub(super) struct TradeArgs {
     /// The capture: a folder, a zip or a .btf file
     #[arg(value_name = "CAPTURE")]
@@ -36,10 +38,13 @@ pub(super) struct TradeArgs {
     /// Lobes per texel to try, as --lobes of fit; 0,1,2,4 if not given
     #[arg(long, value_name = "N,N", value_delimiter = ',')]
     lobes: Option<Vec<usize>>,
+    /// What lobes are to the residual; both if not given
+    #[arg(long, value_name = "ROLE,ROLE", value_delimiter = ',', value_enum)]
+    roles: Option<Vec<RoleName>>,
     /// Limits of components to try beside none, 0 to 128; 4,8,16,32 if not given
     #[arg(long, value_name = "N,N", value_delimiter = ',')]
     components: Option<Vec<usize>>,
-    /// Steps of the quantisers per factor of two; 2 if not given
+    /// Steps of the quantisers per bit (a factor of two); 2 if not given
     #[arg(long, value_name = "N")]
     steps_per_octave: Option<usize>,
     /// Largest asset to try; 64 bytes a texel and 200 kB if not given
@@ -54,10 +59,10 @@ pub(super) struct TradeArgs {
     /// A capture of the same sample in other directions, to measure interpolation on
     #[arg(long, value_name = "CAPTURE")]
     reference: Option<PathBuf>,
-    /// Times of a GPU: what `btf-view bench components --json` wrote
-    #[arg(long, value_name = "FILE")]
-    gpu: Option<PathBuf>,
-    /// A coarse grid: lobes 0 and 2, steps of a factor of two, one limit of components
+    /// Adapter to time on: part of its name, or none; the best one if not given. A software driver is told as such
+    #[arg(long, value_name = "NAME")]
+    gpu: Option<String>,
+    /// A coarse grid: lobes 0 and 2, steps of one bit, one limit of components
     #[arg(long)]
     quick: bool,
     /// Most memory to use
@@ -75,6 +80,15 @@ pub(super) struct TradeArgs {
     /// Write all settings as JSON; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+}
+
+/// [`Role`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum RoleName {
+    /// The residual stands alone, lobes guide interpolation: as fit with --bytes or --psnr
+    Guide,
+    /// The residual is what the lobes leave: as fit without a goal
+    Base,
 }
 
 /// What `trade --json` writes.
@@ -104,9 +118,8 @@ pub(super) fn run(args: &TradeArgs, shared: &Shared) -> Result<(), Failure> {
     check_distinct(&distinct)?;
     let capture = Capture::open(&args.capture)?;
     let reference = args.reference.as_ref().map(Capture::open).transpose()?;
-    let gpu = args.gpu.as_deref().map(GpuTimes::read).transpose()?;
     let mut inputs = vec![args.capture.clone()];
-    inputs.extend(args.reference.iter().chain(&args.gpu).cloned());
+    inputs.extend(args.reference.clone());
     for path in &outputs {
         check_file(path, &inputs)?;
     }
@@ -124,7 +137,7 @@ pub(super) fn run(args: &TradeArgs, shared: &Shared) -> Result<(), Failure> {
     }
 
     let monitor = progress::monitor(shared)?;
-    let found = trade(&capture, reference.as_ref(), gpu.as_ref(), &params, &monitor)?;
+    let found = trade(&capture, reference.as_ref(), &params, &monitor)?;
     let (table, page, plots) = (trade_csv(&found), trade_html(&found), trade_plots(&found));
     // Ctrl-C up to here leaves everything as it was.
     monitor.check()?;
@@ -174,6 +187,15 @@ fn params(args: &TradeArgs) -> TradeParams {
             ..FitParams::default()
         },
         lobes: args.lobes.clone().unwrap_or(base.lobes.clone()),
+        roles: args.roles.as_ref().map_or(base.roles.clone(), |roles| {
+            let role = |name: &RoleName| if *name == RoleName::Guide { Role::Guide } else { Role::Base };
+            roles.iter().map(role).collect()
+        }),
+        gpu: match args.gpu.as_deref() {
+            None => GpuChoice::Best,
+            Some("none") => GpuChoice::Off,
+            Some(name) => GpuChoice::Named(name.to_string()),
+        },
         components: args.components.clone().unwrap_or(base.components.clone()),
         steps_per_octave: args.steps_per_octave.unwrap_or(base.steps_per_octave),
         most_bytes: args.most_bytes,
@@ -185,8 +207,9 @@ fn params(args: &TradeArgs) -> TradeParams {
 /// The front of size, a line each.
 fn summary(result: &TradeResult) -> String {
     let trade = result.trade;
+    let software = if trade.gpu_is_software { " (software)" } else { "" };
     let mut text = format!(
-        "{} settings in {:.0} s, measured on {} of {} pairs; those below over all pairs, smallest first\n      bytes   psnr dB  dE00   cpu ns  lobes  components  bits  limit",
+        "{} settings in {:.0} s, measured on {} of {} pairs; those that none of their size or below beats, over all pairs:\n      size   psnr dB  dE00   cpu ns  gpu ns{software}  lobes        bits  components  limit",
         trade.points.len(),
         result.seconds,
         trade.pairs,
@@ -202,15 +225,22 @@ fn summary(result: &TradeResult) -> String {
             Limit::Decode => "decode",
             Limit::Lobes => "lobes alone",
         };
+        let role = match (point.lobes, point.role) {
+            (0, _) => "",
+            (_, Role::Guide) => " guide",
+            (_, Role::Base) => " base",
+        };
         text += &format!(
-            "\n{:>11}  {:>8.3}  {:>4}  {:>7.0}  {:>5}  {:>10}  {:>4}  {limit}",
+            "\n{:>10}  {:>8.3}  {:>4}  {:>7.0}  {:>gpu_width$}  {:<11}  {:>4}  {:>10}  {limit}",
             text_from_bytes(point.bytes as u64),
             metrics.psnr_db,
             metrics.delta_e00_mean.map_or("-".into(), |x| format!("{x:.2}")),
             point.cpu_ns,
-            point.lobes,
+            point.gpu_ns.map_or("-".into(), |ns| if ns < 10.0 { format!("{ns:.2}") } else { format!("{ns:.0}") }),
+            format!("{}{role}", point.lobes),
+            point.bits.map_or("-".into(), |bits| format!("{bits}")),
             point.components,
-            point.bits_per_coefficient.map_or("-".into(), |bits| format!("{bits:.2}")),
+            gpu_width = 6 + software.len(),
         );
     }
     text
