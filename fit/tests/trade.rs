@@ -138,6 +138,7 @@ fn a_trade_has_its_table_page_and_plots_and_the_asset_of_a_row_is_what_fit_makes
         let arguments =
             ["fit", "capture", "-o", "a.spmm", "--clusters=2", "--lobes=0", "--seed=3", goal, "--json", "-"];
         let output = btf_fit(&arguments, here);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
     };
     let all_psnr = |point: &serde_json::Value| point["all_pairs"]["psnr_db"].as_f64();
