@@ -1,23 +1,19 @@
 //! The error of a decoded asset against the capture it was fitted from.
 //!
-//! Image by image: each image of the capture is read once, the same pair is decoded for all texels, and
-//! the differences are summed. Memory: a batch of images beside one number per texel and per pair.
+//! Batch by batch: each image of the capture is read once and cut into the decoder's tiles; then every tile is
+//! decoded at all pairs of the batch and the differences are summed. Memory: a batch of images beside a few numbers
+//! per texel and per pair, and a byte per texel and component.
 
-use crate::ciede::{LabConverter, delta_e00};
 use crate::error::FitError;
 use crate::frame::{turn_image, turn_map};
-use crate::image_decoder::{ImageDecoder, PairPlan, Spot};
+use crate::image_decoder::{ImageDecoder, Spot};
 use crate::material::{side_of_layer, sides_of_capture};
 use crate::metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 use crate::monitor::Monitor;
-use btf_capture::{Capture, CaptureInfo, Encoder8, ImageFormat, Pixels};
+use crate::tile_errors::{Coding, PairWork, TileErrors, TiledImage};
+use btf_capture::{Capture, CaptureInfo, Pixels};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, Resident};
 use rayon::prelude::*;
-use std::ops::Range;
-
-/// Texels that one thread works on at a time. Sums are taken per block and then in the order of the
-/// blocks, so this number, not the number of threads, decides how they round.
-const BLOCK_TEXELS: usize = 1024;
 
 /// About how many pairs the colour difference is taken over.
 const COLOUR_PAIRS: usize = 256;
@@ -179,8 +175,7 @@ pub fn side_words(asset: &Asset) -> String {
 /// Measures the asset against `capture`, reading each of its images once.
 ///
 /// `resident` must be `asset`'s. Directions of the capture within 0.01 degrees of the asset's are
-/// decoded as measured ones, others are interpolated. Cost: about 20 ns a sample and core beside the
-/// reading of the images.
+/// decoded as measured ones, others are interpolated. Cost: @@COST@@
 ///
 /// # Errors
 /// If the sizes differ, an image cannot be read, or the monitor was cancelled.
@@ -234,14 +229,13 @@ pub(crate) fn measure_decoder(
     let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
     let stride = colour_pair_stride(info.views.len(), lights);
 
-    let mut blocks: Vec<Block> =
-        (0..texels).step_by(BLOCK_TEXELS).map(|first| Block::new(first..(first + BLOCK_TEXELS).min(texels))).collect();
+    let mut tile_errors = vec![TileErrors::default(); decoder.tiles().len()];
     let mut pair_code_error = vec![0; info.pair_count()];
     // A linear image is held in single precision.
     let batch = ((params.memory_bytes / 8) as usize / (texels * 12)).clamp(1, MOST_BATCH);
     for (done, batch_pairs) in pairs.chunks(batch).enumerate() {
         monitor.report("measure", done * batch, pairs.len())?;
-        let work: Vec<Work> = batch_pairs
+        let work: Vec<PairWork> = batch_pairs
             .par_iter()
             .map(|&pair| {
                 monitor.check()?;
@@ -252,12 +246,17 @@ pub(crate) fn measure_decoder(
                     Pixels::Encoded8(codes) => turn_image(codes, info.width, info.side),
                     Pixels::Linear(values) => turn_image(values, info.width, info.side),
                 }
-                Ok(Work { light, plan, pixels, colour: pair % stride == 0 })
+                let image = TiledImage::new(&pixels, decoder.tiles());
+                Ok(PairWork { light, plan, image, colour: pair % stride == 0 })
             })
             .collect::<Result<_, FitError>>()?;
-        let errors: Vec<Vec<u64>> = blocks.par_iter_mut().map(|block| block.take(decoder, &coding, &work)).collect();
-        for block_errors in errors {
-            for (pair, error) in batch_pairs.iter().zip(block_errors) {
+        let errors: Vec<Vec<u64>> = tile_errors
+            .par_iter_mut()
+            .enumerate()
+            .map(|(number, errors)| errors.take(decoder, number, &coding, &work))
+            .collect();
+        for errors in errors {
+            for (pair, error) in batch_pairs.iter().zip(errors) {
                 pair_code_error[*pair] += error;
             }
         }
@@ -266,14 +265,17 @@ pub(crate) fn measure_decoder(
 
     let per_texel = (pairs.len() * 3) as f64;
     let mut sums = ErrorSums { samples: (texels * pairs.len() * 3) as u64, ..ErrorSums::default() };
-    for block in &blocks {
-        sums.add(&block.sums);
+    let (mut texel_linear_error, mut texel_code_error) = (vec![0.0; texels], vec![0; texels]);
+    for (tile, errors) in decoder.tiles().iter().zip(&tile_errors) {
+        sums.add(&errors.sums());
+        for (i, texel) in tile.texels.iter().enumerate() {
+            texel_linear_error[*texel as usize] = errors.linear_error[i];
+            texel_code_error[*texel as usize] = errors.code_error[i];
+        }
     }
-    let mut texel_linear_error: Vec<f64> = blocks.iter().flat_map(|block| block.linear_error.iter().copied()).collect();
     sums.linear_error = texel_linear_error.iter().sum();
     sums.worst_texel = texel_linear_error.iter().fold(0.0f64, |worst, error| worst.max(error / per_texel));
     sums.code_error = pair_code_error.iter().sum();
-    let mut texel_code_error: Vec<u64> = blocks.iter().flat_map(|block| block.code_error.iter().copied()).collect();
     turn_map(&mut texel_linear_error, info.width, info.side);
     turn_map(&mut texel_code_error, info.width, info.side);
     Ok(Comparison {
@@ -290,125 +292,12 @@ pub(crate) fn measure_decoder(
     })
 }
 
-/// One pair of a batch.
-struct Work {
-    light: usize,
-    plan: PairPlan,
-    pixels: Pixels,
-    /// Whether the colour difference is taken here.
-    colour: bool,
-}
-
-/// How samples become 8-bit values and back, and those colours.
-struct Coding {
-    encoder: Encoder8,
-    /// Per light.
-    tables: Vec<[f32; 256]>,
-    lab: LabConverter,
-}
-
-impl Coding {
-    fn new(info: &CaptureInfo) -> Coding {
-        // Linear images have no 8-bit values of their own; they get those of a PNG of the same capture.
-        let info = if info.format == ImageFormat::Exr { info.in_format(ImageFormat::Png) } else { info.clone() };
-        Coding {
-            encoder: Encoder8::new(&info),
-            tables: (0..info.lights.len()).map(|light| info.linear_from_encoded8(light)).collect(),
-            lab: LabConverter::new(info.transfer),
-        }
-    }
-}
-
-/// A block of texels with its sums so far.
-struct Block {
-    texels: Range<usize>,
-    code_error: Vec<u64>,
-    linear_error: Vec<f64>,
-    sums: ErrorSums,
-}
-
-impl Block {
-    fn new(texels: Range<usize>) -> Block {
-        let count = texels.len();
-        Block { texels, code_error: vec![0; count], linear_error: vec![0.0; count], sums: ErrorSums::default() }
-    }
-
-    /// Adds a batch; the squared differences of 8-bit values of each of its pairs come back.
-    fn take(&mut self, decoder: &ImageDecoder, coding: &Coding, batch: &[Work]) -> Vec<u64> {
-        let count = self.texels.len();
-        let block = decoder.block(self.texels.clone());
-        let mut decoded = vec![0.0; count * 3];
-        let mut decoded_codes = vec![0; count * 3];
-        let mut original = vec![0.0; count * 3];
-        let mut original_codes = vec![0; count * 3];
-        let samples = self.texels.start * 3..self.texels.end * 3;
-        batch
-            .iter()
-            .map(|work| {
-                decoder.decode(&block, &work.plan, &mut decoded);
-                coding.encoder.encode_slice(work.light, &decoded, &mut decoded_codes);
-                match &work.pixels {
-                    Pixels::Encoded8(codes) => {
-                        original_codes.copy_from_slice(&codes[samples.clone()]);
-                        let table = &coding.tables[work.light];
-                        for (linear, code) in original.iter_mut().zip(&original_codes) {
-                            *linear = table[usize::from(*code)];
-                        }
-                    }
-                    Pixels::Linear(values) => {
-                        original.copy_from_slice(&values[samples.clone()]);
-                        coding.encoder.encode_slice(work.light, &original, &mut original_codes);
-                    }
-                }
-                if work.colour {
-                    self.add_colours(&coding.lab, &original_codes, &decoded_codes);
-                }
-                self.add_linear(&original, &decoded);
-                self.add_codes(&original_codes, &decoded_codes)
-            })
-            .collect()
-    }
-
-    fn add_codes(&mut self, original: &[u8], decoded: &[u8]) -> u64 {
-        let mut total = 0;
-        for ((sum, x), y) in self.code_error.iter_mut().zip(original.chunks_exact(3)).zip(decoded.chunks_exact(3)) {
-            let error: u32 = (0..3).map(|c| u32::from(x[c].abs_diff(y[c])).pow(2)).sum();
-            *sum += u64::from(error);
-            total += u64::from(error);
-        }
-        total
-    }
-
-    fn add_linear(&mut self, original: &[f32], decoded: &[f32]) {
-        let mut peak = 0.0f32;
-        let mut square = 0.0;
-        for ((sum, x), y) in self.linear_error.iter_mut().zip(original.chunks_exact(3)).zip(decoded.chunks_exact(3)) {
-            for c in 0..3 {
-                let error = f64::from(y[c]) - f64::from(x[c]);
-                *sum += error * error;
-                square += f64::from(x[c]) * f64::from(x[c]);
-                peak = peak.max(x[c]);
-            }
-        }
-        self.sums.linear_square += square;
-        self.sums.linear_peak = self.sums.linear_peak.max(peak.into());
-    }
-
-    fn add_colours(&mut self, lab: &LabConverter, original: &[u8], decoded: &[u8]) {
-        for (x, y) in original.chunks_exact(3).zip(decoded.chunks_exact(3)) {
-            if x != y {
-                self.sums.delta_e00 += delta_e00(lab.lab([x[0], x[1], x[2]]), lab.lab([y[0], y[1], y[2]]));
-            }
-            self.sums.colours += 1;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ciede::{LabConverter, delta_e00};
     use crate::sample_asset::{number, sample_asset_with};
-    use btf_capture::{CaptureWriter, DirectionSet, Transfer};
+    use btf_capture::{CaptureWriter, DirectionSet, ImageFormat, Transfer};
     use btf_runtime::{ResidualKind, decode, pack};
     use std::path::Path;
 
@@ -419,7 +308,7 @@ mod tests {
         (DirectionSet::random(4, 3).unwrap(), DirectionSet::random(5, 4).unwrap())
     }
 
-    /// More texels than one block holds.
+    /// More texels than one tile of a cluster holds.
     fn asset() -> Asset {
         let (views, lights) = sets();
         let asset = sample_asset_with(WIDTH, HEIGHT, &views, &lights, ResidualKind::Root);

@@ -12,9 +12,6 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Texels decoded at a time.
-const BLOCK_TEXELS: usize = 4096;
-
 /// What [`expand`] should write.
 #[derive(Debug, Clone, Default)]
 pub struct ExpandParams {
@@ -62,7 +59,8 @@ pub fn expand_info(asset: &Asset, params: &ExpandParams) -> Result<CaptureInfo, 
 /// the back is written in the turned-over frame that a camera sees, as [`btf_capture::Side`] tells.
 ///
 /// The 8-bit values of measured directions are those that `psnr_db` is computed from. `resident` must
-/// be `asset`'s. Parallel over images; memory: about 20 bytes per texel and thread.
+/// be `asset`'s. Parallel over images; memory: about 20 bytes per texel and thread, and one per texel
+/// and component.
 ///
 /// # Errors
 /// As [`expand_info`], or where the folder cannot be written; then nothing is left of it.
@@ -87,10 +85,7 @@ pub fn expand(
         let (view, light) = (pair / lights.len(), pair % lights.len());
         let plan = decoder.plan(views[view], lights[light]);
         let mut image = vec![0.0; texels * 3];
-        for (number, out) in image.chunks_mut(BLOCK_TEXELS * 3).enumerate() {
-            let first = number * BLOCK_TEXELS;
-            decoder.decode(&decoder.block(first..first + out.len() / 3), &plan, out);
-        }
+        decoder.decode_image(&plan, &mut image);
         turn_image(&mut image, info.width, info.side);
         Ok(writer.write(view, light, &image)?)
     })?;

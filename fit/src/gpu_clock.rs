@@ -234,7 +234,7 @@ impl GpuClock {
         self.device.poll(wgpu::PollType::wait_indefinitely()).is_ok() && self.fault().is_none()
     }
 
-    /// Median over `repeats` passes of the nanoseconds of an evaluation, after one pass that is not counted; `None`
+    /// Least of `repeats` passes of the nanoseconds of an evaluation, after one pass that is not counted; `None`
     /// after an error of the driver.
     pub(crate) fn nanoseconds(&self, asset: &GpuAsset, options: &DecodeOptions, repeats: usize) -> Option<f64> {
         let group = self.bind(asset, options);
@@ -245,9 +245,8 @@ impl GpuClock {
             done.then(|| start.elapsed().as_secs_f64() * 1e9 / (dispatches * asset.count) as f64)
         };
         pass()?;
-        let mut times: Vec<f64> = (0..repeats.max(1)).map(|_| pass()).collect::<Option<_>>()?;
-        times.sort_by(f64::total_cmp);
-        Some(times[times.len() / 2])
+        let times: Vec<f64> = (0..repeats.max(1)).map(|_| pass()).collect::<Option<_>>()?;
+        times.into_iter().reduce(f64::min)
     }
 }
 

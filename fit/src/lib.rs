@@ -50,7 +50,9 @@ mod residual_source;
 #[cfg(test)]
 mod sample_asset;
 mod sparse;
+mod texel_tiles;
 mod thinned_grid;
+mod tile_errors;
 mod trade;
 mod trade_grid;
 mod trade_page;
@@ -71,7 +73,7 @@ pub use fitted::{Fitted, fit_and_measure};
 pub use frame::{capture_directions, layer_directions};
 pub use gpu_clock::GpuChoice;
 pub use heatmap::{Raster, scale_top, viridis, write_heatmaps};
-pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot, TexelBlock};
+pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot};
 pub use kmeans::{Clustering, kmeans};
 pub use lasso::{LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso};
 pub use material::{CaptureRecord, FitRecord, Material, MaterialLayer, side_of_layer, sides_of_capture};
@@ -82,5 +84,6 @@ pub use params::{ErrorMeasure, FitOutcome, FitParams, KMeansEngine, LobeFigures}
 pub use pareto::{CostAndGain, pareto_front};
 pub use pipeline::{MATERIAL_RESERVE, fit};
 pub use report::{ReportInput, ReportLayer, report_html};
+pub use texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb};
 pub use trade::{Limit, Precision, Role, Rule, Trade, TradeParams, TradePoint, trade};
 pub use trade_page::{trade_csv, trade_html, trade_plots};

@@ -382,7 +382,7 @@ fn pictures(input: &ReportInput, layer: &ReportLayer) -> Result<Markup, FitError
             Spot::of_set(&source.lights, &info.lights, info.side)[light],
         );
         let mut decoded = vec![0.0; linear.len()];
-        decoder.decode(&decoder.block(0..info.texel_count()), &decoder.plan(spots.0, spots.1), &mut decoded);
+        decoder.decode_image(&decoder.plan(spots.0, spots.1), &mut decoded);
         turn_image(&mut decoded, info.width, info.side);
         let (mut original, mut coded) = (vec![0; linear.len()], vec![0; linear.len()]);
         shown.encode_slice(light, &linear, &mut original);

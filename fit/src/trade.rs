@@ -33,15 +33,15 @@ pub struct TradeParams {
     pub roles: Vec<Role>,
     /// Limits of components, tried while encoding and while decoding, beside no limit.
     pub components: Vec<usize>,
-    /// Steps per factor of two: 2 for a factor of sqrt 2.
-    pub steps_per_octave: usize,
+    /// Steps per bit: 1 for a factor of two between steps.
+    pub steps_per_bit: usize,
     /// Largest asset; `None`: 64 bytes a texel and 200 kB.
     pub most_bytes: Option<u64>,
     /// About how many pairs each point is measured on, 1 to 256.
     pub pairs: usize,
     /// Random evaluations per timed pass.
     pub evaluations: usize,
-    /// Timed passes, whose median is taken.
+    /// Timed passes, of which the least time is taken.
     pub repeats: usize,
     /// Adapter to time on as well.
     pub gpu: GpuChoice,
@@ -51,10 +51,10 @@ impl Default for TradeParams {
     fn default() -> TradeParams {
         TradeParams {
             fit: FitParams::default(),
-            lobes: vec![0, 1, 2, 4],
+            lobes: vec![0, 2, 8],
             roles: vec![Role::Guide, Role::Base],
-            components: vec![4, 8, 16, 32],
-            steps_per_octave: 2,
+            components: vec![4, 16, 32],
+            steps_per_bit: 1,
             most_bytes: None,
             pairs: 64,
             evaluations: 2048,
@@ -65,12 +65,11 @@ impl Default for TradeParams {
 }
 
 impl TradeParams {
-    /// A coarse grid: two numbers of lobes, steps by a factor of two, one limit of components.
+    /// A coarse grid: two numbers of lobes, one limit of components, fewer pairs.
     pub fn quick() -> TradeParams {
         TradeParams {
             lobes: vec![0, 2],
             components: vec![8],
-            steps_per_octave: 1,
             pairs: 32,
             evaluations: 1024,
             repeats: 3,
@@ -96,8 +95,8 @@ impl TradeParams {
         if !(1..=256).contains(&self.pairs) {
             return refuse("--pairs must be 1 to 256");
         }
-        if !(1..=8).contains(&self.steps_per_octave) {
-            return refuse("--steps-per-octave must be 1 to 8");
+        if !(1..=8).contains(&self.steps_per_bit) {
+            return refuse("--steps-per-bit must be 1 to 8");
         }
         self.fit.check()
     }
@@ -467,6 +466,6 @@ mod tests {
         );
         assert!(refused(TradeParams { roles: Vec::new(), ..TradeParams::default() }).contains("--roles"));
         assert!(refused(TradeParams { pairs: 0, ..TradeParams::default() }).contains("--pairs"));
-        assert!(refused(TradeParams { steps_per_octave: 0, ..TradeParams::default() }).contains("--steps-per-octave"));
+        assert!(refused(TradeParams { steps_per_bit: 0, ..TradeParams::default() }).contains("--steps-per-bit"));
     }
 }

@@ -3,7 +3,7 @@
 use crate::compare::{MeasureParams, colour_pair_stride, measure_decoder};
 use crate::describe::resident_in_parallel;
 use crate::error::FitError;
-use crate::evaluation_time::{Query, median_nanoseconds, random_queries};
+use crate::evaluation_time::{Query, least_nanoseconds, random_queries};
 use crate::gpu_clock::{GpuAsset, GpuClock};
 use crate::image_decoder::ImageDecoder;
 use crate::material::{FitRecord, Material};
@@ -161,13 +161,12 @@ impl Grid<'_> {
     ) -> Result<(), FitError> {
         let info = self.capture.info();
         let most = self.most_bytes();
-        let octaves = MOST_BITS - LEAST_BITS;
-        let count = (octaves * self.params.steps_per_octave as f64) as usize + 1;
+        let count = ((MOST_BITS - LEAST_BITS) * self.params.steps_per_bit as f64) as usize + 1;
         let total = count * sweeps;
         let mut before: Option<f64> = None;
         for at in 0..count {
             self.monitor.report("grid", number * count + at, total)?;
-            let bits = LEAST_BITS + at as f64 / self.params.steps_per_octave as f64;
+            let bits = LEAST_BITS + at as f64 / self.params.steps_per_bit as f64;
             let step = fit.greatest_coefficient().max(1e-12) / bits.exp2();
             let make = |components: usize| -> Result<Made, FitError> {
                 let asset = fit.asset(step, components);
@@ -330,10 +329,10 @@ impl Grid<'_> {
     fn time(&self, made: &Made, queries: &[Query], options: &DecodeOptions, precision: Precision) -> f64 {
         let repeats = self.params.repeats;
         match precision {
-            Precision::Half => median_nanoseconds(queries, repeats, |(texel, wi, wo)| {
+            Precision::Half => least_nanoseconds(queries, repeats, |(texel, wi, wo)| {
                 decode(&made.resident, 0, *texel, *wi, *wo, options)
             }),
-            Precision::Single => median_nanoseconds(queries, repeats, |(texel, wi, wo)| {
+            Precision::Single => least_nanoseconds(queries, repeats, |(texel, wi, wo)| {
                 decode_single(&made.resident, &made.singles, 0, *texel, *wi, *wo, options)
             }),
         }

@@ -23,6 +23,7 @@ mod error;
 mod format;
 mod lobe;
 mod pack;
+mod power;
 mod quantize;
 mod resident;
 mod residual;
@@ -46,6 +47,7 @@ pub use format::{
 };
 pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
 pub use pack::pack;
+pub use power::{POWER_RELATIVE_ERROR, from_root, root};
 pub use quantize::{byte_from_weight, coefficient_from_byte, weight_from_byte};
 pub use resident::{ASSET_LAYERS, HORIZON_COS, Resident, block};
 pub use residual::{

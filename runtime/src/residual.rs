@@ -1,6 +1,7 @@
 //! The residual: what the lobes leave, in bases per cluster that are mixtures of shared ones, which are factored
 //! over light x view [Tucker 1966], and the curve in which lobes and residual are added. Twin: `shaders/residual.wgsl`.
 
+use crate::power::{from_root, root};
 use half::f16;
 
 /// The curve `g` in which the residual is added to the lobes: `X = g^-1(g(S) + R)`.
@@ -27,20 +28,22 @@ impl ResidualKind {
     }
 
     /// `g(x)`; `x` is clamped at 0 except for the additive kind.
+    #[inline(always)]
     pub fn encode(self, x: f32, epsilon: f32) -> f32 {
         match self {
             ResidualKind::Additive => x,
             ResidualKind::Log => (x.max(0.0) + epsilon).ln(),
-            ResidualKind::Root => (x.max(0.0) + epsilon).powf(1.0 / ROOT),
+            ResidualKind::Root => root(x.max(0.0) + epsilon),
         }
     }
 
     /// `g^-1(y)`; finite for every finite `y`.
+    #[inline(always)]
     pub fn decode(self, y: f32, epsilon: f32) -> f32 {
         match self {
             ResidualKind::Additive => y,
             ResidualKind::Log => y.clamp(-MAX_LOG, MAX_LOG).exp() - epsilon,
-            ResidualKind::Root => root_power(y.max(0.0)) - epsilon,
+            ResidualKind::Root => from_root(y) - epsilon,
         }
     }
 
@@ -52,15 +55,32 @@ impl ResidualKind {
         let scaled = match self {
             ResidualKind::Additive => r * beyond,
             ResidualKind::Log => r,
-            ResidualKind::Root => r * beyond.max(1e-12).powf(1.0 / ROOT),
+            ResidualKind::Root => r * root(beyond.max(1e-12)),
         };
         self.decode(self.encode(s, epsilon) + scaled, epsilon).max(0.0)
     }
-}
 
-/// `y^2.4` as `y^2 (y^2)^0.2`; 0 stays 0.
-fn root_power(y: f32) -> f32 {
-    if y <= 1e-12 { 0.0 } else { y.powf(ROOT) }
+    /// [`ResidualKind::encode`] of many numbers, in place: the same bits, for the root curve in vectors.
+    #[inline]
+    pub fn encode_slice(self, values: &mut [f32], epsilon: f32) {
+        // A loop per kind: a choice within the loop would keep it from running in vectors.
+        match self {
+            ResidualKind::Additive => {}
+            ResidualKind::Log => values.iter_mut().for_each(|x| *x = ResidualKind::Log.encode(*x, epsilon)),
+            ResidualKind::Root => values.iter_mut().for_each(|x| *x = ResidualKind::Root.encode(*x, epsilon)),
+        }
+    }
+
+    /// [`ResidualKind::decode`] of many numbers and at least 0, in place: the same bits, for the root curve in
+    /// vectors.
+    #[inline]
+    pub fn decode_slice(self, values: &mut [f32], epsilon: f32) {
+        match self {
+            ResidualKind::Additive => values.iter_mut().for_each(|y| *y = y.max(0.0)),
+            ResidualKind::Log => values.iter_mut().for_each(|y| *y = ResidualKind::Log.decode(*y, epsilon).max(0.0)),
+            ResidualKind::Root => values.iter_mut().for_each(|y| *y = ResidualKind::Root.decode(*y, epsilon).max(0.0)),
+        }
+    }
 }
 
 /// Luma-chroma rows of the bases' colour frame, orthonormal: grey, red-blue, green-magenta.
@@ -222,8 +242,26 @@ mod tests {
                 assert!((back - x).abs() <= 1e-5 + 2e-5 * x, "{kind:?} {x} {back}");
             }
             for y in [-1e30f32, -5.0, 0.0, 1e3] {
-                assert!(kind.decode(y, 0.01).is_finite() || kind == ResidualKind::Root);
+                assert!(kind.decode(y, 0.01).is_finite());
             }
+        }
+    }
+
+    #[test]
+    fn slices_hold_the_same_bits_as_single_numbers() {
+        let values: Vec<f32> = (0..1003).map(|i| (i as f32 - 200.0) * 0.0137).collect();
+        for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
+            let (mut encoded, mut decoded) = (values.clone(), values.clone());
+            kind.encode_slice(&mut encoded, 0.01);
+            kind.decode_slice(&mut decoded, 0.01);
+            for (i, x) in values.iter().enumerate() {
+                assert_eq!(encoded[i].to_bits(), kind.encode(*x, 0.01).to_bits(), "{kind:?} {x}");
+                assert_eq!(decoded[i].to_bits(), kind.decode(*x, 0.01).max(0.0).to_bits(), "{kind:?} {x}");
+            }
+            // Planted difference: another epsilon.
+            let mut other = values.clone();
+            kind.decode_slice(&mut other, 0.02);
+            assert_eq!(other == decoded, kind == ResidualKind::Additive);
         }
     }
 

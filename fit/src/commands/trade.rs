@@ -35,18 +35,18 @@ pub(super) struct TradeArgs {
     /// Write trade.csv, trade.html and the plots into this folder
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Lobes per texel to try, as --lobes of fit; 0,1,2,4 if not given
+    /// Lobes per texel to try, as --lobes of fit; 0,2,8 if not given
     #[arg(long, value_name = "N,N", value_delimiter = ',')]
     lobes: Option<Vec<usize>>,
     /// What lobes are to the residual; both if not given
     #[arg(long, value_name = "ROLE,ROLE", value_delimiter = ',', value_enum)]
     roles: Option<Vec<RoleName>>,
-    /// Limits of components to try beside none, 0 to 128; 4,8,16,32 if not given
+    /// Limits of components to try beside none, 0 to 128; 4,16,32 if not given
     #[arg(long, value_name = "N,N", value_delimiter = ',')]
     components: Option<Vec<usize>>,
-    /// Steps of the quantisers per bit (a factor of two); 2 if not given
+    /// Steps of the quantisers per bit, that is per factor of two; 1 if not given
     #[arg(long, value_name = "N")]
-    steps_per_octave: Option<usize>,
+    steps_per_bit: Option<usize>,
     /// Largest asset to try; 64 bytes a texel and 200 kB if not given
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text)]
     most_bytes: Option<u64>,
@@ -62,7 +62,7 @@ pub(super) struct TradeArgs {
     /// Adapter to time on: part of its name, or none; the best one if not given. A software driver is told as such
     #[arg(long, value_name = "NAME")]
     gpu: Option<String>,
-    /// A coarse grid: lobes 0 and 2, steps of one bit, one limit of components
+    /// A coarse grid: lobes 0 and 2, one limit of components, half the pairs
     #[arg(long)]
     quick: bool,
     /// Most memory to use
@@ -197,7 +197,7 @@ fn params(args: &TradeArgs) -> TradeParams {
             Some(name) => GpuChoice::Named(name.to_string()),
         },
         components: args.components.clone().unwrap_or(base.components.clone()),
-        steps_per_octave: args.steps_per_octave.unwrap_or(base.steps_per_octave),
+        steps_per_bit: args.steps_per_bit.unwrap_or(base.steps_per_bit),
         most_bytes: args.most_bytes,
         pairs: args.pairs.unwrap_or(base.pairs),
         ..base

@@ -1,0 +1,140 @@
+//! Powers of non-negative numbers for the root curve, in single-precision additions, multiplications and one
+//! division: no branch and no table, so that a loop over them runs in vectors, and the same bits on every machine.
+//!
+//! `x^p = 2^(p log2 x)` with `x = 2^e m`, `m` in `[1/sqrt 2, sqrt 2)`. `p e` alone can be large; its whole part goes
+//! into the exponent of the result before the small rest is rounded, so that the error does not grow with `e`.
+//!
+//! The WGSL twin has the language's `pow`, which is less exact (WGSL allows `exp2(y * log2(x))`, whose relative error
+//! is a few 1e-6 between 1e-3 and 10): Rust and shaders agree within a tolerance, not bit for bit.
+
+/// Largest relative error of [`root`] and [`from_root`] where the result is a normal number.
+pub const POWER_RELATIVE_ERROR: f64 = 4e-7;
+
+/// `x^(1 / 2.4)`. Numbers below `f32::MIN_POSITIVE` and NaN give 0, infinity a finite number.
+#[inline(always)]
+pub fn root(x: f32) -> f32 {
+    power(x, ONE_OVER_ROOT)
+}
+
+/// `y^2.4`, the inverse of [`root`]; at most `2^127.5`, so always finite. Numbers below `f32::MIN_POSITIVE` and NaN
+/// give 0.
+#[inline(always)]
+pub fn from_root(y: f32) -> f32 {
+    power(y, ROOT)
+}
+
+/// An exponent and its two parts.
+#[derive(Clone, Copy)]
+struct Exponent {
+    whole: f32,
+    /// Its first 12 bits: times the exponent of a float it is exact.
+    head: f32,
+    tail: f32,
+}
+
+impl Exponent {
+    const fn new(exponent: f64) -> Exponent {
+        let head = f32::from_bits((exponent as f32).to_bits() & 0xffff_f000);
+        Exponent { whole: exponent as f32, head, tail: (exponent - head as f64) as f32 }
+    }
+}
+
+const ROOT: Exponent = Exponent::new(2.4);
+const ONE_OVER_ROOT: Exponent = Exponent::new(1.0 / 2.4);
+
+/// Bits of `1 / sqrt 2`, where the range of mantissas begins.
+const LEAST_MANTISSA: u32 = 0x3f35_04f3;
+/// `log2 m = s (L0 + L1 s^2 + L2 s^4 + L3 s^6)` with `s = (m - 1) / (m + 1)`: least largest relative error, 7e-10.
+const LOG: [f32; 4] = [2.885_390_1, 0.961_798_85, 0.576_713_6, 0.431_756_15];
+/// `2^f` for `f` in `[-0.5, 0.5]`: least largest relative error, 1.9e-9.
+const EXP: [f32; 7] = [1.0, 0.693_147_2, 0.240_226_47, 0.055_503_29, 0.009_618_489, 0.001_339_993_1, 0.000_153_458_12];
+/// Adding it to a number below 2^22 rounds that to a whole number, which then stands in the low bits.
+const ROUNDER: f32 = 12_582_912.0;
+
+#[inline(always)]
+fn power(x: f32, exponent: Exponent) -> f32 {
+    // As a comparison, which is one instruction: NaN becomes 0.
+    let x = if x > 0.0 { x } else { 0.0 };
+    let bits = x.to_bits();
+    let e = bits.wrapping_sub(LEAST_MANTISSA) as i32 >> 23;
+    let m = f32::from_bits(bits.wrapping_sub((e << 23) as u32));
+    let e = e as f32;
+    let s = (m - 1.0) / (m + 1.0);
+    let t = s * s;
+    let log2_m = s * (LOG[0] + t * (LOG[1] + t * (LOG[2] + t * LOG[3])));
+
+    let large = exponent.head * e;
+    let small = exponent.tail * e + exponent.whole * log2_m;
+    let power_of_2 = ((large + small) + ROUNDER) - ROUNDER;
+    let f = (large - power_of_2) + small;
+    let mantissa = EXP[0] + f * (EXP[1] + f * (EXP[2] + f * (EXP[3] + f * (EXP[4] + f * (EXP[5] + f * EXP[6])))));
+
+    // The exponent's bits: -127 makes the factor 0.
+    let power_of_2 = if power_of_2 > -127.0 { power_of_2 } else { -127.0 };
+    let power_of_2 = if power_of_2 < 127.0 { power_of_2 } else { 127.0 };
+    let factor = f32::from_bits((power_of_2 + (ROUNDER + 127.0)).to_bits() << 23);
+    let result = mantissa * factor;
+    if x < f32::MIN_POSITIVE { 0.0 } else { result }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Largest relative error of `power` against double precision over the normal floats: every 977th (a prime, so
+    /// that all mantissas are met) whose exact power is a normal number too.
+    fn largest_error(power: impl Fn(f32) -> f32, exponent: f64) -> f64 {
+        let mut largest = 0.0f64;
+        for bits in (f32::MIN_POSITIVE.to_bits()..f32::INFINITY.to_bits()).step_by(977) {
+            let x = f32::from_bits(bits);
+            let exact = f64::from(x).powf(exponent);
+            if (f64::from(f32::MIN_POSITIVE)..2f64.powf(127.4)).contains(&exact) {
+                largest = largest.max((f64::from(power(x)) / exact - 1.0).abs());
+            }
+        }
+        largest
+    }
+
+    #[test]
+    fn the_stated_error_holds_from_the_smallest_to_the_largest_number() {
+        let errors = [largest_error(root, 1.0 / 2.4), largest_error(from_root, 2.4)];
+        assert!(errors.iter().all(|error| *error <= POWER_RELATIVE_ERROR), "{errors:?}");
+        // Planted differences: an error twice as large, and another exponent.
+        assert!(largest_error(|x| root(x) * (1.0 + 8e-7), 1.0 / 2.4) > POWER_RELATIVE_ERROR);
+        assert!(largest_error(root, 1.0 / 2.400_001) > POWER_RELATIVE_ERROR);
+    }
+
+    #[test]
+    fn the_extremes_are_finite_and_nothing_stays_nothing() {
+        for power in [root, from_root] {
+            assert_eq!(power(1.0), 1.0);
+            for x in [0.0, -0.0, -1.0, f32::NEG_INFINITY, f32::NAN, 1e-40] {
+                assert_eq!(power(x).to_bits(), 0, "{x}");
+            }
+            for x in [f32::MIN_POSITIVE, 1e-30, 1e30, f32::MAX, f32::INFINITY] {
+                assert!(power(x).is_finite() && power(x) >= 0.0, "{x}: {}", power(x));
+            }
+        }
+        assert!(from_root(f32::MAX) > 1e38 && from_root(1e-30) == 0.0);
+    }
+
+    #[test]
+    fn the_bits_are_those_of_every_other_machine() {
+        // Recorded once; single-precision arithmetic leaves no room.
+        let sum = |power: fn(f32) -> f32| {
+            (1..100_000u32).fold(0u32, |sum, i| sum.wrapping_mul(31).wrapping_add(power(i as f32 * 1e-4).to_bits()))
+        };
+        assert_eq!([sum(root), sum(from_root)], [1_257_431_709, 3_252_121_067]);
+    }
+
+    #[test]
+    fn a_loop_over_neighbours_rises() {
+        // Steps of the pieces do not go down by more than the error.
+        for i in 1..200_000u32 {
+            let x = 0.4 + i as f32 * 1e-5;
+            for power in [root, from_root] {
+                assert!(power(x.next_up()) >= power(x) * (1.0 - 2.0 * POWER_RELATIVE_ERROR as f32));
+            }
+        }
+    }
+}
