@@ -132,7 +132,7 @@ fn a_trade_has_its_table_page_and_plots_and_the_asset_of_a_row_is_what_fit_makes
     );
 
     // `fit --bytes` and `fit --psnr` reach the row of that size and of that PSNR: one code makes all three. Without
-    // lobes the sizes differ by the description's length alone.
+    // lobes the sizes differ by the description and by what is between two steps alone.
     let row = whole[whole.len() / 2];
     let fit = |goal: &str| {
         let arguments =
@@ -146,7 +146,7 @@ fn a_trade_has_its_table_page_and_plots_and_the_asset_of_a_row_is_what_fit_makes
     let psnr = all_psnr(row).unwrap_or(number(row, "psnr_db") - 0.2);
     assert!(number(&fitted, "psnr_db") > psnr - 0.1, "{fitted} against {row}");
     let fitted = fit(&format!("--psnr={:.2}", psnr - 0.2));
-    assert!(number(&fitted, "bytes") < number(row, "bytes") + 200.0, "{fitted} against {row}");
+    assert!(number(&fitted, "bytes") < 1.1 * number(row, "bytes"), "{fitted} against {row}");
 
     // Figures but times do not depend on threads.
     let again = btf_fit(&[&arguments[..], &["--threads", "1"]].concat(), here);
