@@ -26,6 +26,9 @@ const MOST_BATCH: usize = 64;
 pub struct MeasureParams {
     /// Layer of the asset.
     pub layer: usize,
+    /// Colour differences are taken of pairs whose index is a multiple of this; `None`: of
+    /// [`colour_pair_stride`]; 0: of none.
+    pub colour_stride: Option<usize>,
     /// Components, lobes and, for directions that the asset has not measured, the interpolation rule.
     pub options: DecodeOptions,
     /// The pairs to measure (`view * lights + light`, ascending); `None` for all.
@@ -39,6 +42,7 @@ impl Default for MeasureParams {
     fn default() -> MeasureParams {
         MeasureParams {
             layer: 0,
+            colour_stride: None,
             options: DecodeOptions { interpolation: Interpolation::Exact, ..DecodeOptions::default() },
             pairs: None,
             memory_bytes: 4_000_000_000,
@@ -227,7 +231,7 @@ pub(crate) fn measure_decoder(
     let light_spots = Spot::of_set(&layer.lights, &info.lights, info.side);
     let coding = Coding::new(info);
     let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
-    let stride = colour_pair_stride(info.views.len(), lights);
+    let stride = params.colour_stride.unwrap_or_else(|| colour_pair_stride(info.views.len(), lights));
 
     let mut tile_errors = vec![TileErrors::default(); decoder.tiles().len()];
     let mut pair_code_error = vec![0; info.pair_count()];
@@ -247,7 +251,7 @@ pub(crate) fn measure_decoder(
                     Pixels::Linear(values) => turn_image(values, info.width, info.side),
                 }
                 let image = TiledImage::new(&pixels, decoder.tiles());
-                Ok(PairWork { light, plan, image, colour: pair % stride == 0 })
+                Ok(PairWork { light, plan, image, colour: stride > 0 && pair % stride == 0 })
             })
             .collect::<Result<_, FitError>>()?;
         let errors: Vec<Vec<u64>> = tile_errors

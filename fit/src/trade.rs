@@ -182,7 +182,7 @@ pub struct TradePoint {
     pub bytes: usize,
     /// Bytes in the decoder's memory.
     pub resident_bytes: usize,
-    /// Error on the share of pairs. Measured directions are decoded alike by both rules.
+    /// Error on the share of pairs, the colour difference on at most eight of them. Measured directions are decoded alike by both rules.
     #[serde(flatten)]
     pub metrics: Metrics,
     /// `psnr_db` at directions that the asset has to interpolate ([`Trade::between`] says which); `None` where that

@@ -28,6 +28,8 @@ const LEAST_BITS: f64 = 1.0;
 const MOST_BITS: f64 = 16.0;
 /// A step that gains less than this many dB over the one before ends the sweep: the components are used up.
 const LEAST_GAIN_DB: f64 = 0.05;
+/// Pairs that a point's colour difference is taken over at most: it costs more than all else that is measured.
+const COLOUR_PAIRS: usize = 8;
 /// Without a limit: bytes per texel, and beside them, of the largest asset.
 const MOST_BYTES_PER_TEXEL: usize = 64;
 const MOST_BYTES_BESIDE: usize = 200_000;
@@ -298,7 +300,10 @@ impl Grid<'_> {
     /// Error on the share of pairs.
     fn metrics(&self, made: &Made, components: u32, precision: Precision) -> Result<Metrics, FitError> {
         let options = DecodeOptions { components, ..MeasureParams::default().options };
-        let measuring = MeasureParams { pairs: Some(self.strided.clone()), ..MeasureParams::default() };
+        // The pairs are multiples of the step between them.
+        let step = self.strided.get(1).copied().unwrap_or(1);
+        let colour_stride = Some(step * self.strided.len().div_ceil(COLOUR_PAIRS));
+        let measuring = MeasureParams { pairs: Some(self.strided.clone()), colour_stride, ..MeasureParams::default() };
         let decoder = decoder(&made.asset, &made.resident, &made.singles, &options, precision);
         let read = |view, light| self.held.get(view, light);
         let quiet = Monitor::default();
@@ -319,7 +324,8 @@ impl Grid<'_> {
             _ => return Ok(None),
         };
         let decoder = decoder(asset, resident, singles, options, precision);
-        let measuring = MeasureParams { pairs: Some(between.pairs.clone()), ..MeasureParams::default() };
+        let measuring =
+            MeasureParams { pairs: Some(between.pairs.clone()), colour_stride: Some(0), ..MeasureParams::default() };
         let read = |view, light| between.images.get(view, light);
         let quiet = Monitor::default();
         Ok(Some(measure_decoder(between.info, &read, asset, &decoder, &measuring, &quiet)?.metrics().psnr_db))

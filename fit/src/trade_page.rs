@@ -360,7 +360,7 @@ pub fn trade_html(trade: &Trade) -> String {
                 section {
                     h2 { "How it was measured" }
                     ul {
-                        li { "Plots and the CSV's columns without " code { "all_" } ": " (trade.pairs) " of " (trade.capture_pairs) " pairs, evenly over all views and lights; all texels." }
+                        li { "Plots and the CSV's columns without " code { "all_" } ": " (trade.pairs) " of " (trade.capture_pairs) " pairs, evenly over all views and lights; all texels; the colour difference over at most eight of them. The table's are over all pairs." }
                         li { "CPU ns: the resident decoder on one thread at " (trade.timing[0]) " random texels and directions, the same for all settings; the least of " (trade.timing[1]) " passes after one that is not counted. They depend on the machine: read them as ratios." }
                         li { "GPU: " (trade.gpu) "." }
                         li { "PSNR between: " (trade.between) "." }
