@@ -28,6 +28,9 @@ const MOST_BATCH: usize = 64;
 pub struct MeasureParams {
     /// Layer of the asset.
     pub layer: usize,
+    /// Colour differences are taken of pairs whose index is a multiple of this; `None`: of
+    /// [`colour_pair_stride`]; 0: of none.
+    pub colour_stride: Option<usize>,
     /// Components, lobes and, for directions that the asset has not measured, the interpolation rule.
     pub options: DecodeOptions,
     /// The pairs to measure (`view * lights + light`, ascending); `None` for all.
@@ -41,6 +44,7 @@ impl Default for MeasureParams {
     fn default() -> MeasureParams {
         MeasureParams {
             layer: 0,
+            colour_stride: None,
             options: DecodeOptions { interpolation: Interpolation::Exact, ..DecodeOptions::default() },
             pairs: None,
             memory_bytes: 4_000_000_000,
@@ -205,6 +209,19 @@ pub fn measure_images(
     params: &MeasureParams,
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
+    let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
+    measure_decoder(info, read, asset, &decoder, params, monitor)
+}
+
+/// The same with a decoder of layer `params.layer` of `asset`, whose options count instead of `params.options`.
+pub(crate) fn measure_decoder(
+    info: &CaptureInfo,
+    read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
+    asset: &Asset,
+    decoder: &ImageDecoder,
+    params: &MeasureParams,
+    monitor: &Monitor,
+) -> Result<Comparison, FitError> {
     if (info.width, info.height) != (asset.width, asset.height) {
         return Err(FitError::Params(format!(
             "the capture {} has {} x {} texels and the asset {} x {}; compare an asset with the capture that it was fitted from",
@@ -215,11 +232,10 @@ pub fn measure_images(
     let (texels, lights) = (info.texel_count(), info.lights.len());
     let view_spots = Spot::of_set(&layer.views, &info.views, info.side);
     let light_spots = Spot::of_set(&layer.lights, &info.lights, info.side);
-    let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
     let coding = Coding::new(info);
     let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
-    let stride = colour_pair_stride(info.views.len(), lights);
-    let texel_stride = (texels * pairs.len().div_ceil(stride) / COLOURS).max(1);
+    let stride = params.colour_stride.unwrap_or_else(|| colour_pair_stride(info.views.len(), lights));
+    let texel_stride = (texels * pairs.len().div_ceil(stride.max(1)) / COLOURS).max(1);
 
     let mut tile_errors = vec![TileErrors::default(); decoder.tiles().len()];
     let mut pair_code_error = vec![0; info.pair_count()];
@@ -239,13 +255,14 @@ pub fn measure_images(
                     Pixels::Linear(values) => turn_image(values, info.width, info.side),
                 }
                 let image = TiledImage::new(&pixels, decoder.tiles());
-                Ok(PairWork { light, plan, image, colour_every: (pair % stride == 0).then_some(texel_stride) })
+                let colour_every = (stride > 0 && pair % stride == 0).then_some(texel_stride);
+                Ok(PairWork { light, plan, image, colour_every })
             })
             .collect::<Result<_, FitError>>()?;
         let errors: Vec<Vec<u64>> = tile_errors
             .par_iter_mut()
             .enumerate()
-            .map(|(number, errors)| errors.take(&decoder, number, &coding, &work))
+            .map(|(number, errors)| errors.take(decoder, number, &coding, &work))
             .collect();
         for errors in errors {
             for (pair, error) in batch_pairs.iter().zip(errors) {

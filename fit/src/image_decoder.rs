@@ -9,7 +9,7 @@ use crate::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb,
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
     Asset, DecodeOptions, HORIZON_COS, Interpolation, Layer, LobeRole, LobeSetup, Neighbours, RATIO_EPSILON,
-    RATIO_RANGE, Resident, ResidualKind, Sphere, block, root,
+    RATIO_RANGE, Resident, ResidualKind, SingleBases, Sphere, block, root,
 };
 use half::f16;
 use pulp::{Arch, Simd, WithSimd};
@@ -56,6 +56,8 @@ pub struct ImageDecoder<'a> {
     basis_at: usize,
     /// Words per pair and channel in the resident form.
     channel_words: usize,
+    /// The same bases in single precision, if those are to be used.
+    singles: Option<&'a [f32]>,
     /// Words per pair and channel that the options use; 0 without residual.
     used_words: usize,
     interpolation: Interpolation,
@@ -106,12 +108,19 @@ impl<'a> ImageDecoder<'a> {
             words,
             basis_at: words[base + block::BASIS] as usize,
             channel_words: words[base + block::CHANNEL_WORDS] as usize,
+            singles: None,
             used_words: bases.div_ceil(2),
             interpolation: options.interpolation,
             setups,
             first_lobe,
             tiles: texel_tiles(source, bases, options.lobes as usize),
         }
+    }
+
+    /// The same decoder with layer `layer` of `bases`, which must be of the same asset, in place of the resident
+    /// form's halves.
+    pub fn with_single_bases(self, bases: &'a SingleBases, layer: usize) -> ImageDecoder<'a> {
+        ImageDecoder { singles: Some(bases.layer(layer)), ..self }
     }
 
     /// All texels of the layer, each once.
@@ -260,10 +269,14 @@ impl<'a> ImageDecoder<'a> {
         let pairs = layer.views.len() * layer.lights.len();
         let mut rows = Vec::with_capacity(self.first_lobe.len() * self.used_words);
         for cluster in 0..self.first_lobe.len() {
-            let at = self.basis_at + (cluster * pairs + pair) * 3 * self.channel_words;
+            let at = (cluster * pairs + pair) * 3 * self.channel_words;
             rows.extend((0..self.used_words).map(|word| {
                 [0, 1, 2].map(|channel| {
-                    let halves = self.words[at + channel * self.channel_words + word];
+                    let at = at + channel * self.channel_words + word;
+                    if let Some(singles) = self.singles {
+                        return [singles[2 * at], singles[2 * at + 1]];
+                    }
+                    let halves = self.words[self.basis_at + at];
                     [halves as u16, (halves >> 16) as u16].map(|bits| f16::from_bits(bits).to_f32())
                 })
             }));

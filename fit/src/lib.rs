@@ -5,6 +5,7 @@
 //!         --> lobes and weights per texel --> factored residual --fit--> Asset
 //! Capture + Asset --measure--> Comparison --> Metrics, error maps, report
 //! Asset --expand--> capture folder
+//! Capture --trade--> bytes, error and time over a grid of settings
 //! ```
 //!
 //! [`fit_and_measure`] is the whole job. Every stage reads linear reflectance x cosine; 8-bit values
@@ -24,11 +25,13 @@ mod describe;
 mod dictionary;
 mod encode;
 mod error;
+mod evaluation_time;
 mod expand;
 mod factor;
 mod fitted;
 mod forecast;
 mod frame;
+mod gpu_clock;
 mod heatmap;
 mod holdout;
 mod image_decoder;
@@ -40,6 +43,7 @@ mod memory;
 mod metrics;
 mod monitor;
 mod params;
+mod pareto;
 mod pipeline;
 mod plot;
 mod project;
@@ -50,7 +54,11 @@ mod sample_asset;
 mod sparse;
 mod stored;
 mod texel_tiles;
+mod thinned_grid;
 mod tile_errors;
+mod trade;
+mod trade_grid;
+mod trade_page;
 
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};
@@ -68,6 +76,7 @@ pub use expand::{ExpandParams, expand, expand_info};
 pub use fitted::{Fitted, fit_and_measure};
 pub use forecast::{Forecast, Left};
 pub use frame::{capture_directions, layer_directions};
+pub use gpu_clock::GpuChoice;
 pub use heatmap::{Raster, scale_top, viridis, write_heatmaps};
 pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot};
 pub use kmeans::{Clustering, kmeans};
@@ -77,6 +86,9 @@ pub use memory::peak_memory_bytes;
 pub use metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 pub use monitor::{Monitor, Stage};
 pub use params::{ErrorMeasure, FitOutcome, FitParams, KMeansEngine, LobeFigures};
+pub use pareto::{CostAndGain, pareto_front};
 pub use pipeline::{MATERIAL_RESERVE, fit};
 pub use report::{ReportInput, ReportLayer, report_html};
 pub use texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb};
+pub use trade::{Limit, Precision, Role, Rule, Trade, TradeParams, TradePoint, trade};
+pub use trade_page::{trade_csv, trade_html, trade_plots};

@@ -126,19 +126,9 @@ fn prepare_and_encode(
     checkpoint: &Checkpoint,
     monitor: &Monitor,
 ) -> Result<Encoded, FitError> {
-    let budget = params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE));
-    let mut prepared = Vec::new();
-    let mut left_out = Vec::new();
-    let mut lobes = LobeFigures::default();
-    for (number, capture) in captures.iter().enumerate() {
-        let (sample, left) = plan_memory(capture.info(), params, captures.len() - 1)?;
-        let stages = checkpoint.layer(number, sample);
-        let (layer, figures, held_back) = prepare_layer(capture, params, sample, left, &stages, monitor)?;
-        if number == 0 {
-            (left_out, lobes) = (held_back, figures);
-        }
-        prepared.push(layer);
-    }
+    let PreparedFit { layers: prepared, lobes, left_out, .. } =
+        PreparedFit::prepare_from(captures, params, checkpoint, monitor)?;
+    let budget = byte_budget(params);
     let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
         (Some(bytes), _) => within_budget(&prepared, bytes, grid, params, monitor),
         (None, Some(db)) => within_error(captures, &prepared, db, grid, params, monitor),
@@ -148,6 +138,74 @@ fn prepare_and_encode(
         }
     })?;
     Ok(Encoded { bytes: pack(&asset)?, lobes, left_out })
+}
+
+/// A fit up to the choice of its step: what `fit` searches in and `trade` sweeps over.
+pub struct PreparedFit {
+    layers: Vec<Prepared>,
+    /// Texels per row, rows.
+    grid: [usize; 2],
+    params: FitParams,
+    lobes: LobeFigures,
+    left_out: Vec<usize>,
+}
+
+impl PreparedFit {
+    /// Every stage but the last. Memory: at most `params.memory_bytes`; four bytes per texel and shared basis stay.
+    ///
+    /// # Errors
+    /// As [`fit`], without those about a budget.
+    pub fn prepare(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<PreparedFit, FitError> {
+        PreparedFit::prepare_from(captures, params, &Checkpoint::open(captures, params, monitor)?, monitor)
+    }
+
+    /// The same, with the stages that `checkpoint` keeps.
+    pub(crate) fn prepare_from(
+        captures: &[Capture],
+        params: &FitParams,
+        checkpoint: &Checkpoint,
+        monitor: &Monitor,
+    ) -> Result<PreparedFit, FitError> {
+        params.check()?;
+        let Some(first) = captures.first() else {
+            return Err(FitError::Params("give at least one capture".to_string()));
+        };
+        check_layers(captures)?;
+        let grid = [first.info().width, first.info().height];
+        let mut prepared = PreparedFit {
+            layers: Vec::new(),
+            grid,
+            params: params.clone(),
+            lobes: LobeFigures::default(),
+            left_out: Vec::new(),
+        };
+        for (number, capture) in captures.iter().enumerate() {
+            let (sample, left) = plan_memory(capture.info(), params, captures.len() - 1)?;
+            let stages = checkpoint.layer(number, sample);
+            let (layer, figures, held_back) = prepare_layer(capture, params, sample, left, &stages, monitor)?;
+            if number == 0 {
+                (prepared.left_out, prepared.lobes) = (held_back, figures);
+            }
+            prepared.layers.push(layer);
+        }
+        Ok(prepared)
+    }
+
+    /// The asset, without description, whose residuals are quantised with `step` and have at most `components`.
+    pub fn asset(&self, step: f64, components: usize) -> Asset {
+        let params = FitParams { components: Some(components), ..self.params.clone() };
+        assemble(&self.layers, step, self.grid, &params).asset
+    }
+
+    /// The size of the greatest coefficient: steps are told relative to it.
+    pub fn greatest_coefficient(&self) -> f64 {
+        greatest_coefficient(&self.layers)
+    }
+}
+
+/// What `--bytes` leaves for everything but the description.
+fn byte_budget(params: &FitParams) -> Option<usize> {
+    params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE))
 }
 
 /// Captures that become layers of one asset have one texel grid and differ in their sides.
@@ -356,8 +414,8 @@ fn within_budget(
     })
 }
 
-/// The smallest asset whose measured `psnr_db` over all layers is at least `db`: the prediction is corrected by what
-/// it turned out to give.
+/// The smallest asset whose measured `psnr_db` over all layers is at least `db`: the first step is the one that is
+/// predicted to give it, the others follow from what was measured.
 fn within_error(
     captures: &[Capture],
     layers: &[Prepared],
@@ -368,20 +426,21 @@ fn within_error(
 ) -> Result<Asset, FitError> {
     let samples: f64 = captures.iter().map(|c| (c.info().texel_count() * c.info().pair_count() * 3) as f64).sum();
     let greatest = greatest_coefficient(layers);
-    let mut target = error_for_psnr(db) * samples;
+    let (mut exponent, first) =
+        coarsest_within_error(layers, error_for_psnr(db) * samples, greatest, grid, params, monitor)?;
+    let mut first = Some(first.asset);
     let mut found: Option<(usize, Asset)> = None;
     let mut reached = 0.0f64;
-    // Logarithms of targets with what they gave, nearest to the goal from either side.
+    // log2 of steps with what they gave, nearest to the goal from either side.
     let mut above: Option<(f64, f64)> = None;
     let mut below: Option<(f64, f64)> = None;
     let mut side = None;
     for round in 0..PSNR_ROUNDS {
         monitor.report("encode", round, PSNR_ROUNDS)?;
-        let candidate = coarsest_within_error(layers, target, greatest, grid, params, monitor)?;
-        let bytes = pack(&candidate.asset)?.len();
-        let last_resort = candidate.error > target;
-        let resident =
-            Resident::from_asset_with(&candidate.asset, |n, expand| (0..n).into_par_iter().map(expand).collect());
+        let asset = first.take().unwrap_or_else(|| assemble(layers, greatest * exponent.exp2(), grid, params).asset);
+        let bytes = pack(&asset)?.len();
+        let last_resort = exponent <= FINEST_EXPONENT;
+        let resident = Resident::from_asset_with(&asset, |n, expand| (0..n).into_par_iter().map(expand).collect());
         let mut errors = (0.0, 0.0);
         for capture in captures {
             let info = capture.info();
@@ -391,36 +450,37 @@ fn within_error(
                 memory_bytes: params.memory_bytes / 8,
                 ..MeasureParams::default()
             };
-            let metrics = measure(capture, &candidate.asset, &resident, &measure_params, monitor)?.metrics();
+            let metrics = measure(capture, &asset, &resident, &measure_params, monitor)?.metrics();
             let weight = (info.texel_count() * info.pair_count()) as f64;
             errors = (errors.0 + weight * 10f64.powf(-metrics.psnr_db / 10.0), errors.1 + weight);
         }
         let measured = -10.0 * (errors.0 / errors.1).log10();
         reached = reached.max(measured);
         if measured >= db + PSNR_MARGIN_DB && found.as_ref().is_none_or(|(least, _)| bytes < *least) {
-            found = Some((bytes, candidate.asset));
+            found = Some((bytes, asset));
         }
         if (measured < db && last_resort) || (measured >= db && measured <= db + 6.0 * PSNR_MARGIN_DB) {
             break;
         }
-        // A little above the goal on the line between what was too much and what was too little; else as if error
-        // were what it was predicted to be. (Near the rounding of 8-bit captures it falls much faster.)
-        let point = (target.log10(), measured);
+        // A little above the goal on the line between what was too much and what was too little; else as if halving
+        // the step halved the error. (Near the rounding of 8-bit captures it falls much faster.)
+        let point = (exponent, measured);
         if measured > db {
             above = Some(point)
         } else {
             below = Some(point)
         }
         let goal = db + 3.0 * PSNR_MARGIN_DB;
-        target = 10f64.powf(match (above, below) {
+        let next = match (above, below) {
             (Some(above), Some(below)) if above.1 > below.1 && goal > below.1 => {
                 let along = ((goal - below.1) / (above.1 - below.1)).clamp(0.05, 0.95);
                 // Twice on one side: the line misleads.
                 let along = if side == Some(measured > db) { 0.5 } else { along };
                 below.0 + along * (above.0 - below.0)
             }
-            _ => point.0 + (measured - goal) / 10.0,
-        });
+            _ => point.0 + ((measured - goal) / (20.0 * 2f64.log10())).clamp(-4.0, 4.0),
+        };
+        exponent = next.clamp(FINEST_EXPONENT, COARSEST_EXPONENT);
         side = Some(measured > db);
     }
     found.map(|(_, asset)| asset).ok_or_else(|| {
@@ -430,7 +490,12 @@ fn within_error(
     })
 }
 
-/// The asset of the coarsest step whose predicted error is at most `target`; that of the finest step where none is.
+/// log2 of the finest and of the coarsest step, relative to the greatest coefficient, that a PSNR is looked for with.
+const FINEST_EXPONENT: f64 = -16.0;
+const COARSEST_EXPONENT: f64 = 2.0;
+
+/// log2 of the coarsest step, relative to `greatest`, whose predicted error is at most `target`, and its asset; the
+/// finest step where none is.
 fn coarsest_within_error(
     layers: &[Prepared],
     target: f64,
@@ -438,8 +503,8 @@ fn coarsest_within_error(
     grid: [usize; 2],
     params: &FitParams,
     monitor: &Monitor,
-) -> Result<Assembled, FitError> {
-    let mut exponents = [-16.0f64, 2.0];
+) -> Result<(f64, Assembled), FitError> {
+    let mut exponents = [FINEST_EXPONENT, COARSEST_EXPONENT];
     let mut best = None;
     for _ in 0..8 {
         monitor.check()?;
@@ -452,7 +517,8 @@ fn coarsest_within_error(
             exponents[1] = middle;
         }
     }
-    Ok(best.unwrap_or_else(|| assemble(layers, greatest * exponents[0].exp2(), grid, params)))
+    let best = best.unwrap_or_else(|| assemble(layers, greatest * exponents[0].exp2(), grid, params));
+    Ok((exponents[0], best))
 }
 
 /// Mean squared error in the root domain at which `psnr_db` is `db`: the 8-bit code is about

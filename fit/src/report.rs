@@ -153,7 +153,8 @@ pub fn report_html(input: &ReportInput, monitor: &Monitor) -> Result<String, Fit
     Ok(page.into_string())
 }
 
-const STYLE: &str = "
+/// The pages' style sheet.
+pub(crate) const STYLE: &str = "
 :root { color-scheme: light; }
 body { font: 15px/1.5 system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif; color: #1d2327; background: #f5f6f7; margin: 0 auto; max-width: 1200px; padding: 24px; }
 h1 { font-size: 30px; margin: 0; } h2 { font-size: 19px; margin: 0 0 12px; } header p { margin: 4px 0 20px; color: #5a646b; }
@@ -170,11 +171,11 @@ table { border-collapse: collapse; font-size: 14px; } td, th { text-align: left;
 footer { color: #68727a; font-size: 13px; }
 ";
 
-fn tile(label: &str, value: &str, note: &str) -> Markup {
+pub(crate) fn tile(label: &str, value: &str, note: &str) -> Markup {
     html! { div.tile { span { (label) } b { (value) } span { (note) } } }
 }
 
-fn decibel_text(db: f64) -> String {
+pub(crate) fn decibel_text(db: f64) -> String {
     if db.is_finite() { format!("{db:.2}") } else { "∞".into() }
 }
 

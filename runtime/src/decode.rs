@@ -5,6 +5,7 @@ use crate::lobe::{LobeSetup, RESIDENT_WORDS};
 use crate::quantize::{coefficient_from_byte, half_at, weight_from_byte};
 use crate::resident::{ASSET_LAYERS, Resident, block};
 use crate::residual::{ResidualKind, core_at_pair};
+use crate::single::SingleBases;
 use crate::sphere::{direction, locate};
 
 /// How the residual is carried from the measured directions to others.
@@ -106,18 +107,40 @@ impl<'a> Texel<'a> {
     }
 
     /// Residual at `pairs`, RGB each, added into `out`.
-    fn residual(&self, pairs: &[usize; 9], out: &mut [[f32; 3]; 9]) {
+    fn residual(&self, bases: &impl Bases, pairs: &[usize; 9], out: &mut [[f32; 3]; 9]) {
         let channel_words = self.field(block::CHANNEL_WORDS);
-        let cluster_at = self.field(block::BASIS) + self.cluster * self.field(block::PAIRS) * 3 * channel_words;
+        let cluster_at = self.cluster * self.field(block::PAIRS) * 3 * channel_words;
         for word in 0..self.bases.div_ceil(2) {
             let (even, odd) = (self.basis_weight(2 * word), self.basis_weight(2 * word + 1));
             for (pair, out) in pairs.iter().zip(out.iter_mut()) {
                 for (c, out) in out.iter_mut().enumerate() {
-                    let halves = self.words[cluster_at + (pair * 3 + c) * channel_words + word];
-                    *out += even * half_at(halves, 0) + odd * half_at(halves, 1);
+                    let two = bases.two_at(cluster_at + (pair * 3 + c) * channel_words + word);
+                    *out += even * two[0] + odd * two[1];
                 }
             }
         }
+    }
+}
+
+/// Where a layer's expanded bases are read from, two at a time.
+trait Bases {
+    fn two_at(&self, index: usize) -> [f32; 2];
+}
+
+struct Halves<'a>(&'a [u32]);
+
+impl Bases for Halves<'_> {
+    fn two_at(&self, index: usize) -> [f32; 2] {
+        let halves = self.0[index];
+        [half_at(halves, 0), half_at(halves, 1)]
+    }
+}
+
+struct Singles<'a>(&'a [f32]);
+
+impl Bases for Singles<'_> {
+    fn two_at(&self, index: usize) -> [f32; 2] {
+        [self.0[2 * index], self.0[2 * index + 1]]
     }
 }
 
@@ -134,6 +157,26 @@ pub fn decode(
     options: &DecodeOptions,
 ) -> [f32; 3] {
     let t = Texel::new(resident, layer, texel, options);
+    let bases = Halves(&t.words[t.field(block::BASIS)..]);
+    decode_texel(&t, &bases, wi, wo, options)
+}
+
+/// The same with bases in single precision: twice the memory for the resident form's largest part.
+/// `bases` must be of the same asset.
+pub fn decode_single(
+    resident: &Resident,
+    bases: &SingleBases,
+    layer: u32,
+    texel: u32,
+    wi: [f32; 3],
+    wo: [f32; 3],
+    options: &DecodeOptions,
+) -> [f32; 3] {
+    let t = Texel::new(resident, layer, texel, options);
+    decode_texel(&t, &Singles(bases.layer(layer as usize)), wi, wo, options)
+}
+
+fn decode_texel(t: &Texel, bases: &impl Bases, wi: [f32; 3], wo: [f32; 3], options: &DecodeOptions) -> [f32; 3] {
     let words = t.words;
     let wi = [wi[0], wi[1], if t.field(block::LIGHT_SIDE) == 1 { -wi[2] } else { wi[2] }];
     let wo = [wo[0], wo[1], if t.field(block::VIEW_SIDE) == 1 { -wo[2] } else { wo[2] }];
@@ -158,7 +201,7 @@ pub fn decode(
         }
     }
     let mut residual = [[0.0; 3]; 9];
-    t.residual(&pairs, &mut residual);
+    t.residual(bases, &pairs, &mut residual);
     let kind = ResidualKind::from_number(t.field(block::RESIDUAL_KIND) as u32).unwrap_or(ResidualKind::Additive);
     let epsilon = f(words, t.layer + block::EPSILON);
     // Lobes that only guide are not part of the value.

@@ -27,6 +27,7 @@ mod power;
 mod quantize;
 mod resident;
 mod residual;
+mod single;
 mod sphere;
 #[doc(hidden)]
 pub mod testing;
@@ -36,7 +37,7 @@ mod wgsl;
 pub use asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
 pub use decode::{
     DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE, decode, decode_from_file_form, decode_measured,
-    lobe_sum_at_pairs, lobe_tables,
+    decode_single, lobe_sum_at_pairs, lobe_tables,
 };
 pub use entropy::plane_bytes;
 pub use error::FormatError;
@@ -53,6 +54,7 @@ pub use residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases, core_at_pair,
     expand_core,
 };
+pub use single::SingleBases;
 pub use sphere::{
     DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS,
 };

@@ -206,17 +206,22 @@ where
     }
 }
 
-/// One cluster's bases as halves `[pair, channel, basis]`, bases padded to an even count; the step of
-/// a component's codes is multiplied in.
-fn expand_cluster(residual: &Residual, cluster: usize) -> Vec<u32> {
-    let bases: Vec<Vec<f32>> = (0..residual.bases.len())
+/// One cluster's bases, `[basis][view, light, rgb]`; the step of a component's codes is multiplied in.
+pub(crate) fn expand_bases(residual: &Residual, cluster: usize) -> Vec<Vec<f32>> {
+    (0..residual.bases.len())
         .map(|index| {
             let step = if index == 0 { 1.0 } else { residual.coefficients[index - 1].step };
             let mut expanded = expand_core(&residual.factors, &residual.core(index, cluster));
-            expanded.iter_mut().for_each(|x| *x = (*x * step).clamp(-MAX_HALF, MAX_HALF));
+            expanded.iter_mut().for_each(|x| *x *= step);
             expanded
         })
-        .collect();
+        .collect()
+}
+
+/// One cluster's bases as halves `[pair, channel, basis]`, bases padded to an even count.
+fn expand_cluster(residual: &Residual, cluster: usize) -> Vec<u32> {
+    let mut bases = expand_bases(residual, cluster);
+    bases.iter_mut().flatten().for_each(|x| *x = x.clamp(-MAX_HALF, MAX_HALF));
     let entries = residual.factors.shape[0] * residual.factors.shape[1] * 3;
     let mut words = Vec::with_capacity(entries * bases.len().div_ceil(2));
     for entry in 0..entries {

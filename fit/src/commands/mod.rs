@@ -6,6 +6,7 @@ mod fit;
 mod info;
 mod output;
 mod progress;
+mod trade;
 mod validate;
 
 use btf_capture::CaptureError;
@@ -30,6 +31,7 @@ enum Command {
     Compare(compare::CompareArgs),
     Info(info::InfoArgs),
     Validate(validate::ValidateArgs),
+    Trade(trade::TradeArgs),
 }
 
 /// Options of every subcommand.
@@ -138,6 +140,7 @@ pub(crate) fn run(cli: Cli) -> Exit {
         Command::Compare(args) => compare::run(args, &cli.shared),
         Command::Info(args) => info::run(args),
         Command::Validate(args) => validate::run(args, &cli.shared),
+        Command::Trade(args) => trade::run(args, &cli.shared),
     };
     match result {
         Ok(()) => Exit::Success,
