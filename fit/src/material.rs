@@ -127,7 +127,7 @@ impl FitRecord {
 }
 
 /// Most bytes of a name and of a provenance that are kept: the room for the description is reserved
-/// before it is known (see [`crate::MATERIAL_RESERVE`]).
+/// before its figures are known.
 const MOST_NAME: usize = 100;
 const MOST_PROVENANCE: usize = 300;
 
@@ -286,8 +286,10 @@ mod tests {
             delta_e00_mean: Some(1.234_567_89e-5),
         };
         let material = Material::new(&[&long, &long, &long, &long], FitRecord::new(&params, 64));
+        let before = material.to_json().len();
         let text = Material { error: Some(error.rounded()), ..material }.to_json();
-        assert!(text.len() + 256 < crate::pipeline::MATERIAL_RESERVE, "{}", text.len());
+        assert!(text.len() < before + crate::pipeline::FIGURES_RESERVE - 32, "{} {before}", text.len());
+        assert!(text.len() < 4096, "{}", text.len());
         assert!(text.contains("\\\"é"), "the text is cut between letters: {text}");
     }
 

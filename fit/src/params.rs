@@ -97,6 +97,12 @@ impl Default for FitParams {
 }
 
 impl FitParams {
+    /// The clusters that a fit of `texels` texels a layer does best with when it may spend `bytes` on each layer: with
+    /// less than 2 bytes a texel, ids of 32 clusters take bytes that coefficients use better.
+    pub fn clusters_for(bytes: Option<u64>, texels: usize) -> usize {
+        if bytes.is_some_and(|bytes| bytes < 2 * texels as u64) { 16 } else { FitParams::default().clusters }
+    }
+
     /// Checks every range.
     pub fn check(&self) -> Result<(), FitError> {
         let refuse = |text: &str| Err(FitError::Params(text.to_string()));

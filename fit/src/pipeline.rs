@@ -15,7 +15,7 @@ use crate::frame::layer_directions;
 use crate::holdout::Holdout;
 use crate::kmeans::kmeans;
 use crate::local_pca::{local_pca, reassign};
-use crate::material::sides_of_capture;
+use crate::material::{FitRecord, Material, sides_of_capture};
 use crate::monitor::Monitor;
 use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
@@ -59,8 +59,8 @@ const DEFAULT_STEP: f64 = 0.001;
 /// must lie, so that the figure over all pairs reaches it.
 const PSNR_ROUNDS: usize = 8;
 const PSNR_MARGIN_DB: f64 = 0.03;
-/// Room for the material text, whose figures are known only at the end.
-pub const MATERIAL_RESERVE: usize = 4096;
+/// Room for the error figures in the material text and for its alignment: they are known only at the end.
+pub(crate) const FIGURES_RESERVE: usize = 256;
 
 /// Fits captures (the layers of one asset) and packs them.
 ///
@@ -128,9 +128,9 @@ fn prepare_and_encode(
 ) -> Result<Encoded, FitError> {
     let PreparedFit { layers: prepared, lobes, left_out, .. } =
         PreparedFit::prepare_from(captures, params, checkpoint, monitor)?;
-    let budget = byte_budget(params);
+    let budget = byte_budget(captures, params);
     let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
-        (Some(bytes), _) => within_budget(&prepared, bytes, grid, params, monitor),
+        (Some(bytes), _) => within_budget(captures, &prepared, bytes, grid, params, monitor),
         (None, Some(db)) => within_error(captures, &prepared, db, grid, params, monitor),
         (None, None) => {
             let step = DEFAULT_STEP * (3.0 * captures[0].info().pair_count() as f64).sqrt();
@@ -204,8 +204,14 @@ impl PreparedFit {
 }
 
 /// What `--bytes` leaves for everything but the description.
-fn byte_budget(params: &FitParams) -> Option<usize> {
-    params.bytes.map(|bytes| (bytes as usize).saturating_sub(MATERIAL_RESERVE))
+fn byte_budget(captures: &[Capture], params: &FitParams) -> Option<usize> {
+    params.bytes.map(|bytes| (bytes as usize).saturating_sub(description_bytes(captures, params)))
+}
+
+/// The most that the description of an asset can take.
+fn description_bytes(captures: &[Capture], params: &FitParams) -> usize {
+    let infos: Vec<&CaptureInfo> = captures.iter().map(Capture::info).collect();
+    Material::new(&infos, FitRecord::new(params, MAX_COMPONENTS)).to_json().len() + FIGURES_RESERVE
 }
 
 /// Captures that become layers of one asset have one texel grid and differ in their sides.
@@ -392,6 +398,7 @@ fn greatest_coefficient(layers: &[Prepared]) -> f64 {
 
 /// The asset of least error within `bytes`, everything but the description included.
 fn within_budget(
+    captures: &[Capture],
     layers: &[Prepared],
     bytes: usize,
     grid: [usize; 2],
@@ -399,17 +406,35 @@ fn within_budget(
     monitor: &Monitor,
 ) -> Result<Asset, FitError> {
     let mut round = 0;
-    let found = within_bytes(bytes, greatest_coefficient(layers), |step| {
-        monitor.report("encode", round, SEARCH_ROUNDS)?;
-        round += 1;
-        let asset = assemble(layers, step, grid, params).asset;
-        Ok::<_, FitError>(Candidate { bytes: pack(&asset)?.len(), value: asset })
-    })?;
+    let mut search = |components: Option<usize>| {
+        let params = FitParams { components, ..params.clone() };
+        within_bytes(bytes, greatest_coefficient(layers), |step| {
+            monitor.report("encode", round, 2 * SEARCH_ROUNDS)?;
+            round += 1;
+            let made = assemble(layers, step, grid, &params);
+            Ok::<_, FitError>(Candidate { bytes: pack(&made.asset)?.len(), value: made })
+        })
+    };
+    let mut found = search(params.components)?;
+    // A component more is a jump in size: what is left in front of it goes to a smaller step.
+    if let Ok(best) = &mut found {
+        let components = |made: &Assembled| {
+            made.asset.layers.iter().flat_map(|layer| &layer.residual).map(|r| r.coefficients.len()).max().unwrap_or(0)
+        };
+        if pack(&best.asset)?.len() < bytes - bytes / 50 {
+            if let Ok(other) = search(Some(components(best)))? {
+                if other.error < best.error {
+                    *best = other;
+                }
+            }
+        }
+    }
+    let found = found.map(|best| best.asset);
     found.map_err(|least| {
         FitError::Budget(format!(
             "--bytes is too small for {} texels: the smallest asset has about {} bytes; raise --bytes or lower --clusters",
             grid[0] * grid[1] * layers.len(),
-            least + MATERIAL_RESERVE
+            least + description_bytes(captures, params)
         ))
     })
 }

@@ -38,9 +38,10 @@ pub(super) struct FitArgs {
     /// Least PSNR of the 8-bit values in dB; the smallest asset that reaches it is chosen
     #[arg(long, value_name = "DB")]
     psnr: Option<f64>,
-    /// Clusters of texels, 1 to 256, each with its own lobes and bases
-    #[arg(long, value_name = "N", default_value_t = FitParams::default().clusters)]
-    clusters: usize,
+    /// Clusters of texels, 1 to 256, each with its own lobes and bases; 32 if not given, 16 where --bytes leaves less
+    /// than 2 bytes a texel
+    #[arg(long, value_name = "N")]
+    clusters: Option<usize>,
     /// Most lobes of a texel, 0 to 32
     #[arg(long, value_name = "N", default_value_t = FitParams::default().lobes)]
     lobes: usize,
@@ -159,7 +160,7 @@ impl Serialize for Stages<'_> {
 
 pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     let start = Instant::now();
-    let params = params(args);
+    let mut params = params(args);
     params.check().map_err(|error| Failure::Usage(error.to_string()))?;
     let outputs: Vec<&Path> = [Some(&args.output), args.report.as_ref(), args.json.as_ref()]
         .into_iter()
@@ -173,6 +174,10 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     let captures = args.captures.iter().map(Capture::open).collect::<Result<Vec<_>, _>>()?;
     for path in &outputs {
         check_file(path, &args.captures)?;
+    }
+    if let (None, Some(first)) = (args.clusters, captures.first()) {
+        let bytes = params.bytes.map(|bytes| bytes / captures.len() as u64);
+        params.clusters = FitParams::clusters_for(bytes, first.info().texel_count());
     }
 
     let monitor = progress::monitor(shared, Some(Forecast::new(captures.len(), &params, args.report.is_some())))?;
@@ -249,7 +254,7 @@ fn params(args: &FitArgs) -> FitParams {
     FitParams {
         bytes: args.bytes,
         psnr_db: args.psnr,
-        clusters: args.clusters,
+        clusters: args.clusters.unwrap_or(FitParams::default().clusters),
         lobes: args.lobes,
         components: args.components,
         memory_bytes: args.memory,
