@@ -47,6 +47,8 @@ const REPRESENTATIVES: usize = 12;
 const DICTIONARY_SIZE: usize = 32;
 /// Pairs that a dictionary is fitted on at most.
 const DICTIONARY_PAIRS: usize = 1100;
+/// Texels that foretelling held-back pairs is learnt from.
+const HOLDOUT_SAMPLE: usize = 512;
 /// Added to a reflectance before its tone weight is taken.
 const TONE_EPSILON: f32 = 0.02;
 /// The relative error that one more lobe must remove.
@@ -290,10 +292,18 @@ fn prepare_layer(
     let views = Sphere::new(&layer_directions(&info.views, info.side))?;
     // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
     let cache = TileCache::new(capture, 2 * left, &params.cache_directory, params.error.most(), Some(stages), monitor)?;
-    let holdout = Holdout::new(info, &lights, &views, params.leave_out, params.seed);
+    let mut holdout = Holdout::new(info, &lights, &views, params.leave_out, params.seed);
     let (kind, epsilon) = params.error.residual();
     let curve = Curve::new(kind, epsilon);
     let mapping = Mapping::new(&cache, curve.exact());
+    if !holdout.pairs.is_empty() {
+        let (texels, count) = (info.texel_count(), HOLDOUT_SAMPLE.min(info.texel_count()));
+        let chosen: Vec<usize> = (0..count).map(|i| i * texels / count).collect();
+        let block = cache.gather(&chosen)?;
+        let seen = ResidualSource { cache: &cache, mapping: &mapping, curve: &curve, lobes: None, holdout: &holdout };
+        let rows = seen.rows(&block, 0..count, |index| chosen[index]);
+        holdout.learn(rows);
+    }
 
     // With a goal, lobes only guide: bytes go to a residual that stands alone, and texels are clustered by it.
     let guide = params.bytes.is_some() || params.psnr_db.is_some();
@@ -421,12 +431,11 @@ fn within_budget(
         let components = |made: &Assembled| {
             made.asset.layers.iter().flat_map(|layer| &layer.residual).map(|r| r.coefficients.len()).max().unwrap_or(0)
         };
-        if pack(&best.asset)?.len() < bytes - bytes / 50 {
-            if let Ok(other) = search(Some(components(best)))? {
-                if other.error < best.error {
-                    *best = other;
-                }
-            }
+        if pack(&best.asset)?.len() < bytes - bytes / 50
+            && let Ok(other) = search(Some(components(best)))?
+            && other.error < best.error
+        {
+            *best = other;
         }
     }
     let found = found.map(|best| best.asset);
