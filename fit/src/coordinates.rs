@@ -5,6 +5,7 @@ use crate::error::FitError;
 use crate::monitor::Monitor;
 use crate::project::{Rows, principal_directions};
 use crate::residual_source::ResidualSource;
+use crate::texel_sample::texel_sample;
 use ndarray::{Array2, s};
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -40,8 +41,8 @@ impl Coordinates {
         monitor: &Monitor,
     ) -> Result<Coordinates, FitError> {
         let texels = source.cache.texel_count();
-        let count = sample.clamp(1, texels);
-        let chosen: Vec<usize> = (0..count).map(|i| i * texels / count).collect();
+        let chosen = texel_sample(texels, sample, seed);
+        let count = chosen.len();
         let block = source.cache.gather(&chosen)?;
         // Rows of the sample are made for each product, those of all texels once.
         let (made, all) = (AtomicUsize::new(0), SAMPLE_PASSES * count + texels);

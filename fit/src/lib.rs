@@ -53,6 +53,7 @@ mod residual_source;
 mod sample_asset;
 mod sparse;
 mod stored;
+mod texel_sample;
 mod texel_tiles;
 mod thinned_grid;
 mod tile_errors;

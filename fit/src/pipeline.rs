@@ -22,6 +22,7 @@ use crate::project::features;
 use crate::residual_source::{ResidualSource, TexelLobes};
 use crate::sparse::{ClusterLobes, LobesOf, correlate, drop_unused, select};
 use crate::stored::{Input, Stored};
+use crate::texel_sample::texel_sample;
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{
     Asset, Layer, LobeRole, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack,
@@ -46,7 +47,9 @@ const REPRESENTATIVES: usize = 12;
 /// Lobes per dictionary.
 const DICTIONARY_SIZE: usize = 32;
 /// Pairs that a dictionary is fitted on at most.
-const DICTIONARY_PAIRS: usize = 1100;
+const DICTIONARY_PAIRS: usize = 3400;
+/// The same where lobes only guide: a third of the time, and their error stays the same.
+const GUIDE_PAIRS: usize = 1100;
 /// Texels that foretelling held-back pairs is learnt from.
 const HOLDOUT_SAMPLE: usize = 512;
 /// Added to a reflectance before its tone weight is taken.
@@ -297,11 +300,10 @@ fn prepare_layer(
     let curve = Curve::new(kind, epsilon);
     let mapping = Mapping::new(&cache, curve.exact());
     if !holdout.pairs.is_empty() {
-        let (texels, count) = (info.texel_count(), HOLDOUT_SAMPLE.min(info.texel_count()));
-        let chosen: Vec<usize> = (0..count).map(|i| i * texels / count).collect();
+        let chosen = texel_sample(info.texel_count(), HOLDOUT_SAMPLE, params.seed);
         let block = cache.gather(&chosen)?;
         let seen = ResidualSource { cache: &cache, mapping: &mapping, curve: &curve, lobes: None, holdout: &holdout };
-        let rows = seen.rows(&block, 0..count, |index| chosen[index]);
+        let rows = seen.rows(&block, 0..chosen.len(), |index| chosen[index]);
         holdout.learn(rows);
     }
 
@@ -332,7 +334,8 @@ fn prepare_layer(
     })?;
     drop(scores);
     let (mut clusters, figures) = stages.run("dictionary", || {
-        dictionaries(&cache, &representatives, &views, &lights, &holdout, kind, params.lobes, monitor)
+        let most_pairs = if guide { GUIDE_PAIRS } else { DICTIONARY_PAIRS };
+        dictionaries(&cache, &representatives, &views, &lights, &holdout, kind, params.lobes, most_pairs, monitor)
     })?;
 
     let mut selection = stages.run("weights", || {
@@ -626,6 +629,7 @@ fn dictionaries(
     holdout: &Holdout,
     kind: ResidualKind,
     lobes: usize,
+    most_pairs: usize,
     monitor: &Monitor,
 ) -> Result<(Vec<ClusterLobes>, LobeFigures), FitError> {
     let pairs = cache.pair_count();
@@ -648,7 +652,7 @@ fn dictionaries(
     }
 
     // A stride that shares no factor with the number of lights visits all of them.
-    let stride = stride_over_pairs(pairs.div_ceil(DICTIONARY_PAIRS), lights.len());
+    let stride = stride_over_pairs(pairs.div_ceil(most_pairs), lights.len());
     let used: Vec<usize> = (0..pairs).step_by(stride).collect();
     let light_count = lights.len();
     let sampled = Pairs {

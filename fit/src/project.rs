@@ -5,6 +5,7 @@ use crate::cache::{Mapping, TileCache};
 use crate::error::FitError;
 use crate::holdout::Holdout;
 use crate::monitor::Monitor;
+use crate::texel_sample::texel_sample;
 use nalgebra::{DMatrix, SymmetricEigen};
 use ndarray::{Array2, ArrayView2, s};
 use rand::{Rng, SeedableRng};
@@ -186,10 +187,7 @@ pub fn features(
 ) -> Result<Features, FitError> {
     let samples = cache.pair_count() * 3;
     let texels = cache.texel_count();
-    let chosen: Vec<usize> = {
-        let count = sample.min(texels).max(1);
-        (0..count).map(|i| i * texels / count).collect()
-    };
+    let chosen = texel_sample(texels, sample, seed);
     let mut block = Array2::<f32>::zeros((chosen.len(), samples));
     let mut next = 0;
     for tile in 0..cache.tile_count() {
