@@ -23,7 +23,7 @@ pub struct Holdout {
     /// Held-back pairs, ascending (`view * lights + light`).
     pub pairs: Vec<usize>,
     /// Per held-back pair: the seen pairs whose weighted sum stands in for it.
-    sources: Vec<Vec<(usize, f32)>>,
+    pub sources: Vec<Vec<(usize, f32)>>,
     /// Views, lights.
     shape: [usize; 2],
 }
@@ -57,19 +57,20 @@ impl Holdout {
         Holdout { pairs, sources, shape: [views.len(), light_count] }
     }
 
-    /// Learns the fill from rows `[texel, pair x channel]` that are filled already: the best linear prediction from
+    /// Sources learnt from rows `[texel, pair x channel]` that are filled already: the best linear prediction from
     /// the nearest seen pairs (simple kriging), nearness and weights from covariances separable in view and light,
     /// which are estimated from the rows and their fill in turns (expectation-maximisation).
     ///
     /// Cost: `4 rounds x (6 texels views lights (views + lights) + held pairs x 64^3 / 3)` operations.
-    pub fn learn(&mut self, mut rows: Array2<f32>) {
+    pub fn learn(&self, mut rows: Array2<f32>) -> Vec<Vec<(usize, f32)>> {
+        let mut learnt = self.clone();
         let [views, lights] = self.shape;
         let held = flags(&self.pairs, views * lights);
         for _ in 0..ROUNDS {
             let (view, light) = covariances(rows.view(), self.shape);
             let covariance = |a: usize, b: usize| view[[a / lights, b / lights]] * light[[a % lights, b % lights]];
             let seen: Vec<usize> = (0..views * lights).filter(|pair| !held[*pair]).collect();
-            self.sources = self
+            learnt.sources = self
                 .pairs
                 .par_iter()
                 .map(|pair| {
@@ -81,9 +82,10 @@ impl Holdout {
                     weights(&near.iter().map(|(_, other)| *other).collect::<Vec<_>>(), *pair, &covariance)
                 })
                 .collect();
-            let fill = |mut row: ndarray::ArrayViewMut1<f32>| self.fill(row.as_slice_mut().unwrap_or_default());
+            let fill = |mut row: ndarray::ArrayViewMut1<f32>| learnt.fill(row.as_slice_mut().unwrap_or_default());
             rows.rows_mut().into_iter().for_each(fill);
         }
+        learnt.sources
     }
 
     /// Replaces the held-back samples of a texel's row `[pair, channel]`; a pair without sources becomes 0.
@@ -185,7 +187,7 @@ mod tests {
         let error = |rows: &Array2<f32>| (rows - &exact).iter().map(|x| f64::from(x * x)).sum::<f64>();
         let start = filled(&holdout);
         let before = error(&start);
-        holdout.learn(start);
+        holdout.sources = holdout.learn(start);
         let after = filled(&holdout);
         assert!(error(&after) < 0.01 * before, "{} {before}", error(&after));
         let held = flags(&holdout.pairs, 12 * 14);

@@ -88,7 +88,7 @@ pub use metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 pub use monitor::{Monitor, Stage};
 pub use params::{ErrorMeasure, FitOutcome, FitParams, KMeansEngine, LobeFigures};
 pub use pareto::{CostAndGain, pareto_front};
-pub use pipeline::fit;
+pub use pipeline::{description_bytes, fit};
 pub use report::{ReportInput, ReportLayer, report_html};
 pub use texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb};
 pub use trade::{Limit, Precision, Role, Rule, Trade, TradeParams, TradePoint, trade};

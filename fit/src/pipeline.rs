@@ -213,8 +213,8 @@ fn byte_budget(captures: &[Capture], params: &FitParams) -> Option<usize> {
     params.bytes.map(|bytes| (bytes as usize).saturating_sub(description_bytes(captures, params)))
 }
 
-/// The most that the description of an asset can take.
-fn description_bytes(captures: &[Capture], params: &FitParams) -> usize {
+/// The most that the description of an asset of `captures` can take: what a byte budget leaves free for it.
+pub fn description_bytes(captures: &[Capture], params: &FitParams) -> usize {
     let infos: Vec<&CaptureInfo> = captures.iter().map(Capture::info).collect();
     Material::new(&infos, FitRecord::new(params, MAX_COMPONENTS)).to_json().len() + FIGURES_RESERVE
 }
@@ -300,11 +300,14 @@ fn prepare_layer(
     let curve = Curve::new(kind, epsilon);
     let mapping = Mapping::new(&cache, curve.exact());
     if !holdout.pairs.is_empty() {
-        let chosen = texel_sample(info.texel_count(), HOLDOUT_SAMPLE, params.seed);
-        let block = cache.gather(&chosen)?;
-        let seen = ResidualSource { cache: &cache, mapping: &mapping, curve: &curve, lobes: None, holdout: &holdout };
-        let rows = seen.rows(&block, 0..chosen.len(), |index| chosen[index]);
-        holdout.learn(rows);
+        holdout.sources = stages.run("leave-out", || {
+            let chosen = texel_sample(info.texel_count(), HOLDOUT_SAMPLE, params.seed);
+            let block = cache.gather(&chosen)?;
+            let seen =
+                ResidualSource { cache: &cache, mapping: &mapping, curve: &curve, lobes: None, holdout: &holdout };
+            let rows = seen.rows(&block, 0..chosen.len(), |index| chosen[index]);
+            Ok(holdout.learn(rows))
+        })?;
     }
 
     // With a goal, lobes only guide: bytes go to a residual that stands alone, and texels are clustered by it.

@@ -153,7 +153,7 @@ fn bad_usage_is_two_bad_input_is_one_and_an_older_asset_survives() {
     assert_eq!(btf_fit(&["fit", "capture", "-o", "old.spmm", "--clusters", "0"], here).status.code(), Some(2));
     assert_eq!(refusal(&btf_fit(&["fit", "nowhere", "-o", "old.spmm"], here)).0, 1);
     let (code, text) =
-        refusal(&btf_fit(&["fit", "capture", "-o", "old.spmm", "--bytes", "3kB", "--clusters", "2"], here));
+        refusal(&btf_fit(&["fit", "capture", "-o", "old.spmm", "--bytes", "700", "--clusters", "2"], here));
     assert!(code == 1 && text.contains("--bytes"), "{text}");
 
     // An image that is cut off in the middle of the capture.

@@ -1,7 +1,7 @@
 //! `--bytes` and `--psnr` are kept.
 
 use btf_capture::{DirectionSet, ImageFormat};
-use btf_fit::{FitError, FitParams, MATERIAL_RESERVE, MeasureParams, Monitor, fit, measure};
+use btf_fit::{FitError, FitParams, MeasureParams, Monitor, description_bytes, fit, measure};
 use btf_tests::{fitted, leaf_capture, resident, small_fit};
 
 #[test]
@@ -11,8 +11,10 @@ fn more_bytes_give_less_error_and_no_budget_is_passed() {
     let capture = leaf_capture(&folder.path().join("leaf"), 32, &set, &set, ImageFormat::Png);
     let base = FitParams { components: None, ..small_fit(folder.path()) };
     let quality = |bytes: u64| {
-        let outcome = fitted(&capture, &FitParams { bytes: Some(bytes), ..base.clone() });
-        assert!(outcome.bytes.len() + MATERIAL_RESERVE <= bytes as usize, "{} of {bytes}", outcome.bytes.len());
+        let params = FitParams { bytes: Some(bytes), ..base.clone() };
+        let outcome = fitted(&capture, &params);
+        let description = description_bytes(std::slice::from_ref(&capture), &params);
+        assert!(outcome.bytes.len() + description <= bytes as usize, "{} of {bytes}", outcome.bytes.len());
         let loaded = resident(&outcome.asset);
         measure(&capture, &outcome.asset, &loaded, &MeasureParams::default(), &Monitor::default())
             .unwrap()
@@ -37,7 +39,7 @@ fn more_bytes_give_less_error_and_no_budget_is_passed() {
         Err(FitError::Budget(text)) => text,
         other => panic!("expected a refusal, got {:?}", other.map(|outcome| outcome.bytes.len())),
     };
-    assert!(refused(FitParams { bytes: Some(3_000), ..base.clone() }).contains("--bytes"));
+    assert!(refused(FitParams { bytes: Some(900), ..base.clone() }).contains("--bytes"));
     assert!(refused(FitParams { psnr_db: Some(75.0), ..base }).contains("--psnr"));
 }
 

@@ -4,7 +4,7 @@
 
 use btf_capture::{Capture, CaptureInfo, DirectionSet, ImageFormat, Pixels, Side};
 use btf_fit::{
-    ExpandParams, FitOutcome, FitParams, FitRecord, MATERIAL_RESERVE, Material, MeasureParams, Monitor, expand, fit,
+    ExpandParams, FitOutcome, FitParams, FitRecord, Material, MeasureParams, Monitor, description_bytes, expand, fit,
     layer_for_capture, measure,
 };
 use btf_runtime::{Asset, DecodeOptions, Interpolation, Resident, decode, pack};
@@ -220,13 +220,14 @@ fn a_budget_over_four_layers_is_kept_goes_by_need_and_gives_the_same_bytes_on_an
         pool.install(|| fit_all(&captures, &params))
     };
     let outcome = on_threads(1);
-    assert!(outcome.bytes.len() + MATERIAL_RESERVE <= bytes as usize, "{} bytes", outcome.bytes.len());
+    let description = description_bytes(&captures, &params);
+    assert!(outcome.bytes.len() + description <= bytes as usize, "{} bytes", outcome.bytes.len());
     assert!(outcome.bytes == on_threads(3).bytes, "the bytes differ between 1 and 3 threads");
     let components: Vec<usize> =
         outcome.asset.layers.iter().map(|layer| layer.residual.as_ref().unwrap().coefficients.len()).collect();
     assert!(components[1..].iter().all(|count| *count < components[0]), "{components:?}");
 
-    let few = FitParams { bytes: Some(8_000), ..params };
+    let few = FitParams { bytes: Some(5_000), ..params };
     let refused = fit(&captures, &few, &Monitor::default()).unwrap_err().to_string();
     assert!(refused.contains("--bytes is too small"), "{refused}");
 }
