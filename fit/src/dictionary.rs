@@ -20,6 +20,9 @@ const MOST_ACTIVE: usize = 12;
 const SEARCHED_ATOMS: usize = 8;
 /// Iterations of that search.
 const SEARCH_ITERATIONS: u64 = 25;
+/// Smaller values of a lobe count as 0: products of numbers near the end of single precision's range take many times
+/// as long, and a narrow lobe is that small almost everywhere.
+pub const NEGLIGIBLE: f32 = 1e-20;
 /// Gauss-Newton steps.
 const GAUSS_NEWTON_STEPS: usize = 6;
 
@@ -32,10 +35,11 @@ pub struct Pairs {
 }
 
 impl Pairs {
-    /// A lobe's values.
+    /// A lobe's values; negligible ones as 0.
     pub fn table(&self, lobe: &Lobe) -> Vec<f32> {
         let setup = lobe.setup();
-        self.wi.iter().zip(&self.wo).map(|(wi, wo)| setup.eval(*wi, *wo)).collect()
+        let value = |(wi, wo): (&[f32; 3], &[f32; 3])| setup.eval(*wi, *wo);
+        self.wi.iter().zip(&self.wo).map(value).map(|x| if x < NEGLIGIBLE { 0.0 } else { x }).collect()
     }
 }
 

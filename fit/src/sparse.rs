@@ -2,6 +2,7 @@
 //! dictionary's Gram matrix, then non-negative RGB weights on the chosen lobes.
 
 use crate::cache::TileCache;
+use crate::dictionary::NEGLIGIBLE;
 use crate::error::FitError;
 use crate::lasso::{LassoParams, LassoProblem, non_negative_weights, stagewise_lasso};
 use crate::monitor::Monitor;
@@ -69,7 +70,11 @@ pub fn correlate(
     let weighted: Vec<Array2<f32>> = clusters
         .iter()
         .map(|cluster| {
-            Array2::from_shape_fn((pairs, cluster.lobes.len()), |(p, i)| cluster.weights[p] * cluster.tables[i][p])
+            Array2::from_shape_fn((pairs, cluster.lobes.len()), |(p, i)| {
+                // As in the dictionary's own tables: tiny numbers are slow.
+                let value = cluster.weights[p] * cluster.tables[i][p];
+                if value < NEGLIGIBLE { 0.0 } else { value }
+            })
         })
         .collect();
     for tile in 0..cache.tile_count() {
