@@ -167,12 +167,17 @@ impl<'a> Checkpoint<'a> {
 /// Removes the finished stages in `folder` after the asset was written: its files, and the folder if it holds no
 /// others. What cannot be removed stays; a later run sees by its key whether it can use it.
 pub fn remove_finished_stages(folder: &Path) {
-    for name in names_in(folder) {
-        if is_stage(&name) || name == LOCK_NAME {
-            let _ = fs::remove_file(folder.join(name));
-        }
+    for name in in_order_of_removal(names_in(folder)) {
+        let _ = fs::remove_file(folder.join(name));
     }
     let _ = fs::remove_dir(folder);
+}
+
+/// Stages first, then what says of what they are: a run that is killed in between leaves none that nothing is known of.
+fn in_order_of_removal(mut names: Vec<String>) -> Vec<String> {
+    names.retain(|name| is_stage(name) || name == LOCK_NAME);
+    names.sort_by_key(|name| (name == LOCK_NAME, name == IDENTITY_NAME));
+    names
 }
 
 fn names_in(folder: &Path) -> Vec<String> {
@@ -324,6 +329,13 @@ fn read_stage<T: Stored>(path: &Path, key: &Hash) -> io::Result<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_says_of_what_the_stages_are_goes_after_them() {
+        let names = ["identity.stage", "layer0-cluster.stage", "lock", "notes.txt", "whole-encode.stage"];
+        let order = in_order_of_removal(names.map(String::from).to_vec());
+        assert_eq!(order, ["layer0-cluster.stage", "whole-encode.stage", "identity.stage", "lock"]);
+    }
 
     #[test]
     fn a_stage_is_taken_back_and_each_kind_of_damage_is_seen() {
