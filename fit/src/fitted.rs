@@ -45,7 +45,7 @@ pub struct Fitted {
 /// from the stages that `params.resume` keeps: [`remove_finished_stages`] once the asset is written.
 ///
 /// # Errors
-/// As [`fit()`] and [`measure`]; [`FitError::Budget`] if the description does not fit into the bytes asked for.
+/// As [`crate::fit()`] and [`measure`]; [`FitError::Budget`] if the description does not fit into the bytes asked for.
 pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
     params.check()?;
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
