@@ -23,7 +23,7 @@ pub fn within_bytes<T, E>(
     limit: usize,
     greatest: f64,
     mut make: impl FnMut(f64) -> Result<Candidate<T>, E>,
-) -> Result<Result<T, usize>, E> {
+) -> Result<Result<Candidate<T>, usize>, E> {
     let greatest = greatest.max(1e-12);
     // log2 of the finest step known to fit and of the coarsest known not to.
     // Each with log2 of its size over the limit.
@@ -73,10 +73,10 @@ pub fn within_bytes<T, E>(
         at = next;
     }
     match best {
-        Some(best) => Ok(Ok(best.value)),
+        Some(best) => Ok(Ok(best)),
         None => {
             let last = make(greatest * COARSEST.exp2())?;
-            Ok(if last.bytes <= limit { Ok(last.value) } else { Err(last.bytes) })
+            Ok(if last.bytes <= limit { Ok(last) } else { Err(last.bytes) })
         }
     }
 }
@@ -87,7 +87,7 @@ mod tests {
 
     fn search(limit: usize, size: impl Fn(f64) -> f64) -> Result<f64, usize> {
         let make = |step: f64| Ok::<_, ()>(Candidate { bytes: size(step) as usize, value: step });
-        within_bytes(limit, 100.0, make).unwrap()
+        within_bytes(limit, 100.0, make).unwrap().map(|found| found.value)
     }
 
     #[test]

@@ -42,6 +42,7 @@ mod material;
 mod memory;
 mod metrics;
 mod monitor;
+mod page;
 mod params;
 mod pareto;
 mod pipeline;

@@ -81,24 +81,18 @@ pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Resul
     fit_from(captures, params, &Checkpoint::open(captures, params, monitor)?, monitor)
 }
 
-/// The same, with the stages that `checkpoint` keeps.
+/// The same with checked `params` and the stages that `checkpoint` keeps.
 pub(crate) fn fit_from(
     captures: &[Capture],
     params: &FitParams,
     checkpoint: &Checkpoint,
     monitor: &Monitor,
 ) -> Result<FitOutcome, FitError> {
-    params.check()?;
-    let Some(first) = captures.first() else {
-        return Err(FitError::Params("give at least one capture".to_string()));
-    };
     check_layers(captures)?;
-    let grid = [first.info().width, first.info().height];
-    let encoded =
-        checkpoint.whole().load_or("encode", || prepare_and_encode(captures, grid, params, checkpoint, monitor))?;
+    let encoded = checkpoint.whole().load_or("encode", || prepare_and_encode(captures, params, checkpoint, monitor))?;
     let asset = Asset::parse(&encoded.bytes)?;
     let references: usize = asset.layers.iter().map(|layer| layer.lobe_refs.len()).sum();
-    let lobes_per_texel_mean = references as f64 / (grid[0] * grid[1] * asset.layers.len()) as f64;
+    let lobes_per_texel_mean = references as f64 / (asset.texel_count() * asset.layers.len()) as f64;
     let components = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
     let clusters = asset.layers[0].dictionary.len();
     let Encoded { bytes, lobes, left_out } = encoded;
@@ -126,12 +120,11 @@ impl Stored for Encoded {
 
 fn prepare_and_encode(
     captures: &[Capture],
-    grid: [usize; 2],
     params: &FitParams,
     checkpoint: &Checkpoint,
     monitor: &Monitor,
 ) -> Result<Encoded, FitError> {
-    let PreparedFit { layers: prepared, lobes, left_out, .. } =
+    let PreparedFit { layers: prepared, grid, lobes, left_out, .. } =
         PreparedFit::prepare_from(captures, params, checkpoint, monitor)?;
     let budget = byte_budget(captures, params);
     let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
@@ -161,25 +154,22 @@ impl PreparedFit {
     /// # Errors
     /// As [`fit`], without those about a budget.
     pub fn prepare(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<PreparedFit, FitError> {
+        params.check()?;
+        check_layers(captures)?;
         PreparedFit::prepare_from(captures, params, &Checkpoint::open(captures, params, monitor)?, monitor)
     }
 
-    /// The same, with the stages that `checkpoint` keeps.
-    pub(crate) fn prepare_from(
+    /// The same of checked captures and parameters, with the stages that `checkpoint` keeps.
+    fn prepare_from(
         captures: &[Capture],
         params: &FitParams,
         checkpoint: &Checkpoint,
         monitor: &Monitor,
     ) -> Result<PreparedFit, FitError> {
-        params.check()?;
-        let Some(first) = captures.first() else {
-            return Err(FitError::Params("give at least one capture".to_string()));
-        };
-        check_layers(captures)?;
-        let grid = [first.info().width, first.info().height];
+        let first = captures[0].info();
         let mut prepared = PreparedFit {
             layers: Vec::new(),
-            grid,
+            grid: [first.width, first.height],
             params: params.clone(),
             lobes: LobeFigures::default(),
             left_out: Vec::new(),
@@ -219,9 +209,12 @@ pub fn description_bytes(captures: &[Capture], params: &FitParams) -> usize {
     Material::new(&infos, FitRecord::new(params, MAX_COMPONENTS)).to_json().len() + FIGURES_RESERVE
 }
 
-/// Captures that become layers of one asset have one texel grid and differ in their sides.
+/// Captures that become layers of one asset, at least one, have one texel grid and differ in their sides.
 fn check_layers(captures: &[Capture]) -> Result<(), FitError> {
-    let (width, height) = (captures[0].info().width, captures[0].info().height);
+    let Some(first) = captures.first() else {
+        return Err(FitError::Params("give at least one capture".to_string()));
+    };
+    let (width, height) = (first.info().width, first.info().height);
     if captures.len() > MAX_LAYERS {
         let path = captures[MAX_LAYERS].path_of(0, 0).into();
         return Err(FitError::Layers { path, reason: format!("an asset has at most {MAX_LAYERS} layers") });
@@ -434,18 +427,16 @@ fn within_budget(
     let mut found = search(params.components)?;
     // A component more is a jump in size: what is left in front of it goes to a smaller step.
     if let Ok(best) = &mut found {
-        let components = |made: &Assembled| {
-            made.asset.layers.iter().flat_map(|layer| &layer.residual).map(|r| r.coefficients.len()).max().unwrap_or(0)
-        };
-        if pack(&best.asset)?.len() < bytes - bytes / 50
-            && let Ok(other) = search(Some(components(best)))?
-            && other.error < best.error
+        let residuals = best.value.asset.layers.iter().flat_map(|layer| &layer.residual);
+        let components = residuals.map(|residual| residual.coefficients.len()).max().unwrap_or(0);
+        if best.bytes < bytes - bytes / 50
+            && let Ok(other) = search(Some(components))?
+            && other.value.error < best.value.error
         {
             *best = other;
         }
     }
-    let found = found.map(|best| best.asset);
-    found.map_err(|least| {
+    found.map(|best| best.value.asset).map_err(|least| {
         FitError::Budget(format!(
             "--bytes is too small for {} texels: the smallest asset has about {} bytes; raise --bytes or lower --clusters",
             grid[0] * grid[1] * layers.len(),

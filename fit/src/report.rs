@@ -10,10 +10,11 @@ use crate::heatmap::{Raster, scale_top};
 use crate::image_decoder::{ImageDecoder, Spot};
 use crate::metrics::ErrorSums;
 use crate::monitor::{Monitor, Stage};
+use crate::page::{decibel_text, page, tile};
 use crate::plot::{bars, finite_range, histogram, legend, line, polar};
 use btf_capture::{Capture, CaptureInfo, Direction, DirectionSet, Encoder8, ImageFormat, Pixels, Transfer};
 use btf_runtime::{Asset, DecodeOptions, Layer, Resident};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 /// Largest side of a picture in the page, in texels; larger captures show their centre.
 const MOST_SIDE: usize = 256;
@@ -101,82 +102,45 @@ pub fn report_html(input: &ReportInput, monitor: &Monitor) -> Result<String, Fit
     }
     let tiers = tier_curve(input, &description, monitor)?;
     let metrics = sums.metrics();
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (name) " – BTF fit" }
-                style { (PreEscaped(STYLE)) }
+    let body = html! {
+        header {
+            h1 { (name) }
+            p { (description.width) " × " (description.height) " texels, " (direction_words(&description)) }
+        }
+        div.tiles {
+            (tile("PSNR", &decibel_text(metrics.psnr_db), "8-bit values, dB"))
+            (tile("Size", &text_from_bytes(description.bytes), &format!("1 : {:.0} of {}", raw as f64 / description.bytes as f64, text_from_bytes(raw))))
+            (tile("Colour difference", &metrics.delta_e00_mean.map_or("–".into(), |x| format!("{x:.2}")), "CIEDE2000, mean"))
+            (tile("Relative RMSE", &format!("{:.2} %", 100.0 * metrics.rel_rmse), "linear"))
+            (tile("PSNR, linear", &decibel_text(metrics.psnr_linear_db), "peak = brightest sample, dB"))
+            (tile("Worst texel", &format!("{:.4}", metrics.worst_texel_rmse), "RMSE, linear"))
+            @if let Some(db) = input.psnr_left_out_db {
+                (tile("PSNR of pairs held back", &decibel_text(db), "8-bit values, dB"))
             }
-            body {
-                header {
-                    h1 { (name) }
-                    p { (description.width) " × " (description.height) " texels, " (direction_words(&description)) }
-                }
-                div.tiles {
-                    (tile("PSNR", &decibel_text(metrics.psnr_db), "8-bit values, dB"))
-                    (tile("Size", &text_from_bytes(description.bytes), &format!("1 : {:.0} of {}", raw as f64 / description.bytes as f64, text_from_bytes(raw))))
-                    (tile("Colour difference", &metrics.delta_e00_mean.map_or("–".into(), |x| format!("{x:.2}")), "CIEDE2000, mean"))
-                    (tile("Relative RMSE", &format!("{:.2} %", 100.0 * metrics.rel_rmse), "linear"))
-                    (tile("PSNR, linear", &decibel_text(metrics.psnr_linear_db), "peak = brightest sample, dB"))
-                    (tile("Worst texel", &format!("{:.4}", metrics.worst_texel_rmse), "RMSE, linear"))
-                    @if let Some(db) = input.psnr_left_out_db {
-                        (tile("PSNR of pairs held back", &decibel_text(db), "8-bit values, dB"))
-                    }
-                    @if let Some(bytes) = input.peak_memory_bytes {
-                        (tile("Peak memory", &text_from_bytes(bytes), "of the whole program"))
-                    }
-                }
-                @for section in &sections { (section) }
-                section {
-                    h2 { "Size and time" }
-                    div.row {
-                        @if tiers.len() > 1 {
-                            figure {
-                                figcaption { "Size against quality, on a share of the pairs" @if input.layers.len() > 1 { " of the first layer" } ": each point is a prefix of the file that is an asset of its own" }
-                                (line(&tiers, "size in MB", "PSNR in dB"))
-                            }
-                        }
-                        figure { figcaption { "Where the bytes are" } (section_bars(&description)) }
-                        @if !input.stages.is_empty() {
-                            figure { figcaption { "Where the time went" } (stage_bars(input.stages)) }
-                        }
-                    }
-                }
-                (fit_section(&description))
-                footer { "Written by btf-fit " (env!("CARGO_PKG_VERSION")) ". PSNR is of 8-bit gamma-encoded values over all texels, pairs and channels, peak 255, unless it says otherwise." }
+            @if let Some(bytes) = input.peak_memory_bytes {
+                (tile("Peak memory", &text_from_bytes(bytes), "of the whole program"))
             }
         }
+        @for section in &sections { (section) }
+        section {
+            h2 { "Size and time" }
+            div.row {
+                @if tiers.len() > 1 {
+                    figure {
+                        figcaption { "Size against quality, on a share of the pairs" @if input.layers.len() > 1 { " of the first layer" } ": each point is a prefix of the file that is an asset of its own" }
+                        (line(&tiers, "size in MB", "PSNR in dB"))
+                    }
+                }
+                figure { figcaption { "Where the bytes are" } (section_bars(&description)) }
+                @if !input.stages.is_empty() {
+                    figure { figcaption { "Where the time went" } (stage_bars(input.stages)) }
+                }
+            }
+        }
+        (fit_section(&description))
+        footer { "Written by btf-fit " (env!("CARGO_PKG_VERSION")) ". PSNR is of 8-bit gamma-encoded values over all texels, pairs and channels, peak 255, unless it says otherwise." }
     };
-    Ok(page.into_string())
-}
-
-/// The pages' style sheet.
-pub(crate) const STYLE: &str = "
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif; color: #1d2327; background: #f5f6f7; margin: 0 auto; max-width: 1200px; padding: 24px; }
-h1 { font-size: 30px; margin: 0; } h2 { font-size: 19px; margin: 0 0 12px; } header p { margin: 4px 0 20px; color: #5a646b; }
-section { background: #fff; border: 1px solid #e2e5e8; border-radius: 8px; padding: 18px 20px; margin: 18px 0; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(125px, 1fr)); gap: 12px; }
-.tile { background: #fff; border: 1px solid #e2e5e8; border-radius: 8px; padding: 12px 14px; }
-.tile b { display: block; font-size: 22px; font-weight: 600; white-space: nowrap; font-variant-numeric: tabular-nums; } .tile span { color: #5a646b; font-size: 13px; display: block; }
-.row { display: flex; flex-wrap: wrap; gap: 26px; align-items: flex-start; }
-figure { margin: 0; } figcaption { font-size: 13px; color: #39434a; margin-bottom: 8px; max-width: 440px; min-height: 20px; }
-img { image-rendering: pixelated; display: block; background: #000; }
-svg { display: block; max-width: 100%; height: auto; } img + svg { margin-top: 6px; } svg + svg { margin-top: 6px; } svg text { font-size: 11.5px; fill: #1d2327; } svg text.muted { fill: #68727a; }
-table { border-collapse: collapse; font-size: 14px; } td, th { text-align: left; padding: 4px 18px 4px 0; vertical-align: top; font-weight: normal; } th { color: #5a646b; }
-.pictures td { padding: 0 14px 12px 0; } .pictures th { padding: 0 12px 8px 0; font-size: 13px; width: 250px; } .pictures th:first-child { width: 70px; } .pictures strong { color: #1d2327; } .pictures small { display: block; }
-footer { color: #68727a; font-size: 13px; }
-";
-
-pub(crate) fn tile(label: &str, value: &str, note: &str) -> Markup {
-    html! { div.tile { span { (label) } b { (value) } span { (note) } } }
-}
-
-pub(crate) fn decibel_text(db: f64) -> String {
-    if db.is_finite() { format!("{db:.2}") } else { "∞".into() }
+    Ok(page(&format!("{name} – BTF fit"), "", &body))
 }
 
 fn direction_words(description: &Description) -> String {

@@ -1,10 +1,10 @@
 //! A trade as a table (CSV), plots (SVG) and a page (HTML) that needs nothing else.
 
 use crate::byte_size::text_from_bytes;
+use crate::page::{decibel_text, page, tile};
 use crate::plot::{Dot, Mark, scatter};
-use crate::report::{STYLE, decibel_text, tile};
 use crate::trade::{Limit, Precision, Role, Rule, Trade, TradePoint};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 /// Columns of the table, in order.
 const COLUMNS: [&str; 28] = [
@@ -313,67 +313,56 @@ pub fn trade_html(trade: &Trade) -> String {
     let sizes = points().map(|p| p.bytes as u64);
     let (least, most) = (sizes.clone().min().unwrap_or(0), sizes.max().unwrap_or(0));
     let [width, height] = trade.size;
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (trade.capture) " – speed against accuracy" }
-                style { (PreEscaped(STYLE)) (PreEscaped(MORE_STYLE)) }
-            }
-            body {
-                header {
-                    h1 { (trade.capture) }
-                    p { "Speed against accuracy against size: " (width) " × " (height) " texels, " (trade.capture_pairs) " direction pairs, " (trade.clusters) " clusters" }
+    let body = html! {
+        header {
+            h1 { (trade.capture) }
+            p { "Speed against accuracy against size: " (width) " × " (height) " texels, " (trade.capture_pairs) " direction pairs, " (trade.clusters) " clusters" }
+        }
+        div.tiles {
+            (tile("Settings", &trade.points.len().to_string(), "measured"))
+            (tile("Sizes", &format!("{} to {}", text_from_bytes(least), text_from_bytes(most)), "smallest and largest file"))
+            (tile("Best PSNR", &decibel_text(best), "8-bit values, dB"))
+            (tile("Fastest", &format!("{fastest:.0} ns"), "per evaluation, all components"))
+        }
+        section {
+            h2 { "The trade" }
+            div.row {
+                @for plot in plots(trade) {
+                    figure { figcaption { (plot.caption) } (plot.picture) }
                 }
-                div.tiles {
-                    (tile("Settings", &trade.points.len().to_string(), "measured"))
-                    (tile("Sizes", &format!("{} to {}", text_from_bytes(least), text_from_bytes(most)), "smallest and largest file"))
-                    (tile("Best PSNR", &decibel_text(best), "8-bit values, dB"))
-                    (tile("Fastest", &format!("{fastest:.0} ns"), "per evaluation, all components"))
-                }
-                section {
-                    h2 { "The trade" }
-                    div.row {
-                        @for plot in plots(trade) {
-                            figure { figcaption { (plot.caption) } (plot.picture) }
-                        }
-                    }
-                }
-                section {
-                    h2 { "What nothing beats" }
-                    p { "Up to eight settings of each front, their errors over all pairs." }
-                    (table(trade))
-                }
-                section {
-                    h2 { "What the names mean" }
-                    ul {
-                        li { b { "Lobes" } ": most lobes per texel, as " code { "--lobes" } ". As guide they stand beside a residual that holds the whole value and lead interpolation by the exact rule (" code { "fit --bytes" } " and " code { "fit --psnr" } " make this); as base the residual is what they leave (" code { "fit" } " without a goal). Alone: the file's first tier, without residual." }
-                        li { b { "Bits" } ": the one step that quantises everything is the length of a texel's coefficients (root mean square over the texels) over two to this power. One more bit halves the error of rounding." }
-                        li { b { "Components" } " of the residual: all that are worth their bytes at this step; fewer in the file; or all in the file and fewer decoded." }
-                        li { b { "Rule" } ": how directions between measured ones are decoded, " code { "--interpolation" } "." }
-                        li { b { "Bases" } ": precision of the expanded bases in memory. Half is what decoders hold; single is there to tell what half costs." }
-                        li { b { "Best in" } ": size, speed at measured directions, speed between them: no other setting has less of it at this accuracy." }
-                    }
-                }
-                section {
-                    h2 { "How it was measured" }
-                    ul {
-                        li { "Plots and the CSV's columns without " code { "all_" } ": " (trade.pairs) " of " (trade.capture_pairs) " pairs, evenly over all views and lights; all texels; the colour difference over at most eight of them. The table's are over all pairs." }
-                        li { "CPU ns: the resident decoder on one thread at " (trade.timing[0]) " random texels and directions, the same for all settings; the least of " (trade.timing[1]) " passes after one that is not counted. They depend on the machine: read them as ratios." }
-                        li { "GPU: " (trade.gpu) "." }
-                        li { "PSNR between: " (trade.between) "." }
-                        li { "Both rules decode measured directions alike, and neither rule nor precision changes the file: the front of size is of the fast rule in half precision." }
-                        li { "Components limited while decoding: the size is that of the file's tier with them, the memory that of the whole file, which a decoder has that turns components off; a file limited while encoding has both." }
-                        li { "Seed " (trade.seed) "." }
-                    }
-                }
-                footer { "Written by btf-fit " (env!("CARGO_PKG_VERSION")) ". PSNR is of 8-bit gamma-encoded values over texels, pairs and channels, peak 255, unless it says otherwise." }
             }
         }
+        section {
+            h2 { "What nothing beats" }
+            p { "Up to eight settings of each front, their errors over all pairs." }
+            (table(trade))
+        }
+        section {
+            h2 { "What the names mean" }
+            ul {
+                li { b { "Lobes" } ": most lobes per texel, as " code { "--lobes" } ". As guide they stand beside a residual that holds the whole value and lead interpolation by the exact rule (" code { "fit --bytes" } " and " code { "fit --psnr" } " make this); as base the residual is what they leave (" code { "fit" } " without a goal). Alone: the file's first tier, without residual." }
+                li { b { "Bits" } ": the one step that quantises everything is the length of a texel's coefficients (root mean square over the texels) over two to this power. One more bit halves the error of rounding." }
+                li { b { "Components" } " of the residual: all that are worth their bytes at this step; fewer in the file; or all in the file and fewer decoded." }
+                li { b { "Rule" } ": how directions between measured ones are decoded, " code { "--interpolation" } "." }
+                li { b { "Bases" } ": precision of the expanded bases in memory. Half is what decoders hold; single is there to tell what half costs." }
+                li { b { "Best in" } ": size, speed at measured directions, speed between them: no other setting has less of it at this accuracy." }
+            }
+        }
+        section {
+            h2 { "How it was measured" }
+            ul {
+                li { "Plots and the CSV's columns without " code { "all_" } ": " (trade.pairs) " of " (trade.capture_pairs) " pairs, evenly over all views and lights; all texels; the colour difference over at most eight of them. The table's are over all pairs." }
+                li { "CPU ns: the resident decoder on one thread at " (trade.timing[0]) " random texels and directions, the same for all settings; the least of " (trade.timing[1]) " passes after one that is not counted. They depend on the machine: read them as ratios." }
+                li { "GPU: " (trade.gpu) "." }
+                li { "PSNR between: " (trade.between) "." }
+                li { "Both rules decode measured directions alike, and neither rule nor precision changes the file: the front of size is of the fast rule in half precision." }
+                li { "Components limited while decoding: the size is that of the file's tier with them, the memory that of the whole file, which a decoder has that turns components off; a file limited while encoding has both." }
+                li { "Seed " (trade.seed) "." }
+            }
+        }
+        footer { "Written by btf-fit " (env!("CARGO_PKG_VERSION")) ". PSNR is of 8-bit gamma-encoded values over texels, pairs and channels, peak 255, unless it says otherwise." }
     };
-    page.into_string()
+    page(&format!("{} – speed against accuracy", trade.capture), MORE_STYLE, &body)
 }
 
 #[cfg(test)]

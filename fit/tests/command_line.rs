@@ -1,25 +1,11 @@
 //! `btf-fit` as a user runs it: exit codes, one-sentence errors, nothing lost and nothing half written.
 
+mod support;
+
 use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat, Side};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-
-fn btf_fit(arguments: &[&str], folder: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_btf-fit"))
-        .args(arguments)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .output()
-        .expect("btf-fit starts")
-}
-
-/// Exit code and the single line on stderr.
-fn refusal(output: &Output) -> (i32, String) {
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(text.trim_end().lines().count(), 1, "one sentence, not: {text}");
-    assert!(text.starts_with("error: ") && !text.contains("panicked"), "{text}");
-    (output.status.code().unwrap_or(-1), text)
-}
+use std::process::{Command, Stdio};
+use support::{btf_fit, refusal};
 
 /// A capture of a tilted, tinted Lambertian, `size` x `size` texels under `directions` lights and views.
 fn capture(folder: &Path, size: usize, directions: usize) -> PathBuf {

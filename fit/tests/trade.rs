@@ -1,24 +1,10 @@
 //! `btf-fit trade` as a user runs it.
 
+mod support;
+
 use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-
-fn btf_fit(arguments: &[&str], folder: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_btf-fit"))
-        .args(arguments)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .output()
-        .expect("btf-fit starts")
-}
-
-fn refusal(output: &Output) -> (i32, String) {
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(text.trim_end().lines().count(), 1, "one sentence, not: {text}");
-    assert!(text.starts_with("error: ") && !text.contains("panicked"), "{text}");
-    (output.status.code().unwrap_or(-1), text)
-}
+use support::{btf_fit, refusal};
 
 /// A capture of a bumpy, tinted surface with a highlight, 10 x 9 texels, `directions` lights and views.
 fn capture(folder: &Path, name: &str, directions: usize, seed: u64) -> PathBuf {

@@ -184,7 +184,10 @@ fn decode_texel(t: &Texel, bases: &impl Bases, wi: [f32; 3], wo: [f32; 3], optio
         return [0.0; 3];
     }
     let fade = (wi[2] / f(words, t.layer + block::HORIZON)).min(1.0);
-    let here = t.lobe_sum(wi, wo);
+    // Lobes that only guide are not part of the value, and the fast rule does not ask them.
+    let guide = t.field(block::LOBE_ROLE) == LobeRole::Guide as usize;
+    let unasked = guide && t.bases > 0 && options.interpolation == Interpolation::Fast;
+    let here = if unasked { [0.0; 3] } else { t.lobe_sum(wi, wo) };
     if t.bases == 0 {
         return here.map(|x| x.max(0.0) * fade);
     }
@@ -204,8 +207,6 @@ fn decode_texel(t: &Texel, bases: &impl Bases, wi: [f32; 3], wo: [f32; 3], optio
     t.residual(bases, &pairs, &mut residual);
     let kind = ResidualKind::from_number(t.field(block::RESIDUAL_KIND) as u32).unwrap_or(ResidualKind::Additive);
     let epsilon = f(words, t.layer + block::EPSILON);
-    // Lobes that only guide are not part of the value.
-    let guide = t.field(block::LOBE_ROLE) == LobeRole::Guide as usize;
     let share = if guide { 0.0 } else { 1.0 };
 
     if options.interpolation == Interpolation::Fast {

@@ -2,7 +2,7 @@
 //! then each test prints one line `skipped: ...` and passes.
 
 use btf_runtime::testing::{Random, sample_asset};
-use btf_runtime::{Asset, DecodeOptions, Interpolation, Resident, ResidualKind, decode, pack};
+use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRole, Resident, ResidualKind, decode, pack};
 use btf_viewer::{
     BackendChoice, Control, DecodeQuery, Gpu, GpuTracer, MeshChoice, NO_HIT, RenderParams, Rendered, Scene, SceneAsset,
     gpu_decode, render,
@@ -74,8 +74,20 @@ fn direction(random: &mut Random) -> [f32; 3] {
 fn gpu_decodes_100_000_samples_like_the_cpu() {
     let Some(gpu) = gpu("gpu_decodes_100_000_samples_like_the_cpu") else { return };
     const SAMPLES: usize = 100_000;
-    for (seed, kind) in [(1, ResidualKind::Additive), (2, ResidualKind::Log), (3, ResidualKind::Root)] {
-        let resident = Resident::from_asset(&asset(seed, kind));
+    for (seed, kind, role) in [
+        (1, ResidualKind::Additive, LobeRole::Base),
+        (2, ResidualKind::Log, LobeRole::Base),
+        (3, ResidualKind::Root, LobeRole::Base),
+        (4, ResidualKind::Additive, LobeRole::Guide),
+        (5, ResidualKind::Root, LobeRole::Guide),
+    ] {
+        let in_role = |role: LobeRole| {
+            let mut asset = asset(seed, kind);
+            asset.layers[0].lobe_role = role;
+            Resident::from_asset(&asset)
+        };
+        let resident = in_role(role);
+        let other_role = in_role(if role == LobeRole::Base { LobeRole::Guide } else { LobeRole::Base });
         let texels = resident.width() * resident.height();
         let mut random = Random::new(seed);
         let queries: Vec<DecodeQuery> = (0..SAMPLES)
@@ -88,10 +100,10 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
             .collect();
         for interpolation in [Interpolation::Fast, Interpolation::Exact] {
             let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
-            let cpu = |options: &DecodeOptions| -> Vec<[f32; 3]> {
-                queries.iter().map(|q| decode(&resident, q.layer, q.texel, q.wi, q.wo, options)).collect()
+            let cpu = |resident: &Resident, options: &DecodeOptions| -> Vec<[f32; 3]> {
+                queries.iter().map(|q| decode(resident, q.layer, q.texel, q.wi, q.wo, options)).collect()
             };
-            let expected = cpu(&options);
+            let expected = cpu(&resident, &options);
             for tracer in TRACERS {
                 let found = gpu_decode(&gpu, tracer, &resident, &options, &queries).unwrap();
                 let worst = expected
@@ -99,11 +111,17 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
                     .zip(&found)
                     .flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs() / (ABSOLUTE + RELATIVE * a[c].abs())))
                     .fold(0.0, f32::max);
-                println!("{kind:?} {interpolation:?} {}: worst {worst:.4} of the tolerance", tracer.name());
-                assert_eq!(count_differences(&expected, &found), 0, "{kind:?} {interpolation:?} {}", tracer.name());
-                // Planted differences: one component less, and one value off by two tolerances.
-                let fewer = cpu(&DecodeOptions { components: 3, ..options });
+                println!("{kind:?} {role:?} {interpolation:?} {}: worst {worst:.4} of the tolerance", tracer.name());
+                assert_eq!(
+                    count_differences(&expected, &found),
+                    0,
+                    "{kind:?} {role:?} {interpolation:?} {}",
+                    tracer.name()
+                );
+                // Planted differences: one component less, lobes in the other role, one value off by two tolerances.
+                let fewer = cpu(&resident, &DecodeOptions { components: 3, ..options });
                 assert!(count_differences(&fewer, &found) > SAMPLES / 100);
+                assert!(count_differences(&cpu(&other_role, &options), &found) > SAMPLES / 100);
                 let mut off = expected.clone();
                 off[777][1] += 2.0 * (ABSOLUTE + RELATIVE * off[777][1]);
                 assert_eq!(count_differences(&off, &found), 1);

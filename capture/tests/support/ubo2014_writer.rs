@@ -170,10 +170,7 @@ pub fn dfmf(scene: &Scene, style: &Style, model: i32, mean: [f64; 3], matrix: [f
         let (count, left, right) =
             factors(rows, columns, |r, c| if style.transposed { value(c, r) } else { value(r, c) });
         out.u8(style.scalar);
-        [count, rows, columns].into_iter().for_each(|number| out.u32(number));
-        out.numbers(style.scalar, &vec![1.0; count]);
-        out.numbers(style.scalar, &left);
-        out.numbers(style.scalar, &right);
+        factored(&mut out, style.scalar, [count, rows, columns], &left, &right);
     }
     out.0
 }
@@ -217,11 +214,16 @@ pub fn fmf(scene: &Scene, style: &Style, head: &FmfHead) -> Vec<u8> {
     });
     out.u32(count);
     out.u8(style.scalar);
-    [count, rows, columns].into_iter().for_each(|number| out.u32(number));
-    out.numbers(style.scalar, &vec![1.0; count]);
-    out.numbers(style.scalar, &left);
-    out.numbers(style.scalar, &right);
+    factored(&mut out, style.scalar, [count, rows, columns], &left, &right);
     out.0
+}
+
+/// A factored matrix: its shape (components, rows, columns), singular values of 1, and the factors.
+fn factored(out: &mut Bytes, scalar: u8, shape: [usize; 3], left: &[f64], right: &[f64]) {
+    shape.into_iter().for_each(|number| out.u32(number));
+    out.numbers(scalar, &vec![1.0; shape[0]]);
+    out.numbers(scalar, left);
+    out.numbers(scalar, right);
 }
 
 /// The heads that PVF files may have.

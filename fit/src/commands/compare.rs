@@ -1,6 +1,6 @@
 //! `btf-fit compare`.
 
-use super::output::{check_distinct, check_file, is_stdout, say, write_json};
+use super::output::{check_distinct, check_file, tell};
 use super::{Decoding, Failure, Shared, progress};
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
@@ -135,13 +135,7 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         seconds: start.elapsed().as_secs_f64(),
         peak_memory_bytes: peak_memory_bytes(),
     };
-    if let Some(target) = &args.json {
-        write_json(target, &result)?;
-    }
-    if !shared.quiet && !args.json.as_deref().is_some_and(is_stdout) {
-        say(&summary(&result));
-    }
-    Ok(())
+    tell(args.json.as_deref(), shared.quiet, &result, || summary(&result))
 }
 
 fn summary(result: &CompareResult) -> String {

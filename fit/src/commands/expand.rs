@@ -1,6 +1,6 @@
 //! `btf-fit expand`.
 
-use super::output::{check_file, is_stdout, say, write_json};
+use super::output::{check_file, tell};
 use super::{Decoding, Failure, Shared, progress};
 use btf_capture::{DirectionSet, ImageFormat};
 use btf_fit::{ExpandParams, expand, load_asset, resident_in_parallel};
@@ -92,11 +92,8 @@ pub(super) fn run(args: &ExpandArgs, shared: &Shared) -> Result<(), Failure> {
         side: info.side.to_string(),
         seconds: start.elapsed().as_secs_f64(),
     };
-    if let Some(target) = &args.json {
-        write_json(target, &result)?;
-    }
-    if !shared.quiet && !args.json.as_deref().is_some_and(is_stdout) {
-        say(&format!(
+    tell(args.json.as_deref(), shared.quiet, &result, || {
+        format!(
             "{}: {} images ({} views x {} lights) of {} x {} texels, {}",
             args.directory.display(),
             result.images,
@@ -105,7 +102,6 @@ pub(super) fn run(args: &ExpandArgs, shared: &Shared) -> Result<(), Failure> {
             result.width,
             result.height,
             result.format
-        ));
-    }
-    Ok(())
+        )
+    })
 }

@@ -1,6 +1,6 @@
 //! `btf-fit fit`.
 
-use super::output::{check_distinct, check_file, complain, is_stdout, say, write_json};
+use super::output::{check_distinct, check_file, complain, is_stdout, tell};
 use super::{Failure, Shared, progress};
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
@@ -219,12 +219,7 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
             sparse: fitted.lobes.sparse,
         },
     };
-    if let Some(target) = &args.json {
-        write_json(target, &result)?;
-    }
-    if !shared.quiet && !args.json.as_deref().is_some_and(is_stdout) {
-        say(&summary(&result, args));
-    }
+    tell(args.json.as_deref(), shared.quiet, &result, || summary(&result, args))?;
     if let Some(asked) = args.psnr.filter(|asked| fitted.metrics.psnr_db < *asked) {
         complain(&format!(
             "warning: {:.2} dB were reached, --psnr asked for {asked}; give more --clusters",

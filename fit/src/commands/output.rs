@@ -11,6 +11,22 @@ pub(super) fn is_stdout(target: &Path) -> bool {
     target == Path::new("-")
 }
 
+/// Writes `result` where `--json` says, and `text` for people to standard output, unless that is quiet or taken.
+pub(super) fn tell<T: Serialize>(
+    json: Option<&Path>,
+    quiet: bool,
+    result: &T,
+    text: impl FnOnce() -> String,
+) -> Result<(), Failure> {
+    if let Some(target) = json {
+        write_json(target, result)?;
+    }
+    if !quiet && !json.is_some_and(is_stdout) {
+        say(&text());
+    }
+    Ok(())
+}
+
 /// Checks, before hours of work, that `path` can become a file: its folder takes a new file, it is no
 /// folder itself, and it neither is nor lies in one of `inputs`.
 pub(super) fn check_file(path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {

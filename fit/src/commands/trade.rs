@@ -1,6 +1,6 @@
 //! `btf-fit trade`.
 
-use super::output::{check_distinct, check_file, is_stdout, say, write_json};
+use super::output::{check_distinct, check_file, is_stdout, tell};
 use super::{Failure, Shared, progress};
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
@@ -164,13 +164,7 @@ pub(super) fn run(args: &TradeArgs, shared: &Shared) -> Result<(), Failure> {
         stages: stages.into_iter().map(|stage| (stage.name, stage.seconds)).collect(),
         peak_memory_bytes: peak_memory_bytes(),
     };
-    if let Some(target) = &args.json {
-        write_json(target, &result)?;
-    }
-    if !shared.quiet && !args.json.as_deref().is_some_and(is_stdout) {
-        say(&summary(&result));
-    }
-    Ok(())
+    tell(args.json.as_deref(), shared.quiet, &result, || summary(&result))
 }
 
 fn params(args: &TradeArgs) -> TradeParams {

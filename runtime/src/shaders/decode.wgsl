@@ -132,7 +132,13 @@ fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: 
         return vec3<f32>(0.0);
     }
     let fade = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
-    let here = btf_lobe_sum(t, wi, wo);
+    let exact = options.interpolation == INTERPOLATION_EXACT;
+    // Lobes that only guide are not part of the value, and the fast rule does not ask them.
+    let guide = asset_word(t.layer + BLOCK_LOBE_ROLE) == LOBE_ROLE_GUIDE;
+    var here = vec3<f32>(0.0);
+    if !guide || exact || t.bases == 0u {
+        here = btf_lobe_sum(t, wi, wo);
+    }
     if t.bases == 0u {
         return max(here, vec3<f32>(0.0)) * fade;
     }
@@ -146,9 +152,6 @@ fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: 
         + t.cluster * asset_word(t.layer + BLOCK_PAIRS) * 3u * channel_words;
     let kind = asset_word(t.layer + BLOCK_RESIDUAL_KIND);
     let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
-    let exact = options.interpolation == INTERPOLATION_EXACT;
-    // Lobes that only guide are not part of the value.
-    let guide = asset_word(t.layer + BLOCK_LOBE_ROLE) == LOBE_ROLE_GUIDE;
     let base_share = select(1.0, 0.0, guide);
 
     var residual: array<vec3<f32>, 9>;
