@@ -20,10 +20,15 @@ pub fn write_file_atomically(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(),
 
 /// A file being written beside its final path. [`AtomicFile::commit`] puts it in place; dropped
 /// without that, it is removed and the final path is untouched.
+///
+/// A symbolic link stays one: the file that it leads to is replaced. A device or a pipe
+/// (`/dev/null`, `/dev/stdout`) is written to directly: a rename would put a file in its place.
 #[derive(Debug)]
 pub struct AtomicFile {
+    /// Where the file ends, links followed.
     path: PathBuf,
-    temporary: PathBuf,
+    /// Where it grows; none for a device or a pipe.
+    temporary: Option<PathBuf>,
     file: Option<File>,
 }
 
@@ -34,13 +39,19 @@ impl AtomicFile {
     /// [`CaptureError::Write`] if the folder of `path` does not take a new file.
     pub fn create(path: impl AsRef<Path>) -> Result<AtomicFile, CaptureError> {
         let path = path.as_ref();
-        let temporary = temporary_sibling(path)?;
-        let file = OpenOptions::new()
-            .write(true)
-            .create_new(true)
-            .open(&temporary)
-            .map_err(|source| CaptureError::write(path, source))?;
-        Ok(AtomicFile { path: path.into(), temporary, file: Some(file) })
+        let failed = |source| CaptureError::write(path, source);
+        let mut options = OpenOptions::new();
+        options.write(true);
+        if fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+            let file = options.open(path).map_err(failed)?;
+            return Ok(AtomicFile { path: path.into(), temporary: None, file: Some(file) });
+        }
+        // A link that leads nowhere is replaced like a file.
+        let linked = path.is_symlink().then(|| fs::canonicalize(path).ok()).flatten();
+        let path = linked.unwrap_or_else(|| path.into());
+        let temporary = temporary_sibling(&path)?;
+        let file = options.create_new(true).open(&temporary).map_err(failed)?;
+        Ok(AtomicFile { path, temporary: Some(temporary), file: Some(file) })
     }
 
     /// Syncs the file to disk and renames it to its final path.
@@ -48,11 +59,14 @@ impl AtomicFile {
     /// # Errors
     /// [`CaptureError::Write`]; the final path is then untouched.
     pub fn commit(mut self) -> Result<(), CaptureError> {
+        let Some(temporary) = &self.temporary else {
+            return self.open_file().and_then(File::flush).map_err(|source| CaptureError::write(&self.path, source));
+        };
         let done = self.file.take().map_or(Ok(()), |file| file.sync_all());
-        let done = done.and_then(|()| fs::rename(&self.temporary, &self.path));
+        let done = done.and_then(|()| fs::rename(temporary, &self.path));
         done.map_err(|source| {
             // The drop below finds no open file any more, so clean up here.
-            let _ = fs::remove_file(&self.temporary);
+            let _ = fs::remove_file(temporary);
             CaptureError::write(&self.path, source)
         })?;
         sync_folder(parent_of(&self.path));
@@ -76,9 +90,9 @@ impl Write for AtomicFile {
 
 impl Drop for AtomicFile {
     fn drop(&mut self) {
-        if self.file.take().is_some() {
+        if let (Some(_), Some(temporary)) = (self.file.take(), &self.temporary) {
             // Nothing can be done about a failure here, and the final path is untouched.
-            let _ = fs::remove_file(&self.temporary);
+            let _ = fs::remove_file(temporary);
         }
     }
 }
@@ -143,6 +157,47 @@ mod tests {
         drop(file);
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names(dir.path()), ["a.bin"]);
+    }
+
+    /// A socket stands for every device: it is nothing that a rename may replace, and a test that
+    /// tried it on `/dev/null` would, where it fails, take that from the machine it runs on.
+    #[test]
+    #[cfg(unix)]
+    fn a_device_is_never_replaced_by_a_file() {
+        use std::os::unix::fs::FileTypeExt;
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("device");
+        let _listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        let message = write_file_atomically(&path, b"new").unwrap_err().to_string();
+        assert!(message.contains("device"), "{message}");
+        assert!(fs::symlink_metadata(&path).unwrap().file_type().is_socket());
+        assert_eq!(names(dir.path()), ["device"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_link_stays_one_and_its_file_is_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, link) = (dir.path().join("a.bin"), dir.path().join("link"));
+        fs::write(&path, b"old").unwrap();
+        std::os::unix::fs::symlink("a.bin", &link).unwrap();
+        write_file_atomically(&link, b"new").unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(names(dir.path()), ["a.bin", "link"]);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_pipe_takes_what_is_written() {
+        use std::io::Read;
+        use std::os::fd::AsRawFd;
+        let (mut reader, writer) = io::pipe().unwrap();
+        write_file_atomically(format!("/proc/self/fd/{}", writer.as_raw_fd()), b"through").unwrap();
+        drop(writer);
+        let mut seen = Vec::new();
+        reader.read_to_end(&mut seen).unwrap();
+        assert_eq!(seen, b"through");
     }
 
     #[test]

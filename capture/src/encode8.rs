@@ -8,8 +8,10 @@ use crate::info::{CaptureInfo, file_linear, round_to_8_bits};
 /// table, several times faster because no power is taken. Build one per capture and share it between threads.
 #[derive(Debug, Clone)]
 pub struct Encoder8 {
-    /// Cells of equal relative width over the floats from the smallest threshold to the largest.
-    cells: Vec<Cell>,
+    /// Cells of equal relative width over the floats from just below the smallest threshold to the largest: at most
+    /// two 8-bit values meet in one. The upper 8 bits are the value at the lower edge, the others the distance, in
+    /// floats, from there to the next value.
+    cells: Vec<u32>,
     /// Bits of the first and the last float that has a cell of its own.
     range: [u32; 2],
     /// Bits of a float that do not count for its cell.
@@ -18,38 +20,27 @@ pub struct Encoder8 {
     factors: Vec<f32>,
 }
 
-/// Floats with the same leading bits: at most two 8-bit values meet here.
-#[derive(Debug, Clone, Copy)]
-struct Cell {
-    /// The smallest float that is stored above `value`; NaN if nothing is.
-    next: f32,
-    /// The 8-bit value at the lower edge.
-    value: u8,
-}
-
 impl Encoder8 {
     /// The encoder of a capture's files.
     pub fn new(info: &CaptureInfo) -> Encoder8 {
-        let mut thresholds = [f32::NAN; 256];
+        // Bits of the smallest float that is stored above each value; floats order like their bits.
+        let mut thresholds = [u32::MAX; 256];
         for value in 0..255u8 {
-            thresholds[value as usize] = smallest_stored_above(info.transfer, value);
+            thresholds[value as usize] = smallest_stored_above(info.transfer, value).to_bits();
         }
-        let range = [thresholds[0].to_bits(), thresholds[254].to_bits()];
+        let range = [thresholds[0] - 1, thresholds[254]];
         // Eight bits behind the exponent separate the values of every curve that is steepest at 0.
         let cell_of = |bits: u32, shift: u32| (bits - range[0]) >> shift;
-        let apart = |shift: &u32| {
-            thresholds[..255]
-                .windows(2)
-                .all(|pair| cell_of(pair[0].to_bits(), *shift) < cell_of(pair[1].to_bits(), *shift))
-        };
+        let apart =
+            |shift: &u32| thresholds[..255].windows(2).all(|pair| cell_of(pair[0], *shift) < cell_of(pair[1], *shift));
         let shift = (8..=15).rev().find(apart).unwrap_or(8);
-        let mut value = 0u8;
+        let mut value = 0u32;
         let cells = (0..=cell_of(range[1], shift)).map(|cell| {
-            let least = f32::from_bits(range[0] + (cell << shift));
+            let least = range[0] + (cell << shift);
             while least > thresholds[value as usize] {
                 value += 1;
             }
-            Cell { next: thresholds[value as usize], value }
+            value << 24 | (thresholds[value as usize] - least).min(1 << shift)
         });
         let cells = cells.collect();
         let factors = (0..info.lights.len()).map(|light| info.linear_factor(light)).collect();
@@ -81,9 +72,11 @@ impl Encoder8 {
     fn encode_file_value(&self, file_value: f32) -> u8 {
         // As a comparison, NaN becomes 0.
         let file_value = if file_value > 0.0 { file_value } else { 0.0 };
-        let bits = file_value.to_bits().clamp(self.range[0], self.range[1]);
-        let cell = self.cells[((bits - self.range[0]) >> self.shift) as usize];
-        cell.value + u8::from(file_value >= cell.next)
+        let at = file_value.to_bits().clamp(self.range[0], self.range[1]) - self.range[0];
+        // Always there; said so that the loop can run in vectors.
+        let cell = self.cells.get((at >> self.shift) as usize).copied().unwrap_or(0);
+        let within = at & ((1 << self.shift) - 1);
+        ((cell >> 24) + u32::from(within >= cell & 0x00ff_ffff)) as u8
     }
 }
 

@@ -10,7 +10,7 @@ use crate::monitor::Monitor;
 use crate::params::{ErrorMeasure, MAX_HALF};
 use crate::stored::{Input, Stored};
 use blake3::Hasher;
-use btf_capture::{Capture, Pixels};
+use btf_capture::{Capture, Pixels, Side};
 use half::f16;
 use rayon::prelude::*;
 use std::fs::File;
@@ -20,6 +20,23 @@ use std::sync::OnceLock;
 
 /// Texels of a block: 20 MB of 8-bit samples for Bonn's 6,561 pairs.
 const TILE_TEXELS: usize = 1024;
+
+/// The samples of `pair` at all texels, put together from the blocks.
+fn image_bytes(decoded: &Decoded, texels: usize, pairs: usize, pair: usize) -> Result<Vec<u8>, FitError> {
+    let unit = decoded.form.unit();
+    let mut bytes = vec![0; texels * unit];
+    for tile in 0..texels.div_ceil(TILE_TEXELS) {
+        let texels = tile_texels(tile, texels);
+        let start = (texels.start * pairs + pair * texels.len()) * unit;
+        decoded.place.read(&mut bytes[texels.start * unit..texels.end * unit], start)?;
+    }
+    Ok(bytes)
+}
+
+/// Texels of block `tile` of `texels`.
+fn tile_texels(tile: usize, texels: usize) -> Range<usize> {
+    tile * TILE_TEXELS..((tile + 1) * TILE_TEXELS).min(texels)
+}
 
 /// The capture's samples in blocks. Images are decoded when a block is asked for first.
 pub struct TileCache<'a> {
@@ -97,6 +114,52 @@ impl Place {
             }
         }
         Ok(())
+    }
+
+    fn read(&self, bytes: &mut [u8], start: usize) -> Result<(), FitError> {
+        match self {
+            Place::Memory(all) => bytes.copy_from_slice(&all[start..start + bytes.len()]),
+            Place::File { file, path, .. } => {
+                read_at(file, bytes, start as u64).map_err(|source| FitError::File {
+                    path: path.clone(),
+                    action: "reading the decoded capture back",
+                    source,
+                    remedy: "run the fit again",
+                })?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A decoded capture's images, as the capture itself gives them.
+pub struct DecodedImages {
+    decoded: Decoded,
+    texels: usize,
+    pairs: usize,
+    width: usize,
+    side: Side,
+}
+
+impl DecodedImages {
+    /// The image of `pair` (`view * lights + light`).
+    ///
+    /// # Errors
+    /// If the temporary file cannot be read back.
+    pub fn read(&self, pair: usize) -> Result<Pixels, FitError> {
+        let mut bytes = image_bytes(&self.decoded, self.texels, self.pairs, pair)?;
+        Ok(match self.decoded.form {
+            Form::Encoded8 => {
+                turn_image(&mut bytes, self.width, self.side);
+                Pixels::Encoded8(bytes)
+            }
+            _ => {
+                let mut values: Vec<f32> =
+                    bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+                turn_image(&mut values, self.width, self.side);
+                Pixels::Linear(values)
+            }
+        })
     }
 }
 
@@ -347,7 +410,15 @@ impl<'a> TileCache<'a> {
 
     /// Texels of block `tile`.
     pub fn tile_texels(&self, tile: usize) -> Range<usize> {
-        tile * TILE_TEXELS..((tile + 1) * TILE_TEXELS).min(self.texels)
+        tile_texels(tile, self.texels)
+    }
+
+    /// The images, if they are all at hand as they were read: halves are rounded, and a run that went on from kept
+    /// stages may have read none.
+    pub fn into_images(self) -> Option<DecodedImages> {
+        let (texels, pairs, info) = (self.texels, self.pairs, self.capture.info());
+        let decoded = self.decoded.into_inner().filter(|decoded| decoded.form != Form::Half)?;
+        Some(DecodedImages { decoded, texels, pairs, width: info.width, side: info.side })
     }
 
     fn store(
@@ -392,16 +463,33 @@ impl<'a> TileCache<'a> {
                 continue;
             }
             self.with_pair_major(tile, |pair_major| {
-                for (i, texel) in chosen[first..next].iter().enumerate() {
-                    let to = &mut samples[(first + i) * stride..(first + i + 1) * stride];
+                let to = &mut samples[first * stride..next * stride];
+                to.par_chunks_mut(stride).zip(&chosen[first..next]).for_each(|(to, texel)| {
                     for (pair, to) in to.chunks_exact_mut(unit).enumerate() {
                         let from = (pair * texels.len() + texel - texels.start) * unit;
                         to.copy_from_slice(&pair_major[from..from + unit]);
                     }
-                }
+                });
             })?;
         }
         Ok(Tile { cache: self, form, texels: 0..chosen.len(), samples })
+    }
+
+    /// The image of `pair` through `mapping`, `[texel, channel]`, texels in the asset's order.
+    pub fn image(&self, pair: usize, mapping: &Mapping) -> Result<Vec<f32>, FitError> {
+        let (decoded, light) = (self.decoded()?, pair % self.lights);
+        let bytes = image_bytes(decoded, self.texels, self.pairs, pair)?;
+        Ok(match decoded.form {
+            Form::Encoded8 => bytes.iter().map(|code| mapping.tables[light][usize::from(*code)]).collect(),
+            Form::Half => {
+                let halves = bytes.as_chunks::<2>().0.iter().map(|bytes| f16::from_le_bytes(*bytes).to_f32());
+                halves.map(&mapping.curve).collect()
+            }
+            Form::Single => {
+                let singles = bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+                singles.map(&mapping.curve).collect()
+            }
+        })
     }
 
     /// Block `tile` as it lies: `[pair, texel, channel]`.
@@ -410,14 +498,9 @@ impl<'a> TileCache<'a> {
         let range = self.tile_range(tile, decoded.form);
         match &decoded.place {
             Place::Memory(bytes) => Ok(work(&bytes[range])),
-            Place::File { file, path, .. } => {
+            place => {
                 let mut bytes = vec![0; range.len()];
-                read_at(file, &mut bytes, range.start as u64).map_err(|source| FitError::File {
-                    path: path.clone(),
-                    action: "reading the decoded capture back",
-                    source,
-                    remedy: "run the fit again",
-                })?;
+                place.read(&mut bytes, range.start)?;
                 Ok(work(&bytes))
             }
         }
@@ -432,21 +515,27 @@ impl<'a> TileCache<'a> {
     }
 
     fn texel_major(&self, pair_major: &[u8], count: usize, unit: usize) -> Vec<u8> {
-        let mut samples = vec![0; pair_major.len()];
-        let stride = self.pairs * unit;
+        match unit {
+            3 => self.texel_major_of::<3>(pair_major, count),
+            6 => self.texel_major_of::<6>(pair_major, count),
+            _ => self.texel_major_of::<12>(pair_major, count),
+        }
+    }
+
+    fn texel_major_of<const UNIT: usize>(&self, pair_major: &[u8], count: usize) -> Vec<u8> {
         // Blocked, so that both sides stay in the cache.
         const BLOCK: usize = 64;
-        for pair_block in (0..self.pairs).step_by(BLOCK) {
-            for texel_block in (0..count).step_by(BLOCK) {
-                for pair in pair_block..(pair_block + BLOCK).min(self.pairs) {
-                    for texel in texel_block..(texel_block + BLOCK).min(count) {
-                        let from = (pair * count + texel) * unit;
-                        let to = texel * stride + pair * unit;
-                        samples[to..to + unit].copy_from_slice(&pair_major[from..from + unit]);
+        let mut samples = vec![0; pair_major.len()];
+        let (from, _) = pair_major.as_chunks::<UNIT>();
+        samples.as_chunks_mut::<UNIT>().0.par_chunks_mut(BLOCK * self.pairs).enumerate().for_each(|(block, to)| {
+            for pair_block in (0..self.pairs).step_by(BLOCK) {
+                for (i, to) in to.chunks_exact_mut(self.pairs).enumerate() {
+                    for pair in pair_block..(pair_block + BLOCK).min(self.pairs) {
+                        to[pair] = from[pair * count + block * BLOCK + i];
                     }
                 }
             }
-        }
+        });
         samples
     }
 }

@@ -3,16 +3,13 @@
 
 use crate::error::FitError;
 use crate::monitor::Monitor;
-use crate::project::{Rows, principal_directions};
+use crate::project::{Rows, principal_directions, rows_made};
 use crate::residual_source::ResidualSource;
 use crate::texel_sample::texel_sample;
 use ndarray::{Array2, s};
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Times that [`principal_directions`] asks for each row.
-const SAMPLE_PASSES: usize = 4;
 
 /// A residual's coordinates.
 pub struct Coordinates {
@@ -45,7 +42,7 @@ impl Coordinates {
         let count = chosen.len();
         let block = source.cache.gather(&chosen)?;
         // Rows of the sample are made for each product, those of all texels once.
-        let (made, all) = (AtomicUsize::new(0), SAMPLE_PASSES * count + texels);
+        let (made, all) = (AtomicUsize::new(0), rows_made(count, rank) + texels);
         let sampled = Rows {
             count,
             samples: source.row_len(),

@@ -169,12 +169,14 @@ impl Model {
             }
         }
         let gram = decoded.dot(&decoded.t());
-        Products { solver: Solver::new(&gram), cross: exact.dot(&decoded.t()), gram }
+        let cross = exact.dot(&decoded.t());
+        let mixtures = ridged_inverse(&gram).dot(&cross.t().mapv(f64::from)).mapv(|x| x as f32);
+        Products { mixtures, cross, gram }
     }
 
     /// A cluster's mean and components on the decoded shared bases, and its texels' coefficients on the result.
     fn fit(&self, cluster: &LocalPca, on: &Products, step: f64, count: usize) -> Fitted {
-        let Products { gram, cross, solver } = on;
+        let Products { gram, cross, mixtures } = on;
         let used = gram.nrows();
         let texels = cluster.members.len();
         let kept = cluster
@@ -183,17 +185,15 @@ impl Model {
             .take(count)
             .take_while(|variance| (**variance / texels as f64).sqrt() > LEAST_RMS * step)
             .count();
-        // `gram^-1 cross' x`: the mixture nearest to x.
-        let mixture = |x: &Array1<f32>| -> Vec<f32> { solver.solve(&cross.t().dot(x)) };
+        let nearest = mixtures.dot(&cluster.components.slice(s![.., ..kept]));
         let mut bases = Vec::with_capacity(count + 1);
         bases.push(if texels == 0 {
             (0.0, vec![0; used])
         } else {
-            quantize(&mixture(&cluster.mean), step / (texels as f64).sqrt())
+            quantize(&mixtures.dot(&cluster.mean).to_vec(), step / (texels as f64).sqrt())
         });
         for j in 0..kept {
-            let column = cluster.components.column(j).to_owned();
-            bases.push(quantize(&mixture(&column), step / cluster.variances[j].max(1e-30).sqrt()));
+            bases.push(quantize(&nearest.column(j).to_vec(), step / cluster.variances[j].max(1e-30).sqrt()));
         }
         // What quantised to nothing has no coefficients; components are dropped from the end only.
         let kept = (1..=kept).take_while(|j| bases[*j].1.iter().any(|q| *q != 0)).count();
@@ -206,13 +206,11 @@ impl Model {
         }
         bases.resize(count + 1, (0.0, vec![0; used]));
         let own_gram = components.t().dot(&gram.dot(&components));
-        let own = Solver::new(&own_gram);
         // Products of the residual about the mean with the components, then their coefficients.
         let rows = self.coordinates.scores.select(Axis(0), &cluster.members);
         let mut products = rows.dot(&cross.dot(&components));
         products -= &components.t().dot(&gram.dot(&mean));
-        let inverse = own.inverse();
-        let coefficients = products.dot(&inverse);
+        let coefficients = products.dot(&ridged_inverse(&own_gram).mapv(|x| x as f32));
         Fitted { members: cluster.members.clone(), bases, mean, own_gram, products, coefficients }
     }
 
@@ -254,13 +252,15 @@ impl Model {
                 let mut sum = texels * (f64::from(fitted.mean.dot(&gram.dot(&fitted.mean))) - 2.0 * along);
                 let used = planes.len().min(fitted.coefficients.ncols());
                 let own_gram = fitted.own_gram.slice(s![..used, ..used]);
-                let mut y = Array1::<f32>::zeros(used);
-                for (i, texel) in fitted.members.iter().enumerate() {
-                    for (y, plane) in y.iter_mut().zip(planes) {
-                        *y = plane.step * f32::from(plane.codes[*texel]);
-                    }
-                    let product = y.dot(&fitted.products.slice(s![i, ..used]));
-                    sum += f64::from(y.dot(&own_gram.dot(&y))) - 2.0 * f64::from(product);
+                let mut y = Array2::<f32>::zeros((fitted.members.len(), used));
+                for (mut row, texel) in y.rows_mut().into_iter().zip(&fitted.members) {
+                    row.iter_mut().zip(planes).for_each(|(y, plane)| *y = plane.step * f32::from(plane.codes[*texel]));
+                }
+                // y' G y - 2 y' p, texel by texel.
+                let mut slopes = y.dot(&own_gram);
+                slopes.scaled_add(-2.0, &fitted.products.slice(s![.., ..used]));
+                for (y, slope) in y.rows().into_iter().zip(slopes.rows()) {
+                    sum += f64::from(y.dot(&slope));
                 }
                 sum
             })
@@ -280,8 +280,8 @@ struct Products {
     gram: Array2<f32>,
     /// With the exact directions: `[direction, shared basis]`.
     cross: Array2<f32>,
-    /// Solves for mixtures.
-    solver: Solver,
+    /// `gram^-1 cross'`: times a vector of coordinates, the mixture of shared bases nearest to it.
+    mixtures: Array2<f32>,
 }
 
 /// A cluster on the decoded shared bases.
@@ -306,26 +306,14 @@ fn collect_basis(fitted: &[Fitted], index: usize) -> Basis {
     }
 }
 
-/// Inverse of a ridged Gram matrix.
-struct Solver(DMatrix<f64>);
-
-impl Solver {
-    fn new(gram: &Array2<f32>) -> Solver {
-        let n = gram.nrows();
-        let trace: f64 = (0..n).map(|i| f64::from(gram[[i, i]])).sum();
-        let ridge = RIDGE * trace / n.max(1) as f64 + 1e-12;
-        let matrix = DMatrix::from_fn(n, n, |i, j| {
-            0.5 * (f64::from(gram[[i, j]]) + f64::from(gram[[j, i]])) + if i == j { ridge } else { 0.0 }
-        });
-        Solver(matrix.cholesky().map(|cholesky| cholesky.inverse()).unwrap_or_else(|| DMatrix::identity(n, n)))
-    }
-
-    fn inverse(&self) -> Array2<f32> {
-        Array2::from_shape_fn(self.0.shape(), |(i, j)| self.0[(i, j)] as f32)
-    }
-
-    fn solve(&self, right: &Array1<f32>) -> Vec<f32> {
-        let n = right.len();
-        (0..n).map(|i| (0..n).map(|j| self.0[(i, j)] * f64::from(right[j])).sum::<f64>() as f32).collect()
-    }
+/// Inverse of a Gram matrix with a ridge.
+fn ridged_inverse(gram: &Array2<f32>) -> Array2<f64> {
+    let n = gram.nrows();
+    let trace: f64 = (0..n).map(|i| f64::from(gram[[i, i]])).sum();
+    let ridge = RIDGE * trace / n.max(1) as f64 + 1e-12;
+    let matrix = DMatrix::from_fn(n, n, |i, j| {
+        0.5 * (f64::from(gram[[i, j]]) + f64::from(gram[[j, i]])) + if i == j { ridge } else { 0.0 }
+    });
+    let inverse = matrix.cholesky().map(|cholesky| cholesky.inverse()).unwrap_or_else(|| DMatrix::identity(n, n));
+    Array2::from_shape_fn((n, n), |(i, j)| inverse[(i, j)])
 }

@@ -3,14 +3,16 @@
 use crate::checkpoint::Checkpoint;
 #[cfg(doc)]
 use crate::checkpoint::remove_finished_stages;
-use crate::compare::{Comparison, MeasureParams, measure};
+#[cfg(doc)]
+use crate::compare::measure;
+use crate::compare::{Comparison, MeasureParams, measure_images};
 use crate::describe::resident_in_parallel;
 use crate::error::FitError;
 use crate::material::{FitRecord, Material};
 use crate::metrics::{ErrorSums, Metrics};
 use crate::monitor::Monitor;
 use crate::params::{FitOutcome, FitParams, LobeFigures};
-use crate::pipeline::fit_from;
+use crate::pipeline::{fit_from, read_images};
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{Asset, Resident, pack};
 
@@ -49,16 +51,18 @@ pub struct Fitted {
 pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
     params.check()?;
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
-    let FitOutcome { mut asset, lobes_per_texel_mean, lobes, components, clusters, left_out, .. } =
-        fit_from(captures, params, &checkpoint, monitor)?;
+    let (outcome, images) = fit_from(captures, params, &checkpoint, monitor)?;
+    let FitOutcome { mut asset, lobes_per_texel_mean, lobes, components, clusters, left_out, .. } = outcome;
     let resident = resident_in_parallel(&asset);
     let comparisons: Vec<Comparison> = checkpoint.whole().run("measure", || {
         let comparisons = captures.iter().enumerate().map(|(layer, capture)| {
             let measuring = MeasureParams { layer, memory_bytes: params.memory_bytes, ..MeasureParams::default() };
-            measure(capture, &asset, &resident, &measuring, monitor)
+            let read = read_images(capture, images.as_ref());
+            measure_images(capture.info(), &read, &asset, &resident, &measuring, monitor)
         });
         comparisons.collect()
     })?;
+    drop(images);
     let mut sums = ErrorSums::default();
     for comparison in &comparisons {
         sums.add(&comparison.sums);
@@ -92,6 +96,7 @@ pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monit
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compare::measure;
     use crate::expand::{ExpandParams, expand};
     use crate::sample_asset::sample_asset_with;
     use btf_capture::DirectionSet;

@@ -8,11 +8,13 @@ use crate::frame::layer_directions;
 use crate::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb, texel_tiles};
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
-    Asset, DecodeOptions, HORIZON_COS, Interpolation, Layer, LobeRole, LobeSetup, Neighbours, RATIO_EPSILON,
-    RATIO_RANGE, Resident, ResidualKind, SingleBases, Sphere, block, root,
+    Asset, DecodeOptions, HORIZON_COS, HeightField, Heights, Interpolation, Layer, LobeRole, LobeSetup, Neighbours,
+    RATIO_EPSILON, RATIO_RANGE, Resident, ResidualKind, SeenBy, SingleBases, Sphere, block, root,
 };
 use half::f16;
 use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Directions closer than this count as the same, in degrees.
 pub const SAME_DIRECTION_DEG: f64 = 0.01;
@@ -51,6 +53,8 @@ fn is_same_direction(a: [f32; 3], b: [f32; 3]) -> bool {
 /// A layer of an asset, ready to be decoded image by image.
 pub struct ImageDecoder<'a> {
     layer: &'a Layer,
+    /// Columns and rows.
+    size: [usize; 2],
     words: &'a [u32],
     /// First word of the expanded bases, `[cluster, pair, channel, word]`.
     basis_at: usize,
@@ -61,6 +65,10 @@ pub struct ImageDecoder<'a> {
     /// Words per pair and channel that the options use; 0 without residual.
     used_words: usize,
     interpolation: Interpolation,
+    /// The layer's heights as words, where parallax is to be removed.
+    heights: Option<(&'a Heights, Vec<u32>)>,
+    /// What the last eye between the measured views saw in each texel: its lights follow one another.
+    last_seen: Mutex<([f32; 3], Arc<Vec<SeenBy>>)>,
     setups: Vec<LobeSetup>,
     /// Per cluster the number of its first lobe in `setups`.
     first_lobe: Vec<usize>,
@@ -77,6 +85,8 @@ pub struct PairPlan {
     residual_scale: f32,
     /// Factor of everything towards the horizon.
     fade: f32,
+    /// The whole image, done: where parallax is removed a texel shows others'.
+    image: Option<Vec<[f32; 3]>>,
 }
 
 struct Tap {
@@ -105,12 +115,15 @@ impl<'a> ImageDecoder<'a> {
         }
         ImageDecoder {
             layer: source,
+            size: [asset.width, asset.height],
             words,
             basis_at: words[base + block::BASIS] as usize,
             channel_words: words[base + block::CHANNEL_WORDS] as usize,
             singles: None,
             used_words: bases.div_ceil(2),
             interpolation: options.interpolation,
+            heights: source.heights.as_ref().filter(|_| options.parallax).map(|heights| (heights, heights.to_words())),
+            last_seen: Mutex::new(([0.0; 3], Arc::default())),
             setups,
             first_lobe,
             tiles: texel_tiles(source, bases, options.lobes as usize),
@@ -133,14 +146,25 @@ impl<'a> ImageDecoder<'a> {
     pub fn plan(&self, view: Spot, light: Spot) -> PairPlan {
         let (lights, views) = (&self.layer.lights, &self.layer.views);
         if let (Spot::Measured(v), Spot::Measured(l)) = (view, light) {
-            return PairPlan { taps: vec![self.tap(v, l, 1.0)], here: None, residual_scale: 1.0, fade: 1.0 };
+            return PairPlan {
+                taps: vec![self.tap(v, l, 1.0)],
+                here: None,
+                residual_scale: 1.0,
+                fade: 1.0,
+                image: None,
+            };
         }
         let (wo, out) = neighbours(views, view);
         let (wi, into) = neighbours(lights, light);
         if wi[2] <= 0.0 || wo[2] <= 0.0 {
-            return PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 0.0 };
+            return PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 0.0, image: None };
         }
         let fade = (wi[2] / HORIZON_COS.min(lights.least_cosine())).min(1.0);
+        if let (Spot::Other(_), Some((heights, words))) = (view, &self.heights) {
+            let field = HeightField::new(words, self.size, heights);
+            let image = self.shifted_image([wi, wo], [&into, &out], fade, &self.seen_by(&field, wo, &out));
+            return PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 1.0, image: Some(image) };
+        }
         let here = self.lobe_values(wi, wo);
         let mut taps = Vec::new();
         for v in 0..3 {
@@ -152,7 +176,7 @@ impl<'a> ImageDecoder<'a> {
             }
         }
         if self.interpolation == Interpolation::Exact && self.used_words > 0 {
-            return PairPlan { taps, here: Some(here), residual_scale: 1.0, fade };
+            return PairPlan { taps, here: Some(here), residual_scale: 1.0, fade, image: None };
         }
         // The fast rule is linear in the residual, so its nine rows become one.
         let mut rows = vec![[[0.0; 2]; 3]; self.first_lobe.len() * self.used_words];
@@ -170,7 +194,130 @@ impl<'a> ImageDecoder<'a> {
             ResidualKind::Log => (1.0, fade),
             ResidualKind::Root => (root(into.beyond.max(1e-12)), fade),
         };
-        PairPlan { taps: vec![Tap { weight: 1.0, values: here, rows }], here: None, residual_scale, fade }
+        let taps = vec![Tap { weight: 1.0, values: here, rows }];
+        PairPlan { taps, here: None, residual_scale, fade, image: None }
+    }
+
+    /// What an eye at `wo` sees in every texel.
+    fn seen_by(&self, field: &HeightField, wo: [f32; 3], view: &Neighbours) -> Arc<Vec<SeenBy>> {
+        let last = || self.last_seen.lock().unwrap_or_else(PoisonError::into_inner);
+        let (of, seen) = last().clone();
+        if of == wo && !seen.is_empty() {
+            return seen;
+        }
+        let views = view.ids.map(|id| self.layer.views.direction(id));
+        let texels = (0..self.layer.texel_clusters.len() as u32).into_par_iter();
+        let seen: Arc<Vec<SeenBy>> =
+            Arc::new(texels.map(|texel| field.seen_by(texel, wo, &views, &view.weights)).collect());
+        *last() = (wo, Arc::clone(&seen));
+        seen
+    }
+
+    /// The image at `[wi, wo]`, whose neighbours are `[light, view]`, with the parallax between the views removed:
+    /// an image as each of them has it, then every texel from those that show what is `seen` in it.
+    fn shifted_image(
+        &self,
+        [wi, wo]: [[f32; 3]; 2],
+        [light, view]: [&Neighbours; 2],
+        fade: f32,
+        seen: &[SeenBy],
+    ) -> Vec<[f32; 3]> {
+        let (kind, epsilon) = (self.layer.residual_kind, self.layer.epsilon);
+        let guide = self.layer.lobe_role == LobeRole::Guide;
+        let exact = self.interpolation == Interpolation::Exact && self.used_words > 0;
+        let arch = Arch::new();
+        let here = match guide && self.used_words > 0 && !exact {
+            true => vec![[0.0; 3]; seen.len()],
+            false => arch.dispatch(LobeImage { decoder: self, values: &self.lobe_values(wi, wo) }),
+        };
+        let parts = [0, 1, 2].map(|v| {
+            if view.weights[v] <= 0.0 || self.used_words == 0 {
+                return ViewParts { values: vec![[0.0; 3]; seen.len()], lobes: vec![[0.0; 3]; seen.len()] };
+            }
+            let taps: Vec<Tap> = (0..3)
+                .filter(|l| light.weights[*l] > 0.0)
+                .map(|l| self.tap(view.ids[v] as usize, light.ids[l] as usize, light.weights[l]))
+                .collect();
+            arch.dispatch(PartsOfView { decoder: self, taps: &taps, exact })
+        });
+        let blend = |seen: &SeenBy, image: &dyn Fn(usize) -> [f32; 3]| {
+            let mut sum = [0.0; 3];
+            for v in (0..3).filter(|v| seen.weights[*v] > 0.0) {
+                let value = image(v);
+                (0..3).for_each(|c| sum[c] += seen.weights[v] * value[c]);
+            }
+            sum
+        };
+        let share = if guide { 0.0 } else { 1.0 };
+        let (scaled, falling) = if guide { (1.0, light.beyond) } else { (light.beyond, 1.0) };
+        seen.iter()
+            .map(|seen| {
+                let at = |v: usize| seen.texels[v] as usize;
+                let here = blend(seen, &|v| here[at(v)]);
+                if self.used_words == 0 {
+                    return here.map(|x| x.max(0.0) * fade);
+                }
+                let value = blend(seen, &|v| parts[v].values[at(v)]);
+                if !exact {
+                    return [0, 1, 2]
+                        .map(|c| kind.combine(share * here[c], value[c], epsilon, scaled) * falling * fade);
+                }
+                let lobes = blend(seen, &|v| parts[v].lobes[at(v)]);
+                [0, 1, 2].map(|c| {
+                    let ratio = (here[c] + RATIO_EPSILON) / (lobes[c] + RATIO_EPSILON);
+                    value[c] * ratio.clamp(RATIO_RANGE[0], RATIO_RANGE[1]) * fade
+                })
+            })
+            .collect()
+    }
+
+    /// What one measured view has at lights between the measured ones: the residual interpolated, or, for the exact
+    /// rule, values and lobes.
+    #[inline(always)]
+    fn parts_of_view<S: Simd>(&self, simd: S, taps: &[Tap], exact: bool) -> ViewParts {
+        let zero = [[0.0f32; TILE_TEXELS]; 3];
+        let texels = self.layer.texel_clusters.len();
+        let mut parts = ViewParts { values: vec![[0.0; 3]; texels], lobes: vec![[0.0; 3]; texels] };
+        let mut weights = BasisWeights::default();
+        for tile in &self.tiles {
+            tile.unpack(&mut weights);
+            let rows = tile.cluster * self.used_words..(tile.cluster + 1) * self.used_words;
+            let (mut value, mut lobes) = (zero, zero);
+            for tap in taps {
+                let (mut decoded, mut sums) = (zero, zero);
+                if exact {
+                    self.combine(simd, tile, &weights, tap, 1.0, &mut decoded);
+                    self.lobe_sums(tile, &tap.values, &mut sums);
+                } else {
+                    weights.residual_sums(simd, &tap.rows[rows.clone()], &mut decoded);
+                }
+                for c in 0..3 {
+                    for i in 0..TILE_TEXELS {
+                        value[c][i] += tap.weight * decoded[c][i];
+                        lobes[c][i] += tap.weight * sums[c][i];
+                    }
+                }
+            }
+            for (i, texel) in tile.texels.iter().enumerate() {
+                parts.values[*texel as usize] = [value[0][i], value[1][i], value[2][i]];
+                parts.lobes[*texel as usize] = [lobes[0][i], lobes[1][i], lobes[2][i]];
+            }
+        }
+        parts
+    }
+
+    /// The lobes alone, of all texels.
+    #[inline(always)]
+    fn lobe_image(&self, values: &[f32]) -> Vec<[f32; 3]> {
+        let mut image = vec![[0.0; 3]; self.layer.texel_clusters.len()];
+        let mut sums = [[0.0; TILE_TEXELS]; 3];
+        for tile in &self.tiles {
+            self.lobe_sums(tile, values, &mut sums);
+            for (i, texel) in tile.texels.iter().enumerate() {
+                image[*texel as usize] = [sums[0][i], sums[1][i], sums[2][i]];
+            }
+        }
+        image
     }
 
     /// Linear reflectance x cosine of `tile`'s texels at `plan`'s pair. `weights` are those of this tile.
@@ -178,11 +325,24 @@ impl<'a> ImageDecoder<'a> {
     /// At a measured pair the same operations in the same order as [`btf_runtime::decode_measured`].
     /// Cost: about 3 ns and 0.2 ns per basis a sample on one core.
     #[inline(always)]
-    pub fn decode_tile(&self, tile: &TexelTile, weights: &BasisWeights, plan: &PairPlan, out: &mut TileRgb) {
+    pub fn decode_tile<S: Simd>(
+        &self,
+        simd: S,
+        tile: &TexelTile,
+        weights: &BasisWeights,
+        plan: &PairPlan,
+        out: &mut TileRgb,
+    ) {
+        if let Some(image) = &plan.image {
+            for (i, texel) in tile.texels.iter().enumerate() {
+                (0..3).for_each(|c| out[c][i] = image[*texel as usize][c]);
+            }
+            return;
+        }
         match (&plan.here, plan.taps.first()) {
             (_, None) => out.as_flattened_mut().fill(0.0),
-            (None, Some(tap)) => self.combine(tile, weights, tap, plan.residual_scale, out),
-            (Some(here), _) => self.decode_exact(tile, weights, here, &plan.taps, out),
+            (None, Some(tap)) => self.combine(simd, tile, weights, tap, plan.residual_scale, out),
+            (Some(here), _) => self.decode_exact(simd, tile, weights, here, &plan.taps, out),
         }
         if plan.fade != 1.0 {
             out.as_flattened_mut().iter_mut().for_each(|x| *x *= plan.fade);
@@ -195,12 +355,12 @@ impl<'a> ImageDecoder<'a> {
     }
 
     #[inline(always)]
-    fn decode_tiles(&self, plan: &PairPlan, out: &mut [f32]) {
+    fn decode_tiles<S: Simd>(&self, simd: S, plan: &PairPlan, out: &mut [f32]) {
         let mut weights = BasisWeights::default();
         let mut decoded = [[0.0; TILE_TEXELS]; 3];
         for tile in &self.tiles {
             tile.unpack(&mut weights);
-            self.decode_tile(tile, &weights, plan, &mut decoded);
+            self.decode_tile(simd, tile, &weights, plan, &mut decoded);
             for (i, texel) in tile.texels.iter().enumerate() {
                 let at = *texel as usize * 3;
                 out[at..at + 3].copy_from_slice(&[decoded[0][i], decoded[1][i], decoded[2][i]]);
@@ -211,13 +371,21 @@ impl<'a> ImageDecoder<'a> {
     /// The exact rule: the neighbours decoded and interpolated, times the clamped ratio of the lobes here
     /// to the lobes interpolated.
     #[inline(always)]
-    fn decode_exact(&self, tile: &TexelTile, weights: &BasisWeights, here: &[f32], taps: &[Tap], out: &mut TileRgb) {
+    fn decode_exact<S: Simd>(
+        &self,
+        simd: S,
+        tile: &TexelTile,
+        weights: &BasisWeights,
+        here: &[f32],
+        taps: &[Tap],
+        out: &mut TileRgb,
+    ) {
         let zero = [[0.0; TILE_TEXELS]; 3];
         let (mut sums, mut decoded, mut lobes) = (zero, zero, zero);
         out.as_flattened_mut().fill(0.0);
         for tap in taps {
             self.lobe_sums(tile, &tap.values, &mut sums);
-            self.combine(tile, weights, tap, 1.0, &mut decoded);
+            self.combine(simd, tile, weights, tap, 1.0, &mut decoded);
             for c in 0..3 {
                 for i in 0..TILE_TEXELS {
                     out[c][i] += tap.weight * decoded[c][i];
@@ -236,7 +404,15 @@ impl<'a> ImageDecoder<'a> {
 
     /// Lobes and residual at `tap`, combined.
     #[inline(always)]
-    fn combine(&self, tile: &TexelTile, weights: &BasisWeights, tap: &Tap, scale: f32, out: &mut TileRgb) {
+    fn combine<S: Simd>(
+        &self,
+        simd: S,
+        tile: &TexelTile,
+        weights: &BasisWeights,
+        tap: &Tap,
+        scale: f32,
+        out: &mut TileRgb,
+    ) {
         let (kind, epsilon) = (self.layer.residual_kind, self.layer.epsilon);
         if self.used_words == 0 {
             return self.lobe_sums(tile, &tap.values, out);
@@ -250,7 +426,7 @@ impl<'a> ImageDecoder<'a> {
         }
         let mut residual = [[0.0; TILE_TEXELS]; 3];
         let rows = tile.cluster * self.used_words..(tile.cluster + 1) * self.used_words;
-        weights.residual_sums(&tap.rows[rows], &mut residual);
+        weights.residual_sums(simd, &tap.rows[rows], &mut residual);
         for (x, r) in out.as_flattened_mut().iter_mut().zip(residual.as_flattened()) {
             *x += r * scale;
         }
@@ -300,8 +476,43 @@ impl WithSimd for DecodeTiles<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.decoder.decode_tiles(self.plan, self.out);
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.decoder.decode_tiles(simd, self.plan, self.out);
+    }
+}
+
+/// Images as one measured view has them, `[texel, channel]`.
+struct ViewParts {
+    values: Vec<[f32; 3]>,
+    lobes: Vec<[f32; 3]>,
+}
+
+struct PartsOfView<'a> {
+    decoder: &'a ImageDecoder<'a>,
+    taps: &'a [Tap],
+    exact: bool,
+}
+
+impl WithSimd for PartsOfView<'_> {
+    type Output = ViewParts;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> ViewParts {
+        self.decoder.parts_of_view(simd, self.taps, self.exact)
+    }
+}
+
+struct LobeImage<'a> {
+    decoder: &'a ImageDecoder<'a>,
+    values: &'a [f32],
+}
+
+impl WithSimd for LobeImage<'_> {
+    type Output = Vec<[f32; 3]>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Vec<[f32; 3]> {
+        self.decoder.lobe_image(self.values)
     }
 }
 
@@ -321,6 +532,7 @@ fn neighbours(sphere: &Sphere, spot: Spot) -> ([f32; 3], Neighbours) {
 mod tests {
     use super::*;
     use crate::sample_asset::{sample_asset, sample_asset_with};
+    use btf_runtime::testing::sample_heights;
     use btf_runtime::{decode, decode_measured, lobe_tables, pack};
 
     const KINDS: [ResidualKind; 3] = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
@@ -336,6 +548,9 @@ mod tests {
         let (views, lights) = (DirectionSet::random(7, 3).unwrap(), DirectionSet::random(9, 4).unwrap());
         let mut asset = sample_asset_with(5, 3, &views, &lights, kind);
         asset.layers[0].lobe_role = role;
+        if kind == ResidualKind::Root {
+            asset.layers[0].heights = Some(sample_heights(1, 15));
+        }
         Asset::parse(&pack(&asset).unwrap()).unwrap()
     }
 
@@ -381,7 +596,7 @@ mod tests {
             for interpolation in [Interpolation::Fast, Interpolation::Exact] {
                 let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
                 let decoder = ImageDecoder::new(&asset, &resident, 0, &options);
-                let mut rules_differ = false;
+                let (mut rules_differ, mut heights_matter) = (false, false);
                 for wi in directions.iter().chain(&grazing).chain([&lights.direction(4)]) {
                     for wo in directions.iter().chain(&grazing).chain([&views.direction(2)]) {
                         let fast = image(&decoder, 15, Spot::find(views, *wo), Spot::find(lights, *wi));
@@ -393,15 +608,19 @@ mod tests {
                             };
                             let other = DecodeOptions { interpolation: other, ..options };
                             let planted = decode(&resident, 0, texel as u32, *wi, *wo, &other);
+                            let flat = DecodeOptions { parallax: false, ..options };
+                            let flat = decode(&resident, 0, texel as u32, *wi, *wo, &flat);
                             for c in 0..3 {
                                 let got = fast[texel * 3 + c];
                                 assert!(near(got, slow[c]), "{kind:?} {role:?} {wi:?} {wo:?}: {got} {slow:?}");
                                 rules_differ |= !near(got, planted[c]);
+                                heights_matter |= !near(got, flat[c]);
                             }
                         }
                     }
                 }
                 assert!(rules_differ, "the planted rule must not agree");
+                assert_eq!(heights_matter, asset.layers[0].heights.is_some());
             }
         }
     }

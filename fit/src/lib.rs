@@ -33,6 +33,7 @@ mod forecast;
 mod frame;
 mod gpu_clock;
 mod heatmap;
+mod heights;
 mod holdout;
 mod image_decoder;
 mod kmeans;

@@ -67,6 +67,8 @@ pub struct FitParams {
     pub error: ErrorMeasure,
     /// Share of the direction pairs that is held back, 0 to 0.9.
     pub leave_out: f64,
+    /// Find the texels' heights and store them, where they make views between the measured ones sharper.
+    pub heights: bool,
     /// Seed of every random choice.
     pub seed: u64,
     /// Which k-means.
@@ -88,6 +90,7 @@ impl Default for FitParams {
             memory_bytes: 4_000_000_000,
             error: ErrorMeasure::Gamma,
             leave_out: 0.0,
+            heights: false,
             seed: 1,
             kmeans: KMeansEngine::Product,
             cache_directory: PathBuf::from("."),

@@ -1,10 +1,10 @@
 //! The fit, stage by stage: read, project, cluster, dictionary, weights, residual, encode, measure.
 
 use crate::budget::{Candidate, SEARCH_ROUNDS, within_bytes};
-use crate::cache::{Mapping, TileCache};
+use crate::cache::{DecodedImages, Mapping, TileCache};
 use crate::candidates::candidate_lobes;
 use crate::checkpoint::{Checkpoint, Stages};
-use crate::compare::{MeasureParams, colour_pair_stride, measure, stride_over_pairs};
+use crate::compare::{MeasureParams, colour_pair_stride, measure_images, stride_over_pairs};
 use crate::coordinates::Coordinates;
 use crate::curve::Curve;
 use crate::dictionary::{Dictionary, Pairs, Target, build_dictionary};
@@ -12,6 +12,7 @@ use crate::encode::Model;
 use crate::error::FitError;
 use crate::factor::Rotated;
 use crate::frame::layer_directions;
+use crate::heights::find_heights;
 use crate::holdout::Holdout;
 use crate::kmeans::kmeans;
 use crate::local_pca::{local_pca, reassign};
@@ -20,10 +21,10 @@ use crate::monitor::Monitor;
 use crate::params::{FitOutcome, FitParams, LobeFigures};
 use crate::project::features;
 use crate::residual_source::{ResidualSource, TexelLobes};
-use crate::sparse::{ClusterLobes, LobesOf, correlate, drop_unused, select};
+use crate::sparse::{ClusterLobes, Correlations, LobesOf, drop_unused, select};
 use crate::stored::{Input, Stored};
 use crate::texel_sample::texel_sample;
-use btf_capture::{Capture, CaptureInfo};
+use btf_capture::{Capture, CaptureInfo, Pixels};
 use btf_runtime::{
     Asset, Layer, LobeRole, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack,
 };
@@ -39,8 +40,15 @@ const FEATURE_SAMPLE: usize = 2048;
 /// Components of the models by which texels are moved between clusters, and rounds of that.
 const REASSIGN_COMPONENTS: usize = 8;
 const REASSIGN_ROUNDS: usize = 3;
-/// Shared bases at most, and texels that they are found from.
+/// Shared bases at most: the least and the most that are looked for, and how many more than the least per byte of
+/// the texels' budget. Too few bound the error of a large asset (docs/RESULTS.md); more than a small one can use cost
+/// time.
+const LEAST_SHARED_BASES: usize = 96;
+const SHARED_BASES_PER_BYTE: f64 = 7.5;
+const MOST_SHARED_BASES: usize = 640;
+/// The same without a budget.
 const SHARED_BASES: usize = 320;
+/// Texels that they are found from.
 const SHARED_SAMPLE: usize = 8192;
 /// Representative texels per cluster.
 const REPRESENTATIVES: usize = 12;
@@ -50,6 +58,8 @@ const DICTIONARY_SIZE: usize = 32;
 const DICTIONARY_PAIRS: usize = 3400;
 /// The same where lobes only guide: a third of the time, and their error stays the same.
 const GUIDE_PAIRS: usize = 1100;
+/// Texels that the clusters' means are taken from where lobes only guide.
+const MEAN_SAMPLE: usize = 4096;
 /// Texels that foretelling held-back pairs is learnt from.
 const HOLDOUT_SAMPLE: usize = 512;
 /// Added to a reflectance before its tone weight is taken.
@@ -78,25 +88,32 @@ pub(crate) const FIGURES_RESERVE: usize = 256;
 /// What is wrong with a capture, or with several together; a budget or a memory limit that is too small.
 pub fn fit(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<FitOutcome, FitError> {
     params.check()?;
-    fit_from(captures, params, &Checkpoint::open(captures, params, monitor)?, monitor)
+    let checkpoint = Checkpoint::open(captures, params, monitor)?;
+    Ok(fit_from(captures, params, &checkpoint, monitor)?.0)
 }
 
-/// The same with checked `params` and the stages that `checkpoint` keeps.
+/// The same with checked `params` and the stages that `checkpoint` keeps; with the images of a single capture, where
+/// they are at hand.
 pub(crate) fn fit_from(
     captures: &[Capture],
     params: &FitParams,
     checkpoint: &Checkpoint,
     monitor: &Monitor,
-) -> Result<FitOutcome, FitError> {
+) -> Result<(FitOutcome, Option<DecodedImages>), FitError> {
     check_layers(captures)?;
-    let encoded = checkpoint.whole().load_or("encode", || prepare_and_encode(captures, params, checkpoint, monitor))?;
+    let mut images = None;
+    let encoded = checkpoint.whole().load_or("encode", || {
+        let (encoded, decoded) = prepare_and_encode(captures, params, checkpoint, monitor)?;
+        images = decoded;
+        Ok(encoded)
+    })?;
     let asset = Asset::parse(&encoded.bytes)?;
     let references: usize = asset.layers.iter().map(|layer| layer.lobe_refs.len()).sum();
     let lobes_per_texel_mean = references as f64 / (asset.texel_count() * asset.layers.len()) as f64;
     let components = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
     let clusters = asset.layers[0].dictionary.len();
     let Encoded { bytes, lobes, left_out } = encoded;
-    Ok(FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out })
+    Ok((FitOutcome { asset, bytes, lobes_per_texel_mean, lobes, components, clusters, left_out }, images))
 }
 
 /// A packed asset and what is not read off it.
@@ -123,19 +140,19 @@ fn prepare_and_encode(
     params: &FitParams,
     checkpoint: &Checkpoint,
     monitor: &Monitor,
-) -> Result<Encoded, FitError> {
-    let PreparedFit { layers: prepared, grid, lobes, left_out, .. } =
+) -> Result<(Encoded, Option<DecodedImages>), FitError> {
+    let PreparedFit { layers: prepared, grid, lobes, left_out, images, .. } =
         PreparedFit::prepare_from(captures, params, checkpoint, monitor)?;
     let budget = byte_budget(captures, params);
     let asset = monitor.stage("encode", || match (budget, params.psnr_db) {
         (Some(bytes), _) => within_budget(captures, &prepared, bytes, grid, params, monitor),
-        (None, Some(db)) => within_error(captures, &prepared, db, grid, params, monitor),
+        (None, Some(db)) => within_error(captures, images.as_ref(), &prepared, db, grid, params, monitor),
         (None, None) => {
             let step = DEFAULT_STEP * (3.0 * captures[0].info().pair_count() as f64).sqrt();
             Ok(assemble(&prepared, step, grid, params).asset)
         }
     })?;
-    Ok(Encoded { bytes: pack(&asset)?, lobes, left_out })
+    Ok((Encoded { bytes: pack(&asset)?, lobes, left_out }, images))
 }
 
 /// A fit up to the choice of its step: what `fit` searches in and `trade` sweeps over.
@@ -146,6 +163,8 @@ pub struct PreparedFit {
     params: FitParams,
     lobes: LobeFigures,
     left_out: Vec<usize>,
+    /// Those of a single capture: of several each would take its room until all are fitted.
+    images: Option<DecodedImages>,
 }
 
 impl PreparedFit {
@@ -173,15 +192,22 @@ impl PreparedFit {
             params: params.clone(),
             lobes: LobeFigures::default(),
             left_out: Vec::new(),
+            images: None,
         };
         for (number, capture) in captures.iter().enumerate() {
             let (sample, left) = plan_memory(capture.info(), params, captures.len() - 1)?;
             let stages = checkpoint.layer(number, sample);
-            let (layer, figures, held_back) = prepare_layer(capture, params, sample, left, &stages, monitor)?;
+            // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
+            let (most, kept) = (params.error.most(), Some(&stages));
+            let cache = TileCache::new(capture, 2 * left, &params.cache_directory, most, kept, monitor)?;
+            let (layer, figures, held_back) = prepare_layer(capture, &cache, params, sample, &stages, monitor)?;
             if number == 0 {
                 (prepared.left_out, prepared.lobes) = (held_back, figures);
             }
             prepared.layers.push(layer);
+            if captures.len() == 1 {
+                prepared.images = cache.into_images();
+            }
         }
         Ok(prepared)
     }
@@ -237,13 +263,22 @@ fn bytes_in_words(bytes: usize) -> String {
     format!("{:.0} MB", bytes as f64 / 1e6)
 }
 
+/// Shared bases that are looked for in a capture of `texels` texels.
+fn shared_bases(params: &FitParams, texels: usize) -> usize {
+    let Some(bytes) = params.bytes else {
+        return SHARED_BASES;
+    };
+    let more = SHARED_BASES_PER_BYTE * bytes as f64 / texels as f64;
+    (LEAST_SHARED_BASES + more as usize).min(MOST_SHARED_BASES)
+}
+
 /// Texels of the sample that shared bases are found from, and what the memory limit leaves for the decoded capture,
 /// while `waiting` other layers wait for their step with their coordinates in memory.
 fn plan_memory(info: &CaptureInfo, params: &FitParams, waiting: usize) -> Result<(usize, u64), FitError> {
     let (texels, samples) = (info.texel_count(), info.pair_count() * 3);
     let clusters = params.clusters.min(texels);
     let threads = rayon::current_num_threads();
-    let rank = SHARED_BASES.min(samples).min(texels);
+    let rank = shared_bases(params, texels).min(samples).min(texels);
     // Features, coordinates (those of one layer three times while it is encoded), products and choices of all
     // texels; one block twice as 8-bit or half samples and rows as floats; candidates' tables per thread; the
     // shared bases and what finds and factors them.
@@ -273,31 +308,28 @@ struct Prepared {
     model: Model,
 }
 
-/// Everything up to the step, the figures of the lobes, and the held-back pairs. `sample` and `left` are what
-/// [`plan_memory`] gives.
+/// Everything up to the step, the figures of the lobes, and the held-back pairs. `sample` is what [`plan_memory`]
+/// gives.
 fn prepare_layer(
     capture: &Capture,
+    cache: &TileCache,
     params: &FitParams,
     sample: usize,
-    left: u64,
     stages: &Stages,
     monitor: &Monitor,
 ) -> Result<(Prepared, LobeFigures, Vec<usize>), FitError> {
     let info = capture.info();
     let lights = Sphere::new(&layer_directions(&info.lights, info.side))?;
     let views = Sphere::new(&layer_directions(&info.views, info.side))?;
-    // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
-    let cache = TileCache::new(capture, 2 * left, &params.cache_directory, params.error.most(), Some(stages), monitor)?;
     let mut holdout = Holdout::new(info, &lights, &views, params.leave_out, params.seed);
     let (kind, epsilon) = params.error.residual();
     let curve = Curve::new(kind, epsilon);
-    let mapping = Mapping::new(&cache, curve.exact());
+    let mapping = Mapping::new(cache, curve.exact());
     if !holdout.pairs.is_empty() {
         holdout.sources = stages.run("leave-out", || {
             let chosen = texel_sample(info.texel_count(), HOLDOUT_SAMPLE, params.seed);
             let block = cache.gather(&chosen)?;
-            let seen =
-                ResidualSource { cache: &cache, mapping: &mapping, curve: &curve, lobes: None, holdout: &holdout };
+            let seen = ResidualSource { cache, mapping: &mapping, curve: &curve, lobes: None, holdout: &holdout };
             let rows = seen.rows(&block, 0..chosen.len(), |index| chosen[index]);
             Ok(holdout.learn(rows))
         })?;
@@ -306,17 +338,24 @@ fn prepare_layer(
     // With a goal, lobes only guide: bytes go to a residual that stands alone, and texels are clustered by it.
     let guide = params.bytes.is_some() || params.psnr_db.is_some();
     let role = if guide { LobeRole::Guide } else { LobeRole::Base };
-    let source = |lobes| ResidualSource { cache: &cache, mapping: &mapping, curve: &curve, lobes, holdout: &holdout };
+    let source = |lobes| ResidualSource { cache, mapping: &mapping, curve: &curve, lobes, holdout: &holdout };
     let (alone, scores) = if guide {
         let found = stages.run("project", || {
-            Coordinates::new(&source(None), SHARED_BASES, sample, params.seed, "project", monitor)
+            Coordinates::new(
+                &source(None),
+                shared_bases(params, info.texel_count()),
+                sample,
+                params.seed,
+                "project",
+                monitor,
+            )
         })?;
         let dimensions = FEATURE_DIMENSIONS.min(found.scores.ncols());
         let scores = found.scores.slice(s![.., ..dimensions]).to_owned();
         (Some(found), scores)
     } else {
         let found = stages.run("project", || {
-            features(&cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
+            features(cache, &mapping, &holdout, FEATURE_DIMENSIONS, FEATURE_SAMPLE, params.seed, monitor)
         })?;
         (None, found.scores)
     };
@@ -331,12 +370,16 @@ fn prepare_layer(
     drop(scores);
     let (mut clusters, figures) = stages.run("dictionary", || {
         let most_pairs = if guide { GUIDE_PAIRS } else { DICTIONARY_PAIRS };
-        dictionaries(&cache, &representatives, &views, &lights, &holdout, kind, params.lobes, most_pairs, monitor)
+        dictionaries(cache, &representatives, &views, &lights, &holdout, kind, params.lobes, most_pairs, monitor)
     })?;
 
     let mut selection = stages.run("weights", || {
-        let correlations = correlate(&cache, &clusters, &labels, monitor)?;
-        let of = if guide { LobesOf::Clusters } else { LobesOf::Texels };
+        let (of, correlations) = if guide {
+            let some = MEAN_SAMPLE.min(sample);
+            (LobesOf::Clusters, Correlations::of_some(cache, &clusters, &labels, some, params.seed)?)
+        } else {
+            (LobesOf::Texels, Correlations::of_all(cache, &clusters, &labels, monitor)?)
+        };
         Ok(select(&clusters, &labels, &correlations, of, params.lobes, LOBE_PRICE))
     })?;
     // Not part of the stage, because it changes what an earlier stage gave.
@@ -345,7 +388,14 @@ fn prepare_layer(
         Some(found) => found,
         None => stages.run("residual", || {
             let lobes = TexelLobes { clusters: &clusters, selection: &selection, labels: &labels };
-            Coordinates::new(&source(Some(lobes)), SHARED_BASES, sample, params.seed, "residual", monitor)
+            Coordinates::new(
+                &source(Some(lobes)),
+                shared_bases(params, info.texel_count()),
+                sample,
+                params.seed,
+                "residual",
+                monitor,
+            )
         })?,
     };
     let model = monitor.stage("residual", || {
@@ -355,6 +405,7 @@ fn prepare_layer(
         let models = local_pca(coordinates.scores.view(), &labels, clusters.len(), most);
         Ok::<_, FitError>(Model { coordinates, rotated, clusters: models, width: info.width })
     })?;
+    let heights = if params.heights { monitor.stage("heights", || find_heights(cache, info, monitor))? } else { None };
     let layer = Layer {
         light_side: sides_of_capture(info.side).0,
         view_side: sides_of_capture(info.side).1,
@@ -363,6 +414,7 @@ fn prepare_layer(
         epsilon,
         lights,
         views,
+        heights,
         texel_clusters: labels.iter().map(|label| *label as u8).collect(),
         texel_lobe_counts: selection.counts.clone(),
         dictionary: selection.dictionary.clone(),
@@ -449,6 +501,7 @@ fn within_budget(
 /// predicted to give it, the others follow from what was measured.
 fn within_error(
     captures: &[Capture],
+    images: Option<&DecodedImages>,
     layers: &[Prepared],
     db: f64,
     grid: [usize; 2],
@@ -481,7 +534,8 @@ fn within_error(
                 memory_bytes: params.memory_bytes / 8,
                 ..MeasureParams::default()
             };
-            let metrics = measure(capture, &asset, &resident, &measure_params, monitor)?.metrics();
+            let read = read_images(capture, images);
+            let metrics = measure_images(info, &read, &asset, &resident, &measure_params, monitor)?.metrics();
             let weight = (info.texel_count() * info.pair_count()) as f64;
             errors = (errors.0 + weight * 10f64.powf(-metrics.psnr_db / 10.0), errors.1 + weight);
         }
@@ -519,6 +573,17 @@ fn within_error(
             "--psnr {db} cannot be reached with these clusters and components (the best was {reached:.2} dB); lower it or raise --clusters"
         ))
     })
+}
+
+/// What reads the images of a capture: `decoded` where they are at hand, else its files.
+pub(crate) fn read_images<'a>(
+    capture: &'a Capture,
+    decoded: Option<&'a DecodedImages>,
+) -> impl Fn(usize, usize) -> Result<Pixels, FitError> + Sync + 'a {
+    move |view, light| match decoded {
+        Some(images) => images.read(view * capture.info().lights.len() + light),
+        None => Ok(capture.read(view, light)?),
+    }
 }
 
 /// log2 of the finest and of the coarsest step, relative to the greatest coefficient, that a PSNR is looked for with.
@@ -629,21 +694,24 @@ fn dictionaries(
     let pairs = cache.pair_count();
     let mut functions: Vec<Array2<f32>> =
         representatives.iter().map(|chosen| Array2::zeros((pairs, 3 * chosen.len()))).collect();
-    let mut row = vec![0.0; 3 * pairs];
-    for tile in 0..cache.tile_count() {
-        let loaded = cache.read(tile)?;
-        for (cluster, chosen) in representatives.iter().enumerate() {
-            for (slot, texel) in chosen.iter().enumerate().filter(|(_, texel)| loaded.texels.contains(texel)) {
-                loaded.texel_linear(texel - loaded.texels.start, &mut row);
-                for (p, rgb) in row.chunks_exact(3).enumerate() {
-                    for c in 0..3 {
-                        functions[cluster][[p, 3 * slot + c]] = rgb[c];
-                    }
+    let mut chosen: Vec<usize> = representatives.iter().flatten().copied().collect();
+    chosen.sort_unstable();
+    let block = cache.gather(&chosen)?;
+    functions.par_iter_mut().zip(representatives).for_each(|(functions, own)| {
+        let mut row = vec![0.0; 3 * pairs];
+        for (slot, texel) in own.iter().enumerate() {
+            // Clusters share no texel.
+            let number = chosen.partition_point(|other| other < texel);
+            block.texel_linear(number, &mut row);
+            for (p, rgb) in row.chunks_exact(3).enumerate() {
+                for c in 0..3 {
+                    functions[[p, 3 * slot + c]] = rgb[c];
                 }
             }
         }
-        monitor.check()?;
-    }
+    });
+    drop(block);
+    monitor.check()?;
 
     // A stride that shares no factor with the number of lights visits all of them.
     let stride = stride_over_pairs(pairs.div_ceil(most_pairs), lights.len());

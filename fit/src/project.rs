@@ -16,6 +16,9 @@ use rayon::prelude::*;
 pub const ROW_BLOCK: usize = 256;
 /// Oversampling of the range finder.
 const OVERSAMPLING: usize = 16;
+/// The range finder's first two products are taken of every so many blocks of rows: they only choose where the power
+/// iteration starts.
+const START_EVERY: usize = 4;
 
 /// Scores of every texel, `[texel, dimension]`.
 pub struct Features {
@@ -144,19 +147,42 @@ impl<E: Send> Rows<'_, E> {
     }
 }
 
+/// Blocks between two that the range finder of `rank` columns starts with.
+fn start_every(count: usize, rank: usize) -> usize {
+    // Twice as many rows as columns at least.
+    if count >= 2 * START_EVERY * (rank + ROW_BLOCK) { START_EVERY } else { 1 }
+}
+
+/// Rows that [`principal_directions`] asks for, about.
+pub fn rows_made(rows: usize, count: usize) -> usize {
+    2 * rows + 2 * rows / start_every(rows, count + OVERSAMPLING)
+}
+
 /// The `count` leading right singular vectors of `rows` in columns, fewer where their rank is lower, one at least: a
 /// randomised range finder with a power iteration [Halko 2011].
 ///
-/// Cost: four products of `rows x samples x count`; rows are made four times.
+/// Cost: [`rows_made`] rows are made, and multiplied by `samples x count` each.
 pub fn principal_directions<E: Send>(
     rows: &Rows<E>,
     count: usize,
     random: &mut Xoshiro256PlusPlus,
 ) -> Result<Array2<f32>, E> {
     let rank = (count + OVERSAMPLING).min(rows.count).min(rows.samples);
-    let mut q = orthonormalize(&rows.times(&gaussian(rows.samples, rank, random))?);
-    let back = orthonormalize(&rows.transposed_times(&q)?);
-    q = orthonormalize(&rows.times(&back)?);
+    let every = start_every(rows.count, rank);
+    let blocks = rows.count.div_ceil(ROW_BLOCK).div_ceil(every);
+    let end_of_last = (blocks.saturating_sub(1) * every + 1) * ROW_BLOCK;
+    let start = Rows {
+        count: blocks * ROW_BLOCK - end_of_last.saturating_sub(rows.count),
+        samples: rows.samples,
+        // Rows are asked for block by block.
+        make: &|range: std::ops::Range<usize>| {
+            let first = range.start * every;
+            (rows.make)(first..first + range.len())
+        },
+    };
+    let q = orthonormalize(&start.times(&gaussian(rows.samples, rank, random))?);
+    let back = orthonormalize(&start.transposed_times(&q)?);
+    let q = orthonormalize(&rows.times(&back)?);
     drop(back);
     let right = rows.transposed_times(&q)?;
     let gram = transposed_product(right.view(), right.view()).mapv(f64::from);

@@ -104,6 +104,7 @@ pub(crate) fn sample_asset_with(
             epsilon: 0.001,
             lights: sphere(lights),
             views: sphere(views),
+            heights: None,
             texel_clusters,
             texel_lobe_counts,
             dictionary,

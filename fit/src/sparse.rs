@@ -1,11 +1,12 @@
 //! Every texel's own sparse selection from its cluster's dictionary: a stagewise Lasso path in the
 //! dictionary's Gram matrix, then non-negative RGB weights on the chosen lobes.
 
-use crate::cache::TileCache;
+use crate::cache::{Tile, TileCache};
 use crate::dictionary::NEGLIGIBLE;
 use crate::error::FitError;
 use crate::lasso::{LassoParams, LassoProblem, non_negative_weights, stagewise_lasso};
 use crate::monitor::Monitor;
+use crate::texel_sample::texel_sample;
 use btf_runtime::{DictionaryLobe, Lobe, LobeRef, byte_from_weight, weight_from_byte};
 use half::f16;
 use ndarray::{Array2, s};
@@ -48,39 +49,66 @@ impl ClusterLobes {
     }
 }
 
-/// Every texel's correlations with its cluster's lobes.
+/// Texels' correlations with their clusters' lobes.
 pub struct Correlations {
+    /// Cluster per texel.
+    pub labels: Vec<u32>,
     /// `[texel, 3 * lobe + channel]`, `A' W x`, lobes padded to the largest dictionary.
     pub products: Array2<f32>,
     /// `x' W x` over all channels.
     pub energy: Vec<f64>,
 }
 
-/// One pass over the capture.
-pub fn correlate(
-    cache: &TileCache,
-    clusters: &[ClusterLobes],
-    labels: &[u32],
-    monitor: &Monitor,
-) -> Result<Correlations, FitError> {
-    let pairs = cache.pair_count();
-    let most = clusters.iter().map(|cluster| cluster.lobes.len()).max().unwrap_or(0);
-    let mut products = Array2::<f32>::zeros((cache.texel_count(), 3 * most));
-    let mut energy = vec![0.0; cache.texel_count()];
-    let weighted: Vec<Array2<f32>> = clusters
-        .iter()
-        .map(|cluster| {
-            Array2::from_shape_fn((pairs, cluster.lobes.len()), |(p, i)| {
-                // As in the dictionary's own tables: tiny numbers are slow.
-                let value = cluster.weights[p] * cluster.tables[i][p];
-                if value < NEGLIGIBLE { 0.0 } else { value }
-            })
-        })
-        .collect();
-    for tile in 0..cache.tile_count() {
-        let loaded = cache.read(tile)?;
-        let first = loaded.texels.start;
-        let mut order: Vec<usize> = (0..loaded.texels.len()).collect();
+impl Correlations {
+    /// Of every texel, in one pass over the capture.
+    pub fn of_all(
+        cache: &TileCache,
+        clusters: &[ClusterLobes],
+        labels: &[u32],
+        monitor: &Monitor,
+    ) -> Result<Correlations, FitError> {
+        let weighted = weighted_tables(clusters);
+        let mut all = Correlations::empty(clusters, labels.to_vec());
+        for tile in 0..cache.tile_count() {
+            let loaded = cache.read(tile)?;
+            all.add_block(&loaded, loaded.texels.start, clusters, &weighted);
+            monitor.report("weights", tile + 1, cache.tile_count())?;
+        }
+        Ok(all)
+    }
+
+    /// Of about `count` texels, as many of each cluster as of any other: enough for the clusters' means.
+    pub fn of_some(
+        cache: &TileCache,
+        clusters: &[ClusterLobes],
+        labels: &[u32],
+        count: usize,
+        seed: u64,
+    ) -> Result<Correlations, FitError> {
+        let mut members: Vec<Vec<usize>> = vec![Vec::new(); clusters.len()];
+        labels.iter().enumerate().for_each(|(texel, label)| members[*label as usize].push(texel));
+        let share = count.div_ceil(clusters.len().max(1));
+        let mut chosen: Vec<usize> = members
+            .iter()
+            .filter(|members| !members.is_empty())
+            .flat_map(|members| texel_sample(members.len(), share, seed).into_iter().map(|i| members[i]))
+            .collect();
+        chosen.sort_unstable();
+        let mut some = Correlations::empty(clusters, chosen.iter().map(|texel| labels[*texel]).collect());
+        some.add_block(&cache.gather(&chosen)?, 0, clusters, &weighted_tables(clusters));
+        Ok(some)
+    }
+
+    fn empty(clusters: &[ClusterLobes], labels: Vec<u32>) -> Correlations {
+        let most = clusters.iter().map(|cluster| cluster.lobes.len()).max().unwrap_or(0);
+        let count = labels.len();
+        Correlations { labels, products: Array2::zeros((count, 3 * most)), energy: vec![0.0; count] }
+    }
+
+    /// Enters the texels of `block`, whose first is number `first` here.
+    fn add_block(&mut self, block: &Tile, first: usize, clusters: &[ClusterLobes], weighted: &[Array2<f32>]) {
+        let Correlations { labels, products, energy } = self;
+        let mut order: Vec<usize> = (0..block.texels.len()).collect();
         order.sort_by_key(|&i| (labels[first + i], i));
         let batches: Vec<&[usize]> =
             order.chunk_by(|&a, &b| labels[first + a] == labels[first + b]).flat_map(|run| run.chunks(BATCH)).collect();
@@ -90,11 +118,11 @@ pub fn correlate(
                 let cluster = labels[first + batch[0]] as usize;
                 let weights = &clusters[cluster].weights;
                 // One row per texel and channel.
-                let mut rows = Array2::<f32>::zeros((3 * batch.len(), pairs));
+                let mut rows = Array2::<f32>::zeros((3 * batch.len(), weights.len()));
                 let mut energies = Vec::with_capacity(batch.len());
-                let mut row = vec![0.0; 3 * pairs];
+                let mut row = vec![0.0; 3 * weights.len()];
                 for (i, &index) in batch.iter().enumerate() {
-                    loaded.texel_linear(index, &mut row);
+                    block.texel_linear(index, &mut row);
                     let mut energy = 0.0f64;
                     for (p, (rgb, weight)) in row.chunks_exact(3).zip(weights).enumerate() {
                         for c in 0..3 {
@@ -117,9 +145,21 @@ pub fn correlate(
                 }
             }
         }
-        monitor.report("weights", tile + 1, cache.tile_count())?;
     }
-    Ok(Correlations { products, energy })
+}
+
+/// `W A` of every cluster, `[pair, lobe]`.
+fn weighted_tables(clusters: &[ClusterLobes]) -> Vec<Array2<f32>> {
+    clusters
+        .par_iter()
+        .map(|cluster| {
+            Array2::from_shape_fn((cluster.weights.len(), cluster.lobes.len()), |(p, i)| {
+                // As in the dictionary's own tables: tiny numbers are slow.
+                let value = cluster.weights[p] * cluster.tables[i][p];
+                if value < NEGLIGIBLE { 0.0 } else { value }
+            })
+        })
+        .collect()
 }
 
 /// A texel's nested choices: after `m` lobes the weighted error that is left, relative to its energy.
@@ -181,14 +221,9 @@ fn choose(cluster: &ClusterLobes, products: &[f32], energy: f64, most: usize) ->
 }
 
 /// The choice for each cluster's mean function.
-fn choose_for_means(
-    clusters: &[ClusterLobes],
-    labels: &[u32],
-    correlations: &Correlations,
-    most: usize,
-) -> Vec<Choice> {
+fn choose_for_means(clusters: &[ClusterLobes], correlations: &Correlations, most: usize) -> Vec<Choice> {
     let mut sums = vec![(vec![0.0f64; correlations.products.ncols()], 0usize); clusters.len()];
-    for (label, products) in labels.iter().zip(correlations.products.rows()) {
+    for (label, products) in correlations.labels.iter().zip(correlations.products.rows()) {
         let (sum, count) = &mut sums[*label as usize];
         sum.iter_mut().zip(products).for_each(|(sum, x)| *sum += f64::from(*x));
         *count += 1;
@@ -237,7 +272,7 @@ pub enum LobesOf {
 }
 
 /// Chooses at most `most` lobes for every texel: another one is taken while it lowers the relative error by more than
-/// `price`.
+/// `price`. `correlations` are those of all texels, for [`LobesOf::Clusters`] also of some.
 pub fn select(
     clusters: &[ClusterLobes],
     labels: &[u32],
@@ -247,7 +282,7 @@ pub fn select(
     price: f64,
 ) -> Selection {
     let choices: Vec<Choice> = match of {
-        LobesOf::Clusters => choose_for_means(clusters, labels, correlations, most),
+        LobesOf::Clusters => choose_for_means(clusters, correlations, most),
         LobesOf::Texels => (0..labels.len())
             .into_par_iter()
             .map(|texel| {

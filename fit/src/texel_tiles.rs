@@ -2,11 +2,13 @@
 //! texels in vectors: at one pair all texels of a tile share their lobes' values and their bases' rows.
 
 use btf_runtime::{Layer, weight_from_byte};
+use pulp::Simd;
 
 /// Texels of a tile at most: with 80 components the weights of a tile still fit in a core's first cache.
 pub const TILE_TEXELS: usize = 64;
-/// Texels whose sums are held in registers at a time.
-const STRIP: usize = 8;
+/// Vectors of texels whose sums are held in registers at a time: with three channels each, enough that no addition
+/// waits for the one before.
+const STRIP: usize = 2;
 
 /// A number per channel and texel of a tile. Places behind the tile's last texel hold anything finite.
 pub type TileRgb = [[f32; TILE_TEXELS]; 3];
@@ -21,8 +23,8 @@ pub struct TexelTile {
     /// Their numbers.
     pub texels: Vec<u32>,
     slots: Vec<LobeSlot>,
-    /// `[strip, basis, texel]`: the mean's 1, then coefficient codes, then 0 up to an even number of bases.
-    codes: Vec<[i8; STRIP]>,
+    /// `[basis, texel]`: the mean's 1, then coefficient codes, then 0 up to an even number of bases.
+    codes: Vec<[i8; TILE_TEXELS]>,
 }
 
 /// The n-th lobe of every texel of a tile; weight 0 where a texel has fewer.
@@ -35,8 +37,8 @@ struct LobeSlot {
 /// Weights of a tile's bases, unpacked for as many pairs as follow.
 #[derive(Default)]
 pub struct BasisWeights {
-    /// `[strip, basis, texel]`.
-    weights: Vec<[f32; STRIP]>,
+    /// `[basis, texel]`.
+    weights: Vec<[f32; TILE_TEXELS]>,
 }
 
 /// All texels of `layer`, tiled, with at most `most_lobes` lobes and `bases` bases (0 without residual; the first is
@@ -77,18 +79,15 @@ pub fn texel_tiles(layer: &Layer, bases: usize, most_lobes: usize) -> Vec<TexelT
         .collect()
 }
 
-fn codes(layer: &Layer, bases: usize, texels: &[u32]) -> Vec<[i8; STRIP]> {
+fn codes(layer: &Layer, bases: usize, texels: &[u32]) -> Vec<[i8; TILE_TEXELS]> {
     let Some(residual) = layer.residual.as_ref().filter(|_| bases > 0) else {
         return Vec::new();
     };
-    let stride = bases.next_multiple_of(2);
-    let mut codes = vec![[0; STRIP]; texels.len().div_ceil(STRIP) * stride];
-    for (strip, texels) in codes.chunks_exact_mut(stride).zip(texels.chunks(STRIP)) {
-        strip[0] = [1; STRIP];
-        for (codes, plane) in strip[1..bases].iter_mut().zip(&residual.coefficients) {
-            for (code, texel) in codes.iter_mut().zip(texels) {
-                *code = plane.codes[*texel as usize];
-            }
+    let mut codes = vec![[0; TILE_TEXELS]; bases.next_multiple_of(2)];
+    codes[0] = [1; TILE_TEXELS];
+    for (codes, plane) in codes[1..bases].iter_mut().zip(&residual.coefficients) {
+        for (code, texel) in codes.iter_mut().zip(texels) {
+            *code = plane.codes[*texel as usize];
         }
     }
     codes
@@ -127,23 +126,35 @@ impl TexelTile {
 impl BasisWeights {
     /// Sums of the bases; `rows` are those of the tile's cluster at one pair, one per two bases.
     ///
-    /// A texel's additions have the order of the bases, two by two.
+    /// A texel's additions have the order of the bases, two by two; products are rounded before they are added.
     #[inline(always)]
-    pub fn residual_sums(&self, rows: &[RowWord], sums: &mut TileRgb) {
-        for (strip, weights) in self.weights.chunks_exact(2 * rows.len()).enumerate() {
-            let mut sum = [[0.0f32; STRIP]; 3];
-            for (w, h) in weights.chunks_exact(2).zip(rows) {
+    pub fn residual_sums<S: Simd>(&self, simd: S, rows: &[RowWord], sums: &mut TileRgb) {
+        let lanes = S::F32_LANES;
+        for first in (0..TILE_TEXELS).step_by(STRIP * lanes) {
+            let mut sum = [[simd.splat_f32s(0.0); STRIP]; 3];
+            for (weights, row) in self.weights.chunks_exact(2).zip(rows) {
+                let [even, odd] = [0, 1].map(|basis| strip::<S>(&weights[basis], first));
                 for c in 0..3 {
+                    let [h, k] = row[c].map(|x| simd.splat_f32s(x));
                     for i in 0..STRIP {
-                        sum[c][i] += w[0][i] * h[c][0] + w[1][i] * h[c][1];
+                        let both = simd.add_f32s(simd.mul_f32s(even[i], h), simd.mul_f32s(odd[i], k));
+                        sum[c][i] = simd.add_f32s(sum[c][i], both);
                     }
                 }
             }
             for c in 0..3 {
-                sums[c][strip * STRIP..(strip + 1) * STRIP].copy_from_slice(&sum[c]);
+                let (to, _) = S::as_mut_simd_f32s(&mut sums[c][first..first + STRIP * lanes]);
+                to.copy_from_slice(&sum[c]);
             }
         }
     }
+}
+
+/// The vectors of `row` from texel `first` on.
+#[inline(always)]
+fn strip<S: Simd>(row: &[f32; TILE_TEXELS], first: usize) -> [S::f32s; STRIP] {
+    let (vectors, _) = S::as_simd_f32s(&row[first..first + STRIP * S::F32_LANES]);
+    [vectors[0], vectors[1]]
 }
 
 #[cfg(test)]
@@ -169,14 +180,14 @@ mod tests {
         let (mut partial, mut wrong) = (0, 0);
         for tile in &tiles {
             assert!(tile.texels.len() <= TILE_TEXELS);
-            partial += usize::from(tile.texels.len() % STRIP > 0);
+            partial += usize::from(tile.texels.len() < TILE_TEXELS);
             // A row of one basis and one channel at a time picks a single weight out.
             tile.unpack(&mut weights);
             for basis in 0..bases {
                 let mut rows = vec![[[0.0; 2]; 3]; bases.div_ceil(2)];
                 rows[basis / 2][basis % 3][basis % 2] = 1.0;
                 let mut sums = [[f32::NAN; TILE_TEXELS]; 3];
-                weights.residual_sums(&rows, &mut sums);
+                weights.residual_sums(pulp::Scalar, &rows, &mut sums);
                 for (i, texel) in tile.texels.iter().enumerate() {
                     assert_eq!(usize::from(layer.texel_clusters[*texel as usize]), tile.cluster);
                     let code = basis.checked_sub(1).map_or(1, |j| residual.coefficients[j].codes[*texel as usize]);

@@ -115,8 +115,8 @@ impl WithSimd for TakePairs<'_> {
     type Output = Vec<u64>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Vec<u64> {
-        self.errors.take_pairs(self.decoder, self.number, self.coding, self.batch)
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<u64> {
+        self.errors.take_pairs(simd, self.decoder, self.number, self.coding, self.batch)
     }
 }
 
@@ -130,7 +130,14 @@ impl TileErrors {
     }
 
     #[inline(always)]
-    fn take_pairs(&mut self, decoder: &ImageDecoder, number: usize, coding: &Coding, batch: &[PairWork]) -> Vec<u64> {
+    fn take_pairs<S: Simd>(
+        &mut self,
+        simd: S,
+        decoder: &ImageDecoder,
+        number: usize,
+        coding: &Coding,
+        batch: &[PairWork],
+    ) -> Vec<u64> {
         let tile = &decoder.tiles()[number];
         let count = tile.texels.len();
         let mut weights = BasisWeights::default();
@@ -146,7 +153,7 @@ impl TileErrors {
         // A loop, not an iterator's closures: those would be compiled for the narrow vectors.
         let mut errors = Vec::with_capacity(batch.len());
         for work in batch {
-            decoder.decode_tile(tile, &weights, &work.plan, &mut decoded);
+            decoder.decode_tile(simd, tile, &weights, &work.plan, &mut decoded);
             encode(work.light, &decoded, &mut decoded_codes);
             match &work.image {
                 TiledImage::Codes(codes) => {

@@ -7,6 +7,7 @@ use crate::format::{
     MAX_SHARED, SectionKind, basis_words, read_directory,
 };
 use crate::lobe::{FILE_WORDS, Lobe};
+use crate::parallax::{Heights, MOST_HEIGHT_STEP};
 use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::sphere::Sphere;
 use crate::texel_coding::{code_clusters, code_counts, code_refs};
@@ -69,6 +70,8 @@ pub struct Layer {
     pub lights: Sphere,
     /// View directions.
     pub views: Sphere,
+    /// Heights of the texels, if parallax between the views is to be removed.
+    pub heights: Option<Heights>,
     /// Cluster per texel.
     pub texel_clusters: Vec<u8>,
     /// Number of lobes per texel.
@@ -290,6 +293,11 @@ fn read_layer(sections: &Sections, layer: u32, width: usize, height: usize) -> R
     };
     let (lights, views) = (sphere(0)?, sphere(1)?);
 
+    let heights = match sections.find(SectionKind::Height, layer, 0) {
+        Some(reader) => Some(read_heights(reader, texels, width)?),
+        None => None,
+    };
+
     let mut reader = sections.get(SectionKind::TexelClusters, layer, 0)?;
     let texel_clusters = reader.coded(texels, 0u8, |decoder, ids| code_clusters(decoder, ids, width))?;
     if texel_clusters.iter().any(|cluster| usize::from(*cluster) >= clusters) {
@@ -348,12 +356,24 @@ fn read_layer(sections: &Sections, layer: u32, width: usize, height: usize) -> R
         epsilon,
         lights,
         views,
+        heights,
         texel_clusters,
         texel_lobe_counts,
         dictionary,
         lobe_refs,
         residual,
     })
+}
+
+fn read_heights(mut reader: Reader, texels: usize, width: usize) -> Result<Heights, FormatError> {
+    let step = reader.steps(1, MOST_HEIGHT_STEP)?[0];
+    if step == 0.0 {
+        return reader.bad("its step is 0");
+    }
+    match reader.plane(texels, width)?.into_iter().map(i8::try_from).collect() {
+        Ok(codes) => Ok(Heights { step, codes }),
+        Err(_) => reader.bad("a code has more than 8 bits"),
+    }
 }
 
 /// `None` where the tier at hand ends before the factors.

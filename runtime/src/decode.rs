@@ -2,6 +2,7 @@
 
 use crate::asset::{Asset, LobeRole};
 use crate::lobe::{LobeSetup, RESIDENT_WORDS};
+use crate::parallax::{HeightField, SeenBy};
 use crate::quantize::{coefficient_from_byte, half_at, weight_from_byte};
 use crate::resident::{ASSET_LAYERS, Resident, block};
 use crate::residual::{ResidualKind, core_at_pair};
@@ -28,11 +29,14 @@ pub struct DecodeOptions {
     pub lobes: u32,
     /// Interpolation rule.
     pub interpolation: Interpolation,
+    /// Remove the parallax between the measured views, where the asset has heights: four rays through them, and
+    /// three texels in place of one.
+    pub parallax: bool,
 }
 
 impl Default for DecodeOptions {
     fn default() -> DecodeOptions {
-        DecodeOptions { components: u32::MAX, lobes: u32::MAX, interpolation: Interpolation::Fast }
+        DecodeOptions { components: u32::MAX, lobes: u32::MAX, interpolation: Interpolation::Fast, parallax: true }
     }
 }
 
@@ -59,7 +63,15 @@ struct Texel<'a> {
 impl<'a> Texel<'a> {
     fn new(resident: &'a Resident, layer: u32, texel: u32, options: &DecodeOptions) -> Texel<'a> {
         let words = resident.words();
-        let layer = words[ASSET_LAYERS + layer as usize] as usize;
+        Texel::of_words(words, words[ASSET_LAYERS + layer as usize] as usize, texel, options)
+    }
+
+    /// Another texel of the same layer.
+    fn at(&self, texel: u32, options: &DecodeOptions) -> Texel<'a> {
+        Texel::of_words(self.words, self.layer, texel, options)
+    }
+
+    fn of_words(words: &'a [u32], layer: usize, texel: u32, options: &DecodeOptions) -> Texel<'a> {
         let record = words[layer + block::RECORDS] as usize + 2 * texel as usize;
         Texel {
             words,
@@ -107,7 +119,7 @@ impl<'a> Texel<'a> {
     }
 
     /// Residual at `pairs`, RGB each, added into `out`.
-    fn residual(&self, bases: &impl Bases, pairs: &[usize; 9], out: &mut [[f32; 3]; 9]) {
+    fn residual(&self, bases: &impl Bases, pairs: &[usize], out: &mut [[f32; 3]]) {
         let channel_words = self.field(block::CHANNEL_WORDS);
         let cluster_at = self.cluster * self.field(block::PAIRS) * 3 * channel_words;
         for word in 0..self.bases.div_ceil(2) {
@@ -158,7 +170,7 @@ pub fn decode(
 ) -> [f32; 3] {
     let t = Texel::new(resident, layer, texel, options);
     let bases = Halves(&t.words[t.field(block::BASIS)..]);
-    decode_texel(&t, &bases, wi, wo, options)
+    decode_texel(t, &bases, wi, wo, options)
 }
 
 /// The same with bases in single precision: twice the memory for the resident form's largest part.
@@ -173,10 +185,10 @@ pub fn decode_single(
     options: &DecodeOptions,
 ) -> [f32; 3] {
     let t = Texel::new(resident, layer, texel, options);
-    decode_texel(&t, &Singles(bases.layer(layer as usize)), wi, wo, options)
+    decode_texel(t, &Singles(bases.layer(layer as usize)), wi, wo, options)
 }
 
-fn decode_texel(t: &Texel, bases: &impl Bases, wi: [f32; 3], wo: [f32; 3], options: &DecodeOptions) -> [f32; 3] {
+fn decode_texel(t: Texel, bases: &impl Bases, wi: [f32; 3], wo: [f32; 3], options: &DecodeOptions) -> [f32; 3] {
     let words = t.words;
     let wi = [wi[0], wi[1], if t.field(block::LIGHT_SIDE) == 1 { -wi[2] } else { wi[2] }];
     let wo = [wo[0], wo[1], if t.field(block::VIEW_SIDE) == 1 { -wo[2] } else { wo[2] }];
@@ -184,27 +196,51 @@ fn decode_texel(t: &Texel, bases: &impl Bases, wi: [f32; 3], wo: [f32; 3], optio
         return [0.0; 3];
     }
     let fade = (wi[2] / f(words, t.layer + block::HORIZON)).min(1.0);
+    let (lights_at, views_at) = (t.field(block::LIGHTS), t.field(block::VIEWS));
+    let view = locate(words, views_at, wo);
+    let wo_measured = view.ids.map(|id| direction(words, views_at, id));
+    let heights = if options.parallax { HeightField::of_layer(words, t.layer) } else { None };
+    let seen = match heights {
+        Some(heights) => heights.seen_by(t.texel as u32, wo, &wo_measured, &view.weights),
+        None => SeenBy { texels: [t.texel as u32; 3], weights: view.weights },
+    };
+    let others = heights.map(|_| seen.texels.map(|texel| t.at(texel, options)));
+    // The texel that each of the views shows.
+    let of_view = |v: usize| others.as_ref().map_or(&t, |others| &others[v]);
+
     // Lobes that only guide are not part of the value, and the fast rule does not ask them.
     let guide = t.field(block::LOBE_ROLE) == LobeRole::Guide as usize;
     let unasked = guide && t.bases > 0 && options.interpolation == Interpolation::Fast;
-    let here = if unasked { [0.0; 3] } else { t.lobe_sum(wi, wo) };
+    let mut here = [0.0; 3];
+    if others.is_some() && !unasked {
+        for v in (0..3).filter(|v| seen.weights[*v] > 0.0) {
+            let sum = of_view(v).lobe_sum(wi, wo);
+            (0..3).for_each(|c| here[c] += seen.weights[v] * sum[c]);
+        }
+    } else if !unasked {
+        here = t.lobe_sum(wi, wo);
+    }
     if t.bases == 0 {
         return here.map(|x| x.max(0.0) * fade);
     }
-    let (lights_at, views_at) = (t.field(block::LIGHTS), t.field(block::VIEWS));
     let light = locate(words, lights_at, wi);
-    let view = locate(words, views_at, wo);
     let light_count = t.field(block::LIGHT_COUNT);
     let mut pairs = [0; 9];
     let mut weights = [0.0; 9];
     for v in 0..3 {
         for l in 0..3 {
             pairs[v * 3 + l] = view.ids[v] as usize * light_count + light.ids[l] as usize;
-            weights[v * 3 + l] = view.weights[v] * light.weights[l];
+            weights[v * 3 + l] = seen.weights[v] * light.weights[l];
         }
     }
     let mut residual = [[0.0; 3]; 9];
-    t.residual(bases, &pairs, &mut residual);
+    if others.is_some() {
+        for v in (0..3).filter(|v| seen.weights[*v] > 0.0) {
+            of_view(v).residual(bases, &pairs[3 * v..3 * v + 3], &mut residual[3 * v..3 * v + 3]);
+        }
+    } else {
+        t.residual(bases, &pairs, &mut residual);
+    }
     let kind = ResidualKind::from_number(t.field(block::RESIDUAL_KIND) as u32).unwrap_or(ResidualKind::Additive);
     let epsilon = f(words, t.layer + block::EPSILON);
     let share = if guide { 0.0 } else { 1.0 };
@@ -223,10 +259,9 @@ fn decode_texel(t: &Texel, bases: &impl Bases, wi: [f32; 3], wo: [f32; 3], optio
     let mut decoded = [0.0; 3];
     let mut lobes = [0.0; 3];
     for v in 0..3 {
-        let wo_measured = direction(words, views_at, view.ids[v]);
         for l in 0..3 {
             let wi_measured = direction(words, lights_at, light.ids[l]);
-            let s = t.lobe_sum(wi_measured, wo_measured);
+            let s = of_view(v).lobe_sum(wi_measured, wo_measured[v]);
             for c in 0..3 {
                 decoded[c] += weights[v * 3 + l] * kind.combine(share * s[c], residual[v * 3 + l][c], epsilon, 1.0);
                 lobes[c] += weights[v * 3 + l] * s[c];

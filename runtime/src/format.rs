@@ -104,7 +104,7 @@ pub enum SectionKind {
     Basis = 10,
     /// Coefficients of the j-th component for all texels (index j from 1).
     Coefficients = 11,
-    /// Reserved: per-texel height.
+    /// Height per texel.
     Height = 12,
     /// Reserved: mip levels.
     Mip = 13,

@@ -23,6 +23,7 @@ mod error;
 mod format;
 mod lobe;
 mod pack;
+mod parallax;
 mod power;
 mod quantize;
 mod resident;
@@ -47,6 +48,10 @@ pub use format::{
 };
 pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
 pub use pack::pack;
+pub use parallax::{
+    HIDDEN_SHARE, HeightField, Heights, LEAST_RAY_STEPS, MOST_HEIGHT_STEP, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE,
+    RAY_STEP, SeenBy,
+};
 pub use power::{POWER_RELATIVE_ERROR, from_root, root};
 pub use quantize::{byte_from_weight, coefficient_from_byte, weight_from_byte};
 pub use resident::{ASSET_LAYERS, HORIZON_COS, Resident, block};

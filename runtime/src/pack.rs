@@ -8,6 +8,7 @@ use crate::format::{
     MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, SectionSource, basis_words, write_file,
 };
 use crate::lobe::Lobe;
+use crate::parallax::MOST_HEIGHT_STEP;
 use crate::texel_coding::{code_clusters, code_counts, encode_refs};
 use half::f16;
 
@@ -87,6 +88,11 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
     }
     if !EPSILON_RANGE.contains(&layer.epsilon) {
         return refuse("epsilon must be 1e-6 to 1");
+    }
+    if let Some(heights) = &layer.heights
+        && (heights.codes.len() != texels || !(heights.step > 0.0 && heights.step <= MOST_HEIGHT_STEP))
+    {
+        return refuse("the heights do not fit the texels or their step is out of range");
     }
     let readable = |entry: &DictionaryLobe| Lobe::from_words(entry.lobe.to_words(entry.weight_scale)).is_some();
     if !layer.dictionary.iter().flatten().all(readable) {
@@ -170,6 +176,11 @@ fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, width: u
     push(SectionKind::Layer, 0, bytes_from_words(&words), false);
     push(SectionKind::Directions, 0, bytes_from_words(&layer.lights.to_file_words()), false);
     push(SectionKind::Directions, 1, bytes_from_words(&layer.views.to_file_words()), false);
+    if let Some(heights) = &layer.heights {
+        let mut bytes = bytes_from_words(&[heights.step.to_bits()]);
+        bytes.extend(encode_plane(&heights.codes.iter().map(|x| i32::from(*x)).collect::<Vec<_>>(), width));
+        push(SectionKind::Height, 0, bytes, false);
+    }
     let ids = coded(|coder| code_clusters(coder, &mut layer.texel_clusters.clone(), width));
     push(SectionKind::TexelClusters, 0, ids, false);
     let counts = coded(|coder| code_counts(coder, &mut layer.texel_lobe_counts.clone(), &layer.texel_clusters));

@@ -54,6 +54,14 @@ pub mod block {
     pub const HORIZON: usize = 16;
     /// What the lobes are to the residual, see [`crate::LobeRole`].
     pub const LOBE_ROLE: usize = 17;
+    /// Offset of the height codes, 0 without heights.
+    pub const HEIGHTS: usize = 18;
+    /// Texel widths per height code (f32).
+    pub const HEIGHT_STEP: usize = 19;
+    /// Least height, texel widths (f32).
+    pub const LEAST_HEIGHT: usize = 20;
+    /// Greatest height, texel widths (f32).
+    pub const MOST_HEIGHT: usize = 21;
 }
 
 /// The light fades to 0 below this cosine (84 degrees), or below the set's own least cosine.
@@ -155,6 +163,15 @@ where
     let here = words.len() as u32;
     set(words, block::VIEWS, here);
     words.extend_from_slice(layer.views.words());
+
+    if let Some(heights) = &layer.heights {
+        let (here, [least, most]) = (words.len() as u32, heights.range());
+        set(words, block::HEIGHTS, here);
+        set(words, block::HEIGHT_STEP, heights.step.to_bits());
+        set(words, block::LEAST_HEIGHT, least.to_bits());
+        set(words, block::MOST_HEIGHT, most.to_bits());
+        words.extend(heights.to_words());
+    }
 
     let here = words.len() as u32;
     set(words, block::RECORDS, here);

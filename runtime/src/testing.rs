@@ -5,6 +5,7 @@ use crate::asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide}
 use crate::error::FormatError;
 use crate::format::{ALIGNMENT, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum, header, read_directory};
 use crate::lobe::{Lobe, LobeFamily};
+use crate::parallax::Heights;
 use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::sphere::Sphere;
 use half::f16;
@@ -162,6 +163,7 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         epsilon: 0.01,
         lights,
         views,
+        heights: None,
         texel_clusters,
         texel_lobe_counts,
         dictionary,
@@ -170,6 +172,12 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
     };
     let material = format!("{{\"name\":\"sample {seed}\"}}");
     Asset { width, height, material, layers: vec![layer] }
+}
+
+/// Rough heights of `texels` texels, up to three texel widths either way.
+pub fn sample_heights(seed: u64, texels: usize) -> Heights {
+    let mut random = Random::new(seed);
+    Heights { step: 0.125, codes: (0..texels).map(|_| random.below(49) as i8 - 24).collect() }
 }
 
 /// Index of a texel's first lobe reference.

@@ -9,6 +9,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("sphere.wgsl", include_str!("shaders/sphere.wgsl")),
     ("lobe.wgsl", include_str!("shaders/lobe.wgsl")),
     ("residual.wgsl", include_str!("shaders/residual.wgsl")),
+    ("parallax.wgsl", include_str!("shaders/parallax.wgsl")),
     ("decode.wgsl", include_str!("shaders/decode.wgsl")),
 ];
 

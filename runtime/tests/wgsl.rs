@@ -2,9 +2,10 @@
 //! constants are the twin's, and the twin files hold the same functions in the same order.
 
 use btf_runtime::{
-    ASSET_LAYERS, DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Interpolation, LOBE_RESIDENT_WORDS,
-    LobeFamily, LobeRole, MAX_LOG, MIN_COS_VIEW, MIN_HALF, RATIO_EPSILON, RATIO_RANGE, ROOT, ResidualKind,
-    SPHERE_HEADER_WORDS, TRIANGLE_WORDS, WGSL, block, wgsl_library,
+    ASSET_LAYERS, DIRECTION_WORDS, EDGE_WORDS, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE, Interpolation,
+    LEAST_RAY_STEPS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole, MAX_LOG, MIN_COS_VIEW, MIN_HALF, MOST_RAY_STEPS,
+    MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP, ROOT, ResidualKind, SPHERE_HEADER_WORDS,
+    TRIANGLE_WORDS, WGSL, block, wgsl_library,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module};
@@ -20,7 +21,7 @@ fn asset_word(index: u32) -> u32 {
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let options = BtfOptions(0xffffffffu, 0xffffffffu, id.y, 0u);
+    let options = BtfOptions(0xffffffffu, 0xffffffffu, id.y, 1u);
     let layer = btf_layer_for_sides(0u, 0u, 0u);
     let texel = btf_texel(0u, vec2<f32>(0.25, f32(id.x) / 64.0));
     let wi = normalize(vec3<f32>(0.1, 0.2, 1.0));
@@ -118,6 +119,10 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("BLOCK_PAIRS", block::PAIRS),
         ("BLOCK_HORIZON", block::HORIZON),
         ("BLOCK_LOBE_ROLE", block::LOBE_ROLE),
+        ("BLOCK_HEIGHTS", block::HEIGHTS),
+        ("BLOCK_HEIGHT_STEP", block::HEIGHT_STEP),
+        ("BLOCK_LEAST_HEIGHT", block::LEAST_HEIGHT),
+        ("BLOCK_MOST_HEIGHT", block::MOST_HEIGHT),
     ];
     let floats = [
         ("INSIDE_TOLERANCE", INSIDE_TOLERANCE),
@@ -130,6 +135,12 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("RATIO_EPSILON", RATIO_EPSILON),
         ("RATIO_LEAST", RATIO_RANGE[0]),
         ("RATIO_MOST", RATIO_RANGE[1]),
+        ("MOST_SLOPE", MOST_SLOPE),
+        ("RAY_STEP", RAY_STEP),
+        ("LEAST_RAY_STEPS", LEAST_RAY_STEPS),
+        ("MOST_RAY_STEPS", MOST_RAY_STEPS),
+        ("HIDDEN_SHARE", HIDDEN_SHARE),
+        ("OUTSIDE_SHARE", OUTSIDE_SHARE),
     ];
     let mut all: Vec<(String, f64)> = words.iter().map(|(name, value)| (name.to_string(), *value as f64)).collect();
     all.extend(floats.iter().map(|(name, value)| (name.to_string(), f64::from(*value))));
@@ -154,7 +165,7 @@ fn the_options_lie_in_wgsl_as_documented() {
     let naga::TypeInner::Struct { members, span } = &options.inner else { panic!("BtfOptions is a struct") };
     let fields: Vec<(&str, u32)> =
         members.iter().map(|member| (member.name.as_deref().unwrap_or(""), member.offset)).collect();
-    assert_eq!((fields, *span), (vec![("components", 0), ("lobes", 4), ("interpolation", 8), ("pad", 12)], 16));
+    assert_eq!((fields, *span), (vec![("components", 0), ("lobes", 4), ("interpolation", 8), ("parallax", 12)], 16));
 }
 
 /// Names after `fn`, in order of appearance.
@@ -185,16 +196,17 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     let wgsl = |name: &str| WGSL.iter().find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 5] = [
+    let twins: [Twin; 6] = [
         (include_str!("../src/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
         (include_str!("../src/residual.rs"), "residual.wgsl", "residual_", &[]),
+        (include_str!("../src/parallax.rs"), "parallax.wgsl", "height_", &[]),
         (
             include_str!("../src/decode.rs"),
             "decode.wgsl",
             "btf_",
-            &["btf_size", "btf_texel", "btf_layer_for_sides", "btf_texel_record"],
+            &["btf_size", "btf_texel", "btf_layer_for_sides", "btf_texel_record", "btf_texel_at"],
         ),
     ];
     for (rust, file, prefix, alone) in twins {

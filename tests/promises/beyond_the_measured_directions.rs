@@ -1,10 +1,13 @@
 //! Bonn's directions end at 75 degrees. Beyond, lobes and the carried residual are compared with
-//! synthetic data that was held back.
+//! synthetic data that was held back, and so are views between the measured ones.
 
-use btf_capture::{Direction, DirectionSet, ImageFormat};
-use btf_fit::FitParams;
+use btf_capture::{Capture, Direction, DirectionSet, ImageFormat};
+use btf_fit::{FitParams, MeasureParams, Monitor, measure};
 use btf_runtime::{DecodeOptions, Interpolation, decode};
+use btf_synth::{CaptureParams, ClothParams, write_cloth_capture};
 use btf_tests::{capture_of, fitted, resident, small_fit};
+use std::ops::ControlFlow;
+use std::path::Path;
 
 fn rings(rings: &[(f64, usize)]) -> DirectionSet {
     let all = rings.iter().flat_map(|&(theta_deg, count)| {
@@ -48,4 +51,44 @@ fn grazing_light_that_was_held_back_is_predicted_better_than_by_the_edge_value()
         let (decoded, edge) = ((decoded_error / energy).sqrt(), (edge_error / energy).sqrt());
         assert!(decoded < 0.5 * edge, "{interpolation:?}: relative error {decoded}, of the edge value {edge}");
     }
+}
+
+/// Woven cloth of 64 x 64 texels under `views`.
+fn cloth(folder: &Path, views: &DirectionSet) -> Capture {
+    let params = ClothParams::default();
+    let capture = CaptureParams {
+        size: 64,
+        size_mm: 2.5,
+        views: views.clone(),
+        lights: rings(&[(30.0, 4), (55.0, 5)]),
+        ..params.capture
+    };
+    let params = ClothParams { capture, ..params };
+    write_cloth_capture(folder, &params, &|_, _| ControlFlow::Continue(())).expect("the cloth is written");
+    Capture::open(folder).expect("the cloth is read")
+}
+
+#[test]
+fn heights_found_in_a_capture_sharpen_the_views_between_the_measured_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = cloth(&folder.path().join("grid"), &rings(&[(0.0, 1), (30.0, 8), (60.0, 16), (75.0, 20)]));
+    let between = cloth(&folder.path().join("between"), &rings(&[(47.0, 5), (68.0, 7)]));
+    let params = FitParams {
+        bytes: Some(120_000),
+        heights: true,
+        cache_directory: folder.path().to_path_buf(),
+        ..FitParams::default()
+    };
+    let asset = fitted(&capture, &params).asset;
+    let heights = asset.layers[0].heights.as_ref().expect("cloth has a relief");
+    assert!(heights.range()[1] - heights.range()[0] > 3.0, "{:?} texels", heights.range());
+    let loaded = resident(&asset);
+    let psnr_db = |capture: &Capture, parallax: bool| {
+        let options = DecodeOptions { parallax, ..DecodeOptions::default() };
+        let params = MeasureParams { options, ..MeasureParams::default() };
+        measure(capture, &asset, &loaded, &params, &Monitor::default()).unwrap().metrics().psnr_db
+    };
+    let (with, without) = (psnr_db(&between, true), psnr_db(&between, false));
+    assert!(with > without + 0.7, "between the views {with:.2} dB with heights, {without:.2} dB without");
+    assert_eq!(psnr_db(&capture, true), psnr_db(&capture, false), "measured views stay what they are");
 }

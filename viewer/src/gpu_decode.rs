@@ -43,6 +43,7 @@ pub(crate) struct GpuQueryParams {
     pub components: u32,
     pub lobes: u32,
     pub interpolation: u32,
+    pub parallax: u32,
 }
 
 /// Decodes `queries` inside the module of `tracer`; result as [`btf_runtime::decode`] has it, in the same order.
@@ -79,6 +80,7 @@ pub fn gpu_decode(
         components: options.components,
         lobes: options.lobes,
         interpolation: options.interpolation as u32,
+        parallax: options.parallax.into(),
     };
     let assets = gpu.buffer("assets", bytemuck::cast_slice(resident.words()), BufferUsages::STORAGE)?;
     let params = gpu.buffer("decode options", bytemuck::bytes_of(&params), BufferUsages::UNIFORM)?;

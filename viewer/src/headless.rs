@@ -78,6 +78,8 @@ pub struct RenderReport {
     pub lobes: Option<u32>,
     /// `fast` or `exact`.
     pub interpolation: &'static str,
+    /// If parallax between views is removed where assets have heights.
+    pub parallax: bool,
 }
 
 /// A finished rendering.
@@ -204,6 +206,7 @@ fn rendered(
             btf_runtime::Interpolation::Fast => "fast",
             btf_runtime::Interpolation::Exact => "exact",
         },
+        parallax: params.decode.parallax,
     };
     Rendered { picture: Picture { width, height, radiance }, hits, report }
 }

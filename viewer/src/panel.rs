@@ -152,6 +152,7 @@ impl Panel {
             ui.radio_value(&mut self.decode.interpolation, Interpolation::Fast, "fast");
             ui.radio_value(&mut self.decode.interpolation, Interpolation::Exact, "exact");
             ui.label("interpolation");
+            ui.checkbox(&mut self.decode.parallax, "parallax");
         });
         ui.add(egui::Slider::new(&mut scene.exposure_ev, -6.0..=6.0).text("exposure, EV"));
     }

@@ -120,7 +120,7 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, jitter, components, lobes),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, jitter, components, lobes, parallax, pad0, pad1, pad2),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
@@ -129,7 +129,7 @@ mod tests {
             ("PixelHit", fields!(PixelHit; primitive, rays, evaluations, pad)),
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
             ("Query", fields!(GpuQuery; wi, texel, wo, layer)),
-            ("QueryParams", fields!(GpuQueryParams; count, components, lobes, interpolation)),
+            ("QueryParams", fields!(GpuQueryParams; count, components, lobes, interpolation, parallax)),
         ];
         for (name, (size, fields)) in &all {
             assert_eq!(layout_difference(&module, name, *size, fields), None);

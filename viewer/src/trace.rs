@@ -32,6 +32,10 @@ pub(crate) struct Frame {
     pub jitter: [f32; 2],
     pub components: u32,
     pub lobes: u32,
+    pub parallax: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -253,6 +257,10 @@ impl Tracer {
             jitter: jitter(sample),
             components: decode.components,
             lobes: decode.lobes,
+            parallax: decode.parallax.into(),
+            pad0: 0,
+            pad1: 0,
+            pad2: 0,
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         let lights: Vec<GpuLight> = scene

@@ -1,7 +1,7 @@
 //! What the GPU draws is what the CPU reference draws. A missing adapter is a failure, unless `BTF_SKIP_GPU=1` is set;
 //! then each test prints one line `skipped: ...` and passes.
 
-use btf_runtime::testing::{Random, sample_asset};
+use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRole, Resident, ResidualKind, decode, pack};
 use btf_viewer::{
     BackendChoice, Control, DecodeQuery, Gpu, GpuTracer, MeshChoice, NO_HIT, RenderParams, Rendered, Scene, SceneAsset,
@@ -74,16 +74,21 @@ fn direction(random: &mut Random) -> [f32; 3] {
 fn gpu_decodes_100_000_samples_like_the_cpu() {
     let Some(gpu) = gpu("gpu_decodes_100_000_samples_like_the_cpu") else { return };
     const SAMPLES: usize = 100_000;
-    for (seed, kind, role) in [
-        (1, ResidualKind::Additive, LobeRole::Base),
-        (2, ResidualKind::Log, LobeRole::Base),
-        (3, ResidualKind::Root, LobeRole::Base),
-        (4, ResidualKind::Additive, LobeRole::Guide),
-        (5, ResidualKind::Root, LobeRole::Guide),
+    for (seed, kind, role, with_heights) in [
+        (1, ResidualKind::Additive, LobeRole::Base, false),
+        (2, ResidualKind::Log, LobeRole::Base, false),
+        (3, ResidualKind::Root, LobeRole::Base, false),
+        (4, ResidualKind::Additive, LobeRole::Guide, false),
+        (5, ResidualKind::Root, LobeRole::Guide, false),
+        (6, ResidualKind::Root, LobeRole::Guide, true),
+        (7, ResidualKind::Log, LobeRole::Base, true),
     ] {
+        // A ray that grazes an edge of rough heights may hit it on one machine and miss it on another.
+        let allowed = if with_heights { SAMPLES / 100 } else { 0 };
         let in_role = |role: LobeRole| {
             let mut asset = asset(seed, kind);
             asset.layers[0].lobe_role = role;
+            asset.layers[0].heights = with_heights.then(|| sample_heights(seed, asset.texel_count()));
             Resident::from_asset(&asset)
         };
         let resident = in_role(role);
@@ -112,19 +117,17 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
                     .flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs() / (ABSOLUTE + RELATIVE * a[c].abs())))
                     .fold(0.0, f32::max);
                 println!("{kind:?} {role:?} {interpolation:?} {}: worst {worst:.4} of the tolerance", tracer.name());
-                assert_eq!(
-                    count_differences(&expected, &found),
-                    0,
-                    "{kind:?} {role:?} {interpolation:?} {}",
-                    tracer.name()
-                );
+                let differences = count_differences(&expected, &found);
+                assert!(differences <= allowed, "{kind:?} {role:?} {interpolation:?} {}: {differences}", tracer.name());
                 // Planted differences: one component less, lobes in the other role, one value off by two tolerances.
                 let fewer = cpu(&resident, &DecodeOptions { components: 3, ..options });
                 assert!(count_differences(&fewer, &found) > SAMPLES / 100);
                 assert!(count_differences(&cpu(&other_role, &options), &found) > SAMPLES / 100);
+                let flat = cpu(&resident, &DecodeOptions { parallax: false, ..options });
+                assert_eq!(count_differences(&flat, &found) > SAMPLES / 5, with_heights);
                 let mut off = expected.clone();
                 off[777][1] += 2.0 * (ABSOLUTE + RELATIVE * off[777][1]);
-                assert_eq!(count_differences(&off, &found), 1);
+                assert_eq!(count_differences(&off, &found), differences + 1);
             }
         }
     }

@@ -57,6 +57,10 @@ pub(super) struct FitArgs {
     /// Hold this share of the direction pairs back, 0 to 0.9, and report their error apart
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     leave_out: f64,
+    /// Find the heights of the texels and store them, so that views between the measured ones are sharp: for
+    /// materials with relief, about half a byte a texel
+    #[arg(long)]
+    heights: bool,
     /// The k-means to use
     #[arg(long, value_enum, default_value = "product")]
     kmeans: KMeansArg,
@@ -259,6 +263,7 @@ fn params(args: &FitArgs) -> FitParams {
             ErrorArg::Log => ErrorMeasure::Log,
         },
         leave_out: args.leave_out,
+        heights: args.heights,
         seed: args.seed,
         kmeans: match args.kmeans {
             KMeansArg::Product => KMeansEngine::Product,

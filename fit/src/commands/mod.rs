@@ -66,6 +66,9 @@ struct Decoding {
     /// Rule for directions that the asset has not measured
     #[arg(long, value_enum, default_value = "exact")]
     interpolation: Interpolation,
+    /// Leave the parallax between measured views, also where the asset has heights
+    #[arg(long)]
+    no_parallax: bool,
 }
 
 impl Decoding {
@@ -77,6 +80,7 @@ impl Decoding {
                 Interpolation::Fast => btf_runtime::Interpolation::Fast,
                 Interpolation::Exact => btf_runtime::Interpolation::Exact,
             },
+            parallax: !self.no_parallax,
         }
     }
 }

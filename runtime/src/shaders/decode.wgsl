@@ -21,6 +21,10 @@ const BLOCK_LIGHT_COUNT: u32 = 14u;
 const BLOCK_PAIRS: u32 = 15u;
 const BLOCK_HORIZON: u32 = 16u;
 const BLOCK_LOBE_ROLE: u32 = 17u;
+const BLOCK_HEIGHTS: u32 = 18u;
+const BLOCK_HEIGHT_STEP: u32 = 19u;
+const BLOCK_LEAST_HEIGHT: u32 = 20u;
+const BLOCK_MOST_HEIGHT: u32 = 21u;
 
 const INTERPOLATION_EXACT: u32 = 1u;
 const RATIO_EPSILON: f32 = 0.03;
@@ -31,7 +35,8 @@ struct BtfOptions {
     components: u32,
     lobes: u32,
     interpolation: u32,
-    pad: u32,
+    // 1 removes the parallax between views, where the asset has heights.
+    parallax: u32,
 }
 
 // A texel within a layer: what does not depend on the directions.
@@ -71,7 +76,11 @@ fn btf_layer_for_sides(base: u32, light_side: u32, view_side: u32) -> u32 {
 }
 
 fn btf_texel_record(base: u32, layer: u32, texel: u32, options: BtfOptions) -> BtfTexel {
-    let at = base + asset_word(base + ASSET_LAYERS + layer);
+    return btf_texel_at(base, base + asset_word(base + ASSET_LAYERS + layer), texel, options);
+}
+
+// The same; `at` is the layer's block.
+fn btf_texel_at(base: u32, at: u32, texel: u32, options: BtfOptions) -> BtfTexel {
     let record = base + asset_word(at + BLOCK_RECORDS) + 2u * texel;
     let head = asset_word(record);
     // components + 1 without wrapping round at 0xffffffff.
@@ -118,6 +127,27 @@ fn btf_basis_weight(t: BtfTexel, index: u32) -> f32 {
     return coefficient_from_byte((word >> (8u * (component % 4u))) & 0xffu);
 }
 
+// The residual of a texel at a view and three lights.
+fn btf_residual(t: BtfTexel, view: u32, lights: vec3<u32>) -> mat3x3<f32> {
+    let channel_words = asset_word(t.layer + BLOCK_CHANNEL_WORDS);
+    let rows = t.base + asset_word(t.layer + BLOCK_BASIS)
+        + t.cluster * asset_word(t.layer + BLOCK_PAIRS) * 3u * channel_words;
+    let first = rows + view * asset_word(t.layer + BLOCK_LIGHT_COUNT) * 3u * channel_words;
+    var sum = mat3x3<f32>();
+    for (var word = 0u; word < (t.bases + 1u) / 2u; word++) {
+        let weights = vec2<f32>(btf_basis_weight(t, 2u * word), btf_basis_weight(t, 2u * word + 1u));
+        for (var l = 0u; l < 3u; l++) {
+            let at = first + lights[l] * 3u * channel_words + word;
+            sum[l] += vec3<f32>(
+                dot(weights, unpack2x16float(asset_word(at))),
+                dot(weights, unpack2x16float(asset_word(at + channel_words))),
+                dot(weights, unpack2x16float(asset_word(at + 2u * channel_words))),
+            );
+        }
+    }
+    return sum;
+}
+
 fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: vec3<f32>, options: BtfOptions) -> vec3<f32> {
     let t = btf_texel_record(base, layer, texel, options);
     var wi = wi_given;
@@ -133,48 +163,64 @@ fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: 
     }
     let fade = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
     let exact = options.interpolation == INTERPOLATION_EXACT;
+    let lights_at = base + asset_word(t.layer + BLOCK_LIGHTS);
+    let views_at = base + asset_word(t.layer + BLOCK_VIEWS);
+    let view = sphere_locate(views_at, wo);
+    var wo_measured: array<vec3<f32>, 3>;
+    for (var v = 0u; v < 3u; v++) {
+        wo_measured[v] = sphere_direction(views_at, view.ids[v]);
+    }
+    // The texel that each of the views shows.
+    var seen = SeenBy(vec3<u32>(texel), view.weights);
+    let shifted = options.parallax != 0u && asset_word(t.layer + BLOCK_HEIGHTS) != 0u;
+    if shifted {
+        let range = vec2<f32>(asset_f32(t.layer + BLOCK_LEAST_HEIGHT), asset_f32(t.layer + BLOCK_MOST_HEIGHT));
+        let heights = base + asset_word(t.layer + BLOCK_HEIGHTS);
+        let field = HeightField(heights, btf_size(base), asset_f32(t.layer + BLOCK_HEIGHT_STEP), range);
+        seen = height_seen_by(field, texel, wo, wo_measured, view.weights);
+    }
+    var of_view: array<BtfTexel, 3>;
+    for (var v = 0u; v < 3u; v++) {
+        of_view[v] = t;
+        if shifted {
+            of_view[v] = btf_texel_at(base, t.layer, seen.texels[v], options);
+        }
+    }
+
     // Lobes that only guide are not part of the value, and the fast rule does not ask them.
     let guide = asset_word(t.layer + BLOCK_LOBE_ROLE) == LOBE_ROLE_GUIDE;
     var here = vec3<f32>(0.0);
     if !guide || exact || t.bases == 0u {
-        here = btf_lobe_sum(t, wi, wo);
+        if shifted {
+            for (var v = 0u; v < 3u; v++) {
+                if seen.weights[v] > 0.0 {
+                    here += seen.weights[v] * btf_lobe_sum(of_view[v], wi, wo);
+                }
+            }
+        } else {
+            here = btf_lobe_sum(t, wi, wo);
+        }
     }
     if t.bases == 0u {
         return max(here, vec3<f32>(0.0)) * fade;
     }
-    let lights_at = base + asset_word(t.layer + BLOCK_LIGHTS);
-    let views_at = base + asset_word(t.layer + BLOCK_VIEWS);
     let light = sphere_locate(lights_at, wi);
-    let view = sphere_locate(views_at, wo);
-    let light_count = asset_word(t.layer + BLOCK_LIGHT_COUNT);
-    let channel_words = asset_word(t.layer + BLOCK_CHANNEL_WORDS);
-    let rows = base + asset_word(t.layer + BLOCK_BASIS)
-        + t.cluster * asset_word(t.layer + BLOCK_PAIRS) * 3u * channel_words;
     let kind = asset_word(t.layer + BLOCK_RESIDUAL_KIND);
     let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
     let base_share = select(1.0, 0.0, guide);
 
-    var residual: array<vec3<f32>, 9>;
-    for (var i = 0u; i < 9u; i++) {
-        residual[i] = vec3<f32>(0.0);
-    }
-    for (var word = 0u; word < (t.bases + 1u) / 2u; word++) {
-        let weights = vec2<f32>(btf_basis_weight(t, 2u * word), btf_basis_weight(t, 2u * word + 1u));
-        for (var i = 0u; i < 9u; i++) {
-            let pair = view.ids[i / 3u] * light_count + light.ids[i % 3u];
-            let at = rows + pair * 3u * channel_words + word;
-            residual[i] += vec3<f32>(
-                dot(weights, unpack2x16float(asset_word(at))),
-                dot(weights, unpack2x16float(asset_word(at + channel_words))),
-                dot(weights, unpack2x16float(asset_word(at + 2u * channel_words))),
-            );
+    var residual: array<mat3x3<f32>, 3>;
+    for (var v = 0u; v < 3u; v++) {
+        residual[v] = mat3x3<f32>();
+        if seen.weights[v] > 0.0 {
+            residual[v] = btf_residual(of_view[v], view.ids[v], light.ids);
         }
     }
 
     if !exact {
         var r = vec3<f32>(0.0);
         for (var i = 0u; i < 9u; i++) {
-            r += view.weights[i / 3u] * light.weights[i % 3u] * residual[i];
+            r += seen.weights[i / 3u] * light.weights[i % 3u] * residual[i / 3u][i % 3u];
         }
         let scaled = select(light.beyond, 1.0, guide);
         let falling = select(1.0, light.beyond, guide);
@@ -184,11 +230,10 @@ fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: 
     var decoded = vec3<f32>(0.0);
     var lobes = vec3<f32>(0.0);
     for (var i = 0u; i < 9u; i++) {
-        let weight = view.weights[i / 3u] * light.weights[i % 3u];
+        let weight = seen.weights[i / 3u] * light.weights[i % 3u];
         let wi_measured = sphere_direction(lights_at, light.ids[i % 3u]);
-        let wo_measured = sphere_direction(views_at, view.ids[i / 3u]);
-        let s = btf_lobe_sum(t, wi_measured, wo_measured);
-        decoded += weight * residual_combine(kind, base_share * s, residual[i], epsilon, 1.0);
+        let s = btf_lobe_sum(of_view[i / 3u], wi_measured, wo_measured[i / 3u]);
+        decoded += weight * residual_combine(kind, base_share * s, residual[i / 3u][i % 3u], epsilon, 1.0);
         lobes += weight * s;
     }
     let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);

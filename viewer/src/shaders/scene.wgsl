@@ -15,6 +15,10 @@ struct Frame {
     jitter: vec2<f32>,
     components: u32,
     lobes: u32,
+    parallax: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 struct Vertex {

@@ -103,7 +103,7 @@ fn shade_pixel(pixel: vec2<u32>) {
             texel = btf_texel(material.asset, uv * material.uv_scale);
             layers = asset_word(material.asset + ASSET_LAYER_COUNT);
         }
-        let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, 0u);
+        let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
 
         for (var i = 0u; i < frame.light_count; i++) {
             let light = lights[i];

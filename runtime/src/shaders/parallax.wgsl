@@ -1,0 +1,98 @@
+// Parallax between measured views: which texels of the neighbouring views show the surface point that an eye between
+// them sees. Twin: parallax.rs.
+
+const MOST_SLOPE: f32 = 10.0;
+const RAY_STEP: f32 = 0.5;
+const LEAST_RAY_STEPS: f32 = 8.0;
+const MOST_RAY_STEPS: f32 = 64.0;
+const HIDDEN_SHARE: f32 = 0.05;
+const OUTSIDE_SHARE: f32 = 0.1;
+
+// What an eye sees in a texel, as its view's three neighbours have it; the weights sum up to 1.
+struct SeenBy {
+    texels: vec3<u32>,
+    weights: vec3<f32>,
+}
+
+// A layer's height map; the range is that of its heights, texel widths.
+struct HeightField {
+    at: u32,
+    size: vec2<u32>,
+    step: f32,
+    range: vec2<f32>,
+}
+
+fn height_of_texel(field: HeightField, at: vec2<u32>) -> f32 {
+    let texel = at.y * field.size.x + at.x;
+    return field.step * coefficient_from_byte((asset_word(field.at + texel / 4u) >> (8u * (texel % 4u))) & 0xffu);
+}
+
+// Bilinear, edges continued; texel centres at whole numbers.
+fn height_at(field: HeightField, given: vec2<f32>) -> f32 {
+    let most = field.size - vec2<u32>(1u);
+    let place = clamp(given, vec2<f32>(0.0), vec2<f32>(most));
+    let first = vec2<u32>(place);
+    let next = min(first + vec2<u32>(1u), most);
+    let part = place - vec2<f32>(first);
+    let upper_left = height_of_texel(field, first);
+    let lower_left = height_of_texel(field, vec2<u32>(first.x, next.y));
+    let upper = upper_left + (height_of_texel(field, vec2<u32>(next.x, first.y)) - upper_left) * part.x;
+    let lower = lower_left + (height_of_texel(field, next) - lower_left) * part.x;
+    return upper + (lower - upper) * part.y;
+}
+
+// Height of the first point that the ray of slope `s` meets which passes the mean plane at `place`.
+fn height_first_hit(field: HeightField, place: vec2<f32>, s: vec2<f32>) -> f32 {
+    let depth = field.range.y - field.range.x;
+    let steps = clamp(ceil(length(s) * depth / RAY_STEP), LEAST_RAY_STEPS, MOST_RAY_STEPS);
+    var free = field.range.y;
+    var clear = max(free - height_at(field, place + free * s), 0.0);
+    for (var i = 1u; i <= u32(steps); i++) {
+        let z = field.range.y - depth * (f32(i) / steps);
+        let now = z - height_at(field, place + z * s);
+        if now <= 0.0 {
+            // Straight between the last two: what the ray passes there is nearly a plane.
+            return free + (z - free) * (clear / max(clear - now, 1e-12));
+        }
+        free = z;
+        clear = now;
+    }
+    return field.range.x;
+}
+
+fn height_slope(direction: vec3<f32>) -> vec2<f32> {
+    let s = vec2<f32>(direction.x, -direction.y) / max(direction.z, 1e-6);
+    return s / max(length(s) / MOST_SLOPE, 1.0);
+}
+
+// What the eye at `wo` sees in `texel`, as the `views` around it have it, which are interpolated with `weights`.
+fn height_seen_by(
+    field: HeightField,
+    texel: u32,
+    wo: vec3<f32>,
+    views: array<vec3<f32>, 3>,
+    weights: vec3<f32>,
+) -> SeenBy {
+    var towards = views;
+    let most = vec2<f32>(field.size - vec2<u32>(1u));
+    let place = vec2<f32>(vec2<u32>(texel % field.size.x, texel / field.size.x));
+    let s = height_slope(wo);
+    let z = height_first_hit(field, place, s);
+    var seen = SeenBy(vec3<u32>(texel), vec3<f32>(0.0));
+    for (var i = 0u; i < 3u; i++) {
+        if weights[i] <= 0.0 {
+            continue;
+        }
+        let slope = height_slope(towards[i]);
+        let shown = place + z * (s - slope);
+        let nearest = vec2<u32>(clamp(floor(shown + 0.5), vec2<f32>(0.0), most));
+        let outside = any(shown < vec2<f32>(-0.5)) || any(shown > most + 0.5);
+        let gap = height_first_hit(field, shown, slope) - z;
+        let open = 1.0 - min(gap * gap, 1.0);
+        let seen_here = open * open * select(1.0, OUTSIDE_SHARE, outside);
+        seen.texels[i] = nearest.y * field.size.x + nearest.x;
+        seen.weights[i] = weights[i] * (HIDDEN_SHARE + (1.0 - HIDDEN_SHARE) * seen_here);
+    }
+    seen.weights /= seen.weights.x + seen.weights.y + seen.weights.z;
+    return seen;
+}
