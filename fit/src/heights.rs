@@ -22,6 +22,8 @@ const LIGHT_COS: [f32; 2] = [0.42, 0.97];
 /// Heights that are tried: so far up and down, in texel widths, in such steps.
 const MOST_HEIGHT: f32 = 10.0;
 const SWEEP_STEP: f32 = 0.5;
+/// Share of the heights that is cut at either end of their range.
+const STANDING_OUT: f32 = 0.002;
 /// Finest step of the stored heights, texel widths.
 const LEAST_STEP: f32 = 0.125;
 /// A difference of encoded values that counts no more if it grows: what is hidden is not different by how much.
@@ -330,7 +332,14 @@ fn lowest(costs: &Costs) -> Vec<f32> {
         .collect()
 }
 
+/// Codes of `heights`; the few that stand out are cut to the rest's range: most are mistakes, and every ray walks
+/// through that range.
 fn quantized(heights: &[f32]) -> Heights {
+    let mut sorted = heights.to_vec();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let cut = (heights.len() as f32 * STANDING_OUT) as usize;
+    let (least, most) = (sorted[cut], sorted[heights.len() - 1 - cut]);
+    let heights: Vec<f32> = heights.iter().map(|x| x.clamp(least, most)).collect();
     let peak = heights.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
     let step = LEAST_STEP.max(peak / 127.0);
     Heights { step, codes: heights.iter().map(|x| (x / step).round().clamp(-127.0, 127.0) as i8).collect() }

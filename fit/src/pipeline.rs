@@ -43,8 +43,8 @@ const REASSIGN_ROUNDS: usize = 3;
 /// Shared bases at most: the least and the most that are looked for, and how many more than the least per byte of
 /// the texels' budget. Too few bound the error of a large asset (docs/RESULTS.md); more than a small one can use cost
 /// time.
-const LEAST_SHARED_BASES: usize = 96;
-const SHARED_BASES_PER_BYTE: f64 = 7.5;
+const LEAST_SHARED_BASES: usize = 170;
+const SHARED_BASES_PER_BYTE: f64 = 6.5;
 const MOST_SHARED_BASES: usize = 640;
 /// The same without a budget.
 const SHARED_BASES: usize = 320;
