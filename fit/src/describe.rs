@@ -4,7 +4,7 @@ use crate::byte_size::text_from_bytes;
 use crate::error::FitError;
 use crate::material::{Material, side_of_layer};
 use btf_capture::Side;
-use btf_runtime::{Asset, Layer, LobeFamily, Resident, ResidualKind, SectionKind, VERSION, read_directory};
+use btf_runtime::{Asset, Heights, Layer, LobeFamily, Resident, ResidualKind, SectionKind, VERSION, read_directory};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::{self, Display};
@@ -84,6 +84,8 @@ pub struct LayerDescription {
     pub shared_bases: usize,
     /// Ranks `[view, light]` of the factored bases, per channel (grey, red-blue, green-magenta).
     pub ranks: [[usize; 2]; 3],
+    /// Least and greatest height, texel widths; `null` without heights.
+    pub heights: Option<[f32; 2]>,
 }
 
 /// How often a lobe family occurs.
@@ -209,6 +211,7 @@ fn describe_layer(layer: &Layer) -> LayerDescription {
         components: residual.map_or(0, |residual| residual.coefficients.len()),
         shared_bases: residual.map_or(0, |residual| residual.shared.steps.len()),
         ranks: residual.map_or([[0; 2]; 3], |residual| residual.factors.ranks),
+        heights: layer.heights.as_ref().map(Heights::range),
     }
 }
 
@@ -255,6 +258,9 @@ impl Display for Description {
                 write!(f, " mixed from {} shared bases, ranks {:?}", layer.shared_bases, layer.ranks)?;
             }
             writeln!(f)?;
+            if let Some([least, most]) = layer.heights {
+                writeln!(f, "  heights   {least:.1} to {most:.1} texel widths")?;
+            }
         }
         writeln!(f, "\nsections")?;
         for section in &self.sections {
@@ -356,6 +362,18 @@ mod tests {
         assert_eq!(components, [None, Some(0), Some(1), Some(2), Some(3)]);
         let text = found.to_string();
         assert!(text.contains("felt") && text.contains("windowed cosine") && !text.contains("Oren-Nayar"), "{text}");
+    }
+
+    #[test]
+    fn heights_are_described_where_there_are_any() {
+        let mut asset = Asset::parse(&bytes()).unwrap();
+        let described = |asset: &Asset| describe(&pack(asset).unwrap()).unwrap();
+        assert_eq!(described(&asset).layers[0].heights, None);
+        let codes = (0..asset.texel_count()).map(|texel| texel as i8 - 4).collect();
+        asset.layers[0].heights = Some(Heights { step: 0.5, codes });
+        let found = described(&asset);
+        assert_eq!(found.layers[0].heights, Some([-2.0, 5.0]));
+        assert!(found.to_string().contains("-2.0 to 5.0 texel widths"), "{found}");
     }
 
     #[test]

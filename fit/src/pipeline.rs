@@ -406,6 +406,12 @@ fn prepare_layer(
         Ok::<_, FitError>(Model { coordinates, rotated, clusters: models, width: info.width })
     })?;
     let heights = if params.heights { monitor.stage("heights", || find_heights(cache, info, monitor))? } else { None };
+    if params.heights && heights.is_none() {
+        monitor.remark(&format!(
+            "{} gets no heights: its views do not show the same relief from several sides, so that views between them would not gain",
+            info.name
+        ));
+    }
     let layer = Layer {
         light_side: sides_of_capture(info.side).0,
         view_side: sides_of_capture(info.side).1,
