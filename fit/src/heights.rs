@@ -1,6 +1,6 @@
 //! Heights of the texels, found in the capture itself: a plane sweep over the measured views [Collins 1996] that says
 //! at which height a texel looks alike from most of them, smoothed along rows and columns by semi-global matching
-//! [Hirschmuller 2008]. Several ways of comparing views are tried; the one that foretells left-out views best is
+//! [Hirschmuller 2008]. Several ways of comparing views are tried; the one that foretells the steepest views best is
 //! taken, and none if no one foretells them better than no heights at all.
 
 use crate::cache::{Mapping, TileCache};
@@ -35,9 +35,10 @@ const STEP_COST: f32 = 0.002;
 const JUMP_COST: f32 = 0.01;
 /// Radius of the mean that the high-pass comparison takes off.
 const SMOOTH_RADIUS: usize = 4;
-/// Views that are foretold, 40 to 63 degrees off the pole, lights of them, and texels: one in so many.
+/// The steepest share of the views is foretold from the others, as eyes outside the hull are from all; views of them,
+/// lights, and texels, one in so many.
+const STEEPEST: f32 = 0.25;
 const FORETOLD_VIEWS: usize = 8;
-const FORETOLD_COS: [f32; 2] = [0.45, 0.77];
 const FORETOLD_LIGHTS: usize = 6;
 const FORETOLD_EVERY: usize = 5;
 /// Share of the error without heights that heights must take away to be worth their bytes.
@@ -361,14 +362,13 @@ struct Foretold {
 
 impl Score {
     fn new(views: &[[f32; 3]], lights: &[usize], images: &ReadImages) -> Result<Score, FitError> {
-        // Steep enough to shift, not too steep to be seen; inside the others' hull.
-        let inner: Vec<usize> =
-            (0..views.len()).filter(|&v| FORETOLD_COS[0] < views[v][2] && views[v][2] < FORETOLD_COS[1]).collect();
-        let foretold = spread(&inner, FORETOLD_VIEWS)
+        let mut by_slope: Vec<usize> = (0..views.len()).collect();
+        by_slope.sort_by(|&a, &b| views[a][2].total_cmp(&views[b][2]).then(a.cmp(&b)));
+        let (steep, rest) = by_slope.split_at((STEEPEST * views.len() as f32) as usize);
+        let sphere = Sphere::new(&rest.iter().map(|&other| views[other]).collect::<Vec<_>>())?;
+        let foretold = spread(steep, FORETOLD_VIEWS)
             .into_iter()
             .map(|view| {
-                let rest: Vec<usize> = (0..views.len()).filter(|&other| other != view).collect();
-                let sphere = Sphere::new(&rest.iter().map(|&other| views[other]).collect::<Vec<_>>())?;
                 let around = sphere.locate(views[view]);
                 let ids = around.ids.map(|id| rest[id as usize]);
                 Ok(Foretold {
@@ -394,7 +394,7 @@ impl Score {
                 let mut sum = 0.0f64;
                 for texel in (0..size[0] * size[1]).step_by(FORETOLD_EVERY) {
                     let seen = match &field {
-                        Some(field) => field.seen_by(texel as u32, view.direction, &view.views, &view.weights),
+                        Some(field) => field.seen_by(texel as u32, view.direction, 0.0, &view.views, &view.weights),
                         None => SeenBy { texels: [texel as u32; 3], weights: view.weights },
                     };
                     for (light, truth) in view.truth.iter().enumerate() {
@@ -434,7 +434,7 @@ mod tests {
         let ring =
             |theta: f64, count: usize| (0..count).map(move |i| Direction::new(theta, 360.0 * i as f64 / count as f64));
         let views: Vec<Direction> =
-            [(0.0, 1), (25.0, 6), (50.0, 10), (75.0, 12)].iter().flat_map(|&(t, n)| ring(t, n)).collect();
+            [(0.0, 1), (25.0, 6), (45.0, 10), (60.0, 12)].iter().flat_map(|&(t, n)| ring(t, n)).collect();
         let views = DirectionSet::new(views).unwrap();
         let lights = DirectionSet::new([(30.0, 4), (60.0, 3)].iter().flat_map(|&(t, n)| ring(t, n)).collect()).unwrap();
         let info = CaptureInfo::new("relief", SIZE[0], SIZE[1], views.clone(), lights.clone(), ImageFormat::Png);
@@ -447,7 +447,7 @@ mod tests {
                     for column in 0..SIZE[0] {
                         // The point that is seen: slopes are gentle enough for this to settle.
                         let (mut z, x) = (0.0, column as f32);
-                        for _ in 0..if s[0].abs() < 3.0 { 40 } else { 0 } {
+                        for _ in 0..40 {
                             z = 0.5 * z + 0.5 * relief(x + z * s[0], height);
                         }
                         image.extend([texture(x + z * s[0], row as f32 + z * s[1]); 3]);

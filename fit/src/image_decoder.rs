@@ -160,7 +160,7 @@ impl<'a> ImageDecoder<'a> {
             return PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 0.0, image: None };
         }
         let fade = (wi[2] / HORIZON_COS.min(lights.least_cosine())).min(1.0);
-        if let (Spot::Other(_), Some((heights, words))) = (view, &self.heights) {
+        if let Some((heights, words)) = self.heights.as_ref().filter(|_| out.beyond < 1.0) {
             let field = HeightField::new(words, self.size, heights);
             let image = self.shifted_image([wi, wo], [&into, &out], fade, &self.seen_by(&field, wo, &out));
             return PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 1.0, image: Some(image) };
@@ -208,7 +208,7 @@ impl<'a> ImageDecoder<'a> {
         let views = view.ids.map(|id| self.layer.views.direction(id));
         let texels = (0..self.layer.texel_clusters.len() as u32).into_par_iter();
         let seen: Arc<Vec<SeenBy>> =
-            Arc::new(texels.map(|texel| field.seen_by(texel, wo, &views, &view.weights)).collect());
+            Arc::new(texels.map(|texel| field.seen_by(texel, wo, view.beyond, &views, &view.weights)).collect());
         *last() = (wo, Arc::clone(&seen));
         seen
     }

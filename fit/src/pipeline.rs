@@ -408,7 +408,7 @@ fn prepare_layer(
     let heights = if params.heights { monitor.stage("heights", || find_heights(cache, info, monitor))? } else { None };
     if params.heights && heights.is_none() {
         monitor.remark(&format!(
-            "{} gets no heights: its views do not show the same relief from several sides, so that views between them would not gain",
+            "{} gets no heights: none that were found foretell its steep views better than none do",
             info.name
         ));
     }

@@ -29,8 +29,8 @@ pub struct DecodeOptions {
     pub lobes: u32,
     /// Interpolation rule.
     pub interpolation: Interpolation,
-    /// Remove the parallax between the measured views, where the asset has heights: four rays through them, and
-    /// three texels in place of one.
+    /// Remove the parallax of eyes outside the measured views' hull, where the asset has heights: four rays through
+    /// them, and three texels in place of one.
     pub parallax: bool,
 }
 
@@ -199,9 +199,9 @@ fn decode_texel(t: Texel, bases: &impl Bases, wi: [f32; 3], wo: [f32; 3], option
     let (lights_at, views_at) = (t.field(block::LIGHTS), t.field(block::VIEWS));
     let view = locate(words, views_at, wo);
     let wo_measured = view.ids.map(|id| direction(words, views_at, id));
-    let heights = if options.parallax { HeightField::of_layer(words, t.layer) } else { None };
+    let heights = if options.parallax && view.beyond < 1.0 { HeightField::of_layer(words, t.layer) } else { None };
     let seen = match heights {
-        Some(heights) => heights.seen_by(t.texel as u32, wo, &wo_measured, &view.weights),
+        Some(heights) => heights.seen_by(t.texel as u32, wo, view.beyond, &wo_measured, &view.weights),
         None => SeenBy { texels: [t.texel as u32; 3], weights: view.weights },
     };
     let others = heights.map(|_| seen.texels.map(|texel| t.at(texel, options)));

@@ -50,7 +50,7 @@ pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WOR
 pub use pack::pack;
 pub use parallax::{
     HIDDEN_SHARE, HeightField, Heights, LEAST_RAY_STEPS, MOST_HEIGHT_STEP, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE,
-    RAY_STEP, SeenBy,
+    RAY_STEP, SHIFT_SLOPE, SeenBy,
 };
 pub use power::{POWER_RELATIVE_ERROR, from_root, root};
 pub use quantize::{byte_from_weight, coefficient_from_byte, weight_from_byte};

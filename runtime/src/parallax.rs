@@ -1,9 +1,10 @@
-//! Parallax between measured views: which texels of the neighbouring views show the surface point that an eye
-//! between them sees. Twin: `shaders/parallax.wgsl`.
+//! Parallax beyond the measured views: which texels of the neighbouring views show the surface point that an eye
+//! outside their hull sees. Twin: `shaders/parallax.wgsl`.
 //!
 //! A capture is rectified: the mean plane of the surface stays where it is, and a point at height `z` above texel `p`
 //! is seen at `p - z s(v)` from view `v`, with `s(v) = (v.x, -v.y) / v.z` in columns and rows. Texel `x` therefore
-//! shows different points from different views; interpolated as it is, it shows all three neighbours' at once.
+//! shows different points from different views. Between the measured views their mean foretells a texel best all the same
+//! (docs/RESULTS.md); beyond them, where slopes grow fast, the neighbours are moved.
 
 use crate::quantize::coefficient_from_byte;
 use crate::resident::block;
@@ -16,6 +17,8 @@ pub const RAY_STEP: f32 = 0.5;
 pub const LEAST_RAY_STEPS: f32 = 8.0;
 /// Steps of a ray, at most.
 pub const MOST_RAY_STEPS: f32 = 64.0;
+/// The shift grows from none at the hull to all of it where `beyond` is lower by one over this.
+pub const SHIFT_SLOPE: f32 = 5.0;
 /// What a neighbour keeps of its weight where the point is hidden from it.
 pub const HIDDEN_SHARE: f32 = 0.05;
 /// The same where the point lies outside the patch.
@@ -132,11 +135,12 @@ impl<'a> HeightField<'a> {
         s.map(|x| x / steep.max(1.0))
     }
 
-    /// What the eye at `wo` sees in `texel`, as the `views` around it have it, which are interpolated with `weights`.
-    /// All are unit vectors with z > 0, in the layer's frame.
+    /// What the eye at `wo` sees in `texel`, as the `views` around it have it, which are interpolated with `weights`;
+    /// `beyond` as in [`crate::Neighbours`]. All are unit vectors with z > 0, in the layer's frame.
     ///
     /// Cost: four rays of at most 64 steps.
-    pub fn seen_by(&self, texel: u32, wo: [f32; 3], views: &[[f32; 3]; 3], weights: &[f32; 3]) -> SeenBy {
+    pub fn seen_by(&self, texel: u32, wo: [f32; 3], beyond: f32, views: &[[f32; 3]; 3], weights: &[f32; 3]) -> SeenBy {
+        let part = ((1.0 - beyond) * SHIFT_SLOPE).clamp(0.0, 1.0);
         let size = self.size;
         let place = [(texel as usize % size[0]) as f32, (texel as usize / size[0]) as f32];
         let s = Self::slope(wo);
@@ -149,11 +153,12 @@ impl<'a> HeightField<'a> {
             }
             let towards = Self::slope(views[i]);
             let shown = [0, 1].map(|axis| place[axis] + z * (s[axis] - towards[axis]));
-            let [column, row] = [0, 1].map(|axis| (shown[axis] + 0.5).floor().clamp(0.0, (size[axis] - 1) as f32));
+            let moved = [0, 1].map(|axis| place[axis] + part * (shown[axis] - place[axis]));
+            let [column, row] = [0, 1].map(|axis| (moved[axis] + 0.5).floor().clamp(0.0, (size[axis] - 1) as f32));
             let outside = (0..2).any(|axis| shown[axis] < -0.5 || shown[axis] > size[axis] as f32 - 0.5);
             let gap = self.first_hit(shown, towards) - z;
             let open = 1.0 - (gap * gap).min(1.0);
-            let seen_here = open * open * if outside { OUTSIDE_SHARE } else { 1.0 };
+            let seen_here = 1.0 + part * (open * open * if outside { OUTSIDE_SHARE } else { 1.0 } - 1.0);
             seen.texels[i] = row as u32 * size[0] as u32 + column as u32;
             seen.weights[i] = weights[i] * (HIDDEN_SHARE + (1.0 - HIDDEN_SHARE) * seen_here);
             sum += seen.weights[i];
@@ -182,7 +187,7 @@ mod tests {
 
     fn seen(heights: &Heights, texel: u32, wo: [f32; 3], views: [[f32; 3]; 3], weights: [f32; 3]) -> SeenBy {
         let words = heights.to_words();
-        HeightField::new(&words, SIZE, heights).seen_by(texel, wo, &views, &weights)
+        HeightField::new(&words, SIZE, heights).seen_by(texel, wo, 0.0, &views, &weights)
     }
 
     const POLE: [f32; 3] = [0.0, 0.0, 1.0];
@@ -259,6 +264,8 @@ mod tests {
                     assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-4 + 1e-3 * b[c]), "{kind:?} {a:?} {b:?}");
                 }
                 let [a, b] = both(direction_from_degrees(45.0, 77.0));
+                assert_eq!(a, b, "{kind:?}: between the views");
+                let [a, b] = both(direction_from_degrees(83.0, 77.0));
                 assert!((0..3).any(|c| (a[c] - b[c]).abs() > 1e-3), "{kind:?} {a:?} {b:?}");
             }
         }

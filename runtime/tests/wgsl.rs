@@ -4,8 +4,8 @@
 use btf_runtime::{
     ASSET_LAYERS, DIRECTION_WORDS, EDGE_WORDS, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE, Interpolation,
     LEAST_RAY_STEPS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole, MAX_LOG, MIN_COS_VIEW, MIN_HALF, MOST_RAY_STEPS,
-    MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP, ROOT, ResidualKind, SPHERE_HEADER_WORDS,
-    TRIANGLE_WORDS, WGSL, block, wgsl_library,
+    MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP, ROOT, ResidualKind, SHIFT_SLOPE,
+    SPHERE_HEADER_WORDS, TRIANGLE_WORDS, WGSL, block, wgsl_library,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module};
@@ -141,6 +141,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("MOST_RAY_STEPS", MOST_RAY_STEPS),
         ("HIDDEN_SHARE", HIDDEN_SHARE),
         ("OUTSIDE_SHARE", OUTSIDE_SHARE),
+        ("SHIFT_SLOPE", SHIFT_SLOPE),
     ];
     let mut all: Vec<(String, f64)> = words.iter().map(|(name, value)| (name.to_string(), *value as f64)).collect();
     all.extend(floats.iter().map(|(name, value)| (name.to_string(), f64::from(*value))));

@@ -68,7 +68,7 @@ struct Arguments {
     /// How the residual is carried between measured directions
     #[arg(long, value_enum, default_value_t = InterpolationName::Fast)]
     interpolation: InterpolationName,
-    /// Leave the parallax between measured views, also where an asset has heights: faster, and less sharp
+    /// Leave the parallax of eyes beyond the measured views, also where an asset has heights
     #[arg(long)]
     no_parallax: bool,
     /// Writes the figures as JSON; - is stdout

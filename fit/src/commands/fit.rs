@@ -57,8 +57,8 @@ pub(super) struct FitArgs {
     /// Hold this share of the direction pairs back, 0 to 0.9, and report their error apart
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     leave_out: f64,
-    /// Find the heights of the texels and store them, so that views between the measured ones are sharp: for
-    /// materials with relief, about half a byte a texel
+    /// Find the heights of the texels and store them, so that views beyond the measured ones, towards grazing, keep the
+    /// relief in place: about half a byte a texel
     #[arg(long)]
     heights: bool,
     /// The k-means to use

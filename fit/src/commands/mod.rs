@@ -66,7 +66,7 @@ struct Decoding {
     /// Rule for directions that the asset has not measured
     #[arg(long, value_enum, default_value = "exact")]
     interpolation: Interpolation,
-    /// Leave the parallax between measured views, also where the asset has heights
+    /// Leave the parallax of eyes beyond the measured views, also where the asset has heights
     #[arg(long)]
     no_parallax: bool,
 }

@@ -35,7 +35,7 @@ struct BtfOptions {
     components: u32,
     lobes: u32,
     interpolation: u32,
-    // 1 removes the parallax between views, where the asset has heights.
+    // 1 removes the parallax of eyes outside the views' hull, where the asset has heights.
     parallax: u32,
 }
 
@@ -172,12 +172,12 @@ fn btf_decode(base: u32, layer: u32, texel: u32, wi_given: vec3<f32>, wo_given: 
     }
     // The texel that each of the views shows.
     var seen = SeenBy(vec3<u32>(texel), view.weights);
-    let shifted = options.parallax != 0u && asset_word(t.layer + BLOCK_HEIGHTS) != 0u;
+    let shifted = options.parallax != 0u && view.beyond < 1.0 && asset_word(t.layer + BLOCK_HEIGHTS) != 0u;
     if shifted {
         let range = vec2<f32>(asset_f32(t.layer + BLOCK_LEAST_HEIGHT), asset_f32(t.layer + BLOCK_MOST_HEIGHT));
         let heights = base + asset_word(t.layer + BLOCK_HEIGHTS);
         let field = HeightField(heights, btf_size(base), asset_f32(t.layer + BLOCK_HEIGHT_STEP), range);
-        seen = height_seen_by(field, texel, wo, wo_measured, view.weights);
+        seen = height_seen_by(field, texel, wo, view.beyond, wo_measured, view.weights);
     }
     var of_view: array<BtfTexel, 3>;
     for (var v = 0u; v < 3u; v++) {

@@ -1,10 +1,11 @@
-// Parallax between measured views: which texels of the neighbouring views show the surface point that an eye between
-// them sees. Twin: parallax.rs.
+// Parallax beyond the measured views: which texels of the neighbouring views show the surface point that an eye outside
+// their hull sees. Twin: parallax.rs.
 
 const MOST_SLOPE: f32 = 10.0;
 const RAY_STEP: f32 = 0.5;
 const LEAST_RAY_STEPS: f32 = 8.0;
 const MOST_RAY_STEPS: f32 = 64.0;
+const SHIFT_SLOPE: f32 = 5.0;
 const HIDDEN_SHARE: f32 = 0.05;
 const OUTSIDE_SHARE: f32 = 0.1;
 
@@ -65,15 +66,18 @@ fn height_slope(direction: vec3<f32>) -> vec2<f32> {
     return s / max(length(s) / MOST_SLOPE, 1.0);
 }
 
-// What the eye at `wo` sees in `texel`, as the `views` around it have it, which are interpolated with `weights`.
+// What the eye at `wo` sees in `texel`, as the `views` around it have it, which are interpolated with `weights`;
+// `beyond` is the eye's.
 fn height_seen_by(
     field: HeightField,
     texel: u32,
     wo: vec3<f32>,
+    beyond: f32,
     views: array<vec3<f32>, 3>,
     weights: vec3<f32>,
 ) -> SeenBy {
     var towards = views;
+    let part = clamp((1.0 - beyond) * SHIFT_SLOPE, 0.0, 1.0);
     let most = vec2<f32>(field.size - vec2<u32>(1u));
     let place = vec2<f32>(vec2<u32>(texel % field.size.x, texel / field.size.x));
     let s = height_slope(wo);
@@ -85,11 +89,12 @@ fn height_seen_by(
         }
         let slope = height_slope(towards[i]);
         let shown = place + z * (s - slope);
-        let nearest = vec2<u32>(clamp(floor(shown + 0.5), vec2<f32>(0.0), most));
+        let moved = place + part * (shown - place);
+        let nearest = vec2<u32>(clamp(floor(moved + 0.5), vec2<f32>(0.0), most));
         let outside = any(shown < vec2<f32>(-0.5)) || any(shown > most + 0.5);
         let gap = height_first_hit(field, shown, slope) - z;
         let open = 1.0 - min(gap * gap, 1.0);
-        let seen_here = open * open * select(1.0, OUTSIDE_SHARE, outside);
+        let seen_here = 1.0 + part * (open * open * select(1.0, OUTSIDE_SHARE, outside) - 1.0);
         seen.texels[i] = nearest.y * field.size.x + nearest.x;
         seen.weights[i] = weights[i] * (HIDDEN_SHARE + (1.0 - HIDDEN_SHARE) * seen_here);
     }
