@@ -61,10 +61,15 @@ type Image = Vec<f32>;
 /// Gives the images of some views and lights, `[view][light]`.
 type ReadImages<'a> = dyn Fn(&[usize], &[usize]) -> Result<Vec<Vec<Image>>, FitError> + 'a;
 
+/// Bytes a texel that [`find_heights`] needs: images as they are and as they are compared, and costs of all heights
+/// for each share, as they are and smoothed along lines.
+pub fn bytes_per_texel() -> usize {
+    4 * (2 * (MOST_VIEWS + 1) * LIGHTS + (SHARES.len() + 2) * tried().len())
+}
+
 /// The heights of a capture's texels; `None` if they do not foretell views better than no heights.
 ///
-/// Cost: views x lights x heights x texels differences for each of three comparisons. Memory: four bytes a texel for
-/// each of 56 views and 12 lights, and for each height.
+/// Cost: views x lights x heights x texels differences for each of three comparisons. Memory: [`bytes_per_texel`].
 pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) -> Result<Option<Heights>, FitError> {
     let views = layer_directions(&info.views, info.side);
     let lights = layer_directions(&info.lights, info.side);
@@ -164,9 +169,9 @@ impl Sweep {
             Feature::Detail => {
                 let [width, height] = self.size;
                 let mut around = image.clone();
-                box_mean(&mut around, width, 1);
+                box_mean(&mut around, width);
                 let mut turned = transposed(&around, width);
-                box_mean(&mut turned, height, 1);
+                box_mean(&mut turned, height);
                 let around = transposed(&turned, height);
                 image.iter().zip(around).map(|(x, mean)| x - mean).collect()
             }
@@ -189,13 +194,17 @@ impl Sweep {
                     }
                     for column in 0..width {
                         alike.iter_mut().zip(&of_views).for_each(|(alike, sums)| *alike = sums[column]);
-                        self.means_of_least(&mut alike, |share, mean| planes[share][row * width + column] = mean);
+                        means_of_least(&mut alike, |share, mean| planes[share][row * width + column] = mean);
                     }
                 }
                 Ok(planes)
             })
             .collect::<Result<_, FitError>>()?;
-        Ok((0..SHARES.len()).map(|share| by_height.iter().map(|planes| planes[share].clone()).collect()).collect())
+        let mut by_share = vec![Costs::new(); SHARES.len()];
+        for planes in by_height {
+            by_share.iter_mut().zip(planes).for_each(|(costs, plane)| costs.push(plane));
+        }
+        Ok(by_share)
     }
 
     /// Mean over the lights of the limited difference between a row of the reference and of `images` moved by `shift`.
@@ -231,33 +240,31 @@ impl Sweep {
         let count = images.len() as f32;
         sums.iter_mut().for_each(|sum| *sum /= count);
     }
+}
 
-    /// `take(share, mean)` of the least of `values`, by each of [`SHARES`].
-    fn means_of_least(&self, values: &mut [f32], mut take: impl FnMut(usize, f32)) {
-        let counts = SHARES.map(|share| ((share * values.len() as f32) as usize).max(1));
-        let middle = counts[SHARES.len() - 2];
-        if middle < values.len() {
-            values.select_nth_unstable_by(middle, f32::total_cmp);
-        }
-        values[..middle].sort_unstable_by(f32::total_cmp);
-        for (share, count) in counts.into_iter().enumerate() {
-            take(share, values[..count].iter().sum::<f32>() / count as f32);
-        }
+/// `take(share, mean)` of the least of `values`, by each of [`SHARES`].
+fn means_of_least(values: &mut [f32], mut take: impl FnMut(usize, f32)) {
+    let counts = SHARES.map(|share| ((share * values.len() as f32) as usize).max(1));
+    let middle = counts[SHARES.len() - 2];
+    if middle < values.len() {
+        values.select_nth_unstable_by(middle, f32::total_cmp);
+    }
+    values[..middle].sort_unstable_by(f32::total_cmp);
+    for (share, count) in counts.into_iter().enumerate() {
+        take(share, values[..count].iter().sum::<f32>() / count as f32);
     }
 }
 
-/// Every value becomes the mean of those within [`SMOOTH_RADIUS`] of it in its row, `rounds` times.
-fn box_mean(image: &mut [f32], width: usize, rounds: usize) {
+/// Every value becomes the mean of those within [`SMOOTH_RADIUS`] of it in its row.
+fn box_mean(image: &mut [f32], width: usize) {
     let mut sums = vec![0.0f64; width + 1];
-    for _ in 0..rounds {
-        for row in image.chunks_exact_mut(width) {
-            for i in 0..width {
-                sums[i + 1] = sums[i] + f64::from(row[i]);
-            }
-            for i in 0..width {
-                let (first, end) = (i.saturating_sub(SMOOTH_RADIUS), (i + SMOOTH_RADIUS + 1).min(width));
-                row[i] = ((sums[end] - sums[first]) / (end - first) as f64) as f32;
-            }
+    for row in image.chunks_exact_mut(width) {
+        for i in 0..width {
+            sums[i + 1] = sums[i] + f64::from(row[i]);
+        }
+        for i in 0..width {
+            let (first, end) = (i.saturating_sub(SMOOTH_RADIUS), (i + SMOOTH_RADIUS + 1).min(width));
+            row[i] = ((sums[end] - sums[first]) / (end - first) as f64) as f32;
         }
     }
 }

@@ -67,7 +67,7 @@ pub struct ImageDecoder<'a> {
     interpolation: Interpolation,
     /// The layer's heights as words, where parallax is to be removed.
     heights: Option<(&'a Heights, Vec<u32>)>,
-    /// What the last eye between the measured views saw in each texel: its lights follow one another.
+    /// What the last eye beyond the measured views saw in each texel: its lights follow one another.
     last_seen: Mutex<([f32; 3], Arc<Vec<SeenBy>>)>,
     setups: Vec<LobeSetup>,
     /// Per cluster the number of its first lobe in `setups`.
@@ -87,6 +87,11 @@ pub struct PairPlan {
     fade: f32,
     /// The whole image, done: where parallax is removed a texel shows others'.
     image: Option<Vec<[f32; 3]>>,
+}
+
+impl PairPlan {
+    /// Black, and what every other plan starts from.
+    const NOTHING: PairPlan = PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 1.0, image: None };
 }
 
 struct Tap {
@@ -146,24 +151,18 @@ impl<'a> ImageDecoder<'a> {
     pub fn plan(&self, view: Spot, light: Spot) -> PairPlan {
         let (lights, views) = (&self.layer.lights, &self.layer.views);
         if let (Spot::Measured(v), Spot::Measured(l)) = (view, light) {
-            return PairPlan {
-                taps: vec![self.tap(v, l, 1.0)],
-                here: None,
-                residual_scale: 1.0,
-                fade: 1.0,
-                image: None,
-            };
+            return PairPlan { taps: vec![self.tap(v, l, 1.0)], ..PairPlan::NOTHING };
         }
         let (wo, out) = neighbours(views, view);
         let (wi, into) = neighbours(lights, light);
         if wi[2] <= 0.0 || wo[2] <= 0.0 {
-            return PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 0.0, image: None };
+            return PairPlan::NOTHING;
         }
         let fade = (wi[2] / HORIZON_COS.min(lights.least_cosine())).min(1.0);
         if let Some((heights, words)) = self.heights.as_ref().filter(|_| out.beyond < 1.0) {
             let field = HeightField::new(words, self.size, heights);
             let image = self.shifted_image([wi, wo], [&into, &out], fade, &self.seen_by(&field, wo, &out));
-            return PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 1.0, image: Some(image) };
+            return PairPlan { image: Some(image), ..PairPlan::NOTHING };
         }
         let here = self.lobe_values(wi, wo);
         let mut taps = Vec::new();
@@ -176,7 +175,7 @@ impl<'a> ImageDecoder<'a> {
             }
         }
         if self.interpolation == Interpolation::Exact && self.used_words > 0 {
-            return PairPlan { taps, here: Some(here), residual_scale: 1.0, fade, image: None };
+            return PairPlan { taps, here: Some(here), fade, ..PairPlan::NOTHING };
         }
         // The fast rule is linear in the residual, so its nine rows become one.
         let mut rows = vec![[[0.0; 2]; 3]; self.first_lobe.len() * self.used_words];
@@ -195,7 +194,7 @@ impl<'a> ImageDecoder<'a> {
             ResidualKind::Root => (root(into.beyond.max(1e-12)), fade),
         };
         let taps = vec![Tap { weight: 1.0, values: here, rows }];
-        PairPlan { taps, here: None, residual_scale, fade, image: None }
+        PairPlan { taps, residual_scale, fade, ..PairPlan::NOTHING }
     }
 
     /// What an eye at `wo` sees in every texel.

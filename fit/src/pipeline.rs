@@ -12,7 +12,7 @@ use crate::encode::Model;
 use crate::error::FitError;
 use crate::factor::Rotated;
 use crate::frame::layer_directions;
-use crate::heights::find_heights;
+use crate::heights::{self, find_heights};
 use crate::holdout::Holdout;
 use crate::kmeans::kmeans;
 use crate::local_pca::{local_pca, reassign};
@@ -289,6 +289,7 @@ fn plan_memory(info: &CaptureInfo, params: &FitParams, waiting: usize) -> Result
         + threads * 8 * 900 * 900
         + clusters * samples * 4 * (REPRESENTATIVES / 2 + (1 + waiting) * DICTIONARY_SIZE / 3)
         + (6 + waiting) * 4 * rank * samples
+        + if params.heights { texels * heights::bytes_per_texel() } else { 0 }
         + 100_000_000;
     let limit = params.memory_bytes as usize;
     let least_sample = (2 * rank).min(SHARED_SAMPLE).min(texels);
