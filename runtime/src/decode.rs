@@ -1,13 +1,12 @@
 //! The decoder: from texel, light and eye to reflectance times cosine. Twin: `shaders/decode.wgsl`.
 
 use crate::asset::{Asset, LobeRole};
-use crate::lobe::{LobeSetup, RESIDENT_WORDS};
-use crate::parallax::{HeightField, SeenBy};
-use crate::quantize::{coefficient_from_byte, half_at, weight_from_byte};
-use crate::resident::{ASSET_LAYERS, Resident, block};
-use crate::residual::{ResidualKind, core_at_pair};
+use crate::quantize::{half_at, weight_from_byte};
+use crate::resident::{Resident, block};
+use crate::residual::core_at_pair;
 use crate::single::SingleBases;
-use crate::sphere::{direction, locate};
+use crate::texel::Texel;
+use crate::viewed_texel::{LightRows, ViewedTexel};
 
 /// How the residual is carried from the measured directions to others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,121 +44,11 @@ pub const RATIO_EPSILON: f32 = 0.03;
 /// Range of that ratio.
 pub const RATIO_RANGE: [f32; 2] = [0.3, 4.0];
 
-fn f(words: &[u32], index: usize) -> f32 {
-    f32::from_bits(words[index])
-}
-
-/// A texel within a layer: what does not depend on the directions.
-struct Texel<'a> {
-    words: &'a [u32],
-    layer: usize,
-    texel: usize,
-    cluster: usize,
-    lobes: usize,
-    first_ref: usize,
-    bases: usize,
-}
-
-impl<'a> Texel<'a> {
-    fn new(resident: &'a Resident, layer: u32, texel: u32, options: &DecodeOptions) -> Texel<'a> {
-        let words = resident.words();
-        Texel::of_words(words, words[ASSET_LAYERS + layer as usize] as usize, texel, options)
-    }
-
-    /// Another texel of the same layer.
-    fn at(&self, texel: u32, options: &DecodeOptions) -> Texel<'a> {
-        Texel::of_words(self.words, self.layer, texel, options)
-    }
-
-    fn of_words(words: &'a [u32], layer: usize, texel: u32, options: &DecodeOptions) -> Texel<'a> {
-        let record = words[layer + block::RECORDS] as usize + 2 * texel as usize;
-        Texel {
-            words,
-            layer,
-            texel: texel as usize,
-            cluster: (words[record] & 0xffff) as usize,
-            lobes: (words[record] >> 16).min(options.lobes) as usize,
-            first_ref: words[record + 1] as usize,
-            bases: words[layer + block::BASES].min(options.components.saturating_add(1)) as usize,
-        }
-    }
-
-    fn field(&self, field: usize) -> usize {
-        self.words[self.layer + field] as usize
-    }
-
-    /// Sum of the lobes, RGB.
-    fn lobe_sum(&self, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
-        let dictionary = self.words[self.field(block::DICTIONARIES) + self.cluster] as usize;
-        let refs = self.field(block::REFS) + self.first_ref;
-        let mut sum = [0.0; 3];
-        for slot in 0..self.lobes {
-            let reference = self.words[refs + slot];
-            let at = dictionary + (reference & 0xff) as usize * RESIDENT_WORDS;
-            let (lobe, scale) = LobeSetup::from_resident_words(&self.words[at..at + RESIDENT_WORDS]);
-            let value = lobe.eval(wi, wo);
-            for c in 0..3 {
-                sum[c] += weight_from_byte(reference >> (8 * (c as u32 + 1)) & 0xff, scale) * value;
-            }
-        }
-        sum
-    }
-
-    /// Weight of basis `index`: 1 for the mean, the decoded code for a component.
-    fn basis_weight(&self, index: usize) -> f32 {
-        if index == 0 {
-            return 1.0;
-        }
-        if index >= self.bases {
-            return 0.0;
-        }
-        let component = index - 1;
-        let word = self.words[self.field(block::CODES) + self.texel * self.field(block::CODE_WORDS) + component / 4];
-        coefficient_from_byte(word >> (8 * (component as u32 % 4)) & 0xff)
-    }
-
-    /// Residual at `pairs`, RGB each, added into `out`.
-    fn residual(&self, bases: &impl Bases, pairs: &[usize], out: &mut [[f32; 3]]) {
-        let channel_words = self.field(block::CHANNEL_WORDS);
-        let cluster_at = self.cluster * self.field(block::PAIRS) * 3 * channel_words;
-        for word in 0..self.bases.div_ceil(2) {
-            let (even, odd) = (self.basis_weight(2 * word), self.basis_weight(2 * word + 1));
-            for (pair, out) in pairs.iter().zip(out.iter_mut()) {
-                for (c, out) in out.iter_mut().enumerate() {
-                    let two = bases.two_at(cluster_at + (pair * 3 + c) * channel_words + word);
-                    *out += even * two[0] + odd * two[1];
-                }
-            }
-        }
-    }
-}
-
-/// Where a layer's expanded bases are read from, two at a time.
-trait Bases {
-    fn two_at(&self, index: usize) -> [f32; 2];
-}
-
-struct Halves<'a>(&'a [u32]);
-
-impl Bases for Halves<'_> {
-    fn two_at(&self, index: usize) -> [f32; 2] {
-        let halves = self.0[index];
-        [half_at(halves, 0), half_at(halves, 1)]
-    }
-}
-
-struct Singles<'a>(&'a [f32]);
-
-impl Bases for Singles<'_> {
-    fn two_at(&self, index: usize) -> [f32; 2] {
-        [self.0[2 * index], self.0[2 * index + 1]]
-    }
-}
-
 /// Reflectance times cosine times pi of `texel` in `layer` of a resident asset, linear RGB, at least 0.
 ///
 /// `wi` points to the light, `wo` to the eye, both unit, in the texel's frame. A light or an eye on
-/// another side than the layer's gives 0. `layer` and `texel` must be within the asset.
+/// another side than the layer's gives 0. `layer` and `texel` must be within the asset. For several lights see
+/// [`ViewedTexel`].
 pub fn decode(
     resident: &Resident,
     layer: u32,
@@ -168,9 +57,7 @@ pub fn decode(
     wo: [f32; 3],
     options: &DecodeOptions,
 ) -> [f32; 3] {
-    let t = Texel::new(resident, layer, texel, options);
-    let bases = Halves(&t.words[t.field(block::BASIS)..]);
-    decode_texel(t, &bases, wi, wo, options)
+    ViewedTexel::new(resident, layer, texel, wo, options).light(&mut LightRows::default(), wi)
 }
 
 /// The same with bases in single precision: twice the memory for the resident form's largest part.
@@ -184,94 +71,7 @@ pub fn decode_single(
     wo: [f32; 3],
     options: &DecodeOptions,
 ) -> [f32; 3] {
-    let t = Texel::new(resident, layer, texel, options);
-    decode_texel(t, &Singles(bases.layer(layer as usize)), wi, wo, options)
-}
-
-fn decode_texel(t: Texel, bases: &impl Bases, wi: [f32; 3], wo: [f32; 3], options: &DecodeOptions) -> [f32; 3] {
-    let words = t.words;
-    let wi = [wi[0], wi[1], if t.field(block::LIGHT_SIDE) == 1 { -wi[2] } else { wi[2] }];
-    let wo = [wo[0], wo[1], if t.field(block::VIEW_SIDE) == 1 { -wo[2] } else { wo[2] }];
-    if wi[2] <= 0.0 || wo[2] <= 0.0 {
-        return [0.0; 3];
-    }
-    let fade = (wi[2] / f(words, t.layer + block::HORIZON)).min(1.0);
-    let (lights_at, views_at) = (t.field(block::LIGHTS), t.field(block::VIEWS));
-    let view = locate(words, views_at, wo);
-    let wo_measured = view.ids.map(|id| direction(words, views_at, id));
-    let heights = if options.parallax && view.beyond < 1.0 { HeightField::of_layer(words, t.layer) } else { None };
-    let seen = match heights {
-        Some(heights) => heights.seen_by(t.texel as u32, wo, view.beyond, &wo_measured, &view.weights),
-        None => SeenBy { texels: [t.texel as u32; 3], weights: view.weights },
-    };
-    let others = heights.map(|_| seen.texels.map(|texel| t.at(texel, options)));
-    // The texel that each of the views shows.
-    let of_view = |v: usize| others.as_ref().map_or(&t, |others| &others[v]);
-
-    // Lobes that only guide are not part of the value, and the fast rule does not ask them.
-    let guide = t.field(block::LOBE_ROLE) == LobeRole::Guide as usize;
-    let unasked = guide && t.bases > 0 && options.interpolation == Interpolation::Fast;
-    let mut here = [0.0; 3];
-    if others.is_some() && !unasked {
-        for v in (0..3).filter(|v| seen.weights[*v] > 0.0) {
-            let sum = of_view(v).lobe_sum(wi, wo);
-            (0..3).for_each(|c| here[c] += seen.weights[v] * sum[c]);
-        }
-    } else if !unasked {
-        here = t.lobe_sum(wi, wo);
-    }
-    if t.bases == 0 {
-        return here.map(|x| x.max(0.0) * fade);
-    }
-    let light = locate(words, lights_at, wi);
-    let light_count = t.field(block::LIGHT_COUNT);
-    let mut pairs = [0; 9];
-    let mut weights = [0.0; 9];
-    for v in 0..3 {
-        for l in 0..3 {
-            pairs[v * 3 + l] = view.ids[v] as usize * light_count + light.ids[l] as usize;
-            weights[v * 3 + l] = seen.weights[v] * light.weights[l];
-        }
-    }
-    let mut residual = [[0.0; 3]; 9];
-    if others.is_some() {
-        for v in (0..3).filter(|v| seen.weights[*v] > 0.0) {
-            of_view(v).residual(bases, &pairs[3 * v..3 * v + 3], &mut residual[3 * v..3 * v + 3]);
-        }
-    } else {
-        t.residual(bases, &pairs, &mut residual);
-    }
-    let kind = ResidualKind::from_number(t.field(block::RESIDUAL_KIND) as u32).unwrap_or(ResidualKind::Additive);
-    let epsilon = f(words, t.layer + block::EPSILON);
-    let share = if guide { 0.0 } else { 1.0 };
-
-    if options.interpolation == Interpolation::Fast {
-        let mut r = [0.0; 3];
-        for (weight, residual) in weights.iter().zip(&residual) {
-            for c in 0..3 {
-                r[c] += weight * residual[c];
-            }
-        }
-        let (scaled, falling) = if guide { (1.0, light.beyond) } else { (light.beyond, 1.0) };
-        return [0, 1, 2].map(|c| kind.combine(share * here[c], r[c], epsilon, scaled) * falling * fade);
-    }
-
-    let mut decoded = [0.0; 3];
-    let mut lobes = [0.0; 3];
-    for v in 0..3 {
-        for l in 0..3 {
-            let wi_measured = direction(words, lights_at, light.ids[l]);
-            let s = of_view(v).lobe_sum(wi_measured, wo_measured[v]);
-            for c in 0..3 {
-                decoded[c] += weights[v * 3 + l] * kind.combine(share * s[c], residual[v * 3 + l][c], epsilon, 1.0);
-                lobes[c] += weights[v * 3 + l] * s[c];
-            }
-        }
-    }
-    [0, 1, 2].map(|c| {
-        let ratio = (here[c] + RATIO_EPSILON) / (lobes[c] + RATIO_EPSILON);
-        decoded[c] * ratio.clamp(RATIO_RANGE[0], RATIO_RANGE[1]) * fade
-    })
+    ViewedTexel::new_single(resident, bases, layer, texel, wo, options).light(&mut LightRows::default(), wi)
 }
 
 /// A texel's lobe sum at every measured pair, `[view, light, rgb]`, given its cluster's lobe tables
@@ -388,6 +188,7 @@ mod tests {
     use crate::asset::{Layer, LobeRole, SurfaceSide};
     use crate::error::FormatError;
     use crate::pack;
+    use crate::residual::ResidualKind;
     use crate::testing::{Random, direction_from_degrees, first_ref, sample_asset};
 
     const KINDS: [ResidualKind; 3] = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];

@@ -32,7 +32,9 @@ mod single;
 mod sphere;
 #[doc(hidden)]
 pub mod testing;
+mod texel;
 mod texel_coding;
+mod viewed_texel;
 mod wgsl;
 
 pub use asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
@@ -63,6 +65,7 @@ pub use single::SingleBases;
 pub use sphere::{
     DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS,
 };
+pub use viewed_texel::{LIGHT_ROWS, LightRows, ViewedTexel};
 pub use wgsl::{WGSL, wgsl_library};
 
 // Words are moved between bytes and `u32` as they lie in memory.

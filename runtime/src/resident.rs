@@ -2,7 +2,7 @@
 //! load from the file form; per-cluster bases expanded to half precision.
 //!
 //! All offsets are in words, relative to the asset's first word, so that several assets share one
-//! buffer. Twin of the offsets: `shaders/decode.wgsl`.
+//! buffer. Twin of the offsets: `shaders/texel.wgsl`.
 
 use crate::asset::{Asset, Layer};
 use crate::lobe::RESIDENT_WORDS;

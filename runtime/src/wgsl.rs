@@ -10,6 +10,8 @@ pub const WGSL: &[(&str, &str)] = &[
     ("lobe.wgsl", include_str!("shaders/lobe.wgsl")),
     ("residual.wgsl", include_str!("shaders/residual.wgsl")),
     ("parallax.wgsl", include_str!("shaders/parallax.wgsl")),
+    ("texel.wgsl", include_str!("shaders/texel.wgsl")),
+    ("viewed_texel.wgsl", include_str!("shaders/viewed_texel.wgsl")),
     ("decode.wgsl", include_str!("shaders/decode.wgsl")),
 ];
 

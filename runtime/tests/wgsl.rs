@@ -3,8 +3,8 @@
 
 use btf_runtime::{
     ASSET_LAYERS, DIRECTION_WORDS, EDGE_WORDS, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE, Interpolation,
-    LEAST_RAY_STEPS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole, MAX_LOG, MIN_COS_VIEW, MIN_HALF, MOST_RAY_STEPS,
-    MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP, ROOT, ResidualKind, SHIFT_SLOPE,
+    LEAST_RAY_STEPS, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole, MAX_LOG, MIN_COS_VIEW, MIN_HALF,
+    MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP, ROOT, ResidualKind, SHIFT_SLOPE,
     SPHERE_HEADER_WORDS, TRIANGLE_WORDS, WGSL, block, wgsl_library,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -101,6 +101,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("LOBE_ROLE_GUIDE", LobeRole::Guide as usize),
         ("INTERPOLATION_EXACT", Interpolation::Exact as usize),
         ("ASSET_LAYERS", ASSET_LAYERS),
+        ("LIGHT_ROWS", LIGHT_ROWS),
         ("BLOCK_LIGHT_SIDE", block::LIGHT_SIDE),
         ("BLOCK_VIEW_SIDE", block::VIEW_SIDE),
         ("BLOCK_RESIDUAL_KIND", block::RESIDUAL_KIND),
@@ -197,17 +198,19 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     let wgsl = |name: &str| WGSL.iter().find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 6] = [
+    let twins: [Twin; 8] = [
         (include_str!("../src/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
         (include_str!("../src/residual.rs"), "residual.wgsl", "residual_", &[]),
         (include_str!("../src/parallax.rs"), "parallax.wgsl", "height_", &[]),
+        (include_str!("../src/texel.rs"), "texel.wgsl", "texel_", &[]),
+        (include_str!("../src/viewed_texel.rs"), "viewed_texel.wgsl", "viewed_", &[]),
         (
             include_str!("../src/decode.rs"),
             "decode.wgsl",
             "btf_",
-            &["btf_size", "btf_texel", "btf_layer_for_sides", "btf_texel_record", "btf_texel_at"],
+            &["btf_size", "btf_layers", "btf_texel", "btf_layer_for_sides"],
         ),
     ];
     for (rust, file, prefix, alone) in twins {

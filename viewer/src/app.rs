@@ -4,11 +4,11 @@ use crate::blit::{Blit, GpuBlit};
 use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::{BackendChoice, Gpu, instance};
+use crate::options::ShadeOptions;
 use crate::panel::{Panel, Renderer, Status};
 use crate::scene::Scene;
 use crate::shaders::GpuTracer;
-use crate::trace::{GpuTimer, Tracer};
-use btf_runtime::DecodeOptions;
+use crate::trace::{GpuPixel, GpuTimer, PassTimes, Tracer};
 use std::sync::Arc;
 use std::time::Instant;
 use winit::application::ApplicationHandler;
@@ -36,8 +36,8 @@ pub struct WindowParams {
     pub backend: BackendChoice,
     /// Part of the adapter's name, where there are several.
     pub adapter: Option<String>,
-    /// How assets are decoded; the panel changes it.
-    pub decode: DecodeOptions,
+    /// What costs time and changes accuracy; the panel changes it.
+    pub shade: ShadeOptions,
 }
 
 /// Opens a window and returns when the user closes it. Needs an adapter even for the CPU renderer, to show its picture.
@@ -88,6 +88,7 @@ struct View {
     cpu: Option<(CpuPicture, wgpu::Buffer)>,
     samples: u32,
     frame_ms: Option<f64>,
+    passes: Option<PassTimes>,
     problem: Option<String>,
     occluded: bool,
 }
@@ -188,7 +189,7 @@ impl View {
                 Renderer::Gpu(tracer)
             }
         };
-        let panel = Panel::new(&scene, params.decode, renderer);
+        let panel = Panel::new(&scene, params.shade, renderer);
         let timer = GpuTimer::new(&gpu);
         Ok(View {
             window,
@@ -207,6 +208,7 @@ impl View {
             cpu: None,
             samples: 0,
             frame_ms: None,
+            passes: None,
             problem: None,
             occluded: false,
         })
@@ -243,7 +245,7 @@ impl View {
         });
         if self.panel.renderer != renderer_before {
             // The other renderer uploads the scene anew; its first frames compile.
-            (self.tracer, self.cpu, self.frame_ms, self.problem) = (None, None, None, None);
+            (self.tracer, self.cpu, self.frame_ms, self.passes, self.problem) = (None, None, None, None, None);
         }
         let picture_size = self.picture_size(view_size);
         if changed || self.current_size() != Some(picture_size) {
@@ -276,6 +278,7 @@ impl View {
             adapter: self.gpu.adapter_name(),
             renderers: &self.renderers,
             frame_ms: self.frame_ms,
+            passes: self.passes,
             timer: self.timer_name(),
             samples: self.samples,
             picture: self.current_size().unwrap_or([0, 0]),
@@ -335,7 +338,7 @@ impl View {
 
     fn add_sample(&mut self, size: [u32; 2]) -> Result<(), ViewerError> {
         let start = Instant::now();
-        let decode = self.panel.decode;
+        let shade = self.panel.shade;
         let mut first = false;
         match self.panel.renderer {
             Renderer::Gpu(kind) => {
@@ -346,29 +349,28 @@ impl View {
                         none.insert(Tracer::new(&self.gpu, &self.scene, kind)?)
                     }
                 };
-                tracer.sample(&self.gpu, &self.scene, size, &decode, self.samples, self.timer.as_ref())?;
+                tracer.sample(&self.gpu, &self.scene, size, &shade, self.samples, self.timer.as_mut())?;
                 self.gpu.wait()?;
             }
             Renderer::Cpu => {
                 let anew = self.samples == 0;
                 if anew {
-                    let bytes = 16 * u64::from(size[0]) * u64::from(size[1]);
+                    let bytes = size_of::<GpuPixel>() as u64 * u64::from(size[0]) * u64::from(size[1]);
                     let buffer = self.gpu.empty_buffer("pixels of this picture", bytes, wgpu::BufferUsages::STORAGE)?;
                     self.cpu = Some((CpuPicture::new(size), buffer));
                 }
                 if let Some((picture, buffer)) = &mut self.cpu {
-                    picture.add_sample(&self.scene, &decode, &|| true);
-                    let count = picture.samples as f32;
-                    let sums: Vec<[f32; 4]> = picture.sums.iter().map(|[r, g, b]| [*r, *g, *b, count]).collect();
-                    self.gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&sums));
+                    picture.add_sample(&self.scene, &shade, &|| true);
+                    self.gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&picture.gpu_pixels()));
                 }
             }
         }
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        let ms = match (self.panel.renderer, &self.timer) {
-            (Renderer::Gpu(_), Some(timer)) => timer.read_ms(&self.gpu)?,
-            _ => wall_ms,
+        self.passes = match (self.panel.renderer, &self.timer) {
+            (Renderer::Gpu(_), Some(timer)) => Some(timer.read(&self.gpu)?),
+            _ => None,
         };
+        let ms = self.passes.map_or(wall_ms, |passes| passes.sum_ms());
         // The first frame of a renderer holds its compilation on some drivers.
         if !first {
             let old = self.frame_ms.unwrap_or(ms);
@@ -410,7 +412,7 @@ impl View {
             }
         };
         if let Some(frame) = frame {
-            self.paint(&frame.texture, &jobs, &screen, view);
+            self.paint(&frame.texture, &jobs, &screen, view)?;
             self.window.pre_present_notify();
             self.gpu.queue.present(frame);
         }
@@ -430,7 +432,7 @@ impl View {
         jobs: &[egui::ClippedPrimitive],
         screen: &egui_wgpu::ScreenDescriptor,
         view: [u32; 2],
-    ) {
+    ) -> Result<(), ViewerError> {
         let target = texture.create_view(&Default::default());
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let callbacks = self.painter.update_buffers(&self.gpu.device, &self.gpu.queue, &mut encoder, jobs, screen);
@@ -450,19 +452,25 @@ impl View {
                     ..Default::default()
                 })
                 .forget_lifetime();
-            let picture = match self.panel.renderer {
-                Renderer::Gpu(_) => self.tracer.as_ref().and_then(Tracer::accumulation),
-                Renderer::Cpu => self.cpu.as_ref().map(|(_, buffer)| buffer),
-            };
-            if let (Some(picture), Some(size)) = (picture, self.current_size()) {
+            if let Some(size) = self.current_size() {
+                let bands: Vec<(u32, u32, &wgpu::Buffer)> = match (self.panel.renderer, &self.tracer, &self.cpu) {
+                    (Renderer::Gpu(_), Some(tracer), _) => {
+                        tracer.bands().iter().map(|band| (band.first_row, band.rows, &band.pixels)).collect()
+                    }
+                    (Renderer::Cpu, _, Some((picture, buffer))) => vec![(0, picture.height, buffer)],
+                    _ => Vec::new(),
+                };
                 pass.set_viewport(0.0, 0.0, view[0] as f32, view[1] as f32, 0.0, 1.0);
                 let gain = self.scene.exposure_ev.exp2();
-                let params = GpuBlit { picture: size, window: view, gain, pad0: 0, pad1: 0, pad2: 0 };
-                self.blit.draw(&self.gpu, &mut pass, picture, params);
+                for (first_row, rows, pixels) in bands {
+                    let params = GpuBlit { picture: size, window: view, gain, first_row, rows, pad0: 0 };
+                    self.blit.draw(&self.gpu, &mut pass, pixels, params)?;
+                }
                 pass.set_viewport(0.0, 0.0, self.config.width as f32, self.config.height as f32, 0.0, 1.0);
             }
             self.painter.render(&mut pass, jobs, screen);
         }
         self.gpu.queue.submit(callbacks.into_iter().chain([encoder.finish()]));
+        Ok(())
     }
 }

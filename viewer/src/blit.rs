@@ -12,15 +12,14 @@ pub(crate) struct GpuBlit {
     pub picture: [u32; 2],
     pub window: [u32; 2],
     pub gain: f32,
+    pub first_row: u32,
+    pub rows: u32,
     pub pad0: u32,
-    pub pad1: u32,
-    pub pad2: u32,
 }
 
-/// The pipeline and its parameters.
+/// The pipeline.
 pub(crate) struct Blit {
     pipeline: wgpu::RenderPipeline,
-    params: wgpu::Buffer,
 }
 
 impl Blit {
@@ -50,18 +49,24 @@ impl Blit {
             multiview_mask: None,
             cache: None,
         });
-        let params = gpu.empty_buffer("blit", size_of::<GpuBlit>() as u64, wgpu::BufferUsages::UNIFORM)?;
         gpu.check()?;
-        Ok(Blit { pipeline, params })
+        Ok(Blit { pipeline })
     }
 
-    /// Draws `picture` over the whole pass.
-    pub(crate) fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass, picture: &wgpu::Buffer, params: GpuBlit) {
-        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
+    /// Draws a band of a picture, whose place in it `params` tells, over the pass' viewport.
+    pub(crate) fn draw(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::RenderPass,
+        pixels: &wgpu::Buffer,
+        params: GpuBlit,
+    ) -> Result<(), ViewerError> {
+        let params = gpu.buffer("blit", bytemuck::bytes_of(&params), wgpu::BufferUsages::UNIFORM)?;
         let layout = self.pipeline.get_bind_group_layout(0);
-        let group = bind(gpu, &layout, &[(0, self.params.as_entire_binding()), (1, picture.as_entire_binding())]);
+        let group = bind(gpu, &layout, &[(0, params.as_entire_binding()), (1, pixels.as_entire_binding())]);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.draw(0..3, 0..1);
+        Ok(())
     }
 }

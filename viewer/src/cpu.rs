@@ -1,29 +1,31 @@
 //! The reference renderer: the CPU decoder and BVH, the same formulas as the shaders. Twin: `shaders/shade.wgsl`.
 
-use crate::bvh::{AnyHit, NO_HIT};
+use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::camera::{CameraFrame, jitter};
-use crate::geometry::Vertex;
-use crate::scene::Scene;
-use crate::trace::PixelHit;
-use btf_runtime::{DecodeOptions, decode};
+use crate::options::ShadeOptions;
+use crate::sampler;
+use crate::scene::{Material, Scene};
+use crate::surface::{LEAST_EYE_COS, Surface};
+use crate::trace::{GpuPixel, PixelHit};
+use btf_runtime::{LightRows, ViewedTexel};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// Distance to which primary rays reach. Twin: `TRACE_FAR`.
+/// Distance to which rays reach. Twin: `TRACE_FAR`.
 const FAR: f32 = 1e30;
-/// Cosine to which an eye below the shading horizon is lifted; interpolated normals turn away at silhouettes.
-const LEAST_EYE_COS: f32 = 1e-3;
 /// A light nearer than this (squared) to the surface is left out.
 const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
+/// Rays whose radiance counts for less than this in the pixel are not followed.
+const LEAST_THROUGHPUT: f32 = 1e-3;
 
 /// The constants that the shader has too, by name.
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("TRACE_FAR", FAR),
     ("TRACE_PI", PI),
-    ("LEAST_EYE_COS", LEAST_EYE_COS),
     ("LEAST_LIGHT_DISTANCE2", LEAST_LIGHT_DISTANCE2),
+    ("LEAST_THROUGHPUT", LEAST_THROUGHPUT),
 ];
 
 /// A picture in the making: the sum of its samples.
@@ -45,21 +47,26 @@ impl CpuPicture {
     /// A picture without samples.
     pub fn new([width, height]: [u32; 2]) -> CpuPicture {
         let pixels = width as usize * height as usize;
-        let nothing = PixelHit { primitive: NO_HIT, rays: 0, evaluations: 0, pad: 0 };
+        let nothing = PixelHit { primitive: NO_HIT, rays: 0, evaluations: 0 };
         CpuPicture { width, height, sums: vec![[0.0; 3]; pixels], samples: 0, hits: vec![nothing; pixels] }
     }
 
     /// Adds one sample to every pixel, rows in parallel. `row_done` is called after every row; once it returns
     /// `false` the remaining rows are left out.
-    pub fn add_sample(&mut self, scene: &Scene, options: &DecodeOptions, row_done: &(dyn Fn() -> bool + Sync)) {
-        let camera = scene.camera.frame(self.width, self.height);
-        let offset = jitter(self.samples);
+    pub fn add_sample(&mut self, scene: &Scene, options: &ShadeOptions, row_done: &(dyn Fn() -> bool + Sync)) {
+        let shader = Shader {
+            scene,
+            camera: scene.camera.frame(self.width, self.height),
+            jitter: jitter(self.samples),
+            sample: self.samples,
+            options: *options,
+        };
         let width = self.width as usize;
         let rows = self.sums.par_chunks_mut(width).zip(self.hits.par_chunks_mut(width)).enumerate();
         // An early end is not an error here; the caller knows that it asked for it.
         let _ = rows.try_for_each(|(y, (sums, hits))| {
             for x in 0..width {
-                let (radiance, hit) = shade_pixel(scene, &camera, [x as u32, y as u32], offset, options);
+                let (radiance, hit) = shader.pixel([x as u32, y as u32]);
                 for channel in 0..3 {
                     sums[x][channel] += radiance[channel];
                 }
@@ -70,45 +77,24 @@ impl CpuPicture {
         self.samples += 1;
     }
 
+    /// As the GPU's tracer has them, for the window to show.
+    pub(crate) fn gpu_pixels(&self) -> Vec<GpuPixel> {
+        let count = self.samples as f32;
+        let pixel = |([r, g, b], hit): (&[f32; 3], &PixelHit)| GpuPixel {
+            sum: [*r, *g, *b, count],
+            seen: hit.primitive,
+            rays: hit.rays,
+            evaluations: hit.evaluations,
+            depth: 0,
+        };
+        self.sums.iter().zip(&self.hits).map(pixel).collect()
+    }
+
     /// Mean linear radiance per pixel.
     pub fn radiance(&self) -> Vec<[f32; 3]> {
         let count = self.samples.max(1) as f32;
         self.sums.iter().map(|sum| sum.map(|x| x / count)).collect()
     }
-}
-
-fn normalize_or(v: Vec3, other: Vec3) -> Vec3 {
-    let length2 = v.length_squared();
-    if length2 > 1e-20 { v * (1.0 / length2.sqrt()) } else { other }
-}
-
-/// A vector perpendicular to the unit `n`.
-fn perpendicular(n: Vec3) -> Vec3 {
-    if n.x.abs() < 0.9 { Vec3::new(0.0, -n.z, n.y).normalize() } else { Vec3::new(n.z, 0.0, -n.x).normalize() }
-}
-
-/// Moves a point off a surface by some units in the last place [Waechter and Binder 2019].
-fn offset_along(p: Vec3, n: Vec3) -> Vec3 {
-    let component = |p: f32, n: f32| {
-        if p.abs() < 1.0 / 32.0 {
-            return p + n / 65536.0;
-        }
-        let steps = (n * 256.0) as i32;
-        let bits = p.to_bits() as i32;
-        f32::from_bits((if p < 0.0 { bits - steps } else { bits + steps }) as u32)
-    };
-    Vec3::new(component(p.x, n.x), component(p.y, n.y), component(p.z, n.z))
-}
-
-/// Lifts a point of a flat triangle onto the curved surface that its normals mean, which keeps the shadow's edge on a
-/// curved object smooth [Hanika 2021]. `side` is 1 or -1, the side of the light.
-fn lift(p: Vec3, weights: Vec3, corners: &[&Vertex; 3], side: f32) -> Vec3 {
-    let mut at = Vec3::ZERO;
-    for i in 0..3 {
-        let normal = Vec3::from(corners[i].normal) * side;
-        at += weights[i] * (p - normal * (p - Vec3::from(corners[i].position)).dot(normal).min(0.0));
-    }
-    at
 }
 
 /// Nearest texel of a texture coordinate. Twin: `btf_texel` of the decoder's WGSL.
@@ -119,91 +105,129 @@ fn texel_at(width: u32, height: u32, uv: Vec2) -> u32 {
     y * width + x
 }
 
-fn shade_pixel(
-    scene: &Scene,
-    camera: &CameraFrame,
-    [x, y]: [u32; 2],
-    offset: [f32; 2],
-    options: &DecodeOptions,
-) -> ([f32; 3], PixelHit) {
-    let geometry = &scene.geometry;
-    let trace = |origin, direction, t_max, any| {
+/// Seed of the pixel's random numbers at a depth of its path.
+fn seed_of([x, y]: [u32; 2], depth: u32) -> u32 {
+    sampler::hash(x.wrapping_add(sampler::hash(y.wrapping_add(sampler::hash(depth)))))
+}
+
+/// One sample of every pixel.
+struct Shader<'a> {
+    scene: &'a Scene,
+    camera: CameraFrame,
+    jitter: [f32; 2],
+    sample: u32,
+    options: ShadeOptions,
+}
+
+impl Shader<'_> {
+    fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
+        let geometry = &self.scene.geometry;
         geometry.bvh().trace(geometry.vertices(), geometry.triangles(), origin, direction, t_max, any)
-    };
-    let direction = camera.direction(x, y, offset);
-    let hit = trace(camera.eye, direction, FAR, AnyHit::No);
-    let mut done = PixelHit { primitive: hit.primitive, rays: 1, evaluations: 0, pad: 0 };
-    if hit.primitive == NO_HIT {
-        return (scene.background, done);
     }
-    let triangle = geometry.triangles()[hit.primitive as usize];
-    let corners = triangle.vertices.map(|index| &geometry.vertices()[index as usize]);
-    let weights = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
-    let mix = |value: fn(&Vertex) -> Vec3| {
-        value(corners[0]) * weights.x + value(corners[1]) * weights.y + value(corners[2]) * weights.z
-    };
-    let p = mix(|vertex| vertex.position.into());
-    let uv = mix(|vertex| Vec3::new(vertex.u, vertex.v, 0.0)).truncate();
 
-    // The flat normal, on the side of the shading normal; the frame of the texel.
-    let [a, b, c] = corners.map(|vertex| Vec3::from(vertex.position));
-    let mut flat = normalize_or((b - a).cross(c - a), Vec3::Z);
-    let normal = normalize_or(mix(|vertex| vertex.normal.into()), flat);
-    if flat.dot(normal) < 0.0 {
-        flat = -flat;
-    }
-    let slanted = mix(|vertex| Vec3::from_slice(&vertex.tangent));
-    let tangent = normalize_or(slanted - normal * normal.dot(slanted), perpendicular(normal));
-    let bitangent = normal.cross(tangent) * corners[0].tangent[3];
-
-    let wo_world = -direction;
-    let view_back = flat.dot(wo_world) < 0.0;
-    let mut wo = Vec3::new(tangent.dot(wo_world), bitangent.dot(wo_world), normal.dot(wo_world));
-    wo.z = if view_back { wo.z.min(-LEAST_EYE_COS) } else { wo.z.max(LEAST_EYE_COS) };
-    wo = wo.normalize();
-
-    let material = &scene.materials[triangle.material as usize];
-    let asset = material.asset.map(|asset| {
-        let resident = &scene.assets[asset].resident;
-        (resident, texel_at(resident.width(), resident.height(), uv * Vec2::from(material.uv_scale)))
-    });
-
-    let mut radiance = Vec3::ZERO;
-    for light in &scene.lights {
-        let to_light = light.position - p;
-        let distance2 = to_light.length_squared();
-        if distance2 < LEAST_LIGHT_DISTANCE2 {
-            continue;
-        }
-        let wi_world = to_light * (1.0 / distance2.sqrt());
-        let wi = Vec3::new(tangent.dot(wi_world), bitangent.dot(wi_world), normal.dot(wi_world));
-        let light_back = wi.z < 0.0;
-        let mut layer = 0;
-        match asset {
-            Some((resident, _)) => match resident.layer_for_sides(light_back, view_back) {
-                Some(found) => layer = found,
-                None => continue,
-            },
-            None if light_back != view_back => continue,
-            None => {}
-        }
-        let side = if light_back { -1.0 } else { 1.0 };
-        let origin = offset_along(lift(p, weights, &corners, side), flat * side);
-        let to_light_lifted = light.position - origin;
-        let distance = to_light_lifted.length();
-        done.rays += 1;
-        if distance > 0.0 && trace(origin, to_light_lifted / distance, distance, AnyHit::Yes).primitive != NO_HIT {
-            continue;
-        }
-        let reflected = match asset {
-            Some((resident, texel)) => {
-                done.evaluations += 1;
-                Vec3::from(decode(resident, layer, texel, wi.to_array(), wo.to_array(), options))
+    /// Light of one side of the surface: point lights with their shadows, then the ambient light along one ray.
+    fn light_from_side(
+        &self,
+        s: &Surface,
+        material: &Material,
+        light_back: bool,
+        ambient_at: [f32; 2],
+        done: &mut PixelHit,
+    ) -> Vec3 {
+        let scene = self.scene;
+        let viewed = match material.asset {
+            Some(asset) => {
+                let resident = &scene.assets[asset].resident;
+                let Some(layer) = resident.layer_for_sides(light_back, s.view_back) else {
+                    return Vec3::ZERO;
+                };
+                let uv = s.uv * Vec2::from(material.uv_scale);
+                let texel = texel_at(resident.width(), resident.height(), uv);
+                Some(ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode))
             }
-            None => Vec3::from(material.diffuse) * wi.z.abs(),
+            None if light_back != s.view_back => return Vec3::ZERO,
+            None => None,
         };
-        // The decoded value holds the cosine already.
-        radiance += Vec3::from(light.intensity) * reflected / (distance2 * PI);
+        let mut rows = LightRows::default();
+        let origin = if light_back { s.below } else { s.above };
+        let mut radiance = Vec3::ZERO;
+        let mut add = |wi: Vec3, incident: Vec3, direction: Vec3, distance: f32| {
+            done.rays += 1;
+            if distance > 0.0 && self.trace(origin, direction, distance, AnyHit::Yes).primitive != NO_HIT {
+                return;
+            }
+            let reflected = match &viewed {
+                Some(viewed) => {
+                    done.evaluations += 1;
+                    Vec3::from(viewed.light(&mut rows, wi.to_array()))
+                }
+                None => Vec3::from(material.diffuse) * wi.z.abs(),
+            };
+            radiance += incident * reflected;
+        };
+        for light in &scene.lights {
+            let to_light = light.position - s.position;
+            let distance2 = to_light.length_squared();
+            if distance2 < LEAST_LIGHT_DISTANCE2 {
+                continue;
+            }
+            let wi = s.local_from_world(to_light * (1.0 / distance2.sqrt()));
+            if (wi.z < 0.0) != light_back {
+                continue;
+            }
+            // The decoded value holds the cosine already.
+            let incident = Vec3::from(light.intensity) / (distance2 * PI);
+            let lifted = light.position - origin;
+            let distance = lifted.length();
+            add(wi, incident, lifted / distance.max(1e-30), distance);
+        }
+        if scene.ambient.radiance.iter().any(|x| *x > 0.0) {
+            let mut wi = sampler::cosine(ambient_at);
+            // The density of wi is its cosine over pi.
+            let incident = Vec3::from(scene.ambient.radiance) / wi.z.max(1e-6);
+            wi.z = if light_back { -wi.z } else { wi.z };
+            add(wi, incident, s.world_from_local(wi), scene.ambient.distance);
+        }
+        radiance
     }
-    (radiance.to_array(), done)
+
+    /// Radiance towards the eye through a pixel, and what it took.
+    fn pixel(&self, pixel: [u32; 2]) -> ([f32; 3], PixelHit) {
+        let scene = self.scene;
+        let (mut origin, mut direction) = (self.camera.eye, self.camera.direction(pixel[0], pixel[1], self.jitter));
+        let mut done = PixelHit { primitive: NO_HIT, rays: 0, evaluations: 0 };
+        let (mut radiance, mut throughput) = (Vec3::ZERO, Vec3::ONE);
+        for depth in 1..=self.options.depth {
+            let hit = self.trace(origin, direction, FAR, AnyHit::No);
+            done.rays += 1;
+            if depth == 1 {
+                done.primitive = hit.primitive;
+            }
+            if hit.primitive == NO_HIT {
+                radiance += throughput * Vec3::from(scene.background);
+                break;
+            }
+            let s = Surface::surface_at(&scene.geometry, &hit, direction);
+            let material = &scene.materials[s.material];
+            let ambient_at = sampler::two(self.sample, seed_of(pixel, depth));
+            for light_back in [false, true] {
+                radiance += throughput * self.light_from_side(&s, material, light_back, ambient_at, &mut done);
+            }
+            throughput *= Vec3::from(material.mirror);
+            if throughput.max_element() < LEAST_THROUGHPUT {
+                break;
+            }
+            direction = mirror_direction(&s, direction);
+            origin = if s.view_back { s.below } else { s.above };
+        }
+        (radiance.to_array(), done)
+    }
+}
+
+/// The mirror direction about the shading normal, kept above the triangle.
+fn mirror_direction(s: &Surface, direction: Vec3) -> Vec3 {
+    let side = if s.view_back { -1.0 } else { 1.0 };
+    let mirrored = direction - 2.0 * s.normal.dot(direction) * s.normal;
+    let above = mirrored.dot(s.flat) * side;
+    (mirrored + s.flat * (side * (LEAST_EYE_COS - above).max(0.0))).normalize()
 }

@@ -3,11 +3,11 @@
 use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::{BackendChoice, Gpu};
+use crate::options::{MAX_DEPTH, ShadeOptions};
 use crate::picture::Picture;
 use crate::scene::Scene;
 use crate::shaders::GpuTracer;
-use crate::trace::{GpuTimer, PixelHit, Tracer};
-use btf_runtime::DecodeOptions;
+use crate::trace::{GpuTimer, PassTimes, PixelHit, Tracer};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -26,8 +26,8 @@ pub struct RenderParams {
     pub backend: BackendChoice,
     /// Part of the adapter's name, where there are several.
     pub adapter: Option<String>,
-    /// How assets are decoded.
-    pub decode: DecodeOptions,
+    /// What costs time and changes accuracy.
+    pub shade: ShadeOptions,
 }
 
 /// How a rendering talks to its caller while it runs.
@@ -56,7 +56,9 @@ pub struct RenderReport {
     pub backend: &'static str,
     /// Mean time of a frame, milliseconds; compiling and uploading are not in it.
     pub frame_ms: f64,
-    /// `gpu-timestamps` (begin and end of the compute pass) or `wall-clock` (submission until it is finished).
+    /// The frame time by kind of pass, where the GPU has timestamps.
+    pub passes: Option<PassTimes>,
+    /// `gpu-timestamps` (begin and end of the compute passes) or `wall-clock` (submission until it is finished).
     pub timer: &'static str,
     /// Asset decodes per frame (of the last frame, where jitter makes them differ).
     pub spmm_evaluations: u64,
@@ -72,6 +74,10 @@ pub struct RenderReport {
     pub lights: usize,
     /// Triangles.
     pub triangles: usize,
+    /// If there is ambient light.
+    pub ambient_occlusion: bool,
+    /// Rays of a path at most.
+    pub depth: u32,
     /// Residual components at most; `null` for all.
     pub components: Option<u32>,
     /// Lobes at most; `null` for all.
@@ -106,6 +112,9 @@ pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result
     if params.frames == 0 {
         return Err(ViewerError::Usage("--frames is at least 1".into()));
     }
+    if !(1..=MAX_DEPTH).contains(&params.shade.depth) {
+        return Err(ViewerError::Usage(format!("--depth is 1 to {MAX_DEPTH}")));
+    }
     if let Some(reason) = scene.camera.fault() {
         return Err(ViewerError::Usage(reason.into()));
     }
@@ -138,7 +147,7 @@ fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result
     };
     let start = Instant::now();
     for _ in 0..params.frames {
-        picture.add_sample(scene, &params.decode, &row_done);
+        picture.add_sample(scene, &params.shade, &row_done);
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
@@ -157,24 +166,36 @@ fn render_gpu(
     control: &Control,
 ) -> Result<Rendered, ViewerError> {
     let mut trace = Tracer::new(gpu, scene, tracer)?;
-    let timer = GpuTimer::new(gpu);
-    trace.warm_up(gpu, scene, params.size, &params.decode)?;
-    let mut total_ms = 0.0;
+    let mut timer = GpuTimer::new(gpu);
+    trace.warm_up(gpu, scene, params.size, &params.shade)?;
+    let (mut total_ms, mut passes) = (0.0, PassTimes::default());
     for frame in 0..params.frames {
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
         let start = Instant::now();
-        trace.sample(gpu, scene, params.size, &params.decode, frame, timer.as_ref())?;
+        trace.sample(gpu, scene, params.size, &params.shade, frame, timer.as_mut())?;
         gpu.wait()?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        total_ms += timer.as_ref().map_or(Ok(wall_ms), |timer| timer.read_ms(gpu))?;
+        total_ms += match &timer {
+            Some(timer) => {
+                let times = timer.read(gpu)?;
+                passes.camera_ms += times.camera_ms / f64::from(params.frames);
+                passes.light_ms += times.light_ms / f64::from(params.frames);
+                passes.mirror_ms += times.mirror_ms / f64::from(params.frames);
+                times.sum_ms()
+            }
+            None => wall_ms,
+        };
         (control.progress)((frame + 1) as f32 / params.frames as f32);
     }
+    let passes = timer.is_some().then_some(passes);
     let timer = if timer.is_some() { "gpu-timestamps" } else { "wall-clock" };
     let described = (gpu.adapter_name().to_string(), gpu.interface(), tracer.name(), timer);
     let frame_ms = total_ms / f64::from(params.frames);
-    Ok(rendered(scene, params, trace.read_radiance(gpu)?, trace.read_hits(gpu)?, described, frame_ms))
+    let mut rendered = rendered(scene, params, trace.read_radiance(gpu)?, trace.read_hits(gpu)?, described, frame_ms);
+    rendered.report.passes = passes;
+    Ok(rendered)
 }
 
 fn rendered(
@@ -192,6 +213,7 @@ fn rendered(
         interface,
         backend,
         frame_ms,
+        passes: None,
         timer,
         spmm_evaluations: hits.iter().map(|hit| u64::from(hit.evaluations)).sum(),
         rays: hits.iter().map(|hit| u64::from(hit.rays)).sum(),
@@ -200,13 +222,15 @@ fn rendered(
         frames: params.frames,
         lights: scene.lights.len(),
         triangles: scene.geometry.triangles().len(),
-        components: limit(params.decode.components),
-        lobes: limit(params.decode.lobes),
-        interpolation: match params.decode.interpolation {
+        ambient_occlusion: scene.ambient.radiance.iter().any(|x| *x > 0.0),
+        depth: params.shade.depth,
+        components: limit(params.shade.decode.components),
+        lobes: limit(params.shade.decode.lobes),
+        interpolation: match params.shade.decode.interpolation {
             btf_runtime::Interpolation::Fast => "fast",
             btf_runtime::Interpolation::Exact => "exact",
         },
-        parallax: params.decode.parallax,
+        parallax: params.shade.decode.parallax,
     };
     Rendered { picture: Picture { width, height, radiance }, hits, report }
 }
@@ -223,7 +247,7 @@ mod tests {
     }
 
     fn cpu(size: [u32; 2]) -> RenderParams {
-        RenderParams { size, frames: 1, backend: BackendChoice::Cpu, adapter: None, decode: DecodeOptions::default() }
+        RenderParams { size, frames: 1, backend: BackendChoice::Cpu, adapter: None, shade: ShadeOptions::default() }
     }
 
     #[test]
@@ -271,6 +295,35 @@ mod tests {
             .filter(|(radiance, hit)| hit.primitive != crate::NO_HIT && radiance[0] == 0.0)
             .count();
         assert_eq!(black, 0);
+    }
+
+    #[test]
+    fn a_mirror_shows_what_lies_behind_the_eye_and_a_path_ends_at_its_depth() {
+        // A grey wall at z = 4, lit from beside the eye, seen in a mirror at z = 0.
+        let mut wall = mesh::plane();
+        wall.transform(
+            glam::Mat4::from_translation(glam::Vec3::Z * 4.0) * glam::Mat4::from_rotation_y(std::f32::consts::PI),
+        );
+        let mirror = Material { mirror: [0.5, 0.25, 0.0], ..Material::plain([0.0; 3]) };
+        let objects = vec![grey(wall), SceneObject { part: mesh::plane(), material: mirror }];
+        let mut scene = Scene::from_objects(Path::new("mirror"), objects, Vec::new()).unwrap();
+        scene.camera.eye = glam::Vec3::new(0.0, 0.0, 2.0);
+        scene.camera.target = glam::Vec3::ZERO;
+        let light = glam::Vec3::new(0.0, 3.0, 0.0);
+        scene.lights = vec![crate::scene::PointLight { position: light, intensity: [100.0; 3] }];
+        let middle = |depth| {
+            let shade = ShadeOptions { depth, ..ShadeOptions::default() };
+            let rendered = render(&scene, &RenderParams { shade, ..cpu([33, 33]) }, &Control::SILENT).unwrap();
+            rendered.picture.radiance[16 * 33 + 16]
+        };
+        // Distance 5, cosine 4/5.
+        let wall = 100.0 / 25.0 * 0.5 * 0.8 / std::f32::consts::PI;
+        let seen = middle(2);
+        assert!(
+            (seen[0] - 0.5 * wall).abs() < 1e-4 && (seen[1] - 0.25 * wall).abs() < 1e-4 && seen[2] == 0.0,
+            "{seen:?}"
+        );
+        assert_eq!(middle(1), [0.0; 3]);
     }
 
     #[test]

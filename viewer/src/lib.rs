@@ -5,15 +5,16 @@
 //!                                                      \---run_window--> a window
 //! ```
 //!
-//! One primary ray per pixel and sample, point lights with shadow rays. Three backends trace the same rays over the same
+//! One primary ray per pixel and sample, point lights with shadow rays, perfect mirrors, progressive ambient occlusion.
+//! Three backends trace the same rays over the same
 //! triangles and decode the same bytes: ray query (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in
 //! storage buffers (`shaders/trace_bvh.wgsl`), and the CPU (`cpu.rs`), which is the reference. What they share on the
 //! GPU is `shaders/shade.wgsl`.
 //!
 //! Decoded values hold the cosine: radiance = intensity / distance^2 x visibility x decoded / pi.
 //!
-//! Limits: point lights only, no indirect light, nearest texel, at most 2^24 triangles, all assets of a scene in one
-//! storage binding.
+//! Limits: point and ambient light only, nearest texel, at most 2^24 triangles, all assets of a scene in one storage
+//! binding.
 
 mod app;
 mod blit;
@@ -27,11 +28,14 @@ mod gpu_decode;
 mod headless;
 mod mesh;
 mod mesh_file;
+mod options;
 mod panel;
 mod picture;
+mod sampler;
 mod scene;
 mod scene_file;
 mod shaders;
+mod surface;
 mod trace;
 
 pub use app::{WindowParams, run_window};
@@ -45,8 +49,12 @@ pub use gpu_decode::{DecodeQuery, gpu_decode};
 pub use headless::{Control, MAX_SIDE, RenderParams, RenderReport, Rendered, render};
 pub use mesh::{MeshPart, cube, plane, quad, sphere};
 pub use mesh_file::load_mesh;
+pub use options::{MAX_DEPTH, ShadeOptions};
 pub use picture::Picture;
-pub use scene::{BACKGROUND, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject, intensity_for};
+pub use scene::{
+    AMBIENT_RADIANCE, Ambient, BACKGROUND, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject,
+    intensity_for,
+};
 pub use scene_file::load_scene;
 pub use shaders::{GpuTracer, trace_module};
-pub use trace::{GpuTimer, NO_ASSET, PixelHit, Tracer};
+pub use trace::{GpuTimer, NO_ASSET, PassTimes, PixelHit, Tracer};

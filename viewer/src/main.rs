@@ -2,8 +2,8 @@
 
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
-    BackendChoice, Control, GpuTracer, MeshChoice, RenderParams, Scene, SceneAsset, ViewerError, WindowParams,
-    load_scene, render, run_window,
+    Ambient, BackendChoice, Control, GpuTracer, MeshChoice, RenderParams, Scene, SceneAsset, ShadeOptions, ViewerError,
+    WindowParams, load_scene, render, run_window,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -38,6 +38,19 @@ struct Arguments {
     /// Number of point lights, of the same brightness together [default: 1, or the scene's own]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     lights: Option<u32>,
+    /// Ambient light with progressive occlusion: one stratified ray per pixel and frame
+    #[arg(long)]
+    ao: bool,
+    /// Radiance of the ambient light, where a white surface has 1 [default: 0.4, or the scene's own]; turns --ao on
+    #[arg(long, value_name = "R", value_parser = parse_positive)]
+    ambient: Option<f32>,
+    /// What lies farther away does not occlude, scene units [default: half the scene's radius]; turns --ao on
+    #[arg(long, value_name = "D", value_parser = parse_positive)]
+    ao_distance: Option<f32>,
+    /// Rays of a path at most: 1 shows no mirror images
+    #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().depth,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_DEPTH)))]
+    depth: u32,
     /// Exposure in stops [default: 0, or the scene's own]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     exposure: Option<f32>,
@@ -113,6 +126,13 @@ fn parse_scale(text: &str) -> Result<[f32; 2], String> {
         .ok_or_else(|| "a scale is a number above 0, as in 2, or two, as in 2x3".into())
 }
 
+fn parse_positive(text: &str) -> Result<f32, String> {
+    text.parse()
+        .ok()
+        .filter(|x: &f32| x.is_finite() && *x > 0.0)
+        .ok_or_else(|| "it is a number above 0, as in 0.5".into())
+}
+
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     match run(&arguments) {
@@ -139,6 +159,7 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
         },
         parallax: !arguments.no_parallax,
     };
+    let shade = ShadeOptions { decode, depth: arguments.depth };
     let backend = match arguments.backend {
         BackendName::Auto => BackendChoice::Auto,
         BackendName::RayQuery => BackendChoice::Gpu(GpuTracer::RayQuery),
@@ -149,11 +170,11 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
     match &arguments.out {
         Some(out) => {
             let size = arguments.size.unwrap_or([512, 512]);
-            headless(arguments, &scene, RenderParams { size, frames: arguments.frames, backend, adapter, decode }, out)
+            headless(arguments, &scene, RenderParams { size, frames: arguments.frames, backend, adapter, shade }, out)
         }
         None => {
             let size = arguments.size.unwrap_or([1100, 760]);
-            run_window(scene, WindowParams { size, backend, adapter, decode })
+            run_window(scene, WindowParams { size, backend, adapter, shade })
         }
     }
 }
@@ -172,6 +193,16 @@ fn make_scene(arguments: &Arguments) -> Result<Scene, ViewerError> {
         } else {
             scene.place_lights(count as usize);
         }
+    }
+    if arguments.ao || arguments.ambient.is_some() || arguments.ao_distance.is_some() {
+        let usual = scene.usual_ambient();
+        if scene.ambient == Ambient::NONE {
+            scene.ambient = usual;
+        }
+        if let Some(radiance) = arguments.ambient {
+            scene.ambient.radiance = [radiance; 3];
+        }
+        scene.ambient.distance = arguments.ao_distance.unwrap_or(scene.ambient.distance);
     }
     scene.exposure_ev = arguments.exposure.unwrap_or(scene.exposure_ev);
     Ok(scene)

@@ -1,8 +1,10 @@
 //! The side panel: what the user can turn while looking.
 
-use crate::scene::{PointLight, Scene, intensity_for};
+use crate::options::{MAX_DEPTH, ShadeOptions};
+use crate::scene::{Ambient, PointLight, Scene, intensity_for};
 use crate::shaders::GpuTracer;
-use btf_runtime::{DecodeOptions, Interpolation};
+use crate::trace::PassTimes;
+use btf_runtime::Interpolation;
 use glam::Vec3;
 
 /// Slider position of the lobes above which all are used; fitted assets have fewer.
@@ -66,6 +68,7 @@ pub(crate) struct Status<'a> {
     pub adapter: &'a str,
     pub renderers: &'a [Renderer],
     pub frame_ms: Option<f64>,
+    pub passes: Option<PassTimes>,
     pub timer: &'static str,
     pub samples: u32,
     pub picture: [u32; 2],
@@ -74,27 +77,30 @@ pub(crate) struct Status<'a> {
 
 /// The panel's state.
 pub(crate) struct Panel {
-    pub decode: DecodeOptions,
+    pub shade: ShadeOptions,
     pub renderer: Renderer,
     lights: Vec<PanelLight>,
     selected: usize,
     max_components: u32,
+    /// What the check box turns on.
+    ambient: Ambient,
     centre: Vec3,
     radius: f32,
 }
 
 impl Panel {
-    pub(crate) fn new(scene: &Scene, decode: DecodeOptions, renderer: Renderer) -> Panel {
+    pub(crate) fn new(scene: &Scene, shade: ShadeOptions, renderer: Renderer) -> Panel {
         let (centre, radius) = scene.geometry.bounding_sphere();
         let residents = scene.assets.iter().map(|asset| &asset.resident);
         let max_components =
             residents.flat_map(|resident| (0..resident.layers()).map(|l| resident.components(l))).max().unwrap_or(0);
         Panel {
-            decode,
+            shade,
             renderer,
             lights: scene.lights.iter().map(|light| PanelLight::from_light(light, centre)).collect(),
             selected: 0,
             max_components,
+            ambient: if scene.ambient == Ambient::NONE { scene.usual_ambient() } else { scene.ambient },
             centre,
             radius,
         }
@@ -102,11 +108,14 @@ impl Panel {
 
     /// Draws the panel; true if something changed that changes the picture (exposure does not need new samples).
     pub(crate) fn show(&mut self, ui: &mut egui::Ui, scene: &mut Scene, status: &Status) -> bool {
-        let before = (self.decode, self.renderer, self.lights.clone());
+        let before = (self.shade, self.renderer, self.lights.clone());
         ui.heading("BTF viewer");
         self.show_status(ui, status);
         ui.separator();
         self.show_decoding(ui, scene);
+        let mut changed = false;
+        ui.separator();
+        changed |= self.show_surroundings(ui, scene);
         ui.separator();
         self.show_lights(ui);
         ui.separator();
@@ -114,7 +123,30 @@ impl Panel {
         if before.2 != self.lights {
             scene.lights = self.lights.iter().map(|light| light.light(self.centre)).collect();
         }
-        before != (self.decode, self.renderer, self.lights.clone())
+        changed | (before != (self.shade, self.renderer, self.lights.clone()))
+    }
+
+    /// Ambient light and mirrors; true if the picture must begin anew.
+    fn show_surroundings(&mut self, ui: &mut egui::Ui, scene: &mut Scene) -> bool {
+        let before = scene.ambient;
+        let mut occlusion = scene.ambient != Ambient::NONE;
+        if ui.checkbox(&mut occlusion, "ambient occlusion").changed() {
+            scene.ambient = if occlusion { self.ambient } else { Ambient::NONE };
+        }
+        if occlusion {
+            let mut radiance = scene.ambient.radiance[1];
+            if ui.add(egui::Slider::new(&mut radiance, 0.01..=2.0).logarithmic(true).text("ambient light")).changed() {
+                scene.ambient.radiance = [radiance; 3];
+            }
+            let distances = 0.01 * self.radius..=4.0 * self.radius;
+            let slider = egui::Slider::new(&mut scene.ambient.distance, distances).logarithmic(true);
+            ui.add(slider.text("occlusion distance"));
+            self.ambient = scene.ambient;
+        }
+        if scene.materials.iter().any(|material| material.mirror.iter().any(|x| *x > 0.0)) {
+            ui.add(egui::Slider::new(&mut self.shade.depth, 1..=MAX_DEPTH).text("mirror depth"));
+        }
+        scene.ambient != before
     }
 
     fn show_status(&mut self, ui: &mut egui::Ui, status: &Status) {
@@ -128,6 +160,9 @@ impl Panel {
             Some(ms) => ui.label(format!("{ms:.2} ms per frame ({})", status.timer)),
             None => ui.label("measuring"),
         };
+        if let Some(PassTimes { camera_ms, light_ms, mirror_ms }) = status.passes {
+            ui.small(format!("camera {camera_ms:.2}, light {light_ms:.2}, mirrors {mirror_ms:.2} ms"));
+        }
         ui.label(format!("{} x {}, {} samples", status.picture[0], status.picture[1], status.samples));
         if let Some(problem) = status.problem {
             ui.colored_label(egui::Color32::LIGHT_RED, problem);
@@ -135,24 +170,24 @@ impl Panel {
     }
 
     fn show_decoding(&mut self, ui: &mut egui::Ui, scene: &mut Scene) {
-        let mut components = self.decode.components.min(self.max_components);
+        let mut components = self.shade.decode.components.min(self.max_components);
         ui.add_enabled_ui(self.max_components > 0, |ui| {
             let slider = egui::Slider::new(&mut components, 0..=self.max_components);
             if ui.add(slider.text("components")).changed() {
-                self.decode.components = if components == self.max_components { u32::MAX } else { components };
+                self.shade.decode.components = if components == self.max_components { u32::MAX } else { components };
             }
         });
-        let mut lobes = self.decode.lobes.min(LOBES_ALL);
+        let mut lobes = self.shade.decode.lobes.min(LOBES_ALL);
         let slider = egui::Slider::new(&mut lobes, 0..=LOBES_ALL)
             .custom_formatter(|x, _| if x >= f64::from(LOBES_ALL) { "all".into() } else { format!("{x:.0}") });
         if ui.add(slider.text("lobes")).changed() {
-            self.decode.lobes = if lobes == LOBES_ALL { u32::MAX } else { lobes };
+            self.shade.decode.lobes = if lobes == LOBES_ALL { u32::MAX } else { lobes };
         }
         ui.horizontal(|ui| {
-            ui.radio_value(&mut self.decode.interpolation, Interpolation::Fast, "fast");
-            ui.radio_value(&mut self.decode.interpolation, Interpolation::Exact, "exact");
+            ui.radio_value(&mut self.shade.decode.interpolation, Interpolation::Fast, "fast");
+            ui.radio_value(&mut self.shade.decode.interpolation, Interpolation::Exact, "exact");
             ui.label("interpolation");
-            ui.checkbox(&mut self.decode.parallax, "parallax");
+            ui.checkbox(&mut self.shade.decode.parallax, "parallax");
         });
         ui.add(egui::Slider::new(&mut scene.exposure_ev, -6.0..=6.0).text("exposure, EV"));
     }

@@ -59,6 +59,8 @@ pub struct Material {
     pub asset: Option<usize>,
     /// Linear sRGB reflectance of a plain surface, 0 to 1.
     pub diffuse: [f32; 3],
+    /// Reflectance of a perfect mirror on top, RGB, 0 to 1; 0 for none. It adds to what lies below.
+    pub mirror: [f32; 3],
     /// Factors on the texture coordinates: how often the asset is repeated.
     pub uv_scale: [f32; 2],
 }
@@ -66,12 +68,12 @@ pub struct Material {
 impl Material {
     /// A material that shows asset number `asset`.
     pub fn from_asset(asset: usize, uv_scale: [f32; 2]) -> Material {
-        Material { asset: Some(asset), diffuse: [0.5; 3], uv_scale }
+        Material { asset: Some(asset), diffuse: [0.5; 3], mirror: [0.0; 3], uv_scale }
     }
 
     /// A plain diffuse material.
     pub fn plain(diffuse: [f32; 3]) -> Material {
-        Material { asset: None, diffuse, uv_scale: [1.0; 2] }
+        Material { asset: None, diffuse, mirror: [0.0; 3], uv_scale: [1.0; 2] }
     }
 }
 
@@ -84,6 +86,26 @@ pub struct PointLight {
     pub intensity: [f32; 3],
 }
 
+/// Light from everywhere that nothing near keeps off: ambient occlusion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ambient {
+    /// Linear RGB radiance from every direction; 0 for no ambient light. A white Lambertian surface that nothing occludes
+    /// has this value.
+    pub radiance: [f32; 3],
+    /// What lies farther away does not occlude, world units, above 0.
+    pub distance: f32,
+}
+
+impl Ambient {
+    /// No ambient light.
+    pub const NONE: Ambient = Ambient { radiance: [0.0; 3], distance: 1.0 };
+}
+
+/// Radiance of the ambient light where nothing else is asked for.
+pub const AMBIENT_RADIANCE: f32 = 0.4;
+/// Occlusion distance where nothing else is asked for, in radii of the scene's bounding sphere.
+const OCCLUSION_RADII: f32 = 0.5;
+
 /// Everything that a tracer needs.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -95,6 +117,8 @@ pub struct Scene {
     pub assets: Vec<Arc<SceneAsset>>,
     /// Point lights.
     pub lights: Vec<PointLight>,
+    /// Ambient light, one stratified ray per pixel and sample.
+    pub ambient: Ambient,
     /// Camera.
     pub camera: Camera,
     /// Exposure in stops: the picture is multiplied by `2^exposure_ev` before the sRGB curve.
@@ -183,6 +207,7 @@ impl Scene {
             materials,
             assets,
             lights: Vec::new(),
+            ambient: Ambient::NONE,
             camera,
             exposure_ev: 0.0,
             background: BACKGROUND,
@@ -271,6 +296,11 @@ impl Scene {
                 }
             })
             .collect();
+    }
+
+    /// The ambient light that the scene's size suggests.
+    pub fn usual_ambient(&self) -> Ambient {
+        Ambient { radiance: [AMBIENT_RADIANCE; 3], distance: OCCLUSION_RADII * self.geometry.bounding_sphere().1 }
     }
 
     /// `count` lights in a ring under the ceiling of the Cornell box.

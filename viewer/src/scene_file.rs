@@ -17,11 +17,19 @@
 //! name = "grey"
 //! diffuse = [0.5, 0.5, 0.5]
 //!
+//! [[material]]
+//! name = "chrome"
+//! mirror = [0.9, 0.9, 0.9]          # a perfect mirror, alone or on top of asset or diffuse
+//!
 //! [[object]]
 //! mesh = "sphere"                   # sphere, plane, cube, or an .obj, .gltf or .glb file
 //! material = "leaf"
 //! parts = { laces = "grey" }        # parts of the file by material name, where they differ
 //! translate = [0.0, 1.0, 0.0]       # after rotate_deg (about x, then y, then z) and scale
+//!
+//! [ambient]                         # optional: ambient light with occlusion
+//! radiance = [0.4, 0.4, 0.4]
+//! distance = 2.0                    # optional: what lies farther away does not occlude
 //!
 //! [[light]]                         # optional: else one light from the upper left
 //! position = [-3.0, 4.0, 5.0]
@@ -32,7 +40,7 @@ use crate::camera::Camera;
 use crate::error::ViewerError;
 use crate::mesh;
 use crate::mesh_file::load_mesh;
-use crate::scene::{Material, PointLight, Scene, SceneAsset, SceneObject};
+use crate::scene::{Ambient, Material, PointLight, Scene, SceneAsset, SceneObject};
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -46,6 +54,7 @@ struct SceneFile {
     exposure_ev: f32,
     background: Option<[f32; 3]>,
     camera: Option<CameraEntry>,
+    ambient: Option<AmbientEntry>,
     #[serde(default, rename = "material")]
     materials: Vec<MaterialEntry>,
     #[serde(default, rename = "object")]
@@ -67,10 +76,18 @@ struct CameraEntry {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+struct AmbientEntry {
+    radiance: [f32; 3],
+    distance: Option<f32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct MaterialEntry {
     name: String,
     asset: Option<AssetEntry>,
     diffuse: Option<[f32; 3]>,
+    mirror: Option<[f32; 3]>,
     #[serde(default = "ones2")]
     uv_scale: [f32; 2],
 }
@@ -153,10 +170,19 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
                 Some(assets.len() - 1)
             }
         };
-        if asset.is_some() == entry.diffuse.is_some() {
-            return Err(fault(format!("material '{}' needs either asset or diffuse", entry.name)));
+        if asset.is_some() && entry.diffuse.is_some() {
+            return Err(fault(format!("material '{}' has both asset and diffuse, leave one", entry.name)));
         }
-        let material = Material { asset, diffuse: entry.diffuse.unwrap_or([0.5; 3]), uv_scale: entry.uv_scale };
+        if asset.is_none() && entry.diffuse.is_none() && entry.mirror.is_none() {
+            return Err(fault(format!("material '{}' needs asset, diffuse or mirror", entry.name)));
+        }
+        let mirror = entry.mirror.unwrap_or([0.0; 3]);
+        if !mirror.iter().all(|x| (0.0..=1.0).contains(x)) {
+            return Err(fault(format!("material '{}' has a mirror that is not 0 to 1", entry.name)));
+        }
+        // What is a mirror and nothing else shows nothing below it.
+        let diffuse = entry.diffuse.unwrap_or([if asset.is_some() { 0.5 } else { 0.0 }; 3]);
+        let material = Material { asset, diffuse, mirror, uv_scale: entry.uv_scale };
         if !material.diffuse.iter().chain(&material.uv_scale).all(|x| x.is_finite()) {
             return Err(fault(format!("material '{}' has a number that is not finite", entry.name)));
         }
@@ -210,6 +236,13 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
             .iter()
             .map(|light| PointLight { position: Vec3::from(light.position), intensity: light.intensity })
             .collect();
+    }
+    if let Some(AmbientEntry { radiance, distance }) = file.ambient {
+        let distance = distance.unwrap_or(scene.usual_ambient().distance);
+        if !radiance.iter().all(|x| x.is_finite() && *x >= 0.0) || !(distance.is_finite() && distance > 0.0) {
+            return Err(fault("[ambient] needs a radiance of at least 0 and a distance above 0".into()));
+        }
+        scene.ambient = Ambient { radiance, distance };
     }
     scene.exposure_ev = file.exposure_ev;
     scene.background = file.background.unwrap_or(scene.background);

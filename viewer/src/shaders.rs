@@ -1,7 +1,10 @@
 //! The shader texts, joined as plain text in a fixed order.
 
 const SCENE: &str = include_str!("shaders/scene.wgsl");
+const SAMPLER: &str = include_str!("shaders/sampler.wgsl");
+const SURFACE: &str = include_str!("shaders/surface.wgsl");
 const SHADE: &str = include_str!("shaders/shade.wgsl");
+const PASSES: &str = include_str!("shaders/passes.wgsl");
 const BVH: &str = include_str!("shaders/bvh.wgsl");
 const TRACE_BVH: &str = include_str!("shaders/trace_bvh.wgsl");
 const TRACE_RAY_QUERY: &str = include_str!("shaders/trace_ray_query.wgsl");
@@ -28,7 +31,7 @@ impl GpuTracer {
     }
 }
 
-/// The whole module of a tracer: entry points `trace_main` (draws) and `decode_main` (decodes a list of samples).
+/// The whole module of a tracer: entry points that draw (`passes.wgsl`) and `decode_main`, which decodes a list of samples.
 pub fn trace_module(tracer: GpuTracer) -> String {
     let library = btf_runtime::wgsl_library();
     // The file with the enable directive comes first.
@@ -36,7 +39,7 @@ pub fn trace_module(tracer: GpuTracer) -> String {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
         GpuTracer::Bvh => &[TRACE_BVH, BVH],
     };
-    [tracer_parts, &[SCENE, &library, SHADE, DECODE_QUERIES]].concat().join("\n")
+    [tracer_parts, &[SCENE, &library, SAMPLER, SURFACE, SHADE, PASSES, DECODE_QUERIES]].concat().join("\n")
 }
 
 #[cfg(test)]
@@ -45,7 +48,7 @@ mod tests {
     use crate::bvh::{BvhNode, NO_HIT, STACK};
     use crate::geometry::{Triangle, Vertex};
     use crate::gpu_decode::{GpuQuery, GpuQueryParams};
-    use crate::trace::{Frame, GpuLight, GpuMaterial, PixelHit};
+    use crate::trace::{Frame, GpuLight, GpuMaterial, GpuPath, GpuPixel};
     use naga::valid::{Capabilities, ValidationFlags, Validator};
     use std::mem::{offset_of, size_of};
 
@@ -98,7 +101,7 @@ mod tests {
         validate(&ray_query, PORTABLE | Capabilities::RAY_QUERY).unwrap();
         // The check can fail: without the capability the same text is refused, as is a module with a fault.
         assert!(validate(&ray_query, PORTABLE).is_err());
-        let faulty = trace_module(GpuTracer::Bvh).replace("shade_pixel(id.xy)", "shade_pixel(id)");
+        let faulty = trace_module(GpuTracer::Bvh).replace("light_pass(id.xy)", "light_pass(id)");
         assert!(validate(&faulty, PORTABLE).is_err());
     }
 
@@ -120,13 +123,14 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, jitter, components, lobes, parallax, pad0, pad1, pad2),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, pad0),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
-            ("Material", fields!(GpuMaterial; diffuse, asset, uv_scale, pad)),
+            ("Material", fields!(GpuMaterial; diffuse, asset, mirror, pad0, uv_scale, pad1, pad2)),
             ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
-            ("PixelHit", fields!(PixelHit; primitive, rays, evaluations, pad)),
+            ("Path", fields!(GpuPath; origin, primitive, direction, u, throughput, v)),
+            ("Pixel", fields!(GpuPixel; sum, seen, rays, evaluations, depth)),
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
             ("Query", fields!(GpuQuery; wi, texel, wo, layer)),
             ("QueryParams", fields!(GpuQueryParams; count, components, lobes, interpolation, parallax)),
@@ -139,7 +143,7 @@ mod tests {
             assert!(layout_difference(&module, name, *size, &swapped).is_some());
         }
         let blit = parse(BLIT).unwrap();
-        let (size, fields) = fields!(crate::blit::GpuBlit; picture, window, gain, pad0, pad1, pad2);
+        let (size, fields) = fields!(crate::blit::GpuBlit; picture, window, gain, first_row, rows, pad0);
         assert_eq!(layout_difference(&blit, "Blit", size, &fields), None);
     }
 
@@ -149,7 +153,8 @@ mod tests {
         assert_eq!(constant(&module, "BVH_STACK"), Some(naga::Literal::U32(STACK as u32)));
         assert_eq!(constant(&module, "NO_HIT"), Some(naga::Literal::U32(NO_HIT)));
         assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::trace::NO_ASSET)));
-        for (name, value) in crate::bvh::CONSTANTS.iter().chain(crate::cpu::CONSTANTS) {
+        for (name, value) in crate::bvh::CONSTANTS.iter().chain(crate::cpu::CONSTANTS).chain(crate::surface::CONSTANTS)
+        {
             assert_eq!(constant(&module, name), Some(naga::Literal::F32(*value)), "{name}");
         }
     }

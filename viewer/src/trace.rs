@@ -1,19 +1,21 @@
-//! The GPU tracer: a scene's buffers, a pipeline, one dispatch per sample.
+//! The GPU tracer: a scene's buffers, and the passes of a sample over the bands of a picture.
 
 use crate::camera::jitter;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
+use crate::options::ShadeOptions;
 use crate::scene::Scene;
 use crate::shaders::{GpuTracer, trace_module};
-use btf_runtime::DecodeOptions;
 use wgpu::BufferUsages;
 
 /// The asset offset of a plain material. Twin: `NO_ASSET` in `scene.wgsl`.
 pub const NO_ASSET: u32 = u32::MAX;
 /// Assets begin at multiples of this many words in the arena, so that their sections stay aligned to 256 bytes.
 const ARENA_ALIGNMENT_WORDS: usize = 64;
-/// Pixels per side of a workgroup. Twin: `@workgroup_size` of `trace_main`.
+/// Pixels per side of a workgroup. Twin: `@workgroup_size` in `passes.wgsl`.
 const GROUP: u32 = 8;
+/// Pixels of a band at most: its paths then take 200 MB.
+const MOST_BAND_PIXELS: u64 = 1 << 22;
 
 /// Twin: `Frame` in `scene.wgsl`.
 #[repr(C)]
@@ -29,13 +31,15 @@ pub(crate) struct Frame {
     pub sample: u32,
     pub background: [f32; 3],
     pub interpolation: u32,
+    pub ambient: [f32; 3],
+    pub occlusion_distance: f32,
     pub jitter: [f32; 2],
     pub components: u32,
     pub lobes: u32,
     pub parallax: u32,
+    pub first_row: u32,
+    pub rows: u32,
     pub pad0: u32,
-    pub pad1: u32,
-    pub pad2: u32,
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -44,8 +48,11 @@ pub(crate) struct Frame {
 pub(crate) struct GpuMaterial {
     pub diffuse: [f32; 3],
     pub asset: u32,
+    pub mirror: [f32; 3],
+    pub pad0: u32,
     pub uv_scale: [f32; 2],
-    pub pad: [u32; 2],
+    pub pad1: u32,
+    pub pad2: u32,
 }
 
 /// Twin: `Light` in `scene.wgsl`.
@@ -58,24 +65,44 @@ pub(crate) struct GpuLight {
     pub pad1: u32,
 }
 
-/// What the last sample of a pixel did. Twin: `PixelHit` in `scene.wgsl`.
+/// Twin: `Path` in `scene.wgsl`.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+pub(crate) struct GpuPath {
+    pub origin: [f32; 3],
+    pub primitive: u32,
+    pub direction: [f32; 3],
+    pub u: f32,
+    pub throughput: [f32; 3],
+    pub v: f32,
+}
+
+/// Twin: `Pixel` in `scene.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+pub(crate) struct GpuPixel {
+    pub sum: [f32; 4],
+    pub seen: u32,
+    pub rays: u32,
+    pub evaluations: u32,
+    pub depth: u32,
+}
+
+/// What the last sample of a pixel did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PixelHit {
     /// Triangle that the primary ray hit, or [`crate::NO_HIT`].
     pub primitive: u32,
-    /// Rays traced, shadow rays included.
+    /// Rays traced: the eye's, mirror and shadow rays.
     pub rays: u32,
     /// Asset decodes.
     pub evaluations: u32,
-    /// Zero.
-    pub pad: u32,
 }
 
 /// A scene on a GPU.
 pub struct Tracer {
     tracer: GpuTracer,
-    pipeline: wgpu::ComputePipeline,
+    passes: [wgpu::ComputePipeline; 3],
     frame: wgpu::Buffer,
     fixed: [wgpu::Buffer; 4],
     lights: wgpu::Buffer,
@@ -90,13 +117,53 @@ pub struct Tracer {
 struct Target {
     width: u32,
     height: u32,
-    accumulation: wgpu::Buffer,
-    hits: wgpu::Buffer,
+    bands: Vec<Band>,
+}
+
+/// Rows of a picture that are drawn together: as many as one buffer binding holds.
+pub(crate) struct Band {
+    pub first_row: u32,
+    pub rows: u32,
+    /// [`GpuPixel`]s, row-major.
+    pub pixels: wgpu::Buffer,
     group: wgpu::BindGroup,
 }
 
+/// A pass over the pixels of a band.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pass {
+    /// The ray from the eye.
+    Camera,
+    /// Light at what the latest ray hit.
+    Light,
+    /// The next ray, from a mirror.
+    Mirror,
+}
+
+impl Pass {
+    const ALL: [Pass; 3] = [Pass::Camera, Pass::Light, Pass::Mirror];
+
+    fn entry_point(self) -> &'static str {
+        match self {
+            Pass::Camera => "camera_main",
+            Pass::Light => "light_main",
+            Pass::Mirror => "mirror_main",
+        }
+    }
+}
+
+/// The passes of a sample, in order.
+fn passes_of(scene: &Scene, options: &ShadeOptions) -> Vec<Pass> {
+    let mirrors = scene.materials.iter().any(|material| material.mirror.iter().any(|x| *x > 0.0));
+    let bounces = if mirrors { options.depth - 1 } else { 0 };
+    let mut passes = vec![Pass::Camera, Pass::Light];
+    (0..bounces).for_each(|_| passes.extend([Pass::Mirror, Pass::Light]));
+    passes
+}
+
 impl Tracer {
-    /// Uploads `scene`; geometry, materials and assets are then fixed, lights, camera and background are not.
+    /// Uploads `scene`; geometry, materials and assets are then fixed, lights, camera, ambient light and background are
+    /// not.
     ///
     /// # Errors
     /// [`ViewerError::NoAdapter`] without ray queries where they are asked for, [`ViewerError::Gpu`] where the scene
@@ -110,8 +177,11 @@ impl Tracer {
             .map(|material| GpuMaterial {
                 diffuse: material.diffuse,
                 asset: material.asset.map_or(NO_ASSET, |asset| bases[asset]),
+                mirror: material.mirror,
+                pad0: 0,
                 uv_scale: material.uv_scale,
-                pad: [0; 2],
+                pad1: 0,
+                pad2: 0,
             })
             .collect();
         let input = if tracer == GpuTracer::RayQuery { BufferUsages::BLAS_INPUT } else { BufferUsages::empty() };
@@ -134,13 +204,15 @@ impl Tracer {
             bind_group_layouts: &[Some(&scene_layout), Some(&structure_layout)],
             ..Default::default()
         });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("trace"),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some("trace_main"),
-            compilation_options: Default::default(),
-            cache: None,
+        let passes = Pass::ALL.map(|pass| {
+            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(pass.entry_point()),
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some(pass.entry_point()),
+                compilation_options: Default::default(),
+                cache: None,
+            })
         });
 
         let (structure, blas) = match tracer {
@@ -158,7 +230,7 @@ impl Tracer {
         let light_capacity = scene.lights.len().max(1);
         let lights = light_buffer(gpu, light_capacity)?;
         gpu.check()?;
-        Ok(Tracer { tracer, pipeline, frame, fixed, lights, light_capacity, structure, target: None, _blas: blas })
+        Ok(Tracer { tracer, passes, frame, fixed, lights, light_capacity, structure, target: None, _blas: blas })
     }
 
     /// Which tracer this is.
@@ -172,27 +244,39 @@ impl Tracer {
     }
 
     /// Adds sample number `sample` to every pixel (0 starts anew) and submits the work. `timer` is where the GPU
-    /// writes when it begins and ends.
+    /// writes when each pass begins and ends.
     ///
     /// # Errors
-    /// [`ViewerError::Gpu`] for pictures larger than the adapter binds.
+    /// [`ViewerError::Gpu`] where the driver has no memory for a picture of this size.
     pub fn sample(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
         size: [u32; 2],
-        decode: &DecodeOptions,
+        options: &ShadeOptions,
         sample: u32,
-        timer: Option<&GpuTimer>,
+        mut timer: Option<&mut GpuTimer>,
     ) -> Result<(), ViewerError> {
         self.prepare(gpu, scene, size)?;
-        self.write_frame(gpu, scene, size, decode, sample);
-        let groups = size.map(|side| side.div_ceil(GROUP));
-        self.dispatch(gpu, groups, timer);
+        let Some(target) = &self.target else { return Ok(()) };
+        let passes = passes_of(scene, options);
+        if let Some(timer) = &mut timer {
+            timer.begin(gpu, target.bands.len() * passes.len())?;
+        }
+        self.write_lights(gpu, scene);
+        for band in &target.bands {
+            self.write_frame(gpu, scene, size, band, options, sample);
+            let groups = [size[0].div_ceil(GROUP), band.rows.div_ceil(GROUP)];
+            self.dispatch(gpu, band, &passes, groups, timer.as_deref_mut());
+        }
+        if let Some(timer) = timer {
+            timer.resolve(gpu);
+        }
         Ok(())
     }
 
-    /// Runs one workgroup and waits, so that drivers that compile at the first dispatch do so before anything is timed.
+    /// Runs one workgroup of every pass and waits, so that drivers that compile at the first dispatch do so before
+    /// anything is timed.
     ///
     /// # Errors
     /// As [`Tracer::sample`].
@@ -201,11 +285,14 @@ impl Tracer {
         gpu: &Gpu,
         scene: &Scene,
         size: [u32; 2],
-        decode: &DecodeOptions,
+        options: &ShadeOptions,
     ) -> Result<(), ViewerError> {
         self.prepare(gpu, scene, size)?;
-        self.write_frame(gpu, scene, size, decode, 0);
-        self.dispatch(gpu, [1, 1], None);
+        self.write_lights(gpu, scene);
+        if let Some(band) = self.target.as_ref().and_then(|target| target.bands.first()) {
+            self.write_frame(gpu, scene, size, band, options, 0);
+            self.dispatch(gpu, band, &Pass::ALL, [1, 1], None);
+        }
         gpu.wait()
     }
 
@@ -219,30 +306,62 @@ impl Tracer {
         if known && !grown {
             return Ok(());
         }
-        let pixels = u64::from(width) * u64::from(height);
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-        let accumulation = gpu.empty_buffer("pixels of this picture", 16 * pixels, usage)?;
-        let hits = gpu.empty_buffer("pixels of this picture", size_of::<PixelHit>() as u64 * pixels, usage)?;
-        let group = bind(
-            gpu,
-            &scene_layout(gpu),
-            &[
-                (0, self.frame.as_entire_binding()),
-                (1, self.fixed[0].as_entire_binding()),
-                (2, self.fixed[1].as_entire_binding()),
-                (3, self.fixed[2].as_entire_binding()),
-                (4, self.lights.as_entire_binding()),
-                (5, self.fixed[3].as_entire_binding()),
-                (6, accumulation.as_entire_binding()),
-                (7, hits.as_entire_binding()),
-            ],
-        );
-        self.target = Some(Target { width, height, accumulation, hits, group });
-        Ok(())
+        // The old picture makes room before the new one asks for it.
+        self.target = None;
+        let limits = gpu.device.limits();
+        let most_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let most_pixels = (most_bytes / size_of::<GpuPath>() as u64).min(MOST_BAND_PIXELS);
+        let band_rows = ((most_pixels / u64::from(width)) as u32).clamp(1, height);
+        let band_pixels = u64::from(width) * u64::from(band_rows);
+        let bytes = size_of::<GpuPath>() as u64 * band_pixels;
+        let paths = gpu.empty_buffer("paths of this picture", bytes, BufferUsages::STORAGE)?;
+        let layout = scene_layout(gpu);
+        let mut bands = Vec::new();
+        for first_row in (0..height).step_by(band_rows as usize) {
+            let rows = band_rows.min(height - first_row);
+            let bytes = size_of::<GpuPixel>() as u64 * u64::from(width) * u64::from(rows);
+            let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+            let pixels = gpu.empty_buffer("pixels of this picture", bytes, usage)?;
+            let group = bind(
+                gpu,
+                &layout,
+                &[
+                    (0, self.frame.as_entire_binding()),
+                    (1, self.fixed[0].as_entire_binding()),
+                    (2, self.fixed[1].as_entire_binding()),
+                    (3, self.fixed[2].as_entire_binding()),
+                    (4, self.lights.as_entire_binding()),
+                    (5, self.fixed[3].as_entire_binding()),
+                    (6, pixels.as_entire_binding()),
+                    (7, paths.as_entire_binding()),
+                ],
+            );
+            bands.push(Band { first_row, rows, pixels, group });
+        }
+        self.target = Some(Target { width, height, bands });
+        gpu.check()
     }
 
-    fn write_frame(&self, gpu: &Gpu, scene: &Scene, [width, height]: [u32; 2], decode: &DecodeOptions, sample: u32) {
+    fn write_lights(&self, gpu: &Gpu, scene: &Scene) {
+        let lights: Vec<GpuLight> = scene
+            .lights
+            .iter()
+            .map(|light| GpuLight { position: light.position.to_array(), pad0: 0, intensity: light.intensity, pad1: 0 })
+            .collect();
+        gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
+    }
+
+    fn write_frame(
+        &self,
+        gpu: &Gpu,
+        scene: &Scene,
+        [width, height]: [u32; 2],
+        band: &Band,
+        options: &ShadeOptions,
+        sample: u32,
+    ) {
         let camera = scene.camera.frame(width, height);
+        let decode = &options.decode;
         let frame = Frame {
             eye: camera.eye.to_array(),
             width,
@@ -254,45 +373,36 @@ impl Tracer {
             sample,
             background: scene.background,
             interpolation: decode.interpolation as u32,
+            ambient: scene.ambient.radiance,
+            occlusion_distance: scene.ambient.distance,
             jitter: jitter(sample),
             components: decode.components,
             lobes: decode.lobes,
             parallax: decode.parallax.into(),
+            first_row: band.first_row,
+            rows: band.rows,
             pad0: 0,
-            pad1: 0,
-            pad2: 0,
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
-        let lights: Vec<GpuLight> = scene
-            .lights
-            .iter()
-            .map(|light| GpuLight { position: light.position.to_array(), pad0: 0, intensity: light.intensity, pad1: 0 })
-            .collect();
-        gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
     }
 
-    fn dispatch(&self, gpu: &Gpu, groups: [u32; 2], timer: Option<&GpuTimer>) {
-        let Some(target) = &self.target else { return };
+    fn dispatch(&self, gpu: &Gpu, band: &Band, passes: &[Pass], groups: [u32; 2], mut timer: Option<&mut GpuTimer>) {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some("trace"),
-                timestamp_writes: timer.map(GpuTimer::writes),
-            });
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, &target.group, &[]);
-            pass.set_bind_group(1, &self.structure, &[]);
-            pass.dispatch_workgroups(groups[0], groups[1], 1);
-        }
-        if let Some(timer) = timer {
-            timer.resolve(&mut encoder);
+        for pass in passes {
+            let timestamp_writes = timer.as_mut().map(|timer| timer.writes(*pass));
+            let mut compute = encoder
+                .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(pass.entry_point()), timestamp_writes });
+            compute.set_pipeline(&self.passes[*pass as usize]);
+            compute.set_bind_group(0, &band.group, &[]);
+            compute.set_bind_group(1, &self.structure, &[]);
+            compute.dispatch_workgroups(groups[0], groups[1], 1);
         }
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// The buffer with the sum of all samples, RGB and their count, row-major; `None` before the first sample.
-    pub(crate) fn accumulation(&self) -> Option<&wgpu::Buffer> {
-        self.target.as_ref().map(|target| &target.accumulation)
+    /// The picture's bands, from the top; empty before the first sample.
+    pub(crate) fn bands(&self) -> &[Band] {
+        self.target.as_ref().map_or(&[], |target| &target.bands)
     }
 
     /// Mean linear radiance per pixel, row-major from the top left; empty before the first sample.
@@ -300,9 +410,11 @@ impl Tracer {
     /// # Errors
     /// [`ViewerError::Gpu`] with what the driver reported.
     pub fn read_radiance(&self, gpu: &Gpu) -> Result<Vec<[f32; 3]>, ViewerError> {
-        let Some(target) = &self.target else { return Ok(Vec::new()) };
-        let sums: Vec<[f32; 4]> = gpu.read(&target.accumulation, (target.width * target.height) as usize)?;
-        Ok(sums.iter().map(|[r, g, b, count]| [r / count, g / count, b / count]).collect())
+        let mean = |pixel: &GpuPixel| {
+            let [r, g, b, count] = pixel.sum;
+            [r / count, g / count, b / count]
+        };
+        Ok(self.read_pixels(gpu)?.iter().map(mean).collect())
     }
 
     /// What the last sample of every pixel did; empty before the first sample.
@@ -310,8 +422,18 @@ impl Tracer {
     /// # Errors
     /// [`ViewerError::Gpu`] with what the driver reported.
     pub fn read_hits(&self, gpu: &Gpu) -> Result<Vec<PixelHit>, ViewerError> {
+        let hit =
+            |pixel: &GpuPixel| PixelHit { primitive: pixel.seen, rays: pixel.rays, evaluations: pixel.evaluations };
+        Ok(self.read_pixels(gpu)?.iter().map(hit).collect())
+    }
+
+    fn read_pixels(&self, gpu: &Gpu) -> Result<Vec<GpuPixel>, ViewerError> {
         let Some(target) = &self.target else { return Ok(Vec::new()) };
-        gpu.read(&target.hits, (target.width * target.height) as usize)
+        let mut pixels = Vec::with_capacity(target.width as usize * target.height as usize);
+        for band in &target.bands {
+            pixels.extend(gpu.read::<GpuPixel>(&band.pixels, (target.width * band.rows) as usize)?);
+        }
+        Ok(pixels)
     }
 }
 
@@ -434,47 +556,96 @@ pub(crate) fn bind(
     gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }
 
-/// Measures a compute pass by GPU timestamps.
+/// Measures a sample's passes by GPU timestamps.
 pub struct GpuTimer {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
+    capacity: usize,
     period_ns: f32,
+    /// What was timed since `begin`.
+    timed: Vec<Pass>,
+}
+
+/// GPU time of a sample by kind of pass, milliseconds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
+pub struct PassTimes {
+    /// Rays from the eye.
+    pub camera_ms: f64,
+    /// Light: decoding and shadow rays, ambient occlusion in them.
+    pub light_ms: f64,
+    /// Rays from mirrors.
+    pub mirror_ms: f64,
+}
+
+impl PassTimes {
+    /// All of it.
+    pub fn sum_ms(&self) -> f64 {
+        self.camera_ms + self.light_ms + self.mirror_ms
+    }
 }
 
 impl GpuTimer {
     /// `None` where the device has no timestamps.
     pub fn new(gpu: &Gpu) -> Option<GpuTimer> {
+        const USUAL_PASSES: usize = 8;
         if !gpu.has_timestamps() {
             return None;
         }
-        let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
-            label: Some("timer"),
-            ty: wgpu::QueryType::Timestamp,
-            count: 2,
-        });
-        let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
-        let resolved = gpu.empty_buffer("timestamps", 16, usage).ok()?;
-        Some(GpuTimer { queries, resolved, period_ns: gpu.queue.get_timestamp_period() })
+        let (queries, resolved) = timer_buffers(gpu, USUAL_PASSES).ok()?;
+        let period_ns = gpu.queue.get_timestamp_period();
+        Some(GpuTimer { queries, resolved, capacity: USUAL_PASSES, period_ns, timed: Vec::new() })
     }
 
-    fn writes(&self) -> wgpu::ComputePassTimestampWrites<'_> {
+    fn begin(&mut self, gpu: &Gpu, passes: usize) -> Result<(), ViewerError> {
+        self.timed.clear();
+        if passes > self.capacity {
+            self.capacity = passes.next_power_of_two();
+            (self.queries, self.resolved) = timer_buffers(gpu, self.capacity)?;
+        }
+        Ok(())
+    }
+
+    fn writes(&mut self, pass: Pass) -> wgpu::ComputePassTimestampWrites<'_> {
+        let first = 2 * self.timed.len() as u32;
+        self.timed.push(pass);
         wgpu::ComputePassTimestampWrites {
             query_set: &self.queries,
-            beginning_of_pass_write_index: Some(0),
-            end_of_pass_write_index: Some(1),
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
         }
     }
 
-    fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.resolve_query_set(&self.queries, 0..2, &self.resolved, 0);
+    fn resolve(&self, gpu: &Gpu) {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encoder.resolve_query_set(&self.queries, 0..2 * self.timed.len() as u32, &self.resolved, 0);
+        gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Waits for the last pass and returns how long it took.
+    /// Waits for the last sample and returns how long its passes took.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] with what the driver reported.
-    pub fn read_ms(&self, gpu: &Gpu) -> Result<f64, ViewerError> {
-        let ticks: Vec<u64> = gpu.read(&self.resolved, 2)?;
-        Ok(ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.period_ns) * 1e-6)
+    pub fn read(&self, gpu: &Gpu) -> Result<PassTimes, ViewerError> {
+        let ticks: Vec<u64> = gpu.read(&self.resolved, 2 * self.timed.len())?;
+        let mut times = PassTimes::default();
+        for (pass, ticks) in self.timed.iter().zip(ticks.chunks_exact(2)) {
+            let time = match pass {
+                Pass::Camera => &mut times.camera_ms,
+                Pass::Light => &mut times.light_ms,
+                Pass::Mirror => &mut times.mirror_ms,
+            };
+            *time += ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.period_ns) * 1e-6;
+        }
+        Ok(times)
     }
+}
+
+fn timer_buffers(gpu: &Gpu, passes: usize) -> Result<(wgpu::QuerySet, wgpu::Buffer), ViewerError> {
+    let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+        label: Some("timer"),
+        ty: wgpu::QueryType::Timestamp,
+        count: 2 * passes as u32,
+    });
+    let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
+    Ok((queries, gpu.empty_buffer("timestamps", 16 * passes as u64, usage)?))
 }

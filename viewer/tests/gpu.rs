@@ -4,8 +4,8 @@
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRole, Resident, ResidualKind, decode, pack};
 use btf_viewer::{
-    BackendChoice, Control, DecodeQuery, Gpu, GpuTracer, MeshChoice, NO_HIT, RenderParams, Rendered, Scene, SceneAsset,
-    gpu_decode, render,
+    BackendChoice, Camera, Control, DecodeQuery, Gpu, GpuTracer, Material, MeshChoice, NO_HIT, RenderParams, Rendered,
+    Scene, SceneAsset, SceneObject, ShadeOptions, gpu_decode, render,
 };
 use std::io::Write;
 use std::sync::Arc;
@@ -145,7 +145,7 @@ fn scene(mesh: MeshChoice) -> Scene {
 }
 
 fn draw(scene: &Scene, backend: BackendChoice, frames: u32) -> Rendered {
-    let params = RenderParams { size: [160, 120], frames, backend, adapter: None, decode: DecodeOptions::default() };
+    let params = RenderParams { size: [160, 120], frames, backend, adapter: None, shade: ShadeOptions::default() };
     render(scene, &params, &Control::SILENT).unwrap()
 }
 
@@ -224,6 +224,62 @@ fn gpu_pictures_equal_the_cpu_picture() {
         moved.lights[0].position.x += 0.02 * moved.lights[0].position.length();
         assert!(picture_differences(&cpu, &draw(&moved, BackendChoice::Gpu(GpuTracer::Bvh), 2)) > allowed);
         assert!(picture_differences(&cpu, &draw(&scene, BackendChoice::Gpu(GpuTracer::Bvh), 1)) > allowed);
+    }
+}
+
+#[test]
+fn mirrors_and_ambient_occlusion_are_the_cpu_pictures() {
+    let Some(_gpu) = gpu("mirrors_and_ambient_occlusion_are_the_cpu_pictures") else { return };
+    let mut scene = scene(MeshChoice::Cornell);
+    scene.ambient = scene.usual_ambient();
+    let dull = scene.clone();
+    scene.materials.iter_mut().filter(|material| material.asset.is_some()).for_each(|m| m.mirror = [0.5, 0.4, 0.3]);
+    let cpu = draw(&scene, BackendChoice::Cpu, 3);
+    // Occlusion rays near an edge go either way, and a mirror doubles what the eye sees.
+    let allowed = cpu.hits.len() / 100;
+    for tracer in TRACERS {
+        let found = draw(&scene, BackendChoice::Gpu(tracer), 3);
+        let differences = picture_differences(&cpu, &found);
+        println!("{}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
+        assert!(differences <= allowed, "{}: {differences}", tracer.name());
+        let share = found.report.rays as f64 / cpu.report.rays as f64;
+        assert!((share - 1.0).abs() < 0.002, "{share}");
+        let passes = found.report.passes.unwrap();
+        assert!(passes.camera_ms > 0.0 && passes.light_ms > 0.0 && passes.mirror_ms > 0.0);
+    }
+    // Planted differences: no mirrors, no ambient light, and it from another distance.
+    assert!(picture_differences(&cpu, &draw(&dull, BackendChoice::Gpu(GpuTracer::Bvh), 3)) > 5 * allowed);
+    let mut other = scene.clone();
+    other.ambient.distance *= 0.5;
+    assert!(picture_differences(&cpu, &draw(&other, BackendChoice::Gpu(GpuTracer::Bvh), 3)) > allowed);
+    other.ambient = btf_viewer::Ambient::NONE;
+    assert!(picture_differences(&cpu, &draw(&other, BackendChoice::Gpu(GpuTracer::Bvh), 3)) > 5 * allowed);
+}
+
+#[test]
+fn progressive_occlusion_converges_to_the_share_of_the_sky() {
+    let Some(_gpu) = gpu("progressive_occlusion_converges_to_the_share_of_the_sky") else { return };
+    // Under a wide ceiling at height h, occlusion within D leaves (h / D)^2 of the cosine-weighted sky.
+    let mut parts = vec![btf_viewer::plane(), btf_viewer::plane()];
+    parts[1]
+        .transform(glam::Mat4::from_translation(glam::Vec3::Z * 0.5) * glam::Mat4::from_scale(glam::Vec3::splat(40.0)));
+    let objects = parts.into_iter().map(|part| SceneObject { part, material: Material::plain([0.8; 3]) }).collect();
+    let mut scene = Scene::from_objects(std::path::Path::new("ceiling"), objects, Vec::new()).unwrap();
+    scene.camera =
+        Camera { eye: glam::Vec3::new(0.0, -0.6, 0.3), target: glam::Vec3::ZERO, up: glam::Vec3::Z, fov_deg: 20.0 };
+    scene.lights.clear();
+    scene.ambient = btf_viewer::Ambient { radiance: [0.5; 3], distance: 0.5 / 0.3f32.sqrt() };
+    let expected = 0.8 * 0.5 * 0.3;
+    for backend in [BackendChoice::Cpu, BackendChoice::Gpu(GpuTracer::Bvh), BackendChoice::Gpu(GpuTracer::RayQuery)] {
+        let error = |frames| {
+            let rendered = draw(&scene, backend, frames);
+            let sum: f64 = rendered.picture.radiance.iter().map(|c| (f64::from(c[1]) - expected).powi(2)).sum();
+            (sum / rendered.picture.radiance.len() as f64).sqrt() / expected
+        };
+        // Stratified: the error falls faster than the root of the samples, by which it would be a quarter.
+        let (few, many) = (error(4), error(64));
+        println!("{backend:?}: {few:.4} after 4 samples, {many:.4} after 64");
+        assert!(few > 0.1 && many < few / 6.0, "{few} {many}");
     }
 }
 

@@ -6,7 +6,7 @@ use btf_runtime::testing::sample_asset;
 use btf_runtime::{Asset, DecodeOptions, Layer, Resident, ResidualKind, SurfaceSide, decode, pack};
 use btf_viewer::{
     BackendChoice, Camera, Control, GpuTracer, Material, PointLight, RenderParams, Scene, SceneAsset, SceneObject,
-    jitter, plane, quad, render,
+    ShadeOptions, jitter, plane, quad, render,
 };
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -66,7 +66,7 @@ fn scene(asset: &Asset, others: Vec<SceneObject>, light_back: bool, eye_back: bo
 }
 
 fn draw(scene: &Scene, backend: BackendChoice) -> Vec<[f32; 3]> {
-    let params = RenderParams { size: SIZE, frames: 1, backend, adapter: None, decode: DecodeOptions::default() };
+    let params = RenderParams { size: SIZE, frames: 1, backend, adapter: None, shade: ShadeOptions::default() };
     render(scene, &params, &Control::SILENT).unwrap().picture.radiance
 }
 

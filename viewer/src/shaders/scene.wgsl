@@ -2,6 +2,7 @@
 
 struct Frame {
     eye: vec3<f32>,
+    // Of the whole picture, pixels.
     width: u32,
     forward: vec3<f32>,
     height: u32,
@@ -12,13 +13,17 @@ struct Frame {
     sample: u32,
     background: vec3<f32>,
     interpolation: u32,
+    // Radiance from everywhere within occlusion_distance; 0 for none.
+    ambient: vec3<f32>,
+    occlusion_distance: f32,
     jitter: vec2<f32>,
     components: u32,
     lobes: u32,
     parallax: u32,
+    // The band of rows that is drawn.
+    first_row: u32,
+    rows: u32,
     pad0: u32,
-    pad1: u32,
-    pad2: u32,
 }
 
 struct Vertex {
@@ -38,8 +43,12 @@ struct Material {
     diffuse: vec3<f32>,
     // Word of the arena where the asset begins, or NO_ASSET.
     asset: u32,
+    // Reflectance of the perfect mirror on top; 0 for none.
+    mirror: vec3<f32>,
+    pad0: u32,
     uv_scale: vec2<f32>,
-    pad: vec2<u32>,
+    pad1: u32,
+    pad2: u32,
 }
 
 struct Light {
@@ -49,17 +58,30 @@ struct Light {
     pad1: u32,
 }
 
-// What the last sample of a pixel did.
-struct PixelHit {
+// The path of a pixel's sample: its latest ray and what that hit.
+struct Path {
+    origin: vec3<f32>,
+    // Triangle that the latest ray hit, or NO_HIT.
     primitive: u32,
+    direction: vec3<f32>,
+    // Barycentric weights of the triangle's second and third corner.
+    u: f32,
+    // What radiance along the latest ray counts for in the pixel.
+    throughput: vec3<f32>,
+    v: f32,
+}
+
+struct Pixel {
+    // Sum of the samples' linear radiance; w counts them.
+    sum: vec4<f32>,
+    // What the last sample did: the triangle that the eye sees or NO_HIT, rays, decodes, rays of its path.
+    seen: u32,
     rays: u32,
     evaluations: u32,
-    pad: u32,
+    depth: u32,
 }
 
 const NO_ASSET: u32 = 0xffffffffu;
-// Word of an asset that holds its number of layers (resident.rs in btf-runtime).
-const ASSET_LAYER_COUNT: u32 = 2u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> vertices: array<Vertex>;
@@ -67,9 +89,9 @@ const ASSET_LAYER_COUNT: u32 = 2u;
 @group(0) @binding(3) var<storage, read> materials: array<Material>;
 @group(0) @binding(4) var<storage, read> lights: array<Light>;
 @group(0) @binding(5) var<storage, read> assets: array<u32>;
-// Sum of the samples' linear radiance; w counts them.
-@group(0) @binding(6) var<storage, read_write> accumulation: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> pixel_hits: array<PixelHit>;
+// Those of the band.
+@group(0) @binding(6) var<storage, read_write> pixels: array<Pixel>;
+@group(0) @binding(7) var<storage, read_write> paths: array<Path>;
 
 fn asset_word(index: u32) -> u32 {
     return assets[index];

@@ -1,5 +1,5 @@
 enable wgpu_ray_query;
-// Entry point of the tracer for adapters with ray queries. No browser reads this file; it comes first when the
+// The tracer for adapters with ray queries. No browser reads this file; it comes first when the
 // texts are joined, because an enable directive must.
 
 @group(1) @binding(0) var acceleration: acceleration_structure;
@@ -29,11 +29,4 @@ fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> boo
     while (rayQueryProceed(&query)) {
     }
     return rayQueryGetCommittedIntersection(&query).kind != RAY_QUERY_INTERSECTION_NONE;
-}
-
-@compute @workgroup_size(8, 8)
-fn trace_main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x < frame.width && id.y < frame.height {
-        shade_pixel(id.xy);
-    }
 }

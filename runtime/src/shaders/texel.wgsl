@@ -1,0 +1,121 @@
+// A texel within a layer: what does not depend on the directions, its lobes and its residual. Twin: texel.rs; the offsets
+// are those of resident.rs (`block`), compared by a test.
+
+const ASSET_LAYERS: u32 = 4u;
+const BLOCK_LIGHT_SIDE: u32 = 0u;
+const BLOCK_VIEW_SIDE: u32 = 1u;
+const BLOCK_RESIDUAL_KIND: u32 = 2u;
+const BLOCK_EPSILON: u32 = 3u;
+const BLOCK_BASES: u32 = 4u;
+const BLOCK_CHANNEL_WORDS: u32 = 5u;
+const BLOCK_LIGHTS: u32 = 6u;
+const BLOCK_VIEWS: u32 = 7u;
+const BLOCK_RECORDS: u32 = 8u;
+const BLOCK_REFS: u32 = 9u;
+const BLOCK_DICTIONARIES: u32 = 10u;
+const BLOCK_BASIS: u32 = 11u;
+const BLOCK_CODES: u32 = 12u;
+const BLOCK_CODE_WORDS: u32 = 13u;
+const LOBE_ROLE_GUIDE: u32 = 1u;
+const BLOCK_LIGHT_COUNT: u32 = 14u;
+const BLOCK_PAIRS: u32 = 15u;
+const BLOCK_HORIZON: u32 = 16u;
+const BLOCK_LOBE_ROLE: u32 = 17u;
+const BLOCK_HEIGHTS: u32 = 18u;
+const BLOCK_HEIGHT_STEP: u32 = 19u;
+const BLOCK_LEAST_HEIGHT: u32 = 20u;
+const BLOCK_MOST_HEIGHT: u32 = 21u;
+
+
+// The speed and accuracy dial.
+struct BtfOptions {
+    components: u32,
+    lobes: u32,
+    interpolation: u32,
+    // 1 removes the parallax of eyes outside the views' hull, where the asset has heights.
+    parallax: u32,
+}
+
+// A texel's record, with the options' limits applied.
+struct Texel {
+    base: u32,
+    // First word of the layer's block.
+    layer: u32,
+    texel: u32,
+    cluster: u32,
+    lobes: u32,
+    first_ref: u32,
+    // The mean and the components that are used; 0 without residual.
+    bases: u32,
+    pad: u32,
+}
+
+// Texel number `texel` of the layer whose block begins at word `layer`, in the asset at word `base`.
+fn texel_at(base: u32, layer: u32, texel: u32, options: BtfOptions) -> Texel {
+    let record = base + asset_word(layer + BLOCK_RECORDS) + 2u * texel;
+    let head = asset_word(record);
+    // components + 1 without wrapping round at 0xffffffff.
+    let wanted = min(options.components, 0xfffffffeu) + 1u;
+    return Texel(
+        base,
+        layer,
+        texel,
+        head & 0xffffu,
+        min(head >> 16u, options.lobes),
+        asset_word(record + 1u),
+        min(asset_word(layer + BLOCK_BASES), wanted),
+        0u,
+    );
+}
+
+fn texel_lobe_sum(t: Texel, wi: vec3<f32>, wo: vec3<f32>) -> vec3<f32> {
+    let dictionary = t.base + asset_word(t.base + asset_word(t.layer + BLOCK_DICTIONARIES) + t.cluster);
+    let refs = t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref;
+    var sum = vec3<f32>(0.0);
+    for (var slot = 0u; slot < t.lobes; slot++) {
+        let reference = asset_word(refs + slot);
+        let lobe = lobe_from_resident(dictionary + (reference & 0xffu) * LOBE_RESIDENT_WORDS);
+        let value = lobe_eval(lobe, wi, wo);
+        sum += value * vec3<f32>(
+            weight_from_byte((reference >> 8u) & 0xffu, lobe.weight_scale),
+            weight_from_byte((reference >> 16u) & 0xffu, lobe.weight_scale),
+            weight_from_byte((reference >> 24u) & 0xffu, lobe.weight_scale),
+        );
+    }
+    return sum;
+}
+
+fn texel_basis_weight(t: Texel, index: u32) -> f32 {
+    if index == 0u {
+        return 1.0;
+    }
+    if index >= t.bases {
+        return 0.0;
+    }
+    let component = index - 1u;
+    let codes = t.base + asset_word(t.layer + BLOCK_CODES) + t.texel * asset_word(t.layer + BLOCK_CODE_WORDS);
+    let word = asset_word(codes + component / 4u);
+    return coefficient_from_byte((word >> (8u * (component % 4u))) & 0xffu);
+}
+
+// The residual at the pairs of `view` with those of three `lights` that are `wanted`; 0 at the others.
+fn texel_residual(t: Texel, view: u32, lights: vec3<u32>, wanted: vec3<bool>) -> mat3x3<f32> {
+    let channel_words = asset_word(t.layer + BLOCK_CHANNEL_WORDS);
+    let pair = t.cluster * asset_word(t.layer + BLOCK_PAIRS) + view * asset_word(t.layer + BLOCK_LIGHT_COUNT);
+    let first = t.base + asset_word(t.layer + BLOCK_BASIS) + pair * 3u * channel_words;
+    var sum = mat3x3<f32>();
+    for (var word = 0u; word < (t.bases + 1u) / 2u; word++) {
+        let weights = vec2<f32>(texel_basis_weight(t, 2u * word), texel_basis_weight(t, 2u * word + 1u));
+        for (var l = 0u; l < 3u; l++) {
+            if wanted[l] {
+                let at = first + lights[l] * 3u * channel_words + word;
+                sum[l] += vec3<f32>(
+                    dot(weights, unpack2x16float(asset_word(at))),
+                    dot(weights, unpack2x16float(asset_word(at + channel_words))),
+                    dot(weights, unpack2x16float(asset_word(at + 2u * channel_words))),
+                );
+            }
+        }
+    }
+    return sum;
+}

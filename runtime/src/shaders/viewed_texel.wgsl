@@ -1,0 +1,192 @@
+// A texel as an eye sees it: the half of decoding that does not depend on the light, done once however many lights there
+// are; and the residual, summed over the views, at the measured lights that were asked for. Twin: viewed_texel.rs.
+
+const INTERPOLATION_EXACT: u32 = 1u;
+const RATIO_EPSILON: f32 = 0.03;
+const RATIO_LEAST: f32 = 0.3;
+const RATIO_MOST: f32 = 4.0;
+const LIGHT_ROWS: u32 = 16u;
+
+// Rows of one viewed texel, by measured light; a variable of this type begins without any.
+struct LightRows {
+    // Number of the measured light plus 1; 0 for no row.
+    ids: array<u32, LIGHT_ROWS>,
+    // Fast rule: the residual. Exact rule: decoded linear values.
+    values: array<vec3<f32>, LIGHT_ROWS>,
+    // Exact rule: lobe sums.
+    lobes: array<vec3<f32>, LIGHT_ROWS>,
+}
+
+// Three rows, one a column.
+struct ThreeRows {
+    values: mat3x3<f32>,
+    lobes: mat3x3<f32>,
+}
+
+struct ViewedTexel {
+    t: Texel,
+    options: BtfOptions,
+    // In the layer's frame; z <= 0 is on the other side, and everything black.
+    wo: vec3<f32>,
+    kind: u32,
+    views: vec3<u32>,
+    guide: bool,
+    weights: vec3<f32>,
+    // Whether the neighbouring views show other texels than this one: those in `shown`.
+    shifted: bool,
+    shown: vec3<u32>,
+    exact: bool,
+}
+
+// `texel` of `layer` seen from `wo`, a unit vector towards the eye in the texel's frame.
+fn viewed_new(base: u32, layer: u32, texel: u32, wo_given: vec3<f32>, options: BtfOptions) -> ViewedTexel {
+    let t = texel_at(base, base + asset_word(base + ASSET_LAYERS + layer), texel, options);
+    var wo = wo_given;
+    if asset_word(t.layer + BLOCK_VIEW_SIDE) == 1u {
+        wo.z = -wo.z;
+    }
+    let view = sphere_locate(base + asset_word(t.layer + BLOCK_VIEWS), wo);
+    var viewed = ViewedTexel(
+        t,
+        options,
+        wo,
+        asset_word(t.layer + BLOCK_RESIDUAL_KIND),
+        view.ids,
+        // Lobes that only guide are not part of the value, and the fast rule does not ask them.
+        asset_word(t.layer + BLOCK_LOBE_ROLE) == LOBE_ROLE_GUIDE,
+        view.weights,
+        options.parallax != 0u && view.beyond < 1.0 && wo.z > 0.0 && asset_word(t.layer + BLOCK_HEIGHTS) != 0u,
+        vec3<u32>(texel),
+        options.interpolation == INTERPOLATION_EXACT,
+    );
+    if viewed.shifted {
+        let range = vec2<f32>(asset_f32(t.layer + BLOCK_LEAST_HEIGHT), asset_f32(t.layer + BLOCK_MOST_HEIGHT));
+        let heights = base + asset_word(t.layer + BLOCK_HEIGHTS);
+        let field = HeightField(heights, btf_size(base), asset_f32(t.layer + BLOCK_HEIGHT_STEP), range);
+        let measured = viewed_measured_views(viewed);
+        let seen = height_seen_by(field, texel, wo, view.beyond, measured, view.weights);
+        viewed.shown = seen.texels;
+        viewed.weights = seen.weights;
+    }
+    return viewed;
+}
+
+fn viewed_measured_views(viewed: ViewedTexel) -> array<vec3<f32>, 3> {
+    let at = viewed.t.base + asset_word(viewed.t.layer + BLOCK_VIEWS);
+    return array<vec3<f32>, 3>(
+        sphere_direction(at, viewed.views.x),
+        sphere_direction(at, viewed.views.y),
+        sphere_direction(at, viewed.views.z),
+    );
+}
+
+// The texel that neighbouring view `v` shows.
+fn viewed_shown_by(viewed: ViewedTexel, v: u32) -> Texel {
+    if !viewed.shifted {
+        return viewed.t;
+    }
+    return texel_at(viewed.t.base, viewed.t.layer, viewed.shown[v], viewed.options);
+}
+
+// Sum of the lobes that the eye sees.
+fn viewed_lobe_sum(viewed: ViewedTexel, wi: vec3<f32>) -> vec3<f32> {
+    if !viewed.shifted {
+        return texel_lobe_sum(viewed.t, wi, viewed.wo);
+    }
+    var sum = vec3<f32>(0.0);
+    for (var v = 0u; v < 3u; v++) {
+        if viewed.weights[v] > 0.0 {
+            sum += viewed.weights[v] * texel_lobe_sum(viewed_shown_by(viewed, v), wi, viewed.wo);
+        }
+    }
+    return sum;
+}
+
+// The rows of three measured lights; those not `wanted` stay 0.
+fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsilon: f32) -> ThreeRows {
+    var rows = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
+    var measured = viewed_measured_views(viewed);
+    let base_share = select(1.0, 0.0, viewed.guide);
+    for (var v = 0u; v < 3u; v++) {
+        let weight = viewed.weights[v];
+        if weight <= 0.0 {
+            continue;
+        }
+        let t = viewed_shown_by(viewed, v);
+        let residual = texel_residual(t, viewed.views[v], lights, wanted);
+        if !viewed.exact {
+            rows.values += weight * residual;
+            continue;
+        }
+        for (var l = 0u; l < 3u; l++) {
+            if wanted[l] {
+                let wi = sphere_direction(t.base + asset_word(t.layer + BLOCK_LIGHTS), lights[l]);
+                let lobes = texel_lobe_sum(t, wi, measured[v]);
+                rows.values[l] += weight * residual_combine(viewed.kind, base_share * lobes, residual[l], epsilon, 1.0);
+                rows.lobes[l] += weight * lobes;
+            }
+        }
+    }
+    return rows;
+}
+
+// Reflectance times cosine times pi for the light at `wi`, a unit vector in the texel's frame; 0 where light or eye are on
+// another side than the layer's. `rows` are those of this viewed texel.
+fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: vec3<f32>) -> vec3<f32> {
+    let t = viewed.t;
+    var wi = wi_given;
+    if asset_word(t.layer + BLOCK_LIGHT_SIDE) == 1u {
+        wi.z = -wi.z;
+    }
+    if wi.z <= 0.0 || viewed.wo.z <= 0.0 {
+        return vec3<f32>(0.0);
+    }
+    let fade = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
+    var here = vec3<f32>(0.0);
+    if !viewed.guide || viewed.exact || t.bases == 0u {
+        here = viewed_lobe_sum(viewed, wi);
+    }
+    if t.bases == 0u {
+        return max(here, vec3<f32>(0.0)) * fade;
+    }
+    let light = sphere_locate(t.base + asset_word(t.layer + BLOCK_LIGHTS), wi);
+    let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
+
+    let place = light.ids % LIGHT_ROWS;
+    var wanted = light.weights > vec3<f32>(0.0);
+    var found = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
+    for (var l = 0u; l < 3u; l++) {
+        if wanted[l] && (*rows).ids[place[l]] == light.ids[l] + 1u {
+            found.values[l] = (*rows).values[place[l]];
+            if viewed.exact {
+                found.lobes[l] = (*rows).lobes[place[l]];
+            }
+            wanted[l] = false;
+        }
+    }
+    if any(wanted) {
+        let made = viewed_rows(viewed, light.ids, wanted, epsilon);
+        for (var l = 0u; l < 3u; l++) {
+            if wanted[l] {
+                found.values[l] = made.values[l];
+                (*rows).ids[place[l]] = light.ids[l] + 1u;
+                (*rows).values[place[l]] = made.values[l];
+                if viewed.exact {
+                    found.lobes[l] = made.lobes[l];
+                    (*rows).lobes[place[l]] = made.lobes[l];
+                }
+            }
+        }
+    }
+    let value = found.values * light.weights;
+    if !viewed.exact {
+        // Beyond the lights' hull the residual falls with the light's cosine; alone, the decoded value does.
+        let base = select(here, vec3<f32>(0.0), viewed.guide);
+        let scaled = select(light.beyond, 1.0, viewed.guide);
+        let falling = select(1.0, light.beyond, viewed.guide);
+        return residual_combine(viewed.kind, base, value, epsilon, scaled) * falling * fade;
+    }
+    let lobes = found.lobes * light.weights;
+    let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);
+    return value * clamp(ratio, vec3<f32>(RATIO_LEAST), vec3<f32>(RATIO_MOST)) * fade;
+}

@@ -1,0 +1,26 @@
+// Entry points that draw: each is one pass over the pixels of a band.
+
+fn in_band(pixel: vec2<u32>) -> bool {
+    return pixel.x < frame.width && pixel.y < frame.rows;
+}
+
+@compute @workgroup_size(8, 8)
+fn camera_main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if in_band(id.xy) {
+        camera_pass(id.xy);
+    }
+}
+
+@compute @workgroup_size(8, 8)
+fn light_main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if in_band(id.xy) {
+        light_pass(id.xy);
+    }
+}
+
+@compute @workgroup_size(8, 8)
+fn mirror_main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if in_band(id.xy) {
+        mirror_pass(id.xy);
+    }
+}

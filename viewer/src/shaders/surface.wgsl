@@ -1,0 +1,121 @@
+// The surface where a ray hits it. Twin: surface.rs.
+
+struct Hit {
+    t: f32,
+    primitive: u32,
+    u: f32,
+    v: f32,
+}
+
+const NO_HIT: u32 = 0xffffffffu;
+// Cosine to which an eye below the shading horizon is lifted; interpolated normals turn away at silhouettes.
+const LEAST_EYE_COS: f32 = 1e-3;
+
+struct Surface {
+    position: vec3<f32>,
+    material: u32,
+    // Of the triangle, on the side of the shading normal.
+    flat: vec3<f32>,
+    // The ray came from behind.
+    view_back: bool,
+    // Frame of the texel: x, y, z.
+    tangent: vec3<f32>,
+    bitangent: vec3<f32>,
+    normal: vec3<f32>,
+    // Towards the eye, in that frame.
+    wo: vec3<f32>,
+    uv: vec2<f32>,
+    // Where rays begin that leave on the front, and on the back.
+    above: vec3<f32>,
+    below: vec3<f32>,
+}
+
+fn normalize_or(v: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
+    let length2 = dot(v, v);
+    if length2 > 1e-20 {
+        return v * inverseSqrt(length2);
+    }
+    return other;
+}
+
+// A vector perpendicular to the unit n.
+fn perpendicular(n: vec3<f32>) -> vec3<f32> {
+    if abs(n.x) < 0.9 {
+        return normalize(vec3<f32>(0.0, -n.z, n.y));
+    }
+    return normalize(vec3<f32>(n.z, 0.0, -n.x));
+}
+
+// Moves a point off a surface by some units in the last place [Waechter and Binder 2019].
+fn offset_along(p: vec3<f32>, n: vec3<f32>) -> vec3<f32> {
+    let steps = vec3<i32>(n * 256.0);
+    let moved = bitcast<vec3<f32>>(bitcast<vec3<i32>>(p) + select(steps, -steps, p < vec3<f32>(0.0)));
+    return select(moved, p + n / 65536.0, abs(p) < vec3<f32>(1.0 / 32.0));
+}
+
+// Lifts a point of a flat triangle onto the curved surface that its normals mean, which keeps the shadow's edge on a
+// curved object smooth [Hanika 2021]. `side` is 1 or -1, the side of the light.
+fn lift(p: vec3<f32>, weights: vec3<f32>, corners: array<Vertex, 3>, side: f32) -> vec3<f32> {
+    var at = vec3<f32>(0.0);
+    for (var i = 0u; i < 3u; i++) {
+        let normal = corners[i].normal * side;
+        at += weights[i] * (p - normal * min(dot(p - corners[i].position, normal), 0.0));
+    }
+    return at;
+}
+
+// The surface of triangle `primitive` at the barycentric weights `at` of its second and third corner, seen along the ray.
+fn surface_at(primitive: u32, at: vec2<f32>, direction: vec3<f32>) -> Surface {
+    let triangle = triangles[primitive];
+    let corners = array<Vertex, 3>(
+        vertices[triangle.vertices.x],
+        vertices[triangle.vertices.y],
+        vertices[triangle.vertices.z],
+    );
+    let a = corners[0];
+    let b = corners[1];
+    let c = corners[2];
+    let weights = vec3<f32>(1.0 - at.x - at.y, at);
+    let p = a.position * weights.x + b.position * weights.y + c.position * weights.z;
+    let uv = vec2<f32>(
+        a.u * weights.x + b.u * weights.y + c.u * weights.z,
+        a.v * weights.x + b.v * weights.y + c.v * weights.z,
+    );
+
+    // The flat normal, on the side of the shading normal; the frame of the texel.
+    var flat = normalize_or(cross(b.position - a.position, c.position - a.position), vec3<f32>(0.0, 0.0, 1.0));
+    let normal = normalize_or(a.normal * weights.x + b.normal * weights.y + c.normal * weights.z, flat);
+    if dot(flat, normal) < 0.0 {
+        flat = -flat;
+    }
+    let slanted = a.tangent.xyz * weights.x + b.tangent.xyz * weights.y + c.tangent.xyz * weights.z;
+    let tangent = normalize_or(slanted - normal * dot(normal, slanted), perpendicular(normal));
+    let bitangent = cross(normal, tangent) * a.tangent.w;
+
+    let wo_world = -direction;
+    let view_back = dot(flat, wo_world) < 0.0;
+    var wo = vec3<f32>(dot(tangent, wo_world), dot(bitangent, wo_world), dot(normal, wo_world));
+    wo.z = select(max(wo.z, LEAST_EYE_COS), min(wo.z, -LEAST_EYE_COS), view_back);
+    return Surface(
+        p,
+        triangle.material,
+        flat,
+        view_back,
+        tangent,
+        bitangent,
+        normal,
+        normalize(wo),
+        uv,
+        offset_along(lift(p, weights, corners, 1.0), flat),
+        offset_along(lift(p, weights, corners, -1.0), -flat),
+    );
+}
+
+// A direction of the world in the frame of the texel, and back.
+fn local_from_world(s: Surface, d: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(dot(s.tangent, d), dot(s.bitangent, d), dot(s.normal, d));
+}
+
+fn world_from_local(s: Surface, d: vec3<f32>) -> vec3<f32> {
+    return s.tangent * d.x + s.bitangent * d.y + s.normal * d.z;
+}
