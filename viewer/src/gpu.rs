@@ -24,6 +24,8 @@ pub struct Gpu {
     pub(crate) instance: wgpu::Instance,
     pub(crate) adapter: wgpu::Adapter,
     info: wgpu::AdapterInfo,
+    /// Bytes of one piece of the assets at most.
+    most_piece_bytes: u64,
     /// First error that the driver reported outside a call.
     fault: Arc<Mutex<Option<String>>>,
 }
@@ -32,6 +34,11 @@ pub struct Gpu {
 const NO_ADAPTER_REMEDY: &str = "to have one, install the graphics driver's Vulkan part (on Debian and Ubuntu the \
                                  package mesa-vulkan-drivers, which also has a software driver); --headless with \
                                  --backend cpu renders without";
+
+/// Storage buffers that are asked for where the adapter has as many; 8 are in every one.
+const MOST_STORAGE_BUFFERS: u32 = 24;
+/// Storage buffers of a stage that hold other things than assets.
+const OTHER_STORAGE_BUFFERS: u32 = 7;
 
 /// Which backends are looked at: those that the shaders are tested for.
 const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
@@ -108,6 +115,7 @@ impl Gpu {
         let mut limits = wgpu::Limits {
             max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
             max_buffer_size: has.max_buffer_size,
+            max_storage_buffers_per_shader_stage: has.max_storage_buffers_per_shader_stage.min(MOST_STORAGE_BUFFERS),
             max_texture_dimension_2d: has.max_texture_dimension_2d,
             ..wgpu::Limits::default()
         };
@@ -136,7 +144,9 @@ impl Gpu {
                 note(&on_loss, &format!("the device was lost: {message}"));
             }
         });
-        Ok(Gpu { device, queue, instance, adapter, info, fault })
+        let limits = device.limits();
+        let most_piece_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        Ok(Gpu { device, queue, instance, adapter, info, most_piece_bytes, fault })
     }
 
     /// Adapter name as the driver gives it.
@@ -157,6 +167,20 @@ impl Gpu {
     /// Whether the device has timestamps.
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
+    }
+
+    /// Has assets cut into pieces of at most `bytes`, as on an adapter that binds no more at once.
+    pub fn limit_pieces(&mut self, bytes: u64) {
+        self.most_piece_bytes = self.most_piece_bytes.min(bytes);
+    }
+
+    pub(crate) fn most_piece_bytes(&self) -> u64 {
+        self.most_piece_bytes
+    }
+
+    /// Pieces in which assets can be bound, beside the other buffers of a stage.
+    pub(crate) fn most_asset_pieces(&self) -> u32 {
+        self.device.limits().max_storage_buffers_per_shader_stage - OTHER_STORAGE_BUFFERS
     }
 
     /// The tracer that `auto` means here.

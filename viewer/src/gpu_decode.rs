@@ -1,5 +1,6 @@
 //! Decodes a list of samples on the GPU, with the same shader text that draws: for comparison with the CPU decoder.
 
+use crate::arena::Arena;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
 use crate::shaders::{GpuTracer, trace_module};
@@ -58,9 +59,10 @@ pub fn gpu_decode(
     queries: &[DecodeQuery],
 ) -> Result<Vec<[f32; 3]>, ViewerError> {
     gpu.require(tracer)?;
+    let arena = Arena::new(gpu, &[resident])?;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("decode"),
-        source: wgpu::ShaderSource::Wgsl(trace_module(tracer).into()),
+        source: wgpu::ShaderSource::Wgsl(trace_module(tracer, arena.layout).into()),
     });
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some("decode"),
@@ -82,21 +84,14 @@ pub fn gpu_decode(
         interpolation: options.interpolation as u32,
         parallax: options.parallax.into(),
     };
-    let assets = gpu.buffer("assets", bytemuck::cast_slice(resident.words()), BufferUsages::STORAGE)?;
     let params = gpu.buffer("decode options", bytemuck::bytes_of(&params), BufferUsages::UNIFORM)?;
     let listed = gpu.buffer("samples", bytemuck::cast_slice(&listed), BufferUsages::STORAGE)?;
     let decoded =
         gpu.empty_buffer("decoded samples", 16 * queries.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
-    let group = bind(
-        gpu,
-        &pipeline.get_bind_group_layout(0),
-        &[
-            (5, assets.as_entire_binding()),
-            (8, params.as_entire_binding()),
-            (9, listed.as_entire_binding()),
-            (10, decoded.as_entire_binding()),
-        ],
-    );
+    let mut resources =
+        vec![(8, params.as_entire_binding()), (9, listed.as_entire_binding()), (10, decoded.as_entire_binding())];
+    resources.extend(arena.entries());
+    let group = bind(gpu, &pipeline.get_bind_group_layout(0), &resources);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     {
         let mut pass = encoder.begin_compute_pass(&Default::default());

@@ -13,10 +13,10 @@
 //!
 //! Decoded values hold the cosine: radiance = intensity / distance^2 x visibility x decoded / pi.
 //!
-//! Limits: point and ambient light only, nearest texel, at most 2^24 triangles, all assets of a scene in one storage
-//! binding.
+//! Limits: point and ambient light only, nearest texel, at most 2^24 triangles.
 
 mod app;
+mod arena;
 mod blit;
 mod bvh;
 mod camera;
@@ -28,6 +28,7 @@ mod gpu_decode;
 mod headless;
 mod mesh;
 mod mesh_file;
+mod models;
 mod options;
 mod panel;
 mod picture;
@@ -39,6 +40,7 @@ mod surface;
 mod trace;
 
 pub use app::{WindowParams, run_window};
+pub use arena::ArenaLayout;
 pub use bvh::{AnyHit, Bvh, BvhNode, Hit, NO_HIT};
 pub use camera::{Camera, CameraFrame, jitter};
 pub use cpu::CpuPicture;
@@ -52,8 +54,8 @@ pub use mesh_file::load_mesh;
 pub use options::{MAX_DEPTH, ShadeOptions};
 pub use picture::Picture;
 pub use scene::{
-    AMBIENT_RADIANCE, Ambient, BACKGROUND, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject,
-    intensity_for,
+    AMBIENT_RADIANCE, Ambient, BACKGROUND, LightRig, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject,
+    UNKNOWN_SIZE_MM, intensity_for,
 };
 pub use scene_file::load_scene;
 pub use shaders::{GpuTracer, trace_module};

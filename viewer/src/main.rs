@@ -29,7 +29,7 @@ struct Arguments {
     /// Scene description: meshes, materials, lights, camera
     #[arg(long, value_name = "SCENE.toml", conflicts_with_all = ["mesh", "uv_scale"])]
     scene: Option<PathBuf>,
-    /// sphere, plane, cornell, or an .obj, .gltf or .glb file
+    /// sphere, plane, cornell, cloth, shoe, boots, pullover, or an .obj, .gltf or .glb file
     #[arg(long, default_value = "sphere", value_name = "MESH")]
     mesh: String,
     /// How often the material is repeated along u and v
@@ -188,11 +188,7 @@ fn make_scene(arguments: &Arguments) -> Result<Scene, ViewerError> {
         None => Scene::built_in(&mesh, assets, arguments.uv_scale)?,
     };
     if let Some(count) = arguments.lights {
-        if arguments.scene.is_none() && mesh == MeshChoice::Cornell {
-            scene.place_cornell_lights(count as usize);
-        } else {
-            scene.place_lights(count as usize);
-        }
+        scene.place_lights(count as usize);
     }
     if arguments.ao || arguments.ambient.is_some() || arguments.ao_distance.is_some() {
         let usual = scene.usual_ambient();

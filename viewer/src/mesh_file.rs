@@ -19,7 +19,7 @@ pub fn load_mesh(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
         _ => {
             return Err(ViewerError::mesh(
                 path,
-                "this is neither a built-in mesh (sphere, plane, cornell) nor an .obj, .gltf or .glb file",
+                "this is neither a built-in mesh (sphere, plane, cornell, cloth, shoe, boots, pullover) nor an .obj, .gltf or .glb file",
             ));
         }
     };

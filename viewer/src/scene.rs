@@ -5,6 +5,7 @@ use crate::error::ViewerError;
 use crate::geometry::{Geometry, Triangle};
 use crate::mesh::{self, MeshPart};
 use crate::mesh_file::load_mesh;
+use crate::models;
 use btf_runtime::{Asset, Resident};
 use glam::{Mat4, Vec3};
 use rayon::prelude::*;
@@ -23,11 +24,23 @@ const LIGHT_DISTANCE_RADII: f32 = 4.0;
 /// centre has this linear value. More than one, because real materials are seldom white.
 const KEY_BRIGHTNESS: f32 = 1.6;
 
+/// Width and height of an asset that does not tell its own, millimetres.
+pub const UNKNOWN_SIZE_MM: f32 = 100.0;
+
+/// What a scene asks an asset's description for.
+#[derive(Default, serde::Deserialize)]
+#[serde(default)]
+struct Told {
+    size_mm: Option<[f32; 2]>,
+}
+
 /// A packed asset, ready to be decoded.
 #[derive(Debug)]
 pub struct SceneAsset {
     /// File stem, for messages and the panel.
     pub name: String,
+    /// Physical width and height in millimetres, where the asset tells them.
+    pub size_mm: Option<[f32; 2]>,
     /// The asset in its resident form.
     pub resident: Resident,
 }
@@ -48,7 +61,14 @@ impl SceneAsset {
     pub fn new(name: impl Into<String>, asset: &Asset) -> SceneAsset {
         let resident =
             Resident::from_asset_with(asset, |count, expand| (0..count).into_par_iter().map(expand).collect());
-        SceneAsset { name: name.into(), resident }
+        let told: Told = serde_json::from_str(&asset.material).unwrap_or_default();
+        let size_mm = told.size_mm.filter(|size| size.iter().all(|x| x.is_finite() && *x > 0.0));
+        SceneAsset { name: name.into(), size_mm, resident }
+    }
+
+    /// How often the asset's picture fits into a millimetre, along u and v; [`UNKNOWN_SIZE_MM`] where it does not tell.
+    pub fn tiles_per_mm(&self) -> [f32; 2] {
+        self.size_mm.unwrap_or([UNKNOWN_SIZE_MM; 2]).map(|size| 1.0 / size)
     }
 }
 
@@ -86,6 +106,15 @@ pub struct PointLight {
     pub intensity: [f32; 3],
 }
 
+/// Where a scene's own lights are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LightRig {
+    /// On the half sphere around the scene that faces the camera, the first at the upper left.
+    Around,
+    /// In a ring under the ceiling of the Cornell box.
+    Ceiling,
+}
+
 /// Light from everywhere that nothing near keeps off: ambient occlusion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ambient {
@@ -117,6 +146,8 @@ pub struct Scene {
     pub assets: Vec<Arc<SceneAsset>>,
     /// Point lights.
     pub lights: Vec<PointLight>,
+    /// Where [`Scene::place_lights`] puts them.
+    pub light_rig: LightRig,
     /// Ambient light, one stratified ray per pixel and sample.
     pub ambient: Ambient,
     /// Camera.
@@ -134,8 +165,17 @@ pub enum MeshChoice {
     Sphere,
     /// One plane per asset, side by side.
     Plane,
-    /// A Cornell box: the first asset on the sphere, the last on the back wall.
+    /// The Cornell box with two spheres, seen so that it fills a square picture: the first asset on the spheres, the next
+    /// ones on floor, back wall and the other walls, and again from the first where there are fewer.
     Cornell,
+    /// A cloth draped over a round table. This and what follows is in metres and shows assets at their physical size.
+    Cloth,
+    /// A shoe: the first asset on the upper, the next ones on toe cap and sole.
+    Shoe,
+    /// A pair of boots: the first asset on the leather, the next one on the soles.
+    Boots,
+    /// A pullover.
+    Pullover,
     /// An OBJ or glTF file.
     File(PathBuf),
 }
@@ -147,6 +187,10 @@ impl MeshChoice {
             "sphere" => MeshChoice::Sphere,
             "plane" => MeshChoice::Plane,
             "cornell" => MeshChoice::Cornell,
+            "cloth" => MeshChoice::Cloth,
+            "shoe" => MeshChoice::Shoe,
+            "boots" => MeshChoice::Boots,
+            "pullover" => MeshChoice::Pullover,
             path => MeshChoice::File(path.into()),
         }
     }
@@ -207,6 +251,7 @@ impl Scene {
             materials,
             assets,
             lights: Vec::new(),
+            light_rig: LightRig::Around,
             ambient: Ambient::NONE,
             camera,
             exposure_ev: 0.0,
@@ -240,6 +285,14 @@ impl Scene {
                 })
                 .collect()
         };
+        // Part of group g carries asset g, in turn.
+        let model = |parts: Vec<MeshPart>, scale: &dyn Fn(usize) -> [f32; 2]| -> Vec<SceneObject> {
+            let object = |part: MeshPart| {
+                let asset = part.group % count;
+                SceneObject { part, material: Material::from_asset(asset, scale(asset)) }
+            };
+            parts.into_iter().map(object).collect()
+        };
         match mesh {
             MeshChoice::Sphere => Scene::from_objects(Path::new("sphere"), row(mesh::sphere), assets),
             MeshChoice::Plane => {
@@ -250,9 +303,27 @@ impl Scene {
                 Ok(scene)
             }
             MeshChoice::Cornell => {
-                let mut scene = Scene::from_objects(Path::new("cornell"), cornell_objects(count, uv_scale), assets)?;
-                scene.camera = Camera { eye: Vec3::new(0.0, 0.0, 4.4), target: Vec3::ZERO, up: Vec3::Y, fov_deg: 34.0 };
-                scene.place_cornell_lights(1);
+                let mut scene =
+                    Scene::from_objects(Path::new("cornell"), model(models::cornell(), &|_| uv_scale), assets)?;
+                // The nearer edges of the walls lie just outside the picture.
+                scene.camera = Camera { eye: Vec3::new(0.0, 0.0, 3.2), target: Vec3::ZERO, up: Vec3::Y, fov_deg: 48.0 };
+                scene.light_rig = LightRig::Ceiling;
+                scene.place_lights(1);
+                Ok(scene)
+            }
+            MeshChoice::Cloth | MeshChoice::Shoe | MeshChoice::Boots | MeshChoice::Pullover => {
+                let (name, parts, towards) = match mesh {
+                    MeshChoice::Cloth => ("cloth", models::cloth(), Vec3::new(0.0, 0.55, 1.0)),
+                    MeshChoice::Shoe => ("shoe", models::shoe(), Vec3::new(0.45, 0.5, 1.0)),
+                    MeshChoice::Boots => ("boots", models::boots(), Vec3::new(0.6, 0.3, 1.0)),
+                    _ => ("pullover", models::pullover(), Vec3::new(0.2, 0.15, 1.0)),
+                };
+                let physical = |asset: usize| assets[asset].tiles_per_mm().map(|tiles| tiles * 1000.0 * models::TILE_M);
+                let scale = |asset: usize| [0, 1].map(|i| physical(asset)[i] * uv_scale[i]);
+                let mut scene = Scene::from_objects(Path::new(name), model(parts, &scale), assets.clone())?;
+                let (centre, radius) = scene.geometry.bounding_sphere();
+                scene.camera = Camera::framing(centre, radius, towards, FIELD_OF_VIEW_DEG);
+                scene.place_lights(1);
                 Ok(scene)
             }
             MeshChoice::File(path) => {
@@ -278,9 +349,15 @@ impl Scene {
         }
     }
 
-    /// `count` lights on a spiral over the half sphere that faces the camera, the first from the upper left; their
-    /// intensities add up to the same brightness whatever the count.
+    /// `count` lights where the scene has them; their intensities add up to the same brightness whatever the count.
     pub fn place_lights(&mut self, count: usize) {
+        match self.light_rig {
+            LightRig::Around => self.place_lights_around(count),
+            LightRig::Ceiling => self.place_lights_under_ceiling(count),
+        }
+    }
+
+    fn place_lights_around(&mut self, count: usize) {
         let (centre, radius) = self.geometry.bounding_sphere();
         let forward = (self.camera.eye - centre).normalize_or(Vec3::Z);
         let right = self.camera.up.cross(forward).normalize_or(Vec3::X);
@@ -303,15 +380,14 @@ impl Scene {
         Ambient { radiance: [AMBIENT_RADIANCE; 3], distance: OCCLUSION_RADII * self.geometry.bounding_sphere().1 }
     }
 
-    /// `count` lights in a ring under the ceiling of the Cornell box.
-    pub fn place_cornell_lights(&mut self, count: usize) {
+    fn place_lights_under_ceiling(&mut self, count: usize) {
         self.lights = (0..count)
             .map(|index| {
                 let angle = std::f32::consts::TAU * index as f32 / count as f32;
                 let reach = if count == 1 { 0.0 } else { 0.35 };
                 PointLight {
-                    position: Vec3::new(reach * angle.cos(), 0.85, 0.25 + reach * angle.sin()),
-                    intensity: [intensity_for(1.2, 1.2 / count as f32); 3],
+                    position: Vec3::new(reach * angle.cos(), 0.6, 0.25 + reach * angle.sin()),
+                    intensity: [intensity_for(1.2, 1.0 / count as f32); 3],
                 }
             })
             .collect();
@@ -331,36 +407,6 @@ fn spiral_direction(index: usize, count: usize) -> Vec3 {
     let r = (1.0 - z * z).sqrt();
     let (sin, cos) = (GOLDEN_ANGLE * index as f32 + 2.2).sin_cos();
     Vec3::new(r * cos, r * sin, z)
-}
-
-fn cornell_objects(assets: usize, uv_scale: [f32; 2]) -> Vec<SceneObject> {
-    const WHITE: [f32; 3] = [0.73; 3];
-    const RED: [f32; 3] = [0.57, 0.04, 0.04];
-    const GREEN: [f32; 3] = [0.1, 0.4, 0.08];
-    let wall = |name: &str, corner: [f32; 3], u: Vec3, v: Vec3, diffuse| SceneObject {
-        part: mesh::quad(name, corner.into(), u * 2.0, v * 2.0),
-        material: Material::plain(diffuse),
-    };
-    let mut objects = vec![
-        wall("floor", [-1.0, -1.0, 1.0], Vec3::X, Vec3::NEG_Z, WHITE),
-        wall("ceiling", [-1.0, 1.0, -1.0], Vec3::X, Vec3::Z, WHITE),
-        wall("left wall", [-1.0, -1.0, 1.0], Vec3::NEG_Z, Vec3::Y, RED),
-        wall("right wall", [1.0, -1.0, -1.0], Vec3::Z, Vec3::Y, GREEN),
-    ];
-    let mut back = wall("back wall", [-1.0, -1.0, -1.0], Vec3::X, Vec3::Y, WHITE);
-    back.material = Material::from_asset(assets - 1, uv_scale);
-    objects.push(back);
-    let mut block = mesh::cube("block");
-    block.transform(
-        Mat4::from_translation(Vec3::new(-0.38, -0.45, -0.3))
-            * Mat4::from_rotation_y(0.3)
-            * Mat4::from_scale(Vec3::new(0.27, 0.55, 0.27)),
-    );
-    objects.push(SceneObject { part: block, material: Material::plain(WHITE) });
-    let mut sphere = mesh::sphere();
-    sphere.transform(Mat4::from_translation(Vec3::new(0.4, -0.58, 0.2)) * Mat4::from_scale(Vec3::splat(0.42)));
-    objects.push(SceneObject { part: sphere, material: Material::from_asset(0, uv_scale) });
-    objects
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! The shader texts, joined as plain text in a fixed order.
 
+use crate::arena::ArenaLayout;
+
 const SCENE: &str = include_str!("shaders/scene.wgsl");
 const SAMPLER: &str = include_str!("shaders/sampler.wgsl");
 const SURFACE: &str = include_str!("shaders/surface.wgsl");
@@ -32,14 +34,16 @@ impl GpuTracer {
 }
 
 /// The whole module of a tracer: entry points that draw (`passes.wgsl`) and `decode_main`, which decodes a list of samples.
-pub fn trace_module(tracer: GpuTracer) -> String {
+pub fn trace_module(tracer: GpuTracer, arena: ArenaLayout) -> String {
     let library = btf_runtime::wgsl_library();
     // The file with the enable directive comes first.
     let tracer_parts: &[&str] = match tracer {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
         GpuTracer::Bvh => &[TRACE_BVH, BVH],
     };
-    [tracer_parts, &[SCENE, &library, SAMPLER, SURFACE, SHADE, PASSES, DECODE_QUERIES]].concat().join("\n")
+    [tracer_parts, &[SCENE, &arena.wgsl(), &library, SAMPLER, SURFACE, SHADE, PASSES, DECODE_QUERIES]]
+        .concat()
+        .join("\n")
 }
 
 #[cfg(test)]
@@ -95,20 +99,21 @@ mod tests {
 
     #[test]
     fn every_module_is_valid_with_exactly_the_capabilities_that_we_ask_for() {
-        validate(&trace_module(GpuTracer::Bvh), PORTABLE).unwrap();
+        validate(&trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE), PORTABLE).unwrap();
+        validate(&trace_module(GpuTracer::Bvh, ArenaLayout { pieces: 3, shift: 20 }), PORTABLE).unwrap();
         validate(BLIT, Capabilities::empty()).unwrap();
-        let ray_query = trace_module(GpuTracer::RayQuery);
+        let ray_query = trace_module(GpuTracer::RayQuery, ArenaLayout::WHOLE);
         validate(&ray_query, PORTABLE | Capabilities::RAY_QUERY).unwrap();
         // The check can fail: without the capability the same text is refused, as is a module with a fault.
         assert!(validate(&ray_query, PORTABLE).is_err());
-        let faulty = trace_module(GpuTracer::Bvh).replace("light_pass(id.xy)", "light_pass(id)");
+        let faulty = trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE).replace("light_pass(id.xy)", "light_pass(id)");
         assert!(validate(&faulty, PORTABLE).is_err());
     }
 
     #[test]
     fn only_the_ray_query_file_needs_the_extension() {
-        assert!(trace_module(GpuTracer::RayQuery).starts_with("enable wgpu_ray_query;"));
-        assert!(!trace_module(GpuTracer::Bvh).contains("ray_query"));
+        assert!(trace_module(GpuTracer::RayQuery, ArenaLayout::WHOLE).starts_with("enable wgpu_ray_query;"));
+        assert!(!trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE).contains("ray_query"));
     }
 
     macro_rules! fields {
@@ -119,7 +124,7 @@ mod tests {
 
     #[test]
     fn structs_have_the_same_fields_at_the_same_offsets_in_rust_and_wgsl() {
-        let module = parse(&trace_module(GpuTracer::Bvh)).unwrap();
+        let module = parse(&trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE)).unwrap();
         let all = [
             (
                 "Frame",
@@ -149,7 +154,7 @@ mod tests {
 
     #[test]
     fn constants_are_equal_in_rust_and_wgsl() {
-        let module = parse(&trace_module(GpuTracer::Bvh)).unwrap();
+        let module = parse(&trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE)).unwrap();
         assert_eq!(constant(&module, "BVH_STACK"), Some(naga::Literal::U32(STACK as u32)));
         assert_eq!(constant(&module, "NO_HIT"), Some(naga::Literal::U32(NO_HIT)));
         assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::trace::NO_ASSET)));
@@ -162,7 +167,7 @@ mod tests {
     #[test]
     fn a_stage_binds_at_most_eight_storage_buffers() {
         for tracer in [GpuTracer::Bvh, GpuTracer::RayQuery] {
-            let module = parse(&trace_module(tracer)).unwrap();
+            let module = parse(&trace_module(tracer, ArenaLayout::WHOLE)).unwrap();
             let info =
                 Validator::new(ValidationFlags::all(), PORTABLE | Capabilities::RAY_QUERY).validate(&module).unwrap();
             for entry in 0..module.entry_points.len() {

@@ -1,5 +1,6 @@
 //! The GPU tracer: a scene's buffers, and the passes of a sample over the bands of a picture.
 
+use crate::arena::{Arena, ArenaLayout};
 use crate::camera::jitter;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
@@ -10,8 +11,6 @@ use wgpu::BufferUsages;
 
 /// The asset offset of a plain material. Twin: `NO_ASSET` in `scene.wgsl`.
 pub const NO_ASSET: u32 = u32::MAX;
-/// Assets begin at multiples of this many words in the arena, so that their sections stay aligned to 256 bytes.
-const ARENA_ALIGNMENT_WORDS: usize = 64;
 /// Pixels per side of a workgroup. Twin: `@workgroup_size` in `passes.wgsl`.
 const GROUP: u32 = 8;
 /// Pixels of a band at most: its paths then take 200 MB.
@@ -104,7 +103,8 @@ pub struct Tracer {
     tracer: GpuTracer,
     passes: [wgpu::ComputePipeline; 3],
     frame: wgpu::Buffer,
-    fixed: [wgpu::Buffer; 4],
+    fixed: [wgpu::Buffer; 3],
+    arena: Arena,
     lights: wgpu::Buffer,
     light_capacity: usize,
     structure: wgpu::BindGroup,
@@ -170,13 +170,14 @@ impl Tracer {
     /// is larger than the adapter binds.
     pub fn new(gpu: &Gpu, scene: &Scene, tracer: GpuTracer) -> Result<Tracer, ViewerError> {
         gpu.require(tracer)?;
-        let (arena, bases) = arena_of(scene);
+        let residents: Vec<&btf_runtime::Resident> = scene.assets.iter().map(|asset| &asset.resident).collect();
+        let arena = Arena::new(gpu, &residents)?;
         let materials: Vec<GpuMaterial> = scene
             .materials
             .iter()
             .map(|material| GpuMaterial {
                 diffuse: material.diffuse,
-                asset: material.asset.map_or(NO_ASSET, |asset| bases[asset]),
+                asset: material.asset.map_or(NO_ASSET, |asset| arena.bases[asset]),
                 mirror: material.mirror,
                 pad0: 0,
                 uv_scale: material.uv_scale,
@@ -190,14 +191,13 @@ impl Tracer {
             gpu.buffer("vertices", bytemuck::cast_slice(geometry.vertices()), BufferUsages::STORAGE | input)?,
             gpu.buffer("triangles", bytemuck::cast_slice(geometry.triangles()), BufferUsages::STORAGE)?,
             gpu.buffer("materials", bytemuck::cast_slice(&materials), BufferUsages::STORAGE)?,
-            gpu.buffer("assets", bytemuck::cast_slice(&arena), BufferUsages::STORAGE)?,
         ];
 
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(tracer.name()),
-            source: wgpu::ShaderSource::Wgsl(trace_module(tracer).into()),
+            source: wgpu::ShaderSource::Wgsl(trace_module(tracer, arena.layout).into()),
         });
-        let scene_layout = scene_layout(gpu);
+        let scene_layout = scene_layout(gpu, arena.layout);
         let structure_layout = structure_layout(gpu, tracer);
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("trace"),
@@ -230,7 +230,7 @@ impl Tracer {
         let light_capacity = scene.lights.len().max(1);
         let lights = light_buffer(gpu, light_capacity)?;
         gpu.check()?;
-        Ok(Tracer { tracer, passes, frame, fixed, lights, light_capacity, structure, target: None, _blas: blas })
+        Ok(Tracer { tracer, passes, frame, fixed, arena, lights, light_capacity, structure, target: None, _blas: blas })
     }
 
     /// Which tracer this is.
@@ -315,27 +315,24 @@ impl Tracer {
         let band_pixels = u64::from(width) * u64::from(band_rows);
         let bytes = size_of::<GpuPath>() as u64 * band_pixels;
         let paths = gpu.empty_buffer("paths of this picture", bytes, BufferUsages::STORAGE)?;
-        let layout = scene_layout(gpu);
+        let layout = scene_layout(gpu, self.arena.layout);
         let mut bands = Vec::new();
         for first_row in (0..height).step_by(band_rows as usize) {
             let rows = band_rows.min(height - first_row);
             let bytes = size_of::<GpuPixel>() as u64 * u64::from(width) * u64::from(rows);
             let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
             let pixels = gpu.empty_buffer("pixels of this picture", bytes, usage)?;
-            let group = bind(
-                gpu,
-                &layout,
-                &[
-                    (0, self.frame.as_entire_binding()),
-                    (1, self.fixed[0].as_entire_binding()),
-                    (2, self.fixed[1].as_entire_binding()),
-                    (3, self.fixed[2].as_entire_binding()),
-                    (4, self.lights.as_entire_binding()),
-                    (5, self.fixed[3].as_entire_binding()),
-                    (6, pixels.as_entire_binding()),
-                    (7, paths.as_entire_binding()),
-                ],
-            );
+            let mut resources = vec![
+                (0, self.frame.as_entire_binding()),
+                (1, self.fixed[0].as_entire_binding()),
+                (2, self.fixed[1].as_entire_binding()),
+                (3, self.fixed[2].as_entire_binding()),
+                (4, self.lights.as_entire_binding()),
+                (6, pixels.as_entire_binding()),
+                (7, paths.as_entire_binding()),
+            ];
+            resources.extend(self.arena.entries());
+            let group = bind(gpu, &layout, &resources);
             bands.push(Band { first_row, rows, pixels, group });
         }
         self.target = Some(Target { width, height, bands });
@@ -437,18 +434,6 @@ impl Tracer {
     }
 }
 
-/// All assets of a scene one after the other, and the first word of each.
-fn arena_of(scene: &Scene) -> (Vec<u32>, Vec<u32>) {
-    let mut words = Vec::new();
-    let mut bases = Vec::new();
-    for asset in &scene.assets {
-        words.resize(words.len().next_multiple_of(ARENA_ALIGNMENT_WORDS), 0);
-        bases.push(words.len() as u32);
-        words.extend_from_slice(asset.resident.words());
-    }
-    (words, bases)
-}
-
 fn light_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, ViewerError> {
     gpu.empty_buffer("lights", (count * size_of::<GpuLight>()) as u64, BufferUsages::STORAGE)
 }
@@ -510,8 +495,10 @@ fn acceleration_structure(
     Ok((tlas, blas))
 }
 
-fn scene_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let entries: Vec<_> = (0..8)
+fn scene_layout(gpu: &Gpu, arena: ArenaLayout) -> wgpu::BindGroupLayout {
+    let entries: Vec<_> = (0..5)
+        .chain(6..8)
+        .chain(arena.bindings())
         .map(|binding| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,

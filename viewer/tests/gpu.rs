@@ -133,14 +133,36 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
     }
 }
 
+#[test]
+fn assets_in_pieces_decode_like_assets_in_one() {
+    let Some(mut gpu) = gpu("assets_in_pieces_decode_like_assets_in_one") else { return };
+    let resident = Resident::from_asset(&asset(1, ResidualKind::Root));
+    let options = DecodeOptions::default();
+    let mut random = Random::new(9);
+    let queries: Vec<DecodeQuery> = (0..2000)
+        .map(|_| DecodeQuery {
+            layer: 0,
+            texel: random.below(24 * 16) as u32,
+            wi: random.direction(),
+            wo: random.direction(),
+        })
+        .collect();
+    let whole = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap();
+    let bytes = 4 * resident.words().len() as u64;
+    gpu.limit_pieces(bytes / 3);
+    let cut = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap();
+    assert_eq!(whole, cut);
+    assert!(whole.iter().any(|value| value[1] > 0.01));
+    // More pieces than the adapter binds are refused with a remedy.
+    gpu.limit_pieces(bytes / 100);
+    let message = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap_err().to_string();
+    assert!(message.contains("btf-fit fit --bytes"), "{message}");
+}
+
 fn scene(mesh: MeshChoice) -> Scene {
     let assets = vec![Arc::new(SceneAsset::new("sample", &asset(5, ResidualKind::Root)))];
     let mut scene = Scene::built_in(&mesh, assets, [1.0; 2]).unwrap();
-    if mesh == MeshChoice::Cornell {
-        scene.place_cornell_lights(3)
-    } else {
-        scene.place_lights(3)
-    }
+    scene.place_lights(3);
     scene
 }
 

@@ -1,4 +1,4 @@
-// What the tracers read and write. The structs' twins: trace.rs, geometry.rs; compared by a test.
+// What the tracers read and write, but for the assets, which arena.rs declares. The structs' twins: trace.rs, geometry.rs; compared by a test.
 
 struct Frame {
     eye: vec3<f32>,
@@ -88,11 +88,6 @@ const NO_ASSET: u32 = 0xffffffffu;
 @group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(3) var<storage, read> materials: array<Material>;
 @group(0) @binding(4) var<storage, read> lights: array<Light>;
-@group(0) @binding(5) var<storage, read> assets: array<u32>;
 // Those of the band.
 @group(0) @binding(6) var<storage, read_write> pixels: array<Pixel>;
 @group(0) @binding(7) var<storage, read_write> paths: array<Path>;
-
-fn asset_word(index: u32) -> u32 {
-    return assets[index];
-}
