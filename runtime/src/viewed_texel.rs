@@ -15,7 +15,7 @@ use crate::sphere::{direction, locate};
 use crate::texel::{Bases, Texel};
 
 /// Rows that [`LightRows`] keeps. A measured light has one place, its number modulo this.
-pub const LIGHT_ROWS: usize = 16;
+pub const LIGHT_ROWS: usize = 32;
 
 /// Rows of one [`ViewedTexel`], by measured light; by default none. Start anew for every viewed texel.
 #[derive(Debug, Clone, Default)]

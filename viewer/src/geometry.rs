@@ -67,6 +67,11 @@ impl Geometry {
         Ok(Geometry { vertices, triangles, bvh })
     }
 
+    /// The same surface with `triangles` that differ from its own in their materials only.
+    pub(crate) fn with_triangles(&self, triangles: Vec<Triangle>) -> Geometry {
+        Geometry { vertices: self.vertices.clone(), triangles, bvh: self.bvh.clone() }
+    }
+
     /// All vertices.
     pub fn vertices(&self) -> &[Vertex] {
         &self.vertices

@@ -17,6 +17,8 @@
 
 mod app;
 mod arena;
+mod bench;
+mod bench_plot;
 mod blit;
 mod bvh;
 mod camera;
@@ -41,6 +43,8 @@ mod trace;
 
 pub use app::{WindowParams, run_window};
 pub use arena::ArenaLayout;
+pub use bench::{BenchKind, BenchParams, BenchReport, BenchRow, run_bench};
+pub use bench_plot::bench_svg;
 pub use bvh::{AnyHit, Bvh, BvhNode, Hit, NO_HIT};
 pub use camera::{Camera, CameraFrame, jitter};
 pub use cpu::CpuPicture;
@@ -51,7 +55,7 @@ pub use gpu_decode::{DecodeQuery, gpu_decode};
 pub use headless::{Control, MAX_SIDE, RenderParams, RenderReport, Rendered, render};
 pub use mesh::{MeshPart, cube, plane, quad, sphere};
 pub use mesh_file::load_mesh;
-pub use options::{MAX_DEPTH, ShadeOptions};
+pub use options::{DecoderForm, MAX_DEPTH, ShadeOptions};
 pub use picture::Picture;
 pub use scene::{
     AMBIENT_RADIANCE, Ambient, BACKGROUND, LightRig, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject,

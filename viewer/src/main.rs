@@ -2,8 +2,8 @@
 
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
-    Ambient, BackendChoice, Control, GpuTracer, MeshChoice, RenderParams, Scene, SceneAsset, ShadeOptions, ViewerError,
-    WindowParams, load_scene, render, run_window,
+    Ambient, BackendChoice, BenchKind, BenchParams, Control, GpuTracer, MeshChoice, RenderParams, Scene, SceneAsset,
+    ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, render, run_bench, run_window,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -17,13 +17,123 @@ Examples:
   btf-view leaf.spmm --headless --out leaf.png --size 512x512
   btf-view leaf.spmm cloth.spmm --mesh cornell --lights 3
   btf-view --scene scene.toml --headless --out picture.png --json -
+  btf-view bench lights cloth.spmm --plot lights.svg
 
 In the window: drag turns, the wheel zooms, Shift or the right button moves.";
 
 /// Shows packed BTF assets (.spmm) on a mesh, lit by point lights.
 #[derive(Parser)]
-#[command(name = "btf-view", version, after_help = EXAMPLES)]
+#[command(name = "btf-view", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true,
+          subcommand_help_heading = "Other commands")]
 struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    view: ViewArguments,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    /// Measures how the time of a frame grows, and with what
+    #[command(after_help = "Example: btf-view bench lights cloth.spmm --json lights.json --plot lights.svg")]
+    Bench(BenchArguments),
+}
+
+#[derive(clap::Args)]
+struct BenchArguments {
+    /// What is varied
+    #[arg(value_enum)]
+    kind: BenchName,
+    /// Packed assets [default: a small one that comes with the program]
+    assets: Vec<PathBuf>,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "512x512")]
+    size: [u32; 2],
+    #[command(flatten)]
+    common: CommonArguments,
+    /// Writes the rows as JSON; - is stdout
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Writes a plot
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum BenchName {
+    /// 1 to 64 lights on four meshes
+    Lights,
+    /// 1 to 32 assets on the same pixels, on two meshes
+    Materials,
+    /// The share of the picture that shows assets
+    Coverage,
+    /// Pixels
+    Resolution,
+    /// Residual components
+    Components,
+    /// The decoder without its short cuts
+    Ablations,
+}
+
+/// What every command understands.
+#[derive(clap::Args)]
+struct CommonArguments {
+    /// What traces rays and decodes
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    backend: BackendName,
+    /// Part of the name of the adapter to use, where there are several
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+    /// Residual components at most [default: all]
+    #[arg(long, value_name = "N")]
+    components: Option<u32>,
+    /// Lobes per texel at most [default: all]
+    #[arg(long, value_name = "N")]
+    lobes: Option<u32>,
+    /// How the residual is carried between measured directions
+    #[arg(long, value_enum, default_value_t = InterpolationName::Fast)]
+    interpolation: InterpolationName,
+    /// Leave the parallax of eyes beyond the measured views, also where an asset has heights
+    #[arg(long)]
+    no_parallax: bool,
+    /// Rays of a path at most: 1 shows no mirror images
+    #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().depth,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_DEPTH)))]
+    depth: u32,
+    /// Threads of the CPU decoder [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    threads: Option<u32>,
+    /// Prints nothing but errors
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl CommonArguments {
+    fn shade(&self) -> ShadeOptions {
+        let decode = DecodeOptions {
+            components: self.components.unwrap_or(u32::MAX),
+            lobes: self.lobes.unwrap_or(u32::MAX),
+            interpolation: match self.interpolation {
+                InterpolationName::Fast => Interpolation::Fast,
+                InterpolationName::Exact => Interpolation::Exact,
+            },
+            parallax: !self.no_parallax,
+        };
+        ShadeOptions { decode, depth: self.depth }
+    }
+
+    fn backend(&self) -> BackendChoice {
+        match self.backend {
+            BackendName::Auto => BackendChoice::Auto,
+            BackendName::RayQuery => BackendChoice::Gpu(GpuTracer::RayQuery),
+            BackendName::Bvh => BackendChoice::Gpu(GpuTracer::Bvh),
+            BackendName::Cpu => BackendChoice::Cpu,
+        }
+    }
+}
+
+#[derive(clap::Args)]
+struct ViewArguments {
     /// Packed assets, made by `btf-fit fit CAPTURE -o ASSET.spmm`
     assets: Vec<PathBuf>,
     /// Scene description: meshes, materials, lights, camera
@@ -47,10 +157,6 @@ struct Arguments {
     /// What lies farther away does not occlude, scene units [default: half the scene's radius]; turns --ao on
     #[arg(long, value_name = "D", value_parser = parse_positive)]
     ao_distance: Option<f32>,
-    /// Rays of a path at most: 1 shows no mirror images
-    #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().depth,
-          value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_DEPTH)))]
-    depth: u32,
     /// Exposure in stops [default: 0, or the scene's own]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     exposure: Option<f32>,
@@ -66,33 +172,11 @@ struct Arguments {
     /// Frames to average: each adds a sample per pixel, the first through its middle
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
-    /// What traces rays and decodes
-    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
-    backend: BackendName,
-    /// Part of the name of the adapter to use, where there are several
-    #[arg(long, value_name = "NAME")]
-    adapter: Option<String>,
-    /// Residual components at most [default: all]
-    #[arg(long, value_name = "N")]
-    components: Option<u32>,
-    /// Lobes per texel at most [default: all]
-    #[arg(long, value_name = "N")]
-    lobes: Option<u32>,
-    /// How the residual is carried between measured directions
-    #[arg(long, value_enum, default_value_t = InterpolationName::Fast)]
-    interpolation: InterpolationName,
-    /// Leave the parallax of eyes beyond the measured views, also where an asset has heights
-    #[arg(long)]
-    no_parallax: bool,
     /// Writes the figures as JSON; - is stdout
     #[arg(long, value_name = "FILE", requires = "headless")]
     json: Option<PathBuf>,
-    /// Threads of the CPU decoder [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
-    threads: Option<u32>,
-    /// Prints nothing but errors
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    common: CommonArguments,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -145,28 +229,20 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), ViewerError> {
-    if let Some(threads) = arguments.threads {
+    let common = match &arguments.command {
+        Some(Command::Bench(bench)) => &bench.common,
+        None => &arguments.view.common,
+    };
+    if let Some(threads) = common.threads {
         // The pool can only be set once, and this is the first use.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
     }
+    if let Some(Command::Bench(bench)) = &arguments.command {
+        return measure(bench);
+    }
+    let arguments = &arguments.view;
     let scene = make_scene(arguments)?;
-    let decode = DecodeOptions {
-        components: arguments.components.unwrap_or(u32::MAX),
-        lobes: arguments.lobes.unwrap_or(u32::MAX),
-        interpolation: match arguments.interpolation {
-            InterpolationName::Fast => Interpolation::Fast,
-            InterpolationName::Exact => Interpolation::Exact,
-        },
-        parallax: !arguments.no_parallax,
-    };
-    let shade = ShadeOptions { decode, depth: arguments.depth };
-    let backend = match arguments.backend {
-        BackendName::Auto => BackendChoice::Auto,
-        BackendName::RayQuery => BackendChoice::Gpu(GpuTracer::RayQuery),
-        BackendName::Bvh => BackendChoice::Gpu(GpuTracer::Bvh),
-        BackendName::Cpu => BackendChoice::Cpu,
-    };
-    let adapter = arguments.adapter.clone();
+    let (backend, adapter, shade) = (common.backend(), common.adapter.clone(), common.shade());
     match &arguments.out {
         Some(out) => {
             let size = arguments.size.unwrap_or([512, 512]);
@@ -179,9 +255,98 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
     }
 }
 
-fn make_scene(arguments: &Arguments) -> Result<Scene, ViewerError> {
-    let assets =
-        arguments.assets.iter().map(|path| SceneAsset::load(path).map(Arc::new)).collect::<Result<Vec<_>, _>>()?;
+fn measure(arguments: &BenchArguments) -> Result<(), ViewerError> {
+    let common = &arguments.common;
+    let mut assets = load_assets(&arguments.assets)?;
+    if assets.is_empty() {
+        assets.push(Arc::new(SceneAsset::built_in()));
+    }
+    let kind = match arguments.kind {
+        BenchName::Lights => BenchKind::Lights,
+        BenchName::Materials => BenchKind::Materials,
+        BenchName::Coverage => BenchKind::Coverage,
+        BenchName::Resolution => BenchKind::Resolution,
+        BenchName::Components => BenchKind::Components,
+        BenchName::Ablations => BenchKind::Ablations,
+    };
+    let params = BenchParams {
+        kind,
+        size: arguments.size,
+        backend: common.backend(),
+        adapter: common.adapter.clone(),
+        shade: common.shade(),
+    };
+    let report = with_progress(common.quiet, |control| run_bench(&assets, &params, control))?;
+    if let Some(path) = &arguments.plot {
+        let svg = bench_svg(&report).map_err(ViewerError::Usage)?;
+        btf_capture::atomic::write_file_atomically(path, svg.as_bytes())?;
+    }
+    let json = serde_json::to_string_pretty(&report).unwrap_or_default();
+    match arguments.json.as_deref() {
+        Some(path) if path.as_os_str() == "-" => println!("{json}"),
+        Some(path) => btf_capture::atomic::write_file_atomically(path, json.as_bytes())?,
+        None if common.quiet => {}
+        None => {
+            println!("{} on {} ({}), {}", report.backend, report.adapter, report.timer, report.assets.join(", "));
+            println!("mesh       lights materials coverage       size components    ms a frame  variant");
+            for row in &report.rows {
+                println!(
+                    "{:<10} {:>6} {:>9} {:>8.3} {:>10} {:>10} {:>13.3}  {}",
+                    row.mesh,
+                    row.lights,
+                    row.materials,
+                    row.coverage,
+                    format!("{}x{}", row.width, row.height),
+                    row.components,
+                    row.frame_ms,
+                    row.variant
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+fn load_assets(paths: &[PathBuf]) -> Result<Vec<Arc<SceneAsset>>, ViewerError> {
+    paths.iter().map(|path| SceneAsset::load(path).map(Arc::new)).collect()
+}
+
+/// Runs `work` with a progress bar, notices on stderr, and an ear for Ctrl-C.
+fn with_progress<T>(quiet: bool, work: impl FnOnce(&Control) -> Result<T, ViewerError>) -> Result<T, ViewerError> {
+    static CANCELLED: AtomicBool = AtomicBool::new(false);
+    // Without a handler Ctrl-C ends the program anyway, only not with 130.
+    let _ = ctrlc::set_handler(|| CANCELLED.store(true, Ordering::Relaxed));
+    const STEPS: f32 = 1000.0;
+    let bar = if quiet {
+        indicatif::ProgressBar::hidden()
+    } else {
+        indicatif::ProgressBar::new(STEPS as u64).with_style(
+            indicatif::ProgressStyle::with_template("{bar:40} {percent}% {eta}").unwrap_or_else(|_| {
+                // The template is a constant; the default style is as good.
+                indicatif::ProgressStyle::default_bar()
+            }),
+        )
+    };
+    let notice = |text: &str| {
+        if !quiet {
+            eprintln!("note: {text}");
+        }
+    };
+    let control = Control {
+        cancelled: &|| CANCELLED.load(Ordering::Relaxed),
+        progress: &|share| bar.set_position((share * STEPS) as u64),
+        notice: &notice,
+    };
+    let result = work(&control);
+    bar.finish_and_clear();
+    if CANCELLED.load(Ordering::Relaxed) {
+        return Err(ViewerError::Interrupted);
+    }
+    result
+}
+
+fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
+    let assets = load_assets(&arguments.assets)?;
     let mesh = MeshChoice::from_argument(&arguments.mesh);
     let mut scene = match &arguments.scene {
         Some(path) => load_scene(path, assets)?,
@@ -205,48 +370,20 @@ fn make_scene(arguments: &Arguments) -> Result<Scene, ViewerError> {
 }
 
 fn headless(
-    arguments: &Arguments,
+    arguments: &ViewArguments,
     scene: &Scene,
     params: RenderParams,
     out: &std::path::Path,
 ) -> Result<(), ViewerError> {
-    static CANCELLED: AtomicBool = AtomicBool::new(false);
-    // Without a handler Ctrl-C ends the program anyway, only not with 130.
-    let _ = ctrlc::set_handler(|| CANCELLED.store(true, Ordering::Relaxed));
-    const STEPS: f32 = 1000.0;
-    let bar = if arguments.quiet {
-        indicatif::ProgressBar::hidden()
-    } else {
-        indicatif::ProgressBar::new(STEPS as u64).with_style(
-            indicatif::ProgressStyle::with_template("{bar:40} {percent}% {eta}").unwrap_or_else(|_| {
-                // The template is a constant; the default style is as good.
-                indicatif::ProgressStyle::default_bar()
-            }),
-        )
-    };
-    let notice = |text: &str| {
-        if !arguments.quiet {
-            eprintln!("note: {text}");
-        }
-    };
-    let control = Control {
-        cancelled: &|| CANCELLED.load(Ordering::Relaxed),
-        progress: &|share| bar.set_position((share * STEPS) as u64),
-        notice: &notice,
-    };
-    let result = render(scene, &params, &control);
-    bar.finish_and_clear();
-    let rendered = result?;
-    if CANCELLED.load(Ordering::Relaxed) {
-        return Err(ViewerError::Interrupted);
-    }
+    let quiet = arguments.common.quiet;
+    let rendered = with_progress(quiet, |control| render(scene, &params, control))?;
     rendered.picture.write_png(out, scene.exposure_ev)?;
     let report = &rendered.report;
     let json = serde_json::to_string_pretty(report).unwrap_or_default();
     match arguments.json.as_deref() {
         Some(path) if path.as_os_str() == "-" => println!("{json}"),
         Some(path) => btf_capture::atomic::write_file_atomically(path, json.as_bytes())?,
-        None if arguments.quiet => {}
+        None if quiet => {}
         None => println!(
             "{}: {}x{}, {} on {}, {:.2} ms per frame ({})",
             out.display(),

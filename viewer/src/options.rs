@@ -11,6 +11,16 @@ pub struct ShadeOptions {
     pub depth: u32,
 }
 
+/// How the GPU decodes a texel that several lights shine on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DecoderForm {
+    /// What depends on texel and eye once, and for each light the rest.
+    #[default]
+    Halves,
+    /// Everything anew for every light: what the halves are measured by.
+    Whole,
+}
+
 /// Largest [`ShadeOptions::depth`].
 pub const MAX_DEPTH: u32 = 16;
 

@@ -18,6 +18,8 @@ pub const BACKGROUND: [f32; 3] = [0.18; 3];
 const FIELD_OF_VIEW_DEG: f32 = 30.0;
 /// From the object to the first light: upper left, in front. In camera axes (right, up, towards the eye).
 const KEY_LIGHT: Vec3 = Vec3::new(-0.65, 0.75, 0.9);
+/// Radius of the ring of lights in the Cornell box, half of whose width is 1: the half width of the original's luminaire.
+const LUMINAIRE_RADIUS: f32 = 0.22;
 /// Distance of the lights from the object's centre, in radii of its bounding sphere.
 const LIGHT_DISTANCE_RADII: f32 = 4.0;
 /// Brightness of the built-in lights together: a white Lambertian surface that faces all of them at the object's
@@ -41,6 +43,8 @@ pub struct SceneAsset {
     pub name: String,
     /// Physical width and height in millimetres, where the asset tells them.
     pub size_mm: Option<[f32; 2]>,
+    /// The asset as its file has it.
+    pub asset: Asset,
     /// The asset in its resident form.
     pub resident: Resident,
 }
@@ -54,16 +58,24 @@ impl SceneAsset {
         let bytes = std::fs::read(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
         let asset = Asset::parse(&bytes).map_err(|source| ViewerError::Asset { path: path.into(), source })?;
         let name = path.file_stem().map_or_else(|| "asset".into(), |stem| stem.to_string_lossy().into_owned());
-        Ok(SceneAsset::new(name, &asset))
+        Ok(SceneAsset::new(name, asset))
+    }
+
+    /// A small asset that comes with the viewer: 64 x 64 texels of woven cloth, 4 components. It was made by
+    /// `btf-synth cloth C --size 64 --size-mm 4` and `btf-fit fit C -o weave.spmm --bytes 48kB`.
+    pub fn built_in() -> SceneAsset {
+        let asset = Asset::parse(include_bytes!("models/weave.spmm"));
+        #[allow(clippy::expect_used, reason = "a test parses the same bytes")]
+        SceneAsset::new("weave", asset.expect("the built-in asset is whole"))
     }
 
     /// Expands an asset that is already in memory.
-    pub fn new(name: impl Into<String>, asset: &Asset) -> SceneAsset {
+    pub fn new(name: impl Into<String>, asset: Asset) -> SceneAsset {
         let resident =
-            Resident::from_asset_with(asset, |count, expand| (0..count).into_par_iter().map(expand).collect());
+            Resident::from_asset_with(&asset, |count, expand| (0..count).into_par_iter().map(expand).collect());
         let told: Told = serde_json::from_str(&asset.material).unwrap_or_default();
         let size_mm = told.size_mm.filter(|size| size.iter().all(|x| x.is_finite() && *x > 0.0));
-        SceneAsset { name: name.into(), size_mm, resident }
+        SceneAsset { name: name.into(), size_mm, asset, resident }
     }
 
     /// How often the asset's picture fits into a millimetre, along u and v; [`UNKNOWN_SIZE_MM`] where it does not tell.
@@ -384,7 +396,7 @@ impl Scene {
         self.lights = (0..count)
             .map(|index| {
                 let angle = std::f32::consts::TAU * index as f32 / count as f32;
-                let reach = if count == 1 { 0.0 } else { 0.35 };
+                let reach = if count == 1 { 0.0 } else { LUMINAIRE_RADIUS };
                 PointLight {
                     position: Vec3::new(reach * angle.cos(), 0.6, 0.25 + reach * angle.sin()),
                     intensity: [intensity_for(1.2, 1.0 / count as f32); 3],

@@ -239,7 +239,7 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
     }
     if let Some(AmbientEntry { radiance, distance }) = file.ambient {
         let distance = distance.unwrap_or(scene.usual_ambient().distance);
-        if !radiance.iter().all(|x| x.is_finite() && *x >= 0.0) || !(distance.is_finite() && distance > 0.0) {
+        if !(radiance.iter().all(|x| x.is_finite() && *x >= 0.0) && distance.is_finite() && distance > 0.0) {
             return Err(fault("[ambient] needs a radiance of at least 0 and a distance above 0".into()));
         }
         scene.ambient = Ambient { radiance, distance };

@@ -4,7 +4,7 @@ use crate::arena::{Arena, ArenaLayout};
 use crate::camera::jitter;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
-use crate::options::ShadeOptions;
+use crate::options::{DecoderForm, ShadeOptions};
 use crate::scene::Scene;
 use crate::shaders::{GpuTracer, trace_module};
 use wgpu::BufferUsages;
@@ -169,6 +169,19 @@ impl Tracer {
     /// [`ViewerError::NoAdapter`] without ray queries where they are asked for, [`ViewerError::Gpu`] where the scene
     /// is larger than the adapter binds.
     pub fn new(gpu: &Gpu, scene: &Scene, tracer: GpuTracer) -> Result<Tracer, ViewerError> {
+        Tracer::with_decoder(gpu, scene, tracer, DecoderForm::default())
+    }
+
+    /// The same with a chosen form of the decoder.
+    ///
+    /// # Errors
+    /// As [`Tracer::new`].
+    pub fn with_decoder(
+        gpu: &Gpu,
+        scene: &Scene,
+        tracer: GpuTracer,
+        decoder: DecoderForm,
+    ) -> Result<Tracer, ViewerError> {
         gpu.require(tracer)?;
         let residents: Vec<&btf_runtime::Resident> = scene.assets.iter().map(|asset| &asset.resident).collect();
         let arena = Arena::new(gpu, &residents)?;
@@ -210,7 +223,10 @@ impl Tracer {
                 layout: Some(&layout),
                 module: &module,
                 entry_point: Some(pass.entry_point()),
-                compilation_options: Default::default(),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &[("whole_decoder", f64::from(u8::from(decoder == DecoderForm::Whole)))],
+                    ..Default::default()
+                },
                 cache: None,
             })
         });

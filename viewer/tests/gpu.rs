@@ -160,7 +160,7 @@ fn assets_in_pieces_decode_like_assets_in_one() {
 }
 
 fn scene(mesh: MeshChoice) -> Scene {
-    let assets = vec![Arc::new(SceneAsset::new("sample", &asset(5, ResidualKind::Root)))];
+    let assets = vec![Arc::new(SceneAsset::new("sample", asset(5, ResidualKind::Root)))];
     let mut scene = Scene::built_in(&mesh, assets, [1.0; 2]).unwrap();
     scene.place_lights(3);
     scene
@@ -308,7 +308,7 @@ fn progressive_occlusion_converges_to_the_share_of_the_sky() {
 #[test]
 fn two_assets_share_one_arena() {
     let Some(_gpu) = gpu("two_assets_share_one_arena") else { return };
-    let load = |seed| Arc::new(SceneAsset::new("sample", &asset(seed, ResidualKind::Log)));
+    let load = |seed| Arc::new(SceneAsset::new("sample", asset(seed, ResidualKind::Log)));
     let both = Scene::built_in(&MeshChoice::Plane, vec![load(1), load(2)], [1.0; 2]).unwrap();
     let cpu = draw(&both, BackendChoice::Cpu, 1);
     let swapped = Scene { assets: both.assets.iter().rev().cloned().collect(), ..both.clone() };

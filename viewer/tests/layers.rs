@@ -56,7 +56,7 @@ const ALL_SIDES: [(bool, bool); 4] = [(true, false), (true, true), (false, false
 fn scene(asset: &Asset, others: Vec<SceneObject>, light_back: bool, eye_back: bool) -> Scene {
     let leaf = SceneObject { part: plane(), material: Material::from_asset(0, [1.0; 2]) };
     let objects = std::iter::once(leaf).chain(others).collect();
-    let assets = vec![Arc::new(SceneAsset::new("leaf", asset))];
+    let assets = vec![Arc::new(SceneAsset::new("leaf", asset.clone()))];
     let mut scene = Scene::from_objects(Path::new("leaf"), objects, assets).unwrap();
     scene.lights = vec![PointLight { position: LIGHTS[usize::from(light_back)], intensity: INTENSITY }];
     let eye = EYES[usize::from(eye_back)];

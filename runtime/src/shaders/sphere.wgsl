@@ -49,6 +49,9 @@ fn sphere_locate(at: u32, d: vec3<f32>) -> Neighbours {
                 best_inside = least;
                 inside.ids = vec3<u32>(asset_word(t + 6u), asset_word(t + 7u), asset_word(t + 8u));
                 inside.weights = vec3<f32>(w0, w1, w2);
+                if least >= 0.0 {
+                    break;
+                }
             }
         } else {
             let e = edges_at + (item & ~ITEM_EDGE) * EDGE_WORDS;

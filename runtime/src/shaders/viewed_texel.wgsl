@@ -5,7 +5,7 @@ const INTERPOLATION_EXACT: u32 = 1u;
 const RATIO_EPSILON: f32 = 0.03;
 const RATIO_LEAST: f32 = 0.3;
 const RATIO_MOST: f32 = 4.0;
-const LIGHT_ROWS: u32 = 16u;
+const LIGHT_ROWS: u32 = 32u;
 
 // Rows of one viewed texel, by measured light; a variable of this type begins without any.
 struct LightRows {

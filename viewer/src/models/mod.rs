@@ -62,7 +62,7 @@ mod tests {
         let (least, most) = (heights.clone().fold(f32::MAX, f32::min), heights.fold(f32::MIN, f32::max));
         let slice =
             |y: f32| (((y - least) / (most - least).max(1e-6)) * SLICES as f32).min(SLICES as f32 - 1.0) as usize;
-        let mut middles = vec![(Vec3::ZERO, 0.0); SLICES];
+        let mut middles = [(Vec3::ZERO, 0.0); SLICES];
         for vertex in &part.vertices {
             let (sum, count) = &mut middles[slice(vertex.position[1])];
             *sum += Vec3::from(vertex.position);

@@ -9,6 +9,9 @@ const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
 // Rays whose radiance counts for less than this in the pixel are not followed.
 const LEAST_THROUGHPUT: f32 = 1e-3;
 
+// Decode everything anew for every light: what the decoder's halves are measured by.
+override whole_decoder: bool = false;
+
 fn camera_direction(pixel: vec2<u32>) -> vec3<f32> {
     let x = 2.0 * (f32(pixel.x) + 0.5 + frame.jitter.x) / f32(frame.width) - 1.0;
     let y = 1.0 - 2.0 * (f32(pixel.y) + 0.5 + frame.jitter.y) / f32(frame.height);
@@ -37,9 +40,13 @@ fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at:
         }
     }
     var viewed: ViewedTexel;
+    let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
+    var texel = 0u;
     if !plain {
-        let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
-        viewed = viewed_new(material.asset, layer, btf_texel(material.asset, s.uv * material.uv_scale), s.wo, options);
+        texel = btf_texel(material.asset, s.uv * material.uv_scale);
+        if !whole_decoder {
+            viewed = viewed_new(material.asset, layer, texel, s.wo, options);
+        }
     }
     var rows: LightRows;
     let origin = select(s.above, s.below, light_back);
@@ -79,7 +86,11 @@ fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at:
         }
         var reflected = material.diffuse * abs(wi.z);
         if !plain {
-            reflected = viewed_light(viewed, &rows, wi);
+            if whole_decoder {
+                reflected = btf_decode(material.asset, layer, texel, wi, s.wo, options);
+            } else {
+                reflected = viewed_light(viewed, &rows, wi);
+            }
             done.evaluations += 1u;
         }
         done.radiance += incident * reflected;

@@ -1,0 +1,409 @@
+//! How the time of a frame grows: with lights, materials, coverage, resolution and residual components, and what the
+//! decoder's short cuts are worth. After figures 4 and 5 of Silva & Santos [silva2012].
+
+use crate::cpu::CpuPicture;
+use crate::error::ViewerError;
+use crate::gpu::{BackendChoice, Gpu};
+use crate::headless::Control;
+use crate::options::{DecoderForm, ShadeOptions};
+use crate::scene::{MeshChoice, Scene, SceneAsset};
+use crate::shaders::GpuTracer;
+use crate::trace::{GpuTimer, PassTimes, PixelHit, Tracer};
+use btf_runtime::{Asset, LobeRef};
+use glam::Vec3;
+use serde::Serialize;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Frames of a row at least.
+const LEAST_FRAMES: usize = 3;
+/// Frames of a row at most.
+const MOST_FRAMES: usize = 60;
+/// Milliseconds of frames after which a row ends.
+const ROW_MS: f64 = 1000.0;
+
+/// What is varied.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BenchKind {
+    /// 1 to 64 point lights on four meshes.
+    Lights,
+    /// 1 to 32 assets that share the same pixels, on two meshes.
+    Materials,
+    /// The share of the picture that shows assets: a shoe with three from farther and farther away.
+    Coverage,
+    /// The picture's size.
+    Resolution,
+    /// Residual components.
+    Components,
+    /// The decoder without its short cuts, one by one.
+    Ablations,
+}
+
+impl BenchKind {
+    /// All, in the order of the command's help.
+    pub const ALL: [BenchKind; 6] = [
+        BenchKind::Lights,
+        BenchKind::Materials,
+        BenchKind::Coverage,
+        BenchKind::Resolution,
+        BenchKind::Components,
+        BenchKind::Ablations,
+    ];
+
+    /// As on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            BenchKind::Lights => "lights",
+            BenchKind::Materials => "materials",
+            BenchKind::Coverage => "coverage",
+            BenchKind::Resolution => "resolution",
+            BenchKind::Components => "components",
+            BenchKind::Ablations => "ablations",
+        }
+    }
+}
+
+/// What to measure.
+#[derive(Debug, Clone)]
+pub struct BenchParams {
+    /// What is varied.
+    pub kind: BenchKind,
+    /// Width and height of the picture, pixels, where the size is not what is varied.
+    pub size: [u32; 2],
+    /// Which renderer.
+    pub backend: BackendChoice,
+    /// Part of the adapter's name, where there are several.
+    pub adapter: Option<String>,
+    /// How pictures are computed, where that is not what is varied.
+    pub shade: ShadeOptions,
+}
+
+/// A measured point.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BenchRow {
+    /// The mesh.
+    pub mesh: &'static str,
+    /// What was changed, for `ablations`.
+    pub variant: &'static str,
+    /// Median time of a frame, milliseconds.
+    pub frame_ms: f64,
+    /// That frame by kind of pass, where the GPU has timestamps.
+    pub passes: Option<PassTimes>,
+    /// Frames that were timed.
+    pub frames: usize,
+    /// Point lights.
+    pub lights: usize,
+    /// Assets.
+    pub materials: usize,
+    /// Share of the pixels that show an asset.
+    pub coverage: f64,
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Residual components at most.
+    pub components: u32,
+    /// Asset decodes of a frame.
+    pub spmm_evaluations: u64,
+    /// Rays of a frame.
+    pub rays: u64,
+    /// Triangles of the scene.
+    pub triangles: usize,
+}
+
+/// A whole bench; the keys of `--json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct BenchReport {
+    /// What was varied.
+    pub bench: BenchKind,
+    /// Adapter name, or the number of threads of the CPU backend.
+    pub adapter: String,
+    /// Graphics interface and kind of adapter.
+    pub interface: String,
+    /// `ray-query`, `bvh` or `cpu`.
+    pub backend: &'static str,
+    /// `gpu-timestamps` or `wall-clock`.
+    pub timer: &'static str,
+    /// Names of the assets.
+    pub assets: Vec<String>,
+    /// Bytes of the assets in the decoder's memory.
+    pub resident_bytes: usize,
+    /// The points.
+    pub rows: Vec<BenchRow>,
+}
+
+/// Times every point of a bench; the report has what was measured, in a fixed order. `assets` are shown by the scenes in
+/// turn and must not be empty.
+///
+/// # Errors
+/// Those of [`crate::render`].
+pub fn run_bench(
+    assets: &[Arc<SceneAsset>],
+    params: &BenchParams,
+    control: &Control,
+) -> Result<BenchReport, ViewerError> {
+    let engine = Engine::new(params, control)?;
+    let points = points(assets, params)?;
+    let mut rows = Vec::new();
+    for (done, point) in points.iter().enumerate() {
+        if (control.cancelled)() {
+            return Err(ViewerError::Interrupted);
+        }
+        rows.push(engine.time(point)?);
+        (control.progress)((done + 1) as f32 / points.len() as f32);
+    }
+    let (adapter, interface) = match &engine {
+        Engine::Gpu(gpu, _) => (gpu.adapter_name().to_string(), gpu.interface()),
+        Engine::Cpu => (format!("CPU, {} threads", rayon::current_num_threads()), "cpu".into()),
+    };
+    let timestamps = matches!(&engine, Engine::Gpu(gpu, _) if gpu.has_timestamps());
+    Ok(BenchReport {
+        bench: params.kind,
+        adapter,
+        interface,
+        backend: match engine {
+            Engine::Gpu(_, tracer) => tracer.name(),
+            Engine::Cpu => "cpu",
+        },
+        timer: if timestamps { "gpu-timestamps" } else { "wall-clock" },
+        assets: assets.iter().map(|asset| asset.name.clone()).collect(),
+        resident_bytes: assets.iter().map(|asset| 4 * asset.resident.words().len()).sum(),
+        rows,
+    })
+}
+
+/// A scene and how it is drawn.
+struct Point {
+    mesh: &'static str,
+    variant: &'static str,
+    scene: Scene,
+    size: [u32; 2],
+    shade: ShadeOptions,
+    decoder: DecoderForm,
+}
+
+const MESHES: [(&str, MeshChoice); 4] = [
+    ("cornell", MeshChoice::Cornell),
+    ("shoe", MeshChoice::Shoe),
+    ("boots", MeshChoice::Boots),
+    ("pullover", MeshChoice::Pullover),
+];
+
+fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>, ViewerError> {
+    let scene = |mesh: &MeshChoice, assets: &[Arc<SceneAsset>]| Scene::built_in(mesh, assets.to_vec(), [1.0; 2]);
+    let point = |mesh: &'static str, scene: Scene| Point {
+        mesh,
+        variant: "",
+        scene,
+        size: params.size,
+        shade: params.shade,
+        decoder: DecoderForm::Halves,
+    };
+    let mut points = Vec::new();
+    match params.kind {
+        BenchKind::Lights => {
+            for (name, mesh) in &MESHES {
+                let scene = scene(mesh, assets)?;
+                for lights in [1, 2, 4, 8, 16, 32, 64] {
+                    let mut scene = scene.clone();
+                    scene.place_lights(lights);
+                    points.push(point(name, scene));
+                }
+            }
+        }
+        BenchKind::Materials => {
+            for (name, mesh) in &MESHES[..2] {
+                for count in [1usize, 2, 4, 8, 16, 32] {
+                    // Each material has an asset of its own, be it a copy, so that memory is not shared.
+                    let copies: Vec<_> = (0..count).map(|i| assets[i % assets.len()].clone()).collect();
+                    points.push(point(name, dealt_out(scene(mesh, &copies)?, count)));
+                }
+            }
+        }
+        BenchKind::Coverage => {
+            let near = scene(&MeshChoice::Shoe, assets)?;
+            for distance in [6.0f32, 4.0, 2.8, 2.0, 1.5, 1.1, 0.8, 0.6, 0.45, 0.3, 0.15] {
+                let mut scene = near.clone();
+                let camera = &mut scene.camera;
+                // Towards a point of the upper, which in the end fills the picture.
+                camera.target = camera.target.lerp(Vec3::new(0.03, 0.06, 0.04), (2.0 - distance).clamp(0.0, 1.0));
+                camera.eye = camera.target + (near.camera.eye - near.camera.target) * distance;
+                points.push(point("shoe", scene));
+            }
+        }
+        BenchKind::Resolution => {
+            let scene = scene(&MeshChoice::Cornell, assets)?;
+            for size in [[128, 128], [256, 256], [512, 512], [1024, 1024], [1920, 1080], [3840, 2160]] {
+                points.push(Point { size, ..point("cornell", scene.clone()) });
+            }
+        }
+        BenchKind::Components => {
+            let scene = scene(&MeshChoice::Cornell, assets)?;
+            let all = assets.iter().map(|asset| most_components(asset)).max().unwrap_or(0);
+            for components in [0, 1, 2, 4, 8, 16, 32, 64, 128].into_iter().filter(|n| *n < all).chain([all]) {
+                let mut shade = params.shade;
+                shade.decode.components = components;
+                points.push(Point { shade, ..point("cornell", scene.clone()) });
+            }
+        }
+        BenchKind::Ablations => {
+            for lights in [1, 16] {
+                let with = |assets: &[Arc<SceneAsset>], variant, decoder| -> Result<Point, ViewerError> {
+                    let mut scene = scene(&MeshChoice::Cornell, assets)?;
+                    scene.place_lights(lights);
+                    Ok(Point { variant, decoder, ..point("cornell", scene) })
+                };
+                let changed = |change: fn(&mut Asset)| -> Vec<Arc<SceneAsset>> {
+                    let one = |asset: &Arc<SceneAsset>| {
+                        let mut file = asset.asset.clone();
+                        change(&mut file);
+                        Arc::new(SceneAsset::new(asset.name.clone(), file))
+                    };
+                    assets.iter().map(one).collect()
+                };
+                points.push(with(assets, "as it is", DecoderForm::Halves)?);
+                points.push(with(assets, "everything for every light", DecoderForm::Whole)?);
+                points.push(with(&changed(without_grids), "all triangles searched", DecoderForm::Halves)?);
+                points.push(with(&changed(with_most_lobes), "most lobes in every texel", DecoderForm::Halves)?);
+            }
+        }
+    }
+    Ok(points)
+}
+
+fn most_components(asset: &SceneAsset) -> u32 {
+    (0..asset.resident.layers()).map(|layer| asset.resident.components(layer)).max().unwrap_or(0)
+}
+
+/// Gives the scene's triangles to `count` materials in turn, one asset each: every material is everywhere in the picture.
+fn dealt_out(mut scene: Scene, count: usize) -> Scene {
+    let old = scene.materials.clone();
+    scene.materials =
+        (0..count * old.len()).map(|i| crate::Material { asset: Some(i % count), ..old[i / count] }).collect();
+    let mut turn = 0;
+    let triangles = scene.geometry.triangles().to_vec();
+    let triangles = triangles
+        .into_iter()
+        .map(|triangle| {
+            turn += 1;
+            let material = triangle.material as usize * count + turn % count;
+            crate::Triangle { material: material as u32, ..triangle }
+        })
+        .collect();
+    scene.geometry = Arc::new(scene.geometry.with_triangles(triangles));
+    scene
+}
+
+fn without_grids(asset: &mut Asset) {
+    for layer in &mut asset.layers {
+        (layer.lights, layer.views) = (layer.lights.without_grid(), layer.views.without_grid());
+    }
+}
+
+/// Fills every texel up to the layer's largest count, with lobes of weight 0.
+fn with_most_lobes(asset: &mut Asset) {
+    for layer in &mut asset.layers {
+        let most = layer.texel_lobe_counts.iter().copied().max().unwrap_or(0);
+        let mut refs = Vec::with_capacity(layer.texel_lobe_counts.len() * usize::from(most));
+        let mut rest = layer.lobe_refs.as_slice();
+        for count in &mut layer.texel_lobe_counts {
+            let (own, later) = rest.split_at(usize::from(*count));
+            refs.extend_from_slice(own);
+            refs.extend((*count..most).map(|_| LobeRef { lobe: 0, weight: [0; 3] }));
+            (*count, rest) = (most, later);
+        }
+        layer.lobe_refs = refs;
+    }
+}
+
+enum Engine {
+    Gpu(Box<Gpu>, GpuTracer),
+    Cpu,
+}
+
+impl Engine {
+    fn new(params: &BenchParams, control: &Control) -> Result<Engine, ViewerError> {
+        let open = || Gpu::headless(params.adapter.as_deref()).map(Box::new);
+        match params.backend {
+            BackendChoice::Cpu => Ok(Engine::Cpu),
+            BackendChoice::Gpu(tracer) => Ok(Engine::Gpu(open()?, tracer)),
+            BackendChoice::Auto => match open() {
+                Ok(gpu) => {
+                    let tracer = gpu.best_tracer();
+                    Ok(Engine::Gpu(gpu, tracer))
+                }
+                Err(error) if params.adapter.is_some() => Err(error),
+                Err(error) => {
+                    (control.notice)(&format!("measuring the CPU decoder: {error}"));
+                    Ok(Engine::Cpu)
+                }
+            },
+        }
+    }
+
+    fn time(&self, point: &Point) -> Result<BenchRow, ViewerError> {
+        let mut times: Vec<(f64, Option<PassTimes>)> = Vec::new();
+        let enough = |times: &[(f64, Option<PassTimes>)]| {
+            let spent: f64 = times.iter().map(|(ms, _)| ms).sum();
+            times.len() >= MOST_FRAMES || (times.len() >= LEAST_FRAMES && spent >= ROW_MS)
+        };
+        let hits = match self {
+            Engine::Cpu => {
+                let mut picture = CpuPicture::new(point.size);
+                while !enough(&times) {
+                    let start = Instant::now();
+                    picture.add_sample(&point.scene, &point.shade, &|| true);
+                    times.push((start.elapsed().as_secs_f64() * 1e3, None));
+                }
+                picture.hits
+            }
+            Engine::Gpu(gpu, kind) => {
+                let mut tracer = Tracer::with_decoder(gpu, &point.scene, *kind, point.decoder)?;
+                let mut timer = GpuTimer::new(gpu);
+                tracer.warm_up(gpu, &point.scene, point.size, &point.shade)?;
+                // One whole frame more, for caches and clocks.
+                tracer.sample(gpu, &point.scene, point.size, &point.shade, 0, None)?;
+                gpu.wait()?;
+                while !enough(&times) {
+                    let start = Instant::now();
+                    let sample = times.len() as u32;
+                    tracer.sample(gpu, &point.scene, point.size, &point.shade, sample, timer.as_mut())?;
+                    gpu.wait()?;
+                    let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+                    let passes = timer.as_ref().map(|timer| timer.read(gpu)).transpose()?;
+                    times.push((passes.map_or(wall_ms, |passes| passes.sum_ms()), passes));
+                }
+                tracer.read_hits(gpu)?
+            }
+        };
+        times.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (frame_ms, passes) = times[times.len() / 2];
+        Ok(row(point, frame_ms, passes, times.len(), &hits))
+    }
+}
+
+fn row(point: &Point, frame_ms: f64, passes: Option<PassTimes>, frames: usize, hits: &[PixelHit]) -> BenchRow {
+    let scene = &point.scene;
+    let shows_asset = |hit: &&PixelHit| {
+        let triangle = scene.geometry.triangles().get(hit.primitive as usize);
+        triangle.is_some_and(|triangle| scene.materials[triangle.material as usize].asset.is_some())
+    };
+    let all = scene.assets.iter().map(|asset| most_components(asset)).max().unwrap_or(0);
+    BenchRow {
+        mesh: point.mesh,
+        variant: point.variant,
+        frame_ms,
+        passes,
+        frames,
+        lights: scene.lights.len(),
+        materials: scene.assets.len(),
+        coverage: hits.iter().filter(shows_asset).count() as f64 / hits.len() as f64,
+        width: point.size[0],
+        height: point.size[1],
+        components: point.shade.decode.components.min(all),
+        spmm_evaluations: hits.iter().map(|hit| u64::from(hit.evaluations)).sum(),
+        rays: hits.iter().map(|hit| u64::from(hit.rays)).sum(),
+        triangles: scene.geometry.triangles().len(),
+    }
+}
