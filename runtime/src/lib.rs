@@ -28,6 +28,7 @@ mod power;
 mod quantize;
 mod resident;
 mod residual;
+mod sample;
 mod single;
 mod sphere;
 #[doc(hidden)]
@@ -61,6 +62,7 @@ pub use residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases, core_at_pair,
     expand_core,
 };
+pub use sample::{COSINE_SHARE, LEAST_ALPHA, LEAST_AXIS, sample_lobe_density, sample_lobe_direction};
 pub use single::SingleBases;
 pub use sphere::{
     DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS,

@@ -106,6 +106,21 @@ impl<'a> ViewedTexel<'a> {
         viewed
     }
 
+    /// The texel itself.
+    pub(crate) fn texel(&self) -> &Texel<'a> {
+        &self.t
+    }
+
+    /// Towards the eye, in the layer's frame.
+    pub(crate) fn eye(&self) -> [f32; 3] {
+        self.wo
+    }
+
+    /// -1 where the layer's light is on the back, else 1.
+    pub(crate) fn light_sign(&self) -> f32 {
+        if self.t.field(block::LIGHT_SIDE) == 1 { -1.0 } else { 1.0 }
+    }
+
     fn measured_views(&self) -> [[f32; 3]; 3] {
         self.views.map(|id| direction(self.t.words, self.t.field(block::VIEWS), id))
     }

@@ -12,6 +12,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("parallax.wgsl", include_str!("shaders/parallax.wgsl")),
     ("texel.wgsl", include_str!("shaders/texel.wgsl")),
     ("viewed_texel.wgsl", include_str!("shaders/viewed_texel.wgsl")),
+    ("sample.wgsl", include_str!("shaders/sample.wgsl")),
     ("decode.wgsl", include_str!("shaders/decode.wgsl")),
 ];
 

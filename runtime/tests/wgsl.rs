@@ -2,10 +2,10 @@
 //! constants are the twin's, and the twin files hold the same functions in the same order.
 
 use btf_runtime::{
-    ASSET_LAYERS, DIRECTION_WORDS, EDGE_WORDS, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE, Interpolation,
-    LEAST_RAY_STEPS, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole, MAX_LOG, MIN_COS_VIEW, MIN_HALF,
-    MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP, ROOT, ResidualKind, SHIFT_SLOPE,
-    SPHERE_HEADER_WORDS, TRIANGLE_WORDS, WGSL, block, wgsl_library,
+    ASSET_LAYERS, COSINE_SHARE, DIRECTION_WORDS, EDGE_WORDS, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE, Interpolation,
+    LEAST_ALPHA, LEAST_AXIS, LEAST_RAY_STEPS, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole, MAX_LOG,
+    MIN_COS_VIEW, MIN_HALF, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP, ROOT,
+    ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, TRIANGLE_WORDS, WGSL, block, wgsl_library,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module};
@@ -143,6 +143,11 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("HIDDEN_SHARE", HIDDEN_SHARE),
         ("OUTSIDE_SHARE", OUTSIDE_SHARE),
         ("SHIFT_SLOPE", SHIFT_SLOPE),
+        ("COSINE_SHARE", COSINE_SHARE),
+        ("LEAST_ALPHA", LEAST_ALPHA),
+        ("LEAST_AXIS", LEAST_AXIS),
+        ("SAMPLE_PI", std::f32::consts::PI),
+        ("SAMPLE_TAU", std::f32::consts::TAU),
     ];
     let mut all: Vec<(String, f64)> = words.iter().map(|(name, value)| (name.to_string(), *value as f64)).collect();
     all.extend(floats.iter().map(|(name, value)| (name.to_string(), f64::from(*value))));
@@ -198,7 +203,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     let wgsl = |name: &str| WGSL.iter().find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 8] = [
+    let twins: [Twin; 9] = [
         (include_str!("../src/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
@@ -206,6 +211,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
         (include_str!("../src/parallax.rs"), "parallax.wgsl", "height_", &[]),
         (include_str!("../src/texel.rs"), "texel.wgsl", "texel_", &[]),
         (include_str!("../src/viewed_texel.rs"), "viewed_texel.wgsl", "viewed_", &[]),
+        (include_str!("../src/sample.rs"), "sample.wgsl", "", &[]),
         (
             include_str!("../src/decode.rs"),
             "decode.wgsl",

@@ -1,0 +1,169 @@
+// Directions for light that an eye sees in a texel: drawn where its lobes are large, with their density. Twin: sample.rs,
+// which says what is drawn how.
+
+const COSINE_SHARE: f32 = 0.5;
+const LEAST_ALPHA: f32 = 0.02;
+const LEAST_AXIS: f32 = 1e-3;
+const SAMPLE_PI: f32 = 3.14159265;
+const SAMPLE_TAU: f32 = 6.2831853;
+
+// Roughness along tangent and bitangent of a family over a half vector, 0 for the others.
+fn sample_alpha(lobe: LobeSetup) -> vec2<f32> {
+    let p = lobe.params;
+    var alpha = vec2<f32>(0.0);
+    switch lobe.family {
+        case 2u: { alpha = vec2<f32>(sqrt(2.0 / (p.x + 2.0))); }
+        case 3u: { alpha = p.xy; }
+        case 4u, 7u: { alpha = vec2<f32>(p.x); }
+        case 6u: { alpha = sqrt(2.0 / (p.xy + 2.0)); }
+        default: { return alpha; }
+    }
+    return max(alpha, vec2<f32>(LEAST_ALPHA));
+}
+
+// Axis of a Lafortune lobe in its own frame, and its length.
+fn sample_axis(lobe: LobeSetup, wo: vec3<f32>) -> vec4<f32> {
+    let bitangent = cross(lobe.normal, lobe.tangent);
+    let a = lobe.params.xyz * vec3<f32>(dot(lobe.tangent, wo), dot(bitangent, wo), dot(lobe.normal, wo));
+    let size = length(a);
+    return vec4<f32>(a / max(size, LEAST_AXIS), size);
+}
+
+// A vector of the lobe's frame in the layer's.
+fn sample_world(lobe: LobeSetup, v: vec3<f32>) -> vec3<f32> {
+    return lobe.tangent * v.x + cross(lobe.normal, lobe.tangent) * v.y + lobe.normal * v.z;
+}
+
+// About +z, with the density (exponent + 1) / (2 pi) cos^exponent.
+fn sample_about_z(exponent: f32, at: vec2<f32>) -> vec3<f32> {
+    let c = pow(max(at.x, 1e-12), 1.0 / (exponent + 1.0));
+    let s = sqrt(max(1.0 - c * c, 0.0));
+    return vec3<f32>(s * cos(SAMPLE_TAU * at.y), s * sin(SAMPLE_TAU * at.y), c);
+}
+
+// Turns +z to the unit vector `axis` [Duff 2017].
+fn sample_turned(v: vec3<f32>, axis: vec3<f32>) -> vec3<f32> {
+    let sign = select(1.0, -1.0, axis.z < 0.0);
+    let a = -1.0 / (sign + axis.z);
+    let b = axis.x * axis.y * a;
+    let x = vec3<f32>(1.0 + sign * axis.x * axis.x * a, sign * b, -sign * axis.x);
+    let y = vec3<f32>(b, sign + axis.y * axis.y * a, -axis.y);
+    return x * v.x + y * v.y + axis * v.z;
+}
+
+fn sample_lobe_direction(lobe: LobeSetup, wo: vec3<f32>, at: vec2<f32>) -> vec3<f32> {
+    let a = sample_alpha(lobe);
+    if a.x > 0.0 {
+        // Slopes of the half vector.
+        let u = min(at.x, 0.9999999);
+        let r = sqrt(u / (1.0 - u));
+        let slopes = a * r * vec2<f32>(cos(SAMPLE_TAU * at.y), sin(SAMPLE_TAU * at.y));
+        let h = sample_world(lobe, normalize(vec3<f32>(slopes, 1.0)));
+        return 2.0 * dot(wo, h) * h - wo;
+    }
+    if lobe.family == 5u {
+        let axis = sample_axis(lobe, wo);
+        if axis.w > LEAST_AXIS {
+            return sample_world(lobe, sample_turned(sample_about_z(lobe.params.w, at), axis.xyz));
+        }
+    }
+    return sample_world(lobe, sample_about_z(1.0, at));
+}
+
+fn sample_lobe_density(lobe: LobeSetup, wi: vec3<f32>, wo: vec3<f32>) -> f32 {
+    let a = sample_alpha(lobe);
+    if a.x > 0.0 {
+        let sum = wi + wo;
+        let size = length(sum);
+        if size < 1e-4 {
+            return 0.0;
+        }
+        let h = sum * (select(1.0, -1.0, dot(lobe.normal, sum) < 0.0) / size);
+        let bitangent = cross(lobe.normal, lobe.tangent);
+        let x = dot(lobe.tangent, h) / a.x;
+        let y = dot(bitangent, h) / a.y;
+        let z = dot(lobe.normal, h);
+        let q = x * x + y * y + z * z;
+        let d = 1.0 / (SAMPLE_PI * a.x * a.y * max(q * q, 1e-12));
+        return d * z / (4.0 * max(abs(dot(wo, h)), 1e-6));
+    }
+    if lobe.family == 5u {
+        let axis = sample_axis(lobe, wo);
+        if axis.w > LEAST_AXIS {
+            let exponent = lobe.params.w;
+            return (exponent + 1.0) / SAMPLE_TAU * power(max(dot(sample_world(lobe, axis.xyz), wi), 0.0), exponent);
+        }
+    }
+    return max(dot(lobe.normal, wi), 0.0) / SAMPLE_PI;
+}
+
+// How often a lobe is drawn, from the mean of its weights: about the share of light that it reflects.
+fn sample_importance(lobe: LobeSetup, weight: f32) -> f32 {
+    switch lobe.family {
+        case 4u, 7u: { return weight * max(lobe.params.y, 0.05); }
+        case 6u: { return weight * max(lobe.params.z, 0.05); }
+        case 5u: { return weight * 0.5; }
+        default: { return weight; }
+    }
+}
+
+// A lobe of a texel and its importance.
+struct SampleLobe {
+    lobe: LobeSetup,
+    importance: f32,
+}
+
+fn sample_lobe_at(t: Texel, slot: u32) -> SampleLobe {
+    let reference = asset_word(t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref + slot);
+    let dictionary = t.base + asset_word(t.base + asset_word(t.layer + BLOCK_DICTIONARIES) + t.cluster);
+    let lobe = lobe_from_resident(dictionary + (reference & 0xffu) * LOBE_RESIDENT_WORDS);
+    let weight = weight_from_byte((reference >> 8u) & 0xffu, lobe.weight_scale)
+        + weight_from_byte((reference >> 16u) & 0xffu, lobe.weight_scale)
+        + weight_from_byte((reference >> 24u) & 0xffu, lobe.weight_scale);
+    return SampleLobe(lobe, sample_importance(lobe, weight / 3.0));
+}
+
+// A direction towards light that matters to this eye, in the texel's frame; it may lie where the value is 0.
+fn sample_direction(viewed: ViewedTexel, at: vec3<f32>) -> vec3<f32> {
+    let t = viewed.t;
+    var total = 0.0;
+    for (var slot = 0u; slot < t.lobes; slot++) {
+        total += sample_lobe_at(t, slot).importance;
+    }
+    var wi = sample_about_z(1.0, at.xy);
+    if total > 0.0 && at.z >= COSINE_SHARE {
+        var rest = (at.z - COSINE_SHARE) / (1.0 - COSINE_SHARE) * total;
+        for (var slot = 0u; slot < t.lobes; slot++) {
+            let one = sample_lobe_at(t, slot);
+            if rest < one.importance || slot + 1u == t.lobes {
+                wi = sample_lobe_direction(one.lobe, viewed.wo, at.xy);
+                break;
+            }
+            rest -= one.importance;
+        }
+    }
+    if asset_word(t.layer + BLOCK_LIGHT_SIDE) == 1u {
+        wi.z = -wi.z;
+    }
+    return wi;
+}
+
+fn sample_density(viewed: ViewedTexel, wi_given: vec3<f32>) -> f32 {
+    let t = viewed.t;
+    var wi = wi_given;
+    if asset_word(t.layer + BLOCK_LIGHT_SIDE) == 1u {
+        wi.z = -wi.z;
+    }
+    let cosine = max(wi.z, 0.0) / SAMPLE_PI;
+    var sum = 0.0;
+    var total = 0.0;
+    for (var slot = 0u; slot < t.lobes; slot++) {
+        let one = sample_lobe_at(t, slot);
+        sum += one.importance * sample_lobe_density(one.lobe, wi, viewed.wo);
+        total += one.importance;
+    }
+    if total > 0.0 {
+        return COSINE_SHARE * cosine + (1.0 - COSINE_SHARE) * sum / total;
+    }
+    return cosine;
+}
