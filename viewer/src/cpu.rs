@@ -2,7 +2,7 @@
 
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::camera::{CameraFrame, jitter};
-use crate::options::ShadeOptions;
+use crate::options::{RenderMode, ShadeOptions};
 use crate::sampler;
 use crate::scene::{Material, Scene};
 use crate::surface::{LEAST_EYE_COS, Surface};
@@ -19,6 +19,9 @@ const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
 /// Rays whose radiance counts for less than this in the pixel are not followed.
 const LEAST_THROUGHPUT: f32 = 1e-3;
 
+/// Least chance of a path to go on.
+const LEAST_KEPT: f32 = 0.05;
+
 /// The constants that the shader has too, by name.
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[
@@ -26,6 +29,7 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("TRACE_PI", PI),
     ("LEAST_LIGHT_DISTANCE2", LEAST_LIGHT_DISTANCE2),
     ("LEAST_THROUGHPUT", LEAST_THROUGHPUT),
+    ("LEAST_KEPT", LEAST_KEPT),
 ];
 
 /// A picture in the making: the sum of its samples.
@@ -105,9 +109,28 @@ fn texel_at(width: u32, height: u32, uv: Vec2) -> u32 {
     y * width + x
 }
 
-/// Seed of the pixel's random numbers at a depth of its path.
-fn seed_of([x, y]: [u32; 2], depth: u32) -> u32 {
-    sampler::hash(x.wrapping_add(sampler::hash(y.wrapping_add(sampler::hash(depth)))))
+/// What random numbers are for.
+#[derive(Clone, Copy)]
+enum Numbers {
+    Ambient = 0,
+    Scatter = 1,
+    Choice = 2,
+}
+
+/// Seed of the pixel's random numbers at a depth of its path, for one purpose.
+fn seed_of([x, y]: [u32; 2], depth: u32, purpose: Numbers) -> u32 {
+    let hashed = sampler::hash(depth.wrapping_add((purpose as u32) << 16));
+    sampler::hash(x.wrapping_add(sampler::hash(y.wrapping_add(hashed))))
+}
+
+/// How a path goes on from a surface.
+struct Scattered {
+    direction: Vec3,
+    /// It leaves on the back.
+    back: bool,
+    /// Reflected over density.
+    weight: Vec3,
+    mirrored: bool,
 }
 
 /// One sample of every pixel.
@@ -181,7 +204,8 @@ impl Shader<'_> {
             let distance = lifted.length();
             add(wi, incident, lifted / distance.max(1e-30), distance);
         }
-        if scene.ambient.radiance.iter().any(|x| *x > 0.0) {
+        // A path meets the ambient light by itself.
+        if self.options.mode == RenderMode::Direct && scene.ambient.radiance.iter().any(|x| *x > 0.0) {
             let mut wi = sampler::cosine(ambient_at);
             // The density of wi is its cosine over pi.
             let incident = Vec3::from(scene.ambient.radiance) / wi.z.max(1e-6);
@@ -191,12 +215,64 @@ impl Shader<'_> {
         radiance
     }
 
+    /// `None` where the path ends.
+    fn scatter(&self, s: &Surface, direction: Vec3, at: [f32; 2], choice: f32) -> Option<Scattered> {
+        let material = &self.scene.materials[s.material];
+        let glossy = Vec3::from(material.mirror).max_element();
+        let body = if material.asset.is_some() { 1.0 } else { Vec3::from(material.diffuse).max_element() };
+        if glossy + body <= 0.0 {
+            return None;
+        }
+        let mirror_share = glossy / (glossy + body);
+        if choice < mirror_share {
+            let weight = Vec3::from(material.mirror) / mirror_share;
+            return Some(Scattered {
+                direction: mirror_direction(s, direction),
+                back: s.view_back,
+                weight,
+                mirrored: true,
+            });
+        }
+        let mut rest = (choice - mirror_share) / (1.0 - mirror_share);
+        let mut weight = Vec3::splat(1.0 / (1.0 - mirror_share));
+        let mut back = s.view_back;
+        let Some(asset) = material.asset else {
+            let mut wi = sampler::cosine(at);
+            wi.z = if back { -wi.z } else { wi.z };
+            weight *= Vec3::from(material.diffuse);
+            return Some(Scattered { direction: s.world_from_local(wi), back, weight, mirrored: false });
+        };
+        let resident = &self.scene.assets[asset].resident;
+        let mut layer = resident.layer_for_sides(s.view_back, s.view_back);
+        if let Some(through) = resident.layer_for_sides(!s.view_back, s.view_back) {
+            // Either side of the surface is as likely, where light comes from both.
+            let both = layer.is_some();
+            if !both || rest < 0.5 {
+                back = !back;
+                layer = Some(through);
+            }
+            if both {
+                weight *= 2.0;
+                rest = (2.0 * rest).fract();
+            }
+        }
+        let texel = texel_at(resident.width(), resident.height(), s.uv * Vec2::from(material.uv_scale));
+        let viewed = ViewedTexel::new(resident, layer?, texel, s.wo.to_array(), &self.options.decode);
+        let wi = viewed.sample_direction([at[0], at[1], rest]);
+        let density = viewed.sample_density(wi);
+        if density <= 0.0 || (wi[2] < 0.0) != back {
+            return None;
+        }
+        weight *= Vec3::from(viewed.light(&mut LightRows::default(), wi)) / (PI * density);
+        Some(Scattered { direction: s.world_from_local(wi.into()), back, weight, mirrored: false })
+    }
+
     /// Radiance towards the eye through a pixel, and what it took.
     fn pixel(&self, pixel: [u32; 2]) -> ([f32; 3], PixelHit) {
         let scene = self.scene;
         let (mut origin, mut direction) = (self.camera.eye, self.camera.direction(pixel[0], pixel[1], self.jitter));
         let mut done = PixelHit { primitive: NO_HIT, rays: 0, evaluations: 0 };
-        let (mut radiance, mut throughput) = (Vec3::ZERO, Vec3::ONE);
+        let (mut radiance, mut throughput, mut scattered) = (Vec3::ZERO, Vec3::ONE, false);
         for depth in 1..=self.options.depth {
             let hit = self.trace(origin, direction, FAR, AnyHit::No);
             done.rays += 1;
@@ -204,14 +280,31 @@ impl Shader<'_> {
                 done.primitive = hit.primitive;
             }
             if hit.primitive == NO_HIT {
-                radiance += throughput * Vec3::from(scene.background);
+                let beyond = if scattered { scene.ambient.radiance } else { scene.background };
+                radiance += throughput * Vec3::from(beyond);
                 break;
             }
             let s = Surface::surface_at(&scene.geometry, &hit, direction);
             let material = &scene.materials[s.material];
-            let ambient_at = sampler::two(self.sample, seed_of(pixel, depth));
+            let ambient_at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Ambient));
             for light_back in [false, true] {
                 radiance += throughput * self.light_from_side(&s, material, light_back, ambient_at, &mut done);
+            }
+            if self.options.mode == RenderMode::Path {
+                let at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Scatter));
+                let [choice, roulette] = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Choice));
+                let Some(next) = self.scatter(&s, direction, at, choice) else { break };
+                throughput *= next.weight;
+                // Russian roulette: dim paths end, the others carry their share on.
+                let kept = throughput.max_element().clamp(LEAST_KEPT, 1.0);
+                if roulette >= kept || throughput.max_element() <= 0.0 {
+                    break;
+                }
+                throughput /= kept;
+                scattered |= !next.mirrored;
+                direction = next.direction;
+                origin = if next.back { s.below } else { s.above };
+                continue;
             }
             throughput *= Vec3::from(material.mirror);
             if throughput.max_element() < LEAST_THROUGHPUT {

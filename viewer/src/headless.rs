@@ -76,6 +76,8 @@ pub struct RenderReport {
     pub triangles: usize,
     /// If there is ambient light.
     pub ambient_occlusion: bool,
+    /// `direct` or `path`.
+    pub mode: &'static str,
     /// Rays of a path at most.
     pub depth: u32,
     /// Residual components at most; `null` for all.
@@ -182,7 +184,7 @@ fn render_gpu(
                 let times = timer.read(gpu)?;
                 passes.camera_ms += times.camera_ms / f64::from(params.frames);
                 passes.light_ms += times.light_ms / f64::from(params.frames);
-                passes.mirror_ms += times.mirror_ms / f64::from(params.frames);
+                passes.bounce_ms += times.bounce_ms / f64::from(params.frames);
                 times.sum_ms()
             }
             None => wall_ms,
@@ -223,6 +225,7 @@ fn rendered(
         lights: scene.lights.len(),
         triangles: scene.geometry.triangles().len(),
         ambient_occlusion: scene.ambient.radiance.iter().any(|x| *x > 0.0),
+        mode: params.shade.mode.name(),
         depth: params.shade.depth,
         components: limit(params.shade.decode.components),
         lobes: limit(params.shade.decode.lobes),
@@ -239,6 +242,7 @@ fn rendered(
 mod tests {
     use super::*;
     use crate::mesh;
+    use crate::options::RenderMode;
     use crate::scene::{Material, SceneObject};
     use std::path::Path;
 
@@ -324,6 +328,51 @@ mod tests {
             "{seen:?}"
         );
         assert_eq!(middle(1), [0.0; 3]);
+    }
+
+    #[test]
+    fn an_integrating_sphere_has_the_radiance_of_its_formula() {
+        // Inside a sphere of albedo a, lit from its middle, every point has L = a E / pi / (1 - a).
+        let albedo = 0.5;
+        let mut part = mesh::sphere();
+        part.transform(glam::Mat4::from_scale(glam::Vec3::splat(2.0)));
+        let object = SceneObject { part, material: Material::plain([albedo; 3]) };
+        let mut scene = Scene::from_objects(Path::new("sphere"), vec![object], Vec::new()).unwrap();
+        scene.camera.eye = glam::Vec3::new(0.0, 0.3, 1.0);
+        scene.camera.target = glam::Vec3::ZERO;
+        scene.lights = vec![crate::scene::PointLight { position: glam::Vec3::ZERO, intensity: [4.0; 3] }];
+        let mean = |mode| {
+            let shade = ShadeOptions { mode, depth: 16, ..ShadeOptions::default() };
+            let params = RenderParams { shade, frames: 16, ..cpu([24, 24]) };
+            let picture = render(&scene, &params, &Control::SILENT).unwrap().picture;
+            picture.radiance.iter().map(|c| f64::from(c[1])).sum::<f64>() / picture.radiance.len() as f64
+        };
+        let once = f64::from(albedo) * 1.0 / std::f64::consts::PI;
+        let (direct, path) = (mean(RenderMode::Direct), mean(RenderMode::Path));
+        assert!((direct / once - 1.0).abs() < 0.01, "{direct} {once}");
+        assert!((path / (once / (1.0 - f64::from(albedo))) - 1.0).abs() < 0.02, "{path} {once}");
+    }
+
+    #[test]
+    fn on_a_convex_body_paths_and_ambient_light_agree() {
+        // An asset, so that its sampling is what is tested; nothing near, so that no light goes two ways.
+        let asset = btf_runtime::testing::sample_asset(3, 12, 8, btf_runtime::ResidualKind::Root);
+        let assets = vec![std::sync::Arc::new(crate::SceneAsset::new("sample", asset))];
+        let mut scene = Scene::built_in(&crate::MeshChoice::Plane, assets, [1.0; 2]).unwrap();
+        scene.lights.clear();
+        scene.background = [0.0; 3];
+        scene.ambient = crate::Ambient { radiance: [1.0; 3], distance: 1e6 };
+        let mean = |mode, scene: &Scene| {
+            let shade = ShadeOptions { mode, depth: 3, ..ShadeOptions::default() };
+            let params = RenderParams { shade, frames: 64, ..cpu([32, 32]) };
+            let picture = render(scene, &params, &Control::SILENT).unwrap().picture;
+            picture.radiance.iter().map(|c| f64::from(c[1])).sum::<f64>() / picture.radiance.len() as f64
+        };
+        let (direct, path) = (mean(RenderMode::Direct, &scene), mean(RenderMode::Path, &scene));
+        assert!(direct > 0.01 && (path / direct - 1.0).abs() < 0.02, "{direct} {path}");
+        // Planted difference: another sky.
+        scene.ambient.radiance = [0.9; 3];
+        assert!((mean(RenderMode::Path, &scene) / direct - 1.0).abs() > 0.05);
     }
 
     #[test]

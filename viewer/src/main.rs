@@ -2,8 +2,8 @@
 
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
-    Ambient, BackendChoice, BenchKind, BenchParams, Control, GpuTracer, MeshChoice, RenderParams, Scene, SceneAsset,
-    ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, render, run_bench, run_window,
+    Ambient, BackendChoice, BenchKind, BenchParams, Control, GpuTracer, MeshChoice, RenderMode, RenderParams, Scene,
+    SceneAsset, ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, render, run_bench, run_window,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -96,6 +96,9 @@ struct CommonArguments {
     /// Leave the parallax of eyes beyond the measured views, also where an asset has heights
     #[arg(long)]
     no_parallax: bool,
+    /// Which light is followed: straight from lamps and surroundings, or on any way
+    #[arg(long, value_enum, default_value_t = ModeName::Direct)]
+    mode: ModeName,
     /// Rays of a path at most: 1 shows no mirror images
     #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().depth,
           value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_DEPTH)))]
@@ -119,7 +122,11 @@ impl CommonArguments {
             },
             parallax: !self.no_parallax,
         };
-        ShadeOptions { decode, depth: self.depth }
+        let mode = match self.mode {
+            ModeName::Direct => RenderMode::Direct,
+            ModeName::Path => RenderMode::Path,
+        };
+        ShadeOptions { decode, mode, depth: self.depth }
     }
 
     fn backend(&self) -> BackendChoice {
@@ -185,6 +192,12 @@ enum BackendName {
     RayQuery,
     Bvh,
     Cpu,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ModeName {
+    Direct,
+    Path,
 }
 
 #[derive(Clone, Copy, ValueEnum)]

@@ -7,8 +7,32 @@ use btf_runtime::DecodeOptions;
 pub struct ShadeOptions {
     /// How assets are decoded.
     pub decode: DecodeOptions,
+    /// Which light is followed.
+    pub mode: RenderMode,
     /// Rays of a path at most, the first from the eye: 1 shows no mirror images, 1 to [`MAX_DEPTH`].
     pub depth: u32,
+}
+
+/// Which light is followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(u32)]
+pub enum RenderMode {
+    /// Light that comes straight from a lamp or, within the occlusion distance, from the surroundings; and perfect mirrors.
+    #[default]
+    Direct = 0,
+    /// Light on any way up to the depth: progressive path tracing, what the other is measured against. What goes past
+    /// everything meets the ambient light, whatever the occlusion distance.
+    Path = 1,
+}
+
+impl RenderMode {
+    /// As on the command line and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            RenderMode::Direct => "direct",
+            RenderMode::Path => "path",
+        }
+    }
 }
 
 /// How the GPU decodes a texel that several lights shine on.
@@ -26,6 +50,6 @@ pub const MAX_DEPTH: u32 = 16;
 
 impl Default for ShadeOptions {
     fn default() -> ShadeOptions {
-        ShadeOptions { decode: DecodeOptions::default(), depth: 4 }
+        ShadeOptions { decode: DecodeOptions::default(), mode: RenderMode::Direct, depth: 4 }
     }
 }

@@ -1,6 +1,6 @@
 //! The side panel: what the user can turn while looking.
 
-use crate::options::{MAX_DEPTH, ShadeOptions};
+use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions};
 use crate::scene::{Ambient, PointLight, Scene, intensity_for};
 use crate::shaders::GpuTracer;
 use crate::trace::PassTimes;
@@ -143,8 +143,14 @@ impl Panel {
             ui.add(slider.text("occlusion distance"));
             self.ambient = scene.ambient;
         }
-        if scene.materials.iter().any(|material| material.mirror.iter().any(|x| *x > 0.0)) {
-            ui.add(egui::Slider::new(&mut self.shade.depth, 1..=MAX_DEPTH).text("mirror depth"));
+        ui.horizontal(|ui| {
+            ui.radio_value(&mut self.shade.mode, RenderMode::Direct, "direct light");
+            ui.radio_value(&mut self.shade.mode, RenderMode::Path, "path tracing");
+        });
+        if self.shade.mode == RenderMode::Path
+            || scene.materials.iter().any(|material| material.mirror.iter().any(|x| *x > 0.0))
+        {
+            ui.add(egui::Slider::new(&mut self.shade.depth, 1..=MAX_DEPTH).text("path depth"));
         }
         scene.ambient != before
     }
@@ -160,8 +166,8 @@ impl Panel {
             Some(ms) => ui.label(format!("{ms:.2} ms per frame ({})", status.timer)),
             None => ui.label("measuring"),
         };
-        if let Some(PassTimes { camera_ms, light_ms, mirror_ms }) = status.passes {
-            ui.small(format!("camera {camera_ms:.2}, light {light_ms:.2}, mirrors {mirror_ms:.2} ms"));
+        if let Some(PassTimes { camera_ms, light_ms, bounce_ms }) = status.passes {
+            ui.small(format!("camera {camera_ms:.2}, light {light_ms:.2}, further rays {bounce_ms:.2} ms"));
         }
         ui.label(format!("{} x {}, {} samples", status.picture[0], status.picture[1], status.samples));
         if let Some(problem) = status.problem {

@@ -128,13 +128,13 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, pad0),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
             ("Material", fields!(GpuMaterial; diffuse, asset, mirror, pad0, uv_scale, pad1, pad2)),
             ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
-            ("Path", fields!(GpuPath; origin, primitive, direction, u, throughput, v)),
+            ("Path", fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, pad0, pad1, pad2)),
             ("Pixel", fields!(GpuPixel; sum, seen, rays, evaluations, depth)),
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
             ("Query", fields!(GpuQuery; wi, texel, wo, layer)),
@@ -158,6 +158,7 @@ mod tests {
         assert_eq!(constant(&module, "BVH_STACK"), Some(naga::Literal::U32(STACK as u32)));
         assert_eq!(constant(&module, "NO_HIT"), Some(naga::Literal::U32(NO_HIT)));
         assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::trace::NO_ASSET)));
+        assert_eq!(constant(&module, "MODE_PATH"), Some(naga::Literal::U32(crate::RenderMode::Path as u32)));
         for (name, value) in crate::bvh::CONSTANTS.iter().chain(crate::cpu::CONSTANTS).chain(crate::surface::CONSTANTS)
         {
             assert_eq!(constant(&module, name), Some(naga::Literal::F32(*value)), "{name}");

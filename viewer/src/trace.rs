@@ -4,7 +4,7 @@ use crate::arena::{Arena, ArenaLayout};
 use crate::camera::jitter;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
-use crate::options::{DecoderForm, ShadeOptions};
+use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::scene::Scene;
 use crate::shaders::{GpuTracer, trace_module};
 use wgpu::BufferUsages;
@@ -13,7 +13,7 @@ use wgpu::BufferUsages;
 pub const NO_ASSET: u32 = u32::MAX;
 /// Pixels per side of a workgroup. Twin: `@workgroup_size` in `passes.wgsl`.
 const GROUP: u32 = 8;
-/// Pixels of a band at most: its paths then take 200 MB.
+/// Pixels of a band at most: its paths then take 270 MB.
 const MOST_BAND_PIXELS: u64 = 1 << 22;
 
 /// Twin: `Frame` in `scene.wgsl`.
@@ -38,7 +38,7 @@ pub(crate) struct Frame {
     pub parallax: u32,
     pub first_row: u32,
     pub rows: u32,
-    pub pad0: u32,
+    pub mode: u32,
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -74,6 +74,10 @@ pub(crate) struct GpuPath {
     pub u: f32,
     pub throughput: [f32; 3],
     pub v: f32,
+    pub scattered: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
 }
 
 /// Twin: `Pixel` in `scene.wgsl`.
@@ -101,7 +105,11 @@ pub struct PixelHit {
 /// A scene on a GPU.
 pub struct Tracer {
     tracer: GpuTracer,
-    passes: [wgpu::ComputePipeline; 3],
+    module: wgpu::ShaderModule,
+    layout: wgpu::PipelineLayout,
+    decoder: DecoderForm,
+    /// By number of the pass, made when first asked for: drivers take their time to compile.
+    pipelines: [Option<wgpu::ComputePipeline>; 4],
     frame: wgpu::Buffer,
     fixed: [wgpu::Buffer; 3],
     arena: Arena,
@@ -138,16 +146,17 @@ enum Pass {
     Light,
     /// The next ray, from a mirror.
     Mirror,
+    /// The next ray of a traced path.
+    Scatter,
 }
 
 impl Pass {
-    const ALL: [Pass; 3] = [Pass::Camera, Pass::Light, Pass::Mirror];
-
     fn entry_point(self) -> &'static str {
         match self {
             Pass::Camera => "camera_main",
             Pass::Light => "light_main",
             Pass::Mirror => "mirror_main",
+            Pass::Scatter => "scatter_main",
         }
     }
 }
@@ -155,9 +164,14 @@ impl Pass {
 /// The passes of a sample, in order.
 fn passes_of(scene: &Scene, options: &ShadeOptions) -> Vec<Pass> {
     let mirrors = scene.materials.iter().any(|material| material.mirror.iter().any(|x| *x > 0.0));
-    let bounces = if mirrors { options.depth - 1 } else { 0 };
+    let next = match options.mode {
+        RenderMode::Path => Some(Pass::Scatter),
+        RenderMode::Direct => mirrors.then_some(Pass::Mirror),
+    };
     let mut passes = vec![Pass::Camera, Pass::Light];
-    (0..bounces).for_each(|_| passes.extend([Pass::Mirror, Pass::Light]));
+    if let Some(next) = next {
+        (1..options.depth).for_each(|_| passes.extend([next, Pass::Light]));
+    }
     passes
 }
 
@@ -217,20 +231,6 @@ impl Tracer {
             bind_group_layouts: &[Some(&scene_layout), Some(&structure_layout)],
             ..Default::default()
         });
-        let passes = Pass::ALL.map(|pass| {
-            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(pass.entry_point()),
-                layout: Some(&layout),
-                module: &module,
-                entry_point: Some(pass.entry_point()),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &[("whole_decoder", f64::from(u8::from(decoder == DecoderForm::Whole)))],
-                    ..Default::default()
-                },
-                cache: None,
-            })
-        });
-
         let (structure, blas) = match tracer {
             GpuTracer::RayQuery => {
                 let (tlas, blas) = acceleration_structure(gpu, scene, &fixed[0])?;
@@ -246,7 +246,21 @@ impl Tracer {
         let light_capacity = scene.lights.len().max(1);
         let lights = light_buffer(gpu, light_capacity)?;
         gpu.check()?;
-        Ok(Tracer { tracer, passes, frame, fixed, arena, lights, light_capacity, structure, target: None, _blas: blas })
+        Ok(Tracer {
+            tracer,
+            module,
+            layout,
+            decoder,
+            pipelines: [const { None }; 4],
+            frame,
+            fixed,
+            arena,
+            lights,
+            light_capacity,
+            structure,
+            target: None,
+            _blas: blas,
+        })
     }
 
     /// Which tracer this is.
@@ -273,9 +287,9 @@ impl Tracer {
         sample: u32,
         mut timer: Option<&mut GpuTimer>,
     ) -> Result<(), ViewerError> {
-        self.prepare(gpu, scene, size)?;
-        let Some(target) = &self.target else { return Ok(()) };
         let passes = passes_of(scene, options);
+        self.prepare(gpu, scene, size, &passes)?;
+        let Some(target) = &self.target else { return Ok(()) };
         if let Some(timer) = &mut timer {
             timer.begin(gpu, target.bands.len() * passes.len())?;
         }
@@ -303,16 +317,39 @@ impl Tracer {
         size: [u32; 2],
         options: &ShadeOptions,
     ) -> Result<(), ViewerError> {
-        self.prepare(gpu, scene, size)?;
+        let passes = passes_of(scene, options);
+        self.prepare(gpu, scene, size, &passes)?;
         self.write_lights(gpu, scene);
         if let Some(band) = self.target.as_ref().and_then(|target| target.bands.first()) {
             self.write_frame(gpu, scene, size, band, options, 0);
-            self.dispatch(gpu, band, &Pass::ALL, [1, 1], None);
+            self.dispatch(gpu, band, &passes, [1, 1], None);
         }
         gpu.wait()
     }
 
-    fn prepare(&mut self, gpu: &Gpu, scene: &Scene, [width, height]: [u32; 2]) -> Result<(), ViewerError> {
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        [width, height]: [u32; 2],
+        passes: &[Pass],
+    ) -> Result<(), ViewerError> {
+        for pass in passes {
+            let made = &mut self.pipelines[*pass as usize];
+            if made.is_none() {
+                *made = Some(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                    label: Some(pass.entry_point()),
+                    layout: Some(&self.layout),
+                    module: &self.module,
+                    entry_point: Some(pass.entry_point()),
+                    compilation_options: wgpu::PipelineCompilationOptions {
+                        constants: &[("whole_decoder", f64::from(u8::from(self.decoder == DecoderForm::Whole)))],
+                        ..Default::default()
+                    },
+                    cache: None,
+                }));
+            }
+        }
         let grown = scene.lights.len() > self.light_capacity;
         if grown {
             self.light_capacity = scene.lights.len().next_power_of_two();
@@ -394,7 +431,7 @@ impl Tracer {
             parallax: decode.parallax.into(),
             first_row: band.first_row,
             rows: band.rows,
-            pad0: 0,
+            mode: options.mode as u32,
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
     }
@@ -402,10 +439,11 @@ impl Tracer {
     fn dispatch(&self, gpu: &Gpu, band: &Band, passes: &[Pass], groups: [u32; 2], mut timer: Option<&mut GpuTimer>) {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         for pass in passes {
+            let Some(pipeline) = &self.pipelines[*pass as usize] else { continue };
             let timestamp_writes = timer.as_mut().map(|timer| timer.writes(*pass));
             let mut compute = encoder
                 .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(pass.entry_point()), timestamp_writes });
-            compute.set_pipeline(&self.passes[*pass as usize]);
+            compute.set_pipeline(pipeline);
             compute.set_bind_group(0, &band.group, &[]);
             compute.set_bind_group(1, &self.structure, &[]);
             compute.dispatch_workgroups(groups[0], groups[1], 1);
@@ -576,14 +614,14 @@ pub struct PassTimes {
     pub camera_ms: f64,
     /// Light: decoding and shadow rays, ambient occlusion in them.
     pub light_ms: f64,
-    /// Rays from mirrors.
-    pub mirror_ms: f64,
+    /// Rays from mirrors, or the next ones of traced paths.
+    pub bounce_ms: f64,
 }
 
 impl PassTimes {
     /// All of it.
     pub fn sum_ms(&self) -> f64 {
-        self.camera_ms + self.light_ms + self.mirror_ms
+        self.camera_ms + self.light_ms + self.bounce_ms
     }
 }
 
@@ -635,7 +673,7 @@ impl GpuTimer {
             let time = match pass {
                 Pass::Camera => &mut times.camera_ms,
                 Pass::Light => &mut times.light_ms,
-                Pass::Mirror => &mut times.mirror_ms,
+                Pass::Mirror | Pass::Scatter => &mut times.bounce_ms,
             };
             *time += ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.period_ns) * 1e-6;
         }

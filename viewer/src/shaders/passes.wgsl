@@ -19,6 +19,13 @@ fn light_main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 @compute @workgroup_size(8, 8)
+fn scatter_main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if in_band(id.xy) {
+        scatter_pass(id.xy);
+    }
+}
+
+@compute @workgroup_size(8, 8)
 fn mirror_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if in_band(id.xy) {
         mirror_pass(id.xy);

@@ -23,7 +23,7 @@ struct Frame {
     // The band of rows that is drawn.
     first_row: u32,
     rows: u32,
-    pad0: u32,
+    mode: u32,
 }
 
 struct Vertex {
@@ -69,6 +69,11 @@ struct Path {
     // What radiance along the latest ray counts for in the pixel.
     throughput: vec3<f32>,
     v: f32,
+    // 1 once the path left a surface in another way than by a mirror.
+    scattered: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 struct Pixel {

@@ -6,6 +6,13 @@ const TRACE_FAR: f32 = 1e30;
 const TRACE_PI: f32 = 3.14159265;
 // A light nearer than this (squared) to the surface is left out.
 const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
+// Least chance of a path to go on.
+const LEAST_KEPT: f32 = 0.05;
+const MODE_PATH: u32 = 1u;
+// What random numbers are for.
+const AMBIENT_NUMBERS: u32 = 0u;
+const SCATTER_NUMBERS: u32 = 1u;
+const CHOICE_NUMBERS: u32 = 2u;
 // Rays whose radiance counts for less than this in the pixel are not followed.
 const LEAST_THROUGHPUT: f32 = 1e-3;
 
@@ -50,7 +57,8 @@ fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at:
     }
     var rows: LightRows;
     let origin = select(s.above, s.below, light_back);
-    let ambient = any(frame.ambient > vec3<f32>(0.0));
+    // A path meets the ambient light by itself.
+    let ambient = frame.mode != MODE_PATH && any(frame.ambient > vec3<f32>(0.0));
     for (var i = 0u; i < frame.light_count + select(0u, 1u, ambient); i++) {
         var wi = vec3<f32>(0.0);
         var incident = vec3<f32>(0.0);
@@ -106,18 +114,83 @@ fn mirror_direction(s: Surface, direction: vec3<f32>) -> vec3<f32> {
     return normalize(mirrored + s.flat * (side * max(LEAST_EYE_COS - above, 0.0)));
 }
 
-// Seed of the pixel's random numbers at a depth of its path.
-fn seed_of(pixel: vec2<u32>, depth: u32) -> u32 {
-    return sampler_hash(pixel.x + sampler_hash(pixel.y + sampler_hash(depth)));
+// Seed of the pixel's random numbers at a depth of its path, for one purpose.
+fn seed_of(pixel: vec2<u32>, depth: u32, purpose: u32) -> u32 {
+    return sampler_hash(pixel.x + sampler_hash(pixel.y + sampler_hash(depth + (purpose << 16u))));
+}
+
+// How a path goes on from a surface.
+struct Scattered {
+    direction: vec3<f32>,
+    // It leaves on the back.
+    back: bool,
+    // Reflected over density; 0 ends the path.
+    weight: vec3<f32>,
+    mirrored: bool,
+}
+
+fn most(v: vec3<f32>) -> f32 {
+    return max(v.x, max(v.y, v.z));
+}
+
+fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, choice: f32) -> Scattered {
+    let plain = material.asset == NO_ASSET;
+    let glossy = most(material.mirror);
+    let body = select(1.0, most(material.diffuse), plain);
+    if glossy + body <= 0.0 {
+        return Scattered(direction, s.view_back, vec3<f32>(0.0), false);
+    }
+    let mirror_share = glossy / (glossy + body);
+    if choice < mirror_share {
+        return Scattered(mirror_direction(s, direction), s.view_back, material.mirror / mirror_share, true);
+    }
+    var rest = (choice - mirror_share) / (1.0 - mirror_share);
+    var weight = vec3<f32>(1.0 / (1.0 - mirror_share));
+    var back = s.view_back;
+    if plain {
+        var wi = sampler_cosine(at);
+        wi.z = select(wi.z, -wi.z, back);
+        return Scattered(world_from_local(s, wi), back, weight * material.diffuse, false);
+    }
+    let layers = btf_layers(material.asset);
+    let eye_side = select(0u, 1u, s.view_back);
+    var layer = btf_layer_for_sides(material.asset, eye_side, eye_side);
+    let through = btf_layer_for_sides(material.asset, 1u - eye_side, eye_side);
+    if through < layers {
+        // Either side of the surface is as likely, where light comes from both.
+        let both = layer < layers;
+        if !both || rest < 0.5 {
+            back = !back;
+            layer = through;
+        }
+        if both {
+            weight *= 2.0;
+            rest = fract(2.0 * rest);
+        }
+    }
+    if layer >= layers {
+        return Scattered(direction, back, vec3<f32>(0.0), false);
+    }
+    let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
+    let texel = btf_texel(material.asset, s.uv * material.uv_scale);
+    let viewed = viewed_new(material.asset, layer, texel, s.wo, options);
+    let wi = sample_direction(viewed, vec3<f32>(at, rest));
+    let density = sample_density(viewed, wi);
+    if density <= 0.0 || (wi.z < 0.0) != back {
+        return Scattered(direction, back, vec3<f32>(0.0), false);
+    }
+    var rows: LightRows;
+    weight *= viewed_light(viewed, &rows, wi) / (TRACE_PI * density);
+    return Scattered(world_from_local(s, wi), back, weight, false);
 }
 
 // Pass: the ray from the eye.
 fn camera_pass(at: vec2<u32>) {
     let index = at.y * frame.width + at.x;
-    let direction = camera_direction(vec2<u32>(at.x, at.y + frame.first_row));
+    let direction = camera_direction(whole_picture(at));
     let hit = trace_closest(frame.eye, direction);
     let missed = hit.primitive == NO_HIT;
-    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(select(1.0, 0.0, missed)), hit.v);
+    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, 0u, 0u, 0u, 0u);
     var sum = vec4<f32>(select(vec3<f32>(0.0), frame.background, missed), 1.0);
     if frame.sample > 0u {
         sum += pixels[index].sum;
@@ -125,42 +198,76 @@ fn camera_pass(at: vec2<u32>) {
     pixels[index] = Pixel(sum, hit.primitive, 1u, 0u, 1u);
 }
 
-// Pass: light at what the latest ray hit, and the next ray.
+// Pass: light at what the latest ray hit.
 fn light_pass(at: vec2<u32>) {
+    let index = at.y * frame.width + at.x;
+    let path = paths[index];
+    if path.primitive == NO_HIT {
+        return;
+    }
+    let s = surface_at(path.primitive, vec2<f32>(path.u, path.v), path.direction);
+    var pixel = pixels[index];
+    let ambient_at = sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, AMBIENT_NUMBERS));
+    for (var side = 0u; side < 2u; side++) {
+        let light = light_from_side(s, materials[s.material], side == 1u, ambient_at);
+        pixel.sum += vec4<f32>(path.throughput * light.radiance, 0.0);
+        pixel.rays += light.rays;
+        pixel.evaluations += light.evaluations;
+    }
+    pixels[index] = pixel;
+}
+
+// Pass: the next ray from a mirror, where the latest one hit one.
+fn mirror_pass(at: vec2<u32>) {
+    let index = at.y * frame.width + at.x;
+    var path = paths[index];
+    if path.primitive == NO_HIT {
+        return;
+    }
+    path.throughput *= materials[triangles[path.primitive].material].mirror;
+    if most(path.throughput) < LEAST_THROUGHPUT {
+        paths[index].primitive = NO_HIT;
+        return;
+    }
+    let s = surface_at(path.primitive, vec2<f32>(path.u, path.v), path.direction);
+    path.direction = mirror_direction(s, path.direction);
+    path.origin = select(s.above, s.below, s.view_back);
+    go_on(index, path);
+}
+
+// Pass: the next ray of a traced path.
+fn scatter_pass(at: vec2<u32>) {
     let index = at.y * frame.width + at.x;
     var path = paths[index];
     if path.primitive == NO_HIT {
         return;
     }
     let s = surface_at(path.primitive, vec2<f32>(path.u, path.v), path.direction);
-    let material = materials[s.material];
-    var pixel = pixels[index];
-    let ambient_at = sampler_two(frame.sample, seed_of(vec2<u32>(at.x, at.y + frame.first_row), pixel.depth));
-    for (var side = 0u; side < 2u; side++) {
-        let light = light_from_side(s, material, side == 1u, ambient_at);
-        pixel.sum += vec4<f32>(path.throughput * light.radiance, 0.0);
-        pixel.rays += light.rays;
-        pixel.evaluations += light.evaluations;
-    }
-    pixels[index] = pixel;
-
-    path.throughput *= material.mirror;
-    if all(path.throughput < vec3<f32>(LEAST_THROUGHPUT)) {
-        path.throughput = vec3<f32>(0.0);
-    }
-    path.direction = mirror_direction(s, path.direction);
-    path.origin = select(s.above, s.below, s.view_back);
-    path.primitive = NO_HIT;
-    paths[index] = path;
-}
-
-// Pass: the next ray, where there is one.
-fn mirror_pass(at: vec2<u32>) {
-    let index = at.y * frame.width + at.x;
-    var path = paths[index];
-    if all(path.throughput <= vec3<f32>(0.0)) {
+    let depth = pixels[index].depth;
+    let scatter_at = sampler_two(frame.sample, seed_of(whole_picture(at), depth, SCATTER_NUMBERS));
+    let choice = sampler_two(frame.sample, seed_of(whole_picture(at), depth, CHOICE_NUMBERS));
+    let next = scatter(s, materials[s.material], path.direction, scatter_at, choice.x);
+    path.throughput *= next.weight;
+    // Russian roulette: dim paths end, the others carry their share on.
+    let kept = clamp(most(path.throughput), LEAST_KEPT, 1.0);
+    if most(path.throughput) <= 0.0 || choice.y >= kept {
+        paths[index].primitive = NO_HIT;
         return;
     }
+    path.throughput /= kept;
+    path.scattered |= select(1u, 0u, next.mirrored);
+    path.direction = next.direction;
+    path.origin = select(s.above, s.below, next.back);
+    go_on(index, path);
+}
+
+fn whole_picture(at: vec2<u32>) -> vec2<u32> {
+    return vec2<u32>(at.x, at.y + frame.first_row);
+}
+
+// Traces the path's ray.
+fn go_on(index: u32, given: Path) {
+    var path = given;
     let hit = trace_closest(path.origin, path.direction);
     path.primitive = hit.primitive;
     path.u = hit.u;
@@ -168,8 +275,8 @@ fn mirror_pass(at: vec2<u32>) {
     pixels[index].rays += 1u;
     pixels[index].depth += 1u;
     if hit.primitive == NO_HIT {
-        pixels[index].sum += vec4<f32>(path.throughput * frame.background, 0.0);
-        path.throughput = vec3<f32>(0.0);
+        let beyond = select(frame.background, frame.ambient, path.scattered != 0u);
+        pixels[index].sum += vec4<f32>(path.throughput * beyond, 0.0);
     }
     paths[index] = path;
 }
