@@ -19,6 +19,8 @@ const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
 /// Rays whose radiance counts for less than this in the pixel are not followed.
 const LEAST_THROUGHPUT: f32 = 1e-3;
 
+/// Lights that are looked at for each that is drawn.
+pub(crate) const LIGHT_CANDIDATES: usize = 8;
 /// Least chance of a path to go on.
 const LEAST_KEPT: f32 = 0.05;
 
@@ -115,6 +117,7 @@ enum Numbers {
     Ambient = 0,
     Scatter = 1,
     Choice = 2,
+    Light = 3,
 }
 
 /// Seed of the pixel's random numbers at a depth of its path, for one purpose.
@@ -148,6 +151,38 @@ impl Shader<'_> {
         geometry.bvh().trace(geometry.vertices(), geometry.triangles(), origin, direction, t_max, any)
     }
 
+    /// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some
+    /// candidates spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005]. Its number and how
+    /// many lights' share it stands for; `None` where none could add anything.
+    fn choose_light(
+        &self,
+        s: &Surface,
+        light_back: bool,
+        stratum: usize,
+        strata: usize,
+        seed: u32,
+    ) -> Option<(usize, f32)> {
+        let lights = &self.scene.lights;
+        let cell = lights.len() as f32 / (strata * LIGHT_CANDIDATES) as f32;
+        let (mut total, mut kept, mut chosen) = (0.0f32, 0.0f32, 0);
+        for k in 0..LIGHT_CANDIDATES {
+            let number = stratum * LIGHT_CANDIDATES + k;
+            let own = seed.wrapping_add(2 * number as u32);
+            let at = (number as f32 + sampler::one(own)) * cell;
+            let index = (at as usize).min(lights.len() - 1);
+            let to_light = lights[index].position - s.position;
+            let distance2 = to_light.length_squared().max(LEAST_LIGHT_DISTANCE2);
+            let cosine = s.normal.dot(to_light) * (1.0 / distance2.sqrt());
+            let towards = if light_back { -cosine } else { cosine };
+            let could_add = Vec3::from(lights[index].intensity).max_element() * towards.max(0.0) / distance2;
+            total += could_add;
+            if sampler::one(own.wrapping_add(1)) * total < could_add {
+                (chosen, kept) = (index, could_add);
+            }
+        }
+        (kept > 0.0).then(|| (chosen, total * cell / kept))
+    }
+
     /// Light of one side of the surface: point lights with their shadows, then the ambient light along one ray.
     fn light_from_side(
         &self,
@@ -155,6 +190,7 @@ impl Shader<'_> {
         material: &Material,
         light_back: bool,
         ambient_at: [f32; 2],
+        seed: u32,
         done: &mut PixelHit,
     ) -> Vec3 {
         let scene = self.scene;
@@ -188,7 +224,12 @@ impl Shader<'_> {
             };
             radiance += incident * reflected;
         };
-        for light in &scene.lights {
+        let drawn = (self.options.light_samples as usize) < scene.lights.len();
+        let asked = scene.lights.len().min(self.options.light_samples as usize);
+        for i in 0..asked {
+            let chosen = if drawn { self.choose_light(s, light_back, i, asked, seed) } else { Some((i, 1.0)) };
+            let Some((index, scale)) = chosen else { continue };
+            let light = &scene.lights[index];
             let to_light = light.position - s.position;
             let distance2 = to_light.length_squared();
             if distance2 < LEAST_LIGHT_DISTANCE2 {
@@ -199,7 +240,7 @@ impl Shader<'_> {
                 continue;
             }
             // The decoded value holds the cosine already.
-            let incident = Vec3::from(light.intensity) / (distance2 * PI);
+            let incident = Vec3::from(light.intensity) * scale / (distance2 * PI);
             let lifted = light.position - origin;
             let distance = lifted.length();
             add(wi, incident, lifted / distance.max(1e-30), distance);
@@ -287,8 +328,9 @@ impl Shader<'_> {
             let s = Surface::surface_at(&scene.geometry, &hit, direction);
             let material = &scene.materials[s.material];
             let ambient_at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Ambient));
+            let seed = sampler::hash(seed_of(pixel, depth, Numbers::Light).wrapping_add(self.sample));
             for light_back in [false, true] {
-                radiance += throughput * self.light_from_side(&s, material, light_back, ambient_at, &mut done);
+                radiance += throughput * self.light_from_side(&s, material, light_back, ambient_at, seed, &mut done);
             }
             if self.options.mode == RenderMode::Path {
                 let at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Scatter));

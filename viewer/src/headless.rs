@@ -3,7 +3,7 @@
 use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::{BackendChoice, Gpu};
-use crate::options::{MAX_DEPTH, ShadeOptions};
+use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
 use crate::picture::Picture;
 use crate::scene::Scene;
 use crate::shaders::GpuTracer;
@@ -76,6 +76,8 @@ pub struct RenderReport {
     pub triangles: usize,
     /// If there is ambient light.
     pub ambient_occlusion: bool,
+    /// Lights of which a sample asks at most.
+    pub light_samples: u32,
     /// `direct` or `path`.
     pub mode: &'static str,
     /// Rays of a path at most.
@@ -116,6 +118,9 @@ pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result
     }
     if !(1..=MAX_DEPTH).contains(&params.shade.depth) {
         return Err(ViewerError::Usage(format!("--depth is 1 to {MAX_DEPTH}")));
+    }
+    if !(1..=MAX_LIGHT_SAMPLES).contains(&params.shade.light_samples) {
+        return Err(ViewerError::Usage(format!("--light-samples is 1 to {MAX_LIGHT_SAMPLES}")));
     }
     if let Some(reason) = scene.camera.fault() {
         return Err(ViewerError::Usage(reason.into()));
@@ -225,6 +230,7 @@ fn rendered(
         lights: scene.lights.len(),
         triangles: scene.geometry.triangles().len(),
         ambient_occlusion: scene.ambient.radiance.iter().any(|x| *x > 0.0),
+        light_samples: params.shade.light_samples,
         mode: params.shade.mode.name(),
         depth: params.shade.depth,
         components: limit(params.shade.decode.components),
@@ -351,6 +357,42 @@ mod tests {
         let (direct, path) = (mean(RenderMode::Direct), mean(RenderMode::Path));
         assert!((direct / once - 1.0).abs() < 0.01, "{direct} {once}");
         assert!((path / (once / (1.0 - f64::from(albedo))) - 1.0).abs() < 0.02, "{path} {once}");
+    }
+
+    #[test]
+    fn drawn_lights_have_the_mean_of_all_and_an_error_that_falls() {
+        let mut scene = Scene::from_objects(Path::new("sphere"), vec![grey(mesh::sphere())], Vec::new()).unwrap();
+        scene.place_lights(1024);
+        // Uneven lights: every seventh is ten times as bright.
+        scene.lights.iter_mut().step_by(7).for_each(|light| light.intensity = light.intensity.map(|x| 10.0 * x));
+        let picture = |light_samples, frames| {
+            let shade = ShadeOptions { light_samples, ..ShadeOptions::default() };
+            let mut scene = scene.clone();
+            // The same pixels in every frame.
+            scene.camera.fov_deg = 30.0;
+            render(&scene, &RenderParams { shade, frames, ..cpu([24, 24]) }, &Control::SILENT).unwrap().picture.radiance
+        };
+        let (all_one, all_many) = (picture(1024, 1), picture(1024, 32));
+        let error = |a: &[[f32; 3]], b: &[[f32; 3]]| {
+            let square: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a[1] - b[1]).powi(2)).sum();
+            let mean: f64 = b.iter().map(|b| f64::from(b[1])).sum::<f64>() / b.len() as f64;
+            (
+                (square / b.len() as f64).sqrt() / mean,
+                a.iter().map(|a| f64::from(a[1])).sum::<f64>() / b.len() as f64 / mean,
+            )
+        };
+        let (few, _) = error(&picture(4, 1), &all_one);
+        let (some, _) = error(&picture(32, 1), &all_one);
+        let (long, mean) = error(&picture(4, 32), &all_many);
+        println!(
+            "relative error with 1024 lights: {few:.3} of 4 samples, {some:.3} of 32, {long:.3} of 4 over 32 frames"
+        );
+        assert!(some < few / 2.0 && long < few / 4.0, "{few} {some} {long}");
+        assert!((mean - 1.0).abs() < 0.01, "{mean}");
+        // Planted difference: one light less in a thousand is not what makes the error.
+        scene.lights.truncate(512);
+        let half = render(&scene, &cpu([24, 24]), &Control::SILENT).unwrap().picture.radiance;
+        assert!(error(&half, &all_one).1 < 0.7);
     }
 
     #[test]

@@ -55,7 +55,7 @@ pub use gpu_decode::{DecodeQuery, gpu_decode};
 pub use headless::{Control, MAX_SIDE, RenderParams, RenderReport, Rendered, render};
 pub use mesh::{MeshPart, cube, plane, quad, sphere};
 pub use mesh_file::load_mesh;
-pub use options::{DecoderForm, MAX_DEPTH, RenderMode, ShadeOptions};
+pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions};
 pub use picture::Picture;
 pub use scene::{
     AMBIENT_RADIANCE, Ambient, BACKGROUND, LightRig, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject,

@@ -99,6 +99,10 @@ struct CommonArguments {
     /// Which light is followed: straight from lamps and surroundings, or on any way
     #[arg(long, value_enum, default_value_t = ModeName::Direct)]
     mode: ModeName,
+    /// Point lights of which a frame asks at most; of more it draws those that matter
+    #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().light_samples,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_LIGHT_SAMPLES)))]
+    light_samples: u32,
     /// Rays of a path at most: 1 shows no mirror images
     #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().depth,
           value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_DEPTH)))]
@@ -126,7 +130,7 @@ impl CommonArguments {
             ModeName::Direct => RenderMode::Direct,
             ModeName::Path => RenderMode::Path,
         };
-        ShadeOptions { decode, mode, depth: self.depth }
+        ShadeOptions { decode, mode, light_samples: self.light_samples, depth: self.depth }
     }
 
     fn backend(&self) -> BackendChoice {

@@ -9,6 +9,9 @@ pub struct ShadeOptions {
     pub decode: DecodeOptions,
     /// Which light is followed.
     pub mode: RenderMode,
+    /// Point lights of which a sample asks at most: where there are more, they are drawn by what each could add, 1 to
+    /// [`MAX_LIGHT_SAMPLES`].
+    pub light_samples: u32,
     /// Rays of a path at most, the first from the eye: 1 shows no mirror images, 1 to [`MAX_DEPTH`].
     pub depth: u32,
 }
@@ -45,11 +48,13 @@ pub enum DecoderForm {
     Whole,
 }
 
+/// Largest [`ShadeOptions::light_samples`].
+pub const MAX_LIGHT_SAMPLES: u32 = 4096;
 /// Largest [`ShadeOptions::depth`].
 pub const MAX_DEPTH: u32 = 16;
 
 impl Default for ShadeOptions {
     fn default() -> ShadeOptions {
-        ShadeOptions { decode: DecodeOptions::default(), mode: RenderMode::Direct, depth: 4 }
+        ShadeOptions { decode: DecodeOptions::default(), mode: RenderMode::Direct, light_samples: 64, depth: 4 }
     }
 }

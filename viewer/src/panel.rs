@@ -143,6 +143,10 @@ impl Panel {
             ui.add(slider.text("occlusion distance"));
             self.ambient = scene.ambient;
         }
+        if self.lights.len() > 1 {
+            let most = MAX_PANEL_LIGHTS as u32;
+            ui.add(egui::Slider::new(&mut self.shade.light_samples, 1..=most).text("lights a frame"));
+        }
         ui.horizontal(|ui| {
             ui.radio_value(&mut self.shade.mode, RenderMode::Direct, "direct light");
             ui.radio_value(&mut self.shade.mode, RenderMode::Path, "path tracing");

@@ -49,6 +49,11 @@ pub(crate) fn two(sample: u32, seed: u32) -> [f32; 2] {
     [x, y].map(|x| (x >> 8) as f32 * 5.960_464_5e-8)
 }
 
+/// A number in [0, 1) without any order.
+pub(crate) fn one(seed: u32) -> f32 {
+    (hash(seed) >> 8) as f32 * 5.960_464_5e-8
+}
+
 /// Direction about +z whose density is its cosine over pi.
 pub(crate) fn cosine(at: [f32; 2]) -> Vec3 {
     let angle = std::f32::consts::TAU * at[1];

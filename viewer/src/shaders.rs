@@ -128,7 +128,7 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, pad0, pad1, pad2),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
@@ -158,6 +158,10 @@ mod tests {
         assert_eq!(constant(&module, "BVH_STACK"), Some(naga::Literal::U32(STACK as u32)));
         assert_eq!(constant(&module, "NO_HIT"), Some(naga::Literal::U32(NO_HIT)));
         assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::trace::NO_ASSET)));
+        assert_eq!(
+            constant(&module, "LIGHT_CANDIDATES"),
+            Some(naga::Literal::U32(crate::cpu::LIGHT_CANDIDATES as u32))
+        );
         assert_eq!(constant(&module, "MODE_PATH"), Some(naga::Literal::U32(crate::RenderMode::Path as u32)));
         for (name, value) in crate::bvh::CONSTANTS.iter().chain(crate::cpu::CONSTANTS).chain(crate::surface::CONSTANTS)
         {

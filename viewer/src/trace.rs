@@ -39,6 +39,10 @@ pub(crate) struct Frame {
     pub first_row: u32,
     pub rows: u32,
     pub mode: u32,
+    pub light_samples: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -432,6 +436,10 @@ impl Tracer {
             first_row: band.first_row,
             rows: band.rows,
             mode: options.mode as u32,
+            light_samples: options.light_samples,
+            pad0: 0,
+            pad1: 0,
+            pad2: 0,
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
     }

@@ -49,6 +49,11 @@ fn sampler_two(sample: u32, seed: u32) -> vec2<f32> {
     return vec2<f32>(vec2<u32>(x, y) >> vec2<u32>(8u)) * 5.9604645e-8;
 }
 
+// A number in [0, 1) without any order.
+fn sampler_one(seed: u32) -> f32 {
+    return f32(sampler_hash(seed) >> 8u) * 5.9604645e-8;
+}
+
 // Direction about +z whose density is its cosine over pi.
 fn sampler_cosine(at: vec2<f32>) -> vec3<f32> {
     let angle = 6.2831855 * at.y;

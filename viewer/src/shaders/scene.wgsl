@@ -24,6 +24,10 @@ struct Frame {
     first_row: u32,
     rows: u32,
     mode: u32,
+    light_samples: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 struct Vertex {

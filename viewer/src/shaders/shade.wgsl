@@ -13,6 +13,9 @@ const MODE_PATH: u32 = 1u;
 const AMBIENT_NUMBERS: u32 = 0u;
 const SCATTER_NUMBERS: u32 = 1u;
 const CHOICE_NUMBERS: u32 = 2u;
+const LIGHT_NUMBERS: u32 = 3u;
+// Lights that are looked at for each that is drawn.
+const LIGHT_CANDIDATES: u32 = 8u;
 // Rays whose radiance counts for less than this in the pixel are not followed.
 const LEAST_THROUGHPUT: f32 = 1e-3;
 
@@ -25,6 +28,10 @@ fn camera_direction(pixel: vec2<u32>) -> vec3<f32> {
     return normalize(frame.forward + frame.right * x + frame.up * y);
 }
 
+fn most(v: vec3<f32>) -> f32 {
+    return max(v.x, max(v.y, v.z));
+}
+
 // Light of one side of the surface: point lights with their shadows, then the ambient light along one ray.
 struct SideLight {
     radiance: vec3<f32>,
@@ -32,7 +39,41 @@ struct SideLight {
     evaluations: u32,
 }
 
-fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at: vec2<f32>) -> SideLight {
+// A light and how many lights' share it stands for; 0 for none.
+struct ChosenLight {
+    index: u32,
+    scale: f32,
+}
+
+// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some candidates
+// spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005].
+fn choose_light(s: Surface, light_back: bool, stratum: u32, strata: u32, seed: u32) -> ChosenLight {
+    let cell = f32(frame.light_count) / f32(strata * LIGHT_CANDIDATES);
+    var total = 0.0;
+    var kept = 0.0;
+    var chosen = ChosenLight(0u, 0.0);
+    for (var k = 0u; k < LIGHT_CANDIDATES; k++) {
+        let number = stratum * LIGHT_CANDIDATES + k;
+        let at = (f32(number) + sampler_one(seed + 2u * number)) * cell;
+        let index = min(u32(at), frame.light_count - 1u);
+        let to_light = lights[index].position - s.position;
+        let distance2 = dot(to_light, to_light);
+        let cosine = dot(s.normal, to_light) * inverseSqrt(max(distance2, LEAST_LIGHT_DISTANCE2));
+        let could_add = most(lights[index].intensity) * max(select(cosine, -cosine, light_back), 0.0)
+            / max(distance2, LEAST_LIGHT_DISTANCE2);
+        total += could_add;
+        if sampler_one(seed + 2u * number + 1u) * total < could_add {
+            chosen.index = index;
+            kept = could_add;
+        }
+    }
+    if kept > 0.0 {
+        chosen.scale = total * cell / kept;
+    }
+    return chosen;
+}
+
+fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at: vec2<f32>, seed: u32) -> SideLight {
     var done = SideLight(vec3<f32>(0.0), 0u, 0u);
     let plain = material.asset == NO_ASSET;
     var layer = 0u;
@@ -59,13 +100,22 @@ fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at:
     let origin = select(s.above, s.below, light_back);
     // A path meets the ambient light by itself.
     let ambient = frame.mode != MODE_PATH && any(frame.ambient > vec3<f32>(0.0));
-    for (var i = 0u; i < frame.light_count + select(0u, 1u, ambient); i++) {
+    let drawn = frame.light_samples < frame.light_count;
+    let asked = min(frame.light_samples, frame.light_count);
+    for (var i = 0u; i < asked + select(0u, 1u, ambient); i++) {
         var wi = vec3<f32>(0.0);
         var incident = vec3<f32>(0.0);
         var direction = vec3<f32>(0.0);
         var distance = 0.0;
-        if i < frame.light_count {
-            let light = lights[i];
+        if i < asked {
+            var chosen = ChosenLight(i, 1.0);
+            if drawn {
+                chosen = choose_light(s, light_back, i, asked, seed);
+                if chosen.scale <= 0.0 {
+                    continue;
+                }
+            }
+            let light = lights[chosen.index];
             let to_light = light.position - s.position;
             let distance2 = dot(to_light, to_light);
             if distance2 < LEAST_LIGHT_DISTANCE2 {
@@ -76,7 +126,7 @@ fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at:
                 continue;
             }
             // The decoded value holds the cosine already.
-            incident = light.intensity / (distance2 * TRACE_PI);
+            incident = light.intensity * chosen.scale / (distance2 * TRACE_PI);
             let lifted = light.position - origin;
             distance = length(lifted);
             direction = lifted / max(distance, 1e-30);
@@ -127,10 +177,6 @@ struct Scattered {
     // Reflected over density; 0 ends the path.
     weight: vec3<f32>,
     mirrored: bool,
-}
-
-fn most(v: vec3<f32>) -> f32 {
-    return max(v.x, max(v.y, v.z));
 }
 
 fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, choice: f32) -> Scattered {
@@ -209,7 +255,8 @@ fn light_pass(at: vec2<u32>) {
     var pixel = pixels[index];
     let ambient_at = sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, AMBIENT_NUMBERS));
     for (var side = 0u; side < 2u; side++) {
-        let light = light_from_side(s, materials[s.material], side == 1u, ambient_at);
+        let seed = sampler_hash(seed_of(whole_picture(at), pixel.depth, LIGHT_NUMBERS) + frame.sample);
+        let light = light_from_side(s, materials[s.material], side == 1u, ambient_at, seed);
         pixel.sum += vec4<f32>(path.throughput * light.radiance, 0.0);
         pixel.rays += light.rays;
         pixel.evaluations += light.evaluations;
