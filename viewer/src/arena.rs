@@ -90,7 +90,7 @@ impl Arena {
     /// # Errors
     /// [`ViewerError::Gpu`] where the adapter binds too few buffers for so many pieces, or has no memory for them.
     pub(crate) fn new(gpu: &Gpu, assets: &[&Resident]) -> Result<Arena, ViewerError> {
-        let most_bytes = gpu.most_piece_bytes();
+        let most_bytes = gpu.most_binding_bytes();
         let most_buffers = gpu.most_asset_pieces();
         let sizes: Vec<usize> = assets.iter().map(|asset| asset.words().len()).collect();
         let (bases, layout, total) = place(&sizes, (most_bytes / 4) as usize);

@@ -24,8 +24,8 @@ pub struct Gpu {
     pub(crate) instance: wgpu::Instance,
     pub(crate) adapter: wgpu::Adapter,
     info: wgpu::AdapterInfo,
-    /// Bytes of one piece of the assets at most.
-    most_piece_bytes: u64,
+    /// Bytes of one binding at most.
+    most_binding_bytes: u64,
     /// First error that the driver reported outside a call.
     fault: Arc<Mutex<Option<String>>>,
 }
@@ -145,8 +145,8 @@ impl Gpu {
             }
         });
         let limits = device.limits();
-        let most_piece_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        Ok(Gpu { device, queue, instance, adapter, info, most_piece_bytes, fault })
+        let most_binding_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        Ok(Gpu { device, queue, instance, adapter, info, most_binding_bytes, fault })
     }
 
     /// Adapter name as the driver gives it.
@@ -169,13 +169,13 @@ impl Gpu {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }
 
-    /// Has assets cut into pieces of at most `bytes`, as on an adapter that binds no more at once.
-    pub fn limit_pieces(&mut self, bytes: u64) {
-        self.most_piece_bytes = self.most_piece_bytes.min(bytes);
+    /// Has assets cut into pieces of at most `bytes` and pictures into bands, as on an adapter that binds no more at once.
+    pub fn limit_bindings(&mut self, bytes: u64) {
+        self.most_binding_bytes = self.most_binding_bytes.min(bytes);
     }
 
-    pub(crate) fn most_piece_bytes(&self) -> u64 {
-        self.most_piece_bytes
+    pub(crate) fn most_binding_bytes(&self) -> u64 {
+        self.most_binding_bytes
     }
 
     /// Pieces in which assets can be bound, beside the other buffers of a stage.

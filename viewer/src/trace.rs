@@ -365,9 +365,7 @@ impl Tracer {
         }
         // The old picture makes room before the new one asks for it.
         self.target = None;
-        let limits = gpu.device.limits();
-        let most_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let most_pixels = (most_bytes / size_of::<GpuPath>() as u64).min(MOST_BAND_PIXELS);
+        let most_pixels = (gpu.most_binding_bytes() / size_of::<GpuPath>() as u64).min(MOST_BAND_PIXELS);
         let band_rows = ((most_pixels / u64::from(width)) as u32).clamp(1, height);
         let band_pixels = u64::from(width) * u64::from(band_rows);
         let bytes = size_of::<GpuPath>() as u64 * band_pixels;

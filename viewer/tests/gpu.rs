@@ -149,12 +149,12 @@ fn assets_in_pieces_decode_like_assets_in_one() {
         .collect();
     let whole = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap();
     let bytes = 4 * resident.words().len() as u64;
-    gpu.limit_pieces(bytes / 3);
+    gpu.limit_bindings(bytes / 3);
     let cut = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap();
     assert_eq!(whole, cut);
     assert!(whole.iter().any(|value| value[1] > 0.01));
     // More pieces than the adapter binds are refused with a remedy.
-    gpu.limit_pieces(bytes / 100);
+    gpu.limit_bindings(bytes / 100);
     let message = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap_err().to_string();
     assert!(message.contains("btf-fit fit --bytes"), "{message}");
 }
