@@ -3,60 +3,14 @@
 
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
+use crate::pieces::{ASSETS, PieceLayout};
 use btf_runtime::Resident;
-use std::fmt::Write;
 
 /// Assets begin at multiples of this many words, so that their sections stay aligned to 256 bytes.
 const ALIGNMENT_WORDS: usize = 64;
-/// Binding of the first piece; the others follow [`FIRST_MORE`].
-const BINDING: u32 = 5;
-/// Binding of the second piece.
-const FIRST_MORE: u32 = 11;
-/// Words of a piece where one holds everything: as many as a word can number.
-const WHOLE_SHIFT: u32 = 32;
-
-/// How the words are cut into pieces: all of 2^shift words, but for the last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ArenaLayout {
-    /// Pieces, at least 1.
-    pub pieces: u32,
-    /// Binary logarithm of a piece's words.
-    pub shift: u32,
-}
-
-impl ArenaLayout {
-    /// Everything in one piece.
-    pub const WHOLE: ArenaLayout = ArenaLayout { pieces: 1, shift: WHOLE_SHIFT };
-
-    /// The bindings of the pieces, in order.
-    pub(crate) fn bindings(self) -> impl Iterator<Item = u32> {
-        (0..self.pieces).map(|piece| if piece == 0 { BINDING } else { FIRST_MORE + piece - 1 })
-    }
-
-    /// The pieces' declarations and the reader that the decoder's library asks for.
-    pub(crate) fn wgsl(self) -> String {
-        let mut text = String::new();
-        for (piece, binding) in self.bindings().enumerate() {
-            let _ = writeln!(text, "@group(0) @binding({binding}) var<storage, read> assets_{piece}: array<u32>;");
-        }
-        text += "\nfn asset_word(index: u32) -> u32 {\n";
-        if self.pieces == 1 {
-            text += "    return assets_0[index];\n}\n";
-            return text;
-        }
-        let mask = (1u32 << self.shift) - 1;
-        let _ = writeln!(text, "    let at = index & {mask}u;\n    switch index >> {}u {{", self.shift);
-        for piece in 1..self.pieces {
-            let _ = writeln!(text, "        case {piece}u: {{ return assets_{piece}[at]; }}");
-        }
-        text += "        default: { return assets_0[at]; }\n    }\n}\n";
-        text
-    }
-}
-
 /// Where assets of so many `words` begin in pieces of at most `most_words`, and the pieces. An asset that fits into a
 /// piece lies in one, so that neighbouring reads go to the same buffer.
-fn place(words: &[usize], most_words: usize) -> (Vec<u32>, ArenaLayout, usize) {
+fn place(words: &[usize], most_words: usize) -> (Vec<u32>, PieceLayout, usize) {
     let piece = 1usize << most_words.max(1).ilog2();
     let mut at = 0usize;
     let mut bases = Vec::new();
@@ -70,15 +24,14 @@ fn place(words: &[usize], most_words: usize) -> (Vec<u32>, ArenaLayout, usize) {
     }
     if at <= most_words {
         // No piece ends within: the gaps that were left for them are harmless.
-        return (bases, ArenaLayout::WHOLE, at);
+        return (bases, PieceLayout::WHOLE, at);
     }
-    let layout = ArenaLayout { pieces: at.div_ceil(piece) as u32, shift: piece.ilog2() };
-    (bases, layout, at)
+    (bases, PieceLayout::of(at, most_words), at)
 }
 
 /// The buffers.
 pub(crate) struct Arena {
-    pub layout: ArenaLayout,
+    pub layout: PieceLayout,
     /// First word of each asset.
     pub bases: Vec<u32>,
     pieces: Vec<wgpu::Buffer>,
@@ -91,7 +44,7 @@ impl Arena {
     /// [`ViewerError::Gpu`] where the adapter binds too few buffers for so many pieces, or has no memory for them.
     pub(crate) fn new(gpu: &Gpu, assets: &[&Resident]) -> Result<Arena, ViewerError> {
         let most_bytes = gpu.most_binding_bytes();
-        let most_buffers = gpu.most_asset_pieces();
+        let most_buffers = gpu.most_pieces();
         let sizes: Vec<usize> = assets.iter().map(|asset| asset.words().len()).collect();
         let (bases, layout, total) = place(&sizes, (most_bytes / 4) as usize);
         if layout.pieces > most_buffers || total > u32::MAX as usize {
@@ -124,7 +77,7 @@ impl Arena {
 
     /// What a bind group of the layout holds.
     pub(crate) fn entries(&self) -> Vec<(u32, wgpu::BindingResource<'_>)> {
-        self.layout.bindings().zip(self.pieces.iter().map(wgpu::Buffer::as_entire_binding)).collect()
+        self.layout.bindings(&ASSETS).zip(self.pieces.iter().map(wgpu::Buffer::as_entire_binding)).collect()
     }
 }
 
@@ -136,16 +89,9 @@ mod tests {
     fn assets_that_fit_into_a_piece_do_not_lie_across_two() {
         let (bases, layout, total) = place(&[700, 600, 5000, 100], 1100);
         // Pieces of 1024 words.
-        assert_eq!((bases, layout, total), (vec![0, 1024, 1664, 6720], ArenaLayout { pieces: 7, shift: 10 }, 6820));
+        assert_eq!((bases, layout, total), (vec![0, 1024, 1664, 6720], PieceLayout { pieces: 7, shift: 10 }, 6820));
         let (bases, layout, _) = place(&[700, 600], 2000);
-        assert_eq!((bases, layout), (vec![0, 1024], ArenaLayout::WHOLE));
-        assert_eq!(place(&[], 2000).1, ArenaLayout::WHOLE);
-    }
-
-    #[test]
-    fn bindings_are_apart_from_the_scenes_own() {
-        let bindings: Vec<u32> = ArenaLayout { pieces: 4, shift: 10 }.bindings().collect();
-        assert_eq!(bindings, [5, 11, 12, 13]);
-        assert!(ArenaLayout::WHOLE.wgsl().contains("return assets_0[index];"));
+        assert_eq!((bases, layout), (vec![0, 1024], PieceLayout::WHOLE));
+        assert_eq!(place(&[], 2000).1, PieceLayout::WHOLE);
     }
 }

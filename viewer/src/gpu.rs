@@ -36,9 +36,9 @@ const NO_ADAPTER_REMEDY: &str = "to have one, install the graphics driver's Vulk
                                  --backend cpu renders without";
 
 /// Storage buffers that are asked for where the adapter has as many; 8 are in every one.
-const MOST_STORAGE_BUFFERS: u32 = 24;
-/// Storage buffers of a stage that hold other things than assets.
-const OTHER_STORAGE_BUFFERS: u32 = 7;
+const MOST_STORAGE_BUFFERS: u32 = 40;
+/// Storage buffers of a stage that hold neither assets nor geometry.
+const OTHER_STORAGE_BUFFERS: u32 = 4;
 
 /// Which backends are looked at: those that the shaders are tested for.
 const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
@@ -178,8 +178,8 @@ impl Gpu {
         self.most_binding_bytes
     }
 
-    /// Pieces in which assets can be bound, beside the other buffers of a stage.
-    pub(crate) fn most_asset_pieces(&self) -> u32 {
+    /// Pieces of assets, vertices, triangles and nodes that can be bound together, beside the other buffers of a stage.
+    pub(crate) fn most_pieces(&self) -> u32 {
         self.device.limits().max_storage_buffers_per_shader_stage - OTHER_STORAGE_BUFFERS
     }
 

@@ -3,7 +3,7 @@
 use crate::arena::Arena;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
-use crate::shaders::{GpuTracer, trace_module};
+use crate::shaders::{GpuTracer, ModuleLayout, trace_module};
 use crate::trace::bind;
 use btf_runtime::{DecodeOptions, Resident};
 use wgpu::BufferUsages;
@@ -62,7 +62,9 @@ pub fn gpu_decode(
     let arena = Arena::new(gpu, &[resident])?;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("decode"),
-        source: wgpu::ShaderSource::Wgsl(trace_module(tracer, arena.layout).into()),
+        source: wgpu::ShaderSource::Wgsl(
+            trace_module(tracer, ModuleLayout { assets: arena.layout, ..ModuleLayout::WHOLE }).into(),
+        ),
     });
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some("decode"),

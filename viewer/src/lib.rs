@@ -34,6 +34,7 @@ mod models;
 mod options;
 mod panel;
 mod picture;
+mod pieces;
 mod sampler;
 mod scene;
 mod scene_file;
@@ -42,7 +43,6 @@ mod surface;
 mod trace;
 
 pub use app::{WindowParams, run_window};
-pub use arena::ArenaLayout;
 pub use bench::{BenchKind, BenchParams, BenchReport, BenchRow, run_bench};
 pub use bench_plot::bench_svg;
 pub use bvh::{AnyHit, Bvh, BvhNode, Hit, NO_HIT};
@@ -57,10 +57,11 @@ pub use mesh::{MeshPart, cube, plane, quad, sphere};
 pub use mesh_file::load_mesh;
 pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions};
 pub use picture::Picture;
+pub use pieces::PieceLayout;
 pub use scene::{
     AMBIENT_RADIANCE, Ambient, BACKGROUND, LightRig, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject,
     UNKNOWN_SIZE_MM, intensity_for,
 };
 pub use scene_file::load_scene;
-pub use shaders::{GpuTracer, trace_module};
+pub use shaders::{GpuTracer, ModuleLayout, trace_module};
 pub use trace::{GpuTimer, NO_ASSET, PassTimes, PixelHit, Tracer};

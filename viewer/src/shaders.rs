@@ -1,6 +1,6 @@
 //! The shader texts, joined as plain text in a fixed order.
 
-use crate::arena::ArenaLayout;
+use crate::pieces::{ASSETS, NODES, PieceLayout, TRIANGLES, VERTICES};
 
 const SCENE: &str = include_str!("shaders/scene.wgsl");
 const SAMPLER: &str = include_str!("shaders/sampler.wgsl");
@@ -33,17 +33,43 @@ impl GpuTracer {
     }
 }
 
+/// How the large arrays of a module are cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ModuleLayout {
+    /// The assets' words.
+    pub assets: PieceLayout,
+    /// Vertices.
+    pub vertices: PieceLayout,
+    /// Triangles.
+    pub triangles: PieceLayout,
+    /// Nodes of the hierarchy, for the tracer that has one.
+    pub nodes: PieceLayout,
+}
+
+impl ModuleLayout {
+    /// Everything in one piece each.
+    pub const WHOLE: ModuleLayout = ModuleLayout {
+        assets: PieceLayout::WHOLE,
+        vertices: PieceLayout::WHOLE,
+        triangles: PieceLayout::WHOLE,
+        nodes: PieceLayout::WHOLE,
+    };
+}
+
 /// The whole module of a tracer: entry points that draw (`passes.wgsl`) and `decode_main`, which decodes a list of samples.
-pub fn trace_module(tracer: GpuTracer, arena: ArenaLayout) -> String {
+pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
+    let mut arrays =
+        [layout.assets.wgsl(&ASSETS), layout.vertices.wgsl(&VERTICES), layout.triangles.wgsl(&TRIANGLES)].join("\n");
+    if tracer == GpuTracer::Bvh {
+        arrays += &layout.nodes.wgsl(&NODES);
+    }
     let library = btf_runtime::wgsl_library();
     // The file with the enable directive comes first.
     let tracer_parts: &[&str] = match tracer {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
         GpuTracer::Bvh => &[TRACE_BVH, BVH],
     };
-    [tracer_parts, &[SCENE, &arena.wgsl(), &library, SAMPLER, SURFACE, SHADE, PASSES, DECODE_QUERIES]]
-        .concat()
-        .join("\n")
+    [tracer_parts, &[SCENE, &arrays, &library, SAMPLER, SURFACE, SHADE, PASSES, DECODE_QUERIES]].concat().join("\n")
 }
 
 #[cfg(test)]
@@ -55,6 +81,13 @@ mod tests {
     use crate::trace::{Frame, GpuLight, GpuMaterial, GpuPath, GpuPixel};
     use naga::valid::{Capabilities, ValidationFlags, Validator};
     use std::mem::{offset_of, size_of};
+
+    const CUT: ModuleLayout = ModuleLayout {
+        assets: PieceLayout { pieces: 3, shift: 20 },
+        vertices: PieceLayout { pieces: 2, shift: 12 },
+        triangles: PieceLayout { pieces: 4, shift: 14 },
+        nodes: PieceLayout { pieces: 2, shift: 16 },
+    };
 
     /// What every WebGPU implementation has: halves in storage are read with `unpack2x16float`.
     const PORTABLE: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
@@ -99,21 +132,21 @@ mod tests {
 
     #[test]
     fn every_module_is_valid_with_exactly_the_capabilities_that_we_ask_for() {
-        validate(&trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE), PORTABLE).unwrap();
-        validate(&trace_module(GpuTracer::Bvh, ArenaLayout { pieces: 3, shift: 20 }), PORTABLE).unwrap();
+        validate(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE), PORTABLE).unwrap();
+        validate(&trace_module(GpuTracer::Bvh, CUT), PORTABLE).unwrap();
         validate(BLIT, Capabilities::empty()).unwrap();
-        let ray_query = trace_module(GpuTracer::RayQuery, ArenaLayout::WHOLE);
+        let ray_query = trace_module(GpuTracer::RayQuery, ModuleLayout::WHOLE);
         validate(&ray_query, PORTABLE | Capabilities::RAY_QUERY).unwrap();
         // The check can fail: without the capability the same text is refused, as is a module with a fault.
         assert!(validate(&ray_query, PORTABLE).is_err());
-        let faulty = trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE).replace("light_pass(id.xy)", "light_pass(id)");
+        let faulty = trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE).replace("light_pass(id.xy)", "light_pass(id)");
         assert!(validate(&faulty, PORTABLE).is_err());
     }
 
     #[test]
     fn only_the_ray_query_file_needs_the_extension() {
-        assert!(trace_module(GpuTracer::RayQuery, ArenaLayout::WHOLE).starts_with("enable wgpu_ray_query;"));
-        assert!(!trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE).contains("ray_query"));
+        assert!(trace_module(GpuTracer::RayQuery, ModuleLayout::WHOLE).starts_with("enable wgpu_ray_query;"));
+        assert!(!trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE).contains("ray_query"));
     }
 
     macro_rules! fields {
@@ -124,7 +157,7 @@ mod tests {
 
     #[test]
     fn structs_have_the_same_fields_at_the_same_offsets_in_rust_and_wgsl() {
-        let module = parse(&trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE)).unwrap();
+        let module = parse(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE)).unwrap();
         let all = [
             (
                 "Frame",
@@ -154,7 +187,7 @@ mod tests {
 
     #[test]
     fn constants_are_equal_in_rust_and_wgsl() {
-        let module = parse(&trace_module(GpuTracer::Bvh, ArenaLayout::WHOLE)).unwrap();
+        let module = parse(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE)).unwrap();
         assert_eq!(constant(&module, "BVH_STACK"), Some(naga::Literal::U32(STACK as u32)));
         assert_eq!(constant(&module, "NO_HIT"), Some(naga::Literal::U32(NO_HIT)));
         assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::trace::NO_ASSET)));
@@ -172,7 +205,7 @@ mod tests {
     #[test]
     fn a_stage_binds_at_most_eight_storage_buffers() {
         for tracer in [GpuTracer::Bvh, GpuTracer::RayQuery] {
-            let module = parse(&trace_module(tracer, ArenaLayout::WHOLE)).unwrap();
+            let module = parse(&trace_module(tracer, ModuleLayout::WHOLE)).unwrap();
             let info =
                 Validator::new(ValidationFlags::all(), PORTABLE | Capabilities::RAY_QUERY).validate(&module).unwrap();
             for entry in 0..module.entry_points.len() {

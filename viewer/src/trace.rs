@@ -1,12 +1,13 @@
 //! The GPU tracer: a scene's buffers, and the passes of a sample over the bands of a picture.
 
-use crate::arena::{Arena, ArenaLayout};
+use crate::arena::Arena;
 use crate::camera::jitter;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
+use crate::pieces::{ASSETS, NODES, PieceLayout, Pieces, TRIANGLES, VERTICES};
 use crate::scene::Scene;
-use crate::shaders::{GpuTracer, trace_module};
+use crate::shaders::{GpuTracer, ModuleLayout, trace_module};
 use wgpu::BufferUsages;
 
 /// The asset offset of a plain material. Twin: `NO_ASSET` in `scene.wgsl`.
@@ -110,12 +111,12 @@ pub struct PixelHit {
 pub struct Tracer {
     tracer: GpuTracer,
     module: wgpu::ShaderModule,
-    layout: wgpu::PipelineLayout,
+    pipeline_layout: wgpu::PipelineLayout,
     decoder: DecoderForm,
     /// By number of the pass, made when first asked for: drivers take their time to compile.
     pipelines: [Option<wgpu::ComputePipeline>; 4],
     frame: wgpu::Buffer,
-    fixed: [wgpu::Buffer; 3],
+    materials: wgpu::Buffer,
     arena: Arena,
     lights: wgpu::Buffer,
     light_capacity: usize,
@@ -218,33 +219,59 @@ impl Tracer {
             .collect();
         let input = if tracer == GpuTracer::RayQuery { BufferUsages::BLAS_INPUT } else { BufferUsages::empty() };
         let geometry = &scene.geometry;
-        let fixed = [
-            gpu.buffer("vertices", bytemuck::cast_slice(geometry.vertices()), BufferUsages::STORAGE | input)?,
-            gpu.buffer("triangles", bytemuck::cast_slice(geometry.triangles()), BufferUsages::STORAGE)?,
-            gpu.buffer("materials", bytemuck::cast_slice(&materials), BufferUsages::STORAGE)?,
-        ];
+        let vertices = Pieces::new(gpu, "vertices", geometry.vertices(), input)?;
+        let triangles = Pieces::new(gpu, "triangles", geometry.triangles(), BufferUsages::empty())?;
+        let nodes = match tracer {
+            GpuTracer::Bvh => Some(Pieces::new(gpu, "nodes", geometry.bvh().nodes(), BufferUsages::empty())?),
+            GpuTracer::RayQuery => None,
+        };
+        let layout = ModuleLayout {
+            assets: arena.layout,
+            vertices: vertices.layout,
+            triangles: triangles.layout,
+            nodes: nodes.as_ref().map_or(PieceLayout::WHOLE, |nodes| nodes.layout),
+        };
+        let bound = [layout.assets, layout.vertices, layout.triangles, layout.nodes].map(|layout| layout.pieces);
+        if bound.iter().sum::<u32>() > gpu.most_pieces() {
+            return Err(gpu.error(format!(
+                "assets and mesh take {} pieces of what this adapter binds at once, and it binds {}; simplify the mesh, or \
+                 fit smaller assets (btf-fit fit --bytes)",
+                bound.iter().sum::<u32>(),
+                gpu.most_pieces()
+            )));
+        }
+        let materials = gpu.buffer("materials", bytemuck::cast_slice(&materials), BufferUsages::STORAGE)?;
 
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(tracer.name()),
-            source: wgpu::ShaderSource::Wgsl(trace_module(tracer, arena.layout).into()),
+            source: wgpu::ShaderSource::Wgsl(trace_module(tracer, layout).into()),
         });
         let scene_layout = scene_layout(gpu, arena.layout);
-        let structure_layout = structure_layout(gpu, tracer);
-        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        let structure_layout = structure_layout(gpu, tracer, layout);
+        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("trace"),
             bind_group_layouts: &[Some(&scene_layout), Some(&structure_layout)],
             ..Default::default()
         });
+        let mut resources = vertices.entries(&VERTICES);
+        resources.extend(triangles.entries(&TRIANGLES));
+        resources.extend(nodes.iter().flat_map(|nodes| nodes.entries(&NODES)));
         let (structure, blas) = match tracer {
             GpuTracer::RayQuery => {
-                let (tlas, blas) = acceleration_structure(gpu, scene, &fixed[0])?;
-                (bind(gpu, &structure_layout, &[(0, tlas.as_binding())]), Some(blas))
+                // The structure is built from one buffer; where the shaders' lie in pieces it gets its own.
+                let own = match vertices.buffers.as_slice() {
+                    [_] => None,
+                    _ => Some(gpu.buffer(
+                        "vertices",
+                        bytemuck::cast_slice(geometry.vertices()),
+                        BufferUsages::BLAS_INPUT,
+                    )?),
+                };
+                let (tlas, blas) = acceleration_structure(gpu, scene, own.as_ref().unwrap_or(&vertices.buffers[0]))?;
+                resources.push((0, tlas.as_binding()));
+                (bind(gpu, &structure_layout, &resources), Some(blas))
             }
-            GpuTracer::Bvh => {
-                let nodes = bytemuck::cast_slice(geometry.bvh().nodes());
-                let nodes = gpu.buffer("nodes", nodes, BufferUsages::STORAGE)?;
-                (bind(gpu, &structure_layout, &[(0, nodes.as_entire_binding())]), None)
-            }
+            GpuTracer::Bvh => (bind(gpu, &structure_layout, &resources), None),
         };
         let frame = gpu.empty_buffer("frame", size_of::<Frame>() as u64, BufferUsages::UNIFORM)?;
         let light_capacity = scene.lights.len().max(1);
@@ -253,11 +280,11 @@ impl Tracer {
         Ok(Tracer {
             tracer,
             module,
-            layout,
+            pipeline_layout,
             decoder,
             pipelines: [const { None }; 4],
             frame,
-            fixed,
+            materials,
             arena,
             lights,
             light_capacity,
@@ -343,7 +370,7 @@ impl Tracer {
             if made.is_none() {
                 *made = Some(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                     label: Some(pass.entry_point()),
-                    layout: Some(&self.layout),
+                    layout: Some(&self.pipeline_layout),
                     module: &self.module,
                     entry_point: Some(pass.entry_point()),
                     compilation_options: wgpu::PipelineCompilationOptions {
@@ -379,9 +406,7 @@ impl Tracer {
             let pixels = gpu.empty_buffer("pixels of this picture", bytes, usage)?;
             let mut resources = vec![
                 (0, self.frame.as_entire_binding()),
-                (1, self.fixed[0].as_entire_binding()),
-                (2, self.fixed[1].as_entire_binding()),
-                (3, self.fixed[2].as_entire_binding()),
+                (3, self.materials.as_entire_binding()),
                 (4, self.lights.as_entire_binding()),
                 (6, pixels.as_entire_binding()),
                 (7, paths.as_entire_binding()),
@@ -555,40 +580,39 @@ fn acceleration_structure(
     Ok((tlas, blas))
 }
 
-fn scene_layout(gpu: &Gpu, arena: ArenaLayout) -> wgpu::BindGroupLayout {
-    let entries: Vec<_> = (0..5)
-        .chain(6..8)
-        .chain(arena.bindings())
-        .map(|binding| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: match binding {
-                    0 => wgpu::BufferBindingType::Uniform,
-                    6 | 7 => wgpu::BufferBindingType::Storage { read_only: false },
-                    _ => wgpu::BufferBindingType::Storage { read_only: true },
-                },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        })
-        .collect();
+fn buffer_entry(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        count: None,
+    }
+}
+
+const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
+const WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
+
+fn scene_layout(gpu: &Gpu, assets: PieceLayout) -> wgpu::BindGroupLayout {
+    let mut entries = vec![buffer_entry(0, wgpu::BufferBindingType::Uniform)];
+    entries.extend([(3, READ), (4, READ), (6, WRITE), (7, WRITE)].map(|(binding, ty)| buffer_entry(binding, ty)));
+    entries.extend(assets.bindings(&ASSETS).map(|binding| buffer_entry(binding, READ)));
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("scene"), entries: &entries })
 }
 
-fn structure_layout(gpu: &Gpu, tracer: GpuTracer) -> wgpu::BindGroupLayout {
-    let ty = match tracer {
-        GpuTracer::RayQuery => wgpu::BindingType::AccelerationStructure { vertex_return: false },
-        GpuTracer::Bvh => wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only: true },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-    };
-    let entry = wgpu::BindGroupLayoutEntry { binding: 0, visibility: wgpu::ShaderStages::COMPUTE, ty, count: None };
+fn structure_layout(gpu: &Gpu, tracer: GpuTracer, layout: ModuleLayout) -> wgpu::BindGroupLayout {
+    let mut entries: Vec<_> = layout.vertices.bindings(&VERTICES).map(|binding| buffer_entry(binding, READ)).collect();
+    entries.extend(layout.triangles.bindings(&TRIANGLES).map(|binding| buffer_entry(binding, READ)));
+    match tracer {
+        GpuTracer::RayQuery => entries.push(wgpu::BindGroupLayoutEntry {
+            binding: 0,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::AccelerationStructure { vertex_return: false },
+            count: None,
+        }),
+        GpuTracer::Bvh => entries.extend(layout.nodes.bindings(&NODES).map(|binding| buffer_entry(binding, READ))),
+    }
     gpu.device
-        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("structure"), entries: &[entry] })
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("structure"), entries: &entries })
 }
 
 pub(crate) fn bind(

@@ -155,18 +155,23 @@ fn pictures_of_one_pixel_and_in_bands() {
     if backends().len() == 1 {
         return;
     }
-    let picture = |limit: Option<u64>| {
+    let picture = |kind, limit: Option<u64>| {
         let mut gpu = Gpu::headless(None).unwrap();
         limit.into_iter().for_each(|limit| gpu.limit_bindings(limit));
-        let mut tracer = Tracer::new(&gpu, &scene, GpuTracer::Bvh).unwrap();
-        tracer.sample(&gpu, &scene, [50, 41], &ShadeOptions::default(), 0, None).unwrap();
-        (tracer.read_radiance(&gpu).unwrap(), tracer.read_hits(&gpu).unwrap())
+        let mut tracer = Tracer::new(&gpu, &scene, kind)?;
+        tracer.sample(&gpu, &scene, [100, 80], &ShadeOptions::default(), 0, None)?;
+        Ok::<_, btf_viewer::ViewerError>((tracer.read_radiance(&gpu)?, tracer.read_hits(&gpu)?))
     };
-    // Bands of seven rows; the asset lies in pieces, too.
-    let (whole, banded) = (picture(None), picture(Some(64 * 50 * 7)));
-    assert_eq!(whole.0.len(), 50 * 41);
-    assert!(whole == banded);
-    assert!(whole.0.iter().any(|pixel| *pixel != whole.0[0]));
+    for kind in [GpuTracer::RayQuery, GpuTracer::Bvh] {
+        // Bands of 46 rows; vertices, triangles and nodes lie in pieces, too.
+        let (whole, cut) = (picture(kind, None).unwrap(), picture(kind, Some(300_000)).unwrap());
+        assert_eq!(whole.0.len(), 100 * 80);
+        assert!(whole == cut, "{kind:?}");
+        assert!(whole.0.iter().any(|pixel| *pixel != whole.0[0]));
+    }
+    // More pieces than can be bound.
+    let message = picture(GpuTracer::Bvh, Some(20_000)).unwrap_err().to_string();
+    assert!(message.contains("simplify the mesh"), "{message}");
 }
 
 #[test]

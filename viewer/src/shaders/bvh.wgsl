@@ -7,8 +7,6 @@ struct BvhNode {
     count: u32,
 }
 
-@group(1) @binding(0) var<storage, read> nodes: array<BvhNode>;
-
 const BVH_STACK: u32 = 64u;
 const BOX_SLACK: f32 = 1.000001;
 const LEAST_DIRECTION: f32 = 1e-15;
@@ -23,11 +21,11 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
     var stack: array<u32, BVH_STACK>;
     var size = 0u;
     var at = 0u;
-    if bvh_enter(nodes[0], origin, inverse, best.t) >= best.t {
+    if bvh_enter(node_at(0), origin, inverse, best.t) >= best.t {
         return best;
     }
     loop {
-        let node = nodes[at];
+        let node = node_at(at);
         if node.count > 0u {
             for (var primitive = node.first; primitive < node.first + node.count; primitive++) {
                 let hit = bvh_intersect(origin, shear, primitive);
@@ -39,8 +37,8 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
                 }
             }
         } else {
-            let left = bvh_enter(nodes[node.first], origin, inverse, best.t);
-            let right = bvh_enter(nodes[node.first + 1u], origin, inverse, best.t);
+            let left = bvh_enter(node_at(node.first), origin, inverse, best.t);
+            let right = bvh_enter(node_at(node.first + 1u), origin, inverse, best.t);
             // Go to the nearer child, keep the farther one.
             let left_first = left <= right;
             if min(left, right) < best.t {
@@ -102,10 +100,10 @@ fn bvh_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
 
 fn bvh_intersect(origin: vec3<f32>, shear: BvhShear, primitive: u32) -> Hit {
     let miss = Hit(0.0, NO_HIT, 0.0, 0.0);
-    let corner = triangles[primitive].vertices;
-    let a = bvh_apply(shear, vertices[corner.x].position - origin);
-    let b = bvh_apply(shear, vertices[corner.y].position - origin);
-    let c = bvh_apply(shear, vertices[corner.z].position - origin);
+    let corner = triangle_at(primitive).vertices;
+    let a = bvh_apply(shear, vertex_position(corner.x) - origin);
+    let b = bvh_apply(shear, vertex_position(corner.y) - origin);
+    let c = bvh_apply(shear, vertex_position(corner.z) - origin);
     let wa = bvh_edge(c, b);
     let wb = bvh_edge(a, c);
     let wc = bvh_edge(b, a);

@@ -1,4 +1,4 @@
-// What the tracers read and write, but for the assets, which arena.rs declares. The structs' twins: trace.rs, geometry.rs; compared by a test.
+// What the tracers read and write, but for the assets, vertices and triangles, which pieces.rs declares. The structs' twins: trace.rs, geometry.rs; compared by a test.
 
 struct Frame {
     eye: vec3<f32>,
@@ -93,8 +93,6 @@ struct Pixel {
 const NO_ASSET: u32 = 0xffffffffu;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> vertices: array<Vertex>;
-@group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(3) var<storage, read> materials: array<Material>;
 @group(0) @binding(4) var<storage, read> lights: array<Light>;
 // Those of the band.

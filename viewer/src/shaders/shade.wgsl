@@ -271,7 +271,7 @@ fn mirror_pass(at: vec2<u32>) {
     if path.primitive == NO_HIT {
         return;
     }
-    path.throughput *= materials[triangles[path.primitive].material].mirror;
+    path.throughput *= materials[triangle_at(path.primitive).material].mirror;
     if most(path.throughput) < LEAST_THROUGHPUT {
         paths[index].primitive = NO_HIT;
         return;

@@ -66,11 +66,11 @@ fn lift(p: vec3<f32>, weights: vec3<f32>, corners: array<Vertex, 3>, side: f32) 
 
 // The surface of triangle `primitive` at the barycentric weights `at` of its second and third corner, seen along the ray.
 fn surface_at(primitive: u32, at: vec2<f32>, direction: vec3<f32>) -> Surface {
-    let triangle = triangles[primitive];
+    let triangle = triangle_at(primitive);
     let corners = array<Vertex, 3>(
-        vertices[triangle.vertices.x],
-        vertices[triangle.vertices.y],
-        vertices[triangle.vertices.z],
+        vertex_at(triangle.vertices.x),
+        vertex_at(triangle.vertices.y),
+        vertex_at(triangle.vertices.z),
     );
     let a = corners[0];
     let b = corners[1];
