@@ -4,9 +4,9 @@ use crate::blit::{Blit, GpuBlit};
 use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::{BackendChoice, Gpu, instance};
-use crate::options::ShadeOptions;
+use crate::options::{RenderMode, ShadeOptions};
 use crate::panel::{Panel, Renderer, Status};
-use crate::scene::Scene;
+use crate::scene::{Ambient, Scene};
 use crate::shaders::GpuTracer;
 use crate::trace::{GpuPixel, GpuTimer, PassTimes, Tracer};
 use std::sync::Arc;
@@ -18,6 +18,8 @@ use winit::window::{Window, WindowId};
 
 /// Samples per pixel after which a picture that nobody touches is left alone.
 const MAX_SAMPLES: u32 = 64;
+/// The same where directions or lights are drawn at random.
+const MAX_RANDOM_SAMPLES: u32 = 4096;
 /// The CPU renders a picture of at most so many pixels and the window shows it enlarged, to stay usable.
 const CPU_PIXELS: u32 = 200 * 200;
 /// Width of the panel in points.
@@ -251,19 +253,19 @@ impl View {
         if changed || self.current_size() != Some(picture_size) {
             self.samples = 0;
         }
-        if self.samples < MAX_SAMPLES
+        if self.samples < self.most_samples()
             && let Err(error) = self.add_sample(picture_size)
         {
             // A renderer that fails leaves the window and its panel alive, with the others to switch to.
             self.problem = Some(error.to_string());
-            self.samples = MAX_SAMPLES;
+            self.samples = MAX_RANDOM_SAMPLES;
         }
         self.input.handle_platform_output(&self.window, std::mem::take(&mut output.platform_output));
         let root = output.viewport_output.get(&egui::ViewportId::ROOT);
         let delay = root.map_or(std::time::Duration::MAX, |viewport| viewport.repaint_delay);
         self.present(output, view_size)?;
 
-        if self.samples < MAX_SAMPLES || changed || delay.is_zero() {
+        if self.samples < self.most_samples() || changed || delay.is_zero() {
             self.window.request_redraw();
         }
         // A far deadline overflows; then nothing but an event wakes us.
@@ -312,6 +314,13 @@ impl View {
         changed |= self.scene.camera != camera_before;
         let pixels = |points: f32| ((points * ui.pixels_per_point()).round() as u32).max(1);
         (changed, [pixels(area.width()).min(self.config.width), pixels(area.height()).min(self.config.height)])
+    }
+
+    fn most_samples(&self) -> u32 {
+        let shade = &self.panel.shade;
+        let drawn = (shade.light_samples as usize) < self.scene.lights.len();
+        let random = shade.mode == RenderMode::Path || drawn || self.scene.ambient != Ambient::NONE;
+        if random { MAX_RANDOM_SAMPLES } else { MAX_SAMPLES }
     }
 
     fn timer_name(&self) -> &'static str {

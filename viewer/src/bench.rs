@@ -5,11 +5,12 @@ use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::{BackendChoice, Gpu};
 use crate::headless::Control;
-use crate::options::{DecoderForm, ShadeOptions};
-use crate::scene::{MeshChoice, Scene, SceneAsset};
+use crate::options::{DecoderForm, RenderMode, ShadeOptions};
+use crate::picture::Picture;
+use crate::scene::{Ambient, MeshChoice, Scene, SceneAsset};
 use crate::shaders::GpuTracer;
 use crate::trace::{GpuTimer, PassTimes, PixelHit, Tracer};
-use btf_runtime::{Asset, LobeRef};
+use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRef};
 use glam::Vec3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -21,6 +22,13 @@ const LEAST_FRAMES: usize = 3;
 const MOST_FRAMES: usize = 60;
 /// Milliseconds of frames after which a row ends.
 const ROW_MS: f64 = 1000.0;
+
+/// Samples of a picture whose error `trade` tells.
+pub const TRADE_SAMPLES: u32 = 16;
+/// Samples of the path-traced picture that it is measured against; they are others.
+pub const REFERENCE_SAMPLES: u32 = 256;
+/// Rays of its paths at most.
+const REFERENCE_DEPTH: u32 = 6;
 
 /// What is varied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -38,17 +46,20 @@ pub enum BenchKind {
     Components,
     /// The decoder without its short cuts, one by one.
     Ablations,
+    /// Error against the path-traced picture over time, for every setting of the dials.
+    Trade,
 }
 
 impl BenchKind {
     /// All, in the order of the command's help.
-    pub const ALL: [BenchKind; 6] = [
+    pub const ALL: [BenchKind; 7] = [
         BenchKind::Lights,
         BenchKind::Materials,
         BenchKind::Coverage,
         BenchKind::Resolution,
         BenchKind::Components,
         BenchKind::Ablations,
+        BenchKind::Trade,
     ];
 
     /// As on the command line.
@@ -60,6 +71,7 @@ impl BenchKind {
             BenchKind::Resolution => "resolution",
             BenchKind::Components => "components",
             BenchKind::Ablations => "ablations",
+            BenchKind::Trade => "trade",
         }
     }
 }
@@ -84,8 +96,15 @@ pub struct BenchParams {
 pub struct BenchRow {
     /// The mesh.
     pub mesh: &'static str,
-    /// What was changed, for `ablations`.
+    /// What was changed, for `ablations`, and which light is followed, for `trade`.
     pub variant: &'static str,
+    /// `fast` or `exact`.
+    pub interpolation: &'static str,
+    /// For `trade`: error of the mean of [`TRADE_SAMPLES`] samples against the path-traced picture, of 8-bit sRGB values, peak
+    /// 255.
+    pub psnr_db: Option<f64>,
+    /// For `trade`: on the front of error over time.
+    pub front: bool,
     /// Median time of a frame, milliseconds.
     pub frame_ms: f64,
     /// That frame by kind of pass, where the GPU has timestamps.
@@ -146,13 +165,23 @@ pub fn run_bench(
     let engine = Engine::new(params, control)?;
     let points = points(assets, params)?;
     let mut rows = Vec::new();
+    let reference = match params.kind {
+        BenchKind::Trade => Some(engine.reference(&points[0], control)?),
+        _ => None,
+    };
     for (done, point) in points.iter().enumerate() {
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
-        rows.push(engine.time(point)?);
+        let mut row = engine.time(point)?;
+        if let Some(reference) = &reference {
+            let picture = engine.picture(point, 0..TRADE_SAMPLES, control)?;
+            row.psnr_db = Some(psnr_db(reference, &picture));
+        }
+        rows.push(row);
         (control.progress)((done + 1) as f32 / points.len() as f32);
     }
+    mark_front(&mut rows);
     let (adapter, interface) = match &engine {
         Engine::Gpu(gpu, _) => (gpu.adapter_name().to_string(), gpu.interface()),
         Engine::Cpu => (format!("CPU, {} threads", rayon::current_num_threads()), "cpu".into()),
@@ -245,6 +274,26 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
                 let mut shade = params.shade;
                 shade.decode.components = components;
                 points.push(Point { shade, ..point("cornell", scene.clone()) });
+            }
+        }
+        BenchKind::Trade => {
+            let mut scene = scene(&MeshChoice::Shoe, assets)?;
+            scene.place_lights(2);
+            let open = Ambient { distance: 1e6, ..scene.usual_ambient() };
+            let all = assets.iter().map(|asset| most_components(asset)).max().unwrap_or(0);
+            for (variant, ambient, mode) in [
+                ("path tracing", open, RenderMode::Path),
+                ("direct and ambient light", open, RenderMode::Direct),
+                ("direct light", Ambient::NONE, RenderMode::Direct),
+            ] {
+                for interpolation in [Interpolation::Fast, Interpolation::Exact] {
+                    for components in [0, 4, 16, 64].into_iter().filter(|n| *n < all).chain([all]) {
+                        let mut shade = ShadeOptions { mode, ..params.shade };
+                        (shade.decode.components, shade.decode.interpolation) = (components, interpolation);
+                        let scene = Scene { ambient, ..scene.clone() };
+                        points.push(Point { variant, shade, ..point("shoe", scene) });
+                    }
+                }
             }
         }
         BenchKind::Ablations => {
@@ -342,6 +391,50 @@ impl Engine {
         }
     }
 
+    /// Mean radiance of some samples.
+    fn picture(
+        &self,
+        point: &Point,
+        samples: std::ops::Range<u32>,
+        control: &Control,
+    ) -> Result<Vec<[f32; 3]>, ViewerError> {
+        let stopped = || if (control.cancelled)() { Err(ViewerError::Interrupted) } else { Ok(()) };
+        let mut sums: Vec<[f32; 3]> = Vec::new();
+        match self {
+            Engine::Cpu => {
+                let mut picture = CpuPicture::new(point.size);
+                picture.samples = samples.start;
+                for _ in samples.clone() {
+                    stopped()?;
+                    picture.add_sample(&point.scene, &point.shade, &|| true);
+                }
+                sums = picture.sums;
+            }
+            Engine::Gpu(gpu, kind) => {
+                let mut tracer = Tracer::with_decoder(gpu, &point.scene, *kind, point.decoder)?;
+                for sample in samples.clone() {
+                    stopped()?;
+                    tracer.sample(gpu, &point.scene, point.size, &point.shade, sample, None)?;
+                    gpu.wait()?;
+                }
+                // The first sample of a fresh tracer adds to zeros, whatever its number.
+                let count = samples.len() as f32;
+                sums.extend(tracer.read_radiance(gpu)?.iter().map(|mean| mean.map(|x| x * count)));
+            }
+        }
+        let count = samples.len() as f32;
+        Ok(sums.iter().map(|sum| sum.map(|x| x / count)).collect())
+    }
+
+    /// The path-traced picture of a point's scene, every component and the exact rule; its samples are not those of the
+    /// points.
+    fn reference(&self, point: &Point, control: &Control) -> Result<Vec<[f32; 3]>, ViewerError> {
+        let mut shade = ShadeOptions { mode: RenderMode::Path, depth: REFERENCE_DEPTH, ..point.shade };
+        shade.decode = DecodeOptions { interpolation: Interpolation::Exact, ..DecodeOptions::default() };
+        let reference = Point { scene: point.scene.clone(), shade, ..*point };
+        self.picture(&reference, TRADE_SAMPLES..TRADE_SAMPLES + REFERENCE_SAMPLES, control)
+    }
+
     fn time(&self, point: &Point) -> Result<BenchRow, ViewerError> {
         let mut times: Vec<(f64, Option<PassTimes>)> = Vec::new();
         let enough = |times: &[(f64, Option<PassTimes>)]| {
@@ -383,6 +476,25 @@ impl Engine {
     }
 }
 
+/// Of 8-bit sRGB values, peak 255.
+fn psnr_db(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+    let codes = |radiance: &[[f32; 3]]| {
+        Picture { width: radiance.len() as u32, height: 1, radiance: radiance.to_vec() }.srgb8(0.0)
+    };
+    let (a, b) = (codes(a), codes(b));
+    let square: f64 = a.iter().zip(&b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+    10.0 * (255.0 * 255.0 * a.len() as f64 / square.max(1e-9)).log10()
+}
+
+/// Marks the rows that no other is at least as fast as and better than.
+fn mark_front(rows: &mut [BenchRow]) {
+    let points: Vec<_> = rows.iter().map(|row| (row.frame_ms, row.psnr_db)).collect();
+    for row in rows {
+        let beaten = |(ms, psnr): &(f64, Option<f64>)| *ms <= row.frame_ms && *psnr > row.psnr_db;
+        row.front = row.psnr_db.is_some() && !points.iter().any(beaten);
+    }
+}
+
 fn row(point: &Point, frame_ms: f64, passes: Option<PassTimes>, frames: usize, hits: &[PixelHit]) -> BenchRow {
     let scene = &point.scene;
     let shows_asset = |hit: &&PixelHit| {
@@ -393,6 +505,12 @@ fn row(point: &Point, frame_ms: f64, passes: Option<PassTimes>, frames: usize, h
     BenchRow {
         mesh: point.mesh,
         variant: point.variant,
+        interpolation: match point.shade.decode.interpolation {
+            Interpolation::Fast => "fast",
+            Interpolation::Exact => "exact",
+        },
+        psnr_db: None,
+        front: false,
         frame_ms,
         passes,
         frames,
@@ -405,5 +523,69 @@ fn row(point: &Point, frame_ms: f64, passes: Option<PassTimes>, frames: usize, h
         spmm_evaluations: hits.iter().map(|hit| u64::from(hit.evaluations)).sum(),
         rays: hits.iter().map(|hit| u64::from(hit.rays)).sum(),
         triangles: scene.geometry.triangles().len(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(kind: BenchKind) -> Vec<BenchRow> {
+        let assets = [Arc::new(SceneAsset::built_in())];
+        let shade = ShadeOptions::default();
+        let params = BenchParams { kind, size: [12, 12], backend: BackendChoice::Cpu, adapter: None, shade };
+        run_bench(&assets, &params, &Control::SILENT).unwrap().rows
+    }
+
+    #[test]
+    fn each_bench_varies_what_it_says_and_nothing_else() {
+        let lights = rows(BenchKind::Lights);
+        assert_eq!(lights.len(), 28);
+        assert!(lights[..7].windows(2).all(|w| w[1].lights == 2 * w[0].lights && w[1].rays > w[0].rays));
+        assert!(lights.iter().all(|row| row.frame_ms > 0.0 && row.materials == 1 && row.frames >= LEAST_FRAMES));
+        let materials = rows(BenchKind::Materials);
+        assert_eq!(materials.iter().map(|row| row.materials).collect::<Vec<_>>()[..6], [1, 2, 4, 8, 16, 32]);
+        // The same pixels show assets however many there are.
+        let evaluations = |row: &BenchRow| row.spmm_evaluations as f64;
+        assert!(materials[..6].iter().all(|row| (evaluations(row) / evaluations(&materials[0]) - 1.0).abs() < 0.03));
+        let coverage = rows(BenchKind::Coverage);
+        assert!(coverage.windows(2).all(|w| w[1].coverage >= w[0].coverage));
+        assert!(coverage[0].coverage < 0.1 && coverage.last().unwrap().coverage > 0.95);
+        let components: Vec<u32> = rows(BenchKind::Components).iter().map(|row| row.components).collect();
+        assert_eq!(components, [0, 1, 2, 4]);
+    }
+
+    #[test]
+    fn short_cuts_change_time_and_not_the_picture() {
+        let points = points(
+            &[Arc::new(SceneAsset::built_in())],
+            &BenchParams {
+                kind: BenchKind::Ablations,
+                size: [16, 16],
+                backend: BackendChoice::Cpu,
+                adapter: None,
+                shade: ShadeOptions::default(),
+            },
+        )
+        .unwrap();
+        let picture = |point: &Point| Engine::Cpu.picture(point, 0..1, &Control::SILENT).unwrap();
+        for point in &points[1..4] {
+            assert_eq!(picture(point), picture(&points[0]), "{}", point.variant);
+        }
+        assert_ne!(picture(&points[4]), picture(&points[0]), "16 lights are not one");
+    }
+
+    #[test]
+    fn errors_against_the_traced_picture_fall_with_what_is_followed() {
+        let rows = rows(BenchKind::Trade);
+        let best = |variant: &str| {
+            rows.iter().filter(|row| row.variant == variant).filter_map(|row| row.psnr_db).fold(0.0, f64::max)
+        };
+        let (path, ambient, direct) = (best("path tracing"), best("direct and ambient light"), best("direct light"));
+        assert!(ambient > direct + 2.0 && path > direct + 2.0, "{path} {ambient} {direct}");
+        assert!(rows.iter().any(|row| row.front) && rows.iter().any(|row| !row.front));
+        for row in rows.iter().filter(|row| row.front) {
+            assert!(!rows.iter().any(|other| other.frame_ms <= row.frame_ms && other.psnr_db > row.psnr_db));
+        }
     }
 }

@@ -10,6 +10,7 @@ fn varied(kind: BenchKind, row: &BenchRow) -> f64 {
         BenchKind::Materials => row.materials as f64,
         BenchKind::Coverage => row.coverage.max(1e-3),
         BenchKind::Resolution => f64::from(row.width) * f64::from(row.height),
+        BenchKind::Trade => row.psnr_db.unwrap_or_default(),
         // One more, for the mean.
         BenchKind::Components => f64::from(row.components) + 1.0,
     }
@@ -22,6 +23,7 @@ fn axis(kind: BenchKind) -> &'static str {
         BenchKind::Coverage => "share of the pixels that show an asset",
         BenchKind::Resolution => "pixels",
         BenchKind::Components => "components + 1",
+        BenchKind::Trade => "PSNR against the path-traced picture, dB",
     }
 }
 
@@ -89,6 +91,9 @@ mod tests {
         let row = |mesh, lights: usize| BenchRow {
             mesh,
             variant: "",
+            interpolation: "fast",
+            psnr_db: None,
+            front: false,
             frame_ms: 2.0 * lights as f64,
             passes: None,
             frames: 3,

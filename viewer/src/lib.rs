@@ -43,7 +43,7 @@ mod surface;
 mod trace;
 
 pub use app::{WindowParams, run_window};
-pub use bench::{BenchKind, BenchParams, BenchReport, BenchRow, run_bench};
+pub use bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};
 pub use bench_plot::bench_svg;
 pub use bvh::{AnyHit, Bvh, BvhNode, Hit, NO_HIT};
 pub use camera::{Camera, CameraFrame, jitter};

@@ -73,6 +73,8 @@ enum BenchName {
     Components,
     /// The decoder without its short cuts
     Ablations,
+    /// Error against the path-traced picture over time
+    Trade,
 }
 
 /// What every command understands.
@@ -285,6 +287,7 @@ fn measure(arguments: &BenchArguments) -> Result<(), ViewerError> {
         BenchName::Resolution => BenchKind::Resolution,
         BenchName::Components => BenchKind::Components,
         BenchName::Ablations => BenchKind::Ablations,
+        BenchName::Trade => BenchKind::Trade,
     };
     let params = BenchParams {
         kind,
@@ -305,10 +308,10 @@ fn measure(arguments: &BenchArguments) -> Result<(), ViewerError> {
         None if common.quiet => {}
         None => {
             println!("{} on {} ({}), {}", report.backend, report.adapter, report.timer, report.assets.join(", "));
-            println!("mesh       lights materials coverage       size components    ms a frame  variant");
+            println!("mesh       lights materials coverage       size components    ms a frame   dB  variant");
             for row in &report.rows {
                 println!(
-                    "{:<10} {:>6} {:>9} {:>8.3} {:>10} {:>10} {:>13.3}  {}",
+                    "{:<10} {:>6} {:>9} {:>8.3} {:>10} {:>10} {:>13.3} {:>5} {} {}{}",
                     row.mesh,
                     row.lights,
                     row.materials,
@@ -316,7 +319,10 @@ fn measure(arguments: &BenchArguments) -> Result<(), ViewerError> {
                     format!("{}x{}", row.width, row.height),
                     row.components,
                     row.frame_ms,
-                    row.variant
+                    row.psnr_db.map_or(String::new(), |psnr| format!("{psnr:.1}")),
+                    row.interpolation,
+                    row.variant,
+                    if row.front { " *" } else { "" }
                 );
             }
         }

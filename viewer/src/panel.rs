@@ -140,7 +140,7 @@ impl Panel {
             }
             let distances = 0.01 * self.radius..=4.0 * self.radius;
             let slider = egui::Slider::new(&mut scene.ambient.distance, distances).logarithmic(true);
-            ui.add(slider.text("occlusion distance"));
+            ui.add(slider.text("within"));
             self.ambient = scene.ambient;
         }
         if self.lights.len() > 1 {
