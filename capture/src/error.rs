@@ -22,6 +22,14 @@ pub enum CaptureError {
         /// The operating system's reason.
         source: io::Error,
     },
+    /// A picture of light that cannot be used.
+    #[error("{}: {reason}", path.display())]
+    RadianceMap {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
     /// The operating system refused a write.
     #[error("{} could not be written ({source}); {}", path.display(), write_remedy(source))]
     Write {

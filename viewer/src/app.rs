@@ -319,7 +319,10 @@ impl View {
     fn most_samples(&self) -> u32 {
         let shade = &self.panel.shade;
         let drawn = (shade.light_samples as usize) < self.scene.lights.len();
-        let random = shade.mode == RenderMode::Path || drawn || self.scene.ambient != Ambient::NONE;
+        let random = shade.mode == RenderMode::Path
+            || drawn
+            || self.scene.ambient != Ambient::NONE
+            || self.scene.environment.is_some();
         if random { MAX_RANDOM_SAMPLES } else { MAX_SAMPLES }
     }
 

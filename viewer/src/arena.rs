@@ -1,10 +1,9 @@
-//! All assets of a scene in the buffers that shaders read: one array of words, in as many pieces as the adapter's largest
-//! binding asks for.
+//! All assets of a scene, and the picture that surrounds it, in the buffers that shaders read: one array of words, in as
+//! many pieces as the adapter's largest binding asks for.
 
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
 use crate::pieces::{ASSETS, PieceLayout};
-use btf_runtime::Resident;
 
 /// Assets begin at multiples of this many words, so that their sections stay aligned to 256 bytes.
 const ALIGNMENT_WORDS: usize = 64;
@@ -38,14 +37,14 @@ pub(crate) struct Arena {
 }
 
 impl Arena {
-    /// Uploads `assets`.
+    /// Uploads the words of `assets`.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the adapter binds too few buffers for so many pieces, or has no memory for them.
-    pub(crate) fn new(gpu: &Gpu, assets: &[&Resident]) -> Result<Arena, ViewerError> {
+    pub(crate) fn new(gpu: &Gpu, assets: &[&[u32]]) -> Result<Arena, ViewerError> {
         let most_bytes = gpu.most_binding_bytes();
         let most_buffers = gpu.most_pieces();
-        let sizes: Vec<usize> = assets.iter().map(|asset| asset.words().len()).collect();
+        let sizes: Vec<usize> = assets.iter().map(|words| words.len()).collect();
         let (bases, layout, total) = place(&sizes, (most_bytes / 4) as usize);
         if layout.pieces > most_buffers || total > u32::MAX as usize {
             return Err(gpu.error(format!(
@@ -63,7 +62,7 @@ impl Arena {
             })
             .collect::<Result<Vec<_>, _>>()?;
         for (asset, base) in assets.iter().zip(&bases) {
-            let (mut rest, mut at) = (asset.words(), *base as usize);
+            let (mut rest, mut at) = (*asset, *base as usize);
             while !rest.is_empty() {
                 let within = at % piece_words;
                 let (now, later) = rest.split_at(rest.len().min(piece_words - within));

@@ -19,6 +19,9 @@ const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
 /// Rays whose radiance counts for less than this in the pixel are not followed.
 const LEAST_THROUGHPUT: f32 = 1e-3;
 
+/// Sets apart the numbers of a light's seed.
+const ENVIRONMENT_CHOICE: u32 = 0x68bc_21eb;
+const LOBE_CHOICE: u32 = 0x02e5_be93;
 /// Lights that are looked at for each that is drawn.
 pub(crate) const LIGHT_CANDIDATES: usize = 8;
 /// Least chance of a path to go on.
@@ -133,7 +136,8 @@ struct Scattered {
     back: bool,
     /// Reflected over density.
     weight: Vec3,
-    mirrored: bool,
+    /// Per steradian; 0 from a mirror.
+    density: f32,
 }
 
 /// One sample of every pixel.
@@ -245,8 +249,37 @@ impl Shader<'_> {
             let distance = lifted.length();
             add(wi, incident, lifted / distance.max(1e-30), distance);
         }
-        // A path meets the ambient light by itself.
-        if self.options.mode == RenderMode::Direct && scene.ambient.radiance.iter().any(|x| *x > 0.0) {
+        let path = self.options.mode == RenderMode::Path;
+        if let Some(sky) = &scene.environment {
+            // Drawn from the picture or, where no path goes on to it, from the surface as often. A path meets the picture by
+            // itself, but seldom where it is small and bright.
+            let wi = if path || sampler::one(seed ^ ENVIRONMENT_CHOICE) < 0.5 {
+                s.local_from_world(sky.sample(ambient_at))
+            } else {
+                match &viewed {
+                    Some(viewed) => {
+                        let lobe = sampler::one(seed ^ LOBE_CHOICE);
+                        viewed.sample_direction([ambient_at[0], ambient_at[1], lobe]).into()
+                    }
+                    None => {
+                        let wi = sampler::cosine(ambient_at);
+                        Vec3::new(wi.x, wi.y, if light_back { -wi.z } else { wi.z })
+                    }
+                }
+            };
+            let direction = s.world_from_local(wi);
+            let own = viewed.as_ref().map_or(wi.z.abs() / PI, |viewed| viewed.sample_density(wi.to_array()));
+            // Balance heuristic [Veach 1995].
+            let density = if path {
+                sky.density(direction) + side_share(scene, s, material, light_back) * own
+            } else {
+                0.5 * (sky.density(direction) + own)
+            };
+            if (wi.z < 0.0) == light_back && density > 0.0 {
+                let distance = if path { FAR } else { scene.ambient.distance };
+                add(wi, sky.radiance(direction) / (PI * density), direction, distance);
+            }
+        } else if self.options.mode == RenderMode::Direct && scene.ambient.radiance.iter().any(|x| *x > 0.0) {
             let mut wi = sampler::cosine(ambient_at);
             // The density of wi is its cosine over pi.
             let incident = Vec3::from(scene.ambient.radiance) / wi.z.max(1e-6);
@@ -271,7 +304,7 @@ impl Shader<'_> {
                 direction: mirror_direction(s, direction),
                 back: s.view_back,
                 weight,
-                mirrored: true,
+                density: 0.0,
             });
         }
         let mut rest = (choice - mirror_share) / (1.0 - mirror_share);
@@ -281,7 +314,8 @@ impl Shader<'_> {
             let mut wi = sampler::cosine(at);
             wi.z = if back { -wi.z } else { wi.z };
             weight *= Vec3::from(material.diffuse);
-            return Some(Scattered { direction: s.world_from_local(wi), back, weight, mirrored: false });
+            let density = side_share(self.scene, s, material, back) * wi.z.abs() / PI;
+            return Some(Scattered { direction: s.world_from_local(wi), back, weight, density });
         };
         let resident = &self.scene.assets[asset].resident;
         let mut layer = resident.layer_for_sides(s.view_back, s.view_back);
@@ -305,7 +339,8 @@ impl Shader<'_> {
             return None;
         }
         weight *= Vec3::from(viewed.light(&mut LightRows::default(), wi)) / (PI * density);
-        Some(Scattered { direction: s.world_from_local(wi.into()), back, weight, mirrored: false })
+        let density = side_share(self.scene, s, material, back) * density;
+        Some(Scattered { direction: s.world_from_local(wi.into()), back, weight, density })
     }
 
     /// Radiance towards the eye through a pixel, and what it took.
@@ -314,6 +349,7 @@ impl Shader<'_> {
         let (mut origin, mut direction) = (self.camera.eye, self.camera.direction(pixel[0], pixel[1], self.jitter));
         let mut done = PixelHit { primitive: NO_HIT, rays: 0, evaluations: 0 };
         let (mut radiance, mut throughput, mut scattered) = (Vec3::ZERO, Vec3::ONE, false);
+        let mut density = 0.0;
         for depth in 1..=self.options.depth {
             let hit = self.trace(origin, direction, FAR, AnyHit::No);
             done.rays += 1;
@@ -321,8 +357,16 @@ impl Shader<'_> {
                 done.primitive = hit.primitive;
             }
             if hit.primitive == NO_HIT {
-                let beyond = if scattered { scene.ambient.radiance } else { scene.background };
-                radiance += throughput * Vec3::from(beyond);
+                radiance += throughput
+                    * match &scene.environment {
+                        // The rest was drawn from the picture.
+                        Some(sky) if density > 0.0 => {
+                            sky.radiance(direction) * (density / (density + sky.density(direction)))
+                        }
+                        Some(sky) => sky.radiance(direction),
+                        None if scattered => scene.ambient.radiance.into(),
+                        None => scene.background.into(),
+                    };
                 break;
             }
             let s = Surface::surface_at(&scene.geometry, &hit, direction);
@@ -343,7 +387,8 @@ impl Shader<'_> {
                     break;
                 }
                 throughput /= kept;
-                scattered |= !next.mirrored;
+                scattered |= next.density > 0.0;
+                density = next.density;
                 direction = next.direction;
                 origin = if next.back { s.below } else { s.above };
                 continue;
@@ -356,6 +401,21 @@ impl Shader<'_> {
             origin = if s.view_back { s.below } else { s.above };
         }
         (radiance.to_array(), done)
+    }
+}
+
+/// Share of a path's directions that leave on a side in another way than by the mirror.
+fn side_share(scene: &Scene, s: &Surface, material: &Material, back: bool) -> f32 {
+    let glossy = Vec3::from(material.mirror).max_element();
+    let body = if material.asset.is_some() { 1.0 } else { Vec3::from(material.diffuse).max_element() };
+    let share = body / (glossy + body).max(1e-6);
+    match material.asset {
+        Some(asset) => {
+            let both = scene.assets[asset].resident.layer_for_sides(!back, s.view_back).is_some();
+            if both { 0.5 * share } else { share }
+        }
+        None if back != s.view_back => 0.0,
+        None => share,
     }
 }
 

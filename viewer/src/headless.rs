@@ -76,6 +76,8 @@ pub struct RenderReport {
     pub triangles: usize,
     /// If there is ambient light.
     pub ambient_occlusion: bool,
+    /// If a picture of light surrounds the scene.
+    pub environment: bool,
     /// Lights of which a sample asks at most.
     pub light_samples: u32,
     /// `direct` or `path`.
@@ -230,6 +232,7 @@ fn rendered(
         lights: scene.lights.len(),
         triangles: scene.geometry.triangles().len(),
         ambient_occlusion: scene.ambient.radiance.iter().any(|x| *x > 0.0),
+        environment: scene.environment.is_some(),
         light_samples: params.shade.light_samples,
         mode: params.shade.mode.name(),
         depth: params.shade.depth,
@@ -357,6 +360,84 @@ mod tests {
         let (direct, path) = (mean(RenderMode::Direct), mean(RenderMode::Path));
         assert!((direct / once - 1.0).abs() < 0.01, "{direct} {once}");
         assert!((path / (once / (1.0 - f64::from(albedo))) - 1.0).abs() < 0.02, "{path} {once}");
+    }
+
+    /// A dim sky with a small sun, its middle row and column.
+    fn sky() -> crate::Environment {
+        let (width, height) = (64, 32);
+        let mut rgb = vec![0.2; width * height * 3];
+        for (row, column) in [(6, 30), (6, 31), (7, 30), (7, 31)] {
+            rgb[(row * width + column) * 3..][..3].fill(200.0);
+        }
+        crate::Environment::new(width, height, &rgb)
+    }
+
+    #[test]
+    fn a_sky_lights_a_plane_as_its_integral_says_in_both_modes() {
+        // The plane faces up, so that it sees the upper half of the picture.
+        let mut up = mesh::plane();
+        up.transform(glam::Mat4::from_rotation_x(-std::f32::consts::FRAC_PI_2));
+        let mut scene = Scene::from_objects(Path::new("plane"), vec![grey(up)], Vec::new()).unwrap();
+        scene.surround(sky());
+        scene.camera.eye = glam::Vec3::new(0.0, 3.0, 0.1);
+        scene.camera.target = glam::Vec3::ZERO;
+        scene.camera.fov_deg = 20.0;
+        let environment = scene.environment.clone().unwrap();
+        let mut expected = 0.0f64;
+        let (rows, columns) = (256, 512);
+        for i in 0..rows {
+            let polar = std::f32::consts::FRAC_PI_2 * (i as f32 + 0.5) / rows as f32;
+            for j in 0..columns {
+                let (sin, cos) = (std::f32::consts::TAU * (j as f32 + 0.5) / columns as f32).sin_cos();
+                let d = glam::Vec3::new(polar.sin() * sin, polar.cos(), -polar.sin() * cos);
+                let area =
+                    polar.sin() * std::f32::consts::FRAC_PI_2 / rows as f32 * std::f32::consts::TAU / columns as f32;
+                expected += f64::from(environment.radiance(d).y * polar.cos() * area);
+            }
+        }
+        expected *= 0.5 / std::f64::consts::PI;
+        let mean = |mode, scene: &Scene| {
+            let shade = ShadeOptions { mode, ..ShadeOptions::default() };
+            let params = RenderParams { shade, frames: 64, ..cpu([24, 24]) };
+            let picture = render(scene, &params, &Control::SILENT).unwrap().picture;
+            picture.radiance.iter().map(|c| f64::from(c[1])).sum::<f64>() / picture.radiance.len() as f64
+        };
+        for mode in [RenderMode::Direct, RenderMode::Path] {
+            let found = mean(mode, &scene);
+            assert!((found / expected - 1.0).abs() < 0.02, "{mode:?}: {found} {expected}");
+        }
+        // Planted difference: a sun that is a sixth dimmer.
+        let mut rgb = vec![0.2; 64 * 32 * 3];
+        for (row, column) in [(6, 30), (6, 31), (7, 30), (7, 31)] {
+            rgb[(row * 64 + column) * 3..][..3].fill(167.0);
+        }
+        scene.surround(crate::Environment::new(64, 32, &rgb));
+        let found = mean(RenderMode::Direct, &scene);
+        assert!((found / expected - 1.0).abs() > 0.04, "{found} {expected}");
+    }
+
+    #[test]
+    fn an_even_sky_is_ambient_light_on_an_asset() {
+        let asset = btf_runtime::testing::sample_asset(4, 12, 8, btf_runtime::ResidualKind::Root);
+        let assets = vec![std::sync::Arc::new(crate::SceneAsset::new("sample", asset))];
+        let mut scene = Scene::built_in(&crate::MeshChoice::Plane, assets, [1.0; 2]).unwrap();
+        // Only the plane is in the picture.
+        scene.camera.fov_deg = 10.0;
+        let mean = |mode, scene: &Scene| {
+            let shade = ShadeOptions { mode, ..ShadeOptions::default() };
+            let params = RenderParams { shade, frames: 64, ..cpu([24, 24]) };
+            let picture = render(scene, &params, &Control::SILENT).unwrap().picture;
+            picture.radiance.iter().map(|c| f64::from(c[1])).sum::<f64>() / picture.radiance.len() as f64
+        };
+        let mut ambient = scene.clone();
+        ambient.lights.clear();
+        ambient.ambient = crate::Ambient { radiance: [0.7; 3], distance: 1e6 };
+        let expected = mean(RenderMode::Direct, &ambient);
+        scene.surround(crate::Environment::new(16, 8, &[0.7; 16 * 8 * 3]));
+        for mode in [RenderMode::Direct, RenderMode::Path] {
+            let found = mean(mode, &scene);
+            assert!((found / expected - 1.0).abs() < 0.02, "{mode:?}: {found} {expected}");
+        }
     }
 
     #[test]

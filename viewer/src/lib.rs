@@ -13,7 +13,7 @@
 //!
 //! Decoded values hold the cosine: radiance = intensity / distance^2 x visibility x decoded / pi.
 //!
-//! Limits: point and ambient light only, nearest texel, at most 2^24 triangles.
+//! Limits: nearest texel, at most 2^24 triangles.
 
 mod app;
 mod arena;
@@ -23,6 +23,7 @@ mod blit;
 mod bvh;
 mod camera;
 mod cpu;
+mod environment;
 mod error;
 mod geometry;
 mod gpu;
@@ -48,6 +49,7 @@ pub use bench_plot::bench_svg;
 pub use bvh::{AnyHit, Bvh, BvhNode, Hit, NO_HIT};
 pub use camera::{Camera, CameraFrame, jitter};
 pub use cpu::CpuPicture;
+pub use environment::{Environment, MOST_COLUMNS};
 pub use error::ViewerError;
 pub use geometry::{Geometry, Triangle, Vertex};
 pub use gpu::{BackendChoice, Gpu};

@@ -2,8 +2,9 @@
 
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
-    Ambient, BackendChoice, BenchKind, BenchParams, Control, GpuTracer, MeshChoice, RenderMode, RenderParams, Scene,
-    SceneAsset, ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, render, run_bench, run_window,
+    Ambient, BackendChoice, BenchKind, BenchParams, Control, Environment, GpuTracer, MeshChoice, RenderMode,
+    RenderParams, Scene, SceneAsset, ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, render, run_bench,
+    run_window,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -161,6 +162,9 @@ struct ViewArguments {
     /// Number of point lights, of the same brightness together [default: 1, or the scene's own]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     lights: Option<u32>,
+    /// Light from all around, an equirectangular .exr or .hdr picture; --lights then adds lamps
+    #[arg(long, value_name = "FILE")]
+    environment: Option<PathBuf>,
     /// Ambient light with progressive occlusion: one stratified ray per pixel and frame
     #[arg(long)]
     ao: bool,
@@ -375,6 +379,9 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
         Some(path) => load_scene(path, assets)?,
         None => Scene::built_in(&mesh, assets, arguments.uv_scale)?,
     };
+    if let Some(path) = &arguments.environment {
+        scene.surround(Environment::load(path, 1.0)?);
+    }
     if let Some(count) = arguments.lights {
         scene.place_lights(count as usize);
     }

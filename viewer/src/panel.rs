@@ -129,11 +129,15 @@ impl Panel {
     /// Ambient light and mirrors; true if the picture must begin anew.
     fn show_surroundings(&mut self, ui: &mut egui::Ui, scene: &mut Scene) -> bool {
         let before = scene.ambient;
+        if scene.environment.is_some() {
+            ui.label("surrounded by a picture of light");
+        }
         let mut occlusion = scene.ambient != Ambient::NONE;
-        if ui.checkbox(&mut occlusion, "ambient occlusion").changed() {
+        let choose = scene.environment.is_none();
+        if choose && ui.checkbox(&mut occlusion, "ambient occlusion").changed() {
             scene.ambient = if occlusion { self.ambient } else { Ambient::NONE };
         }
-        if occlusion {
+        if occlusion && choose {
             let mut radiance = scene.ambient.radiance[1];
             if ui.add(egui::Slider::new(&mut radiance, 0.01..=2.0).logarithmic(true).text("ambient light")).changed() {
                 scene.ambient.radiance = [radiance; 3];

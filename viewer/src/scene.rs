@@ -1,6 +1,7 @@
 //! What is drawn: geometry, materials, packed assets, lights, camera, exposure; and the built-in scenes.
 
 use crate::camera::Camera;
+use crate::environment::Environment;
 use crate::error::ViewerError;
 use crate::geometry::{Geometry, Triangle};
 use crate::mesh::{self, MeshPart};
@@ -118,6 +119,9 @@ pub struct PointLight {
     pub intensity: [f32; 3],
 }
 
+/// A distance that no ray within a scene reaches.
+const BEYOND_EVERYTHING: f32 = 1e30;
+
 /// Where a scene's own lights are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LightRig {
@@ -162,6 +166,9 @@ pub struct Scene {
     pub light_rig: LightRig,
     /// Ambient light, one stratified ray per pixel and sample.
     pub ambient: Ambient,
+    /// A picture of light from all around, which then is background and, within the ambient light's distance, stands for
+    /// that.
+    pub environment: Option<Arc<Environment>>,
     /// Camera.
     pub camera: Camera,
     /// Exposure in stops: the picture is multiplied by `2^exposure_ev` before the sRGB curve.
@@ -265,6 +272,7 @@ impl Scene {
             lights: Vec::new(),
             light_rig: LightRig::Around,
             ambient: Ambient::NONE,
+            environment: None,
             camera,
             exposure_ev: 0.0,
             background: BACKGROUND,
@@ -359,6 +367,13 @@ impl Scene {
                 Scene::from_objects(path, objects, assets)
             }
         }
+    }
+
+    /// Surrounds the scene by a picture of light, which nothing but the scene itself keeps off; takes its lamps away.
+    pub fn surround(&mut self, environment: Environment) {
+        self.environment = Some(Arc::new(environment));
+        self.ambient = Ambient { radiance: [0.0; 3], distance: BEYOND_EVERYTHING };
+        self.lights.clear();
     }
 
     /// `count` lights where the scene has them; their intensities add up to the same brightness whatever the count.

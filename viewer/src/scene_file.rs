@@ -31,12 +31,17 @@
 //! radiance = [0.4, 0.4, 0.4]
 //! distance = 2.0                    # optional: what lies farther away does not occlude
 //!
+//! [environment]                     # optional: light from all around; then no light is placed unasked
+//! file = "sky.hdr"                  # equirectangular .exr or .hdr, top row up, middle towards -z
+//! gain = 1.0                        # optional
+//!
 //! [[light]]                         # optional: else one light from the upper left
 //! position = [-3.0, 4.0, 5.0]
 //! intensity = [100.0, 100.0, 100.0]
 //! ```
 
 use crate::camera::Camera;
+use crate::environment::Environment;
 use crate::error::ViewerError;
 use crate::mesh;
 use crate::mesh_file::load_mesh;
@@ -55,6 +60,7 @@ struct SceneFile {
     background: Option<[f32; 3]>,
     camera: Option<CameraEntry>,
     ambient: Option<AmbientEntry>,
+    environment: Option<EnvironmentEntry>,
     #[serde(default, rename = "material")]
     materials: Vec<MaterialEntry>,
     #[serde(default, rename = "object")]
@@ -72,6 +78,14 @@ struct CameraEntry {
     up: [f32; 3],
     #[serde(default = "default_fov_deg")]
     fov_deg: f32,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EnvironmentEntry {
+    file: String,
+    #[serde(default = "one")]
+    gain: f32,
 }
 
 #[derive(Deserialize)]
@@ -127,6 +141,10 @@ fn y_axis() -> [f32; 3] {
 
 fn default_fov_deg() -> f32 {
     30.0
+}
+
+fn one() -> f32 {
+    1.0
 }
 
 fn ones2() -> [f32; 2] {
@@ -229,6 +247,12 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
             return Err(fault(reason.into()));
         }
         scene.place_lights(1);
+    }
+    if let Some(EnvironmentEntry { file, gain }) = file.environment {
+        if !(gain.is_finite() && gain > 0.0) {
+            return Err(fault("[environment] needs a gain above 0".into()));
+        }
+        scene.surround(Environment::load(&folder.join(file), gain)?);
     }
     if !file.lights.is_empty() {
         scene.lights = file

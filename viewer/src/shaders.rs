@@ -4,6 +4,7 @@ use crate::pieces::{ASSETS, NODES, PieceLayout, TRIANGLES, VERTICES};
 
 const SCENE: &str = include_str!("shaders/scene.wgsl");
 const SAMPLER: &str = include_str!("shaders/sampler.wgsl");
+const ENVIRONMENT: &str = include_str!("shaders/environment.wgsl");
 const SURFACE: &str = include_str!("shaders/surface.wgsl");
 const SHADE: &str = include_str!("shaders/shade.wgsl");
 const PASSES: &str = include_str!("shaders/passes.wgsl");
@@ -69,7 +70,9 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
         GpuTracer::Bvh => &[TRACE_BVH, BVH],
     };
-    [tracer_parts, &[SCENE, &arrays, &library, SAMPLER, SURFACE, SHADE, PASSES, DECODE_QUERIES]].concat().join("\n")
+    [tracer_parts, &[SCENE, &arrays, &library, SAMPLER, ENVIRONMENT, SURFACE, SHADE, PASSES, DECODE_QUERIES]]
+        .concat()
+        .join("\n")
 }
 
 #[cfg(test)]
@@ -161,13 +164,13 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, pad0, pad1, pad2),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
             ("Material", fields!(GpuMaterial; diffuse, asset, mirror, pad0, uv_scale, pad1, pad2)),
             ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
-            ("Path", fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, pad0, pad1, pad2)),
+            ("Path", fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, density, pad0, pad1)),
             ("Pixel", fields!(GpuPixel; sum, seen, rays, evaluations, depth)),
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
             ("Query", fields!(GpuQuery; wi, texel, wo, layer)),

@@ -41,9 +41,8 @@ pub(crate) struct Frame {
     pub rows: u32,
     pub mode: u32,
     pub light_samples: u32,
-    pub pad0: u32,
-    pub pad1: u32,
-    pub pad2: u32,
+    pub environment_at: u32,
+    pub environment: [u32; 2],
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -80,9 +79,9 @@ pub(crate) struct GpuPath {
     pub throughput: [f32; 3],
     pub v: f32,
     pub scattered: u32,
+    pub density: f32,
     pub pad0: u32,
     pub pad1: u32,
-    pub pad2: u32,
 }
 
 /// Twin: `Pixel` in `scene.wgsl`.
@@ -202,8 +201,9 @@ impl Tracer {
         decoder: DecoderForm,
     ) -> Result<Tracer, ViewerError> {
         gpu.require(tracer)?;
-        let residents: Vec<&btf_runtime::Resident> = scene.assets.iter().map(|asset| &asset.resident).collect();
-        let arena = Arena::new(gpu, &residents)?;
+        let mut words: Vec<&[u32]> = scene.assets.iter().map(|asset| asset.resident.words()).collect();
+        words.extend(scene.environment.iter().map(|environment| bytemuck::cast_slice(environment.table())));
+        let arena = Arena::new(gpu, &words)?;
         let materials: Vec<GpuMaterial> = scene
             .materials
             .iter()
@@ -460,9 +460,8 @@ impl Tracer {
             rows: band.rows,
             mode: options.mode as u32,
             light_samples: options.light_samples,
-            pad0: 0,
-            pad1: 0,
-            pad2: 0,
+            environment_at: self.arena.bases.get(scene.assets.len()).copied().unwrap_or(0),
+            environment: scene.environment.as_ref().map_or([0; 2], |environment| environment.size()),
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
     }

@@ -4,7 +4,7 @@
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRole, Resident, ResidualKind, decode, pack};
 use btf_viewer::{
-    BackendChoice, Camera, Control, DecodeQuery, Gpu, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
+    BackendChoice, Camera, Control, DecodeQuery, Environment, Gpu, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
     RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, gpu_decode, render,
 };
 use std::io::Write;
@@ -302,6 +302,35 @@ fn traced_paths_are_the_cpus() {
     }
     // Planted difference: paths that end earlier.
     assert!(picture_differences(&cpu, &path(BackendChoice::Gpu(GpuTracer::Bvh), 3)) > 5 * allowed);
+}
+
+#[test]
+fn a_surrounding_picture_lights_as_on_the_cpu() {
+    let Some(_gpu) = gpu("a_surrounding_picture_lights_as_on_the_cpu") else { return };
+    let mut scene = scene(MeshChoice::Sphere);
+    let mut rgb = vec![0.3; 64 * 32 * 3];
+    rgb[(8 * 64 + 20) * 3..][..3].copy_from_slice(&[400.0, 300.0, 200.0]);
+    scene.surround(Environment::new(64, 32, &rgb));
+    for mode in [RenderMode::Direct, RenderMode::Path] {
+        let picture = |scene: &Scene, backend| {
+            let shade = ShadeOptions { mode, depth: 3, ..ShadeOptions::default() };
+            let params = RenderParams { size: [96, 72], frames: 2, backend, adapter: None, shade };
+            render(scene, &params, &Control::SILENT).unwrap()
+        };
+        let cpu = picture(&scene, BackendChoice::Cpu);
+        let allowed = cpu.hits.len() / 100;
+        for tracer in TRACERS {
+            let differences = picture_differences(&cpu, &picture(&scene, BackendChoice::Gpu(tracer)));
+            println!("{mode:?}, {}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
+            assert!(differences <= allowed, "{mode:?} {}: {differences}", tracer.name());
+        }
+        // Planted difference: a pixel of the picture to the right.
+        let mut moved = scene.clone();
+        let mut rgb = vec![0.3; 64 * 32 * 3];
+        rgb[(8 * 64 + 21) * 3..][..3].copy_from_slice(&[400.0, 300.0, 200.0]);
+        moved.surround(Environment::new(64, 32, &rgb));
+        assert!(picture_differences(&cpu, &picture(&moved, BackendChoice::Cpu)) > 5 * allowed);
+    }
 }
 
 #[test]

@@ -25,9 +25,10 @@ struct Frame {
     rows: u32,
     mode: u32,
     light_samples: u32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+    // Word of the arena where the environment's table begins.
+    environment_at: u32,
+    // Columns and rows of the environment's picture; 0 for none.
+    environment: vec2<u32>,
 }
 
 struct Vertex {
@@ -75,9 +76,10 @@ struct Path {
     v: f32,
     // 1 once the path left a surface in another way than by a mirror.
     scattered: u32,
+    // With which density it was drawn, per steradian; 0 from eye and mirrors.
+    density: f32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 struct Pixel {

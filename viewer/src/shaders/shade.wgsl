@@ -14,6 +14,8 @@ const AMBIENT_NUMBERS: u32 = 0u;
 const SCATTER_NUMBERS: u32 = 1u;
 const CHOICE_NUMBERS: u32 = 2u;
 const LIGHT_NUMBERS: u32 = 3u;
+const ENVIRONMENT_CHOICE: u32 = 0x68bc21ebu;
+const LOBE_CHOICE: u32 = 0x02e5be93u;
 // Lights that are looked at for each that is drawn.
 const LIGHT_CANDIDATES: u32 = 8u;
 // Rays whose radiance counts for less than this in the pixel are not followed.
@@ -43,6 +45,29 @@ struct SideLight {
 struct ChosenLight {
     index: u32,
     scale: f32,
+}
+
+// What comes from beyond everything, along a ray that left a surface or the eye.
+fn beyond(direction: vec3<f32>, scattered: bool) -> vec3<f32> {
+    if frame.environment.x > 0u {
+        return environment_radiance(direction);
+    }
+    return select(frame.background, frame.ambient, scattered);
+}
+
+// Share of a path's directions that leave on a side in another way than by the mirror.
+fn side_share(s: Surface, material: Material, back: bool) -> f32 {
+    let glossy = most(material.mirror);
+    let plain = material.asset == NO_ASSET;
+    let body = select(1.0, most(material.diffuse), plain);
+    var share = body / max(glossy + body, 1e-6);
+    if !plain {
+        let other = btf_layer_for_sides(material.asset, select(1u, 0u, back), select(0u, 1u, s.view_back));
+        share *= select(1.0, 0.5, other < btf_layers(material.asset));
+    } else if back != s.view_back {
+        share = 0.0;
+    }
+    return share;
 }
 
 // Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some candidates
@@ -92,14 +117,15 @@ fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at:
     var texel = 0u;
     if !plain {
         texel = btf_texel(material.asset, s.uv * material.uv_scale);
-        if !whole_decoder {
+        if !whole_decoder || frame.environment.x > 0u {
             viewed = viewed_new(material.asset, layer, texel, s.wo, options);
         }
     }
     var rows: LightRows;
     let origin = select(s.above, s.below, light_back);
-    // A path meets the ambient light by itself.
-    let ambient = frame.mode != MODE_PATH && any(frame.ambient > vec3<f32>(0.0));
+    // A path meets ambient light by itself, and a picture's, too, but seldom where it is small and bright.
+    let surrounded = frame.environment.x > 0u;
+    let ambient = surrounded || (frame.mode != MODE_PATH && any(frame.ambient > vec3<f32>(0.0)));
     let drawn = frame.light_samples < frame.light_count;
     let asked = min(frame.light_samples, frame.light_count);
     for (var i = 0u; i < asked + select(0u, 1u, ambient); i++) {
@@ -130,6 +156,40 @@ fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at:
             let lifted = light.position - origin;
             distance = length(lifted);
             direction = lifted / max(distance, 1e-30);
+        } else if surrounded {
+            // Drawn from the picture or, where no path goes on to it, from the surface as often.
+            let path = frame.mode == MODE_PATH;
+            if path || sampler_one(seed ^ ENVIRONMENT_CHOICE) < 0.5 {
+                wi = local_from_world(s, environment_sample(ambient_at));
+            } else if plain {
+                wi = sampler_cosine(ambient_at);
+                wi.z = select(wi.z, -wi.z, light_back);
+            } else {
+                wi = sample_direction(viewed, vec3<f32>(ambient_at, sampler_one(seed ^ LOBE_CHOICE)));
+            }
+            if (wi.z < 0.0) != light_back {
+                continue;
+            }
+            direction = world_from_local(s, wi);
+            var density = abs(wi.z) / TRACE_PI;
+            if !plain {
+                density = sample_density(viewed, wi);
+            }
+            // Balance heuristic [Veach 1995].
+            var sum = environment_density(direction);
+            if path {
+                sum += side_share(s, material, light_back) * density;
+            } else {
+                sum = 0.5 * (sum + density);
+            }
+            if sum <= 0.0 {
+                continue;
+            }
+            incident = environment_radiance(direction) / (TRACE_PI * sum);
+            distance = frame.occlusion_distance;
+            if path {
+                distance = TRACE_FAR;
+            }
         } else {
             wi = sampler_cosine(ambient_at);
             // The density of wi is its cosine over pi.
@@ -176,7 +236,8 @@ struct Scattered {
     back: bool,
     // Reflected over density; 0 ends the path.
     weight: vec3<f32>,
-    mirrored: bool,
+    // Per steradian; 0 from a mirror.
+    density: f32,
 }
 
 fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, choice: f32) -> Scattered {
@@ -184,11 +245,11 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
     let glossy = most(material.mirror);
     let body = select(1.0, most(material.diffuse), plain);
     if glossy + body <= 0.0 {
-        return Scattered(direction, s.view_back, vec3<f32>(0.0), false);
+        return Scattered(direction, s.view_back, vec3<f32>(0.0), 0.0);
     }
     let mirror_share = glossy / (glossy + body);
     if choice < mirror_share {
-        return Scattered(mirror_direction(s, direction), s.view_back, material.mirror / mirror_share, true);
+        return Scattered(mirror_direction(s, direction), s.view_back, material.mirror / mirror_share, 0.0);
     }
     var rest = (choice - mirror_share) / (1.0 - mirror_share);
     var weight = vec3<f32>(1.0 / (1.0 - mirror_share));
@@ -196,7 +257,8 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
     if plain {
         var wi = sampler_cosine(at);
         wi.z = select(wi.z, -wi.z, back);
-        return Scattered(world_from_local(s, wi), back, weight * material.diffuse, false);
+        let share = side_share(s, material, back);
+        return Scattered(world_from_local(s, wi), back, weight * material.diffuse, share * abs(wi.z) / TRACE_PI);
     }
     let layers = btf_layers(material.asset);
     let eye_side = select(0u, 1u, s.view_back);
@@ -215,7 +277,7 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
         }
     }
     if layer >= layers {
-        return Scattered(direction, back, vec3<f32>(0.0), false);
+        return Scattered(direction, back, vec3<f32>(0.0), 0.0);
     }
     let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
     let texel = btf_texel(material.asset, s.uv * material.uv_scale);
@@ -223,11 +285,11 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
     let wi = sample_direction(viewed, vec3<f32>(at, rest));
     let density = sample_density(viewed, wi);
     if density <= 0.0 || (wi.z < 0.0) != back {
-        return Scattered(direction, back, vec3<f32>(0.0), false);
+        return Scattered(direction, back, vec3<f32>(0.0), 0.0);
     }
     var rows: LightRows;
     weight *= viewed_light(viewed, &rows, wi) / (TRACE_PI * density);
-    return Scattered(world_from_local(s, wi), back, weight, false);
+    return Scattered(world_from_local(s, wi), back, weight, side_share(s, material, back) * density);
 }
 
 // Pass: the ray from the eye.
@@ -236,8 +298,11 @@ fn camera_pass(at: vec2<u32>) {
     let direction = camera_direction(whole_picture(at));
     let hit = trace_closest(frame.eye, direction);
     let missed = hit.primitive == NO_HIT;
-    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, 0u, 0u, 0u, 0u);
-    var sum = vec4<f32>(select(vec3<f32>(0.0), frame.background, missed), 1.0);
+    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, 0u, 0.0, 0u, 0u);
+    var sum = vec4<f32>(0.0, 0.0, 0.0, 1.0);
+    if missed {
+        sum = vec4<f32>(beyond(direction, false), 1.0);
+    }
     if frame.sample > 0u {
         sum += pixels[index].sum;
     }
@@ -302,7 +367,8 @@ fn scatter_pass(at: vec2<u32>) {
         return;
     }
     path.throughput /= kept;
-    path.scattered |= select(1u, 0u, next.mirrored);
+    path.scattered |= select(0u, 1u, next.density > 0.0);
+    path.density = next.density;
     path.direction = next.direction;
     path.origin = select(s.above, s.below, next.back);
     go_on(index, path);
@@ -322,8 +388,12 @@ fn go_on(index: u32, given: Path) {
     pixels[index].rays += 1u;
     pixels[index].depth += 1u;
     if hit.primitive == NO_HIT {
-        let beyond = select(frame.background, frame.ambient, path.scattered != 0u);
-        pixels[index].sum += vec4<f32>(path.throughput * beyond, 0.0);
+        var seen = beyond(path.direction, path.scattered != 0u);
+        if frame.environment.x > 0u && path.density > 0.0 {
+            // The rest was drawn from the picture.
+            seen *= path.density / (path.density + environment_density(path.direction));
+        }
+        pixels[index].sum += vec4<f32>(path.throughput * seen, 0.0);
     }
     paths[index] = path;
 }
