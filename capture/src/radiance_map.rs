@@ -25,7 +25,7 @@ impl RadianceMap {
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or("");
         let format = match FileFormat::from_extension(extension) {
             Some(format @ (FileFormat::Exr | FileFormat::Hdr)) => format,
-            _ => return Err(fault("it is no .exr or .hdr file, which a picture of light is".into())),
+            _ => return Err(fault("it is no .exr or .hdr file, convert it to one".into())),
         };
         let bytes = std::fs::read(path).map_err(|source| CaptureError::Read { path: path.into(), source })?;
         let image = decode(&bytes, format, None).map_err(|found| match found {

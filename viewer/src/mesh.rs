@@ -47,6 +47,20 @@ impl MeshPart {
         }
     }
 
+    /// Length that a unit of the texture coordinates covers in the mean over the part's area, world units; `None` where the
+    /// texture has no area.
+    pub fn tile_length(&self) -> Option<f32> {
+        let (mut area, mut texture) = (0.0f64, 0.0f64);
+        for triangle in &self.triangles {
+            let [a, b, c] = triangle.map(|i| &self.vertices[i as usize]);
+            let [pa, pb, pc] = [a, b, c].map(|vertex| Vec3::from(vertex.position));
+            let [ta, tb, tc] = [a, b, c].map(|vertex| Vec2::new(vertex.u, vertex.v));
+            area += f64::from((pb - pa).cross(pc - pa).length());
+            texture += f64::from((tb - ta).perp_dot(tc - ta).abs());
+        }
+        (area > 0.0 && texture > 0.0).then(|| (area / texture).sqrt() as f32)
+    }
+
     /// Multiplies the texture coordinates.
     pub fn scale_uv(&mut self, scale: [f32; 2]) {
         for vertex in &mut self.vertices {
@@ -218,6 +232,17 @@ mod tests {
         }
         // Next to the poles the gradient of u is a coarse one.
         assert!(frame_fault(&sphere()) < 0.02, "{}", frame_fault(&sphere()));
+    }
+
+    #[test]
+    fn a_tile_is_as_long_as_the_part_is_scaled() {
+        let mut part = plane();
+        assert!((part.tile_length().unwrap() - 2.0).abs() < 1e-6);
+        part.transform(Mat4::from_scale(Vec3::splat(3.0)));
+        part.scale_uv([4.0, 4.0]);
+        assert!((part.tile_length().unwrap() - 1.5).abs() < 1e-6);
+        part.scale_uv([0.0, 1.0]);
+        assert_eq!(part.tile_length(), None);
     }
 
     #[test]

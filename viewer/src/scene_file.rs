@@ -2,6 +2,7 @@
 //!
 //! ```toml
 //! exposure_ev = 0.0                 # optional, as is background = [0.18, 0.18, 0.18]
+//! unit_mm = 1000.0                  # optional: millimetres of a unit, for materials of physical size
 //!
 //! [camera]                          # optional: else everything is framed
 //! eye = [0.0, 1.0, 5.0]
@@ -12,6 +13,7 @@
 //! name = "leaf"
 //! asset = "leaf.spmm"               # or a number: the n-th asset of the command line, from 0
 //! uv_scale = [2.0, 2.0]
+//! physical = true                   # optional: repeated so often that it has the size that the asset tells
 //!
 //! [[material]]
 //! name = "grey"
@@ -22,7 +24,8 @@
 //! mirror = [0.9, 0.9, 0.9]          # a perfect mirror, alone or on top of asset or diffuse
 //!
 //! [[object]]
-//! mesh = "sphere"                   # sphere, plane, cube, or an .obj, .gltf or .glb file
+//! mesh = "sphere"                   # sphere, plane, cube; cornell; in metres cloth, shoe, boots, pullover; or an .obj,
+//!                                   # .gltf or .glb file
 //! material = "leaf"
 //! parts = { laces = "grey" }        # parts of the file by material name, where they differ
 //! translate = [0.0, 1.0, 0.0]       # after rotate_deg (about x, then y, then z) and scale
@@ -45,6 +48,7 @@ use crate::environment::Environment;
 use crate::error::ViewerError;
 use crate::mesh;
 use crate::mesh_file::load_mesh;
+use crate::models;
 use crate::scene::{Ambient, Material, PointLight, Scene, SceneAsset, SceneObject};
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
@@ -58,6 +62,7 @@ struct SceneFile {
     #[serde(default)]
     exposure_ev: f32,
     background: Option<[f32; 3]>,
+    unit_mm: Option<f32>,
     camera: Option<CameraEntry>,
     ambient: Option<AmbientEntry>,
     environment: Option<EnvironmentEntry>,
@@ -102,6 +107,8 @@ struct MaterialEntry {
     asset: Option<AssetEntry>,
     diffuse: Option<[f32; 3]>,
     mirror: Option<[f32; 3]>,
+    #[serde(default)]
+    physical: bool,
     #[serde(default = "ones2")]
     uv_scale: [f32; 2],
 }
@@ -212,12 +219,19 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
         materials.get(name).copied().ok_or_else(|| fault(format!("there is no [[material]] with name = \"{name}\"")))
     };
 
+    let physical: Vec<&str> =
+        file.materials.iter().filter(|entry| entry.physical).map(|entry| entry.name.as_str()).collect();
     let mut objects = Vec::new();
     for entry in &file.objects {
         let parts = match entry.mesh.as_str() {
             "sphere" => vec![mesh::sphere()],
             "plane" => vec![mesh::plane()],
             "cube" => vec![mesh::cube("cube")],
+            "cornell" => models::cornell(),
+            "cloth" => models::cloth(),
+            "shoe" => models::shoe(),
+            "boots" => models::boots(),
+            "pullover" => models::pullover(),
             file => load_mesh(&folder.join(file))?,
         };
         let [x, y, z] = entry.rotate_deg.map(f32::to_radians);
@@ -231,11 +245,19 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
             return Err(fault(format!("object '{}' has no part called '{name}'", entry.mesh)));
         }
         for mut part in parts {
-            let material = match entry.parts.get(&part.name).or(entry.material.as_ref()) {
+            let name = entry.parts.get(&part.name).or(entry.material.as_ref());
+            let material = match name {
                 Some(name) => find(name)?,
                 None => Material::plain(part.diffuse),
             };
             part.transform(matrix);
+            if let Some(asset) = material.asset.filter(|_| name.is_some_and(|name| physical.contains(&name.as_str()))) {
+                let unit_mm = file.unit_mm.filter(|unit| unit.is_finite() && *unit > 0.0).ok_or_else(|| {
+                    fault("a material is physical, but unit_mm does not tell the size of a unit".into())
+                })?;
+                let tile_mm = part.tile_length().unwrap_or(1.0) * unit_mm;
+                part.scale_uv(assets[asset].tiles_per_mm().map(|tiles| tiles * tile_mm));
+            }
             objects.push(SceneObject { part, material });
         }
     }
@@ -289,6 +311,30 @@ mod tests {
     }
 
     const GREY: &str = "[[material]]\nname = \"grey\"\ndiffuse = [0.5, 0.5, 0.5]\n";
+
+    #[test]
+    fn a_physical_material_has_its_size_on_any_mesh() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("scene.toml");
+        let asset = btf_runtime::testing::sample_asset(1, 4, 2, btf_runtime::ResidualKind::Root);
+        let mut asset = SceneAsset::new("sample", asset);
+        asset.size_mm = Some([20.0, 10.0]);
+        let assets = vec![Arc::new(asset)];
+        let text = |unit: &str| {
+            format!(
+                "{unit}[[material]]\nname = \"m\"\nasset = 0\nphysical = true\n\
+                 [[object]]\nmesh = \"plane\"\nmaterial = \"m\"\nscale = [3, 3, 3]\n"
+            )
+        };
+        std::fs::write(&path, text("unit_mm = 10\n")).unwrap();
+        let scene = load_scene(&path, assets.clone()).unwrap();
+        // A plane of 60 x 60 mm.
+        let vertices = scene.geometry.vertices();
+        let most = |of: fn(&crate::Vertex) -> f32| vertices.iter().map(of).fold(0f32, f32::max);
+        assert!((most(|v| v.u) - 3.0).abs() < 1e-5 && (most(|v| v.v) - 6.0).abs() < 1e-5);
+        std::fs::write(&path, text("")).unwrap();
+        assert!(load_scene(&path, assets).unwrap_err().to_string().contains("unit_mm"));
+    }
 
     #[test]
     fn reads_objects_lights_and_camera() {
