@@ -4,12 +4,13 @@
 use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::{BackendChoice, Gpu};
+use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::headless::Control;
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::picture::Picture;
 use crate::scene::{Ambient, MeshChoice, Scene, SceneAsset};
 use crate::shaders::GpuTracer;
-use crate::trace::{GpuTimer, PassTimes, PixelHit, Tracer};
+use crate::trace::{PixelHit, Tracer};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRef};
 use glam::Vec3;
 use serde::Serialize;

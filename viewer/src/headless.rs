@@ -3,11 +3,12 @@
 use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::{BackendChoice, Gpu};
+use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
 use crate::picture::Picture;
 use crate::scene::Scene;
 use crate::shaders::GpuTracer;
-use crate::trace::{GpuTimer, PassTimes, PixelHit, Tracer};
+use crate::trace::{PixelHit, Tracer};
 use serde::Serialize;
 use std::time::Instant;
 

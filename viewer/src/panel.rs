@@ -1,9 +1,9 @@
 //! The side panel: what the user can turn while looking.
 
+use crate::gpu_timer::PassTimes;
 use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions};
 use crate::scene::{Ambient, PointLight, Scene, intensity_for};
 use crate::shaders::GpuTracer;
-use crate::trace::PassTimes;
 use btf_runtime::Interpolation;
 use glam::Vec3;
 

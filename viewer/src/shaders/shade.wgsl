@@ -1,5 +1,5 @@
 // One sample of one pixel, in passes: the ray from the eye, the light at what it hits, then ray and light again for each
-// mirror on the way. Twin: cpu.rs, the same functions in the same order.
+// mirror, or each step of a path, on the way. Twin: cpu.rs, which follows a whole path where this goes pass by pass.
 // The includer defines trace_closest and trace_occluded.
 
 const TRACE_FAR: f32 = 1e30;
