@@ -32,7 +32,7 @@ pub const REFERENCE_SAMPLES: u32 = 256;
 const REFERENCE_DEPTH: u32 = 6;
 
 /// What is varied.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum BenchKind {
     /// 1 to 64 point lights on four meshes.
@@ -52,17 +52,6 @@ pub enum BenchKind {
 }
 
 impl BenchKind {
-    /// All, in the order of the command's help.
-    pub const ALL: [BenchKind; 7] = [
-        BenchKind::Lights,
-        BenchKind::Materials,
-        BenchKind::Coverage,
-        BenchKind::Resolution,
-        BenchKind::Components,
-        BenchKind::Ablations,
-        BenchKind::Trade,
-    ];
-
     /// As on the command line.
     pub fn name(self) -> &'static str {
         match self {

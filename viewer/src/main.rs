@@ -44,7 +44,7 @@ enum Command {
 struct BenchArguments {
     /// What is varied
     #[arg(value_enum)]
-    kind: BenchName,
+    kind: BenchKind,
     /// Packed assets [default: a small one that comes with the program]
     assets: Vec<PathBuf>,
     /// Size of the picture in pixels
@@ -58,24 +58,6 @@ struct BenchArguments {
     /// Writes a plot
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum BenchName {
-    /// 1 to 64 lights on four meshes
-    Lights,
-    /// 1 to 32 assets on the same pixels, on two meshes
-    Materials,
-    /// The share of the picture that shows assets
-    Coverage,
-    /// Pixels
-    Resolution,
-    /// Residual components
-    Components,
-    /// The decoder without its short cuts
-    Ablations,
-    /// Error against the path-traced picture over time
-    Trade,
 }
 
 /// What every command understands.
@@ -100,8 +82,8 @@ struct CommonArguments {
     #[arg(long)]
     no_parallax: bool,
     /// Which light is followed: straight from lamps and surroundings, or on any way
-    #[arg(long, value_enum, default_value_t = ModeName::Direct)]
-    mode: ModeName,
+    #[arg(long, value_enum, default_value_t = RenderMode::Direct)]
+    mode: RenderMode,
     /// Point lights of which a frame asks at most; of more it draws those that matter
     #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().light_samples,
           value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_LIGHT_SAMPLES)))]
@@ -129,11 +111,7 @@ impl CommonArguments {
             },
             parallax: !self.no_parallax,
         };
-        let mode = match self.mode {
-            ModeName::Direct => RenderMode::Direct,
-            ModeName::Path => RenderMode::Path,
-        };
-        ShadeOptions { decode, mode, light_samples: self.light_samples, depth: self.depth }
+        ShadeOptions { decode, mode: self.mode, light_samples: self.light_samples, depth: self.depth }
     }
 
     fn backend(&self) -> BackendChoice {
@@ -202,12 +180,6 @@ enum BackendName {
     RayQuery,
     Bvh,
     Cpu,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum ModeName {
-    Direct,
-    Path,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -284,17 +256,8 @@ fn measure(arguments: &BenchArguments) -> Result<(), ViewerError> {
     if assets.is_empty() {
         assets.push(Arc::new(SceneAsset::built_in()));
     }
-    let kind = match arguments.kind {
-        BenchName::Lights => BenchKind::Lights,
-        BenchName::Materials => BenchKind::Materials,
-        BenchName::Coverage => BenchKind::Coverage,
-        BenchName::Resolution => BenchKind::Resolution,
-        BenchName::Components => BenchKind::Components,
-        BenchName::Ablations => BenchKind::Ablations,
-        BenchName::Trade => BenchKind::Trade,
-    };
     let params = BenchParams {
-        kind,
+        kind: arguments.kind,
         size: arguments.size,
         backend: common.backend(),
         adapter: common.adapter.clone(),

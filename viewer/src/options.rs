@@ -17,7 +17,7 @@ pub struct ShadeOptions {
 }
 
 /// Which light is followed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 #[repr(u32)]
 pub enum RenderMode {
     /// Light that comes straight from a lamp or, within the occlusion distance, from the surroundings; and perfect mirrors.
