@@ -2,14 +2,14 @@
 //! decoder's short cuts are worth. After figures 4 and 5 of Silva & Santos [silva2012].
 
 use crate::cpu::CpuPicture;
+use crate::engine::Engine;
 use crate::error::ViewerError;
-use crate::gpu::{BackendChoice, Gpu};
+use crate::gpu::BackendChoice;
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::headless::Control;
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::picture::Picture;
 use crate::scene::{Ambient, MeshChoice, Scene, SceneAsset};
-use crate::shaders::GpuTracer;
 use crate::trace::{PixelHit, Tracer};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRef};
 use glam::Vec3;
@@ -152,7 +152,7 @@ pub fn run_bench(
     params: &BenchParams,
     control: &Control,
 ) -> Result<BenchReport, ViewerError> {
-    let engine = Engine::new(params, control)?;
+    let engine = Engine::open(params.backend, params.adapter.as_deref(), control)?;
     let points = points(assets, params)?;
     let mut rows = Vec::new();
     let reference = match params.kind {
@@ -172,20 +172,12 @@ pub fn run_bench(
         (control.progress)((done + 1) as f32 / points.len() as f32);
     }
     mark_front(&mut rows);
-    let (adapter, interface) = match &engine {
-        Engine::Gpu(gpu, _) => (gpu.adapter_name().to_string(), gpu.interface()),
-        Engine::Cpu => (format!("CPU, {} threads", rayon::current_num_threads()), "cpu".into()),
-    };
-    let timestamps = matches!(&engine, Engine::Gpu(gpu, _) if gpu.has_timestamps());
     Ok(BenchReport {
         bench: params.kind,
-        adapter,
-        interface,
-        backend: match engine {
-            Engine::Gpu(_, tracer) => tracer.name(),
-            Engine::Cpu => "cpu",
-        },
-        timer: if timestamps { "gpu-timestamps" } else { "wall-clock" },
+        adapter: engine.adapter(),
+        interface: engine.interface(),
+        backend: engine.backend(),
+        timer: engine.timer(),
         assets: assets.iter().map(|asset| asset.name.clone()).collect(),
         resident_bytes: assets.iter().map(|asset| 4 * asset.resident.words().len()).sum(),
         rows,
@@ -356,31 +348,7 @@ fn with_most_lobes(asset: &mut Asset) {
     }
 }
 
-enum Engine {
-    Gpu(Box<Gpu>, GpuTracer),
-    Cpu,
-}
-
 impl Engine {
-    fn new(params: &BenchParams, control: &Control) -> Result<Engine, ViewerError> {
-        let open = || Gpu::headless(params.adapter.as_deref()).map(Box::new);
-        match params.backend {
-            BackendChoice::Cpu => Ok(Engine::Cpu),
-            BackendChoice::Gpu(tracer) => Ok(Engine::Gpu(open()?, tracer)),
-            BackendChoice::Auto => match open() {
-                Ok(gpu) => {
-                    let tracer = gpu.best_tracer();
-                    Ok(Engine::Gpu(gpu, tracer))
-                }
-                Err(error) if params.adapter.is_some() => Err(error),
-                Err(error) => {
-                    (control.notice)(&format!("measuring the CPU decoder: {error}"));
-                    Ok(Engine::Cpu)
-                }
-            },
-        }
-    }
-
     /// Mean radiance of some samples.
     fn picture(
         &self,

@@ -67,7 +67,7 @@ pub enum ViewerError {
     #[error("no window can be opened ({0}); --headless --out picture.png renders without one")]
     Window(String),
     /// The user pressed Ctrl-C; the program exits with 130.
-    #[error("interrupted; nothing was written")]
+    #[error("interrupted; nothing is half written")]
     Interrupted,
 }
 

@@ -1,13 +1,13 @@
 //! Renders a scene without a window, on whichever backend was asked for.
 
 use crate::cpu::CpuPicture;
+use crate::engine::Engine;
 use crate::error::ViewerError;
 use crate::gpu::{BackendChoice, Gpu};
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
 use crate::picture::Picture;
 use crate::scene::Scene;
-use crate::shaders::GpuTracer;
 use crate::trace::{PixelHit, Tracer};
 use serde::Serialize;
 use std::time::Instant;
@@ -105,7 +105,7 @@ pub struct Rendered {
     pub report: RenderReport,
 }
 
-/// Renders `scene`. Cost: on a GPU one dispatch per frame; on the CPU about one BVH traversal and one decode per pixel
+/// Renders `scene`. Cost: on a GPU the passes of each frame; on the CPU about one BVH traversal and one decode per pixel
 /// and light on every thread.
 ///
 /// # Errors
@@ -113,6 +113,26 @@ pub struct Rendered {
 /// is none (with [`BackendChoice::Auto`] it renders on the CPU and says so), [`ViewerError::Gpu`],
 /// [`ViewerError::Interrupted`].
 pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Rendered, ViewerError> {
+    let mut last = None;
+    render_turntable(scene, params, 1, control, &mut |_, rendered| {
+        last = Some(rendered);
+        Ok(())
+    })?;
+    last.ok_or(ViewerError::Interrupted)
+}
+
+/// Renders `pictures` pictures of the scene, the camera turned about its target from one to the next, and gives each to
+/// `each` with its number; the first is that of [`render`]. Uploads and compiles once.
+///
+/// # Errors
+/// Those of [`render`], and those of `each`, which end it.
+pub fn render_turntable(
+    scene: &Scene,
+    params: &RenderParams,
+    pictures: u32,
+    control: &Control,
+    each: &mut dyn FnMut(u32, Rendered) -> Result<(), ViewerError>,
+) -> Result<(), ViewerError> {
     if params.size.iter().any(|side| *side == 0 || *side > MAX_SIDE) {
         return Err(ViewerError::Usage(format!("a picture's sides are 1 to {MAX_SIDE} pixels, as in --size 512x512")));
     }
@@ -128,24 +148,32 @@ pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result
     if let Some(reason) = scene.camera.fault() {
         return Err(ViewerError::Usage(reason.into()));
     }
-    match params.backend {
-        BackendChoice::Cpu => render_cpu(scene, params, control),
-        BackendChoice::Gpu(tracer) => {
-            render_gpu(&Gpu::headless(params.adapter.as_deref())?, tracer, scene, params, control)
-        }
-        BackendChoice::Auto => match Gpu::headless(params.adapter.as_deref()) {
-            Ok(gpu) => render_gpu(&gpu, gpu.best_tracer(), scene, params, control),
-            // A name that fits no adapter is a mistake, not a machine without one.
-            Err(error) if params.adapter.is_some() => Err(error),
-            Err(error) => {
-                (control.notice)(&format!("rendering with the CPU decoder: {error}"));
-                render_cpu(scene, params, control)
-            }
-        },
+    let engine = Engine::open(params.backend, params.adapter.as_deref(), control)?;
+    let mut tracer = match &engine {
+        Engine::Gpu(gpu, kind) => Some(Tracer::new(gpu, scene, *kind)?),
+        Engine::Cpu => None,
+    };
+    let mut scene = scene.clone();
+    for number in 0..pictures {
+        let progress = |share: f32| (control.progress)((number as f32 + share) / pictures as f32);
+        let control = Control { progress: &progress, ..*control };
+        let (picture, times) = match (&engine, &mut tracer) {
+            (Engine::Gpu(gpu, _), Some(tracer)) => render_gpu(gpu, tracer, &scene, params, &control)?,
+            _ => render_cpu(&scene, params, &control)?,
+        };
+        each(number, rendered(&engine, &scene, params, picture, times))?;
+        scene.camera.orbit(std::f32::consts::TAU / pictures as f32, 0.0);
     }
+    Ok(())
 }
 
-fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Rendered, ViewerError> {
+/// Radiance and what the last sample of every pixel did.
+type Drawn = (Vec<[f32; 3]>, Vec<PixelHit>);
+
+/// Mean time of a frame, milliseconds, and of its passes.
+type FrameTimes = (f64, Option<PassTimes>);
+
+fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result<(Drawn, FrameTimes), ViewerError> {
     use std::sync::atomic::{AtomicU64, Ordering};
     let mut picture = CpuPicture::new(params.size);
     let rows = AtomicU64::new(0);
@@ -163,68 +191,56 @@ fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result
         }
     }
     let frame_ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(params.frames);
-    let adapter = format!("CPU, {} threads", rayon::current_num_threads());
-    let described = (adapter, "cpu".to_string(), "cpu", "wall-clock");
-    Ok(rendered(scene, params, picture.radiance(), picture.hits, described, frame_ms))
+    Ok(((picture.radiance(), picture.hits), (frame_ms, None)))
 }
 
 fn render_gpu(
     gpu: &Gpu,
-    tracer: GpuTracer,
+    tracer: &mut Tracer,
     scene: &Scene,
     params: &RenderParams,
     control: &Control,
-) -> Result<Rendered, ViewerError> {
-    let mut trace = Tracer::new(gpu, scene, tracer)?;
+) -> Result<(Drawn, FrameTimes), ViewerError> {
     let mut timer = GpuTimer::new(gpu);
-    trace.warm_up(gpu, scene, params.size, &params.shade)?;
-    let (mut total_ms, mut passes) = (0.0, PassTimes::default());
+    tracer.warm_up(gpu, scene, params.size, &params.shade)?;
+    let (mut wall_ms, mut passes) = (0.0, PassTimes::default());
     for frame in 0..params.frames {
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
         let start = Instant::now();
-        trace.sample(gpu, scene, params.size, &params.shade, frame, timer.as_mut())?;
+        tracer.sample(gpu, scene, params.size, &params.shade, frame, timer.as_mut())?;
         gpu.wait()?;
-        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        total_ms += match &timer {
-            Some(timer) => {
-                let times = timer.read(gpu)?;
-                passes.camera_ms += times.camera_ms / f64::from(params.frames);
-                passes.light_ms += times.light_ms / f64::from(params.frames);
-                passes.bounce_ms += times.bounce_ms / f64::from(params.frames);
-                times.sum_ms()
-            }
-            None => wall_ms,
-        };
+        wall_ms += start.elapsed().as_secs_f64() * 1e3 / f64::from(params.frames);
+        if let Some(timer) = &timer {
+            let times = timer.read(gpu)?;
+            passes.camera_ms += times.camera_ms / f64::from(params.frames);
+            passes.light_ms += times.light_ms / f64::from(params.frames);
+            passes.bounce_ms += times.bounce_ms / f64::from(params.frames);
+        }
         (control.progress)((frame + 1) as f32 / params.frames as f32);
     }
     let passes = timer.is_some().then_some(passes);
-    let timer = if timer.is_some() { "gpu-timestamps" } else { "wall-clock" };
-    let described = (gpu.adapter_name().to_string(), gpu.interface(), tracer.name(), timer);
-    let frame_ms = total_ms / f64::from(params.frames);
-    let mut rendered = rendered(scene, params, trace.read_radiance(gpu)?, trace.read_hits(gpu)?, described, frame_ms);
-    rendered.report.passes = passes;
-    Ok(rendered)
+    let frame_ms = passes.map_or(wall_ms, |passes| passes.sum_ms());
+    Ok(((tracer.read_radiance(gpu)?, tracer.read_hits(gpu)?), (frame_ms, passes)))
 }
 
 fn rendered(
+    engine: &Engine,
     scene: &Scene,
     params: &RenderParams,
-    radiance: Vec<[f32; 3]>,
-    hits: Vec<PixelHit>,
-    (adapter, interface, backend, timer): (String, String, &'static str, &'static str),
-    frame_ms: f64,
+    (radiance, hits): Drawn,
+    (frame_ms, passes): FrameTimes,
 ) -> Rendered {
     let [width, height] = params.size;
     let limit = |x: u32| (x != u32::MAX).then_some(x);
     let report = RenderReport {
-        adapter,
-        interface,
-        backend,
+        adapter: engine.adapter(),
+        interface: engine.interface(),
+        backend: engine.backend(),
         frame_ms,
-        passes: None,
-        timer,
+        passes,
+        timer: engine.timer(),
         spmm_evaluations: hits.iter().map(|hit| u64::from(hit.evaluations)).sum(),
         rays: hits.iter().map(|hit| u64::from(hit.rays)).sum(),
         width,
@@ -497,6 +513,27 @@ mod tests {
         // Planted difference: another sky.
         scene.ambient.radiance = [0.9; 3];
         assert!((mean(RenderMode::Path, &scene) / direct - 1.0).abs() > 0.05);
+    }
+
+    #[test]
+    fn a_turntable_goes_round_once_and_begins_with_the_picture() {
+        let mut scene = Scene::from_objects(Path::new("cube"), vec![grey(mesh::cube("cube"))], Vec::new()).unwrap();
+        scene.camera.eye = glam::Vec3::new(3.0, 2.0, 6.0);
+        let mut pictures = Vec::new();
+        render_turntable(&scene, &cpu([16, 16]), 4, &Control::SILENT, &mut |number, rendered| {
+            assert_eq!(number as usize, pictures.len());
+            pictures.push(rendered.picture.radiance);
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(pictures.len(), 4);
+        assert_eq!(pictures[0], render(&scene, &cpu([16, 16]), &Control::SILENT).unwrap().picture.radiance);
+        // The light stays where it is, so that every side looks different.
+        assert!((1..4).all(|i| pictures[i] != pictures[i - 1]) && pictures[3] != pictures[0]);
+        let stopped = render_turntable(&scene, &cpu([8, 8]), 9, &Control::SILENT, &mut |number, _| {
+            if number == 2 { Err(ViewerError::Interrupted) } else { Ok(()) }
+        });
+        assert!(matches!(stopped, Err(ViewerError::Interrupted)));
     }
 
     #[test]

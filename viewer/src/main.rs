@@ -3,8 +3,8 @@
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
     Ambient, BackendChoice, BenchKind, BenchParams, Control, Environment, GpuTracer, MeshChoice, RenderMode,
-    RenderParams, Scene, SceneAsset, ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, render, run_bench,
-    run_window,
+    RenderParams, Scene, SceneAsset, ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, render_turntable,
+    run_bench, run_window,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -164,6 +164,9 @@ struct ViewArguments {
     /// Size of the picture or window in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
+    /// Renders N pictures around the scene, FILE_000.png and so on
+    #[arg(long, value_name = "N", requires = "headless", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    turntable: Option<u32>,
     /// Frames to average: each adds a sample per pixel, the first through its middle
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
@@ -369,26 +372,54 @@ fn headless(
     out: &std::path::Path,
 ) -> Result<(), ViewerError> {
     let quiet = arguments.common.quiet;
-    let rendered = with_progress(quiet, |control| render(scene, &params, control))?;
-    rendered.picture.write_png(out, scene.exposure_ev)?;
-    let report = &rendered.report;
-    let json = serde_json::to_string_pretty(report).unwrap_or_default();
+    let mut reports = Vec::new();
+    with_progress(quiet, |control| {
+        render_turntable(scene, &params, arguments.turntable.unwrap_or(1), control, &mut |number, rendered| {
+            if (control.cancelled)() {
+                return Err(ViewerError::Interrupted);
+            }
+            let path = if arguments.turntable.is_some() { numbered(out, number) } else { out.to_path_buf() };
+            rendered.picture.write_png(&path, scene.exposure_ev)?;
+            reports.push((path, rendered.report));
+            Ok(())
+        })
+    })?;
+    let json = match (arguments.turntable, reports.as_slice()) {
+        (None, [(_, report)]) => serde_json::to_string_pretty(report),
+        _ => serde_json::to_string_pretty(&reports.iter().map(|(_, report)| report).collect::<Vec<_>>()),
+    };
+    let json = json.unwrap_or_default();
     match arguments.json.as_deref() {
         Some(path) if path.as_os_str() == "-" => println!("{json}"),
         Some(path) => btf_capture::atomic::write_file_atomically(path, json.as_bytes())?,
         None if quiet => {}
-        None => println!(
-            "{}: {}x{}, {} on {}, {:.2} ms per frame ({})",
-            out.display(),
-            report.width,
-            report.height,
-            report.backend,
-            report.adapter,
-            report.frame_ms,
-            report.timer
-        ),
+        None => {
+            for (path, report) in &reports {
+                println!(
+                    "{}: {}x{}, {} on {}, {:.2} ms per frame ({})",
+                    path.display(),
+                    report.width,
+                    report.height,
+                    report.backend,
+                    report.adapter,
+                    report.frame_ms,
+                    report.timer
+                );
+            }
+        }
     }
     Ok(())
+}
+
+/// `a/b.png` as `a/b_007.png`.
+fn numbered(path: &std::path::Path, number: u32) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_os_string();
+    name.push(format!("_{number:03}"));
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
 }
 
 #[cfg(test)]
@@ -401,6 +432,8 @@ mod tests {
         Arguments::command().debug_assert();
         assert_eq!(parse_size("640x480"), Ok([640, 480]));
         assert!(["640", "0x5", "5x", "axb", "99999x2"].iter().all(|text| parse_size(text).is_err()));
+        assert_eq!(numbered("a/b.png".as_ref(), 7), PathBuf::from("a/b_007.png"));
+        assert_eq!(numbered("b".as_ref(), 1234), PathBuf::from("b_1234"));
         assert_eq!(parse_scale("2"), Ok([2.0, 2.0]));
         assert_eq!(parse_scale("2x0.5"), Ok([2.0, 0.5]));
         assert!(["0", "-1", "nan", "2x", "x"].iter().all(|text| parse_scale(text).is_err()));
