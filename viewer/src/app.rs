@@ -3,6 +3,7 @@
 use crate::blit::{Blit, GpuBlit};
 use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
+use crate::governor::Governor;
 use crate::gpu::{BackendChoice, Gpu, instance};
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::options::{RenderMode, ShadeOptions};
@@ -41,6 +42,8 @@ pub struct WindowParams {
     pub adapter: Option<String>,
     /// What costs time and changes accuracy; the panel changes it.
     pub shade: ShadeOptions,
+    /// Milliseconds that a frame may take; components and lights are what is saved.
+    pub target_ms: Option<f64>,
 }
 
 /// Opens a window and returns when the user closes it. Needs an adapter even for the CPU renderer, to show its picture.
@@ -86,12 +89,15 @@ struct View {
     timer: Option<GpuTimer>,
     renderers: Vec<Renderer>,
     panel: Panel,
+    /// The panel's settings within the budget, of the picture at hand.
+    governed: ShadeOptions,
     scene: Scene,
     tracer: Option<Tracer>,
     cpu: Option<(CpuPicture, wgpu::Buffer)>,
     samples: u32,
     frame_ms: Option<f64>,
     passes: Option<PassTimes>,
+    governor: Option<Governor>,
     problem: Option<String>,
     occluded: bool,
 }
@@ -192,6 +198,9 @@ impl View {
                 Renderer::Gpu(tracer)
             }
         };
+        let governor = params
+            .target_ms
+            .map(|target_ms| Governor::new(target_ms, scene.most_components(), scene.lights.len() as u32));
         let panel = Panel::new(&scene, params.shade, renderer);
         let timer = GpuTimer::new(&gpu);
         Ok(View {
@@ -205,6 +214,7 @@ impl View {
             blit,
             timer,
             renderers,
+            governed: params.shade,
             panel,
             scene,
             tracer: None,
@@ -212,6 +222,7 @@ impl View {
             samples: 0,
             frame_ms: None,
             passes: None,
+            governor,
             problem: None,
             occluded: false,
         })
@@ -286,6 +297,7 @@ impl View {
             samples: self.samples,
             picture: self.current_size().unwrap_or([0, 0]),
             problem: self.problem.as_deref(),
+            governor: self.governor.as_ref(),
         };
         let (panel, scene) = (&mut self.panel, &mut self.scene);
         let mut changed = egui::Panel::right("panel")
@@ -351,7 +363,11 @@ impl View {
 
     fn add_sample(&mut self, size: [u32; 2]) -> Result<(), ViewerError> {
         let start = Instant::now();
-        let shade = self.panel.shade;
+        // Settings change with the picture only, so that its samples are alike.
+        if self.samples == 0 {
+            self.governed = self.governor.as_ref().map_or(self.panel.shade, |it| it.settings(&self.panel.shade));
+        }
+        let shade = self.governed;
         let mut first = false;
         match self.panel.renderer {
             Renderer::Gpu(kind) => {
@@ -384,6 +400,9 @@ impl View {
             _ => None,
         };
         let ms = self.passes.map_or(wall_ms, |passes| passes.sum_ms());
+        if let (Some(governor), false) = (&mut self.governor, first) {
+            governor.observe(ms);
+        }
         // The first frame of a renderer holds its compilation on some drivers.
         if !first {
             let old = self.frame_ms.unwrap_or(ms);

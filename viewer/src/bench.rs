@@ -251,7 +251,7 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
         }
         BenchKind::Components => {
             let scene = scene(&MeshChoice::Cornell, assets)?;
-            let all = assets.iter().map(|asset| most_components(asset)).max().unwrap_or(0);
+            let all = assets.iter().map(|asset| asset.most_components()).max().unwrap_or(0);
             for components in [0, 1, 2, 4, 8, 16, 32, 64, 128].into_iter().filter(|n| *n < all).chain([all]) {
                 let mut shade = params.shade;
                 shade.decode.components = components;
@@ -262,7 +262,7 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
             let mut scene = scene(&MeshChoice::Shoe, assets)?;
             scene.place_lights(2);
             let open = Ambient { distance: 1e6, ..scene.usual_ambient() };
-            let all = assets.iter().map(|asset| most_components(asset)).max().unwrap_or(0);
+            let all = assets.iter().map(|asset| asset.most_components()).max().unwrap_or(0);
             for (variant, ambient, mode) in [
                 ("path tracing", open, RenderMode::Path),
                 ("direct and ambient light", open, RenderMode::Direct),
@@ -301,10 +301,6 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
         }
     }
     Ok(points)
-}
-
-fn most_components(asset: &SceneAsset) -> u32 {
-    (0..asset.resident.layers()).map(|layer| asset.resident.components(layer)).max().unwrap_or(0)
 }
 
 /// Gives the scene's triangles to `count` materials in turn, one asset each: every material is everywhere in the picture.
@@ -459,7 +455,7 @@ fn row(point: &Point, frame_ms: f64, passes: Option<PassTimes>, frames: usize, h
         let triangle = scene.geometry.triangles().get(hit.primitive as usize);
         triangle.is_some_and(|triangle| scene.materials[triangle.material as usize].asset.is_some())
     };
-    let all = scene.assets.iter().map(|asset| most_components(asset)).max().unwrap_or(0);
+    let all = scene.most_components();
     BenchRow {
         mesh: point.mesh,
         variant: point.variant,

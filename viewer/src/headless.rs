@@ -3,6 +3,7 @@
 use crate::cpu::CpuPicture;
 use crate::engine::Engine;
 use crate::error::ViewerError;
+use crate::governor::Governor;
 use crate::gpu::{BackendChoice, Gpu};
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
@@ -29,6 +30,8 @@ pub struct RenderParams {
     pub adapter: Option<String>,
     /// What costs time and changes accuracy.
     pub shade: ShadeOptions,
+    /// Milliseconds that a frame may take; what frames then save in components and lights, they learn from one another.
+    pub target_ms: Option<f64>,
 }
 
 /// How a rendering talks to its caller while it runs.
@@ -91,6 +94,10 @@ pub struct RenderReport {
     pub lobes: Option<u32>,
     /// `fast` or `exact`.
     pub interpolation: &'static str,
+    /// The frame-time budget, milliseconds.
+    pub target_ms: Option<f64>,
+    /// Components and lights at most that a frame of that budget may ask for, as far as it was learned.
+    pub spends: Option<(u32, u32)>,
     /// If parallax between views is removed where assets have heights.
     pub parallax: bool,
 }
@@ -170,8 +177,8 @@ pub fn render_turntable(
 /// Radiance and what the last sample of every pixel did.
 type Drawn = (Vec<[f32; 3]>, Vec<PixelHit>);
 
-/// Mean time of a frame, milliseconds, and of its passes.
-type FrameTimes = (f64, Option<PassTimes>);
+/// Mean time of a frame, milliseconds, and of its passes; and what was learned from them.
+type FrameTimes = (f64, Option<PassTimes>, Option<Governor>);
 
 fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result<(Drawn, FrameTimes), ViewerError> {
     use std::sync::atomic::{AtomicU64, Ordering};
@@ -184,14 +191,18 @@ fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result
         !(control.cancelled)()
     };
     let start = Instant::now();
+    let mut governor = governor(scene, params);
     for _ in 0..params.frames {
-        picture.add_sample(scene, &params.shade, &row_done);
+        let frame_start = Instant::now();
+        let shade = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
+        picture.add_sample(scene, &shade, &row_done);
+        governor.iter_mut().for_each(|governor| governor.observe(frame_start.elapsed().as_secs_f64() * 1e3));
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
     }
     let frame_ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(params.frames);
-    Ok(((picture.radiance(), picture.hits), (frame_ms, None)))
+    Ok(((picture.radiance(), picture.hits), (frame_ms, None, governor)))
 }
 
 fn render_gpu(
@@ -204,25 +215,35 @@ fn render_gpu(
     let mut timer = GpuTimer::new(gpu);
     tracer.warm_up(gpu, scene, params.size, &params.shade)?;
     let (mut wall_ms, mut passes) = (0.0, PassTimes::default());
+    let mut governor = governor(scene, params);
     for frame in 0..params.frames {
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
         let start = Instant::now();
-        tracer.sample(gpu, scene, params.size, &params.shade, frame, timer.as_mut())?;
+        let shade = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
+        tracer.sample(gpu, scene, params.size, &shade, frame, timer.as_mut())?;
         gpu.wait()?;
-        wall_ms += start.elapsed().as_secs_f64() * 1e3 / f64::from(params.frames);
+        let mut ms = start.elapsed().as_secs_f64() * 1e3;
+        wall_ms += ms / f64::from(params.frames);
         if let Some(timer) = &timer {
             let times = timer.read(gpu)?;
             passes.camera_ms += times.camera_ms / f64::from(params.frames);
             passes.light_ms += times.light_ms / f64::from(params.frames);
             passes.bounce_ms += times.bounce_ms / f64::from(params.frames);
+            ms = times.sum_ms();
         }
+        governor.iter_mut().for_each(|governor| governor.observe(ms));
         (control.progress)((frame + 1) as f32 / params.frames as f32);
     }
     let passes = timer.is_some().then_some(passes);
     let frame_ms = passes.map_or(wall_ms, |passes| passes.sum_ms());
-    Ok(((tracer.read_radiance(gpu)?, tracer.read_hits(gpu)?), (frame_ms, passes)))
+    Ok(((tracer.read_radiance(gpu)?, tracer.read_hits(gpu)?), (frame_ms, passes, governor)))
+}
+
+fn governor(scene: &Scene, params: &RenderParams) -> Option<Governor> {
+    let lights = scene.lights.len() as u32;
+    params.target_ms.map(|target_ms| Governor::new(target_ms, scene.most_components(), lights))
 }
 
 fn rendered(
@@ -230,7 +251,7 @@ fn rendered(
     scene: &Scene,
     params: &RenderParams,
     (radiance, hits): Drawn,
-    (frame_ms, passes): FrameTimes,
+    (frame_ms, passes, governor): FrameTimes,
 ) -> Rendered {
     let [width, height] = params.size;
     let limit = |x: u32| (x != u32::MAX).then_some(x);
@@ -259,6 +280,8 @@ fn rendered(
             btf_runtime::Interpolation::Fast => "fast",
             btf_runtime::Interpolation::Exact => "exact",
         },
+        target_ms: params.target_ms,
+        spends: governor.map(|governor| governor.spends()),
         parallax: params.shade.decode.parallax,
     };
     Rendered { picture: Picture { width, height, radiance }, hits, report }
@@ -277,7 +300,14 @@ mod tests {
     }
 
     fn cpu(size: [u32; 2]) -> RenderParams {
-        RenderParams { size, frames: 1, backend: BackendChoice::Cpu, adapter: None, shade: ShadeOptions::default() }
+        RenderParams {
+            size,
+            frames: 1,
+            backend: BackendChoice::Cpu,
+            adapter: None,
+            shade: ShadeOptions::default(),
+            target_ms: None,
+        }
     }
 
     #[test]

@@ -167,6 +167,9 @@ struct ViewArguments {
     /// Renders N pictures around the scene, FILE_000.png and so on
     #[arg(long, value_name = "N", requires = "headless", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     turntable: Option<u32>,
+    /// Milliseconds that a frame may take: components and lights are saved until it does
+    #[arg(long, value_name = "N", value_parser = parse_positive)]
+    target_ms: Option<f32>,
     /// Frames to average: each adds a sample per pixel, the first through its middle
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
@@ -241,14 +244,20 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
     let arguments = &arguments.view;
     let scene = make_scene(arguments)?;
     let (backend, adapter, shade) = (common.backend(), common.adapter.clone(), common.shade());
+    let target_ms = arguments.target_ms.map(f64::from);
     match &arguments.out {
         Some(out) => {
             let size = arguments.size.unwrap_or([512, 512]);
-            headless(arguments, &scene, RenderParams { size, frames: arguments.frames, backend, adapter, shade }, out)
+            headless(
+                arguments,
+                &scene,
+                RenderParams { size, frames: arguments.frames, backend, adapter, shade, target_ms },
+                out,
+            )
         }
         None => {
             let size = arguments.size.unwrap_or([1100, 760]);
-            run_window(scene, WindowParams { size, backend, adapter, shade })
+            run_window(scene, WindowParams { size, backend, adapter, shade, target_ms })
         }
     }
 }

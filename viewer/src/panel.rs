@@ -1,5 +1,6 @@
 //! The side panel: what the user can turn while looking.
 
+use crate::governor::Governor;
 use crate::gpu_timer::PassTimes;
 use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions};
 use crate::scene::{Ambient, PointLight, Scene, intensity_for};
@@ -73,6 +74,7 @@ pub(crate) struct Status<'a> {
     pub samples: u32,
     pub picture: [u32; 2],
     pub problem: Option<&'a str>,
+    pub governor: Option<&'a Governor>,
 }
 
 /// The panel's state.
@@ -91,15 +93,12 @@ pub(crate) struct Panel {
 impl Panel {
     pub(crate) fn new(scene: &Scene, shade: ShadeOptions, renderer: Renderer) -> Panel {
         let (centre, radius) = scene.geometry.bounding_sphere();
-        let residents = scene.assets.iter().map(|asset| &asset.resident);
-        let max_components =
-            residents.flat_map(|resident| (0..resident.layers()).map(|l| resident.components(l))).max().unwrap_or(0);
         Panel {
             shade,
             renderer,
             lights: scene.lights.iter().map(|light| PanelLight::from_light(light, centre)).collect(),
             selected: 0,
-            max_components,
+            max_components: scene.most_components(),
             ambient: if scene.ambient == Ambient::NONE { scene.usual_ambient() } else { scene.ambient },
             centre,
             radius,
@@ -178,6 +177,14 @@ impl Panel {
             ui.small(format!("camera {camera_ms:.2}, light {light_ms:.2}, further rays {bounce_ms:.2} ms"));
         }
         ui.label(format!("{} x {}, {} samples", status.picture[0], status.picture[1], status.samples));
+        if let Some(governor) = status.governor {
+            let (components, lights) = governor.spends();
+            let of = self.max_components;
+            ui.small(format!(
+                "budget {:.1} ms: {components} of {of} components, {lights} lights at most",
+                governor.budget_ms()
+            ));
+        }
         if let Some(problem) = status.problem {
             ui.colored_label(egui::Color32::LIGHT_RED, problem);
         }

@@ -79,6 +79,11 @@ impl SceneAsset {
         SceneAsset { name: name.into(), size_mm, asset, resident }
     }
 
+    /// Residual components of the layer that has most.
+    pub fn most_components(&self) -> u32 {
+        (0..self.resident.layers()).map(|layer| self.resident.components(layer)).max().unwrap_or(0)
+    }
+
     /// How often the asset's picture fits into a millimetre, along u and v; [`UNKNOWN_SIZE_MM`] where it does not tell.
     pub fn tiles_per_mm(&self) -> [f32; 2] {
         self.size_mm.unwrap_or([UNKNOWN_SIZE_MM; 2]).map(|size| 1.0 / size)
@@ -400,6 +405,11 @@ impl Scene {
                 }
             })
             .collect();
+    }
+
+    /// Residual components of the asset that has most.
+    pub fn most_components(&self) -> u32 {
+        self.assets.iter().map(|asset| asset.most_components()).max().unwrap_or(0)
     }
 
     /// The ambient light that the scene's size suggests.

@@ -38,7 +38,8 @@ fn scene(part: MeshPart) -> Scene {
 }
 
 fn draw(scene: &Scene, backend: BackendChoice, size: [u32; 2], shade: ShadeOptions) -> Rendered {
-    render(scene, &RenderParams { size, frames: 2, backend, adapter: None, shade }, &Control::SILENT).unwrap()
+    render(scene, &RenderParams { size, frames: 2, backend, adapter: None, shade, target_ms: None }, &Control::SILENT)
+        .unwrap()
 }
 
 /// Numbers of a picture that no picture may hold.
