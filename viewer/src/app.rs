@@ -365,6 +365,8 @@ impl View {
         let start = Instant::now();
         // Settings change with the picture only, so that its samples are alike.
         if self.samples == 0 {
+            let lights = self.scene.lights.len() as u32;
+            self.governor.iter_mut().for_each(|governor| governor.set_lights(lights));
             self.governed = self.governor.as_ref().map_or(self.panel.shade, |it| it.settings(&self.panel.shade));
         }
         let shade = self.governed;

@@ -48,6 +48,13 @@ impl Governor {
         }
     }
 
+    /// Tells how many point lights there are now; with another number it begins with all of them again.
+    pub fn set_lights(&mut self, lights: u32) {
+        if lights.max(1) != self.most_lights {
+            *self = Governor::new(self.budget_ms, self.most_components, lights);
+        }
+    }
+
     /// `asked` within what the budget allows.
     pub fn settings(&self, asked: &ShadeOptions) -> ShadeOptions {
         let mut shade = *asked;
@@ -165,6 +172,11 @@ mod tests {
         let mut poor = Governor::new(1.0, 50, 3);
         settled(&mut poor, 20.0, 0.1, 1.0);
         assert_eq!(poor.spends(), (0, 1));
+        poor.set_lights(3);
+        assert_eq!(poor.spends(), (0, 1), "nothing changed");
+        let mut more = poor.clone();
+        more.set_lights(5);
+        assert_eq!(more.spends(), (50, 5));
         let asked = ShadeOptions::default();
         assert_eq!((poor.settings(&asked).decode.components, poor.settings(&asked).light_samples), (0, 1));
         let mut few = asked;
