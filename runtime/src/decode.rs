@@ -19,6 +19,16 @@ pub enum Interpolation {
     Exact = 1,
 }
 
+impl Interpolation {
+    /// As on command lines and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Interpolation::Fast => "fast",
+            Interpolation::Exact => "exact",
+        }
+    }
+}
+
 /// The speed and accuracy dial of one evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DecodeOptions {

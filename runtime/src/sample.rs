@@ -7,8 +7,7 @@
 //! cosine about its axis. What is drawn may lie below the horizon, where every value is 0: the density is over the whole
 //! sphere.
 
-use crate::lobe::{LobeFamily, LobeSetup, RESIDENT_WORDS, cross, dot, power};
-use crate::quantize::weight_from_byte;
+use crate::lobe::{LobeFamily, LobeSetup, cross, dot, power};
 use crate::resident::block;
 use crate::viewed_texel::ViewedTexel;
 use std::f32::consts::{PI, TAU};
@@ -135,10 +134,8 @@ impl ViewedTexel<'_> {
         let t = self.texel();
         let reference = t.words[t.field(block::REFS) + t.first_ref + slot];
         let dictionary = t.words[t.field(block::DICTIONARIES) + t.cluster] as usize;
-        let at = dictionary + (reference & 0xff) as usize * RESIDENT_WORDS;
-        let (lobe, scale) = LobeSetup::from_resident_words(&t.words[at..at + RESIDENT_WORDS]);
-        let weight = |shift: u32| weight_from_byte(reference >> shift & 0xff, scale);
-        let importance = sample_importance(&lobe, (weight(8) + weight(16) + weight(24)) / 3.0);
+        let (lobe, weights) = t.lobe(dictionary, reference);
+        let importance = sample_importance(&lobe, weights.iter().sum::<f32>() / 3.0);
         (lobe, importance)
     }
 

@@ -54,19 +54,22 @@ impl<'a> Texel<'a> {
         f32::from_bits(self.words[self.layer + field])
     }
 
+    /// The lobe that a reference names in the dictionary at word `dictionary`, and its weights, RGB.
+    pub(crate) fn lobe(&self, dictionary: usize, reference: u32) -> (LobeSetup, [f32; 3]) {
+        let at = dictionary + (reference & 0xff) as usize * RESIDENT_WORDS;
+        let (lobe, scale) = LobeSetup::from_resident_words(&self.words[at..at + RESIDENT_WORDS]);
+        (lobe, [8, 16, 24].map(|shift| weight_from_byte(reference >> shift & 0xff, scale)))
+    }
+
     /// Sum of the lobes, RGB.
     pub(crate) fn lobe_sum(&self, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
         let dictionary = self.words[self.field(block::DICTIONARIES) + self.cluster] as usize;
         let refs = self.field(block::REFS) + self.first_ref;
         let mut sum = [0.0; 3];
         for slot in 0..self.lobes {
-            let reference = self.words[refs + slot];
-            let at = dictionary + (reference & 0xff) as usize * RESIDENT_WORDS;
-            let (lobe, scale) = LobeSetup::from_resident_words(&self.words[at..at + RESIDENT_WORDS]);
+            let (lobe, weights) = self.lobe(dictionary, self.words[refs + slot]);
             let value = lobe.eval(wi, wo);
-            for c in 0..3 {
-                sum[c] += weight_from_byte(reference >> (8 * (c as u32 + 1)) & 0xff, scale) * value;
-            }
+            (0..3).for_each(|c| sum[c] += weights[c] * value);
         }
         sum
     }

@@ -362,7 +362,6 @@ impl View {
     }
 
     fn add_sample(&mut self, size: [u32; 2]) -> Result<(), ViewerError> {
-        let start = Instant::now();
         // Settings change with the picture only, so that its samples are alike.
         if self.samples == 0 {
             let lights = self.scene.lights.len() as u32;
@@ -371,7 +370,7 @@ impl View {
         }
         let shade = self.governed;
         let mut first = false;
-        match self.panel.renderer {
+        let ms = match self.panel.renderer {
             Renderer::Gpu(kind) => {
                 let tracer = match &mut self.tracer {
                     Some(tracer) => tracer,
@@ -380,10 +379,13 @@ impl View {
                         none.insert(Tracer::new(&self.gpu, &self.scene, kind)?)
                     }
                 };
-                tracer.sample(&self.gpu, &self.scene, size, &shade, self.samples, self.timer.as_mut())?;
-                self.gpu.wait()?;
+                let (ms, passes) =
+                    tracer.timed_sample(&self.gpu, &self.scene, size, &shade, self.samples, self.timer.as_mut())?;
+                self.passes = passes;
+                ms
             }
             Renderer::Cpu => {
+                let start = Instant::now();
                 let anew = self.samples == 0;
                 if anew {
                     let bytes = size_of::<GpuPixel>() as u64 * u64::from(size[0]) * u64::from(size[1]);
@@ -394,14 +396,10 @@ impl View {
                     picture.add_sample(&self.scene, &shade, &|| true);
                     self.gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&picture.gpu_pixels()));
                 }
+                self.passes = None;
+                start.elapsed().as_secs_f64() * 1e3
             }
-        }
-        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        self.passes = match (self.panel.renderer, &self.timer) {
-            (Renderer::Gpu(_), Some(timer)) => Some(timer.read(&self.gpu)?),
-            _ => None,
         };
-        let ms = self.passes.map_or(wall_ms, |passes| passes.sum_ms());
         if let (Some(governor), false) = (&mut self.governor, first) {
             governor.observe(ms);
         }

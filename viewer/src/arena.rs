@@ -3,10 +3,11 @@
 
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
-use crate::pieces::{ASSETS, PieceLayout};
+use crate::pieces::{PieceLayout, Pieces};
 
 /// Assets begin at multiples of this many words, so that their sections stay aligned to 256 bytes.
 const ALIGNMENT_WORDS: usize = 64;
+
 /// Where assets of so many `words` begin in pieces of at most `most_words`, and the pieces. An asset that fits into a
 /// piece lies in one, so that neighbouring reads go to the same buffer.
 fn place(words: &[usize], most_words: usize) -> (Vec<u32>, PieceLayout, usize) {
@@ -21,19 +22,15 @@ fn place(words: &[usize], most_words: usize) -> (Vec<u32>, PieceLayout, usize) {
         bases.push(at as u32);
         at += words;
     }
-    if at <= most_words {
-        // No piece ends within: the gaps that were left for them are harmless.
-        return (bases, PieceLayout::WHOLE, at);
-    }
+    // Where all fits into one piece none ends within, and the gaps that were left are harmless.
     (bases, PieceLayout::of(at, most_words), at)
 }
 
 /// The buffers.
 pub(crate) struct Arena {
-    pub layout: PieceLayout,
+    pub pieces: Pieces,
     /// First word of each asset.
     pub bases: Vec<u32>,
-    pieces: Vec<wgpu::Buffer>,
 }
 
 impl Arena {
@@ -54,10 +51,10 @@ impl Arena {
                 f64::from(most_buffers) * most_bytes as f64 / f64::from(1 << 20)
             )));
         }
-        let piece_words = if layout.pieces == 1 { total } else { 1 << layout.shift };
-        let pieces = (0..layout.pieces as usize)
+        let piece_words = layout.range(0, total).len();
+        let buffers = (0..layout.pieces)
             .map(|piece| {
-                let words = piece_words.min(total - piece * piece_words);
+                let words = layout.range(piece, total).len();
                 gpu.empty_buffer("assets", 4 * words as u64, wgpu::BufferUsages::STORAGE)
             })
             .collect::<Result<Vec<_>, _>>()?;
@@ -66,17 +63,12 @@ impl Arena {
             while !rest.is_empty() {
                 let within = at % piece_words;
                 let (now, later) = rest.split_at(rest.len().min(piece_words - within));
-                gpu.queue.write_buffer(&pieces[at / piece_words], 4 * within as u64, bytemuck::cast_slice(now));
+                gpu.queue.write_buffer(&buffers[at / piece_words], 4 * within as u64, bytemuck::cast_slice(now));
                 at += now.len();
                 rest = later;
             }
         }
-        Ok(Arena { layout, bases, pieces })
-    }
-
-    /// What a bind group of the layout holds.
-    pub(crate) fn entries(&self) -> Vec<(u32, wgpu::BindingResource<'_>)> {
-        self.layout.bindings(&ASSETS).zip(self.pieces.iter().map(wgpu::Buffer::as_entire_binding)).collect()
+        Ok(Arena { pieces: Pieces { layout, buffers }, bases })
     }
 }
 

@@ -413,13 +413,15 @@ impl Engine {
                 tracer.sample(gpu, &point.scene, point.size, &point.shade, 0, None)?;
                 gpu.wait()?;
                 while !enough(&times) {
-                    let start = Instant::now();
                     let sample = times.len() as u32;
-                    tracer.sample(gpu, &point.scene, point.size, &point.shade, sample, timer.as_mut())?;
-                    gpu.wait()?;
-                    let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-                    let passes = timer.as_ref().map(|timer| timer.read(gpu)).transpose()?;
-                    times.push((passes.map_or(wall_ms, |passes| passes.sum_ms()), passes));
+                    times.push(tracer.timed_sample(
+                        gpu,
+                        &point.scene,
+                        point.size,
+                        &point.shade,
+                        sample,
+                        timer.as_mut(),
+                    )?);
                 }
                 tracer.read_hits(gpu)?
             }
@@ -459,10 +461,7 @@ fn row(point: &Point, frame_ms: f64, passes: Option<PassTimes>, frames: usize, h
     BenchRow {
         mesh: point.mesh,
         variant: point.variant,
-        interpolation: match point.shade.decode.interpolation {
-            Interpolation::Fast => "fast",
-            Interpolation::Exact => "exact",
-        },
+        interpolation: point.shade.decode.interpolation.name(),
         psnr_db: None,
         front: false,
         frame_ms,

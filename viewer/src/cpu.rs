@@ -308,13 +308,13 @@ impl Shader<'_> {
             });
         }
         let mut rest = (choice - mirror_share) / (1.0 - mirror_share);
-        let mut weight = Vec3::splat(1.0 / (1.0 - mirror_share));
         let mut back = s.view_back;
         let Some(asset) = material.asset else {
             let mut wi = sampler::cosine(at);
             wi.z = if back { -wi.z } else { wi.z };
-            weight *= Vec3::from(material.diffuse);
-            let density = side_share(self.scene, s, material, back) * wi.z.abs() / PI;
+            let share = side_share(self.scene, s, material, back);
+            let weight = Vec3::from(material.diffuse) / share;
+            let density = share * wi.z.abs() / PI;
             return Some(Scattered { direction: s.world_from_local(wi), back, weight, density });
         };
         let resident = &self.scene.assets[asset].resident;
@@ -326,20 +326,16 @@ impl Shader<'_> {
                 back = !back;
                 layer = Some(through);
             }
-            if both {
-                weight *= 2.0;
-                rest = (2.0 * rest).fract();
-            }
+            rest = if both { (2.0 * rest).fract() } else { rest };
         }
         let texel = texel_at(resident.width(), resident.height(), s.uv * Vec2::from(material.uv_scale));
         let viewed = ViewedTexel::new(resident, layer?, texel, s.wo.to_array(), &self.options.decode);
         let wi = viewed.sample_direction([at[0], at[1], rest]);
-        let density = viewed.sample_density(wi);
+        let density = side_share(self.scene, s, material, back) * viewed.sample_density(wi);
         if density <= 0.0 || (wi[2] < 0.0) != back {
             return None;
         }
-        weight *= Vec3::from(viewed.light(&mut LightRows::default(), wi)) / (PI * density);
-        let density = side_share(self.scene, s, material, back) * density;
+        let weight = Vec3::from(viewed.light(&mut LightRows::default(), wi)) / (PI * density);
         Some(Scattered { direction: s.world_from_local(wi.into()), back, weight, density })
     }
 

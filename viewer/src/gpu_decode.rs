@@ -3,6 +3,7 @@
 use crate::arena::Arena;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
+use crate::pieces::ASSETS;
 use crate::shaders::{GpuTracer, ModuleLayout, trace_module};
 use crate::trace::bind;
 use btf_runtime::{DecodeOptions, Resident};
@@ -63,7 +64,7 @@ pub fn gpu_decode(
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("decode"),
         source: wgpu::ShaderSource::Wgsl(
-            trace_module(tracer, ModuleLayout { assets: arena.layout, ..ModuleLayout::WHOLE }).into(),
+            trace_module(tracer, ModuleLayout { assets: arena.pieces.layout, ..ModuleLayout::WHOLE }).into(),
         ),
     });
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -92,7 +93,7 @@ pub fn gpu_decode(
         gpu.empty_buffer("decoded samples", 16 * queries.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
     let mut resources =
         vec![(8, params.as_entire_binding()), (9, listed.as_entire_binding()), (10, decoded.as_entire_binding())];
-    resources.extend(arena.entries());
+    resources.extend(arena.pieces.entries(&ASSETS));
     let group = bind(gpu, &pipeline.get_bind_group_layout(0), &resources);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     {

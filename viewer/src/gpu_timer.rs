@@ -50,6 +50,13 @@ pub struct PassTimes {
 }
 
 impl PassTimes {
+    /// Adds `share` times another's.
+    pub(crate) fn add(&mut self, other: &PassTimes, share: f64) {
+        self.camera_ms += share * other.camera_ms;
+        self.light_ms += share * other.light_ms;
+        self.bounce_ms += share * other.bounce_ms;
+    }
+
     /// All of it.
     pub fn sum_ms(&self) -> f64 {
         self.camera_ms + self.light_ms + self.bounce_ms

@@ -214,30 +214,21 @@ fn render_gpu(
 ) -> Result<(Drawn, FrameTimes), ViewerError> {
     let mut timer = GpuTimer::new(gpu);
     tracer.warm_up(gpu, scene, params.size, &params.shade)?;
-    let (mut wall_ms, mut passes) = (0.0, PassTimes::default());
+    let (mut frame_ms, mut passes) = (0.0, None);
     let mut governor = governor(scene, params);
     for frame in 0..params.frames {
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
-        let start = Instant::now();
         let shade = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
-        tracer.sample(gpu, scene, params.size, &shade, frame, timer.as_mut())?;
-        gpu.wait()?;
-        let mut ms = start.elapsed().as_secs_f64() * 1e3;
-        wall_ms += ms / f64::from(params.frames);
-        if let Some(timer) = &timer {
-            let times = timer.read(gpu)?;
-            passes.camera_ms += times.camera_ms / f64::from(params.frames);
-            passes.light_ms += times.light_ms / f64::from(params.frames);
-            passes.bounce_ms += times.bounce_ms / f64::from(params.frames);
-            ms = times.sum_ms();
+        let (ms, of_frame) = tracer.timed_sample(gpu, scene, params.size, &shade, frame, timer.as_mut())?;
+        frame_ms += ms / f64::from(params.frames);
+        if let Some(of_frame) = of_frame {
+            passes.get_or_insert_with(PassTimes::default).add(&of_frame, 1.0 / f64::from(params.frames));
         }
         governor.iter_mut().for_each(|governor| governor.observe(ms));
         (control.progress)((frame + 1) as f32 / params.frames as f32);
     }
-    let passes = timer.is_some().then_some(passes);
-    let frame_ms = passes.map_or(wall_ms, |passes| passes.sum_ms());
     Ok(((tracer.read_radiance(gpu)?, tracer.read_hits(gpu)?), (frame_ms, passes, governor)))
 }
 
@@ -276,10 +267,7 @@ fn rendered(
         depth: params.shade.depth,
         components: limit(params.shade.decode.components),
         lobes: limit(params.shade.decode.lobes),
-        interpolation: match params.shade.decode.interpolation {
-            btf_runtime::Interpolation::Fast => "fast",
-            btf_runtime::Interpolation::Exact => "exact",
-        },
+        interpolation: params.shade.decode.interpolation.name(),
         target_ms: params.target_ms,
         spends: governor.map(|governor| governor.spends()),
         parallax: params.shade.decode.parallax,

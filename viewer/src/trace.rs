@@ -4,11 +4,12 @@ use crate::arena::Arena;
 use crate::camera::jitter;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
-use crate::gpu_timer::{GpuTimer, Pass};
+use crate::gpu_timer::{GpuTimer, Pass, PassTimes};
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::pieces::{ASSETS, NODES, PieceLayout, Pieces, TRIANGLES, VERTICES};
 use crate::scene::Scene;
 use crate::shaders::{GpuTracer, ModuleLayout, trace_module};
+use std::time::Instant;
 use wgpu::BufferUsages;
 
 /// The asset offset of a plain material. Twin: `NO_ASSET` in `scene.wgsl`.
@@ -203,7 +204,7 @@ impl Tracer {
             GpuTracer::RayQuery => None,
         };
         let layout = ModuleLayout {
-            assets: arena.layout,
+            assets: arena.pieces.layout,
             vertices: vertices.layout,
             triangles: triangles.layout,
             nodes: nodes.as_ref().map_or(PieceLayout::WHOLE, |nodes| nodes.layout),
@@ -223,7 +224,7 @@ impl Tracer {
             label: Some(tracer.name()),
             source: wgpu::ShaderSource::Wgsl(trace_module(tracer, layout).into()),
         });
-        let scene_layout = scene_layout(gpu, arena.layout);
+        let scene_layout = scene_layout(gpu, arena.pieces.layout);
         let structure_layout = structure_layout(gpu, tracer, layout);
         let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("trace"),
@@ -313,6 +314,28 @@ impl Tracer {
         Ok(())
     }
 
+    /// [`Tracer::sample`], waited for: how long it took, milliseconds, and by kind of pass. With a `timer` that is the GPU's
+    /// time for the passes, else the time until they were finished.
+    ///
+    /// # Errors
+    /// As [`Tracer::sample`], and what the driver reported.
+    pub fn timed_sample(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        size: [u32; 2],
+        options: &ShadeOptions,
+        sample: u32,
+        mut timer: Option<&mut GpuTimer>,
+    ) -> Result<(f64, Option<PassTimes>), ViewerError> {
+        let start = Instant::now();
+        self.sample(gpu, scene, size, options, sample, timer.as_deref_mut())?;
+        gpu.wait()?;
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        let passes = timer.map(|timer| timer.read(gpu)).transpose()?;
+        Ok((passes.map_or(wall_ms, |passes| passes.sum_ms()), passes))
+    }
+
     /// Runs one workgroup of every pass and waits, so that drivers that compile at the first dispatch do so before
     /// anything is timed.
     ///
@@ -374,7 +397,7 @@ impl Tracer {
         let band_pixels = u64::from(width) * u64::from(band_rows);
         let bytes = size_of::<GpuPath>() as u64 * band_pixels;
         let paths = gpu.empty_buffer("paths of this picture", bytes, BufferUsages::STORAGE)?;
-        let layout = scene_layout(gpu, self.arena.layout);
+        let layout = scene_layout(gpu, self.arena.pieces.layout);
         let mut bands = Vec::new();
         for first_row in (0..height).step_by(band_rows as usize) {
             let rows = band_rows.min(height - first_row);
@@ -388,7 +411,7 @@ impl Tracer {
                 (6, pixels.as_entire_binding()),
                 (7, paths.as_entire_binding()),
             ];
-            resources.extend(self.arena.entries());
+            resources.extend(self.arena.pieces.entries(&ASSETS));
             let group = bind(gpu, &layout, &resources);
             bands.push(Band { first_row, rows, pixels, group });
         }

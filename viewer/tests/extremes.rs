@@ -1,6 +1,8 @@
 //! Pictures at the edge of what numbers and buffers hold: no pixel that is not a number, no crash, a clear message where a
 //! limit is reached. On the CPU and, where there is an adapter (see `gpu.rs`), on both tracers.
 
+mod support;
+
 use btf_runtime::testing::{sample_asset, sample_heights};
 use btf_runtime::{Interpolation, ResidualKind};
 use btf_viewer::{
@@ -11,13 +13,7 @@ use btf_viewer::{
 use glam::{Mat4, Vec3};
 use std::path::Path;
 use std::sync::Arc;
-
-fn backends() -> Vec<BackendChoice> {
-    if std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1") {
-        return vec![BackendChoice::Cpu];
-    }
-    vec![BackendChoice::Cpu, BackendChoice::Gpu(GpuTracer::RayQuery), BackendChoice::Gpu(GpuTracer::Bvh)]
-}
+use support::{backends, gpu_is_left_out};
 
 fn sample(seed: u64, width: usize, height: usize) -> Arc<SceneAsset> {
     let kind = [ResidualKind::Root, ResidualKind::Log, ResidualKind::Additive][seed as usize % 3];
@@ -49,7 +45,7 @@ fn faults(rendered: &Rendered) -> usize {
 
 /// Draws in both modes and with both rules, and looks for numbers that are none.
 fn assert_sound(what: &str, scene: &Scene) {
-    for backend in backends() {
+    for backend in backends(what) {
         for (mode, interpolation) in
             [(RenderMode::Direct, Interpolation::Fast), (RenderMode::Path, Interpolation::Exact)]
         {
@@ -149,11 +145,11 @@ fn an_asset_of_one_texel_and_64_assets_at_once() {
 #[test]
 fn pictures_of_one_pixel_and_in_bands() {
     let scene = scene(sphere());
-    for backend in backends() {
+    for backend in backends("pictures of one pixel") {
         let rendered = draw(&scene, backend, [1, 1], ShadeOptions::default());
         assert_eq!((rendered.picture.radiance.len(), faults(&rendered)), (1, 0));
     }
-    if backends().len() == 1 {
+    if gpu_is_left_out("pictures in bands") {
         return;
     }
     let picture = |kind, limit: Option<u64>| {
@@ -177,7 +173,7 @@ fn pictures_of_one_pixel_and_in_bands() {
 
 #[test]
 fn a_lost_device_is_an_error_and_no_crash() {
-    if backends().len() == 1 {
+    if gpu_is_left_out("a_lost_device_is_an_error_and_no_crash") {
         return;
     }
     let gpu = Gpu::headless(None).unwrap();

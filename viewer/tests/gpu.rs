@@ -1,13 +1,14 @@
 //! What the GPU draws is what the CPU reference draws. A missing adapter is a failure, unless `BTF_SKIP_GPU=1` is set;
 //! then each test prints one line `skipped: ...` and passes.
 
+mod support;
+
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRole, Resident, ResidualKind, decode, pack};
 use btf_viewer::{
     BackendChoice, Camera, Control, DecodeQuery, Environment, Gpu, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
     RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, gpu_decode, render,
 };
-use std::io::Write;
 use std::sync::Arc;
 
 /// Absolute and relative tolerance of a decoded channel. Half-precision bases are steps of 2^-11 relative; both decoders
@@ -17,13 +18,7 @@ const RELATIVE: f32 = 1e-3;
 
 /// The adapter, or `None` where GPU tests are skipped on purpose.
 fn gpu(test: &str) -> Option<Gpu> {
-    if std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1") {
-        println!("skipped: {test} (BTF_SKIP_GPU=1)");
-        // `cargo xtask test` counts the lines of this file as skipped tests.
-        if let Some(log) = std::env::var_os("BTF_SKIP_LOG") {
-            let mut file = std::fs::OpenOptions::new().create(true).append(true).open(log).expect("the skip log opens");
-            writeln!(file, "{test} (BTF_SKIP_GPU=1)").expect("the skip log is written");
-        }
+    if support::gpu_is_left_out(test) {
         return None;
     }
     match Gpu::headless(None) {

@@ -2,17 +2,19 @@
 //! asset has a transmission layer, and mirrors nothing. The expected pictures are made from the plane's equation.
 //! The CPU is always tested; a missing GPU is a failure, unless `BTF_SKIP_GPU=1` is set.
 
+mod support;
+
 use btf_runtime::testing::sample_asset;
 use btf_runtime::{Asset, DecodeOptions, Layer, Resident, ResidualKind, SurfaceSide, decode, pack};
 use btf_viewer::{
-    BackendChoice, Camera, Control, GpuTracer, Material, PointLight, RenderParams, Scene, SceneAsset, SceneObject,
-    ShadeOptions, jitter, plane, quad, render,
+    BackendChoice, Camera, Control, Material, PointLight, RenderParams, Scene, SceneAsset, SceneObject, ShadeOptions,
+    jitter, plane, quad, render,
 };
 use glam::Vec3;
 use std::f32::consts::PI;
-use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
+use support::backends;
 
 const SIZE: [u32; 2] = [48, 40];
 const TEXELS: [usize; 2] = [12, 8];
@@ -23,18 +25,6 @@ const LIGHTS: [Vec3; 2] = [Vec3::new(-1.2, 1.6, 1.5), Vec3::new(1.4, 0.8, -1.7)]
 const INTENSITY: [f32; 3] = [9.0, 10.0, 11.0];
 /// Pixels that may differ: nearest texels flip where rounding does.
 const ALLOWED: usize = (SIZE[0] * SIZE[1]) as usize / 200;
-
-fn backends(test: &str) -> Vec<BackendChoice> {
-    if std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1") {
-        println!("skipped: {test} on the GPU (BTF_SKIP_GPU=1)");
-        if let Some(log) = std::env::var_os("BTF_SKIP_LOG") {
-            let mut file = std::fs::OpenOptions::new().create(true).append(true).open(log).expect("the skip log opens");
-            writeln!(file, "{test} on the GPU (BTF_SKIP_GPU=1)").expect("the skip log is written");
-        }
-        return vec![BackendChoice::Cpu];
-    }
-    vec![BackendChoice::Cpu, BackendChoice::Gpu(GpuTracer::RayQuery), BackendChoice::Gpu(GpuTracer::Bvh)]
-}
 
 /// An asset with these layers (light behind, eye behind), each with numbers of its own.
 fn asset(sides: &[(bool, bool)]) -> Asset {

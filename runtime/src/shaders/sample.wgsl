@@ -116,11 +116,9 @@ struct SampleLobe {
 fn sample_lobe_at(t: Texel, slot: u32) -> SampleLobe {
     let reference = asset_word(t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref + slot);
     let dictionary = t.base + asset_word(t.base + asset_word(t.layer + BLOCK_DICTIONARIES) + t.cluster);
-    let lobe = lobe_from_resident(dictionary + (reference & 0xffu) * LOBE_RESIDENT_WORDS);
-    let weight = weight_from_byte((reference >> 8u) & 0xffu, lobe.weight_scale)
-        + weight_from_byte((reference >> 16u) & 0xffu, lobe.weight_scale)
-        + weight_from_byte((reference >> 24u) & 0xffu, lobe.weight_scale);
-    return SampleLobe(lobe, sample_importance(lobe, weight / 3.0));
+    let one = texel_lobe(dictionary, reference);
+    let weight = (one.weights.x + one.weights.y + one.weights.z) / 3.0;
+    return SampleLobe(one.lobe, sample_importance(one.lobe, weight));
 }
 
 // A direction towards light that matters to this eye, in the texel's frame; it may lie where the value is 0.

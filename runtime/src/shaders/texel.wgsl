@@ -26,7 +26,6 @@ const BLOCK_HEIGHT_STEP: u32 = 19u;
 const BLOCK_LEAST_HEIGHT: u32 = 20u;
 const BLOCK_MOST_HEIGHT: u32 = 21u;
 
-
 // The speed and accuracy dial.
 struct BtfOptions {
     components: u32,
@@ -68,19 +67,29 @@ fn texel_at(base: u32, layer: u32, texel: u32, options: BtfOptions) -> Texel {
     );
 }
 
+struct TexelLobe {
+    lobe: LobeSetup,
+    weights: vec3<f32>,
+}
+
+// The lobe that a reference names in the dictionary at word `dictionary`, and its weights.
+fn texel_lobe(dictionary: u32, reference: u32) -> TexelLobe {
+    let lobe = lobe_from_resident(dictionary + (reference & 0xffu) * LOBE_RESIDENT_WORDS);
+    let weights = vec3<f32>(
+        weight_from_byte((reference >> 8u) & 0xffu, lobe.weight_scale),
+        weight_from_byte((reference >> 16u) & 0xffu, lobe.weight_scale),
+        weight_from_byte((reference >> 24u) & 0xffu, lobe.weight_scale),
+    );
+    return TexelLobe(lobe, weights);
+}
+
 fn texel_lobe_sum(t: Texel, wi: vec3<f32>, wo: vec3<f32>) -> vec3<f32> {
     let dictionary = t.base + asset_word(t.base + asset_word(t.layer + BLOCK_DICTIONARIES) + t.cluster);
     let refs = t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref;
     var sum = vec3<f32>(0.0);
     for (var slot = 0u; slot < t.lobes; slot++) {
-        let reference = asset_word(refs + slot);
-        let lobe = lobe_from_resident(dictionary + (reference & 0xffu) * LOBE_RESIDENT_WORDS);
-        let value = lobe_eval(lobe, wi, wo);
-        sum += value * vec3<f32>(
-            weight_from_byte((reference >> 8u) & 0xffu, lobe.weight_scale),
-            weight_from_byte((reference >> 16u) & 0xffu, lobe.weight_scale),
-            weight_from_byte((reference >> 24u) & 0xffu, lobe.weight_scale),
-        );
+        let one = texel_lobe(dictionary, asset_word(refs + slot));
+        sum += one.weights * lobe_eval(one.lobe, wi, wo);
     }
     return sum;
 }

@@ -252,13 +252,12 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
         return Scattered(mirror_direction(s, direction), s.view_back, material.mirror / mirror_share, 0.0);
     }
     var rest = (choice - mirror_share) / (1.0 - mirror_share);
-    var weight = vec3<f32>(1.0 / (1.0 - mirror_share));
     var back = s.view_back;
     if plain {
         var wi = sampler_cosine(at);
         wi.z = select(wi.z, -wi.z, back);
         let share = side_share(s, material, back);
-        return Scattered(world_from_local(s, wi), back, weight * material.diffuse, share * abs(wi.z) / TRACE_PI);
+        return Scattered(world_from_local(s, wi), back, material.diffuse / share, share * abs(wi.z) / TRACE_PI);
     }
     let layers = btf_layers(material.asset);
     let eye_side = select(0u, 1u, s.view_back);
@@ -271,10 +270,7 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
             back = !back;
             layer = through;
         }
-        if both {
-            weight *= 2.0;
-            rest = fract(2.0 * rest);
-        }
+        rest = select(rest, fract(2.0 * rest), both);
     }
     if layer >= layers {
         return Scattered(direction, back, vec3<f32>(0.0), 0.0);
@@ -283,13 +279,13 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
     let texel = btf_texel(material.asset, s.uv * material.uv_scale);
     let viewed = viewed_new(material.asset, layer, texel, s.wo, options);
     let wi = sample_direction(viewed, vec3<f32>(at, rest));
-    let density = sample_density(viewed, wi);
+    let density = side_share(s, material, back) * sample_density(viewed, wi);
     if density <= 0.0 || (wi.z < 0.0) != back {
         return Scattered(direction, back, vec3<f32>(0.0), 0.0);
     }
     var rows: LightRows;
-    weight *= viewed_light(viewed, &rows, wi) / (TRACE_PI * density);
-    return Scattered(world_from_local(s, wi), back, weight, side_share(s, material, back) * density);
+    let weight = viewed_light(viewed, &rows, wi) / (TRACE_PI * density);
+    return Scattered(world_from_local(s, wi), back, weight, density);
 }
 
 // Pass: the ray from the eye.
