@@ -22,6 +22,7 @@ mod entropy;
 mod error;
 mod format;
 mod lobe;
+mod mip;
 mod pack;
 mod parallax;
 mod power;
@@ -50,6 +51,7 @@ pub use format::{
     MAX_SHARED, SectionEntry, SectionKind, VERSION, read_directory,
 };
 pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
+pub use mip::{MipTexel, resident_with_levels};
 pub use pack::pack;
 pub use parallax::{
     HIDDEN_SHARE, HeightField, Heights, LEAST_RAY_STEPS, MOST_HEIGHT_STEP, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE,
@@ -57,7 +59,7 @@ pub use parallax::{
 };
 pub use power::{POWER_RELATIVE_ERROR, from_root, root};
 pub use quantize::{byte_from_weight, coefficient_from_byte, weight_from_byte};
-pub use resident::{ASSET_LAYERS, HORIZON_COS, Resident, block};
+pub use resident::{ASSET_LAYERS, HORIZON_COS, MOST_LEVELS, Resident, block};
 pub use residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases, core_at_pair,
     expand_core,

@@ -8,6 +8,7 @@
 
 use crate::quantize::coefficient_from_byte;
 use crate::resident::block;
+use crate::texel;
 
 /// Steepest slope of a ray, columns or rows per unit of height: 84 degrees.
 pub const MOST_SLOPE: f32 = 10.0;
@@ -86,7 +87,7 @@ impl<'a> HeightField<'a> {
         (at > 0).then(|| HeightField {
             words,
             at,
-            size: [words[0] as usize, words[1] as usize],
+            size: texel::size(words, layer),
             step: float(block::HEIGHT_STEP),
             range: [float(block::LEAST_HEIGHT), float(block::MOST_HEIGHT)],
         })

@@ -5,14 +5,19 @@
 //! buffer. Twin of the offsets: `shaders/texel.wgsl`.
 
 use crate::asset::{Asset, Layer};
+use crate::format::MAX_LAYERS;
 use crate::lobe::RESIDENT_WORDS;
 use crate::quantize::word_from_halves;
 use crate::residual::{Residual, expand_core};
+use crate::texel;
 
-/// Asset words: width, height, layers, total words, then an offset per layer.
-pub const ASSET_LAYERS: usize = 4;
+/// Asset words: width, height, layers, total words, levels, three zeros; then the offset of each layer's block, level by
+/// level.
+pub const ASSET_LAYERS: usize = 8;
+/// Most levels: down to one texel from the widest asset.
+pub const MOST_LEVELS: usize = 15;
 /// Words before the first layer block.
-pub const ASSET_WORDS: usize = 8;
+pub const ASSET_WORDS: usize = ASSET_LAYERS + MAX_LAYERS * MOST_LEVELS;
 /// Words of a layer block.
 pub const LAYER_BLOCK_WORDS: usize = 32;
 
@@ -62,6 +67,10 @@ pub mod block {
     pub const LEAST_HEIGHT: usize = 20;
     /// Greatest height, texel widths (f32).
     pub const MOST_HEIGHT: usize = 21;
+    /// Texels per row of the level.
+    pub const WIDTH: usize = 22;
+    /// Rows of the level.
+    pub const ROWS: usize = 23;
 }
 
 /// The light fades to 0 below this cosine (84 degrees), or below the set's own least cosine.
@@ -93,12 +102,41 @@ impl Resident {
         words[0] = asset.width as u32;
         words[1] = asset.height as u32;
         words[2] = asset.layers.len() as u32;
+        words[4] = 1;
         for (number, layer) in asset.layers.iter().enumerate() {
-            words[ASSET_LAYERS + number] = words.len() as u32;
+            let block = words.len();
+            words[ASSET_LAYERS + number] = block as u32;
             push_layer(&mut words, layer, &map);
+            push_texels(&mut words, block, layer, [asset.width, asset.height]);
         }
         words[3] = words.len() as u32;
         Resident { words }
+    }
+
+    /// Expands the last cluster's bases anew, of a residual of the same shape.
+    pub(crate) fn replace_last_cluster(&mut self, layer: usize, residual: &Residual) {
+        let Some(last) = residual.bases.first().and_then(|basis| basis.steps.len().checked_sub(1)) else { return };
+        let at = self.words[ASSET_LAYERS + layer] as usize;
+        let expanded = expand_cluster(residual, last);
+        let first = self.words[at + block::BASIS] as usize + last * expanded.len();
+        self.words[first..first + expanded.len()].copy_from_slice(&expanded);
+    }
+
+    /// Adds coarser levels: their texels; everything else is the finest level's.
+    pub(crate) fn push_levels(&mut self, levels: &[Asset]) {
+        let words = &mut self.words;
+        let layers = words[2] as usize;
+        for asset in levels {
+            let first = ASSET_LAYERS + words[4] as usize * layers;
+            words[4] += 1;
+            for (number, layer) in asset.layers.iter().enumerate() {
+                let (finest, block) = (words[ASSET_LAYERS + number] as usize, words.len());
+                words[first + number] = block as u32;
+                words.extend_from_within(finest..finest + LAYER_BLOCK_WORDS);
+                push_texels(words, block, layer, [asset.width, asset.height]);
+            }
+        }
+        words[3] = words.len() as u32;
     }
 
     /// The array that a storage buffer holds.
@@ -121,18 +159,43 @@ impl Resident {
         self.words[2]
     }
 
-    /// Components of `layer`'s residual.
-    pub fn components(&self, layer: u32) -> u32 {
-        self.words[self.words[ASSET_LAYERS + layer as usize] as usize + block::BASES].saturating_sub(1)
+    /// Levels, the finest included.
+    pub fn levels(&self) -> u32 {
+        self.words[4]
     }
 
-    /// Index of the layer for a light and an eye on these sides of the surface (true: back).
-    pub fn layer_for_sides(&self, light_back: bool, view_back: bool) -> Option<u32> {
-        (0..self.layers()).find(|layer| {
-            let at = self.words[ASSET_LAYERS + *layer as usize] as usize;
-            self.words[at + block::LIGHT_SIDE] == u32::from(light_back)
-                && self.words[at + block::VIEW_SIDE] == u32::from(view_back)
+    /// A word of the block of `layer` at a level: `level * layers + layer`.
+    fn field(&self, layer: u32, field: usize) -> u32 {
+        self.words[self.words[ASSET_LAYERS + layer as usize] as usize + field]
+    }
+
+    /// Components of the residual of `layer`, as [`Resident::layer_for_sides`] numbers it.
+    pub fn components(&self, layer: u32) -> u32 {
+        self.field(layer, block::BASES).saturating_sub(1)
+    }
+
+    /// Number of the layer for a light and an eye on these sides of the surface (true: back), at `level`, 0 the finest:
+    /// what decoders take.
+    pub fn layer_for_sides(&self, level: u32, light_back: bool, view_back: bool) -> Option<u32> {
+        let first = level * self.layers();
+        (first..first + self.layers()).find(|layer| {
+            self.field(*layer, block::LIGHT_SIDE) == u32::from(light_back)
+                && self.field(*layer, block::VIEW_SIDE) == u32::from(view_back)
         })
+    }
+
+    /// Columns and rows of `layer`, numbered like that.
+    pub fn size(&self, layer: u32) -> [u32; 2] {
+        texel::size(&self.words, self.words[ASSET_LAYERS + layer as usize] as usize).map(|side| side as u32)
+    }
+
+    /// Texel of `layer` nearest to a texture coordinate; u to the right, v up, both wrap. Twin: `btf_texel`.
+    pub fn texel(&self, layer: u32, uv: [f32; 2]) -> u32 {
+        let [width, rows] = self.size(layer);
+        let wrap = |x: f32| x - x.floor();
+        let x = ((wrap(uv[0]) * width as f32) as u32).min(width - 1);
+        let y = ((wrap(1.0 - uv[1]) * rows as f32) as u32).min(rows - 1);
+        y * width + x
     }
 }
 
@@ -150,7 +213,6 @@ where
     set(words, block::VIEW_SIDE, layer.view_side as u32);
     set(words, block::RESIDUAL_KIND, layer.residual_kind as u32);
     set(words, block::EPSILON, layer.epsilon.to_bits());
-    set(words, block::BASES, bases as u32);
     set(words, block::CHANNEL_WORDS, channel_words as u32);
     set(words, block::LIGHT_COUNT, layer.lights.len() as u32);
     set(words, block::PAIRS, (layer.lights.len() * layer.views.len()) as u32);
@@ -163,6 +225,35 @@ where
     let here = words.len() as u32;
     set(words, block::VIEWS, here);
     words.extend_from_slice(layer.views.words());
+
+    let table = words.len();
+    set(words, block::DICTIONARIES, table as u32);
+    words.resize(table + layer.dictionary.len(), 0);
+    for (cluster, lobes) in layer.dictionary.iter().enumerate() {
+        words[table + cluster] = words.len() as u32;
+        for entry in lobes {
+            words.extend(entry.lobe.setup().to_resident_words(entry.weight_scale));
+        }
+    }
+    debug_assert_eq!((words.len() - table - layer.dictionary.len()) % RESIDENT_WORDS, 0);
+
+    let Some(residual) = &layer.residual else {
+        return;
+    };
+    let here = words.len() as u32;
+    set(words, block::BASIS, here);
+    let expand = |cluster: usize| expand_cluster(residual, cluster);
+    for cluster in map(layer.dictionary.len(), &expand) {
+        words.extend(cluster);
+    }
+}
+
+/// What a level's texels have, behind the words at hand; `base` is its layer block, which has all else.
+fn push_texels(words: &mut Vec<u32>, base: usize, layer: &Layer, [width, height]: [usize; 2]) {
+    let set = |words: &mut Vec<u32>, field: usize, value: u32| words[base + field] = value;
+    set(words, block::WIDTH, width as u32);
+    set(words, block::ROWS, height as u32);
+    set(words, block::BASES, layer.residual.as_ref().map_or(0, |residual| residual.bases.len()) as u32);
 
     if let Some(heights) = &layer.heights {
         let (here, [least, most]) = (words.len() as u32, heights.range());
@@ -188,27 +279,9 @@ where
         u32::from_le_bytes([reference.lobe, r, g, b])
     }));
 
-    let table = words.len();
-    set(words, block::DICTIONARIES, table as u32);
-    words.resize(table + layer.dictionary.len(), 0);
-    for (cluster, lobes) in layer.dictionary.iter().enumerate() {
-        words[table + cluster] = words.len() as u32;
-        for entry in lobes {
-            words.extend(entry.lobe.setup().to_resident_words(entry.weight_scale));
-        }
-    }
-    debug_assert_eq!((words.len() - table - layer.dictionary.len()) % RESIDENT_WORDS, 0);
-
     let Some(residual) = &layer.residual else {
         return;
     };
-    let here = words.len() as u32;
-    set(words, block::BASIS, here);
-    let expand = |cluster: usize| expand_cluster(residual, cluster);
-    for cluster in map(layer.dictionary.len(), &expand) {
-        words.extend(cluster);
-    }
-
     let components = residual.coefficients.len();
     let code_words = components.div_ceil(4);
     let here = words.len() as u32;
@@ -283,10 +356,10 @@ mod tests {
         let lengths = [
             (block::LIGHTS, layer.lights.words().len()),
             (block::VIEWS, layer.views.words().len()),
-            (block::RECORDS, 2 * 30),
-            (block::REFS, layer.lobe_refs.len()),
             (block::DICTIONARIES, 3 + 3 * 9 * RESIDENT_WORDS),
             (block::BASIS, 3 * layer.lights.len() * layer.views.len() * 3 * 3),
+            (block::RECORDS, 2 * 30),
+            (block::REFS, layer.lobe_refs.len()),
             (block::CODES, 30),
         ];
         let mut next = at + LAYER_BLOCK_WORDS;

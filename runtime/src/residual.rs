@@ -119,6 +119,14 @@ pub struct SharedBases {
     pub values: Vec<i16>,
 }
 
+impl SharedBases {
+    /// The core of basis `number`, `[channel, view rank, light rank]`.
+    pub fn core(&self, number: usize) -> Vec<f32> {
+        let len = self.values.len() / self.steps.len();
+        self.values[number * len..(number + 1) * len].iter().map(|q| self.steps[number] * f32::from(*q)).collect()
+    }
+}
+
 /// One basis of every cluster (the mean or a component), as a mixture of the shared bases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {

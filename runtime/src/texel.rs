@@ -6,6 +6,11 @@ use crate::lobe::{LobeSetup, RESIDENT_WORDS};
 use crate::quantize::{coefficient_from_byte, half_at, weight_from_byte};
 use crate::resident::{ASSET_LAYERS, Resident, block};
 
+/// Columns and rows of the level whose layer's block begins at word `layer`.
+pub(crate) fn size(words: &[u32], layer: usize) -> [usize; 2] {
+    [block::WIDTH, block::ROWS].map(|field| words[layer + field] as usize)
+}
+
 /// A texel's record, with the options' limits applied.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Texel<'a> {

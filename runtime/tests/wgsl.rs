@@ -22,8 +22,8 @@ fn asset_word(index: u32) -> u32 {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let options = BtfOptions(0xffffffffu, 0xffffffffu, id.y, 1u);
-    let layer = btf_layer_for_sides(0u, 0u, 0u);
-    let texel = btf_texel(0u, vec2<f32>(0.25, f32(id.x) / 64.0));
+    let layer = btf_layer_for_sides(0u, 0u, 0u, 0u);
+    let texel = btf_texel(0u, layer, vec2<f32>(0.25, f32(id.x) / 64.0));
     let wi = normalize(vec3<f32>(0.1, 0.2, 1.0));
     result[id.x] = vec4<f32>(btf_decode(0u, layer, texel, wi, vec3<f32>(0.0, 0.0, 1.0), options), 1.0);
 }
@@ -124,6 +124,9 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("BLOCK_HEIGHT_STEP", block::HEIGHT_STEP),
         ("BLOCK_LEAST_HEIGHT", block::LEAST_HEIGHT),
         ("BLOCK_MOST_HEIGHT", block::MOST_HEIGHT),
+        ("BLOCK_WIDTH", block::WIDTH),
+        ("BLOCK_ROWS", block::ROWS),
+        ("NO_LAYER", u32::MAX as usize),
     ];
     let floats = [
         ("INSIDE_TOLERANCE", INSIDE_TOLERANCE),
@@ -216,7 +219,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
             include_str!("../src/decode.rs"),
             "decode.wgsl",
             "btf_",
-            &["btf_size", "btf_layers", "btf_texel", "btf_layer_for_sides"],
+            &["btf_layers", "btf_levels", "btf_size", "btf_texel", "btf_layer_for_sides"],
         ),
     ];
     for (rust, file, prefix, alone) in twins {

@@ -3,7 +3,7 @@
 use crate::blit::{Blit, GpuBlit};
 use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
-use crate::governor::Governor;
+use crate::governor::{Governor, Spending};
 use crate::gpu::{BackendChoice, Gpu, instance};
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::options::{RenderMode, ShadeOptions};
@@ -200,7 +200,7 @@ impl View {
         };
         let governor = params
             .target_ms
-            .map(|target_ms| Governor::new(target_ms, scene.most_components(), scene.lights.len() as u32));
+            .map(|target_ms| Governor::new(target_ms, Spending::all_of(&scene)));
         let panel = Panel::new(&scene, params.shade, renderer);
         let timer = GpuTimer::new(&gpu);
         Ok(View {

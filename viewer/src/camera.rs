@@ -35,6 +35,13 @@ pub struct CameraFrame {
     pub height: u32,
 }
 
+impl CameraFrame {
+    /// Width of a pixel at distance 1.
+    pub fn pixel_width(&self) -> f32 {
+        2.0 * self.up.length() / self.height as f32
+    }
+}
+
 impl Camera {
     /// A camera in `direction` (from the object to the eye) of a sphere, far enough to see all of it.
     pub fn framing(centre: Vec3, radius: f32, direction: Vec3, fov_deg: f32) -> Camera {

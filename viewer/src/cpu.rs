@@ -22,6 +22,7 @@ const LEAST_THROUGHPUT: f32 = 1e-3;
 /// Sets apart the numbers of a light's seed.
 const ENVIRONMENT_CHOICE: u32 = 0x68bc_21eb;
 const LOBE_CHOICE: u32 = 0x02e5_be93;
+const LEVEL_CHOICE: u32 = 0x967a_889b;
 /// Lights that are looked at for each that is drawn.
 pub(crate) const LIGHT_CANDIDATES: usize = 8;
 /// Least chance of a path to go on.
@@ -106,14 +107,6 @@ impl CpuPicture {
     }
 }
 
-/// Nearest texel of a texture coordinate. Twin: `btf_texel` of the decoder's WGSL.
-fn texel_at(width: u32, height: u32, uv: Vec2) -> u32 {
-    let wrap = |x: f32| x - x.floor();
-    let x = ((wrap(uv.x) * width as f32) as u32).min(width - 1);
-    let y = ((wrap(1.0 - uv.y) * height as f32) as u32).min(height - 1);
-    y * width + x
-}
-
 /// What random numbers are for.
 #[derive(Clone, Copy)]
 enum Numbers {
@@ -187,11 +180,28 @@ impl Shader<'_> {
         (kept > 0.0).then(|| (chosen, total * cell / kept))
     }
 
+    /// Level of the material's asset whose texels are about as large as what a pixel sees of the surface, `travelled` from
+    /// the eye.
+    fn level_of(&self, s: &Surface, material: &Material, travelled: f32, seed: u32) -> u32 {
+        let Some(asset) = material.asset.filter(|_| self.options.uses_levels()) else {
+            return 0;
+        };
+        let resident = &self.scene.assets[asset].resident;
+        // Side of a square of the area that the pixel sees.
+        let width = travelled * self.camera.pixel_width() / s.wo.z.abs().sqrt();
+        let size = Vec2::new(resident.width() as f32, resident.height() as f32) * Vec2::from(material.uv_scale).abs();
+        let texels = width * s.texture_per_unit * (size.x * size.y).sqrt();
+        let part = if self.sample > 0 { sampler::one(seed ^ LEVEL_CHOICE) } else { 0.5 };
+        let level = (texels.clamp(1e-6, 1e6).log2() + part).floor();
+        (level.max(0.0) as u32).min(resident.levels() - 1)
+    }
+
     /// Light of one side of the surface: point lights with their shadows, then the ambient light along one ray.
     fn light_from_side(
         &self,
         s: &Surface,
         material: &Material,
+        level: u32,
         light_back: bool,
         ambient_at: [f32; 2],
         seed: u32,
@@ -201,11 +211,10 @@ impl Shader<'_> {
         let viewed = match material.asset {
             Some(asset) => {
                 let resident = &scene.assets[asset].resident;
-                let Some(layer) = resident.layer_for_sides(light_back, s.view_back) else {
+                let Some(layer) = resident.layer_for_sides(level, light_back, s.view_back) else {
                     return Vec3::ZERO;
                 };
-                let uv = s.uv * Vec2::from(material.uv_scale);
-                let texel = texel_at(resident.width(), resident.height(), uv);
+                let texel = resident.texel(layer, (s.uv * Vec2::from(material.uv_scale)).to_array());
                 Some(ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode))
             }
             None if light_back != s.view_back => return Vec3::ZERO,
@@ -318,8 +327,8 @@ impl Shader<'_> {
             return Some(Scattered { direction: s.world_from_local(wi), back, weight, density });
         };
         let resident = &self.scene.assets[asset].resident;
-        let mut layer = resident.layer_for_sides(s.view_back, s.view_back);
-        if let Some(through) = resident.layer_for_sides(!s.view_back, s.view_back) {
+        let mut layer = resident.layer_for_sides(0, s.view_back, s.view_back);
+        if let Some(through) = resident.layer_for_sides(0, !s.view_back, s.view_back) {
             // Either side of the surface is as likely, where light comes from both.
             let both = layer.is_some();
             if !both || rest < 0.5 {
@@ -328,8 +337,9 @@ impl Shader<'_> {
             }
             rest = if both { (2.0 * rest).fract() } else { rest };
         }
-        let texel = texel_at(resident.width(), resident.height(), s.uv * Vec2::from(material.uv_scale));
-        let viewed = ViewedTexel::new(resident, layer?, texel, s.wo.to_array(), &self.options.decode);
+        let layer = layer?;
+        let texel = resident.texel(layer, (s.uv * Vec2::from(material.uv_scale)).to_array());
+        let viewed = ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode);
         let wi = viewed.sample_direction([at[0], at[1], rest]);
         let density = side_share(self.scene, s, material, back) * viewed.sample_density(wi);
         if density <= 0.0 || (wi[2] < 0.0) != back {
@@ -345,7 +355,7 @@ impl Shader<'_> {
         let (mut origin, mut direction) = (self.camera.eye, self.camera.direction(pixel[0], pixel[1], self.jitter));
         let mut done = PixelHit { primitive: NO_HIT, rays: 0, evaluations: 0 };
         let (mut radiance, mut throughput, mut scattered) = (Vec3::ZERO, Vec3::ONE, false);
-        let mut density = 0.0;
+        let (mut density, mut travelled) = (0.0, 0.0);
         for depth in 1..=self.options.depth {
             let hit = self.trace(origin, direction, FAR, AnyHit::No);
             done.rays += 1;
@@ -365,12 +375,15 @@ impl Shader<'_> {
                     };
                 break;
             }
+            travelled += hit.t;
             let s = Surface::surface_at(&scene.geometry, &hit, direction);
             let material = &scene.materials[s.material];
             let ambient_at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Ambient));
             let seed = sampler::hash(seed_of(pixel, depth, Numbers::Light).wrapping_add(self.sample));
+            let level = self.level_of(&s, material, travelled, seed);
             for light_back in [false, true] {
-                radiance += throughput * self.light_from_side(&s, material, light_back, ambient_at, seed, &mut done);
+                radiance +=
+                    throughput * self.light_from_side(&s, material, level, light_back, ambient_at, seed, &mut done);
             }
             if self.options.mode == RenderMode::Path {
                 let at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Scatter));
@@ -407,7 +420,7 @@ fn side_share(scene: &Scene, s: &Surface, material: &Material, back: bool) -> f3
     let share = body / (glossy + body).max(1e-6);
     match material.asset {
         Some(asset) => {
-            let both = scene.assets[asset].resident.layer_for_sides(!back, s.view_back).is_some();
+            let both = scene.assets[asset].resident.layer_for_sides(0, !back, s.view_back).is_some();
             if both { 0.5 * share } else { share }
         }
         None if back != s.view_back => 0.0,

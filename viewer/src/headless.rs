@@ -3,7 +3,7 @@
 use crate::cpu::CpuPicture;
 use crate::engine::Engine;
 use crate::error::ViewerError;
-use crate::governor::Governor;
+use crate::governor::{Governor, Spending};
 use crate::gpu::{BackendChoice, Gpu};
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
@@ -30,7 +30,7 @@ pub struct RenderParams {
     pub adapter: Option<String>,
     /// What costs time and changes accuracy.
     pub shade: ShadeOptions,
-    /// Milliseconds that a frame may take; what frames then save in components and lights, they learn from one another.
+    /// Milliseconds that a frame may take; what frames then save in components, lobes and lights, they learn from one another.
     pub target_ms: Option<f64>,
 }
 
@@ -96,8 +96,8 @@ pub struct RenderReport {
     pub interpolation: &'static str,
     /// The frame-time budget, milliseconds.
     pub target_ms: Option<f64>,
-    /// Components and lights at most that a frame of that budget may ask for, as far as it was learned.
-    pub spends: Option<(u32, u32)>,
+    /// What a frame of that budget may ask for, as far as it was learned.
+    pub spends: Option<Spending>,
     /// If parallax between views is removed where assets have heights.
     pub parallax: bool,
 }
@@ -233,8 +233,7 @@ fn render_gpu(
 }
 
 fn governor(scene: &Scene, params: &RenderParams) -> Option<Governor> {
-    let lights = scene.lights.len() as u32;
-    params.target_ms.map(|target_ms| Governor::new(target_ms, scene.most_components(), lights))
+    params.target_ms.map(|target_ms| Governor::new(target_ms, Spending::all_of(scene)))
 }
 
 fn rendered(

@@ -55,7 +55,7 @@ pub use cpu::CpuPicture;
 pub use environment::{Environment, MOST_COLUMNS};
 pub use error::ViewerError;
 pub use geometry::{Geometry, Triangle, Vertex};
-pub use governor::Governor;
+pub use governor::{Governor, Spending};
 pub use gpu::{BackendChoice, Gpu};
 pub use gpu_decode::{DecodeQuery, gpu_decode};
 pub use gpu_timer::{GpuTimer, PassTimes};

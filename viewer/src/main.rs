@@ -92,6 +92,9 @@ struct CommonArguments {
     #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().depth,
           value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_DEPTH)))]
     depth: u32,
+    /// Always the finest texels, however small they are in the picture
+    #[arg(long)]
+    no_levels: bool,
     /// Threads of the CPU decoder [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
@@ -111,7 +114,13 @@ impl CommonArguments {
             },
             parallax: !self.no_parallax,
         };
-        ShadeOptions { decode, mode: self.mode, light_samples: self.light_samples, depth: self.depth }
+        ShadeOptions {
+            decode,
+            mode: self.mode,
+            light_samples: self.light_samples,
+            depth: self.depth,
+            levels: !self.no_levels,
+        }
     }
 
     fn backend(&self) -> BackendChoice {

@@ -14,6 +14,10 @@ pub struct ShadeOptions {
     pub light_samples: u32,
     /// Rays of a path at most, the first from the eye: 1 shows no mirror images, 1 to [`MAX_DEPTH`].
     pub depth: u32,
+    /// Take the level of an asset whose texels are about as large as what a pixel sees of the surface: each pixel the
+    /// nearest level at first, then levels at random, in the mean between the two nearest. Traced paths, the reference,
+    /// take the finest level always.
+    pub levels: bool,
 }
 
 /// Which light is followed.
@@ -53,8 +57,21 @@ pub const MAX_LIGHT_SAMPLES: u32 = 4096;
 /// Largest [`ShadeOptions::depth`].
 pub const MAX_DEPTH: u32 = 16;
 
+impl ShadeOptions {
+    /// Whether assets' coarser levels are used.
+    pub fn uses_levels(&self) -> bool {
+        self.levels && self.mode == RenderMode::Direct
+    }
+}
+
 impl Default for ShadeOptions {
     fn default() -> ShadeOptions {
-        ShadeOptions { decode: DecodeOptions::default(), mode: RenderMode::Direct, light_samples: 64, depth: 4 }
+        ShadeOptions {
+            decode: DecodeOptions::default(),
+            mode: RenderMode::Direct,
+            light_samples: 64,
+            depth: 4,
+            levels: true,
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The side panel: what the user can turn while looking.
 
-use crate::governor::Governor;
+use crate::governor::{Governor, Spending};
 use crate::gpu_timer::PassTimes;
 use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions};
 use crate::scene::{Ambient, PointLight, Scene, intensity_for};
@@ -178,10 +178,10 @@ impl Panel {
         }
         ui.label(format!("{} x {}, {} samples", status.picture[0], status.picture[1], status.samples));
         if let Some(governor) = status.governor {
-            let (components, lights) = governor.spends();
+            let Spending { components, lobes, lights } = governor.spends();
             let of = self.max_components;
             ui.small(format!(
-                "budget {:.1} ms: {components} of {of} components, {lights} lights at most",
+                "budget {:.1} ms: {components} of {of} components, {lobes} lobes, {lights} lights at most",
                 governor.budget_ms()
             ));
         }
@@ -210,6 +210,7 @@ impl Panel {
             ui.label("interpolation");
             ui.checkbox(&mut self.shade.decode.parallax, "parallax");
         });
+        ui.checkbox(&mut self.shade.levels, "coarser texels where the picture is small");
         ui.add(egui::Slider::new(&mut scene.exposure_ev, -6.0..=6.0).text("exposure, EV"));
     }
 

@@ -7,7 +7,7 @@ use crate::geometry::{Geometry, Triangle};
 use crate::mesh::{self, MeshPart};
 use crate::mesh_file::load_mesh;
 use crate::models;
-use btf_runtime::{Asset, Resident};
+use btf_runtime::{Asset, Resident, resident_with_levels};
 use glam::{Mat4, Vec3};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -46,7 +46,9 @@ pub struct SceneAsset {
     pub size_mm: Option<[f32; 2]>,
     /// The asset as its file has it.
     pub asset: Asset,
-    /// The asset in its resident form.
+    /// Its coarser levels, each half as wide and high as the one before.
+    pub levels: Vec<Asset>,
+    /// The asset and its levels in resident form.
     pub resident: Resident,
 }
 
@@ -70,18 +72,27 @@ impl SceneAsset {
         SceneAsset::new("weave", asset.expect("the built-in asset is whole"))
     }
 
-    /// Expands an asset that is already in memory.
+    /// Expands an asset that is already in memory, and makes its levels.
     pub fn new(name: impl Into<String>, asset: Asset) -> SceneAsset {
-        let resident =
-            Resident::from_asset_with(&asset, |count, expand| (0..count).into_par_iter().map(expand).collect());
+        let (resident, levels) = resident_with_levels(
+            &asset,
+            |count, expand| (0..count).into_par_iter().map(expand).collect(),
+            |count, texel| (0..count).into_par_iter().map(texel).collect(),
+        );
         let told: Told = serde_json::from_str(&asset.material).unwrap_or_default();
         let size_mm = told.size_mm.filter(|size| size.iter().all(|x| x.is_finite() && *x > 0.0));
-        SceneAsset { name: name.into(), size_mm, asset, resident }
+        SceneAsset { name: name.into(), size_mm, asset, levels, resident }
     }
 
     /// Residual components of the layer that has most.
     pub fn most_components(&self) -> u32 {
         (0..self.resident.layers()).map(|layer| self.resident.components(layer)).max().unwrap_or(0)
+    }
+
+    /// Lobes of the texel that has most.
+    pub fn most_lobes(&self) -> u32 {
+        let layers = self.asset.layers.iter();
+        layers.flat_map(|layer| &layer.texel_lobe_counts).copied().max().unwrap_or(0).into()
     }
 
     /// How often the asset's picture fits into a millimetre, along u and v; [`UNKNOWN_SIZE_MM`] where it does not tell.
@@ -410,6 +421,11 @@ impl Scene {
     /// Residual components of the asset that has most.
     pub fn most_components(&self) -> u32 {
         self.assets.iter().map(|asset| asset.most_components()).max().unwrap_or(0)
+    }
+
+    /// Lobes of the texel that has most.
+    pub fn most_lobes(&self) -> u32 {
+        self.assets.iter().map(|asset| asset.most_lobes()).max().unwrap_or(0)
     }
 
     /// The ambient light that the scene's size suggests.

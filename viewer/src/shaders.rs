@@ -164,13 +164,13 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, pad0, pad1),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
             ("Material", fields!(GpuMaterial; diffuse, asset, mirror, pad0, uv_scale, pad1, pad2)),
             ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
-            ("Path", fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, density, pad0, pad1)),
+            ("Path", fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, density, travelled, pad1)),
             ("Pixel", fields!(GpuPixel; sum, seen, rays, evaluations, depth)),
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
             ("Query", fields!(GpuQuery; wi, texel, wo, layer)),

@@ -28,6 +28,8 @@ pub(crate) struct Surface {
     /// Towards the eye, in that frame.
     pub wo: Vec3,
     pub uv: Vec2,
+    /// Length of the texture on a unit of length, in the mean over the triangle.
+    pub texture_per_unit: f32,
     /// Where rays begin that leave on the front, and on the back.
     pub above: Vec3,
     pub below: Vec3,
@@ -67,6 +69,12 @@ fn lift(p: Vec3, weights: Vec3, corners: &[&Vertex; 3], side: f32) -> Vec3 {
     at
 }
 
+/// `area` is twice the triangle's.
+fn texture_per_unit(corners: [&Vertex; 3], area: f32) -> f32 {
+    let [a, b, c] = corners.map(|vertex| Vec2::new(vertex.u, vertex.v));
+    ((b - a).perp_dot(c - a).abs() / area.max(1e-20)).sqrt()
+}
+
 impl Surface {
     /// The surface that a ray along `direction` hit.
     pub(crate) fn surface_at(geometry: &Geometry, hit: &Hit, direction: Vec3) -> Surface {
@@ -103,6 +111,7 @@ impl Surface {
             normal,
             wo: wo.normalize(),
             uv: mix(|vertex| Vec3::new(vertex.u, vertex.v, 0.0)).truncate(),
+            texture_per_unit: texture_per_unit(corners, (b - a).cross(c - a).length()),
             above: offset_along(lift(position, weights, &corners, 1.0), flat),
             below: offset_along(lift(position, weights, &corners, -1.0), -flat),
         }

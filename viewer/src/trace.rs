@@ -45,6 +45,10 @@ pub(crate) struct Frame {
     pub light_samples: u32,
     pub environment_at: u32,
     pub environment: [u32; 2],
+    pub pixel_width: f32,
+    pub levels: u32,
+    pub pad0: u32,
+    pub pad1: u32,
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -82,7 +86,7 @@ pub(crate) struct GpuPath {
     pub v: f32,
     pub scattered: u32,
     pub density: f32,
-    pub pad0: u32,
+    pub travelled: f32,
     pub pad1: u32,
 }
 
@@ -462,6 +466,10 @@ impl Tracer {
             light_samples: options.light_samples,
             environment_at: self.arena.bases.get(scene.assets.len()).copied().unwrap_or(0),
             environment: scene.environment.as_ref().map_or([0; 2], |environment| environment.size()),
+            pixel_width: camera.pixel_width(),
+            levels: options.uses_levels().into(),
+            pad0: 0,
+            pad1: 0,
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
     }

@@ -1,31 +1,41 @@
 // The decoder: from texel, light and eye to reflectance times cosine. Twin: decode.rs.
 
-fn btf_size(base: u32) -> vec2<u32> {
-    return vec2<u32>(asset_word(base), asset_word(base + 1u));
-}
+// What btf_layer_for_sides answers where there is none.
+const NO_LAYER: u32 = 0xffffffffu;
 
 fn btf_layers(base: u32) -> u32 {
     return asset_word(base + 2u);
 }
 
+// Levels, the finest included.
+fn btf_levels(base: u32) -> u32 {
+    return asset_word(base + 4u);
+}
+
+// Columns and rows of a layer, as btf_layer_for_sides numbers it.
+fn btf_size(base: u32, layer: u32) -> vec2<u32> {
+    return texel_size(base + asset_word(base + ASSET_LAYERS + layer));
+}
+
 // Nearest texel of a texture coordinate; u to the right, v up, both wrap.
-fn btf_texel(base: u32, uv: vec2<f32>) -> u32 {
-    let size = btf_size(base);
+fn btf_texel(base: u32, layer: u32, uv: vec2<f32>) -> u32 {
+    let size = btf_size(base, layer);
     let wrapped = vec2<f32>(fract(uv.x), fract(1.0 - uv.y));
     let xy = min(vec2<u32>(wrapped * vec2<f32>(size)), size - vec2<u32>(1u));
     return xy.y * size.x + xy.x;
 }
 
-// Index of the layer for a light and an eye on these sides (1: back), or the layer count.
-fn btf_layer_for_sides(base: u32, light_side: u32, view_side: u32) -> u32 {
+// Number of the layer for a light and an eye on these sides (1: back) at a level, 0 the finest, or NO_LAYER: what decoders
+// take.
+fn btf_layer_for_sides(base: u32, level: u32, light_side: u32, view_side: u32) -> u32 {
     let layers = btf_layers(base);
-    for (var layer = 0u; layer < layers; layer++) {
+    for (var layer = level * layers; layer < (level + 1u) * layers; layer++) {
         let at = base + asset_word(base + ASSET_LAYERS + layer);
         if asset_word(at + BLOCK_LIGHT_SIDE) == light_side && asset_word(at + BLOCK_VIEW_SIDE) == view_side {
             return layer;
         }
     }
-    return layers;
+    return NO_LAYER;
 }
 
 // One light alone; for several, see viewed_texel.wgsl.

@@ -1,7 +1,7 @@
 // A texel within a layer: what does not depend on the directions, its lobes and its residual. Twin: texel.rs; the offsets
 // are those of resident.rs (`block`), compared by a test.
 
-const ASSET_LAYERS: u32 = 4u;
+const ASSET_LAYERS: u32 = 8u;
 const BLOCK_LIGHT_SIDE: u32 = 0u;
 const BLOCK_VIEW_SIDE: u32 = 1u;
 const BLOCK_RESIDUAL_KIND: u32 = 2u;
@@ -25,6 +25,8 @@ const BLOCK_HEIGHTS: u32 = 18u;
 const BLOCK_HEIGHT_STEP: u32 = 19u;
 const BLOCK_LEAST_HEIGHT: u32 = 20u;
 const BLOCK_MOST_HEIGHT: u32 = 21u;
+const BLOCK_WIDTH: u32 = 22u;
+const BLOCK_ROWS: u32 = 23u;
 
 // The speed and accuracy dial.
 struct BtfOptions {
@@ -47,6 +49,11 @@ struct Texel {
     // The mean and the components that are used; 0 without residual.
     bases: u32,
     pad: u32,
+}
+
+// Columns and rows of the level whose layer's block begins at word `layer`.
+fn texel_size(layer: u32) -> vec2<u32> {
+    return vec2<u32>(asset_word(layer + BLOCK_WIDTH), asset_word(layer + BLOCK_ROWS));
 }
 
 // Texel number `texel` of the layer whose block begins at word `layer`, in the asset at word `base`.

@@ -62,7 +62,7 @@ fn viewed_new(base: u32, layer: u32, texel: u32, wo_given: vec3<f32>, options: B
     if viewed.shifted {
         let range = vec2<f32>(asset_f32(t.layer + BLOCK_LEAST_HEIGHT), asset_f32(t.layer + BLOCK_MOST_HEIGHT));
         let heights = base + asset_word(t.layer + BLOCK_HEIGHTS);
-        let field = HeightField(heights, btf_size(base), asset_f32(t.layer + BLOCK_HEIGHT_STEP), range);
+        let field = HeightField(heights, texel_size(t.layer), asset_f32(t.layer + BLOCK_HEIGHT_STEP), range);
         let measured = viewed_measured_views(viewed);
         let seen = height_seen_by(field, texel, wo, view.beyond, measured, view.weights);
         viewed.shown = seen.texels;

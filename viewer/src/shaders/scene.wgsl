@@ -29,6 +29,12 @@ struct Frame {
     environment_at: u32,
     // Columns and rows of the environment's picture; 0 for none.
     environment: vec2<u32>,
+    // Width of a pixel at distance 1.
+    pixel_width: f32,
+    // 1 takes an asset's level by what a pixel sees of the surface.
+    levels: u32,
+    pad0: u32,
+    pad1: u32,
 }
 
 struct Vertex {
@@ -78,7 +84,8 @@ struct Path {
     scattered: u32,
     // With which density it was drawn, per steradian; 0 from eye and mirrors.
     density: f32,
-    pad0: u32,
+    // Length of all its rays.
+    travelled: f32,
     pad1: u32,
 }
 

@@ -16,6 +16,7 @@ const CHOICE_NUMBERS: u32 = 2u;
 const LIGHT_NUMBERS: u32 = 3u;
 const ENVIRONMENT_CHOICE: u32 = 0x68bc21ebu;
 const LOBE_CHOICE: u32 = 0x02e5be93u;
+const LEVEL_CHOICE: u32 = 0x967a889bu;
 // Lights that are looked at for each that is drawn.
 const LIGHT_CANDIDATES: u32 = 8u;
 // Rays whose radiance counts for less than this in the pixel are not followed.
@@ -62,8 +63,8 @@ fn side_share(s: Surface, material: Material, back: bool) -> f32 {
     let body = select(1.0, most(material.diffuse), plain);
     var share = body / max(glossy + body, 1e-6);
     if !plain {
-        let other = btf_layer_for_sides(material.asset, select(1u, 0u, back), select(0u, 1u, s.view_back));
-        share *= select(1.0, 0.5, other < btf_layers(material.asset));
+        let other = btf_layer_for_sides(material.asset, 0u, select(1u, 0u, back), select(0u, 1u, s.view_back));
+        share *= select(1.0, 0.5, other != NO_LAYER);
     } else if back != s.view_back {
         share = 0.0;
     }
@@ -98,7 +99,32 @@ fn choose_light(s: Surface, light_back: bool, stratum: u32, strata: u32, seed: u
     return chosen;
 }
 
-fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at: vec2<f32>, seed: u32) -> SideLight {
+// Level of the material's asset whose texels are about as large as what a pixel sees of the surface, `travelled` from the
+// eye.
+fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
+    if frame.levels == 0u || material.asset == NO_ASSET {
+        return 0u;
+    }
+    // Side of a square of the area that the pixel sees.
+    let width = travelled * frame.pixel_width * inverseSqrt(abs(s.wo.z));
+    let size = vec2<f32>(btf_size(material.asset, 0u)) * abs(material.uv_scale);
+    let texels = width * s.texture_per_unit * sqrt(size.x * size.y);
+    var part = 0.5;
+    if frame.sample > 0u {
+        part = sampler_one(seed ^ LEVEL_CHOICE);
+    }
+    let level = floor(log2(clamp(texels, 1e-6, 1e6)) + part);
+    return min(u32(max(level, 0.0)), btf_levels(material.asset) - 1u);
+}
+
+fn light_from_side(
+    s: Surface,
+    material: Material,
+    level: u32,
+    light_back: bool,
+    ambient_at: vec2<f32>,
+    seed: u32,
+) -> SideLight {
     var done = SideLight(vec3<f32>(0.0), 0u, 0u);
     let plain = material.asset == NO_ASSET;
     var layer = 0u;
@@ -107,8 +133,8 @@ fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at:
             return done;
         }
     } else {
-        layer = btf_layer_for_sides(material.asset, select(0u, 1u, light_back), select(0u, 1u, s.view_back));
-        if layer >= btf_layers(material.asset) {
+        layer = btf_layer_for_sides(material.asset, level, select(0u, 1u, light_back), select(0u, 1u, s.view_back));
+        if layer == NO_LAYER {
             return done;
         }
     }
@@ -116,7 +142,7 @@ fn light_from_side(s: Surface, material: Material, light_back: bool, ambient_at:
     let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
     var texel = 0u;
     if !plain {
-        texel = btf_texel(material.asset, s.uv * material.uv_scale);
+        texel = btf_texel(material.asset, layer, s.uv * material.uv_scale);
         if !whole_decoder || frame.environment.x > 0u {
             viewed = viewed_new(material.asset, layer, texel, s.wo, options);
         }
@@ -259,24 +285,23 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
         let share = side_share(s, material, back);
         return Scattered(world_from_local(s, wi), back, material.diffuse / share, share * abs(wi.z) / TRACE_PI);
     }
-    let layers = btf_layers(material.asset);
     let eye_side = select(0u, 1u, s.view_back);
-    var layer = btf_layer_for_sides(material.asset, eye_side, eye_side);
-    let through = btf_layer_for_sides(material.asset, 1u - eye_side, eye_side);
-    if through < layers {
+    var layer = btf_layer_for_sides(material.asset, 0u, eye_side, eye_side);
+    let through = btf_layer_for_sides(material.asset, 0u, 1u - eye_side, eye_side);
+    if through != NO_LAYER {
         // Either side of the surface is as likely, where light comes from both.
-        let both = layer < layers;
+        let both = layer != NO_LAYER;
         if !both || rest < 0.5 {
             back = !back;
             layer = through;
         }
         rest = select(rest, fract(2.0 * rest), both);
     }
-    if layer >= layers {
+    if layer == NO_LAYER {
         return Scattered(direction, back, vec3<f32>(0.0), 0.0);
     }
     let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
-    let texel = btf_texel(material.asset, s.uv * material.uv_scale);
+    let texel = btf_texel(material.asset, layer, s.uv * material.uv_scale);
     let viewed = viewed_new(material.asset, layer, texel, s.wo, options);
     let wi = sample_direction(viewed, vec3<f32>(at, rest));
     let density = side_share(s, material, back) * sample_density(viewed, wi);
@@ -294,7 +319,7 @@ fn camera_pass(at: vec2<u32>) {
     let direction = camera_direction(whole_picture(at));
     let hit = trace_closest(frame.eye, direction);
     let missed = hit.primitive == NO_HIT;
-    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, 0u, 0.0, 0u, 0u);
+    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, 0u, 0.0, hit.t, 0u);
     var sum = vec4<f32>(0.0, 0.0, 0.0, 1.0);
     if missed {
         sum = vec4<f32>(beyond(direction, false), 1.0);
@@ -315,9 +340,11 @@ fn light_pass(at: vec2<u32>) {
     let s = surface_at(path.primitive, vec2<f32>(path.u, path.v), path.direction);
     var pixel = pixels[index];
     let ambient_at = sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, AMBIENT_NUMBERS));
+    let seed = sampler_hash(seed_of(whole_picture(at), pixel.depth, LIGHT_NUMBERS) + frame.sample);
+    let material = materials[s.material];
+    let level = level_of(s, material, path.travelled, seed);
     for (var side = 0u; side < 2u; side++) {
-        let seed = sampler_hash(seed_of(whole_picture(at), pixel.depth, LIGHT_NUMBERS) + frame.sample);
-        let light = light_from_side(s, materials[s.material], side == 1u, ambient_at, seed);
+        let light = light_from_side(s, material, level, side == 1u, ambient_at, seed);
         pixel.sum += vec4<f32>(path.throughput * light.radiance, 0.0);
         pixel.rays += light.rays;
         pixel.evaluations += light.evaluations;
@@ -381,6 +408,7 @@ fn go_on(index: u32, given: Path) {
     path.primitive = hit.primitive;
     path.u = hit.u;
     path.v = hit.v;
+    path.travelled += hit.t;
     pixels[index].rays += 1u;
     pixels[index].depth += 1u;
     if hit.primitive == NO_HIT {

@@ -25,6 +25,8 @@ struct Surface {
     // Towards the eye, in that frame.
     wo: vec3<f32>,
     uv: vec2<f32>,
+    // Length of the texture on a unit of length, in the mean over the triangle.
+    texture_per_unit: f32,
     // Where rays begin that leave on the front, and on the back.
     above: vec3<f32>,
     below: vec3<f32>,
@@ -62,6 +64,14 @@ fn lift(p: vec3<f32>, weights: vec3<f32>, corners: array<Vertex, 3>, side: f32) 
         at += weights[i] * (p - normal * min(dot(p - corners[i].position, normal), 0.0));
     }
     return at;
+}
+
+// `area` is twice the triangle's.
+fn texture_per_unit(corners: array<Vertex, 3>, area: f32) -> f32 {
+    let a = corners[0];
+    let e = vec2<f32>(corners[1].u - a.u, corners[1].v - a.v);
+    let f = vec2<f32>(corners[2].u - a.u, corners[2].v - a.v);
+    return sqrt(abs(e.x * f.y - e.y * f.x) / max(area, 1e-20));
 }
 
 // The surface of triangle `primitive` at the barycentric weights `at` of its second and third corner, seen along the ray.
@@ -106,6 +116,7 @@ fn surface_at(primitive: u32, at: vec2<f32>, direction: vec3<f32>) -> Surface {
         normal,
         normalize(wo),
         uv,
+        texture_per_unit(corners, length(cross(b.position - a.position, c.position - a.position))),
         offset_along(lift(p, weights, corners, 1.0), flat),
         offset_along(lift(p, weights, corners, -1.0), -flat),
     );
