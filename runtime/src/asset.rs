@@ -247,6 +247,27 @@ impl Asset {
         Ok(Asset { width, height, material, layers })
     }
 
+    /// The same with at most so many residual components, and of each texel's lobes at most so many, the most important
+    /// ones. Cost: a copy.
+    pub fn trimmed(&self, components: usize, lobes: usize) -> Asset {
+        let mut asset = self.clone();
+        for layer in &mut asset.layers {
+            if let Some(residual) = &mut layer.residual {
+                residual.coefficients.truncate(components);
+                residual.bases.truncate(residual.coefficients.len() + 1);
+            }
+            let (mut first, mut kept) = (0, Vec::new());
+            for count in &mut layer.texel_lobe_counts {
+                let all = usize::from(*count);
+                kept.extend_from_slice(&layer.lobe_refs[first..first + all.min(lobes)]);
+                *count = all.min(lobes) as u8;
+                first += all;
+            }
+            layer.lobe_refs = kept;
+        }
+        asset
+    }
+
     /// Texels.
     pub fn texel_count(&self) -> usize {
         self.width * self.height

@@ -500,7 +500,11 @@ mod tests {
         assert_eq!(resident.layer_for_sides(0, false, false), Some(0));
         assert_eq!(resident.layer_for_sides(0, true, true), Some(1));
         assert_eq!(resident.layer_for_sides(0, true, false), Some(2));
-        assert_eq!(resident.layer_for_sides(0, false, true), None, "a missing layer is black: the caller draws nothing");
+        assert_eq!(
+            resident.layer_for_sides(0, false, true),
+            None,
+            "a missing layer is black: the caller draws nothing"
+        );
         let mut random = Random::new(41);
         let flip = |v: [f32; 3]| [v[0], v[1], -v[2]];
         for rule in RULES {

@@ -129,9 +129,8 @@ fn make_room(layer: &mut Layer) -> Option<OwnLobes> {
             used[usize::from(*cluster)][usize::from(reference.lobe)] += 1;
         }
     }
-    let lobes = |(cluster, counts): (usize, &Vec<u32>)| {
-        (0..counts.len()).map(move |lobe| (cluster, lobe)).collect::<Vec<_>>()
-    };
+    let lobes =
+        |(cluster, counts): (usize, &Vec<u32>)| (0..counts.len()).map(move |lobe| (cluster, lobe)).collect::<Vec<_>>();
     let mut ranked: Vec<(usize, usize)> = used.iter().enumerate().flat_map(lobes).collect();
     ranked.sort_by_key(|(cluster, lobe)| std::cmp::Reverse(used[*cluster][*lobe]));
     ranked.truncate(OWN_LOBES);
@@ -215,7 +214,7 @@ fn cholesky(matrix: &[f32], count: usize) -> Option<Vec<f32>> {
     for i in 0..count {
         for j in 0..=i {
             let sum = matrix[i * count + j] - dot(&factor[i * count..i * count + j], &factor[j * count..j * count + j]);
-            if i == j && sum.is_nan() || i == j && sum <= 0.0 {
+            if i == j && (sum.is_nan() || sum <= 0.0) {
                 return None;
             }
             factor[i * count + j] = if i == j { sum.sqrt() } else { sum / factor[j * count + j] };
@@ -466,7 +465,8 @@ impl<'a> Fitter<'a> {
         for _ in 0..2 {
             let kept = self.most_important(cluster, &weights);
             for channel in 0..3 {
-                let within = |_, i: usize, x: f32| if kept.contains(&i) { x.clamp(0.0, cluster.scales[i]) } else { 0.0 };
+                let within =
+                    |_, i: usize, x: f32| if kept.contains(&i) { x.clamp(0.0, cluster.scales[i]) } else { 0.0 };
                 let (found, _) = descend(&cluster.toned_gram, &products[channel], LOBE_SWEEPS, within);
                 weights.iter_mut().zip(found).for_each(|(weight, x)| weight[channel] = x);
             }
@@ -621,11 +621,8 @@ impl<'a> Fitter<'a> {
             let taken = squares.min(samples);
             let made = map_texels(taken, &|i| {
                 let mean = self.square(i * squares / taken, size, side);
-                let refs = if self.lobes_count() {
-                    self.refs_of(own, &self.nearest_weights(own, &mean))
-                } else {
-                    Vec::new()
-                };
+                let refs =
+                    if self.lobes_count() { self.refs_of(own, &self.nearest_weights(own, &mean)) } else { Vec::new() };
                 let mut encoded = mean;
                 self.layer.residual_kind.encode_slice(&mut encoded, self.layer.epsilon);
                 let left = self.left_by_lobes(own, &refs, &encoded);
@@ -678,7 +675,7 @@ impl<'a> Fitter<'a> {
                 grid[0].extend(made);
                 if let Some(texels) = finer {
                     // The last row may be the next one's first.
-                    let done = if (row + 1) * finer_size[1] % size[1] == 0 { end } else { end - 1 };
+                    let done = if ((row + 1) * finer_size[1]).is_multiple_of(size[1]) { end } else { end - 1 };
                     texels[begin * finer_size[0]..done * finer_size[0]]
                         .iter_mut()
                         .for_each(|texel| texel.mean = Vec::new());
@@ -822,11 +819,10 @@ mod tests {
             for role in [LobeRole::Base, LobeRole::Guide] {
                 let asset = tame_asset(50 + seed as u64, 12, 10, kind, role);
                 let (resident, levels) = levels_of(&asset);
-                assert_eq!(levels.iter().map(|level| [level.width, level.height]).collect::<Vec<_>>(), [
-                    [6, 5],
-                    [3, 2],
-                    [1, 1]
-                ]);
+                assert_eq!(
+                    levels.iter().map(|level| [level.width, level.height]).collect::<Vec<_>>(),
+                    [[6, 5], [3, 2], [1, 1]]
+                );
                 for level in 1..=3u32 {
                     let error = error_of(&resident, &asset, level, |texel| (level, texel as u32));
                     // Planted difference: the texel in the middle of the footprint.

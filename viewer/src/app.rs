@@ -198,9 +198,7 @@ impl View {
                 Renderer::Gpu(tracer)
             }
         };
-        let governor = params
-            .target_ms
-            .map(|target_ms| Governor::new(target_ms, Spending::all_of(&scene)));
+        let governor = params.target_ms.map(|target_ms| Governor::new(target_ms, Spending::all_of(&scene)));
         let panel = Panel::new(&scene, params.shade, renderer);
         let timer = GpuTimer::new(&gpu);
         Ok(View {

@@ -8,7 +8,7 @@ use crate::gpu::BackendChoice;
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::headless::Control;
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
-use crate::picture::Picture;
+use crate::picture::psnr_db;
 use crate::scene::{Ambient, MeshChoice, Scene, SceneAsset};
 use crate::trace::{PixelHit, Tracer};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRef};
@@ -166,7 +166,7 @@ pub fn run_bench(
         let mut row = engine.time(point)?;
         if let Some(reference) = &reference {
             let picture = engine.picture(point, 0..TRADE_SAMPLES, control)?;
-            row.psnr_db = Some(psnr_db(reference, &picture));
+            row.psnr_db = Some(psnr_db(reference, &picture, 0.0));
         }
         rows.push(row);
         (control.progress)((done + 1) as f32 / points.len() as f32);
@@ -430,16 +430,6 @@ impl Engine {
         let (frame_ms, passes) = times[times.len() / 2];
         Ok(row(point, frame_ms, passes, times.len(), &hits))
     }
-}
-
-/// Of 8-bit sRGB values, peak 255.
-fn psnr_db(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
-    let codes = |radiance: &[[f32; 3]]| {
-        Picture { width: radiance.len() as u32, height: 1, radiance: radiance.to_vec() }.srgb8(0.0)
-    };
-    let (a, b) = (codes(a), codes(b));
-    let square: f64 = a.iter().zip(&b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
-    10.0 * (255.0 * 255.0 * a.len() as f64 / square.max(1e-9)).log10()
 }
 
 /// Marks the rows that no other is at least as fast as and better than.

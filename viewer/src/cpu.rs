@@ -413,6 +413,44 @@ impl Shader<'_> {
     }
 }
 
+/// Of each asset of a scene, how many pixels of its picture ask for each level, the finest first: those in which the eye
+/// sees it, directly or in mirrors.
+pub(crate) fn levels_seen(scene: &Scene, [width, height]: [u32; 2], options: &ShadeOptions) -> Vec<Vec<u64>> {
+    let camera = scene.camera.frame(width, height);
+    let shader = Shader { scene, camera, jitter: [0.0; 2], sample: 0, options: *options };
+    let empty = || scene.assets.iter().map(|asset| vec![0u64; asset.resident.levels() as usize]).collect::<Vec<_>>();
+    let row = |y: u32| {
+        let mut seen = empty();
+        for x in 0..width {
+            let (mut origin, mut direction) = (shader.camera.eye, shader.camera.direction(x, y, [0.0; 2]));
+            let mut travelled = 0.0;
+            for _ in 0..options.depth {
+                let hit = shader.trace(origin, direction, FAR, AnyHit::No);
+                if hit.primitive == NO_HIT {
+                    break;
+                }
+                travelled += hit.t;
+                let s = Surface::surface_at(&scene.geometry, &hit, direction);
+                let material = &scene.materials[s.material];
+                if let Some(asset) = material.asset {
+                    seen[asset][shader.level_of(&s, material, travelled, 0) as usize] += 1;
+                }
+                if material.mirror == [0.0; 3] {
+                    break;
+                }
+                direction = mirror_direction(&s, direction);
+                origin = if s.view_back { s.below } else { s.above };
+            }
+        }
+        seen
+    };
+    let add = |mut sum: Vec<Vec<u64>>, other: Vec<Vec<u64>>| {
+        sum.iter_mut().flatten().zip(other.into_iter().flatten()).for_each(|(a, b)| *a += b);
+        sum
+    };
+    (0..height).into_par_iter().map(row).reduce(empty, add)
+}
+
 /// Share of a path's directions that leave on a side in another way than by the mirror.
 fn side_share(scene: &Scene, s: &Surface, material: &Material, back: bool) -> f32 {
     let glossy = Vec3::from(material.mirror).max_element();

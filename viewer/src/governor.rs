@@ -32,11 +32,7 @@ pub struct Spending {
 impl Spending {
     /// As much as there is to spend in a scene.
     pub fn all_of(scene: &Scene) -> Spending {
-        Spending {
-            components: scene.most_components(),
-            lobes: scene.most_lobes(),
-            lights: scene.lights.len() as u32,
-        }
+        Spending { components: scene.most_components(), lobes: scene.most_lobes(), lights: scene.lights.len() as u32 }
     }
 }
 

@@ -140,38 +140,68 @@ pub fn render_turntable(
     control: &Control,
     each: &mut dyn FnMut(u32, Rendered) -> Result<(), ViewerError>,
 ) -> Result<(), ViewerError> {
-    if params.size.iter().any(|side| *side == 0 || *side > MAX_SIDE) {
-        return Err(ViewerError::Usage(format!("a picture's sides are 1 to {MAX_SIDE} pixels, as in --size 512x512")));
-    }
-    if params.frames == 0 {
-        return Err(ViewerError::Usage("--frames is at least 1".into()));
-    }
-    if !(1..=MAX_DEPTH).contains(&params.shade.depth) {
-        return Err(ViewerError::Usage(format!("--depth is 1 to {MAX_DEPTH}")));
-    }
-    if !(1..=MAX_LIGHT_SAMPLES).contains(&params.shade.light_samples) {
-        return Err(ViewerError::Usage(format!("--light-samples is 1 to {MAX_LIGHT_SAMPLES}")));
-    }
-    if let Some(reason) = scene.camera.fault() {
-        return Err(ViewerError::Usage(reason.into()));
-    }
-    let engine = Engine::open(params.backend, params.adapter.as_deref(), control)?;
-    let mut tracer = match &engine {
-        Engine::Gpu(gpu, kind) => Some(Tracer::new(gpu, scene, *kind)?),
-        Engine::Cpu => None,
-    };
+    let mut session = Session::new(scene, params, control)?;
     let mut scene = scene.clone();
     for number in 0..pictures {
         let progress = |share: f32| (control.progress)((number as f32 + share) / pictures as f32);
         let control = Control { progress: &progress, ..*control };
-        let (picture, times) = match (&engine, &mut tracer) {
-            (Engine::Gpu(gpu, _), Some(tracer)) => render_gpu(gpu, tracer, &scene, params, &control)?,
-            _ => render_cpu(&scene, params, &control)?,
-        };
-        each(number, rendered(&engine, &scene, params, picture, times))?;
+        each(number, session.render(&scene, params, &control)?)?;
         scene.camera.orbit(std::f32::consts::TAU / pictures as f32, 0.0);
     }
     Ok(())
+}
+
+/// A scene that is uploaded and compiled once, for several pictures.
+pub(crate) struct Session {
+    engine: Engine,
+    tracer: Option<Tracer>,
+}
+
+impl Session {
+    /// # Errors
+    /// Those of [`render`].
+    pub(crate) fn new(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Session, ViewerError> {
+        if params.size.iter().any(|side| *side == 0 || *side > MAX_SIDE) {
+            return Err(ViewerError::Usage(format!(
+                "a picture's sides are 1 to {MAX_SIDE} pixels, as in --size 512x512"
+            )));
+        }
+        if params.frames == 0 {
+            return Err(ViewerError::Usage("--frames is at least 1".into()));
+        }
+        if !(1..=MAX_DEPTH).contains(&params.shade.depth) {
+            return Err(ViewerError::Usage(format!("--depth is 1 to {MAX_DEPTH}")));
+        }
+        if !(1..=MAX_LIGHT_SAMPLES).contains(&params.shade.light_samples) {
+            return Err(ViewerError::Usage(format!("--light-samples is 1 to {MAX_LIGHT_SAMPLES}")));
+        }
+        if let Some(reason) = scene.camera.fault() {
+            return Err(ViewerError::Usage(reason.into()));
+        }
+        let engine = Engine::open(params.backend, params.adapter.as_deref(), control)?;
+        let tracer = match &engine {
+            Engine::Gpu(gpu, kind) => Some(Tracer::new(gpu, scene, *kind)?),
+            Engine::Cpu => None,
+        };
+        Ok(Session { engine, tracer })
+    }
+
+    /// Draws the scene, whose camera, lights and surroundings may have changed since [`Session::new`].
+    ///
+    /// # Errors
+    /// Those of [`render`].
+    pub(crate) fn render(
+        &mut self,
+        scene: &Scene,
+        params: &RenderParams,
+        control: &Control,
+    ) -> Result<Rendered, ViewerError> {
+        let (picture, times) = match (&self.engine, &mut self.tracer) {
+            (Engine::Gpu(gpu, _), Some(tracer)) => render_gpu(gpu, tracer, scene, params, control)?,
+            _ => render_cpu(scene, params, control)?,
+        };
+        Ok(rendered(&self.engine, scene, params, picture, times))
+    }
 }
 
 /// Radiance and what the last sample of every pixel did.

@@ -39,6 +39,7 @@ mod options;
 mod panel;
 mod picture;
 mod pieces;
+mod plan;
 mod sampler;
 mod scene;
 mod scene_file;
@@ -65,10 +66,11 @@ pub use mesh_file::load_mesh;
 pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions};
 pub use picture::Picture;
 pub use pieces::PieceLayout;
+pub use plan::{Plan, PlannedAsset, plan};
 pub use scene::{
     AMBIENT_RADIANCE, Ambient, BACKGROUND, LightRig, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject,
     UNKNOWN_SIZE_MM, intensity_for,
 };
-pub use scene_file::load_scene;
+pub use scene_file::{load_scene, scene_with_assets};
 pub use shaders::{GpuTracer, ModuleLayout, trace_module};
 pub use trace::{NO_ASSET, PixelHit, Tracer};

@@ -3,8 +3,8 @@
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
     Ambient, BackendChoice, BenchKind, BenchParams, Control, Environment, GpuTracer, MeshChoice, RenderMode,
-    RenderParams, Scene, SceneAsset, ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, render_turntable,
-    run_bench, run_window,
+    RenderParams, Scene, SceneAsset, ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, plan,
+    render_turntable, run_bench, run_window, scene_with_assets,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -38,6 +38,34 @@ enum Command {
     /// Measures how the time of a frame grows, and with what
     #[command(after_help = "Example: btf-view bench lights cloth.spmm --json lights.json --plot lights.svg")]
     Bench(BenchArguments),
+    /// Says what a scene's pictures need of its assets, and writes assets that hold no more
+    #[command(after_help = "Example: btf-view plan scene.toml -o trimmed && btf-view --scene trimmed/scene.toml")]
+    Plan(PlanArguments),
+}
+
+#[derive(clap::Args)]
+struct PlanArguments {
+    /// Scene description; its cameras are those that the assets must suffice for
+    scene: PathBuf,
+    /// Packed assets that the scene names by number
+    assets: Vec<PathBuf>,
+    /// Folder for the trimmed assets and a scene.toml that names them
+    #[arg(short, long, value_name = "DIR")]
+    out: PathBuf,
+    /// Size of the pictures in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "512x512")]
+    size: [u32; 2],
+    /// How near an asset's pixels stay to those of the whole asset, dB
+    #[arg(long, value_name = "DB", value_parser = parse_positive, default_value = "40")]
+    psnr: f32,
+    /// Frames to average
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
+    frames: u32,
+    #[command(flatten)]
+    common: CommonArguments,
+    /// Writes the figures as JSON; - is stdout
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 #[derive(clap::Args)]
@@ -161,6 +189,9 @@ struct ViewArguments {
     /// What lies farther away does not occlude, scene units [default: half the scene's radius]; turns --ao on
     #[arg(long, value_name = "D", value_parser = parse_positive)]
     ao_distance: Option<f32>,
+    /// Which of the scene's cameras, counted from 1
+    #[arg(long, value_name = "N", requires = "scene", value_parser = clap::value_parser!(u32).range(1..))]
+    camera: Option<u32>,
     /// Exposure in stops [default: 0, or the scene's own]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     exposure: Option<f32>,
@@ -241,14 +272,17 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), ViewerError> {
     let common = match &arguments.command {
         Some(Command::Bench(bench)) => &bench.common,
+        Some(Command::Plan(plan)) => &plan.common,
         None => &arguments.view.common,
     };
     if let Some(threads) = common.threads {
         // The pool can only be set once, and this is the first use.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
     }
-    if let Some(Command::Bench(bench)) = &arguments.command {
-        return measure(bench);
+    match &arguments.command {
+        Some(Command::Bench(bench)) => return measure(bench),
+        Some(Command::Plan(plan)) => return trim(plan),
+        None => {}
     }
     let arguments = &arguments.view;
     let scene = make_scene(arguments)?;
@@ -289,10 +323,8 @@ fn measure(arguments: &BenchArguments) -> Result<(), ViewerError> {
         let svg = bench_svg(&report).map_err(ViewerError::Usage)?;
         btf_capture::atomic::write_file_atomically(path, svg.as_bytes())?;
     }
-    let json = serde_json::to_string_pretty(&report).unwrap_or_default();
     match arguments.json.as_deref() {
-        Some(path) if path.as_os_str() == "-" => println!("{json}"),
-        Some(path) => btf_capture::atomic::write_file_atomically(path, json.as_bytes())?,
+        path @ Some(_) => write_json(path, &report)?,
         None if common.quiet => {}
         None => {
             println!("{} on {} ({}), {}", report.backend, report.adapter, report.timer, report.assets.join(", "));
@@ -314,6 +346,87 @@ fn measure(arguments: &BenchArguments) -> Result<(), ViewerError> {
                 );
             }
         }
+    }
+    Ok(())
+}
+
+fn trim(arguments: &PlanArguments) -> Result<(), ViewerError> {
+    let common = &arguments.common;
+    let scene = load_scene(&arguments.scene, load_assets(&arguments.assets)?)?;
+    let params = RenderParams {
+        size: arguments.size,
+        frames: arguments.frames,
+        backend: common.backend(),
+        adapter: common.adapter.clone(),
+        shade: common.shade(),
+        target_ms: None,
+    };
+    let plan = with_progress(common.quiet, |control| plan(&scene, &params, arguments.psnr.into(), control))?;
+    let folder = &arguments.out;
+    std::fs::create_dir_all(folder).map_err(|source| ViewerError::Read { path: folder.clone(), source })?;
+    // Assets of the same name are told apart by their numbers.
+    let file = |number: usize| {
+        let name = &plan.assets[number].name;
+        let again = plan.assets[..number].iter().any(|other| other.name == *name);
+        if again { format!("{name}_{number}.spmm") } else { format!("{name}.spmm") }
+    };
+    let files: Vec<String> = (0..plan.assets.len()).map(file).collect();
+    let text = scene_with_assets(&arguments.scene, &scene.assets, &files, folder)?;
+    for (asset, file) in plan.assets.iter().zip(&files) {
+        let path = folder.join(file);
+        if scene.assets.iter().any(|known| known.path.as_ref().is_some_and(|known| same_file(known, &path))) {
+            return Err(ViewerError::Usage(format!(
+                "{} is an asset of the scene and would be overwritten; give another folder with -o",
+                path.display()
+            )));
+        }
+        btf_capture::atomic::write_file_atomically(&path, &asset.packed)?;
+    }
+    btf_capture::atomic::write_file_atomically(folder.join("scene.toml"), text.as_bytes())?;
+    write_json(arguments.json.as_deref(), &plan)?;
+    if arguments.json.as_deref().is_some_and(|path| path.as_os_str() == "-") || common.quiet {
+        return Ok(());
+    }
+    println!(
+        "{:<16} {:>8} {:>13} {:>22} {:>14} {:>10} {:>22} {:>8}",
+        "asset", "pixels", "level", "texels", "components", "lobes", "bytes", "dB"
+    );
+    for asset in &plan.assets {
+        let [[w, h], [kept_w, kept_h]] = asset.texels;
+        println!(
+            "{:<16} {:>8} {:>13} {:>22} {:>14} {:>10} {:>22} {:>8}",
+            asset.name,
+            asset.pixels,
+            if asset.pixels == 0 { "not seen".into() } else { asset.level.to_string() },
+            format!("{w}x{h} -> {kept_w}x{kept_h}"),
+            format!("{} -> {}", asset.components[0], asset.components[1]),
+            format!("{} -> {}", asset.lobes[0], asset.lobes[1]),
+            format!("{} -> {}", asset.bytes[0], asset.bytes[1]),
+            asset.psnr_db.map_or("-".into(), |psnr| format!("{psnr:.1}"))
+        );
+    }
+    let [whole, kept] = plan.bytes;
+    println!(
+        "saved {} of {whole} bytes ({:.0} %); pictures differ by {:.1} dB",
+        whole.saturating_sub(kept),
+        100.0 * (1.0 - kept as f64 / whole.max(1) as f64),
+        plan.psnr_db
+    );
+    println!("written to {}", folder.display());
+    Ok(())
+}
+
+fn same_file(a: &std::path::Path, b: &std::path::Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// To a file, or to stdout where it is `-`.
+fn write_json(path: Option<&std::path::Path>, value: &impl serde::Serialize) -> Result<(), ViewerError> {
+    let json = serde_json::to_string_pretty(value).unwrap_or_default();
+    match path {
+        Some(path) if path.as_os_str() == "-" => println!("{json}"),
+        Some(path) => btf_capture::atomic::write_file_atomically(path, json.as_bytes())?,
+        None => {}
     }
     Ok(())
 }
@@ -363,6 +476,11 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
         Some(path) => load_scene(path, assets)?,
         None => Scene::built_in(&mesh, assets, arguments.uv_scale)?,
     };
+    if let Some(number) = arguments.camera.filter(|number| *number > 1) {
+        scene.camera = *scene.more_cameras.get(number as usize - 2).ok_or_else(|| {
+            ViewerError::Usage(format!("--camera {number}: the scene has {}", scene.more_cameras.len() + 1))
+        })?;
+    }
     if let Some(path) = &arguments.environment {
         scene.surround(Environment::load(path, 1.0)?);
     }
@@ -402,16 +520,11 @@ fn headless(
             Ok(())
         })
     })?;
-    let json = match (arguments.turntable, reports.as_slice()) {
-        (None, [(_, report)]) => serde_json::to_string_pretty(report),
-        _ => serde_json::to_string_pretty(&reports.iter().map(|(_, report)| report).collect::<Vec<_>>()),
-    };
-    let json = json.unwrap_or_default();
-    match arguments.json.as_deref() {
-        Some(path) if path.as_os_str() == "-" => println!("{json}"),
-        Some(path) => btf_capture::atomic::write_file_atomically(path, json.as_bytes())?,
-        None if quiet => {}
-        None => {
+    match (arguments.json.as_deref(), reports.as_slice()) {
+        (path @ Some(_), [(_, report)]) if arguments.turntable.is_none() => write_json(path, report)?,
+        (path @ Some(_), all) => write_json(path, &all.iter().map(|(_, report)| report).collect::<Vec<_>>())?,
+        (None, _) if quiet => {}
+        (None, _) => {
             for (path, report) in &reports {
                 println!(
                     "{}: {}x{}, {} on {}, {:.2} ms per frame ({})",

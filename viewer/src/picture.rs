@@ -40,6 +40,16 @@ impl Picture {
     }
 }
 
+/// Peak signal-to-noise ratio of two pictures' linear radiance as 8-bit sRGB values, dB; at most 200, for equal ones.
+pub(crate) fn psnr_db(a: &[[f32; 3]], b: &[[f32; 3]], exposure_ev: f32) -> f64 {
+    let codes = |radiance: &[[f32; 3]]| {
+        Picture { width: radiance.len() as u32, height: 1, radiance: radiance.to_vec() }.srgb8(exposure_ev)
+    };
+    let (a, b) = (codes(a), codes(b));
+    let square: f64 = a.iter().zip(&b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+    (10.0 * (255.0 * 255.0 * a.len() as f64 / square.max(1e-9)).log10()).min(200.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

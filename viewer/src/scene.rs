@@ -42,6 +42,8 @@ struct Told {
 pub struct SceneAsset {
     /// File stem, for messages and the panel.
     pub name: String,
+    /// Its file, if it was read from one.
+    pub path: Option<PathBuf>,
     /// Physical width and height in millimetres, where the asset tells them.
     pub size_mm: Option<[f32; 2]>,
     /// The asset as its file has it.
@@ -61,7 +63,7 @@ impl SceneAsset {
         let bytes = std::fs::read(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
         let asset = Asset::parse(&bytes).map_err(|source| ViewerError::Asset { path: path.into(), source })?;
         let name = path.file_stem().map_or_else(|| "asset".into(), |stem| stem.to_string_lossy().into_owned());
-        Ok(SceneAsset::new(name, asset))
+        Ok(SceneAsset { path: Some(path.into()), ..SceneAsset::new(name, asset) })
     }
 
     /// A small asset that comes with the viewer: 64 x 64 texels of woven cloth, 4 components. It was made by
@@ -81,7 +83,15 @@ impl SceneAsset {
         );
         let told: Told = serde_json::from_str(&asset.material).unwrap_or_default();
         let size_mm = told.size_mm.filter(|size| size.iter().all(|x| x.is_finite() && *x > 0.0));
-        SceneAsset { name: name.into(), size_mm, asset, levels, resident }
+        SceneAsset { name: name.into(), path: None, size_mm, asset, levels, resident }
+    }
+
+    /// The asset at a level, 0 the finest; the coarsest beyond them all.
+    pub fn level(&self, level: usize) -> &Asset {
+        match level.checked_sub(1) {
+            None => &self.asset,
+            Some(coarser) => self.levels.get(coarser).or(self.levels.last()).unwrap_or(&self.asset),
+        }
     }
 
     /// Residual components of the layer that has most.
@@ -187,6 +197,8 @@ pub struct Scene {
     pub environment: Option<Arc<Environment>>,
     /// Camera.
     pub camera: Camera,
+    /// Further cameras that the scene description names.
+    pub more_cameras: Vec<Camera>,
     /// Exposure in stops: the picture is multiplied by `2^exposure_ev` before the sRGB curve.
     pub exposure_ev: f32,
     /// Linear colour where a ray hits nothing.
@@ -290,6 +302,7 @@ impl Scene {
             ambient: Ambient::NONE,
             environment: None,
             camera,
+            more_cameras: Vec::new(),
             exposure_ev: 0.0,
             background: BACKGROUND,
         };

@@ -4,7 +4,7 @@
 //! exposure_ev = 0.0                 # optional, as is background = [0.18, 0.18, 0.18]
 //! unit_mm = 1000.0                  # optional: millimetres of a unit, for materials of physical size
 //!
-//! [camera]                          # optional: else everything is framed
+//! [camera]                          # optional: else everything is framed; several as [[camera]], --camera N takes one
 //! eye = [0.0, 1.0, 5.0]
 //! target = [0.0, 0.0, 0.0]
 //! fov_deg = 30.0
@@ -63,7 +63,8 @@ struct SceneFile {
     exposure_ev: f32,
     background: Option<[f32; 3]>,
     unit_mm: Option<f32>,
-    camera: Option<CameraEntry>,
+    #[serde(default)]
+    camera: Cameras,
     ambient: Option<AmbientEntry>,
     environment: Option<EnvironmentEntry>,
     #[serde(default, rename = "material")]
@@ -74,7 +75,21 @@ struct SceneFile {
     lights: Vec<LightEntry>,
 }
 
+/// None, `[camera]`, or several `[[camera]]`.
 #[derive(Deserialize)]
+#[serde(untagged)]
+enum Cameras {
+    One(CameraEntry),
+    Several(Vec<CameraEntry>),
+}
+
+impl Default for Cameras {
+    fn default() -> Cameras {
+        Cameras::Several(Vec::new())
+    }
+}
+
+#[derive(Deserialize, Clone, Copy)]
 #[serde(deny_unknown_fields)]
 struct CameraEntry {
     eye: [f32; 3],
@@ -142,6 +157,9 @@ struct LightEntry {
     intensity: [f32; 3],
 }
 
+/// Names that a scene can say instead of a mesh file.
+const BUILT_IN_MESHES: [&str; 8] = ["sphere", "plane", "cube", "cornell", "cloth", "shoe", "boots", "pullover"];
+
 fn y_axis() -> [f32; 3] {
     [0.0, 1.0, 0.0]
 }
@@ -191,8 +209,15 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
                 )));
             }
             Some(AssetEntry::Path(file)) => {
-                assets.push(Arc::new(SceneAsset::load(&folder.join(file))?));
-                Some(assets.len() - 1)
+                let file = folder.join(file);
+                let known = assets.iter().position(|asset| asset.path.as_ref() == Some(&file));
+                Some(match known {
+                    Some(known) => known,
+                    None => {
+                        assets.push(Arc::new(SceneAsset::load(&file)?));
+                        assets.len() - 1
+                    }
+                })
             }
         };
         if asset.is_some() && entry.diffuse.is_some() {
@@ -224,6 +249,7 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
     let mut objects = Vec::new();
     for entry in &file.objects {
         let parts = match entry.mesh.as_str() {
+            // All of these are in BUILT_IN_MESHES.
             "sphere" => vec![mesh::sphere()],
             "plane" => vec![mesh::plane()],
             "cube" => vec![mesh::cube("cube")],
@@ -263,11 +289,25 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
     }
 
     let mut scene = Scene::from_objects(path, objects, assets)?;
-    if let Some(CameraEntry { eye, target, up, fov_deg }) = file.camera {
-        scene.camera = Camera { eye: eye.into(), target: target.into(), up: up.into(), fov_deg };
-        if let Some(reason) = scene.camera.fault() {
-            return Err(fault(reason.into()));
-        }
+    let cameras = match &file.camera {
+        Cameras::One(camera) => std::slice::from_ref(camera),
+        Cameras::Several(cameras) => cameras,
+    };
+    let cameras: Vec<Camera> = cameras
+        .iter()
+        .map(|entry| Camera {
+            eye: entry.eye.into(),
+            target: entry.target.into(),
+            up: entry.up.into(),
+            fov_deg: entry.fov_deg,
+        })
+        .collect();
+    if let Some(reason) = cameras.iter().find_map(Camera::fault) {
+        return Err(fault(reason.into()));
+    }
+    if let Some((first, more)) = cameras.split_first() {
+        scene.camera = *first;
+        scene.more_cameras = more.to_vec();
         scene.place_lights(1);
     }
     if let Some(EnvironmentEntry { file, gain }) = file.environment {
@@ -297,6 +337,60 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
         return Err(fault("a light, the background or the exposure has a number that is not finite".into()));
     }
     Ok(scene)
+}
+
+/// The text of the scene description at `path` with other asset files: `files[i]` in place of `assets[i]`, those that
+/// [`load_scene`] made of it. Meant for a file in `folder`: other paths are written so that they are found from there.
+///
+/// # Errors
+/// [`ViewerError::Read`], [`ViewerError::Scene`].
+pub fn scene_with_assets(
+    path: &Path,
+    assets: &[Arc<SceneAsset>],
+    files: &[String],
+    folder: &Path,
+) -> Result<String, ViewerError> {
+    let read = |source| ViewerError::Read { path: path.into(), source };
+    let fault = |error: &dyn std::fmt::Display| ViewerError::scene(path, error.to_string().replace('\n', " "));
+    let text = std::fs::read_to_string(path).map_err(read)?;
+    let mut table: toml::Table = text.parse().map_err(|error: toml::de::Error| fault(&error))?;
+    let from = path.parent().unwrap_or(Path::new("."));
+    let list = |value: Option<&mut toml::Value>| value.and_then(toml::Value::as_array_mut).map(std::mem::take);
+    let moved = |value: &mut toml::Value| {
+        let name = value.as_str().unwrap_or_default();
+        if !BUILT_IN_MESHES.contains(&name) {
+            *value = relative(folder, &from.join(name)).into();
+        }
+    };
+    let mut materials = list(table.get_mut("material")).unwrap_or_default();
+    for asset in materials.iter_mut().filter_map(|material| material.get_mut("asset")) {
+        let number = match &*asset {
+            toml::Value::Integer(number) => usize::try_from(*number).ok(),
+            value => assets.iter().position(|known| {
+                known.path.as_deref() == Some(from.join(value.as_str().unwrap_or_default()).as_path())
+            }),
+        };
+        if let Some(file) = number.and_then(|number| files.get(number)) {
+            *asset = file.as_str().into();
+        }
+    }
+    let mut objects = list(table.get_mut("object")).unwrap_or_default();
+    objects.iter_mut().filter_map(|object| object.get_mut("mesh")).for_each(moved);
+    table.insert("material".into(), materials.into());
+    table.insert("object".into(), objects.into());
+    table.get_mut("environment").and_then(|sky| sky.get_mut("file")).into_iter().for_each(moved);
+    toml::to_string(&table).map_err(|error| fault(&error))
+}
+
+/// `file` as seen from `folder`, where both exist; else as it is.
+fn relative(folder: &Path, file: &Path) -> String {
+    let (Ok(folder), Ok(file)) = (folder.canonicalize(), file.canonicalize()) else {
+        return file.to_string_lossy().into_owned();
+    };
+    let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(common).map(|_| "..".to_string());
+    let down = file.components().skip(common).map(|part| part.as_os_str().to_string_lossy().into_owned());
+    up.chain(down).collect::<Vec<_>>().join("/")
 }
 
 #[cfg(test)]
@@ -370,5 +464,32 @@ mod tests {
             let message = load(&text).unwrap_err().to_string();
             assert!(message.contains("scene.toml: ") && !message.contains('\n'), "{message}");
         }
+    }
+
+    #[test]
+    fn a_scene_is_written_again_with_other_assets_from_another_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let text = "[[camera]]\neye = [0, 0, 5]\ntarget = [0, 0, 0]\n[[camera]]\neye = [0, 5, 5]\ntarget = [0, 0, 0]\n\
+                    [[material]]\nname = \"a\"\nasset = \"a.spmm\"\n[[material]]\nname = \"b\"\nasset = 0\n\
+                    [[object]]\nmesh = \"sphere\"\nmaterial = \"a\"\n[[object]]\nmesh = \"m.obj\"\nmaterial = \"b\"\n";
+        let path = dir.path().join("s.toml");
+        std::fs::write(&path, text).unwrap();
+        std::fs::write(dir.path().join("m.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+            .unwrap();
+        std::fs::write(dir.path().join("a.spmm"), include_bytes!("models/weave.spmm")).unwrap();
+        let scene = load_scene(&path, vec![Arc::new(SceneAsset::built_in())]).unwrap();
+        assert_eq!((scene.assets.len(), scene.more_cameras.len()), (2, 1));
+        let out = dir.path().join("out");
+        std::fs::create_dir(&out).unwrap();
+        let files = ["x.spmm", "y.spmm"].map(String::from);
+        for file in &files {
+            std::fs::copy(dir.path().join("a.spmm"), out.join(file)).unwrap();
+        }
+        let again = scene_with_assets(&path, &scene.assets, &files, &out).unwrap();
+        assert!(again.contains("asset = \"y.spmm\"") && again.contains("asset = \"x.spmm\""), "{again}");
+        std::fs::write(out.join("scene.toml"), again).unwrap();
+        let loaded = load_scene(&out.join("scene.toml"), Vec::new()).unwrap();
+        assert_eq!(loaded.geometry.triangles().len(), scene.geometry.triangles().len());
+        assert_eq!((loaded.assets.len(), loaded.camera), (2, scene.camera));
     }
 }

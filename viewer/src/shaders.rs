@@ -170,7 +170,10 @@ mod tests {
             ("Triangle", fields!(Triangle; vertices, material)),
             ("Material", fields!(GpuMaterial; diffuse, asset, mirror, pad0, uv_scale, pad1, pad2)),
             ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
-            ("Path", fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, density, travelled, pad1)),
+            (
+                "Path",
+                fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, density, travelled, pad1),
+            ),
             ("Pixel", fields!(GpuPixel; sum, seen, rays, evaluations, depth)),
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
             ("Query", fields!(GpuQuery; wi, texel, wo, layer)),
