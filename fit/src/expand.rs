@@ -7,7 +7,7 @@ use crate::image_decoder::{ImageDecoder, Spot};
 use crate::material::Material;
 use crate::monitor::Monitor;
 use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
-use btf_runtime::{Asset, DecodeOptions, Resident};
+use btf_runtime::{Asset, DecodeOptions, Resident, Sphere, SurfaceSide, decode};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -86,6 +86,7 @@ pub fn expand(
         let plan = decoder.plan(views[view], lights[light]);
         let mut image = vec![0.0; texels * 3];
         decoder.decode_image(&plan, &mut image);
+        show_edits(asset, resident, params, views[view], lights[light], &mut image);
         turn_image(&mut image, info.width, info.side);
         Ok(writer.write(view, light, &image)?)
     })?;
@@ -95,6 +96,24 @@ pub fn expand(
     Ok(info)
 }
 
+/// Decodes the texels that were edited anew, with their edits.
+fn show_edits(asset: &Asset, resident: &Resident, params: &ExpandParams, view: Spot, light: Spot, image: &mut [f32]) {
+    let layer = &asset.layers[params.layer];
+    let unit = |spot: Spot, sphere: &Sphere, side: SurfaceSide| {
+        let [x, y, z] = match spot {
+            Spot::Measured(number) => sphere.direction(number as u32),
+            Spot::Other(unit) => unit,
+        };
+        // The layer's directions are on its own side.
+        [x, y, if side == SurfaceSide::Back { -z } else { z }]
+    };
+    let (wo, wi) = (unit(view, &layer.views, layer.view_side), unit(light, &layer.lights, layer.light_side));
+    for (texel, _) in asset.edits.texels.iter().enumerate().filter(|(_, edit)| **edit > 0) {
+        let value = decode(resident, params.layer as u32, texel as u32, wi, wo, &params.options);
+        image[3 * texel..3 * texel + 3].copy_from_slice(&value);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,7 +121,7 @@ mod tests {
     use crate::material::{CaptureRecord, FitRecord, MaterialLayer, sides_of_capture};
     use crate::sample_asset::{number, sample_asset};
     use btf_capture::{Capture, Pixels, Side};
-    use btf_runtime::{Interpolation, decode, pack};
+    use btf_runtime::{Interpolation, pack};
 
     fn parsed(asset: &Asset) -> Asset {
         Asset::parse(&pack(asset).unwrap()).unwrap()

@@ -452,7 +452,7 @@ fn assemble(layers: &[Prepared], step: f64, [width, height]: [usize; 2], params:
             Layer { residual: Some(encoded.residual), ..prepared.layer.clone() }
         })
         .collect();
-    Assembled { asset: Asset { width, height, material: String::new(), layers }, error }
+    Assembled { asset: Asset { width, height, material: String::new(), layers, edits: Default::default() }, error }
 }
 
 /// Size of the greatest coefficient that any layer can have: a row of root mean square length, times a margin.

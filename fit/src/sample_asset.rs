@@ -96,6 +96,7 @@ pub(crate) fn sample_asset_with(
         width,
         height,
         material: "{}".into(),
+        edits: Default::default(),
         layers: vec![Layer {
             light_side: SurfaceSide::Front,
             view_side: SurfaceSide::Front,

@@ -1,5 +1,6 @@
 //! An asset in memory, in its file form: what [`crate::pack`] writes and [`Asset::parse`] reads.
 
+use crate::edit::{EDIT_NUMBERS, Edit, Edits, MOST_EDITS};
 use crate::entropy::{Decoder, bounded, decode_plane};
 use crate::error::FormatError;
 use crate::format::{
@@ -95,6 +96,8 @@ pub struct Asset {
     pub material: String,
     /// One to four layers, no two with the same sides, all on one texel grid: the front's.
     pub layers: Vec<Layer>,
+    /// What was changed after it was measured.
+    pub edits: Edits,
 }
 
 /// Allowed epsilon of a residual's curve.
@@ -244,7 +247,11 @@ impl Asset {
             let section = format!("Layer 0 of layer {number}");
             return Err(FormatError::Section { section, reason: "an earlier layer has the same sides" });
         }
-        Ok(Asset { width, height, material, layers })
+        let edits = match sections.find(SectionKind::Edits, 0, 0) {
+            Some(reader) => read_edits(reader, width, height)?,
+            None => Edits::default(),
+        };
+        Ok(Asset { width, height, material, layers, edits })
     }
 
     /// The same with at most so many residual components, and of each texel's lobes at most so many, the most important
@@ -384,6 +391,22 @@ fn read_layer(sections: &Sections, layer: u32, width: usize, height: usize) -> R
         lobe_refs,
         residual,
     })
+}
+
+fn read_edits(mut reader: Reader, width: usize, height: usize) -> Result<Edits, FormatError> {
+    let count = reader.words(1)?[0] as usize;
+    if count == 0 || count > MOST_EDITS {
+        return reader.bad("it has not 1 to 255 edits");
+    }
+    let words = reader.words(count * EDIT_NUMBERS)?;
+    let numbers = |w: &[u32]| std::array::from_fn(|i| f32::from_bits(w[i]));
+    let list: Option<Vec<_>> = words.chunks_exact(EDIT_NUMBERS).map(|w| Edit::from_numbers(numbers(w))).collect();
+    let Some(list) = list else { return reader.bad("a number is out of its range") };
+    let texels = reader.coded(width * height, 0u8, |decoder, ids| code_clusters(decoder, ids, width))?;
+    if texels.iter().any(|edit| usize::from(*edit) > count) {
+        return reader.bad("a texel names an edit that is not there");
+    }
+    Ok(Edits { list, texels })
 }
 
 fn read_heights(mut reader: Reader, texels: usize, width: usize) -> Result<Heights, FormatError> {

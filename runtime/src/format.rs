@@ -108,6 +108,8 @@ pub enum SectionKind {
     Height = 12,
     /// Reserved: mip levels.
     Mip = 13,
+    /// Edits of the whole asset, and each texel's.
+    Edits = 14,
 }
 
 impl SectionKind {
@@ -128,6 +130,7 @@ impl SectionKind {
             Coefficients,
             Height,
             Mip,
+            Edits,
         ]
         .into_iter()
         .find(|known| *known as u32 == kind)

@@ -10,6 +10,7 @@
 
 use crate::asset::{Asset, Layer, LobeRef, LobeRole};
 use crate::decode::{lobe_sum_at_pairs, lobe_tables};
+use crate::edit::Edits;
 use crate::format::{MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, basis_words};
 use crate::parallax::Heights;
 use crate::quantize::{byte_from_weight, half_at, weight_from_byte};
@@ -73,7 +74,7 @@ where
     if sizes.is_empty() {
         return (Resident::from_asset_with(asset, map_words), Vec::new());
     }
-    let mut wider = asset.clone();
+    let mut wider = Asset { edits: Edits::default(), ..asset.clone() };
     let own_lobes: Vec<Option<OwnLobes>> = wider.layers.iter_mut().map(make_room).collect();
     let mut resident = Resident::from_asset_with(&wider, &map_words);
     let mut levels: Vec<Asset> = sizes
@@ -83,6 +84,7 @@ where
             height: *height,
             material: asset.material.clone(),
             layers: Vec::new(),
+            edits: asset.edits.coarser(finest, [*width, *height]),
         })
         .collect();
     for (number, own_lobes) in own_lobes.into_iter().enumerate() {
@@ -100,6 +102,9 @@ where
         }
     }
     resident.push_levels(&levels);
+    if let (Some(coarse), false) = (levels.first(), asset.edits.list.is_empty()) {
+        resident.set_edits(&asset.edits, &coarse.layers);
+    }
     (resident, levels)
 }
 

@@ -1,6 +1,7 @@
 //! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
 
 use crate::asset::{Asset, DictionaryLobe, EPSILON_RANGE, Layer, doubled_sides};
+use crate::edit::{Edit, MOST_EDITS};
 use crate::entropy::{Encoder, encode_plane};
 use crate::error::FormatError;
 use crate::format::{
@@ -47,6 +48,21 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
         bytes: asset.material.clone().into_bytes(),
         ends_tier: false,
     }];
+    let edits = &asset.edits;
+    if !edits.list.is_empty() {
+        if edits.list.len() > MOST_EDITS || !edits.list.iter().all(Edit::in_range) {
+            return refuse("it has more than 255 edits, or one with a number out of its range");
+        }
+        if edits.texels.len() != asset.texel_count()
+            || edits.texels.iter().any(|edit| usize::from(*edit) > edits.list.len())
+        {
+            return refuse("the edits do not fit the texels");
+        }
+        let mut bytes = bytes_from_words(&[edits.list.len() as u32]);
+        bytes.extend(edits.list.iter().flat_map(|edit| edit.numbers()).flat_map(f32::to_le_bytes));
+        bytes.extend(coded(|coder| code_clusters(coder, &mut edits.texels.clone(), asset.width)));
+        sections.push(SectionSource { kind: SectionKind::Edits, layer: 0, index: 0, bytes, ends_tier: false });
+    }
     let last = asset.layers.len() - 1;
     for (number, layer) in asset.layers.iter().enumerate() {
         check_layer(layer, asset.texel_count())?;

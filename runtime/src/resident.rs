@@ -5,13 +5,14 @@
 //! buffer. Twin of the offsets: `shaders/texel.wgsl`.
 
 use crate::asset::{Asset, Layer};
+use crate::edit::{Edits, push_dictionaries};
 use crate::format::MAX_LAYERS;
-use crate::lobe::RESIDENT_WORDS;
 use crate::quantize::word_from_halves;
 use crate::residual::{Residual, expand_core};
 use crate::texel;
 
-/// Asset words: width, height, layers, total words, levels, three zeros; then the offset of each layer's block, level by
+/// Asset words: width, height, layers, total words, levels, words without the edits (0 if none were ever made), two zeros;
+/// then the offset of each layer's block, level by
 /// level.
 pub const ASSET_LAYERS: usize = 8;
 /// Most levels: down to one texel from the widest asset.
@@ -71,6 +72,8 @@ pub mod block {
     pub const WIDTH: usize = 22;
     /// Rows of the level.
     pub const ROWS: usize = 23;
+    /// Offset of the list of edits, 0 without edits.
+    pub const EDITS: usize = 24;
 }
 
 /// The light fades to 0 below this cosine (84 degrees), or below the set's own least cosine.
@@ -110,7 +113,11 @@ impl Resident {
             push_texels(&mut words, block, layer, [asset.width, asset.height]);
         }
         words[3] = words.len() as u32;
-        Resident { words }
+        let mut resident = Resident { words };
+        if !asset.edits.list.is_empty() {
+            resident.set_edits(&asset.edits, &asset.layers);
+        }
+        resident
     }
 
     /// Expands the last cluster's bases anew, of a residual of the same shape.
@@ -137,6 +144,49 @@ impl Resident {
             }
         }
         words[3] = words.len() as u32;
+    }
+
+    /// Puts `edits` in place of those at hand, at all levels. `layers` are the file form's of any level
+    /// but the finest, or of the finest where there is no other. Cost: a word a texel, and the edits' lobes.
+    pub fn set_edits(&mut self, edits: &Edits, layers: &[Layer]) {
+        let finest = [self.width() as usize, self.height() as usize];
+        let words = &mut self.words;
+        if words[5] == 0 {
+            words[5] = words.len() as u32;
+        }
+        words.truncate(words[5] as usize);
+        let count = words[2] as usize;
+        for (number, layer) in layers.iter().enumerate().take(count) {
+            let list = if edits.list.is_empty() { 0 } else { words.len() as u32 };
+            edits.push(words, layer);
+            for level in 0..words[4] as usize {
+                let at = words[ASSET_LAYERS + level * count + number] as usize;
+                words[at + block::EDITS] = list;
+                let size = texel::size(words, at);
+                let of_level = edits.coarser(finest, size);
+                let records = words[at + block::RECORDS] as usize;
+                for texel in 0..size[0] * size[1] {
+                    let edit = of_level.texels.get(texel).copied().unwrap_or(0);
+                    let word = &mut words[records + 2 * texel];
+                    *word = *word & !0xff00 | u32::from(edit) << 8;
+                }
+            }
+        }
+        words[3] = words.len() as u32;
+    }
+
+    /// Ranges of words that [`Resident::set_edits`] changes.
+    pub fn edited_ranges(&self) -> Vec<std::ops::Range<usize>> {
+        let words = &self.words;
+        let blocks = (0..(words[4] * words[2]) as usize).map(|number| words[ASSET_LAYERS + number] as usize);
+        let mut ranges = Vec::new();
+        ranges.push(0..ASSET_LAYERS);
+        for at in blocks {
+            let ([width, rows], records) = (texel::size(words, at), words[at + block::RECORDS] as usize);
+            ranges.extend([at..at + LAYER_BLOCK_WORDS, records..records + 2 * width * rows]);
+        }
+        ranges.push(if words[5] == 0 { words.len() } else { words[5] as usize }..words.len());
+        ranges
     }
 
     /// The array that a storage buffer holds.
@@ -226,16 +276,9 @@ where
     set(words, block::VIEWS, here);
     words.extend_from_slice(layer.views.words());
 
-    let table = words.len();
-    set(words, block::DICTIONARIES, table as u32);
-    words.resize(table + layer.dictionary.len(), 0);
-    for (cluster, lobes) in layer.dictionary.iter().enumerate() {
-        words[table + cluster] = words.len() as u32;
-        for entry in lobes {
-            words.extend(entry.lobe.setup().to_resident_words(entry.weight_scale));
-        }
-    }
-    debug_assert_eq!((words.len() - table - layer.dictionary.len()) % RESIDENT_WORDS, 0);
+    let here = words.len() as u32;
+    set(words, block::DICTIONARIES, here);
+    push_dictionaries(words, &layer.dictionary, |entry| *entry);
 
     let Some(residual) = &layer.residual else {
         return;
@@ -325,6 +368,7 @@ fn expand_cluster(residual: &Residual, cluster: usize) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lobe::RESIDENT_WORDS;
     use crate::residual::ResidualKind;
     use crate::sphere::Sphere;
     use crate::testing::{direction_from_degrees, sample_asset};

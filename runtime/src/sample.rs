@@ -133,8 +133,7 @@ impl ViewedTexel<'_> {
     fn sample_lobe_at(&self, slot: usize) -> (LobeSetup, f32) {
         let t = self.texel();
         let reference = t.words[t.field(block::REFS) + t.first_ref + slot];
-        let dictionary = t.words[t.field(block::DICTIONARIES) + t.cluster] as usize;
-        let (lobe, weights) = t.lobe(dictionary, reference);
+        let (lobe, weights) = t.lobe(t.dictionary(t.edit), reference);
         let importance = sample_importance(&lobe, weights.iter().sum::<f32>() / 3.0);
         (lobe, importance)
     }

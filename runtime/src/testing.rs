@@ -171,7 +171,7 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         residual: Some(Residual { factors, shared, bases, coefficients }),
     };
     let material = format!("{{\"name\":\"sample {seed}\"}}");
-    Asset { width, height, material, layers: vec![layer] }
+    Asset { width, height, material, layers: vec![layer], edits: crate::Edits::default() }
 }
 
 /// Rough heights of `texels` texels, up to three texel widths either way.

@@ -2,6 +2,7 @@
 //! `shaders/texel.wgsl`.
 
 use crate::decode::DecodeOptions;
+use crate::edit::EDIT_WORDS;
 use crate::lobe::{LobeSetup, RESIDENT_WORDS};
 use crate::quantize::{coefficient_from_byte, half_at, weight_from_byte};
 use crate::resident::{ASSET_LAYERS, Resident, block};
@@ -23,6 +24,8 @@ pub(crate) struct Texel<'a> {
     pub first_ref: usize,
     /// The mean and the components that are used; 0 without residual.
     pub bases: usize,
+    /// Number of the texel's edit, counted from 1; 0 for none.
+    pub edit: usize,
 }
 
 impl<'a> Texel<'a> {
@@ -42,10 +45,11 @@ impl<'a> Texel<'a> {
             words,
             layer,
             texel: texel as usize,
-            cluster: (words[record] & 0xffff) as usize,
+            cluster: (words[record] & 0xff) as usize,
             lobes: (words[record] >> 16).min(options.lobes) as usize,
             first_ref: words[record + 1] as usize,
             bases: words[layer + block::BASES].min(options.components.saturating_add(1)) as usize,
+            edit: (words[record] >> 8 & 0xff) as usize,
         }
     }
 
@@ -66,9 +70,19 @@ impl<'a> Texel<'a> {
         (lobe, [8, 16, 24].map(|shift| weight_from_byte(reference >> shift & 0xff, scale)))
     }
 
-    /// Sum of the lobes, RGB.
-    pub(crate) fn lobe_sum(&self, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
-        let dictionary = self.words[self.field(block::DICTIONARIES) + self.cluster] as usize;
+    /// First word of the dictionary of the texel's cluster, as it was measured or as the edit numbered `edit` has it.
+    pub(crate) fn dictionary(&self, edit: usize) -> usize {
+        let table = if edit == 0 {
+            self.field(block::DICTIONARIES)
+        } else {
+            self.words[self.field(block::EDITS) + (edit - 1) * EDIT_WORDS + 4] as usize
+        };
+        self.words[table + self.cluster] as usize
+    }
+
+    /// Sum of the lobes of that dictionary, RGB.
+    pub(crate) fn lobe_sum(&self, edit: usize, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
+        let dictionary = self.dictionary(edit);
         let refs = self.field(block::REFS) + self.first_ref;
         let mut sum = [0.0; 3];
         for slot in 0..self.lobes {

@@ -7,6 +7,7 @@
 
 use crate::asset::LobeRole;
 use crate::decode::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
+use crate::edit::EDIT_WORDS;
 use crate::parallax::{HeightField, SeenBy};
 use crate::resident::{Resident, block};
 use crate::residual::ResidualKind;
@@ -130,14 +131,14 @@ impl<'a> ViewedTexel<'a> {
         self.shifted.as_ref().map_or(&self.t, |shifted| &shifted[v])
     }
 
-    /// Sum of the lobes that the eye sees, RGB.
-    fn lobe_sum(&self, wi: [f32; 3]) -> [f32; 3] {
+    /// Sum of the lobes that the eye sees, RGB, as measured or as an edit has them.
+    fn lobe_sum(&self, edit: usize, wi: [f32; 3]) -> [f32; 3] {
         if self.shifted.is_none() {
-            return self.t.lobe_sum(wi, self.wo);
+            return self.t.lobe_sum(edit, wi, self.wo);
         }
         let mut sum = [0.0; 3];
         for v in (0..3).filter(|v| self.weights[*v] > 0.0) {
-            let lobes = self.shown_by(v).lobe_sum(wi, self.wo);
+            let lobes = self.shown_by(v).lobe_sum(edit, wi, self.wo);
             (0..3).for_each(|c| sum[c] += self.weights[v] * lobes[c]);
         }
         sum
@@ -154,7 +155,7 @@ impl<'a> ViewedTexel<'a> {
                 let row = &mut rows[l];
                 if self.exact {
                     let wi = direction(self.t.words, self.t.field(block::LIGHTS), lights[l]);
-                    let lobes = texel.lobe_sum(wi, measured[v]);
+                    let lobes = texel.lobe_sum(0, wi, measured[v]);
                     for c in 0..3 {
                         let base = if self.guide { 0.0 } else { lobes[c] };
                         row.value[c] += weight * self.kind.combine(base, residual[l][c], epsilon, 1.0);
@@ -179,11 +180,31 @@ impl<'a> ViewedTexel<'a> {
             return [0.0; 3];
         }
         let fade = (wi[2] / t.float(block::HORIZON)).min(1.0);
-        let asked = !self.guide || self.exact || t.bases == 0;
-        let here = if asked { self.lobe_sum(wi) } else { [0.0; 3] };
-        if t.bases == 0 {
-            return here.map(|x| x.max(0.0) * fade);
+        let asked = !self.guide || self.exact || t.bases == 0 || t.edit > 0;
+        let here = if asked { self.lobe_sum(0, wi) } else { [0.0; 3] };
+        let mut value = if t.bases == 0 { here.map(|x| x.max(0.0)) } else { self.measured(rows, wi, here) };
+        if t.edit > 0 {
+            value = self.edited(value, here, self.lobe_sum(t.edit, wi));
         }
+        value.map(|x| x * fade)
+    }
+
+    /// A measured value with the lobes' sum `here` and the edited lobes' sum; see edit.rs.
+    fn edited(&self, value: [f32; 3], here: [f32; 3], lobes: [f32; 3]) -> [f32; 3] {
+        let t = &self.t;
+        let at = t.field(block::EDITS) + (t.edit - 1) * EDIT_WORDS;
+        let [r, g, b, keep] = [0, 1, 2, 3].map(|i| f32::from_bits(t.words[at + i]));
+        let (tint, epsilon) = ([r, g, b], t.float(block::EPSILON));
+        [0, 1, 2].map(|c| {
+            let left = self.kind.encode(value[c], epsilon) - self.kind.encode(here[c], epsilon);
+            tint[c] * self.kind.combine(lobes[c], keep * left, epsilon, 1.0)
+        })
+    }
+
+    /// The measured value in the direction `wi` of the layer's frame, without the fade to the horizon; `here` are the lobes,
+    /// where they are asked.
+    fn measured(&self, rows: &mut LightRows, wi: [f32; 3], here: [f32; 3]) -> [f32; 3] {
+        let t = &self.t;
         let light = locate(t.words, t.field(block::LIGHTS), wi);
         let epsilon = t.float(block::EPSILON);
 
@@ -212,12 +233,12 @@ impl<'a> ViewedTexel<'a> {
             // Beyond the lights' hull the residual falls with the light's cosine; alone, the decoded value does.
             let (base, scaled, falling) =
                 if self.guide { ([0.0; 3], 1.0, light.beyond) } else { (here, light.beyond, 1.0) };
-            return [0, 1, 2].map(|c| self.kind.combine(base[c], value[c], epsilon, scaled) * falling * fade);
+            return [0, 1, 2].map(|c| self.kind.combine(base[c], value[c], epsilon, scaled) * falling);
         }
         let lobes = mix(|row| row.lobes);
         [0, 1, 2].map(|c| {
             let ratio = (here[c] + RATIO_EPSILON) / (lobes[c] + RATIO_EPSILON);
-            value[c] * ratio.clamp(RATIO_RANGE[0], RATIO_RANGE[1]) * fade
+            value[c] * ratio.clamp(RATIO_RANGE[0], RATIO_RANGE[1])
         })
     }
 }

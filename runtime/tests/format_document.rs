@@ -96,7 +96,13 @@ fn example() -> Asset {
         ],
         residual: Some(residual),
     };
-    Asset { width: 3, height: 2, material: r#"{"name":"example"}"#.to_string(), layers: vec![layer] }
+    Asset {
+        width: 3,
+        height: 2,
+        material: r#"{"name":"example"}"#.to_string(),
+        layers: vec![layer],
+        edits: Default::default(),
+    }
 }
 
 /// Every field of the example by its name in the document, in the document's order.

@@ -2,10 +2,10 @@
 //! constants are the twin's, and the twin files hold the same functions in the same order.
 
 use btf_runtime::{
-    ASSET_LAYERS, COSINE_SHARE, DIRECTION_WORDS, EDGE_WORDS, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE, Interpolation,
-    LEAST_ALPHA, LEAST_AXIS, LEAST_RAY_STEPS, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole, MAX_LOG,
-    MIN_COS_VIEW, MIN_HALF, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP, ROOT,
-    ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, TRIANGLE_WORDS, WGSL, block, wgsl_library,
+    ASSET_LAYERS, COSINE_SHARE, DIRECTION_WORDS, EDGE_WORDS, EDIT_WORDS, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE,
+    Interpolation, LEAST_ALPHA, LEAST_AXIS, LEAST_RAY_STEPS, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole,
+    MAX_LOG, MIN_COS_VIEW, MIN_HALF, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP,
+    ROOT, ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, TRIANGLE_WORDS, WGSL, block, wgsl_library,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module};
@@ -126,6 +126,8 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("BLOCK_MOST_HEIGHT", block::MOST_HEIGHT),
         ("BLOCK_WIDTH", block::WIDTH),
         ("BLOCK_ROWS", block::ROWS),
+        ("BLOCK_EDITS", block::EDITS),
+        ("EDIT_WORDS", EDIT_WORDS),
         ("NO_LAYER", u32::MAX as usize),
     ];
     let floats = [

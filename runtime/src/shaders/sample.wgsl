@@ -115,7 +115,7 @@ struct SampleLobe {
 
 fn sample_lobe_at(t: Texel, slot: u32) -> SampleLobe {
     let reference = asset_word(t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref + slot);
-    let dictionary = t.base + asset_word(t.base + asset_word(t.layer + BLOCK_DICTIONARIES) + t.cluster);
+    let dictionary = texel_dictionary(t, t.edit);
     let one = texel_lobe(dictionary, reference);
     let weight = (one.weights.x + one.weights.y + one.weights.z) / 3.0;
     return SampleLobe(one.lobe, sample_importance(one.lobe, weight));

@@ -27,6 +27,8 @@ const BLOCK_LEAST_HEIGHT: u32 = 20u;
 const BLOCK_MOST_HEIGHT: u32 = 21u;
 const BLOCK_WIDTH: u32 = 22u;
 const BLOCK_ROWS: u32 = 23u;
+const BLOCK_EDITS: u32 = 24u;
+const EDIT_WORDS: u32 = 8u;
 
 // The speed and accuracy dial.
 struct BtfOptions {
@@ -48,7 +50,8 @@ struct Texel {
     first_ref: u32,
     // The mean and the components that are used; 0 without residual.
     bases: u32,
-    pad: u32,
+    // Number of the texel's edit, counted from 1; 0 for none.
+    edit: u32,
 }
 
 // Columns and rows of the level whose layer's block begins at word `layer`.
@@ -66,11 +69,11 @@ fn texel_at(base: u32, layer: u32, texel: u32, options: BtfOptions) -> Texel {
         base,
         layer,
         texel,
-        head & 0xffffu,
+        head & 0xffu,
         min(head >> 16u, options.lobes),
         asset_word(record + 1u),
         min(asset_word(layer + BLOCK_BASES), wanted),
-        0u,
+        (head >> 8u) & 0xffu,
     );
 }
 
@@ -90,8 +93,18 @@ fn texel_lobe(dictionary: u32, reference: u32) -> TexelLobe {
     return TexelLobe(lobe, weights);
 }
 
-fn texel_lobe_sum(t: Texel, wi: vec3<f32>, wo: vec3<f32>) -> vec3<f32> {
-    let dictionary = t.base + asset_word(t.base + asset_word(t.layer + BLOCK_DICTIONARIES) + t.cluster);
+// First word of the dictionary of the texel's cluster, as it was measured or as the edit numbered `edit` has it.
+fn texel_dictionary(t: Texel, edit: u32) -> u32 {
+    var table = asset_word(t.layer + BLOCK_DICTIONARIES);
+    if edit > 0u {
+        table = asset_word(t.base + asset_word(t.layer + BLOCK_EDITS) + (edit - 1u) * EDIT_WORDS + 4u);
+    }
+    return t.base + asset_word(t.base + table + t.cluster);
+}
+
+// Sum of the lobes of that dictionary.
+fn texel_lobe_sum(t: Texel, edit: u32, wi: vec3<f32>, wo: vec3<f32>) -> vec3<f32> {
+    let dictionary = texel_dictionary(t, edit);
     let refs = t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref;
     var sum = vec3<f32>(0.0);
     for (var slot = 0u; slot < t.lobes; slot++) {

@@ -88,15 +88,15 @@ fn viewed_shown_by(viewed: ViewedTexel, v: u32) -> Texel {
     return texel_at(viewed.t.base, viewed.t.layer, viewed.shown[v], viewed.options);
 }
 
-// Sum of the lobes that the eye sees.
-fn viewed_lobe_sum(viewed: ViewedTexel, wi: vec3<f32>) -> vec3<f32> {
+// Sum of the lobes that the eye sees, as measured or as an edit has them.
+fn viewed_lobe_sum(viewed: ViewedTexel, edit: u32, wi: vec3<f32>) -> vec3<f32> {
     if !viewed.shifted {
-        return texel_lobe_sum(viewed.t, wi, viewed.wo);
+        return texel_lobe_sum(viewed.t, edit, wi, viewed.wo);
     }
     var sum = vec3<f32>(0.0);
     for (var v = 0u; v < 3u; v++) {
         if viewed.weights[v] > 0.0 {
-            sum += viewed.weights[v] * texel_lobe_sum(viewed_shown_by(viewed, v), wi, viewed.wo);
+            sum += viewed.weights[v] * texel_lobe_sum(viewed_shown_by(viewed, v), edit, wi, viewed.wo);
         }
     }
     return sum;
@@ -121,7 +121,7 @@ fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsil
         for (var l = 0u; l < 3u; l++) {
             if wanted[l] {
                 let wi = sphere_direction(t.base + asset_word(t.layer + BLOCK_LIGHTS), lights[l]);
-                let lobes = texel_lobe_sum(t, wi, measured[v]);
+                let lobes = texel_lobe_sum(t, 0u, wi, measured[v]);
                 rows.values[l] += weight * residual_combine(viewed.kind, base_share * lobes, residual[l], epsilon, 1.0);
                 rows.lobes[l] += weight * lobes;
             }
@@ -143,12 +143,33 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     }
     let fade = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
     var here = vec3<f32>(0.0);
-    if !viewed.guide || viewed.exact || t.bases == 0u {
-        here = viewed_lobe_sum(viewed, wi);
+    if !viewed.guide || viewed.exact || t.bases == 0u || t.edit > 0u {
+        here = viewed_lobe_sum(viewed, 0u, wi);
     }
-    if t.bases == 0u {
-        return max(here, vec3<f32>(0.0)) * fade;
+    var value = max(here, vec3<f32>(0.0));
+    if t.bases > 0u {
+        value = viewed_measured(viewed, rows, wi, here);
     }
+    if t.edit > 0u {
+        value = viewed_edited(viewed, value, here, viewed_lobe_sum(viewed, t.edit, wi));
+    }
+    return value * fade;
+}
+
+// A measured value with the lobes' sum `here` and the edited lobes' sum; see edit.rs.
+fn viewed_edited(viewed: ViewedTexel, value: vec3<f32>, here: vec3<f32>, lobes: vec3<f32>) -> vec3<f32> {
+    let t = viewed.t;
+    let at = t.base + asset_word(t.layer + BLOCK_EDITS) + (t.edit - 1u) * EDIT_WORDS;
+    let tint = vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
+    let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
+    let left = residual_encode(viewed.kind, value, epsilon) - residual_encode(viewed.kind, here, epsilon);
+    return tint * residual_combine(viewed.kind, lobes, asset_f32(at + 3u) * left, epsilon, 1.0);
+}
+
+// The measured value in the direction `wi` of the layer's frame, without the fade to the horizon; `here` are the lobes,
+// where they are asked.
+fn viewed_measured(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi: vec3<f32>, here: vec3<f32>) -> vec3<f32> {
+    let t = viewed.t;
     let light = sphere_locate(t.base + asset_word(t.layer + BLOCK_LIGHTS), wi);
     let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
 
@@ -184,9 +205,9 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
         let base = select(here, vec3<f32>(0.0), viewed.guide);
         let scaled = select(light.beyond, 1.0, viewed.guide);
         let falling = select(1.0, light.beyond, viewed.guide);
-        return residual_combine(viewed.kind, base, value, epsilon, scaled) * falling * fade;
+        return residual_combine(viewed.kind, base, value, epsilon, scaled) * falling;
     }
     let lobes = found.lobes * light.weights;
     let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);
-    return value * clamp(ratio, vec3<f32>(RATIO_LEAST), vec3<f32>(RATIO_MOST)) * fade;
+    return value * clamp(ratio, vec3<f32>(RATIO_LEAST), vec3<f32>(RATIO_MOST));
 }
