@@ -7,7 +7,7 @@
 //! (docs/RESULTS.md); beyond them, where slopes grow fast, the neighbours are moved.
 
 use crate::quantize::coefficient_from_byte;
-use crate::resident::block;
+use crate::resident::{ASSET_LAYERS, Resident, block};
 use crate::texel;
 
 /// Steepest slope of a ray, columns or rows per unit of height: 84 degrees.
@@ -93,6 +93,17 @@ impl<'a> HeightField<'a> {
         })
     }
 
+    /// That of a layer, as [`crate::Resident::layer_for_sides`] numbers it; `None` if it has none.
+    pub fn of_resident(resident: &'a Resident, layer: u32) -> Option<HeightField<'a>> {
+        let words = resident.words();
+        HeightField::of_layer(words, words[ASSET_LAYERS + layer as usize] as usize)
+    }
+
+    /// Least and greatest height, texel widths.
+    pub fn range(&self) -> [f32; 2] {
+        self.range
+    }
+
     fn of_texel(&self, column: usize, row: usize) -> f32 {
         let texel = row * self.size[0] + column;
         self.step * coefficient_from_byte(self.words[self.at + texel / 4] >> (8 * (texel as u32 % 4)) & 0xff)
@@ -104,6 +115,19 @@ impl<'a> HeightField<'a> {
         let (c, r) = (column as usize, row as usize);
         let (next_c, next_r) = ((c + 1).min(self.size[0] - 1), (r + 1).min(self.size[1] - 1));
         let (along, down) = (column - c as f32, row - r as f32);
+        let upper = self.of_texel(c, r) + (self.of_texel(next_c, r) - self.of_texel(c, r)) * along;
+        let lower = self.of_texel(c, next_r) + (self.of_texel(next_c, next_r) - self.of_texel(c, next_r)) * along;
+        upper + (lower - upper) * down
+    }
+
+    /// Bilinear, the map repeated; texel centres at whole numbers.
+    pub fn at_wrapped(&self, place: [f32; 2]) -> f32 {
+        let floor = place.map(f32::floor);
+        let [c, r] =
+            [0, 1].map(|i| (floor[i] - self.size[i] as f32 * (floor[i] / self.size[i] as f32).floor()) as usize);
+        let (c, r) = (c.min(self.size[0] - 1), r.min(self.size[1] - 1));
+        let (next_c, next_r) = ((c + 1) % self.size[0], (r + 1) % self.size[1]);
+        let (along, down) = (place[0] - floor[0], place[1] - floor[1]);
         let upper = self.of_texel(c, r) + (self.of_texel(next_c, r) - self.of_texel(c, r)) * along;
         let lower = self.of_texel(c, next_r) + (self.of_texel(next_c, next_r) - self.of_texel(c, next_r)) * along;
         upper + (lower - upper) * down
@@ -129,8 +153,8 @@ impl<'a> HeightField<'a> {
         least
     }
 
-    /// Columns and rows per unit of height, towards `direction`.
-    fn slope(direction: [f32; 3]) -> [f32; 2] {
+    /// Columns and rows per unit of height, towards `direction`, at most [`MOST_SLOPE`].
+    pub fn slope(direction: [f32; 3]) -> [f32; 2] {
         let s = [direction[0], -direction[1]].map(|x| x / direction[2].max(1e-6));
         let steep = (s[0] * s[0] + s[1] * s[1]).sqrt() / MOST_SLOPE;
         s.map(|x| x / steep.max(1.0))
@@ -176,7 +200,6 @@ mod tests {
     use crate::decode::{DecodeOptions, Interpolation, decode};
     use crate::error::FormatError;
     use crate::pack;
-    use crate::resident::Resident;
     use crate::residual::ResidualKind;
     use crate::testing::{Random, direction_from_degrees, sample_asset, sample_heights};
 

@@ -107,6 +107,11 @@ impl<'a> ViewedTexel<'a> {
         viewed
     }
 
+    /// Whether its values have a residual; without one they are the lobes alone.
+    pub fn has_residual(&self) -> bool {
+        self.t.field(block::BASES) > 0
+    }
+
     /// The texel itself.
     pub(crate) fn texel(&self) -> &Texel<'a> {
         &self.t

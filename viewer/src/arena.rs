@@ -5,6 +5,11 @@ use crate::error::ViewerError;
 use crate::gpu::Gpu;
 use crate::pieces::{PieceLayout, Pieces};
 
+/// Words that are left free behind an asset of so many words, for edits: some sixteen of an asset of 240 lobes.
+pub(crate) fn room_for_edits(words: usize) -> usize {
+    (words / 8).min(1 << 16)
+}
+
 /// Assets begin at multiples of this many words, so that their sections stay aligned to 256 bytes.
 const ALIGNMENT_WORDS: usize = 64;
 
@@ -31,18 +36,20 @@ pub(crate) struct Arena {
     pub pieces: Pieces,
     /// First word of each asset.
     pub bases: Vec<u32>,
+    /// Words that each may have.
+    room: Vec<usize>,
 }
 
 impl Arena {
-    /// Uploads the words of `assets`.
+    /// Uploads the words of `assets`, with `room` for more behind an asset of so many words.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the adapter binds too few buffers for so many pieces, or has no memory for them.
-    pub(crate) fn new(gpu: &Gpu, assets: &[&[u32]]) -> Result<Arena, ViewerError> {
+    pub(crate) fn new(gpu: &Gpu, assets: &[&[u32]], room: fn(usize) -> usize) -> Result<Arena, ViewerError> {
         let most_bytes = gpu.most_binding_bytes();
         let most_buffers = gpu.most_pieces();
-        let sizes: Vec<usize> = assets.iter().map(|words| words.len()).collect();
-        let (bases, layout, total) = place(&sizes, (most_bytes / 4) as usize);
+        let room: Vec<usize> = assets.iter().map(|words| words.len() + room(words.len())).collect();
+        let (bases, layout, total) = place(&room, (most_bytes / 4) as usize);
         if layout.pieces > most_buffers || total > u32::MAX as usize {
             return Err(gpu.error(format!(
                 "the assets take {:.1} MiB and this adapter binds at most {:.1}; render with --backend cpu, or fit \
@@ -51,24 +58,38 @@ impl Arena {
                 f64::from(most_buffers) * most_bytes as f64 / f64::from(1 << 20)
             )));
         }
-        let piece_words = layout.range(0, total).len();
         let buffers = (0..layout.pieces)
             .map(|piece| {
                 let words = layout.range(piece, total).len();
                 gpu.empty_buffer("assets", 4 * words as u64, wgpu::BufferUsages::STORAGE)
             })
             .collect::<Result<Vec<_>, _>>()?;
-        for (asset, base) in assets.iter().zip(&bases) {
-            let (mut rest, mut at) = (*asset, *base as usize);
-            while !rest.is_empty() {
-                let within = at % piece_words;
-                let (now, later) = rest.split_at(rest.len().min(piece_words - within));
-                gpu.queue.write_buffer(&buffers[at / piece_words], 4 * within as u64, bytemuck::cast_slice(now));
-                at += now.len();
-                rest = later;
-            }
+        let arena = Arena { pieces: Pieces { layout, buffers }, bases, room };
+        for (number, words) in assets.iter().enumerate() {
+            arena.write(gpu, number, words, 0..words.len());
         }
-        Ok(Arena { pieces: Pieces { layout, buffers }, bases })
+        Ok(arena)
+    }
+
+    /// Writes a `range` of an asset's words anew; `false` if the asset has outgrown its place.
+    pub(crate) fn write(&self, gpu: &Gpu, asset: usize, words: &[u32], range: std::ops::Range<usize>) -> bool {
+        if words.len() > self.room[asset] {
+            return false;
+        }
+        let piece_words = match self.pieces.layout.pieces {
+            1 => usize::MAX,
+            _ => 1usize << self.pieces.layout.shift,
+        };
+        let (mut at, mut rest) = (self.bases[asset] as usize + range.start, &words[range]);
+        while !rest.is_empty() {
+            let within = at % piece_words;
+            let (now, later) = rest.split_at(rest.len().min(piece_words - within));
+            let buffer = &self.pieces.buffers[at / piece_words];
+            gpu.queue.write_buffer(buffer, 4 * within as u64, bytemuck::cast_slice(now));
+            at += now.len();
+            rest = later;
+        }
+        true
     }
 }
 

@@ -103,6 +103,23 @@ impl Camera {
         }
     }
 
+    /// Turns the view about the eye: to the right by `yaw_rad`, upwards by `pitch_rad`. Stops short of the poles.
+    pub fn look(&mut self, yaw_rad: f32, pitch_rad: f32) {
+        // The target goes round the eye as the eye goes round the target.
+        let mut other = Camera { eye: self.target, target: self.eye, ..*self };
+        other.orbit(-yaw_rad, pitch_rad);
+        self.target = other.eye;
+    }
+
+    /// Moves eye and target by `x` to the right, `y` upwards and `z` forwards, in the picture's axes.
+    pub fn fly(&mut self, [x, y, z]: [f32; 3]) {
+        let forward = (self.target - self.eye).normalize();
+        let right = forward.cross(self.up).normalize();
+        let shift = right * x + right.cross(forward) * y + forward * z;
+        self.eye += shift;
+        self.target += shift;
+    }
+
     /// Moves eye and target so that the picture moves by a fraction of its shorter side (x right, y up).
     pub fn pan(&mut self, x: f32, y: f32) {
         let offset = self.eye - self.target;
@@ -116,6 +133,17 @@ impl Camera {
 }
 
 impl CameraFrame {
+    /// Where a point is seen, pixels from the picture's top left corner; `None` behind the eye.
+    pub fn pixel_of(&self, point: Vec3) -> Option<[f32; 2]> {
+        let towards = point - self.eye;
+        let depth = towards.dot(self.forward);
+        (depth > 1e-6).then(|| {
+            let x = towards.dot(self.right) / (depth * self.right.length_squared());
+            let y = towards.dot(self.up) / (depth * self.up.length_squared());
+            [0.5 * (1.0 + x) * self.width as f32, 0.5 * (1.0 - y) * self.height as f32]
+        })
+    }
+
     /// Unit direction of the ray through pixel (`x`, `y`), row 0 at the top, moved by `jitter` pixels from the
     /// pixel's middle. Twin: `camera_direction` in `shade.wgsl`.
     pub fn direction(&self, x: u32, y: u32, jitter: [f32; 2]) -> Vec3 {
@@ -181,6 +209,28 @@ mod tests {
         let before = camera.eye;
         camera.orbit(0.5, 0.0);
         assert!((camera.eye - before).length() > 1e-3);
+    }
+
+    #[test]
+    fn a_point_is_seen_where_its_ray_goes_through() {
+        let frame = Camera { eye: Vec3::new(1.0, 2.0, 5.0), ..camera() }.frame(200, 120);
+        for (x, y) in [(0, 0), (150, 30), (199, 119)] {
+            let [px, py] = frame.pixel_of(frame.eye + frame.direction(x, y, [0.0; 2]) * 7.0).unwrap();
+            assert!((px - x as f32 - 0.5).abs() < 1e-2 && (py - y as f32 - 0.5).abs() < 1e-2, "{px} {py}");
+        }
+        assert_eq!(frame.pixel_of(frame.eye - frame.forward), None);
+    }
+
+    #[test]
+    fn looking_keeps_the_eye_and_flying_the_view() {
+        let mut camera = camera();
+        camera.look(0.3, 0.2);
+        assert!(camera.eye == Vec3::new(0.0, 0.0, 5.0) && camera.target.x > 0.1 && camera.target.y > 0.1);
+        assert!((camera.target - camera.eye).length() - 5.0 < 1e-4);
+        let before = camera.target - camera.eye;
+        camera.fly([0.0, 0.0, 2.0]);
+        assert!((camera.target - camera.eye - before).length() < 1e-5);
+        assert!((camera.eye - Vec3::new(0.0, 0.0, 5.0) - before.normalize() * 2.0).length() < 1e-5);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::camera::{CameraFrame, jitter};
 use crate::options::{RenderMode, ShadeOptions};
+use crate::relief::Relief;
 use crate::sampler;
 use crate::scene::{Material, Scene};
 use crate::surface::{LEAST_EYE_COS, Surface};
@@ -25,6 +26,8 @@ const LOBE_CHOICE: u32 = 0x02e5_be93;
 const LEVEL_CHOICE: u32 = 0x967a_889b;
 /// Lights that are looked at for each that is drawn.
 pub(crate) const LIGHT_CANDIDATES: usize = 8;
+/// Shells that a ray may pass.
+const SHELL_TRIES: usize = 8;
 /// Least chance of a path to go on.
 const LEAST_KEPT: f32 = 0.05;
 
@@ -148,6 +151,40 @@ impl Shader<'_> {
         geometry.bvh().trace(geometry.vertices(), geometry.triangles(), origin, direction, t_max, any)
     }
 
+    /// What a ray meets, relief included, and its way below the surface to the relief, texels. Twin: `trace_seen`.
+    fn seen(&self, origin: Vec3, direction: Vec3) -> (Hit, f32) {
+        let (mut start, mut gone) = (origin, 0.0);
+        // Length of the way through the shell just before.
+        let mut through = 0.0;
+        for _ in 0..SHELL_TRIES {
+            let mut hit = self.trace(start, direction, FAR, AnyHit::No);
+            if hit.primitive == NO_HIT {
+                return (hit, 0.0);
+            }
+            gone += hit.t;
+            let s = Surface::surface_at(&self.scene.geometry, &hit, direction);
+            let relief = Relief::relief_new(self.scene, &hit, &s);
+            // What was entered between the hills is left through its lid.
+            let leaving = s.view_back && hit.t < through;
+            hit.t = gone;
+            let Some(relief) = relief.filter(|_| !s.view_back || leaving) else {
+                return (hit, 0.0);
+            };
+            if leaving {
+                (start, through) = (s.above, 0.0);
+                continue;
+            }
+            let way = relief.relief_enter(-s.wo);
+            if way >= 0.0 {
+                return (hit, way);
+            }
+            through = -way / relief.texels_per_unit;
+            start = s.position + direction * through;
+            gone += through;
+        }
+        (Hit { t: FAR, primitive: NO_HIT, u: 0.0, v: 0.0 }, 0.0)
+    }
+
     /// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some
     /// candidates spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005]. Its number and how
     /// many lights' share it stands for; `None` where none could add anything.
@@ -200,6 +237,7 @@ impl Shader<'_> {
     fn light_from_side(
         &self,
         s: &Surface,
+        relief: Option<(&Relief, Vec3)>,
         material: &Material,
         level: u32,
         light_back: bool,
@@ -220,12 +258,17 @@ impl Shader<'_> {
             None if light_back != s.view_back => return Vec3::ZERO,
             None => None,
         };
+        // Values without a residual hold no shadows.
+        let bare = viewed.as_ref().is_some_and(|viewed| !viewed.has_residual());
         let mut rows = LightRows::default();
         let origin = if light_back { s.below } else { s.above };
         let mut radiance = Vec3::ZERO;
         let mut add = |wi: Vec3, incident: Vec3, direction: Vec3, distance: f32| {
             done.rays += 1;
             if distance > 0.0 && self.trace(origin, direction, distance, AnyHit::Yes).primitive != NO_HIT {
+                return;
+            }
+            if relief.is_some_and(|(relief, point)| !light_back && relief.relief_shadowed(point, wi, bare)) {
                 return;
             }
             let reflected = match &viewed {
@@ -357,7 +400,7 @@ impl Shader<'_> {
         let (mut radiance, mut throughput, mut scattered) = (Vec3::ZERO, Vec3::ONE, false);
         let (mut density, mut travelled) = (0.0, 0.0);
         for depth in 1..=self.options.depth {
-            let hit = self.trace(origin, direction, FAR, AnyHit::No);
+            let (hit, sunk) = self.seen(origin, direction);
             done.rays += 1;
             if depth == 1 {
                 done.primitive = hit.primitive;
@@ -376,14 +419,20 @@ impl Shader<'_> {
                 break;
             }
             travelled += hit.t;
-            let s = Surface::surface_at(&scene.geometry, &hit, direction);
+            let mut s = Surface::surface_at(&scene.geometry, &hit, direction);
             let material = &scene.materials[s.material];
+            let relief = Relief::relief_new(scene, &hit, &s).filter(|_| !s.view_back);
+            let point = relief.map_or(Vec3::ZERO, |relief| relief.relief_point(-s.wo, sunk));
+            if let Some(relief) = &relief {
+                s.uv = relief.relief_uv(material, point, s.wo);
+            }
+            let relief = relief.as_ref().map(|relief| (relief, point));
             let ambient_at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Ambient));
             let seed = sampler::hash(seed_of(pixel, depth, Numbers::Light).wrapping_add(self.sample));
             let level = self.level_of(&s, material, travelled, seed);
             for light_back in [false, true] {
-                radiance +=
-                    throughput * self.light_from_side(&s, material, level, light_back, ambient_at, seed, &mut done);
+                radiance += throughput
+                    * self.light_from_side(&s, relief, material, level, light_back, ambient_at, seed, &mut done);
             }
             if self.options.mode == RenderMode::Path {
                 let at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Scatter));
@@ -411,6 +460,34 @@ impl Shader<'_> {
         }
         (radiance.to_array(), done)
     }
+}
+
+/// What a pixel's middle shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Picked {
+    /// Number of the asset.
+    pub asset: usize,
+    /// Texel of its finest level.
+    pub texel: u32,
+    /// Where the surface is.
+    pub position: Vec3,
+}
+
+/// The asset that the eye sees in a pixel of a picture of `size`, at `pixel` from its top left corner, if any.
+pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option<Picked> {
+    let camera = scene.camera.frame(width, height);
+    let [x, y] = pixel.map(|x| x.max(0.0));
+    let direction = camera.direction(x as u32, y as u32, [x.fract() - 0.5, y.fract() - 0.5]);
+    let geometry = &scene.geometry;
+    let hit = geometry.bvh().trace(geometry.vertices(), geometry.triangles(), camera.eye, direction, FAR, AnyHit::No);
+    if hit.primitive == NO_HIT {
+        return None;
+    }
+    let s = Surface::surface_at(geometry, &hit, direction);
+    let material = &scene.materials[s.material];
+    let asset = material.asset?;
+    let texel = scene.assets[asset].resident.texel(0, (s.uv * Vec2::from(material.uv_scale)).to_array());
+    Some(Picked { asset, texel, position: s.position })
 }
 
 /// Of each asset of a scene, how many pixels of its picture ask for each level, the finest first: those in which the eye

@@ -60,7 +60,7 @@ pub fn gpu_decode(
     queries: &[DecodeQuery],
 ) -> Result<Vec<[f32; 3]>, ViewerError> {
     gpu.require(tracer)?;
-    let arena = Arena::new(gpu, &[resident.words()])?;
+    let arena = Arena::new(gpu, &[resident.words()], |_| 0)?;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("decode"),
         source: wgpu::ShaderSource::Wgsl(

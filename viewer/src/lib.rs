@@ -15,11 +15,9 @@
 //!
 //! Limits: nearest texel, at most 2^24 triangles.
 
-mod app;
 mod arena;
 mod bench;
 mod bench_plot;
-mod blit;
 mod bvh;
 mod camera;
 mod cpu;
@@ -36,23 +34,23 @@ mod mesh;
 mod mesh_file;
 mod models;
 mod options;
-mod panel;
 mod picture;
 mod pieces;
 mod plan;
+mod relief;
 mod sampler;
 mod scene;
 mod scene_file;
 mod shaders;
 mod surface;
 mod trace;
+mod window;
 
-pub use app::{WindowParams, run_window};
 pub use bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};
 pub use bench_plot::bench_svg;
 pub use bvh::{AnyHit, Bvh, BvhNode, Hit, NO_HIT};
 pub use camera::{Camera, CameraFrame, jitter};
-pub use cpu::CpuPicture;
+pub use cpu::{CpuPicture, Picked, pick};
 pub use environment::{Environment, MOST_COLUMNS};
 pub use error::ViewerError;
 pub use geometry::{Geometry, Triangle, Vertex};
@@ -74,3 +72,4 @@ pub use scene::{
 pub use scene_file::{load_scene, scene_with_assets};
 pub use shaders::{GpuTracer, ModuleLayout, trace_module};
 pub use trace::{NO_ASSET, PixelHit, Tracer};
+pub use window::{WindowParams, run_window};

@@ -189,6 +189,9 @@ struct ViewArguments {
     /// What lies farther away does not occlude, scene units [default: half the scene's radius]; turns --ao on
     #[arg(long, value_name = "D", value_parser = parse_positive)]
     ao_distance: Option<f32>,
+    /// Displaces surfaces by their assets' heights times this: 1 as they are, 0 not at all
+    #[arg(long, value_name = "SCALE", value_parser = parse_scale_of_heights)]
+    displacement: Option<f32>,
     /// Which of the scene's cameras, counted from 1
     #[arg(long, value_name = "N", requires = "scene", value_parser = clap::value_parser!(u32).range(1..))]
     camera: Option<u32>,
@@ -258,6 +261,10 @@ fn parse_positive(text: &str) -> Result<f32, String> {
         .ok_or_else(|| "it is a number above 0, as in 0.5".into())
 }
 
+fn parse_scale_of_heights(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|x: &f32| (0.0..=100.0).contains(x)).ok_or_else(|| "it is a number from 0 to 100".into())
+}
+
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     match run(&arguments) {
@@ -298,10 +305,7 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
                 out,
             )
         }
-        None => {
-            let size = arguments.size.unwrap_or([1100, 760]);
-            run_window(scene, WindowParams { size, backend, adapter, shade, target_ms })
-        }
+        None => run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms }),
     }
 }
 
@@ -496,6 +500,15 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
             scene.ambient.radiance = [radiance; 3];
         }
         scene.ambient.distance = arguments.ao_distance.unwrap_or(scene.ambient.distance);
+    }
+    if let Some(scale) = arguments.displacement {
+        if scale > 0.0 && !scene.assets.iter().any(|asset| asset.has_heights()) {
+            return Err(ViewerError::Usage(
+                "--displacement needs an asset with heights; fit it with `btf-fit fit CAPTURE -o ASSET.spmm --heights`"
+                    .into(),
+            ));
+        }
+        scene.displace(scale);
     }
     scene.exposure_ev = arguments.exposure.unwrap_or(scene.exposure_ev);
     Ok(scene)

@@ -7,7 +7,7 @@ use crate::geometry::{Geometry, Triangle};
 use crate::mesh::{self, MeshPart};
 use crate::mesh_file::load_mesh;
 use crate::models;
-use btf_runtime::{Asset, Resident, resident_with_levels};
+use btf_runtime::{Asset, Edits, HeightField, Resident, resident_with_levels};
 use glam::{Mat4, Vec3};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ struct Told {
 }
 
 /// A packed asset, ready to be decoded.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct SceneAsset {
     /// File stem, for messages and the panel.
     pub name: String,
@@ -86,6 +86,17 @@ impl SceneAsset {
         SceneAsset { name: name.into(), path: None, size_mm, asset, levels, resident }
     }
 
+    /// Puts `edits` in place of those at hand.
+    pub fn set_edits(&mut self, edits: Edits) {
+        let layers = &self.levels.first().unwrap_or(&self.asset).layers;
+        self.resident.set_edits(&edits, layers);
+        let finest = [self.asset.width, self.asset.height];
+        for level in &mut self.levels {
+            level.edits = edits.coarser(finest, [level.width, level.height]);
+        }
+        self.asset.edits = edits;
+    }
+
     /// The asset at a level, 0 the finest; the coarsest beyond them all.
     pub fn level(&self, level: usize) -> &Asset {
         match level.checked_sub(1) {
@@ -97,6 +108,12 @@ impl SceneAsset {
     /// Residual components of the layer that has most.
     pub fn most_components(&self) -> u32 {
         (0..self.resident.layers()).map(|layer| self.resident.components(layer)).max().unwrap_or(0)
+    }
+
+    /// Whether its front has heights.
+    pub fn has_heights(&self) -> bool {
+        let heights = |layer| HeightField::of_resident(&self.resident, layer).is_some();
+        self.resident.layer_for_sides(0, false, false).is_some_and(heights)
     }
 
     /// Lobes of the texel that has most.
@@ -122,17 +139,20 @@ pub struct Material {
     pub mirror: [f32; 3],
     /// Factors on the texture coordinates: how often the asset is repeated.
     pub uv_scale: [f32; 2],
+    /// What the asset's heights are multiplied by where they displace the surface: 1 as they are, 0 for none. The mesh is
+    /// where the highest point lies.
+    pub displacement: f32,
 }
 
 impl Material {
     /// A material that shows asset number `asset`.
     pub fn from_asset(asset: usize, uv_scale: [f32; 2]) -> Material {
-        Material { asset: Some(asset), diffuse: [0.5; 3], mirror: [0.0; 3], uv_scale }
+        Material { asset: Some(asset), diffuse: [0.5; 3], mirror: [0.0; 3], uv_scale, displacement: 0.0 }
     }
 
     /// A plain diffuse material.
     pub fn plain(diffuse: [f32; 3]) -> Material {
-        Material { asset: None, diffuse, mirror: [0.0; 3], uv_scale: [1.0; 2] }
+        Material { asset: None, diffuse, mirror: [0.0; 3], uv_scale: [1.0; 2], displacement: 0.0 }
     }
 }
 
@@ -439,6 +459,14 @@ impl Scene {
     /// Lobes of the texel that has most.
     pub fn most_lobes(&self) -> u32 {
         self.assets.iter().map(|asset| asset.most_lobes()).max().unwrap_or(0)
+    }
+
+    /// Displaces every surface that carries an asset with heights by these, times `scale`; 0 for none.
+    pub fn displace(&mut self, scale: f32) {
+        for material in &mut self.materials {
+            let displaced = material.asset.is_some_and(|asset| self.assets[asset].has_heights());
+            material.displacement = if displaced { scale } else { 0.0 };
+        }
     }
 
     /// The ambient light that the scene's size suggests.

@@ -13,6 +13,7 @@
 //! name = "leaf"
 //! asset = "leaf.spmm"               # or a number: the n-th asset of the command line, from 0
 //! uv_scale = [2.0, 2.0]
+//! displacement = 1.0                # optional: heights of the asset, times this, displace the surface
 //! physical = true                   # optional: repeated so often that it has the size that the asset tells
 //!
 //! [[material]]
@@ -126,6 +127,8 @@ struct MaterialEntry {
     physical: bool,
     #[serde(default = "ones2")]
     uv_scale: [f32; 2],
+    #[serde(default)]
+    displacement: f32,
 }
 
 #[derive(Deserialize)]
@@ -232,7 +235,10 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
         }
         // What is a mirror and nothing else shows nothing below it.
         let diffuse = entry.diffuse.unwrap_or([if asset.is_some() { 0.5 } else { 0.0 }; 3]);
-        let material = Material { asset, diffuse, mirror, uv_scale: entry.uv_scale };
+        let material = Material { asset, diffuse, mirror, uv_scale: entry.uv_scale, displacement: entry.displacement };
+        if !(material.displacement.is_finite() && material.displacement >= 0.0) {
+            return Err(fault(format!("material '{}' needs a displacement of at least 0", entry.name)));
+        }
         if !material.diffuse.iter().chain(&material.uv_scale).all(|x| x.is_finite()) {
             return Err(fault(format!("material '{}' has a number that is not finite", entry.name)));
         }

@@ -6,6 +6,7 @@ const SCENE: &str = include_str!("shaders/scene.wgsl");
 const SAMPLER: &str = include_str!("shaders/sampler.wgsl");
 const ENVIRONMENT: &str = include_str!("shaders/environment.wgsl");
 const SURFACE: &str = include_str!("shaders/surface.wgsl");
+const RELIEF: &str = include_str!("shaders/relief.wgsl");
 const SHADE: &str = include_str!("shaders/shade.wgsl");
 const PASSES: &str = include_str!("shaders/passes.wgsl");
 const BVH: &str = include_str!("shaders/bvh.wgsl");
@@ -70,7 +71,7 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
         GpuTracer::Bvh => &[TRACE_BVH, BVH],
     };
-    [tracer_parts, &[SCENE, &arrays, &library, SAMPLER, ENVIRONMENT, SURFACE, SHADE, PASSES, DECODE_QUERIES]]
+    [tracer_parts, &[SCENE, &arrays, &library, SAMPLER, ENVIRONMENT, SURFACE, RELIEF, SHADE, PASSES, DECODE_QUERIES]]
         .concat()
         .join("\n")
 }
@@ -168,11 +169,11 @@ mod tests {
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
-            ("Material", fields!(GpuMaterial; diffuse, asset, mirror, pad0, uv_scale, pad1, pad2)),
+            ("Material", fields!(GpuMaterial; diffuse, asset, mirror, pad0, uv_scale, displacement, pad1)),
             ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
             (
                 "Path",
-                fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, density, travelled, pad1),
+                fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, density, travelled, sunk),
             ),
             ("Pixel", fields!(GpuPixel; sum, seen, rays, evaluations, depth)),
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
@@ -187,7 +188,7 @@ mod tests {
             assert!(layout_difference(&module, name, *size, &swapped).is_some());
         }
         let blit = parse(BLIT).unwrap();
-        let (size, fields) = fields!(crate::blit::GpuBlit; picture, window, gain, first_row, rows, pad0);
+        let (size, fields) = fields!(crate::window::GpuBlit; picture, window, gain, first_row, rows, split, other_from, difference_gain, pad0);
         assert_eq!(layout_difference(&blit, "Blit", size, &fields), None);
     }
 
@@ -202,7 +203,11 @@ mod tests {
             Some(naga::Literal::U32(crate::cpu::LIGHT_CANDIDATES as u32))
         );
         assert_eq!(constant(&module, "MODE_PATH"), Some(naga::Literal::U32(crate::RenderMode::Path as u32)));
-        for (name, value) in crate::bvh::CONSTANTS.iter().chain(crate::cpu::CONSTANTS).chain(crate::surface::CONSTANTS)
+        for (name, value) in crate::bvh::CONSTANTS
+            .iter()
+            .chain(crate::cpu::CONSTANTS)
+            .chain(crate::surface::CONSTANTS)
+            .chain(crate::relief::CONSTANTS)
         {
             assert_eq!(constant(&module, name), Some(naga::Literal::F32(*value)), "{name}");
         }

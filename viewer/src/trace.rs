@@ -1,13 +1,13 @@
 //! The GPU tracer: a scene's buffers, and the passes of a sample over the bands of a picture.
 
-use crate::arena::Arena;
+use crate::arena::{Arena, room_for_edits};
 use crate::camera::jitter;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
 use crate::gpu_timer::{GpuTimer, Pass, PassTimes};
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::pieces::{ASSETS, NODES, PieceLayout, Pieces, TRIANGLES, VERTICES};
-use crate::scene::Scene;
+use crate::scene::{Material, Scene};
 use crate::shaders::{GpuTracer, ModuleLayout, trace_module};
 use std::time::Instant;
 use wgpu::BufferUsages;
@@ -60,8 +60,8 @@ pub(crate) struct GpuMaterial {
     pub mirror: [f32; 3],
     pub pad0: u32,
     pub uv_scale: [f32; 2],
+    pub displacement: f32,
     pub pad1: u32,
-    pub pad2: u32,
 }
 
 /// Twin: `Light` in `scene.wgsl`.
@@ -87,7 +87,7 @@ pub(crate) struct GpuPath {
     pub scattered: u32,
     pub density: f32,
     pub travelled: f32,
-    pub pad1: u32,
+    pub sunk: f32,
 }
 
 /// Twin: `Pixel` in `scene.wgsl`.
@@ -162,8 +162,8 @@ fn passes_of(scene: &Scene, options: &ShadeOptions) -> Vec<Pass> {
 }
 
 impl Tracer {
-    /// Uploads `scene`; geometry, materials and assets are then fixed, lights, camera, ambient light and background are
-    /// not.
+    /// Uploads `scene`; geometry, the number of materials and assets are then fixed, the materials themselves, lights,
+    /// camera, ambient light and background are not.
     ///
     /// # Errors
     /// [`ViewerError::NoAdapter`] without ray queries where they are asked for, [`ViewerError::Gpu`] where the scene
@@ -185,20 +185,7 @@ impl Tracer {
         gpu.require(tracer)?;
         let mut words: Vec<&[u32]> = scene.assets.iter().map(|asset| asset.resident.words()).collect();
         words.extend(scene.environment.iter().map(|environment| bytemuck::cast_slice(environment.table())));
-        let arena = Arena::new(gpu, &words)?;
-        let materials: Vec<GpuMaterial> = scene
-            .materials
-            .iter()
-            .map(|material| GpuMaterial {
-                diffuse: material.diffuse,
-                asset: material.asset.map_or(NO_ASSET, |asset| arena.bases[asset]),
-                mirror: material.mirror,
-                pad0: 0,
-                uv_scale: material.uv_scale,
-                pad1: 0,
-                pad2: 0,
-            })
-            .collect();
+        let arena = Arena::new(gpu, &words, room_for_edits)?;
         let input = if tracer == GpuTracer::RayQuery { BufferUsages::BLAS_INPUT } else { BufferUsages::empty() };
         let geometry = &scene.geometry;
         let vertices = Pieces::new(gpu, "vertices", geometry.vertices(), input)?;
@@ -222,7 +209,8 @@ impl Tracer {
                 gpu.most_pieces()
             )));
         }
-        let materials = gpu.buffer("materials", bytemuck::cast_slice(&materials), BufferUsages::STORAGE)?;
+        let bytes = (size_of::<GpuMaterial>() * scene.materials.len().max(1)) as u64;
+        let materials = gpu.empty_buffer("materials", bytes, BufferUsages::STORAGE)?;
 
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(tracer.name()),
@@ -276,6 +264,13 @@ impl Tracer {
         })
     }
 
+    /// Takes over the edits of an asset of the scene; `false` if they need more room than there is, and the scene must be
+    /// uploaded anew.
+    pub fn update_edits(&self, gpu: &Gpu, scene: &Scene, asset: usize) -> bool {
+        let resident = &scene.assets[asset].resident;
+        resident.edited_ranges().into_iter().all(|range| self.arena.write(gpu, asset, resident.words(), range))
+    }
+
     /// Which tracer this is.
     pub fn tracer(&self) -> GpuTracer {
         self.tracer
@@ -307,6 +302,7 @@ impl Tracer {
             timer.begin(gpu, target.bands.len() * passes.len())?;
         }
         self.write_lights(gpu, scene);
+        self.write_materials(gpu, scene);
         for band in &target.bands {
             self.write_frame(gpu, scene, size, band, options, sample);
             let groups = [size[0].div_ceil(GROUP), band.rows.div_ceil(GROUP)];
@@ -355,6 +351,7 @@ impl Tracer {
         let passes = passes_of(scene, options);
         self.prepare(gpu, scene, size, &passes)?;
         self.write_lights(gpu, scene);
+        self.write_materials(gpu, scene);
         if let Some(band) = self.target.as_ref().and_then(|target| target.bands.first()) {
             self.write_frame(gpu, scene, size, band, options, 0);
             self.dispatch(gpu, band, &passes, [1, 1], None);
@@ -421,6 +418,20 @@ impl Tracer {
         }
         self.target = Some(Target { width, height, bands });
         gpu.check()
+    }
+
+    fn write_materials(&self, gpu: &Gpu, scene: &Scene) {
+        let material = |material: &Material| GpuMaterial {
+            diffuse: material.diffuse,
+            asset: material.asset.map_or(NO_ASSET, |asset| self.arena.bases[asset]),
+            mirror: material.mirror,
+            pad0: 0,
+            uv_scale: material.uv_scale,
+            displacement: material.displacement,
+            pad1: 0,
+        };
+        let materials: Vec<GpuMaterial> = scene.materials.iter().map(material).collect();
+        gpu.queue.write_buffer(&self.materials, 0, bytemuck::cast_slice(&materials));
     }
 
     fn write_lights(&self, gpu: &Gpu, scene: &Scene) {

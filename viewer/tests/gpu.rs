@@ -4,7 +4,10 @@
 mod support;
 
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
-use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRole, Resident, ResidualKind, decode, pack};
+use btf_runtime::{
+    Asset, DecodeOptions, Edit, Edits, Heights, Interpolation, LobeRole, Resident, ResidualKind, decode, pack,
+    resident_with_levels,
+};
 use btf_viewer::{
     BackendChoice, Camera, Control, DecodeQuery, Environment, Gpu, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
     RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, gpu_decode, render,
@@ -84,18 +87,22 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
             let mut asset = asset(seed, kind);
             asset.layers[0].lobe_role = role;
             asset.layers[0].heights = with_heights.then(|| sample_heights(seed, asset.texel_count()));
-            Resident::from_asset(&asset)
+            // A quarter of the texels is edited.
+            let edit = Edit { tint: [0.9, 0.4, 1.5], roughness: 1.5, tilt: [0.1, 0.2], ..Edit::default() };
+            let texels = (0..asset.texel_count()).map(|texel| u8::from(texel % 4 == 1)).collect();
+            asset.edits = Edits { list: vec![edit], texels };
+            resident_with_levels(&asset, |n, f| (0..n).map(f).collect(), |n, f| (0..n).map(f).collect()).0
         };
         let resident = in_role(role);
         let other_role = in_role(if role == LobeRole::Base { LobeRole::Guide } else { LobeRole::Base });
-        let texels = resident.width() * resident.height();
         let mut random = Random::new(seed);
         let queries: Vec<DecodeQuery> = (0..SAMPLES)
-            .map(|_| DecodeQuery {
-                layer: 0,
-                texel: random.below(texels as usize) as u32,
-                wi: direction(&mut random),
-                wo: direction(&mut random),
+            .map(|_| {
+                // One layer, so this is a level.
+                let layer = random.below(resident.levels() as usize) as u32;
+                let [width, rows] = resident.size(layer);
+                let texel = random.below((width * rows) as usize) as u32;
+                DecodeQuery { layer, texel, wi: direction(&mut random), wo: direction(&mut random) }
             })
             .collect();
         for interpolation in [Interpolation::Fast, Interpolation::Exact] {
@@ -373,5 +380,34 @@ fn two_assets_share_one_arena() {
     assert!(picture_differences(&cpu, &draw(&swapped, BackendChoice::Cpu, 1)) > allowed);
     for tracer in TRACERS {
         assert!(picture_differences(&cpu, &draw(&both, BackendChoice::Gpu(tracer), 1)) <= allowed);
+    }
+}
+
+#[test]
+fn displaced_surfaces_are_the_cpus() {
+    let Some(_gpu) = gpu("displaced_surfaces_are_the_cpus") else { return };
+    let mut asset = asset(7, ResidualKind::Root);
+    // Hills, not noise: a ray that grazes noise is another one on every machine.
+    let wave = |i: usize, of: usize| (std::f32::consts::TAU * i as f32 / of as f32).cos();
+    let (width, height) = (asset.width, asset.height);
+    let codes = (0..width * height).map(|i| (60.0 * wave(i % width, width) * wave(i / width, height)) as i8);
+    asset.layers[0].heights = Some(Heights { step: 1.0 / 32.0, codes: codes.collect() });
+    let with = |scale: f32| {
+        let asset = Arc::new(SceneAsset::new("hills", asset.clone()));
+        let mut scene = Scene::built_in(&MeshChoice::Sphere, vec![asset], [4.0; 2]).unwrap();
+        scene.displace(scale);
+        scene.materials[0].mirror = [0.2; 3];
+        scene
+    };
+    let cpu = draw(&with(2.0), BackendChoice::Cpu, 2);
+    let allowed = cpu.hits.len() / 100;
+    for tracer in TRACERS {
+        let differences = picture_differences(&cpu, &draw(&with(2.0), BackendChoice::Gpu(tracer), 2));
+        println!("{}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
+        assert!(differences <= allowed, "{}: {differences}", tracer.name());
+    }
+    // Planted differences: no relief, and hills of another height.
+    for scale in [0.0, 1.5] {
+        assert!(picture_differences(&cpu, &draw(&with(scale), BackendChoice::Cpu, 2)) > 5 * allowed, "{scale}");
     }
 }

@@ -23,6 +23,14 @@ struct HeightField {
     range: vec2<f32>,
 }
 
+// That of the layer whose block begins at word `layer`, of the asset at word `base`; `at` is 0 if it has none.
+fn height_field(base: u32, layer: u32) -> HeightField {
+    let range = vec2<f32>(asset_f32(layer + BLOCK_LEAST_HEIGHT), asset_f32(layer + BLOCK_MOST_HEIGHT));
+    let offset = asset_word(layer + BLOCK_HEIGHTS);
+    let at = select(base + offset, 0u, offset == 0u);
+    return HeightField(at, texel_size(layer), asset_f32(layer + BLOCK_HEIGHT_STEP), range);
+}
+
 fn height_of_texel(field: HeightField, at: vec2<u32>) -> f32 {
     let texel = at.y * field.size.x + at.x;
     return field.step * coefficient_from_byte((asset_word(field.at + texel / 4u) >> (8u * (texel % 4u))) & 0xffu);
@@ -35,6 +43,20 @@ fn height_at(field: HeightField, given: vec2<f32>) -> f32 {
     let first = vec2<u32>(place);
     let next = min(first + vec2<u32>(1u), most);
     let part = place - vec2<f32>(first);
+    let upper_left = height_of_texel(field, first);
+    let lower_left = height_of_texel(field, vec2<u32>(first.x, next.y));
+    let upper = upper_left + (height_of_texel(field, vec2<u32>(next.x, first.y)) - upper_left) * part.x;
+    let lower = lower_left + (height_of_texel(field, next) - lower_left) * part.x;
+    return upper + (lower - upper) * part.y;
+}
+
+// Bilinear, the map repeated; texel centres at whole numbers.
+fn height_at_wrapped(field: HeightField, place: vec2<f32>) -> f32 {
+    let size = vec2<f32>(field.size);
+    let whole = floor(place);
+    let first = min(vec2<u32>(whole - size * floor(whole / size)), field.size - vec2<u32>(1u));
+    let next = (first + vec2<u32>(1u)) % field.size;
+    let part = place - whole;
     let upper_left = height_of_texel(field, first);
     let lower_left = height_of_texel(field, vec2<u32>(first.x, next.y));
     let upper = upper_left + (height_of_texel(field, vec2<u32>(next.x, first.y)) - upper_left) * part.x;

@@ -60,11 +60,8 @@ fn viewed_new(base: u32, layer: u32, texel: u32, wo_given: vec3<f32>, options: B
         options.interpolation == INTERPOLATION_EXACT,
     );
     if viewed.shifted {
-        let range = vec2<f32>(asset_f32(t.layer + BLOCK_LEAST_HEIGHT), asset_f32(t.layer + BLOCK_MOST_HEIGHT));
-        let heights = base + asset_word(t.layer + BLOCK_HEIGHTS);
-        let field = HeightField(heights, texel_size(t.layer), asset_f32(t.layer + BLOCK_HEIGHT_STEP), range);
         let measured = viewed_measured_views(viewed);
-        let seen = height_seen_by(field, texel, wo, view.beyond, measured, view.weights);
+        let seen = height_seen_by(height_field(base, t.layer), texel, wo, view.beyond, measured, view.weights);
         viewed.shown = seen.texels;
         viewed.weights = seen.weights;
     }
@@ -90,13 +87,12 @@ fn viewed_shown_by(viewed: ViewedTexel, v: u32) -> Texel {
 
 // Sum of the lobes that the eye sees, as measured or as an edit has them.
 fn viewed_lobe_sum(viewed: ViewedTexel, edit: u32, wi: vec3<f32>) -> vec3<f32> {
-    if !viewed.shifted {
-        return texel_lobe_sum(viewed.t, edit, wi, viewed.wo);
-    }
     var sum = vec3<f32>(0.0);
-    for (var v = 0u; v < 3u; v++) {
-        if viewed.weights[v] > 0.0 {
-            sum += viewed.weights[v] * texel_lobe_sum(viewed_shown_by(viewed, v), edit, wi, viewed.wo);
+    // One loop for both cases: what stands here once is compiled once.
+    for (var v = 0u; v < select(1u, 3u, viewed.shifted); v++) {
+        let weight = select(1.0, viewed.weights[v], viewed.shifted);
+        if weight > 0.0 {
+            sum += weight * texel_lobe_sum(viewed_shown_by(viewed, v), edit, wi, viewed.wo);
         }
     }
     return sum;
@@ -142,16 +138,20 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
         return vec3<f32>(0.0);
     }
     let fade = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
-    var here = vec3<f32>(0.0);
-    if !viewed.guide || viewed.exact || t.bases == 0u || t.edit > 0u {
-        here = viewed_lobe_sum(viewed, 0u, wi);
+    // The lobes as measured and as edited.
+    var lobes = mat2x3<f32>();
+    let asked = vec2<bool>(!viewed.guide || viewed.exact || t.bases == 0u || t.edit > 0u, t.edit > 0u);
+    for (var i = 0u; i < 2u; i++) {
+        if asked[i] {
+            lobes[i] = viewed_lobe_sum(viewed, i * t.edit, wi);
+        }
     }
-    var value = max(here, vec3<f32>(0.0));
+    var value = max(lobes[0], vec3<f32>(0.0));
     if t.bases > 0u {
-        value = viewed_measured(viewed, rows, wi, here);
+        value = viewed_measured(viewed, rows, wi, lobes[0]);
     }
     if t.edit > 0u {
-        value = viewed_edited(viewed, value, here, viewed_lobe_sum(viewed, t.edit, wi));
+        value = viewed_edited(viewed, value, lobes[0], lobes[1]);
     }
     return value * fade;
 }

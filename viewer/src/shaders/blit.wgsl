@@ -10,7 +10,12 @@ struct Blit {
     // The band of rows that `picture` holds.
     first_row: u32,
     rows: u32,
-    pad0: u32,
+    // 0 for one picture, 1 for two side by side, 2 for their difference.
+    split: u32,
+    // Column of the window from which on the other picture is shown.
+    other_from: u32,
+    difference_gain: f32,
+    pad0: vec2<u32>,
 }
 
 // As the tracer writes it (scene.wgsl); what the sample did is not looked at.
@@ -21,6 +26,8 @@ struct BlitPixel {
 
 @group(0) @binding(0) var<uniform> blit: Blit;
 @group(0) @binding(1) var<storage, read> picture: array<BlitPixel>;
+// The other one of a split view, else the same.
+@group(0) @binding(2) var<storage, read> other: array<BlitPixel>;
 
 // One triangle that covers the window.
 @vertex
@@ -42,6 +49,13 @@ fn blit_fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f3
     if pixel.y < blit.first_row || pixel.y >= blit.first_row + blit.rows {
         discard;
     }
-    let sum = picture[(pixel.y - blit.first_row) * blit.picture.x + pixel.x].sum;
-    return vec4<f32>(srgb_from_linear(sum.rgb / max(sum.w, 1.0) * blit.gain), 1.0);
+    let index = (pixel.y - blit.first_row) * blit.picture.x + pixel.x;
+    let here = picture[index].sum;
+    let there = other[index].sum;
+    let a = srgb_from_linear(here.rgb / max(here.w, 1.0) * blit.gain);
+    let b = srgb_from_linear(there.rgb / max(there.w, 1.0) * blit.gain);
+    if blit.split == 2u {
+        return vec4<f32>(abs(a - b) * blit.difference_gain, 1.0);
+    }
+    return vec4<f32>(select(a, b, blit.split == 1u && u32(position.x) >= blit.other_from), 1.0);
 }

@@ -58,8 +58,9 @@ struct Material {
     mirror: vec3<f32>,
     pad0: u32,
     uv_scale: vec2<f32>,
+    // What the asset's heights are multiplied by as relief; 0 for none.
+    displacement: f32,
     pad1: u32,
-    pad2: u32,
 }
 
 struct Light {
@@ -86,7 +87,8 @@ struct Path {
     density: f32,
     // Length of all its rays.
     travelled: f32,
-    pad1: u32,
+    // Way of the latest ray below the surface that it hit to the relief there, texels.
+    sunk: f32,
 }
 
 struct Pixel {

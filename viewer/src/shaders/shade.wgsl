@@ -16,6 +16,8 @@ const CHOICE_NUMBERS: u32 = 2u;
 const LIGHT_NUMBERS: u32 = 3u;
 const ENVIRONMENT_CHOICE: u32 = 0x68bc21ebu;
 const LOBE_CHOICE: u32 = 0x02e5be93u;
+// Shells that a ray may pass.
+const SHELL_TRIES: u32 = 8u;
 const LEVEL_CHOICE: u32 = 0x967a889bu;
 // Lights that are looked at for each that is drawn.
 const LIGHT_CANDIDATES: u32 = 8u;
@@ -117,8 +119,67 @@ fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
     return min(u32(max(level, 0.0)), btf_levels(material.asset) - 1u);
 }
 
+// What a ray meets, relief included.
+struct Seen {
+    hit: Hit,
+    // Way below the surface to the relief, texels.
+    sunk: f32,
+}
+
+fn trace_seen(origin: vec3<f32>, direction: vec3<f32>) -> Seen {
+    var start = origin;
+    var gone = 0.0;
+    // Length of the way through the shell just before.
+    var through = 0.0;
+    for (var i = 0u; i < SHELL_TRIES; i++) {
+        var hit = trace_closest(start, direction);
+        if hit.primitive == NO_HIT || materials[triangle_at(hit.primitive).material].displacement <= 0.0 {
+            hit.t += gone;
+            return Seen(hit, 0.0);
+        }
+        let s = surface_at(hit.primitive, vec2<f32>(hit.u, hit.v), direction);
+        let relief = relief_new(hit, s, materials[s.material]);
+        // What was entered between the hills is left through its lid.
+        let leaving = s.view_back && hit.t < through;
+        if relief.scale <= 0.0 || (s.view_back && !leaving) {
+            hit.t += gone;
+            return Seen(hit, 0.0);
+        }
+        gone += hit.t;
+        if leaving {
+            start = s.above;
+            through = 0.0;
+            continue;
+        }
+        let way = relief_enter(relief, -s.wo);
+        if way >= 0.0 {
+            hit.t = gone;
+            return Seen(hit, way);
+        }
+        through = -way / relief.texels_per_unit;
+        start = s.position + direction * through;
+        gone += through;
+    }
+    return Seen(Hit(TRACE_FAR, NO_HIT, 0.0, 0.0), 0.0);
+}
+
+// The surface that a path's latest ray hit; with relief, that is put into `relief` and what is met into `point`.
+fn surface_of(path: Path, relief: ptr<function, Relief>, point: ptr<function, vec3<f32>>) -> Surface {
+    var s = surface_at(path.primitive, vec2<f32>(path.u, path.v), path.direction);
+    if !s.view_back && materials[s.material].displacement > 0.0 {
+        *relief = relief_new(Hit(0.0, path.primitive, path.u, path.v), s, materials[s.material]);
+        if (*relief).scale > 0.0 {
+            *point = relief_point(*relief, -s.wo, path.sunk);
+            s.uv = relief_uv(*relief, materials[s.material], *point, s.wo);
+        }
+    }
+    return s;
+}
+
 fn light_from_side(
     s: Surface,
+    relief: Relief,
+    point: vec3<f32>,
     material: Material,
     level: u32,
     light_back: bool,
@@ -146,6 +207,11 @@ fn light_from_side(
         if !whole_decoder || frame.environment.x > 0u {
             viewed = viewed_new(material.asset, layer, texel, s.wo, options);
         }
+    }
+    // Values without a residual hold no shadows.
+    var bare = false;
+    if !plain {
+        bare = asset_word(material.asset + asset_word(material.asset + ASSET_LAYERS + layer) + BLOCK_BASES) == 0u;
     }
     var rows: LightRows;
     let origin = select(s.above, s.below, light_back);
@@ -226,6 +292,9 @@ fn light_from_side(
         }
         done.rays += 1u;
         if distance > 0.0 && trace_occluded(origin, direction, distance) {
+            continue;
+        }
+        if relief.scale > 0.0 && !light_back && relief_shadowed(relief, point, wi, bare) {
             continue;
         }
         var reflected = material.diffuse * abs(wi.z);
@@ -317,9 +386,10 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
 fn camera_pass(at: vec2<u32>) {
     let index = at.y * frame.width + at.x;
     let direction = camera_direction(whole_picture(at));
-    let hit = trace_closest(frame.eye, direction);
+    let seen = trace_seen(frame.eye, direction);
+    let hit = seen.hit;
     let missed = hit.primitive == NO_HIT;
-    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, 0u, 0.0, hit.t, 0u);
+    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, 0u, 0.0, hit.t, seen.sunk);
     var sum = vec4<f32>(0.0, 0.0, 0.0, 1.0);
     if missed {
         sum = vec4<f32>(beyond(direction, false), 1.0);
@@ -337,14 +407,16 @@ fn light_pass(at: vec2<u32>) {
     if path.primitive == NO_HIT {
         return;
     }
-    let s = surface_at(path.primitive, vec2<f32>(path.u, path.v), path.direction);
+    var relief: Relief;
+    var point = vec3<f32>(0.0);
+    let s = surface_of(path, &relief, &point);
     var pixel = pixels[index];
     let ambient_at = sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, AMBIENT_NUMBERS));
     let seed = sampler_hash(seed_of(whole_picture(at), pixel.depth, LIGHT_NUMBERS) + frame.sample);
     let material = materials[s.material];
     let level = level_of(s, material, path.travelled, seed);
     for (var side = 0u; side < 2u; side++) {
-        let light = light_from_side(s, material, level, side == 1u, ambient_at, seed);
+        let light = light_from_side(s, relief, point, material, level, side == 1u, ambient_at, seed);
         pixel.sum += vec4<f32>(path.throughput * light.radiance, 0.0);
         pixel.rays += light.rays;
         pixel.evaluations += light.evaluations;
@@ -364,7 +436,9 @@ fn mirror_pass(at: vec2<u32>) {
         paths[index].primitive = NO_HIT;
         return;
     }
-    let s = surface_at(path.primitive, vec2<f32>(path.u, path.v), path.direction);
+    var relief: Relief;
+    var point = vec3<f32>(0.0);
+    let s = surface_of(path, &relief, &point);
     path.direction = mirror_direction(s, path.direction);
     path.origin = select(s.above, s.below, s.view_back);
     go_on(index, path);
@@ -377,7 +451,9 @@ fn scatter_pass(at: vec2<u32>) {
     if path.primitive == NO_HIT {
         return;
     }
-    let s = surface_at(path.primitive, vec2<f32>(path.u, path.v), path.direction);
+    var relief: Relief;
+    var point = vec3<f32>(0.0);
+    let s = surface_of(path, &relief, &point);
     let depth = pixels[index].depth;
     let scatter_at = sampler_two(frame.sample, seed_of(whole_picture(at), depth, SCATTER_NUMBERS));
     let choice = sampler_two(frame.sample, seed_of(whole_picture(at), depth, CHOICE_NUMBERS));
@@ -404,7 +480,9 @@ fn whole_picture(at: vec2<u32>) -> vec2<u32> {
 // Traces the path's ray.
 fn go_on(index: u32, given: Path) {
     var path = given;
-    let hit = trace_closest(path.origin, path.direction);
+    let met = trace_seen(path.origin, path.direction);
+    let hit = met.hit;
+    path.sunk = met.sunk;
     path.primitive = hit.primitive;
     path.u = hit.u;
     path.v = hit.v;

@@ -1,5 +1,10 @@
 //! The side panel: what the user can turn while looking.
 
+use super::editor::Editor;
+use super::editor_panel::show_editor;
+use super::settings::Settings;
+use super::split::{Against, Split};
+use super::thumbnails::Thumbnails;
 use crate::governor::{Governor, Spending};
 use crate::gpu_timer::PassTimes;
 use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions};
@@ -7,6 +12,7 @@ use crate::scene::{Ambient, PointLight, Scene, intensity_for};
 use crate::shaders::GpuTracer;
 use btf_runtime::Interpolation;
 use glam::Vec3;
+use std::path::PathBuf;
 
 /// Slider position of the lobes above which all are used; fitted assets have fewer.
 const LOBES_ALL: u32 = 17;
@@ -75,6 +81,28 @@ pub(crate) struct Status<'a> {
     pub picture: [u32; 2],
     pub problem: Option<&'a str>,
     pub governor: Option<&'a Governor>,
+    pub message: Option<&'a str>,
+}
+
+/// A file that the panel asks to be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Export {
+    Picture,
+    Turntable,
+}
+
+/// What the user did in the panel.
+#[derive(Debug, Default)]
+pub(crate) struct Asked {
+    /// The picture must begin anew (exposure does not need that).
+    pub changed: bool,
+    /// The asset whose edits changed.
+    pub edited: Option<usize>,
+    /// The split view must begin anew.
+    pub compare: bool,
+    pub export: Option<Export>,
+    /// A file to take in.
+    pub open: Option<PathBuf>,
 }
 
 /// The panel's state.
@@ -84,6 +112,10 @@ pub(crate) struct Panel {
     lights: Vec<PanelLight>,
     selected: usize,
     max_components: u32,
+    has_heights: bool,
+    /// Of the text field.
+    file: String,
+    displaced: bool,
     /// What the check box turns on.
     ambient: Ambient,
     centre: Vec3,
@@ -99,30 +131,84 @@ impl Panel {
             lights: scene.lights.iter().map(|light| PanelLight::from_light(light, centre)).collect(),
             selected: 0,
             max_components: scene.most_components(),
+            has_heights: scene.assets.iter().any(|asset| asset.has_heights()),
+            displaced: false,
+            file: String::new(),
             ambient: if scene.ambient == Ambient::NONE { scene.usual_ambient() } else { scene.ambient },
             centre,
             radius,
         }
     }
 
-    /// Draws the panel; true if something changed that changes the picture (exposure does not need new samples).
-    pub(crate) fn show(&mut self, ui: &mut egui::Ui, scene: &mut Scene, status: &Status) -> bool {
+    /// Draws the panel.
+    pub(crate) fn show(
+        &mut self,
+        ui: &mut egui::Ui,
+        scene: &mut Scene,
+        editor: &mut Editor,
+        split: &mut Split,
+        settings: &mut Settings,
+        thumbnails: &Thumbnails,
+        status: &Status,
+    ) -> Asked {
+        let mut asked = Asked::default();
         let before = (self.shade, self.renderer, self.lights.clone());
         ui.heading("BTF viewer");
         self.show_status(ui, status);
         ui.separator();
         self.show_decoding(ui, scene);
-        let mut changed = false;
         ui.separator();
-        changed |= self.show_surroundings(ui, scene);
+        asked.changed |= self.show_surroundings(ui, scene);
         ui.separator();
         self.show_lights(ui);
         ui.separator();
-        ui.small("drag: turn   wheel: zoom\nshift or right drag: move");
+        if let Some(asset) = thumbnails.show(ui, editor.asset) {
+            editor.close(scene);
+            editor.show(scene, asset);
+        }
+        let edited = egui::CollapsingHeader::new("edit the material").show(ui, |ui| show_editor(ui, editor, scene));
+        asked.edited = edited.body_returned.flatten();
+        asked.compare = show_split(ui, split, editor, scene);
+        ui.checkbox(&mut settings.light_handles, "handles of the lights");
+        ui.checkbox(&mut settings.fly, "drags look around (F)");
+        ui.separator();
+        self.show_files(ui, &mut asked);
+        if let Some(message) = status.message {
+            ui.small(message);
+        }
+        ui.small("H: keys");
         if before.2 != self.lights {
             scene.lights = self.lights.iter().map(|light| light.light(self.centre)).collect();
         }
-        changed | (before != (self.shade, self.renderer, self.lights.clone()))
+        asked.changed |= std::mem::take(&mut self.displaced) || asked.edited.is_some();
+        asked.changed |= before != (self.shade, self.renderer, self.lights.clone());
+        asked
+    }
+
+    fn show_files(&mut self, ui: &mut egui::Ui, asked: &mut Asked) {
+        ui.horizontal(|ui| {
+            if ui.button("picture").on_hover_text("as PNG, P").clicked() {
+                asked.export = Some(Export::Picture);
+            }
+            if ui.button("turntable").on_hover_text("36 pictures, T").clicked() {
+                asked.export = Some(Export::Turntable);
+            }
+        });
+        ui.horizontal(|ui| {
+            ui.add(egui::TextEdit::singleline(&mut self.file).desired_width(190.0).hint_text("file, or drop one"));
+            if ui.button("open").clicked() && !self.file.is_empty() {
+                asked.open = Some(PathBuf::from(&self.file));
+            }
+        });
+    }
+
+    /// Turns a light about the scene's centre, degrees.
+    pub(crate) fn turn_light(&mut self, number: usize, azimuth_deg: f32, elevation_deg: f32, scene: &mut Scene) {
+        let Some(light) = self.lights.get_mut(number) else { return };
+        light.azimuth_deg = (light.azimuth_deg + azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;
+        light.elevation_deg = (light.elevation_deg + elevation_deg).clamp(-90.0, 90.0);
+        self.selected = number;
+        scene.lights[number] = light.light(self.centre);
     }
 
     /// Ambient light and mirrors; true if the picture must begin anew.
@@ -210,6 +296,14 @@ impl Panel {
             ui.label("interpolation");
             ui.checkbox(&mut self.shade.decode.parallax, "parallax");
         });
+        if self.has_heights {
+            let mut scale = scene.materials.iter().map(|material| material.displacement).fold(0.0, f32::max);
+            let slider = egui::Slider::new(&mut scale, 0.0..=8.0);
+            if ui.add(slider.text("displacement")).on_hover_text("heights times this; 0 for none").changed() {
+                scene.displace(scale);
+                self.displaced = true;
+            }
+        }
         ui.checkbox(&mut self.shade.levels, "coarser texels where the picture is small");
         ui.add(egui::Slider::new(&mut scene.exposure_ev, -6.0..=6.0).text("exposure, EV"));
     }
@@ -257,6 +351,28 @@ impl Panel {
             });
         }
     }
+}
+
+/// What the picture is compared with; `true` if that changed.
+fn show_split(ui: &mut egui::Ui, split: &mut Split, editor: &Editor, scene: &Scene) -> bool {
+    let before = (split.on, split.against);
+    ui.checkbox(&mut split.on, "compare (C)");
+    if split.on {
+        egui::ComboBox::from_label("with").selected_text(split.against.name(scene)).show_ui(ui, |ui| {
+            for choice in Against::choices(scene, editor.asset) {
+                ui.selectable_value(&mut split.against, choice, choice.name(scene));
+            }
+        });
+        ui.checkbox(&mut split.difference, "difference (X)");
+        if split.difference {
+            ui.add(egui::Slider::new(&mut split.gain, 1.0..=64.0).logarithmic(true).text("times"));
+        }
+    }
+    let changed = before != (split.on, split.against);
+    if changed {
+        split.reset();
+    }
+    changed
 }
 
 #[cfg(test)]

@@ -1,18 +1,42 @@
-//! The window: orbit camera, side panel, progressive rendering.
+//! The window: the camera under the mouse, a panel, progressive rendering.
 
-use crate::blit::{Blit, GpuBlit};
-use crate::cpu::CpuPicture;
+mod blit;
+mod editor;
+mod editor_panel;
+mod files;
+mod light_handles;
+mod panel;
+mod settings;
+mod side;
+mod split;
+mod thumbnails;
+
+#[cfg(test)]
+pub(crate) use blit::GpuBlit;
+
+use crate::cpu::{Picked, pick};
 use crate::error::ViewerError;
 use crate::governor::{Governor, Spending};
 use crate::gpu::{BackendChoice, Gpu, instance};
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::options::{RenderMode, ShadeOptions};
-use crate::panel::{Panel, Renderer, Status};
+use crate::picture::Picture;
 use crate::scene::{Ambient, Scene};
 use crate::shaders::GpuTracer;
-use crate::trace::{GpuPixel, Tracer};
+use blit::Blit;
+#[cfg(not(test))]
+use blit::GpuBlit;
+use editor::{Editor, Tool};
+use files::{Turntable, free_name, open_file};
+use light_handles::show_light_handles;
+use panel::{Asked, Panel, Renderer, Status};
+use settings::Settings;
+use side::Side;
+use split::Split;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
+use thumbnails::Thumbnails;
 use winit::application::ApplicationHandler;
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
@@ -31,11 +55,25 @@ const TURN_PER_SIDE: f32 = 4.0;
 /// Weight of the newest frame in the shown frame time.
 const FRAME_TIME_WEIGHT: f64 = 0.2;
 
+/// Radii of the scene that the eye flies in a second.
+const RADII_PER_SECOND: f32 = 1.0;
+/// Longest time that a key moves the eye in one frame, seconds: slow frames do not make it jump.
+const LONGEST_FLIGHT_S: f32 = 0.1;
+/// Keys of the window, for its help.
+const KEYS: &str = "drag: turn; Shift or right drag: move; wheel: nearer\n\
+    W A S D, Q E: fly; F: drags look around instead of turning\n\
+    L: lights' handles, which drags move\n\
+    C: split view, whose line drags move; X: difference\n\
+    P: picture as PNG; T: turntable\n\
+    Ctrl+Z, Ctrl+Shift+Z: edits back and forth\n\
+    drop .spmm on what it is to cover, .obj .gltf .glb, .hdr .exr, .toml anywhere\n\
+    H or F1: this";
+
 /// What the window starts with.
 #[derive(Debug, Clone)]
 pub struct WindowParams {
-    /// Width and height, pixels.
-    pub size: [u32; 2],
+    /// Width and height, pixels; the last run's where there is none.
+    pub size: Option<[u32; 2]>,
     /// Which renderer; the panel switches it.
     pub backend: BackendChoice,
     /// Part of the adapter's name, where there are several.
@@ -89,11 +127,18 @@ struct View {
     timer: Option<GpuTimer>,
     renderers: Vec<Renderer>,
     panel: Panel,
+    editor: Editor,
     /// The panel's settings within the budget, of the picture at hand.
     governed: ShadeOptions,
     scene: Scene,
-    tracer: Option<Tracer>,
-    cpu: Option<(CpuPicture, wgpu::Buffer)>,
+    side: Side,
+    split: Split,
+    thumbnails: Thumbnails,
+    turntable: Option<Turntable>,
+    settings: Settings,
+    help: bool,
+    /// What saving or opening said.
+    message: Option<String>,
     samples: u32,
     frame_ms: Option<f64>,
     passes: Option<PassTimes>,
@@ -118,7 +163,10 @@ impl ApplicationHandler for App {
         let Some(view) = &mut self.view else { return };
         let response = view.input.on_window_event(&view.window, &event);
         match event {
-            WindowEvent::CloseRequested => event_loop.exit(),
+            WindowEvent::CloseRequested => {
+                view.remember();
+                event_loop.exit();
+            }
             WindowEvent::Resized(size) => view.resize(size.width, size.height),
             WindowEvent::Occluded(occluded) => {
                 view.occluded = occluded;
@@ -151,7 +199,9 @@ impl App {
 
 impl View {
     fn new(event_loop: &ActiveEventLoop, scene: Scene, params: &WindowParams) -> Result<View, ViewerError> {
-        let size = winit::dpi::PhysicalSize::new(params.size[0], params.size[1]);
+        let settings = Settings::load();
+        let [width, height] = params.size.unwrap_or(settings.size);
+        let size = winit::dpi::PhysicalSize::new(width, height);
         let attributes = Window::default_attributes().with_title("BTF viewer").with_inner_size(size);
         let window = Arc::new(event_loop.create_window(attributes).map_err(|error| no_window(&error))?);
         let instance = instance(Some(Box::new(event_loop.owned_display_handle())));
@@ -191,7 +241,10 @@ impl View {
             renderers.insert(0, Renderer::Gpu(GpuTracer::RayQuery));
         }
         let renderer = match params.backend {
-            BackendChoice::Auto => Renderer::Gpu(gpu.best_tracer()),
+            BackendChoice::Auto => {
+                let last = renderers.iter().find(|renderer| settings.renderer.as_deref() == Some(renderer.name()));
+                last.copied().unwrap_or(Renderer::Gpu(gpu.best_tracer()))
+            }
             BackendChoice::Cpu => Renderer::Cpu,
             BackendChoice::Gpu(tracer) => {
                 gpu.require(tracer)?;
@@ -213,10 +266,16 @@ impl View {
             timer,
             renderers,
             governed: params.shade,
+            editor: Editor::new(&scene, settings.brush_radius),
             panel,
+            thumbnails: Thumbnails::default(),
+            split: Split::new(settings.difference_gain),
+            settings,
+            help: false,
+            message: None,
+            turntable: None,
             scene,
-            tracer: None,
-            cpu: None,
+            side: Side::default(),
             samples: 0,
             frame_ms: None,
             passes: None,
@@ -235,6 +294,16 @@ impl View {
         (self.config.width, self.config.height) = (width.min(most), height.min(most));
         self.surface.configure(&self.gpu.device, &self.config);
         self.window.request_redraw();
+    }
+
+    /// Writes what the next run begins with.
+    fn remember(&mut self) {
+        let size = self.window.inner_size();
+        self.settings.size = [size.width, size.height];
+        self.settings.renderer = Some(self.panel.renderer.name().into());
+        self.settings.brush_radius = self.editor.radius;
+        self.settings.difference_gain = self.split.gain;
+        self.settings.save();
     }
 
     fn hidden(&self) -> bool {
@@ -257,10 +326,11 @@ impl View {
         });
         if self.panel.renderer != renderer_before {
             // The other renderer uploads the scene anew; its first frames compile.
-            (self.tracer, self.cpu, self.frame_ms, self.passes, self.problem) = (None, None, None, None, None);
+            (self.side, self.frame_ms, self.passes, self.problem) = (Side::default(), None, None, None);
+            self.split.reset();
         }
         let picture_size = self.picture_size(view_size);
-        if changed || self.current_size() != Some(picture_size) {
+        if changed || self.side.size() != Some(picture_size) {
             self.samples = 0;
         }
         if self.samples < self.most_samples()
@@ -270,6 +340,7 @@ impl View {
             self.problem = Some(error.to_string());
             self.samples = MAX_RANDOM_SAMPLES;
         }
+        changed |= self.go_round();
         self.input.handle_platform_output(&self.window, std::mem::take(&mut output.platform_output));
         let root = output.viewport_output.get(&egui::ViewportId::ROOT);
         let delay = root.map_or(std::time::Duration::MAX, |viewport| viewport.repaint_delay);
@@ -293,28 +364,68 @@ impl View {
             passes: self.passes,
             timer: self.timer_name(),
             samples: self.samples,
-            picture: self.current_size().unwrap_or([0, 0]),
+            picture: self.side.size().unwrap_or([0, 0]),
             problem: self.problem.as_deref(),
             governor: self.governor.as_ref(),
+            message: self.message.as_deref(),
         };
-        let (panel, scene) = (&mut self.panel, &mut self.scene);
-        let mut changed = egui::Panel::right("panel")
+        self.thumbnails.update(&self.context, &self.scene);
+        let (panel, scene, editor) = (&mut self.panel, &mut self.scene, &mut self.editor);
+        let (split, settings, thumbnails) = (&mut self.split, &mut self.settings, &self.thumbnails);
+        let Asked { mut changed, mut edited, compare, export, open } = egui::Panel::right("panel")
             .exact_size(PANEL_WIDTH)
             .resizable(false)
-            .show(ui, |ui| egui::ScrollArea::vertical().show(ui, |ui| panel.show(ui, scene, &status)).inner)
+            .show(ui, |ui| {
+                egui::ScrollArea::vertical()
+                    .show(ui, |ui| panel.show(ui, scene, editor, split, settings, thumbnails, &status))
+                    .inner
+            })
             .inner;
-        let camera_before = self.scene.camera;
+        let camera_before = scene.camera;
         let area = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(area, egui::Sense::click_and_drag());
         let side = area.width().min(area.height()).max(1.0);
         let drag = response.drag_delta() / side;
+        let pixels = |points: f32| ((points * ui.pixels_per_point()).round() as u32).max(1);
+        let size = [pixels(area.width()).min(self.config.width), pixels(area.height()).min(self.config.height)];
+        let painting = editor.tool != Tool::Look && !ui.input(|input| input.modifiers.shift);
+        let pressed = response.is_pointer_button_down_on() && ui.input(|input| input.pointer.primary_down());
+        let touched = response.interact_pointer_pos().filter(|_| painting && pressed).and_then(|at| {
+            let scale = ui.pixels_per_point();
+            pick(scene, size, [(at.x - area.min.x) * scale, (at.y - area.min.y) * scale])
+        });
+        if let Some(Picked { asset, texel, .. }) = touched
+            && editor.touch(scene, asset, texel)
+        {
+            edited = Some(asset);
+        }
+        let (undo, redo) = ui.input(|input| {
+            let key = input.modifiers.command && input.key_pressed(egui::Key::Z);
+            (key && !input.modifiers.shift, key && input.modifiers.shift)
+        });
+        if undo {
+            edited = editor.undo(scene).or(edited);
+        } else if redo {
+            edited = editor.redo(scene).or(edited);
+        } else if !ui.input(|input| input.pointer.any_down()) {
+            editor.close(scene);
+        }
+        if let Some(asset) = edited {
+            changed = true;
+            self.side.update_edits(&self.gpu, &self.scene, asset);
+            self.split.update_edits(&self.gpu, &self.scene, asset);
+        }
         let moving = response.dragged_by(egui::PointerButton::Secondary)
             || response.dragged_by(egui::PointerButton::Middle)
             || ui.input(|input| input.modifiers.shift);
         if moving {
             self.scene.camera.pan(drag.x, -drag.y);
-        } else if response.dragged() {
-            self.scene.camera.orbit(-drag.x * TURN_PER_SIDE, drag.y * TURN_PER_SIDE);
+        } else if response.dragged() && !painting {
+            let [x, y] = [drag.x, drag.y].map(|x| x * TURN_PER_SIDE);
+            match self.settings.fly {
+                true => self.scene.camera.look(x * 0.5, -y * 0.5),
+                false => self.scene.camera.orbit(-x, y),
+            }
         }
         if response.hovered() {
             let scroll = ui.input(|input| input.smooth_scroll_delta().y);
@@ -322,9 +433,172 @@ impl View {
                 self.scene.camera.zoom((-scroll * 0.003).exp());
             }
         }
+        let typing = self.context.egui_wants_keyboard_input();
+        if !typing {
+            changed |= self.keys(ui);
+        }
+        if self.settings.light_handles && !painting {
+            changed |= show_light_handles(ui, area, &mut self.panel, &mut self.scene);
+        }
+        changed |= compare || self.show_split(ui, area);
+        if self.help {
+            egui::Window::new("keys").collapsible(false).default_pos(area.min + egui::vec2(20.0, 20.0)).show(
+                ui.ctx(),
+                |ui| {
+                    ui.label(KEYS);
+                },
+            );
+        }
+        let dropped: Vec<_> =
+            ui.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_path_buf()).collect());
+        let pointer = ui.input(|input| input.pointer.latest_pos());
+        for path in dropped.iter().chain(&open) {
+            // An asset covers what it is dropped on.
+            let scale = ui.pixels_per_point();
+            let under = pointer
+                .filter(|_| open.is_none())
+                .and_then(|at| pick(&self.scene, size, [(at.x - area.min.x) * scale, (at.y - area.min.y) * scale]));
+            self.open(path, under.map(|picked| picked.asset));
+            changed = true;
+        }
+        match export {
+            Some(panel::Export::Picture) => self.save_picture(),
+            Some(panel::Export::Turntable) => self.begin_turntable(),
+            None => {}
+        }
         changed |= self.scene.camera != camera_before;
-        let pixels = |points: f32| ((points * ui.pixels_per_point()).round() as u32).max(1);
-        (changed, [pixels(area.width()).min(self.config.width), pixels(area.height()).min(self.config.height)])
+        (changed, size)
+    }
+
+    /// What keys ask for; `true` if the picture must begin anew.
+    fn keys(&mut self, ui: &egui::Ui) -> bool {
+        use egui::Key;
+        let pressed = |key| ui.input(|input| input.key_pressed(key) && !input.modifiers.command);
+        let down = |key| ui.input(|input| f32::from(u8::from(input.key_down(key) && !input.modifiers.command)));
+        let way = [down(Key::D) - down(Key::A), down(Key::E) - down(Key::Q), down(Key::W) - down(Key::S)];
+        if way != [0.0; 3] {
+            let seconds = ui.input(|input| input.stable_dt).min(LONGEST_FLIGHT_S);
+            let step = seconds * RADII_PER_SECOND * self.scene.geometry.bounding_sphere().1;
+            self.scene.camera.fly(way.map(|x| x * step));
+            ui.ctx().request_repaint();
+        }
+        if pressed(Key::F) {
+            self.settings.fly = !self.settings.fly;
+        }
+        if pressed(Key::L) {
+            self.settings.light_handles = !self.settings.light_handles;
+        }
+        if pressed(Key::H) || pressed(Key::F1) {
+            self.help = !self.help;
+        }
+        if pressed(Key::P) {
+            self.save_picture();
+        }
+        if pressed(Key::T) {
+            self.begin_turntable();
+        }
+        if pressed(Key::X) {
+            self.split.difference = !self.split.difference;
+        }
+        let split = pressed(Key::C);
+        self.split.on ^= split;
+        split
+    }
+
+    /// The line between the two pictures, which the mouse moves.
+    fn show_split(&mut self, ui: &mut egui::Ui, area: egui::Rect) -> bool {
+        if !self.split.on || self.split.difference {
+            return false;
+        }
+        let x = area.min.x + self.split.place * area.width();
+        let line = egui::Rect::from_center_size(egui::pos2(x, area.center().y), egui::vec2(10.0, area.height()));
+        let response = ui.interact(line, ui.scope_id().with("split"), egui::Sense::drag());
+        if response.dragged() {
+            let moved = response.drag_delta().x / area.width().max(1.0);
+            self.split.place = (self.split.place + moved).clamp(0.02, 0.98);
+        }
+        if response.hovered() || response.dragged() {
+            ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+        }
+        let painter = ui.painter_at(area);
+        painter.vline(x, area.y_range(), egui::Stroke::new(1.0, egui::Color32::WHITE));
+        let label = |at, align, text: String| {
+            painter.text(at, align, text, egui::FontId::proportional(13.0), egui::Color32::WHITE);
+        };
+        let top = area.min.y + 8.0;
+        label(egui::pos2(x - 8.0, top), egui::Align2::RIGHT_TOP, "this".into());
+        label(egui::pos2(x + 8.0, top), egui::Align2::LEFT_TOP, self.split.against.name(&self.scene));
+        false
+    }
+
+    /// Takes in a file; `asset` is that which another one replaces.
+    fn open(&mut self, path: &Path, asset: Option<usize>) {
+        let asset = asset.unwrap_or(self.editor.asset);
+        self.message = Some(match open_file(&mut self.scene, asset, path) {
+            Ok(()) => {
+                self.side = Side::default();
+                self.split.reset();
+                self.panel = Panel::new(&self.scene, self.panel.shade, self.panel.renderer);
+                self.editor = Editor::new(&self.scene, self.editor.radius);
+                self.governor =
+                    self.governor.as_ref().map(|it| Governor::new(it.budget_ms(), Spending::all_of(&self.scene)));
+                (self.problem, self.thumbnails) = (None, Thumbnails::default());
+                format!("opened {}", path.display())
+            }
+            Err(error) => error.to_string(),
+        });
+    }
+
+    /// The picture as it is.
+    fn picture(&self) -> Result<Picture, ViewerError> {
+        let [width, height] = self.side.size().unwrap_or([0, 0]);
+        Ok(Picture { width, height, radiance: self.side.radiance(&self.gpu)? })
+    }
+
+    fn save_picture(&mut self) {
+        let path = free_name("btf-view", ".png");
+        let written = self.picture().and_then(|picture| picture.write_png(&path, self.scene.exposure_ev));
+        self.message = Some(match written {
+            Ok(()) => format!("saved {}", path.display()),
+            Err(error) => error.to_string(),
+        });
+    }
+
+    fn begin_turntable(&mut self) {
+        match Turntable::new() {
+            Ok(turntable) => self.turntable = Some(turntable),
+            Err(error) => self.message = Some(error.to_string()),
+        }
+    }
+
+    /// Writes a turntable's picture where one is finished, and turns the camera on.
+    fn go_round(&mut self) -> bool {
+        let ready = self.samples >= Turntable::SAMPLES.min(self.most_samples());
+        if !ready || self.turntable.is_none() {
+            return false;
+        }
+        let written = self.picture().and_then(|picture| match &mut self.turntable {
+            Some(turntable) => turntable.write(&picture, self.scene.exposure_ev),
+            None => Ok(true),
+        });
+        let folder =
+            self.turntable.as_ref().map(|turntable| turntable.folder.display().to_string()).unwrap_or_default();
+        match written {
+            Ok(last) => {
+                self.scene.camera.orbit(std::f32::consts::TAU / Turntable::PICTURES as f32, 0.0);
+                let done = self.turntable.as_ref().map_or(0, |turntable| turntable.done);
+                self.message = Some(format!("turntable: {done} of {} in {folder}", Turntable::PICTURES));
+                if last {
+                    self.turntable = None;
+                }
+                self.samples = 0;
+            }
+            Err(error) => {
+                self.message = Some(error.to_string());
+                self.turntable = None;
+            }
+        }
+        true
     }
 
     fn most_samples(&self) -> u32 {
@@ -352,13 +626,6 @@ impl View {
         [width, height].map(|side| ((f64::from(side) * shrink) as u32).max(1))
     }
 
-    fn current_size(&self) -> Option<[u32; 2]> {
-        match self.panel.renderer {
-            Renderer::Gpu(_) => self.tracer.as_ref().and_then(Tracer::size),
-            Renderer::Cpu => self.cpu.as_ref().map(|(picture, _)| [picture.width, picture.height]),
-        }
-    }
-
     fn add_sample(&mut self, size: [u32; 2]) -> Result<(), ViewerError> {
         // Settings change with the picture only, so that its samples are alike.
         if self.samples == 0 {
@@ -366,38 +633,15 @@ impl View {
             self.governor.iter_mut().for_each(|governor| governor.set_lights(lights));
             self.governed = self.governor.as_ref().map_or(self.panel.shade, |it| it.settings(&self.panel.shade));
         }
-        let shade = self.governed;
-        let mut first = false;
-        let ms = match self.panel.renderer {
-            Renderer::Gpu(kind) => {
-                let tracer = match &mut self.tracer {
-                    Some(tracer) => tracer,
-                    none => {
-                        first = true;
-                        none.insert(Tracer::new(&self.gpu, &self.scene, kind)?)
-                    }
-                };
-                let (ms, passes) =
-                    tracer.timed_sample(&self.gpu, &self.scene, size, &shade, self.samples, self.timer.as_mut())?;
-                self.passes = passes;
-                ms
-            }
-            Renderer::Cpu => {
-                let start = Instant::now();
-                let anew = self.samples == 0;
-                if anew {
-                    let bytes = size_of::<GpuPixel>() as u64 * u64::from(size[0]) * u64::from(size[1]);
-                    let buffer = self.gpu.empty_buffer("pixels of this picture", bytes, wgpu::BufferUsages::STORAGE)?;
-                    self.cpu = Some((CpuPicture::new(size), buffer));
-                }
-                if let Some((picture, buffer)) = &mut self.cpu {
-                    picture.add_sample(&self.scene, &shade, &|| true);
-                    self.gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&picture.gpu_pixels()));
-                }
-                self.passes = None;
-                start.elapsed().as_secs_f64() * 1e3
-            }
-        };
+        let (shade, renderer) = (self.governed, self.panel.renderer);
+        let side::Took { ms, passes, first } =
+            self.side.add_sample(&self.gpu, &self.scene, renderer, size, &shade, self.samples, self.timer.as_mut())?;
+        self.passes = passes;
+        if self.split.on {
+            let shade = self.split.against.shade(&shade);
+            let (side, scene) = self.split.scene(&self.scene, self.editor.asset);
+            side.add_sample(&self.gpu, scene, renderer, size, &shade, self.samples, None)?;
+        }
         if let (Some(governor), false) = (&mut self.governor, first) {
             governor.observe(ms);
         }
@@ -482,19 +726,26 @@ impl View {
                     ..Default::default()
                 })
                 .forget_lifetime();
-            if let Some(size) = self.current_size() {
-                let bands: Vec<(u32, u32, &wgpu::Buffer)> = match (self.panel.renderer, &self.tracer, &self.cpu) {
-                    (Renderer::Gpu(_), Some(tracer), _) => {
-                        tracer.bands().iter().map(|band| (band.first_row, band.rows, &band.pixels)).collect()
-                    }
-                    (Renderer::Cpu, _, Some((picture, buffer))) => vec![(0, picture.height, buffer)],
-                    _ => Vec::new(),
-                };
+            if let Some(size) = self.side.size() {
+                let (own, other) = (self.side.bands(), self.split.side.bands());
+                // The other picture may still be of another size.
+                let compared = self.split.on && self.split.side.size() == Some(size) && own.len() == other.len();
                 pass.set_viewport(0.0, 0.0, view[0] as f32, view[1] as f32, 0.0, 1.0);
                 let gain = self.scene.exposure_ev.exp2();
-                for (first_row, rows, pixels) in bands {
-                    let params = GpuBlit { picture: size, window: view, gain, first_row, rows, pad0: 0 };
-                    self.blit.draw(&self.gpu, &mut pass, pixels, params)?;
+                for (number, (first_row, rows, pixels)) in own.iter().enumerate() {
+                    let params = GpuBlit {
+                        picture: size,
+                        window: view,
+                        gain,
+                        first_row: *first_row,
+                        rows: *rows,
+                        split: if compared { 1 + u32::from(self.split.difference) } else { 0 },
+                        other_from: (self.split.place * view[0] as f32) as u32,
+                        difference_gain: self.split.gain,
+                        pad0: [0; 2],
+                    };
+                    let other = if compared { other[number].2 } else { pixels };
+                    self.blit.draw(&self.gpu, &mut pass, pixels, other, params)?;
                 }
                 pass.set_viewport(0.0, 0.0, self.config.width as f32, self.config.height as f32, 0.0, 1.0);
             }

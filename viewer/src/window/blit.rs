@@ -14,7 +14,10 @@ pub(crate) struct GpuBlit {
     pub gain: f32,
     pub first_row: u32,
     pub rows: u32,
-    pub pad0: u32,
+    pub split: u32,
+    pub other_from: u32,
+    pub difference_gain: f32,
+    pub pad0: [u32; 2],
 }
 
 /// The pipeline.
@@ -53,17 +56,21 @@ impl Blit {
         Ok(Blit { pipeline })
     }
 
-    /// Draws a band of a picture, whose place in it `params` tells, over the pass' viewport.
+    /// Draws a band of a picture, whose place in it `params` tells, and of the `other` one of a split view over the pass'
+    /// viewport.
     pub(crate) fn draw(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::RenderPass,
         pixels: &wgpu::Buffer,
+        other: &wgpu::Buffer,
         params: GpuBlit,
     ) -> Result<(), ViewerError> {
         let params = gpu.buffer("blit", bytemuck::bytes_of(&params), wgpu::BufferUsages::UNIFORM)?;
         let layout = self.pipeline.get_bind_group_layout(0);
-        let group = bind(gpu, &layout, &[(0, params.as_entire_binding()), (1, pixels.as_entire_binding())]);
+        let resources =
+            [(0, params.as_entire_binding()), (1, pixels.as_entire_binding()), (2, other.as_entire_binding())];
+        let group = bind(gpu, &layout, &resources);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.draw(0..3, 0..1);

@@ -1,0 +1,361 @@
+//! Editing an asset while it is drawn: which edit is at hand, where it is put, and the way back.
+
+use crate::scene::{Scene, SceneAsset};
+use btf_runtime::{Edit, Edits, MOST_EDITS, pack};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::error::ViewerError;
+
+/// Steps that can be taken back.
+const MOST_STEPS: usize = 200;
+
+/// Where a click puts the edit at hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Tool {
+    /// Nowhere: drags turn the camera.
+    #[default]
+    Look,
+    /// On the texels around the mouse.
+    Brush,
+    /// On all texels of the cluster under the mouse.
+    Cluster,
+    /// Takes the edit from the texels around the mouse.
+    Eraser,
+}
+
+/// One step of the history.
+#[derive(Debug, Clone)]
+struct Step {
+    asset: usize,
+    before: Edits,
+    after: Edits,
+}
+
+/// The edits of a scene's assets in the making.
+#[derive(Debug, Default)]
+pub(crate) struct Editor {
+    /// Number of the asset whose edits are shown.
+    pub asset: usize,
+    /// Number of the edit at hand in its list, from 0.
+    pub selected: usize,
+    pub tool: Tool,
+    /// Radius of the brush, texels.
+    pub radius: f32,
+    pub file: String,
+    /// What saving said.
+    pub message: Option<String>,
+    steps: Vec<Step>,
+    /// Steps that are in force; the others can be done again.
+    done: usize,
+    /// What the gesture that goes on began with.
+    open: Option<(usize, Edits)>,
+}
+
+impl Editor {
+    /// With a brush of `radius` texels.
+    pub(crate) fn new(scene: &Scene, radius: f32) -> Editor {
+        let mut editor = Editor { radius, ..Editor::default() };
+        editor.show(scene, 0);
+        editor
+    }
+
+    /// Turns to an asset.
+    pub(crate) fn show(&mut self, scene: &Scene, asset: usize) {
+        self.asset = asset;
+        self.selected = 0;
+        self.message = None;
+        self.file = scene.assets.get(asset).map_or_else(String::new, |asset| edited_path(asset).display().to_string());
+    }
+
+    fn edits<'a>(&self, scene: &'a Scene) -> Option<&'a Edits> {
+        scene.assets.get(self.asset).map(|asset| &asset.asset.edits)
+    }
+
+    /// The edit at hand.
+    pub(crate) fn edit(&self, scene: &Scene) -> Option<Edit> {
+        self.edits(scene)?.list.get(self.selected).copied()
+    }
+
+    /// Number of edits of the asset.
+    pub(crate) fn count(&self, scene: &Scene) -> usize {
+        self.edits(scene).map_or(0, |edits| edits.list.len())
+    }
+
+    /// Changes the asset's edits; the change belongs to the step that [`Editor::close`] ends.
+    fn change(&mut self, scene: &mut Scene, change: impl FnOnce(&mut Edits, &SceneAsset)) {
+        let Some(asset) = scene.assets.get_mut(self.asset) else { return };
+        let before = asset.asset.edits.clone();
+        let mut after = before.clone();
+        if after.texels.is_empty() {
+            after.texels = vec![0; asset.asset.texel_count()];
+        }
+        change(&mut after, asset);
+        if after.list.is_empty() {
+            after.texels.clear();
+        }
+        if after != before {
+            self.open.get_or_insert((self.asset, before));
+            Arc::make_mut(asset).set_edits(after);
+        }
+    }
+
+    /// Ends a step: a stroke of the brush, a drag of a slider, a click.
+    pub(crate) fn close(&mut self, scene: &Scene) {
+        let Some((asset, before)) = self.open.take() else { return };
+        let after = scene.assets[asset].asset.edits.clone();
+        if after == before {
+            return;
+        }
+        self.steps.truncate(self.done);
+        self.steps.push(Step { asset, before, after });
+        if self.steps.len() > MOST_STEPS {
+            self.steps.remove(0);
+        }
+        self.done = self.steps.len();
+    }
+
+    pub(crate) fn can_undo(&self) -> bool {
+        self.done > 0
+    }
+
+    pub(crate) fn can_redo(&self) -> bool {
+        self.done < self.steps.len()
+    }
+
+    /// Takes the last step back; the asset that it changed.
+    pub(crate) fn undo(&mut self, scene: &mut Scene) -> Option<usize> {
+        self.close(scene);
+        let step = self.steps.get(self.done.checked_sub(1)?)?.clone();
+        self.done -= 1;
+        self.go_to(scene, step.asset, step.before)
+    }
+
+    /// Does a step again that was taken back.
+    pub(crate) fn redo(&mut self, scene: &mut Scene) -> Option<usize> {
+        self.close(scene);
+        let step = self.steps.get(self.done)?.clone();
+        self.done += 1;
+        self.go_to(scene, step.asset, step.after)
+    }
+
+    fn go_to(&mut self, scene: &mut Scene, asset: usize, edits: Edits) -> Option<usize> {
+        Arc::make_mut(scene.assets.get_mut(asset)?).set_edits(edits);
+        if self.asset != asset {
+            self.show(scene, asset);
+        }
+        self.selected = self.selected.min(self.count(scene).saturating_sub(1));
+        Some(asset)
+    }
+
+    /// Adds an edit that changes nothing yet and lies nowhere; on the whole asset if it is the first.
+    pub(crate) fn add(&mut self, scene: &mut Scene) {
+        self.change(scene, |edits, _| {
+            if edits.list.len() < MOST_EDITS {
+                edits.list.push(Edit::default());
+                if edits.list.len() == 1 {
+                    edits.texels.fill(1);
+                }
+            }
+        });
+        self.selected = self.count(scene).saturating_sub(1);
+    }
+
+    /// Removes the edit at hand.
+    pub(crate) fn remove(&mut self, scene: &mut Scene) {
+        let number = self.selected as u8 + 1;
+        self.change(scene, |edits, _| {
+            if usize::from(number) <= edits.list.len() {
+                edits.list.remove(usize::from(number) - 1);
+            }
+            for texel in &mut edits.texels {
+                *texel = if *texel == number { 0 } else { *texel - u8::from(*texel > number) };
+            }
+        });
+        self.selected = self.selected.min(self.count(scene).saturating_sub(1));
+    }
+
+    /// Puts `edit` in place of the one at hand.
+    pub(crate) fn set(&mut self, scene: &mut Scene, edit: Edit) {
+        let selected = self.selected;
+        self.change(scene, |edits, _| {
+            if let Some(own) = edits.list.get_mut(selected).filter(|_| edit.in_range()) {
+                *own = edit;
+            }
+        });
+    }
+
+    /// Puts the edit at hand on all texels, or on none.
+    pub(crate) fn fill(&mut self, scene: &mut Scene, everywhere: bool) {
+        let number = self.selected as u8 + 1;
+        self.change(scene, |edits, _| {
+            for texel in &mut edits.texels {
+                if everywhere || *texel == number {
+                    *texel = if everywhere { number } else { 0 };
+                }
+            }
+        });
+    }
+
+    /// Uses the tool at hand at a texel of an asset; `true` if something changed.
+    pub(crate) fn touch(&mut self, scene: &mut Scene, asset: usize, texel: u32) -> bool {
+        if self.asset != asset {
+            self.close(scene);
+            self.show(scene, asset);
+        }
+        if self.count(scene) == 0 && self.tool != Tool::Eraser {
+            self.add(scene);
+            self.fill(scene, false);
+        }
+        let before = self.edits(scene).cloned();
+        let (tool, radius) = (self.tool, self.radius);
+        let number = if tool == Tool::Eraser { 0 } else { self.selected as u8 + 1 };
+        self.change(scene, |edits, asset| match tool {
+            Tool::Look => {}
+            Tool::Brush | Tool::Eraser => paint(edits, [asset.asset.width, asset.asset.height], texel, radius, number),
+            Tool::Cluster => {
+                // Clusters are those of the layer that is seen in front.
+                let clusters = &asset.asset.layers[0].texel_clusters;
+                let cluster = clusters[texel as usize];
+                let texels = edits.texels.iter_mut().zip(clusters);
+                texels.filter(|(_, of)| **of == cluster).for_each(|(edit, _)| *edit = number);
+            }
+        });
+        self.edits(scene) != before.as_ref()
+    }
+
+    /// Writes the asset with its edits to [`Editor::file`].
+    pub(crate) fn save(&mut self, scene: &Scene) {
+        let path = PathBuf::from(&self.file);
+        let Some(asset) = scene.assets.get(self.asset) else { return };
+        self.message = Some(match save(asset, &path) {
+            Ok(()) => format!("saved {}", path.display()),
+            Err(error) => error.to_string(),
+        });
+    }
+}
+
+/// Where an asset's edits are saved unless another file is named: beside it.
+fn edited_path(asset: &SceneAsset) -> PathBuf {
+    let name = format!("{}_edited.spmm", asset.name.trim_end_matches("_edited"));
+    asset.path.as_deref().unwrap_or(Path::new(&name)).with_file_name(&name)
+}
+
+/// Packs an asset with its edits.
+///
+/// # Errors
+/// [`ViewerError::Usage`] for the asset's own file, which is what was measured; [`ViewerError::Write`].
+fn save(asset: &SceneAsset, path: &Path) -> Result<(), ViewerError> {
+    let own = asset.path.as_deref().and_then(|own| own.canonicalize().ok());
+    if own.is_some() && path.canonicalize().ok() == own {
+        return Err(ViewerError::Usage(format!(
+            "{} is what the edits begin with; choose another name",
+            path.display()
+        )));
+    }
+    let bytes = pack(&asset.asset).map_err(|source| ViewerError::Asset { path: path.into(), source })?;
+    Ok(btf_capture::atomic::write_file_atomically(path, &bytes)?)
+}
+
+/// Puts edit `number` on the texels around `texel`; textures repeat.
+fn paint(edits: &mut Edits, [width, height]: [usize; 2], texel: u32, radius: f32, number: u8) {
+    let (column, row) = ((texel as usize % width) as i64, (texel as usize / width) as i64);
+    let reach = radius.ceil() as i64;
+    for dy in -reach..=reach {
+        for dx in -reach..=reach {
+            if (dx * dx + dy * dy) as f32 <= radius * radius {
+                let (x, y) = ((column + dx).rem_euclid(width as i64), (row + dy).rem_euclid(height as i64));
+                edits.texels[y as usize * width + x as usize] = number;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::MeshChoice;
+    use btf_runtime::Asset;
+
+    fn scene() -> Scene {
+        Scene::built_in(&MeshChoice::Plane, vec![Arc::new(SceneAsset::built_in())], [1.0; 2]).unwrap()
+    }
+
+    fn edits(scene: &Scene) -> Edits {
+        scene.assets[0].asset.edits.clone()
+    }
+
+    #[test]
+    fn every_step_goes_back_and_forth() {
+        let mut scene = scene();
+        let mut editor = Editor::new(&scene, 8.0);
+        let mut states = vec![edits(&scene)];
+        editor.add(&mut scene);
+        editor.close(&scene);
+        states.push(edits(&scene));
+        // A drag of a slider is one step.
+        for roughness in [1.1, 1.3, 1.6] {
+            editor.set(&mut scene, Edit { roughness, ..Edit::default() });
+        }
+        editor.close(&scene);
+        states.push(edits(&scene));
+        editor.add(&mut scene);
+        editor.tool = Tool::Brush;
+        editor.radius = 2.0;
+        assert!(editor.touch(&mut scene, 0, 65));
+        editor.close(&scene);
+        states.push(edits(&scene));
+        // A circle of radius 2 has 13 texels.
+        assert_eq!(states[3].texels.iter().filter(|edit| **edit == 2).count(), 13);
+        editor.tool = Tool::Cluster;
+        assert!(editor.touch(&mut scene, 0, 900));
+        editor.close(&scene);
+        states.push(edits(&scene));
+        editor.remove(&mut scene);
+        editor.close(&scene);
+        states.push(edits(&scene));
+        assert_eq!(states[5].list.len(), 1);
+        for state in states.iter().rev().skip(1) {
+            assert_eq!(editor.undo(&mut scene), Some(0));
+            assert_eq!(&edits(&scene), state);
+        }
+        assert_eq!(editor.undo(&mut scene), None);
+        for state in &states[1..] {
+            assert_eq!(editor.redo(&mut scene), Some(0));
+            assert_eq!(&edits(&scene), state);
+        }
+        assert!(!editor.can_redo() && editor.can_undo());
+        // A new step after one that was taken back takes its place.
+        editor.undo(&mut scene);
+        editor.fill(&mut scene, true);
+        editor.close(&scene);
+        assert!(!editor.can_redo());
+        // A step that changes nothing is none.
+        let done = editor.done;
+        editor.fill(&mut scene, true);
+        editor.close(&scene);
+        assert_eq!(editor.done, done);
+    }
+
+    #[test]
+    fn what_is_saved_is_what_was_edited_and_never_what_was_measured() {
+        let dir = tempfile::tempdir().unwrap();
+        let own = dir.path().join("weave.spmm");
+        std::fs::write(&own, pack(&SceneAsset::built_in().asset).unwrap()).unwrap();
+        let asset = Arc::new(SceneAsset::load(&own).unwrap());
+        let mut scene = Scene::built_in(&MeshChoice::Plane, vec![asset], [1.0; 2]).unwrap();
+        let mut editor = Editor::new(&scene, 8.0);
+        assert_eq!(PathBuf::from(&editor.file), dir.path().join("weave_edited.spmm"));
+        editor.add(&mut scene);
+        editor.set(&mut scene, Edit { tint: [0.2, 0.9, 0.4], ..Edit::default() });
+        editor.save(&scene);
+        assert!(editor.message.as_ref().unwrap().starts_with("saved"), "{:?}", editor.message);
+        let bytes = std::fs::read(dir.path().join("weave_edited.spmm")).unwrap();
+        assert_eq!(Asset::parse(&bytes).unwrap(), scene.assets[0].asset);
+        editor.file = own.display().to_string();
+        let before = std::fs::read(&own).unwrap();
+        editor.save(&scene);
+        assert!(editor.message.as_ref().unwrap().contains("choose another name"), "{:?}", editor.message);
+        assert_eq!(std::fs::read(&own).unwrap(), before);
+    }
+}

@@ -1,0 +1,125 @@
+//! Files that the window takes in and gives out: dropped or named ones, pictures and turntables.
+
+use crate::environment::Environment;
+use crate::error::ViewerError;
+use crate::picture::Picture;
+use crate::scene::{MeshChoice, Scene, SceneAsset};
+use crate::scene_file::load_scene;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Takes a file into the scene: an asset in place of number `asset`, a mesh in place of all objects, a picture of light
+/// around it, or another scene.
+///
+/// # Errors
+/// Those of the file's kind; [`ViewerError::Usage`] for another kind. The scene is then as it was.
+pub(crate) fn open_file(scene: &mut Scene, asset: usize, path: &Path) -> Result<(), ViewerError> {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default();
+    match extension.as_str() {
+        "spmm" => {
+            let loaded = Arc::new(SceneAsset::load(path)?);
+            match scene.assets.get_mut(asset) {
+                Some(known) => *known = loaded,
+                None => scene.assets.push(loaded),
+            }
+        }
+        "obj" | "gltf" | "glb" => {
+            let other = Scene::built_in(&MeshChoice::File(path.into()), scene.assets.clone(), [1.0; 2])?;
+            // Light from all around stays.
+            *scene = Scene { environment: scene.environment.take(), exposure_ev: scene.exposure_ev, ..other };
+        }
+        "hdr" | "exr" => {
+            let lights = std::mem::take(&mut scene.lights);
+            match Environment::load(path, 1.0) {
+                Ok(environment) => scene.surround(environment),
+                Err(error) => {
+                    scene.lights = lights;
+                    return Err(error.into());
+                }
+            }
+        }
+        "toml" => *scene = load_scene(path, Vec::new())?,
+        _ => {
+            return Err(ViewerError::Usage(format!(
+                "{}: drop an asset (.spmm), a mesh (.obj, .gltf, .glb), a picture of light (.hdr, .exr) or a scene (.toml)",
+                path.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// `name_001suffix`, with the first number that is free in the folder where the program runs.
+pub(crate) fn free_name(name: &str, suffix: &str) -> PathBuf {
+    let numbered = |number: u32| PathBuf::from(format!("{name}_{number:03}{suffix}"));
+    (1..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(0))
+}
+
+/// A turntable in the making: pictures around the scene, in a folder.
+pub(crate) struct Turntable {
+    pub folder: PathBuf,
+    /// Pictures that are written.
+    pub done: u32,
+}
+
+impl Turntable {
+    /// Pictures of a whole turn.
+    pub(crate) const PICTURES: u32 = 36;
+    /// Samples of each.
+    pub(crate) const SAMPLES: u32 = 16;
+
+    /// In a new folder.
+    ///
+    /// # Errors
+    /// [`ViewerError::Read`] where it cannot be made.
+    pub(crate) fn new() -> Result<Turntable, ViewerError> {
+        let folder = free_name("btf-view_turntable", "");
+        std::fs::create_dir_all(&folder).map_err(|source| ViewerError::Read { path: folder.clone(), source })?;
+        Ok(Turntable { folder, done: 0 })
+    }
+
+    /// Writes the next picture; `true` if it was the last one.
+    ///
+    /// # Errors
+    /// Those of [`Picture::write_png`].
+    pub(crate) fn write(&mut self, picture: &Picture, exposure_ev: f32) -> Result<bool, ViewerError> {
+        picture.write_png(&self.folder.join(format!("{:03}.png", self.done)), exposure_ev)?;
+        self.done += 1;
+        Ok(self.done == Turntable::PICTURES)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_every_kind_are_taken_in_and_bad_ones_leave_the_scene_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let asset = Arc::new(SceneAsset::built_in());
+        let mut scene = Scene::built_in(&MeshChoice::Plane, vec![asset], [1.0; 2]).unwrap();
+        let write = |name: &str, bytes: &[u8]| {
+            let path = dir.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let weave = include_bytes!("../models/weave.spmm");
+        open_file(&mut scene, 0, &write("other.spmm", weave)).unwrap();
+        assert_eq!(scene.assets[0].name, "other");
+        let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+        open_file(&mut scene, 0, &write("m.OBJ", mesh.as_bytes())).unwrap();
+        assert_eq!(scene.geometry.triangles().len(), 1);
+        let text =
+            "[[material]]\nname = \"a\"\nasset = \"other.spmm\"\n[[object]]\nmesh = \"cube\"\nmaterial = \"a\"\n";
+        open_file(&mut scene, 0, &write("s.toml", text.as_bytes())).unwrap();
+        assert_eq!(scene.geometry.triangles().len(), 12);
+        let lights = scene.lights.clone();
+        for (name, bytes) in [("x.spmm", &weave[..200]), ("x.obj", b"f 1 2 3"), ("x.hdr", b"no"), ("x.txt", b"")] {
+            let path = write(name, bytes);
+            let message = open_file(&mut scene, 0, &path).unwrap_err().to_string();
+            assert!(message.contains(name), "{message}");
+            assert_eq!((scene.geometry.triangles().len(), &scene.lights), (12, &lights), "{name}");
+            assert_eq!(scene.assets[0].name, "other");
+        }
+    }
+}
