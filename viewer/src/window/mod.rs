@@ -399,9 +399,10 @@ impl View {
         {
             edited = Some(asset);
         }
-        let (undo, redo) = ui.input(|input| {
-            let key = input.modifiers.command && input.key_pressed(egui::Key::Z);
-            (key && !input.modifiers.shift, key && input.modifiers.shift)
+        // The keys' own modifiers: when a frame is slow they are up again at its end.
+        let [redo, undo] = ui.input_mut(|input| {
+            let command = egui::Modifiers::COMMAND;
+            [command | egui::Modifiers::SHIFT, command].map(|keys| input.consume_key(keys, egui::Key::Z))
         });
         if undo {
             edited = editor.undo(scene).or(edited);
