@@ -31,8 +31,11 @@ const COEFFICIENT_SWEEPS: usize = 8;
 const MOST_CODE: f32 = 127.0;
 /// Lobes in the dictionary of the levels' own cluster.
 const OWN_LOBES: usize = 32;
-/// Coarse texels from which that cluster's bases are made: of the first level, and of the second.
-const OWN_SAMPLES: [usize; 2] = [768, 256];
+/// Squares from which that cluster's bases are made, how many and of which side, texels: of the first and second level, and
+/// of coarse ones, in whose means differences are lost that finer ones have.
+const OWN_SAMPLES: [(usize, usize); 4] = [(640, 2), (256, 4), (128, 16), (64, 64)];
+/// Texels of such a square that are averaged, along a side.
+const SQUARE_TEXELS: usize = 6;
 /// Coefficients may go beyond those of the sample by this factor.
 const OWN_RANGE: f32 = 1.3;
 /// Orthogonal iterations that find the principal bases.
@@ -584,13 +587,16 @@ impl<'a> Fitter<'a> {
         self.fit(mean, &candidates)
     }
 
-    /// Mean of the linear values of a square of `side` x `side` texels of the finest level.
+    /// Mean of the linear values of a square of `side` x `side` texels of the finest level, or of some of them.
     fn square(&self, index: usize, size: [usize; 2], side: usize) -> Vec<f32> {
-        let across = size.map(|texels| texels.div_ceil(side));
-        let [column, row] = [index % across[0] * side, index / across[0] * side];
+        let across = size[0].div_ceil(side);
+        let [column, row] = [index % across * side, index / across * side];
+        let taken = side.min(SQUARE_TEXELS);
         let (mut mean, mut count) = (vec![0.0f32; self.samples], 0.0);
-        for y in row..(row + side).min(size[1]) {
-            for x in column..(column + side).min(size[0]) {
+        for (y, x) in
+            (0..taken).flat_map(|y| (0..taken).map(move |x| (row + y * side / taken, column + x * side / taken)))
+        {
+            if y < size[1] && x < size[0] {
                 mean.iter_mut().zip(self.decoded(y * size[0] + x)).for_each(|(sum, x)| *sum += x);
                 count += 1.0;
             }
@@ -621,7 +627,7 @@ impl<'a> Fitter<'a> {
 
         // Coordinates of coarse texels along the shared bases.
         let mut points: Vec<Vec<f32>> = Vec::new();
-        for (samples, side) in OWN_SAMPLES.into_iter().zip([2, 4]) {
+        for (samples, side) in OWN_SAMPLES {
             let squares = size[0].div_ceil(side) * size[1].div_ceil(side);
             let taken = squares.min(samples);
             let made = map_texels(taken, &|i| {
