@@ -4,7 +4,7 @@
 mod support;
 
 use btf_runtime::testing::{sample_asset, sample_heights};
-use btf_runtime::{Interpolation, ResidualKind};
+use btf_runtime::{Edit, Edits, Interpolation, ResidualKind};
 use btf_viewer::{
     Ambient, BackendChoice, Camera, Control, Geometry, Gpu, GpuTracer, Material, MeshChoice, MeshPart, PointLight,
     RenderMode, RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, Tracer, Triangle, Vertex, plane,
@@ -140,6 +140,23 @@ fn an_asset_of_one_texel_and_64_assets_at_once() {
     assert_sound("one texel", &one);
     let many = Scene::built_in(&MeshChoice::Plane, (0..64).map(|seed| sample(seed, 2, 3)).collect(), [1.0; 2]).unwrap();
     assert_sound("64 assets", &many);
+}
+
+#[test]
+fn relief_and_edits_at_the_ends_of_their_ranges() {
+    // Noise a hundred times as high as it is, seen and lit along the surface, on a mesh with silhouettes.
+    let mut scene = scene(sphere());
+    scene.camera = Camera { eye: Vec3::new(0.0, 1.02, 1.4), target: Vec3::Y, up: Vec3::Y, fov_deg: 40.0 };
+    let ends = [
+        Edit { tint: [0.0, 16.0, 16.0], diffuse: 0.0, specular: 16.0, roughness: 0.1, tilt: [0.9, 0.9], fade: 0.0 },
+        Edit { tint: [16.0; 3], diffuse: 16.0, specular: 0.0, roughness: 10.0, tilt: [-0.9, 0.9], fade: 16.0 },
+    ];
+    let texels = (0..scene.assets[0].asset.texel_count()).map(|texel| (texel % 3) as u8).collect();
+    Arc::make_mut(&mut scene.assets[0]).set_edits(Edits { list: ends.to_vec(), texels });
+    for scale in [1e-4, 1.0, 100.0] {
+        scene.displace(scale);
+        assert_sound(&format!("relief times {scale}"), &scene);
+    }
 }
 
 #[test]
