@@ -475,16 +475,22 @@ pub struct Picked {
 
 /// The asset that the eye sees in a pixel of a picture of `size`, at `pixel` from its top left corner, if any.
 pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option<Picked> {
+    let [x, y] = pixel;
+    if !(0.0..width as f32).contains(&x) || !(0.0..height as f32).contains(&y) {
+        return None;
+    }
     let camera = scene.camera.frame(width, height);
-    let [x, y] = pixel.map(|x| x.max(0.0));
-    let direction = camera.direction(x as u32, y as u32, [x.fract() - 0.5, y.fract() - 0.5]);
-    let geometry = &scene.geometry;
-    let hit = geometry.bvh().trace(geometry.vertices(), geometry.triangles(), camera.eye, direction, FAR, AnyHit::No);
+    let shader = Shader { scene, camera, jitter: [0.0; 2], sample: 0, options: ShadeOptions::default() };
+    let direction = shader.camera.direction(x as u32, y as u32, [x.fract() - 0.5, y.fract() - 0.5]);
+    let (hit, sunk) = shader.seen(shader.camera.eye, direction);
     if hit.primitive == NO_HIT {
         return None;
     }
-    let s = Surface::surface_at(geometry, &hit, direction);
+    let mut s = Surface::surface_at(&scene.geometry, &hit, direction);
     let material = &scene.materials[s.material];
+    if let Some(relief) = Relief::relief_new(scene, &hit, &s).filter(|_| !s.view_back) {
+        s.uv = relief.relief_uv(material, relief.relief_point(-s.wo, sunk), s.wo);
+    }
     let asset = material.asset?;
     let texel = scene.assets[asset].resident.texel(0, (s.uv * Vec2::from(material.uv_scale)).to_array());
     Some(Picked { asset, texel, position: s.position })

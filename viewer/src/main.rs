@@ -368,22 +368,31 @@ fn trim(arguments: &PlanArguments) -> Result<(), ViewerError> {
     let plan = with_progress(common.quiet, |control| plan(&scene, &params, arguments.psnr.into(), control))?;
     let folder = &arguments.out;
     std::fs::create_dir_all(folder).map_err(|source| ViewerError::Read { path: folder.clone(), source })?;
-    // Assets of the same name are told apart by their numbers.
-    let file = |number: usize| {
-        let name = &plan.assets[number].name;
-        let again = plan.assets[..number].iter().any(|other| other.name == *name);
-        if again { format!("{name}_{number}.spmm") } else { format!("{name}.spmm") }
-    };
-    let files: Vec<String> = (0..plan.assets.len()).map(file).collect();
-    let text = scene_with_assets(&arguments.scene, &scene.assets, &files, folder)?;
-    for (asset, file) in plan.assets.iter().zip(&files) {
+    // Assets of the same name, letters large or small, are told apart by numbers.
+    let mut files: Vec<String> = Vec::new();
+    for asset in &plan.assets {
+        let numbered = |number: usize| match number {
+            0 => format!("{}.spmm", asset.name),
+            _ => format!("{}_{number}.spmm", asset.name),
+        };
+        let free = |name: &String| files.iter().all(|known| known.to_lowercase() != name.to_lowercase());
+        let name = (0..=files.len()).map(numbered).find(free);
+        files.extend(name);
+    }
+    let mut sources: Vec<&std::path::Path> = scene.assets.iter().filter_map(|asset| asset.path.as_deref()).collect();
+    sources.push(&arguments.scene);
+    for file in files.iter().map(String::as_str).chain(["scene.toml"]) {
         let path = folder.join(file);
-        if scene.assets.iter().any(|known| known.path.as_ref().is_some_and(|known| same_file(known, &path))) {
+        if sources.iter().any(|source| same_file(source, &path)) {
             return Err(ViewerError::Usage(format!(
-                "{} is an asset of the scene and would be overwritten; give another folder with -o",
+                "{} belongs to the scene and would be overwritten; give another folder with -o",
                 path.display()
             )));
         }
+    }
+    let text = scene_with_assets(&arguments.scene, &scene.assets, &files, folder)?;
+    for (asset, file) in plan.assets.iter().zip(&files) {
+        let path = folder.join(file);
         btf_capture::atomic::write_file_atomically(&path, &asset.packed)?;
     }
     btf_capture::atomic::write_file_atomically(folder.join("scene.toml"), text.as_bytes())?;
@@ -416,6 +425,9 @@ fn trim(arguments: &PlanArguments) -> Result<(), ViewerError> {
         100.0 * (1.0 - kept as f64 / whole.max(1) as f64),
         plan.psnr_db
     );
+    if plan.assets.iter().any(|asset| asset.psnr_db.is_some_and(|psnr| psnr < f64::from(arguments.psnr))) {
+        println!("{} dB are not reached everywhere: that near the kept texels cannot come", arguments.psnr);
+    }
     println!("written to {}", folder.display());
     Ok(())
 }

@@ -7,6 +7,7 @@
 use crate::cpu::levels_seen;
 use crate::error::ViewerError;
 use crate::headless::{Control, RenderParams, Session};
+use crate::options::RenderMode;
 use crate::picture::psnr_db;
 use crate::scene::{Scene, SceneAsset};
 use btf_runtime::{Asset, DecodeOptions, LobeRole, pack};
@@ -73,8 +74,10 @@ pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Contro
             seen.iter_mut().flatten().zip(of_view.into_iter().flatten()).for_each(|(sum, count)| *sum += count);
         }
     }
+    // A traced path also meets what no eye sees: that is kept whole.
+    let paths = params.shade.mode == RenderMode::Path;
     let mut needs: Vec<Need> =
-        scene.assets.iter().zip(&seen).map(|(asset, seen)| Need::of_levels(asset, seen)).collect();
+        scene.assets.iter().zip(&seen).map(|(asset, seen)| Need::of_levels(asset, seen, paths)).collect();
     planner.search(&mut needs, goal_db, Limit::Components)?;
     planner.search(&mut needs, goal_db, Limit::Lobes)?;
     for round in 0.. {
@@ -82,9 +85,9 @@ pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Contro
             needs.iter().zip(&scene.assets).map(|(need, asset)| need.pack(asset)).collect::<Result<Vec<_>, _>>()?;
         let (each, whole) = planner.errors_of(&packed)?;
         let mut raised = false;
-        for (need, error) in needs.iter_mut().zip(&each) {
+        for ((need, error), asset) in needs.iter_mut().zip(&each).zip(&scene.assets) {
             if error.is_some_and(|error| error < goal_db) && round < MOST_ROUNDS {
-                raised |= need.raise();
+                raised |= need.raise(asset);
             }
         }
         if !raised {
@@ -129,21 +132,28 @@ struct Need {
 }
 
 impl Need {
-    fn of_levels(asset: &SceneAsset, seen: &[u64]) -> Need {
+    fn of_levels(asset: &SceneAsset, seen: &[u64], paths: bool) -> Need {
         let pixels: u64 = seen.iter().sum();
         let level = seen.iter().position(|count| *count > 0 && *count as f64 >= LEVEL_SHARE * pixels as f64);
         // What nobody sees is kept at its coarsest.
-        let level = level.unwrap_or(asset.levels.len());
+        let level = level.unwrap_or(if paths { 0 } else { asset.levels.len() });
         let most = [components_of(asset.level(level)), lobes_of(asset.level(level))];
         Need { pixels, level, components: most[0], lobes: most[1], most }
     }
 
-    /// The next larger limits; `false` where there are none.
-    fn raise(&mut self) -> bool {
+    /// The next larger limits or, where there are none, the next finer level; `false` where all is kept.
+    fn raise(&mut self, asset: &SceneAsset) -> bool {
         let next = |now: u32, most: u32| LADDER.into_iter().find(|rung| *rung > now).unwrap_or(most).min(most);
-        let before = (self.components, self.lobes, self.level);
-        (self.components, self.lobes) = (next(self.components, self.most[0]), next(self.lobes, self.most[1]));
-        before != (self.components, self.lobes, self.level)
+        let before = [self.components, self.lobes];
+        [self.components, self.lobes] = [next(self.components, self.most[0]), next(self.lobes, self.most[1])];
+        if before != [self.components, self.lobes] {
+            return true;
+        }
+        let Some(finer) = self.level.checked_sub(1) else { return false };
+        self.level = finer;
+        self.most = [components_of(asset.level(finer)), lobes_of(asset.level(finer))];
+        [self.components, self.lobes] = self.most;
+        true
     }
 
     fn pack(&self, asset: &SceneAsset) -> Result<Vec<u8>, ViewerError> {
@@ -228,7 +238,9 @@ impl<'a> Planner<'a> {
         };
         let mut open: Vec<bool> = self.scene.assets.iter().map(shows).collect();
         for (need, open) in needs.iter_mut().zip(&mut open).filter(|(need, _)| need.pixels == 0) {
-            *limit.of(need) = 0;
+            if self.params.shade.mode == RenderMode::Direct {
+                *limit.of(need) = 0;
+            }
             *open = false;
         }
         let largest = needs.iter_mut().map(|need| *limit.of(need)).max().unwrap_or(0);

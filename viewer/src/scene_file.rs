@@ -239,6 +239,12 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
         if !(material.displacement.is_finite() && material.displacement >= 0.0) {
             return Err(fault(format!("material '{}' needs a displacement of at least 0", entry.name)));
         }
+        if material.displacement > 0.0 && !material.uv_scale.iter().all(|scale| *scale > 0.0) {
+            return Err(fault(format!(
+                "material '{}' has a displacement, so its uv_scale must be above 0",
+                entry.name
+            )));
+        }
         if !material.diffuse.iter().chain(&material.uv_scale).all(|x| x.is_finite()) {
             return Err(fault(format!("material '{}' has a number that is not finite", entry.name)));
         }
@@ -393,6 +399,9 @@ fn relative(folder: &Path, file: &Path) -> String {
     let (Ok(folder), Ok(file)) = (folder.canonicalize(), file.canonicalize()) else {
         return file.to_string_lossy().into_owned();
     };
+    if folder.components().next() != file.components().next() {
+        return file.to_string_lossy().into_owned();
+    }
     let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(common).map(|_| "..".to_string());
     let down = file.components().skip(common).map(|part| part.as_os_str().to_string_lossy().into_owned());

@@ -228,7 +228,7 @@ impl Editor {
     pub(crate) fn save(&mut self, scene: &Scene) {
         let path = PathBuf::from(&self.file);
         let Some(asset) = scene.assets.get(self.asset) else { return };
-        self.message = Some(match save(asset, &path) {
+        self.message = Some(match save(scene, asset, &path) {
             Ok(()) => format!("saved {}", path.display()),
             Err(error) => error.to_string(),
         });
@@ -244,14 +244,12 @@ fn edited_path(asset: &SceneAsset) -> PathBuf {
 /// Packs an asset with its edits.
 ///
 /// # Errors
-/// [`ViewerError::Usage`] for the asset's own file, which is what was measured; [`ViewerError::Write`].
-fn save(asset: &SceneAsset, path: &Path) -> Result<(), ViewerError> {
-    let own = asset.path.as_deref().and_then(|own| own.canonicalize().ok());
-    if own.is_some() && path.canonicalize().ok() == own {
-        return Err(ViewerError::Usage(format!(
-            "{} is what the edits begin with; choose another name",
-            path.display()
-        )));
+/// [`ViewerError::Usage`] for the file of an asset of the scene, its own or another; [`ViewerError::Write`].
+fn save(scene: &Scene, asset: &SceneAsset, path: &Path) -> Result<(), ViewerError> {
+    let target = path.canonicalize().ok();
+    let known = |other: &Arc<SceneAsset>| other.path.as_deref().and_then(|own| own.canonicalize().ok());
+    if target.is_some() && scene.assets.iter().any(|other| known(other) == target) {
+        return Err(ViewerError::Usage(format!("{} is open in this scene; choose another name", path.display())));
     }
     let bytes = pack(&asset.asset).map_err(|source| ViewerError::Asset { path: path.into(), source })?;
     Ok(btf_capture::atomic::write_file_atomically(path, &bytes)?)

@@ -6,6 +6,10 @@ use btf_runtime::Edit;
 
 /// Draws it; the asset that changed, if one did.
 pub(crate) fn show_editor(ui: &mut egui::Ui, editor: &mut Editor, scene: &mut Scene) -> Option<usize> {
+    if scene.assets.is_empty() {
+        ui.small("nothing here carries an asset");
+        return None;
+    }
     let mut changed = None;
     if scene.assets.len() > 1 {
         let mut asset = editor.asset;

@@ -25,8 +25,12 @@ pub(crate) fn open_file(scene: &mut Scene, asset: usize, path: &Path) -> Result<
         }
         "obj" | "gltf" | "glb" => {
             let other = Scene::built_in(&MeshChoice::File(path.into()), scene.assets.clone(), [1.0; 2])?;
-            // Light from all around stays.
-            *scene = Scene { environment: scene.environment.take(), exposure_ev: scene.exposure_ev, ..other };
+            // Light from all around stays, and then is all the light.
+            let exposure_ev = scene.exposure_ev;
+            *scene = match scene.environment.take() {
+                None => Scene { exposure_ev, ..other },
+                environment => Scene { environment, ambient: scene.ambient, lights: Vec::new(), exposure_ev, ..other },
+            };
         }
         "hdr" | "exr" => {
             let lights = std::mem::take(&mut scene.lights);

@@ -11,9 +11,6 @@ mod side;
 mod split;
 mod thumbnails;
 
-#[cfg(test)]
-pub(crate) use blit::GpuBlit;
-
 use crate::cpu::{Picked, pick};
 use crate::error::ViewerError;
 use crate::governor::{Governor, Spending};
@@ -24,15 +21,14 @@ use crate::picture::Picture;
 use crate::scene::{Ambient, Scene};
 use crate::shaders::GpuTracer;
 use blit::Blit;
-#[cfg(not(test))]
-use blit::GpuBlit;
+pub(crate) use blit::GpuBlit;
 use editor::{Editor, Tool};
 use files::{Turntable, free_name, open_file};
 use light_handles::show_light_handles;
 use panel::{Asked, Panel, Renderer, Status};
 use settings::Settings;
 use side::Side;
-use split::Split;
+use split::{Against, Split};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -327,7 +323,7 @@ impl View {
         if self.panel.renderer != renderer_before {
             // The other renderer uploads the scene anew; its first frames compile.
             (self.side, self.frame_ms, self.passes, self.problem) = (Side::default(), None, None, None);
-            self.split.reset();
+            self.split.reset(&self.scene, self.editor.asset);
         }
         let picture_size = self.picture_size(view_size);
         if changed || self.side.size() != Some(picture_size) {
@@ -370,6 +366,7 @@ impl View {
             message: self.message.as_deref(),
         };
         self.thumbnails.update(&self.context, &self.scene);
+        let edited_before = self.editor.asset;
         let (panel, scene, editor) = (&mut self.panel, &mut self.scene, &mut self.editor);
         let (split, settings, thumbnails) = (&mut self.split, &mut self.settings, &self.thumbnails);
         let Asked { mut changed, mut edited, compare, export, open } = egui::Panel::right("panel")
@@ -400,7 +397,11 @@ impl View {
             edited = Some(asset);
         }
         // The keys' own modifiers: when a frame is slow they are up again at its end.
+        let typing = self.context.egui_wants_keyboard_input();
         let [redo, undo] = ui.input_mut(|input| {
+            if typing {
+                return [false; 2];
+            }
             let command = egui::Modifiers::COMMAND;
             [command | egui::Modifiers::SHIFT, command].map(|keys| input.consume_key(keys, egui::Key::Z))
         });
@@ -410,6 +411,11 @@ impl View {
             edited = editor.redo(scene).or(edited);
         } else if !ui.input(|input| input.pointer.any_down()) {
             editor.close(scene);
+        }
+        if self.editor.asset != edited_before {
+            // What another asset is compared with is the one at hand.
+            self.split.reset(&self.scene, self.editor.asset);
+            changed |= self.split.on;
         }
         if let Some(asset) = edited {
             changed = true;
@@ -434,7 +440,6 @@ impl View {
                 self.scene.camera.zoom((-scroll * 0.003).exp());
             }
         }
-        let typing = self.context.egui_wants_keyboard_input();
         if !typing {
             changed |= self.keys(ui);
         }
@@ -474,7 +479,13 @@ impl View {
     /// What keys ask for; `true` if the picture must begin anew.
     fn keys(&mut self, ui: &egui::Ui) -> bool {
         use egui::Key;
-        let pressed = |key| ui.input(|input| input.key_pressed(key) && !input.modifiers.command);
+        let pressed = |wanted: Key| {
+            let is = |event: &egui::Event| {
+                matches!(event, egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. }
+                    if *key == wanted && !modifiers.command)
+            };
+            ui.input(|input| input.events.iter().any(is))
+        };
         let down = |key| ui.input(|input| f32::from(u8::from(input.key_down(key) && !input.modifiers.command)));
         let way = [down(Key::D) - down(Key::A), down(Key::E) - down(Key::Q), down(Key::W) - down(Key::S)];
         if way != [0.0; 3] {
@@ -538,9 +549,9 @@ impl View {
         self.message = Some(match open_file(&mut self.scene, asset, path) {
             Ok(()) => {
                 self.side = Side::default();
-                self.split.reset();
                 self.panel = Panel::new(&self.scene, self.panel.shade, self.panel.renderer);
                 self.editor = Editor::new(&self.scene, self.editor.radius);
+                self.split.reset(&self.scene, self.editor.asset);
                 self.governor =
                     self.governor.as_ref().map(|it| Governor::new(it.budget_ms(), Spending::all_of(&self.scene)));
                 (self.problem, self.thumbnails) = (None, Thumbnails::default());
@@ -566,6 +577,9 @@ impl View {
     }
 
     fn begin_turntable(&mut self) {
+        if self.turntable.is_some() {
+            return;
+        }
         match Turntable::new() {
             Ok(turntable) => self.turntable = Some(turntable),
             Err(error) => self.message = Some(error.to_string()),
@@ -603,9 +617,10 @@ impl View {
     }
 
     fn most_samples(&self) -> u32 {
-        let shade = &self.panel.shade;
+        let shade = &self.governed;
         let drawn = (shade.light_samples as usize) < self.scene.lights.len();
         let random = shade.mode == RenderMode::Path
+            || (self.split.on && self.split.against == Against::Paths)
             || drawn
             || self.scene.ambient != Ambient::NONE
             || self.scene.environment.is_some();

@@ -370,7 +370,7 @@ fn show_split(ui: &mut egui::Ui, split: &mut Split, editor: &Editor, scene: &Sce
     }
     let changed = before != (split.on, split.against);
     if changed {
-        split.reset();
+        split.reset(scene, editor.asset);
     }
     changed
 }

@@ -95,9 +95,12 @@ impl Split {
         }
     }
 
-    /// Begins anew, with another choice or another scene.
-    pub(crate) fn reset(&mut self) {
+    /// Begins anew, with another choice or another scene, in which asset `edited` is at hand.
+    pub(crate) fn reset(&mut self, scene: &Scene, edited: usize) {
         (self.side, self.scene) = (Side::default(), None);
+        if !Against::choices(scene, edited).contains(&self.against) {
+            self.against = Against::default();
+        }
     }
 
     /// Takes over an asset's edits, where the other picture shows them.
