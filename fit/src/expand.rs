@@ -58,7 +58,8 @@ pub fn expand_info(asset: &Asset, params: &ExpandParams) -> Result<CaptureInfo, 
 /// Decodes layer `params.layer` into the capture folder `dir`, which must be empty or absent. A layer of
 /// the back is written in the turned-over frame that a camera sees, as [`btf_capture::Side`] tells.
 ///
-/// The 8-bit values of measured directions are those that `psnr_db` is computed from. `resident` must
+/// The 8-bit values of measured directions are those that `psnr_db` is computed from, but for texels that were edited, which
+/// are shown as edited. `resident` must
 /// be `asset`'s. Parallel over images; memory: about 20 bytes per texel and thread, and one per texel
 /// and component.
 ///

@@ -251,6 +251,10 @@ impl Asset {
             Some(reader) => read_edits(reader, width, height)?,
             None => Edits::default(),
         };
+        if !layers.iter().all(|layer| edits.fit(layer)) {
+            let section = "Edits 0 of layer 0".into();
+            return Err(FormatError::Section { section, reason: "its edited lobes would take more than 64 MiB" });
+        }
         Ok(Asset { width, height, material, layers, edits })
     }
 

@@ -71,7 +71,7 @@ pub fn decode(
 }
 
 /// The same with bases in single precision: twice the memory for the resident form's largest part.
-/// `bases` must be of the same asset.
+/// `bases` must be of the same asset, and `layer` at the finest level.
 pub fn decode_single(
     resident: &Resident,
     bases: &SingleBases,
@@ -119,7 +119,7 @@ pub fn lobe_tables(lobes: &[crate::Lobe], views: &crate::Sphere, lights: &crate:
 /// All measured pairs of one texel, decoded: `out` is `[view, light, rgb]`.
 ///
 /// `tables` are its cluster's [`lobe_tables`] and `bases` the cluster's rows as [`Resident`] holds them.
-/// Agrees with [`decode`] at the measured directions up to rounding.
+/// Agrees with [`decode`] at the measured directions up to rounding, but for edits: this is what was measured.
 pub fn decode_measured(
     resident: &Resident,
     asset: &Asset,

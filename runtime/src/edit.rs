@@ -11,12 +11,15 @@
 //! measurement: the finer structure of a surface that was rougher is not known.
 
 use crate::asset::{DictionaryLobe, Layer};
-use crate::lobe::{Lobe, LobeFamily};
+use crate::lobe::{Lobe, LobeFamily, RESIDENT_WORDS};
 
 /// Most edits of an asset.
 pub const MOST_EDITS: usize = 255;
 /// Numbers of an edit in the file.
 pub const EDIT_NUMBERS: usize = 9;
+/// Most words that a layer's edited dictionaries may take in the resident form (64 MiB): some kilobytes must not make a reader
+/// allocate without bound.
+pub const MOST_EDIT_WORDS: usize = 1 << 24;
 /// Words of an edit in the resident form: tint, keep, offset of the table of dictionaries, zeros.
 pub const EDIT_WORDS: usize = 8;
 
@@ -61,6 +64,10 @@ impl Edit {
 
     /// A lobe of a dictionary as the edit has it.
     pub fn lobe(&self, entry: &DictionaryLobe) -> DictionaryLobe {
+        if self.distance() == 0.0 {
+            // Halves may lie a rounding beyond their range, into which it would be brought.
+            return *entry;
+        }
         let (mut lobe, mut weight_scale) = (entry.lobe, entry.weight_scale);
         let (slope, exponent) = (self.roughness, 1.0 / (self.roughness * self.roughness));
         let p = &mut lobe.params;
@@ -124,11 +131,20 @@ pub struct Edits {
 }
 
 impl Edits {
+    /// Whether a layer's edited dictionaries keep within [`MOST_EDIT_WORDS`].
+    pub(crate) fn fit(&self, layer: &Layer) -> bool {
+        let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
+        self.list.len() * (EDIT_WORDS + layer.dictionary.len() + lobes * RESIDENT_WORDS) <= MOST_EDIT_WORDS
+    }
+
     /// The edit of the texel at the middle of each of a coarser grid's.
     pub fn coarser(&self, finest: [usize; 2], size: [usize; 2]) -> Edits {
         let middle = |index: usize, axis: usize| (2 * index + 1) * finest[axis] / (2 * size[axis]);
         let texels = (0..if self.list.is_empty() { 0 } else { size[0] * size[1] })
-            .map(|texel| self.texels[middle(texel / size[0], 1) * finest[0] + middle(texel % size[0], 0)]);
+            .map(|texel| middle(texel / size[0], 1) * finest[0] + middle(texel % size[0], 0))
+            .map(|texel| self.texels.get(texel).copied().unwrap_or(0))
+            // A number that no edit has is none.
+            .map(|edit| if usize::from(edit) <= self.list.len() { edit } else { 0 });
         Edits { list: self.list.clone(), texels: texels.collect() }
     }
 

@@ -45,7 +45,7 @@ pub use decode::{
     DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE, decode, decode_from_file_form, decode_measured,
     decode_single, lobe_sum_at_pairs, lobe_tables,
 };
-pub use edit::{EDIT_WORDS, Edit, Edits, MOST_EDITS};
+pub use edit::{EDIT_WORDS, Edit, Edits, MOST_EDIT_WORDS, MOST_EDITS};
 pub use entropy::plane_bytes;
 pub use error::FormatError;
 pub use format::{

@@ -9,9 +9,10 @@
 //! adds is its texels. Each level's means come from the finest level's values, so that errors do not add up.
 
 use crate::asset::{Asset, Layer, LobeRef, LobeRole};
-use crate::decode::{lobe_sum_at_pairs, lobe_tables};
+use crate::decode::lobe_sum_at_pairs;
 use crate::edit::Edits;
 use crate::format::{MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, basis_words};
+use crate::lobe::LobeSetup;
 use crate::parallax::Heights;
 use crate::quantize::{byte_from_weight, half_at, weight_from_byte};
 use crate::resident::{ASSET_LAYERS, MOST_LEVELS, Resident, block};
@@ -149,6 +150,14 @@ fn make_room(layer: &mut Layer) -> Option<OwnLobes> {
     // Its own lobes are where they are.
     own.push((0..ranked.len()).map(|lobe| Some(lobe as u8)).collect());
     Some(own)
+}
+
+/// Number `i` of `count` of 0 to `all`, one from each of as many equal parts, anywhere in it: evenly chosen ones would walk in
+/// step with the rows that they are numbered by.
+fn spread(i: usize, count: usize, all: usize) -> usize {
+    // Knuth's multiplicative hash, its upper bits.
+    let part = ((i as u32).wrapping_mul(0x9e37_79b1) ^ 0x5bd1_e995).wrapping_mul(0x85eb_ca6b) >> 8;
+    if count == all { i } else { (i * all + ((part as usize * all) >> 24)) / count }
 }
 
 /// Cells of a line of `finer` that cell `index` of `count` covers, with their shares, which sum up to 1.
@@ -345,7 +354,7 @@ impl<'a> Fitter<'a> {
     fn new(layer: &'a Layer, resident: &Resident, number: usize) -> Fitter<'a> {
         let all = layer.views.len() * layer.lights.len();
         let count = all.min(MOST_PAIRS);
-        let pairs: Vec<usize> = (0..count).map(|i| (i * all + all / 2) / count).collect();
+        let pairs: Vec<usize> = (0..count).map(|i| spread(i, count, all)).collect();
         let words = resident.words();
         let at = words[ASSET_LAYERS + number] as usize;
         let field = |field: usize| words[at + field] as usize;
@@ -363,13 +372,16 @@ impl<'a> Fitter<'a> {
                 }
             }
             let components = samples.split_off(bases.min(1));
-            let lobes: Vec<_> = dictionary.iter().map(|entry| entry.lobe).collect();
-            let tables = lobe_tables(&lobes, &layer.views, &layer.lights);
+            let lobe_at = |setup: &LobeSetup, pair: usize| {
+                let (view, light) = ((pair / layer.lights.len()) as u32, (pair % layer.lights.len()) as u32);
+                setup.eval(layer.lights.direction(light), layer.views.direction(view))
+            };
+            let table = |setup: LobeSetup| pairs.iter().map(|pair| lobe_at(&setup, *pair)).collect();
             Cluster {
                 mean: samples.pop().unwrap_or_default(),
                 gram: gram_of(&components),
                 components,
-                lobes: tables.iter().map(|table| pairs.iter().map(|pair| table[*pair]).collect()).collect(),
+                lobes: dictionary.iter().map(|entry| table(entry.lobe.setup())).collect(),
                 toned: Vec::new(),
                 toned_gram: Vec::new(),
                 scales: dictionary.iter().map(|entry| entry.weight_scale).collect(),
@@ -401,7 +413,7 @@ impl<'a> Fitter<'a> {
         let some = texels.min(256);
         let mut mean = vec![0.0f32; self.samples / 3];
         for i in 0..some {
-            let values = self.decoded(i * texels / some);
+            let values = self.decoded(spread(i, some, texels));
             mean.iter_mut().zip(values.chunks_exact(3)).for_each(|(mean, rgb)| *mean += rgb.iter().sum::<f32>());
         }
         let tone = |sum: &f32| (sum / (3 * some.max(1)) as f32 + TONE_FLOOR).powf(1.0 / 2.4 - 1.0);
@@ -631,7 +643,7 @@ impl<'a> Fitter<'a> {
             let squares = size[0].div_ceil(side) * size[1].div_ceil(side);
             let taken = squares.min(samples);
             let made = map_texels(taken, &|i| {
-                let mean = self.square(i * squares / taken, size, side);
+                let mean = self.square(spread(i, taken, squares), size, side);
                 let refs =
                     if self.lobes_count() { self.refs_of(own, &self.nearest_weights(own, &mean)) } else { Vec::new() };
                 let mut encoded = mean;
@@ -733,7 +745,10 @@ impl<'a> Fitter<'a> {
             lights: layer.lights.clone(),
             views: layer.views.clone(),
             dictionary: layer.dictionary.clone(),
-            heights: layer.heights.as_ref().map(|heights| coarser_heights(heights, finest, size)),
+            // Heights are in widths of square texels.
+            heights: (size[0] * finest[1] == size[1] * finest[0])
+                .then(|| layer.heights.as_ref().map(|heights| coarser_heights(heights, finest, size)))
+                .flatten(),
             texel_clusters: texels.iter().map(|texel| texel.cluster).collect(),
             texel_lobe_counts: texels.iter().map(|texel| texel.lobe_refs.len() as u8).collect(),
             lobe_refs: texels.iter().flat_map(|texel| texel.lobe_refs.iter().copied()).collect(),
@@ -848,6 +863,22 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn what_is_chosen_keeps_no_step_with_rows() {
+        for (count, all, row) in
+            [(384, 64 * 64, 64), (384, 128 * 128, 128), (256, 256 * 256, 256), (640, 128 * 128, 128)]
+        {
+            let chosen: Vec<usize> = (0..count).map(|i| spread(i, count, all)).collect();
+            assert!(chosen.windows(2).all(|pair| pair[0] < pair[1]) && chosen[count - 1] < all);
+            let columns: std::collections::BTreeSet<usize> = chosen.iter().map(|at| at % row).collect();
+            assert!(columns.len() > row / 2, "{} of {row} columns", columns.len());
+            // Planted difference: even steps.
+            let even: std::collections::BTreeSet<usize> = (0..count).map(|i| i * all / count % row).collect();
+            assert!(even.len() < row / 2, "{}", even.len());
+        }
+        assert_eq!((0..5).map(|i| spread(i, 5, 5)).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
     }
 
     #[test]

@@ -58,6 +58,9 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
         {
             return refuse("the edits do not fit the texels");
         }
+        if !asset.layers.iter().all(|layer| edits.fit(layer)) {
+            return refuse("its edited lobes would take more than 64 MiB; use fewer edits");
+        }
         let mut bytes = bytes_from_words(&[edits.list.len() as u32]);
         bytes.extend(edits.list.iter().flat_map(|edit| edit.numbers()).flat_map(f32::to_le_bytes));
         bytes.extend(coded(|coder| code_clusters(coder, &mut edits.texels.clone(), asset.width)));

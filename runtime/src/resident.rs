@@ -298,6 +298,7 @@ fn push_texels(words: &mut Vec<u32>, base: usize, layer: &Layer, [width, height]
     set(words, block::ROWS, height as u32);
     set(words, block::BASES, layer.residual.as_ref().map_or(0, |residual| residual.bases.len()) as u32);
 
+    set(words, block::HEIGHTS, 0);
     if let Some(heights) = &layer.heights {
         let (here, [least, most]) = (words.len() as u32, heights.range());
         set(words, block::HEIGHTS, here);

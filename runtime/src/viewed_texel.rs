@@ -15,6 +15,8 @@ use crate::single::SingleBases;
 use crate::sphere::{direction, locate};
 use crate::texel::{Bases, Texel};
 
+/// Largest value that a tint multiplies, so that what is finite stays so.
+const MOST_EDITED: f32 = 1e37;
 /// Rows that [`LightRows`] keeps. A measured light has one place, its number modulo this.
 pub const LIGHT_ROWS: usize = 32;
 
@@ -202,7 +204,7 @@ impl<'a> ViewedTexel<'a> {
         let (tint, epsilon) = ([r, g, b], t.float(block::EPSILON));
         [0, 1, 2].map(|c| {
             let left = self.kind.encode(value[c], epsilon) - self.kind.encode(here[c], epsilon);
-            tint[c] * self.kind.combine(lobes[c], keep * left, epsilon, 1.0)
+            tint[c] * self.kind.combine(lobes[c], keep * left, epsilon, 1.0).min(MOST_EDITED)
         })
     }
 

@@ -163,7 +163,8 @@ fn viewed_edited(viewed: ViewedTexel, value: vec3<f32>, here: vec3<f32>, lobes: 
     let tint = vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
     let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
     let left = residual_encode(viewed.kind, value, epsilon) - residual_encode(viewed.kind, here, epsilon);
-    return tint * residual_combine(viewed.kind, lobes, asset_f32(at + 3u) * left, epsilon, 1.0);
+    let value_edited = residual_combine(viewed.kind, lobes, asset_f32(at + 3u) * left, epsilon, 1.0);
+    return tint * min(value_edited, vec3<f32>(1e37));
 }
 
 // The measured value in the direction `wi` of the layer's frame, without the fade to the horizon; `here` are the lobes,
