@@ -7,6 +7,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::CaptureError;
 
+/// Makes a folder, and those above it, where it is not there.
+///
+/// # Errors
+/// [`CaptureError::Write`] naming it.
+pub fn create_folder(path: impl AsRef<Path>) -> Result<(), CaptureError> {
+    fs::create_dir_all(path.as_ref()).map_err(|source| CaptureError::write(path.as_ref(), source))
+}
+
 /// Writes `bytes` to `path`, replacing what was there in one step: readers see the old file or
 /// the new one, and a failure leaves the old one.
 ///

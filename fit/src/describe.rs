@@ -169,8 +169,7 @@ pub fn family_name(family: LobeFamily) -> &'static str {
 }
 
 fn describe_layer(layer: &Layer) -> LayerDescription {
-    let most = layer.texel_lobe_counts.iter().copied().max().unwrap_or(0);
-    let mut lobe_counts = vec![0; usize::from(most) + 1];
+    let mut lobe_counts = vec![0; layer.most_lobes() + 1];
     layer.texel_lobe_counts.iter().for_each(|count| lobe_counts[usize::from(*count)] += 1);
     let mut dictionary = [0; LobeFamily::ALL.len()];
     let mut texels = [0; LobeFamily::ALL.len()];
@@ -190,7 +189,7 @@ fn describe_layer(layer: &Layer) -> LayerDescription {
         clusters: layer.dictionary.len(),
         dictionary_lobes: dictionary.iter().sum(),
         lobes_per_texel_mean: layer.lobe_refs.len() as f64 / layer.texel_clusters.len().max(1) as f64,
-        lobes_per_texel_max: most.into(),
+        lobes_per_texel_max: layer.most_lobes(),
         lobe_counts,
         families: LobeFamily::ALL
             .into_iter()

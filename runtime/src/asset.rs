@@ -85,6 +85,13 @@ pub struct Layer {
     pub residual: Option<Residual>,
 }
 
+impl Layer {
+    /// Lobes of the texel that has most.
+    pub fn most_lobes(&self) -> usize {
+        self.texel_lobe_counts.iter().copied().max().unwrap_or(0).into()
+    }
+}
+
 /// A packed BTF in its file form.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Asset {
@@ -277,6 +284,17 @@ impl Asset {
             layer.lobe_refs = kept;
         }
         asset
+    }
+
+    /// Residual components of the layer that has most.
+    pub fn most_components(&self) -> usize {
+        let residuals = self.layers.iter().filter_map(|layer| layer.residual.as_ref());
+        residuals.map(|residual| residual.coefficients.len()).max().unwrap_or(0)
+    }
+
+    /// Lobes of the texel that has most.
+    pub fn most_lobes(&self) -> usize {
+        self.layers.iter().map(Layer::most_lobes).max().unwrap_or(0)
     }
 
     /// Texels.

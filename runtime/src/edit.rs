@@ -80,7 +80,7 @@ impl Edit {
             LobeFamily::AshikhminShirley => (p[0], p[1]) = (p[0] * exponent, p[1] * exponent),
             LobeFamily::Lafortune => {
                 // The only glossy family without a factor of its own that keeps its energy.
-                let [least, most] = [LobeFamily::Lafortune.ranges()[3].0, LobeFamily::Lafortune.ranges()[3].1];
+                let (least, most) = lobe.family.ranges()[3];
                 let wider = (p[3] * exponent).clamp(least, most);
                 normal = (wider + 1.0) / (p[3] + 1.0);
                 p[3] = wider;

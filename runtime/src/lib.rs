@@ -16,6 +16,7 @@
 
 #![forbid(unsafe_code)]
 
+mod algebra;
 mod asset;
 mod decode;
 mod edit;

@@ -8,7 +8,8 @@
 //! bases: what lies between two clusters is foreign to both. Levels share directions, dictionaries and bases; what a level
 //! adds is its texels. Each level's means come from the finest level's values, so that errors do not add up.
 
-use crate::asset::{Asset, Layer, LobeRef, LobeRole};
+use crate::algebra::{cholesky, descend, dot, gram_of, principal, solve};
+use crate::asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole};
 use crate::decode::lobe_sum_at_pairs;
 use crate::edit::Edits;
 use crate::format::{MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, basis_words};
@@ -39,8 +40,6 @@ const OWN_SAMPLES: [(usize, usize); 4] = [(640, 2), (256, 4), (128, 16), (64, 64
 const SQUARE_TEXELS: usize = 6;
 /// Coefficients may go beyond those of the sample by this factor.
 const OWN_RANGE: f32 = 1.3;
-/// Orthogonal iterations that find the principal bases.
-const ITERATIONS: usize = 12;
 /// Largest code of a mixture.
 const MOST_MIXTURE_CODE: f32 = 32_000.0;
 /// Added to the diagonal of the shared bases' products, relative to its mean.
@@ -92,14 +91,12 @@ where
         })
         .collect();
     for (number, own_lobes) in own_lobes.into_iter().enumerate() {
-        let mut layer = wider.layers[number].clone();
-        if let (Some(_), Some(residual)) = (&own_lobes, &mut layer.residual) {
-            let fitter = Fitter::new(&wider.layers[number], &resident, number);
-            fitter.fill_own_cluster(residual, finest, &map_words, &map_texels);
-            resident.replace_last_cluster(number, residual);
+        let mut fitter = Fitter::new(&wider.layers[number], &resident, number);
+        if let (Some(own_lobes), Some(residual)) = (own_lobes, &wider.layers[number].residual) {
+            let residual = fitter.with_own_cluster(residual.clone(), finest, &map_words, &map_texels);
+            resident.replace_last_cluster(number, &residual);
+            fitter.take_own_cluster(Own { lobes: own_lobes, residual }, &resident, number);
         }
-        let mut fitter = Fitter::new(&layer, &resident, number);
-        fitter.own_lobes = own_lobes;
         let grids = fitter.grids(finest, &sizes, &map_texels);
         for (level, texels) in levels.iter_mut().zip(grids) {
             level.layers.push(fitter.layer_of(&texels, finest, [level.width, level.height]));
@@ -172,118 +169,6 @@ fn footprint(index: usize, count: usize, finer: usize) -> Vec<(usize, f32)> {
         .collect()
 }
 
-/// Minimises `x'Gx / 2 - p'x` by coordinate descent over `x`, each step of which `allowed(sweep, i, x_i)` may change.
-fn descend(
-    gram: &[f32],
-    products: &[f32],
-    sweeps: usize,
-    allowed: impl Fn(usize, usize, f32) -> f32,
-) -> (Vec<f32>, f32) {
-    let count = products.len();
-    let mut x = vec![0.0f32; count];
-    let mut slope = products.to_vec();
-    for sweep in 0..sweeps {
-        for i in 0..count {
-            let row = &gram[i * count..(i + 1) * count];
-            if row[i] <= 0.0 {
-                continue;
-            }
-            let moved = allowed(sweep, i, x[i] + slope[i] / row[i]) - x[i];
-            if moved != 0.0 {
-                x[i] += moved;
-                slope.iter_mut().zip(row).for_each(|(slope, g)| *slope -= moved * g);
-            }
-        }
-    }
-    // x'Gx - 2 p'x, with Gx = p - slope.
-    let gain = (0..count).map(|i| x[i] * (products[i] + slope[i])).sum();
-    (x, gain)
-}
-
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    // Eight sums, so that it runs in vectors.
-    let mut sums = [0.0f32; 8];
-    let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a.remainder().iter().zip(b.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a.zip(b) {
-        (0..8).for_each(|i| sums[i] += x[i] * y[i]);
-    }
-    sums.iter().sum::<f32>() + rest
-}
-
-/// `[i, j]`: products of the rows among themselves.
-fn gram_of(rows: &[Vec<f32>]) -> Vec<f32> {
-    let count = rows.len();
-    let mut gram = vec![0.0; count * count];
-    for i in 0..count {
-        for j in 0..=i {
-            let product = dot(&rows[i], &rows[j]);
-            gram[i * count + j] = product;
-            gram[j * count + i] = product;
-        }
-    }
-    gram
-}
-
-/// Lower triangle `[i, j]` of the factor of a positive matrix; `None` if it is not.
-fn cholesky(matrix: &[f32], count: usize) -> Option<Vec<f32>> {
-    let mut factor = vec![0.0f32; count * count];
-    for i in 0..count {
-        for j in 0..=i {
-            let sum = matrix[i * count + j] - dot(&factor[i * count..i * count + j], &factor[j * count..j * count + j]);
-            if i == j && (sum.is_nan() || sum <= 0.0) {
-                return None;
-            }
-            factor[i * count + j] = if i == j { sum.sqrt() } else { sum / factor[j * count + j] };
-        }
-    }
-    Some(factor)
-}
-
-/// `x` with `L L' x = products`.
-fn solve(factor: &[f32], products: Vec<f32>) -> Vec<f32> {
-    let (mut x, count) = (products, factor.len().isqrt());
-    for i in 0..count {
-        let row = &factor[i * count..i * count + i];
-        x[i] = (x[i] - dot(row, &x[..i])) / factor[i * count + i];
-    }
-    for i in (0..count).rev() {
-        x[i] /= factor[i * count + i];
-        let (head, tail) = x.split_at_mut(i);
-        head.iter_mut().zip(&factor[i * count..i * count + i]).for_each(|(x, l)| *x -= l * tail[0]);
-    }
-    x
-}
-
-/// At most `count` orthonormal directions of largest variance of centred points, the largest first, by orthogonal iteration.
-fn principal(points: &[Vec<f32>], count: usize) -> Vec<Vec<f32>> {
-    let length = points.first().map_or(0, Vec::len);
-    let count = count.min(length).min(points.len());
-    let columns: Vec<Vec<f32>> = (0..length).map(|i| points.iter().map(|point| point[i]).collect()).collect();
-    let covariance = gram_of(&columns);
-    // The points themselves span the first guess.
-    let mut directions: Vec<Vec<f32>> = (0..count).map(|i| points[i * points.len() / count].clone()).collect();
-    for _ in 0..ITERATIONS {
-        for direction in &mut directions {
-            *direction = (0..length).map(|i| dot(&covariance[i * length..(i + 1) * length], direction)).collect();
-        }
-        for i in 0..count {
-            let (before, rest) = directions.split_at_mut(i);
-            // Twice, because once leaves rounding errors as large as a faint direction.
-            for _ in 0..2 {
-                for other in before.iter() {
-                    let along = dot(other, &rest[0]);
-                    rest[0].iter_mut().zip(other).for_each(|(x, y)| *x -= along * y);
-                }
-            }
-            let norm = dot(&rest[0], &rest[0]).sqrt();
-            let scale = if norm > 1e-30 { 1.0 / norm } else { 0.0 };
-            rest[0].iter_mut().for_each(|x| *x *= scale);
-        }
-    }
-    directions
-}
-
 /// Quantises the last cluster's mixture of basis `index`.
 fn write_mixture(residual: &mut Residual, index: usize, mixture: &[f32]) {
     let peak = mixture.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
@@ -297,6 +182,7 @@ fn write_mixture(residual: &mut Residual, index: usize, mixture: &[f32]) {
 }
 
 /// A cluster at the sampled pairs.
+#[derive(Default)]
 struct Cluster {
     /// `[pair, rgb]`: the residual's mean.
     mean: Vec<f32>,
@@ -335,6 +221,38 @@ impl Candidate {
     }
 }
 
+/// The bases of a cluster at the sampled pairs, `[basis][pair, rgb]`: the mean and the components for a code of 1.
+fn bases_at(resident: &Resident, layer: usize, cluster: usize, pairs: &[usize]) -> Vec<Vec<f32>> {
+    let words = resident.words();
+    let field = |field: usize| words[words[ASSET_LAYERS + layer] as usize + field] as usize;
+    let stride = field(block::CHANNEL_WORDS);
+    let mut samples = vec![Vec::with_capacity(3 * pairs.len()); field(block::BASES)];
+    for pair in pairs {
+        for channel in 0..3 {
+            let row = field(block::BASIS) + ((cluster * field(block::PAIRS) + pair) * 3 + channel) * stride;
+            for (basis, values) in samples.iter_mut().enumerate() {
+                values.push(half_at(words[row + basis / 2], basis as u32 % 2));
+            }
+        }
+    }
+    samples
+}
+
+impl Cluster {
+    fn set_bases(&mut self, mut bases: Vec<Vec<f32>>) {
+        self.components = bases.split_off(bases.len().min(1));
+        self.mean = bases.pop().unwrap_or_default();
+        self.gram = gram_of(&self.components);
+    }
+}
+
+/// The cluster that the levels have for themselves, the last one.
+struct Own {
+    lobes: OwnLobes,
+    /// The layer's residual with that cluster's bases.
+    residual: Residual,
+}
+
 /// A layer at the sampled pairs.
 struct Fitter<'a> {
     layer: &'a Layer,
@@ -346,8 +264,8 @@ struct Fitter<'a> {
     most_lobes: usize,
     samples: usize,
     pairs: Vec<usize>,
-    /// The lobes of the last cluster, if that is the levels' own and has its bases.
-    own_lobes: Option<OwnLobes>,
+    /// The levels' own cluster, once it has its bases.
+    own: Option<Own>,
 }
 
 impl<'a> Fitter<'a> {
@@ -355,38 +273,21 @@ impl<'a> Fitter<'a> {
         let all = layer.views.len() * layer.lights.len();
         let count = all.min(MOST_PAIRS);
         let pairs: Vec<usize> = (0..count).map(|i| spread(i, count, all)).collect();
-        let words = resident.words();
-        let at = words[ASSET_LAYERS + number] as usize;
-        let field = |field: usize| words[at + field] as usize;
-        let (bases, stride) = (field(block::BASES), field(block::CHANNEL_WORDS));
-        let chosen = pairs.clone();
-        let clusters = layer.dictionary.iter().enumerate().map(|(cluster, dictionary)| {
-            let pairs = &chosen;
-            let mut samples = vec![Vec::with_capacity(3 * count); bases];
-            for pair in pairs {
-                for channel in 0..3 {
-                    let row = field(block::BASIS) + ((cluster * field(block::PAIRS) + pair) * 3 + channel) * stride;
-                    for (basis, values) in samples.iter_mut().enumerate() {
-                        values.push(half_at(words[row + basis / 2], basis as u32 % 2));
-                    }
-                }
-            }
-            let components = samples.split_off(bases.min(1));
-            let lobe_at = |setup: &LobeSetup, pair: usize| {
-                let (view, light) = ((pair / layer.lights.len()) as u32, (pair % layer.lights.len()) as u32);
-                setup.eval(layer.lights.direction(light), layer.views.direction(view))
-            };
-            let table = |setup: LobeSetup| pairs.iter().map(|pair| lobe_at(&setup, *pair)).collect();
-            Cluster {
-                mean: samples.pop().unwrap_or_default(),
-                gram: gram_of(&components),
-                components,
+        let lobe_at = |setup: &LobeSetup, pair: usize| {
+            let (view, light) = ((pair / layer.lights.len()) as u32, (pair % layer.lights.len()) as u32);
+            setup.eval(layer.lights.direction(light), layer.views.direction(view))
+        };
+        let table = |setup: LobeSetup| pairs.iter().map(|pair| lobe_at(&setup, *pair)).collect();
+        let cluster = |(cluster, dictionary): (usize, &Vec<DictionaryLobe>)| {
+            let mut made = Cluster {
                 lobes: dictionary.iter().map(|entry| table(entry.lobe.setup())).collect(),
-                toned: Vec::new(),
-                toned_gram: Vec::new(),
                 scales: dictionary.iter().map(|entry| entry.weight_scale).collect(),
-            }
-        });
+                ..Cluster::default()
+            };
+            made.set_bases(bases_at(resident, number, cluster, &pairs));
+            made
+        };
+        let clusters: Vec<Cluster> = layer.dictionary.iter().enumerate().map(cluster).collect();
         let mut first = 0;
         let first_refs = layer.texel_lobe_counts.iter().map(|count| {
             first += usize::from(*count);
@@ -396,11 +297,11 @@ impl<'a> Fitter<'a> {
             layer,
             first_refs: first_refs.collect(),
             tones: Vec::new(),
-            clusters: clusters.collect(),
-            most_lobes: layer.texel_lobe_counts.iter().map(|count| usize::from(*count)).max().unwrap_or(0),
+            clusters,
+            most_lobes: layer.most_lobes(),
             samples: 3 * count,
             pairs,
-            own_lobes: None,
+            own: None,
         };
         fitter.weigh_tones();
         fitter
@@ -572,7 +473,8 @@ impl<'a> Fitter<'a> {
                 }
             }
         }
-        if let Some(own_lobes) = &self.own_lobes {
+        if let Some(own) = &self.own {
+            let own_lobes = &own.lobes;
             let cluster = self.clusters.len() - 1;
             let mut own = Candidate::new(cluster as u8, self.clusters[cluster].lobes.len());
             for candidate in candidates.iter().filter(|candidate| usize::from(candidate.cluster) < cluster) {
@@ -617,8 +519,15 @@ impl<'a> Fitter<'a> {
         mean
     }
 
-    /// Makes the last cluster's mean and components the principal bases of coarse texels, as mixtures of shared bases.
-    fn fill_own_cluster<W, T>(&self, residual: &mut Residual, size: [usize; 2], map_words: &W, map_texels: &T)
+    /// The residual whose last cluster's mean and components are the principal bases of coarse texels, as mixtures of shared
+    /// bases.
+    fn with_own_cluster<W, T>(
+        &self,
+        mut residual: Residual,
+        size: [usize; 2],
+        map_words: &W,
+        map_texels: &T,
+    ) -> Residual
     where
         W: Fn(usize, &(dyn Fn(usize) -> Vec<u32> + Sync)) -> Vec<Vec<u32>>,
         T: Fn(usize, &(dyn Fn(usize) -> MipTexel + Sync)) -> Vec<MipTexel>,
@@ -635,7 +544,7 @@ impl<'a> Fitter<'a> {
         let mut gram = gram_of(&shared);
         let ridge = RIDGE * (0..count).map(|i| gram[i * count + i]).sum::<f32>() / count as f32;
         (0..count).for_each(|i| gram[i * count + i] += ridge);
-        let Some(factor) = cholesky(&gram, count) else { return };
+        let Some(factor) = cholesky(&gram, count) else { return residual };
 
         // Coordinates of coarse texels along the shared bases.
         let mut points: Vec<Vec<f32>> = Vec::new();
@@ -661,14 +570,22 @@ impl<'a> Fitter<'a> {
         points.iter_mut().for_each(|point| point.iter_mut().zip(&mean).for_each(|(x, mean)| *x -= mean));
         let components = principal(&points, residual.coefficients.len());
 
-        write_mixture(residual, 0, &mean);
+        write_mixture(&mut residual, 0, &mean);
         for (j, component) in components.iter().enumerate() {
             let peak = points.iter().map(|point| dot(point, component).abs()).fold(0.0, f32::max);
             // Coefficients share their step with the other clusters'; where its range is too small, the basis is longer.
             let reach = MOST_CODE * residual.coefficients[j].step;
             let longer = if reach > 0.0 { (OWN_RANGE * peak / reach).max(1.0) } else { 1.0 };
-            write_mixture(residual, j + 1, &component.iter().map(|x| x * longer).collect::<Vec<_>>());
+            write_mixture(&mut residual, j + 1, &component.iter().map(|x| x * longer).collect::<Vec<_>>());
         }
+        residual
+    }
+
+    /// From now on texels may be of the own cluster, whose bases `resident` has.
+    fn take_own_cluster(&mut self, own: Own, resident: &Resident, number: usize) {
+        let last = self.clusters.len() - 1;
+        self.clusters[last].set_bases(bases_at(resident, number, last, &self.pairs));
+        self.own = Some(own);
     }
 
     /// The texels of all levels. Rows of the first level are made in order, and rows of the others as soon as they can,
@@ -730,7 +647,8 @@ impl<'a> Fitter<'a> {
     fn layer_of(&self, texels: &[MipTexel], finest: [usize; 2], size: [usize; 2]) -> Layer {
         let layer = self.layer;
         let components = self.components_of(texels);
-        let residual = layer.residual.as_ref().map(|residual| Residual {
+        let residual = self.own.as_ref().map(|own| &own.residual).or(layer.residual.as_ref());
+        let residual = residual.map(|residual| Residual {
             factors: residual.factors.clone(),
             shared: residual.shared.clone(),
             bases: residual.bases[..=components].to_vec(),

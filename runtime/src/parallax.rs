@@ -109,15 +109,19 @@ impl<'a> HeightField<'a> {
         self.step * coefficient_from_byte(self.words[self.at + texel / 4] >> (8 * (texel as u32 % 4)) & 0xff)
     }
 
+    /// Bilinear between two columns and two rows, `part` of the way from the first to the next.
+    fn between(&self, [c, r]: [usize; 2], [next_c, next_r]: [usize; 2], part: [f32; 2]) -> f32 {
+        let upper = self.of_texel(c, r) + (self.of_texel(next_c, r) - self.of_texel(c, r)) * part[0];
+        let lower = self.of_texel(c, next_r) + (self.of_texel(next_c, next_r) - self.of_texel(c, next_r)) * part[0];
+        upper + (lower - upper) * part[1]
+    }
+
     /// Bilinear, edges continued; texel centres at whole numbers.
     fn at(&self, place: [f32; 2]) -> f32 {
         let [column, row] = [0, 1].map(|i| place[i].clamp(0.0, (self.size[i] - 1) as f32));
         let (c, r) = (column as usize, row as usize);
         let (next_c, next_r) = ((c + 1).min(self.size[0] - 1), (r + 1).min(self.size[1] - 1));
-        let (along, down) = (column - c as f32, row - r as f32);
-        let upper = self.of_texel(c, r) + (self.of_texel(next_c, r) - self.of_texel(c, r)) * along;
-        let lower = self.of_texel(c, next_r) + (self.of_texel(next_c, next_r) - self.of_texel(c, next_r)) * along;
-        upper + (lower - upper) * down
+        self.between([c, r], [next_c, next_r], [column - c as f32, row - r as f32])
     }
 
     /// Bilinear, the map repeated; texel centres at whole numbers.
@@ -127,10 +131,7 @@ impl<'a> HeightField<'a> {
             [0, 1].map(|i| (floor[i] - self.size[i] as f32 * (floor[i] / self.size[i] as f32).floor()) as usize);
         let (c, r) = (c.min(self.size[0] - 1), r.min(self.size[1] - 1));
         let (next_c, next_r) = ((c + 1) % self.size[0], (r + 1) % self.size[1]);
-        let (along, down) = (place[0] - floor[0], place[1] - floor[1]);
-        let upper = self.of_texel(c, r) + (self.of_texel(next_c, r) - self.of_texel(c, r)) * along;
-        let lower = self.of_texel(c, next_r) + (self.of_texel(next_c, next_r) - self.of_texel(c, next_r)) * along;
-        upper + (lower - upper) * down
+        self.between([c, r], [next_c, next_r], [place[0] - floor[0], place[1] - floor[1]])
     }
 
     /// Height of the first point that the ray of slope `s` meets which passes the mean plane at `place`.

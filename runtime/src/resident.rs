@@ -12,8 +12,7 @@ use crate::residual::{Residual, expand_core};
 use crate::texel;
 
 /// Asset words: width, height, layers, total words, levels, words without the edits (0 if none were ever made), two zeros;
-/// then the offset of each layer's block, level by
-/// level.
+/// then the offset of each layer's block, level by level.
 pub const ASSET_LAYERS: usize = 8;
 /// Most levels: down to one texel from the widest asset.
 pub const MOST_LEVELS: usize = 15;

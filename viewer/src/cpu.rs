@@ -185,6 +185,17 @@ impl Shader<'_> {
         (Hit { t: FAR, primitive: NO_HIT, u: 0.0, v: 0.0 }, 0.0)
     }
 
+    /// The surface that a ray hit and, with relief, that and the point that is met. Twin: `surface_of`.
+    fn surface_of(&self, hit: &Hit, sunk: f32, direction: Vec3) -> (Surface, Option<(Relief<'_>, Vec3)>) {
+        let mut s = Surface::surface_at(&self.scene.geometry, hit, direction);
+        let relief = Relief::relief_new(self.scene, hit, &s).filter(|_| !s.view_back);
+        let relief = relief.map(|relief| (relief, relief.relief_point(-s.wo, sunk)));
+        if let Some((relief, point)) = &relief {
+            s.uv = relief.relief_uv(&self.scene.materials[s.material], *point, s.wo);
+        }
+        (s, relief)
+    }
+
     /// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some
     /// candidates spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005]. Its number and how
     /// many lights' share it stands for; `None` where none could add anything.
@@ -419,14 +430,9 @@ impl Shader<'_> {
                 break;
             }
             travelled += hit.t;
-            let mut s = Surface::surface_at(&scene.geometry, &hit, direction);
+            let (s, relief) = self.surface_of(&hit, sunk, direction);
             let material = &scene.materials[s.material];
-            let relief = Relief::relief_new(scene, &hit, &s).filter(|_| !s.view_back);
-            let point = relief.map_or(Vec3::ZERO, |relief| relief.relief_point(-s.wo, sunk));
-            if let Some(relief) = &relief {
-                s.uv = relief.relief_uv(material, point, s.wo);
-            }
-            let relief = relief.as_ref().map(|relief| (relief, point));
+            let relief = relief.as_ref().map(|(relief, point)| (relief, *point));
             let ambient_at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Ambient));
             let seed = sampler::hash(seed_of(pixel, depth, Numbers::Light).wrapping_add(self.sample));
             let level = self.level_of(&s, material, travelled, seed);
@@ -486,11 +492,8 @@ pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option
     if hit.primitive == NO_HIT {
         return None;
     }
-    let mut s = Surface::surface_at(&scene.geometry, &hit, direction);
+    let (s, _) = shader.surface_of(&hit, sunk, direction);
     let material = &scene.materials[s.material];
-    if let Some(relief) = Relief::relief_new(scene, &hit, &s).filter(|_| !s.view_back) {
-        s.uv = relief.relief_uv(material, relief.relief_point(-s.wo, sunk), s.wo);
-    }
     let asset = material.asset?;
     let texel = scene.assets[asset].resident.texel(0, (s.uv * Vec2::from(material.uv_scale)).to_array());
     Some(Picked { asset, texel, position: s.position })

@@ -210,7 +210,7 @@ struct ViewArguments {
     /// Renders N pictures around the scene, FILE_000.png and so on
     #[arg(long, value_name = "N", requires = "headless", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     turntable: Option<u32>,
-    /// Milliseconds that a frame may take: components and lights are saved until it does
+    /// Milliseconds that a frame may take: components, lobes and lights are saved until it does
     #[arg(long, value_name = "N", value_parser = parse_positive)]
     target_ms: Option<f32>,
     /// Frames to average: each adds a sample per pixel, the first through its middle
@@ -365,31 +365,11 @@ fn trim(arguments: &PlanArguments) -> Result<(), ViewerError> {
         shade: common.shade(),
         target_ms: None,
     };
-    let plan = with_progress(common.quiet, |control| plan(&scene, &params, arguments.psnr.into(), control))?;
     let folder = &arguments.out;
-    std::fs::create_dir_all(folder).map_err(|source| ViewerError::Read { path: folder.clone(), source })?;
-    // Assets of the same name, letters large or small, are told apart by numbers.
-    let mut files: Vec<String> = Vec::new();
-    for asset in &plan.assets {
-        let numbered = |number: usize| match number {
-            0 => format!("{}.spmm", asset.name),
-            _ => format!("{}_{number}.spmm", asset.name),
-        };
-        let free = |name: &String| files.iter().all(|known| known.to_lowercase() != name.to_lowercase());
-        let name = (0..=files.len()).map(numbered).find(free);
-        files.extend(name);
-    }
-    let mut sources: Vec<&std::path::Path> = scene.assets.iter().filter_map(|asset| asset.path.as_deref()).collect();
-    sources.push(&arguments.scene);
-    for file in files.iter().map(String::as_str).chain(["scene.toml"]) {
-        let path = folder.join(file);
-        if sources.iter().any(|source| same_file(source, &path)) {
-            return Err(ViewerError::Usage(format!(
-                "{} belongs to the scene and would be overwritten; give another folder with -o",
-                path.display()
-            )));
-        }
-    }
+    // Before the work, so that nobody waits for a refusal.
+    let files = planned_files(&scene, arguments)?;
+    btf_capture::atomic::create_folder(folder)?;
+    let plan = with_progress(common.quiet, |control| plan(&scene, &params, arguments.psnr.into(), control))?;
     let text = scene_with_assets(&arguments.scene, &scene.assets, &files, folder)?;
     for (asset, file) in plan.assets.iter().zip(&files) {
         let path = folder.join(file);
@@ -426,10 +406,40 @@ fn trim(arguments: &PlanArguments) -> Result<(), ViewerError> {
         plan.psnr_db
     );
     if plan.assets.iter().any(|asset| asset.psnr_db.is_some_and(|psnr| psnr < f64::from(arguments.psnr))) {
-        println!("{} dB are not reached everywhere: that near the kept texels cannot come", arguments.psnr);
+        println!("{} dB are not reached everywhere; keep the whole assets where that matters", arguments.psnr);
     }
     println!("written to {}", folder.display());
     Ok(())
+}
+
+/// Names of the files of a plan's assets.
+///
+/// # Errors
+/// [`ViewerError::Usage`] where the plan would overwrite what it reads.
+fn planned_files(scene: &Scene, arguments: &PlanArguments) -> Result<Vec<String>, ViewerError> {
+    // Assets of the same name, letters large or small, are told apart by numbers.
+    let mut files: Vec<String> = Vec::new();
+    for asset in &scene.assets {
+        let numbered = |number: usize| match number {
+            0 => format!("{}.spmm", asset.name),
+            _ => format!("{}_{number}.spmm", asset.name),
+        };
+        let free = |name: &String| files.iter().all(|known| known.to_lowercase() != name.to_lowercase());
+        let name = (0..=files.len()).map(numbered).find(free);
+        files.extend(name);
+    }
+    let mut sources: Vec<&std::path::Path> = scene.assets.iter().filter_map(|asset| asset.path.as_deref()).collect();
+    sources.push(&arguments.scene);
+    for file in files.iter().map(String::as_str).chain(["scene.toml"]) {
+        let path = arguments.out.join(file);
+        if sources.iter().any(|source| same_file(source, &path)) {
+            return Err(ViewerError::Usage(format!(
+                "{} belongs to the scene and would be overwritten; give another folder with -o",
+                path.display()
+            )));
+        }
+    }
+    Ok(files)
 }
 
 fn same_file(a: &std::path::Path, b: &std::path::Path) -> bool {

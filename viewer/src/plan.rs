@@ -80,21 +80,23 @@ pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Contro
         scene.assets.iter().zip(&seen).map(|(asset, seen)| Need::of_levels(asset, seen, paths)).collect();
     planner.search(&mut needs, goal_db, Limit::Components)?;
     planner.search(&mut needs, goal_db, Limit::Lobes)?;
-    for round in 0.. {
+    let mut rounds = 0..MOST_ROUNDS;
+    loop {
         let packed =
             needs.iter().zip(&scene.assets).map(|(need, asset)| need.pack(asset)).collect::<Result<Vec<_>, _>>()?;
         let (each, whole) = planner.errors_of(&packed)?;
+        let told = planner.tell(&needs, packed, &each, whole);
+        if rounds.next().is_none() {
+            return Ok(told);
+        }
         let mut raised = false;
         for ((need, error), asset) in needs.iter_mut().zip(&each).zip(&scene.assets) {
-            if error.is_some_and(|error| error < goal_db) && round < MOST_ROUNDS {
-                raised |= need.raise(asset);
-            }
+            raised |= error.is_some_and(|error| error < goal_db) && need.raise(asset);
         }
         if !raised {
-            return Ok(planner.tell(&needs, packed, &each, whole));
+            return Ok(told);
         }
     }
-    Err(ViewerError::Interrupted)
 }
 
 /// What is searched for.
@@ -137,7 +139,7 @@ impl Need {
         let level = seen.iter().position(|count| *count > 0 && *count as f64 >= LEVEL_SHARE * pixels as f64);
         // What nobody sees is kept at its coarsest.
         let level = level.unwrap_or(if paths { 0 } else { asset.levels.len() });
-        let most = [components_of(asset.level(level)), lobes_of(asset.level(level))];
+        let most = most_of(asset.level(level));
         Need { pixels, level, components: most[0], lobes: most[1], most }
     }
 
@@ -151,7 +153,7 @@ impl Need {
         }
         let Some(finer) = self.level.checked_sub(1) else { return false };
         self.level = finer;
-        self.most = [components_of(asset.level(finer)), lobes_of(asset.level(finer))];
+        self.most = most_of(asset.level(finer));
         [self.components, self.lobes] = self.most;
         true
     }
@@ -162,13 +164,9 @@ impl Need {
     }
 }
 
-fn components_of(asset: &Asset) -> u32 {
-    let residuals = asset.layers.iter().filter_map(|layer| layer.residual.as_ref());
-    residuals.map(|residual| residual.coefficients.len() as u32).max().unwrap_or(0)
-}
-
-fn lobes_of(asset: &Asset) -> u32 {
-    asset.layers.iter().flat_map(|layer| &layer.texel_lobe_counts).copied().max().unwrap_or(0).into()
+/// Components and lobes of an asset.
+fn most_of(asset: &Asset) -> [u32; 2] {
+    [asset.most_components() as u32, asset.most_lobes() as u32]
 }
 
 /// Radiance of all views, one after the other.
@@ -281,13 +279,14 @@ impl<'a> Planner<'a> {
         let assets: Vec<PlannedAsset> = assets
             .map(|(((need, asset), packed), error)| {
                 let (whole, kept) = (&asset.asset, asset.level(need.level));
+                let [components, lobes] = most_of(whole);
                 PlannedAsset {
                     name: asset.name.clone(),
                     pixels: need.pixels,
                     level: need.level,
                     texels: [[whole.width, whole.height], [kept.width, kept.height]],
-                    components: [components_of(whole), need.components.min(components_of(kept))],
-                    lobes: [lobes_of(whole), need.lobes.min(lobes_of(kept))],
+                    components: [components, need.components.min(need.most[0])],
+                    lobes: [lobes, need.lobes.min(need.most[1])],
                     bytes: [pack(whole).map_or(0, |bytes| bytes.len()), packed.len()],
                     psnr_db: *error,
                     packed,

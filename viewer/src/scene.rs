@@ -107,7 +107,7 @@ impl SceneAsset {
 
     /// Residual components of the layer that has most.
     pub fn most_components(&self) -> u32 {
-        (0..self.resident.layers()).map(|layer| self.resident.components(layer)).max().unwrap_or(0)
+        self.asset.most_components() as u32
     }
 
     /// Whether its front has heights.
@@ -118,8 +118,7 @@ impl SceneAsset {
 
     /// Lobes of the texel that has most.
     pub fn most_lobes(&self) -> u32 {
-        let layers = self.asset.layers.iter();
-        layers.flat_map(|layer| &layer.texel_lobe_counts).copied().max().unwrap_or(0).into()
+        self.asset.most_lobes() as u32
     }
 
     /// How often the asset's picture fits into a millimetre, along u and v; [`UNKNOWN_SIZE_MM`] where it does not tell.

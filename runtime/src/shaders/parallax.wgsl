@@ -36,6 +36,15 @@ fn height_of_texel(field: HeightField, at: vec2<u32>) -> f32 {
     return field.step * coefficient_from_byte((asset_word(field.at + texel / 4u) >> (8u * (texel % 4u))) & 0xffu);
 }
 
+// Bilinear between two columns and two rows, `part` of the way from the first to the next.
+fn height_between(field: HeightField, first: vec2<u32>, next: vec2<u32>, part: vec2<f32>) -> f32 {
+    let upper_left = height_of_texel(field, first);
+    let lower_left = height_of_texel(field, vec2<u32>(first.x, next.y));
+    let upper = upper_left + (height_of_texel(field, vec2<u32>(next.x, first.y)) - upper_left) * part.x;
+    let lower = lower_left + (height_of_texel(field, next) - lower_left) * part.x;
+    return upper + (lower - upper) * part.y;
+}
+
 // Bilinear, edges continued; texel centres at whole numbers.
 fn height_at(field: HeightField, given: vec2<f32>) -> f32 {
     let most = field.size - vec2<u32>(1u);
@@ -43,11 +52,7 @@ fn height_at(field: HeightField, given: vec2<f32>) -> f32 {
     let first = vec2<u32>(place);
     let next = min(first + vec2<u32>(1u), most);
     let part = place - vec2<f32>(first);
-    let upper_left = height_of_texel(field, first);
-    let lower_left = height_of_texel(field, vec2<u32>(first.x, next.y));
-    let upper = upper_left + (height_of_texel(field, vec2<u32>(next.x, first.y)) - upper_left) * part.x;
-    let lower = lower_left + (height_of_texel(field, next) - lower_left) * part.x;
-    return upper + (lower - upper) * part.y;
+    return height_between(field, first, next, part);
 }
 
 // Bilinear, the map repeated; texel centres at whole numbers.
@@ -57,11 +62,7 @@ fn height_at_wrapped(field: HeightField, place: vec2<f32>) -> f32 {
     let first = min(vec2<u32>(whole - size * floor(whole / size)), field.size - vec2<u32>(1u));
     let next = (first + vec2<u32>(1u)) % field.size;
     let part = place - whole;
-    let upper_left = height_of_texel(field, first);
-    let lower_left = height_of_texel(field, vec2<u32>(first.x, next.y));
-    let upper = upper_left + (height_of_texel(field, vec2<u32>(next.x, first.y)) - upper_left) * part.x;
-    let lower = lower_left + (height_of_texel(field, next) - lower_left) * part.x;
-    return upper + (lower - upper) * part.y;
+    return height_between(field, first, next, part);
 }
 
 // Height of the first point that the ray of slope `s` meets which passes the mean plane at `place`.

@@ -5,6 +5,7 @@ use crate::error::ViewerError;
 use crate::picture::Picture;
 use crate::scene::{MeshChoice, Scene, SceneAsset};
 use crate::scene_file::load_scene;
+use btf_capture::atomic::create_folder;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -75,10 +76,10 @@ impl Turntable {
     /// In a new folder.
     ///
     /// # Errors
-    /// [`ViewerError::Read`] where it cannot be made.
+    /// [`ViewerError::Write`] where it cannot be made.
     pub(crate) fn new() -> Result<Turntable, ViewerError> {
         let folder = free_name("btf-view_turntable", "");
-        std::fs::create_dir_all(&folder).map_err(|source| ViewerError::Read { path: folder.clone(), source })?;
+        create_folder(&folder)?;
         Ok(Turntable { folder, done: 0 })
     }
 

@@ -76,7 +76,7 @@ pub struct WindowParams {
     pub adapter: Option<String>,
     /// What costs time and changes accuracy; the panel changes it.
     pub shade: ShadeOptions,
-    /// Milliseconds that a frame may take; components and lights are what is saved.
+    /// Milliseconds that a frame may take; components, lobes and lights are what is saved.
     pub target_ms: Option<f64>,
 }
 
@@ -387,10 +387,11 @@ impl View {
         let size = [pixels(area.width()).min(self.config.width), pixels(area.height()).min(self.config.height)];
         let painting = editor.tool != Tool::Look && !ui.input(|input| input.modifiers.shift);
         let pressed = response.is_pointer_button_down_on() && ui.input(|input| input.pointer.primary_down());
-        let touched = response.interact_pointer_pos().filter(|_| painting && pressed).and_then(|at| {
-            let scale = ui.pixels_per_point();
+        let scale = ui.pixels_per_point();
+        let pick_at = |scene: &Scene, at: egui::Pos2| {
             pick(scene, size, [(at.x - area.min.x) * scale, (at.y - area.min.y) * scale])
-        });
+        };
+        let touched = response.interact_pointer_pos().filter(|_| painting && pressed).and_then(|at| pick_at(scene, at));
         if let Some(Picked { asset, texel, .. }) = touched
             && editor.touch(scene, asset, texel)
         {
@@ -446,7 +447,8 @@ impl View {
         if self.settings.light_handles && !painting {
             changed |= show_light_handles(ui, area, &mut self.panel, &mut self.scene);
         }
-        changed |= compare || self.show_split(ui, area);
+        changed |= compare;
+        self.show_split(ui, area);
         if self.help {
             egui::Window::new("keys").collapsible(false).default_pos(area.min + egui::vec2(20.0, 20.0)).show(
                 ui.ctx(),
@@ -460,10 +462,7 @@ impl View {
         let pointer = ui.input(|input| input.pointer.latest_pos());
         for path in dropped.iter().chain(&open) {
             // An asset covers what it is dropped on.
-            let scale = ui.pixels_per_point();
-            let under = pointer
-                .filter(|_| open.is_none())
-                .and_then(|at| pick(&self.scene, size, [(at.x - area.min.x) * scale, (at.y - area.min.y) * scale]));
+            let under = pointer.filter(|_| open.is_none()).and_then(|at| pick_at(&self.scene, at));
             self.open(path, under.map(|picked| picked.asset));
             changed = true;
         }
@@ -518,9 +517,9 @@ impl View {
     }
 
     /// The line between the two pictures, which the mouse moves.
-    fn show_split(&mut self, ui: &mut egui::Ui, area: egui::Rect) -> bool {
+    fn show_split(&mut self, ui: &mut egui::Ui, area: egui::Rect) {
         if !self.split.on || self.split.difference {
-            return false;
+            return;
         }
         let x = area.min.x + self.split.place * area.width();
         let line = egui::Rect::from_center_size(egui::pos2(x, area.center().y), egui::vec2(10.0, area.height()));
@@ -540,7 +539,6 @@ impl View {
         let top = area.min.y + 8.0;
         label(egui::pos2(x - 8.0, top), egui::Align2::RIGHT_TOP, "this".into());
         label(egui::pos2(x + 8.0, top), egui::Align2::LEFT_TOP, self.split.against.name(&self.scene));
-        false
     }
 
     /// Takes in a file; `asset` is that which another one replaces.
@@ -589,30 +587,23 @@ impl View {
     /// Writes a turntable's picture where one is finished, and turns the camera on.
     fn go_round(&mut self) -> bool {
         let ready = self.samples >= Turntable::SAMPLES.min(self.most_samples());
-        if !ready || self.turntable.is_none() {
-            return false;
-        }
-        let written = self.picture().and_then(|picture| match &mut self.turntable {
-            Some(turntable) => turntable.write(&picture, self.scene.exposure_ev),
-            None => Ok(true),
-        });
-        let folder =
-            self.turntable.as_ref().map(|turntable| turntable.folder.display().to_string()).unwrap_or_default();
-        match written {
+        let Some(mut turntable) = self.turntable.take_if(|_| ready) else { return false };
+        let written = self.picture().and_then(|picture| turntable.write(&picture, self.scene.exposure_ev));
+        self.message = Some(match written {
             Ok(last) => {
                 self.scene.camera.orbit(std::f32::consts::TAU / Turntable::PICTURES as f32, 0.0);
-                let done = self.turntable.as_ref().map_or(0, |turntable| turntable.done);
-                self.message = Some(format!("turntable: {done} of {} in {folder}", Turntable::PICTURES));
-                if last {
-                    self.turntable = None;
-                }
                 self.samples = 0;
+                let told = format!(
+                    "turntable: {} of {} in {}",
+                    turntable.done,
+                    Turntable::PICTURES,
+                    turntable.folder.display()
+                );
+                self.turntable = (!last).then_some(turntable);
+                told
             }
-            Err(error) => {
-                self.message = Some(error.to_string());
-                self.turntable = None;
-            }
-        }
+            Err(error) => error.to_string(),
+        });
         true
     }
 

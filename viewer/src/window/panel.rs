@@ -115,7 +115,6 @@ pub(crate) struct Panel {
     has_heights: bool,
     /// Of the text field.
     file: String,
-    displaced: bool,
     /// What the check box turns on.
     ambient: Ambient,
     centre: Vec3,
@@ -132,7 +131,6 @@ impl Panel {
             selected: 0,
             max_components: scene.most_components(),
             has_heights: scene.assets.iter().any(|asset| asset.has_heights()),
-            displaced: false,
             file: String::new(),
             ambient: if scene.ambient == Ambient::NONE { scene.usual_ambient() } else { scene.ambient },
             centre,
@@ -156,7 +154,7 @@ impl Panel {
         ui.heading("BTF viewer");
         self.show_status(ui, status);
         ui.separator();
-        self.show_decoding(ui, scene);
+        asked.changed |= self.show_decoding(ui, scene);
         ui.separator();
         asked.changed |= self.show_surroundings(ui, scene);
         ui.separator();
@@ -180,7 +178,7 @@ impl Panel {
         if before.2 != self.lights {
             scene.lights = self.lights.iter().map(|light| light.light(self.centre)).collect();
         }
-        asked.changed |= std::mem::take(&mut self.displaced) || asked.edited.is_some();
+        asked.changed |= asked.edited.is_some();
         asked.changed |= before != (self.shade, self.renderer, self.lights.clone());
         asked
     }
@@ -276,7 +274,9 @@ impl Panel {
         }
     }
 
-    fn show_decoding(&mut self, ui: &mut egui::Ui, scene: &mut Scene) {
+    /// True if surfaces are displaced otherwise than before.
+    fn show_decoding(&mut self, ui: &mut egui::Ui, scene: &mut Scene) -> bool {
+        let mut displaced = false;
         let mut components = self.shade.decode.components.min(self.max_components);
         ui.add_enabled_ui(self.max_components > 0, |ui| {
             let slider = egui::Slider::new(&mut components, 0..=self.max_components);
@@ -301,11 +301,12 @@ impl Panel {
             let slider = egui::Slider::new(&mut scale, 0.0..=8.0);
             if ui.add(slider.text("displacement")).on_hover_text("heights times this; 0 for none").changed() {
                 scene.displace(scale);
-                self.displaced = true;
+                displaced = true;
             }
         }
         ui.checkbox(&mut self.shade.levels, "coarser texels where the picture is small");
         ui.add(egui::Slider::new(&mut scene.exposure_ev, -6.0..=6.0).text("exposure, EV"));
+        displaced
     }
 
     fn show_lights(&mut self, ui: &mut egui::Ui) {
