@@ -6,7 +6,7 @@ use crate::resident::{Resident, block};
 use crate::residual::core_at_pair;
 use crate::single::SingleBases;
 use crate::texel::Texel;
-use crate::viewed_texel::{LightRows, ViewedTexel};
+use crate::viewed_texel::ViewedTexel;
 
 /// How the residual is carried from the measured directions to others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,7 +67,7 @@ pub fn decode(
     wo: [f32; 3],
     options: &DecodeOptions,
 ) -> [f32; 3] {
-    ViewedTexel::new(resident, layer, texel, wo, options).light(&mut LightRows::default(), wi)
+    ViewedTexel::new(resident, layer, texel, wo, options).light_alone(wi)
 }
 
 /// The same with bases in single precision: twice the memory for the resident form's largest part.
@@ -81,7 +81,7 @@ pub fn decode_single(
     wo: [f32; 3],
     options: &DecodeOptions,
 ) -> [f32; 3] {
-    ViewedTexel::new_single(resident, bases, layer, texel, wo, options).light(&mut LightRows::default(), wi)
+    ViewedTexel::new_single(resident, bases, layer, texel, wo, options).light_alone(wi)
 }
 
 /// A texel's lobe sum at every measured pair, `[view, light, rgb]`, given its cluster's lobe tables

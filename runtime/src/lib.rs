@@ -22,6 +22,7 @@ mod decode;
 mod edit;
 mod entropy;
 mod error;
+mod evaluate;
 mod format;
 mod lobe;
 mod mip;
@@ -49,6 +50,7 @@ pub use decode::{
 pub use edit::{EDIT_WORDS, Edit, Edits, MOST_EDIT_WORDS, MOST_EDITS};
 pub use entropy::plane_bytes;
 pub use error::FormatError;
+pub use evaluate::{Query, Sample, UNIT_RANGE, density, evaluate, evaluate_many, is_unit, sample};
 pub use format::{
     ALIGNMENT, Directory, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_LAYERS,
     MAX_SHARED, SectionEntry, SectionKind, VERSION, read_directory,

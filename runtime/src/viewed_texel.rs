@@ -196,6 +196,11 @@ impl<'a> ViewedTexel<'a> {
         value.map(|x| x * fade)
     }
 
+    /// [`ViewedTexel::light`] for a light that shares its rows with no other.
+    pub fn light_alone(&self, wi: [f32; 3]) -> [f32; 3] {
+        self.light(&mut LightRows::default(), wi)
+    }
+
     /// A measured value with the lobes' sum `here` and the edited lobes' sum; see edit.rs.
     fn edited(&self, value: [f32; 3], here: [f32; 3], lobes: [f32; 3]) -> [f32; 3] {
         let t = &self.t;
