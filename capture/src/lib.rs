@@ -72,6 +72,7 @@ pub use encode8::Encoder8;
 pub use error::CaptureError;
 pub use info::{CaptureInfo, Cosine, ImageFormat, Side};
 pub use radiance_map::RadianceMap;
+pub use source::SharedBytes;
 pub use stamp::FileStamp;
 pub use ubo2014::{ContainerInfo, ContainerKind, HeightMap};
 pub use writer::CaptureWriter;

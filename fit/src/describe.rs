@@ -2,13 +2,17 @@
 
 use crate::byte_size::text_from_bytes;
 use crate::error::FitError;
-use crate::material::{Material, side_of_layer};
+use crate::material::{Material, side_of_layer, sides_of_capture};
 use btf_capture::Side;
-use btf_runtime::{Asset, Heights, Layer, LobeFamily, Resident, ResidualKind, SectionKind, VERSION, read_directory};
+use btf_runtime::{
+    Asset, Heights, Layer, LobeFamily, Resident, ResidentFile, ResidualKind, SectionKind, SurfaceSide, VERSION,
+    read_directory,
+};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::{self, Display};
 use std::path::Path;
+use std::sync::Arc;
 
 /// What is in an asset. The names are the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -25,6 +29,10 @@ pub struct Description {
     pub width: usize,
     /// Rows.
     pub height: usize,
+    /// Physical width and height in millimetres, where known.
+    pub size_mm: Option<[f32; 2]>,
+    /// Width and height of each level, the finest first.
+    pub levels: Vec<[usize; 2]>,
     /// Prefixes of the file that are assets of their own, the last the whole file.
     pub tiers: Vec<TierDescription>,
     /// Sizes by kind of section, all layers, in the order of the file.
@@ -130,6 +138,10 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
         version: VERSION,
         width: asset.width,
         height: asset.height,
+        size_mm: asset.size_mm,
+        levels: std::iter::once([asset.width, asset.height])
+            .chain(asset.levels.iter().map(|level| [level.width, level.height]))
+            .collect(),
         tiers: tiers.collect(),
         sections,
         layers: asset.layers.iter().map(describe_layer).collect(),
@@ -137,17 +149,105 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
     })
 }
 
-/// The resident form, its clusters expanded on all threads of the pool.
-pub fn resident_in_parallel(asset: &Asset) -> Resident {
-    Resident::from_asset_with(asset, |count, expand| (0..count).into_par_iter().map(expand).collect())
+/// Work of the runtime on all threads of the pool.
+pub(crate) fn parallel(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    (0..count).into_par_iter().for_each(work);
 }
 
-/// Checks everything in the asset's bytes: header, tables, checksums, every section's content, and the
+/// The resident form, its clusters expanded on all threads of the pool.
+pub fn resident_in_parallel(asset: &Asset) -> Resident {
+    Resident::from_asset_on(asset, &parallel)
+}
+
+/// What is in an asset's resident form. The names are the keys of `info --json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ResidentDescription {
+    /// `resident`.
+    pub form: &'static str,
+    /// Bytes of the file.
+    pub bytes: u64,
+    /// Format version.
+    pub version: u32,
+    /// Texels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Physical width and height in millimetres, where known.
+    pub size_mm: Option<[f32; 2]>,
+    /// Width and height of each level, the finest first.
+    pub levels: Vec<[u32; 2]>,
+    /// Sides of its layers, in order.
+    pub layers: Vec<String>,
+    /// Residual components of the layer that has most.
+    pub components: u32,
+    /// Lobes of the texel that has most.
+    pub lobes: u32,
+    /// The asset's own description.
+    pub material: Material,
+}
+
+/// Describes the resident form in `bytes`.
+///
+/// # Errors
+/// As [`ResidentFile::open`]; a description that is not understood.
+pub fn describe_resident(bytes: Vec<u8>) -> Result<ResidentDescription, FitError> {
+    let length = bytes.len() as u64;
+    let file = ResidentFile::open(Arc::new(bytes), &parallel)?;
+    let resident = &file.resident;
+    Ok(ResidentDescription {
+        form: "resident",
+        bytes: length,
+        version: VERSION,
+        width: resident.width(),
+        height: resident.height(),
+        size_mm: file.size_mm,
+        levels: (0..resident.levels()).map(|level| resident.size(level * resident.layers())).collect(),
+        layers: sides_of_resident(resident).iter().map(ToString::to_string).collect(),
+        components: resident.most_components(),
+        lobes: resident.most_lobes(),
+        material: Material::from_text(&file.material)?,
+    })
+}
+
+impl Display for ResidentDescription {
+    /// What `info` prints.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = if self.material.name.is_empty() { "(none)" } else { &self.material.name };
+        let size = self.size_mm.map_or(String::new(), |[w, h]| format!(", {w} x {h} mm"));
+        writeln!(f, "name        {name}")?;
+        writeln!(f, "texels      {} x {}{size}", self.width, self.height)?;
+        writeln!(f, "form        resident, {} ({} bytes)", text_from_bytes(self.bytes), self.bytes)?;
+        writeln!(f, "format      version {}", self.version)?;
+        writeln!(f, "levels      {}", self.levels.len())?;
+        writeln!(f, "layers      {}", self.layers.join(", "))?;
+        writeln!(f, "residual    {} components", self.components)?;
+        write!(f, "lobes       at most {} a texel", self.lobes)
+    }
+}
+
+/// What the layers' sides are, in order.
+fn sides_of_resident(resident: &Resident) -> Vec<Side> {
+    let mut sides: Vec<(u32, Side)> = Vec::new();
+    for side in Side::ALL {
+        let (light, view) = sides_of_capture(side);
+        let back = |of: SurfaceSide| of == SurfaceSide::Back;
+        sides.extend(resident.layer_for_sides(0, back(light), back(view)).map(|layer| (layer, side)));
+    }
+    sides.sort_by_key(|(layer, _)| *layer);
+    sides.into_iter().map(|(_, side)| side).collect()
+}
+
+/// Checks everything in the asset's bytes, in either form: header, tables, checksums, every section's content, and the
 /// material description. The sides of its layers come back, in order.
 ///
 /// # Errors
 /// The first thing that is wrong.
 pub fn validate(bytes: &[u8]) -> Result<Vec<Side>, FitError> {
+    if ResidentFile::is_one(bytes) {
+        let file = ResidentFile::open(Arc::new(bytes.to_vec()), &parallel)?;
+        Material::from_text(&file.material)?;
+        return Ok(sides_of_resident(&file.resident));
+    }
     let asset = Asset::parse(bytes)?;
     Material::from_asset(&asset)?;
     Ok(asset.layers.iter().map(side_of_layer).collect())
@@ -219,7 +319,7 @@ impl Display for Description {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let material = &self.material;
         writeln!(f, "name        {}", if material.name.is_empty() { "(none)" } else { &material.name })?;
-        let size = material.size_mm.map_or(String::new(), |[w, h]| format!(", {w} x {h} mm"));
+        let size = self.size_mm.map_or(String::new(), |[w, h]| format!(", {w} x {h} mm"));
         writeln!(f, "texels      {} x {}{size}", self.width, self.height)?;
         let cut = if self.bytes < self.whole_bytes {
             format!(", a tier of {}", text_from_bytes(self.whole_bytes))
@@ -227,6 +327,9 @@ impl Display for Description {
             String::new()
         };
         writeln!(f, "size        {} ({} bytes{cut})", text_from_bytes(self.bytes), self.bytes)?;
+        if let [_, .., [width, height]] = self.levels[..] {
+            writeln!(f, "levels      {}, the coarsest {width} x {height}", self.levels.len())?;
+        }
         writeln!(f, "loaded      {} in the decoder's memory", text_from_bytes(self.resident_bytes))?;
         writeln!(f, "format      version {}", self.version)?;
         for (number, layer) in self.layers.iter().enumerate() {
@@ -298,12 +401,37 @@ pub fn load_asset(path: &Path) -> Result<(Vec<u8>, Asset), FitError> {
     Ok((bytes, asset))
 }
 
-/// [`describe`] of a file.
+/// What is in a file, in either form.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum FileDescription {
+    /// The file form.
+    File(Box<Description>),
+    /// The resident form.
+    Resident(Box<ResidentDescription>),
+}
+
+impl Display for FileDescription {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            FileDescription::File(description) => description.fmt(f),
+            FileDescription::Resident(description) => description.fmt(f),
+        }
+    }
+}
+
+/// [`describe`] or [`describe_resident`] of a file.
 ///
 /// # Errors
-/// As [`describe`], or if it cannot be read; the message names the file.
-pub fn describe_file(path: &Path) -> Result<Description, FitError> {
-    describe(&read_file(path)?).map_err(|error| with_path(path, error))
+/// As they, or if it cannot be read; the message names the file.
+pub fn describe_file(path: &Path) -> Result<FileDescription, FitError> {
+    let bytes = read_file(path)?;
+    let described = if ResidentFile::is_one(&bytes) {
+        describe_resident(bytes).map(|description| FileDescription::Resident(Box::new(description)))
+    } else {
+        describe(&bytes).map(|description| FileDescription::File(Box::new(description)))
+    };
+    described.map_err(|error| with_path(path, error))
 }
 
 /// [`validate`] of a file.

@@ -70,6 +70,7 @@ pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monit
     let metrics = sums.metrics();
     let infos: Vec<&CaptureInfo> = captures.iter().map(Capture::info).collect();
     let material = Material::new(&infos, FitRecord::new(params, components));
+    asset.size_mm = captures.iter().find_map(|capture| capture.info().size_mm);
     asset.material = Material { error: Some(metrics.rounded()), ..material }.to_json();
     let bytes = pack(&asset)?;
     if params.bytes.is_some_and(|most| bytes.len() as u64 > most) {

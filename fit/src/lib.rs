@@ -19,6 +19,7 @@ mod candidates;
 mod checkpoint;
 mod ciede;
 mod compare;
+mod convert;
 mod coordinates;
 mod curve;
 mod describe;
@@ -70,9 +71,10 @@ pub use ciede::{Lab, LabConverter, delta_e00};
 pub use compare::{
     Comparison, MeasureParams, colour_pair_stride, layer_for_capture, measure, measure_images, side_words,
 };
+pub use convert::{Shape, convert};
 pub use describe::{
-    Description, FamilyUse, LayerDescription, SectionSize, TierDescription, describe, describe_file, family_name,
-    load_asset, resident_in_parallel, validate, validate_file,
+    Description, FamilyUse, FileDescription, LayerDescription, ResidentDescription, SectionSize, TierDescription,
+    describe, describe_file, describe_resident, family_name, load_asset, resident_in_parallel, validate, validate_file,
 };
 pub use error::FitError;
 pub use expand::{ExpandParams, expand, expand_info};

@@ -16,8 +16,6 @@ use serde::{Deserialize, Serialize};
 pub struct Material {
     /// Short name for people.
     pub name: String,
-    /// Physical width and height in millimetres, where known.
-    pub size_mm: Option<[f32; 2]>,
     /// One entry per layer, in the asset's order.
     pub layers: Vec<MaterialLayer>,
     /// How it was fitted.
@@ -143,7 +141,6 @@ impl Material {
     pub fn new(captures: &[&CaptureInfo], fit: FitRecord) -> Material {
         Material {
             name: captures.first().map(|info| shortened(&info.name, MOST_NAME)).unwrap_or_default(),
-            size_mm: captures.iter().find_map(|info| info.size_mm),
             layers: captures
                 .iter()
                 .map(|info| MaterialLayer {
@@ -162,7 +159,15 @@ impl Material {
     /// # Errors
     /// If it is not JSON or a known key has a value of another type. Absent and unknown keys are fine.
     pub fn from_asset(asset: &Asset) -> Result<Material, FitError> {
-        serde_json::from_str(&asset.material).map_err(|error| {
+        Material::from_text(&asset.material)
+    }
+
+    /// The same of the text alone.
+    ///
+    /// # Errors
+    /// As [`Material::from_asset`].
+    pub fn from_text(text: &str) -> Result<Material, FitError> {
+        serde_json::from_str(text).map_err(|error| {
             FitError::Params(format!(
                 "the asset's material description is not understood ({error}); it was written by a faulty program"
             ))
@@ -197,7 +202,7 @@ impl Material {
             cosine: record.cosine.parse()?,
             scale: record.scale,
             side,
-            size_mm: self.size_mm,
+            size_mm: asset.size_mm,
             provenance: record.provenance,
             ..CaptureInfo::new(name, asset.width, asset.height, views, lights, format)
         })

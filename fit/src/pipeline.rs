@@ -7,6 +7,7 @@ use crate::checkpoint::{Checkpoint, Stages};
 use crate::compare::{MeasureParams, colour_pair_stride, measure_images, stride_over_pairs};
 use crate::coordinates::Coordinates;
 use crate::curve::Curve;
+use crate::describe::resident_in_parallel;
 use crate::dictionary::{Dictionary, Pairs, Target, build_dictionary};
 use crate::encode::Model;
 use crate::error::FitError;
@@ -25,9 +26,7 @@ use crate::sparse::{ClusterLobes, Correlations, LobesOf, drop_unused, select};
 use crate::stored::{Input, Stored};
 use crate::texel_sample::texel_sample;
 use btf_capture::{Capture, CaptureInfo, Pixels};
-use btf_runtime::{
-    Asset, Layer, LobeRole, MAX_COMPONENTS, MAX_LAYERS, Resident, ResidualKind, Sphere, lobe_tables, pack,
-};
+use btf_runtime::{Asset, Layer, LobeRole, MAX_COMPONENTS, MAX_LAYERS, ResidualKind, Sphere, lobe_tables, pack};
 use ndarray::{Array2, ArrayView2, s};
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -452,7 +451,19 @@ fn assemble(layers: &[Prepared], step: f64, [width, height]: [usize; 2], params:
             Layer { residual: Some(encoded.residual), ..prepared.layer.clone() }
         })
         .collect();
-    Assembled { asset: Asset { width, height, material: String::new(), layers, edits: Default::default() }, error }
+    Assembled {
+        asset: Asset {
+            width,
+            height,
+            size_mm: None,
+            seamless: [false; 2],
+            material: String::new(),
+            layers,
+            levels: Vec::new(),
+            edits: Default::default(),
+        },
+        error,
+    }
 }
 
 /// Size of the greatest coefficient that any layer can have: a row of root mean square length, times a margin.
@@ -531,7 +542,7 @@ fn within_error(
         let asset = first.take().unwrap_or_else(|| assemble(layers, greatest * exponent.exp2(), grid, params).asset);
         let bytes = pack(&asset)?.len();
         let last_resort = exponent <= FINEST_EXPONENT;
-        let resident = Resident::from_asset_with(&asset, |n, expand| (0..n).into_par_iter().map(expand).collect());
+        let resident = resident_in_parallel(&asset);
         let mut errors = (0.0, 0.0);
         for capture in captures {
             let info = capture.info();

@@ -284,7 +284,7 @@ fn fit_section(description: &Description) -> Markup {
                         td { (record.format) ", curve " (record.transfer) ", cosine " (record.cosine) ", scale " (record.scale) ", " (record.side) }
                     }
                 }
-                @if let Some([width, height]) = material.size_mm {
+                @if let Some([width, height]) = description.size_mm {
                     tr { th { "Physical size" } td { (width) " × " (height) " mm" } }
                 }
                 @if let Some(fit) = &material.fit {

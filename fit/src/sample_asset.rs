@@ -95,6 +95,9 @@ pub(crate) fn sample_asset_with(
     Asset {
         width,
         height,
+        size_mm: None,
+        seamless: [false; 2],
+        levels: Vec::new(),
         material: "{}".into(),
         edits: Default::default(),
         layers: vec![Layer {

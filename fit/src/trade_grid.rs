@@ -1,6 +1,7 @@
 //! The grid of a trade: which settings there are, and what measuring and timing each of them takes.
 
 use crate::compare::{MeasureParams, colour_pair_stride, measure_decoder};
+use crate::describe::parallel;
 use crate::describe::resident_in_parallel;
 use crate::error::FitError;
 use crate::evaluation_time::{Query, least_nanoseconds, random_queries};
@@ -103,7 +104,7 @@ impl Made {
 
 /// The bases in single precision, expanded on all threads of the pool.
 pub(crate) fn singles_in_parallel(asset: &Asset) -> SingleBases {
-    SingleBases::from_asset_with(asset, |count, expand| (0..count).into_par_iter().map(expand).collect())
+    SingleBases::from_asset_on(asset, &parallel)
 }
 
 /// The grid while it is filled.

@@ -134,7 +134,7 @@ impl Edits {
     /// Whether a layer's edited dictionaries keep within [`MOST_EDIT_WORDS`].
     pub(crate) fn fit(&self, layer: &Layer) -> bool {
         let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
-        self.list.len() * (EDIT_WORDS + layer.dictionary.len() + lobes * RESIDENT_WORDS) <= MOST_EDIT_WORDS
+        self.list.len() * (EDIT_WORDS + 1 + layer.dictionary.len() + lobes * RESIDENT_WORDS) <= MOST_EDIT_WORDS
     }
 
     /// The edit of the texel at the middle of each of a coarser grid's.
@@ -162,19 +162,20 @@ impl Edits {
     }
 }
 
-/// A table with the offset of each cluster's dictionary, and the dictionaries.
+/// A table with the offset of each cluster's dictionary and that of their end, and the dictionaries.
 pub(crate) fn push_dictionaries(
     words: &mut Vec<u32>,
     dictionaries: &[Vec<DictionaryLobe>],
     changed: impl Fn(&DictionaryLobe) -> DictionaryLobe,
 ) {
     let table = words.len();
-    words.resize(table + dictionaries.len(), 0);
+    words.resize(table + dictionaries.len() + 1, 0);
     for (cluster, lobes) in dictionaries.iter().enumerate() {
         words[table + cluster] = words.len() as u32;
         for entry in lobes.iter().map(&changed) {
             words.extend(entry.lobe.setup().to_resident_words(entry.weight_scale));
         }
+        words[table + cluster + 1] = words.len() as u32;
     }
 }
 
@@ -184,11 +185,12 @@ mod tests {
     use crate::asset::{Asset, LobeRole};
     use crate::decode::{DecodeOptions, Interpolation, decode};
     use crate::error::FormatError;
-    use crate::mip::resident_with_levels;
+    use crate::mip::with_levels;
     use crate::pack;
     use crate::resident::Resident;
     use crate::residual::ResidualKind;
     use crate::testing::{Random, sample_asset};
+    use crate::threads::serial;
 
     fn edited(mut asset: Asset, list: Vec<Edit>, texels: impl Fn(usize) -> u8) -> Asset {
         asset.edits = Edits { list, texels: (0..asset.texel_count()).map(texels).collect() };
@@ -324,12 +326,12 @@ mod tests {
     #[test]
     fn edits_are_set_and_taken_back_at_all_levels() {
         let asset = sample_asset(8, 8, 8, ResidualKind::Root);
-        let (plain, levels) =
-            resident_with_levels(&asset, |n, f| (0..n).map(f).collect(), |n, f| (0..n).map(f).collect());
+        let asset = with_levels(&asset, &serial);
+        let plain = Resident::from_asset(&asset);
         let list = vec![Edit { tint: [0.0; 3], ..Edit::default() }];
         let edits = Edits { list, texels: (0..64).map(|texel| u8::from(texel % 8 >= 4)).collect() };
         let mut resident = plain.clone();
-        resident.set_edits(&edits, &levels[0].layers);
+        resident.set_edits(&edits, &asset.layers);
         for layer in 0..resident.levels() {
             let [width, height] = resident.size(layer);
             for texel in 0..width * height {
@@ -345,7 +347,7 @@ mod tests {
         for (at, (a, b)) in plain.words().iter().zip(resident.words()).enumerate() {
             assert!(a == b || ranges.iter().any(|range| range.contains(&at)), "word {at}");
         }
-        resident.set_edits(&Edits::default(), &levels[0].layers);
+        resident.set_edits(&Edits::default(), &asset.layers);
         assert_eq!(resident.words()[8..], plain.words()[8..]);
     }
 }

@@ -41,17 +41,19 @@ pub(crate) const SYMBOLS_PER_BYTE: usize = 1024;
 impl Bit {
     pub(crate) const NEW: Bit = Bit { fast: 1 << 15, slow: 1 << 15, seen: 0 };
 
-    #[inline]
+    #[inline(always)]
     fn of_zero(self) -> u32 {
         ((u32::from(self.fast) + u32::from(self.slow)) >> 1).clamp(LEAST, 65536 - LEAST)
     }
 
-    #[inline]
+    #[inline(always)]
     fn learn(&mut self, bit: bool) {
         let slow = LEARNING_SHIFTS[usize::from(self.seen)];
         let fast = slow.min(FAST_SHIFT);
         self.seen = (self.seen + 1).min(63);
-        let toward = |p: u16, shift: u8| if bit { p - (p >> shift) } else { p + ((65535 - p) >> shift) };
+        // After 1, p - (p >> shift); after 0 the same of 65535 - p.
+        let mask = if bit { 0 } else { 0xffff };
+        let toward = |p: u16, shift: u8| ((p ^ mask) - ((p ^ mask) >> shift)) ^ mask;
         (self.fast, self.slow) = (toward(self.fast, fast), toward(self.slow, slow));
     }
 }
@@ -101,7 +103,7 @@ impl Encoder {
 }
 
 impl BinaryCoder for Encoder {
-    #[inline]
+    #[inline(always)]
     fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
         let bound = (self.range >> 16) * model.of_zero();
         if bit {
@@ -134,7 +136,15 @@ impl<'a> Decoder<'a> {
         decoder
     }
 
-    #[inline]
+    #[inline(always)]
+    fn normalise(&mut self) {
+        while self.range < TOP {
+            self.range <<= 8;
+            self.shift_in();
+        }
+    }
+
+    #[inline(always)]
     fn shift_in(&mut self) {
         self.code = self.code << 8 | u32::from(self.bytes.get(self.at).copied().unwrap_or(0));
         self.at += 1;
@@ -151,20 +161,14 @@ impl<'a> Decoder<'a> {
 }
 
 impl BinaryCoder for Decoder<'_> {
-    #[inline]
+    #[inline(always)]
     fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
         let bound = (self.range >> 16) * model.of_zero();
         let bit = self.code >= bound;
-        if bit {
-            self.code -= bound;
-            self.range -= bound;
-        } else {
-            self.range = bound;
-        }
+        (self.code, self.range) = if bit { (self.code - bound, self.range - bound) } else { (self.code, bound) };
         model.learn(bit);
-        while self.range < TOP {
-            self.range <<= 8;
-            self.shift_in();
+        if self.range < TOP {
+            self.normalise();
         }
         bit
     }
@@ -192,7 +196,7 @@ impl<const BITS: usize> Tree<BITS> {
 const CONTEXTS: usize = 68;
 
 /// Bucket of a neighbourhood's weighted magnitude.
-#[inline]
+#[inline(always)]
 fn context(sum: u32) -> usize {
     if sum < 4 {
         return sum as usize;
@@ -223,7 +227,7 @@ impl Signed {
     }
 
     /// One number; `around` is its neighbourhood's weighted magnitude, `signs` the sum of two neighbours' signs.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn code(&mut self, coder: &mut impl BinaryCoder, value: i32, around: u32, signs: i32) -> i32 {
         let context = context(around);
         if !coder.bit(&mut self.zero[context], value != 0) {
@@ -247,10 +251,15 @@ impl Signed {
 }
 
 /// Codes `values` row by row, `width` a row: each number's neighbourhood is what was coded to the left and above.
-/// The encoder leaves `values` as they are, the decoder fills them. Magnitudes at most 65535.
-pub(crate) fn code_plane(coder: &mut impl BinaryCoder, model: &mut Signed, values: &mut [i32], width: usize) {
+/// The encoder leaves `values` as they are, the decoder fills them. Magnitudes at most 65535. False if the decoder met a number
+/// that the values have no room for.
+pub(crate) fn code_plane<T>(coder: &mut impl BinaryCoder, model: &mut Signed, values: &mut [T], width: usize) -> bool
+where
+    T: Copy + Into<i32> + TryFrom<i32>,
+{
+    let mut fits = true;
     if width == 0 {
-        return;
+        return fits;
     }
     // Two cells of margin to the left, one to the right.
     let mut above2 = vec![0i32; width + 3];
@@ -266,16 +275,24 @@ pub(crate) fn code_plane(coder: &mut impl BinaryCoder, model: &mut Signed, value
                 + size(above[i + 3])
                 + size(row[i])
                 + size(above2[i + 2]);
-            *value = model.code(coder, *value, around, west.signum() + north.signum());
-            row[i + 2] = *value;
+            let coded = model.code(coder, (*value).into(), around, west.signum() + north.signum());
+            row[i + 2] = coded;
+            match T::try_from(coded) {
+                Ok(coded) => *value = coded,
+                Err(_) => fits = false,
+            }
         }
         std::mem::swap(&mut above2, &mut above);
         std::mem::swap(&mut above, &mut row);
     }
+    fits
 }
 
 /// Bytes of numbers coded by [`code_plane`].
-pub(crate) fn encode_plane(values: &[i32], width: usize) -> Vec<u8> {
+pub(crate) fn encode_plane<T>(values: &[T], width: usize) -> Vec<u8>
+where
+    T: Copy + Into<i32> + TryFrom<i32>,
+{
     let (mut coder, mut values) = (Encoder::new(), values.to_vec());
     code_plane(&mut coder, &mut Signed::new(), &mut values, width);
     coder.finish()
@@ -288,12 +305,16 @@ pub fn plane_bytes(values: &[i32], width: usize) -> usize {
 }
 
 /// What [`encode_plane`] wrote: `count` numbers.
-pub(crate) fn decode_plane(bytes: &[u8], count: usize, width: usize) -> Result<Vec<i32>, &'static str> {
+pub(crate) fn decode_plane<T>(bytes: &[u8], count: usize, width: usize) -> Result<Vec<T>, &'static str>
+where
+    T: Copy + Default + Into<i32> + TryFrom<i32>,
+{
     bounded(count, bytes)?;
-    let mut values = vec![0; count];
+    let mut values = vec![T::default(); count];
     let mut coder = Decoder::new(bytes);
-    code_plane(&mut coder, &mut Signed::new(), &mut values, width);
-    coder.ended().map(|()| values)
+    let fits = code_plane(&mut coder, &mut Signed::new(), &mut values, width);
+    coder.ended()?;
+    if fits { Ok(values) } else { Err("a number is out of its range") }
 }
 
 /// Refuses more symbols than the bytes can hold, before anything is allocated for them.
@@ -326,20 +347,21 @@ mod tests {
             let values: Vec<i32> =
                 numbers(count as u64, count, spread).iter().map(|x| x.clamp(&-65535, &65535)).copied().collect();
             let bytes = encode_plane(&values, width);
-            assert_eq!(decode_plane(&bytes, count, width).unwrap(), values);
+            assert_eq!(decode_plane::<i32>(&bytes, count, width).unwrap(), values);
             // Planted differences: another width reads something else, or not to the end.
             if count > 100 && width > 1 {
                 assert_ne!(decode_plane(&bytes, count, width - 1).ok(), Some(values.clone()));
             }
-            assert!(decode_plane(&bytes[..bytes.len() - 1], count, width).is_err());
-            assert!(decode_plane(&[&bytes[..], &[0]].concat(), count, width).is_err());
+            assert!(decode_plane::<i32>(&bytes[..bytes.len() - 1], count, width).is_err());
+            assert!(decode_plane::<i32>(&[&bytes[..], &[0]].concat(), count, width).is_err());
         }
     }
 
     #[test]
     fn extreme_numbers_come_back() {
         let values = vec![65535, -65535, 0, 32768, -32768, 1, -1, 0, 65535];
-        assert_eq!(decode_plane(&encode_plane(&values, 3), 9, 3).unwrap(), values);
+        assert_eq!(decode_plane::<i32>(&encode_plane(&values, 3), 9, 3).unwrap(), values);
+        assert_eq!(decode_plane::<i16>(&encode_plane(&values, 3), 9, 3), Err("a number is out of its range"));
     }
 
     #[test]
@@ -351,9 +373,9 @@ mod tests {
         let bytes = encode_plane(&values, 200).len() as f64;
         assert!((0.99..1.02).contains(&(bytes / entropy_bytes)), "{bytes} {entropy_bytes}");
         // Nothing at all costs next to nothing, and still bounds the symbols.
-        let empty = encode_plane(&vec![0; 1 << 20], 1024);
+        let empty = encode_plane(&vec![0i32; 1 << 20], 1024);
         assert!(empty.len() < 1600, "{}", empty.len());
-        assert!(decode_plane(&empty, 1 << 20, 1024).is_ok());
-        assert!(decode_plane(&empty, empty.len() * SYMBOLS_PER_BYTE + 1, 1024).is_err());
+        assert!(decode_plane::<i8>(&empty, 1 << 20, 1024).is_ok());
+        assert!(decode_plane::<i8>(&empty, empty.len() * SYMBOLS_PER_BYTE + 1, 1024).is_err());
     }
 }

@@ -30,6 +30,14 @@ pub enum FormatError {
         /// The version found.
         got: u32,
     },
+    /// The asset has the other of the two forms. Remedy: `btf-fit convert`.
+    #[error("this is an asset in its {got} form, the {expected} form is needed here; see btf-fit convert")]
+    Form {
+        /// The form that is read.
+        expected: &'static str,
+        /// The form found.
+        got: &'static str,
+    },
     /// The file's length is neither the whole asset's nor one of its documented tiers'.
     #[error("the asset is cut off or has bytes appended: {got} bytes, {expected} expected; copy it again")]
     Length {

@@ -4,15 +4,22 @@
 //! sections, each aligned to [`ALIGNMENT`] bytes and zero-padded.
 
 use crate::error::FormatError;
+use crate::threads::{Threads, map, serial};
 
 /// `SPMM` as a little-endian word.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"SPMM");
-/// The version that this crate writes and reads. Version 0 may change until version 1 is frozen.
-pub const VERSION: u32 = 0;
-/// Every section starts at a multiple of this many bytes.
+/// The version that this crate writes and reads.
+pub const VERSION: u32 = 1;
+/// Every section of the file form starts at a multiple of this many bytes.
 pub const ALIGNMENT: usize = 16;
+/// Every section of the resident form does: where a GPU lets a binding begin.
+pub const RESIDENT_ALIGNMENT: usize = 256;
+/// Bytes of each section of the resident form's words but the last: what WebGPU binds at least.
+pub const PIECE_BYTES: usize = 1 << 27;
 /// Words of the header.
-pub const HEADER_WORDS: usize = 16;
+pub const HEADER_WORDS: usize = 20;
+/// Largest physical side, millimetres.
+pub const MOST_SIDE_MM: f32 = 1e6;
 /// Words of a section table entry.
 pub const SECTION_ENTRY_WORDS: usize = 8;
 /// Most sections in a file.
@@ -21,6 +28,8 @@ pub const MAX_SECTIONS: usize = 4096;
 pub const MAX_LAYERS: usize = 4;
 /// Largest width or height in texels.
 pub const MAX_SIDE: u32 = 16_384;
+/// Most levels: down to one texel from the widest asset.
+pub const MOST_LEVELS: usize = 15;
 /// Most clusters in a layer: a cluster id is one byte.
 pub const MAX_CLUSTERS: usize = 256;
 /// Most lobes in one cluster's dictionary: a lobe id is one byte.
@@ -54,7 +63,7 @@ pub mod header {
     pub const VERSION: usize = 1;
     /// Length of the whole file in bytes, low word.
     pub const LENGTH_LOW: usize = 2;
-    /// Length of the whole file in bytes, high word (0 in version 0).
+    /// Length of the whole file in bytes, high word (0 in version 1).
     pub const LENGTH_HIGH: usize = 3;
     /// Number of sections.
     pub const SECTIONS: usize = 4;
@@ -70,19 +79,45 @@ pub mod header {
     pub const CHANNELS: usize = 9;
     /// Channel basis (0: linear sRGB primaries, D65).
     pub const BASIS: usize = 10;
-    /// Flags (0 in version 0; bit 0 is reserved for signed weights).
+    /// Flags: bit 1 left and right edge continue each other, bit 2 top and bottom; bit 0 is reserved for signed weights.
     pub const FLAGS: usize = 11;
     /// Checksum of header (these two words as 0), section table and tier table.
     pub const CHECKSUM_LOW: usize = 12;
     /// High word of the checksum.
     pub const CHECKSUM_HIGH: usize = 13;
+    /// Form: 0 the file form, 1 the resident form.
+    pub const FORM: usize = 14;
+    /// Physical width in millimetres (f32); 0 with the height where it is not known.
+    pub const WIDTH_MM: usize = 15;
+    /// Physical height in millimetres (f32).
+    pub const HEIGHT_MM: usize = 16;
+}
+
+/// What the sections of a file make up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Form {
+    /// Small: entropy-coded, bases shared. What is stored and sent.
+    File = 0,
+    /// Large: the words that decoders read, to be mapped and bound as they lie.
+    Resident = 1,
+}
+
+impl Form {
+    /// What its sections' offsets are multiples of, bytes.
+    pub fn alignment(self) -> usize {
+        match self {
+            Form::File => ALIGNMENT,
+            Form::Resident => RESIDENT_ALIGNMENT,
+        }
+    }
 }
 
 /// What a section holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u32)]
 pub enum SectionKind {
-    /// UTF-8 JSON: name, physical size, capture source, error figures, fit parameters.
+    /// UTF-8 JSON: name, capture source, error figures, fit parameters.
     Material = 1,
     /// A layer's parameters.
     Layer = 2,
@@ -106,10 +141,12 @@ pub enum SectionKind {
     Coefficients = 11,
     /// Height per texel.
     Height = 12,
-    /// Reserved: mip levels.
-    Mip = 13,
+    /// A layer's texels at a coarser level; index 1 half as wide and high, and so on.
+    Level = 13,
     /// Edits of the whole asset, and each texel's.
     Edits = 14,
+    /// The resident form's words, [`PIECE_BYTES`] a section.
+    Words = 15,
 }
 
 impl SectionKind {
@@ -129,8 +166,9 @@ impl SectionKind {
             Basis,
             Coefficients,
             Height,
-            Mip,
+            Level,
             Edits,
+            Words,
         ]
         .into_iter()
         .find(|known| *known as u32 == kind)
@@ -169,21 +207,42 @@ impl SectionEntry {
     }
 }
 
+/// Bit of the first flag of [`Head::seamless`].
+const SEAMLESS_BIT: u32 = 1;
+
+/// Whether a physical size is one.
+pub(crate) fn in_mm_range(size: [f32; 2]) -> bool {
+    size.iter().all(|mm| *mm > 0.0 && *mm <= MOST_SIDE_MM)
+}
+
 /// First eight bytes of the BLAKE3 hash, as a little-endian integer.
 pub fn checksum(bytes: &[u8]) -> u64 {
     let hash = blake3::hash(bytes);
     u64::from_le_bytes(hash.as_bytes()[..8].try_into().unwrap_or([0; 8]))
 }
 
-/// A file's header with its tables, checked.
-#[derive(Debug, Clone)]
-pub struct Directory {
+/// What header and sections say of the whole asset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Head {
+    /// What the sections make up.
+    pub form: Form,
     /// Texels per row.
     pub width: u32,
     /// Rows.
     pub height: u32,
     /// Number of layers, 1 to 4.
     pub layers: u32,
+    /// Physical width and height in millimetres, where known; above 0, at most [`MOST_SIDE_MM`].
+    pub size_mm: Option<[f32; 2]>,
+    /// Whether the left edge continues the right one, and the bottom edge the top one.
+    pub seamless: [bool; 2],
+}
+
+/// A file's header with its tables, checked.
+#[derive(Debug, Clone)]
+pub struct Directory {
+    /// The header's description of the asset.
+    pub head: Head,
     /// Section table, whole file.
     pub sections: Vec<SectionEntry>,
     /// Documented prefix lengths in bytes, ascending; the last is the whole file's.
@@ -205,6 +264,11 @@ fn in_range(field: &'static str, got: u32, least: u32, most: u32, allowed: &'sta
 ///
 /// Cost: one hash of the bytes. Allocation: bounded by the tables, which are bounded by `bytes`.
 pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
+    read_directory_on(bytes, &serial)
+}
+
+/// The same with the sections' checksums on `threads`.
+pub(crate) fn read_directory_on(bytes: &[u8], threads: Threads) -> Result<Directory, FormatError> {
     let got = bytes.len();
     let head = HEADER_WORDS * 4;
     if got >= 4 && word(bytes, header::MAGIC) != MAGIC {
@@ -234,19 +298,36 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
     let layers = in_range("layer_count", word(bytes, header::LAYERS), 1, MAX_LAYERS as u32, "1 to 4")?;
     let width = in_range("width", word(bytes, header::WIDTH), 1, MAX_SIDE, "1 to 16384")?;
     let height = in_range("height", word(bytes, header::HEIGHT), 1, MAX_SIDE, "1 to 16384")?;
-    in_range("channels", word(bytes, header::CHANNELS), 3, 3, "3 in version 0")?;
-    in_range("basis", word(bytes, header::BASIS), 0, 0, "0 (linear sRGB) in version 0")?;
-    in_range("flags", word(bytes, header::FLAGS), 0, 0, "0 in version 0")?;
-    in_range("reserved", word(bytes, 14) | word(bytes, 15), 0, 0, "0")?;
+    in_range("channels", word(bytes, header::CHANNELS), 3, 3, "3 in version 1")?;
+    in_range("basis", word(bytes, header::BASIS), 0, 0, "0 (linear sRGB) in version 1")?;
+    let flags = word(bytes, header::FLAGS);
+    in_range("flags", flags & !(3 << SEAMLESS_BIT), 0, 0, "0, 2, 4 or 6 in version 1")?;
+    let form = match in_range("form", word(bytes, header::FORM), 0, 1, "0 or 1")? {
+        0 => Form::File,
+        _ => Form::Resident,
+    };
+    let size_words = [header::WIDTH_MM, header::HEIGHT_MM].map(|field| word(bytes, field));
+    let size_mm = (size_words != [0, 0]).then(|| size_words.map(f32::from_bits));
+    if !size_mm.is_none_or(in_mm_range) {
+        return Err(FormatError::Field {
+            field: "width_mm or height_mm",
+            got: size_words[0].into(),
+            allowed: "a size above 0 mm and at most 1000000 mm, or both 0",
+        });
+    }
+    in_range("reserved", word(bytes, 17) | word(bytes, 18) | word(bytes, 19), 0, 0, "0")?;
+    let seamless = [0, 1].map(|axis| flags >> (SEAMLESS_BIT + axis) & 1 == 1);
+    let head = Head { form, width, height, layers, size_mm, seamless };
+    let alignment = form.alignment();
 
     let total = word(bytes, header::LENGTH_LOW);
     let tiers: Vec<u32> = (0..tiers).map(|i| word(bytes, HEADER_WORDS + sections * SECTION_ENTRY_WORDS + i)).collect();
     let ascending = tiers.windows(2).all(|pair| pair[0] < pair[1]);
-    let aligned = tiers.iter().all(|length| (*length as usize).is_multiple_of(ALIGNMENT));
+    let aligned = tiers.iter().all(|length| (*length as usize).is_multiple_of(alignment));
     if !ascending || !aligned || tiers.last() != Some(&total) {
         return Err(FormatError::Section {
             section: "tier table".into(),
-            reason: "lengths must be multiples of 16 and rise to the file's length",
+            reason: "lengths must be multiples of the alignment and rise to the file's length",
         });
     }
     let tier = tiers
@@ -271,11 +352,12 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
 
     // Sections follow each other in order; what lies between them is zero, so no byte is unaccounted for.
     let mut end = tables_end;
+    let mut bodies: Vec<(&SectionEntry, &[u8])> = Vec::new();
     for entry in &sections {
-        let start = end.next_multiple_of(ALIGNMENT);
+        let start = end.next_multiple_of(alignment);
         let broken = |reason| FormatError::Section { section: entry.name(), reason };
         if entry.offset as usize != start {
-            return Err(broken("it must start at the next multiple of 16 after its predecessor"));
+            return Err(broken("it must start at the next multiple of the alignment after its predecessor"));
         }
         if SectionKind::from_number(entry.kind).is_none() && entry.flags & SECTION_REQUIRED != 0 {
             return Err(FormatError::UnknownRequiredSection { kind: entry.kind });
@@ -295,15 +377,12 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
                 return Err(broken("the padding before it is not zero"));
             }
             if start < got {
-                let body = bytes.get(start..new_end).ok_or(broken("a tier ends inside it"))?;
-                if checksum(body) != entry.checksum {
-                    return Err(FormatError::SectionChecksum { section: entry.name() });
-                }
+                bodies.push((entry, bytes.get(start..new_end).ok_or(broken("a tier ends inside it"))?));
             }
         }
         end = new_end;
     }
-    if end.next_multiple_of(ALIGNMENT) != total as usize {
+    if end.next_multiple_of(alignment) != total as usize {
         return Err(FormatError::Section {
             section: "section table".into(),
             reason: "sections must end at the file's length",
@@ -312,7 +391,11 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
     if end < got && bytes[end..].iter().any(|byte| *byte != 0) {
         return Err(FormatError::Section { section: "padding at the end".into(), reason: "it must be zero" });
     }
-    Ok(Directory { width, height, layers, sections, tiers, tier })
+    let intact = map(threads, bodies.len(), |i| checksum(bodies[i].1) == bodies[i].0.checksum);
+    if let Some((entry, _)) = bodies.iter().zip(&intact).find(|(_, intact)| !**intact).map(|(body, _)| body) {
+        return Err(FormatError::SectionChecksum { section: entry.name() });
+    }
+    Ok(Directory { head, sections, tiers, tier })
 }
 
 /// A section that the packer is about to write.
@@ -330,7 +413,8 @@ pub struct SectionSource {
 }
 
 /// Writes header, tables and sections. The last section always ends a tier.
-pub fn write_file(width: u32, height: u32, layers: u32, sections: &[SectionSource]) -> Result<Vec<u8>, FormatError> {
+pub fn write_file(head: &Head, sections: &[SectionSource]) -> Result<Vec<u8>, FormatError> {
+    let alignment = head.form.alignment();
     let refuse = |reason: &str| FormatError::Pack { reason: reason.to_string() };
     if sections.is_empty() || sections.len() > MAX_SECTIONS {
         return Err(refuse("it needs 1 to 4096 sections"));
@@ -339,7 +423,7 @@ pub fn write_file(width: u32, height: u32, layers: u32, sections: &[SectionSourc
         (0..sections.len()).filter(|&i| sections[i].ends_tier || i + 1 == sections.len()).collect();
     let tables_end = (HEADER_WORDS + sections.len() * SECTION_ENTRY_WORDS + tier_ends.len()) * 4;
     let mut words: Vec<u32> = vec![0; tables_end / 4];
-    let mut body: Vec<u8> = vec![0; tables_end.next_multiple_of(ALIGNMENT)];
+    let mut body: Vec<u8> = vec![0; tables_end.next_multiple_of(alignment)];
     let mut tiers = Vec::new();
     for (i, section) in sections.iter().enumerate() {
         let offset = u32::try_from(body.len()).map_err(|_| refuse("it is larger than 4 GiB"))?;
@@ -356,7 +440,7 @@ pub fn write_file(width: u32, height: u32, layers: u32, sections: &[SectionSourc
             (hash >> 32) as u32,
         ]);
         body.extend_from_slice(&section.bytes);
-        body.resize(body.len().next_multiple_of(ALIGNMENT), 0);
+        body.resize(body.len().next_multiple_of(alignment), 0);
         if tier_ends.contains(&i) {
             tiers.push(u32::try_from(body.len()).map_err(|_| refuse("it is larger than 4 GiB"))?);
         }
@@ -367,10 +451,15 @@ pub fn write_file(width: u32, height: u32, layers: u32, sections: &[SectionSourc
     words[header::LENGTH_LOW] = total;
     words[header::SECTIONS] = sections.len() as u32;
     words[header::TIERS] = tiers.len() as u32;
-    words[header::LAYERS] = layers;
-    words[header::WIDTH] = width;
-    words[header::HEIGHT] = height;
+    words[header::LAYERS] = head.layers;
+    words[header::WIDTH] = head.width;
+    words[header::HEIGHT] = head.height;
     words[header::CHANNELS] = 3;
+    words[header::FLAGS] = (0..2).map(|axis| u32::from(head.seamless[axis]) << (SEAMLESS_BIT + axis as u32)).sum();
+    words[header::FORM] = head.form as u32;
+    let size_mm = head.size_mm.unwrap_or_default();
+    words[header::WIDTH_MM] = size_mm[0].to_bits();
+    words[header::HEIGHT_MM] = size_mm[1].to_bits();
     let tier_at = HEADER_WORDS + sections.len() * SECTION_ENTRY_WORDS;
     words[tier_at..tier_at + tiers.len()].copy_from_slice(&tiers);
     let hash = checksum(bytemuck::cast_slice(&words));

@@ -23,14 +23,18 @@ mod edit;
 mod entropy;
 mod error;
 mod evaluate;
+mod expansion;
 mod format;
 mod lobe;
 mod mip;
 mod pack;
 mod parallax;
+mod parse;
 mod power;
 mod quantize;
 mod resident;
+mod resident_check;
+mod resident_file;
 mod residual;
 mod sample;
 mod single;
@@ -39,10 +43,11 @@ mod sphere;
 pub mod testing;
 mod texel;
 mod texel_coding;
+mod threads;
 mod viewed_texel;
 mod wgsl;
 
-pub use asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
+pub use asset::{Asset, DictionaryLobe, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide};
 pub use decode::{
     DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE, decode, decode_from_file_form, decode_measured,
     decode_single, lobe_sum_at_pairs, lobe_tables,
@@ -53,10 +58,10 @@ pub use error::FormatError;
 pub use evaluate::{Query, Sample, UNIT_RANGE, density, evaluate, evaluate_many, is_unit, sample};
 pub use format::{
     ALIGNMENT, Directory, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_LAYERS,
-    MAX_SHARED, SectionEntry, SectionKind, VERSION, read_directory,
+    MAX_SHARED, MOST_LEVELS, SectionEntry, SectionKind, VERSION, read_directory,
 };
 pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
-pub use mip::{MipTexel, resident_with_levels};
+pub use mip::with_levels;
 pub use pack::pack;
 pub use parallax::{
     HIDDEN_SHARE, HeightField, Heights, LEAST_RAY_STEPS, MOST_HEIGHT_STEP, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE,
@@ -64,7 +69,8 @@ pub use parallax::{
 };
 pub use power::{POWER_RELATIVE_ERROR, from_root, root};
 pub use quantize::{byte_from_weight, coefficient_from_byte, weight_from_byte};
-pub use resident::{ASSET_LAYERS, HORIZON_COS, MOST_LEVELS, Resident, block};
+pub use resident::{ASSET_LAYERS, HORIZON_COS, Resident, ResidentBytes, block};
+pub use resident_file::ResidentFile;
 pub use residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases, core_at_pair,
     expand_core,
@@ -74,6 +80,7 @@ pub use single::SingleBases;
 pub use sphere::{
     DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS,
 };
+pub use threads::{Threads, serial};
 pub use viewed_texel::{LIGHT_ROWS, LightRows, ViewedTexel};
 pub use wgsl::{WGSL, wgsl_library};
 

@@ -9,15 +9,15 @@
 //! adds is its texels. Each level's means come from the finest level's values, so that errors do not add up.
 
 use crate::algebra::{cholesky, descend, dot, gram_of, principal, solve};
-use crate::asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole};
+use crate::asset::{Asset, DictionaryLobe, Layer, Level, LevelTexels, LobeRef, LobeRole, level_sizes};
 use crate::decode::lobe_sum_at_pairs;
-use crate::edit::Edits;
+use crate::expansion::Expansion;
 use crate::format::{MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, basis_words};
 use crate::lobe::LobeSetup;
 use crate::parallax::Heights;
-use crate::quantize::{byte_from_weight, half_at, weight_from_byte};
-use crate::resident::{ASSET_LAYERS, MOST_LEVELS, Resident, block};
-use crate::residual::{Coefficients, Residual, expand_core};
+use crate::quantize::{byte_from_weight, weight_from_byte};
+use crate::residual::{Residual, expand_core};
+use crate::threads::{Threads, map};
 
 /// Measured pairs at which a level is fitted, at most; evenly chosen. Three numbers each, against at most 128 unknowns.
 const MOST_PAIRS: usize = 384;
@@ -45,9 +45,9 @@ const MOST_MIXTURE_CODE: f32 = 32_000.0;
 /// Added to the diagonal of the shared bases' products, relative to its mean.
 const RIDGE: f32 = 1e-4;
 
-/// One texel of a level in the making: what [`resident_with_levels`] carries from its threads.
+/// One texel of a level in the making.
 #[derive(Debug, Clone)]
-pub struct MipTexel {
+struct MipTexel {
     /// Linear values at the sampled pairs, `[pair, rgb]`; empty when no coarser level needs them any more.
     mean: Vec<f32>,
     cluster: u8,
@@ -56,57 +56,40 @@ pub struct MipTexel {
     codes: Vec<i8>,
 }
 
-/// `asset` in resident form with its coarser levels, and these, from half its width and height down to one texel, each as
-/// an asset of its own that [`crate::pack`] writes.
+/// `asset` with its coarser levels, from half its width and height down to one texel; as it is if it has levels. Each layer with
+/// a residual gets one more cluster, which the levels use, if the format has room for it.
 ///
-/// `map_words(n, f)` and `map_texels(n, f)` return `[f(0), ..., f(n - 1)]`, on as many threads as the caller likes.
-/// Cost: as [`Resident::from_asset`]; then each texel is decoded at up to 384 pairs, and each coarse texel projected onto the
-/// bases of a few clusters: about 0.6 MFLOP a texel with 60 components.
-pub fn resident_with_levels<W, T>(asset: &Asset, map_words: W, map_texels: T) -> (Resident, Vec<Asset>)
-where
-    W: Fn(usize, &(dyn Fn(usize) -> Vec<u32> + Sync)) -> Vec<Vec<u32>>,
-    T: Fn(usize, &(dyn Fn(usize) -> MipTexel + Sync)) -> Vec<MipTexel>,
-{
+/// Cost: the expansion of all bases; then each texel is decoded at up to 384 pairs, and each coarse texel projected onto
+/// the bases of a few clusters: about 0.6 MFLOP a texel with 60 components.
+pub fn with_levels(asset: &Asset, threads: Threads) -> Asset {
+    let mut wider = asset.clone();
     let finest = [asset.width, asset.height];
-    let mut sizes = Vec::new();
-    let mut size = finest;
-    while size != [1, 1] && sizes.len() + 1 < MOST_LEVELS {
-        size = size.map(|side| (side / 2).max(1));
-        sizes.push(size);
+    let sizes = level_sizes(finest);
+    if sizes.is_empty() || !asset.levels.is_empty() {
+        return wider;
     }
-    if sizes.is_empty() {
-        return (Resident::from_asset_with(asset, map_words), Vec::new());
-    }
-    let mut wider = Asset { edits: Edits::default(), ..asset.clone() };
-    let own_lobes: Vec<Option<OwnLobes>> = wider.layers.iter_mut().map(make_room).collect();
-    let mut resident = Resident::from_asset_with(&wider, &map_words);
-    let mut levels: Vec<Asset> = sizes
-        .iter()
-        .map(|[width, height]| Asset {
-            width: *width,
-            height: *height,
-            material: asset.material.clone(),
-            layers: Vec::new(),
-            edits: asset.edits.coarser(finest, [*width, *height]),
-        })
-        .collect();
-    for (number, own_lobes) in own_lobes.into_iter().enumerate() {
-        let mut fitter = Fitter::new(&wider.layers[number], &resident, number);
-        if let (Some(own_lobes), Some(residual)) = (own_lobes, &wider.layers[number].residual) {
-            let residual = fitter.with_own_cluster(residual.clone(), finest, &map_words, &map_texels);
-            resident.replace_last_cluster(number, &residual);
-            fitter.take_own_cluster(Own { lobes: own_lobes, residual }, &resident, number);
+    let mut levels: Vec<Level> =
+        sizes.iter().map(|[width, height]| Level { width: *width, height: *height, layers: Vec::new() }).collect();
+    for layer in &mut wider.layers {
+        let own_lobes = make_room(layer);
+        let mut fitter = Fitter::new(layer, threads);
+        let mut with_own = None;
+        if let (Some(own_lobes), Some(residual)) = (own_lobes, &layer.residual) {
+            let residual = fitter.with_own_cluster(residual.clone(), finest, threads);
+            fitter.take_own_cluster(own_lobes, &residual);
+            with_own = Some(residual);
         }
-        let grids = fitter.grids(finest, &sizes, &map_texels);
+        let grids = fitter.grids(finest, &sizes, threads);
         for (level, texels) in levels.iter_mut().zip(grids) {
-            level.layers.push(fitter.layer_of(&texels, finest, [level.width, level.height]));
+            let size = [level.width, level.height];
+            level.layers.push(fitter.texels_of(&texels, finest, size));
+        }
+        if with_own.is_some() {
+            layer.residual = with_own;
         }
     }
-    resident.push_levels(&levels);
-    if let (Some(coarse), false) = (levels.first(), asset.edits.list.is_empty()) {
-        resident.set_edits(&asset.edits, &coarse.layers);
-    }
-    (resident, levels)
+    wider.levels = levels;
+    wider
 }
 
 /// Where each cluster's lobes stand in the dictionary of the levels' own cluster: `[cluster][lobe]`.
@@ -221,20 +204,18 @@ impl Candidate {
     }
 }
 
-/// The bases of a cluster at the sampled pairs, `[basis][pair, rgb]`: the mean and the components for a code of 1.
-fn bases_at(resident: &Resident, layer: usize, cluster: usize, pairs: &[usize]) -> Vec<Vec<f32>> {
-    let words = resident.words();
-    let field = |field: usize| words[words[ASSET_LAYERS + layer] as usize + field] as usize;
-    let stride = field(block::CHANNEL_WORDS);
-    let mut samples = vec![Vec::with_capacity(3 * pairs.len()); field(block::BASES)];
-    for pair in pairs {
-        for channel in 0..3 {
-            let row = field(block::BASIS) + ((cluster * field(block::PAIRS) + pair) * 3 + channel) * stride;
-            for (basis, values) in samples.iter_mut().enumerate() {
-                values.push(half_at(words[row + basis / 2], basis as u32 % 2));
+/// The bases of a cluster at the sampled pairs, which ascend: `[basis][pair, rgb]`, the mean and the components for a code of 1.
+fn bases_at(expansion: &Expansion, bases: usize, cluster: usize, pairs: &[usize], lights: usize) -> Vec<Vec<f32>> {
+    let padded = expansion.padded();
+    let mut samples = vec![Vec::with_capacity(3 * pairs.len()); bases];
+    let mut wanted = pairs.iter().peekable();
+    expansion.rows(cluster, |view, rows| {
+        while let Some(pair) = wanted.next_if(|pair| **pair / lights == view) {
+            for row in rows.chunks_exact(padded).skip(pair % lights * 3).take(3) {
+                samples.iter_mut().zip(row).for_each(|(values, x)| values.push(*x));
             }
         }
-    }
+    });
     samples
 }
 
@@ -244,13 +225,6 @@ impl Cluster {
         self.mean = bases.pop().unwrap_or_default();
         self.gram = gram_of(&self.components);
     }
-}
-
-/// The cluster that the levels have for themselves, the last one.
-struct Own {
-    lobes: OwnLobes,
-    /// The layer's residual with that cluster's bases.
-    residual: Residual,
 }
 
 /// A layer at the sampled pairs.
@@ -264,12 +238,12 @@ struct Fitter<'a> {
     most_lobes: usize,
     samples: usize,
     pairs: Vec<usize>,
-    /// The levels' own cluster, once it has its bases.
-    own: Option<Own>,
+    /// Of the levels' own cluster, the last one, once it has its bases.
+    own: Option<OwnLobes>,
 }
 
 impl<'a> Fitter<'a> {
-    fn new(layer: &'a Layer, resident: &Resident, number: usize) -> Fitter<'a> {
+    fn new(layer: &'a Layer, threads: Threads) -> Fitter<'a> {
         let all = layer.views.len() * layer.lights.len();
         let count = all.min(MOST_PAIRS);
         let pairs: Vec<usize> = (0..count).map(|i| spread(i, count, all)).collect();
@@ -278,16 +252,20 @@ impl<'a> Fitter<'a> {
             setup.eval(layer.lights.direction(light), layer.views.direction(view))
         };
         let table = |setup: LobeSetup| pairs.iter().map(|pair| lobe_at(&setup, *pair)).collect();
-        let cluster = |(cluster, dictionary): (usize, &Vec<DictionaryLobe>)| {
+        let expansion = layer.residual.as_ref().map(Expansion::new);
+        let bases = layer.residual.as_ref().map_or(0, |residual| residual.bases.len());
+        let clusters = map(threads, layer.dictionary.len(), |cluster| {
+            let dictionary: &Vec<DictionaryLobe> = &layer.dictionary[cluster];
             let mut made = Cluster {
                 lobes: dictionary.iter().map(|entry| table(entry.lobe.setup())).collect(),
                 scales: dictionary.iter().map(|entry| entry.weight_scale).collect(),
                 ..Cluster::default()
             };
-            made.set_bases(bases_at(resident, number, cluster, &pairs));
+            if let Some(expansion) = &expansion {
+                made.set_bases(bases_at(expansion, bases, cluster, &pairs, layer.lights.len()));
+            }
             made
-        };
-        let clusters: Vec<Cluster> = layer.dictionary.iter().enumerate().map(cluster).collect();
+        });
         let mut first = 0;
         let first_refs = layer.texel_lobe_counts.iter().map(|count| {
             first += usize::from(*count);
@@ -473,8 +451,7 @@ impl<'a> Fitter<'a> {
                 }
             }
         }
-        if let Some(own) = &self.own {
-            let own_lobes = &own.lobes;
+        if let Some(own_lobes) = &self.own {
             let cluster = self.clusters.len() - 1;
             let mut own = Candidate::new(cluster as u8, self.clusters[cluster].lobes.len());
             for candidate in candidates.iter().filter(|candidate| usize::from(candidate.cluster) < cluster) {
@@ -521,25 +498,12 @@ impl<'a> Fitter<'a> {
 
     /// The residual whose last cluster's mean and components are the principal bases of coarse texels, as mixtures of shared
     /// bases.
-    fn with_own_cluster<W, T>(
-        &self,
-        mut residual: Residual,
-        size: [usize; 2],
-        map_words: &W,
-        map_texels: &T,
-    ) -> Residual
-    where
-        W: Fn(usize, &(dyn Fn(usize) -> Vec<u32> + Sync)) -> Vec<Vec<u32>>,
-        T: Fn(usize, &(dyn Fn(usize) -> MipTexel + Sync)) -> Vec<MipTexel>,
-    {
+    fn with_own_cluster(&self, mut residual: Residual, size: [usize; 2], threads: Threads) -> Residual {
         let own = &self.clusters[self.clusters.len() - 1];
-        let shared: Vec<Vec<f32>> = map_words(residual.shared.steps.len(), &|basis| {
+        let shared = map(threads, residual.shared.steps.len(), |basis| {
             let expanded = expand_core(&residual.factors, &residual.shared.core(basis));
-            self.pairs.iter().flat_map(|pair| [0, 1, 2].map(|c| expanded[3 * pair + c].to_bits())).collect()
-        })
-        .into_iter()
-        .map(|words| words.into_iter().map(f32::from_bits).collect())
-        .collect();
+            self.pairs.iter().flat_map(|pair| [0, 1, 2].map(|c| expanded[3 * pair + c])).collect::<Vec<f32>>()
+        });
         let count = shared.len();
         let mut gram = gram_of(&shared);
         let ridge = RIDGE * (0..count).map(|i| gram[i * count + i]).sum::<f32>() / count as f32;
@@ -551,17 +515,15 @@ impl<'a> Fitter<'a> {
         for (samples, side) in OWN_SAMPLES {
             let squares = size[0].div_ceil(side) * size[1].div_ceil(side);
             let taken = squares.min(samples);
-            let made = map_texels(taken, &|i| {
+            points.extend(map(threads, taken, |i| {
                 let mean = self.square(spread(i, taken, squares), size, side);
                 let refs =
                     if self.lobes_count() { self.refs_of(own, &self.nearest_weights(own, &mean)) } else { Vec::new() };
                 let mut encoded = mean;
                 self.layer.residual_kind.encode_slice(&mut encoded, self.layer.epsilon);
                 let left = self.left_by_lobes(own, &refs, &encoded);
-                let products: Vec<f32> = shared.iter().map(|basis| dot(basis, &left)).collect();
-                MipTexel { mean: solve(&factor, products), cluster: 0, lobe_refs: Vec::new(), codes: Vec::new() }
-            });
-            points.extend(made.into_iter().map(|texel| texel.mean));
+                solve(&factor, shared.iter().map(|basis| dot(basis, &left)).collect())
+            }));
         }
         let mut mean = vec![0.0f32; count];
         for point in &points {
@@ -581,19 +543,17 @@ impl<'a> Fitter<'a> {
         residual
     }
 
-    /// From now on texels may be of the own cluster, whose bases `resident` has.
-    fn take_own_cluster(&mut self, own: Own, resident: &Resident, number: usize) {
+    /// From now on texels may be of the own cluster, whose bases `residual` has.
+    fn take_own_cluster(&mut self, lobes: OwnLobes, residual: &Residual) {
         let last = self.clusters.len() - 1;
-        self.clusters[last].set_bases(bases_at(resident, number, last, &self.pairs));
-        self.own = Some(own);
+        let (expansion, lights) = (Expansion::new(residual), self.layer.lights.len());
+        self.clusters[last].set_bases(bases_at(&expansion, residual.bases.len(), last, &self.pairs, lights));
+        self.own = Some(lobes);
     }
 
     /// The texels of all levels. Rows of the first level are made in order, and rows of the others as soon as they can,
     /// so that the values of a few rows of each level are in memory.
-    fn grids<M>(&self, finest: [usize; 2], sizes: &[[usize; 2]], map: &M) -> Vec<Vec<MipTexel>>
-    where
-        M: Fn(usize, &(dyn Fn(usize) -> MipTexel + Sync)) -> Vec<MipTexel>,
-    {
+    fn grids(&self, finest: [usize; 2], sizes: &[[usize; 2]], threads: Threads) -> Vec<Vec<MipTexel>> {
         let mut grids: Vec<Vec<MipTexel>> = vec![Vec::new(); sizes.len()];
         for _ in 0..sizes.first().map_or(0, |size| size[1]) {
             for level in 0..sizes.len() {
@@ -611,7 +571,7 @@ impl<'a> Fitter<'a> {
                     break;
                 }
                 let known = finer.as_ref().map(|texels| texels.as_slice());
-                let made = map(size[0], &|x| self.texel(row * size[0] + x, size, finer_size, known));
+                let made = map(threads, size[0], |x| self.texel(row * size[0] + x, size, finer_size, known));
                 grid[0].extend(made);
                 if let Some(texels) = finer {
                     // The last row may be the next one's first.
@@ -644,34 +604,18 @@ impl<'a> Fitter<'a> {
         count - dropped.count()
     }
 
-    fn layer_of(&self, texels: &[MipTexel], finest: [usize; 2], size: [usize; 2]) -> Layer {
-        let layer = self.layer;
-        let components = self.components_of(texels);
-        let residual = self.own.as_ref().map(|own| &own.residual).or(layer.residual.as_ref());
-        let residual = residual.map(|residual| Residual {
-            factors: residual.factors.clone(),
-            shared: residual.shared.clone(),
-            bases: residual.bases[..=components].to_vec(),
-            coefficients: (0..components)
-                .map(|j| Coefficients {
-                    step: residual.coefficients[j].step,
-                    codes: texels.iter().map(|texel| texel.codes[j]).collect(),
-                })
-                .collect(),
-        });
-        Layer {
-            lights: layer.lights.clone(),
-            views: layer.views.clone(),
-            dictionary: layer.dictionary.clone(),
+    fn texels_of(&self, texels: &[MipTexel], finest: [usize; 2], size: [usize; 2]) -> LevelTexels {
+        LevelTexels {
             // Heights are in widths of square texels.
             heights: (size[0] * finest[1] == size[1] * finest[0])
-                .then(|| layer.heights.as_ref().map(|heights| coarser_heights(heights, finest, size)))
+                .then(|| self.layer.heights.as_ref().map(|heights| coarser_heights(heights, finest, size)))
                 .flatten(),
-            texel_clusters: texels.iter().map(|texel| texel.cluster).collect(),
-            texel_lobe_counts: texels.iter().map(|texel| texel.lobe_refs.len() as u8).collect(),
+            clusters: texels.iter().map(|texel| texel.cluster).collect(),
+            lobe_counts: texels.iter().map(|texel| texel.lobe_refs.len() as u8).collect(),
             lobe_refs: texels.iter().flat_map(|texel| texel.lobe_refs.iter().copied()).collect(),
-            residual,
-            ..*layer
+            codes: (0..self.components_of(texels))
+                .map(|j| texels.iter().map(|texel| texel.codes[j]).collect())
+                .collect(),
         }
     }
 }
@@ -695,11 +639,14 @@ mod tests {
     use super::*;
     use crate::decode::{DecodeOptions, decode};
     use crate::pack;
+    use crate::resident::Resident;
     use crate::residual::ResidualKind;
     use crate::testing::{sample_asset, sample_heights};
+    use crate::threads::serial;
 
     fn levels_of(asset: &Asset) -> (Resident, Vec<Asset>) {
-        resident_with_levels(asset, |n, f| (0..n).map(f).collect(), |n, f| (0..n).map(f).collect())
+        let wider = with_levels(asset, &serial);
+        (Resident::from_asset(&wider), (1..=wider.levels.len()).map(|number| wider.level(number)).collect())
     }
 
     /// An asset whose residual seldom makes a value negative, which no decoder shows.
@@ -836,16 +783,7 @@ mod tests {
     #[test]
     fn threads_change_nothing() {
         let asset = sample_asset(9, 7, 9, ResidualKind::Root);
-        let forwards = levels_of(&asset);
-        let backwards = resident_with_levels(
-            &asset,
-            |n, f| (0..n).map(f).collect(),
-            |n, f| {
-                let mut made: Vec<_> = (0..n).rev().map(f).collect();
-                made.reverse();
-                made
-            },
-        );
-        assert_eq!(forwards, backwards);
+        let backwards = with_levels(&asset, &|n, work| (0..n).rev().for_each(work));
+        assert_eq!(with_levels(&asset, &serial), backwards);
     }
 }

@@ -1,16 +1,18 @@
 //! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
 
-use crate::asset::{Asset, DictionaryLobe, EPSILON_RANGE, Layer, doubled_sides};
+use crate::asset::{
+    Asset, DictionaryLobe, EPSILON_RANGE, Layer, LevelTexels, LobeRef, doubled_sides, level_sizes, refs_exist,
+};
 use crate::edit::{Edit, MOST_EDITS};
-use crate::entropy::{Encoder, encode_plane};
+use crate::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
 use crate::error::FormatError;
 use crate::format::{
-    MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS,
-    MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, SectionSource, basis_words, write_file,
+    Form, Head, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
+    MAX_LAYERS, MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, SectionSource, basis_words, in_mm_range, write_file,
 };
 use crate::lobe::Lobe;
-use crate::parallax::MOST_HEIGHT_STEP;
-use crate::texel_coding::{code_clusters, code_counts, encode_refs};
+use crate::parallax::{Heights, MOST_HEIGHT_STEP};
+use crate::texel_coding::{MOST_FRESH, code_clusters, code_counts, code_refs, encode_refs};
 use half::f16;
 
 fn refuse<T>(reason: &str) -> Result<T, FormatError> {
@@ -29,11 +31,14 @@ fn push_halves(bytes: &mut Vec<u8>, halves: &[f16]) {
 /// The asset's bytes: what `btf-fit` writes to an `.spmm` file.
 ///
 /// Sections that every tier needs come first, then the residual of all layers component by component,
-/// each of which ends a tier. Errors name the rule of FORMAT.md that the asset breaks.
+/// each of which ends a tier, then the levels, which end one together. Errors name the rule of FORMAT.md that the asset breaks.
 pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     let in_side = |side: usize| side >= 1 && side <= MAX_SIDE as usize;
     if !in_side(asset.width) || !in_side(asset.height) {
         return refuse("width and height must be 1 to 16384");
+    }
+    if !asset.size_mm.is_none_or(in_mm_range) {
+        return refuse("its physical size must be above 0 mm and at most 1000000 mm");
     }
     if asset.layers.is_empty() || asset.layers.len() > MAX_LAYERS {
         return refuse("it must have 1 to 4 layers");
@@ -80,7 +85,27 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
             section.ends_tier = true;
         }
     }
-    write_file(asset.width as u32, asset.height as u32, asset.layers.len() as u32, &sections)
+    let sizes = level_sizes([asset.width, asset.height]);
+    for (number, level) in asset.levels.iter().enumerate() {
+        if sizes.get(number) != Some(&[level.width, level.height]) || level.layers.len() != asset.layers.len() {
+            return refuse("a level has not half the size of the one before, or not every layer");
+        }
+        for (layer, texels) in level.layers.iter().enumerate() {
+            check_level(texels, &asset.layers[layer], level.width * level.height)?;
+            let bytes = level_bytes(texels, level.width);
+            let (kind, layer, index) = (SectionKind::Level, layer as u32, number as u32 + 1);
+            sections.push(SectionSource { kind, layer, index, bytes, ends_tier: false });
+        }
+    }
+    let head = Head {
+        form: Form::File,
+        width: asset.width as u32,
+        height: asset.height as u32,
+        layers: asset.layers.len() as u32,
+        size_mm: asset.size_mm,
+        seamless: asset.seamless,
+    };
+    write_file(&head, &sections)
 }
 
 fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
@@ -88,30 +113,15 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
     if clusters == 0 || clusters > MAX_CLUSTERS || layer.dictionary.iter().any(|d| d.len() > MAX_DICTIONARY) {
         return refuse("a layer needs 1 to 256 clusters of at most 256 lobes");
     }
-    if layer.texel_clusters.len() != texels || layer.texel_lobe_counts.len() != texels {
-        return refuse("a per-texel array has not one entry per texel");
-    }
-    if layer.texel_clusters.iter().any(|cluster| usize::from(*cluster) >= clusters) {
-        return refuse("a texel names a cluster that is not there");
-    }
-    let total: usize = layer.texel_lobe_counts.iter().map(|count| usize::from(*count)).sum();
-    if total != layer.lobe_refs.len() {
-        return refuse("the lobe counts do not add up to the references");
-    }
-    let mut refs = layer.lobe_refs.iter();
-    for (cluster, count) in layer.texel_clusters.iter().zip(&layer.texel_lobe_counts) {
-        let lobes = layer.dictionary[usize::from(*cluster)].len();
-        if refs.by_ref().take(usize::from(*count)).any(|reference| usize::from(reference.lobe) >= lobes) {
-            return refuse("a texel names a lobe that its cluster does not have");
-        }
-    }
+    check_texels(
+        [&layer.texel_clusters, &layer.texel_lobe_counts],
+        &layer.lobe_refs,
+        layer.heights.as_ref(),
+        &layer.dictionary,
+        texels,
+    )?;
     if !EPSILON_RANGE.contains(&layer.epsilon) {
         return refuse("epsilon must be 1e-6 to 1");
-    }
-    if let Some(heights) = &layer.heights
-        && (heights.codes.len() != texels || !(heights.step > 0.0 && heights.step <= MOST_HEIGHT_STEP))
-    {
-        return refuse("the heights do not fit the texels or their step is out of range");
     }
     let readable = |entry: &DictionaryLobe| Lobe::from_words(entry.lobe.to_words(entry.weight_scale)).is_some();
     if !layer.dictionary.iter().flatten().all(readable) {
@@ -170,6 +180,66 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
     Ok(())
 }
 
+/// What a level's texels have, clusters and lobe counts first, is whole and refers to what is there.
+fn check_texels(
+    [clusters, lobe_counts]: [&[u8]; 2],
+    lobe_refs: &[LobeRef],
+    heights: Option<&Heights>,
+    dictionary: &[Vec<DictionaryLobe>],
+    texels: usize,
+) -> Result<(), FormatError> {
+    if clusters.len() != texels || lobe_counts.len() != texels {
+        return refuse("a per-texel array has not one entry per texel");
+    }
+    if clusters.iter().any(|cluster| usize::from(*cluster) >= dictionary.len()) {
+        return refuse("a texel names a cluster that is not there");
+    }
+    let total: usize = lobe_counts.iter().map(|count| usize::from(*count)).sum();
+    if total != lobe_refs.len() {
+        return refuse("the lobe counts do not add up to the references");
+    }
+    if !refs_exist(clusters, lobe_counts, lobe_refs, dictionary) {
+        return refuse("a texel names a lobe that its cluster does not have");
+    }
+    match heights {
+        Some(heights) if heights.codes.len() != texels || !(heights.step > 0.0 && heights.step <= MOST_HEIGHT_STEP) => {
+            refuse("the heights do not fit the texels or their step is out of range")
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_level(level: &LevelTexels, layer: &Layer, texels: usize) -> Result<(), FormatError> {
+    let most = layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    if level.codes.len() > most || level.codes.iter().any(|plane| plane.len() != texels) {
+        return refuse("a level has more components than its layer, or a plane that does not fit its texels");
+    }
+    let per_texel: [&[u8]; 2] = [&level.clusters, &level.lobe_counts];
+    check_texels(per_texel, &level.lobe_refs, level.heights.as_ref(), &layer.dictionary, texels)
+}
+
+/// A Level section; its stream has at least so many bytes as bound its numbers, see [`encode_refs`].
+fn level_bytes(level: &LevelTexels, width: usize) -> Vec<u8> {
+    let step = level.heights.as_ref().map_or(0.0, |heights| heights.step);
+    let head = bytes_from_words(&[level.codes.len() as u32, step.to_bits()]);
+    let planes: Vec<&Vec<i8>> = level.heights.iter().map(|heights| &heights.codes).chain(&level.codes).collect();
+    let mut fresh_every = MOST_FRESH;
+    loop {
+        let stream = coded(|coder| {
+            code_clusters(coder, &mut level.clusters.clone(), width);
+            code_counts(coder, &mut level.lobe_counts.clone(), &level.clusters);
+            code_refs(coder, &mut level.lobe_refs.clone(), &level.clusters, &level.lobe_counts, fresh_every);
+            for plane in &planes {
+                code_plane(coder, &mut Signed::new(), &mut plane.to_vec(), width);
+            }
+        });
+        if fresh_every == 1 || bounded(level.lobe_refs.len(), &stream).is_ok() {
+            return [head, stream].concat();
+        }
+        fresh_every /= 4;
+    }
+}
+
 /// Bytes that `code` writes.
 fn coded(code: impl FnOnce(&mut Encoder)) -> Vec<u8> {
     let mut coder = Encoder::new();
@@ -197,7 +267,7 @@ fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, width: u
     push(SectionKind::Directions, 1, bytes_from_words(&layer.views.to_file_words()), false);
     if let Some(heights) = &layer.heights {
         let mut bytes = bytes_from_words(&[heights.step.to_bits()]);
-        bytes.extend(encode_plane(&heights.codes.iter().map(|x| i32::from(*x)).collect::<Vec<_>>(), width));
+        bytes.extend(encode_plane(&heights.codes, width));
         push(SectionKind::Height, 0, bytes, false);
     }
     let ids = coded(|coder| code_clusters(coder, &mut layer.texel_clusters.clone(), width));
@@ -221,7 +291,6 @@ fn push_residual_sections(sections: &mut Vec<SectionSource>, layer: &Layer, widt
     let mut push = |kind, index: usize, bytes: Vec<u8>| {
         sections.push(SectionSource { kind, layer: number, index: index as u32, bytes, ends_tier: false });
     };
-    let wide = |values: &[i16]| values.iter().map(|x| i32::from(*x)).collect::<Vec<i32>>();
     let bits = |steps: &[f32]| steps.iter().map(|step| step.to_bits()).collect::<Vec<u32>>();
     let factors = &residual.factors;
     if index == 0 {
@@ -235,15 +304,15 @@ fn push_residual_sections(sections: &mut Vec<SectionSource>, layer: &Layer, widt
         push(SectionKind::Factors, 0, bytes);
         let mut bytes = bytes_from_words(&[residual.shared.steps.len() as u32]);
         bytes.extend(bytes_from_words(&bits(&residual.shared.steps)));
-        bytes.extend(encode_plane(&wide(&residual.shared.values), factors.core_len()));
+        bytes.extend(encode_plane(&residual.shared.values, factors.core_len()));
         push(SectionKind::SharedBases, 0, bytes);
     }
     let mut bytes = bytes_from_words(&bits(&basis.steps));
-    bytes.extend(encode_plane(&wide(&basis.values), residual.shared.steps.len()));
+    bytes.extend(encode_plane(&basis.values, residual.shared.steps.len()));
     push(SectionKind::Basis, index, bytes);
     if let Some(plane) = index.checked_sub(1).map(|component| &residual.coefficients[component]) {
         let mut bytes = bytes_from_words(&bits(&[plane.step]));
-        bytes.extend(encode_plane(&plane.codes.iter().map(|x| i32::from(*x)).collect::<Vec<_>>(), width));
+        bytes.extend(encode_plane(&plane.codes, width));
         push(SectionKind::Coefficients, index, bytes);
     }
 }

@@ -1,25 +1,30 @@
-//! The resident form: one array of words that the GPU binds and the CPU decoder reads. Built once at
-//! load from the file form; per-cluster bases expanded to half precision.
+//! The resident form: one array of words that the GPU binds and the CPU decoder reads. Made at load from the file form, with
+//! the bases of each cluster expanded to half precision, or mapped from a file of its own ([`crate::ResidentFile`]).
 //!
 //! All offsets are in words, relative to the asset's first word, so that several assets share one
 //! buffer. Twin of the offsets: `shaders/texel.wgsl`.
 
-use crate::asset::{Asset, Layer};
+use crate::asset::{Asset, Layer, LobeRef};
 use crate::edit::{Edits, push_dictionaries};
-use crate::format::MAX_LAYERS;
-use crate::quantize::word_from_halves;
-use crate::residual::{Residual, expand_core};
+use crate::expansion::Expansion;
+use crate::format::{MAX_LAYERS, MOST_LEVELS};
+use crate::parallax::Heights;
 use crate::texel;
+use crate::threads::{Threads, fill, serial};
+use half::f16;
+use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Asset words: width, height, layers, total words, levels, words without the edits (0 if none were ever made), two zeros;
 /// then the offset of each layer's block, level by level.
 pub const ASSET_LAYERS: usize = 8;
-/// Most levels: down to one texel from the widest asset.
-pub const MOST_LEVELS: usize = 15;
 /// Words before the first layer block.
-pub const ASSET_WORDS: usize = ASSET_LAYERS + MAX_LAYERS * MOST_LEVELS;
+pub const ASSET_WORDS: usize = (ASSET_LAYERS + MAX_LAYERS * MOST_LEVELS).next_multiple_of(PART_WORDS);
 /// Words of a layer block.
 pub const LAYER_BLOCK_WORDS: usize = 32;
+/// Blocks and parts begin at multiples of this many words, 256 bytes: where a GPU lets a binding begin.
+pub const PART_WORDS: usize = 64;
 
 /// Words of a layer block, by name.
 pub mod block {
@@ -73,94 +78,120 @@ pub mod block {
     pub const ROWS: usize = 23;
     /// Offset of the list of edits, 0 without edits.
     pub const EDITS: usize = 24;
+    /// Number of clusters.
+    pub const CLUSTERS: usize = 25;
+    /// Number of lobe references.
+    pub const REF_COUNT: usize = 26;
+    /// Number of edits.
+    pub const EDIT_COUNT: usize = 27;
 }
 
 /// The light fades to 0 below this cosine (84 degrees), or below the set's own least cosine.
 pub const HORIZON_COS: f32 = 0.1;
 /// Least cosine at which the fade starts, so that no decoder divides by a denormal.
-const LEAST_HORIZON_COS: f32 = 1e-6;
+pub(crate) const LEAST_HORIZON_COS: f32 = 1e-6;
 /// Largest half-precision number: what a basis is clamped to, because infinity times a zero weight is NaN.
 const MAX_HALF: f32 = 65504.0;
 
+/// Bytes that someone else keeps, such as a mapped file.
+pub type ResidentBytes = Arc<dyn AsRef<[u8]> + Send + Sync>;
+
+/// Where the words lie.
+#[derive(Clone)]
+enum Words {
+    Own(Vec<u32>),
+    /// At these bytes, which begin and end at whole words.
+    Shared(ResidentBytes, Range<usize>),
+}
+
 /// An asset ready to bind.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone)]
 pub struct Resident {
-    words: Vec<u32>,
+    words: Words,
+}
+
+impl PartialEq for Resident {
+    fn eq(&self, other: &Resident) -> bool {
+        self.words() == other.words()
+    }
+}
+
+impl std::fmt::Debug for Resident {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let [width, height, layers, levels] = [self.width(), self.height(), self.layers(), self.levels()];
+        write!(f, "Resident({width} x {height}, {layers} layers, {levels} levels, {} words)", self.words().len())
+    }
 }
 
 impl Resident {
-    /// Expands an asset on the calling thread. Cost: about 0.3 MFLOP per cluster, basis and channel for
-    /// Bonn's 81 x 81 at rank 32.
+    /// Expands an asset, with its levels and edits, on the calling thread.
     pub fn from_asset(asset: &Asset) -> Resident {
-        Resident::from_asset_with(asset, |count, expand| (0..count).map(expand).collect())
+        Resident::from_asset_on(asset, &serial)
     }
 
-    /// The same; `map(n, f)` returns `[f(0), ..., f(n - 1)]`, on as many threads as the caller likes.
-    pub fn from_asset_with<M>(asset: &Asset, map: M) -> Resident
-    where
-        M: Fn(usize, &(dyn Fn(usize) -> Vec<u32> + Sync)) -> Vec<Vec<u32>>,
-    {
+    /// The same on `threads`. Cost: with B bases of K clusters, V views, L lights, ranks rv and rl and E entries of the shared cores
+    /// that are not 0, `B K (E + V rl (rv + L))` multiply-adds a channel, in vectors; then one pass over the words.
+    pub fn from_asset_on(asset: &Asset, threads: Threads) -> Resident {
         let mut words = vec![0u32; ASSET_WORDS];
         words[0] = asset.width as u32;
         words[1] = asset.height as u32;
         words[2] = asset.layers.len() as u32;
-        words[4] = 1;
+        words[4] = 1 + asset.levels.len() as u32;
         for (number, layer) in asset.layers.iter().enumerate() {
             let block = words.len();
             words[ASSET_LAYERS + number] = block as u32;
-            push_layer(&mut words, layer, &map);
-            push_texels(&mut words, block, layer, [asset.width, asset.height]);
+            push_layer(&mut words, layer);
+            push_texels(&mut words, block, &Texels::of_layer(asset, layer));
         }
-        words[3] = words.len() as u32;
-        let mut resident = Resident { words };
+        for (level, texels) in asset.levels.iter().enumerate() {
+            for (number, of_layer) in texels.layers.iter().enumerate() {
+                let (finest, block) = (words[ASSET_LAYERS + number] as usize, words.len());
+                words[ASSET_LAYERS + (level + 1) * asset.layers.len() + number] = block as u32;
+                words.extend_from_within(finest..finest + LAYER_BLOCK_WORDS);
+                begin_part(&mut words);
+                push_texels(
+                    &mut words,
+                    block,
+                    &Texels {
+                        size: [texels.width, texels.height],
+                        has_residual: asset.layers[number].residual.is_some(),
+                        heights: of_layer.heights.as_ref(),
+                        clusters: &of_layer.clusters,
+                        lobe_counts: &of_layer.lobe_counts,
+                        lobe_refs: &of_layer.lobe_refs,
+                        codes: of_layer.codes.iter().map(Vec::as_slice).collect(),
+                    },
+                );
+            }
+        }
+        let mut resident = Resident { words: Words::Own(with_bases(words, asset, threads)) };
         if !asset.edits.list.is_empty() {
             resident.set_edits(&asset.edits, &asset.layers);
         }
         resident
     }
 
-    /// Expands the last cluster's bases anew, of a residual of the same shape.
-    pub(crate) fn replace_last_cluster(&mut self, layer: usize, residual: &Residual) {
-        let Some(last) = residual.bases.first().and_then(|basis| basis.steps.len().checked_sub(1)) else { return };
-        let at = self.words[ASSET_LAYERS + layer] as usize;
-        let expanded = expand_cluster(residual, last);
-        let first = self.words[at + block::BASIS] as usize + last * expanded.len();
-        self.words[first..first + expanded.len()].copy_from_slice(&expanded);
-    }
-
-    /// Adds coarser levels: their texels; everything else is the finest level's.
-    pub(crate) fn push_levels(&mut self, levels: &[Asset]) {
-        let words = &mut self.words;
-        let layers = words[2] as usize;
-        for asset in levels {
-            let first = ASSET_LAYERS + words[4] as usize * layers;
-            words[4] += 1;
-            for (number, layer) in asset.layers.iter().enumerate() {
-                let (finest, block) = (words[ASSET_LAYERS + number] as usize, words.len());
-                words[first + number] = block as u32;
-                words.extend_from_within(finest..finest + LAYER_BLOCK_WORDS);
-                push_texels(words, block, layer, [asset.width, asset.height]);
-            }
-        }
-        words[3] = words.len() as u32;
-    }
-
-    /// Puts `edits` in place of those at hand, at all levels. `layers` are the file form's of any level
-    /// but the finest, or of the finest where there is no other. Cost: a word a texel, and the edits' lobes.
+    /// Puts `edits` in place of those at hand, at all levels. `layers` are those of the asset that this was made from.
+    /// Cost: a word a texel, and the edits' lobes.
     pub fn set_edits(&mut self, edits: &Edits, layers: &[Layer]) {
         let finest = [self.width() as usize, self.height() as usize];
-        let words = &mut self.words;
+        if let Words::Shared(..) = self.words {
+            self.words = Words::Own(self.words().to_vec());
+        }
+        let Words::Own(words) = &mut self.words else { return };
         if words[5] == 0 {
             words[5] = words.len() as u32;
         }
         words.truncate(words[5] as usize);
         let count = words[2] as usize;
         for (number, layer) in layers.iter().enumerate().take(count) {
+            begin_part(words);
             let list = if edits.list.is_empty() { 0 } else { words.len() as u32 };
             edits.push(words, layer);
             for level in 0..words[4] as usize {
                 let at = words[ASSET_LAYERS + level * count + number] as usize;
                 words[at + block::EDITS] = list;
+                words[at + block::EDIT_COUNT] = edits.list.len() as u32;
                 let size = texel::size(words, at);
                 let of_level = edits.coarser(finest, size);
                 let records = words[at + block::RECORDS] as usize;
@@ -175,8 +206,8 @@ impl Resident {
     }
 
     /// Ranges of words that [`Resident::set_edits`] changes.
-    pub fn edited_ranges(&self) -> Vec<std::ops::Range<usize>> {
-        let words = &self.words;
+    pub fn edited_ranges(&self) -> Vec<Range<usize>> {
+        let words = self.words();
         let blocks = (0..(words[4] * words[2]) as usize).map(|number| words[ASSET_LAYERS + number] as usize);
         let mut ranges = Vec::new();
         ranges.push(0..ASSET_LAYERS);
@@ -190,37 +221,68 @@ impl Resident {
 
     /// The array that a storage buffer holds.
     pub fn words(&self) -> &[u32] {
-        &self.words
+        match &self.words {
+            Words::Own(words) => words,
+            // Checked by `from_bytes`.
+            Words::Shared(bytes, place) => bytemuck::cast_slice(&(**bytes).as_ref()[place.clone()]),
+        }
+    }
+
+    /// The words that lie at `place` of `bytes`, copied only where they do not lie at whole words.
+    pub(crate) fn from_bytes(bytes: ResidentBytes, place: Range<usize>) -> Resident {
+        let there = &(*bytes).as_ref()[place.clone()];
+        let words = match bytemuck::try_cast_slice::<u8, u32>(there) {
+            Ok(_) => Words::Shared(bytes, place),
+            Err(_) => Words::Own(there.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()),
+        };
+        Resident { words }
     }
 
     /// Texels per row.
     pub fn width(&self) -> u32 {
-        self.words[0]
+        self.words()[0]
     }
 
     /// Rows.
     pub fn height(&self) -> u32 {
-        self.words[1]
+        self.words()[1]
     }
 
     /// Layers.
     pub fn layers(&self) -> u32 {
-        self.words[2]
+        self.words()[2]
     }
 
     /// Levels, the finest included.
     pub fn levels(&self) -> u32 {
-        self.words[4]
+        self.words()[4]
     }
 
     /// A word of the block of `layer` at a level: `level * layers + layer`.
     fn field(&self, layer: u32, field: usize) -> u32 {
-        self.words[self.words[ASSET_LAYERS + layer as usize] as usize + field]
+        let words = self.words();
+        words[words[ASSET_LAYERS + layer as usize] as usize + field]
     }
 
     /// Components of the residual of `layer`, as [`Resident::layer_for_sides`] numbers it.
     pub fn components(&self, layer: u32) -> u32 {
         self.field(layer, block::BASES).saturating_sub(1)
+    }
+
+    /// Residual components of the layer that has most.
+    pub fn most_components(&self) -> u32 {
+        (0..self.layers()).map(|layer| self.components(layer)).max().unwrap_or(0)
+    }
+
+    /// Lobes of the texel of the finest level that has most. Cost: a pass over the texels.
+    pub fn most_lobes(&self) -> u32 {
+        let words = self.words();
+        let of_layer = |layer: u32| {
+            let [width, height] = self.size(layer);
+            let records = self.field(layer, block::RECORDS) as usize;
+            words[records..records + 2 * (width * height) as usize].chunks_exact(2).map(|record| record[0] >> 16).max()
+        };
+        (0..self.layers()).filter_map(of_layer).max().unwrap_or(0)
     }
 
     /// Number of the layer for a light and an eye on these sides of the surface (true: back), at `level`, 0 the finest:
@@ -235,7 +297,8 @@ impl Resident {
 
     /// Columns and rows of `layer`, numbered like that.
     pub fn size(&self, layer: u32) -> [u32; 2] {
-        texel::size(&self.words, self.words[ASSET_LAYERS + layer as usize] as usize).map(|side| side as u32)
+        let words = self.words();
+        texel::size(words, words[ASSET_LAYERS + layer as usize] as usize).map(|side| side as u32)
     }
 
     /// Texel of `layer` nearest to a texture coordinate; u to the right, v up, both wrap. Twin: `btf_texel`.
@@ -248,119 +311,156 @@ impl Resident {
     }
 }
 
-fn push_layer<M>(words: &mut Vec<u32>, layer: &Layer, map: &M)
-where
-    M: Fn(usize, &(dyn Fn(usize) -> Vec<u32> + Sync)) -> Vec<Vec<u32>>,
-{
+/// Fills up with zeros to where a part may begin.
+fn begin_part(words: &mut Vec<u32>) {
+    words.resize(words.len().next_multiple_of(PART_WORDS), 0);
+}
+
+/// The block of a layer at the finest level, its direction sets and dictionaries.
+fn push_layer(words: &mut Vec<u32>, layer: &Layer) {
     let base = words.len();
     words.resize(base + LAYER_BLOCK_WORDS, 0);
-    let bases = layer.residual.as_ref().map_or(0, |residual| residual.bases.len());
-    let channel_words = bases.div_ceil(2);
-    let horizon = HORIZON_COS.min(layer.lights.least_cosine()).max(LEAST_HORIZON_COS);
     let set = |words: &mut Vec<u32>, field: usize, value: u32| words[base + field] = value;
+    let horizon = HORIZON_COS.min(layer.lights.least_cosine()).max(LEAST_HORIZON_COS);
+    let bases = layer.residual.as_ref().map_or(0, |residual| residual.bases.len());
     set(words, block::LIGHT_SIDE, layer.light_side as u32);
     set(words, block::VIEW_SIDE, layer.view_side as u32);
     set(words, block::RESIDUAL_KIND, layer.residual_kind as u32);
     set(words, block::EPSILON, layer.epsilon.to_bits());
-    set(words, block::CHANNEL_WORDS, channel_words as u32);
+    set(words, block::CHANNEL_WORDS, bases.div_ceil(2) as u32);
     set(words, block::LIGHT_COUNT, layer.lights.len() as u32);
     set(words, block::PAIRS, (layer.lights.len() * layer.views.len()) as u32);
     set(words, block::HORIZON, horizon.to_bits());
     set(words, block::LOBE_ROLE, layer.lobe_role as u32);
-
-    let here = words.len() as u32;
-    set(words, block::LIGHTS, here);
-    words.extend_from_slice(layer.lights.words());
-    let here = words.len() as u32;
-    set(words, block::VIEWS, here);
-    words.extend_from_slice(layer.views.words());
-
+    set(words, block::CLUSTERS, layer.dictionary.len() as u32);
+    for (field, sphere) in [(block::LIGHTS, &layer.lights), (block::VIEWS, &layer.views)] {
+        begin_part(words);
+        let here = words.len() as u32;
+        set(words, field, here);
+        words.extend_from_slice(sphere.words());
+    }
+    begin_part(words);
     let here = words.len() as u32;
     set(words, block::DICTIONARIES, here);
     push_dictionaries(words, &layer.dictionary, |entry| *entry);
+    begin_part(words);
+}
 
-    let Some(residual) = &layer.residual else {
-        return;
-    };
-    let here = words.len() as u32;
-    set(words, block::BASIS, here);
-    let expand = |cluster: usize| expand_cluster(residual, cluster);
-    for cluster in map(layer.dictionary.len(), &expand) {
-        words.extend(cluster);
+/// The texels of a layer at one level.
+struct Texels<'a> {
+    size: [usize; 2],
+    has_residual: bool,
+    heights: Option<&'a Heights>,
+    clusters: &'a [u8],
+    lobe_counts: &'a [u8],
+    lobe_refs: &'a [LobeRef],
+    codes: Vec<&'a [i8]>,
+}
+
+impl<'a> Texels<'a> {
+    fn of_layer(asset: &Asset, layer: &'a Layer) -> Texels<'a> {
+        let planes = layer.residual.iter().flat_map(|residual| &residual.coefficients);
+        Texels {
+            size: [asset.width, asset.height],
+            has_residual: layer.residual.is_some(),
+            heights: layer.heights.as_ref(),
+            clusters: &layer.texel_clusters,
+            lobe_counts: &layer.texel_lobe_counts,
+            lobe_refs: &layer.lobe_refs,
+            codes: planes.map(|plane| plane.codes.as_slice()).collect(),
+        }
     }
 }
 
 /// What a level's texels have, behind the words at hand; `base` is its layer block, which has all else.
-fn push_texels(words: &mut Vec<u32>, base: usize, layer: &Layer, [width, height]: [usize; 2]) {
+fn push_texels(words: &mut Vec<u32>, base: usize, texels: &Texels) {
     let set = |words: &mut Vec<u32>, field: usize, value: u32| words[base + field] = value;
-    set(words, block::WIDTH, width as u32);
-    set(words, block::ROWS, height as u32);
-    set(words, block::BASES, layer.residual.as_ref().map_or(0, |residual| residual.bases.len()) as u32);
+    set(words, block::WIDTH, texels.size[0] as u32);
+    set(words, block::ROWS, texels.size[1] as u32);
+    set(words, block::BASES, if texels.has_residual { 1 + texels.codes.len() as u32 } else { 0 });
 
     set(words, block::HEIGHTS, 0);
-    if let Some(heights) = &layer.heights {
+    if let Some(heights) = texels.heights {
         let (here, [least, most]) = (words.len() as u32, heights.range());
         set(words, block::HEIGHTS, here);
         set(words, block::HEIGHT_STEP, heights.step.to_bits());
         set(words, block::LEAST_HEIGHT, least.to_bits());
         set(words, block::MOST_HEIGHT, most.to_bits());
         words.extend(heights.to_words());
+        begin_part(words);
     }
 
     let here = words.len() as u32;
     set(words, block::RECORDS, here);
+    words.reserve(2 * texels.clusters.len());
     let mut first = 0u32;
-    for (cluster, count) in layer.texel_clusters.iter().zip(&layer.texel_lobe_counts) {
-        words.push(u32::from(*cluster) | u32::from(*count) << 16);
-        words.push(first);
+    for (cluster, count) in texels.clusters.iter().zip(texels.lobe_counts) {
+        words.extend([u32::from(*cluster) | u32::from(*count) << 16, first]);
         first += u32::from(*count);
     }
+    begin_part(words);
     let here = words.len() as u32;
     set(words, block::REFS, here);
-    words.extend(layer.lobe_refs.iter().map(|reference| {
+    set(words, block::REF_COUNT, texels.lobe_refs.len() as u32);
+    words.extend(texels.lobe_refs.iter().map(|reference| {
         let [r, g, b] = reference.weight;
         u32::from_le_bytes([reference.lobe, r, g, b])
     }));
-
-    let Some(residual) = &layer.residual else {
+    begin_part(words);
+    if !texels.has_residual {
         return;
-    };
-    let components = residual.coefficients.len();
-    let code_words = components.div_ceil(4);
-    let here = words.len() as u32;
-    set(words, block::CODES, here);
+    }
+
+    let code_words = texels.codes.len().div_ceil(4);
+    let here = words.len();
+    set(words, block::CODES, here as u32);
     set(words, block::CODE_WORDS, code_words as u32);
-    for texel in 0..layer.texel_clusters.len() {
-        for word in 0..code_words {
-            let byte =
-                |slot: usize| residual.coefficients.get(word * 4 + slot).map_or(0, |plane| plane.codes[texel] as u8);
-            words.push(u32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)]));
+    words.resize(here + code_words * texels.clusters.len(), 0);
+    for (word, planes) in texels.codes.chunks(4).enumerate() {
+        for (slot, codes) in planes.iter().enumerate() {
+            let column = words[here + word..].iter_mut().step_by(code_words);
+            column.zip(*codes).for_each(|(word, code)| *word |= u32::from(*code as u8) << (8 * slot));
         }
     }
+    begin_part(words);
 }
 
-/// One cluster's bases, `[basis][view, light, rgb]`; the step of a component's codes is multiplied in.
-pub(crate) fn expand_bases(residual: &Residual, cluster: usize) -> Vec<Vec<f32>> {
-    (0..residual.bases.len())
-        .map(|index| {
-            let step = if index == 0 { 1.0 } else { residual.coefficients[index - 1].step };
-            let mut expanded = expand_core(&residual.factors, &residual.core(index, cluster));
-            expanded.iter_mut().for_each(|x| *x *= step);
-            expanded
-        })
-        .collect()
-}
-
-/// One cluster's bases as halves `[pair, channel, basis]`, bases padded to an even count.
-fn expand_cluster(residual: &Residual, cluster: usize) -> Vec<u32> {
-    let mut bases = expand_bases(residual, cluster);
-    bases.iter_mut().flatten().for_each(|x| *x = x.clamp(-MAX_HALF, MAX_HALF));
-    let entries = residual.factors.shape[0] * residual.factors.shape[1] * 3;
-    let mut words = Vec::with_capacity(entries * bases.len().div_ceil(2));
-    for entry in 0..entries {
-        for pair in bases.chunks(2) {
-            words.push(word_from_halves(pair[0][entry], pair.get(1).map_or(0.0, |basis| basis[entry])));
+/// The words with each layer's expanded bases behind them.
+fn with_bases(head: Vec<u32>, asset: &Asset, threads: Threads) -> Vec<u32> {
+    let expansions: Vec<Option<Expansion>> =
+        asset.layers.iter().map(|layer| layer.residual.as_ref().map(Expansion::new)).collect();
+    let cluster_words = |expansion: &Expansion| expansion.entries() * expansion.padded() / 2;
+    let mut total = head.len();
+    let mut firsts = Vec::new();
+    for (layer, expansion) in asset.layers.iter().zip(&expansions) {
+        firsts.push(total);
+        let of_layer = expansion.as_ref().map_or(0, |made| layer.dictionary.len() * cluster_words(made));
+        total = (total + of_layer).next_multiple_of(PART_WORDS);
+    }
+    // Zeros that the system gives: nothing is written before the threads do.
+    let mut words = vec![0u32; total];
+    words[..head.len()].copy_from_slice(&head);
+    words[3] = total as u32;
+    let layers = asset.layers.len();
+    for level in 0..words[4] as usize {
+        for (number, first) in firsts.iter().enumerate().filter(|(number, _)| expansions[*number].is_some()) {
+            let at = words[ASSET_LAYERS + level * layers + number] as usize;
+            words[at + block::BASIS] = *first as u32;
         }
+    }
+    for ((layer, expansion), first) in asset.layers.iter().zip(&expansions).zip(firsts) {
+        let Some(expansion) = expansion else { continue };
+        let length = cluster_words(expansion);
+        fill(threads, &mut words[first..first + layer.dictionary.len() * length], length, |cluster, words| {
+            let halves: &mut [u16] = bytemuck::cast_slice_mut(words);
+            let halves: &mut [f16] = halves.reinterpret_cast_mut();
+            let mut clamped = Vec::new();
+            expansion.rows(cluster, |view, rows| {
+                clamped.clear();
+                clamped.extend(rows.iter().map(|x| x.clamp(-MAX_HALF, MAX_HALF)));
+                halves[view * rows.len()..(view + 1) * rows.len()].convert_from_f32_slice(&clamped);
+            });
+        });
     }
     words
 }
@@ -377,15 +477,9 @@ mod tests {
     fn clusters_expanded_in_any_order_give_the_same_words() {
         let asset = sample_asset(1, 6, 5, ResidualKind::Root);
         let one_by_one = Resident::from_asset(&asset);
-        let backwards = Resident::from_asset_with(&asset, |count, expand| {
-            let mut clusters: Vec<_> = (0..count).rev().map(expand).collect();
-            clusters.reverse();
-            clusters
-        });
-        assert_eq!(one_by_one, backwards);
-        // Planted difference: clusters left in the wrong order.
-        let wrong = Resident::from_asset_with(&asset, |count, expand| (0..count).rev().map(expand).collect());
-        assert_ne!(one_by_one, wrong);
+        assert_eq!(one_by_one, Resident::from_asset_on(&asset, &|n, work| (0..n).rev().for_each(work)));
+        // Planted difference: a cluster left out.
+        assert_ne!(one_by_one, Resident::from_asset_on(&asset, &|n, work| (0..n.min(2)).for_each(work)));
     }
 
     #[test]
@@ -397,19 +491,19 @@ mod tests {
         let at = words[ASSET_LAYERS] as usize;
         let field = |field: usize| words[at + field] as usize;
         assert_eq!(at, ASSET_WORDS);
-        let lengths = [
+        let parts = [
             (block::LIGHTS, layer.lights.words().len()),
             (block::VIEWS, layer.views.words().len()),
-            (block::DICTIONARIES, 3 + 3 * 9 * RESIDENT_WORDS),
-            (block::BASIS, 3 * layer.lights.len() * layer.views.len() * 3 * 3),
+            (block::DICTIONARIES, 4 + 3 * 9 * RESIDENT_WORDS),
             (block::RECORDS, 2 * 30),
             (block::REFS, layer.lobe_refs.len()),
             (block::CODES, 30),
+            (block::BASIS, 3 * layer.lights.len() * layer.views.len() * 3 * 3),
         ];
-        let mut next = at + LAYER_BLOCK_WORDS;
-        for (name, length) in lengths {
+        let mut next = at + PART_WORDS;
+        for (name, length) in parts {
             assert_eq!(field(name), next, "field {name}");
-            next += length;
+            next = (next + length).next_multiple_of(PART_WORDS);
         }
         assert_eq!(next, words.len());
         let counts =
@@ -424,7 +518,8 @@ mod tests {
             asset.layers[0].residual = None;
             asset.layers[0].lights =
                 Sphere::new(&[direction_from_degrees(0.0, 0.0), direction_from_degrees(theta, 0.0)]).unwrap();
-            let words = Resident::from_asset(&asset).words;
+            let resident = Resident::from_asset(&asset);
+            let words = resident.words();
             f32::from_bits(words[words[ASSET_LAYERS] as usize + block::HORIZON])
         };
         assert_eq!(horizon(75.0), HORIZON_COS);

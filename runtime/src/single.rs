@@ -1,7 +1,8 @@
 //! Bases expanded in single precision beside the resident form, to measure what its half precision costs.
 
 use crate::asset::Asset;
-use crate::resident::expand_bases;
+use crate::expansion::Expansion;
+use crate::threads::{Threads, fill};
 
 /// Every layer's expanded bases in single precision, `[cluster, pair, channel, basis]`, bases padded to an even count:
 /// the order of the resident form's halves. Memory: twice theirs.
@@ -11,27 +12,21 @@ pub struct SingleBases {
 }
 
 impl SingleBases {
-    /// Expands the bases of `asset`; `map(n, f)` returns `[f(0), ..., f(n - 1)]`, on as many threads as the caller
-    /// likes. Cost: as [`crate::Resident::from_asset`].
-    pub fn from_asset_with<M>(asset: &Asset, map: M) -> SingleBases
-    where
-        M: Fn(usize, &(dyn Fn(usize) -> Vec<f32> + Sync)) -> Vec<Vec<f32>>,
-    {
+    /// Expands the bases of `asset`. Cost: as [`crate::Resident::from_asset_on`].
+    pub fn from_asset_on(asset: &Asset, threads: Threads) -> SingleBases {
         let layers = asset.layers.iter().map(|layer| {
             let Some(residual) = &layer.residual else {
                 return Vec::new();
             };
-            let expand = |cluster: usize| {
-                let bases = expand_bases(residual, cluster);
-                let entries = residual.factors.shape[0] * residual.factors.shape[1] * 3;
-                let mut values = Vec::with_capacity(entries * bases.len().next_multiple_of(2));
-                for entry in 0..entries {
-                    values.extend(bases.iter().map(|basis| basis[entry]));
-                    values.resize(values.len().next_multiple_of(2), 0.0);
-                }
-                values
-            };
-            map(layer.dictionary.len(), &expand).concat()
+            let expansion = Expansion::new(residual);
+            let length = expansion.entries() * expansion.padded();
+            let mut values = vec![0.0f32; layer.dictionary.len() * length];
+            fill(threads, &mut values, length, |cluster, values| {
+                expansion.rows(cluster, |view, rows| {
+                    values[view * rows.len()..(view + 1) * rows.len()].copy_from_slice(rows);
+                });
+            });
+            values
         });
         SingleBases { layers: layers.collect() }
     }
@@ -53,13 +48,14 @@ mod tests {
     use crate::resident::{ASSET_LAYERS, Resident, block};
     use crate::residual::ResidualKind;
     use crate::testing::{Random, sample_asset};
+    use crate::threads::serial;
     use half::f16;
 
     #[test]
     fn single_precision_bases_are_those_that_the_resident_form_rounds() {
         let asset = sample_asset(4, 6, 5, ResidualKind::Root);
         let resident = Resident::from_asset(&asset);
-        let bases = SingleBases::from_asset_with(&asset, |count, expand| (0..count).map(expand).collect());
+        let bases = SingleBases::from_asset_on(&asset, &serial);
         let words = resident.words();
         let at = words[words[ASSET_LAYERS] as usize + block::BASIS] as usize;
         let values = bases.layer(0);
@@ -72,7 +68,7 @@ mod tests {
     fn both_precisions_decode_alike_but_not_equally() {
         let asset = sample_asset(5, 6, 5, ResidualKind::Root);
         let resident = Resident::from_asset(&asset);
-        let bases = SingleBases::from_asset_with(&asset, |count, expand| (0..count).map(expand).collect());
+        let bases = SingleBases::from_asset_on(&asset, &serial);
         let mut rounded = bases.clone();
         rounded.layers[0].iter_mut().for_each(|x| *x = f16::from_f32(*x).to_f32());
         let mut random = Random::new(3);

@@ -185,8 +185,18 @@ impl Sphere {
         Sphere::from_words(Sphere::from_parts(&directions, &triangles, &edges).words)
     }
 
+    /// Words of a set whose resident words begin with `words`; `None` where they tell too few.
+    pub(crate) fn words_told_by(words: &[u32]) -> Option<usize> {
+        let [n, triangles, edges, side, items] = [0, 1, 2, 3, 4].map(|i| words.get(i).map(|word| *word as usize));
+        let [n, triangles, edges, side, items] = [n?, triangles?, edges?, side?, items?];
+        let cells = side.checked_mul(side)?.checked_add(1)?;
+        let parts =
+            [n.checked_mul(DIRECTION_WORDS)?, triangles.checked_mul(TRIANGLE_WORDS)?, edges.checked_mul(EDGE_WORDS)?];
+        parts.into_iter().try_fold(SPHERE_HEADER_WORDS.checked_add(cells)?, usize::checked_add)?.checked_add(items)
+    }
+
     /// Checks resident words: every rule that keeps [`Sphere::locate`] in bounds.
-    fn from_words(words: Vec<u32>) -> Result<Sphere, &'static str> {
+    pub(crate) fn from_words(words: Vec<u32>) -> Result<Sphere, &'static str> {
         if words.len() < SPHERE_HEADER_WORDS {
             return Err("it is shorter than its header");
         }

@@ -3,7 +3,7 @@
 
 use crate::asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
 use crate::error::FormatError;
-use crate::format::{ALIGNMENT, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum, header, read_directory};
+use crate::format::{Form, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum, header, read_directory};
 use crate::lobe::{Lobe, LobeFamily};
 use crate::parallax::Heights;
 use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
@@ -171,7 +171,16 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         residual: Some(Residual { factors, shared, bases, coefficients }),
     };
     let material = format!("{{\"name\":\"sample {seed}\"}}");
-    Asset { width, height, material, layers: vec![layer], edits: crate::Edits::default() }
+    Asset {
+        width,
+        height,
+        size_mm: Some([30.0, 25.0]),
+        seamless: [true, false],
+        material,
+        layers: vec![layer],
+        levels: Vec::new(),
+        edits: crate::Edits::default(),
+    }
 }
 
 /// Rough heights of `texels` texels, up to three texel widths either way.
@@ -210,6 +219,7 @@ impl FileParts {
     /// Takes a valid file apart. Errors: those of [`Asset::parse`]'s first stage.
     pub fn from_bytes(bytes: &[u8]) -> Result<FileParts, FormatError> {
         let directory = read_directory(bytes)?;
+        let alignment = directory.head.form.alignment();
         let mut header = [0; HEADER_WORDS];
         for (word, b) in header.iter_mut().zip(bytes.chunks_exact(4)) {
             *word = u32::from_le_bytes([b[0], b[1], b[2], b[3]]);
@@ -222,7 +232,7 @@ impl FileParts {
                 SectionPart {
                     head: [entry.kind, entry.layer, entry.index, entry.flags],
                     bytes: bytes[start..end].to_vec(),
-                    ends_tier: directory.tiers.contains(&(end.next_multiple_of(ALIGNMENT) as u32)),
+                    ends_tier: directory.tiers.contains(&(end.next_multiple_of(alignment) as u32)),
                 }
             })
             .collect();
@@ -233,15 +243,17 @@ impl FileParts {
     pub fn to_bytes(&self) -> Vec<u8> {
         let tiers = self.sections.iter().filter(|section| section.ends_tier).count();
         let tables_end = 4 * (HEADER_WORDS + self.sections.len() * SECTION_ENTRY_WORDS + tiers);
+        let alignment =
+            if self.header[header::FORM] == Form::Resident as u32 { Form::Resident } else { Form::File }.alignment();
         let mut words = self.header.to_vec();
-        let mut body = vec![0; tables_end.next_multiple_of(ALIGNMENT)];
+        let mut body = vec![0; tables_end.next_multiple_of(alignment)];
         let mut ends = Vec::new();
         for section in &self.sections {
             let hash = checksum(&section.bytes);
             words.extend(section.head);
             words.extend([body.len() as u32, section.bytes.len() as u32, hash as u32, (hash >> 32) as u32]);
             body.extend_from_slice(&section.bytes);
-            body.resize(body.len().next_multiple_of(ALIGNMENT), 0);
+            body.resize(body.len().next_multiple_of(alignment), 0);
             if section.ends_tier {
                 ends.push(body.len() as u32);
             }

@@ -4,9 +4,10 @@
 
 use btf_runtime::testing::{FileParts, sample_asset};
 use btf_runtime::{
-    Asset, Basis, Coefficients, DecodeOptions, DictionaryLobe, EDGE_WORDS, Factors, Interpolation, Layer, Lobe,
-    LobeFamily, LobeRef, LobeRole, Resident, Residual, ResidualKind, SPHERE_HEADER_WORDS, SectionKind, SharedBases,
-    Sphere, SurfaceSide, TRIANGLE_WORDS, core_at_pair, decode, pack, read_directory, weight_from_byte,
+    Asset, Basis, Coefficients, DecodeOptions, DictionaryLobe, EDGE_WORDS, Factors, Interpolation, Layer, Level,
+    LevelTexels, Lobe, LobeFamily, LobeRef, LobeRole, Resident, Residual, ResidualKind, SPHERE_HEADER_WORDS,
+    SectionKind, SharedBases, Sphere, SurfaceSide, TRIANGLE_WORDS, core_at_pair, decode, pack, read_directory,
+    weight_from_byte,
 };
 use half::f16;
 use std::collections::BTreeMap;
@@ -99,8 +100,21 @@ fn example() -> Asset {
     Asset {
         width: 3,
         height: 2,
+        size_mm: Some([3.0, 2.0]),
+        seamless: [true, false],
         material: r#"{"name":"example"}"#.to_string(),
         layers: vec![layer],
+        levels: vec![Level {
+            width: 1,
+            height: 1,
+            layers: vec![LevelTexels {
+                heights: None,
+                clusters: vec![1],
+                lobe_counts: vec![1],
+                lobe_refs: vec![reference(0, [128, 121, 119])],
+                codes: vec![vec![1]],
+            }],
+        }],
         edits: Default::default(),
     }
 }
@@ -112,6 +126,7 @@ fn fields(bytes: &[u8]) -> Vec<(String, String)> {
     let (entry, glossy, reference) = (&layer.dictionary[0][0], &layer.dictionary[1][1], &layer.lobe_refs[0]);
     let residual = layer.residual.as_ref().unwrap();
     let plane = &residual.coefficients[0];
+    let (level, coarse) = (&asset.levels[0], &asset.levels[0].layers[0]);
     let list = |halves: &[f16]| halves.iter().map(|x| x.to_f32().to_string()).collect::<Vec<_>>().join(" ");
     let counts = |sphere: &Sphere| sphere.words()[..5].iter().map(u32::to_string).collect::<Vec<_>>().join(" ");
     let offsets: Vec<String> = directory.sections.iter().map(|section| section.offset.to_string()).collect();
@@ -123,7 +138,9 @@ fn fields(bytes: &[u8]) -> Vec<(String, String)> {
         ("length", bytes.len().to_string()),
         ("width", asset.width.to_string()),
         ("height", asset.height.to_string()),
-        ("layer_count", directory.layers.to_string()),
+        ("size in mm", format!("{:?}", asset.size_mm.unwrap())),
+        ("seamless", format!("{:?}", asset.seamless)),
+        ("layer_count", directory.head.layers.to_string()),
         ("section_count", directory.sections.len().to_string()),
         ("section offsets", offsets.join(" ")),
         ("tier lengths", tiers.join(" ")),
@@ -159,6 +176,11 @@ fn fields(bytes: &[u8]) -> Vec<(String, String)> {
         ("core of component 1 in cluster 1", format!("{:?}", residual.core(1, 1))),
         ("step of component 1's coefficients", plane.step.to_string()),
         ("codes of the texels", format!("{:?}", plane.codes)),
+        ("level 1: width height components", format!("{} {} {}", level.width, level.height, coarse.codes.len())),
+        ("level 1: clusters", format!("{:?}", coarse.clusters)),
+        ("level 1: lobes", format!("{:?}", coarse.lobe_counts)),
+        ("level 1: references", coarse.lobe_refs.iter().map(reference_text).collect::<Vec<_>>().join(", ")),
+        ("level 1: codes of component 1", format!("{:?}", coarse.codes[0])),
     ]
     .into_iter()
     .map(|(name, value)| (name.to_string(), value))
@@ -182,9 +204,9 @@ fn the_documents_bytes_parse_and_every_named_field_is_there() {
 
 #[test]
 fn the_example_packed_from_its_parts_gives_the_documents_bytes() {
+    let packed = pack(&example()).unwrap();
     let bytes = document_bytes();
     assert_eq!(Asset::parse(&bytes).unwrap(), example());
-    let packed = pack(&example()).unwrap();
     let first = packed.iter().zip(&bytes).position(|(a, b)| a != b);
     assert_eq!((first, packed.len()), (None, bytes.len()), "first different byte, length");
 }
@@ -207,7 +229,9 @@ fn the_documents_decoded_values_are_what_the_decoder_gives() {
     let mut rows = 0;
     for (input, output) in named("decoded") {
         let words: Vec<&str> = input.split_whitespace().collect();
-        let ["tier", tier, rule, "texel", texel, "wi", direction @ ..] = &words[..] else { panic!("{input}") };
+        let ["tier", tier, rule, "level", level, "texel", texel, "wi", direction @ ..] = &words[..] else {
+            panic!("{input}")
+        };
         let numbers = |words: &[&str]| -> [f32; 3] {
             let numbers: Vec<f32> = words.iter().map(|word| word.parse().expect("a number")).collect();
             numbers.try_into().expect("three numbers")
@@ -222,13 +246,14 @@ fn the_documents_decoded_values_are_what_the_decoder_gives() {
         let length = tiers[tier.parse::<usize>().expect("a tier")] as usize;
         let resident = Resident::from_asset(&Asset::parse(&bytes[..length]).unwrap());
         let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
-        let got = decode(&resident, 0, texel.parse().expect("a texel"), wi, [0.0, 0.0, 1.0], &options);
+        let layer = resident.layer_for_sides(level.parse().expect("a level"), false, false).expect("it is there");
+        let got = decode(&resident, layer, texel.parse().expect("a texel"), wi, [0.0, 0.0, 1.0], &options);
         let close = |expected: [f32; 3]| (0..3).all(|c| (got[c] - expected[c]).abs() <= 1e-4);
         assert!(close(expected), "{input}: {got:?}");
         assert!(!close([expected[0], expected[1], expected[2] + 3e-4]), "the planted value must not pass");
         rows += 1;
     }
-    assert_eq!(rows, 12);
+    assert_eq!(rows, 14);
 }
 
 #[test]

@@ -12,7 +12,7 @@ const LENGTH_LOW_WORD: usize = 2;
 const LENGTH_HIGH_WORD: usize = 3;
 const SECTION_COUNT_WORD: usize = 4;
 const TIER_COUNT_WORD: usize = 5;
-const HEADER_WORDS: usize = 16;
+const HEADER_WORDS: usize = 20;
 
 fn sample_bytes(kind: ResidualKind) -> Vec<u8> {
     pack(&sample_asset(7, 6, 5, kind)).expect("the sample can be packed")

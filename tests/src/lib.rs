@@ -89,7 +89,7 @@ pub fn fitted(capture: &Capture, params: &FitParams) -> FitOutcome {
 
 /// The resident form, expanded on all threads.
 pub fn resident(asset: &Asset) -> Resident {
-    Resident::from_asset_with(asset, |count, expand| (0..count).into_par_iter().map(expand).collect())
+    Resident::from_asset_on(asset, &|count, work| (0..count).into_par_iter().for_each(work))
 }
 
 /// A file or folder of the measured data that is handed around outside of the repository, or `None`, with a

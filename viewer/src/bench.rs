@@ -285,18 +285,18 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
                     scene.place_lights(lights);
                     Ok(Point { variant, decoder, ..point("cornell", scene) })
                 };
-                let changed = |change: fn(&mut Asset)| -> Vec<Arc<SceneAsset>> {
+                let changed = |change: fn(&mut Asset)| -> Result<Vec<Arc<SceneAsset>>, ViewerError> {
                     let one = |asset: &Arc<SceneAsset>| {
-                        let mut file = asset.asset.clone();
+                        let mut file = asset.file_form()?.asset.clone();
                         change(&mut file);
-                        Arc::new(SceneAsset::new(asset.name.clone(), file))
+                        Ok(Arc::new(SceneAsset::new(asset.name.clone(), file)))
                     };
                     assets.iter().map(one).collect()
                 };
                 points.push(with(assets, "as it is", DecoderForm::Halves)?);
                 points.push(with(assets, "everything for every light", DecoderForm::Whole)?);
-                points.push(with(&changed(without_grids), "all triangles searched", DecoderForm::Halves)?);
-                points.push(with(&changed(with_most_lobes), "most lobes in every texel", DecoderForm::Halves)?);
+                points.push(with(&changed(without_grids)?, "all triangles searched", DecoderForm::Halves)?);
+                points.push(with(&changed(with_most_lobes)?, "most lobes in every texel", DecoderForm::Halves)?);
             }
         }
     }

@@ -66,8 +66,8 @@ pub use picture::Picture;
 pub use pieces::PieceLayout;
 pub use plan::{Plan, PlannedAsset, plan};
 pub use scene::{
-    AMBIENT_RADIANCE, Ambient, BACKGROUND, LightRig, Material, MeshChoice, PointLight, Scene, SceneAsset, SceneObject,
-    UNKNOWN_SIZE_MM, intensity_for,
+    AMBIENT_RADIANCE, Ambient, BACKGROUND, FileForm, LightRig, Material, MeshChoice, PointLight, Scene, SceneAsset,
+    SceneObject, UNKNOWN_SIZE_MM, intensity_for,
 };
 pub use scene_file::{load_scene, scene_with_assets};
 pub use shaders::{GpuTracer, ModuleLayout, trace_module};

@@ -9,7 +9,7 @@ use crate::error::ViewerError;
 use crate::headless::{Control, RenderParams, Session};
 use crate::options::RenderMode;
 use crate::picture::psnr_db;
-use crate::scene::{Scene, SceneAsset};
+use crate::scene::{FileForm, Scene, SceneAsset};
 use btf_runtime::{Asset, DecodeOptions, LobeRole, pack};
 use serde::Serialize;
 use std::sync::Arc;
@@ -64,7 +64,8 @@ pub struct Plan {
 /// # Errors
 /// Those of [`crate::render`].
 pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Control) -> Result<Plan, ViewerError> {
-    let mut planner = Planner::new(scene, params, control)?;
+    let forms = scene.assets.iter().map(|asset| asset.file_form()).collect::<Result<Vec<_>, _>>()?;
+    let mut planner = Planner::new(scene, &forms, params, control)?;
     let mut seen: Vec<Vec<u64>> = Vec::new();
     for view in views(scene) {
         let of_view = levels_seen(&view, params.size, &params.shade);
@@ -77,20 +78,24 @@ pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Contro
     // A traced path also meets what no eye sees: that is kept whole.
     let paths = params.shade.mode == RenderMode::Path;
     let mut needs: Vec<Need> =
-        scene.assets.iter().zip(&seen).map(|(asset, seen)| Need::of_levels(asset, seen, paths)).collect();
+        forms.iter().zip(&seen).map(|(asset, seen)| Need::of_levels(asset, seen, paths)).collect();
     planner.search(&mut needs, goal_db, Limit::Components)?;
     planner.search(&mut needs, goal_db, Limit::Lobes)?;
     let mut rounds = 0..MOST_ROUNDS;
     loop {
-        let packed =
-            needs.iter().zip(&scene.assets).map(|(need, asset)| need.pack(asset)).collect::<Result<Vec<_>, _>>()?;
+        let packed = needs
+            .iter()
+            .zip(&scene.assets)
+            .zip(&forms)
+            .map(|((need, asset), form)| need.pack(form, &asset.name))
+            .collect::<Result<Vec<_>, _>>()?;
         let (each, whole) = planner.errors_of(&packed)?;
         let told = planner.tell(&needs, packed, &each, whole);
         if rounds.next().is_none() {
             return Ok(told);
         }
         let mut raised = false;
-        for ((need, error), asset) in needs.iter_mut().zip(&each).zip(&scene.assets) {
+        for ((need, error), asset) in needs.iter_mut().zip(&each).zip(&forms) {
             raised |= error.is_some_and(|error| error < goal_db) && need.raise(asset);
         }
         if !raised {
@@ -134,17 +139,17 @@ struct Need {
 }
 
 impl Need {
-    fn of_levels(asset: &SceneAsset, seen: &[u64], paths: bool) -> Need {
+    fn of_levels(asset: &FileForm, seen: &[u64], paths: bool) -> Need {
         let pixels: u64 = seen.iter().sum();
         let level = seen.iter().position(|count| *count > 0 && *count as f64 >= LEVEL_SHARE * pixels as f64);
         // What nobody sees is kept at its coarsest.
-        let level = level.unwrap_or(if paths { 0 } else { asset.levels.len() });
-        let most = most_of(asset.level(level));
+        let level = level.unwrap_or(if paths { 0 } else { asset.whole.levels.len() });
+        let most = most_of(&asset.level(level));
         Need { pixels, level, components: most[0], lobes: most[1], most }
     }
 
     /// The next larger limits or, where there are none, the next finer level; `false` where all is kept.
-    fn raise(&mut self, asset: &SceneAsset) -> bool {
+    fn raise(&mut self, asset: &FileForm) -> bool {
         let next = |now: u32, most: u32| LADDER.into_iter().find(|rung| *rung > now).unwrap_or(most).min(most);
         let before = [self.components, self.lobes];
         [self.components, self.lobes] = [next(self.components, self.most[0]), next(self.lobes, self.most[1])];
@@ -153,14 +158,14 @@ impl Need {
         }
         let Some(finer) = self.level.checked_sub(1) else { return false };
         self.level = finer;
-        self.most = most_of(asset.level(finer));
+        self.most = most_of(&asset.level(finer));
         [self.components, self.lobes] = self.most;
         true
     }
 
-    fn pack(&self, asset: &SceneAsset) -> Result<Vec<u8>, ViewerError> {
+    fn pack(&self, asset: &FileForm, name: &str) -> Result<Vec<u8>, ViewerError> {
         let kept = asset.level(self.level).trimmed(self.components as usize, self.lobes as usize);
-        pack(&kept).map_err(|source| ViewerError::Asset { path: asset.name.clone().into(), source })
+        pack(&kept).map_err(|source| ViewerError::Asset { path: name.into(), source })
     }
 }
 
@@ -174,6 +179,7 @@ type Radiance = Vec<[f32; 3]>;
 
 struct Planner<'a> {
     scene: &'a Scene,
+    forms: &'a [&'a FileForm],
     params: &'a RenderParams,
     control: &'a Control<'a>,
     session: Session,
@@ -203,9 +209,14 @@ fn pictures(
 }
 
 impl<'a> Planner<'a> {
-    fn new(scene: &'a Scene, params: &'a RenderParams, control: &'a Control) -> Result<Planner<'a>, ViewerError> {
+    fn new(
+        scene: &'a Scene,
+        forms: &'a [&'a FileForm],
+        params: &'a RenderParams,
+        control: &'a Control,
+    ) -> Result<Planner<'a>, ViewerError> {
         let session = Session::new(scene, params, control)?;
-        let mut planner = Planner { scene, params, control, session, reference: Vec::new(), shown: Vec::new() };
+        let mut planner = Planner { scene, forms, params, control, session, reference: Vec::new(), shown: Vec::new() };
         for view in views(scene) {
             let rendered = planner.session.render(&view, params, control)?;
             planner.reference.extend(rendered.picture.radiance);
@@ -230,11 +241,11 @@ impl<'a> Planner<'a> {
     /// Lowers one limit of each asset as far as its pixels allow.
     fn search(&mut self, needs: &mut [Need], goal_db: f64, limit: Limit) -> Result<(), ViewerError> {
         // Lobes that only guide show in no picture, but rays are drawn by them and edits begin with them.
-        let shows = |asset: &Arc<SceneAsset>| {
+        let shows = |asset: &&FileForm| {
             matches!(limit, Limit::Components)
                 || asset.asset.layers.iter().any(|layer| layer.lobe_role == LobeRole::Base || layer.residual.is_none())
         };
-        let mut open: Vec<bool> = self.scene.assets.iter().map(shows).collect();
+        let mut open: Vec<bool> = self.forms.iter().map(shows).collect();
         for (need, open) in needs.iter_mut().zip(&mut open).filter(|(need, _)| need.pixels == 0) {
             if self.params.shade.mode == RenderMode::Direct {
                 *limit.of(need) = 0;
@@ -275,10 +286,10 @@ impl<'a> Planner<'a> {
     }
 
     fn tell(&self, needs: &[Need], packed: Vec<Vec<u8>>, each: &[Option<f64>], psnr_db: f64) -> Plan {
-        let assets = needs.iter().zip(&self.scene.assets).zip(packed).zip(each);
+        let assets = needs.iter().zip(&self.scene.assets).zip(self.forms).zip(packed).zip(each);
         let assets: Vec<PlannedAsset> = assets
-            .map(|(((need, asset), packed), error)| {
-                let (whole, kept) = (&asset.asset, asset.level(need.level));
+            .map(|((((need, asset), form), packed), error)| {
+                let (whole, kept) = (&form.asset, form.level(need.level));
                 let [components, lobes] = most_of(whole);
                 PlannedAsset {
                     name: asset.name.clone(),

@@ -7,7 +7,8 @@ use crate::geometry::{Geometry, Triangle};
 use crate::mesh::{self, MeshPart};
 use crate::mesh_file::load_mesh;
 use crate::models;
-use btf_runtime::{Asset, Edits, HeightField, Resident, resident_with_levels};
+use btf_capture::{CaptureError, SharedBytes};
+use btf_runtime::{Asset, Edits, HeightField, Resident, ResidentFile, with_levels};
 use glam::{Mat4, Vec3};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -30,13 +31,6 @@ const KEY_BRIGHTNESS: f32 = 1.6;
 /// Width and height of an asset that does not tell its own, millimetres.
 pub const UNKNOWN_SIZE_MM: f32 = 100.0;
 
-/// What a scene asks an asset's description for.
-#[derive(Default, serde::Deserialize)]
-#[serde(default)]
-struct Told {
-    size_mm: Option<[f32; 2]>,
-}
-
 /// A packed asset, ready to be decoded.
 #[derive(Debug, Clone)]
 pub struct SceneAsset {
@@ -46,24 +40,75 @@ pub struct SceneAsset {
     pub path: Option<PathBuf>,
     /// Physical width and height in millimetres, where the asset tells them.
     pub size_mm: Option<[f32; 2]>,
-    /// The asset as its file has it.
-    pub asset: Asset,
-    /// Its coarser levels, each half as wide and high as the one before.
-    pub levels: Vec<Asset>,
-    /// The asset and its levels in resident form.
+    /// The asset in its file form; `None` where only the resident form is at hand.
+    pub file: Option<FileForm>,
+    /// The asset with its levels in resident form.
     pub resident: Resident,
+    most_lobes: u32,
+}
+
+/// An asset in its file form: what editing and planning go by.
+#[derive(Debug, Clone)]
+pub struct FileForm {
+    /// As the file has it.
+    pub asset: Asset,
+    /// The same with coarser levels, made here where the file has none.
+    pub whole: Asset,
+}
+
+impl FileForm {
+    /// The asset at a level, 0 the finest; the coarsest beyond them all. Cost: a copy.
+    pub fn level(&self, level: usize) -> Asset {
+        if level == 0 { self.asset.clone() } else { self.whole.level(level) }
+    }
+}
+
+/// Work of the runtime on all threads.
+fn parallel(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    (0..count).into_par_iter().for_each(work);
 }
 
 impl SceneAsset {
-    /// Reads and checks an asset and expands its bases on all threads.
+    /// Reads and checks an asset in either form: expands the bases of a file form on all threads, maps a resident one.
     ///
     /// # Errors
     /// [`ViewerError::Read`] or [`ViewerError::Asset`], both naming the file.
     pub fn load(path: &Path) -> Result<SceneAsset, ViewerError> {
-        let bytes = std::fs::read(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
-        let asset = Asset::parse(&bytes).map_err(|source| ViewerError::Asset { path: path.into(), source })?;
+        let bad = |source| ViewerError::Asset { path: path.into(), source };
+        let bytes = SharedBytes::map(path).map_err(|error| match error {
+            CaptureError::Read { source, .. } => ViewerError::Read { path: path.into(), source },
+            other => ViewerError::Write(other),
+        })?;
         let name = path.file_stem().map_or_else(|| "asset".into(), |stem| stem.to_string_lossy().into_owned());
-        Ok(SceneAsset { path: Some(path.into()), ..SceneAsset::new(name, asset) })
+        let made = match bytes {
+            Some(bytes) if ResidentFile::is_one(bytes.as_ref()) => {
+                SceneAsset::of_resident(name, ResidentFile::open(Arc::new(bytes), &parallel).map_err(bad)?)
+            }
+            bytes => {
+                let bytes = bytes.as_ref().map_or(&[][..], AsRef::as_ref);
+                SceneAsset::new(name, Asset::parse_on(bytes, &parallel).map_err(bad)?)
+            }
+        };
+        Ok(SceneAsset { path: Some(path.into()), ..made })
+    }
+
+    fn of_resident(name: String, file: ResidentFile) -> SceneAsset {
+        let (resident, size_mm) = (file.resident, file.size_mm);
+        SceneAsset { name, path: None, size_mm, file: None, most_lobes: resident.most_lobes(), resident }
+    }
+
+    /// The file form, for what needs it.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`] where only the resident form is at hand.
+    pub fn file_form(&self) -> Result<&FileForm, ViewerError> {
+        self.file.as_ref().ok_or_else(|| {
+            ViewerError::Usage(format!(
+                "{} is in its resident form, which can be shown but neither changed nor trimmed; open the asset that it \
+                 was converted from",
+                self.name
+            ))
+        })
     }
 
     /// A small asset that comes with the viewer: 64 x 64 texels of woven cloth, 4 components. It was made by
@@ -76,38 +121,30 @@ impl SceneAsset {
 
     /// Expands an asset that is already in memory, and makes its levels.
     pub fn new(name: impl Into<String>, asset: Asset) -> SceneAsset {
-        let (resident, levels) = resident_with_levels(
-            &asset,
-            |count, expand| (0..count).into_par_iter().map(expand).collect(),
-            |count, texel| (0..count).into_par_iter().map(texel).collect(),
-        );
-        let told: Told = serde_json::from_str(&asset.material).unwrap_or_default();
-        let size_mm = told.size_mm.filter(|size| size.iter().all(|x| x.is_finite() && *x > 0.0));
-        SceneAsset { name: name.into(), path: None, size_mm, asset, levels, resident }
+        let whole = with_levels(&asset, &parallel);
+        let resident = Resident::from_asset_on(&whole, &parallel);
+        let (size_mm, most_lobes) = (asset.size_mm, resident.most_lobes());
+        SceneAsset {
+            name: name.into(),
+            path: None,
+            size_mm,
+            file: Some(FileForm { asset, whole }),
+            resident,
+            most_lobes,
+        }
     }
 
-    /// Puts `edits` in place of those at hand.
+    /// Puts `edits` in place of those at hand, where the file form is at hand.
     pub fn set_edits(&mut self, edits: Edits) {
-        let layers = &self.levels.first().unwrap_or(&self.asset).layers;
-        self.resident.set_edits(&edits, layers);
-        let finest = [self.asset.width, self.asset.height];
-        for level in &mut self.levels {
-            level.edits = edits.coarser(finest, [level.width, level.height]);
-        }
-        self.asset.edits = edits;
-    }
-
-    /// The asset at a level, 0 the finest; the coarsest beyond them all.
-    pub fn level(&self, level: usize) -> &Asset {
-        match level.checked_sub(1) {
-            None => &self.asset,
-            Some(coarser) => self.levels.get(coarser).or(self.levels.last()).unwrap_or(&self.asset),
-        }
+        let Some(file) = &mut self.file else { return };
+        self.resident.set_edits(&edits, &file.whole.layers);
+        file.whole.edits = edits.clone();
+        file.asset.edits = edits;
     }
 
     /// Residual components of the layer that has most.
     pub fn most_components(&self) -> u32 {
-        self.asset.most_components() as u32
+        self.resident.most_components()
     }
 
     /// Whether its front has heights.
@@ -118,7 +155,7 @@ impl SceneAsset {
 
     /// Lobes of the texel that has most.
     pub fn most_lobes(&self) -> u32 {
-        self.asset.most_lobes() as u32
+        self.most_lobes
     }
 
     /// How often the asset's picture fits into a millimetre, along u and v; [`UNKNOWN_SIZE_MM`] where it does not tell.

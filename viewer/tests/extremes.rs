@@ -151,7 +151,7 @@ fn relief_and_edits_at_the_ends_of_their_ranges() {
         Edit { tint: [0.0, 16.0, 16.0], diffuse: 0.0, specular: 16.0, roughness: 0.1, tilt: [0.9, 0.9], fade: 0.0 },
         Edit { tint: [16.0; 3], diffuse: 16.0, specular: 0.0, roughness: 10.0, tilt: [-0.9, 0.9], fade: 16.0 },
     ];
-    let texels = (0..scene.assets[0].asset.texel_count()).map(|texel| (texel % 3) as u8).collect();
+    let texels = (0..scene.assets[0].file_form().unwrap().asset.texel_count()).map(|texel| (texel % 3) as u8).collect();
     Arc::make_mut(&mut scene.assets[0]).set_edits(Edits { list: ends.to_vec(), texels });
     for scale in [1e-4, 1.0, 100.0] {
         scene.displace(scale);

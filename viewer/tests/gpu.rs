@@ -5,8 +5,8 @@ mod support;
 
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{
-    Asset, DecodeOptions, Edit, Edits, Heights, Interpolation, LobeRole, Resident, ResidualKind, decode, pack,
-    resident_with_levels,
+    Asset, DecodeOptions, Edit, Edits, Heights, Interpolation, LobeRole, Resident, ResidualKind, decode, pack, serial,
+    with_levels,
 };
 use btf_viewer::{
     BackendChoice, Camera, Control, DecodeQuery, Environment, Gpu, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
@@ -91,7 +91,7 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
             let edit = Edit { tint: [0.9, 0.4, 1.5], roughness: 1.5, tilt: [0.1, 0.2], ..Edit::default() };
             let texels = (0..asset.texel_count()).map(|texel| u8::from(texel % 4 == 1)).collect();
             asset.edits = Edits { list: vec![edit], texels };
-            resident_with_levels(&asset, |n, f| (0..n).map(f).collect(), |n, f| (0..n).map(f).collect()).0
+            Resident::from_asset(&with_levels(&asset, &serial))
         };
         let resident = in_role(role);
         let other_role = in_role(if role == LobeRole::Base { LobeRole::Guide } else { LobeRole::Base });

@@ -1,6 +1,7 @@
 //! The command line: one file per subcommand, and what they share.
 
 mod compare;
+mod convert;
 mod expand;
 mod fit;
 mod info;
@@ -29,6 +30,7 @@ enum Command {
     Fit(fit::FitArgs),
     Expand(expand::ExpandArgs),
     Compare(compare::CompareArgs),
+    Convert(convert::ConvertArgs),
     Info(info::InfoArgs),
     Validate(validate::ValidateArgs),
     Trade(trade::TradeArgs),
@@ -142,6 +144,7 @@ pub(crate) fn run(cli: Cli) -> Exit {
         Command::Fit(args) => fit::run(args, &cli.shared),
         Command::Expand(args) => expand::run(args, &cli.shared),
         Command::Compare(args) => compare::run(args, &cli.shared),
+        Command::Convert(args) => convert::run(args, &cli.shared),
         Command::Info(args) => info::run(args),
         Command::Validate(args) => validate::run(args, &cli.shared),
         Command::Trade(args) => trade::run(args, &cli.shared),

@@ -1,7 +1,7 @@
 //! Editing an asset while it is drawn: which edit is at hand, where it is put, and the way back.
 
 use crate::scene::{Scene, SceneAsset};
-use btf_runtime::{Edit, Edits, MOST_EDITS, pack};
+use btf_runtime::{Asset, Edit, Edits, MOST_EDITS, pack};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -69,7 +69,7 @@ impl Editor {
     }
 
     fn edits<'a>(&self, scene: &'a Scene) -> Option<&'a Edits> {
-        scene.assets.get(self.asset).map(|asset| &asset.asset.edits)
+        scene.assets.get(self.asset)?.file.as_ref().map(|file| &file.asset.edits)
     }
 
     /// The edit at hand.
@@ -83,14 +83,21 @@ impl Editor {
     }
 
     /// Changes the asset's edits; the change belongs to the step that [`Editor::close`] ends.
-    fn change(&mut self, scene: &mut Scene, change: impl FnOnce(&mut Edits, &SceneAsset)) {
+    fn change(&mut self, scene: &mut Scene, change: impl FnOnce(&mut Edits, &Asset)) {
         let Some(asset) = scene.assets.get_mut(self.asset) else { return };
-        let before = asset.asset.edits.clone();
+        let file = match asset.file_form() {
+            Ok(file) => &file.asset,
+            Err(error) => {
+                self.message = Some(error.to_string());
+                return;
+            }
+        };
+        let before = file.edits.clone();
         let mut after = before.clone();
         if after.texels.is_empty() {
-            after.texels = vec![0; asset.asset.texel_count()];
+            after.texels = vec![0; file.texel_count()];
         }
-        change(&mut after, asset);
+        change(&mut after, file);
         if after.list.is_empty() {
             after.texels.clear();
         }
@@ -103,7 +110,7 @@ impl Editor {
     /// Ends a step: a stroke of the brush, a drag of a slider, a click.
     pub(crate) fn close(&mut self, scene: &Scene) {
         let Some((asset, before)) = self.open.take() else { return };
-        let after = scene.assets[asset].asset.edits.clone();
+        let Some(after) = scene.assets[asset].file.as_ref().map(|file| file.asset.edits.clone()) else { return };
         if after == before {
             return;
         }
@@ -212,10 +219,10 @@ impl Editor {
         let number = if tool == Tool::Eraser { 0 } else { self.selected as u8 + 1 };
         self.change(scene, |edits, asset| match tool {
             Tool::Look => {}
-            Tool::Brush | Tool::Eraser => paint(edits, [asset.asset.width, asset.asset.height], texel, radius, number),
+            Tool::Brush | Tool::Eraser => paint(edits, [asset.width, asset.height], texel, radius, number),
             Tool::Cluster => {
                 // Clusters are those of the layer that is seen in front.
-                let clusters = &asset.asset.layers[0].texel_clusters;
+                let clusters = &asset.layers[0].texel_clusters;
                 let cluster = clusters[texel as usize];
                 let texels = edits.texels.iter_mut().zip(clusters);
                 texels.filter(|(_, of)| **of == cluster).for_each(|(edit, _)| *edit = number);
@@ -251,7 +258,7 @@ fn save(scene: &Scene, asset: &SceneAsset, path: &Path) -> Result<(), ViewerErro
     if target.is_some() && scene.assets.iter().any(|other| known(other) == target) {
         return Err(ViewerError::Usage(format!("{} is open in this scene; choose another name", path.display())));
     }
-    let bytes = pack(&asset.asset).map_err(|source| ViewerError::Asset { path: path.into(), source })?;
+    let bytes = pack(&asset.file_form()?.asset).map_err(|source| ViewerError::Asset { path: path.into(), source })?;
     Ok(btf_capture::atomic::write_file_atomically(path, &bytes)?)
 }
 
@@ -280,7 +287,7 @@ mod tests {
     }
 
     fn edits(scene: &Scene) -> Edits {
-        scene.assets[0].asset.edits.clone()
+        scene.assets[0].file_form().unwrap().asset.edits.clone()
     }
 
     #[test]
@@ -339,7 +346,7 @@ mod tests {
     fn what_is_saved_is_what_was_edited_and_never_what_was_measured() {
         let dir = tempfile::tempdir().unwrap();
         let own = dir.path().join("weave.spmm");
-        std::fs::write(&own, pack(&SceneAsset::built_in().asset).unwrap()).unwrap();
+        std::fs::write(&own, pack(&SceneAsset::built_in().file_form().unwrap().asset).unwrap()).unwrap();
         let asset = Arc::new(SceneAsset::load(&own).unwrap());
         let mut scene = Scene::built_in(&MeshChoice::Plane, vec![asset], [1.0; 2]).unwrap();
         let mut editor = Editor::new(&scene, 8.0);
@@ -349,7 +356,7 @@ mod tests {
         editor.save(&scene);
         assert!(editor.message.as_ref().unwrap().starts_with("saved"), "{:?}", editor.message);
         let bytes = std::fs::read(dir.path().join("weave_edited.spmm")).unwrap();
-        assert_eq!(Asset::parse(&bytes).unwrap(), scene.assets[0].asset);
+        assert_eq!(Asset::parse(&bytes).unwrap(), scene.assets[0].file_form().unwrap().asset);
         editor.file = own.display().to_string();
         let before = std::fs::read(&own).unwrap();
         editor.save(&scene);

@@ -55,7 +55,11 @@ impl Against {
         match self {
             Against::Everything | Against::Paths => {}
             Against::Measured => {
-                for asset in other.assets.iter_mut().filter(|asset| !asset.asset.edits.list.is_empty()) {
+                for asset in other
+                    .assets
+                    .iter_mut()
+                    .filter(|asset| asset.file.as_ref().is_some_and(|file| !file.asset.edits.list.is_empty()))
+                {
                     Arc::make_mut(asset).set_edits(Edits::default());
                 }
             }

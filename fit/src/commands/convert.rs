@@ -1,0 +1,75 @@
+//! `btf-fit convert`.
+
+use super::output::{check_file, tell};
+use super::{Failure, Shared};
+use btf_capture::write_file_atomically;
+use btf_fit::{Shape, convert, load_asset, text_from_bytes};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Write an asset in another shape: with coarser levels, or as a renderer holds it
+///
+/// A fitted asset is small and holds its finest level; renderers make the coarser ones when they load it.
+/// `levels` stores them, too, for about a fifth more bytes. `resident` is what renderers hold in memory: many times the
+/// bytes, and nothing to decode; it is mapped and bound as it lies.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  btf-fit convert wool.spmm --to levels -o wool_levels.spmm
+  btf-fit convert wool.spmm --to resident -o wool.resident.spmm")]
+pub(super) struct ConvertArgs {
+    /// The asset, or a tier of one
+    #[arg(value_name = "ASSET.spmm")]
+    asset: PathBuf,
+    /// The file to write
+    #[arg(short = 'o', long, value_name = "FILE")]
+    out: PathBuf,
+    /// Its shape
+    #[arg(long, value_enum, default_value = "resident")]
+    to: ShapeArg,
+    /// Write what was written as JSON; - for standard output
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ShapeArg {
+    /// The file form without levels
+    Plain,
+    /// The file form with levels
+    Levels,
+    /// The resident form with levels
+    Resident,
+}
+
+/// What `convert --json` writes.
+#[derive(Debug, serde::Serialize)]
+struct Converted {
+    file: String,
+    bytes: usize,
+    bytes_before: usize,
+}
+
+pub(super) fn run(args: &ConvertArgs, shared: &Shared) -> Result<(), Failure> {
+    let (before, asset) = load_asset(&args.asset)?;
+    let inputs = std::slice::from_ref(&args.asset);
+    check_file(&args.out, inputs)?;
+    if let Some(target) = &args.json {
+        check_file(target, inputs)?;
+    }
+    let shape = match args.to {
+        ShapeArg::Plain => Shape::Plain,
+        ShapeArg::Levels => Shape::Levels,
+        ShapeArg::Resident => Shape::Resident,
+    };
+    let bytes = convert(&asset, shape)?;
+    write_file_atomically(&args.out, &bytes)?;
+    let result = Converted { file: args.out.display().to_string(), bytes: bytes.len(), bytes_before: before.len() };
+    tell(args.json.as_deref(), shared.quiet, &result, || {
+        format!(
+            "{}: {} ({} before)",
+            result.file,
+            text_from_bytes(bytes.len() as u64),
+            text_from_bytes(before.len() as u64)
+        )
+    })
+}

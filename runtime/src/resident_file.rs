@@ -1,0 +1,215 @@
+//! The resident form as a file: its words as they lie in memory, to be mapped, checked and bound without a copy.
+
+use crate::error::FormatError;
+use crate::format::{Form, Head, PIECE_BYTES, SectionKind, SectionSource, in_mm_range, read_directory_on, write_file};
+use crate::resident::{Resident, ResidentBytes};
+use crate::resident_check::check_resident;
+use crate::threads::Threads;
+
+/// A resident asset with what its file says about it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResidentFile {
+    /// The asset.
+    pub resident: Resident,
+    /// As [`crate::Asset::size_mm`].
+    pub size_mm: Option<[f32; 2]>,
+    /// As [`crate::Asset::seamless`].
+    pub seamless: [bool; 2],
+    /// As [`crate::Asset::material`].
+    pub material: String,
+}
+
+impl ResidentFile {
+    /// Whether these bytes begin like a file of this form.
+    pub fn is_one(bytes: &[u8]) -> bool {
+        read_form(bytes) == Some(Form::Resident as u32)
+    }
+
+    /// Checks a file and takes its words as they lie: `bytes` are kept, not copied, unless they lie at an address that is no
+    /// multiple of 4.
+    ///
+    /// Errors: as [`crate::Asset::parse`], by the rules of FORMAT.md, chapter "Resident form". Never panics.
+    /// Cost: one hash of the bytes and one pass over the words; on `threads`.
+    pub fn open(bytes: ResidentBytes, threads: Threads) -> Result<ResidentFile, FormatError> {
+        let all: &[u8] = (*bytes).as_ref();
+        let directory = read_directory_on(all, threads)?;
+        let head = directory.head;
+        if head.form != Form::Resident {
+            return Err(FormatError::Form { expected: "resident", got: "file" });
+        }
+        let known = directory.sections.iter().filter(|entry| SectionKind::from_number(entry.kind).is_some());
+        let known: Vec<_> = known.collect();
+        let words: Vec<_> = known.iter().filter(|entry| entry.kind == SectionKind::Words as u32).collect();
+        let bad = |reason| FormatError::Section { section: "Words 0 of layer 0".into(), reason };
+        let Some(last) = words.last() else {
+            return Err(FormatError::MissingSection { section: "Words 0 of layer 0".into() });
+        };
+        let mut end = words[0].offset as usize;
+        for (index, entry) in words.iter().enumerate() {
+            let full = index + 1 == words.len() || entry.length as usize == PIECE_BYTES;
+            if entry.index as usize != index || entry.layer != 0 || entry.offset as usize != end || !full {
+                return Err(bad("its pieces do not follow each other"));
+            }
+            if entry.length as usize > PIECE_BYTES || entry.length % 4 != 0 {
+                return Err(bad("a piece is longer than 128 MiB or no whole number of words"));
+            }
+            end += entry.length as usize;
+        }
+        let place = words[0].offset as usize..last.offset as usize + last.length as usize;
+        let material = known.iter().find(|entry| entry.kind == SectionKind::Material as u32);
+        let Some(material) = material else {
+            return Err(FormatError::MissingSection { section: "Material 0 of layer 0".into() });
+        };
+        let text = &all[material.offset as usize..(material.offset + material.length) as usize];
+        let Ok(material) = std::str::from_utf8(text) else {
+            return Err(FormatError::Section { section: material.name(), reason: "it is not UTF-8" });
+        };
+        let material = material.to_string();
+        let resident = Resident::from_bytes(bytes.clone(), place);
+        check_resident(resident.words(), [head.width, head.height, head.layers], threads).map_err(bad)?;
+        Ok(ResidentFile { resident, size_mm: head.size_mm, seamless: head.seamless, material })
+    }
+
+    /// The file's bytes: header, tables, the description, the words.
+    ///
+    /// Errors: an asset whose words exceed 4 GiB, or with a physical size out of its range.
+    pub fn pack(&self) -> Result<Vec<u8>, FormatError> {
+        let resident = &self.resident;
+        if !self.size_mm.is_none_or(in_mm_range) {
+            return Err(FormatError::Pack {
+                reason: "its physical size must be above 0 mm and at most 1000000 mm".into(),
+            });
+        }
+        let material = self.material.clone().into_bytes();
+        let mut sections =
+            vec![SectionSource { kind: SectionKind::Material, layer: 0, index: 0, bytes: material, ends_tier: false }];
+        for (index, piece) in bytemuck::cast_slice::<u32, u8>(resident.words()).chunks(PIECE_BYTES).enumerate() {
+            let (kind, index, bytes) = (SectionKind::Words, index as u32, piece.to_vec());
+            sections.push(SectionSource { kind, layer: 0, index, bytes, ends_tier: false });
+        }
+        let head = Head {
+            form: Form::Resident,
+            width: resident.width(),
+            height: resident.height(),
+            layers: resident.layers(),
+            size_mm: self.size_mm,
+            seamless: self.seamless,
+        };
+        write_file(&head, &sections)
+    }
+}
+
+/// The header's word that tells the form, where there is one.
+fn read_form(bytes: &[u8]) -> Option<u32> {
+    use crate::format::{HEADER_WORDS, MAGIC, header};
+    let word = |index: usize| bytes.get(4 * index..4 * index + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    (bytes.len() >= 4 * HEADER_WORDS && word(header::MAGIC)? == MAGIC).then(|| word(header::FORM))?
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::Asset;
+    use crate::decode::{DecodeOptions, Interpolation};
+    use crate::edit::{Edit, Edits};
+    use crate::evaluate::{Query, density, evaluate, sample};
+    use crate::mip::with_levels;
+    use crate::pack;
+    use crate::residual::ResidualKind;
+    use crate::testing::{FileParts, Random, sample_asset, sample_heights};
+    use crate::threads::serial;
+    use std::sync::Arc;
+
+    fn sample_file() -> ResidentFile {
+        let mut asset = sample_asset(5, 12, 10, ResidualKind::Root);
+        asset.layers[0].heights = Some(sample_heights(4, 120));
+        asset.edits = Edits {
+            list: vec![Edit { tint: [0.5, 1.0, 2.0], roughness: 2.0, ..Edit::default() }],
+            texels: (0..120).map(|texel| u8::from(texel % 3 == 0)).collect(),
+        };
+        let asset = with_levels(&asset, &serial);
+        ResidentFile {
+            resident: Resident::from_asset(&asset),
+            size_mm: asset.size_mm,
+            seamless: asset.seamless,
+            material: asset.material,
+        }
+    }
+
+    fn open(bytes: Vec<u8>) -> Result<ResidentFile, FormatError> {
+        ResidentFile::open(Arc::new(bytes), &serial)
+    }
+
+    #[test]
+    fn a_resident_file_comes_back_as_it_was_written() {
+        let file = sample_file();
+        let bytes = file.pack().unwrap();
+        assert!(ResidentFile::is_one(&bytes));
+        let mut read = open(bytes.clone()).unwrap();
+        assert_eq!(read, file);
+        assert_eq!(read.pack().unwrap(), bytes, "same asset, same bytes");
+        // What is mapped is copied when it is changed.
+        read.resident.set_edits(&Edits::default(), &sample_asset(5, 12, 10, ResidualKind::Root).layers);
+        assert_ne!(read, file);
+        // Neither form is taken for the other.
+        assert!(matches!(Asset::parse(&bytes), Err(FormatError::Form { .. })));
+        let other = pack(&sample_asset(5, 12, 10, ResidualKind::Root)).unwrap();
+        assert!(!ResidentFile::is_one(&other));
+        assert!(matches!(open(other), Err(FormatError::Form { .. })));
+    }
+
+    #[test]
+    fn every_prefix_and_every_changed_byte_is_refused() {
+        let bytes = sample_file().pack().unwrap();
+        for length in (0..bytes.len()).step_by(997).chain([4, 79, 80, 200, bytes.len() - 1]) {
+            assert!(open(bytes[..length].to_vec()).is_err(), "{length}");
+        }
+        for at in (0..bytes.len()).step_by(613).chain(0..300) {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x10;
+            assert!(open(damaged).is_err(), "byte {at}");
+        }
+    }
+
+    #[test]
+    fn forged_words_are_refused_or_harmless() {
+        let bytes = sample_file().pack().unwrap();
+        let parts = FileParts::from_bytes(&bytes).unwrap();
+        let words = sample_file().resident.words().len();
+        let mut random = Random::new(17);
+        let (mut refused, mut harmless) = (0, 0);
+        for i in 0..3000 {
+            let mut forged = parts.clone();
+            // Half of the changes where offsets and counts are.
+            let blocks = crate::resident::ASSET_WORDS + 2 * crate::resident::PART_WORDS;
+            let at = if i % 2 == 0 { random.below(blocks) } else { random.below(words) };
+            let value = match random.below(5) {
+                0 => 0,
+                1 => u32::MAX,
+                2 => random.below(words) as u32,
+                3 => 0x7fc0_0000,
+                _ => random.bits() as u32,
+            };
+            forged.sections[1].bytes[4 * at..4 * at + 4].copy_from_slice(&value.to_le_bytes());
+            let Ok(file) = open(forged.to_bytes()) else {
+                refused += 1;
+                continue;
+            };
+            harmless += 1;
+            let resident = &file.resident;
+            for _ in 0..20 {
+                let uv = [random.within(0.0, 1.0), random.within(0.0, 1.0)];
+                let (wi, wo) = (random.direction(), random.direction());
+                let interpolation = [Interpolation::Fast, Interpolation::Exact][random.below(2)];
+                let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
+                let level = random.below(resident.levels() as usize) as u32;
+                let query = Query { uv, wi, wo };
+                let value = evaluate(resident, level, &query, &options);
+                assert!(value.iter().all(|x| x.is_finite()), "word {at} = {value:?}");
+                assert!(density(resident, level, &query, &options).is_finite());
+                sample(resident, level, uv, wo, [0.1, 0.7, 0.4], &options);
+            }
+        }
+        assert!(refused > 500 && harmless > 500, "{refused} {harmless}");
+    }
+}
