@@ -1,9 +1,10 @@
 //! Damaged, truncated and forged assets: each is refused by a named error or decodes to finite values.
 //! Nothing here may panic, and nothing may make the reader allocate beyond the file's size.
 
-use btf_runtime::testing::{FileParts, Random, SectionPart, repair_header_checksum, sample_asset};
+use btf_runtime::testing::{FileParts, Random, SectionPart, repair_header_checksum, sample_asset, sample_heights};
 use btf_runtime::{
-    Asset, DecodeOptions, FormatError, Interpolation, Resident, ResidualKind, SectionKind, decode, pack, read_directory,
+    Asset, DecodeOptions, Edit, Edits, FormatError, Interpolation, LevelTexels, Resident, ResidualKind, SectionKind,
+    decode, pack, read_directory, serial, with_levels,
 };
 
 /// Header words that the tests rewrite (docs/FORMAT.md, "Header").
@@ -15,7 +16,13 @@ const TIER_COUNT_WORD: usize = 5;
 const HEADER_WORDS: usize = 20;
 
 fn sample_bytes(kind: ResidualKind) -> Vec<u8> {
-    pack(&sample_asset(7, 6, 5, kind)).expect("the sample can be packed")
+    let mut asset = sample_asset(7, 6, 5, kind);
+    asset.layers[0].heights = Some(sample_heights(7, 30));
+    asset.edits = Edits {
+        list: vec![Edit { tint: [0.5, 1.0, 2.0], roughness: 2.0, ..Edit::default() }],
+        texels: (0..30).map(|texel| u8::from(texel % 4 == 0)).collect(),
+    };
+    pack(&with_levels(&asset, &serial)).expect("the sample can be packed")
 }
 
 fn set_word(bytes: &mut [u8], index: usize, value: u32) {
@@ -29,16 +36,15 @@ fn word(bytes: &[u8], index: usize) -> u32 {
 /// Builds the resident form and decodes some directions with every rule; all values must be finite.
 fn decode_everywhere(asset: &Asset, random: &mut Random) {
     let resident = Resident::from_asset(asset);
-    for layer in 0..resident.layers() {
+    for layer in 0..resident.layers() * resident.levels() {
+        let of_level = &asset.layers[(layer % resident.layers()) as usize];
+        let [width, height] = resident.size(layer).map(|side| side as usize);
         for _ in 0..8 {
             let (mut wi, mut wo) = (random.direction(), random.direction());
-            for (z, side) in [
-                (&mut wi[2], asset.layers[layer as usize].light_side),
-                (&mut wo[2], asset.layers[layer as usize].view_side),
-            ] {
+            for (z, side) in [(&mut wi[2], of_level.light_side), (&mut wo[2], of_level.view_side)] {
                 *z *= if side as u32 == 1 { -1.0 } else { 1.0 };
             }
-            let texel = random.below(asset.texel_count()) as u32;
+            let texel = random.below(width * height) as u32;
             for interpolation in [Interpolation::Fast, Interpolation::Exact] {
                 let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
                 let value = decode(&resident, layer, texel, wi, wo, &options);
@@ -64,14 +70,18 @@ fn held_bytes(asset: &Asset) -> usize {
         let sets = 4 * (layer.lights.words().len() + layer.views.words().len());
         2 * layer.texel_clusters.len() + dictionary + 4 * layer.lobe_refs.len() + sets + residual
     };
-    asset.material.len() + asset.layers.iter().map(layer).sum::<usize>()
+    let texels = |texels: &LevelTexels| {
+        2 * texels.clusters.len() + 4 * texels.lobe_refs.len() + texels.codes.iter().map(Vec::len).sum::<usize>()
+    };
+    let levels: usize = asset.levels.iter().flat_map(|level| &level.layers).map(texels).sum();
+    asset.material.len() + asset.layers.iter().map(layer).sum::<usize>() + levels
 }
 
 #[test]
 fn every_prefix_that_is_not_a_tier_is_refused_and_every_tier_decodes() {
     let bytes = sample_bytes(ResidualKind::Root);
     let tiers = read_directory(&bytes).unwrap().tiers;
-    assert_eq!(tiers.len(), 6, "the lobes, the mean and four components");
+    assert_eq!(tiers.len(), 7, "the lobes, the mean, four components, the levels");
     let mut random = Random::new(1);
     for length in 0..=bytes.len() {
         let parsed = Asset::parse(&bytes[..length]);
@@ -79,7 +89,8 @@ fn every_prefix_that_is_not_a_tier_is_refused_and_every_tier_decodes() {
             Some(tier) => {
                 let asset = parsed.unwrap();
                 let bases = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.bases.len());
-                assert_eq!(bases, tier, "tier {tier} holds the lobes, the mean and {tier} - 1 components");
+                assert_eq!(bases, tier.min(5), "tier {tier} holds the lobes, the mean and {tier} - 1 components");
+                assert_eq!(asset.levels.len(), if tier == 6 { 2 } else { 0 });
                 decode_everywhere(&asset, &mut random);
             }
             None => {
@@ -137,17 +148,17 @@ fn each_damage_is_named() {
     assert!(matches!(Asset::parse(&[]), Err(FormatError::TooShort { got: 0, .. })));
     assert!(matches!(with(&|b| b[0] = b'X'), FormatError::BadMagic { got: [b'X', b'P', b'M', b'M'] }));
     assert!(matches!(Asset::parse(b"PNG, or anything"), Err(FormatError::BadMagic { .. })));
-    let version = with(&|b| set_word(b, VERSION_WORD, 1));
-    assert_eq!(version, FormatError::Version { expected: 0, got: 1 });
+    let version = with(&|b| set_word(b, VERSION_WORD, 2));
+    assert_eq!(version, FormatError::Version { expected: 1, got: 2 });
     assert_eq!(
         version.to_string(),
-        "the asset has format version 1, this program reads version 0; fit the capture again or update the program"
+        "the asset has format version 2, this program reads version 1; fit the capture again or update the program"
     );
     assert_eq!(with(&|b| b[40] ^= 1), FormatError::HeaderChecksum);
     let last = bytes.len();
-    let section = with(&|b| b[last - 16] ^= 1);
+    let section = with(&|b| b[last - 32] ^= 1);
     assert!(
-        matches!(&section, FormatError::SectionChecksum { section } if section == "Coefficients 4 of layer 0"),
+        matches!(&section, FormatError::SectionChecksum { section } if section == "Level 2 of layer 0"),
         "{section}"
     );
     // Behind the first section that does not end where the next one starts.
@@ -188,7 +199,18 @@ fn header_words_out_of_their_range_are_refused_though_the_checksum_is_right() {
     }
     // What may change unseen: whether a known section is required, and a tier that nobody asked for.
     assert!(refused > 20 * read && read > 0, "{read} read, {refused} refused");
-    for (index, value) in [(LENGTH_LOW_WORD, 0), (LENGTH_HIGH_WORD, 1), (9, 4), (10, 1), (11, 1), (14, 1), (15, 1)] {
+    for (index, value) in [
+        (LENGTH_LOW_WORD, 0),
+        (LENGTH_HIGH_WORD, 1),
+        (9, 4),
+        (10, 1),
+        (11, 1),
+        (11, 8),
+        (14, 1),
+        (15, 0),
+        (16, 0x7fc0_0000),
+        (19, 1),
+    ] {
         let mut forged = bytes.clone();
         set_word(&mut forged, index, value);
         repair_header_checksum(&mut forged);
@@ -272,7 +294,7 @@ fn an_unknown_section_is_skipped_unless_it_is_required() {
 #[test]
 fn a_section_that_is_missing_doubled_or_promised_in_vain_is_named() {
     let bytes = sample_bytes(ResidualKind::Root);
-    let parts = FileParts::from_bytes(&bytes).unwrap();
+    let (parts, whole) = (FileParts::from_bytes(&bytes).unwrap(), Asset::parse(&bytes).unwrap());
     for at in 0..parts.sections.len() {
         let mut missing = parts.clone();
         missing.sections.remove(at);
@@ -280,8 +302,14 @@ fn a_section_that_is_missing_doubled_or_promised_in_vain_is_named() {
         missing.sections[last].ends_tier = true;
         let [kind, layer, index, _] = parts.sections[at].head;
         let name = format!("{:?} {index} of layer {layer}", SectionKind::from_number(kind).unwrap());
-        let refused = Asset::parse(&missing.to_bytes());
-        assert_eq!(refused, Err(FormatError::MissingSection { section: name.clone() }));
+        let read = Asset::parse(&missing.to_bytes());
+        // An asset may do without these.
+        let optional = [SectionKind::Height, SectionKind::Edits, SectionKind::Level].map(|kind| kind as u32);
+        if optional.contains(&kind) {
+            assert_ne!(read.expect("it is an asset without"), whole);
+        } else {
+            assert!(read == Err(FormatError::MissingSection { section: name.clone() }), "{name}");
+        }
 
         let mut doubled = parts.clone();
         doubled.sections.insert(at, SectionPart { ends_tier: false, ..parts.sections[at].clone() });
