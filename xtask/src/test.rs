@@ -5,20 +5,21 @@ use crate::counts::{Counts, cargo_test_failures, from_cargo_test, from_nextest, 
 use crate::failure::Failure;
 use crate::metadata::{Metadata, has_subcommand};
 use crate::shell::{self, cargo, root, run_and_read};
-use crate::{arrows, driver, licences, peers, words};
+use crate::{arrows, driver, header, licences, memcheck, peers, words};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const HELP: &str = "\
-Runs everything that CI runs: format, clippy, dependency arrows, licences, words, the software Vulkan
-driver, Mitsuba for comparison (Python, under the target folder), tests, doc tests, docs. The last line sums it up: N passed, N failed, N skipped.
+Runs everything that CI runs: format, clippy, dependency arrows, licences, words, the C header, the software Vulkan
+driver, compiler and valgrind for the tests in C, Mitsuba for comparison (Python, under the target folder), tests, doc tests,
+docs. The last line sums it up: N passed, N failed, N skipped.
 
 Usage: cargo xtask test [--quick]
 
   --quick   the tier for every edit: no GPU, no integration tests, no docs (under 5 minutes)
 
 BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba; they are counted as
-skipped. BTF_PEERS_PYTHON names a Python that has Mitsuba already. BTF_DATA names the folder of the measured
+skipped; so is the run under valgrind that BTF_SKIP_VALGRIND=1 leaves out. BTF_PEERS_PYTHON names a Python that has Mitsuba already. BTF_DATA names the folder of the measured
 data, without which the tests that use it are skipped.
 
 Example: BTF_SKIP_GPU=1 cargo xtask test";
@@ -94,6 +95,7 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
         suite.check("licences", || licences::check(metadata));
     }
     suite.check("words", || words::check(&root()));
+    suite.check("header", header::check);
     if quick {
         suite.step("unit tests", |_| tests(&["--workspace", "--lib", "--bins"], None));
         suite.step("left out by --quick", |_| {
@@ -109,6 +111,7 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
             println!("{}", driver::ensure().map_err(|failure| failure.to_string())?);
             Ok(Counts::PASSED)
         });
+        suite.check("tools for C", || memcheck::ensure().map_err(|failure| failure.to_string()));
         suite.step("peers", |_| {
             if peers::left_out() {
                 println!("left out: BTF_SKIP_PEERS=1");
