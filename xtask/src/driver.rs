@@ -1,4 +1,5 @@
-//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on; and what `memcheck.rs` finds.
+//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on, and what `memcheck.rs`
+//! finds.
 //!
 //! Mesa's lavapipe has ray queries from version 25 on. Debian 12 carries that version in its backports;
 //! as root on Debian it is installed, elsewhere the user is told what to install.
@@ -18,7 +19,7 @@ const BACKPORTS_FILE: &str = "/etc/apt/sources.list.d/btf-backports.sources";
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if crate::asks_for_help(arguments) {
         println!(
-            "Installs the software Vulkan driver of the GPU tests, and compiler and valgrind of the tests in C (Debian, as \
+            "Installs the software Vulkan driver of the GPU tests, and compiler and valgrind of those in C (Debian, as \
              root), or says what to install.\n\nUsage: cargo xtask setup"
         );
         return Ok(());

@@ -120,11 +120,16 @@ mod tests {
         assert_eq!(offence(&tool), None);
         assert!(offence(&Package { license: Some("GPL-3.0-only".to_string()), ..tool }).is_some());
         let linked_by = |name: &str| {
-            let package = |name: &str, source| serde_json::json!({ "name": name, "version": "1.0.0", "id": name, "source": source, "dependencies": [] });
+            let package = |name: &str, source| {
+                let dependencies: [&str; 0] = [];
+                serde_json::json!({ "name": name, "version": "1", "id": name, "source": source, "dependencies": dependencies })
+            };
             let metadata = serde_json::from_value(serde_json::json!({
                 "packages": [package(name, None), package("cbindgen", Some("registry"))],
                 "target_directory": "target",
-                "resolve": { "nodes": [{ "id": name, "deps": [{ "pkg": "cbindgen", "dep_kinds": [{ "kind": null }] }] }] },
+                "resolve": { "nodes": [
+                    { "id": name, "deps": [{ "pkg": "cbindgen", "dep_kinds": [{ "kind": null }] }] },
+                ] },
             }));
             shipped_tools(&metadata.unwrap())
         };

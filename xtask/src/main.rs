@@ -6,6 +6,7 @@
 //! | `check` | `check.rs`: format and clippy |
 //! | `demo` | `demo.rs`: capture, fit, compare, picture |
 //! | `bench` | `bench.rs` |
+//! | `python` | `python.rs`: the Python module, by maturin, in the environment of `peers.rs` |
 //! | `header` | `header.rs`: the C header, by cbindgen |
 //! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `memcheck.rs`: valgrind for those in C |
 //!
@@ -26,6 +27,7 @@ mod licences;
 mod memcheck;
 mod metadata;
 mod peers;
+mod python;
 mod shell;
 mod spdx;
 mod test;
@@ -42,6 +44,7 @@ Chores:
   test    everything that CI runs; --quick is the tier for every edit
   check   format and clippy only
   bench   time reading, clustering, fitting and decoding (criterion)
+  python  build, install and test the Python module
   header  write the C header from the sources of the C interface
   setup   install the software Vulkan driver that the GPU tests run on, and valgrind for those in C
 
@@ -71,6 +74,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "test" => test::run(rest),
         "check" => check::run(rest),
         "bench" => bench::run(rest),
+        "python" => python::run(rest),
         "header" => header::run(rest),
         "setup" => driver::run(rest),
         "-h" | "--help" | "help" => {
@@ -100,7 +104,7 @@ mod tests {
         let failure = run(&["brew".to_string()]).unwrap_err();
         assert_eq!(failure.exit_code(), 2);
         assert!(failure.to_string().contains("no chore 'brew'"));
-        for chore in ["demo", "test", "check", "bench", "header", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "python", "header", "setup"] {
             assert!(failure.to_string().contains(chore), "{chore} is not in the list");
         }
     }
@@ -112,6 +116,7 @@ mod tests {
         assert_eq!(exit_code_of(&["demo", "--size", "large"]), 2);
         assert_eq!(exit_code_of(&["demo", "--out"]), 2);
         assert_eq!(exit_code_of(&["check", "now"]), 2);
+        assert_eq!(exit_code_of(&["python", "now"]), 2);
         assert_eq!(exit_code_of(&["header", "now"]), 2);
         assert_eq!(exit_code_of(&["setup", "now"]), 2);
     }
@@ -119,7 +124,7 @@ mod tests {
     #[test]
     fn help_is_no_failure() {
         assert_eq!(exit_code_of(&["--help"]), 0);
-        for chore in ["demo", "test", "check", "bench", "header", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "python", "header", "setup"] {
             assert_eq!(exit_code_of(&[chore, "--help"]), 0);
         }
     }

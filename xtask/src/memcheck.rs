@@ -51,8 +51,8 @@ fn found() -> String {
 
 fn advice(missing: &[&str]) -> String {
     format!(
-        "the tests in C need {}: install it (Debian: apt-get install {}); where there is no valgrind, BTF_SKIP_VALGRIND=1 \
-         leaves its run out",
+        "the tests in C need {}: install it (Debian: apt-get install {}); where there is no valgrind, \
+         BTF_SKIP_VALGRIND=1 leaves its run out",
         missing.join(", "),
         missing.join(" ")
     )

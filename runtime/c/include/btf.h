@@ -164,7 +164,8 @@ enum btf_interpolation
    */
   BTF_INTERPOLATION_FAST = 0,
   /**
-   * The nine measured values around, scaled by the lobes: smoother between sparse directions, nine times the lobes' cost.
+   * The nine measured values around, scaled by the lobes: smoother between sparse directions, nine times the
+   * lobes' cost.
    */
   BTF_INTERPOLATION_EXACT = 1,
 };
@@ -305,8 +306,8 @@ const char *btf_error_text(int32_t code);
 
 /**
  * The sentence of the last call of this thread that failed: what was wrong, and the remedy. Calls that succeed leave
- * it. Empty where none has failed. Never null; belongs to the library and stays until the next call of this thread that
- * fails, or the thread's end.
+ * it. Empty where none has failed. Never null; belongs to the library and stays until the next call of this thread
+ * that fails, or the thread's end.
  */
 const char *btf_last_error(void);
 
@@ -339,8 +340,8 @@ btf_code btf_open_file(const char *path,
                        struct btf_asset **asset);
 
 /**
- * Closes an asset and frees all that belongs to it. Null does nothing. No other call may be using the handle, and none may
- * use it afterwards.
+ * Closes an asset and frees all that belongs to it. Null does nothing. No other call may be using the handle, and
+ * none may use it afterwards.
  */
 void btf_close(struct btf_asset *asset);
 
@@ -364,8 +365,8 @@ btf_code btf_material(const struct btf_asset *asset,
                       size_t *length);
 
 /**
- * The asset as the words of one storage buffer, for the WGSL decoder (runtime/src/shaders): all levels and layers, offsets
- * in words from the first, so that several assets may lie in one buffer.
+ * The asset as the words of one storage buffer, for the WGSL decoder (runtime/src/shaders): all levels and layers,
+ * offsets in words from the first, so that several assets may lie in one buffer.
  *
  * `words`: takes a pointer to them, which belongs to the asset and stays until btf_close.
  * `count`: takes their number; a word has 4 bytes, in the machine's order.
@@ -381,13 +382,13 @@ btf_code btf_resident(const struct btf_asset *asset,
 struct btf_options btf_default_options(void);
 
 /**
- * Evaluates one place: pi x BRDF x |cosine of wi|, linear RGB, at least 0 and finite. With light and eye on different sides
- * it is the BTDF. A white Lambertian lit at normal incidence gives 1; the cosine is inside, so a renderer multiplies
- * irradiance at normal incidence / pi, and no further cosine.
+ * Evaluates one place: pi x BRDF x |cosine of wi|, linear RGB, at least 0 and finite. With light and eye on
+ * different sides it is the BTDF. A white Lambertian lit at normal incidence gives 1; the cosine is inside, so a
+ * renderer multiplies irradiance at normal incidence / pi, and no further cosine.
  *
  * `level`: 0 the finest, below btf_info.levels. The texel nearest to uv answers.
- * `place`: where, lit from where, seen from where. Black where the asset has no layer for these sides, where a number is
- * not finite, and where wi or wo is not of length 1 within half a percent.
+ * `place`: where, lit from where, seen from where. Black where the asset has no layer for these sides, where a
+ * number is not finite, and where wi or wo is not of length 1 within half a percent.
  * `options`: null for btf_default_options().
  * `value`: takes 3 numbers.
  * Errors: BTF_POINTER, BTF_ARGUMENT.
@@ -399,8 +400,8 @@ btf_code btf_evaluate(const struct btf_asset *asset,
                       float *value);
 
 /**
- * Evaluates many places, as btf_evaluate does one, on the calling thread. Several threads may share the work: give each a
- * part of the arrays.
+ * Evaluates many places, as btf_evaluate does one, on the calling thread. Several threads may share the work: give
+ * each a part of the arrays.
  *
  * `places`: `count` of them; `count` may be 0, and then no array is looked at.
  * `values`: takes 3 x `count` numbers, red, green and blue of each place. Untouched where the call fails.

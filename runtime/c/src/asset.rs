@@ -16,7 +16,8 @@ pub struct Handle {
     material: Vec<u8>,
 }
 
-// What lets many threads read one handle: no call takes it as `&mut`, and the compiler agrees that `&Handle` may be shared.
+// What lets many threads read one handle: no call takes it as `&mut`, and the compiler agrees that `&Handle` may be
+// shared.
 const _: fn() = || {
     fn may_be_shared<T: Send + Sync>() {}
     may_be_shared::<Handle>();
@@ -216,8 +217,8 @@ fn path_of(text: &CStr) -> Result<PathBuf, Fault> {
     Ok(path.into())
 }
 
-/// Closes an asset and frees all that belongs to it. Null does nothing. No other call may be using the handle, and none may
-/// use it afterwards.
+/// Closes an asset and frees all that belongs to it. Null does nothing. No other call may be using the handle, and
+/// none may use it afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_close(asset: *mut Handle) {
     if !asset.is_null() {
@@ -264,8 +265,8 @@ pub unsafe extern "C" fn btf_material(asset: *const Handle, text: *mut *const c_
     })
 }
 
-/// The asset as the words of one storage buffer, for the WGSL decoder (runtime/src/shaders): all levels and layers, offsets
-/// in words from the first, so that several assets may lie in one buffer.
+/// The asset as the words of one storage buffer, for the WGSL decoder (runtime/src/shaders): all levels and layers,
+/// offsets in words from the first, so that several assets may lie in one buffer.
 ///
 /// `words`: takes a pointer to them, which belongs to the asset and stays until btf_close.
 /// `count`: takes their number; a word has 4 bytes, in the machine's order.

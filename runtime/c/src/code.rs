@@ -108,8 +108,8 @@ pub extern "C" fn btf_error_text(code: i32) -> *const c_char {
 }
 
 /// The sentence of the last call of this thread that failed: what was wrong, and the remedy. Calls that succeed leave
-/// it. Empty where none has failed. Never null; belongs to the library and stays until the next call of this thread that
-/// fails, or the thread's end.
+/// it. Empty where none has failed. Never null; belongs to the library and stays until the next call of this thread
+/// that fails, or the thread's end.
 #[unsafe(no_mangle)]
 pub extern "C" fn btf_last_error() -> *const c_char {
     LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())

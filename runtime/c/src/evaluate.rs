@@ -49,7 +49,8 @@ pub struct Drawn {
 pub enum Interpolation {
     /// The lobes in the asked directions, the residual interpolated: one evaluation of the lobes.
     Fast = 0,
-    /// The nine measured values around, scaled by the lobes: smoother between sparse directions, nine times the lobes' cost.
+    /// The nine measured values around, scaled by the lobes: smoother between sparse directions, nine times the
+    /// lobes' cost.
     Exact = 1,
 }
 
@@ -125,13 +126,13 @@ unsafe fn numbers<'a, const N: usize>(pointer: *const f32, name: &str) -> Result
     unsafe { read(pointer.cast(), name) }
 }
 
-/// Evaluates one place: pi x BRDF x |cosine of wi|, linear RGB, at least 0 and finite. With light and eye on different sides
-/// it is the BTDF. A white Lambertian lit at normal incidence gives 1; the cosine is inside, so a renderer multiplies
-/// irradiance at normal incidence / pi, and no further cosine.
+/// Evaluates one place: pi x BRDF x |cosine of wi|, linear RGB, at least 0 and finite. With light and eye on
+/// different sides it is the BTDF. A white Lambertian lit at normal incidence gives 1; the cosine is inside, so a
+/// renderer multiplies irradiance at normal incidence / pi, and no further cosine.
 ///
 /// `level`: 0 the finest, below btf_info.levels. The texel nearest to uv answers.
-/// `place`: where, lit from where, seen from where. Black where the asset has no layer for these sides, where a number is
-/// not finite, and where wi or wo is not of length 1 within half a percent.
+/// `place`: where, lit from where, seen from where. Black where the asset has no layer for these sides, where a
+/// number is not finite, and where wi or wo is not of length 1 within half a percent.
 /// `options`: null for btf_default_options().
 /// `value`: takes 3 numbers.
 /// Errors: BTF_POINTER, BTF_ARGUMENT.
@@ -155,8 +156,8 @@ pub unsafe extern "C" fn btf_evaluate(
     })
 }
 
-/// Evaluates many places, as btf_evaluate does one, on the calling thread. Several threads may share the work: give each a
-/// part of the arrays.
+/// Evaluates many places, as btf_evaluate does one, on the calling thread. Several threads may share the work: give
+/// each a part of the arrays.
 ///
 /// `places`: `count` of them; `count` may be 0, and then no array is looked at.
 /// `values`: takes 3 x `count` numbers, red, green and blue of each place. Untouched where the call fails.

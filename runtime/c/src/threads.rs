@@ -5,8 +5,8 @@ use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{Builder, JoinHandle, available_parallelism};
 
-/// Threads that are waited for, whatever happens. `std::thread::scope` would do, but for the handle of the calling thread,
-/// which it makes and a C program's main thread never frees: valgrind reports it.
+/// Threads that are waited for, whatever happens. `std::thread::scope` would do, but for the handle of the calling
+/// thread, which it makes and a C program's main thread never frees: valgrind reports it.
 struct Helpers<T>(Vec<JoinHandle<T>>);
 
 impl<T> Drop for Helpers<T> {
@@ -18,8 +18,8 @@ impl<T> Drop for Helpers<T> {
     }
 }
 
-/// `[work(0), ..., work(count - 1)]`, on at most `threads` threads, the calling one among them; 0 for as many as there are
-/// processors. Where no further thread can be had, those that are there do it all.
+/// `[work(0), ..., work(count - 1)]`, on at most `threads` threads, the calling one among them; 0 for as many as
+/// there are processors. Where no further thread can be had, those that are there do it all.
 pub fn spread<T: Send>(threads: u32, count: usize, work: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
     let threads = match threads {
         0 => available_parallelism().map_or(1, NonZero::get),
