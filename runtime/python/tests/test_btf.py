@@ -1,5 +1,7 @@
 """The Python module: `python -m unittest` here, with `btf` and numpy installed; `cargo xtask python` does it."""
 
+import ast
+import inspect
 import os
 import tempfile
 import threading
@@ -180,6 +182,38 @@ class Samples(Module):
         # Planted difference: the densities of other directions.
         wrong = (value[drawn] / np.roll(density[drawn], 1)[:, None]).sum(0) / len(drawn) / np.pi
         self.assertGreater(np.abs(wrong / whole - 1).max(), 0.05)
+
+
+class Stubs(unittest.TestCase):
+    STUB = Path(__file__).resolve().parents[1] / "btf.pyi"
+
+    def differences(self, text):
+        """Functions of the stub whose parameters or defaults are not the module's, and those that are missing there."""
+        tree = ast.parse(text)
+        wanted = {"open": btf.open}
+        wanted.update({name: getattr(btf.Asset, name) for name in vars(btf.Asset) if not name.startswith("_")})
+        found = {}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                required = [(one.arg, inspect.Parameter.empty) for one in node.args.args]
+                optional = zip(node.args.kwonlyargs, node.args.kw_defaults)
+                found[node.name] = required + [(one.arg, ast.literal_eval(default)) for one, default in optional]
+        differ = set(wanted) ^ set(found)
+        for name in set(wanted) & set(found):
+            if callable(wanted[name]):
+                parameters = inspect.signature(wanted[name]).parameters.values()
+                differ |= set() if [(one.name, one.default) for one in parameters] == found[name] else {name}
+        return differ
+
+    def test_the_stub_says_what_the_module_takes(self):
+        text = self.STUB.read_text()
+        self.assertEqual(self.differences(text), set())
+        # Planted differences: another default, another order, a function that is not there.
+        self.assertEqual(self.differences(text.replace("level: int = 0", "level: int = 1")), {"eval", "pdf", "sample"})
+        swapped = text.replace("wo: ArrayLike,\n        at: ArrayLike", "at: ArrayLike,\n        wo: ArrayLike")
+        self.assertEqual(self.differences(swapped), {"sample"})
+        self.assertEqual(self.differences(text + "\ndef close() -> None: ...\n"), {"close"})
+        self.assertTrue((Path(btf.__file__).parent / "py.typed").exists())
 
 
 class Threads(Module):
