@@ -8,4 +8,5 @@ mod leaf_colour;
 mod leaf_layers;
 mod measured_photographs;
 mod mitsuba_peers;
+mod python_module;
 mod recovery;

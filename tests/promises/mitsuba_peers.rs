@@ -14,7 +14,7 @@ use std::process::{Command, Stdio};
 const INDEX: f64 = 1.42;
 
 /// The interpreter that has Mitsuba, or `None` with a line for the skip count.
-fn interpreter() -> Option<PathBuf> {
+pub fn interpreter() -> Option<PathBuf> {
     if std::env::var_os("BTF_SKIP_PEERS").is_some_and(|value| value == "1") {
         btf_tests::skip("Mitsuba comparison (BTF_SKIP_PEERS=1)");
         return None;

@@ -1,10 +1,12 @@
-//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on.
+//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on, and what `memcheck.rs`
+//! finds.
 //!
 //! Mesa's lavapipe has ray queries from version 25 on. Debian 12 carries that version in its backports;
 //! as root on Debian it is installed, elsewhere the user is told what to install.
 
 use crate::failure::Failure;
-use crate::shell::{answer_of, run_checked};
+use crate::memcheck;
+use crate::shell::{answer_of, is_root_on_debian, os_release, run_checked};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -17,7 +19,8 @@ const BACKPORTS_FILE: &str = "/etc/apt/sources.list.d/btf-backports.sources";
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if crate::asks_for_help(arguments) {
         println!(
-            "Installs the software Vulkan driver of the GPU tests (Debian, as root), or says what to install.\n\nUsage: cargo xtask setup"
+            "Installs the software Vulkan driver of the GPU tests, and compiler and valgrind of those in C (Debian, as \
+             root), or says what to install.\n\nUsage: cargo xtask setup"
         );
         return Ok(());
     }
@@ -25,6 +28,7 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
         return Err(Failure::usage(format!("`setup` takes no argument, it was given '{unknown}'")));
     }
     println!("{}", ensure()?);
+    println!("{}", memcheck::ensure()?);
     Ok(())
 }
 
@@ -33,9 +37,8 @@ pub fn ensure() -> Result<String, Failure> {
     if let Some(found) = present() {
         return Ok(found);
     }
-    let release = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
-    if field(&release, "ID").as_deref() == Some("debian") && is_root() {
-        install(field(&release, "VERSION_CODENAME").as_deref().unwrap_or("bookworm"))?;
+    if is_root_on_debian() {
+        install(os_release("VERSION_CODENAME").as_deref().unwrap_or("bookworm"))?;
         return present()
             .ok_or_else(|| Failure::new(format!("the driver was installed but does not answer; {}", advice())));
     }
@@ -76,14 +79,6 @@ fn has_loader() -> bool {
 /// `25` of `25.0.7-2~bpo12+1` or `1:25.0.7`.
 fn major(version: &str) -> Option<u32> {
     version.rsplit(':').next()?.split('.').next()?.parse().ok()
-}
-
-fn is_root() -> bool {
-    answer_of(Command::new("id").arg("-u")).is_some_and(|id| id.trim() == "0")
-}
-
-fn field(release: &str, name: &str) -> Option<String> {
-    release.lines().find_map(|line| Some(line.strip_prefix(name)?.strip_prefix('=')?.trim_matches('"').to_string()))
 }
 
 fn advice() -> String {
@@ -193,10 +188,8 @@ mod tests {
     }
 
     #[test]
-    fn versions_and_release_files_are_read() {
+    fn versions_are_read() {
         assert_eq!(major("25.0.7-2~bpo12+1"), Some(25));
         assert_eq!(major("1:22.3.6-1+deb12u1"), Some(22));
-        assert_eq!(field("NAME=\"Debian\"\nID=debian\nVERSION_CODENAME=bookworm\n", "ID").as_deref(), Some("debian"));
-        assert_eq!(field("ID_LIKE=debian\n", "ID"), None);
     }
 }

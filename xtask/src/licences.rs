@@ -5,7 +5,7 @@ use crate::spdx;
 
 /// Licences that ask for no more than naming the authors, so that MIT OR Apache-2.0 can stand over the whole.
 ///
-/// MPL-2.0 is left out: nothing of ours needs it, and a crate that brings it should be a decision.
+/// MPL-2.0 is left out: what we ship does without it. A tool of ours may have it, see [`TOOLS`].
 const ACCEPTED: [&str; 13] = [
     "MIT",
     "Apache-2.0",
@@ -24,9 +24,17 @@ const ACCEPTED: [&str; 13] = [
     "Ubuntu-font-1.0",
 ];
 
+/// Crates under another licence that only our chores run, with the licence: nothing of them gets into what we ship.
+/// cbindgen's licence covers its own files, not the headers that it writes.
+const TOOLS: [(&str, &str); 1] = [("cbindgen", "MPL-2.0")];
+
+/// The package that may link those.
+const CHORES: &str = "xtask";
+
 /// Checks every package. `Ok` holds one line that says what was found; `Err` holds every offence, one a line.
 pub fn check(metadata: &Metadata) -> Result<String, String> {
-    let offences: Vec<String> = metadata.packages.iter().filter_map(offence).collect();
+    let mut offences: Vec<String> = metadata.packages.iter().filter_map(offence).collect();
+    offences.extend(shipped_tools(metadata));
     if !offences.is_empty() {
         return Err(offences.join("\n"));
     }
@@ -52,13 +60,27 @@ fn offence(package: &Package) -> Option<String> {
             None => format!("{who} names no licence, so nobody may use it"),
         });
     };
-    match spdx::is_satisfied(expression, &|licence| ACCEPTED.contains(&licence)) {
+    let accepts = |licence: &str| ACCEPTED.contains(&licence) || TOOLS.contains(&(&*package.name, licence));
+    match spdx::is_satisfied(expression, &accepts) {
         Ok(true) => None,
         Ok(false) => Some(format!("{who} is under '{expression}', which xtask/src/licences.rs does not accept")),
         Err(reason) => {
             Some(format!("{who} has the licence text '{expression}', which is no SPDX expression: {reason}"))
         }
     }
+}
+
+/// Our packages but [`CHORES`] that link one of [`TOOLS`].
+fn shipped_tools(metadata: &Metadata) -> Vec<String> {
+    let ours = metadata.packages.iter().filter(|package| package.source.is_none() && package.name != CHORES);
+    let linked = ours.flat_map(|package| {
+        let linked = metadata.linked_with(&package.name);
+        let tools = TOOLS.into_iter().filter(move |(tool, _)| linked.contains(tool));
+        tools.map(|(tool, licence)| {
+            format!("{} links {tool}, which is under {licence}: only {CHORES} may", package.name)
+        })
+    });
+    linked.collect()
 }
 
 fn is_accepted_without(package: &Package, licence: &str) -> bool {
@@ -90,6 +112,29 @@ mod tests {
             let offence = offence(&package(Some(expression), None)).unwrap_or_else(|| panic!("{expression} passed"));
             assert!(offence.contains("planted 1.2.3") && offence.contains(expression), "{offence}");
         }
+    }
+
+    #[test]
+    fn a_tool_s_licence_is_for_that_tool_and_for_the_chores_alone() {
+        let tool = Package { name: "cbindgen".to_string(), ..package(Some("MPL-2.0"), None) };
+        assert_eq!(offence(&tool), None);
+        assert!(offence(&Package { license: Some("GPL-3.0-only".to_string()), ..tool }).is_some());
+        let linked_by = |name: &str| {
+            let package = |name: &str, source| {
+                let dependencies: [&str; 0] = [];
+                serde_json::json!({ "name": name, "version": "1", "id": name, "source": source, "dependencies": dependencies })
+            };
+            let metadata = serde_json::from_value(serde_json::json!({
+                "packages": [package(name, None), package("cbindgen", Some("registry"))],
+                "target_directory": "target",
+                "resolve": { "nodes": [
+                    { "id": name, "deps": [{ "pkg": "cbindgen", "dep_kinds": [{ "kind": null }] }] },
+                ] },
+            }));
+            shipped_tools(&metadata.unwrap())
+        };
+        assert_eq!(linked_by("xtask"), [""; 0]);
+        assert!(linked_by("btf-runtime-c")[0].contains("btf-runtime-c links cbindgen"));
     }
 
     #[test]

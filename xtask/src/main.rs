@@ -6,7 +6,9 @@
 //! | `check` | `check.rs`: format and clippy |
 //! | `demo` | `demo.rs`: capture, fit, compare, picture |
 //! | `bench` | `bench.rs` |
-//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests |
+//! | `python` | `python.rs`: the Python module, by maturin, in the environment of `peers.rs` |
+//! | `header` | `header.rs`: the C header, by cbindgen |
+//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `memcheck.rs`: valgrind for those in C |
 //!
 //! The checks that are ours stand in `arrows.rs`, `licences.rs` (over `spdx.rs`) and `words.rs`; all of them read
 //! `cargo metadata` through `metadata.rs`.
@@ -20,9 +22,12 @@ mod counts;
 mod demo;
 mod driver;
 mod failure;
+mod header;
 mod licences;
+mod memcheck;
 mod metadata;
 mod peers;
+mod python;
 mod shell;
 mod spdx;
 mod test;
@@ -39,7 +44,9 @@ Chores:
   test    everything that CI runs; --quick is the tier for every edit
   check   format and clippy only
   bench   time reading, clustering, fitting and decoding (criterion)
-  setup   install the software Vulkan driver that the GPU tests run on
+  python  build, install and test the Python module
+  header  write the C header from the sources of the C interface
+  setup   install the software Vulkan driver that the GPU tests run on, and valgrind for those in C
 
 `cargo xtask CHORE --help` tells more, with an example.";
 
@@ -67,6 +74,8 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "test" => test::run(rest),
         "check" => check::run(rest),
         "bench" => bench::run(rest),
+        "python" => python::run(rest),
+        "header" => header::run(rest),
         "setup" => driver::run(rest),
         "-h" | "--help" | "help" => {
             println!("{HELP}");
@@ -95,7 +104,7 @@ mod tests {
         let failure = run(&["brew".to_string()]).unwrap_err();
         assert_eq!(failure.exit_code(), 2);
         assert!(failure.to_string().contains("no chore 'brew'"));
-        for chore in ["demo", "test", "check", "bench", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "python", "header", "setup"] {
             assert!(failure.to_string().contains(chore), "{chore} is not in the list");
         }
     }
@@ -107,13 +116,15 @@ mod tests {
         assert_eq!(exit_code_of(&["demo", "--size", "large"]), 2);
         assert_eq!(exit_code_of(&["demo", "--out"]), 2);
         assert_eq!(exit_code_of(&["check", "now"]), 2);
+        assert_eq!(exit_code_of(&["python", "now"]), 2);
+        assert_eq!(exit_code_of(&["header", "now"]), 2);
         assert_eq!(exit_code_of(&["setup", "now"]), 2);
     }
 
     #[test]
     fn help_is_no_failure() {
         assert_eq!(exit_code_of(&["--help"]), 0);
-        for chore in ["demo", "test", "check", "bench", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "python", "header", "setup"] {
             assert_eq!(exit_code_of(&[chore, "--help"]), 0);
         }
     }

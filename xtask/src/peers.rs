@@ -59,11 +59,7 @@ pub fn ensure(target: &Path) -> Result<String, Failure> {
 
 /// Runs the self-check of the rival codecs with the Python that [`ensure`] found or made; the sentence says so.
 pub fn check_rivals(target: &Path) -> Result<String, Failure> {
-    let python = match std::env::var_os("BTF_PEERS_PYTHON") {
-        Some(named) => PathBuf::from(named),
-        None => interpreter_in(&target.join("peers").join("mitsuba")),
-    };
-    let mut command = Command::new(python);
+    let mut command = Command::new(interpreter(target));
     command.args(["-m", "unittest", "test_rivals"]).current_dir(root().join("tests").join("peers"));
     let (status, output) = run_and_read(&mut command)?;
     match status.success() {
@@ -72,6 +68,14 @@ pub fn check_rivals(target: &Path) -> Result<String, Failure> {
             Err(Failure::new(format!("the self-check of the rival codecs needs numpy: install it, {LEAVE_OUT}")))
         }
         false => Err(Failure::new("the self-check of the rival codecs failed: see tests/peers/test_rivals.py")),
+    }
+}
+
+/// The Python that [`ensure`] found or made.
+pub fn interpreter(target: &Path) -> PathBuf {
+    match std::env::var_os("BTF_PEERS_PYTHON") {
+        Some(named) => PathBuf::from(named),
+        None => interpreter_in(&target.join("peers").join("mitsuba")),
     }
 }
 

@@ -79,6 +79,21 @@ pub fn answer_of(command: &mut Command) -> Option<String> {
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
+/// Whether packages can be installed with apt-get.
+pub fn is_root_on_debian() -> bool {
+    let is_root = answer_of(Command::new("id").arg("-u")).is_some_and(|id| id.trim() == "0");
+    is_root && os_release("ID").as_deref() == Some("debian")
+}
+
+/// What the operating system says of itself.
+pub fn os_release(name: &str) -> Option<String> {
+    field(&std::fs::read_to_string("/etc/os-release").unwrap_or_default(), name)
+}
+
+fn field(release: &str, name: &str) -> Option<String> {
+    release.lines().find_map(|line| Some(line.strip_prefix(name)?.strip_prefix('=')?.trim_matches('"').to_string()))
+}
+
 fn cannot_start(command: &Command, error: &std::io::Error) -> Failure {
     Failure::new(format!("`{}` does not start: {error}", line_of(command)))
 }
@@ -114,6 +129,12 @@ mod tests {
         assert!(status.success() && text.starts_with("cargo "), "{text}");
         let (status, text) = run_and_read(&mut cargo(&["no-such-command"])).unwrap();
         assert!(!status.success() && text.contains("no-such-command"), "{text}");
+    }
+
+    #[test]
+    fn release_files_are_read() {
+        assert_eq!(field("NAME=\"Debian\"\nID=debian\nVERSION_CODENAME=bookworm\n", "ID").as_deref(), Some("debian"));
+        assert_eq!(field("ID_LIKE=debian\n", "ID"), None);
     }
 
     #[test]

@@ -1,0 +1,286 @@
+//! The handle: open, ask, close.
+
+use crate::border::{Target, call, read, read_many};
+use crate::code::{Code, Fault};
+use crate::threads::spread;
+use btf_runtime::{Asset, Resident, VERSION, resident_with_levels};
+use std::ffi::{CStr, c_char};
+use std::path::PathBuf;
+
+/// An open asset. What it points to is only read, so any number of threads may use one handle at once, in all calls but
+/// btf_close.
+pub struct Handle {
+    pub(crate) resident: Resident,
+    info: Info,
+    /// A zero behind the text.
+    material: Vec<u8>,
+}
+
+// What lets many threads read one handle: no call takes it as `&mut`, and the compiler agrees that `&Handle` may be
+// shared.
+const _: fn() = || {
+    fn may_be_shared<T: Send + Sync>() {}
+    may_be_shared::<Handle>();
+};
+
+/// Which levels an asset is opened with. A level is half as wide and high as the one before, for places that show
+/// several texels in a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Levels {
+    /// Those that the file has.
+    AtHand = 0,
+    /// All down to a single texel; those that the file has not are made, which takes seconds for large assets.
+    All = 1,
+}
+
+/// How an asset is opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(C)]
+pub struct OpenOptions {
+    /// A btf_levels.
+    pub levels: u32,
+    /// Threads that opening may use, all gone when it returns; 0 for as many as there are processors.
+    pub threads: u32,
+}
+
+/// Light and eye in front of the surface: reflection. A bit of btf_info.sides.
+pub const BTF_FRONT_LIT_FRONT: u32 = 1;
+/// Light behind the surface, eye in front: transmission. A bit of btf_info.sides.
+pub const BTF_FRONT_LIT_BACK: u32 = 2;
+/// Light in front of the surface, eye behind: transmission. A bit of btf_info.sides.
+pub const BTF_BACK_LIT_FRONT: u32 = 4;
+/// Light and eye behind the surface: reflection of its back. A bit of btf_info.sides.
+pub const BTF_BACK_LIT_BACK: u32 = 8;
+
+/// What an asset has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(C)]
+pub struct Info {
+    /// Version of the format that the file is in.
+    pub format_version: u32,
+    /// Texels per row of the finest level.
+    pub width: u32,
+    /// Rows of the finest level.
+    pub height: u32,
+    /// Layers, 1 to 4: one for each pair of sides below.
+    pub layers: u32,
+    /// Levels, the finest included.
+    pub levels: u32,
+    /// Residual components of the layer that has most; 0 where there is no residual.
+    pub components: u32,
+    /// Lobes of the texel that has most.
+    pub lobes: u32,
+    /// Which sides eye and light may be on: bits BTF_FRONT_LIT_FRONT to BTF_BACK_LIT_BACK. With others it is black.
+    pub sides: u32,
+}
+
+/// The bit of each light and eye side, true for the back.
+const SIDES: [(u32, bool, bool); 4] = [
+    (BTF_FRONT_LIT_FRONT, false, false),
+    (BTF_FRONT_LIT_BACK, true, false),
+    (BTF_BACK_LIT_FRONT, false, true),
+    (BTF_BACK_LIT_BACK, true, true),
+];
+
+impl Handle {
+    fn open(bytes: &[u8], options: &OpenOptions) -> Result<Handle, Fault> {
+        let all_levels = match options.levels {
+            levels if levels == Levels::AtHand as u32 => false,
+            levels if levels == Levels::All as u32 => true,
+            levels => {
+                let sentence = format!("levels is {levels}: take BTF_LEVELS_AT_HAND or BTF_LEVELS_ALL");
+                return Err(Fault::new(Code::Argument, sentence));
+            }
+        };
+        let asset = Asset::parse(bytes)?;
+        let threads = options.threads;
+        let resident = if all_levels {
+            resident_with_levels(&asset, |n, f| spread(threads, n, f), |n, f| spread(threads, n, f)).0
+        } else {
+            Resident::from_asset_with(&asset, |n, f| spread(threads, n, f))
+        };
+        let sides = SIDES.into_iter().filter(|(_, light, view)| resident.layer_for_sides(0, *light, *view).is_some());
+        let info = Info {
+            // The only one that is read.
+            format_version: VERSION,
+            width: resident.width(),
+            height: resident.height(),
+            layers: resident.layers(),
+            levels: resident.levels(),
+            components: (0..resident.layers()).map(|layer| resident.components(layer)).max().unwrap_or(0),
+            lobes: asset.layers.iter().map(|layer| layer.most_lobes() as u32).max().unwrap_or(0),
+            sides: sides.map(|(bit, _, _)| bit).sum(),
+        };
+        let mut material = asset.material.into_bytes();
+        material.push(0);
+        Ok(Handle { resident, info, material })
+    }
+
+    /// The level, if the asset has it.
+    pub(crate) fn level(&self, level: u32) -> Result<u32, Fault> {
+        let levels = self.info.levels;
+        if level < levels {
+            return Ok(level);
+        }
+        Err(Fault::new(
+            Code::Argument,
+            format!("level {level} was asked for, the asset has {levels}, from 0; open it with BTF_LEVELS_ALL for all"),
+        ))
+    }
+}
+
+/// The options that null stands for: levels at hand, all processors.
+#[unsafe(no_mangle)]
+pub extern "C" fn btf_default_open_options() -> OpenOptions {
+    OpenOptions { levels: Levels::AtHand as u32, threads: 0 }
+}
+
+/// # Safety
+/// As [`btf_open_memory`].
+unsafe fn open_into(
+    bytes: &[u8],
+    options: *const OpenOptions,
+    asset: &Target<*mut Handle>,
+    prefix: &str,
+) -> Result<(), Fault> {
+    let default = btf_default_open_options();
+    // SAFETY: as the caller promised.
+    let options = if options.is_null() { &default } else { unsafe { read(options, "options")? } };
+    let handle = Handle::open(bytes, options)
+        .map_err(|fault| Fault { sentence: format!("{prefix}{}", fault.sentence), ..fault })?;
+    asset.set(Box::into_raw(Box::new(handle)));
+    Ok(())
+}
+
+/// Opens an asset that lies in memory: checks it, and expands it to the form that is evaluated.
+///
+/// `bytes`, `length`: the whole `.spmm` file, or a prefix that ends where a tier does; not needed afterwards.
+/// `options`: null for btf_default_open_options().
+/// `asset`: takes the handle, which the caller owns and gives to btf_close; null where the call fails.
+/// Errors: BTF_POINTER, BTF_ARGUMENT, and BTF_NOT_AN_ASSET to BTF_INVALID.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_open_memory(
+    bytes: *const u8,
+    length: usize,
+    options: *const OpenOptions,
+    asset: *mut *mut Handle,
+) -> Code {
+    call(|| {
+        // SAFETY: the caller gives a place for a pointer, `length` bytes, and options or null.
+        unsafe {
+            let asset = Target::new(asset, "asset")?;
+            asset.set(std::ptr::null_mut());
+            if bytes.is_null() {
+                return Err(Fault::new(Code::Pointer, "the pointer 'bytes' is null"));
+            }
+            open_into(read_many(bytes, length, "bytes")?, options, &asset, "")
+        }
+    })
+}
+
+/// Opens an asset file, as btf_open_memory does. The file is not needed afterwards.
+///
+/// `path`: text that ends with a zero; UTF-8, on Unix any bytes.
+/// Errors: those of btf_open_memory, and BTF_FILE. The sentence of btf_last_error() begins with the path.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_open_file(
+    path: *const c_char,
+    options: *const OpenOptions,
+    asset: *mut *mut Handle,
+) -> Code {
+    call(|| {
+        // SAFETY: the caller gives a place for a pointer, text that ends with a zero, and options or null.
+        unsafe {
+            let asset = Target::new(asset, "asset")?;
+            asset.set(std::ptr::null_mut());
+            if path.is_null() {
+                return Err(Fault::new(Code::Pointer, "the pointer 'path' is null"));
+            }
+            let path = path_of(CStr::from_ptr(path))?;
+            let bytes = std::fs::read(&path)
+                .map_err(|error| Fault::new(Code::File, format!("{} cannot be read: {error}", path.display())))?;
+            open_into(&bytes, options, &asset, &format!("{}: ", path.display()))
+        }
+    })
+}
+
+#[cfg(unix)]
+fn path_of(text: &CStr) -> Result<PathBuf, Fault> {
+    use std::os::unix::ffi::OsStrExt;
+    Ok(std::ffi::OsStr::from_bytes(text.to_bytes()).into())
+}
+
+#[cfg(not(unix))]
+fn path_of(text: &CStr) -> Result<PathBuf, Fault> {
+    let path = text.to_str().map_err(|_| Fault::new(Code::Argument, "the path is not UTF-8"))?;
+    Ok(path.into())
+}
+
+/// Closes an asset and frees all that belongs to it. Null does nothing. No other call may be using the handle, and
+/// none may use it afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_close(asset: *mut Handle) {
+    if !asset.is_null() {
+        // SAFETY: the caller gives a handle of `btf_open_*` that was not closed, and nobody else uses it.
+        let handle = unsafe { Box::from_raw(asset) };
+        call(|| {
+            drop(handle);
+            Ok(())
+        });
+    }
+}
+
+/// Says what an asset has.
+///
+/// `info`: takes the answer.
+/// Errors: BTF_POINTER.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_query(asset: *const Handle, info: *mut Info) -> Code {
+    call(|| {
+        // SAFETY: the caller gives an open handle and a place for the answer.
+        let (asset, info) = unsafe { (read(asset, "asset")?, Target::new(info, "info")?) };
+        info.set(asset.info);
+        Ok(())
+    })
+}
+
+/// The asset's description: JSON, UTF-8, with its name, physical size ("size_mm", where it is known) and origin.
+///
+/// `text`: takes a pointer to it, which belongs to the asset and stays until btf_close. A zero follows the text.
+/// `length`: takes its bytes, that zero not counted; null where nobody asks.
+/// Errors: BTF_POINTER.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_material(asset: *const Handle, text: *mut *const c_char, length: *mut usize) -> Code {
+    call(|| {
+        // SAFETY: the caller gives an open handle and places for the answers, the second one or null.
+        unsafe {
+            let (asset, text) = (read(asset, "asset")?, Target::new(text, "text")?);
+            if !length.is_null() {
+                Target::new(length, "length")?.set(asset.material.len() - 1);
+            }
+            text.set(asset.material.as_ptr().cast());
+        }
+        Ok(())
+    })
+}
+
+/// The asset as the words of one storage buffer, for the WGSL decoder (runtime/src/shaders): all levels and layers,
+/// offsets in words from the first, so that several assets may lie in one buffer.
+///
+/// `words`: takes a pointer to them, which belongs to the asset and stays until btf_close.
+/// `count`: takes their number; a word has 4 bytes, in the machine's order.
+/// Errors: BTF_POINTER.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_resident(asset: *const Handle, words: *mut *const u32, count: *mut usize) -> Code {
+    call(|| {
+        // SAFETY: the caller gives an open handle and places for the answers.
+        unsafe {
+            let asset = read(asset, "asset")?;
+            let (words, count) = (Target::new(words, "words")?, Target::new(count, "count")?);
+            words.set(asset.resident.words().as_ptr());
+            count.set(asset.resident.words().len());
+        }
+        Ok(())
+    })
+}

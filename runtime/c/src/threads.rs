@@ -1,0 +1,74 @@
+//! Work spread over threads that end with the call. A pool of rayon's would stay in the caller's process for ever.
+
+use std::num::NonZero;
+use std::panic::resume_unwind;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::{Builder, JoinHandle, available_parallelism};
+
+/// Threads that are waited for, whatever happens. `std::thread::scope` would do, but for the handle of the calling
+/// thread, which it makes and a C program's main thread never frees: valgrind reports it.
+struct Helpers<T>(Vec<JoinHandle<T>>);
+
+impl<T> Drop for Helpers<T> {
+    fn drop(&mut self) {
+        for helper in self.0.drain(..) {
+            // There is another panic on its way.
+            let _ = helper.join();
+        }
+    }
+}
+
+/// `[work(0), ..., work(count - 1)]`, on at most `threads` threads, the calling one among them; 0 for as many as
+/// there are processors. Where no further thread can be had, those that are there do it all.
+pub fn spread<T: Send>(threads: u32, count: usize, work: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
+    let threads = match threads {
+        0 => available_parallelism().map_or(1, NonZero::get),
+        threads => threads as usize,
+    };
+    let next = AtomicUsize::new(0);
+    let take = || {
+        let mut done = Vec::new();
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number >= count {
+                return done;
+            }
+            done.push((number, work(number)));
+        }
+    };
+    let mut helpers = Helpers(Vec::new());
+    for _ in 1..threads.min(count) {
+        // SAFETY: what a helper borrows outlives `helpers`, which waits for all of them, after a panic too.
+        match unsafe { Builder::new().spawn_unchecked(take) } {
+            Ok(helper) => helpers.0.push(helper),
+            Err(_) => break,
+        }
+    }
+    let mut all = take();
+    while let Some(helper) = helpers.0.pop() {
+        all.extend(helper.join().unwrap_or_else(|panic| resume_unwind(panic)));
+    }
+    all.sort_unstable_by_key(|(number, _)| *number);
+    all.into_iter().map(|(_, result)| result).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_come_in_their_order_from_any_number_of_threads() {
+        for threads in [0, 1, 2, 7, 100] {
+            for count in [0, 1, 2, 50] {
+                let expected: Vec<usize> = (0..count).map(|i| i * i).collect();
+                assert_eq!(spread(threads, count, &|i| i * i), expected, "{threads} {count}");
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "planted")]
+    fn a_panic_of_a_thread_is_the_caller_s() {
+        spread(3, 9, &|i| assert!(i != 5, "planted"));
+    }
+}

@@ -1,0 +1,240 @@
+//! C programs, built with the system's compiler against the static and the shared library: the test program `check.c`,
+//! which compares what C gets with what Rust gets, alone and under valgrind, and the example.
+#![cfg(unix)]
+
+use btf_runtime::testing::{Random, sample_asset, sample_heights};
+use btf_runtime::{
+    Asset, DecodeOptions, Interpolation, Query, Resident, ResidualKind, SurfaceSide, density, evaluate, pack,
+    resident_with_levels,
+};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// What valgrind ends with where it finds something.
+const FOUND: i32 = 99;
+
+fn package() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The folder of the libraries that cargo built with this test: its own.
+fn libraries() -> PathBuf {
+    let program = std::env::current_exe().expect("a program knows its path");
+    program.parent().expect("a program lies in a folder").into()
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Linked {
+    Static,
+    Shared,
+}
+
+fn text_of(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+/// A tool's output; without the tool the test fails and says how to get it.
+fn run(command: &mut Command) -> Output {
+    let program = command.get_program().to_string_lossy().into_owned();
+    let remedy = "install it with `cargo xtask setup` (Debian: apt-get install gcc g++ valgrind)";
+    // Cargo's search path holds the library of the last `cargo build`; the program knows where that of this test is.
+    command.env_remove("LD_LIBRARY_PATH").env_remove("DYLD_FALLBACK_LIBRARY_PATH");
+    command.output().unwrap_or_else(|error| panic!("{program} does not start ({error}): {remedy}"))
+}
+
+/// Compiles a program of ours as a user would, every warning an error.
+fn build(source: &Path, folder: &Path, linked: Linked) -> PathBuf {
+    let libraries = libraries();
+    let program = folder.join(if linked == Linked::Static { "static" } else { "shared" });
+    let mut compiler = Command::new("cc");
+    compiler.args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g", "-O1", "-pthread", "-I"]);
+    compiler.arg(package().join("include")).arg(source);
+    match linked {
+        Linked::Static => compiler.arg(libraries.join("libbtf.a")),
+        Linked::Shared => {
+            compiler.arg("-L").arg(&libraries).arg("-lbtf").arg(format!("-Wl,-rpath,{}", libraries.display()))
+        }
+    };
+    let output = run(compiler.args(["-lpthread", "-ldl", "-lm", "-o"]).arg(&program));
+    assert!(output.status.success(), "{} does not compile:\n{}", source.display(), text_of(&output));
+    program
+}
+
+/// Reflection and transmission for an eye in front, with heights.
+fn asset() -> Asset {
+    let mut asset = sample_asset(31, 6, 5, ResidualKind::Root);
+    let mut through = asset.layers[0].clone();
+    through.light_side = SurfaceSide::Back;
+    through.residual = None;
+    asset.layers.push(through);
+    asset.layers[0].heights = Some(sample_heights(4, 30));
+    // Narrow lobes would make the sum over samples noisy.
+    for lobe in asset.layers.iter_mut().flat_map(|layer| layer.dictionary.iter_mut().flatten()) {
+        lobe.lobe.params = lobe.lobe.params.map(|p| p.min(4.0));
+    }
+    asset
+}
+
+/// Level, interpolation, place, value and density, as `record` of `check.c` has them.
+fn record(resident: &Resident, level: u32, exact: bool, query: &Query) -> Vec<u8> {
+    let interpolation = if exact { Interpolation::Exact } else { Interpolation::Fast };
+    let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
+    let numbers = [&query.uv[..], &query.wi, &query.wo, &evaluate(resident, level, query, &options)].concat();
+    let mut bytes = [level.to_le_bytes(), u32::from(exact).to_le_bytes()].concat();
+    bytes.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
+    bytes.extend(density(resident, level, query, &options).to_le_bytes());
+    bytes
+}
+
+/// All that `check.c` reads, in a folder.
+struct Files {
+    folder: tempfile::TempDir,
+    asset: PathBuf,
+    expected: PathBuf,
+    damaged: PathBuf,
+}
+
+/// Bytes of a record of `check.c`.
+const RECORD: usize = 56;
+
+fn write_files() -> Files {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let bytes = pack(&asset()).unwrap();
+    std::fs::write(path("asset.spmm"), &bytes).unwrap();
+
+    // What a reader of the file gets.
+    let asset = Asset::parse(&bytes).unwrap();
+    let (resident, _) = resident_with_levels(&asset, |n, f| (0..n).map(f).collect(), |n, f| (0..n).map(f).collect());
+    let mut random = Random::new(8);
+    let mut expected = Vec::new();
+    for number in 0..400 {
+        let (mut wi, mut wo) = (random.direction(), random.direction());
+        wi[2] *= [1.0, 1.0, -1.0][random.below(3)];
+        wo[2] *= [1.0, 1.0, 1.0, -1.0][random.below(4)];
+        let mut uv = [random.within(-2.0, 3.0), random.within(-2.0, 3.0)];
+        match random.below(40) {
+            0 => wi = wi.map(|x| 2.0 * x),
+            1 => wo[1] = f32::NAN,
+            2 => uv[0] = f32::INFINITY,
+            _ => {}
+        }
+        let one = record(&resident, number % resident.levels(), random.below(2) == 1, &Query { uv, wi, wo });
+        assert_eq!(one.len(), RECORD);
+        expected.extend(one);
+    }
+    std::fs::write(path("expected"), &expected).unwrap();
+
+    std::fs::create_dir(path("damaged")).unwrap();
+    let damage = |name: &str, damage: &dyn Fn(&mut Vec<u8>)| {
+        let mut bytes = bytes.clone();
+        damage(&mut bytes);
+        std::fs::write(path("damaged").join(name), bytes).unwrap();
+    };
+    damage("truncated.spmm", &|bytes| bytes.truncate(bytes.len() - 7));
+    damage("short.spmm", &|bytes| bytes.truncate(20));
+    damage("empty.spmm", &|bytes| bytes.clear());
+    damage("appended.spmm", &|bytes| bytes.extend([0; 5]));
+    damage("magic.spmm", &|bytes| bytes[..4].copy_from_slice(b"\x89PNG"));
+    damage("version.spmm", &|bytes| bytes[4] = 200);
+    damage("flipped.spmm", &|bytes| bytes.iter_mut().rev().nth(40).into_iter().for_each(|byte| *byte ^= 1));
+    Files { asset: path("asset.spmm"), expected: path("expected"), damaged: path("damaged"), folder }
+}
+
+#[test]
+fn c_gets_what_rust_gets_with_either_library_and_a_changed_value_is_found() {
+    let files = write_files();
+    for linked in [Linked::Static, Linked::Shared] {
+        let program = build(&package().join("tests/check.c"), files.folder.path(), linked);
+        let check = || run(Command::new(&program).args([&files.asset, &files.expected, &files.damaged]));
+        let output = check();
+        assert!(output.status.success() && text_of(&output).contains("all holds"), "{}", text_of(&output));
+
+        // Planted difference: the last bit of one number that is expected.
+        let right = std::fs::read(&files.expected).unwrap();
+        for number in [0, 10, 13] {
+            let mut wrong = right.clone();
+            // Green of a record, or its density; the first word is its level.
+            wrong[200 * RECORD + 4 * number] ^= 1;
+            std::fs::write(&files.expected, wrong).unwrap();
+            let output = check();
+            let told = text_of(&output);
+            assert!(output.status.code() == Some(1) && told.contains("1 of 400 values differ"), "{number}: {told}");
+        }
+        std::fs::write(&files.expected, right).unwrap();
+    }
+}
+
+/// Says visibly that a test was skipped; `cargo xtask test` counts the lines of its log.
+fn skip(reason: &str) {
+    eprintln!("skipped: {reason}");
+    if let Some(log) = std::env::var_os("BTF_SKIP_LOG") {
+        let mut file = std::fs::OpenOptions::new().create(true).append(true).open(log).expect("the skip log opens");
+        writeln!(file, "{reason}").expect("the skip log is written");
+    }
+}
+
+#[test]
+fn valgrind_finds_nothing_but_a_planted_leak() {
+    if std::env::var_os("BTF_SKIP_VALGRIND").is_some_and(|value| value == "1") {
+        return skip("the C interface under valgrind (BTF_SKIP_VALGRIND=1)");
+    }
+    let files = write_files();
+    let program = build(&package().join("tests/check.c"), files.folder.path(), Linked::Static);
+    let valgrind = || {
+        let mut valgrind = Command::new("valgrind");
+        valgrind.args(["--quiet", "--leak-check=full", "--show-leak-kinds=all", "--errors-for-leak-kinds=all"]);
+        valgrind.arg(format!("--error-exitcode={FOUND}")).arg(&program);
+        valgrind
+    };
+    let output = run(valgrind().args([&files.asset, &files.expected, &files.damaged]));
+    assert!(output.status.success(), "{}", text_of(&output));
+    let output = run(valgrind().arg("leak").arg(&files.asset));
+    assert_eq!(output.status.code(), Some(FOUND), "{}", text_of(&output));
+}
+
+#[test]
+fn the_example_prints_a_table_or_a_sentence() {
+    let files = write_files();
+    let program = build(&package().join("examples/evaluate.c"), files.folder.path(), Linked::Static);
+    let output = run(Command::new(&program).arg(&files.asset));
+    let told = text_of(&output);
+    assert!(output.status.success() && told.contains("6 x 5 texels, 2 layers"), "{told}");
+    // The light straight above, as Rust sees it.
+    let resident = Resident::from_asset(&Asset::parse(&std::fs::read(&files.asset).unwrap()).unwrap());
+    let query = Query { uv: [0.5; 2], wi: [0.0, 0.0, 1.0], wo: [0.0, 0.0, 1.0] };
+    let [r, g, b] = evaluate(&resident, 0, &query, &DecodeOptions::default());
+    assert!(told.contains(&format!("   0  {r:8.5} {g:8.5} {b:8.5}")), "{told}");
+
+    let output = run(Command::new(&program).arg(files.damaged.join("magic.spmm")));
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text_of(&output).contains("magic.spmm: this is not an SPMM asset"), "{}", text_of(&output));
+}
+
+#[test]
+fn the_header_is_c99_c11_and_cpp17_without_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let compile = |compiler: &str, standard: &str, name: &str, text: &str| {
+        let source = folder.path().join(name);
+        std::fs::write(&source, text).unwrap();
+        let mut command = Command::new(compiler);
+        command.args(["-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", standard, "-I"]);
+        let output = run(command.arg(package().join("include")).arg(&source));
+        (output.status.success(), text_of(&output))
+    };
+    let c = "#include \"btf.h\"\nint main(void) { btf_options o = btf_default_options(); \
+             return (int)o.parallax + (int)BTF_LEVELS_ALL; }\n";
+    let cpp = "#include \"btf.h\"\n#include \"btf.h\"\nint main() { btf_open_options o = btf_default_open_options(); \
+               o.levels = BTF_LEVELS_ALL; btf_asset *asset = nullptr; \
+               return btf_open_file(\"a\", &o, &asset) == BTF_FILE ? 0 : 1; }\n";
+    for (compiler, standard, name, text) in
+        [("cc", "-std=c99", "a.c", c), ("cc", "-std=c11", "a.c", c), ("c++", "-std=c++17", "a.cpp", cpp)]
+    {
+        let (success, told) = compile(compiler, standard, name, text);
+        assert!(success, "{standard}: {told}");
+        // Planted difference: a warning.
+        let (success, told) = compile(compiler, standard, name, &text.replacen("return", "int unused; return", 1));
+        assert!(!success && told.contains("unused"), "{standard}: {told}");
+    }
+}

@@ -1,0 +1,265 @@
+//! `btf.open` and `btf.Asset`.
+
+use crate::arrays::{Shape, Vectors};
+use btf_runtime::{
+    Asset, DecodeOptions, Interpolation, Query, Resident, Sample, density, evaluate_many, resident_with_levels, sample,
+};
+use numpy::PyArrayDyn;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+use std::path::PathBuf;
+
+/// Places that are evaluated before it is asked for Control-C.
+const BATCH: usize = 1 << 15;
+
+/// An array of results.
+type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
+
+/// An open asset: evaluates, samples and tells its description. Made by `btf.open`; never changes, and any number of
+/// threads may use it at once.
+///
+/// Directions are unit vectors away from the surface in the frame of tangent (along u), bitangent (along v) and
+/// normal: `wi` to the light, `wo` to the eye, z < 0 behind the surface. Texture coordinates `uv`: u to the right, v
+/// up, one repetition a unit; the nearest texel answers. Arrays of the shapes (..., 2) and (..., 3) are broadcast
+/// against each other. Results are black, densities 0, where the asset has no layer for the sides of light and eye,
+/// where a number is not finite, and where a direction is not of length 1 within half a percent.
+///
+/// Keywords of all calls:
+/// components: residual components at most; None for all, 0 for the residual's mean.
+/// lobes: lobes of a texel at most; None for all.
+/// interpolation: "fast" or "exact", how a value between the measured directions is made of theirs.
+/// parallax: remove that of eyes outside the measured ones, where the asset has heights.
+/// level: 0 the finest, below meta["levels"].
+#[pyclass(name = "Asset", module = "btf", frozen)]
+pub struct PyAsset {
+    resident: Resident,
+    /// JSON.
+    material: String,
+    path: PathBuf,
+}
+
+/// Opens an asset file, checks it and expands it to the form that is evaluated.
+///
+/// levels: "file" for those that it has, "all" for all down to one texel, which may take seconds.
+/// threads: how many opening may use; 0 for as many as there are processors.
+///
+/// Raises OSError where the file cannot be read and ValueError where it is no whole asset.
+#[pyfunction]
+#[pyo3(signature = (path, *, levels="file", threads=0))]
+pub fn open(py: Python<'_>, path: PathBuf, levels: &str, threads: usize) -> PyResult<PyAsset> {
+    let all_levels = match levels {
+        "file" => false,
+        "all" => true,
+        other => return Err(PyValueError::new_err(format!("levels is '{other}': take 'file' or 'all'"))),
+    };
+    py.detach(|| {
+        let name = path.display();
+        let bytes = std::fs::read(&path)
+            .map_err(|error| std::io::Error::new(error.kind(), format!("{name} cannot be read: {error}")))?;
+        let asset = Asset::parse(&bytes).map_err(|error| PyValueError::new_err(format!("{name}: {error}")))?;
+        // Threads of its own: rayon's common ones would be missing in a process that Python forks.
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|error| PyRuntimeError::new_err(format!("no threads for opening {name}: {error}")))?;
+        let resident = pool.install(|| {
+            if all_levels {
+                let (resident, _) = resident_with_levels(
+                    &asset,
+                    |count, expand| (0..count).into_par_iter().map(expand).collect(),
+                    |count, texel| (0..count).into_par_iter().map(texel).collect(),
+                );
+                resident
+            } else {
+                Resident::from_asset_with(&asset, |count, expand| (0..count).into_par_iter().map(expand).collect())
+            }
+        });
+        Ok(PyAsset { resident, material: asset.material, path })
+    })
+}
+
+impl PyAsset {
+    fn options(
+        &self,
+        components: Option<u32>,
+        lobes: Option<u32>,
+        interpolation: &str,
+        parallax: bool,
+        level: u32,
+    ) -> PyResult<DecodeOptions> {
+        let interpolation = match interpolation {
+            "fast" => Interpolation::Fast,
+            "exact" => Interpolation::Exact,
+            other => {
+                return Err(PyValueError::new_err(format!("interpolation is '{other}': take 'fast' or 'exact'")));
+            }
+        };
+        let levels = self.resident.levels();
+        if level >= levels {
+            return Err(PyValueError::new_err(format!(
+                "level {level} was asked for, the asset has {levels}, from 0; open it with levels='all' for all"
+            )));
+        }
+        Ok(DecodeOptions {
+            components: components.unwrap_or(u32::MAX),
+            lobes: lobes.unwrap_or(u32::MAX),
+            interpolation,
+            parallax,
+        })
+    }
+}
+
+/// The places of arrays that are broadcast against each other, and their shape.
+fn queries(uv: &Bound<'_, PyAny>, wi: &Bound<'_, PyAny>, wo: &Bound<'_, PyAny>) -> PyResult<(Shape, Vec<Query>)> {
+    let (uv, wi, wo) = (Vectors::new(uv, "uv", 2)?, Vectors::new(wi, "wi", 3)?, Vectors::new(wo, "wo", 3)?);
+    let shape = Shape::of(&[&uv, &wi, &wo])?;
+    let mut queries: Vec<Query> = shape.room()?;
+    shape.visit(&uv, |uv| queries.push(Query { uv, ..Query::default() }))?;
+    let mut places = queries.iter_mut();
+    shape.visit(&wi, |wi| places.by_ref().take(1).for_each(|query| query.wi = wi))?;
+    let mut places = queries.iter_mut();
+    shape.visit(&wo, |wo| places.by_ref().take(1).for_each(|query| query.wo = wo))?;
+    Ok((shape, queries))
+}
+
+#[pymethods]
+impl PyAsset {
+    /// pi x BRDF x |cosine of wi|, linear RGB, at least 0: float32 of the shape (..., 3). A white Lambertian lit at
+    /// normal incidence gives 1; a renderer multiplies no further cosine.
+    #[pyo3(signature = (uv, wi, wo, *, components=None, lobes=None, interpolation="fast", parallax=true, level=0))]
+    fn eval<'py>(
+        &self,
+        py: Python<'py>,
+        uv: &Bound<'py, PyAny>,
+        wi: &Bound<'py, PyAny>,
+        wo: &Bound<'py, PyAny>,
+        components: Option<u32>,
+        lobes: Option<u32>,
+        interpolation: &str,
+        parallax: bool,
+        level: u32,
+    ) -> PyResult<Numbers<'py>> {
+        let options = self.options(components, lobes, interpolation, parallax, level)?;
+        let (shape, queries) = queries(uv, wi, wo)?;
+        let mut values = shape.room()?;
+        values.resize(queries.len(), [0.0; 3]);
+        for (queries, values) in queries.chunks(BATCH).zip(values.chunks_mut(BATCH)) {
+            py.detach(|| evaluate_many(&self.resident, level, queries, &options, values));
+            py.check_signals()?;
+        }
+        shape.array(py, values.into_flattened(), Some(3))
+    }
+
+    /// Density with which `sample` draws `wi`, per steradian: float32 of the shape (...).
+    #[pyo3(signature = (uv, wi, wo, *, components=None, lobes=None, interpolation="fast", parallax=true, level=0))]
+    fn pdf<'py>(
+        &self,
+        py: Python<'py>,
+        uv: &Bound<'py, PyAny>,
+        wi: &Bound<'py, PyAny>,
+        wo: &Bound<'py, PyAny>,
+        components: Option<u32>,
+        lobes: Option<u32>,
+        interpolation: &str,
+        parallax: bool,
+        level: u32,
+    ) -> PyResult<Numbers<'py>> {
+        let options = self.options(components, lobes, interpolation, parallax, level)?;
+        let (shape, queries) = queries(uv, wi, wo)?;
+        let mut densities = shape.room()?;
+        for queries in queries.chunks(BATCH) {
+            let of = |query| density(&self.resident, level, query, &options);
+            py.detach(|| densities.extend(queries.iter().map(of)));
+            py.check_signals()?;
+        }
+        shape.array(py, densities, None)
+    }
+
+    /// Draws directions to light that matter to the eye, from `at`: three numbers in [0, 1) each, (..., 3). Returns
+    /// wi (..., 3), its density per steradian (...) and its value as of `eval` (..., 3). Where a density is 0 nothing
+    /// was drawn: the path ends. value / (pi x density) is the weight of a path that goes on.
+    #[pyo3(signature = (uv, wo, at, *, components=None, lobes=None, interpolation="fast", parallax=true, level=0))]
+    fn sample<'py>(
+        &self,
+        py: Python<'py>,
+        uv: &Bound<'py, PyAny>,
+        wo: &Bound<'py, PyAny>,
+        at: &Bound<'py, PyAny>,
+        components: Option<u32>,
+        lobes: Option<u32>,
+        interpolation: &str,
+        parallax: bool,
+        level: u32,
+    ) -> PyResult<(Numbers<'py>, Numbers<'py>, Numbers<'py>)> {
+        let options = self.options(components, lobes, interpolation, parallax, level)?;
+        let (uv, wo, at) = (Vectors::new(uv, "uv", 2)?, Vectors::new(wo, "wo", 3)?, Vectors::new(at, "at", 3)?);
+        let shape = Shape::of(&[&uv, &wo, &at])?;
+        let mut draws: Vec<([f32; 2], [f32; 3], [f32; 3])> = shape.room()?;
+        shape.visit(&uv, |uv| draws.push((uv, [0.0; 3], [0.0; 3])))?;
+        let mut places = draws.iter_mut();
+        shape.visit(&wo, |wo| places.by_ref().take(1).for_each(|draw| draw.1 = wo))?;
+        let mut places = draws.iter_mut();
+        shape.visit(&at, |at| places.by_ref().take(1).for_each(|draw| draw.2 = at))?;
+        let (mut wi, mut densities, mut values) = (shape.room()?, shape.room()?, shape.room()?);
+        for draws in draws.chunks(BATCH) {
+            py.detach(|| {
+                for (uv, wo, at) in draws {
+                    let drawn: Sample = sample(&self.resident, level, *uv, *wo, *at, &options).unwrap_or_default();
+                    wi.push(drawn.wi);
+                    densities.push(drawn.density);
+                    values.push(drawn.value);
+                }
+            });
+            py.check_signals()?;
+        }
+        Ok((
+            shape.array(py, wi.into_flattened(), Some(3))?,
+            shape.array(py, densities, None)?,
+            shape.array(py, values.into_flattened(), Some(3))?,
+        ))
+    }
+
+    /// The asset's description as a dict: what its file says of the material (name, size_mm, ...), and width, height,
+    /// layers, levels, components (residual components at most) and sides, a list of (light, eye) such as ("front",
+    /// "back").
+    #[getter]
+    fn meta<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let json = py.import("json")?;
+        let told = json.call_method1("loads", (&self.material,)).ok();
+        let meta = match told.and_then(|told| told.cast_into::<PyDict>().ok()) {
+            Some(meta) => meta,
+            // The format holds text; that it is an object is up to who wrote it.
+            None => {
+                let meta = PyDict::new(py);
+                meta.set_item("material", &self.material)?;
+                meta
+            }
+        };
+        let resident = &self.resident;
+        meta.set_item("width", resident.width())?;
+        meta.set_item("height", resident.height())?;
+        meta.set_item("layers", resident.layers())?;
+        meta.set_item("levels", resident.levels())?;
+        meta.set_item("components", (0..resident.layers()).map(|layer| resident.components(layer)).max())?;
+        let name = |back: bool| if back { "back" } else { "front" };
+        let sides: Vec<(&str, &str)> = [(false, false), (true, false), (false, true), (true, true)]
+            .into_iter()
+            .filter(|(light, eye)| resident.layer_for_sides(0, *light, *eye).is_some())
+            .map(|(light, eye)| (name(light), name(eye)))
+            .collect();
+        meta.set_item("sides", sides)?;
+        Ok(meta)
+    }
+
+    fn __repr__(&self) -> String {
+        let (resident, name) = (&self.resident, self.path.display());
+        let [width, height] = [resident.width(), resident.height()];
+        format!(
+            "<btf.Asset {name}: {width} x {height} texels, {} layers, {} levels>",
+            resident.layers(),
+            resident.levels()
+        )
+    }
+}

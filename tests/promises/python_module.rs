@@ -1,0 +1,219 @@
+//! The Python module gives what Rust gives, and Mitsuba 3, which shades through it, draws the picture that our CPU
+//! renderer
+//! draws: camera, point light, frame, texture orientation and the decoder's meaning are right, or wrong in two
+//! renderers that share nothing else.
+//!
+//! `cargo xtask python` builds the module under the target folder, as `cargo xtask test` does; without it these tests
+//! are skipped, and counted as such.
+
+use crate::mitsuba_peers::interpreter;
+use btf_runtime::testing::{Random, sample_asset, sample_heights};
+use btf_runtime::{
+    Asset, DecodeOptions, Interpolation, Query, ResidualKind, density, evaluate, pack, resident_with_levels,
+};
+use btf_viewer::{BackendChoice, Control, RenderParams, SceneAsset, ShadeOptions, load_scene, render};
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+const SIZE: [u32; 2] = [96, 64];
+/// How often the asset lies on the plane, along each side.
+const UV_SCALE: f32 = 2.0;
+/// Difference of two pictures that are the same: in the mean, and of all channels but the hundredth that differs
+/// most, which leaves room for pixels whose middle lies on the border of two texels.
+const SAME: f64 = 0.005;
+/// Difference of half of the channels: what single precision leaves of a camera's ray and a light's direction.
+const ROUNDING: f64 = 1e-4;
+
+/// The newest file below a folder.
+fn newest(folder: &Path) -> SystemTime {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let times = entries.map(|entry| {
+        let entry = entry.unwrap();
+        let data = entry.metadata().unwrap();
+        if data.is_dir() { newest(&entry.path()) } else { data.modified().unwrap() }
+    });
+    times.max().unwrap_or(SystemTime::UNIX_EPOCH)
+}
+
+/// A Python that finds the module, with a script of tests/peers; `None` where there is none.
+fn python(script: &str) -> Option<Command> {
+    let program = interpreter()?;
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("the target folder holds its tmp");
+    let module = target.join("peers/btf");
+    // Written last, so that half an installation has none.
+    let Ok(stamp) = module.join("installed.txt").metadata().and_then(|data| data.modified()) else {
+        btf_tests::skip("the Python module is not in target/peers (`cargo xtask python` builds it)");
+        return None;
+    };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let sources = newest(&root.join("runtime/src")).max(newest(&root.join("runtime/python/src")));
+    assert!(sources <= stamp, "the Python module is older than its sources: run `cargo xtask python`");
+    let mut command = Command::new(program);
+    command.arg(root.join("tests/peers").join(script)).env("PYTHONPATH", module).env("PYTHONDONTWRITEBYTECODE", "1");
+    Some(command)
+}
+
+fn answer_of(mut command: Command, input: &[u8]) -> Vec<u8> {
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the Python starts");
+    // Dropped at the end of the statement, which ends the script's input.
+    child.stdin.take().unwrap().write_all(input).expect("the query is written");
+    let output = child.wait_with_output().expect("the answer is read");
+    assert!(output.status.success(), "the script failed: {}", output.status);
+    output.stdout
+}
+
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}
+
+/// Six by five texels, no two alike, with heights.
+fn asset() -> Asset {
+    let mut asset = sample_asset(31, 6, 5, ResidualKind::Root);
+    asset.layers[0].heights = Some(sample_heights(4, 30));
+    // Narrow lobes would turn the last bits of a direction into a difference.
+    for lobe in asset.layers[0].dictionary.iter_mut().flatten() {
+        lobe.lobe.params = lobe.lobe.params.map(|p| p.min(4.0));
+    }
+    asset
+}
+
+fn write_asset(folder: &Path) -> PathBuf {
+    let path = folder.join("asset.spmm");
+    std::fs::write(&path, pack(&asset()).unwrap()).unwrap();
+    path
+}
+
+/// Largest difference of numbers that should be equal but for rounding, relative to one and a little.
+fn worst(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs() / (a.abs() + 1e-2)).fold(0.0, f32::max)
+}
+
+#[test]
+fn python_gets_the_values_and_densities_that_rust_gets() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write_asset(folder.path());
+    let asset = Asset::parse(&std::fs::read(&path).unwrap()).unwrap();
+    let (resident, _) = resident_with_levels(&asset, |n, f| (0..n).map(f).collect(), |n, f| (0..n).map(f).collect());
+    for (rule, interpolation, level) in
+        [("fast", Interpolation::Fast, 0), ("exact", Interpolation::Exact, 0), ("fast", Interpolation::Fast, 1)]
+    {
+        let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
+        let mut random = Random::new(9);
+        let (mut places, mut expected) = (Vec::new(), Vec::new());
+        for _ in 0..500 {
+            let uv = [random.within(-2.0, 3.0), random.within(-2.0, 3.0)];
+            let query = Query { uv, wi: random.direction(), wo: random.direction() };
+            places.extend([&uv[..], &query.wi, &query.wo].concat());
+            expected.extend(evaluate(&resident, level, &query, &options));
+            expected.push(density(&resident, level, &query, &options));
+        }
+        let Some(mut command) = python("btf_values.py") else { return };
+        command.arg(&path).arg(rule).arg(level.to_string());
+        let places: Vec<u8> = places.iter().flat_map(|x: &f32| x.to_le_bytes()).collect();
+        let answer = floats(&answer_of(command, &places));
+        let difference = worst(&expected, &answer);
+        println!("{rule}, level {level}: largest difference {difference:e}");
+        assert!(difference < 1e-5, "{rule} {level}: {difference:e}");
+        // Planted difference: one number a thousandth off.
+        let mut planted = answer;
+        planted[801] = 1.001 * planted[801] + 1e-4;
+        assert!(worst(&expected, &planted) > 1e-5);
+    }
+}
+
+/// How two pictures differ.
+#[derive(Debug)]
+struct Difference {
+    /// Mean absolute difference over the first one's mean.
+    mean: f64,
+    /// Relative difference that half of the channels that are lit in either, and 99 in 100, do not exceed.
+    median: f64,
+    p99: f64,
+}
+
+impl Difference {
+    fn of(a: &[f32], b: &[f32]) -> Difference {
+        assert_eq!(a.len(), b.len());
+        let (mut sum, mut whole, mut relative) = (0.0, 0.0, Vec::new());
+        for (a, b) in a.iter().zip(b).map(|(a, b)| (f64::from(*a), f64::from(*b))).filter(|(a, b)| a.max(*b) > 1e-6) {
+            sum += (a - b).abs();
+            whole += a;
+            relative.push((a - b).abs() / a.max(1e-6));
+        }
+        relative.sort_by(f64::total_cmp);
+        let lit = relative.len();
+        assert!(lit > a.len() / 4, "only {lit} of {} channels are lit", a.len());
+        Difference { mean: sum / whole, median: relative[lit / 2], p99: relative[lit * 99 / 100] }
+    }
+
+    fn is_none(&self) -> bool {
+        self.mean <= SAME && self.p99 <= SAME && self.median <= ROUNDING
+    }
+}
+
+/// The plane as our CPU renderer draws it, one ray through each pixel's middle: radiance, rows from the top.
+fn our_picture(folder: &Path, asset: &Path, camera: &Value, light: &Value) -> Vec<f32> {
+    let scene = format!(
+        "background = [0.0, 0.0, 0.0]\n[camera]\neye = {}\ntarget = {}\nup = {}\nfov_deg = {}\n\
+         [[material]]\nname = \"sample\"\nasset = 0\nuv_scale = [{UV_SCALE:?}, {UV_SCALE:?}]\n\
+         [[object]]\nmesh = \"plane\"\nmaterial = \"sample\"\n[[light]]\nposition = {}\nintensity = {}\n",
+        camera["eye"], camera["target"], camera["up"], camera["fov_deg"], light["position"], light["intensity"],
+    );
+    let path = folder.join("scene.toml");
+    std::fs::write(&path, scene).unwrap();
+    let scene = load_scene(&path, vec![Arc::new(SceneAsset::load(asset).unwrap())]).unwrap();
+    let params = RenderParams {
+        size: SIZE,
+        frames: 1,
+        backend: BackendChoice::Cpu,
+        adapter: None,
+        // Mitsuba asks the finest level.
+        shade: ShadeOptions { levels: false, ..ShadeOptions::default() },
+        target_ms: None,
+    };
+    render(&scene, &params, &Control::SILENT).unwrap().picture.radiance.into_flattened()
+}
+
+#[test]
+fn mitsuba_draws_the_plane_that_our_renderer_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = write_asset(folder.path());
+    let Some(command) = python("mitsuba_plane.py") else { return };
+    let camera = json!({ "eye": [0.9, -1.6, 2.1], "target": [0.1, 0.05, 0.0], "up": [0.1, 1.0, 0.2], "fov_deg": 40.0 });
+    let light = json!({ "position": [-0.7, 0.5, 1.3], "intensity": [3.0, 2.0, 1.0] });
+    let [upright, flipped] = ["upright.f32", "flipped.f32"].map(|name| folder.path().join(name));
+    let plugin = Path::new(env!("CARGO_MANIFEST_DIR")).join("../runtime/python/examples");
+    let query = json!({
+        "plugin": plugin, "asset": asset, "uv_scale": UV_SCALE, "size": SIZE, "camera": camera, "light": light,
+        "pictures": [[false, upright], [true, flipped]], "eyes": [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.48, 0.64, 0.6]],
+    });
+    let answer: Value = serde_json::from_slice(&answer_of(command, query.to_string().as_bytes())).unwrap();
+
+    let ours = our_picture(folder.path(), &asset, &camera, &light);
+    let read = |path: &Path| floats(&std::fs::read(path).unwrap());
+    let theirs = read(&upright);
+    let same = Difference::of(&ours, &theirs);
+    println!("Mitsuba {}: {same:?}", answer["version"]);
+    assert!(same.is_none(), "{same:?}");
+    // Planted differences: the texture upside down, rows from the bottom, a light a hundredth brighter, channels
+    // turned.
+    let rows_turned: Vec<f32> = theirs.chunks(3 * SIZE[0] as usize).rev().flatten().copied().collect();
+    let brighter: Vec<f32> = theirs.iter().map(|x| 1.01 * x).collect();
+    let turned: Vec<f32> = theirs.chunks(3).flat_map(|rgb| [rgb[1], rgb[2], rgb[0]]).collect();
+    for planted in [read(&flipped), rows_turned, brighter, turned] {
+        let different = Difference::of(&ours, &planted);
+        assert!(!different.is_none(), "{different:?}");
+    }
+
+    // What paths need: draws add up to the whole, with the densities that are told.
+    for row in answer["furnace"].as_array().unwrap() {
+        let [sampled, integrated, density] = [0, 1, 2].map(|i| row[i].as_f64().unwrap());
+        println!("reflected: {sampled:.4} by samples, {integrated:.4} by all directions; densities {density:e}");
+        assert!((sampled / integrated - 1.0).abs() < 0.03 && density < 1e-4, "{row}");
+    }
+}
