@@ -1,5 +1,6 @@
 //! What a renderer asks of an asset at a texture coordinate: values, directions drawn from them and their densities,
 //! whichever sides light and eye are on. The layer is the one whose sides are those of light and eye.
+//! Twin: `shaders/evaluate.wgsl`.
 
 use crate::decode::DecodeOptions;
 use crate::resident::Resident;
