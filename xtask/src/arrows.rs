@@ -5,11 +5,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Our packages and those of ours that each may use. What is not here is forbidden, in tests too.
-const ALLOWED: [(&str, &[&str]); 7] = [
+const ALLOWED: [(&str, &[&str]); 8] = [
     ("btf-capture", &[]),
     ("btf-synth", &["btf-capture"]),
     ("btf-runtime", &[]),
     ("btf-fit", &["btf-capture", "btf-runtime"]),
+    ("btf-shaders", &["btf-runtime"]),
     ("btf-viewer", &["btf-capture", "btf-runtime"]),
     ("btf-tests", &["btf-capture", "btf-fit", "btf-runtime", "btf-synth", "btf-viewer"]),
     ("xtask", &[]),
