@@ -1,10 +1,13 @@
-//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on.
+//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on; `shader_tools.rs` has the
+//! programs that it installs besides.
 //!
 //! Mesa's lavapipe has ray queries from version 25 on. Debian 12 carries that version in its backports;
 //! as root on Debian it is installed, elsewhere the user is told what to install.
 
 use crate::failure::Failure;
+use crate::metadata::Metadata;
 use crate::shell::{answer_of, run_checked};
+use crate::{peers, shader_tools};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -13,11 +16,11 @@ const LEAST_MESA: u32 = 25;
 const ICD_FOLDERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
 const BACKPORTS_FILE: &str = "/etc/apt/sources.list.d/btf-backports.sources";
 
-/// Installs the driver where it is missing.
+/// Installs what is missing.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if crate::asks_for_help(arguments) {
         println!(
-            "Installs the software Vulkan driver of the GPU tests (Debian, as root), or says what to install.\n\nUsage: cargo xtask setup"
+            "Installs the software Vulkan driver of the GPU tests and the programs that check shaders (Debian, as root), or says what to install.\n\nUsage: cargo xtask setup"
         );
         return Ok(());
     }
@@ -25,6 +28,9 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
         return Err(Failure::usage(format!("`setup` takes no argument, it was given '{unknown}'")));
     }
     println!("{}", ensure()?);
+    if !peers::left_out() {
+        println!("{}", shader_tools::ensure(&Metadata::read()?.target_directory)?);
+    }
     Ok(())
 }
 
@@ -78,7 +84,8 @@ fn major(version: &str) -> Option<u32> {
     version.rsplit(':').next()?.split('.').next()?.parse().ok()
 }
 
-fn is_root() -> bool {
+/// Whether this user may install packages.
+pub fn is_root() -> bool {
     answer_of(Command::new("id").arg("-u")).is_some_and(|id| id.trim() == "0")
 }
 

@@ -6,7 +6,8 @@
 //! | `check` | `check.rs`: format and clippy |
 //! | `demo` | `demo.rs`: capture, fit, compare, picture |
 //! | `bench` | `bench.rs` |
-//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests |
+//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `shader_tools.rs`: what checks shaders |
+//! | `shaders` | `shaders.rs`: the decoder in the languages of engines |
 //!
 //! The checks that are ours stand in `arrows.rs`, `licences.rs` (over `spdx.rs`) and `words.rs`; all of them read
 //! `cargo metadata` through `metadata.rs`.
@@ -23,6 +24,8 @@ mod failure;
 mod licences;
 mod metadata;
 mod peers;
+mod shader_tools;
+mod shaders;
 mod shell;
 mod spdx;
 mod test;
@@ -39,7 +42,8 @@ Chores:
   test    everything that CI runs; --quick is the tier for every edit
   check   format and clippy only
   bench   time reading, clustering, fitting and decoding (criterion)
-  setup   install the software Vulkan driver that the GPU tests run on
+  setup   install the software Vulkan driver that the GPU tests run on, and what checks shaders
+  shaders write the decoder in WGSL, HLSL, MSL, GLSL and SPIR-V
 
 `cargo xtask CHORE --help` tells more, with an example.";
 
@@ -68,6 +72,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "check" => check::run(rest),
         "bench" => bench::run(rest),
         "setup" => driver::run(rest),
+        "shaders" => shaders::run(rest),
         "-h" | "--help" | "help" => {
             println!("{HELP}");
             Ok(())
@@ -95,7 +100,7 @@ mod tests {
         let failure = run(&["brew".to_string()]).unwrap_err();
         assert_eq!(failure.exit_code(), 2);
         assert!(failure.to_string().contains("no chore 'brew'"));
-        for chore in ["demo", "test", "check", "bench", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "setup", "shaders"] {
             assert!(failure.to_string().contains(chore), "{chore} is not in the list");
         }
     }
@@ -113,7 +118,7 @@ mod tests {
     #[test]
     fn help_is_no_failure() {
         assert_eq!(exit_code_of(&["--help"]), 0);
-        for chore in ["demo", "test", "check", "bench", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "setup", "shaders"] {
             assert_eq!(exit_code_of(&[chore, "--help"]), 0);
         }
     }

@@ -5,20 +5,21 @@ use crate::counts::{Counts, cargo_test_failures, from_cargo_test, from_nextest, 
 use crate::failure::Failure;
 use crate::metadata::{Metadata, has_subcommand};
 use crate::shell::{self, cargo, root, run_and_read};
-use crate::{arrows, driver, licences, peers, words};
+use crate::{arrows, driver, licences, peers, shader_tools, words};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const HELP: &str = "\
 Runs everything that CI runs: format, clippy, dependency arrows, licences, words, the software Vulkan
-driver, Mitsuba for comparison (Python, under the target folder), tests, doc tests, docs. The last line sums it up: N passed, N failed, N skipped.
+driver, shader compilers and Mitsuba for comparison (under the target folder), tests, doc tests, docs. The last
+line sums it up: N passed, N failed, N skipped.
 
 Usage: cargo xtask test [--quick]
 
   --quick   the tier for every edit: no GPU, no integration tests, no docs (under 5 minutes)
 
-BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba; they are counted as
-skipped. BTF_PEERS_PYTHON names a Python that has Mitsuba already. BTF_DATA names the folder of the measured
+BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba and the shader compilers'
+judgement; they are counted as skipped. BTF_PEERS_PYTHON names a Python that has Mitsuba already. BTF_DATA names the folder of the measured
 data, without which the tests that use it are skipped.
 
 Example: BTF_SKIP_GPU=1 cargo xtask test";
@@ -107,6 +108,16 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
                 return Ok(Counts::SKIPPED);
             }
             println!("{}", driver::ensure().map_err(|failure| failure.to_string())?);
+            Ok(Counts::PASSED)
+        });
+        suite.step("shader tools", |_| {
+            if peers::left_out() {
+                println!("left out: BTF_SKIP_PEERS=1");
+                return Ok(Counts::SKIPPED);
+            }
+            let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
+            let target = target.ok_or("the target folder is not known")?;
+            println!("{}", shader_tools::ensure(target).map_err(|failure| failure.to_string())?);
             Ok(Counts::PASSED)
         });
         suite.step("peers", |_| {
