@@ -65,12 +65,13 @@ pub struct ShaderFile {
 
 /// `wgsl`, a whole module of compute entry points, in all languages. The same text gives the same bytes.
 ///
-/// Binding `b` of group 0 has number `b` in every language: HLSL's register of its kind, Metal's `[[buffer(b)]]`, GLSL's
-/// `binding = b`. Indices are not checked again and loops not bounded again: what the library reads is what
+/// Binding `b` of group 0 has number `b` in every language: HLSL's register of its kind, Metal's `[[buffer(b)]]`,
+/// GLSL's `binding = b`. Indices are not checked again and loops not bounded again: what the library reads is what
 /// `btf_runtime::Resident` has laid out, and its loops count.
 ///
 /// # Errors
-/// [`ShaderError::Wgsl`] if the text is not valid core WGSL, [`ShaderError::Translation`] if a language lacks something.
+/// [`ShaderError::Wgsl`] if the text is not valid core WGSL, [`ShaderError::Translation`] if a language lacks
+/// something.
 pub fn translate(wgsl: &str) -> Result<Vec<ShaderFile>, ShaderError> {
     let (module, info) = validated(wgsl)?;
     let same_names = || module.entry_points.iter().map(|entry| (entry.name.clone(), entry.name.clone())).collect();
@@ -110,8 +111,8 @@ pub(crate) fn bindings(module: &Module) -> Vec<ResourceBinding> {
     bindings
 }
 
-/// Number of a buffer that naga's MSL has besides: the storage buffers' sizes in bytes, one `u32` each, in order. Our texts
-/// ask no array for its length, so nothing reads it, but every function passes it on.
+/// Number of a buffer that naga's MSL has besides: the storage buffers' sizes in bytes, one `u32` each, in order. Our
+/// texts ask no array for its length, so nothing reads it, but every function passes it on.
 pub(crate) fn metal_sizes_slot(module: &Module) -> u8 {
     bindings(module).last().map_or(0, |binding| binding.binding as u8 + 1)
 }

@@ -6,11 +6,11 @@
 //!        + queries.wgsl       --module_text---> btf_queries.wgsl --translate--> .hlsl .metal .glsl .spv
 //! ```
 //!
-//! `cargo xtask shaders` writes the folder that [`files`] makes; nothing of it is checked in. Entry points stand here and not
-//! beside the library, which has no bindings: an engine that includes `btf.wgsl` brings its own.
+//! `cargo xtask shaders` writes the folder that [`files`] makes; nothing of it is checked in. Entry points stand here
+//! and not beside the library, which has no bindings: an engine that includes `btf.wgsl` brings its own.
 //!
-//! Limits: asset words, questions and answers each in one binding (WebGPU's default: 128 MiB). An engine with larger assets
-//! includes the library with an `asset_word` over several bindings, as the viewer does.
+//! Limits: asset words, questions and answers each in one binding (WebGPU's default: 128 MiB). An engine with larger
+//! assets includes the library with an `asset_word` over several bindings, as the viewer does.
 
 #![forbid(unsafe_code)]
 

@@ -1,5 +1,5 @@
-// A list of questions, answered: three entry points over the decoder's library. What an engine binds to try an asset, and
-// an example of how the library is called.
+// A list of questions, answered: three entry points over the decoder's library. What an engine binds to try an asset,
+// and an example of how the library is called.
 
 // One question. What an entry point does not name it does not read.
 struct Query {
@@ -29,8 +29,8 @@ struct Answer {
     pad: f32,
 }
 
-// Which questions a dispatch answers: `count` of them from number `first` on. One dispatch has at most 65535 workgroups,
-// 4194240 questions.
+// Which questions a dispatch answers: `count` of them from number `first` on. One dispatch has at most 65535
+// workgroups, 4194240 questions.
 struct Range {
     first: u32,
     count: u32,

@@ -26,11 +26,15 @@ pub fn readme(wgsl: &str, files: &[ShaderFile]) -> Result<String, ShaderError> {
 fn head() -> String {
     format!(
         "# BTF shaders\n\n\
-         The decoder of packed BTF assets (`.spmm`), written by `cargo xtask shaders` with naga {NAGA}; do not edit.\n\n\
-         `{LIBRARY_FILE}` is for including: pure functions over one that you define, `asset_word`; its head says how. The \
-         files `{MODULE_NAME}.*` are the same library with bindings and entry points, ready to run: a list of questions in, a \
+         The decoder of packed BTF assets (`.spmm`), written by `cargo xtask shaders` with naga {NAGA}; do not \
+         edit.\n\n\
+         `{LIBRARY_FILE}` is for including: pure functions over one that you define, `asset_word`; its head says \
+         how. The \
+         files `{MODULE_NAME}.*` are the same library with bindings and entry points, ready to run: a list of \
+         questions in, a \
          list of answers out.\n\n\
-         An asset is bound in resident form: the words that `btf_runtime::Resident::words` has (docs/FORMAT.md, \"Resident \
+         An asset is bound in resident form: the words that `btf_runtime::Resident::words` has (docs/FORMAT.md, \
+         \"Resident \
          form\"). Values are pi times BRDF times |n.wi|, linear RGB: the cosine is inside.\n"
     )
 }
@@ -64,7 +68,8 @@ fn binding_table(module: &Module) -> String {
         let (name, holds) = (variable.name.as_deref().unwrap_or_default(), type_name(module, variable.ty));
         let _ = writeln!(
             text,
-            "| {number} | `{name}` | `{holds}` | {kind} | `{register}{number}` | `buffer({number})` | `binding = {number}` |"
+            "| {number} | `{name}` | `{holds}` | {kind} | `{register}{number}` | `buffer({number})` | \
+             `binding = {number}` |"
         );
     }
     let _ = writeln!(
@@ -144,17 +149,21 @@ fn languages(files: &[ShaderFile]) -> String {
         "## Languages\n\n\
          | Language | Needs | Compiled by | Checked by | A test runs it |\n|---|---|---|---|---|\n\
          | WGSL | nothing beyond core WGSL | any WebGPU | Tint, Dawn's compiler | by naga and by Tint |\n\
-         | HLSL | shader model 6.0 | `dxc -T cs_6_0 -E evaluate_main {hlsl}` | glslang's HLSL front end, to which casts of 0 \
+         | HLSL | shader model 6.0 | `dxc -T cs_6_0 -E evaluate_main {hlsl}` | glslang's HLSL front end, to which \
+         casts of 0 \
          to an array are spelt out; dxc where it is installed | by glslang |\n\
          | MSL | Metal 2.0 | `xcrun metal -std=metal2.0 -c {msl}` | nobody: its only compiler is Apple's | no |\n\
          | GLSL ES 3.10 | three storage buffers in compute shaders; every driver has four | the driver, or \
          `glslangValidator -S comp {es}` | glslang | by glslang |\n\
-         | GLSL 4.60 | nothing beyond it | the driver, or `glslangValidator -V -S comp {desktop}` for Vulkan | glslang | by \
+         | GLSL 4.60 | nothing beyond it | the driver, or `glslangValidator -V -S comp {desktop}` for Vulkan | \
+         glslang | by \
          glslang |\n\
          | SPIR-V 1.3 | capability Shader | Vulkan 1.1 | spirv-val | as it is |\n\n\
-         `cargo xtask setup` installs the tools, `cargo test -p btf-shaders` checks and runs: on Mesa's software driver, against \
+         `cargo xtask setup` installs the tools, `cargo test -p btf-shaders` checks and runs: on Mesa's software \
+         driver, against \
          `btf_runtime::evaluate`, `sample` and `density`.\n\n\
-         naga takes `unpack2x16float` for a capability of its own, SHADER_FLOAT16_IN_FLOAT32, which every WebGPU device has. \
+         naga takes `unpack2x16float` for a capability of its own, SHADER_FLOAT16_IN_FLOAT32, which every WebGPU \
+         device has. \
          Indices are not checked again in the translations, and loops not bounded again: bind only words that \
          `btf_runtime` has made.\n"
     )

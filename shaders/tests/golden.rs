@@ -1,5 +1,5 @@
-//! What the shaders answer when they run is what `btf_runtime` answers: WGSL by two compilers, SPIR-V as it was written,
-//! GLSL and HLSL by way of glslang, all on the software driver.
+//! What the shaders answer when they run is what `btf_runtime` answers: WGSL by two compilers, SPIR-V as it was
+//! written, GLSL and HLSL by way of glslang, all on the software driver.
 
 mod support;
 
@@ -12,9 +12,9 @@ use btf_shaders::{Answer, ENTRY_POINTS, Language, Query, Range, ShaderFile, modu
 use support::gpu::{Gpu, Program, open};
 use support::tools;
 
-/// Absolute and relative tolerance of a channel. Both sides read the same half-precision bases and add in f32; what is left
-/// is the order of sums (2^-24 each) and the driver's own powers, exponentials and square roots, of which Vulkan promises
-/// 2^-11 or so only.
+/// Absolute and relative tolerance of a channel. Both sides read the same half-precision bases and add in f32; what is
+/// left is the order of sums (2^-24 each) and the driver's own powers and exponentials, some units in the last place of
+/// logarithms that are multiplied by up to a thousand, and sines, of which Vulkan promises 2^-11.
 const ABSOLUTE: f32 = 1e-3;
 const RELATIVE: f32 = 1e-3;
 /// Of a density, which is a narrow peak's height: squares of half vectors divided by squares of roughness from 0.02 on.
@@ -33,7 +33,8 @@ struct Questions {
     queries: Vec<(usize, Query)>,
 }
 
-/// Two layers (light from the front and from behind), levels, heights, edits, lobes in either role, every residual kind.
+/// Two layers (light from the front and from behind), levels, heights, edits, lobes in either role, every residual
+/// kind.
 fn residents() -> Vec<Resident> {
     let kinds = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
     let one = |(seed, kind): (u64, ResidualKind)| {
@@ -171,8 +172,8 @@ impl Questions {
         answers.len() - (0..answers.len()).filter(right).count()
     }
 
-    /// How many answers of `sample_main` are not: the direction that the decoder draws, and in the direction that came back
-    /// the density and the value that the decoder has there.
+    /// How many answers of `sample_main` are not: the direction that the decoder draws, and in the direction that came
+    /// back the density and the value that the decoder has there.
     fn wrong_samples(&self, draws: &[Query], answers: &[Answer]) -> usize {
         assert_eq!(answers.len(), draws.len());
         let right = |i: &usize| {
@@ -206,8 +207,8 @@ impl Questions {
     /// Compares these entry points of a language; `run(module text, entry point, queries)` gives the answers. Constants
     /// changed in the text must be seen in those that are `planted`.
     ///
-    /// A software driver that has not met a module before compiles it for seconds, `sample_main` longest, so no language runs
-    /// everything twice.
+    /// A software driver that has not met a module before compiles it for seconds, `sample_main` longest, so no
+    /// language runs everything twice.
     fn compare(&self, name: &str, [right, planted]: [&[&str]; 2], run: impl Fn(&str, &str, &[Query]) -> Vec<Answer>) {
         let allowed = self.queries.len() / GRAZING;
         let text = module_text();

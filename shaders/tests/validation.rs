@@ -1,5 +1,6 @@
-//! Every file that `cargo xtask shaders` writes is valid to a tool that did not come from us, and a defect planted in each
-//! language is refused by its tool. MSL is the exception: its only compiler is Apple's, and here it counts as unchecked.
+//! Every file that `cargo xtask shaders` writes is valid to a tool that did not come from us, and a defect planted in
+//! each language is refused by its tool. MSL is the exception: its only compiler is Apple's, and here it counts as
+//! unchecked.
 
 mod support;
 

@@ -1,5 +1,5 @@
-//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on; `shader_tools.rs` has the
-//! programs that it installs besides.
+//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on; `shader_tools.rs`
+//! has the programs that it installs besides.
 //!
 //! Mesa's lavapipe has ray queries from version 25 on. Debian 12 carries that version in its backports;
 //! as root on Debian it is installed, elsewhere the user is told what to install.
@@ -20,7 +20,8 @@ const BACKPORTS_FILE: &str = "/etc/apt/sources.list.d/btf-backports.sources";
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if crate::asks_for_help(arguments) {
         println!(
-            "Installs the software Vulkan driver of the GPU tests and the programs that check shaders (Debian, as root), or says what to install.\n\nUsage: cargo xtask setup"
+            "Installs the software Vulkan driver of the GPU tests and the programs that check shaders (Debian, as root),\n\
+             or says what to install. BTF_SKIP_PEERS=1 leaves the latter out.\n\nUsage: cargo xtask setup"
         );
         return Ok(());
     }

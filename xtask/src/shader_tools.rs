@@ -60,7 +60,8 @@ fn ensure_dawn(folder: &Path) -> Result<String, Failure> {
     let stamp = folder.join(STAMP);
     if !answers("node", "--version") {
         return Err(Failure::new(format!(
-            "the WGSL is checked by Dawn's compiler, which runs in Node.js: install Node.js 20 or newer with npm, {LEAVE_OUT}"
+            "the WGSL is checked by Dawn's compiler, which runs in Node.js: install Node.js 20 or newer with npm, \
+             {LEAVE_OUT}"
         )));
     }
     if std::fs::read_to_string(&stamp).is_ok_and(|text| text == package) {

@@ -18,9 +18,9 @@ Usage: cargo xtask test [--quick]
 
   --quick   the tier for every edit: no GPU, no integration tests, no docs (under 5 minutes)
 
-BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba and the shader compilers'
-judgement; they are counted as skipped. BTF_PEERS_PYTHON names a Python that has Mitsuba already. BTF_DATA names the folder of the measured
-data, without which the tests that use it are skipped.
+BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba and what shader
+compilers say; they are counted as skipped. BTF_PEERS_PYTHON names a Python that has Mitsuba already. BTF_DATA
+names the folder of the measured data, without which the tests that use it are skipped.
 
 Example: BTF_SKIP_GPU=1 cargo xtask test";
 

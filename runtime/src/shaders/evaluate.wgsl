@@ -1,5 +1,6 @@
 // What a renderer asks of an asset at a texture coordinate: values, directions drawn from them and their densities,
-// whichever sides light and eye are on. Twin: evaluate.rs. `base` is the asset's first word, `level` below btf_levels(base).
+// whichever sides light and eye are on. Twin: evaluate.rs. `base` is the asset's first word, `level` below
+// btf_levels(base).
 
 const UNIT_LEAST: f32 = 0.99;
 const UNIT_MOST: f32 = 1.01;

@@ -13,8 +13,8 @@ pub enum Program<'a> {
     SpirV(&'a [u32]),
 }
 
-/// What makes Mesa's software driver compile a module that it has not met in a quarter of the time (HLSL's three: 12 s
-/// to 3 s): four lanes and no optimiser. Running takes longer, which a thousand queries do not show.
+/// What makes Mesa's software driver compile a module that it has not met in about a third of the time: four lanes and
+/// no optimiser. Running takes longer, which a thousand queries do not show.
 pub const QUICK_COMPILER: [(&str, &str); 2] = [("LP_NATIVE_VECTOR_WIDTH", "128"), ("GALLIVM_PERF", "nopt")];
 
 /// Sets [`QUICK_COMPILER`] for this process, before the first driver is loaded.
@@ -22,8 +22,8 @@ fn quicken_compiler() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         for (name, value) in QUICK_COMPILER {
-            // SAFETY: nothing but std, which locks the environment, and the driver, which is loaded after this, reads it in
-            // the processes of these tests.
+            // SAFETY: nothing but std, which locks the environment, and the driver, which is loaded after this, reads
+            // it in the processes of these tests.
             #[allow(unsafe_code, reason = "the driver is told by its environment only")]
             unsafe {
                 std::env::set_var(name, value);
@@ -88,8 +88,8 @@ impl Gpu {
                     spirv: Some((*words).into()),
                     ..Default::default()
                 };
-                // SAFETY: the callers' SPIR-V comes from naga or glslang, binds what the layout below has, and reads within
-                // the words of assets that btf-runtime has laid out.
+                // SAFETY: the callers' SPIR-V comes from naga or glslang, binds what the layout below has, and reads
+                // within the words of assets that btf-runtime has laid out.
                 #[allow(unsafe_code, reason = "SPIR-V that wgpu does not read takes this call")]
                 unsafe {
                     device.create_shader_module_passthrough(descriptor)

@@ -1,10 +1,10 @@
-//! Compilers and validators that did not come from us. One that is missing is a failure, unless `BTF_SKIP_PEERS=1` leaves
-//! them out, visibly.
+//! Compilers and validators that did not come from us. One that is missing is a failure, unless `BTF_SKIP_PEERS=1`
+//! leaves them out, visibly.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Where the environment in which SPIR-V is valid is named: what `SPIRV_VERSION` of languages.rs is made for.
+/// The environment in which SPIR-V has to be valid: what `SPIRV_VERSION` of languages.rs is made for.
 const SPIRV_ENVIRONMENT: &str = "vulkan1.1";
 
 /// Whether `test` is left out on purpose; says so.
@@ -23,7 +23,8 @@ pub fn are_left_out(test: &str) -> bool {
 fn run(command: &mut Command) -> Result<(), String> {
     let output = command.output().unwrap_or_else(|error| {
         panic!(
-            "{} does not start ({error}): `cargo xtask setup` installs what checks shaders, BTF_SKIP_PEERS=1 leaves it out",
+            "{} does not start ({error}): `cargo xtask setup` installs what checks shaders, BTF_SKIP_PEERS=1 leaves it \
+             out",
             command.get_program().display()
         )
     });
