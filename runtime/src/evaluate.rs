@@ -1,5 +1,6 @@
 //! What a renderer asks of an asset at a texture coordinate: values, directions drawn from them and their densities,
 //! whichever sides light and eye are on. The layer is the one whose sides are those of light and eye.
+//! Twin: `shaders/evaluate.wgsl`.
 
 use crate::decode::DecodeOptions;
 use crate::resident::Resident;
@@ -37,18 +38,23 @@ pub fn is_unit(v: [f32; 3]) -> bool {
     UNIT_RANGE.contains(&(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
 }
 
+/// `level`, or the coarsest that there is.
+fn known_level(resident: &Resident, level: u32) -> u32 {
+    level.min(resident.levels() - 1)
+}
+
 fn finite(numbers: &[f32]) -> bool {
     numbers.iter().all(|x| x.is_finite())
 }
 
-/// `pi * BRDF * |n.wi|` (BTDF where light and eye are on different sides), linear RGB, at least 0, at `level` (0 the finest, below
-/// [`Resident::levels`]). Black where the asset has no layer for these sides, and where a number is not finite or a
+/// `pi * BRDF * |n.wi|` (BTDF where light and eye are on different sides), linear RGB, at least 0, at `level`: 0 the finest, the
+/// coarsest beyond them all. Black where the asset has no layer for these sides, and where a number is not finite or a
 /// direction not a unit vector, see [`is_unit`].
 ///
 /// Cost: as [`crate::decode()`].
 pub fn evaluate(resident: &Resident, level: u32, query: &Query, options: &DecodeOptions) -> [f32; 3] {
     let Query { uv, wi, wo } = *query;
-    let layer = resident.layer_for_sides(level, wi[2] < 0.0, wo[2] < 0.0);
+    let layer = resident.layer_for_sides(known_level(resident, level), wi[2] < 0.0, wo[2] < 0.0);
     match layer.filter(|_| finite(&uv) && is_unit(wi) && is_unit(wo)) {
         Some(layer) => {
             let viewed = ViewedTexel::new(resident, layer, resident.texel(layer, uv), wo, options);
@@ -76,7 +82,7 @@ pub fn evaluate_many(
 
 /// The layers that an eye on one side sees, lit from its own side and from the other.
 fn seen_layers(resident: &Resident, level: u32, wo: [f32; 3]) -> [Option<u32>; 2] {
-    let view_back = wo[2] < 0.0;
+    let (level, view_back) = (known_level(resident, level), wo[2] < 0.0);
     [view_back, !view_back].map(|light_back| resident.layer_for_sides(level, light_back, view_back))
 }
 

@@ -27,6 +27,7 @@ mod expansion;
 mod format;
 mod lobe;
 mod mip;
+mod open;
 mod pack;
 mod parallax;
 mod parse;
@@ -62,6 +63,7 @@ pub use format::{
 };
 pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
 pub use mip::with_levels;
+pub use open::{Levels, open};
 pub use pack::pack;
 pub use parallax::{
     HIDDEN_SHARE, HeightField, Heights, LEAST_RAY_STEPS, MOST_HEIGHT_STEP, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE,

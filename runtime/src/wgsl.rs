@@ -14,6 +14,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("viewed_texel.wgsl", include_str!("shaders/viewed_texel.wgsl")),
     ("sample.wgsl", include_str!("shaders/sample.wgsl")),
     ("decode.wgsl", include_str!("shaders/decode.wgsl")),
+    ("evaluate.wgsl", include_str!("shaders/evaluate.wgsl")),
 ];
 
 /// All of [`WGSL`], joined.

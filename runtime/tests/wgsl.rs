@@ -5,7 +5,7 @@ use btf_runtime::{
     ASSET_LAYERS, COSINE_SHARE, DIRECTION_WORDS, EDGE_WORDS, EDIT_WORDS, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE,
     Interpolation, LEAST_ALPHA, LEAST_AXIS, LEAST_RAY_STEPS, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole,
     MAX_LOG, MIN_COS_VIEW, MIN_HALF, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP,
-    ROOT, ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, TRIANGLE_WORDS, WGSL, block, wgsl_library,
+    ROOT, ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, TRIANGLE_WORDS, UNIT_RANGE, WGSL, block, wgsl_library,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module};
@@ -50,7 +50,9 @@ fn the_library_is_valid_with_exactly_the_capability_that_it_names() {
     let module = library();
     assert!(module_from(&(wgsl_library() + INCLUDER), Capabilities::empty()).is_err(), "it is needed");
     assert_eq!(module.entry_points.len(), 1);
-    for name in ["btf_decode", "btf_texel", "btf_size", "btf_layer_for_sides"] {
+    for name in
+        ["btf_decode", "btf_texel", "btf_size", "btf_layer_for_sides", "btf_evaluate", "btf_sample", "btf_density"]
+    {
         assert!(module.functions.iter().any(|(_, function)| function.name.as_deref() == Some(name)), "{name}");
     }
     // The library alone lacks the includer's reader, and a planted type error is seen.
@@ -151,6 +153,9 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("COSINE_SHARE", COSINE_SHARE),
         ("LEAST_ALPHA", LEAST_ALPHA),
         ("LEAST_AXIS", LEAST_AXIS),
+        ("UNIT_LEAST", *UNIT_RANGE.start()),
+        ("UNIT_MOST", *UNIT_RANGE.end()),
+        ("DRAW_MOST", 1.0 - f32::EPSILON),
         ("SAMPLE_PI", std::f32::consts::PI),
         ("SAMPLE_TAU", std::f32::consts::TAU),
     ];
@@ -208,7 +213,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     let wgsl = |name: &str| WGSL.iter().find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 9] = [
+    let twins: [Twin; 10] = [
         (include_str!("../src/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
@@ -223,6 +228,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
             "btf_",
             &["btf_layers", "btf_levels", "btf_size", "btf_texel", "btf_layer_for_sides"],
         ),
+        (include_str!("../src/evaluate.rs"), "evaluate.wgsl", "btf_", &[]),
     ];
     for (rust, file, prefix, alone) in twins {
         assert_eq!(first_out_of_order(rust, wgsl(file), prefix, alone), None, "{file}");

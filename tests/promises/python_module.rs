@@ -9,7 +9,7 @@
 use crate::mitsuba_peers::interpreter;
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{
-    Asset, DecodeOptions, Interpolation, Query, ResidualKind, density, evaluate, pack, resident_with_levels,
+    Asset, DecodeOptions, Interpolation, Query, Resident, ResidualKind, density, evaluate, pack, serial, with_levels,
 };
 use btf_viewer::{BackendChoice, Control, RenderParams, SceneAsset, ShadeOptions, load_scene, render};
 use serde_json::{Value, json};
@@ -98,7 +98,7 @@ fn python_gets_the_values_and_densities_that_rust_gets() {
     let folder = tempfile::tempdir().unwrap();
     let path = write_asset(folder.path());
     let asset = Asset::parse(&std::fs::read(&path).unwrap()).unwrap();
-    let (resident, _) = resident_with_levels(&asset, |n, f| (0..n).map(f).collect(), |n, f| (0..n).map(f).collect());
+    let resident = Resident::from_asset(&with_levels(&asset, &serial));
     for (rule, interpolation, level) in
         [("fast", Interpolation::Fast, 0), ("exact", Interpolation::Exact, 0), ("fast", Interpolation::Fast, 1)]
     {

@@ -1,12 +1,13 @@
-//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on, and what `memcheck.rs`
-//! finds.
+//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on; `memcheck.rs` and
+//! `shader_tools.rs` have the programs that it installs besides.
 //!
 //! Mesa's lavapipe has ray queries from version 25 on. Debian 12 carries that version in its backports;
 //! as root on Debian it is installed, elsewhere the user is told what to install.
 
 use crate::failure::Failure;
-use crate::memcheck;
+use crate::metadata::Metadata;
 use crate::shell::{answer_of, is_root_on_debian, os_release, run_checked};
+use crate::{memcheck, peers, shader_tools};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -15,12 +16,13 @@ const LEAST_MESA: u32 = 25;
 const ICD_FOLDERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
 const BACKPORTS_FILE: &str = "/etc/apt/sources.list.d/btf-backports.sources";
 
-/// Installs the driver where it is missing.
+/// Installs what is missing.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if crate::asks_for_help(arguments) {
         println!(
-            "Installs the software Vulkan driver of the GPU tests, and compiler and valgrind of those in C (Debian, as \
-             root), or says what to install.\n\nUsage: cargo xtask setup"
+            "Installs the software Vulkan driver of the GPU tests, compiler and valgrind of those in C, and the programs\n\
+             that check shaders (Debian, as root), or says what to install. BTF_SKIP_PEERS=1 leaves the latter out.\n\n\
+             Usage: cargo xtask setup"
         );
         return Ok(());
     }
@@ -29,6 +31,9 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     }
     println!("{}", ensure()?);
     println!("{}", memcheck::ensure()?);
+    if !peers::left_out() {
+        println!("{}", shader_tools::ensure(&Metadata::read()?.target_directory)?);
+    }
     Ok(())
 }
 

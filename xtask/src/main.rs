@@ -8,7 +8,8 @@
 //! | `bench` | `bench.rs` |
 //! | `python` | `python.rs`: the Python module, by maturin, in the environment of `peers.rs` |
 //! | `header` | `header.rs`: the C header, by cbindgen |
-//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `memcheck.rs`: valgrind for those in C |
+//! | `shaders` | `shaders.rs`: the decoder in the languages of engines |
+//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `memcheck.rs`: valgrind for those in C; `shader_tools.rs`: what checks shaders |
 //!
 //! The checks that are ours stand in `arrows.rs`, `licences.rs` (over `spdx.rs`) and `words.rs`; all of them read
 //! `cargo metadata` through `metadata.rs`.
@@ -28,6 +29,8 @@ mod memcheck;
 mod metadata;
 mod peers;
 mod python;
+mod shader_tools;
+mod shaders;
 mod shell;
 mod spdx;
 mod test;
@@ -46,7 +49,8 @@ Chores:
   bench   time reading, clustering, fitting and decoding (criterion)
   python  build, install and test the Python module
   header  write the C header from the sources of the C interface
-  setup   install the software Vulkan driver that the GPU tests run on, and valgrind for those in C
+  shaders write the decoder in WGSL, HLSL, MSL, GLSL and SPIR-V
+  setup   install the software Vulkan driver that the GPU tests run on, valgrind, and what checks shaders
 
 `cargo xtask CHORE --help` tells more, with an example.";
 
@@ -77,6 +81,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "python" => python::run(rest),
         "header" => header::run(rest),
         "setup" => driver::run(rest),
+        "shaders" => shaders::run(rest),
         "-h" | "--help" | "help" => {
             println!("{HELP}");
             Ok(())
@@ -104,7 +109,7 @@ mod tests {
         let failure = run(&["brew".to_string()]).unwrap_err();
         assert_eq!(failure.exit_code(), 2);
         assert!(failure.to_string().contains("no chore 'brew'"));
-        for chore in ["demo", "test", "check", "bench", "python", "header", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "python", "header", "shaders", "setup"] {
             assert!(failure.to_string().contains(chore), "{chore} is not in the list");
         }
     }
@@ -124,7 +129,7 @@ mod tests {
     #[test]
     fn help_is_no_failure() {
         assert_eq!(exit_code_of(&["--help"]), 0);
-        for chore in ["demo", "test", "check", "bench", "python", "header", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "python", "header", "shaders", "setup"] {
             assert_eq!(exit_code_of(&[chore, "--help"]), 0);
         }
     }

@@ -12,7 +12,7 @@ const REQUIREMENTS: &str = "tests/peers/requirements.txt";
 const STAMP: &str = "requirements-installed.txt";
 
 /// What every failure ends with.
-const LEAVE_OUT: &str = "or set BTF_SKIP_PEERS=1 to leave these comparisons out";
+pub const LEAVE_OUT: &str = "or set BTF_SKIP_PEERS=1 to leave these comparisons out";
 
 /// Whether the user leaves the comparisons out.
 pub fn left_out() -> bool {

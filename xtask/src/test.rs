@@ -5,23 +5,23 @@ use crate::counts::{Counts, cargo_test_failures, from_cargo_test, from_nextest, 
 use crate::failure::Failure;
 use crate::metadata::{Metadata, has_subcommand};
 use crate::shell::{self, cargo, root, run_and_read};
-use crate::{arrows, driver, header, licences, memcheck, peers, python, words};
+use crate::{arrows, driver, header, licences, memcheck, peers, python, shader_tools, words};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const HELP: &str = "\
 Runs everything that CI runs: format, clippy, dependency arrows, licences, words, the C header, the software Vulkan
-driver, compiler and valgrind for the tests in C, Mitsuba for comparison and the Python module (under the target
-folder), tests, doc tests, docs. The last line sums it up: N passed, N failed, N skipped.
+driver, compiler and valgrind for the tests in C, shader compilers, Mitsuba for comparison and the Python module (under
+the target folder), tests, doc tests, docs. The last line sums it up: N passed, N failed, N skipped.
 
 Usage: cargo xtask test [--quick]
 
   --quick   the tier for every edit: no GPU, no integration tests, no docs (under 5 minutes)
 
-BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba and the Python module,
-BTF_SKIP_VALGRIND=1 the C interface under valgrind; all are counted as skipped. BTF_PEERS_PYTHON names a Python that
-has Mitsuba and maturin already. BTF_DATA names the folder of the measured data, without which the tests that use it
-are skipped.
+BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba, the Python module and what
+shader compilers say, BTF_SKIP_VALGRIND=1 the C interface under valgrind; all are counted as skipped. BTF_PEERS_PYTHON
+names a Python that has Mitsuba and maturin already. BTF_DATA names the folder of the measured data, without which the
+tests that use it are skipped.
 
 Example: BTF_SKIP_GPU=1 cargo xtask test";
 
@@ -113,6 +113,16 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
             Ok(Counts::PASSED)
         });
         suite.check("tools for C", || memcheck::ensure().map_err(|failure| failure.to_string()));
+        suite.step("shader tools", |_| {
+            if peers::left_out() {
+                println!("left out: BTF_SKIP_PEERS=1");
+                return Ok(Counts::SKIPPED);
+            }
+            let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
+            let target = target.ok_or("the target folder is not known")?;
+            println!("{}", shader_tools::ensure(target).map_err(|failure| failure.to_string())?);
+            Ok(Counts::PASSED)
+        });
         suite.step("peers", |_| {
             if peers::left_out() {
                 println!("left out: BTF_SKIP_PEERS=1");

@@ -330,7 +330,8 @@ btf_code btf_open_memory(const uint8_t *bytes,
                          struct btf_asset **asset);
 
 /**
- * Opens an asset file, as btf_open_memory does. The file is not needed afterwards.
+ * Opens an asset file, as btf_open_memory does. One in its resident form is mapped, not read: it must not be changed in
+ * place until the asset is closed. A file form is not needed afterwards.
  *
  * `path`: text that ends with a zero; UTF-8, on Unix any bytes.
  * Errors: those of btf_open_memory, and BTF_FILE. The sentence of btf_last_error() begins with the path.

@@ -3,9 +3,10 @@
 use crate::border::{Target, call, read, read_many};
 use crate::code::{Code, Fault};
 use crate::threads::spread;
-use btf_runtime::{Asset, Resident, VERSION, resident_with_levels};
+use btf_runtime::{Resident, ResidentBytes, VERSION};
 use std::ffi::{CStr, c_char};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// An open asset. What it points to is only read, so any number of threads may use one handle at once, in all calls but
 /// btf_close.
@@ -84,22 +85,17 @@ const SIDES: [(u32, bool, bool); 4] = [
 ];
 
 impl Handle {
-    fn open(bytes: &[u8], options: &OpenOptions) -> Result<Handle, Fault> {
-        let all_levels = match options.levels {
-            levels if levels == Levels::AtHand as u32 => false,
-            levels if levels == Levels::All as u32 => true,
+    fn open(bytes: ResidentBytes, options: &OpenOptions) -> Result<Handle, Fault> {
+        let levels = match options.levels {
+            levels if levels == Levels::AtHand as u32 => btf_runtime::Levels::AtHand,
+            levels if levels == Levels::All as u32 => btf_runtime::Levels::All,
             levels => {
                 let sentence = format!("levels is {levels}: take BTF_LEVELS_AT_HAND or BTF_LEVELS_ALL");
                 return Err(Fault::new(Code::Argument, sentence));
             }
         };
-        let asset = Asset::parse(bytes)?;
-        let threads = options.threads;
-        let resident = if all_levels {
-            resident_with_levels(&asset, |n, f| spread(threads, n, f), |n, f| spread(threads, n, f)).0
-        } else {
-            Resident::from_asset_with(&asset, |n, f| spread(threads, n, f))
-        };
+        let file = btf_runtime::open(bytes, levels, &|count, work| spread(options.threads, count, work))?;
+        let resident = file.resident;
         let sides = SIDES.into_iter().filter(|(_, light, view)| resident.layer_for_sides(0, *light, *view).is_some());
         let info = Info {
             // The only one that is read.
@@ -108,11 +104,11 @@ impl Handle {
             height: resident.height(),
             layers: resident.layers(),
             levels: resident.levels(),
-            components: (0..resident.layers()).map(|layer| resident.components(layer)).max().unwrap_or(0),
-            lobes: asset.layers.iter().map(|layer| layer.most_lobes() as u32).max().unwrap_or(0),
+            components: resident.most_components(),
+            lobes: resident.most_lobes(),
             sides: sides.map(|(bit, _, _)| bit).sum(),
         };
-        let mut material = asset.material.into_bytes();
+        let mut material = file.material.into_bytes();
         material.push(0);
         Ok(Handle { resident, info, material })
     }
@@ -139,7 +135,7 @@ pub extern "C" fn btf_default_open_options() -> OpenOptions {
 /// # Safety
 /// As [`btf_open_memory`].
 unsafe fn open_into(
-    bytes: &[u8],
+    bytes: ResidentBytes,
     options: *const OpenOptions,
     asset: &Target<*mut Handle>,
     prefix: &str,
@@ -174,12 +170,13 @@ pub unsafe extern "C" fn btf_open_memory(
             if bytes.is_null() {
                 return Err(Fault::new(Code::Pointer, "the pointer 'bytes' is null"));
             }
-            open_into(read_many(bytes, length, "bytes")?, options, &asset, "")
+            open_into(Arc::new(read_many(bytes, length, "bytes")?.to_vec()), options, &asset, "")
         }
     })
 }
 
-/// Opens an asset file, as btf_open_memory does. The file is not needed afterwards.
+/// Opens an asset file, as btf_open_memory does. One in its resident form is mapped, not read: it must not be changed in
+/// place until the asset is closed. A file form is not needed afterwards.
 ///
 /// `path`: text that ends with a zero; UTF-8, on Unix any bytes.
 /// Errors: those of btf_open_memory, and BTF_FILE. The sentence of btf_last_error() begins with the path.
@@ -198,11 +195,21 @@ pub unsafe extern "C" fn btf_open_file(
                 return Err(Fault::new(Code::Pointer, "the pointer 'path' is null"));
             }
             let path = path_of(CStr::from_ptr(path))?;
-            let bytes = std::fs::read(&path)
+            let bytes = bytes_of(&path)
                 .map_err(|error| Fault::new(Code::File, format!("{} cannot be read: {error}", path.display())))?;
-            open_into(&bytes, options, &asset, &format!("{}: ", path.display()))
+            open_into(bytes, options, &asset, &format!("{}: ", path.display()))
         }
     })
+}
+
+/// A file's bytes, mapped; an empty file cannot be.
+fn bytes_of(path: &Path) -> std::io::Result<ResidentBytes> {
+    let file = std::fs::File::open(path)?;
+    if file.metadata()?.len() == 0 {
+        return Ok(Arc::new(Vec::new()));
+    }
+    // SAFETY: the header asks that the file is not changed in place; btf-fit never does.
+    Ok(Arc::new(unsafe { memmap2::Mmap::map(&file) }?))
 }
 
 #[cfg(unix)]

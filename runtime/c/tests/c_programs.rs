@@ -4,8 +4,8 @@
 
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{
-    Asset, DecodeOptions, Interpolation, Query, Resident, ResidualKind, SurfaceSide, density, evaluate, pack,
-    resident_with_levels,
+    Asset, DecodeOptions, Interpolation, Query, Resident, ResidualKind, SurfaceSide, density, evaluate, pack, serial,
+    with_levels,
 };
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -106,7 +106,7 @@ fn write_files() -> Files {
 
     // What a reader of the file gets.
     let asset = Asset::parse(&bytes).unwrap();
-    let (resident, _) = resident_with_levels(&asset, |n, f| (0..n).map(f).collect(), |n, f| (0..n).map(f).collect());
+    let resident = Resident::from_asset(&with_levels(&asset, &serial));
     let mut random = Random::new(8);
     let mut expected = Vec::new();
     for number in 0..400 {

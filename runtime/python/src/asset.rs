@@ -2,14 +2,15 @@
 
 use crate::arrays::{Shape, Vectors};
 use btf_runtime::{
-    Asset, DecodeOptions, Interpolation, Query, Resident, Sample, density, evaluate_many, resident_with_levels, sample,
+    DecodeOptions, Interpolation, Levels, Query, Resident, ResidentBytes, Sample, density, evaluate_many, sample,
 };
 use numpy::PyArrayDyn;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Places that are evaluated before it is asked for Control-C.
 const BATCH: usize = 1 << 15;
@@ -45,39 +46,42 @@ pub struct PyAsset {
 /// levels: "file" for those that it has, "all" for all down to one texel, which may take seconds.
 /// threads: how many opening may use; 0 for as many as there are processors.
 ///
+/// A file in its resident form is mapped: it must not be changed in place while it is open.
+///
 /// Raises OSError where the file cannot be read and ValueError where it is no whole asset.
 #[pyfunction]
 #[pyo3(signature = (path, *, levels="file", threads=0))]
 pub fn open(py: Python<'_>, path: PathBuf, levels: &str, threads: usize) -> PyResult<PyAsset> {
-    let all_levels = match levels {
-        "file" => false,
-        "all" => true,
+    let levels = match levels {
+        "file" => Levels::AtHand,
+        "all" => Levels::All,
         other => return Err(PyValueError::new_err(format!("levels is '{other}': take 'file' or 'all'"))),
     };
     py.detach(|| {
         let name = path.display();
-        let bytes = std::fs::read(&path)
+        let bytes = bytes_of(&path)
             .map_err(|error| std::io::Error::new(error.kind(), format!("{name} cannot be read: {error}")))?;
-        let asset = Asset::parse(&bytes).map_err(|error| PyValueError::new_err(format!("{name}: {error}")))?;
         // Threads of its own: rayon's common ones would be missing in a process that Python forks.
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .map_err(|error| PyRuntimeError::new_err(format!("no threads for opening {name}: {error}")))?;
-        let resident = pool.install(|| {
-            if all_levels {
-                let (resident, _) = resident_with_levels(
-                    &asset,
-                    |count, expand| (0..count).into_par_iter().map(expand).collect(),
-                    |count, texel| (0..count).into_par_iter().map(texel).collect(),
-                );
-                resident
-            } else {
-                Resident::from_asset_with(&asset, |count, expand| (0..count).into_par_iter().map(expand).collect())
-            }
-        });
-        Ok(PyAsset { resident, material: asset.material, path })
+        let opened =
+            pool.install(|| btf_runtime::open(bytes, levels, &|count, work| (0..count).into_par_iter().for_each(work)));
+        let file = opened.map_err(|error| PyValueError::new_err(format!("{name}: {error}")))?;
+        Ok(PyAsset { resident: file.resident, material: file.material, path })
     })
+}
+
+/// A file's bytes, mapped; an empty file cannot be.
+fn bytes_of(path: &Path) -> std::io::Result<ResidentBytes> {
+    let file = std::fs::File::open(path)?;
+    if file.metadata()?.len() == 0 {
+        return Ok(Arc::new(Vec::new()));
+    }
+    #[allow(unsafe_code, reason = "mapping a file: `open` asks that it is not changed in place")]
+    // SAFETY: as said there; btf-fit never does.
+    Ok(Arc::new(unsafe { memmap2::Mmap::map(&file) }?))
 }
 
 impl PyAsset {

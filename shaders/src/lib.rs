@@ -1,0 +1,47 @@
+//! The decoder as complete compute shaders in the languages of every engine, made from the one WGSL library that
+//! `btf-runtime` publishes; and that library as one text with a head that says how to use it.
+//!
+//! ```text
+//! btf_runtime::wgsl_library() --library_text--> btf.wgsl                      for includers
+//!        + queries.wgsl       --module_text---> btf_queries.wgsl --translate--> .hlsl .metal .glsl .spv
+//! ```
+//!
+//! `cargo xtask shaders` writes the folder that [`files`] makes; nothing of it is checked in. Entry points stand here
+//! and not beside the library, which has no bindings: an engine that includes `btf.wgsl` brings its own.
+//!
+//! Limits: asset words, questions and answers each in one binding (WebGPU's default: 128 MiB). An engine with larger
+//! assets includes the library with an `asset_word` over several bindings, as the viewer does.
+
+#![forbid(unsafe_code)]
+
+mod error;
+mod languages;
+mod queries;
+mod readme;
+mod texts;
+
+pub use error::ShaderError;
+pub use languages::{Language, ShaderFile, translate};
+pub use queries::{Answer, Options, Query, Range, WORKGROUP};
+pub use readme::readme;
+pub use texts::{ENTRY_POINTS, LIBRARY_FILE, MODULE_NAME, library_text, module_text};
+
+/// File name of [`readme`].
+pub const README_FILE: &str = "README.md";
+
+/// Everything that `cargo xtask shaders` writes: `(file name, bytes)`. The same each time.
+///
+/// # Errors
+/// [`ShaderError`] if naga cannot translate our own text, which the tests of this package rule out.
+///
+/// Cost: a few hundred milliseconds.
+pub fn files() -> Result<Vec<(String, Vec<u8>)>, ShaderError> {
+    let text = module_text();
+    let translated = translate(&text)?;
+    let mut files = vec![
+        (LIBRARY_FILE.to_string(), library_text().into_bytes()),
+        (README_FILE.to_string(), readme(&text, &translated)?.into_bytes()),
+    ];
+    files.extend(translated.into_iter().map(|file| (file.name, file.bytes)));
+    Ok(files)
+}
