@@ -1,9 +1,9 @@
 """A reader of .spmm files, written from docs/FORMAT.md (and section 3 of docs/MODEL.md for the lobes) alone, with
 Python's whole numbers and double precision.
 
-    python3 spmm_reader.py FILE [--residuals] [--decisions] [--decode QUERIES]
+    python3 spmm_reader.py FILE... [--residuals] [--decisions] [--decode QUERIES]
 
-refuses a file of either form, or a tier, that breaks a "must" of the document's lists, checksums included; else prints
+refuses a file of either form, or a tier of one, that breaks a "must" of the document's lists, checksums included; else prints
 its numbers, one `name = numbers` a line. Of both forms: what the texels of all levels have, and the edits. Of the file
 form also the direction sets with all that follows from them and the mixed cores; with `--residuals` the residual of
 every texel of the finest level at every pair; with `--decisions` each decision of each stream: range, code,
@@ -78,8 +78,10 @@ def decoded(levels, query):
     return decode(levels, layer, level, texel, directions[:3], directions[3:], rule)
 
 
-def main(arguments):
-    with open(arguments.file, "rb") as file:
+def read(path, arguments):
+    """Prints what the file has and what was asked for."""
+    STREAMS.clear()
+    with open(path, "rb") as file:
         header = Header(file.read())
     show("grid", [header.width, header.height, header.layers])
     show("flags, size in mm", [header.flags, *header.size_mm])
@@ -99,22 +101,31 @@ def main(arguments):
             for i, decision in enumerate(decisions):
                 show(f"decision {i} of stream {number}", decision)
     if arguments.decode:
+        other = shortened(levels)
         with open(arguments.decode, encoding="utf-8") as queries:
-            other = shortened(levels)
             for i, query in enumerate(queries):
                 value = decoded(levels, query)
                 show(f"value {i}", value)
                 show(f"spread {i}", [abs(a - b) for a, b in zip(value, decoded(other, query))])
 
 
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description="Prints the numbers of an .spmm file, and values decoded from it.")
-    parser.add_argument("file")
+def main():
+    """Reads all files; the exit status is 1 where one of them was refused."""
+    parser = argparse.ArgumentParser(description="Prints the numbers of .spmm files, and values decoded from them.")
+    parser.add_argument("files", metavar="FILE", nargs="+")
     parser.add_argument("--residuals", action="store_true", help="print the residual of every texel at every pair")
     parser.add_argument("--decisions", action="store_true", help="print each decision of each stream")
     parser.add_argument("--decode", metavar="QUERIES", help="print the values of a file of queries")
     arguments = parser.parse_args()
-    try:
-        main(arguments)
-    except (ValueError, OSError, struct.error) as error:
-        sys.exit(f"{arguments.file} cannot be read: {error}")
+    status = 0
+    for path in arguments.files:
+        try:
+            read(path, arguments)
+        except (ValueError, OSError, struct.error) as error:
+            print(f"{path} cannot be read: {error}", file=sys.stderr)
+            status = 1
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -8,39 +8,57 @@ use btf_runtime::{
     SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, core_at_pair, pack, serial, with_levels,
 };
 use std::collections::BTreeMap;
-use std::path::Path;
-use std::process::Command;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
 
 /// What the second reader prints, by name.
 pub(super) type Lines = BTreeMap<String, String>;
 
-/// What the reader in Python prints of `bytes`, by name, with the values of `queries` (`value 0` and so on), a line each;
-/// `Err` holds its reason for refusing the file.
-pub(super) fn read_by_the_document(name: &str, bytes: &[u8], options: &[&str], queries: &str) -> Result<Lines, String> {
-    let reader = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/peers/spmm_reader.py");
+/// What the reader in Python prints of `bytes`, with the values of `queries` (`value 0` and so on), a line each.
+pub(super) fn read_by_the_document(name: &str, bytes: &[u8], options: &[&str], queries: &str) -> Lines {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let (file, queries_file) = (folder.join(format!("{name}.spmm")), folder.join(format!("{name}.queries")));
     std::fs::write(&file, bytes).expect("the file is written");
     std::fs::write(&queries_file, queries).expect("the queries are written");
-    let python = if cfg!(windows) { "python" } else { "python3" };
-    let mut command = Command::new(python);
-    // What Python compiles stays out of the sources.
-    command.env("PYTHONPYCACHEPREFIX", folder.join("pycache"));
-    command.arg(&reader).arg(&file).args(options).arg("--decode").arg(&queries_file);
-    let output = command.output().unwrap_or_else(|error| {
-        panic!(
-            "the reader written from docs/FORMAT.md needs Python 3.9 or newer as `{python}`: install it (Debian: apt-get \
-             install python3): {error}"
-        )
-    });
-    if !output.status.success() {
-        return Err(String::from_utf8_lossy(&output.stderr).into_owned());
-    }
+    let output = output_of(reader().arg(&file).args(options).arg("--decode").arg(&queries_file));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let pair = |line: &str| {
         let (name, numbers) = line.split_once(" =").expect("name = numbers");
         (name.to_string(), numbers.trim().to_string())
     };
-    Ok(String::from_utf8(output.stdout).expect("UTF-8").lines().map(pair).collect())
+    String::from_utf8(output.stdout).expect("UTF-8").lines().map(pair).collect()
+}
+
+/// The reasons for which the reader in Python refuses each of the files; `None` where it does not.
+fn refused_by_the_document(name: &str, files: &[Vec<u8>]) -> Vec<Option<String>> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let paths: Vec<PathBuf> = (0..files.len()).map(|i| folder.join(format!("{name}-{i}.spmm"))).collect();
+    for (path, bytes) in paths.iter().zip(files) {
+        std::fs::write(path, bytes).expect("the file is written");
+    }
+    let output = output_of(reader().args(&paths));
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(!text.contains("Traceback"), "{text}");
+    let refusals: BTreeMap<&str, &str> = text.lines().filter_map(|line| line.split_once(" cannot be read: ")).collect();
+    paths.iter().map(|path| refusals.get(path.to_str().expect("UTF-8")).map(|reason| reason.to_string())).collect()
+}
+
+fn reader() -> Command {
+    let mut command = Command::new(if cfg!(windows) { "python" } else { "python3" });
+    // What Python compiles stays out of the sources.
+    command.env("PYTHONPYCACHEPREFIX", Path::new(env!("CARGO_TARGET_TMPDIR")).join("pycache"));
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/peers/spmm_reader.py"));
+    command
+}
+
+fn output_of(command: &mut Command) -> Output {
+    command.output().unwrap_or_else(|error| {
+        panic!(
+            "the reader written from docs/FORMAT.md needs Python 3.9 or newer as {:?}: install it (Debian: apt-get \
+             install python3): {error}",
+            command.get_program()
+        )
+    })
 }
 
 /// What [`numbers_of`] finds: numbers by name.
@@ -216,7 +234,7 @@ fn a_reader_written_from_the_document_reads_the_same_numbers() {
     for (name, asset, bytes) in
         [("worked-example", example(), document_bytes()), ("busy-asset", busy.clone(), pack(&busy).unwrap())]
     {
-        let read = read_by_the_document(name, &bytes, &["--residuals"], "").unwrap();
+        let read = read_by_the_document(name, &bytes, &["--residuals"], "");
         let expected = numbers_of(&asset);
         let texels = asset.texel_count();
         let missing: Vec<_> = expected.keys().filter(|name| !read.contains_key(*name)).collect();
@@ -259,8 +277,8 @@ fn a_reader_written_from_the_document_reads_the_same_numbers() {
 #[test]
 fn both_forms_hold_the_same_texels_and_edits() {
     let busy = busy_asset();
-    let file = read_by_the_document("busy-file-form", &pack(&busy).unwrap(), &[], "").unwrap();
-    let resident = |name: &str, asset: &Asset| read_by_the_document(name, &resident_bytes(asset), &[], "").unwrap();
+    let file = read_by_the_document("busy-file-form", &pack(&busy).unwrap(), &[], "");
+    let resident = |name: &str, asset: &Asset| read_by_the_document(name, &resident_bytes(asset), &[], "");
     // What both print: codes and numbers alike; an edit's `keep` follows from its numbers, in single precision here.
     let first_difference = |resident: &Lines| {
         resident.iter().filter(|(name, _)| name.starts_with("layer")).find_map(|(name, numbers)| {
@@ -284,7 +302,7 @@ fn both_forms_hold_the_same_texels_and_edits() {
 #[test]
 fn the_documents_decisions_are_those_of_the_first_coefficients() {
     let bytes = document_bytes();
-    let read = read_by_the_document("decisions", &bytes, &["--decisions"], "").unwrap();
+    let read = read_by_the_document("decisions", &bytes, &["--decisions"], "");
     // Streams are numbered as they stand in the file: those before the first coefficients are five of the lobes and of
     // the shared bases, and two bases.
     let coded = FileParts::from_bytes(&bytes).unwrap().sections.into_iter().map(|section| section.head[0]);
@@ -330,36 +348,44 @@ fn both_readers_refuse_a_stream_that_is_not_consumed_exactly() {
     asset.edits = edits(asset.texel_count());
     let bytes = pack(&with_levels(&asset, &serial)).unwrap();
     let parts = FileParts::from_bytes(&bytes).unwrap();
-    for kind in STREAMS {
+    let changed = |kind: SectionKind, longer: bool| {
         let at = parts.sections.iter().position(|section| section.head[0] == kind as u32).unwrap();
-        for longer in [true, false] {
-            let mut changed = parts.clone();
-            let section = &mut changed.sections[at].bytes;
-            if longer {
-                section.push(0);
-            } else {
-                section.pop();
-            }
-            let changed = changed.to_bytes();
-            assert!(Asset::parse(&changed).is_err(), "{kind:?} {longer}");
-            let reason = read_by_the_document("not-exact", &changed, &[], "").unwrap_err();
-            assert!(reason.contains("a stream is not as long as its numbers need"), "{kind:?} {longer}: {reason}");
+        let mut changed = parts.clone();
+        let section = &mut changed.sections[at].bytes;
+        if longer {
+            section.push(0);
+        } else {
+            section.pop();
         }
+        changed.to_bytes()
+    };
+    let files: Vec<Vec<u8>> =
+        STREAMS.into_iter().flat_map(|kind| [true, false].map(|longer| changed(kind, longer))).collect();
+    let refusals = refused_by_the_document("not-exact", &[files.clone(), vec![bytes]].concat());
+    for (i, file) in files.iter().enumerate() {
+        assert!(Asset::parse(file).is_err(), "{i}");
+        assert_eq!(refusals[i].as_deref(), Some("a stream is not as long as its numbers need"), "{i}");
     }
+    assert_eq!(refusals[files.len()], None, "the control must pass");
 }
 
 #[test]
 fn the_second_reader_refuses_a_changed_byte_of_either_form() {
     let asset = with_levels(&sample_asset(13, 5, 4, ResidualKind::Log), &serial);
     for (name, bytes) in [("changed-file-form", pack(&asset).unwrap()), ("changed-resident", resident_bytes(&asset))] {
-        assert!(read_by_the_document(name, &bytes, &[], "").is_ok(), "the control must pass");
         // The version, the checksum, the first entry of the section table, and places all over the file.
-        let places = [4, 49, 90].into_iter().chain((1..4).map(|part| bytes.len() / 4 * part + part));
-        for at in places.chain([bytes.len() - 1]) {
+        let places = [4, 49, 90].into_iter().chain((1..8).map(|part| bytes.len() / 8 * part + part));
+        let changed = places.chain([bytes.len() - 1]).map(|at| {
             let mut changed = bytes.clone();
             changed[at] ^= 1;
-            let reason = read_by_the_document(name, &changed, &[], "").unwrap_err();
-            assert!(reason.contains("cannot be read") && !reason.contains("Traceback"), "byte {at}: {reason}");
-        }
+            changed
+        });
+        let files: Vec<Vec<u8>> = changed.chain([bytes.clone()]).collect();
+        let refusals = refused_by_the_document(name, &files);
+        let (control, changed) = refusals.split_last().expect("files");
+        assert_eq!(*control, None, "the control must pass");
+        assert!(changed.iter().all(Option::is_some), "{name}: {changed:?}");
+        let checksums = changed.iter().flatten().filter(|reason| reason.contains("checksum"));
+        assert!(checksums.count() >= 5, "{name}: {changed:?}");
     }
 }
