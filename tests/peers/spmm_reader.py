@@ -42,8 +42,16 @@ def show_texels(number, level, layer):
         show(f"{name}: height step", [layer.height_step])
         show(f"{name}: heights", layer.height_codes)
     show(f"{name}: edits", layer.texel_edits)
+    show_dictionaries(name, layer.dictionaries)
     for i, edit in enumerate(layer.edits, 1):
         show(f"{name}: edit {i}: tint, keep", [*edit.tint, edit.keep])
+        show_dictionaries(f"{name}: edit {i}", edit.dictionaries)
+
+
+def show_dictionaries(name, dictionaries):
+    for k, lobes in enumerate(dictionaries):
+        numbers = ((lobe.family, *lobe.normal, *lobe.tangent, *lobe.params, lobe.scale) for lobe in lobes)
+        show(f"{name}: dictionary {k}", [x for lobe in numbers for x in lobe])
 
 
 def show_residuals(number, layer):

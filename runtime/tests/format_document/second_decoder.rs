@@ -1,11 +1,11 @@
 //! The reader that was written in Python from docs/FORMAT.md alone decodes the values that this crate does.
 
-use super::second_reader::{Lines, edits, parsed, read_by_the_document, resident_bytes, wide};
+use super::second_reader::{Lines, add_extreme_lobes, edits, parsed, read_by_the_document, resident_bytes, wide};
 use super::{document_bytes, named};
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{
-    Asset, DecodeOptions, DictionaryLobe, Interpolation, Layer, Lobe, LobeFamily, LobeRole, Resident, ResidualKind,
-    SurfaceSide, decode, pack, read_directory, serial, with_levels,
+    Asset, DecodeOptions, Interpolation, Layer, LobeRole, Resident, ResidualKind, SurfaceSide, decode, pack,
+    read_directory, serial, with_levels,
 };
 
 /// What is decoded: a layer, a level, a texel, light and eye, a rule.
@@ -87,29 +87,6 @@ fn assets_to_decode() -> Vec<Asset> {
         asset
     })
     .into()
-}
-
-/// Lobes that an edit takes to the ends of their ranges: axes near the horizon, an exponent near its largest. Two of
-/// three texels of the first cluster have one in place of its first lobe.
-fn add_extreme_lobes(layer: &mut Layer) {
-    let near_horizon = [0.75, 0.6484375];
-    let lobe = |family, normal_xy, params| DictionaryLobe {
-        lobe: Lobe { family, normal_xy, tangent_rad: 0.5, params },
-        weight_scale: 0.5,
-    };
-    let first = layer.dictionary[0].len() as u8;
-    layer.dictionary[0].extend([
-        lobe(LobeFamily::Lambertian, near_horizon, [0.0; 4]),
-        lobe(LobeFamily::Lafortune, [0.125, -0.25], [-1.0, -0.5, 1.0, 256.0]),
-        lobe(LobeFamily::WindowedCosine, [0.0; 2], [20.0, near_horizon[0], near_horizon[1], 0.0]),
-    ]);
-    let mut at = 0;
-    for (texel, count) in layer.texel_lobe_counts.iter().enumerate() {
-        if layer.texel_clusters[texel] == 0 && *count > 0 && texel % 3 > 0 {
-            layer.lobe_refs[at].lobe = first + (texel % 4).min(2) as u8;
-        }
-        at += usize::from(*count);
-    }
 }
 
 /// The first query whose value differs from the second reader's by more than `share` of the larger of 1 and the value,

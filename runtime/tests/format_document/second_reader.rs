@@ -4,8 +4,9 @@
 use super::{block, document_bytes, example};
 use btf_runtime::testing::{FileParts, sample_asset, sample_heights};
 use btf_runtime::{
-    Asset, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, LobeRef, Resident, ResidentFile, ResidualKind,
-    SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, core_at_pair, pack, serial, with_levels,
+    Asset, DictionaryLobe, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, Lobe, LobeFamily, LobeRef, Resident,
+    ResidentFile, ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, core_at_pair, pack, serial,
+    with_levels,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -195,6 +196,7 @@ fn busy_asset() -> Asset {
         }
     }
     layer.heights = Some(sample_heights(11, texels));
+    add_extreme_lobes(layer);
     asset.edits = edits(texels);
     // Levels are made of moderate numbers; extreme ones come after, and stay at the finest level.
     let mut asset = with_levels(&asset, &serial);
@@ -216,6 +218,29 @@ pub(super) fn edits(texels: usize) -> Edits {
     let tinted = Edit { tint: [0.2, 1.0, 3.0], ..Edit::default() };
     let texels = (0..texels).map(|texel| if texel % 7 <= 3 { (texel % 7) as u8 } else { 0 }).collect();
     Edits { list: vec![tilted, sharp, tinted], texels }
+}
+
+/// Lobes that an edit takes to the ends of their ranges: axes near the horizon, an exponent near its largest. Two of
+/// three texels of the first cluster have one in place of its first lobe.
+pub(super) fn add_extreme_lobes(layer: &mut Layer) {
+    let near_horizon = [0.75, 0.6484375];
+    let lobe = |family, normal_xy, params| DictionaryLobe {
+        lobe: Lobe { family, normal_xy, tangent_rad: 0.5, params },
+        weight_scale: 0.5,
+    };
+    let first = layer.dictionary[0].len() as u8;
+    layer.dictionary[0].extend([
+        lobe(LobeFamily::Lambertian, near_horizon, [0.0; 4]),
+        lobe(LobeFamily::Lafortune, [0.125, -0.25], [-1.0, -0.5, 1.0, 256.0]),
+        lobe(LobeFamily::WindowedCosine, [0.0; 2], [20.0, near_horizon[0], near_horizon[1], 0.0]),
+    ]);
+    let mut at = 0;
+    for (texel, count) in layer.texel_lobe_counts.iter().enumerate() {
+        if layer.texel_clusters[texel] == 0 && *count > 0 && texel % 3 > 0 {
+            layer.lobe_refs[at].lobe = first + (texel % 4).min(2) as u8;
+        }
+        at += usize::from(*count);
+    }
 }
 
 pub(super) fn resident_bytes(asset: &Asset) -> Vec<u8> {
@@ -279,12 +304,13 @@ fn both_forms_hold_the_same_texels_and_edits() {
     let busy = busy_asset();
     let file = read_by_the_document("busy-file-form", &pack(&busy).unwrap(), &[], "");
     let resident = |name: &str, asset: &Asset| read_by_the_document(name, &resident_bytes(asset), &[], "");
-    // What both print: codes and numbers alike; an edit's `keep` follows from its numbers, in single precision here.
+    // What both print: codes alike; lobes, the edited ones, too, and `keep` follow from others, in single precision here.
     let first_difference = |resident: &Lines| {
         resident.iter().filter(|(name, _)| name.starts_with("layer")).find_map(|(name, numbers)| {
             let (a, b) = (parsed(numbers), parsed(&file[name]));
-            let tolerance = if name.ends_with("keep") { 1e-6 } else { 0.0 };
-            let same = a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= tolerance);
+            let follows = name.ends_with("keep") || name.contains("dictionary");
+            let share = if follows { 5e-7 } else { 0.0 };
+            let same = a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= share * b.abs().max(1.0));
             (!same).then(|| name.clone())
         })
     };
@@ -292,11 +318,15 @@ fn both_forms_hold_the_same_texels_and_edits() {
     let texels_and_edits = file.keys().filter(|name| name.starts_with("layer 0 level"));
     assert_eq!(read.keys().filter(|name| name.starts_with("layer")).count(), texels_and_edits.count());
     assert_eq!(first_difference(&read), None);
-    // Planted difference: one edit fades faster.
+    // Planted differences: one edit fades faster, one is rougher by a little.
     let mut other = busy.clone();
     other.edits.list[0].fade += 1e-4;
     let differs = first_difference(&resident("busy-other", &other));
     assert_eq!(differs.as_deref(), Some("layer 0 level 0: edit 1: tint, keep"));
+    let mut other = busy.clone();
+    other.edits.list[1].roughness *= 1.0 + 1e-5;
+    let differs = first_difference(&resident("busy-other", &other));
+    assert!(differs.is_some_and(|name| name.starts_with("layer 0 level 0: edit 2: dictionary")));
 }
 
 #[test]
