@@ -3,13 +3,14 @@ Python's whole numbers and double precision.
 
     python3 spmm_reader.py FILE... [--residuals] [--decisions] [--decode QUERIES]
 
-refuses a file of either form, or a tier of one, that breaks a "must" of the document's lists, checksums included; else prints
-its numbers, one `name = numbers` a line. Of both forms: what the texels of all levels have, and the edits. Of the file
-form also the direction sets with all that follows from them and the mixed cores; with `--residuals` the residual of
-every texel of the finest level at every pair; with `--decisions` each decision of each stream: range, code,
-probability, bound, result. QUERIES is a file with
-`fast|exact layer level texel wi.x wi.y wi.z wo.x wo.y wo.z` a line; of each the decoded value is printed, and its spread:
-how far it moves where the lobes' normals are shorter by 2^-23, which is what a decoder in single precision cannot tell.
+refuses a file of either form, or a tier of one, that breaks a "must" of the document's lists, checksums included; else
+prints its numbers, one `name = numbers` a line. Of both forms: what the texels of all levels have, dictionaries and
+edits. Of the file form also the direction sets with all that follows from them and the mixed cores; with `--residuals`
+the residual of every texel of the finest level at every pair; with `--decisions` each decision of each stream: range,
+code, probability, bound, result. QUERIES is a file with
+`fast|exact layer level texel wi.x wi.y wi.z wo.x wo.y wo.z`
+a line; of each the decoded value is printed, and its spread: how far it moves where the lobes' normals are shorter by
+2^-23, which is what a decoder in single precision cannot tell.
 
 The package `spmm` follows the document chapter by chapter; any Python from 3.9 on does, nothing needs to be installed.
 `runtime/tests/format_document.rs` compares the numbers and the decoded values with those of btf-runtime.
@@ -55,14 +56,15 @@ def show_dictionaries(name, dictionaries):
 
 
 def show_residuals(number, layer):
-    pairs = [(view, light) for view in range(len(layer.views.directions)) for light in range(len(layer.lights.directions))]
+    views, lights = len(layer.views.directions), len(layer.lights.directions)
+    pairs = [(view, light) for view in range(views) for light in range(lights)]
     for texel in range(len(layer.clusters) if layer.residual else 0):
         values = (layer.residual(texel, view, light) for view, light in pairs)
         show(f"layer {number}: residual of texel {texel}", [x for value in values for x in value])
 
 
 def shortened(levels):
-    """The same with all lobes' normals shorter by 2^-23: near the peak of a sharp lobe its cosine decides everything."""
+    """The same with all lobes' normals shorter by 2^-23: near the peak of a sharp lobe its cosine decides all."""
 
     def lobes(dictionaries):
         factor = 1 - 2.0**-23

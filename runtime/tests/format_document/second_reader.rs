@@ -304,7 +304,7 @@ fn both_forms_hold_the_same_texels_and_edits() {
     let busy = busy_asset();
     let file = read_by_the_document("busy-file-form", &pack(&busy).unwrap(), &[], "");
     let resident = |name: &str, asset: &Asset| read_by_the_document(name, &resident_bytes(asset), &[], "");
-    // What both print: codes alike; lobes, the edited ones, too, and `keep` follow from others, in single precision here.
+    // What both print: codes alike; lobes, edited ones too, and `keep` follow from others, here in single precision.
     let first_difference = |resident: &Lines| {
         resident.iter().filter(|(name, _)| name.starts_with("layer")).find_map(|(name, numbers)| {
             let (a, b) = (parsed(numbers), parsed(&file[name]));

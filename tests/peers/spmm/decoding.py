@@ -1,7 +1,7 @@
 """The chapter "Decoding" of docs/FORMAT.md and the lobes of docs/MODEL.md, section 3, in double precision.
 
-`decode` takes the layers that file_form.py or resident_form.py has made of a file; the comments name the steps of the chapter.
- Directions are three numbers, colours lists of three.
+`decode` takes the layers that file_form.py or resident_form.py has made of a file; its comments name the steps of the
+chapter. Directions are three numbers, colours lists of three.
 """
 
 import math
@@ -26,6 +26,12 @@ RANGES = [
     [(0, 60), (-0.98, 0.98), (-0.98, 0.98)],
 ]
 RANGES = [ranges + [(0, 0)] * (4 - len(ranges)) for ranges in RANGES]
+
+
+def within_ranges(params, family):
+    """Whether they are in their ranges, widened as "Dictionary" says."""
+    pairs = zip(params, RANGES[family])
+    return all(low - 0.001 * abs(low) <= p <= high + 0.001 * abs(high) for p, (low, high) in pairs)
 
 
 def dot(a, b):

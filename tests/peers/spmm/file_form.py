@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from spmm.container import BASIS, COEFFICIENTS, DICTIONARY, DIRECTIONS, EDITS, FACTORS, HEIGHT, LAYER, LEVEL
 from spmm.container import LOBE_REFS, SHARED_BASES, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS, sides_of_levels
-from spmm.decoding import RANGES, WINDOWED_COSINE, Edit, Layer, Lobe, carried, edited_lobe, keep, raised
+from spmm.decoding import WINDOWED_COSINE, Edit, Layer, Lobe, carried, edited_lobe, keep, raised, within_ranges
 from spmm.directions import direction_set, single
 from spmm.entropy_coder import byte_plane, cluster_ids, lobe_counts, lobe_references, must, plane
 
@@ -119,9 +119,7 @@ def read_dictionary(part, clusters):
             _, angle, x, y, *params, scale, zero = part.numbers("e", 10)
             must(family <= 8 and all(map(math.isfinite, (angle, x, y, *params, scale))), "a lobe is not finite")
             must(zero == 0 and scale >= 0, "a lobe's weight scale is not allowed")
-            bounds = RANGES[family]
-            within = all(low - 0.001 * abs(low) <= p <= high + 0.001 * abs(high) for p, (low, high) in zip(params, bounds))
-            must(within and x * x + y * y <= 0.99, "a parameter of a lobe is out of its range")
+            must(within_ranges(params, family) and x * x + y * y <= 0.99, "a parameter of a lobe is out of its range")
             if family == WINDOWED_COSINE:
                 must(params[1] ** 2 + params[2] ** 2 <= 0.99, "a window's axis is out of its range")
                 params[1:] = raised(*params[1:3])

@@ -5,7 +5,7 @@ import sys
 from array import array
 
 from spmm.container import WORDS, sides_of_levels
-from spmm.decoding import RANGES, WINDOWED_COSINE, Edit, Layer, Lobe, Sphere, dot
+from spmm.decoding import WINDOWED_COSINE, Edit, Layer, Lobe, Sphere, dot, within_ranges
 from spmm.directions import cells_a_side, must_be_counts, must_be_directions, single
 from spmm.entropy_coder import must
 
@@ -32,7 +32,8 @@ def read(header):
         result.append([read_layer(words, block, size) for block in blocks])
         sides = [(layer.light_side, layer.view_side) for layer in result[-1]]
         must(len(set(sides)) == layers, "two layers have the same sides")
-        must(sides == [(layer.light_side, layer.view_side) for layer in result[0]], "a level's layers have another order")
+        finest = [(layer.light_side, layer.view_side) for layer in result[0]]
+        must(sides == finest, "a level's layers have another order")
     return result
 
 
@@ -171,9 +172,8 @@ def read_lobe(words, at):
     must(family <= 8 and 0 <= scale < float("inf"), "a lobe's family or weight scale is out of its range")
     units = [normal, tangent] + [params[1:]] * (family == WINDOWED_COSINE)
     must(all(0.998 <= dot(d, d) <= 1.002 for d in units) and normal[2] > 0, "a lobe's vector is no unit vector")
-    bounds = RANGES[family][: 3 if family == WINDOWED_COSINE else 4]
-    within = (low - 0.001 * abs(low) <= p <= high + 0.001 * abs(high) for p, (low, high) in zip(params, bounds))
-    must(all(within), "a parameter of a lobe is out of its range")
+    in_file = params[:3] if family == WINDOWED_COSINE else params
+    must(within_ranges(in_file, family), "a parameter of a lobe is out of its range")
     return Lobe(family, normal, tangent, params, scale)
 
 
