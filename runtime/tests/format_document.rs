@@ -1,19 +1,19 @@
 //! Executes the worked example of docs/FORMAT.md: its bytes are parsed, every field that it names is
 //! compared, its values are decoded, and the same asset packed from parts gives the same bytes. A second
-//! reader, written in Python from the document alone, finds the same numbers in it and in a random asset.
+//! reader, written in Python from the document alone, finds the same numbers (`second_reader`)
+//! and decodes the same values (`second_decoder`).
 
-use btf_runtime::testing::{FileParts, sample_asset};
+#[path = "format_document/second_decoder.rs"]
+mod second_decoder;
+#[path = "format_document/second_reader.rs"]
+mod second_reader;
+
 use btf_runtime::{
-    Asset, Basis, Coefficients, DecodeOptions, DictionaryLobe, EDGE_WORDS, Factors, Interpolation, Layer, Level,
-    LevelTexels, Lobe, LobeFamily, LobeRef, LobeRole, Resident, Residual, ResidualKind, SPHERE_HEADER_WORDS,
-    SectionKind, SharedBases, Sphere, SurfaceSide, TRIANGLE_WORDS, core_at_pair, decode, pack, read_directory,
-    weight_from_byte,
+    Asset, Basis, Coefficients, DecodeOptions, DictionaryLobe, Factors, Interpolation, Layer, Level, LevelTexels, Lobe,
+    LobeFamily, LobeRef, LobeRole, Resident, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide, decode, pack,
+    read_directory, weight_from_byte,
 };
 use half::f16;
-use std::collections::BTreeMap;
-use std::io::Write;
-use std::path::Path;
-use std::process::Command;
 
 const DOCUMENT: &str = include_str!("../../docs/FORMAT.md");
 
@@ -268,205 +268,5 @@ fn the_documents_lobe_families_are_the_codes() {
             }
         }
         assert_eq!(row.split_whitespace().collect::<Vec<_>>().join(" "), expected);
-    }
-}
-
-/// What the reader in Python prints of `bytes`, by name; `None` where there is no Python, with a line for the skip
-/// count. `Err` holds its reason for refusing the file.
-fn read_by_the_document(name: &str, bytes: &[u8]) -> Option<Result<BTreeMap<String, String>, String>> {
-    let reader = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/peers/spmm_reader.py");
-    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.spmm"));
-    std::fs::write(&file, bytes).expect("the file is written");
-    let Ok(output) = Command::new("python3").arg(&reader).arg(&file).arg("--decisions").output() else {
-        let reason = format!("{name}: the reader written from docs/FORMAT.md needs python3");
-        println!("skipped: {reason}");
-        // `cargo xtask test` counts the lines of this file as skipped tests.
-        if let Some(log) = std::env::var_os("BTF_SKIP_LOG") {
-            let mut log = std::fs::OpenOptions::new().create(true).append(true).open(log).expect("the skip log opens");
-            writeln!(log, "{reason}").expect("the skip log is written");
-        }
-        return None;
-    };
-    if !output.status.success() {
-        return Some(Err(String::from_utf8_lossy(&output.stderr).into_owned()));
-    }
-    let pair = |line: &str| {
-        let (name, numbers) = line.split_once(" =").expect("name = numbers");
-        (name.to_string(), numbers.trim().to_string())
-    };
-    Some(Ok(String::from_utf8(output.stdout).expect("UTF-8").lines().map(pair).collect()))
-}
-
-/// The same numbers as this crate reads them: whole ones and halves exact, others to be compared within rounding.
-fn numbers_of(asset: &Asset) -> BTreeMap<String, Vec<f64>> {
-    let layer = &asset.layers[0];
-    let mut all = BTreeMap::new();
-    let mut put = |name: &str, numbers: Vec<f64>| {
-        all.insert(name.to_string(), numbers);
-    };
-    for (name, sphere) in [("light", &layer.lights), ("view", &layer.views)] {
-        let words = sphere.words();
-        let [n, t, e, side] = [0, 1, 2, 3].map(|i| words[i] as usize);
-        let singles = |words: &[u32]| words.iter().map(|word| f64::from(f32::from_bits(*word))).collect::<Vec<_>>();
-        let wholes = |words: &[u32]| words.iter().map(|word| f64::from(*word)).collect::<Vec<_>>();
-        let triangles_at = SPHERE_HEADER_WORDS + 3 * n;
-        let edges_at = triangles_at + TRIANGLE_WORDS * t;
-        let cells_at = edges_at + EDGE_WORDS * e;
-        let triangle = |words: &[u32]| [singles(&words[..6]), wholes(&words[6..9])].concat();
-        let edge = |words: &[u32]| [singles(&words[..5]), wholes(&words[5..7])].concat();
-        put(&format!("{name} directions"), singles(&words[SPHERE_HEADER_WORDS..triangles_at]));
-        let triangles = words[triangles_at..edges_at].chunks_exact(TRIANGLE_WORDS);
-        put(&format!("{name} triangles"), triangles.flat_map(triangle).collect());
-        put(&format!("{name} edges"), words[edges_at..cells_at].chunks_exact(EDGE_WORDS).flat_map(edge).collect());
-        put(&format!("{name} cells a side"), vec![side as f64]);
-        let (offsets, items) = words[cells_at..].split_at(side * side + 1);
-        put(&format!("{name} cell offsets"), wholes(offsets));
-        put(&format!("{name} items"), wholes(items));
-    }
-    let bytes = |bytes: &[u8]| bytes.iter().map(|x| f64::from(*x)).collect::<Vec<_>>();
-    put("clusters", bytes(&layer.texel_clusters));
-    put("lobe counts", bytes(&layer.texel_lobe_counts));
-    let reference = |r: &LobeRef| [r.lobe, r.weight[0], r.weight[1], r.weight[2]].map(f64::from);
-    put("lobe references", layer.lobe_refs.iter().flat_map(reference).collect());
-    let residual = layer.residual.as_ref().expect("a residual");
-    let codes = |codes: &[i16]| codes.iter().map(|x| f64::from(*x)).collect::<Vec<_>>();
-    put("shared bases", codes(&residual.shared.values));
-    for (j, basis) in residual.bases.iter().enumerate() {
-        put(&format!("basis {j}"), codes(&basis.values));
-        for k in 0..layer.dictionary.len() {
-            put(&format!("core {j} of cluster {k}"), residual.core(j, k).into_iter().map(f64::from).collect());
-        }
-    }
-    for (j, plane) in residual.coefficients.iter().enumerate() {
-        put(&format!("coefficients {}", j + 1), plane.codes.iter().map(|x| f64::from(*x)).collect());
-    }
-    for (texel, cluster) in layer.texel_clusters.iter().enumerate() {
-        let core = |j: usize| residual.core(j, usize::from(*cluster));
-        let mut mixed = core(0);
-        for (j, plane) in residual.coefficients.iter().enumerate() {
-            let y = plane.step * f32::from(plane.codes[texel]);
-            mixed.iter_mut().zip(core(j + 1)).for_each(|(sum, x)| *sum += y * x);
-        }
-        let [views, lights] = residual.factors.shape;
-        let pairs = (0..views * lights)
-            .flat_map(|pair| core_at_pair(&residual.factors, &mixed, pair / lights, pair % lights).map(f64::from));
-        put(&format!("residual of texel {texel}"), pairs.collect());
-    }
-    all
-}
-
-/// The first name whose numbers differ.
-fn first_difference(read: &BTreeMap<String, String>, asset: &Asset) -> Option<String> {
-    numbers_of(asset).into_iter().find_map(|(name, expected)| {
-        let text = read.get(&name)?;
-        let got: Vec<f64> = text.split_whitespace().map(|word| word.parse().expect("a number")).collect();
-        // Cores and residuals are sums in single precision here and in double precision there.
-        let scale = expected.iter().fold(0.0f64, |most, x| most.max(x.abs()));
-        let tolerance = if name.starts_with("core") || name.starts_with("residual") { 1e-5 * scale } else { 0.0 };
-        let same = got.len() == expected.len() && got.iter().zip(&expected).all(|(a, b)| (a - b).abs() <= tolerance);
-        (!same).then_some(name)
-    })
-}
-
-/// A random asset whose streams take every branch of the coder: patches of clusters, codes of every size.
-fn busy_asset() -> Asset {
-    let mut asset = sample_asset(11, 24, 17, ResidualKind::Root);
-    let layer = &mut asset.layers[0];
-    for (texel, cluster) in layer.texel_clusters.iter_mut().enumerate() {
-        if texel % 7 != 0 {
-            *cluster = ((texel % 24 / 5 + texel / 24 / 4) % 3) as u8;
-        }
-    }
-    let residual = layer.residual.as_mut().unwrap();
-    let sizes = [i16::MIN, i16::MAX, 0, 1, -1, 4097, -300, 0, 0, 20_000, 15];
-    residual.shared.values.iter_mut().zip(sizes.iter().cycle()).skip(5).for_each(|(code, size)| *code = *size);
-    residual.bases[1].values.iter_mut().for_each(|code| *code *= 600);
-    residual.coefficients[2].codes[100..200].fill(0);
-    residual.coefficients[0].codes[7] = i8::MIN;
-    asset
-}
-
-#[test]
-fn a_reader_written_from_the_document_reads_the_same_numbers() {
-    let busy = busy_asset();
-    for (name, asset, bytes) in
-        [("worked-example", example(), document_bytes()), ("busy-asset", busy.clone(), pack(&busy).unwrap())]
-    {
-        let Some(read) = read_by_the_document(name, &bytes) else { return };
-        let read = read.unwrap();
-        let expected = numbers_of(&asset);
-        let texels = asset.texel_count();
-        assert!(expected.keys().all(|name| read.contains_key(name)), "{name}: every name is printed");
-        assert!(expected.len() > 20 + texels, "{name}: {}", expected.len());
-        assert_eq!(first_difference(&read, &asset), None, "{name}");
-        // Ids, counts, references, shared bases, and for each basis its codes and its coefficients.
-        let streams = 4 + 2 * asset.layers[0].residual.as_ref().unwrap().bases.len() - 1;
-        let all = format!("{streams} {streams}");
-        assert_eq!(read["streams, those that the encoder of the text makes again"], all, "{name}");
-
-        // Planted differences: one code, one weight, one count.
-        let mut other = asset.clone();
-        other.layers[0].residual.as_mut().unwrap().coefficients[0].codes[3] ^= 1;
-        assert_eq!(first_difference(&read, &other).as_deref(), Some("coefficients 1"), "{name}");
-        let mut other = asset.clone();
-        other.layers[0].lobe_refs[2].weight[2] ^= 1;
-        assert_eq!(first_difference(&read, &other).as_deref(), Some("lobe references"), "{name}");
-        let mut other = asset.clone();
-        other.layers[0].residual.as_mut().unwrap().bases[0].steps[0] *= 1.01;
-        assert_eq!(first_difference(&read, &other).as_deref(), Some("core 0 of cluster 0"), "{name}");
-    }
-}
-
-#[test]
-fn the_documents_decisions_are_those_of_the_last_stream() {
-    let Some(read) = read_by_the_document("decisions", &document_bytes()) else { return };
-    let read = read.unwrap();
-    let mut decisions = 0;
-    for row in block("decisions") {
-        // `-> number: remark` tells what the decisions above it gave.
-        if row.starts_with("->") {
-            continue;
-        }
-        let words: Vec<&str> = row.split_whitespace().collect();
-        let [_, "range", range, "code", code, "p", p, "bound", bound, "result", result] = words[..] else {
-            panic!("{row}")
-        };
-        let hex = |word: &str| u32::from_str_radix(word, 16).expect("hex").to_string();
-        let expected = [hex(range), hex(code), p.to_string(), hex(bound), result.to_string()].join(" ");
-        assert_eq!(read[&format!("decision {decisions} of stream 6")], expected, "{row}");
-        decisions += 1;
-    }
-    assert!(!read.contains_key(&format!("decision {decisions} of stream 6")), "all decisions are there");
-    assert_eq!(decisions, 24);
-}
-
-#[test]
-fn both_readers_refuse_a_stream_that_is_not_consumed_exactly() {
-    let bytes = pack(&sample_asset(12, 6, 5, ResidualKind::Log)).unwrap();
-    let parts = FileParts::from_bytes(&bytes).unwrap();
-    let coded = [
-        SectionKind::TexelClusters,
-        SectionKind::TexelLobeCounts,
-        SectionKind::LobeRefs,
-        SectionKind::SharedBases,
-        SectionKind::Basis,
-        SectionKind::Coefficients,
-    ];
-    for kind in coded {
-        let at = parts.sections.iter().position(|section| section.head[0] == kind as u32).unwrap();
-        for longer in [true, false] {
-            let mut changed = parts.clone();
-            let section = &mut changed.sections[at].bytes;
-            if longer {
-                section.push(0);
-            } else {
-                section.pop();
-            }
-            let changed = changed.to_bytes();
-            assert!(Asset::parse(&changed).is_err(), "{kind:?} {longer}");
-            let Some(read) = read_by_the_document("not-exact", &changed) else { return };
-            let reason = read.expect_err("the reader of the document must refuse it");
-            assert!(reason.contains("a stream is not as long as its numbers need"), "{kind:?} {longer}: {reason}");
-        }
     }
 }

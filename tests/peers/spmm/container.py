@@ -1,0 +1,112 @@
+"""The chapter "File" of docs/FORMAT.md: header, tables, checksums, and how a section is read."""
+
+import struct
+
+from spmm.blake3 import checksum
+from spmm.entropy_coder import Decoder, must
+
+MATERIAL, LAYER, DIRECTIONS, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS, DICTIONARY, LOBE_REFS = range(1, 8)
+FACTORS, SHARED_BASES, BASIS, COEFFICIENTS, HEIGHT, LEVEL, EDITS, WORDS = range(8, 16)
+
+
+class Section:
+    def __init__(self, data):
+        self.data = data
+
+    def take(self, count):
+        must(count <= len(self.data), "a section is too short")
+        head, self.data = self.data[:count], self.data[count:]
+        return head
+
+    def numbers(self, letter, count):
+        """`count` numbers of a struct letter, padded to whole words."""
+        size = struct.calcsize("<" + letter)
+        head = self.take(-(-count * size // 4) * 4)
+        must(not any(head[count * size :]), "padding is not zero")
+        return list(struct.unpack(f"<{count}{letter}", head[: count * size]))
+
+    def steps(self, count, most):
+        numbers = self.numbers("f", count)
+        must(all(0 <= step <= most for step in numbers), "a step is out of its range")
+        return numbers
+
+    def peek(self, letter):
+        """The number that comes next, which is not taken."""
+        must(struct.calcsize("<" + letter) <= len(self.data), "a section is too short")
+        return struct.unpack_from("<" + letter, self.data)[0]
+
+    def stream(self, numbers, read):
+        """What `read` makes of the decoder of the rest, which holds so many numbers; the section ends with it."""
+        decoder = Decoder(self.take(len(self.data)), numbers)
+        result = read(decoder)
+        decoder.end()
+        return result
+
+    def end(self):
+        must(not self.data, "a section is too long")
+
+
+class Header:
+    """Header, tables and the sections that are at hand: `found[kind, layer, index]`."""
+
+    def __init__(self, data):
+        must(len(data) >= 80, "the file is too short for a header")
+        words = struct.unpack("<20I", data[:80])
+        must(words[0] == 0x4D4D5053, "this is no SPMM file")
+        must(words[1] == 1, f"version {words[1]} is not known")
+        section_count, tier_count, self.layers, self.width, self.height, channels, basis, self.flags = words[4:12]
+        ranges = (section_count, 4096), (tier_count, 4096), (self.layers, 4), (self.width, 16384), (self.height, 16384)
+        must(all(1 <= x <= most for x, most in ranges), "a count of the header is out of its range")
+        must(channels == 3 and basis == 0 and self.flags & ~6 == 0, "channels, basis or flags are not known")
+        must(words[3] == 0 and not any(words[17:]), "a reserved word of the header is not zero")
+        self.form, self.size_mm = words[14], struct.unpack("<2f", data[60:68])
+        must(self.form <= 1, "the form is not known")
+        must(self.size_mm == (0, 0) or all(0 < x <= 1e6 for x in self.size_mm), "the physical size is out of its range")
+
+        tables = 80 + 32 * section_count + 4 * tier_count
+        must(len(data) >= tables, "the file is too short for its tables")
+        covered = data[:48] + bytes(8) + data[56:tables]
+        must(checksum(covered) == words[12] | words[13] << 32, "the checksum of header and tables is wrong")
+        alignment = 256 if self.form == 1 else 16
+        self.tiers = tiers = struct.unpack_from(f"<{tier_count}I", data, 80 + 32 * section_count)
+        must(all(a < b for a, b in zip(tiers, tiers[1:])), "tiers do not rise")
+        must(not any(tier % alignment for tier in tiers) and tiers[-1] == words[2], "a tier's length is not allowed")
+        must(self.form == 0 or tier_count == 1, "the resident form has one tier")
+        must(len(data) in tiers, "the length is not a tier's")
+        self.whole = len(data) == tiers[-1]
+
+        end, self.found = tables, {}
+        for i in range(section_count):
+            kind, layer, index, flags, offset, length, low, high = struct.unpack_from("<8I", data, 80 + 32 * i)
+            must(offset == -(-end // alignment) * alignment, "a section is out of place")
+            must(not any(data[end:offset]), "padding is not zero")
+            end = offset + length
+            must(not any(offset < tier < end for tier in tiers), "a tier ends inside a section")
+            must(layer < self.layers and flags <= 1, "a section's layer or flags are out of their range")
+            if end > len(data):
+                continue
+            part = data[offset:end]
+            must(checksum(part) == low | high << 32, f"the checksum of section {i} is wrong")
+            if MATERIAL <= kind <= WORDS:
+                must((kind, layer, index) not in self.found, "a section is there twice")
+                self.found[kind, layer, index] = part
+            else:
+                must(flags == 0, f"sections of kind {kind} are required and not known")
+        must(-(-end // alignment) * alignment == words[2], "the sections do not fill the file")
+        must(not any(data[end:]), "padding is not zero")
+        self.material = str(self.section(MATERIAL, 0).data, "utf-8")
+
+    def has(self, kind, layer, index=0):
+        return (kind, layer, index) in self.found
+
+    def section(self, kind, layer, index=0):
+        must(self.has(kind, layer, index), f"section {index} of kind {kind} is missing in layer {layer}")
+        return Section(self.found[kind, layer, index])
+
+
+def sides_of_levels(width, height):
+    """`(width, height)` of the finest level and of each that may follow."""
+    sides = [(width, height)]
+    while sides[-1] != (1, 1):
+        sides.append(tuple(max(1, side // 2) for side in sides[-1]))
+    return sides
