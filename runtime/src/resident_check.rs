@@ -9,7 +9,7 @@ use crate::parallax::MOST_HEIGHT_STEP;
 use crate::resident::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, LEAST_HORIZON_COS, PART_WORDS, block,
 };
-use crate::sphere::Sphere;
+use crate::sphere::{Sphere, cells_a_side};
 use crate::threads::{Threads, map};
 
 /// What a check says: the rule that does not hold.
@@ -154,7 +154,12 @@ impl<'a> Block<'a> {
     fn sphere(&self, field: usize) -> Result<usize, &'static str> {
         let first = self.field(field);
         let length = part(self.words, first, 5).and_then(Sphere::words_told_by).ok_or("a direction set is too long")?;
-        Sphere::from_words(self.part(field, length)?.to_vec()).map(|sphere| sphere.len())
+        let sphere = Sphere::from_words(self.part(field, length)?.to_vec())?;
+        let [triangles, side] = [1, 3].map(|word| sphere.words()[word] as usize);
+        if side != cells_a_side(triangles) {
+            return Err("a grid has not the cells that its triangles ask for");
+        }
+        Ok(sphere.len())
     }
 
     /// Number of lobes of each dictionary of the table at word `table`.
@@ -237,18 +242,16 @@ fn lobe_is_fine(words: &[u32]) -> bool {
     let number = |i: usize| float(words[i]);
     let unit = |at: usize| {
         let length2: f32 = (at..at + 3).map(|i| number(i) * number(i)).sum();
-        (0.98..=1.02).contains(&length2)
+        (0.998..=1.002).contains(&length2)
     };
-    let params_fit = if family == LobeFamily::WindowedCosine {
-        (0.0..=60.1).contains(&number(7)) && unit(8)
-    } else {
-        // A thousandth more, as in the file form.
-        let ranges = family.ranges();
-        (0..4).all(|i| {
-            let (least, most) = ranges[i];
-            (least - 1e-3 * least.abs()..=most + 1e-3 * most.abs()).contains(&number(7 + i))
-        })
+    // A thousandth more, as in the file form.
+    let ranges = family.ranges();
+    let fits = |i: usize| {
+        let (least, most) = ranges[i];
+        (least - 1e-3 * least.abs()..=most + 1e-3 * most.abs()).contains(&number(7 + i))
     };
+    // A windowed cosine has its axis in full.
+    let params_fit = if family == LobeFamily::WindowedCosine { fits(0) && unit(8) } else { (0..4).all(fits) };
     let scale = number(11);
     unit(1) && unit(4) && number(3) > 0.0 && params_fit && scale >= 0.0 && scale.is_finite() && words[12..] == [0; 4]
 }

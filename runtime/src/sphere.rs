@@ -103,7 +103,7 @@ impl Sphere {
     fn from_parts(directions: &[[f32; 3]], triangles: &[[usize; 3]], edges: &[(usize, usize)]) -> Sphere {
         let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
         let n = directions.len();
-        let side = ((2.0 * triangles.len() as f64).sqrt().ceil() as usize).clamp(4, 64);
+        let side = cells_a_side(triangles.len());
         let (offsets, items) = build_grid(side, &disk, triangles, edges);
 
         let mut words =
@@ -372,6 +372,11 @@ fn hull_edges(disk: &[[f64; 2]], delaunay: &DelaunayTriangulation<Point2<f64>>) 
 
 /// Cell offsets (`side^2 + 1`) and items: every triangle that may cover a point of the cell and, for
 /// cells that reach outside the hull, every hull edge that may be nearest to one.
+/// Cells of a side of the grid of so many triangles.
+pub(crate) fn cells_a_side(triangles: usize) -> usize {
+    ((2.0 * triangles as f64).sqrt().ceil() as usize).clamp(4, 64)
+}
+
 fn build_grid(
     side: usize,
     disk: &[[f64; 2]],
