@@ -233,6 +233,18 @@ typedef struct btf_info {
    * Which sides eye and light may be on: bits BTF_FRONT_LIT_FRONT to BTF_BACK_LIT_BACK. With others it is black.
    */
   uint32_t sides;
+  /**
+   * Bit 0: the left edge continues the right one; bit 1: the bottom edge continues the top one.
+   */
+  uint32_t seamless;
+  /**
+   * Physical width in millimetres; 0 with the height where it is not known.
+   */
+  float width_mm;
+  /**
+   * Physical height in millimetres.
+   */
+  float height_mm;
 } btf_info;
 
 /**
@@ -355,7 +367,7 @@ void btf_close(struct btf_asset *asset);
 btf_code btf_query(const struct btf_asset *asset, struct btf_info *info);
 
 /**
- * The asset's description: JSON, UTF-8, with its name, physical size ("size_mm", where it is known) and origin.
+ * The asset's description: JSON, UTF-8, with its name and origin.
  *
  * `text`: takes a pointer to it, which belongs to the asset and stays until btf_close. A zero follows the text.
  * `length`: takes its bytes, that zero not counted; null where nobody asks.

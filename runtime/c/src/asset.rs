@@ -55,7 +55,7 @@ pub const BTF_BACK_LIT_FRONT: u32 = 4;
 pub const BTF_BACK_LIT_BACK: u32 = 8;
 
 /// What an asset has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Info {
     /// Version of the format that the file is in.
@@ -74,6 +74,12 @@ pub struct Info {
     pub lobes: u32,
     /// Which sides eye and light may be on: bits BTF_FRONT_LIT_FRONT to BTF_BACK_LIT_BACK. With others it is black.
     pub sides: u32,
+    /// Bit 0: the left edge continues the right one; bit 1: the bottom edge continues the top one.
+    pub seamless: u32,
+    /// Physical width in millimetres; 0 with the height where it is not known.
+    pub width_mm: f32,
+    /// Physical height in millimetres.
+    pub height_mm: f32,
 }
 
 /// The bit of each light and eye side, true for the back.
@@ -107,6 +113,9 @@ impl Handle {
             components: resident.most_components(),
             lobes: resident.most_lobes(),
             sides: sides.map(|(bit, _, _)| bit).sum(),
+            seamless: u32::from(file.seamless[0]) | u32::from(file.seamless[1]) << 1,
+            width_mm: file.size_mm.unwrap_or_default()[0],
+            height_mm: file.size_mm.unwrap_or_default()[1],
         };
         let mut material = file.material.into_bytes();
         material.push(0);
@@ -252,7 +261,7 @@ pub unsafe extern "C" fn btf_query(asset: *const Handle, info: *mut Info) -> Cod
     })
 }
 
-/// The asset's description: JSON, UTF-8, with its name, physical size ("size_mm", where it is known) and origin.
+/// The asset's description: JSON, UTF-8, with its name and origin.
 ///
 /// `text`: takes a pointer to it, which belongs to the asset and stays until btf_close. A zero follows the text.
 /// `length`: takes its bytes, that zero not counted; null where nobody asks.

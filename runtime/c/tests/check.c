@@ -217,6 +217,7 @@ static void check_information(const btf_asset *asset) {
     size_t count = 0, length = 0;
     check(btf_query(asset, &info) == BTF_OK && info.width == 6 && info.height == 5 && info.layers == 2, "the size");
     check(info.levels == 3 && info.components == 4 && info.lobes == 4, "levels, components and lobes");
+    check(info.width_mm == 30.0f && info.height_mm == 25.0f && info.seamless == 1, "the physical size and seams");
     check(info.sides == (BTF_FRONT_LIT_FRONT | BTF_FRONT_LIT_BACK), "the sides");
     check(btf_material(asset, &text, &length) == BTF_OK && text[length] == 0 && strlen(text) == length, "the text");
     check(btf_material(asset, &again, NULL) == BTF_OK && again == text, "the text without its length");

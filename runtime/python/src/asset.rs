@@ -2,7 +2,7 @@
 
 use crate::arrays::{Shape, Vectors};
 use btf_runtime::{
-    DecodeOptions, Interpolation, Levels, Query, Resident, ResidentBytes, Sample, density, evaluate_many, sample,
+    DecodeOptions, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample, density, evaluate_many, sample,
 };
 use numpy::PyArrayDyn;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -35,9 +35,7 @@ type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
 /// level: 0 the finest, below meta["levels"].
 #[pyclass(name = "Asset", module = "btf", frozen)]
 pub struct PyAsset {
-    resident: Resident,
-    /// JSON.
-    material: String,
+    file: ResidentFile,
     path: PathBuf,
 }
 
@@ -69,7 +67,7 @@ pub fn open(py: Python<'_>, path: PathBuf, levels: &str, threads: usize) -> PyRe
         let opened =
             pool.install(|| btf_runtime::open(bytes, levels, &|count, work| (0..count).into_par_iter().for_each(work)));
         let file = opened.map_err(|error| PyValueError::new_err(format!("{name}: {error}")))?;
-        Ok(PyAsset { resident: file.resident, material: file.material, path })
+        Ok(PyAsset { file, path })
     })
 }
 
@@ -100,7 +98,7 @@ impl PyAsset {
                 return Err(PyValueError::new_err(format!("interpolation is '{other}': take 'fast' or 'exact'")));
             }
         };
-        let levels = self.resident.levels();
+        let levels = self.file.resident.levels();
         if level >= levels {
             return Err(PyValueError::new_err(format!(
                 "level {level} was asked for, the asset has {levels}, from 0; open it with levels='all' for all"
@@ -150,7 +148,7 @@ impl PyAsset {
         let mut values = shape.room()?;
         values.resize(queries.len(), [0.0; 3]);
         for (queries, values) in queries.chunks(BATCH).zip(values.chunks_mut(BATCH)) {
-            py.detach(|| evaluate_many(&self.resident, level, queries, &options, values));
+            py.detach(|| evaluate_many(&self.file.resident, level, queries, &options, values));
             py.check_signals()?;
         }
         shape.array(py, values.into_flattened(), Some(3))
@@ -174,7 +172,7 @@ impl PyAsset {
         let (shape, queries) = queries(uv, wi, wo)?;
         let mut densities = shape.room()?;
         for queries in queries.chunks(BATCH) {
-            let of = |query| density(&self.resident, level, query, &options);
+            let of = |query| density(&self.file.resident, level, query, &options);
             py.detach(|| densities.extend(queries.iter().map(of)));
             py.check_signals()?;
         }
@@ -210,7 +208,7 @@ impl PyAsset {
         for draws in draws.chunks(BATCH) {
             py.detach(|| {
                 for (uv, wo, at) in draws {
-                    let drawn: Sample = sample(&self.resident, level, *uv, *wo, *at, &options).unwrap_or_default();
+                    let drawn: Sample = sample(&self.file.resident, level, *uv, *wo, *at, &options).unwrap_or_default();
                     wi.push(drawn.wi);
                     densities.push(drawn.density);
                     values.push(drawn.value);
@@ -225,28 +223,28 @@ impl PyAsset {
         ))
     }
 
-    /// The asset's description as a dict: what its file says of the material (name, size_mm, ...), and width, height,
-    /// layers, levels, components (residual components at most) and sides, a list of (light, eye) such as ("front",
-    /// "back").
+    /// The asset's description as a dict: what its file says of the material (name, ...), and width, height, layers, levels,
+    /// components (residual components at most), sides, a list of (light, eye) such as ("front", "back"), size_mm, the
+    /// physical width and height or None, and seamless, whether the left edge continues the right and the bottom the top.
     #[getter]
     fn meta<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let json = py.import("json")?;
-        let told = json.call_method1("loads", (&self.material,)).ok();
+        let told = json.call_method1("loads", (&self.file.material,)).ok();
         let meta = match told.and_then(|told| told.cast_into::<PyDict>().ok()) {
             Some(meta) => meta,
             // The format holds text; that it is an object is up to who wrote it.
             None => {
                 let meta = PyDict::new(py);
-                meta.set_item("material", &self.material)?;
+                meta.set_item("material", &self.file.material)?;
                 meta
             }
         };
-        let resident = &self.resident;
+        let resident = &self.file.resident;
         meta.set_item("width", resident.width())?;
         meta.set_item("height", resident.height())?;
         meta.set_item("layers", resident.layers())?;
         meta.set_item("levels", resident.levels())?;
-        meta.set_item("components", (0..resident.layers()).map(|layer| resident.components(layer)).max())?;
+        meta.set_item("components", resident.most_components())?;
         let name = |back: bool| if back { "back" } else { "front" };
         let sides: Vec<(&str, &str)> = [(false, false), (true, false), (false, true), (true, true)]
             .into_iter()
@@ -254,11 +252,13 @@ impl PyAsset {
             .map(|(light, eye)| (name(light), name(eye)))
             .collect();
         meta.set_item("sides", sides)?;
+        meta.set_item("size_mm", self.file.size_mm.map(|[width, height]| (width, height)))?;
+        meta.set_item("seamless", (self.file.seamless[0], self.file.seamless[1]))?;
         Ok(meta)
     }
 
     fn __repr__(&self) -> String {
-        let (resident, name) = (&self.resident, self.path.display());
+        let (resident, name) = (&self.file.resident, self.path.display());
         let [width, height] = [resident.width(), resident.height()];
         format!(
             "<btf.Asset {name}: {width} x {height} texels, {} layers, {} levels>",

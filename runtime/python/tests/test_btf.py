@@ -48,7 +48,7 @@ class Opening(Module):
         self.assertGreaterEqual(meta["levels"], 1)
         self.assertEqual(meta["components"], 4)
         self.assertEqual(meta["sides"], [("front", "front")])
-        self.assertEqual(len(meta["size_mm"]), 2)
+        self.assertEqual((meta["size_mm"], meta["seamless"]), ((4.0, 4.0), (False, False)))
         # A dict of one's own.
         meta["width"] = 3
         self.assertEqual(self.asset.meta["width"], 64)
