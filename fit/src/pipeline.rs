@@ -559,10 +559,11 @@ fn within_error(
         }
         let measured = -10.0 * (errors.0 / errors.1).log10();
         reached = reached.max(measured);
-        if measured >= db + PSNR_MARGIN_DB && found.as_ref().is_none_or(|(least, _)| bytes < *least) {
+        let enough = measured >= db + PSNR_MARGIN_DB;
+        if enough && found.as_ref().is_none_or(|(least, _)| bytes < *least) {
             found = Some((bytes, asset));
         }
-        if (measured < db && last_resort) || (measured >= db && measured <= db + 6.0 * PSNR_MARGIN_DB) {
+        if (measured < db && last_resort) || (enough && measured <= db + 6.0 * PSNR_MARGIN_DB) {
             break;
         }
         // A little above the goal on the line between what was too much and what was too little; else as if halving
