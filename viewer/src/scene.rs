@@ -7,7 +7,7 @@ use crate::geometry::{Geometry, Triangle};
 use crate::mesh::{self, MeshPart};
 use crate::mesh_file::load_mesh;
 use crate::models;
-use btf_capture::{CaptureError, SharedBytes};
+use btf_capture::SharedBytes;
 use btf_runtime::{Asset, Edits, HeightField, Resident, ResidentFile, with_levels};
 use glam::{Mat4, Vec3};
 use rayon::prelude::*;
@@ -75,10 +75,9 @@ impl SceneAsset {
     /// [`ViewerError::Read`] or [`ViewerError::Asset`], both naming the file.
     pub fn load(path: &Path) -> Result<SceneAsset, ViewerError> {
         let bad = |source| ViewerError::Asset { path: path.into(), source };
-        let bytes = SharedBytes::map(path).map_err(|error| match error {
-            CaptureError::Read { source, .. } => ViewerError::Read { path: path.into(), source },
-            other => ViewerError::Write(other),
-        })?;
+        // What cannot be opened is told in our own words.
+        std::fs::File::open(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
+        let bytes = SharedBytes::map(path)?;
         let name = path.file_stem().map_or_else(|| "asset".into(), |stem| stem.to_string_lossy().into_owned());
         let made = match bytes {
             Some(bytes) if ResidentFile::is_one(bytes.as_ref()) => {
