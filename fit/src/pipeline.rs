@@ -532,6 +532,8 @@ fn within_error(
         coarsest_within_error(layers, error_for_psnr(db) * samples, greatest, grid, params, monitor)?;
     let mut first = Some(first.asset);
     let mut found: Option<(usize, Asset)> = None;
+    // What meets the goal without the margin, if nothing does with it.
+    let mut nearest: Option<Asset> = None;
     let mut reached = 0.0f64;
     // log2 of steps with what they gave, nearest to the goal from either side.
     let mut above: Option<(f64, f64)> = None;
@@ -558,11 +560,13 @@ fn within_error(
             errors = (errors.0 + weight * 10f64.powf(-metrics.psnr_db / 10.0), errors.1 + weight);
         }
         let measured = -10.0 * (errors.0 / errors.1).log10();
-        reached = reached.max(measured);
         let enough = measured >= db + PSNR_MARGIN_DB;
         if enough && found.as_ref().is_none_or(|(least, _)| bytes < *least) {
             found = Some((bytes, asset));
+        } else if measured >= db && measured > reached {
+            nearest = Some(asset);
         }
+        reached = reached.max(measured);
         if (measured < db && last_resort) || (enough && measured <= db + 6.0 * PSNR_MARGIN_DB) {
             break;
         }
@@ -587,7 +591,7 @@ fn within_error(
         exponent = next.clamp(FINEST_EXPONENT, COARSEST_EXPONENT);
         side = Some(measured > db);
     }
-    found.map(|(_, asset)| asset).ok_or_else(|| {
+    found.map(|(_, asset)| asset).or(nearest).ok_or_else(|| {
         FitError::Budget(format!(
             "--psnr {db} cannot be reached with these clusters and components (the best was {reached:.2} dB); lower it or raise --clusters"
         ))
