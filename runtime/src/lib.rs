@@ -58,8 +58,9 @@ pub use entropy::plane_bytes;
 pub use error::FormatError;
 pub use evaluate::{Query, Sample, UNIT_RANGE, density, evaluate, evaluate_many, is_unit, sample};
 pub use format::{
-    ALIGNMENT, Directory, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_LAYERS,
-    MAX_SHARED, MOST_LEVELS, SectionEntry, SectionKind, VERSION, read_directory,
+    ALIGNMENT, Directory, Form, Head, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS,
+    MAX_LAYERS, MAX_SHARED, MOST_LEVELS, MOST_SIDE_MM, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionEntry, SectionKind,
+    VERSION, read_directory,
 };
 pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
 pub use mip::with_levels;
