@@ -13,6 +13,8 @@ pub enum Shape {
     Levels,
     /// The resident form with levels: to be mapped, nothing to be decoded; many times the bytes.
     Resident,
+    /// One level alone, 0 the finest, as an asset of its own; the coarsest beyond them all.
+    Level(usize),
 }
 
 /// The bytes of `asset` in another shape. The same asset gives the same bytes on any number of threads.
@@ -25,6 +27,7 @@ pub fn convert(asset: &Asset, shape: Shape) -> Result<Vec<u8>, FitError> {
     match shape {
         Shape::Plain => Ok(pack(&asset.without_levels())?),
         Shape::Levels => Ok(pack(&with_levels(asset, &parallel))?),
+        Shape::Level(number) => Ok(pack(&with_levels(asset, &parallel).level(number))?),
         Shape::Resident => {
             let whole = with_levels(asset, &parallel);
             let file = ResidentFile {
@@ -51,6 +54,10 @@ mod tests {
         assert!(!leveled.levels.is_empty());
         // What levels were made from decodes as before; only the cluster that they use is more.
         assert_eq!(convert(&leveled, Shape::Plain).unwrap(), pack(&asset).unwrap());
+        let second = Asset::parse(&convert(&leveled, Shape::Level(2)).unwrap()).unwrap();
+        let expected = &leveled.levels[1];
+        assert_eq!((second.width, second.height, second.levels.len()), (expected.width, expected.height, 0));
+        assert_eq!(second.layers[0].lobe_refs, expected.layers[0].lobe_refs);
         let file = ResidentFile::open(Arc::new(convert(&asset, Shape::Resident).unwrap()), &parallel).unwrap();
         assert_eq!(file.resident, Resident::from_asset(&leveled));
         assert_ne!(file.resident, Resident::from_asset(&asset), "planted: without levels");

@@ -9,7 +9,7 @@ use crate::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb,
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
     Asset, DecodeOptions, HORIZON_COS, HeightField, Heights, Interpolation, Layer, LobeRole, LobeSetup, Neighbours,
-    RATIO_EPSILON, RATIO_RANGE, Resident, ResidualKind, SeenBy, SingleBases, Sphere, block, root,
+    RATIO_EPSILON, RATIO_RANGE, Resident, ResidualKind, SeenBy, SingleBases, Sphere, block,
 };
 use half::f16;
 use pulp::{Arch, Simd, WithSimd};
@@ -186,12 +186,10 @@ impl<'a> ImageDecoder<'a> {
                 *sum += tap.weight * row;
             }
         }
-        let (residual_scale, fade) = match self.layer.residual_kind {
+        let (residual_scale, fade) = match self.layer.lobe_role {
             _ if self.used_words == 0 => (1.0, fade),
-            _ if self.layer.lobe_role == LobeRole::Guide => (1.0, fade * into.beyond),
-            ResidualKind::Additive => (into.beyond, fade),
-            ResidualKind::Log => (1.0, fade),
-            ResidualKind::Root => (root(into.beyond.max(1e-12)), fade),
+            LobeRole::Guide => (1.0, fade * into.beyond),
+            LobeRole::Base => (self.layer.residual_kind.scale_beyond(into.beyond), fade),
         };
         let taps = vec![Tap { weight: 1.0, values: here, rows }];
         PairPlan { taps, residual_scale, fade, ..PairPlan::NOTHING }
@@ -258,8 +256,9 @@ impl<'a> ImageDecoder<'a> {
                 }
                 let value = blend(seen, &|v| parts[v].values[at(v)]);
                 if !exact {
+                    let scale = kind.scale_beyond(scaled);
                     return [0, 1, 2]
-                        .map(|c| kind.combine(share * here[c], value[c], epsilon, scaled) * falling * fade);
+                        .map(|c| kind.combine(share * here[c], scale * value[c], epsilon) * falling * fade);
                 }
                 let lobes = blend(seen, &|v| parts[v].lobes[at(v)]);
                 [0, 1, 2].map(|c| {

@@ -150,7 +150,7 @@ pub fn decode_measured(
         for (word, weight) in row[..used].iter().zip(&weights) {
             r += weight[0] * half_at(*word, 0) + weight[1] * half_at(*word, 1);
         }
-        *out = source.residual_kind.combine(share * *out, r, source.epsilon, 1.0);
+        *out = source.residual_kind.combine(share * *out, r, source.epsilon);
     }
 }
 
@@ -189,7 +189,7 @@ pub fn decode_from_file_form(
         }
     }
     let r = core_at_pair(&residual.factors, &core, view, light);
-    [0, 1, 2].map(|c| layer.residual_kind.combine(share * s[c], r[c], layer.epsilon, 1.0))
+    [0, 1, 2].map(|c| layer.residual_kind.combine(share * s[c], r[c], layer.epsilon))
 }
 
 #[cfg(test)]

@@ -26,6 +26,7 @@ mod evaluate;
 mod expansion;
 mod format;
 mod lobe;
+mod lobe_queue;
 mod mip;
 mod open;
 mod pack;
@@ -44,6 +45,7 @@ mod sphere;
 pub mod testing;
 mod texel;
 mod texel_coding;
+mod texel_residual;
 mod threads;
 mod viewed_texel;
 mod wgsl;
@@ -62,7 +64,9 @@ pub use format::{
     MAX_LAYERS, MAX_SHARED, MOST_LEVELS, MOST_SIDE_MM, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionEntry, SectionKind,
     VERSION, read_directory,
 };
-pub use lobe::{Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS};
+pub use lobe::{
+    Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS, ResidentLobe,
+};
 pub use mip::with_levels;
 pub use open::{Levels, open};
 pub use pack::pack;

@@ -5,6 +5,7 @@
 //! Ashikhmin-Shirley), GGX [Walter 2007] and a view-windowed cosine that absorbs masking and parallax.
 //! Every lobe is finite for every pair of unit vectors: `n.wo` is clamped from below at [`MIN_COS_VIEW`].
 
+use crate::power::{exp, exp2, log2};
 use crate::quantize::{half_at, word_from_halves};
 use std::f32::consts::{PI, TAU};
 
@@ -16,6 +17,8 @@ pub const MIN_HALF: f32 = 1e-3;
 pub const FILE_WORDS: usize = 5;
 /// Words of a lobe in the resident form.
 pub const RESIDENT_WORDS: usize = 16;
+/// A lobe as the resident form has it.
+pub type ResidentLobe = [u32; RESIDENT_WORDS];
 
 /// A reflection model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -202,19 +205,24 @@ pub struct LobeSetup {
     pub params: [f32; 4],
 }
 
+#[inline(always)]
 pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+#[inline(always)]
 pub(crate) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// `base^exponent` for a base in [0, 1]; 0 stays 0 and nothing overflows.
+#[inline(always)]
 pub(crate) fn power(base: f32, exponent: f32) -> f32 {
-    if base <= 1e-12 { 0.0 } else { (exponent * base.log2()).max(-126.0).exp2() }
+    let result = exp2(exponent * log2(base));
+    if base > 1e-12 { result } else { 0.0 }
 }
 
+#[inline(always)]
 fn schlick(f0: f32, cos: f32) -> f32 {
     let m = 1.0 - cos.clamp(0.0, 1.0);
     f0 + (1.0 - f0) * m * m * m * m * m
@@ -228,6 +236,7 @@ struct HalfVector {
     vh: f32,
 }
 
+#[inline(always)]
 fn half_vector(lobe: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> HalfVector {
     let sum = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
     let length = dot(sum, sum).sqrt().max(MIN_HALF);
@@ -262,11 +271,13 @@ impl LobeSetup {
         }
     }
 
+    #[inline(always)]
     fn cos_view(&self, wo: [f32; 3]) -> f32 {
         dot(self.normal, wo).max(MIN_COS_VIEW)
     }
 
-    fn oren_nayar(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
+    #[inline(always)]
+    pub(crate) fn oren_nayar(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         let co = self.cos_view(wo);
         let s2 = self.params[0] * self.params[0];
         let a = 1.0 - 0.5 * s2 / (s2 + 0.33);
@@ -276,32 +287,36 @@ impl LobeSetup {
         ci * (a + b * s / ci.max(co))
     }
 
-    fn blinn_phong(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
+    #[inline(always)]
+    pub(crate) fn blinn_phong(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         let h = half_vector(self, wi, wo);
         ci * (self.params[0] + 8.0) * 0.125 * power(h.nh, self.params[0])
     }
 
-    fn ward(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
+    #[inline(always)]
+    pub(crate) fn ward(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         let h = half_vector(self, wi, wo);
         let (ax, ay) = (self.params[0], self.params[1]);
         let nh2 = (h.nh * h.nh).max(1e-6);
         let (x, y) = (h.th / ax, h.bh / ay);
-        let e = (-(x * x + y * y) / nh2).max(-80.0).exp();
+        let e = exp((-(x * x + y * y) / nh2).max(-80.0));
         (ci / self.cos_view(wo)).sqrt() * e / (4.0 * ax * ay)
     }
 
-    fn cook_torrance(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
+    #[inline(always)]
+    pub(crate) fn cook_torrance(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         let h = half_vector(self, wi, wo);
         let co = self.cos_view(wo);
         let m2 = self.params[0] * self.params[0];
         let c2 = (h.nh * h.nh).max(1e-6);
         // pi D of Beckmann.
-        let d = ((c2 - 1.0) / (m2 * c2)).max(-80.0).exp() / (m2 * c2 * c2);
+        let d = exp(((c2 - 1.0) / (m2 * c2)).max(-80.0)) / (m2 * c2 * c2);
         let g = (2.0 * h.nh * ci.min(co) / h.vh).min(1.0);
         schlick(self.params[1], h.vh) * d * g / (4.0 * co)
     }
 
-    fn lafortune(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
+    #[inline(always)]
+    pub(crate) fn lafortune(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         let bitangent = cross(self.normal, self.tangent);
         let base = self.params[0] * dot(self.tangent, wi) * dot(self.tangent, wo)
             + self.params[1] * dot(bitangent, wi) * dot(bitangent, wo)
@@ -309,7 +324,8 @@ impl LobeSetup {
         ci * power(base.clamp(0.0, 1.0), self.params[3])
     }
 
-    fn ashikhmin_shirley(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
+    #[inline(always)]
+    pub(crate) fn ashikhmin_shirley(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         let h = half_vector(self, wi, wo);
         let (nu, nv) = (self.params[0], self.params[1]);
         let s2 = (1.0 - h.nh * h.nh).max(1e-6);
@@ -318,7 +334,8 @@ impl LobeSetup {
         ci * norm * power(h.nh, exponent) * schlick(self.params[2], h.vh) / (h.vh * ci.max(self.cos_view(wo)))
     }
 
-    fn ggx(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
+    #[inline(always)]
+    pub(crate) fn ggx(&self, ci: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         let h = half_vector(self, wi, wo);
         let co = self.cos_view(wo);
         let a2 = self.params[0] * self.params[0];
@@ -328,13 +345,14 @@ impl LobeSetup {
         schlick(self.params[1], h.vh) * d * v * ci
     }
 
-    fn windowed_cosine(&self, ci: f32, wo: [f32; 3]) -> f32 {
+    #[inline(always)]
+    pub(crate) fn windowed_cosine(&self, ci: f32, wo: [f32; 3]) -> f32 {
         let m = [self.params[1], self.params[2], self.params[3]];
-        ci * (self.params[0] * (dot(m, wo) - 1.0)).max(-80.0).exp()
+        ci * exp((self.params[0] * (dot(m, wo) - 1.0)).max(-80.0))
     }
 
     /// The words of the resident form.
-    pub fn to_resident_words(&self, weight_scale: f32) -> [u32; RESIDENT_WORDS] {
+    pub fn to_resident_words(&self, weight_scale: f32) -> ResidentLobe {
         let mut words = [0; RESIDENT_WORDS];
         words[0] = self.family as u32;
         for i in 0..3 {
@@ -348,17 +366,21 @@ impl LobeSetup {
         words
     }
 
-    /// Setup and weight scale from the resident form.
-    pub fn from_resident_words(words: &[u32]) -> (LobeSetup, f32) {
+    /// The setup in the resident form.
+    pub fn from_resident_words(words: &ResidentLobe) -> LobeSetup {
         let at = |i: usize| f32::from_bits(words[i]);
-        let setup = LobeSetup {
+        LobeSetup {
             family: LobeFamily::from_number(words[0]).unwrap_or(LobeFamily::Lambertian),
             normal: [at(1), at(2), at(3)],
             tangent: [at(4), at(5), at(6)],
             params: [at(7), at(8), at(9), at(10)],
-        };
-        (setup, at(11))
+        }
     }
+}
+
+/// The weight scale in the resident form.
+pub(crate) fn weight_scale(words: &ResidentLobe) -> f32 {
+    f32::from_bits(words[11])
 }
 
 #[cfg(test)]
@@ -593,7 +615,8 @@ mod tests {
                 let (back, scale) = Lobe::from_words(lobe.to_words(0.375)).unwrap();
                 assert_eq!((back, scale), (lobe, 0.375), "an already rounded lobe comes back bit by bit");
                 assert_eq!(lobe.rounded(), lobe);
-                let (setup, scale) = LobeSetup::from_resident_words(&lobe.setup().to_resident_words(0.375));
+                let words = lobe.setup().to_resident_words(0.375);
+                let (setup, scale) = (LobeSetup::from_resident_words(&words), weight_scale(&words));
                 assert_eq!((setup, scale), (lobe.setup(), 0.375));
             }
             // Anything at all can be clamped into the file's ranges.

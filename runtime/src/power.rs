@@ -1,5 +1,5 @@
-//! Powers of non-negative numbers for the root curve, in single-precision additions, multiplications and one
-//! division: no branch and no table, so that a loop over them runs in vectors, and the same bits on every machine.
+//! Powers of non-negative numbers, for the root curve and for lobes, in single-precision additions, multiplications and at
+//! most one division: no branch and no table, so that a loop over them runs in vectors, and the same bits on every machine.
 //!
 //! `x^p = 2^(p log2 x)` with `x = 2^e m`, `m` in `[1/sqrt 2, sqrt 2)`. `p e` alone can be large; its whole part goes
 //! into the exponent of the result before the small rest is rounded, so that the error does not grow with `e`.
@@ -54,28 +54,68 @@ const ROUNDER: f32 = 12_582_912.0;
 
 #[inline(always)]
 fn power(x: f32, exponent: Exponent) -> f32 {
+    let (e, log2_m) = exponent_and_log2_mantissa(x);
+    let large = exponent.head * e;
+    let small = exponent.tail * e + exponent.whole * log2_m;
+    let whole = rounded(large + small);
+    let result = two_to(whole, (large - whole) + small);
+    if x >= f32::MIN_POSITIVE { result } else { 0.0 }
+}
+
+/// `2^x`: `x` below -126 counts as -126, above 127 as 127.
+#[inline(always)]
+pub(crate) fn exp2(x: f32) -> f32 {
+    let x = if x > -126.0 { x } else { -126.0 };
+    let x = if x < 127.0 { x } else { 127.0 };
+    let whole = rounded(x);
+    two_to(whole, x - whole)
+}
+
+/// `e^x`: `x` below -87 counts as -87, above 88 as 88.
+#[inline(always)]
+pub(crate) fn exp(x: f32) -> f32 {
+    // ln 2 in two parts: the first times a whole number below 256 is exact.
+    const LN_2: [f32; 2] = [0.693_145_75, 1.428_606_8e-6];
+    let x = if x > -87.0 { x } else { -87.0 };
+    let x = if x < 88.0 { x } else { 88.0 };
+    let whole = rounded(x * std::f32::consts::LOG2_E);
+    two_to(whole, ((x - whole * LN_2[0]) - whole * LN_2[1]) * std::f32::consts::LOG2_E)
+}
+
+/// `log2 x` of a normal number above 0; of others something finite.
+#[inline(always)]
+pub(crate) fn log2(x: f32) -> f32 {
+    let (e, log2_m) = exponent_and_log2_mantissa(x);
+    e + log2_m
+}
+
+/// `e` and `log2 m` of `x = 2^e m`.
+#[inline(always)]
+fn exponent_and_log2_mantissa(x: f32) -> (f32, f32) {
     // As a comparison, which is one instruction: NaN becomes 0.
     let x = if x > 0.0 { x } else { 0.0 };
     let bits = x.to_bits();
     let e = bits.wrapping_sub(LEAST_MANTISSA) as i32 >> 23;
     let m = f32::from_bits(bits.wrapping_sub((e << 23) as u32));
-    let e = e as f32;
     let s = (m - 1.0) / (m + 1.0);
     let t = s * s;
-    let log2_m = s * (LOG[0] + t * (LOG[1] + t * (LOG[2] + t * LOG[3])));
+    (e as f32, s * (LOG[0] + t * (LOG[1] + t * (LOG[2] + t * LOG[3]))))
+}
 
-    let large = exponent.head * e;
-    let small = exponent.tail * e + exponent.whole * log2_m;
-    let power_of_2 = ((large + small) + ROUNDER) - ROUNDER;
-    let f = (large - power_of_2) + small;
+/// The nearest whole number, for numbers below 2^22.
+#[inline(always)]
+fn rounded(x: f32) -> f32 {
+    (x + ROUNDER) - ROUNDER
+}
+
+/// `2^(whole + f)` with `f` in `[-0.5, 0.5]`; a whole number below -126 gives 0, one above 127 counts as 127.
+#[inline(always)]
+fn two_to(whole: f32, f: f32) -> f32 {
     let mantissa = EXP[0] + f * (EXP[1] + f * (EXP[2] + f * (EXP[3] + f * (EXP[4] + f * (EXP[5] + f * EXP[6])))));
-
     // The exponent's bits: -127 makes the factor 0.
-    let power_of_2 = if power_of_2 > -127.0 { power_of_2 } else { -127.0 };
-    let power_of_2 = if power_of_2 < 127.0 { power_of_2 } else { 127.0 };
-    let factor = f32::from_bits((power_of_2 + (ROUNDER + 127.0)).to_bits() << 23);
-    let result = mantissa * factor;
-    if x < f32::MIN_POSITIVE { 0.0 } else { result }
+    let whole = if whole > -127.0 { whole } else { -127.0 };
+    let whole = if whole < 127.0 { whole } else { 127.0 };
+    mantissa * f32::from_bits((whole + (ROUNDER + 127.0)).to_bits() << 23)
 }
 
 #[cfg(test)]
@@ -117,6 +157,30 @@ mod tests {
             }
         }
         assert!(from_root(f32::MAX) > 1e38 && from_root(1e-30) == 0.0);
+    }
+
+    #[test]
+    fn exponentials_and_logarithms_are_those_of_double_precision() {
+        /// Largest relative error over `-range..range`.
+        fn largest(range: f32, of: impl Fn(f32) -> f32, exact: impl Fn(f64) -> f64) -> f64 {
+            let at = |i: i32| range * i as f32 / 100_003.0;
+            let error = |x: f32| (f64::from(of(x)) / exact(f64::from(x)) - 1.0).abs();
+            (-100_003..100_003).map(|i| error(at(i))).fold(0.0, f64::max)
+        }
+        let errors = [largest(87.0, exp, f64::exp), largest(125.9, exp2, f64::exp2)];
+        assert!(errors.iter().all(|error| *error <= POWER_RELATIVE_ERROR), "{errors:?}");
+        assert!(largest(87.0, |x| exp2(x * std::f32::consts::LOG2_E), f64::exp) > POWER_RELATIVE_ERROR, "planted");
+        for i in 1..200_000u32 {
+            let x = f32::from_bits(i * 10_007 + f32::MIN_POSITIVE.to_bits());
+            if x.is_finite() {
+                let exact = f64::from(x).log2();
+                assert!((f64::from(log2(x)) - exact).abs() <= 2e-7 * exact.abs(), "{x}: {} {exact}", log2(x));
+            }
+        }
+        for x in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -1.0, 1e-42, f32::MAX] {
+            assert!(exp(x).is_finite() && exp2(x).is_finite() && log2(x).is_finite(), "{x}");
+        }
+        assert_eq!([exp(0.0), exp2(0.0), exp2(-3.0), log2(1.0), log2(0.125)], [1.0, 1.0, 0.125, 0.0, -3.0]);
     }
 
     #[test]

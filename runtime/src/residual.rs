@@ -47,17 +47,33 @@ impl ResidualKind {
         }
     }
 
-    /// Lobe sum `s` and residual `r` of one channel, combined; `beyond` as in [`crate::Neighbours`].
-    ///
-    /// An additive residual is scaled by `beyond`, a root residual by its root (both then scale like
-    /// the light's cosine), a log residual, which is a factor, is kept.
-    pub fn combine(self, s: f32, r: f32, epsilon: f32, beyond: f32) -> f32 {
-        let scaled = match self {
-            ResidualKind::Additive => r * beyond,
-            ResidualKind::Log => r,
-            ResidualKind::Root => r * root(beyond.max(1e-12)),
-        };
-        self.decode(self.encode(s, epsilon) + scaled, epsilon).max(0.0)
+    /// Lobe sum `s` and residual `r` of one channel, combined.
+    #[inline(always)]
+    pub fn combine(self, s: f32, r: f32, epsilon: f32) -> f32 {
+        self.decode(self.encode(s, epsilon) + r, epsilon).max(0.0)
+    }
+
+    /// [`ResidualKind::combine`] of three channels: the same bits, for the root curve in vectors.
+    #[inline(always)]
+    pub fn combine_rgb(self, s: [f32; 3], r: [f32; 3], epsilon: f32) -> [f32; 3] {
+        // Loops over four, which fill a vector.
+        let [mut y, r] = [s, r].map(|[red, green, blue]| [red, green, blue, 0.0]);
+        self.encode_slice(&mut y, epsilon);
+        y.iter_mut().zip(r).for_each(|(y, r)| *y += r);
+        self.decode_slice(&mut y, epsilon);
+        [y[0], y[1], y[2]]
+    }
+
+    /// What a residual is multiplied by beyond the hull, `beyond` as in [`crate::Neighbours`]: an additive one by `beyond`, a root
+    /// residual by its root (both then scale like the light's cosine); a log residual, which is a factor, is kept.
+    #[inline(always)]
+    pub fn scale_beyond(self, beyond: f32) -> f32 {
+        match self {
+            ResidualKind::Additive => beyond,
+            ResidualKind::Log => 1.0,
+            ResidualKind::Root if beyond == 1.0 => 1.0,
+            ResidualKind::Root => root(beyond.max(1e-12)),
+        }
     }
 
     /// [`ResidualKind::encode`] of many numbers, in place: the same bits, for the root curve in vectors.

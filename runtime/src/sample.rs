@@ -8,7 +8,7 @@
 //! sphere.
 
 use crate::lobe::{LobeFamily, LobeSetup, cross, dot, power};
-use crate::resident::block;
+use crate::texel::lobe_weights;
 use crate::viewed_texel::ViewedTexel;
 use std::f32::consts::{PI, TAU};
 
@@ -129,26 +129,25 @@ fn sample_importance(lobe: &LobeSetup, weight: f32) -> f32 {
 }
 
 impl ViewedTexel<'_> {
-    /// Lobe in `slot` and its importance.
-    fn sample_lobe_at(&self, slot: usize) -> (LobeSetup, f32) {
+    /// Its lobes and their importance.
+    fn sampled_lobes(&self) -> impl Iterator<Item = (LobeSetup, f32)> {
         let t = self.texel();
-        let reference = t.words[t.field(block::REFS) + t.first_ref + slot];
-        let (lobe, weights) = t.lobe(t.dictionary(t.edit), reference);
-        let importance = sample_importance(&lobe, weights.iter().sum::<f32>() / 3.0);
-        (lobe, importance)
+        t.lobes_of(t.dictionary(t.edit)).map(|(words, reference)| {
+            let lobe = LobeSetup::from_resident_words(words);
+            (lobe, sample_importance(&lobe, lobe_weights(words, reference).iter().sum::<f32>() / 3.0))
+        })
     }
 
     /// A direction towards light that matters to this eye, in the texel's frame, from three numbers in [0, 1). It may lie
     /// on the other side than the layer's, where the value is 0.
     pub fn sample_direction(&self, at: [f32; 3]) -> [f32; 3] {
         let lobes = self.texel().lobes;
-        let total: f32 = (0..lobes).map(|slot| self.sample_lobe_at(slot).1).sum();
+        let total: f32 = self.sampled_lobes().map(|(_, importance)| importance).sum();
         let side = self.light_sign();
         let mut wi = sample_about_z(1.0, [at[0], at[1]]);
         if total > 0.0 && at[2] >= COSINE_SHARE {
             let mut rest = (at[2] - COSINE_SHARE) / (1.0 - COSINE_SHARE) * total;
-            for slot in 0..lobes {
-                let (lobe, importance) = self.sample_lobe_at(slot);
+            for (slot, (lobe, importance)) in self.sampled_lobes().enumerate() {
                 if rest < importance || slot + 1 == lobes {
                     wi = sample_lobe_direction(&lobe, self.eye(), [at[0], at[1]]);
                     break;
@@ -164,8 +163,7 @@ impl ViewedTexel<'_> {
         let wi = [wi[0], wi[1], wi[2] * self.light_sign()];
         let cosine = wi[2].max(0.0) / PI;
         let (mut sum, mut total) = (0.0, 0.0);
-        for slot in 0..self.texel().lobes {
-            let (lobe, importance) = self.sample_lobe_at(slot);
+        for (lobe, importance) in self.sampled_lobes() {
             sum += importance * sample_lobe_density(&lobe, wi, self.eye());
             total += importance;
         }

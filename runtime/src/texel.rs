@@ -3,8 +3,8 @@
 
 use crate::decode::DecodeOptions;
 use crate::edit::EDIT_WORDS;
-use crate::lobe::{LobeSetup, RESIDENT_WORDS};
-use crate::quantize::{coefficient_from_byte, half_at, weight_from_byte};
+use crate::lobe::{RESIDENT_WORDS, ResidentLobe, weight_scale};
+use crate::quantize::{coefficient_from_byte, weight_from_byte};
 use crate::resident::{ASSET_LAYERS, Resident, block};
 
 /// Columns and rows of the level whose layer's block begins at word `layer`.
@@ -32,6 +32,14 @@ impl<'a> Texel<'a> {
     pub(crate) fn new(resident: &'a Resident, layer: u32, texel: u32, options: &DecodeOptions) -> Texel<'a> {
         let words = resident.words();
         Texel::of_words(words, words[ASSET_LAYERS + layer as usize] as usize, texel, options)
+    }
+
+    /// The words where what such a texel has of its own begins: its record and its codes.
+    pub(crate) fn own_words(resident: &Resident, layer: u32, texel: u32) -> [usize; 2] {
+        let words = resident.words();
+        let block = &words[words[ASSET_LAYERS + layer as usize] as usize..];
+        let [records, codes, code_words] = [block::RECORDS, block::CODES, block::CODE_WORDS].map(|i| block[i] as usize);
+        [records + 2 * texel as usize, codes + code_words * texel as usize]
     }
 
     /// Another texel of the same layer.
@@ -63,11 +71,9 @@ impl<'a> Texel<'a> {
         f32::from_bits(self.words[self.layer + field])
     }
 
-    /// The lobe that a reference names in the dictionary at word `dictionary`, and its weights, RGB.
-    pub(crate) fn lobe(&self, dictionary: usize, reference: u32) -> (LobeSetup, [f32; 3]) {
-        let at = dictionary + (reference & 0xff) as usize * RESIDENT_WORDS;
-        let (lobe, scale) = LobeSetup::from_resident_words(&self.words[at..at + RESIDENT_WORDS]);
-        (lobe, [8, 16, 24].map(|shift| weight_from_byte(reference >> shift & 0xff, scale)))
+    /// The word of its first lobe reference.
+    pub(crate) fn first_lobe(&self) -> usize {
+        self.field(block::REFS) + self.first_ref
     }
 
     /// First word of the dictionary of the texel's cluster, as it was measured or as the edit numbered `edit` has it.
@@ -80,20 +86,27 @@ impl<'a> Texel<'a> {
         self.words[table + self.cluster] as usize
     }
 
-    /// Sum of the lobes of that dictionary, RGB.
-    pub(crate) fn lobe_sum(&self, edit: usize, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
-        let dictionary = self.dictionary(edit);
-        let refs = self.field(block::REFS) + self.first_ref;
+    /// Its lobes from the dictionary at word `dictionary`, as the resident form has them, with the references to them.
+    pub(crate) fn lobes_of(&self, dictionary: usize) -> impl Iterator<Item = (&'a ResidentLobe, u32)> {
+        let words = self.words;
+        let first = self.first_lobe();
+        words[first..first + self.lobes].iter().map(move |reference| {
+            let at = dictionary + (reference & 0xff) as usize * RESIDENT_WORDS;
+            (words[at..].first_chunk().unwrap_or(&[0; RESIDENT_WORDS]), *reference)
+        })
+    }
+
+    /// Sum of the lobes of that dictionary, RGB; `value` gives each lobe's.
+    pub(crate) fn lobe_sum(&self, edit: usize, mut value: impl FnMut(&ResidentLobe) -> f32) -> [f32; 3] {
         let mut sum = [0.0; 3];
-        for slot in 0..self.lobes {
-            let (lobe, weights) = self.lobe(dictionary, self.words[refs + slot]);
-            let value = lobe.eval(wi, wo);
+        for (lobe, reference) in self.lobes_of(self.dictionary(edit)) {
+            let (value, weights) = (value(lobe), lobe_weights(lobe, reference));
             (0..3).for_each(|c| sum[c] += weights[c] * value);
         }
         sum
     }
 
-    /// Weight of basis `index`: 1 for the mean, the decoded code for a component.
+    /// Weight of basis `index`: 1 for the mean, the decoded code for a component, 0 for what is not used.
     pub(crate) fn basis_weight(&self, index: usize) -> f32 {
         if index == 0 {
             return 1.0;
@@ -106,50 +119,14 @@ impl<'a> Texel<'a> {
         coefficient_from_byte(word >> (8 * (component as u32 % 4)) & 0xff)
     }
 
-    /// Residual at the pairs of `view` with those of three `lights` that are `wanted`, RGB each; 0 at the others.
-    pub(crate) fn residual(&self, bases: Bases, view: u32, lights: [u32; 3], wanted: [bool; 3]) -> [[f32; 3]; 3] {
-        match bases {
-            Bases::Halves(words) => self.residual_of(view, lights, wanted, |index| {
-                let halves = words[index];
-                [half_at(halves, 0), half_at(halves, 1)]
-            }),
-            Bases::Singles(values) => {
-                self.residual_of(view, lights, wanted, |index| [values[2 * index], values[2 * index + 1]])
-            }
-        }
-    }
-
-    fn residual_of(
-        &self,
-        view: u32,
-        lights: [u32; 3],
-        wanted: [bool; 3],
-        two_at: impl Fn(usize) -> [f32; 2],
-    ) -> [[f32; 3]; 3] {
-        let channel_words = self.field(block::CHANNEL_WORDS);
+    /// The word of the bases at the pair of `view` and `light`, counted from the bases' first.
+    pub(crate) fn bases_at(&self, view: u32, light: u32) -> usize {
         let pair = self.cluster * self.field(block::PAIRS) + view as usize * self.field(block::LIGHT_COUNT);
-        let mut sum = [[0.0; 3]; 3];
-        for word in 0..self.bases.div_ceil(2) {
-            let (even, odd) = (self.basis_weight(2 * word), self.basis_weight(2 * word + 1));
-            for l in 0..3 {
-                if wanted[l] {
-                    let at = (pair + lights[l] as usize) * 3 * channel_words + word;
-                    for (c, sum) in sum[l].iter_mut().enumerate() {
-                        let two = two_at(at + c * channel_words);
-                        *sum += even * two[0] + odd * two[1];
-                    }
-                }
-            }
-        }
-        sum
+        (pair + light as usize) * 3 * self.field(block::CHANNEL_WORDS)
     }
 }
 
-/// Where a layer's expanded bases are read from, two at a time.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Bases<'a> {
-    /// The resident form's words.
-    Halves(&'a [u32]),
-    /// As [`crate::SingleBases`] has them.
-    Singles(&'a [f32]),
+/// Weights of a lobe that `reference` names, RGB.
+pub(crate) fn lobe_weights(lobe: &ResidentLobe, reference: u32) -> [f32; 3] {
+    [8, 16, 24].map(|shift| weight_from_byte(reference >> shift & 0xff, weight_scale(lobe)))
 }

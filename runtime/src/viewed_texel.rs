@@ -8,12 +8,15 @@
 use crate::asset::LobeRole;
 use crate::decode::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 use crate::edit::EDIT_WORDS;
+use crate::lobe::{LobeSetup, ResidentLobe};
 use crate::parallax::{HeightField, SeenBy};
 use crate::resident::{Resident, block};
 use crate::residual::ResidualKind;
 use crate::single::SingleBases;
-use crate::sphere::{direction, locate};
-use crate::texel::{Bases, Texel};
+use crate::sphere::{Neighbours, direction, locate};
+use crate::texel::Texel;
+use crate::texel_residual::{Bases, BasisWeights, FEW_BLOCKS, LANES, MOST_BLOCKS, residual_sum};
+use pulp::{Arch, Simd, WithSimd};
 
 /// Largest value that a tint multiplies, so that what is finite stays so.
 const MOST_EDITED: f32 = 1e37;
@@ -28,6 +31,34 @@ pub struct LightRows {
     rows: [Row; LIGHT_ROWS],
 }
 
+impl LightRows {
+    /// The rows of those of three measured `lights` that are `wanted`; `make` gives those that are not there, which are kept.
+    fn find_or_make(
+        &mut self,
+        lights: [u32; 3],
+        mut wanted: [bool; 3],
+        make: impl Fn([bool; 3]) -> [Row; 3],
+    ) -> [Row; 3] {
+        let place = lights.map(|id| id as usize % LIGHT_ROWS);
+        let mut found = [Row::default(); 3];
+        for l in 0..3 {
+            if wanted[l] && self.ids[place[l]] == lights[l] + 1 {
+                found[l] = self.rows[place[l]];
+                wanted[l] = false;
+            }
+        }
+        if wanted.contains(&true) {
+            let made = make(wanted);
+            for l in (0..3).filter(|l| wanted[*l]) {
+                found[l] = made[l];
+                self.ids[place[l]] = lights[l] + 1;
+                self.rows[place[l]] = made[l];
+            }
+        }
+        found
+    }
+}
+
 /// What the neighbouring views have at a measured light, summed with their weights.
 #[derive(Debug, Clone, Copy, Default)]
 struct Row {
@@ -35,6 +66,21 @@ struct Row {
     value: [f32; 3],
     /// Exact rule: lobe sums.
     lobes: [f32; 3],
+}
+
+/// A light on the layer's side.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lit {
+    /// Unit vector to it in the layer's frame.
+    wi: [f32; 3],
+    /// Its place among the measured lights, where there is a residual.
+    place: Option<Neighbours>,
+}
+
+impl Lit {
+    pub(crate) fn wi(&self) -> [f32; 3] {
+        self.wi
+    }
 }
 
 /// A texel as the eye at one direction sees it.
@@ -138,42 +184,57 @@ impl<'a> ViewedTexel<'a> {
         self.shifted.as_ref().map_or(&self.t, |shifted| &shifted[v])
     }
 
-    /// Sum of the lobes that the eye sees, RGB, as measured or as an edit has them.
-    fn lobe_sum(&self, edit: usize, wi: [f32; 3]) -> [f32; 3] {
+    /// Sum of the lobes that the eye sees, RGB, as measured or as an edit has them; `value` gives each lobe's.
+    fn lobe_sum(&self, edit: usize, value: &mut impl FnMut(&ResidentLobe) -> f32) -> [f32; 3] {
         if self.shifted.is_none() {
-            return self.t.lobe_sum(edit, wi, self.wo);
+            return self.t.lobe_sum(edit, value);
         }
         let mut sum = [0.0; 3];
         for v in (0..3).filter(|v| self.weights[*v] > 0.0) {
-            let lobes = self.shown_by(v).lobe_sum(edit, wi, self.wo);
+            let lobes = self.shown_by(v).lobe_sum(edit, &mut *value);
             (0..3).for_each(|c| sum[c] += self.weights[v] * lobes[c]);
         }
         sum
     }
 
+    /// Adds what neighbouring view `v` shows at a measured `light` under the exact rule to its row.
+    fn add_decoded(&self, row: &mut Row, v: usize, light: u32, residual: [f32; 3], epsilon: f32) {
+        let [wi, wo] = [(block::LIGHTS, light), (block::VIEWS, self.views[v])]
+            .map(|(set, id)| direction(self.t.words, self.t.field(set), id));
+        let lobes = self.shown_by(v).lobe_sum(0, |lobe| LobeSetup::from_resident_words(lobe).eval(wi, wo));
+        let value = self.kind.combine_rgb(if self.guide { [0.0; 3] } else { lobes }, residual, epsilon);
+        for c in 0..3 {
+            row.value[c] += self.weights[v] * value[c];
+            row.lobes[c] += self.weights[v] * lobes[c];
+        }
+    }
+
     /// The rows of three measured `lights`; those not `wanted` stay 0.
     fn rows(&self, lights: [u32; 3], wanted: [bool; 3], epsilon: f32) -> [Row; 3] {
         let mut rows = [Row::default(); 3];
-        let measured = self.measured_views();
-        for v in (0..3).filter(|v| self.weights[*v] > 0.0) {
-            let (texel, weight) = (self.shown_by(v), self.weights[v]);
-            let residual = texel.residual(self.bases, self.views[v], lights, wanted);
-            for l in (0..3).filter(|l| wanted[*l]) {
-                let row = &mut rows[l];
-                if self.exact {
-                    let wi = direction(self.t.words, self.t.field(block::LIGHTS), lights[l]);
-                    let lobes = texel.lobe_sum(0, wi, measured[v]);
-                    for c in 0..3 {
-                        let base = if self.guide { 0.0 } else { lobes[c] };
-                        row.value[c] += weight * self.kind.combine(base, residual[l][c], epsilon, 1.0);
-                        row.lobes[c] += weight * lobes[c];
-                    }
-                } else {
-                    (0..3).for_each(|c| row.value[c] += weight * residual[l][c]);
-                }
+        for l in (0..3).filter(|l| wanted[*l]) {
+            let mut shares = [0.0; 3];
+            shares[l] = 1.0;
+            if !self.exact {
+                rows[l].value = self.residual(lights, shares, self.weights);
+                continue;
+            }
+            for v in (0..3).filter(|v| self.weights[*v] > 0.0) {
+                let mut of_view = [0.0; 3];
+                of_view[v] = 1.0;
+                self.add_decoded(&mut rows[l], v, lights[l], self.residual(lights, shares, of_view), epsilon);
             }
         }
         rows
+    }
+
+    /// Sum of the residual at the measured `lights` and the neighbouring views, RGB, each times its light's and its view's share.
+    fn residual(&self, lights: [u32; 3], of_lights: [f32; 3], of_views: [f32; 3]) -> [f32; 3] {
+        let sum = Residual { viewed: self, lights, of_lights, of_views };
+        match 3 * self.t.field(block::CHANNEL_WORDS) <= FEW_BLOCKS * LANES {
+            true => Arch::new().dispatch(InBlocks::<'_, '_, FEW_BLOCKS>(sum)),
+            false => Arch::new().dispatch(InBlocks::<'_, '_, MOST_BLOCKS>(sum)),
+        }
     }
 
     /// Reflectance times cosine times pi, linear RGB, at least 0, for the light at `wi`, a unit vector in the texel's
@@ -181,24 +242,79 @@ impl<'a> ViewedTexel<'a> {
     ///
     /// Cost: a search among the measured lights, the lobes, and three rows of residual less those that are there.
     pub fn light(&self, rows: &mut LightRows, wi: [f32; 3]) -> [f32; 3] {
-        let t = &self.t;
-        let wi = [wi[0], wi[1], if t.field(block::LIGHT_SIDE) == 1 { -wi[2] } else { wi[2] }];
-        if wi[2] <= 0.0 || self.wo[2] <= 0.0 {
-            return [0.0; 3];
-        }
-        let fade = (wi[2] / t.float(block::HORIZON)).min(1.0);
-        let asked = !self.guide || self.exact || t.bases == 0 || t.edit > 0;
-        let here = if asked { self.lobe_sum(0, wi) } else { [0.0; 3] };
-        let mut value = if t.bases == 0 { here.map(|x| x.max(0.0)) } else { self.measured(rows, wi, here) };
-        if t.edit > 0 {
-            value = self.edited(value, here, self.lobe_sum(t.edit, wi));
-        }
-        value.map(|x| x * fade)
+        self.lit(wi).map_or([0.0; 3], |lit| self.value(Some(rows), &lit, &mut self.lobes(lit.wi)))
     }
 
     /// [`ViewedTexel::light`] for a light that shares its rows with no other.
     pub fn light_alone(&self, wi: [f32; 3]) -> [f32; 3] {
-        self.light(&mut LightRows::default(), wi)
+        self.lit(wi).map_or([0.0; 3], |lit| self.value(None, &lit, &mut self.lobes(lit.wi)))
+    }
+
+    /// Values of lobes, each by itself.
+    fn lobes(&self, wi: [f32; 3]) -> impl FnMut(&ResidentLobe) -> f32 {
+        let wo = self.wo;
+        move |lobe| LobeSetup::from_resident_words(lobe).eval(wi, wo)
+    }
+
+    /// The light at `wi`, where light and eye are on the layer's sides.
+    pub(crate) fn lit(&self, wi: [f32; 3]) -> Option<Lit> {
+        let wi = [wi[0], wi[1], wi[2] * self.light_sign()];
+        (wi[2] > 0.0 && self.wo[2] > 0.0).then(|| Lit {
+            wi,
+            place: (self.t.bases > 0).then(|| locate(self.t.words, self.t.field(block::LIGHTS), wi)),
+        })
+    }
+
+    /// Takes all lobes whose values [`ViewedTexel::value`] asks for, in the same order.
+    pub(crate) fn ask_lobes(&self, mut ask: impl FnMut(&ResidentLobe)) {
+        for edit in [self.asks_lobes().then_some(0), (self.t.edit > 0).then_some(self.t.edit)].into_iter().flatten() {
+            for v in 0..if self.shifted.is_some() { 3 } else { 1 } {
+                if self.shifted.is_none() || self.weights[v] > 0.0 {
+                    let texel = self.shown_by(v);
+                    texel.lobes_of(texel.dictionary(edit)).for_each(|(lobe, _)| ask(lobe));
+                }
+            }
+        }
+    }
+
+    fn asks_lobes(&self) -> bool {
+        !self.guide || self.exact || self.t.bases == 0 || self.t.edit > 0
+    }
+
+    /// Takes the first words of what [`ViewedTexel::value`] will read far from each other: of the texel's lobes, and of each pair
+    /// of a measured view and light.
+    pub(crate) fn ahead(&self, lit: &Lit, mut take: impl FnMut(usize)) {
+        if self.asks_lobes() {
+            take(self.t.first_lobe());
+        }
+        let Some(light) = &lit.place else { return };
+        for (view, _) in self.views.iter().zip(self.weights).filter(|(_, weight)| *weight > 0.0) {
+            for (light, _) in light.ids.iter().zip(light.weights).filter(|(_, weight)| *weight > 0.0) {
+                let first = self.t.field(block::BASIS) + self.t.bases_at(*view, *light);
+                take(first);
+                take(first + 3 * self.t.field(block::CHANNEL_WORDS) - 1);
+            }
+        }
+    }
+
+    /// The value for `lit`; `lobe` gives the values of lobes.
+    pub(crate) fn value(
+        &self,
+        rows: Option<&mut LightRows>,
+        lit: &Lit,
+        lobe: &mut impl FnMut(&ResidentLobe) -> f32,
+    ) -> [f32; 3] {
+        let t = &self.t;
+        let fade = (lit.wi[2] / t.float(block::HORIZON)).min(1.0);
+        let here = if self.asks_lobes() { self.lobe_sum(0, lobe) } else { [0.0; 3] };
+        let mut value = match &lit.place {
+            None => here.map(|x| x.max(0.0)),
+            Some(place) => self.measured(rows, place, here),
+        };
+        if t.edit > 0 {
+            value = self.edited(value, here, self.lobe_sum(t.edit, lobe));
+        }
+        value.map(|x| x * fade)
     }
 
     /// A measured value with the lobes' sum `here` and the edited lobes' sum; see edit.rs.
@@ -209,49 +325,77 @@ impl<'a> ViewedTexel<'a> {
         let (tint, epsilon) = ([r, g, b], t.float(block::EPSILON));
         [0, 1, 2].map(|c| {
             let left = self.kind.encode(value[c], epsilon) - self.kind.encode(here[c], epsilon);
-            tint[c] * self.kind.combine(lobes[c], keep * left, epsilon, 1.0).min(MOST_EDITED)
+            tint[c] * self.kind.combine(lobes[c], keep * left, epsilon).min(MOST_EDITED)
         })
     }
 
-    /// The measured value in the direction `wi` of the layer's frame, without the fade to the horizon; `here` are the lobes,
-    /// where they are asked.
-    fn measured(&self, rows: &mut LightRows, wi: [f32; 3], here: [f32; 3]) -> [f32; 3] {
-        let t = &self.t;
-        let light = locate(t.words, t.field(block::LIGHTS), wi);
-        let epsilon = t.float(block::EPSILON);
+    /// The fast rule: lobes `here` and the interpolated residual. Beyond the lights' hull the residual falls with the light's
+    /// cosine; alone, the decoded value does.
+    fn combined(&self, here: [f32; 3], residual: [f32; 3], beyond: f32) -> [f32; 3] {
+        let (base, scaled, falling) = if self.guide { ([0.0; 3], 1.0, beyond) } else { (here, beyond, 1.0) };
+        let scale = self.kind.scale_beyond(scaled);
+        let value = self.kind.combine_rgb(base, residual.map(|r| scale * r), self.t.float(block::EPSILON));
+        value.map(|x| x * falling)
+    }
 
-        let place = light.ids.map(|id| id as usize % LIGHT_ROWS);
-        let mut wanted = [0, 1, 2].map(|l| light.weights[l] > 0.0);
-        let mut found = [Row::default(); 3];
-        for l in 0..3 {
-            if wanted[l] && rows.ids[place[l]] == light.ids[l] + 1 {
-                found[l] = rows.rows[place[l]];
-                wanted[l] = false;
-            }
+    /// The measured value for a `light` there, without the fade to the horizon; `here` are the lobes, where they are asked.
+    fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, here: [f32; 3]) -> [f32; 3] {
+        let epsilon = self.t.float(block::EPSILON);
+        if rows.is_none() && !self.exact {
+            return self.combined(here, self.residual(light.ids, light.weights, self.weights), light.beyond);
         }
-        if wanted.contains(&true) {
-            let made = self.rows(light.ids, wanted, epsilon);
-            for l in (0..3).filter(|l| wanted[*l]) {
-                found[l] = made[l];
-                rows.ids[place[l]] = light.ids[l] + 1;
-                rows.rows[place[l]] = made[l];
-            }
-        }
+        let wanted = light.weights.map(|weight| weight > 0.0);
+        let found = match rows {
+            None => self.rows(light.ids, wanted, epsilon),
+            Some(rows) => rows.find_or_make(light.ids, wanted, |missing| self.rows(light.ids, missing, epsilon)),
+        };
         let mix = |of: fn(&Row) -> [f32; 3]| {
             [0, 1, 2].map(|c| (0..3).map(|l| light.weights[l] * of(&found[l])[c]).sum::<f32>())
         };
         let value = mix(|row| row.value);
         if !self.exact {
-            // Beyond the lights' hull the residual falls with the light's cosine; alone, the decoded value does.
-            let (base, scaled, falling) =
-                if self.guide { ([0.0; 3], 1.0, light.beyond) } else { (here, light.beyond, 1.0) };
-            return [0, 1, 2].map(|c| self.kind.combine(base[c], value[c], epsilon, scaled) * falling);
+            return self.combined(here, value, light.beyond);
         }
         let lobes = mix(|row| row.lobes);
         [0, 1, 2].map(|c| {
             let ratio = (here[c] + RATIO_EPSILON) / (lobes[c] + RATIO_EPSILON);
             value[c] * ratio.clamp(RATIO_RANGE[0], RATIO_RANGE[1])
         })
+    }
+}
+
+/// [`ViewedTexel::residual`].
+struct Residual<'a, 'b> {
+    viewed: &'b ViewedTexel<'a>,
+    lights: [u32; 3],
+    of_lights: [f32; 3],
+    of_views: [f32; 3],
+}
+
+/// It, in vectors, where bases fill at most so many blocks: room for more takes longer to clear than a few take to sum.
+struct InBlocks<'a, 'b, const BLOCKS: usize>(Residual<'a, 'b>);
+
+impl<const BLOCKS: usize> WithSimd for InBlocks<'_, '_, BLOCKS> {
+    type Output = [f32; 3];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> [f32; 3] {
+        let Residual { viewed, lights, of_lights, of_views } = self.0;
+        let own = BasisWeights::<BLOCKS>::of_texel(&viewed.t);
+        let shifted = viewed.shifted.as_ref().map(|texels| texels.each_ref().map(BasisWeights::<BLOCKS>::of_texel));
+        let weights = shifted.as_ref().map_or([&own; 3], |shifted| shifted.each_ref());
+        let (mut pairs, mut count) = ([(0.0, 0, &own); 9], 0);
+        for v in 0..3 {
+            for l in 0..3 {
+                let share = of_views[v] * of_lights[l];
+                if share > 0.0 {
+                    let first = viewed.shown_by(v).bases_at(viewed.views[v], lights[l]);
+                    pairs[count] = (share, first, weights[v]);
+                    count += 1;
+                }
+            }
+        }
+        residual_sum(simd, viewed.bases, &pairs[..count])
     }
 }
 
@@ -286,9 +430,13 @@ mod tests {
                     for _ in 0..40 {
                         let wi = random.direction();
                         let alone = decode(&resident, 0, texel, wi, wo, &options);
-                        assert_eq!(viewed.light(&mut rows, wi), alone, "{kind:?} {interpolation:?}");
+                        // Alone, the rows are summed in another order.
+                        let close = |value: [f32; 3]| {
+                            (0..3).all(|c| (value[c] - alone[c]).abs() <= 1e-5 * (1.0 + alone[c].abs()))
+                        };
+                        assert!(close(viewed.light(&mut rows, wi)), "{kind:?} {interpolation:?}");
                         other.light(&mut foreign, wi);
-                        others += u32::from(viewed.light(&mut foreign, wi) != alone);
+                        others += u32::from(!close(viewed.light(&mut foreign, wi)));
                     }
                 }
                 assert!(others > 1000, "{others}");

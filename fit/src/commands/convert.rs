@@ -11,11 +11,12 @@ use std::path::PathBuf;
 ///
 /// A fitted asset is small and holds its finest level; renderers make the coarser ones when they load it.
 /// `levels` stores them, too, for about a fifth more bytes. `resident` is what renderers hold in memory: many times the
-/// bytes, and nothing to decode; it is mapped and bound as it lies.
+/// bytes, and nothing to decode; it is mapped and bound as it lies. `--level` writes one level for what is never seen closer.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit convert wool.spmm --to levels -o wool_levels.spmm
-  btf-fit convert wool.spmm --to resident -o wool.resident.spmm")]
+  btf-fit convert wool.spmm --to resident -o wool.resident.spmm
+  btf-fit convert wool.spmm --level 2 -o wool_a_quarter.spmm")]
 pub(super) struct ConvertArgs {
     /// The asset, or a tier of one
     #[arg(value_name = "ASSET.spmm")]
@@ -26,6 +27,9 @@ pub(super) struct ConvertArgs {
     /// Its shape
     #[arg(long, value_enum, default_value = "resident")]
     to: ShapeArg,
+    /// Write one level alone as an asset of its own: 0 is the finest, 1 has half its side, and so on
+    #[arg(long, value_name = "N", conflicts_with = "to")]
+    level: Option<usize>,
     /// Write what was written as JSON; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -56,10 +60,11 @@ pub(super) fn run(args: &ConvertArgs, shared: &Shared) -> Result<(), Failure> {
     if let Some(target) = &args.json {
         check_file(target, inputs)?;
     }
-    let shape = match args.to {
-        ShapeArg::Plain => Shape::Plain,
-        ShapeArg::Levels => Shape::Levels,
-        ShapeArg::Resident => Shape::Resident,
+    let shape = match (args.level, args.to) {
+        (Some(number), _) => Shape::Level(number),
+        (None, ShapeArg::Plain) => Shape::Plain,
+        (None, ShapeArg::Levels) => Shape::Levels,
+        (None, ShapeArg::Resident) => Shape::Resident,
     };
     let bytes = convert(&asset, shape)?;
     write_file_atomically(&args.out, &bytes)?;

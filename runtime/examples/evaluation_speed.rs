@@ -1,0 +1,148 @@
+//! Times evaluations of assets on one thread: `cargo run --release -p btf-runtime --example evaluation_speed FILE.spmm ...`.
+//!
+//! Random places, lights and eyes, so that nothing is in a cache because the evaluation before had used it. Each file is
+//! timed as it is and with 8 lobes in every texel, all of them part of the value. The floor is a loop that does nothing but
+//! read one number of each cache line that an evaluation needs, whose places were found before. All times are of one run.
+
+use btf_runtime::{
+    ASSET_LAYERS, Asset, DecodeOptions, LOBE_RESIDENT_WORDS, LobeRef, LobeRole, Query, Resident, block, evaluate,
+    evaluate_many,
+};
+use std::f32::consts::TAU;
+use std::hint::black_box;
+use std::ops::Range;
+use std::time::Instant;
+
+const QUERIES: usize = 1 << 15;
+const SLICE: usize = 1 << 10;
+const PASSES: usize = 20;
+const LOBES: usize = 8;
+
+fn queries() -> Vec<Query> {
+    // Powers of the root of x^7 = x + 1: even in all six dimensions, without a generator.
+    let root = 1.112_775_684f64;
+    let at = |i: usize, dimension: i32| (0.5 + i as f64 * root.powi(-dimension)).fract() as f32;
+    let direction = |z: f32, turn: f32| {
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        [r * (TAU * turn).cos(), r * (TAU * turn).sin(), z]
+    };
+    (1..=QUERIES)
+        .map(|i| {
+            let [u, v, a, b, c, d] = [1, 2, 3, 4, 5, 6].map(|dimension| at(i, dimension));
+            Query { uv: [u, v], wi: direction(a.max(1e-3), b), wo: direction(c.max(1e-3), d) }
+        })
+        .collect()
+}
+
+/// `asset` with 8 lobes in every texel, all of them part of the value.
+fn with_all_lobes(asset: &Asset) -> Asset {
+    let mut asset = asset.without_levels();
+    for layer in &mut asset.layers {
+        layer.lobe_role = LobeRole::Base;
+        layer.lobe_refs.clear();
+        for (texel, cluster) in layer.texel_clusters.iter().enumerate() {
+            let known = layer.dictionary[usize::from(*cluster)].len().max(1);
+            layer.texel_lobe_counts[texel] = LOBES as u8;
+            let lobe = |slot| LobeRef { lobe: ((texel + slot) % known) as u8, weight: [20, 40, 60] };
+            layer.lobe_refs.extend((0..LOBES).map(lobe));
+        }
+    }
+    asset
+}
+
+/// One word of each cache line that the texel's data of `query` lie in, the first layer's; and how many bytes are needed of
+/// them. Where lobes are only a guide they are left out, as the decoder does.
+fn lines(asset: &Asset, resident: &Resident, query: &Query) -> (Vec<u32>, usize) {
+    let (words, layer) = (resident.words(), &asset.layers[0]);
+    let at = words[ASSET_LAYERS] as usize;
+    let field = |field: usize| words[at + field] as usize;
+    let texel = resident.texel(0, query.uv) as usize;
+    let record = field(block::RECORDS) + 2 * texel;
+    let cluster = (words[record] & 0xff) as usize;
+    let mut parts =
+        vec![(record, 2), (field(block::CODES) + texel * field(block::CODE_WORDS), field(block::CODE_WORDS))];
+    if layer.lobe_role == LobeRole::Base {
+        let (first, count) = (field(block::REFS) + words[record + 1] as usize, (words[record] >> 16) as usize);
+        parts.push((first, count));
+        let dictionary = words[field(block::DICTIONARIES) + cluster] as usize;
+        let lobe = |reference: &u32| dictionary + (reference & 0xff) as usize * LOBE_RESIDENT_WORDS;
+        parts.extend(words[first..first + count].iter().map(|reference| (lobe(reference), 12)));
+    }
+    let (views, lights) = (layer.views.locate(query.wo), layer.lights.locate(query.wi));
+    let row = 3 * field(block::CHANNEL_WORDS);
+    for (view, _) in views.ids.iter().zip(views.weights).filter(|(_, weight)| *weight > 0.0) {
+        for (light, _) in lights.ids.iter().zip(lights.weights).filter(|(_, weight)| *weight > 0.0) {
+            let pair = *view as usize * field(block::LIGHT_COUNT) + *light as usize;
+            parts.push((field(block::BASIS) + (cluster * field(block::PAIRS) + pair) * row, row));
+        }
+    }
+    let needed = parts.iter().map(|(_, count)| 4 * count).sum();
+    let mut lines: Vec<u32> = parts
+        .iter()
+        .flat_map(|(first, count)| first / 16..(first + count).div_ceil(16))
+        .map(|line| 16 * line as u32)
+        .collect();
+    lines.sort_unstable();
+    lines.dedup();
+    (lines, needed)
+}
+
+/// Nanoseconds that `work` takes for a query: the least of each slice of queries, so that what else the machine does seldom counts.
+fn least_ns(mut work: impl FnMut(Range<usize>)) -> f64 {
+    let mut least = vec![f64::MAX; QUERIES / SLICE];
+    for _ in 0..=PASSES {
+        for (slice, least) in least.iter_mut().enumerate() {
+            let start = Instant::now();
+            work(slice * SLICE..(slice + 1) * SLICE);
+            *least = least.min(start.elapsed().as_secs_f64());
+        }
+    }
+    1e9 * least.iter().sum::<f64>() / QUERIES as f64
+}
+
+fn time(name: &str, asset: &Asset, queries: &[Query]) {
+    let (resident, options) = (Resident::from_asset(asset), DecodeOptions::default());
+    let words = resident.words();
+    let (mut needed, mut ends, mut places) = (0, Vec::new(), Vec::new());
+    for query in queries {
+        let (lines, bytes) = lines(asset, &resident, query);
+        needed += bytes;
+        places.extend(lines);
+        ends.push(places.len());
+    }
+    let floor = least_ns(|slice| {
+        let first = slice.start.checked_sub(1).map_or(0, |before| ends[before]);
+        black_box(places[first..ends[slice.end - 1]].iter().fold(0, |all, place| all ^ words[*place as usize]));
+    });
+    let alone = least_ns(|slice| {
+        for query in &queries[slice] {
+            black_box(evaluate(&resident, 0, black_box(query), &options));
+        }
+    });
+    let mut values = vec![[0.0; 3]; SLICE];
+    let many =
+        least_ns(|slice| evaluate_many(&resident, 0, black_box(&queries[slice]), &options, black_box(&mut values)));
+    let layer = &asset.layers[0];
+    println!(
+        "{name}: {:.1} lobes a texel, {}, {} components, {:.1} MB resident; {:.0} bytes an evaluation in {:.1} lines; \
+         floor {floor:.0} ns, one {alone:.0} ns ({:.2} M/s), many {many:.0} ns ({:.2} M/s, {:.1} x the floor)",
+        layer.lobe_refs.len() as f64 / layer.texel_clusters.len() as f64,
+        if layer.lobe_role == LobeRole::Base { "part of the value" } else { "which only guide" },
+        resident.components(0),
+        4e-6 * words.len() as f64,
+        needed as f64 / QUERIES as f64,
+        places.len() as f64 / QUERIES as f64,
+        1e3 / alone,
+        1e3 / many,
+        many / floor
+    );
+}
+
+fn main() {
+    let queries = queries();
+    for path in std::env::args().skip(1) {
+        let asset = Asset::parse(&std::fs::read(&path).expect("the file can be read")).expect("it is an asset");
+        time(&path, &asset, &queries);
+        time("  with 8 lobes", &with_all_lobes(&asset), &queries);
+    }
+}
