@@ -51,12 +51,14 @@ pub fn validate(bytes: ResidentBytes, threads: Threads) -> Report {
         about_sections(directory, all.len(), &mut told);
         match directory.head.form {
             Form::Resident => {
-                if let Some(file) = examine_resident(bytes.clone(), directory, threads, &mut faults) {
+                let file = examine_resident(bytes.clone(), directory, threads, &mut faults);
+                if let Some(file) = file.filter(|_| faults.is_empty()) {
                     about_resident(&file, &mut told);
                 }
             }
             Form::File => {
-                if let Some(asset) = examine_asset(all, directory, threads, &mut faults) {
+                let asset = examine_asset(all, directory, threads, &mut faults);
+                if let Some(asset) = asset.filter(|_| faults.is_empty()) {
                     about_asset(&asset, directory, &mut told);
                 }
             }
