@@ -98,6 +98,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
     let asset = sample();
     let (asset, good) = (&asset, pack(&asset).unwrap());
     let directory = read_directory(&good).unwrap();
+    let (clusters, lobes) = (asset.layers[0].dictionary.len(), asset.layers[0].dictionary[0].len());
     let table = |section: usize, field: usize| 20 + 8 * section + field;
     let tiers = 20 + 8 * directory.sections.len();
     let changed = |change: &dyn Fn(&mut Vec<u8>)| {
@@ -178,8 +179,8 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         (
             rule::DIRECTION_NAMED,
             with_section(asset, Kind::Directions, |section| {
-                let at = section.bytes.len() - 8;
-                section.bytes[at..].fill(0xff);
+                let first = 4 * (3 + 3 * word(&section.bytes, 0) as usize);
+                section.bytes[first..first + 4].fill(0xff);
             }),
         ),
         (
@@ -194,11 +195,11 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
             rule::NO_LOBE,
             with_section(asset, Kind::Dictionary, |section| {
                 set_word(&mut section.bytes, 0, 1);
-                section.bytes.drain(12 + 20..12 + 9 * 20);
+                section.bytes.drain(4 * clusters + 20..4 * clusters + lobes * 20);
             }),
         ),
         (rule::DICTIONARY_SIZE, with_word(asset, Kind::Dictionary, 0, 257)),
-        (rule::LOBE_RANGE, with_word(asset, Kind::Dictionary, 3, 99)),
+        (rule::LOBE_RANGE, with_word(asset, Kind::Dictionary, clusters, 99)),
         (rule::BASES_TOO_LARGE, with_word(&huge(), Kind::Layer, 5, 63)),
         (rule::RANK, with_word(asset, Kind::Factors, 6, 1)),
         (rule::SHARED_COUNT, with_word(asset, Kind::SharedBases, 0, 1025)),
@@ -285,7 +286,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         (rule::GRID_CELLS, with_words(&without_grid, |_| {})),
         (rule::TABLE_BEYOND, with_field(asset, 0, dictionaries, |_| FAR)),
         (rule::DICTIONARY_PLACE, with_part(asset, dictionaries, 0, |_| FAR)),
-        (rule::DICTIONARY_CONTENT, with_part(asset, dictionaries, 4, |_| 99)),
+        (rule::DICTIONARY_CONTENT, with_part(asset, dictionaries, clusters + 1, |_| 99)),
         (rule::RECORD, with_part(asset, block::RECORDS, 0, |record| record | 0xff)),
         (rule::NO_LOBE, with_part(asset, block::REFS, 0, |reference| reference | 0xff)),
         (rule::CHANNEL_WORDS, with_field(asset, 0, block::CHANNEL_WORDS, |_| 0)),
