@@ -366,8 +366,5 @@ fn two_layers_of_the_same_sides_are_refused_though_the_checksums_are_right() {
     // The third layer's light comes to the front.
     set_word(&mut layers.nth(2).unwrap().bytes, 0, 0);
     let refused = Asset::parse(&parts.to_bytes()).unwrap_err();
-    assert_eq!(
-        refused,
-        FormatError::Section { section: "Layer 0 of layer 2".into(), reason: rule::SAME_SIDES }
-    );
+    assert_eq!(refused, FormatError::Section { section: "Layer 0 of layer 2".into(), reason: rule::SAME_SIDES });
 }
