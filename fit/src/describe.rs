@@ -237,22 +237,6 @@ fn sides_of_resident(resident: &Resident) -> Vec<Side> {
     sides.into_iter().map(|(_, side)| side).collect()
 }
 
-/// Checks everything in the asset's bytes, in either form: header, tables, checksums, every section's content, and the
-/// material description. The sides of its layers come back, in order.
-///
-/// # Errors
-/// The first thing that is wrong.
-pub fn validate(bytes: &[u8]) -> Result<Vec<Side>, FitError> {
-    if ResidentFile::is_one(bytes) {
-        let file = ResidentFile::open(Arc::new(bytes.to_vec()), &parallel)?;
-        Material::from_text(&file.material)?;
-        return Ok(sides_of_resident(&file.resident));
-    }
-    let asset = Asset::parse(bytes)?;
-    Material::from_asset(&asset)?;
-    Ok(asset.layers.iter().map(side_of_layer).collect())
-}
-
 /// The name of a lobe family as people write it.
 pub fn family_name(family: LobeFamily) -> &'static str {
     match family {
@@ -434,14 +418,6 @@ pub fn describe_file(path: &Path) -> Result<FileDescription, FitError> {
     described.map_err(|error| with_path(path, error))
 }
 
-/// [`validate`] of a file.
-///
-/// # Errors
-/// As [`validate`], or if it cannot be read; the message names the file.
-pub fn validate_file(path: &Path) -> Result<Vec<Side>, FitError> {
-    validate(&read_file(path)?).map_err(|error| with_path(path, error))
-}
-
 fn with_path(path: &Path, error: FitError) -> FitError {
     match error {
         FitError::Pack(source) => FitError::Asset { path: path.to_path_buf(), source },
@@ -450,7 +426,8 @@ fn with_path(path: &Path, error: FitError) -> FitError {
     }
 }
 
-fn read_file(path: &Path) -> Result<Vec<u8>, FitError> {
+/// An asset's bytes.
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, FitError> {
     std::fs::read(path).map_err(|source| FitError::File {
         path: path.to_path_buf(),
         action: "reading the asset",
@@ -515,23 +492,6 @@ mod tests {
     }
 
     #[test]
-    fn every_flipped_byte_and_every_cut_is_refused() {
-        let bytes = bytes();
-        assert_eq!(validate(&bytes).unwrap(), [Side::Front]);
-        for at in (0..bytes.len()).step_by(7) {
-            let mut damaged = bytes.clone();
-            damaged[at] ^= 0x40;
-            assert!(validate(&damaged).is_err(), "byte {at}");
-        }
-        let tiers: Vec<usize> = describe(&bytes).unwrap().tiers.iter().map(|tier| tier.bytes as usize).collect();
-        for length in (0..bytes.len()).step_by(13).filter(|length| !tiers.contains(length)) {
-            assert!(validate(&bytes[..length]).is_err(), "{length} bytes");
-        }
-        let nonsense = pack(&Asset { material: "not json".into(), ..sample_asset() }).unwrap();
-        assert!(validate(&nonsense).is_err());
-    }
-
-    #[test]
     fn a_message_names_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let (absent, junk) = (folder.path().join("absent.spmm"), folder.path().join("junk.spmm"));
@@ -539,13 +499,11 @@ mod tests {
         let nameless = folder.path().join("nameless.spmm");
         std::fs::write(&nameless, pack(&Asset { material: "[]x".into(), ..sample_asset() }).unwrap()).unwrap();
         for (path, name) in [(&absent, "absent.spmm"), (&junk, "junk.spmm"), (&nameless, "nameless.spmm")] {
-            for message in [describe_file(path).unwrap_err().to_string(), validate_file(path).unwrap_err().to_string()]
-            {
-                assert!(message.contains(name) && !message.contains('\n'), "{message}");
-            }
+            let message = describe_file(path).unwrap_err().to_string();
+            assert!(message.contains(name) && !message.contains('\n'), "{message}");
         }
         assert!(load_asset(&junk).unwrap_err().to_string().contains("junk.spmm"));
         std::fs::write(&junk, bytes()).unwrap();
-        assert!(validate_file(&junk).is_ok() && load_asset(&junk).is_ok());
+        assert!(load_asset(&junk).is_ok());
     }
 }

@@ -18,6 +18,16 @@ pub enum FitError {
         /// What is wrong with it.
         source: btf_runtime::FormatError,
     },
+    /// A validated file has errors.
+    #[error("{path} is not valid: {errors} {}, the first {first}", if *.errors == 1 { "error" } else { "errors" })]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// How many there are.
+        errors: usize,
+        /// The first, with its remedy.
+        first: String,
+    },
     /// The asset that was built breaks a rule of the format.
     #[error(transparent)]
     Pack(#[from] btf_runtime::FormatError),

@@ -63,6 +63,7 @@ mod tile_errors;
 mod trade;
 mod trade_grid;
 mod trade_page;
+mod validate;
 
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};
@@ -74,7 +75,7 @@ pub use compare::{
 pub use convert::{Shape, convert};
 pub use describe::{
     Description, FamilyUse, FileDescription, LayerDescription, ResidentDescription, SectionSize, TierDescription,
-    describe, describe_file, describe_resident, family_name, load_asset, resident_in_parallel, validate, validate_file,
+    describe, describe_file, describe_resident, family_name, load_asset, resident_in_parallel,
 };
 pub use error::FitError;
 pub use expand::{ExpandParams, expand, expand_info};
@@ -97,3 +98,4 @@ pub use report::{ReportInput, ReportLayer, report_html};
 pub use texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb};
 pub use trade::{Limit, Precision, Role, Rule, Trade, TradeParams, TradePoint, trade};
 pub use trade_page::{trade_csv, trade_html, trade_plots};
+pub use validate::{FindingCounts, FindingRecord, Validation, validate, validate_file};

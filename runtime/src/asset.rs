@@ -231,9 +231,9 @@ pub(crate) fn level_sizes(finest: [usize; 2]) -> Vec<[usize; 2]> {
 }
 
 /// Number of the first layer whose sides an earlier one has.
-pub(crate) fn doubled_sides(layers: &[Layer]) -> Option<usize> {
-    let sides = |layer: &Layer| (layer.light_side, layer.view_side);
-    (0..layers.len()).find(|&number| layers[..number].iter().any(|other| sides(other) == sides(&layers[number])))
+pub(crate) fn doubled_sides<'a>(layers: impl IntoIterator<Item = &'a Layer>) -> Option<usize> {
+    let sides: Vec<_> = layers.into_iter().map(|layer| (layer.light_side, layer.view_side)).collect();
+    (0..sides.len()).find(|&number| sides[..number].contains(&sides[number]))
 }
 
 /// Whether every reference names a lobe that its texel's cluster has.

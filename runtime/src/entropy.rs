@@ -3,6 +3,8 @@
 //!
 //! Encoder and decoder run one and the same model code, through [`BinaryCoder`]: what is written is what is read.
 
+use crate::rule::{self, Rule};
+
 /// A bit's probability, adapted at two rates: quickly while little is known, then slowly.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bit {
@@ -151,10 +153,10 @@ impl<'a> Decoder<'a> {
     }
 
     /// Whether exactly all bytes have been read.
-    pub(crate) fn ended(&self) -> Result<(), &'static str> {
+    pub(crate) fn ended(&self) -> Result<(), Rule> {
         match self.at.cmp(&self.bytes.len()) {
-            std::cmp::Ordering::Greater => Err("it ends too early"),
-            std::cmp::Ordering::Less => Err("it is longer than its content"),
+            std::cmp::Ordering::Greater => Err(rule::ENDS_EARLY),
+            std::cmp::Ordering::Less => Err(rule::TOO_LONG),
             std::cmp::Ordering::Equal => Ok(()),
         }
     }
@@ -305,7 +307,7 @@ pub fn plane_bytes(values: &[i32], width: usize) -> usize {
 }
 
 /// What [`encode_plane`] wrote: `count` numbers.
-pub(crate) fn decode_plane<T>(bytes: &[u8], count: usize, width: usize) -> Result<Vec<T>, &'static str>
+pub(crate) fn decode_plane<T>(bytes: &[u8], count: usize, width: usize) -> Result<Vec<T>, Rule>
 where
     T: Copy + Default + Into<i32> + TryFrom<i32>,
 {
@@ -314,12 +316,12 @@ where
     let mut coder = Decoder::new(bytes);
     let fits = code_plane(&mut coder, &mut Signed::new(), &mut values, width);
     coder.ended()?;
-    if fits { Ok(values) } else { Err("a number is out of its range") }
+    if fits { Ok(values) } else { Err(rule::NUMBER) }
 }
 
 /// Refuses more symbols than the bytes can hold, before anything is allocated for them.
-pub(crate) fn bounded(count: usize, bytes: &[u8]) -> Result<(), &'static str> {
-    if count > bytes.len().saturating_mul(SYMBOLS_PER_BYTE) { Err("it ends too early") } else { Ok(()) }
+pub(crate) fn bounded(count: usize, bytes: &[u8]) -> Result<(), Rule> {
+    if count > bytes.len().saturating_mul(SYMBOLS_PER_BYTE) { Err(rule::ENDS_EARLY) } else { Ok(()) }
 }
 
 #[cfg(test)]
@@ -361,7 +363,7 @@ mod tests {
     fn extreme_numbers_come_back() {
         let values = vec![65535, -65535, 0, 32768, -32768, 1, -1, 0, 65535];
         assert_eq!(decode_plane::<i32>(&encode_plane(&values, 3), 9, 3).unwrap(), values);
-        assert_eq!(decode_plane::<i16>(&encode_plane(&values, 3), 9, 3), Err("a number is out of its range"));
+        assert_eq!(decode_plane::<i16>(&encode_plane(&values, 3), 9, 3), Err(rule::NUMBER));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Everything that can be wrong with an asset's bytes, by name.
 
+use crate::rule::{self, Rule};
 use thiserror::Error;
 
 /// Why an asset was refused. Each message is one sentence; the caller prefixes the file's name.
@@ -83,7 +84,7 @@ pub enum FormatError {
         /// The section's name.
         section: String,
         /// What does not hold.
-        reason: &'static str,
+        reason: Rule,
     },
     /// The source handed to the packer breaks a rule of FORMAT.md.
     #[error("the asset cannot be packed: {reason}")]
@@ -91,4 +92,23 @@ pub enum FormatError {
         /// What does not hold.
         reason: String,
     },
+}
+
+impl FormatError {
+    /// The rule that is broken; `None` for what is no fault of the file: the other form, and what cannot be packed.
+    pub fn rule(&self) -> Option<Rule> {
+        match self {
+            FormatError::TooShort { .. } => Some(rule::TOO_SHORT),
+            FormatError::BadMagic { .. } => Some(rule::BAD_MAGIC),
+            FormatError::Version { .. } => Some(rule::VERSION),
+            FormatError::Length { .. } => Some(rule::LENGTH),
+            FormatError::HeaderChecksum => Some(rule::HEADER_CHECKSUM),
+            FormatError::SectionChecksum { .. } => Some(rule::SECTION_CHECKSUM),
+            FormatError::Field { .. } => Some(rule::HEADER_FIELD),
+            FormatError::MissingSection { .. } => Some(rule::MISSING_SECTION),
+            FormatError::UnknownRequiredSection { .. } => Some(rule::UNKNOWN_REQUIRED),
+            FormatError::Section { reason, .. } => Some(*reason),
+            FormatError::Form { .. } | FormatError::Pack { .. } => None,
+        }
+    }
 }

@@ -4,6 +4,8 @@
 //! sections, each aligned to [`ALIGNMENT`] bytes and zero-padded.
 
 use crate::error::FormatError;
+use crate::fault::Faults;
+use crate::rule;
 use crate::threads::{Threads, map, serial};
 
 /// `SPMM` as a little-endian word.
@@ -249,15 +251,13 @@ pub struct Directory {
     pub tiers: Vec<u32>,
     /// Which of `tiers` the bytes at hand are.
     pub tier: usize,
+    /// Numbers of the sections whose checksum is wrong; none in what [`read_directory`] gives.
+    pub(crate) damaged: Vec<usize>,
 }
 
 fn word(bytes: &[u8], index: usize) -> u32 {
     let start = index * 4;
     u32::from_le_bytes([bytes[start], bytes[start + 1], bytes[start + 2], bytes[start + 3]])
-}
-
-fn in_range(field: &'static str, got: u32, least: u32, most: u32, allowed: &'static str) -> Result<u32, FormatError> {
-    if (least..=most).contains(&got) { Ok(got) } else { Err(FormatError::Field { field, got: got.into(), allowed }) }
 }
 
 /// Checks header, tables, section bounds, padding and every present section's checksum.
@@ -269,73 +269,35 @@ pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
 
 /// The same with the sections' checksums on `threads`.
 pub(crate) fn read_directory_on(bytes: &[u8], threads: Threads) -> Result<Directory, FormatError> {
+    let mut faults = Faults::default();
+    let directory = examine_directory(bytes, threads, &mut faults);
+    faults.or_first(directory)
+}
+
+/// The same, going on behind a fault as far as more can be told. `None` where the sections' places are not known.
+pub(crate) fn examine_directory(bytes: &[u8], threads: Threads, faults: &mut Faults) -> Option<Directory> {
     let got = bytes.len();
-    let head = HEADER_WORDS * 4;
-    if got >= 4 && word(bytes, header::MAGIC) != MAGIC {
-        return Err(FormatError::BadMagic { got: [bytes[0], bytes[1], bytes[2], bytes[3]] });
-    }
-    if got < head {
-        return Err(FormatError::TooShort { expected: head, got });
-    }
-    let version = word(bytes, header::VERSION);
-    if version != VERSION {
-        return Err(FormatError::Version { expected: VERSION, got: version });
-    }
-    let sections =
-        in_range("section_count", word(bytes, header::SECTIONS), 1, MAX_SECTIONS as u32, "1 to 4096")? as usize;
-    let tiers = in_range("tier_count", word(bytes, header::TIERS), 1, MAX_SECTIONS as u32, "1 to 4096")? as usize;
-    let tables_end = (HEADER_WORDS + sections * SECTION_ENTRY_WORDS + tiers) * 4;
-    if got < tables_end {
-        return Err(FormatError::TooShort { expected: tables_end, got });
-    }
-    let mut head_bytes = bytes[..tables_end].to_vec();
-    head_bytes[header::CHECKSUM_LOW * 4..header::CHECKSUM_LOW * 4 + 8].fill(0);
-    let stored = u64::from(word(bytes, header::CHECKSUM_LOW)) | u64::from(word(bytes, header::CHECKSUM_HIGH)) << 32;
-    if checksum(&head_bytes) != stored {
-        return Err(FormatError::HeaderChecksum);
-    }
-    in_range("length_high", word(bytes, header::LENGTH_HIGH), 0, 0, "0")?;
-    let layers = in_range("layer_count", word(bytes, header::LAYERS), 1, MAX_LAYERS as u32, "1 to 4")?;
-    let width = in_range("width", word(bytes, header::WIDTH), 1, MAX_SIDE, "1 to 16384")?;
-    let height = in_range("height", word(bytes, header::HEIGHT), 1, MAX_SIDE, "1 to 16384")?;
-    in_range("channels", word(bytes, header::CHANNELS), 3, 3, "3 in version 1")?;
-    in_range("basis", word(bytes, header::BASIS), 0, 0, "0 (linear sRGB) in version 1")?;
-    let flags = word(bytes, header::FLAGS);
-    in_range("flags", flags & !(3 << SEAMLESS_BIT), 0, 0, "0, 2, 4 or 6 in version 1")?;
-    let form = match in_range("form", word(bytes, header::FORM), 0, 1, "0 or 1")? {
-        0 => Form::File,
-        _ => Form::Resident,
-    };
-    let size_words = [header::WIDTH_MM, header::HEIGHT_MM].map(|field| word(bytes, field));
-    let size_mm = (size_words != [0, 0]).then(|| size_words.map(f32::from_bits));
-    if !size_mm.is_none_or(in_mm_range) {
-        return Err(FormatError::Field {
-            field: "width_mm or height_mm",
-            got: size_words[0].into(),
-            allowed: "a size above 0 mm and at most 1000000 mm, or both 0",
-        });
-    }
-    in_range("reserved", word(bytes, 17) | word(bytes, 18) | word(bytes, 19), 0, 0, "0")?;
-    let seamless = [0, 1].map(|axis| flags >> (SEAMLESS_BIT + axis) & 1 == 1);
-    let head = Head { form, width, height, layers, size_mm, seamless };
-    let alignment = form.alignment();
+    let [section_count, tier_count] = faults.keep(read_counts(bytes))?;
+    let tables_end = (HEADER_WORDS + section_count * SECTION_ENTRY_WORDS + tier_count) * 4;
+    let head = read_head(bytes, faults)?;
+    let alignment = head.form.alignment();
 
     let total = word(bytes, header::LENGTH_LOW);
-    let tiers: Vec<u32> = (0..tiers).map(|i| word(bytes, HEADER_WORDS + sections * SECTION_ENTRY_WORDS + i)).collect();
+    let tier_at = HEADER_WORDS + section_count * SECTION_ENTRY_WORDS;
+    let tiers: Vec<u32> = (0..tier_count).map(|i| word(bytes, tier_at + i)).collect();
     let ascending = tiers.windows(2).all(|pair| pair[0] < pair[1]);
     let aligned = tiers.iter().all(|length| (*length as usize).is_multiple_of(alignment));
     if !ascending || !aligned || tiers.last() != Some(&total) {
-        return Err(FormatError::Section {
-            section: "tier table".into(),
-            reason: "lengths must be multiples of the alignment and rise to the file's length",
-        });
+        let error = FormatError::Section { section: "tier table".into(), reason: rule::TIERS };
+        faults.push_at(error, None, Some(4 * tier_at as u64));
+        return None;
     }
-    let tier = tiers
-        .iter()
-        .position(|length| *length as usize == got)
-        .ok_or(FormatError::Length { expected: total.into(), got: got as u64 })?;
+    let Some(tier) = tiers.iter().position(|length| *length as usize == got) else {
+        faults.push(FormatError::Length { expected: total.into(), got: got as u64 });
+        return None;
+    };
 
-    let sections: Vec<SectionEntry> = (0..sections)
+    let sections: Vec<SectionEntry> = (0..section_count)
         .map(|i| {
             let at = |field: usize| word(bytes, HEADER_WORDS + i * SECTION_ENTRY_WORDS + field);
             SectionEntry {
@@ -352,50 +314,134 @@ pub(crate) fn read_directory_on(bytes: &[u8], threads: Threads) -> Result<Direct
 
     // Sections follow each other in order; what lies between them is zero, so no byte is unaccounted for.
     let mut end = tables_end;
-    let mut bodies: Vec<(&SectionEntry, &[u8])> = Vec::new();
-    for entry in &sections {
+    let mut bodies: Vec<(usize, &[u8])> = Vec::new();
+    let mut placed = true;
+    for (number, entry) in sections.iter().enumerate() {
         let start = end.next_multiple_of(alignment);
         let broken = |reason| FormatError::Section { section: entry.name(), reason };
         if entry.offset as usize != start {
-            return Err(broken("it must start at the next multiple of the alignment after its predecessor"));
+            faults.push(broken(rule::SECTION_START));
+            placed = false;
+            break;
         }
         if SectionKind::from_number(entry.kind).is_none() && entry.flags & SECTION_REQUIRED != 0 {
-            return Err(FormatError::UnknownRequiredSection { kind: entry.kind });
+            faults.push(FormatError::UnknownRequiredSection { kind: entry.kind });
         }
         if entry.flags & !SECTION_REQUIRED != 0 {
-            return Err(broken("its flags are neither 0 nor 1"));
+            faults.push(broken(rule::SECTION_FLAGS));
         }
-        if entry.layer >= layers {
-            return Err(broken("its layer is not below the layer count"));
+        if entry.layer >= head.layers {
+            faults.push(broken(rule::SECTION_LAYER));
         }
-        let new_end = start.checked_add(entry.length as usize).ok_or(broken("its length overflows"))?;
-        if new_end > total as usize {
-            return Err(broken("it reaches beyond the file's length"));
-        }
+        let Some(new_end) = start.checked_add(entry.length as usize).filter(|new_end| *new_end <= total as usize)
+        else {
+            faults.push(broken(rule::SECTION_BEYOND));
+            placed = false;
+            break;
+        };
         if end < got {
             if bytes[end..start.min(got)].iter().any(|byte| *byte != 0) {
-                return Err(broken("the padding before it is not zero"));
+                faults.push(broken(rule::PADDING_BEFORE));
             }
             if start < got {
-                bodies.push((entry, bytes.get(start..new_end).ok_or(broken("a tier ends inside it"))?));
+                match bytes.get(start..new_end) {
+                    Some(body) => bodies.push((number, body)),
+                    None => {
+                        faults.push(broken(rule::TIER_INSIDE));
+                        placed = false;
+                        break;
+                    }
+                }
             }
         }
         end = new_end;
     }
-    if end.next_multiple_of(alignment) != total as usize {
-        return Err(FormatError::Section {
-            section: "section table".into(),
-            reason: "sections must end at the file's length",
-        });
+    if placed && end.next_multiple_of(alignment) != total as usize {
+        faults.push(FormatError::Section { section: "section table".into(), reason: rule::SECTIONS_END });
+        placed = false;
     }
-    if end < got && bytes[end..].iter().any(|byte| *byte != 0) {
-        return Err(FormatError::Section { section: "padding at the end".into(), reason: "it must be zero" });
+    if placed && end < got && bytes[end..].iter().any(|byte| *byte != 0) {
+        let error = FormatError::Section { section: "padding at the end".into(), reason: rule::PADDING_AT_END };
+        faults.push_at(error, None, Some(end as u64));
     }
-    let intact = map(threads, bodies.len(), |i| checksum(bodies[i].1) == bodies[i].0.checksum);
-    if let Some((entry, _)) = bodies.iter().zip(&intact).find(|(_, intact)| !**intact).map(|(body, _)| body) {
-        return Err(FormatError::SectionChecksum { section: entry.name() });
+    let intact = map(threads, bodies.len(), |i| checksum(bodies[i].1) == sections[bodies[i].0].checksum);
+    let damaged: Vec<usize> = bodies.iter().zip(intact).filter(|(_, intact)| !intact).map(|(body, _)| body.0).collect();
+    for number in &damaged {
+        faults.push(FormatError::SectionChecksum { section: sections[*number].name() });
     }
-    Ok(Directory { head, sections, tiers, tier })
+    placed.then_some(Directory { head, sections, tiers, tier, damaged })
+}
+
+/// Numbers of sections and tiers of a header that is whole, as far as it reaches.
+fn read_counts(bytes: &[u8]) -> Result<[usize; 2], FormatError> {
+    let (got, head) = (bytes.len(), HEADER_WORDS * 4);
+    if got >= 4 && word(bytes, header::MAGIC) != MAGIC {
+        return Err(FormatError::BadMagic { got: [bytes[0], bytes[1], bytes[2], bytes[3]] });
+    }
+    if got < head {
+        return Err(FormatError::TooShort { expected: head, got });
+    }
+    let version = word(bytes, header::VERSION);
+    if version != VERSION {
+        return Err(FormatError::Version { expected: VERSION, got: version });
+    }
+    let mut counts = [0; 2];
+    for (count, (field, at)) in
+        counts.iter_mut().zip([("section_count", header::SECTIONS), ("tier_count", header::TIERS)])
+    {
+        *count = word(bytes, at) as usize;
+        if !(1..=MAX_SECTIONS).contains(count) {
+            return Err(FormatError::Field { field, got: *count as u64, allowed: "1 to 4096" });
+        }
+    }
+    let tables_end = (HEADER_WORDS + counts[0] * SECTION_ENTRY_WORDS + counts[1]) * 4;
+    if got < tables_end {
+        return Err(FormatError::TooShort { expected: tables_end, got });
+    }
+    let mut head_bytes = bytes[..tables_end].to_vec();
+    head_bytes[header::CHECKSUM_LOW * 4..header::CHECKSUM_LOW * 4 + 8].fill(0);
+    let stored = u64::from(word(bytes, header::CHECKSUM_LOW)) | u64::from(word(bytes, header::CHECKSUM_HIGH)) << 32;
+    if checksum(&head_bytes) != stored {
+        return Err(FormatError::HeaderChecksum);
+    }
+    Ok(counts)
+}
+
+/// The header's other words; `None` where one of them is out of its range.
+fn read_head(bytes: &[u8], faults: &mut Faults) -> Option<Head> {
+    let before = faults.len();
+    let mut refuse = |field: &'static str, at: usize, got: u32, allowed: &'static str| {
+        faults.push_at(FormatError::Field { field, got: got.into(), allowed }, None, Some(4 * at as u64));
+    };
+    let mut within = |field, at, least, most, allowed| {
+        let got = word(bytes, at);
+        if !(least..=most).contains(&got) {
+            refuse(field, at, got, allowed);
+        }
+        got
+    };
+    within("length_high", header::LENGTH_HIGH, 0, 0, "0");
+    let layers = within("layer_count", header::LAYERS, 1, MAX_LAYERS as u32, "1 to 4");
+    let width = within("width", header::WIDTH, 1, MAX_SIDE, "1 to 16384");
+    let height = within("height", header::HEIGHT, 1, MAX_SIDE, "1 to 16384");
+    within("channels", header::CHANNELS, 3, 3, "3 in version 1");
+    within("basis", header::BASIS, 0, 0, "0 (linear sRGB) in version 1");
+    let form = if within("form", header::FORM, 0, 1, "0 or 1") == 0 { Form::File } else { Form::Resident };
+    for reserved in header::HEIGHT_MM + 1..HEADER_WORDS {
+        within("reserved", reserved, 0, 0, "0");
+    }
+    let flags = word(bytes, header::FLAGS);
+    if flags & !(3 << SEAMLESS_BIT) != 0 {
+        refuse("flags", header::FLAGS, flags, "0, 2, 4 or 6 in version 1");
+    }
+    let seamless = [0, 1].map(|axis| flags >> (SEAMLESS_BIT + axis) & 1 == 1);
+    let size_words = [header::WIDTH_MM, header::HEIGHT_MM].map(|field| word(bytes, field));
+    let size_mm = (size_words != [0, 0]).then(|| size_words.map(f32::from_bits));
+    if !size_mm.is_none_or(in_mm_range) {
+        let allowed = "a size above 0 mm and at most 1000000 mm, or both 0";
+        refuse("width_mm or height_mm", header::WIDTH_MM, size_words[0], allowed);
+    }
+    (faults.len() == before).then_some(Head { form, width, height, layers, size_mm, seamless })
 }
 
 /// A section that the packer is about to write.

@@ -24,6 +24,8 @@ mod entropy;
 mod error;
 mod evaluate;
 mod expansion;
+mod fault;
+mod finding;
 mod format;
 mod lobe;
 mod lobe_queue;
@@ -38,6 +40,7 @@ mod resident;
 mod resident_check;
 mod resident_file;
 mod residual;
+pub mod rule;
 mod sample;
 mod single;
 mod sphere;
@@ -47,6 +50,7 @@ mod texel;
 mod texel_coding;
 mod texel_residual;
 mod threads;
+mod validate;
 mod viewed_texel;
 mod wgsl;
 
@@ -59,6 +63,7 @@ pub use edit::{EDIT_WORDS, Edit, Edits, MOST_EDIT_WORDS, MOST_EDITS};
 pub use entropy::plane_bytes;
 pub use error::FormatError;
 pub use evaluate::{Query, Sample, UNIT_RANGE, density, evaluate, evaluate_many, is_unit, sample};
+pub use finding::Finding;
 pub use format::{
     ALIGNMENT, Directory, Form, Head, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS,
     MAX_LAYERS, MAX_SHARED, MOST_LEVELS, MOST_SIDE_MM, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionEntry, SectionKind,
@@ -82,12 +87,14 @@ pub use residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases, core_at_pair,
     expand_core,
 };
+pub use rule::{Rule, Severity};
 pub use sample::{COSINE_SHARE, LEAST_ALPHA, LEAST_AXIS, sample_lobe_density, sample_lobe_direction};
 pub use single::SingleBases;
 pub use sphere::{
     DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS,
 };
 pub use threads::{Threads, serial};
+pub use validate::{Report, validate};
 pub use viewed_texel::{LIGHT_ROWS, LightRows, ViewedTexel};
 pub use wgsl::{WGSL, wgsl_library};
 

@@ -7,18 +7,20 @@ use crate::asset::{
 use crate::edit::{EDIT_NUMBERS, Edit, Edits, MOST_EDITS};
 use crate::entropy::{Decoder, Signed, bounded, code_plane, decode_plane};
 use crate::error::FormatError;
+use crate::fault::Faults;
 use crate::format::{
-    Form, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
-    MAX_RANK, MAX_SHARED, SectionKind, basis_words, read_directory_on,
+    Directory, Form, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS,
+    MAX_DICTIONARY, MAX_RANK, MAX_SHARED, SectionKind, basis_words, read_directory_on,
 };
 use crate::lobe::{FILE_WORDS, Lobe};
 use crate::parallax::{Heights, MOST_HEIGHT_STEP};
 use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
+use crate::rule::{self, Rule};
 use crate::sphere::Sphere;
 use crate::texel_coding::{code_clusters, code_counts, code_refs};
 use crate::threads::{Threads, map, serial};
 use half::f16;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Words of a layer section.
 pub const LAYER_WORDS: usize = 8;
@@ -30,13 +32,13 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn bad<T>(&self, reason: &'static str) -> Result<T, FormatError> {
+    fn bad<T>(&self, reason: Rule) -> Result<T, FormatError> {
         Err(FormatError::Section { section: self.name.clone(), reason })
     }
 
     fn take(&mut self, count: usize) -> Result<&'a [u8], FormatError> {
         if count > self.bytes.len() {
-            return self.bad("it ends too early");
+            return self.bad(rule::ENDS_EARLY);
         }
         let (head, tail) = self.bytes.split_at(count);
         self.bytes = tail;
@@ -44,20 +46,20 @@ impl<'a> Reader<'a> {
     }
 
     fn words(&mut self, count: usize) -> Result<Vec<u32>, FormatError> {
-        let bytes = count.checked_mul(4).map_or_else(|| self.bad("a count overflows"), Ok)?;
+        let bytes = count.checked_mul(4).map_or_else(|| self.bad(rule::ENDS_EARLY), Ok)?;
         Ok(self.take(bytes)?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 
     /// Half-precision numbers, padded to a whole word; all must be finite.
     fn halves(&mut self, count: usize) -> Result<Vec<f16>, FormatError> {
-        let padded = count.div_ceil(2).checked_mul(4).map_or_else(|| self.bad("a count overflows"), Ok)?;
+        let padded = count.div_ceil(2).checked_mul(4).map_or_else(|| self.bad(rule::ENDS_EARLY), Ok)?;
         let all: Vec<f16> =
             self.take(padded)?.chunks_exact(2).map(|b| f16::from_bits(u16::from_le_bytes([b[0], b[1]]))).collect();
         if all.iter().any(|x| !x.is_finite()) {
-            return self.bad("a number is not finite");
+            return self.bad(rule::NOT_FINITE);
         }
         if all[count..].iter().any(|x| x.to_bits() != 0) {
-            return self.bad("padding is not zero");
+            return self.bad(rule::PADDING);
         }
         Ok(all[..count].to_vec())
     }
@@ -65,11 +67,7 @@ impl<'a> Reader<'a> {
     /// Steps of up to `most`.
     fn steps(&mut self, count: usize, most: f32) -> Result<Vec<f32>, FormatError> {
         let steps: Vec<f32> = self.words(count)?.into_iter().map(f32::from_bits).collect();
-        if steps.iter().all(|step| (0.0..=most).contains(step)) {
-            Ok(steps)
-        } else {
-            self.bad("a step is out of range")
-        }
+        if steps.iter().all(|step| (0.0..=most).contains(step)) { Ok(steps) } else { self.bad(rule::STEP) }
     }
 
     /// What is left, as a coded plane of `count` numbers.
@@ -98,7 +96,7 @@ impl<'a> Reader<'a> {
     }
 
     fn end(&self) -> Result<(), FormatError> {
-        if self.bytes.is_empty() { Ok(()) } else { self.bad("it is longer than its content") }
+        if self.bytes.is_empty() { Ok(()) } else { self.bad(rule::TOO_LONG) }
     }
 }
 
@@ -106,24 +104,54 @@ impl<'a> Reader<'a> {
 struct Sections<'a> {
     bytes: &'a [u8],
     entries: HashMap<(u32, u32, u32), (usize, usize)>,
+    /// Those of them whose checksum is wrong: named already, and not looked into.
+    damaged: HashSet<(u32, u32, u32)>,
     /// True where the bytes are the whole file, so that every promised section must be there.
     whole: bool,
 }
 
 impl<'a> Sections<'a> {
+    fn new(bytes: &'a [u8], directory: &Directory, faults: &mut Faults) -> Sections<'a> {
+        let (mut entries, mut damaged) = (HashMap::new(), HashSet::new());
+        for (number, entry) in directory.sections.iter().enumerate() {
+            let (start, end) = (entry.offset as usize, entry.offset as usize + entry.length as usize);
+            let key = (entry.kind, entry.layer, entry.index);
+            if SectionKind::from_number(entry.kind).is_none() || end > bytes.len() {
+                continue;
+            }
+            if entries.insert(key, (start, end)).is_some() {
+                faults.push(FormatError::Section { section: entry.name(), reason: rule::TWICE });
+            }
+            if directory.damaged.contains(&number) {
+                damaged.insert(key);
+            }
+        }
+        Sections { bytes, entries, damaged, whole: directory.tier + 1 == directory.tiers.len() }
+    }
+
+    /// `None` where it is absent or damaged.
     fn find(&self, kind: SectionKind, layer: u32, index: u32) -> Option<Reader<'a>> {
-        let (start, end) = *self.entries.get(&(kind as u32, layer, index))?;
+        let key = (kind as u32, layer, index);
+        let (start, end) = *self.entries.get(&key).filter(|_| !self.damaged.contains(&key))?;
         Some(Reader { name: format!("{kind:?} {index} of layer {layer}"), bytes: self.bytes.get(start..end)? })
     }
 
-    fn get(&self, kind: SectionKind, layer: u32, index: u32) -> Result<Reader<'a>, FormatError> {
+    /// The same, where its absence is a fault.
+    fn get(&self, kind: SectionKind, layer: u32, index: u32, faults: &mut Faults) -> Option<Reader<'a>> {
+        if !self.entries.contains_key(&(kind as u32, layer, index)) {
+            faults.push(FormatError::MissingSection { section: format!("{kind:?} {index} of layer {layer}") });
+        }
         self.find(kind, layer, index)
-            .ok_or_else(|| FormatError::MissingSection { section: format!("{kind:?} {index} of layer {layer}") })
     }
 
-    /// `None` where a coarser tier ends before the section; in a whole file its absence is an error.
-    fn get_in_tier(&self, kind: SectionKind, layer: u32, index: u32) -> Result<Option<Reader<'a>>, FormatError> {
-        if self.whole { self.get(kind, layer, index).map(Some) } else { Ok(self.find(kind, layer, index)) }
+    /// The same, where a coarser tier may end before the section; in a whole file its absence is a fault.
+    fn get_in_tier(&self, kind: SectionKind, layer: u32, index: u32, faults: &mut Faults) -> Option<Reader<'a>> {
+        if self.whole { self.get(kind, layer, index, faults) } else { self.find(kind, layer, index) }
+    }
+
+    /// Whether a section of the layer is damaged.
+    fn damage_in(&self, layer: u32) -> bool {
+        self.damaged.iter().any(|(_, of, _)| *of == layer)
     }
 }
 
@@ -142,43 +170,53 @@ impl Asset {
         if directory.head.form != Form::File {
             return Err(FormatError::Form { expected: "file", got: "resident" });
         }
-        let mut entries = HashMap::new();
-        for entry in &directory.sections {
-            let (start, end) = (entry.offset as usize, entry.offset as usize + entry.length as usize);
-            let key = (entry.kind, entry.layer, entry.index);
-            if SectionKind::from_number(entry.kind).is_none() {
-                continue;
-            }
-            if end <= bytes.len() && entries.insert(key, (start, end)).is_some() {
-                return Err(FormatError::Section { section: entry.name(), reason: "it is there twice" });
-            }
-        }
-        let sections = Sections { bytes, entries, whole: directory.tier + 1 == directory.tiers.len() };
-        let head = directory.head;
-        let (width, height) = (head.width as usize, head.height as usize);
-        let mut material = sections.get(SectionKind::Material, 0, 0)?;
-        let text = material.take(material.bytes.len())?;
-        let material = match std::str::from_utf8(text) {
-            Ok(text) => text.to_string(),
-            Err(_) => return material.bad("it is not UTF-8"),
-        };
-        let layers = (0..head.layers)
-            .map(|layer| read_layer(&sections, layer, [width, height], threads))
-            .collect::<Result<Vec<_>, _>>()?;
-        if let Some(number) = doubled_sides(&layers) {
-            let section = format!("Layer 0 of layer {number}");
-            return Err(FormatError::Section { section, reason: "an earlier layer has the same sides" });
-        }
-        let edits = match sections.find(SectionKind::Edits, 0, 0) {
-            Some(reader) => read_edits(reader, width, height)?,
-            None => Edits::default(),
-        };
-        if !layers.iter().all(|layer| edits.fit(layer)) {
-            let section = "Edits 0 of layer 0".into();
-            return Err(FormatError::Section { section, reason: "its edited lobes would take more than 64 MiB" });
-        }
-        let levels = read_levels(&sections, &layers, [width, height], threads)?;
-        Ok(Asset { width, height, size_mm: head.size_mm, seamless: head.seamless, material, layers, levels, edits })
+        let mut faults = Faults::default();
+        let asset = examine_asset(bytes, &directory, threads, &mut faults);
+        faults.or_first(asset)
+    }
+}
+
+/// The asset in the file form whose directory is known, going on behind a fault with every section that can be read without
+/// those at fault. `None` where anything is at fault.
+pub(crate) fn examine_asset(
+    bytes: &[u8],
+    directory: &Directory,
+    threads: Threads,
+    faults: &mut Faults,
+) -> Option<Asset> {
+    let before = faults.len();
+    let sections = Sections::new(bytes, directory, faults);
+    let head = directory.head;
+    let (width, height) = (head.width as usize, head.height as usize);
+    let material = sections.get(SectionKind::Material, 0, 0, faults);
+    let material = material.and_then(|reader| faults.keep(read_material(&reader)));
+    let layers: Vec<Option<Layer>> =
+        (0..head.layers).map(|layer| read_layer(&sections, layer, [width, height], threads, faults)).collect();
+    let whole: Option<Vec<&Layer>> = layers.iter().map(Option::as_ref).collect();
+    if let Some(number) = whole.and_then(doubled_sides) {
+        let section = format!("Layer 0 of layer {number}");
+        faults.push(FormatError::Section { section, reason: rule::SAME_SIDES });
+    }
+    let edits = match sections.find(SectionKind::Edits, 0, 0) {
+        Some(reader) => faults.keep(read_edits(reader, width, height)),
+        None => Some(Edits::default()),
+    };
+    if edits.as_ref().is_some_and(|edits| !layers.iter().flatten().all(|layer| edits.fit(layer))) {
+        let section = "Edits 0 of layer 0".into();
+        faults.push(FormatError::Section { section, reason: rule::EDITS_TOO_LARGE });
+    }
+    let levels = read_levels(&sections, &layers, [width, height], threads, faults);
+    let (material, edits) = (material?, edits?);
+    let layers = layers.into_iter().collect::<Option<Vec<_>>>()?;
+    let asset =
+        Asset { width, height, size_mm: head.size_mm, seamless: head.seamless, material, layers, levels, edits };
+    (faults.len() == before && sections.damaged.is_empty()).then_some(asset)
+}
+
+fn read_material(reader: &Reader) -> Result<String, FormatError> {
+    match std::str::from_utf8(reader.bytes) {
+        Ok(text) => Ok(text.to_string()),
+        Err(_) => reader.bad(rule::NOT_UTF8),
     }
 }
 
@@ -186,62 +224,132 @@ fn side_from_word(word: u32) -> Option<SurfaceSide> {
     [SurfaceSide::Front, SurfaceSide::Back].into_iter().find(|side| *side as u32 == word)
 }
 
+/// What a Layer section says.
+struct Parameters {
+    light_side: SurfaceSide,
+    view_side: SurfaceSide,
+    lobe_role: LobeRole,
+    residual_kind: ResidualKind,
+    epsilon: f32,
+    clusters: usize,
+    components: usize,
+    has_residual: bool,
+}
+
+fn read_parameters(mut reader: Reader) -> Result<Parameters, FormatError> {
+    let words = reader.words(LAYER_WORDS)?;
+    reader.end()?;
+    let (Some(light_side), Some(view_side)) = (side_from_word(words[0]), side_from_word(words[1])) else {
+        return reader.bad(rule::SIDE);
+    };
+    let Some(residual_kind) = ResidualKind::from_number(words[2]) else {
+        return reader.bad(rule::RESIDUAL_KIND);
+    };
+    let epsilon = f32::from_bits(words[3]);
+    if !EPSILON_RANGE.contains(&epsilon) {
+        return reader.bad(rule::EPSILON);
+    }
+    let (clusters, components) = (words[4] as usize, words[5] as usize);
+    if clusters == 0 || clusters > MAX_CLUSTERS || components > MAX_COMPONENTS || words[6] > 1 || words[7] > 1 {
+        return reader.bad(rule::COUNT);
+    }
+    let lobe_role = if words[7] == 0 { LobeRole::Base } else { LobeRole::Guide };
+    let has_residual = words[6] == 1;
+    Ok(Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, clusters, components, has_residual })
+}
+
+/// A layer at the finest level; `None` where anything of it is at fault.
 fn read_layer(
     sections: &Sections,
     layer: u32,
     [width, height]: [usize; 2],
     threads: Threads,
-) -> Result<Layer, FormatError> {
-    let texels = width * height;
-    let mut reader = sections.get(SectionKind::Layer, layer, 0)?;
-    let words = reader.words(LAYER_WORDS)?;
+    faults: &mut Faults,
+) -> Option<Layer> {
+    let (before, texels) = (faults.len(), width * height);
+    let parameters = sections.get(SectionKind::Layer, layer, 0, faults);
+    let parameters = parameters.and_then(|reader| faults.keep(read_parameters(reader)));
+    let [lights, views] = [0, 1].map(|index| {
+        let reader = sections.get(SectionKind::Directions, layer, index, faults)?;
+        faults.keep(read_sphere(reader))
+    });
+    let heights = sections.find(SectionKind::Height, layer, 0);
+    let heights = heights.map(|reader| faults.keep(read_heights(reader, texels, width)));
+
+    let clusters = parameters.as_ref().map(|parameters| parameters.clusters);
+    let reader = sections.get(SectionKind::TexelClusters, layer, 0, faults);
+    let texel_clusters = reader.and_then(|reader| faults.keep(read_clusters(reader, texels, width, clusters)));
+    let reader = sections.get(SectionKind::TexelLobeCounts, layer, 0, faults);
+    let texel_lobe_counts = reader
+        .zip(texel_clusters.as_ref())
+        .and_then(|(reader, texel_clusters)| faults.keep(read_lobe_counts(reader, texel_clusters)));
+    let reader = sections.get(SectionKind::Dictionary, layer, 0, faults);
+    let dictionary = reader.zip(clusters).and_then(|(reader, clusters)| faults.keep(read_dictionary(reader, clusters)));
+    let reader = sections.get(SectionKind::LobeRefs, layer, 0, faults);
+    let lobe_refs = match (reader, &texel_clusters, &texel_lobe_counts, &dictionary) {
+        (Some(reader), Some(clusters), Some(counts), Some(dictionary)) => {
+            faults.keep(read_lobe_refs(reader, clusters, counts, dictionary))
+        }
+        _ => None,
+    };
+    let residual = match (&parameters, &lights, &views) {
+        (Some(parameters), Some(lights), Some(views)) if parameters.has_residual => {
+            let shape = [views.len(), lights.len()];
+            read_residual(sections, layer, [width, height], parameters, shape, threads, faults)
+        }
+        _ => None,
+    };
+    if faults.len() > before || sections.damage_in(layer) {
+        return None;
+    }
+    let Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, .. } = parameters?;
+    Some(Layer {
+        light_side,
+        view_side,
+        lobe_role,
+        residual_kind,
+        epsilon,
+        lights: lights?,
+        views: views?,
+        heights: heights.flatten(),
+        texel_clusters: texel_clusters?,
+        texel_lobe_counts: texel_lobe_counts?,
+        dictionary: dictionary?,
+        lobe_refs: lobe_refs?,
+        residual,
+    })
+}
+
+fn read_sphere(mut reader: Reader) -> Result<Sphere, FormatError> {
+    let words = reader.words(reader.bytes.len() / 4)?;
     reader.end()?;
-    let (Some(light_side), Some(view_side)) = (side_from_word(words[0]), side_from_word(words[1])) else {
-        return reader.bad("a side is neither 0 nor 1");
-    };
-    let Some(residual_kind) = ResidualKind::from_number(words[2]) else {
-        return reader.bad("residual_kind is not 0, 1 or 2");
-    };
-    let epsilon = f32::from_bits(words[3]);
-    if !EPSILON_RANGE.contains(&epsilon) {
-        return reader.bad("epsilon is not within 1e-6 to 1");
+    Sphere::from_file_words(&words).or_else(|reason| reader.bad(reason))
+}
+
+/// Cluster ids below `clusters`, where that is known.
+fn read_clusters(
+    mut reader: Reader,
+    texels: usize,
+    width: usize,
+    clusters: Option<usize>,
+) -> Result<Vec<u8>, FormatError> {
+    let ids = reader.coded(texels, 0u8, |decoder, ids| code_clusters(decoder, ids, width))?;
+    match clusters {
+        Some(clusters) if ids.iter().any(|cluster| usize::from(*cluster) >= clusters) => reader.bad(rule::NO_CLUSTER),
+        _ => Ok(ids),
     }
-    let (clusters, components) = (words[4] as usize, words[5] as usize);
-    if clusters == 0 || clusters > MAX_CLUSTERS || components > MAX_COMPONENTS || words[6] > 1 || words[7] > 1 {
-        return reader.bad("a count is out of range");
-    }
-    let has_residual = words[6] == 1;
-    let lobe_role = if words[7] == 0 { LobeRole::Base } else { LobeRole::Guide };
+}
 
-    let sphere = |index: u32| -> Result<Sphere, FormatError> {
-        let mut reader = sections.get(SectionKind::Directions, layer, index)?;
-        let words = reader.words(reader.bytes.len() / 4)?;
-        reader.end()?;
-        Sphere::from_file_words(&words).or_else(|reason| reader.bad(reason))
-    };
-    let (lights, views) = (sphere(0)?, sphere(1)?);
+fn read_lobe_counts(mut reader: Reader, texel_clusters: &[u8]) -> Result<Vec<u8>, FormatError> {
+    reader.coded(texel_clusters.len(), 0u8, |decoder, counts| code_counts(decoder, counts, texel_clusters))
+}
 
-    let heights = match sections.find(SectionKind::Height, layer, 0) {
-        Some(reader) => Some(read_heights(reader, texels, width)?),
-        None => None,
-    };
-
-    let mut reader = sections.get(SectionKind::TexelClusters, layer, 0)?;
-    let texel_clusters = reader.coded(texels, 0u8, |decoder, ids| code_clusters(decoder, ids, width))?;
-    if texel_clusters.iter().any(|cluster| usize::from(*cluster) >= clusters) {
-        return reader.bad("a texel names a cluster that is not there");
-    }
-    let mut reader = sections.get(SectionKind::TexelLobeCounts, layer, 0)?;
-    let texel_lobe_counts = reader.coded(texels, 0u8, |decoder, counts| {
-        code_counts(decoder, counts, &texel_clusters);
-    })?;
-
-    let mut reader = sections.get(SectionKind::Dictionary, layer, 0)?;
+fn read_dictionary(mut reader: Reader, clusters: usize) -> Result<Vec<Vec<DictionaryLobe>>, FormatError> {
     let counts = reader.words(clusters)?;
     let mut dictionary = Vec::with_capacity(clusters);
     for count in counts {
         if count as usize > MAX_DICTIONARY {
-            return reader.bad("a dictionary has more than 256 lobes");
+            return reader.bad(rule::DICTIONARY_SIZE);
         }
         let words = reader.words(count as usize * FILE_WORDS)?;
         let lobes: Option<Vec<_>> = words
@@ -251,49 +359,34 @@ fn read_layer(
             .collect();
         match lobes {
             Some(lobes) => dictionary.push(lobes),
-            None => return reader.bad("a lobe's parameter is out of its range"),
+            None => return reader.bad(rule::LOBE_RANGE),
         }
     }
     reader.end()?;
-
-    let mut reader = sections.get(SectionKind::LobeRefs, layer, 0)?;
-    let total: usize = texel_lobe_counts.iter().map(|count| usize::from(*count)).sum();
-    let lobe_refs = reader.coded(total, LobeRef { lobe: 0, weight: [0; 3] }, |decoder, refs| {
-        code_refs(decoder, refs, &texel_clusters, &texel_lobe_counts, 1);
-    })?;
-    if !refs_exist(&texel_clusters, &texel_lobe_counts, &lobe_refs, &dictionary) {
-        return reader.bad("a texel names a lobe that its cluster does not have");
-    }
-
-    let residual = if has_residual {
-        read_residual(sections, layer, [width, height], clusters, components, [views.len(), lights.len()], threads)?
-    } else {
-        None
-    };
-    Ok(Layer {
-        light_side,
-        view_side,
-        lobe_role,
-        residual_kind,
-        epsilon,
-        lights,
-        views,
-        heights,
-        texel_clusters,
-        texel_lobe_counts,
-        dictionary,
-        lobe_refs,
-        residual,
-    })
+    Ok(dictionary)
 }
 
-/// Levels up to the first that a layer does not have.
+fn read_lobe_refs(
+    mut reader: Reader,
+    texel_clusters: &[u8],
+    lobe_counts: &[u8],
+    dictionary: &[Vec<DictionaryLobe>],
+) -> Result<Vec<LobeRef>, FormatError> {
+    let total: usize = lobe_counts.iter().map(|count| usize::from(*count)).sum();
+    let refs = reader.coded(total, LobeRef { lobe: 0, weight: [0; 3] }, |decoder, refs| {
+        code_refs(decoder, refs, texel_clusters, lobe_counts, 1);
+    })?;
+    if refs_exist(texel_clusters, lobe_counts, &refs, dictionary) { Ok(refs) } else { reader.bad(rule::NO_LOBE) }
+}
+
+/// Levels up to the first that a layer does not have; of layers at fault nothing is read.
 fn read_levels(
     sections: &Sections,
-    layers: &[Layer],
+    layers: &[Option<Layer>],
     finest: [usize; 2],
     threads: Threads,
-) -> Result<Vec<Level>, FormatError> {
+    faults: &mut Faults,
+) -> Vec<Level> {
     let sizes = level_sizes(finest);
     let mut readers: Vec<Vec<Reader>> = Vec::new();
     for level in 1..=sizes.len() as u32 {
@@ -302,21 +395,27 @@ fn read_levels(
         match found.len() {
             0 => break,
             some if some == layers.len() => readers.push(found),
-            _ if sections.whole => return found[0].bad("another layer does not have the level"),
-            _ => break,
+            _ => {
+                if sections.whole && sections.damaged.is_empty() {
+                    faults.keep(found[0].bad::<()>(rule::LEVEL_LAYERS));
+                }
+                break;
+            }
         }
     }
     let texels = map(threads, readers.len() * layers.len(), |number| {
         let (level, layer) = (number / layers.len(), number % layers.len());
-        read_level(readers[level][layer].clone(), &layers[layer], sizes[level])
+        let of_layer = layers[layer].as_ref()?;
+        Some(read_level(readers[level][layer].clone(), of_layer, sizes[level]))
     });
-    let mut texels = texels.into_iter();
+    let mut texels = texels.into_iter().map(|read| faults.keep(read?));
     let mut levels = Vec::new();
     for [width, height] in sizes.into_iter().take(readers.len()) {
-        let layers = texels.by_ref().take(layers.len()).collect::<Result<_, _>>()?;
-        levels.push(Level { width, height, layers });
+        // All are taken, so that all faults are kept.
+        let of_level: Vec<Option<LevelTexels>> = texels.by_ref().take(layers.len()).collect();
+        levels.extend(of_level.into_iter().collect::<Option<_>>().map(|layers| Level { width, height, layers }));
     }
-    Ok(levels)
+    levels
 }
 
 fn read_level(mut reader: Reader, layer: &Layer, [width, height]: [usize; 2]) -> Result<LevelTexels, FormatError> {
@@ -326,7 +425,7 @@ fn read_level(mut reader: Reader, layer: &Layer, [width, height]: [usize; 2]) ->
     // A coarser tier may hold fewer components than the level has.
     let most = layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len());
     if components > most {
-        return reader.bad("it has more components than its layer");
+        return reader.bad(rule::LEVEL_COMPONENTS);
     }
     let with_heights = step > 0.0;
     let bytes = reader.take(reader.bytes.len())?;
@@ -336,7 +435,7 @@ fn read_level(mut reader: Reader, layer: &Layer, [width, height]: [usize; 2]) ->
     let (mut clusters, mut lobe_counts) = (vec![0u8; texels], vec![0u8; texels]);
     code_clusters(&mut decoder, &mut clusters, width);
     if clusters.iter().any(|cluster| usize::from(*cluster) >= layer.dictionary.len()) {
-        return reader.bad("a texel names a cluster that is not there");
+        return reader.bad(rule::NO_CLUSTER);
     }
     code_counts(&mut decoder, &mut lobe_counts, &clusters);
     let total: usize = lobe_counts.iter().map(|count| usize::from(*count)).sum();
@@ -344,7 +443,7 @@ fn read_level(mut reader: Reader, layer: &Layer, [width, height]: [usize; 2]) ->
     let mut lobe_refs = vec![LobeRef { lobe: 0, weight: [0; 3] }; total];
     code_refs(&mut decoder, &mut lobe_refs, &clusters, &lobe_counts, 1);
     if !refs_exist(&clusters, &lobe_counts, &lobe_refs, &layer.dictionary) {
-        return reader.bad("a texel names a lobe that its cluster does not have");
+        return reader.bad(rule::NO_LOBE);
     }
     let mut fits = true;
     let mut plane = || {
@@ -356,7 +455,7 @@ fn read_level(mut reader: Reader, layer: &Layer, [width, height]: [usize; 2]) ->
     let codes = (0..components).map(|_| plane()).collect();
     decoder.ended().or_else(bad)?;
     if !fits {
-        return reader.bad("a number is out of its range");
+        return reader.bad(rule::NUMBER);
     }
     Ok(LevelTexels { heights, clusters, lobe_counts, lobe_refs, codes })
 }
@@ -364,15 +463,15 @@ fn read_level(mut reader: Reader, layer: &Layer, [width, height]: [usize; 2]) ->
 fn read_edits(mut reader: Reader, width: usize, height: usize) -> Result<Edits, FormatError> {
     let count = reader.words(1)?[0] as usize;
     if count == 0 || count > MOST_EDITS {
-        return reader.bad("it has not 1 to 255 edits");
+        return reader.bad(rule::EDIT_COUNT);
     }
     let words = reader.words(count * EDIT_NUMBERS)?;
     let numbers = |w: &[u32]| std::array::from_fn(|i| f32::from_bits(w[i]));
     let list: Option<Vec<_>> = words.chunks_exact(EDIT_NUMBERS).map(|w| Edit::from_numbers(numbers(w))).collect();
-    let Some(list) = list else { return reader.bad("a number is out of its range") };
+    let Some(list) = list else { return reader.bad(rule::NUMBER) };
     let texels = reader.coded(width * height, 0u8, |decoder, ids| code_clusters(decoder, ids, width))?;
     if texels.iter().any(|edit| usize::from(*edit) > count) {
-        return reader.bad("a texel names an edit that is not there");
+        return reader.bad(rule::NO_EDIT);
     }
     Ok(Edits { list, texels })
 }
@@ -380,65 +479,54 @@ fn read_edits(mut reader: Reader, width: usize, height: usize) -> Result<Edits, 
 fn read_heights(mut reader: Reader, texels: usize, width: usize) -> Result<Heights, FormatError> {
     let step = reader.steps(1, MOST_HEIGHT_STEP)?[0];
     if step == 0.0 {
-        return reader.bad("its step is 0");
+        return reader.bad(rule::HEIGHT_STEP);
     }
     Ok(Heights { step, codes: reader.plane(texels, width)? })
 }
 
-/// `None` where the tier at hand ends before the factors.
+/// `None` where the tier at hand ends before the residual's mean, or anything is at fault.
 fn read_residual(
     sections: &Sections,
     layer: u32,
     grid: [usize; 2],
-    clusters: usize,
-    components: usize,
+    parameters: &Parameters,
     shape: [usize; 2],
     threads: Threads,
-) -> Result<Option<Residual>, FormatError> {
-    let Some(mut reader) = sections.get_in_tier(SectionKind::Factors, layer, 0)? else {
-        return Ok(None);
-    };
-    if basis_words(shape, clusters, components + 1) > MAX_BASIS_WORDS {
-        return reader.bad("its bases would take more than 1 GiB when expanded");
-    }
-    let words = reader.words(8)?;
-    let ranks = [0, 1, 2].map(|c| [words[2 * c] as usize, words[2 * c + 1] as usize]);
-    if ranks.iter().flatten().any(|rank| *rank > MAX_RANK) || words[6] | words[7] != 0 {
-        return reader.bad("a rank is above 256 or a reserved word is not zero");
-    }
-    let mut view = [const { Vec::new() }; 3];
-    let mut light = [const { Vec::new() }; 3];
-    for channel in 0..3 {
-        view[channel] = reader.halves(shape[0] * ranks[channel][0])?;
-        light[channel] = reader.halves(shape[1] * ranks[channel][1])?;
-    }
-    reader.end()?;
-    let factors = Factors { shape, ranks, view, light };
-
+    faults: &mut Faults,
+) -> Option<Residual> {
+    let clusters = parameters.clusters;
+    let factors = sections.get_in_tier(SectionKind::Factors, layer, 0, faults);
+    let factors = factors.and_then(|reader| {
+        let fits = basis_words(shape, clusters, parameters.components + 1) <= MAX_BASIS_WORDS;
+        faults.keep(if fits { read_factors(reader, shape) } else { reader.bad(rule::BASES_TOO_LARGE) })
+    });
     // Shared bases and means come together: without them there is no residual.
-    let Some(mut reader) = sections.get_in_tier(SectionKind::SharedBases, layer, 0)? else {
-        return Ok(None);
-    };
-    let shared = reader.words(1)?[0] as usize;
-    if shared > MAX_SHARED {
-        return reader.bad("it has more than 1024 bases");
-    }
-    let steps = reader.steps(shared, MAX_BASIS_STEP)?;
-    let core_len = factors.core_len();
+    let shared = sections.get_in_tier(SectionKind::SharedBases, layer, 0, faults);
+    let shared = shared.and_then(|mut reader| {
+        let steps = faults.keep(read_shared_steps(&mut reader))?;
+        Some((steps, reader))
+    });
 
     // What is there of means and components: the one and the other section of each.
     let mut there: Vec<(Reader, Option<Reader>)> = Vec::new();
-    for index in 0..=components as u32 {
-        let basis = sections.get_in_tier(SectionKind::Basis, layer, index)?;
-        let plane = if index == 0 { None } else { sections.get_in_tier(SectionKind::Coefficients, layer, index)? };
+    for index in 0..=parameters.components as u32 {
+        let basis = sections.get_in_tier(SectionKind::Basis, layer, index, faults);
+        let plane = match index {
+            0 => None,
+            _ => sections.get_in_tier(SectionKind::Coefficients, layer, index, faults),
+        };
         match basis {
             Some(basis) if index == 0 || plane.is_some() => there.push((basis, plane)),
+            // Nothing is read behind a gap; in a whole file every gap is told.
+            _ if sections.whole => {}
             _ => break,
         }
     }
+    let (factors, (steps, reader)) = (factors?, shared?);
     if there.is_empty() {
-        return Ok(None);
+        return None;
     }
+    let (bases_at_hand, core_len) = (steps.len(), factors.core_len());
     // Streams do not depend on each other. Number 0 are the shared bases; then bases and coefficients by turns.
     enum Plane {
         Shared(Vec<i16>),
@@ -447,13 +535,14 @@ fn read_residual(
     }
     let decoded = map(threads, 1 + 2 * there.len(), |number| -> Result<Plane, FormatError> {
         let Some(number) = number.checked_sub(1) else {
-            return reader.clone().plane(shared * core_len, core_len).map(Plane::Shared);
+            return reader.clone().plane(bases_at_hand * core_len, core_len).map(Plane::Shared);
         };
         let (basis, plane) = &there[number / 2];
         if number % 2 == 0 {
             let mut reader = basis.clone();
             let steps = reader.steps(clusters, MAX_BASIS_STEP)?;
-            return Ok(Plane::Basis(Basis { steps, values: reader.plane(clusters * shared, shared)? }));
+            let values = reader.plane(clusters * bases_at_hand, bases_at_hand)?;
+            return Ok(Plane::Basis(Basis { steps, values }));
         }
         let Some(mut reader) = plane.clone() else { return Ok(Plane::Coefficients(None)) };
         let step = reader.steps(1, MAX_COEFFICIENT_STEP)?[0];
@@ -461,11 +550,33 @@ fn read_residual(
     });
     let (mut values, mut bases, mut coefficients) = (Vec::new(), Vec::new(), Vec::new());
     for plane in decoded {
-        match plane? {
-            Plane::Shared(of_shared) => values = of_shared,
-            Plane::Basis(basis) => bases.push(basis),
-            Plane::Coefficients(plane) => coefficients.extend(plane),
+        match faults.keep(plane) {
+            Some(Plane::Shared(of_shared)) => values = of_shared,
+            Some(Plane::Basis(basis)) => bases.push(basis),
+            Some(Plane::Coefficients(plane)) => coefficients.extend(plane),
+            None => {}
         }
     }
-    Ok(Some(Residual { factors, shared: SharedBases { steps, values }, bases, coefficients }))
+    Some(Residual { factors, shared: SharedBases { steps, values }, bases, coefficients })
+}
+
+fn read_factors(mut reader: Reader, shape: [usize; 2]) -> Result<Factors, FormatError> {
+    let words = reader.words(8)?;
+    let ranks = [0, 1, 2].map(|c| [words[2 * c] as usize, words[2 * c + 1] as usize]);
+    if ranks.iter().flatten().any(|rank| *rank > MAX_RANK) || words[6] | words[7] != 0 {
+        return reader.bad(rule::RANK);
+    }
+    let mut view = [const { Vec::new() }; 3];
+    let mut light = [const { Vec::new() }; 3];
+    for channel in 0..3 {
+        view[channel] = reader.halves(shape[0] * ranks[channel][0])?;
+        light[channel] = reader.halves(shape[1] * ranks[channel][1])?;
+    }
+    reader.end()?;
+    Ok(Factors { shape, ranks, view, light })
+}
+
+fn read_shared_steps(reader: &mut Reader) -> Result<Vec<f32>, FormatError> {
+    let shared = reader.words(1)?[0] as usize;
+    if shared > MAX_SHARED { reader.bad(rule::SHARED_COUNT) } else { reader.steps(shared, MAX_BASIS_STEP) }
 }

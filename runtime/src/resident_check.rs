@@ -9,47 +9,79 @@ use crate::parallax::MOST_HEIGHT_STEP;
 use crate::resident::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, LEAST_HORIZON_COS, PART_WORDS, block,
 };
+use crate::rule::{self, Rule};
 use crate::sphere::{Sphere, cells_a_side};
 use crate::threads::{Threads, map};
 
 /// What a check says: the rule that does not hold.
-type Checked = Result<(), &'static str>;
+type Checked = Result<(), Rule>;
 
 /// Words of halves that one piece of work looks at.
 const HALVES_AT_ONCE: usize = 1 << 20;
 
-/// Checks the words of an asset of `width`, `height` and `layers`.
-///
-/// Errors: the first rule of FORMAT.md, chapter "Resident form", that does not hold.
-pub(crate) fn check_resident(words: &[u32], [width, height, layers]: [u32; 3], threads: Threads) -> Checked {
-    if words.len() < ASSET_WORDS || words[3] as usize != words.len() || words[5] as usize > words.len() {
-        return Err("its length does not match its words");
-    }
-    if words[..3] != [width, height, layers] || words[6] | words[7] != 0 {
-        return Err("its size or its layers are not the header's");
-    }
-    let [width, height] = [width, height].map(|side| side.clamp(1, MAX_SIDE) as usize);
-    let mut sizes = vec![[width, height]];
-    sizes.extend(level_sizes([width, height]));
-    let (levels, layers) = (words[4] as usize, layers as usize);
-    if levels == 0 || levels > sizes.len().min(MOST_LEVELS) || layers == 0 || layers > MAX_LAYERS {
-        return Err("its number of levels is out of range");
-    }
-    let mut sides = Vec::new();
+/// A rule that does not hold, and where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct BrokenWords {
+    pub rule: Rule,
+    /// Level and layer, where it is a block's.
+    pub block: Option<[u32; 2]>,
+    /// The word that tells the place of the block, or 0.
+    pub word: usize,
+}
+
+/// Checks the words of an asset of `width`, `height` and `layers` by the rules of FORMAT.md, chapter "Resident form". What does
+/// not hold comes back, nothing where the words are fine; of coarser levels only where the finest, which they refer to, is.
+pub(crate) fn check_resident(words: &[u32], head: [u32; 3], threads: Threads) -> Vec<BrokenWords> {
+    let (levels, layers) = match check_head(words, head) {
+        Ok(counts) => counts,
+        Err(rule) => return vec![BrokenWords { rule, block: None, word: 0 }],
+    };
+    let finest = [head[0], head[1]].map(|side| side.clamp(1, MAX_SIDE) as usize);
+    let sizes: Vec<[usize; 2]> = std::iter::once(finest).chain(level_sizes(finest)).collect();
+    let (mut broken, mut sides) = (Vec::new(), Vec::new());
     for number in 0..levels * layers {
         let (level, of_level) = (number / layers, number % layers);
-        let block = Block::at(words, words[ASSET_LAYERS + number])?;
-        let of_block = [block::LIGHT_SIDE, block::VIEW_SIDE].map(|field| block.field(field));
-        if of_block.iter().any(|side| *side > 1) || sides[level * layers..].contains(&of_block) {
-            return Err("a layer's side is neither 0 nor 1, or an earlier layer has the same sides");
+        if level == 1 && of_level == 0 && !broken.is_empty() {
+            break;
+        }
+        let mut rules = Vec::new();
+        let mut of_block = None;
+        if let Some(block) = keep(&mut rules, Block::at(words, words[ASSET_LAYERS + number])) {
+            let both = [block::LIGHT_SIDE, block::VIEW_SIDE].map(|field| block.field(field));
+            if both.iter().any(|side| *side > 1) || sides[level * layers..].contains(&Some(both)) {
+                rules.push(rule::BLOCK_SIDES);
+            } else if level > 0 && Some(both) != sides[of_level] {
+                rules.push(rule::BLOCK_ORDER);
+            }
+            of_block = Some(both);
+            block.check(sizes[level], threads, &mut rules);
         }
         sides.push(of_block);
-        if level > 0 && of_block != sides[of_level] {
-            return Err("a level has its layers in another order");
-        }
-        block.check(sizes[level], threads)?;
+        let block = Some([level as u32, of_level as u32]);
+        broken.extend(rules.into_iter().map(|rule| BrokenWords { rule, block, word: ASSET_LAYERS + number }));
     }
-    Ok(())
+    broken
+}
+
+/// Numbers of levels and layers of words whose first ones are fine.
+fn check_head(words: &[u32], [width, height, layers]: [u32; 3]) -> Result<(usize, usize), Rule> {
+    if words.len() < ASSET_WORDS || words[3] as usize != words.len() || words[5] as usize > words.len() {
+        return Err(rule::WORDS_LENGTH);
+    }
+    if words[..3] != [width, height, layers] || words[6] | words[7] != 0 {
+        return Err(rule::WORDS_HEAD);
+    }
+    let (levels, layers) = (words[4] as usize, layers as usize);
+    let most = 1 + level_sizes([width, height].map(|side| side.clamp(1, MAX_SIDE) as usize)).len();
+    if levels == 0 || levels > most.min(MOST_LEVELS) || layers == 0 || layers > MAX_LAYERS {
+        return Err(rule::LEVEL_COUNT);
+    }
+    Ok((levels, layers))
+}
+
+/// What was read; where it could not be, the rule is kept.
+fn keep<T>(rules: &mut Vec<Rule>, read: Result<T, Rule>) -> Option<T> {
+    read.map_err(|rule| rules.push(rule)).ok()
 }
 
 /// A layer's block at a level.
@@ -68,10 +100,10 @@ fn float(word: u32) -> f32 {
 }
 
 impl<'a> Block<'a> {
-    fn at(words: &'a [u32], at: u32) -> Result<Block<'a>, &'static str> {
+    fn at(words: &'a [u32], at: u32) -> Result<Block<'a>, Rule> {
         let at = at as usize;
         if at < ASSET_WORDS || !at.is_multiple_of(PART_WORDS) || part(words, at, LAYER_BLOCK_WORDS).is_none() {
-            return Err("a layer's block is not where one may be");
+            return Err(rule::BLOCK_PLACE);
         }
         Ok(Block { words, at })
     }
@@ -85,19 +117,20 @@ impl<'a> Block<'a> {
     }
 
     /// The part whose offset stands in `field`.
-    fn part(&self, field: usize, count: usize) -> Result<&'a [u32], &'static str> {
+    fn part(&self, field: usize, count: usize) -> Result<&'a [u32], Rule> {
         let first = self.field(field);
         if !first.is_multiple_of(PART_WORDS) {
-            return Err("a part does not begin at a multiple of 64 words");
+            return Err(rule::PART_START);
         }
-        part(self.words, first, count).ok_or("a part reaches beyond the words")
+        part(self.words, first, count).ok_or(rule::PART_BEYOND)
     }
 
-    fn check(&self, [width, rows]: [usize; 2], threads: Threads) -> Checked {
+    /// Adds what does not hold.
+    fn check(&self, [width, rows]: [usize; 2], threads: Threads, rules: &mut Vec<Rule>) {
         let texels = width * rows;
         let (bases, clusters) = (self.field(block::BASES), self.field(block::CLUSTERS));
         if [self.field(block::WIDTH), self.field(block::ROWS)] != [width, rows] {
-            return Err("a level has not half the size of the one before");
+            rules.push(rule::BLOCK_SIZE);
         }
         if self.field(block::RESIDUAL_KIND) > 2
             || self.field(block::LOBE_ROLE) > 1
@@ -108,36 +141,47 @@ impl<'a> Block<'a> {
             || clusters > MAX_CLUSTERS
             || self.words[self.at + 28..self.at + LAYER_BLOCK_WORDS].iter().any(|word| *word != 0)
         {
-            return Err("a layer's parameter is out of its range");
+            rules.push(rule::BLOCK_PARAMETER);
+            return;
         }
-        let [lights, views] = [self.sphere(block::LIGHTS)?, self.sphere(block::VIEWS)?];
-        if self.field(block::LIGHT_COUNT) != lights || self.field(block::PAIRS) != lights * views {
-            return Err("a layer's pairs are not its lights times its views");
+        let sets = [block::LIGHTS, block::VIEWS].map(|field| keep(rules, self.sphere(field)));
+        if let [Some(lights), Some(views)] = sets {
+            if self.field(block::LIGHT_COUNT) != lights || self.field(block::PAIRS) != lights * views {
+                rules.push(rule::BLOCK_PAIRS);
+            }
+            keep(rules, self.residual(texels, clusters * lights * views * 3, threads));
         }
-        let lobes = self.dictionaries(self.field(block::DICTIONARIES), clusters)?;
-        self.edits(clusters)?;
-        self.texels(texels, &lobes)?;
-        self.heights(texels)?;
-        if bases > 0 {
-            let channel_words = self.field(block::CHANNEL_WORDS);
-            let codes = self.field(block::CODE_WORDS);
-            if channel_words < bases.div_ceil(2) || channel_words > MAX_COMPONENTS.div_ceil(2) + 1 {
-                return Err("a pair has too few words for its bases, or too many");
+        if let Some(lobes) = keep(rules, self.dictionaries(self.field(block::DICTIONARIES), clusters)) {
+            keep(rules, self.edits(&lobes));
+            keep(rules, self.texels(texels, &lobes));
+        }
+        keep(rules, self.heights(texels));
+    }
+
+    /// Bases and codes; `rows` are the clusters' pairs and channels.
+    fn residual(&self, texels: usize, rows: usize, threads: Threads) -> Checked {
+        let bases = self.field(block::BASES);
+        let (channel_words, codes) = (self.field(block::CHANNEL_WORDS), self.field(block::CODE_WORDS));
+        if bases == 0 {
+            // Nothing lies there, and decoders begin to look there all the same.
+            return self.part(block::BASIS, 0).and(self.part(block::CODES, 0)).map(|_| ());
+        }
+        if channel_words < bases.div_ceil(2) || channel_words > MAX_COMPONENTS.div_ceil(2) + 1 {
+            return Err(rule::CHANNEL_WORDS);
+        }
+        if codes != (bases - 1).div_ceil(4) {
+            return Err(rule::CODE_WORDS);
+        }
+        self.part(block::CODES, texels * codes)?;
+        let basis = self.part(block::BASIS, rows * channel_words)?;
+        // Levels share what the finest has.
+        if self.words[ASSET_LAYERS..ASSET_LAYERS + self.words[2] as usize].contains(&(self.at as u32)) {
+            let pieces: Vec<&[u32]> = basis.chunks(HALVES_AT_ONCE).collect();
+            if map(threads, pieces.len(), |i| halves_are_finite(pieces[i])).contains(&false) {
+                return Err(rule::BASIS_NOT_FINITE);
             }
-            if codes != (bases - 1).div_ceil(4) {
-                return Err("a texel's codes do not match the bases");
-            }
-            self.part(block::CODES, texels * codes)?;
-            let basis = self.part(block::BASIS, clusters * lights * views * 3 * channel_words)?;
-            // Levels share what the finest has.
-            if self.words[ASSET_LAYERS..ASSET_LAYERS + self.words[2] as usize].contains(&(self.at as u32)) {
-                let pieces: Vec<&[u32]> = basis.chunks(HALVES_AT_ONCE).collect();
-                if map(threads, pieces.len(), |i| halves_are_finite(pieces[i])).contains(&false) {
-                    return Err("a basis is not finite");
-                }
-            } else if !self.is_of_the_finest(&[block::BASIS, block::CHANNEL_WORDS, block::CLUSTERS, block::PAIRS]) {
-                return Err("a level has other bases than the finest");
-            }
+        } else if !self.is_of_the_finest(&[block::BASIS, block::CHANNEL_WORDS, block::CLUSTERS, block::PAIRS]) {
+            return Err(rule::OTHER_BASES);
         }
         Ok(())
     }
@@ -151,54 +195,51 @@ impl<'a> Block<'a> {
     }
 
     /// Number of directions of a set.
-    fn sphere(&self, field: usize) -> Result<usize, &'static str> {
+    fn sphere(&self, field: usize) -> Result<usize, Rule> {
         let first = self.field(field);
-        let length = part(self.words, first, 5).and_then(Sphere::words_told_by).ok_or("a direction set is too long")?;
+        let length = part(self.words, first, 5).and_then(Sphere::words_told_by).ok_or(rule::SET_BEYOND)?;
         let sphere = Sphere::from_words(self.part(field, length)?.to_vec())?;
         let [triangles, side] = [1, 3].map(|word| sphere.words()[word] as usize);
         if side != cells_a_side(triangles) {
-            return Err("a grid has not the cells that its triangles ask for");
+            return Err(rule::GRID_CELLS);
         }
         Ok(sphere.len())
     }
 
     /// Number of lobes of each dictionary of the table at word `table`.
-    fn dictionaries(&self, table: usize, clusters: usize) -> Result<Vec<usize>, &'static str> {
-        let offsets =
-            part(self.words, table, clusters + 1).ok_or("a table of dictionaries reaches beyond the words")?;
+    fn dictionaries(&self, table: usize, clusters: usize) -> Result<Vec<usize>, Rule> {
+        let offsets = part(self.words, table, clusters + 1).ok_or(rule::TABLE_BEYOND)?;
         let mut counts = Vec::with_capacity(clusters);
         for ends in offsets.windows(2) {
             let [first, end] = [ends[0] as usize, ends[1] as usize];
             let lobes = (first <= end).then(|| part(self.words, first, end - first)).flatten();
             let Some(lobes) = lobes.filter(|lobes| lobes.len().is_multiple_of(RESIDENT_WORDS)) else {
-                return Err("a dictionary is not where one may be");
+                return Err(rule::DICTIONARY_PLACE);
             };
             if lobes.len() / RESIDENT_WORDS > MAX_DICTIONARY || !lobes.chunks_exact(RESIDENT_WORDS).all(lobe_is_fine) {
-                return Err("a dictionary has more than 256 lobes, or one out of its range");
+                return Err(rule::DICTIONARY_CONTENT);
             }
             counts.push(lobes.len() / RESIDENT_WORDS);
         }
         Ok(counts)
     }
 
-    fn edits(&self, clusters: usize) -> Checked {
+    /// Edits, each with as many lobes as were measured, `lobes` of each cluster.
+    fn edits(&self, lobes: &[usize]) -> Checked {
         let (list, count) = (self.field(block::EDITS), self.field(block::EDIT_COUNT));
         if (list == 0) != (count == 0) || count > crate::edit::MOST_EDITS {
-            return Err("its edits are not 0 to 255");
+            return Err(rule::EDITS_COUNTED);
         }
         if count == 0 {
             return Ok(());
         }
-        let lobes = self.dictionaries(self.field(block::DICTIONARIES), clusters)?;
-        for edit in
-            part(self.words, list, EDIT_WORDS * count).ok_or("its edits reach beyond the words")?.chunks(EDIT_WORDS)
-        {
+        for edit in part(self.words, list, EDIT_WORDS * count).ok_or(rule::EDITS_BEYOND)?.chunks(EDIT_WORDS) {
             let tints = edit[..3].iter().all(|tint| (0.0..=16.0).contains(&float(*tint)));
             if !tints || !(0.0..=1.0).contains(&float(edit[3])) {
-                return Err("an edit is out of its range");
+                return Err(rule::EDIT_RANGE);
             }
-            if self.dictionaries(edit[4] as usize, clusters)? != lobes {
-                return Err("an edited dictionary has other lobes than the measured one");
+            if self.dictionaries(edit[4] as usize, lobes.len())? != lobes {
+                return Err(rule::EDITED_DICTIONARY);
             }
         }
         Ok(())
@@ -214,10 +255,10 @@ impl<'a> Block<'a> {
             let own = part(refs, record[1] as usize, count as usize);
             let (Some(lobes), Some(own)) = (lobes.get(cluster as usize), own.filter(|_| count < 256 && edit <= edits))
             else {
-                return Err("a texel names a cluster, an edit or references that are not there");
+                return Err(rule::RECORD);
             };
             if own.iter().any(|reference| (reference & 0xff) as usize >= *lobes) {
-                return Err("a texel names a lobe that its cluster does not have");
+                return Err(rule::NO_LOBE);
             }
         }
         Ok(())
@@ -232,7 +273,7 @@ impl<'a> Block<'a> {
             [block::HEIGHT_STEP, block::LEAST_HEIGHT, block::MOST_HEIGHT].map(|field| self.float(field));
         let reach = 128.0 * MOST_HEIGHT_STEP;
         let fine = step > 0.0 && step <= MOST_HEIGHT_STEP && least >= -reach && most <= reach && least <= most;
-        if fine { Ok(()) } else { Err("its heights are out of range") }
+        if fine { Ok(()) } else { Err(rule::HEIGHT_RANGE) }
     }
 }
 

@@ -1,10 +1,16 @@
 //! The resident form as a file: its words as they lie in memory, to be mapped, checked and bound without a copy.
 
 use crate::error::FormatError;
-use crate::format::{Form, Head, PIECE_BYTES, SectionKind, SectionSource, in_mm_range, read_directory_on, write_file};
+use crate::fault::Faults;
+use crate::format::{
+    Directory, Form, Head, PIECE_BYTES, SectionEntry, SectionKind, SectionSource, in_mm_range, read_directory_on,
+    write_file,
+};
 use crate::resident::{Resident, ResidentBytes};
-use crate::resident_check::check_resident;
+use crate::resident_check::{BrokenWords, check_resident};
+use crate::rule;
 use crate::threads::Threads;
+use std::ops::Range;
 
 /// A resident asset with what its file says about it.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,43 +37,13 @@ impl ResidentFile {
     /// Errors: as [`crate::Asset::parse`], by the rules of FORMAT.md, chapter "Resident form". Never panics.
     /// Cost: one hash of the bytes and one pass over the words; on `threads`.
     pub fn open(bytes: ResidentBytes, threads: Threads) -> Result<ResidentFile, FormatError> {
-        let all: &[u8] = (*bytes).as_ref();
-        let directory = read_directory_on(all, threads)?;
-        let head = directory.head;
-        if head.form != Form::Resident {
+        let directory = read_directory_on((*bytes).as_ref(), threads)?;
+        if directory.head.form != Form::Resident {
             return Err(FormatError::Form { expected: "resident", got: "file" });
         }
-        let known = directory.sections.iter().filter(|entry| SectionKind::from_number(entry.kind).is_some());
-        let known: Vec<_> = known.collect();
-        let words: Vec<_> = known.iter().filter(|entry| entry.kind == SectionKind::Words as u32).collect();
-        let bad = |reason| FormatError::Section { section: "Words 0 of layer 0".into(), reason };
-        let Some(last) = words.last() else {
-            return Err(FormatError::MissingSection { section: "Words 0 of layer 0".into() });
-        };
-        let mut end = words[0].offset as usize;
-        for (index, entry) in words.iter().enumerate() {
-            let full = index + 1 == words.len() || entry.length as usize == PIECE_BYTES;
-            if entry.index as usize != index || entry.layer != 0 || entry.offset as usize != end || !full {
-                return Err(bad("its pieces do not follow each other"));
-            }
-            if entry.length as usize > PIECE_BYTES || entry.length % 4 != 0 {
-                return Err(bad("a piece is longer than 128 MiB or no whole number of words"));
-            }
-            end += entry.length as usize;
-        }
-        let place = words[0].offset as usize..last.offset as usize + last.length as usize;
-        let material = known.iter().find(|entry| entry.kind == SectionKind::Material as u32);
-        let Some(material) = material else {
-            return Err(FormatError::MissingSection { section: "Material 0 of layer 0".into() });
-        };
-        let text = &all[material.offset as usize..(material.offset + material.length) as usize];
-        let Ok(material) = std::str::from_utf8(text) else {
-            return Err(FormatError::Section { section: material.name(), reason: "it is not UTF-8" });
-        };
-        let material = material.to_string();
-        let resident = Resident::from_bytes(bytes.clone(), place);
-        check_resident(resident.words(), [head.width, head.height, head.layers], threads).map_err(bad)?;
-        Ok(ResidentFile { resident, size_mm: head.size_mm, seamless: head.seamless, material })
+        let mut faults = Faults::default();
+        let file = examine_resident(bytes, &directory, threads, &mut faults);
+        faults.or_first(file)
     }
 
     /// The file's bytes: header, tables, the description, the words.
@@ -97,6 +73,74 @@ impl ResidentFile {
         };
         write_file(&head, &sections)
     }
+}
+
+/// The asset in the resident form whose directory is known, going on behind a fault as far as more can be told. `None` where
+/// anything is at fault.
+pub(crate) fn examine_resident(
+    bytes: ResidentBytes,
+    directory: &Directory,
+    threads: Threads,
+    faults: &mut Faults,
+) -> Option<ResidentFile> {
+    let (all, head): (&[u8], Head) = ((*bytes).as_ref(), directory.head);
+    if directory.tiers.len() > 1 {
+        faults.push(FormatError::Section { section: "tier table".into(), reason: rule::ONE_TIER });
+        return None;
+    }
+    let of_kind = |kind: SectionKind| directory.sections.iter().filter(move |entry| entry.kind == kind as u32);
+    let damaged = |kind| directory.damaged.iter().any(|number| directory.sections[*number].kind == kind as u32);
+    let place = faults.keep(words_place(&of_kind(SectionKind::Words).collect::<Vec<_>>()));
+    let mut material = of_kind(SectionKind::Material).next();
+    if material.is_none() {
+        faults.push(FormatError::MissingSection { section: "Material 0 of layer 0".into() });
+    }
+    material = material.filter(|_| !damaged(SectionKind::Material));
+    let material = material.and_then(|entry| {
+        let text = &all[entry.offset as usize..(entry.offset + entry.length) as usize];
+        let text = std::str::from_utf8(text).map(str::to_string);
+        let not_text = |_| FormatError::Section { section: entry.name(), reason: rule::NOT_UTF8 };
+        faults.keep(text.map_err(not_text))
+    });
+    let place = place.filter(|_| !damaged(SectionKind::Words))?;
+    let first_byte = place.start as u64;
+    let resident = Resident::from_bytes(bytes.clone(), place);
+    let broken = check_resident(resident.words(), [head.width, head.height, head.layers], threads);
+    for BrokenWords { rule: reason, block, word } in &broken {
+        let section = match block {
+            Some([level, layer]) => format!("Words, level {level} of layer {layer}"),
+            None => "Words".into(),
+        };
+        let error = FormatError::Section { section, reason: *reason };
+        // Where the block is, or the word that tells a place where none can be.
+        let at = match (block, resident.words().get(*word)) {
+            (Some(_), Some(at)) if (*at as usize) < resident.words().len() => *at as usize,
+            _ => *word,
+        } as u64;
+        faults.push_at(error, block.map(|[_, layer]| layer), Some(first_byte + 4 * at));
+    }
+    let file = ResidentFile { resident, size_mm: head.size_mm, seamless: head.seamless, material: material? };
+    broken.is_empty().then_some(file)
+}
+
+/// Bytes of the words that these pieces make up.
+fn words_place(pieces: &[&SectionEntry]) -> Result<Range<usize>, FormatError> {
+    let [first, ..] = pieces else {
+        return Err(FormatError::MissingSection { section: "Words 0 of layer 0".into() });
+    };
+    let mut end = first.offset as usize;
+    for (index, entry) in pieces.iter().enumerate() {
+        let broken = |reason| Err(FormatError::Section { section: entry.name(), reason });
+        let full = index + 1 == pieces.len() || entry.length as usize == PIECE_BYTES;
+        if entry.index as usize != index || entry.layer != 0 || entry.offset as usize != end || !full {
+            return broken(rule::PIECES);
+        }
+        if entry.length as usize > PIECE_BYTES || entry.length % 4 != 0 {
+            return broken(rule::PIECE_LENGTH);
+        }
+        end += entry.length as usize;
+    }
+    Ok(first.offset as usize..end)
 }
 
 /// The header's word that tells the form, where there is one.

@@ -7,6 +7,7 @@
 
 use crate::error::FormatError;
 use crate::format::MAX_DIRECTIONS;
+use crate::rule::{self, Rule};
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 /// Words before the arrays: direction, triangle, edge counts, grid side, item count, three zeros.
@@ -149,37 +150,37 @@ impl Sphere {
 
     /// Checks and reads what [`Sphere::to_file_words`] gives. Cost: that of building the grid, about a
     /// millisecond for Bonn's 81.
-    pub fn from_file_words(words: &[u32]) -> Result<Sphere, &'static str> {
-        let [n, t, e] = *words.first_chunk::<3>().ok_or("it is shorter than its header")?;
+    pub fn from_file_words(words: &[u32]) -> Result<Sphere, Rule> {
+        let [n, t, e] = *words.first_chunk::<3>().ok_or(rule::SET_SHORT)?;
         let [n, t, e] = [n, t, e].map(|count| count as usize);
         if n == 0 || n > MAX_DIRECTIONS || t > 2 * n || e == 0 || e > n {
-            return Err("a count is out of range");
+            return Err(rule::COUNT);
         }
         let id_words = (3 * t + 2 * e).div_ceil(2);
         if words.len() != 3 + 3 * n + id_words {
-            return Err("its length does not match its counts");
+            return Err(rule::SET_LENGTH);
         }
         let directions: Vec<[f32; 3]> =
             words[3..3 + 3 * n].chunks_exact(3).map(|d| [0, 1, 2].map(|i| f32::from_bits(d[i]))).collect();
         for d in &directions {
             let length2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
             if !(0.998..=1.002).contains(&length2) || d[2].is_nan() || d[2] <= 0.0 {
-                return Err("a direction is not a unit vector above the horizon");
+                return Err(rule::DIRECTION);
             }
         }
         let mut ids: Vec<usize> =
             words[3 + 3 * n..].iter().flat_map(|word| [(word & 0xffff) as usize, (word >> 16) as usize]).collect();
         if ids.drain(3 * t + 2 * e..).any(|padding| padding != 0) {
-            return Err("padding is not zero");
+            return Err(rule::PADDING);
         }
         if ids.iter().any(|id| *id >= n) {
-            return Err("a triangle or an edge names a direction that is not there");
+            return Err(rule::DIRECTION_NAMED);
         }
         let triangles: Vec<[usize; 3]> = ids[..3 * t].chunks_exact(3).map(|id| [id[0], id[1], id[2]]).collect();
         let edges: Vec<(usize, usize)> = ids[3 * t..].chunks_exact(2).map(|id| (id[0], id[1])).collect();
         let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
         if triangles.iter().any(|ids| signed_area(&disk, ids).abs() <= LEAST_AREA) {
-            return Err("a triangle has no area");
+            return Err(rule::NO_AREA);
         }
         // Every rule that keeps `locate` in bounds is checked on the whole.
         Sphere::from_words(Sphere::from_parts(&directions, &triangles, &edges).words)
@@ -196,21 +197,21 @@ impl Sphere {
     }
 
     /// Checks resident words: every rule that keeps [`Sphere::locate`] in bounds.
-    pub(crate) fn from_words(words: Vec<u32>) -> Result<Sphere, &'static str> {
+    pub(crate) fn from_words(words: Vec<u32>) -> Result<Sphere, Rule> {
         if words.len() < SPHERE_HEADER_WORDS {
-            return Err("it is shorter than its header");
+            return Err(rule::SET_SHORT);
         }
         let [n, triangles, edges, side, items] = [0, 1, 2, 3, 4].map(|i| words[i] as usize);
         if n == 0 || n > MAX_DIRECTIONS || triangles > 2 * MAX_DIRECTIONS || edges == 0 || edges > MAX_DIRECTIONS {
-            return Err("a count is out of range");
+            return Err(rule::COUNT);
         }
         if side == 0 || side > MAX_GRID as usize || words[5] | words[6] | words[7] != 0 {
-            return Err("the grid's side or a reserved word is out of range");
+            return Err(rule::GRID_SIDE);
         }
         let sphere = Sphere { words };
-        let expected = sphere.items_at().checked_add(items).ok_or("a count is out of range")?;
+        let expected = sphere.items_at().checked_add(items).ok_or(rule::COUNT)?;
         if sphere.words.len() != expected {
-            return Err("its length does not match its counts");
+            return Err(rule::SET_LENGTH);
         }
         let words = &sphere.words;
         // False for NaN.
@@ -219,34 +220,34 @@ impl Sphere {
             let d = sphere.direction(i as u32);
             let length2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
             if !(0.998..=1.002).contains(&length2) || d[2] <= 0.0 {
-                return Err("a direction is not a unit vector above the horizon");
+                return Err(rule::DIRECTION);
             }
         }
         for i in 0..triangles {
             let at = sphere.triangles_at() + i * TRIANGLE_WORDS;
             let fine = within(at, 2, 1.01) && within(at + 2, 4, MAX_INVERSE);
             if !fine || words[at + 6..at + 9].iter().any(|id| *id as usize >= n) {
-                return Err("a triangle is out of range or names a direction that is not there");
+                return Err(rule::TRIANGLE);
             }
         }
         for i in 0..edges {
             let at = sphere.edges_at() + i * EDGE_WORDS;
             let fine = within(at, 2, 1.01) && within(at + 2, 2, 2.02) && within(at + 4, 1, MAX_INVERSE_LENGTH2);
             if !fine || words[at + 5..at + 7].iter().any(|id| *id as usize >= n) {
-                return Err("an edge is out of range or names a direction that is not there");
+                return Err(rule::EDGE);
             }
         }
         let offsets = &words[sphere.cells_at()..sphere.items_at()];
         let rising = offsets.windows(2).all(|pair| pair[0] < pair[1]);
         if offsets[0] != 0 || !rising || offsets[side * side] as usize != items {
-            return Err("a grid cell is empty or out of order");
+            return Err(rule::GRID_CELL);
         }
         let item_ok = |item: &u32| {
             let index = (item & !ITEM_EDGE) as usize;
             index < if item & ITEM_EDGE != 0 { edges } else { triangles }
         };
         if !words[sphere.items_at()..].iter().all(item_ok) {
-            return Err("a grid item names a triangle or edge that is not there");
+            return Err(rule::GRID_ITEM);
         }
         Ok(sphere)
     }

@@ -216,7 +216,7 @@ pub struct FileParts {
 }
 
 impl FileParts {
-    /// Takes a valid file apart. Errors: those of [`Asset::parse`]'s first stage.
+    /// Takes a valid file apart, or what a tier of one holds. Errors: those of [`Asset::parse`]'s first stage.
     pub fn from_bytes(bytes: &[u8]) -> Result<FileParts, FormatError> {
         let directory = read_directory(bytes)?;
         let alignment = directory.head.form.alignment();
@@ -227,6 +227,7 @@ impl FileParts {
         let sections = directory
             .sections
             .iter()
+            .filter(|entry| entry.offset as usize + entry.length as usize <= bytes.len())
             .map(|entry| {
                 let (start, end) = (entry.offset as usize, (entry.offset + entry.length) as usize);
                 SectionPart {

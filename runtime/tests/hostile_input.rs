@@ -4,7 +4,7 @@
 use btf_runtime::testing::{FileParts, Random, SectionPart, repair_header_checksum, sample_asset, sample_heights};
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, FormatError, Interpolation, LevelTexels, Resident, ResidualKind, SectionKind,
-    decode, pack, read_directory, serial, with_levels,
+    decode, pack, read_directory, rule, serial, with_levels,
 };
 
 /// Header words that the tests rewrite (docs/FORMAT.md, "Header").
@@ -314,7 +314,7 @@ fn a_section_that_is_missing_doubled_or_promised_in_vain_is_named() {
         let mut doubled = parts.clone();
         doubled.sections.insert(at, SectionPart { ends_tier: false, ..parts.sections[at].clone() });
         let refused = Asset::parse(&doubled.to_bytes());
-        assert_eq!(refused, Err(FormatError::Section { section: name, reason: "it is there twice" }));
+        assert_eq!(refused, Err(FormatError::Section { section: name, reason: rule::TWICE }));
     }
 }
 
@@ -366,8 +366,5 @@ fn two_layers_of_the_same_sides_are_refused_though_the_checksums_are_right() {
     // The third layer's light comes to the front.
     set_word(&mut layers.nth(2).unwrap().bytes, 0, 0);
     let refused = Asset::parse(&parts.to_bytes()).unwrap_err();
-    assert_eq!(
-        refused,
-        FormatError::Section { section: "Layer 0 of layer 2".into(), reason: "an earlier layer has the same sides" }
-    );
+    assert_eq!(refused, FormatError::Section { section: "Layer 0 of layer 2".into(), reason: rule::SAME_SIDES });
 }

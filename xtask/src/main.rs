@@ -6,6 +6,7 @@
 //! | `check` | `check.rs`: format and clippy |
 //! | `demo` | `demo.rs`: capture, fit, compare, picture |
 //! | `bench` | `bench.rs` |
+//! | `fuzz` | `fuzz.rs`: the fuzz targets of runtime/fuzz, by libFuzzer |
 //! | `python` | `python.rs`: the Python module, by maturin, in the environment of `peers.rs` |
 //! | `header` | `header.rs`: the C header, by cbindgen |
 //! | `shaders` | `shaders.rs`: the decoder in the languages of engines |
@@ -23,6 +24,7 @@ mod counts;
 mod demo;
 mod driver;
 mod failure;
+mod fuzz;
 mod header;
 mod licences;
 mod memcheck;
@@ -47,6 +49,7 @@ Chores:
   test    everything that CI runs; --quick is the tier for every edit
   check   format and clippy only
   bench   time reading, clustering, fitting and decoding (criterion)
+  fuzz    fuzz the packed format with libFuzzer
   python  build, install and test the Python module
   header  write the C header from the sources of the C interface
   shaders write the decoder in WGSL, HLSL, MSL, GLSL and SPIR-V
@@ -78,6 +81,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "test" => test::run(rest),
         "check" => check::run(rest),
         "bench" => bench::run(rest),
+        "fuzz" => fuzz::run(rest),
         "python" => python::run(rest),
         "header" => header::run(rest),
         "setup" => driver::run(rest),
@@ -109,7 +113,7 @@ mod tests {
         let failure = run(&["brew".to_string()]).unwrap_err();
         assert_eq!(failure.exit_code(), 2);
         assert!(failure.to_string().contains("no chore 'brew'"));
-        for chore in ["demo", "test", "check", "bench", "python", "header", "shaders", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "fuzz", "python", "header", "shaders", "setup"] {
             assert!(failure.to_string().contains(chore), "{chore} is not in the list");
         }
     }
@@ -121,6 +125,8 @@ mod tests {
         assert_eq!(exit_code_of(&["demo", "--size", "large"]), 2);
         assert_eq!(exit_code_of(&["demo", "--out"]), 2);
         assert_eq!(exit_code_of(&["check", "now"]), 2);
+        assert_eq!(exit_code_of(&["fuzz", "now"]), 2);
+        assert_eq!(exit_code_of(&["fuzz", "--runs", "many"]), 2);
         assert_eq!(exit_code_of(&["python", "now"]), 2);
         assert_eq!(exit_code_of(&["header", "now"]), 2);
         assert_eq!(exit_code_of(&["setup", "now"]), 2);
@@ -129,7 +135,7 @@ mod tests {
     #[test]
     fn help_is_no_failure() {
         assert_eq!(exit_code_of(&["--help"]), 0);
-        for chore in ["demo", "test", "check", "bench", "python", "header", "shaders", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "fuzz", "python", "header", "shaders", "setup"] {
             assert_eq!(exit_code_of(&[chore, "--help"]), 0);
         }
     }

@@ -5,14 +5,14 @@ use crate::counts::{Counts, cargo_test_failures, from_cargo_test, from_nextest, 
 use crate::failure::Failure;
 use crate::metadata::{Metadata, has_subcommand};
 use crate::shell::{self, cargo, root, run_and_read};
-use crate::{arrows, driver, header, licences, memcheck, peers, python, shader_tools, words};
+use crate::{arrows, driver, fuzz, header, licences, memcheck, peers, python, shader_tools, words};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const HELP: &str = "\
 Runs everything that CI runs: format, clippy, dependency arrows, licences, words, the C header, the software Vulkan
 driver, compiler and valgrind for the tests in C, shader compilers, Mitsuba for comparison and the Python module (under
-the target folder), tests, doc tests, docs. The last line sums it up: N passed, N failed, N skipped.
+the target folder), fuzz targets for some seconds, tests, doc tests, docs. The last line sums it up: N passed, N failed, N skipped.
 
 Usage: cargo xtask test [--quick]
 
@@ -142,6 +142,16 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
             let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
             let target = target.ok_or("the target folder is not known")?;
             println!("{}", python::build_and_test(target).map_err(|failure| failure.to_string())?);
+            Ok(Counts::PASSED)
+        });
+        suite.step("fuzz", |_| {
+            if !fuzz::has_compiler() {
+                println!("left out: no C++ compiler");
+                return Ok(Counts::SKIPPED);
+            }
+            let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
+            let target = target.ok_or("the target folder is not known")?;
+            println!("{}", fuzz::fuzz(target, None, fuzz::RUNS).map_err(|failure| failure.to_string())?);
             Ok(Counts::PASSED)
         });
         let log = metadata.as_ref().map(|metadata| metadata.target_directory.join("skipped-tests.txt"));

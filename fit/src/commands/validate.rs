@@ -2,13 +2,14 @@
 
 use super::output::{check_file, is_stdout, say, write_json};
 use super::{Failure, Shared};
-use btf_fit::validate_file;
+use btf_fit::{FitError, Validation, validate_file};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Check an asset: everything in it, checksums included
 ///
-/// Exits with 0 if it is valid and with 1 if it is not.
+/// Every error and every warning is a line with a number that docs/FINDINGS.md explains. Exits with 0 if there is no error
+/// and with 1 if there is one.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   btf-fit validate wool.spmm")]
@@ -16,33 +17,40 @@ pub(super) struct ValidateArgs {
     /// The asset, or a tier of one
     #[arg(value_name = "ASSET.spmm")]
     asset: PathBuf,
-    /// Write the verdict as JSON; - for standard output
+    /// Write the findings as JSON; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
 /// What `validate --json` writes.
 #[derive(Debug, serde::Serialize)]
-struct Verdict {
-    valid: bool,
-    error: Option<String>,
-    /// The layers' sides, in order; empty where it is not valid.
-    layers: Vec<String>,
+struct Verdict<'a> {
+    file: &'a Path,
+    #[serde(flatten)]
+    found: &'a Validation,
 }
 
 pub(super) fn run(args: &ValidateArgs, shared: &Shared) -> Result<(), Failure> {
-    let result = validate_file(&args.asset);
+    let found = validate_file(&args.asset)?;
     if let Some(target) = &args.json {
         check_file(target, std::slice::from_ref(&args.asset))?;
-        let error = result.as_ref().err().map(ToString::to_string);
-        let layers = result.iter().flatten().map(ToString::to_string).collect();
-        write_json(target, &Verdict { valid: error.is_none(), error, layers })?;
+        write_json(target, &Verdict { file: &args.asset, found: &found })?;
     }
-    let layers = result?;
     if !shared.quiet && !args.json.as_deref().is_some_and(is_stdout) {
-        let sides: Vec<String> = layers.iter().map(ToString::to_string).collect();
-        let word = if sides.len() == 1 { "layer" } else { "layers" };
-        say(&format!("ok: {} {word} ({})", sides.len(), sides.join(", ")));
+        // What the asset is, `info` tells better.
+        for finding in found.findings.iter().filter(|finding| finding.severity != "information") {
+            say(&finding.line);
+        }
+        if found.valid {
+            let word = if found.layers.len() == 1 { "layer" } else { "layers" };
+            say(&format!("ok: {} {word} ({})", found.layers.len(), found.layers.join(", ")));
+        }
     }
-    Ok(())
+    match found.error {
+        None => Ok(()),
+        Some(first) => {
+            let first = first.trim_start_matches("error ").to_string();
+            Err(FitError::Invalid { path: args.asset.clone(), errors: found.counts.error, first }.into())
+        }
+    }
 }

@@ -1,0 +1,29 @@
+//! Writes the first inputs of the fuzz targets to `corpus`; what a fuzzer finds beyond them is added by its `-merge=1`.
+
+use btf_runtime::testing::Random;
+use btf_runtime::{Resident, ResidentFile, pack};
+use btf_runtime_fuzz::any_asset;
+use std::path::Path;
+
+fn main() -> std::io::Result<()> {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    for target in ["parse", "resident", "round_trip"] {
+        std::fs::create_dir_all(corpus.join(target))?;
+    }
+    for seed in 0..24 {
+        let mut random = Random::new(seed);
+        let bytes: Vec<u8> = (0..100 + random.below(900)).map(|_| random.bits() as u8).collect();
+        let asset = any_asset(&bytes);
+        let name = format!("seed-{seed:02}");
+        std::fs::write(corpus.join("round_trip").join(&name), &bytes)?;
+        std::fs::write(corpus.join("parse").join(&name), pack(&asset).expect("it keeps to the format"))?;
+        let resident = ResidentFile {
+            resident: Resident::from_asset(&asset),
+            size_mm: asset.size_mm,
+            seamless: asset.seamless,
+            material: asset.material,
+        };
+        std::fs::write(corpus.join("resident").join(&name), resident.pack().expect("it is small"))?;
+    }
+    Ok(())
+}

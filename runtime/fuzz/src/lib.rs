@@ -1,0 +1,133 @@
+//! What the fuzz targets do with one input, as plain functions: `fuzz_targets` hands them what libFuzzer makes up,
+//! `runtime/tests/corpus.rs` the corpus and its own mutations, on any toolchain. A function that returns has found nothing.
+
+mod any_asset;
+mod mutate;
+
+pub use any_asset::any_asset;
+pub use mutate::{mutate, mutate_in_place};
+
+use btf_runtime::testing::Random;
+use btf_runtime::{
+    Asset, DecodeOptions, Interpolation, Query, Resident, ResidentFile, decode, density, evaluate, pack,
+    read_directory, sample, serial,
+};
+use std::sync::Arc;
+
+/// Words of expanded bases above which an asset is not made resident: the limit of the format is 1 GiB, that of a fuzzer's
+/// input some milliseconds.
+const MOST_BASIS_WORDS: usize = 1 << 16;
+/// Texels above which it is not.
+const MOST_TEXELS: usize = 1 << 12;
+
+/// Decodes anything: the bytes are refused, or they and every tier of them decode to finite values, and what was read can be
+/// written and read again.
+pub fn parse(bytes: &[u8]) {
+    let Ok(asset) = Asset::parse(bytes) else { return };
+    let directory = read_directory(bytes).expect("an asset was read, so its directory can be");
+    let mut random =
+        Random::new(bytes.iter().fold(bytes.len() as u64, |seed, byte| seed * 31 % 0xffff_fffb + u64::from(*byte)));
+    for length in &directory.tiers[..directory.tier] {
+        // A tier of forged files may end before what every tier needs.
+        if let Ok(tier) = Asset::parse(&bytes[..*length as usize]) {
+            decode_somewhere(&tier, &mut random);
+        }
+    }
+    decode_somewhere(&asset, &mut random);
+    if directory.tier + 1 == directory.tiers.len() {
+        let again = pack(&asset).expect("what was read can be written");
+        assert!(Asset::parse(&again).as_ref() == Ok(&asset), "and read again");
+    }
+}
+
+/// Opens anything as a resident form: it is refused, or it is evaluated to finite values and written as it was read.
+pub fn resident(bytes: &[u8]) {
+    let Ok(file) = ResidentFile::open(Arc::new(bytes.to_vec()), &serial) else { return };
+    let mut random = Random::new(bytes.len() as u64);
+    let resident = &file.resident;
+    for _ in 0..4 {
+        let uv = [random.within(-1.0, 1.0), random.within(0.0, 2.0)];
+        let (wi, wo) = (either_side(&mut random), either_side(&mut random));
+        let query = Query { uv, wi, wo };
+        let level = random.below(resident.levels() as usize + 1) as u32;
+        let options = options(&mut random);
+        let value = evaluate(resident, level, &query, &options);
+        assert!(value.iter().all(|x| x.is_finite() && *x >= 0.0), "{value:?}");
+        assert!(density(resident, level, &query, &options).is_finite());
+        if let Some(drawn) = sample(resident, level, uv, wo, [0.1, 0.7, random.within(0.0, 1.0)], &options) {
+            assert!(drawn.density.is_finite() && drawn.value.iter().all(|x| x.is_finite()), "{drawn:?}");
+        }
+    }
+    let again = file.pack().expect("what was read can be written");
+    let reread = ResidentFile::open(Arc::new(again), &serial).expect("and read again");
+    assert!(reread == file, "and is the same");
+}
+
+/// Validates anything: it has an error if and only if it cannot be opened, and the first one is what opening says.
+pub fn validate(bytes: &[u8]) {
+    let report = btf_runtime::validate(Arc::new(bytes.to_vec()), &serial);
+    let opened = match ResidentFile::is_one(bytes) {
+        true => ResidentFile::open(Arc::new(bytes.to_vec()), &serial).map(|_| ()),
+        false => Asset::parse(bytes).map(|_| ()),
+    };
+    match opened {
+        Ok(()) => assert!(report.is_valid(), "{:?}", report.findings),
+        Err(error) => assert_eq!(report.findings.first().map(|finding| finding.rule), error.rule(), "{error}"),
+    }
+    for finding in &report.findings {
+        assert_eq!(finding.to_string().lines().count(), 1, "{finding:?}");
+        assert!(finding.offset.is_none_or(|offset| offset <= bytes.len() as u64), "{finding:?}");
+    }
+}
+
+/// Makes an asset of the bytes, whatever they are: it packs, parses to the same asset, and packs to the same bytes.
+pub fn round_trip(bytes: &[u8]) {
+    let asset = any_asset(bytes);
+    let packed = pack(&asset).expect("it keeps to the format");
+    let parsed = Asset::parse(&packed).expect("what was written can be read");
+    assert!(parsed == asset, "it is read as it was written");
+    assert!(pack(&parsed).as_ref() == Ok(&packed), "the same asset has the same bytes");
+}
+
+fn either_side(random: &mut Random) -> [f32; 3] {
+    let [x, y, z] = random.direction();
+    [x, y, if random.below(2) == 0 { z } else { -z }]
+}
+
+fn options(random: &mut Random) -> DecodeOptions {
+    DecodeOptions {
+        interpolation: [Interpolation::Fast, Interpolation::Exact][random.below(2)],
+        components: [u32::MAX, random.below(4) as u32][random.below(2)],
+        lobes: [u32::MAX, random.below(3) as u32][random.below(2)],
+        ..DecodeOptions::default()
+    }
+}
+
+/// Some values of every layer of every level of an asset of moderate size: all must be finite.
+fn decode_somewhere(asset: &Asset, random: &mut Random) {
+    let basis_words = |layer: &btf_runtime::Layer| {
+        let bases = layer.residual.as_ref().map_or(0, |residual| residual.bases.len());
+        layer.views.len() * layer.lights.len() * 3 * layer.dictionary.len() * bases.div_ceil(2)
+    };
+    let words: usize = asset.layers.iter().map(basis_words).sum();
+    // An edited dictionary is as long as the measured one.
+    let lobes = asset.layers.iter().flat_map(|layer| &layer.dictionary).map(Vec::len).sum::<usize>();
+    let edited = (1 + asset.edits.list.len()) * lobes;
+    if words > MOST_BASIS_WORDS || asset.texel_count() > MOST_TEXELS || edited > MOST_TEXELS {
+        return;
+    }
+    let resident = Resident::from_asset(asset);
+    for layer in 0..resident.layers() * resident.levels() {
+        let of_level = &asset.layers[(layer % resident.layers()) as usize];
+        let [width, height] = resident.size(layer).map(|side| side as usize);
+        for _ in 0..2 {
+            let (mut wi, mut wo) = (random.direction(), random.direction());
+            for (z, side) in [(&mut wi[2], of_level.light_side), (&mut wo[2], of_level.view_side)] {
+                *z *= if side as u32 == 1 { -1.0 } else { 1.0 };
+            }
+            let texel = random.below(width * height) as u32;
+            let value = decode(&resident, layer, texel, wi, wo, &options(random));
+            assert!(value.iter().all(|x| x.is_finite() && *x >= 0.0), "{value:?}");
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! What is wrong with a file: all of it, where it is examined; its first, where it is read.
+
+use crate::error::FormatError;
+
+/// Most faults that are kept of one file.
+pub(crate) const MOST_FAULTS: usize = 256;
+
+/// A broken rule and where.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Fault {
+    pub error: FormatError,
+    /// The layer, where the section's name does not tell it.
+    pub layer: Option<u32>,
+    /// Byte of the file, where the section's place does not tell it.
+    pub offset: Option<u64>,
+}
+
+/// The faults found so far, in the order in which a reader meets them.
+#[derive(Debug, Default)]
+pub(crate) struct Faults {
+    found: Vec<Fault>,
+}
+
+impl Faults {
+    pub(crate) fn push(&mut self, error: FormatError) {
+        self.push_at(error, None, None);
+    }
+
+    pub(crate) fn push_at(&mut self, error: FormatError, layer: Option<u32>, offset: Option<u64>) {
+        if self.found.len() < MOST_FAULTS {
+            self.found.push(Fault { error, layer, offset });
+        }
+    }
+
+    /// What was read; where it could not be, the error is kept.
+    pub(crate) fn keep<T>(&mut self, read: Result<T, FormatError>) -> Option<T> {
+        read.map_err(|error| self.push(error)).ok()
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.found.is_empty()
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.found.len()
+    }
+
+    pub(crate) fn found(&self) -> &[Fault] {
+        &self.found
+    }
+
+    /// What was read without a fault, or the first fault.
+    ///
+    /// # Panics
+    /// If nothing was read and nothing is wrong.
+    pub(crate) fn or_first<T>(self, read: Option<T>) -> Result<T, FormatError> {
+        match self.found.into_iter().next() {
+            Some(fault) => Err(fault.error),
+            None => Ok(read.expect("what is not read has a fault")),
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! The fuzz targets' corpora on any toolchain: each input does what a fuzzer would have it do, and so do some thousand mutations
+//! of them. What libFuzzer, which sees what is covered, does beyond that: `cargo xtask fuzz`.
+
+#[path = "../fuzz/src/lib.rs"]
+#[allow(dead_code, unused_imports, reason = "what libFuzzer calls is not called here")]
+mod fuzz;
+
+use btf_runtime::testing::Random;
+use btf_runtime::{Asset, Severity, serial, validate};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Most bytes of a mutated input.
+const MOST_BYTES: usize = 32 << 10;
+
+fn corpus(target: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(target);
+    let mut paths: Vec<_> =
+        std::fs::read_dir(folder).expect("the corpus is there").map(|e| e.unwrap().path()).collect();
+    paths.sort();
+    assert!(paths.len() >= 10, "{target}: {} inputs", paths.len());
+    paths.iter().map(|path| std::fs::read(path).unwrap()).collect()
+}
+
+/// A byte mutator as simple as can be.
+fn change_bytes(random: &mut Random, bytes: &mut Vec<u8>, most: usize) {
+    let at = random.below(bytes.len() + 1);
+    match random.below(4) {
+        0 if at < bytes.len() => bytes[at] = random.bits() as u8,
+        1 if at < bytes.len() => bytes[at] ^= 1 << random.below(8),
+        2 => bytes.truncate(at),
+        _ if bytes.len() < most => bytes.insert(at, random.bits() as u8),
+        _ => {}
+    }
+}
+
+fn mutated(inputs: &[Vec<u8>], count: usize, seed: u64) -> impl Iterator<Item = Vec<u8>> {
+    let mut random = Random::new(seed);
+    (0..count).map(move |_| {
+        let (input, seed) = (random.below(inputs.len()), random.bits());
+        fuzz::mutate(&inputs[input], seed, MOST_BYTES, &mut |bytes, most| change_bytes(&mut random, bytes, most))
+    })
+}
+
+fn replay(target: fn(&[u8]), inputs: &[Vec<u8>], mutations: usize) {
+    inputs.iter().for_each(|input| target(input));
+    mutated(inputs, mutations, 1).for_each(|input| target(&input));
+}
+
+#[test]
+fn anything_is_refused_or_decodes_to_finite_values() {
+    replay(fuzz::parse, &corpus("parse"), 4000);
+}
+
+#[test]
+fn anything_is_refused_as_a_resident_form_or_evaluates_to_finite_values() {
+    replay(fuzz::resident, &corpus("resident"), 4000);
+}
+
+#[test]
+fn what_is_packed_is_parsed_as_it_was() {
+    let inputs = corpus("round_trip");
+    inputs.iter().for_each(|input| fuzz::round_trip(input));
+    let mut random = Random::new(2);
+    for _ in 0..300 {
+        let mut bytes = inputs[random.below(inputs.len())].clone();
+        (0..8).for_each(|_| change_bytes(&mut random, &mut bytes, MOST_BYTES));
+        fuzz::round_trip(&bytes);
+    }
+}
+
+#[test]
+fn validate_never_disagrees_with_what_opens() {
+    replay(fuzz::validate, &corpus("validate"), 4000);
+}
+
+#[test]
+fn mutations_reach_behind_the_checksums() {
+    let inputs = corpus("parse");
+    let (mut read, mut by_content, mut at_the_door) = (0, 0, 0);
+    for input in mutated(&inputs, 2000, 3) {
+        let report = validate(Arc::new(input.clone()), &serial);
+        let door = |number: u16| number < 2000;
+        match report.findings.first().filter(|finding| finding.severity() == Severity::Error) {
+            None => read += 1,
+            Some(finding) if door(finding.rule.number) => at_the_door += 1,
+            Some(_) => by_content += 1,
+        }
+    }
+    assert!(read > 20 && by_content > 200 && at_the_door > 200, "{read} {by_content} {at_the_door}");
+    // Planted difference: the same changes without the mutator's repairs stay at the door.
+    let mut random = Random::new(4);
+    let behind = (0..2000).filter(|_| {
+        let mut bytes = inputs[random.below(inputs.len())].clone();
+        let before = bytes.clone();
+        change_bytes(&mut random, &mut bytes, MOST_BYTES);
+        bytes != before && Asset::parse(&bytes).is_ok()
+    });
+    assert!(behind.count() < 20);
+}
