@@ -249,6 +249,8 @@ pub struct Directory {
     pub tiers: Vec<u32>,
     /// Which of `tiers` the bytes at hand are.
     pub tier: usize,
+    /// Checksum of header and tables, which hold those of all sections: what tells one asset from another.
+    pub checksum: u64,
 }
 
 fn word(bytes: &[u8], index: usize) -> u32 {
@@ -395,7 +397,7 @@ pub(crate) fn read_directory_on(bytes: &[u8], threads: Threads) -> Result<Direct
     if let Some((entry, _)) = bodies.iter().zip(&intact).find(|(_, intact)| !**intact).map(|(body, _)| body) {
         return Err(FormatError::SectionChecksum { section: entry.name() });
     }
-    Ok(Directory { head, sections, tiers, tier })
+    Ok(Directory { head, sections, tiers, tier, checksum: stored })
 }
 
 /// A section that the packer is about to write.
