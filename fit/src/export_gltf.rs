@@ -86,8 +86,8 @@ pub struct GltfExport {
     pub tried: Vec<TriedPart>,
     /// Extensions that the file uses.
     pub extensions: Vec<String>,
-    /// Error of the fallback against the asset: 8-bit sRGB values of all texels, each at some of the measured pairs, all pairs alike;
-    /// peak 255.
+    /// Error of the fallback against the asset: 8-bit sRGB values of all texels, each at some of the measured pairs, all
+    /// pairs alike; peak 255.
     pub psnr_db: f64,
     /// The same of the light that comes through, where the asset has such a layer.
     #[serde(skip_serializing_if = "Option::is_none")]

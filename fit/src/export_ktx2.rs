@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub const KTX2_KEY: &str = "BTFspmm";
 /// Version of what the files hold.
 const LAYOUT: u32 = 1;
-/// Largest side that every Vulkan and WebGPU adapter has at least in practice.
+/// Largest side of a texture on common Vulkan adapters.
 const MOST_SIDE: usize = 16384;
 /// A plane's byte for the number 0, where its numbers have signs.
 const ZERO: u8 = 128;
@@ -61,7 +61,7 @@ pub fn export_ktx2(bytes: Vec<u8>, stem: &str) -> Result<Ktx2Export, FitError> {
         let mut told = layer.describe(&plan);
         told["side"] = json!(side.to_string());
         if plan.heights {
-            told["heightSteps"] = (0..levels).map(|level| json!(of(level, number).float(block::HEIGHT_STEP))).collect();
+            told["heightSteps"] = (0..levels).map(|level| json!(of(level, number).height_step())).collect();
         }
         if layer.field(block::BASES) > 0 {
             let name = format!("{stem}.bases-{side}.ktx2");
@@ -138,6 +138,11 @@ impl<'a> LayerWords<'a> {
         f32::from_bits(self.words[self.at + field])
     }
 
+    /// Texel widths a height code; 0 where the level has no heights.
+    fn height_step(&self) -> f32 {
+        if self.field(block::HEIGHTS) > 0 { self.float(block::HEIGHT_STEP) } else { 0.0 }
+    }
+
     fn components(&self) -> usize {
         self.field(block::BASES).saturating_sub(1)
     }
@@ -181,7 +186,8 @@ impl<'a> LayerWords<'a> {
         }
         if plan.heights {
             let at = self.field(block::HEIGHTS);
-            out.extend((0..self.texels()).map(|texel| byte_of(self.words, at, texel) ^ ZERO));
+            let code = |texel| if at > 0 { byte_of(self.words, at, texel) ^ ZERO } else { ZERO };
+            out.extend((0..self.texels()).map(code));
         }
         out
     }

@@ -147,7 +147,8 @@ fn values_decoded_from_the_ktx2_files_alone_are_those_of_the_asset() {
     let main = folder.path().join("felt.ktx2");
     let found = values_of(&main, &queries);
     let first = expected.iter().zip(&found).position(|(expected, found)| far(expected, found));
-    assert_eq!(first, None, "{:?}", first.map(|i| (expected[i], found[i])));
+    let at = |i| (queries.lines().nth(i), expected[i], found[i]);
+    assert_eq!(first, None, "{:?}", first.map(at));
     assert!(expected.iter().any(|value| value[1] > 0.05));
 
     // Planted: one byte of the planes changed, the clusters of the finest level.

@@ -82,7 +82,7 @@ class Parts:
         of_texels = ([[part[texel] for part in slot] for slot in slots] for texel in range(texels))
         references = [[lobe for lobe in lobes if any(lobe[1:])] for lobes in of_texels]
         codes = [signed(places["coefficients"] + j) for j in range(places["components"])]
-        heights = signed(places["height"]) if "height" in places else None
+        step = told["heightSteps"][level] if "height" in places else 0
         side = told["side"]
         return Layer(
             light_side=int(side in ("back", "transmission-back")),
@@ -100,8 +100,8 @@ class Parts:
             clusters=clusters,
             references=references,
             texel_edits=list(plane(places["edit"])) if "edit" in places else [0] * texels,
-            height_codes=heights,
-            height_step=told["heightSteps"][level] if heights else 0.0,
+            height_codes=signed(places["height"]) if step > 0 else None,
+            height_step=step,
             codes=codes,
             residual=self.residual(clusters, codes) if self.bases else None,
         )
