@@ -143,7 +143,7 @@ const ALBEDO_STEPS: usize = 48;
 pub struct Sheen {
     /// Sheen roughness, 0 to 1.
     pub roughness: f32,
-    /// `pi D` by the half vector's cosine.
+    /// `pi D` by the half vector's squared sine.
     distribution: Vec<f32>,
     /// Shadowing's lambda by the cosine of light or eye.
     lambda: Vec<f32>,
@@ -157,7 +157,7 @@ impl Sheen {
         let alpha = (roughness * roughness).max(LEAST_ALPHA);
         let mut sheen = Sheen {
             roughness,
-            distribution: table(TABLE, |cos| charlie(alpha, cos)),
+            distribution: table(TABLE, |sin2| charlie(alpha, sin2)),
             lambda: table(TABLE, |cos| charlie_lambda(alpha, cos)),
             albedo: Vec::new(),
         };
@@ -184,7 +184,7 @@ impl Sheen {
     pub fn value(&self, cos: &Cosines) -> f32 {
         let (light, eye) = (cos.light.max(LEAST_COS), cos.eye.max(LEAST_COS));
         let shadowed = 1.0 + looked_up(&self.lambda, light) + looked_up(&self.lambda, eye);
-        looked_up(&self.distribution, cos.half) / (shadowed * 4.0 * light * eye)
+        looked_up(&self.distribution, 1.0 - cos.half * cos.half) / (shadowed * 4.0 * light * eye)
     }
 
     /// Share of the light that the sheen takes from what lies below: its albedo towards light or eye, whichever is more.
@@ -194,9 +194,8 @@ impl Sheen {
     }
 }
 
-/// `pi D` of the distribution.
-fn charlie(alpha: f32, cos_half: f32) -> f32 {
-    let sin2 = (1.0 - cos_half * cos_half).max(0.0);
+/// `pi D` of the distribution by the squared sine between normal and half vector.
+fn charlie(alpha: f32, sin2: f32) -> f32 {
     (2.0 + 1.0 / alpha) * sin2.powf(0.5 / alpha) / 2.0
 }
 
@@ -210,14 +209,14 @@ fn charlie_lambda(alpha: f32, cos: f32) -> f32 {
     if cos < 0.5 { curve(cos).exp() } else { (2.0 * curve(0.5) - curve(1.0 - cos)).exp() }
 }
 
-/// Values of a function of a cosine's square root: what it does happens near 0.
+/// Values of a function at even steps of its argument's square root: what it does happens near 0.
 fn table(entries: usize, of: impl Fn(f32) -> f32) -> Vec<f32> {
     (0..entries).map(|i| (i as f32 / (entries - 1) as f32).powi(2)).map(of).collect()
 }
 
 #[inline(always)]
-fn looked_up(table: &[f32], cos: f32) -> f32 {
-    let place = cos.clamp(0.0, 1.0).sqrt() * (table.len() - 1) as f32;
+fn looked_up(table: &[f32], x: f32) -> f32 {
+    let place = x.clamp(0.0, 1.0).sqrt() * (table.len() - 1) as f32;
     let below = (place as usize).min(table.len() - 2);
     table[below] + (table[below + 1] - table[below]) * (place - below as f32)
 }
