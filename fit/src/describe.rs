@@ -226,7 +226,7 @@ impl Display for ResidentDescription {
 }
 
 /// What the layers' sides are, in order.
-fn sides_of_resident(resident: &Resident) -> Vec<Side> {
+pub(crate) fn sides_of_resident(resident: &Resident) -> Vec<Side> {
     let mut sides: Vec<(u32, Side)> = Vec::new();
     for side in Side::ALL {
         let (light, view) = sides_of_capture(side);
@@ -418,7 +418,8 @@ pub fn describe_file(path: &Path) -> Result<FileDescription, FitError> {
     described.map_err(|error| with_path(path, error))
 }
 
-fn with_path(path: &Path, error: FitError) -> FitError {
+/// The same error with the name of the asset that it is about.
+pub fn with_path(path: &Path, error: FitError) -> FitError {
     match error {
         FitError::Pack(source) => FitError::Asset { path: path.to_path_buf(), source },
         FitError::Params(text) => FitError::Params(format!("{}: {text}", path.display())),
@@ -426,8 +427,11 @@ fn with_path(path: &Path, error: FitError) -> FitError {
     }
 }
 
-/// An asset's bytes.
-pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, FitError> {
+/// The bytes of an asset, not looked at.
+///
+/// # Errors
+/// If the file cannot be read; the message names it.
+pub fn read_file(path: &Path) -> Result<Vec<u8>, FitError> {
     std::fs::read(path).map_err(|source| FitError::File {
         path: path.to_path_buf(),
         action: "reading the asset",

@@ -9,7 +9,7 @@ use crate::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb,
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
     Asset, DecodeOptions, HORIZON_COS, HeightField, Heights, Interpolation, Layer, LobeRole, LobeSetup, Neighbours,
-    RATIO_EPSILON, RATIO_RANGE, Resident, ResidualKind, SeenBy, SingleBases, Sphere, block,
+    RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, block,
 };
 use half::f16;
 use pulp::{Arch, Simd, WithSimd};
@@ -531,7 +531,7 @@ mod tests {
     use super::*;
     use crate::sample_asset::{sample_asset, sample_asset_with};
     use btf_runtime::testing::sample_heights;
-    use btf_runtime::{decode, decode_measured, lobe_tables, pack};
+    use btf_runtime::{ResidualKind, decode, decode_measured, lobe_tables, pack};
 
     const KINDS: [ResidualKind; 3] = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
 

@@ -6,6 +6,8 @@
 //! Capture + Asset --measure--> Comparison --> Metrics, error maps, report
 //! Asset --expand--> capture folder
 //! Capture --trade--> bytes, error and time over a grid of settings
+//! Asset --export_ktx2--> planes and bases as KTX2 textures
+//! Asset --fit_gltf--> textures of a glTF material --export_gltf--> .glb that points at the asset
 //! ```
 //!
 //! [`fit_and_measure`] is the whole job. Every stage reads linear reflectance x cosine; 8-bit values
@@ -28,16 +30,22 @@ mod encode;
 mod error;
 mod evaluation_time;
 mod expand;
+mod export_gltf;
+mod export_ktx2;
 mod factor;
 mod fitted;
 mod forecast;
 mod frame;
+mod gltf_brdf;
+mod gltf_fit;
+mod gltf_textures;
 mod gpu_clock;
 mod heatmap;
 mod heights;
 mod holdout;
 mod image_decoder;
 mod kmeans;
+mod ktx2_file;
 mod lasso;
 mod local_pca;
 mod material;
@@ -75,17 +83,23 @@ pub use compare::{
 pub use convert::{Shape, convert};
 pub use describe::{
     Description, FamilyUse, FileDescription, LayerDescription, ResidentDescription, SectionSize, TierDescription,
-    describe, describe_file, describe_resident, family_name, load_asset, resident_in_parallel,
+    describe, describe_file, describe_resident, family_name, load_asset, read_file, resident_in_parallel, with_path,
 };
 pub use error::FitError;
 pub use expand::{ExpandParams, expand, expand_info};
+pub use export_gltf::{AssetPlace, EXTENSION, GltfExport, export_gltf};
+pub use export_ktx2::{KTX2_KEY, Ktx2Export, export_ktx2};
 pub use fitted::{Fitted, fit_and_measure};
 pub use forecast::{Forecast, Left};
 pub use frame::{capture_directions, layer_directions};
+pub use gltf_brdf::{GltfTexel, Sheen};
+pub use gltf_fit::{GltfFit, LEAST_SAVED, Maps, TriedPart, fit_gltf};
+pub use gltf_textures::{GltfImage, GltfTextures};
 pub use gpu_clock::GpuChoice;
 pub use heatmap::{Raster, scale_top, viridis, write_heatmaps};
 pub use image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spot};
 pub use kmeans::{Clustering, kmeans};
+pub use ktx2_file::{Ktx2Array, Ktx2Format};
 pub use lasso::{LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso};
 pub use material::{CaptureRecord, FitRecord, Material, MaterialLayer, side_of_layer, sides_of_capture};
 pub use memory::peak_memory_bytes;

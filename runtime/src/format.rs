@@ -253,6 +253,8 @@ pub struct Directory {
     pub tier: usize,
     /// Numbers of the sections whose checksum is wrong; none in what [`read_directory`] gives.
     pub(crate) damaged: Vec<usize>,
+    /// Checksum of header and tables, which hold those of all sections: what tells one asset from another.
+    pub checksum: u64,
 }
 
 fn word(bytes: &[u8], index: usize) -> u32 {
@@ -369,7 +371,12 @@ pub(crate) fn examine_directory(bytes: &[u8], threads: Threads, faults: &mut Fau
     for number in &damaged {
         faults.push(FormatError::SectionChecksum { section: sections[*number].name() });
     }
-    placed.then_some(Directory { head, sections, tiers, tier, damaged })
+    placed.then_some(Directory { head, sections, tiers, tier, checksum: stored_checksum(bytes), damaged })
+}
+
+/// The checksum of header and tables as the header has it.
+fn stored_checksum(bytes: &[u8]) -> u64 {
+    u64::from(word(bytes, header::CHECKSUM_LOW)) | u64::from(word(bytes, header::CHECKSUM_HIGH)) << 32
 }
 
 /// Numbers of sections and tiers of a header that is whole, as far as it reaches.
@@ -400,8 +407,7 @@ fn read_counts(bytes: &[u8]) -> Result<[usize; 2], FormatError> {
     }
     let mut head_bytes = bytes[..tables_end].to_vec();
     head_bytes[header::CHECKSUM_LOW * 4..header::CHECKSUM_LOW * 4 + 8].fill(0);
-    let stored = u64::from(word(bytes, header::CHECKSUM_LOW)) | u64::from(word(bytes, header::CHECKSUM_HIGH)) << 32;
-    if checksum(&head_bytes) != stored {
+    if checksum(&head_bytes) != stored_checksum(bytes) {
         return Err(FormatError::HeaderChecksum);
     }
     Ok(counts)

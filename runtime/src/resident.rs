@@ -9,6 +9,7 @@ use crate::edit::{Edits, push_dictionaries};
 use crate::expansion::Expansion;
 use crate::format::{MAX_LAYERS, MOST_LEVELS};
 use crate::parallax::Heights;
+use crate::sphere::direction;
 use crate::texel;
 use crate::threads::{Threads, fill, serial};
 use half::f16;
@@ -293,6 +294,21 @@ impl Resident {
             self.field(*layer, block::LIGHT_SIDE) == u32::from(light_back)
                 && self.field(*layer, block::VIEW_SIDE) == u32::from(view_back)
         })
+    }
+
+    /// The measured lights of `layer`, numbered like that: unit vectors in the layer's frame, z above 0.
+    pub fn lights(&self, layer: u32) -> Vec<[f32; 3]> {
+        self.directions(layer, block::LIGHTS)
+    }
+
+    /// The measured views of `layer`, likewise.
+    pub fn views(&self, layer: u32) -> Vec<[f32; 3]> {
+        self.directions(layer, block::VIEWS)
+    }
+
+    fn directions(&self, layer: u32, set: usize) -> Vec<[f32; 3]> {
+        let (words, at) = (self.words(), self.field(layer, set) as usize);
+        (0..words[at]).map(|id| direction(words, at, id)).collect()
     }
 
     /// Columns and rows of `layer`, numbered like that.

@@ -12,6 +12,9 @@ code, probability, bound, result. QUERIES is a file with
 a line; of each the decoded value is printed, and its spread: how far it moves where the lobes' normals are shorter by
 2^-23, which is what a decoder in single precision cannot tell.
 
+A file that ends in `.ktx2` is the first of those that `btf-fit export-ktx2` writes (docs/KTX2.md); of it and of those that it
+names the same is printed about texels, dictionaries, edits and values.
+
 The package `spmm` follows the document chapter by chapter; any Python from 3.9 on does, nothing needs to be installed.
 `runtime/tests/format_document.rs` compares the numbers and the decoded values with those of btf-runtime.
 """
@@ -21,7 +24,7 @@ import struct
 import sys
 from dataclasses import replace
 
-from spmm import file_form, resident_form
+from spmm import file_form, ktx2_form, resident_form
 from spmm.container import Header
 from spmm.decoding import decode
 from spmm.entropy_coder import STREAMS, encoded, must
@@ -88,16 +91,21 @@ def decoded(levels, query):
     return decode(levels, layer, level, texel, directions[:3], directions[3:], rule)
 
 
-def read(path, arguments):
-    """Prints what the file has and what was asked for."""
-    STREAMS.clear()
+def read_asset(path):
+    """The layers of each level of a .spmm file; prints what its header says."""
     with open(path, "rb") as file:
         header = Header(file.read())
     show("grid", [header.width, header.height, header.layers])
     show("flags, size in mm", [header.flags, *header.size_mm])
     show("tiers", header.tiers)
     print("material =", header.material)
-    levels = resident_form.read(header) if header.form == 1 else file_form.read(header, show)
+    return resident_form.read(header) if header.form == 1 else file_form.read(header, show)
+
+
+def read(path, arguments):
+    """Prints what the file has and what was asked for."""
+    STREAMS.clear()
+    levels = ktx2_form.read(path) if path.endswith(".ktx2") else read_asset(path)
     for level, layers in enumerate(levels):
         for number, layer in enumerate(layers):
             show_texels(number, level, layer)

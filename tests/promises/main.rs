@@ -4,6 +4,7 @@ mod beyond_the_measured_directions;
 mod budget;
 mod bytes_are_repeatable;
 mod expand_and_measure;
+mod gltf_export;
 mod leaf_colour;
 mod leaf_layers;
 mod measured_photographs;

@@ -210,7 +210,7 @@ fn gltf_part(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     const TRIANGLE_OBJ: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
@@ -234,6 +234,17 @@ mod tests {
                          {"bufferView":2,"componentType":5123,"count":3,"type":"SCALAR"}]}"#;
         std::fs::write(dir.join("t.gltf"), json).unwrap();
         dir.join("t.gltf")
+    }
+
+    /// The same with a material, which its triangle has.
+    pub(crate) fn write_gltf_with_material(dir: &Path, material: &serde_json::Value) -> std::path::PathBuf {
+        let path = write_gltf(dir, 2);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let mut document: serde_json::Value = serde_json::from_str(&text).unwrap();
+        document["materials"] = serde_json::json!([material]);
+        document["meshes"][0]["primitives"][0]["material"] = 0.into();
+        std::fs::write(&path, document.to_string()).unwrap();
+        path
     }
 
     #[test]

@@ -4,13 +4,15 @@ use crate::camera::Camera;
 use crate::environment::Environment;
 use crate::error::ViewerError;
 use crate::geometry::{Geometry, Triangle};
+use crate::gltf_asset::assets_of_gltf;
 use crate::mesh::{self, MeshPart};
 use crate::mesh_file::load_mesh;
 use crate::models;
 use btf_capture::SharedBytes;
-use btf_runtime::{Asset, Edits, HeightField, Resident, ResidentFile, with_levels};
+use btf_runtime::{Asset, Edits, FormatError, HeightField, Resident, ResidentFile, with_levels};
 use glam::{Mat4, Vec3};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -89,6 +91,17 @@ impl SceneAsset {
             }
         };
         Ok(SceneAsset { path: Some(path.into()), ..made })
+    }
+
+    /// Checks an asset in either form that lies in memory.
+    ///
+    /// # Errors
+    /// What is wrong with the bytes.
+    pub fn from_bytes(name: impl Into<String>, bytes: Vec<u8>) -> Result<SceneAsset, FormatError> {
+        if ResidentFile::is_one(&bytes) {
+            return Ok(SceneAsset::of_resident(name.into(), ResidentFile::open(Arc::new(bytes), &parallel)?));
+        }
+        Ok(SceneAsset::new(name, Asset::parse_on(&bytes, &parallel)?))
     }
 
     fn of_resident(name: String, file: ResidentFile) -> SceneAsset {
@@ -366,11 +379,18 @@ impl Scene {
     }
 
     /// One of the built-in scenes, or a mesh file: in a file with one asset every part with texture coordinates gets
-    /// it; with several, material number i of the file gets asset i and the rest stay plain in their own colour.
+    /// it; with several, material number i of the file gets asset i and the rest stay plain in their own colour. Without
+    /// assets, materials get those that a glTF file itself points at.
     ///
     /// # Errors
     /// [`ViewerError::Usage`] without assets; [`ViewerError::Mesh`] for files.
     pub fn built_in(mesh: &MeshChoice, assets: Vec<Arc<SceneAsset>>, uv_scale: [f32; 2]) -> Result<Scene, ViewerError> {
+        if let (MeshChoice::File(path), true) = (mesh, assets.is_empty()) {
+            let own = assets_of_gltf(path)?;
+            if !own.is_empty() {
+                return Scene::of_own_assets(path, own, uv_scale);
+            }
+        }
         if assets.is_empty() {
             return Err(ViewerError::Usage(
                 "no asset was named: make one from a capture folder with `btf-fit fit CAPTURE -o ASSET.spmm`, \
@@ -451,6 +471,23 @@ impl Scene {
                 Scene::from_objects(path, objects, assets)
             }
         }
+    }
+
+    /// A glTF file whose materials carry the assets `own`, by number of the material.
+    fn of_own_assets(
+        path: &Path,
+        own: BTreeMap<usize, Arc<SceneAsset>>,
+        uv_scale: [f32; 2],
+    ) -> Result<Scene, ViewerError> {
+        let places: BTreeMap<usize, usize> = own.keys().enumerate().map(|(place, group)| (*group, place)).collect();
+        let object = |part: MeshPart| {
+            let material = match places.get(&part.group) {
+                Some(place) if part.has_uv => Material::from_asset(*place, uv_scale),
+                _ => Material::plain(part.diffuse),
+            };
+            SceneObject { part, material }
+        };
+        Scene::from_objects(path, load_mesh(path)?.into_iter().map(object).collect(), own.into_values().collect())
     }
 
     /// Surrounds the scene by a picture of light, which nothing but the scene itself keeps off; takes its lamps away.

@@ -27,7 +27,7 @@
 //! [[object]]
 //! mesh = "sphere"                   # sphere, plane, cube; cornell; in metres cloth, shoe, boots, pullover; or an .obj,
 //!                                   # .gltf or .glb file
-//! material = "leaf"
+//! material = "leaf"                 # optional: else the parts' own colours, and assets that a glTF file points at
 //! parts = { laces = "grey" }        # parts of the file by material name, where they differ
 //! translate = [0.0, 1.0, 0.0]       # after rotate_deg (about x, then y, then z) and scale
 //!
@@ -47,6 +47,7 @@
 use crate::camera::Camera;
 use crate::environment::Environment;
 use crate::error::ViewerError;
+use crate::gltf_asset::assets_of_gltf;
 use crate::mesh;
 use crate::mesh_file::load_mesh;
 use crate::models;
@@ -282,11 +283,19 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
         if let Some(name) = entry.parts.keys().find(|name| parts.iter().all(|part| part.name != **name)) {
             return Err(fault(format!("object '{}' has no part called '{name}'", entry.mesh)));
         }
+        let own = match BUILT_IN_MESHES.contains(&entry.mesh.as_str()) || entry.material.is_some() {
+            true => BTreeMap::new(),
+            false => assets_of_gltf(&folder.join(&entry.mesh))?,
+        };
+        let first = assets.len();
+        let places: BTreeMap<usize, usize> = own.keys().enumerate().map(|(i, group)| (*group, first + i)).collect();
+        assets.extend(own.into_values());
         for mut part in parts {
             let name = entry.parts.get(&part.name).or(entry.material.as_ref());
-            let material = match name {
-                Some(name) => find(name)?,
-                None => Material::plain(part.diffuse),
+            let material = match (name, places.get(&part.group)) {
+                (Some(name), _) => find(name)?,
+                (None, Some(asset)) if part.has_uv => Material::from_asset(*asset, [1.0; 2]),
+                (None, _) => Material::plain(part.diffuse),
             };
             part.transform(matrix);
             if let Some(asset) = material.asset.filter(|_| name.is_some_and(|name| physical.contains(&name.as_str()))) {

@@ -1,5 +1,5 @@
 //! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on; `memcheck.rs` and
-//! `shader_tools.rs` have the programs that it installs besides.
+//! `shader_tools.rs` and `asset_tools.rs` have the programs that it installs besides.
 //!
 //! Mesa's lavapipe has ray queries from version 25 on. Debian 12 carries that version in its backports;
 //! as root on Debian it is installed, elsewhere the user is told what to install.
@@ -7,7 +7,7 @@
 use crate::failure::Failure;
 use crate::metadata::Metadata;
 use crate::shell::{answer_of, is_root_on_debian, os_release, run_checked};
-use crate::{memcheck, peers, shader_tools};
+use crate::{asset_tools, memcheck, peers, shader_tools};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -21,7 +21,8 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if crate::asks_for_help(arguments) {
         println!(
             "Installs the software Vulkan driver of the GPU tests, compiler and valgrind of those in C, and the programs\n\
-             that check shaders (Debian, as root), or says what to install. BTF_SKIP_PEERS=1 leaves the latter out.\n\n\
+             that check shaders and exported files (Debian, as root), or says what to install. BTF_SKIP_PEERS=1 leaves the\n\
+             latter out.\n\n\
              Usage: cargo xtask setup"
         );
         return Ok(());
@@ -32,7 +33,9 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     println!("{}", ensure()?);
     println!("{}", memcheck::ensure()?);
     if !peers::left_out() {
-        println!("{}", shader_tools::ensure(&Metadata::read()?.target_directory)?);
+        let target = Metadata::read()?.target_directory;
+        println!("{}", shader_tools::ensure(&target)?);
+        println!("{}", asset_tools::ensure(&target)?);
     }
     Ok(())
 }

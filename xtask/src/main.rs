@@ -10,7 +10,7 @@
 //! | `python` | `python.rs`: the Python module, by maturin, in the environment of `peers.rs` |
 //! | `header` | `header.rs`: the C header, by cbindgen |
 //! | `shaders` | `shaders.rs`: the decoder in the languages of engines |
-//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `memcheck.rs`: valgrind for those in C; `shader_tools.rs`: what checks shaders |
+//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `memcheck.rs`: valgrind for those in C; `shader_tools.rs`: what checks shaders; `asset_tools.rs`: what checks exported files |
 //!
 //! The checks that are ours stand in `arrows.rs`, `licences.rs` (over `spdx.rs`) and `words.rs`; all of them read
 //! `cargo metadata` through `metadata.rs`.
@@ -18,6 +18,7 @@
 //! Exit codes: 0 success, 1 a failure, 2 bad usage; a program that a chore started passes its own code on.
 
 mod arrows;
+mod asset_tools;
 mod bench;
 mod check;
 mod counts;
@@ -29,6 +30,7 @@ mod header;
 mod licences;
 mod memcheck;
 mod metadata;
+mod npm;
 mod peers;
 mod python;
 mod shader_tools;

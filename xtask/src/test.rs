@@ -5,7 +5,7 @@ use crate::counts::{Counts, cargo_test_failures, from_cargo_test, from_nextest, 
 use crate::failure::Failure;
 use crate::metadata::{Metadata, has_subcommand};
 use crate::shell::{self, cargo, root, run_and_read};
-use crate::{arrows, driver, fuzz, header, licences, memcheck, peers, python, shader_tools, words};
+use crate::{arrows, asset_tools, driver, fuzz, header, licences, memcheck, peers, python, shader_tools, words};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -121,6 +121,16 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
             let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
             let target = target.ok_or("the target folder is not known")?;
             println!("{}", shader_tools::ensure(target).map_err(|failure| failure.to_string())?);
+            Ok(Counts::PASSED)
+        });
+        suite.step("asset tools", |_| {
+            if peers::left_out() {
+                println!("left out: BTF_SKIP_PEERS=1");
+                return Ok(Counts::SKIPPED);
+            }
+            let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
+            let target = target.ok_or("the target folder is not known")?;
+            println!("{}", asset_tools::ensure(target).map_err(|failure| failure.to_string())?);
             Ok(Counts::PASSED)
         });
         suite.step("peers", |_| {

@@ -3,6 +3,8 @@
 mod compare;
 mod convert;
 mod expand;
+mod export_gltf;
+mod export_ktx2;
 mod fit;
 mod info;
 mod output;
@@ -34,6 +36,8 @@ enum Command {
     Info(info::InfoArgs),
     Validate(validate::ValidateArgs),
     Trade(trade::TradeArgs),
+    ExportGltf(export_gltf::ExportGltfArgs),
+    ExportKtx2(export_ktx2::ExportKtx2Args),
 }
 
 /// Options of every subcommand.
@@ -148,6 +152,8 @@ pub(crate) fn run(cli: Cli) -> Exit {
         Command::Info(args) => info::run(args),
         Command::Validate(args) => validate::run(args, &cli.shared),
         Command::Trade(args) => trade::run(args, &cli.shared),
+        Command::ExportGltf(args) => export_gltf::run(args, &cli.shared),
+        Command::ExportKtx2(args) => export_ktx2::run(args, &cli.shared),
     };
     match result {
         Ok(()) => Exit::Success,

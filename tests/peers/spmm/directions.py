@@ -41,6 +41,11 @@ def direction_set(section):
     directions = [tuple(flat[3 * i : 3 * i + 3]) for i in range(n)]
     triangle_ids = [ids[3 * i : 3 * i + 3] for i in range(t)]
     edge_ids = [ids[3 * t + 2 * i :][:2] for i in range(e)]
+    return derived(directions, triangle_ids, edge_ids)
+
+
+def derived(directions, triangle_ids, edge_ids):
+    """The set with everything that follows from its directions and ids: matrices and the grid."""
     must_be_directions(directions, triangle_ids, edge_ids)
     disk = [d[:2] for d in directions]
 
@@ -57,7 +62,7 @@ def direction_set(section):
         length2 = dx * dx + dy * dy
         edges.append([single(x) for x in (*disk[p], dx, dy, 1 / length2 if length2 > 0 else 0)] + [p, q])
 
-    side = cells_a_side(t)
+    side = cells_a_side(len(triangles))
     offsets, items = [0], []
     for row in range(side):
         for column in range(side):

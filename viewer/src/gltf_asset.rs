@@ -1,0 +1,155 @@
+//! Assets that a glTF file's materials point at: the extension `BTF_materials_spmm` (docs/GLTF.md).
+
+use crate::error::ViewerError;
+use crate::scene::SceneAsset;
+use btf_runtime::{VERSION, read_directory};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+const EXTENSION: &str = "BTF_materials_spmm";
+
+/// The assets of a glTF file by number of the material, which is a part's group; none of files of other kinds.
+///
+/// # Errors
+/// [`ViewerError::Mesh`] for an extension that cannot be followed or an asset that is not the one it tells of; the errors of
+/// [`SceneAsset::load`].
+pub fn assets_of_gltf(path: &Path) -> Result<BTreeMap<usize, Arc<SceneAsset>>, ViewerError> {
+    let mut found = BTreeMap::new();
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    if !["gltf", "glb"].contains(&extension.as_str()) {
+        return Ok(found);
+    }
+    let fault = |reason: String| ViewerError::mesh(path, reason);
+    let gltf = gltf::Gltf::open(path).map_err(|error| fault(format!("the glTF file cannot be read: {error}")))?;
+    let mut loaded: BTreeMap<String, Arc<SceneAsset>> = BTreeMap::new();
+    for (number, material) in gltf.materials().enumerate() {
+        let Some(told) = material.extension_value(EXTENSION) else { continue };
+        let wrong = |what: &str| fault(format!("{EXTENSION} of material {number} {what}, export it again"));
+        if told["version"] != VERSION {
+            return Err(wrong("names a version of the format that is not known"));
+        }
+        let source = told["asset"].to_string();
+        if let Some(known) = loaded.get(&source) {
+            found.insert(number, known.clone());
+            continue;
+        }
+        let (asset, bytes) = match (&told["asset"]["uri"], told["asset"]["bufferView"].as_u64()) {
+            (Value::String(uri), None) => {
+                let file = path.parent().unwrap_or(Path::new("")).join(unescaped(uri));
+                let asset = SceneAsset::load(&file)?;
+                let bytes = std::fs::read(&file).map_err(|source| ViewerError::Read { path: file, source })?;
+                (asset, bytes)
+            }
+            (Value::Null, Some(view)) => {
+                let bytes =
+                    view_bytes(&gltf, path, view).ok_or_else(|| wrong("names a buffer view that is not there"))?;
+                let asset = SceneAsset::from_bytes(material.name().unwrap_or("asset"), bytes.clone())
+                    .map_err(|source| ViewerError::Asset { path: path.into(), source })?;
+                (asset, bytes)
+            }
+            _ => return Err(wrong("names neither a uri nor a buffer view")),
+        };
+        let checksum = read_directory(&bytes).map(|directory| format!("{:016x}", directory.checksum));
+        if told["byteLength"] != bytes.len() || !checksum.is_ok_and(|checksum| told["checksum"] == checksum) {
+            return Err(wrong("tells of another asset than the one that is there"));
+        }
+        let asset = Arc::new(asset);
+        loaded.insert(source, asset.clone());
+        found.insert(number, asset);
+    }
+    Ok(found)
+}
+
+/// The bytes of a buffer view.
+fn view_bytes(gltf: &gltf::Gltf, path: &Path, view: u64) -> Option<Vec<u8>> {
+    let view = gltf.views().nth(usize::try_from(view).ok()?)?;
+    let buffers = gltf::import_buffers(&gltf.document, path.parent(), gltf.blob.clone()).ok()?;
+    let end = view.offset().checked_add(view.length())?;
+    buffers.get(view.buffer().index())?.get(view.offset()..end).map(<[u8]>::to_vec)
+}
+
+/// An address with its escaped bytes as they are; what is no escape stays.
+fn unescaped(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut out = Vec::new();
+    let mut at = 0;
+    while at < bytes.len() {
+        let digits = uri.get(at + 1..at + 3).filter(|_| bytes[at] == b'%');
+        match digits.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+            Some(byte) => {
+                out.push(byte);
+                at += 3;
+            }
+            None => {
+                out.push(bytes[at]);
+                at += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh_file::tests::write_gltf_with_material;
+    use crate::scene::{MeshChoice, Scene};
+    use crate::scene_file::load_scene;
+    use serde_json::json;
+
+    const WEAVE: &[u8] = include_bytes!("models/weave.spmm");
+
+    fn told(asset: Value) -> Value {
+        let checksum = format!("{:016x}", read_directory(WEAVE).unwrap().checksum);
+        json!({ "asset": asset, "version": 1, "byteLength": WEAVE.len(), "checksum": checksum })
+    }
+
+    #[test]
+    fn a_material_that_points_at_an_asset_carries_it() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("grey weave.spmm"), WEAVE).unwrap();
+        let extension = told(json!({ "uri": "grey%20weave.spmm" }));
+        let path = write_gltf_with_material(dir.path(), &json!({ "extensions": { EXTENSION: extension } }));
+        let expected = SceneAsset::built_in();
+        let found = assets_of_gltf(&path).unwrap();
+        assert_eq!((found.len(), &found[&0].resident), (1, &expected.resident));
+
+        let scene = Scene::built_in(&MeshChoice::File(path.clone()), Vec::new(), [1.0; 2]).unwrap();
+        assert_eq!(scene.assets[0].resident, expected.resident);
+        std::fs::write(dir.path().join("s.toml"), "[[object]]\nmesh = \"t.gltf\"\n").unwrap();
+        let scene = load_scene(&dir.path().join("s.toml"), Vec::new()).unwrap();
+        assert_eq!((scene.assets.len(), scene.materials[0].asset), (1, Some(0)));
+
+        // A material without it needs an asset from elsewhere.
+        let plain = write_gltf_with_material(dir.path(), &json!({}));
+        assert!(assets_of_gltf(&plain).unwrap().is_empty());
+        assert!(Scene::built_in(&MeshChoice::File(plain), Vec::new(), [1.0; 2]).is_err());
+    }
+
+    #[test]
+    fn an_extension_that_tells_of_another_asset_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("w.spmm"), WEAVE).unwrap();
+        let right = told(json!({ "uri": "w.spmm" }));
+        let with = |key: &str, value: Value| {
+            let mut wrong = right.clone();
+            wrong[key] = value;
+            wrong
+        };
+        for (wrong, word) in [
+            (with("checksum", json!("0000000000000000")), "another asset"),
+            (with("byteLength", json!(3)), "another asset"),
+            (with("version", json!(9)), "not known"),
+            (with("asset", json!({})), "neither"),
+            (with("asset", json!({ "bufferView": 99 })), "not there"),
+            (with("asset", json!({ "uri": "none.spmm" })), "none.spmm"),
+        ] {
+            let path = write_gltf_with_material(dir.path(), &json!({ "extensions": { EXTENSION: wrong } }));
+            let message = assets_of_gltf(&path).unwrap_err().to_string();
+            assert!(message.contains(word) && !message.contains('\n'), "{message}");
+        }
+        assert_eq!(unescaped("a%20b%zz%2"), "a b%zz%2");
+    }
+}
