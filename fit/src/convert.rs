@@ -2,7 +2,7 @@
 
 use crate::describe::parallel;
 use crate::error::FitError;
-use btf_runtime::{Asset, Resident, ResidentFile, pack, with_levels};
+use btf_runtime::{Asset, ResidentFile, pack, with_levels};
 
 /// What [`convert`] makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,16 +28,7 @@ pub fn convert(asset: &Asset, shape: Shape) -> Result<Vec<u8>, FitError> {
         Shape::Plain => Ok(pack(&asset.without_levels())?),
         Shape::Levels => Ok(pack(&with_levels(asset, &parallel))?),
         Shape::Level(number) => Ok(pack(&with_levels(asset, &parallel).level(number))?),
-        Shape::Resident => {
-            let whole = with_levels(asset, &parallel);
-            let file = ResidentFile {
-                resident: Resident::from_asset_on(&whole, &parallel),
-                size_mm: whole.size_mm,
-                seamless: whole.seamless,
-                material: whole.material,
-            };
-            Ok(file.pack()?)
-        }
+        Shape::Resident => Ok(ResidentFile::of_asset(with_levels(asset, &parallel), &parallel).pack()?),
     }
 }
 
@@ -45,6 +36,7 @@ pub fn convert(asset: &Asset, shape: Shape) -> Result<Vec<u8>, FitError> {
 mod tests {
     use super::*;
     use crate::sample_asset::sample_asset;
+    use btf_runtime::Resident;
     use std::sync::Arc;
 
     #[test]

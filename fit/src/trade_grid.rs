@@ -1,8 +1,7 @@
 //! The grid of a trade: which settings there are, and what measuring and timing each of them takes.
 
 use crate::compare::{MeasureParams, colour_pair_stride, measure_decoder};
-use crate::describe::parallel;
-use crate::describe::resident_in_parallel;
+use crate::describe::{parallel, resident_in_parallel};
 use crate::error::FitError;
 use crate::evaluation_time::{Query, least_nanoseconds, random_queries};
 use crate::gpu_clock::{GpuAsset, GpuClock};

@@ -3,7 +3,7 @@
 use crate::asset::Asset;
 use crate::error::FormatError;
 use crate::mip::with_levels;
-use crate::resident::{Resident, ResidentBytes};
+use crate::resident::ResidentBytes;
 use crate::resident_file::ResidentFile;
 use crate::threads::Threads;
 
@@ -29,12 +29,7 @@ pub fn open(bytes: ResidentBytes, levels: Levels, threads: Threads) -> Result<Re
     if levels == Levels::All {
         asset = with_levels(&asset, threads);
     }
-    Ok(ResidentFile {
-        resident: Resident::from_asset_on(&asset, threads),
-        size_mm: asset.size_mm,
-        seamless: asset.seamless,
-        material: asset.material,
-    })
+    Ok(ResidentFile::of_asset(asset, threads))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The resident form as a file: its words as they lie in memory, to be mapped, checked and bound without a copy.
 
+use crate::asset::Asset;
 use crate::error::FormatError;
 use crate::fault::Faults;
 use crate::format::{
@@ -29,6 +30,12 @@ impl ResidentFile {
     /// Whether these bytes begin like a file of this form.
     pub fn is_one(bytes: &[u8]) -> bool {
         read_form(bytes) == Some(Form::Resident as u32)
+    }
+
+    /// Expands an asset, with its levels and edits, on `threads`; as [`Resident::from_asset_on`].
+    pub fn of_asset(asset: Asset, threads: Threads) -> ResidentFile {
+        let resident = Resident::from_asset_on(&asset, threads);
+        ResidentFile { resident, size_mm: asset.size_mm, seamless: asset.seamless, material: asset.material }
     }
 
     /// Checks a file and takes its words as they lie: `bytes` are kept, not copied, unless they lie at an address that is no

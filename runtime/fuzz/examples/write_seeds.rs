@@ -1,7 +1,7 @@
 //! Writes the first inputs of the fuzz targets to `corpus`; what a fuzzer finds beyond them is added by its `-merge=1`.
 
 use btf_runtime::testing::Random;
-use btf_runtime::{Resident, ResidentFile, pack};
+use btf_runtime::{ResidentFile, pack, serial};
 use btf_runtime_fuzz::any_asset;
 use std::path::Path;
 
@@ -17,12 +17,7 @@ fn main() -> std::io::Result<()> {
         let name = format!("seed-{seed:02}");
         std::fs::write(corpus.join("round_trip").join(&name), &bytes)?;
         std::fs::write(corpus.join("parse").join(&name), pack(&asset).expect("it keeps to the format"))?;
-        let resident = ResidentFile {
-            resident: Resident::from_asset(&asset),
-            size_mm: asset.size_mm,
-            seamless: asset.seamless,
-            material: asset.material,
-        };
+        let resident = ResidentFile::of_asset(asset, &serial);
         std::fs::write(corpus.join("resident").join(&name), resident.pack().expect("it is small"))?;
     }
     Ok(())

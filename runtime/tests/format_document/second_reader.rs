@@ -4,9 +4,8 @@
 use super::{block, document_bytes, example};
 use btf_runtime::testing::{FileParts, sample_asset, sample_heights};
 use btf_runtime::{
-    Asset, DictionaryLobe, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, Lobe, LobeFamily, LobeRef, Resident,
-    ResidentFile, ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, core_at_pair, pack, serial,
-    with_levels,
+    Asset, DictionaryLobe, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, Lobe, LobeFamily, LobeRef, ResidentFile,
+    ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, core_at_pair, pack, serial, with_levels,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -244,13 +243,7 @@ pub(super) fn add_extreme_lobes(layer: &mut Layer) {
 }
 
 pub(super) fn resident_bytes(asset: &Asset) -> Vec<u8> {
-    let file = ResidentFile {
-        resident: Resident::from_asset(asset),
-        size_mm: asset.size_mm,
-        seamless: asset.seamless,
-        material: asset.material.clone(),
-    };
-    file.pack().unwrap()
+    ResidentFile::of_asset(asset.clone(), &serial).pack().unwrap()
 }
 
 #[test]
