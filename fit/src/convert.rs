@@ -9,7 +9,7 @@ use btf_runtime::{Asset, ResidentFile, pack, with_levels};
 pub enum Shape {
     /// The file form without levels.
     Plain,
-    /// The file form with levels: about a fifth more bytes; a reader need not make them.
+    /// The file form with levels: about a quarter more bytes; a reader need not make them.
     Levels,
     /// The resident form with levels: to be mapped, nothing to be decoded; many times the bytes.
     Resident,

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// Write an asset in another shape: with coarser levels, or as a renderer holds it
 ///
 /// A fitted asset is small and holds its finest level; renderers make the coarser ones when they load it.
-/// `levels` stores them, too, for about a fifth more bytes. `resident` is what renderers hold in memory: many times the
+/// `levels` stores them, too, for about a quarter more bytes. `resident` is what renderers hold in memory: many times the
 /// bytes, and nothing to decode; it is mapped and bound as it lies. `--level` writes one level for what is never seen closer.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
