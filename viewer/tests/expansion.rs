@@ -208,13 +208,13 @@ fn the_cpu_expands_what_a_gpu_cannot_bind() {
     let Some(mut gpu) = gpu("the_cpu_expands_what_a_gpu_cannot_bind") else { return };
     gpu.expand_bases(true);
     let mut asset = sample_asset(5, 24, 16, ResidualKind::Root);
-    enlarge(&mut asset, 3, 12, 20);
+    enlarge(&mut asset, 3, 2, 20);
     let expanded = |gpu: &Gpu| {
         let scene = scene(&asset);
         Tracer::new(gpu, &scene, GpuTracer::Bvh).unwrap();
         scene.assets[0].is_expanded()
     };
     assert!(!expanded(&gpu));
-    gpu.limit_bindings(1 << 15);
+    gpu.limit_bindings(1 << 14);
     assert!(expanded(&gpu));
 }
