@@ -3,35 +3,35 @@
 //! A basis of cluster k is `sum_q m_kq U S_q W^T` for each colour-frame channel, with the mixture m, the shared cores S and the
 //! factors U and W. A cluster's bases are made together: first their cores, from the few entries of S that are not 0, then
 //! the view factor, then the light factor and RGB. Each step sums weighted rows with the basis as the innermost index, which
-//! is the order of the resident form as well.
+//! is the order of the resident form as well. Twin, as a compute pass: `shaders/expansion.wgsl`, over `expansion_input.rs`.
 
 use crate::residual::{COLOUR_FRAME, Residual};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Rows have a length that is a multiple of this, so that vectors of every width fill them.
-const LANES: usize = 16;
+pub(crate) const LANES: usize = 16;
 /// Vectors that one pass over the terms of a sum keeps in registers.
 const BLOCK: usize = 6;
 
 /// What all clusters share.
 pub(crate) struct Expansion<'a> {
     residual: &'a Residual,
-    channels: [Channel; 3],
+    pub channels: [Channel; 3],
     /// Numbers of a row: the bases, padded.
     row: usize,
 }
 
 /// One colour-frame channel.
-struct Channel {
+pub(crate) struct Channel {
     /// View rank, light rank.
-    ranks: [usize; 2],
+    pub ranks: [usize; 2],
     /// `[view, view rank]` and `[light, light rank]`.
-    view: Vec<f32>,
-    light: Vec<f32>,
+    pub view: Vec<f32>,
+    pub light: Vec<f32>,
     /// Where the terms of each core entry begin, and at last where they end.
-    starts: Vec<usize>,
+    pub starts: Vec<usize>,
     /// Shared bases whose core is not 0 there: value, and number.
-    terms: Vec<(f32, usize)>,
+    pub terms: Vec<(f32, usize)>,
 }
 
 impl<'a> Expansion<'a> {
@@ -68,7 +68,7 @@ impl<'a> Expansion<'a> {
     }
 
     /// Mixtures of one cluster, `[shared, row]`; the step of a component's codes is multiplied in.
-    fn mixtures(&self, cluster: usize) -> Vec<f32> {
+    pub(crate) fn mixtures(&self, cluster: usize) -> Vec<f32> {
         let shared = self.residual.shared.steps.len();
         let mut mixtures = vec![0.0; shared * self.row];
         for (index, basis) in self.residual.bases.iter().enumerate() {

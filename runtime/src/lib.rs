@@ -24,6 +24,7 @@ mod entropy;
 mod error;
 mod evaluate;
 mod expansion;
+mod expansion_input;
 mod fault;
 mod finding;
 mod format;
@@ -63,6 +64,9 @@ pub use edit::{EDIT_WORDS, Edit, Edits, MOST_EDIT_WORDS, MOST_EDITS};
 pub use entropy::plane_bytes;
 pub use error::FormatError;
 pub use evaluate::{Query, Sample, UNIT_RANGE, density, evaluate, evaluate_many, is_unit, sample};
+pub use expansion_input::{
+    EXPANSION_WGSL, EXPANSION_WORKGROUP, ExpansionChannel, ExpansionInput, ExpansionShape, ExpansionSlice,
+};
 pub use finding::Finding;
 pub use format::{
     ALIGNMENT, Directory, Form, Head, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS,

@@ -9,6 +9,7 @@ use crate::edit::{Edits, push_dictionaries};
 use crate::expansion::Expansion;
 use crate::format::{MAX_LAYERS, MOST_LEVELS};
 use crate::parallax::Heights;
+use crate::residual::Residual;
 use crate::sphere::direction;
 use crate::texel;
 use crate::threads::{Threads, fill, serial};
@@ -130,9 +131,16 @@ impl Resident {
         Resident::from_asset_on(asset, &serial)
     }
 
-    /// The same on `threads`. Cost: with B bases of K clusters, V views, L lights, ranks rv and rl and E entries of the shared cores
-    /// that are not 0, `B K (E + V rl (rv + L))` multiply-adds a channel, in vectors; then one pass over the words.
+    /// The same on `threads`. Cost: that of [`Resident::without_bases`] and [`Resident::expand_bases`].
     pub fn from_asset_on(asset: &Asset, threads: Threads) -> Resident {
+        let mut resident = Resident::without_bases(asset);
+        resident.expand_bases(asset, threads);
+        resident
+    }
+
+    /// The same with zeros where the bases belong ([`Resident::bases_of`]), for who expands them elsewhere: nobody has
+    /// written these, so that a system that gives memory page by page gives none for them. Cost: a pass over the other words.
+    pub fn without_bases(asset: &Asset) -> Resident {
         let mut words = vec![0u32; ASSET_WORDS];
         words[0] = asset.width as u32;
         words[1] = asset.height as u32;
@@ -165,11 +173,46 @@ impl Resident {
                 );
             }
         }
-        let mut resident = Resident { words: Words::Own(with_bases(words, asset, threads)) };
+        let mut resident = Resident { words: Words::Own(with_room_for_bases(words, asset)) };
         if !asset.edits.list.is_empty() {
             resident.set_edits(&asset.edits, &asset.layers);
         }
         resident
+    }
+
+    /// Fills in the bases of the asset that this was made from. Cost: with B bases of K clusters, V views, L lights, ranks rv
+    /// and rl and E entries of the shared cores that are not 0, `B K (E + V rl (rv + L))` multiply-adds a channel, in vectors;
+    /// then one pass over the words.
+    pub fn expand_bases(&mut self, asset: &Asset, threads: Threads) {
+        if let Words::Shared(..) = self.words {
+            self.words = Words::Own(self.words().to_vec());
+        }
+        let places: Vec<_> = (0..asset.layers.len()).map(|layer| self.bases_of(layer as u32)).collect();
+        let Words::Own(words) = &mut self.words else { return };
+        for (layer, place) in asset.layers.iter().zip(places) {
+            let Some(residual) = &layer.residual else { continue };
+            let expansion = Expansion::new(residual);
+            fill(threads, &mut words[place], cluster_words(residual), |cluster, words| {
+                let halves: &mut [u16] = bytemuck::cast_slice_mut(words);
+                let halves: &mut [f16] = halves.reinterpret_cast_mut();
+                let mut clamped = Vec::new();
+                expansion.rows(cluster, |view, rows| {
+                    clamped.clear();
+                    clamped.extend(rows.iter().map(|x| x.clamp(-MAX_HALF, MAX_HALF)));
+                    halves[view * rows.len()..(view + 1) * rows.len()].convert_from_f32_slice(&clamped);
+                });
+            });
+        }
+    }
+
+    /// Where the bases of `layer` lie, cluster after cluster; empty without a residual.
+    pub fn bases_of(&self, layer: u32) -> Range<usize> {
+        let count = |field: usize| self.field(layer, field) as usize;
+        if count(block::BASES) == 0 {
+            return 0..0;
+        }
+        let first = count(block::BASIS);
+        first..first + count(block::CLUSTERS) * count(block::PAIRS) * 3 * count(block::CHANNEL_WORDS)
     }
 
     /// Puts `edits` in place of those at hand, at all levels. `layers` are those of the asset that this was made from.
@@ -441,16 +484,13 @@ fn push_texels(words: &mut Vec<u32>, base: usize, texels: &Texels) {
     begin_part(words);
 }
 
-/// The words with each layer's expanded bases behind them.
-fn with_bases(head: Vec<u32>, asset: &Asset, threads: Threads) -> Vec<u32> {
-    let expansions: Vec<Option<Expansion>> =
-        asset.layers.iter().map(|layer| layer.residual.as_ref().map(Expansion::new)).collect();
-    let cluster_words = |expansion: &Expansion| expansion.entries() * expansion.padded() / 2;
+/// The words with room for each layer's bases behind them.
+fn with_room_for_bases(head: Vec<u32>, asset: &Asset) -> Vec<u32> {
     let mut total = head.len();
     let mut firsts = Vec::new();
-    for (layer, expansion) in asset.layers.iter().zip(&expansions) {
+    for layer in &asset.layers {
         firsts.push(total);
-        let of_layer = expansion.as_ref().map_or(0, |made| layer.dictionary.len() * cluster_words(made));
+        let of_layer = layer.residual.as_ref().map_or(0, |residual| layer.dictionary.len() * cluster_words(residual));
         total = (total + of_layer).next_multiple_of(PART_WORDS);
     }
     // Zeros that the system gives: nothing is written before the threads do.
@@ -459,31 +499,24 @@ fn with_bases(head: Vec<u32>, asset: &Asset, threads: Threads) -> Vec<u32> {
     words[3] = total as u32;
     let layers = asset.layers.len();
     for level in 0..words[4] as usize {
-        for (number, first) in firsts.iter().enumerate().filter(|(number, _)| expansions[*number].is_some()) {
+        for (number, first) in firsts.iter().enumerate().filter(|(number, _)| asset.layers[*number].residual.is_some())
+        {
             let at = words[ASSET_LAYERS + level * layers + number] as usize;
             words[at + block::BASIS] = *first as u32;
         }
     }
-    for ((layer, expansion), first) in asset.layers.iter().zip(&expansions).zip(firsts) {
-        let Some(expansion) = expansion else { continue };
-        let length = cluster_words(expansion);
-        fill(threads, &mut words[first..first + layer.dictionary.len() * length], length, |cluster, words| {
-            let halves: &mut [u16] = bytemuck::cast_slice_mut(words);
-            let halves: &mut [f16] = halves.reinterpret_cast_mut();
-            let mut clamped = Vec::new();
-            expansion.rows(cluster, |view, rows| {
-                clamped.clear();
-                clamped.extend(rows.iter().map(|x| x.clamp(-MAX_HALF, MAX_HALF)));
-                halves[view * rows.len()..(view + 1) * rows.len()].convert_from_f32_slice(&clamped);
-            });
-        });
-    }
     words
+}
+
+/// Words of one cluster's bases.
+fn cluster_words(residual: &Residual) -> usize {
+    residual.factors.shape.iter().product::<usize>() * 3 * residual.bases.len().div_ceil(2)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::edit::Edit;
     use crate::lobe::RESIDENT_WORDS;
     use crate::residual::ResidualKind;
     use crate::sphere::Sphere;
@@ -496,6 +529,23 @@ mod tests {
         assert_eq!(one_by_one, Resident::from_asset_on(&asset, &|n, work| (0..n).rev().for_each(work)));
         // Planted difference: a cluster left out.
         assert_ne!(one_by_one, Resident::from_asset_on(&asset, &|n, work| (0..n.min(2)).for_each(work)));
+    }
+
+    #[test]
+    fn without_bases_all_else_is_there_and_they_can_follow() {
+        let mut asset = sample_asset(6, 6, 5, ResidualKind::Root);
+        asset.edits = Edits { list: vec![Edit::default()], texels: vec![1; 30] };
+        let whole = Resident::from_asset(&asset);
+        let mut without = Resident::without_bases(&asset);
+        let bases = without.bases_of(0);
+        assert!(without.words()[bases.clone()].iter().all(|word| *word == 0));
+        assert_eq!(without.words()[..bases.start], whole.words()[..bases.start]);
+        assert_eq!(without.words()[bases.end..], whole.words()[bases.end..]);
+        assert_ne!(without, whole);
+        without.expand_bases(&asset, &serial);
+        assert_eq!(without, whole);
+        asset.layers[0].residual = None;
+        assert!(Resident::without_bases(&asset).bases_of(0).is_empty());
     }
 
     #[test]

@@ -2,7 +2,8 @@
 //! constants are the twin's, and the twin files hold the same functions in the same order.
 
 use btf_runtime::{
-    ASSET_LAYERS, COSINE_SHARE, DIRECTION_WORDS, EDGE_WORDS, EDIT_WORDS, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE,
+    ASSET_LAYERS, COLOUR_FRAME, COSINE_SHARE, DIRECTION_WORDS, EDGE_WORDS, EDIT_WORDS, EXPANSION_WGSL,
+    EXPANSION_WORKGROUP, ExpansionChannel, ExpansionShape, ExpansionSlice, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE,
     Interpolation, LEAST_ALPHA, LEAST_AXIS, LEAST_RAY_STEPS, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole,
     MAX_LOG, MIN_COS_VIEW, MIN_HALF, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP,
     ROOT, ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, TRIANGLE_WORDS, UNIT_RANGE, WGSL, block, wgsl_library,
@@ -257,4 +258,71 @@ fn the_lobe_switch_has_a_case_for_each_family() {
         assert_eq!(lobes.contains(&case), family != LobeFamily::Lambertian, "{case}");
     }
     assert!(lobes.contains("default: { return ci; }"));
+}
+
+fn expansion_module() -> Module {
+    module_from(EXPANSION_WGSL, CAPABILITIES).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn the_expansion_is_a_program_of_its_own_with_six_storage_buffers() {
+    let module = expansion_module();
+    assert!(module_from(EXPANSION_WGSL, Capabilities::empty()).is_err(), "the capability is needed");
+    assert!(module_from(&EXPANSION_WGSL.replace("WORKGROUP: u32", "WORKGROUP: f32"), CAPABILITIES).is_err());
+    let names: Vec<&str> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
+    assert_eq!(names, ["cores_main", "viewed_main", "lit_main"]);
+    assert!(module.entry_points.iter().all(|entry| entry.workgroup_size == [EXPANSION_WORKGROUP, 1, 1]));
+    // WebGPU's default is eight a stage.
+    let is_storage = |space| matches!(space, naga::AddressSpace::Storage { .. });
+    assert_eq!(module.global_variables.iter().filter(|(_, variable)| is_storage(variable.space)).count(), 6);
+}
+
+#[test]
+fn the_expansions_structs_have_the_same_fields_at_the_same_offsets() {
+    use std::mem::{offset_of, size_of};
+    macro_rules! fields {
+        ($ty:ty; $($field:ident),*) => {
+            (size_of::<$ty>(), vec![$((stringify!($field), offset_of!($ty, $field))),*])
+        };
+    }
+    let module = expansion_module();
+    let in_wgsl = |name: &str| {
+        let found = module.types.iter().find_map(|(_, ty)| match &ty.inner {
+            naga::TypeInner::Struct { members, span } if ty.name.as_deref() == Some(name) => Some((members, *span)),
+            _ => None,
+        });
+        let (members, span) = found.unwrap();
+        let fields: Vec<(&str, usize)> =
+            members.iter().map(|member| (member.name.as_deref().unwrap(), member.offset as usize)).collect();
+        (span as usize, fields)
+    };
+    let all = [
+        (
+            "Channel",
+            fields!(ExpansionChannel; view_rank, light_rank, first_core, first_row, view_at, light_at, pad0, pad1),
+        ),
+        (
+            "Shape",
+            fields!(ExpansionShape; channels, views, lights, channel_words, quads, shared_bases, cores, rows, pad0),
+        ),
+        ("Slice", fields!(ExpansionSlice; first_cluster, bases_at, piece_from, piece_words)),
+    ];
+    for (name, mut twin) in all {
+        assert_eq!(in_wgsl(name), twin, "{name}");
+        // Planted difference: two fields of the same size exchanged.
+        twin.1.swap(0, 1);
+        assert_ne!(in_wgsl(name), twin, "{name}");
+    }
+}
+
+#[test]
+fn the_expansions_colours_are_the_frames() {
+    let found = constants(&expansion_module());
+    let value = |name: &str| found.iter().find(|(known, _)| known == name).unwrap().1;
+    let [grey, red_blue, green_magenta] = ["GREY", "RED_BLUE", "GREEN_MAGENTA"].map(value);
+    let rows = [[grey; 3], [red_blue, 0.0, -red_blue], [green_magenta, -2.0 * green_magenta, green_magenta]];
+    for (row, expected) in rows.iter().flatten().zip(COLOUR_FRAME.as_flattened()) {
+        assert!((row - f64::from(*expected)).abs() < 1e-7, "{row} {expected}");
+    }
+    assert_eq!(value("MAX_HALF"), 65504.0);
 }

@@ -3,6 +3,7 @@
 
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
+use crate::gpu_expand::{Expander, LayerBases, other_words};
 use crate::pieces::{PieceLayout, Pieces};
 
 /// Words that are left free behind an asset of so many words, for edits: some sixteen of an asset of 240 lobes.
@@ -31,6 +32,20 @@ fn place(words: &[usize], most_words: usize) -> (Vec<u32>, PieceLayout, usize) {
     (bases, PieceLayout::of(at, most_words), at)
 }
 
+/// What is uploaded as one asset.
+pub(crate) struct ArenaAsset<'a> {
+    pub words: &'a [u32],
+    /// What of the words is not uploaded but expanded there.
+    pub bases: &'a [LayerBases],
+}
+
+impl<'a> ArenaAsset<'a> {
+    /// All of `words`, as they are.
+    pub(crate) fn whole(words: &'a [u32]) -> ArenaAsset<'a> {
+        ArenaAsset { words, bases: &[] }
+    }
+}
+
 /// The buffers.
 pub(crate) struct Arena {
     pub pieces: Pieces,
@@ -41,14 +56,15 @@ pub(crate) struct Arena {
 }
 
 impl Arena {
-    /// Uploads the words of `assets`, with `room` for more behind an asset of so many words.
+    /// Uploads the words of `assets`, with `room` for more behind an asset of so many words, and has their bases expanded
+    /// where they lack them.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the adapter binds too few buffers for so many pieces, or has no memory for them.
-    pub(crate) fn new(gpu: &Gpu, assets: &[&[u32]], room: fn(usize) -> usize) -> Result<Arena, ViewerError> {
+    pub(crate) fn new(gpu: &Gpu, assets: &[ArenaAsset], room: fn(usize) -> usize) -> Result<Arena, ViewerError> {
         let most_bytes = gpu.most_binding_bytes();
         let most_buffers = gpu.most_pieces();
-        let room: Vec<usize> = assets.iter().map(|words| words.len() + room(words.len())).collect();
+        let room: Vec<usize> = assets.iter().map(|asset| asset.words.len() + room(asset.words.len())).collect();
         let (bases, layout, total) = place(&room, (most_bytes / 4) as usize);
         if layout.pieces > most_buffers || total > u32::MAX as usize {
             return Err(gpu.error(format!(
@@ -61,12 +77,19 @@ impl Arena {
         let buffers = (0..layout.pieces)
             .map(|piece| {
                 let words = layout.range(piece, total).len();
-                gpu.empty_buffer("assets", 4 * words as u64, wgpu::BufferUsages::STORAGE)
+                gpu.empty_buffer("assets", 4 * words as u64, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC)
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let arena = Arena { pieces: Pieces { layout, buffers }, bases, room };
-        for (number, words) in assets.iter().enumerate() {
-            arena.write(gpu, number, words, 0..words.len());
+        let arena = Arena { pieces: Pieces { layout, buffers, count: total }, bases, room };
+        let mut expander = None;
+        for (number, asset) in assets.iter().enumerate() {
+            for range in other_words(asset.words.len(), asset.bases) {
+                arena.write(gpu, number, asset.words, range);
+            }
+            for layer in asset.bases {
+                let expander = expander.get_or_insert_with(|| Expander::new(gpu));
+                expander.expand(gpu, layer, arena.bases[number], &arena.pieces)?;
+            }
         }
         Ok(arena)
     }

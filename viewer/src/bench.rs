@@ -179,7 +179,7 @@ pub fn run_bench(
         backend: engine.backend(),
         timer: engine.timer(),
         assets: assets.iter().map(|asset| asset.name.clone()).collect(),
-        resident_bytes: assets.iter().map(|asset| 4 * asset.resident.words().len()).sum(),
+        resident_bytes: assets.iter().map(|asset| 4 * asset.head().words().len()).sum(),
         rows,
     })
 }

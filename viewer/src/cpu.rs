@@ -67,6 +67,10 @@ impl CpuPicture {
     /// Adds one sample to every pixel, rows in parallel. `row_done` is called after every row; once it returns
     /// `false` the remaining rows are left out.
     pub fn add_sample(&mut self, scene: &Scene, options: &ShadeOptions, row_done: &(dyn Fn() -> bool + Sync)) {
+        // Before the rows, so that no two expand the same.
+        scene.assets.iter().for_each(|asset| {
+            asset.resident();
+        });
         let shader = Shader {
             scene,
             camera: scene.camera.frame(self.width, self.height),
@@ -234,7 +238,7 @@ impl Shader<'_> {
         let Some(asset) = material.asset.filter(|_| self.options.uses_levels()) else {
             return 0;
         };
-        let resident = &self.scene.assets[asset].resident;
+        let resident = self.scene.assets[asset].head();
         // Side of a square of the area that the pixel sees.
         let width = travelled * self.camera.pixel_width() / s.wo.z.abs().sqrt();
         let size = Vec2::new(resident.width() as f32, resident.height() as f32) * Vec2::from(material.uv_scale).abs();
@@ -259,7 +263,7 @@ impl Shader<'_> {
         let scene = self.scene;
         let viewed = match material.asset {
             Some(asset) => {
-                let resident = &scene.assets[asset].resident;
+                let resident = scene.assets[asset].resident();
                 let Some(layer) = resident.layer_for_sides(level, light_back, s.view_back) else {
                     return Vec3::ZERO;
                 };
@@ -380,7 +384,7 @@ impl Shader<'_> {
             let density = share * wi.z.abs() / PI;
             return Some(Scattered { direction: s.world_from_local(wi), back, weight, density });
         };
-        let resident = &self.scene.assets[asset].resident;
+        let resident = self.scene.assets[asset].resident();
         let mut layer = resident.layer_for_sides(0, s.view_back, s.view_back);
         if let Some(through) = resident.layer_for_sides(0, !s.view_back, s.view_back) {
             // Either side of the surface is as likely, where light comes from both.
@@ -495,7 +499,7 @@ pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option
     let (s, _) = shader.surface_of(&hit, sunk, direction);
     let material = &scene.materials[s.material];
     let asset = material.asset?;
-    let texel = scene.assets[asset].resident.texel(0, (s.uv * Vec2::from(material.uv_scale)).to_array());
+    let texel = scene.assets[asset].head().texel(0, (s.uv * Vec2::from(material.uv_scale)).to_array());
     Some(Picked { asset, texel, position: s.position })
 }
 
@@ -504,7 +508,7 @@ pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option
 pub(crate) fn levels_seen(scene: &Scene, [width, height]: [u32; 2], options: &ShadeOptions) -> Vec<Vec<u64>> {
     let camera = scene.camera.frame(width, height);
     let shader = Shader { scene, camera, jitter: [0.0; 2], sample: 0, options: *options };
-    let empty = || scene.assets.iter().map(|asset| vec![0u64; asset.resident.levels() as usize]).collect::<Vec<_>>();
+    let empty = || scene.assets.iter().map(|asset| vec![0u64; asset.head().levels() as usize]).collect::<Vec<_>>();
     let row = |y: u32| {
         let mut seen = empty();
         for x in 0..width {
@@ -544,7 +548,7 @@ fn side_share(scene: &Scene, s: &Surface, material: &Material, back: bool) -> f3
     let share = body / (glossy + body).max(1e-6);
     match material.asset {
         Some(asset) => {
-            let both = scene.assets[asset].resident.layer_for_sides(0, !back, s.view_back).is_some();
+            let both = scene.assets[asset].head().layer_for_sides(0, !back, s.view_back).is_some();
             if both { 0.5 * share } else { share }
         }
         None if back != s.view_back => 0.0,

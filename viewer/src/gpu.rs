@@ -26,6 +26,8 @@ pub struct Gpu {
     info: wgpu::AdapterInfo,
     /// Bytes of one binding at most.
     most_binding_bytes: u64,
+    /// Whether it expands assets' bases itself.
+    expands_bases: bool,
     /// First error that the driver reported outside a call.
     fault: Arc<Mutex<Option<String>>>,
 }
@@ -146,7 +148,9 @@ impl Gpu {
         });
         let limits = device.limits();
         let most_binding_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        Ok(Gpu { device, queue, instance, adapter, info, most_binding_bytes, fault })
+        // Software drivers compute on the CPU, which is faster at it with its own vectors.
+        let expands_bases = info.device_type != wgpu::DeviceType::Cpu;
+        Ok(Gpu { device, queue, instance, adapter, info, most_binding_bytes, expands_bases, fault })
     }
 
     /// Adapter name as the driver gives it.
@@ -172,6 +176,16 @@ impl Gpu {
     /// Has assets cut into pieces of at most `bytes` and pictures into bands, as on an adapter that binds no more at once.
     pub fn limit_bindings(&mut self, bytes: u64) {
         self.most_binding_bytes = self.most_binding_bytes.min(bytes);
+    }
+
+    /// Has the bases of assets in file form expanded here, or by the CPU and uploaded. At first GPUs expand them, and the CPU does
+    /// for software drivers.
+    pub fn expand_bases(&mut self, here: bool) {
+        self.expands_bases = here;
+    }
+
+    pub(crate) fn expands_bases(&self) -> bool {
+        self.expands_bases
     }
 
     pub(crate) fn most_binding_bytes(&self) -> u64 {

@@ -1,6 +1,6 @@
 //! Decodes a list of samples on the GPU, with the same shader text that draws: for comparison with the CPU decoder.
 
-use crate::arena::Arena;
+use crate::arena::{Arena, ArenaAsset};
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
 use crate::pieces::ASSETS;
@@ -60,7 +60,7 @@ pub fn gpu_decode(
     queries: &[DecodeQuery],
 ) -> Result<Vec<[f32; 3]>, ViewerError> {
     gpu.require(tracer)?;
-    let arena = Arena::new(gpu, &[resident.words()], |_| 0)?;
+    let arena = Arena::new(gpu, &[ArenaAsset::whole(resident.words())], |_| 0)?;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("decode"),
         source: wgpu::ShaderSource::Wgsl(

@@ -107,6 +107,8 @@ pub(crate) const NODES: PieceArray =
 pub(crate) struct Pieces {
     pub layout: PieceLayout,
     pub buffers: Vec<wgpu::Buffer>,
+    /// Elements in all.
+    pub count: usize,
 }
 
 impl Pieces {
@@ -127,7 +129,12 @@ impl Pieces {
                 gpu.buffer(label, bytemuck::cast_slice(part), wgpu::BufferUsages::STORAGE | usage)
             })
             .collect::<Result<_, _>>()?;
-        Ok(Pieces { layout, buffers })
+        Ok(Pieces { layout, buffers, count: values.len() })
+    }
+
+    /// Elements of each piece.
+    pub(crate) fn places(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        (0..self.layout.pieces).map(|piece| self.layout.range(piece, self.count))
     }
 
     /// What a bind group of `array` holds.

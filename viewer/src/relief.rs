@@ -53,7 +53,7 @@ impl<'a> Relief<'a> {
         if material.displacement <= 0.0 {
             return None;
         }
-        let resident = &scene.assets[material.asset?].resident;
+        let resident = scene.assets[material.asset?].head();
         let field = HeightField::of_resident(resident, resident.layer_for_sides(0, false, false)?)?;
         let size = Vec2::new(resident.width() as f32, resident.height() as f32);
         let scale = Vec2::from(material.uv_scale);

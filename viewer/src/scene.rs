@@ -14,7 +14,7 @@ use glam::{Mat4, Vec3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Linear grey behind everything.
 pub const BACKGROUND: [f32; 3] = [0.18; 3];
@@ -44,8 +44,10 @@ pub struct SceneAsset {
     pub size_mm: Option<[f32; 2]>,
     /// The asset in its file form; `None` where only the resident form is at hand.
     pub file: Option<FileForm>,
-    /// The asset with its levels in resident form.
-    pub resident: Resident,
+    /// The asset with its levels in resident form; the bases of one that came in file form are zeros.
+    head: Resident,
+    /// With its bases, once somebody has asked for them.
+    expanded: OnceLock<Resident>,
     most_lobes: u32,
 }
 
@@ -71,7 +73,7 @@ fn parallel(count: usize, work: &(dyn Fn(usize) + Sync)) {
 }
 
 impl SceneAsset {
-    /// Reads and checks an asset in either form: expands the bases of a file form on all threads, maps a resident one.
+    /// Reads and checks an asset in either form; maps a resident one.
     ///
     /// # Errors
     /// [`ViewerError::Read`] or [`ViewerError::Asset`], both naming the file.
@@ -105,8 +107,9 @@ impl SceneAsset {
     }
 
     fn of_resident(name: String, file: ResidentFile) -> SceneAsset {
-        let (resident, size_mm) = (file.resident, file.size_mm);
-        SceneAsset { name, path: None, size_mm, file: None, most_lobes: resident.most_lobes(), resident }
+        let (head, size_mm) = (file.resident, file.size_mm);
+        let most_lobes = head.most_lobes();
+        SceneAsset { name, path: None, size_mm, file: None, head, expanded: OnceLock::new(), most_lobes }
     }
 
     /// The file form, for what needs it.
@@ -131,38 +134,61 @@ impl SceneAsset {
         SceneAsset::new("weave", asset.expect("the built-in asset is whole"))
     }
 
-    /// Expands an asset that is already in memory, and makes its levels.
+    /// An asset that is already in memory, whose levels are made.
     pub fn new(name: impl Into<String>, asset: Asset) -> SceneAsset {
         let whole = with_levels(&asset, &parallel);
-        let resident = Resident::from_asset_on(&whole, &parallel);
-        let (size_mm, most_lobes) = (asset.size_mm, resident.most_lobes());
+        let head = Resident::without_bases(&whole);
+        let (size_mm, most_lobes) = (asset.size_mm, head.most_lobes());
         SceneAsset {
             name: name.into(),
             path: None,
             size_mm,
             file: Some(FileForm { asset, whole }),
-            resident,
+            head,
+            expanded: OnceLock::new(),
             most_lobes,
         }
+    }
+
+    /// The asset with its levels in resident form, but for the bases: those of one that came in file form are zeros.
+    pub fn head(&self) -> &Resident {
+        &self.head
+    }
+
+    /// The asset with its levels in resident form, as decoders on the CPU take it. Cost: the first time, for one that came in
+    /// file form, its bases are expanded on all threads.
+    pub fn resident(&self) -> &Resident {
+        let Some(file) = &self.file else { return &self.head };
+        self.expanded.get().unwrap_or_else(|| {
+            // Made before the cell is locked: a thread that waits for others may take up work that asks for this as well.
+            let made = Resident::from_asset_on(&file.whole, &parallel);
+            self.expanded.get_or_init(|| made)
+        })
+    }
+
+    /// Whether [`SceneAsset::resident`] has its bases at hand.
+    pub fn is_expanded(&self) -> bool {
+        self.file.is_none() || self.expanded.get().is_some()
     }
 
     /// Puts `edits` in place of those at hand, where the file form is at hand.
     pub fn set_edits(&mut self, edits: Edits) {
         let Some(file) = &mut self.file else { return };
-        self.resident.set_edits(&edits, &file.whole.layers);
+        self.head.set_edits(&edits, &file.whole.layers);
+        self.expanded.get_mut().into_iter().for_each(|resident| resident.set_edits(&edits, &file.whole.layers));
         file.whole.edits = edits.clone();
         file.asset.edits = edits;
     }
 
     /// Residual components of the layer that has most.
     pub fn most_components(&self) -> u32 {
-        self.resident.most_components()
+        self.head.most_components()
     }
 
     /// Whether its front has heights.
     pub fn has_heights(&self) -> bool {
-        let heights = |layer| HeightField::of_resident(&self.resident, layer).is_some();
-        self.resident.layer_for_sides(0, false, false).is_some_and(heights)
+        let heights = |layer| HeightField::of_resident(&self.head, layer).is_some();
+        self.head.layer_for_sides(0, false, false).is_some_and(heights)
     }
 
     /// Lobes of the texel that has most.

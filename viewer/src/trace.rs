@@ -1,13 +1,14 @@
 //! The GPU tracer: a scene's buffers, and the passes of a sample over the bands of a picture.
 
-use crate::arena::{Arena, room_for_edits};
+use crate::arena::{Arena, ArenaAsset, room_for_edits};
 use crate::camera::jitter;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
+use crate::gpu_expand::LayerBases;
 use crate::gpu_timer::{GpuTimer, Pass, PassTimes};
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::pieces::{ASSETS, NODES, PieceLayout, Pieces, TRIANGLES, VERTICES};
-use crate::scene::{Material, Scene};
+use crate::scene::{Material, Scene, SceneAsset};
 use crate::shaders::{GpuTracer, ModuleLayout, trace_module};
 use std::time::Instant;
 use wgpu::BufferUsages;
@@ -183,9 +184,20 @@ impl Tracer {
         decoder: DecoderForm,
     ) -> Result<Tracer, ViewerError> {
         gpu.require(tracer)?;
-        let mut words: Vec<&[u32]> = scene.assets.iter().map(|asset| asset.resident.words()).collect();
-        words.extend(scene.environment.iter().map(|environment| bytemuck::cast_slice(environment.table())));
-        let arena = Arena::new(gpu, &words, room_for_edits)?;
+        let bases: Vec<Option<Vec<LayerBases>>> =
+            scene.assets.iter().map(|asset| bases_to_expand(gpu, asset)).collect();
+        let mut assets: Vec<ArenaAsset> = scene
+            .assets
+            .iter()
+            .zip(&bases)
+            .map(|(asset, bases)| match bases {
+                Some(bases) => ArenaAsset { words: asset.head().words(), bases },
+                None => ArenaAsset::whole(asset.resident().words()),
+            })
+            .collect();
+        let environment = scene.environment.iter().map(|environment| bytemuck::cast_slice(environment.table()));
+        assets.extend(environment.map(ArenaAsset::whole));
+        let arena = Arena::new(gpu, &assets, room_for_edits)?;
         let input = if tracer == GpuTracer::RayQuery { BufferUsages::BLAS_INPUT } else { BufferUsages::empty() };
         let geometry = &scene.geometry;
         let vertices = Pieces::new(gpu, "vertices", geometry.vertices(), input)?;
@@ -267,8 +279,8 @@ impl Tracer {
     /// Takes over the edits of an asset of the scene; `false` if they need more room than there is, and the scene must be
     /// uploaded anew.
     pub fn update_edits(&self, gpu: &Gpu, scene: &Scene, asset: usize) -> bool {
-        let resident = &scene.assets[asset].resident;
-        resident.edited_ranges().into_iter().all(|range| self.arena.write(gpu, asset, resident.words(), range))
+        let head = scene.assets[asset].head();
+        head.edited_ranges().into_iter().all(|range| self.arena.write(gpu, asset, head.words(), range))
     }
 
     /// Which tracer this is.
@@ -537,6 +549,12 @@ impl Tracer {
     }
 }
 
+/// The bases that `gpu` is to expand itself; `None` where the CPU does, or has.
+fn bases_to_expand(gpu: &Gpu, asset: &SceneAsset) -> Option<Vec<LayerBases>> {
+    let file = asset.file.as_ref().filter(|_| gpu.expands_bases() && !asset.is_expanded())?;
+    LayerBases::of_asset(gpu, asset.head(), &file.whole)
+}
+
 fn light_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, ViewerError> {
     gpu.empty_buffer("lights", (count * size_of::<GpuLight>()) as u64, BufferUsages::STORAGE)
 }
@@ -598,7 +616,7 @@ fn acceleration_structure(
     Ok((tlas, blas))
 }
 
-fn buffer_entry(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntry {
+pub(crate) fn buffer_entry(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -607,8 +625,8 @@ fn buffer_entry(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLay
     }
 }
 
-const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
-const WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
+pub(crate) const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
+pub(crate) const WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
 
 fn scene_layout(gpu: &Gpu, assets: PieceLayout) -> wgpu::BindGroupLayout {
     let mut entries = vec![buffer_entry(0, wgpu::BufferBindingType::Uniform)];

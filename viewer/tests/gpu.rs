@@ -9,26 +9,11 @@ use btf_runtime::{
     with_levels,
 };
 use btf_viewer::{
-    BackendChoice, Camera, Control, DecodeQuery, Environment, Gpu, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
+    BackendChoice, Camera, Control, DecodeQuery, Environment, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
     RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, gpu_decode, render,
 };
 use std::sync::Arc;
-
-/// Absolute and relative tolerance of a decoded channel. Half-precision bases are steps of 2^-11 relative; both decoders
-/// read the same bytes, so what is left is the rounding of f32 sums and of the drivers' powers and exponentials.
-const ABSOLUTE: f32 = 1e-3;
-const RELATIVE: f32 = 1e-3;
-
-/// The adapter, or `None` where GPU tests are skipped on purpose.
-fn gpu(test: &str) -> Option<Gpu> {
-    if support::gpu_is_left_out(test) {
-        return None;
-    }
-    match Gpu::headless(None) {
-        Ok(gpu) => Some(gpu),
-        Err(error) => panic!("{error}; BTF_SKIP_GPU=1 skips this test"),
-    }
-}
+use support::{ABSOLUTE, RELATIVE, count_differences, gpu};
 
 /// Both tracers; the driver of the tests has ray queries.
 const TRACERS: [GpuTracer; 2] = [GpuTracer::RayQuery, GpuTracer::Bvh];
@@ -36,16 +21,6 @@ const TRACERS: [GpuTracer; 2] = [GpuTracer::RayQuery, GpuTracer::Bvh];
 fn asset(seed: u64, kind: ResidualKind) -> Asset {
     // Through the file form, as a user's asset goes.
     Asset::parse(&pack(&sample_asset(seed, 24, 16, kind)).unwrap()).unwrap()
-}
-
-fn close(a: f32, b: f32) -> bool {
-    (a - b).abs() <= ABSOLUTE + RELATIVE * a.abs()
-}
-
-/// Samples of which a channel differs by more than the tolerance.
-fn count_differences(expected: &[[f32; 3]], found: &[[f32; 3]]) -> usize {
-    assert_eq!(expected.len(), found.len());
-    expected.iter().zip(found).filter(|(a, b)| !(0..3).all(|channel| close(a[channel], b[channel]))).count()
 }
 
 fn unit(mut v: [f32; 3]) -> [f32; 3] {

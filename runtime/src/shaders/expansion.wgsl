@@ -1,0 +1,191 @@
+// Expands the bases of a layer's clusters in three passes: what turns the file form into the resident form, on the GPU. Twin:
+// expansion.rs. A program of its own and no part of the library: who decodes does not need it.
+//
+// A dispatch makes a slice of clusters, as many as its z counts. x and y count items, WORKGROUP of them a workgroup, in any
+// shape; items too many do nothing. Between the passes lie `cores` and `viewed`. Items are, with four bases side by side a quad:
+//
+//     cores_main     core entries x quads
+//     viewed_main    (views / 4, rounded up) x light ranks of all channels x quads
+//     lit_main       views x (lights / 4, rounded up) x quads
+
+const WORKGROUP: u32 = 64u;
+// Largest half-precision number: infinity times a zero weight is NaN.
+const MAX_HALF: f32 = 65504.0;
+// The colour frame's rows: grey, red-blue and green-magenta, each by the size of its least entry that is not 0.
+const GREY: f32 = 0.57735026;
+const RED_BLUE: f32 = 0.70710677;
+const GREEN_MAGENTA: f32 = 0.4082483;
+
+struct Channel {
+    view_rank: u32,
+    light_rank: u32,
+    // Number of its first core entry, and of its first light rank, among those of all channels.
+    first_core: u32,
+    first_row: u32,
+    // Where its factors begin.
+    view_at: u32,
+    light_at: u32,
+    pad0: u32,
+    pad1: u32,
+}
+
+struct Shape {
+    channels: array<Channel, 3>,
+    views: u32,
+    lights: u32,
+    // Words a pair and colour.
+    channel_words: u32,
+    quads: u32,
+    // Shared bases.
+    shared_bases: u32,
+    // Core entries and light ranks of all channels.
+    cores: u32,
+    rows: u32,
+    pad0: u32,
+}
+
+// What a dispatch makes, and where: `words` holds the words from `piece_from` on of an array in which the layer's bases begin
+// at `bases_at`. What lies outside of it is not written.
+struct Slice {
+    first_cluster: u32,
+    bases_at: u32,
+    piece_from: u32,
+    piece_words: u32,
+}
+
+@group(0) @binding(0) var<uniform> shape: Shape;
+@group(0) @binding(1) var<uniform> slice: Slice;
+// Where the terms of each core entry begin, and at last where they end, in terms; then two words a term: a value of a shared
+// core (f32), the shared basis' number.
+@group(0) @binding(2) var<storage, read> terms: array<u32>;
+// Of each channel [view / 4, view rank], four views side by side, then lights likewise.
+@group(0) @binding(3) var<storage, read> factors: array<vec4<f32>>;
+// [cluster, shared basis, quad]
+@group(0) @binding(4) var<storage, read> mixtures: array<vec4<f32>>;
+// [cluster of the slice, core entry, quad]
+@group(0) @binding(5) var<storage, read_write> cores: array<vec4<f32>>;
+// [cluster of the slice, view, light rank, quad]
+@group(0) @binding(6) var<storage, read_write> viewed: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> words: array<u32>;
+
+fn item(id: vec3<u32>, groups: vec3<u32>) -> u32 {
+    return id.x + id.y * groups.x * WORKGROUP;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn cores_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let quad = item(id, groups) % shape.quads;
+    let entry = item(id, groups) / shape.quads;
+    if entry >= shape.cores {
+        return;
+    }
+    let mixture = (slice.first_cluster + id.z) * shape.shared_bases;
+    var sum = vec4<f32>();
+    let end = terms[entry + 1u];
+    for (var term = terms[entry]; term < end; term++) {
+        let at = shape.cores + 1u + 2u * term;
+        sum += bitcast<f32>(terms[at]) * mixtures[(mixture + terms[at + 1u]) * shape.quads + quad];
+    }
+    cores[(id.z * shape.cores + entry) * shape.quads + quad] = sum;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn viewed_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let quad = item(id, groups) % shape.quads;
+    let rest = item(id, groups) / shape.quads;
+    if shape.rows == 0u || 4u * (rest / shape.rows) >= shape.views {
+        return;
+    }
+    let row = rest % shape.rows;
+    let tile = rest / shape.rows;
+    let number = u32(row >= shape.channels[1].first_row) + u32(row >= shape.channels[2].first_row);
+    let channel = shape.channels[number];
+    var sums = mat4x4<f32>();
+    var core = (id.z * shape.cores + channel.first_core + row - channel.first_row) * shape.quads + quad;
+    for (var r = 0u; r < channel.view_rank; r++) {
+        sums += outer(cores[core], factors[channel.view_at + tile * channel.view_rank + r]);
+        core += channel.light_rank * shape.quads;
+    }
+    let first = (id.z * shape.views + 4u * tile) * shape.rows + row;
+    let left = shape.views - 4u * tile;
+    // One by one: an index that is not known keeps the sums out of registers.
+    viewed[first * shape.quads + quad] = sums[0];
+    if left > 1u {
+        viewed[(first + shape.rows) * shape.quads + quad] = sums[1];
+    }
+    if left > 2u {
+        viewed[(first + 2u * shape.rows) * shape.quads + quad] = sums[2];
+    }
+    if left > 3u {
+        viewed[(first + 3u * shape.rows) * shape.quads + quad] = sums[3];
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn lit_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let tiles = (shape.lights + 3u) / 4u;
+    let quad = item(id, groups) % shape.quads;
+    let rest = item(id, groups) / shape.quads;
+    let tile = rest % tiles;
+    let view = rest / tiles;
+    if view >= shape.views {
+        return;
+    }
+    let at = (id.z * shape.views + view) * shape.rows * shape.quads + quad;
+    let grey = GREY * lit(0u, at, tile);
+    let red_blue = RED_BLUE * lit(1u, at, tile);
+    let green_magenta = GREEN_MAGENTA * lit(2u, at, tile);
+    let red = grey + red_blue + green_magenta;
+    let green = grey - 2.0 * green_magenta;
+    let blue = grey - red_blue + green_magenta;
+    let pair = ((slice.first_cluster + id.z) * shape.views + view) * shape.lights + 4u * tile;
+    let left = shape.lights - 4u * tile;
+    put(pair, quad, red[0], green[0], blue[0]);
+    if left > 1u {
+        put(pair + 1u, quad, red[1], green[1], blue[1]);
+    }
+    if left > 2u {
+        put(pair + 2u, quad, red[2], green[2], blue[2]);
+    }
+    if left > 3u {
+        put(pair + 3u, quad, red[3], green[3], blue[3]);
+    }
+}
+
+// One channel of four lights, of what a view has at `at`.
+fn lit(number: u32, at: u32, tile: u32) -> mat4x4<f32> {
+    let channel = shape.channels[number];
+    var sums = mat4x4<f32>();
+    var row = at + channel.first_row * shape.quads;
+    for (var s = 0u; s < channel.light_rank; s++) {
+        sums += outer(viewed[row], factors[channel.light_at + tile * channel.light_rank + s]);
+        row += shape.quads;
+    }
+    return sums;
+}
+
+// Column i: `quad` times weight i.
+fn outer(quad: vec4<f32>, weights: vec4<f32>) -> mat4x4<f32> {
+    return mat4x4<f32>(quad * weights.x, quad * weights.y, quad * weights.z, quad * weights.w);
+}
+
+// Writes four bases of a pair.
+fn put(pair: u32, quad: u32, red: vec4<f32>, green: vec4<f32>, blue: vec4<f32>) {
+    let at = slice.bases_at + pair * 3u * shape.channel_words + 2u * quad;
+    put_colour(at, quad, red);
+    put_colour(at + shape.channel_words, quad, green);
+    put_colour(at + 2u * shape.channel_words, quad, blue);
+}
+
+// Two words; the last quad has no second one where words a pair and colour are odd.
+fn put_colour(index: u32, quad: u32, bases: vec4<f32>) {
+    let clamped = clamp(bases, vec4<f32>(-MAX_HALF), vec4<f32>(MAX_HALF));
+    // Before the piece, this wraps to beyond its end.
+    let at = index - slice.piece_from;
+    if at < slice.piece_words {
+        words[at] = pack2x16float(clamped.xy);
+    }
+    if at + 1u < slice.piece_words && 2u * quad + 1u < shape.channel_words {
+        words[at + 1u] = pack2x16float(clamped.zw);
+    }
+}
