@@ -114,10 +114,10 @@ mod tests {
         let path = write_gltf_with_material(dir.path(), &json!({ "extensions": { EXTENSION: extension } }));
         let expected = SceneAsset::built_in();
         let found = assets_of_gltf(&path).unwrap();
-        assert_eq!((found.len(), &found[&0].resident), (1, &expected.resident));
+        assert_eq!((found.len(), found[&0].resident()), (1, expected.resident()));
 
         let scene = Scene::built_in(&MeshChoice::File(path.clone()), Vec::new(), [1.0; 2]).unwrap();
-        assert_eq!(scene.assets[0].resident, expected.resident);
+        assert_eq!(scene.assets[0].resident(), expected.resident());
         std::fs::write(dir.path().join("s.toml"), "[[object]]\nmesh = \"t.gltf\"\n").unwrap();
         let scene = load_scene(&dir.path().join("s.toml"), Vec::new()).unwrap();
         assert_eq!((scene.assets.len(), scene.materials[0].asset), (1, Some(0)));
