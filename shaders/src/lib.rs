@@ -6,6 +6,8 @@
 //!        + queries.wgsl       --module_text---> btf_queries.wgsl --translate--> .hlsl .metal .glsl .spv
 //! ```
 //!
+//! Beside them `btf_expansion.wgsl`, the compute passes that make a resident form's bases, in WGSL alone.
+//!
 //! `cargo xtask shaders` writes the folder that [`files`] makes; nothing of it is checked in. Entry points stand here
 //! and not beside the library, which has no bindings: an engine that includes `btf.wgsl` brings its own.
 //!
@@ -20,11 +22,12 @@ mod queries;
 mod readme;
 mod texts;
 
+use btf_runtime::EXPANSION_WGSL;
 pub use error::ShaderError;
 pub use languages::{Language, ShaderFile, translate};
 pub use queries::{Answer, Options, Query, Range, WORKGROUP};
 pub use readme::readme;
-pub use texts::{ENTRY_POINTS, LIBRARY_FILE, MODULE_NAME, library_text, module_text};
+pub use texts::{ENTRY_POINTS, EXPANSION_FILE, LIBRARY_FILE, MODULE_NAME, library_text, module_text};
 
 /// File name of [`readme`].
 pub const README_FILE: &str = "README.md";
@@ -40,6 +43,7 @@ pub fn files() -> Result<Vec<(String, Vec<u8>)>, ShaderError> {
     let translated = translate(&text)?;
     let mut files = vec![
         (LIBRARY_FILE.to_string(), library_text().into_bytes()),
+        (EXPANSION_FILE.to_string(), EXPANSION_WGSL.into()),
         (README_FILE.to_string(), readme(&text, &translated)?.into_bytes()),
     ];
     files.extend(translated.into_iter().map(|file| (file.name, file.bytes)));

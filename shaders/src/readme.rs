@@ -2,7 +2,7 @@
 
 use crate::error::ShaderError;
 use crate::languages::{Language, ShaderFile, bindings, metal_sizes_slot, validated};
-use crate::texts::{LIBRARY_FILE, MODULE_NAME};
+use crate::texts::{EXPANSION_FILE, LIBRARY_FILE, MODULE_NAME};
 use naga::{AddressSpace, Handle, Module, StorageAccess, Type, TypeInner};
 use std::fmt::Write;
 
@@ -35,7 +35,8 @@ fn head() -> String {
          list of answers out.\n\n\
          An asset is bound in resident form: the words that `btf_runtime::Resident::words` has (docs/FORMAT.md, \
          \"Resident \
-         form\"). Values are pi times BRDF times |n.wi|, linear RGB: the cosine is inside.\n"
+         form\"). `{EXPANSION_FILE}` makes the bases in there from a file form, in WGSL alone: its head says what is bound, and \
+         `btf_runtime::ExpansionInput` has that. Values are pi times BRDF times |n.wi|, linear RGB: the cosine is inside.\n"
     )
 }
 

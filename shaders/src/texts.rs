@@ -4,6 +4,8 @@ use btf_runtime::{WGSL, wgsl_library};
 
 /// File name of [`library_text`].
 pub const LIBRARY_FILE: &str = "btf.wgsl";
+/// File name of `btf_runtime::EXPANSION_WGSL`, the passes that make a resident form's bases on the GPU.
+pub const EXPANSION_FILE: &str = "btf_expansion.wgsl";
 /// Beginning of the file names of [`module_text`] and its translations.
 pub const MODULE_NAME: &str = "btf_queries";
 /// Entry points of the module, all of them compute.

@@ -4,6 +4,7 @@
 
 mod support;
 
+use btf_runtime::EXPANSION_WGSL;
 use btf_shaders::{ENTRY_POINTS, Language, ShaderFile, library_text, module_text, translate};
 use support::tools;
 
@@ -33,9 +34,11 @@ fn tint_accepts_the_wgsl_and_the_published_library_with_its_includer() {
         @group(0) @binding(0) var<storage, read> some_words: array<u32>;
         fn asset_word(index: u32) -> u32 { return some_words[index]; }";
     tools::tint((library_text() + includer).as_bytes()).unwrap();
+    tools::tint(EXPANSION_WGSL.as_bytes()).unwrap();
     // Planted: a type that does not fit, and the library without what its includer owes.
     let message = tools::tint(&planted(module, "MIN_COS_VIEW: f32 = 0.02", "MIN_COS_VIEW: u32 = 0.02")).unwrap_err();
     assert!(message.contains("u32"), "{message}");
+    assert!(tools::tint(&planted(EXPANSION_WGSL.as_bytes(), "GREY: f32", "GREY: u32")).is_err());
     let message = tools::tint(library_text().as_bytes()).unwrap_err();
     assert!(message.contains("asset_word"), "{message}");
 }

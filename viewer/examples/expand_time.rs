@@ -1,7 +1,7 @@
 //! Times how the bases of assets in file form come into an adapter's memory, expanded by the CPU and uploaded or expanded there:
 //! `cargo run --release -p btf-viewer --example expand_time FILE.spmm ...`. The least of five runs each.
 
-use btf_runtime::{Asset, Resident};
+use btf_runtime::{Asset, ExpansionInput, Resident};
 use btf_viewer::{Gpu, gpu_expand, time_gpu_expand, time_upload};
 use half::f16;
 use rayon::prelude::*;
@@ -32,6 +32,10 @@ fn main() {
             let halves = words.iter().flat_map(|word| [*word as u16, (*word >> 16) as u16]);
             halves.map(|bits| f16::from_bits(bits).to_f32()).collect()
         };
+        let inputs = asset.layers.iter().filter_map(|layer| {
+            let input = ExpansionInput::new(layer.residual.as_ref()?, layer.dictionary.len());
+            Some(4 * (input.terms.len() + input.factors.len() + input.mixtures.len()))
+        });
         let (mut peak, mut worst, mut count, mut other) = (0.0f32, 0.0f32, 0, 0);
         for place in (0..expected.layers()).map(|layer| expected.bases_of(layer)) {
             for (a, b) in halves(&expected.words()[place.clone()]).iter().zip(halves(&found[place])) {
@@ -40,9 +44,10 @@ fn main() {
             }
         }
         println!(
-            "{path}: {:.1} MB; on the CPU {cpu:.1} ms and uploaded in {upload:.1} ms; on the adapter {here:.1} ms, {:.2} of \
+            "{path}: {:.1} MB, the bases made from {:.1}; on the CPU {cpu:.1} ms and uploaded in {upload:.1} ms; on the adapter {here:.1} ms, {:.2} of \
              both; {:.3} % of the halves differ, at most by {:.1e} of the largest",
             4e-6 * expected.words().len() as f64,
+            1e-6 * inputs.sum::<usize>() as f64,
             here / (cpu + upload),
             100.0 * other as f64 / f64::from(count.max(1)),
             worst / peak

@@ -1,5 +1,5 @@
-//! Expands an asset's bases on the GPU, straight into the words that decoders bind: what goes to it is what the file form
-//! holds, a few megabytes of factors and codes where the bases are a hundred. The passes are `btf_runtime::EXPANSION_WGSL`.
+//! Expands an asset's bases on the GPU, straight into the words that decoders bind: what goes to it is what they are made
+//! from, 7 to 16 % of their bytes on three materials of 2 MB. The passes are `btf_runtime::EXPANSION_WGSL`.
 
 use crate::arena::{Arena, ArenaAsset};
 use crate::error::ViewerError;
