@@ -2,8 +2,8 @@
 //! there are. Twin: `shaders/viewed_texel.wgsl`.
 //!
 //! What a light costs beyond its own place among the measured lights is kept, too: the residual, summed over the
-//! views, at a measured light is a row that later lights between the same measured ones find ready. A light alone makes
-//! the three rows that it lies between, as many as it needs; sixteen close ones seldom more than a dozen together.
+//! views, at a measured light is a row that later lights between the same measured ones find ready: sixteen close ones
+//! seldom make more than a dozen together. A light alone needs no rows: the residual is summed over views and lights at once.
 
 use crate::asset::LobeRole;
 use crate::decode::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
