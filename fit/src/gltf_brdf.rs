@@ -23,7 +23,7 @@ pub struct GltfTexel {
     pub normal: [f32; 3],
     /// Strength of the dielectric's gloss, 0 to 1.
     pub specular: f32,
-    /// Its colour at normal incidence, in units of [`DIELECTRIC_F0`]; 0 to 25.
+    /// Its colour at normal incidence, in units of a plain dielectric's, 0.04; 0 to 25.
     pub specular_colour: [f32; 3],
     /// Colour of the sheen, 0 to 1.
     pub sheen_colour: [f32; 3],
@@ -138,7 +138,7 @@ const ALBEDOS: usize = 33;
 /// Steps per angle of the sums that make the albedo.
 const ALBEDO_STEPS: usize = 48;
 
-/// A sheen of one roughness: the "Charlie" distribution with its own shadowing [kulla2017], in tables.
+/// A sheen of one roughness: the "Charlie" distribution with its own shadowing [Kulla 2017], in tables.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sheen {
     /// Sheen roughness, 0 to 1.
@@ -199,7 +199,7 @@ fn charlie(alpha: f32, sin2: f32) -> f32 {
     (2.0 + 1.0 / alpha) * sin2.powf(0.5 / alpha) / 2.0
 }
 
-/// Shadowing of the distribution, a fit of [kulla2017].
+/// Shadowing of the distribution, a fit of [Kulla 2017].
 fn charlie_lambda(alpha: f32, cos: f32) -> f32 {
     let part = (1.0 - alpha) * (1.0 - alpha);
     let mix = |x: f32, y: f32| x + (y - x) * part;

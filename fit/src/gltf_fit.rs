@@ -68,7 +68,7 @@ pub struct GltfFit {
     pub specular: bool,
     /// The sheen, where there is one.
     pub sheen: Option<Sheen>,
-    /// Whether light comes through, from [`transmission_layer`].
+    /// Whether light comes through, as a layer of the asset says.
     pub transmission: bool,
     /// The parts that were tried, in order.
     pub tried: Vec<TriedPart>,
