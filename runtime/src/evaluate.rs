@@ -105,11 +105,11 @@ pub fn evaluate_many(
         for (viewed, lit) in texels.iter().flatten() {
             viewed.ask_lobes(|lobe| lobes.push(lobe, lit.wi(), viewed.eye()));
         }
-        let mut lobes = lobes.finish().iter();
+        let mut lobes = lobes.finish();
         for (texel, value) in texels.iter().zip(values) {
-            *value = texel.as_ref().map_or([0.0; 3], |(viewed, lit)| {
-                viewed.value(None, lit, &mut |_| lobes.next().copied().unwrap_or_default())
-            });
+            *value = texel
+                .as_ref()
+                .map_or([0.0; 3], |(viewed, lit)| viewed.value(None, lit, &mut |_| lobes.next().unwrap_or_default()));
         }
     }
 }

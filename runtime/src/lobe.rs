@@ -370,12 +370,17 @@ impl LobeSetup {
     pub fn from_resident_words(words: &ResidentLobe) -> LobeSetup {
         let at = |i: usize| f32::from_bits(words[i]);
         LobeSetup {
-            family: LobeFamily::from_number(words[0]).unwrap_or(LobeFamily::Lambertian),
+            family: lobe_family(words),
             normal: [at(1), at(2), at(3)],
             tangent: [at(4), at(5), at(6)],
             params: [at(7), at(8), at(9), at(10)],
         }
     }
+}
+
+/// The family in the resident form.
+pub(crate) fn lobe_family(words: &ResidentLobe) -> LobeFamily {
+    LobeFamily::from_number(words[0]).unwrap_or(LobeFamily::Lambertian)
 }
 
 /// The weight scale in the resident form.

@@ -1,8 +1,9 @@
 //! Lobes of one family side by side: many evaluations of [`LobeSetup::eval`] at once, in vectors, with the same bits. Lobes
 //! of a texel are of many families; those of many texels wait here until enough of a family are together.
 
-use crate::lobe::{LobeFamily, LobeSetup, ResidentLobe, dot};
+use crate::lobe::{LobeFamily, LobeSetup, ResidentLobe, dot, lobe_family};
 use pulp::{Arch, Simd, WithSimd};
+use std::vec::Drain;
 
 /// Lobes that are evaluated together.
 const LANES: usize = 16;
@@ -17,26 +18,22 @@ struct Waiting {
     values: [usize; LANES],
 }
 
-/// Lobes waiting for their evaluation, and the values of those before.
+/// Lobes waiting for their evaluation, and the values of all since the last [`LobeQueue::finish`].
 pub(crate) struct LobeQueue {
     families: [Waiting; LobeFamily::ALL.len()],
     values: Vec<f32>,
-    finished: bool,
 }
 
 impl LobeQueue {
     pub(crate) fn new() -> LobeQueue {
         let waiting = Waiting { count: 0, numbers: [[0.0; LANES]; 16], values: [0; LANES] };
-        LobeQueue { families: [waiting; LobeFamily::ALL.len()], values: Vec::new(), finished: false }
+        LobeQueue { families: [waiting; LobeFamily::ALL.len()], values: Vec::new() }
     }
 
     /// Lines up a lobe; its value will be the next one.
     pub(crate) fn push(&mut self, words: &ResidentLobe, wi: [f32; 3], wo: [f32; 3]) {
-        if std::mem::take(&mut self.finished) {
-            self.values.clear();
-        }
-        let number = (words[0] as usize).min(LobeFamily::ALL.len() - 1);
-        let family = &mut self.families[number];
+        let name = lobe_family(words);
+        let family = &mut self.families[name as usize];
         let lane = family.count % LANES;
         for i in 0..10 {
             family.numbers[i][lane] = f32::from_bits(words[1 + i]);
@@ -49,17 +46,16 @@ impl LobeQueue {
         self.values.push(0.0);
         family.count += 1;
         if family.count == LANES {
-            family.flush(LobeFamily::ALL[number], &mut self.values);
+            family.flush(name, &mut self.values);
         }
     }
 
     /// The values of all lobes since the last call, in the order of their [`LobeQueue::push`].
-    pub(crate) fn finish(&mut self) -> &[f32] {
+    pub(crate) fn finish(&mut self) -> Drain<'_, f32> {
         for (family, name) in self.families.iter_mut().zip(LobeFamily::ALL) {
             family.flush(name, &mut self.values);
         }
-        self.finished = true;
-        &self.values
+        self.values.drain(..)
     }
 }
 
@@ -133,9 +129,9 @@ mod tests {
                 queue.push(&setup.to_resident_words(1.0), wi, wo);
                 expected.push(setup.eval(wi, wo));
             }
-            let values = queue.finish();
+            let values: Vec<f32> = queue.finish().collect();
             let bits = |values: &[f32]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-            assert_eq!(bits(values), bits(&expected));
+            assert_eq!(bits(&values), bits(&expected));
             assert!(values.iter().filter(|x| **x > 0.0).count() >= values.len() / 4);
         }
     }

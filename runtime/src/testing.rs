@@ -183,6 +183,30 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
     }
 }
 
+/// A small asset whose bases would take more than 1 GiB when expanded with some more components than its four: factors of rank 0
+/// are free in the file, and expanded bases are not.
+pub fn huge_asset() -> Asset {
+    let mut asset = sample_asset(9, 1, 1, ResidualKind::Root);
+    let layer = &mut asset.layers[0];
+    let set = ring_directions(&[(20.0, 64), (40.0, 64), (60.0, 64), (75.0, 64)]);
+    layer.lights = Sphere::new(&set).expect("the rings are distinct");
+    layer.views = layer.lights.clone();
+    layer.texel_clusters = vec![0];
+    layer.dictionary = vec![layer.dictionary[0].clone(); 256];
+    let residual = layer.residual.as_mut().unwrap();
+    residual.factors.shape = [set.len(); 2];
+    residual.factors.ranks = [[0; 2]; 3];
+    residual.factors.view = Default::default();
+    residual.factors.light = Default::default();
+    residual.shared.steps.clear();
+    residual.shared.values.clear();
+    for basis in &mut residual.bases {
+        basis.steps = vec![0.0; 256];
+        basis.values.clear();
+    }
+    asset
+}
+
 /// Rough heights of `texels` texels, up to three texel widths either way.
 pub fn sample_heights(seed: u64, texels: usize) -> Heights {
     let mut random = Random::new(seed);

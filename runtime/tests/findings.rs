@@ -1,7 +1,7 @@
 //! Every number of a finding: docs/FINDINGS.md lists it, and a planted fault brings it up.
 
 use btf_runtime::testing::{
-    FileParts, SectionPart, repair_header_checksum, ring_directions, sample_asset, sample_heights,
+    FileParts, SectionPart, huge_asset, repair_header_checksum, ring_directions, sample_asset, sample_heights,
 };
 use btf_runtime::{
     ASSET_LAYERS, Asset, Edit, Edits, FormatError, Levels, Resident, ResidentFile, ResidualKind, Rule, SectionKind,
@@ -200,7 +200,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         ),
         (rule::DICTIONARY_SIZE, with_word(asset, Kind::Dictionary, 0, 257)),
         (rule::LOBE_RANGE, with_word(asset, Kind::Dictionary, clusters, 99)),
-        (rule::BASES_TOO_LARGE, with_word(&huge(), Kind::Layer, 5, 63)),
+        (rule::BASES_TOO_LARGE, with_word(&huge_asset(), Kind::Layer, 5, 63)),
         (rule::RANK, with_word(asset, Kind::Factors, 6, 1)),
         (rule::SHARED_COUNT, with_word(asset, Kind::SharedBases, 0, 1025)),
         (rule::HEIGHT_STEP, with_word(asset, Kind::Height, 0, 0)),
@@ -347,29 +347,6 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
     let information = [rule::FORM, rule::TEXELS, rule::LAYERS, rule::LEVELS, rule::TIERS_LISTED, rule::SEAMS];
     list.extend(information.map(|rule| (rule, good.clone())));
     list
-}
-
-/// 63 components of which would take more than 1 GiB when expanded.
-fn huge() -> Asset {
-    let mut asset = sample_asset(9, 1, 1, ResidualKind::Root);
-    let layer = &mut asset.layers[0];
-    let set = ring_directions(&[(20.0, 64), (40.0, 64), (60.0, 64), (75.0, 64)]);
-    layer.lights = Sphere::new(&set).unwrap();
-    layer.views = layer.lights.clone();
-    layer.texel_clusters = vec![0];
-    layer.dictionary = vec![layer.dictionary[0].clone(); 256];
-    let residual = layer.residual.as_mut().unwrap();
-    residual.factors.shape = [set.len(); 2];
-    residual.factors.ranks = [[0; 2]; 3];
-    residual.factors.view = Default::default();
-    residual.factors.light = Default::default();
-    residual.shared.steps.clear();
-    residual.shared.values.clear();
-    for basis in &mut residual.bases {
-        basis.steps = vec![0.0; 256];
-        basis.values.clear();
-    }
-    asset
 }
 
 fn opened(bytes: &[u8]) -> Option<FormatError> {

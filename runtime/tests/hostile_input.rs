@@ -1,7 +1,9 @@
 //! Damaged, truncated and forged assets: each is refused by a named error or decodes to finite values.
 //! Nothing here may panic, and nothing may make the reader allocate beyond the file's size.
 
-use btf_runtime::testing::{FileParts, Random, SectionPart, repair_header_checksum, sample_asset, sample_heights};
+use btf_runtime::testing::{
+    FileParts, Random, SectionPart, huge_asset, repair_header_checksum, sample_asset, sample_heights,
+};
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, FormatError, Interpolation, LevelTexels, Resident, ResidualKind, SectionKind,
     decode, pack, read_directory, rule, serial, with_levels,
@@ -321,24 +323,7 @@ fn a_section_that_is_missing_doubled_or_promised_in_vain_is_named() {
 #[test]
 fn a_small_file_that_promises_a_huge_resident_form_is_refused() {
     // Rank 0 factors are free in the file, and the expanded bases are not.
-    let mut asset = sample_asset(9, 1, 1, ResidualKind::Root);
-    let layer = &mut asset.layers[0];
-    let set = btf_runtime::testing::ring_directions(&[(20.0, 64), (40.0, 64), (60.0, 64), (75.0, 64)]);
-    layer.lights = btf_runtime::Sphere::new(&set).unwrap();
-    layer.views = layer.lights.clone();
-    layer.texel_clusters = vec![0];
-    layer.dictionary = vec![layer.dictionary[0].clone(); 256];
-    let residual = layer.residual.as_mut().unwrap();
-    residual.factors.shape = [set.len(); 2];
-    residual.factors.ranks = [[0; 2]; 3];
-    residual.factors.view = Default::default();
-    residual.factors.light = Default::default();
-    residual.shared.steps.clear();
-    residual.shared.values.clear();
-    for basis in &mut residual.bases {
-        basis.steps = vec![0.0; 256];
-        basis.values.clear();
-    }
+    let asset = huge_asset();
     let fits = pack(&asset).expect("257 x 257 x 3 x 3 x 256 words are below the limit");
     let mut parts = FileParts::from_bytes(&fits).unwrap();
     // 63 components promised instead of 4: 32 words for each pair, channel and cluster.

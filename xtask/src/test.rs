@@ -65,6 +65,19 @@ impl Suite {
         })
     }
 
+    /// A step with programs that others have written, kept under the `target` folder; each sentence of `work` is a check passed.
+    fn peer(&mut self, name: &str, target: Option<&Path>, work: impl FnOnce(&Path) -> Result<Vec<String>, Failure>) {
+        self.step(name, |_| {
+            if peers::left_out() {
+                println!("left out: BTF_SKIP_PEERS=1");
+                return Ok(Counts::SKIPPED);
+            }
+            let said = work(known(target)?).map_err(|failure| failure.to_string())?;
+            said.iter().for_each(|sentence| println!("{sentence}"));
+            Ok(Counts { passed: said.len(), ..Counts::default() })
+        });
+    }
+
     fn cargo(&mut self, name: &str, arguments: &[&str], variables: &[(&str, &str)]) -> bool {
         self.step(name, |_| {
             let mut command = cargo(arguments);
@@ -76,6 +89,10 @@ impl Suite {
             }
         })
     }
+}
+
+fn known(target: Option<&Path>) -> Result<&Path, String> {
+    target.ok_or_else(|| "the target folder is not known".to_string())
 }
 
 /// Runs the suite; the closing line is printed in every case.
@@ -113,58 +130,20 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
             Ok(Counts::PASSED)
         });
         suite.check("tools for C", || memcheck::ensure().map_err(|failure| failure.to_string()));
-        suite.step("shader tools", |_| {
-            if peers::left_out() {
-                println!("left out: BTF_SKIP_PEERS=1");
-                return Ok(Counts::SKIPPED);
-            }
-            let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
-            let target = target.ok_or("the target folder is not known")?;
-            println!("{}", shader_tools::ensure(target).map_err(|failure| failure.to_string())?);
-            Ok(Counts::PASSED)
-        });
-        suite.step("asset tools", |_| {
-            if peers::left_out() {
-                println!("left out: BTF_SKIP_PEERS=1");
-                return Ok(Counts::SKIPPED);
-            }
-            let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
-            let target = target.ok_or("the target folder is not known")?;
-            println!("{}", asset_tools::ensure(target).map_err(|failure| failure.to_string())?);
-            Ok(Counts::PASSED)
-        });
-        suite.step("peers", |_| {
-            if peers::left_out() {
-                println!("left out: BTF_SKIP_PEERS=1");
-                return Ok(Counts::SKIPPED);
-            }
-            let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
-            let target = target.ok_or("the target folder is not known")?;
-            println!("{}", peers::ensure(target).map_err(|failure| failure.to_string())?);
-            println!("{}", peers::check_rivals(target).map_err(|failure| failure.to_string())?);
-            Ok(Counts { passed: 2, ..Counts::default() })
-        });
-        suite.step("python", |_| {
-            if peers::left_out() {
-                println!("left out: BTF_SKIP_PEERS=1");
-                return Ok(Counts::SKIPPED);
-            }
-            let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
-            let target = target.ok_or("the target folder is not known")?;
-            println!("{}", python::build_and_test(target).map_err(|failure| failure.to_string())?);
-            Ok(Counts::PASSED)
-        });
+        let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
+        suite.peer("shader tools", target, |target| shader_tools::ensure(target).map(|said| vec![said]));
+        suite.peer("asset tools", target, |target| asset_tools::ensure(target).map(|said| vec![said]));
+        suite.peer("peers", target, |target| Ok(vec![peers::ensure(target)?, peers::check_rivals(target)?]));
+        suite.peer("python", target, |target| python::build_and_test(target).map(|said| vec![said]));
         suite.step("fuzz", |_| {
             if !fuzz::has_compiler() {
                 println!("left out: no C++ compiler");
                 return Ok(Counts::SKIPPED);
             }
-            let target = metadata.as_ref().map(|metadata| metadata.target_directory.as_path());
-            let target = target.ok_or("the target folder is not known")?;
-            println!("{}", fuzz::fuzz(target, None, fuzz::RUNS).map_err(|failure| failure.to_string())?);
+            println!("{}", fuzz::fuzz(known(target)?, None, fuzz::RUNS).map_err(|failure| failure.to_string())?);
             Ok(Counts::PASSED)
         });
-        let log = metadata.as_ref().map(|metadata| metadata.target_directory.join("skipped-tests.txt"));
+        let log = target.map(|target| target.join("skipped-tests.txt"));
         suite.step("tests", |_| tests(&["--workspace"], log.as_deref()));
         suite.step("doc tests", |_| doc_tests());
         suite.cargo("docs", &["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")]);
