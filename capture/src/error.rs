@@ -230,6 +230,16 @@ pub enum CaptureError {
         /// The allowed words.
         allowed: &'static str,
     },
+    /// A leaf's description, or a texture file or folder, that cannot be used.
+    #[error("{} {fault}; {remedy}", path.display())]
+    BadLeaf {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: String,
+        /// What to do about it.
+        remedy: &'static str,
+    },
     /// A capture description or image that cannot be written.
     #[error("the capture {} cannot be written: {reason}", path.display())]
     BadOutput {
@@ -246,6 +256,10 @@ impl CaptureError {
             return CaptureError::NotFound { path: path.into() };
         }
         CaptureError::Read { path: path.into(), source }
+    }
+
+    pub(crate) fn bad_leaf(path: &Path, fault: String, remedy: &'static str) -> CaptureError {
+        CaptureError::BadLeaf { path: path.into(), fault, remedy }
     }
 
     pub(crate) fn write(path: &Path, source: io::Error) -> CaptureError {

@@ -35,7 +35,9 @@
 //!
 //! Reading in this order: [`Direction`] and [`DirectionSet`]; [`CaptureInfo`] with [`Transfer`],
 //! [`Cosine`] and [`Side`], which hold the radiometry; [`Capture`] and [`CaptureWriter`];
-//! [`CaptureError`], one sentence for everything that can be wrong. [`mod@atomic`] is for every
+//! [`CaptureError`], one sentence for everything that can be wrong. A leaf, for those that make captures of one
+//! and those that light one live: [`LeafDescription`] and its [`LeafContents`], the [`LEAF_QUANTITIES`] with
+//! their ranges, [`LeafPreset`], and the folder of appearance textures, [`TextureImages`]. [`mod@atomic`] is for every
 //! program that writes files, [`cie`] for those that deal in spectra.
 //!
 //! Not here: error metrics (they are the fitter's), and sets that are no full grid of views x lights.
@@ -54,6 +56,7 @@ mod exr_image;
 mod grid;
 mod images;
 mod info;
+mod leaf;
 mod list;
 mod manifest;
 mod radiance;
@@ -71,6 +74,13 @@ pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 pub use encode8::Encoder8;
 pub use error::CaptureError;
 pub use info::{CaptureInfo, Cosine, ImageFormat, Side};
+pub use leaf::contents::LeafContents;
+pub use leaf::description::{LeafDescription, PlantVariation};
+pub use leaf::preset::LeafPreset;
+pub use leaf::quantity::{LEAF_QUANTITIES, LeafQuantity};
+pub use leaf::species::{Deficiency, LeafGloss, Species, SpeciesPreset};
+pub use leaf::texture_folder::{TEXTURES_NAME, TextureGrid, TextureImages, write_textures};
+pub use leaf::texture_image::{MAX_TEXTURE_TEXELS, TextureKind};
 pub use radiance_map::RadianceMap;
 pub use source::SharedBytes;
 pub use stamp::FileStamp;

@@ -16,20 +16,10 @@ pub enum SynthError {
         /// The allowed range.
         allowed: String,
     },
-    /// A texture file or folder that cannot be used.
-    #[error("{path} {fault}; {remedy}")]
-    BadTexture {
-        /// The file or folder.
-        path: String,
-        /// What is wrong with it.
-        fault: String,
-        /// What to do about it.
-        remedy: &'static str,
-    },
     /// The caller asked to stop; nothing was left behind.
     #[error("stopped before the capture was complete; nothing was written")]
     Stopped,
-    /// The capture could not be written.
+    /// The capture could not be written, or a leaf's description or textures not be used.
     #[error(transparent)]
     Capture(#[from] CaptureError),
 }
@@ -46,11 +36,4 @@ pub(crate) fn check_range(name: &'static str, value: f64, low: f64, high: f64) -
 /// Refuses the first of some numbers that is out of its range: `(name, number, least, most)`.
 pub(crate) fn check_ranges(ranges: &[(&'static str, f64, f64, f64)]) -> Result<(), SynthError> {
     ranges.iter().try_for_each(|&(name, value, low, high)| check_range(name, value, low, high))
-}
-
-impl SynthError {
-    /// A [`SynthError::BadTexture`].
-    pub(crate) fn bad_texture(path: &std::path::Path, fault: String, remedy: &'static str) -> SynthError {
-        SynthError::BadTexture { path: path.display().to_string(), fault, remedy }
-    }
 }

@@ -50,6 +50,8 @@ mod leather;
 mod optics;
 mod surface;
 
+// What a leaf is belongs to whoever makes or lights one.
+pub use btf_capture::{Deficiency, LeafContents, LeafDescription, Species, TextureImages};
 pub use cloth::capture::write_cloth_capture;
 pub use cloth::fabric::{Cloth, ClothPair, ClothPoint};
 pub use cloth::fibre::{Fibre, FibreDirection, FibrePair, FibreParams, FibreView};
@@ -60,12 +62,9 @@ pub use instruments::goniophotometer::{Goniogram, Goniophotometer, Interactions}
 pub use instruments::plot::{LinePlot, Series, counts_svg, disk_svg, goniogram_svg};
 pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectrum};
 pub use leaf::capture::write_leaf_capture;
-pub use leaf::chlorosis::{Chlorosis, Deficiency};
+pub use leaf::chlorosis::Chlorosis;
 pub use leaf::model::LeafModel;
 pub use leaf::patch::LeafParams;
-pub use leaf::species::{Species, SpeciesPreset};
-pub use leaf::texture_folder::{TEXTURES_NAME, TextureImages};
-pub use leaf::texture_image::TextureKind;
 pub use leaf::textures::{AppearanceTextures, LeafLook};
 pub use leather::capture::write_leather_capture;
 pub use leather::facets::{FacetDirection, Facets};
@@ -76,7 +75,7 @@ pub use optics::abm_b::AbmB;
 pub use optics::abm_u::AbmU;
 pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
 pub use optics::colour::{RgbBands, RgbFromSpectrum};
-pub use optics::contents::LeafContents;
+pub use optics::contents::check_contents;
 pub use optics::fresnel::{fresnel, fresnel_between, reflect, refract, refract_cos};
 pub use optics::gloss::{
     CUTICLE_INDEX, CookTorrance, GlossCoupling, GlossForm, GlossParams, LobeAngles, MIN_ROUGHNESS, vein_frame,

@@ -1,10 +1,12 @@
 //! `btf-synth leaf`: the capture of a leaf.
 
-use btf_synth::{GlossCoupling, GlossForm, GlossParams, LeafParams, Passage, RgbBands, write_leaf_capture};
+use btf_synth::{
+    CaptureParams, GlossCoupling, GlossForm, GlossParams, LeafParams, Passage, RgbBands, write_leaf_capture,
+};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::leaf_look::LookArgs;
+use super::leaf_look::{LookArgs, Looked};
 use super::model::{ContentsArgs, Model, Side, TissueArgs};
 use super::{CaptureArgs, Failure, RunArgs};
 
@@ -15,6 +17,8 @@ use super::{CaptureArgs, Failure, RunArgs};
   btf-synth leaf maize --species maize --deficiency magnesium --severity 0.8
   btf-synth leaf beech --species tree --export-textures beech-textures
   btf-synth leaf mine --textures beech-textures
+  btf-synth leaf mine --cab 55 --write-leaf leaf.toml
+  btf-synth leaf again --leaf leaf.toml --size 512
   btf-synth leaf back --model abm97 --side abaxial
   btf-synth leaf through --transmission
   btf-synth leaf hdr-leaf --format exr --directions dome151 --json leaf.json")]
@@ -27,7 +31,7 @@ pub struct LeafArgs {
     look: LookArgs,
     /// Width and height of the patch in millimetres (1 to 200) [default: the species', otherwise 20]
     #[arg(long, value_name = "MM")]
-    size_mm: Option<f32>,
+    size_mm: Option<f64>,
     /// Model of the blade's optics
     #[arg(long, value_enum, default_value_t = Model::PlateN)]
     model: Model,
@@ -66,14 +70,14 @@ enum Bands {
 
 /// Writes the capture.
 pub fn run(args: &LeafArgs) -> Result<(), Failure> {
-    let preset = args.look.params()?;
-    // The algorithmic models keep their own leaf's pigments unless the user, or an albino, has others.
-    let none = args.look.albino.then_some(0.0);
-    let (cab, car) = (args.contents.cab.or(none), args.contents.car.or(none));
+    let looked = describe(args)?;
+    let leaf = &looked.leaf;
+    let whole = looked.own_pigments.then_some(&leaf.contents);
+    let [cab, car] = args.contents.own_pigments(whole);
+    let described = LeafParams::described(leaf, looked.images()?);
     let params = LeafParams {
-        capture: args.capture.params(args.size_mm.unwrap_or(preset.capture.size_mm))?,
+        capture: CaptureParams { seed: leaf.seed, ..args.capture.params(leaf.size_mm as f32)? },
         model: args.tissue.leaf_model(args.model, cab, car)?,
-        contents: args.contents.over(preset.contents),
         bands: match args.bands {
             Bands::Spectral => RgbBands::Spectral31,
             Bands::Three => RgbBands::ThreeWavelength,
@@ -81,16 +85,14 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
         side: args.side.into(),
         passage: if args.transmission { Passage::Transmission } else { Passage::Reflection },
         gloss: GlossParams {
-            gamma_along: args.gamma.unwrap_or(preset.gloss.gamma_along),
-            gamma_across: args.gamma_across.or(args.gamma).unwrap_or(preset.gloss.gamma_across),
             form: if args.legacy_4x { GlossForm::Legacy4x } else { GlossForm::Corrected },
             coupling: if args.uncoupled { GlossCoupling::None } else { GlossCoupling::Energy },
-            ..GlossParams::default()
+            ..described.gloss
         },
-        look: preset.look,
+        ..described
     };
     params.check()?;
-    let textures = args.look.export(&params)?;
+    let textures = args.look.export(&looked, &params)?;
     let more = json!({
         "model": args.model.to_string(),
         "side": params.capture_side().to_string(),
@@ -100,4 +102,16 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
     args.capture.photograph(&args.run, "leaf", &params.capture, &more, |dir, progress| {
         write_leaf_capture(dir, &params, progress)
     })
+}
+
+/// The leaf of the options.
+fn describe(args: &LeafArgs) -> Result<Looked, Failure> {
+    let mut looked = args.look.leaf()?;
+    let leaf = &mut looked.leaf;
+    leaf.contents = args.contents.over(leaf.contents);
+    leaf.gloss.gamma_along = args.gamma.unwrap_or(leaf.gloss.gamma_along);
+    leaf.gloss.gamma_across = args.gamma_across.or(args.gamma).unwrap_or(leaf.gloss.gamma_across);
+    leaf.size_mm = args.size_mm.unwrap_or(leaf.size_mm);
+    leaf.seed = args.capture.seed.unwrap_or(leaf.seed);
+    Ok(looked)
 }

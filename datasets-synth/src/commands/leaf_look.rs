@@ -2,21 +2,23 @@
 
 use std::path::{Path, PathBuf};
 
-use btf_synth::{AppearanceTextures, Chlorosis, Deficiency, LeafLook, LeafParams, Species, TextureImages};
+use btf_synth::{AppearanceTextures, Deficiency, LeafDescription, LeafParams, Species, TextureImages};
 use clap::{Args, ValueEnum};
 
 use super::Failure;
+use super::leaf_file::LeafFileArgs;
 
 #[derive(Args)]
 pub(super) struct LookArgs {
-    /// Species: sets veins, relief, patch size, contents and gloss where no option does [default: a plain leaf]
+    /// Species: sets veins, relief, patch size, contents and gloss where no option does, over --leaf veins and relief
+    /// alone [default: a plain leaf]
     #[arg(long, value_enum)]
     species: Option<SpeciesName>,
     /// What the leaf lacks: nitrogen yellows it (maize: from the tip along the midrib), magnesium between the veins
     #[arg(long, value_enum)]
     deficiency: Option<DeficiencyName>,
     /// How far the deficiency has gone (0 to 1) [default: 0.7]
-    #[arg(long, requires = "deficiency", value_name = "S")]
+    #[arg(long, value_name = "S")]
     severity: Option<f64>,
     /// No pigment at all: an albino leaf
     #[arg(long, conflicts_with_all = ["cab", "car", "cant", "cbrown", "deficiency"])]
@@ -27,6 +29,11 @@ pub(super) struct LookArgs {
     /// Write the leaf's textures as images to the new folder DIR, with textures.toml
     #[arg(long, value_name = "DIR")]
     export_textures: Option<PathBuf>,
+    #[command(flatten)]
+    file: LeafFileArgs,
+    /// Write the leaf that all options describe to FILE, as --leaf reads it, with the exported textures or your own
+    #[arg(long, value_name = "FILE")]
+    write_leaf: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -45,45 +52,77 @@ enum DeficiencyName {
     Magnesium,
 }
 
-/// How far a deficiency has gone where the user does not say.
-const SEVERITY: f64 = 0.7;
-
-impl LookArgs {
-    /// The parameters of the species asked for, or the default ones, with the look asked for.
-    pub(super) fn params(&self) -> Result<LeafParams, Failure> {
-        let species = self.species.map(|name| match name {
+impl From<SpeciesName> for Species {
+    fn from(name: SpeciesName) -> Species {
+        match name {
             SpeciesName::Maize => Species::Maize,
             SpeciesName::Soybean => Species::Soybean,
             SpeciesName::Tree => Species::Tree,
-        });
-        let mut params = species.map_or_else(LeafParams::default, LeafParams::of);
-        let chlorosis = self.deficiency.map(|name| Chlorosis {
-            deficiency: match name {
-                DeficiencyName::Nitrogen => Deficiency::Nitrogen,
-                DeficiencyName::Magnesium => Deficiency::Magnesium,
-            },
-            severity: self.severity.unwrap_or(SEVERITY),
-        });
-        if chlorosis.is_some() {
-            params.contents.brown = Chlorosis::BROWN;
         }
+    }
+}
+
+impl From<DeficiencyName> for Deficiency {
+    fn from(name: DeficiencyName) -> Deficiency {
+        match name {
+            DeficiencyName::Nitrogen => Deficiency::Nitrogen,
+            DeficiencyName::Magnesium => Deficiency::Magnesium,
+        }
+    }
+}
+
+/// A leaf as the options of its look describe it.
+pub(super) struct Looked {
+    /// The leaf; its textures are those below.
+    pub leaf: LeafDescription,
+    /// Folder of textures, from here.
+    pub textures: Option<PathBuf>,
+    /// Whether its pigments are the user's, or those that a species has.
+    pub own_pigments: bool,
+}
+
+impl LookArgs {
+    /// The leaf of the file, the species or the plain one, with the look asked for.
+    pub(super) fn leaf(&self) -> Result<Looked, Failure> {
+        let (species, deficiency) = (self.species.map(Species::from), self.deficiency.map(Deficiency::from));
+        let file = self.file.read()?;
+        let own_pigments = file.is_some() || self.albino;
+        let mut leaf = file.unwrap_or_else(|| LeafDescription::of(species, None));
+        leaf.species = species.or(leaf.species);
+        if deficiency.is_some() {
+            leaf.deficiency = deficiency;
+            leaf.contents.brown = Deficiency::BROWN;
+        }
+        if self.severity.is_some() && leaf.deficiency.is_none() {
+            return Err(Failure::Usage("--severity says how far a deficiency has gone; give --deficiency, too".into()));
+        }
+        leaf.severity = self.severity.unwrap_or(leaf.severity);
         // [Miao, Fig. 2f]: the text says that all pigments are 0; the caption prints C_r 5 and C_b 0.2 instead,
         // which is a brownish yellow leaf (--cab 0 --car 5 --cbrown 0.2).
         if self.albino {
-            params.contents.chlorophyll_ug_per_cm2 = 0.0;
-            params.contents.carotenoid_ug_per_cm2 = 0.0;
-            params.contents.anthocyanin_ug_per_cm2 = 0.0;
-            params.contents.brown = 0.0;
+            leaf.contents = leaf.contents.without_pigments();
         }
-        let images = self.textures.as_ref().map_or(Ok(TextureImages::default()), TextureImages::read)?;
-        params.look = LeafLook { species, chlorosis, images };
-        Ok(params)
+        let textures = self.textures.clone().or_else(|| self.file.textures(&leaf));
+        Ok(Looked { leaf, textures, own_pigments })
     }
 
-    /// Writes the textures of a leaf where that is asked for.
-    pub(super) fn export(&self, params: &LeafParams) -> Result<Option<&Path>, Failure> {
-        let Some(dir) = &self.export_textures else { return Ok(None) };
-        AppearanceTextures::new(params)?.export(dir)?;
-        Ok(Some(dir))
+    /// Writes the textures of a leaf, and its description, where that is asked for.
+    pub(super) fn export(&self, looked: &Looked, params: &LeafParams) -> Result<Option<&Path>, Failure> {
+        let exported = self.export_textures.as_deref();
+        if let Some(dir) = exported {
+            AppearanceTextures::new(params)?.export(dir)?;
+        }
+        if let Some(file) = &self.write_leaf {
+            super::leaf_file::write(&looked.leaf, exported.or(looked.textures.as_deref()), file)?;
+        }
+        Ok(exported)
+    }
+}
+
+impl Looked {
+    /// The textures as images.
+    pub(super) fn images(&self) -> Result<TextureImages, Failure> {
+        let read = |dir| TextureImages::read(dir).map_err(|error| Failure::Failed(error.to_string()));
+        self.textures.as_ref().map_or(Ok(TextureImages::default()), read)
     }
 }

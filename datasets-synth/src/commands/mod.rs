@@ -3,6 +3,7 @@
 mod cloth;
 mod goniophotometer;
 mod leaf;
+mod leaf_file;
 mod leaf_look;
 mod leather;
 mod model;
@@ -164,9 +165,9 @@ struct CaptureArgs {
     /// Format of the images: png and jpg are 8-bit sRGB, exr is linear half precision
     #[arg(long, value_enum, default_value_t = Format::Png)]
     format: Format,
-    /// Seed of everything random
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    /// Seed of everything random [default: 1]
+    #[arg(long)]
+    seed: Option<u64>,
 }
 
 impl CaptureArgs {
@@ -176,7 +177,7 @@ impl CaptureArgs {
         Ok(CaptureParams {
             size: self.size,
             size_mm,
-            seed: self.seed,
+            seed: self.seed.unwrap_or(1),
             views: set.clone(),
             lights: set,
             format: self.format.into(),

@@ -10,12 +10,14 @@ use btf_synth::{
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
+use super::leaf_file::LeafFileArgs;
 use super::model::{Model, Side, TissueArgs};
 use super::{Failure, RunArgs, write_text};
 
 #[derive(Args)]
 #[command(after_help = "Examples:
   btf-synth spectrum --model plate-n --cab 25 --plot spectrum.svg
+  btf-synth spectrum --leaf leaf.toml --plot spectrum.svg
   btf-synth spectrum --model abm97 --side abaxial --rays 1e6 --json -
   btf-synth spectrum --model abm97 --beam emitter --method direct --precision 0.001
   btf-synth spectrum --model abm-b --to-nm 2500 --step-nm 20 --rays 1e5 --plot soybean.svg")]
@@ -25,6 +27,8 @@ pub struct SpectrumArgs {
     model: Model,
     #[command(flatten)]
     contents: super::model::ContentsArgs,
+    #[command(flatten)]
+    leaf: LeafFileArgs,
     #[command(flatten)]
     tissue: TissueArgs,
     #[command(flatten)]
@@ -86,7 +90,9 @@ enum MethodName {
 /// Measures and writes.
 pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
     let wavelength_nm = wavelengths(args)?;
-    let model = args.tissue.leaf_model(args.model, args.contents.cab, args.contents.car)?;
+    let leaf = args.leaf.read()?;
+    let [cab, car] = args.contents.own_pigments(leaf.as_ref().map(|leaf| &leaf.contents));
+    let model = args.tissue.leaf_model(args.model, cab, car)?;
     let started = Instant::now();
     let mut sides = vec![args.side];
     if args.both_sides {
@@ -95,7 +101,7 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
     let spectra: Vec<Spectrum> = match (model, model.tissue()) {
         (LeafModel::Plate(model), _) => {
             let exact = |mean| Estimate { mean, standard_error: 0.0 };
-            let contents = args.contents.over(LeafContents::default());
+            let contents = args.contents.over(leaf.map_or_else(LeafContents::default, |leaf| leaf.contents));
             model.check(model.default_table(), &contents)?;
             let cone_deg = args.contents.cone_deg.unwrap_or(model.default_cone_deg());
             let optics = plate_spectrum(model, model.default_table(), &contents, cone_deg, &wavelength_nm)?;

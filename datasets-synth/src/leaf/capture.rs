@@ -59,11 +59,10 @@ mod tests {
     use std::ops::ControlFlow;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    use btf_capture::{Capture, Direction, DirectionSet, ImageFormat, Pixels};
+    use btf_capture::{Capture, Direction, DirectionSet, ImageFormat, Pixels, Species};
 
     use super::*;
     use crate::leaf::patch::tests::small;
-    use crate::leaf::species::Species;
     use crate::optics::path_lengths::Face;
     use crate::surface::capture_params::CaptureParams;
 

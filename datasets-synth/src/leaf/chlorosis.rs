@@ -16,32 +16,15 @@
 //! - Magnesium is moved out of the blade between the veins: veins and what is near them stay green. Stripes
 //!   in maize, patches between secondaries in broad leaves, and reddish brown margins where it is severe.
 //!
-//! Brown comes with C_b > 0: V_b only says where ([`Chlorosis::BROWN`] is a usual C_b).
+//! Brown comes with C_b > 0: V_b only says where ([`Deficiency::BROWN`] is a usual C_b).
 //!
 //! Differs from the paper: it shows photographs and pictures and gives no equation; these are ours.
 //! When it is wrong: a patch stands for the whole blade (its top is the tip, its sides are the margins),
 //! whatever its size; the course of a deficiency over weeks is one number here.
 
+use btf_capture::Deficiency;
+
 use crate::error::SynthError;
-
-/// What a leaf lacks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Deficiency {
-    /// Yellow from the tip along the midrib (maize), pale all over (others).
-    Nitrogen,
-    /// Yellow between green veins.
-    Magnesium,
-}
-
-impl Deficiency {
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Deficiency::Nitrogen => "nitrogen",
-            Deficiency::Magnesium => "magnesium",
-        }
-    }
-}
 
 /// A deficiency and how far it has gone.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,9 +51,6 @@ pub(crate) struct LeafPlace {
 }
 
 impl Chlorosis {
-    /// The C_b that the command line takes for a deficient leaf: how brown its dead parts are.
-    pub const BROWN: f64 = 0.35;
-
     /// # Errors
     /// [`SynthError::BadParameter`] for a severity outside 0 to 1.
     pub fn check(&self) -> Result<(), SynthError> {

@@ -10,8 +10,6 @@ pub(crate) mod pinnate_venation;
 pub(crate) mod plate_leaf;
 pub(crate) mod relief;
 pub(crate) mod species;
-pub(crate) mod texture_folder;
-pub(crate) mod texture_image;
 pub(crate) mod textures;
 pub(crate) mod tissue_leaf;
 pub(crate) mod vein;

@@ -108,7 +108,9 @@ impl ParallelVenation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::leaf::species::{Species, Traits, VenationTraits};
+    use btf_capture::Species;
+
+    use crate::leaf::species::{Traits, VenationTraits};
 
     fn veins(seed: u64) -> ParallelVenation {
         match Traits::of(Some(Species::Maize)).venation {

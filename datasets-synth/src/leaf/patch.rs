@@ -1,17 +1,16 @@
 //! A leaf patch: what was asked for, and the grids that rendering reads.
 
-use btf_capture::Side;
+use btf_capture::{LeafContents, LeafDescription, Side, Species, TextureImages};
 
 use crate::error::SynthError;
+use crate::leaf::chlorosis::Chlorosis;
 use crate::leaf::face::{Seen, Tint};
 use crate::leaf::model::LeafModel;
 use crate::leaf::relief::{RELIEF_BOUND_MM, TextureSample};
-use crate::leaf::species::Species;
 use crate::leaf::textures::{AppearanceTextures, LeafLook};
 use crate::optics::abm_b::AbmB;
 use crate::optics::abm_u::AbmU;
 use crate::optics::colour::RgbBands;
-use crate::optics::contents::LeafContents;
 use crate::optics::gloss::GlossParams;
 use crate::optics::path_lengths::Face;
 use crate::optics::scatter_table::Passage;
@@ -62,12 +61,18 @@ impl Default for LeafParams {
 impl LeafParams {
     /// The patch, contents and gloss of a species' preset, otherwise as the default.
     pub fn of(species: Species) -> LeafParams {
-        let preset = species.preset();
+        LeafParams::described(&LeafDescription::of(Some(species), None), TextureImages::default())
+    }
+
+    /// The leaf of a description with the textures that it names ([`LeafDescription::textures_beside`]), otherwise
+    /// as the default. A description's variation is for those who make many leaves.
+    pub fn described(leaf: &LeafDescription, images: TextureImages) -> LeafParams {
+        let chlorosis = leaf.deficiency.map(|deficiency| Chlorosis { deficiency, severity: leaf.severity });
         LeafParams {
-            capture: CaptureParams::new(preset.size_mm),
-            contents: preset.contents,
-            gloss: preset.gloss(),
-            look: LeafLook { species: Some(species), ..LeafLook::default() },
+            capture: CaptureParams { seed: leaf.seed, ..CaptureParams::new(leaf.size_mm as f32) },
+            contents: leaf.contents,
+            gloss: leaf.gloss.into(),
+            look: LeafLook { species: leaf.species, chlorosis, images },
             ..LeafParams::default()
         }
     }
@@ -244,6 +249,17 @@ pub(crate) mod tests {
         assert!(named(tiny).contains("--size-mm is 1 for 2048 texels"));
         with(|capture| capture.size = 2048).check().unwrap();
         small().check().unwrap();
+    }
+
+    #[test]
+    fn every_species_is_valid_parameters() {
+        for species in Species::ALL {
+            let (params, preset) = (LeafParams::of(species), species.preset());
+            params.check().unwrap();
+            assert_eq!((f64::from(params.capture.size_mm), params.contents), (preset.size_mm, preset.contents));
+            assert_eq!((params.gloss, params.look.species), (preset.gloss.into(), Some(species)));
+        }
+        assert_eq!(LeafParams::described(&LeafDescription::default(), TextureImages::default()), LeafParams::default());
     }
 
     #[test]

@@ -251,7 +251,9 @@ fn line(point: impl Fn(f32) -> [f32; 2]) -> Vec<[f32; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::leaf::species::{Species, Traits, VenationTraits};
+    use btf_capture::Species;
+
+    use crate::leaf::species::{Traits, VenationTraits};
     use crate::leaf::vein::unit;
 
     fn traits(species: Option<Species>) -> PinnateTraits {

@@ -6,11 +6,11 @@
 //! entered through the far face's gloss and left through the seen one's; no lobe. `plate-paper` has neither
 //! coupling nor the corrected lobe: what it prints is added up.
 
+use btf_capture::LeafContents;
 use rayon::prelude::*;
 
 use crate::leaf::face::{Seen, Tint};
 use crate::leaf::vein::direction_of;
-use crate::optics::contents::LeafContents;
 use crate::optics::gloss::{CookTorrance, LobeAngles, vein_frame};
 use crate::optics::plate_body::PlateBody;
 use crate::optics::scatter_table::Passage;

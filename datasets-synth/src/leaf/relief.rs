@@ -244,7 +244,7 @@ fn structure(masks: VeinMasks) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::leaf::species::Species;
+    use btf_capture::Species;
 
     const KINDS: [Option<Species>; 4] = [None, Some(Species::Maize), Some(Species::Soybean), Some(Species::Tree)];
 

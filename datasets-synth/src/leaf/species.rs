@@ -1,102 +1,26 @@
-//! Species: how the veins run, how deep they lie, what the tissue holds, how rough the cuticle is.
+//! Species: how the veins run, how deep they lie, how the tissue differs from place to place. What a species holds and
+//! how it shines: [`Species::preset`].
 //!
-//! | preset | veins | patch | contents | gloss |
-//! |---|---|---|---|---|
-//! | maize | parallel, wide midrib, commissures | 30 mm | Cab 40, Car 5, N 1.5 [Miao, Fig. 2a] | rougher across the veins |
-//! | soybean | pinnate, fine reticulum | 30 mm | Cab 43.62 [Baranoski 1997, Table 1], Car 8 | dull: hairs |
-//! | tree | pinnate, strong secondaries, ladder tertiaries | 30 mm | Cab 50, Car 10, N 1.6 | glossy |
-//! | none | pinnate, two Voronoi networks | 20 mm | Cab 40, Car 8, N 1.5 | 0.3 |
+//! | species | veins |
+//! |---|---|
+//! | maize | parallel, wide midrib, commissures |
+//! | soybean | pinnate, fine reticulum |
+//! | tree | pinnate, strong secondaries, ladder tertiaries |
+//! | none | pinnate, two Voronoi networks |
 //!
-//! Where the numbers come from: the contents as cited, otherwise from the middle of the ranges that leaf
-//! models are used in (Cab 0 to 100, Car 0 to 25 ug/cm2, N 1 to 3); lengths are the usual sizes of such
-//! leaves to a tenth or so (maize: laterals 1 to 2 mm apart with some ten small veins between, of which a
-//! texel of 0.1 mm can carry three; midrib 2 to 4 mm; broad leaves: secondaries 5 to 10 mm apart on either side,
-//! tertiaries 1 to 3 mm). Roughness along and across veins differ as in [Comar 2014] for grasses.
+//! Where the numbers come from: lengths are the usual sizes of such leaves to a tenth or so (maize: laterals 1 to 2 mm
+//! apart with some ten small veins between, of which a texel of 0.1 mm can carry three; midrib 2 to 4 mm; broad leaves:
+//! secondaries 5 to 10 mm apart on either side, tertiaries 1 to 3 mm).
 //!
 //! Differs from the paper in: it gives veins more carotenoids than the mesophyll (V_c); maize's midrib has
 //! less here, because it is white and not yellow.
 //!
-//! When it is wrong: a preset is a look, no botanical measurement; cultivar, age and growth change every
-//! number by half. Hairs are a duller, rougher gloss and not hairs.
+//! When it is wrong: a look, no botanical measurement; cultivar, age and growth change every number by half. Hairs are
+//! a duller, rougher gloss and not hairs.
+
+use btf_capture::Species;
 
 use crate::leaf::pinnate_venation::RungTraits;
-use crate::optics::contents::LeafContents;
-use crate::optics::gloss::GlossParams;
-
-/// A leaf with a name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Species {
-    /// *Zea mays*: a grass with parallel veins.
-    Maize,
-    /// *Glycine max*: pinnate, hairy and dull.
-    Soybean,
-    /// A broad-leaved tree such as beech or oak: strong secondaries, tertiaries like ladders, glossy.
-    Tree,
-}
-
-/// What a species sets where nothing else is asked for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SpeciesPreset {
-    /// Width and height of the patch in millimetres.
-    pub size_mm: f32,
-    /// What the blade holds.
-    pub contents: LeafContents,
-    /// Roughness of the gloss along the veins.
-    pub gamma_along: f64,
-    /// Roughness of the gloss across the veins.
-    pub gamma_across: f64,
-}
-
-impl SpeciesPreset {
-    /// The gloss of the preset.
-    pub fn gloss(&self) -> GlossParams {
-        GlossParams { gamma_along: self.gamma_along, gamma_across: self.gamma_across, ..GlossParams::default() }
-    }
-}
-
-impl Species {
-    /// Every species.
-    pub const ALL: [Species; 3] = [Species::Maize, Species::Soybean, Species::Tree];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Species::Maize => "maize",
-            Species::Soybean => "soybean",
-            Species::Tree => "tree",
-        }
-    }
-
-    /// Its preset.
-    pub fn preset(self) -> SpeciesPreset {
-        let contents = |chlorophyll, carotenoid, structure| LeafContents {
-            chlorophyll_ug_per_cm2: chlorophyll,
-            carotenoid_ug_per_cm2: carotenoid,
-            structure,
-            ..LeafContents::default()
-        };
-        match self {
-            Species::Maize => SpeciesPreset {
-                size_mm: 30.0,
-                contents: contents(40.0, 5.0, 1.5),
-                gamma_along: 0.26,
-                gamma_across: 0.42,
-            },
-            Species::Soybean => SpeciesPreset {
-                size_mm: 30.0,
-                contents: contents(43.62, 8.0, 1.5),
-                gamma_along: 0.50,
-                gamma_across: 0.50,
-            },
-            Species::Tree => SpeciesPreset {
-                size_mm: 30.0,
-                contents: contents(50.0, 10.0, 1.6),
-                gamma_along: 0.22,
-                gamma_across: 0.24,
-            },
-        }
-    }
-}
 
 /// Everything that shapes a leaf's faces.
 #[derive(Debug, Clone, Copy)]
@@ -409,30 +333,5 @@ impl Traits {
             Some(Species::Soybean) => SOYBEAN,
             Some(Species::Tree) => TREE,
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn presets_are_valid_parameters_and_differ() {
-        let presets = Species::ALL.map(Species::preset);
-        for (species, preset) in Species::ALL.into_iter().zip(presets) {
-            let params = crate::LeafParams::of(species);
-            params.check().unwrap();
-            assert_eq!((params.capture.size_mm, params.contents), (preset.size_mm, preset.contents));
-            assert!(preset.gamma_along <= preset.gamma_across);
-            assert_eq!(params.gloss, preset.gloss());
-        }
-        assert!(presets[0] != presets[1] && presets[1] != presets[2]);
-    }
-
-    #[test]
-    fn maize_holds_what_the_first_figure_says() {
-        let contents = Species::Maize.preset().contents;
-        let figure = (contents.chlorophyll_ug_per_cm2, contents.carotenoid_ug_per_cm2, contents.brown);
-        assert_eq!((figure, contents.structure), ((40.0, 5.0, 0.0), 1.5));
     }
 }

@@ -24,15 +24,14 @@
 
 use std::path::Path;
 
+use btf_capture::{CaptureError, MAX_TEXTURE_TEXELS, Species, TextureGrid, TextureImages, TextureKind, write_textures};
 use rayon::prelude::*;
 
 use crate::error::SynthError;
 use crate::leaf::chlorosis::Chlorosis;
 use crate::leaf::patch::LeafParams;
 use crate::leaf::relief::{Relief, TextureSample, VeinMasks};
-use crate::leaf::species::{Species, Traits};
-use crate::leaf::texture_folder::{TextureImages, write_textures};
-use crate::leaf::texture_image::{MAX_TEXTURE_TEXELS, TextureKind};
+use crate::leaf::species::Traits;
 use crate::leaf::vein::double_angle;
 use crate::leaf::venation::Venation;
 use crate::surface::grid::Grid;
@@ -127,15 +126,15 @@ impl AppearanceTextures {
     /// One texel per grid node; the structure has 8 bits, the others 16.
     ///
     /// # Errors
-    /// [`SynthError::BadTexture`] if the folder is not empty or the textures are too many,
-    /// [`SynthError::Capture`] if a file cannot be written.
+    /// [`SynthError::Capture`] if the folder is not empty, the textures are too many, or a file cannot be written.
     pub fn export(&self, dir: impl AsRef<Path>) -> Result<(), SynthError> {
         let (dir, side) = (dir.as_ref(), self.grid.side);
         if self.grid.len() > MAX_TEXTURE_TEXELS {
             let fault = format!("would hold images of {side} x {side} texels, and {MAX_TEXTURE_TEXELS} are allowed");
-            return Err(SynthError::bad_texture(dir, fault, "give a smaller --size or a larger --size-mm"));
+            let remedy = "give a smaller --size or a larger --size-mm";
+            return Err(CaptureError::BadLeaf { path: dir.into(), fault, remedy }.into());
         }
-        let textures: Vec<(TextureKind, Vec<f32>, [f64; 2])> = TextureKind::ALL
+        let textures: Vec<TextureGrid> = TextureKind::ALL
             .into_iter()
             .map(|kind| {
                 let channels = kind.channels();
@@ -147,14 +146,14 @@ impl AppearanceTextures {
                     TextureKind::Height | TextureKind::HeightAbaxial => height_range(&values),
                     _ => kind.default_range(),
                 };
-                (kind, values, range)
+                TextureGrid { kind, width: side, range, values }
             })
             .collect();
         // A texel is as wide as a cell and stands around its node.
         let cell = f64::from(self.grid.cell_mm);
         let corner = -f64::from(self.grid.margin_mm) - 0.5 * cell;
         let area_mm = [corner, corner, side as f64 * cell, side as f64 * cell];
-        write_textures(dir, area_mm, self.size_mm, &self.about, &textures, side)
+        Ok(write_textures(dir, area_mm, self.size_mm, &self.about, &textures)?)
     }
 }
 
@@ -295,11 +294,9 @@ mod tests {
     use std::fs;
     use std::ops::ControlFlow;
 
-    use btf_capture::{Capture, DirectionSet, ImageFormat, Pixels};
+    use btf_capture::{Capture, Deficiency, DirectionSet, ImageFormat, LeafContents, Pixels};
 
     use super::*;
-    use crate::leaf::chlorosis::Deficiency;
-    use crate::leaf::texture_image::tests::png_bytes;
     use crate::leaf::vein::direction_of;
     use crate::surface::capture_params::CaptureParams;
     use crate::write_leaf_capture;
@@ -324,14 +321,17 @@ mod tests {
         LeafParams { look: LeafLook { images, ..params.look.clone() }, ..params.clone() }
     }
 
-    /// Textures of one colour, each of one texel: grey or RGB, 8 bits.
-    fn flat(images: &[(TextureKind, &[u8])]) -> TextureImages {
+    /// Textures as a user would give them, over a patch of 30 mm: values from 0 (black) to 1 (white) in square
+    /// images of `side` texels.
+    fn given(side: usize, images: &[(TextureKind, Vec<f32>)]) -> TextureImages {
         let dir = tempfile::tempdir().unwrap();
-        for (kind, colour) in images {
-            let kind_of = if colour.len() == 1 { png::ColorType::Grayscale } else { png::ColorType::Rgb };
-            let bytes = png_bytes([1, 1], kind_of, png::BitDepth::Eight, colour);
-            fs::write(dir.path().join(format!("{}.png", kind.name())), bytes).unwrap();
-        }
+        let grid = |(kind, shares): &(TextureKind, Vec<f32>)| {
+            let range = kind.default_range();
+            let values = shares.iter().map(|share| (range[0] + f64::from(*share) * (range[1] - range[0])) as f32);
+            TextureGrid { kind: *kind, width: side, range, values: values.collect() }
+        };
+        let grids: Vec<TextureGrid> = images.iter().map(grid).collect();
+        write_textures(dir.path(), [0.0, 0.0, 30.0, 30.0], 30.0, "", &grids).unwrap();
         TextureImages::read(dir.path()).unwrap()
     }
 
@@ -392,7 +392,7 @@ mod tests {
         let chlorosis = Some(Chlorosis { deficiency: Deficiency::Nitrogen, severity: 1.0 });
         let deficient = LeafParams { look: LeafLook { chlorosis, ..LeafLook::default() }, ..params(None) };
         let grown = AppearanceTextures::new(&deficient).unwrap();
-        let images = flat(&[(TextureKind::Pigment, &[255, 0, 51]), (TextureKind::Gloss, &[51])]);
+        let images = given(1, &[(TextureKind::Pigment, vec![1.0, 0.0, 0.2]), (TextureKind::Gloss, vec![0.2])]);
         let mixed = AppearanceTextures::new(&with_images(&deficient, images)).unwrap();
         for (a, b) in grown.samples.iter().zip(&mixed.samples) {
             assert_eq!((a.height_mm, a.thickness, a.structure), (b.height_mm, b.thickness, b.structure));
@@ -406,12 +406,9 @@ mod tests {
     #[test]
     fn a_structure_image_alone_gives_veins_everywhere() {
         // One main vein on the diagonal from the lower left to the upper right of 64 x 64 texels.
-        let dir = tempfile::tempdir().unwrap();
-        let texel = |i: usize| if (i % 64).abs_diff(63 - i / 64) < 3 { [255u8, 0, 0] } else { [0, 0, 255] };
-        let data: Vec<u8> = (0..64 * 64).flat_map(texel).collect();
-        let bytes = png_bytes([64, 64], png::ColorType::Rgb, png::BitDepth::Eight, &data);
-        fs::write(dir.path().join("structure.png"), bytes).unwrap();
-        let own = with_images(&params(Some(Species::Tree)), TextureImages::read(dir.path()).unwrap());
+        let texel = |i: usize| if (i % 64).abs_diff(63 - i / 64) < 3 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
+        let image = given(64, &[(TextureKind::Structure, (0..64 * 64).flat_map(texel).collect())]);
+        let own = with_images(&params(Some(Species::Tree)), image);
         let textures = AppearanceTextures::new(&own).unwrap();
         let inside = |p: [f32; 2]| p.iter().all(|x| (3.0..27.0).contains(x));
         let on = |p: [f32; 2]| inside(p) && (p[0] - p[1]).abs() < 0.6;
@@ -437,10 +434,10 @@ mod tests {
 
     #[test]
     fn thicker_never_reflects_more() {
-        for contents in [crate::LeafContents::default(), Species::Maize.preset().contents] {
+        for contents in [LeafContents::default(), Species::Maize.preset().contents] {
             let leaf = LeafParams { contents, ..params(None) };
-            let of = |thickness: u8| capture(&with_images(&leaf, flat(&[(TextureKind::Thickness, &[thickness])])));
-            let (thin, middle, thick) = (of(64), of(128), of(255));
+            let of = |thickness| capture(&with_images(&leaf, given(1, &[(TextureKind::Thickness, vec![thickness])])));
+            let (thin, middle, thick) = (of(0.25), of(0.5), of(1.0));
             // Red and green; blue is out of the gamut and may rise towards 0.
             for channel in [0, 1] {
                 let of = |image: &[f32]| image.iter().skip(channel).step_by(3).copied().collect::<Vec<f32>>();

@@ -28,16 +28,17 @@
 
 use std::f64::consts::PI;
 
+use btf_capture::LeafGloss;
 use rayon::prelude::*;
 
 use crate::error::{SynthError, check_ranges};
 use crate::optics::fresnel::fresnel;
 
 /// Smallest roughness: a narrower lobe falls between the directions of every known sampling.
-pub const MIN_ROUGHNESS: f64 = 0.05;
+pub const MIN_ROUGHNESS: f64 = LeafGloss::MIN_ROUGHNESS;
 
 /// Refractive index of a leaf's cuticle, for the gloss [Miao, text after eq. 6].
-pub const CUTICLE_INDEX: f64 = 1.42;
+pub const CUTICLE_INDEX: f64 = LeafGloss::CUTICLE_INDEX;
 
 /// Entries of the table of directional albedo, even in the root of the cosine: dense towards
 /// grazing, where the albedo rises.
@@ -126,20 +127,21 @@ pub struct GlossParams {
 
 impl Default for GlossParams {
     fn default() -> GlossParams {
-        GlossParams::isotropic(CUTICLE_INDEX, 0.3)
+        GlossParams::from(LeafGloss::default())
+    }
+}
+
+impl From<LeafGloss> for GlossParams {
+    /// The corrected lobe, coupled.
+    fn from(LeafGloss { index, gamma_along, gamma_across }: LeafGloss) -> GlossParams {
+        GlossParams { index, gamma_along, gamma_across, form: GlossForm::default(), coupling: GlossCoupling::default() }
     }
 }
 
 impl GlossParams {
     /// The corrected lobe, coupled, with one roughness.
     pub fn isotropic(index: f64, gamma: f64) -> GlossParams {
-        GlossParams {
-            index,
-            gamma_along: gamma,
-            gamma_across: gamma,
-            form: GlossForm::default(),
-            coupling: GlossCoupling::default(),
-        }
+        GlossParams::from(LeafGloss { index, gamma_along: gamma, gamma_across: gamma })
     }
 
     /// Checks every range.

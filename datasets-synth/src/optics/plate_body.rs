@@ -1,8 +1,9 @@
 //! A plate model prepared for millions of texels: from contents to the colour of a leaf's body.
 
+use btf_capture::LeafContents;
+
 use crate::error::SynthError;
 use crate::optics::colour::{RgbBands, RgbFromSpectrum};
-use crate::optics::contents::LeafContents;
 use crate::optics::interface::DiffuseFaces;
 use crate::optics::plate_exact::plate_inside_of;
 use crate::optics::plate_model::PlateModel;

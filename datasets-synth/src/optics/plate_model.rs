@@ -1,7 +1,9 @@
 //! The three plate models behind one door: reflectance and transmittance of a whole leaf.
 
+use btf_capture::LeafContents;
+
 use crate::error::SynthError;
-use crate::optics::contents::LeafContents;
+use crate::optics::contents::check_contents;
 use crate::optics::plate_exact::plate;
 use crate::optics::plate_n::{check_structure, plate_n};
 use crate::optics::plate_paper::{PAPER_WAVELENGTHS_NM, plate_paper};
@@ -67,7 +69,7 @@ impl PlateModel {
     /// [`SynthError::BadParameter`] for the first that is out of its range, and for anthocyanins
     /// where they would be left out in silence.
     pub fn check(self, table: SpecificAbsorption, contents: &LeafContents) -> Result<(), SynthError> {
-        contents.check()?;
+        check_contents(contents)?;
         let anthocyanin = contents.anthocyanin_ug_per_cm2;
         let colourless = self == PlateModel::Paper || table == SpecificAbsorption::Prospect5;
         if anthocyanin > 0.0 && colourless {

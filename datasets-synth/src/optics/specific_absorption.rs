@@ -1,7 +1,8 @@
 //! Which table of specific absorptions and refractive index a plate model reads.
 
+use btf_capture::LeafContents;
+
 use crate::error::SynthError;
-use crate::optics::contents::LeafContents;
 use crate::optics::tables::prospect_5::PROSPECT_5;
 use crate::optics::tables::prospect_d::PROSPECT_D;
 use crate::optics::tables::{LEAF_FIRST_NM, LEAF_LAST_NM, LeafTable, interpolated};

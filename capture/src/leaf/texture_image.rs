@@ -4,10 +4,10 @@ use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use crate::error::SynthError;
+use crate::error::CaptureError;
 
 /// Most texels of a texture: 8192 x 8192.
-pub(crate) const MAX_TEXTURE_TEXELS: usize = 1 << 26;
+pub const MAX_TEXTURE_TEXELS: usize = 1 << 26;
 
 /// Largest texture file in bytes: that many texels of 16-bit RGB, stored plainly.
 const MAX_FILE_BYTES: u64 = 6 * MAX_TEXTURE_TEXELS as u64 + (1 << 20);
@@ -85,7 +85,7 @@ impl TextureKind {
     }
 
     /// Number of channels: 1 or 3.
-    pub(crate) fn channels(self) -> usize {
+    pub fn channels(self) -> usize {
         match self {
             TextureKind::Structure | TextureKind::Pigment | TextureKind::Direction => 3,
             _ => 1,
@@ -93,7 +93,7 @@ impl TextureKind {
     }
 
     /// Values of black and of white where no description file says otherwise.
-    pub(crate) fn default_range(self) -> [f64; 2] {
+    pub fn default_range(self) -> [f64; 2] {
         match self {
             TextureKind::Structure | TextureKind::Gloss | TextureKind::GlossAbaxial => [0.0, 1.0],
             TextureKind::Pigment | TextureKind::Thickness => [0.0, 2.0],
@@ -103,7 +103,7 @@ impl TextureKind {
     }
 
     /// The widest range that makes sense.
-    pub(crate) fn allowed_range(self) -> [f64; 2] {
+    pub fn allowed_range(self) -> [f64; 2] {
         match self {
             TextureKind::Pigment | TextureKind::Thickness => [0.0, 20.0],
             TextureKind::Height | TextureKind::HeightAbaxial => [-10.0, 10.0],
@@ -128,9 +128,9 @@ impl TextureImage {
     /// numbers.
     ///
     /// # Errors
-    /// [`SynthError::BadTexture`] for what cannot be read, is damaged or cut, or is too large.
-    pub fn read(path: &Path, channels: usize) -> Result<TextureImage, SynthError> {
-        let bad = |fault: String, remedy: &'static str| SynthError::bad_texture(path, fault, remedy);
+    /// [`CaptureError::BadLeaf`] for what cannot be read, is damaged or cut, or is too large.
+    pub fn read(path: &Path, channels: usize) -> Result<TextureImage, CaptureError> {
+        let bad = |fault: String, remedy: &'static str| CaptureError::bad_leaf(path, fault, remedy);
         let unreadable =
             |error: std::io::Error| bad(format!("cannot be read ({error})"), "check the file and its rights");
         let file = File::open(path).map_err(unreadable)?;
@@ -214,6 +214,11 @@ impl TextureImage {
         [self.width, self.height]
     }
 
+    /// All values in `range`, `[texel, channel]`, row 0 at the top.
+    pub fn values(&self, range: [f64; 2]) -> Vec<f32> {
+        self.values.iter().map(|&value| value_of(f64::from(value), range)).collect()
+    }
+
     /// The bilinear value at a place from 0 (left, top) to 1 (right, bottom) in `range`; beyond the edges the
     /// image is mirrored. Channels that the image lacks are 0.
     pub fn sample(&self, place: [f64; 2], range: [f64; 2]) -> [f32; 3] {
@@ -233,10 +238,14 @@ impl TextureImage {
             let at = |x: usize, y: usize| f64::from(self.values[(y * self.width + x) * self.channels + channel]);
             let top = at(x0, y0) * (1.0 - fx) + at(x1, y0) * fx;
             let bottom = at(x0, y1) * (1.0 - fx) + at(x1, y1) * fx;
-            let share = (top * (1.0 - fy) + bottom * fy) / 65535.0;
-            (range[0] + share * (range[1] - range[0])) as f32
+            value_of(top * (1.0 - fy) + bottom * fy, range)
         })
     }
+}
+
+/// What a number from 0 to 65535 stands for.
+fn value_of(code: f64, range: [f64; 2]) -> f32 {
+    (range[0] + code / 65535.0 * (range[1] - range[0])) as f32
 }
 
 /// What is wrong with the bytes of a PNG.

@@ -2,6 +2,8 @@
 //! what place on the leaf they cover and what black and white mean.
 //!
 //! ```toml
+//! size_mm = 20.0      # width and height of the patch
+//!
 //! [area]              # where the images lie, from the patch's lower left corner
 //! left_mm = -1.02
 //! bottom_mm = -1.02
@@ -14,16 +16,16 @@
 //! ```
 //!
 //! Without the file, or a part of it, images cover the patch exactly and have each kind's usual range. Every
-//! image may have its own resolution.
+//! image may have its own resolution. Millimetres of a patch run from its lower left corner, x to the right, y up
+//! to the tip.
 
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use btf_capture::write_file_atomically;
-
-use crate::error::SynthError;
+use crate::atomic::write_file_atomically;
+use crate::error::CaptureError;
 use crate::leaf::texture_image::{TextureImage, TextureKind};
 
 /// Name of the description file.
@@ -36,11 +38,26 @@ const MAX_DESCRIPTION_BYTES: u64 = 1 << 16;
 const SHAPE_TOLERANCE: f64 = 0.02;
 
 /// The place that textures cover: x and y of the lower left corner, width and height, in millimetres.
-pub(crate) type AreaMm = [f64; 4];
+type AreaMm = [f64; 4];
+
+/// One texture as numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TextureGrid {
+    /// What it holds.
+    pub kind: TextureKind,
+    /// Texels in a row.
+    pub width: usize,
+    /// The values that black and white stand for in the file; those of a grid to be written are clamped to them.
+    pub range: [f64; 2],
+    /// `[texel, channel]`, as many channels as [`TextureKind::channels`] says, row 0 at the top.
+    pub values: Vec<f32>,
+}
 
 /// Textures of the user's own. Empty: everything is grown.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TextureImages {
+    /// Width and height of the patch, where the description says it.
+    size_mm: Option<f32>,
     /// `None`: the patch.
     area_mm: Option<AreaMm>,
     /// By [`TextureKind`].
@@ -51,14 +68,14 @@ impl TextureImages {
     /// Reads the textures that the folder `dir` holds. Any may be missing, not all.
     ///
     /// # Errors
-    /// [`SynthError::BadTexture`]: a folder without textures, an image that is damaged, too large, of another
+    /// [`CaptureError::BadLeaf`]: a folder without textures, an image that is damaged, too large, of another
     /// format or of a shape that its area has not, a description that does not make sense.
     ///
     /// Cost: 6 bytes per texel, at most 8192 x 8192 texels an image.
-    pub fn read(dir: impl AsRef<Path>) -> Result<TextureImages, SynthError> {
+    pub fn read(dir: impl AsRef<Path>) -> Result<TextureImages, CaptureError> {
         let dir = dir.as_ref();
         let listing = fs::read_dir(dir).map_err(|error| {
-            SynthError::bad_texture(
+            CaptureError::bad_leaf(
                 dir,
                 format!("cannot be opened as a folder ({error})"),
                 "point to a folder of textures",
@@ -71,11 +88,12 @@ impl TextureImages {
             let expected = path.file_name().and_then(|s| s.to_str()) == Some(&format!("{stem}.png"));
             if is_kind && !expected {
                 let fault = "is named like a texture but not with the ending .png in small letters".to_string();
-                return Err(SynthError::bad_texture(&path, fault, "save it as a PNG of that name or move it away"));
+                return Err(CaptureError::bad_leaf(&path, fault, "save it as a PNG of that name or move it away"));
             }
         }
         let description = Description::read(&dir.join(TEXTURES_NAME))?;
-        let mut textures = TextureImages { area_mm: description.area_mm, ..TextureImages::default() };
+        let mut textures =
+            TextureImages { size_mm: description.size_mm, area_mm: description.area_mm, ..TextureImages::default() };
         for (slot, kind) in textures.images.iter_mut().zip(TextureKind::ALL) {
             let path = dir.join(format!("{}.png", kind.name()));
             if !path.exists() {
@@ -88,7 +106,7 @@ impl TextureImages {
         if textures.is_empty() {
             let names = TextureKind::ALL.map(|kind| format!("{}.png", kind.name())).join(", ");
             let fault = format!("holds none of {names}");
-            return Err(SynthError::bad_texture(dir, fault, "point to a folder of textures"));
+            return Err(CaptureError::bad_leaf(dir, fault, "point to a folder of textures"));
         }
         Ok(textures)
     }
@@ -108,40 +126,55 @@ impl TextureImages {
         self.images[kind as usize].is_some()
     }
 
-    /// The value of a kind at a position in millimetres of a patch of `size_mm`, if there is an image of it.
-    pub(crate) fn sample(&self, kind: TextureKind, position_mm: [f32; 2], size_mm: f32) -> Option<[f32; 3]> {
-        let (image, range) = self.images[kind as usize].as_ref()?;
+    /// Width and height of the patch in millimetres, where `textures.toml` says it.
+    pub fn size_mm(&self) -> Option<f32> {
+        self.size_mm
+    }
+
+    /// The place that every image covers on a patch of `size_mm`: x and y of the lower left corner, width and
+    /// height, in millimetres. It may be larger than the patch: what oblique views see beside it.
+    pub fn area_mm(&self, size_mm: f32) -> [f64; 4] {
         let size = f64::from(size_mm);
-        let [left, bottom, width, height] = self.area_mm.unwrap_or([0.0, 0.0, size, size]);
+        self.area_mm.unwrap_or([0.0, 0.0, size, size])
+    }
+
+    /// The texture of a kind as numbers, if there is an image of it. Costs 4 bytes per texel and channel.
+    pub fn grid(&self, kind: TextureKind) -> Option<TextureGrid> {
+        let (image, range) = self.images[kind as usize].as_ref()?;
+        Some(TextureGrid { kind, width: image.size()[0], range: *range, values: image.values(*range) })
+    }
+
+    /// The bilinear value of a kind at a position in millimetres of a patch of `size_mm`, if there is an image
+    /// of it; beyond the area the image is mirrored, channels that it lacks are 0.
+    pub fn sample(&self, kind: TextureKind, position_mm: [f32; 2], size_mm: f32) -> Option<[f32; 3]> {
+        let (image, range) = self.images[kind as usize].as_ref()?;
+        let [left, bottom, width, height] = self.area_mm(size_mm);
         let [x, y] = position_mm.map(f64::from);
         Some(image.sample([(x - left) / width, 1.0 - (y - bottom) / height], *range))
     }
 }
 
-/// Writes textures of one area into the new folder `dir`: values `[texel, channel]`, row 0 at the top, with the
-/// range that black and white stand for. `about` is a line for people.
+/// Writes textures of a patch of `size_mm` into the new folder `dir`, with `textures.toml`: all cover `area_mm`
+/// (x and y of the lower left corner, width and height). `about` is a line for people. The structure has 8 bits,
+/// the others 16.
 ///
 /// # Errors
-/// [`SynthError::BadTexture`] if `dir` holds files already or cannot be made, [`SynthError::Capture`] if a file
+/// [`CaptureError::BadLeaf`] if `dir` holds files already or cannot be made, [`CaptureError::Write`] if a file
 /// cannot be written.
-pub(crate) fn write_textures(
-    dir: &Path,
-    area_mm: AreaMm,
+pub fn write_textures(
+    dir: impl AsRef<Path>,
+    area_mm: [f64; 4],
     size_mm: f32,
     about: &str,
-    textures: &[(TextureKind, Vec<f32>, [f64; 2])],
-    width: usize,
-) -> Result<(), SynthError> {
+    textures: &[TextureGrid],
+) -> Result<(), CaptureError> {
+    let dir = dir.as_ref();
     if fs::read_dir(dir).is_ok_and(|mut listing| listing.next().is_some()) {
         let fault = "holds files already".to_string();
-        return Err(SynthError::bad_texture(dir, fault, "give a folder that is new or empty"));
+        return Err(CaptureError::bad_leaf(dir, fault, "give a folder that is new or empty"));
     }
     fs::create_dir_all(dir).map_err(|error| {
-        SynthError::bad_texture(
-            dir,
-            format!("cannot be made ({error})"),
-            "give a folder in a place that can be written",
-        )
+        CaptureError::bad_leaf(dir, format!("cannot be made ({error})"), "give a folder in a place that can be written")
     })?;
     let [left, bottom, area_width, area_height] = area_mm;
     // Writing to a string does not fail.
@@ -154,11 +187,11 @@ pub(crate) fn write_textures(
          size_mm = {size_mm:?}\n\n\
          [area]\nleft_mm = {left:?}\nbottom_mm = {bottom:?}\nwidth_mm = {area_width:?}\nheight_mm = {area_height:?}\n"
     );
-    for (kind, values, range) in textures {
-        let image = TextureImage::from_values(width, kind.channels(), values, *range);
+    for TextureGrid { kind, width, range, values } in textures {
+        let image = TextureImage::from_values(*width, kind.channels(), values, *range);
         let path = dir.join(format!("{}.png", kind.name()));
         let bytes = image.encode(*kind != TextureKind::Structure).map_err(|error| {
-            SynthError::bad_texture(&path, format!("cannot be encoded ({error})"), "report this with the command line")
+            CaptureError::bad_leaf(&path, format!("cannot be encoded ({error})"), "report this with the command line")
         })?;
         write_file_atomically(&path, &bytes)?;
         let (name, [low, high]) = (kind.name(), range);
@@ -168,7 +201,7 @@ pub(crate) fn write_textures(
     Ok(())
 }
 
-fn check_shape(path: &Path, image: &TextureImage, area_mm: Option<AreaMm>) -> Result<(), SynthError> {
+fn check_shape(path: &Path, image: &TextureImage, area_mm: Option<AreaMm>) -> Result<(), CaptureError> {
     let [width, height] = image.size();
     let [_, _, area_width, area_height] = area_mm.unwrap_or([0.0, 0.0, 1.0, 1.0]);
     let ratio = width as f64 * area_height / (height as f64 * area_width);
@@ -180,26 +213,28 @@ fn check_shape(path: &Path, image: &TextureImage, area_mm: Option<AreaMm>) -> Re
         None => "a square patch".to_string(),
     };
     let fault = format!("has {width} x {height} texels but covers {shape}");
-    Err(SynthError::bad_texture(path, fault, "crop or scale it to that shape"))
+    Err(CaptureError::bad_leaf(path, fault, "crop or scale it to that shape"))
 }
 
 /// What `textures.toml` says.
 struct Description {
+    size_mm: Option<f32>,
     area_mm: Option<AreaMm>,
     ranges: [[f64; 2]; TextureKind::ALL.len()],
 }
 
 impl Description {
     /// Reads the file, or takes the defaults where there is none.
-    fn read(path: &Path) -> Result<Description, SynthError> {
+    fn read(path: &Path) -> Result<Description, CaptureError> {
         let bad = |fault: String| {
-            SynthError::bad_texture(
+            CaptureError::bad_leaf(
                 path,
                 fault,
                 "correct or delete it, then images cover the patch in their usual range",
             )
         };
-        let mut description = Description { area_mm: None, ranges: TextureKind::ALL.map(TextureKind::default_range) };
+        let mut description =
+            Description { size_mm: None, area_mm: None, ranges: TextureKind::ALL.map(TextureKind::default_range) };
         match fs::metadata(path) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(description),
             Ok(data) if data.len() > MAX_DESCRIPTION_BYTES => {
@@ -211,10 +246,17 @@ impl Description {
         let file: toml::Table = text.parse().map_err(|error: toml::de::Error| {
             bad(format!("is no TOML ({})", error.message().lines().next().unwrap_or("unknown")))
         })?;
-        let number = |table: &toml::Table, name: &str, key: &str| -> Result<f64, SynthError> {
-            let value = table.get(key).and_then(|v| v.as_float().or_else(|| v.as_integer().map(|i| i as f64)));
-            value.filter(|v| v.is_finite()).ok_or_else(|| bad(format!("has no number `{key}` in [{name}]")))
+        let number_of = |value: &toml::Value| {
+            value.as_float().or_else(|| value.as_integer().map(|i| i as f64)).filter(|v| v.is_finite())
         };
+        let number = |table: &toml::Table, name: &str, key: &str| -> Result<f64, CaptureError> {
+            table.get(key).and_then(number_of).ok_or_else(|| bad(format!("has no number `{key}` in [{name}]")))
+        };
+        if let Some(size) = file.get("size_mm") {
+            let size = number_of(size).filter(|size| (1e-3..=1e4).contains(size));
+            let size = size.ok_or_else(|| bad("has a `size_mm` that is no number from 0.001 to 10000".to_string()))?;
+            description.size_mm = Some(size as f32);
+        }
         let table = |name: &str| match file.get(name) {
             None => Ok(None),
             Some(toml::Value::Table(table)) => Ok(Some(table)),
@@ -291,6 +333,26 @@ mod tests {
     }
 
     #[test]
+    fn written_textures_are_read_back_with_their_place_and_size() {
+        let parent = tempfile::tempdir().unwrap();
+        let dir = parent.path().join("textures");
+        let values = (0..24).map(|i| i as f32 / 23.0).collect();
+        let pigment = TextureGrid { kind: TextureKind::Pigment, width: 4, range: [0.0, 1.0], values };
+        write_textures(&dir, [-1.0, -2.0, 22.0, 11.0], 20.0, "a test", std::slice::from_ref(&pigment)).unwrap();
+        let textures = TextureImages::read(&dir).unwrap();
+        assert_eq!((textures.size_mm(), textures.area_mm(7.0)), (Some(20.0), [-1.0, -2.0, 22.0, 11.0]));
+        assert_eq!(textures.grid(TextureKind::Gloss), None);
+        let read = textures.grid(TextureKind::Pigment).unwrap();
+        assert_eq!((read.kind, read.width, read.range), (pigment.kind, pigment.width, pigment.range));
+        let worst = read.values.iter().zip(&pigment.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(worst < 1e-5, "{worst}");
+        // A grid's texel is what sampling gives in its middle: the last column of the top row.
+        let middle =
+            textures.sample(TextureKind::Pigment, [-1.0 + 22.0 * 3.5 / 4.0, -2.0 + 11.0 * 0.75], 20.0).unwrap();
+        assert!((0..3).all(|k| (middle[k] - read.values[9 + k]).abs() < 1e-5 && read.values[9 + k] != read.values[k]));
+    }
+
+    #[test]
     fn what_cannot_be_used_is_named_with_its_remedy() {
         let whole = grey([4, 4]);
         for (message, parts) in [
@@ -303,6 +365,7 @@ mod tests {
             (refusal(&[("Gloss.PNG", &whole)]), ["Gloss.PNG is named like", "save it as a PNG"]),
             (refusal(&[("gloss.png", &grey([8, 2]))]), ["8 x 2 texels but covers a square", "crop or scale"]),
             (refusal(&[("gloss.png", &whole), (TEXTURES_NAME, b"[gloss")]), ["is no TOML", "correct or delete"]),
+            (refusal(&[("gloss.png", &whole), (TEXTURES_NAME, b"size_mm = 0")]), ["`size_mm` that is no", "correct"]),
             (refusal(&[("gloss.png", &whole), (TEXTURES_NAME, b"gloss = 1")]), ["`gloss` as something", "correct"]),
             (refusal(&[("gloss.png", &whole), (TEXTURES_NAME, b"[gloss]\nlow = 0")]), ["no number `high`", "correct"]),
             (

@@ -1,0 +1,49 @@
+//! What a leaf holds.
+
+/// What a leaf holds per area of leaf. Ranges: [`crate::LEAF_QUANTITIES`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeafContents {
+    /// Chlorophyll a + b in ug/cm2, 0 to 100.
+    pub chlorophyll_ug_per_cm2: f64,
+    /// Carotenoids in ug/cm2, 0 to 25.
+    pub carotenoid_ug_per_cm2: f64,
+    /// Anthocyanins in ug/cm2, 0 to 15. Only PROSPECT-D knows their absorption.
+    pub anthocyanin_ug_per_cm2: f64,
+    /// Brown pigment in arbitrary units, 0 to 1.
+    pub brown: f64,
+    /// Water in cm, 0 to 0.04.
+    pub water_cm: f64,
+    /// Dry matter in g/cm2, 0 to 0.02.
+    pub dry_matter_g_per_cm2: f64,
+    /// Structure parameter N, 1 to 3.
+    pub structure: f64,
+}
+
+impl Default for LeafContents {
+    /// A green leaf: 40 ug/cm2 chlorophyll, 8 ug/cm2 carotenoids, no anthocyanins, no brown pigment,
+    /// 0.01 cm water, 0.005 g/cm2 dry matter, N = 1.5.
+    fn default() -> LeafContents {
+        LeafContents {
+            chlorophyll_ug_per_cm2: 40.0,
+            carotenoid_ug_per_cm2: 8.0,
+            anthocyanin_ug_per_cm2: 0.0,
+            brown: 0.0,
+            water_cm: 0.01,
+            dry_matter_g_per_cm2: 0.005,
+            structure: 1.5,
+        }
+    }
+}
+
+impl LeafContents {
+    /// The same leaf without any pigment: an albino [Miao, Fig. 2f].
+    pub fn without_pigments(self) -> LeafContents {
+        LeafContents {
+            chlorophyll_ug_per_cm2: 0.0,
+            carotenoid_ug_per_cm2: 0.0,
+            anthocyanin_ug_per_cm2: 0.0,
+            brown: 0.0,
+            ..self
+        }
+    }
+}
