@@ -28,6 +28,17 @@ mod expansion_input;
 mod fault;
 mod finding;
 mod format;
+mod leaf;
+mod leaf_body;
+mod leaf_error;
+mod leaf_figures;
+mod leaf_gloss;
+mod leaf_lobe;
+mod leaf_optics;
+mod leaf_state;
+mod leaf_texture;
+mod leaf_theta;
+mod leaf_words;
 mod lobe;
 mod lobe_queue;
 mod mip;
@@ -52,6 +63,7 @@ mod texel_coding;
 mod texel_residual;
 mod threads;
 mod validate;
+mod viewed_leaf;
 mod viewed_texel;
 mod wgsl;
 
@@ -73,6 +85,15 @@ pub use format::{
     MAX_LAYERS, MAX_SHARED, MOST_LEVELS, MOST_SIDE_MM, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionEntry, SectionKind,
     VERSION, read_directory,
 };
+pub use leaf::Leaf;
+pub use leaf_body::LeafBody;
+pub use leaf_error::LeafError;
+pub use leaf_figures::{BAND_SHARES, LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
+pub use leaf_optics::{CONE_DEG, LeafSpectrumRow, leaf_spectrum};
+pub use leaf_state::{LEAF_QUANTITIES, LeafMode, LeafQuantity, LeafState};
+pub use leaf_texture::{LeafTexel, LeafTexture, MOST_FACTOR, MOST_LEAF_SIDE};
+pub use leaf_theta::{rational_theta, three_piece_theta};
+pub use leaf_words::LEAF_MAGIC;
 pub use lobe::{
     Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS, ResidentLobe,
 };
@@ -99,8 +120,9 @@ pub use sphere::{
 };
 pub use threads::{Threads, serial};
 pub use validate::{Report, validate};
+pub use viewed_leaf::ViewedLeaf;
 pub use viewed_texel::{LIGHT_ROWS, LightRows, ViewedTexel};
-pub use wgsl::{WGSL, wgsl_library};
+pub use wgsl::{LEAF_WGSL, WGSL, leaf_wgsl, wgsl_library};
 
 // Words are moved between bytes and `u32` as they lie in memory.
 const _: () = assert!(cfg!(target_endian = "little"), "btf-runtime supports little-endian targets");

@@ -51,7 +51,7 @@ fn sample_world(lobe: &LobeSetup, v: [f32; 3]) -> [f32; 3] {
 }
 
 /// About +z, with the density `(exponent + 1) / (2 pi) cos^exponent`.
-fn sample_about_z(exponent: f32, at: [f32; 2]) -> [f32; 3] {
+pub(crate) fn sample_about_z(exponent: f32, at: [f32; 2]) -> [f32; 3] {
     let cos = at[0].max(1e-12).powf(1.0 / (exponent + 1.0));
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
     [sin * (TAU * at[1]).cos(), sin * (TAU * at[1]).sin(), cos]

@@ -21,3 +21,19 @@ pub const WGSL: &[(&str, &str)] = &[
 pub fn wgsl_library() -> String {
     WGSL.iter().map(|(_, text)| *text).collect::<Vec<_>>().join("\n")
 }
+
+/// `(file name, text)` of the leaf whose optics are evaluated live, to follow [`WGSL`], of which it uses `asset_f32`,
+/// `sample_about_z` and constants. Core WGSL without capabilities of its own.
+pub const LEAF_WGSL: &[(&str, &str)] = &[
+    ("leaf_words.wgsl", include_str!("shaders/leaf_words.wgsl")),
+    ("leaf_theta.wgsl", include_str!("shaders/leaf_theta.wgsl")),
+    ("leaf_texture.wgsl", include_str!("shaders/leaf_texture.wgsl")),
+    ("leaf_body.wgsl", include_str!("shaders/leaf_body.wgsl")),
+    ("leaf_lobe.wgsl", include_str!("shaders/leaf_lobe.wgsl")),
+    ("viewed_leaf.wgsl", include_str!("shaders/viewed_leaf.wgsl")),
+];
+
+/// All of [`LEAF_WGSL`], joined.
+pub fn leaf_wgsl() -> String {
+    LEAF_WGSL.iter().map(|(_, text)| *text).collect::<Vec<_>>().join("\n")
+}

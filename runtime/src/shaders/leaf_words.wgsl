@@ -1,0 +1,12 @@
+// Where a leaf's words lie, counted from its first. Twin: leaf_words.rs, which says what they hold.
+
+const LEAF_BANDS_AT: u32 = 16u;
+const LEAF_BAND_WORDS: u32 = 8u;
+const LEAF_ALBEDO_AT: u32 = 112u;
+const LEAF_ALBEDO_ROWS: u32 = 65u;
+const LEAF_ALBEDO_COLUMNS: u32 = 9u;
+const LEAF_TABLE_AT: u32 = 697u;
+const LEAF_TABLE_ENTRIES: u32 = 65u;
+const LEAF_TABLE_HALF: f32 = 0.5;
+const LEAF_LEVELS_AT: u32 = 1477u;
+const LEAF_TEXEL_WORDS: u32 = 4u;

@@ -1,0 +1,124 @@
+// A place of a leaf as an eye sees it: the half of shading that does not depend on the light; and directions drawn for a path.
+// Twin: viewed_leaf.rs, which has the equations.
+
+const LEAF_LEAST_EYE: f32 = 1e-3;
+const LEAF_LEAST_UP: f32 = 0.04;
+const LEAF_LEAST_SHARE: f32 = 0.02;
+const LEAF_LUMINANCE: vec3<f32> = vec3<f32>(0.2126, 0.7152, 0.0722);
+
+struct ViewedLeaf {
+    base: u32,
+    // 1 where the front is seen, -1 where the back is: z of what is in the frame of the seen face.
+    side: f32,
+    lobe: LeafLobe,
+    // In the seen face's frame.
+    wo: vec3<f32>,
+    cos_o: f32,
+    seen: LeafFace,
+    far: LeafFace,
+    // The body's two shares, times what the seen gloss lets out to the eye.
+    reflected: vec3<f32>,
+    transmitted: vec3<f32>,
+    // How often the body's two sides and the gloss are drawn.
+    shares: vec3<f32>,
+}
+
+fn leaf_face(tilt: vec2<f32>, veins: vec2<f32>, gloss: f32) -> LeafFace {
+    let normal = normalize(vec3<f32>(tilt, sqrt(max(1.0 - dot(tilt, tilt), LEAF_LEAST_UP))));
+    let size = length(veins);
+    let cos2 = select(-1.0, veins.x / max(size, 1e-6), size > 1e-6);
+    var v = sqrt(max(vec2<f32>(0.5 + 0.5 * cos2, 0.5 - 0.5 * cos2), vec2<f32>(0.0)));
+    if veins.y < 0.0 {
+        v.x = -v.x;
+    }
+    let along = normalize(vec3<f32>(v, -dot(normal.xy, v) / normal.z));
+    return LeafFace(normal, gloss, along, cross(normal, along));
+}
+
+fn leaf_reflected_by(base: u32, lobe: LeafLobe, face: LeafFace, cosine: f32, w: vec3<f32>) -> f32 {
+    return face.gloss * leaf_albedo(base, lobe, cosine, vec2<f32>(dot(face.along, w), dot(face.across, w)));
+}
+
+fn leaf_turned(w: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(w.xy, -w.z);
+}
+
+// The leaf whose first word is number `base`, at `uv` of `level`, seen from `wo`, a unit vector in the frame of the front;
+// `factors` are the plant's own, 1 for none.
+fn leaf_new(base: u32, uv: vec2<f32>, level: u32, factors: vec4<f32>, eye: vec3<f32>) -> ViewedLeaf {
+    let lobe = LeafLobe(
+        asset_f32(base + 6u),
+        asset_f32(base + 9u),
+        vec2<f32>(asset_f32(base + 7u), asset_f32(base + 8u)),
+    );
+    let texel = leaf_texel_at(base, uv, level);
+    var seen = leaf_face(texel.tilt.xy, texel.veins, texel.gloss.x);
+    var far = leaf_face(texel.tilt.zw, texel.veins, texel.gloss.y);
+    let side = select(1.0, -1.0, eye.z < 0.0);
+    if eye.z < 0.0 {
+        let front = seen;
+        seen = far;
+        far = front;
+    }
+    let wo = vec3<f32>(eye.xy, eye.z * side);
+    let cos_o = max(dot(seen.normal, wo), LEAF_LEAST_EYE);
+    let lost = leaf_reflected_by(base, lobe, seen, cos_o, wo);
+    let passes = (1.0 - lost) / (1.0 - seen.gloss * lobe.mean_albedo);
+    let hidden = 0.5 - 0.5 * vec2<f32>(seen.normal.z, far.normal.z);
+    let body = leaf_between_slopes(leaf_body(base, texel.factors * factors), hidden);
+    let reflected = body.reflectance * passes;
+    let transmitted = body.transmittance * passes;
+    let shares = max(
+        vec3<f32>(dot(LEAF_LUMINANCE, reflected), dot(LEAF_LUMINANCE, transmitted), lost),
+        vec3<f32>(LEAF_LEAST_SHARE),
+    );
+    let total = shares.x + shares.y + shares.z;
+    return ViewedLeaf(base, side, lobe, wo, cos_o, seen, far, reflected, transmitted, shares / total);
+}
+
+// pi times BRDF (BTDF on the other side) times |cos_i| for a light at `wi`, a unit vector in the frame of the front.
+fn leaf_light(viewed: ViewedLeaf, light: vec3<f32>) -> vec3<f32> {
+    var wi = vec3<f32>(light.xy, light.z * viewed.side);
+    if wi.z == 0.0 || viewed.wo.z == 0.0 {
+        return vec3<f32>(0.0);
+    }
+    if wi.z < 0.0 {
+        wi = leaf_turned(wi);
+        let cos_i = max(dot(viewed.far.normal, wi), 0.0);
+        let enters = 1.0 - leaf_reflected_by(viewed.base, viewed.lobe, viewed.far, cos_i, wi);
+        return viewed.transmitted * (enters * cos_i);
+    }
+    let cos_i = max(dot(viewed.seen.normal, wi), 0.0);
+    let enters = 1.0 - leaf_reflected_by(viewed.base, viewed.lobe, viewed.seen, cos_i, wi);
+    let shine = viewed.seen.gloss * leaf_lobe(viewed.lobe, viewed.seen, wi, viewed.wo, cos_i, viewed.cos_o);
+    return viewed.reflected * (enters * cos_i) + shine;
+}
+
+// A direction to light that matters to this eye, on either side, from three numbers in [0, 1).
+fn leaf_sample_direction(viewed: ViewedLeaf, at: vec3<f32>) -> vec3<f32> {
+    var wi = vec3<f32>(0.0);
+    if at.z < viewed.shares.x + viewed.shares.y {
+        let far = at.z >= viewed.shares.x;
+        var face = viewed.seen;
+        if far {
+            face = viewed.far;
+        }
+        let about = sample_about_z(1.0, at.xy);
+        wi = about.x * face.along + about.y * face.across + about.z * face.normal;
+        if far {
+            wi = leaf_turned(wi);
+        }
+    } else {
+        wi = leaf_lobe_direction(viewed.lobe, viewed.seen, viewed.wo, at.xy);
+    }
+    return vec3<f32>(wi.xy, wi.z * viewed.side);
+}
+
+// Density of leaf_sample_direction at `wi`, per steradian, over the whole sphere.
+fn leaf_sample_density(viewed: ViewedLeaf, light: vec3<f32>) -> f32 {
+    let wi = vec3<f32>(light.xy, light.z * viewed.side);
+    let sum = viewed.shares.x * max(dot(viewed.seen.normal, wi), 0.0)
+        + viewed.shares.y * max(dot(viewed.far.normal, leaf_turned(wi)), 0.0)
+        + viewed.shares.z * leaf_lobe_density(viewed.lobe, viewed.seen, wi, viewed.wo);
+    return sum / SAMPLE_PI;
+}
