@@ -130,3 +130,61 @@ fn layers_table(row: &LeafRow, layers: f64) -> Vec<u32> {
 }
 
 const _: () = assert!(BAND_SHARES.len() == LEAF_BANDS);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::leaf_texture::LeafTexel;
+
+    #[test]
+    fn a_changed_state_rewrites_what_it_touches_and_leaves_what_a_new_leaf_has() {
+        let texture = LeafTexture { width: 3, texels: vec![LeafTexel::default(); 15] };
+        let mut leaf = Leaf::new(&LeafState::default(), &texture).unwrap();
+        assert_eq!(leaf.words()[0], LEAF_MAGIC);
+        let state = LeafState { chlorophyll_ug_per_cm2: 10.0, ..LeafState::default() };
+        let touched = leaf.set_state(&state).unwrap();
+        assert!(touched.start >= BANDS_AT && touched.end <= ALBEDO_AT, "{touched:?}");
+        let steps = [
+            LeafState { structure: 2.0, ..state },
+            LeafState { gamma_along: 0.4, ..state },
+            LeafState { mode: LeafMode::Rational, ..state },
+            LeafState { mode: LeafMode::ThreePiece, brown: 0.5, gamma_across: 0.1, ..state },
+        ];
+        for state in steps {
+            let before = leaf.words().to_vec();
+            let touched = leaf.set_state(&state).unwrap();
+            assert!(touched.start >= STATE_AT && touched.end <= LEVELS_AT && !touched.is_empty());
+            assert_eq!(leaf, Leaf::new(&state, &texture).unwrap());
+            let elsewhere = |words: &[u32]| [&words[..touched.start], &words[touched.end..]].concat();
+            assert_eq!(elsewhere(&before), elsewhere(leaf.words()));
+        }
+        assert!(leaf.set_state(&steps[3]).unwrap().is_empty());
+        let before = leaf.clone();
+        assert!(leaf.set_state(&LeafState { water_cm: f32::NAN, ..state }).is_err());
+        assert_eq!(leaf, before);
+    }
+
+    #[test]
+    fn tables_lose_no_light_and_make_none() {
+        for row in LEAF_ROWS {
+            for layers in [1.0, 1.5, 3.0, 40.0] {
+                let table = layers_table(&row, layers);
+                let sum = |word: &u32| (word & 0xffff) + (word >> 16);
+                assert_eq!(sum(&table[0]), 65535);
+                assert!(table.iter().all(|word| sum(word) <= 65535));
+                assert_eq!(table[TABLE_ENTRIES - 1], 0);
+            }
+        }
+    }
+
+    #[test]
+    fn every_band_has_a_row_and_the_shares_of_each_channel_add_up_to_1() {
+        for (nm, _) in BAND_SHARES {
+            assert!(row_at(nm).is_some(), "{nm}");
+        }
+        for channel in 0..3 {
+            let sum: f32 = BAND_SHARES.iter().map(|(_, shares)| shares[channel]).sum();
+            assert!((sum - 1.0).abs() < 2e-6, "{sum}");
+        }
+    }
+}

@@ -79,17 +79,24 @@ pub(crate) fn body(words: &[u32], factors: [f32; 4]) -> LeafBody {
     LeafBody { reflectance, transmittance }
 }
 
-/// The body under faces whose tilted normals send a share `hidden` (front, back of the lit side) of what leaves them below
-/// their own horizon, where it enters again: what leaves in the end, over what leaves at all. Without absorption nothing is
-/// lost to the tilt.
-pub(crate) fn between_slopes(body: LeafBody, hidden: [f32; 2]) -> LeafBody {
-    let mut all = body;
+/// The body between two faces, what leaves in the end over what leaves at all: `reflectance` of light on the seen face, and
+/// `transmittance` of light on the far one, both towards the seen. `lets_out` is the mean share that the gloss of the seen and of the far
+/// face lets out: what finds one way harder takes the other, so that transmission is reciprocal. `hidden` is the share of what
+/// leaves a face with a tilted normal that goes below its own horizon, where it enters again. Without absorption nothing is lost to
+/// either.
+pub(crate) fn between_faces(body: LeafBody, lets_out: [f32; 2], hidden: [f32; 2]) -> LeafBody {
+    let mean = 0.5 * (lets_out[0] + lets_out[1]);
+    let share = lets_out.map(|lets_out| lets_out / mean);
+    let mut towards_seen = body;
     for channel in 0..3 {
         let (r, t) = (body.reflectance[channel], body.transmittance[channel]);
-        let (front, back) = (1.0 - hidden[0] * r, 1.0 - hidden[1] * r);
-        let scale = 1.0 / (front * back - hidden[0] * hidden[1] * t * t);
-        all.reflectance[channel] = scale * (r * back + hidden[1] * t * t);
-        all.transmittance[channel] = scale * t;
+        // Out by the seen and by the far face.
+        let through = share.map(|share| t * share);
+        let (seen, far) = (r + t - through[1], r + t - through[0]);
+        let kept = 1.0 - hidden[1] * far;
+        let scale = 1.0 / ((1.0 - hidden[0] * seen) * kept - hidden[0] * hidden[1] * through[0] * through[1]);
+        towards_seen.reflectance[channel] = scale * (seen * kept + hidden[1] * through[0] * through[1]);
+        towards_seen.transmittance[channel] = scale * through[0];
     }
-    all
+    towards_seen
 }

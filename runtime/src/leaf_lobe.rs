@@ -9,11 +9,11 @@ use crate::leaf_words::{ALBEDO_AT, ALBEDO_COLUMNS, ALBEDO_ROWS};
 use crate::lobe::dot;
 
 /// Least n.h of a facet.
-pub(crate) const LEAST_FACET: f32 = 1e-4;
+pub const LEAST_FACET: f32 = 1e-4;
 /// Least wo.h: opposite directions have no half vector.
-pub(crate) const LEAST_HALF: f32 = 1e-6;
+pub const LEAST_HALF: f32 = 1e-6;
 /// Facets of a density below e^-this are none.
-pub(crate) const MOST_EXPONENT: f32 = 80.0;
+pub const MOST_EXPONENT: f32 = 80.0;
 
 /// The gloss of a face seen from its own side: words 6 to 9.
 #[derive(Debug, Clone, Copy)]

@@ -2,13 +2,13 @@
 //! texels. Twin: `shaders/leaf_texture.wgsl`.
 
 use crate::leaf_error::LeafError;
-use crate::leaf_words::{LEVELS_AT, MOST_LEAF_LEVELS, TEXEL_WORDS};
+use crate::leaf_words::{LEVELS_AT, MOST_LEAF_LEVELS, TEXEL_WORDS, TEXELS_AT};
 
 /// Most texels in a row or column of a leaf's textures.
 pub const MOST_LEAF_SIDE: usize = 1 << 14;
 
 /// The code of a factor of 1.
-const FACTOR_ONE: f32 = 127.0;
+pub const FACTOR_ONE: f32 = 127.0;
 
 /// Largest factor that textures hold, 4.03.
 pub const MOST_FACTOR: f32 = (255.0 / FACTOR_ONE) * (255.0 / FACTOR_ONE);
@@ -156,7 +156,7 @@ impl LeafTexture {
         let mut coarser: Vec<LeafTexel>;
         let mut texels = &self.texels;
         loop {
-            offsets[level] = (LEVELS_AT + MOST_LEAF_LEVELS + words.len()) as u32;
+            offsets[level] = (TEXELS_AT + words.len()) as u32;
             words.extend(texels.iter().flat_map(LeafTexel::words));
             level += 1;
             if width == 1 && rows == 1 {
@@ -198,4 +198,92 @@ fn halved(texels: &[LeafTexel], from: [usize; 2], to: [usize; 2]) -> Vec<LeafTex
         .flat_map(|rows| columns.iter().map(move |columns| (rows.clone(), columns)))
         .map(|(rows, columns)| mean(&rows, columns))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::leaf::Leaf;
+    use crate::leaf_state::LeafState;
+
+    fn words(texture: &LeafTexture) -> Vec<u32> {
+        Leaf::new(&LeafState::default(), texture).unwrap().words().to_vec()
+    }
+
+    fn near(a: &LeafTexel, b: &LeafTexel, tolerance: f32) -> bool {
+        let all = |t: &LeafTexel| [&t.factors[..], &t.gloss, &t.veins, &t.structure, &t.tilt].concat();
+        all(a).iter().zip(all(b)).all(|(x, y)| (x - y).abs() <= tolerance)
+    }
+
+    #[test]
+    fn channels_survive_their_codes_and_a_factor_of_1_does_exactly() {
+        let texel = |i: usize| {
+            let x = i as f32 / 100.0;
+            LeafTexel {
+                factors: [x, 4.0 * x, 1.0, 0.9],
+                gloss: [x, 1.0 - x],
+                veins: [1.0 - 2.0 * x, x],
+                structure: [x, 0.5, 1.0 - x],
+                tilt: [0.5 * x, -0.3 * x, 0.7 * x, 0.0],
+            }
+        };
+        for i in 0..=100 {
+            let (whole, words) = (texel(i), texel(i).words());
+            let back = unpacked(&words, 0);
+            assert_eq!(back.factors[2], 1.0);
+            for (x, y) in whole.factors.iter().zip(back.factors) {
+                assert!((x - y).abs() <= x.sqrt() / 127.0 + 1e-4, "{x} {y}");
+            }
+            assert!(near(&whole, &LeafTexel { factors: whole.factors, ..back }, 0.008), "{whole:?} {back:?}");
+        }
+        // Beyond the range the end counts, and what is no number is none.
+        let odd = LeafTexel { factors: [1e9, -3.0, f32::NAN, 1.0], gloss: [2.0, f32::NAN], ..LeafTexel::default() };
+        let back = unpacked(&odd.words(), 0);
+        assert_eq!(back.factors, [MOST_FACTOR, 0.0, 0.0, 1.0]);
+        assert_eq!(back.gloss, [1.0, 0.0]);
+    }
+
+    #[test]
+    fn levels_are_means_and_places_between_texels_are_mixed_and_repeat() {
+        let texel = |x: f32| LeafTexel { gloss: [x, 0.5], ..LeafTexel::default() };
+        // Two rows of three: the upper 0, 0.2, 0.4, the lower 0.6, 0.8, 1.
+        let texture = LeafTexture { width: 3, texels: (0..6).map(|i| texel(0.2 * i as f32)).collect() };
+        let words = words(&texture);
+        assert_eq!(words[1..4], [2, 3, 2]);
+        let gloss = |uv: [f32; 2], level| texel_at(&words, uv, level).gloss[0];
+        let centre = |column: f32, row: f32| [(column + 0.5) / 3.0, 1.0 - (row + 0.5) / 2.0];
+        assert!((gloss(centre(0.0, 0.0), 0) - 0.0).abs() < 1e-5);
+        assert!((gloss(centre(2.0, 1.0), 0) - 1.0).abs() < 1e-5);
+        assert!((gloss(centre(0.5, 1.0), 0) - 0.7).abs() < 1e-5);
+        assert!((gloss(centre(1.0, 0.5), 0) - 0.5).abs() < 1e-5);
+        // Around the edge, and periods away.
+        assert!((gloss(centre(2.5, 0.0), 0) - 0.2).abs() < 1e-5);
+        assert!((gloss([0.1 - 4.0, 0.3 + 5.0], 0) - gloss([0.1, 0.3], 0)).abs() < 1e-4);
+        // The coarsest, whatever level beyond it is asked.
+        for level in [1, 7] {
+            assert!((gloss([0.3, 0.8], level) - 0.5).abs() < 3e-3);
+        }
+        assert!(near(&texel_at(&words, [0.4; 2], 1), &texel(0.5), 3e-3));
+        assert!(!near(&texel_at(&words, [0.4; 2], 1), &texel(0.6), 3e-3), "planted");
+    }
+
+    #[test]
+    fn levels_of_odd_sides_weigh_every_texel_alike() {
+        let mut texture =
+            LeafTexture { width: 5, texels: vec![LeafTexel { gloss: [0.0; 2], ..LeafTexel::default() }; 35] };
+        for at in [0, 12, 34] {
+            let mut texels = texture.texels.clone();
+            texels[at].gloss = [1.0, 1.0];
+            let coarse = halved(&texels, [5, 7], [2, 3]);
+            let mean = coarse.iter().map(|texel| texel.gloss[0]).sum::<f32>() / 6.0;
+            assert!((mean - 1.0 / 35.0).abs() < 1e-5, "{at}: {mean}");
+        }
+        texture.texels.truncate(34);
+        assert!(Leaf::new(&LeafState::default(), &texture).is_err());
+        for width in [0, MOST_LEAF_SIDE + 1] {
+            let texels = vec![LeafTexel::default(); width];
+            let error = Leaf::new(&LeafState::default(), &LeafTexture { width, texels }).unwrap_err();
+            assert!(error.to_string().contains("texels"), "{error}");
+        }
+    }
 }

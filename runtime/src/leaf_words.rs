@@ -20,28 +20,28 @@ use crate::leaf_figures::LEAF_BANDS;
 /// First word: `LEAF` as bytes, so that nobody takes a leaf for an asset.
 pub const LEAF_MAGIC: u32 = u32::from_le_bytes(*b"LEAF");
 /// First word of the state.
-pub(crate) const STATE_AT: usize = 4;
+pub const STATE_AT: usize = 4;
 /// First word of the bands.
-pub(crate) const BANDS_AT: usize = 16;
+pub const BANDS_AT: usize = 16;
 /// Words of a band.
-pub(crate) const BAND_WORDS: usize = 8;
+pub const BAND_WORDS: usize = 8;
 /// First word of the table of directional albedo.
-pub(crate) const ALBEDO_AT: usize = BANDS_AT + LEAF_BANDS * BAND_WORDS;
+pub const ALBEDO_AT: usize = BANDS_AT + LEAF_BANDS * BAND_WORDS;
 /// Its rows, even in the root of the cosine.
-pub(crate) const ALBEDO_ROWS: usize = 65;
+pub const ALBEDO_ROWS: usize = 65;
 /// Its columns, even in the roughness that the plane of incidence cuts, from the smaller to the larger.
-pub(crate) const ALBEDO_COLUMNS: usize = 9;
+pub const ALBEDO_COLUMNS: usize = 9;
 /// First word of the bands' tables.
-pub(crate) const TABLE_AT: usize = ALBEDO_AT + ALBEDO_ROWS * ALBEDO_COLUMNS;
+pub const TABLE_AT: usize = ALBEDO_AT + ALBEDO_ROWS * ALBEDO_COLUMNS;
 /// Entries of a band's table, even in k / (k + [`TABLE_HALF`]); at the last, k is infinite.
-pub(crate) const TABLE_ENTRIES: usize = 65;
+pub const TABLE_ENTRIES: usize = 65;
 /// Absorption at the middle of a table.
-pub(crate) const TABLE_HALF: f32 = 0.5;
+pub const TABLE_HALF: f32 = 0.5;
 /// First word of the levels' offsets.
-pub(crate) const LEVELS_AT: usize = TABLE_AT + LEAF_BANDS * TABLE_ENTRIES;
+pub const LEVELS_AT: usize = TABLE_AT + LEAF_BANDS * TABLE_ENTRIES;
 /// Most levels.
-pub(crate) const MOST_LEAF_LEVELS: usize = 16;
+pub const MOST_LEAF_LEVELS: usize = 16;
 /// First word of the texels.
-pub(crate) const TEXELS_AT: usize = LEVELS_AT + MOST_LEAF_LEVELS;
+pub const TEXELS_AT: usize = LEVELS_AT + MOST_LEAF_LEVELS;
 /// Words of a texel.
-pub(crate) const TEXEL_WORDS: usize = 4;
+pub const TEXEL_WORDS: usize = 4;

@@ -38,7 +38,7 @@ mod leaf_optics;
 mod leaf_state;
 mod leaf_texture;
 mod leaf_theta;
-mod leaf_words;
+pub mod leaf_words;
 mod lobe;
 mod lobe_queue;
 mod mip;
@@ -89,11 +89,11 @@ pub use leaf::Leaf;
 pub use leaf_body::LeafBody;
 pub use leaf_error::LeafError;
 pub use leaf_figures::{BAND_SHARES, LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
+pub use leaf_lobe::{LEAST_FACET, LEAST_HALF, MOST_EXPONENT};
 pub use leaf_optics::{CONE_DEG, LeafSpectrumRow, leaf_spectrum};
 pub use leaf_state::{LEAF_QUANTITIES, LeafMode, LeafQuantity, LeafState};
-pub use leaf_texture::{LeafTexel, LeafTexture, MOST_FACTOR, MOST_LEAF_SIDE};
-pub use leaf_theta::{rational_theta, three_piece_theta};
-pub use leaf_words::LEAF_MAGIC;
+pub use leaf_texture::{FACTOR_ONE, LeafTexel, LeafTexture, MOST_FACTOR, MOST_LEAF_SIDE};
+pub use leaf_theta::{MOST_ABSORPTION, THETA_P, THETA_Q, rational_theta, three_piece_theta};
 pub use lobe::{
     Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS, ResidentLobe,
 };
@@ -120,7 +120,7 @@ pub use sphere::{
 };
 pub use threads::{Threads, serial};
 pub use validate::{Report, validate};
-pub use viewed_leaf::ViewedLeaf;
+pub use viewed_leaf::{LEAST_EYE, LEAST_SHARE, LEAST_UP, ViewedLeaf};
 pub use viewed_texel::{LIGHT_ROWS, LightRows, ViewedTexel};
 pub use wgsl::{LEAF_WGSL, WGSL, leaf_wgsl, wgsl_library};
 

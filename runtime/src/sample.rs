@@ -172,7 +172,7 @@ impl ViewedTexel<'_> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::asset::SurfaceSide;
     use crate::decode::DecodeOptions;
@@ -229,7 +229,12 @@ mod tests {
         ((statistic / freedom).cbrt() - (1.0 - c)) / c.sqrt()
     }
 
-    fn deviation(sample: impl Fn([f32; 3]) -> [f32; 3], density: impl Fn([f32; 3]) -> f32, seed: u64) -> (f64, f64) {
+    /// Deviation of samples from their density in standard deviations, and the density's sum.
+    pub(crate) fn deviation(
+        sample: impl Fn([f32; 3]) -> [f32; 3],
+        density: impl Fn([f32; 3]) -> f32,
+        seed: u64,
+    ) -> (f64, f64) {
         const SAMPLES: u32 = 60_000;
         let mut random = Random::new(seed);
         let mut counts = vec![0; ROWS * COLUMNS];

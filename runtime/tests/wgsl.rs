@@ -3,10 +3,12 @@
 
 use btf_runtime::{
     ASSET_LAYERS, COLOUR_FRAME, COSINE_SHARE, DIRECTION_WORDS, EDGE_WORDS, EDIT_WORDS, EXPANSION_WGSL,
-    EXPANSION_WORKGROUP, ExpansionChannel, ExpansionShape, ExpansionSlice, HIDDEN_SHARE, INSIDE_TOLERANCE, ITEM_EDGE,
-    Interpolation, LEAST_ALPHA, LEAST_AXIS, LEAST_RAY_STEPS, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LobeFamily, LobeRole,
-    MAX_LOG, MIN_COS_VIEW, MIN_HALF, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE, RAY_STEP,
-    ROOT, ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, TRIANGLE_WORDS, UNIT_RANGE, WGSL, block, wgsl_library,
+    EXPANSION_WORKGROUP, ExpansionChannel, ExpansionShape, ExpansionSlice, FACTOR_ONE, HIDDEN_SHARE, INSIDE_TOLERANCE,
+    ITEM_EDGE, Interpolation, LEAF_WGSL, LEAST_ALPHA, LEAST_AXIS, LEAST_EYE, LEAST_FACET, LEAST_HALF, LEAST_RAY_STEPS,
+    LEAST_SHARE, LEAST_UP, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LeafMode, LobeFamily, LobeRole, MAX_LOG, MIN_COS_VIEW,
+    MIN_HALF, MOST_ABSORPTION, MOST_EXPONENT, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE,
+    RAY_STEP, ROOT, ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, THETA_P, THETA_Q, TRIANGLE_WORDS, UNIT_RANGE, WGSL,
+    block, leaf_wgsl, leaf_words, wgsl_library,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module};
@@ -42,29 +44,36 @@ fn module_from(source: &str, capabilities: Capabilities) -> Result<Module, Strin
     Ok(module)
 }
 
+/// The library, the leaf's functions behind it, and the includer.
+fn text() -> String {
+    [&wgsl_library(), &leaf_wgsl(), INCLUDER].map(|part| part as &str).join("\n")
+}
+
 fn library() -> Module {
-    module_from(&(wgsl_library() + INCLUDER), CAPABILITIES).unwrap_or_else(|error| panic!("{error}"))
+    module_from(&text(), CAPABILITIES).unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]
 fn the_library_is_valid_with_exactly_the_capability_that_it_names() {
     let module = library();
-    assert!(module_from(&(wgsl_library() + INCLUDER), Capabilities::empty()).is_err(), "it is needed");
+    assert!(module_from(&text(), Capabilities::empty()).is_err(), "it is needed");
     assert_eq!(module.entry_points.len(), 1);
     for name in
         ["btf_decode", "btf_texel", "btf_size", "btf_layer_for_sides", "btf_evaluate", "btf_sample", "btf_density"]
+            .into_iter()
+            .chain(["leaf_new", "leaf_light", "leaf_sample_direction", "leaf_sample_density"])
     {
         assert!(module.functions.iter().any(|(_, function)| function.name.as_deref() == Some(name)), "{name}");
     }
     // The library alone lacks the includer's reader, and a planted type error is seen.
     assert!(module_from(&wgsl_library(), CAPABILITIES).is_err());
-    let broken = (wgsl_library() + INCLUDER).replace("MIN_COS_VIEW: f32 = 0.02", "MIN_COS_VIEW: f32 = 2u");
+    let broken = text().replace("MIN_COS_VIEW: f32 = 0.02", "MIN_COS_VIEW: f32 = 2u");
     assert!(module_from(&broken, CAPABILITIES).is_err());
 }
 
 #[test]
 fn the_library_binds_nothing_and_has_no_entry_points() {
-    for (name, text) in WGSL {
+    for (name, text) in WGSL.iter().chain(LEAF_WGSL) {
         for word in ["@group", "@binding", "@compute", "@fragment", "@vertex", "var<storage", "var<uniform"] {
             assert!(!text.contains(word), "{name} has {word}");
         }
@@ -132,6 +141,17 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("BLOCK_EDITS", block::EDITS),
         ("EDIT_WORDS", EDIT_WORDS),
         ("NO_LAYER", u32::MAX as usize),
+        ("LEAF_BANDS_AT", leaf_words::BANDS_AT),
+        ("LEAF_BAND_WORDS", leaf_words::BAND_WORDS),
+        ("LEAF_ALBEDO_AT", leaf_words::ALBEDO_AT),
+        ("LEAF_ALBEDO_ROWS", leaf_words::ALBEDO_ROWS),
+        ("LEAF_ALBEDO_COLUMNS", leaf_words::ALBEDO_COLUMNS),
+        ("LEAF_TABLE_AT", leaf_words::TABLE_AT),
+        ("LEAF_TABLE_ENTRIES", leaf_words::TABLE_ENTRIES),
+        ("LEAF_LEVELS_AT", leaf_words::LEVELS_AT),
+        ("LEAF_TEXEL_WORDS", leaf_words::TEXEL_WORDS),
+        ("LEAF_RATIONAL", LeafMode::Rational as usize),
+        ("LEAF_N_LAYERS", LeafMode::NLayers as usize),
     ];
     let floats = [
         ("INSIDE_TOLERANCE", INSIDE_TOLERANCE),
@@ -159,6 +179,19 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("DRAW_MOST", 1.0 - f32::EPSILON),
         ("SAMPLE_PI", std::f32::consts::PI),
         ("SAMPLE_TAU", std::f32::consts::TAU),
+        ("LEAF_TABLE_HALF", leaf_words::TABLE_HALF),
+        ("LEAF_MOST_ABSORPTION", MOST_ABSORPTION),
+        ("LEAF_THETA_P", THETA_P),
+        ("LEAF_THETA_Q1", THETA_Q[0]),
+        ("LEAF_THETA_Q2", THETA_Q[1]),
+        ("LEAF_THETA_Q3", THETA_Q[2]),
+        ("LEAF_FACTOR_ONE", FACTOR_ONE),
+        ("LEAF_LEAST_FACET", LEAST_FACET),
+        ("LEAF_LEAST_HALF", LEAST_HALF),
+        ("LEAF_MOST_EXPONENT", MOST_EXPONENT),
+        ("LEAF_LEAST_EYE", LEAST_EYE),
+        ("LEAF_LEAST_UP", LEAST_UP),
+        ("LEAF_LEAST_SHARE", LEAST_SHARE),
     ];
     let mut all: Vec<(String, f64)> = words.iter().map(|(name, value)| (name.to_string(), *value as f64)).collect();
     all.extend(floats.iter().map(|(name, value)| (name.to_string(), f64::from(*value))));
@@ -170,7 +203,7 @@ fn expected_constants() -> Vec<(String, f64)> {
 fn every_wgsl_constant_is_its_rust_twins() {
     assert_eq!(constants(&library()), expected_constants());
     // Planted difference: two fields of a layer block swapped.
-    let swapped = (wgsl_library() + INCLUDER)
+    let swapped = text()
         .replace("BLOCK_BASIS: u32 = 11u", "BLOCK_BASIS: u32 = 12u")
         .replace("BLOCK_CODES: u32 = 12u", "BLOCK_CODES: u32 = 11u");
     assert_ne!(constants(&module_from(&swapped, CAPABILITIES).expect("still valid")), expected_constants());
@@ -211,10 +244,10 @@ fn first_out_of_order<'a>(rust: &str, wgsl: &'a str, prefix: &str, alone: &[&str
 
 #[test]
 fn twin_files_hold_the_same_functions_in_the_same_order() {
-    let wgsl = |name: &str| WGSL.iter().find(|(file, _)| *file == name).unwrap().1;
+    let wgsl = |name: &str| WGSL.iter().chain(LEAF_WGSL).find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 10] = [
+    let twins: [Twin; 15] = [
         (include_str!("../src/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
@@ -230,6 +263,11 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
             &["btf_layers", "btf_levels", "btf_size", "btf_texel", "btf_layer_for_sides"],
         ),
         (include_str!("../src/evaluate.rs"), "evaluate.wgsl", "btf_", &[]),
+        (include_str!("../src/leaf_theta.rs"), "leaf_theta.wgsl", "leaf_", &[]),
+        (include_str!("../src/leaf_texture.rs"), "leaf_texture.wgsl", "leaf_", &[]),
+        (include_str!("../src/leaf_body.rs"), "leaf_body.wgsl", "leaf_", &[]),
+        (include_str!("../src/leaf_lobe.rs"), "leaf_lobe.wgsl", "leaf_", &[]),
+        (include_str!("../src/viewed_leaf.rs"), "viewed_leaf.wgsl", "leaf_", &[]),
     ];
     for (rust, file, prefix, alone) in twins {
         assert_eq!(first_out_of_order(rust, wgsl(file), prefix, alone), None, "{file}");

@@ -59,12 +59,16 @@ fn leaf_body(base: u32, factors: vec4<f32>) -> LeafBody {
     return LeafBody(body.reflectance * scale, body.transmittance * scale);
 }
 
-// The body under faces whose tilted normals hide a share of what leaves them below their own horizon, where it enters again.
-fn leaf_between_slopes(body: LeafBody, hidden: vec2<f32>) -> LeafBody {
-    let r = body.reflectance;
-    let t = body.transmittance;
-    let front = 1.0 - hidden.x * r;
-    let back = 1.0 - hidden.y * r;
-    let scale = 1.0 / (front * back - hidden.x * hidden.y * t * t);
-    return LeafBody(scale * (r * back + hidden.y * t * t), scale * t);
+// The body between two faces: reflectance of light on the seen face and transmittance of light on the far one, both towards the
+// seen, for what the gloss of either lets out and what tilted normals hide of it below their own horizon.
+fn leaf_between_faces(body: LeafBody, lets_out: vec2<f32>, hidden: vec2<f32>) -> LeafBody {
+    let share = lets_out / (0.5 * (lets_out.x + lets_out.y));
+    let all = body.reflectance + body.transmittance;
+    // Out by the seen and by the far face.
+    let through_seen = body.transmittance * share.x;
+    let through_far = body.transmittance * share.y;
+    let seen = all - through_far;
+    let kept = 1.0 - hidden.y * (all - through_seen);
+    let scale = 1.0 / ((1.0 - hidden.x * seen) * kept - hidden.x * hidden.y * through_seen * through_far);
+    return LeafBody(scale * (seen * kept + hidden.y * through_seen * through_far), scale * through_seen);
 }

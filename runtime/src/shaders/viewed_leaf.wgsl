@@ -63,9 +63,10 @@ fn leaf_new(base: u32, uv: vec2<f32>, level: u32, factors: vec4<f32>, eye: vec3<
     let wo = vec3<f32>(eye.xy, eye.z * side);
     let cos_o = max(dot(seen.normal, wo), LEAF_LEAST_EYE);
     let lost = leaf_reflected_by(base, lobe, seen, cos_o, wo);
-    let passes = (1.0 - lost) / (1.0 - seen.gloss * lobe.mean_albedo);
+    let lets_out = 1.0 - lobe.mean_albedo * vec2<f32>(seen.gloss, far.gloss);
+    let passes = (1.0 - lost) / lets_out.x;
     let hidden = 0.5 - 0.5 * vec2<f32>(seen.normal.z, far.normal.z);
-    let body = leaf_between_slopes(leaf_body(base, texel.factors * factors), hidden);
+    let body = leaf_between_faces(leaf_body(base, texel.factors * factors), lets_out, hidden);
     let reflected = body.reflectance * passes;
     let transmitted = body.transmittance * passes;
     let shares = max(
