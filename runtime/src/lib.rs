@@ -104,7 +104,7 @@ pub use parallax::{
     HIDDEN_SHARE, HeightField, Heights, LEAST_RAY_STEPS, MOST_HEIGHT_STEP, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE,
     RAY_STEP, SHIFT_SLOPE, SeenBy,
 };
-pub use power::{POWER_RELATIVE_ERROR, from_root, root};
+pub use power::{POWER_RELATIVE_ERROR, exp, from_root, root};
 pub use quantize::{byte_from_weight, coefficient_from_byte, weight_from_byte};
 pub use resident::{ASSET_LAYERS, HORIZON_COS, Resident, ResidentBytes, block};
 pub use resident_file::ResidentFile;

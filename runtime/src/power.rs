@@ -73,7 +73,7 @@ pub(crate) fn exp2(x: f32) -> f32 {
 
 /// `e^x`: `x` below -87 counts as -87, above 88 as 88.
 #[inline(always)]
-pub(crate) fn exp(x: f32) -> f32 {
+pub fn exp(x: f32) -> f32 {
     // ln 2 in two parts: the first times a whole number below 256 is exact.
     const LN_2: [f32; 2] = [0.693_145_75, 1.428_606_8e-6];
     let x = if x > -87.0 { x } else { -87.0 };

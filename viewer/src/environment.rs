@@ -80,7 +80,7 @@ impl Environment {
     }
 
     /// Radiance from a unit direction, bilinear.
-    pub(crate) fn radiance(&self, d: Vec3) -> Vec3 {
+    pub fn radiance(&self, d: Vec3) -> Vec3 {
         let [x, y] = place(d);
         let (x, y) = (x * self.width as f32 - 0.5, (y * self.height as f32 - 0.5).clamp(0.0, self.height as f32 - 1.0));
         let left = (x.floor() as i32).rem_euclid(self.width as i32) as usize;

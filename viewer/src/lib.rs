@@ -16,11 +16,13 @@
 //! Limits: nearest texel, at most 2^24 triangles.
 
 mod arena;
+mod atmosphere;
 mod bench;
 mod bench_plot;
 mod bvh;
 mod camera;
 mod cpu;
+mod daylight;
 mod engine;
 mod environment;
 mod error;
@@ -44,6 +46,10 @@ mod sampler;
 mod scene;
 mod scene_file;
 mod shaders;
+mod sky;
+mod sky_irradiance;
+mod solar_spectrum;
+mod sun;
 mod surface;
 mod trace;
 mod window;
@@ -53,6 +59,7 @@ pub use bench_plot::bench_svg;
 pub use bvh::{AnyHit, Bvh, BvhNode, Hit, NO_HIT};
 pub use camera::{Camera, CameraFrame, jitter};
 pub use cpu::{CpuPicture, Picked, pick};
+pub use daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
 pub use environment::{Environment, MOST_COLUMNS};
 pub use error::ViewerError;
 pub use geometry::{Geometry, Triangle, Vertex};
@@ -75,5 +82,8 @@ pub use scene::{
 };
 pub use scene_file::{load_scene, scene_with_assets};
 pub use shaders::{GpuTracer, ModuleLayout, trace_module};
+pub use sky_irradiance::{IRRADIANCE_COLUMNS, IRRADIANCE_ROWS, SkyIrradiance};
+pub use solar_spectrum::WHITE_ILLUMINANCE_LUX;
+pub use sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use trace::{NO_ASSET, PixelHit, Tracer};
 pub use window::{WindowParams, run_window};
