@@ -45,6 +45,16 @@ impl Leaf {
         &self.words
     }
 
+    /// Texels in a row of the finest level, and its rows.
+    pub fn size(&self) -> [u32; 2] {
+        [self.words[2], self.words[3]]
+    }
+
+    /// Levels of the textures.
+    pub fn levels(&self) -> u32 {
+        self.words[1]
+    }
+
     /// The state as it was given.
     pub fn state(&self) -> &LeafState {
         &self.state

@@ -18,7 +18,7 @@ fn main() {
         let start = Instant::now();
         let light = daylight.sun_and_sky().expect("it was checked");
         let seconds = start.elapsed().as_secs_f64();
-        let level = light.irradiance.irradiance(Vec3::Y);
+        let level = light.environment.irradiance(Vec3::Y);
         println!(
             "{moment}: sun {:.2} degrees high at {:.2}, {:?}, level sky {level:?}, {seconds:.3} s",
             position.elevation_deg,

@@ -306,8 +306,9 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
 /// Gives the scene's triangles to `count` materials in turn, one asset each: every material is everywhere in the picture.
 fn dealt_out(mut scene: Scene, count: usize) -> Scene {
     let old = scene.materials.clone();
-    scene.materials =
-        (0..count * old.len()).map(|i| crate::Material { asset: Some(i % count), ..old[i / count] }).collect();
+    scene.materials = (0..count * old.len())
+        .map(|i| crate::Material { body: crate::Body::Asset(i % count), ..old[i / count] })
+        .collect();
     let mut turn = 0;
     let triangles = scene.geometry.triangles().to_vec();
     let triangles = triangles
@@ -445,7 +446,7 @@ fn row(point: &Point, frame_ms: f64, passes: Option<PassTimes>, frames: usize, h
     let scene = &point.scene;
     let shows_asset = |hit: &&PixelHit| {
         let triangle = scene.geometry.triangles().get(hit.primitive as usize);
-        triangle.is_some_and(|triangle| scene.materials[triangle.material as usize].asset.is_some())
+        triangle.is_some_and(|triangle| scene.materials[triangle.material as usize].asset().is_some())
     };
     let all = scene.most_components();
     BenchRow {

@@ -1,17 +1,11 @@
-//! A bounding volume hierarchy of two children per node, split by the surface-area heuristic over bins [Wald 2007],
-//! and its traversal. Twin of the traversal: `shaders/bvh.wgsl`, over the same arrays.
+//! Traversal of the hierarchies: one over the instances, whose leaves hold one instance each, and one over the triangles of
+//! each mesh, in the mesh's own space. All lie in one array of nodes. Twin: `shaders/bvh.wgsl`, over the same arrays.
 
-use crate::geometry::{Triangle, Vertex};
+use crate::geometry::{Geometry, Instance};
 use glam::Vec3;
 
-/// Triangles per leaf up to which a node is not split.
-const LEAF_TRIANGLES: usize = 4;
-/// Bins per axis of the split search.
-const BINS: usize = 16;
-/// Depth from which nodes are halved by count, which bounds the depth: 2^24 triangles add 24 levels at most.
-const HALVING_DEPTH: usize = 32;
-/// Entries of the traversal's stack; more than the deepest tree needs. Twin: `BVH_STACK` in `bvh.wgsl`.
-pub const STACK: usize = 64;
+/// Entries of the traversal's stack; more than the deepest two hierarchies need. Twin: `BVH_STACK` in `bvh.wgsl`.
+pub const STACK: usize = 80;
 /// Shares of t by which a box is entered too late because of rounding [Ize 2013].
 const BOX_SLACK: f32 = 1.000_001;
 /// Smallest direction component that a slab test divides by.
@@ -29,8 +23,10 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("LEAST_DETERMINANT", LEAST_DETERMINANT),
     ("EDGE_SLACK", EDGE_SLACK),
 ];
-/// Primitive number of a ray that hits nothing. Twin: `NO_HIT` in `shade.wgsl`.
+/// Primitive number of a ray that hits nothing. Twin: `NO_HIT` in `surface.wgsl`.
 pub const NO_HIT: u32 = u32::MAX;
+/// Instance number of a ray that is in none.
+const NO_INSTANCE: u32 = u32::MAX;
 
 /// A node. Twin: `BvhNode` in `bvh.wgsl`.
 #[repr(C)]
@@ -38,21 +34,15 @@ pub const NO_HIT: u32 = u32::MAX;
 pub struct BvhNode {
     /// Least corner.
     pub lo: [f32; 3],
-    /// Leaf: its first triangle. Inner node: its left child; the right one follows.
+    /// Leaf: its first triangle, or its instance. Inner node: its left child; the right one follows.
     pub first: u32,
     /// Greatest corner.
     pub hi: [f32; 3],
-    /// Leaf: number of triangles. Inner node: 0.
+    /// Leaf: number of triangles, or 1. Inner node: 0.
     pub count: u32,
 }
 
-/// The hierarchy; node 0 is the root.
-#[derive(Debug, Clone)]
-pub struct Bvh {
-    nodes: Vec<BvhNode>,
-}
-
-/// Where a ray meets a triangle. Twin: `Hit` in `shade.wgsl`.
+/// Where a ray meets a triangle. Twin: `Hit` in `surface.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Distance along the ray.
@@ -63,141 +53,14 @@ pub struct Hit {
     pub u: f32,
     /// Barycentric weight of the third corner.
     pub v: f32,
+    /// Number of the instance that the triangle is part of.
+    pub instance: u32,
 }
 
-#[derive(Clone, Copy)]
-struct Bounds {
-    lo: Vec3,
-    hi: Vec3,
-}
-
-impl Bounds {
-    const EMPTY: Bounds = Bounds { lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY };
-
-    fn add(self, other: Bounds) -> Bounds {
-        Bounds { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
-    }
-
-    fn half_area(self) -> f32 {
-        let d = (self.hi - self.lo).max(Vec3::ZERO);
-        d.x * d.y + d.y * d.z + d.z * d.x
-    }
-}
-
-struct Item {
-    bounds: Bounds,
-    centre: Vec3,
-    triangle: u32,
-}
-
-impl Bvh {
-    /// Sorts `triangles` into leaf order and builds the hierarchy over them. `triangles` is not empty.
-    ///
-    /// Deterministic. Cost: O(n log n), about 1 us per triangle.
-    pub(crate) fn build(vertices: &[Vertex], triangles: &mut [Triangle]) -> Bvh {
-        let mut items: Vec<Item> = triangles
-            .iter()
-            .enumerate()
-            .map(|(index, triangle)| {
-                let corners = triangle.vertices.map(|v| Vec3::from(vertices[v as usize].position));
-                let lo = corners[0].min(corners[1]).min(corners[2]);
-                let hi = corners[0].max(corners[1]).max(corners[2]);
-                Item { bounds: Bounds { lo, hi }, centre: (lo + hi) * 0.5, triangle: index as u32 }
-            })
-            .collect();
-        let mut nodes = vec![bytemuck::Zeroable::zeroed()];
-        // Split every open node until all are leaves: (node, its items, depth).
-        let mut open = vec![(0usize, 0..items.len(), 0usize)];
-        while let Some((node, range, depth)) = open.pop() {
-            let bounds = items[range.clone()].iter().fold(Bounds::EMPTY, |all, item| all.add(item.bounds));
-            let count = range.len();
-            let middle = split(&mut items[range.clone()], bounds, depth).map(|left| range.start + left);
-            let mut made = BvhNode {
-                lo: bounds.lo.to_array(),
-                first: range.start as u32,
-                hi: bounds.hi.to_array(),
-                count: count as u32,
-            };
-            if let Some(middle) = middle {
-                made.first = nodes.len() as u32;
-                made.count = 0;
-                nodes.extend([BvhNode::zeroed_node(); 2]);
-                open.push((made.first as usize + 1, middle..range.end, depth + 1));
-                open.push((made.first as usize, range.start..middle, depth + 1));
-            }
-            nodes[node] = made;
-        }
-        let sorted: Vec<Triangle> = items.iter().map(|item| triangles[item.triangle as usize]).collect();
-        triangles.copy_from_slice(&sorted);
-        Bvh { nodes }
-    }
-
-    /// The nodes, as the GPU binds them.
-    pub fn nodes(&self) -> &[BvhNode] {
-        &self.nodes
-    }
-
-    /// Least and greatest corner of everything.
-    pub fn bounds(&self) -> (Vec3, Vec3) {
-        (Vec3::from(self.nodes[0].lo), Vec3::from(self.nodes[0].hi))
-    }
-
-    /// The nearest hit with 0 < t < `t_max`, or any hit if `any`. `direction` is unit.
-    /// Twin: `bvh_trace` in `bvh.wgsl`.
-    pub fn trace(
-        &self,
-        vertices: &[Vertex],
-        triangles: &[Triangle],
-        origin: Vec3,
-        direction: Vec3,
-        t_max: f32,
-        any: AnyHit,
-    ) -> Hit {
-        let mut best = Hit { t: t_max, primitive: NO_HIT, u: 0.0, v: 0.0 };
-        let inverse = direction.map(|d| 1.0 / if d.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(d) } else { d });
-        let shear = Shear::new(direction);
-        let mut stack = [0u32; STACK];
-        let mut size = 0;
-        let mut at = 0u32;
-        if enter(&self.nodes[0], origin, inverse, best.t) >= best.t {
-            return best;
-        }
-        loop {
-            let node = self.nodes[at as usize];
-            if node.count > 0 {
-                for primitive in node.first..node.first + node.count {
-                    let corners =
-                        triangles[primitive as usize].vertices.map(|i| Vec3::from(vertices[i as usize].position));
-                    if let Some((t, u, v)) = intersect(origin, &shear, corners)
-                        && t < best.t
-                    {
-                        best = Hit { t, primitive, u, v };
-                        if any == AnyHit::Yes {
-                            return best;
-                        }
-                    }
-                }
-            } else {
-                let left = enter(&self.nodes[node.first as usize], origin, inverse, best.t);
-                let right = enter(&self.nodes[node.first as usize + 1], origin, inverse, best.t);
-                // Go to the nearer child, keep the farther one.
-                let (near, far) =
-                    if left <= right { (node.first, node.first + 1) } else { (node.first + 1, node.first) };
-                if left.min(right) < best.t {
-                    if left.max(right) < best.t {
-                        stack[size] = far;
-                        size += 1;
-                    }
-                    at = near;
-                    continue;
-                }
-            }
-            if size == 0 {
-                return best;
-            }
-            size -= 1;
-            at = stack[size];
-        }
+impl Hit {
+    /// Nothing up to the distance `t`.
+    pub(crate) fn none(t: f32) -> Hit {
+        Hit { t, primitive: NO_HIT, u: 0.0, v: 0.0, instance: 0 }
     }
 }
 
@@ -210,74 +73,98 @@ pub enum AnyHit {
     No,
 }
 
-impl BvhNode {
-    fn zeroed_node() -> BvhNode {
-        bytemuck::Zeroable::zeroed()
-    }
-}
-
-/// Number of items that go to the left, after sorting the slice so; `None` for a leaf.
-fn split(items: &mut [Item], bounds: Bounds, depth: usize) -> Option<usize> {
-    if items.len() <= LEAF_TRIANGLES {
-        return None;
-    }
-    let centres = items.iter().fold(Bounds::EMPTY, |all, item| all.add(Bounds { lo: item.centre, hi: item.centre }));
-    let extent = centres.hi - centres.lo;
-    let mut best: Option<(f32, usize, usize)> = None;
-    if depth < HALVING_DEPTH {
-        for axis in 0..3 {
-            if extent[axis] <= 0.0 {
-                continue;
-            }
-            let mut bins = [(Bounds::EMPTY, 0usize); BINS];
-            for item in items.iter() {
-                let bin = &mut bins[bin_of(item.centre[axis], centres.lo[axis], extent[axis])];
-                *bin = (bin.0.add(item.bounds), bin.1 + 1);
-            }
-            let mut right = [(0.0f32, 0usize); BINS];
-            let mut all = (Bounds::EMPTY, 0);
-            for bin in (1..BINS).rev() {
-                all = (all.0.add(bins[bin].0), all.1 + bins[bin].1);
-                right[bin] = (all.0.half_area(), all.1);
-            }
-            let mut left = (Bounds::EMPTY, 0);
-            for bin in 1..BINS {
-                left = (left.0.add(bins[bin - 1].0), left.1 + bins[bin - 1].1);
-                if left.1 == 0 || right[bin].1 == 0 {
+impl Geometry {
+    /// The nearest hit with 0 < t < `t_max`, or any hit if `any`. `direction` is unit.
+    /// Twin: `bvh_trace` in `bvh.wgsl`.
+    pub fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
+        let nodes = self.nodes();
+        let mut best = Hit::none(t_max);
+        let world = BoxRay::new(origin, direction);
+        let (mut ray, mut shear) = (world, Shear::new(direction));
+        let mut stack = [0u32; STACK];
+        let (mut size, mut at) = (0, self.root());
+        // The instance that the ray is in, and where the stack stood before.
+        let (mut instance, mut below) = (NO_INSTANCE, 0);
+        if enter(&nodes[at as usize], &ray, best.t) >= best.t {
+            return best;
+        }
+        loop {
+            let node = nodes[at as usize];
+            if node.count == 0 {
+                let left = enter(&nodes[node.first as usize], &ray, best.t);
+                let right = enter(&nodes[node.first as usize + 1], &ray, best.t);
+                // Go to the nearer child, keep the farther one.
+                let (near, far) =
+                    if left <= right { (node.first, node.first + 1) } else { (node.first + 1, node.first) };
+                if left.min(right) < best.t {
+                    if left.max(right) < best.t {
+                        stack[size] = far;
+                        size += 1;
+                    }
+                    at = near;
                     continue;
                 }
-                let cost = left.0.half_area() * left.1 as f32 + right[bin].0 * right[bin].1 as f32;
-                if best.is_none_or(|(least, ..)| cost < least) {
-                    best = Some((cost, axis, bin));
+            } else if instance == NO_INSTANCE {
+                // Into the mesh's own space, where t is the same because the direction is not made unit again.
+                (instance, below) = (node.first, size);
+                let placed = &self.instances()[instance as usize];
+                let own = placed.object_from_world(direction, 0.0);
+                ray = BoxRay::new(placed.object_from_world(origin, 1.0), own);
+                shear = Shear::new(own);
+                at = placed.root;
+                if enter(&nodes[at as usize], &ray, best.t) < best.t {
+                    continue;
+                }
+            } else {
+                for primitive in node.first..node.first + node.count {
+                    if let Some((t, u, v)) = intersect(ray.origin, &shear, self.corners(primitive))
+                        && t < best.t
+                    {
+                        best = Hit { t, primitive, u, v, instance };
+                        if any == AnyHit::Yes {
+                            return best;
+                        }
+                    }
                 }
             }
+            if size == below {
+                (instance, below, ray) = (NO_INSTANCE, 0, world);
+            }
+            if size == 0 {
+                return best;
+            }
+            size -= 1;
+            at = stack[size];
         }
     }
-    if let Some((cost, axis, bin)) = best
-        && (cost < bounds.half_area() * items.len() as f32 || items.len() > 4 * LEAF_TRIANGLES)
-    {
-        // Partition in place; the order within a side is that of the input, which keeps the build deterministic.
-        let key = |item: &Item| bin_of(item.centre[axis], centres.lo[axis], extent[axis]) >= bin;
-        items.sort_by_key(key);
-        return Some(items.partition_point(|item| !key(item)));
-    }
-    if items.len() <= 4 * LEAF_TRIANGLES && depth < HALVING_DEPTH {
-        return None;
-    }
-    // No useful plane (all centres in one place, or too deep): halve along the longest axis.
-    let axis = extent.max_position();
-    items.sort_by(|a, b| a.centre[axis].total_cmp(&b.centre[axis]));
-    Some(items.len() / 2)
 }
 
-fn bin_of(centre: f32, lo: f32, extent: f32) -> usize {
-    (((centre - lo) / extent * BINS as f32) as usize).min(BINS - 1)
+impl Instance {
+    /// A point (`w` 1) or a direction (`w` 0) of the world in the mesh's space. Twin: `object_from_world`.
+    fn object_from_world(&self, v: Vec3, w: f32) -> Vec3 {
+        let v = v.extend(w);
+        Vec3::from(self.object_from_world.map(|row| v.dot(row.into())))
+    }
+}
+
+/// A ray made ready for boxes. Twin: `BoxRay`.
+#[derive(Clone, Copy)]
+struct BoxRay {
+    origin: Vec3,
+    inverse: Vec3,
+}
+
+impl BoxRay {
+    fn new(origin: Vec3, direction: Vec3) -> BoxRay {
+        let inverse = direction.map(|d| 1.0 / if d.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(d) } else { d });
+        BoxRay { origin, inverse }
+    }
 }
 
 /// Distance at which a ray enters a box, or `t_max` if it does not before that. Twin: `bvh_enter`.
-fn enter(node: &BvhNode, origin: Vec3, inverse: Vec3, t_max: f32) -> f32 {
-    let a = (Vec3::from(node.lo) - origin) * inverse;
-    let b = (Vec3::from(node.hi) - origin) * inverse;
+fn enter(node: &BvhNode, ray: &BoxRay, t_max: f32) -> f32 {
+    let a = (Vec3::from(node.lo) - ray.origin) * ray.inverse;
+    let b = (Vec3::from(node.hi) - ray.origin) * ray.inverse;
     let near = a.min(b).max_element().max(0.0);
     let far = a.max(b).min_element() * BOX_SLACK;
     if near <= far && near < t_max { near } else { t_max }
@@ -347,7 +234,8 @@ fn intersect(origin: Vec3, shear: &Shear, corners: [Vec3; 3]) -> Option<(f32, f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Geometry;
+    use crate::geometry::{Mesh, Placement, Triangle, Vertex};
+    use glam::{Mat4, Quat};
 
     /// xorshift; tests need no better.
     struct Random(u64);
@@ -366,6 +254,11 @@ mod tests {
     }
 
     fn soup(count: u32, size: f32) -> Geometry {
+        let Mesh { vertices, triangles } = soup_mesh(count, size);
+        Geometry::new(vertices, triangles).unwrap()
+    }
+
+    fn soup_mesh(count: u32, size: f32) -> Mesh {
         let mut random = Random(0x9e37_79b9_7f4a_7c15);
         let mut vertices = Vec::new();
         for _ in 0..count {
@@ -376,28 +269,48 @@ mod tests {
             }
         }
         let triangles = (0..count).map(|i| Triangle { vertices: [3 * i, 3 * i + 1, 3 * i + 2], material: 0 }).collect();
-        Geometry::new(vertices, triangles).unwrap()
+        Mesh { vertices, triangles }
+    }
+
+    /// Two meshes, placed 200 times turned, scaled and mirrored.
+    fn crowd() -> Geometry {
+        let mut random = Random(0x1234_5678_9abc_def1);
+        let placement = |i: usize| {
+            let size = 0.05 + 0.1 * random.unit();
+            let scale = Vec3::new(if i % 3 == 0 { -size } else { size }, size * (0.5 + random.unit()), size);
+            let turn = Quat::from_axis_angle(random.vector().normalize(), 6.0 * random.unit());
+            Placement {
+                mesh: i % 2,
+                world_from_object: Mat4::from_scale_rotation_translation(scale, turn, random.vector()),
+            }
+        };
+        let placements: Vec<Placement> = (0..200).map(placement).collect();
+        Geometry::placed(vec![soup_mesh(40, 0.3), soup_mesh(7, 0.8)], &placements).unwrap()
     }
 
     fn brute_force(geometry: &Geometry, origin: Vec3, direction: Vec3, t_max: f32) -> Hit {
-        let shear = Shear::new(direction);
-        let mut best = Hit { t: t_max, primitive: NO_HIT, u: 0.0, v: 0.0 };
-        for primitive in 0..geometry.triangles().len() as u32 {
-            if let Some((t, u, v)) = intersect(origin, &shear, geometry.corners(primitive))
-                && t < best.t
-            {
-                best = Hit { t, primitive, u, v };
+        let mut best = Hit::none(t_max);
+        for (number, instance) in geometry.instances().iter().enumerate() {
+            let mesh = geometry.meshes()[geometry.mesh_of(number)];
+            let own = instance.object_from_world(direction, 0.0);
+            let (origin, shear) = (instance.object_from_world(origin, 1.0), Shear::new(own));
+            for primitive in mesh.first_triangle..mesh.first_triangle + mesh.triangles {
+                if let Some((t, u, v)) = intersect(origin, &shear, geometry.corners(primitive))
+                    && t < best.t
+                {
+                    best = Hit { t, primitive, u, v, instance: number as u32 };
+                }
             }
         }
         best
     }
 
-    fn trace(geometry: &Geometry, bvh: &Bvh, origin: Vec3, direction: Vec3, any: AnyHit) -> Hit {
-        bvh.trace(geometry.vertices(), geometry.triangles(), origin, direction, 10.0, any)
+    fn trace(geometry: &Geometry, origin: Vec3, direction: Vec3, any: AnyHit) -> Hit {
+        geometry.trace(origin, direction, 10.0, any)
     }
 
     /// Rays on which the hierarchy and the slow obvious search differ, of 2000.
-    fn differences(geometry: &Geometry, bvh: &Bvh) -> usize {
+    fn differences(geometry: &Geometry) -> usize {
         let mut random = Random(77);
         (0..2000)
             .filter(|i| {
@@ -405,8 +318,8 @@ mod tests {
                 // Every seventh ray runs along an axis, where slab tests divide by zero if they are careless.
                 let direction = if i % 7 == 0 { Vec3::AXES[i % 3] } else { random.vector().normalize() };
                 let expected = brute_force(geometry, origin, direction, 10.0);
-                let found = trace(geometry, bvh, origin, direction, AnyHit::No);
-                let any = trace(geometry, bvh, origin, direction, AnyHit::Yes);
+                let found = trace(geometry, origin, direction, AnyHit::No);
+                let any = trace(geometry, origin, direction, AnyHit::Yes);
                 found != expected || (any.primitive == NO_HIT) != (expected.primitive == NO_HIT)
             })
             .count()
@@ -416,8 +329,9 @@ mod tests {
     fn finds_the_same_hits_as_brute_force() {
         for (count, size) in [(1, 1.0), (7, 0.5), (3000, 0.05)] {
             let geometry = soup(count, size);
-            assert_eq!(differences(&geometry, geometry.bvh()), 0, "{count} triangles");
+            assert_eq!(differences(&geometry), 0, "{count} triangles");
         }
+        assert_eq!(differences(&crowd()), 0, "instances");
     }
 
     #[test]
@@ -427,7 +341,7 @@ mod tests {
         let mut hits = 0;
         for _ in 0..500 {
             let (origin, direction) = (random.vector() * 1.5, random.vector().normalize());
-            let hit = trace(&geometry, geometry.bvh(), origin, direction, AnyHit::No);
+            let hit = trace(&geometry, origin, direction, AnyHit::No);
             if hit.primitive == NO_HIT {
                 continue;
             }
@@ -463,21 +377,22 @@ mod tests {
                 let on_edge = all[0].lerp(all[1 + (random.unit() * 5.0) as usize % 5], 0.9 * random.unit());
                 let origin = on_edge + Vec3::new(random.unit(), random.unit(), 3.0 + random.unit());
                 let direction = (on_edge - origin).normalize();
-                assert_ne!(trace(&geometry, geometry.bvh(), origin, direction, AnyHit::No).primitive, NO_HIT);
+                assert_ne!(trace(&geometry, origin, direction, AnyHit::No).primitive, NO_HIT);
             }
         }
     }
 
     #[test]
     fn a_box_that_is_too_small_is_noticed() {
-        let geometry = soup(3000, 0.05);
-        let mut broken = geometry.bvh().clone();
-        let leaf = broken.nodes.iter().rposition(|node| node.count == 0).unwrap();
-        let shrunk = (0..broken.nodes.len()).filter(|i| i % 16 == 0 && *i > 0).chain([leaf]);
-        for node in shrunk {
-            broken.nodes[node].hi = broken.nodes[node].lo;
+        for mut broken in [soup(3000, 0.05), crowd()] {
+            let root = broken.root() as usize;
+            for (number, node) in broken.nodes_mut().iter_mut().enumerate() {
+                if number % 16 == 1 || number == root + 1 {
+                    node.hi = node.lo;
+                }
+            }
+            assert!(differences(&broken) > 0);
         }
-        assert!(differences(&geometry, &broken) > 0);
     }
 
     #[test]
@@ -495,10 +410,28 @@ mod tests {
             })
             .collect();
         let triangles = (0..1000).map(|i| Triangle { vertices: [3 * i, 3 * i + 1, 3 * i + 2], material: 0 }).collect();
+        // Instances in one place cannot be separated either.
+        let pile = vec![Placement { mesh: 0, world_from_object: Mat4::IDENTITY }; 3000];
+        let pile = Geometry::placed(vec![soup_mesh(1, 1.0)], &pile).unwrap();
+        let mut open = vec![(pile.root(), 0usize)];
+        let (mut seen, mut deepest_top) = (vec![0; 3000], 0);
+        while let Some((node, depth)) = open.pop() {
+            deepest_top = deepest_top.max(depth);
+            let node = pile.nodes()[node as usize];
+            match node.count {
+                0 => open.extend([(node.first, depth + 1), (node.first + 1, depth + 1)]),
+                count => {
+                    assert_eq!(count, 1);
+                    seen[node.first as usize] += 1;
+                }
+            }
+        }
+        assert!(seen.iter().all(|count| *count == 1));
         for geometry in [Geometry::new(vertices, triangles).unwrap(), soup(3000, 0.05)] {
-            let nodes = geometry.bvh().nodes();
+            let nodes = geometry.nodes();
+            let root = geometry.instances()[0].root;
             let mut seen = vec![0; geometry.triangles().len()];
-            let mut open = vec![(0u32, 0usize)];
+            let mut open = vec![(root, 0usize)];
             let mut deepest = 0;
             while let Some((node, depth)) = open.pop() {
                 deepest = deepest.max(depth);
@@ -509,7 +442,7 @@ mod tests {
                 (node.first..node.first + node.count).for_each(|i| seen[i as usize] += 1);
             }
             assert!(seen.iter().all(|count| *count == 1));
-            assert!(deepest < STACK, "depth {deepest}");
+            assert!(deepest + deepest_top < STACK, "depth {deepest} below {deepest_top}");
         }
     }
 }

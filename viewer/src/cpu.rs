@@ -2,13 +2,14 @@
 
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::camera::{CameraFrame, jitter};
-use crate::options::{RenderMode, ShadeOptions};
+use crate::options::{RenderMode, ShadeOptions, SkyLight};
 use crate::relief::Relief;
 use crate::sampler;
-use crate::scene::{Material, Scene};
+use crate::scene::{Body, Material, Scene};
 use crate::surface::{LEAST_EYE_COS, Surface};
 use crate::trace::{GpuPixel, PixelHit};
-use btf_runtime::{LightRows, ViewedTexel};
+use crate::viewed_body::ViewedBody;
+use btf_runtime::{LightRows, ViewedLeaf, ViewedTexel};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -24,6 +25,7 @@ const LEAST_THROUGHPUT: f32 = 1e-3;
 const ENVIRONMENT_CHOICE: u32 = 0x68bc_21eb;
 const LOBE_CHOICE: u32 = 0x02e5_be93;
 const LEVEL_CHOICE: u32 = 0x967a_889b;
+const SIDE_CHOICE: u32 = 0x1b87_3593;
 /// Lights that are looked at for each that is drawn.
 pub(crate) const LIGHT_CANDIDATES: usize = 8;
 /// Shells that a ray may pass.
@@ -121,6 +123,14 @@ enum Numbers {
     Scatter = 1,
     Choice = 2,
     Light = 3,
+    Sun = 4,
+}
+
+/// Random numbers for the light at one point.
+struct LightNumbers {
+    ambient_at: [f32; 2],
+    sun_at: [f32; 2],
+    seed: u32,
 }
 
 /// Seed of the pixel's random numbers at a depth of its path, for one purpose.
@@ -151,8 +161,7 @@ struct Shader<'a> {
 
 impl Shader<'_> {
     fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
-        let geometry = &self.scene.geometry;
-        geometry.bvh().trace(geometry.vertices(), geometry.triangles(), origin, direction, t_max, any)
+        self.scene.geometry.trace(origin, direction, t_max, any)
     }
 
     /// What a ray meets, relief included, and its way below the surface to the relief, texels. Twin: `trace_seen`.
@@ -186,7 +195,7 @@ impl Shader<'_> {
             start = s.position + direction * through;
             gone += through;
         }
-        (Hit { t: FAR, primitive: NO_HIT, u: 0.0, v: 0.0 }, 0.0)
+        (Hit::none(FAR), 0.0)
     }
 
     /// The surface that a ray hit and, with relief, that and the point that is met. Twin: `surface_of`.
@@ -232,49 +241,76 @@ impl Shader<'_> {
         (kept > 0.0).then(|| (chosen, total * cell / kept))
     }
 
-    /// Level of the material's asset whose texels are about as large as what a pixel sees of the surface, `travelled` from
-    /// the eye.
+    /// Level of the material's asset or leaf whose texels are about as large as what a pixel sees of the surface, `travelled`
+    /// from the eye.
     fn level_of(&self, s: &Surface, material: &Material, travelled: f32, seed: u32) -> u32 {
-        let Some(asset) = material.asset.filter(|_| self.options.uses_levels()) else {
+        if !self.options.uses_levels() {
             return 0;
+        }
+        let (size, levels) = match material.body {
+            Body::Plain(_) => return 0,
+            Body::Asset(asset) => {
+                let head = self.scene.assets[asset].head();
+                ([head.width() as f32, head.height() as f32], head.levels())
+            }
+            Body::Leaf(leaf) => {
+                let leaf = &self.scene.leaves[leaf].leaf;
+                (leaf.size().map(|side| side as f32), leaf.levels())
+            }
         };
-        let resident = self.scene.assets[asset].head();
         // Side of a square of the area that the pixel sees.
         let width = travelled * self.camera.pixel_width() / s.wo.z.abs().sqrt();
-        let size = Vec2::new(resident.width() as f32, resident.height() as f32) * Vec2::from(material.uv_scale).abs();
-        let texels = width * s.texture_per_unit * (size.x * size.y).sqrt();
+        let tiles = Vec2::from(size) * Vec2::from(material.uv_scale).abs();
+        let texels = width * s.texture_per_unit * (tiles.x * tiles.y).sqrt();
         let part = if self.sample > 0 { sampler::one(seed ^ LEVEL_CHOICE) } else { 0.5 };
         let level = (texels.clamp(1e-6, 1e6).log2() + part).floor();
-        (level.max(0.0) as u32).min(resident.levels() - 1)
+        (level.max(0.0) as u32).min(levels - 1)
     }
 
-    /// Light of one side of the surface: point lights with their shadows, then the ambient light along one ray.
+    /// The leaf that a material shows at a point.
+    fn viewed_leaf(&self, s: &Surface, material: &Material, hit: &Hit, level: u32) -> Option<ViewedLeaf<'_>> {
+        let Body::Leaf(number) = material.body else { return None };
+        let factors = self.scene.geometry.instances()[hit.instance as usize].factors;
+        let uv = (s.uv * Vec2::from(material.uv_scale)).to_array();
+        Some(ViewedLeaf::new(self.scene.leaves[number].leaf.words(), uv, level, factors, s.wo.to_array()))
+    }
+
+    /// What the eye sees there by light on one side, `None` where that is nothing.
+    fn viewed_body<'a>(
+        &'a self,
+        s: &Surface,
+        material: &Material,
+        leaf: Option<&'a ViewedLeaf<'a>>,
+        level: u32,
+        light_back: bool,
+    ) -> Option<ViewedBody<'a>> {
+        match material.body {
+            Body::Plain(reflectance) => (light_back == s.view_back).then_some(ViewedBody::Plain(reflectance.into())),
+            Body::Asset(asset) => {
+                let resident = self.scene.assets[asset].resident();
+                let layer = resident.layer_for_sides(level, light_back, s.view_back)?;
+                let texel = resident.texel(layer, (s.uv * Vec2::from(material.uv_scale)).to_array());
+                let viewed = ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode);
+                Some(ViewedBody::Asset(Box::new(viewed)))
+            }
+            Body::Leaf(_) => leaf.map(ViewedBody::Leaf),
+        }
+    }
+
+    /// Light of one side of the surface: point lights and the sun with their shadows, then what surrounds along one ray.
     fn light_from_side(
         &self,
         s: &Surface,
         relief: Option<(&Relief, Vec3)>,
         material: &Material,
-        level: u32,
+        viewed: &ViewedBody,
         light_back: bool,
-        ambient_at: [f32; 2],
-        seed: u32,
+        numbers: &LightNumbers,
         done: &mut PixelHit,
     ) -> Vec3 {
-        let scene = self.scene;
-        let viewed = match material.asset {
-            Some(asset) => {
-                let resident = scene.assets[asset].resident();
-                let Some(layer) = resident.layer_for_sides(level, light_back, s.view_back) else {
-                    return Vec3::ZERO;
-                };
-                let texel = resident.texel(layer, (s.uv * Vec2::from(material.uv_scale)).to_array());
-                Some(ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode))
-            }
-            None if light_back != s.view_back => return Vec3::ZERO,
-            None => None,
-        };
+        let (scene, seed) = (self.scene, numbers.seed);
         // Values without a residual hold no shadows.
-        let bare = viewed.as_ref().is_some_and(|viewed| !viewed.has_residual());
+        let bare = viewed.is_bare();
         let mut rows = LightRows::default();
         let origin = if light_back { s.below } else { s.above };
         let mut radiance = Vec3::ZERO;
@@ -286,14 +322,8 @@ impl Shader<'_> {
             if relief.is_some_and(|(relief, point)| !light_back && relief.relief_shadowed(point, wi, bare)) {
                 return;
             }
-            let reflected = match &viewed {
-                Some(viewed) => {
-                    done.evaluations += 1;
-                    Vec3::from(viewed.light(&mut rows, wi.to_array()))
-                }
-                None => Vec3::from(material.diffuse) * wi.z.abs(),
-            };
-            radiance += incident * reflected;
+            done.evaluations += u32::from(viewed.is_evaluated());
+            radiance += incident * viewed.body_light(&mut rows, wi);
         };
         let drawn = (self.options.light_samples as usize) < scene.lights.len();
         let asked = scene.lights.len().min(self.options.light_samples as usize);
@@ -316,26 +346,44 @@ impl Shader<'_> {
             let distance = lifted.length();
             add(wi, incident, lifted / distance.max(1e-30), distance);
         }
+        if let Some(sun) = &scene.sun {
+            let direction = sun.sun_sample(numbers.sun_at);
+            let wi = s.local_from_world(direction);
+            if (wi.z < 0.0) == light_back {
+                add(wi, Vec3::from(sun.irradiance) / PI, direction, FAR);
+            }
+        }
         let path = self.options.mode == RenderMode::Path;
-        if let Some(sky) = &scene.environment {
+        let by_normal = scene.environment.as_ref().filter(|_| !path && self.options.sky == SkyLight::Irradiance);
+        let uniform = match (by_normal, &scene.environment) {
+            (Some(sky), _) => {
+                let normal = if light_back { -s.normal } else { s.normal };
+                Some(sky.irradiance(normal) / PI)
+            }
+            (None, Some(_)) => None,
+            (None, None) => Some(Vec3::from(scene.ambient.radiance)).filter(|_| !path),
+        };
+        if let Some(incident) = uniform.filter(|incident| incident.max_element() > 0.0) {
+            // A leaf has two sides and takes them in turn.
+            let turns = matches!(viewed, ViewedBody::Leaf(_));
+            if !turns || (sampler::one(seed ^ SIDE_CHOICE) < 0.5) == light_back {
+                let mut wi = sampler::cosine(numbers.ambient_at);
+                // The density of wi is its cosine over pi.
+                let incident = incident * if turns { 2.0 } else { 1.0 } / wi.z.max(1e-6);
+                wi.z = if light_back { -wi.z } else { wi.z };
+                add(wi, incident, s.world_from_local(wi), scene.ambient.distance);
+            }
+        } else if let (Some(sky), None) = (&scene.environment, by_normal) {
             // Drawn from the picture or, where no path goes on to it, from the surface as often. A path meets the picture by
             // itself, but seldom where it is small and bright.
             let wi = if path || sampler::one(seed ^ ENVIRONMENT_CHOICE) < 0.5 {
-                s.local_from_world(sky.sample(ambient_at))
+                s.local_from_world(sky.sample(numbers.ambient_at))
             } else {
-                match &viewed {
-                    Some(viewed) => {
-                        let lobe = sampler::one(seed ^ LOBE_CHOICE);
-                        viewed.sample_direction([ambient_at[0], ambient_at[1], lobe]).into()
-                    }
-                    None => {
-                        let wi = sampler::cosine(ambient_at);
-                        Vec3::new(wi.x, wi.y, if light_back { -wi.z } else { wi.z })
-                    }
-                }
+                let [x, y] = numbers.ambient_at;
+                viewed.body_sample([x, y, sampler::one(seed ^ LOBE_CHOICE)], light_back)
             };
             let direction = s.world_from_local(wi);
-            let own = viewed.as_ref().map_or(wi.z.abs() / PI, |viewed| viewed.sample_density(wi.to_array()));
+            let own = viewed.body_density(wi);
             // Balance heuristic [Veach 1995].
             let density = if path {
                 sky.density(direction) + side_share(scene, s, material, light_back) * own
@@ -346,21 +394,22 @@ impl Shader<'_> {
                 let distance = if path { FAR } else { scene.ambient.distance };
                 add(wi, sky.radiance(direction) / (PI * density), direction, distance);
             }
-        } else if self.options.mode == RenderMode::Direct && scene.ambient.radiance.iter().any(|x| *x > 0.0) {
-            let mut wi = sampler::cosine(ambient_at);
-            // The density of wi is its cosine over pi.
-            let incident = Vec3::from(scene.ambient.radiance) / wi.z.max(1e-6);
-            wi.z = if light_back { -wi.z } else { wi.z };
-            add(wi, incident, s.world_from_local(wi), scene.ambient.distance);
         }
         radiance
     }
 
     /// `None` where the path ends.
-    fn scatter(&self, s: &Surface, direction: Vec3, at: [f32; 2], choice: f32) -> Option<Scattered> {
-        let material = &self.scene.materials[s.material];
+    fn scatter(
+        &self,
+        s: &Surface,
+        material: &Material,
+        leaf: Option<&ViewedLeaf>,
+        direction: Vec3,
+        at: [f32; 2],
+        choice: f32,
+    ) -> Option<Scattered> {
         let glossy = Vec3::from(material.mirror).max_element();
-        let body = if material.asset.is_some() { 1.0 } else { Vec3::from(material.diffuse).max_element() };
+        let body = body_share(material);
         if glossy + body <= 0.0 {
             return None;
         }
@@ -376,35 +425,28 @@ impl Shader<'_> {
         }
         let mut rest = (choice - mirror_share) / (1.0 - mirror_share);
         let mut back = s.view_back;
-        let Some(asset) = material.asset else {
-            let mut wi = sampler::cosine(at);
-            wi.z = if back { -wi.z } else { wi.z };
-            let share = side_share(self.scene, s, material, back);
-            let weight = Vec3::from(material.diffuse) / share;
-            let density = share * wi.z.abs() / PI;
-            return Some(Scattered { direction: s.world_from_local(wi), back, weight, density });
-        };
-        let resident = self.scene.assets[asset].resident();
-        let mut layer = resident.layer_for_sides(0, s.view_back, s.view_back);
-        if let Some(through) = resident.layer_for_sides(0, !s.view_back, s.view_back) {
-            // Either side of the surface is as likely, where light comes from both.
-            let both = layer.is_some();
-            if !both || rest < 0.5 {
-                back = !back;
-                layer = Some(through);
+        if let Body::Asset(asset) = material.body {
+            let head = self.scene.assets[asset].head();
+            if head.layer_for_sides(0, !s.view_back, s.view_back).is_some() {
+                // Either side of the surface is as likely, where light comes from both.
+                let both = head.layer_for_sides(0, s.view_back, s.view_back).is_some();
+                if !both || rest < 0.5 {
+                    back = !back;
+                }
+                rest = if both { (2.0 * rest).fract() } else { rest };
             }
-            rest = if both { (2.0 * rest).fract() } else { rest };
         }
-        let layer = layer?;
-        let texel = resident.texel(layer, (s.uv * Vec2::from(material.uv_scale)).to_array());
-        let viewed = ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode);
-        let wi = viewed.sample_direction([at[0], at[1], rest]);
-        let density = side_share(self.scene, s, material, back) * viewed.sample_density(wi);
-        if density <= 0.0 || (wi[2] < 0.0) != back {
+        let viewed = self.viewed_body(s, material, leaf, 0, back)?;
+        let wi = viewed.body_sample([at[0], at[1], rest], back);
+        if matches!(viewed, ViewedBody::Leaf(_)) {
+            back = wi.z < 0.0;
+        }
+        let density = side_share(self.scene, s, material, back) * viewed.body_density(wi);
+        if density <= 0.0 || (wi.z < 0.0) != back {
             return None;
         }
-        let weight = Vec3::from(viewed.light(&mut LightRows::default(), wi)) / (PI * density);
-        Some(Scattered { direction: s.world_from_local(wi.into()), back, weight, density })
+        let weight = viewed.body_light(&mut LightRows::default(), wi) / (PI * density);
+        Some(Scattered { direction: s.world_from_local(wi), back, weight, density })
     }
 
     /// Radiance towards the eye through a pixel, and what it took.
@@ -431,23 +473,33 @@ impl Shader<'_> {
                         None if scattered => scene.ambient.radiance.into(),
                         None => scene.background.into(),
                     };
+                // What scattered has met it already.
+                if let (Some(sun), false) = (&scene.sun, scattered) {
+                    radiance += throughput * sun.sun_radiance(direction);
+                }
                 break;
             }
             travelled += hit.t;
             let (s, relief) = self.surface_of(&hit, sunk, direction);
             let material = &scene.materials[s.material];
             let relief = relief.as_ref().map(|(relief, point)| (relief, *point));
-            let ambient_at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Ambient));
-            let seed = sampler::hash(seed_of(pixel, depth, Numbers::Light).wrapping_add(self.sample));
-            let level = self.level_of(&s, material, travelled, seed);
+            let numbers = LightNumbers {
+                ambient_at: sampler::two(self.sample, seed_of(pixel, depth, Numbers::Ambient)),
+                sun_at: sampler::two(self.sample, seed_of(pixel, depth, Numbers::Sun)),
+                seed: sampler::hash(seed_of(pixel, depth, Numbers::Light).wrapping_add(self.sample)),
+            };
+            let level = self.level_of(&s, material, travelled, numbers.seed);
+            let leaf = self.viewed_leaf(&s, material, &hit, level);
             for light_back in [false, true] {
-                radiance += throughput
-                    * self.light_from_side(&s, relief, material, level, light_back, ambient_at, seed, &mut done);
+                if let Some(viewed) = self.viewed_body(&s, material, leaf.as_ref(), level, light_back) {
+                    radiance += throughput
+                        * self.light_from_side(&s, relief, material, &viewed, light_back, &numbers, &mut done);
+                }
             }
             if self.options.mode == RenderMode::Path {
                 let at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Scatter));
                 let [choice, roulette] = sampler::two(self.sample, seed_of(pixel, depth, Numbers::Choice));
-                let Some(next) = self.scatter(&s, direction, at, choice) else { break };
+                let Some(next) = self.scatter(&s, material, leaf.as_ref(), direction, at, choice) else { break };
                 throughput *= next.weight;
                 // Russian roulette: dim paths end, the others carry their share on.
                 let kept = throughput.max_element().clamp(LEAST_KEPT, 1.0);
@@ -498,7 +550,7 @@ pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option
     }
     let (s, _) = shader.surface_of(&hit, sunk, direction);
     let material = &scene.materials[s.material];
-    let asset = material.asset?;
+    let asset = material.asset()?;
     let texel = scene.assets[asset].head().texel(0, (s.uv * Vec2::from(material.uv_scale)).to_array());
     Some(Picked { asset, texel, position: s.position })
 }
@@ -522,7 +574,7 @@ pub(crate) fn levels_seen(scene: &Scene, [width, height]: [u32; 2], options: &Sh
                 travelled += hit.t;
                 let s = Surface::surface_at(&scene.geometry, &hit, direction);
                 let material = &scene.materials[s.material];
-                if let Some(asset) = material.asset {
+                if let Some(asset) = material.asset() {
                     seen[asset][shader.level_of(&s, material, travelled, 0) as usize] += 1;
                 }
                 if material.mirror == [0.0; 3] {
@@ -543,16 +595,23 @@ pub(crate) fn levels_seen(scene: &Scene, [width, height]: [u32; 2], options: &Sh
 
 /// Share of a path's directions that leave on a side in another way than by the mirror.
 fn side_share(scene: &Scene, s: &Surface, material: &Material, back: bool) -> f32 {
-    let glossy = Vec3::from(material.mirror).max_element();
-    let body = if material.asset.is_some() { 1.0 } else { Vec3::from(material.diffuse).max_element() };
-    let share = body / (glossy + body).max(1e-6);
-    match material.asset {
-        Some(asset) => {
-            let both = scene.assets[asset].head().layer_for_sides(0, !back, s.view_back).is_some();
-            if both { 0.5 * share } else { share }
+    let body = body_share(material);
+    let share = body / (Vec3::from(material.mirror).max_element() + body).max(1e-6);
+    match material.body {
+        Body::Plain(_) if back != s.view_back => 0.0,
+        Body::Asset(asset) if scene.assets[asset].head().layer_for_sides(0, !back, s.view_back).is_some() => {
+            0.5 * share
         }
-        None if back != s.view_back => 0.0,
-        None => share,
+        // A leaf's density is over both sides.
+        _ => share,
+    }
+}
+
+/// How often a path goes on from the body, in proportion to the mirror's reflectance.
+fn body_share(material: &Material) -> f32 {
+    match material.body {
+        Body::Plain(reflectance) => Vec3::from(reflectance).max_element(),
+        Body::Asset(_) | Body::Leaf(_) => 1.0,
     }
 }
 

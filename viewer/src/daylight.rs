@@ -4,7 +4,7 @@ use crate::atmosphere::{Atmosphere, middle_above_horizon_rad};
 use crate::environment::Environment;
 use crate::error::ViewerError;
 use crate::sky::Sky;
-use crate::sky_irradiance::{SkyIrradiance, irradiance_at};
+use crate::sky_irradiance::irradiance_at;
 use crate::solar_spectrum::RgbFromSunlight;
 use crate::sun::{SUN_DIAMETER_DEG, Sun, SunPosition, direction, julian_date, sun_position};
 use glam::Vec3;
@@ -49,8 +49,6 @@ pub struct SunAndSky {
     pub sun: Option<Sun>,
     /// The sky without the sun's disc, and below the horizon the ground.
     pub environment: Environment,
-    /// What the environment gives a surface.
-    pub irradiance: SkyIrradiance,
 }
 
 impl FromStr for Place {
@@ -177,7 +175,6 @@ fn sun_and_sky(atmosphere: Atmosphere, position: SunPosition, ground_albedo: f32
     SunAndSky {
         sun: sunlight.iter().any(|x| *x > 0.0).then_some(sun),
         environment: Environment::new(width, height, &rgb),
-        irradiance: SkyIrradiance::new(width, height, &rgb),
     }
 }
 
@@ -220,7 +217,7 @@ mod tests {
 
     /// Irradiance of the level by the sky, green.
     fn level(light: &SunAndSky) -> f32 {
-        light.irradiance.irradiance(Vec3::Y)[1]
+        light.environment.irradiance(Vec3::Y)[1]
     }
 
     #[test]
@@ -248,7 +245,7 @@ mod tests {
                     light.environment.radiance(d) * normal.dot(d).max(0.0) / light.environment.density(d)
                 })
                 .sum();
-            let (found, expected) = (light.irradiance.irradiance(normal)[1], sum.y / count as f32);
+            let (found, expected) = (light.environment.irradiance(normal)[1], sum.y / count as f32);
             assert!((found / expected - 1.0).abs() < 0.03, "{normal}: {found} {expected}");
         }
     }
@@ -267,7 +264,7 @@ mod tests {
             let light = Daylight { turbidity, ground_albedo, ..Daylight::new(date_time, place).unwrap() }
                 .sun_and_sky()
                 .unwrap();
-            let numbers = light.environment.table().iter().chain(light.irradiance.table());
+            let numbers = light.environment.table().iter();
             assert!(numbers.clone().all(|x| x.is_finite() && *x >= 0.0), "{date_time} {place}");
             if let Some(sun) = light.sun {
                 assert!(sun.direction.y > 0.0 && sun.irradiance.iter().all(|x| x.is_finite() && *x >= 0.0), "{sun:?}");

@@ -5,6 +5,7 @@
 //! within. Directions are drawn from a table of the brightest of each pixel's neighbourhood, so that whatever is
 //! interpolated from can be drawn.
 
+use crate::sky_irradiance::SkyIrradiance;
 use btf_capture::{CaptureError, RadianceMap};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
@@ -19,8 +20,9 @@ pub struct Environment {
     width: usize,
     height: usize,
     /// As the GPU has it: distribution of the rows (height + 1), of the columns of each row (width + 1 a row), radiance
-    /// (3 a pixel).
+    /// (3 a pixel); then irradiance by normal (see `sky_irradiance.rs`).
     table: Vec<f32>,
+    irradiance: SkyIrradiance,
 }
 
 impl Environment {
@@ -53,8 +55,10 @@ impl Environment {
         }
         let mut table = distribution(&row_sums);
         table.extend(columns);
-        table.extend(rgb);
-        Environment { width, height, table }
+        table.extend(&rgb);
+        let irradiance = SkyIrradiance::new(width, height, &rgb);
+        table.extend(irradiance.table());
+        Environment { width, height, table, irradiance }
     }
 
     /// Columns and rows.
@@ -90,6 +94,11 @@ impl Environment {
         let top = self.pixel(upper, left).lerp(self.pixel(upper, right), along);
         let bottom = self.pixel(lower, left).lerp(self.pixel(lower, right), along);
         top.lerp(bottom, down)
+    }
+
+    /// Irradiance of a unit normal, without shadows.
+    pub fn irradiance(&self, normal: Vec3) -> Vec3 {
+        self.irradiance.irradiance(normal).into()
     }
 
     /// A direction from two numbers in [0, 1).

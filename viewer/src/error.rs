@@ -22,6 +22,14 @@ pub enum ViewerError {
         /// What is wrong with it.
         source: btf_runtime::FormatError,
     },
+    /// A leaf cannot be evaluated. Remedy: correct its description.
+    #[error("the leaf {name}: {source}")]
+    Leaf {
+        /// The leaf's name.
+        name: String,
+        /// What is wrong with it.
+        source: btf_runtime::LeafError,
+    },
     /// A mesh file cannot be used. Remedy: export it again as the message says.
     #[error("{}: {reason}", path.display())]
     Mesh {

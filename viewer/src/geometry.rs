@@ -1,15 +1,26 @@
-//! Triangles as both tracers see them: shared vertices, and triangles in the order of the BVH's leaves, so that a
-//! primitive has one number on the CPU, in the compute BVH and in the acceleration structure.
+//! Triangles as both tracers see them: meshes with shared vertices, triangles in the order of the BVH's leaves, so that a
+//! primitive has one number on the CPU, in the compute BVH and in the acceleration structure; and instances, which place
+//! meshes in the world.
 
-use crate::bvh::Bvh;
-use glam::Vec3;
+use crate::bvh::BvhNode;
+use crate::bvh_build::{Bounds, BuildParams, Item, build};
+use glam::{Mat4, Vec3};
+
+/// Of a mesh: 2^24 triangles in leaves of 4 add 22 levels at most to the depth of halving.
+const TRIANGLES: BuildParams = BuildParams { least_items: 4, most_items: 16, halving_depth: 24 };
+/// Over the instances: 2^20 add 20 levels.
+const INSTANCES: BuildParams = BuildParams { least_items: 1, most_items: 1, halving_depth: 13 };
+/// Triangles that all meshes have together at most.
+const MOST_TRIANGLES: usize = 1 << 24;
+/// Instances at most: as many as the smallest storage binding of 128 MiB holds.
+pub const MOST_INSTANCES: usize = 1 << 20;
 
 /// A vertex. Twin: `Vertex` in `scene.wgsl`; positions come first, so that the acceleration structure is built from
 /// the same buffer.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Vertex {
-    /// Position, world space.
+    /// Position, in the mesh's space.
     pub position: [f32; 3],
     /// Texture coordinate to the right.
     pub u: f32,
@@ -31,23 +42,111 @@ pub struct Triangle {
     pub material: u32,
 }
 
-/// All triangles of a scene and their BVH; immutable.
+/// A mesh in the world. Twin: `Instance` in `scene.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Instance {
+    /// Rows of the map from the world into the mesh's space.
+    pub object_from_world: [[f32; 4]; 3],
+    /// Rows of the map back.
+    pub world_from_object: [[f32; 4]; 3],
+    /// What multiplies the contents of its leaves: chlorophyll, carotenoids, brown pigment, thickness.
+    pub factors: [f32; 4],
+    /// Node where the mesh's hierarchy begins.
+    pub root: u32,
+    /// The mesh's first triangle.
+    pub first_triangle: u32,
+    /// 0 where the mesh's space is the world.
+    pub moved: u32,
+    /// -1 where it is mirrored, else 1.
+    pub handedness: f32,
+}
+
+/// Vertices and triangles of one mesh, in a space of their own.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// Vertices.
+    pub vertices: Vec<Vertex>,
+    /// Triangles over them.
+    pub triangles: Vec<Triangle>,
+}
+
+/// Where a mesh stands in the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Number of the mesh.
+    pub mesh: usize,
+    /// Affine and invertible.
+    pub world_from_object: Mat4,
+}
+
+/// Where a mesh lies in the arrays.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MeshRange {
+    pub first_triangle: u32,
+    pub triangles: u32,
+    root: u32,
+    bounds: Bounds,
+}
+
+/// All triangles of a scene, its instances and their hierarchies.
 #[derive(Debug, Clone)]
 pub struct Geometry {
     vertices: Vec<Vertex>,
     triangles: Vec<Triangle>,
-    bvh: Bvh,
+    meshes: Vec<MeshRange>,
+    instances: Vec<Instance>,
+    /// Of each instance: its mesh, and its number among the placements that were given.
+    origins: Vec<[usize; 2]>,
+    /// The meshes' hierarchies one after the other, then the one over the instances.
+    nodes: Vec<BvhNode>,
+    root: u32,
 }
 
 impl Geometry {
-    /// Leaves out triangles without an area, sorts the others into the leaves of a BVH.
+    /// One mesh where it is.
     ///
     /// # Errors
-    /// A sentence if a number is not finite, a vertex number is out of range or no triangle is left.
+    /// As [`Geometry::placed`].
     pub fn new(vertices: Vec<Vertex>, triangles: Vec<Triangle>) -> Result<Geometry, String> {
-        if vertices.len() > u32::MAX as usize / 4 || triangles.len() > (1 << 24) {
+        Geometry::placed(
+            vec![Mesh { vertices, triangles }],
+            &[Placement { mesh: 0, world_from_object: Mat4::IDENTITY }],
+        )
+    }
+
+    /// Meshes, each as often as `placements` say. Leaves out triangles without an area, sorts the others into the leaves of
+    /// a hierarchy for each mesh, and builds one over the instances.
+    ///
+    /// # Errors
+    /// A sentence if a number is not finite, a vertex or mesh number is out of range, a placement flattens its mesh, no
+    /// triangle is left or there are too many.
+    pub fn placed(meshes: Vec<Mesh>, placements: &[Placement]) -> Result<Geometry, String> {
+        let vertices: usize = meshes.iter().map(|mesh| mesh.vertices.len()).sum();
+        let triangles: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+        if vertices > u32::MAX as usize / 4 || triangles > MOST_TRIANGLES {
             return Err("the scene has more than 2^24 triangles or 2^30 vertices, simplify it".into());
         }
+        if placements.len() > MOST_INSTANCES {
+            return Err(format!("the scene has {} instances, and 2^20 are allowed", placements.len()));
+        }
+        let mut geometry = Geometry {
+            vertices: Vec::with_capacity(vertices),
+            triangles: Vec::with_capacity(triangles),
+            meshes: Vec::with_capacity(meshes.len()),
+            instances: Vec::new(),
+            origins: Vec::new(),
+            nodes: Vec::new(),
+            root: 0,
+        };
+        for mesh in meshes {
+            geometry.add_mesh(mesh)?;
+        }
+        geometry.place(placements)?;
+        Ok(geometry)
+    }
+
+    fn add_mesh(&mut self, Mesh { vertices, mut triangles }: Mesh) -> Result<(), String> {
         let finite = |vertex: &Vertex| bytemuck::cast_ref::<Vertex, [f32; 12]>(vertex).iter().all(|x| x.is_finite());
         if !vertices.iter().all(finite) {
             return Err("a vertex has a coordinate that is not a finite number".into());
@@ -55,21 +154,87 @@ impl Geometry {
         if triangles.iter().any(|triangle| triangle.vertices.iter().any(|index| *index as usize >= vertices.len())) {
             return Err("a triangle names a vertex that is not there".into());
         }
-        let mut triangles = triangles;
+        let corners =
+            |triangle: &Triangle| triangle.vertices.map(|index| Vec3::from(vertices[index as usize].position));
         triangles.retain(|triangle| {
-            let [a, b, c] = triangle.vertices.map(|index| Vec3::from(vertices[index as usize].position));
+            let [a, b, c] = corners(triangle);
             (b - a).cross(c - a).length_squared() > 0.0
         });
-        if triangles.is_empty() {
+        let bounds_of = |triangle: &Triangle| corners(triangle).into_iter().fold(Bounds::EMPTY, Bounds::add_point);
+        let mut items: Vec<Item> =
+            triangles.iter().enumerate().map(|(index, triangle)| Item::new(index, bounds_of(triangle))).collect();
+        let (first_vertex, first_triangle) = (self.vertices.len() as u32, self.triangles.len());
+        let root = self.nodes.len();
+        let mut bounds = Bounds::EMPTY;
+        if !items.is_empty() {
+            let nodes = build(&mut items, TRIANGLES, root, first_triangle);
+            bounds = Bounds { lo: nodes[0].lo.into(), hi: nodes[0].hi.into() };
+            self.nodes.extend(nodes);
+        }
+        self.triangles.extend(items.iter().map(|item| {
+            let triangle = triangles[item.index as usize];
+            Triangle { vertices: triangle.vertices.map(|index| index + first_vertex), ..triangle }
+        }));
+        self.vertices.extend(vertices);
+        self.meshes.push(MeshRange {
+            first_triangle: first_triangle as u32,
+            triangles: items.len() as u32,
+            root: root as u32,
+            bounds,
+        });
+        Ok(())
+    }
+
+    fn place(&mut self, placements: &[Placement]) -> Result<(), String> {
+        let mut placed = Vec::new();
+        let mut items = Vec::new();
+        for (number, placement) in placements.iter().enumerate() {
+            let mesh = self.meshes.get(placement.mesh).ok_or("an instance names a mesh that is not there")?;
+            let map = placement.world_from_object;
+            let inverse = map.inverse();
+            if !(map.is_finite() && inverse.is_finite() && map.determinant() != 0.0) {
+                return Err("an instance flattens its mesh, correct its scale".into());
+            }
+            if mesh.triangles == 0 {
+                continue;
+            }
+            let corners = mesh.bounds.corners().map(|corner| map.transform_point3(corner));
+            items.push(Item::new(items.len(), corners.into_iter().fold(Bounds::EMPTY, Bounds::add_point)));
+            placed.push((number, placement.mesh, map, inverse));
+        }
+        if items.is_empty() {
             return Err("no triangle with an area is left".into());
         }
-        let bvh = Bvh::build(&vertices, &mut triangles);
-        Ok(Geometry { vertices, triangles, bvh })
+        let top = build(&mut items, INSTANCES, self.nodes.len(), 0);
+        self.root = self.nodes.len() as u32;
+        self.nodes.extend(top);
+        for item in &items {
+            let (number, mesh, map, inverse) = placed[item.index as usize];
+            let MeshRange { root, first_triangle, .. } = self.meshes[mesh];
+            self.origins.push([mesh, number]);
+            self.instances.push(Instance {
+                object_from_world: rows(inverse),
+                world_from_object: rows(map),
+                factors: [1.0; 4],
+                root,
+                first_triangle,
+                moved: u32::from(map != Mat4::IDENTITY),
+                handedness: map.determinant().signum(),
+            });
+        }
+        Ok(())
     }
 
     /// The same surface with `triangles` that differ from its own in their materials only.
     pub(crate) fn with_triangles(&self, triangles: Vec<Triangle>) -> Geometry {
-        Geometry { vertices: self.vertices.clone(), triangles, bvh: self.bvh.clone() }
+        Geometry { triangles, ..self.clone() }
+    }
+
+    /// Multiplies the contents of each instance's leaves by what `factors` says for its number among the placements.
+    pub fn set_factors(&mut self, factors: impl Fn(usize) -> [f32; 4]) {
+        for (instance, [_, placement]) in self.instances.iter_mut().zip(&self.origins) {
+            instance.factors = factors(*placement);
+        }
     }
 
     /// All vertices.
@@ -82,23 +247,68 @@ impl Geometry {
         &self.triangles
     }
 
-    /// The hierarchy over [`Geometry::triangles`].
-    pub fn bvh(&self) -> &Bvh {
-        &self.bvh
+    /// All instances; a hit's instance number is an index into these.
+    pub fn instances(&self) -> &[Instance] {
+        &self.instances
     }
 
-    /// Corners of a triangle.
+    /// Number of the mesh that an instance places.
+    pub(crate) fn mesh_of(&self, instance: usize) -> usize {
+        self.origins[instance][0]
+    }
+
+    /// Where the meshes lie in the arrays.
+    pub(crate) fn meshes(&self) -> &[MeshRange] {
+        &self.meshes
+    }
+
+    /// Triangles that can be hit: those of each mesh as often as it is placed.
+    pub fn placed_triangles(&self) -> u64 {
+        self.origins.iter().map(|[mesh, _]| u64::from(self.meshes[*mesh].triangles)).sum()
+    }
+
+    /// The hierarchies.
+    pub fn nodes(&self) -> &[BvhNode] {
+        &self.nodes
+    }
+
+    /// For tests that break them.
+    #[cfg(test)]
+    pub(crate) fn nodes_mut(&mut self) -> &mut [BvhNode] {
+        &mut self.nodes
+    }
+
+    /// The node where the hierarchy over the instances begins.
+    pub fn root(&self) -> u32 {
+        self.root
+    }
+
+    /// Corners of a triangle, in its mesh's space.
     pub fn corners(&self, primitive: u32) -> [Vec3; 3] {
         self.triangles[primitive as usize].vertices.map(|index| Vec3::from(self.vertices[index as usize].position))
     }
 
     /// Centre and radius of a sphere around everything.
     pub fn bounding_sphere(&self) -> (Vec3, f32) {
-        let (lo, hi) = self.bvh.bounds();
-        let centre = (lo + hi) * 0.5;
-        let radius = self.vertices.iter().map(|v| Vec3::from(v.position).distance(centre)).fold(0.0, f32::max);
+        let top = &self.nodes[self.root as usize];
+        let centre = (Vec3::from(top.lo) + Vec3::from(top.hi)) * 0.5;
+        let reach = |points: &mut dyn Iterator<Item = Vec3>| points.map(|p| p.distance(centre)).fold(0.0, f32::max);
+        let radius = match self.instances.as_slice() {
+            [one] if one.moved == 0 => reach(&mut self.vertices.iter().map(|vertex| vertex.position.into())),
+            _ => {
+                // Of the boxes over the instances.
+                let top = &self.nodes[self.root as usize..];
+                let boxes = top.iter().filter(|node| node.count > 0);
+                reach(&mut boxes.flat_map(|node| Bounds { lo: node.lo.into(), hi: node.hi.into() }.corners()))
+            }
+        };
         (centre, radius)
     }
+}
+
+/// The three rows of an affine map.
+fn rows(map: Mat4) -> [[f32; 4]; 3] {
+    [0, 1, 2].map(|row| map.row(row).to_array())
 }
 
 #[cfg(test)]
@@ -109,16 +319,44 @@ mod tests {
         Vertex { position, u: 0.0, normal: [0.0, 0.0, 1.0], v: 0.0, tangent: [1.0, 0.0, 0.0, 1.0] }
     }
 
+    fn corners() -> Vec<Vertex> {
+        vec![vertex([0.0; 3]), vertex([1.0, 0.0, 0.0]), vertex([0.0, 1.0, 0.0])]
+    }
+
+    fn triangle(vertices: [u32; 3]) -> Triangle {
+        Triangle { vertices, material: 0 }
+    }
+
     #[test]
     fn refuses_bad_numbers_and_drops_flat_triangles() {
-        let corners = vec![vertex([0.0; 3]), vertex([1.0, 0.0, 0.0]), vertex([0.0, 1.0, 0.0])];
-        let triangle = |vertices| Triangle { vertices, material: 0 };
-        let good = Geometry::new(corners.clone(), vec![triangle([0, 1, 2]), triangle([0, 0, 1])]).unwrap();
+        let good = Geometry::new(corners(), vec![triangle([0, 1, 2]), triangle([0, 0, 1])]).unwrap();
         assert_eq!(good.triangles().len(), 1);
-        assert!(Geometry::new(corners.clone(), vec![triangle([0, 1, 3])]).is_err());
-        assert!(Geometry::new(corners.clone(), vec![triangle([1, 1, 1])]).is_err());
-        let mut bad = corners;
+        assert!(Geometry::new(corners(), vec![triangle([0, 1, 3])]).is_err());
+        assert!(Geometry::new(corners(), vec![triangle([1, 1, 1])]).is_err());
+        let mut bad = corners();
         bad[1].u = f32::NAN;
         assert!(Geometry::new(bad, vec![triangle([0, 1, 2])]).is_err());
+    }
+
+    #[test]
+    fn places_a_mesh_as_often_as_asked_and_refuses_what_flattens_it() {
+        let mesh = || Mesh { vertices: corners(), triangles: vec![triangle([0, 1, 2])] };
+        let at = |mesh, map| Placement { mesh, world_from_object: map };
+        let shifted = |x: f32| Mat4::from_translation(Vec3::X * x);
+        let placements = [at(0, shifted(4.0)), at(1, Mat4::IDENTITY), at(0, shifted(-4.0))];
+        let mut placed = Geometry::placed(vec![mesh(), mesh()], &placements).unwrap();
+        assert_eq!((placed.triangles().len(), placed.placed_triangles()), (2, 3));
+        let (centre, radius) = placed.bounding_sphere();
+        assert!((centre - Vec3::new(0.5, 0.5, 0.0)).length() < 1e-6 && radius > 4.5 && radius < 4.6);
+        placed.set_factors(|placement| [placement as f32; 4]);
+        for (instance, map) in placed.instances().iter().zip([shifted(-4.0), Mat4::IDENTITY, shifted(4.0)]) {
+            // Along x, and numbered as they were given.
+            assert_eq!(instance.world_from_object, rows(map));
+            let given = placements.iter().position(|placement| placement.world_from_object == map).unwrap();
+            assert_eq!(instance.factors, [given as f32; 4]);
+        }
+        for bad in [at(2, Mat4::IDENTITY), at(0, Mat4::from_scale(Vec3::new(1.0, 0.0, 1.0))), at(0, Mat4::NAN)] {
+            assert!(Geometry::placed(vec![mesh(), mesh()], &[bad]).is_err());
+        }
     }
 }

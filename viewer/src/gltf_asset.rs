@@ -1,30 +1,48 @@
-//! Assets that a glTF file's materials point at: the extension `BTF_materials_spmm` (docs/GLTF.md).
+//! Assets and leaves that a glTF file's materials point at: the extensions `BTF_materials_spmm` (docs/GLTF.md) and
+//! `BTF_materials_leaf` (docs/PLANTS.md).
 
 use crate::error::ViewerError;
-use crate::scene::SceneAsset;
+use crate::scene::{Body, OwnBodies, SceneAsset};
+use crate::scene_leaf::SceneLeaf;
 use btf_runtime::{VERSION, read_directory};
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 const EXTENSION: &str = "BTF_materials_spmm";
+const LEAF_EXTENSION: &str = "BTF_materials_leaf";
 
-/// The assets of a glTF file by number of the material, which is a part's group; none of files of other kinds.
+/// What the materials of a glTF file show; nothing of files of other kinds.
 ///
 /// # Errors
 /// [`ViewerError::Mesh`] for an extension that cannot be followed or an asset that is not the one it tells of; the errors of
-/// [`SceneAsset::load`].
-pub fn assets_of_gltf(path: &Path) -> Result<BTreeMap<usize, Arc<SceneAsset>>, ViewerError> {
-    let mut found = BTreeMap::new();
+/// [`SceneAsset::load`] and [`SceneLeaf::load`].
+pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
+    let mut own = OwnBodies::default();
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     if !["gltf", "glb"].contains(&extension.as_str()) {
-        return Ok(found);
+        return Ok(own);
     }
     let fault = |reason: String| ViewerError::mesh(path, reason);
     let gltf = gltf::Gltf::open(path).map_err(|error| fault(format!("the glTF file cannot be read: {error}")))?;
-    let mut loaded: BTreeMap<String, Arc<SceneAsset>> = BTreeMap::new();
+    let mut loaded: BTreeMap<String, Body> = BTreeMap::new();
     for (number, material) in gltf.materials().enumerate() {
+        if let Some(told) = material.extension_value(LEAF_EXTENSION) {
+            let Some(uri) = told["leaf"].as_str() else {
+                return Err(fault(format!("{LEAF_EXTENSION} of material {number} names no leaf, export it again")));
+            };
+            let body = match loaded.get(uri) {
+                Some(known) => *known,
+                None => {
+                    own.shown.leaves.push(SceneLeaf::load(&beside(path, uri))?);
+                    Body::Leaf(own.shown.leaves.len() - 1)
+                }
+            };
+            loaded.insert(uri.into(), body);
+            own.bodies.insert(number, body);
+            continue;
+        }
         let Some(told) = material.extension_value(EXTENSION) else { continue };
         let wrong = |what: &str| fault(format!("{EXTENSION} of material {number} {what}, export it again"));
         if told["version"] != VERSION {
@@ -32,12 +50,12 @@ pub fn assets_of_gltf(path: &Path) -> Result<BTreeMap<usize, Arc<SceneAsset>>, V
         }
         let source = told["asset"].to_string();
         if let Some(known) = loaded.get(&source) {
-            found.insert(number, known.clone());
+            own.bodies.insert(number, *known);
             continue;
         }
         let (asset, bytes) = match (&told["asset"]["uri"], told["asset"]["bufferView"].as_u64()) {
             (Value::String(uri), None) => {
-                let file = path.parent().unwrap_or(Path::new("")).join(unescaped(uri));
+                let file = beside(path, uri);
                 let asset = SceneAsset::load(&file)?;
                 let bytes = std::fs::read(&file).map_err(|source| ViewerError::Read { path: file, source })?;
                 (asset, bytes)
@@ -55,11 +73,17 @@ pub fn assets_of_gltf(path: &Path) -> Result<BTreeMap<usize, Arc<SceneAsset>>, V
         if told["byteLength"] != bytes.len() || !checksum.is_ok_and(|checksum| told["checksum"] == checksum) {
             return Err(wrong("tells of another asset than the one that is there"));
         }
-        let asset = Arc::new(asset);
-        loaded.insert(source, asset.clone());
-        found.insert(number, asset);
+        own.shown.assets.push(Arc::new(asset));
+        let body = Body::Asset(own.shown.assets.len() - 1);
+        loaded.insert(source, body);
+        own.bodies.insert(number, body);
     }
-    Ok(found)
+    Ok(own)
+}
+
+/// The file that an address in a glTF file means.
+fn beside(path: &Path, uri: &str) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).join(unescaped(uri))
 }
 
 /// The bytes of a buffer view.
@@ -113,18 +137,18 @@ mod tests {
         let extension = told(json!({ "uri": "grey%20weave.spmm" }));
         let path = write_gltf_with_material(dir.path(), &json!({ "extensions": { EXTENSION: extension } }));
         let expected = SceneAsset::built_in();
-        let found = assets_of_gltf(&path).unwrap();
-        assert_eq!((found.len(), found[&0].resident()), (1, expected.resident()));
+        let found = own_bodies(&path).unwrap();
+        assert_eq!((found.bodies[&0], found.shown.assets[0].resident()), (Body::Asset(0), expected.resident()));
 
         let scene = Scene::built_in(&MeshChoice::File(path.clone()), Vec::new(), [1.0; 2]).unwrap();
         assert_eq!(scene.assets[0].resident(), expected.resident());
         std::fs::write(dir.path().join("s.toml"), "[[object]]\nmesh = \"t.gltf\"\n").unwrap();
         let scene = load_scene(&dir.path().join("s.toml"), Vec::new()).unwrap();
-        assert_eq!((scene.assets.len(), scene.materials[0].asset), (1, Some(0)));
+        assert_eq!((scene.assets.len(), scene.materials[0].asset()), (1, Some(0)));
 
         // A material without it needs an asset from elsewhere.
         let plain = write_gltf_with_material(dir.path(), &json!({}));
-        assert!(assets_of_gltf(&plain).unwrap().is_empty());
+        assert!(own_bodies(&plain).unwrap().bodies.is_empty());
         assert!(Scene::built_in(&MeshChoice::File(plain), Vec::new(), [1.0; 2]).is_err());
     }
 
@@ -147,7 +171,7 @@ mod tests {
             (with("asset", json!({ "uri": "none.spmm" })), "none.spmm"),
         ] {
             let path = write_gltf_with_material(dir.path(), &json!({ "extensions": { EXTENSION: wrong } }));
-            let message = assets_of_gltf(&path).unwrap_err().to_string();
+            let message = own_bodies(&path).unwrap_err().to_string();
             assert!(message.contains(word) && !message.contains('\n'), "{message}");
         }
         assert_eq!(unescaped("a%20b%zz%2"), "a b%zz%2");

@@ -20,6 +20,7 @@ mod atmosphere;
 mod bench;
 mod bench_plot;
 mod bvh;
+mod bvh_build;
 mod camera;
 mod cpu;
 mod daylight;
@@ -45,25 +46,28 @@ mod relief;
 mod sampler;
 mod scene;
 mod scene_file;
+mod scene_leaf;
 mod shaders;
 mod sky;
 mod sky_irradiance;
 mod solar_spectrum;
 mod sun;
+mod sun_disc;
 mod surface;
 mod trace;
+mod viewed_body;
 mod window;
 
 pub use bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};
 pub use bench_plot::bench_svg;
-pub use bvh::{AnyHit, Bvh, BvhNode, Hit, NO_HIT};
+pub use bvh::{AnyHit, BvhNode, Hit, NO_HIT};
 pub use camera::{Camera, CameraFrame, jitter};
 pub use cpu::{CpuPicture, Picked, pick};
 pub use daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
 pub use environment::{Environment, MOST_COLUMNS};
 pub use error::ViewerError;
-pub use geometry::{Geometry, Triangle, Vertex};
-pub use gltf_asset::assets_of_gltf;
+pub use geometry::{Geometry, Instance, MOST_INSTANCES, Mesh, Placement, Triangle, Vertex};
+pub use gltf_asset::own_bodies;
 pub use governor::{Governor, Spending};
 pub use gpu::{BackendChoice, Gpu};
 pub use gpu_decode::{DecodeQuery, gpu_decode};
@@ -71,16 +75,17 @@ pub use gpu_expand::{gpu_expand, time_gpu_expand, time_upload};
 pub use gpu_timer::{GpuTimer, PassTimes};
 pub use headless::{Control, MAX_SIDE, RenderParams, RenderReport, Rendered, render, render_turntable};
 pub use mesh::{MeshPart, cube, plane, quad, sphere};
-pub use mesh_file::load_mesh;
-pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions};
+pub use mesh_file::{FileMesh, load_meshes};
+pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
 pub use picture::Picture;
 pub use pieces::PieceLayout;
 pub use plan::{Plan, PlannedAsset, plan};
 pub use scene::{
-    AMBIENT_RADIANCE, Ambient, BACKGROUND, FileForm, LightRig, Material, MeshChoice, PointLight, Scene, SceneAsset,
-    SceneObject, UNKNOWN_SIZE_MM, intensity_for,
+    AMBIENT_RADIANCE, Ambient, BACKGROUND, Body, DaylightParts, FileForm, LightRig, Material, MeshChoice, OwnBodies,
+    PointLight, Scene, SceneAsset, SceneMesh, SceneObject, Shown, UNKNOWN_SIZE_MM, intensity_for,
 };
 pub use scene_file::{load_scene, scene_with_assets};
+pub use scene_leaf::SceneLeaf;
 pub use shaders::{GpuTracer, ModuleLayout, trace_module};
 pub use sky_irradiance::{IRRADIANCE_COLUMNS, IRRADIANCE_ROWS, SkyIrradiance};
 pub use solar_spectrum::WHITE_ILLUMINANCE_LUX;

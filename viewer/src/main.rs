@@ -2,9 +2,9 @@
 
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
-    Ambient, BackendChoice, BenchKind, BenchParams, Control, Environment, GpuTracer, MeshChoice, RenderMode,
-    RenderParams, Scene, SceneAsset, ShadeOptions, ViewerError, WindowParams, bench_svg, load_scene, plan,
-    render_turntable, run_bench, run_window, scene_with_assets,
+    Ambient, BackendChoice, BenchKind, BenchParams, Control, Daylight, DaylightParts, Environment, GpuTracer,
+    MeshChoice, RenderMode, RenderParams, Scene, SceneAsset, SceneLeaf, ShadeOptions, Shown, SkyLight, ViewerError,
+    WindowParams, bench_svg, load_scene, plan, render_turntable, run_bench, run_window, scene_with_assets,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -123,6 +123,9 @@ struct CommonArguments {
     /// Always the finest texels, however small they are in the picture
     #[arg(long)]
     no_levels: bool,
+    /// How a sky lights surfaces: by rays to its parts, or by the irradiance of the normal times how much is open
+    #[arg(long, value_enum, default_value_t = SkyLight::Rays)]
+    sky: SkyLight,
     /// Threads of the CPU decoder [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
@@ -148,6 +151,7 @@ impl CommonArguments {
             light_samples: self.light_samples,
             depth: self.depth,
             levels: !self.no_levels,
+            sky: self.sky,
         }
     }
 
@@ -165,6 +169,9 @@ impl CommonArguments {
 struct ViewArguments {
     /// Packed assets, made by `btf-fit fit CAPTURE -o ASSET.spmm`
     assets: Vec<PathBuf>,
+    /// A leaf that is evaluated live: contents, gloss and textures, as `btf-synth leaf --write-leaf` writes them
+    #[arg(long, value_name = "LEAF.toml")]
+    leaf: Vec<PathBuf>,
     /// Scene description: meshes, materials, lights, camera
     #[arg(long, value_name = "SCENE.toml", conflicts_with_all = ["mesh", "uv_scale"])]
     scene: Option<PathBuf>,
@@ -180,6 +187,18 @@ struct ViewArguments {
     /// Light from all around, an equirectangular .exr or .hdr picture; --lights then adds lamps
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
+    /// Sun and clear sky of this moment, as in 2026-06-21T12:00+02:00; --lights then adds lamps
+    #[arg(long, value_name = "DATE-TIME", requires = "place", conflicts_with = "environment")]
+    daylight: Option<String>,
+    /// Where: latitude and longitude in degrees, north and east positive, as in 52.5,13.4
+    #[arg(long, value_name = "LAT,LON", requires = "daylight", allow_hyphen_values = true)]
+    place: Option<String>,
+    /// Turbidity of the air, 1 (none but the air itself) to 10 (haze) [default: 3]
+    #[arg(long, value_name = "T", requires = "daylight")]
+    turbidity: Option<f64>,
+    /// Sun and sky, or one of them
+    #[arg(long, value_enum, default_value_t = DaylightParts::Both, requires = "daylight")]
+    daylight_parts: DaylightParts,
     /// Ambient light with progressive occlusion: one stratified ray per pixel and frame
     #[arg(long)]
     ao: bool,
@@ -496,11 +515,12 @@ fn with_progress<T>(quiet: bool, work: impl FnOnce(&Control) -> Result<T, Viewer
 }
 
 fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
-    let assets = load_assets(&arguments.assets)?;
+    let leaves = arguments.leaf.iter().map(|path| SceneLeaf::load(path)).collect::<Result<_, _>>()?;
+    let shown = Shown { assets: load_assets(&arguments.assets)?, leaves };
     let mesh = MeshChoice::from_argument(&arguments.mesh);
     let mut scene = match &arguments.scene {
-        Some(path) => load_scene(path, assets)?,
-        None => Scene::built_in(&mesh, assets, arguments.uv_scale)?,
+        Some(path) => load_scene(path, shown)?,
+        None => Scene::built_in(&mesh, shown, arguments.uv_scale)?,
     };
     if let Some(number) = arguments.camera.filter(|number| *number > 1) {
         scene.camera = *scene.more_cameras.get(number as usize - 2).ok_or_else(|| {
@@ -509,6 +529,11 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
     }
     if let Some(path) = &arguments.environment {
         scene.surround(Environment::load(path, 1.0)?);
+    }
+    if let (Some(date_time), Some(place)) = (&arguments.daylight, &arguments.place) {
+        let mut daylight = Daylight::new(date_time, place)?;
+        daylight.turbidity = arguments.turbidity.unwrap_or(daylight.turbidity);
+        scene.stand_outdoors(daylight.sun_and_sky()?, arguments.daylight_parts);
     }
     if let Some(count) = arguments.lights {
         scene.place_lights(count as usize);

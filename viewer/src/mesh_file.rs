@@ -1,20 +1,34 @@
-//! OBJ and glTF files as mesh parts.
+//! OBJ and glTF files as meshes and the places where they stand.
 
 use crate::error::ViewerError;
 use crate::geometry::Vertex;
 use crate::mesh::{MeshPart, fill_normals, fill_tangents, tangent_of};
-use glam::{Mat4, Vec3};
+use glam::{Mat4, Quat, Vec3};
+use serde_json::Value;
 use std::path::Path;
 
-/// Reads `.obj`, `.gltf` or `.glb`; node transforms are applied, texture coordinates turned so that v grows upwards,
-/// missing normals and tangents filled in. Parts without texture coordinates come with `has_uv = false`.
+/// The glTF extension with which a node places its mesh many times.
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// A mesh of a file, and where it stands in the file's world.
+#[derive(Debug, Clone)]
+pub struct FileMesh {
+    /// Its parts, in the mesh's own space.
+    pub parts: Vec<MeshPart>,
+    /// At least one.
+    pub places: Vec<Mat4>,
+}
+
+/// Reads `.obj`, `.gltf` or `.glb`; texture coordinates are turned so that v grows upwards, missing normals and tangents
+/// filled in. Parts without texture coordinates come with `has_uv = false`. What the file places once comes together as one
+/// mesh in the world; what it places more often, by several nodes or by `EXT_mesh_gpu_instancing`, as a mesh each.
 ///
 /// # Errors
 /// [`ViewerError::Mesh`] for files that cannot be read, have no triangles or name vertices that are not there.
-pub fn load_mesh(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
+pub fn load_meshes(path: &Path) -> Result<Vec<FileMesh>, ViewerError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
-    let parts = match extension.as_str() {
-        "obj" => load_obj(path)?,
+    let meshes = match extension.as_str() {
+        "obj" => vec![FileMesh { parts: load_obj(path)?, places: vec![Mat4::IDENTITY] }],
         "gltf" | "glb" => load_gltf(path)?,
         _ => {
             return Err(ViewerError::mesh(
@@ -23,10 +37,10 @@ pub fn load_mesh(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
             ));
         }
     };
-    if parts.iter().all(|part| part.triangles.is_empty()) {
+    if meshes.iter().flat_map(|mesh| &mesh.parts).all(|part| part.triangles.is_empty()) {
         return Err(ViewerError::mesh(path, "it has no triangles, export the mesh's faces"));
     }
-    Ok(parts)
+    Ok(meshes)
 }
 
 /// Fills what the file lacks, and checks the numbers that everything after relies on.
@@ -99,7 +113,7 @@ fn load_obj(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
     Ok(parts)
 }
 
-fn load_gltf(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
+fn load_gltf(path: &Path) -> Result<Vec<FileMesh>, ViewerError> {
     let fault = |reason: String| ViewerError::mesh(path, reason);
     // Geometry only: pictures inside the file are not decoded.
     let gltf = gltf::Gltf::open(path).map_err(|error| fault(format!("the glTF file cannot be read: {error}")))?;
@@ -114,30 +128,87 @@ fn load_gltf(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
         .default_scene()
         .or_else(|| gltf.scenes().next())
         .ok_or_else(|| fault("the glTF file has no scene, export one".into()))?;
-    let mut parts = Vec::new();
+    // Where each mesh stands.
+    let mut places: Vec<Vec<Mat4>> = vec![Vec::new(); gltf.meshes().count()];
     let mut open: Vec<(gltf::Node, Mat4)> = scene.nodes().map(|node| (node, Mat4::IDENTITY)).collect();
     open.reverse();
     while let Some((node, parent)) = open.pop() {
         let matrix = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
         if let Some(mesh) = node.mesh() {
-            if !(matrix.is_finite() && matrix.determinant().abs() > 1e-30) {
-                return Err(fault(format!(
-                    "node {} has a transform that flattens it, correct its scale",
-                    node.index()
-                )));
-            }
-            for primitive in mesh.primitives() {
-                if let Some(part) = gltf_part(path, &primitive, &buffers)? {
-                    let mut part = part;
-                    part.transform(matrix);
-                    parts.push(part);
+            let own = instances_of(&node, &gltf, &buffers).ok_or_else(|| {
+                fault(format!("{INSTANCING} of node {} cannot be followed, export it again", node.index()))
+            })?;
+            for place in own.into_iter().map(|own| matrix * own) {
+                if !(place.is_finite() && place.determinant().abs() > 1e-30) {
+                    return Err(fault(format!(
+                        "node {} has a transform that flattens it, correct its scale",
+                        node.index()
+                    )));
                 }
+                places[mesh.index()].push(place);
             }
         }
         let children: Vec<_> = node.children().map(|child| (child, matrix)).collect();
         open.extend(children.into_iter().rev());
     }
-    Ok(parts)
+    let mut once = FileMesh { parts: Vec::new(), places: vec![Mat4::IDENTITY] };
+    let mut often = Vec::new();
+    for (mesh, places) in gltf.meshes().zip(places) {
+        if places.is_empty() {
+            continue;
+        }
+        let mut parts = Vec::new();
+        for primitive in mesh.primitives() {
+            parts.extend(gltf_part(path, &primitive, &buffers)?);
+        }
+        match places.as_slice() {
+            [place] => {
+                parts.iter_mut().for_each(|part| part.transform(*place));
+                once.parts.extend(parts);
+            }
+            _ => often.push(FileMesh { parts, places }),
+        }
+    }
+    let once = (!once.parts.is_empty()).then_some(once);
+    Ok(once.into_iter().chain(often).collect())
+}
+
+/// Where a node places its mesh, in the node's own space: once, or as [`INSTANCING`] says; `None` if that makes no sense.
+fn instances_of(node: &gltf::Node, gltf: &gltf::Gltf, buffers: &[gltf::buffer::Data]) -> Option<Vec<Mat4>> {
+    use gltf::accessor::{DataType, Dimensions, Iter};
+    let Some(extension) = node.extension_value(INSTANCING) else { return Some(vec![Mat4::IDENTITY]) };
+    let buffer = |buffer: gltf::Buffer| buffers.get(buffer.index()).map(|data| data.0.as_slice());
+    let accessor = |name: &str, dimensions: Dimensions| match &extension["attributes"][name] {
+        Value::Null => Some(None),
+        number => {
+            let accessor = gltf.accessors().nth(usize::try_from(number.as_u64()?).ok()?)?;
+            (accessor.data_type() == DataType::F32 && accessor.dimensions() == dimensions).then_some(Some(accessor))
+        }
+    };
+    let vectors = |name: &str, other: Vec3| -> Option<Box<dyn Iterator<Item = Vec3>>> {
+        Some(match accessor(name, Dimensions::Vec3)? {
+            Some(accessor) => {
+                Box::new(Iter::<[f32; 3]>::new(accessor, buffer)?.map(Vec3::from).collect::<Vec<_>>().into_iter())
+            }
+            None => Box::new(std::iter::repeat(other)),
+        })
+    };
+    let turns = accessor("ROTATION", Dimensions::Vec4)?;
+    let counts = ["TRANSLATION", "ROTATION", "SCALE"].map(|name| {
+        let dimensions = if name == "ROTATION" { Dimensions::Vec4 } else { Dimensions::Vec3 };
+        accessor(name, dimensions).flatten().map(|accessor| accessor.count())
+    });
+    let mut told = counts.into_iter().flatten();
+    let count = told.next()?;
+    if told.any(|other| other != count) {
+        return None;
+    }
+    let turns: Box<dyn Iterator<Item = Quat>> = match turns {
+        Some(accessor) => Box::new(Iter::<[f32; 4]>::new(accessor, buffer)?.map(|q| Quat::from_array(q).normalize())),
+        None => Box::new(std::iter::repeat(Quat::IDENTITY)),
+    };
+    let placed = vectors("TRANSLATION", Vec3::ZERO)?.zip(turns).zip(vectors("SCALE", Vec3::ONE)?);
+    Some(placed.take(count).map(|((at, turn), scale)| Mat4::from_scale_rotation_translation(scale, turn, at)).collect())
 }
 
 /// Whether all elements lie within the buffer view and that within its buffer; the crate's readers take it on trust.
@@ -237,10 +308,10 @@ pub(crate) mod tests {
     }
 
     /// The same with a material, which its triangle has.
-    pub(crate) fn write_gltf_with_material(dir: &Path, material: &serde_json::Value) -> std::path::PathBuf {
+    pub(crate) fn write_gltf_with_material(dir: &Path, material: &Value) -> std::path::PathBuf {
         let path = write_gltf(dir, 2);
         let text = std::fs::read_to_string(&path).unwrap();
-        let mut document: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let mut document: Value = serde_json::from_str(&text).unwrap();
         document["materials"] = serde_json::json!([material]);
         document["meshes"][0]["primitives"][0]["material"] = 0.into();
         std::fs::write(&path, document.to_string()).unwrap();
@@ -252,7 +323,7 @@ pub(crate) mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("t.obj");
         std::fs::write(&path, TRIANGLE_OBJ).unwrap();
-        let parts = load_mesh(&path).unwrap();
+        let parts = &load_meshes(&path).unwrap()[0].parts;
         assert_eq!((parts.len(), parts[0].triangles.len(), parts[0].has_uv), (1, 1, true));
         let vertex = parts[0].vertices[0];
         assert_eq!((vertex.normal, vertex.tangent), ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]));
@@ -261,10 +332,47 @@ pub(crate) mod tests {
     #[test]
     fn reads_a_gltf_with_its_node_transform_and_turns_v_upwards() {
         let dir = tempfile::tempdir().unwrap();
-        let parts = load_mesh(&write_gltf(dir.path(), 2)).unwrap();
+        let parts = &load_meshes(&write_gltf(dir.path(), 2)).unwrap()[0].parts;
         let vertex = parts[0].vertices[2];
         assert_eq!((vertex.position, vertex.u, vertex.v), ([5.0, 1.0, 0.0], 0.0, 1.0));
         assert_eq!((vertex.normal, vertex.tangent), ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]));
+    }
+
+    /// The same triangle, placed by the extension with the attributes given.
+    fn write_instanced(dir: &Path, attributes: &Value) -> std::path::PathBuf {
+        let path = write_gltf(dir, 2);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let mut document: Value = serde_json::from_str(&text).unwrap();
+        document["nodes"][0]["extensions"][INSTANCING]["attributes"] = attributes.clone();
+        document["extensionsUsed"] = serde_json::json!([INSTANCING]);
+        std::fs::write(&path, document.to_string()).unwrap();
+        path
+    }
+
+    #[test]
+    fn instances_stand_where_nodes_and_the_extension_say() {
+        let dir = tempfile::tempdir().unwrap();
+        // The triangle's own corners serve as translations.
+        let meshes = load_meshes(&write_instanced(dir.path(), &serde_json::json!({ "TRANSLATION": 0 }))).unwrap();
+        assert_eq!(meshes.len(), 1);
+        let at: Vec<Vec3> = meshes[0].places.iter().map(|place| place.w_axis.truncate()).collect();
+        assert_eq!(at, [Vec3::new(5.0, 0.0, 0.0), Vec3::new(6.0, 0.0, 0.0), Vec3::new(5.0, 1.0, 0.0)]);
+        assert_eq!(meshes[0].parts[0].vertices[1].position, [1.0, 0.0, 0.0]);
+        // Accessors of other kinds, or that are not there, or none at all.
+        for bad in [r#"{"TRANSLATION": 1}"#, r#"{"TRANSLATION": 7}"#, r#"{"ROTATION": 0}"#, r#"{"SCALE": "x"}"#, "{}"] {
+            let path = write_instanced(dir.path(), &serde_json::from_str(bad).unwrap());
+            let message = load_meshes(&path).unwrap_err().to_string();
+            assert!(message.contains(INSTANCING) || message.contains("flattens"), "{message}");
+        }
+        // Two nodes that share a mesh.
+        let path = write_gltf(dir.path(), 2);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let mut document: Value = serde_json::from_str(&text).unwrap();
+        document["nodes"] = serde_json::json!([{ "mesh": 0 }, { "mesh": 0, "translation": [0, 0, 3] }]);
+        document["scenes"][0]["nodes"] = serde_json::json!([0, 1]);
+        std::fs::write(&path, document.to_string()).unwrap();
+        let meshes = load_meshes(&path).unwrap();
+        assert_eq!((meshes.len(), meshes[0].places.len()), (1, 2));
     }
 
     #[test]
@@ -286,7 +394,7 @@ pub(crate) mod tests {
             dir.path().join("missing.obj"),
         ];
         for path in bad {
-            let message = load_mesh(&path).unwrap_err().to_string();
+            let message = load_meshes(&path).unwrap_err().to_string();
             assert!(message.starts_with(&path.display().to_string()), "{message}");
             assert!(!message.contains('\n'), "{message}");
         }

@@ -18,6 +18,30 @@ pub struct ShadeOptions {
     /// nearest level at first, then levels at random, in the mean between the two nearest. Traced paths, the reference,
     /// take the finest level always.
     pub levels: bool,
+    /// How a sky lights surfaces, where it is not a path's.
+    pub sky: SkyLight,
+}
+
+/// How a sky lights a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+#[repr(u32)]
+pub enum SkyLight {
+    /// By rays towards its parts, each with its own radiance and its own occlusion: exact in the mean.
+    #[default]
+    Rays = 0,
+    /// By the irradiance of the surface's normal, times how much of the half space is open [Miao]: less noise, but what is
+    /// bright and what is occluded are not told apart.
+    Irradiance = 1,
+}
+
+impl SkyLight {
+    /// As on the command line and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            SkyLight::Rays => "rays",
+            SkyLight::Irradiance => "irradiance",
+        }
+    }
 }
 
 /// Which light is followed.
@@ -55,7 +79,7 @@ pub enum DecoderForm {
 /// Largest [`ShadeOptions::light_samples`].
 pub const MAX_LIGHT_SAMPLES: u32 = 4096;
 /// Largest [`ShadeOptions::depth`].
-pub const MAX_DEPTH: u32 = 16;
+pub const MAX_DEPTH: u32 = 256;
 
 impl ShadeOptions {
     /// Whether assets' coarser levels are used.
@@ -72,6 +96,7 @@ impl Default for ShadeOptions {
             light_samples: 64,
             depth: 4,
             levels: true,
+            sky: SkyLight::default(),
         }
     }
 }

@@ -222,7 +222,7 @@ impl<'a> Planner<'a> {
             planner.reference.extend(rendered.picture.radiance);
             planner.shown.extend(rendered.hits.iter().map(|hit| {
                 let triangle = scene.geometry.triangles().get(hit.primitive as usize)?;
-                scene.materials[triangle.material as usize].asset
+                scene.materials[triangle.material as usize].asset()
             }));
         }
         Ok(planner)

@@ -9,7 +9,7 @@
 use crate::bvh::Hit;
 use crate::geometry::Geometry;
 use crate::scene::{Material, Scene};
-use crate::surface::Surface;
+use crate::surface::{Surface, corners_of};
 use btf_runtime::HeightField;
 use glam::{Vec2, Vec3};
 
@@ -53,7 +53,7 @@ impl<'a> Relief<'a> {
         if material.displacement <= 0.0 {
             return None;
         }
-        let resident = scene.assets[material.asset?].head();
+        let resident = scene.assets[material.asset()?].head();
         let field = HeightField::of_resident(resident, resident.layer_for_sides(0, false, false)?)?;
         let size = Vec2::new(resident.width() as f32, resident.height() as f32);
         let scale = Vec2::from(material.uv_scale);
@@ -157,8 +157,7 @@ impl<'a> Relief<'a> {
 
 /// Change of the interpolated normal along tangent and bitangent, per unit of length: xx, xy, yy.
 fn relief_curvature(geometry: &Geometry, hit: &Hit, s: &Surface) -> Vec3 {
-    let triangle = geometry.triangles()[hit.primitive as usize];
-    let [a, b, c] = triangle.vertices.map(|index| &geometry.vertices()[index as usize]);
+    let [a, b, c] = &corners_of(geometry, hit);
     let [na, nb, nc] = [a, b, c].map(|vertex| Vec3::from(vertex.normal));
     let e = Vec3::from(b.position) - Vec3::from(a.position);
     let f = Vec3::from(c.position) - Vec3::from(a.position);
@@ -322,14 +321,7 @@ mod tests {
             let direction = Vec3::new(0.5, 0.3, -0.6).normalize();
             let origin = Vec3::new(0.1, 0.05, 0.0) - direction * 3.0;
             let geometry = &scene.geometry;
-            let hit = geometry.bvh().trace(
-                geometry.vertices(),
-                geometry.triangles(),
-                origin,
-                direction,
-                10.0,
-                crate::AnyHit::No,
-            );
+            let hit = geometry.trace(origin, direction, 10.0, crate::AnyHit::No);
             let s = Surface::surface_at(geometry, &hit, direction);
             let relief = Relief::relief_new(&scene, &hit, &s).unwrap();
             let way = relief.relief_enter(direction);

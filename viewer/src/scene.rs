@@ -1,13 +1,16 @@
 //! What is drawn: geometry, materials, packed assets, lights, camera, exposure; and the built-in scenes.
 
 use crate::camera::Camera;
+use crate::daylight::SunAndSky;
 use crate::environment::Environment;
 use crate::error::ViewerError;
-use crate::geometry::{Geometry, Triangle};
-use crate::gltf_asset::assets_of_gltf;
+use crate::geometry::{Geometry, Mesh, Placement, Triangle};
+use crate::gltf_asset::own_bodies;
 use crate::mesh::{self, MeshPart};
-use crate::mesh_file::load_mesh;
+use crate::mesh_file::{FileMesh, load_meshes};
 use crate::models;
+use crate::scene_leaf::SceneLeaf;
+use crate::sun::Sun;
 use btf_capture::SharedBytes;
 use btf_runtime::{Asset, Edits, FormatError, HeightField, Resident, ResidentFile, with_levels};
 use glam::{Mat4, Vec3};
@@ -202,13 +205,75 @@ impl SceneAsset {
     }
 }
 
+/// What a scene's materials show, by number.
+#[derive(Debug, Clone, Default)]
+pub struct Shown {
+    /// Packed assets.
+    pub assets: Vec<Arc<SceneAsset>>,
+    /// Leaves.
+    pub leaves: Vec<SceneLeaf>,
+}
+
+impl From<Vec<Arc<SceneAsset>>> for Shown {
+    fn from(assets: Vec<Arc<SceneAsset>>) -> Shown {
+        Shown { assets, leaves: Vec::new() }
+    }
+}
+
+impl Shown {
+    /// All of it in order: assets, then leaves.
+    pub(crate) fn bodies(&self) -> Vec<Body> {
+        (0..self.assets.len()).map(Body::Asset).chain((0..self.leaves.len()).map(Body::Leaf)).collect()
+    }
+
+    /// How often the picture of a body fits into a millimetre, along u and v.
+    pub(crate) fn tiles_per_mm(&self, body: Body) -> [f32; 2] {
+        match body {
+            Body::Plain(_) => [1.0; 2],
+            Body::Asset(asset) => self.assets[asset].tiles_per_mm(),
+            Body::Leaf(leaf) => [1.0 / self.leaves[leaf].description.size_mm as f32; 2],
+        }
+    }
+
+    /// Adds what a file's own materials show, whose numbers in `bodies` are then those of this.
+    pub(crate) fn append(&mut self, own: OwnBodies) -> BTreeMap<usize, Body> {
+        let (assets, leaves) = (self.assets.len(), self.leaves.len());
+        self.assets.extend(own.shown.assets);
+        self.leaves.extend(own.shown.leaves);
+        let moved = |body| match body {
+            Body::Plain(_) => body,
+            Body::Asset(asset) => Body::Asset(asset + assets),
+            Body::Leaf(leaf) => Body::Leaf(leaf + leaves),
+        };
+        own.bodies.into_iter().map(|(group, body)| (group, moved(body))).collect()
+    }
+}
+
+/// What a file's own materials show.
+#[derive(Debug, Clone, Default)]
+pub struct OwnBodies {
+    /// What there is.
+    pub shown: Shown,
+    /// By number of the material, which is a part's group.
+    pub bodies: BTreeMap<usize, Body>,
+}
+
+/// What reflects and transmits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Body {
+    /// A plain diffuse surface: linear sRGB reflectance, 0 to 1.
+    Plain([f32; 3]),
+    /// Index into [`Scene::assets`].
+    Asset(usize),
+    /// Index into [`Scene::leaves`].
+    Leaf(usize),
+}
+
 /// What a triangle is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
-    /// Index into [`Scene::assets`]; `None` for a plain diffuse surface.
-    pub asset: Option<usize>,
-    /// Linear sRGB reflectance of a plain surface, 0 to 1.
-    pub diffuse: [f32; 3],
+    /// What reflects and transmits.
+    pub body: Body,
     /// Reflectance of a perfect mirror on top, RGB, 0 to 1; 0 for none. It adds to what lies below.
     pub mirror: [f32; 3],
     /// Factors on the texture coordinates: how often the asset is repeated.
@@ -219,14 +284,27 @@ pub struct Material {
 }
 
 impl Material {
+    /// A material without a mirror.
+    pub fn new(body: Body, uv_scale: [f32; 2]) -> Material {
+        Material { body, mirror: [0.0; 3], uv_scale, displacement: 0.0 }
+    }
+
     /// A material that shows asset number `asset`.
     pub fn from_asset(asset: usize, uv_scale: [f32; 2]) -> Material {
-        Material { asset: Some(asset), diffuse: [0.5; 3], mirror: [0.0; 3], uv_scale, displacement: 0.0 }
+        Material::new(Body::Asset(asset), uv_scale)
     }
 
     /// A plain diffuse material.
     pub fn plain(diffuse: [f32; 3]) -> Material {
-        Material { asset: None, diffuse, mirror: [0.0; 3], uv_scale: [1.0; 2], displacement: 0.0 }
+        Material::new(Body::Plain(diffuse), [1.0; 2])
+    }
+
+    /// Number of the asset that it shows.
+    pub fn asset(&self) -> Option<usize> {
+        match self.body {
+            Body::Asset(asset) => Some(asset),
+            _ => None,
+        }
     }
 }
 
@@ -271,6 +349,19 @@ pub const AMBIENT_RADIANCE: f32 = 0.4;
 /// Occlusion distance where nothing else is asked for, in radii of the scene's bounding sphere.
 const OCCLUSION_RADII: f32 = 0.5;
 
+/// Which light of the day shines: the paper's three pictures [Miao, Fig. 4].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DaylightParts {
+    /// Sun and sky.
+    #[default]
+    Both,
+    /// The sun alone.
+    Sun,
+    /// The sky alone.
+    Sky,
+}
+
 /// Everything that a tracer needs.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -280,8 +371,12 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Assets; materials name them by number.
     pub assets: Vec<Arc<SceneAsset>>,
+    /// Leaves; materials name them by number.
+    pub leaves: Vec<SceneLeaf>,
     /// Point lights.
     pub lights: Vec<PointLight>,
+    /// The sun.
+    pub sun: Option<Sun>,
     /// Where [`Scene::place_lights`] puts them.
     pub light_rig: LightRig,
     /// Ambient light, one stratified ray per pixel and sample.
@@ -339,14 +434,30 @@ impl MeshChoice {
 
 /// A part of a mesh together with its material.
 pub struct SceneObject {
-    /// Geometry, in world space.
+    /// Geometry, in its mesh's space.
     pub part: MeshPart,
     /// Its material.
     pub material: Material,
 }
 
+/// Objects that stand together, and where in the world they do.
+pub struct SceneMesh {
+    /// The objects.
+    pub objects: Vec<SceneObject>,
+    /// Affine and invertible.
+    pub places: Vec<Mat4>,
+}
+
+impl SceneMesh {
+    /// The parts of a file's mesh with the materials that `material` gives them.
+    fn of_file(mesh: FileMesh, mut material: impl FnMut(&MeshPart) -> Material) -> SceneMesh {
+        let object = |part: MeshPart| SceneObject { material: material(&part), part };
+        SceneMesh { objects: mesh.parts.into_iter().map(object).collect(), places: mesh.places }
+    }
+}
+
 impl Scene {
-    /// Joins objects into a scene with the default camera, one light and the default background.
+    /// Joins objects, which are in world space, into a scene with the default camera, one light and the default background.
     ///
     /// # Errors
     /// [`ViewerError::Mesh`] naming `origin` if a part that carries an asset has no texture coordinates, or if no
@@ -354,44 +465,34 @@ impl Scene {
     pub fn from_objects(
         origin: &Path,
         objects: Vec<SceneObject>,
-        assets: Vec<Arc<SceneAsset>>,
+        shown: impl Into<Shown>,
     ) -> Result<Scene, ViewerError> {
-        let (mut vertices, mut triangles, mut materials) = (Vec::new(), Vec::new(), Vec::<Material>::new());
-        for SceneObject { part, material } in objects {
-            if material.asset.is_some_and(|asset| asset >= assets.len()) {
-                return Err(ViewerError::mesh(
-                    origin,
-                    format!("the part '{}' names an asset that is not there", part.name),
-                ));
-            }
-            if material.asset.is_some() && !part.has_uv {
-                return Err(ViewerError::mesh(
-                    origin,
-                    format!(
-                        "the part '{}' has no texture coordinates, unwrap it before it can carry a material",
-                        part.name
-                    ),
-                ));
-            }
-            let number = materials.iter().position(|known| *known == material).unwrap_or_else(|| {
-                materials.push(material);
-                materials.len() - 1
-            });
-            let first = vertices.len() as u32;
-            vertices.extend(part.vertices);
-            triangles.extend(part.triangles.iter().map(|triangle| Triangle {
-                vertices: triangle.map(|index| index.saturating_add(first)),
-                material: number as u32,
-            }));
+        Scene::from_meshes(origin, vec![SceneMesh { objects, places: vec![Mat4::IDENTITY] }], shown)
+    }
+
+    /// The same with meshes that may stand in many places, each of which costs memory once.
+    ///
+    /// # Errors
+    /// As [`Scene::from_objects`].
+    pub fn from_meshes(origin: &Path, meshes: Vec<SceneMesh>, shown: impl Into<Shown>) -> Result<Scene, ViewerError> {
+        let shown = shown.into();
+        let mut materials = Vec::new();
+        let (mut joined, mut placements) = (Vec::new(), Vec::new());
+        for SceneMesh { objects, places } in meshes {
+            let place = |world_from_object| Placement { mesh: joined.len(), world_from_object };
+            placements.extend(places.into_iter().map(place));
+            joined.push(joined_mesh(origin, objects, &shown, &mut materials)?);
         }
-        let geometry = Geometry::new(vertices, triangles).map_err(|reason| ViewerError::mesh(origin, reason))?;
+        let geometry = Geometry::placed(joined, &placements).map_err(|reason| ViewerError::mesh(origin, reason))?;
         let (centre, radius) = geometry.bounding_sphere();
         let camera = Camera::framing(centre, radius, Vec3::new(0.0, 0.25, 1.0), FIELD_OF_VIEW_DEG);
         let mut scene = Scene {
             geometry: Arc::new(geometry),
             materials,
-            assets,
+            assets: shown.assets,
+            leaves: shown.leaves,
             lights: Vec::new(),
+            sun: None,
             light_rig: LightRig::Around,
             ambient: Ambient::NONE,
             environment: None,
@@ -404,49 +505,44 @@ impl Scene {
         Ok(scene)
     }
 
-    /// One of the built-in scenes, or a mesh file: in a file with one asset every part with texture coordinates gets
-    /// it; with several, material number i of the file gets asset i and the rest stay plain in their own colour. Without
-    /// assets, materials get those that a glTF file itself points at.
+    /// One of the built-in scenes, or a mesh file: in a file with one asset or leaf every part with texture coordinates gets
+    /// it, or, where materials of the file point at some themselves, the parts that have these; with several, material number i
+    /// of the file gets number i, leaves after assets. The rest stays plain in its own colour. Without any, materials get what
+    /// a glTF file itself points at.
     ///
     /// # Errors
-    /// [`ViewerError::Usage`] without assets; [`ViewerError::Mesh`] for files.
-    pub fn built_in(mesh: &MeshChoice, assets: Vec<Arc<SceneAsset>>, uv_scale: [f32; 2]) -> Result<Scene, ViewerError> {
-        if let (MeshChoice::File(path), true) = (mesh, assets.is_empty()) {
-            let own = assets_of_gltf(path)?;
-            if !own.is_empty() {
-                return Scene::of_own_assets(path, own, uv_scale);
-            }
+    /// [`ViewerError::Usage`] without anything to show; [`ViewerError::Mesh`] for files.
+    pub fn built_in(mesh: &MeshChoice, shown: impl Into<Shown>, uv_scale: [f32; 2]) -> Result<Scene, ViewerError> {
+        let shown = shown.into();
+        let bodies = shown.bodies();
+        if let MeshChoice::File(path) = mesh {
+            return Scene::of_file(path, shown, uv_scale);
         }
-        if assets.is_empty() {
-            return Err(ViewerError::Usage(
-                "no asset was named: make one from a capture folder with `btf-fit fit CAPTURE -o ASSET.spmm`, \
-                 then run `btf-view ASSET.spmm`"
-                    .into(),
-            ));
+        if bodies.is_empty() {
+            return Err(nothing_to_show());
         }
-        let count = assets.len();
+        let count = bodies.len();
         let row = |part: fn() -> MeshPart| -> Vec<SceneObject> {
-            (0..count)
-                .map(|asset| {
-                    let mut part = part();
-                    let x = 2.3 * (asset as f32 - (count - 1) as f32 * 0.5);
-                    part.transform(Mat4::from_translation(Vec3::X * x));
-                    SceneObject { part, material: Material::from_asset(asset, uv_scale) }
-                })
-                .collect()
+            let object = |(number, body): (usize, &Body)| {
+                let mut part = part();
+                let x = 2.3 * (number as f32 - (count - 1) as f32 * 0.5);
+                part.transform(Mat4::from_translation(Vec3::X * x));
+                SceneObject { part, material: Material::new(*body, uv_scale) }
+            };
+            bodies.iter().enumerate().map(object).collect()
         };
-        // Part of group g carries asset g, in turn.
-        let model = |parts: Vec<MeshPart>, scale: &dyn Fn(usize) -> [f32; 2]| -> Vec<SceneObject> {
+        // Part of group g carries number g, in turn.
+        let model = |parts: Vec<MeshPart>, scale: &dyn Fn(Body) -> [f32; 2]| -> Vec<SceneObject> {
             let object = |part: MeshPart| {
-                let asset = part.group % count;
-                SceneObject { part, material: Material::from_asset(asset, scale(asset)) }
+                let body = bodies[part.group % count];
+                SceneObject { part, material: Material::new(body, scale(body)) }
             };
             parts.into_iter().map(object).collect()
         };
         match mesh {
-            MeshChoice::Sphere => Scene::from_objects(Path::new("sphere"), row(mesh::sphere), assets),
+            MeshChoice::Sphere => Scene::from_objects(Path::new("sphere"), row(mesh::sphere), shown),
             MeshChoice::Plane => {
-                let mut scene = Scene::from_objects(Path::new("plane"), row(mesh::plane), assets)?;
+                let mut scene = Scene::from_objects(Path::new("plane"), row(mesh::plane), shown)?;
                 let (centre, radius) = scene.geometry.bounding_sphere();
                 scene.camera = Camera::framing(centre, radius, Vec3::new(0.0, -0.55, 1.0), FIELD_OF_VIEW_DEG);
                 scene.place_lights(1);
@@ -454,66 +550,62 @@ impl Scene {
             }
             MeshChoice::Cornell => {
                 let mut scene =
-                    Scene::from_objects(Path::new("cornell"), model(models::cornell(), &|_| uv_scale), assets)?;
+                    Scene::from_objects(Path::new("cornell"), model(models::cornell(), &|_| uv_scale), shown)?;
                 // The nearer edges of the walls lie just outside the picture.
                 scene.camera = Camera { eye: Vec3::new(0.0, 0.0, 3.2), target: Vec3::ZERO, up: Vec3::Y, fov_deg: 48.0 };
                 scene.light_rig = LightRig::Ceiling;
                 scene.place_lights(1);
                 Ok(scene)
             }
-            MeshChoice::Cloth | MeshChoice::Shoe | MeshChoice::Boots | MeshChoice::Pullover => {
+            _ => {
                 let (name, parts, towards) = match mesh {
                     MeshChoice::Cloth => ("cloth", models::cloth(), Vec3::new(0.0, 0.55, 1.0)),
                     MeshChoice::Shoe => ("shoe", models::shoe(), Vec3::new(0.45, 0.5, 1.0)),
                     MeshChoice::Boots => ("boots", models::boots(), Vec3::new(0.6, 0.3, 1.0)),
                     _ => ("pullover", models::pullover(), Vec3::new(0.2, 0.15, 1.0)),
                 };
-                let physical = |asset: usize| assets[asset].tiles_per_mm().map(|tiles| tiles * 1000.0 * models::TILE_M);
-                let scale = |asset: usize| [0, 1].map(|i| physical(asset)[i] * uv_scale[i]);
-                let mut scene = Scene::from_objects(Path::new(name), model(parts, &scale), assets.clone())?;
+                let physical = |body: Body| shown.tiles_per_mm(body).map(|tiles| tiles * 1000.0 * models::TILE_M);
+                let scale = |body: Body| [0, 1].map(|i| physical(body)[i] * uv_scale[i]);
+                let objects = model(parts, &scale);
+                let mut scene = Scene::from_objects(Path::new(name), objects, shown)?;
                 let (centre, radius) = scene.geometry.bounding_sphere();
                 scene.camera = Camera::framing(centre, radius, towards, FIELD_OF_VIEW_DEG);
                 scene.place_lights(1);
                 Ok(scene)
             }
-            MeshChoice::File(path) => {
-                let objects = load_mesh(path)?
-                    .into_iter()
-                    .map(|part| {
-                        let asset = if count == 1 { Some(0) } else { (part.group < count).then_some(part.group) };
-                        let material = match asset {
-                            Some(asset) if part.has_uv => Material::from_asset(asset, uv_scale),
-                            _ => Material::plain(part.diffuse),
-                        };
-                        SceneObject { part, material }
-                    })
-                    .collect::<Vec<_>>();
-                if objects.iter().all(|object| object.material.asset.is_none()) {
-                    return Err(ViewerError::mesh(
-                        path,
-                        "no part has texture coordinates, unwrap the mesh before it can carry a material",
-                    ));
-                }
-                Scene::from_objects(path, objects, assets)
-            }
         }
     }
 
-    /// A glTF file whose materials carry the assets `own`, by number of the material.
-    fn of_own_assets(
-        path: &Path,
-        own: BTreeMap<usize, Arc<SceneAsset>>,
-        uv_scale: [f32; 2],
-    ) -> Result<Scene, ViewerError> {
-        let places: BTreeMap<usize, usize> = own.keys().enumerate().map(|(place, group)| (*group, place)).collect();
-        let object = |part: MeshPart| {
-            let material = match places.get(&part.group) {
-                Some(place) if part.has_uv => Material::from_asset(*place, uv_scale),
-                _ => Material::plain(part.diffuse),
-            };
-            SceneObject { part, material }
+    /// A mesh file; see [`Scene::built_in`].
+    fn of_file(path: &Path, mut shown: Shown, uv_scale: [f32; 2]) -> Result<Scene, ViewerError> {
+        let given = shown.bodies();
+        let own = own_bodies(path)?;
+        let bodies: BTreeMap<usize, Body> = match given.as_slice() {
+            [] => shown.append(own),
+            [one] => own.bodies.keys().map(|group| (*group, *one)).collect(),
+            _ => given.iter().copied().enumerate().collect(),
         };
-        Scene::from_objects(path, load_mesh(path)?.into_iter().map(object).collect(), own.into_values().collect())
+        if given.is_empty() && bodies.is_empty() {
+            return Err(nothing_to_show());
+        }
+        let body_of = |part: &MeshPart| match given.as_slice() {
+            [one] if bodies.is_empty() => Some(*one),
+            _ => bodies.get(&part.group).copied(),
+        };
+        let material = |part: &MeshPart| match body_of(part) {
+            Some(body) if part.has_uv => Material::new(body, uv_scale),
+            _ => Material::plain(part.diffuse),
+        };
+        let meshes: Vec<SceneMesh> =
+            load_meshes(path)?.into_iter().map(|mesh| SceneMesh::of_file(mesh, material)).collect();
+        let plain = |object: &SceneObject| matches!(object.material.body, Body::Plain(_));
+        if meshes.iter().flat_map(|mesh| &mesh.objects).all(plain) {
+            return Err(ViewerError::mesh(
+                path,
+                "no part has texture coordinates, unwrap the mesh before it can carry a material",
+            ));
+        }
+        Scene::from_meshes(path, meshes, shown)
     }
 
     /// Surrounds the scene by a picture of light, which nothing but the scene itself keeps off; takes its lamps away.
@@ -521,6 +613,13 @@ impl Scene {
         self.environment = Some(Arc::new(environment));
         self.ambient = Ambient { radiance: [0.0; 3], distance: BEYOND_EVERYTHING };
         self.lights.clear();
+    }
+
+    /// Stands the scene under the sun and a clear sky, as far as `parts` says; takes its lamps away.
+    pub fn stand_outdoors(&mut self, light: SunAndSky, parts: DaylightParts) {
+        let black = || Environment::new(1, 1, &[0.0; 3]);
+        self.surround(if parts == DaylightParts::Sun { black() } else { light.environment });
+        self.sun = light.sun.filter(|_| parts != DaylightParts::Sky);
     }
 
     /// `count` lights where the scene has them; their intensities add up to the same brightness whatever the count.
@@ -562,7 +661,7 @@ impl Scene {
     /// Displaces every surface that carries an asset with heights by these, times `scale`; 0 for none.
     pub fn displace(&mut self, scale: f32) {
         for material in &mut self.materials {
-            let displaced = material.asset.is_some_and(|asset| self.assets[asset].has_heights());
+            let displaced = material.asset().is_some_and(|asset| self.assets[asset].has_heights());
             material.displacement = if displaced { scale } else { 0.0 };
         }
     }
@@ -584,6 +683,53 @@ impl Scene {
             })
             .collect();
     }
+}
+
+fn nothing_to_show() -> ViewerError {
+    ViewerError::Usage(
+        "no asset was named: make one from a capture folder with `btf-fit fit CAPTURE -o ASSET.spmm`, \
+         then run `btf-view ASSET.spmm`"
+            .into(),
+    )
+}
+
+/// Joins the objects of a mesh; new materials are added to `materials`.
+fn joined_mesh(
+    origin: &Path,
+    objects: Vec<SceneObject>,
+    shown: &Shown,
+    materials: &mut Vec<Material>,
+) -> Result<Mesh, ViewerError> {
+    let mut mesh = Mesh::default();
+    for SceneObject { part, material } in objects {
+        let plain = matches!(material.body, Body::Plain(_));
+        if !plain && !shown.bodies().contains(&material.body) {
+            return Err(ViewerError::mesh(
+                origin,
+                format!("the part '{}' names an asset or a leaf that is not there", part.name),
+            ));
+        }
+        if !plain && !part.has_uv {
+            return Err(ViewerError::mesh(
+                origin,
+                format!(
+                    "the part '{}' has no texture coordinates, unwrap it before it can carry a material",
+                    part.name
+                ),
+            ));
+        }
+        let number = materials.iter().position(|known| *known == material).unwrap_or_else(|| {
+            materials.push(material);
+            materials.len() - 1
+        });
+        let first = mesh.vertices.len() as u32;
+        mesh.vertices.extend(part.vertices);
+        mesh.triangles.extend(part.triangles.iter().map(|triangle| Triangle {
+            vertices: triangle.map(|index| index.saturating_add(first)),
+            material: number as u32,
+        }));
+    }
+    Ok(mesh)
 }
 
 /// Intensity with which a white Lambertian surface at `distance`, lit at normal incidence, has `brightness`.

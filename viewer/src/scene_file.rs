@@ -17,6 +17,10 @@
 //! physical = true                   # optional: repeated so often that it has the size that the asset tells
 //!
 //! [[material]]
+//! name = "live"
+//! leaf = "leaf.toml"                # a leaf whose optics are evaluated live, see docs/LEAF_LIVE.md
+//!
+//! [[material]]
 //! name = "grey"
 //! diffuse = [0.5, 0.5, 0.5]
 //!
@@ -27,7 +31,7 @@
 //! [[object]]
 //! mesh = "sphere"                   # sphere, plane, cube; cornell; in metres cloth, shoe, boots, pullover; or an .obj,
 //!                                   # .gltf or .glb file
-//! material = "leaf"                 # optional: else the parts' own colours, and assets that a glTF file points at
+//! material = "leaf"                 # optional: else the parts' own colours, and what a glTF file points at
 //! parts = { laces = "grey" }        # parts of the file by material name, where they differ
 //! translate = [0.0, 1.0, 0.0]       # after rotate_deg (about x, then y, then z) and scale
 //!
@@ -39,19 +43,30 @@
 //! file = "sky.hdr"                  # equirectangular .exr or .hdr, top row up, middle towards -z
 //! gain = 1.0                        # optional
 //!
+//! [daylight]                        # optional: sun and clear sky; then no light is placed unasked
+//! date_time = "2026-06-21T12:00+02:00"
+//! place = "52.5,13.4"               # latitude and longitude, degrees, north and east positive
+//! turbidity = 3.0                   # optional: of the air, 1 to 10
+//! ground_albedo = 0.15              # optional
+//! parts = "both"                    # optional: both, sun or sky
+//!
 //! [[light]]                         # optional: else one light from the upper left
 //! position = [-3.0, 4.0, 5.0]
 //! intensity = [100.0, 100.0, 100.0]
 //! ```
 
 use crate::camera::Camera;
+use crate::daylight::Daylight;
 use crate::environment::Environment;
 use crate::error::ViewerError;
-use crate::gltf_asset::assets_of_gltf;
+use crate::gltf_asset::own_bodies;
 use crate::mesh;
-use crate::mesh_file::load_mesh;
+use crate::mesh_file::{FileMesh, load_meshes};
 use crate::models;
-use crate::scene::{Ambient, Material, PointLight, Scene, SceneAsset, SceneObject};
+use crate::scene::{
+    Ambient, Body, DaylightParts, Material, OwnBodies, PointLight, Scene, SceneAsset, SceneMesh, SceneObject, Shown,
+};
+use crate::scene_leaf::SceneLeaf;
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -69,6 +84,7 @@ struct SceneFile {
     camera: Cameras,
     ambient: Option<AmbientEntry>,
     environment: Option<EnvironmentEntry>,
+    daylight: Option<DaylightEntry>,
     #[serde(default, rename = "material")]
     materials: Vec<MaterialEntry>,
     #[serde(default, rename = "object")]
@@ -112,6 +128,17 @@ struct EnvironmentEntry {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+struct DaylightEntry {
+    date_time: String,
+    place: String,
+    turbidity: Option<f64>,
+    ground_albedo: Option<f64>,
+    #[serde(default)]
+    parts: DaylightParts,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct AmbientEntry {
     radiance: [f32; 3],
     distance: Option<f32>,
@@ -122,6 +149,7 @@ struct AmbientEntry {
 struct MaterialEntry {
     name: String,
     asset: Option<AssetEntry>,
+    leaf: Option<String>,
     diffuse: Option<[f32; 3]>,
     mirror: Option<[f32; 3]>,
     #[serde(default)]
@@ -184,11 +212,12 @@ fn ones3() -> [f32; 3] {
     [1.0; 3]
 }
 
-/// Reads a scene description and everything that it names. `assets` are those of the command line.
+/// Reads a scene description and everything that it names. `shown` is what the command line names.
 ///
 /// # Errors
 /// [`ViewerError::Scene`] naming the key that is wrong, or the error of a mesh or an asset that it names.
-pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene, ViewerError> {
+pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerError> {
+    let mut shown = shown.into();
     let fault = |reason: String| ViewerError::scene(path, reason);
     let text = std::fs::read_to_string(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
     let file: SceneFile = toml::from_str(&text).map_err(|error| {
@@ -199,11 +228,11 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
         return Err(fault("it has no [[object]], add one with mesh = \"sphere\"".into()));
     }
     let folder = path.parent().unwrap_or(Path::new("."));
-    let named = assets.len();
+    let named = shown.assets.len();
 
     let mut materials = BTreeMap::new();
     for entry in &file.materials {
-        let asset = match &entry.asset {
+        let of_asset = match &entry.asset {
             None => None,
             Some(AssetEntry::Number(number)) if *number < named => Some(*number),
             Some(AssetEntry::Number(number)) => {
@@ -214,29 +243,43 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
             }
             Some(AssetEntry::Path(file)) => {
                 let file = folder.join(file);
-                let known = assets.iter().position(|asset| asset.path.as_ref() == Some(&file));
+                let known = shown.assets.iter().position(|asset| asset.path.as_ref() == Some(&file));
                 Some(match known {
                     Some(known) => known,
                     None => {
-                        assets.push(Arc::new(SceneAsset::load(&file)?));
-                        assets.len() - 1
+                        shown.assets.push(Arc::new(SceneAsset::load(&file)?));
+                        shown.assets.len() - 1
                     }
                 })
             }
         };
-        if asset.is_some() && entry.diffuse.is_some() {
-            return Err(fault(format!("material '{}' has both asset and diffuse, leave one", entry.name)));
-        }
-        if asset.is_none() && entry.diffuse.is_none() && entry.mirror.is_none() {
-            return Err(fault(format!("material '{}' needs asset, diffuse or mirror", entry.name)));
+        let kinds = [of_asset.is_some(), entry.leaf.is_some(), entry.diffuse.is_some()];
+        match kinds.into_iter().filter(|is_there| *is_there).count() {
+            0 if entry.mirror.is_none() => {
+                return Err(fault(format!("material '{}' needs asset, leaf, diffuse or mirror", entry.name)));
+            }
+            0 | 1 => {}
+            _ => {
+                return Err(fault(format!(
+                    "material '{}' has more than one of asset, leaf and diffuse, leave one",
+                    entry.name
+                )));
+            }
         }
         let mirror = entry.mirror.unwrap_or([0.0; 3]);
         if !mirror.iter().all(|x| (0.0..=1.0).contains(x)) {
             return Err(fault(format!("material '{}' has a mirror that is not 0 to 1", entry.name)));
         }
-        // What is a mirror and nothing else shows nothing below it.
-        let diffuse = entry.diffuse.unwrap_or([if asset.is_some() { 0.5 } else { 0.0 }; 3]);
-        let material = Material { asset, diffuse, mirror, uv_scale: entry.uv_scale, displacement: entry.displacement };
+        let body = match (of_asset, &entry.leaf) {
+            (Some(asset), _) => Body::Asset(asset),
+            (None, Some(file)) => {
+                shown.leaves.push(SceneLeaf::load(&folder.join(file))?);
+                Body::Leaf(shown.leaves.len() - 1)
+            }
+            // What is a mirror and nothing else shows nothing below it.
+            (None, None) => Body::Plain(entry.diffuse.unwrap_or([0.0; 3])),
+        };
+        let material = Material { body, mirror, uv_scale: entry.uv_scale, displacement: entry.displacement };
         if !(material.displacement.is_finite() && material.displacement >= 0.0) {
             return Err(fault(format!("material '{}' needs a displacement of at least 0", entry.name)));
         }
@@ -246,7 +289,7 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
                 entry.name
             )));
         }
-        if !material.diffuse.iter().chain(&material.uv_scale).all(|x| x.is_finite()) {
+        if !entry.diffuse.iter().flatten().chain(&material.uv_scale).all(|x| x.is_finite()) {
             return Err(fault(format!("material '{}' has a number that is not finite", entry.name)));
         }
         if materials.insert(entry.name.as_str(), material).is_some() {
@@ -259,19 +302,21 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
 
     let physical: Vec<&str> =
         file.materials.iter().filter(|entry| entry.physical).map(|entry| entry.name.as_str()).collect();
-    let mut objects = Vec::new();
+    // What stands once, in the world, and what stands more often.
+    let (mut objects, mut meshes) = (Vec::new(), Vec::new());
     for entry in &file.objects {
-        let parts = match entry.mesh.as_str() {
+        let built_in = |parts| vec![FileMesh { parts, places: vec![Mat4::IDENTITY] }];
+        let own_meshes = match entry.mesh.as_str() {
             // All of these are in BUILT_IN_MESHES.
-            "sphere" => vec![mesh::sphere()],
-            "plane" => vec![mesh::plane()],
-            "cube" => vec![mesh::cube("cube")],
-            "cornell" => models::cornell(),
-            "cloth" => models::cloth(),
-            "shoe" => models::shoe(),
-            "boots" => models::boots(),
-            "pullover" => models::pullover(),
-            file => load_mesh(&folder.join(file))?,
+            "sphere" => built_in(vec![mesh::sphere()]),
+            "plane" => built_in(vec![mesh::plane()]),
+            "cube" => built_in(vec![mesh::cube("cube")]),
+            "cornell" => built_in(models::cornell()),
+            "cloth" => built_in(models::cloth()),
+            "shoe" => built_in(models::shoe()),
+            "boots" => built_in(models::boots()),
+            "pullover" => built_in(models::pullover()),
+            file => load_meshes(&folder.join(file))?,
         };
         let [x, y, z] = entry.rotate_deg.map(f32::to_radians);
         // glam applies the last letter's angle first.
@@ -280,36 +325,54 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
         if !(matrix.is_finite() && matrix.determinant().abs() > 1e-30) {
             return Err(fault(format!("object '{}' is flattened by its scale", entry.mesh)));
         }
-        if let Some(name) = entry.parts.keys().find(|name| parts.iter().all(|part| part.name != **name)) {
+        let parts = || own_meshes.iter().flat_map(|mesh| &mesh.parts);
+        if let Some(name) = entry.parts.keys().find(|name| parts().all(|part| part.name != **name)) {
             return Err(fault(format!("object '{}' has no part called '{name}'", entry.mesh)));
         }
         let own = match BUILT_IN_MESHES.contains(&entry.mesh.as_str()) || entry.material.is_some() {
-            true => BTreeMap::new(),
-            false => assets_of_gltf(&folder.join(&entry.mesh))?,
+            true => OwnBodies::default(),
+            false => own_bodies(&folder.join(&entry.mesh))?,
         };
-        let first = assets.len();
-        let places: BTreeMap<usize, usize> = own.keys().enumerate().map(|(i, group)| (*group, first + i)).collect();
-        assets.extend(own.into_values());
-        for mut part in parts {
-            let name = entry.parts.get(&part.name).or(entry.material.as_ref());
-            let material = match (name, places.get(&part.group)) {
-                (Some(name), _) => find(name)?,
-                (None, Some(asset)) if part.has_uv => Material::from_asset(*asset, [1.0; 2]),
-                (None, _) => Material::plain(part.diffuse),
-            };
-            part.transform(matrix);
-            if let Some(asset) = material.asset.filter(|_| name.is_some_and(|name| physical.contains(&name.as_str()))) {
-                let unit_mm = file.unit_mm.filter(|unit| unit.is_finite() && *unit > 0.0).ok_or_else(|| {
-                    fault("a material is physical, but unit_mm does not tell the size of a unit".into())
-                })?;
-                let tile_mm = part.tile_length().unwrap_or(1.0) * unit_mm;
-                part.scale_uv(assets[asset].tiles_per_mm().map(|tiles| tiles * tile_mm));
+        let bodies = shown.append(own);
+        for FileMesh { parts, mut places } in own_meshes {
+            places.iter_mut().for_each(|place| *place = matrix * *place);
+            let mut placed = Vec::new();
+            for mut part in parts {
+                let name = entry.parts.get(&part.name).or(entry.material.as_ref());
+                let material = match (name, bodies.get(&part.group)) {
+                    (Some(name), _) => find(name)?,
+                    (None, Some(body)) if part.has_uv => Material::new(*body, [1.0; 2]),
+                    (None, _) => Material::plain(part.diffuse),
+                };
+                // What stands in several places has the size of the first.
+                let size = match places.as_slice() {
+                    [place] => {
+                        part.transform(*place);
+                        1.0
+                    }
+                    _ => places[0].determinant().abs().cbrt(),
+                };
+                let is_physical = name.is_some_and(|name| physical.contains(&name.as_str()));
+                if is_physical && !matches!(material.body, Body::Plain(_)) {
+                    let unit_mm = file.unit_mm.filter(|unit| unit.is_finite() && *unit > 0.0).ok_or_else(|| {
+                        fault("a material is physical, but unit_mm does not tell the size of a unit".into())
+                    })?;
+                    let tile_mm = part.tile_length().unwrap_or(1.0) * size * unit_mm;
+                    part.scale_uv(shown.tiles_per_mm(material.body).map(|tiles| tiles * tile_mm));
+                }
+                placed.push(SceneObject { part, material });
             }
-            objects.push(SceneObject { part, material });
+            match places.len() {
+                1 => objects.extend(placed),
+                _ => meshes.push(SceneMesh { objects: placed, places }),
+            }
         }
     }
 
-    let mut scene = Scene::from_objects(path, objects, assets)?;
+    if !objects.is_empty() {
+        meshes.insert(0, SceneMesh { objects, places: vec![Mat4::IDENTITY] });
+    }
+    let mut scene = Scene::from_meshes(path, meshes, shown)?;
     let cameras = match &file.camera {
         Cameras::One(camera) => std::slice::from_ref(camera),
         Cameras::Several(cameras) => cameras,
@@ -336,6 +399,12 @@ pub fn load_scene(path: &Path, mut assets: Vec<Arc<SceneAsset>>) -> Result<Scene
             return Err(fault("[environment] needs a gain above 0".into()));
         }
         scene.surround(Environment::load(&folder.join(file), gain)?);
+    }
+    if let Some(entry) = &file.daylight {
+        let mut daylight = Daylight::new(&entry.date_time, &entry.place).map_err(|error| fault(error.to_string()))?;
+        daylight.turbidity = entry.turbidity.unwrap_or(daylight.turbidity);
+        daylight.ground_albedo = entry.ground_albedo.unwrap_or(daylight.ground_albedo);
+        scene.stand_outdoors(daylight.sun_and_sky().map_err(|error| fault(error.to_string()))?, entry.parts);
     }
     if !file.lights.is_empty() {
         scene.lights = file
@@ -384,6 +453,7 @@ pub fn scene_with_assets(
         }
     };
     let mut materials = list(table.get_mut("material")).unwrap_or_default();
+    materials.iter_mut().filter_map(|material| material.get_mut("leaf")).for_each(moved);
     for asset in materials.iter_mut().filter_map(|material| material.get_mut("asset")) {
         let number = match &*asset {
             toml::Value::Integer(number) => usize::try_from(*number).ok(),

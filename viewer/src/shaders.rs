@@ -5,8 +5,10 @@ use crate::pieces::{ASSETS, NODES, PieceLayout, TRIANGLES, VERTICES};
 const SCENE: &str = include_str!("shaders/scene.wgsl");
 const SAMPLER: &str = include_str!("shaders/sampler.wgsl");
 const ENVIRONMENT: &str = include_str!("shaders/environment.wgsl");
+const SUN_DISC: &str = include_str!("shaders/sun_disc.wgsl");
 const SURFACE: &str = include_str!("shaders/surface.wgsl");
 const RELIEF: &str = include_str!("shaders/relief.wgsl");
+const VIEWED_BODY: &str = include_str!("shaders/viewed_body.wgsl");
 const SHADE: &str = include_str!("shaders/shade.wgsl");
 const PASSES: &str = include_str!("shaders/passes.wgsl");
 const BVH: &str = include_str!("shaders/bvh.wgsl");
@@ -71,16 +73,33 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
         GpuTracer::Bvh => &[TRACE_BVH, BVH],
     };
-    [tracer_parts, &[SCENE, &arrays, &library, SAMPLER, ENVIRONMENT, SURFACE, RELIEF, SHADE, PASSES, DECODE_QUERIES]]
-        .concat()
-        .join("\n")
+    [
+        tracer_parts,
+        &[
+            SCENE,
+            &arrays,
+            &library,
+            &btf_runtime::leaf_wgsl(),
+            SAMPLER,
+            ENVIRONMENT,
+            SUN_DISC,
+            SURFACE,
+            RELIEF,
+            VIEWED_BODY,
+            SHADE,
+            PASSES,
+            DECODE_QUERIES,
+        ],
+    ]
+    .concat()
+    .join("\n")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::bvh::{BvhNode, NO_HIT, STACK};
-    use crate::geometry::{Triangle, Vertex};
+    use crate::geometry::{Instance, Triangle, Vertex};
     use crate::gpu_decode::{GpuQuery, GpuQueryParams};
     use crate::trace::{Frame, GpuLight, GpuMaterial, GpuPath, GpuPixel};
     use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -165,18 +184,22 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, pad0, pad1),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, pad0),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
-            ("Material", fields!(GpuMaterial; diffuse, asset, mirror, pad0, uv_scale, displacement, pad1)),
+            ("Material", fields!(GpuMaterial; diffuse, asset, mirror, leaf, uv_scale, displacement, pad1)),
             ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
             (
                 "Path",
-                fields!(GpuPath; origin, primitive, direction, u, throughput, v, scattered, density, travelled, sunk),
+                fields!(GpuPath; origin, primitive, direction, u, throughput, v, instance, density, travelled, sunk),
             ),
             ("Pixel", fields!(GpuPixel; sum, seen, rays, evaluations, depth)),
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
+            (
+                "Instance",
+                fields!(Instance; object_from_world, world_from_object, factors, root, first_triangle, moved, handedness),
+            ),
             ("Query", fields!(GpuQuery; wi, texel, wo, layer)),
             ("QueryParams", fields!(GpuQueryParams; count, components, lobes, interpolation, parallax)),
         ];
@@ -197,6 +220,7 @@ mod tests {
         let module = parse(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE)).unwrap();
         assert_eq!(constant(&module, "BVH_STACK"), Some(naga::Literal::U32(STACK as u32)));
         assert_eq!(constant(&module, "NO_HIT"), Some(naga::Literal::U32(NO_HIT)));
+        assert_eq!(constant(&module, "MOST_MATERIALS"), Some(naga::Literal::U32(crate::trace::MOST_MATERIALS as u32)));
         assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::trace::NO_ASSET)));
         assert_eq!(
             constant(&module, "LIGHT_CANDIDATES"),

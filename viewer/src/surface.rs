@@ -1,8 +1,8 @@
 //! The surface where a ray hits it. Twin: `shaders/surface.wgsl`.
 
 use crate::bvh::Hit;
-use crate::geometry::{Geometry, Vertex};
-use glam::{Vec2, Vec3};
+use crate::geometry::{Geometry, Instance, Vertex};
+use glam::{Vec2, Vec3, Vec4};
 
 /// Cosine to which an eye below the shading horizon is lifted; interpolated normals turn away at silhouettes.
 pub(crate) const LEAST_EYE_COS: f32 = 1e-3;
@@ -41,7 +41,7 @@ fn normalize_or(v: Vec3, other: Vec3) -> Vec3 {
 }
 
 /// A vector perpendicular to the unit `n`.
-fn perpendicular(n: Vec3) -> Vec3 {
+pub(crate) fn perpendicular(n: Vec3) -> Vec3 {
     if n.x.abs() < 0.9 { Vec3::new(0.0, -n.z, n.y).normalize() } else { Vec3::new(n.z, 0.0, -n.x).normalize() }
 }
 
@@ -60,7 +60,7 @@ fn offset_along(p: Vec3, n: Vec3) -> Vec3 {
 
 /// Lifts a point of a flat triangle onto the curved surface that its normals mean, which keeps the shadow's edge on a
 /// curved object smooth [Hanika 2021]. `side` is 1 or -1, the side of the light.
-fn lift(p: Vec3, weights: Vec3, corners: &[&Vertex; 3], side: f32) -> Vec3 {
+fn lift(p: Vec3, weights: Vec3, corners: &[Vertex; 3], side: f32) -> Vec3 {
     let mut at = Vec3::ZERO;
     for i in 0..3 {
         let normal = Vec3::from(corners[i].normal) * side;
@@ -69,25 +69,49 @@ fn lift(p: Vec3, weights: Vec3, corners: &[&Vertex; 3], side: f32) -> Vec3 {
     at
 }
 
+/// A vertex of a mesh where an instance has it.
+fn vertex_in_world(vertex: Vertex, instance: &Instance) -> Vertex {
+    let to_world = |v: Vec4| Vec3::from(instance.world_from_object.map(|row| v.dot(row.into())));
+    let position = to_world(Vec3::from(vertex.position).extend(1.0));
+    // Normals follow the transposed inverse.
+    let [x, y, z] = instance.object_from_world.map(|row| Vec4::from(row).truncate());
+    let n = vertex.normal;
+    let normal = normalize_or(x * n[0] + y * n[1] + z * n[2], Vec3::Z);
+    let tangent = to_world(Vec3::from_slice(&vertex.tangent).extend(0.0));
+    Vertex {
+        position: position.to_array(),
+        normal: normal.to_array(),
+        tangent: tangent.extend(vertex.tangent[3] * instance.handedness).to_array(),
+        ..vertex
+    }
+}
+
+/// The corners of the triangle that a ray hit, in the world.
+pub(crate) fn corners_of(geometry: &Geometry, hit: &Hit) -> [Vertex; 3] {
+    let corners =
+        geometry.triangles()[hit.primitive as usize].vertices.map(|index| geometry.vertices()[index as usize]);
+    let instance = &geometry.instances()[hit.instance as usize];
+    if instance.moved == 0 { corners } else { corners.map(|corner| vertex_in_world(corner, instance)) }
+}
+
 /// `area` is twice the triangle's.
-fn texture_per_unit(corners: [&Vertex; 3], area: f32) -> f32 {
-    let [a, b, c] = corners.map(|vertex| Vec2::new(vertex.u, vertex.v));
+fn texture_per_unit(corners: &[Vertex; 3], area: f32) -> f32 {
+    let [a, b, c] = corners.each_ref().map(|vertex| Vec2::new(vertex.u, vertex.v));
     ((b - a).perp_dot(c - a).abs() / area.max(1e-20)).sqrt()
 }
 
 impl Surface {
     /// The surface that a ray along `direction` hit.
     pub(crate) fn surface_at(geometry: &Geometry, hit: &Hit, direction: Vec3) -> Surface {
-        let triangle = geometry.triangles()[hit.primitive as usize];
-        let corners = triangle.vertices.map(|index| &geometry.vertices()[index as usize]);
+        let corners = corners_of(geometry, hit);
         let weights = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
         let mix = |value: fn(&Vertex) -> Vec3| {
-            value(corners[0]) * weights.x + value(corners[1]) * weights.y + value(corners[2]) * weights.z
+            value(&corners[0]) * weights.x + value(&corners[1]) * weights.y + value(&corners[2]) * weights.z
         };
         let position = mix(|vertex| vertex.position.into());
 
         // The flat normal, on the side of the shading normal; the frame of the texel.
-        let [a, b, c] = corners.map(|vertex| Vec3::from(vertex.position));
+        let [a, b, c] = corners.each_ref().map(|vertex| Vec3::from(vertex.position));
         let mut flat = normalize_or((b - a).cross(c - a), Vec3::Z);
         let normal = normalize_or(mix(|vertex| vertex.normal.into()), flat);
         if flat.dot(normal) < 0.0 {
@@ -103,7 +127,7 @@ impl Surface {
         wo.z = if view_back { wo.z.min(-LEAST_EYE_COS) } else { wo.z.max(LEAST_EYE_COS) };
         Surface {
             position,
-            material: triangle.material as usize,
+            material: geometry.triangles()[hit.primitive as usize].material as usize,
             flat,
             view_back,
             tangent,
@@ -111,7 +135,7 @@ impl Surface {
             normal,
             wo: wo.normalize(),
             uv: mix(|vertex| Vec3::new(vertex.u, vertex.v, 0.0)).truncate(),
-            texture_per_unit: texture_per_unit(corners, (b - a).cross(c - a).length()),
+            texture_per_unit: texture_per_unit(&corners, (b - a).cross(c - a).length()),
             above: offset_along(lift(position, weights, &corners, 1.0), flat),
             below: offset_along(lift(position, weights, &corners, -1.0), -flat),
         }

@@ -3,12 +3,13 @@
 use crate::arena::{Arena, ArenaAsset, room_for_edits};
 use crate::camera::jitter;
 use crate::error::ViewerError;
+use crate::geometry::{Geometry, Vertex};
 use crate::gpu::Gpu;
 use crate::gpu_expand::LayerBases;
 use crate::gpu_timer::{GpuTimer, Pass, PassTimes};
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::pieces::{ASSETS, NODES, PieceLayout, Pieces, TRIANGLES, VERTICES};
-use crate::scene::{Material, Scene, SceneAsset};
+use crate::scene::{Body, Material, Scene, SceneAsset};
 use crate::shaders::{GpuTracer, ModuleLayout, trace_module};
 use std::time::Instant;
 use wgpu::BufferUsages;
@@ -17,6 +18,8 @@ use wgpu::BufferUsages;
 pub const NO_ASSET: u32 = u32::MAX;
 /// Pixels per side of a workgroup. Twin: `@workgroup_size` in `passes.wgsl`.
 const GROUP: u32 = 8;
+/// Materials of a scene at most: as many as a uniform binding holds. Twin: `MOST_MATERIALS` in `scene.wgsl`.
+pub(crate) const MOST_MATERIALS: usize = 1024;
 /// Pixels of a band at most: its paths then take 270 MB.
 const MOST_BAND_PIXELS: u64 = 1 << 22;
 
@@ -48,8 +51,12 @@ pub(crate) struct Frame {
     pub environment: [u32; 2],
     pub pixel_width: f32,
     pub levels: u32,
+    pub root: u32,
+    pub sky: u32,
+    pub sun_direction: [f32; 3],
+    pub sun_part: f32,
+    pub sun_irradiance: [f32; 3],
     pub pad0: u32,
-    pub pad1: u32,
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -59,7 +66,7 @@ pub(crate) struct GpuMaterial {
     pub diffuse: [f32; 3],
     pub asset: u32,
     pub mirror: [f32; 3],
-    pub pad0: u32,
+    pub leaf: u32,
     pub uv_scale: [f32; 2],
     pub displacement: f32,
     pub pad1: u32,
@@ -85,7 +92,7 @@ pub(crate) struct GpuPath {
     pub u: f32,
     pub throughput: [f32; 3],
     pub v: f32,
-    pub scattered: u32,
+    pub instance: u32,
     pub density: f32,
     pub travelled: f32,
     pub sunk: f32,
@@ -123,13 +130,14 @@ pub struct Tracer {
     pipelines: [Option<wgpu::ComputePipeline>; 4],
     frame: wgpu::Buffer,
     materials: wgpu::Buffer,
+    instances: wgpu::Buffer,
     arena: Arena,
     lights: wgpu::Buffer,
     light_capacity: usize,
     structure: wgpu::BindGroup,
     target: Option<Target>,
     // Kept alive for the bind group.
-    _blas: Option<wgpu::Blas>,
+    _blas: Vec<wgpu::Blas>,
 }
 
 /// Buffers of one picture size.
@@ -195,6 +203,8 @@ impl Tracer {
                 None => ArenaAsset::whole(asset.resident().words()),
             })
             .collect();
+        // Then leaves, then the environment.
+        assets.extend(scene.leaves.iter().map(|leaf| ArenaAsset::whole(leaf.leaf.words())));
         let environment = scene.environment.iter().map(|environment| bytemuck::cast_slice(environment.table()));
         assets.extend(environment.map(ArenaAsset::whole));
         let arena = Arena::new(gpu, &assets, room_for_edits)?;
@@ -203,7 +213,7 @@ impl Tracer {
         let vertices = Pieces::new(gpu, "vertices", geometry.vertices(), input)?;
         let triangles = Pieces::new(gpu, "triangles", geometry.triangles(), BufferUsages::empty())?;
         let nodes = match tracer {
-            GpuTracer::Bvh => Some(Pieces::new(gpu, "nodes", geometry.bvh().nodes(), BufferUsages::empty())?),
+            GpuTracer::Bvh => Some(Pieces::new(gpu, "nodes", geometry.nodes(), BufferUsages::empty())?),
             GpuTracer::RayQuery => None,
         };
         let layout = ModuleLayout {
@@ -221,8 +231,15 @@ impl Tracer {
                 gpu.most_pieces()
             )));
         }
-        let bytes = (size_of::<GpuMaterial>() * scene.materials.len().max(1)) as u64;
-        let materials = gpu.empty_buffer("materials", bytes, BufferUsages::STORAGE)?;
+        if scene.materials.len() > MOST_MATERIALS {
+            return Err(gpu.error(format!(
+                "the scene has {} materials and a shader takes {MOST_MATERIALS}; render with --backend cpu, or join materials",
+                scene.materials.len()
+            )));
+        }
+        let bytes = (size_of::<GpuMaterial>() * MOST_MATERIALS) as u64;
+        let materials = gpu.empty_buffer("materials", bytes, BufferUsages::UNIFORM)?;
+        let instances = gpu.buffer("instances", bytemuck::cast_slice(geometry.instances()), BufferUsages::STORAGE)?;
 
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(tracer.name()),
@@ -235,7 +252,8 @@ impl Tracer {
             bind_group_layouts: &[Some(&scene_layout), Some(&structure_layout)],
             ..Default::default()
         });
-        let mut resources = vertices.entries(&VERTICES);
+        let mut resources = vec![(1, instances.as_entire_binding())];
+        resources.extend(vertices.entries(&VERTICES));
         resources.extend(triangles.entries(&TRIANGLES));
         resources.extend(nodes.iter().flat_map(|nodes| nodes.entries(&NODES)));
         let (structure, blas) = match tracer {
@@ -249,11 +267,11 @@ impl Tracer {
                         BufferUsages::BLAS_INPUT,
                     )?),
                 };
-                let (tlas, blas) = acceleration_structure(gpu, scene, own.as_ref().unwrap_or(&vertices.buffers[0]))?;
+                let (tlas, blas) = acceleration_structure(gpu, geometry, own.as_ref().unwrap_or(&vertices.buffers[0]))?;
                 resources.push((0, tlas.as_binding()));
-                (bind(gpu, &structure_layout, &resources), Some(blas))
+                (bind(gpu, &structure_layout, &resources), blas)
             }
-            GpuTracer::Bvh => (bind(gpu, &structure_layout, &resources), None),
+            GpuTracer::Bvh => (bind(gpu, &structure_layout, &resources), Vec::new()),
         };
         let frame = gpu.empty_buffer("frame", size_of::<Frame>() as u64, BufferUsages::UNIFORM)?;
         let light_capacity = scene.lights.len().max(1);
@@ -267,6 +285,7 @@ impl Tracer {
             pipelines: [const { None }; 4],
             frame,
             materials,
+            instances,
             arena,
             lights,
             light_capacity,
@@ -281,6 +300,16 @@ impl Tracer {
     pub fn update_edits(&self, gpu: &Gpu, scene: &Scene, asset: usize) -> bool {
         let head = scene.assets[asset].head();
         head.edited_ranges().into_iter().all(|range| self.arena.write(gpu, asset, head.words(), range))
+    }
+
+    /// Takes over the words of a leaf that a change of its state touched.
+    pub fn update_leaf(&self, gpu: &Gpu, scene: &Scene, leaf: usize, range: std::ops::Range<usize>) {
+        self.arena.write(gpu, scene.assets.len() + leaf, scene.leaves[leaf].leaf.words(), range);
+    }
+
+    /// Takes over the factors of the scene's instances.
+    pub fn update_instances(&self, gpu: &Gpu, scene: &Scene) {
+        gpu.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(scene.geometry.instances()));
     }
 
     /// Which tracer this is.
@@ -381,17 +410,24 @@ impl Tracer {
         for pass in passes {
             let made = &mut self.pipelines[*pass as usize];
             if made.is_none() {
-                *made = Some(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                    label: Some(pass.entry_point()),
-                    layout: Some(&self.pipeline_layout),
-                    module: &self.module,
-                    entry_point: Some(pass.entry_point()),
-                    compilation_options: wgpu::PipelineCompilationOptions {
-                        constants: &[("whole_decoder", f64::from(u8::from(self.decoder == DecoderForm::Whole)))],
-                        ..Default::default()
-                    },
-                    cache: None,
-                }));
+                *made = Some(
+                    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                        label: Some(pass.entry_point()),
+                        layout: Some(&self.pipeline_layout),
+                        module: &self.module,
+                        entry_point: Some(pass.entry_point()),
+                        compilation_options: wgpu::PipelineCompilationOptions {
+                            constants: &[
+                                ("whole_decoder", self.decoder == DecoderForm::Whole),
+                                ("with_assets", !scene.assets.is_empty()),
+                                ("with_leaves", !scene.leaves.is_empty()),
+                            ]
+                            .map(|(name, is_so)| (name, f64::from(u8::from(is_so)))),
+                            ..Default::default()
+                        },
+                        cache: None,
+                    }),
+                );
             }
         }
         let grown = scene.lights.len() > self.light_capacity;
@@ -434,10 +470,16 @@ impl Tracer {
 
     fn write_materials(&self, gpu: &Gpu, scene: &Scene) {
         let material = |material: &Material| GpuMaterial {
-            diffuse: material.diffuse,
-            asset: material.asset.map_or(NO_ASSET, |asset| self.arena.bases[asset]),
+            diffuse: match material.body {
+                Body::Plain(reflectance) => reflectance,
+                _ => [0.0; 3],
+            },
+            asset: material.asset().map_or(NO_ASSET, |asset| self.arena.bases[asset]),
             mirror: material.mirror,
-            pad0: 0,
+            leaf: match material.body {
+                Body::Leaf(leaf) => self.arena.bases[scene.assets.len() + leaf],
+                _ => NO_ASSET,
+            },
             uv_scale: material.uv_scale,
             displacement: material.displacement,
             pad1: 0,
@@ -487,12 +529,16 @@ impl Tracer {
             rows: band.rows,
             mode: options.mode as u32,
             light_samples: options.light_samples,
-            environment_at: self.arena.bases.get(scene.assets.len()).copied().unwrap_or(0),
+            environment_at: self.arena.bases.get(scene.assets.len() + scene.leaves.len()).copied().unwrap_or(0),
             environment: scene.environment.as_ref().map_or([0; 2], |environment| environment.size()),
             pixel_width: camera.pixel_width(),
             levels: options.uses_levels().into(),
+            root: scene.geometry.root(),
+            sky: options.sky as u32,
+            sun_direction: scene.sun.map_or([0.0, 1.0, 0.0], |sun| sun.direction.to_array()),
+            sun_part: scene.sun.map_or(0.0, |sun| sun.sun_part()),
+            sun_irradiance: scene.sun.map_or([0.0; 3], |sun| sun.irradiance),
             pad0: 0,
-            pad1: 0,
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
     }
@@ -559,59 +605,85 @@ fn light_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, ViewerError> {
     gpu.empty_buffer("lights", (count * size_of::<GpuLight>()) as u64, BufferUsages::STORAGE)
 }
 
+/// A structure for each mesh and one over the instances, which are numbered as the geometry has them.
 fn acceleration_structure(
     gpu: &Gpu,
-    scene: &Scene,
+    geometry: &Geometry,
     vertices: &wgpu::Buffer,
-) -> Result<(wgpu::Tlas, wgpu::Blas), ViewerError> {
-    let geometry = &scene.geometry;
-    let most = gpu.device.limits().max_blas_primitive_count as usize;
-    if geometry.triangles().len() > most {
+) -> Result<(wgpu::Tlas, Vec<wgpu::Blas>), ViewerError> {
+    let limits = gpu.device.limits();
+    let (most, largest) = (limits.max_blas_primitive_count, geometry.meshes().iter().map(|mesh| mesh.triangles).max());
+    if largest.is_some_and(|triangles| triangles > most) {
         return Err(gpu.error(format!(
-            "the scene has {} triangles and this adapter's ray query takes at most {most}, use --backend bvh",
-            geometry.triangles().len()
+            "a mesh has {} triangles and this adapter's ray query takes at most {most}, use --backend bvh",
+            largest.unwrap_or(0)
+        )));
+    }
+    let (most, instances) = (limits.max_tlas_instance_count, geometry.instances());
+    if instances.len() > most as usize {
+        return Err(gpu.error(format!(
+            "the scene has {} instances and this adapter's ray query takes at most {most}, use --backend bvh",
+            instances.len()
         )));
     }
     let indices: Vec<u32> = geometry.triangles().iter().flat_map(|triangle| triangle.vertices).collect();
     let index_buffer = gpu.buffer("indices", bytemuck::cast_slice(&indices), BufferUsages::BLAS_INPUT)?;
-    let size = wgpu::BlasTriangleGeometrySizeDescriptor {
-        vertex_format: wgpu::VertexFormat::Float32x3,
-        vertex_count: geometry.vertices().len() as u32,
-        index_format: Some(wgpu::IndexFormat::Uint32),
-        index_count: Some(indices.len() as u32),
-        flags: wgpu::AccelerationStructureGeometryFlags::OPAQUE,
-    };
     let flags = wgpu::AccelerationStructureFlags::PREFER_FAST_TRACE;
     let update_mode = wgpu::AccelerationStructureUpdateMode::Build;
-    let blas = gpu.device.create_blas(
-        &wgpu::CreateBlasDescriptor { label: Some("scene"), flags, update_mode },
-        wgpu::BlasGeometrySizeDescriptors::Triangles { descriptors: vec![size.clone()] },
-    );
+    let sizes: Vec<_> = geometry
+        .meshes()
+        .iter()
+        .map(|mesh| wgpu::BlasTriangleGeometrySizeDescriptor {
+            vertex_format: wgpu::VertexFormat::Float32x3,
+            vertex_count: geometry.vertices().len() as u32,
+            index_format: Some(wgpu::IndexFormat::Uint32),
+            index_count: Some(3 * mesh.triangles),
+            flags: wgpu::AccelerationStructureGeometryFlags::OPAQUE,
+        })
+        .collect();
+    let blas: Vec<wgpu::Blas> = sizes
+        .iter()
+        .map(|size| {
+            gpu.device.create_blas(
+                &wgpu::CreateBlasDescriptor { label: Some("mesh"), flags, update_mode },
+                wgpu::BlasGeometrySizeDescriptors::Triangles { descriptors: vec![size.clone()] },
+            )
+        })
+        .collect();
     let mut tlas = gpu.device.create_tlas(&wgpu::CreateTlasDescriptor {
         label: Some("scene"),
-        max_instances: 1,
+        max_instances: instances.len() as u32,
         flags,
         update_mode,
     });
-    const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-    tlas[0] = Some(wgpu::TlasInstance::new(&blas, IDENTITY, 0, 0xff));
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.build_acceleration_structures(
-        [&wgpu::BlasBuildEntry {
-            blas: &blas,
+    for (number, instance) in instances.iter().enumerate() {
+        let rows = instance.world_from_object.concat();
+        let mut map = [0.0; 12];
+        map.copy_from_slice(&rows);
+        tlas[number] = Some(wgpu::TlasInstance::new(&blas[geometry.mesh_of(number)], map, number as u32, 0xff));
+    }
+    // Meshes without a triangle are placed nowhere.
+    let built: Vec<_> = blas
+        .iter()
+        .zip(&sizes)
+        .zip(geometry.meshes())
+        .filter(|(_, mesh)| mesh.triangles > 0)
+        .map(|((blas, size), mesh)| wgpu::BlasBuildEntry {
+            blas,
             geometry: wgpu::BlasGeometries::TriangleGeometries(vec![wgpu::BlasTriangleGeometry {
-                size: &size,
+                size,
                 vertex_buffer: vertices,
                 first_vertex: 0,
-                vertex_stride: size_of::<crate::geometry::Vertex>() as u64,
+                vertex_stride: size_of::<Vertex>() as u64,
                 index_buffer: Some(&index_buffer),
-                first_index: Some(0),
+                first_index: Some(3 * mesh.first_triangle),
                 transform_buffer: None,
                 transform_buffer_offset: None,
             }]),
-        }],
-        [&tlas],
-    );
+        })
+        .collect();
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.build_acceleration_structures(&built, [&tlas]);
     gpu.queue.submit([encoder.finish()]);
     Ok((tlas, blas))
 }
@@ -629,14 +701,15 @@ pub(crate) const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storag
 pub(crate) const WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
 
 fn scene_layout(gpu: &Gpu, assets: PieceLayout) -> wgpu::BindGroupLayout {
-    let mut entries = vec![buffer_entry(0, wgpu::BufferBindingType::Uniform)];
-    entries.extend([(3, READ), (4, READ), (6, WRITE), (7, WRITE)].map(|(binding, ty)| buffer_entry(binding, ty)));
+    let mut entries = [0, 3].map(|binding| buffer_entry(binding, wgpu::BufferBindingType::Uniform)).to_vec();
+    entries.extend([(4, READ), (6, WRITE), (7, WRITE)].map(|(binding, ty)| buffer_entry(binding, ty)));
     entries.extend(assets.bindings(&ASSETS).map(|binding| buffer_entry(binding, READ)));
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("scene"), entries: &entries })
 }
 
 fn structure_layout(gpu: &Gpu, tracer: GpuTracer, layout: ModuleLayout) -> wgpu::BindGroupLayout {
-    let mut entries: Vec<_> = layout.vertices.bindings(&VERTICES).map(|binding| buffer_entry(binding, READ)).collect();
+    let mut entries = vec![buffer_entry(1, READ)];
+    entries.extend(layout.vertices.bindings(&VERTICES).map(|binding| buffer_entry(binding, READ)));
     entries.extend(layout.triangles.bindings(&TRIANGLES).map(|binding| buffer_entry(binding, READ)));
     match tracer {
         GpuTracer::RayQuery => entries.push(wgpu::BindGroupLayoutEntry {

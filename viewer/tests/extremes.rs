@@ -138,7 +138,8 @@ fn no_light_and_4096_lights() {
 fn an_asset_of_one_texel_and_64_assets_at_once() {
     let one = Scene::built_in(&MeshChoice::Sphere, vec![sample(4, 1, 1)], [5.0; 2]).unwrap();
     assert_sound("one texel", &one);
-    let many = Scene::built_in(&MeshChoice::Plane, (0..64).map(|seed| sample(seed, 2, 3)).collect(), [1.0; 2]).unwrap();
+    let assets: Vec<_> = (0..64).map(|seed| sample(seed, 2, 3)).collect();
+    let many = Scene::built_in(&MeshChoice::Plane, assets, [1.0; 2]).unwrap();
     assert_sound("64 assets", &many);
 }
 

@@ -239,7 +239,7 @@ fn mirrors_and_ambient_occlusion_are_the_cpu_pictures() {
     let mut scene = scene(MeshChoice::Cornell);
     scene.ambient = scene.usual_ambient();
     let dull = scene.clone();
-    scene.materials.iter_mut().filter(|material| material.asset.is_some()).for_each(|m| m.mirror = [0.5, 0.4, 0.3]);
+    scene.materials.iter_mut().filter(|material| material.asset().is_some()).for_each(|m| m.mirror = [0.5, 0.4, 0.3]);
     let cpu = draw(&scene, BackendChoice::Cpu, 3);
     // Occlusion rays near an edge go either way, and a mirror doubles what the eye sees.
     let allowed = cpu.hits.len() / 100;

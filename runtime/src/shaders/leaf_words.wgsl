@@ -10,3 +10,13 @@ const LEAF_TABLE_ENTRIES: u32 = 65u;
 const LEAF_TABLE_HALF: f32 = 0.5;
 const LEAF_LEVELS_AT: u32 = 1477u;
 const LEAF_TEXEL_WORDS: u32 = 4u;
+
+// Texels in a row of the finest level, and its rows.
+fn leaf_size(base: u32) -> vec2<u32> {
+    return vec2<u32>(asset_word(base + 2u), asset_word(base + 3u));
+}
+
+// Levels of the textures.
+fn leaf_levels(base: u32) -> u32 {
+    return asset_word(base + 1u);
+}

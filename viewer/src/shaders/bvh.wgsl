@@ -1,4 +1,4 @@
-// Traversal of the bounding volume hierarchy. Twin: bvh.rs, which also says where the constants come from.
+// Traversal of the hierarchies. Twin: bvh.rs, which also says where the constants come from.
 
 struct BvhNode {
     lo: vec3<f32>,
@@ -7,38 +7,32 @@ struct BvhNode {
     count: u32,
 }
 
-const BVH_STACK: u32 = 64u;
+const BVH_STACK: u32 = 80u;
 const BOX_SLACK: f32 = 1.000001;
 const LEAST_DIRECTION: f32 = 1e-15;
 const LEAST_DETERMINANT: f32 = 1e-30;
 const EDGE_SLACK: f32 = 2.4e-7;
+const NO_INSTANCE: u32 = 0xffffffffu;
 
 fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> Hit {
-    var best = Hit(t_max, NO_HIT, 0.0, 0.0);
-    let least = select(vec3<f32>(LEAST_DIRECTION), vec3<f32>(-LEAST_DIRECTION), direction < vec3<f32>(0.0));
-    let inverse = 1.0 / select(direction, least, abs(direction) < vec3<f32>(LEAST_DIRECTION));
-    let shear = bvh_shear(direction);
+    var best = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
+    let world = box_ray(origin, direction);
+    var ray = world;
+    var shear = bvh_shear(direction);
     var stack: array<u32, BVH_STACK>;
     var size = 0u;
-    var at = 0u;
-    if bvh_enter(node_at(0), origin, inverse, best.t) >= best.t {
+    var at = frame.root;
+    // The instance that the ray is in, and where the stack stood before.
+    var instance = NO_INSTANCE;
+    var below = 0u;
+    if bvh_enter(node_at(at), ray, best.t) >= best.t {
         return best;
     }
     loop {
         let node = node_at(at);
-        if node.count > 0u {
-            for (var primitive = node.first; primitive < node.first + node.count; primitive++) {
-                let hit = bvh_intersect(origin, shear, primitive);
-                if hit.primitive != NO_HIT && hit.t < best.t {
-                    best = hit;
-                    if any {
-                        return best;
-                    }
-                }
-            }
-        } else {
-            let left = bvh_enter(node_at(node.first), origin, inverse, best.t);
-            let right = bvh_enter(node_at(node.first + 1u), origin, inverse, best.t);
+        if node.count == 0u {
+            let left = bvh_enter(node_at(node.first), ray, best.t);
+            let right = bvh_enter(node_at(node.first + 1u), ray, best.t);
             // Go to the nearer child, keep the farther one.
             let left_first = left <= right;
             if min(left, right) < best.t {
@@ -49,6 +43,33 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
                 at = select(node.first + 1u, node.first, left_first);
                 continue;
             }
+        } else if instance == NO_INSTANCE {
+            // Into the mesh's own space, where t is the same because the direction is not made unit again.
+            instance = node.first;
+            below = size;
+            let own = object_from_world(instance, vec4<f32>(direction, 0.0));
+            ray = box_ray(object_from_world(instance, vec4<f32>(origin, 1.0)), own);
+            shear = bvh_shear(own);
+            at = instances[instance].root;
+            if bvh_enter(node_at(at), ray, best.t) < best.t {
+                continue;
+            }
+        } else {
+            for (var primitive = node.first; primitive < node.first + node.count; primitive++) {
+                let hit = bvh_intersect(ray.origin, shear, primitive);
+                if hit.primitive != NO_HIT && hit.t < best.t {
+                    best = hit;
+                    best.instance = instance;
+                    if any {
+                        return best;
+                    }
+                }
+            }
+        }
+        if size == below {
+            instance = NO_INSTANCE;
+            below = 0u;
+            ray = world;
         }
         if size == 0u {
             return best;
@@ -59,9 +80,26 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
     return best;
 }
 
-fn bvh_enter(node: BvhNode, origin: vec3<f32>, inverse: vec3<f32>, t_max: f32) -> f32 {
-    let a = (node.lo - origin) * inverse;
-    let b = (node.hi - origin) * inverse;
+// A point (w 1) or a direction (w 0) of the world in an instance's space.
+fn object_from_world(instance: u32, v: vec4<f32>) -> vec3<f32> {
+    let rows = instances[instance].object_from_world;
+    return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
+}
+
+// A ray made ready for boxes.
+struct BoxRay {
+    origin: vec3<f32>,
+    inverse: vec3<f32>,
+}
+
+fn box_ray(origin: vec3<f32>, direction: vec3<f32>) -> BoxRay {
+    let least = select(vec3<f32>(LEAST_DIRECTION), vec3<f32>(-LEAST_DIRECTION), direction < vec3<f32>(0.0));
+    return BoxRay(origin, 1.0 / select(direction, least, abs(direction) < vec3<f32>(LEAST_DIRECTION)));
+}
+
+fn bvh_enter(node: BvhNode, ray: BoxRay, t_max: f32) -> f32 {
+    let a = (node.lo - ray.origin) * ray.inverse;
+    let b = (node.hi - ray.origin) * ray.inverse;
     let lo = min(a, b);
     let hi = max(a, b);
     let near = max(max(lo.x, max(lo.y, lo.z)), 0.0);
@@ -99,7 +137,7 @@ fn bvh_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
 }
 
 fn bvh_intersect(origin: vec3<f32>, shear: BvhShear, primitive: u32) -> Hit {
-    let miss = Hit(0.0, NO_HIT, 0.0, 0.0);
+    let miss = Hit(0.0, NO_HIT, 0.0, 0.0, 0u);
     let corner = triangle_at(primitive).vertices;
     let a = bvh_apply(shear, vertex_position(corner.x) - origin);
     let b = bvh_apply(shear, vertex_position(corner.y) - origin);
@@ -119,5 +157,5 @@ fn bvh_intersect(origin: vec3<f32>, shear: BvhShear, primitive: u32) -> Hit {
         return miss;
     }
     let u = clamp(wb.x * inverse, 0.0, 1.0);
-    return Hit(t, primitive, u, clamp(wc.x * inverse, 0.0, 1.0 - u));
+    return Hit(t, primitive, u, clamp(wc.x * inverse, 0.0, 1.0 - u), 0u);
 }

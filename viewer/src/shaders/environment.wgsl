@@ -30,6 +30,32 @@ fn environment_radiance(d: vec3<f32>) -> vec3<f32> {
     return mix(top, bottom, y - f32(upper));
 }
 
+// Rows, poles included, and columns of the table of irradiance by normal. Twin: sky_irradiance.rs.
+const IRRADIANCE_ROWS: u32 = 17u;
+const IRRADIANCE_COLUMNS: u32 = 32u;
+
+fn irradiance_entry(row: u32, column: u32) -> vec3<f32> {
+    let size = frame.environment;
+    let pixels_at = size.y + 1u + size.y * (size.x + 1u);
+    let at = pixels_at + (size.x * size.y + row * IRRADIANCE_COLUMNS + column) * 3u;
+    return vec3<f32>(environment_number(at), environment_number(at + 1u), environment_number(at + 2u));
+}
+
+// Irradiance of a unit normal, without shadows.
+fn environment_irradiance(normal: vec3<f32>) -> vec3<f32> {
+    let place = environment_place(normal);
+    // Its columns begin at -z.
+    let x = fract(place.x + 0.5) * f32(IRRADIANCE_COLUMNS);
+    let y = place.y * f32(IRRADIANCE_ROWS - 1u);
+    let left = u32(x) % IRRADIANCE_COLUMNS;
+    let upper = min(u32(y), IRRADIANCE_ROWS - 2u);
+    let right = (left + 1u) % IRRADIANCE_COLUMNS;
+    let along = x - floor(x);
+    let top = mix(irradiance_entry(upper, left), irradiance_entry(upper, right), along);
+    let bottom = mix(irradiance_entry(upper + 1u, left), irradiance_entry(upper + 1u, right), along);
+    return mix(top, bottom, y - f32(upper));
+}
+
 // A direction from two numbers in [0, 1).
 fn environment_sample(at: vec2<f32>) -> vec3<f32> {
     let size = frame.environment;

@@ -136,10 +136,10 @@ fn relief_shadowed(relief: Relief, point: vec3<f32>, wi: vec3<f32>, bare: bool) 
 
 // Change of the interpolated normal along tangent and bitangent, per unit of length: xx, xy, yy.
 fn relief_curvature(hit: Hit, s: Surface) -> vec3<f32> {
-    let corner = triangle_at(hit.primitive).vertices;
-    let a = vertex_at(corner.x);
-    let b = vertex_at(corner.y);
-    let c = vertex_at(corner.z);
+    let corners = corners_of(hit);
+    let a = corners[0];
+    let b = corners[1];
+    let c = corners[2];
     let e = b.position - a.position;
     let f = c.position - a.position;
     let up = cross(e, f);

@@ -1,4 +1,4 @@
-// What the tracers read and write, but for the assets, vertices and triangles, which pieces.rs declares. The structs' twins: trace.rs, geometry.rs; compared by a test.
+// What the tracers read and write, but for the assets, vertices, triangles and nodes, which pieces.rs declares. The structs' twins: trace.rs, geometry.rs; compared by a test.
 
 struct Frame {
     eye: vec3<f32>,
@@ -33,8 +33,17 @@ struct Frame {
     pixel_width: f32,
     // 1 takes an asset's level by what a pixel sees of the surface.
     levels: u32,
+    // Node where the hierarchy over the instances begins.
+    root: u32,
+    // How a sky lights surfaces.
+    sky: u32,
+    // Unit vector to the middle of the sun's disc.
+    sun_direction: vec3<f32>,
+    // 1 less the cosine of the disc's angular radius.
+    sun_part: f32,
+    // At normal incidence; 0 for no sun.
+    sun_irradiance: vec3<f32>,
     pad0: u32,
-    pad1: u32,
 }
 
 struct Vertex {
@@ -50,13 +59,30 @@ struct Triangle {
     material: u32,
 }
 
+// A mesh in the world.
+struct Instance {
+    // Rows of the map from the world into the mesh's space, and back.
+    object_from_world: array<vec4<f32>, 3>,
+    world_from_object: array<vec4<f32>, 3>,
+    // What multiplies the contents of its leaves: chlorophyll, carotenoids, brown pigment, thickness.
+    factors: vec4<f32>,
+    // Node where the mesh's hierarchy begins.
+    root: u32,
+    first_triangle: u32,
+    // 0 where the mesh's space is the world.
+    moved: u32,
+    // -1 where it is mirrored, else 1.
+    handedness: f32,
+}
+
 struct Material {
     diffuse: vec3<f32>,
     // Word of the arena where the asset begins, or NO_ASSET.
     asset: u32,
     // Reflectance of the perfect mirror on top; 0 for none.
     mirror: vec3<f32>,
-    pad0: u32,
+    // Word of the arena where the leaf begins, or NO_ASSET.
+    leaf: u32,
     uv_scale: vec2<f32>,
     // What the asset's heights are multiplied by as relief; 0 for none.
     displacement: f32,
@@ -81,8 +107,8 @@ struct Path {
     // What radiance along the latest ray counts for in the pixel.
     throughput: vec3<f32>,
     v: f32,
-    // 1 once the path left a surface in another way than by a mirror.
-    scattered: u32,
+    // Of what the latest ray hit; SCATTERED is set once the path left a surface in another way than by a mirror.
+    instance: u32,
     // With which density it was drawn, per steradian; 0 from eye and mirrors.
     density: f32,
     // Length of all its rays.
@@ -102,10 +128,13 @@ struct Pixel {
 }
 
 const NO_ASSET: u32 = 0xffffffffu;
+const SCATTERED: u32 = 0x80000000u;
+const MOST_MATERIALS: u32 = 1024u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(3) var<storage, read> materials: array<Material>;
+@group(0) @binding(3) var<uniform> materials: array<Material, MOST_MATERIALS>;
 @group(0) @binding(4) var<storage, read> lights: array<Light>;
 // Those of the band.
 @group(0) @binding(6) var<storage, read_write> pixels: array<Pixel>;
 @group(0) @binding(7) var<storage, read_write> paths: array<Path>;
+@group(1) @binding(1) var<storage, read> instances: array<Instance>;

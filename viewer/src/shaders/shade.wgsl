@@ -9,16 +9,19 @@ const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
 // Least chance of a path to go on.
 const LEAST_KEPT: f32 = 0.05;
 const MODE_PATH: u32 = 1u;
+const SKY_IRRADIANCE: u32 = 1u;
 // What random numbers are for.
 const AMBIENT_NUMBERS: u32 = 0u;
 const SCATTER_NUMBERS: u32 = 1u;
 const CHOICE_NUMBERS: u32 = 2u;
 const LIGHT_NUMBERS: u32 = 3u;
+const SUN_NUMBERS: u32 = 4u;
 const ENVIRONMENT_CHOICE: u32 = 0x68bc21ebu;
 const LOBE_CHOICE: u32 = 0x02e5be93u;
 // Shells that a ray may pass.
 const SHELL_TRIES: u32 = 8u;
 const LEVEL_CHOICE: u32 = 0x967a889bu;
+const SIDE_CHOICE: u32 = 0x1b873593u;
 // Lights that are looked at for each that is drawn.
 const LIGHT_CANDIDATES: u32 = 8u;
 // Rays whose radiance counts for less than this in the pixel are not followed.
@@ -26,6 +29,9 @@ const LEAST_THROUGHPUT: f32 = 1e-3;
 
 // Decode everything anew for every light: what the decoder's halves are measured by.
 override whole_decoder: bool = false;
+// What the scene has: what it has not need not be compiled.
+override with_assets: bool = true;
+override with_leaves: bool = true;
 
 fn camera_direction(pixel: vec2<u32>) -> vec3<f32> {
     let x = 2.0 * (f32(pixel.x) + 0.5 + frame.jitter.x) / f32(frame.width) - 1.0;
@@ -52,25 +58,32 @@ struct ChosenLight {
 
 // What comes from beyond everything, along a ray that left a surface or the eye.
 fn beyond(direction: vec3<f32>, scattered: bool) -> vec3<f32> {
-    if frame.environment.x > 0u {
-        return environment_radiance(direction);
+    var sun = vec3<f32>(0.0);
+    // What scattered has met it already.
+    if !scattered && most(frame.sun_irradiance) > 0.0 {
+        sun = sun_radiance(direction);
     }
-    return select(frame.background, frame.ambient, scattered);
+    if frame.environment.x > 0u {
+        return environment_radiance(direction) + sun;
+    }
+    return select(frame.background, frame.ambient, scattered) + sun;
+}
+
+// How often a path goes on from the body, in proportion to the mirror's reflectance.
+fn body_share(material: Material) -> f32 {
+    return select(1.0, most(material.diffuse), material.asset == NO_ASSET && material.leaf == NO_ASSET);
 }
 
 // Share of a path's directions that leave on a side in another way than by the mirror.
 fn side_share(s: Surface, material: Material, back: bool) -> f32 {
-    let glossy = most(material.mirror);
-    let plain = material.asset == NO_ASSET;
-    let body = select(1.0, most(material.diffuse), plain);
-    var share = body / max(glossy + body, 1e-6);
-    if !plain {
+    let body = body_share(material);
+    let share = body / max(most(material.mirror) + body, 1e-6);
+    if with_assets && material.asset != NO_ASSET {
         let other = btf_layer_for_sides(material.asset, 0u, select(1u, 0u, back), select(0u, 1u, s.view_back));
-        share *= select(1.0, 0.5, other != NO_LAYER);
-    } else if back != s.view_back {
-        share = 0.0;
+        return share * select(1.0, 0.5, other != NO_LAYER);
     }
-    return share;
+    // A leaf's density is over both sides.
+    return select(share, 0.0, material.leaf == NO_ASSET && back != s.view_back);
 }
 
 // Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some candidates
@@ -101,22 +114,40 @@ fn choose_light(s: Surface, light_back: bool, stratum: u32, strata: u32, seed: u
     return chosen;
 }
 
-// Level of the material's asset whose texels are about as large as what a pixel sees of the surface, `travelled` from the
+// Level of the material's asset or leaf whose texels are about as large as what a pixel sees of the surface, `travelled` from the
 // eye.
 fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
-    if frame.levels == 0u || material.asset == NO_ASSET {
+    if frame.levels == 0u || (material.asset == NO_ASSET && material.leaf == NO_ASSET) {
         return 0u;
+    }
+    var size = vec2<u32>(0u);
+    var levels = 1u;
+    if with_leaves && material.leaf != NO_ASSET {
+        size = leaf_size(material.leaf);
+        levels = leaf_levels(material.leaf);
+    } else if with_assets {
+        size = btf_size(material.asset, 0u);
+        levels = btf_levels(material.asset);
     }
     // Side of a square of the area that the pixel sees.
     let width = travelled * frame.pixel_width * inverseSqrt(abs(s.wo.z));
-    let size = vec2<f32>(btf_size(material.asset, 0u)) * abs(material.uv_scale);
-    let texels = width * s.texture_per_unit * sqrt(size.x * size.y);
+    let tiles = vec2<f32>(size) * abs(material.uv_scale);
+    let texels = width * s.texture_per_unit * sqrt(tiles.x * tiles.y);
     var part = 0.5;
     if frame.sample > 0u {
         part = sampler_one(seed ^ LEVEL_CHOICE);
     }
     let level = floor(log2(clamp(texels, 1e-6, 1e6)) + part);
-    return min(u32(max(level, 0.0)), btf_levels(material.asset) - 1u);
+    return min(u32(max(level, 0.0)), levels - 1u);
+}
+
+// The leaf that a material shows at a point; nothing that is read where it shows none.
+fn viewed_leaf_at(s: Surface, material: Material, instance: u32, level: u32) -> ViewedLeaf {
+    var leaf: ViewedLeaf;
+    if with_leaves && material.leaf != NO_ASSET {
+        leaf = leaf_new(material.leaf, s.uv * material.uv_scale, level, instances[instance & ~SCATTERED].factors, s.wo);
+    }
+    return leaf;
 }
 
 // What a ray meets, relief included.
@@ -133,11 +164,11 @@ fn trace_seen(origin: vec3<f32>, direction: vec3<f32>) -> Seen {
     var through = 0.0;
     for (var i = 0u; i < SHELL_TRIES; i++) {
         var hit = trace_closest(start, direction);
-        if hit.primitive == NO_HIT || materials[triangle_at(hit.primitive).material].displacement <= 0.0 {
+        if !with_assets || hit.primitive == NO_HIT || materials[triangle_at(hit.primitive).material].displacement <= 0.0 {
             hit.t += gone;
             return Seen(hit, 0.0);
         }
-        let s = surface_at(hit.primitive, vec2<f32>(hit.u, hit.v), direction);
+        let s = surface_at(hit, direction);
         let relief = relief_new(hit, s, materials[s.material]);
         // What was entered between the hills is left through its lid.
         let leaving = s.view_back && hit.t < through;
@@ -160,14 +191,15 @@ fn trace_seen(origin: vec3<f32>, direction: vec3<f32>) -> Seen {
         start = s.position + direction * through;
         gone += through;
     }
-    return Seen(Hit(TRACE_FAR, NO_HIT, 0.0, 0.0), 0.0);
+    return Seen(Hit(TRACE_FAR, NO_HIT, 0.0, 0.0, 0u), 0.0);
 }
 
 // The surface that a path's latest ray hit; with relief, that is put into `relief` and what is met into `point`.
 fn surface_of(path: Path, relief: ptr<function, Relief>, point: ptr<function, vec3<f32>>) -> Surface {
-    var s = surface_at(path.primitive, vec2<f32>(path.u, path.v), path.direction);
-    if !s.view_back && materials[s.material].displacement > 0.0 {
-        *relief = relief_new(Hit(0.0, path.primitive, path.u, path.v), s, materials[s.material]);
+    let hit = Hit(0.0, path.primitive, path.u, path.v, path.instance & ~SCATTERED);
+    var s = surface_at(hit, path.direction);
+    if with_assets && !s.view_back && materials[s.material].displacement > 0.0 {
+        *relief = relief_new(hit, s, materials[s.material]);
         if (*relief).scale > 0.0 {
             *point = relief_point(*relief, -s.wo, path.sunk);
             s.uv = relief_uv(*relief, materials[s.material], *point, s.wo);
@@ -176,51 +208,42 @@ fn surface_of(path: Path, relief: ptr<function, Relief>, point: ptr<function, ve
     return s;
 }
 
+// Random numbers for the light at one point.
+struct LightNumbers {
+    ambient_at: vec2<f32>,
+    sun_at: vec2<f32>,
+    seed: u32,
+}
+
 fn light_from_side(
     s: Surface,
     relief: Relief,
     point: vec3<f32>,
     material: Material,
-    level: u32,
+    viewed: ViewedBody,
     light_back: bool,
-    ambient_at: vec2<f32>,
-    seed: u32,
+    numbers: LightNumbers,
 ) -> SideLight {
     var done = SideLight(vec3<f32>(0.0), 0u, 0u);
-    let plain = material.asset == NO_ASSET;
-    var layer = 0u;
-    if plain {
-        if light_back != s.view_back {
-            return done;
-        }
-    } else {
-        layer = btf_layer_for_sides(material.asset, level, select(0u, 1u, light_back), select(0u, 1u, s.view_back));
-        if layer == NO_LAYER {
-            return done;
-        }
-    }
-    var viewed: ViewedTexel;
-    let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
-    var texel = 0u;
-    if !plain {
-        texel = btf_texel(material.asset, layer, s.uv * material.uv_scale);
-        if !whole_decoder || frame.environment.x > 0u {
-            viewed = viewed_new(material.asset, layer, texel, s.wo, options);
-        }
-    }
-    // Values without a residual hold no shadows.
-    var bare = false;
-    if !plain {
-        bare = asset_word(material.asset + asset_word(material.asset + ASSET_LAYERS + layer) + BLOCK_BASES) == 0u;
-    }
+    let seed = numbers.seed;
     var rows: LightRows;
     let origin = select(s.above, s.below, light_back);
-    // A path meets ambient light by itself, and a picture's, too, but seldom where it is small and bright.
+    let path = frame.mode == MODE_PATH;
     let surrounded = frame.environment.x > 0u;
-    let ambient = surrounded || (frame.mode != MODE_PATH && any(frame.ambient > vec3<f32>(0.0)));
+    let by_normal = !path && surrounded && frame.sky == SKY_IRRADIANCE;
+    // What comes from everywhere alike, if anything does.
+    var uniform_light = vec3<f32>(0.0);
+    if by_normal {
+        uniform_light = environment_irradiance(select(s.normal, -s.normal, light_back)) / TRACE_PI;
+    } else if !path && !surrounded {
+        uniform_light = frame.ambient;
+    }
+    let lit_evenly = most(uniform_light) > 0.0;
     let drawn = frame.light_samples < frame.light_count;
     let asked = min(frame.light_samples, frame.light_count);
-    for (var i = 0u; i < asked + select(0u, 1u, ambient); i++) {
+    let sunny = select(0u, 1u, most(frame.sun_irradiance) > 0.0);
+    let around = select(0u, 1u, lit_evenly || (surrounded && !by_normal));
+    for (var i = 0u; i < asked + sunny + around; i++) {
         var wi = vec3<f32>(0.0);
         var incident = vec3<f32>(0.0);
         var direction = vec3<f32>(0.0);
@@ -248,25 +271,39 @@ fn light_from_side(
             let lifted = light.position - origin;
             distance = length(lifted);
             direction = lifted / max(distance, 1e-30);
-        } else if surrounded {
-            // Drawn from the picture or, where no path goes on to it, from the surface as often.
-            let path = frame.mode == MODE_PATH;
+        } else if i < asked + sunny {
+            direction = sun_sample(numbers.sun_at);
+            wi = local_from_world(s, direction);
+            if (wi.z < 0.0) != light_back {
+                continue;
+            }
+            incident = frame.sun_irradiance / TRACE_PI;
+            distance = TRACE_FAR;
+        } else if lit_evenly {
+            // A leaf has two sides and takes them in turn.
+            let turns = viewed.kind == BODY_LEAF;
+            if turns && (sampler_one(seed ^ SIDE_CHOICE) < 0.5) != light_back {
+                continue;
+            }
+            wi = sampler_cosine(numbers.ambient_at);
+            // The density of wi is its cosine over pi.
+            incident = uniform_light * select(1.0, 2.0, turns) / max(wi.z, 1e-6);
+            wi.z = select(wi.z, -wi.z, light_back);
+            direction = world_from_local(s, wi);
+            distance = frame.occlusion_distance;
+        } else {
+            // Drawn from the picture or, where no path goes on to it, from the surface as often. A path meets the picture by
+            // itself, but seldom where it is small and bright.
             if path || sampler_one(seed ^ ENVIRONMENT_CHOICE) < 0.5 {
-                wi = local_from_world(s, environment_sample(ambient_at));
-            } else if plain {
-                wi = sampler_cosine(ambient_at);
-                wi.z = select(wi.z, -wi.z, light_back);
+                wi = local_from_world(s, environment_sample(numbers.ambient_at));
             } else {
-                wi = sample_direction(viewed, vec3<f32>(ambient_at, sampler_one(seed ^ LOBE_CHOICE)));
+                wi = body_sample(viewed, vec3<f32>(numbers.ambient_at, sampler_one(seed ^ LOBE_CHOICE)), light_back);
             }
             if (wi.z < 0.0) != light_back {
                 continue;
             }
             direction = world_from_local(s, wi);
-            var density = abs(wi.z) / TRACE_PI;
-            if !plain {
-                density = sample_density(viewed, wi);
-            }
+            let density = body_density(viewed, wi);
             // Balance heuristic [Veach 1995].
             var sum = environment_density(direction);
             if path {
@@ -282,31 +319,16 @@ fn light_from_side(
             if path {
                 distance = TRACE_FAR;
             }
-        } else {
-            wi = sampler_cosine(ambient_at);
-            // The density of wi is its cosine over pi.
-            incident = frame.ambient / max(wi.z, 1e-6);
-            wi.z = select(wi.z, -wi.z, light_back);
-            direction = world_from_local(s, wi);
-            distance = frame.occlusion_distance;
         }
         done.rays += 1u;
         if distance > 0.0 && trace_occluded(origin, direction, distance) {
             continue;
         }
-        if relief.scale > 0.0 && !light_back && relief_shadowed(relief, point, wi, bare) {
+        if with_assets && relief.scale > 0.0 && !light_back && relief_shadowed(relief, point, wi, viewed.bare) {
             continue;
         }
-        var reflected = material.diffuse * abs(wi.z);
-        if !plain {
-            if whole_decoder {
-                reflected = btf_decode(material.asset, layer, texel, wi, s.wo, options);
-            } else {
-                reflected = viewed_light(viewed, &rows, wi);
-            }
-            done.evaluations += 1u;
-        }
-        done.radiance += incident * reflected;
+        done.evaluations += select(1u, 0u, viewed.kind == BODY_PLAIN);
+        done.radiance += incident * body_light(viewed, material.asset, s.wo, &rows, wi);
     }
     return done;
 }
@@ -335,12 +357,19 @@ struct Scattered {
     density: f32,
 }
 
-fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, choice: f32) -> Scattered {
-    let plain = material.asset == NO_ASSET;
+fn scatter(
+    s: Surface,
+    material: Material,
+    leaf: ViewedLeaf,
+    direction: vec3<f32>,
+    at: vec2<f32>,
+    choice: f32,
+) -> Scattered {
+    let nothing = Scattered(direction, s.view_back, vec3<f32>(0.0), 0.0);
     let glossy = most(material.mirror);
-    let body = select(1.0, most(material.diffuse), plain);
+    let body = body_share(material);
     if glossy + body <= 0.0 {
-        return Scattered(direction, s.view_back, vec3<f32>(0.0), 0.0);
+        return nothing;
     }
     let mirror_share = glossy / (glossy + body);
     if choice < mirror_share {
@@ -348,37 +377,31 @@ fn scatter(s: Surface, material: Material, direction: vec3<f32>, at: vec2<f32>, 
     }
     var rest = (choice - mirror_share) / (1.0 - mirror_share);
     var back = s.view_back;
-    if plain {
-        var wi = sampler_cosine(at);
-        wi.z = select(wi.z, -wi.z, back);
-        let share = side_share(s, material, back);
-        return Scattered(world_from_local(s, wi), back, material.diffuse / share, share * abs(wi.z) / TRACE_PI);
-    }
-    let eye_side = select(0u, 1u, s.view_back);
-    var layer = btf_layer_for_sides(material.asset, 0u, eye_side, eye_side);
-    let through = btf_layer_for_sides(material.asset, 0u, 1u - eye_side, eye_side);
-    if through != NO_LAYER {
-        // Either side of the surface is as likely, where light comes from both.
-        let both = layer != NO_LAYER;
-        if !both || rest < 0.5 {
-            back = !back;
-            layer = through;
+    if with_assets && material.asset != NO_ASSET {
+        let eye_side = select(0u, 1u, s.view_back);
+        if btf_layer_for_sides(material.asset, 0u, 1u - eye_side, eye_side) != NO_LAYER {
+            // Either side of the surface is as likely, where light comes from both.
+            let both = btf_layer_for_sides(material.asset, 0u, eye_side, eye_side) != NO_LAYER;
+            if !both || rest < 0.5 {
+                back = !back;
+            }
+            rest = select(rest, fract(2.0 * rest), both);
         }
-        rest = select(rest, fract(2.0 * rest), both);
     }
-    if layer == NO_LAYER {
-        return Scattered(direction, back, vec3<f32>(0.0), 0.0);
+    let viewed = viewed_body(s, material, leaf, 0u, back);
+    if viewed.kind == BODY_NONE {
+        return nothing;
     }
-    let options = BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
-    let texel = btf_texel(material.asset, layer, s.uv * material.uv_scale);
-    let viewed = viewed_new(material.asset, layer, texel, s.wo, options);
-    let wi = sample_direction(viewed, vec3<f32>(at, rest));
-    let density = side_share(s, material, back) * sample_density(viewed, wi);
+    let wi = body_sample(viewed, vec3<f32>(at, rest), back);
+    if viewed.kind == BODY_LEAF {
+        back = wi.z < 0.0;
+    }
+    let density = side_share(s, material, back) * body_density(viewed, wi);
     if density <= 0.0 || (wi.z < 0.0) != back {
-        return Scattered(direction, back, vec3<f32>(0.0), 0.0);
+        return nothing;
     }
     var rows: LightRows;
-    let weight = viewed_light(viewed, &rows, wi) / (TRACE_PI * density);
+    let weight = body_light(viewed, material.asset, s.wo, &rows, wi) / (TRACE_PI * density);
     return Scattered(world_from_local(s, wi), back, weight, density);
 }
 
@@ -389,7 +412,7 @@ fn camera_pass(at: vec2<u32>) {
     let seen = trace_seen(frame.eye, direction);
     let hit = seen.hit;
     let missed = hit.primitive == NO_HIT;
-    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, 0u, 0.0, hit.t, seen.sunk);
+    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, hit.instance, 0.0, hit.t, seen.sunk);
     var sum = vec4<f32>(0.0, 0.0, 0.0, 1.0);
     if missed {
         sum = vec4<f32>(beyond(direction, false), 1.0);
@@ -411,12 +434,20 @@ fn light_pass(at: vec2<u32>) {
     var point = vec3<f32>(0.0);
     let s = surface_of(path, &relief, &point);
     var pixel = pixels[index];
-    let ambient_at = sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, AMBIENT_NUMBERS));
-    let seed = sampler_hash(seed_of(whole_picture(at), pixel.depth, LIGHT_NUMBERS) + frame.sample);
+    let numbers = LightNumbers(
+        sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, AMBIENT_NUMBERS)),
+        sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, SUN_NUMBERS)),
+        sampler_hash(seed_of(whole_picture(at), pixel.depth, LIGHT_NUMBERS) + frame.sample),
+    );
     let material = materials[s.material];
-    let level = level_of(s, material, path.travelled, seed);
+    let level = level_of(s, material, path.travelled, numbers.seed);
+    let leaf = viewed_leaf_at(s, material, path.instance, level);
     for (var side = 0u; side < 2u; side++) {
-        let light = light_from_side(s, relief, point, material, level, side == 1u, ambient_at, seed);
+        let viewed = viewed_body(s, material, leaf, level, side == 1u);
+        if viewed.kind == BODY_NONE {
+            continue;
+        }
+        let light = light_from_side(s, relief, point, material, viewed, side == 1u, numbers);
         pixel.sum += vec4<f32>(path.throughput * light.radiance, 0.0);
         pixel.rays += light.rays;
         pixel.evaluations += light.evaluations;
@@ -457,7 +488,9 @@ fn scatter_pass(at: vec2<u32>) {
     let depth = pixels[index].depth;
     let scatter_at = sampler_two(frame.sample, seed_of(whole_picture(at), depth, SCATTER_NUMBERS));
     let choice = sampler_two(frame.sample, seed_of(whole_picture(at), depth, CHOICE_NUMBERS));
-    let next = scatter(s, materials[s.material], path.direction, scatter_at, choice.x);
+    let material = materials[s.material];
+    let leaf = viewed_leaf_at(s, material, path.instance, 0u);
+    let next = scatter(s, material, leaf, path.direction, scatter_at, choice.x);
     path.throughput *= next.weight;
     // Russian roulette: dim paths end, the others carry their share on.
     let kept = clamp(most(path.throughput), LEAST_KEPT, 1.0);
@@ -466,7 +499,7 @@ fn scatter_pass(at: vec2<u32>) {
         return;
     }
     path.throughput /= kept;
-    path.scattered |= select(0u, 1u, next.density > 0.0);
+    path.instance |= select(0u, SCATTERED, next.density > 0.0);
     path.density = next.density;
     path.direction = next.direction;
     path.origin = select(s.above, s.below, next.back);
@@ -486,11 +519,12 @@ fn go_on(index: u32, given: Path) {
     path.primitive = hit.primitive;
     path.u = hit.u;
     path.v = hit.v;
+    path.instance = (path.instance & SCATTERED) | hit.instance;
     path.travelled += hit.t;
     pixels[index].rays += 1u;
     pixels[index].depth += 1u;
     if hit.primitive == NO_HIT {
-        var seen = beyond(path.direction, path.scattered != 0u);
+        var seen = beyond(path.direction, (path.instance & SCATTERED) != 0u);
         if frame.environment.x > 0u && path.density > 0.0 {
             // The rest was drawn from the picture.
             seen *= path.density / (path.density + environment_density(path.direction));

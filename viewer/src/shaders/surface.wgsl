@@ -5,6 +5,7 @@ struct Hit {
     primitive: u32,
     u: f32,
     v: f32,
+    instance: u32,
 }
 
 const NO_HIT: u32 = 0xffffffffu;
@@ -66,6 +67,39 @@ fn lift(p: vec3<f32>, weights: vec3<f32>, corners: array<Vertex, 3>, side: f32) 
     return at;
 }
 
+// A vertex of a mesh where an instance has it.
+fn vertex_in_world(given: Vertex, instance: Instance) -> Vertex {
+    var vertex = given;
+    let rows = instance.world_from_object;
+    let position = vec4<f32>(given.position, 1.0);
+    vertex.position = vec3<f32>(dot(rows[0], position), dot(rows[1], position), dot(rows[2], position));
+    // Normals follow the transposed inverse.
+    let inverse = instance.object_from_world;
+    let n = given.normal;
+    vertex.normal = normalize_or(inverse[0].xyz * n.x + inverse[1].xyz * n.y + inverse[2].xyz * n.z, vec3<f32>(0.0, 0.0, 1.0));
+    let t = given.tangent.xyz;
+    vertex.tangent = vec4<f32>(
+        dot(rows[0].xyz, t),
+        dot(rows[1].xyz, t),
+        dot(rows[2].xyz, t),
+        given.tangent.w * instance.handedness,
+    );
+    return vertex;
+}
+
+// The corners of the triangle that a ray hit, in the world.
+fn corners_of(hit: Hit) -> array<Vertex, 3> {
+    let corner = triangle_at(hit.primitive).vertices;
+    var corners = array<Vertex, 3>(vertex_at(corner.x), vertex_at(corner.y), vertex_at(corner.z));
+    if instances[hit.instance].moved != 0u {
+        let instance = instances[hit.instance];
+        for (var i = 0u; i < 3u; i++) {
+            corners[i] = vertex_in_world(corners[i], instance);
+        }
+    }
+    return corners;
+}
+
 // `area` is twice the triangle's.
 fn texture_per_unit(corners: array<Vertex, 3>, area: f32) -> f32 {
     let a = corners[0];
@@ -74,18 +108,13 @@ fn texture_per_unit(corners: array<Vertex, 3>, area: f32) -> f32 {
     return sqrt(abs(e.x * f.y - e.y * f.x) / max(area, 1e-20));
 }
 
-// The surface of triangle `primitive` at the barycentric weights `at` of its second and third corner, seen along the ray.
-fn surface_at(primitive: u32, at: vec2<f32>, direction: vec3<f32>) -> Surface {
-    let triangle = triangle_at(primitive);
-    let corners = array<Vertex, 3>(
-        vertex_at(triangle.vertices.x),
-        vertex_at(triangle.vertices.y),
-        vertex_at(triangle.vertices.z),
-    );
+// The surface that a ray along `direction` hit.
+fn surface_at(hit: Hit, direction: vec3<f32>) -> Surface {
+    let corners = corners_of(hit);
     let a = corners[0];
     let b = corners[1];
     let c = corners[2];
-    let weights = vec3<f32>(1.0 - at.x - at.y, at);
+    let weights = vec3<f32>(1.0 - hit.u - hit.v, hit.u, hit.v);
     let p = a.position * weights.x + b.position * weights.y + c.position * weights.z;
     let uv = vec2<f32>(
         a.u * weights.x + b.u * weights.y + c.u * weights.z,
@@ -108,7 +137,7 @@ fn surface_at(primitive: u32, at: vec2<f32>, direction: vec3<f32>) -> Surface {
     wo.z = select(max(wo.z, LEAST_EYE_COS), min(wo.z, -LEAST_EYE_COS), view_back);
     return Surface(
         p,
-        triangle.material,
+        triangle_at(hit.primitive).material,
         flat,
         view_back,
         tangent,

@@ -14,9 +14,11 @@ fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
     }
     let found = rayQueryGetCommittedIntersection(&query);
     if found.kind == RAY_QUERY_INTERSECTION_NONE {
-        return Hit(TRACE_FAR, NO_HIT, 0.0, 0.0);
+        return Hit(TRACE_FAR, NO_HIT, 0.0, 0.0, 0u);
     }
-    return Hit(found.t, found.primitive_index, found.barycentrics.x, found.barycentrics.y);
+    let instance = found.instance_custom_data;
+    let primitive = instances[instance].first_triangle + found.primitive_index;
+    return Hit(found.t, primitive, found.barycentrics.x, found.barycentrics.y, instance);
 }
 
 fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool {

@@ -3,7 +3,7 @@
 use super::side::Side;
 use crate::gpu::Gpu;
 use crate::options::{RenderMode, ShadeOptions};
-use crate::scene::Scene;
+use crate::scene::{Body, Scene};
 use btf_runtime::{DecodeOptions, Edits, Interpolation};
 use std::sync::Arc;
 
@@ -64,8 +64,8 @@ impl Against {
                 }
             }
             Against::Asset(shown) => {
-                for material in other.materials.iter_mut().filter(|material| material.asset == Some(edited)) {
-                    material.asset = Some(shown);
+                for material in other.materials.iter_mut().filter(|material| material.asset() == Some(edited)) {
+                    material.body = Body::Asset(shown);
                 }
             }
         }

@@ -1,0 +1,127 @@
+//! A leaf that is evaluated live: its description, its appearance textures, and the words that decoders read.
+
+use crate::error::ViewerError;
+use btf_capture::{LeafDescription, TextureImages, TextureKind};
+use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// Texels on a side of the appearance textures as the decoder has them, at most.
+const MOST_TEXELS: usize = 512;
+
+/// A leaf of a scene.
+#[derive(Debug, Clone)]
+pub struct SceneLeaf {
+    /// File stem of its description, or what it is called.
+    pub name: String,
+    /// Its description's file, if it was read from one.
+    pub path: Option<PathBuf>,
+    /// What it holds and how it looks.
+    pub description: LeafDescription,
+    /// As it is evaluated.
+    pub leaf: Leaf,
+}
+
+impl SceneLeaf {
+    /// Reads a leaf's description and the textures that it names.
+    ///
+    /// # Errors
+    /// Those of [`LeafDescription::read`] and [`TextureImages::read`].
+    pub fn load(path: &Path) -> Result<SceneLeaf, ViewerError> {
+        let description = LeafDescription::read(path)?;
+        let images = match description.textures_beside(path) {
+            Some(folder) => TextureImages::read(folder)?,
+            None => TextureImages::default(),
+        };
+        let name = path.file_stem().map_or_else(|| "leaf".into(), |stem| stem.to_string_lossy().into_owned());
+        let texture = texture_of(&images, description.size_mm as f32);
+        Ok(SceneLeaf { path: Some(path.into()), ..SceneLeaf::new(name, description, &texture)? })
+    }
+
+    /// A leaf with textures that are in memory.
+    ///
+    /// # Errors
+    /// [`ViewerError::Leaf`] for textures that fill no rectangle or numbers that are not finite.
+    pub fn new(
+        name: impl Into<String>,
+        description: LeafDescription,
+        texture: &LeafTexture,
+    ) -> Result<SceneLeaf, ViewerError> {
+        let name = name.into();
+        let state = state_of(&description, LeafMode::default());
+        let leaf = Leaf::new(&state, texture).map_err(|source| ViewerError::Leaf { name: name.clone(), source })?;
+        Ok(SceneLeaf { name, path: None, description, leaf })
+    }
+
+    /// Takes over what the description says of contents and gloss; the words that changed.
+    ///
+    /// # Errors
+    /// [`ViewerError::Leaf`] for numbers that are not finite.
+    pub fn describe(
+        &mut self,
+        description: LeafDescription,
+        mode: LeafMode,
+    ) -> Result<std::ops::Range<usize>, ViewerError> {
+        let state = state_of(&description, mode);
+        let changed =
+            self.leaf.set_state(&state).map_err(|source| ViewerError::Leaf { name: self.name.clone(), source })?;
+        self.description = description;
+        Ok(changed)
+    }
+}
+
+/// The state that a description tells of.
+fn state_of(description: &LeafDescription, mode: LeafMode) -> LeafState {
+    let (contents, gloss) = (&description.contents, &description.gloss);
+    LeafState {
+        mode,
+        chlorophyll_ug_per_cm2: contents.chlorophyll_ug_per_cm2 as f32,
+        carotenoid_ug_per_cm2: contents.carotenoid_ug_per_cm2 as f32,
+        anthocyanin_ug_per_cm2: contents.anthocyanin_ug_per_cm2 as f32,
+        brown: contents.brown as f32,
+        water_cm: contents.water_cm as f32,
+        dry_matter_g_per_cm2: contents.dry_matter_g_per_cm2 as f32,
+        structure: contents.structure as f32,
+        gloss_index: gloss.index as f32,
+        gamma_along: gloss.gamma_along as f32,
+        gamma_across: gloss.gamma_across as f32,
+    }
+}
+
+/// The textures of a patch of `size_mm` on the decoder's grid; what there is no image of is as in a leaf without textures.
+fn texture_of(images: &TextureImages, size_mm: f32) -> LeafTexture {
+    let [_, _, area_mm, _] = images.area_mm(size_mm);
+    let finest = images.kinds().filter_map(|kind| images.grid(kind)).map(|grid| grid.width).max();
+    let Some(finest) = finest else { return LeafTexture::uniform(LeafTexel::default()) };
+    let side = ((finest as f64 * f64::from(size_mm) / area_mm).round() as usize).clamp(1, MOST_TEXELS);
+    let texel_mm = size_mm / side as f32;
+    let texel = |number: usize| {
+        let (x, y) = ((number % side) as f32 + 0.5, (side - 1 - number / side) as f32 + 0.5);
+        let at = |kind, dx: f32, dy: f32| images.sample(kind, [(x + dx) * texel_mm, (y + dy) * texel_mm], size_mm);
+        let here = |kind| at(kind, 0.0, 0.0);
+        let plain = LeafTexel::default();
+        // x and y of the normal of a face from its heights.
+        let tilt = |kind| {
+            let slope = |dx: f32, dy: f32| Some((at(kind, dx, dy)?[0] - at(kind, -dx, -dy)?[0]) / texel_mm);
+            let [x, y] = [slope(0.5, 0.0), slope(0.0, 0.5)].map(|slope| slope.unwrap_or(0.0));
+            let length = (1.0 + x * x + y * y).sqrt();
+            [-x / length, -y / length]
+        };
+        let ([front_x, front_y], [back_x, back_y]) = (tilt(TextureKind::Height), tilt(TextureKind::HeightAbaxial));
+        let front_gloss = here(TextureKind::Gloss).map_or(plain.gloss[0], |gloss| gloss[0]);
+        let [chlorophyll, carotenoid, brown] = here(TextureKind::Pigment).unwrap_or([1.0; 3]);
+        LeafTexel {
+            factors: [
+                chlorophyll,
+                carotenoid,
+                brown,
+                here(TextureKind::Thickness).map_or(plain.factors[3], |thickness| thickness[0]),
+            ],
+            gloss: [front_gloss, here(TextureKind::GlossAbaxial).map_or(front_gloss, |gloss| gloss[0])],
+            veins: here(TextureKind::Direction).map_or(plain.veins, |[cos, sin, _]| [cos, sin]),
+            structure: here(TextureKind::Structure).unwrap_or(plain.structure),
+            tilt: [front_x, front_y, back_x, back_y],
+        }
+    };
+    LeafTexture { width: side, texels: (0..side * side).into_par_iter().map(texel).collect() }
+}

@@ -1,0 +1,90 @@
+// What a surface is made of at a point, as the eye sees it: any kind of body behind one set of functions. Twin:
+// viewed_body.rs.
+
+const BODY_NONE: u32 = 0u;
+const BODY_PLAIN: u32 = 1u;
+const BODY_ASSET: u32 = 2u;
+const BODY_LEAF: u32 = 3u;
+
+// The view's half of a point's shading, for light on one side of the surface; a leaf's is for either side.
+struct ViewedBody {
+    kind: u32,
+    // Of an asset, for the decoder that does everything anew.
+    layer: u32,
+    number: u32,
+    // Whether the relief's shadows are missing in its values.
+    bare: bool,
+    // A diffuse reflectance.
+    diffuse: vec3<f32>,
+    texel: ViewedTexel,
+    leaf: ViewedLeaf,
+}
+
+// What the eye sees there by light on one side, of the kind BODY_NONE where that is nothing. `leaf` is the leaf there, if the
+// material is one.
+fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, light_back: bool) -> ViewedBody {
+    var viewed: ViewedBody;
+    if with_leaves && material.leaf != NO_ASSET {
+        viewed.kind = BODY_LEAF;
+        viewed.leaf = leaf;
+        return viewed;
+    }
+    if !with_assets || material.asset == NO_ASSET {
+        viewed.kind = select(BODY_NONE, BODY_PLAIN, light_back == s.view_back);
+        viewed.diffuse = material.diffuse;
+        return viewed;
+    }
+    viewed.layer = btf_layer_for_sides(material.asset, level, select(0u, 1u, light_back), select(0u, 1u, s.view_back));
+    if viewed.layer == NO_LAYER {
+        return viewed;
+    }
+    viewed.kind = BODY_ASSET;
+    viewed.number = btf_texel(material.asset, viewed.layer, s.uv * material.uv_scale);
+    viewed.bare = asset_word(material.asset + asset_word(material.asset + ASSET_LAYERS + viewed.layer) + BLOCK_BASES) == 0u;
+    if !whole_decoder || frame.environment.x > 0u {
+        viewed.texel = viewed_new(material.asset, viewed.layer, viewed.number, s.wo, decode_options());
+    }
+    return viewed;
+}
+
+fn decode_options() -> BtfOptions {
+    return BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
+}
+
+// pi * f * |cos| for light at `wi`, which is on the side that this is for.
+fn body_light(viewed: ViewedBody, asset: u32, wo: vec3<f32>, rows: ptr<function, LightRows>, wi: vec3<f32>) -> vec3<f32> {
+    if with_leaves && viewed.kind == BODY_LEAF {
+        return leaf_light(viewed.leaf, wi);
+    }
+    if !with_assets || viewed.kind == BODY_PLAIN {
+        return viewed.diffuse * abs(wi.z);
+    }
+    if whole_decoder {
+        return btf_decode(asset, viewed.layer, viewed.number, wi, wo, decode_options());
+    }
+    return viewed_light(viewed.texel, rows, wi);
+}
+
+// A direction on the back (`back`) or the front of the surface, drawn from three numbers in [0, 1); a leaf's may lie on either
+// side.
+fn body_sample(viewed: ViewedBody, at: vec3<f32>, back: bool) -> vec3<f32> {
+    if with_leaves && viewed.kind == BODY_LEAF {
+        return leaf_sample_direction(viewed.leaf, at);
+    }
+    if !with_assets || viewed.kind == BODY_PLAIN {
+        let wi = sampler_cosine(at.xy);
+        return vec3<f32>(wi.xy, select(wi.z, -wi.z, back));
+    }
+    return sample_direction(viewed.texel, at);
+}
+
+// Its density, per steradian.
+fn body_density(viewed: ViewedBody, wi: vec3<f32>) -> f32 {
+    if with_leaves && viewed.kind == BODY_LEAF {
+        return leaf_sample_density(viewed.leaf, wi);
+    }
+    if !with_assets || viewed.kind == BODY_PLAIN {
+        return abs(wi.z) / TRACE_PI;
+    }
+    return sample_density(viewed.texel, wi);
+}

@@ -1,0 +1,60 @@
+//! What a surface is made of at a point, as the eye sees it: any kind of body behind one set of functions. Twin:
+//! `shaders/viewed_body.wgsl`.
+
+use crate::sampler;
+use btf_runtime::{LightRows, ViewedLeaf, ViewedTexel};
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// The view's half of a point's shading, for light on one side of the surface.
+pub(crate) enum ViewedBody<'a> {
+    /// A diffuse reflectance.
+    Plain(Vec3),
+    /// A texel of a layer.
+    Asset(Box<ViewedTexel<'a>>),
+    /// A leaf, for light on either side.
+    Leaf(&'a ViewedLeaf<'a>),
+}
+
+impl ViewedBody<'_> {
+    /// `pi * f * |cos|` for light at `wi`, which is on the side that this is for.
+    pub(crate) fn body_light(&self, rows: &mut LightRows, wi: Vec3) -> Vec3 {
+        match self {
+            ViewedBody::Plain(reflectance) => *reflectance * wi.z.abs(),
+            ViewedBody::Asset(viewed) => viewed.light(rows, wi.to_array()).into(),
+            ViewedBody::Leaf(leaf) => leaf.light(wi.to_array()).into(),
+        }
+    }
+
+    /// Whether the relief's shadows are missing in its values.
+    pub(crate) fn is_bare(&self) -> bool {
+        matches!(self, ViewedBody::Asset(viewed) if !viewed.has_residual())
+    }
+
+    /// Whether it counts as an evaluation.
+    pub(crate) fn is_evaluated(&self) -> bool {
+        !matches!(self, ViewedBody::Plain(_))
+    }
+
+    /// A direction on the back (`back`) or the front of the surface, drawn from three numbers in [0, 1); a leaf's may lie on
+    /// either side.
+    pub(crate) fn body_sample(&self, at: [f32; 3], back: bool) -> Vec3 {
+        match self {
+            ViewedBody::Plain(_) => {
+                let wi = sampler::cosine([at[0], at[1]]);
+                Vec3::new(wi.x, wi.y, if back { -wi.z } else { wi.z })
+            }
+            ViewedBody::Asset(viewed) => viewed.sample_direction(at).into(),
+            ViewedBody::Leaf(leaf) => leaf.sample_direction(at).into(),
+        }
+    }
+
+    /// Density of [`ViewedBody::body_sample`], per steradian.
+    pub(crate) fn body_density(&self, wi: Vec3) -> f32 {
+        match self {
+            ViewedBody::Plain(_) => wi.z.abs() / PI,
+            ViewedBody::Asset(viewed) => viewed.sample_density(wi.to_array()),
+            ViewedBody::Leaf(leaf) => leaf.sample_density(wi.to_array()),
+        }
+    }
+}
