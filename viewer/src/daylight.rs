@@ -114,7 +114,7 @@ impl Daylight {
         sun_position(self.julian_date()?, place, self.place.height_m).map_err(|error| self.bad_date(&error.to_string()))
     }
 
-    /// The sun and the clear sky. Cost: some 0.2 s on two cores; the same on any number of threads.
+    /// The sun and the clear sky. Cost: some 0.5 s of one core, shared by all; the same on any number of threads.
     ///
     /// # Errors
     /// Those of [`Daylight::check`].
