@@ -3,8 +3,8 @@
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
     Ambient, BackendChoice, BenchKind, BenchParams, Control, Daylight, DaylightParts, Environment, GpuTracer,
-    MeshChoice, Outdoors, RenderMode, RenderParams, Scene, SceneAsset, SceneLeaf, ShadeOptions, Shown, SkyLight, ViewerError,
-    WindowParams, bench_svg, load_scene, plan, render_turntable, run_bench, run_window, scene_with_assets,
+    MeshChoice, Outdoors, RenderMode, RenderParams, Scene, SceneAsset, SceneLeaf, ShadeOptions, Shown, SkyLight,
+    ViewerError, WindowParams, bench_svg, load_scene, plan, render_turntable, run_bench, run_window, scene_with_assets,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -328,7 +328,8 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
             )
         }
         None => {
-            let compare = arguments.compare.iter().map(|path| SceneAsset::load(path).map(Arc::new)).next().transpose()?;
+            let compare =
+                arguments.compare.iter().map(|path| SceneAsset::load(path).map(Arc::new)).next().transpose()?;
             run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms, compare })
         }
     }

@@ -64,7 +64,8 @@ use crate::mesh;
 use crate::mesh_file::{FileMesh, load_meshes};
 use crate::models;
 use crate::scene::{
-    Ambient, Body, DaylightParts, Material, Outdoors, OwnBodies, PointLight, Scene, SceneAsset, SceneMesh, SceneObject, Shown,
+    Ambient, Body, DaylightParts, Material, Outdoors, OwnBodies, PointLight, Scene, SceneAsset, SceneMesh, SceneObject,
+    Shown,
 };
 use crate::scene_leaf::SceneLeaf;
 use glam::{EulerRot, Mat4, Quat, Vec3};

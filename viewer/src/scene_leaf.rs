@@ -76,7 +76,9 @@ impl SceneLeaf {
     pub fn save(&self, path: &Path) -> Result<(), ViewerError> {
         if path.exists() && LeafDescription::read(path).is_err() {
             let name = path.display();
-            return Err(ViewerError::Usage(format!("{name} is there and no description of a leaf; choose another name")));
+            return Err(ViewerError::Usage(format!(
+                "{name} is there and no description of a leaf; choose another name"
+            )));
         }
         let textures = match &self.path {
             Some(own) => self.description.textures_beside(own).map(|folder| folder_from(path, &folder)),
@@ -161,9 +163,10 @@ mod tests {
         let place = |name: &str| dir.path().join(name);
         std::fs::create_dir_all(place("leaves/veins")).unwrap();
         std::fs::create_dir(place("elsewhere")).unwrap();
-        let own = place("leaves/maize.toml");
-        LeafDescription { textures: Some("veins".into()), ..LeafDescription::default() }.write(&own).unwrap();
-        let mut leaf = SceneLeaf::load(&own).unwrap();
+        let description = LeafDescription { textures: Some("veins".into()), ..LeafDescription::default() };
+        let texture = LeafTexture::uniform(LeafTexel::default());
+        let leaf = SceneLeaf::new("maize", description, &texture).unwrap();
+        let mut leaf = SceneLeaf { path: Some(place("leaves/maize.toml")), ..leaf };
         let mut pale = leaf.description.clone();
         pale.contents.chlorophyll_ug_per_cm2 = 7.25;
         leaf.describe(pale.clone(), LeafMode::NLayers).unwrap();
@@ -184,7 +187,8 @@ mod tests {
     #[test]
     fn a_leaf_is_saved_over_a_leaf_and_over_nothing_else() {
         let dir = tempfile::tempdir().unwrap();
-        let leaf = SceneLeaf::new("leaf", LeafDescription::default(), &LeafTexture::uniform(LeafTexel::default())).unwrap();
+        let leaf =
+            SceneLeaf::new("leaf", LeafDescription::default(), &LeafTexture::uniform(LeafTexel::default())).unwrap();
         let path = dir.path().join("notes.toml");
         std::fs::write(&path, "mine = 1").unwrap();
         let message = leaf.save(&path).unwrap_err().to_string();

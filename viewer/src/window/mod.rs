@@ -396,15 +396,16 @@ impl View {
         let at_hand_before = self.at_hand();
         let (panel, scene, editor) = (&mut self.panel, &mut self.scene, &mut self.editor);
         let (split, settings, thumbnails) = (&mut self.split, &mut self.settings, &self.thumbnails);
-        let Asked { mut changed, mut edited, surroundings, compare, compare_with, export, open } = egui::Panel::right("panel")
-            .exact_size(PANEL_WIDTH)
-            .resizable(false)
-            .show(ui, |ui| {
-                egui::ScrollArea::vertical()
-                    .show(ui, |ui| panel.show(ui, scene, editor, split, settings, thumbnails, &status))
-                    .inner
-            })
-            .inner;
+        let Asked { mut changed, mut edited, surroundings, compare, compare_with, export, open } =
+            egui::Panel::right("panel")
+                .exact_size(PANEL_WIDTH)
+                .resizable(false)
+                .show(ui, |ui| {
+                    egui::ScrollArea::vertical()
+                        .show(ui, |ui| panel.show(ui, scene, editor, split, settings, thumbnails, &status))
+                        .inner
+                })
+                .inner;
         let physiology = &mut self.physiology;
         let mut leaf_change = None;
         if !scene.leaves.is_empty() {
@@ -497,7 +498,7 @@ impl View {
             changed |= show_light_handles(ui, area, &mut self.panel, &mut self.scene);
         }
         changed |= compare;
-        self.show_split(ui, area);
+        self.split.show_line(ui, area, &self.scene);
         if self.help {
             egui::Window::new("keys").collapsible(false).default_pos(area.min + egui::vec2(20.0, 20.0)).show(
                 ui.ctx(),
@@ -589,31 +590,6 @@ impl View {
         let split = pressed(Key::C);
         self.split.on ^= split;
         split
-    }
-
-    /// The line between the two pictures, which the mouse moves.
-    fn show_split(&mut self, ui: &mut egui::Ui, area: egui::Rect) {
-        if !self.split.on || self.split.difference {
-            return;
-        }
-        let x = area.min.x + self.split.place * area.width();
-        let line = egui::Rect::from_center_size(egui::pos2(x, area.center().y), egui::vec2(10.0, area.height()));
-        let response = ui.interact(line, ui.scope_id().with("split"), egui::Sense::drag());
-        if response.dragged() {
-            let moved = response.drag_delta().x / area.width().max(1.0);
-            self.split.place = (self.split.place + moved).clamp(0.02, 0.98);
-        }
-        if response.hovered() || response.dragged() {
-            ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
-        }
-        let painter = ui.painter_at(area);
-        painter.vline(x, area.y_range(), egui::Stroke::new(1.0, egui::Color32::WHITE));
-        let label = |at, align, text: String| {
-            painter.text(at, align, text, egui::FontId::proportional(13.0), egui::Color32::WHITE);
-        };
-        let top = area.min.y + 8.0;
-        label(egui::pos2(x - 8.0, top), egui::Align2::RIGHT_TOP, "this".into());
-        label(egui::pos2(x + 8.0, top), egui::Align2::LEFT_TOP, self.split.name(self.split.against, &self.scene));
     }
 
     /// Takes in a file; `asset` is that which another one replaces.

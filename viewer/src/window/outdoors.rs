@@ -170,8 +170,7 @@ mod tests {
     use std::sync::Arc;
 
     fn scene(parts: DaylightParts) -> Scene {
-        let mut scene =
-            Scene::built_in(&MeshChoice::Plane, vec![Arc::new(SceneAsset::built_in())], [1.0; 2]).unwrap();
+        let mut scene = Scene::built_in(&MeshChoice::Plane, vec![Arc::new(SceneAsset::built_in())], [1.0; 2]).unwrap();
         let daylight = Daylight::new("2026-06-21T12:00+02:00", "52.5,13.4").unwrap();
         let light = daylight.sun_and_sky().unwrap();
         scene.stand_outdoors(Outdoors { daylight, parts }, light);

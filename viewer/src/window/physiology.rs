@@ -286,9 +286,8 @@ mod tests {
         let shown = Shown { assets: Vec::new(), leaves: vec![leaf("leaf")] };
         let mut scene = Scene::from_meshes(Path::new("row"), vec![SceneMesh { objects, places }], shown).unwrap();
         let mut physiology = Physiology::new(&scene);
-        let factors = |scene: &Scene| {
-            scene.geometry.instances().iter().map(|instance| instance.factors).collect::<Vec<_>>()
-        };
+        let factors =
+            |scene: &Scene| scene.geometry.instances().iter().map(|instance| instance.factors).collect::<Vec<_>>();
         assert_eq!(factors(&scene), [[1.0; 4]; 5]);
         let mut settings = physiology.settings(&scene).unwrap();
         settings.description.variation.chlorophyll = 0.2;

@@ -19,19 +19,15 @@ const GROUPS: [(&str, bool, fn(&LeafQuantity) -> bool); 5] = [
 ];
 
 /// Draws it; what changed, if anything did. `None` in a scene without leaves, where nothing is drawn.
-pub(crate) fn show_physiology(
-    ui: &mut egui::Ui,
-    physiology: &mut Physiology,
-    scene: &mut Scene,
-) -> Option<LeafChange> {
+pub(crate) fn show_physiology(ui: &mut egui::Ui, physiology: &mut Physiology, scene: &mut Scene) -> Option<LeafChange> {
     choose_leaf(ui, physiology, scene);
     let mut settings = physiology.settings(scene)?;
-    let mut changed = None;
     show_spectrum(ui, scene.leaves[physiology.leaf].leaf.state());
     ui.horizontal_wrapped(|ui| {
         for preset in LeafPreset::ALL {
             let is_so = settings.description.contents == preset.contents();
-            if ui.selectable_label(is_so, preset.name()).on_hover_text("what a whole blade of this state holds").clicked() {
+            let button = ui.add(egui::Button::new(preset.name()).selected(is_so));
+            if button.on_hover_text("what a whole blade of this state holds").clicked() {
                 settings.take(preset);
             }
         }
@@ -52,7 +48,7 @@ pub(crate) fn show_physiology(
             }
         });
     }
-    changed = physiology.set(scene, settings).or(changed);
+    let mut changed = physiology.set(scene, settings);
     ui.horizontal(|ui| {
         if ui.add_enabled(physiology.can_undo(), egui::Button::new("undo")).on_hover_text("Ctrl+Z").clicked() {
             changed = physiology.undo(scene).or(changed.take());
@@ -70,7 +66,11 @@ pub(crate) fn show_physiology(
     });
     ui.horizontal(|ui| {
         ui.add(egui::TextEdit::singleline(&mut physiology.file).desired_width(200.0));
-        if ui.button("save leaf").on_hover_text("as TOML, for btf-synth leaf --leaf FILE and btf-view --leaf FILE").clicked() {
+        if ui
+            .button("save leaf")
+            .on_hover_text("as TOML, for btf-synth leaf --leaf FILE and btf-view --leaf FILE")
+            .clicked()
+        {
             physiology.save(scene);
         }
     });
@@ -104,7 +104,8 @@ fn show_quantity(ui: &mut egui::Ui, quantity: &LeafQuantity, settings: &mut Leaf
     let mut value = quantity.of(&settings.description);
     let unit = if quantity.unit.is_empty() { String::new() } else { format!(" {}", quantity.unit) };
     let name = quantity.name.strip_prefix("variation of ").unwrap_or(quantity.name);
-    let slider = egui::Slider::new(&mut value, least..=most).suffix(&unit).text(name);
+    // A typed number is one step, when it is whole.
+    let slider = egui::Slider::new(&mut value, least..=most).suffix(&unit).text(name).update_while_editing(false);
     let hover = format!("{}; {least} to {most}{unit}", meaning(quantity));
     if ui.add(slider).on_hover_text(hover).changed() {
         settings.put(quantity, value);
@@ -135,16 +136,22 @@ fn mode_meaning(mode: LeafMode) -> &'static str {
 fn meaning(quantity: &LeafQuantity) -> &'static str {
     match (quantity.section, quantity.key) {
         ("contents", "chlorophyll_ug_per_cm2") => "chlorophyll a and b, which absorb blue and red",
-        ("contents", "carotenoid_ug_per_cm2") => "carotenoids, which absorb blue; what is left of them makes autumn yellow",
+        ("contents", "carotenoid_ug_per_cm2") => {
+            "carotenoids, which absorb blue; what is left of them makes autumn yellow"
+        }
         ("contents", "anthocyanin_ug_per_cm2") => "anthocyanins, which absorb green and look red",
         ("contents", "brown") => "brown pigment of dying tissue, in arbitrary units",
         ("contents", "water_cm") => "water as a layer; it absorbs next to nothing of what is visible",
         ("contents", "dry_matter_g_per_cm2") => "dry matter: cell walls, proteins, starch",
-        ("contents", "structure") => "number of layers between which light is scattered; more reflect more and transmit less",
+        ("contents", "structure") => {
+            "number of layers between which light is scattered; more reflect more and transmit less"
+        }
         ("gloss", "index") => "refractive index of the cuticle; more shines more",
         ("gloss", "gamma_along") => "roughness of the gloss along the veins",
         ("gloss", "gamma_across") => "roughness of the gloss across the veins",
-        ("look", "severity") => "how far the deficiency has gone in textures that btf-synth grows; nothing changes in this picture",
+        ("look", "severity") => {
+            "how far the deficiency has gone in textures that btf-synth grows; nothing changes in this picture"
+        }
         ("look", "size_mm") => "width of the patch that textures and captures show; nothing changes in this picture",
         ("variation", "chlorophyll") => "standard deviation over mean of chlorophyll among the plants",
         ("variation", "carotenoid") => "standard deviation over mean of carotenoids among the plants",

@@ -107,6 +107,31 @@ impl Split {
         }
     }
 
+    /// Draws the line between the two pictures, which the mouse moves, over the `area` of both.
+    pub(crate) fn show_line(&mut self, ui: &mut egui::Ui, area: egui::Rect, scene: &Scene) {
+        if !self.on || self.difference {
+            return;
+        }
+        let x = area.min.x + self.place * area.width();
+        let line = egui::Rect::from_center_size(egui::pos2(x, area.center().y), egui::vec2(10.0, area.height()));
+        let response = ui.interact(line, ui.scope_id().with("split"), egui::Sense::drag());
+        if response.dragged() {
+            let moved = response.drag_delta().x / area.width().max(1.0);
+            self.place = (self.place + moved).clamp(0.02, 0.98);
+        }
+        if response.hovered() || response.dragged() {
+            ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+        }
+        let painter = ui.painter_at(area);
+        painter.vline(x, area.y_range(), egui::Stroke::new(1.0, egui::Color32::WHITE));
+        let label = |at, align, text: String| {
+            painter.text(at, align, text, egui::FontId::proportional(13.0), egui::Color32::WHITE);
+        };
+        let top = area.min.y + 8.0;
+        label(egui::pos2(x - 8.0, top), egui::Align2::RIGHT_TOP, "this".into());
+        label(egui::pos2(x + 8.0, top), egui::Align2::LEFT_TOP, self.name(self.against, scene));
+    }
+
     /// Takes over an asset's edits, where the other picture shows them.
     pub(crate) fn update_edits(&mut self, gpu: &Gpu, scene: &Scene, asset: usize) {
         if let (Some(other), true) = (&mut self.scene, self.against != Against::Measured) {
