@@ -48,6 +48,7 @@ mod bad_input;
 mod bonn;
 mod capture;
 pub mod cie;
+mod ciede;
 mod colour;
 mod direction;
 mod encode8;
@@ -69,6 +70,7 @@ mod writer;
 
 pub use atomic::{AtomicFile, write_file_atomically};
 pub use capture::{Capture, MIN_LINEAR, Pixels};
+pub use ciede::{Lab, LabConverter, delta_e00, lab_from_linear};
 pub use colour::Transfer;
 pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 pub use encode8::Encoder8;
@@ -83,6 +85,7 @@ pub use leaf::texture_folder::{TEXTURES_NAME, TextureGrid, TextureImages, write_
 pub use leaf::texture_image::{MAX_TEXTURE_TEXELS, TextureKind};
 pub use radiance_map::RadianceMap;
 pub use source::SharedBytes;
+pub use spectrum::{rgb_of, rgb_weights};
 pub use stamp::FileStamp;
 pub use ubo2014::{ContainerInfo, ContainerKind, HeightMap};
 pub use writer::CaptureWriter;
