@@ -38,7 +38,7 @@
 //! [`CaptureError`], one sentence for everything that can be wrong. A leaf, for those that make captures of one
 //! and those that light one live: [`LeafDescription`] and its [`LeafContents`], the [`LEAF_QUANTITIES`] with
 //! their ranges, [`LeafPreset`], and the folder of appearance textures, [`TextureImages`]. [`mod@atomic`] is for every
-//! program that writes files, [`cie`] for those that deal in spectra.
+//! program that writes files, [`glb`] for glTF among them, [`cie`] for those that deal in spectra.
 //!
 //! Not here: error metrics (they are the fitter's), and sets that are no full grid of views x lights.
 
@@ -54,6 +54,7 @@ mod direction;
 mod encode8;
 mod error;
 mod exr_image;
+pub mod glb;
 mod grid;
 mod images;
 mod info;
