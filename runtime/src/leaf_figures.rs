@@ -65,7 +65,7 @@ pub static LEAF_ROWS: [LeafRow; 39] = [
     LeafRow::new(780.0, [1.434, 0.0, 0.0, 0.0, 0.05284, 0.02659, 2.3]),
 ];
 
-/// PROSPECT-5 [Feret 2008] where [Miao] has red, green and blue. The anthocyanins, which PROSPECT-5 does not know, are
+/// PROSPECT-5 [Feret 2008] where Miao has red, green and blue. The anthocyanins, which PROSPECT-5 does not know, are
 /// PROSPECT-D's.
 #[rustfmt::skip]
 pub static THREE_ROWS: [LeafRow; 3] = [
