@@ -105,7 +105,7 @@ pub struct LeafSpectrumRow {
 /// Reflectance and transmittance of a leaf without textures, of incident light, the surface's own reflection included, by
 /// wavelength: for a plot. In the mode's own model: N layers
 /// give 400 to 780 nm every 10 nm under a cone of [`CONE_DEG`], the others red, green and blue lit along the normal. Costs
-/// some 40 microseconds. Finite for every finite state.
+/// 514 Fresnel terms a row. Finite for every finite state.
 pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
     let state = state.evaluable();
     let layers = f64::from(state.structure);
