@@ -3,6 +3,7 @@
 mod beyond_the_measured_directions;
 mod budget;
 mod bytes_are_repeatable;
+mod designed_leaf;
 mod expand_and_measure;
 mod gltf_export;
 mod leaf_colour;

@@ -12,7 +12,7 @@ use crate::headless::Control;
 use crate::leaf_trade::{LeafModeRow, leaf_mode_rows};
 use crate::options::{DecoderForm, RenderMode, ShadeOptions, SkyLight};
 use crate::picture::psnr_db;
-use crate::scene::{Ambient, DaylightParts, MeshChoice, Scene, SceneAsset};
+use crate::scene::{Ambient, DaylightParts, MeshChoice, Outdoors, Scene, SceneAsset};
 use crate::trace::{PixelHit, Tracer};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRef};
 use glam::Vec3;
@@ -338,7 +338,8 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
 /// Under sun and sky.
 fn outdoors(mut scene: Scene) -> Result<Scene, ViewerError> {
     let daylight = Daylight::new("2026-06-21T10:00+00:00", "40.0,0.0")?;
-    scene.stand_outdoors(daylight.sun_and_sky()?, DaylightParts::Both);
+    let light = daylight.sun_and_sky()?;
+    scene.stand_outdoors(Outdoors { daylight, parts: DaylightParts::Both }, light);
     Ok(scene)
 }
 

@@ -230,10 +230,11 @@ impl Geometry {
         Geometry { triangles, ..self.clone() }
     }
 
-    /// Multiplies the contents of each instance's leaves by what `factors` says for its number among the placements.
-    pub fn set_factors(&mut self, factors: impl Fn(usize) -> [f32; 4]) {
-        for (instance, [_, placement]) in self.instances.iter_mut().zip(&self.origins) {
-            instance.factors = factors(*placement);
+    /// Multiplies the contents of each instance's leaves by what `factors` says for its mesh and its number among the
+    /// placements.
+    pub fn set_factors(&mut self, factors: impl Fn(usize, usize) -> [f32; 4]) {
+        for (instance, [mesh, placement]) in self.instances.iter_mut().zip(&self.origins) {
+            instance.factors = factors(*mesh, *placement);
         }
     }
 
@@ -260,6 +261,11 @@ impl Geometry {
     /// Where the meshes lie in the arrays.
     pub(crate) fn meshes(&self) -> &[MeshRange] {
         &self.meshes
+    }
+
+    /// The triangles of each mesh.
+    pub(crate) fn mesh_triangles(&self) -> impl Iterator<Item = &[Triangle]> {
+        self.meshes.iter().map(|mesh| &self.triangles[mesh.first_triangle as usize..][..mesh.triangles as usize])
     }
 
     /// Triangles that can be hit: those of each mesh as often as it is placed.
@@ -348,7 +354,7 @@ mod tests {
         assert_eq!((placed.triangles().len(), placed.placed_triangles()), (2, 3));
         let (centre, radius) = placed.bounding_sphere();
         assert!((centre - Vec3::new(0.5, 0.5, 0.0)).length() < 1e-6 && radius > 4.5 && radius < 4.6);
-        placed.set_factors(|placement| [placement as f32; 4]);
+        placed.set_factors(|_, placement| [placement as f32; 4]);
         for (instance, map) in placed.instances().iter().zip([shifted(-4.0), Mat4::IDENTITY, shifted(4.0)]) {
             // Along x, and numbered as they were given.
             assert_eq!(instance.world_from_object, rows(map));

@@ -44,6 +44,7 @@ mod options;
 mod picture;
 mod pieces;
 mod plan;
+mod plant_variation;
 mod relief;
 mod sampler;
 mod scene;
@@ -84,9 +85,10 @@ pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOp
 pub use picture::Picture;
 pub use pieces::PieceLayout;
 pub use plan::{Plan, PlannedAsset, plan};
+pub use plant_variation::plant_factors;
 pub use scene::{
-    AMBIENT_RADIANCE, Ambient, BACKGROUND, Body, DaylightParts, FileForm, LightRig, Material, MeshChoice, OwnBodies,
-    PointLight, Scene, SceneAsset, SceneMesh, SceneObject, Shown, UNKNOWN_SIZE_MM, intensity_for,
+    AMBIENT_RADIANCE, Ambient, BACKGROUND, Body, DaylightParts, FileForm, LightRig, Material, MeshChoice, Outdoors,
+    OwnBodies, PointLight, Scene, SceneAsset, SceneMesh, SceneObject, Shown, UNKNOWN_SIZE_MM, intensity_for,
 };
 pub use scene_file::{load_scene, scene_with_assets};
 pub use scene_leaf::SceneLeaf;

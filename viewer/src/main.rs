@@ -3,8 +3,8 @@
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
     Ambient, BackendChoice, BenchKind, BenchParams, Control, Daylight, DaylightParts, Environment, GpuTracer,
-    MeshChoice, RenderMode, RenderParams, Scene, SceneAsset, SceneLeaf, ShadeOptions, Shown, SkyLight, ViewerError,
-    WindowParams, bench_svg, load_scene, plan, render_turntable, run_bench, run_window, scene_with_assets,
+    MeshChoice, Outdoors, RenderMode, RenderParams, Scene, SceneAsset, SceneLeaf, ShadeOptions, Shown, SkyLight,
+    ViewerError, WindowParams, bench_svg, load_scene, plan, render_turntable, run_bench, run_window, scene_with_assets,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -214,6 +214,9 @@ struct ViewArguments {
     /// Displaces surfaces by their assets' heights times this: 1 as they are, 0 not at all
     #[arg(long, value_name = "SCALE", value_parser = parse_scale_of_heights)]
     displacement: Option<f32>,
+    /// An asset to compare with: the window's split view shows it in place of the leaf, or of the first asset
+    #[arg(long, value_name = "ASSET.spmm", conflicts_with = "headless")]
+    compare: Option<PathBuf>,
     /// Which of the scene's cameras, counted from 1
     #[arg(long, value_name = "N", requires = "scene", value_parser = clap::value_parser!(u32).range(1..))]
     camera: Option<u32>,
@@ -327,7 +330,11 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
                 out,
             )
         }
-        None => run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms }),
+        None => {
+            let compare =
+                arguments.compare.iter().map(|path| SceneAsset::load(path).map(Arc::new)).next().transpose()?;
+            run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms, compare })
+        }
     }
 }
 
@@ -546,7 +553,8 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
     if let (Some(date_time), Some(place)) = (&arguments.daylight, &arguments.place) {
         let mut daylight = Daylight::new(date_time, place)?;
         daylight.turbidity = arguments.turbidity.unwrap_or(daylight.turbidity);
-        scene.stand_outdoors(daylight.sun_and_sky()?, arguments.daylight_parts);
+        let light = daylight.sun_and_sky()?;
+        scene.stand_outdoors(Outdoors { daylight, parts: arguments.daylight_parts }, light);
     }
     if let Some(count) = arguments.lights {
         scene.place_lights(count as usize);

@@ -1,7 +1,7 @@
 //! What is drawn: geometry, materials, packed assets, lights, camera, exposure; and the built-in scenes.
 
 use crate::camera::Camera;
-use crate::daylight::SunAndSky;
+use crate::daylight::{Daylight, SKY_SIZE, SunAndSky};
 use crate::environment::Environment;
 use crate::error::ViewerError;
 use crate::geometry::{Geometry, Mesh, Placement, Triangle};
@@ -9,6 +9,7 @@ use crate::gltf_asset::own_bodies;
 use crate::mesh::{self, MeshPart};
 use crate::mesh_file::{FileMesh, load_meshes};
 use crate::models;
+use crate::plant_variation::vary_plants;
 use crate::scene_leaf::SceneLeaf;
 use crate::sun::Sun;
 use btf_capture::SharedBytes;
@@ -362,6 +363,15 @@ pub enum DaylightParts {
     Sky,
 }
 
+/// The day that a scene stands under.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outdoors {
+    /// When, where, and through which air.
+    pub daylight: Daylight,
+    /// Which of its light shines.
+    pub parts: DaylightParts,
+}
+
 /// Everything that a tracer needs.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -377,6 +387,8 @@ pub struct Scene {
     pub lights: Vec<PointLight>,
     /// The sun.
     pub sun: Option<Sun>,
+    /// The day that sun and environment are of, where they are.
+    pub outdoors: Option<Outdoors>,
     /// Where [`Scene::place_lights`] puts them.
     pub light_rig: LightRig,
     /// Ambient light, one stratified ray per pixel and sample.
@@ -484,15 +496,18 @@ impl Scene {
             joined.push(joined_mesh(origin, objects, &shown, &mut materials)?);
         }
         let geometry = Geometry::placed(joined, &placements).map_err(|reason| ViewerError::mesh(origin, reason))?;
+        let mut geometry = Arc::new(geometry);
+        vary_plants(&mut geometry, &materials, &shown.leaves);
         let (centre, radius) = geometry.bounding_sphere();
         let camera = Camera::framing(centre, radius, Vec3::new(0.0, 0.25, 1.0), FIELD_OF_VIEW_DEG);
         let mut scene = Scene {
-            geometry: Arc::new(geometry),
+            geometry,
             materials,
             assets: shown.assets,
             leaves: shown.leaves,
             lights: Vec::new(),
             sun: None,
+            outdoors: None,
             light_rig: LightRig::Around,
             ambient: Ambient::NONE,
             environment: None,
@@ -608,18 +623,22 @@ impl Scene {
         Scene::from_meshes(path, meshes, shown)
     }
 
-    /// Surrounds the scene by a picture of light, which nothing but the scene itself keeps off; takes its lamps away.
+    /// Surrounds the scene by a picture of light, which nothing but the scene itself keeps off; takes its lamps and the sun away.
     pub fn surround(&mut self, environment: Environment) {
-        self.environment = Some(Arc::new(environment));
+        (self.environment, self.sun, self.outdoors) = (Some(Arc::new(environment)), None, None);
         self.ambient = Ambient { radiance: [0.0; 3], distance: BEYOND_EVERYTHING };
         self.lights.clear();
     }
 
-    /// Stands the scene under the sun and a clear sky, as far as `parts` says; takes its lamps away.
-    pub fn stand_outdoors(&mut self, light: SunAndSky, parts: DaylightParts) {
-        let black = || Environment::new(1, 1, &[0.0; 3]);
-        self.surround(if parts == DaylightParts::Sun { black() } else { light.environment });
-        self.sun = light.sun.filter(|_| parts != DaylightParts::Sky);
+    /// Stands the scene under the sun and the clear sky of a day, as far as `parts` says; takes its lamps away. `light` is
+    /// what [`Daylight::sun_and_sky`] gives.
+    pub fn stand_outdoors(&mut self, outdoors: Outdoors, light: SunAndSky) {
+        // As large as a sky, so that one can take its place in a tracer.
+        let [width, height] = SKY_SIZE;
+        let black = || Environment::new(width, height, &vec![0.0; width * height * 3]);
+        self.surround(if outdoors.parts == DaylightParts::Sun { black() } else { light.environment });
+        self.sun = light.sun.filter(|_| outdoors.parts != DaylightParts::Sky);
+        self.outdoors = Some(outdoors);
     }
 
     /// `count` lights where the scene has them; their intensities add up to the same brightness whatever the count.

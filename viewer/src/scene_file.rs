@@ -64,7 +64,8 @@ use crate::mesh;
 use crate::mesh_file::{FileMesh, load_meshes};
 use crate::models;
 use crate::scene::{
-    Ambient, Body, DaylightParts, Material, OwnBodies, PointLight, Scene, SceneAsset, SceneMesh, SceneObject, Shown,
+    Ambient, Body, DaylightParts, Material, Outdoors, OwnBodies, PointLight, Scene, SceneAsset, SceneMesh, SceneObject,
+    Shown,
 };
 use crate::scene_leaf::SceneLeaf;
 use glam::{EulerRot, Mat4, Quat, Vec3};
@@ -404,7 +405,8 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
         let mut daylight = Daylight::new(&entry.date_time, &entry.place).map_err(|error| fault(error.to_string()))?;
         daylight.turbidity = entry.turbidity.unwrap_or(daylight.turbidity);
         daylight.ground_albedo = entry.ground_albedo.unwrap_or(daylight.ground_albedo);
-        scene.stand_outdoors(daylight.sun_and_sky().map_err(|error| fault(error.to_string()))?, entry.parts);
+        let light = daylight.sun_and_sky().map_err(|error| fault(error.to_string()))?;
+        scene.stand_outdoors(Outdoors { daylight, parts: entry.parts }, light);
     }
     if !file.lights.is_empty() {
         scene.lights = file

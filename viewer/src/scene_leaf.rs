@@ -4,7 +4,7 @@ use crate::error::ViewerError;
 use btf_capture::{LeafDescription, TextureImages, TextureKind};
 use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture};
 use rayon::prelude::*;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 
 /// Texels on a side of the appearance textures as the decoder has them, at most.
 const MOST_TEXELS: usize = 512;
@@ -68,6 +68,33 @@ impl SceneLeaf {
         self.description = description;
         Ok(changed)
     }
+
+    /// Writes the description so that it can be read again from `path`: its folder of textures is named as seen from there.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`] for a file that is there and no leaf's description; those of [`LeafDescription::write`].
+    pub fn save(&self, path: &Path) -> Result<(), ViewerError> {
+        if path.exists() && LeafDescription::read(path).is_err() {
+            let name = path.display();
+            return Err(ViewerError::Usage(format!(
+                "{name} is there and no description of a leaf; choose another name"
+            )));
+        }
+        let textures = match &self.path {
+            Some(own) => self.description.textures_beside(own).map(|folder| folder_from(path, &folder)),
+            None => self.description.textures.clone(),
+        };
+        Ok(LeafDescription { textures, ..self.description.clone() }.write(path)?)
+    }
+}
+
+/// A folder as the file `path` names it: relative where it lies beside or below it, else absolute.
+fn folder_from(path: &Path, folder: &Path) -> PathBuf {
+    let (Ok(path), Ok(folder)) = (absolute(path), absolute(folder)) else { return folder.into() };
+    match path.parent().and_then(|parent| folder.strip_prefix(parent).ok()) {
+        Some(below) => below.into(),
+        None => folder,
+    }
 }
 
 /// The state that a description tells of.
@@ -124,4 +151,52 @@ fn texture_of(images: &TextureImages, size_mm: f32) -> LeafTexture {
         }
     };
     LeafTexture { width: side, texels: (0..side * side).into_par_iter().map(texel).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_saved_leaf_finds_its_textures_from_wherever_it_lies() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = |name: &str| dir.path().join(name);
+        std::fs::create_dir_all(place("leaves/veins")).unwrap();
+        std::fs::create_dir(place("elsewhere")).unwrap();
+        let description = LeafDescription { textures: Some("veins".into()), ..LeafDescription::default() };
+        let texture = LeafTexture::uniform(LeafTexel::default());
+        let leaf = SceneLeaf::new("maize", description, &texture).unwrap();
+        let mut leaf = SceneLeaf { path: Some(place("leaves/maize.toml")), ..leaf };
+        let mut pale = leaf.description.clone();
+        pale.contents.chlorophyll_ug_per_cm2 = 7.25;
+        leaf.describe(pale.clone(), LeafMode::NLayers).unwrap();
+        for (name, textures) in [
+            ("leaves/pale.toml", PathBuf::from("veins")),
+            ("pale.toml", Path::new("leaves").join("veins")),
+            ("elsewhere/pale.toml", absolute(place("leaves/veins")).unwrap()),
+            ("leaves/maize.toml", PathBuf::from("veins")),
+        ] {
+            leaf.save(&place(name)).unwrap();
+            let read = LeafDescription::read(place(name)).unwrap();
+            assert_eq!(read, LeafDescription { textures: Some(textures), ..pale.clone() }, "{name}");
+            let found = read.textures_beside(place(name)).unwrap().canonicalize().unwrap();
+            assert_eq!(found, place("leaves/veins").canonicalize().unwrap(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_leaf_is_saved_over_a_leaf_and_over_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let leaf =
+            SceneLeaf::new("leaf", LeafDescription::default(), &LeafTexture::uniform(LeafTexel::default())).unwrap();
+        let path = dir.path().join("notes.toml");
+        std::fs::write(&path, "mine = 1").unwrap();
+        let message = leaf.save(&path).unwrap_err().to_string();
+        assert!(message.contains("notes.toml is there and no description of a leaf"), "{message}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine = 1");
+        let other = dir.path().join("leaf.toml");
+        leaf.save(&other).unwrap();
+        leaf.save(&other).unwrap();
+        assert_eq!(LeafDescription::read(&other).unwrap(), leaf.description);
+    }
 }

@@ -307,6 +307,15 @@ impl Tracer {
         self.arena.write(gpu, scene.assets.len() + leaf, scene.leaves[leaf].leaf.words(), range);
     }
 
+    /// Takes over the light that surrounds the scene; `false` if it needs more room than there is, and the scene must be
+    /// uploaded anew.
+    pub fn update_environment(&self, gpu: &Gpu, scene: &Scene) -> bool {
+        let at = scene.assets.len() + scene.leaves.len();
+        let Some(environment) = &scene.environment else { return true };
+        let words = bytemuck::cast_slice(environment.table());
+        at < self.arena.bases.len() && self.arena.write(gpu, at, words, 0..words.len())
+    }
+
     /// Takes over the factors of the scene's instances.
     pub fn update_instances(&self, gpu: &Gpu, scene: &Scene) {
         gpu.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(scene.geometry.instances()));

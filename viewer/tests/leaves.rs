@@ -6,9 +6,9 @@ use btf_capture::LeafDescription;
 use btf_runtime::testing::Random;
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
 use btf_viewer::{
-    Ambient, BackendChoice, Body, Camera, Control, Daylight, DaylightParts, Environment, Material, RenderMode,
-    RenderParams, Rendered, Scene, SceneLeaf, SceneMesh, SceneObject, ShadeOptions, Shown, SkyLight, Sun, plane,
-    render,
+    Ambient, BackendChoice, Body, Camera, Control, Daylight, DaylightParts, Environment, Material, Outdoors,
+    RenderMode, RenderParams, Rendered, Scene, SceneLeaf, SceneMesh, SceneObject, ShadeOptions, Shown, SkyLight, Sun,
+    plane, render,
 };
 use glam::{Mat4, Quat, Vec3};
 use std::path::Path;
@@ -63,7 +63,7 @@ fn grove(leaf: SceneLeaf) -> Scene {
     scene.camera =
         Camera { eye: Vec3::new(0.5, 1.2, 4.0), target: Vec3::new(0.0, 0.7, 0.0), up: Vec3::Y, fov_deg: 35.0 };
     Arc::make_mut(&mut scene.geometry)
-        .set_factors(|number| [0.6 + 0.02 * number as f32, 1.0, 1.0, 1.2 - 0.01 * number as f32]);
+        .set_factors(|_, number| [0.6 + 0.02 * number as f32, 1.0, 1.0, 1.2 - 0.01 * number as f32]);
     scene
 }
 
@@ -119,7 +119,7 @@ fn every_backend_draws_the_same_leaves() {
             description.contents.chlorophyll_ug_per_cm2 *= 1.2;
             scene.leaves[0].describe(description, LeafMode::default()).unwrap();
         });
-        let plants = planted(&|scene| Arc::make_mut(&mut scene.geometry).set_factors(|_| [1.0; 4]));
+        let plants = planted(&|scene| Arc::make_mut(&mut scene.geometry).set_factors(|_, _| [1.0; 4]));
         let sun = planted(&|scene| {
             let sun = scene.sun.as_mut().unwrap();
             sun.direction = Quat::from_rotation_y(0.035) * sun.direction;
@@ -201,8 +201,9 @@ fn extremes_of_light_and_eye_give_pictures_on_every_backend() {
         ("2026-12-21T12:00+00:00", "85.0,10.0"),
         ("2026-06-21T00:00+00:00", "90.0,0.0"),
     ] {
-        let light = Daylight::new(date_time, place).unwrap().sun_and_sky().unwrap();
-        scene.stand_outdoors(light, DaylightParts::Both);
+        let daylight = Daylight::new(date_time, place).unwrap();
+        let light = daylight.sun_and_sky().unwrap();
+        scene.stand_outdoors(Outdoors { daylight, parts: DaylightParts::Both }, light);
         let rendered = draw(&scene, BackendChoice::Cpu, ShadeOptions::default());
         assert!(is_sound(&rendered), "{date_time} {place}");
     }

@@ -1,14 +1,12 @@
 //! Editing an asset while it is drawn: which edit is at hand, where it is put, and the way back.
 
+use super::history::History;
 use crate::scene::{Scene, SceneAsset};
 use btf_runtime::{Asset, Edit, Edits, MOST_EDITS, pack};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::error::ViewerError;
-
-/// Steps that can be taken back.
-const MOST_STEPS: usize = 200;
 
 /// Where a click puts the edit at hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -24,14 +22,6 @@ pub(crate) enum Tool {
     Eraser,
 }
 
-/// One step of the history.
-#[derive(Debug, Clone)]
-struct Step {
-    asset: usize,
-    before: Edits,
-    after: Edits,
-}
-
 /// The edits of a scene's assets in the making.
 #[derive(Debug, Default)]
 pub(crate) struct Editor {
@@ -45,11 +35,7 @@ pub(crate) struct Editor {
     pub file: String,
     /// What saving said.
     pub message: Option<String>,
-    steps: Vec<Step>,
-    /// Steps that are in force; the others can be done again.
-    done: usize,
-    /// What the gesture that goes on began with.
-    open: Option<(usize, Edits)>,
+    history: History<Edits>,
 }
 
 impl Editor {
@@ -102,48 +88,36 @@ impl Editor {
             after.texels.clear();
         }
         if after != before {
-            self.open.get_or_insert((self.asset, before));
+            self.history.begin(self.asset, before);
             Arc::make_mut(asset).set_edits(after);
         }
     }
 
     /// Ends a step: a stroke of the brush, a drag of a slider, a click.
     pub(crate) fn close(&mut self, scene: &Scene) {
-        let Some((asset, before)) = self.open.take() else { return };
-        let Some(after) = scene.assets[asset].file.as_ref().map(|file| file.asset.edits.clone()) else { return };
-        if after == before {
-            return;
-        }
-        self.steps.truncate(self.done);
-        self.steps.push(Step { asset, before, after });
-        if self.steps.len() > MOST_STEPS {
-            self.steps.remove(0);
-        }
-        self.done = self.steps.len();
+        self.history.close(|asset| Some(scene.assets.get(asset)?.file.as_ref()?.asset.edits.clone()));
     }
 
     pub(crate) fn can_undo(&self) -> bool {
-        self.done > 0
+        self.history.can_undo()
     }
 
     pub(crate) fn can_redo(&self) -> bool {
-        self.done < self.steps.len()
+        self.history.can_redo()
     }
 
     /// Takes the last step back; the asset that it changed.
     pub(crate) fn undo(&mut self, scene: &mut Scene) -> Option<usize> {
         self.close(scene);
-        let step = self.steps.get(self.done.checked_sub(1)?)?.clone();
-        self.done -= 1;
-        self.go_to(scene, step.asset, step.before)
+        let (asset, edits) = self.history.undo()?;
+        self.go_to(scene, asset, edits)
     }
 
     /// Does a step again that was taken back.
     pub(crate) fn redo(&mut self, scene: &mut Scene) -> Option<usize> {
         self.close(scene);
-        let step = self.steps.get(self.done)?.clone();
-        self.done += 1;
-        self.go_to(scene, step.asset, step.after)
+        let (asset, edits) = self.history.redo()?;
+        self.go_to(scene, asset, edits)
     }
 
     fn go_to(&mut self, scene: &mut Scene, asset: usize, edits: Edits) -> Option<usize> {
@@ -336,10 +310,13 @@ mod tests {
         editor.close(&scene);
         assert!(!editor.can_redo());
         // A step that changes nothing is none.
-        let done = editor.done;
+        editor.undo(&mut scene);
+        let before = edits(&scene);
+        editor.redo(&mut scene);
         editor.fill(&mut scene, true);
         editor.close(&scene);
-        assert_eq!(editor.done, done);
+        editor.undo(&mut scene);
+        assert_eq!(edits(&scene), before);
     }
 
     #[test]

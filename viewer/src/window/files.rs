@@ -3,7 +3,7 @@
 use crate::environment::Environment;
 use crate::error::ViewerError;
 use crate::picture::Picture;
-use crate::scene::{MeshChoice, Scene, SceneAsset};
+use crate::scene::{MeshChoice, Scene, SceneAsset, Shown};
 use crate::scene_file::load_scene;
 use btf_capture::atomic::create_folder;
 use std::path::{Path, PathBuf};
@@ -25,12 +25,21 @@ pub(crate) fn open_file(scene: &mut Scene, asset: usize, path: &Path) -> Result<
             }
         }
         "obj" | "gltf" | "glb" => {
-            let other = Scene::built_in(&MeshChoice::File(path.into()), scene.assets.clone(), [1.0; 2])?;
+            let shown = Shown { assets: scene.assets.clone(), leaves: scene.leaves.clone() };
+            let other = Scene::built_in(&MeshChoice::File(path.into()), shown, [1.0; 2])?;
             // Light from all around stays, and then is all the light.
             let exposure_ev = scene.exposure_ev;
             *scene = match scene.environment.take() {
                 None => Scene { exposure_ev, ..other },
-                environment => Scene { environment, ambient: scene.ambient, lights: Vec::new(), exposure_ev, ..other },
+                environment => Scene {
+                    environment,
+                    sun: scene.sun,
+                    outdoors: scene.outdoors.take(),
+                    ambient: scene.ambient,
+                    lights: Vec::new(),
+                    exposure_ev,
+                    ..other
+                },
             };
         }
         "hdr" | "exr" => {

@@ -4,10 +4,15 @@ mod blit;
 mod editor;
 mod editor_panel;
 mod files;
+mod history;
 mod light_handles;
+mod outdoors;
 mod panel;
+mod physiology;
+mod physiology_panel;
 mod settings;
 mod side;
+mod spectrum_plot;
 mod split;
 mod thumbnails;
 
@@ -18,7 +23,7 @@ use crate::gpu::{BackendChoice, Gpu, instance};
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::options::{RenderMode, ShadeOptions};
 use crate::picture::Picture;
-use crate::scene::{Ambient, Scene};
+use crate::scene::{Ambient, Body, Scene, SceneAsset};
 use crate::shaders::GpuTracer;
 use blit::Blit;
 pub(crate) use blit::GpuBlit;
@@ -26,6 +31,8 @@ use editor::{Editor, Tool};
 use files::{Turntable, free_name, open_file};
 use light_handles::show_light_handles;
 use panel::{Asked, Panel, Renderer, Status};
+use physiology::{LeafChange, Physiology};
+use physiology_panel::show_physiology;
 use settings::Settings;
 use side::Side;
 use split::{Against, Split};
@@ -46,6 +53,8 @@ const MAX_RANDOM_SAMPLES: u32 = 4096;
 const CPU_PIXELS: u32 = 200 * 200;
 /// Width of the panel in points.
 const PANEL_WIDTH: f32 = 290.0;
+/// Width of the panel of leaves.
+const PHYSIOLOGY_WIDTH: f32 = 340.0;
 /// Radians that a drag across the window's shorter side turns.
 const TURN_PER_SIDE: f32 = 4.0;
 /// Weight of the newest frame in the shown frame time.
@@ -62,7 +71,7 @@ const KEYS: &str = "drag: turn; Shift or right drag: move; wheel: nearer\n\
     C: split view, whose line drags move; X: difference\n\
     P: picture as PNG; T: turntable\n\
     Ctrl+Z, Ctrl+Shift+Z: edits back and forth\n\
-    drop .spmm on what it is to cover, .obj .gltf .glb, .hdr .exr, .toml anywhere\n\
+    drop .spmm on what it is to cover, or to compare a leaf with; .obj .gltf .glb, .hdr .exr, .toml anywhere\n\
     H or F1: this";
 
 /// What the window starts with.
@@ -78,6 +87,8 @@ pub struct WindowParams {
     pub shade: ShadeOptions,
     /// Milliseconds that a frame may take; components, lobes and lights are what is saved.
     pub target_ms: Option<f64>,
+    /// What the split view shows in place of the scene's first leaf, or first asset.
+    pub compare: Option<Arc<SceneAsset>>,
 }
 
 /// Opens a window and returns when the user closes it. Needs an adapter even for the CPU renderer, to show its picture.
@@ -102,6 +113,11 @@ fn no_window(error: &dyn std::fmt::Display) -> ViewerError {
     ViewerError::Window(what.trim_end_matches('.').into())
 }
 
+/// A leaf or an asset.
+fn at_hand(is_leaf: bool, leaf: usize, asset: usize) -> Body {
+    if is_leaf { Body::Leaf(leaf) } else { Body::Asset(asset) }
+}
+
 struct App {
     // Taken by the view once the window is there.
     scene: Option<Scene>,
@@ -124,6 +140,9 @@ struct View {
     renderers: Vec<Renderer>,
     panel: Panel,
     editor: Editor,
+    physiology: Physiology,
+    /// Whether the leaf was changed later than assets were.
+    leaf_at_hand: bool,
     /// The panel's settings within the budget, of the picture at hand.
     governed: ShadeOptions,
     scene: Scene,
@@ -250,6 +269,11 @@ impl View {
         let governor = params.target_ms.map(|target_ms| Governor::new(target_ms, Spending::all_of(&scene)));
         let panel = Panel::new(&scene, params.shade, renderer);
         let timer = GpuTimer::new(&gpu);
+        let mut split = Split::new(settings.difference_gain);
+        let leaf_at_hand = !scene.leaves.is_empty();
+        if let Some(asset) = &params.compare {
+            split.compare_with(asset.clone(), &scene, at_hand(leaf_at_hand, 0, 0));
+        }
         Ok(View {
             window,
             surface,
@@ -264,8 +288,10 @@ impl View {
             governed: params.shade,
             editor: Editor::new(&scene, settings.brush_radius),
             panel,
+            physiology: Physiology::new(&scene),
+            leaf_at_hand,
             thumbnails: Thumbnails::default(),
-            split: Split::new(settings.difference_gain),
+            split,
             settings,
             help: false,
             message: None,
@@ -323,7 +349,7 @@ impl View {
         if self.panel.renderer != renderer_before {
             // The other renderer uploads the scene anew; its first frames compile.
             (self.side, self.frame_ms, self.passes, self.problem) = (Side::default(), None, None, None);
-            self.split.reset(&self.scene, self.editor.asset);
+            self.split.reset(&self.scene, self.at_hand());
         }
         let picture_size = self.picture_size(view_size);
         if changed || self.side.size() != Some(picture_size) {
@@ -364,20 +390,31 @@ impl View {
             problem: self.problem.as_deref(),
             governor: self.governor.as_ref(),
             message: self.message.as_deref(),
+            at_hand: self.at_hand(),
         };
         self.thumbnails.update(&self.context, &self.scene);
-        let edited_before = self.editor.asset;
+        let at_hand_before = self.at_hand();
         let (panel, scene, editor) = (&mut self.panel, &mut self.scene, &mut self.editor);
         let (split, settings, thumbnails) = (&mut self.split, &mut self.settings, &self.thumbnails);
-        let Asked { mut changed, mut edited, compare, export, open } = egui::Panel::right("panel")
-            .exact_size(PANEL_WIDTH)
-            .resizable(false)
-            .show(ui, |ui| {
-                egui::ScrollArea::vertical()
-                    .show(ui, |ui| panel.show(ui, scene, editor, split, settings, thumbnails, &status))
-                    .inner
-            })
-            .inner;
+        let Asked { mut changed, mut edited, surroundings, compare, compare_with, export, open } =
+            egui::Panel::right("panel")
+                .exact_size(PANEL_WIDTH)
+                .resizable(false)
+                .show(ui, |ui| {
+                    egui::ScrollArea::vertical()
+                        .show(ui, |ui| panel.show(ui, scene, editor, split, settings, thumbnails, &status))
+                        .inner
+                })
+                .inner;
+        let physiology = &mut self.physiology;
+        let mut leaf_change = None;
+        if !scene.leaves.is_empty() {
+            let side_panel = egui::Panel::right("physiology").exact_size(PHYSIOLOGY_WIDTH).resizable(false);
+            let shown = side_panel.show(ui, |ui| {
+                egui::ScrollArea::vertical().show(ui, |ui| show_physiology(ui, physiology, scene)).inner
+            });
+            leaf_change = shown.inner;
+        }
         let camera_before = scene.camera;
         let area = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(area, egui::Sense::click_and_drag());
@@ -406,22 +443,35 @@ impl View {
             let command = egui::Modifiers::COMMAND;
             [command | egui::Modifiers::SHIFT, command].map(|keys| input.consume_key(keys, egui::Key::Z))
         });
-        if undo {
-            edited = editor.undo(scene).or(edited);
-        } else if redo {
-            edited = editor.redo(scene).or(edited);
-        } else if !ui.input(|input| input.pointer.any_down()) {
-            editor.close(scene);
+        match (undo, redo, self.leaf_at_hand) {
+            (true, _, true) => leaf_change = physiology.undo(scene).or(leaf_change),
+            (true, _, false) => edited = editor.undo(scene).or(edited),
+            (_, true, true) => leaf_change = physiology.redo(scene).or(leaf_change),
+            (_, true, false) => edited = editor.redo(scene).or(edited),
+            _ if ui.input(|input| input.pointer.any_down()) => {}
+            _ => {
+                editor.close(scene);
+                physiology.close(scene);
+            }
         }
-        if self.editor.asset != edited_before {
-            // What another asset is compared with is the one at hand.
-            self.split.reset(&self.scene, self.editor.asset);
+        self.leaf_at_hand = leaf_change.is_some() || self.leaf_at_hand && edited.is_none();
+        if self.at_hand() != at_hand_before {
+            // What another asset is compared with is what is at hand.
+            self.split.reset(&self.scene, self.at_hand());
             changed |= self.split.on;
         }
         if let Some(asset) = edited {
             changed = true;
             self.side.update_edits(&self.gpu, &self.scene, asset);
             self.split.update_edits(&self.gpu, &self.scene, asset);
+        }
+        if let Some(change) = leaf_change {
+            changed = true;
+            self.take_over(&change);
+        }
+        if surroundings {
+            self.side.update_environment(&self.gpu, &self.scene);
+            self.split.update_environment(&self.gpu, &self.scene);
         }
         let moving = response.dragged_by(egui::PointerButton::Secondary)
             || response.dragged_by(egui::PointerButton::Middle)
@@ -448,7 +498,7 @@ impl View {
             changed |= show_light_handles(ui, area, &mut self.panel, &mut self.scene);
         }
         changed |= compare;
-        self.show_split(ui, area);
+        self.split.show_line(ui, area, &self.scene);
         if self.help {
             egui::Window::new("keys").collapsible(false).default_pos(area.min + egui::vec2(20.0, 20.0)).show(
                 ui.ctx(),
@@ -466,6 +516,10 @@ impl View {
             self.open(path, under.map(|picked| picked.asset));
             changed = true;
         }
+        if let Some(path) = compare_with {
+            self.compare_with(&path);
+            changed = true;
+        }
         match export {
             Some(panel::Export::Picture) => self.save_picture(),
             Some(panel::Export::Turntable) => self.begin_turntable(),
@@ -473,6 +527,28 @@ impl View {
         }
         changed |= self.scene.camera != camera_before;
         (changed, size)
+    }
+
+    /// What split views show something else in place of.
+    fn at_hand(&self) -> Body {
+        at_hand(self.leaf_at_hand, self.physiology.leaf, self.editor.asset)
+    }
+
+    /// Shows a leaf as it is after a change.
+    fn take_over(&mut self, change: &LeafChange) {
+        self.side.update_leaf(&self.gpu, &self.scene, change);
+        self.split.update_leaf(&self.gpu, &self.scene, change);
+    }
+
+    /// Shows an asset in place of what is at hand in the split view.
+    fn compare_with(&mut self, path: &Path) {
+        self.message = Some(match SceneAsset::load(path) {
+            Ok(asset) => {
+                self.split.compare_with(Arc::new(asset), &self.scene, self.at_hand());
+                format!("comparing with {}", path.display())
+            }
+            Err(error) => error.to_string(),
+        });
     }
 
     /// What keys ask for; `true` if the picture must begin anew.
@@ -516,40 +592,23 @@ impl View {
         split
     }
 
-    /// The line between the two pictures, which the mouse moves.
-    fn show_split(&mut self, ui: &mut egui::Ui, area: egui::Rect) {
-        if !self.split.on || self.split.difference {
-            return;
-        }
-        let x = area.min.x + self.split.place * area.width();
-        let line = egui::Rect::from_center_size(egui::pos2(x, area.center().y), egui::vec2(10.0, area.height()));
-        let response = ui.interact(line, ui.scope_id().with("split"), egui::Sense::drag());
-        if response.dragged() {
-            let moved = response.drag_delta().x / area.width().max(1.0);
-            self.split.place = (self.split.place + moved).clamp(0.02, 0.98);
-        }
-        if response.hovered() || response.dragged() {
-            ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
-        }
-        let painter = ui.painter_at(area);
-        painter.vline(x, area.y_range(), egui::Stroke::new(1.0, egui::Color32::WHITE));
-        let label = |at, align, text: String| {
-            painter.text(at, align, text, egui::FontId::proportional(13.0), egui::Color32::WHITE);
-        };
-        let top = area.min.y + 8.0;
-        label(egui::pos2(x - 8.0, top), egui::Align2::RIGHT_TOP, "this".into());
-        label(egui::pos2(x + 8.0, top), egui::Align2::LEFT_TOP, self.split.against.name(&self.scene));
-    }
-
     /// Takes in a file; `asset` is that which another one replaces.
     fn open(&mut self, path: &Path, asset: Option<usize>) {
+        let is_asset = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("spmm"));
+        if is_asset && self.scene.assets.is_empty() {
+            // Nothing here could carry it.
+            self.compare_with(path);
+            return;
+        }
         let asset = asset.unwrap_or(self.editor.asset);
         self.message = Some(match open_file(&mut self.scene, asset, path) {
             Ok(()) => {
                 self.side = Side::default();
                 self.panel = Panel::new(&self.scene, self.panel.shade, self.panel.renderer);
                 self.editor = Editor::new(&self.scene, self.editor.radius);
-                self.split.reset(&self.scene, self.editor.asset);
+                self.physiology = Physiology::new(&self.scene);
+                self.leaf_at_hand = !self.scene.leaves.is_empty();
+                self.split.reset(&self.scene, self.at_hand());
                 self.governor =
                     self.governor.as_ref().map(|it| Governor::new(it.budget_ms(), Spending::all_of(&self.scene)));
                 (self.problem, self.thumbnails) = (None, Thumbnails::default());
@@ -646,7 +705,8 @@ impl View {
         self.passes = passes;
         if self.split.on {
             let shade = self.split.against.shade(&shade);
-            let (side, scene) = self.split.scene(&self.scene, self.editor.asset);
+            let at_hand = self.at_hand();
+            let (side, scene) = self.split.scene(&self.scene, at_hand);
             side.add_sample(&self.gpu, scene, renderer, size, &shade, self.samples, None)?;
         }
         if let (Some(governor), false) = (&mut self.governor, first) {

@@ -2,13 +2,14 @@
 
 use super::editor::Editor;
 use super::editor_panel::show_editor;
+use super::outdoors::OutdoorsPanel;
 use super::settings::Settings;
-use super::split::{Against, Split};
+use super::split::Split;
 use super::thumbnails::Thumbnails;
 use crate::governor::{Governor, Spending};
 use crate::gpu_timer::PassTimes;
 use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions};
-use crate::scene::{Ambient, PointLight, Scene, intensity_for};
+use crate::scene::{Ambient, Body, PointLight, Scene, intensity_for};
 use crate::shaders::GpuTracer;
 use btf_runtime::Interpolation;
 use glam::Vec3;
@@ -82,6 +83,8 @@ pub(crate) struct Status<'a> {
     pub problem: Option<&'a str>,
     pub governor: Option<&'a Governor>,
     pub message: Option<&'a str>,
+    /// What split views show something else in place of.
+    pub at_hand: Body,
 }
 
 /// A file that the panel asks to be written.
@@ -98,8 +101,12 @@ pub(crate) struct Asked {
     pub changed: bool,
     /// The asset whose edits changed.
     pub edited: Option<usize>,
+    /// The light that surrounds the scene changed.
+    pub surroundings: bool,
     /// The split view must begin anew.
     pub compare: bool,
+    /// An asset to compare with.
+    pub compare_with: Option<PathBuf>,
     pub export: Option<Export>,
     /// A file to take in.
     pub open: Option<PathBuf>,
@@ -117,6 +124,7 @@ pub(crate) struct Panel {
     file: String,
     /// What the check box turns on.
     ambient: Ambient,
+    outdoors: Option<OutdoorsPanel>,
     centre: Vec3,
     radius: f32,
 }
@@ -133,6 +141,7 @@ impl Panel {
             has_heights: scene.assets.iter().any(|asset| asset.has_heights()),
             file: String::new(),
             ambient: if scene.ambient == Ambient::NONE { scene.usual_ambient() } else { scene.ambient },
+            outdoors: OutdoorsPanel::new(scene),
             centre,
             radius,
         }
@@ -156,7 +165,7 @@ impl Panel {
         ui.separator();
         asked.changed |= self.show_decoding(ui, scene);
         ui.separator();
-        asked.changed |= self.show_surroundings(ui, scene);
+        self.show_surroundings(ui, scene, &mut asked);
         ui.separator();
         self.show_lights(ui);
         ui.separator();
@@ -166,7 +175,7 @@ impl Panel {
         }
         let edited = egui::CollapsingHeader::new("edit the material").show(ui, |ui| show_editor(ui, editor, scene));
         asked.edited = edited.body_returned.flatten();
-        asked.compare = show_split(ui, split, editor, scene);
+        show_split(ui, split, status.at_hand, scene, &mut asked);
         ui.checkbox(&mut settings.light_handles, "handles of the lights");
         ui.checkbox(&mut settings.fly, "drags look around (F)");
         ui.separator();
@@ -209,10 +218,12 @@ impl Panel {
         scene.lights[number] = light.light(self.centre);
     }
 
-    /// Ambient light and mirrors; true if the picture must begin anew.
-    fn show_surroundings(&mut self, ui: &mut egui::Ui, scene: &mut Scene) -> bool {
+    /// Light of the day, ambient light and mirrors.
+    fn show_surroundings(&mut self, ui: &mut egui::Ui, scene: &mut Scene, asked: &mut Asked) {
         let before = scene.ambient;
-        if scene.environment.is_some() {
+        if let Some(outdoors) = &mut self.outdoors {
+            asked.surroundings = outdoors.show(ui, scene, &mut self.shade.sky);
+        } else if scene.environment.is_some() {
             ui.label("surrounded by a picture of light");
         }
         let mut occlusion = scene.ambient != Ambient::NONE;
@@ -243,7 +254,7 @@ impl Panel {
         {
             ui.add(egui::Slider::new(&mut self.shade.depth, 1..=MAX_DEPTH).text("path depth"));
         }
-        scene.ambient != before
+        asked.changed |= asked.surroundings || scene.ambient != before;
     }
 
     fn show_status(&mut self, ui: &mut egui::Ui, status: &Status) {
@@ -354,26 +365,33 @@ impl Panel {
     }
 }
 
-/// What the picture is compared with; `true` if that changed.
-fn show_split(ui: &mut egui::Ui, split: &mut Split, editor: &Editor, scene: &Scene) -> bool {
+/// What the picture is compared with.
+fn show_split(ui: &mut egui::Ui, split: &mut Split, at_hand: Body, scene: &Scene, asked: &mut Asked) {
     let before = (split.on, split.against);
     ui.checkbox(&mut split.on, "compare (C)");
     if split.on {
-        egui::ComboBox::from_label("with").selected_text(split.against.name(scene)).show_ui(ui, |ui| {
-            for choice in Against::choices(scene, editor.asset) {
-                ui.selectable_value(&mut split.against, choice, choice.name(scene));
+        egui::ComboBox::from_label("with").selected_text(split.name(split.against, scene)).show_ui(ui, |ui| {
+            for choice in split.choices(scene, at_hand) {
+                let name = split.name(choice, scene);
+                ui.selectable_value(&mut split.against, choice, name);
             }
         });
         ui.checkbox(&mut split.difference, "difference (X)");
         if split.difference {
             ui.add(egui::Slider::new(&mut split.gain, 1.0..=64.0).logarithmic(true).text("times"));
         }
+        ui.horizontal(|ui| {
+            ui.add(egui::TextEdit::singleline(&mut split.file).desired_width(190.0).hint_text("asset (.spmm)"));
+            let button = ui.button("compare").on_hover_text("with this asset in place of the leaf or asset at hand");
+            if button.clicked() && !split.file.is_empty() {
+                asked.compare_with = Some(PathBuf::from(&split.file));
+            }
+        });
     }
-    let changed = before != (split.on, split.against);
-    if changed {
-        split.reset(scene, editor.asset);
+    if before != (split.on, split.against) {
+        split.reset(scene, at_hand);
+        asked.compare = true;
     }
-    changed
 }
 
 #[cfg(test)]

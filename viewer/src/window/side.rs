@@ -1,6 +1,7 @@
 //! A picture in the making in the window: on the GPU by a tracer, or on the CPU. A split view has two.
 
 use super::panel::Renderer;
+use super::physiology::LeafChange;
 use crate::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
@@ -45,6 +46,22 @@ impl Side {
     pub(crate) fn update_edits(&mut self, gpu: &Gpu, scene: &Scene, asset: usize) {
         // Where the edits have outgrown their place the scene is uploaded anew.
         if self.tracer.as_ref().is_some_and(|tracer| !tracer.update_edits(gpu, scene, asset)) {
+            self.tracer = None;
+        }
+    }
+
+    /// Takes over a leaf that changed.
+    pub(crate) fn update_leaf(&self, gpu: &Gpu, scene: &Scene, change: &LeafChange) {
+        let Some(tracer) = &self.tracer else { return };
+        tracer.update_leaf(gpu, scene, change.leaf, change.words.clone());
+        if change.plants {
+            tracer.update_instances(gpu, scene);
+        }
+    }
+
+    /// Takes over the light that surrounds the scene.
+    pub(crate) fn update_environment(&mut self, gpu: &Gpu, scene: &Scene) {
+        if self.tracer.as_ref().is_some_and(|tracer| !tracer.update_environment(gpu, scene)) {
             self.tracer = None;
         }
     }
