@@ -5,15 +5,15 @@
 //!                                                      \---run_window--> a window
 //! ```
 //!
-//! One primary ray per pixel and sample, point lights with shadow rays, perfect mirrors, progressive ambient occlusion.
-//! Three backends trace the same rays over the same
-//! triangles and decode the same bytes: ray query (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in
+//! One primary ray per pixel and sample, point lights and the sun with shadow rays, skies, perfect mirrors, progressive ambient
+//! occlusion, traced paths. Surfaces are plain, packed assets, or leaves whose optics are evaluated live. Three backends trace the
+//! same rays over the same instances of meshes and decode the same bytes: ray query (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in
 //! storage buffers (`shaders/trace_bvh.wgsl`), and the CPU (`cpu.rs`), which is the reference. What they share on the
 //! GPU is `shaders/shade.wgsl`.
 //!
 //! Decoded values hold the cosine: radiance = intensity / distance^2 x visibility x decoded / pi.
 //!
-//! Limits: nearest texel, at most 2^24 triangles.
+//! Limits: an asset's nearest texel; at most 2^24 triangles, in at most 2^20 places.
 
 mod arena;
 mod atmosphere;
