@@ -105,6 +105,70 @@ impl Drop for AtomicFile {
     }
 }
 
+/// A folder that grows beside its final path. [`StagedFolder::commit`] puts it in place; dropped without that, it is
+/// removed and the final path is untouched.
+#[derive(Debug)]
+pub(crate) struct StagedFolder {
+    path: PathBuf,
+    target: PathBuf,
+    kept: bool,
+}
+
+impl StagedFolder {
+    /// Starts a folder that will become `target`, which must not exist or be empty; missing parent folders are made.
+    pub fn create(target: &Path) -> Result<StagedFolder, CaptureError> {
+        refuse_non_empty(target)?;
+        let failed = |source| CaptureError::write(target, source);
+        fs::create_dir_all(parent_of(target)).map_err(failed)?;
+        let path = temporary_sibling(target)?;
+        fs::create_dir(&path).map_err(failed)?;
+        Ok(StagedFolder { path, target: target.into(), kept: false })
+    }
+
+    /// Where it grows.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Puts it in place; its files have been synced by whoever wrote them.
+    pub fn commit(mut self) -> Result<(), CaptureError> {
+        let failed = |source| CaptureError::write(&self.target, source);
+        sync_folder(&self.path);
+        refuse_non_empty(&self.target)?;
+        if self.target.exists() {
+            // Renaming onto an empty folder is not possible everywhere.
+            fs::remove_dir(&self.target).map_err(failed)?;
+        }
+        fs::rename(&self.path, &self.target).map_err(failed)?;
+        self.kept = true;
+        sync_folder(parent_of(&self.target));
+        Ok(())
+    }
+}
+
+impl Drop for StagedFolder {
+    fn drop(&mut self) {
+        if !self.kept {
+            // Nothing can be done about a failure here.
+            let _ = fs::remove_dir_all(&self.path);
+        }
+    }
+}
+
+fn refuse_non_empty(dir: &Path) -> Result<(), CaptureError> {
+    match fs::read_dir(dir) {
+        Ok(mut entries) => match entries.next() {
+            None => Ok(()),
+            Some(_) => Err(CaptureError::OutputNotEmpty { path: dir.into() }),
+        },
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
+            Err(CaptureError::OutputNotEmpty { path: dir.into() })
+        }
+        Err(source) => Err(CaptureError::write(dir, source)),
+    }
+}
+
 /// A name beside `path` that no other file has and no reader of captures takes for an image.
 pub(crate) fn temporary_sibling(path: &Path) -> Result<PathBuf, CaptureError> {
     static COUNTER: AtomicU64 = AtomicU64::new(0);

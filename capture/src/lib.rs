@@ -38,7 +38,7 @@
 //! [`CaptureError`], one sentence for everything that can be wrong. A leaf, for those that make captures of one
 //! and those that light one live: [`LeafDescription`] and its [`LeafContents`], the [`LEAF_QUANTITIES`] with
 //! their ranges, [`LeafPreset`], and the folder of appearance textures, [`TextureImages`]. [`mod@atomic`] is for every
-//! program that writes files, [`cie`] for those that deal in spectra.
+//! program that writes files, [`glb`] for glTF among them, [`cie`] for those that deal in spectra.
 //!
 //! Not here: error metrics (they are the fitter's), and sets that are no full grid of views x lights.
 
@@ -48,11 +48,13 @@ mod bad_input;
 mod bonn;
 mod capture;
 pub mod cie;
+mod ciede;
 mod colour;
 mod direction;
 mod encode8;
 mod error;
 mod exr_image;
+pub mod glb;
 mod grid;
 mod images;
 mod info;
@@ -69,6 +71,7 @@ mod writer;
 
 pub use atomic::{AtomicFile, write_file_atomically};
 pub use capture::{Capture, MIN_LINEAR, Pixels};
+pub use ciede::{Lab, LabConverter, delta_e00, lab_from_linear};
 pub use colour::Transfer;
 pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 pub use encode8::Encoder8;
@@ -83,6 +86,7 @@ pub use leaf::texture_folder::{TEXTURES_NAME, TextureGrid, TextureImages, write_
 pub use leaf::texture_image::{MAX_TEXTURE_TEXELS, TextureKind};
 pub use radiance_map::RadianceMap;
 pub use source::SharedBytes;
+pub use spectrum::{rgb_of, rgb_weights};
 pub use stamp::FileStamp;
 pub use ubo2014::{ContainerInfo, ContainerKind, HeightMap};
 pub use writer::CaptureWriter;

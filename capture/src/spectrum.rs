@@ -23,7 +23,7 @@ pub(crate) fn wavelength_nm(name: &str) -> Option<f64> {
 /// of 1 everywhere is (1, 1, 1) exactly. Wavelengths outside the visible have weights near 0.
 ///
 /// `None` if two wavelengths are equal or there is none.
-pub(crate) fn rgb_weights(wavelengths_nm: &[f64]) -> Option<Vec<[f32; 3]>> {
+pub fn rgb_weights(wavelengths_nm: &[f64]) -> Option<Vec<[f32; 3]>> {
     let mut order: Vec<usize> = (0..wavelengths_nm.len()).collect();
     order.sort_by(|&a, &b| wavelengths_nm[a].total_cmp(&wavelengths_nm[b]));
     let (&first, &last) = (order.first()?, order.last()?);
@@ -55,7 +55,7 @@ pub(crate) fn rgb_weights(wavelengths_nm: &[f64]) -> Option<Vec<[f32; 3]>> {
 }
 
 /// Linear sRGB of the spectrum `values`, one value for each of `weights`.
-pub(crate) fn rgb_of(weights: &[[f32; 3]], values: &[f32]) -> [f32; 3] {
+pub fn rgb_of(weights: &[[f32; 3]], values: &[f32]) -> [f32; 3] {
     let mut rgb = [0f32; 3];
     for (weight, value) in weights.iter().zip(values) {
         for channel in 0..3 {

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
-use crate::atomic::{parent_of, sync_folder, temporary_sibling};
+use crate::atomic::{StagedFolder, sync_folder};
 use crate::bonn;
 use crate::capture::MIN_LINEAR;
 use crate::encode8::Encoder8;
@@ -23,27 +23,11 @@ use crate::manifest::{self, MANIFEST_NAME};
 #[derive(Debug)]
 pub struct CaptureWriter {
     path: PathBuf,
-    staging: Staging,
+    staging: StagedFolder,
     info: CaptureInfo,
     encoder: Encoder8,
     /// Which pairs have been written.
     written: Vec<AtomicBool>,
-}
-
-/// A folder that is removed when dropped, unless it was renamed away.
-#[derive(Debug)]
-struct Staging {
-    path: PathBuf,
-    kept: bool,
-}
-
-impl Drop for Staging {
-    fn drop(&mut self) {
-        if !self.kept {
-            // Nothing can be done about a failure here.
-            let _ = fs::remove_dir_all(&self.path);
-        }
-    }
 }
 
 impl CaptureWriter {
@@ -56,14 +40,10 @@ impl CaptureWriter {
     pub fn create(dir: impl AsRef<Path>, info: CaptureInfo) -> Result<CaptureWriter, CaptureError> {
         let dir = dir.as_ref();
         check_info(&info).map_err(|reason| CaptureError::BadOutput { path: dir.into(), reason })?;
-        refuse_non_empty(dir)?;
-        let failed = |source| CaptureError::write(dir, source);
-        fs::create_dir_all(parent_of(dir)).map_err(failed)?;
-        let staging_path = temporary_sibling(dir)?;
-        fs::create_dir(&staging_path).map_err(failed)?;
-        let staging = Staging { path: staging_path, kept: false };
+        let staging = StagedFolder::create(dir)?;
         for &view in info.views.directions() {
-            fs::create_dir(staging.path.join(bonn::folder_name(view))).map_err(failed)?;
+            let folder = staging.path().join(bonn::folder_name(view));
+            fs::create_dir(folder).map_err(|source| CaptureError::write(dir, source))?;
         }
         let encoder = Encoder8::new(&info);
         let written = (0..info.pair_count()).map(|_| AtomicBool::new(false)).collect();
@@ -113,7 +93,7 @@ impl CaptureWriter {
             }
         }
         .map_err(refused)?;
-        write_whole(&self.staging.path.join(relative), &bytes)
+        write_whole(&self.staging.path().join(relative), &bytes)
             .map_err(|source| CaptureError::write(&final_path, source))?;
         self.written[view * info.lights.len() + light].store(true, Ordering::Relaxed);
         Ok(())
@@ -136,7 +116,7 @@ impl CaptureWriter {
             return Err(refused(format!("it got {} values for {} x {} texels", values.len(), info.width, info.height)));
         }
         let bytes = exr_image::encode_map(values, info.width, info.height).map_err(refused)?;
-        let staged = self.staging.path.join(name);
+        let staged = self.staging.path().join(name);
         write_whole(&staged, &bytes)
             .and_then(|()| File::open(&staged)?.sync_all())
             .map_err(|source| CaptureError::write(&final_path, source))
@@ -147,38 +127,28 @@ impl CaptureWriter {
     /// # Errors
     /// [`CaptureError::BadOutput`] if an image was never written, [`CaptureError::OutputNotEmpty`]
     /// if something else filled the folder meanwhile, [`CaptureError::Write`]; nothing is left.
-    pub fn finish(mut self) -> Result<(), CaptureError> {
+    pub fn finish(self) -> Result<(), CaptureError> {
         let missing = self.written.iter().filter(|written| !written.load(Ordering::Relaxed)).count();
         let refused = |reason: String| CaptureError::BadOutput { path: self.path.clone(), reason };
         if missing > 0 {
             return Err(refused(format!("{missing} of its {} images were never written", self.written.len())));
         }
         let text = manifest::to_text(&self.info).map_err(refused)?;
-        let failed = |source| CaptureError::write(&self.path, source);
-        write_whole(&self.staging.path.join(MANIFEST_NAME), text.as_bytes())
+        write_whole(&self.staging.path().join(MANIFEST_NAME), text.as_bytes())
             .map_err(|source| CaptureError::write(&self.path.join(MANIFEST_NAME), source))?;
         // Synced at the end and in parallel: one by one while writing would wait for the disk at
         // every image.
         (0..self.written.len()).into_par_iter().try_for_each(|pair| {
             let lights = self.info.lights.len();
             let relative = self.relative_path(pair / lights, pair % lights);
-            File::open(self.staging.path.join(&relative))
+            File::open(self.staging.path().join(&relative))
                 .and_then(|file| file.sync_all())
                 .map_err(|source| CaptureError::write(&self.path.join(relative), source))
         })?;
         for &view in self.info.views.directions() {
-            sync_folder(&self.staging.path.join(bonn::folder_name(view)));
+            sync_folder(&self.staging.path().join(bonn::folder_name(view)));
         }
-        sync_folder(&self.staging.path);
-        refuse_non_empty(&self.path)?;
-        if self.path.exists() {
-            // Renaming onto an empty folder is not possible everywhere.
-            fs::remove_dir(&self.path).map_err(failed)?;
-        }
-        fs::rename(&self.staging.path, &self.path).map_err(failed)?;
-        self.staging.kept = true;
-        sync_folder(parent_of(&self.path));
-        Ok(())
+        self.staging.commit()
     }
 
     fn relative_path(&self, view: usize, light: usize) -> PathBuf {
@@ -204,20 +174,6 @@ fn check_info(info: &CaptureInfo) -> Result<(), String> {
         return Err(format!("its scale is {}; it must be a positive number", info.scale));
     }
     info.check_sides()
-}
-
-fn refuse_non_empty(dir: &Path) -> Result<(), CaptureError> {
-    match fs::read_dir(dir) {
-        Ok(mut entries) => match entries.next() {
-            None => Ok(()),
-            Some(_) => Err(CaptureError::OutputNotEmpty { path: dir.into() }),
-        },
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
-            Err(CaptureError::OutputNotEmpty { path: dir.into() })
-        }
-        Err(source) => Err(CaptureError::write(dir, source)),
-    }
 }
 
 /// Writes a file and closes it; the caller syncs.

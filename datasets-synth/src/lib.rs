@@ -22,6 +22,8 @@
 //! under a [`Finish`] of long-tailed [`Facets`], written by [`write_leather_capture`]. Both add one
 //! indirect [`Bounce`].
 //!
+//! Plants that bear such leaves, by L-systems, as instanced meshes in a glTF file: [`write_plants`] of [`PlantsParams`].
+//!
 //! Everything that is random comes from a seed; the number of threads never matters.
 //!
 //! Independent on purpose of the fitter and the decoder: nothing here knows the lobes that a
@@ -48,6 +50,7 @@ mod instruments;
 mod leaf;
 mod leather;
 mod optics;
+mod plants;
 mod surface;
 
 // What a leaf is belongs to whoever makes or lights one.
@@ -65,7 +68,7 @@ pub use leaf::capture::write_leaf_capture;
 pub use leaf::chlorosis::Chlorosis;
 pub use leaf::model::LeafModel;
 pub use leaf::patch::LeafParams;
-pub use leaf::textures::{AppearanceTextures, LeafLook};
+pub use leaf::textures::{AppearanceTextures, BladePlace, LeafLook};
 pub use leather::capture::write_leather_capture;
 pub use leather::facets::{FacetDirection, Facets};
 pub use leather::finish::{Finish, FinishParams, FinishView};
@@ -103,6 +106,9 @@ pub use optics::units::{
     SquareCentimetresPerGram, SquareCentimetresPerMicrogram,
 };
 pub use optics::walk::{Absorption, End, Walked, walk, walk_splitting};
+pub use plants::gltf::LEAF_EXTENSION;
+pub use plants::params::{CanopySize, Ground, MAX_PLANTS, MAX_UNIQUE_TRIANGLES, PlantsParams};
+pub use plants::write::{CANOPY_VARIATION, Existing, PlantsReport, write_plants};
 pub use surface::bounce::{Bounce, BouncedLight};
 pub use surface::capture::{HEIGHT_MAP_NAME, Progress, write_capture};
 pub use surface::capture_params::{CaptureParams, MAX_CAPTURE_SIZE, MAX_CAPTURE_THETA_DEG};

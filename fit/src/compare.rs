@@ -304,9 +304,9 @@ pub(crate) fn measure_decoder(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ciede::{LabConverter, delta_e00};
     use crate::sample_asset::{number, sample_asset_with};
     use btf_capture::{CaptureWriter, DirectionSet, ImageFormat, Transfer};
+    use btf_capture::{LabConverter, delta_e00};
     use btf_runtime::{ResidualKind, decode, pack};
     use std::path::Path;
 

@@ -8,6 +8,7 @@ use crate::gltf_textures::{GltfImage, GltfTextures};
 use crate::metrics::psnr_db_from_codes;
 use crate::monitor::Monitor;
 use btf_capture::Transfer;
+use btf_capture::glb::{F32, GlbBuffer, INDICES, TRIANGLES, U16, VERTICES, escaped, glb_from};
 use btf_runtime::{Form, Levels, Resident, VERSION, open, read_directory};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -21,15 +22,10 @@ pub const EXTENSION: &str = "BTF_materials_spmm";
 const WIDTH_M: f32 = 0.1;
 /// Pairs at which a texel's error is measured.
 const MEASURED_PAIRS: usize = 96;
-/// Words of glTF: an image's wrapping, filters, component types, primitive mode and uses of buffer views.
+/// Words of glTF: an image's wrapping and filters.
 const REPEAT: u32 = 10497;
 const LINEAR: u32 = 9729;
 const LINEAR_MIPMAP_LINEAR: u32 = 9987;
-const F32: u32 = 5126;
-const U16: u32 = 5123;
-const TRIANGLES: u32 = 4;
-const VERTICES: u32 = 34962;
-const INDICES: u32 = 34963;
 
 /// Where a viewer finds the asset.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -62,12 +58,6 @@ impl AssetPlace {
         let parts = path.components().map(|part| part.as_os_str().to_string_lossy().into_owned());
         Ok(AssetPlace::Uri(parts.map(|part| escaped(&part)).collect::<Vec<_>>().join("/")))
     }
-}
-
-/// A part of an address with everything but its unreserved characters (RFC 3986) escaped.
-fn escaped(part: &str) -> String {
-    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
-    part.bytes().map(|byte| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") }).collect()
 }
 
 /// A `.glb` file and what is to be said about it.
@@ -120,7 +110,7 @@ pub fn export_gltf(
         .transpose()?;
 
     let size_m = size_m(file.size_mm, [fit.width, fit.height]);
-    let mut buffer = Buffer::default();
+    let mut buffer = GlbBuffer::default();
     let asset = match &place {
         AssetPlace::Uri(uri) => json!({ "uri": uri }),
         AssetPlace::Embedded => json!({ "bufferView": buffer.push(&bytes, None) }),
@@ -142,7 +132,9 @@ pub fn export_gltf(
     }
     let material = Material { name, fit: &fit, textures: &textures, extension };
     let (document, extensions) = material.document(&mut buffer, size_m)?;
-    let glb = glb(document, buffer.bytes)?;
+    let glb = glb_from(&document, buffer.bytes).ok_or_else(|| {
+        FitError::Params("a .glb holds less than 4 GiB; leave --embed, so that the asset stays a file".into())
+    })?;
     Ok(GltfExport {
         glb,
         width: fit.width,
@@ -196,27 +188,6 @@ fn size_m(size_mm: Option<[f32; 2]>, texels: [usize; 2]) -> [f32; 2] {
     }
 }
 
-/// The binary chunk as it grows, and its views.
-#[derive(Default)]
-struct Buffer {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-}
-
-impl Buffer {
-    /// Puts bytes at the next multiple of 4; the number of their view comes back.
-    fn push(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
-        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        let mut view = json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len() });
-        if let Some(target) = target {
-            view["target"] = json!(target);
-        }
-        self.bytes.extend_from_slice(bytes);
-        self.views.push(view);
-        self.views.len() - 1
-    }
-}
-
 /// What the document is made of.
 struct Material<'a> {
     name: &'a str,
@@ -228,7 +199,7 @@ struct Material<'a> {
 
 impl Material<'_> {
     /// The JSON, with everything binary put into `buffer`; and the extensions that it uses.
-    fn document(self, buffer: &mut Buffer, size_m: [f32; 2]) -> Result<(Value, Vec<String>), FitError> {
+    fn document(self, buffer: &mut GlbBuffer, size_m: [f32; 2]) -> Result<(Value, Vec<String>), FitError> {
         let textures = self.textures;
         let mut images = Vec::new();
         for image in textures.images() {
@@ -317,28 +288,6 @@ impl Material<'_> {
         });
         Ok((document, used))
     }
-}
-
-/// The container: a header of three words and two chunks, each padded to whole words.
-fn glb(document: Value, mut binary: Vec<u8>) -> Result<Vec<u8>, FitError> {
-    let mut text = document.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    binary.resize(binary.len().next_multiple_of(4), 0);
-    let total = 12 + 8 + text.len() + 8 + binary.len();
-    let Ok(length) = u32::try_from(total) else {
-        return Err(FitError::Params(
-            "a .glb holds less than 4 GiB; leave --embed, so that the asset stays a file".into(),
-        ));
-    };
-    let mut out = Vec::with_capacity(total);
-    out.extend_from_slice(b"glTF");
-    out.extend([2, length].map(u32::to_le_bytes).as_flattened());
-    for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &binary)] {
-        out.extend((chunk.len() as u32).to_le_bytes());
-        out.extend_from_slice(kind);
-        out.extend_from_slice(chunk);
-    }
-    Ok(out)
 }
 
 #[cfg(test)]

@@ -19,7 +19,6 @@ mod byte_size;
 mod cache;
 mod candidates;
 mod checkpoint;
-mod ciede;
 mod compare;
 mod convert;
 mod coordinates;
@@ -76,7 +75,6 @@ mod validate;
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};
 pub use checkpoint::remove_finished_stages;
-pub use ciede::{Lab, LabConverter, delta_e00};
 pub use compare::{
     Comparison, MeasureParams, colour_pair_stride, layer_for_capture, measure, measure_images, side_words,
 };

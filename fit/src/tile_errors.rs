@@ -2,11 +2,11 @@
 //!
 //! A sum belongs to a texel or a tile and grows in the order of the pairs, so that no number depends on threads.
 
-use crate::ciede::{LabConverter, delta_e00};
 use crate::image_decoder::{ImageDecoder, PairPlan};
 use crate::metrics::ErrorSums;
 use crate::texel_tiles::{BasisWeights, TILE_TEXELS, TexelTile, TileRgb};
 use btf_capture::{CaptureInfo, Encoder8, ImageFormat, Pixels};
+use btf_capture::{LabConverter, delta_e00};
 use pulp::{Arch, Simd, WithSimd};
 
 /// 8-bit values per channel and texel of a tile; 0 behind the tile's last texel.

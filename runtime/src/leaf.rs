@@ -24,8 +24,8 @@ pub struct Leaf {
 }
 
 impl Leaf {
-    /// Lays out a leaf of `state` under `texture`. Costs what [`Leaf::set_state`] does, and 20 bytes and about 0.1
-    /// microseconds per texel.
+    /// Lays out a leaf of `state` under `texture`. Costs what [`Leaf::set_state`] does, and 21 bytes per
+    /// texel.
     ///
     /// # Errors
     /// [`LeafError::OutOfRange`] for a quantity that is not finite (beyond [`LeafState::check`]'s ranges it is evaluated at
@@ -60,8 +60,8 @@ impl Leaf {
         &self.state
     }
 
-    /// Changes the state and says which words changed; the textures stay. Costs about 0.1 ms, with another gloss some
-    /// milliseconds more, with unequal roughness ten times that.
+    /// Changes the state and says which words changed; the textures stay. docs/TRADE.md has the times: contents and
+    /// structure are for every frame, two unequal roughnesses are not.
     ///
     /// # Errors
     /// [`LeafError::OutOfRange`] for a quantity that is not finite; the leaf is as before.

@@ -8,7 +8,7 @@ pub const MOST_ABSORPTION: f32 = 80.0;
 /// has twice the last. Fitted to the least largest error by `cargo run --release -p btf-tests --example leaf_fits`.
 pub const THETA_P: f32 = 7.24335;
 /// See [`THETA_P`].
-pub const THETA_Q: [f32; 3] = [8.220059, 9.686888, 2.157773];
+pub const THETA_Q: [f32; 3] = [8.220058, 9.686885, 2.157772];
 
 /// `2 E3(k)` for `k >= 0`, 1 at 0 and falling to 0; relative error below 1e-12. For tables.
 ///

@@ -6,9 +6,9 @@
 //! | 1, 2, 3 | levels, texels in a row of level 0, its rows |
 //! | 4, 5 | mode, bands in use |
 //! | 6 to 9 | of the gloss: index, roughness along and across the veins, mean directional albedo |
-//! | [`BANDS_AT`] | [`LEAF_BANDS`] bands of [`BAND_WORDS`]: absorption per layer by chlorophyll, by carotenoids, by brown pigment and anthocyanins, by all else; shares of red, green and blue; transmittance of the interface from inside |
+//! | [`BANDS_AT`] | the bands of `BAND_SHARES`, [`BAND_WORDS`]: absorption per layer by chlorophyll, by carotenoids, by brown pigment and anthocyanins, by all else; shares of red, green and blue; transmittance of the interface from inside |
 //! | [`ALBEDO_AT`] | directional albedo of the gloss, [`ALBEDO_ROWS`] x [`ALBEDO_COLUMNS`] |
-//! | [`TABLE_AT`] | [`LEAF_BANDS`] tables of [`TABLE_ENTRIES`]: reflectance (low half) and transmittance (high half) in 1/65535 |
+//! | [`TABLE_AT`] | a table each of [`TABLE_ENTRIES`]: reflectance (low half) and transmittance (high half) in 1/65535 |
 //! | [`LEVELS_AT`] | first word of each level |
 //! | [`TEXELS_AT`] | texels, four words each, level after level, the top row first |
 //!

@@ -90,7 +90,7 @@ pub use leaf_body::LeafBody;
 pub use leaf_error::LeafError;
 pub use leaf_figures::{BAND_SHARES, LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
 pub use leaf_lobe::{LEAST_FACET, LEAST_HALF, MOST_EXPONENT};
-pub use leaf_optics::{CONE_DEG, LeafSpectrumRow, leaf_spectrum};
+pub use leaf_optics::{CONE_DEG, LeafSpectrumRow, leaf_body_spectrum, leaf_spectrum};
 pub use leaf_state::{LEAF_QUANTITIES, LeafMode, LeafQuantity, LeafState};
 pub use leaf_texture::{FACTOR_ONE, LeafTexel, LeafTexture, MOST_FACTOR, MOST_LEAF_SIDE};
 pub use leaf_theta::{MOST_ABSORPTION, THETA_P, THETA_Q, rational_theta, three_piece_theta};

@@ -1,7 +1,7 @@
 //! Fits the figures of the live leaf and prints them: `cargo run --release -p btf-tests --example leaf_fits`.
 //!
-//! The rational form of theta to the least largest error, by Gauss and Newton's steps under Lawson's weights; and the bands that
-//! stand for a spectrum: from 31 the one whose loss costs least is left out again and again, the others' shares of red, green
+//! The rational form of theta to the least largest error, by Remez's exchanges; and the bands that stand
+//! for a spectrum: from 31 the one whose loss costs least is left out again and again, the others' shares of red, green
 //! and blue fitted to the colours of random leaves, each channel's sum held at 1.
 
 use btf_synth::{RgbBands, RgbFromSpectrum, diffuse_transmission};
@@ -39,38 +39,51 @@ fn rational(k: f64, [a, q1, q2, q3]: [f64; 4]) -> (f64, [f64; 4]) {
     (value, per.map(|x| x / q))
 }
 
-/// The rational form of least largest error over 0 <= k <= 14, and that error.
+/// The rational form of least largest error over 0 <= k <= 14, and that error: least squares first, then exchanges of the
+/// five places where the error is largest, at which it is levelled with alternating signs [Remez 1934].
 fn fit_theta() -> ([f64; 4], f64) {
-    const POINTS: usize = 3000;
-    const ROUNDS: usize = 4000;
-    let ks: Vec<f64> = (1..=POINTS).map(|i| 14.0 * (i as f64 / POINTS as f64).powi(2)).collect();
-    let exact: Vec<f64> = ks.iter().map(|k| diffuse_transmission(*k)).collect();
-    let mut weights = vec![1.0; POINTS];
-    let (mut at, mut best) = ([7.0, 8.0, 9.5, 2.0], ([0.0; 4], f64::MAX));
-    for _ in 0..ROUNDS {
+    const POINTS: usize = 20_000;
+    const SQUARES: usize = 200;
+    const EXCHANGES: usize = 30;
+    let points: Vec<(f64, f64)> =
+        (1..=POINTS).map(|i| 14.0 * (i as f64 / POINTS as f64).powi(3)).map(|k| (k, diffuse_transmission(k))).collect();
+    let mut at = [7.0, 8.0, 9.5, 2.0];
+    for round in 1..=SQUARES {
         let (mut a, mut b) = (vec![vec![0.0; 4]; 4], vec![0.0; 4]);
-        let mut errors = Vec::with_capacity(POINTS);
-        for ((k, exact), weight) in ks.iter().zip(&exact).zip(&weights) {
+        for (k, exact) in &points {
             let (value, slopes) = rational(*k, at);
-            errors.push((exact - value).abs());
             for i in 0..4 {
-                b[i] += weight * slopes[i] * (exact - value);
+                b[i] += slopes[i] * (exact - value);
                 for j in 0..4 {
-                    a[i][j] += weight * slopes[i] * slopes[j];
+                    a[i][j] += slopes[i] * slopes[j];
                 }
             }
         }
-        let largest = errors.iter().copied().fold(0.0, f64::max);
-        if largest < best.1 {
-            best = (at, largest);
-        }
-        let step = solved(a, b);
-        at.iter_mut().zip(step).for_each(|(at, step)| *at += step);
-        weights.iter_mut().zip(&errors).for_each(|(weight, error)| *weight *= error / largest);
-        let sum: f64 = weights.iter().sum();
-        weights.iter_mut().for_each(|weight| *weight = (*weight / sum).max(1e-12));
+        // Damped at first: the four are nearly exchangeable.
+        (0..4).for_each(|i| a[i][i] *= 1.0 + 0.1 / (round * round) as f64);
+        at.iter_mut().zip(solved(a, b)).for_each(|(at, step)| *at += step);
     }
-    best
+    let error = |at: [f64; 4], (k, exact): (f64, f64)| exact - rational(k, at).0;
+    for _ in 0..EXCHANGES {
+        // The largest error between each change of sign and the next.
+        let mut peaks: Vec<(f64, f64)> = Vec::new();
+        for point in &points {
+            match peaks.last_mut() {
+                Some(peak) if error(at, *peak).signum() == error(at, *point).signum() => {
+                    if error(at, *point).abs() > error(at, *peak).abs() {
+                        *peak = *point;
+                    }
+                }
+                _ => peaks.push(*point),
+            }
+        }
+        peaks.truncate(5);
+        let rows = peaks.iter().zip([1.0, -1.0].into_iter().cycle());
+        let a = rows.map(|((k, _), sign)| rational(*k, at).1.into_iter().chain([sign]).collect()).collect();
+        let step = solved(a, peaks.iter().map(|peak| error(at, *peak)).collect());
+        at.iter_mut().zip(step).for_each(|(at, step)| *at += step);
+    }
+    (at, points.iter().map(|point| error(at, *point).abs()).fold(0.0, f64::max))
 }
 
 /// Spectra and their colours.

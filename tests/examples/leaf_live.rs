@@ -45,7 +45,7 @@ fn textures(random: &mut Random) -> LeafTexture {
 fn main() {
     let mut random = Random::new(1);
     let texture = textures(&mut random);
-    let mut direction = |random: &mut Random| {
+    let direction = |random: &mut Random| {
         let [x, y, z] = random.direction();
         [x, y, if random.below(2) == 0 { z } else { -z }]
     };

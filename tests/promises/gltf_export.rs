@@ -1,4 +1,4 @@
-//! An exported `.glb` passes the Khronos glTF validator, with the asset beside it and within it. Exported KTX2 files are
+//! An exported `.glb` passes the Khronos glTF validator, with the asset beside it and within it, and so do plants. Exported KTX2 files are
 //! read by a strict reader of others, and decoded from them alone, values are the asset's.
 //!
 //! `cargo xtask setup` installs the validator under the target folder; without it these tests are skipped, and counted
@@ -9,7 +9,9 @@ use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, Interpolation, Levels, ResidualKind, SurfaceSide, decode, open, pack, serial,
 };
+use btf_synth::{CanopySize, Existing, Ground, LeafDescription, PlantsParams, Species, TextureImages, write_plants};
 use serde_json::Value;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
@@ -92,6 +94,34 @@ fn the_validator_has_no_complaint_about_an_export_and_some_about_a_broken_one() 
             assert!(!complaints(&packages, &file).is_empty());
         }
     }
+}
+
+#[test]
+fn the_validator_has_no_complaint_about_plants_and_some_about_a_broken_canopy() {
+    let Some(packages) = packages() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for species in Species::ALL {
+        for (name, size) in [("plant.glb", CanopySize::Plants(1)), ("canopy.glb", CanopySize::Rows(2, 5))] {
+            let file = folder.path().join(format!("{} {name}", species.name()));
+            let ground = if size == CanopySize::Plants(1) { Ground::None } else { Ground::Soil };
+            let params =
+                PlantsParams { size, ground, variants: 3, branches: 60, leaves: 200, ..PlantsParams::of(species) };
+            let leaf = LeafDescription::of(Some(species), None);
+            let go_on = |_, _| ControlFlow::Continue(());
+            let told = write_plants(&file, &params, &leaf, TextureImages::default(), Existing::Refuse, &go_on).unwrap();
+            assert_eq!(complaints(&packages, &file), Vec::<Value>::new());
+            let report = judge(&packages, "validate.mjs", &file).unwrap();
+            assert_eq!(report["info"]["totalTriangleCount"], told.triangles_unique);
+        }
+    }
+    // Planted: a normal of length 2.
+    let file = folder.path().join("maize canopy.glb");
+    let mut broken = std::fs::read(&file).unwrap();
+    let up = [0.0f32, 1.0, 0.0].map(f32::to_le_bytes);
+    let at = broken.windows(12).rposition(|part| part == up.as_flattened()).expect("the soil faces up");
+    broken[at + 4..at + 8].copy_from_slice(&2f32.to_le_bytes());
+    std::fs::write(&file, broken).unwrap();
+    assert!(!complaints(&packages, &file).is_empty());
 }
 
 /// Values that the reader in Python decodes from a file, with how far they move where a cosine's last bit does.

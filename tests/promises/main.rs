@@ -8,6 +8,7 @@ mod expand_and_measure;
 mod gltf_export;
 mod leaf_colour;
 mod leaf_layers;
+mod live_canopy;
 mod live_leaf;
 mod measured_photographs;
 mod mitsuba_peers;

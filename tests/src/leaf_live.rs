@@ -14,7 +14,7 @@ pub fn random_states(seed: u64, count: usize) -> Vec<LeafState> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     (0..count)
         .map(|_| {
-            let mut within = |least: f32, most: f32| least + (most - least) * random.random::<f32>();
+            let mut within = |least: f32, most: f32| random.gen_range(least..most);
             let (dense, red, brown) = (within(0.0, 1.0), within(0.0, 1.0), within(0.0, 1.0));
             let plain = within(0.0, 1.0) < 0.4;
             LeafState {

@@ -1,7 +1,7 @@
 //! What the plate models and theta's forms lose, as figures: for the promises that hold them and for
 //! the example `leaf_trade`, which prints them beside times.
 
-use btf_fit::{Lab, delta_e00};
+use btf_capture::{delta_e00, lab_from_linear};
 use btf_synth::{
     BodyRgb, LeafContents, PlateBody, PlateModel, PlateOptics, RgbBands, RgbFromSpectrum, SpecificAbsorption,
     ThetaForm, diffuse_transmission, plate, plate_paper_absorption, plate_paper_of_theta, plate_spectrum,
@@ -9,9 +9,6 @@ use btf_synth::{
 };
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
-
-/// CIE XYZ from linear sRGB, IEC 61966-2-1.
-const XYZ_FROM_SRGB: [[f64; 3]; 3] = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
 
 /// The paper's index, of which printed eq. 6 is the plate.
 const PAPER_INDEX: f64 = 1.42;
@@ -35,16 +32,6 @@ impl Spread {
             differences.into_iter().fold((0f64, 0.0, 0usize), |(max, sum, count), x| (max.max(x), sum + x, count + 1));
         Spread { max, mean: sum / count.max(1) as f64 }
     }
-}
-
-/// L*a*b* of linear sRGB, whose white is (1, 1, 1); negative values are followed, not cut.
-pub fn lab_from_linear(rgb: [f64; 3]) -> Lab {
-    const DELTA: f64 = 6.0 / 29.0;
-    let f = XYZ_FROM_SRGB.map(|row| {
-        let t = (row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2]) / row.iter().sum::<f64>();
-        if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
-    });
-    [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
 }
 
 /// CIEDE2000 between two linear colours.

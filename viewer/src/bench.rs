@@ -1,19 +1,23 @@
-//! How the time of a frame grows: with lights, materials, coverage, resolution and residual components, and what the
-//! decoder's short cuts are worth. After figures 4 and 5 of Silva & Santos [silva2012].
+//! How the time of a frame grows: with lights, materials, coverage, resolution, residual components and triangles, and what
+//! the decoder's short cuts are worth. After figures 4 and 5 of Silva & Santos [silva2012].
 
 use crate::cpu::CpuPicture;
+use crate::crowd::crowd;
+use crate::daylight::Daylight;
 use crate::engine::Engine;
 use crate::error::ViewerError;
 use crate::gpu::BackendChoice;
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::headless::Control;
-use crate::options::{DecoderForm, RenderMode, ShadeOptions};
+use crate::leaf_trade::{LeafModeRow, leaf_mode_rows};
+use crate::options::{DecoderForm, RenderMode, ShadeOptions, SkyLight};
 use crate::picture::psnr_db;
-use crate::scene::{Ambient, MeshChoice, Scene, SceneAsset};
+use crate::scene::{Ambient, DaylightParts, MeshChoice, Outdoors, Scene, SceneAsset};
 use crate::trace::{PixelHit, Tracer};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, LobeRef};
 use glam::Vec3;
 use serde::Serialize;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -31,6 +35,9 @@ pub const REFERENCE_SAMPLES: u32 = 256;
 /// Rays of its paths at most.
 const REFERENCE_DEPTH: u32 = 6;
 
+/// Triangles of the canopy that [Miao] draws at 31 frames a second.
+const PAPER_TRIANGLES: u64 = 8_605_600;
+
 /// What is varied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -47,7 +54,9 @@ pub enum BenchKind {
     Components,
     /// The decoder without its short cuts, one by one.
     Ablations,
-    /// Error against the path-traced picture over time, for every setting of the dials.
+    /// Triangles: a model placed ever more often, under sun and sky with one ray each.
+    Triangles,
+    /// Error against the path-traced picture over time, for every setting of the dials; and of the modes of a live leaf.
     Trade,
 }
 
@@ -61,6 +70,7 @@ impl BenchKind {
             BenchKind::Resolution => "resolution",
             BenchKind::Components => "components",
             BenchKind::Ablations => "ablations",
+            BenchKind::Triangles => "triangles",
             BenchKind::Trade => "trade",
         }
     }
@@ -71,6 +81,8 @@ impl BenchKind {
 pub struct BenchParams {
     /// What is varied.
     pub kind: BenchKind,
+    /// For `triangles`, and for `resolution` where it is given: the model that is placed.
+    pub mesh: Option<PathBuf>,
     /// Width and height of the picture, pixels, where the size is not what is varied.
     pub size: [u32; 2],
     /// Which renderer.
@@ -84,7 +96,7 @@ pub struct BenchParams {
 /// A measured point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BenchRow {
-    /// The mesh.
+    /// The mesh, or `crowd` for a model of the user's.
     pub mesh: &'static str,
     /// What was changed, for `ablations`, and which light is followed, for `trade`.
     pub variant: &'static str,
@@ -117,8 +129,10 @@ pub struct BenchRow {
     pub spmm_evaluations: u64,
     /// Rays of a frame.
     pub rays: u64,
-    /// Triangles of the scene.
-    pub triangles: usize,
+    /// Triangles of the scene, each as often as it is placed.
+    pub triangles: u64,
+    /// Instances of meshes.
+    pub instances: usize,
 }
 
 /// A whole bench; the keys of `--json`.
@@ -140,6 +154,8 @@ pub struct BenchReport {
     pub resident_bytes: usize,
     /// The points.
     pub rows: Vec<BenchRow>,
+    /// For `trade`: the modes of a live leaf.
+    pub leaf_modes: Vec<LeafModeRow>,
 }
 
 /// Times every point of a bench; the report has what was measured, in a fixed order. `assets` are shown by the scenes in
@@ -181,6 +197,7 @@ pub fn run_bench(
         assets: assets.iter().map(|asset| asset.name.clone()).collect(),
         resident_bytes: assets.iter().map(|asset| 4 * asset.head().words().len()).sum(),
         rows,
+        leaf_modes: if params.kind == BenchKind::Trade { leaf_mode_rows()? } else { Vec::new() },
     })
 }
 
@@ -244,9 +261,24 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
             }
         }
         BenchKind::Resolution => {
-            let scene = scene(&MeshChoice::Cornell, assets)?;
+            let (name, scene, shade) = match &params.mesh {
+                Some(path) => ("crowd", outdoors(crowd(path, PAPER_TRIANGLES)?)?, by_normal(params.shade)),
+                None => ("cornell", scene(&MeshChoice::Cornell, assets)?, params.shade),
+            };
             for size in [[128, 128], [256, 256], [512, 512], [1024, 1024], [1920, 1080], [3840, 2160]] {
-                points.push(Point { size, ..point("cornell", scene.clone()) });
+                points.push(Point { size, shade, ..point(name, scene.clone()) });
+            }
+        }
+        BenchKind::Triangles => {
+            let path = params.mesh.as_ref().ok_or_else(|| {
+                ViewerError::Usage(
+                    "bench triangles needs a model: make one with `btf-synth plants maize.glb`, then add --mesh maize.glb"
+                        .into(),
+                )
+            })?;
+            for triangles in [100_000, 1_000_000, PAPER_TRIANGLES, 30_000_000, 100_000_000] {
+                let shade = by_normal(params.shade);
+                points.push(Point { shade, ..point("crowd", outdoors(crowd(path, triangles)?)?) });
             }
         }
         BenchKind::Components => {
@@ -301,6 +333,19 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
         }
     }
     Ok(points)
+}
+
+/// Under sun and sky.
+fn outdoors(mut scene: Scene) -> Result<Scene, ViewerError> {
+    let daylight = Daylight::new("2026-06-21T10:00+00:00", "40.0,0.0")?;
+    let light = daylight.sun_and_sky()?;
+    scene.stand_outdoors(Outdoors { daylight, parts: DaylightParts::Both }, light);
+    Ok(scene)
+}
+
+/// The sky by the normal's irradiance and one ray for what occludes it.
+fn by_normal(shade: ShadeOptions) -> ShadeOptions {
+    ShadeOptions { sky: SkyLight::Irradiance, ..shade }
 }
 
 /// Gives the scene's triangles to `count` materials in turn, one asset each: every material is everywhere in the picture.
@@ -466,7 +511,8 @@ fn row(point: &Point, frame_ms: f64, passes: Option<PassTimes>, frames: usize, h
         components: point.shade.decode.components.min(all),
         spmm_evaluations: hits.iter().map(|hit| u64::from(hit.evaluations)).sum(),
         rays: hits.iter().map(|hit| u64::from(hit.rays)).sum(),
-        triangles: scene.geometry.triangles().len(),
+        triangles: scene.geometry.placed_triangles(),
+        instances: scene.geometry.instances().len(),
     }
 }
 
@@ -477,7 +523,8 @@ mod tests {
     fn rows(kind: BenchKind) -> Vec<BenchRow> {
         let assets = [Arc::new(SceneAsset::built_in())];
         let shade = ShadeOptions::default();
-        let params = BenchParams { kind, size: [12, 12], backend: BackendChoice::Cpu, adapter: None, shade };
+        let params =
+            BenchParams { kind, mesh: None, size: [12, 12], backend: BackendChoice::Cpu, adapter: None, shade };
         run_bench(&assets, &params, &Control::SILENT).unwrap().rows
     }
 
@@ -505,6 +552,7 @@ mod tests {
             &[Arc::new(SceneAsset::built_in())],
             &BenchParams {
                 kind: BenchKind::Ablations,
+                mesh: None,
                 size: [16, 16],
                 backend: BackendChoice::Cpu,
                 adapter: None,

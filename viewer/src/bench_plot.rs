@@ -10,6 +10,7 @@ fn varied(kind: BenchKind, row: &BenchRow) -> f64 {
         BenchKind::Materials => row.materials as f64,
         BenchKind::Coverage => row.coverage.max(1e-3),
         BenchKind::Resolution => f64::from(row.width) * f64::from(row.height),
+        BenchKind::Triangles => row.triangles as f64,
         BenchKind::Trade => row.psnr_db.unwrap_or_default(),
         // One more, for the mean.
         BenchKind::Components => f64::from(row.components) + 1.0,
@@ -23,6 +24,7 @@ fn axis(kind: BenchKind) -> &'static str {
         BenchKind::Coverage => "share of the pixels that show an asset",
         BenchKind::Resolution => "pixels",
         BenchKind::Components => "components + 1",
+        BenchKind::Triangles => "triangles",
         BenchKind::Trade => "PSNR against the path-traced picture, dB",
     }
 }
@@ -106,6 +108,7 @@ mod tests {
             spmm_evaluations: 1,
             rays: 2,
             triangles: 3,
+            instances: 1,
         };
         BenchReport {
             bench: BenchKind::Lights,
@@ -116,6 +119,7 @@ mod tests {
             assets: vec!["a".into()],
             resident_bytes: 4,
             rows: [1, 4, 16].iter().flat_map(|n| [row("cornell", *n), row("shoe", *n)]).collect(),
+            leaf_modes: Vec::new(),
         }
     }
 

@@ -277,7 +277,7 @@ mod tests {
         let mut random = Random(0x1234_5678_9abc_def1);
         let placement = |i: usize| {
             let size = 0.05 + 0.1 * random.unit();
-            let scale = Vec3::new(if i % 3 == 0 { -size } else { size }, size * (0.5 + random.unit()), size);
+            let scale = Vec3::new(if i.is_multiple_of(3) { -size } else { size }, size * (0.5 + random.unit()), size);
             let turn = Quat::from_axis_angle(random.vector().normalize(), 6.0 * random.unit());
             Placement {
                 mesh: i % 2,

@@ -76,8 +76,10 @@ pub struct RenderReport {
     pub frames: u32,
     /// Lights.
     pub lights: usize,
-    /// Triangles.
-    pub triangles: usize,
+    /// Triangles, each as often as it is placed.
+    pub triangles: u64,
+    /// Instances of meshes.
+    pub instances: usize,
     /// If there is ambient light.
     pub ambient_occlusion: bool,
     /// If a picture of light surrounds the scene.
@@ -288,7 +290,8 @@ fn rendered(
         height,
         frames: params.frames,
         lights: scene.lights.len(),
-        triangles: scene.geometry.triangles().len(),
+        triangles: scene.geometry.placed_triangles(),
+        instances: scene.geometry.instances().len(),
         ambient_occlusion: scene.ambient.radiance.iter().any(|x| *x > 0.0),
         environment: scene.environment.is_some(),
         light_samples: params.shade.light_samples,

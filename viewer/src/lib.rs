@@ -5,15 +5,15 @@
 //!                                                      \---run_window--> a window
 //! ```
 //!
-//! One primary ray per pixel and sample, point lights with shadow rays, perfect mirrors, progressive ambient occlusion.
-//! Three backends trace the same rays over the same
-//! triangles and decode the same bytes: ray query (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in
+//! One primary ray per pixel and sample, point lights and the sun with shadow rays, skies, perfect mirrors, progressive ambient
+//! occlusion, traced paths. Surfaces are plain, packed assets, or leaves whose optics are evaluated live. Three backends trace the
+//! same rays over the same instances of meshes and decode the same bytes: ray query (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in
 //! storage buffers (`shaders/trace_bvh.wgsl`), and the CPU (`cpu.rs`), which is the reference. What they share on the
 //! GPU is `shaders/shade.wgsl`.
 //!
 //! Decoded values hold the cosine: radiance = intensity / distance^2 x visibility x decoded / pi.
 //!
-//! Limits: nearest texel, at most 2^24 triangles.
+//! Limits: an asset's nearest texel; at most 2^24 triangles, in at most 2^20 places.
 
 mod arena;
 mod atmosphere;
@@ -23,6 +23,7 @@ mod bvh;
 mod bvh_build;
 mod camera;
 mod cpu;
+mod crowd;
 mod daylight;
 mod engine;
 mod environment;
@@ -35,6 +36,7 @@ mod gpu_decode;
 mod gpu_expand;
 mod gpu_timer;
 mod headless;
+mod leaf_trade;
 mod mesh;
 mod mesh_file;
 mod models;
@@ -64,6 +66,7 @@ pub use bench_plot::bench_svg;
 pub use bvh::{AnyHit, BvhNode, Hit, NO_HIT};
 pub use camera::{Camera, CameraFrame, jitter};
 pub use cpu::{CpuPicture, Picked, pick};
+pub use crowd::crowd;
 pub use daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
 pub use environment::{Environment, MOST_COLUMNS};
 pub use error::ViewerError;
@@ -75,6 +78,7 @@ pub use gpu_decode::{DecodeQuery, gpu_decode};
 pub use gpu_expand::{gpu_expand, time_gpu_expand, time_upload};
 pub use gpu_timer::{GpuTimer, PassTimes};
 pub use headless::{Control, MAX_SIDE, RenderParams, RenderReport, Rendered, render, render_turntable};
+pub use leaf_trade::{LeafModeRow, leaf_mode_rows};
 pub use mesh::{MeshPart, cube, plane, quad, sphere};
 pub use mesh_file::{FileMesh, load_meshes};
 pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};

@@ -75,6 +75,9 @@ struct BenchArguments {
     kind: BenchKind,
     /// Packed assets [default: a small one that comes with the program]
     assets: Vec<PathBuf>,
+    /// Model that `triangles` places ever more often, and `resolution` if it is given: an .obj, .gltf or .glb file
+    #[arg(long, value_name = "FILE")]
+    mesh: Option<PathBuf>,
     /// Size of the picture in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "512x512")]
     size: [u32; 2],
@@ -343,6 +346,7 @@ fn measure(arguments: &BenchArguments) -> Result<(), ViewerError> {
     }
     let params = BenchParams {
         kind: arguments.kind,
+        mesh: arguments.mesh.clone(),
         size: arguments.size,
         backend: common.backend(),
         adapter: common.adapter.clone(),
@@ -358,21 +362,30 @@ fn measure(arguments: &BenchArguments) -> Result<(), ViewerError> {
         None if common.quiet => {}
         None => {
             println!("{} on {} ({}), {}", report.backend, report.adapter, report.timer, report.assets.join(", "));
-            println!("mesh       lights materials coverage       size components    ms a frame   dB  variant");
+            println!(
+                "mesh       lights materials coverage       size components  triangles    ms a frame   dB  variant"
+            );
             for row in &report.rows {
                 println!(
-                    "{:<10} {:>6} {:>9} {:>8.3} {:>10} {:>10} {:>13.3} {:>5} {} {}{}",
+                    "{:<10} {:>6} {:>9} {:>8.3} {:>10} {:>10} {:>10} {:>13.3} {:>5} {} {}{}",
                     row.mesh,
                     row.lights,
                     row.materials,
                     row.coverage,
                     format!("{}x{}", row.width, row.height),
                     row.components,
+                    row.triangles,
                     row.frame_ms,
                     row.psnr_db.map_or(String::new(), |psnr| format!("{psnr:.1}")),
                     row.interpolation,
                     row.variant,
                     if row.front { " *" } else { "" }
+                );
+            }
+            for row in &report.leaf_modes {
+                println!(
+                    "live leaf, {:<11}: Delta E00 {:.2} mean, {:.2} max; {:.0} ns for place and eye, {:.0} ns for a light",
+                    row.mode, row.delta_e00_mean, row.delta_e00_max, row.view_ns, row.light_ns
                 );
             }
         }

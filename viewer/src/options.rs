@@ -29,7 +29,7 @@ pub enum SkyLight {
     /// By rays towards its parts, each with its own radiance and its own occlusion: exact in the mean.
     #[default]
     Rays = 0,
-    /// By the irradiance of the surface's normal, times how much of the half space is open [Miao]: less noise, but what is
+    /// By the irradiance of the surface's normal, times how much of the half space is open (Miao): less noise, but what is
     /// bright and what is occluded are not told apart.
     Irradiance = 1,
 }

@@ -462,7 +462,7 @@ pub struct SceneMesh {
 
 impl SceneMesh {
     /// The parts of a file's mesh with the materials that `material` gives them.
-    fn of_file(mesh: FileMesh, mut material: impl FnMut(&MeshPart) -> Material) -> SceneMesh {
+    pub(crate) fn of_file(mesh: FileMesh, mut material: impl FnMut(&MeshPart) -> Material) -> SceneMesh {
         let object = |part: MeshPart| SceneObject { material: material(&part), part };
         SceneMesh { objects: mesh.parts.into_iter().map(object).collect(), places: mesh.places }
     }

@@ -24,7 +24,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::atomic::write_file_atomically;
+use crate::atomic::{StagedFolder, write_file_atomically};
 use crate::error::CaptureError;
 use crate::leaf::texture_image::{TextureImage, TextureKind};
 
@@ -156,7 +156,7 @@ impl TextureImages {
 
 /// Writes textures of a patch of `size_mm` into the new folder `dir`, with `textures.toml`: all cover `area_mm`
 /// (x and y of the lower left corner, width and height). `about` is a line for people. The structure has 8 bits,
-/// the others 16.
+/// the others 16. The folder appears whole or not at all.
 ///
 /// # Errors
 /// [`CaptureError::BadLeaf`] if `dir` holds files already or cannot be made, [`CaptureError::Write`] if a file
@@ -173,9 +173,7 @@ pub fn write_textures(
         let fault = "holds files already".to_string();
         return Err(CaptureError::bad_leaf(dir, fault, "give a folder that is new or empty"));
     }
-    fs::create_dir_all(dir).map_err(|error| {
-        CaptureError::bad_leaf(dir, format!("cannot be made ({error})"), "give a folder in a place that can be written")
-    })?;
+    let staging = StagedFolder::create(dir)?;
     let [left, bottom, area_width, area_height] = area_mm;
     // Writing to a string does not fail.
     let mut text = String::new();
@@ -189,7 +187,7 @@ pub fn write_textures(
     );
     for TextureGrid { kind, width, range, values } in textures {
         let image = TextureImage::from_values(*width, kind.channels(), values, *range);
-        let path = dir.join(format!("{}.png", kind.name()));
+        let path = staging.path().join(format!("{}.png", kind.name()));
         let bytes = image.encode(*kind != TextureKind::Structure).map_err(|error| {
             CaptureError::bad_leaf(&path, format!("cannot be encoded ({error})"), "report this with the command line")
         })?;
@@ -197,8 +195,8 @@ pub fn write_textures(
         let (name, [low, high]) = (kind.name(), range);
         let _ = write!(text, "\n# {}\n[{name}]\nlow = {low:?}\nhigh = {high:?}\n", kind.meaning());
     }
-    write_file_atomically(dir.join(TEXTURES_NAME), text.as_bytes())?;
-    Ok(())
+    write_file_atomically(staging.path().join(TEXTURES_NAME), text.as_bytes())?;
+    staging.commit()
 }
 
 fn check_shape(path: &Path, image: &TextureImage, area_mm: Option<AreaMm>) -> Result<(), CaptureError> {

@@ -37,7 +37,7 @@ pub(super) struct LookArgs {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum SpeciesName {
+pub(super) enum SpeciesName {
     /// Parallel veins, a wide midrib
     Maize,
     /// Pinnate, a fine reticulum, dull

@@ -7,6 +7,7 @@ mod leaf_file;
 mod leaf_look;
 mod leather;
 mod model;
+mod plants;
 mod spectrum;
 
 use std::io::Write;
@@ -45,6 +46,8 @@ enum Command {
     Goniophotometer(goniophotometer::GoniophotometerArgs),
     /// Photograph pebbled leather: grain, creases, pores and finish.
     Leather(leather::LeatherArgs),
+    /// Grow maize, soybean or trees: meshes and instances as a glTF file.
+    Plants(plants::PlantsArgs),
 }
 
 /// How the program ends.
@@ -76,6 +79,7 @@ pub fn run() -> ExitCode {
         Command::Spectrum(args) => spectrum::run(&args),
         Command::Goniophotometer(args) => goniophotometer::run(&args),
         Command::Leather(args) => leather::run(&args),
+        Command::Plants(args) => plants::run(&args),
     };
     let (sentence, code) = match result {
         Ok(()) => return ExitCode::SUCCESS,

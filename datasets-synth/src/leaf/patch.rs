@@ -72,7 +72,7 @@ impl LeafParams {
             capture: CaptureParams { seed: leaf.seed, ..CaptureParams::new(leaf.size_mm as f32) },
             contents: leaf.contents,
             gloss: leaf.gloss.into(),
-            look: LeafLook { species: leaf.species, chlorosis, images },
+            look: LeafLook { species: leaf.species, chlorosis, images, ..LeafLook::default() },
             ..LeafParams::default()
         }
     }

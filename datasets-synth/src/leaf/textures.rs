@@ -45,6 +45,18 @@ pub struct LeafLook {
     pub chlorosis: Option<Chlorosis>,
     /// The user's own textures.
     pub images: TextureImages,
+    /// Which place of the blade the patch is.
+    pub place: BladePlace,
+}
+
+/// Which place of the blade a patch is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum BladePlace {
+    /// A place beside the main vein, which crosses it left of the middle.
+    #[default]
+    Beside,
+    /// The blade from margin to margin: the main vein runs up the middle.
+    Whole,
 }
 
 impl LeafLook {
@@ -90,7 +102,11 @@ impl AppearanceTextures {
         params.check()?;
         let (grid, look, size_mm) = (params.grid(), &params.look, params.capture.size_mm);
         let traits = Traits::of(look.species);
-        let venation = Venation::new(&traits.venation, size_mm, grid.margin_mm, params.capture.seed);
+        let grow = match look.place {
+            BladePlace::Beside => Venation::new,
+            BladePlace::Whole => Venation::centred,
+        };
+        let venation = grow(&traits.venation, size_mm, grid.margin_mm, params.capture.seed);
         let texel_mm = params.capture.texel_mm();
         let relief = Relief::new(venation, traits, look.chlorosis, size_mm, texel_mm, params.capture.seed);
         let mut samples: Vec<TextureSample> = if look.images.has(TextureKind::Structure) {

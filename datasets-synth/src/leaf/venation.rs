@@ -33,6 +33,8 @@ pub(crate) enum Venation {
     Pinnate(PinnateVenation),
     /// All veins run along the blade: grasses.
     Parallel(ParallelVenation),
+    /// Others, moved row by row so that the main vein runs straight up at x = `middle_mm`.
+    Centred { veins: Box<Venation>, middle_mm: f32 },
 }
 
 impl Venation {
@@ -49,11 +51,24 @@ impl Venation {
         }
     }
 
+    /// The same with the main vein straight up the patch's middle, for a patch that is a whole blade. Directions of
+    /// veins keep the lean that the main vein had, a few degrees.
+    pub fn centred(traits: &VenationTraits, size_mm: f32, margin_mm: f32, seed: u64) -> Venation {
+        /// How far a main vein may be from the middle, as a share of the patch.
+        const FARTHEST: f32 = 0.35;
+        let veins = Venation::new(traits, size_mm, margin_mm + FARTHEST * size_mm, seed);
+        Venation::Centred { veins: Box::new(veins), middle_mm: 0.5 * size_mm }
+    }
+
     /// Where `position_mm` lies among the veins.
     pub fn site(&self, position_mm: [f32; 2]) -> VeinSite {
         match self {
             Venation::Pinnate(veins) => veins.site(position_mm),
             Venation::Parallel(veins) => veins.site(position_mm),
+            Venation::Centred { veins, middle_mm } => {
+                let [x, y] = position_mm;
+                veins.site([x - veins.site([*middle_mm, y]).across, y])
+            }
         }
     }
 }

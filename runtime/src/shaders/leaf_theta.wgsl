@@ -2,9 +2,9 @@
 
 const LEAF_MOST_ABSORPTION: f32 = 80.0;
 const LEAF_THETA_P: f32 = 7.24335;
-const LEAF_THETA_Q1: f32 = 8.220059;
-const LEAF_THETA_Q2: f32 = 9.686888;
-const LEAF_THETA_Q3: f32 = 2.157773;
+const LEAF_THETA_Q1: f32 = 8.220058;
+const LEAF_THETA_Q2: f32 = 9.686885;
+const LEAF_THETA_Q3: f32 = 2.157772;
 
 fn leaf_three_piece_theta(k: f32) -> f32 {
     if k <= 1.0 {

@@ -9,8 +9,10 @@ use btf_runtime::LeafMode;
 /// Length of a slider, points: the number and its unit stand beside it.
 const SLIDER_WIDTH: f32 = 88.0;
 
-/// The groups of sliders: their name, whether they are open at first, and what belongs to them.
-const GROUPS: [(&str, bool, fn(&LeafQuantity) -> bool); 5] = [
+/// A group of sliders: its name, whether it is open at first, and what belongs to it.
+type Group = (&'static str, bool, fn(&LeafQuantity) -> bool);
+
+const GROUPS: [Group; 5] = [
     ("contents", true, |quantity| quantity.section == "contents" && quantity.key != "structure"),
     ("structure", true, |quantity| quantity.key == "structure"),
     ("gloss", true, |quantity| quantity.section == "gloss"),

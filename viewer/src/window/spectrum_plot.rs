@@ -71,7 +71,8 @@ pub(crate) fn show_spectrum(ui: &mut egui::Ui, state: &LeafState) {
     }
     let foot = pos2(area.center().x, all.max.y);
     painter.text(foot, Align2::CENTER_BOTTOM, "wavelength, nm", font.clone(), ink);
-    let share_of: [(fn(&LeafSpectrumRow) -> f32, Color32, &str); 2] =
+    type Curve = (fn(&LeafSpectrumRow) -> f32, Color32, &'static str);
+    let share_of: [Curve; 2] =
         [(|row| row.reflectance, REFLECTED, "reflectance"), (|row| row.transmittance, TRANSMITTED, "transmittance")];
     for (number, (share, colour, name)) in share_of.into_iter().enumerate() {
         let point = |row: &LeafSpectrumRow| plot.place(row.wavelength_nm, share(row));

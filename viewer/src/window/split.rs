@@ -228,7 +228,8 @@ mod tests {
 
     #[test]
     fn assets_are_compared_with_each_other_as_before() {
-        let assets = vec![Arc::new(SceneAsset::built_in()); 2];
+        let asset = Arc::new(SceneAsset::built_in());
+        let assets = vec![asset.clone(), asset];
         let scene = Scene::built_in(&MeshChoice::Plane, assets, [1.0; 2]).unwrap();
         let mut split = Split::new(8.0);
         assert_eq!(

@@ -1,6 +1,6 @@
-//! Colour difference CIEDE2000 [Sharma 2005] of 8-bit values taken as sRGB under D65.
+//! Colour difference CIEDE2000 [Sharma 2005] of colours in sRGB's primaries under D65.
 
-use btf_capture::Transfer;
+use crate::colour::Transfer;
 
 /// A colour in CIE L*a*b*.
 pub type Lab = [f64; 3];
@@ -25,15 +25,19 @@ impl LabConverter {
 
     /// L*a*b* of one colour.
     pub fn lab(&self, rgb: [u8; 3]) -> Lab {
-        let linear = rgb.map(|code| self.linear[usize::from(code)]);
-        // White is the matrix's own, so that grey has no colour.
-        let f = XYZ_FROM_SRGB.map(|row| {
-            let white: f64 = row.iter().sum();
-            let value: f64 = row.iter().zip(linear).map(|(m, x)| m * x).sum();
-            lab_curve(value / white)
-        });
-        [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
+        lab_from_linear(rgb.map(|code| self.linear[usize::from(code)]))
     }
+}
+
+/// L*a*b* of linear sRGB; white is (1, 1, 1).
+pub fn lab_from_linear(linear: [f64; 3]) -> Lab {
+    // White is the matrix's own, so that grey has no colour.
+    let f = XYZ_FROM_SRGB.map(|row| {
+        let white: f64 = row.iter().sum();
+        let value: f64 = row.iter().zip(linear).map(|(m, x)| m * x).sum();
+        lab_curve(value / white)
+    });
+    [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
 }
 
 /// The cube root with its linear piece near black, CIE 15.

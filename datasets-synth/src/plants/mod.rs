@@ -1,0 +1,15 @@
+//! Plants: L-systems that a turtle turns into organs, organs into meshes, meshes into a canopy in a glTF file.
+
+pub(crate) mod blade;
+pub(crate) mod canopy;
+pub(crate) mod gltf;
+pub(crate) mod lsystem;
+pub(crate) mod maize;
+pub(crate) mod mesh;
+pub(crate) mod params;
+pub(crate) mod plant;
+pub(crate) mod soybean;
+pub(crate) mod tree;
+pub(crate) mod turtle;
+pub(crate) mod vec3;
+pub(crate) mod write;

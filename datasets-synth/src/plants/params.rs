@@ -1,0 +1,118 @@
+//! What plants are asked for.
+
+use btf_capture::Species;
+
+use crate::error::{SynthError, check_range, check_ranges};
+
+/// Most plants of a canopy.
+pub const MAX_PLANTS: usize = 10_000_000;
+
+/// Most unique triangles of a file: beyond, its indices and bytes no longer make sense for one.
+pub const MAX_UNIQUE_TRIANGLES: usize = 50_000_000;
+
+/// How many plants stand in a canopy.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CanopySize {
+    /// So many, in a field as square as rows allow.
+    Plants(usize),
+    /// Rows and plants in each.
+    Rows(usize, usize),
+    /// As many as bring the instanced triangles to at least this number.
+    Triangles(u64),
+}
+
+/// What lies below the plants.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ground {
+    /// Nothing.
+    None,
+    /// A rectangle of soil under the whole field.
+    Soil,
+}
+
+/// What plants to make, and where they stand. docs/PLANTS.md tells what each parameter does to each species.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlantsParams {
+    /// Species.
+    pub species: Species,
+    /// Growth from just emerged (0) to flowering, or to the full-grown tree (1).
+    pub stage: f64,
+    /// Mean leaf angle in degrees, 5 to 85. Maize: between stalk and midrib at the collar. Others: between the
+    /// horizontal and the blade.
+    pub leaf_angle_deg: f64,
+    /// Triangles of a blade, 4 to 4000; rounded to whole rows.
+    pub detail: usize,
+    /// Different plants, of which the canopy has instances; 1 to 1000, no more than there are plants.
+    pub variants: usize,
+    /// How many plants.
+    pub size: CanopySize,
+    /// Distance between rows in millimetres, 20 to 100000.
+    pub row_spacing_mm: f64,
+    /// Distance between plants in a row, the same.
+    pub spacing_mm: f64,
+    /// Branches of a full-grown tree, its trunk among them, 1 to 100000.
+    pub branches: usize,
+    /// Leaves of a full-grown tree, 1 to 1000000.
+    pub leaves: usize,
+    /// What lies below.
+    pub ground: Ground,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl PlantsParams {
+    /// One full-grown plant of a species, at its usual distances.
+    pub fn of(species: Species) -> PlantsParams {
+        let (leaf_angle_deg, detail, row_spacing_mm, spacing_mm) = match species {
+            Species::Maize => (35.0, 200, 750.0, 180.0),
+            Species::Soybean => (30.0, 40, 500.0, 80.0),
+            Species::Tree => (35.0, 8, 4000.0, 4000.0),
+        };
+        PlantsParams {
+            species,
+            stage: 1.0,
+            leaf_angle_deg,
+            detail,
+            variants: 8,
+            size: CanopySize::Plants(1),
+            row_spacing_mm,
+            spacing_mm,
+            branches: 2000,
+            leaves: 6000,
+            ground: Ground::None,
+            seed: 1,
+        }
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`SynthError::BadParameter`] for the first that is out of its range.
+    pub fn check(&self) -> Result<(), SynthError> {
+        check_ranges(&[
+            ("--stage", self.stage, 0.0, 1.0),
+            ("--leaf-angle-deg", self.leaf_angle_deg, 5.0, 85.0),
+            ("--detail", self.detail as f64, 4.0, 4000.0),
+            ("--variants", self.variants as f64, 1.0, 1000.0),
+            ("--row-spacing-mm", self.row_spacing_mm, 20.0, 100_000.0),
+            ("--spacing-mm", self.spacing_mm, 20.0, 100_000.0),
+            ("--branches", self.branches as f64, 1.0, 100_000.0),
+            ("--leaves", self.leaves as f64, 1.0, 1_000_000.0),
+        ])?;
+        let most = MAX_PLANTS as f64;
+        match self.size {
+            CanopySize::Plants(plants) => check_range("--plants", plants as f64, 1.0, most),
+            CanopySize::Rows(rows, columns) => {
+                check_ranges(&[("--rows", rows as f64, 1.0, most), ("--columns", columns as f64, 1.0, most)])?;
+                check_range("--rows times --columns", rows as f64 * columns as f64, 1.0, most)
+            }
+            CanopySize::Triangles(triangles) => check_range("--triangles", triangles as f64, 1.0, 1e12),
+        }
+    }
+}
+
+/// 0 below `from`, 1 above `to`, smooth between.
+pub(crate) fn smooth(from: f64, to: f64, x: f64) -> f64 {
+    let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}

@@ -1,0 +1,181 @@
+//! The files of a canopy: the `.glb`, the description of its leaves and their textures.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use btf_capture::{
+    CaptureError, Direction, DirectionSet, LeafDescription, PlantVariation, Species, TEXTURES_NAME, TextureImages,
+    TextureKind, glb, write_file_atomically,
+};
+
+use crate::error::SynthError;
+use crate::leaf::patch::LeafParams;
+use crate::leaf::textures::{AppearanceTextures, BladePlace, LeafLook};
+use crate::plants::canopy::Canopy;
+use crate::plants::gltf::canopy_glb;
+use crate::plants::maize::BLADE_WIDTH_M;
+use crate::plants::params::PlantsParams;
+use crate::plants::soybean::LEAFLET_LENGTH_M;
+use crate::plants::tree::LEAF_LENGTH_M;
+use crate::surface::capture::Progress;
+use crate::surface::capture_params::CaptureParams;
+
+/// Texels that a leaf's textures have beside the few of their margin; grids have two nodes a texel.
+const TEXTURE_TEXELS: usize = 256;
+
+/// What is done with files that are there already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Existing {
+    /// They stay, and nothing is written.
+    Refuse,
+    /// They are replaced: a `.glb`, a description, a folder that holds nothing but textures.
+    Replace,
+}
+
+/// The files of a canopy and what is in them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlantsReport {
+    /// Description of the leaves, beside the `.glb`.
+    pub leaf: PathBuf,
+    /// Folder of their textures.
+    pub textures: PathBuf,
+    /// Plants.
+    pub plants: usize,
+    /// Different plants.
+    pub variants: usize,
+    /// Triangles in the file.
+    pub triangles_unique: u64,
+    /// Triangles that are drawn.
+    pub triangles_instanced: u64,
+    /// Blades of all plants.
+    pub leaves: u64,
+    /// Area of one face of all blades.
+    pub leaf_area_m2: f64,
+    /// That area over the ground's.
+    pub leaf_area_index: f64,
+    /// Size of the `.glb`.
+    pub bytes: usize,
+}
+
+/// How plants of a canopy differ where the leaf's description does not say.
+pub const CANOPY_VARIATION: PlantVariation =
+    PlantVariation { chlorophyll: 0.12, carotenoid: 0.12, brown: 0.3, thickness: 0.06, seed: 1 };
+
+/// Grows a canopy and writes `glb` (its name ends in .glb), beside it `NAME-leaf.toml` and the folder `NAME-textures`.
+/// `leaf` says what the leaves hold and lack; the species and the patch's size are the plants'. The same parameters give
+/// the same bytes on any number of threads.
+///
+/// # Errors
+/// [`SynthError::BadParameter`]; [`SynthError::Capture`] for files that are there or cannot be written;
+/// [`SynthError::Stopped`]. Every file is whole or not there.
+pub fn write_plants(
+    glb: impl AsRef<Path>,
+    params: &PlantsParams,
+    leaf: &LeafDescription,
+    images: TextureImages,
+    existing: Existing,
+    progress: Progress,
+) -> Result<PlantsReport, SynthError> {
+    params.check()?;
+    let glb = glb.as_ref();
+    let files = Files::beside(glb)?;
+    files.check(existing)?;
+    let go_on = |done: usize| if progress(done, 3).is_break() { Err(SynthError::Stopped) } else { Ok(()) };
+    let canopy = Canopy::new(params)?;
+    go_on(1)?;
+    let leaf = LeafDescription {
+        species: Some(params.species),
+        size_mm: texture_size_mm(params.species),
+        textures: Some(files.textures_name.clone().into()),
+        ..leaf.clone()
+    };
+    let bytes = canopy_glb(&canopy, &leaf, &glb::escaped(&files.leaf_name))?;
+    let textures = AppearanceTextures::new(&texture_params(&leaf, images)?)?;
+    go_on(2)?;
+    if existing == Existing::Replace && files.textures.exists() {
+        fs::remove_dir_all(&files.textures)
+            .map_err(|source| CaptureError::Write { path: files.textures.clone(), source })?;
+    }
+    textures.export(&files.textures)?;
+    leaf.write(&files.leaf)?;
+    write_file_atomically(glb, &bytes)?;
+    let leaf_area_m2 = canopy.leaf_area_m2();
+    Ok(PlantsReport {
+        plants: canopy.instances.len(),
+        variants: canopy.variants.len(),
+        triangles_unique: canopy.unique_triangles(),
+        triangles_instanced: canopy.instanced_triangles(),
+        leaves: canopy.leaves(),
+        leaf_area_m2,
+        leaf_area_index: leaf_area_m2 / (canopy.area_per_plant_m2 * canopy.instances.len() as f64),
+        bytes: bytes.len(),
+        leaf: files.leaf,
+        textures: files.textures,
+    })
+}
+
+/// Width and height of what a species' textures cover: a blade from margin to margin, or a leaflet from base to tip.
+fn texture_size_mm(species: Species) -> f64 {
+    let metres = match species {
+        Species::Maize => BLADE_WIDTH_M,
+        Species::Soybean => LEAFLET_LENGTH_M,
+        Species::Tree => LEAF_LENGTH_M,
+    };
+    (1000.0 * metres).round()
+}
+
+/// What the textures are grown for: seen from straight above, so that they have next to no margin.
+fn texture_params(leaf: &LeafDescription, images: TextureImages) -> Result<LeafParams, SynthError> {
+    let described = LeafParams::described(leaf, images);
+    let above = DirectionSet::new(vec![Direction::new(0.0, 0.0)])?;
+    let capture = CaptureParams { size: TEXTURE_TEXELS / 2, views: above.clone(), lights: above, ..described.capture };
+    let look = LeafLook { place: BladePlace::Whole, ..described.look };
+    Ok(LeafParams { capture, look, ..described })
+}
+
+/// What is written beside the `.glb`.
+struct Files {
+    glb: PathBuf,
+    leaf: PathBuf,
+    leaf_name: String,
+    textures: PathBuf,
+    textures_name: String,
+}
+
+impl Files {
+    fn beside(glb: &Path) -> Result<Files, SynthError> {
+        let bad = |fault: &str| CaptureError::BadLeaf {
+            path: glb.into(),
+            fault: fault.into(),
+            remedy: "give a file name that ends in .glb",
+        };
+        let stem = glb.file_stem().and_then(|stem| stem.to_str()).ok_or_else(|| bad("has no name in Unicode"))?;
+        if glb.extension().is_none_or(|ending| ending != "glb") {
+            return Err(bad("does not end in .glb").into());
+        }
+        let (leaf_name, textures_name) = (format!("{stem}-leaf.toml"), format!("{stem}-textures"));
+        let (leaf, textures) = (glb.with_file_name(&leaf_name), glb.with_file_name(&textures_name));
+        Ok(Files { glb: glb.into(), leaf, leaf_name, textures, textures_name })
+    }
+
+    /// Refuses what must not be replaced.
+    fn check(&self, existing: Existing) -> Result<(), SynthError> {
+        let bad =
+            |path: &Path, fault: &str, remedy| CaptureError::BadLeaf { path: path.into(), fault: fault.into(), remedy };
+        if existing == Existing::Refuse {
+            let there = [&self.glb, &self.leaf, &self.textures].into_iter().find(|path| path.exists());
+            let remedy = "give another name, or --force to replace it";
+            return there.map_or(Ok(()), |path| Err(bad(path, "exists already", remedy).into()));
+        }
+        let Ok(listing) = fs::read_dir(&self.textures) else { return Ok(()) };
+        let ours = |name: &str| {
+            name == TEXTURES_NAME || TextureKind::ALL.iter().any(|kind| name.strip_suffix(".png") == Some(kind.name()))
+        };
+        for entry in listing.flatten() {
+            if !entry.file_name().to_str().is_some_and(ours) {
+                return Err(bad(&entry.path(), "is no texture", "move it out of that folder, which is replaced").into());
+            }
+        }
+        Ok(())
+    }
+}
