@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
 """Draws the pictures of docs/LEAF_LIVE.md.
 
-    leaf_pictures.py FOLDER canopy|contents|deficiencies|fitted [FRAMES]
+    leaf_pictures.py FOLDER canopy|contents|deficiencies|fitted|directions [FRAMES]
 
 Calls btf-synth, btf-fit and btf-view, which must be on the path, and decodes on the CPU. FOLDER is made, and what lies in it
-is used again. FRAMES are samples a pixel, 64 if not given: fewer are a preview. `fitted` prints FLIP, too. Needs numpy,
-pillow and, for `fitted`, flip-evaluator.
+is used again. FRAMES are samples a pixel, 64 if not given: fewer are a preview. `fitted` prints FLIP, too; `directions`, after
+it, what the fitted leaf has of the live one's light. Needs numpy, pillow and, for `fitted`, flip-evaluator.
 """
 import math
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy
 from PIL import Image, ImageDraw, ImageFont
 
 AFTERNOON = "2026-06-21T14:30+02:00"
@@ -19,6 +20,9 @@ AFTERNOON = "2026-06-21T14:30+02:00"
 CONTENTS = {"a": (40, 5, 0), "b": (25, 5, 0), "c": (10, 20, 0), "d": (0, 5, 0), "f, caption": (0, 5, 0.2), "f, text": (0, 0, 0)}
 SEVERITIES = (0.0, 0.3, 0.6, 0.8, 1.0)
 REPEATS = (1, 3, 9)
+# Polar angle and azimuth of light and eye, degrees.
+DIRECTIONS = ((0, 0, 10, 0), (30, 180, 30, 0), (30, 90, 30, 0), (60, 90, 30, 0), (60, 180, 30, 0), (60, 180, 60, 0), (75, 180, 60, 0),
+              (80, 180, 60, 0), (85, 180, 60, 0), (60, 0, 70, 0), (60, 90, 80, 0), (120, 180, 30, 0), (150, 180, 75, 0))
 
 
 def run(*command):
@@ -163,7 +167,41 @@ def fitted(folder, frames):
         run(sys.executable, flip, *(folder / f"{name}.png" for name in (f"live-{n}", f"fitted-{n}", "nothing")))
 
 
-PICTURES = {f.__name__: f for f in (canopy, contents, deficiencies, fitted)}
+def directions(folder, frames):
+    """Linear red, green and blue of a flat live leaf, and of the fitted one over them, by directions."""
+    def unit(polar, azimuth):
+        polar, azimuth = math.radians(polar), math.radians(azimuth)
+        return numpy.array([math.sin(polar) * math.cos(azimuth), math.sin(polar) * math.sin(azimuth), math.cos(polar)])
+
+    def mean(shown, light, eye):
+        path = folder / "direction.toml"
+        path.write_text(f"""exposure_ev = 1.0
+[camera]
+eye = {(6 * eye).tolist()}
+target = [0.0, 0.0, 0.0]
+fov_deg = 12.0
+[[material]]
+name = "m"
+{shown}
+[[object]]
+mesh = "plane"
+material = "m"
+[[light]]
+position = {(100 * light).tolist()}
+intensity = [31416.0, 31416.0, 31416.0]
+""")
+        codes = numpy.asarray(draw(path, "96x96", frames, "--quiet")) / 255
+        linear = numpy.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+        return linear[24:72, 24:72].mean((0, 1)) / 2
+
+    print("| light | eye | live | fitted / live |\n|---|---|---|---|")
+    for light, light_turn, eye, eye_turn in DIRECTIONS:
+        at = unit(light, light_turn), unit(eye, eye_turn)
+        live, asset = mean('leaf = "leaf.toml"', *at), mean('asset = "leaf.spmm"', *at)
+        print(f"| {light}, {light_turn} | {eye}, {eye_turn} |", *(f"{x:.4f}" for x in live), "|", *(f"{x:.2f}" for x in asset / live), "|")
+
+
+PICTURES = {f.__name__: f for f in (canopy, contents, deficiencies, fitted, directions)}
 
 
 def main():
