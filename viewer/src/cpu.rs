@@ -2,10 +2,11 @@
 
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::camera::{CameraFrame, jitter};
+use crate::material::{Body, Material};
 use crate::options::{RenderMode, ShadeOptions, SkyLight};
 use crate::relief::Relief;
 use crate::sampler;
-use crate::scene::{Body, Material, Scene};
+use crate::scene::Scene;
 use crate::surface::{LEAST_EYE_COS, Surface};
 use crate::trace::{GpuPixel, PixelHit};
 use crate::viewed_body::ViewedBody;

@@ -3,9 +3,10 @@
 use crate::camera::Camera;
 use crate::error::ViewerError;
 use crate::gltf_asset::own_bodies;
+use crate::material::{Material, Shown};
 use crate::mesh::MeshPart;
 use crate::mesh_file::{FileMesh, load_meshes};
-use crate::scene::{Material, Scene, SceneMesh, Shown};
+use crate::scene::{Scene, SceneMesh};
 use glam::{Mat4, Vec3};
 use std::path::Path;
 

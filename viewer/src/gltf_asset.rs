@@ -2,7 +2,8 @@
 //! `BTF_materials_leaf` (docs/PLANTS.md).
 
 use crate::error::ViewerError;
-use crate::scene::{Body, OwnBodies, SceneAsset};
+use crate::material::{Body, OwnBodies};
+use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
 use btf_runtime::{VERSION, read_directory};
 use serde_json::Value;

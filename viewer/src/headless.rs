@@ -310,9 +310,10 @@ fn rendered(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::material::Material;
     use crate::mesh;
     use crate::options::RenderMode;
-    use crate::scene::{Material, SceneObject};
+    use crate::scene::SceneObject;
     use std::path::Path;
 
     fn grey(part: mesh::MeshPart) -> SceneObject {

@@ -37,6 +37,7 @@ mod gpu_expand;
 mod gpu_timer;
 mod headless;
 mod leaf_trade;
+mod material;
 mod mesh;
 mod mesh_file;
 mod models;
@@ -48,6 +49,7 @@ mod plant_variation;
 mod relief;
 mod sampler;
 mod scene;
+mod scene_asset;
 mod scene_file;
 mod scene_leaf;
 mod shaders;
@@ -79,6 +81,7 @@ pub use gpu_expand::{gpu_expand, time_gpu_expand, time_upload};
 pub use gpu_timer::{GpuTimer, PassTimes};
 pub use headless::{Control, MAX_SIDE, RenderParams, RenderReport, Rendered, render, render_turntable};
 pub use leaf_trade::{LeafModeRow, leaf_mode_rows};
+pub use material::{Body, Material, OwnBodies, Shown};
 pub use mesh::{MeshPart, cube, plane, quad, sphere};
 pub use mesh_file::{FileMesh, load_meshes};
 pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
@@ -87,9 +90,10 @@ pub use pieces::PieceLayout;
 pub use plan::{Plan, PlannedAsset, plan};
 pub use plant_variation::plant_factors;
 pub use scene::{
-    AMBIENT_RADIANCE, Ambient, BACKGROUND, Body, DaylightParts, FileForm, LightRig, Material, MeshChoice, Outdoors,
-    OwnBodies, PointLight, Scene, SceneAsset, SceneMesh, SceneObject, Shown, UNKNOWN_SIZE_MM, intensity_for,
+    AMBIENT_RADIANCE, Ambient, BACKGROUND, DaylightParts, LightRig, MeshChoice, Outdoors, PointLight, Scene, SceneMesh,
+    SceneObject, intensity_for,
 };
+pub use scene_asset::{FileForm, SceneAsset, UNKNOWN_SIZE_MM};
 pub use scene_file::{load_scene, scene_with_assets};
 pub use scene_leaf::SceneLeaf;
 pub use shaders::{GpuTracer, ModuleLayout, trace_module};

@@ -1,8 +1,8 @@
 //! How the plants of a scene differ: factors on what the leaves of each placed mesh hold.
 
 use crate::geometry::Geometry;
+use crate::material::{Body, Material};
 use crate::sampler::{hash, two};
-use crate::scene::{Body, Material};
 use crate::scene_leaf::SceneLeaf;
 use btf_capture::PlantVariation;
 use std::f64::consts::TAU;
@@ -54,8 +54,9 @@ pub(crate) fn vary_plants(geometry: &mut Arc<Geometry>, materials: &[Material], 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::material::Shown;
     use crate::mesh;
-    use crate::scene::{Scene, SceneMesh, SceneObject, Shown};
+    use crate::scene::{Scene, SceneMesh, SceneObject};
     use btf_capture::LeafDescription;
     use btf_runtime::{LeafTexel, LeafTexture};
     use glam::{Mat4, Vec3};

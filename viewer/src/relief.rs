@@ -8,7 +8,8 @@
 
 use crate::bvh::Hit;
 use crate::geometry::Geometry;
-use crate::scene::{Material, Scene};
+use crate::material::Material;
+use crate::scene::Scene;
 use crate::surface::{Surface, corners_of};
 use btf_runtime::HeightField;
 use glam::{Vec2, Vec3};
@@ -176,7 +177,8 @@ mod tests {
     use crate::gpu::BackendChoice;
     use crate::mesh::{self, MeshPart};
     use crate::options::ShadeOptions;
-    use crate::scene::{PointLight, SceneAsset, SceneObject};
+    use crate::scene::{PointLight, SceneObject};
+    use crate::scene_asset::SceneAsset;
     use crate::{Camera, Control, RenderParams, Rendered, render};
     use btf_runtime::testing::sample_asset;
     use btf_runtime::{DictionaryLobe, Heights, Lobe, LobeFamily, LobeRef, ResidualKind};

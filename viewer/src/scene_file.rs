@@ -60,13 +60,12 @@ use crate::daylight::Daylight;
 use crate::environment::Environment;
 use crate::error::ViewerError;
 use crate::gltf_asset::own_bodies;
+use crate::material::{Body, Material, OwnBodies, Shown};
 use crate::mesh;
 use crate::mesh_file::{FileMesh, load_meshes};
 use crate::models;
-use crate::scene::{
-    Ambient, Body, DaylightParts, Material, Outdoors, OwnBodies, PointLight, Scene, SceneAsset, SceneMesh, SceneObject,
-    Shown,
-};
+use crate::scene::{Ambient, DaylightParts, Outdoors, PointLight, Scene, SceneMesh, SceneObject};
+use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;

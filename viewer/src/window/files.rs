@@ -2,8 +2,10 @@
 
 use crate::environment::Environment;
 use crate::error::ViewerError;
+use crate::material::Shown;
 use crate::picture::Picture;
-use crate::scene::{MeshChoice, Scene, SceneAsset, Shown};
+use crate::scene::{MeshChoice, Scene};
+use crate::scene_asset::SceneAsset;
 use crate::scene_file::load_scene;
 use btf_capture::atomic::create_folder;
 use std::path::{Path, PathBuf};

@@ -165,7 +165,8 @@ fn set_minutes(daylight: &mut Daylight, minutes: u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MeshChoice, PointLight, SceneAsset};
+    use crate::scene::{MeshChoice, PointLight};
+    use crate::scene_asset::SceneAsset;
     use glam::Vec3;
     use std::sync::Arc;
 

@@ -175,8 +175,9 @@ fn edited_path(leaf: &SceneLeaf) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::material::{Body, Material, Shown};
     use crate::mesh;
-    use crate::scene::{Body, Material, MeshChoice, SceneMesh, SceneObject, Shown};
+    use crate::scene::{MeshChoice, SceneMesh, SceneObject};
     use btf_capture::LEAF_QUANTITIES;
     use btf_runtime::{LeafTexel, LeafTexture, ViewedLeaf};
     use glam::{Mat4, Vec3};

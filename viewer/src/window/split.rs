@@ -3,8 +3,10 @@
 use super::physiology::LeafChange;
 use super::side::Side;
 use crate::gpu::Gpu;
+use crate::material::Body;
 use crate::options::{RenderMode, ShadeOptions};
-use crate::scene::{Body, Scene, SceneAsset};
+use crate::scene::Scene;
+use crate::scene_asset::SceneAsset;
 use btf_runtime::{DecodeOptions, Edits, Interpolation};
 use std::sync::Arc;
 
@@ -202,7 +204,8 @@ fn compared(against: Against, opened: Option<&Arc<SceneAsset>>, scene: &Scene, a
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MeshChoice, Shown};
+    use crate::material::Shown;
+    use crate::scene::MeshChoice;
     use crate::scene_leaf::SceneLeaf;
     use btf_capture::LeafDescription;
     use btf_runtime::{LeafTexel, LeafTexture};

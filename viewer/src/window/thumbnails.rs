@@ -3,7 +3,8 @@
 use crate::cpu::CpuPicture;
 use crate::options::ShadeOptions;
 use crate::picture::Picture;
-use crate::scene::{MeshChoice, Scene, SceneAsset};
+use crate::scene::{MeshChoice, Scene};
+use crate::scene_asset::SceneAsset;
 use std::sync::Arc;
 
 /// Pixels of a side.

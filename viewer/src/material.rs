@@ -1,0 +1,109 @@
+//! What surfaces are made of, and what their materials show.
+
+use crate::scene_asset::SceneAsset;
+use crate::scene_leaf::SceneLeaf;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What a scene's materials show, by number.
+#[derive(Debug, Clone, Default)]
+pub struct Shown {
+    /// Packed assets.
+    pub assets: Vec<Arc<SceneAsset>>,
+    /// Leaves.
+    pub leaves: Vec<SceneLeaf>,
+}
+
+impl From<Vec<Arc<SceneAsset>>> for Shown {
+    fn from(assets: Vec<Arc<SceneAsset>>) -> Shown {
+        Shown { assets, leaves: Vec::new() }
+    }
+}
+
+impl Shown {
+    /// All of it in order: assets, then leaves.
+    pub(crate) fn bodies(&self) -> Vec<Body> {
+        (0..self.assets.len()).map(Body::Asset).chain((0..self.leaves.len()).map(Body::Leaf)).collect()
+    }
+
+    /// How often the picture of a body fits into a millimetre, along u and v.
+    pub(crate) fn tiles_per_mm(&self, body: Body) -> [f32; 2] {
+        match body {
+            Body::Plain(_) => [1.0; 2],
+            Body::Asset(asset) => self.assets[asset].tiles_per_mm(),
+            Body::Leaf(leaf) => [1.0 / self.leaves[leaf].description.size_mm as f32; 2],
+        }
+    }
+
+    /// Adds what a file's own materials show, whose numbers in `bodies` are then those of this.
+    pub(crate) fn append(&mut self, own: OwnBodies) -> BTreeMap<usize, Body> {
+        let (assets, leaves) = (self.assets.len(), self.leaves.len());
+        self.assets.extend(own.shown.assets);
+        self.leaves.extend(own.shown.leaves);
+        let moved = |body| match body {
+            Body::Plain(_) => body,
+            Body::Asset(asset) => Body::Asset(asset + assets),
+            Body::Leaf(leaf) => Body::Leaf(leaf + leaves),
+        };
+        own.bodies.into_iter().map(|(group, body)| (group, moved(body))).collect()
+    }
+}
+
+/// What a file's own materials show.
+#[derive(Debug, Clone, Default)]
+pub struct OwnBodies {
+    /// What there is.
+    pub shown: Shown,
+    /// By number of the material, which is a part's group.
+    pub bodies: BTreeMap<usize, Body>,
+}
+
+/// What reflects and transmits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Body {
+    /// A plain diffuse surface: linear sRGB reflectance, 0 to 1.
+    Plain([f32; 3]),
+    /// Index into [`Scene::assets`].
+    Asset(usize),
+    /// Index into [`Scene::leaves`].
+    Leaf(usize),
+}
+
+/// What a triangle is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// What reflects and transmits.
+    pub body: Body,
+    /// Reflectance of a perfect mirror on top, RGB, 0 to 1; 0 for none. It adds to what lies below.
+    pub mirror: [f32; 3],
+    /// Factors on the texture coordinates: how often the asset is repeated.
+    pub uv_scale: [f32; 2],
+    /// What the asset's heights are multiplied by where they displace the surface: 1 as they are, 0 for none. The mesh is
+    /// where the highest point lies.
+    pub displacement: f32,
+}
+
+impl Material {
+    /// A material without a mirror.
+    pub fn new(body: Body, uv_scale: [f32; 2]) -> Material {
+        Material { body, mirror: [0.0; 3], uv_scale, displacement: 0.0 }
+    }
+
+    /// A material that shows asset number `asset`.
+    pub fn from_asset(asset: usize, uv_scale: [f32; 2]) -> Material {
+        Material::new(Body::Asset(asset), uv_scale)
+    }
+
+    /// A plain diffuse material.
+    pub fn plain(diffuse: [f32; 3]) -> Material {
+        Material::new(Body::Plain(diffuse), [1.0; 2])
+    }
+
+    /// Number of the asset that it shows.
+    pub fn asset(&self) -> Option<usize> {
+        match self.body {
+            Body::Asset(asset) => Some(asset),
+            _ => None,
+        }
+    }
+}
