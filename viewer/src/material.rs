@@ -63,9 +63,9 @@ pub struct OwnBodies {
 pub enum Body {
     /// A plain diffuse surface: linear sRGB reflectance, 0 to 1.
     Plain([f32; 3]),
-    /// Index into [`Scene::assets`].
+    /// Index into [`Shown::assets`].
     Asset(usize),
-    /// Index into [`Scene::leaves`].
+    /// Index into [`Shown::leaves`].
     Leaf(usize),
 }
 
