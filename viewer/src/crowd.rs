@@ -49,10 +49,7 @@ pub fn crowd(path: &Path, triangles: u64) -> Result<Scene, ViewerError> {
         sum += counts[all[kept].0];
         kept += 1;
     }
-    let material = |part: &MeshPart| match bodies.get(&part.group) {
-        Some(body) if part.has_uv => Material::new(*body, [1.0; 2]),
-        _ => Material::plain(part.diffuse),
-    };
+    let material = |part: &MeshPart| Material::of_part(part, bodies.get(&part.group).copied(), [1.0; 2]);
     let of_mesh = |(number, mesh): (usize, FileMesh)| {
         let places = all[..kept].iter().filter(|(mesh, _)| *mesh == number).map(|(_, place)| *place).collect();
         SceneMesh::of_file(FileMesh { places, ..mesh }, material)

@@ -5,7 +5,7 @@
 //! within. Directions are drawn from a table of the brightest of each pixel's neighbourhood, so that whatever is
 //! interpolated from can be drawn.
 
-use crate::sky_irradiance::SkyIrradiance;
+use crate::sky_irradiance::{irradiance_from_table, irradiance_table};
 use btf_capture::{CaptureError, RadianceMap};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
@@ -13,6 +13,8 @@ use std::path::Path;
 
 /// Columns at most; larger pictures are averaged down.
 pub const MOST_COLUMNS: usize = 1024;
+/// Columns at most of the picture that irradiance is summed from: those of a clear sky.
+const IRRADIANCE_PICTURE_COLUMNS: usize = 256;
 
 /// A sky, ready to be drawn from.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +24,6 @@ pub struct Environment {
     /// As the GPU has it: distribution of the rows (height + 1), of the columns of each row (width + 1 a row), radiance
     /// (3 a pixel); then irradiance by normal (see `sky_irradiance.rs`).
     table: Vec<f32>,
-    irradiance: SkyIrradiance,
 }
 
 impl Environment {
@@ -37,7 +38,7 @@ impl Environment {
 
     /// From linear radiance, `[row, column, rgb]`, finite and at least 0. Neither side is 0.
     pub fn new(width: usize, height: usize, rgb: &[f32]) -> Environment {
-        let (width, height, rgb) = averaged_down(width, height, rgb);
+        let (width, height, rgb) = averaged_down(width, height, rgb, MOST_COLUMNS);
         let brightest = |row: usize, column: usize| {
             let rows = row.saturating_sub(1)..(row + 2).min(height);
             let columns = [column + width - 1, column, column + 1].map(|column| column % width);
@@ -56,9 +57,10 @@ impl Environment {
         let mut table = distribution(&row_sums);
         table.extend(columns);
         table.extend(&rgb);
-        let irradiance = SkyIrradiance::new(width, height, &rgb);
-        table.extend(irradiance.table());
-        Environment { width, height, table, irradiance }
+        // A surface sums over so much of the picture that its details do not count.
+        let (columns, rows, coarse) = averaged_down(width, height, &rgb, IRRADIANCE_PICTURE_COLUMNS);
+        table.extend(irradiance_table(columns, rows, &coarse));
+        Environment { width, height, table }
     }
 
     /// Columns and rows.
@@ -98,7 +100,8 @@ impl Environment {
 
     /// Irradiance of a unit normal, without shadows.
     pub fn irradiance(&self, normal: Vec3) -> Vec3 {
-        self.irradiance.irradiance(normal).into()
+        let pixels = 3 * self.width * self.height;
+        irradiance_from_table(&self.table[self.pixels_at() + pixels..], normal)
     }
 
     /// A direction from two numbers in [0, 1).
@@ -156,9 +159,9 @@ fn distribution(weights: &[f64]) -> Vec<f32> {
     sums
 }
 
-/// A picture of at most [`MOST_COLUMNS`] columns, by the mean of square blocks.
-fn averaged_down(width: usize, height: usize, rgb: &[f32]) -> (usize, usize, Vec<f32>) {
-    let block = width.div_ceil(MOST_COLUMNS).max(height.div_ceil(MOST_COLUMNS / 2)).max(1);
+/// A picture of at most `most_columns` columns and half as many rows, by the mean of square blocks.
+fn averaged_down(width: usize, height: usize, rgb: &[f32], most_columns: usize) -> (usize, usize, Vec<f32>) {
+    let block = width.div_ceil(most_columns).max(height.div_ceil(most_columns / 2)).max(1);
     if block == 1 {
         return (width, height, rgb.to_vec());
     }

@@ -21,12 +21,8 @@ const LEAF_EXTENSION: &str = "BTF_materials_leaf";
 /// [`SceneAsset::load`] and [`SceneLeaf::load`].
 pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
     let mut own = OwnBodies::default();
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
-    if !["gltf", "glb"].contains(&extension.as_str()) {
-        return Ok(own);
-    }
+    let Some(gltf) = open(path)? else { return Ok(own) };
     let fault = |reason: String| ViewerError::mesh(path, reason);
-    let gltf = gltf::Gltf::open(path).map_err(|error| fault(format!("the glTF file cannot be read: {error}")))?;
     let mut loaded: BTreeMap<String, Body> = BTreeMap::new();
     for (number, material) in gltf.materials().enumerate() {
         if let Some(told) = material.extension_value(LEAF_EXTENSION) {
@@ -80,6 +76,28 @@ pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
         own.bodies.insert(number, body);
     }
     Ok(own)
+}
+
+/// Numbers of the materials of a glTF file that show something of their own, be it there or not; none of files of other kinds.
+///
+/// # Errors
+/// [`ViewerError::Mesh`] for a file that cannot be read.
+pub(crate) fn groups_with_own_bodies(path: &Path) -> Result<Vec<usize>, ViewerError> {
+    let Some(gltf) = open(path)? else { return Ok(Vec::new()) };
+    let has_own = |material: &gltf::Material| {
+        [EXTENSION, LEAF_EXTENSION].iter().any(|name| material.extension_value(name).is_some())
+    };
+    Ok(gltf.materials().enumerate().filter(|(_, material)| has_own(material)).map(|(number, _)| number).collect())
+}
+
+/// A glTF file, `None` for files of other kinds.
+fn open(path: &Path) -> Result<Option<gltf::Gltf>, ViewerError> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    if !["gltf", "glb"].contains(&extension.as_str()) {
+        return Ok(None);
+    }
+    let fault = |error| ViewerError::mesh(path, format!("the glTF file cannot be read: {error}"));
+    gltf::Gltf::open(path).map(Some).map_err(fault)
 }
 
 /// The file that an address in a glTF file means.
@@ -151,6 +169,25 @@ mod tests {
         let plain = write_gltf_with_material(dir.path(), &json!({}));
         assert!(own_bodies(&plain).unwrap().bodies.is_empty());
         assert!(Scene::built_in(&MeshChoice::File(plain), Vec::new(), [1.0; 2]).is_err());
+    }
+
+    #[test]
+    fn what_is_given_takes_the_place_of_what_a_file_points_at_and_has_not() {
+        let dir = tempfile::tempdir().unwrap();
+        for extension in [
+            json!({ EXTENSION: told(json!({ "uri": "gone.spmm" })) }),
+            json!({ LEAF_EXTENSION: { "leaf": "gone.toml" } }),
+        ] {
+            let path = write_gltf_with_material(dir.path(), &json!({ "extensions": extension }));
+            assert!(own_bodies(&path).unwrap_err().to_string().contains("gone."));
+            let mesh = MeshChoice::File(path);
+            assert!(Scene::built_in(&mesh, Vec::new(), [1.0; 2]).is_err());
+            let asset = Arc::new(SceneAsset::built_in());
+            for given in [vec![asset.clone()], vec![asset.clone(), asset]] {
+                let scene = Scene::built_in(&mesh, given, [1.0; 2]).unwrap();
+                assert_eq!(scene.materials[0].asset(), Some(0));
+            }
+        }
     }
 
     #[test]

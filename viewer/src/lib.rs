@@ -97,7 +97,6 @@ pub use scene_asset::{FileForm, SceneAsset, UNKNOWN_SIZE_MM};
 pub use scene_file::{load_scene, scene_with_assets};
 pub use scene_leaf::SceneLeaf;
 pub use shaders::{GpuTracer, ModuleLayout, trace_module};
-pub use sky_irradiance::{IRRADIANCE_COLUMNS, IRRADIANCE_ROWS, SkyIrradiance};
 pub use solar_spectrum::WHITE_ILLUMINANCE_LUX;
 pub use sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use trace::{NO_ASSET, PixelHit, Tracer};

@@ -1,5 +1,6 @@
 //! What surfaces are made of, and what their materials show.
 
+use crate::mesh::MeshPart;
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
 use std::collections::BTreeMap;
@@ -24,6 +25,15 @@ impl Shown {
     /// All of it in order: assets, then leaves.
     pub(crate) fn bodies(&self) -> Vec<Body> {
         (0..self.assets.len()).map(Body::Asset).chain((0..self.leaves.len()).map(Body::Leaf)).collect()
+    }
+
+    /// Whether a body is plain or one of these.
+    pub(crate) fn has(&self, body: Body) -> bool {
+        match body {
+            Body::Plain(_) => true,
+            Body::Asset(asset) => asset < self.assets.len(),
+            Body::Leaf(leaf) => leaf < self.leaves.len(),
+        }
     }
 
     /// How often the picture of a body fits into a millimetre, along u and v.
@@ -97,6 +107,14 @@ impl Material {
     /// A plain diffuse material.
     pub fn plain(diffuse: [f32; 3]) -> Material {
         Material::new(Body::Plain(diffuse), [1.0; 2])
+    }
+
+    /// That of a part of a file: `body`, if the part has texture coordinates, else plain in its own colour.
+    pub(crate) fn of_part(part: &MeshPart, body: Option<Body>, uv_scale: [f32; 2]) -> Material {
+        match body {
+            Some(body) if part.has_uv => Material::new(body, uv_scale),
+            _ => Material::plain(part.diffuse),
+        }
     }
 
     /// Number of the asset that it shows.

@@ -185,30 +185,26 @@ fn instances_of(node: &gltf::Node, gltf: &gltf::Gltf, buffers: &[gltf::buffer::D
             (accessor.data_type() == DataType::F32 && accessor.dimensions() == dimensions).then_some(Some(accessor))
         }
     };
-    let vectors = |name: &str, other: Vec3| -> Option<Box<dyn Iterator<Item = Vec3>>> {
-        Some(match accessor(name, Dimensions::Vec3)? {
-            Some(accessor) => {
-                Box::new(Iter::<[f32; 3]>::new(accessor, buffer)?.map(Vec3::from).collect::<Vec<_>>().into_iter())
-            }
-            None => Box::new(std::iter::repeat(other)),
-        })
-    };
-    let turns = accessor("ROTATION", Dimensions::Vec4)?;
-    let counts = ["TRANSLATION", "ROTATION", "SCALE"].map(|name| {
-        let dimensions = if name == "ROTATION" { Dimensions::Vec4 } else { Dimensions::Vec3 };
-        accessor(name, dimensions).flatten().map(|accessor| accessor.count())
-    });
-    let mut told = counts.into_iter().flatten();
-    let count = told.next()?;
-    if told.any(|other| other != count) {
+    let [translations, turns, scales] =
+        [("TRANSLATION", Dimensions::Vec3), ("ROTATION", Dimensions::Vec4), ("SCALE", Dimensions::Vec3)]
+            .map(|(name, dimensions)| accessor(name, dimensions));
+    let (translations, turns, scales) = (translations?, turns?, scales?);
+    let counts: Vec<usize> =
+        [&translations, &turns, &scales].into_iter().flatten().map(gltf::Accessor::count).collect();
+    let count = *counts.first()?;
+    if counts.iter().any(|other| *other != count) {
         return None;
     }
-    let turns: Box<dyn Iterator<Item = Quat>> = match turns {
-        Some(accessor) => Box::new(Iter::<[f32; 4]>::new(accessor, buffer)?.map(|q| Quat::from_array(q).normalize())),
-        None => Box::new(std::iter::repeat(Quat::IDENTITY)),
+    let vectors = |accessor: Option<gltf::Accessor>, other: Vec3| -> Option<Vec<Vec3>> {
+        let Some(accessor) = accessor else { return Some(vec![other; count]) };
+        Some(Iter::<[f32; 3]>::new(accessor, buffer)?.map(Vec3::from).collect())
     };
-    let placed = vectors("TRANSLATION", Vec3::ZERO)?.zip(turns).zip(vectors("SCALE", Vec3::ONE)?);
-    Some(placed.take(count).map(|((at, turn), scale)| Mat4::from_scale_rotation_translation(scale, turn, at)).collect())
+    let turns: Vec<Quat> = match turns {
+        Some(accessor) => Iter::<[f32; 4]>::new(accessor, buffer)?.map(|q| Quat::from_array(q).normalize()).collect(),
+        None => vec![Quat::IDENTITY; count],
+    };
+    let placed = vectors(translations, Vec3::ZERO)?.into_iter().zip(turns).zip(vectors(scales, Vec3::ONE)?);
+    Some(placed.map(|((at, turn), scale)| Mat4::from_scale_rotation_translation(scale, turn, at)).collect())
 }
 
 /// Whether all elements lie within the buffer view and that within its buffer; the crate's readers take it on trust.

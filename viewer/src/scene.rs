@@ -5,7 +5,7 @@ use crate::daylight::{Daylight, SKY_SIZE, SunAndSky};
 use crate::environment::Environment;
 use crate::error::ViewerError;
 use crate::geometry::{Geometry, Mesh, Placement, Triangle};
-use crate::gltf_asset::own_bodies;
+use crate::gltf_asset::{groups_with_own_bodies, own_bodies};
 use crate::material::{Body, Material, Shown};
 use crate::mesh::{self, MeshPart};
 use crate::mesh_file::{FileMesh, load_meshes};
@@ -318,10 +318,9 @@ impl Scene {
     /// A mesh file; see [`Scene::built_in`].
     fn of_file(path: &Path, mut shown: Shown, uv_scale: [f32; 2]) -> Result<Scene, ViewerError> {
         let given = shown.bodies();
-        let own = own_bodies(path)?;
         let bodies: BTreeMap<usize, Body> = match given.as_slice() {
-            [] => shown.append(own),
-            [one] => own.bodies.keys().map(|group| (*group, *one)).collect(),
+            [] => shown.append(own_bodies(path)?),
+            [one] => groups_with_own_bodies(path)?.into_iter().map(|group| (group, *one)).collect(),
             _ => given.iter().copied().enumerate().collect(),
         };
         if given.is_empty() && bodies.is_empty() {
@@ -331,10 +330,7 @@ impl Scene {
             [one] if bodies.is_empty() => Some(*one),
             _ => bodies.get(&part.group).copied(),
         };
-        let material = |part: &MeshPart| match body_of(part) {
-            Some(body) if part.has_uv => Material::new(body, uv_scale),
-            _ => Material::plain(part.diffuse),
-        };
+        let material = |part: &MeshPart| Material::of_part(part, body_of(part), uv_scale);
         let meshes: Vec<SceneMesh> =
             load_meshes(path)?.into_iter().map(|mesh| SceneMesh::of_file(mesh, material)).collect();
         let plain = |object: &SceneObject| matches!(object.material.body, Body::Plain(_));
@@ -445,14 +441,13 @@ fn joined_mesh(
 ) -> Result<Mesh, ViewerError> {
     let mut mesh = Mesh::default();
     for SceneObject { part, material } in objects {
-        let plain = matches!(material.body, Body::Plain(_));
-        if !plain && !shown.bodies().contains(&material.body) {
+        if !shown.has(material.body) {
             return Err(ViewerError::mesh(
                 origin,
                 format!("the part '{}' names an asset or a leaf that is not there", part.name),
             ));
         }
-        if !plain && !part.has_uv {
+        if !matches!(material.body, Body::Plain(_)) && !part.has_uv {
             return Err(ViewerError::mesh(
                 origin,
                 format!(

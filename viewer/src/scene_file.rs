@@ -339,10 +339,9 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
             let mut placed = Vec::new();
             for mut part in parts {
                 let name = entry.parts.get(&part.name).or(entry.material.as_ref());
-                let material = match (name, bodies.get(&part.group)) {
-                    (Some(name), _) => find(name)?,
-                    (None, Some(body)) if part.has_uv => Material::new(*body, [1.0; 2]),
-                    (None, _) => Material::plain(part.diffuse),
+                let material = match name {
+                    Some(name) => find(name)?,
+                    None => Material::of_part(&part, bodies.get(&part.group).copied(), [1.0; 2]),
                 };
                 // What stands in several places has the size of the first.
                 let size = match places.as_slice() {

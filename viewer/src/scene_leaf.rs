@@ -118,8 +118,7 @@ fn state_of(description: &LeafDescription, mode: LeafMode) -> LeafState {
 /// The textures of a patch of `size_mm` on the decoder's grid; what there is no image of is as in a leaf without textures.
 fn texture_of(images: &TextureImages, size_mm: f32) -> LeafTexture {
     let [_, _, area_mm, _] = images.area_mm(size_mm);
-    let finest = images.kinds().filter_map(|kind| images.grid(kind)).map(|grid| grid.width).max();
-    let Some(finest) = finest else { return LeafTexture::uniform(LeafTexel::default()) };
+    let Some(finest) = images.finest_width() else { return LeafTexture::uniform(LeafTexel::default()) };
     let side = ((finest as f64 * f64::from(size_mm) / area_mm).round() as usize).clamp(1, MOST_TEXELS);
     let texel_mm = size_mm / side as f32;
     let texel = |number: usize| {
@@ -156,6 +155,21 @@ fn texture_of(images: &TextureImages, size_mm: f32) -> LeafTexture {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_evaluated_and_what_is_described_have_the_same_ranges() {
+        let described = |key: &str| {
+            btf_capture::LEAF_QUANTITIES
+                .iter()
+                .find(|quantity| [quantity.key, "gloss_index"][usize::from(quantity.key == "index")] == key)
+                .unwrap()
+        };
+        for quantity in btf_runtime::LEAF_QUANTITIES {
+            assert_eq!(quantity.range, described(quantity.key).range.map(|end| end as f32), "{}", quantity.key);
+        }
+        // Planted: ranges of two quantities are told apart.
+        assert_ne!(described("brown").range, described("structure").range);
+    }
 
     #[test]
     fn a_saved_leaf_finds_its_textures_from_wherever_it_lies() {

@@ -226,6 +226,13 @@ mod tests {
             constant(&module, "LIGHT_CANDIDATES"),
             Some(naga::Literal::U32(crate::cpu::LIGHT_CANDIDATES as u32))
         );
+        for (name, value) in [
+            ("IRRADIANCE_ROWS", crate::sky_irradiance::IRRADIANCE_ROWS as u32),
+            ("IRRADIANCE_COLUMNS", crate::sky_irradiance::IRRADIANCE_COLUMNS as u32),
+            ("SKY_IRRADIANCE", crate::SkyLight::Irradiance as u32),
+        ] {
+            assert_eq!(constant(&module, name), Some(naga::Literal::U32(value)), "{name}");
+        }
         assert_eq!(constant(&module, "MODE_PATH"), Some(naga::Literal::U32(crate::RenderMode::Path as u32)));
         for (name, value) in crate::bvh::CONSTANTS
             .iter()

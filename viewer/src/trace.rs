@@ -205,7 +205,6 @@ impl Tracer {
                 None => ArenaAsset::whole(asset.resident().words()),
             })
             .collect();
-        // Then leaves, then the environment.
         assets.extend(scene.leaves.iter().map(|leaf| ArenaAsset::whole(leaf.leaf.words())));
         let environment = scene.environment.iter().map(|environment| bytemuck::cast_slice(environment.table()));
         assets.extend(environment.map(ArenaAsset::whole));
@@ -306,13 +305,13 @@ impl Tracer {
 
     /// Takes over the words of a leaf that a change of its state touched.
     pub fn update_leaf(&self, gpu: &Gpu, scene: &Scene, leaf: usize, range: std::ops::Range<usize>) {
-        self.arena.write(gpu, scene.assets.len() + leaf, scene.leaves[leaf].leaf.words(), range);
+        self.arena.write(gpu, leaf_place(scene, leaf), scene.leaves[leaf].leaf.words(), range);
     }
 
     /// Takes over the light that surrounds the scene; `false` if it needs more room than there is, and the scene must be
     /// uploaded anew.
     pub fn update_environment(&self, gpu: &Gpu, scene: &Scene) -> bool {
-        let at = scene.assets.len() + scene.leaves.len();
+        let at = environment_place(scene);
         let Some(environment) = &scene.environment else { return true };
         let words = bytemuck::cast_slice(environment.table());
         at < self.arena.bases.len() && self.arena.write(gpu, at, words, 0..words.len())
@@ -488,7 +487,7 @@ impl Tracer {
             asset: material.asset().map_or(NO_ASSET, |asset| self.arena.bases[asset]),
             mirror: material.mirror,
             leaf: match material.body {
-                Body::Leaf(leaf) => self.arena.bases[scene.assets.len() + leaf],
+                Body::Leaf(leaf) => self.arena.bases[leaf_place(scene, leaf)],
                 _ => NO_ASSET,
             },
             uv_scale: material.uv_scale,
@@ -540,7 +539,7 @@ impl Tracer {
             rows: band.rows,
             mode: options.mode as u32,
             light_samples: options.light_samples,
-            environment_at: self.arena.bases.get(scene.assets.len() + scene.leaves.len()).copied().unwrap_or(0),
+            environment_at: self.arena.bases.get(environment_place(scene)).copied().unwrap_or(0),
             environment: scene.environment.as_ref().map_or([0; 2], |environment| environment.size()),
             pixel_width: camera.pixel_width(),
             levels: options.uses_levels().into(),
@@ -604,6 +603,16 @@ impl Tracer {
         }
         Ok(pixels)
     }
+}
+
+/// Number of a leaf in the arena, which holds assets, then leaves, then the environment.
+fn leaf_place(scene: &Scene, leaf: usize) -> usize {
+    scene.assets.len() + leaf
+}
+
+/// Number of the environment.
+fn environment_place(scene: &Scene) -> usize {
+    leaf_place(scene, scene.leaves.len())
 }
 
 /// The bases that `gpu` is to expand itself; `None` where the CPU does, or has.

@@ -138,6 +138,11 @@ impl TextureImages {
         self.area_mm.unwrap_or([0.0, 0.0, size, size])
     }
 
+    /// Texels in a row of the widest image; `None` without any.
+    pub fn finest_width(&self) -> Option<usize> {
+        self.images.iter().flatten().map(|(image, _)| image.size()[0]).max()
+    }
+
     /// The texture of a kind as numbers, if there is an image of it. Costs 4 bytes per texel and channel.
     pub fn grid(&self, kind: TextureKind) -> Option<TextureGrid> {
         let (image, range) = self.images[kind as usize].as_ref()?;
