@@ -43,6 +43,9 @@ pub enum FitError {
         /// What helps.
         remedy: &'static str,
     },
+    /// A model of which no volume can be made. Remedy: as the message says.
+    #[error("{0}")]
+    Voltex(String),
     /// Options that do not go together or are out of range.
     #[error("{0}")]
     Params(String),
