@@ -1,7 +1,7 @@
 //! A volume's file, `.voltex`: the container of [`crate::container`] with a description, the materials and the levels, the coarsest
 //! first, each of which ends a tier. Normative text: docs/VOLTEX.md.
 
-use super::codes::VoxelCodes;
+use super::codes::{DENSITY_STEPS, VoxelCodes};
 use super::coding::{CodedVoxel, LEAST_DECISIONS, code_children, code_masks};
 use super::error::{VOLTEX_NAMES, VoltexError};
 use super::rule;
@@ -181,6 +181,11 @@ pub fn read_voltex_directory(bytes: &[u8]) -> Result<Directory<VoltexHead>, Volt
 }
 
 impl Volume {
+    /// Whether these bytes begin like a volumetric texture's.
+    pub fn is_one(bytes: &[u8]) -> bool {
+        bytes.starts_with(&VOLTEX_NAMES.magic)
+    }
+
     /// The volume's bytes: what is written to a `.voltex` file. Voxels lose what [`VoxelCodes`] do not hold.
     ///
     /// Errors name the rule of docs/VOLTEX.md that the volume breaks.
@@ -304,9 +309,14 @@ fn level_stream(coarser: &[([u32; 3], CodedVoxel)], level: &[([u32; 3], CodedVox
     coder.finish()
 }
 
-/// Stands for the parent of the coarsest level's voxel: its density is 1, and its child has all of it.
-const ROOT_PARENT: [(CodedVoxel, u8); 1] =
-    [(CodedVoxel { codes: VoxelCodes { density: 0, axis: 0, ratios: [0; 2], angles: [0; 3] }, material: 0 }, u8::MAX)];
+/// Stands for the parent of the coarsest level's voxel, its only child, of which density 1 is expected.
+const ROOT_PARENT: [(CodedVoxel, u8); 1] = [(
+    CodedVoxel {
+        codes: VoxelCodes { density: -3 * DENSITY_STEPS, axis: 0, ratios: [0; 2], angles: [0; 3] },
+        material: 0,
+    },
+    1,
+)];
 
 /// The volume whose directory is known, going on behind a fault with every section that can be read without those at fault. `None`
 /// where anything is at fault.
