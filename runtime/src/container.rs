@@ -81,7 +81,7 @@ pub(crate) trait FileFormat {
 /// One row of the section table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SectionEntry {
-    /// Number of the kind (see [`crate::SectionKind`]; unknown ones may stand here).
+    /// Number of the kind (see [`crate::SectionKind`] and [`crate::voltex::VoltexSection`]; unknown ones may stand here).
     pub kind: u32,
     /// Layer, or 0 for sections of the whole asset.
     pub layer: u32,
@@ -134,7 +134,7 @@ pub fn checksum(bytes: &[u8]) -> u64 {
 /// A file's header with its tables, checked.
 #[derive(Debug, Clone)]
 pub struct Directory<H = crate::format::Head> {
-    /// The header's description of the asset.
+    /// What the header says of the whole file.
     pub head: H,
     /// Section table, whole file.
     pub sections: Vec<SectionEntry>,
@@ -144,7 +144,7 @@ pub struct Directory<H = crate::format::Head> {
     pub tier: usize,
     /// Numbers of the sections whose checksum is wrong; none in what is read without a fault.
     pub(crate) damaged: Vec<usize>,
-    /// Checksum of header and tables, which hold those of all sections: what tells one asset from another.
+    /// Checksum of header and tables, which hold those of all sections: what tells one file from another.
     pub checksum: u64,
 }
 

@@ -220,7 +220,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
             // A volume whose last section does not fill its last sixteen bytes.
             let unfilled = (0..).map(|seed| sample_volume(seed, 3, 9).pack().unwrap()).find(|bytes| {
                 let last = *read_voltex_directory(bytes).unwrap().sections.last().unwrap();
-                (last.offset + last.length) % 16 != 0
+                !(last.offset + last.length).is_multiple_of(16)
             });
             let mut bytes = unfilled.unwrap();
             *bytes.last_mut().unwrap() = 1;
@@ -354,7 +354,9 @@ fn the_packer_refuses_every_volume_that_is_none() {
         ("no side", |v| v.side_m = 0.0),
         ("an infinite side", |v| v.side_m = f32::INFINITY),
         ("two coarsest voxels", |v| v.levels = v.levels[..5].to_vec()),
-        ("a voxel without parent", |v| drop(v.levels[2].voxels.remove(1))),
+        ("a voxel without parent", |v| {
+            v.levels[2].voxels.remove(1);
+        }),
         ("a voxel without child", |v| v.levels[0].voxels.clear()),
         ("voxels out of order", |v| v.levels[0].voxels.swap(0, 1)),
         ("a voxel twice", |v| {

@@ -1,12 +1,13 @@
-"""A reader of .voltex files, written from docs/VOLTEX.md (and the chapters "File" and "Entropy coder" of docs/FORMAT.md) alone.
+"""A reader of .voltex files, written from docs/VOLTEX.md alone, with the chapters "File" and "Entropy coder" of
+docs/FORMAT.md that it stands on.
 
     python3 voltex_reader.py FILE...
 
-refuses a file, or a tier of one, that breaks a "must" of the documents' lists, checksums included; else prints its numbers, one
-`name = numbers` a line: of each level its shadow and its voxels, each with coordinates, material and matrix.
+refuses a file, or a tier of one, that breaks a "must" of the documents' lists, checksums included; else prints its
+numbers, one `name = numbers` a line: of each level its shadow and its voxels, each with coordinates, material, matrix.
 
-Any Python from 3.9 on does, nothing needs to be installed. `runtime/tests/voltex_document.rs` compares the numbers with those of
-btf-runtime.
+Any Python from 3.9 on does, nothing needs to be installed. `runtime/tests/voltex_document.rs` compares the numbers with
+those of btf-runtime.
 """
 
 import struct
