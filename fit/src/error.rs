@@ -31,6 +31,17 @@ pub enum FitError {
     /// The asset that was built breaks a rule of the format.
     #[error(transparent)]
     Pack(#[from] btf_runtime::FormatError),
+    /// A volumetric texture's file is not usable.
+    #[error("{path}: {source}")]
+    Volume {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: btf_runtime::voltex::VoltexError,
+    },
+    /// The volume that was built breaks a rule of its format.
+    #[error(transparent)]
+    PackVolume(#[from] btf_runtime::voltex::VoltexError),
     /// A file could not be read or written.
     #[error("{path}: {action} failed ({source}); {remedy}")]
     File {
