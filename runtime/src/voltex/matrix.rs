@@ -1,4 +1,4 @@
-//! Symmetric matrices of 3 x 3, and vectors.
+//! Symmetric matrices of 3 x 3, and vectors. Twin: `shaders/voltex_matrix.wgsl`.
 
 /// Product of two vectors.
 pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -20,7 +20,7 @@ impl Sym3 {
         Sym3([a * n[0] * n[0], a * n[1] * n[1], a * n[2] * n[2], a * n[0] * n[1], a * n[0] * n[2], a * n[1] * n[2]])
     }
 
-    /// `M v`.
+    /// `M v`. Twin: `voltex_times`.
     pub fn times(&self, v: [f32; 3]) -> [f32; 3] {
         let m = &self.0;
         [
@@ -30,7 +30,7 @@ impl Sym3 {
         ]
     }
 
-    /// `u' M v`.
+    /// `u' M v`. Twin: `voltex_form`.
     pub fn form(&self, u: [f32; 3], v: [f32; 3]) -> f32 {
         dot(u, self.times(v))
     }
@@ -45,7 +45,7 @@ impl Sym3 {
         Sym3(std::array::from_fn(|i| self.0[i] + other.0[i]))
     }
 
-    /// All entries times a number.
+    /// All entries times a number. Twin: `voltex_scale`.
     pub fn scale(&self, s: f32) -> Sym3 {
         Sym3(self.0.map(|x| x * s))
     }

@@ -15,12 +15,12 @@ mod tree;
 mod volume;
 mod voxel;
 mod walk;
-mod words;
+pub mod words;
 
 pub use matrix::{Sym3, cross, dot};
-pub use shade::{seen_at, shade};
-pub use tree::{Cell, NO_VOXEL};
+pub use shade::{LEAST_ROOT, SERIES_DEPTH, seen_at, shade};
+pub use tree::{Cell, NO_VOXEL, NODE_WORDS};
 pub use volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, MOST_LEVELS, Volume, VolumeLevel, order};
 pub use voxel::{VOXEL_WORDS, Voxel, moment_of};
-pub use walk::{Segment, VoltexRay, Walk};
+pub use walk::{LEAST_DIRECTION, Segment, VoltexRay, Walk};
 pub use words::Voltex;

@@ -22,12 +22,12 @@ pub struct Node {
 }
 
 impl Node {
-    /// Whether a cell is not empty.
+    /// Whether a cell is not empty. Twin: `voltex_has`.
     fn has(&self, cell: u32) -> bool {
         self.mask[(cell >> 5) as usize] >> (cell & 31) & 1 == 1
     }
 
-    /// Whether one of the eight cells of a coarser one is not empty.
+    /// Whether one of the eight cells of a coarser one is not empty. Twin: `voltex_has_coarse`.
     pub(super) fn has_coarse(&self, coarse: u32) -> bool {
         self.mask[(coarse >> 2) as usize] >> (8 * (coarse & 3)) & 255 != 0
     }
@@ -61,7 +61,7 @@ pub struct Cell {
 }
 
 /// Number of layers of nodes of a volume whose finest level has 2^`level_count` voxels a side: the root's cells are such
-/// that one of them, or of the coarser ones, is the whole volume.
+/// that one of them, or of the coarser ones, is the whole volume. Twin: `voltex_node_depth`.
 pub(super) fn node_depth(level_count: u32) -> u32 {
     level_count / 2 + 1
 }
@@ -89,8 +89,12 @@ impl Voltex {
                 if level & 1 == 1 {
                     return Cell { size: level, voxel: above, parent };
                 }
-                let own = node.first_voxel + node.coarse_rank(8) + node.rank(number);
-                return Cell { size: level, voxel: if node.has(number) { own } else { NO_VOXEL }, parent: above };
+                if node.has(number) {
+                    let own = node.first_voxel + node.coarse_rank(8) + node.rank(number);
+                    return Cell { size: level, voxel: own, parent: above };
+                }
+                let size = level + u32::from(above == NO_VOXEL);
+                return Cell { size, voxel: NO_VOXEL, parent: above };
             }
             if !node.has(number) {
                 let size = 2 * j + u32::from(!node.has_coarse(coarse));

@@ -54,7 +54,7 @@ impl Voxel {
         Voxel { extinction: self.extinction.scale(factor * factor), moment: self.moment.scale(factor), ..*self }
     }
 
-    /// The voxel at a word. Twin: `voltex_voxel`.
+    /// The voxel at a word. Twin: `voltex_voxel_at`.
     pub fn at(words: &[u32], at: usize) -> Voxel {
         let scale = f32::from_bits(words[at]);
         let halves = |first: usize| Sym3(std::array::from_fn(|i| half_at(words[at + first + i / 2], i as u32 % 2)));

@@ -36,14 +36,16 @@ pub struct Walk {
 }
 
 /// Smallest component of a direction that is divided by.
-const LEAST_DIRECTION: f32 = 1e-20;
+pub const LEAST_DIRECTION: f32 = 1e-20;
 
 impl Walk {
-    /// Along `ray` between `t0` and `t1`, cut to the unit cube. Twin: `voltex_walk_new`.
+    /// Along `ray` between `t0` and `t1`, cut to the unit cube; nowhere if a number of the ray is not finite.
+    /// Twin: `voltex_walk_new`.
     pub fn new(ray: VoltexRay, t0: f32, t1: f32, level_count: u32) -> Walk {
-        let inverse =
-            ray.direction.map(|d| 1.0 / if d.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(d) } else { d });
-        let (mut start, mut end) = (t0, t1);
+        let least = |d: f32| if d < 0.0 { -LEAST_DIRECTION } else { LEAST_DIRECTION };
+        let inverse = ray.direction.map(|d| 1.0 / if d.abs() < LEAST_DIRECTION { least(d) } else { d });
+        let finite = ray.origin.iter().chain(&ray.direction).all(|x| x.is_finite());
+        let (mut start, mut end) = (t0, if finite { t1 } else { t0 });
         for axis in 0..3 {
             let a = -ray.origin[axis] * inverse[axis];
             let b = (1.0 - ray.origin[axis]) * inverse[axis];
@@ -56,6 +58,7 @@ impl Walk {
         walk
     }
 
+    /// Coordinate of the finest voxel at t. Twin: `voltex_walk_voxel_along`.
     fn voxel_along(&self, axis: usize, t: f32) -> i32 {
         ((self.ray.origin[axis] + self.ray.direction[axis] * t) * self.resolution as f32).floor() as i32
     }
@@ -66,7 +69,8 @@ impl Walk {
     }
 
     /// The next cell at `level`; `None` at the end. Which voxel a walk is in it keeps in whole numbers, so that it goes on
-    /// whatever t rounds to. Twin: `voltex_walk_next`.
+    /// whatever t rounds to: each step takes one coordinate on and none back, at most three times the voxels a side.
+    /// Twin: `voltex_walk_next`.
     pub fn next(&mut self, voltex: &Voltex, level: u32) -> Option<Segment> {
         if self.t.is_nan() || self.t >= self.t_end {
             return None;
@@ -77,7 +81,7 @@ impl Walk {
         let scale = 1.0 / self.resolution as f32;
         let (mut exit, mut through) = (f32::INFINITY, 0);
         for axis in 0..3 {
-            let plane = if self.ray.direction[axis] > 0.0 { low[axis] + side } else { low[axis] };
+            let plane = if self.inverse[axis] > 0.0 { low[axis] + side } else { low[axis] };
             let t = (plane as f32 * scale - self.ray.origin[axis]) * self.inverse[axis];
             if t < exit {
                 (exit, through) = (t, axis);
@@ -86,10 +90,13 @@ impl Walk {
         let t0 = self.t;
         self.t = exit.max(t0);
         for axis in 0..3 {
+            let (at, last) = (self.q[axis], low[axis] + side - 1);
+            let ahead = self.inverse[axis] > 0.0;
+            let (least, most) = if ahead { (at, last) } else { (low[axis], at) };
             self.q[axis] = if axis != through {
-                self.voxel_along(axis, self.t).clamp(low[axis], low[axis] + side - 1)
-            } else if self.ray.direction[axis] > 0.0 {
-                low[axis] + side
+                self.voxel_along(axis, self.t).clamp(least, most)
+            } else if ahead {
+                last + 1
             } else {
                 low[axis] - 1
             };
