@@ -166,7 +166,6 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("VOLTEX_VOXEL_WORDS", voltex::VOXEL_WORDS),
         ("VOLTEX_NODE_WORDS", voltex::NODE_WORDS),
         ("VOLTEX_NO_VOXEL", voltex::NO_VOXEL as usize),
-        ("VOLTEX_HOTSPOTS", voltex::HOTSPOT_DEG.len()),
     ];
     let floats = [
         ("INSIDE_TOLERANCE", INSIDE_TOLERANCE),
@@ -233,10 +232,10 @@ fn every_wgsl_constant_is_its_rust_twins() {
     assert_ne!(constants(&module_from(&swapped, CAPABILITIES).expect("still valid")), expected_constants());
 }
 
-/// The numbers of an array that is a constant.
-fn array_constant(module: &Module, name: &str) -> Vec<f32> {
+/// The numbers of a vector that is a constant.
+fn vector_constant(module: &Module, name: &str) -> Vec<f32> {
     let (_, constant) = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name)).unwrap();
-    let Expression::Compose { components, .. } = &module.global_expressions[constant.init] else { panic!("an array") };
+    let Expression::Compose { components, .. } = &module.global_expressions[constant.init] else { panic!("a vector") };
     let number = |expression| match module.global_expressions[expression] {
         Expression::Literal(Literal::F32(value)) => value,
         _ => panic!("a number"),
@@ -246,11 +245,14 @@ fn array_constant(module: &Module, name: &str) -> Vec<f32> {
 
 #[test]
 fn the_angles_of_hotspots_are_rusts() {
-    assert_eq!(array_constant(&library(), "VOLTEX_HOTSPOT_DEG"), voltex::HOTSPOT_DEG);
+    let angles = |module: &Module| {
+        let [near, wide] = ["VOLTEX_NEAR_DEG", "VOLTEX_WIDE_DEG"].map(|name| vector_constant(module, name));
+        [vec![0.0], near, wide, vec![180.0]].concat()
+    };
+    assert_eq!(angles(&library()), voltex::HOTSPOT_DEG);
     // Planted difference: another angle.
-    let other = text().replace("20.0, 40.0, 70.0", "20.0, 45.0, 70.0");
-    let module = module_from(&other, CAPABILITIES).expect("still valid");
-    assert_ne!(array_constant(&module, "VOLTEX_HOTSPOT_DEG"), voltex::HOTSPOT_DEG);
+    let other = text().replace("(40.0, 70.0", "(45.0, 70.0");
+    assert_ne!(angles(&module_from(&other, CAPABILITIES).expect("still valid")), voltex::HOTSPOT_DEG);
 }
 
 #[test]

@@ -1,17 +1,19 @@
 //! What the shaders answer of a volumetric texture is what `btf_runtime::voltex` answers: cells along rays, optical depths and
-//! light, by the software driver.
+//! light, by the software driver; optical depths in every language that it runs.
 
 mod support;
 
 use btf_runtime::testing::{RAY_KINDS, Random, sample_ray, sample_volume, sphere_direction};
 use btf_runtime::voltex::{Cell, NO_VOXEL, Segment, Voltex, VoltexRay, Walk, seen_at, shade};
 use btf_runtime::{voltex_wgsl, wgsl_library};
+use btf_shaders::{DEPTHS_NAME, Depth, Language, Ray, depths_text, translate};
 use bytemuck::{Pod, Zeroable};
 use support::gpu::{Program, open};
+use support::tools;
 
 const ENTRY: &str = "
 struct Range { first: u32, count: u32, pad: vec2<u32> }
-struct Ray { origin: vec3<f32>, level: u32, direction: vec3<f32>, base: u32, t0: f32, t1: f32, pad: vec2<u32> }
+struct Ray { origin: vec3<f32>, level: u32, direction: vec3<f32>, volume: u32, t0: f32, t1: f32, pad: vec2<u32> }
 struct Step { t0: f32, t1: f32, size: u32, voxel: u32, parent: u32 }
 struct Way { count: u32, depth: f32, steps: array<Step, 256> }
 struct Light { v: vec3<f32>, voxel: u32, l: vec3<f32>, base: u32, depth: f32, length: f32, level: u32, pad: u32 }
@@ -33,14 +35,14 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let ray = rays[id.x];
-    var walk = voltex_walk_new(ray.base, ray.origin, ray.direction, ray.t0, ray.t1);
+    var walk = voltex_walk_new(ray.volume, ray.origin, ray.direction, ray.t0, ray.t1);
     var count = 0u;
     var depth = 0.0;
     while walk.t < walk.t_end && count < 256u {
-        let s = voltex_walk_next(ray.base, &walk, ray.level);
+        let s = voltex_walk_next(ray.volume, &walk, ray.level);
         ways[id.x].steps[count] = Step(s.t0, s.t1, s.cell.size, s.cell.voxel, s.cell.parent);
         if s.cell.voxel != VOLTEX_NO_VOXEL {
-            let extinction = voltex_voxel(ray.base, s.cell.voxel).extinction;
+            let extinction = voltex_voxel(ray.volume, s.cell.voxel).extinction;
             depth += sqrt(max(voltex_form(extinction, ray.direction, ray.direction), 0.0)) * (s.t1 - s.t0);
         }
         count++;
@@ -96,18 +98,6 @@ fn volumes(random: &mut Random) -> (Vec<u32>, Vec<(u32, Voltex)>) {
 
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Ray {
-    origin: [f32; 3],
-    level: u32,
-    direction: [f32; 3],
-    base: u32,
-    t0: f32,
-    t1: f32,
-    pad: [u32; 2],
-}
-
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Step {
     t0: f32,
     t1: f32,
@@ -141,10 +131,11 @@ enum Compared {
     Other,
 }
 
-fn compare(voltex: &Voltex, ray: &Ray, way: &Way) -> Compared {
+/// Rust's way along a ray: segments, optical depth, and by how much that may differ besides [`DEPTH`].
+fn followed(voltex: &Voltex, ray: &Ray) -> (Vec<Segment>, f32, f32) {
     let mut walk =
         Walk::new(VoltexRay { origin: ray.origin, direction: ray.direction }, ray.t0, ray.t1, voltex.level_count());
-    let (mut expected, mut depth, mut slack) = (Vec::new(), 0.0, 0.0);
+    let (mut segments, mut depth, mut slack) = (Vec::new(), 0.0, 0.0);
     let length2: f32 = ray.direction.iter().map(|x| x * x).sum();
     while let Some(segment) = walk.next(voltex, ray.level) {
         if segment.cell.voxel != NO_VOXEL {
@@ -155,8 +146,13 @@ fn compare(voltex: &Voltex, ray: &Ray, way: &Way) -> Compared {
             let error = ULPS * f32::EPSILON * length2 * extinction.trace();
             slack += ((form + error).max(0.0).sqrt() - (form - error).max(0.0).sqrt()) * t;
         }
-        expected.push(segment);
+        segments.push(segment);
     }
+    (segments, depth, slack)
+}
+
+fn compare(voltex: &Voltex, ray: &Ray, way: &Way) -> Compared {
+    let (expected, depth, slack) = followed(voltex, ray);
     let found: Vec<Segment> = way.steps[..(way.count as usize).min(256)]
         .iter()
         .map(|s| Segment { t0: s.t0, t1: s.t1, cell: Cell { size: s.size, voxel: s.voxel, parent: s.parent } })
@@ -191,16 +187,13 @@ fn compare(voltex: &Voltex, ray: &Ray, way: &Way) -> Compared {
     if alike(&long(&expected), &long(&found)) { Compared::Reordered } else { Compared::Other }
 }
 
-#[test]
-fn rays_meet_the_same_cells_in_shaders_and_in_rust() {
-    let Some(gpu) = open("rays_meet_the_same_cells_in_shaders_and_in_rust") else { return };
-    let mut random = Random::new(13);
-    let (words, volumes) = volumes(&mut random);
+/// Rays of all kinds, each with the volume that it goes through; one in 50 has odd numbers.
+fn rays<'a>(random: &mut Random, volumes: &'a [(u32, Voltex)]) -> (Vec<&'a Voltex>, Vec<Ray>) {
     let odd = [0.0, -0.0, 0.5, 1.0, -1e6, 1e-30, f32::NAN, f32::INFINITY, -f32::INFINITY];
-    let (owners, rays): (Vec<&Voltex>, Vec<Ray>) = (0..RAYS)
+    (0..RAYS)
         .map(|round| {
-            let (base, voltex) = &volumes[random.below(volumes.len())];
-            let mut ray = sample_ray(&mut random, voltex.level_count(), round % RAY_KINDS);
+            let (volume, voltex) = &volumes[random.below(volumes.len())];
+            let mut ray = sample_ray(random, voltex.level_count(), round % RAY_KINDS);
             if round % 50 == 49 {
                 ray.origin[random.below(3)] = odd[random.below(odd.len())];
                 ray.direction[random.below(3)] = odd[random.below(odd.len())];
@@ -209,9 +202,17 @@ fn rays_meet_the_same_cells_in_shaders_and_in_rust() {
             // One in four ends within the volume.
             let t1 = if random.below(4) == 0 { random.within(0.0, 4.0) } else { 1e15 };
             let VoltexRay { origin, direction } = ray;
-            (voltex, Ray { origin, level, direction, base: *base, t0: 0.0, t1, pad: [0; 2] })
+            (voltex, Ray { origin, level, direction, volume: *volume, t0: 0.0, t1, pad: [0; 2] })
         })
-        .unzip();
+        .unzip()
+}
+
+#[test]
+fn rays_meet_the_same_cells_in_shaders_and_in_rust() {
+    let Some(gpu) = open("rays_meet_the_same_cells_in_shaders_and_in_rust") else { return };
+    let mut random = Random::new(13);
+    let (words, volumes) = volumes(&mut random);
+    let (owners, rays) = rays(&mut random, &volumes);
     let compared = |text: &str| -> Vec<Compared> {
         let ways: Vec<Way> = gpu.answers(&Program::Wgsl(text), "walk_main", &words, &rays);
         owners.iter().zip(&rays).zip(&ways).map(|((voltex, ray), way)| compare(voltex, ray, way)).collect()
@@ -235,6 +236,49 @@ fn rays_meet_the_same_cells_in_shaders_and_in_rust() {
         assert_eq!(text.matches(right).count(), 1, "{right}");
         let differing = RAYS - count(&compared(&text.replace(right, wrong)), Compared::Same);
         assert!(differing > RAYS / 20, "{wrong}: {differing}");
+    }
+}
+
+#[test]
+fn depths_are_the_same_in_every_language() {
+    let test = "depths_are_the_same_in_every_language";
+    if tools::are_left_out(test) {
+        return;
+    }
+    let Some(gpu) = open(test) else { return };
+    let mut random = Random::new(15);
+    let (words, volumes) = volumes(&mut random);
+    let (owners, rays) = rays(&mut random, &volumes);
+    let differing = |program: &Program, entry: &str| -> usize {
+        let depths: Vec<Depth> = gpu.answers(program, entry, &words, &rays);
+        let differs = |((voltex, ray), found): ((&&Voltex, &Ray), &Depth)| {
+            let (segments, depth, slack) = followed(voltex, ray);
+            let first = segments.iter().find(|segment| segment.cell.voxel != NO_VOXEL);
+            let first = first.map_or((ray.t1, NO_VOXEL), |first| (first.t0, first.cell.voxel));
+            (found.depth - depth).abs() > DEPTH * depth + slack
+                || found.first_voxel != first.1
+                || (found.first_t - first.0).abs() > DEPTH * first.0.abs()
+                || found.steps as usize != segments.len()
+        };
+        owners.iter().zip(&rays).zip(&depths).filter(|pair| differs(*pair)).count()
+    };
+    let text = depths_text();
+    let planted = text.replace("select(1u, 0u, voltex_has_coarse", "select(0u, 0u, voltex_has_coarse");
+    for (text, fits) in [(&text, true), (&planted, false)] {
+        for file in translate(DEPTHS_NAME, text).unwrap() {
+            let (_, entry) = &file.entry_points[0];
+            let spirv = match file.language {
+                // Nothing here runs it.
+                Language::Msl => continue,
+                Language::Wgsl => None,
+                Language::SpirV => Some(tools::words_from_bytes(&file.bytes)),
+                Language::GlslEs310 | Language::Glsl460 => Some(tools::spirv_from_glsl(&file.bytes).unwrap()),
+                Language::Hlsl => Some(tools::spirv_from_hlsl(&file.bytes, entry).unwrap()),
+            };
+            let found = differing(&spirv.as_deref().map_or(Program::Wgsl(text), Program::SpirV), entry);
+            println!("{}: {found} of {RAYS} differ", file.name);
+            assert_eq!(found <= RAYS / REORDERED, fits, "{}: {found}", file.name);
+        }
     }
 }
 
@@ -341,7 +385,7 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         ("(1.0 - r) * (1.0 + r)", "(1.0 - r) * (1.001 + r)", 0),
         ("m.beside.yzz * v.zzy", "m.beside.yzz * v.zyz", 2),
         ("1.0 - d2 / 60.0", "1.0 + d2 / 60.0", 3),
-        ("20.0, 40.0, 70.0", "20.0, 45.0, 70.0", 4),
+        ("(40.0, 70.0", "(45.0, 70.0", 4),
         ("level * VOLTEX_LEVEL_WORDS", "level * VOLTEX_MATERIAL_WORDS", 5),
         ("vec3<f32>(b.y, c)", "vec3<f32>(b.y, c.yx)", 10),
         ("vec2<u32>(0u, 1u)) & vec2<u32>(1u)", "vec2<u32>(1u, 0u)) & vec2<u32>(1u)", 18),

@@ -6,9 +6,9 @@ const VOLTEX_SERIES_DEPTH: f32 = 1.0;
 const VOLTEX_MOST_DEPTH: f32 = 80.0;
 const VOLTEX_HALF_PI: f32 = 1.5707964;
 const VOLTEX_DEGREES: f32 = 57.29578;
-const VOLTEX_HOTSPOTS: u32 = 10u;
-// Angles between light and eye for which a level has its shadows' shares.
-const VOLTEX_HOTSPOT_DEG = array<f32, 10>(0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 70.0, 110.0, 150.0, 180.0);
+// Angles between light and eye, besides 0 and 180, for which a level has its shadows' shares.
+const VOLTEX_NEAR_DEG = vec4<f32>(2.0, 5.0, 10.0, 20.0);
+const VOLTEX_WIDE_DEG = vec4<f32>(40.0, 70.0, 110.0, 150.0);
 
 // Angle with a cosine within -1 to 1, to 2e-8 before rounding [Abramowitz & Stegun 1964, 4.4.46]: WGSL's own may be wrong by
 // 2e-3.
@@ -43,12 +43,14 @@ fn voltex_seen_at(depth: f32, length: f32) -> f32 {
 // The share by which eye and light see the same gaps of a level, at the angle with a cosine: light is weakened by
 // `exp(-(1 - share) depth)`.
 fn voltex_shared_at(base: u32, level: u32, cosine: f32) -> f32 {
-    let degrees = VOLTEX_DEGREES * voltex_acos(clamp(cosine, -1.0, 1.0));
-    var angles = VOLTEX_HOTSPOT_DEG;
-    var i = 0u;
-    while i < VOLTEX_HOTSPOTS - 2u && degrees >= angles[i + 1u] {
-        i++;
-    }
-    let at = voltex_shadow(base, level) + 1u + i;
-    return mix(asset_f32(at), asset_f32(at + 1u), clamp((degrees - angles[i]) / (angles[i + 1u] - angles[i]), 0.0, 1.0));
+    let degrees = vec4<f32>(VOLTEX_DEGREES * voltex_acos(clamp(cosine, -1.0, 1.0)));
+    let near = degrees >= VOLTEX_NEAR_DEG;
+    let wide = degrees >= VOLTEX_WIDE_DEG;
+    let passed = select(vec4<f32>(0.0), vec4<f32>(1.0), near) + select(vec4<f32>(0.0), vec4<f32>(1.0), wide);
+    let below = max(select(vec4<f32>(0.0), VOLTEX_NEAR_DEG, near), select(vec4<f32>(0.0), VOLTEX_WIDE_DEG, wide));
+    let above = min(select(VOLTEX_NEAR_DEG, vec4<f32>(180.0), near), select(VOLTEX_WIDE_DEG, vec4<f32>(180.0), wide));
+    let low = max(max(below.x, below.y), max(below.z, below.w));
+    let high = min(min(above.x, above.y), min(above.z, above.w));
+    let at = voltex_shadow(base, level) + 1u + u32(dot(passed, vec4<f32>(1.0)));
+    return mix(asset_f32(at), asset_f32(at + 1u), clamp((degrees.x - low) / (high - low), 0.0, 1.0));
 }
