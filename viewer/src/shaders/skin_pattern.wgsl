@@ -64,7 +64,7 @@ fn pattern_variant(patterns: u32, number: u32, cell: vec2<i32>) -> PatternVarian
 
 // One of so many, by chance.
 fn pattern_among(hashed: u32, draw: u32, count: u32) -> u32 {
-    return min(u32(cell_share(hashed, draw) * f32(count)), count - 1u);
+    return min(u32(cell_share(hashed, draw) * f32(count)), max(count, 1u) - 1u);
 }
 
 // A point of the texture in the volume's unit cube, or outside where there is no content.

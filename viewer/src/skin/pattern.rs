@@ -163,7 +163,7 @@ impl Pattern {
 
 /// One of so many, by chance.
 fn among(hashed: u32, draw: u32, count: u32) -> u32 {
-    ((cell_share(hashed, draw) * count as f32) as u32).min(count - 1)
+    ((cell_share(hashed, draw) * count as f32) as u32).min(count.max(1) - 1)
 }
 
 /// Cosine and sine of quarter turns.

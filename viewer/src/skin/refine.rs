@@ -18,8 +18,8 @@ const ROUNDS: usize = 10;
 const FINER: u32 = 2;
 /// Share of the tolerance that the next round aims at, because terms add up to a little more than their sum.
 const AIM: f64 = 0.9;
-/// Share of the box of its edges that a tetrahedron fills at least to have a map worth measuring.
-const LEAST_VOLUME: f64 = 1e-9;
+/// Share of the box of its edges that a tetrahedron fills at least so as not to count as flat.
+pub(super) const LEAST_VOLUME: f64 = 1e-9;
 /// Share by which one diagonal of a patch is better than the other before vertex numbers no longer decide.
 const BETTER_DIAGONAL: f64 = 1e-3;
 

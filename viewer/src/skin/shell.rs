@@ -1,6 +1,6 @@
 //! The tetrahedra of a skin: a shell map [Porumbescu 2005] whose prisms and bilinear cells are cut in three and six.
 
-use super::refine::{Cuts, Diagonal, Lattice, PRISM, ShellParams, cuts, diagonal, weights};
+use super::refine::{Cuts, Diagonal, LEAST_VOLUME, Lattice, PRISM, ShellParams, cuts, diagonal, weights};
 use super::thick_skin::{Corners, Skin, SkinFace, orientation};
 use super::weld::weld;
 use glam::{DVec3, Vec3};
@@ -12,8 +12,6 @@ pub const NO_LINK: u32 = u32::MAX;
 const MOST_TETS: usize = 1 << 28;
 /// The faces of a tetrahedron: that opposite of vertex i is number i, counter-clockwise from outside.
 pub(super) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
-/// Share of the box of its edges that a tetrahedron fills at least so as not to count as flat.
-const LEAST_VOLUME: f64 = 1e-9;
 
 /// A tetrahedron. Twin: the words of `skin_walk.wgsl`.
 #[repr(C)]
@@ -78,8 +76,8 @@ pub struct Shell {
 
 impl Shell {
     /// The shell of `skin`. Vertices at one place with one height vector are one to it, whatever their texture coordinates:
-    /// a texture seam is no end of the skin. The same skin gives the same shell. Cost: a sort of all faces; a million
-    /// tetrahedra take about a second.
+    /// a texture seam is no end of the skin. The same skin gives the same shell. Cost: a few measurements of every box, and a
+    /// sort of the faces of all tetrahedra.
     ///
     /// # Errors
     /// A sentence if the parameters are out of range or there would be more than 2^28 tetrahedra.

@@ -182,7 +182,7 @@ impl Skin {
         Skin { vertices: self.vertices.iter().map(change).collect(), ..self.clone() }
     }
 
-    /// The same with other faces, all of which have a volume.
+    /// The same with one pattern everywhere.
     pub(crate) fn with_pattern(&self, pattern: u32) -> Skin {
         let faces = self.faces.iter().map(|face| SkinFace { pattern, ..*face }).collect();
         Skin { faces, ..self.clone() }
