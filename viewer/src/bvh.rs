@@ -142,7 +142,7 @@ impl Geometry {
 
 impl Instance {
     /// A point (`w` 1) or a direction (`w` 0) of the world in the mesh's space. Twin: `object_from_world`.
-    fn object_from_world(&self, v: Vec3, w: f32) -> Vec3 {
+    pub(crate) fn object_from_world(&self, v: Vec3, w: f32) -> Vec3 {
         let v = v.extend(w);
         Vec3::from(self.object_from_world.map(|row| v.dot(row.into())))
     }

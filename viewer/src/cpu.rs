@@ -16,9 +16,9 @@ use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Distance to which rays reach. Twin: `TRACE_FAR`.
-const FAR: f32 = 1e30;
+pub(crate) const FAR: f32 = 1e30;
 /// A light nearer than this (squared) to the surface is left out.
-const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
+pub(crate) const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
 /// Rays whose radiance counts for less than this in the pixel are not followed.
 const LEAST_THROUGHPUT: f32 = 1e-3;
 
@@ -31,6 +31,8 @@ const SIDE_CHOICE: u32 = 0x1b87_3593;
 pub(crate) const LIGHT_CANDIDATES: usize = 8;
 /// Shells that a ray may pass.
 const SHELL_TRIES: usize = 8;
+/// Density of directions that are drawn over the whole sphere, per steradian.
+pub(crate) const SPHERE_DENSITY: f32 = 0.25 / PI;
 /// Least chance of a path to go on.
 const LEAST_KEPT: f32 = 0.05;
 
@@ -119,23 +121,26 @@ impl CpuPicture {
 
 /// What random numbers are for.
 #[derive(Clone, Copy)]
-enum Numbers {
+pub(crate) enum Numbers {
     Ambient = 0,
     Scatter = 1,
     Choice = 2,
     Light = 3,
     Sun = 4,
+    VolumeChoice = 5,
+    VolumeScatter = 6,
+    VolumeLight = 7,
 }
 
 /// Random numbers for the light at one point.
-struct LightNumbers {
-    ambient_at: [f32; 2],
-    sun_at: [f32; 2],
-    seed: u32,
+pub(crate) struct LightNumbers {
+    pub(crate) ambient_at: [f32; 2],
+    pub(crate) sun_at: [f32; 2],
+    pub(crate) seed: u32,
 }
 
 /// Seed of the pixel's random numbers at a depth of its path, for one purpose.
-fn seed_of([x, y]: [u32; 2], depth: u32, purpose: Numbers) -> u32 {
+pub(crate) fn seed_of([x, y]: [u32; 2], depth: u32, purpose: Numbers) -> u32 {
     let hashed = sampler::hash(depth.wrapping_add((purpose as u32) << 16));
     sampler::hash(x.wrapping_add(sampler::hash(y.wrapping_add(hashed))))
 }
@@ -152,16 +157,16 @@ struct Scattered {
 }
 
 /// One sample of every pixel.
-struct Shader<'a> {
-    scene: &'a Scene,
-    camera: CameraFrame,
+pub(crate) struct Shader<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) camera: CameraFrame,
     jitter: [f32; 2],
-    sample: u32,
-    options: ShadeOptions,
+    pub(crate) sample: u32,
+    pub(crate) options: ShadeOptions,
 }
 
 impl Shader<'_> {
-    fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
+    pub(crate) fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
         self.scene.geometry.trace(origin, direction, t_max, any)
     }
 
@@ -306,6 +311,7 @@ impl Shader<'_> {
         material: &Material,
         viewed: &ViewedBody,
         light_back: bool,
+        width: f32,
         numbers: &LightNumbers,
         done: &mut PixelHit,
     ) -> Vec3 {
@@ -323,8 +329,12 @@ impl Shader<'_> {
             if relief.is_some_and(|(relief, point)| !light_back && relief.relief_shadowed(point, wi, bare)) {
                 return;
             }
+            let passed = self.past_volumes(origin, direction, distance, width);
+            if passed <= 0.0 {
+                return;
+            }
             done.evaluations += u32::from(viewed.is_evaluated());
-            radiance += incident * viewed.body_light(&mut rows, wi);
+            radiance += passed * incident * viewed.body_light(&mut rows, wi);
         };
         let drawn = (self.options.light_samples as usize) < scene.lights.len();
         let asked = scene.lights.len().min(self.options.light_samples as usize);
@@ -463,6 +473,35 @@ impl Shader<'_> {
             if depth == 1 {
                 done.primitive = hit.primitive;
             }
+            let before = travelled;
+            if let Some(volumes) = &scene.volumes {
+                let seen = self.seen_in_volumes(volumes, origin, direction, hit.t, before, pixel, depth, &mut done);
+                radiance += throughput * seen.radiance;
+                if self.options.mode == RenderMode::Path {
+                    let at = sampler::two(self.sample, seed_of(pixel, depth, Numbers::VolumeChoice));
+                    if at[0] >= seen.through {
+                        let Some(point) = seen.point else { break };
+                        let way = sampler::two(self.sample, seed_of(pixel, depth, Numbers::VolumeScatter));
+                        let next = sampler::sphere(way);
+                        throughput *= 4.0 * point.reflected(volumes, next);
+                        let kept = throughput.max_element().clamp(LEAST_KEPT, 1.0);
+                        if at[1] >= kept || throughput.max_element() <= 0.0 {
+                            break;
+                        }
+                        throughput /= kept;
+                        (scattered, density) = (true, SPHERE_DENSITY);
+                        travelled += point.t;
+                        origin += direction * point.t + point.shadow_offset(volumes, next);
+                        direction = next;
+                        continue;
+                    }
+                } else {
+                    throughput *= seen.through;
+                    if seen.through <= 0.0 {
+                        break;
+                    }
+                }
+            }
             if hit.primitive == NO_HIT {
                 radiance += throughput
                     * match &scene.environment {
@@ -494,7 +533,16 @@ impl Shader<'_> {
             for light_back in [false, true] {
                 if let Some(viewed) = self.viewed_body(&s, material, leaf.as_ref(), level, light_back) {
                     radiance += throughput
-                        * self.light_from_side(&s, relief, material, &viewed, light_back, &numbers, &mut done);
+                        * self.light_from_side(
+                            &s,
+                            relief,
+                            material,
+                            &viewed,
+                            light_back,
+                            travelled * self.camera.pixel_width(),
+                            &numbers,
+                            &mut done,
+                        );
                 }
             }
             if self.options.mode == RenderMode::Path {

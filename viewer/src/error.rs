@@ -22,6 +22,14 @@ pub enum ViewerError {
         /// What is wrong with it.
         source: btf_runtime::FormatError,
     },
+    /// A file is not a whole volumetric texture. Remedy: build it again, or copy it again.
+    #[error("{}: {source}", path.display())]
+    Volume {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: btf_runtime::voltex::VoltexError,
+    },
     /// A leaf cannot be evaluated. Remedy: correct its description.
     #[error("the leaf {name}: {source}")]
     Leaf {

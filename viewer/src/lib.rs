@@ -23,6 +23,7 @@ mod bvh;
 mod bvh_build;
 mod camera;
 mod cpu;
+mod cpu_volumes;
 mod crowd;
 mod daylight;
 mod engine;
@@ -52,6 +53,7 @@ mod scene;
 mod scene_asset;
 mod scene_file;
 mod scene_leaf;
+mod scene_volume;
 mod shaders;
 mod shear;
 mod skin;
@@ -63,6 +65,8 @@ mod sun_disc;
 mod surface;
 mod trace;
 mod viewed_body;
+mod volume_light;
+mod volumes;
 mod window;
 
 pub use bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};
@@ -98,6 +102,7 @@ pub use scene::{
 pub use scene_asset::{FileForm, SceneAsset, UNKNOWN_SIZE_MM};
 pub use scene_file::{load_scene, scene_with_assets};
 pub use scene_leaf::SceneLeaf;
+pub use scene_volume::{load_volume, standing};
 pub use shaders::{GpuTracer, ModuleLayout, trace_module};
 pub use skin::{
     CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MOST_CELLS, MOST_MERGED, Merged, NO_LINK,
@@ -107,4 +112,5 @@ pub use skin::{
 pub use solar_spectrum::WHITE_ILLUMINANCE_LUX;
 pub use sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use trace::{NO_ASSET, PixelHit, Tracer};
+pub use volumes::{SceneSkin, VolumePlace, Volumes};
 pub use window::{WindowParams, run_window};

@@ -61,6 +61,14 @@ pub(crate) fn cosine(at: [f32; 2]) -> Vec3 {
     Vec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - at[0]).sqrt())
 }
 
+/// Direction with the same density everywhere on the sphere.
+pub(crate) fn sphere(at: [f32; 2]) -> Vec3 {
+    let z = 1.0 - 2.0 * at[0];
+    let angle = std::f32::consts::TAU * at[1];
+    let radius = (1.0 - z * z).max(0.0).sqrt();
+    Vec3::new(radius * angle.cos(), radius * angle.sin(), z)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

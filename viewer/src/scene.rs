@@ -14,6 +14,7 @@ use crate::plant_variation::vary_plants;
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
 use crate::sun::Sun;
+use crate::volumes::Volumes;
 use glam::{Mat4, Vec3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -107,6 +108,8 @@ pub struct Scene {
     pub assets: Vec<Arc<SceneAsset>>,
     /// Leaves; materials name them by number.
     pub leaves: Vec<SceneLeaf>,
+    /// Volumetric textures among the triangles.
+    pub volumes: Option<Arc<Volumes>>,
     /// Point lights.
     pub lights: Vec<PointLight>,
     /// The sun.
@@ -229,6 +232,7 @@ impl Scene {
             materials,
             assets: shown.assets,
             leaves: shown.leaves,
+            volumes: None,
             lights: Vec::new(),
             sun: None,
             outdoors: None,

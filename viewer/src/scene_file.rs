@@ -35,6 +35,12 @@
 //! parts = { laces = "grey" }        # parts of the file by material name, where they differ
 //! translate = [0.0, 1.0, 0.0]       # after rotate_deg (about x, then y, then z) and scale
 //!
+//! [[volume]]                        # optional: a volumetric texture that stands on its own, see docs/VOLTEX.md
+//! file = "tree.voltex"
+//! translate = [0.0, 0.0, 0.0]       # where the middle of its floor stands
+//! yaw_deg = 0.0                     # optional: about the vertical
+//! scale = 1.0                       # optional: 1 is as large as the model that it was made of, units being metres
+//!
 //! [ambient]                         # optional: ambient light with occlusion
 //! radiance = [0.4, 0.4, 0.4]
 //! distance = 2.0                    # optional: what lies farther away does not occlude
@@ -67,6 +73,8 @@ use crate::models;
 use crate::scene::{Ambient, DaylightParts, Outdoors, PointLight, Scene, SceneMesh, SceneObject};
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
+use crate::scene_volume::{load_volume, standing};
+use crate::volumes::{VolumePlace, Volumes};
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -89,6 +97,8 @@ struct SceneFile {
     materials: Vec<MaterialEntry>,
     #[serde(default, rename = "object")]
     objects: Vec<ObjectEntry>,
+    #[serde(default, rename = "volume")]
+    volumes: Vec<VolumeEntry>,
     #[serde(default, rename = "light")]
     lights: Vec<LightEntry>,
 }
@@ -184,6 +194,18 @@ struct ObjectEntry {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+struct VolumeEntry {
+    file: String,
+    #[serde(default)]
+    translate: [f32; 3],
+    #[serde(default)]
+    yaw_deg: f32,
+    #[serde(default = "one")]
+    scale: f32,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct LightEntry {
     position: [f32; 3],
     intensity: [f32; 3],
@@ -210,6 +232,29 @@ fn ones2() -> [f32; 2] {
 
 fn ones3() -> [f32; 3] {
     [1.0; 3]
+}
+
+/// The volumes that stand on their own.
+fn volumes_of(entries: &[VolumeEntry], folder: &Path) -> Result<Option<Volumes>, ViewerError> {
+    if entries.is_empty() {
+        return Ok(None);
+    }
+    let mut names: Vec<&str> = Vec::new();
+    let (mut volumes, mut places) = (Vec::new(), Vec::new());
+    for entry in entries {
+        let volume = match names.iter().position(|name| *name == entry.file) {
+            Some(known) => known,
+            None => {
+                names.push(&entry.file);
+                volumes.push(load_volume(&folder.join(&entry.file))?);
+                volumes.len() - 1
+            }
+        };
+        let yaw = entry.yaw_deg.to_radians();
+        let world_from_volume = standing(&volumes[volume], entry.translate.into(), yaw, entry.scale);
+        places.push(VolumePlace { volume, world_from_volume });
+    }
+    Volumes::new(volumes, &places, Vec::new()).map(Some).map_err(|reason| ViewerError::scene(folder, reason))
 }
 
 /// Reads a scene description and everything that it names. `shown` is what the command line names.
@@ -372,6 +417,7 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
         meshes.insert(0, SceneMesh { objects, places: vec![Mat4::IDENTITY] });
     }
     let mut scene = Scene::from_meshes(path, meshes, shown)?;
+    scene.volumes = volumes_of(&file.volumes, folder)?.map(Arc::new);
     let cameras = match &file.camera {
         Cameras::One(camera) => std::slice::from_ref(camera),
         Cameras::Several(cameras) => cameras,

@@ -1,0 +1,325 @@
+//! The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them.
+
+use crate::bvh::{AnyHit, Hit, NO_HIT};
+use crate::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
+use crate::skin::{CellWalk, Pattern, Shell, Walk as ShellWalk};
+use btf_runtime::voltex::{Voltex, VoltexRay};
+use glam::{Mat3, Mat4, Vec3};
+use std::sync::Arc;
+
+/// Where a volume stands on its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VolumePlace {
+    /// Number of the volume.
+    pub volume: usize,
+    /// From its unit cube, whose z points up, to the world. Invertible.
+    pub world_from_volume: Mat4,
+}
+
+/// A thick skin with what is mapped on it.
+#[derive(Debug, Clone)]
+pub struct SceneSkin {
+    /// Its tetrahedra.
+    pub shell: Shell,
+    /// What its faces name.
+    pub patterns: Vec<Pattern>,
+    /// Length of its longest height vector.
+    pub thickness: f32,
+}
+
+/// All volumes of a scene.
+#[derive(Debug, Clone)]
+pub struct Volumes {
+    volumes: Vec<Arc<Voltex>>,
+    skins: Vec<SceneSkin>,
+    /// What rays enter: a box for each volume that stands on its own, and the outer faces of each skin.
+    proxies: Geometry,
+    /// Of each mesh of `proxies`.
+    kinds: Vec<Proxy>,
+    /// How far before its origin a ray may have entered what it is in.
+    reach: f32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Proxy {
+    Box(usize),
+    Skin(usize),
+}
+
+/// A part of a ray within one volume.
+#[derive(Debug, Clone, Copy)]
+pub struct Stretch {
+    /// Where it begins, along the ray.
+    pub t0: f32,
+    /// Where it ends.
+    pub t1: f32,
+    /// Number of the volume.
+    pub volume: usize,
+    /// The ray in the volume, from `start` on.
+    pub ray: VoltexRay,
+    /// Where `ray` has its origin, along the world's ray.
+    pub start: f32,
+    /// Directions of the volume from those of the world.
+    pub volume_from_world: Mat3,
+}
+
+/// Corners of the unit cube, bit i of the number is coordinate i.
+fn cube_corner(number: usize) -> Vec3 {
+    Vec3::from([0, 1, 2].map(|axis| (number >> axis & 1) as f32))
+}
+
+/// Triangles of the unit cube, counter-clockwise from outside.
+const CUBE: [[u32; 3]; 12] = [
+    [0, 2, 3],
+    [0, 3, 1],
+    [4, 5, 7],
+    [4, 7, 6],
+    [0, 1, 5],
+    [0, 5, 4],
+    [2, 6, 7],
+    [2, 7, 3],
+    [0, 4, 6],
+    [0, 6, 2],
+    [1, 3, 7],
+    [1, 7, 5],
+];
+
+fn plain_vertex(position: Vec3) -> Vertex {
+    Vertex { position: position.into(), u: 0.0, normal: [0.0, 0.0, 1.0], v: 0.0, tangent: [1.0, 0.0, 0.0, 1.0] }
+}
+
+/// A skin reaches so many of its longest height vectors around a point within it: rays rarely graze it for longer.
+const SKIN_REACH: f32 = 8.0;
+/// Overlapping volumes are taken in turn in slices of this share of the reach.
+const SLICE: f32 = 1.0 / 64.0;
+
+impl Volumes {
+    /// Volumes that stand on their own, and skins; one of either at least.
+    ///
+    /// # Errors
+    /// A sentence for numbers out of range and for maps that cannot be inverted.
+    pub fn new(volumes: Vec<Arc<Voltex>>, places: &[VolumePlace], skins: Vec<SceneSkin>) -> Result<Volumes, String> {
+        let named = |volume: usize| volume < volumes.len();
+        let in_skins =
+            skins.iter().flat_map(|skin| &skin.patterns).flat_map(|pattern| pattern.alternatives.as_flattened());
+        let all_named = places.iter().all(|place| named(place.volume))
+            && in_skins.clone().all(|volume| *volume == crate::skin::NO_VOLUME || named(*volume as usize));
+        if !all_named {
+            return Err("a volume is named that is not there".into());
+        }
+        let (mut meshes, mut placements, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
+        for volume in 0..volumes.len() {
+            let triangles = CUBE.iter().map(|vertices| Triangle { vertices: *vertices, material: 0 }).collect();
+            meshes.push(Mesh { vertices: (0..8).map(|i| plain_vertex(cube_corner(i))).collect(), triangles });
+            kinds.push(Proxy::Box(volume));
+        }
+        let mut reach = 0f32;
+        for place in places {
+            let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| place.world_from_volume.transform_vector3(axis));
+            reach = reach.max(x.length() + y.length() + z.length());
+            placements.push(Placement { mesh: place.volume, world_from_object: place.world_from_volume });
+        }
+        for (number, skin) in skins.iter().enumerate() {
+            skin.patterns.iter().try_for_each(Pattern::check)?;
+            let shell = &skin.shell;
+            let outer = 0..shell.boundary().len();
+            let vertices = outer.clone().flat_map(|i| shell.boundary_triangle(i)).map(plain_vertex).collect();
+            let triangles = outer
+                .map(|i| Triangle { vertices: [0, 1, 2].map(|k| (3 * i + k) as u32), material: shell.boundary()[i] })
+                .collect();
+            placements.push(Placement { mesh: meshes.len(), world_from_object: Mat4::IDENTITY });
+            meshes.push(Mesh { vertices, triangles });
+            kinds.push(Proxy::Skin(number));
+            reach = reach.max(SKIN_REACH * skin.thickness);
+        }
+        let proxies = Geometry::placed(meshes, &placements)?;
+        Ok(Volumes { volumes, skins, proxies, kinds, reach })
+    }
+
+    /// A volume by its number.
+    pub fn volume(&self, number: usize) -> &Voltex {
+        &self.volumes[number]
+    }
+
+    /// How many stand on their own, and how many skins there are.
+    pub fn counts(&self) -> [usize; 2] {
+        let all = self.proxies.instances().len();
+        [all - self.skins.len().min(all), self.skins.len()]
+    }
+
+    /// Centre and radius of a sphere around them.
+    pub fn bounding_sphere(&self) -> (Vec3, f32) {
+        self.proxies.bounding_sphere()
+    }
+
+    /// The stretches of a ray between 0 and `t_max`, in the order in which they begin.
+    pub fn stretches(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
+        let mut stretches =
+            Stretches { volumes: self, origin, direction, t_max, from: -self.reach, entry: None, open: Vec::new() };
+        stretches.find_entry();
+        stretches
+    }
+}
+
+/// A way through one volume or skin.
+enum Passage<'a> {
+    Box,
+    Skin { skin: &'a SceneSkin, walk: ShellWalk<'a>, cells: Option<Cells> },
+}
+
+/// The texels within one tetrahedron.
+struct Cells {
+    walk: CellWalk,
+    ray: crate::skin::TextureRay,
+    start: f32,
+    gradients: Mat3,
+    pattern: u32,
+    /// Volumes that are merged with the one that was told last.
+    merged: Vec<Stretch>,
+}
+
+/// Iterator over the stretches of a ray.
+pub struct Stretches<'a> {
+    volumes: &'a Volumes,
+    origin: Vec3,
+    direction: Vec3,
+    t_max: f32,
+    /// Entries are looked for from here on.
+    from: f32,
+    entry: Option<(f32, Hit)>,
+    open: Vec<(Stretch, Passage<'a>)>,
+}
+
+impl<'a> Stretches<'a> {
+    /// Finds the next face that the ray enters by.
+    fn find_entry(&mut self) {
+        self.entry = None;
+        let proxies = &self.volumes.proxies;
+        while self.from < self.t_max {
+            let start = self.origin + self.direction * self.from;
+            let hit = proxies.trace(start, self.direction, self.t_max - self.from, AnyHit::No);
+            if hit.primitive == NO_HIT {
+                self.from = self.t_max;
+                return;
+            }
+            let t = self.from + hit.t;
+            // Beyond what this number and the origin's are rounded to.
+            self.from = t + 2e-6 * (self.volumes.reach + self.origin.abs().max_element() + t.abs());
+            let [a, b, c] = proxies.corners(hit.primitive);
+            let own = proxies.instances()[hit.instance as usize].object_from_world(self.direction, 0.0);
+            if (b - a).cross(c - a).dot(own) < 0.0 {
+                self.entry = Some((t, hit));
+                return;
+            }
+        }
+    }
+
+    /// Goes into what was found.
+    fn enter(&mut self, (t, hit): (f32, Hit)) {
+        let volumes = self.volumes;
+        let passage = match volumes.kinds[volumes.proxies.mesh_of(hit.instance as usize)] {
+            Proxy::Box(volume) => {
+                let instance = &volumes.proxies.instances()[hit.instance as usize];
+                let start = t.max(0.0);
+                let origin = instance.object_from_world(self.origin + self.direction * start, 1.0);
+                let direction = instance.object_from_world(self.direction, 0.0);
+                let exit = (0..3)
+                    .map(|axis| {
+                        let plane = if direction[axis] > 0.0 { 1.0 } else { 0.0 };
+                        if direction[axis] == 0.0 { f32::INFINITY } else { (plane - origin[axis]) / direction[axis] }
+                    })
+                    .fold(f32::INFINITY, f32::min);
+                let rows = instance.object_from_world.map(|[x, y, z, _]| Vec3::new(x, y, z));
+                let stretch = Stretch {
+                    t0: start,
+                    t1: (start + exit).min(self.t_max),
+                    volume,
+                    ray: VoltexRay { origin: origin.into(), direction: direction.into() },
+                    start,
+                    volume_from_world: Mat3::from_cols(rows[0], rows[1], rows[2]).transpose(),
+                };
+                (stretch.t1 > stretch.t0).then_some((stretch, Passage::Box))
+            }
+            Proxy::Skin(number) => {
+                let skin = &volumes.skins[number];
+                let link = volumes.proxies.triangles()[hit.primitive as usize].material;
+                let walk = skin.shell.enter(self.origin, self.direction, link, t.max(0.0), self.t_max);
+                self.advance(Passage::Skin { skin, walk, cells: None })
+            }
+        };
+        self.open.extend(passage);
+    }
+
+    /// The next stretch of a passage.
+    fn advance(&self, passage: Passage<'a>) -> Option<(Stretch, Passage<'a>)> {
+        let Passage::Skin { skin, mut walk, mut cells } = passage else { return None };
+        loop {
+            if let Some(own) = &mut cells {
+                if let Some(stretch) = own.merged.pop() {
+                    return Some((stretch, Passage::Skin { skin, walk, cells }));
+                }
+                if let Some(span) = own.walk.next() {
+                    let pattern = &skin.patterns[own.pattern as usize];
+                    let Some(variant) = pattern.variant(span.cell) else { continue };
+                    let ray = variant.ray(own.ray);
+                    let rows = variant.volume_from_texture();
+                    let linear = Mat3::from_cols_array_2d(&rows.map(|[x, y, z, _]| [x, y, z])).transpose();
+                    let stretch = |volume: &u32| Stretch {
+                        t0: span.t0,
+                        t1: span.t1,
+                        volume: *volume as usize,
+                        ray: VoltexRay { origin: ray.point.into(), direction: ray.direction.into() },
+                        start: own.start,
+                        volume_from_world: linear * own.gradients,
+                    };
+                    let merged = &pattern.alternatives[variant.alternative as usize];
+                    own.merged =
+                        merged.iter().take_while(|volume| **volume != crate::skin::NO_VOLUME).map(stretch).collect();
+                    continue;
+                }
+            }
+            let interval = walk.next()?;
+            let map = skin.shell.map(interval.tet);
+            let ray = map.ray(self.origin, self.direction, interval.t0);
+            let [u, v, w] = map.gradients;
+            cells = Some(Cells {
+                walk: CellWalk::new(ray, interval.t0, interval.t1),
+                ray,
+                start: interval.t0,
+                gradients: Mat3::from_cols(u, v, w).transpose(),
+                pattern: skin.shell.tets()[interval.tet as usize].pattern,
+                merged: Vec::new(),
+            });
+        }
+    }
+}
+
+impl Iterator for Stretches<'_> {
+    type Item = Stretch;
+
+    fn next(&mut self) -> Option<Stretch> {
+        loop {
+            let first = (0..self.open.len()).min_by(|a, b| self.open[*a].0.t0.total_cmp(&self.open[*b].0.t0));
+            if let Some(entry) = self.entry
+                && first.is_none_or(|first| entry.0 <= self.open[first].0.t0)
+            {
+                self.enter(entry);
+                self.find_entry();
+                continue;
+            }
+            let first = first?;
+            let others = (0..self.open.len()).filter(|i| *i != first).map(|i| self.open[i].0.t0);
+            let next = others.chain(self.entry.map(|(t, _)| t)).fold(f32::INFINITY, f32::min);
+            let (own, passage) = self.open.swap_remove(first);
+            // What begins within this stretch is taken in turn with it.
+            let cut = next.max(own.t0 + SLICE * self.volumes.reach);
+            if cut < own.t1 {
+                self.open.push((Stretch { t0: cut, ..own }, passage));
+                return Some(Stretch { t1: cut, ..own });
+            }
+            let rest = self.advance(passage);
+            self.open.extend(rest);
+            return Some(own);
+        }
+    }
+}
