@@ -196,6 +196,16 @@ fn shell_ray(map: ShellMap, origin: vec3<f32>, direction: vec3<f32>, t0: f32) ->
     return TextureRay(shell_point(map, origin + t0 * direction), shell_direction(map, direction));
 }
 
+// Width in texels of a cone that is `width` world units wide about `direction`.
+fn shell_width(map: ShellMap, direction: vec3<f32>, width: f32) -> f32 {
+    let volume = abs(dot(map.gradient_u, cross(map.gradient_v, map.gradient_w)));
+    let along = length(shell_direction(map, direction));
+    if along > 0.0 {
+        return width * sqrt(volume * length(direction) / along);
+    }
+    return 0.0;
+}
+
 // The next interval that is longer than nothing.
 fn shell_step(walk: ptr<function, ShellWalk>) -> ShellInterval {
     var at = *walk;
