@@ -167,7 +167,9 @@ impl TextureMap {
 
     /// A ray from where its interval begins.
     pub fn ray(&self, origin: Vec3, direction: Vec3, t0: f32) -> TextureRay {
-        TextureRay { point: self.point(origin + t0 * direction), direction: self.direction(direction) }
+        // What is near the ray stays exact far from the world's origin.
+        let from_position = (origin - self.position) + t0 * direction;
+        TextureRay { point: self.texture + self.direction(from_position), direction: self.direction(direction) }
     }
 
     /// Width in texels of a cone that is `width` world units wide about `direction`, where its disc is as large as the ellipse
