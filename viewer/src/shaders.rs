@@ -240,7 +240,7 @@ mod tests {
         let module = parse(&walk_module(PieceLayout::WHOLE)).unwrap();
         for (name, (size, fields)) in [
             ("WalkQuery", fields!(WalkQuery; origin, link, direction, t_min, t_max, pad0, pad1, pad2)),
-            ("WalkSum", fields!(WalkSum; volume, length, texels, chosen, intervals, spans)),
+            ("WalkSum", fields!(WalkSum; volume, length, texels, chosen, intervals, spans, width, pad0, pad1, pad2)),
             ("WalkPlace", fields!(GpuWalkPlace; shell, patterns, count, pad0)),
         ] {
             assert_eq!(layout_difference(&module, name, size, &fields), None);

@@ -67,11 +67,12 @@ fn queries(shell: &Shell, count: usize) -> Vec<WalkQuery> {
 /// Numbers that differ by more than what another order of rounding makes of lengths of some tens, texels included.
 fn differences(expected: &[WalkSum], found: &[WalkSum]) -> usize {
     assert_eq!(expected.len(), found.len());
-    let numbers = |sum: &WalkSum| [sum.volume[0], sum.volume[1], sum.volume[2], sum.length, sum.texels, sum.chosen];
+    let numbers =
+        |sum: &WalkSum| [sum.volume[0], sum.volume[1], sum.volume[2], sum.length, sum.texels, sum.chosen, sum.width];
     let differs = |a: &WalkSum, b: &WalkSum| {
-        let pairs = numbers(a).into_iter().zip(numbers(b));
-        // Also where both found nothing that is a number.
-        pairs.into_iter().any(|(a, b)| !((a - b).abs() <= 1e-3 + 1e-3 * a.abs()))
+        let is_close = |(a, b): (f32, f32)| (a - b).abs() <= 1e-3 + 1e-3 * a.abs();
+        // Also where one is not a number.
+        !numbers(a).into_iter().zip(numbers(b)).all(is_close)
     };
     expected.iter().zip(found).filter(|(a, b)| differs(a, b)).count()
 }

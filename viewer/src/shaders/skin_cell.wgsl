@@ -22,7 +22,7 @@ struct CellWalk {
 
 // The texels of `ray` between t0, where its point is, and t1.
 fn cell_new(ray: TextureRay, t0: f32, t1: f32) -> CellWalk {
-    let whole = t1 - t0;
+    let whole = max(t1 - t0, 0.0);
     var at = 0.0;
     var end = whole;
     // Keep what is between floor and lid; a division is only made by what leads across them.
@@ -42,10 +42,10 @@ fn cell_new(ray: TextureRay, t0: f32, t1: f32) -> CellWalk {
             end = clamp((1.0 - w) / along, 0.0, whole);
         }
     }
-    let is_empty = is_outside || !(at < end);
+    let is_full = at < end && !is_outside;
     let first = cell_of(ray.point + at * ray.direction);
     let last = cell_of(ray.point + end * ray.direction);
-    return CellWalk(ray, t0, at, end, select(MOST_CELLS, 0u, is_empty), first, last);
+    return CellWalk(ray, t0, at, end, select(0u, MOST_CELLS, is_full), first, last);
 }
 
 // The next span that is longer than nothing.

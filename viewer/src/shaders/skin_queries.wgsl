@@ -18,6 +18,10 @@ struct WalkSum {
     chosen: f32,
     intervals: u32,
     spans: u32,
+    width: f32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 // First words of shell and patterns, and queries.
@@ -40,7 +44,7 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
     }
     let query = walk_queries[index];
     let shell = walk_place.shell;
-    var sum = WalkSum(vec3<f32>(0.0), 0.0, 0.0, 0.0, 0u, 0u);
+    var sum = WalkSum(vec3<f32>(0.0), 0.0, 0.0, 0.0, 0u, 0u, 0.0, 0u, 0u, 0u);
     var walk = shell_enter(shell, query.origin, query.direction, query.link, query.t_min, query.t_max);
     loop {
         let interval = shell_step(&walk);
@@ -49,8 +53,10 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
         }
         sum.intervals += 1u;
         sum.length += interval.t1 - interval.t0;
-        let ray = shell_ray(shell_map(shell, interval.tet), query.origin, query.direction, interval.t0);
+        let map = shell_map(shell, interval.tet);
+        let ray = shell_ray(map, query.origin, query.direction, interval.t0);
         sum.texels += length(ray.direction) * (interval.t1 - interval.t0);
+        sum.width += shell_width(map, query.direction, 1.0) * (interval.t1 - interval.t0);
         let pattern = shell_pattern(shell, interval.tet);
         var cells = cell_new(ray, interval.t0, interval.t1);
         loop {

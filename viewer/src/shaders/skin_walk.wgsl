@@ -193,7 +193,18 @@ fn shell_direction(map: ShellMap, direction: vec3<f32>) -> vec3<f32> {
 
 // A ray in the texture, from where its interval begins.
 fn shell_ray(map: ShellMap, origin: vec3<f32>, direction: vec3<f32>, t0: f32) -> TextureRay {
-    return TextureRay(shell_point(map, origin + t0 * direction), shell_direction(map, direction));
+    let from_position = (origin - map.position) + t0 * direction;
+    return TextureRay(map.texture + shell_direction(map, from_position), shell_direction(map, direction));
+}
+
+// Width in texels of a cone that is `width` world units wide about `direction`.
+fn shell_width(map: ShellMap, direction: vec3<f32>, width: f32) -> f32 {
+    let volume = abs(dot(map.gradient_u, cross(map.gradient_v, map.gradient_w)));
+    let along = length(shell_direction(map, direction));
+    if along > 0.0 {
+        return width * sqrt(volume * length(direction) / along);
+    }
+    return 0.0;
 }
 
 // The next interval that is longer than nothing.

@@ -43,12 +43,13 @@ pub struct CellWalk {
 impl CellWalk {
     /// The texels of `ray` between `t0`, where its point is, and `t1`.
     pub fn new(ray: TextureRay, t0: f32, t1: f32) -> CellWalk {
-        let (mut at, mut end) = (0.0, t1 - t0);
+        let whole = (t1 - t0).max(0.0);
+        let (mut at, mut end) = (0.0, whole);
         // Keep what is between floor and lid; a division is only made by what leads across them.
         let (w, along) = (ray.point.z, ray.direction.z);
         let w_end = w + end * along;
         let is_outside = (w < 0.0 && w_end < 0.0) || (w > 1.0 && w_end > 1.0);
-        let crossing = |bound: f32| ((bound - w) / along).clamp(0.0, t1 - t0);
+        let crossing = |bound: f32| ((bound - w) / along).clamp(0.0, whole);
         if !is_outside {
             if w < 0.0 {
                 at = crossing(0.0);
@@ -61,7 +62,7 @@ impl CellWalk {
                 end = crossing(1.0);
             }
         }
-        let is_empty = is_outside || !(at < end);
+        let is_full = at < end && !is_outside;
         CellWalk {
             ray,
             t0,
@@ -69,7 +70,7 @@ impl CellWalk {
             end,
             cell: cell_of(ray.point + at * ray.direction),
             last: cell_of(ray.point + end * ray.direction),
-            left: if is_empty { 0 } else { MOST_CELLS },
+            left: if is_full { MOST_CELLS } else { 0 },
         }
     }
 
@@ -204,5 +205,6 @@ mod tests {
             }
         }
         assert!(spans(Vec3::NAN, Vec3::X, 1.0).len() <= 1);
+        assert!([-1.0, 0.0, f32::NAN].iter().all(|length| spans(Vec3::ZERO, Vec3::X, *length).is_empty()));
     }
 }

@@ -55,6 +55,14 @@ pub struct WalkSum {
     pub intervals: u32,
     /// Texels with content.
     pub spans: u32,
+    /// Integral over t of the width in texels of a cone that is one world unit wide.
+    pub width: f32,
+    /// Zero,
+    pub pad0: u32,
+    /// zero
+    pub pad1: u32,
+    /// and zero.
+    pub pad2: u32,
 }
 
 /// Twin: `WalkPlace`.
@@ -75,8 +83,10 @@ pub fn cpu_walk(shell: &Shell, patterns: &[Pattern], query: &WalkQuery) -> WalkS
     for interval in shell.enter(origin, direction, query.link, query.t_min, query.t_max) {
         sum.intervals += 1;
         sum.length += interval.t1 - interval.t0;
-        let ray = shell.map(interval.tet).ray(origin, direction, interval.t0);
+        let map = shell.map(interval.tet);
+        let ray = map.ray(origin, direction, interval.t0);
         sum.texels += ray.direction.length() * (interval.t1 - interval.t0);
+        sum.width += map.width(direction, 1.0) * (interval.t1 - interval.t0);
         let pattern = &patterns[shell.tets()[interval.tet as usize].pattern as usize];
         for span in CellWalk::new(ray, interval.t0, interval.t1) {
             let Some(variant) = pattern.variant(span.cell) else { continue };

@@ -88,7 +88,7 @@ mod tests {
         }
         let range = |values: &[f32]| values.iter().fold([f32::MAX, f32::MIN], |[a, b], x| [a.min(*x), b.max(*x)]);
         let [shortest, longest] = range(&lengths);
-        assert!(shortest >= 0.6 && shortest < 0.9 && longest <= 1.4 && longest > 1.1, "{shortest} {longest}");
+        assert!((0.6..0.9).contains(&shortest) && (1.1..=1.4).contains(&longest), "{shortest} {longest}");
         let [_, widest] = range(&angles);
         assert!(widest <= 25.01 && widest > 10.0, "{widest}");
         assert_eq!(jittered, JITTER.apply(&skin).unwrap());

@@ -2,7 +2,6 @@
 
 use super::refine::{Cuts, Diagonal, LEAST_VOLUME, Lattice, PRISM, ShellParams, cuts, diagonal, weights};
 use super::thick_skin::{Corners, Skin, SkinFace, orientation};
-use super::weld::weld;
 use glam::{DVec3, Vec3};
 use std::collections::{HashMap, HashSet};
 
@@ -277,8 +276,6 @@ fn greatest_common_divisor(a: u32, b: u32) -> u32 {
 struct Builder<'a> {
     skin: &'a Skin,
     cuts: Cuts,
-    /// For each vertex, the first at its place with its height.
-    welded: Vec<u32>,
     /// Welded corners of the faces so far, in order.
     seen: HashSet<Vec<u32>>,
     repeated: usize,
@@ -292,7 +289,6 @@ impl Builder<'_> {
         Builder {
             skin,
             cuts,
-            welded: weld(skin.vertices().iter().map(|vertex| (vertex.position, vertex.height))),
             seen: HashSet::new(),
             repeated: 0,
             lattices: [Diagonal::None, Diagonal::FromFirst, Diagonal::FromSecond]
@@ -304,7 +300,7 @@ impl Builder<'_> {
 
     fn add_face(&mut self, face: &SkinFace) {
         let indices = face.corners.indices();
-        let mut corners: Vec<u32> = indices.iter().map(|i| self.welded[*i as usize]).collect();
+        let mut corners: Vec<u32> = indices.iter().map(|i| self.skin.welded()[*i as usize]).collect();
         corners.sort_unstable();
         if !self.seen.insert(corners) {
             self.repeated += 1;
@@ -312,7 +308,7 @@ impl Builder<'_> {
         }
         let vertices = [0, 1, 2, 3].map(|corner: usize| indices[corner.min(indices.len() - 1)]);
         // Decided over welded vertices, so that it does not depend on which of a seam's vertices a face has.
-        let welded = vertices.map(|i| self.welded[i as usize]);
+        let welded = vertices.map(|i| self.skin.welded()[i as usize]);
         let for_diagonal = match face.corners {
             Corners::Triangle(_) => face.corners,
             Corners::Patch(_) => Corners::Patch(welded),

@@ -71,6 +71,8 @@ pub struct SkinFace {
 pub struct Skin {
     vertices: Vec<SkinVertex>,
     faces: Vec<SkinFace>,
+    /// For each vertex, the first at its place with its height.
+    welded: Vec<u32>,
     dropped: usize,
 }
 
@@ -93,11 +95,12 @@ impl Skin {
                 vertices.len()
             ));
         }
+        let welded = weld(vertices.iter().map(|vertex| (vertex.position, vertex.height)));
         let given = faces.len();
         let faces: Vec<SkinFace> = faces
             .into_iter()
-            .map(|face| SkinFace { corners: without_repeats(&vertices, face.corners), ..face })
-            .filter(|face| orientation(&vertices, face.corners) != 0.0)
+            .map(|face| SkinFace { corners: without_repeats(&welded, face.corners), ..face })
+            .filter(|face| are_apart(&welded, face.corners) && orientation(&vertices, face.corners) != 0.0)
             .collect();
         if faces.is_empty() {
             return Err(format!(
@@ -105,7 +108,7 @@ impl Skin {
                  are neither zero nor in the face"
             ));
         }
-        Ok(Skin { dropped: given - faces.len(), vertices, faces })
+        Ok(Skin { dropped: given - faces.len(), vertices, faces, welded })
     }
 
     /// A skin `thickness` thick (world units; negative grows inwards) over a mesh. Height vectors follow the normals; where
@@ -169,6 +172,12 @@ impl Skin {
         &self.faces
     }
 
+    /// For each vertex, the number of the first one at its place with its height vector, as the skin was given; jitter, wind
+    /// and layers keep what was one together.
+    pub fn welded(&self) -> &[u32] {
+        &self.welded
+    }
+
     /// Faces that were given and left out.
     pub fn dropped(&self) -> usize {
         self.dropped
@@ -190,16 +199,19 @@ impl Skin {
 }
 
 /// A patch of which two neighbouring corners lie at one place, as a triangle.
-fn without_repeats(vertices: &[SkinVertex], corners: Corners) -> Corners {
+fn without_repeats(welded: &[u32], corners: Corners) -> Corners {
     let Corners::Patch(four) = corners else { return corners };
-    let place = |i: usize| {
-        let vertex = &vertices[four[i % 4] as usize];
-        (vertex.position, vertex.height)
-    };
+    let place = |i: usize| welded[four[i % 4] as usize];
     match (0..4).find(|i| place(*i) == place(i + 1)) {
         Some(i) => Corners::Triangle([1, 2, 3].map(|step| four[(i + step) % 4])),
         None => corners,
     }
+}
+
+/// Whether no two corners lie at one place.
+fn are_apart(welded: &[u32], corners: Corners) -> bool {
+    let places: Vec<u32> = corners.indices().iter().map(|i| welded[*i as usize]).collect();
+    (1..places.len()).all(|i| !places[..i].contains(&places[i]))
 }
 
 /// +1 where a face runs counter-clockwise as seen from the top of its mean height vector, -1 where clockwise, 0 where its box
@@ -260,6 +272,12 @@ mod tests {
         // A patch with a repeated corner is a triangle.
         let skin = Skin::new(square(), vec![patch([0, 1, 1, 2])]).unwrap();
         assert_eq!(skin.faces()[0].corners, Corners::Triangle([1, 2, 0]));
+        // So is a triangle with two corners that only rounding tells apart.
+        let mut near = square();
+        near.push(SkinVertex { position: near[1].position + 1e-7, ..near[1] });
+        let skin = Skin::new(near, vec![triangle([0, 1, 4]), patch([0, 1, 4, 2])]).unwrap();
+        assert_eq!((skin.dropped(), skin.faces()[0].corners), (1, Corners::Triangle([4, 2, 0])));
+        assert_eq!(skin.welded(), [0, 1, 2, 3, 1]);
         // Tiny and huge ones are kept.
         for size in [1e-18, 1e-3, 1e5, 1e12] {
             let scaled = square().iter().map(|v| SkinVertex { position: v.position * size, ..*v }).collect();

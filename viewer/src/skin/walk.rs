@@ -141,7 +141,8 @@ impl Shell {
         let [bc, ca, ab] = [b.cross(c), c.cross(a), a.cross(b)];
         let volume = a.dot(bc);
         // a is along the height, which is short where the skin is thin: its product with the base loses nothing.
-        if !(volume.abs() > LEAST_UPRIGHT * a.length() * bc.length()) {
+        let has_volume = volume.abs() > LEAST_UPRIGHT * a.length() * bc.length();
+        if !has_volume {
             return TextureMap { position: p, texture: t, gradients: [Vec3::ZERO; 3] };
         }
         let inverse = 1.0 / volume;
@@ -166,7 +167,18 @@ impl TextureMap {
 
     /// A ray from where its interval begins.
     pub fn ray(&self, origin: Vec3, direction: Vec3, t0: f32) -> TextureRay {
-        TextureRay { point: self.point(origin + t0 * direction), direction: self.direction(direction) }
+        // What is near the ray stays exact far from the world's origin.
+        let from_position = (origin - self.position) + t0 * direction;
+        TextureRay { point: self.texture + self.direction(from_position), direction: self.direction(direction) }
+    }
+
+    /// Width in texels of a cone that is `width` world units wide about `direction`, where its disc is as large as the ellipse
+    /// that it becomes: volumes grow by |det J^-1| and lengths along the ray by |J^-1 d| / |d|, so areas across it by their
+    /// quotient. 0 in a flat tetrahedron.
+    pub fn width(&self, direction: Vec3, width: f32) -> f32 {
+        let [u, v, w] = self.gradients;
+        let along = self.direction(direction).length();
+        if along > 0.0 { width * (u.dot(v.cross(w)).abs() * direction.length() / along).sqrt() } else { 0.0 }
     }
 
     /// The three rows of the map.
@@ -421,6 +433,22 @@ mod tests {
         let far = shell.tets()[90];
         let off = shell.map(0).point(shell.positions()[far.positions[0] as usize]);
         assert!((off - shell.textures()[far.textures[0] as usize]).length() > 0.1);
+    }
+
+    #[test]
+    fn cones_are_as_wide_in_the_texture_as_their_discs_are_large() {
+        let shell = shell_of(&combed(4), 0.5);
+        let mut random = Random::new(6);
+        for tet in 0..shell.tets().len() as u32 {
+            let map = shell.map(tet);
+            let direction = vector(&mut random, 3.0);
+            let (x, y) = direction.normalize().any_orthonormal_pair();
+            // What two sides of the disc's square span, across the ray in the texture.
+            let area = map.direction(x).cross(map.direction(y)).dot(map.direction(direction).normalize()).abs();
+            let width = map.width(direction, 0.1);
+            assert!((width - 0.1 * area.sqrt()).abs() < 1e-4 * width + 1e-6, "{width} {area}");
+        }
+        assert_eq!(TextureMap { gradients: [Vec3::ZERO; 3], ..shell.map(0) }.width(Vec3::X, 1.0), 0.0);
     }
 
     #[test]
