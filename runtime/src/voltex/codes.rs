@@ -21,7 +21,7 @@ pub const RIGHT_ANGLE: i32 = (1 << ANGLE_BITS) - 1;
 /// A voxel's extinction matrix S in whole numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct VoxelCodes {
-    /// Binary logarithm of the largest of `sqrt(S_ii)`, the density, in [`DENSITY_STEPS`]ths.
+    /// Binary logarithm of the largest of `sqrt(S_ii)`, the density, in 64ths (`DENSITY_STEPS`).
     pub density: i32,
     /// Which of the three it is, the first of those whose ratio to it has the code of 1.
     pub axis: u8,
@@ -75,7 +75,7 @@ impl VoxelCodes {
         self.density.abs() <= MOST_DENSITY_LOG2 * DENSITY_STEPS
     }
 
-    /// The code of a right angle in the partial correlation, 0 where it says nothing: as much less than [`RIGHT_ANGLE`] as what it
+    /// The code of a right angle in the partial correlation, 0 where it says nothing: as much less than 63 (`RIGHT_ANGLE`) as what it
     /// tells matters less.
     pub fn partial_right_angle(&self) -> i32 {
         if self.ratios.contains(&0) {
