@@ -338,6 +338,33 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
 }
 
 #[test]
+fn twins_that_volumetric_textures_name_are_there() {
+    let rust = [
+        include_str!("../src/voltex/matrix.rs"),
+        include_str!("../src/voltex/words.rs"),
+        include_str!("../src/voltex/voxel.rs"),
+        include_str!("../src/voltex/tree.rs"),
+        include_str!("../src/voltex/walk.rs"),
+        include_str!("../src/voltex/shade.rs"),
+    ]
+    .join("\n");
+    let named: Vec<&str> =
+        rust.split("Twin: `voltex_").skip(1).map(|rest| rest.split('`').next().unwrap_or_default()).collect();
+    // What stands in WGSL alone.
+    let alone = ["shadow_offset", "voxel_halves", "acos"];
+    let unmatched = |text: &str| -> Vec<String> {
+        let defined: Vec<&str> = function_names(text).iter().filter_map(|name| name.strip_prefix("voltex_")).collect();
+        let unnamed = defined.iter().filter(|name| !named.contains(name) && !alone.contains(name));
+        let missing = named.iter().filter(|name| !defined.contains(name));
+        unnamed.chain(missing).map(|name| name.to_string()).collect()
+    };
+    let text = voltex_wgsl();
+    assert_eq!(unmatched(&text), [""; 0]);
+    // Planted difference: a function with another name.
+    assert_eq!(unmatched(&text.replace("fn voltex_rank(", "fn voltex_order(")), ["order", "rank"]);
+}
+
+#[test]
 fn the_lobe_switch_has_a_case_for_each_family() {
     let lobes = WGSL.iter().find(|(file, _)| *file == "lobe.wgsl").unwrap().1;
     for family in LobeFamily::ALL {

@@ -34,8 +34,9 @@ fn voltex_walk_new(base: u32, origin: vec3<f32>, direction: vec3<f32>, t0: f32, 
     let least = select(vec3<f32>(VOLTEX_LEAST_DIRECTION), vec3<f32>(-VOLTEX_LEAST_DIRECTION), direction < vec3<f32>(0.0));
     let inverse = 1.0 / select(direction, least, abs(direction) < vec3<f32>(VOLTEX_LEAST_DIRECTION));
     // By bits: shaders may take it that no number is infinite or none.
-    let exponents = max(bitcast<vec3<u32>>(origin) & vec3<u32>(0x7f800000u), bitcast<vec3<u32>>(direction) & vec3<u32>(0x7f800000u));
-    let finite = all(exponents < vec3<u32>(0x7f800000u));
+    let infinity = vec3<u32>(0x7f800000u);
+    let exponents = max(bitcast<vec3<u32>>(origin) & infinity, bitcast<vec3<u32>>(direction) & infinity);
+    let finite = all(exponents < infinity);
     let a = -origin * inverse;
     let b = (1.0 - origin) * inverse;
     let low = min(a, b);
