@@ -92,13 +92,21 @@ impl Script {
     /// # Errors
     /// [`CaptureError::BadShapes`] for what could not be read again; [`CaptureError::Write`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), CaptureError> {
+        write_file_atomically(path.as_ref(), self.to_text(path.as_ref())?.as_bytes())
+    }
+
+    /// What [`Script::write`] would write to `path`.
+    ///
+    /// # Errors
+    /// [`CaptureError::BadShapes`], as it has them.
+    pub fn to_text(&self, path: impl AsRef<Path>) -> Result<String, CaptureError> {
         let path = path.as_ref();
         let bad = |fault: String| CaptureError::BadShapes { path: path.into(), fault, remedy: "change that value" };
         let text = self.to_toml().map_err(bad)?;
         if text.len() as u64 > MAX_SCRIPT_BYTES {
             return Err(bad(format!("would have {} bytes, and {MAX_SCRIPT_BYTES} are allowed", text.len())));
         }
-        write_file_atomically(path, text.as_bytes())
+        Ok(text)
     }
 
     /// Where a file is that the script, read from `path`, names.
