@@ -71,6 +71,7 @@ mod trade;
 mod trade_grid;
 mod trade_page;
 mod validate;
+pub mod voltex;
 
 pub use byte_size::{bytes_from_text, text_from_bytes};
 pub use cache::{Mapping, Tile, TileCache};

@@ -65,6 +65,7 @@ mod threads;
 mod validate;
 mod viewed_leaf;
 mod viewed_texel;
+pub mod voltex;
 mod wgsl;
 
 pub use asset::{Asset, DictionaryLobe, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide};

@@ -1,0 +1,99 @@
+//! Cuts a polygon along the planes of a grid of voxels.
+
+use glam::Vec3;
+
+/// Most corners of a triangle cut by six planes.
+const MOST_CORNERS: usize = 10;
+
+/// A convex polygon.
+#[derive(Debug, Clone, Copy)]
+pub struct Polygon {
+    corners: [Vec3; MOST_CORNERS],
+    count: usize,
+}
+
+impl Polygon {
+    /// A triangle.
+    pub fn triangle(corners: [Vec3; 3]) -> Polygon {
+        let mut all = [Vec3::ZERO; MOST_CORNERS];
+        all[..3].copy_from_slice(&corners);
+        Polygon { corners: all, count: 3 }
+    }
+
+    /// Its corners in order.
+    pub fn corners(&self) -> &[Vec3] {
+        &self.corners[..self.count]
+    }
+
+    /// The parts below and above the plane where coordinate `axis` is `at`.
+    fn cut(&self, axis: usize, at: f32) -> [Polygon; 2] {
+        let mut parts = [Polygon { corners: [Vec3::ZERO; MOST_CORNERS], count: 0 }; 2];
+        for i in 0..self.count {
+            let (p, q) = (self.corners[i], self.corners[(i + 1) % self.count]);
+            let (dp, dq) = (p[axis] - at, q[axis] - at);
+            if dp <= 0.0 {
+                parts[0].push(p);
+            }
+            if dp >= 0.0 {
+                parts[1].push(p);
+            }
+            if dp * dq < 0.0 {
+                let mut middle = p + (q - p) * (dp / (dp - dq));
+                middle[axis] = at;
+                parts[0].push(middle);
+                parts[1].push(middle);
+            }
+        }
+        parts
+    }
+
+    fn push(&mut self, p: Vec3) {
+        // Rounding can make one corner more than geometry does; it lies on an edge.
+        if self.count < MOST_CORNERS {
+            self.corners[self.count] = p;
+            self.count += 1;
+        }
+    }
+
+    /// Twice its area as a vector along its normal.
+    pub fn double_area(&self) -> Vec3 {
+        let c = self.corners();
+        (2..self.count).fold(Vec3::ZERO, |sum, i| sum + (c[i - 1] - c[0]).cross(c[i] - c[0]))
+    }
+}
+
+/// Calls `each(cell, polygon)` for the part of a triangle in each cell of the unit grid, whose cell (0, 0, 0) begins at the
+/// origin.
+pub fn clip_triangle(corners: [Vec3; 3], each: &mut impl FnMut([i32; 3], &Polygon)) {
+    along(Polygon::triangle(corners), 0, [0; 3], each);
+}
+
+fn along(polygon: Polygon, axis: usize, mut cell: [i32; 3], each: &mut impl FnMut([i32; 3], &Polygon)) {
+    if axis == 3 {
+        each(cell, &polygon);
+        return;
+    }
+    let (low, high) = polygon
+        .corners()
+        .iter()
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), p| (low.min(p[axis]), high.max(p[axis])));
+    let first = low.floor() as i32;
+    // What ends on a plane belongs below it, unless it lies in it.
+    let last = if high > low { high.ceil() as i32 - 1 } else { first };
+    let mut rest = polygon;
+    for slab in first..=last {
+        cell[axis] = slab;
+        if slab == last {
+            along(rest, axis + 1, cell, each);
+            return;
+        }
+        let [below, above] = rest.cut(axis, (slab + 1) as f32);
+        if below.count >= 3 {
+            along(below, axis + 1, cell, each);
+        }
+        if above.count < 3 {
+            return;
+        }
+        rest = above;
+    }
+}

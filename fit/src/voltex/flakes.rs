@@ -1,0 +1,76 @@
+//! What is summed over the flakes of a voxel while a volume is built.
+
+use glam::Vec3;
+
+/// Unit directions along which the projected area is summed: to the faces, edges and corners of a cube, one of each two
+/// that are opposite.
+pub const DIRECTIONS: [Vec3; 13] = {
+    const E: f32 = std::f32::consts::FRAC_1_SQRT_2;
+    const C: f32 = 0.577_350_26;
+    [
+        Vec3::X,
+        Vec3::Y,
+        Vec3::Z,
+        Vec3::new(E, E, 0.0),
+        Vec3::new(E, -E, 0.0),
+        Vec3::new(E, 0.0, E),
+        Vec3::new(E, 0.0, -E),
+        Vec3::new(0.0, E, E),
+        Vec3::new(0.0, E, -E),
+        Vec3::new(C, C, C),
+        Vec3::new(C, C, -C),
+        Vec3::new(C, -C, C),
+        Vec3::new(C, -C, -C),
+    ]
+};
+
+/// Sums over flakes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FlakeSums {
+    /// Of area.
+    pub area: f32,
+    /// Of area projected along each of [`DIRECTIONS`].
+    pub projected: [f32; 13],
+    /// Of `area n n'`: xx, yy, zz, xy, xz, yz.
+    pub moment: [f32; 6],
+    /// Of area times reflectance.
+    pub reflected: [f32; 3],
+    /// Of area times transmittance.
+    pub transmitted: [f32; 3],
+}
+
+/// What a flake is made of, linear sRGB.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FlakeColour {
+    /// Hemispherical reflectance, mean of both sides.
+    pub reflectance: [f32; 3],
+    /// Hemispherical transmittance.
+    pub transmittance: [f32; 3],
+}
+
+impl FlakeSums {
+    /// One flake with a unit normal.
+    pub fn flake(area: f32, n: Vec3, colour: &FlakeColour) -> FlakeSums {
+        FlakeSums {
+            area,
+            projected: DIRECTIONS.map(|d| area * n.dot(d).abs()),
+            moment: [n.x * n.x, n.y * n.y, n.z * n.z, n.x * n.y, n.x * n.z, n.y * n.z].map(|x| x * area),
+            reflected: colour.reflectance.map(|x| x * area),
+            transmitted: colour.transmittance.map(|x| x * area),
+        }
+    }
+
+    /// Adds others.
+    pub fn add(&mut self, other: &FlakeSums) {
+        self.area += other.area;
+        let pairs = [
+            (&mut self.projected[..], &other.projected[..]),
+            (&mut self.moment, &other.moment),
+            (&mut self.reflected, &other.reflected),
+            (&mut self.transmitted, &other.transmitted),
+        ];
+        for (sums, values) in pairs {
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Symmetric matrices of 3 x 3, and vectors.
+
+/// Product of two vectors.
+pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Vector product.
+pub fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// A symmetric matrix: xx, yy, zz, xy, xz, yz.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sym3(pub [f32; 6]);
+
+impl Sym3 {
+    /// `a n n'`.
+    pub fn outer(n: [f32; 3], a: f32) -> Sym3 {
+        Sym3([a * n[0] * n[0], a * n[1] * n[1], a * n[2] * n[2], a * n[0] * n[1], a * n[0] * n[2], a * n[1] * n[2]])
+    }
+
+    /// `M v`.
+    pub fn times(&self, v: [f32; 3]) -> [f32; 3] {
+        let m = &self.0;
+        [
+            m[0] * v[0] + m[3] * v[1] + m[4] * v[2],
+            m[3] * v[0] + m[1] * v[1] + m[5] * v[2],
+            m[4] * v[0] + m[5] * v[1] + m[2] * v[2],
+        ]
+    }
+
+    /// `u' M v`.
+    pub fn form(&self, u: [f32; 3], v: [f32; 3]) -> f32 {
+        dot(u, self.times(v))
+    }
+
+    /// Sum of the diagonal.
+    pub fn trace(&self) -> f32 {
+        self.0[0] + self.0[1] + self.0[2]
+    }
+
+    /// The sum of two.
+    pub fn plus(&self, other: &Sym3) -> Sym3 {
+        Sym3(std::array::from_fn(|i| self.0[i] + other.0[i]))
+    }
+
+    /// All entries times a number.
+    pub fn scale(&self, s: f32) -> Sym3 {
+        Sym3(self.0.map(|x| x * s))
+    }
+
+    /// Eigenvalues and the eigenvectors to each, by Jacobi's rotations.
+    pub fn eigen(&self) -> ([f32; 3], [[f32; 3]; 3]) {
+        let m = &self.0;
+        let mut a = [[m[0], m[3], m[4]], [m[3], m[1], m[5]], [m[4], m[5], m[2]]].map(|row| row.map(f64::from));
+        let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0f64]];
+        for _ in 0..SWEEPS {
+            for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+                if a[p][q].abs() < 1e-30 {
+                    continue;
+                }
+                let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+                let t = if theta == 0.0 { 1.0 } else { t };
+                let c = 1.0 / (t * t + 1.0).sqrt();
+                let s = t * c;
+                for k in 0..3 {
+                    let (x, y) = (a[k][p], a[k][q]);
+                    (a[k][p], a[k][q]) = (c * x - s * y, s * x + c * y);
+                }
+                for k in 0..3 {
+                    let (x, y) = (a[p][k], a[q][k]);
+                    (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
+                }
+                for row in &mut v {
+                    let (x, y) = (row[p], row[q]);
+                    (row[p], row[q]) = (c * x - s * y, s * x + c * y);
+                }
+            }
+        }
+        ([0, 1, 2].map(|i| a[i][i] as f32), [0, 1, 2].map(|i| [v[0][i] as f32, v[1][i] as f32, v[2][i] as f32]))
+    }
+
+    /// The matrix of the same eigenvectors with each eigenvalue mapped.
+    pub fn mapped(&self, map: impl Fn(f32) -> f32) -> Sym3 {
+        let (values, vectors) = self.eigen();
+        (0..3).fold(Sym3::default(), |sum, i| sum.plus(&Sym3::outer(vectors[i], map(values[i]))))
+    }
+}
+
+/// Of Jacobi's rotations; three do for single precision.
+const SWEEPS: usize = 8;

@@ -1,0 +1,26 @@
+//! Volumetric textures: volumes of flakes that replace a plant's geometry where its leaves are small in the picture
+//! [Neyret 1996], with what is known today.
+//!
+//! Texture space is the unit cube. A voxel holds the flakes in it as two matrices: the extinction matrix S, whose
+//! `sqrt(d' S d)` is their area projected along d per volume [Heitz 2015], and the moment N = sum of `a n n'`, by which
+//! light is reflected in closed form. Both are looked up at levels, each half as fine as the one before.
+//!
+//! ```text
+//! Volume (levels of voxels) --Voltex::new--> Voltex (words for the GPU, WGSL beside) --Walk--> segments --shade--> light
+//! ```
+
+mod matrix;
+mod shade;
+mod tree;
+mod volume;
+mod voxel;
+mod walk;
+mod words;
+
+pub use matrix::{Sym3, cross, dot};
+pub use shade::{seen_at, shade};
+pub use tree::{Cell, NO_VOXEL};
+pub use volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, MOST_LEVELS, Volume, VolumeLevel, order};
+pub use voxel::{VOXEL_WORDS, Voxel, moment_of};
+pub use walk::{Segment, VoltexRay, Walk};
+pub use words::Voltex;

@@ -1,0 +1,123 @@
+//! The tree of voxels: each node covers 4 x 4 x 4 cells of an even level and has their voxels and those of the 2 x 2 x 2
+//! cells of the odd level above. Twin: `shaders/voltex_tree.wgsl`.
+
+use super::words::Voltex;
+
+/// Words of a node.
+pub const NODE_WORDS: usize = 4;
+/// Number of the voxel of an empty cell.
+pub const NO_VOXEL: u32 = u32::MAX;
+
+/// A node's words. Cells are numbered in Morton order (bit i of the number is bit i / 3 of coordinate i % 3), so that the
+/// eight cells of a coarser one are one byte of the mask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Node {
+    /// Which of the 64 cells are not empty.
+    pub mask: [u32; 2],
+    /// The first of the node's voxels: one for each byte of the mask that is not 0, then one for each of its bits.
+    pub first_voxel: u32,
+    /// The first of the node's children, one for each bit; 0 for none.
+    pub first_child: u32,
+}
+
+impl Node {
+    /// Whether a cell is not empty.
+    fn has(&self, cell: u32) -> bool {
+        self.mask[(cell >> 5) as usize] >> (cell & 31) & 1 == 1
+    }
+
+    /// Whether one of the eight cells of a coarser one is not empty.
+    pub(super) fn has_coarse(&self, coarse: u32) -> bool {
+        self.mask[(coarse >> 2) as usize] >> (8 * (coarse & 3)) & 255 != 0
+    }
+
+    /// How many of the cells before `cell` are not empty. Twin: `voltex_rank`.
+    fn rank(&self, cell: u32) -> u32 {
+        let below = (1u64 << cell) - 1;
+        (self.mask[0] & below as u32).count_ones() + (self.mask[1] & (below >> 32) as u32).count_ones()
+    }
+
+    /// How many cells are not empty.
+    fn cells(&self) -> u32 {
+        self.mask[0].count_ones() + self.mask[1].count_ones()
+    }
+
+    /// How many of the coarser cells before `coarse` are not empty; 8 for all. Twin: `voltex_coarse_rank`.
+    fn coarse_rank(&self, coarse: u32) -> u32 {
+        (0..coarse).filter(|c| self.has_coarse(*c)).count() as u32
+    }
+}
+
+/// A cell that a point is in, at a level or, where it is empty there, at the coarsest at which it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cell {
+    /// Binary logarithm of its side in finest voxels.
+    pub size: u32,
+    /// Its voxel, or [`NO_VOXEL`].
+    pub voxel: u32,
+    /// The voxel of the cell twice as large around it, or [`NO_VOXEL`].
+    pub parent: u32,
+}
+
+/// Number of layers of nodes of a volume whose finest level has 2^`level_count` voxels a side: the root's cells are such
+/// that one of them, or of the coarser ones, is the whole volume.
+pub(super) fn node_depth(level_count: u32) -> u32 {
+    level_count / 2 + 1
+}
+
+/// Number of the cell with these coordinates, 0 to 3. Twin: `voltex_cell_number`.
+pub(super) fn cell_number(q: [u32; 3]) -> u32 {
+    // A coordinate's two bits spread to every third.
+    let spread = |x: u32| x & 1 | (x & 2) << 2;
+    spread(q[0]) | spread(q[1]) << 1 | spread(q[2]) << 2
+}
+
+impl Voltex {
+    /// The cell at `level` around the finest voxel `q`. Twin: `voltex_cell`.
+    pub fn cell(&self, q: [u32; 3], level: u32) -> Cell {
+        let target = level / 2;
+        let mut node = self.node(0);
+        let mut parent = NO_VOXEL;
+        let mut j = node_depth(self.level_count()) - 1;
+        loop {
+            let number = cell_number(q.map(|x| x >> (2 * j) & 3));
+            let coarse = number >> 3;
+            if j == target {
+                let above =
+                    if node.has_coarse(coarse) { node.first_voxel + node.coarse_rank(coarse) } else { NO_VOXEL };
+                if level & 1 == 1 {
+                    return Cell { size: level, voxel: above, parent };
+                }
+                let own = node.first_voxel + node.coarse_rank(8) + node.rank(number);
+                return Cell { size: level, voxel: if node.has(number) { own } else { NO_VOXEL }, parent: above };
+            }
+            if !node.has(number) {
+                let size = 2 * j + u32::from(!node.has_coarse(coarse));
+                return Cell { size, voxel: NO_VOXEL, parent: NO_VOXEL };
+            }
+            let rank = node.rank(number);
+            parent = node.first_voxel + node.coarse_rank(8) + rank;
+            node = self.node(node.first_child + rank);
+            j -= 1;
+        }
+    }
+
+    /// Numbers of the voxels of a level, in ascending order of [`super::volume::order`].
+    pub fn numbers_at(&self, level: u32) -> Vec<u32> {
+        let mut layer = vec![0u32];
+        for _ in 0..node_depth(self.level_count()) - 1 - level / 2 {
+            let children = |number: &u32| {
+                let node = self.node(*number);
+                node.first_child..node.first_child + node.cells()
+            };
+            layer = layer.iter().flat_map(children).collect();
+        }
+        let voxels = |number: &u32| {
+            let node = self.node(*number);
+            let fine = node.first_voxel + node.coarse_rank(8);
+            if level % 2 == 1 { node.first_voxel..fine } else { fine..fine + node.cells() }
+        };
+        layer.iter().flat_map(voxels).collect()
+    }
+}

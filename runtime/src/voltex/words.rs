@@ -1,0 +1,178 @@
+//! A volume's words, as decoders bind them: a header, then materials, levels, nodes and voxels. Twin:
+//! `shaders/voltex_words.wgsl`.
+
+use super::tree::{NODE_WORDS, Node, cell_number, node_depth};
+use super::volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, Volume};
+use super::voxel::{VOXEL_WORDS, Voxel};
+use crate::quantize::{half_at, word_from_halves};
+use std::collections::BTreeMap;
+
+/// Words of the header.
+pub const HEADER_WORDS: usize = 16;
+/// Header word: binary logarithm of the finest level's voxels a side.
+pub const LEVEL_COUNT_AT: usize = 0;
+/// Header word: where the nodes begin.
+pub const NODES_AT: usize = 1;
+/// Header word: where the voxels begin.
+pub const VOXELS_AT: usize = 2;
+/// Header word: where the materials begin.
+pub const MATERIALS_AT: usize = 3;
+/// Header word: where the levels' shadows begin, finest first.
+pub const LEVELS_AT: usize = 4;
+/// Header word: bit 0 cyclic in x, bit 1 in y.
+pub const FLAGS_AT: usize = 5;
+/// Header words: three numbers, the part of the unit cube that is used.
+pub const EXTENT_AT: usize = 6;
+/// Header word: metres per side of the unit cube.
+pub const SIDE_AT: usize = 9;
+/// Words of a material: eight halves.
+pub const MATERIAL_WORDS: usize = 4;
+/// Words of a level's shadows: offset, then shares.
+pub const LEVEL_WORDS: usize = 1 + HOTSPOT_DEG.len();
+
+/// A volume made ready for decoders.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Voltex {
+    words: Vec<u32>,
+}
+
+impl Voltex {
+    /// Lays a volume out.
+    pub fn new(volume: &Volume) -> Voltex {
+        let level_count = volume.level_count();
+        let mut words = vec![0; HEADER_WORDS];
+        words[LEVEL_COUNT_AT] = level_count;
+        words[FLAGS_AT] = u32::from(volume.cyclic[0]) | u32::from(volume.cyclic[1]) << 1;
+        for axis in 0..3 {
+            words[EXTENT_AT + axis] = volume.extent[axis].to_bits();
+        }
+        words[SIDE_AT] = volume.side_m.to_bits();
+        words[MATERIALS_AT] = words.len() as u32;
+        for m in &volume.materials {
+            let ([a, b, c], [d, e, f]) = (m.reflectance, m.transmittance);
+            words.extend([(a, b), (c, d), (e, f), (m.specular, m.roughness)].map(|(x, y)| word_from_halves(x, y)));
+        }
+        words[LEVELS_AT] = words.len() as u32;
+        for level in &volume.levels {
+            words.push(level.shadow.offset.to_bits());
+            words.extend(level.shadow.shared.map(f32::to_bits));
+        }
+        let (nodes, voxels) = tree_of(volume);
+        words[NODES_AT] = words.len() as u32;
+        words.extend_from_slice(bytemuck::cast_slice(&nodes));
+        words[VOXELS_AT] = words.len() as u32;
+        words.extend(voxels);
+        Voltex { words }
+    }
+
+    /// The words.
+    pub fn words(&self) -> &[u32] {
+        &self.words
+    }
+
+    /// Binary logarithm of the finest level's voxels a side.
+    pub fn level_count(&self) -> u32 {
+        self.words[LEVEL_COUNT_AT]
+    }
+
+    /// The part of the unit cube that is used.
+    pub fn extent(&self) -> [f32; 3] {
+        std::array::from_fn(|axis| f32::from_bits(self.words[EXTENT_AT + axis]))
+    }
+
+    /// Metres per side of the unit cube.
+    pub fn side_m(&self) -> f32 {
+        f32::from_bits(self.words[SIDE_AT])
+    }
+
+    /// A node by its number.
+    pub(super) fn node(&self, number: u32) -> Node {
+        let at = self.words[NODES_AT] as usize + number as usize * NODE_WORDS;
+        bytemuck::pod_read_unaligned(bytemuck::cast_slice(&self.words[at..at + NODE_WORDS]))
+    }
+
+    /// A voxel by its number. Twin: `voltex_voxel`.
+    pub fn voxel(&self, number: u32) -> Voxel {
+        Voxel::at(&self.words, self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS)
+    }
+
+    /// Puts another voxel in the place of one.
+    pub fn set_voxel(&mut self, number: u32, voxel: &Voxel) {
+        let at = self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS;
+        self.words[at..at + VOXEL_WORDS].copy_from_slice(&voxel.words());
+    }
+
+    /// How many voxels all levels have.
+    pub fn voxel_count(&self) -> usize {
+        (self.words.len() - self.words[VOXELS_AT] as usize) / VOXEL_WORDS
+    }
+
+    /// What flakes of a material are made of. Twin: `voltex_material`.
+    pub fn material(&self, number: u32) -> FlakeMaterial {
+        let at = self.words[MATERIALS_AT] as usize + number as usize * MATERIAL_WORDS;
+        let half = |i: usize| half_at(self.words[at + i / 2], i as u32 % 2);
+        FlakeMaterial {
+            reflectance: [half(0), half(1), half(2)],
+            transmittance: [half(3), half(4), half(5)],
+            specular: half(6),
+            roughness: half(7),
+        }
+    }
+
+    /// How a level's shadows fall.
+    pub fn shadow(&self, level: u32) -> LevelShadow {
+        let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS;
+        let number = |i: usize| f32::from_bits(self.words[at + i]);
+        LevelShadow { offset: number(0), shared: std::array::from_fn(|i| number(1 + i)) }
+    }
+
+    /// Replaces them.
+    pub fn set_shadow(&mut self, level: u32, shadow: &LevelShadow) {
+        let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS;
+        self.words[at] = shadow.offset.to_bits();
+        (0..HOTSPOT_DEG.len()).for_each(|i| self.words[at + 1 + i] = shadow.shared[i].to_bits());
+    }
+}
+
+/// Nodes and the words of their voxels, layer by layer from the root.
+fn tree_of(volume: &Volume) -> (Vec<Node>, Vec<u32>) {
+    let levels: Vec<BTreeMap<[u32; 3], &Voxel>> =
+        volume.levels.iter().map(|level| level.voxels.iter().map(|(at, voxel)| (*at, voxel)).collect()).collect();
+    let (mut nodes, mut voxels) = (Vec::new(), Vec::new());
+    // Corners of the cells that have a node, in cells of the layer above.
+    let mut layer: Vec<[u32; 3]> = vec![[0; 3]];
+    for j in (0..node_depth(volume.level_count())).rev() {
+        let at_level = |level: u32, at: &[u32; 3]| levels.get(level as usize).and_then(|l| l.get(at).copied());
+        let mut next = Vec::new();
+        let first_of_next = nodes.len() + layer.len();
+        for origin in &layer {
+            let mut node = Node {
+                mask: [0; 2],
+                first_voxel: (voxels.len() / VOXEL_WORDS) as u32,
+                first_child: if j == 0 { 0 } else { (first_of_next + next.len()) as u32 },
+            };
+            // Cells by their numbers.
+            let mut cells: Vec<[u32; 3]> = vec![[0; 3]; 64];
+            for i in 0..64u32 {
+                let part = [i & 3, i >> 2 & 3, i >> 4];
+                cells[cell_number(part) as usize] = std::array::from_fn(|axis| 4 * origin[axis] + part[axis]);
+            }
+            let fine: Vec<(usize, &Voxel)> =
+                (0..64).filter_map(|number| Some((number, at_level(2 * j, &cells[number])?))).collect();
+            fine.iter().for_each(|(number, _)| node.mask[number / 32] |= 1 << (number % 32));
+            for coarse in (0..8).filter(|coarse| node.has_coarse(*coarse)) {
+                let at = cells[8 * coarse as usize].map(|x| x / 2);
+                voxels.extend(at_level(2 * j + 1, &at).map_or([0; VOXEL_WORDS], Voxel::words));
+            }
+            for (number, voxel) in fine {
+                voxels.extend(voxel.words());
+                if j > 0 {
+                    next.push(cells[number]);
+                }
+            }
+            nodes.push(node);
+        }
+        layer = next;
+    }
+    (nodes, voxels)
+}
