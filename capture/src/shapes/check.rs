@@ -13,8 +13,8 @@ const MIN_LENGTH_M: f64 = 1e-9;
 /// Most materials: more than a volumetric texture tells apart.
 const MAX_MATERIALS: usize = 256;
 
-/// Most numbers of a scanned volume: 2048 in each direction.
-const MAX_DENSITY_CELLS: u64 = 1 << 33;
+/// Most numbers of a scanned volume: 1024 in each direction.
+const MAX_DENSITY_CELLS: u64 = 1 << 30;
 
 /// Range of lengths that must not be nothing.
 const LENGTHS_M: [f64; 2] = [MIN_LENGTH_M, MAX_COORDINATE_M];
@@ -150,6 +150,9 @@ fn check_shape(shape: &Shape, nesting: usize) -> Result<(), String> {
             of.iter().try_for_each(|part| solid(part, &format!("a {}", shape.kind())))?;
         }
         Shape::Hypertexture { of, .. } => solid(of, "a hypertexture")?,
+        Shape::Placed { of, .. } if !is_placeable(of) => {
+            return Err(format!("a {} in placed, which holds solids, sheets, limbs and meshes", of.kind()));
+        }
         Shape::Fur { on, .. } if !is_ground(on) => {
             return Err(format!("a {} under fur, which grows on a sheet, mesh, sphere or box", on.kind()));
         }
@@ -262,6 +265,11 @@ fn check_element(element: &BlendElement) -> Result<(), String> {
     }
     element.points_m.iter().try_for_each(|&point| place("points_m", point))?;
     within("weight_m2", element.weight_m2, [MIN_LENGTH_M * MIN_LENGTH_M, MAX_COORDINATE_M * MAX_COORDINATE_M])
+}
+
+/// What can be scaled and turned: neither fur, whose lengths are its own, nor fields.
+fn is_placeable(shape: &Shape) -> bool {
+    !matches!(shape, Shape::Fur { .. } | Shape::Hypertexture { .. } | Shape::Density { .. })
 }
 
 /// What fur can grow on: what has a surface that places can be drawn from.

@@ -316,6 +316,12 @@ mod tests {
             (shape("kind = \"blend\", elements = []"), &["no `elements`"]),
             (
                 shape(
+                    "kind = \"placed\", of = { kind = \"density\", data = { kind = \"slices\", folder = \"a\" }, least_m = [0,0,0], most_m = [1,1,1], range = [0,1], area_per_m3 = 1 }",
+                ),
+                &["a density in placed"],
+            ),
+            (
+                shape(
                     "kind = \"density\", data = { kind = \"raw\", file = \"a\", cells = [4000000000,4000000000,4000000000], number = \"u8\" }, least_m = [0,0,0], most_m = [1,1,1], range = [0,1], area_per_m3 = 1",
                 ),
                 &["`cells` as [4000000000"],

@@ -86,7 +86,7 @@ pub enum Shape {
     },
     /// A shape in another place.
     Placed {
-        /// What is placed.
+        /// What is placed: a solid, a sheet, a limb or a mesh.
         of: Box<Shape>,
         /// Size over that of `of`, about its origin.
         #[serde(default = "one")]
@@ -142,7 +142,7 @@ pub enum Shape {
         /// Turns of the strand about its own course, from root to tip.
         #[serde(default)]
         curl_turns: f64,
-        /// Radius of those turns.
+        /// Radius of those turns at the tip; it grows from none at the root.
         #[serde(default)]
         curl_radius_m: f64,
         /// How far lengths and angles of strands go apart, 0 to 1.

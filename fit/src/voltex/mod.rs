@@ -6,3 +6,4 @@ pub mod flakes;
 pub mod gather;
 pub mod occluder;
 pub mod refit;
+pub mod shapes;

@@ -1,0 +1,210 @@
+//! Paints a script stroke by stroke.
+
+use std::path::Path;
+
+use btf_capture::shapes::{Material, PaintMode, Point, Script, Shape, Stroke, UpAxis};
+use glam::DVec3;
+
+use super::brush::Brush;
+use super::canvas::{CLOSED, Canvas, Facet};
+use super::descent::{coverage, polygonise};
+use super::field::{Hypertexture, Scan, paint_field};
+use super::frustum::Frustum;
+use super::fur::{Fur, MOST_CYLINDERS};
+use super::noise::NoiseField;
+use super::solid::{Placement, Solid};
+use super::surface::{box_triangles, sheet_facets, sphere_triangles};
+use super::tint::TintMap;
+use super::unusable;
+use crate::error::FitError;
+use crate::voltex::flakes::{FlakeColour, FlakeSums};
+
+/// The facets of a mesh's file in its own coordinates, each with the share of its area that counts ([`CLOSED`] on a closed
+/// surface, 1 on a sheet).
+pub type MeshReader<'a> = &'a dyn Fn(&Path) -> Result<Vec<(Facet, f64)>, FitError>;
+
+/// What a script is painted with.
+pub struct Paints<'a> {
+    /// The script's path, beside which its files stand.
+    pub script: &'a Path,
+    /// The colour of each of its materials before tints.
+    pub colours: &'a [FlakeColour],
+    /// Who reads meshes.
+    pub mesh: MeshReader<'a>,
+}
+
+/// The colour of a material that is told by numbers.
+pub fn colour_of(material: &Material) -> FlakeColour {
+    let single = |colour: [f64; 3]| colour.map(|x| x as f32);
+    FlakeColour { reflectance: single(material.reflectance()), transmittance: single(material.transmittance()) }
+}
+
+/// Paints a script on a canvas of `resolution` voxels along its longest side. The same script gives the same bits.
+///
+/// # Errors
+/// For files that the script names and that cannot be used, and for more strands of fur than is sensible.
+pub fn paint(script: &Script, resolution: u32, paints: &Paints) -> Result<Canvas, FitError> {
+    let brush = |(material, colour): (&Material, &FlakeColour)| {
+        let tint = material.tint.as_ref().map(|tint| TintMap::new(tint, &script.space, paints.script));
+        Ok(Brush { colour: *colour, tint: tint.transpose()? })
+    };
+    let brushes: Vec<Brush> =
+        script.materials.iter().zip(paints.colours).map(brush).collect::<Result<_, FitError>>()?;
+    let mut canvas = Canvas::new(&script.space, resolution);
+    for stroke in &script.strokes {
+        let number = stroke.material.as_ref().and_then(|name| script.material_number(name));
+        let brush = number.and_then(|number| brushes.get(number)).cloned().unwrap_or_default();
+        paint_stroke(stroke, paints, &brush, &mut canvas)?;
+    }
+    Ok(canvas)
+}
+
+fn paint_stroke(stroke: &Stroke, paints: &Paints, brush: &Brush, canvas: &mut Canvas) -> Result<(), FitError> {
+    for shape in &stroke.shapes {
+        if let (PaintMode::Set | PaintMode::Subtract, Some(solid)) = (stroke.mode, Solid::of(shape)) {
+            take_away(&solid, canvas);
+        }
+        match stroke.mode {
+            PaintMode::Add | PaintMode::Set => draw(shape, &Placement::NONE, paints, brush, canvas)?,
+            PaintMode::Subtract => {}
+            PaintMode::Normals => {
+                let mut other = canvas.blank();
+                draw(shape, &Placement::NONE, paints, brush, &mut other)?;
+                take_normals(&other, canvas);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Takes the flakes inside a solid away: of a voxel, the share that the solid covers.
+fn take_away(solid: &Solid, canvas: &mut Canvas) {
+    let [least, most] = solid.bounds(0.0).map(|corner| canvas.grid_from_m(corner));
+    let mut shifts = Vec::new();
+    canvas.each_copy(least, most, |shift| shifts.push(shift));
+    let side_m = canvas.side_m;
+    let inside = |triangle: &[glam::Vec3; 3]| {
+        let middle_m = canvas.least_m() + (triangle.iter().sum::<glam::Vec3>() / 3.0).as_dvec3() * side_m;
+        shifts.iter().any(|shift| solid.value(middle_m - *shift * canvas.voxel_m()) < 0.0)
+    };
+    let triangles = canvas.triangles.iter().filter(|triangle| !inside(triangle)).copied().collect();
+    let left = |cell: [u32; 3]| {
+        let from = DVec3::from(cell.map(f64::from));
+        shifts.iter().map(|shift| 1.0 - coverage(solid, canvas, from - *shift)).product::<f64>()
+    };
+    let voxels = canvas.voxels.iter().map(|(cell, sums)| (*cell, sums.scaled(left(*cell) as f32)));
+    let voxels = voxels.filter(|(_, sums)| sums.area > 0.0).collect();
+    (canvas.triangles, canvas.voxels) = (triangles, voxels);
+}
+
+/// Gives the voxels of a canvas the normals of another's, where that has any.
+fn take_normals(of: &Canvas, canvas: &mut Canvas) {
+    for (cell, shape) in &of.voxels {
+        if let Some(sums) = canvas.voxels.get_mut(cell).filter(|_| shape.area > 0.0) {
+            let FlakeSums { projected, moment, .. } = shape.scaled(sums.area / shape.area);
+            (sums.projected, sums.moment) = (projected, moment);
+        }
+    }
+}
+
+fn draw(shape: &Shape, place: &Placement, paints: &Paints, brush: &Brush, canvas: &mut Canvas) -> Result<(), FitError> {
+    if let Some(solid) = Solid::of(shape) {
+        let solid = Solid::Placed { of: solid.into(), place: *place };
+        let mut facets = Vec::new();
+        polygonise(&solid, canvas, &mut |corners_m| facets.push(corners_m));
+        for corners_m in facets {
+            canvas.facet(&Facet { corners_m, uvs: None }, CLOSED, brush);
+        }
+        return Ok(());
+    }
+    match shape {
+        Shape::Placed { of, scale, turn_deg, move_m } => {
+            let place = place.after(&Placement::new(*scale, *turn_deg, *move_m));
+            draw(of, &place, paints, brush, canvas)?;
+        }
+        Shape::Limb { points_m, radii_m } => draw_limb(points_m, radii_m, place, brush, canvas),
+        Shape::Sheet { .. } | Shape::Mesh { .. } => {
+            for (facet, weight) in facets(shape, place, paints)? {
+                canvas.facet(&facet, weight, brush);
+            }
+        }
+        Shape::Fur { on, .. } => {
+            let ground: Vec<[DVec3; 3]> = ground(on, place, paints)?;
+            let Some(fur) = Fur::of(shape) else { return Ok(()) };
+            let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
+            let cylinders = fur.cylinders(fur.strands(ground.iter().map(area).sum()));
+            if cylinders > MOST_CYLINDERS {
+                let fault = format!("has fur of {cylinders} cylinders, and {MOST_CYLINDERS} are allowed");
+                return Err(unusable(paints.script, fault, "lower its strands_per_m2 or segments"));
+            }
+            fur.paint(&ground, canvas, brush);
+        }
+        Shape::Hypertexture { of, rim_m, amplitude_m, noise, area_per_m3 } => {
+            let Some(solid) = Solid::of(of) else { return Ok(()) };
+            let noise = NoiseField::new(noise, canvas.space());
+            let field = Hypertexture { solid, rim_m: *rim_m, amplitude_m: *amplitude_m, noise };
+            paint_field(&field, *area_per_m3, canvas, brush);
+        }
+        Shape::Density { data, least_m, most_m, range, area_per_m3 } => {
+            let scan = Scan::read(data, paints.script, [*least_m, *most_m].map(DVec3::from), *range)?;
+            paint_field(&scan, *area_per_m3, canvas, brush);
+        }
+        // Solids, which have been drawn.
+        _ => {}
+    }
+    Ok(())
+}
+
+fn draw_limb(points_m: &[Point], radii_m: &[f64], place: &Placement, brush: &Brush, canvas: &mut Canvas) {
+    let nodes: Vec<(DVec3, f64)> =
+        points_m.iter().zip(radii_m).map(|(&p, r)| (place.apply(p.into()), r * place.scale())).collect();
+    let mut cones = nodes
+        .windows(2)
+        .map(|pair| Frustum { ends_m: [pair[0].0, pair[1].0], radii_m: [pair[0].1, pair[1].1] })
+        // Pieces without length have no direction.
+        .filter(|cone| cone.ends_m[0] != cone.ends_m[1])
+        .collect::<Vec<_>>();
+    if let Some(first) = cones.first() {
+        first.paint_end(0, canvas, brush);
+    }
+    if let Some(last) = cones.last() {
+        last.paint_end(1, canvas, brush);
+    }
+    cones.drain(..).for_each(|cone| cone.paint(canvas, brush));
+}
+
+/// The facets of a sheet or mesh, with the share of their area that counts.
+fn facets(shape: &Shape, place: &Placement, paints: &Paints) -> Result<Vec<(Facet, f64)>, FitError> {
+    let mut facets = match shape {
+        Shape::Sheet { rows_m } => sheet_facets(rows_m).into_iter().map(|facet| (facet, 1.0)).collect(),
+        Shape::Mesh { file, up } => {
+            let mut facets = (paints.mesh)(&Script::beside(paints.script, file))?;
+            if *up == UpAxis::Y {
+                for (facet, _) in &mut facets {
+                    facet.corners_m = facet.corners_m.map(|DVec3 { x, y, z }| DVec3::new(x, -z, y));
+                }
+            }
+            facets
+        }
+        _ => Vec::new(),
+    };
+    for (facet, _) in &mut facets {
+        facet.corners_m = facet.corners_m.map(|corner| place.apply(corner));
+    }
+    Ok(facets)
+}
+
+/// The triangles that fur grows on.
+fn ground(on: &Shape, place: &Placement, paints: &Paints) -> Result<Vec<[DVec3; 3]>, FitError> {
+    let placed = |triangles: Vec<[DVec3; 3]>| {
+        triangles.into_iter().map(|triangle| triangle.map(|corner| place.apply(corner))).collect()
+    };
+    Ok(match on {
+        Shape::Sphere { centre_m, radius_m } => placed(sphere_triangles((*centre_m).into(), *radius_m)),
+        Shape::Box { least_m, most_m } => placed(box_triangles((*least_m).into(), (*most_m).into())),
+        Shape::Placed { of, scale, turn_deg, move_m } => {
+            ground(of, &place.after(&Placement::new(*scale, *turn_deg, *move_m)), paints)?
+        }
+        _ => facets(on, place, paints)?.into_iter().map(|(facet, _)| facet.corners_m).collect(),
+    })
+}
