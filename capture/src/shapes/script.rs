@@ -247,19 +247,23 @@ mod tests {
         assert_ne!(Script::read(&path).unwrap(), full());
     }
 
+    /// The first example of a text, without what its lines begin with.
+    fn example(text: &str, prefix: &str) -> Script {
+        let lines = text.lines().skip_while(|line| !line.contains("```toml")).skip(1);
+        let lines = lines.take_while(|line| !line.contains("```"));
+        Script::parse(&lines.map(|line| line.trim_start_matches(prefix).to_string() + "\n").collect::<String>())
+            .unwrap()
+    }
+
     #[test]
-    fn the_documented_example_is_a_script() {
-        let lines = include_str!("mod.rs").lines();
-        let example =
-            lines.skip_while(|line| !line.contains("```toml")).skip(1).take_while(|line| !line.contains("```"));
-        let text: String = example.map(|line| line.trim_start_matches("//!").to_string() + "\n").collect();
-        let script = Script::parse(&text).unwrap();
+    fn the_documented_examples_are_scripts() {
+        let script = example(include_str!("mod.rs"), "//!");
         assert_eq!((script.materials.len(), script.strokes[0].shapes.len()), (2, 2));
         assert_eq!(script.strokes[0].shapes[1].parts()[1].kind(), "cylinder");
-        assert_eq!(
-            Script::beside("some/where/a.shapes.toml", script.materials[1].from.as_ref().unwrap()),
-            PathBuf::from("some/where/petal-leaf.toml")
-        );
+        let leaf = Script::beside("some/where/a.shapes.toml", script.materials[1].from.as_ref().unwrap());
+        assert_eq!(leaf, PathBuf::from("some/where/petal-leaf.toml"));
+        let script = example(include_str!("../../../docs/SHAPES.md"), "");
+        assert_eq!((script.materials.len(), script.strokes[1].shapes[0].kind()), (2, "fur"));
     }
 
     #[test]

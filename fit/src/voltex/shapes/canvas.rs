@@ -11,6 +11,9 @@ use crate::voltex::gather::VoxelSums;
 /// Share of a closed surface's area that counts: a ray that passes a body crosses two of its faces and is stopped once.
 pub const CLOSED: f64 = 0.5;
 
+/// Most periods of a cyclic space that one thing may cover.
+const MOST_PERIODS: f64 = 64.0;
+
 /// A triangle in metres, with texture coordinates where it has some.
 #[derive(Debug, Clone, Copy)]
 pub struct Facet {
@@ -78,6 +81,12 @@ impl Canvas {
     /// Voxels along the longest side.
     pub fn resolution(&self) -> u32 {
         self.resolution
+    }
+
+    /// Whether something between two corners, in metres, covers no more periods of a cyclic space than is sensible.
+    pub fn holds(&self, least_m: DVec3, most_m: DVec3) -> bool {
+        let size_m = self.most_m() - self.least_m();
+        (0..2).all(|k| !self.space.cyclic[k] || most_m[k] - least_m[k] <= MOST_PERIODS * size_m[k])
     }
 
     /// From metres to voxels.

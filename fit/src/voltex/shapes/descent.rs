@@ -154,3 +154,175 @@ fn cut(corners: [(DVec3, f64); 4], each: &mut impl FnMut([DVec3; 3])) -> f64 {
         _ => 0.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::f64::consts::PI;
+
+    use btf_capture::shapes::{BlendElement, Shape, Space};
+
+    use super::*;
+
+    fn canvas(resolution: u32) -> Canvas {
+        Canvas::new(&Space { least_m: [-1.0; 3], most_m: [1.0; 3], cyclic: [false; 2] }, resolution)
+    }
+
+    fn area(facet: [DVec3; 3]) -> DVec3 {
+        0.5 * (facet[1] - facet[0]).cross(facet[2] - facet[0])
+    }
+
+    /// Area, volume, and the sum of facets' area vectors over the area: 0 of what is closed.
+    fn measured(shape: &Shape, resolution: u32) -> [f64; 3] {
+        let (mut sum, mut across) = (0.0, DVec3::ZERO);
+        let volume = polygonise(&Solid::of(shape).unwrap(), &canvas(resolution), &mut |facet| {
+            sum += area(facet).length();
+            across += area(facet);
+        });
+        [sum, volume, across.length() / sum]
+    }
+
+    fn sphere(centre_m: [f64; 3], radius_m: f64) -> Shape {
+        Shape::Sphere { centre_m, radius_m }
+    }
+
+    fn blend() -> Shape {
+        let element = |points_m: &[[f64; 3]], weight_m2| BlendElement { points_m: points_m.to_vec(), weight_m2 };
+        let elements = vec![
+            element(&[[-0.3, 0.1, 0.0]], 0.04),
+            element(&[[0.3, 0.0, 0.1]], 0.01),
+            element(&[[0.0, -0.4, -0.2], [0.1, 0.4, 0.3]], 0.005),
+            element(&[[0.4, 0.4, -0.4], [0.6, 0.1, -0.4], [0.3, 0.2, -0.5]], 0.002),
+        ];
+        Shape::Blend { elements, threshold: 1.2 }
+    }
+
+    #[test]
+    fn areas_and_volumes_are_the_solids_wherever_they_lie() {
+        let shapes: [(Shape, f64, f64); 4] = [
+            (sphere([0.0; 3], 0.5), 4.0 * PI * 0.25, 4.0 / 3.0 * PI * 0.125),
+            (Shape::Box { least_m: [-0.4, -0.3, -0.2], most_m: [0.4, 0.3, 0.2] }, 2.0 * (0.48 + 0.32 + 0.24), 0.192),
+            (
+                Shape::Cylinder { ends_m: [[0.0, 0.0, -0.4], [0.0, 0.0, 0.4]], radius_m: 0.3 },
+                2.0 * PI * 0.3 * (0.8 + 0.3),
+                PI * 0.09 * 0.8,
+            ),
+            (
+                Shape::Cone { ends_m: [[0.0, 0.0, -0.4], [0.0, 0.0, 0.4]], radii_m: [0.4, 0.1] },
+                PI * (0.16 + 0.01 + 0.5 * 0.73f64.sqrt()),
+                PI * 0.8 / 3.0 * (0.16 + 0.04 + 0.01),
+            ),
+        ];
+        for (shape, area, volume) in shapes {
+            for (move_m, turn_deg) in
+                [([0.0; 3], [0.0; 3]), ([0.0137, -0.0071, 0.0193], [0.0; 3]), ([0.05; 3], [30.0, 50.0, -20.0])]
+            {
+                let placed = Shape::Placed { of: shape.clone().into(), scale: 0.9, turn_deg, move_m };
+                let [found_area, found_volume, open] = measured(&placed, 64);
+                let (area, volume) = (area * 0.81, volume * 0.729);
+                // Edges are blunted by a cell of 1/256.
+                assert!((found_area / area - 1.0).abs() < 0.01, "{} area {found_area} {area}", shape.kind());
+                assert!((found_volume / volume - 1.0).abs() < 0.005, "{} volume {found_volume} {volume}", shape.kind());
+                assert!(open < 1e-9, "{} {open}", shape.kind());
+            }
+        }
+        // A smooth one to its second order: four times as near with cells half as large.
+        let error = |resolution| (measured(&sphere([0.011, 0.02, -0.01], 0.5), resolution)[0] / PI - 1.0).abs();
+        assert!(error(32) < 3e-4 && error(64) < 0.4 * error(32), "{} {}", error(32), error(64));
+    }
+
+    #[test]
+    fn a_union_is_the_union_of_its_parts_and_a_difference_what_is_left() {
+        // Two spheres of radius 0.4, 0.4 apart: each loses a cap of height 0.2.
+        let [a, b] = [-0.2, 0.2].map(|x| sphere([x, 0.01, 0.02], 0.4));
+        let (whole, cap) = (4.0 * PI * 0.16, 2.0 * PI * 0.4 * 0.2);
+        let (ball, segment) = (4.0 / 3.0 * PI * 0.064, PI * 0.04 * (0.4 - 0.2 / 3.0));
+        for (shape, area, volume) in [
+            (Shape::Union { of: vec![a.clone(), b.clone()] }, 2.0 * (whole - cap), 2.0 * (ball - segment)),
+            (Shape::Intersection { of: vec![a.clone(), b.clone()] }, 2.0 * cap, 2.0 * segment),
+            (Shape::Difference { of: vec![a, b] }, whole, ball - 2.0 * segment),
+        ] {
+            let [found_area, found_volume, open] = measured(&shape, 64);
+            assert!((found_area / area - 1.0).abs() < 0.01, "{} {found_area} {area}", shape.kind());
+            assert!((found_volume / volume - 1.0).abs() < 0.005, "{} {found_volume} {volume}", shape.kind());
+            assert!(open < 1e-9);
+        }
+    }
+
+    #[test]
+    fn the_descent_finds_every_cell_that_a_dense_scan_does() {
+        let difference = Shape::Difference { of: vec![sphere([0.0; 3], 0.6), sphere([0.05, 0.0, 0.0], 0.58)] };
+        for shape in [blend(), difference] {
+            let (solid, canvas) = (Solid::of(&shape).unwrap(), canvas(16));
+            let fine = f64::from(MOST_CELLS);
+            let mut found = BTreeSet::new();
+            polygonise(&solid, &canvas, &mut |facet| {
+                let cell = (canvas.grid_from_m((facet[0] + facet[1] + facet[2]) / 3.0) * fine).floor().as_i64vec3();
+                found.insert(cell.to_array());
+            });
+            let count = 16 * i64::from(MOST_CELLS);
+            let value = |cell: I64Vec3| solid.value(canvas.m_from_grid(cell.as_dvec3() / fine)) < 0.0;
+            let mut scanned = BTreeSet::new();
+            for i in 0..count.pow(3) {
+                let cell = I64Vec3::new(i % count, i / count % count, i / (count * count));
+                let first = value(cell);
+                if (1..8).any(|k| value(cell + I64Vec3::new(k & 1, k >> 1 & 1, k >> 2)) != first) {
+                    scanned.insert(cell.to_array());
+                }
+            }
+            assert!(scanned.len() > 500);
+            // Facets that touch a cell's face may be told to its neighbour.
+            let missed = scanned.difference(&found).count();
+            assert!(missed * 200 < scanned.len(), "{}: {missed} of {}", shape.kind(), scanned.len());
+        }
+    }
+
+    #[test]
+    fn ranges_hold_all_values_in_their_ball_and_no_value_exceeds_the_distance() {
+        let parts = vec![sphere([0.1, 0.0, 0.0], 0.5), Shape::Box { least_m: [0.0; 3], most_m: [0.4, 0.6, 0.2] }];
+        let cone = Shape::Cone { ends_m: [[0.0; 3], [0.3, 0.2, 0.5]], radii_m: [0.0, 0.3] };
+        let placed =
+            Shape::Placed { of: cone.clone().into(), scale: 1.7, turn_deg: [10.0, 20.0, 30.0], move_m: [0.1; 3] };
+        let shapes = [
+            Shape::Union { of: parts.clone() },
+            Shape::Intersection { of: parts.clone() },
+            Shape::Difference { of: parts },
+            cone,
+            placed,
+            blend(),
+        ];
+        let at = |i: i32| {
+            DVec3::new(0.8191725134, 0.6710436067, 0.5497004779).map(|x| (x * f64::from(i)).fract() * 2.4 - 1.2)
+        };
+        for shape in &shapes {
+            let solid = Solid::of(shape).unwrap();
+            let mut surface = Vec::new();
+            polygonise(&solid, &canvas(16), &mut |facet| surface.push((facet[0] + facet[1] + facet[2]) / 3.0));
+            for i in 0..60 {
+                let (centre, radius) = (at(i), 0.02 + 0.01 * f64::from(i % 13));
+                let [low, high] = solid.range(centre, radius);
+                for j in 0..50 {
+                    let p = centre + at(7 * i + j).normalize() * radius * f64::from(j) / 50.0;
+                    let value = solid.value(p);
+                    assert!((low - 1e-12..=high + 1e-12).contains(&value), "{} {low} {value} {high}", shape.kind());
+                }
+                let nearest = surface.iter().map(|p| p.distance(centre)).fold(f64::INFINITY, f64::min);
+                assert!(solid.value(centre).abs() < nearest + 1e-3, "{}", shape.kind());
+                // Within the bounds wherever it is as small as they say.
+                let [least, most] = solid.bounds(0.1);
+                let inside = centre.cmpge(least).all() && centre.cmple(most).all();
+                assert!(inside || solid.value(centre) > 0.1, "{}", shape.kind());
+            }
+        }
+    }
+
+    #[test]
+    fn a_voxel_s_coverage_is_its_share_inside() {
+        let canvas = canvas(16);
+        let solid = Solid::of(&sphere([0.0; 3], 0.5)).unwrap();
+        let cells = (0..16i32.pow(3)).map(|i| DVec3::from([i % 16, i / 16 % 16, i / 256].map(f64::from)));
+        let volume: f64 = cells.map(|cell| coverage(&solid, &canvas, cell)).sum::<f64>() * canvas.voxel_m().powi(3);
+        assert!((volume / (4.0 / 3.0 * PI * 0.125) - 1.0).abs() < 0.01, "{volume}");
+        assert_eq!((coverage(&solid, &canvas, DVec3::splat(7.0)), coverage(&solid, &canvas, DVec3::ZERO)), (1.0, 0.0));
+    }
+}

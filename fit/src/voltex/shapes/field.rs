@@ -53,26 +53,28 @@ pub fn paint_field(field: &impl Field, area_per_m3: f64, canvas: &mut Canvas, br
     if !least.cmplt(most).all() {
         return;
     }
-    let (from, to) = (least.floor().as_ivec3(), most.ceil().as_ivec3());
-    let block = ((to - from).max_element() as u32).next_power_of_two() as i32;
+    let from = least.floor().as_ivec3();
+    let block = ((most.ceil().as_ivec3() - from).max_element() as u32).next_power_of_two() as i32;
     let samples = field.detail_m().map_or(SAMPLES[0], |detail_m| canvas.voxel_m() / detail_m);
     let samples = samples.ceil().clamp(SAMPLES[0], SAMPLES[1]) as i32;
-    let painter = Painter { field, to, samples, share: area_per_m3 / f64::from(samples.pow(3)), brush };
+    let painter = Painter { field, least, most, samples, area_per_m3, brush };
     painter.block(from, block, canvas);
 }
 
 struct Painter<'a, F: Field> {
     field: &'a F,
-    to: IVec3,
+    /// Corners of the box that is painted, in voxels.
+    least: DVec3,
+    most: DVec3,
+    /// Samples along a voxel.
     samples: i32,
-    /// Area of a sample in a voxel's volume, per metre.
-    share: f64,
+    area_per_m3: f64,
     brush: &'a Brush,
 }
 
 impl<F: Field> Painter<'_, F> {
     fn block(&self, from: IVec3, size: i32, canvas: &mut Canvas) {
-        if !from.cmplt(self.to).all() {
+        if !from.as_dvec3().cmplt(self.most).all() {
             return;
         }
         let half = 0.5 * f64::from(size);
@@ -92,12 +94,15 @@ impl<F: Field> Painter<'_, F> {
     fn voxel(&self, from: IVec3, canvas: &mut Canvas) {
         let n = self.samples;
         let size = canvas.size();
-        // Areas in units of the unit cube's face.
-        let volume_m3 = canvas.voxel_m().powi(3) / (canvas.side_m * canvas.side_m);
+        // The part of the voxel where the field is, so that its box has its volume.
+        let (least, most) = (from.as_dvec3().max(self.least), (from.as_dvec3() + 1.0).min(self.most));
+        // Of a sample, so that areas come in units of the unit cube's face.
+        let volume = (most - least).element_product() / f64::from(n.pow(3)) * canvas.voxel_m().powi(3);
+        let volume = volume / (canvas.side_m * canvas.side_m);
         let mut last: Option<([i32; 3], FlakeSums)> = None;
         for i in 0..n.pow(3) {
             let at = IVec3::new(i % n, i / n % n, i / (n * n)).as_dvec3();
-            let place = from.as_dvec3() + (at + 0.5) / f64::from(n);
+            let place = least + (most - least) * (at + 0.5) / f64::from(n);
             let place_m = canvas.m_from_grid(place);
             let (density, gradient) = self.field.at(place_m);
             if density <= 0.0 {
@@ -112,9 +117,9 @@ impl<F: Field> Painter<'_, F> {
             if wrapped.cmplt(DVec3::ZERO).any() || wrapped.cmpgt(size).any() {
                 continue;
             }
-            let area = self.share * density * volume_m3;
+            let area = self.area_per_m3 * density * volume;
             let steep = gradient.length();
-            let oriented = area.min(steep * volume_m3 / f64::from(n.pow(3)));
+            let oriented = area.min(steep * volume);
             let colour = self.brush.colour(place_m, None);
             let mut flakes = isotropic_flakes((area - oriented) as f32, &colour);
             if oriented > 0.0 {

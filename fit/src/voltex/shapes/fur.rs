@@ -64,6 +64,11 @@ impl Fur {
         })
     }
 
+    /// How far a strand reaches from its root, at most.
+    pub fn reach_m(&self) -> f64 {
+        self.length_m * (1.0 + self.jitter) + self.curl_radius_m
+    }
+
     /// Strands on ground of an area.
     pub fn strands(&self, area_m2: f64) -> u64 {
         (self.strands_per_m2 * area_m2).round() as u64
