@@ -5,13 +5,14 @@
 //! |---|---|---|
 //! | blades of a patch | 16 | 22,000 on 1,400 patches [Neyret 1996] |
 //! | flowers | one on every second patch | 700 on 1,400 patches [Neyret 1996] |
-//! | blade | up to 60 mm, 4 mm wide, its section a V | usual: a lawn of *Lolium perenne* before it is cut |
+//! | blade | up to 45 mm, 3 to 5 mm wide, its section a V | usual: a lawn of *Lolium perenne* before it is cut |
 //! | path | a parabola: thrown at the leaf angle off the vertical, fallen by a tenth to half of the throw | particle systems [Reeves & Blau 1985] |
 //! | roots | one in each cell of a grid over the patch, anywhere in it | even across the borders of patches |
-//! | flower | 13 petals of 9 mm on a stalk of 70 mm | usual: *Bellis perennis* |
+//! | flower | 13 petals of 9 mm on a stalk of 30 mm | usual: *Bellis perennis* in a lawn |
 //!
 //! A patch fills the square of its plant's spacing around the origin, and nothing of it knows the patch's borders but
-//! roots: blades lean across, so that patches side by side, or one repeated, are one lawn.
+//! roots: blades lean across, so that patches side by side, or one repeated, are one lawn. At the usual spacing of 40 mm
+//! it is no higher than wide.
 //!
 //! Growth: `stage` lengthens blades; the flower comes at 0.6 of it.
 //!
@@ -32,10 +33,10 @@ use crate::plants::vec3::{UP, Vec3, along, cross, direction_or, scale};
 pub(crate) const BLADE_WIDTH_M: f64 = 0.005;
 
 /// Length of the throw of the longest blade in metres.
-const BLADE_LENGTH_M: f64 = 0.06;
+const BLADE_LENGTH_M: f64 = 0.045;
 
-/// Height of a flower in metres.
-const STALK_M: f64 = 0.07;
+/// Length of a flower's stalk in metres.
+const STALK_M: f64 = 0.03;
 
 /// Petals of a flower.
 const PETALS: usize = 13;
@@ -201,6 +202,7 @@ mod tests {
         }
         assert!(counts.iter().flatten().all(|&count| count == 4), "{counts:?}");
         assert!(patch.blades.iter().any(|blade| blade.point(0.5, 1.0).position_m[0].abs() > 0.02));
+        assert!(patch.blades.iter().all(|blade| blade.point(0.5, 0.6).position_m[1] < 0.04));
         // Planted difference: all roots in one half.
         assert!(counts.iter().take(2).flatten().sum::<i32>() != 64);
     }
