@@ -22,6 +22,14 @@ pub enum CaptureError {
         /// The operating system's reason.
         source: io::Error,
     },
+    /// A model that cannot be used.
+    #[error("{}: {reason}", path.display())]
+    Model {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
     /// A picture of light that cannot be used.
     #[error("{}: {reason}", path.display())]
     RadianceMap {

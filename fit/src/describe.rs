@@ -1,12 +1,13 @@
 //! What is in an asset: for `info`, for the report, and for anyone who wants to know where the bytes go.
 
 use crate::byte_size::text_from_bytes;
+use crate::describe_voltex::{VoltexDescription, describe_voltex, is_voltex};
 use crate::error::FitError;
 use crate::material::{Material, side_of_layer, sides_of_capture};
 use btf_capture::Side;
 use btf_runtime::{
-    Asset, Heights, Layer, LobeFamily, Resident, ResidentFile, ResidualKind, SectionKind, SurfaceSide, VERSION,
-    read_directory,
+    Asset, Heights, Layer, LobeFamily, Resident, ResidentFile, ResidualKind, SectionEntry, SectionKind, SurfaceSide,
+    VERSION, read_directory,
 };
 use rayon::prelude::*;
 use serde::Serialize;
@@ -114,17 +115,6 @@ pub struct FamilyUse {
 pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
     let asset = Asset::parse(bytes)?;
     let directory = read_directory(bytes)?;
-    let mut sections: Vec<SectionSize> = Vec::new();
-    for entry in directory.sections.iter().filter(|entry| (entry.offset as usize) < bytes.len()) {
-        let kind =
-            SectionKind::from_number(entry.kind).map_or(format!("kind {}", entry.kind), |kind| format!("{kind:?}"));
-        let at = sections.iter().position(|size| size.kind == kind).unwrap_or_else(|| {
-            sections.push(SectionSize { kind, count: 0, bytes: 0 });
-            sections.len() - 1
-        });
-        sections[at].count += 1;
-        sections[at].bytes += u64::from(entry.length);
-    }
     let tiers = directory.tiers.iter().map(|&length| {
         let bases = directory.sections.iter().filter(|entry| {
             entry.kind == SectionKind::Basis as u32 && entry.layer == 0 && entry.offset + entry.length <= length
@@ -143,10 +133,31 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
             .chain(asset.levels.iter().map(|level| [level.width, level.height]))
             .collect(),
         tiers: tiers.collect(),
-        sections,
+        sections: section_sizes(&directory.sections, bytes.len(), |kind| {
+            SectionKind::from_number(kind).map(|kind| format!("{kind:?}"))
+        }),
         layers: asset.layers.iter().map(describe_layer).collect(),
         material: Material::from_asset(&asset)?,
     })
+}
+
+/// Sizes by kind of the sections that are at hand, in their order.
+pub(crate) fn section_sizes(
+    entries: &[SectionEntry],
+    bytes: usize,
+    kind_name: impl Fn(u32) -> Option<String>,
+) -> Vec<SectionSize> {
+    let mut sections: Vec<SectionSize> = Vec::new();
+    for entry in entries.iter().filter(|entry| (entry.offset as usize) < bytes) {
+        let kind = kind_name(entry.kind).unwrap_or(format!("kind {}", entry.kind));
+        let at = sections.iter().position(|size| size.kind == kind).unwrap_or_else(|| {
+            sections.push(SectionSize { kind, count: 0, bytes: 0 });
+            sections.len() - 1
+        });
+        sections[at].count += 1;
+        sections[at].bytes += u64::from(entry.length);
+    }
+    sections
 }
 
 /// Work of the runtime on all threads of the pool.
@@ -385,7 +396,7 @@ pub fn load_asset(path: &Path) -> Result<(Vec<u8>, Asset), FitError> {
     Ok((bytes, asset))
 }
 
-/// What is in a file, in either form.
+/// What is in a file, an asset's in either form or a volumetric texture's.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum FileDescription {
@@ -393,6 +404,8 @@ pub enum FileDescription {
     File(Box<Description>),
     /// The resident form.
     Resident(Box<ResidentDescription>),
+    /// A volumetric texture.
+    Voltex(Box<VoltexDescription>),
 }
 
 impl Display for FileDescription {
@@ -400,17 +413,20 @@ impl Display for FileDescription {
         match self {
             FileDescription::File(description) => description.fmt(f),
             FileDescription::Resident(description) => description.fmt(f),
+            FileDescription::Voltex(description) => description.fmt(f),
         }
     }
 }
 
-/// [`describe`] or [`describe_resident`] of a file.
+/// [`describe`], [`describe_resident`] or [`describe_voltex`] of a file.
 ///
 /// # Errors
 /// As they, or if it cannot be read; the message names the file.
 pub fn describe_file(path: &Path) -> Result<FileDescription, FitError> {
     let bytes = read_file(path)?;
-    let described = if ResidentFile::is_one(&bytes) {
+    let described = if is_voltex(path, &bytes) {
+        describe_voltex(&bytes).map(|description| FileDescription::Voltex(Box::new(description)))
+    } else if ResidentFile::is_one(&bytes) {
         describe_resident(bytes).map(|description| FileDescription::Resident(Box::new(description)))
     } else {
         describe(&bytes).map(|description| FileDescription::File(Box::new(description)))
@@ -422,6 +438,7 @@ pub fn describe_file(path: &Path) -> Result<FileDescription, FitError> {
 pub fn with_path(path: &Path, error: FitError) -> FitError {
     match error {
         FitError::Pack(source) => FitError::Asset { path: path.to_path_buf(), source },
+        FitError::PackVolume(source) => FitError::Volume { path: path.to_path_buf(), source },
         FitError::Params(text) => FitError::Params(format!("{}: {text}", path.display())),
         other => other,
     }

@@ -31,6 +31,17 @@ pub enum FitError {
     /// The asset that was built breaks a rule of the format.
     #[error(transparent)]
     Pack(#[from] btf_runtime::FormatError),
+    /// A volumetric texture's file is not usable.
+    #[error("{path}: {source}")]
+    Volume {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: btf_runtime::voltex::VoltexError,
+    },
+    /// The volume that was built breaks a rule of its format.
+    #[error(transparent)]
+    PackVolume(#[from] btf_runtime::voltex::VoltexError),
     /// A file could not be read or written.
     #[error("{path}: {action} failed ({source}); {remedy}")]
     File {
@@ -43,6 +54,9 @@ pub enum FitError {
         /// What helps.
         remedy: &'static str,
     },
+    /// A model of which no volume can be made. Remedy: as the message says.
+    #[error("{0}")]
+    Voltex(String),
     /// Options that do not go together or are out of range.
     #[error("{0}")]
     Params(String),

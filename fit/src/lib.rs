@@ -24,6 +24,7 @@ mod convert;
 mod coordinates;
 mod curve;
 mod describe;
+mod describe_voltex;
 mod dictionary;
 mod encode;
 mod error;
@@ -84,6 +85,7 @@ pub use describe::{
     Description, FamilyUse, FileDescription, LayerDescription, ResidentDescription, SectionSize, TierDescription,
     describe, describe_file, describe_resident, family_name, load_asset, read_file, resident_in_parallel, with_path,
 };
+pub use describe_voltex::{LevelDescription, MaterialUse, VoltexDescription, VoltexTier, describe_voltex};
 pub use error::FitError;
 pub use expand::{ExpandParams, expand, expand_info};
 pub use export_gltf::{AssetPlace, EXTENSION, GltfExport, export_gltf};
@@ -111,4 +113,4 @@ pub use report::{ReportInput, ReportLayer, report_html};
 pub use texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb};
 pub use trade::{Limit, Precision, Role, Rule, Trade, TradeParams, TradePoint, trade};
 pub use trade_page::{trade_csv, trade_html, trade_plots};
-pub use validate::{FindingCounts, FindingRecord, Validation, validate, validate_file};
+pub use validate::{FindingCounts, FindingRecord, Validation, validate, validate_file, validate_voltex};

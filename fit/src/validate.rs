@@ -1,11 +1,12 @@
-//! Everything that can be said of an asset's file: what the runtime finds in its bytes, and what this package finds in the
-//! description of the material. The numbers of the findings are those of docs/FINDINGS.md.
+//! Everything that can be said of a file: what the runtime finds in its bytes, and what this package finds in the description of the
+//! material or the volume. The numbers of the findings are those of docs/FINDINGS.md and docs/VOLTEX.md.
 
 use crate::describe::{parallel, read_file};
+use crate::describe_voltex::is_voltex;
 use crate::error::FitError;
 use crate::material::{Material, sides_of_capture};
 use btf_capture::Side;
-use btf_runtime::{Finding, Severity, rule};
+use btf_runtime::{Finding, Report, Severity, rule, voltex};
 use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
@@ -19,6 +20,9 @@ pub struct Validation {
     pub error: Option<String>,
     /// The layers' sides, in order; empty where it is not valid.
     pub layers: Vec<String>,
+    /// What it holds, for people; empty where it is not valid.
+    #[serde(skip)]
+    pub holds: String,
     /// Errors in the order in which a reader meets them, then warnings, then information.
     pub findings: Vec<FindingRecord>,
     /// How many there are of each.
@@ -83,20 +87,44 @@ impl FindingRecord {
 /// description of the material. `bytes` are not copied.
 pub fn validate(bytes: Vec<u8>) -> Validation {
     let report = btf_runtime::validate(Arc::new(bytes), &parallel);
-    let mut findings = report.findings.clone();
-    findings.extend(report.material.iter().filter_map(|text| about_description(text)));
-    findings.sort_by_key(Finding::severity);
+    let about = report.material.as_deref().and_then(about_description);
     let of_sides = |[light, view]: [_; 2]| Side::ALL.into_iter().find(|side| sides_of_capture(*side) == (light, view));
-    Validation {
-        valid: report.is_valid(),
-        error: findings.first().filter(|_| !report.is_valid()).map(Finding::to_string),
-        layers: report.sides.iter().filter_map(|sides| of_sides(*sides)).map(|side| side.to_string()).collect(),
-        counts: FindingCounts {
-            error: report.count(Severity::Error),
-            warning: findings.iter().filter(|finding| finding.severity() == Severity::Warning).count(),
-            information: report.count(Severity::Information),
-        },
-        findings: findings.iter().map(FindingRecord::of).collect(),
+    let layers: Vec<String> =
+        report.sides.iter().filter_map(|sides| of_sides(*sides)).map(|side| side.to_string()).collect();
+    let word = if layers.len() == 1 { "layer" } else { "layers" };
+    let holds = format!("{} {word} ({})", layers.len(), layers.join(", "));
+    Validation::new(report, about, layers, holds)
+}
+
+/// Examines the volumetric texture in `bytes`, or the tier of one, likewise.
+pub fn validate_voltex(bytes: &[u8]) -> Validation {
+    let report = voltex::validate(bytes, &parallel);
+    let not_json = |text: &String| serde_json::from_str::<serde_json::Value>(text).err();
+    let description = voltex::rule::all().into_iter().find(|own| own.number == rule::DESCRIPTION.number);
+    let about = report.material.as_ref().and_then(not_json).zip(description);
+    let about = about.map(|(error, rule)| Finding::new(rule, error.to_string()));
+    let voxels = report.findings.iter().find(|finding| finding.rule == voltex::rule::VOXELS);
+    let holds = voxels.map_or(String::new(), |finding| format!("voxels {}", finding.detail));
+    Validation::new(report, about, Vec::new(), holds)
+}
+
+impl Validation {
+    fn new(report: Report, about_description: Option<Finding>, layers: Vec<String>, holds: String) -> Validation {
+        let mut findings = report.findings.clone();
+        findings.extend(about_description);
+        findings.sort_by_key(Finding::severity);
+        Validation {
+            valid: report.is_valid(),
+            error: findings.first().filter(|_| !report.is_valid()).map(Finding::to_string),
+            layers,
+            holds: if report.is_valid() { holds } else { String::new() },
+            counts: FindingCounts {
+                error: report.count(Severity::Error),
+                warning: findings.iter().filter(|finding| finding.severity() == Severity::Warning).count(),
+                information: report.count(Severity::Information),
+            },
+            findings: findings.iter().map(FindingRecord::of).collect(),
+        }
     }
 }
 
@@ -111,12 +139,13 @@ fn about_description(text: &str) -> Option<Finding> {
     }
 }
 
-/// [`validate`] of a file.
+/// [`validate`] or [`validate_voltex`] of a file.
 ///
 /// # Errors
 /// If it cannot be read; the message names it.
 pub fn validate_file(path: &Path) -> Result<Validation, FitError> {
-    read_file(path).map(validate)
+    let bytes = read_file(path)?;
+    Ok(if is_voltex(path, &bytes) { validate_voltex(&bytes) } else { validate(bytes) })
 }
 
 #[cfg(test)]
@@ -124,7 +153,7 @@ mod tests {
     use super::*;
     use crate::describe::describe;
     use crate::sample_asset::sample_asset;
-    use btf_runtime::testing::FileParts;
+    use btf_runtime::testing::{FileParts, sample_volume};
     use btf_runtime::{Asset, pack};
 
     fn numbers(validation: &Validation, severity: &str) -> Vec<String> {
@@ -176,6 +205,26 @@ mod tests {
         let json = serde_json::to_value(&found).unwrap();
         assert_eq!(json["counts"]["warning"].as_u64().unwrap() as usize, numbers(&found, "warning").len());
         assert!(json["findings"][0]["remedy"].is_string() && json["error"].is_null());
+    }
+
+    #[test]
+    fn a_volumetric_texture_is_examined_by_its_own_rules() {
+        let bytes = sample_volume(2, 4, 30).pack().unwrap();
+        let good = validate_voltex(&bytes);
+        assert!(good.valid && good.holds.ends_with("in 4 levels, the finest first"), "{good:?}");
+        assert_eq!(numbers(&good, "warning"), [""; 0]);
+        let mut volume = sample_volume(2, 4, 30);
+        volume.description = "not json".into();
+        assert_eq!(numbers(&validate_voltex(&volume.pack().unwrap()), "warning"), ["VTEX5201"]);
+        let mut damaged = bytes.clone();
+        *damaged.last_mut().unwrap() ^= 1;
+        let found = validate_voltex(&damaged);
+        assert!(!found.valid && found.holds.is_empty() && numbers(&found, "error").len() == 1, "{found:?}");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.voltex");
+        std::fs::write(&path, &bytes[..100]).unwrap();
+        let error = validate_file(&path).unwrap().error.unwrap();
+        assert!(error.starts_with("error VTEX1"), "{error}");
     }
 
     #[test]

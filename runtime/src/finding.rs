@@ -1,8 +1,8 @@
 //! What validation says of a file, one thing at a time.
 
-use crate::error::FormatError;
+use crate::container::{FileFormat, SectionEntry};
+use crate::error::{FormatError, Names};
 use crate::fault::Fault;
-use crate::format::SectionEntry;
 use crate::rule::{Rule, Severity};
 use std::fmt::{self, Display};
 
@@ -33,10 +33,10 @@ impl Finding {
     }
 
     /// A fault of a file with these sections at hand; `None` for what is no fault of a file.
-    pub(crate) fn of_fault(fault: &Fault, sections: &[&SectionEntry]) -> Option<Finding> {
-        let rule = fault.error.rule()?;
-        let (detail, section) = detail_of(&fault.error);
-        let entry = sections.iter().find(|entry| section.as_ref() == Some(&entry.name()));
+    pub(crate) fn of_fault<F: FileFormat>(fault: &Fault, sections: &[&SectionEntry]) -> Option<Finding> {
+        let rule = F::rule(fault.error.rule()?);
+        let (detail, section) = detail_of(&fault.error, &F::NAMES);
+        let entry = sections.iter().find(|entry| section.as_ref() == Some(&entry.name_in::<F>()));
         let place = entry.map_or(String::new(), |entry| format!(", {} bytes at byte {}", entry.length, entry.offset));
         Some(Finding {
             rule,
@@ -58,10 +58,13 @@ impl Display for Finding {
 }
 
 /// What was found, and the section's name.
-fn detail_of(error: &FormatError) -> (String, Option<String>) {
+fn detail_of(error: &FormatError, names: &Names) -> (String, Option<String>) {
     match error {
         FormatError::TooShort { expected, got } => (format!("{got} bytes, {expected} are needed"), None),
-        FormatError::BadMagic { got } => (format!("its first four bytes are {got:02x?}, not \"SPMM\""), None),
+        FormatError::BadMagic { got } => {
+            let magic = String::from_utf8_lossy(&names.magic);
+            (format!("its first four bytes are {got:02x?}, not {magic:?}"), None)
+        }
         FormatError::Version { expected, got } => (format!("version {got}, this program reads {expected}"), None),
         FormatError::Length { expected, got } => {
             (format!("{got} bytes, the whole file has {expected} and no tier ends here"), None)

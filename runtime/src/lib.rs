@@ -18,6 +18,7 @@
 
 mod algebra;
 mod asset;
+mod container;
 mod decode;
 mod edit;
 mod entropy;
@@ -54,6 +55,7 @@ mod resident_file;
 mod residual;
 pub mod rule;
 mod sample;
+mod sections;
 mod single;
 mod sphere;
 #[doc(hidden)]
@@ -69,6 +71,7 @@ pub mod voltex;
 mod wgsl;
 
 pub use asset::{Asset, DictionaryLobe, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide};
+pub use container::{ALIGNMENT, Directory, SectionEntry};
 pub use decode::{
     DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE, decode, decode_from_file_form, decode_measured,
     decode_single, lobe_sum_at_pairs, lobe_tables,
@@ -82,9 +85,8 @@ pub use expansion_input::{
 };
 pub use finding::Finding;
 pub use format::{
-    ALIGNMENT, Directory, Form, Head, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS,
-    MAX_LAYERS, MAX_SHARED, MOST_LEVELS, MOST_SIDE_MM, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionEntry, SectionKind,
-    VERSION, read_directory,
+    Form, Head, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_LAYERS, MAX_SHARED,
+    MOST_LEVELS, MOST_SIDE_MM, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory,
 };
 pub use leaf::Leaf;
 pub use leaf_body::LeafBody;

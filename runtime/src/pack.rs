@@ -3,12 +3,13 @@
 use crate::asset::{
     Asset, DictionaryLobe, EPSILON_RANGE, Layer, LevelTexels, LobeRef, doubled_sides, level_sizes, refs_exist,
 };
+use crate::container::{SectionSource, write_file_of};
 use crate::edit::{Edit, MOST_EDITS};
 use crate::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
 use crate::error::FormatError;
 use crate::format::{
     Form, Head, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
-    MAX_LAYERS, MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, SectionSource, basis_words, in_mm_range, write_file,
+    MAX_LAYERS, MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, Spmm, basis_words, in_mm_range,
 };
 use crate::lobe::Lobe;
 use crate::parallax::{Heights, MOST_HEIGHT_STEP};
@@ -105,7 +106,7 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
         size_mm: asset.size_mm,
         seamless: asset.seamless,
     };
-    write_file(&head, &sections)
+    write_file_of::<Spmm>(&head, &sections)
 }
 
 fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
@@ -247,7 +248,13 @@ fn coded(code: impl FnOnce(&mut Encoder)) -> Vec<u8> {
     coder.finish()
 }
 
-fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, width: usize, number: u32, ends_tier: bool) {
+fn push_base_sections(
+    sections: &mut Vec<SectionSource<SectionKind>>,
+    layer: &Layer,
+    width: usize,
+    number: u32,
+    ends_tier: bool,
+) {
     let mut push = |kind, index, bytes: Vec<u8>, ends_tier| {
         sections.push(SectionSource { kind, layer: number, index, bytes, ends_tier });
     };
@@ -281,7 +288,13 @@ fn push_base_sections(sections: &mut Vec<SectionSource>, layer: &Layer, width: u
     push(SectionKind::LobeRefs, 0, refs, ends_tier);
 }
 
-fn push_residual_sections(sections: &mut Vec<SectionSource>, layer: &Layer, width: usize, number: u32, index: usize) {
+fn push_residual_sections(
+    sections: &mut Vec<SectionSource<SectionKind>>,
+    layer: &Layer,
+    width: usize,
+    number: u32,
+    index: usize,
+) {
     let Some(residual) = &layer.residual else {
         return;
     };

@@ -4,156 +4,26 @@ use crate::asset::{
     Asset, DictionaryLobe, EPSILON_RANGE, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide, doubled_sides,
     level_sizes, refs_exist,
 };
+use crate::container::{Directory, read_directory_of};
 use crate::edit::{EDIT_NUMBERS, Edit, Edits, MOST_EDITS};
-use crate::entropy::{Decoder, Signed, bounded, code_plane, decode_plane};
+use crate::entropy::{Decoder, Signed, bounded, code_plane};
 use crate::error::FormatError;
 use crate::fault::Faults;
 use crate::format::{
-    Directory, Form, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS,
-    MAX_DICTIONARY, MAX_RANK, MAX_SHARED, SectionKind, basis_words, read_directory_on,
+    Form, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
+    MAX_RANK, MAX_SHARED, SectionKind, Spmm, basis_words,
 };
 use crate::lobe::{FILE_WORDS, Lobe};
 use crate::parallax::{Heights, MOST_HEIGHT_STEP};
 use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
-use crate::rule::{self, Rule};
+use crate::rule;
+use crate::sections::{Reader, Sections};
 use crate::sphere::Sphere;
 use crate::texel_coding::{code_clusters, code_counts, code_refs};
 use crate::threads::{Threads, map, serial};
-use half::f16;
-use std::collections::{HashMap, HashSet};
 
 /// Words of a layer section.
 pub const LAYER_WORDS: usize = 8;
-/// A section's bytes, read front to back.
-#[derive(Clone)]
-struct Reader<'a> {
-    name: String,
-    bytes: &'a [u8],
-}
-
-impl<'a> Reader<'a> {
-    fn bad<T>(&self, reason: Rule) -> Result<T, FormatError> {
-        Err(FormatError::Section { section: self.name.clone(), reason })
-    }
-
-    fn take(&mut self, count: usize) -> Result<&'a [u8], FormatError> {
-        if count > self.bytes.len() {
-            return self.bad(rule::ENDS_EARLY);
-        }
-        let (head, tail) = self.bytes.split_at(count);
-        self.bytes = tail;
-        Ok(head)
-    }
-
-    fn words(&mut self, count: usize) -> Result<Vec<u32>, FormatError> {
-        let bytes = count.checked_mul(4).map_or_else(|| self.bad(rule::ENDS_EARLY), Ok)?;
-        Ok(self.take(bytes)?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
-    }
-
-    /// Half-precision numbers, padded to a whole word; all must be finite.
-    fn halves(&mut self, count: usize) -> Result<Vec<f16>, FormatError> {
-        let padded = count.div_ceil(2).checked_mul(4).map_or_else(|| self.bad(rule::ENDS_EARLY), Ok)?;
-        let all: Vec<f16> =
-            self.take(padded)?.chunks_exact(2).map(|b| f16::from_bits(u16::from_le_bytes([b[0], b[1]]))).collect();
-        if all.iter().any(|x| !x.is_finite()) {
-            return self.bad(rule::NOT_FINITE);
-        }
-        if all[count..].iter().any(|x| x.to_bits() != 0) {
-            return self.bad(rule::PADDING);
-        }
-        Ok(all[..count].to_vec())
-    }
-
-    /// Steps of up to `most`.
-    fn steps(&mut self, count: usize, most: f32) -> Result<Vec<f32>, FormatError> {
-        let steps: Vec<f32> = self.words(count)?.into_iter().map(f32::from_bits).collect();
-        if steps.iter().all(|step| (0.0..=most).contains(step)) { Ok(steps) } else { self.bad(rule::STEP) }
-    }
-
-    /// What is left, as a coded plane of `count` numbers.
-    fn plane<T>(&mut self, count: usize, width: usize) -> Result<Vec<T>, FormatError>
-    where
-        T: Copy + Default + Into<i32> + TryFrom<i32>,
-    {
-        let bytes = self.take(self.bytes.len())?;
-        decode_plane(bytes, count, width).or_else(|reason| self.bad(reason))
-    }
-
-    /// What is left, decoded by `code` into `count` values.
-    fn coded<T: Clone>(
-        &mut self,
-        count: usize,
-        empty: T,
-        code: impl FnOnce(&mut Decoder, &mut [T]),
-    ) -> Result<Vec<T>, FormatError> {
-        let bytes = self.take(self.bytes.len())?;
-        bounded(count, bytes).or_else(|reason| self.bad(reason))?;
-        let mut values = vec![empty; count];
-        let mut decoder = Decoder::new(bytes);
-        code(&mut decoder, &mut values);
-        decoder.ended().or_else(|reason| self.bad(reason))?;
-        Ok(values)
-    }
-
-    fn end(&self) -> Result<(), FormatError> {
-        if self.bytes.is_empty() { Ok(()) } else { self.bad(rule::TOO_LONG) }
-    }
-}
-
-/// The sections that are present in the tier at hand, by kind, layer and index.
-struct Sections<'a> {
-    bytes: &'a [u8],
-    entries: HashMap<(u32, u32, u32), (usize, usize)>,
-    /// Those of them whose checksum is wrong: named already, and not looked into.
-    damaged: HashSet<(u32, u32, u32)>,
-    /// True where the bytes are the whole file, so that every promised section must be there.
-    whole: bool,
-}
-
-impl<'a> Sections<'a> {
-    fn new(bytes: &'a [u8], directory: &Directory, faults: &mut Faults) -> Sections<'a> {
-        let (mut entries, mut damaged) = (HashMap::new(), HashSet::new());
-        for (number, entry) in directory.sections.iter().enumerate() {
-            let (start, end) = (entry.offset as usize, entry.offset as usize + entry.length as usize);
-            let key = (entry.kind, entry.layer, entry.index);
-            if SectionKind::from_number(entry.kind).is_none() || end > bytes.len() {
-                continue;
-            }
-            if entries.insert(key, (start, end)).is_some() {
-                faults.push(FormatError::Section { section: entry.name(), reason: rule::TWICE });
-            }
-            if directory.damaged.contains(&number) {
-                damaged.insert(key);
-            }
-        }
-        Sections { bytes, entries, damaged, whole: directory.tier + 1 == directory.tiers.len() }
-    }
-
-    /// `None` where it is absent or damaged.
-    fn find(&self, kind: SectionKind, layer: u32, index: u32) -> Option<Reader<'a>> {
-        let key = (kind as u32, layer, index);
-        let (start, end) = *self.entries.get(&key).filter(|_| !self.damaged.contains(&key))?;
-        Some(Reader { name: format!("{kind:?} {index} of layer {layer}"), bytes: self.bytes.get(start..end)? })
-    }
-
-    /// The same, where its absence is a fault.
-    fn get(&self, kind: SectionKind, layer: u32, index: u32, faults: &mut Faults) -> Option<Reader<'a>> {
-        if !self.entries.contains_key(&(kind as u32, layer, index)) {
-            faults.push(FormatError::MissingSection { section: format!("{kind:?} {index} of layer {layer}") });
-        }
-        self.find(kind, layer, index)
-    }
-
-    /// The same, where a coarser tier may end before the section; in a whole file its absence is a fault.
-    fn get_in_tier(&self, kind: SectionKind, layer: u32, index: u32, faults: &mut Faults) -> Option<Reader<'a>> {
-        if self.whole { self.get(kind, layer, index, faults) } else { self.find(kind, layer, index) }
-    }
-
-    /// Whether a section of the layer is damaged.
-    fn damage_in(&self, layer: u32) -> bool {
-        self.damaged.iter().any(|(_, of, _)| *of == layer)
-    }
-}
 
 impl Asset {
     /// Checks and reads a whole asset or one of its documented prefixes (tiers).
@@ -166,7 +36,7 @@ impl Asset {
 
     /// The same on `threads`.
     pub fn parse_on(bytes: &[u8], threads: Threads) -> Result<Asset, FormatError> {
-        let directory = read_directory_on(bytes, threads)?;
+        let directory = read_directory_of::<Spmm>(bytes, threads)?;
         if directory.head.form != Form::File {
             return Err(FormatError::Form { expected: "file", got: "resident" });
         }
@@ -185,11 +55,11 @@ pub(crate) fn examine_asset(
     faults: &mut Faults,
 ) -> Option<Asset> {
     let before = faults.len();
-    let sections = Sections::new(bytes, directory, faults);
+    let sections = Sections::<Spmm>::new(bytes, directory, faults);
     let head = directory.head;
     let (width, height) = (head.width as usize, head.height as usize);
     let material = sections.get(SectionKind::Material, 0, 0, faults);
-    let material = material.and_then(|reader| faults.keep(read_material(&reader)));
+    let material = material.and_then(|reader| faults.keep(reader.text()));
     let layers: Vec<Option<Layer>> =
         (0..head.layers).map(|layer| read_layer(&sections, layer, [width, height], threads, faults)).collect();
     let whole: Option<Vec<&Layer>> = layers.iter().map(Option::as_ref).collect();
@@ -211,13 +81,6 @@ pub(crate) fn examine_asset(
     let asset =
         Asset { width, height, size_mm: head.size_mm, seamless: head.seamless, material, layers, levels, edits };
     (faults.len() == before && sections.damaged.is_empty()).then_some(asset)
-}
-
-fn read_material(reader: &Reader) -> Result<String, FormatError> {
-    match std::str::from_utf8(reader.bytes) {
-        Ok(text) => Ok(text.to_string()),
-        Err(_) => reader.bad(rule::NOT_UTF8),
-    }
 }
 
 fn side_from_word(word: u32) -> Option<SurfaceSide> {
@@ -260,7 +123,7 @@ fn read_parameters(mut reader: Reader) -> Result<Parameters, FormatError> {
 
 /// A layer at the finest level; `None` where anything of it is at fault.
 fn read_layer(
-    sections: &Sections,
+    sections: &Sections<Spmm>,
     layer: u32,
     [width, height]: [usize; 2],
     threads: Threads,
@@ -381,7 +244,7 @@ fn read_lobe_refs(
 
 /// Levels up to the first that a layer does not have; of layers at fault nothing is read.
 fn read_levels(
-    sections: &Sections,
+    sections: &Sections<Spmm>,
     layers: &[Option<Layer>],
     finest: [usize; 2],
     threads: Threads,
@@ -486,7 +349,7 @@ fn read_heights(mut reader: Reader, texels: usize, width: usize) -> Result<Heigh
 
 /// `None` where the tier at hand ends before the residual's mean, or anything is at fault.
 fn read_residual(
-    sections: &Sections,
+    sections: &Sections<Spmm>,
     layer: u32,
     grid: [usize; 2],
     parameters: &Parameters,

@@ -1,12 +1,10 @@
 //! The resident form as a file: its words as they lie in memory, to be mapped, checked and bound without a copy.
 
 use crate::asset::Asset;
+use crate::container::{Directory, SectionEntry, SectionSource, read_directory_of, write_file_of};
 use crate::error::FormatError;
 use crate::fault::Faults;
-use crate::format::{
-    Directory, Form, Head, PIECE_BYTES, SectionEntry, SectionKind, SectionSource, in_mm_range, read_directory_on,
-    write_file,
-};
+use crate::format::{Form, Head, PIECE_BYTES, SectionKind, Spmm, in_mm_range};
 use crate::resident::{Resident, ResidentBytes};
 use crate::resident_check::{BrokenWords, check_resident};
 use crate::rule;
@@ -44,7 +42,7 @@ impl ResidentFile {
     /// Errors: as [`crate::Asset::parse`], by the rules of FORMAT.md, chapter "Resident form". Never panics.
     /// Cost: one hash of the bytes and one pass over the words; on `threads`.
     pub fn open(bytes: ResidentBytes, threads: Threads) -> Result<ResidentFile, FormatError> {
-        let directory = read_directory_on((*bytes).as_ref(), threads)?;
+        let directory = read_directory_of::<Spmm>((*bytes).as_ref(), threads)?;
         if directory.head.form != Form::Resident {
             return Err(FormatError::Form { expected: "resident", got: "file" });
         }
@@ -78,7 +76,7 @@ impl ResidentFile {
             size_mm: self.size_mm,
             seamless: self.seamless,
         };
-        write_file(&head, &sections)
+        write_file_of::<Spmm>(&head, &sections)
     }
 }
 
@@ -152,7 +150,8 @@ fn words_place(pieces: &[&SectionEntry]) -> Result<Range<usize>, FormatError> {
 
 /// The header's word that tells the form, where there is one.
 fn read_form(bytes: &[u8]) -> Option<u32> {
-    use crate::format::{HEADER_WORDS, MAGIC, header};
+    use crate::container::HEADER_WORDS;
+    use crate::format::{MAGIC, header};
     let word = |index: usize| bytes.get(4 * index..4 * index + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     (bytes.len() >= 4 * HEADER_WORDS && word(header::MAGIC)? == MAGIC).then(|| word(header::FORM))?
 }

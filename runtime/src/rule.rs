@@ -28,6 +28,8 @@ impl Severity {
 /// A rule with its number, its sentence and what helps where it does not hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Rule {
+    /// The format: `SPMM`, or `VTEX` of volumetric textures.
+    pub format: &'static str,
     /// 1000 to 4999 errors, 5000 to 5999 warnings, 6000 to 6999 information.
     pub number: u16,
     /// What does not hold, or what is told: a clause without a full stop.
@@ -48,7 +50,7 @@ impl Rule {
 
     /// `SPMM1003`.
     pub fn id(&self) -> String {
-        format!("SPMM{}", self.number)
+        format!("{}{}", self.format, self.number)
     }
 }
 
@@ -60,26 +62,29 @@ impl Display for Rule {
 }
 
 /// Damage on the way.
-const COPY: &str = "copy the file again";
+pub(crate) const COPY: &str = "copy the file again";
 /// A writer's mistake.
-const WRITE: &str = "it was written by a faulty or newer program: fit the capture again, or update the program";
+pub(crate) const WRITE: &str =
+    "it was written by a faulty or newer program: fit the capture again, or update the program";
 /// The same of a resident form, which is made from a file form.
 const CONVERT: &str = "it was written by a faulty or newer program: convert the asset again with btf-fit convert";
 /// Nothing is wrong.
-const NOTHING: &str = "";
+pub(crate) const NOTHING: &str = "";
 
 macro_rules! rules {
-    ($($name:ident = $number:literal, $message:literal, $remedy:expr;)*) => {
+    ($format:literal $($name:ident = $number:literal, $message:literal, $remedy:expr;)*) => {
         $(
             #[doc = $message]
-            pub const $name: Rule = Rule { number: $number, message: $message, remedy: $remedy };
+            pub const $name: Rule =
+                Rule { format: $format, number: $number, message: $message, remedy: $remedy };
         )*
         /// Every rule, in the order of the numbers.
         pub const ALL: &[Rule] = &[$($name),*];
     };
 }
+pub(crate) use rules;
 
-rules! {
+rules! { "SPMM"
     // Header. After one of these, nothing more can be told.
     TOO_SHORT = 1001, "the file is too short for an asset", COPY;
     BAD_MAGIC = 1002, "this is not an SPMM asset", "make an asset with btf-fit fit";

@@ -2,13 +2,18 @@
 //! of the promised interface.
 
 use crate::asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
+use crate::container::{ALIGNMENT, Directory, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum};
 use crate::error::FormatError;
-use crate::format::{Form, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum, header, read_directory};
+use crate::format::{Form, header, read_directory};
 use crate::lobe::{Lobe, LobeFamily};
 use crate::parallax::Heights;
 use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::sphere::Sphere;
+use crate::voltex::{
+    FlakeMaterial, LevelShadow, Sym3, VoltexError, Volume, VolumeLevel, Voxel, order, read_voltex_directory,
+};
 use half::f16;
+use std::collections::BTreeSet;
 
 /// A small generator (splitmix64): the same seed gives the same numbers everywhere.
 #[derive(Debug, Clone)]
@@ -213,6 +218,45 @@ pub fn sample_heights(seed: u64, texels: usize) -> Heights {
     Heights { step: 0.125, codes: (0..texels).map(|_| random.below(49) as i8 - 24).collect() }
 }
 
+/// A volume of `levels` levels (1 to 13), with `count` voxels at the finest or as many as there is room for.
+pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
+    let mut random = Random::new(seed);
+    let side = 1usize << (levels - 1);
+    let mut cells: BTreeSet<[u32; 3]> = (0..count.max(1)).map(|_| [0; 3].map(|_| random.below(side) as u32)).collect();
+    let mut all = Vec::new();
+    for _ in 0..levels {
+        let mut voxels: Vec<([u32; 3], Voxel)> = cells.iter().map(|at| (*at, sample_voxel(&mut random))).collect();
+        voxels.sort_by_key(|(at, _)| order(*at));
+        let shared = std::array::from_fn(|i| 0.9 - 0.19 * i as f32);
+        all.push(VolumeLevel { shadow: LevelShadow { offset: random.within(0.0, 2.0), shared }, voxels });
+        cells = cells.iter().map(|at| at.map(|x| x / 2)).collect();
+    }
+    // Numbers that half precision has.
+    let material = |i: u16| FlakeMaterial {
+        reflectance: [0.125, 0.25, 0.0625 * f32::from(i)],
+        transmittance: [0.0, 0.375, 0.5],
+        specular: 0.046875,
+        roughness: 0.25,
+    };
+    Volume {
+        description: "{\"name\": \"sample\"}".into(),
+        side_m: random.within(0.5, 20.0),
+        extent: [1.0, 0.75, 0.5],
+        cyclic: [random.below(2) == 0, random.below(2) == 0],
+        materials: (0..3).map(material).collect(),
+        levels: all,
+    }
+}
+
+/// Three flakes of one of three materials.
+fn sample_voxel(random: &mut Random) -> Voxel {
+    let extinction = (0..3).fold(Sym3::default(), |sum, _| {
+        let flake = Sym3::outer(random.direction(), random.within(0.1, 40.0));
+        sum.plus(&flake)
+    });
+    Voxel::new(extinction, random.below(3) as u32)
+}
+
 /// Index of a texel's first lobe reference.
 pub fn first_ref(layer: &Layer, texel: usize) -> usize {
     layer.texel_lobe_counts[..texel].iter().map(|count| usize::from(*count)).sum()
@@ -243,7 +287,15 @@ impl FileParts {
     /// Takes a valid file apart, or what a tier of one holds. Errors: those of [`Asset::parse`]'s first stage.
     pub fn from_bytes(bytes: &[u8]) -> Result<FileParts, FormatError> {
         let directory = read_directory(bytes)?;
-        let alignment = directory.head.form.alignment();
+        Ok(FileParts::of(bytes, &directory, directory.head.form.alignment()))
+    }
+
+    /// The same of a volumetric texture's file.
+    pub fn from_voltex_bytes(bytes: &[u8]) -> Result<FileParts, VoltexError> {
+        Ok(FileParts::of(bytes, &read_voltex_directory(bytes)?, ALIGNMENT))
+    }
+
+    fn of<H>(bytes: &[u8], directory: &Directory<H>, alignment: usize) -> FileParts {
         let mut header = [0; HEADER_WORDS];
         for (word, b) in header.iter_mut().zip(bytes.chunks_exact(4)) {
             *word = u32::from_le_bytes([b[0], b[1], b[2], b[3]]);
@@ -261,7 +313,7 @@ impl FileParts {
                 }
             })
             .collect();
-        Ok(FileParts { header, sections })
+        FileParts { header, sections }
     }
 
     /// The file, with every derived number right.

@@ -1,9 +1,10 @@
 //! Everything that can be said of a file: each broken rule, what is legal but doubtful, and what it is.
 
 use crate::asset::{Asset, Layer, SurfaceSide};
+use crate::container::{Directory, FileFormat, SectionEntry, about_container, examine_directory_of};
 use crate::fault::Faults;
 use crate::finding::Finding;
-use crate::format::{Directory, Form, SectionEntry, SectionKind, VERSION, examine_directory};
+use crate::format::{Form, SectionKind, Spmm, VERSION};
 use crate::parse::examine_asset;
 use crate::resident::ResidentBytes;
 use crate::resident_file::{ResidentFile, examine_resident};
@@ -15,9 +16,9 @@ use crate::threads::Threads;
 pub struct Report {
     /// Errors in the order in which a reader meets them, then warnings, then information.
     pub findings: Vec<Finding>,
-    /// The material's description, where there are no errors.
+    /// The material's or the volume's description, where there are no errors.
     pub material: Option<String>,
-    /// Sides of light and eye of each layer, where there are no errors.
+    /// Sides of light and eye of each layer, where there are no errors; none of a volumetric texture.
     pub sides: Vec<[SurfaceSide; 2]>,
 }
 
@@ -41,14 +42,13 @@ impl Report {
 pub fn validate(bytes: ResidentBytes, threads: Threads) -> Report {
     let all: &[u8] = (*bytes).as_ref();
     let mut faults = Faults::default();
-    let directory = examine_directory(all, threads, &mut faults);
+    let directory = examine_directory_of::<Spmm>(all, threads, &mut faults);
     let mut told = Report::default();
-    let mut sections = Vec::new();
+    let sections = directory.as_ref().map_or(Vec::new(), |directory| directory.at_hand(all.len()).collect());
     if let Some(directory) = &directory {
-        let at_hand = |entry: &&SectionEntry| (entry.offset as usize) < all.len();
-        sections.extend(directory.sections.iter().filter(at_hand));
         told.say(rule::FORM, form_of(directory, all.len()));
-        about_sections(directory, all.len(), &mut told);
+        about_head(directory, &mut told);
+        told.findings.extend(about_container::<Spmm>(directory, all.len()));
         match directory.head.form {
             Form::Resident => {
                 let file = examine_resident(bytes.clone(), directory, threads, &mut faults);
@@ -64,16 +64,21 @@ pub fn validate(bytes: ResidentBytes, threads: Threads) -> Report {
             }
         }
     }
-    let errors = faults.found().iter().filter_map(|fault| Finding::of_fault(fault, &sections));
-    if !faults.is_empty() {
-        return Report { findings: errors.collect(), ..Report::default() };
-    }
-    told.findings.sort_by_key(|finding| finding.severity());
-    told
+    told.settled::<Spmm>(&faults, &sections)
 }
 
 impl Report {
-    fn say(&mut self, rule: Rule, detail: String) {
+    /// What is reported: errors alone where there are any, else what was told, in order.
+    pub(crate) fn settled<F: FileFormat>(mut self, faults: &Faults, sections: &[&SectionEntry]) -> Report {
+        if !faults.is_empty() {
+            let errors = faults.found().iter().filter_map(|fault| Finding::of_fault::<F>(fault, sections));
+            return Report { findings: errors.collect(), ..Report::default() };
+        }
+        self.findings.sort_by_key(|finding| finding.severity());
+        self
+    }
+
+    pub(crate) fn say(&mut self, rule: Rule, detail: String) {
         self.findings.push(Finding::new(rule, detail));
     }
 
@@ -94,8 +99,8 @@ fn form_of(directory: &Directory, bytes: usize) -> String {
     format!("{form} form of version {VERSION}, {bytes} bytes in {} sections", directory.sections.len())
 }
 
-/// What header and tables say.
-fn about_sections(directory: &Directory, bytes: usize, told: &mut Report) {
+/// What the header says.
+fn about_head(directory: &Directory, told: &mut Report) {
     let head = directory.head;
     let size = match head.size_mm {
         Some([width, height]) => format!(", {width} x {height} mm"),
@@ -112,22 +117,6 @@ fn about_sections(directory: &Directory, bytes: usize, told: &mut Report) {
         [false, false] => "between all edges",
     };
     told.say(rule::SEAMS, format!("{seams}, where the material is repeated"));
-    let lengths: Vec<String> = directory.tiers.iter().map(u32::to_string).collect();
-    told.say(rule::TIERS_LISTED, format!("{} of {} bytes", lengths.len(), lengths.join(", ")));
-    if directory.tier + 1 < directory.tiers.len() {
-        let whole = directory.tiers.last().copied().unwrap_or(0);
-        told.say(rule::TIER_AT_HAND, format!("tier {}, {bytes} of {whole} bytes", directory.tier));
-    }
-    for entry in directory.sections.iter().filter(|entry| (entry.offset as usize) < bytes) {
-        if SectionKind::from_number(entry.kind).is_none() {
-            told.findings.push(Finding {
-                section: Some(entry.name()),
-                layer: Some(entry.layer),
-                offset: Some(entry.offset.into()),
-                ..Finding::new(rule::UNKNOWN_SKIPPED, format!("kind {}, {} bytes", entry.kind, entry.length))
-            });
-        }
-    }
 }
 
 fn about_layers(sides: &[[SurfaceSide; 2]], told: &mut Report) {
@@ -160,15 +149,9 @@ fn about_asset(asset: &Asset, directory: &Directory, told: &mut Report) {
     about_layers(&sides, told);
     told.say(rule::LEVELS, (1 + asset.levels.len()).to_string());
     // In a tier, what refers to a section may be missing.
-    if directory.tier + 1 == directory.tiers.len() {
-        for entry in directory.sections.iter().filter(|entry| !is_read(asset, [entry.kind, entry.layer, entry.index])) {
-            told.findings.push(Finding {
-                section: Some(entry.name()),
-                layer: Some(entry.layer),
-                offset: Some(entry.offset.into()),
-                ..Finding::new(rule::SECTION_UNUSED, format!("{}, {} bytes", entry.name(), entry.length))
-            });
-        }
+    if directory.is_whole() {
+        let is_unread = |entry: &&SectionEntry| !is_read(asset, [entry.kind, entry.layer, entry.index]);
+        told.findings.extend(directory.sections.iter().filter(is_unread).map(SectionEntry::unused_in::<Spmm>));
     }
     for (number, layer) in asset.layers.iter().enumerate() {
         about_layer(asset, number, layer, told);

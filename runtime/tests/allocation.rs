@@ -8,6 +8,7 @@
 mod mutate;
 
 use btf_runtime::testing::Random;
+use btf_runtime::voltex::Volume;
 use btf_runtime::{Asset, Resident, ResidentFile, serial, validate, with_levels};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
@@ -109,6 +110,20 @@ fn reading_allocates_no_more_than_the_input_justifies() {
         }
     }
     assert!(read > 50 && refused > 500 && resident_read > 50, "{read} {refused} {resident_read}");
+    let inputs = corpus("voltex");
+    let (mut read, mut refused) = (0, 0);
+    for number in 0..2000 {
+        let input = &inputs[number % inputs.len()];
+        let input = mutate::mutate(input, random.bits(), 32 << 10, &mut |bytes, _| {
+            let at = random.below(bytes.len() + 1);
+            bytes.resize(at + random.below(64), 0);
+        });
+        let (parsed, peak) = peak_of(|| Volume::parse(&input));
+        let most = input.len() * FILE_FACTOR + ALWAYS;
+        assert!(peak <= most, "parse: {peak} bytes for {} of a volume", input.len());
+        *if parsed.is_ok() { &mut read } else { &mut refused } += 1;
+    }
+    assert!(read > 50 && refused > 500, "{read} {refused}");
     // Planted difference: what is not bounded is seen.
     let (_, peak) = peak_of(|| vec![0u8; 3 * ALWAYS]);
     assert!(peak > 2 * ALWAYS);

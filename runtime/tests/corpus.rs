@@ -6,6 +6,7 @@
 mod fuzz;
 
 use btf_runtime::testing::Random;
+use btf_runtime::voltex::Volume;
 use btf_runtime::{Asset, Severity, serial, validate};
 use std::path::Path;
 use std::sync::Arc;
@@ -72,6 +73,15 @@ fn what_is_packed_is_parsed_as_it_was() {
 #[test]
 fn validate_never_disagrees_with_what_opens() {
     replay(fuzz::validate, &corpus("validate"), 4000);
+}
+
+#[test]
+fn anything_is_refused_or_is_a_volume_that_is_written_and_walked() {
+    let inputs = corpus("voltex");
+    replay(fuzz::voltex, &inputs, 4000);
+    // The mutator's files are not all stopped at the door.
+    let read = mutated(&inputs, 1000, 5).filter(|input| Volume::parse(input).is_ok()).count();
+    assert!((20..980).contains(&read), "{read}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! reader, written in Python from the document alone, finds the same numbers (`second_reader`)
 //! and decodes the same values (`second_decoder`).
 
+mod document;
 #[path = "format_document/second_decoder.rs"]
 mod second_decoder;
 #[path = "format_document/second_reader.rs"]
@@ -17,26 +18,9 @@ use half::f16;
 
 const DOCUMENT: &str = include_str!("../../docs/FORMAT.md");
 
-/// The lines of the fenced block with this info string.
+/// The lines of the document's fenced block with this info string.
 fn block(name: &str) -> Vec<&'static str> {
-    let fence = format!("```{name}");
-    let mut lines = DOCUMENT.lines().skip_while(|line| *line != fence);
-    assert!(lines.next().is_some(), "docs/FORMAT.md has no block {name}");
-    lines.take_while(|line| *line != "```").collect()
-}
-
-/// `offset  bytes in hex  | remark`; what lies between the rows is zero, up to the row `end`.
-fn bytes_from_dump(lines: &[&str]) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    for line in lines {
-        let mut words = line.split('|').next().unwrap_or("").split_whitespace();
-        let Some(offset) = words.next() else { continue };
-        let offset = usize::from_str_radix(offset, 16).expect("an offset in hex");
-        assert!(offset >= bytes.len(), "rows rise: {line}");
-        bytes.resize(offset, 0);
-        bytes.extend(words.map(|byte| u8::from_str_radix(byte, 16).expect("a byte in hex")));
-    }
-    bytes
+    document::block(DOCUMENT, name)
 }
 
 /// `name = value` lines.
@@ -189,7 +173,7 @@ fn fields(bytes: &[u8]) -> Vec<(String, String)> {
 
 /// The example's bytes as the document has them.
 fn document_bytes() -> Vec<u8> {
-    bytes_from_dump(&block("hexdump"))
+    document::bytes_from_dump(&block("hexdump"))
 }
 
 #[test]

@@ -1,14 +1,11 @@
-//! OBJ and glTF files as meshes and the places where they stand.
+//! OBJ and glTF files as meshes with the frames that shading needs, and the places where they stand.
 
 use crate::error::ViewerError;
 use crate::geometry::Vertex;
 use crate::mesh::{MeshPart, fill_normals, fill_tangents, tangent_of};
-use glam::{Mat4, Quat, Vec3};
-use serde_json::Value;
+use btf_capture::{ModelPart, is_model, read_model};
+use glam::{Mat4, Vec3};
 use std::path::Path;
-
-/// The glTF extension with which a node places its mesh many times.
-const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// A mesh of a file, and where it stands in the file's world.
 #[derive(Debug, Clone)]
@@ -19,266 +16,75 @@ pub struct FileMesh {
     pub places: Vec<Mat4>,
 }
 
-/// Reads `.obj`, `.gltf` or `.glb`; texture coordinates are turned so that v grows upwards, missing normals and tangents
-/// filled in. Parts without texture coordinates come with `has_uv = false`. What the file places once comes together as one
-/// mesh in the world; what it places more often, by several nodes or by `EXT_mesh_gpu_instancing`, as a mesh each.
+/// Reads `.obj`, `.gltf` or `.glb`; texture coordinates grow upwards in v, missing normals and tangents are filled in. Parts
+/// without texture coordinates come with `has_uv = false`. What the file places once comes together as one mesh in the world;
+/// what it places more often, by several nodes or by `EXT_mesh_gpu_instancing`, as a mesh each.
 ///
 /// # Errors
-/// [`ViewerError::Mesh`] for files that cannot be read, have no triangles or name vertices that are not there.
+/// [`ViewerError::Mesh`] for names of other kinds, and the errors of [`read_model`].
 pub fn load_meshes(path: &Path) -> Result<Vec<FileMesh>, ViewerError> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
-    let meshes = match extension.as_str() {
-        "obj" => vec![FileMesh { parts: load_obj(path)?, places: vec![Mat4::IDENTITY] }],
-        "gltf" | "glb" => load_gltf(path)?,
-        _ => {
-            return Err(ViewerError::mesh(
-                path,
-                "this is neither a built-in mesh (sphere, plane, cornell, cloth, shoe, boots, pullover) nor an .obj, .gltf or .glb file",
-            ));
-        }
-    };
-    if meshes.iter().flat_map(|mesh| &mesh.parts).all(|part| part.triangles.is_empty()) {
-        return Err(ViewerError::mesh(path, "it has no triangles, export the mesh's faces"));
-    }
-    Ok(meshes)
-}
-
-/// Fills what the file lacks, and checks the numbers that everything after relies on.
-fn finish(path: &Path, mut part: MeshPart, has_normals: bool, has_tangents: bool) -> Result<MeshPart, ViewerError> {
-    let fault = |what: &str| ViewerError::mesh(path, format!("the part '{}' {what}, export it again", part.name));
-    let count = part.vertices.len();
-    if part.triangles.iter().flatten().any(|index| *index as usize >= count) {
-        return Err(fault("names a vertex that is not there"));
-    }
-    if part.vertices.iter().any(|vertex| bytemuck::cast_ref::<Vertex, [f32; 12]>(vertex).iter().any(|x| !x.is_finite()))
-    {
-        return Err(fault("has a coordinate that is not a finite number"));
-    }
-    for vertex in &mut part.vertices {
-        vertex.normal = Vec3::from(vertex.normal).normalize_or_zero().to_array();
-    }
-    if !has_normals || part.vertices.iter().any(|vertex| vertex.normal == [0.0; 3]) {
-        fill_normals(&mut part.vertices, &part.triangles);
-    }
-    if has_tangents {
-        for vertex in &mut part.vertices {
-            let tangent = Vec3::from_slice(&vertex.tangent);
-            vertex.tangent = tangent_of(vertex.normal.into(), tangent, vertex.tangent[3]);
-        }
-    } else {
-        fill_tangents(&mut part.vertices, &part.triangles);
-    }
-    Ok(part)
-}
-
-fn load_obj(path: &Path) -> Result<Vec<MeshPart>, ViewerError> {
-    let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
-    let (models, materials) = tobj::load_obj(path, &options)
-        .map_err(|error| ViewerError::mesh(path, format!("the OBJ file cannot be read: {error}")))?;
-    // A missing .mtl only costs the colours.
-    let materials = materials.unwrap_or_default();
-    let mut parts = Vec::new();
-    for model in models {
-        let mesh = model.mesh;
-        if mesh.positions.is_empty() || mesh.indices.is_empty() {
-            continue;
-        }
-        let count = mesh.positions.len() / 3;
-        let has_uv = mesh.texcoords.len() == 2 * count;
-        let has_normals = mesh.normals.len() == 3 * count;
-        let vertices = (0..count)
-            .map(|i| Vertex {
-                position: [mesh.positions[3 * i], mesh.positions[3 * i + 1], mesh.positions[3 * i + 2]],
-                u: if has_uv { mesh.texcoords[2 * i] } else { 0.0 },
-                normal: if has_normals {
-                    [mesh.normals[3 * i], mesh.normals[3 * i + 1], mesh.normals[3 * i + 2]]
-                } else {
-                    [0.0; 3]
-                },
-                v: if has_uv { mesh.texcoords[2 * i + 1] } else { 0.0 },
-                tangent: [1.0, 0.0, 0.0, 1.0],
-            })
-            .collect();
-        let material = mesh.material_id.and_then(|id| materials.get(id));
-        let part = MeshPart {
-            name: material.map_or(model.name, |material| material.name.clone()),
-            group: mesh.material_id.unwrap_or(0),
-            diffuse: material.and_then(|material| material.diffuse).unwrap_or([0.5; 3]),
-            has_uv,
-            vertices,
-            triangles: mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-        };
-        parts.push(finish(path, part, has_normals, false)?);
-    }
-    Ok(parts)
-}
-
-fn load_gltf(path: &Path) -> Result<Vec<FileMesh>, ViewerError> {
-    let fault = |reason: String| ViewerError::mesh(path, reason);
-    // Geometry only: pictures inside the file are not decoded.
-    let gltf = gltf::Gltf::open(path).map_err(|error| fault(format!("the glTF file cannot be read: {error}")))?;
-    let buffers = gltf::import_buffers(&gltf.document, path.parent(), gltf.blob.clone())
-        .map_err(|error| fault(format!("the glTF file's buffers cannot be read: {error}")))?;
-    for accessor in gltf.accessors() {
-        if !accessor_fits(&accessor, &buffers) {
-            return Err(fault(format!("accessor {} reaches beyond its buffer, export it again", accessor.index())));
-        }
-    }
-    let scene = gltf
-        .default_scene()
-        .or_else(|| gltf.scenes().next())
-        .ok_or_else(|| fault("the glTF file has no scene, export one".into()))?;
-    // Where each mesh stands.
-    let mut places: Vec<Vec<Mat4>> = vec![Vec::new(); gltf.meshes().count()];
-    let mut open: Vec<(gltf::Node, Mat4)> = scene.nodes().map(|node| (node, Mat4::IDENTITY)).collect();
-    open.reverse();
-    while let Some((node, parent)) = open.pop() {
-        let matrix = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
-        if let Some(mesh) = node.mesh() {
-            let own = instances_of(&node, &gltf, &buffers).ok_or_else(|| {
-                fault(format!("{INSTANCING} of node {} cannot be followed, export it again", node.index()))
-            })?;
-            for place in own.into_iter().map(|own| matrix * own) {
-                if !(place.is_finite() && place.determinant().abs() > 1e-30) {
-                    return Err(fault(format!(
-                        "node {} has a transform that flattens it, correct its scale",
-                        node.index()
-                    )));
-                }
-                places[mesh.index()].push(place);
-            }
-        }
-        let children: Vec<_> = node.children().map(|child| (child, matrix)).collect();
-        open.extend(children.into_iter().rev());
+    if !is_model(path) {
+        return Err(ViewerError::mesh(
+            path,
+            "this is neither a built-in mesh (sphere, plane, cornell, cloth, shoe, boots, pullover) nor an .obj, .gltf or .glb file",
+        ));
     }
     let mut once = FileMesh { parts: Vec::new(), places: vec![Mat4::IDENTITY] };
     let mut often = Vec::new();
-    for (mesh, places) in gltf.meshes().zip(places) {
-        if places.is_empty() {
-            continue;
-        }
-        let mut parts = Vec::new();
-        for primitive in mesh.primitives() {
-            parts.extend(gltf_part(path, &primitive, &buffers)?);
-        }
-        match places.as_slice() {
+    for mesh in read_model(path)? {
+        let mut parts: Vec<MeshPart> = mesh.parts.into_iter().map(with_frames).collect();
+        match mesh.places.as_slice() {
             [place] => {
-                parts.iter_mut().for_each(|part| part.transform(*place));
+                if *place != Mat4::IDENTITY {
+                    parts.iter_mut().for_each(|part| part.transform(*place));
+                }
                 once.parts.extend(parts);
             }
-            _ => often.push(FileMesh { parts, places }),
+            _ => often.push(FileMesh { parts, places: mesh.places }),
         }
     }
     let once = (!once.parts.is_empty()).then_some(once);
     Ok(once.into_iter().chain(often).collect())
 }
 
-/// Where a node places its mesh, in the node's own space: once, or as [`INSTANCING`] says; `None` if that makes no sense.
-fn instances_of(node: &gltf::Node, gltf: &gltf::Gltf, buffers: &[gltf::buffer::Data]) -> Option<Vec<Mat4>> {
-    use gltf::accessor::{DataType, Dimensions, Iter};
-    let Some(extension) = node.extension_value(INSTANCING) else { return Some(vec![Mat4::IDENTITY]) };
-    let buffer = |buffer: gltf::Buffer| buffers.get(buffer.index()).map(|data| data.0.as_slice());
-    let accessor = |name: &str, dimensions: Dimensions| match &extension["attributes"][name] {
-        Value::Null => Some(None),
-        number => {
-            let accessor = gltf.accessors().nth(usize::try_from(number.as_u64()?).ok()?)?;
-            (accessor.data_type() == DataType::F32 && accessor.dimensions() == dimensions).then_some(Some(accessor))
-        }
-    };
-    let [translations, turns, scales] =
-        [("TRANSLATION", Dimensions::Vec3), ("ROTATION", Dimensions::Vec4), ("SCALE", Dimensions::Vec3)]
-            .map(|(name, dimensions)| accessor(name, dimensions));
-    let (translations, turns, scales) = (translations?, turns?, scales?);
-    let counts: Vec<usize> =
-        [&translations, &turns, &scales].into_iter().flatten().map(gltf::Accessor::count).collect();
-    let count = *counts.first()?;
-    if counts.iter().any(|other| *other != count) {
-        return None;
-    }
-    let vectors = |accessor: Option<gltf::Accessor>, other: Vec3| -> Option<Vec<Vec3>> {
-        let Some(accessor) = accessor else { return Some(vec![other; count]) };
-        Some(Iter::<[f32; 3]>::new(accessor, buffer)?.map(Vec3::from).collect())
-    };
-    let turns: Vec<Quat> = match turns {
-        Some(accessor) => Iter::<[f32; 4]>::new(accessor, buffer)?.map(|q| Quat::from_array(q).normalize()).collect(),
-        None => vec![Quat::IDENTITY; count],
-    };
-    let placed = vectors(translations, Vec3::ZERO)?.into_iter().zip(turns).zip(vectors(scales, Vec3::ONE)?);
-    Some(placed.map(|((at, turn), scale)| Mat4::from_scale_rotation_translation(scale, turn, at)).collect())
-}
-
-/// Whether all elements lie within the buffer view and that within its buffer; the crate's readers take it on trust.
-fn accessor_fits(accessor: &gltf::Accessor, buffers: &[gltf::buffer::Data]) -> bool {
-    let Some(view) = accessor.view() else { return true };
-    let stride = view.stride().unwrap_or(accessor.size());
-    let span = accessor
-        .count()
-        .checked_sub(1)
-        .map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(accessor.size())?.checked_add(accessor.offset()));
-    let end = view.offset().checked_add(view.length());
-    span.is_some_and(|span| span <= view.length())
-        && end.is_some_and(|end| buffers.get(view.buffer().index()).is_some_and(|buffer| end <= buffer.len()))
-}
-
-fn gltf_part(
-    path: &Path,
-    primitive: &gltf::Primitive,
-    buffers: &[gltf::buffer::Data],
-) -> Result<Option<MeshPart>, ViewerError> {
-    use gltf::mesh::Mode;
-    let fault = |reason: &str| ViewerError::mesh(path, reason);
-    if primitive.mode() != Mode::Triangles {
-        return match primitive.mode() {
-            Mode::TriangleStrip | Mode::TriangleFan => {
-                Err(fault("it has triangle strips or fans, export plain triangles"))
-            }
-            // Points and lines have no surface.
-            _ => Ok(None),
-        };
-    }
-    let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|data| data.0.as_slice()));
-    let positions: Vec<[f32; 3]> =
-        reader.read_positions().ok_or_else(|| fault("a primitive has no positions, export it again"))?.collect();
-    let normals: Option<Vec<[f32; 3]>> = reader.read_normals().map(Iterator::collect);
-    let tangents: Option<Vec<[f32; 4]>> = reader.read_tangents().map(Iterator::collect);
-    let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(0).map(|uvs| uvs.into_f32().collect());
-    let indices: Vec<u32> = match reader.read_indices() {
-        Some(indices) => indices.into_u32().collect(),
-        None => (0..positions.len() as u32).collect(),
-    };
-    let same = |length: Option<usize>| length.is_none_or(|length| length == positions.len());
-    if !same(normals.as_ref().map(Vec::len))
-        || !same(tangents.as_ref().map(Vec::len))
-        || !same(uvs.as_ref().map(Vec::len))
-    {
-        return Err(fault("a primitive's attributes differ in length, export it again"));
-    }
-    let vertices = (0..positions.len())
-        .map(|i| Vertex {
-            position: positions[i],
-            u: uvs.as_ref().map_or(0.0, |uvs| uvs[i][0]),
-            normal: normals.as_ref().map_or([0.0; 3], |normals| normals[i]),
-            // glTF's v grows downwards; its tangents are already for the upward one.
-            v: uvs.as_ref().map_or(0.0, |uvs| 1.0 - uvs[i][1]),
-            tangent: tangents.as_ref().map_or([1.0, 0.0, 0.0, 1.0], |tangents| tangents[i]),
+/// Fills in what the file lacks.
+fn with_frames(part: ModelPart) -> MeshPart {
+    let (normals, tangents, uvs) = (part.normals.as_ref(), part.tangents.as_ref(), part.uvs.as_ref());
+    let mut vertices: Vec<Vertex> = (0..part.positions.len())
+        .map(|i| {
+            let [u, v] = uvs.map_or([0.0; 2], |uvs| uvs[i]);
+            let normal = normals.map_or(Vec3::ZERO, |normals| Vec3::from(normals[i]).normalize_or_zero()).to_array();
+            let tangent = tangents.map_or([1.0, 0.0, 0.0, 1.0], |tangents| tangents[i]);
+            Vertex { position: part.positions[i], u, normal, v, tangent }
         })
         .collect();
-    let material = primitive.material();
-    let colour = material.pbr_metallic_roughness().base_color_factor();
-    let part = MeshPart {
-        name: material.name().unwrap_or("unnamed").into(),
-        group: material.index().unwrap_or(0),
-        diffuse: [colour[0], colour[1], colour[2]],
-        has_uv: uvs.is_some(),
+    if vertices.iter().any(|vertex| vertex.normal == [0.0; 3]) {
+        fill_normals(&mut vertices, &part.triangles);
+    }
+    if tangents.is_some() {
+        for vertex in &mut vertices {
+            let tangent = Vec3::from_slice(&vertex.tangent);
+            vertex.tangent = tangent_of(vertex.normal.into(), tangent, vertex.tangent[3]);
+        }
+    } else {
+        fill_tangents(&mut vertices, &part.triangles);
+    }
+    MeshPart {
+        name: part.name,
+        group: part.group,
+        diffuse: part.diffuse,
+        has_uv: part.uvs.is_some(),
         vertices,
-        triangles: indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-    };
-    finish(path, part, normals.is_some(), tangents.is_some()).map(Some)
+        triangles: part.triangles,
+    }
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use serde_json::Value;
+
+    const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
     const TRIANGLE_OBJ: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
 

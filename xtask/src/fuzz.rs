@@ -8,11 +8,12 @@ use std::path::Path;
 use std::process::Command;
 
 /// Targets, and where each begins: folders of runtime/fuzz/corpus.
-const TARGETS: [(&str, &[&str]); 4] = [
+const TARGETS: [(&str, &[&str]); 5] = [
     ("parse", &["parse"]),
     ("resident", &["resident"]),
     ("round_trip", &["round_trip"]),
     ("validate", &["validate", "parse", "resident"]),
+    ("voltex", &["voltex"]),
 ];
 
 /// Executions of a target where nobody says otherwise: some seconds.
@@ -27,12 +28,12 @@ const COVERAGE: &str = "--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-saniti
     -Cllvm-args=-sanitizer-coverage-trace-compares";
 
 const HELP: &str = "\
-Fuzzes the packed format with libFuzzer: anything is decoded, opened, validated or made an asset of and written and read
+Fuzzes the packed formats with libFuzzer: anything is decoded, opened, validated or made an asset of and written and read
 again. It needs a C++ compiler. What is found on the way stays under the target folder; an input that fails is kept there, named.
 
 Usage: cargo xtask fuzz [TARGET] [--runs N]
 
-  TARGET    parse, resident, round_trip or validate; all of them if not given
+  TARGET    parse, resident, round_trip, validate or voltex; all of them if not given
   --runs N  executions of each target [default: 20000]
 
 Example: cargo xtask fuzz parse --runs 3000000";

@@ -6,13 +6,14 @@ use btf_fit::describe_file;
 use clap::Args;
 use std::path::PathBuf;
 
-/// Tell what is in an asset
+/// Tell what is in an asset or a volumetric texture
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
-  btf-fit info wool.spmm")]
+  btf-fit info wool.spmm
+  btf-fit info grass.voltex")]
 pub(super) struct InfoArgs {
-    /// The asset, or a tier of one
-    #[arg(value_name = "ASSET.spmm")]
+    /// The asset or the volumetric texture, or a tier of one
+    #[arg(value_name = "FILE")]
     asset: PathBuf,
     /// Write it as JSON; - for standard output
     #[arg(long, value_name = "FILE")]

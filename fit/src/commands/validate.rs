@@ -6,16 +6,17 @@ use btf_fit::{FitError, Validation, validate_file};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Check an asset: everything in it, checksums included
+/// Check an asset or a volumetric texture: everything in it, checksums included
 ///
-/// Every error and every warning is a line with a number that docs/FINDINGS.md explains. Exits with 0 if there is no error
+/// Every error and every warning is a line with a number that docs/FINDINGS.md or docs/VOLTEX.md explains. Exits with 0 if there is no error
 /// and with 1 if there is one.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
-  btf-fit validate wool.spmm")]
+  btf-fit validate wool.spmm
+  btf-fit validate grass.voltex")]
 pub(super) struct ValidateArgs {
-    /// The asset, or a tier of one
-    #[arg(value_name = "ASSET.spmm")]
+    /// The asset or the volumetric texture, or a tier of one
+    #[arg(value_name = "FILE")]
     asset: PathBuf,
     /// Write the findings as JSON; - for standard output
     #[arg(long, value_name = "FILE")]
@@ -42,8 +43,7 @@ pub(super) fn run(args: &ValidateArgs, shared: &Shared) -> Result<(), Failure> {
             say(&finding.line);
         }
         if found.valid {
-            let word = if found.layers.len() == 1 { "layer" } else { "layers" };
-            say(&format!("ok: {} {word} ({})", found.layers.len(), found.layers.join(", ")));
+            say(&format!("ok: {}", found.holds));
         }
     }
     match found.error {

@@ -1,9 +1,14 @@
 //! Builds volumetric textures: flakes gathered into voxels, filtered to levels, refitted to what rays see.
 
+pub mod build;
 pub mod clip;
 pub mod extinction;
 pub mod flakes;
 pub mod gather;
+pub mod model;
 pub mod occluder;
+pub mod palette;
+pub mod projection;
 pub mod refit;
+pub mod shadow;
 pub mod shapes;

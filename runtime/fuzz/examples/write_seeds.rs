@@ -1,13 +1,13 @@
 //! Writes the first inputs of the fuzz targets to `corpus`; what a fuzzer finds beyond them is added by its `-merge=1`.
 
-use btf_runtime::testing::Random;
+use btf_runtime::testing::{Random, sample_volume};
 use btf_runtime::{ResidentFile, pack, serial};
 use btf_runtime_fuzz::any_asset;
 use std::path::Path;
 
 fn main() -> std::io::Result<()> {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
-    for target in ["parse", "resident", "round_trip"] {
+    for target in ["parse", "resident", "round_trip", "voltex"] {
         std::fs::create_dir_all(corpus.join(target))?;
     }
     for seed in 0..24 {
@@ -19,6 +19,11 @@ fn main() -> std::io::Result<()> {
         std::fs::write(corpus.join("parse").join(&name), pack(&asset).expect("it keeps to the format"))?;
         let resident = ResidentFile::of_asset(asset, &serial);
         std::fs::write(corpus.join("resident").join(&name), resident.pack().expect("it is small"))?;
+    }
+    for seed in 0..12 {
+        let volume = sample_volume(seed, 1 + seed as usize % 7, 1 + 3 * seed as usize);
+        let packed = volume.pack().expect("it keeps to the format");
+        std::fs::write(corpus.join("voltex").join(format!("seed-{seed:02}")), packed)?;
     }
     Ok(())
 }

@@ -8,6 +8,7 @@ pub use any_asset::any_asset;
 pub use mutate::{mutate, mutate_in_place};
 
 use btf_runtime::testing::Random;
+use btf_runtime::voltex::{NO_VOXEL, Voltex, VoltexRay, Volume, Walk, read_voltex_directory};
 use btf_runtime::{
     Asset, DecodeOptions, Interpolation, Query, Resident, ResidentFile, decode, density, evaluate, pack,
     read_directory, sample, serial,
@@ -87,6 +88,54 @@ pub fn round_trip(bytes: &[u8]) {
     let parsed = Asset::parse(&packed).expect("what was written can be read");
     assert!(parsed == asset, "it is read as it was written");
     assert!(pack(&parsed).as_ref() == Ok(&packed), "the same asset has the same bytes");
+}
+
+/// Reads anything as a volumetric texture: it is refused, or it and every tier of it are walked through to finite depths, and what
+/// was read can be written and read again. Validation has an error if and only if it is refused.
+pub fn voltex(bytes: &[u8]) {
+    let report = btf_runtime::voltex::validate(bytes, &serial);
+    for finding in &report.findings {
+        assert_eq!(finding.to_string().lines().count(), 1, "{finding:?}");
+        assert!(finding.offset.is_none_or(|offset| offset <= bytes.len() as u64), "{finding:?}");
+    }
+    let volume = match Volume::parse(bytes) {
+        Ok(volume) => volume,
+        Err(error) => {
+            assert_eq!(report.findings.first().map(|finding| finding.rule), error.rule(), "{error}");
+            return;
+        }
+    };
+    assert!(report.is_valid(), "{:?}", report.findings);
+    let directory = read_voltex_directory(bytes).expect("a volume was read, so its directory can be");
+    for length in &directory.tiers[..directory.tier] {
+        // A tier of forged files may end before what every tier needs.
+        if let Ok(tier) = Volume::parse(&bytes[..*length as usize]) {
+            assert!(volume.levels.ends_with(&tier.levels), "a tier is the coarser volume");
+        }
+    }
+    let again = volume.pack().expect("what was read can be written");
+    assert!(Volume::parse(&again).as_ref() == Ok(&volume), "and read again");
+    if volume.levels[0].voxels.len() <= MOST_TEXELS {
+        walk_somewhere(&volume, &mut Random::new(bytes.len() as u64));
+    }
+}
+
+/// Some rays' optical depths.
+fn walk_somewhere(volume: &Volume, random: &mut Random) {
+    let voltex = Voltex::new(volume);
+    for _ in 0..4 {
+        let (origin, direction) = ([0; 3].map(|_| random.within(-0.2, 1.2)), either_side(random));
+        let level = random.below(volume.levels.len()) as u32;
+        let mut walk = Walk::new(VoltexRay { origin, direction }, 0.0, 4.0, voltex.level_count());
+        let mut depth = 0.0;
+        while let Some(segment) = walk.next(&voltex, level) {
+            if segment.cell.voxel != NO_VOXEL {
+                let voxel = voltex.voxel(segment.cell.voxel);
+                depth += voxel.extinction.form(direction, direction).max(0.0).sqrt() * (segment.t1 - segment.t0);
+            }
+        }
+        assert!(depth.is_finite() && depth >= 0.0, "{depth}");
+    }
 }
 
 fn either_side(random: &mut Random) -> [f32; 3] {

@@ -3,6 +3,7 @@
 
 use btf_runtime::read_directory;
 use btf_runtime::testing::{FileParts, Random, SectionPart, repair_header_checksum};
+use btf_runtime::voltex::read_voltex_directory;
 
 /// One input in so many is changed as plain bytes, so that the checks at the door are tried as well.
 const RAW_ONE_IN: usize = 16;
@@ -13,7 +14,8 @@ const TIER_ONE_IN: usize = 16;
 /// how many there may be.
 pub fn mutate(bytes: &[u8], seed: u64, most: usize, change_bytes: &mut dyn FnMut(&mut Vec<u8>, usize)) -> Vec<u8> {
     let mut random = Random::new(seed);
-    let parts = FileParts::from_bytes(bytes).ok().filter(|_| random.below(RAW_ONE_IN) > 0);
+    let parts = FileParts::from_bytes(bytes).ok().or_else(|| FileParts::from_voltex_bytes(bytes).ok());
+    let parts = parts.filter(|_| random.below(RAW_ONE_IN) > 0);
     let Some(mut parts) = parts else {
         let mut raw = bytes.to_vec();
         change_bytes(&mut raw, most);
@@ -28,11 +30,17 @@ pub fn mutate(bytes: &[u8], seed: u64, most: usize, change_bytes: &mut dyn FnMut
     }
     let mut changed = parts.to_bytes();
     if random.below(TIER_ONE_IN) == 0
-        && let Ok(directory) = read_directory(&changed)
+        && let Some(tiers) = tiers_of(&changed)
     {
-        changed.truncate(directory.tiers[random.below(directory.tiers.len())] as usize);
+        changed.truncate(tiers[random.below(tiers.len())] as usize);
     }
     if changed.len() <= most { changed } else { bytes.to_vec() }
+}
+
+/// Lengths of the tiers of a file of either format.
+fn tiers_of(bytes: &[u8]) -> Option<Vec<u32>> {
+    let of_asset = read_directory(bytes).ok().map(|directory| directory.tiers);
+    of_asset.or_else(|| Some(read_voltex_directory(bytes).ok()?.tiers))
 }
 
 /// [`mutate`] as libFuzzer asks for it: within `data`, of which `size` bytes are the input and `most` may be. `change_bytes` is its
@@ -88,7 +96,7 @@ fn change(
         }
         5 => parts.sections[at].ends_tier ^= at + 1 < parts.sections.len(),
         6 => {
-            // Layers, width, height, flags, form, sizes: what `to_bytes` does not set by itself.
+            // Layers, width, height, flags, form, sizes, or levels and materials: what `to_bytes` does not set by itself.
             let word = [6, 7, 8, 9, 10, 11, 14, 15, 16, 17][random.below(10)];
             parts.header[word] = number(random);
         }

@@ -5,21 +5,34 @@
 //! `sqrt(d' S d)` is their area projected along d per volume [Heitz 2015], and the moment N = sum of `a n n'`, by which
 //! light is reflected in closed form. Both are looked up at levels, each half as fine as the one before.
 //!
+//! A volume is stored as a `.voltex` file, docs/VOLTEX.md.
+//!
 //! ```text
+//! bytes <--pack, parse--> Volume (levels of voxels)
 //! Volume (levels of voxels) --Voltex::new--> Voltex (words for the GPU, WGSL beside) --Walk--> segments --shade--> light
 //! ```
 
+mod codes;
+mod coding;
+mod error;
+mod file;
 mod matrix;
+pub mod rule;
 mod shade;
 mod tree;
+mod validate;
 mod volume;
 mod voxel;
 mod walk;
 mod words;
 
+pub use codes::VoxelCodes;
+pub use error::VoltexError;
+pub use file::{MOST_MATERIALS, MOST_SIDE_M, VOLTEX_VERSION, VoltexHead, VoltexSection, read_voltex_directory};
 pub use matrix::{Sym3, cross, dot};
 pub use shade::{seen_at, shade};
 pub use tree::{Cell, NO_VOXEL};
+pub use validate::validate;
 pub use volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, MOST_LEVELS, Volume, VolumeLevel, order};
 pub use voxel::{VOXEL_WORDS, Voxel, moment_of};
 pub use walk::{Segment, VoltexRay, Walk};

@@ -1,6 +1,7 @@
 //! The reader that was written in Python from docs/FORMAT.md alone (`tests/peers/spmm_reader.py`) finds the numbers and
 //! decodes the values that this crate does, in the worked example and in random assets, in both forms.
 
+use super::document::{output_of, python};
 use super::{block, document_bytes, example};
 use btf_runtime::testing::{FileParts, sample_asset, sample_heights};
 use btf_runtime::{
@@ -9,7 +10,7 @@ use btf_runtime::{
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 /// What the second reader prints, by name.
 pub(super) type Lines = BTreeMap<String, String>;
@@ -44,21 +45,7 @@ fn refused_by_the_document(name: &str, files: &[Vec<u8>]) -> Vec<Option<String>>
 }
 
 fn reader() -> Command {
-    let mut command = Command::new(if cfg!(windows) { "python" } else { "python3" });
-    // What Python compiles stays out of the sources.
-    command.env("PYTHONPYCACHEPREFIX", Path::new(env!("CARGO_TARGET_TMPDIR")).join("pycache"));
-    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/peers/spmm_reader.py"));
-    command
-}
-
-fn output_of(command: &mut Command) -> Output {
-    command.output().unwrap_or_else(|error| {
-        panic!(
-            "the reader written from docs/FORMAT.md needs Python 3.9 or newer as {:?}: install it (Debian: apt-get \
-             install python3): {error}",
-            command.get_program()
-        )
-    })
+    python("spmm_reader.py")
 }
 
 /// What [`numbers_of`] finds: numbers by name.

@@ -46,32 +46,28 @@ class Section:
         must(not self.data, "a section is too long")
 
 
-class Header:
+class Container:
     """Header, tables and the sections that are at hand: `found[kind, layer, index]`."""
 
-    def __init__(self, data):
+    def __init__(self, data, magic):
         must(len(data) >= 80, "the file is too short for a header")
-        words = struct.unpack("<20I", data[:80])
-        must(words[0] == 0x4D4D5053, "this is no SPMM file")
+        self.words = words = struct.unpack("<20I", data[:80])
+        must(data[:4] == magic, f"this is no {magic.decode()} file")
         must(words[1] == 1, f"version {words[1]} is not known")
-        section_count, tier_count, self.layers, self.width, self.height, channels, basis, self.flags = words[4:12]
-        ranges = (section_count, 4096), (tier_count, 4096), (self.layers, 4), (self.width, 16384), (self.height, 16384)
-        must(all(1 <= x <= most for x, most in ranges), "a count of the header is out of its range")
-        must(channels == 3 and basis == 0 and self.flags & ~6 == 0, "channels, basis or flags are not known")
-        must(words[3] == 0 and not any(words[17:]), "a reserved word of the header is not zero")
-        self.form, self.size_mm = words[14], struct.unpack("<2f", data[60:68])
-        must(self.form <= 1, "the form is not known")
-        must(self.size_mm == (0, 0) or all(0 < x <= 1e6 for x in self.size_mm), "the physical size is out of its range")
+        self.data, self.tables = data, 80 + 32 * words[4] + 4 * words[5]
+        must(1 <= words[4] <= 4096 and 1 <= words[5] <= 4096, "a count of the header is out of its range")
+        must(words[3] == 0, "a reserved word of the header is not zero")
 
-        tables = 80 + 32 * section_count + 4 * tier_count
+    def read_tables(self, alignment, layers, kinds):
+        """Finds the sections of `kinds`; the header's own words are in their ranges."""
+        data, words, tables = self.data, self.words, self.tables
+        section_count, tier_count = words[4:6]
         must(len(data) >= tables, "the file is too short for its tables")
         covered = data[:48] + bytes(8) + data[56:tables]
         must(checksum(covered) == words[12] | words[13] << 32, "the checksum of header and tables is wrong")
-        alignment = 256 if self.form == 1 else 16
         self.tiers = tiers = struct.unpack_from(f"<{tier_count}I", data, 80 + 32 * section_count)
         must(all(a < b for a, b in zip(tiers, tiers[1:])), "tiers do not rise")
         must(not any(tier % alignment for tier in tiers) and tiers[-1] == words[2], "a tier's length is not allowed")
-        must(self.form == 0 or tier_count == 1, "the resident form has one tier")
         must(len(data) in tiers, "the length is not a tier's")
         self.whole = len(data) == tiers[-1]
 
@@ -82,19 +78,18 @@ class Header:
             must(not any(data[end:offset]), "padding is not zero")
             end = offset + length
             must(not any(offset < tier < end for tier in tiers), "a tier ends inside a section")
-            must(layer < self.layers and flags <= 1, "a section's layer or flags are out of their range")
+            must(layer < layers and flags <= 1, "a section's layer or flags are out of their range")
             if end > len(data):
                 continue
             part = data[offset:end]
             must(checksum(part) == low | high << 32, f"the checksum of section {i} is wrong")
-            if MATERIAL <= kind <= WORDS:
+            if kind in kinds:
                 must((kind, layer, index) not in self.found, "a section is there twice")
                 self.found[kind, layer, index] = part
             else:
                 must(flags == 0, f"sections of kind {kind} are required and not known")
         must(-(-end // alignment) * alignment == words[2], "the sections do not fill the file")
         must(not any(data[end:]), "padding is not zero")
-        self.material = str(self.section(MATERIAL, 0).data, "utf-8")
 
     def has(self, kind, layer, index=0):
         return (kind, layer, index) in self.found
@@ -102,6 +97,25 @@ class Header:
     def section(self, kind, layer, index=0):
         must(self.has(kind, layer, index), f"section {index} of kind {kind} is missing in layer {layer}")
         return Section(self.found[kind, layer, index])
+
+
+class Header(Container):
+    """An asset's."""
+
+    def __init__(self, data):
+        super().__init__(data, b"SPMM")
+        words = self.words
+        self.layers, self.width, self.height, channels, basis, self.flags = words[6:12]
+        ranges = (self.layers, 4), (self.width, 16384), (self.height, 16384)
+        must(all(1 <= x <= most for x, most in ranges), "a count of the header is out of its range")
+        must(channels == 3 and basis == 0 and self.flags & ~6 == 0, "channels, basis or flags are not known")
+        must(not any(words[17:]), "a reserved word of the header is not zero")
+        self.form, self.size_mm = words[14], struct.unpack("<2f", data[60:68])
+        must(self.form <= 1, "the form is not known")
+        must(self.size_mm == (0, 0) or all(0 < x <= 1e6 for x in self.size_mm), "the physical size is out of its range")
+        self.read_tables(256 if self.form == 1 else 16, self.layers, range(MATERIAL, WORDS + 1))
+        must(self.form == 0 or len(self.tiers) == 1, "the resident form has one tier")
+        self.material = str(self.section(MATERIAL, 0).data, "utf-8")
 
 
 def sides_of_levels(width, height):

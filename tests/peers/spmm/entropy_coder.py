@@ -89,14 +89,14 @@ def encoded(decisions):
 
 
 class Tree:
-    def __init__(self):
-        self.bits = bits(256)
+    def __init__(self, digits=8):
+        self.digits, self.bits = digits, bits(2**digits)
 
     def number(self, decoder):
         node = 1
-        for _ in range(8):
+        for _ in range(self.digits):
             node = 2 * node + decoder.bit(self.bits[node])
-        return node - 256
+        return node - 2**self.digits
 
 
 def context(a):

@@ -1,0 +1,90 @@
+//! Models: triangles with texture coordinates and the places where they stand, read from OBJ and glTF files.
+
+mod gltf_file;
+mod obj;
+
+use crate::error::CaptureError;
+use glam::Mat4;
+use std::path::Path;
+
+/// Some triangles of a model that share a material.
+#[derive(Debug, Clone, Default)]
+pub struct ModelPart {
+    /// Name of the material in the file.
+    pub name: String,
+    /// Number of the material in the file; parts with equal numbers have the same material.
+    pub group: usize,
+    /// The material's colour, linear sRGB reflectance.
+    pub diffuse: [f32; 3],
+    /// The share of light that the material lets through diffusely, linear sRGB; 0 where the file says nothing.
+    pub transmitted: [f32; 3],
+    /// Whether the material says that it is seen from both sides.
+    pub double_sided: bool,
+    /// Finite.
+    pub positions: Vec<[f32; 3]>,
+    /// One for each position, where the file has them.
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// One for each position, where the file has them: towards growing u, w the sign of the other.
+    pub tangents: Option<Vec<[f32; 4]>>,
+    /// One for each position, where the file has them; v grows upwards.
+    pub uvs: Option<Vec<[f32; 2]>>,
+    /// Numbers of positions, all within range.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A mesh of a model, and where it stands in the model's world.
+#[derive(Debug, Clone, Default)]
+pub struct ModelMesh {
+    /// Its parts, in the mesh's own space.
+    pub parts: Vec<ModelPart>,
+    /// At least one, each invertible.
+    pub places: Vec<Mat4>,
+}
+
+/// Whether a file is a model by its name.
+pub fn is_model(path: &Path) -> bool {
+    ["obj", "gltf", "glb"].contains(&extension_of(path).as_str())
+}
+
+fn extension_of(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
+}
+
+/// Reads `.obj`, `.gltf` or `.glb`: every mesh that is placed, with its places, those of `EXT_mesh_gpu_instancing` among them.
+///
+/// # Errors
+/// [`CaptureError::Model`] for files of other kinds, files that cannot be read, have no triangles or name vertices that are
+/// not there.
+pub fn read_model(path: &Path) -> Result<Vec<ModelMesh>, CaptureError> {
+    let meshes = match extension_of(path).as_str() {
+        "obj" => vec![ModelMesh { parts: obj::read(path)?, places: vec![Mat4::IDENTITY] }],
+        "gltf" | "glb" => gltf_file::read(path)?,
+        _ => return Err(fault(path, "this is no model: an .obj, .gltf or .glb file is needed")),
+    };
+    if meshes.iter().flat_map(|mesh| &mesh.parts).all(|part| part.triangles.is_empty()) {
+        return Err(fault(path, "it has no triangles, export the mesh's faces"));
+    }
+    Ok(meshes)
+}
+
+fn fault(path: &Path, reason: impl Into<String>) -> CaptureError {
+    CaptureError::Model { path: path.into(), reason: reason.into() }
+}
+
+/// Checks the numbers that everything after relies on.
+fn checked(path: &Path, part: ModelPart) -> Result<ModelPart, CaptureError> {
+    let wrong = |what: &str| fault(path, format!("the part '{}' {what}, export it again", part.name));
+    let count = part.positions.len();
+    if part.triangles.iter().flatten().any(|index| *index as usize >= count) {
+        return Err(wrong("names a vertex that is not there"));
+    }
+    let finite = |numbers: &[f32]| numbers.iter().all(|x| x.is_finite());
+    let all_finite = finite(part.positions.as_flattened())
+        && part.normals.as_ref().is_none_or(|normals| finite(normals.as_flattened()))
+        && part.tangents.as_ref().is_none_or(|tangents| finite(tangents.as_flattened()))
+        && part.uvs.as_ref().is_none_or(|uvs| finite(uvs.as_flattened()));
+    if !all_finite {
+        return Err(wrong("has a coordinate that is not a finite number"));
+    }
+    Ok(part)
+}

@@ -1,0 +1,46 @@
+//! Materials of voxels, made few.
+
+use super::flakes::FlakeSums;
+use btf_runtime::voltex::FlakeMaterial;
+use std::collections::BTreeMap;
+
+/// Steps of the root of reflectance and transmittance within which voxels share a material.
+const STEPS: f32 = 40.0;
+
+/// Numbers materials as they are met.
+#[derive(Debug, Default)]
+pub struct Palette {
+    numbers: BTreeMap<[u8; 6], usize>,
+    /// Sums of area, reflected and transmitted.
+    sums: Vec<FlakeSums>,
+}
+
+impl Palette {
+    /// The number of the material of some flakes. Those whose colours lie in one cell of a grid share it.
+    pub fn number(&mut self, flakes: &FlakeSums) -> u32 {
+        let colour = mean_of(flakes);
+        let code = |x: f32| (x.clamp(0.0, 1.0).sqrt() * STEPS).round() as u8;
+        let ([a, b, c], [d, e, f]) = (colour.reflectance, colour.transmittance);
+        let next = self.sums.len();
+        let number = *self.numbers.entry([a, b, c, d, e, f].map(code)).or_insert(next);
+        if number == next {
+            self.sums.push(FlakeSums::default());
+        }
+        self.sums[number].add(flakes);
+        number as u32
+    }
+
+    /// The materials: means over the flakes that share them.
+    pub fn materials(&self) -> Vec<FlakeMaterial> {
+        self.sums.iter().map(mean_of).collect()
+    }
+}
+
+fn mean_of(flakes: &FlakeSums) -> FlakeMaterial {
+    let mean = |sums: [f32; 3]| sums.map(|x| x / flakes.area.max(1e-30));
+    FlakeMaterial {
+        reflectance: mean(flakes.reflected),
+        transmittance: mean(flakes.transmitted),
+        ..FlakeMaterial::default()
+    }
+}

@@ -1,0 +1,186 @@
+//! How shadows fall within a level: from where rays to the light begin, and how much eye and light see the same gaps, fitted
+//! to what the model itself shows.
+
+use super::occluder::Occluder;
+use super::projection::{HALF_SIDE, Projection, spread_directions};
+use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, NO_VOXEL, Voltex, VoltexRay, Walk, seen_at, shade};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// How the shadows are fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ShadowParams {
+    /// Directions of the eye.
+    pub views: usize,
+    /// Lights around the eye for each angle.
+    pub turns: usize,
+    /// Pixels on a side of a picture at most; of larger ones every n-th is taken.
+    pub pixels: usize,
+}
+
+impl Default for ShadowParams {
+    fn default() -> ShadowParams {
+        ShadowParams { views: 6, turns: 2, pixels: 48 }
+    }
+}
+
+/// Offsets that are tried, voxels.
+const OFFSETS: [f32; 7] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3];
+/// Rays along each side of a pixel past the model, and through the volume.
+const MODEL_RAYS: usize = 4;
+const VOLUME_RAYS: usize = 2;
+/// Side of a pixel, voxels: as a level is looked at.
+const PIXEL_VOXELS: f32 = 2.0;
+/// Optical depth beyond which light is gone.
+const DARK: f32 = 14.0;
+/// Transmittance below which a ray ends.
+const END: f32 = 1.0 / 255.0;
+
+/// Reflected and transmitted light of what a ray past the model meets; 1 is a white surface lit along its normal.
+pub trait Lit: Sync {
+    /// Grey reflectance and transmittance, and the unit normal, of a triangle.
+    fn surface(&self, triangle: usize) -> ([f32; 2], Vec3);
+}
+
+/// Light of the model along a ray, lit from `light`.
+pub fn model_light(occluder: &Occluder, lit: &impl Lit, origin: Vec3, direction: Vec3, light: Vec3) -> f32 {
+    let Some(met) = occluder.trace(origin, direction, 4.0) else { return 0.0 };
+    let ([reflectance, transmittance], normal) = lit.surface(met.triangle);
+    let (seen, shone) = (normal.dot(-direction), normal.dot(light));
+    let value = if seen * shone > 0.0 { reflectance } else { transmittance } * shone.abs();
+    if value <= 0.0 {
+        return 0.0;
+    }
+    let lifted = origin + direction * met.t + normal * (shone.signum() * 1e-5);
+    if occluder.occluded(lifted, light, 4.0) { 0.0 } else { value }
+}
+
+/// What a part of a pixel's ray adds to it: its light without shadow, and the optical depth towards the light for each offset.
+type Part = (f32, [f32; OFFSETS.len()]);
+
+/// Fits the shadows of `level`.
+pub fn fit_shadow(
+    voltex: &Voltex,
+    level: u32,
+    occluder: &Occluder,
+    lit: &impl Lit,
+    params: &ShadowParams,
+) -> LevelShadow {
+    let side = (1u32 << level) as f32 / (1u32 << voltex.level_count()) as f32;
+    let pixel = side * PIXEL_VOXELS;
+    let count = (2.0 * HALF_SIDE / pixel).ceil() as usize;
+    let stride = count.div_ceil(params.pixels);
+    let views = spread_directions(params.views, 1.1);
+    let mut shared = [[0f32; HOTSPOT_DEG.len()]; OFFSETS.len()];
+    let mut errors = [0f64; OFFSETS.len()];
+    for (angle, degrees) in HOTSPOT_DEG.iter().enumerate() {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let jobs: Vec<(Projection, Vec3, usize)> = (0..params.views * params.turns)
+            .flat_map(|job| {
+                let view = Projection::new(views[job / params.turns]);
+                let turn = (job % params.turns) as f32 / params.turns as f32 * std::f32::consts::TAU + job as f32;
+                let side = view.across(turn);
+                let light = (-view.direction * cos + side * sin).normalize();
+                (0..count).step_by(stride).map(move |y| (view, light, y))
+            })
+            .collect();
+        let pixels: Vec<(f32, Vec<Part>)> = jobs
+            .par_iter()
+            .flat_map_iter(|(view, light, y)| {
+                (0..count).step_by(stride).filter_map(move |x| {
+                    let ray_at = |s: usize, n: usize| {
+                        let at = |i: usize, s: usize| (i as f32 + (s as f32 + 0.5) / n as f32) * pixel - HALF_SIDE;
+                        view.origin(at(x, s % n), at(*y, s / n))
+                    };
+                    let mut parts = Vec::new();
+                    for s in 0..VOLUME_RAYS * VOLUME_RAYS {
+                        add_parts(voltex, level, side, ray_at(s, VOLUME_RAYS), view.direction, *light, &mut parts);
+                    }
+                    if parts.is_empty() {
+                        return None;
+                    }
+                    let truth: f32 = (0..MODEL_RAYS * MODEL_RAYS)
+                        .map(|s| model_light(occluder, lit, ray_at(s, MODEL_RAYS), view.direction, *light))
+                        .sum();
+                    Some((truth / (MODEL_RAYS * MODEL_RAYS) as f32, parts))
+                })
+            })
+            .collect();
+        let truth: f64 = pixels.iter().map(|(truth, _)| f64::from(*truth)).sum();
+        for o in 0..OFFSETS.len() {
+            let light_of = |parts: &[Part], c: f32| -> f32 {
+                parts.iter().map(|(light, depths)| light * (-(1.0 - c) * depths[o]).exp()).sum()
+            };
+            let total = |c: f32| -> f64 { pixels.iter().map(|(_, parts)| f64::from(light_of(parts, c))).sum() };
+            let (mut low, mut high) = (-1.0f32, 1.0f32);
+            for _ in 0..14 {
+                let middle = 0.5 * (low + high);
+                if total(middle) < truth { low = middle } else { high = middle }
+            }
+            let c = 0.5 * (low + high);
+            shared[o][angle] = c;
+            let scale = 1.0 / pixels.iter().map(|(truth, _)| f64::from(truth * truth)).sum::<f64>().max(1e-30);
+            errors[o] += scale
+                * pixels.iter().map(|(truth, parts)| f64::from((light_of(parts, c) - truth).powi(2))).sum::<f64>();
+        }
+    }
+    let best = (0..OFFSETS.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
+    LevelShadow { offset: OFFSETS[best], shared: shared[best] }
+}
+
+fn add_parts(
+    voltex: &Voltex,
+    level: u32,
+    side: f32,
+    origin: Vec3,
+    direction: Vec3,
+    light: Vec3,
+    parts: &mut Vec<Part>,
+) {
+    let d = direction.to_array();
+    let ray = VoltexRay { origin: origin.into(), direction: d };
+    let mut walk = Walk::new(ray, 0.0, 4.0, voltex.level_count());
+    let mut through = 1.0;
+    while let Some(segment) = walk.next(voltex, level) {
+        if segment.cell.voxel == NO_VOXEL {
+            continue;
+        }
+        let voxel = voltex.voxel(segment.cell.voxel);
+        let sigma = voxel.extinction.form(d, d).max(0.0).sqrt();
+        let length = segment.t1 - segment.t0;
+        let depth = sigma * length;
+        let alpha = 1.0 - (-depth).exp();
+        if alpha <= 0.0 {
+            continue;
+        }
+        let material = voltex.material(voxel.material);
+        let [same, other] = shade(&voxel.moment, d.map(|x| -x), light.into());
+        let grey = |rgb: [f32; 3]| (rgb[0] + rgb[1] + rgb[2]) / 3.0;
+        let value = (grey(material.reflectance) * same + grey(material.transmittance) * other) / sigma;
+        let seen = origin + direction * (segment.t0 + seen_at(depth, length));
+        let towards = Vec3::from(voxel.moment.times(light.into())).normalize_or_zero() * side;
+        let depths = OFFSETS.map(|offset| depth_towards(voltex, level, seen + towards * offset, light));
+        parts.push((through * alpha * value / (VOLUME_RAYS * VOLUME_RAYS) as f32, depths));
+        through *= 1.0 - alpha;
+        if through < END {
+            break;
+        }
+    }
+}
+
+/// Optical depth of a level from a point on.
+fn depth_towards(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3) -> f32 {
+    let d = direction.to_array();
+    let mut walk = Walk::new(VoltexRay { origin: origin.into(), direction: d }, 0.0, 4.0, voltex.level_count());
+    let mut depth = 0.0;
+    while let Some(segment) = walk.next(voltex, level) {
+        if segment.cell.voxel != NO_VOXEL {
+            let voxel = voltex.voxel(segment.cell.voxel);
+            depth += voxel.extinction.form(d, d).max(0.0).sqrt() * (segment.t1 - segment.t0);
+            if depth > DARK {
+                break;
+            }
+        }
+    }
+    depth
+}

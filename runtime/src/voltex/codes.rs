@@ -1,0 +1,217 @@
+//! What a file keeps of a voxel: whole numbers, chosen so that any of them are a positive semidefinite matrix. Normative text:
+//! docs/VOLTEX.md, chapter "Voxels".
+
+use super::matrix::Sym3;
+use super::voxel::Voxel;
+use std::f64::consts::FRAC_PI_2;
+
+/// Steps of the density's code for each doubling: the nearest is within 0.55 %.
+pub const DENSITY_STEPS: i32 = 64;
+/// Largest magnitude of a density's binary logarithm: below it is nothing, above it is refused.
+pub const MOST_DENSITY_LOG2: i32 = 30;
+/// Bits of a ratio.
+pub const RATIO_BITS: usize = 6;
+/// Bits of an angle's magnitude.
+pub const ANGLE_BITS: usize = 6;
+/// The code of a ratio of 1.
+const RATIO_ONE: u32 = (1 << RATIO_BITS) - 1;
+/// The code of a right angle.
+pub const RIGHT_ANGLE: i32 = (1 << ANGLE_BITS) - 1;
+
+/// A voxel's extinction matrix S in whole numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct VoxelCodes {
+    /// Binary logarithm of the largest of `sqrt(S_ii)`, the density, in [`DENSITY_STEPS`]ths.
+    pub density: i32,
+    /// Which of the three it is, the first of those whose ratio to it has the code of 1.
+    pub axis: u8,
+    /// `sqrt(S_jj)` of the other two in their order, j < k, as a share of it.
+    pub ratios: [u8; 2],
+    /// Correlations of the axis with j and with k, then of j and k where the axis is known ("partial"): the angle whose sine
+    /// they are, in shares of a right angle; 0 where it says nothing.
+    pub angles: [i8; 3],
+}
+
+/// The sine of an angle's code, of which `right` is a right angle.
+fn sine(code: i8, right: i32) -> f64 {
+    (FRAC_PI_2 * f64::from(code) / f64::from(right)).sin()
+}
+
+/// The code of the angle with this sine.
+fn angle(sine: f64, right: i32) -> i8 {
+    (sine.clamp(-1.0, 1.0).asin() / FRAC_PI_2 * f64::from(right)).round() as i8
+}
+
+impl VoxelCodes {
+    /// The codes of a matrix that is finite and has no negative number on its diagonal; `None` where it is too dense.
+    pub fn of(s: &Sym3) -> Option<VoxelCodes> {
+        let roots = [0, 1, 2].map(|i| f64::from(s.0[i]).max(0.0).sqrt());
+        let most = roots.iter().fold(f64::from(-MOST_DENSITY_LOG2).exp2(), |most, root| most.max(*root));
+        let ratios = roots.map(|root| (root / most * f64::from(RATIO_ONE)).round() as u8);
+        let axis = ratios.iter().position(|ratio| u32::from(*ratio) == RATIO_ONE).unwrap_or(0);
+        let log2 = most.log2();
+        let density = (log2 * f64::from(DENSITY_STEPS)).round() as i32;
+        let [j, k] = others(axis);
+        let correlation = |i: usize, j: usize| f64::from(s.0[entry(i, j)]) / (roots[i] * roots[j]).max(1e-300);
+        let mut codes =
+            VoxelCodes { density, axis: axis as u8, ratios: [ratios[j], ratios[k]], ..VoxelCodes::default() };
+        for (slot, i) in [j, k].into_iter().enumerate() {
+            if codes.ratios[slot] > 0 {
+                codes.angles[slot] = angle(correlation(axis, i), RIGHT_ANGLE);
+            }
+        }
+        let right = codes.partial_right_angle();
+        if right > 0 {
+            // Of the correlations as they will be read.
+            let [a, b] = [0, 1].map(|slot| sine(codes.angles[slot], RIGHT_ANGLE));
+            let rest = ((1.0 - a * a) * (1.0 - b * b)).sqrt();
+            codes.angles[2] = angle((correlation(j, k) - a * b) / rest, right);
+        }
+        codes.density_in_range().then_some(codes)
+    }
+
+    /// Whether the density is one that may be read.
+    pub fn density_in_range(&self) -> bool {
+        self.density.abs() <= MOST_DENSITY_LOG2 * DENSITY_STEPS
+    }
+
+    /// The code of a right angle in the partial correlation, 0 where it says nothing: as much less than [`RIGHT_ANGLE`] as what it
+    /// tells matters less.
+    pub fn partial_right_angle(&self) -> i32 {
+        if self.ratios.contains(&0) {
+            return 0;
+        }
+        let most = i32::from(self.angles[0].unsigned_abs().max(self.angles[1].unsigned_abs()));
+        if most == RIGHT_ANGLE {
+            return 0;
+        }
+        let cosine = (FRAC_PI_2 * f64::from(most) / f64::from(RIGHT_ANGLE)).cos();
+        (cosine * f64::from(RIGHT_ANGLE)).ceil() as i32
+    }
+
+    /// The matrix.
+    pub fn extinction(&self) -> Sym3 {
+        let density = (f64::from(self.density) / f64::from(DENSITY_STEPS)).exp2();
+        let axis = usize::from(self.axis);
+        let [j, k] = others(axis);
+        let ratio = self.ratios.map(|code| f64::from(code) / f64::from(RATIO_ONE));
+        let [a, b] = [0, 1].map(|slot| sine(self.angles[slot], RIGHT_ANGLE));
+        let partial = sine(self.angles[2], self.partial_right_angle().max(1));
+        let c = a * b + partial * ((1.0 - a * a) * (1.0 - b * b)).sqrt();
+        let mut s = [0.0; 6];
+        s[axis] = 1.0;
+        s[j] = ratio[0] * ratio[0];
+        s[k] = ratio[1] * ratio[1];
+        s[entry(axis, j)] = ratio[0] * a;
+        s[entry(axis, k)] = ratio[1] * b;
+        s[entry(j, k)] = ratio[0] * ratio[1] * c;
+        Sym3(s.map(|x| (x * density * density) as f32))
+    }
+
+    /// The voxel.
+    pub fn voxel(&self, material: u32) -> Voxel {
+        Voxel::new(self.extinction(), material)
+    }
+}
+
+/// The axes that are not this one.
+fn others(axis: usize) -> [usize; 2] {
+    [[1, 2], [0, 2], [0, 1]][axis]
+}
+
+/// Where a matrix has the entry of two different axes.
+fn entry(i: usize, j: usize) -> usize {
+    i + j + 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Random;
+
+    /// By which the projected area may differ in any direction, in shares of the largest.
+    const MOST_DIFFERENCE: f64 = 0.07;
+
+    /// Flakes of one direction, of some, of many, or of nearly all in a plane.
+    fn any_extinction(random: &mut Random) -> Sym3 {
+        let count = [1, 2, 3, 30][random.below(4)];
+        let flat = random.below(3) == 0;
+        let sum = (0..count).fold(Sym3::default(), |sum, _| {
+            let mut n = random.direction();
+            n[2] *= if random.below(2) == 0 { 1.0 } else { -1.0 };
+            if flat {
+                n[random.below(3)] *= 0.02;
+            }
+            sum.plus(&Sym3::outer(n, random.within(0.01, 1.0)))
+        });
+        sum.scale(random.within(-8.0, 8.0).exp2())
+    }
+
+    fn direction(random: &mut Random) -> [f32; 3] {
+        let [x, y, z] = random.direction();
+        [x, y, if random.below(2) == 0 { z } else { -z }]
+    }
+
+    /// Largest difference of the projected area over directions, and its root mean square, in shares of the largest area.
+    fn difference(a: &Sym3, b: &Sym3, random: &mut Random) -> [f64; 2] {
+        let (mut most, mut most_area, mut squares) = (0.0f64, 0.0f64, 0.0);
+        for _ in 0..200 {
+            let d = direction(random);
+            let [x, y] = [a, b].map(|s| f64::from(s.form(d, d)).max(0.0).sqrt());
+            most = most.max((x - y).abs());
+            squares += (x - y) * (x - y) / 200.0;
+            most_area = most_area.max(x);
+        }
+        [most / most_area, squares.sqrt() / most_area]
+    }
+
+    #[test]
+    fn what_is_projected_survives_within_its_bound_and_codes_come_back() {
+        let mut random = Random::new(1);
+        let (mut most, mut squares) = (0.0f64, 0.0);
+        for _ in 0..4000 {
+            let s = any_extinction(&mut random);
+            let codes = VoxelCodes::of(&s).unwrap();
+            let back = codes.extinction();
+            assert_eq!(VoxelCodes::of(&back), Some(codes), "{s:?}");
+            assert!(back.eigen().0.iter().all(|value| *value >= -1e-5 * back.trace()), "{back:?}");
+            let [difference, root_mean_square] = difference(&s, &back, &mut random);
+            most = most.max(difference);
+            squares += root_mean_square * root_mean_square / 4000.0;
+        }
+        assert!(most < MOST_DIFFERENCE && squares.sqrt() < 0.0045, "{most} {}", squares.sqrt());
+        // Planted difference: a correlation one code off.
+        let s = Sym3([1.0, 0.5, 0.25, 0.3, 0.2, -0.1]);
+        let mut codes = VoxelCodes::of(&s).unwrap();
+        codes.angles[0] += 4;
+        let planted = difference(&s, &codes.extinction(), &mut random)[0];
+        assert!(planted > 0.03, "{planted}");
+    }
+
+    #[test]
+    fn any_codes_are_a_positive_semidefinite_matrix() {
+        let mut random = Random::new(2);
+        for _ in 0..4000 {
+            let angle = |random: &mut Random, right: i32| random.below(2 * right as usize + 1) as i32 - right;
+            let mut codes = VoxelCodes {
+                density: random.below(4001) as i32 - 2000,
+                axis: random.below(3) as u8,
+                ratios: [0; 2].map(|_| random.below(1 << RATIO_BITS) as u8),
+                angles: [angle(&mut random, RIGHT_ANGLE) as i8, angle(&mut random, RIGHT_ANGLE) as i8, 0],
+            };
+            codes.angles[2] = angle(&mut random, codes.partial_right_angle()) as i8;
+            let s = codes.extinction();
+            assert!(s.0.iter().all(|x| x.is_finite()), "{codes:?}");
+            let values = s.eigen().0;
+            assert!(values.iter().all(|value| *value >= -1e-5 * s.trace()), "{codes:?} {values:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_too_thin_is_the_least_and_what_is_too_dense_is_refused() {
+        let least = VoxelCodes::of(&Sym3::default()).unwrap();
+        assert!(least.extinction().trace() < 1e-15 && VoxelCodes::of(&least.extinction()) == Some(least));
+        assert_eq!(VoxelCodes::of(&Sym3([1e19, 0.0, 0.0, 0.0, 0.0, 0.0])), None);
+        assert!(VoxelCodes::of(&Sym3([1e18, 0.0, 0.0, 0.0, 0.0, 0.0])).is_some());
+    }
+}

@@ -1,0 +1,104 @@
+//! How a file codes a level: which children the voxels of the level before have, then the codes of those. One routine both ways,
+//! as in [`crate::entropy`]. Normative text: docs/VOLTEX.md, chapter "Levels".
+
+use super::codes::{ANGLE_BITS, DENSITY_STEPS, RATIO_BITS, VoxelCodes};
+use crate::entropy::{BinaryCoder, Bit, Signed, Tree};
+
+/// Decisions that a child takes at least: a bit of its mask apart, its density, axis and ratios, and where its material is from.
+pub const LEAST_DECISIONS: usize = 3 + 2 * RATIO_BITS + 1;
+
+/// A voxel's codes with its material.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct CodedVoxel {
+    /// Its extinction.
+    pub codes: VoxelCodes,
+    /// Number of its material, at most 65535.
+    pub material: u32,
+}
+
+/// Codes which of its eight children each voxel of a level has: bit c of a mask stands for the child whose Morton number ends in c.
+pub fn code_masks(coder: &mut impl BinaryCoder, masks: &mut [u8]) {
+    let mut tree = Tree::<8>::new();
+    masks.iter_mut().for_each(|mask| *mask = tree.code(coder, u32::from(*mask)) as u8);
+}
+
+/// What is expected of the density of one of `count` children, relative to its parent: that all of them together have as much.
+fn density_of_children(count: u32) -> i32 {
+    (f64::from(DENSITY_STEPS) * (8.0 / f64::from(count)).log2()).round() as i32
+}
+
+/// A magnitude below `2^ANGLE_BITS` and a sign.
+struct AngleModel {
+    magnitude: Vec<Tree<ANGLE_BITS>>,
+    sign: Bit,
+}
+
+impl AngleModel {
+    fn new(contexts: usize) -> AngleModel {
+        AngleModel { magnitude: vec![Tree::new(); contexts], sign: Bit::NEW }
+    }
+
+    fn code(&mut self, coder: &mut impl BinaryCoder, angle: i8, context: usize) -> i8 {
+        let magnitude = self.magnitude[context].code(coder, u32::from(angle.unsigned_abs())) as i8;
+        if magnitude > 0 && coder.bit(&mut self.sign, angle < 0) { -magnitude } else { magnitude }
+    }
+}
+
+/// Codes the children of `parents`, in order, with each parent's mask of them. False if the decoder met a number that is out of its
+/// range.
+pub fn code_children(coder: &mut impl BinaryCoder, parents: &[(CodedVoxel, u8)], children: &mut [CodedVoxel]) -> bool {
+    let mut fits = true;
+    let mut density = Signed::new();
+    let mut axes = vec![Tree::<2>::new(); 3];
+    let mut ratios = vec![Tree::<RATIO_BITS>::new(); 2];
+    let (mut angles, mut partial) = (AngleModel::new(2), AngleModel::new(ANGLE_BITS + 1));
+    let mut same = [[Bit::NEW; 2]; 2];
+    let mut bytes = [Tree::<8>::new(), Tree::<8>::new()];
+    // Differences of the last two densities; the last material, and whether it was the parent's.
+    let (mut last, mut last_material, mut alike) = ([0i32; 2], 0, 0);
+    let owners =
+        parents.iter().flat_map(|(parent, mask)| std::iter::repeat_n((parent, mask), mask.count_ones() as usize));
+    for (child, (parent, mask)) in children.iter_mut().zip(owners) {
+        let codes = &mut child.codes;
+        let expected = parent.codes.density + density_of_children(mask.count_ones());
+        let around = 2 * last[0].unsigned_abs() + last[1].unsigned_abs();
+        let difference = density.code(coder, codes.density - expected, around, last[0].signum() + last[1].signum());
+        last = [difference, last[0]];
+        codes.density = expected + difference;
+        fits &= codes.density_in_range();
+
+        codes.axis = axes[usize::from(parent.codes.axis)].code(coder, u32::from(codes.axis)) as u8;
+        if codes.axis > 2 {
+            fits = false;
+            codes.axis = 0;
+        }
+        for (model, ratio) in ratios.iter_mut().zip(&mut codes.ratios) {
+            *ratio = model.code(coder, u32::from(*ratio)) as u8;
+        }
+        for slot in 0..2 {
+            let coded = codes.ratios[slot] > 0;
+            codes.angles[slot] = if coded { angles.code(coder, codes.angles[slot], slot) } else { 0 };
+        }
+        let right = codes.partial_right_angle();
+        let digits = (32 - right.leading_zeros()) as usize;
+        codes.angles[2] = if right > 0 { partial.code(coder, codes.angles[2], digits) } else { 0 };
+        fits &= i32::from(codes.angles[2].unsigned_abs()) <= right;
+
+        let material = child.material;
+        child.material = if coder.bit(&mut same[0][alike], material == parent.material) {
+            alike = 1;
+            parent.material
+        } else {
+            let again = coder.bit(&mut same[1][alike], material == last_material);
+            alike = 0;
+            if again {
+                last_material
+            } else {
+                let high = bytes[0].code(coder, material >> 8);
+                high << 8 | bytes[1].code(coder, material & 255)
+            }
+        };
+        last_material = child.material;
+    }
+    fits
+}

@@ -1,0 +1,423 @@
+//! A volume's file, `.voltex`: the container of [`crate::container`] with a description, the materials and the levels, the coarsest
+//! first, each of which ends a tier. Normative text: docs/VOLTEX.md.
+
+use super::codes::{DENSITY_STEPS, VoxelCodes};
+use super::coding::{CodedVoxel, LEAST_DECISIONS, code_children, code_masks};
+use super::error::{VOLTEX_NAMES, VoltexError};
+use super::rule;
+use super::volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, MOST_LEVELS, Volume, VolumeLevel, order};
+use super::voxel::Voxel;
+use crate::container::{
+    ALIGNMENT, Directory, FileFormat, HeaderReader, SectionSource, read_directory_of, write_file_of,
+};
+use crate::entropy::{Decoder, Encoder, bounded};
+use crate::error::{FormatError, Names};
+use crate::fault::Faults;
+use crate::rule::Rule;
+use crate::sections::{Reader, Sections};
+use crate::threads::{Threads, fill, serial};
+use half::f16;
+
+/// The version that this package writes and reads.
+pub const VOLTEX_VERSION: u32 = 1;
+/// Most materials of a volume: their numbers are 16 bits.
+pub const MOST_MATERIALS: usize = 1 << 16;
+/// Largest side, metres.
+pub const MOST_SIDE_M: f32 = 1e9;
+/// Largest offset of a shadow, voxels.
+const MOST_OFFSET: f32 = 1024.0;
+/// Voxels that are made at a time.
+const VOXELS_AT_A_TIME: usize = 4096;
+
+/// Header words of the format's own.
+mod header {
+    /// Number of levels.
+    pub const LEVELS: usize = 6;
+    /// Number of materials.
+    pub const MATERIALS: usize = 7;
+    /// Bit 0 cyclic in x, bit 1 in y.
+    pub const FLAGS: usize = 8;
+    /// Three numbers: how much of the unit cube is used.
+    pub const EXTENT: usize = 9;
+    /// Metres per side of the unit cube.
+    pub const SIDE_M: usize = 15;
+    /// Words that are 0.
+    pub const RESERVED: [usize; 5] = [14, 16, 17, 18, 19];
+}
+
+/// What a section of a volumetric texture holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u32)]
+pub enum VoltexSection {
+    /// UTF-8 JSON: name, source, how it was built.
+    Description = 1,
+    /// What flakes are made of.
+    Materials = 2,
+    /// The voxels of a level; index 0 the coarsest, which is one voxel.
+    Level = 3,
+}
+
+impl VoltexSection {
+    /// The kind with this number, if this version knows it.
+    pub fn from_number(number: u32) -> Option<VoltexSection> {
+        use VoltexSection::*;
+        [Description, Materials, Level].into_iter().find(|kind| *kind as u32 == number)
+    }
+}
+
+/// What the header says of the whole file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VoltexHead {
+    /// Number of levels, 1 to 13; the finest has 2 to one less than this voxels a side.
+    pub levels: u32,
+    /// Number of materials.
+    pub materials: u32,
+    /// As [`Volume::cyclic`].
+    pub cyclic: [bool; 2],
+    /// As [`Volume::extent`].
+    pub extent: [f32; 3],
+    /// As [`Volume::side_m`].
+    pub side_m: f32,
+}
+
+/// The format of volumetric textures.
+pub(crate) enum VoltexFormat {}
+
+impl FileFormat for VoltexFormat {
+    type Head = VoltexHead;
+    type Kind = VoltexSection;
+    const NAMES: Names = VOLTEX_NAMES;
+    const VERSION: u32 = VOLTEX_VERSION;
+
+    fn read_head(header: &mut HeaderReader) -> Option<VoltexHead> {
+        let levels = header.within("level_count", header::LEVELS, [1, MOST_LEVELS + 1], "1 to 13");
+        let materials = header.within("material_count", header::MATERIALS, [1, MOST_MATERIALS as u32], "1 to 65536");
+        let flags = header.within("flags", header::FLAGS, [0, 3], "0 to 3 in version 1");
+        for at in header::RESERVED {
+            header.within("reserved", at, [0, 0], "0");
+        }
+        let extent = [0, 1, 2].map(|axis| f32::from_bits(header.word(header::EXTENT + axis)));
+        for axis in (0..3).filter(|axis| !extent_in_range(extent[*axis])) {
+            header.refuse("extent", header::EXTENT + axis, "above 0 and at most 1");
+        }
+        let side_m = f32::from_bits(header.word(header::SIDE_M));
+        if !side_in_range(side_m) {
+            header.refuse("side_m", header::SIDE_M, "above 0 m and at most 1000000000 m");
+        }
+        Some(VoltexHead { levels, materials, cyclic: [flags & 1 == 1, flags & 2 == 2], extent, side_m })
+    }
+
+    fn write_head(head: &VoltexHead, words: &mut [u32]) {
+        words[header::LEVELS] = head.levels;
+        words[header::MATERIALS] = head.materials;
+        words[header::FLAGS] = u32::from(head.cyclic[0]) | u32::from(head.cyclic[1]) << 1;
+        words[header::EXTENT..header::EXTENT + 3].copy_from_slice(&head.extent.map(f32::to_bits));
+        words[header::SIDE_M] = head.side_m.to_bits();
+    }
+
+    fn alignment(_: &VoltexHead) -> usize {
+        ALIGNMENT
+    }
+
+    fn layers(_: &VoltexHead) -> u32 {
+        1
+    }
+
+    fn kind(number: u32) -> Option<VoltexSection> {
+        VoltexSection::from_number(number)
+    }
+
+    fn number(kind: VoltexSection) -> u32 {
+        kind as u32
+    }
+
+    fn section_name(kind: VoltexSection, _: u32, index: u32) -> String {
+        format!("{kind:?} {index}")
+    }
+
+    fn rule(shared: Rule) -> Rule {
+        rule::of_voltex(shared)
+    }
+}
+
+fn extent_in_range(extent: f32) -> bool {
+    extent > 0.0 && extent <= 1.0
+}
+
+fn side_in_range(side_m: f32) -> bool {
+    side_m > 0.0 && side_m <= MOST_SIDE_M
+}
+
+impl FlakeMaterial {
+    fn halves(&self) -> [f16; 8] {
+        let ([a, b, c], [d, e, f]) = (self.reflectance, self.transmittance);
+        [a, b, c, d, e, f, self.specular, self.roughness].map(f16::from_f32)
+    }
+
+    fn from_halves(halves: &[f16]) -> FlakeMaterial {
+        let number = |i: usize| halves[i].to_f32();
+        FlakeMaterial {
+            reflectance: [number(0), number(1), number(2)],
+            transmittance: [number(3), number(4), number(5)],
+            specular: number(6),
+            roughness: number(7),
+        }
+    }
+}
+
+fn material_in_range(halves: &[f16]) -> bool {
+    halves.iter().all(|x| (f16::ZERO..=f16::ONE).contains(x))
+}
+
+impl LevelShadow {
+    fn in_range(&self) -> bool {
+        (0.0..=MOST_OFFSET).contains(&self.offset) && self.shared.iter().all(|share| (-1.0..=1.0).contains(share))
+    }
+}
+
+/// Checks header, tables, section bounds, padding and every present section's checksum, as [`crate::read_directory`].
+pub fn read_voltex_directory(bytes: &[u8]) -> Result<Directory<VoltexHead>, VoltexError> {
+    Ok(read_directory_of::<VoltexFormat>(bytes, &serial)?)
+}
+
+impl Volume {
+    /// Whether these bytes begin like a volumetric texture's.
+    pub fn is_one(bytes: &[u8]) -> bool {
+        bytes.starts_with(&VOLTEX_NAMES.magic)
+    }
+
+    /// The volume's bytes: what is written to a `.voltex` file. Voxels lose what [`VoxelCodes`] do not hold.
+    ///
+    /// Errors name the rule of docs/VOLTEX.md that the volume breaks.
+    pub fn pack(&self) -> Result<Vec<u8>, VoltexError> {
+        self.check().map_err(|reason| FormatError::Pack { reason: reason.into() })?;
+        let section = |kind, index: usize, bytes, ends_tier| SectionSource {
+            kind,
+            layer: 0,
+            index: index as u32,
+            bytes,
+            ends_tier,
+        };
+        let materials = self.materials.iter().flat_map(FlakeMaterial::halves);
+        let mut sections = vec![
+            section(VoltexSection::Description, 0, self.description.clone().into_bytes(), false),
+            section(VoltexSection::Materials, 0, materials.flat_map(f16::to_le_bytes).collect(), false),
+        ];
+        let mut coarser: Vec<([u32; 3], CodedVoxel)> = Vec::new();
+        for (index, level) in self.levels.iter().rev().enumerate() {
+            let coded: Option<Vec<_>> = level
+                .voxels
+                .iter()
+                .map(|(at, voxel)| {
+                    Some((*at, CodedVoxel { codes: VoxelCodes::of(&voxel.extinction)?, material: voxel.material }))
+                })
+                .collect();
+            let coded = coded.ok_or(FormatError::Pack { reason: "a voxel is too dense".into() })?;
+            let shadow = std::iter::once(level.shadow.offset).chain(level.shadow.shared);
+            let mut bytes: Vec<u8> = shadow.flat_map(f32::to_le_bytes).collect();
+            bytes.extend(level_stream(&coarser, &coded));
+            sections.push(section(VoltexSection::Level, index, bytes, true));
+            coarser = coded;
+        }
+        let head = VoltexHead {
+            levels: self.levels.len() as u32,
+            materials: self.materials.len() as u32,
+            cyclic: self.cyclic,
+            extent: self.extent,
+            side_m: self.side_m,
+        };
+        Ok(write_file_of::<VoltexFormat>(&head, &sections)?)
+    }
+
+    /// Reads a file, or a tier of one: the volume down to the finest level that is at hand.
+    ///
+    /// Never panics. Allocates for voxels what `bytes` can hold.
+    pub fn parse(bytes: &[u8]) -> Result<Volume, VoltexError> {
+        Volume::parse_on(bytes, &serial)
+    }
+
+    /// The same on `threads`.
+    pub fn parse_on(bytes: &[u8], threads: Threads) -> Result<Volume, VoltexError> {
+        let directory = read_directory_of::<VoltexFormat>(bytes, threads)?;
+        let mut faults = Faults::default();
+        let volume = examine_volume(bytes, &directory, threads, &mut faults);
+        Ok(faults.or_first(volume)?)
+    }
+
+    /// The rule that does not hold.
+    fn check(&self) -> Result<(), &'static str> {
+        let must = |holds: bool, reason| if holds { Ok(()) } else { Err(reason) };
+        must(self.extent.iter().all(|x| extent_in_range(*x)), "its extent must be above 0 and at most 1")?;
+        must(side_in_range(self.side_m), "its side must be above 0 m and at most 1000000000 m")?;
+        must((1..=MOST_MATERIALS).contains(&self.materials.len()), "it needs 1 to 65536 materials")?;
+        must(
+            self.materials.iter().all(|material| material_in_range(&material.halves())),
+            "a material's shares and roughness must be within 0 to 1",
+        )?;
+        must((1..=MOST_LEVELS as usize + 1).contains(&self.levels.len()), "it needs 1 to 13 levels")?;
+        let last = &self.levels[self.levels.len() - 1];
+        must(last.voxels.len() == 1 && last.voxels[0].0 == [0; 3], "its coarsest level must be one voxel")?;
+        for (number, level) in self.levels.iter().enumerate() {
+            must(level.shadow.in_range(), "a level's shadow is out of its range")?;
+            let rising = level.voxels.windows(2).all(|pair| order(pair[0].0) < order(pair[1].0));
+            let side = 1 << (self.levels.len() - 1 - number);
+            let inside = level.voxels.iter().all(|(at, _)| at.iter().all(|x| *x < side));
+            must(rising && inside, "a level's voxels are not in order, or outside it")?;
+            if let Some(coarser) = self.levels.get(number + 1) {
+                let mut parents: Vec<u64> = level.voxels.iter().map(|(at, _)| order(*at) >> 3).collect();
+                parents.dedup();
+                let own = coarser.voxels.iter().map(|(at, _)| order(*at));
+                must(own.eq(parents), "a voxel has no parent or no child")?;
+            }
+            let voxel_in_range = |voxel: &Voxel| {
+                let s = &voxel.extinction.0;
+                s.iter().all(|x| x.is_finite()) && s[..3].iter().all(|x| *x >= 0.0)
+            };
+            must(
+                level.voxels.iter().all(|(_, voxel)| voxel_in_range(voxel)),
+                "a voxel's extinction is not finite or negative along an axis",
+            )?;
+            must(
+                level.voxels.iter().all(|(_, voxel)| (voxel.material as usize) < self.materials.len()),
+                "a voxel names a material that is not there",
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// The stream of a level whose coarser one is `coarser`; the coarsest, which has none, is the only child of nothing.
+fn level_stream(coarser: &[([u32; 3], CodedVoxel)], level: &[([u32; 3], CodedVoxel)]) -> Vec<u8> {
+    let mut coder = Encoder::new();
+    let parents = if coarser.is_empty() {
+        ROOT_PARENT.to_vec()
+    } else {
+        let mut children = level.iter().map(|(at, _)| order(*at)).peekable();
+        let mut masks: Vec<u8> = coarser
+            .iter()
+            .map(|(at, _)| {
+                let number = order(*at);
+                let own = std::iter::from_fn(|| children.next_if(|child| child >> 3 == number));
+                own.fold(0, |mask, child| mask | 1 << (child & 7))
+            })
+            .collect();
+        code_masks(&mut coder, &mut masks);
+        coarser.iter().map(|(_, voxel)| *voxel).zip(masks).collect()
+    };
+    let mut voxels: Vec<CodedVoxel> = level.iter().map(|(_, voxel)| *voxel).collect();
+    code_children(&mut coder, &parents, &mut voxels);
+    coder.finish()
+}
+
+/// Stands for the parent of the coarsest level's voxel, its only child, of which density 1 is expected.
+const ROOT_PARENT: [(CodedVoxel, u8); 1] = [(
+    CodedVoxel {
+        codes: VoxelCodes { density: -3 * DENSITY_STEPS, axis: 0, ratios: [0; 2], angles: [0; 3] },
+        material: 0,
+    },
+    1,
+)];
+
+/// The volume whose directory is known, going on behind a fault with every section that can be read without those at fault. `None`
+/// where anything is at fault.
+pub(crate) fn examine_volume(
+    bytes: &[u8],
+    directory: &Directory<VoltexHead>,
+    threads: Threads,
+    faults: &mut Faults,
+) -> Option<Volume> {
+    let before = faults.len();
+    let head = directory.head;
+    let sections = Sections::<VoltexFormat>::new(bytes, directory, faults);
+    let description = sections.get(VoltexSection::Description, 0, 0, faults);
+    let description = description.and_then(|reader| faults.keep(reader.text()));
+    let materials = sections.get(VoltexSection::Materials, 0, 0, faults);
+    let materials = materials.and_then(|reader| faults.keep(read_materials(reader, head.materials as usize)));
+    let mut levels: Vec<VolumeLevel> = Vec::new();
+    let mut coarser: Vec<([u32; 3], CodedVoxel)> = Vec::new();
+    for index in 0..head.levels {
+        // Every tier has the coarsest.
+        let reader = match index {
+            0 => sections.get(VoltexSection::Level, 0, 0, faults),
+            _ => sections.get_in_tier(VoltexSection::Level, 0, index, faults),
+        };
+        let level = reader.and_then(|reader| faults.keep(read_level(reader, &coarser, head.materials)));
+        let Some((shadow, coded)) = level else { break };
+        let mut voxels = vec![([0; 3], Voxel::default()); coded.len()];
+        fill(threads, &mut voxels, VOXELS_AT_A_TIME, |chunk, voxels| {
+            for (voxel, (at, coded)) in voxels.iter_mut().zip(&coded[chunk * VOXELS_AT_A_TIME..]) {
+                *voxel = (*at, coded.codes.voxel(coded.material));
+            }
+        });
+        levels.push(VolumeLevel { shadow, voxels });
+        coarser = coded;
+    }
+    levels.reverse();
+    let volume = Volume {
+        description: description?,
+        side_m: head.side_m,
+        extent: head.extent,
+        cyclic: head.cyclic,
+        materials: materials?,
+        levels,
+    };
+    (faults.len() == before && directory.damaged.is_empty()).then_some(volume)
+}
+
+fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<FlakeMaterial>, FormatError> {
+    let halves = reader.halves(8 * count)?;
+    reader.end()?;
+    if !material_in_range(&halves) {
+        return reader.bad(rule::MATERIAL_RANGE);
+    }
+    Ok(halves.chunks_exact(8).map(FlakeMaterial::from_halves).collect())
+}
+
+/// A level's shadow and its voxels.
+type CodedLevel = (LevelShadow, Vec<([u32; 3], CodedVoxel)>);
+
+fn read_level(
+    mut reader: Reader,
+    coarser: &[([u32; 3], CodedVoxel)],
+    materials: u32,
+) -> Result<CodedLevel, FormatError> {
+    let numbers = reader.words(1 + HOTSPOT_DEG.len())?;
+    let number = |i: usize| f32::from_bits(numbers[i]);
+    let shadow = LevelShadow { offset: number(0), shared: std::array::from_fn(|i| number(1 + i)) };
+    if !shadow.in_range() {
+        return reader.bad(rule::SHADOW_RANGE);
+    }
+    let stream = reader.bytes;
+    let mut decoder = Decoder::new(stream);
+    let (parents, places) = if coarser.is_empty() {
+        (ROOT_PARENT.to_vec(), vec![[0; 3]])
+    } else {
+        bounded(8 * coarser.len(), stream).or_else(|reason| reader.bad(reason))?;
+        let mut masks = vec![0; coarser.len()];
+        code_masks(&mut decoder, &mut masks);
+        if masks.contains(&0) {
+            return reader.bad(rule::NO_CHILD);
+        }
+        let count: usize = masks.iter().map(|mask| mask.count_ones() as usize).sum();
+        bounded(LEAST_DECISIONS * count, stream).or_else(|reason| reader.bad(reason))?;
+        let places: Vec<[u32; 3]> =
+            coarser.iter().zip(&masks).flat_map(|((at, _), mask)| children_of(*at, *mask)).collect();
+        (coarser.iter().map(|(_, voxel)| *voxel).zip(masks).collect(), places)
+    };
+    let mut voxels = vec![CodedVoxel::default(); places.len()];
+    let fits = code_children(&mut decoder, &parents, &mut voxels);
+    decoder.ended().or_else(|reason| reader.bad(reason))?;
+    if !fits {
+        return reader.bad(rule::VOXEL_RANGE);
+    }
+    if voxels.iter().any(|voxel| voxel.material >= materials) {
+        return reader.bad(rule::NO_MATERIAL);
+    }
+    Ok((shadow, places.into_iter().zip(voxels).collect()))
+}
+
+/// Places of a voxel's children, in order.
+fn children_of(at: [u32; 3], mask: u8) -> impl Iterator<Item = [u32; 3]> {
+    let numbers = (0..8u32).filter(move |child| mask >> child & 1 == 1);
+    numbers.map(move |child| std::array::from_fn(|axis| 2 * at[axis] + (child >> axis & 1)))
+}
