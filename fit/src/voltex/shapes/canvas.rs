@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::brush::Brush;
 use crate::voltex::clip::{Polygon, clip_polygon};
-use crate::voltex::flakes::FlakeSums;
+use crate::voltex::flakes::{FlakeColour, FlakeSums};
 use crate::voltex::gather::VoxelSums;
 
 /// Share of a closed surface's area that counts: a ray that passes a body crosses two of its faces and is stopped once.
@@ -23,6 +23,22 @@ pub struct Facet {
     pub uvs: Option<[DVec2; 3]>,
 }
 
+impl Facet {
+    /// Twice its area along its normal.
+    fn across(&self) -> DVec3 {
+        let [a, b, c] = self.corners_m;
+        (b - a).cross(c - a)
+    }
+
+    /// Texture coordinates at a place of it.
+    fn uv(&self, place_m: DVec3) -> Option<DVec2> {
+        let [a, b, c] = self.corners_m.map(|corner| corner - place_m);
+        let across = self.across();
+        let weight = |p: DVec3, q: DVec3| p.cross(q).dot(across) / across.length_squared();
+        self.uvs.map(|uvs| uvs[0] * weight(b, c) + uvs[1] * weight(c, a) + uvs[2] * weight(a, b))
+    }
+}
+
 /// Voxels over a script's space. The unit cube is as large as the space's longest side; the space lies at its origin.
 #[derive(Debug, Clone)]
 pub struct Canvas {
@@ -32,15 +48,27 @@ pub struct Canvas {
     pub side_m: f64,
     /// Flakes in the finest voxels; areas in units of the cube's face.
     pub voxels: VoxelSums,
-    /// What rays meet in the unit cube; fields leave nothing.
+    /// What rays meet in the unit cube.
     pub triangles: Vec<[Vec3; 3]>,
+    /// The colour of each of these.
+    pub colours: Vec<FlakeColour>,
+    /// Whether there are fields, which rays do not meet.
+    pub has_fields: bool,
 }
 
 impl Canvas {
     /// An empty canvas of `resolution` voxels along the longest side.
     pub fn new(space: &Space, resolution: u32) -> Canvas {
         let side_m = (0..3).map(|k| space.most_m[k] - space.least_m[k]).fold(0.0, f64::max);
-        Canvas { space: space.clone(), resolution, side_m, voxels: VoxelSums::new(), triangles: Vec::new() }
+        Canvas {
+            space: space.clone(),
+            resolution,
+            side_m,
+            voxels: VoxelSums::new(),
+            triangles: Vec::new(),
+            colours: Vec::new(),
+            has_fields: false,
+        }
     }
 
     /// Another one of the same space without anything on it.
@@ -133,34 +161,27 @@ impl Canvas {
 
     /// Paints a triangle, of whose area `weight` counts.
     pub fn facet(&mut self, facet: &Facet, weight: f64, brush: &Brush) {
-        let [a, b, c] = facet.corners_m;
-        let across = (b - a).cross(c - a);
-        let normal = across.normalize_or_zero();
+        let normal = facet.across().normalize_or_zero();
         if normal == DVec3::ZERO {
             return;
         }
         let resolution = self.resolution as f32;
         let scale = weight as f32 * 0.5 / (resolution * resolution);
-        for (polygon, shift) in self.occlude(facet.corners_m) {
+        for (polygon, shift) in self.occlude(facet, brush) {
             clip_polygon(polygon, &mut |cell, piece| {
                 let corners = piece.corners();
                 let middle = corners.iter().sum::<Vec3>() / corners.len().max(1) as f32;
                 let place_m = self.m_from_grid(middle.as_dvec3() - shift);
-                let uv = facet.uvs.map(|uvs| {
-                    let weight =
-                        |p: DVec3, q: DVec3| (p - place_m).cross(q - place_m).dot(across) / across.length_squared();
-                    uvs[0] * weight(b, c) + uvs[1] * weight(c, a) + uvs[2] * weight(a, b)
-                });
                 let area = piece.double_area().length() * scale;
-                self.add(cell, &FlakeSums::flake(area, normal.as_vec3(), &brush.colour(place_m, uv)));
+                self.add(cell, &FlakeSums::flake(area, normal.as_vec3(), &brush.colour(place_m, facet.uv(place_m))));
             });
         }
     }
 
     /// Puts a triangle where rays meet it, and no flakes. Its parts on the canvas come back, in voxels, with the shifts
     /// that brought them there.
-    pub fn occlude(&mut self, corners_m: [DVec3; 3]) -> Vec<(Polygon, DVec3)> {
-        let corners = corners_m.map(|corner| self.grid_from_m(corner));
+    pub fn occlude(&mut self, facet: &Facet, brush: &Brush) -> Vec<(Polygon, DVec3)> {
+        let corners = facet.corners_m.map(|corner| self.grid_from_m(corner));
         let (least, most) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
         let (size, resolution) = (self.size().as_vec3(), self.resolution as f32);
         let mut parts = Vec::with_capacity(1);
@@ -168,10 +189,13 @@ impl Canvas {
             let polygon = Polygon::triangle(corners.map(|corner| (corner + shift).as_vec3())).within(Vec3::ZERO, size);
             parts.push((polygon, shift));
         });
-        for (polygon, _) in &parts {
+        for (polygon, shift) in &parts {
             let fan = polygon.corners();
             for i in 2..fan.len() {
-                self.triangles.push([fan[0], fan[i - 1], fan[i]].map(|corner| corner / resolution));
+                let triangle = [fan[0], fan[i - 1], fan[i]];
+                let place_m = self.m_from_grid((triangle.iter().sum::<Vec3>() / 3.0).as_dvec3() - *shift);
+                self.triangles.push(triangle.map(|corner| corner / resolution));
+                self.colours.push(brush.colour(place_m, facet.uv(place_m)));
             }
         }
         parts

@@ -42,8 +42,8 @@ pub trait Field {
 ///
 /// Cost: 64 values for each voxel that is not empty, up to 4096 where the field is finer than voxels.
 pub fn paint_field(field: &impl Field, area_per_m3: f64, canvas: &mut Canvas, brush: &Brush) {
-    let bounds = field.bounds();
-    let [mut least, mut most] = bounds.map(|corner| canvas.grid_from_m(corner));
+    canvas.has_fields = true;
+    let [mut least, mut most] = field.bounds().map(|corner| canvas.grid_from_m(corner));
     let size = canvas.size();
     for k in 0..3 {
         if k == 2 || !canvas.cyclic()[k] {

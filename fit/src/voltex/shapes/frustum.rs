@@ -77,7 +77,7 @@ impl Frustum {
         let widen = PI / (THIN_SIDES as f64 * (PI / THIN_SIDES as f64).sin());
         let wide = Frustum { radii_m: self.radii_m.map(|radius| widen * radius), ..*self };
         for corners_m in wide.facets(axis, THIN_SIDES) {
-            canvas.occlude(corners_m);
+            canvas.occlude(&Facet { corners_m, uvs: None }, brush);
         }
     }
 

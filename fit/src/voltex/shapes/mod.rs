@@ -2,7 +2,7 @@
 //!
 //! Surfaces become facets that are cut at voxels' faces ([`Canvas::facet`]); solids are descended into and cut into such
 //! facets ([`polygonise`]); limbs and strands are distributions of normals around their axes ([`Frustum`]); fields are
-//! sampled ([`paint_field`]). [`paint`] does all of it.
+//! sampled ([`paint_field`]). [`paint`] does all of it, [`build_painted`] makes a volume of the canvas.
 
 mod brush;
 mod canvas;
@@ -15,6 +15,7 @@ mod paint;
 mod solid;
 mod surface;
 mod tint;
+mod volume;
 
 pub use brush::Brush;
 pub use canvas::{CLOSED, Canvas, Facet};
@@ -22,10 +23,11 @@ pub use descent::{coverage, polygonise};
 pub use field::{Field, Hypertexture, Scan, isotropic_flakes, paint_field};
 pub use frustum::{Frustum, round_flakes};
 pub use noise::NoiseField;
-pub use paint::{MeshReader, Paints, colour_of, paint};
+pub use paint::{Paints, colour_of, paint};
 pub use solid::{Placement, Solid};
-pub use surface::sheet_facets;
+pub use surface::{mesh_facets, sheet_facets};
 pub use tint::TintMap;
+pub use volume::build_painted;
 
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use btf_capture::shapes::{Material, PaintMode, Point, Script, Shape, Stroke, UpAxis};
+use btf_capture::shapes::{Material, PaintMode, Point, Script, Shape, Stroke};
 use glam::DVec3;
 
 use super::brush::Brush;
@@ -13,15 +13,11 @@ use super::frustum::Frustum;
 use super::fur::{Fur, MOST_CYLINDERS};
 use super::noise::NoiseField;
 use super::solid::{Placement, Solid};
-use super::surface::{box_triangles, sheet_facets, sphere_triangles};
+use super::surface::{box_triangles, mesh_facets, sheet_facets, sphere_triangles};
 use super::tint::TintMap;
 use super::unusable;
 use crate::error::FitError;
 use crate::voltex::flakes::{FlakeColour, FlakeSums};
-
-/// The facets of a mesh's file in its own coordinates, each with the share of its area that counts ([`CLOSED`] on a closed
-/// surface, 1 on a sheet).
-pub type MeshReader<'a> = &'a dyn Fn(&Path) -> Result<Vec<(Facet, f64)>, FitError>;
 
 /// What a script is painted with.
 pub struct Paints<'a> {
@@ -29,8 +25,6 @@ pub struct Paints<'a> {
     pub script: &'a Path,
     /// The colour of each of its materials before tints.
     pub colours: &'a [FlakeColour],
-    /// Who reads meshes.
-    pub mesh: MeshReader<'a>,
 }
 
 /// The colour of a material that is told by numbers.
@@ -87,14 +81,15 @@ fn take_away(solid: &Solid, canvas: &mut Canvas) {
         let middle_m = canvas.least_m() + (triangle.iter().sum::<glam::Vec3>() / 3.0).as_dvec3() * side_m;
         shifts.iter().any(|shift| solid.value(middle_m - *shift * canvas.voxel_m()) < 0.0)
     };
-    let triangles = canvas.triangles.iter().filter(|triangle| !inside(triangle)).copied().collect();
+    let seen = canvas.triangles.iter().zip(&canvas.colours).filter(|(triangle, _)| !inside(triangle));
+    let (triangles, colours) = seen.unzip();
     let left = |cell: [u32; 3]| {
         let from = DVec3::from(cell.map(f64::from));
         shifts.iter().map(|shift| 1.0 - coverage(solid, canvas, from - *shift)).product::<f64>()
     };
     let voxels = canvas.voxels.iter().map(|(cell, sums)| (*cell, sums.scaled(left(*cell) as f32)));
     let voxels = voxels.filter(|(_, sums)| sums.area > 0.0).collect();
-    (canvas.triangles, canvas.voxels) = (triangles, voxels);
+    (canvas.triangles, canvas.colours, canvas.voxels) = (triangles, colours, voxels);
 }
 
 /// Gives the voxels of a canvas the normals of another's, where that has any.
@@ -200,15 +195,7 @@ fn hull(points: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
 fn facets(shape: &Shape, place: &Placement, paints: &Paints) -> Result<Vec<(Facet, f64)>, FitError> {
     let mut facets = match shape {
         Shape::Sheet { rows_m } => sheet_facets(rows_m).into_iter().map(|facet| (facet, 1.0)).collect(),
-        Shape::Mesh { file, up } => {
-            let mut facets = (paints.mesh)(&Script::beside(paints.script, file))?;
-            if *up == UpAxis::Y {
-                for (facet, _) in &mut facets {
-                    facet.corners_m = facet.corners_m.map(|DVec3 { x, y, z }| DVec3::new(x, -z, y));
-                }
-            }
-            facets
-        }
+        Shape::Mesh { file, up } => mesh_facets(&Script::beside(paints.script, file), *up)?,
         _ => Vec::new(),
     };
     for (facet, _) in &mut facets {
@@ -259,8 +246,7 @@ mod tests {
 
     fn painted(script: &Script, resolution: u32) -> Canvas {
         let colours: Vec<FlakeColour> = script.materials.iter().map(colour_of).collect();
-        let mesh: MeshReader = &|_| Ok(vec![]);
-        paint(script, resolution, &Paints { script: Path::new("a.shapes.toml"), colours: &colours, mesh }).unwrap()
+        paint(script, resolution, &Paints { script: Path::new("a.shapes.toml"), colours: &colours }).unwrap()
     }
 
     fn one(shape: Shape, resolution: u32) -> Canvas {
@@ -335,7 +321,7 @@ mod tests {
         for shape in [ball, sheet, limb] {
             let script = script(true, vec![(PaintMode::Add, shape.clone())]);
             let colours: Vec<FlakeColour> = script.materials.iter().map(colour_of).collect();
-            let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours, mesh: &|_| Ok(vec![]) };
+            let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours };
             let message = paint(&script, 16, &paints).unwrap_err().to_string();
             assert!(message.contains(&format!("has a {} that covers", shape.kind())), "{message}");
         }
@@ -438,7 +424,7 @@ mod tests {
         );
         let dense = script(false, vec![(PaintMode::Add, fur(meadow, 1e7, 0.0))]);
         let colours: Vec<FlakeColour> = dense.materials.iter().map(colour_of).collect();
-        let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours, mesh: &|_| Ok(vec![]) };
+        let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours };
         let message = paint(&dense, 16, &paints).unwrap_err().to_string();
         assert!(
             message.contains("a.shapes.toml has fur of 16000000 cylinders") && message.contains("lower"),
@@ -497,7 +483,7 @@ mod tests {
         let read = |data| {
             let script = script(false, vec![(PaintMode::Add, shape(data))]);
             let colours: Vec<FlakeColour> = script.materials.iter().map(colour_of).collect();
-            paint(&script, 32, &Paints { script: &path, colours: &colours, mesh: &|_| Ok(vec![]) })
+            paint(&script, 32, &Paints { script: &path, colours: &colours })
         };
         let canvas = read(raw(3, NumberType::U8)).unwrap();
         assert_eq!(canvas.voxels, read(DensityData::Slices { folder: "slices".into() }).unwrap().voxels);

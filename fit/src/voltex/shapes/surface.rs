@@ -1,11 +1,15 @@
-//! Surfaces as facets: sheets, and the ground of fur.
+//! Surfaces as facets: sheets, meshes, and the ground of fur.
 
 use std::f64::consts::{PI, TAU};
 
-use btf_capture::shapes::Point;
-use glam::{DVec2, DVec3};
+use btf_capture::read_model;
+use btf_capture::shapes::{Point, UpAxis};
+use glam::{DVec2, DVec3, Vec3};
+use std::path::Path;
 
-use super::canvas::Facet;
+use super::canvas::{CLOSED, Facet};
+use crate::error::FitError;
+use crate::voltex::model::is_closed;
 
 /// Pieces of a sphere from pole to pole; twice as many around.
 const SPHERE_PIECES: usize = 64;
@@ -35,6 +39,30 @@ pub fn sheet_facets(rows_m: &[Vec<Point>]) -> Vec<Facet> {
         }
     }
     facets
+}
+
+/// The facets of a mesh's file, with the share of their area that counts: [`CLOSED`] where its parts are.
+///
+/// # Errors
+/// Those of [`read_model`].
+pub fn mesh_facets(path: &Path, up: UpAxis) -> Result<Vec<(Facet, f64)>, FitError> {
+    let mut facets = Vec::new();
+    for mesh in read_model(path)? {
+        for part in &mesh.parts {
+            let weight = if is_closed(part) { CLOSED } else { 1.0 };
+            for place in mesh.places.iter().map(|place| place.as_dmat4()) {
+                facets.extend(part.triangles.iter().map(|triangle| {
+                    let corner = |i: u32| {
+                        let p = place.transform_point3(Vec3::from(part.positions[i as usize]).as_dvec3());
+                        if up == UpAxis::Y { DVec3::new(p.x, -p.z, p.y) } else { p }
+                    };
+                    let uv = |uvs: &Vec<[f32; 2]>| triangle.map(|i| DVec2::from(uvs[i as usize].map(f64::from)));
+                    (Facet { corners_m: triangle.map(corner), uvs: part.uvs.as_ref().map(uv) }, weight)
+                }));
+            }
+        }
+    }
+    Ok(facets)
 }
 
 /// Triangles of a sphere.
