@@ -125,7 +125,7 @@ pub use threads::{Threads, serial};
 pub use validate::{Report, validate};
 pub use viewed_leaf::{LEAST_EYE, LEAST_SHARE, LEAST_UP, ViewedLeaf};
 pub use viewed_texel::{LIGHT_ROWS, LightRows, ViewedTexel};
-pub use wgsl::{LEAF_WGSL, WGSL, leaf_wgsl, wgsl_library};
+pub use wgsl::{LEAF_WGSL, VOLTEX_WGSL, WGSL, leaf_wgsl, voltex_wgsl, wgsl_library};
 
 // Words are moved between bytes and `u32` as they lie in memory.
 const _: () = assert!(cfg!(target_endian = "little"), "btf-runtime supports little-endian targets");

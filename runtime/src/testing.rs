@@ -10,7 +10,7 @@ use crate::parallax::Heights;
 use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::sphere::Sphere;
 use crate::voltex::{
-    FlakeMaterial, LevelShadow, Sym3, VoltexError, Volume, VolumeLevel, Voxel, order, read_voltex_directory,
+    FlakeMaterial, LevelShadow, Sym3, VoltexError, VoltexRay, Volume, VolumeLevel, Voxel, order, read_voltex_directory,
 };
 use half::f16;
 use std::collections::BTreeSet;
@@ -48,6 +48,11 @@ impl Random {
     pub fn direction(&mut self) -> [f32; 3] {
         direction_from_cos(self.within(0.0, 1.0), self.within(0.0, 360.0))
     }
+}
+
+/// Unit direction, uniform on the sphere.
+pub fn sphere_direction(random: &mut Random) -> [f32; 3] {
+    direction_from_cos(random.within(-1.0, 1.0), random.within(0.0, 360.0))
 }
 
 fn direction_from_cos(cos: f32, phi_deg: f32) -> [f32; 3] {
@@ -255,6 +260,100 @@ fn sample_voxel(random: &mut Random) -> Voxel {
         sum.plus(&flake)
     });
     Voxel::new(extinction, random.below(3) as u32)
+}
+
+/// A volume of random flakes with 2^`level_count` voxels a side: of the eight children of a voxel each is there with probability
+/// `share`, and one in any case.
+pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volume {
+    const MATERIALS: usize = 3;
+    let mut levels: Vec<VolumeLevel> = Vec::new();
+    let mut cells = vec![[0u32; 3]];
+    for level in (0..=level_count).rev() {
+        cells.sort_by_key(|cell| order(*cell));
+        let mut children = Vec::new();
+        for cell in &cells {
+            let kept = random.below(8);
+            let there = (0..8).filter(|child| *child == kept || random.within(0.0, 1.0) < share).collect::<Vec<_>>();
+            children
+                .extend(there.iter().map(|child| [0, 1, 2].map(|axis| 2 * cell[axis] + (child >> axis & 1) as u32)));
+        }
+        let voxel = |random: &mut Random| {
+            let area = 2f32.powf(random.within(-3.0, 6.0));
+            let flakes = (0..1 + random.below(4)).map(|_| Sym3::outer(sphere_direction(random), area * area));
+            Voxel::new(flakes.fold(Sym3::default(), |sum, flake| sum.plus(&flake)), random.below(MATERIALS) as u32)
+        };
+        levels.push(VolumeLevel {
+            shadow: LevelShadow {
+                offset: level as f32 + random.within(0.0, 1.0),
+                shared: std::array::from_fn(|_| random.within(-1.0, 1.0)),
+            },
+            voxels: cells.iter().map(|cell| (*cell, voxel(random))).collect(),
+        });
+        cells = children;
+    }
+    levels.reverse();
+    let mut shares = || std::array::from_fn(|_| random.within(0.0, 1.0));
+    let materials = (0..MATERIALS)
+        .map(|number| FlakeMaterial {
+            reflectance: shares(),
+            transmittance: shares(),
+            specular: 0.04 * number as f32,
+            roughness: 0.5,
+        })
+        .collect();
+    let extent = shares();
+    Volume {
+        description: "{}".into(),
+        side_m: 1.0 + level_count as f32,
+        extent,
+        cyclic: [level_count & 1 == 1, level_count & 2 == 2],
+        materials,
+        levels,
+    }
+}
+
+/// Kinds of [`sample_ray`].
+pub const RAY_KINDS: usize = 8;
+
+/// A ray that meets the unit cube of 2^`level_count` voxels a side, by kind: 0 anyhow, 1 along an axis, 2 from corner to corner of
+/// voxels, 3 within a plane between voxels, 4 from inside, 5 with a large direction, 6 with a small one, 7 nearly along a plane.
+pub fn sample_ray(random: &mut Random, level_count: u32, kind: usize) -> VoltexRay {
+    let resolution = (1u32 << level_count) as f32;
+    let inside = |random: &mut Random| -> [f32; 3] { std::array::from_fn(|_| random.within(0.0, 1.0)) };
+    let corner = |random: &mut Random| -> [f32; 3] {
+        std::array::from_fn(|_| random.below(resolution as usize + 1) as f32 / resolution)
+    };
+    let (mut aim, mut direction) = (inside(random), sphere_direction(random));
+    let mut back = random.within(1.0, 4.0);
+    let axis = random.below(3);
+    match kind {
+        1 => {
+            let sign = if random.below(2) == 0 { 1.0 } else { -1.0 };
+            direction = std::array::from_fn(|i| if i == axis { sign } else { 0.0 * sign });
+            if random.below(2) == 0 {
+                aim = corner(random);
+            }
+        }
+        2 => {
+            aim = corner(random);
+            let other = corner(random);
+            direction = std::array::from_fn(|i| other[i] - aim[i]);
+        }
+        3 => {
+            aim = corner(random);
+            direction[axis] = 0.0;
+        }
+        4 => back = 0.0,
+        7 => direction[axis] *= 10f32.powi(-(random.below(30) as i32)),
+        _ => {}
+    }
+    let origin = std::array::from_fn(|i| aim[i] - back * direction[i]);
+    let length = match kind {
+        5 => 1e10,
+        6 => 1e-10,
+        _ => 1.0,
+    };
+    VoltexRay { origin, direction: direction.map(|x| x * length) }
 }
 
 /// Index of a texel's first lobe reference.

@@ -37,3 +37,19 @@ pub const LEAF_WGSL: &[(&str, &str)] = &[
 pub fn leaf_wgsl() -> String {
     LEAF_WGSL.iter().map(|(_, text)| *text).collect::<Vec<_>>().join("\n")
 }
+
+/// `(file name, text)` of volumetric textures ([`crate::voltex`]), to follow [`WGSL`], of which it uses `asset_f32`. Functions take
+/// the number of a volume's first word as `base`. Core WGSL without capabilities of its own.
+pub const VOLTEX_WGSL: &[(&str, &str)] = &[
+    ("voltex_matrix.wgsl", include_str!("shaders/voltex_matrix.wgsl")),
+    ("voltex_words.wgsl", include_str!("shaders/voltex_words.wgsl")),
+    ("voltex_voxel.wgsl", include_str!("shaders/voltex_voxel.wgsl")),
+    ("voltex_tree.wgsl", include_str!("shaders/voltex_tree.wgsl")),
+    ("voltex_walk.wgsl", include_str!("shaders/voltex_walk.wgsl")),
+    ("voltex_shade.wgsl", include_str!("shaders/voltex_shade.wgsl")),
+];
+
+/// All of [`VOLTEX_WGSL`], joined.
+pub fn voltex_wgsl() -> String {
+    VOLTEX_WGSL.iter().map(|(_, text)| *text).collect::<Vec<_>>().join("\n")
+}

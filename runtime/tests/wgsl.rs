@@ -7,8 +7,8 @@ use btf_runtime::{
     ITEM_EDGE, Interpolation, LEAF_WGSL, LEAST_ALPHA, LEAST_AXIS, LEAST_EYE, LEAST_FACET, LEAST_HALF, LEAST_RAY_STEPS,
     LEAST_SHARE, LEAST_UP, LIGHT_ROWS, LOBE_RESIDENT_WORDS, LeafMode, LobeFamily, LobeRole, MAX_LOG, MIN_COS_VIEW,
     MIN_HALF, MOST_ABSORPTION, MOST_EXPONENT, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE, RATIO_EPSILON, RATIO_RANGE,
-    RAY_STEP, ROOT, ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, THETA_P, THETA_Q, TRIANGLE_WORDS, UNIT_RANGE, WGSL,
-    block, leaf_wgsl, leaf_words, wgsl_library,
+    RAY_STEP, ROOT, ResidualKind, SHIFT_SLOPE, SPHERE_HEADER_WORDS, THETA_P, THETA_Q, TRIANGLE_WORDS, UNIT_RANGE,
+    VOLTEX_WGSL, WGSL, block, leaf_wgsl, leaf_words, voltex, voltex_wgsl, wgsl_library,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module};
@@ -44,9 +44,9 @@ fn module_from(source: &str, capabilities: Capabilities) -> Result<Module, Strin
     Ok(module)
 }
 
-/// The library, the leaf's functions behind it, and the includer.
+/// The library, the functions of leaves and of volumes behind it, and the includer.
 fn text() -> String {
-    [&wgsl_library(), &leaf_wgsl(), INCLUDER].map(|part| part as &str).join("\n")
+    [&wgsl_library(), &leaf_wgsl(), &voltex_wgsl(), INCLUDER].map(|part| part as &str).join("\n")
 }
 
 fn library() -> Module {
@@ -62,6 +62,7 @@ fn the_library_is_valid_with_exactly_the_capability_that_it_names() {
         ["btf_decode", "btf_texel", "btf_size", "btf_layer_for_sides", "btf_evaluate", "btf_sample", "btf_density"]
             .into_iter()
             .chain(["leaf_new", "leaf_light", "leaf_sample_direction", "leaf_sample_density"])
+            .chain(["voltex_cell", "voltex_voxel", "voltex_walk_next", "voltex_shade", "voltex_shared_at"])
     {
         assert!(module.functions.iter().any(|(_, function)| function.name.as_deref() == Some(name)), "{name}");
     }
@@ -73,7 +74,7 @@ fn the_library_is_valid_with_exactly_the_capability_that_it_names() {
 
 #[test]
 fn the_library_binds_nothing_and_has_no_entry_points() {
-    for (name, text) in WGSL.iter().chain(LEAF_WGSL) {
+    for (name, text) in WGSL.iter().chain(LEAF_WGSL).chain(VOLTEX_WGSL) {
         for word in ["@group", "@binding", "@compute", "@fragment", "@vertex", "var<storage", "var<uniform"] {
             assert!(!text.contains(word), "{name} has {word}");
         }
@@ -152,6 +153,19 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("LEAF_TEXEL_WORDS", leaf_words::TEXEL_WORDS),
         ("LEAF_RATIONAL", LeafMode::Rational as usize),
         ("LEAF_N_LAYERS", LeafMode::NLayers as usize),
+        ("VOLTEX_LEVEL_COUNT_AT", voltex::words::LEVEL_COUNT_AT),
+        ("VOLTEX_NODES_AT", voltex::words::NODES_AT),
+        ("VOLTEX_VOXELS_AT", voltex::words::VOXELS_AT),
+        ("VOLTEX_MATERIALS_AT", voltex::words::MATERIALS_AT),
+        ("VOLTEX_LEVELS_AT", voltex::words::LEVELS_AT),
+        ("VOLTEX_FLAGS_AT", voltex::words::FLAGS_AT),
+        ("VOLTEX_EXTENT_AT", voltex::words::EXTENT_AT),
+        ("VOLTEX_SIDE_AT", voltex::words::SIDE_AT),
+        ("VOLTEX_MATERIAL_WORDS", voltex::words::MATERIAL_WORDS),
+        ("VOLTEX_LEVEL_WORDS", voltex::words::LEVEL_WORDS),
+        ("VOLTEX_VOXEL_WORDS", voltex::VOXEL_WORDS),
+        ("VOLTEX_NODE_WORDS", voltex::NODE_WORDS),
+        ("VOLTEX_NO_VOXEL", voltex::NO_VOXEL as usize),
     ];
     let floats = [
         ("INSIDE_TOLERANCE", INSIDE_TOLERANCE),
@@ -192,6 +206,15 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("LEAF_LEAST_EYE", LEAST_EYE),
         ("LEAF_LEAST_UP", LEAST_UP),
         ("LEAF_LEAST_SHARE", LEAST_SHARE),
+        ("VOLTEX_LEAST_DIRECTION", voltex::LEAST_DIRECTION),
+        // The twin's infinity.
+        ("VOLTEX_FAR", 3e38),
+        ("VOLTEX_LEAST_ROOT", voltex::LEAST_ROOT),
+        ("VOLTEX_SERIES_DEPTH", voltex::SERIES_DEPTH),
+        // The twin's exponential may be infinite.
+        ("VOLTEX_MOST_DEPTH", 80.0),
+        ("VOLTEX_HALF_PI", std::f32::consts::FRAC_PI_2),
+        ("VOLTEX_DEGREES", 1f32.to_degrees()),
     ];
     let mut all: Vec<(String, f64)> = words.iter().map(|(name, value)| (name.to_string(), *value as f64)).collect();
     all.extend(floats.iter().map(|(name, value)| (name.to_string(), f64::from(*value))));
@@ -209,6 +232,29 @@ fn every_wgsl_constant_is_its_rust_twins() {
     assert_ne!(constants(&module_from(&swapped, CAPABILITIES).expect("still valid")), expected_constants());
 }
 
+/// The numbers of a vector that is a constant.
+fn vector_constant(module: &Module, name: &str) -> Vec<f32> {
+    let (_, constant) = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name)).unwrap();
+    let Expression::Compose { components, .. } = &module.global_expressions[constant.init] else { panic!("a vector") };
+    let number = |expression| match module.global_expressions[expression] {
+        Expression::Literal(Literal::F32(value)) => value,
+        _ => panic!("a number"),
+    };
+    components.iter().map(|component| number(*component)).collect()
+}
+
+#[test]
+fn the_angles_of_hotspots_are_rusts() {
+    let angles = |module: &Module| {
+        let [near, wide] = ["VOLTEX_NEAR_DEG", "VOLTEX_WIDE_DEG"].map(|name| vector_constant(module, name));
+        [vec![0.0], near, wide, vec![180.0]].concat()
+    };
+    assert_eq!(angles(&library()), voltex::HOTSPOT_DEG);
+    // Planted difference: another angle.
+    let other = text().replace("(40.0, 70.0", "(45.0, 70.0");
+    assert_ne!(angles(&module_from(&other, CAPABILITIES).expect("still valid")), voltex::HOTSPOT_DEG);
+}
+
 #[test]
 fn the_options_lie_in_wgsl_as_documented() {
     let module = library();
@@ -223,7 +269,8 @@ fn the_options_lie_in_wgsl_as_documented() {
 fn function_names(text: &str) -> Vec<&str> {
     let after_fn = |line: &'_ str| -> Option<usize> {
         let code = line.trim_start();
-        let start = ["fn ", "pub fn ", "pub(crate) fn "].iter().find(|head| code.starts_with(**head))?;
+        let start =
+            ["fn ", "pub fn ", "pub(crate) fn ", "pub(super) fn "].iter().find(|head| code.starts_with(**head))?;
         Some(line.len() - code.len() + start.len())
     };
     text.lines()
@@ -244,10 +291,10 @@ fn first_out_of_order<'a>(rust: &str, wgsl: &'a str, prefix: &str, alone: &[&str
 
 #[test]
 fn twin_files_hold_the_same_functions_in_the_same_order() {
-    let wgsl = |name: &str| WGSL.iter().chain(LEAF_WGSL).find(|(file, _)| *file == name).unwrap().1;
+    let wgsl = |name: &str| WGSL.iter().chain(LEAF_WGSL).chain(VOLTEX_WGSL).find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 15] = [
+    let twins: [Twin; 21] = [
         (include_str!("../src/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
@@ -268,6 +315,12 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
         (include_str!("../src/leaf_body.rs"), "leaf_body.wgsl", "leaf_", &[]),
         (include_str!("../src/leaf_lobe.rs"), "leaf_lobe.wgsl", "leaf_", &[]),
         (include_str!("../src/viewed_leaf.rs"), "viewed_leaf.wgsl", "leaf_", &[]),
+        (include_str!("../src/voltex/matrix.rs"), "voltex_matrix.wgsl", "voltex_", &[]),
+        (include_str!("../src/voltex/words.rs"), "voltex_words.wgsl", "voltex_", &["voltex_shadow_offset"]),
+        (include_str!("../src/voltex/voxel.rs"), "voltex_voxel.wgsl", "voltex_voxel_", &["voltex_voxel_halves"]),
+        (include_str!("../src/voltex/tree.rs"), "voltex_tree.wgsl", "voltex_", &[]),
+        (include_str!("../src/voltex/walk.rs"), "voltex_walk.wgsl", "voltex_walk_", &[]),
+        (include_str!("../src/voltex/shade.rs"), "voltex_shade.wgsl", "voltex_", &["voltex_acos"]),
     ];
     for (rust, file, prefix, alone) in twins {
         assert_eq!(first_out_of_order(rust, wgsl(file), prefix, alone), None, "{file}");

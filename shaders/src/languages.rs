@@ -1,7 +1,6 @@
 //! One WGSL module in the other languages, by naga.
 
 use crate::error::ShaderError;
-use crate::texts::MODULE_NAME;
 use naga::back::{glsl, hlsl, msl, spv};
 use naga::front::wgsl;
 use naga::proc::BoundsCheckPolicies;
@@ -63,7 +62,8 @@ pub struct ShaderFile {
     pub bytes: Vec<u8>,
 }
 
-/// `wgsl`, a whole module of compute entry points, in all languages. The same text gives the same bytes.
+/// `wgsl`, a whole module of compute entry points, in all languages; file names begin with `module_name`. The same text gives the
+/// same bytes.
 ///
 /// Binding `b` of group 0 has number `b` in every language: HLSL's register of its kind, Metal's `[[buffer(b)]]`,
 /// GLSL's `binding = b`. Indices are not checked again and loops not bounded again: what the library reads is what
@@ -72,23 +72,23 @@ pub struct ShaderFile {
 /// # Errors
 /// [`ShaderError::Wgsl`] if the text is not valid core WGSL, [`ShaderError::Translation`] if a language lacks
 /// something.
-pub fn translate(wgsl: &str) -> Result<Vec<ShaderFile>, ShaderError> {
+pub fn translate(module_name: &str, wgsl: &str) -> Result<Vec<ShaderFile>, ShaderError> {
     let (module, info) = validated(wgsl)?;
     let same_names = || module.entry_points.iter().map(|entry| (entry.name.clone(), entry.name.clone())).collect();
     let mut files = vec![ShaderFile {
-        name: format!("{MODULE_NAME}.{}", Language::Wgsl.extension()),
+        name: file_name(module_name, Language::Wgsl, None),
         language: Language::Wgsl,
         entry_points: same_names(),
         bytes: wgsl.as_bytes().to_vec(),
     }];
-    files.push(hlsl_file(&module, &info)?);
-    files.push(msl_file(&module, &info)?);
+    files.push(hlsl_file(module_name, &module, &info)?);
+    files.push(msl_file(module_name, &module, &info)?);
     for language in [Language::GlslEs310, Language::Glsl460] {
         for entry in &module.entry_points {
-            files.push(glsl_file(&module, &info, language, &entry.name)?);
+            files.push(glsl_file(module_name, &module, &info, language, &entry.name)?);
         }
     }
-    files.push(spirv_file(&module, &info, same_names())?);
+    files.push(spirv_file(module_name, &module, &info, same_names())?);
     Ok(files)
 }
 
@@ -123,9 +123,9 @@ fn binding_map<T>(module: &Module, target: impl Fn(ResourceBinding) -> T) -> BTr
 }
 
 /// How a file of this language is called; `part` stands for one entry point.
-fn file_name(language: Language, part: Option<&str>) -> String {
+fn file_name(module_name: &str, language: Language, part: Option<&str>) -> String {
     let part = part.map_or(String::new(), |name| format!(".{name}"));
-    format!("{MODULE_NAME}{part}.{}", language.extension())
+    format!("{module_name}{part}.{}", language.extension())
 }
 
 fn failure(file: &str) -> impl Fn(&dyn Display) -> ShaderError {
@@ -142,8 +142,8 @@ fn renamed<E: Display>(
     pairs.map(|(entry, name)| Ok((entry.name.clone(), name.map_err(|error| failure(file)(&error))?))).collect()
 }
 
-fn hlsl_file(module: &Module, info: &ModuleInfo) -> Result<ShaderFile, ShaderError> {
-    let name = file_name(Language::Hlsl, None);
+fn hlsl_file(module_name: &str, module: &Module, info: &ModuleInfo) -> Result<ShaderFile, ShaderError> {
+    let name = file_name(module_name, Language::Hlsl, None);
     let options = hlsl::Options {
         shader_model: SHADER_MODEL,
         binding_map: binding_map(module, |binding| hlsl::BindTarget {
@@ -165,8 +165,8 @@ fn hlsl_file(module: &Module, info: &ModuleInfo) -> Result<ShaderFile, ShaderErr
     Ok(ShaderFile { name, language: Language::Hlsl, entry_points, bytes: text.into_bytes() })
 }
 
-fn msl_file(module: &Module, info: &ModuleInfo) -> Result<ShaderFile, ShaderError> {
-    let name = file_name(Language::Msl, None);
+fn msl_file(module_name: &str, module: &Module, info: &ModuleInfo) -> Result<ShaderFile, ShaderError> {
+    let name = file_name(module_name, Language::Msl, None);
     let writable = |binding: ResourceBinding| {
         module.global_variables.iter().any(|(_, variable)| {
             let naga::AddressSpace::Storage { access } = variable.space else { return false };
@@ -194,8 +194,14 @@ fn msl_file(module: &Module, info: &ModuleInfo) -> Result<ShaderFile, ShaderErro
     Ok(ShaderFile { name, language: Language::Msl, entry_points, bytes: text.into_bytes() })
 }
 
-fn glsl_file(module: &Module, info: &ModuleInfo, language: Language, entry: &str) -> Result<ShaderFile, ShaderError> {
-    let name = file_name(language, Some(entry));
+fn glsl_file(
+    module_name: &str,
+    module: &Module,
+    info: &ModuleInfo,
+    language: Language,
+    entry: &str,
+) -> Result<ShaderFile, ShaderError> {
+    let name = file_name(module_name, language, Some(entry));
     let options = glsl::Options {
         version: match language {
             Language::GlslEs310 => glsl::Version::new_gles(310),
@@ -221,11 +227,12 @@ fn glsl_file(module: &Module, info: &ModuleInfo, language: Language, entry: &str
 }
 
 fn spirv_file(
+    module_name: &str,
     module: &Module,
     info: &ModuleInfo,
     entry_points: Vec<(String, String)>,
 ) -> Result<ShaderFile, ShaderError> {
-    let name = file_name(Language::SpirV, None);
+    let name = file_name(module_name, Language::SpirV, None);
     let options = spv::Options {
         lang_version: SPIRV_VERSION,
         // Names of variables and functions, for debuggers; the same in debug and release builds of this program.
@@ -248,14 +255,14 @@ fn spirv_file(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::queries::{Answer, Options, Query, Range, WORKGROUP};
-    use crate::texts::{ENTRY_POINTS, module_text};
+    use crate::queries::{Answer, Depth, Options, Query, Range, Ray, WORKGROUP};
+    use crate::texts::{ENTRY_POINTS, MODULE_NAME, depths_text, module_text};
     use std::mem::{offset_of, size_of};
 
     #[test]
     fn every_language_has_every_entry_point_and_twice_the_same_bytes() {
-        let files = translate(&module_text()).unwrap();
-        assert_eq!(files, translate(&module_text()).unwrap());
+        let files = translate(MODULE_NAME, &module_text()).unwrap();
+        assert_eq!(files, translate(MODULE_NAME, &module_text()).unwrap());
         for language in
             [Language::Wgsl, Language::Hlsl, Language::Msl, Language::GlslEs310, Language::Glsl460, Language::SpirV]
         {
@@ -267,7 +274,9 @@ mod tests {
             assert_eq!(names, expected, "{language:?}");
         }
         // Planted difference: another constant is another file in every language.
-        let other = translate(&module_text().replace("COSINE_SHARE: f32 = 0.5", "COSINE_SHARE: f32 = 0.25")).unwrap();
+        let other =
+            translate(MODULE_NAME, &module_text().replace("COSINE_SHARE: f32 = 0.5", "COSINE_SHARE: f32 = 0.25"))
+                .unwrap();
         for (file, other) in files.iter().zip(&other) {
             assert_ne!(file.bytes, other.bytes, "{}", file.name);
         }
@@ -277,9 +286,11 @@ mod tests {
     fn text_that_is_not_core_wgsl_is_refused_with_the_place() {
         let faulty =
             module_text().replace("let q = queries[range.first + id.x];", "let q = queries[range.first + id];");
-        assert!(matches!(translate(&faulty), Err(ShaderError::Wgsl(message)) if message.contains("range.first + id")));
+        assert!(
+            matches!(translate(MODULE_NAME, &faulty), Err(ShaderError::Wgsl(message)) if message.contains("range.first + id"))
+        );
         let ray_query = format!("enable wgpu_ray_query;\n{}", module_text());
-        assert!(matches!(translate(&ray_query), Err(ShaderError::Wgsl(_))));
+        assert!(matches!(translate(MODULE_NAME, &ray_query), Err(ShaderError::Wgsl(_))));
     }
 
     /// Name and offset of the fields of a struct, and its size.
@@ -308,6 +319,11 @@ mod tests {
         assert_eq!(layout(&module, "Range"), fields!(Range; first, count, pad));
         // Planted difference: two fields of the same size exchanged.
         assert_ne!(layout(&module, "Answer"), fields!(Answer; value, density, wi, pad));
-        assert!(module.entry_points.iter().all(|entry| entry.workgroup_size == [WORKGROUP, 1, 1]));
+        let (depths, _) = validated(&depths_text()).unwrap();
+        assert_eq!(layout(&depths, "Ray"), fields!(Ray; origin, level, direction, volume, t0, t1, pad));
+        assert_eq!(layout(&depths, "Depth"), fields!(Depth; depth, first_t, first_voxel, steps));
+        assert_eq!(layout(&depths, "Range"), layout(&module, "Range"));
+        let entries = module.entry_points.iter().chain(&depths.entry_points);
+        assert!(entries.into_iter().all(|entry| entry.workgroup_size == [WORKGROUP, 1, 1]));
     }
 }

@@ -6,6 +6,9 @@
 //!        + queries.wgsl       --module_text---> btf_queries.wgsl --translate--> .hlsl .metal .glsl .spv
 //! ```
 //!
+//! The same of volumetric textures: `btf_runtime::voltex_wgsl()` as `btf_voltex.wgsl`, with depths.wgsl as `btf_depths.wgsl` and its
+//! translations.
+//!
 //! Beside them `btf_expansion.wgsl`, the compute passes that make a resident form's bases, in WGSL alone.
 //!
 //! `cargo xtask shaders` writes the folder that [`files`] makes; nothing of it is checked in. Entry points stand here
@@ -25,9 +28,12 @@ mod texts;
 use btf_runtime::EXPANSION_WGSL;
 pub use error::ShaderError;
 pub use languages::{Language, ShaderFile, translate};
-pub use queries::{Answer, Options, Query, Range, WORKGROUP};
+pub use queries::{Answer, Depth, Options, Query, Range, Ray, WORKGROUP};
 pub use readme::readme;
-pub use texts::{ENTRY_POINTS, EXPANSION_FILE, LIBRARY_FILE, MODULE_NAME, library_text, module_text};
+pub use texts::{
+    DEPTHS_NAME, ENTRY_POINTS, EXPANSION_FILE, LIBRARY_FILE, MODULE_NAME, VOLTEX_LIBRARY_FILE, depths_text,
+    library_text, module_text, voltex_library_text,
+};
 
 /// File name of [`readme`].
 pub const README_FILE: &str = "README.md";
@@ -39,13 +45,15 @@ pub const README_FILE: &str = "README.md";
 ///
 /// Cost: a few hundred milliseconds.
 pub fn files() -> Result<Vec<(String, Vec<u8>)>, ShaderError> {
-    let text = module_text();
-    let translated = translate(&text)?;
+    let modules = [(MODULE_NAME, module_text()), (DEPTHS_NAME, depths_text())];
+    let translated = modules.iter().map(|(name, text)| translate(name, text)).collect::<Result<Vec<_>, _>>()?;
+    let described: Vec<_> = modules.iter().zip(&translated).map(|((_, text), files)| (&text[..], &files[..])).collect();
     let mut files = vec![
         (LIBRARY_FILE.to_string(), library_text().into_bytes()),
         (EXPANSION_FILE.to_string(), EXPANSION_WGSL.into()),
-        (README_FILE.to_string(), readme(&text, &translated)?.into_bytes()),
+        (VOLTEX_LIBRARY_FILE.to_string(), voltex_library_text().into_bytes()),
+        (README_FILE.to_string(), readme(&described)?.into_bytes()),
     ];
-    files.extend(translated.into_iter().map(|file| (file.name, file.bytes)));
+    files.extend(translated.into_iter().flatten().map(|file| (file.name, file.bytes)));
     Ok(files)
 }

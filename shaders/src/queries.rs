@@ -1,4 +1,5 @@
-//! What the entry points read and write, as Rust has it. Twin: `queries.wgsl`; a test compares names and offsets.
+//! What the entry points read and write, as Rust has it. Twins: `queries.wgsl`, `depths.wgsl`; a test compares
+//! names and offsets.
 
 use btf_runtime::DecodeOptions;
 use bytemuck::{Pod, Zeroable};
@@ -59,6 +60,40 @@ pub struct Answer {
     pub value: [f32; 3],
     /// Zero.
     pub pad: f32,
+}
+
+/// One ray through a volumetric texture; 48 bytes. See `depths.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Ray {
+    /// Where t is 0, in texture space.
+    pub origin: [f32; 3],
+    /// Level of the voxels, 0 the finest.
+    pub level: u32,
+    /// Way per t.
+    pub direction: [f32; 3],
+    /// First word of the volume in the buffer of words.
+    pub volume: u32,
+    /// Where the ray begins.
+    pub t0: f32,
+    /// Where it ends.
+    pub t1: f32,
+    /// Zeros.
+    pub pad: [u32; 2],
+}
+
+/// The answer to one ray; 16 bytes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Depth {
+    /// Optical depth.
+    pub depth: f32,
+    /// Where the first voxel with flakes begins; `t1` if there is none.
+    pub first_t: f32,
+    /// Its number, or [`btf_runtime::voltex::NO_VOXEL`].
+    pub first_voxel: u32,
+    /// Cells that the ray went through.
+    pub steps: u32,
 }
 
 /// Which questions a dispatch answers; 16 bytes.

@@ -2,24 +2,24 @@
 
 use crate::error::ShaderError;
 use crate::languages::{Language, ShaderFile, bindings, metal_sizes_slot, validated};
-use crate::texts::{EXPANSION_FILE, LIBRARY_FILE, MODULE_NAME};
+use crate::texts::{DEPTHS_NAME, EXPANSION_FILE, LIBRARY_FILE, MODULE_NAME, VOLTEX_LIBRARY_FILE};
 use naga::{AddressSpace, Handle, Module, StorageAccess, Type, TypeInner};
 use std::fmt::Write;
 
-/// `README.md` for the files that [`crate::translate`] made of the module `wgsl`.
+/// `README.md` for modules, each with the files that [`crate::translate`] made of it, the WGSL first.
 ///
 /// # Errors
 /// [`ShaderError::Wgsl`] if the text is not valid.
-pub fn readme(wgsl: &str, files: &[ShaderFile]) -> Result<String, ShaderError> {
-    let (module, _) = validated(wgsl)?;
-    let text = [
-        head(),
-        file_table(files),
-        binding_table(&module),
-        struct_tables(&module),
-        workgroups(&module),
-        languages(files),
-    ];
+pub fn readme(modules: &[(&str, &[ShaderFile])]) -> Result<String, ShaderError> {
+    let files: Vec<&ShaderFile> = modules.iter().flat_map(|(_, files)| *files).collect();
+    let mut text = vec![head(), file_table(&files)];
+    for (wgsl, files) in modules {
+        let (module, _) = validated(wgsl)?;
+        let name = files.first().map_or("", |file| file.name.as_str());
+        text.push(format!("## `{name}` and its translations\n"));
+        text.extend([binding_table(&module), struct_tables(&module), workgroups(&module)]);
+    }
+    text.push(languages(&files));
     Ok(text.join("\n"))
 }
 
@@ -33,6 +33,8 @@ fn head() -> String {
          files `{MODULE_NAME}.*` are the same library with bindings and entry points, ready to run: a list of \
          questions in, a \
          list of answers out.\n\n\
+         `{VOLTEX_LIBRARY_FILE}` and `{DEPTHS_NAME}.*` are the same of volumetric textures: rays in, optical depths out. A volume \
+         is bound as the words that `btf_runtime::voltex::Voltex::words` has.\n\n\
          An asset is bound in resident form: the words that `btf_runtime::Resident::words` has (docs/FORMAT.md, \
          \"Resident \
          form\"). `{EXPANSION_FILE}` makes the bases in there from a file form, in WGSL alone: its head says what is bound, and \
@@ -43,7 +45,7 @@ fn head() -> String {
 /// Version of naga that writes the files; a test compares it with the lock file.
 pub(crate) const NAGA: &str = "30.0.1";
 
-fn file_table(files: &[ShaderFile]) -> String {
+fn file_table(files: &[&ShaderFile]) -> String {
     let mut text = "## Files\n\n| File | Entry point | Called there |\n|---|---|---|\n".to_string();
     for file in files {
         for (entry, name) in &file.entry_points {
@@ -54,7 +56,7 @@ fn file_table(files: &[ShaderFile]) -> String {
 }
 
 fn binding_table(module: &Module) -> String {
-    let mut text = "## Bindings\n\nAll in group 0 (descriptor set 0, space 0).\n\n\
+    let mut text = "### Bindings\n\nAll in group 0 (descriptor set 0, space 0).\n\n\
                     | Number | Name | Holds | Kind | HLSL | MSL | GLSL |\n|---|---|---|---|---|---|---|\n"
         .to_string();
     for binding in bindings(module) {
@@ -84,7 +86,7 @@ fn binding_table(module: &Module) -> String {
 
 /// The structs that lie in the bindings, each before those that hold it.
 fn struct_tables(module: &Module) -> String {
-    let mut text = "## Layouts\n\nOffsets and sizes in bytes, the same in every language.\n".to_string();
+    let mut text = "### Layouts\n\nOffsets and sizes in bytes, the same in every language.\n".to_string();
     let mut shared = Vec::new();
     for binding in bindings(module) {
         let found = module.global_variables.iter().find(|(_, variable)| variable.binding == Some(binding));
@@ -132,7 +134,7 @@ fn type_name(module: &Module, handle: Handle<Type>) -> String {
 }
 
 fn workgroups(module: &Module) -> String {
-    let mut text = "## Dispatch\n\n".to_string();
+    let mut text = "### Dispatch\n\n".to_string();
     for entry in &module.entry_points {
         let [x, y, z] = entry.workgroup_size;
         let _ = writeln!(text, "- `{}`: workgroups of {x} x {y} x {z}, one question an invocation", entry.name);
@@ -141,7 +143,7 @@ fn workgroups(module: &Module) -> String {
 }
 
 /// How each language's files are compiled, and what they ask for.
-fn languages(files: &[ShaderFile]) -> String {
+fn languages(files: &[&ShaderFile]) -> String {
     let name =
         |language: Language| files.iter().find(|file| file.language == language).map_or("", |file| file.name.as_str());
     let (hlsl, msl) = (name(Language::Hlsl), name(Language::Msl));
@@ -174,12 +176,14 @@ fn languages(files: &[ShaderFile]) -> String {
 mod tests {
     use super::*;
     use crate::languages::translate;
-    use crate::texts::module_text;
+    use crate::texts::{depths_text, module_text};
 
     #[test]
     fn the_readme_says_what_the_module_has() {
         let wgsl = module_text();
-        let text = readme(&wgsl, &translate(&wgsl).unwrap()).unwrap();
+        let depths = depths_text();
+        let files = translate(DEPTHS_NAME, &depths).unwrap();
+        let text = readme(&[(&wgsl, &translate(MODULE_NAME, &wgsl).unwrap()), (&depths, &files)]).unwrap();
         for line in [
             "| 0 | `asset_words` | `array<u32>` | storage, read only | `t0` | `buffer(0)` | `binding = 0` |",
             "| 2 | `range` | `Range` | uniform | `b2` | `buffer(2)` | `binding = 2` |",
@@ -189,12 +193,16 @@ mod tests {
             "| 16 | `value` | `vec3<f32>` |",
             "- `sample_main`: workgroups of 64 x 1 x 1, one question an invocation",
             "| `btf_queries.density_main.es310.glsl` | `density_main` | `main` |",
+            "## `btf_depths.wgsl` and its translations",
+            "| 1 | `rays` | `array<Ray>` | storage, read only | `t1` | `buffer(1)` | `binding = 1` |",
+            "`Depth`, 16 bytes",
+            "| `btf_depths.spv` | `depth_main` | `depth_main` |",
         ] {
             assert!(text.lines().any(|found| found == line), "{line}\n{text}");
         }
         // Planted difference: a module with another binding number has another README.
         let moved = wgsl.replace("@binding(3)", "@binding(5)");
-        let other = readme(&moved, &translate(&moved).unwrap()).unwrap();
+        let other = readme(&[(&moved, &translate(MODULE_NAME, &moved).unwrap())]).unwrap();
         assert!(other.contains("`u5`") && !text.contains("`u5`"));
     }
 

@@ -1,6 +1,6 @@
 //! The WGSL texts: the library as it is published, and the module that is translated.
 
-use btf_runtime::{WGSL, wgsl_library};
+use btf_runtime::{VOLTEX_WGSL, WGSL, voltex_wgsl, wgsl_library};
 
 /// File name of [`library_text`].
 pub const LIBRARY_FILE: &str = "btf.wgsl";
@@ -11,7 +11,13 @@ pub const MODULE_NAME: &str = "btf_queries";
 /// Entry points of the module, all of them compute.
 pub const ENTRY_POINTS: [&str; 3] = ["evaluate_main", "sample_main", "density_main"];
 
+/// File name of [`voltex_library_text`].
+pub const VOLTEX_LIBRARY_FILE: &str = "btf_voltex.wgsl";
+/// Beginning of the file names of [`depths_text`] and its translations; its entry point is `depth_main`.
+pub const DEPTHS_NAME: &str = "btf_depths";
+
 const QUERIES: &str = include_str!("queries.wgsl");
+const DEPTHS: &str = include_str!("depths.wgsl");
 
 /// What stands above the library; its functions come after it.
 const LIBRARY_HEAD: &str = "\
@@ -33,11 +39,66 @@ const LIBRARY_HEAD: &str = "\
 //
 ";
 
+/// What stands above the functions of volumetric textures.
+const VOLTEX_HEAD: &str = "\
+// Volumetric textures: pure functions in core WGSL, without bindings and entry points, of voxels that hold flakes at several
+// levels.
+//
+// An includer joins its own text with this one, in any order, and with btf.wgsl or the function that is used of it,
+//
+//     fn asset_f32(index: u32) -> f32 { return bitcast<f32>(asset_word(index)); }
+//
+// and defines `fn asset_word(index: u32) -> u32`, which returns word `index` of a buffer with one or several volumes as
+// `btf_runtime::voltex::Voltex::words` has them. Functions take the number of a volume's first word there as `base`. Example:
+// btf_depths.wgsl.
+//
+// Texture space is the unit cube. Rays need no unit direction: t stays that of the world. In what follows `v` and `l` are unit
+// vectors to the eye and to the light.
+//
+// What a renderer calls:
+//
+";
+/// What of the functions a renderer calls; the others serve them.
+const VOLTEX_CALLED: [&str; 13] = [
+    "voltex_form",
+    "voltex_level_count",
+    "voltex_cyclic",
+    "voltex_extent",
+    "voltex_side_m",
+    "voltex_voxel",
+    "voltex_material",
+    "voltex_shadow_offset",
+    "voltex_walk_new",
+    "voltex_walk_next",
+    "voltex_shade",
+    "voltex_seen_at",
+    "voltex_shared_at",
+];
+
 /// `btf.wgsl`: the library with a head that says what an includer defines and what there is to call.
 pub fn library_text() -> String {
-    let functions: String = published_functions().iter().map(|line| format!("//     {line}\n")).collect();
-    let parts: String = WGSL.iter().map(|(name, text)| format!("\n// ==== {name}\n\n{text}")).collect();
-    format!("{LIBRARY_HEAD}{functions}{parts}")
+    let called: Vec<String> = signatures(&wgsl_library()).filter(|line| line.starts_with("fn btf_")).collect();
+    with_head(LIBRARY_HEAD, &called, WGSL)
+}
+
+/// `btf_voltex.wgsl`: the functions of volumetric textures with a head of that kind.
+pub fn voltex_library_text() -> String {
+    let is_called = |line: &String| line[3..].split('(').next().is_some_and(|name| VOLTEX_CALLED.contains(&name));
+    let called: Vec<String> = signatures(&voltex_wgsl()).filter(is_called).collect();
+    with_head(VOLTEX_HEAD, &called, VOLTEX_WGSL)
+}
+
+/// The head, with a line for each function that is called, and the files.
+fn with_head(head: &str, called: &[String], files: &[(&str, &str)]) -> String {
+    let functions: String = called.iter().map(|line| format!("//     {line}\n")).collect();
+    let parts: String = files.iter().map(|(name, text)| format!("\n// ==== {name}\n\n{text}")).collect();
+    format!("{head}{functions}{parts}")
+}
+
+/// `btf_depths.wgsl`: volumetric textures, bindings and an entry point, a module that is complete.
+pub fn depths_text() -> String {
+    let quantize = WGSL.iter().find(|(name, _)| *name == "quantize.wgsl").map_or("", |(_, text)| *text);
+    [DEPTHS, quantize, &voltex_wgsl()].join("\n")
 }
 
 /// `btf_queries.wgsl`: library, bindings and entry points, a module that is complete.
@@ -45,15 +106,13 @@ pub fn module_text() -> String {
     format!("{QUERIES}\n{}", wgsl_library())
 }
 
-/// Signatures of the functions that are meant for includers, each on one line.
-fn published_functions() -> Vec<String> {
-    let library = wgsl_library();
-    let signatures = library.match_indices("\nfn btf_").map(|(at, _)| {
-        let signature = library[at..].split('{').next().unwrap_or_default();
+/// Signatures of the functions of a text, each on one line.
+fn signatures(text: &str) -> impl Iterator<Item = String> {
+    text.match_indices("\nfn ").map(|(at, _)| {
+        let signature = text[at..].split('{').next().unwrap_or_default();
         let words = signature.split_whitespace().collect::<Vec<_>>().join(" ");
         words.replace("( ", "(").replace(", )", ")")
-    });
-    signatures.collect()
+    })
 }
 
 #[cfg(test)]
@@ -74,6 +133,19 @@ mod tests {
         assert_eq!(head.matches("//     fn btf_").count(), text.matches("\nfn btf_").count());
         // The head is comments only: what is valid without it is valid with it.
         assert!(head.lines().all(|line| line.is_empty() || line.starts_with("//")));
+    }
+
+    #[test]
+    fn the_head_of_volumetric_textures_names_what_is_called() {
+        let text = voltex_library_text();
+        let head = text.split("// ====").next().unwrap();
+        for name in VOLTEX_CALLED {
+            assert_eq!(head.matches(&format!("//     fn {name}(")).count(), 1, "{name}{head}");
+        }
+        assert_eq!(head.matches("//     fn voltex_").count(), VOLTEX_CALLED.len());
+        assert!(head.contains("//     fn voltex_voxel(base: u32, number: u32) -> VoltexVoxel\n"), "{head}");
+        assert!(head.lines().all(|line| line.is_empty() || line.starts_with("//")));
+        assert!(VOLTEX_WGSL.iter().all(|(_, part)| text.contains(part) && depths_text().contains(part)));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, Interpolation, LobeRole, Resident, ResidualKind, SurfaceSide, density, evaluate,
     pack, sample, serial, with_levels,
 };
-use btf_shaders::{Answer, ENTRY_POINTS, Language, Query, Range, ShaderFile, module_text, translate};
+use btf_shaders::{Answer, ENTRY_POINTS, Language, MODULE_NAME, Query, Range, ShaderFile, module_text, translate};
 use support::gpu::{Gpu, Program, open};
 use support::tools;
 
@@ -234,7 +234,7 @@ const VALUES: [&[&str]; 2] = [&["evaluate_main", "density_main"], &["density_mai
 
 /// The translation of `text` into `language` that has `entry`, and what `entry` is called there.
 fn translated(text: &str, language: Language, entry: &str) -> (ShaderFile, String) {
-    let files = translate(text).unwrap();
+    let files = translate(MODULE_NAME, text).unwrap();
     let of_entry = |file: ShaderFile| {
         let name = file.entry_points.iter().find(|(name, _)| name == entry).map(|(_, here)| here.clone())?;
         (file.language == language).then_some((file, name))

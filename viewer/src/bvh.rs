@@ -2,6 +2,7 @@
 //! each mesh, in the mesh's own space. All lie in one array of nodes. Twin: `shaders/bvh.wgsl`, over the same arrays.
 
 use crate::geometry::{Geometry, Instance};
+use crate::shear::Shear;
 use glam::Vec3;
 
 /// Entries of the traversal's stack; more than the deepest two hierarchies need. Twin: `BVH_STACK` in `bvh.wgsl`.
@@ -168,42 +169,6 @@ fn enter(node: &BvhNode, ray: &BoxRay, t_max: f32) -> f32 {
     let near = a.min(b).max_element().max(0.0);
     let far = a.max(b).min_element() * BOX_SLACK;
     if near <= far && near < t_max { near } else { t_max }
-}
-
-/// A ray's direction made ready for triangles: its largest axis, and what shears it onto that axis. Twin: `BvhShear`.
-struct Shear {
-    axis: usize,
-    factors: Vec3,
-}
-
-impl Shear {
-    fn new(direction: Vec3) -> Shear {
-        let size = direction.abs();
-        let axis = if size.x > size.y && size.x > size.z {
-            0
-        } else if size.y > size.z {
-            1
-        } else {
-            2
-        };
-        let d = turn(direction, axis);
-        let inverse = 1.0 / d.z;
-        Shear { axis, factors: Vec3::new(d.x * inverse, d.y * inverse, inverse) }
-    }
-
-    fn apply(&self, v: Vec3) -> Vec3 {
-        let v = turn(v, self.axis);
-        Vec3::new(v.x - self.factors.x * v.z, v.y - self.factors.y * v.z, v.z * self.factors.z)
-    }
-}
-
-/// The components in cyclic order so that `axis` becomes z. Twin: `bvh_turn`.
-fn turn(v: Vec3, axis: usize) -> Vec3 {
-    match axis {
-        0 => Vec3::new(v.y, v.z, v.x),
-        1 => Vec3::new(v.z, v.x, v.y),
-        _ => v,
-    }
 }
 
 /// Twice the signed area of the origin, p and q, and how much of it is rounding. Twin: `bvh_edge`.

@@ -53,6 +53,8 @@ mod scene_asset;
 mod scene_file;
 mod scene_leaf;
 mod shaders;
+mod shear;
+mod skin;
 mod sky;
 mod sky_irradiance;
 mod solar_spectrum;
@@ -97,6 +99,11 @@ pub use scene_asset::{FileForm, SceneAsset, UNKNOWN_SIZE_MM};
 pub use scene_file::{load_scene, scene_with_assets};
 pub use scene_leaf::SceneLeaf;
 pub use shaders::{GpuTracer, ModuleLayout, trace_module};
+pub use skin::{
+    CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MOST_CELLS, MOST_MERGED, Merged, NO_LINK,
+    NO_VOLUME, Noise, Pattern, Shell, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet, TextureMap,
+    TextureRay, Variant, Walk, WalkQuery, WalkSum, Wind, cpu_walk, gpu_walk, pattern_words,
+};
 pub use solar_spectrum::WHITE_ILLUMINANCE_LUX;
 pub use sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use trace::{NO_ASSET, PixelHit, Tracer};

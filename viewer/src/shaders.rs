@@ -11,9 +11,14 @@ const RELIEF: &str = include_str!("shaders/relief.wgsl");
 const VIEWED_BODY: &str = include_str!("shaders/viewed_body.wgsl");
 const SHADE: &str = include_str!("shaders/shade.wgsl");
 const PASSES: &str = include_str!("shaders/passes.wgsl");
+const SHEAR: &str = include_str!("shaders/shear.wgsl");
 const BVH: &str = include_str!("shaders/bvh.wgsl");
 const TRACE_BVH: &str = include_str!("shaders/trace_bvh.wgsl");
 const TRACE_RAY_QUERY: &str = include_str!("shaders/trace_ray_query.wgsl");
+const SKIN_WALK: &str = include_str!("shaders/skin_walk.wgsl");
+const SKIN_CELL: &str = include_str!("shaders/skin_cell.wgsl");
+const SKIN_PATTERN: &str = include_str!("shaders/skin_pattern.wgsl");
+const SKIN_QUERIES: &str = include_str!("shaders/skin_queries.wgsl");
 const DECODE_QUERIES: &str = include_str!("shaders/decode_queries.wgsl");
 /// Shows a picture in a window.
 pub(crate) const BLIT: &str = include_str!("shaders/blit.wgsl");
@@ -71,7 +76,7 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
     // The file with the enable directive comes first.
     let tracer_parts: &[&str] = match tracer {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
-        GpuTracer::Bvh => &[TRACE_BVH, BVH],
+        GpuTracer::Bvh => &[TRACE_BVH, SHEAR, BVH],
     };
     [
         tracer_parts,
@@ -93,6 +98,11 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
     ]
     .concat()
     .join("\n")
+}
+
+/// The module that walks rays through a shell (`skin_queries.wgsl`); a tracer's module takes the same texts but for the last.
+pub(crate) fn walk_module(assets: PieceLayout) -> String {
+    [&assets.wgsl(&ASSETS) as &str, SAMPLER, SHEAR, SKIN_WALK, SKIN_CELL, SKIN_PATTERN, SKIN_QUERIES].join("\n")
 }
 
 #[cfg(test)]
@@ -158,6 +168,14 @@ mod tests {
         validate(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE), PORTABLE).unwrap();
         validate(&trace_module(GpuTracer::Bvh, CUT), PORTABLE).unwrap();
         validate(BLIT, Capabilities::empty()).unwrap();
+        // The skin's functions are core WGSL, alone and beside those of a tracer.
+        validate(&walk_module(PieceLayout::WHOLE), Capabilities::empty()).unwrap();
+        for tracer in [GpuTracer::Bvh, GpuTracer::RayQuery] {
+            let shear = if tracer == GpuTracer::Bvh { "" } else { SHEAR };
+            let beside =
+                [&trace_module(tracer, ModuleLayout::WHOLE) as &str, shear, SKIN_WALK, SKIN_CELL, SKIN_PATTERN];
+            validate(&beside.join("\n"), PORTABLE | Capabilities::RAY_QUERY).unwrap();
+        }
         let ray_query = trace_module(GpuTracer::RayQuery, ModuleLayout::WHOLE);
         validate(&ray_query, PORTABLE | Capabilities::RAY_QUERY).unwrap();
         // The check can fail: without the capability the same text is refused, as is a module with a fault.
@@ -213,6 +231,83 @@ mod tests {
         let blit = parse(BLIT).unwrap();
         let (size, fields) = fields!(crate::window::GpuBlit; picture, window, gain, first_row, rows, split, other_from, difference_gain, pad0);
         assert_eq!(layout_difference(&blit, "Blit", size, &fields), None);
+    }
+
+    #[test]
+    fn the_walks_structs_and_constants_are_equal_in_rust_and_wgsl() {
+        use crate::skin::{CELL_CONSTANTS, GpuWalkPlace, PATTERN_CONSTANTS, SHELL_CONSTANTS, WALK_CONSTANTS};
+        use crate::{MOST_CELLS, NO_LINK, WalkQuery, WalkSum};
+        let module = parse(&walk_module(PieceLayout::WHOLE)).unwrap();
+        for (name, (size, fields)) in [
+            ("WalkQuery", fields!(WalkQuery; origin, link, direction, t_min, t_max, pad0, pad1, pad2)),
+            ("WalkSum", fields!(WalkSum; volume, length, texels, chosen, intervals, spans)),
+            ("WalkPlace", fields!(GpuWalkPlace; shell, patterns, count, pad0)),
+        ] {
+            assert_eq!(layout_difference(&module, name, size, &fields), None);
+            let mut swapped = fields;
+            swapped.swap(0, 1);
+            assert!(layout_difference(&module, name, size, &swapped).is_some());
+        }
+        let words = [("NO_LINK", NO_LINK), ("MOST_CELLS", MOST_CELLS)];
+        let shell = SHELL_CONSTANTS.iter().map(|(name, value)| (*name, *value as u32));
+        for (name, value) in words.into_iter().chain(shell).chain(PATTERN_CONSTANTS.iter().copied()) {
+            assert_eq!(constant(&module, name), Some(naga::Literal::U32(value)), "{name}");
+        }
+        for (name, value) in WALK_CONSTANTS.iter().chain(CELL_CONSTANTS) {
+            assert_eq!(constant(&module, name), Some(naga::Literal::F32(*value)), "{name}");
+        }
+    }
+
+    /// Names of a text's functions, in order.
+    fn function_names(text: &str) -> Vec<&str> {
+        let name = |line: &'_ str| -> Option<usize> {
+            let code = line.trim_start();
+            let head =
+                ["fn ", "pub fn ", "pub(crate) fn ", "pub(super) fn "].iter().find(|head| code.starts_with(**head))?;
+            Some(line.len() - code.len() + head.len())
+        };
+        let names = text.lines().filter_map(|line| name(line).map(|start| &line[start..]));
+        names.map(|name| &name[..name.find(['(', '<']).unwrap_or(name.len())]).collect()
+    }
+
+    /// The first WGSL function without a Rust twin in its place, but for those that WGSL has `alone`.
+    fn first_out_of_order<'a>(rust: &str, wgsl: &'a str, prefix: &str, alone: &[&str]) -> Option<&'a str> {
+        let rust = rust.split("#[cfg(test)]\nmod tests").next().unwrap_or(rust);
+        let mut twins = function_names(rust).into_iter();
+        let is_twin = |name: &str, twin: &str| twin == name || Some(twin) == name.strip_prefix(prefix);
+        function_names(wgsl)
+            .into_iter()
+            .filter(|name| !alone.contains(name))
+            .find(|name| !twins.any(|twin| is_twin(name, twin)))
+    }
+
+    #[test]
+    fn the_skins_twins_hold_the_same_functions_in_the_same_order() {
+        let alone = [
+            "shell_float",
+            "shell_vector",
+            "shell_position",
+            "shell_texture",
+            "shell_tet",
+            "shell_pattern",
+            "shell_boundary",
+            "shell_face",
+        ];
+        let twins = [
+            (include_str!("shear.rs"), SHEAR, "shear_"),
+            (include_str!("skin/walk.rs"), SKIN_WALK, "shell_"),
+            (include_str!("skin/cell.rs"), SKIN_CELL, "cell_"),
+            (include_str!("skin/pattern.rs"), SKIN_PATTERN, "pattern_"),
+        ];
+        for (rust, wgsl, prefix) in twins {
+            assert_eq!(first_out_of_order(rust, wgsl, prefix, &alone), None);
+        }
+        // Planted: two functions exchanged.
+        let exchanged = SKIN_WALK
+            .replace("fn shell_edge(", "fn x(")
+            .replace("fn shell_step(", "fn shell_edge(")
+            .replace("fn x(", "fn shell_step(");
+        assert!(first_out_of_order(include_str!("skin/walk.rs"), &exchanged, "shell_", &alone).is_some());
     }
 
     #[test]

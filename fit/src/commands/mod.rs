@@ -11,6 +11,7 @@ mod output;
 mod progress;
 mod trade;
 mod validate;
+mod voltex;
 
 use btf_capture::CaptureError;
 use btf_fit::FitError;
@@ -38,6 +39,7 @@ enum Command {
     Trade(trade::TradeArgs),
     ExportGltf(export_gltf::ExportGltfArgs),
     ExportKtx2(export_ktx2::ExportKtx2Args),
+    Voltex(voltex::VoltexArgs),
 }
 
 /// Options of every subcommand.
@@ -154,6 +156,7 @@ pub(crate) fn run(cli: Cli) -> Exit {
         Command::Trade(args) => trade::run(args, &cli.shared),
         Command::ExportGltf(args) => export_gltf::run(args, &cli.shared),
         Command::ExportKtx2(args) => export_ktx2::run(args, &cli.shared),
+        Command::Voltex(args) => voltex::run(args, &cli.shared),
     };
     match result {
         Ok(()) => Exit::Success,

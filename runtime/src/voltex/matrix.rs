@@ -1,4 +1,4 @@
-//! Symmetric matrices of 3 x 3, and vectors.
+//! Symmetric matrices of 3 x 3, and vectors. Twin: `shaders/voltex_matrix.wgsl`.
 
 /// Product of two vectors.
 pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -20,7 +20,7 @@ impl Sym3 {
         Sym3([a * n[0] * n[0], a * n[1] * n[1], a * n[2] * n[2], a * n[0] * n[1], a * n[0] * n[2], a * n[1] * n[2]])
     }
 
-    /// `M v`.
+    /// `M v`. Twin: `voltex_times`.
     pub fn times(&self, v: [f32; 3]) -> [f32; 3] {
         let m = &self.0;
         [
@@ -30,7 +30,7 @@ impl Sym3 {
         ]
     }
 
-    /// `u' M v`.
+    /// `u' M v`. Twin: `voltex_form`.
     pub fn form(&self, u: [f32; 3], v: [f32; 3]) -> f32 {
         dot(u, self.times(v))
     }
@@ -45,7 +45,7 @@ impl Sym3 {
         Sym3(std::array::from_fn(|i| self.0[i] + other.0[i]))
     }
 
-    /// All entries times a number.
+    /// All entries times a number. Twin: `voltex_scale`.
     pub fn scale(&self, s: f32) -> Sym3 {
         Sym3(self.0.map(|x| x * s))
     }
@@ -91,3 +91,32 @@ impl Sym3 {
 
 /// Of Jacobi's rotations; three do for single precision.
 const SWEEPS: usize = 8;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Random, sphere_direction};
+
+    #[test]
+    fn a_matrix_is_what_its_eigenvectors_make() {
+        let mut random = Random::new(1);
+        for round in 0..1000 {
+            // One, two, three or more flakes: rank and equal values.
+            let flakes =
+                (0..1 + round % 5).map(|_| Sym3::outer(sphere_direction(&mut random), random.within(0.0, 2.0)));
+            let m = flakes.fold(Sym3::default(), |sum, flake| sum.plus(&flake));
+            let same = m.mapped(|x| x);
+            let distance = |a: &Sym3| a.0.iter().zip(&m.0).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+            assert!(distance(&same) <= 1e-6 * m.trace(), "{m:?} {same:?}");
+            assert!(distance(&m.mapped(|x| 1.001 * x)) > 1e-6 * m.trace(), "planted");
+            let v = sphere_direction(&mut random);
+            let (values, vectors) = m.eigen();
+            let form: f32 = (0..3).map(|i| values[i] * dot(vectors[i], v).powi(2)).sum();
+            assert!((form - m.form(v, v)).abs() <= 1e-6 * m.trace());
+            assert!(dot(cross(v, m.times(v)), v).abs() <= 1e-6 * m.trace());
+        }
+        let diagonal = Sym3([3.0, 2.0, 1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(diagonal.eigen().0, [3.0, 2.0, 1.0]);
+        assert_eq!(diagonal.mapped(|x| x * x).0[..3], [9.0, 4.0, 1.0]);
+    }
+}

@@ -22,12 +22,12 @@ pub struct Node {
 }
 
 impl Node {
-    /// Whether a cell is not empty.
+    /// Whether a cell is not empty. Twin: `voltex_has`.
     fn has(&self, cell: u32) -> bool {
         self.mask[(cell >> 5) as usize] >> (cell & 31) & 1 == 1
     }
 
-    /// Whether one of the eight cells of a coarser one is not empty.
+    /// Whether one of the eight cells of a coarser one is not empty. Twin: `voltex_has_coarse`.
     pub(super) fn has_coarse(&self, coarse: u32) -> bool {
         self.mask[(coarse >> 2) as usize] >> (8 * (coarse & 3)) & 255 != 0
     }
@@ -61,7 +61,7 @@ pub struct Cell {
 }
 
 /// Number of layers of nodes of a volume whose finest level has 2^`level_count` voxels a side: the root's cells are such
-/// that one of them, or of the coarser ones, is the whole volume.
+/// that one of them, or of the coarser ones, is the whole volume. Twin: `voltex_node_depth`.
 pub(super) fn node_depth(level_count: u32) -> u32 {
     level_count / 2 + 1
 }
@@ -89,8 +89,12 @@ impl Voltex {
                 if level & 1 == 1 {
                     return Cell { size: level, voxel: above, parent };
                 }
-                let own = node.first_voxel + node.coarse_rank(8) + node.rank(number);
-                return Cell { size: level, voxel: if node.has(number) { own } else { NO_VOXEL }, parent: above };
+                if node.has(number) {
+                    let own = node.first_voxel + node.coarse_rank(8) + node.rank(number);
+                    return Cell { size: level, voxel: own, parent: above };
+                }
+                let size = level + u32::from(above == NO_VOXEL);
+                return Cell { size, voxel: NO_VOXEL, parent: above };
             }
             if !node.has(number) {
                 let size = 2 * j + u32::from(!node.has_coarse(coarse));
@@ -119,5 +123,91 @@ impl Voltex {
             if level % 2 == 1 { node.first_voxel..fine } else { fine..fine + node.cells() }
         };
         layer.iter().flat_map(voxels).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Random, random_volume};
+    use crate::voltex::{Volume, Voxel};
+    use std::collections::BTreeMap;
+
+    /// The first cell of which `voltex` says another thing than `volume`, and how many were right.
+    fn first_wrong(volume: &Volume, voltex: &Voltex, random: &mut Random) -> Result<usize, String> {
+        let count = volume.level_count();
+        let levels: Vec<BTreeMap<[u32; 3], &Voxel>> =
+            volume.levels.iter().map(|level| level.voxels.iter().map(|(at, voxel)| (*at, voxel)).collect()).collect();
+        let at = |q: [u32; 3], level: u32| levels.get(level as usize)?.get(&q.map(|x| x >> level)).copied();
+        let side = 1usize << count;
+        let all = side.pow(3).min(4096);
+        for i in 0..all {
+            let number = if all < side.pow(3) { random.below(side.pow(3)) } else { i };
+            let q = [0, 1, 2].map(|axis| (number / side.pow(axis) % side) as u32);
+            for level in 0..=count {
+                let cell = voltex.cell(q, level);
+                let words = |number: u32| (number != NO_VOXEL).then(|| voltex.voxel(number).words());
+                let empty_to = (level..=count).take_while(|level| at(q, *level).is_none()).last();
+                let own = at(q, level).map(|voxel| Voxel::at(&voxel.words(), 0).words());
+                let above = at(q, level + 1).map(|voxel| Voxel::at(&voxel.words(), 0).words());
+                let parent = if level < count { words(cell.parent) } else { above };
+                if words(cell.voxel) != own || parent != above || cell.size != empty_to.unwrap_or(level) {
+                    return Err(format!("{q:?} at {level} of {count}: {cell:?}, empty to {empty_to:?}"));
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    #[test]
+    fn the_tree_finds_the_voxels_of_the_volume_and_no_others() {
+        let mut random = Random::new(5);
+        for level_count in 0..8 {
+            for share in [0.0, 0.2, 0.6, 1.0] {
+                if level_count > 5 && share > 0.5 {
+                    continue;
+                }
+                let mut volume = random_volume(&mut random, level_count, share);
+                let voltex = Voltex::new(&volume);
+                first_wrong(&volume, &voltex, &mut random).unwrap();
+                for (level, voxels) in volume.levels.iter().enumerate() {
+                    let found: Vec<Voxel> =
+                        voltex.numbers_at(level as u32).iter().map(|number| voltex.voxel(*number)).collect();
+                    let expected: Vec<Voxel> =
+                        voxels.voxels.iter().map(|(_, voxel)| Voxel::at(&voxel.words(), 0)).collect();
+                    assert_eq!(found, expected, "level {level} of {level_count}");
+                }
+                // Planted differences: other flakes in a voxel, which all finest voxels are under, and one voxel elsewhere.
+                volume.levels[level_count as usize].voxels[0].1 = Voxel::default();
+                assert!(first_wrong(&volume, &voltex, &mut random).is_err());
+            }
+        }
+        let mut volume = random_volume(&mut random, 3, 0.3);
+        let voltex = Voltex::new(&volume);
+        assert_eq!(first_wrong(&volume, &voltex, &mut random), Ok(512));
+        volume.levels[0].voxels[0].0[0] ^= 1;
+        assert!(first_wrong(&volume, &voltex, &mut random).is_err());
+    }
+
+    #[test]
+    fn ranks_count_the_cells_before() {
+        let mut random = Random::new(6);
+        for _ in 0..1000 {
+            let bits = random.bits() & random.bits() & random.bits();
+            let node = Node { mask: [bits as u32, (bits >> 32) as u32], first_voxel: 0, first_child: 0 };
+            for cell in 0..64 {
+                let before = (0..cell).filter(|c| bits >> c & 1 == 1).count() as u32;
+                assert_eq!((node.rank(cell), node.has(cell)), (before, bits >> cell & 1 == 1));
+            }
+            let bytes = bits.to_le_bytes();
+            for coarse in 0..=8 {
+                assert_eq!(
+                    node.coarse_rank(coarse),
+                    bytes[..coarse as usize].iter().filter(|b| **b != 0).count() as u32
+                );
+            }
+        }
+        // Morton order: bit i of the number is bit i / 3 of coordinate i % 3.
+        assert_eq!([[1, 0, 0], [0, 1, 0], [0, 0, 1], [2, 0, 0], [3, 3, 3]].map(cell_number), [1, 2, 4, 8, 63]);
     }
 }

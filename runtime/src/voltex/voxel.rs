@@ -54,7 +54,7 @@ impl Voxel {
         Voxel { extinction: self.extinction.scale(factor * factor), moment: self.moment.scale(factor), ..*self }
     }
 
-    /// The voxel at a word. Twin: `voltex_voxel`.
+    /// The voxel at a word. Twin: `voltex_voxel_at`.
     pub fn at(words: &[u32], at: usize) -> Voxel {
         let scale = f32::from_bits(words[at]);
         let halves = |first: usize| Sym3(std::array::from_fn(|i| half_at(words[at + first + i / 2], i as u32 % 2)));
@@ -76,4 +76,61 @@ pub fn moment_of(s: &Sym3) -> Sym3 {
     let area: f32 = 2.0 * DIRECTIONS.iter().map(|(d, weight)| weight * s.form(*d, *d).max(0.0).sqrt()).sum::<f32>();
     let powered = s.mapped(|x| x.max(0.0).powf(MOMENT_POWER));
     powered.scale(area / powered.trace().max(1e-30))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Random, sphere_direction};
+
+    #[test]
+    fn a_voxel_survives_its_words_within_a_half_and_any_scale() {
+        let mut random = Random::new(2);
+        let apart = |a: &Sym3, b: &Sym3| a.0.iter().zip(&b.0).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+        for round in 0..1000 {
+            let area = 10f32.powi(round % 17 - 8);
+            let flakes = (0..1 + round % 4).map(|_| Sym3::outer(sphere_direction(&mut random), area * area));
+            let voxel = Voxel::new(flakes.fold(Sym3::default(), |sum, flake| sum.plus(&flake)), round as u32);
+            let back = Voxel::at(&voxel.words(), 0);
+            let (s, n) = (voxel.extinction.trace() / 1024.0, voxel.moment.trace() / 1024.0);
+            assert!(
+                apart(&back.extinction, &voxel.extinction) < s && apart(&back.moment, &voxel.moment) < n,
+                "{voxel:?}"
+            );
+            assert_eq!(back.material, voxel.material);
+            // Planted difference: as many flakes and a hundredth.
+            let more = voxel.scaled(1.01);
+            assert!(apart(&more.extinction, &voxel.extinction) > s, "{voxel:?}");
+        }
+        assert_eq!(Voxel::at(&Voxel::default().words(), 0), Voxel::default());
+    }
+
+    #[test]
+    fn twice_as_many_flakes_are_twice_as_deep_and_twice_as_bright() {
+        let voxel = Voxel::new(Sym3([3.0, 2.0, 1.0, 0.5, 0.25, 0.125]), 0);
+        let (twice, d) = (voxel.scaled(2.0), [0.6, 0.0, 0.8]);
+        let depth = |voxel: &Voxel| voxel.extinction.form(d, d).sqrt();
+        assert!((depth(&twice) / depth(&voxel) - 2.0).abs() < 1e-6);
+        assert!((twice.moment.trace() / voxel.moment.trace() - 2.0).abs() < 1e-6);
+        // What the matrix of many flakes makes of itself.
+        assert!((Voxel::new(twice.extinction, 0).moment.trace() / twice.moment.trace() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_derived_moment_has_the_flakes_area() {
+        // Flakes in all directions project half their area along each.
+        let isotropic = moment_of(&Sym3([0.25, 0.25, 0.25, 0.0, 0.0, 0.0]));
+        assert!(isotropic.0[..3].iter().all(|x| (x - 1.0 / 3.0).abs() < 1e-6), "{isotropic:?}");
+        // One flake, by 13 directions instead of all.
+        let mut random = Random::new(3);
+        let most = (0..10_000).fold(0.0f32, |most, _| {
+            let n = sphere_direction(&mut random);
+            let moment = moment_of(&Sym3::outer(n, 1.0));
+            assert!((moment.form(n, n) / moment.trace() - 1.0).abs() < 1e-5, "{moment:?}");
+            most.max((moment.trace() - 1.0).abs())
+        });
+        println!("the area of one flake is wrong by {most:.4} at most");
+        assert!(most < 0.08, "{most}");
+        assert_eq!(moment_of(&Sym3::default()), Sym3::default());
+    }
 }

@@ -70,22 +70,27 @@ impl Voltex {
         &self.words
     }
 
-    /// Binary logarithm of the finest level's voxels a side.
+    /// Binary logarithm of the finest level's voxels a side. Twin: `voltex_level_count`.
     pub fn level_count(&self) -> u32 {
         self.words[LEVEL_COUNT_AT]
     }
 
-    /// The part of the unit cube that is used.
+    /// Whether what leaves at one end in x, and in y, comes in at the other. Twin: `voltex_cyclic`.
+    pub fn cyclic(&self) -> [bool; 2] {
+        [0, 1].map(|axis| self.words[FLAGS_AT] >> axis & 1 == 1)
+    }
+
+    /// The part of the unit cube that is used. Twin: `voltex_extent`.
     pub fn extent(&self) -> [f32; 3] {
         std::array::from_fn(|axis| f32::from_bits(self.words[EXTENT_AT + axis]))
     }
 
-    /// Metres per side of the unit cube.
+    /// Metres per side of the unit cube. Twin: `voltex_side_m`.
     pub fn side_m(&self) -> f32 {
         f32::from_bits(self.words[SIDE_AT])
     }
 
-    /// A node by its number.
+    /// A node by its number. Twin: `voltex_node`.
     pub(super) fn node(&self, number: u32) -> Node {
         let at = self.words[NODES_AT] as usize + number as usize * NODE_WORDS;
         bytemuck::pod_read_unaligned(bytemuck::cast_slice(&self.words[at..at + NODE_WORDS]))
@@ -119,7 +124,7 @@ impl Voltex {
         }
     }
 
-    /// How a level's shadows fall.
+    /// How a level's shadows fall. Twin: `voltex_shadow`, where their words begin.
     pub fn shadow(&self, level: u32) -> LevelShadow {
         let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS;
         let number = |i: usize| f32::from_bits(self.words[at + i]);

@@ -1,7 +1,8 @@
 //! Runs entry points on the software driver through wgpu, as WGSL or as SPIR-V that nobody has looked into. A missing
 //! driver is a failure, unless `BTF_SKIP_GPU=1` leaves it out, visibly.
 
-use btf_shaders::{Answer, Query, Range, WORKGROUP};
+use btf_shaders::{Range, WORKGROUP};
+use bytemuck::Pod;
 use std::sync::Once;
 use wgpu::{BindingType, BufferBindingType, BufferUsages};
 
@@ -66,11 +67,11 @@ pub fn open(test: &str) -> Option<Gpu> {
 }
 
 impl Gpu {
-    /// Answers of `entry` to all `queries` over asset words.
+    /// Answers of `entry` to all `queries` over asset words; both of the layout that the program has.
     ///
     /// # Panics
     /// If the driver refuses.
-    pub fn answers(&self, program: &Program, entry: &str, words: &[u32], queries: &[Query]) -> Vec<Answer> {
+    pub fn answers<Q: Pod, A: Pod>(&self, program: &Program, entry: &str, words: &[u32], queries: &[Q]) -> Vec<A> {
         let device = &self.device;
         let module = match program {
             Program::Wgsl(text) => device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -130,7 +131,7 @@ impl Gpu {
             cache: None,
         });
         let range = Range { first: 0, count: queries.len() as u32, pad: [0; 2] };
-        let length = (size_of::<Answer>() * queries.len()) as u64;
+        let length = (size_of::<A>() * queries.len()) as u64;
         let buffers = [
             self.buffer(bytemuck::cast_slice(words), BufferUsages::STORAGE),
             self.buffer(bytemuck::cast_slice(queries), BufferUsages::STORAGE),

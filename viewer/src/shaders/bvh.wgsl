@@ -18,7 +18,7 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
     var best = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     let world = box_ray(origin, direction);
     var ray = world;
-    var shear = bvh_shear(direction);
+    var shear = shear_new(direction);
     var stack: array<u32, BVH_STACK>;
     var size = 0u;
     var at = frame.root;
@@ -49,7 +49,7 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
             below = size;
             let own = object_from_world(instance, vec4<f32>(direction, 0.0));
             ray = box_ray(object_from_world(instance, vec4<f32>(origin, 1.0)), own);
-            shear = bvh_shear(own);
+            shear = shear_new(own);
             at = instances[instance].root;
             if bvh_enter(node_at(at), ray, best.t) < best.t {
                 continue;
@@ -107,28 +107,6 @@ fn bvh_enter(node: BvhNode, ray: BoxRay, t_max: f32) -> f32 {
     return select(t_max, near, near <= far && near < t_max);
 }
 
-struct BvhShear {
-    factors: vec3<f32>,
-    axis: u32,
-}
-
-fn bvh_shear(direction: vec3<f32>) -> BvhShear {
-    let size = abs(direction);
-    let axis = select(select(2u, 1u, size.y > size.z), 0u, size.x > size.y && size.x > size.z);
-    let d = bvh_turn(direction, axis);
-    let inverse = 1.0 / d.z;
-    return BvhShear(vec3<f32>(d.x * inverse, d.y * inverse, inverse), axis);
-}
-
-fn bvh_apply(shear: BvhShear, given: vec3<f32>) -> vec3<f32> {
-    let v = bvh_turn(given, shear.axis);
-    return vec3<f32>(v.x - shear.factors.x * v.z, v.y - shear.factors.y * v.z, v.z * shear.factors.z);
-}
-
-fn bvh_turn(v: vec3<f32>, axis: u32) -> vec3<f32> {
-    return select(select(v, v.zxy, axis == 1u), v.yzx, axis == 0u);
-}
-
 // (edge function, how much of it is rounding).
 fn bvh_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
     let a = p.x * q.y;
@@ -136,12 +114,12 @@ fn bvh_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(a - b, EDGE_SLACK * (abs(a) + abs(b)));
 }
 
-fn bvh_intersect(origin: vec3<f32>, shear: BvhShear, primitive: u32) -> Hit {
+fn bvh_intersect(origin: vec3<f32>, shear: Shear, primitive: u32) -> Hit {
     let miss = Hit(0.0, NO_HIT, 0.0, 0.0, 0u);
     let corner = triangle_at(primitive).vertices;
-    let a = bvh_apply(shear, vertex_position(corner.x) - origin);
-    let b = bvh_apply(shear, vertex_position(corner.y) - origin);
-    let c = bvh_apply(shear, vertex_position(corner.z) - origin);
+    let a = shear_apply(shear, vertex_position(corner.x) - origin);
+    let b = shear_apply(shear, vertex_position(corner.y) - origin);
+    let c = shear_apply(shear, vertex_position(corner.z) - origin);
     let wa = bvh_edge(c, b);
     let wb = bvh_edge(a, c);
     let wc = bvh_edge(b, a);

@@ -1,0 +1,109 @@
+//! `btf-fit voltex`.
+
+use super::output::{check_file, tell};
+use super::{Failure, Shared};
+use btf_capture::write_file_atomically;
+use btf_fit::voltex::build::{VoltexParams, build_voltex};
+use btf_fit::voltex::model::TriangleModel;
+use btf_fit::{FitError, text_from_bytes};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Make a volumetric texture of a model: a small volume that looks like it from afar
+///
+/// Leaves, stems and whatever else the model has become voxels of flakes, at levels from fine to coarse, fitted to what rays
+/// past the model see. A renderer draws them with one ray a pixel.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  btf-synth plants tree.glb --species tree
+  btf-fit voltex tree.glb -o tree.voltex
+  btf-fit voltex tree.glb -o tree_fine.voltex --resolution 256")]
+pub(super) struct VoltexArgs {
+    /// The model: .obj, .gltf or .glb, in metres, y up
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// The file to write
+    #[arg(short = 'o', long, value_name = "FILE.voltex")]
+    out: PathBuf,
+    /// Voxels a side of the finest level: a power of two
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = resolution)]
+    resolution: u32,
+    /// Directions from which each level is fitted to the model; 0 leaves it as the voxels' contents say
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u16).range(0..=512))]
+    views: u16,
+    /// Write what was built as JSON; - for standard output
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Most voxels a side.
+const MOST_RESOLUTION: u32 = 1 << btf_runtime::voltex::MOST_LEVELS;
+
+fn resolution(text: &str) -> Result<u32, String> {
+    let number: u32 = text.parse().map_err(|_| "not a whole number".to_string())?;
+    if number.is_power_of_two() && number <= MOST_RESOLUTION {
+        Ok(number)
+    } else {
+        Err(format!("a power of two from 1 to {MOST_RESOLUTION} is needed"))
+    }
+}
+
+/// What `voltex --json` writes.
+#[derive(Debug, serde::Serialize)]
+struct Built {
+    file: String,
+    bytes: usize,
+    triangles: usize,
+    mesh_bytes: usize,
+    side_m: f32,
+    materials: usize,
+    /// Finest first.
+    voxels: Vec<usize>,
+    seconds: f64,
+}
+
+/// Bytes of a triangle's three corners.
+const TRIANGLE_BYTES: usize = 36;
+
+pub(super) fn run(args: &VoltexArgs, shared: &Shared) -> Result<(), Failure> {
+    let start = std::time::Instant::now();
+    let inputs = std::slice::from_ref(&args.model);
+    check_file(&args.out, inputs)?;
+    if let Some(target) = &args.json {
+        check_file(target, inputs)?;
+    }
+    let model = TriangleModel::read(&args.model)?;
+    let mut params = VoltexParams { resolution: args.resolution, ..VoltexParams::default() };
+    params.refit.views = usize::from(args.views);
+    let mut volume = build_voltex(&model, &params)?;
+    let name = args.model.file_stem().map_or_else(|| "volume".into(), |stem| stem.to_string_lossy().into_owned());
+    volume.description = serde_json::json!({
+        "name": name,
+        "triangles": model.triangles.len(),
+        "resolution": params.resolution,
+        "views": params.refit.views,
+    })
+    .to_string();
+    let bytes = volume.pack().map_err(FitError::from)?;
+    write_file_atomically(&args.out, &bytes)?;
+    let result = Built {
+        file: args.out.display().to_string(),
+        bytes: bytes.len(),
+        triangles: model.triangles.len(),
+        mesh_bytes: model.triangles.len() * TRIANGLE_BYTES,
+        side_m: volume.side_m,
+        materials: volume.materials.len(),
+        voxels: volume.levels.iter().map(|level| level.voxels.len()).collect(),
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    tell(args.json.as_deref(), shared.quiet, &result, || {
+        format!(
+            "{}: {}, {} triangles in {} voxels of {:.1} mm",
+            result.file,
+            text_from_bytes(bytes.len() as u64),
+            result.triangles,
+            result.voxels.first().unwrap_or(&0),
+            1000.0 * result.side_m / params.resolution as f32,
+        )
+    })
+}

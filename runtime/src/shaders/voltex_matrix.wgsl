@@ -1,0 +1,21 @@
+// Symmetric matrices of 3 x 3. Twin: voltex/matrix.rs.
+
+struct VoltexMatrix {
+    // xx, yy, zz.
+    diagonal: vec3<f32>,
+    // xy, xz, yz.
+    beside: vec3<f32>,
+}
+
+fn voltex_times(m: VoltexMatrix, v: vec3<f32>) -> vec3<f32> {
+    return m.diagonal * v + m.beside.xxy * v.yxx + m.beside.yzz * v.zzy;
+}
+
+// `u' M v`. Of the extinction matrix, with one vector twice, it is the square of the optical depth along that.
+fn voltex_form(m: VoltexMatrix, u: vec3<f32>, v: vec3<f32>) -> f32 {
+    return dot(u, voltex_times(m, v));
+}
+
+fn voltex_scale(m: VoltexMatrix, s: f32) -> VoltexMatrix {
+    return VoltexMatrix(s * m.diagonal, s * m.beside);
+}

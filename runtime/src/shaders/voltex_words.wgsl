@@ -1,0 +1,74 @@
+// Where a volume's words lie, counted from its first, whose number is `base`. Twin: voltex/words.rs, which says what they hold.
+
+const VOLTEX_LEVEL_COUNT_AT: u32 = 0u;
+const VOLTEX_NODES_AT: u32 = 1u;
+const VOLTEX_VOXELS_AT: u32 = 2u;
+const VOLTEX_MATERIALS_AT: u32 = 3u;
+const VOLTEX_LEVELS_AT: u32 = 4u;
+const VOLTEX_FLAGS_AT: u32 = 5u;
+const VOLTEX_EXTENT_AT: u32 = 6u;
+const VOLTEX_SIDE_AT: u32 = 9u;
+const VOLTEX_MATERIAL_WORDS: u32 = 4u;
+const VOLTEX_LEVEL_WORDS: u32 = 11u;
+
+struct VoltexMaterial {
+    // Share of light that leaves on the side where it came from, linear sRGB.
+    reflectance: vec3<f32>,
+    // Share that leaves on the other.
+    transmittance: vec3<f32>,
+    // Reflectance of the smooth surface at normal incidence; 0 for none.
+    specular: f32,
+    // GGX alpha.
+    roughness: f32,
+}
+
+// Binary logarithm of the finest level's voxels a side.
+fn voltex_level_count(base: u32) -> u32 {
+    return asset_word(base + VOLTEX_LEVEL_COUNT_AT);
+}
+
+// Whether what leaves at one end in x, and in y, comes in at the other.
+fn voltex_cyclic(base: u32) -> vec2<bool> {
+    return ((vec2<u32>(asset_word(base + VOLTEX_FLAGS_AT)) >> vec2<u32>(0u, 1u)) & vec2<u32>(1u)) == vec2<u32>(1u);
+}
+
+// The part of the unit cube that is used.
+fn voltex_extent(base: u32) -> vec3<f32> {
+    let at = base + VOLTEX_EXTENT_AT;
+    return vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
+}
+
+// Metres per side of the unit cube.
+fn voltex_side_m(base: u32) -> f32 {
+    return asset_f32(base + VOLTEX_SIDE_AT);
+}
+
+fn voltex_node(base: u32, number: u32) -> VoltexNode {
+    let at = base + asset_word(base + VOLTEX_NODES_AT) + number * VOLTEX_NODE_WORDS;
+    let mask = vec2<u32>(asset_word(at), asset_word(at + 1u));
+    return VoltexNode(mask, asset_word(at + 2u), asset_word(at + 3u));
+}
+
+// The voxel with a number that is not VOLTEX_NO_VOXEL.
+fn voltex_voxel(base: u32, number: u32) -> VoltexVoxel {
+    return voltex_voxel_at(base + asset_word(base + VOLTEX_VOXELS_AT) + number * VOLTEX_VOXEL_WORDS);
+}
+
+fn voltex_material(base: u32, number: u32) -> VoltexMaterial {
+    let at = base + asset_word(base + VOLTEX_MATERIALS_AT) + number * VOLTEX_MATERIAL_WORDS;
+    let a = unpack2x16float(asset_word(at));
+    let b = unpack2x16float(asset_word(at + 1u));
+    let c = unpack2x16float(asset_word(at + 2u));
+    let d = unpack2x16float(asset_word(at + 3u));
+    return VoltexMaterial(vec3<f32>(a, b.x), vec3<f32>(b.y, c), d.x, d.y);
+}
+
+// The word at which a level's shadows begin: offset, then shares.
+fn voltex_shadow(base: u32, level: u32) -> u32 {
+    return base + asset_word(base + VOLTEX_LEVELS_AT) + level * VOLTEX_LEVEL_WORDS;
+}
+
+// How far from the flakes a ray to the light begins, voxels of the level.
+fn voltex_shadow_offset(base: u32, level: u32) -> f32 {
+    return asset_f32(voltex_shadow(base, level));
+}
