@@ -5,6 +5,7 @@ pub mod clip;
 pub mod extinction;
 pub mod flakes;
 pub mod gather;
+pub mod material;
 pub mod model;
 pub mod occluder;
 pub mod palette;

@@ -23,7 +23,7 @@ pub use descent::{coverage, polygonise};
 pub use field::{Field, Hypertexture, Scan, isotropic_flakes, paint_field};
 pub use frustum::{Frustum, round_flakes};
 pub use noise::NoiseField;
-pub use paint::{Paints, colour_of, paint};
+pub use paint::{Paints, colour_of, colours_of, paint};
 pub use solid::{Placement, Solid};
 pub use surface::{mesh_facets, sheet_facets};
 pub use tint::TintMap;

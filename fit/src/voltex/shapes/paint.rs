@@ -18,6 +18,7 @@ use super::tint::TintMap;
 use super::unusable;
 use crate::error::FitError;
 use crate::voltex::flakes::{FlakeColour, FlakeSums};
+use crate::voltex::material::colour_of_file;
 
 /// What a script is painted with.
 pub struct Paints<'a> {
@@ -31,6 +32,18 @@ pub struct Paints<'a> {
 pub fn colour_of(material: &Material) -> FlakeColour {
     let single = |colour: [f64; 3]| colour.map(|x| x as f32);
     FlakeColour { reflectance: single(material.reflectance()), transmittance: single(material.transmittance()) }
+}
+
+/// The colour of every material of a script, whose path is `script`.
+///
+/// # Errors
+/// For leaves and assets that cannot be read.
+pub fn colours_of(script: &Path, materials: &[Material]) -> Result<Vec<FlakeColour>, FitError> {
+    let colour = |material: &Material| match &material.from {
+        Some(file) => colour_of_file(&Script::beside(script, file)),
+        None => Ok(colour_of(material)),
+    };
+    materials.iter().map(colour).collect()
 }
 
 /// Paints a script on a canvas of `resolution` voxels along its longest side. The same script gives the same bits.
