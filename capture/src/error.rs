@@ -248,6 +248,16 @@ pub enum CaptureError {
         /// What to do about it.
         remedy: &'static str,
     },
+    /// A script of shapes ([`crate::shapes::Script`]) that cannot be used.
+    #[error("{} {fault}; {remedy}", path.display())]
+    BadShapes {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: String,
+        /// What to do about it.
+        remedy: &'static str,
+    },
     /// A capture description or image that cannot be written.
     #[error("the capture {} cannot be written: {reason}", path.display())]
     BadOutput {

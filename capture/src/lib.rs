@@ -37,7 +37,8 @@
 //! [`Cosine`] and [`Side`], which hold the radiometry; [`Capture`] and [`CaptureWriter`];
 //! [`CaptureError`], one sentence for everything that can be wrong. A leaf, for those that make captures of one
 //! and those that light one live: [`LeafDescription`] and its [`LeafContents`], the [`LEAF_QUANTITIES`] with
-//! their ranges, [`LeafPreset`], and the folder of appearance textures, [`TextureImages`]. [`mod@atomic`] is for every
+//! their ranges, [`LeafPreset`], and the folder of appearance textures, [`TextureImages`]. [`shapes`] is the script of
+//! solids, sheets and fur that volumetric textures are built from. [`mod@atomic`] is for every
 //! program that writes files, [`glb`] for glTF among them, [`cie`] for those that deal in spectra.
 //!
 //! Not here: error metrics (they are the fitter's), and sets that are no full grid of views x lights.
@@ -64,9 +65,11 @@ mod manifest;
 mod model;
 mod radiance;
 mod radiance_map;
+pub mod shapes;
 mod source;
 mod spectrum;
 mod stamp;
+mod toml_text;
 mod ubo2014;
 mod writer;
 

@@ -22,7 +22,8 @@
 //! under a [`Finish`] of long-tailed [`Facets`], written by [`write_leather_capture`]. Both add one
 //! indirect [`Bounce`].
 //!
-//! Plants that bear such leaves, by L-systems, as instanced meshes in a glTF file: [`write_plants`] of [`PlantsParams`].
+//! Plants that bear such leaves, by L-systems, as instanced meshes in a glTF file or as a script of shapes:
+//! [`write_plants`] of [`PlantsParams`].
 //!
 //! Everything that is random comes from a seed; the number of threads never matters.
 //!
@@ -107,7 +108,8 @@ pub use optics::units::{
 };
 pub use optics::walk::{Absorption, End, Walked, walk, walk_splitting};
 pub use plants::gltf::LEAF_EXTENSION;
-pub use plants::params::{CanopySize, Ground, MAX_PLANTS, MAX_UNIQUE_TRIANGLES, PlantsParams};
+pub use plants::params::{CanopySize, Form, Ground, MAX_PLANTS, MAX_UNIQUE_TRIANGLES, PlantsParams};
+pub use plants::script::MAX_SHAPES;
 pub use plants::write::{CANOPY_VARIATION, Existing, PlantsReport, write_plants};
 pub use surface::bounce::{Bounce, BouncedLight};
 pub use surface::capture::{HEIGHT_MAP_NAME, Progress, write_capture};

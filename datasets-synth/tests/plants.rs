@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use btf_capture::shapes::Script;
 use btf_capture::{LeafDescription, Species, TextureImages, TextureKind};
 use serde_json::Value;
 
@@ -131,4 +132,27 @@ fn what_is_there_stays_unless_it_is_forced_and_nothing_is_half_written() {
     assert!(refusal(&glb, &[], 1).contains("plant.glb exists already"));
     report(&glb, &["--force", "--seed", "3"]);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3);
+}
+
+#[test]
+fn painted_plants_are_a_script_that_names_its_leaf() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("a patch.shapes.toml");
+    let told = report(&out, &["--form", "shapes", "--species", "grass"]);
+    assert_eq!((&told["leaves"], &told["flowers"], &told["shapes"]), (&16.into(), &1.into(), &31.into()));
+    assert_eq!(told["bytes"], fs::metadata(&out).unwrap().len());
+    let script = Script::read(&out).unwrap();
+    assert_eq!((script.space.cyclic, script.strokes.len()), ([true; 2], 4));
+    let leaf = script.materials[script.material_number("leaf").unwrap()].from.clone().unwrap();
+    assert_eq!(LeafDescription::read(Script::beside(&out, leaf)).unwrap().species, Some(Species::Grass));
+    // The same line gives the same bytes, another seed others.
+    let bytes = |seed: &str| {
+        report(&out, &["--form", "shapes", "--species", "grass", "--force", "--seed", seed]);
+        fs::read(&out).unwrap()
+    };
+    let first = bytes("1");
+    assert!(first == bytes("1") && first != bytes("2"));
+    let output = plants(&folder.path().join("patch.glb"), &["--form", "shapes"]);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(1) && message.contains("does not end in .shapes.toml"), "{message}");
 }

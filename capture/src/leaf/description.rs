@@ -16,7 +16,7 @@
 //! gamma_across = 0.3
 //!
 //! [look]
-//! species = "maize"               # maize, soybean or tree; without it a plain leaf
+//! species = "maize"               # maize, soybean, tree or grass; without it a plain leaf
 //! deficiency = "nitrogen"         # nitrogen or magnesium; without it a healthy leaf
 //! severity = 0.7
 //! seed = 1
@@ -36,8 +36,6 @@
 //! nothing varies. Ranges: [`LEAF_QUANTITIES`]. Unknown keys are refused, so that no slip of the pen stays unseen.
 
 use std::fmt::Write;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::atomic::{parent_of, write_file_atomically};
@@ -45,6 +43,7 @@ use crate::error::CaptureError;
 use crate::leaf::contents::LeafContents;
 use crate::leaf::quantity::LEAF_QUANTITIES;
 use crate::leaf::species::{Deficiency, LeafGloss, Species, SpeciesPreset};
+use crate::toml_text::{bounded_text, line_and_reason};
 
 /// Largest description file in bytes.
 const MAX_DESCRIPTION_BYTES: u64 = 1 << 16;
@@ -134,18 +133,8 @@ impl LeafDescription {
     pub fn read(path: impl AsRef<Path>) -> Result<LeafDescription, CaptureError> {
         let path = path.as_ref();
         let bad = |fault: String, remedy| CaptureError::bad_leaf(path, fault, remedy);
-        let unreadable = |error: std::io::Error| {
-            bad(format!("cannot be read ({error})"), "point to the description of a leaf (.toml)")
-        };
-        let mut bytes = Vec::new();
-        let file = File::open(path).map_err(unreadable)?;
-        file.take(MAX_DESCRIPTION_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-        if bytes.len() as u64 > MAX_DESCRIPTION_BYTES {
-            let fault = format!("is larger than the {MAX_DESCRIPTION_BYTES} bytes that a leaf's description may have");
-            return Err(bad(fault, "point to the description of a leaf (.toml)"));
-        }
-        let text = String::from_utf8(bytes)
-            .map_err(|_| bad("is no text".into(), "point to the description of a leaf (.toml)"))?;
+        let text = bounded_text(path, MAX_DESCRIPTION_BYTES, "a leaf's description")
+            .map_err(|fault| bad(fault, "point to the description of a leaf (.toml)"))?;
         LeafDescription::parse(&text).map_err(|fault| bad(fault, "correct it"))
     }
 
@@ -168,9 +157,7 @@ impl LeafDescription {
     /// The description that a text holds; what is wrong is a verb phrase.
     fn parse(text: &str) -> Result<LeafDescription, String> {
         let file: toml::Table = text.parse().map_err(|error: toml::de::Error| {
-            let at = error.span().map_or(0, |span| span.start).min(text.len());
-            let line = text.as_bytes()[..at].iter().filter(|&&byte| byte == b'\n').count() + 1;
-            let reason = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
+            let (line, reason) = line_and_reason(text, &error);
             format!("is no TOML in line {line} ({reason})")
         })?;
         check_keys(&file)?;
@@ -351,7 +338,7 @@ mod tests {
             ("[look]\nsize_mm = inf", ["`size_mm` in [look] as inf", "1 to 200 mm"]),
             ("[look]\nseed = -1", ["`seed` in [look] as -1", "whole number from 0"]),
             ("[variation]\nseed = 1.5", ["`seed` in [variation] as 1.5", "whole number"]),
-            ("[look]\nspecies = \"oak\"", ["`species` in [look] as \"oak\"", "none of maize, soybean, tree"]),
+            ("[look]\nspecies = \"oak\"", ["`species` in [look] as \"oak\"", "none of maize, soybean, tree, grass"]),
             ("[look]\ndeficiency = 3", ["`deficiency` in [look] as 3", "no text in quotes"]),
             ("[contents]\nbrown = \"a lot\"", ["as \"a lot\"", "no number"]),
             ("[contents]\nchlorophyl = 3", ["unknown key `chlorophyl` in [contents]", "chlorophyll_ug_per_cm2, "]),

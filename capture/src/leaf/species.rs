@@ -5,6 +5,7 @@
 //! | maize | 30 mm | Cab 40, Car 5, N 1.5 [Miao, Fig. 2a] | rougher across the veins |
 //! | soybean | 30 mm | Cab 43.62 [Baranoski 1997, Table 1], Car 8 | dull: hairs |
 //! | tree | 30 mm | Cab 50, Car 10, N 1.6 | glossy |
+//! | grass | 5 mm | Cab 35, Car 7, N 1.4 | rougher across the veins |
 //! | none | 20 mm | Cab 40, Car 8, N 1.5 | 0.3 |
 //!
 //! Where the numbers come from: the contents as cited, otherwise from the middle of the ranges that leaf models
@@ -23,6 +24,8 @@ pub enum Species {
     Soybean,
     /// A broad-leaved tree such as beech or oak: strong secondaries, tertiaries like ladders, glossy.
     Tree,
+    /// A lawn's grass such as *Lolium perenne*: parallel veins, a narrow midrib.
+    Grass,
 }
 
 /// Gloss of a leaf's cuticle: a Cook-Torrance lobe of two roughnesses.
@@ -76,7 +79,7 @@ impl Default for SpeciesPreset {
 
 impl Species {
     /// Every species.
-    pub const ALL: [Species; 3] = [Species::Maize, Species::Soybean, Species::Tree];
+    pub const ALL: [Species; 4] = [Species::Maize, Species::Soybean, Species::Tree, Species::Grass];
 
     /// The name on the command line and in files.
     pub fn name(self) -> &'static str {
@@ -84,6 +87,7 @@ impl Species {
             Species::Maize => "maize",
             Species::Soybean => "soybean",
             Species::Tree => "tree",
+            Species::Grass => "grass",
         }
     }
 
@@ -103,6 +107,7 @@ impl Species {
             Species::Maize => of(40.0, 5.0, 1.5, LeafGloss::cuticle(0.26, 0.42)),
             Species::Soybean => of(43.62, 8.0, 1.5, LeafGloss::cuticle(0.50, 0.50)),
             Species::Tree => of(50.0, 10.0, 1.6, LeafGloss::cuticle(0.22, 0.24)),
+            Species::Grass => SpeciesPreset { size_mm: 5.0, ..of(35.0, 7.0, 1.4, LeafGloss::cuticle(0.28, 0.40)) },
         }
     }
 }

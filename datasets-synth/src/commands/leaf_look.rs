@@ -44,6 +44,8 @@ pub(super) enum SpeciesName {
     Soybean,
     /// Pinnate, strong secondaries, tertiaries like ladders, glossy
     Tree,
+    /// Parallel veins, a narrow midrib
+    Grass,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -58,6 +60,7 @@ impl From<SpeciesName> for Species {
             SpeciesName::Maize => Species::Maize,
             SpeciesName::Soybean => Species::Soybean,
             SpeciesName::Tree => Species::Tree,
+            SpeciesName::Grass => Species::Grass,
         }
     }
 }

@@ -46,7 +46,7 @@ enum Command {
     Goniophotometer(goniophotometer::GoniophotometerArgs),
     /// Photograph pebbled leather: grain, creases, pores and finish.
     Leather(leather::LeatherArgs),
-    /// Grow maize, soybean or trees: meshes and instances as a glTF file.
+    /// Grow maize, soybean, trees or grass: meshes and instances as a glTF file, or a script of shapes.
     Plants(plants::PlantsArgs),
 }
 

@@ -1,12 +1,13 @@
-//! `btf-synth plants`: L-system plants as a glTF file.
+//! `btf-synth plants`: L-system plants and grass as a glTF file or a script of shapes.
 
 use std::path::PathBuf;
 use std::time::Instant;
 
 use btf_synth::{
-    CANOPY_VARIATION, CanopySize, Existing, Ground, LeafDescription, PlantsParams, Species, TextureImages, write_plants,
+    CANOPY_VARIATION, CanopySize, Existing, Form, Ground, LeafDescription, PlantsParams, Species, TextureImages,
+    write_plants,
 };
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::leaf_file::LeafFileArgs;
@@ -20,20 +21,25 @@ use super::{Failure, RunArgs, whole_number};
   btf-synth plants canopy.glb --triangles 8.6e6 --json -
   btf-synth plants young.glb --species soybean --stage 0.4 --plants 100
   btf-synth plants beech.glb --species tree --branches 2154 --leaves 6336
+  btf-synth plants lawn.glb --species grass --plants 1400
+  btf-synth plants patch.shapes.toml --form shapes --species grass
   btf-synth plants pale.glb --leaf leaf.toml")]
 pub struct PlantsArgs {
-    /// File to write; NAME-leaf.toml and the folder NAME-textures appear beside it
+    /// File to write, .glb or, with --form shapes, .shapes.toml; NAME-leaf.toml and the folder NAME-textures appear beside it
     out: PathBuf,
     #[command(flatten)]
     run: RunArgs,
     /// Species
     #[arg(long, value_enum, default_value_t = SpeciesName::Maize)]
     species: SpeciesName,
+    /// What to write: triangles as .glb, or cones and sheets as .shapes.toml
+    #[arg(long, value_enum, default_value_t = FormName::Mesh)]
+    form: FormName,
     /// Growth from emerged (0) to flowering, or to the full-grown tree (1)
     #[arg(long, default_value_t = 1.0)]
     stage: f64,
-    /// Mean leaf angle in degrees (5 to 85): maize from the stalk, others below the horizontal [default: maize 35, soybean
-    /// 30, tree 35]
+    /// Mean leaf angle in degrees (5 to 85): maize from the stalk, grass from the vertical, others below the horizontal
+    /// [default: maize 35, soybean 30, tree 35, grass 20]
     #[arg(long, value_name = "DEG")]
     leaf_angle_deg: Option<f64>,
     /// Number of plants, in a field as square as rows allow [default: 1]
@@ -48,16 +54,16 @@ pub struct PlantsArgs {
     /// As many plants as bring the instanced triangles to this number, such as 8.6e6
     #[arg(long, value_parser = whole_number, conflicts_with = "rows", value_name = "N")]
     triangles: Option<u64>,
-    /// Distance between rows in mm [default: maize 750, soybean 500, tree 4000]
+    /// Distance between rows in mm [default: maize 750, soybean 500, tree 4000, grass 40]
     #[arg(long, value_name = "MM")]
     row_spacing_mm: Option<f64>,
-    /// Distance between plants in a row in mm [default: maize 180, soybean 80, tree 4000]
+    /// Distance between plants in a row in mm [default: maize 180, soybean 80, tree 4000, grass 40]
     #[arg(long, value_name = "MM")]
     spacing_mm: Option<f64>,
     /// Different plants; the others are instances of them
     #[arg(long, default_value_t = 8)]
     variants: usize,
-    /// Triangles of a blade (4 to 4000) [default: maize 200, soybean 40, tree 8]
+    /// Triangles of a blade (4 to 4000) [default: maize 200, soybean 40, tree 8, grass 14]
     #[arg(long, value_name = "N")]
     detail: Option<usize>,
     /// Branches of a full-grown tree, its trunk among them [default: 2000]
@@ -66,6 +72,12 @@ pub struct PlantsArgs {
     /// Leaves of a full-grown tree [default: 6000]
     #[arg(long)]
     leaves: Option<usize>,
+    /// Blades of a patch of grass [default: 16]
+    #[arg(long)]
+    blades: Option<usize>,
+    /// Share of patches of grass that have a flower (0 to 1) [default: 0.5]
+    #[arg(long, value_name = "SHARE")]
+    flowers: Option<f64>,
     /// Put soil under the plants
     #[arg(long)]
     ground: bool,
@@ -77,6 +89,14 @@ pub struct PlantsArgs {
     /// Replace files of these names
     #[arg(long)]
     force: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum FormName {
+    /// Binary glTF: meshes and instances
+    Mesh,
+    /// A script of shapes for a volumetric texture
+    Shapes,
 }
 
 /// Grows the plants and writes the files.
@@ -98,6 +118,12 @@ pub fn run(args: &PlantsArgs) -> Result<(), Failure> {
         spacing_mm: args.spacing_mm.unwrap_or(preset.spacing_mm),
         branches: args.branches.unwrap_or(preset.branches),
         leaves: args.leaves.unwrap_or(preset.leaves),
+        blades: args.blades.unwrap_or(preset.blades),
+        flowers: args.flowers.unwrap_or(preset.flowers),
+        form: match args.form {
+            FormName::Mesh => Form::Mesh,
+            FormName::Shapes => Form::Shapes,
+        },
         ground: if args.ground { Ground::Soil } else { Ground::None },
         seed: args.seed,
         ..preset
@@ -125,20 +151,24 @@ pub fn run(args: &PlantsArgs) -> Result<(), Failure> {
         "variants": report.variants,
         "triangles_unique": report.triangles_unique,
         "triangles_instanced": report.triangles_instanced,
+        "shapes": report.shapes,
         "leaves": report.leaves,
+        "flowers": report.flowers,
         "leaf_area_m2": report.leaf_area_m2,
         "leaf_area_index": report.leaf_area_index,
         "bytes": report.bytes,
         "seed": params.seed,
         "seconds": seconds,
     });
+    let drawn = match params.form {
+        Form::Mesh => format!("{} triangles ({} in the file)", report.triangles_instanced, report.triangles_unique),
+        Form::Shapes => format!("{} shapes", report.shapes),
+    };
     let line = format!(
-        "{}: {} plants of {} variants, {} triangles ({} in the file), leaf area index {:.2}",
+        "{}: {} plants of {} variants, {drawn}, leaf area index {:.2}",
         args.out.display(),
         report.plants,
         report.variants,
-        report.triangles_instanced,
-        report.triangles_unique,
         report.leaf_area_index
     );
     args.run.report(&result, &line)

@@ -6,6 +6,7 @@
 //! | maize | parallel, wide midrib, commissures |
 //! | soybean | pinnate, fine reticulum |
 //! | tree | pinnate, strong secondaries, ladder tertiaries |
+//! | grass | parallel, narrow midrib: maize at a quarter of its lengths |
 //! | none | pinnate, two Voronoi networks |
 //!
 //! Where the numbers come from: lengths are the usual sizes of such leaves to a tenth or so (maize: laterals 1 to 2 mm
@@ -314,6 +315,29 @@ const MAIZE: Traits = Traits {
     },
 };
 
+/// A lawn's grass, whose blades are a twentieth as wide as maize's: a shallow midrib, ribs close together.
+const GRASS: Traits = Traits {
+    venation: VenationTraits::Parallel(ParallelTraits {
+        main_half_width_mm: 0.22,
+        main_taper_per_mm: 0.006,
+        lateral_half_width_mm: 0.06,
+        lateral_spacing_mm: 0.55,
+        fine_spacing_mm: 0.18,
+        commissure_spacing_mm: 0.9,
+    }),
+    relief: ReliefTraits {
+        groove_mm: [0.10, 0.020, 0.006, 0.002],
+        ridge_mm: [0.12, 0.030, 0.008, 0.003],
+        bulge_mm: 0.015,
+        bulge_reach_mm: 0.2,
+        axil_mm: 0.1,
+        fine_half_widths_mm: [0.030, 0.020],
+        waves_mm: [(4.0, 0.02), (1.5, 0.006)],
+        ..MAIZE.relief
+    },
+    tissue: MAIZE.tissue,
+};
+
 impl VenationTraits {
     /// Half the width of a secondary vein at its start.
     pub fn secondary_half_width_mm(&self) -> f32 {
@@ -332,6 +356,7 @@ impl Traits {
             Some(Species::Maize) => MAIZE,
             Some(Species::Soybean) => SOYBEAN,
             Some(Species::Tree) => TREE,
+            Some(Species::Grass) => GRASS,
         }
     }
 }

@@ -475,7 +475,8 @@ mod tests {
             let params = params(species);
             LeafParams { capture: CaptureParams { size: 128, views: views.clone(), ..params.capture }, ..params }
         };
-        for species in Species::ALL {
+        // Grass has its veins closer together than these texels.
+        for species in [Species::Maize, Species::Soybean, Species::Tree] {
             let of = |deficiency| {
                 let chlorosis = Some(Chlorosis { deficiency, severity: 0.7 });
                 let look = LeafLook { species: Some(species), chlorosis, ..LeafLook::default() };

@@ -3,19 +3,22 @@
 //! | parameter | unit | valid |
 //! |---|---|---|
 //! | length, width | m | > 0 |
-//! | bend: turn of the midrib from base to tip, towards the lower face | rad | -pi to pi |
-//! | bend's power: 1 a circle, more a straight base and a drooping tip | - | 0.5 to 4 |
+//! | bent: turn of the midrib from base to tip, towards the lower face | rad | -pi to pi |
+//! | its power: 1 a circle, more a straight base and a drooping tip | - | 0.5 to 4 |
+//! | sway: turn to one side from base to tip | rad | -2 to 2 |
+//! | thrown: how far a particle falls on its way, as a share of how far it is thrown | - | 0 to 2 |
 //! | fold: elevation of both halves over the midrib, at the base and from the middle on | rad | 0 to 1.5 |
-//! | sway: turn to one side from base to tip; twist: turn about the midrib | rad | -2 to 2 |
+//! | twist: turn about the midrib from base to tip | rad | -2 to 2 |
 //! | wave: height of the margin's waves as a share of half the width, and their number | - | 0 to 0.5, 0 to 20 |
 //!
-//! The midrib is an elastica's likeness, `phi(s) = bend s^power` over the share s of its length: what [Stewart & Dwyer
-//! 1993] fit with quadratics. When it is wrong: the surface is not developable, so a strongly curved blade is stretched
+//! A bent midrib is an elastica's likeness, `phi(s) = bend s^power` over the share s of its length: what [Stewart & Dwyer
+//! 1993] fit with quadratics. A thrown one is the parabola of a particle under gravity, by the share of its time [Reeves &
+//! Blau 1985]. When it is wrong: the surface is not developable, so a strongly curved blade is stretched
 //! a little at its margins, and it never touches another.
 
 use std::f64::consts::TAU;
 
-use crate::plants::vec3::{Vec3, along, cross, direction_or, scale, sub, turned};
+use crate::plants::vec3::{UP, Vec3, along, cross, direction_or, length, scale, sub, turned};
 
 /// Nodes and weights of Gauss and Legendre's rule of five points on 0 to 1.
 const GAUSS: [[f64; 2]; 5] = [
@@ -70,16 +73,24 @@ pub(crate) enum TextureAlong {
     Every(f64),
 }
 
+/// How a midrib runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Course {
+    /// Like an elastica.
+    Bent { bend_rad: f64, power: f64, sway_rad: f64 },
+    /// Like a particle that is thrown: a parabola that falls straight down by so much of the length.
+    Thrown { fall: f64 },
+}
+
 /// What a blade is like; see the module's table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BladeShape {
     pub outline: Outline,
+    /// Length of a bent midrib; how far a thrown one would go without gravity.
     pub length_m: f64,
     pub width_m: f64,
-    pub bend_rad: f64,
-    pub bend_power: f64,
+    pub course: Course,
     pub fold_rad: [f64; 2],
-    pub sway_rad: f64,
     pub twist_rad: f64,
     pub wave: f64,
     pub waves: f64,
@@ -112,8 +123,9 @@ impl Blade {
     pub fn area_m2(&self) -> f64 {
         /// Strips of the midpoint rule.
         const STRIPS: usize = 64;
-        let widths = (0..STRIPS).map(|i| self.shape.outline.width((i as f64 + 0.5) / STRIPS as f64));
-        widths.sum::<f64>() / STRIPS as f64 * self.shape.length_m * self.shape.width_m
+        let middles = (0..STRIPS).map(|i| (i as f64 + 0.5) / STRIPS as f64);
+        let strips = middles.map(|v| self.shape.outline.width(v) * length(self.advance(v)));
+        strips.sum::<f64>() / STRIPS as f64 * self.shape.length_m * self.shape.width_m
     }
 
     /// The texture coordinate of the share `v` of the length: it grows towards the tip.
@@ -144,25 +156,39 @@ impl Blade {
         BladePoint { position_m: at(across, v), normal, tangent }
     }
 
-    /// Direction of the midrib at the share `s` of its length, before its twist: in the frame of the base.
-    fn heading(&self, s: f64) -> Vec3 {
-        let (sin_bend, cos_bend) = (self.shape.bend_rad * s.powf(self.shape.bend_power)).sin_cos();
-        let (sin_sway, cos_sway) = (self.shape.sway_rad * s * s).sin_cos();
-        let side = cross(self.along, self.normal);
-        let bent = along(scale(self.along, cos_bend), self.normal, -sin_bend);
-        along(scale(bent, cos_sway), side, sin_sway)
+    /// How the midrib goes on at its share `v`, before its twist: its derivative over the length, of a bent one unit.
+    fn advance(&self, v: f64) -> Vec3 {
+        match self.shape.course {
+            Course::Bent { bend_rad, power, sway_rad } => {
+                let (sin_bend, cos_bend) = (bend_rad * v.powf(power)).sin_cos();
+                let (sin_sway, cos_sway) = (sway_rad * v * v).sin_cos();
+                let side = cross(self.along, self.normal);
+                let bent = along(scale(self.along, cos_bend), self.normal, -sin_bend);
+                along(scale(bent, cos_sway), side, sin_sway)
+            }
+            Course::Thrown { fall } => along(self.along, UP, -2.0 * fall * v),
+        }
     }
 
     fn midrib(&self, v: f64) -> Vec3 {
-        let step = |sum: Vec3, [node, weight]: [f64; 2]| along(sum, self.heading(v * node), weight);
+        let step = |sum: Vec3, [node, weight]: [f64; 2]| along(sum, self.advance(v * node), weight);
         along(self.origin_m, GAUSS.into_iter().fold([0.0; 3], step), v * self.shape.length_m)
     }
 
     /// Along the midrib, across to the right, and out of the upper face.
     fn frame(&self, v: f64) -> [Vec3; 3] {
-        let forwards = self.heading(v);
-        let (sin, cos) = (self.shape.bend_rad * v.powf(self.shape.bend_power)).sin_cos();
-        let upright = along(scale(self.normal, cos), self.along, sin);
+        let advance = self.advance(v);
+        let (forwards, upright) = match self.shape.course {
+            Course::Bent { bend_rad, power, .. } => {
+                let (sin, cos) = (bend_rad * v.powf(power)).sin_cos();
+                (advance, along(scale(self.normal, cos), self.along, sin))
+            }
+            // Turned from the base's normal as the midrib is from the base's direction, within the path's plane.
+            Course::Thrown { .. } => {
+                let forwards = direction_or(advance, self.along);
+                (forwards, cross(cross(self.along, self.normal), forwards))
+            }
+        };
         let side = direction_or(cross(forwards, upright), cross(self.along, self.normal));
         let side = turned(side, forwards, self.shape.twist_rad * v);
         [forwards, side, cross(side, forwards)]
@@ -186,17 +212,15 @@ impl Blade {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plants::vec3::{dot, length};
+    use crate::plants::vec3::dot;
 
     fn blade() -> Blade {
         let shape = BladeShape {
             outline: Outline::Grass,
             length_m: 0.8,
             width_m: 0.1,
-            bend_rad: 1.9,
-            bend_power: 1.6,
+            course: Course::Bent { bend_rad: 1.9, power: 1.6, sway_rad: 0.3 },
             fold_rad: [0.9, 0.2],
-            sway_rad: 0.3,
             twist_rad: 0.4,
             wave: 0.15,
             waves: 6.0,
@@ -226,7 +250,8 @@ mod tests {
         let points: Vec<Vec3> = (0..=400).map(|i| blade.point(0.5, f64::from(i) / 400.0).position_m).collect();
         let sum: f64 = points.windows(2).map(|pair| length(sub(pair[1], pair[0]))).sum();
         assert!((sum - 0.8).abs() < 1e-3, "{sum}");
-        let flat = Blade { shape: BladeShape { sway_rad: 0.0, ..blade.shape }, ..blade };
+        let course = Course::Bent { bend_rad: 1.9, power: 1.6, sway_rad: 0.0 };
+        let flat = Blade { shape: BladeShape { course, ..blade.shape }, ..blade };
         let end = sub(flat.midrib(1.0), flat.midrib(0.999));
         assert!((dot(direction_or(end, [0.0; 3]), flat.along).acos() - 1.9).abs() < 5e-3);
         assert!(end[2] < 0.0, "away from the upper face");

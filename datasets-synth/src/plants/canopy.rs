@@ -12,7 +12,7 @@ use crate::error::SynthError;
 use crate::plants::mesh::{Mesh, meshes};
 use crate::plants::params::{CanopySize, Ground, MAX_PLANTS, MAX_UNIQUE_TRIANGLES, PlantsParams};
 use crate::plants::plant::{Part, Plant};
-use crate::plants::{maize, soybean, tree};
+use crate::plants::{grass, maize, soybean, tree};
 
 /// How far plants stand from their places, as a share of the distance between them.
 const SCATTER: f64 = 0.12;
@@ -23,15 +23,13 @@ const SIZES: f64 = 0.07;
 /// One of the different plants.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Variant {
+    pub plant: Plant,
     pub meshes: Vec<(Part, Mesh)>,
-    pub blades: usize,
-    pub leaf_area_m2: f64,
 }
 
 impl Variant {
-    fn of(plant: &Plant, detail: usize) -> Variant {
-        let (blades, leaf_area_m2) = (plant.blades.len(), plant.leaf_area_m2());
-        Variant { meshes: meshes(plant, detail), blades, leaf_area_m2 }
+    fn of(plant: Plant, detail: usize) -> Variant {
+        Variant { meshes: meshes(&plant, detail), plant }
     }
 
     pub fn triangle_count(&self) -> usize {
@@ -61,6 +59,10 @@ pub(crate) struct Canopy {
     pub ground: Option<Mesh>,
     /// Ground that a plant has to itself in square metres.
     pub area_per_plant_m2: f64,
+    /// Extent of all their grounds together along x and z in metres.
+    pub field_m: [f64; 2],
+    /// Whether it goes on beyond, as a lone plant does not unless it is a patch of lawn.
+    pub is_field: bool,
 }
 
 /// One plant of the species; the same number gives the same plant.
@@ -70,6 +72,7 @@ pub(crate) fn plant(params: &PlantsParams, number: usize) -> Plant {
         Species::Maize => maize::grow(params, &mut random),
         Species::Soybean => soybean::grow(params, &mut random),
         Species::Tree => tree::grow(params, &mut random),
+        Species::Grass => grass::grow(params, number, &mut random),
     }
 }
 
@@ -100,14 +103,14 @@ impl Canopy {
             let value = format!("{count} of {} blades with {} triangles each", first.blades.len(), params.detail);
             return Err(SynthError::BadParameter { name: "--variants", value, allowed });
         }
-        let one = Variant::of(&first, params.detail);
+        let one = Variant::of(first, params.detail);
         let wanted = match params.size {
             CanopySize::Plants(plants) => plants,
             CanopySize::Rows(rows, columns) => rows * columns,
             CanopySize::Triangles(triangles) => triangles.div_ceil(one.triangle_count() as u64) as usize,
         };
         let count = count.min(wanted);
-        let others = (1..count).into_par_iter().map(|number| Variant::of(&plant(params, number), params.detail));
+        let others = (1..count).into_par_iter().map(|number| Variant::of(plant(params, number), params.detail));
         let others: Vec<Variant> = others.collect();
         let mut variants: Vec<Variant> = std::iter::once(one).chain(others).collect();
         let choices = choose(params, &variants, wanted)?;
@@ -121,11 +124,13 @@ impl Canopy {
         let columns = choices.len().div_ceil(rows);
         let spacing_m = [params.spacing_mm / 1000.0, params.row_spacing_mm / 1000.0];
         let instances = set_out(params, &choices, columns, spacing_m);
+        let field_m = [0, 1].map(|k| [columns, choices.len().div_ceil(columns)][k] as f64 * spacing_m[k]);
         let ground = (params.ground == Ground::Soil).then(|| {
-            let half = [0, 1].map(|k| 0.5 * [columns, choices.len().div_ceil(columns)][k] as f64 * spacing_m[k] + 0.5);
+            let half = field_m.map(|side_m| 0.5 * side_m + 0.5);
             Mesh::ground(half.map(|x| -x), half)
         });
-        Ok(Canopy { variants, instances, ground, area_per_plant_m2: spacing_m[0] * spacing_m[1] })
+        let is_field = instances.len() > 1 || params.species == Species::Grass;
+        Ok(Canopy { variants, instances, ground, area_per_plant_m2: spacing_m[0] * spacing_m[1], field_m, is_field })
     }
 
     /// Triangles that are drawn.
@@ -142,19 +147,30 @@ impl Canopy {
 
     /// Blades of all plants.
     pub fn leaves(&self) -> u64 {
-        self.instances.iter().map(|one| self.variants[one.variant].blades as u64).sum()
+        self.instances.iter().map(|one| self.variants[one.variant].plant.blades.len() as u64).sum()
+    }
+
+    /// Flowers of all plants.
+    pub fn flowers(&self) -> u64 {
+        self.instances.iter().map(|one| self.variants[one.variant].plant.flowers() as u64).sum()
     }
 
     /// Area of one face of all blades in square metres.
     pub fn leaf_area_m2(&self) -> f64 {
-        self.instances.iter().map(|one| self.variants[one.variant].leaf_area_m2 * one.scale.powi(2)).sum()
+        let areas_m2: Vec<f64> = self.variants.iter().map(|variant| variant.plant.leaf_area_m2()).collect();
+        self.instances.iter().map(|one| areas_m2[one.variant] * one.scale.powi(2)).sum()
     }
 }
 
 /// The variant of every plant: `wanted` plants, or as many as bring the triangles that are asked for.
 fn choose(params: &PlantsParams, variants: &[Variant], wanted: usize) -> Result<Vec<usize>, SynthError> {
     let mut random = generator(params.seed, 0);
-    let mut draw = |number: usize| if number < variants.len() { number } else { random.gen_range(0..variants.len()) };
+    let mut draw = |number: usize| match params.species {
+        // By turns, so that the share of flowers is kept.
+        Species::Grass => number % variants.len(),
+        _ if number < variants.len() => number,
+        _ => random.gen_range(0..variants.len()),
+    };
     let CanopySize::Triangles(triangles) = params.size else { return Ok((0..wanted).map(draw).collect()) };
     let (mut choices, mut sum) = (Vec::new(), 0);
     while sum < triangles {
@@ -176,8 +192,18 @@ fn set_out(params: &PlantsParams, choices: &[usize], columns: usize, spacing_m: 
     }
     let rows = choices.len().div_ceil(columns);
     let mut random = generator(params.seed, u64::MAX);
+    let middle = |k: usize, count: usize| k as f64 - 0.5 * (count - 1) as f64;
+    if params.species == Species::Grass {
+        // Patches lie edge to edge, turned by what keeps their edges.
+        let turns = if spacing_m[0] == spacing_m[1] { 4 } else { 2 };
+        let place = |(i, &variant): (usize, &usize)| {
+            let [x_m, z_m] = [middle(i % columns, columns) * spacing_m[0], middle(i / columns, rows) * spacing_m[1]];
+            let yaw_rad = TAU * f64::from(random.gen_range(0..turns)) / f64::from(turns);
+            Instance { variant, x_m, z_m, yaw_rad, scale: 1.0 }
+        };
+        return choices.iter().enumerate().map(place).collect();
+    }
     let place = |(i, &variant): (usize, &usize)| {
-        let middle = |k: usize, count: usize| k as f64 - 0.5 * (count - 1) as f64;
         let mut scatter = || random.gen_range(-SCATTER..SCATTER);
         let x_m = spacing_m[0] * (middle(i % columns, columns) + scatter());
         // Rows are drilled straight; across them plants scatter as they do along.
@@ -209,7 +235,7 @@ mod tests {
         for species in Species::ALL {
             for (stage, detail) in [(1.0, of(species).detail), (0.35, 4), (0.7, 700), (0.0, 30)] {
                 let params = PlantsParams { stage, detail, ..of(species) };
-                let parts = Variant::of(&plant(&params, 0), detail).meshes;
+                let parts = Variant::of(plant(&params, 0), detail).meshes;
                 all.extend(parts.into_iter().map(|(part, mesh)| (species, part, mesh)));
             }
         }
@@ -253,10 +279,14 @@ mod tests {
         for species in Species::ALL {
             let params = of(species);
             let blade = plant(&params, 0).blades[2];
-            let mesh = &meshes(&Plant { axes: Vec::new(), blades: vec![blade] }, params.detail)[0].1;
+            let mesh = &meshes(&Plant { blades: vec![blade], ..Plant::default() }, params.detail)[0].1;
             let along = |uv: &[f32; 2]| f64::from(1.0 - uv[1]);
             let most = mesh.uvs.iter().map(along).fold(0.0, f64::max);
-            let expected = if species == Species::Maize { blade.shape.length_m / maize::BLADE_WIDTH_M } else { 1.0 };
+            let expected = match species {
+                Species::Maize => blade.shape.length_m / maize::BLADE_WIDTH_M,
+                Species::Grass => blade.shape.length_m / grass::BLADE_WIDTH_M,
+                _ => 1.0,
+            };
             assert!((most - expected).abs() < 1e-5);
             // The vertex of the greatest coordinate is the farthest along the midrib: its tip.
             let tip = mesh.uvs.iter().position(|uv| along(uv) == most).unwrap();
@@ -320,7 +350,7 @@ mod tests {
     fn the_leaf_angle_is_what_is_asked_for() {
         /// From the first triangles of a blade's mesh: the midrib's direction at the base, and the normal.
         fn at_base(blade: &Blade) -> (Vec3, Vec3) {
-            let mesh = &meshes(&Plant { axes: Vec::new(), blades: vec![*blade] }, 3000)[0].1;
+            let mesh = &meshes(&Plant { blades: vec![*blade], ..Plant::default() }, 3000)[0].1;
             let midrib: Vec<usize> = (0..mesh.uvs.len()).filter(|&i| mesh.uvs[i][0] == 0.5).collect();
             let place = |i: usize| mesh.positions[midrib[i]].map(f64::from);
             let ahead = sub(place(1), place(0));
@@ -333,7 +363,7 @@ mod tests {
                 let angles = blades.iter().step_by(blades.len().div_ceil(200)).map(|blade| {
                     let (ahead, normal) = at_base(blade);
                     match species {
-                        Species::Maize => ahead[1].acos().to_degrees(),
+                        Species::Maize | Species::Grass => ahead[1].acos().to_degrees(),
                         _ => normal[1].abs().min(1.0).acos().to_degrees(),
                     }
                 });

@@ -83,16 +83,24 @@ fn leaf_colour(leaf: &LeafDescription) -> Result<[f32; 3], SynthError> {
     Ok(body.rgb(&leaf.contents, 1.0).reflectance.map(|x| x.clamp(0.0, 1.0)))
 }
 
-/// What a part looks like where nobody knows the leaf's extension: linear base colours by eye.
-fn material(part: Part, leaf_colour: [f32; 3], leaf_uri: &str) -> Value {
-    let (colour, roughness) = match part {
-        Part::Leaf => (leaf_colour, 0.5),
+/// What a part looks like: linear base colour by eye, and roughness. A leaf's colour is that of its contents.
+pub(crate) fn look(part: Part) -> ([f32; 3], f64) {
+    match part {
+        Part::Leaf => ([0.05, 0.12, 0.03], 0.5),
         Part::Stem => ([0.10, 0.19, 0.035], 0.55),
         Part::Tassel => ([0.42, 0.32, 0.12], 0.8),
         Part::Pod => ([0.19, 0.24, 0.06], 0.8),
+        Part::Petal => ([0.70, 0.70, 0.68], 0.8),
+        Part::Disc => ([0.75, 0.45, 0.02], 0.9),
         Part::Bark => ([0.11, 0.08, 0.06], 0.9),
         Part::Ground => ([0.10, 0.065, 0.04], 1.0),
-    };
+    }
+}
+
+/// A part's material where nobody knows the leaf's extension.
+fn material(part: Part, leaf_colour: [f32; 3], leaf_uri: &str) -> Value {
+    let (colour, roughness) = look(part);
+    let colour = if part == Part::Leaf { leaf_colour } else { colour };
     // Through the decimal form, so that the file has no digits of single precision's noise.
     let decimal = |x: f32| format!("{x:.4}").parse::<f64>().unwrap_or_default();
     let [r, g, b] = colour.map(decimal);
@@ -103,7 +111,7 @@ fn material(part: Part, leaf_colour: [f32; 3], leaf_uri: &str) -> Value {
     let mut material = json!({
         "name": part.name(),
         "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": roughness },
-        "doubleSided": part == Part::Leaf,
+        "doubleSided": matches!(part, Part::Leaf | Part::Petal),
     });
     if !extensions.is_empty() {
         material["extensions"] = Value::Object(extensions);

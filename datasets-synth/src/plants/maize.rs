@@ -20,7 +20,7 @@ use std::f64::consts::PI;
 use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use crate::plants::blade::{BladeShape, Outline, TextureAlong};
+use crate::plants::blade::{BladeShape, Course, Outline, TextureAlong};
 use crate::plants::lsystem::{Module, derive};
 use crate::plants::params::{PlantsParams, smooth};
 use crate::plants::plant::{Part, Plant};
@@ -198,10 +198,12 @@ impl Maize<'_> {
                 outline: Outline::Grass,
                 length_m,
                 width_m,
-                bend_rad: bend,
-                bend_power: random.gen_range(1.35..1.8),
+                course: Course::Bent {
+                    bend_rad: bend,
+                    power: random.gen_range(1.35..1.8),
+                    sway_rad: random.gen_range(-0.3..0.3) * drooping,
+                },
                 fold_rad: [0.95, 0.22 + 0.5 * (1.0 - opening)],
-                sway_rad: random.gen_range(-0.3..0.3) * drooping,
                 twist_rad: random.gen_range(-0.55..0.55) * drooping,
                 wave: random.gen_range(0.10..0.22) * smooth(0.3, 0.7, area),
                 waves: random.gen_range(5.0..8.0),

@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::plants::blade::{Blade, Outline};
+use crate::plants::blade::{Blade, BladePoint, Outline};
 use crate::plants::plant::{Axis, Part, Plant};
 use crate::plants::vec3::{Vec3, along, cross, direction_or, dot, scale, sub};
 
@@ -66,16 +66,15 @@ impl Mesh {
 /// The meshes of a plant, by part and in the parts' order; `detail` is the number of triangles of a blade.
 pub(crate) fn meshes(plant: &Plant, detail: usize) -> Vec<(Part, Mesh)> {
     let mut parts: Vec<Part> = plant.axes.iter().map(|axis| axis.part).collect();
-    if !plant.blades.is_empty() {
-        parts.push(Part::Leaf);
-    }
+    let sheets = [(Part::Leaf, &plant.blades), (Part::Petal, &plant.petals)];
+    parts.extend(sheets.iter().filter(|(_, blades)| !blades.is_empty()).map(|(part, _)| *part));
     parts.sort();
     parts.dedup();
     let of = |part: Part| {
         let mut mesh = Mesh::default();
         plant.axes.iter().filter(|axis| axis.part == part).for_each(|axis| push_axis(&mut mesh, axis));
-        if part == Part::Leaf {
-            plant.blades.iter().for_each(|blade| push_blade(&mut mesh, blade, detail));
+        for (_, blades) in sheets.iter().filter(|(of, _)| *of == part) {
+            blades.iter().for_each(|blade| push_blade(&mut mesh, blade, detail));
         }
         (part, mesh)
     };
@@ -83,8 +82,15 @@ pub(crate) fn meshes(plant: &Plant, detail: usize) -> Vec<(Part, Mesh)> {
     parts.into_iter().map(of).filter(|(_, mesh)| !mesh.indices.is_empty()).collect()
 }
 
+/// A vertex of a blade: across, along, and what is there.
+pub(crate) struct BladeVertex {
+    pub u: f64,
+    pub v: f64,
+    pub point: BladePoint,
+}
+
 /// A blade as rows of vertices, an even number of columns, so that the midrib is a line; an end of no width is a point.
-fn push_blade(mesh: &mut Mesh, blade: &Blade, detail: usize) {
+pub(crate) fn blade_rows(blade: &Blade, detail: usize) -> impl Iterator<Item = Vec<BladeVertex>> {
     let columns = match detail {
         0..24 => 2,
         24..160 => 4,
@@ -94,18 +100,25 @@ fn push_blade(mesh: &mut Mesh, blade: &Blade, detail: usize) {
     // A pointed end has half the triangles of a row.
     let points = if blade.shape.outline == Outline::Grass { 1 } else { 2 };
     let rows = ((detail as f64 / columns as f64 + f64::from(points)) / 2.0).round().max(2.0) as usize;
-    let mut last: Vec<u32> = Vec::new();
-    for row in 0..=rows {
+    (0..=rows).map(move |row| {
         let v = row as f64 / rows as f64;
         let is_point = blade.shape.outline.width(v) < 1e-9;
         let places = if is_point { 0..=0 } else { 0..=columns };
-        let next: Vec<u32> = places
-            .map(|column| {
-                let u = if is_point { 0.5 } else { column as f64 / columns as f64 };
-                let point = blade.point(u, v);
-                mesh.push(point.position_m, point.normal, point.tangent, u, blade.texture_v(v))
-            })
-            .collect();
+        let vertex = |column: usize| {
+            let u = if is_point { 0.5 } else { column as f64 / columns as f64 };
+            BladeVertex { u, v, point: blade.point(u, v) }
+        };
+        places.map(vertex).collect()
+    })
+}
+
+fn push_blade(mesh: &mut Mesh, blade: &Blade, detail: usize) {
+    let mut last: Vec<u32> = Vec::new();
+    for row in blade_rows(blade, detail) {
+        let push = |BladeVertex { u, v, point }: BladeVertex| {
+            mesh.push(point.position_m, point.normal, point.tangent, u, blade.texture_v(v))
+        };
+        let next: Vec<u32> = row.into_iter().map(push).collect();
         match (last.as_slice(), next.as_slice()) {
             ([], _) => {}
             ([point], row) => row.windows(2).for_each(|pair| mesh.indices.extend([*point, pair[1], pair[0]])),

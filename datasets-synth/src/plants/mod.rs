@@ -1,13 +1,16 @@
-//! Plants: L-systems that a turtle turns into organs, organs into meshes, meshes into a canopy in a glTF file.
+//! Plants: L-systems that a turtle turns into organs, organs into meshes, meshes into a canopy in a glTF
+//! file, or all of them into a script of shapes.
 
 pub(crate) mod blade;
 pub(crate) mod canopy;
 pub(crate) mod gltf;
+pub(crate) mod grass;
 pub(crate) mod lsystem;
 pub(crate) mod maize;
 pub(crate) mod mesh;
 pub(crate) mod params;
 pub(crate) mod plant;
+pub(crate) mod script;
 pub(crate) mod soybean;
 pub(crate) mod tree;
 pub(crate) mod turtle;

@@ -21,6 +21,15 @@ pub enum CanopySize {
     Triangles(u64),
 }
 
+/// What is written of plants.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// Triangles and instances, as binary glTF.
+    Mesh,
+    /// Cones and sheets, as a script of shapes ([`btf_capture::shapes`]).
+    Shapes,
+}
+
 /// What lies below the plants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ground {
@@ -37,8 +46,8 @@ pub struct PlantsParams {
     pub species: Species,
     /// Growth from just emerged (0) to flowering, or to the full-grown tree (1).
     pub stage: f64,
-    /// Mean leaf angle in degrees, 5 to 85. Maize: between stalk and midrib at the collar. Others: between the
-    /// horizontal and the blade.
+    /// Mean leaf angle in degrees, 5 to 85. Maize: between stalk and midrib at the collar. Grass: between the vertical
+    /// and the blade's base. Others: between the horizontal and the blade.
     pub leaf_angle_deg: f64,
     /// Triangles of a blade, 4 to 4000; rounded to whole rows.
     pub detail: usize,
@@ -54,8 +63,14 @@ pub struct PlantsParams {
     pub branches: usize,
     /// Leaves of a full-grown tree, 1 to 1000000.
     pub leaves: usize,
+    /// Blades of a patch of grass, 1 to 100000.
+    pub blades: usize,
+    /// Share of patches of grass that have a flower, 0 to 1.
+    pub flowers: f64,
     /// What lies below.
     pub ground: Ground,
+    /// What is written.
+    pub form: Form,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -67,6 +82,7 @@ impl PlantsParams {
             Species::Maize => (35.0, 200, 750.0, 180.0),
             Species::Soybean => (30.0, 40, 500.0, 80.0),
             Species::Tree => (35.0, 8, 4000.0, 4000.0),
+            Species::Grass => (20.0, 14, 40.0, 40.0),
         };
         PlantsParams {
             species,
@@ -79,7 +95,10 @@ impl PlantsParams {
             spacing_mm,
             branches: 2000,
             leaves: 6000,
+            blades: 16,
+            flowers: 0.5,
             ground: Ground::None,
+            form: Form::Mesh,
             seed: 1,
         }
     }
@@ -98,6 +117,8 @@ impl PlantsParams {
             ("--spacing-mm", self.spacing_mm, 20.0, 100_000.0),
             ("--branches", self.branches as f64, 1.0, 100_000.0),
             ("--leaves", self.leaves as f64, 1.0, 1_000_000.0),
+            ("--blades", self.blades as f64, 1.0, 100_000.0),
+            ("--flowers", self.flowers, 0.0, 1.0),
         ])?;
         let most = MAX_PLANTS as f64;
         match self.size {

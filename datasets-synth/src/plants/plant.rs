@@ -14,6 +14,10 @@ pub enum Part {
     Tassel,
     /// A soybean's pods.
     Pod,
+    /// A daisy's white petals.
+    Petal,
+    /// And its yellow middle.
+    Disc,
     /// Trunk, branches and twigs.
     Bark,
     /// Soil.
@@ -28,6 +32,8 @@ impl Part {
             Part::Stem => "stem",
             Part::Tassel => "tassel",
             Part::Pod => "pod",
+            Part::Petal => "petal",
+            Part::Disc => "disc",
             Part::Bark => "bark",
             Part::Ground => "ground",
         }
@@ -55,11 +61,22 @@ pub(crate) struct Axis {
 pub(crate) struct Plant {
     pub axes: Vec<Axis>,
     pub blades: Vec<Blade>,
+    pub petals: Vec<Blade>,
 }
 
 impl Plant {
     /// Area of one face of all blades in square metres.
     pub fn leaf_area_m2(&self) -> f64 {
         self.blades.iter().map(Blade::area_m2).sum()
+    }
+
+    /// Flowers: their middles are counted.
+    pub fn flowers(&self) -> usize {
+        self.axes.iter().filter(|axis| axis.part == Part::Disc).count()
+    }
+
+    /// Axes, blades and petals.
+    pub fn organs(&self) -> usize {
+        self.axes.len() + self.blades.len() + self.petals.len()
     }
 }

@@ -20,7 +20,7 @@ use std::f64::consts::PI;
 use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use crate::plants::blade::{BladeShape, Outline, TextureAlong};
+use crate::plants::blade::{BladeShape, Course, Outline, TextureAlong};
 use crate::plants::lsystem::{Module, derive};
 use crate::plants::params::{PlantsParams, smooth};
 use crate::plants::plant::{Part, Plant};
@@ -167,14 +167,14 @@ impl Soybean<'_> {
     }
 
     fn leaflet(&self, length_m: f64, random: &mut Xoshiro256PlusPlus) -> BladeShape {
+        let (bend_rad, fold_rad) = (random.gen_range(0.1..0.45), random.gen_range(0.08..0.22));
+        let sway_rad = random.gen_range(-0.15..0.15);
         BladeShape {
             outline: Outline::Egg { base: 0.6, tip: 0.95 },
             length_m,
             width_m: LEAFLET_WIDTH * length_m,
-            bend_rad: random.gen_range(0.1..0.45),
-            bend_power: 1.5,
-            fold_rad: [0.25, random.gen_range(0.08..0.22)],
-            sway_rad: random.gen_range(-0.15..0.15),
+            course: Course::Bent { bend_rad, power: 1.5, sway_rad },
+            fold_rad: [0.25, fold_rad],
             twist_rad: random.gen_range(-0.2..0.2),
             wave: random.gen_range(0.02..0.07),
             waves: random.gen_range(2.0..3.0),

@@ -20,7 +20,7 @@ use std::ops::Range;
 use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use crate::plants::blade::{BladeShape, Outline, TextureAlong};
+use crate::plants::blade::{BladeShape, Course, Outline, TextureAlong};
 use crate::plants::lsystem::{Module, derive};
 use crate::plants::params::PlantsParams;
 use crate::plants::plant::{Part, Plant};
@@ -195,6 +195,8 @@ impl Tree<'_> {
             let away = if i == 0 { 0.1 } else { random.gen_range(0.7..1.1) };
             let angle = self.params.leaf_angle_deg.to_radians() * random.gen_range(0.7..1.3);
             let length_m = LEAF_LENGTH_M * random.gen_range(0.72..1.0);
+            let (bend_rad, fold_rad) = (random.gen_range(0.1..0.5), random.gen_range(0.1..0.35));
+            let sway_rad = random.gen_range(-0.2..0.2);
             commands.extend([
                 Command::Push,
                 Command::Move(-back),
@@ -207,10 +209,8 @@ impl Tree<'_> {
                     outline: Outline::Egg { base: 0.65, tip: 0.8 },
                     length_m,
                     width_m: LEAF_WIDTH * length_m,
-                    bend_rad: random.gen_range(0.1..0.5),
-                    bend_power: 1.5,
-                    fold_rad: [0.35, random.gen_range(0.1..0.35)],
-                    sway_rad: random.gen_range(-0.2..0.2),
+                    course: Course::Bent { bend_rad, power: 1.5, sway_rad },
+                    fold_rad: [0.35, fold_rad],
                     twist_rad: random.gen_range(-0.2..0.2),
                     wave: 0.0,
                     waves: 0.0,

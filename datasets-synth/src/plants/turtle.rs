@@ -5,10 +5,7 @@
 
 use crate::plants::blade::{Blade, BladeShape};
 use crate::plants::plant::{Axis, Node, Part, Plant};
-use crate::plants::vec3::{Vec3, along, cross, direction_or, dot, scale, sub, turned};
-
-/// Straight up.
-const UP: Vec3 = [0.0, 1.0, 0.0];
+use crate::plants::vec3::{UP, Vec3, along, cross, direction_or, dot, scale, sub, turned};
 
 /// What the turtle can be told. Angles in radians, lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]

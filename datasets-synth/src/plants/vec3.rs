@@ -3,6 +3,9 @@
 /// A position or direction; metres, y up.
 pub(crate) type Vec3 = [f64; 3];
 
+/// Straight up.
+pub(crate) const UP: Vec3 = [0.0, 1.0, 0.0];
+
 pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }

@@ -1,8 +1,9 @@
-//! The files of a canopy: the `.glb`, the description of its leaves and their textures.
+//! The files of a canopy: the `.glb` or script, the description of its leaves and their textures.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use btf_capture::shapes::SCRIPT_ENDING;
 use btf_capture::{
     CaptureError, Direction, DirectionSet, LeafDescription, PlantVariation, Species, TEXTURES_NAME, TextureImages,
     TextureKind, glb, write_file_atomically,
@@ -13,8 +14,10 @@ use crate::leaf::patch::LeafParams;
 use crate::leaf::textures::{AppearanceTextures, BladePlace, LeafLook};
 use crate::plants::canopy::Canopy;
 use crate::plants::gltf::canopy_glb;
+use crate::plants::grass;
 use crate::plants::maize::BLADE_WIDTH_M;
-use crate::plants::params::PlantsParams;
+use crate::plants::params::{Form, PlantsParams};
+use crate::plants::script::canopy_script;
 use crate::plants::soybean::LEAFLET_LENGTH_M;
 use crate::plants::tree::LEAF_LENGTH_M;
 use crate::surface::capture::Progress;
@@ -28,14 +31,14 @@ const TEXTURE_TEXELS: usize = 256;
 pub enum Existing {
     /// They stay, and nothing is written.
     Refuse,
-    /// They are replaced: a `.glb`, a description, a folder that holds nothing but textures.
+    /// They are replaced: a `.glb` or script, a description, a folder that holds nothing but textures.
     Replace,
 }
 
-/// The files of a canopy and what is in them.
+/// The files of a canopy and what is in them. Triangles are those of the meshes, whatever is written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlantsReport {
-    /// Description of the leaves, beside the `.glb`.
+    /// Description of the leaves, beside the file.
     pub leaf: PathBuf,
     /// Folder of their textures.
     pub textures: PathBuf,
@@ -47,13 +50,17 @@ pub struct PlantsReport {
     pub triangles_unique: u64,
     /// Triangles that are drawn.
     pub triangles_instanced: u64,
+    /// Shapes in the file, none in a mesh.
+    pub shapes: usize,
     /// Blades of all plants.
     pub leaves: u64,
+    /// Flowers of all plants.
+    pub flowers: u64,
     /// Area of one face of all blades.
     pub leaf_area_m2: f64,
     /// That area over the ground's.
     pub leaf_area_index: f64,
-    /// Size of the `.glb`.
+    /// Size of the `.glb` or script.
     pub bytes: usize,
 }
 
@@ -61,7 +68,8 @@ pub struct PlantsReport {
 pub const CANOPY_VARIATION: PlantVariation =
     PlantVariation { chlorophyll: 0.12, carotenoid: 0.12, brown: 0.3, thickness: 0.06, seed: 1 };
 
-/// Grows a canopy and writes `glb` (its name ends in .glb), beside it `NAME-leaf.toml` and the folder `NAME-textures`.
+/// Grows a canopy and writes `out` (its name ends in .glb, or for [`Form::Shapes`] in .shapes.toml), beside it
+/// `NAME-leaf.toml` and the folder `NAME-textures`.
 /// `leaf` says what the leaves hold and lack; the species and the patch's size are the plants'. The same parameters give
 /// the same bytes on any number of threads.
 ///
@@ -69,7 +77,7 @@ pub const CANOPY_VARIATION: PlantVariation =
 /// [`SynthError::BadParameter`]; [`SynthError::Capture`] for files that are there or cannot be written;
 /// [`SynthError::Stopped`]. Every file is whole or not there.
 pub fn write_plants(
-    glb: impl AsRef<Path>,
+    out: impl AsRef<Path>,
     params: &PlantsParams,
     leaf: &LeafDescription,
     images: TextureImages,
@@ -77,8 +85,7 @@ pub fn write_plants(
     progress: Progress,
 ) -> Result<PlantsReport, SynthError> {
     params.check()?;
-    let glb = glb.as_ref();
-    let files = Files::beside(glb)?;
+    let files = Files::beside(out.as_ref(), params.form)?;
     files.check(existing)?;
     let go_on = |done: usize| if progress(done, 3).is_break() { Err(SynthError::Stopped) } else { Ok(()) };
     let canopy = Canopy::new(params)?;
@@ -89,7 +96,14 @@ pub fn write_plants(
         textures: Some(files.textures_name.clone().into()),
         ..leaf.clone()
     };
-    let bytes = canopy_glb(&canopy, &leaf, &glb::escaped(&files.leaf_name))?;
+    let (bytes, shapes) = match params.form {
+        Form::Mesh => (canopy_glb(&canopy, &leaf, &glb::escaped(&files.leaf_name))?, 0),
+        Form::Shapes => {
+            let script = canopy_script(&canopy, params.detail, &files.leaf_name)?;
+            let shapes = script.strokes.iter().map(|stroke| stroke.shapes.len()).sum();
+            (script.to_text(&files.out)?.into_bytes(), shapes)
+        }
+    };
     let textures = AppearanceTextures::new(&texture_params(&leaf, images)?)?;
     go_on(2)?;
     if existing == Existing::Replace && files.textures.exists() {
@@ -98,14 +112,16 @@ pub fn write_plants(
     }
     textures.export(&files.textures)?;
     leaf.write(&files.leaf)?;
-    write_file_atomically(glb, &bytes)?;
+    write_file_atomically(&files.out, &bytes)?;
     let leaf_area_m2 = canopy.leaf_area_m2();
     Ok(PlantsReport {
         plants: canopy.instances.len(),
         variants: canopy.variants.len(),
         triangles_unique: canopy.unique_triangles(),
         triangles_instanced: canopy.instanced_triangles(),
+        shapes,
         leaves: canopy.leaves(),
+        flowers: canopy.flowers(),
         leaf_area_m2,
         leaf_area_index: leaf_area_m2 / (canopy.area_per_plant_m2 * canopy.instances.len() as f64),
         bytes: bytes.len(),
@@ -120,6 +136,7 @@ fn texture_size_mm(species: Species) -> f64 {
         Species::Maize => BLADE_WIDTH_M,
         Species::Soybean => LEAFLET_LENGTH_M,
         Species::Tree => LEAF_LENGTH_M,
+        Species::Grass => grass::BLADE_WIDTH_M,
     };
     (1000.0 * metres).round()
 }
@@ -133,9 +150,9 @@ fn texture_params(leaf: &LeafDescription, images: TextureImages) -> Result<LeafP
     Ok(LeafParams { capture, look, ..described })
 }
 
-/// What is written beside the `.glb`.
+/// What is written.
 struct Files {
-    glb: PathBuf,
+    out: PathBuf,
     leaf: PathBuf,
     leaf_name: String,
     textures: PathBuf,
@@ -143,19 +160,19 @@ struct Files {
 }
 
 impl Files {
-    fn beside(glb: &Path) -> Result<Files, SynthError> {
-        let bad = |fault: &str| CaptureError::BadLeaf {
-            path: glb.into(),
-            fault: fault.into(),
-            remedy: "give a file name that ends in .glb",
+    fn beside(out: &Path, form: Form) -> Result<Files, SynthError> {
+        let (ending, remedy) = match form {
+            Form::Mesh => (".glb", "give a file name that ends in .glb, or --form shapes"),
+            Form::Shapes => (SCRIPT_ENDING, "give a file name that ends in .shapes.toml, or --form mesh"),
         };
-        let stem = glb.file_stem().and_then(|stem| stem.to_str()).ok_or_else(|| bad("has no name in Unicode"))?;
-        if glb.extension().is_none_or(|ending| ending != "glb") {
-            return Err(bad("does not end in .glb").into());
-        }
+        let bad = |fault: String| CaptureError::BadLeaf { path: out.into(), fault, remedy };
+        let name =
+            out.file_name().and_then(|name| name.to_str()).ok_or_else(|| bad("has no name in Unicode".into()))?;
+        let stem = name.strip_suffix(ending).filter(|stem| !stem.is_empty());
+        let stem = stem.ok_or_else(|| bad(format!("does not end in {ending}")))?;
         let (leaf_name, textures_name) = (format!("{stem}-leaf.toml"), format!("{stem}-textures"));
-        let (leaf, textures) = (glb.with_file_name(&leaf_name), glb.with_file_name(&textures_name));
-        Ok(Files { glb: glb.into(), leaf, leaf_name, textures, textures_name })
+        let (leaf, textures) = (out.with_file_name(&leaf_name), out.with_file_name(&textures_name));
+        Ok(Files { out: out.into(), leaf, leaf_name, textures, textures_name })
     }
 
     /// Refuses what must not be replaced.
@@ -163,7 +180,7 @@ impl Files {
         let bad =
             |path: &Path, fault: &str, remedy| CaptureError::BadLeaf { path: path.into(), fault: fault.into(), remedy };
         if existing == Existing::Refuse {
-            let there = [&self.glb, &self.leaf, &self.textures].into_iter().find(|path| path.exists());
+            let there = [&self.out, &self.leaf, &self.textures].into_iter().find(|path| path.exists());
             let remedy = "give another name, or --force to replace it";
             return there.map_or(Ok(()), |path| Err(bad(path, "exists already", remedy).into()));
         }

@@ -2,9 +2,11 @@
 
 use super::output::{check_file, tell};
 use super::{Failure, Shared};
+use btf_capture::shapes::{SCRIPT_ENDING, Script};
 use btf_capture::write_file_atomically;
 use btf_fit::voltex::build::{VoltexParams, build_voltex};
 use btf_fit::voltex::model::TriangleModel;
+use btf_fit::voltex::shapes::{Paints, build_painted, colours_of, paint};
 use btf_fit::{FitError, text_from_bytes};
 use clap::Args;
 use std::path::PathBuf;
@@ -17,9 +19,10 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   btf-synth plants tree.glb --species tree
   btf-fit voltex tree.glb -o tree.voltex
-  btf-fit voltex tree.glb -o tree_fine.voltex --resolution 256")]
+  btf-fit voltex tree.glb -o tree_fine.voltex --resolution 256
+  btf-fit voltex patch.shapes.toml -o patch.voltex --resolution 128")]
 pub(super) struct VoltexArgs {
-    /// The model: .obj, .gltf or .glb, in metres, y up
+    /// The model: .obj, .gltf or .glb, in metres, y up; or a script of shapes, .shapes.toml, z up
     #[arg(value_name = "MODEL")]
     model: PathBuf,
     /// The file to write
@@ -72,14 +75,21 @@ pub(super) fn run(args: &VoltexArgs, shared: &Shared) -> Result<(), Failure> {
     if let Some(target) = &args.json {
         check_file(target, inputs)?;
     }
-    let model = TriangleModel::read(&args.model)?;
     let mut params = VoltexParams { resolution: args.resolution, ..VoltexParams::default() };
     params.refit.views = usize::from(args.views);
-    let mut volume = build_voltex(&model, &params)?;
+    let (mut volume, triangles) = if args.model.to_string_lossy().ends_with(SCRIPT_ENDING) {
+        let script = Script::read(&args.model).map_err(FitError::from)?;
+        let colours = colours_of(&args.model, &script.materials)?;
+        let canvas = paint(&script, params.resolution, &Paints { script: &args.model, colours: &colours })?;
+        (build_painted(&canvas, &params)?, canvas.triangles.len())
+    } else {
+        let model = TriangleModel::read(&args.model)?;
+        (build_voltex(&model, &params)?, model.triangles.len())
+    };
     let name = args.model.file_stem().map_or_else(|| "volume".into(), |stem| stem.to_string_lossy().into_owned());
     volume.description = serde_json::json!({
         "name": name,
-        "triangles": model.triangles.len(),
+        "triangles": triangles,
         "resolution": params.resolution,
         "views": params.refit.views,
     })
@@ -89,8 +99,8 @@ pub(super) fn run(args: &VoltexArgs, shared: &Shared) -> Result<(), Failure> {
     let result = Built {
         file: args.out.display().to_string(),
         bytes: bytes.len(),
-        triangles: model.triangles.len(),
-        mesh_bytes: model.triangles.len() * TRIANGLE_BYTES,
+        triangles,
+        mesh_bytes: triangles * TRIANGLE_BYTES,
         side_m: volume.side_m,
         materials: volume.materials.len(),
         voxels: volume.levels.iter().map(|level| level.voxels.len()).collect(),

@@ -1,7 +1,7 @@
 //! From a model to a volume.
 
 use super::extinction::extinction_of;
-use super::gather::Gather;
+use super::gather::{Gather, VoxelSums};
 use super::model::TriangleModel;
 use super::occluder::Occluder;
 use super::palette::Palette;
@@ -89,13 +89,21 @@ pub fn build_voltex(model: &TriangleModel, params: &VoltexParams) -> Result<Volu
         let material = *material as usize;
         gather.add_triangle(*triangle, &cube.colours[material], cube.weights[material]);
     }
+    let mut volume = volume_of(&gather.levels());
+    volume.side_m = frame.side_m;
+    fit_to_rays(&mut volume, &Occluder::new(&cube.triangles), &cube, params);
+    Ok(volume)
+}
+
+/// The volume of levels of flakes, finest first, as if flakes lay anywhere in their voxels. It fills the cube.
+pub(super) fn volume_of(levels: &[VoxelSums]) -> Volume {
     let mut palette = Palette::default();
-    let levels = gather.levels();
+    let finest = (1u32 << (levels.len() - 1)) as f32;
     let levels = levels
         .iter()
         .enumerate()
         .map(|(level, cells)| {
-            let side = (1u32 << level) as f32 / params.resolution as f32;
+            let side = (1u32 << level) as f32 / finest;
             let voxel = |sums| Voxel::new(extinction_of(sums, side * side * side), palette.number(sums));
             let mut voxels: Vec<_> = cells
                 .iter()
@@ -109,20 +117,21 @@ pub fn build_voltex(model: &TriangleModel, params: &VoltexParams) -> Result<Volu
             VolumeLevel { voxels, ..VolumeLevel::default() }
         })
         .collect();
-    let mut volume = Volume { side_m: frame.side_m, extent: [1.0; 3], levels, ..Volume::default() };
-    volume.materials = palette.materials();
-    let occluder = Occluder::new(&cube.triangles);
-    let mut voltex = Voltex::new(&volume);
+    Volume { side_m: 1.0, extent: [1.0; 3], levels, materials: palette.materials(), ..Volume::default() }
+}
+
+/// Fits extinction and shadows of every level to rays past the triangles that the volume was made of.
+pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl Lit, params: &VoltexParams) {
+    let mut voltex = Voltex::new(volume);
     for level in 0..=voltex.level_count() {
         if params.resolution >> level >= LEAST_SIDE {
-            refit(&mut voltex, level, &occluder, &params.refit);
+            refit(&mut voltex, level, occluder, &params.refit);
         }
-        let shadow = fit_shadow(&voltex, level, &occluder, &cube, &params.shadow);
+        let shadow = fit_shadow(&voltex, level, occluder, lit, &params.shadow);
         voltex.set_shadow(level, &shadow);
         let numbers = voltex.numbers_at(level);
         let own = &mut volume.levels[level as usize];
         own.shadow = shadow;
         own.voxels.iter_mut().zip(numbers).for_each(|((_, voxel), number)| *voxel = voltex.voxel(number));
     }
-    Ok(volume)
 }

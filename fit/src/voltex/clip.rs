@@ -20,6 +20,11 @@ impl Polygon {
         Polygon { corners: all, count: 3 }
     }
 
+    /// The part of it in a box.
+    pub fn within(self, least: Vec3, most: Vec3) -> Polygon {
+        (0..3).fold(self, |polygon, axis| polygon.cut(axis, least[axis])[1].cut(axis, most[axis])[0])
+    }
+
     /// Its corners in order.
     pub fn corners(&self) -> &[Vec3] {
         &self.corners[..self.count]
@@ -65,7 +70,14 @@ impl Polygon {
 /// Calls `each(cell, polygon)` for the part of a triangle in each cell of the unit grid, whose cell (0, 0, 0) begins at the
 /// origin.
 pub fn clip_triangle(corners: [Vec3; 3], each: &mut impl FnMut([i32; 3], &Polygon)) {
-    along(Polygon::triangle(corners), 0, [0; 3], each);
+    clip_polygon(Polygon::triangle(corners), each);
+}
+
+/// The same for a triangle of which a part has been cut off ([`Polygon::within`]).
+pub fn clip_polygon(polygon: Polygon, each: &mut impl FnMut([i32; 3], &Polygon)) {
+    if polygon.count >= 3 {
+        along(polygon, 0, [0; 3], each);
+    }
 }
 
 fn along(polygon: Polygon, axis: usize, mut cell: [i32; 3], each: &mut impl FnMut([i32; 3], &Polygon)) {

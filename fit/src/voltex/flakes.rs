@@ -60,6 +60,18 @@ impl FlakeSums {
         }
     }
 
+    /// So many times these flakes.
+    pub fn scaled(&self, factor: f32) -> FlakeSums {
+        let times = |x: f32| x * factor;
+        FlakeSums {
+            area: times(self.area),
+            projected: self.projected.map(times),
+            moment: self.moment.map(times),
+            reflected: self.reflected.map(times),
+            transmitted: self.transmitted.map(times),
+        }
+    }
+
     /// Adds others.
     pub fn add(&mut self, other: &FlakeSums) {
         self.area += other.area;

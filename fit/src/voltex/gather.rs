@@ -21,6 +21,11 @@ impl Gather {
         Gather { resolution, voxels: BTreeMap::new() }
     }
 
+    /// A cube of voxels that have been gathered already.
+    pub fn of(resolution: u32, voxels: VoxelSums) -> Gather {
+        Gather { resolution, voxels }
+    }
+
     /// Adds flakes to a voxel; those beyond the cube are dropped.
     pub fn add(&mut self, cell: [i32; 3], flakes: &FlakeSums) {
         if cell.iter().all(|x| (0..self.resolution as i32).contains(x)) {

@@ -69,7 +69,7 @@ fn z_up(p: Vec3) -> Vec3 {
 }
 
 /// Whether nearly every edge has a triangle on both sides, so that the part encloses a volume.
-fn is_closed(part: &ModelPart) -> bool {
+pub(super) fn is_closed(part: &ModelPart) -> bool {
     if part.double_sided {
         return false;
     }

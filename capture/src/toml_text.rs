@@ -1,0 +1,25 @@
+//! Reading files of TOML: a text of bounded size, and the line that is at fault.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// The text of a file of at most `most_bytes`; what is wrong is a verb phrase. `what` is what such a file holds, with
+/// its article.
+pub(crate) fn bounded_text(path: &Path, most_bytes: u64, what: &str) -> Result<String, String> {
+    let unreadable = |error: std::io::Error| format!("cannot be read ({error})");
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(unreadable)?;
+    file.take(most_bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 > most_bytes {
+        return Err(format!("is larger than the {most_bytes} bytes that {what} may have"));
+    }
+    String::from_utf8(bytes).map_err(|_| "is no text".into())
+}
+
+/// Where the fault lies, counting lines from 1, and what it is, on one line.
+pub(crate) fn line_and_reason(text: &str, error: &toml::de::Error) -> (usize, String) {
+    let at = error.span().map_or(0, |span| span.start).min(text.len());
+    let line = text.as_bytes()[..at].iter().filter(|&&byte| byte == b'\n').count() + 1;
+    (line, error.message().split_whitespace().collect::<Vec<_>>().join(" "))
+}
