@@ -158,6 +158,14 @@ impl CommonArguments {
         }
     }
 
+    /// The backend that draws a scene: volumetric textures are the CPU renderer's so far.
+    fn backend_for(&self, scene: &Scene) -> BackendChoice {
+        match self.backend {
+            BackendName::Auto if scene.volumes.is_some() => BackendChoice::Cpu,
+            _ => self.backend(),
+        }
+    }
+
     fn backend(&self) -> BackendChoice {
         match self.backend {
             BackendName::Auto => BackendChoice::Auto,
@@ -318,7 +326,7 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
     }
     let arguments = &arguments.view;
     let scene = make_scene(arguments)?;
-    let (backend, adapter, shade) = (common.backend(), common.adapter.clone(), common.shade());
+    let (backend, adapter, shade) = (common.backend_for(&scene), common.adapter.clone(), common.shade());
     let target_ms = arguments.target_ms.map(f64::from);
     match &arguments.out {
         Some(out) => {

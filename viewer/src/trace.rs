@@ -194,6 +194,9 @@ impl Tracer {
         decoder: DecoderForm,
     ) -> Result<Tracer, ViewerError> {
         gpu.require(tracer)?;
+        if scene.volumes.is_some() {
+            return Err(ViewerError::Usage("volumetric textures are drawn on the CPU only, use --backend cpu".into()));
+        }
         let bases: Vec<Option<Vec<LayerBases>>> =
             scene.assets.iter().map(|asset| bases_to_expand(gpu, asset)).collect();
         let mut assets: Vec<ArenaAsset> = scene

@@ -177,3 +177,123 @@ impl Volumes {
 pub(crate) fn asks_anew(hidden: f32) -> bool {
     hidden > SHADOW_STEP
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::skin::{Pattern, Shell, ShellParams, Skin, SkinVertex};
+    use crate::volumes::{SceneSkin, VolumePlace};
+    use btf_runtime::testing::{Random, random_volume};
+    use glam::{Mat4, Quat};
+    use std::sync::Arc;
+
+    fn voltex(seed: u64) -> Arc<Voltex> {
+        Arc::new(Voltex::new(&random_volume(&mut Random::new(seed), 3, 0.4)))
+    }
+
+    fn direction(random: &mut Random) -> Vec3 {
+        Vec3::new(random.within(-1.0, 1.0), random.within(-1.0, 1.0), random.within(-1.0, 1.0)).normalize()
+    }
+
+    fn alone(voltex: &Arc<Voltex>, map: Mat4) -> Volumes {
+        Volumes::new(vec![voltex.clone()], &[VolumePlace { volume: 0, world_from_volume: map }], Vec::new()).unwrap()
+    }
+
+    /// Depths are told apart as what passes.
+    fn far(a: f32, b: f32) -> f32 {
+        ((-a).exp() - (-b).exp()).abs()
+    }
+
+    #[test]
+    fn a_volume_is_as_dense_wherever_it_stands_and_however_it_is_turned() {
+        let own = voltex(3);
+        let here = alone(&own, Mat4::IDENTITY);
+        let mut random = Random::new(8);
+        for _ in 0..12 {
+            let turn = Quat::from_axis_angle(direction(&mut random), random.within(0.0, 6.0));
+            let scale = Vec3::new(-0.7, 1.9, 1.1) * random.within(0.1, 9.0);
+            let map = Mat4::from_scale_rotation_translation(scale, turn, direction(&mut random) * 20.0);
+            let there = alone(&own, map);
+            for _ in 0..40 {
+                let (from, to) =
+                    (Vec3::splat(0.5) + direction(&mut random), Vec3::splat(0.5) + direction(&mut random) * 0.4);
+                let depth = here.depth(from, (to - from).normalize(), 1e30, 0.0);
+                let moved = map.transform_point3(from);
+                let towards = (map.transform_point3(to) - moved).normalize();
+                let other = there.depth(moved, towards, 1e30, 0.0);
+                assert!(far(depth, other) < 2e-3, "{depth} {other}");
+                // The other way round.
+                let behind = moved + towards * 200.0;
+                assert!(far(depth, there.depth(behind, -towards, 1e30, 0.0)) < 4e-3);
+            }
+        }
+        // Planted: a longer volume is denser along itself.
+        let longer = alone(&own, Mat4::from_scale(Vec3::new(1.0, 1.0, 1.0)) * Mat4::from_translation(Vec3::X * 0.2));
+        let differ = |y: f32| {
+            far(
+                here.depth(Vec3::new(0.31, y, -1.0), Vec3::Z, 1e30, 0.0),
+                longer.depth(Vec3::new(0.31, y, -1.0), Vec3::Z, 1e30, 0.0),
+            )
+        };
+        assert!((0..30).map(|i| differ(i as f32 / 30.0)).fold(0.0, f32::max) > 0.1);
+    }
+
+    #[test]
+    fn volumes_that_overlap_hide_what_both_hide_and_an_eye_may_be_inside() {
+        let (first, second) = (voltex(1), voltex(2));
+        let map = Mat4::from_rotation_translation(Quat::from_rotation_y(0.4), Vec3::new(0.3, 0.1, -0.2));
+        let places = [
+            VolumePlace { volume: 0, world_from_volume: Mat4::IDENTITY },
+            VolumePlace { volume: 1, world_from_volume: map },
+        ];
+        let both = Volumes::new(vec![first.clone(), second.clone()], &places, Vec::new()).unwrap();
+        let (a, b) = (alone(&first, Mat4::IDENTITY), alone(&second, map));
+        let mut random = Random::new(4);
+        let mut inside = 0;
+        for i in 0..400 {
+            let origin = Vec3::splat(0.5) + direction(&mut random) * if i % 2 == 0 { 0.3 } else { 2.0 };
+            let towards = (Vec3::splat(0.5) + direction(&mut random) * 0.4 - origin).normalize();
+            let sum = a.depth(origin, towards, 1e30, 0.0) + b.depth(origin, towards, 1e30, 0.0);
+            assert!(far(sum, both.depth(origin, towards, 1e30, 0.0)) < 3e-3);
+            let mut weights = 0.0;
+            let through = both.see(origin, towards, 1e30, |_| 0.0, |point| weights += point.weight);
+            assert!((through - (-sum).exp()).abs() < 0.01 && (weights + through - 1.0).abs() < 0.01);
+            // What lies beyond t_max hides nothing.
+            assert!(both.depth(origin, towards, 0.2, 0.0) <= sum + 1e-3);
+            inside += usize::from(i % 2 == 0 && sum > 0.1);
+        }
+        assert!(inside > 20);
+        // Planted: one alone hides less.
+        let ray = |volumes: &Volumes| volumes.depth(Vec3::new(0.5, 0.45, -3.0), Vec3::Z, 1e30, 0.0).min(9.0);
+        assert!(ray(&both) > ray(&a) || ray(&both) > ray(&b));
+    }
+
+    #[test]
+    fn a_flat_skin_is_a_row_of_boxes() {
+        let own = voltex(6);
+        let vertex = |x: usize, y: usize| {
+            let at = [x as f32, y as f32];
+            SkinVertex::new(Vec3::new(at[0], 0.0, -at[1]), Vec3::Y, at)
+        };
+        let skin = Skin::from_grid(3, 2, vertex, |_, _| 0).unwrap();
+        let shell = Shell::new(&skin, &ShellParams::default()).unwrap();
+        let skin = SceneSkin { shell, patterns: vec![Pattern::cyclic(0)], thickness: 1.0 };
+        let skins = Volumes::new(vec![own.clone()], &[], vec![skin]).unwrap();
+        // The volume's z is the world's y.
+        let y_up =
+            Mat4::from_cols(Vec3::X.extend(0.0), Vec3::NEG_Z.extend(0.0), Vec3::Y.extend(0.0), Vec3::ZERO.extend(1.0));
+        let places: Vec<VolumePlace> = (0..6)
+            .map(|i| Vec3::new((i % 3) as f32, 0.0, -((i / 3) as f32)))
+            .map(|at| VolumePlace { volume: 0, world_from_volume: Mat4::from_translation(at) * y_up })
+            .collect();
+        let boxes = Volumes::new(vec![own], &places, Vec::new()).unwrap();
+        let mut random = Random::new(11);
+        for _ in 0..500 {
+            let to = Vec3::new(random.within(0.1, 2.9), random.within(0.1, 0.9), random.within(-1.9, -0.1));
+            let towards = direction(&mut random);
+            let from = to - towards * random.within(0.0, 5.0);
+            let (a, b) = (skins.depth(from, towards, 1e30, 0.0), boxes.depth(from, towards, 1e30, 0.0));
+            assert!(far(a, b) < 5e-3, "{a} {b} from {from} along {towards}");
+        }
+    }
+}

@@ -1,6 +1,6 @@
 //! glTF files.
 
-use super::{ModelMesh, ModelPart, checked, fault};
+use super::{ModelMesh, ModelPart, beside, checked, fault};
 use crate::error::CaptureError;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;
@@ -153,6 +153,7 @@ fn part_of(
         group: material.index().unwrap_or(0),
         diffuse: [r, g, b],
         transmitted: transmission.map_or([0.0; 3], transmitted),
+        shows: shown(&material).map(|uri| beside(path, uri)),
         double_sided: material.double_sided(),
         positions,
         normals,
@@ -161,6 +162,12 @@ fn part_of(
         triangles: indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
     };
     checked(path, part).map(Some)
+}
+
+/// The address of what a material points at beside the file.
+fn shown<'a>(material: &'a gltf::Material) -> Option<&'a str> {
+    let leaf = material.extension_value("BTF_materials_leaf").map(|told| &told["leaf"]);
+    leaf.or_else(|| material.extension_value("BTF_materials_spmm").map(|told| &told["asset"]["uri"]))?.as_str()
 }
 
 /// Colour times share of `KHR_materials_diffuse_transmission`.

@@ -5,7 +5,7 @@ mod obj;
 
 use crate::error::CaptureError;
 use glam::Mat4;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Some triangles of a model that share a material.
 #[derive(Debug, Clone, Default)]
@@ -18,6 +18,8 @@ pub struct ModelPart {
     pub diffuse: [f32; 3],
     /// The share of light that the material lets through diffusely, linear sRGB; 0 where the file says nothing.
     pub transmitted: [f32; 3],
+    /// The leaf's description or the asset that the material points at by `BTF_materials_leaf` or `BTF_materials_spmm`.
+    pub shows: Option<PathBuf>,
     /// Whether the material says that it is seen from both sides.
     pub double_sided: bool,
     /// Finite.
@@ -67,6 +69,32 @@ pub fn read_model(path: &Path) -> Result<Vec<ModelMesh>, CaptureError> {
     Ok(meshes)
 }
 
+/// The file that an address in the glTF file `path` means.
+pub fn beside(path: &Path, uri: &str) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).join(unescaped(uri))
+}
+
+/// An address with its escaped bytes as they are; what is no escape stays.
+fn unescaped(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut out = Vec::new();
+    let mut at = 0;
+    while at < bytes.len() {
+        let digits = uri.get(at + 1..at + 3).filter(|_| bytes[at] == b'%');
+        match digits.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+            Some(byte) => {
+                out.push(byte);
+                at += 3;
+            }
+            None => {
+                out.push(bytes[at]);
+                at += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
 fn fault(path: &Path, reason: impl Into<String>) -> CaptureError {
     CaptureError::Model { path: path.into(), reason: reason.into() }
 }
@@ -87,4 +115,15 @@ fn checked(path: &Path, part: ModelPart) -> Result<ModelPart, CaptureError> {
         return Err(wrong("has a coordinate that is not a finite number"));
     }
     Ok(part)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_unescaped_and_lie_beside_the_file() {
+        assert_eq!(unescaped("a%20b%zz%2"), "a b%zz%2");
+        assert_eq!(beside(Path::new("plants/maize.glb"), "maize%20leaf.toml"), Path::new("plants/maize leaf.toml"));
+    }
 }

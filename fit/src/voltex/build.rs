@@ -135,3 +135,91 @@ pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl L
         own.voxels.iter_mut().zip(numbers).for_each(|((_, voxel), number)| *voxel = voltex.voxel(number));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::voltex::flakes::FlakeColour;
+    use crate::voltex::projection::{HALF_SIDE, Projection, spread_directions};
+    use btf_runtime::testing::Random;
+    use btf_runtime::voltex::{NO_VOXEL, VoltexRay, Walk};
+
+    /// Square leaves about a ball's middle.
+    fn bush(leaves: usize, size: f32) -> TriangleModel {
+        let mut random = Random::new(5);
+        let mut vector = |reach: f32| Vec3::from([0; 3].map(|_| random.within(-reach, reach)));
+        let mut model = TriangleModel::default();
+        for _ in 0..leaves {
+            let (at, x) = (vector(0.4), vector(1.0).normalize());
+            let y = x.cross(vector(1.0)).normalize();
+            let [a, b, c, d] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+                .map(|(u, v): (f32, f32)| at + (x * u + y * v) * 0.5 * size);
+            model.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        model.materials = vec![0; model.triangles.len()];
+        model.colours = vec![FlakeColour { reflectance: [0.3; 3], transmittance: [0.2; 3] }];
+        model.weights = vec![1.0];
+        model
+    }
+
+    /// Of what the model hides, what the volume hides, in views of which none was fitted.
+    fn opacity_ratio(volume: &Volume, occluder: &Occluder, level: u32) -> f32 {
+        let voltex = Voltex::new(volume);
+        let (mut model, mut hidden) = (0.0, 0.0);
+        for direction in spread_directions(5, 2.1) {
+            let view = Projection::new(direction);
+            for i in 0..60 * 60 {
+                let at = |k: usize| (k as f32 + 0.5) / 60.0 * 2.0 * HALF_SIDE - HALF_SIDE;
+                let origin = view.origin(at(i % 60), at(i / 60));
+                model += f32::from(u8::from(occluder.occluded(origin, direction, 4.0)));
+                let d = direction.to_array();
+                let ray = VoltexRay { origin: origin.to_array(), direction: d };
+                let mut walk = Walk::new(ray, 0.0, 4.0, voltex.level_count());
+                let mut depth = 0.0;
+                while let Some(segment) = walk.next(&voltex, level) {
+                    if segment.cell.voxel != NO_VOXEL {
+                        let extinction = voltex.voxel(segment.cell.voxel).extinction;
+                        depth += extinction.form(d, d).max(0.0).sqrt() * (segment.t1 - segment.t0);
+                    }
+                }
+                hidden += 1.0 - (-depth).exp();
+            }
+        }
+        hidden / model
+    }
+
+    #[test]
+    fn a_fitted_volume_hides_what_its_model_hides() {
+        let model = bush(150, 0.16);
+        let params = VoltexParams {
+            resolution: 16,
+            refit: RefitParams { views: 12, passes: 2, rays: 3 },
+            shadow: ShadowParams { views: 2, turns: 1, pixels: 12 },
+        };
+        let frame = Frame::around(model.bounds()).unwrap();
+        let triangles: Vec<_> = model.triangles.iter().map(|t| t.map(|p| frame.cube_from_m(p))).collect();
+        let occluder = Occluder::new(&triangles);
+        let fitted = build_voltex(&model, &params).unwrap();
+        let raw = VoltexParams { refit: RefitParams { views: 0, ..params.refit }, ..params };
+        let raw = build_voltex(&model, &raw).unwrap();
+        for level in 0..4 {
+            let ratio = opacity_ratio(&fitted, &occluder, level);
+            assert!((ratio - 1.0).abs() < 0.03, "level {level}: {ratio}");
+        }
+        // Planted: what was not fitted is told apart.
+        assert!((opacity_ratio(&raw, &occluder, 3) - 1.0).abs() > 0.03, "{}", opacity_ratio(&raw, &occluder, 3));
+        // The same bytes from the same model.
+        assert_eq!(build_voltex(&model, &params).unwrap(), fitted);
+        // Eye and light in one direction see the same gaps.
+        assert!(fitted.levels[0].shadow.shared[0] > 0.8, "{:?}", fitted.levels[0].shadow);
+        assert!(fitted.pack().is_ok());
+    }
+
+    #[test]
+    fn a_model_without_extent_is_refused() {
+        let mut model = bush(1, 0.1);
+        model.triangles.clear();
+        model.materials.clear();
+        assert!(build_voltex(&model, &VoltexParams::default()).unwrap_err().to_string().contains("no extent"));
+    }
+}

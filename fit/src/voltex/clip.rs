@@ -109,3 +109,56 @@ fn along(polygon: Polygon, axis: usize, mut cell: [i32; 3], each: &mut impl FnMu
         rest = above;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use btf_runtime::testing::Random;
+
+    fn point(random: &mut Random, reach: f32) -> Vec3 {
+        Vec3::new(random.within(-reach, reach), random.within(-reach, reach), random.within(-reach, reach))
+    }
+
+    /// Sum of the areas of the parts, after checking that each lies in its cell.
+    fn clipped_area(corners: [Vec3; 3]) -> f64 {
+        let mut sum = 0.0;
+        clip_triangle(corners, &mut |cell, polygon| {
+            for p in polygon.corners() {
+                for axis in 0..3 {
+                    let low = cell[axis] as f32;
+                    assert!(p[axis] >= low - 1e-5 && p[axis] <= low + 1.0 + 1e-5, "{p} in {cell:?}");
+                }
+            }
+            sum += 0.5 * f64::from(polygon.double_area().length());
+        });
+        sum
+    }
+
+    #[test]
+    fn the_parts_of_a_triangle_have_its_area() {
+        let mut random = Random::new(1);
+        for reach in [0.2, 3.0, 40.0] {
+            for _ in 0..200 {
+                let [a, b, c] = [0; 3].map(|_| point(&mut random, reach));
+                let area = 0.5 * f64::from((b - a).cross(c - a).length());
+                let parts = clipped_area([a, b, c]);
+                assert!((parts - area).abs() <= 1e-5 * f64::from(reach * reach), "{parts} of {area}");
+                // Cut in two, and in another order.
+                let middle = 0.5 * (b + c);
+                let halves = clipped_area([c, a, middle]) + clipped_area([middle, a, b]);
+                assert!((halves - parts).abs() <= 1e-5 * f64::from(reach * reach));
+            }
+        }
+        // Planted: a smaller triangle has less.
+        let [a, b] = [Vec3::ZERO, Vec3::X * 3.0];
+        assert!(clipped_area([a, b, Vec3::Y]) > 1.05 * clipped_area([a, b, Vec3::Y * 0.9]));
+    }
+
+    #[test]
+    fn what_lies_in_a_plane_of_the_grid_is_in_one_cell() {
+        let corners = [Vec3::new(0.1, 0.1, 2.0), Vec3::new(0.8, 0.1, 2.0), Vec3::new(0.1, 0.8, 2.0)];
+        let mut cells = Vec::new();
+        clip_triangle(corners, &mut |cell, _| cells.push(cell));
+        assert_eq!(cells, [[0, 0, 2]]);
+    }
+}

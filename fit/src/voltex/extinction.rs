@@ -25,3 +25,35 @@ pub fn extinction_of(sums: &FlakeSums, volume: f32) -> Sym3 {
     // Noise of the fit can make it indefinite.
     Sym3(std::array::from_fn(|i| s[i] as f32)).mapped(|x| x.max(0.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::voltex::flakes::FlakeColour;
+    use crate::voltex::projection::spread_directions;
+
+    fn of_normals(normals: &[glam::Vec3]) -> FlakeSums {
+        let mut sums = FlakeSums::default();
+        normals.iter().for_each(|n| sums.add(&FlakeSums::flake(1.0, *n, &FlakeColour::default())));
+        sums
+    }
+
+    #[test]
+    fn one_flake_and_flakes_of_all_directions_project_what_they_are() {
+        for n in spread_directions(20, 0.7) {
+            let s = extinction_of(&of_normals(&[n]), 0.5);
+            for d in spread_directions(33, 0.1) {
+                let projected = s.form(d.to_array(), d.to_array()).max(0.0).sqrt();
+                // 1 per half a volume.
+                assert!((projected - 2.0 * n.dot(d).abs()).abs() < 2e-3, "{projected} {}", n.dot(d));
+            }
+        }
+        let all = spread_directions(2000, 0.0);
+        let s = extinction_of(&of_normals(&all), 2000.0);
+        let along = |d: glam::Vec3| s.form(d.to_array(), d.to_array()).sqrt();
+        assert!(spread_directions(9, 0.4).into_iter().all(|d| (along(d) - 0.5).abs() < 2e-3));
+        // Planted: flakes of one direction only do not.
+        let flat = extinction_of(&of_normals(&[glam::Vec3::Z; 2]), 2.0);
+        assert!((flat.form([1.0, 0.0, 0.0], [1.0, 0.0, 0.0]).max(0.0).sqrt() - 0.5).abs() > 0.4);
+    }
+}

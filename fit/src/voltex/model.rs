@@ -1,11 +1,12 @@
 //! A model as triangles with what they are made of.
 
 use super::flakes::FlakeColour;
+use super::material::colour_of_file;
 use crate::error::FitError;
 use btf_capture::{ModelPart, read_model};
 use glam::{Mat4, Vec3};
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Triangles in metres.
 #[derive(Debug, Clone, Default)]
@@ -21,15 +22,24 @@ pub struct TriangleModel {
 }
 
 impl TriangleModel {
-    /// Reads `.obj`, `.gltf` or `.glb` with all instances.
+    /// Reads `.obj`, `.gltf` or `.glb` with all instances. Materials that point at a leaf or an asset have its hemispherical
+    /// integrals for colours.
     ///
     /// # Errors
-    /// Those of [`read_model`].
+    /// Those of [`read_model`] and [`colour_of_file`].
     pub fn read(path: &Path) -> Result<TriangleModel, FitError> {
         let mut model = TriangleModel::default();
+        // Leaves and assets that several parts show are integrated once.
+        let mut known: HashMap<PathBuf, FlakeColour> = HashMap::new();
         for mesh in read_model(path)? {
             for part in &mesh.parts {
-                let material = model.material_of(part);
+                let shown = part.shows.as_ref().map(|file| match known.get(file) {
+                    Some(colour) => Ok(*colour),
+                    None => colour_of_file(file).inspect(|colour| {
+                        known.insert(file.clone(), *colour);
+                    }),
+                });
+                let material = model.add_material(part, shown.transpose()?);
                 for place in &mesh.places {
                     model.add_part(part, *place, material);
                 }
@@ -38,8 +48,9 @@ impl TriangleModel {
         Ok(model)
     }
 
-    fn material_of(&mut self, part: &ModelPart) -> u32 {
-        self.colours.push(FlakeColour { reflectance: part.diffuse, transmittance: part.transmitted });
+    fn add_material(&mut self, part: &ModelPart, shown: Option<FlakeColour>) -> u32 {
+        let plain = FlakeColour { reflectance: part.diffuse, transmittance: part.transmitted };
+        self.colours.push(shown.unwrap_or(plain));
         self.weights.push(if is_closed(part) { 0.5 } else { 1.0 });
         self.colours.len() as u32 - 1
     }
