@@ -97,6 +97,7 @@ def children(decoder, parents):
             voxel.axis = axes[parent.axis].number(decoder)
             must(voxel.axis <= 2, "an axis is out of its range")
             voxel.ratios = [tree.number(decoder) for tree in ratios]
+            must(63 not in voxel.ratios[: voxel.axis], "an axis is not the first")
             voxel.angles = [angles.angle(decoder, i) if voxel.ratios[i] > 0 else 0 for i in range(2)]
             right = voxel.partial_right_angle()
             voxel.angles.append(partial.angle(decoder, right.bit_length()) if right > 0 else 0)

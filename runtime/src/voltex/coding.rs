@@ -75,6 +75,7 @@ pub fn code_children(coder: &mut impl BinaryCoder, parents: &[(CodedVoxel, u8)],
         for (model, ratio) in ratios.iter_mut().zip(&mut codes.ratios) {
             *ratio = model.code(coder, u32::from(*ratio)) as u8;
         }
+        fits &= codes.axis_is_first();
         for slot in 0..2 {
             let coded = codes.ratios[slot] > 0;
             codes.angles[slot] = if coded { angles.code(coder, codes.angles[slot], slot) } else { 0 };
