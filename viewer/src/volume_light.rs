@@ -271,7 +271,7 @@ mod tests {
     #[test]
     fn a_flat_skin_is_a_row_of_boxes() {
         let own = voltex(6);
-        let vertex = |x: usize, y: usize| {
+        let vertex = |x: u32, y: u32| {
             let at = [x as f32, y as f32];
             SkinVertex::new(Vec3::new(at[0], 0.0, -at[1]), Vec3::Y, at)
         };

@@ -52,7 +52,7 @@ impl Frame {
     /// The cube over a model: it stands on the cube's floor, in the middle.
     ///
     /// # Errors
-    /// [`FitError::Model`] for a model without extent.
+    /// [`FitError::Voltex`] for a model without extent.
     pub fn around([lo, hi]: [Vec3; 2]) -> Result<Frame, FitError> {
         let side_m = (hi - lo).max_element() * MARGIN;
         if !(side_m.is_finite() && side_m > 0.0) {
