@@ -4,7 +4,7 @@ use super::shell::Shell;
 use super::thick_skin::{Skin, SkinVertex};
 use super::walk::Interval;
 use btf_runtime::testing::Random;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A flat skin of unit patches, one texel each, one high.
 pub(super) fn grid(columns: u32, rows: u32) -> Skin {
@@ -56,23 +56,29 @@ pub(super) struct Crossing {
     pub cosine: f64,
 }
 
-/// All crossings of a line in the order of t [Möller 1997].
-pub(super) fn crossings(shell: &Shell, origin: Vec3, direction: Vec3) -> Vec<Crossing> {
+/// The boundary's triangles.
+pub(super) fn triangles(shell: &Shell) -> Vec<[DVec3; 3]> {
+    (0..shell.boundary().len()).map(|i| shell.boundary_triangle(i).map(|p| p.as_dvec3())).collect()
+}
+
+/// All crossings of a line and triangles in the order of t [Möller 1997].
+pub(super) fn crossings(triangles: &[[DVec3; 3]], origin: Vec3, direction: Vec3) -> Vec<Crossing> {
     let (o, d) = (origin.as_dvec3(), direction.as_dvec3());
-    let meets = |boundary: usize| {
-        let [a, b, c] = shell.boundary_triangle(boundary).map(|p| p.as_dvec3());
+    let meets = |(boundary, [a, b, c]): (usize, &[DVec3; 3])| {
         let (e, f) = (b - a, c - a);
         let p = d.cross(f);
         let determinant = e.dot(p);
         let s = o - a;
         let u = s.dot(p) / determinant;
+        if !(0.0..=1.0).contains(&u) {
+            return None;
+        }
         let q = s.cross(e);
         let v = d.dot(q) / determinant;
-        let is_within = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
         let cosine = -determinant / (e.cross(f).length() * d.length());
-        is_within.then(|| Crossing { t: f.dot(q) / determinant, boundary, cosine })
+        (v >= 0.0 && u + v <= 1.0).then(|| Crossing { t: f.dot(q) / determinant, boundary, cosine })
     };
-    let mut found: Vec<Crossing> = (0..shell.boundary().len()).filter_map(meets).collect();
+    let mut found: Vec<Crossing> = triangles.iter().enumerate().filter_map(meets).collect();
     found.sort_by(|a, b| a.t.total_cmp(&b.t));
     found
 }

@@ -287,7 +287,9 @@ fn crossing([a, b, c]: [Vec3; 3], edges: [f32; 3], otherwise: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::super::refine::ShellParams;
-    use super::super::testing::{Crossing, combed, crossings, grid, intervals, scaled, sheared, twisted, vector};
+    use super::super::testing::{
+        Crossing, combed, crossings, grid, intervals, scaled, sheared, triangles, twisted, vector,
+    };
     use super::super::thick_skin::{Skin, SkinVertex};
     use super::*;
     use crate::bvh::{AnyHit, NO_HIT};
@@ -327,12 +329,13 @@ mod tests {
     /// Rays of `count` whose intervals do not add up to the chord, and rays that met the shell.
     fn cracks(shell: &Shell, size: f32, count: usize) -> [usize; 2] {
         const BLOCKS: usize = 100;
+        let boundary = triangles(shell);
         let of_block = |block: usize| {
             let mut random = Random::new(block as u64);
             let mut found = [0; 2];
             for _ in 0..count / BLOCKS {
                 let (origin, direction) = ray(&mut random, size);
-                let crossings = crossings(shell, origin, direction);
+                let crossings = crossings(&boundary, origin, direction);
                 let walked = intervals(shell, origin, direction, &crossings);
                 let scale = f64::from(direction.length());
                 let (chord, slack) = chord(&crossings, f64::from(origin.length() + 8.0 * size) / scale);
@@ -376,6 +379,7 @@ mod tests {
     #[test]
     fn optical_depth_under_an_affine_skin_is_the_closed_form() {
         let shell = shell_of(&sheared(4), 1.0);
+        let boundary = triangles(&shell);
         // World from texture: u along x, v along y, w along the height vectors.
         let texture_from_world = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::new(0.4, -0.7, 0.5)).inverse();
         let s = Mat3::from_cols(Vec3::new(1.0, 0.2, 0.1), Vec3::new(0.2, 0.5, -0.1), Vec3::new(0.1, -0.1, 2.0));
@@ -393,7 +397,7 @@ mod tests {
             }
             let extinction = own.dot(s * own).sqrt();
             let expected = f64::from(extinction * (to - from).max(0.0));
-            let walked = intervals(&shell, origin, direction, &crossings(&shell, origin, direction));
+            let walked = intervals(&shell, origin, direction, &crossings(&boundary, origin, direction));
             let depth: f64 = walked
                 .iter()
                 .map(|interval| {
@@ -542,11 +546,12 @@ mod tests {
         }
         // Flat over a hill: what adds up is what is there.
         let shell = shell_of(&twisted(4), 0.05);
+        let boundary = triangles(&shell);
         let mut random = Random::new(12);
         for _ in 0..2000 {
             let origin = Vec3::new(-3.0, random.within(0.0, 4.0), random.within(0.2, 1.4));
             let direction = Vec3::new(1.0, random.within(-0.1, 0.1), random.within(-1e-3, 1e-3));
-            let found = crossings(&shell, origin, direction);
+            let found = crossings(&boundary, origin, direction);
             let (chord, slack) = chord(&found, 10.0);
             assert!((sum(&intervals(&shell, origin, direction, &found)) - chord).abs() <= slack);
         }
@@ -555,13 +560,14 @@ mod tests {
     #[test]
     fn an_eye_inside_sees_the_rest_of_its_chord() {
         let shell = shell_of(&twisted(4), 0.05);
+        let boundary = triangles(&shell);
         let mut random = Random::new(21);
         let mut inside = 0;
         for _ in 0..3000 {
             let origin = vector(&mut random, 2.0) + Vec3::new(2.0, 2.0, 0.5);
             let Some(tet) = shell.locate(origin) else { continue };
             let direction = vector(&mut random, 1.0);
-            let found = crossings(&shell, origin, direction);
+            let found = crossings(&boundary, origin, direction);
             let exit = found.iter().find(|crossing| crossing.t > 0.0).unwrap();
             let mut walk = shell.start(origin, direction, tet, 0.0, f32::MAX);
             let walked: Vec<Interval> = (&mut walk).collect();
@@ -596,13 +602,14 @@ mod tests {
             let shell = shell_of(&skin, 0.1);
             let report = shell.report();
             assert_eq!((report.inverted > 0, report.flat > 0), (is_folded, !is_folded), "{report:?}");
+            let boundary = triangles(&shell);
             let mut random = Random::new(2);
             let mut longest = 0;
             let lo = shell.positions().iter().fold(Vec3::MAX, |lo, position| lo.min(*position));
             let hi = shell.positions().iter().fold(Vec3::MIN, |hi, position| hi.max(*position));
             for _ in 0..20_000 {
                 let (origin, direction) = ray(&mut random, 1.0);
-                let found = crossings(&shell, origin, direction);
+                let found = crossings(&boundary, origin, direction);
                 let walked = intervals(&shell, origin, direction, &found);
                 assert!(are_in_order(&walked));
                 // A fold may lie outside of the boundary, but not outside of all vertices.
