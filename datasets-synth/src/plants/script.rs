@@ -11,7 +11,7 @@ use crate::plants::canopy::{Canopy, Instance};
 use crate::plants::gltf::look;
 use crate::plants::mesh::{BladeVertex, blade_rows};
 use crate::plants::plant::{Axis, Part};
-use crate::plants::vec3::{UP, Vec3, scale, turned};
+use crate::plants::vec3::{UP, Vec3, direction_or, scale, sub, turned};
 
 /// Most shapes of a script: beyond, its text no longer makes sense for a model.
 pub const MAX_SHAPES: usize = 500_000;
@@ -108,16 +108,23 @@ fn sheet(blade: &Blade, detail: usize, one: &Instance) -> Shape {
 
 fn space(canopy: &Canopy, drawn: &[(Part, Shape)]) -> Space {
     let (mut least_m, mut most_m) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    let mut extend = |point: &Point, radius_m: f64| {
+    let mut extend = |point: &Point, reach_m: Vec3| {
         for k in 0..3 {
-            least_m[k] = least_m[k].min(point[k] - radius_m);
-            most_m[k] = most_m[k].max(point[k] + radius_m);
+            least_m[k] = least_m[k].min(point[k] - reach_m[k]);
+            most_m[k] = most_m[k].max(point[k] + reach_m[k]);
         }
     };
     for (_, shape) in drawn {
         match shape {
-            Shape::Limb { points_m, radii_m } => points_m.iter().zip(radii_m).for_each(|(p, r)| extend(p, *r)),
-            Shape::Sheet { rows_m } => rows_m.iter().flatten().for_each(|p| extend(p, 0.0)),
+            Shape::Limb { points_m, radii_m } => {
+                for (ends, radii_m) in points_m.windows(2).zip(radii_m.windows(2)) {
+                    // So far a disc across the cone's axis reaches.
+                    let axis = direction_or(sub(ends[1], ends[0]), UP);
+                    let reach = axis.map(|x| (1.0 - x * x).max(0.0).sqrt());
+                    ends.iter().zip(radii_m).for_each(|(end, radius_m)| extend(end, scale(reach, *radius_m)));
+                }
+            }
+            Shape::Sheet { rows_m } => rows_m.iter().flatten().for_each(|p| extend(p, [0.0; 3])),
             _ => {}
         }
     }
@@ -141,7 +148,7 @@ mod tests {
     use super::*;
     use crate::plants::mesh::Mesh;
     use crate::plants::params::{CanopySize, Ground, PlantsParams};
-    use crate::plants::vec3::{cross, length, sub};
+    use crate::plants::vec3::{cross, length};
 
     fn script(params: &PlantsParams) -> (Canopy, Script) {
         let canopy = Canopy::new(params).unwrap();
@@ -202,7 +209,7 @@ mod tests {
         assert_eq!((count("bark"), count("leaf"), canopy.leaves()), (2154, 6336, 6336));
         assert_eq!(script.space.cyclic, [false; 2]);
         // z is up, and the box is the tree's.
-        assert!(script.space.least_m[2].abs() < 0.1 && script.space.most_m[2] > 4.0, "{:?}", script.space);
+        assert!(script.space.least_m[2].abs() < 0.01 && script.space.most_m[2] > 4.0, "{:?}", script.space);
     }
 
     #[test]
