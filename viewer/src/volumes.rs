@@ -164,7 +164,14 @@ impl Volumes {
 /// A way through one volume or skin.
 enum Passage<'a> {
     Box,
-    Skin { skin: &'a SceneSkin, walk: ShellWalk<'a>, cells: Option<Cells> },
+    Skin(Box<SkinPassage<'a>>),
+}
+
+/// A way through a skin.
+struct SkinPassage<'a> {
+    skin: &'a SceneSkin,
+    walk: ShellWalk<'a>,
+    cells: Option<Cells>,
 }
 
 /// The texels within one tetrahedron.
@@ -244,7 +251,7 @@ impl<'a> Stretches<'a> {
                 let skin = &volumes.skins[number];
                 let link = volumes.proxies.triangles()[hit.primitive as usize].material;
                 let walk = skin.shell.enter(self.origin, self.direction, link, t.max(0.0), self.t_max);
-                self.advance(Passage::Skin { skin, walk, cells: None })
+                self.advance(Passage::Skin(Box::new(SkinPassage { skin, walk, cells: None })))
             }
         };
         self.open.extend(passage);
@@ -252,11 +259,12 @@ impl<'a> Stretches<'a> {
 
     /// The next stretch of a passage.
     fn advance(&self, passage: Passage<'a>) -> Option<(Stretch, Passage<'a>)> {
-        let Passage::Skin { skin, mut walk, mut cells } = passage else { return None };
+        let Passage::Skin(mut way) = passage else { return None };
+        let SkinPassage { skin, walk, cells } = &mut *way;
         loop {
-            if let Some(own) = &mut cells {
+            if let Some(own) = cells {
                 if let Some(stretch) = own.merged.pop() {
-                    return Some((stretch, Passage::Skin { skin, walk, cells }));
+                    return Some((stretch, Passage::Skin(way)));
                 }
                 if let Some(span) = own.walk.next() {
                     let pattern = &skin.patterns[own.pattern as usize];
@@ -282,7 +290,7 @@ impl<'a> Stretches<'a> {
             let map = skin.shell.map(interval.tet);
             let ray = map.ray(self.origin, self.direction, interval.t0);
             let [u, v, w] = map.gradients;
-            cells = Some(Cells {
+            *cells = Some(Cells {
                 walk: CellWalk::new(ray, interval.t0, interval.t1),
                 ray,
                 start: interval.t0,
