@@ -63,7 +63,7 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     };
     let south = 0.5 * terrain.size_m.y;
     let cameras = [
-        look(Vec3::new(0.0, 8.0 * side_m, south + 9.0 * side_m), Vec3::new(0.0, 0.0, south - 9.0 * side_m), 40.0),
+        look(Vec3::new(0.0, 4.0 * side_m, south + 4.0 * side_m), Vec3::new(0.0, 0.0, south - 7.0 * side_m), 42.0),
         look(
             Vec3::new(0.0, 1.3 * side_m, south + 1.5 * side_m),
             Vec3::new(0.0, 0.5 * side_m, south - 4.0 * side_m),

@@ -13,8 +13,8 @@ const BLADES: u64 = 16;
 const FLOWER_SHAPES: u64 = 15;
 /// Height of the hill over the shorter side of the land.
 const HILL: f32 = 0.22;
-/// Soil with litter.
-const SOIL: [f32; 3] = [0.055, 0.05, 0.024];
+/// Soil under moss.
+const SOIL: [f32; 3] = [0.05, 0.07, 0.022];
 /// How height vectors differ: tufts of some texels lean together.
 const TUFT_TEXELS: f32 = 5.0;
 /// Numbers of the patterns, and of the volumes.

@@ -37,7 +37,7 @@ const TOLERANCE_VOXELS: f32 = 3.0;
 /// When and where the sun stands unless another day is asked for: a summer's afternoon in Berlin.
 const DAY: [&str; 2] = ["2026-06-21T16:30+02:00", "52.52,13.40"];
 /// Brightness of the pictures, stops.
-const EXPOSURE_EV: f32 = 0.3;
+const EXPOSURE_EV: f32 = 1.3;
 
 /// Which landscape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -232,4 +232,83 @@ fn half_of_pairs([column, row]: [u32; 2], seed: u32) -> bool {
 
 fn look(eye: Vec3, target: Vec3, fov_deg: f32) -> Camera {
     Camera { eye, target, up: Vec3::Y, fov_deg }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::CpuPicture;
+    use crate::options::ShadeOptions;
+    use clap::ValueEnum;
+
+    fn built_in(landscape: Landscape, times: u32) -> (Scene, LandscapeCounts) {
+        landscape.scene(&LandscapeParams { times, volumes: Vec::new() }).unwrap()
+    }
+
+    #[test]
+    fn counts_are_the_published_ones_and_ten_times_them() {
+        for times in [1, 10] {
+            let counts = |landscape| built_in(landscape, times.try_into().unwrap()).1;
+            let lawn = counts(Landscape::Lawn);
+            assert_eq!([lawn.patches, lawn.blades, lawn.flowers], [1_400, 22_400, 700].map(|count| count * times));
+            let grove = counts(Landscape::Grove);
+            assert_eq!([grove.patches, grove.texels, grove.trees], [1_024, 512, 512].map(|count| count * times));
+            assert_eq!(grove.primitives, grove.trees * 8_490);
+            let forest = counts(Landscape::Forest);
+            assert_eq!([forest.patches, forest.texels, forest.trees], [1_404, 12_500, 25_000].map(|n| n * times));
+            assert!(forest.volume_bytes < 16_000_000, "{}", forest.volume_bytes);
+        }
+    }
+
+    #[test]
+    fn of_two_neighbours_one_is_chosen() {
+        let chosen = |row| (0..40).filter(|column| half_of_pairs([*column, row], 7)).collect::<Vec<u32>>();
+        assert!((0..35).all(|row| chosen(row).len() == 20));
+        assert_ne!(chosen(0), chosen(1));
+    }
+
+    #[test]
+    fn every_camera_shows_a_picture_without_nan_that_is_not_flat() {
+        for landscape in Landscape::value_variants() {
+            let (mut scene, _) = built_in(*landscape, 1);
+            for number in 0..3 {
+                if number > 0 {
+                    scene.camera = scene.more_cameras[number - 1];
+                }
+                assert_eq!(scene.camera.fault(), None);
+                let with = radiance(&scene);
+                assert!(with.iter().flatten().all(|x| x.is_finite() && *x >= 0.0), "{landscape:?} {number}");
+                let mean = luminance(&with).iter().sum::<f32>() / with.len() as f32;
+                let variance = luminance(&with).iter().map(|x| (x - mean).powi(2)).sum::<f32>() / with.len() as f32;
+                assert!(mean > 0.01 && variance.sqrt() > 0.1 * mean, "{landscape:?} {number}: {mean} {variance}");
+                // Bare land is another picture: the volumes are seen.
+                let bare = radiance(&Scene { volumes: None, ..scene.clone() });
+                let changed = with.iter().zip(&bare).filter(|(a, b)| a != b).count();
+                assert!(changed > with.len() / 8, "{landscape:?} {number}: {changed}");
+            }
+        }
+    }
+
+    #[test]
+    fn says_which_volumes_and_numbers_it_needs() {
+        let asked = |landscape: Landscape, times, volumes: &[&str]| {
+            let volumes = volumes.iter().map(PathBuf::from).collect();
+            landscape.scene(&LandscapeParams { times, volumes }).unwrap_err()
+        };
+        assert_eq!(asked(Landscape::Grove, 0, &[]).exit_code(), 2);
+        assert!(asked(Landscape::Lawn, 1, &["one.voltex"]).to_string().contains("2 volumes"));
+        assert!(asked(Landscape::Grove, 1, &["none.voltex"]).to_string().contains("none.voltex"));
+        let tree = concat!(env!("CARGO_MANIFEST_DIR"), "/src/models/tree.voltex");
+        assert!(asked(Landscape::Forest, 1, &[tree]).to_string().contains("cyclic"));
+    }
+
+    fn radiance(scene: &Scene) -> Vec<[f32; 3]> {
+        let mut picture = CpuPicture::new([24, 16]);
+        picture.add_sample(scene, &ShadeOptions::default(), &|| true);
+        picture.radiance()
+    }
+
+    fn luminance(radiance: &[[f32; 3]]) -> Vec<f32> {
+        radiance.iter().map(|[r, g, b]| 0.2126 * r + 0.7152 * g + 0.0722 * b).collect()
+    }
 }

@@ -49,7 +49,7 @@ impl Terrain {
 
     /// Which way the land faces at a point.
     pub fn normal(&self, east_north: Vec2) -> Vec3 {
-        let step = SLOPE_STEP * (self.size_m / Vec2::from(self.patches.map(|count| count as f32))).min_element();
+        let step = SLOPE_STEP * (self.size_m / self.patch_counts()).min_element();
         let slope = |along: Vec2| self.at(east_north + along * step) - self.at(east_north - along * step);
         slope(Vec2::X).cross(slope(Vec2::Y)).normalize()
     }
