@@ -3,8 +3,9 @@
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
     Ambient, BackendChoice, BenchKind, BenchParams, Control, Daylight, DaylightParts, Environment, GpuTracer,
-    MeshChoice, Outdoors, RenderMode, RenderParams, Scene, SceneAsset, SceneLeaf, ShadeOptions, Shown, SkyLight,
-    ViewerError, WindowParams, bench_svg, load_scene, plan, render_turntable, run_bench, run_window, scene_with_assets,
+    Landscape, LandscapeCounts, LandscapeParams, MeshChoice, Outdoors, RenderMode, RenderParams, RenderReport, Scene,
+    SceneAsset, SceneLeaf, ShadeOptions, Shown, SkyLight, ViewerError, WindowParams, bench_svg, load_scene, plan,
+    render_turntable, run_bench, run_window, scene_with_assets,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -41,6 +42,31 @@ enum Command {
     /// Says what a scene's pictures need of its assets, and writes assets that hold no more
     #[command(after_help = "Example: btf-view plan scene.toml -o trimmed && btf-view --scene trimmed/scene.toml")]
     Plan(PlanArguments),
+    /// Shows a lawn, a grove or a forest of volumetric textures
+    #[command(after_help = "Examples:
+  btf-view scene lawn
+  btf-view scene forest --headless --out forest.png --size 768x576 --frames 16
+  btf-view scene grove --times 10 --camera 3 --headless --out grove.png --json -")]
+    Scene(LandscapeArguments),
+}
+
+#[derive(clap::Args)]
+struct LandscapeArguments {
+    /// Which landscape
+    #[arg(value_enum)]
+    landscape: Landscape,
+    /// So many times the published counts, on so much more land
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
+    times: u32,
+    /// Finer volumes in place of those that come with the program, by `btf-fit voltex`; the lawn takes two, without and with
+    /// a flower
+    #[arg(long, value_name = "FILE.voltex")]
+    volume: Vec<PathBuf>,
+    /// 1 from afar, 2 nearer, 3 from close by
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=3))]
+    camera: u32,
+    #[command(flatten)]
+    picture: PictureArguments,
 }
 
 #[derive(clap::Args)]
@@ -158,14 +184,6 @@ impl CommonArguments {
         }
     }
 
-    /// The backend that draws a scene: volumetric textures are the CPU renderer's so far.
-    fn backend_for(&self, scene: &Scene) -> BackendChoice {
-        match self.backend {
-            BackendName::Auto if scene.volumes.is_some() => BackendChoice::Cpu,
-            _ => self.backend(),
-        }
-    }
-
     fn backend(&self) -> BackendChoice {
         match self.backend {
             BackendName::Auto => BackendChoice::Auto,
@@ -192,6 +210,22 @@ struct ViewArguments {
     /// How often the material is repeated along u and v
     #[arg(long, default_value = "1", value_name = "N|UxV", value_parser = parse_scale)]
     uv_scale: [f32; 2],
+    /// Displaces surfaces by their assets' heights times this: 1 as they are, 0 not at all
+    #[arg(long, value_name = "SCALE", value_parser = parse_scale_of_heights)]
+    displacement: Option<f32>,
+    /// An asset to compare with: the window's split view shows it in place of the leaf, or of the first asset
+    #[arg(long, value_name = "ASSET.spmm", conflicts_with = "headless")]
+    compare: Option<PathBuf>,
+    /// Which of the scene's cameras, counted from 1
+    #[arg(long, value_name = "N", requires = "scene", value_parser = clap::value_parser!(u32).range(1..))]
+    camera: Option<u32>,
+    #[command(flatten)]
+    picture: PictureArguments,
+}
+
+/// How a scene is lit, and the picture or window that shows it.
+#[derive(clap::Args)]
+struct PictureArguments {
     /// Number of point lights, of the same brightness together [default: 1, or the scene's own]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     lights: Option<u32>,
@@ -219,15 +253,6 @@ struct ViewArguments {
     /// What lies farther away does not occlude, scene units [default: half the scene's radius]; turns --ao on
     #[arg(long, value_name = "D", value_parser = parse_positive)]
     ao_distance: Option<f32>,
-    /// Displaces surfaces by their assets' heights times this: 1 as they are, 0 not at all
-    #[arg(long, value_name = "SCALE", value_parser = parse_scale_of_heights)]
-    displacement: Option<f32>,
-    /// An asset to compare with: the window's split view shows it in place of the leaf, or of the first asset
-    #[arg(long, value_name = "ASSET.spmm", conflicts_with = "headless")]
-    compare: Option<PathBuf>,
-    /// Which of the scene's cameras, counted from 1
-    #[arg(long, value_name = "N", requires = "scene", value_parser = clap::value_parser!(u32).range(1..))]
-    camera: Option<u32>,
     /// Exposure in stops [default: 0, or the scene's own]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     exposure: Option<f32>,
@@ -313,36 +338,65 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
     let common = match &arguments.command {
         Some(Command::Bench(bench)) => &bench.common,
         Some(Command::Plan(plan)) => &plan.common,
-        None => &arguments.view.common,
+        Some(Command::Scene(landscape)) => &landscape.picture.common,
+        None => &arguments.view.picture.common,
     };
     if let Some(threads) = common.threads {
         // The pool can only be set once, and this is the first use.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
     }
     match &arguments.command {
-        Some(Command::Bench(bench)) => return measure(bench),
-        Some(Command::Plan(plan)) => return trim(plan),
-        None => {}
+        Some(Command::Bench(bench)) => measure(bench),
+        Some(Command::Plan(plan)) => trim(plan),
+        Some(Command::Scene(landscape)) => show_landscape(landscape),
+        None => {
+            let view = &arguments.view;
+            let compare = view.compare.iter().map(|path| SceneAsset::load(path).map(Arc::new)).next().transpose()?;
+            show(&view.picture, make_scene(view)?, compare, None)
+        }
     }
-    let arguments = &arguments.view;
-    let scene = make_scene(arguments)?;
-    let (backend, adapter, shade) = (common.backend_for(&scene), common.adapter.clone(), common.shade());
+}
+
+fn show_landscape(arguments: &LandscapeArguments) -> Result<(), ViewerError> {
+    let params = LandscapeParams { times: arguments.times, volumes: arguments.volume.clone() };
+    let (mut scene, counts) = arguments.landscape.scene(&params)?;
+    choose_camera(&mut scene, arguments.camera)?;
+    light_scene(&mut scene, &arguments.picture)?;
+    show(&arguments.picture, scene, None, Some(counts))
+}
+
+/// Writes the picture that is asked for, or opens a window. `counts` are a landscape's.
+fn show(
+    arguments: &PictureArguments,
+    scene: Scene,
+    compare: Option<Arc<SceneAsset>>,
+    counts: Option<LandscapeCounts>,
+) -> Result<(), ViewerError> {
+    let common = &arguments.common;
+    let backend = backend_for(&scene, common.backend())?;
+    let (adapter, shade) = (common.adapter.clone(), common.shade());
     let target_ms = arguments.target_ms.map(f64::from);
     match &arguments.out {
         Some(out) => {
             let size = arguments.size.unwrap_or([512, 512]);
-            headless(
-                arguments,
-                &scene,
-                RenderParams { size, frames: arguments.frames, backend, adapter, shade, target_ms },
-                out,
-            )
+            let params = RenderParams { size, frames: arguments.frames, backend, adapter, shade, target_ms };
+            headless(arguments, &scene, params, out, counts)
         }
-        None => {
-            let compare =
-                arguments.compare.iter().map(|path| SceneAsset::load(path).map(Arc::new)).next().transpose()?;
-            run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms, compare })
+        None => run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms, compare }),
+    }
+}
+
+/// Volumetric textures are drawn on the CPU only.
+///
+/// # Errors
+/// [`ViewerError::Usage`] where a GPU was asked for by name.
+fn backend_for(scene: &Scene, asked: BackendChoice) -> Result<BackendChoice, ViewerError> {
+    match (&scene.volumes, asked) {
+        (None, asked) => Ok(asked),
+        (Some(_), BackendChoice::Gpu(_)) => {
+            Err(ViewerError::Usage("this scene has volumetric textures, which --backend cpu draws".into()))
         }
+        (Some(_), _) => Ok(BackendChoice::Cpu),
     }
 }
 
@@ -550,11 +604,32 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
         Some(path) => load_scene(path, shown)?,
         None => Scene::built_in(&mesh, shown, arguments.uv_scale)?,
     };
-    if let Some(number) = arguments.camera.filter(|number| *number > 1) {
+    choose_camera(&mut scene, arguments.camera.unwrap_or(1))?;
+    light_scene(&mut scene, &arguments.picture)?;
+    if let Some(scale) = arguments.displacement {
+        if scale > 0.0 && !scene.assets.iter().any(|asset| asset.has_heights()) {
+            return Err(ViewerError::Usage(
+                "--displacement needs an asset with heights; fit it with `btf-fit fit CAPTURE -o ASSET.spmm --heights`"
+                    .into(),
+            ));
+        }
+        scene.displace(scale);
+    }
+    Ok(scene)
+}
+
+/// Looks through one of the scene's cameras, counted from 1.
+fn choose_camera(scene: &mut Scene, number: u32) -> Result<(), ViewerError> {
+    if number > 1 {
         scene.camera = *scene.more_cameras.get(number as usize - 2).ok_or_else(|| {
             ViewerError::Usage(format!("--camera {number}: the scene has {}", scene.more_cameras.len() + 1))
         })?;
     }
+    Ok(())
+}
+
+/// Gives the scene the lights and the exposure that are asked for.
+fn light_scene(scene: &mut Scene, arguments: &PictureArguments) -> Result<(), ViewerError> {
     if let Some(path) = &arguments.environment {
         scene.surround(Environment::load(path, 1.0)?);
     }
@@ -577,24 +652,25 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
         }
         scene.ambient.distance = arguments.ao_distance.unwrap_or(scene.ambient.distance);
     }
-    if let Some(scale) = arguments.displacement {
-        if scale > 0.0 && !scene.assets.iter().any(|asset| asset.has_heights()) {
-            return Err(ViewerError::Usage(
-                "--displacement needs an asset with heights; fit it with `btf-fit fit CAPTURE -o ASSET.spmm --heights`"
-                    .into(),
-            ));
-        }
-        scene.displace(scale);
-    }
     scene.exposure_ev = arguments.exposure.unwrap_or(scene.exposure_ev);
-    Ok(scene)
+    Ok(())
+}
+
+/// A picture's figures, and those of the landscape on it.
+#[derive(serde::Serialize)]
+struct PictureReport {
+    #[serde(flatten)]
+    picture: RenderReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    landscape: Option<LandscapeCounts>,
 }
 
 fn headless(
-    arguments: &ViewArguments,
+    arguments: &PictureArguments,
     scene: &Scene,
     params: RenderParams,
     out: &std::path::Path,
+    counts: Option<LandscapeCounts>,
 ) -> Result<(), ViewerError> {
     let quiet = arguments.common.quiet;
     let mut reports = Vec::new();
@@ -605,7 +681,7 @@ fn headless(
             }
             let path = if arguments.turntable.is_some() { numbered(out, number) } else { out.to_path_buf() };
             rendered.picture.write_png(&path, scene.exposure_ev)?;
-            reports.push((path, rendered.report));
+            reports.push((path, PictureReport { picture: rendered.report, landscape: counts.clone() }));
             Ok(())
         })
     })?;
@@ -614,7 +690,10 @@ fn headless(
         (path @ Some(_), all) => write_json(path, &all.iter().map(|(_, report)| report).collect::<Vec<_>>())?,
         (None, _) if quiet => {}
         (None, _) => {
-            for (path, report) in &reports {
+            if let Some(counts) = &counts {
+                println!("{counts}");
+            }
+            for (path, PictureReport { picture: report, .. }) in &reports {
                 println!(
                     "{}: {}x{}, {} on {}, {:.2} ms per frame ({})",
                     path.display(),

@@ -38,6 +38,8 @@ pub struct Volumes {
     kinds: Vec<Proxy>,
     /// How far before its origin a ray may have entered what it is in.
     reach: f32,
+    /// Length of the slices in which overlapping volumes are taken.
+    slice: f32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,10 +90,8 @@ fn plain_vertex(position: Vec3) -> Vertex {
     Vertex { position: position.into(), u: 0.0, normal: [0.0, 0.0, 1.0], v: 0.0, tangent: [1.0, 0.0, 0.0, 1.0] }
 }
 
-/// A skin reaches so many of its longest height vectors around a point within it: rays rarely graze it for longer.
-const SKIN_REACH: f32 = 8.0;
-/// Overlapping volumes are taken in turn in slices of this share of the reach.
-const SLICE: f32 = 1.0 / 64.0;
+/// Overlapping volumes are taken in turn in slices of this share of the largest volume's diagonal, or of the thickest skin.
+const SLICE: f32 = 1.0 / 8.0;
 
 impl Volumes {
     /// Volumes that stand on their own, and skins; one of either at least.
@@ -113,16 +113,20 @@ impl Volumes {
             meshes.push(Mesh { vertices: (0..8).map(|i| plain_vertex(cube_corner(i))).collect(), triangles });
             kinds.push(Proxy::Box(volume));
         }
-        let mut reach = 0f32;
+        let (mut reach, mut largest) = (0f32, 0f32);
         for place in places {
             let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| place.world_from_volume.transform_vector3(axis));
-            reach = reach.max(x.length() + y.length() + z.length());
+            largest = largest.max(x.length() + y.length() + z.length());
+            reach = reach.max(largest);
             placements.push(Placement { mesh: place.volume, world_from_object: place.world_from_volume });
         }
         for (number, skin) in skins.iter().enumerate() {
             skin.patterns.iter().try_for_each(Pattern::check)?;
             let shell = &skin.shell;
             let outer = 0..shell.boundary().len();
+            let places = || outer.clone().flat_map(|i| shell.boundary_triangle(i));
+            let least = places().fold(Vec3::INFINITY, Vec3::min);
+            let most = places().fold(Vec3::NEG_INFINITY, Vec3::max);
             let vertices = outer.clone().flat_map(|i| shell.boundary_triangle(i)).map(plain_vertex).collect();
             let triangles = outer
                 .map(|i| Triangle { vertices: [0, 1, 2].map(|k| (3 * i + k) as u32), material: shell.boundary()[i] })
@@ -130,10 +134,12 @@ impl Volumes {
             placements.push(Placement { mesh: meshes.len(), world_from_object: Mat4::IDENTITY });
             meshes.push(Mesh { vertices, triangles });
             kinds.push(Proxy::Skin(number));
-            reach = reach.max(SKIN_REACH * skin.thickness);
+            // A ray along the land may have been within the skin all the way.
+            reach = reach.max((most - least).length());
+            largest = largest.max(skin.thickness);
         }
         let proxies = Geometry::placed(meshes, &placements)?;
-        Ok(Volumes { volumes, skins, proxies, kinds, reach })
+        Ok(Volumes { volumes, skins, proxies, kinds, reach, slice: SLICE * largest })
     }
 
     /// A volume by its number.
@@ -320,7 +326,7 @@ impl Iterator for Stretches<'_> {
             let next = others.chain(self.entry.map(|(t, _)| t)).fold(f32::INFINITY, f32::min);
             let (own, passage) = self.open.swap_remove(first);
             // What begins within this stretch is taken in turn with it.
-            let cut = next.max(own.t0 + SLICE * self.volumes.reach);
+            let cut = next.max(own.t0 + self.volumes.slice);
             if cut < own.t1 {
                 self.open.push((Stretch { t0: cut, ..own }, passage));
                 return Some(Stretch { t1: cut, ..own });

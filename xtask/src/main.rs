@@ -10,6 +10,7 @@
 //! | `python` | `python.rs`: the Python module, by maturin, in the environment of `peers.rs` |
 //! | `header` | `header.rs`: the C header, by cbindgen |
 //! | `shaders` | `shaders.rs`: the decoder in the languages of engines |
+//! | `volumes` | `volumes.rs`: the volumes of the viewer's landscapes |
 //! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `memcheck.rs`: valgrind for those in C; `shader_tools.rs`: what checks shaders; `asset_tools.rs`: what checks exported files |
 //!
 //! The checks that are ours stand in `arrows.rs`, `licences.rs` (over `spdx.rs`) and `words.rs`; all of them read
@@ -38,6 +39,7 @@ mod shaders;
 mod shell;
 mod spdx;
 mod test;
+mod volumes;
 mod words;
 
 use failure::Failure;
@@ -55,6 +57,7 @@ Chores:
   python  build, install and test the Python module
   header  write the C header from the sources of the C interface
   shaders write the decoder in WGSL, HLSL, MSL, GLSL and SPIR-V
+  volumes build the volumes of `btf-view scene`
   setup   install the software Vulkan driver that the GPU tests run on, valgrind, and what checks shaders
 
 `cargo xtask CHORE --help` tells more, with an example.";
@@ -88,6 +91,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "header" => header::run(rest),
         "setup" => driver::run(rest),
         "shaders" => shaders::run(rest),
+        "volumes" => volumes::run(rest),
         "-h" | "--help" | "help" => {
             println!("{HELP}");
             Ok(())
@@ -115,7 +119,7 @@ mod tests {
         let failure = run(&["brew".to_string()]).unwrap_err();
         assert_eq!(failure.exit_code(), 2);
         assert!(failure.to_string().contains("no chore 'brew'"));
-        for chore in ["demo", "test", "check", "bench", "fuzz", "python", "header", "shaders", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "fuzz", "python", "header", "shaders", "volumes", "setup"] {
             assert!(failure.to_string().contains(chore), "{chore} is not in the list");
         }
     }
@@ -132,12 +136,13 @@ mod tests {
         assert_eq!(exit_code_of(&["python", "now"]), 2);
         assert_eq!(exit_code_of(&["header", "now"]), 2);
         assert_eq!(exit_code_of(&["setup", "now"]), 2);
+        assert_eq!(exit_code_of(&["volumes", "now"]), 2);
     }
 
     #[test]
     fn help_is_no_failure() {
         assert_eq!(exit_code_of(&["--help"]), 0);
-        for chore in ["demo", "test", "check", "bench", "fuzz", "python", "header", "shaders", "setup"] {
+        for chore in ["demo", "test", "check", "bench", "fuzz", "python", "header", "shaders", "volumes", "setup"] {
             assert_eq!(exit_code_of(&[chore, "--help"]), 0);
         }
     }

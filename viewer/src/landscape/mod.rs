@@ -1,0 +1,314 @@
+//! The three landscapes of [Neyret 1996, section 5], in metres, under the sky of a summer's day: a lawn, a grove and a forest,
+//! which are thick skins with volumetric textures over bilinear patches.
+//!
+//! | landscape | patches | texels | stands for |
+//! |---|---|---|---|
+//! | lawn | 1,400 | one a patch | 22,400 blades, 700 flowers; height vectors jittered |
+//! | grove | 1,024 | half of them empty | 512 trees of 2,154 branches and 6,336 leaves; size, turn, place and material jittered |
+//! | forest | 1,404 | 12,500 | 25,000 of these trees, two to a cyclic texel; coordinates and height jittered |
+//!
+//! `times` grows the land: so many times more patches, each with what a patch has. The volumes that come with the viewer are
+//! made by `cargo xtask volumes`.
+
+mod forest;
+mod grove;
+mod lawn;
+mod terrain;
+
+use crate::camera::Camera;
+use crate::daylight::Daylight;
+use crate::error::ViewerError;
+use crate::material::{Material, Shown};
+use crate::sampler::hash;
+use crate::scene::{DaylightParts, Outdoors, Scene, SceneObject};
+use crate::skin::{Pattern, Shell, ShellParams, Skin};
+use crate::volumes::{SceneSkin, Volumes};
+use btf_runtime::voltex::{Voltex, Volume};
+use glam::Vec3;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use terrain::Terrain;
+
+/// Branches and leaves of a tree: 2,154 and 6,336.
+const TREE_SHAPES: u64 = 2154 + 6336;
+/// How far the texture may lie from where it belongs, voxels: invisible in foliage.
+const TOLERANCE_VOXELS: f32 = 3.0;
+/// When and where the sun stands unless another day is asked for: a summer's afternoon in Berlin.
+const DAY: [&str; 2] = ["2026-06-21T16:30+02:00", "52.52,13.40"];
+/// Brightness of the pictures, stops.
+const EXPOSURE_EV: f32 = 1.3;
+
+/// Which landscape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Landscape {
+    /// Grass and flowers on a hill.
+    Lawn,
+    /// Trees that stand apart on flat land.
+    Grove,
+    /// Mountains under forest.
+    Forest,
+}
+
+/// What a landscape is asked for.
+#[derive(Debug, Clone)]
+pub struct LandscapeParams {
+    /// So many times the published counts, 1 to 100, on so much more land.
+    pub times: u32,
+    /// Files in place of the volumes that come with the viewer; none, or as many as these: two for the lawn (without and with
+    /// a flower), one for grove and forest.
+    pub volumes: Vec<PathBuf>,
+}
+
+/// What there is in a landscape.
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
+pub struct LandscapeCounts {
+    /// `lawn`, `grove` or `forest`.
+    pub name: String,
+    /// Bilinear patches of the land.
+    pub patches: u64,
+    /// Texels that are not empty.
+    pub texels: u64,
+    /// Blades of grass.
+    pub blades: u64,
+    /// Flowers.
+    pub flowers: u64,
+    /// Trees.
+    pub trees: u64,
+    /// Blades, petals, stems, branches and leaves that the volumes stand for, of the volumes that come with the viewer.
+    pub primitives: u64,
+    /// Tetrahedra of the thick skin.
+    pub tets: u64,
+    /// Volumes.
+    pub volumes: u64,
+    /// Voxels along a side of the finest one.
+    pub resolution: u32,
+    /// Bytes of the volumes' files together.
+    pub volume_file_bytes: u64,
+    /// Bytes of the volumes in memory together.
+    pub volume_bytes: u64,
+}
+
+impl fmt::Display for LandscapeCounts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} patches, {} texels, ", self.name, self.patches, self.texels)?;
+        if self.trees > 0 {
+            write!(f, "{} trees", self.trees)?;
+        } else {
+            write!(f, "{} blades, {} flowers", self.blades, self.flowers)?;
+        }
+        write!(
+            f,
+            ", which are {} shapes; {} volumes of {}^3 in {:.1} MB, files of {:.1} kB; {} tetrahedra",
+            self.primitives,
+            self.volumes,
+            self.resolution,
+            self.volume_bytes as f64 * 1e-6,
+            self.volume_file_bytes as f64 * 1e-3,
+            self.tets
+        )
+    }
+}
+
+/// A landscape before it is a scene.
+struct Planted {
+    terrain: Terrain,
+    skin: Skin,
+    patterns: Vec<Pattern>,
+    soil: [f32; 3],
+    /// Far, middle and close.
+    cameras: [Camera; 3],
+    counts: LandscapeCounts,
+}
+
+impl Landscape {
+    /// Its name as a user writes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Landscape::Lawn => "lawn",
+            Landscape::Grove => "grove",
+            Landscape::Forest => "forest",
+        }
+    }
+
+    fn built_in(self) -> &'static [&'static [u8]] {
+        match self {
+            Landscape::Lawn => &lawn::VOLUMES,
+            Landscape::Grove => &grove::VOLUMES,
+            Landscape::Forest => &forest::VOLUMES,
+        }
+    }
+
+    /// The scene with three cameras, far, middle and close, under the sun and the sky; and what is in it.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`] for another number of times or of volumes, and for volumes that the landscape cannot use;
+    /// [`ViewerError::Read`] and [`ViewerError::Volume`] for their files.
+    pub fn scene(self, params: &LandscapeParams) -> Result<(Scene, LandscapeCounts), ViewerError> {
+        if !(1..=100).contains(&params.times) {
+            return Err(ViewerError::Usage(format!("--times is 1 to 100, not {}", params.times)));
+        }
+        let (volumes, volume_file_bytes) = self.volumes(&params.volumes)?;
+        let side_m = volumes[0].side_m();
+        let resolution = 1u32 << volumes.iter().map(|volume| volume.level_count()).max().unwrap_or(0);
+        let made = |reason: String| ViewerError::scene(self.name(), reason);
+        let planted = match self {
+            Landscape::Lawn => lawn::planted(params.times, side_m),
+            Landscape::Grove => grove::planted(params.times, side_m),
+            Landscape::Forest => forest::planted(params.times, side_m),
+        };
+        let Planted { terrain, skin, patterns, soil, cameras, counts } = planted.map_err(made)?;
+        debug_assert_eq!(counts.patches, u64::from(terrain.count()));
+        let shell_params = ShellParams { tolerance: TOLERANCE_VOXELS / resolution as f32, ..ShellParams::default() };
+        let shell = Shell::new(&skin, &shell_params).map_err(made)?;
+        let counts = LandscapeCounts {
+            name: self.name().into(),
+            tets: shell.tets().len() as u64,
+            volumes: volumes.len() as u64,
+            resolution,
+            volume_file_bytes,
+            volume_bytes: volumes.iter().map(|volume| 4 * volume.words().len() as u64).sum(),
+            ..counts
+        };
+        let thickness = skin.vertices().iter().map(|vertex| vertex.height.length()).fold(0.0, f32::max);
+        let skin = SceneSkin { shell, patterns, thickness };
+        let ground = SceneObject { part: terrain.ground(soil), material: Material::plain(soil) };
+        let mut scene = Scene::from_objects(Path::new(self.name()), vec![ground], Shown::default())?;
+        scene.volumes = Some(Arc::new(Volumes::new(volumes, &[], vec![skin]).map_err(made)?));
+        let daylight = Daylight::new(DAY[0], DAY[1])?;
+        let light = daylight.sun_and_sky()?;
+        scene.stand_outdoors(Outdoors { daylight, parts: DaylightParts::Both }, light);
+        let [far, middle, close] = cameras;
+        (scene.camera, scene.more_cameras) = (far, vec![middle, close]);
+        scene.exposure_ev = EXPOSURE_EV;
+        Ok((scene, counts))
+    }
+
+    /// The volumes, and the bytes of their files.
+    fn volumes(self, files: &[PathBuf]) -> Result<(Vec<Arc<Voltex>>, u64), ViewerError> {
+        let wanted = self.built_in().len();
+        if !files.is_empty() && files.len() != wanted {
+            return Err(ViewerError::Usage(format!(
+                "the {} has {wanted} volumes and {} are given; write --volume FILE.voltex as often, or not at all",
+                self.name(),
+                files.len()
+            )));
+        }
+        let packed: Vec<(PathBuf, std::borrow::Cow<'static, [u8]>)> = if files.is_empty() {
+            self.built_in().iter().map(|bytes| (self.name().into(), (*bytes).into())).collect()
+        } else {
+            let read = |path: &PathBuf| match std::fs::read(path) {
+                Ok(bytes) => Ok((path.clone(), bytes.into())),
+                Err(source) => Err(ViewerError::Read { path: path.clone(), source }),
+            };
+            files.iter().map(read).collect::<Result<_, _>>()?
+        };
+        let mut volumes = Vec::new();
+        for (path, bytes) in &packed {
+            let volume = Volume::parse(bytes).map_err(|source| ViewerError::Volume { path: path.clone(), source })?;
+            let [x, y, _] = volume.extent;
+            if self != Landscape::Grove && (volume.cyclic != [true; 2] || x < 1.0 || y < 1.0) {
+                return Err(ViewerError::Usage(format!(
+                    "{}: the {}'s volumes go on into each other; build one of a script whose space is cyclic along x and y \
+                     and as long along both as it is high at least",
+                    path.display(),
+                    self.name()
+                )));
+            }
+            match self {
+                Landscape::Grove => volumes.extend(grove::tinted(&volume).iter().map(Voltex::new).map(Arc::new)),
+                _ => volumes.push(Arc::new(Voltex::new(&volume))),
+            }
+        }
+        Ok((volumes, packed.iter().map(|(_, bytes)| bytes.len() as u64).sum()))
+    }
+}
+
+/// Of two patches that are neighbours from west to east one, by chance: exactly half where columns are even.
+fn half_of_pairs([column, row]: [u32; 2], seed: u32) -> bool {
+    let drawn = hash(hash(hash(seed) ^ (column / 2)) ^ row) >> 16 & 1;
+    column & 1 == drawn
+}
+
+fn look(eye: Vec3, target: Vec3, fov_deg: f32) -> Camera {
+    Camera { eye, target, up: Vec3::Y, fov_deg }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::CpuPicture;
+    use crate::options::ShadeOptions;
+    use clap::ValueEnum;
+
+    fn built_in(landscape: Landscape, times: u32) -> (Scene, LandscapeCounts) {
+        landscape.scene(&LandscapeParams { times, volumes: Vec::new() }).unwrap()
+    }
+
+    #[test]
+    fn counts_are_the_published_ones_and_ten_times_them() {
+        for times in [1, 10] {
+            let counts = |landscape| built_in(landscape, times.try_into().unwrap()).1;
+            let lawn = counts(Landscape::Lawn);
+            assert_eq!([lawn.patches, lawn.blades, lawn.flowers], [1_400, 22_400, 700].map(|count| count * times));
+            let grove = counts(Landscape::Grove);
+            assert_eq!([grove.patches, grove.texels, grove.trees], [1_024, 512, 512].map(|count| count * times));
+            assert_eq!(grove.primitives, grove.trees * 8_490);
+            let forest = counts(Landscape::Forest);
+            assert_eq!([forest.patches, forest.texels, forest.trees], [1_404, 12_500, 25_000].map(|n| n * times));
+            assert!(forest.volume_bytes < 16_000_000, "{}", forest.volume_bytes);
+        }
+    }
+
+    #[test]
+    fn of_two_neighbours_one_is_chosen() {
+        let chosen = |row| (0..40).filter(|column| half_of_pairs([*column, row], 7)).collect::<Vec<u32>>();
+        assert!((0..35).all(|row| chosen(row).len() == 20));
+        assert_ne!(chosen(0), chosen(1));
+    }
+
+    #[test]
+    fn every_camera_shows_a_picture_without_nan_that_is_not_flat() {
+        for landscape in Landscape::value_variants() {
+            let (mut scene, _) = built_in(*landscape, 1);
+            for number in 0..3 {
+                if number > 0 {
+                    scene.camera = scene.more_cameras[number - 1];
+                }
+                assert_eq!(scene.camera.fault(), None);
+                let with = radiance(&scene);
+                assert!(with.iter().flatten().all(|x| x.is_finite() && *x >= 0.0), "{landscape:?} {number}");
+                let mean = luminance(&with).iter().sum::<f32>() / with.len() as f32;
+                let variance = luminance(&with).iter().map(|x| (x - mean).powi(2)).sum::<f32>() / with.len() as f32;
+                assert!(mean > 0.01 && variance.sqrt() > 0.1 * mean, "{landscape:?} {number}: {mean} {variance}");
+                // Bare land is another picture: the volumes are seen.
+                let bare = radiance(&Scene { volumes: None, ..scene.clone() });
+                let changed = with.iter().zip(&bare).filter(|(a, b)| a != b).count();
+                assert!(changed > with.len() / 8, "{landscape:?} {number}: {changed}");
+            }
+        }
+    }
+
+    #[test]
+    fn says_which_volumes_and_numbers_it_needs() {
+        let asked = |landscape: Landscape, times, volumes: &[&str]| {
+            let volumes = volumes.iter().map(PathBuf::from).collect();
+            landscape.scene(&LandscapeParams { times, volumes }).unwrap_err()
+        };
+        assert_eq!(asked(Landscape::Grove, 0, &[]).exit_code(), 2);
+        assert!(asked(Landscape::Lawn, 1, &["one.voltex"]).to_string().contains("2 volumes"));
+        assert!(asked(Landscape::Grove, 1, &["none.voltex"]).to_string().contains("none.voltex"));
+        let tree = concat!(env!("CARGO_MANIFEST_DIR"), "/src/models/tree.voltex");
+        assert!(asked(Landscape::Forest, 1, &[tree]).to_string().contains("cyclic"));
+    }
+
+    fn radiance(scene: &Scene) -> Vec<[f32; 3]> {
+        let mut picture = CpuPicture::new([24, 16]);
+        picture.add_sample(scene, &ShadeOptions::default(), &|| true);
+        picture.radiance()
+    }
+
+    fn luminance(radiance: &[[f32; 3]]) -> Vec<f32> {
+        radiance.iter().map(|[r, g, b]| 0.2126 * r + 0.7152 * g + 0.0722 * b).collect()
+    }
+}
