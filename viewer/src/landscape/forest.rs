@@ -41,8 +41,8 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let texels = [0, 1].map(|axis| terrain.patches[axis] as f32 * texels_of_patch[axis]);
     let rest = terrain.skin(texels, |_| Vec3::Y * side_m, |_, _| 0)?;
     let jitter = Jitter {
-        noise: Noise { wavelength: 9.7 * side_m, period: [0; 3], seed: 4 },
-        coordinates: 2.2,
+        noise: Noise { wavelength: 6.1 * side_m, period: [0; 3], seed: 4 },
+        coordinates: 2.0,
         length: 0.35,
         angle_deg: 0.0,
     };
