@@ -5,10 +5,11 @@ use crate::error::ViewerError;
 use crate::material::{Body, OwnBodies};
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
+use btf_capture::file_beside;
 use btf_runtime::{VERSION, read_directory};
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 const EXTENSION: &str = "BTF_materials_spmm";
@@ -32,7 +33,7 @@ pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
             let body = match loaded.get(uri) {
                 Some(known) => *known,
                 None => {
-                    own.shown.leaves.push(SceneLeaf::load(&beside(path, uri))?);
+                    own.shown.leaves.push(SceneLeaf::load(&file_beside(path, uri))?);
                     Body::Leaf(own.shown.leaves.len() - 1)
                 }
             };
@@ -52,7 +53,7 @@ pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
         }
         let (asset, bytes) = match (&told["asset"]["uri"], told["asset"]["bufferView"].as_u64()) {
             (Value::String(uri), None) => {
-                let file = beside(path, uri);
+                let file = file_beside(path, uri);
                 let asset = SceneAsset::load(&file)?;
                 let bytes = std::fs::read(&file).map_err(|source| ViewerError::Read { path: file, source })?;
                 (asset, bytes)
@@ -100,38 +101,12 @@ fn open(path: &Path) -> Result<Option<gltf::Gltf>, ViewerError> {
     gltf::Gltf::open(path).map(Some).map_err(fault)
 }
 
-/// The file that an address in a glTF file means.
-fn beside(path: &Path, uri: &str) -> PathBuf {
-    path.parent().unwrap_or(Path::new("")).join(unescaped(uri))
-}
-
 /// The bytes of a buffer view.
 fn view_bytes(gltf: &gltf::Gltf, path: &Path, view: u64) -> Option<Vec<u8>> {
     let view = gltf.views().nth(usize::try_from(view).ok()?)?;
     let buffers = gltf::import_buffers(&gltf.document, path.parent(), gltf.blob.clone()).ok()?;
     let end = view.offset().checked_add(view.length())?;
     buffers.get(view.buffer().index())?.get(view.offset()..end).map(<[u8]>::to_vec)
-}
-
-/// An address with its escaped bytes as they are; what is no escape stays.
-fn unescaped(uri: &str) -> String {
-    let bytes = uri.as_bytes();
-    let mut out = Vec::new();
-    let mut at = 0;
-    while at < bytes.len() {
-        let digits = uri.get(at + 1..at + 3).filter(|_| bytes[at] == b'%');
-        match digits.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
-            Some(byte) => {
-                out.push(byte);
-                at += 3;
-            }
-            None => {
-                out.push(bytes[at]);
-                at += 1;
-            }
-        }
-    }
-    String::from_utf8_lossy(&out).into_owned()
 }
 
 #[cfg(test)]
@@ -212,6 +187,5 @@ mod tests {
             let message = own_bodies(&path).unwrap_err().to_string();
             assert!(message.contains(word) && !message.contains('\n'), "{message}");
         }
-        assert_eq!(unescaped("a%20b%zz%2"), "a b%zz%2");
     }
 }

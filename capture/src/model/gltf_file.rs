@@ -4,12 +4,14 @@ use super::{ModelMesh, ModelPart, checked, fault};
 use crate::error::CaptureError;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The extension with which a node places its mesh many times.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// The extension with which a material lets light through diffusely.
 const TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
+/// The extension that names the description of the leaf that a material is.
+const LEAF: &str = "BTF_materials_leaf";
 
 /// The meshes of a glTF file that are placed, in the file's order. Geometry only: pictures inside the file are not decoded.
 pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, CaptureError> {
@@ -153,6 +155,7 @@ fn part_of(
         group: material.index().unwrap_or(0),
         diffuse: [r, g, b],
         transmitted: transmission.map_or([0.0; 3], transmitted),
+        leaf: material.extension_value(LEAF).and_then(|told| told["leaf"].as_str()).map(|uri| file_beside(path, uri)),
         double_sided: material.double_sided(),
         positions,
         normals,
@@ -168,4 +171,40 @@ fn transmitted(extension: &Value) -> [f32; 3] {
     let share = extension["diffuseTransmissionFactor"].as_f64().unwrap_or(0.0);
     let colour = |i: usize| extension["diffuseTransmissionColorFactor"][i].as_f64().unwrap_or(1.0);
     [0, 1, 2].map(|i| (share * colour(i)) as f32)
+}
+
+/// The file that an address in the glTF file `path` means.
+pub fn file_beside(path: &Path, uri: &str) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).join(unescaped(uri))
+}
+
+/// An address with its escaped bytes as they are; what is no escape stays.
+fn unescaped(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut out = Vec::new();
+    let mut at = 0;
+    while at < bytes.len() {
+        let digits = uri.get(at + 1..at + 3).filter(|_| bytes[at] == b'%');
+        match digits.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+            Some(byte) => {
+                out.push(byte);
+                at += 3;
+            }
+            None => {
+                out.push(bytes[at]);
+                at += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn escaped_addresses_are_files_beside() {
+        assert_eq!(file_beside(Path::new("models/a.glb"), "a%20b%zz%2"), Path::new("models/a b%zz%2"));
+    }
 }

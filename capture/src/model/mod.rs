@@ -3,9 +3,11 @@
 mod gltf_file;
 mod obj;
 
+pub use gltf_file::file_beside;
+
 use crate::error::CaptureError;
 use glam::Mat4;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Some triangles of a model that share a material.
 #[derive(Debug, Clone, Default)]
@@ -18,6 +20,8 @@ pub struct ModelPart {
     pub diffuse: [f32; 3],
     /// The share of light that the material lets through diffusely, linear sRGB; 0 where the file says nothing.
     pub transmitted: [f32; 3],
+    /// The description of the leaf that the material is, where the file names one.
+    pub leaf: Option<PathBuf>,
     /// Whether the material says that it is seen from both sides.
     pub double_sided: bool,
     /// Finite.

@@ -1,6 +1,8 @@
 //! A model as triangles with what they are made of.
 
+use super::build::Frame;
 use super::flakes::FlakeColour;
+use super::material::colour_of_file;
 use crate::error::FitError;
 use btf_capture::{ModelPart, read_model};
 use glam::{Mat4, Vec3};
@@ -21,15 +23,16 @@ pub struct TriangleModel {
 }
 
 impl TriangleModel {
-    /// Reads `.obj`, `.gltf` or `.glb` with all instances.
+    /// Reads `.obj`, `.gltf` or `.glb` with all instances. Leaves have the colours of the description that the file names
+    /// (`BTF_materials_leaf`).
     ///
     /// # Errors
-    /// Those of [`read_model`].
+    /// Those of [`read_model`], and of [`colour_of_file`] for leaves.
     pub fn read(path: &Path) -> Result<TriangleModel, FitError> {
         let mut model = TriangleModel::default();
         for mesh in read_model(path)? {
             for part in &mesh.parts {
-                let material = model.material_of(part);
+                let material = model.material_of(part)?;
                 for place in &mesh.places {
                     model.add_part(part, *place, material);
                 }
@@ -38,10 +41,13 @@ impl TriangleModel {
         Ok(model)
     }
 
-    fn material_of(&mut self, part: &ModelPart) -> u32 {
-        self.colours.push(FlakeColour { reflectance: part.diffuse, transmittance: part.transmitted });
+    fn material_of(&mut self, part: &ModelPart) -> Result<u32, FitError> {
+        self.colours.push(match &part.leaf {
+            Some(leaf) => colour_of_file(leaf)?,
+            None => FlakeColour { reflectance: part.diffuse, transmittance: part.transmitted },
+        });
         self.weights.push(if is_closed(part) { 0.5 } else { 1.0 });
-        self.colours.len() as u32 - 1
+        Ok(self.colours.len() as u32 - 1)
     }
 
     fn add_part(&mut self, part: &ModelPart, place: Mat4, material: u32) {
@@ -54,6 +60,12 @@ impl TriangleModel {
     pub fn bounds(&self) -> [Vec3; 2] {
         let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         self.triangles.iter().flatten().fold(start, |[lo, hi], p| [lo.min(*p), hi.max(*p)])
+    }
+
+    /// The same in the unit cube.
+    pub fn in_cube(&self, frame: &Frame) -> TriangleModel {
+        let triangles = self.triangles.iter().map(|t| t.map(|p| frame.cube_from_m(p))).collect();
+        TriangleModel { triangles, ..self.clone() }
     }
 
     /// Unit normal of a triangle, zero where it has no area.
