@@ -1,7 +1,7 @@
 //! What is in a volumetric texture's file: for `info`.
 
 use crate::byte_size::text_from_bytes;
-use crate::describe::{SectionSize, parallel, section_sizes};
+use crate::describe::{SectionSize, parallel, read_file, section_sizes};
 use crate::error::FitError;
 use btf_runtime::voltex::{
     FlakeMaterial, VOLTEX_VERSION, Voltex, VoltexSection, Volume, VolumeLevel, read_voltex_directory,
@@ -87,6 +87,20 @@ pub struct MaterialUse {
 /// Whether a file is a volumetric texture: by its first bytes, or else by its name.
 pub(crate) fn is_voltex(path: &Path, bytes: &[u8]) -> bool {
     Volume::is_one(bytes) || path.extension().is_some_and(|extension| extension == "voltex")
+}
+
+/// Reads a volumetric texture: its bytes and what is in them. `None` if the file is something else.
+///
+/// # Errors
+/// If it cannot be read or is no good volume; the message names the file.
+pub fn load_voltex(path: &Path) -> Result<Option<(Vec<u8>, Volume)>, FitError> {
+    let bytes = read_file(path)?;
+    if !is_voltex(path, &bytes) {
+        return Ok(None);
+    }
+    let volume =
+        Volume::parse_on(&bytes, &parallel).map_err(|source| FitError::Volume { path: path.to_path_buf(), source })?;
+    Ok(Some((bytes, volume)))
 }
 
 /// Describes the volumetric texture in `bytes`, or the tier of one.

@@ -85,7 +85,7 @@ pub use describe::{
     Description, FamilyUse, FileDescription, LayerDescription, ResidentDescription, SectionSize, TierDescription,
     describe, describe_file, describe_resident, family_name, load_asset, read_file, resident_in_parallel, with_path,
 };
-pub use describe_voltex::{LevelDescription, MaterialUse, VoltexDescription, VoltexTier, describe_voltex};
+pub use describe_voltex::{LevelDescription, MaterialUse, VoltexDescription, VoltexTier, describe_voltex, load_voltex};
 pub use error::FitError;
 pub use expand::{ExpandParams, expand, expand_info};
 pub use export_gltf::{AssetPlace, EXTENSION, GltfExport, export_gltf};

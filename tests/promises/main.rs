@@ -14,3 +14,4 @@ mod measured_photographs;
 mod mitsuba_peers;
 mod python_module;
 mod recovery;
+mod volumetric_texture;

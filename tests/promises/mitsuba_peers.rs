@@ -37,8 +37,13 @@ pub fn interpreter() -> Option<PathBuf> {
 
 /// Mitsuba's answers to `queries`, `None` where it is not there.
 fn ask(queries: &Value) -> Option<Value> {
+    ask_script("mitsuba_oracle.py", queries)
+}
+
+/// The same of a script in `peers`.
+pub fn ask_script(script: &str, queries: &Value) -> Option<Value> {
     let python = interpreter()?;
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/mitsuba_oracle.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers").join(script);
     let mut child = Command::new(&python)
         .arg(script)
         .stdin(Stdio::piped())

@@ -1,28 +1,33 @@
 //! `btf-fit compare`.
 
+use super::compare_voltex::{self, Compared};
 use super::output::{check_distinct, check_file, tell};
 use super::{Decoding, Failure, Shared, progress};
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
-    MeasureParams, Metrics, ReportInput, ReportLayer, bytes_from_text, layer_for_capture, load_asset, measure,
-    peak_memory_bytes, report_html, resident_in_parallel, write_heatmaps,
+    MeasureParams, Metrics, ReportInput, ReportLayer, bytes_from_text, layer_for_capture, load_asset, load_voltex,
+    measure, peak_memory_bytes, report_html, resident_in_parallel, write_heatmaps,
 };
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Measure the error of an asset against a capture
+/// Measure the error of an asset against a capture, or of a volumetric texture against its model
 ///
 /// The capture must have the asset's texels. Of an asset of several layers it is compared with the one of
 /// its side. Where its directions are not those of the asset, the asset is interpolated.
+///
+/// A volumetric texture is compared with the model that it was built of: opacity, transmittance and direct light along
+/// parallel rays, from directions and under lights that it was not fitted to.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:
-  btf-fit compare WOOL wool.spmm --json - --heatmap maps")]
+#[command(after_help = "Examples:
+  btf-fit compare WOOL wool.spmm --json - --heatmap maps
+  btf-fit compare tree.glb tree.voltex --ablate")]
 pub(super) struct CompareArgs {
-    /// The capture: a folder, a zip or a .btf file
+    /// The capture: a folder, a zip or a .btf file; or the model, .obj, .gltf or .glb
     #[arg(value_name = "CAPTURE")]
     capture: PathBuf,
-    /// The asset
+    /// The asset, or the .voltex file
     #[arg(value_name = "ASSET.spmm")]
     asset: PathBuf,
     /// Layer of the asset, from 0; the one of the capture's side if not given
@@ -30,6 +35,9 @@ pub(super) struct CompareArgs {
     layer: Option<usize>,
     #[command(flatten)]
     decoding: Decoding,
+    /// Of a volumetric texture also measure what each of its terms is worth, and simplified meshes; takes minutes
+    #[arg(long, conflicts_with_all = ["layer", "heatmap", "report"])]
+    ablate: bool,
     /// Most memory to use for images
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "4GB")]
     memory: u64,
@@ -69,6 +77,20 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
     let outputs: Vec<&Path> =
         [args.report.as_ref(), args.json.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
     check_distinct(&outputs)?;
+    if let Some((bytes, volume)) = load_voltex(&args.asset)? {
+        if args.layer.is_some() || args.heatmap.is_some() || args.report.is_some() {
+            let path = args.asset.display();
+            return Err(Failure::Usage(format!(
+                "{path} is a volumetric texture: --layer, --heatmap and --report are for assets; leave them out"
+            )));
+        }
+        let compared = Compared { model: &args.capture, file: &args.asset, bytes: bytes.len(), volume: &volume };
+        return compare_voltex::run(&compared, args.ablate, args.json.as_deref(), shared);
+    }
+    if args.ablate {
+        let path = args.asset.display();
+        return Err(Failure::Usage(format!("{path} is no volumetric texture: --ablate is for those; leave it out")));
+    }
     let capture = Capture::open(&args.capture)?;
     let (bytes, asset) = load_asset(&args.asset)?;
     for path in &outputs {

@@ -1,6 +1,7 @@
 //! The command line: one file per subcommand, and what they share.
 
 mod compare;
+mod compare_voltex;
 mod convert;
 mod expand;
 mod export_gltf;

@@ -5,6 +5,7 @@ use super::{Failure, Shared};
 use btf_capture::shapes::{SCRIPT_ENDING, Script};
 use btf_capture::write_file_atomically;
 use btf_fit::voltex::build::{VoltexParams, build_voltex};
+use btf_fit::voltex::measure::TRIANGLE_BYTES;
 use btf_fit::voltex::model::TriangleModel;
 use btf_fit::voltex::shapes::{Paints, build_painted, colours_of, paint};
 use btf_fit::{FitError, text_from_bytes};
@@ -64,9 +65,6 @@ struct Built {
     voxels: Vec<usize>,
     seconds: f64,
 }
-
-/// Bytes of a triangle's three corners.
-const TRIANGLE_BYTES: usize = 36;
 
 pub(super) fn run(args: &VoltexArgs, shared: &Shared) -> Result<(), Failure> {
     let start = std::time::Instant::now();

@@ -1,6 +1,7 @@
 //! From a model to a volume.
 
 use super::extinction::extinction_of;
+use super::flakes::FlakeSums;
 use super::gather::{Gather, VoxelSums};
 use super::model::TriangleModel;
 use super::occluder::Occluder;
@@ -79,17 +80,31 @@ const MARGIN: f32 = 1.001;
 /// # Errors
 /// [`FitError::Voltex`] for a model without extent.
 pub fn build_voltex(model: &TriangleModel, params: &VoltexParams) -> Result<Volume, FitError> {
+    build_with(model, params, voxel_of)
+}
+
+/// What makes a voxel of flakes in a cell of a volume, and of the number of their material.
+pub(super) type VoxelRule = fn(&FlakeSums, f32, u32) -> Voxel;
+
+/// The rule that volumes are built by.
+fn voxel_of(sums: &FlakeSums, volume: f32, material: u32) -> Voxel {
+    Voxel::new(extinction_of(sums, volume), material)
+}
+
+/// As [`build_voltex`], with another rule.
+pub(super) fn build_with(
+    model: &TriangleModel,
+    params: &VoltexParams,
+    voxel_of: VoxelRule,
+) -> Result<Volume, FitError> {
     let frame = Frame::around(model.bounds())?;
-    let cube = TriangleModel {
-        triangles: model.triangles.iter().map(|t| t.map(|p| frame.cube_from_m(p))).collect(),
-        ..model.clone()
-    };
+    let cube = model.in_cube(&frame);
     let mut gather = Gather::new(params.resolution);
     for (triangle, material) in cube.triangles.iter().zip(&cube.materials) {
         let material = *material as usize;
         gather.add_triangle(*triangle, &cube.colours[material], cube.weights[material]);
     }
-    let mut volume = volume_of(&gather.levels());
+    let mut volume = volume_with(&gather.levels(), voxel_of);
     volume.side_m = frame.side_m;
     fit_to_rays(&mut volume, &Occluder::new(&cube.triangles), &cube, params);
     Ok(volume)
@@ -97,6 +112,10 @@ pub fn build_voltex(model: &TriangleModel, params: &VoltexParams) -> Result<Volu
 
 /// The volume of levels of flakes, finest first, as if flakes lay anywhere in their voxels. It fills the cube.
 pub(super) fn volume_of(levels: &[VoxelSums]) -> Volume {
+    volume_with(levels, voxel_of)
+}
+
+fn volume_with(levels: &[VoxelSums], voxel_of: VoxelRule) -> Volume {
     let mut palette = Palette::default();
     let finest = (1u32 << (levels.len() - 1)) as f32;
     let levels = levels
@@ -104,7 +123,7 @@ pub(super) fn volume_of(levels: &[VoxelSums]) -> Volume {
         .enumerate()
         .map(|(level, cells)| {
             let side = (1u32 << level) as f32 / finest;
-            let voxel = |sums| Voxel::new(extinction_of(sums, side * side * side), palette.number(sums));
+            let voxel = |sums| voxel_of(sums, side * side * side, palette.number(sums));
             let mut voxels: Vec<_> = cells
                 .iter()
                 .map(|(at, sums)| (*at, sums))

@@ -1,11 +1,14 @@
 //! Builds volumetric textures: flakes gathered into voxels, filtered to levels, refitted to what rays see.
 
+pub mod ablations;
 pub mod build;
 pub mod clip;
 pub mod extinction;
 pub mod flakes;
 pub mod gather;
+pub mod march;
 pub mod material;
+pub mod measure;
 pub mod model;
 pub mod occluder;
 pub mod palette;
@@ -13,3 +16,4 @@ pub mod projection;
 pub mod refit;
 pub mod shadow;
 pub mod shapes;
+pub mod simplify;

@@ -1,5 +1,6 @@
 //! A model as triangles with what they are made of.
 
+use super::build::Frame;
 use super::flakes::FlakeColour;
 use super::material::colour_of_file;
 use crate::error::FitError;
@@ -65,6 +66,12 @@ impl TriangleModel {
     pub fn bounds(&self) -> [Vec3; 2] {
         let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         self.triangles.iter().flatten().fold(start, |[lo, hi], p| [lo.min(*p), hi.max(*p)])
+    }
+
+    /// The same in the unit cube.
+    pub fn in_cube(&self, frame: &Frame) -> TriangleModel {
+        let triangles = self.triangles.iter().map(|t| t.map(|p| frame.cube_from_m(p))).collect();
+        TriangleModel { triangles, ..self.clone() }
     }
 
     /// Unit normal of a triangle, zero where it has no area.

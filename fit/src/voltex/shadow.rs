@@ -1,7 +1,7 @@
 //! How shadows fall within a level: from where rays to the light begin, and how much eye and light see the same gaps, fitted
 //! to what the model itself shows.
 
-use super::occluder::Occluder;
+use super::occluder::{Met, Occluder};
 use super::projection::{HALF_SIDE, Projection, spread_directions};
 use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, NO_VOXEL, Voltex, VoltexRay, Walk, seen_at, shade};
 use glam::Vec3;
@@ -34,7 +34,7 @@ const PIXEL_VOXELS: f32 = 2.0;
 /// Optical depth beyond which light is gone.
 const DARK: f32 = 14.0;
 /// Transmittance below which a ray ends.
-const END: f32 = 1.0 / 255.0;
+pub(super) const END: f32 = 1.0 / 255.0;
 
 /// Reflected and transmitted light of what a ray past the model meets; 1 is a white surface lit along its normal.
 pub trait Lit: Sync {
@@ -44,7 +44,19 @@ pub trait Lit: Sync {
 
 /// Light of the model along a ray, lit from `light`.
 pub fn model_light(occluder: &Occluder, lit: &impl Lit, origin: Vec3, direction: Vec3, light: Vec3) -> f32 {
-    let Some(met) = occluder.trace(origin, direction, 4.0) else { return 0.0 };
+    let met = occluder.trace(origin, direction, 4.0);
+    met.map_or(0.0, |met| met_light(occluder, lit, &met, origin, direction, light))
+}
+
+/// Light of what that ray has met.
+pub(super) fn met_light(
+    occluder: &Occluder,
+    lit: &impl Lit,
+    met: &Met,
+    origin: Vec3,
+    direction: Vec3,
+    light: Vec3,
+) -> f32 {
     let ([reflectance, transmittance], normal) = lit.surface(met.triangle);
     let (seen, shone) = (normal.dot(-direction), normal.dot(light));
     let value = if seen * shone > 0.0 { reflectance } else { transmittance } * shone.abs();
@@ -169,7 +181,7 @@ fn add_parts(
 }
 
 /// Optical depth of a level from a point on.
-fn depth_towards(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3) -> f32 {
+pub(super) fn depth_towards(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3) -> f32 {
     let d = direction.to_array();
     let mut walk = Walk::new(VoltexRay { origin: origin.into(), direction: d }, 0.0, 4.0, voltex.level_count());
     let mut depth = 0.0;

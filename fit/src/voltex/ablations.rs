@@ -1,0 +1,114 @@
+//! Volumes without one of their terms each, and by the rule that they replace: what each term is worth.
+
+use super::build::{VoltexParams, build_voltex, build_with};
+use super::extinction::extinction_of;
+use super::flakes::FlakeSums;
+use super::march::{MarchParams, Reflection};
+use super::model::TriangleModel;
+use super::refit::RefitParams;
+use super::shadow::ShadowParams;
+use crate::error::FitError;
+use btf_runtime::voltex::{LevelShadow, Sym3, Volume, Voxel, moment_of};
+
+/// What is left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ablation {
+    /// Extinction as the flakes' areas say.
+    NoRefit,
+    /// S as the sum of the flakes' own in place of what least squares make of their projected areas.
+    LinearS,
+    /// That without the refit, which makes up for a part.
+    LinearSNoRefit,
+    /// The same extinction in all directions.
+    Isotropic,
+    /// That without the refit.
+    IsotropicNoRefit,
+    /// Rays to the light begin at the flakes, and eye and light share no gaps.
+    NoShadowFit,
+    /// The same extinction in all directions, light summed over an ellipsoid's normals, nothing fitted, voxels of a pixel and
+    /// one ray [Neyret 1996].
+    Rule1996,
+    /// Voxels of a pixel in place of half of one.
+    Bias0,
+    /// One ray a pixel.
+    OneRay,
+    /// Sixteen.
+    SixteenRays,
+}
+
+impl Ablation {
+    /// All of them.
+    pub const ALL: [Ablation; 10] = [
+        Ablation::NoRefit,
+        Ablation::LinearS,
+        Ablation::LinearSNoRefit,
+        Ablation::Isotropic,
+        Ablation::IsotropicNoRefit,
+        Ablation::NoShadowFit,
+        Ablation::Rule1996,
+        Ablation::Bias0,
+        Ablation::OneRay,
+        Ablation::SixteenRays,
+    ];
+
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Ablation::NoRefit => "extinction not refitted",
+            Ablation::LinearS => "S linear",
+            Ablation::LinearSNoRefit => "S linear, not refitted",
+            Ablation::Isotropic => "isotropic extinction",
+            Ablation::IsotropicNoRefit => "isotropic extinction, not refitted",
+            Ablation::NoShadowFit => "shadows not fitted",
+            Ablation::Rule1996 => "rule of 1996",
+            Ablation::Bias0 => "voxels of one pixel",
+            Ablation::OneRay => "1 ray a pixel",
+            Ablation::SixteenRays => "16 rays a pixel",
+        }
+    }
+
+    /// The volume of a model without it, as fine as `volume`, and how that is looked at.
+    ///
+    /// Cost: that of building one, for those that differ in the volume.
+    ///
+    /// # Errors
+    /// Those of [`build_voltex`].
+    pub fn apply(self, model: &TriangleModel, volume: &Volume) -> Result<(Volume, MarchParams), FitError> {
+        let params = VoltexParams { resolution: 1 << volume.level_count(), ..VoltexParams::default() };
+        let not_refitted = VoltexParams { refit: RefitParams { views: 0, ..params.refit }, ..params };
+        let march = MarchParams::default();
+        Ok(match self {
+            Ablation::NoRefit => (build_voltex(model, &not_refitted)?, march),
+            Ablation::LinearS => (build_with(model, &params, linear)?, march),
+            Ablation::LinearSNoRefit => (build_with(model, &not_refitted, linear)?, march),
+            Ablation::Isotropic => (build_with(model, &params, isotropic)?, march),
+            Ablation::IsotropicNoRefit => (build_with(model, &not_refitted, isotropic)?, march),
+            Ablation::NoShadowFit => (without_shadows(volume.clone()), march),
+            Ablation::Rule1996 => {
+                let plain = VoltexParams { shadow: ShadowParams { views: 0, ..params.shadow }, ..not_refitted };
+                let volume = without_shadows(build_with(model, &plain, isotropic)?);
+                (volume, MarchParams { rays: 1, finer: 0, reflection: Reflection::Ellipsoid })
+            }
+            Ablation::Bias0 => (volume.clone(), MarchParams { finer: 0, ..march }),
+            Ablation::OneRay => (volume.clone(), MarchParams { rays: 1, ..march }),
+            Ablation::SixteenRays => (volume.clone(), MarchParams { rays: 4, ..march }),
+        })
+    }
+}
+
+fn without_shadows(mut volume: Volume) -> Volume {
+    volume.levels.iter_mut().for_each(|level| level.shadow = LevelShadow::default());
+    volume
+}
+
+/// S of flakes of area A is A times the sum of `a n n'`, per volume squared [Heitz 2015].
+fn linear(sums: &FlakeSums, volume: f32, material: u32) -> Voxel {
+    Voxel::new(Sym3(sums.moment).scale(sums.area / (volume * volume)), material)
+}
+
+/// Flakes that hide half of their area from everywhere, and reflect as they lie.
+fn isotropic(sums: &FlakeSums, volume: f32, material: u32) -> Voxel {
+    let square = (0.5 * sums.area / volume).powi(2);
+    let moment = moment_of(&extinction_of(sums, volume));
+    Voxel { extinction: Sym3([square, square, square, 0.0, 0.0, 0.0]), moment, material }
+}
