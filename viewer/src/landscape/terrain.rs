@@ -31,7 +31,7 @@ impl Terrain {
         times: u32,
         height_m: impl FnOnce(Vec2) -> Box<dyn Fn(Vec2) -> f32>,
     ) -> Terrain {
-        let northwards = (1..=times).filter(|n| times % n == 0 && n * n <= times).max().unwrap_or(1);
+        let northwards = (1..=times).filter(|n| times.is_multiple_of(*n) && n * n <= times).max().unwrap_or(1);
         let patches = [patches[0] * (times / northwards), patches[1] * northwards];
         let size_m = patch_m * Vec2::from(patches.map(|count| count as f32));
         Terrain { size_m, patches, height_m: height_m(size_m) }
