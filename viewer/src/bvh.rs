@@ -72,6 +72,8 @@ pub enum AnyHit {
     Yes,
     /// Only the nearest hit.
     No,
+    /// Only the nearest of those whose front the ray meets; the shader has no twin of it yet.
+    Front,
 }
 
 impl Geometry {
@@ -81,7 +83,7 @@ impl Geometry {
         let nodes = self.nodes();
         let mut best = Hit::none(t_max);
         let world = BoxRay::new(origin, direction);
-        let (mut ray, mut shear) = (world, Shear::new(direction));
+        let (mut ray, mut shear, mut along) = (world, Shear::new(direction), direction);
         let mut stack = [0u32; STACK];
         let (mut size, mut at) = (0, self.root());
         // The instance that the ray is in, and where the stack stood before.
@@ -111,14 +113,18 @@ impl Geometry {
                 let placed = &self.instances()[instance as usize];
                 let own = placed.object_from_world(direction, 0.0);
                 ray = BoxRay::new(placed.object_from_world(origin, 1.0), own);
-                shear = Shear::new(own);
+                (shear, along) = (Shear::new(own), own);
                 at = placed.root;
                 if enter(&nodes[at as usize], &ray, best.t) < best.t {
                     continue;
                 }
             } else {
                 for primitive in node.first..node.first + node.count {
-                    if let Some((t, u, v)) = intersect(ray.origin, &shear, self.corners(primitive))
+                    let [a, b, c] = self.corners(primitive);
+                    if any == AnyHit::Front && (b - a).cross(c - a).dot(along) >= 0.0 {
+                        continue;
+                    }
+                    if let Some((t, u, v)) = intersect(ray.origin, &shear, [a, b, c])
                         && t < best.t
                     {
                         best = Hit { t, primitive, u, v, instance };

@@ -207,24 +207,20 @@ impl<'a> Stretches<'a> {
     /// Finds the next face that the ray enters by.
     fn find_entry(&mut self) {
         self.entry = None;
-        let proxies = &self.volumes.proxies;
-        while self.from < self.t_max {
-            let start = self.origin + self.direction * self.from;
-            let hit = proxies.trace(start, self.direction, self.t_max - self.from, AnyHit::No);
-            if hit.primitive == NO_HIT {
-                self.from = self.t_max;
-                return;
-            }
-            let t = self.from + hit.t;
-            // Beyond what this number and the origin's are rounded to.
-            self.from = t + 2e-6 * (self.volumes.reach + self.origin.abs().max_element() + t.abs());
-            let [a, b, c] = proxies.corners(hit.primitive);
-            let own = proxies.instances()[hit.instance as usize].object_from_world(self.direction, 0.0);
-            if (b - a).cross(c - a).dot(own) < 0.0 {
-                self.entry = Some((t, hit));
-                return;
-            }
+        if self.from >= self.t_max {
+            return;
         }
+        let start = self.origin + self.direction * self.from;
+        // Fronts alone: where volumes stand side by side, one is left by the face by which the next is entered.
+        let hit = self.volumes.proxies.trace(start, self.direction, self.t_max - self.from, AnyHit::Front);
+        if hit.primitive == NO_HIT {
+            self.from = self.t_max;
+            return;
+        }
+        let t = self.from + hit.t;
+        // Beyond what this number and the origin's are rounded to.
+        self.from = t + 2e-6 * (self.volumes.reach + self.origin.abs().max_element() + t.abs());
+        self.entry = Some((t, hit));
     }
 
     /// Goes into what was found.
