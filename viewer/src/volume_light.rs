@@ -67,7 +67,7 @@ impl VolumePoint {
     pub fn shadow_offset(&self, volumes: &Volumes, light: Vec3) -> Vec3 {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light;
-        let side = (1u32 << self.level.finer) as f32 / (1u32 << voltex.level_count()) as f32;
+        let side = voltex.voxel_side(self.level.finer);
         let towards = self
             .parts
             .iter()
@@ -93,7 +93,7 @@ fn parts_of(voltex: &Voltex, segment: &Segment, part: f32, d: [f32; 3]) -> (f32,
         (share, voltex.voxel(number))
     };
     let parts = [one(segment.cell.voxel, 1.0 - part), one(segment.cell.parent, part)];
-    let sigma = parts.iter().map(|(share, voxel)| share * voxel.extinction.form(d, d).max(0.0).sqrt()).sum();
+    let sigma = parts.iter().map(|(share, voxel)| share * voxel.extinction_along(d)).sum();
     (sigma, parts)
 }
 

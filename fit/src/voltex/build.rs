@@ -1,7 +1,7 @@
 //! From a model to a volume.
 
 use super::extinction::extinction_of;
-use super::flakes::FlakeSums;
+use super::flakes::{FlakeSums, grey};
 use super::gather::{Gather, VoxelSums};
 use super::model::TriangleModel;
 use super::occluder::Occluder;
@@ -35,7 +35,6 @@ const LEAST_SIDE: u32 = 2;
 impl Lit for TriangleModel {
     fn surface(&self, triangle: usize) -> ([f32; 2], Vec3) {
         let colour = &self.colours[self.materials[triangle] as usize];
-        let grey = |rgb: [f32; 3]| (rgb[0] + rgb[1] + rgb[2]) / 3.0;
         ([grey(colour.reflectance), grey(colour.transmittance)], self.normal(triangle))
     }
 }
@@ -197,8 +196,7 @@ mod tests {
                 let mut depth = 0.0;
                 while let Some(segment) = walk.next(&voltex, level) {
                     if segment.cell.voxel != NO_VOXEL {
-                        let extinction = voltex.voxel(segment.cell.voxel).extinction;
-                        depth += extinction.form(d, d).max(0.0).sqrt() * (segment.t1 - segment.t0);
+                        depth += voltex.voxel(segment.cell.voxel).extinction_along(d) * (segment.t1 - segment.t0);
                     }
                 }
                 hidden += 1.0 - (-depth).exp();

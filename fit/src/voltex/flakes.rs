@@ -24,6 +24,11 @@ pub const DIRECTIONS: [Vec3; 13] = {
     ]
 };
 
+/// The mean of the three channels.
+pub fn grey(rgb: [f32; 3]) -> f32 {
+    (rgb[0] + rgb[1] + rgb[2]) / 3.0
+}
+
 /// Sums over flakes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FlakeSums {

@@ -1,8 +1,9 @@
 //! What an eye sees of a volume along a ray, under lights far away: what passes and what is reflected.
 
+use super::along::{depth_along, seen_along};
+use super::flakes::grey;
 use super::projection::spread_directions;
-use super::shadow::{END, depth_towards};
-use btf_runtime::voltex::{LevelShadow, NO_VOXEL, Sym3, Voltex, VoltexRay, Walk, seen_at, shade};
+use btf_runtime::voltex::{LevelShadow, Sym3, Voltex, shade};
 use glam::Vec3;
 
 /// How a volume is looked at.
@@ -53,50 +54,28 @@ impl March<'_> {
             let root = |number| voltex.voxel(number).moment.mapped(|x| x.max(0.0).powf(2.0 / 3.0));
             ((0..voltex.voxel_count() as u32).map(root).collect(), spread_directions(NORMALS, 0.0))
         });
-        let side = (1u32 << level) as f32 / (1u32 << voltex.level_count()) as f32;
-        March { voltex, level, side, shadow: voltex.shadow(level), ellipsoids }
+        March { voltex, level, side: voltex.voxel_side(level), shadow: voltex.shadow(level), ellipsoids }
     }
 
     /// The share of light that passes a ray, and, added to `seen`, what it sees under each of `lights`; 1 is a white
     /// surface lit along its normal.
     pub fn ray(&self, origin: Vec3, direction: Vec3, lights: &[Vec3], seen: &mut [f32]) -> f32 {
-        let d = direction.to_array();
-        let ray = VoltexRay { origin: origin.into(), direction: d };
-        let mut walk = Walk::new(ray, 0.0, 4.0, self.voltex.level_count());
-        let mut through = 1.0;
-        while let Some(segment) = walk.next(self.voltex, self.level) {
-            if segment.cell.voxel == NO_VOXEL {
-                continue;
-            }
-            let voxel = self.voltex.voxel(segment.cell.voxel);
-            let sigma = voxel.extinction.form(d, d).max(0.0).sqrt();
-            let length = segment.t1 - segment.t0;
-            let alpha = 1.0 - (-sigma * length).exp();
-            if alpha <= 0.0 {
-                continue;
-            }
-            let material = self.voltex.material(voxel.material);
-            let grey = |rgb: [f32; 3]| (rgb[0] + rgb[1] + rgb[2]) / 3.0;
-            let at = origin + direction * (segment.t0 + seen_at(sigma * length, length));
+        seen_along(self.voltex, self.level, origin, direction, |part| {
+            let material = self.voltex.material(part.voxel.material);
             for (light, seen) in lights.iter().zip(&mut *seen) {
                 let [same, other] = match &self.ellipsoids {
                     Some((roots, normals)) => {
-                        ellipsoid_light(&roots[segment.cell.voxel as usize], normals, -direction, *light)
+                        ellipsoid_light(&roots[part.number as usize], normals, -direction, *light)
                     }
-                    None => shade(&voxel.moment, (-direction).into(), (*light).into()).map(|sum| sum / sigma),
+                    None => shade(&part.voxel.moment, (-direction).into(), (*light).into()).map(|sum| sum / part.sigma),
                 };
                 let value = grey(material.reflectance) * same + grey(material.transmittance) * other;
-                let towards = Vec3::from(voxel.moment.times((*light).into())).normalize_or_zero() * self.side;
-                let depth = depth_towards(self.voltex, self.level, at + towards * self.shadow.offset, *light);
+                let towards = Vec3::from(part.voxel.moment.times((*light).into())).normalize_or_zero() * self.side;
+                let depth = depth_along(self.voltex, self.level, part.at + towards * self.shadow.offset, *light);
                 let apart = 1.0 - self.shadow.shared_at(light.dot(-direction));
-                *seen += through * alpha * value * (-apart * depth).exp();
+                *seen += part.weight * value * (-apart * depth).exp();
             }
-            through *= 1.0 - alpha;
-            if through < END {
-                return 0.0;
-            }
-        }
-        through
+        })
     }
 }
 

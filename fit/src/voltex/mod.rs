@@ -1,6 +1,7 @@
 //! Builds volumetric textures: flakes gathered into voxels, filtered to levels, refitted to what rays see.
 
 pub mod ablations;
+mod along;
 pub mod build;
 pub mod clip;
 pub mod extinction;

@@ -71,7 +71,12 @@ impl TriangleModel {
     /// The same in the unit cube.
     pub fn in_cube(&self, frame: &Frame) -> TriangleModel {
         let triangles = self.triangles.iter().map(|t| t.map(|p| frame.cube_from_m(p))).collect();
-        TriangleModel { triangles, ..self.clone() }
+        TriangleModel {
+            triangles,
+            materials: self.materials.clone(),
+            colours: self.colours.clone(),
+            weights: self.weights.clone(),
+        }
     }
 
     /// Unit normal of a triangle, zero where it has no area.

@@ -76,7 +76,7 @@ impl Level<'_> {
     /// How the scales `logs` of the voxels should change by what is seen in a view.
     fn sums(&self, view: &Projection, truth: &[f32], logs: &[f32]) -> Sums {
         let d = view.direction.to_array();
-        let extinction = |(voxel, log): (&Voxel, &f32)| voxel.extinction.form(d, d).max(0.0).sqrt() * log.exp();
+        let extinction = |(voxel, log): (&Voxel, &f32)| voxel.extinction_along(d) * log.exp();
         let sigmas: Vec<f32> = self.voxels.par_iter().zip(logs).map(extinction).collect();
         let rows = self.count.div_ceil(BLOCKS);
         let none = Sums { slope: vec![0.0; logs.len()], weight: vec![0.0; logs.len()], opaque: [0.0; 2] };
@@ -151,7 +151,7 @@ pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &Refi
     let numbers = voltex.numbers_at(level);
     let mut place = vec![u32::MAX; voltex.voxel_count()];
     numbers.iter().enumerate().for_each(|(i, number)| place[*number as usize] = i as u32);
-    let pixel = (1u32 << level) as f32 / (1u32 << voltex.level_count()) as f32;
+    let pixel = voltex.voxel_side(level);
     let own = Level {
         voltex: &*voltex,
         level,

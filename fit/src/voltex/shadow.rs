@@ -1,9 +1,11 @@
 //! How shadows fall within a level: from where rays to the light begin, and how much eye and light see the same gaps, fitted
 //! to what the model itself shows.
 
+use super::along::{depth_along, seen_along};
+use super::flakes::grey;
 use super::occluder::{Met, Occluder};
 use super::projection::{HALF_SIDE, Projection, spread_directions};
-use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, NO_VOXEL, Voltex, VoltexRay, Walk, seen_at, shade};
+use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, Voltex, shade};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -31,10 +33,6 @@ const MODEL_RAYS: usize = 4;
 const VOLUME_RAYS: usize = 2;
 /// Side of a pixel, voxels: as a level is looked at.
 const PIXEL_VOXELS: f32 = 2.0;
-/// Optical depth beyond which light is gone.
-const DARK: f32 = 14.0;
-/// Transmittance below which a ray ends.
-pub(super) const END: f32 = 1.0 / 255.0;
 
 /// Reflected and transmitted light of what a ray past the model meets; 1 is a white surface lit along its normal.
 pub trait Lit: Sync {
@@ -78,7 +76,7 @@ pub fn fit_shadow(
     lit: &impl Lit,
     params: &ShadowParams,
 ) -> LevelShadow {
-    let side = (1u32 << level) as f32 / (1u32 << voltex.level_count()) as f32;
+    let side = voltex.voxel_side(level);
     let pixel = side * PIXEL_VOXELS;
     let count = (2.0 * HALF_SIDE / pixel).ceil() as usize;
     let stride = count.div_ceil(params.pixels);
@@ -149,50 +147,13 @@ fn add_parts(
     light: Vec3,
     parts: &mut Vec<Part>,
 ) {
-    let d = direction.to_array();
-    let ray = VoltexRay { origin: origin.into(), direction: d };
-    let mut walk = Walk::new(ray, 0.0, 4.0, voltex.level_count());
-    let mut through = 1.0;
-    while let Some(segment) = walk.next(voltex, level) {
-        if segment.cell.voxel == NO_VOXEL {
-            continue;
-        }
-        let voxel = voltex.voxel(segment.cell.voxel);
-        let sigma = voxel.extinction.form(d, d).max(0.0).sqrt();
-        let length = segment.t1 - segment.t0;
-        let depth = sigma * length;
-        let alpha = 1.0 - (-depth).exp();
-        if alpha <= 0.0 {
-            continue;
-        }
-        let material = voltex.material(voxel.material);
-        let [same, other] = shade(&voxel.moment, d.map(|x| -x), light.into());
-        let grey = |rgb: [f32; 3]| (rgb[0] + rgb[1] + rgb[2]) / 3.0;
-        let value = (grey(material.reflectance) * same + grey(material.transmittance) * other) / sigma;
-        let seen = origin + direction * (segment.t0 + seen_at(depth, length));
-        let towards = Vec3::from(voxel.moment.times(light.into())).normalize_or_zero() * side;
-        let depths = OFFSETS.map(|offset| depth_towards(voltex, level, seen + towards * offset, light));
-        parts.push((through * alpha * value / (VOLUME_RAYS * VOLUME_RAYS) as f32, depths));
-        through *= 1.0 - alpha;
-        if through < END {
-            break;
-        }
-    }
-}
-
-/// Optical depth of a level from a point on.
-pub(super) fn depth_towards(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3) -> f32 {
-    let d = direction.to_array();
-    let mut walk = Walk::new(VoltexRay { origin: origin.into(), direction: d }, 0.0, 4.0, voltex.level_count());
-    let mut depth = 0.0;
-    while let Some(segment) = walk.next(voltex, level) {
-        if segment.cell.voxel != NO_VOXEL {
-            let voxel = voltex.voxel(segment.cell.voxel);
-            depth += voxel.extinction.form(d, d).max(0.0).sqrt() * (segment.t1 - segment.t0);
-            if depth > DARK {
-                break;
-            }
-        }
-    }
-    depth
+    let share = (VOLUME_RAYS * VOLUME_RAYS) as f32;
+    seen_along(voltex, level, origin, direction, |seen| {
+        let material = voltex.material(seen.voxel.material);
+        let [same, other] = shade(&seen.voxel.moment, (-direction).into(), light.into());
+        let value = (grey(material.reflectance) * same + grey(material.transmittance) * other) / seen.sigma;
+        let towards = Vec3::from(seen.voxel.moment.times(light.into())).normalize_or_zero() * side;
+        let depths = OFFSETS.map(|offset| depth_along(voltex, level, seen.at + towards * offset, light));
+        parts.push((seen.weight * value / share, depths));
+    });
 }

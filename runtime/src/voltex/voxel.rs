@@ -49,6 +49,11 @@ impl Voxel {
         Voxel { extinction, moment: moment_of(&extinction), material }
     }
 
+    /// Optical depth per length along d, a vector of texture space that need not be unit.
+    pub fn extinction_along(&self, d: [f32; 3]) -> f32 {
+        self.extinction.form(d, d).max(0.0).sqrt()
+    }
+
     /// The same flakes, `factor` times as many.
     pub fn scaled(&self, factor: f32) -> Voxel {
         Voxel { extinction: self.extinction.scale(factor * factor), moment: self.moment.scale(factor), ..*self }

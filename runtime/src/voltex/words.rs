@@ -70,6 +70,11 @@ impl Voltex {
         &self.words
     }
 
+    /// Side of a voxel of a level, sides of the unit cube.
+    pub fn voxel_side(&self, level: u32) -> f32 {
+        (1u32 << level) as f32 / (1u32 << self.level_count()) as f32
+    }
+
     /// Binary logarithm of the finest level's voxels a side. Twin: `voltex_level_count`.
     pub fn level_count(&self) -> u32 {
         self.words[LEVEL_COUNT_AT]

@@ -6,13 +6,13 @@ use glam::Vec3;
 use super::canvas::Canvas;
 use crate::error::FitError;
 use crate::voltex::build::{VoltexParams, fit_to_rays, volume_of};
+use crate::voltex::flakes::grey;
 use crate::voltex::gather::Gather;
 use crate::voltex::occluder::Occluder;
 use crate::voltex::shadow::Lit;
 
 impl Lit for Canvas {
     fn surface(&self, triangle: usize) -> ([f32; 2], Vec3) {
-        let grey = |rgb: [f32; 3]| rgb.iter().sum::<f32>() / 3.0;
         let (colour, [a, b, c]) = (&self.colours[triangle], self.triangles[triangle]);
         let normal = (b - a).cross(c - a).normalize_or_zero();
         ([grey(colour.reflectance), grey(colour.transmittance)], normal)
