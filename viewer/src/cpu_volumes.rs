@@ -24,7 +24,9 @@ impl Shader<'_> {
     /// Share of light that passes the scene's volumes on the way from a surface.
     pub(crate) fn past_volumes(&self, origin: Vec3, direction: Vec3, distance: f32, width: f32) -> f32 {
         match &self.scene.volumes {
-            Some(volumes) if distance > 0.0 => (-volumes.depth(origin, direction, distance, width)).exp(),
+            Some(volumes) if distance > 0.0 => {
+                (-volumes.depth(origin, direction, distance, &self.hand_over, width)).exp()
+            }
             _ => 1.0,
         }
     }
@@ -56,6 +58,7 @@ impl Shader<'_> {
             origin,
             direction,
             t_max,
+            &self.hand_over,
             |t| (travelled + t) * pixel_width,
             |point| {
                 let position = origin + direction * point.t;
@@ -133,6 +136,6 @@ impl Shader<'_> {
             return 0.0;
         }
         let shared = point.shared(volumes, to_eye.dot(towards));
-        (-(1.0 - shared) * volumes.depth(origin, towards, distance, width)).exp()
+        (-(1.0 - shared) * volumes.depth(origin, towards, distance, &self.hand_over, width)).exp()
     }
 }
