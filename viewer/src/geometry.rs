@@ -255,7 +255,7 @@ impl Geometry {
     }
 
     /// How wide the leaves of an instance are in the world; 0 where no volume stands in for it.
-    pub(crate) fn leaf_width(&self, instance: u32) -> f32 {
+    pub fn leaf_width(&self, instance: u32) -> f32 {
         self.leaf_widths.get(instance as usize).copied().unwrap_or(0.0)
     }
 

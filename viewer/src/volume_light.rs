@@ -15,6 +15,7 @@ const BIAS: f32 = -1.0;
 const SHADOW_STEP: f32 = 1.0 / 16.0;
 
 /// What a ray sees at one place of a volume.
+#[derive(Debug, Clone, Copy)]
 pub struct VolumePoint {
     /// Along the ray.
     pub t: f32,
