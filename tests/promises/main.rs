@@ -6,6 +6,7 @@ mod bytes_are_repeatable;
 mod designed_leaf;
 mod expand_and_measure;
 mod gltf_export;
+mod hand_over;
 mod leaf_colour;
 mod leaf_layers;
 mod live_canopy;

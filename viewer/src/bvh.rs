@@ -2,6 +2,7 @@
 //! each mesh, in the mesh's own space. All lie in one array of nodes. Twin: `shaders/bvh.wgsl`, over the same arrays.
 
 use crate::geometry::{Geometry, Instance};
+use crate::hand_over::HandOver;
 use crate::shear::Shear;
 use glam::Vec3;
 
@@ -80,27 +81,42 @@ impl Geometry {
     /// The nearest hit with 0 < t < `t_max`, or any hit if `any`. `direction` is unit.
     /// Twin: `bvh_trace` in `bvh.wgsl`.
     pub fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
+        self.trace_handed_over(origin, direction, t_max, any, &HandOver::MESHES)
+    }
+
+    /// The same where meshes that volumes stand in for are there within their spheres only. The shader has no twin of it yet.
+    pub fn trace_handed_over(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        any: AnyHit,
+        hand_over: &HandOver,
+    ) -> Hit {
         let nodes = self.nodes();
+        let spheres = hand_over.along(origin, direction);
         let mut best = Hit::none(t_max);
+        // Where the mesh that the ray is in begins to be there, and beyond what nothing counts.
+        let (mut from, mut reach) = (0.0, t_max);
         let world = BoxRay::new(origin, direction);
         let (mut ray, mut shear, mut along) = (world, Shear::new(direction), direction);
         let mut stack = [0u32; STACK];
         let (mut size, mut at) = (0, self.root());
         // The instance that the ray is in, and where the stack stood before.
         let (mut instance, mut below) = (NO_INSTANCE, 0);
-        if enter(&nodes[at as usize], &ray, best.t) >= best.t {
+        if enter(&nodes[at as usize], &ray, reach) >= reach {
             return best;
         }
         loop {
             let node = nodes[at as usize];
             if node.count == 0 {
-                let left = enter(&nodes[node.first as usize], &ray, best.t);
-                let right = enter(&nodes[node.first as usize + 1], &ray, best.t);
+                let left = enter(&nodes[node.first as usize], &ray, reach);
+                let right = enter(&nodes[node.first as usize + 1], &ray, reach);
                 // Go to the nearer child, keep the farther one.
                 let (near, far) =
                     if left <= right { (node.first, node.first + 1) } else { (node.first + 1, node.first) };
-                if left.min(right) < best.t {
-                    if left.max(right) < best.t {
+                if left.min(right) < reach {
+                    if left.max(right) < reach {
                         stack[size] = far;
                         size += 1;
                     }
@@ -115,7 +131,9 @@ impl Geometry {
                 ray = BoxRay::new(placed.object_from_world(origin, 1.0), own);
                 (shear, along) = (Shear::new(own), own);
                 at = placed.root;
-                if enter(&nodes[at as usize], &ray, best.t) < best.t {
+                let [first, last] = spheres.mesh(self.leaf_width(instance));
+                (from, reach) = (first, best.t.min(last));
+                if enter(&nodes[at as usize], &ray, reach) < reach {
                     continue;
                 }
             } else {
@@ -125,9 +143,11 @@ impl Geometry {
                         continue;
                     }
                     if let Some((t, u, v)) = intersect(ray.origin, &shear, [a, b, c])
-                        && t < best.t
+                        && t < reach
+                        && t >= from
                     {
                         best = Hit { t, primitive, u, v, instance };
+                        reach = t;
                         if any == AnyHit::Yes {
                             return best;
                         }
@@ -135,7 +155,7 @@ impl Geometry {
                 }
             }
             if size == below {
-                (instance, below, ray) = (NO_INSTANCE, 0, world);
+                (instance, below, ray, reach) = (NO_INSTANCE, 0, world, best.t);
             }
             if size == 0 {
                 return best;
@@ -259,15 +279,18 @@ mod tests {
         Geometry::placed(vec![soup_mesh(40, 0.3), soup_mesh(7, 0.8)], &placements).unwrap()
     }
 
-    fn brute_force(geometry: &Geometry, origin: Vec3, direction: Vec3, t_max: f32) -> Hit {
+    fn brute_force(geometry: &Geometry, origin: Vec3, direction: Vec3, t_max: f32, hand_over: &HandOver) -> Hit {
         let mut best = Hit::none(t_max);
         for (number, instance) in geometry.instances().iter().enumerate() {
             let mesh = geometry.meshes()[geometry.mesh_of(number)];
             let own = instance.object_from_world(direction, 0.0);
+            let world_origin = origin;
             let (origin, shear) = (instance.object_from_world(origin, 1.0), Shear::new(own));
+            let [first, last] = hand_over.along(world_origin, direction).mesh(geometry.leaf_width(number as u32));
             for primitive in mesh.first_triangle..mesh.first_triangle + mesh.triangles {
                 if let Some((t, u, v)) = intersect(origin, &shear, geometry.corners(primitive))
                     && t < best.t
+                    && (first..last).contains(&t)
                 {
                     best = Hit { t, primitive, u, v, instance: number as u32 };
                 }
@@ -280,17 +303,22 @@ mod tests {
         geometry.trace(origin, direction, 10.0, any)
     }
 
+    /// About an eye within the scenes; leaves 1 wide are handed over at a radius of 1.4.
+    fn hand_over() -> HandOver {
+        HandOver::new(Vec3::new(0.3, -0.2, 0.1), 0.5, 0.5)
+    }
+
     /// Rays on which the hierarchy and the slow obvious search differ, of 2000.
-    fn differences(geometry: &Geometry) -> usize {
+    fn differences(geometry: &Geometry, hand_over: &HandOver) -> usize {
         let mut random = Random(77);
         (0..2000)
             .filter(|i| {
                 let origin = random.vector() * 1.5;
                 // Every seventh ray runs along an axis, where slab tests divide by zero if they are careless.
                 let direction = if i % 7 == 0 { Vec3::AXES[i % 3] } else { random.vector().normalize() };
-                let expected = brute_force(geometry, origin, direction, 10.0);
-                let found = trace(geometry, origin, direction, AnyHit::No);
-                let any = trace(geometry, origin, direction, AnyHit::Yes);
+                let expected = brute_force(geometry, origin, direction, 10.0, hand_over);
+                let [found, any] = [AnyHit::No, AnyHit::Yes]
+                    .map(|any| geometry.trace_handed_over(origin, direction, 10.0, any, hand_over));
                 found != expected || (any.primitive == NO_HIT) != (expected.primitive == NO_HIT)
             })
             .count()
@@ -300,9 +328,26 @@ mod tests {
     fn finds_the_same_hits_as_brute_force() {
         for (count, size) in [(1, 1.0), (7, 0.5), (3000, 0.05)] {
             let geometry = soup(count, size);
-            assert_eq!(differences(&geometry), 0, "{count} triangles");
+            assert_eq!(differences(&geometry, &HandOver::MESHES), 0, "{count} triangles");
         }
-        assert_eq!(differences(&crowd()), 0, "instances");
+        assert_eq!(differences(&crowd(), &HandOver::MESHES), 0, "instances");
+    }
+
+    #[test]
+    fn meshes_with_stand_ins_are_met_within_their_spheres_alone() {
+        let mut handed_over = crowd();
+        // Of four instances one is kept, the others differ.
+        handed_over.set_leaf_widths(|_, number| 0.25 * (number % 4) as f32);
+        assert_eq!(differences(&handed_over, &hand_over()), 0);
+        assert_eq!(differences(&handed_over, &HandOver::MESHES), 0);
+        let mut random = Random(3);
+        let changed = (0..500).filter(|_| {
+            let (origin, direction) = (random.vector() * 1.5, random.vector().normalize());
+            let all = trace(&handed_over, origin, direction, AnyHit::No);
+            handed_over.trace_handed_over(origin, direction, 10.0, AnyHit::No, &hand_over()) != all
+        });
+        let changed = changed.count();
+        assert!(changed > 20, "{changed}");
     }
 
     #[test]
@@ -362,7 +407,7 @@ mod tests {
                     node.hi = node.lo;
                 }
             }
-            assert!(differences(&broken) > 0);
+            assert!(differences(&broken, &HandOver::MESHES) > 0);
         }
     }
 

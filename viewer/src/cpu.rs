@@ -2,6 +2,7 @@
 
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::camera::{CameraFrame, jitter};
+use crate::hand_over::HandOver;
 use crate::material::{Body, Material};
 use crate::options::{RenderMode, ShadeOptions, SkyLight};
 use crate::relief::Relief;
@@ -82,13 +83,17 @@ impl CpuPicture {
             jitter: jitter(self.samples),
             sample: self.samples,
             options: *options,
+            hand_over: HandOver::MESHES,
         };
         let width = self.width as usize;
         let rows = self.sums.par_chunks_mut(width).zip(self.hits.par_chunks_mut(width)).enumerate();
         // An early end is not an error here; the caller knows that it asked for it.
         let _ = rows.try_for_each(|(y, (sums, hits))| {
             for x in 0..width {
-                let (radiance, hit) = shader.pixel([x as u32, y as u32]);
+                let pixel = [x as u32, y as u32];
+                let eye = shader.camera.eye;
+                let hand_over = HandOver::of_path(eye, shader.camera.pixel_width(), pixel, shader.sample);
+                let (radiance, hit) = Shader { hand_over, ..shader }.pixel(pixel);
                 for channel in 0..3 {
                     sums[x][channel] += radiance[channel];
                 }
@@ -163,11 +168,20 @@ pub(crate) struct Shader<'a> {
     jitter: [f32; 2],
     pub(crate) sample: u32,
     pub(crate) options: ShadeOptions,
+    /// What is a mesh and what a volume.
+    pub(crate) hand_over: HandOver,
 }
 
 impl Shader<'_> {
+    /// A sample of the middle of each pixel, with meshes wherever one is seen in any.
+    fn of_middles<'a>(scene: &'a Scene, [width, height]: [u32; 2], options: ShadeOptions) -> Shader<'a> {
+        let camera = scene.camera.frame(width, height);
+        let hand_over = HandOver::new(camera.eye, camera.pixel_width(), 1.0);
+        Shader { scene, camera, jitter: [0.0; 2], sample: 0, options, hand_over }
+    }
+
     pub(crate) fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
-        self.scene.geometry.trace(origin, direction, t_max, any)
+        self.scene.geometry.trace_handed_over(origin, direction, t_max, any, &self.hand_over)
     }
 
     /// What a ray meets, relief included, and its way below the surface to the relief, texels. Twin: `trace_seen`.
@@ -590,8 +604,7 @@ pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option
     if !(0.0..width as f32).contains(&x) || !(0.0..height as f32).contains(&y) {
         return None;
     }
-    let camera = scene.camera.frame(width, height);
-    let shader = Shader { scene, camera, jitter: [0.0; 2], sample: 0, options: ShadeOptions::default() };
+    let shader = Shader::of_middles(scene, [width, height], ShadeOptions::default());
     let direction = shader.camera.direction(x as u32, y as u32, [x.fract() - 0.5, y.fract() - 0.5]);
     let (hit, sunk) = shader.seen(shader.camera.eye, direction);
     if hit.primitive == NO_HIT {
@@ -607,8 +620,7 @@ pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option
 /// Of each asset of a scene, how many pixels of its picture ask for each level, the finest first: those in which the eye
 /// sees it, directly or in mirrors.
 pub(crate) fn levels_seen(scene: &Scene, [width, height]: [u32; 2], options: &ShadeOptions) -> Vec<Vec<u64>> {
-    let camera = scene.camera.frame(width, height);
-    let shader = Shader { scene, camera, jitter: [0.0; 2], sample: 0, options: *options };
+    let shader = Shader::of_middles(scene, [width, height], *options);
     let empty = || scene.assets.iter().map(|asset| vec![0u64; asset.head().levels() as usize]).collect::<Vec<_>>();
     let row = |y: u32| {
         let mut seen = empty();

@@ -20,11 +20,51 @@ pub(crate) struct SeenInVolumes {
     pub point: Option<VolumePoint>,
 }
 
+/// Places along a ray that hide a part of the pixel together. How much light passes to them is asked for at one, as likely as
+/// what it hides: the first would be too bright where light comes from the eye's side and too dark where it comes from behind.
+struct NearPoints {
+    /// Share of the pixel that they hide.
+    weight: f32,
+    /// The one that is asked.
+    drawn: Option<VolumePoint>,
+    /// Their light without shadow, of each light and of the sun.
+    unshadowed: Vec<Vec3>,
+}
+
+impl NearPoints {
+    fn new(lights: usize) -> NearPoints {
+        NearPoints { weight: 0.0, drawn: None, unshadowed: vec![Vec3::ZERO; lights] }
+    }
+
+    fn clear(&mut self) {
+        (self.weight, self.drawn) = (0.0, None);
+        self.unshadowed.fill(Vec3::ZERO);
+    }
+}
+
 impl Shader<'_> {
+    /// The scene's lights, then `sun` (towards it, and irradiance over pi): direction, distance and irradiance over pi at a
+    /// place; none of a light that is too near, and of a sun that is not there.
+    fn lights_at(&self, position: Vec3, sun: Option<(Vec3, Vec3)>) -> impl Iterator<Item = (Vec3, f32, Vec3)> {
+        let lamps = self.scene.lights.iter().map(move |light| {
+            let way = light.position - position;
+            let distance2 = way.length_squared();
+            if distance2 <= LEAST_LIGHT_DISTANCE2 {
+                return (Vec3::Z, 0.0, Vec3::ZERO);
+            }
+            let distance = distance2.sqrt();
+            (way / distance, distance, Vec3::from(light.intensity) / (distance2 * PI))
+        });
+        let (towards, incident) = sun.unwrap_or((Vec3::Z, Vec3::ZERO));
+        lamps.chain([(towards, FAR, incident)])
+    }
+
     /// Share of light that passes the scene's volumes on the way from a surface.
     pub(crate) fn past_volumes(&self, origin: Vec3, direction: Vec3, distance: f32, width: f32) -> f32 {
         match &self.scene.volumes {
-            Some(volumes) if distance > 0.0 => (-volumes.depth(origin, direction, distance, width)).exp(),
+            Some(volumes) if distance > 0.0 => {
+                (-volumes.depth(origin, direction, distance, &self.hand_over, width)).exp()
+            }
             _ => 1.0,
         }
     }
@@ -47,49 +87,59 @@ impl Shader<'_> {
             [Numbers::Sun, Numbers::Ambient].map(|numbers| sampler::two(self.sample, seed_of(pixel, depth, numbers)));
         let seed = sampler::hash(seed_of(pixel, depth, Numbers::VolumeLight).wrapping_add(self.sample));
         let sun = scene.sun.as_ref().map(|sun| (sun.sun_sample(sun_at), Vec3::from(sun.irradiance) / PI));
-        // What passes to the sun and each light, asked for anew now and then.
-        let mut passed = vec![0.0f32; scene.lights.len() + 1];
-        let mut hidden = f32::INFINITY;
         let mut radiance = Vec3::ZERO;
+        let mut near = NearPoints::new(scene.lights.len() + 1);
         let (mut total, mut chosen, mut draws) = (0.0, None, 0u32);
+        // Whether a point that counts `weight` of `sum` is the one that is drawn.
+        let mut is_drawn = |weight: f32, sum: f32| {
+            draws += 1;
+            sampler::one(seed.wrapping_add(draws)) * sum < weight
+        };
+        // Light of the points that were gathered, through what one of them is shadowed by.
+        let lit = |near: &mut NearPoints, done: &mut PixelHit| {
+            let mut sum = Vec3::ZERO;
+            if let Some(point) = near.drawn.take() {
+                let position = origin + direction * point.t;
+                let width = (travelled + point.t) * pixel_width;
+                for ((towards, distance, _), unshadowed) in self.lights_at(position, sun).zip(&near.unshadowed) {
+                    if unshadowed.max_element() > 0.0 {
+                        done.rays += 1;
+                        sum += *unshadowed
+                            * self.light_passed(volumes, &point, position, -direction, towards, distance, width);
+                    }
+                }
+            }
+            near.clear();
+            sum
+        };
         let through = volumes.see(
             origin,
             direction,
             t_max,
+            &self.hand_over,
             |t| (travelled + t) * pixel_width,
             |point| {
+                if asks_anew(near.weight) {
+                    radiance += lit(&mut near, done);
+                }
                 let position = origin + direction * point.t;
-                let width = (travelled + point.t) * pixel_width;
-                let anew = asks_anew(hidden);
-                hidden = if anew { point.weight } else { hidden + point.weight };
-                let mut add = |passed: &mut f32, towards: Vec3, distance: f32, incident: Vec3| {
-                    if anew {
-                        done.rays += 1;
-                        *passed = self.light_passed(volumes, &point, position, -direction, towards, distance, width);
-                    }
-                    if *passed > 0.0 {
-                        radiance += point.weight * *passed * incident * point.reflected(volumes, towards);
-                    }
-                };
-                for (light, passed) in scene.lights.iter().zip(&mut passed) {
-                    let way = light.position - position;
-                    let distance2 = way.length_squared();
-                    if distance2 > LEAST_LIGHT_DISTANCE2 {
-                        let distance = distance2.sqrt();
-                        add(passed, way / distance, distance, Vec3::from(light.intensity) / (distance2 * PI));
+                for ((towards, _, incident), unshadowed) in self.lights_at(position, sun).zip(&mut near.unshadowed) {
+                    if incident.max_element() > 0.0 {
+                        *unshadowed += point.weight * incident * point.reflected(volumes, towards);
                     }
                 }
-                if let Some((towards, incident)) = sun {
-                    add(&mut passed[scene.lights.len()], towards, FAR, incident);
+                near.weight += point.weight;
+                if is_drawn(point.weight, near.weight) {
+                    near.drawn = Some(point);
                 }
                 // One place for everything that takes a ray of its own.
                 total += point.weight;
-                draws += 1;
-                if sampler::one(seed.wrapping_add(draws)) * total < point.weight {
+                if is_drawn(point.weight, total) {
                     chosen = Some(point);
                 }
             },
         );
+        radiance += lit(&mut near, done);
         if let Some(point) = &chosen {
             let path = self.options.mode == RenderMode::Path;
             let position = origin + direction * point.t;
@@ -133,6 +183,6 @@ impl Shader<'_> {
             return 0.0;
         }
         let shared = point.shared(volumes, to_eye.dot(towards));
-        (-(1.0 - shared) * volumes.depth(origin, towards, distance, width)).exp()
+        (-(1.0 - shared) * volumes.depth(origin, towards, distance, &self.hand_over, width)).exp()
     }
 }

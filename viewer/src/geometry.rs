@@ -98,6 +98,8 @@ pub struct Geometry {
     instances: Vec<Instance>,
     /// Of each instance: its mesh, and its number among the placements that were given.
     origins: Vec<[usize; 2]>,
+    /// Of each instance: how wide its leaves are in the world, 0 where no volume stands in for it. Empty where none does.
+    leaf_widths: Vec<f32>,
     /// The meshes' hierarchies one after the other, then the one over the instances.
     nodes: Vec<BvhNode>,
     root: u32,
@@ -136,6 +138,7 @@ impl Geometry {
             meshes: Vec::with_capacity(meshes.len()),
             instances: Vec::new(),
             origins: Vec::new(),
+            leaf_widths: Vec::new(),
             nodes: Vec::new(),
             root: 0,
         };
@@ -231,11 +234,34 @@ impl Geometry {
     }
 
     /// Multiplies the contents of each instance's leaves by what `factors` says for its mesh and its number among the
-    /// placements.
+    /// placements. Those that volumes stand in for stay as described, since a volume has one colour wherever it stands.
     pub fn set_factors(&mut self, factors: impl Fn(usize, usize) -> [f32; 4]) {
-        for (instance, [mesh, placement]) in self.instances.iter_mut().zip(&self.origins) {
-            instance.factors = factors(*mesh, *placement);
+        for (number, [mesh, placement]) in self.origins.iter().enumerate() {
+            let is_as_described = self.leaf_width(number as u32) > 0.0;
+            self.instances[number].factors = if is_as_described { [1.0; 4] } else { factors(*mesh, *placement) };
         }
+    }
+
+    /// Says of which instances a volume stands in for the mesh where it is small ([`HandOver`](crate::HandOver)): `widths` gives,
+    /// for a mesh and a number among the placements, how wide its leaves are in the world, 0 where none does.
+    pub fn set_leaf_widths(&mut self, widths: impl Fn(usize, usize) -> f32) {
+        self.leaf_widths = self.origins.iter().map(|[mesh, number]| widths(*mesh, *number)).collect();
+        for (instance, width) in self.instances.iter_mut().zip(&self.leaf_widths) {
+            instance.factors = if *width > 0.0 { [1.0; 4] } else { instance.factors };
+        }
+        if self.leaf_widths.iter().all(|width| *width == 0.0) {
+            self.leaf_widths.clear();
+        }
+    }
+
+    /// How wide the leaves of an instance are in the world; 0 where no volume stands in for it.
+    pub fn leaf_width(&self, instance: u32) -> f32 {
+        self.leaf_widths.get(instance as usize).copied().unwrap_or(0.0)
+    }
+
+    /// Whether volumes stand in for any instance.
+    pub fn hands_over(&self) -> bool {
+        !self.leaf_widths.is_empty()
     }
 
     /// All vertices.

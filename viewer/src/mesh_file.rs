@@ -16,6 +16,17 @@ pub struct FileMesh {
     pub places: Vec<Mat4>,
 }
 
+impl FileMesh {
+    /// Moves it; what stands once is moved itself, so that it stands where it is.
+    pub(crate) fn moved(&mut self, matrix: Mat4) {
+        self.places.iter_mut().for_each(|place| *place = matrix * *place);
+        if let [place] = self.places.as_mut_slice() {
+            self.parts.iter_mut().for_each(|part| part.transform(*place));
+            *place = Mat4::IDENTITY;
+        }
+    }
+}
+
 /// Reads `.obj`, `.gltf` or `.glb`; texture coordinates grow upwards in v, missing normals and tangents are filled in. Parts
 /// without texture coordinates come with `has_uv = false`. What the file places once comes together as one mesh in the world;
 /// what it places more often, by several nodes or by `EXT_mesh_gpu_instancing`, as a mesh each.

@@ -40,6 +40,9 @@
 //! translate = [0.0, 0.0, 0.0]       # where the middle of its floor stands
 //! yaw_deg = 0.0                     # optional: about the vertical
 //! scale = 1.0                       # optional: 1 is as large as the model that it was made of, units being metres
+//! mesh = "tree.glb"                 # optional: the model that it was made of, which is seen where leaves are wider than pixels
+//! material = "leaf"                 # optional, as is parts, as with [[object]]: what the volume was made with
+//! leaf_size = 0.05                  # optional: how wide leaves are, metres of the model; else as its triangles tell
 //!
 //! [ambient]                         # optional: ambient light with occlusion
 //! radiance = [0.4, 0.4, 0.4]
@@ -73,8 +76,9 @@ use crate::models;
 use crate::scene::{Ambient, DaylightParts, Outdoors, PointLight, Scene, SceneMesh, SceneObject};
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
-use crate::scene_volume::{load_volume, standing};
+use crate::scene_volume::{load_volume, standing, usual_leaf_width_m, volume_from_model};
 use crate::volumes::{VolumePlace, Volumes};
+use btf_runtime::voltex::Voltex;
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -202,6 +206,19 @@ struct VolumeEntry {
     yaw_deg: f32,
     #[serde(default = "one")]
     scale: f32,
+    mesh: Option<String>,
+    material: Option<String>,
+    #[serde(default)]
+    parts: BTreeMap<String, String>,
+    leaf_size: Option<f32>,
+}
+
+impl VolumeEntry {
+    /// Whether the same model with the same materials stands for both.
+    fn has_mesh_of(&self, other: &VolumeEntry) -> bool {
+        (&self.file, &self.mesh, &self.material, &self.parts, self.leaf_size)
+            == (&other.file, &other.mesh, &other.material, &other.parts, other.leaf_size)
+    }
 }
 
 #[derive(Deserialize)]
@@ -234,11 +251,8 @@ fn ones3() -> [f32; 3] {
     [1.0; 3]
 }
 
-/// The volumes that stand on their own.
-fn volumes_of(entries: &[VolumeEntry], folder: &Path) -> Result<Option<Volumes>, ViewerError> {
-    if entries.is_empty() {
-        return Ok(None);
-    }
+/// The volumes of these entries, and where they stand.
+fn volumes_of(entries: &[VolumeEntry], folder: &Path) -> Result<(Vec<Arc<Voltex>>, Vec<VolumePlace>), ViewerError> {
     let mut names: Vec<&str> = Vec::new();
     let (mut volumes, mut places) = (Vec::new(), Vec::new());
     for entry in entries {
@@ -252,9 +266,9 @@ fn volumes_of(entries: &[VolumeEntry], folder: &Path) -> Result<Option<Volumes>,
         };
         let yaw = entry.yaw_deg.to_radians();
         let world_from_volume = standing(&volumes[volume], entry.translate.into(), yaw, entry.scale);
-        places.push(VolumePlace { volume, world_from_volume });
+        places.push(VolumePlace { volume, world_from_volume, leaf_width: 0.0 });
     }
-    Volumes::new(volumes, &places, Vec::new()).map(Some).map_err(|reason| ViewerError::scene(folder, reason))
+    Ok((volumes, places))
 }
 
 /// Reads a scene description and everything that it names. `shown` is what the command line names.
@@ -269,7 +283,7 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
         let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
         fault(format!("line {line}: {}", error.message().replace('\n', " ")))
     })?;
-    if file.objects.is_empty() {
+    if file.objects.is_empty() && file.volumes.iter().all(|entry| entry.mesh.is_none()) {
         return Err(fault("it has no [[object]], add one with mesh = \"sphere\"".into()));
     }
     let folder = path.parent().unwrap_or(Path::new("."));
@@ -347,11 +361,50 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
 
     let physical: Vec<&str> =
         file.materials.iter().filter(|entry| entry.physical).map(|entry| entry.name.as_str()).collect();
+    // What meshes of a file are made of; those that stand in several places have the size of the first.
+    let mut dressed = |name: &str,
+                       own_meshes: Vec<FileMesh>,
+                       material: Option<&String>,
+                       materials_of_parts: &BTreeMap<String, String>|
+     -> Result<Vec<SceneMesh>, ViewerError> {
+        let parts = || own_meshes.iter().flat_map(|mesh| &mesh.parts);
+        if let Some(missing) = materials_of_parts.keys().find(|name| parts().all(|part| part.name != **name)) {
+            return Err(fault(format!("object '{name}' has no part called '{missing}'")));
+        }
+        let own = match BUILT_IN_MESHES.contains(&name) || material.is_some() {
+            true => OwnBodies::default(),
+            false => own_bodies(&folder.join(name))?,
+        };
+        let bodies = shown.append(own);
+        let mut meshes = Vec::new();
+        for FileMesh { parts, places } in own_meshes {
+            let mut objects = Vec::new();
+            for mut part in parts {
+                let name = materials_of_parts.get(&part.name).or(material);
+                let material = match name {
+                    Some(name) => find(name)?,
+                    None => Material::of_part(&part, bodies.get(&part.group).copied(), [1.0; 2]),
+                };
+                let is_physical = name.is_some_and(|name| physical.contains(&name.as_str()));
+                if is_physical && !matches!(material.body, Body::Plain(_)) {
+                    let unit_mm = file.unit_mm.filter(|unit| unit.is_finite() && *unit > 0.0).ok_or_else(|| {
+                        fault("a material is physical, but unit_mm does not tell the size of a unit".into())
+                    })?;
+                    let size = places[0].determinant().abs().cbrt();
+                    let tile_mm = part.tile_length().unwrap_or(1.0) * size * unit_mm;
+                    part.scale_uv(shown.tiles_per_mm(material.body).map(|tiles| tiles * tile_mm));
+                }
+                objects.push(SceneObject { part, material });
+            }
+            meshes.push(SceneMesh { objects, places });
+        }
+        Ok(meshes)
+    };
     // What stands once, in the world, and what stands more often.
     let (mut objects, mut meshes) = (Vec::new(), Vec::new());
     for entry in &file.objects {
         let built_in = |parts| vec![FileMesh { parts, places: vec![Mat4::IDENTITY] }];
-        let own_meshes = match entry.mesh.as_str() {
+        let mut own_meshes = match entry.mesh.as_str() {
             // All of these are in BUILT_IN_MESHES.
             "sphere" => built_in(vec![mesh::sphere()]),
             "plane" => built_in(vec![mesh::plane()]),
@@ -370,45 +423,11 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
         if !(matrix.is_finite() && matrix.determinant().abs() > 1e-30) {
             return Err(fault(format!("object '{}' is flattened by its scale", entry.mesh)));
         }
-        let parts = || own_meshes.iter().flat_map(|mesh| &mesh.parts);
-        if let Some(name) = entry.parts.keys().find(|name| parts().all(|part| part.name != **name)) {
-            return Err(fault(format!("object '{}' has no part called '{name}'", entry.mesh)));
-        }
-        let own = match BUILT_IN_MESHES.contains(&entry.mesh.as_str()) || entry.material.is_some() {
-            true => OwnBodies::default(),
-            false => own_bodies(&folder.join(&entry.mesh))?,
-        };
-        let bodies = shown.append(own);
-        for FileMesh { parts, mut places } in own_meshes {
-            places.iter_mut().for_each(|place| *place = matrix * *place);
-            let mut placed = Vec::new();
-            for mut part in parts {
-                let name = entry.parts.get(&part.name).or(entry.material.as_ref());
-                let material = match name {
-                    Some(name) => find(name)?,
-                    None => Material::of_part(&part, bodies.get(&part.group).copied(), [1.0; 2]),
-                };
-                // What stands in several places has the size of the first.
-                let size = match places.as_slice() {
-                    [place] => {
-                        part.transform(*place);
-                        1.0
-                    }
-                    _ => places[0].determinant().abs().cbrt(),
-                };
-                let is_physical = name.is_some_and(|name| physical.contains(&name.as_str()));
-                if is_physical && !matches!(material.body, Body::Plain(_)) {
-                    let unit_mm = file.unit_mm.filter(|unit| unit.is_finite() && *unit > 0.0).ok_or_else(|| {
-                        fault("a material is physical, but unit_mm does not tell the size of a unit".into())
-                    })?;
-                    let tile_mm = part.tile_length().unwrap_or(1.0) * size * unit_mm;
-                    part.scale_uv(shown.tiles_per_mm(material.body).map(|tiles| tiles * tile_mm));
-                }
-                placed.push(SceneObject { part, material });
-            }
-            match places.len() {
-                1 => objects.extend(placed),
-                _ => meshes.push(SceneMesh { objects: placed, places }),
+        own_meshes.iter_mut().for_each(|mesh| mesh.moved(matrix));
+        for mesh in dressed(&entry.mesh, own_meshes, entry.material.as_ref(), &entry.parts)? {
+            match mesh.places.len() {
+                1 => objects.extend(mesh.objects),
+                _ => meshes.push(mesh),
             }
         }
     }
@@ -416,8 +435,49 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
     if !objects.is_empty() {
         meshes.insert(0, SceneMesh { objects, places: vec![Mat4::IDENTITY] });
     }
+    // The meshes that volumes stand in for come last, each model once.
+    let (volumes, mut volume_places) = volumes_of(&file.volumes, folder)?;
+    let kept: usize = meshes.iter().map(|mesh| mesh.places.len()).sum();
+    let mut leaf_widths = Vec::new();
+    for (first, entry) in file.volumes.iter().enumerate() {
+        let Some(name) = &entry.mesh else {
+            if entry.material.is_some() || !entry.parts.is_empty() || entry.leaf_size.is_some() {
+                return Err(fault(format!("volume '{}' has material, parts or leaf_size, but no mesh", entry.file)));
+            }
+            continue;
+        };
+        if file.volumes[..first].iter().any(|earlier| earlier.has_mesh_of(entry)) {
+            continue;
+        }
+        if entry.leaf_size.is_some_and(|size| !(size.is_finite() && size > 0.0)) {
+            return Err(fault(format!("volume '{}' needs a leaf_size above 0", entry.file)));
+        }
+        let own_meshes = load_meshes(&folder.join(name))?;
+        let voltex = &volumes[volume_places[first].volume];
+        let volume_from_model = volume_from_model(voltex, &own_meshes)
+            .map_err(|reason| fault(format!("volume '{}' and its mesh '{name}' differ: {reason}", entry.file)))?;
+        let leaf_width_m = entry.leaf_size.unwrap_or_else(|| usual_leaf_width_m(voltex, &own_meshes));
+        let mut stands: Vec<(Mat4, f32)> = Vec::new();
+        for (other, place) in file.volumes.iter().zip(&mut volume_places).filter(|(other, _)| other.has_mesh_of(entry))
+        {
+            place.leaf_width = leaf_width_m * other.scale.abs();
+            stands.push((place.world_from_volume * volume_from_model, place.leaf_width));
+        }
+        for mut mesh in dressed(name, own_meshes, entry.material.as_ref(), &entry.parts)? {
+            let placed = || stands.iter().flat_map(|stand| mesh.places.iter().map(move |place| (stand, place)));
+            leaf_widths.extend(placed().map(|((_, width), _)| *width));
+            mesh.places = placed().map(|((stand, _), place)| *stand * *place).collect();
+            meshes.push(mesh);
+        }
+    }
     let mut scene = Scene::from_meshes(path, meshes, shown)?;
-    scene.volumes = volumes_of(&file.volumes, folder)?.map(Arc::new);
+    if !leaf_widths.is_empty() {
+        let width = |number: usize| number.checked_sub(kept).map_or(0.0, |i| leaf_widths[i]);
+        Arc::make_mut(&mut scene.geometry).set_leaf_widths(|_, number| width(number));
+    }
+    if !volumes.is_empty() {
+        scene.volumes = Some(Arc::new(Volumes::new(volumes, &volume_places, Vec::new()).map_err(fault)?));
+    }
     let cameras = match &file.camera {
         Cameras::One(camera) => std::slice::from_ref(camera),
         Cameras::Several(cameras) => cameras,
@@ -513,8 +573,13 @@ pub fn scene_with_assets(
     }
     let mut objects = list(table.get_mut("object")).unwrap_or_default();
     objects.iter_mut().filter_map(|object| object.get_mut("mesh")).for_each(moved);
-    table.insert("material".into(), materials.into());
-    table.insert("object".into(), objects.into());
+    let mut volumes = list(table.get_mut("volume")).unwrap_or_default();
+    for key in ["file", "mesh"] {
+        volumes.iter_mut().filter_map(|volume| volume.get_mut(key)).for_each(moved);
+    }
+    for (name, entries) in [("material", materials), ("object", objects), ("volume", volumes)] {
+        table.insert(name.into(), entries.into());
+    }
     table.get_mut("environment").and_then(|sky| sky.get_mut("file")).into_iter().for_each(moved);
     toml::to_string(&table).map_err(|error| fault(&error))
 }
@@ -536,6 +601,8 @@ fn relative(folder: &Path, file: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bvh::{AnyHit, NO_HIT};
+    use crate::hand_over::HandOver;
 
     fn load(text: &str) -> Result<Scene, ViewerError> {
         let dir = tempfile::tempdir().unwrap();
@@ -582,6 +649,75 @@ mod tests {
         // Turned by 90 degrees about y, +z becomes +x.
         assert!(scene.geometry.vertices()[0].normal[0] > 0.999);
         assert!((scene.geometry.bounding_sphere().0.y - 2.0).abs() < 1e-6);
+    }
+
+    /// A folder with a mesh of a triangle, as large as a volume of one voxel in it stands for.
+    fn folder_with_volume() -> tempfile::TempDir {
+        use btf_runtime::testing::{Random, random_volume};
+        let dir = tempfile::tempdir().unwrap();
+        let mut volume = random_volume(&mut Random::new(1), 2, 0.9);
+        (volume.side_m, volume.extent, volume.cyclic) = (4.004, [1.0; 3], [false; 2]);
+        std::fs::write(dir.path().join("v.voltex"), volume.pack().unwrap()).unwrap();
+        std::fs::write(dir.path().join("m.obj"), "v 1 0 0\nv 1.01 0 0\nv 1 4 0\nf 1 2 3\n").unwrap();
+        dir
+    }
+
+    #[test]
+    fn a_volume_with_its_mesh_stands_in_for_it_as_large_and_in_the_same_place() {
+        let dir = folder_with_volume();
+        let path = dir.path().join("s.toml");
+        let text = "[[object]]\nmesh = \"plane\"\n[[volume]]\nfile = \"v.voltex\"\n\
+                    [[volume]]\nfile = \"v.voltex\"\nmesh = \"m.obj\"\ntranslate = [5, 0, 0]\nscale = 2.0\n\
+                    [[volume]]\nfile = \"v.voltex\"\nmesh = \"m.obj\"\nleaf_size = 0.5\n\
+                    [[volume]]\nfile = \"v.voltex\"\nmesh = \"m.obj\"\ntranslate = [0, 0, 9]\nyaw_deg = 180.0\n";
+        std::fs::write(&path, text).unwrap();
+        let scene = load_scene(&path, Vec::new()).unwrap();
+        assert!(scene.geometry.hands_over());
+        // The triangle once for those that are alike, once for the one whose leaves are told.
+        assert_eq!((scene.geometry.triangles().len(), scene.geometry.placed_triangles()), (4, 5));
+        let widths = |mesh: usize| -> Vec<f32> {
+            let all = 0..scene.geometry.instances().len() as u32;
+            let mut own: Vec<f32> = all
+                .filter(|instance| scene.geometry.mesh_of(*instance as usize) == mesh)
+                .map(|instance| scene.geometry.leaf_width(instance))
+                .collect();
+            own.sort_by(f32::total_cmp);
+            own
+        };
+        // No voxel is smaller than the blade: 4.004 m in four.
+        let voxel = 4.004 / 4.0;
+        assert_eq!([widths(0), widths(1), widths(2)], [vec![0.0], vec![voxel, 2.0 * voxel], vec![0.5]]);
+        // The tip is over the middle of the volume's floor, to half of the triangle's width.
+        let is_met = |x: f32, y: f32, z: f32, hand_over: &HandOver| {
+            let from = Vec3::new(x, y, z + 1.0);
+            let hit = scene.geometry.trace_handed_over(from, Vec3::NEG_Z, 2.0, AnyHit::Yes, hand_over);
+            hit.primitive != NO_HIT
+        };
+        let all = HandOver::MESHES;
+        assert_eq!([7.0, 8.1].map(|y| is_met(4.9905, y, 0.0, &all)), [true, false]);
+        assert_eq!([3.5, 4.1].map(|y| is_met(0.0048, y, 9.0, &all)), [true, false]);
+        // From far away it is a volume's.
+        let far = HandOver::new(Vec3::Y * 1e4, 0.01, 1.0);
+        assert!(!is_met(4.9905, 7.0, 0.0, &far));
+
+        for (bad, reason) in [
+            (text.replace("0.5\n", "0.0\n"), "leaf_size above 0"),
+            (text.replace("v.voltex\"\n[[volume]]", "v.voltex\"\nleaf_size = 1.0\n[[volume]]"), "no mesh"),
+            (text.replace("m.obj", "n.obj"), "build the volume of this mesh"),
+            (text.replace("yaw_deg", "material = \"x\"\nyaw_deg"), "name = \"x\""),
+        ] {
+            std::fs::write(dir.path().join("n.obj"), "v 1 0 0\nv 1.01 0 0\nv 1 5 0\nf 1 2 3\n").unwrap();
+            std::fs::write(&path, &bad).unwrap();
+            let message = load_scene(&path, Vec::new()).unwrap_err().to_string();
+            assert!(message.contains(reason) && message.contains("s.toml: ") && !message.contains('\n'), "{message}");
+        }
+        // Written for another folder, it finds them.
+        std::fs::write(&path, text).unwrap();
+        let out = dir.path().join("out");
+        std::fs::create_dir(&out).unwrap();
+        std::fs::write(out.join("s.toml"), scene_with_assets(&path, &[], &[], &out).unwrap()).unwrap();
+        let again = load_scene(&out.join("s.toml"), Vec::new()).unwrap();
+        assert_eq!(again.geometry.placed_triangles(), scene.geometry.placed_triangles());
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Volumetric textures of a scene: read from files, and stood upright in the world.
 
 use crate::error::ViewerError;
+use crate::leaf_width::leaf_width;
+use crate::mesh_file::FileMesh;
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Vec3};
 use std::path::Path;
@@ -26,4 +28,43 @@ pub fn standing(voltex: &Voltex, foot: Vec3, yaw_rad: f32, scale: f32) -> Mat4 {
         * Mat4::from_scale(Vec3::splat(scale * voltex.side_m()))
         * y_up
         * Mat4::from_translation(Vec3::new(-0.5, -0.5, 0.0))
+}
+
+/// By how much a volume's cube is larger than the model that `btf-fit voltex` made it of.
+const MARGIN: f32 = 1.001;
+/// Share by which a model's size may differ from what its volume tells.
+const SIZE_SLACK: f32 = 0.002;
+
+/// The map from a model's space, whose y points up, to the unit cube of the volume that was made of it, where it stands in the
+/// middle of the floor.
+///
+/// # Errors
+/// A sentence where the volume is not as large as one that is made of these meshes.
+pub(crate) fn volume_from_model(voltex: &Voltex, meshes: &[FileMesh]) -> Result<Mat4, String> {
+    let (mut lo, mut hi) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for mesh in meshes {
+        for vertex in mesh.parts.iter().flat_map(|part| &part.vertices) {
+            for place in &mesh.places {
+                let at = place.transform_point3(vertex.position.into());
+                (lo, hi) = (lo.min(at), hi.max(at));
+            }
+        }
+    }
+    let (extent, side_m) = ((hi - lo).max_element(), voltex.side_m());
+    let side = extent * MARGIN;
+    if !((1.0 - SIZE_SLACK)..(1.0 + SIZE_SLACK)).contains(&(side / side_m)) {
+        return Err(format!(
+            "the mesh is {extent} m large and the volume stands for {side_m} m, build the volume of this mesh"
+        ));
+    }
+    let below = 0.5 * (MARGIN - 1.0) * side;
+    let foot = Vec3::new(0.5 * (lo.x + hi.x), lo.y - below, 0.5 * (lo.z + hi.z));
+    Ok(standing(voltex, foot, 0.0, 1.0).inverse())
+}
+
+/// How wide the leaves of a model count where it is handed over to a volume, metres: as wide as they are, or as a voxel where
+/// that is wider, so that no voxel is larger than a pixel where it takes over alone.
+pub(crate) fn usual_leaf_width_m(voltex: &Voltex, meshes: &[FileMesh]) -> f32 {
+    let voxel_m = voltex.side_m() / (1u32 << voltex.level_count()) as f32;
+    leaf_width(meshes).max(voxel_m)
 }

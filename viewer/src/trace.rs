@@ -197,6 +197,11 @@ impl Tracer {
         if scene.volumes.is_some() {
             return Err(ViewerError::Usage("volumetric textures are drawn on the CPU only, use --backend cpu".into()));
         }
+        if scene.geometry.hands_over() {
+            return Err(ViewerError::Usage(
+                "meshes that volumes stand in for are drawn on the CPU only, use --backend cpu".into(),
+            ));
+        }
         let bases: Vec<Option<Vec<LayerBases>>> =
             scene.assets.iter().map(|asset| bases_to_expand(gpu, asset)).collect();
         let mut assets: Vec<ArenaAsset> = scene

@@ -1,5 +1,6 @@
 //! Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees.
 
+use crate::hand_over::HandOver;
 use crate::volumes::{Stretch, Volumes};
 use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, seen_at, shade};
 use glam::{Mat3, Vec3};
@@ -14,6 +15,7 @@ const BIAS: f32 = -1.0;
 const SHADOW_STEP: f32 = 1.0 / 16.0;
 
 /// What a ray sees at one place of a volume.
+#[derive(Debug, Clone, Copy)]
 pub struct VolumePoint {
     /// Along the ray.
     pub t: f32,
@@ -122,11 +124,12 @@ impl Volumes {
         origin: Vec3,
         direction: Vec3,
         t_max: f32,
+        hand_over: &HandOver,
         width_at: impl Fn(f32) -> f32,
         mut each: impl FnMut(VolumePoint),
     ) -> f32 {
         let mut through = 1.0;
-        for stretch in self.stretches(origin, direction, t_max) {
+        for stretch in self.stretches_handed_over(origin, direction, t_max, hand_over) {
             let voltex = self.volume(stretch.volume);
             let map = stretch.volume_from_world;
             let level = Level::of(voltex, &map, width_at(0.5 * (stretch.t0 + stretch.t1)));
@@ -161,10 +164,10 @@ impl Volumes {
     }
 
     /// Optical depth along a ray, as far as it matters for a pixel `width` wide.
-    pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, width: f32) -> f32 {
+    pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, hand_over: &HandOver, width: f32) -> f32 {
         let mut sum = 0.0;
         let dark = -DARK.ln();
-        for stretch in self.stretches(origin, direction, t_max) {
+        for stretch in self.stretches_handed_over(origin, direction, t_max, hand_over) {
             let voltex = self.volume(stretch.volume);
             let level = Level::of(voltex, &stretch.volume_from_world, width);
             let d = stretch.ray.direction;
@@ -204,7 +207,12 @@ mod tests {
     }
 
     fn alone(voltex: &Arc<Voltex>, map: Mat4) -> Volumes {
-        Volumes::new(vec![voltex.clone()], &[VolumePlace { volume: 0, world_from_volume: map }], Vec::new()).unwrap()
+        Volumes::new(
+            vec![voltex.clone()],
+            &[VolumePlace { volume: 0, world_from_volume: map, leaf_width: 0.0 }],
+            Vec::new(),
+        )
+        .unwrap()
     }
 
     /// Depths are told apart as what passes.
@@ -225,22 +233,22 @@ mod tests {
             for _ in 0..40 {
                 let (from, to) =
                     (Vec3::splat(0.5) + direction(&mut random), Vec3::splat(0.5) + direction(&mut random) * 0.4);
-                let depth = here.depth(from, (to - from).normalize(), 1e30, 0.0);
+                let depth = here.depth(from, (to - from).normalize(), 1e30, &HandOver::MESHES, 0.0);
                 let moved = map.transform_point3(from);
                 let towards = (map.transform_point3(to) - moved).normalize();
-                let other = there.depth(moved, towards, 1e30, 0.0);
+                let other = there.depth(moved, towards, 1e30, &HandOver::MESHES, 0.0);
                 assert!(far(depth, other) < 2e-3, "{depth} {other}");
                 // The other way round.
                 let behind = moved + towards * 200.0;
-                assert!(far(depth, there.depth(behind, -towards, 1e30, 0.0)) < 4e-3);
+                assert!(far(depth, there.depth(behind, -towards, 1e30, &HandOver::MESHES, 0.0)) < 4e-3);
             }
         }
         // Planted: a longer volume is denser along itself.
         let longer = alone(&own, Mat4::from_scale(Vec3::new(1.0, 1.0, 1.0)) * Mat4::from_translation(Vec3::X * 0.2));
         let differ = |y: f32| {
             far(
-                here.depth(Vec3::new(0.31, y, -1.0), Vec3::Z, 1e30, 0.0),
-                longer.depth(Vec3::new(0.31, y, -1.0), Vec3::Z, 1e30, 0.0),
+                here.depth(Vec3::new(0.31, y, -1.0), Vec3::Z, 1e30, &HandOver::MESHES, 0.0),
+                longer.depth(Vec3::new(0.31, y, -1.0), Vec3::Z, 1e30, &HandOver::MESHES, 0.0),
             )
         };
         assert!((0..30).map(|i| differ(i as f32 / 30.0)).fold(0.0, f32::max) > 0.1);
@@ -251,8 +259,8 @@ mod tests {
         let (first, second) = (voltex(1), voltex(2));
         let map = Mat4::from_rotation_translation(Quat::from_rotation_y(0.4), Vec3::new(0.3, 0.1, -0.2));
         let places = [
-            VolumePlace { volume: 0, world_from_volume: Mat4::IDENTITY },
-            VolumePlace { volume: 1, world_from_volume: map },
+            VolumePlace { volume: 0, world_from_volume: Mat4::IDENTITY, leaf_width: 0.0 },
+            VolumePlace { volume: 1, world_from_volume: map, leaf_width: 0.0 },
         ];
         let both = Volumes::new(vec![first.clone(), second.clone()], &places, Vec::new()).unwrap();
         let (a, b) = (alone(&first, Mat4::IDENTITY), alone(&second, map));
@@ -261,19 +269,69 @@ mod tests {
         for i in 0..400 {
             let origin = Vec3::splat(0.5) + direction(&mut random) * if i % 2 == 0 { 0.3 } else { 2.0 };
             let towards = (Vec3::splat(0.5) + direction(&mut random) * 0.4 - origin).normalize();
-            let sum = a.depth(origin, towards, 1e30, 0.0) + b.depth(origin, towards, 1e30, 0.0);
-            assert!(far(sum, both.depth(origin, towards, 1e30, 0.0)) < 3e-3);
+            let sum = a.depth(origin, towards, 1e30, &HandOver::MESHES, 0.0)
+                + b.depth(origin, towards, 1e30, &HandOver::MESHES, 0.0);
+            assert!(far(sum, both.depth(origin, towards, 1e30, &HandOver::MESHES, 0.0)) < 3e-3);
             let mut weights = 0.0;
-            let through = both.see(origin, towards, 1e30, |_| 0.0, |point| weights += point.weight);
+            let through = both.see(origin, towards, 1e30, &HandOver::MESHES, |_| 0.0, |point| weights += point.weight);
             assert!((through - (-sum).exp()).abs() < 0.01 && (weights + through - 1.0).abs() < 0.01);
             // What lies beyond t_max hides nothing.
-            assert!(both.depth(origin, towards, 0.2, 0.0) <= sum + 1e-3);
+            assert!(both.depth(origin, towards, 0.2, &HandOver::MESHES, 0.0) <= sum + 1e-3);
             inside += usize::from(i % 2 == 0 && sum > 0.1);
         }
         assert!(inside > 20);
         // Planted: one alone hides less.
-        let ray = |volumes: &Volumes| volumes.depth(Vec3::new(0.5, 0.45, -3.0), Vec3::Z, 1e30, 0.0).min(9.0);
+        let ray = |volumes: &Volumes| {
+            volumes.depth(Vec3::new(0.5, 0.45, -3.0), Vec3::Z, 1e30, &HandOver::MESHES, 0.0).min(9.0)
+        };
         assert!(ray(&both) > ray(&a) || ray(&both) > ray(&b));
+    }
+
+    #[test]
+    fn volumes_that_stand_in_for_meshes_are_there_beyond_their_spheres_alone() {
+        let own = voltex(5);
+        let places = [(0.0, 0.0), (0.6, 0.3), (1.3, 0.6)].map(|(x, leaf_width)| VolumePlace {
+            volume: 0,
+            // No two faces lie in one plane.
+            world_from_volume: Mat4::from_translation(Vec3::new(x, 0.11 * x, 0.07 * x)),
+            leaf_width,
+        });
+        let all = Volumes::new(vec![own.clone()], &places, Vec::new()).unwrap();
+        let apart = places.map(|place| Volumes::new(vec![own.clone()], &[place], Vec::new()).unwrap());
+        let mut random = Random::new(21);
+        let mut counts = [0; 3];
+        for i in 0..300 {
+            let eye = Vec3::new(0.9, 0.5, 0.5) + direction(&mut random) * random.within(0.0, 1.0);
+            let hand_over = HandOver::new(eye, 0.5, random.within(0.0, 1.0));
+            let target = Vec3::new(random.within(0.0, 2.0), 0.5, 0.5);
+            let origin = if i % 2 == 0 { eye } else { target + direction(&mut random) * 3.0 };
+            let towards = (target - origin).normalize();
+            // What a volume has on the parts of the ray that are beyond its sphere, asked for one by one.
+            let mut expected = 0.0;
+            for (number, (volumes, place)) in apart.iter().zip(&places).enumerate() {
+                let whole = volumes.depth(origin, towards, 1e30, &HandOver::MESHES, 0.0);
+                let spheres = hand_over.along(origin, towards);
+                let beyond: f32 = spheres
+                    .volume(place.leaf_width, [0.0, 30.0])
+                    .into_iter()
+                    .filter(|[t0, t1]| t0 < t1)
+                    .map(|[t0, t1]| {
+                        let kept =
+                            Volumes::new(vec![own.clone()], &[VolumePlace { leaf_width: 0.0, ..*place }], Vec::new());
+                        kept.unwrap().depth(origin + t0 * towards, towards, t1 - t0, &HandOver::MESHES, 0.0)
+                    })
+                    .sum();
+                assert!(place.leaf_width == 0.0 || whole == 0.0, "every mesh is one");
+                counts[number] += usize::from(beyond > 0.1);
+                expected += beyond;
+            }
+            let found = all.depth(origin, towards, 1e30, &hand_over, 0.0);
+            assert!(far(expected, found) < 6e-3, "{expected} {found}");
+            // What the eye sees is hidden by the same.
+            let through = all.see(origin, towards, 1e30, &hand_over, |_| 0.0, |_| ());
+            assert!(far(-through.max(1e-9).ln(), found) < 6e-3);
+        }
+        assert!(counts.iter().all(|count| *count > 20), "{counts:?}");
     }
 
     #[test]
@@ -285,14 +343,14 @@ mod tests {
         };
         let skin = Skin::from_grid(3, 2, vertex, |_, _| 0).unwrap();
         let shell = Shell::new(&skin, &ShellParams::default()).unwrap();
-        let skin = SceneSkin { shell, patterns: vec![Pattern::cyclic(0)], thickness: 1.0 };
+        let skin = SceneSkin { shell, patterns: vec![Pattern::cyclic(0)], thickness: 1.0, leaf_width: 0.0 };
         let skins = Volumes::new(vec![own.clone()], &[], vec![skin]).unwrap();
         // The volume's z is the world's y.
         let y_up =
             Mat4::from_cols(Vec3::X.extend(0.0), Vec3::NEG_Z.extend(0.0), Vec3::Y.extend(0.0), Vec3::ZERO.extend(1.0));
         let places: Vec<VolumePlace> = (0..6)
             .map(|i| Vec3::new((i % 3) as f32, 0.0, -((i / 3) as f32)))
-            .map(|at| VolumePlace { volume: 0, world_from_volume: Mat4::from_translation(at) * y_up })
+            .map(|at| VolumePlace { volume: 0, world_from_volume: Mat4::from_translation(at) * y_up, leaf_width: 0.0 })
             .collect();
         let boxes = Volumes::new(vec![own], &places, Vec::new()).unwrap();
         let mut random = Random::new(11);
@@ -300,7 +358,10 @@ mod tests {
             let to = Vec3::new(random.within(0.1, 2.9), random.within(0.1, 0.9), random.within(-1.9, -0.1));
             let towards = direction(&mut random);
             let from = to - towards * random.within(0.0, 5.0);
-            let (a, b) = (skins.depth(from, towards, 1e30, 0.0), boxes.depth(from, towards, 1e30, 0.0));
+            let (a, b) = (
+                skins.depth(from, towards, 1e30, &HandOver::MESHES, 0.0),
+                boxes.depth(from, towards, 1e30, &HandOver::MESHES, 0.0),
+            );
             assert!(far(a, b) < 5e-3, "{a} {b} from {from} along {towards}");
         }
     }

@@ -2,6 +2,7 @@
 
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
+use crate::hand_over::HandOver;
 use crate::skin::{CellWalk, Pattern, Shell, Walk as ShellWalk};
 use btf_runtime::voltex::{Voltex, VoltexRay};
 use glam::{Mat3, Mat4, Vec3};
@@ -14,6 +15,8 @@ pub struct VolumePlace {
     pub volume: usize,
     /// From its unit cube, whose z points up, to the world. Invertible.
     pub world_from_volume: Mat4,
+    /// How wide the leaves are of the mesh that it stands in for, in the world; 0 where there is none.
+    pub leaf_width: f32,
 }
 
 /// A thick skin with what is mapped on it.
@@ -25,6 +28,8 @@ pub struct SceneSkin {
     pub patterns: Vec<Pattern>,
     /// Length of its longest height vector.
     pub thickness: f32,
+    /// How wide the leaves are of the meshes that it stands in for, in the world; 0 where there are none.
+    pub leaf_width: f32,
 }
 
 /// All volumes of a scene.
@@ -63,6 +68,8 @@ pub struct Stretch {
     pub start: f32,
     /// Directions of the volume from those of the world.
     pub volume_from_world: Mat3,
+    /// How wide the leaves are of the mesh that the volume stands in for, in the world; 0 where there is none.
+    pub leaf_width: f32,
 }
 
 /// Corners of the unit cube, bit i of the number is coordinate i.
@@ -138,7 +145,11 @@ impl Volumes {
             reach = reach.max((most - least).length());
             largest = largest.max(skin.thickness);
         }
-        let proxies = Geometry::placed(meshes, &placements)?;
+        let mut proxies = Geometry::placed(meshes, &placements)?;
+        proxies.set_leaf_widths(|mesh, number| match kinds[mesh] {
+            Proxy::Box(_) => places[number].leaf_width,
+            Proxy::Skin(number) => skins[number].leaf_width,
+        });
         Ok(Volumes { volumes, skins, proxies, kinds, reach, slice: SLICE * largest })
     }
 
@@ -164,6 +175,21 @@ impl Volumes {
             Stretches { volumes: self, origin, direction, t_max, from: -self.reach, entry: None, open: Vec::new() };
         stretches.find_entry();
         stretches
+    }
+
+    /// The same where volumes that stand in for meshes are there beyond their spheres only.
+    pub fn stretches_handed_over(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        hand_over: &HandOver,
+    ) -> impl Iterator<Item = Stretch> {
+        let spheres = hand_over.along(origin, direction);
+        self.stretches(origin, direction, t_max).flat_map(move |stretch| {
+            let parts = spheres.volume(stretch.leaf_width, [stretch.t0, stretch.t1]);
+            parts.into_iter().filter(|[t0, t1]| t0 < t1).map(move |[t0, t1]| Stretch { t0, t1, ..stretch })
+        })
     }
 }
 
@@ -246,6 +272,7 @@ impl<'a> Stretches<'a> {
                     ray: VoltexRay { origin: origin.into(), direction: direction.into() },
                     start,
                     volume_from_world: Mat3::from_cols(rows[0], rows[1], rows[2]).transpose(),
+                    leaf_width: volumes.proxies.leaf_width(hit.instance),
                 };
                 (stretch.t1 > stretch.t0).then_some((stretch, Passage::Box))
             }
@@ -281,6 +308,7 @@ impl<'a> Stretches<'a> {
                         ray: VoltexRay { origin: ray.point.into(), direction: ray.direction.into() },
                         start: own.start,
                         volume_from_world: linear * own.gradients,
+                        leaf_width: skin.leaf_width,
                     };
                     let merged = &pattern.alternatives[variant.alternative as usize];
                     own.merged =

@@ -171,7 +171,7 @@ impl Landscape {
             ..counts
         };
         let thickness = skin.vertices().iter().map(|vertex| vertex.height.length()).fold(0.0, f32::max);
-        let skin = SceneSkin { shell, patterns, thickness };
+        let skin = SceneSkin { shell, patterns, thickness, leaf_width: 0.0 };
         let ground = SceneObject { part: terrain.ground(soil), material: Material::plain(soil) };
         let mut scene = Scene::from_objects(Path::new(self.name()), vec![ground], Shown::default())?;
         scene.volumes = Some(Arc::new(Volumes::new(volumes, &[], vec![skin]).map_err(made)?));

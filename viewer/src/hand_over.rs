@@ -1,0 +1,162 @@
+//! Hand-over from meshes to the volumes that stand in for them where their leaves are small in the picture.
+//!
+//! A leaf `w` wide at distance d is `w / (d * pixel_width)` pixels wide. Where that is [`MESH_PIXELS`] or more, the mesh is
+//! seen; where it is [`VOLUME_PIXELS`] or less, its volume; between, both in shares that change with the logarithm of d. Each
+//! path from the eye draws one radius for each leaf width: within that sphere about the eye the scene has the meshes, beyond it
+//! the volumes, for the path's further rays and those to lights as well. Every place has one of the two, so nothing is there
+//! twice and nothing is lost, even where the eye is within a plant; and no instance needs a state of its own.
+
+use crate::sampler;
+use glam::Vec3;
+
+/// A leaf that is so many pixels wide is a mesh's.
+pub const MESH_PIXELS: f32 = 2.0;
+/// A leaf that is so many pixels wide is a volume's.
+pub const VOLUME_PIXELS: f32 = 1.0;
+/// Stream of the sampler from which radii are drawn.
+const STREAM: u32 = 0x5bd1_e995;
+/// Steps of the R2 sequence [Roberts 2018] in fractions of 2^32: radii of neighbouring pixels are far from each other.
+const PIXEL_STEPS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
+
+/// What is a mesh and what a volume, for one path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandOver {
+    eye: Vec3,
+    /// Radius of the spheres, in widths of leaves.
+    radius_widths: f32,
+}
+
+impl HandOver {
+    /// Every mesh is one, however far away.
+    pub const MESHES: HandOver = HandOver { eye: Vec3::ZERO, radius_widths: f32::INFINITY };
+
+    /// About an eye, where a pixel is `pixel_width` wide at distance 1; `share` is how far from the inner sphere to the outer
+    /// one, 0 to 1.
+    pub fn new(eye: Vec3, pixel_width: f32, share: f32) -> HandOver {
+        let pixels = MESH_PIXELS * (VOLUME_PIXELS / MESH_PIXELS).powf(share);
+        HandOver { eye, radius_widths: 1.0 / (pixels * pixel_width) }
+    }
+
+    /// That of a sample of a pixel: stratified over any power of two of samples, and over pixels beside each other.
+    pub(crate) fn of_path(eye: Vec3, pixel_width: f32, [x, y]: [u32; 2], sample: u32) -> HandOver {
+        let lattice = x.wrapping_mul(PIXEL_STEPS[0]).wrapping_add(y.wrapping_mul(PIXEL_STEPS[1]));
+        let [own, _] = sampler::two(sample, STREAM);
+        let share = (own + (lattice >> 8) as f32 * 5.960_464_5e-8).fract();
+        HandOver::new(eye, pixel_width, share)
+    }
+
+    /// Of a ray, whose direction is unit.
+    pub(crate) fn along(&self, origin: Vec3, direction: Vec3) -> SpheresAlong {
+        let to_eye = self.eye - origin;
+        let nearest = to_eye.dot(direction);
+        let apart2 = (to_eye - nearest * direction).length_squared();
+        SpheresAlong { nearest, apart2, radius_widths: self.radius_widths }
+    }
+}
+
+/// Where a ray is within the spheres about the eye.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SpheresAlong {
+    /// Where it is nearest to the eye, and how near, squared.
+    nearest: f32,
+    apart2: f32,
+    radius_widths: f32,
+}
+
+impl SpheresAlong {
+    /// From where to where a mesh is one whose leaves are so wide; all the way where that is 0, for what no volume stands in
+    /// for. The end lies before the start where the ray passes the sphere.
+    pub fn mesh(&self, leaf_width: f32) -> [f32; 2] {
+        if leaf_width <= 0.0 {
+            return [f32::NEG_INFINITY, f32::INFINITY];
+        }
+        let radius = leaf_width * self.radius_widths;
+        let half2 = radius * radius - self.apart2;
+        if half2 < 0.0 {
+            return [f32::INFINITY, f32::NEG_INFINITY];
+        }
+        let half = half2.sqrt();
+        [self.nearest - half, self.nearest + half]
+    }
+
+    /// What of the stretch from `t0` to `t1` is before and behind the mesh that a volume stands in for: two stretches, of which
+    /// those that end where they begin or before are none.
+    pub fn volume(&self, leaf_width: f32, [t0, t1]: [f32; 2]) -> [[f32; 2]; 2] {
+        let [enter, leave] = self.mesh(leaf_width);
+        if leaf_width <= 0.0 || leave <= enter {
+            return [[t0, t1], [t1, t1]];
+        }
+        [[t0, t1.min(enter)], [t0.max(leave), t1]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use btf_runtime::testing::Random;
+
+    fn point(random: &mut Random, reach: f32) -> Vec3 {
+        Vec3::from([(); 3].map(|()| random.within(-reach, reach)))
+    }
+
+    #[test]
+    fn every_place_along_a_ray_is_a_mesh_or_a_volume_as_its_distance_from_the_eye_says() {
+        let mut random = Random::new(3);
+        let mut counts = [0; 2];
+        for _ in 0..4000 {
+            let eye = point(&mut random, 40.0);
+            let hand_over = HandOver::new(eye, 1e-3, random.within(0.0, 1.0));
+            let width = random.within(0.001, 0.1);
+            let radius = width * hand_over.radius_widths;
+            let (origin, direction) = (point(&mut random, 60.0), point(&mut random, 1.0).normalize());
+            let along = hand_over.along(origin, direction);
+            let [t0, t1] = [random.within(0.0, 20.0), random.within(20.0, 90.0)];
+            let [enter, leave] = along.mesh(width);
+            let volume = along.volume(width, [t0, t1]);
+            for _ in 0..8 {
+                let t = random.within(t0, t1);
+                let distance = (origin + t * direction).distance(eye);
+                if (distance - radius).abs() < 1e-3 * radius {
+                    continue;
+                }
+                let is_mesh = (enter..leave).contains(&t);
+                let is_volume = volume.iter().filter(|[from, to]| (*from..*to).contains(&t)).count();
+                assert_eq!((is_mesh, is_volume), (distance < radius, usize::from(distance > radius)));
+                counts[usize::from(is_mesh)] += 1;
+            }
+        }
+        assert!(counts.iter().all(|count| *count > 1000), "{counts:?}");
+    }
+
+    #[test]
+    fn what_has_no_stand_in_is_never_handed_over_and_every_mesh_can_be_kept() {
+        let along = HandOver::new(Vec3::ZERO, 1.0, 0.3).along(Vec3::X, Vec3::Y);
+        assert_eq!(along.mesh(0.0), [f32::NEG_INFINITY, f32::INFINITY]);
+        assert_eq!(along.volume(0.0, [2.0, 3.0]), [[2.0, 3.0], [3.0, 3.0]]);
+        let all = HandOver::MESHES.along(Vec3::X, Vec3::Y);
+        assert_eq!(all.mesh(1e-9), [f32::NEG_INFINITY, f32::INFINITY]);
+        assert!(all.volume(1e-9, [2.0, 3.0]).iter().all(|[from, to]| from >= to));
+    }
+
+    #[test]
+    fn shares_change_with_the_logarithm_of_distance_and_are_spread_over_samples_and_pixels() {
+        let radius = |share| HandOver::new(Vec3::ZERO, 0.5, share).radius_widths;
+        assert_eq!([radius(0.0), radius(1.0)], [1.0, 2.0]);
+        assert!((radius(0.5) - 2f32.sqrt()).abs() < 1e-6);
+        // Of the radii of n samples of a pixel, and of the first sample of 3 x 3 pixels, the largest gap.
+        let gap = |mut shares: Vec<f32>| {
+            shares.sort_by(f32::total_cmp);
+            let around = 1.0 - shares[shares.len() - 1] + shares[0];
+            shares.windows(2).map(|pair| pair[1] - pair[0]).fold(around, f32::max)
+        };
+        let share = |pixel, sample| HandOver::of_path(Vec3::ZERO, 0.5, pixel, sample).radius_widths.log2();
+        for i in 0..40u32 {
+            let pixel = [7 * i, 1000 - 3 * i];
+            assert!(gap((0..16).map(|sample| share(pixel, sample)).collect()) < 2.0 / 16.0 + 1e-4);
+            let around = (0..9).map(|k| share([pixel[0] + k % 3, pixel[1] + k / 3], i)).collect();
+            assert!(gap(around) < 2.5 / 9.0);
+        }
+        // Planted: samples that are drawn without order leave a larger gap.
+        assert!((0..40).any(|i| gap((0..16).map(|k| sampler::one(16 * i + k)).collect()) > 2.0 / 16.0));
+    }
+}
