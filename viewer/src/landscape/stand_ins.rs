@@ -1,6 +1,6 @@
 //! Where the meshes stand that a landscape's volumes stand in for.
 
-use crate::skin::{NO_VOLUME, Pattern, Shell};
+use crate::skin::{Merged, NO_VOLUME, Pattern, Shell};
 use glam::{Mat3, Mat4, Vec3, Vec4};
 use std::collections::HashMap;
 
@@ -9,11 +9,21 @@ const FOOT: Vec3 = Vec3::new(0.5, 0.5, 1e-3);
 /// How far outside of a tetrahedron, in shares of it, a foot counts as within.
 const SLACK: f32 = 1e-4;
 
+/// A texel's (i, j), and its pattern.
+type Texel = ([i32; 2], u32);
+
+/// The tetrahedron in which a texel's foot lies.
+struct Found {
+    /// How far inside.
+    inside: f32,
+    world_from_volume: Mat4,
+    volumes: Merged,
+}
+
 /// Of every texel that is not empty its volumes, and the affine map of their unit cubes to the world that is right at their feet.
 /// A texel that the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over the tetrahedra.
 pub(super) fn texel_places(shell: &Shell, patterns: &[Pattern]) -> Vec<(u32, Mat4)> {
-    // Of each texel the map of the tetrahedron in which its foot lies, and how far inside.
-    let mut found: HashMap<([i32; 2], u32), (f32, Mat4, [u32; 4])> = HashMap::new();
+    let mut found: HashMap<Texel, Found> = HashMap::new();
     for tet in shell.tets() {
         let [a, b, c, d] = tet.textures.map(|i| shell.textures()[i as usize]);
         let texture_edges = Mat3::from_cols(b - a, c - a, d - a);
@@ -30,7 +40,7 @@ pub(super) fn texel_places(shell: &Shell, patterns: &[Pattern]) -> Vec<(u32, Mat
             let texture_from_volume = Mat4::from_cols(x, y, z, Vec4::W).transpose().inverse();
             let shares = shares_of_texture * (texture_from_volume.transform_point3(FOOT) - a);
             let inside = shares.min_element().min(1.0 - shares.element_sum());
-            let known = found.get(&(cell, tet.pattern)).map_or(-SLACK, |(inside, ..)| *inside);
+            let known = found.get(&(cell, tet.pattern)).map_or(-SLACK, |known| known.inside);
             if inside <= known {
                 continue;
             }
@@ -38,13 +48,16 @@ pub(super) fn texel_places(shell: &Shell, patterns: &[Pattern]) -> Vec<(u32, Mat
             let linear = Mat3::from_cols(q - p, r - p, s - p) * shares_of_texture;
             let world_from_texture = Mat4::from_translation(p) * Mat4::from_mat3(linear) * Mat4::from_translation(-a);
             let volumes = pattern.alternatives[variant.alternative as usize];
-            found.insert((cell, tet.pattern), (inside, world_from_texture * texture_from_volume, volumes));
+            let world_from_volume = world_from_texture * texture_from_volume;
+            found.insert((cell, tet.pattern), Found { inside, world_from_volume, volumes });
         }
     }
     let mut found: Vec<_> = found.into_iter().collect();
     found.sort_by_key(|(texel, _)| *texel);
-    let volumes = |volumes: [u32; 4]| volumes.into_iter().take_while(|volume| *volume != NO_VOLUME);
-    found.into_iter().flat_map(|(_, (_, map, merged))| volumes(merged).map(move |volume| (volume, map))).collect()
+    let places = |(_, Found { world_from_volume, volumes, .. })| {
+        volumes.into_iter().take_while(|volume| *volume != NO_VOLUME).map(move |volume| (volume, world_from_volume))
+    };
+    found.into_iter().flat_map(places).collect()
 }
 
 #[cfg(test)]
