@@ -62,6 +62,10 @@ struct LandscapeArguments {
     /// a flower
     #[arg(long, value_name = "FILE.voltex")]
     volume: Vec<PathBuf>,
+    /// Models of the plants, by `btf-synth plants`, which are seen where leaves are wider than pixels; the lawn takes two, without
+    /// and with a flower, the forest its two trees
+    #[arg(long, value_name = "FILE")]
+    mesh: Vec<PathBuf>,
     /// 1 from afar, 2 nearer, 3 from close by
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=3))]
     camera: u32,
@@ -358,7 +362,8 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
 }
 
 fn show_landscape(arguments: &LandscapeArguments) -> Result<(), ViewerError> {
-    let params = LandscapeParams { times: arguments.times, volumes: arguments.volume.clone() };
+    let params =
+        LandscapeParams { times: arguments.times, volumes: arguments.volume.clone(), meshes: arguments.mesh.clone() };
     let (mut scene, counts) = arguments.landscape.scene(&params)?;
     choose_camera(&mut scene, arguments.camera)?;
     light_scene(&mut scene, &arguments.picture)?;

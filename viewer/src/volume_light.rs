@@ -75,13 +75,18 @@ impl VolumePoint {
     pub fn shadow_offset(&self, volumes: &Volumes, light: Vec3) -> Vec3 {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light;
-        let side = voltex.voxel_side(self.level.finer);
+        // Between the levels', as all that is seen is: no step where one takes over.
+        let at = |level: u32| {
+            let level = level.min(voltex.level_count());
+            voltex.shadow(level).offset * voltex.voxel_side(level)
+        };
+        let offset = at(self.level.finer) + (at(self.level.finer + 1) - at(self.level.finer)) * self.level.part;
         let towards = self
             .parts
             .iter()
             .fold(Vec3::ZERO, |sum, (share, voxel)| sum + *share * Vec3::from(voxel.moment.times(l.into())));
         let inverse = self.map.inverse();
-        inverse * (towards.normalize_or_zero() * (voltex.shadow(self.level.finer).offset * side))
+        inverse * (towards.normalize_or_zero() * offset)
     }
 
     /// The share c by which eye and light see the same gaps, where the angle between them has this cosine.

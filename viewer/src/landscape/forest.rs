@@ -24,6 +24,10 @@ const FOOT_TEXELS: f32 = 22.0;
 /// The volume that comes with the viewer: two trees in a cube, clipped at its sides, where they go on opposite.
 pub(super) const VOLUMES: [&[u8]; 1] = [include_bytes!("../models/forest.voltex")];
 
+/// The volume, size and foot of each tree of a texel, as `cargo xtask volumes` sets them out.
+pub(super) const TREES_OF_TEXEL: [(u32, f32, Vec3); 2] =
+    [(0, 1.0, Vec3::new(-1.5, 0.0, 1.5)), (0, 0.9, Vec3::new(1.5, 0.0, -1.5))];
+
 /// The forest; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let texels_of_patch = [TEXELS[0] / PATCHES[0] as f32, TEXELS[1] / PATCHES[1] as f32];

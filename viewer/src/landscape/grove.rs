@@ -40,6 +40,11 @@ pub(super) fn tinted(tree: &Volume) -> Vec<Volume> {
     TINTS.map(tinted).into()
 }
 
+/// The tree in one material, as often.
+pub(super) fn plain(tree: &Volume) -> Vec<Volume> {
+    vec![tree.clone(); TINTS.len()]
+}
+
 /// The grove; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let terrain = Terrain::times(PATCHES, Vec2::splat(side_m), times, |_| Box::new(|_| 0.0));

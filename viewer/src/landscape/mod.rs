@@ -13,18 +13,24 @@
 mod forest;
 mod grove;
 mod lawn;
+mod stand_ins;
 mod terrain;
 
 use crate::camera::Camera;
 use crate::daylight::Daylight;
 use crate::error::ViewerError;
+use crate::gltf_asset::own_bodies;
 use crate::material::{Material, Shown};
+use crate::mesh::MeshPart;
+use crate::mesh_file::load_meshes;
 use crate::sampler::hash;
-use crate::scene::{DaylightParts, Outdoors, Scene, SceneObject};
+use crate::scene::{DaylightParts, Outdoors, Scene, SceneMesh, SceneObject};
+use crate::scene_volume::{standing, usual_leaf_width_m};
 use crate::skin::{Pattern, Shell, ShellParams, Skin};
 use crate::volumes::{SceneSkin, Volumes};
 use btf_runtime::voltex::{Voltex, Volume};
-use glam::Vec3;
+use glam::{Mat4, Quat, Vec3};
+use stand_ins::texel_places;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -58,6 +64,10 @@ pub struct LandscapeParams {
     /// Files in place of the volumes that come with the viewer; none, or as many as these: two for the lawn (without and with
     /// a flower), one for grove and forest.
     pub volumes: Vec<PathBuf>,
+    /// The models of the plants, which are seen where leaves are wider than pixels; none, or two for the lawn (without and with
+    /// a flower) and for the forest (its two trees), one for the grove. Their origins are in the middle of the volumes' floors, as
+    /// `btf-synth plants` has them.
+    pub meshes: Vec<PathBuf>,
 }
 
 /// What there is in a landscape.
@@ -148,7 +158,7 @@ impl Landscape {
         if !(1..=100).contains(&params.times) {
             return Err(ViewerError::Usage(format!("--times is 1 to 100, not {}", params.times)));
         }
-        let (volumes, volume_file_bytes) = self.volumes(&params.volumes)?;
+        let (volumes, volume_file_bytes) = self.volumes(params)?;
         let side_m = volumes[0].side_m();
         let resolution = 1u32 << volumes.iter().map(|volume| volume.level_count()).max().unwrap_or(0);
         let made = |reason: String| ViewerError::scene(self.name(), reason);
@@ -171,9 +181,17 @@ impl Landscape {
             ..counts
         };
         let thickness = skin.vertices().iter().map(|vertex| vertex.height.length()).fold(0.0, f32::max);
-        let skin = SceneSkin { shell, patterns, thickness, leaf_width: 0.0 };
+        let places = if params.meshes.is_empty() { Vec::new() } else { texel_places(&shell, &patterns) };
         let ground = SceneObject { part: terrain.ground(soil), material: Material::plain(soil) };
-        let mut scene = Scene::from_objects(Path::new(self.name()), vec![ground], Shown::default())?;
+        let mut meshes = vec![SceneMesh { objects: vec![ground], places: vec![Mat4::IDENTITY] }];
+        let mut shown = Shown::default();
+        let leaf_width = self.add_plants(&params.meshes, &volumes, &places, &mut meshes, &mut shown)?;
+        let mut scene = Scene::from_meshes(Path::new(self.name()), meshes, shown)?;
+        if leaf_width > 0.0 {
+            let of_mesh = |mesh, _| if mesh == 0 { 0.0 } else { leaf_width };
+            Arc::make_mut(&mut scene.geometry).set_leaf_widths(of_mesh);
+        }
+        let skin = SceneSkin { shell, patterns, thickness, leaf_width };
         scene.volumes = Some(Arc::new(Volumes::new(volumes, &[], vec![skin]).map_err(made)?));
         let daylight = Daylight::new(DAY[0], DAY[1])?;
         let light = daylight.sun_and_sky()?;
@@ -184,8 +202,58 @@ impl Landscape {
         Ok((scene, counts))
     }
 
+    /// Of each model of a plant the volume that it is in, how large it is there, and its foot from the middle of the floor,
+    /// metres.
+    fn plants(self) -> &'static [(u32, f32, Vec3)] {
+        match self {
+            Landscape::Lawn => &[(0, 1.0, Vec3::ZERO), (1, 1.0, Vec3::ZERO)],
+            Landscape::Grove => &[(0, 1.0, Vec3::ZERO)],
+            Landscape::Forest => &forest::TREES_OF_TEXEL,
+        }
+    }
+
+    /// Adds the plants' models at all `places` of their volumes; returns how wide their leaves are where they are widest, 0
+    /// without models.
+    fn add_plants(
+        self,
+        files: &[PathBuf],
+        volumes: &[Arc<Voltex>],
+        places: &[(u32, Mat4)],
+        meshes: &mut Vec<SceneMesh>,
+        shown: &mut Shown,
+    ) -> Result<f32, ViewerError> {
+        let plants = self.plants();
+        if !files.is_empty() && files.len() != plants.len() {
+            return Err(ViewerError::Usage(format!(
+                "the {} has {} models of plants and {} are given; write --mesh FILE as often, or not at all",
+                self.name(),
+                plants.len(),
+                files.len()
+            )));
+        }
+        let mut widest = 0f32;
+        for (file, (volume, scale, foot)) in files.iter().zip(plants) {
+            let voltex = &volumes[*volume as usize];
+            let own = load_meshes(file)?;
+            let bodies = shown.append(own_bodies(file)?);
+            widest = widest.max(usual_leaf_width_m(voltex, &own) * scale);
+            let volume_from_model = standing(voltex, Vec3::ZERO, 0.0, 1.0).inverse()
+                * Mat4::from_scale_rotation_translation(Vec3::splat(*scale), Quat::IDENTITY, *foot);
+            for mut mesh in own {
+                // The grove's volumes are one tree.
+                let is_here = |own: u32| self == Landscape::Grove || own == *volume;
+                let here = places.iter().filter(|(own, _)| is_here(*own)).map(|(_, map)| *map * volume_from_model);
+                mesh.places = here.flat_map(|map| mesh.places.iter().map(move |place| map * *place)).collect();
+                let body = |part: &MeshPart| Material::of_part(part, bodies.get(&part.group).copied(), [1.0; 2]);
+                meshes.push(SceneMesh::of_file(mesh, body));
+            }
+        }
+        Ok(widest)
+    }
+
     /// The volumes, and the bytes of their files.
-    fn volumes(self, files: &[PathBuf]) -> Result<(Vec<Arc<Voltex>>, u64), ViewerError> {
+    fn volumes(self, params: &LandscapeParams) -> Result<(Vec<Arc<Voltex>>, u64), ViewerError> {
+        let files = params.volumes.as_slice();
         let wanted = self.built_in().len();
         if !files.is_empty() && files.len() != wanted {
             return Err(ViewerError::Usage(format!(
@@ -216,7 +284,11 @@ impl Landscape {
                 )));
             }
             match self {
-                Landscape::Grove => volumes.extend(grove::tinted(&volume).iter().map(Voltex::new).map(Arc::new)),
+                Landscape::Grove => {
+                    // A model has the leaves of its files, whatever the tint.
+                    let tints = if params.meshes.is_empty() { grove::tinted(&volume) } else { grove::plain(&volume) };
+                    volumes.extend(tints.iter().map(Voltex::new).map(Arc::new));
+                }
                 _ => volumes.push(Arc::new(Voltex::new(&volume))),
             }
         }
@@ -242,7 +314,7 @@ mod tests {
     use clap::ValueEnum;
 
     fn built_in(landscape: Landscape, times: u32) -> (Scene, LandscapeCounts) {
-        landscape.scene(&LandscapeParams { times, volumes: Vec::new() }).unwrap()
+        landscape.scene(&LandscapeParams { times, volumes: Vec::new(), meshes: Vec::new() }).unwrap()
     }
 
     #[test]
@@ -293,7 +365,7 @@ mod tests {
     fn says_which_volumes_and_numbers_it_needs() {
         let asked = |landscape: Landscape, times, volumes: &[&str]| {
             let volumes = volumes.iter().map(PathBuf::from).collect();
-            landscape.scene(&LandscapeParams { times, volumes }).unwrap_err()
+            landscape.scene(&LandscapeParams { times, volumes, meshes: Vec::new() }).unwrap_err()
         };
         assert_eq!(asked(Landscape::Grove, 0, &[]).exit_code(), 2);
         assert!(asked(Landscape::Lawn, 1, &["one.voltex"]).to_string().contains("2 volumes"));
