@@ -1,6 +1,6 @@
 //! Everything that can go wrong while fitting, expanding or comparing.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Why a fit, an expansion or a comparison stopped. Each message is one sentence with its remedy.
@@ -96,4 +96,14 @@ pub enum FitError {
     /// Ctrl-C.
     #[error("interrupted; nothing was written")]
     Interrupted,
+}
+
+impl FitError {
+    /// The same, told of the model's file.
+    pub fn of_model(self, path: &Path) -> FitError {
+        match self {
+            FitError::Voltex(reason) => FitError::Voltex(format!("{}: {reason}", path.display())),
+            other => other,
+        }
+    }
 }

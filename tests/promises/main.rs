@@ -1,5 +1,6 @@
 //! Promises that hold across packages, one module each.
 
+mod bent_skins;
 mod beyond_the_measured_directions;
 mod budget;
 mod bytes_are_repeatable;

@@ -56,6 +56,7 @@ mod scene;
 mod scene_asset;
 mod scene_file;
 mod scene_leaf;
+mod scene_skin;
 mod scene_volume;
 mod shaders;
 mod shear;

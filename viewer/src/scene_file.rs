@@ -44,6 +44,17 @@
 //! material = "leaf"                 # optional, as is parts, as with [[object]]: what the volume was made with
 //! leaf_size = 0.05                  # optional: how wide leaves are, metres of the model; else as its triangles tell
 //!
+//! [[skin]]                          # optional: a thick skin of volumetric textures, see docs/VOLTEX_GALLERY.md
+//! patches = [8, 6]                  # bilinear patches of one unit, on the floor about the origin; or mesh = as of an object
+//! height = 0.5                      # length of its height vectors, along the normals
+//! lean = [0.2, 0.0, 0.0]            # optional: combs them, by this in heights
+//! uv_scale = [1.0, 1.0]             # optional: texels of a patch, or of a unit of a mesh's u and v
+//! volumes = ["grass.voltex", ["grass.voltex", "flower.voltex"]]    # by chance one is in each texel, or several, merged
+//! jitter = { wavelength = 3.0, coordinates = 0.3, length = 0.3, angle_deg = 20.0, seed = 1 }      # optional, continuous
+//! texels = { empty = 0.1, scale = [0.5, 1.0], displacement = 0.5, margin = 0.1, turns = true, mirrors = true, seed = 1 }
+//!                                   # optional: how isolated objects differ; without it texels go on into each other
+//! translate = [0.0, 0.0, 0.0]       # as rotate_deg and scale, like an object's
+//!
 //! [ambient]                         # optional: ambient light with occlusion
 //! radiance = [0.4, 0.4, 0.4]
 //! distance = 2.0                    # optional: what lies farther away does not occlude
@@ -76,9 +87,9 @@ use crate::models;
 use crate::scene::{Ambient, DaylightParts, Outdoors, PointLight, Scene, SceneMesh, SceneObject};
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
-use crate::scene_volume::{load_volume, standing, usual_leaf_width_m, volume_from_model};
-use crate::volumes::{VolumePlace, Volumes};
-use btf_runtime::voltex::Voltex;
+use crate::scene_skin::SkinEntry;
+use crate::scene_volume::{VolumeFiles, standing, usual_leaf_width_m, volume_from_model};
+use crate::volumes::{SceneSkin, VolumePlace, Volumes};
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -103,6 +114,8 @@ struct SceneFile {
     objects: Vec<ObjectEntry>,
     #[serde(default, rename = "volume")]
     volumes: Vec<VolumeEntry>,
+    #[serde(default, rename = "skin")]
+    skins: Vec<SkinEntry>,
     #[serde(default, rename = "light")]
     lights: Vec<LightEntry>,
 }
@@ -251,24 +264,67 @@ fn ones3() -> [f32; 3] {
     [1.0; 3]
 }
 
-/// The volumes of these entries, and where they stand.
-fn volumes_of(entries: &[VolumeEntry], folder: &Path) -> Result<(Vec<Arc<Voltex>>, Vec<VolumePlace>), ViewerError> {
-    let mut names: Vec<&str> = Vec::new();
-    let (mut volumes, mut places) = (Vec::new(), Vec::new());
-    for entry in entries {
-        let volume = match names.iter().position(|name| *name == entry.file) {
-            Some(known) => known,
-            None => {
-                names.push(&entry.file);
-                volumes.push(load_volume(&folder.join(&entry.file))?);
-                volumes.len() - 1
-            }
-        };
+/// Least and greatest side of a volume in the world: beyond them its map has no inverse in single precision.
+const VOLUME_SIDES: [f32; 2] = [1e-9, 1e9];
+
+/// Where volumes stand on their own.
+fn places_of(entries: &[VolumeEntry], files: &mut VolumeFiles) -> Result<Vec<VolumePlace>, ViewerError> {
+    let place = |entry: &VolumeEntry| {
+        let volume = files.number(&entry.file)?;
+        let voltex = &files.volumes[volume];
+        let [least, most] = VOLUME_SIDES;
+        let side = entry.scale * voltex.side_m();
+        if !(least..=most).contains(&side) {
+            return Err(files.fault(format!(
+                "volume '{}' would be {side} large, and {least:e} to {most:e} is allowed; correct its scale",
+                entry.file
+            )));
+        }
+        if !entry.translate.iter().chain([&entry.yaw_deg]).all(|x| x.is_finite()) {
+            return Err(files.fault(format!("volume '{}' has a number that is not finite", entry.file)));
+        }
         let yaw = entry.yaw_deg.to_radians();
-        let world_from_volume = standing(&volumes[volume], entry.translate.into(), yaw, entry.scale);
-        places.push(VolumePlace { volume, world_from_volume, leaf_width: 0.0 });
+        let world_from_volume = standing(voltex, entry.translate.into(), yaw, entry.scale);
+        Ok(VolumePlace { volume, world_from_volume, leaf_width: 0.0 })
+    };
+    entries.iter().map(place).collect()
+}
+
+/// The thick skins.
+fn skins_of(entries: &[SkinEntry], folder: &Path, files: &mut VolumeFiles) -> Result<Vec<SceneSkin>, ViewerError> {
+    let skin = |entry: &SkinEntry| {
+        let meshes = entry.mesh.as_ref().map_or(Ok(Vec::new()), |mesh| meshes_of(mesh, folder))?;
+        let world_from_skin = world_from_entry(entry.scale, entry.rotate_deg, entry.translate)
+            .ok_or_else(|| files.fault("a [[skin]] is flattened by its scale"))?;
+        entry.skin(meshes, world_from_skin, files)
+    };
+    entries.iter().map(skin).collect()
+}
+
+/// The meshes that a name stands for: of a file, or built in.
+fn meshes_of(name: &str, folder: &Path) -> Result<Vec<FileMesh>, ViewerError> {
+    let built_in = |parts| Ok(vec![FileMesh { parts, places: vec![Mat4::IDENTITY] }]);
+    match name {
+        // All of these are in BUILT_IN_MESHES.
+        "sphere" => built_in(vec![mesh::sphere()]),
+        "plane" => built_in(vec![mesh::plane()]),
+        "cube" => built_in(vec![mesh::cube("cube")]),
+        "cornell" => built_in(models::cornell()),
+        "cloth" => built_in(models::cloth()),
+        "shoe" => built_in(models::shoe()),
+        "boots" => built_in(models::boots()),
+        "pullover" => built_in(models::pullover()),
+        file => load_meshes(&folder.join(file)),
     }
-    Ok((volumes, places))
+}
+
+/// The map of an entry that is scaled, turned and moved; none if that cannot be undone.
+fn world_from_entry(scale: [f32; 3], rotate_deg: [f32; 3], translate: [f32; 3]) -> Option<Mat4> {
+    let [x, y, z] = rotate_deg.map(f32::to_radians);
+    // glam applies the last letter's angle first.
+    let rotation = Quat::from_euler(EulerRot::ZYX, z, y, x);
+    let matrix = Mat4::from_scale_rotation_translation(scale.into(), rotation, translate.into());
+    (matrix.is_finite() && matrix.determinant().abs() > 1e-30).then_some(matrix)
 }
 
 /// Reads a scene description and everything that it names. `shown` is what the command line names.
@@ -403,26 +459,9 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
     // What stands once, in the world, and what stands more often.
     let (mut objects, mut meshes) = (Vec::new(), Vec::new());
     for entry in &file.objects {
-        let built_in = |parts| vec![FileMesh { parts, places: vec![Mat4::IDENTITY] }];
-        let mut own_meshes = match entry.mesh.as_str() {
-            // All of these are in BUILT_IN_MESHES.
-            "sphere" => built_in(vec![mesh::sphere()]),
-            "plane" => built_in(vec![mesh::plane()]),
-            "cube" => built_in(vec![mesh::cube("cube")]),
-            "cornell" => built_in(models::cornell()),
-            "cloth" => built_in(models::cloth()),
-            "shoe" => built_in(models::shoe()),
-            "boots" => built_in(models::boots()),
-            "pullover" => built_in(models::pullover()),
-            file => load_meshes(&folder.join(file))?,
-        };
-        let [x, y, z] = entry.rotate_deg.map(f32::to_radians);
-        // glam applies the last letter's angle first.
-        let rotation = Quat::from_euler(EulerRot::ZYX, z, y, x);
-        let matrix = Mat4::from_scale_rotation_translation(entry.scale.into(), rotation, entry.translate.into());
-        if !(matrix.is_finite() && matrix.determinant().abs() > 1e-30) {
-            return Err(fault(format!("object '{}' is flattened by its scale", entry.mesh)));
-        }
+        let mut own_meshes = meshes_of(&entry.mesh, folder)?;
+        let matrix = world_from_entry(entry.scale, entry.rotate_deg, entry.translate)
+            .ok_or_else(|| fault(format!("object '{}' is flattened by its scale", entry.mesh)))?;
         own_meshes.iter_mut().for_each(|mesh| mesh.moved(matrix));
         for mesh in dressed(&entry.mesh, own_meshes, entry.material.as_ref(), &entry.parts)? {
             match mesh.places.len() {
@@ -436,7 +475,8 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
         meshes.insert(0, SceneMesh { objects, places: vec![Mat4::IDENTITY] });
     }
     // The meshes that volumes stand in for come last, each model once.
-    let (volumes, mut volume_places) = volumes_of(&file.volumes, folder)?;
+    let mut files = VolumeFiles::new(path);
+    let mut volume_places = places_of(&file.volumes, &mut files)?;
     let kept: usize = meshes.iter().map(|mesh| mesh.places.len()).sum();
     let mut leaf_widths = Vec::new();
     for (first, entry) in file.volumes.iter().enumerate() {
@@ -453,7 +493,7 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
             return Err(fault(format!("volume '{}' needs a leaf_size above 0", entry.file)));
         }
         let own_meshes = load_meshes(&folder.join(name))?;
-        let voltex = &volumes[volume_places[first].volume];
+        let voltex = &files.volumes[volume_places[first].volume];
         let volume_from_model = volume_from_model(voltex, &own_meshes)
             .map_err(|reason| fault(format!("volume '{}' and its mesh '{name}' differ: {reason}", entry.file)))?;
         let leaf_width_m = entry.leaf_size.unwrap_or_else(|| usual_leaf_width_m(voltex, &own_meshes));
@@ -475,8 +515,9 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
         let width = |number: usize| number.checked_sub(kept).map_or(0.0, |i| leaf_widths[i]);
         Arc::make_mut(&mut scene.geometry).set_leaf_widths(|_, number| width(number));
     }
-    if !volumes.is_empty() {
-        scene.volumes = Some(Arc::new(Volumes::new(volumes, &volume_places, Vec::new()).map_err(fault)?));
+    let skins = skins_of(&file.skins, folder, &mut files)?;
+    if !(volume_places.is_empty() && skins.is_empty()) {
+        scene.volumes = Some(Arc::new(Volumes::new(files.volumes, &volume_places, skins).map_err(fault)?));
     }
     let cameras = match &file.camera {
         Cameras::One(camera) => std::slice::from_ref(camera),

@@ -14,9 +14,10 @@ const TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
 /// The meshes of a glTF file that are placed, in the file's order. Geometry only: pictures inside the file are not decoded.
 pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, CaptureError> {
     let fault = |reason: String| fault(path, reason);
-    let gltf = gltf::Gltf::open(path).map_err(|error| fault(format!("the glTF file cannot be read: {error}")))?;
+    let gltf = gltf::Gltf::open(path)
+        .map_err(|error| fault(format!("the glTF file cannot be read: {error}; copy or export it again")))?;
     let buffers = gltf::import_buffers(&gltf.document, path.parent(), gltf.blob.clone())
-        .map_err(|error| fault(format!("the glTF file's buffers cannot be read: {error}")))?;
+        .map_err(|error| fault(format!("the glTF file's buffers cannot be read: {error}; copy or export it again")))?;
     for accessor in gltf.accessors() {
         if !accessor_fits(&accessor, &buffers) {
             return Err(fault(format!("accessor {} reaches beyond its buffer, export it again", accessor.index())));

@@ -7,8 +7,8 @@ use std::path::Path;
 /// The parts of an OBJ file; a missing .mtl only costs the colours.
 pub(super) fn read(path: &Path) -> Result<Vec<ModelPart>, CaptureError> {
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
-    let (models, materials) =
-        tobj::load_obj(path, &options).map_err(|error| fault(path, format!("the OBJ file cannot be read: {error}")))?;
+    let (models, materials) = tobj::load_obj(path, &options)
+        .map_err(|error| fault(path, format!("the OBJ file cannot be read: {error}; copy or export it again")))?;
     let materials = materials.unwrap_or_default();
     let mut parts = Vec::new();
     for model in models {

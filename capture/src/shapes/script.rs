@@ -264,6 +264,10 @@ mod tests {
         assert_eq!(leaf, PathBuf::from("some/where/petal-leaf.toml"));
         let script = example(include_str!("../../../docs/SHAPES.md"), "");
         assert_eq!((script.materials.len(), script.strokes[1].shapes[0].kind()), (2, "fur"));
+        let gallery = fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/voltex")).unwrap();
+        let scripts = gallery.map(|entry| entry.unwrap().path());
+        let scripts: Vec<_> = scripts.filter(|path| path.to_string_lossy().ends_with(SCRIPT_ENDING)).collect();
+        assert!(scripts.len() > 9 && scripts.iter().all(|path| !Script::read(path).unwrap().strokes.is_empty()));
     }
 
     #[test]

@@ -39,7 +39,8 @@ pub(super) fn run(compared: &Compared, ablate: bool, json: Option<&Path>, shared
     }
     let model = TriangleModel::read(compared.model)?;
     let monitor = progress::monitor(shared, None)?;
-    let rows = measure_voltex(&model, compared.volume, compared.bytes, ablate, &monitor)?;
+    let rows = measure_voltex(&model, compared.volume, compared.bytes, ablate, &monitor)
+        .map_err(|error| error.of_model(compared.model))?;
     let result = VoltexResult {
         model: compared.model.display().to_string(),
         asset: compared.file.display().to_string(),

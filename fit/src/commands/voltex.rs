@@ -75,15 +75,16 @@ pub(super) fn run(args: &VoltexArgs, shared: &Shared) -> Result<(), Failure> {
     }
     let mut params = VoltexParams { resolution: args.resolution, ..VoltexParams::default() };
     params.refit.views = usize::from(args.views);
-    let (mut volume, triangles) = if args.model.to_string_lossy().ends_with(SCRIPT_ENDING) {
+    let (volume, triangles) = if args.model.to_string_lossy().ends_with(SCRIPT_ENDING) {
         let script = Script::read(&args.model).map_err(FitError::from)?;
         let colours = colours_of(&args.model, &script.materials)?;
         let canvas = paint(&script, params.resolution, &Paints { script: &args.model, colours: &colours })?;
-        (build_painted(&canvas, &params)?, canvas.triangles.len())
+        (build_painted(&canvas, &params), canvas.triangles.len())
     } else {
         let model = TriangleModel::read(&args.model)?;
-        (build_voltex(&model, &params)?, model.triangles.len())
+        (build_voltex(&model, &params), model.triangles.len())
     };
+    let mut volume = volume.map_err(|error| error.of_model(&args.model))?;
     let name = args.model.file_stem().map_or_else(|| "volume".into(), |stem| stem.to_string_lossy().into_owned());
     volume.description = serde_json::json!({
         "name": name,

@@ -9,7 +9,7 @@ use super::palette::Palette;
 use super::refit::{RefitParams, refit};
 use super::shadow::{Lit, ShadowParams, fit_shadow};
 use crate::error::FitError;
-use btf_runtime::voltex::{Voltex, Volume, VolumeLevel, Voxel, order};
+use btf_runtime::voltex::{MOST_SIDE_M, Voltex, Volume, VolumeLevel, Voxel, order};
 use glam::Vec3;
 
 /// How a volume is built.
@@ -52,11 +52,17 @@ impl Frame {
     /// The cube over a model: it stands on the cube's floor, in the middle.
     ///
     /// # Errors
-    /// [`FitError::Voltex`] for a model without extent.
+    /// [`FitError::Voltex`] for a model without extent, and for one that is larger than a file can say.
     pub fn around([lo, hi]: [Vec3; 2]) -> Result<Frame, FitError> {
         let side_m = (hi - lo).max_element() * MARGIN;
-        if !(side_m.is_finite() && side_m > 0.0) {
+        // Without triangles it is less than nothing.
+        if side_m.is_nan() || side_m <= 0.0 {
             return Err(FitError::Voltex("the model has no extent, so there is nothing to make a volume of".into()));
+        }
+        if side_m > MOST_SIDE_M {
+            return Err(FitError::Voltex(format!(
+                "the model is {side_m} m large and a volume at most {MOST_SIDE_M} m: scale it to metres"
+            )));
         }
         let middle = 0.5 * (lo + hi);
         Ok(Frame {
@@ -71,13 +77,16 @@ impl Frame {
     }
 }
 
+/// Share of a side's square that a model's triangles must cover at least: ten times what rounding makes of a line.
+const LEAST_AREA: f64 = 1e-6;
+
 /// How much larger than the model the cube is, so that nothing lies on its faces.
 const MARGIN: f32 = 1.001;
 
 /// Builds a volume of triangles.
 ///
 /// # Errors
-/// [`FitError::Voltex`] for a model without extent.
+/// [`FitError::Voltex`] for a model without extent or area, and for one that is too large.
 pub fn build_voltex(model: &TriangleModel, params: &VoltexParams) -> Result<Volume, FitError> {
     build_with(model, params, voxel_of)
 }
@@ -98,6 +107,13 @@ pub(super) fn build_with(
 ) -> Result<Volume, FitError> {
     let frame = Frame::around(model.bounds())?;
     let cube = model.in_cube(&frame);
+    let area = cube.area();
+    if area < LEAST_AREA {
+        return Err(FitError::Voltex(format!(
+            "the model's triangles cover {area:.1e} of the square of its extent, so that a volume would show nothing: give \
+             them an area, and take away what lies far off"
+        )));
+    }
     let mut gather = Gather::new(params.resolution);
     for (triangle, material) in cube.triangles.iter().zip(&cube.materials) {
         let material = *material as usize;

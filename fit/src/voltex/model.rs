@@ -68,6 +68,15 @@ impl TriangleModel {
         self.triangles.iter().flatten().fold(start, |[lo, hi], p| [lo.min(*p), hi.max(*p)])
     }
 
+    /// Area of all triangles, squares of the corners' unit.
+    pub fn area(&self) -> f64 {
+        let area = |[a, b, c]: &[Vec3; 3]| {
+            let [along, across] = [*b - *a, *c - *a].map(Vec3::as_dvec3);
+            0.5 * along.cross(across).length()
+        };
+        self.triangles.iter().map(area).sum()
+    }
+
     /// The same in the unit cube.
     pub fn in_cube(&self, frame: &Frame) -> TriangleModel {
         let triangles = self.triangles.iter().map(|t| t.map(|p| frame.cube_from_m(p))).collect();
