@@ -553,7 +553,7 @@ impl Shader<'_> {
                             material,
                             &viewed,
                             light_back,
-                            travelled * self.camera.pixel_width(),
+                            travelled * self.ray_width(),
                             &numbers,
                             &mut done,
                         );

@@ -10,6 +10,9 @@ use crate::volumes::Volumes;
 use glam::Vec3;
 use std::f32::consts::PI;
 
+/// Rays along a pixel's side, for more of which voxels do not grow narrower: it was not measured for more.
+const MOST_RAYS_ACROSS: f32 = 4.0;
+
 /// What a ray sees in volumes.
 pub(crate) struct SeenInVolumes {
     /// Light from them.
@@ -59,6 +62,12 @@ impl Shader<'_> {
         lamps.chain([(towards, FAR, incident)])
     }
 
+    /// How wide voxels should be at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so many. Rays miss
+    /// narrower ones, and wider ones blur (docs/VOLTEX_FIGURES.md).
+    pub(crate) fn ray_width(&self) -> f32 {
+        self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MOST_RAYS_ACROSS)
+    }
+
     /// Share of light that passes the scene's volumes on the way from a surface.
     pub(crate) fn past_volumes(&self, origin: Vec3, direction: Vec3, distance: f32, width: f32) -> f32 {
         match &self.scene.volumes {
@@ -82,7 +91,7 @@ impl Shader<'_> {
         done: &mut PixelHit,
     ) -> SeenInVolumes {
         let scene = self.scene;
-        let pixel_width = self.camera.pixel_width();
+        let ray_width = self.ray_width();
         let [sun_at, sky_at] =
             [Numbers::Sun, Numbers::Ambient].map(|numbers| sampler::two(self.sample, seed_of(pixel, depth, numbers)));
         let seed = sampler::hash(seed_of(pixel, depth, Numbers::VolumeLight).wrapping_add(self.sample));
@@ -100,7 +109,7 @@ impl Shader<'_> {
             let mut sum = Vec3::ZERO;
             if let Some(point) = near.drawn.take() {
                 let position = origin + direction * point.t;
-                let width = (travelled + point.t) * pixel_width;
+                let width = (travelled + point.t) * ray_width;
                 for ((towards, distance, _), unshadowed) in self.lights_at(position, sun).zip(&near.unshadowed) {
                     if unshadowed.max_element() > 0.0 {
                         done.rays += 1;
@@ -117,7 +126,7 @@ impl Shader<'_> {
             direction,
             t_max,
             &self.hand_over,
-            |t| (travelled + t) * pixel_width,
+            |t| (travelled + t) * ray_width,
             |point| {
                 if asks_anew(near.weight) {
                     radiance += lit(&mut near, done);
@@ -143,7 +152,7 @@ impl Shader<'_> {
         if let Some(point) = &chosen {
             let path = self.options.mode == RenderMode::Path;
             let position = origin + direction * point.t;
-            let width = (travelled + point.t) * pixel_width;
+            let width = (travelled + point.t) * ray_width;
             let around = match &scene.environment {
                 Some(sky) => {
                     let towards = sky.sample(sky_at);

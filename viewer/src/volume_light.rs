@@ -9,8 +9,6 @@ use glam::{Mat3, Vec3};
 const END: f32 = 1.0 / 255.0;
 /// Transmittance below which a ray to a light does.
 const DARK: f32 = 0.02;
-/// Levels below the pixel's: voxels are half as wide as a pixel.
-const BIAS: f32 = -1.0;
 /// Share of a pixel that must be hidden before light is asked for anew.
 const SHADOW_STEP: f32 = 1.0 / 16.0;
 
@@ -29,7 +27,7 @@ pub struct VolumePoint {
     view: Vec3,
 }
 
-/// Which levels a pixel sees.
+/// Which levels a ray sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Level {
     finer: u32,
@@ -38,11 +36,11 @@ struct Level {
 }
 
 impl Level {
-    /// Where a pixel is `width` wide in the world.
+    /// Where voxels should be `width` wide in the world.
     fn of(voltex: &Voltex, map: &Mat3, width: f32) -> Level {
         let scale = map.determinant().abs().cbrt();
         let voxels = width * scale * (1u32 << voltex.level_count()) as f32;
-        let level = (voxels.clamp(1e-9, 1e9).log2() + BIAS).clamp(0.0, voltex.level_count() as f32);
+        let level = voxels.clamp(1e-9, 1e9).log2().clamp(0.0, voltex.level_count() as f32);
         let finer = level.floor();
         Level { finer: finer as u32, part: level - finer }
     }
@@ -123,7 +121,7 @@ fn walk_of(voltex: &Voltex, stretch: &Stretch) -> Walk {
 
 impl Volumes {
     /// Goes along a ray from the eye and calls `each` for the places that hide a share of the pixel together; returns what
-    /// passes. `width_at` is a pixel's width at a distance.
+    /// passes. `width_at` is how wide voxels should be at a distance.
     pub fn see(
         &self,
         origin: Vec3,
@@ -168,7 +166,7 @@ impl Volumes {
         through
     }
 
-    /// Optical depth along a ray, as far as it matters for a pixel `width` wide.
+    /// Optical depth along a ray, through voxels `width` wide.
     pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, hand_over: &HandOver, width: f32) -> f32 {
         let mut sum = 0.0;
         let dark = -DARK.ln();
