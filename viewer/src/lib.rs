@@ -66,6 +66,7 @@ mod surface;
 mod trace;
 mod viewed_body;
 mod volume_light;
+mod volume_words;
 mod volumes;
 mod window;
 

@@ -1,4 +1,5 @@
-//! Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees.
+//! Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin:
+//! `shaders/volume_light.wgsl`.
 
 use crate::volumes::{Stretch, Volumes};
 use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, seen_at, shade};
@@ -12,6 +13,10 @@ const DARK: f32 = 0.02;
 const BIAS: f32 = -1.0;
 /// Share of a pixel that must be hidden before light is asked for anew.
 const SHADOW_STEP: f32 = 1.0 / 16.0;
+/// The constants that the shader has too, by name.
+#[cfg(test)]
+pub(crate) const CONSTANTS: &[(&str, f32)] =
+    &[("VOLUME_END", END), ("VOLUME_DARK", DARK), ("VOLUME_BIAS", BIAS), ("VOLUME_SHADOW_STEP", SHADOW_STEP)];
 
 /// What a ray sees at one place of a volume.
 pub struct VolumePoint {

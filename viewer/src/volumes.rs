@@ -1,4 +1,5 @@
-//! The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them.
+//! The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them. Twin:
+//! `shaders/volumes.wgsl`.
 
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
@@ -40,9 +41,12 @@ pub struct Volumes {
     reach: f32,
 }
 
+/// What a mesh of the proxies stands for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Proxy {
+pub(crate) enum Proxy {
+    /// A volume on its own.
     Box(usize),
+    /// A skin.
     Skin(usize),
 }
 
@@ -92,6 +96,9 @@ fn plain_vertex(position: Vec3) -> Vertex {
 const SKIN_REACH: f32 = 8.0;
 /// Overlapping volumes are taken in turn in slices of this share of the reach.
 const SLICE: f32 = 1.0 / 64.0;
+/// The constants that the shader has too, by name.
+#[cfg(test)]
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[("VOLUME_SLICE", SLICE)];
 
 impl Volumes {
     /// Volumes that stand on their own, and skins; one of either at least.
@@ -139,6 +146,30 @@ impl Volumes {
     /// A volume by its number.
     pub fn volume(&self, number: usize) -> &Voltex {
         &self.volumes[number]
+    }
+
+    /// How many volumes there are.
+    pub(crate) fn volume_count(&self) -> usize {
+        self.volumes.len()
+    }
+
+    pub(crate) fn skins(&self) -> &[SceneSkin] {
+        &self.skins
+    }
+
+    /// What rays enter. A triangle's material is the face of its skin's shell.
+    pub(crate) fn proxies(&self) -> &Geometry {
+        &self.proxies
+    }
+
+    /// What an instance of the proxies stands for.
+    pub(crate) fn proxy(&self, instance: usize) -> Proxy {
+        self.kinds[self.proxies.mesh_of(instance)]
+    }
+
+    /// How far before its origin a ray may have entered what it is in.
+    pub(crate) fn reach(&self) -> f32 {
+        self.reach
     }
 
     /// How many stand on their own, and how many skins there are.
@@ -217,7 +248,7 @@ impl<'a> Stretches<'a> {
     /// Goes into what was found.
     fn enter(&mut self, (t, hit): (f32, Hit)) {
         let volumes = self.volumes;
-        let passage = match volumes.kinds[volumes.proxies.mesh_of(hit.instance as usize)] {
+        let passage = match volumes.proxy(hit.instance as usize) {
             Proxy::Box(volume) => {
                 let instance = &volumes.proxies.instances()[hit.instance as usize];
                 let start = t.max(0.0);

@@ -14,14 +14,14 @@ const LEAST_DETERMINANT: f32 = 1e-30;
 const EDGE_SLACK: f32 = 2.4e-7;
 const NO_INSTANCE: u32 = 0xffffffffu;
 
-fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> Hit {
+fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> Hit {
     var best = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     let world = box_ray(origin, direction);
     var ray = world;
     var shear = shear_new(direction);
     var stack: array<u32, BVH_STACK>;
     var size = 0u;
-    var at = frame.root;
+    var at = root;
     // The instance that the ray is in, and where the stack stood before.
     var instance = NO_INSTANCE;
     var below = 0u;
@@ -78,12 +78,6 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
         at = stack[size];
     }
     return best;
-}
-
-// A point (w 1) or a direction (w 0) of the world in an instance's space.
-fn object_from_world(instance: u32, v: vec4<f32>) -> vec3<f32> {
-    let rows = instances[instance].object_from_world;
-    return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
 }
 
 // A ray made ready for boxes.

@@ -43,7 +43,15 @@ struct Frame {
     sun_part: f32,
     // At normal incidence; 0 for no sun.
     sun_irradiance: vec3<f32>,
-    pad0: u32,
+    // Node where the hierarchy over the volumes' proxies begins.
+    volume_root: u32,
+    // Words of the arena: where each volume begins; content and patterns of each proxy.
+    volumes_at: u32,
+    proxies_at: u32,
+    // The first instance that is a proxy.
+    first_proxy: u32,
+    // How far before its origin a ray may have entered the volume that it is in.
+    volume_reach: f32,
 }
 
 struct Vertex {
@@ -99,7 +107,7 @@ struct Light {
 // The path of a pixel's sample: its latest ray and what that hit.
 struct Path {
     origin: vec3<f32>,
-    // Triangle that the latest ray hit, or NO_HIT.
+    // Triangle that the latest ray hit, IN_VOLUME where the path scattered before it and goes on from there, or NO_HIT.
     primitive: u32,
     direction: vec3<f32>,
     // Barycentric weights of the triangle's second and third corner.
@@ -128,6 +136,7 @@ struct Pixel {
 }
 
 const NO_ASSET: u32 = 0xffffffffu;
+const IN_VOLUME: u32 = 0xfffffffeu;
 const SCATTERED: u32 = 0x80000000u;
 const MOST_MATERIALS: u32 = 1024u;
 

@@ -67,6 +67,12 @@ fn lift(p: vec3<f32>, weights: vec3<f32>, corners: array<Vertex, 3>, side: f32) 
     return at;
 }
 
+// A point (w 1) or a direction (w 0) of the world in an instance's space.
+fn object_from_world(instance: u32, v: vec4<f32>) -> vec3<f32> {
+    let rows = instances[instance].object_from_world;
+    return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
+}
+
 // A vertex of a mesh where an instance has it.
 fn vertex_in_world(given: Vertex, instance: Instance) -> Vertex {
     var vertex = given;

@@ -4,17 +4,28 @@ enable wgpu_ray_query;
 
 @group(1) @binding(0) var acceleration: acceleration_structure;
 
-const RAY_ALL_INSTANCES: u32 = 0xffu;
+// Masks of the instances. Twins: MESHES and PROXIES in trace.rs.
+const RAY_MESHES: u32 = 1u;
+const RAY_PROXIES: u32 = 2u;
 const RAY_FLAG_TERMINATE_ON_FIRST_HIT: u32 = 4u;
 
 fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
+    return trace_nearest(RAY_MESHES, origin, direction, TRACE_FAR);
+}
+
+// The nearest face of a volume's proxy.
+fn trace_proxies(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
+    return trace_nearest(RAY_PROXIES, origin, direction, t_max);
+}
+
+fn trace_nearest(mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
     var query: ray_query;
-    rayQueryInitialize(&query, acceleration, RayDesc(0u, RAY_ALL_INSTANCES, 0.0, TRACE_FAR, origin, direction));
+    rayQueryInitialize(&query, acceleration, RayDesc(0u, mask, 0.0, t_max, origin, direction));
     while (rayQueryProceed(&query)) {
     }
     let found = rayQueryGetCommittedIntersection(&query);
     if found.kind == RAY_QUERY_INTERSECTION_NONE {
-        return Hit(TRACE_FAR, NO_HIT, 0.0, 0.0, 0u);
+        return Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     }
     let instance = found.instance_custom_data;
     let primitive = instances[instance].first_triangle + found.primitive_index;
@@ -26,7 +37,7 @@ fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> boo
     rayQueryInitialize(
         &query,
         acceleration,
-        RayDesc(RAY_FLAG_TERMINATE_ON_FIRST_HIT, RAY_ALL_INSTANCES, 0.0, distance, origin, direction),
+        RayDesc(RAY_FLAG_TERMINATE_ON_FIRST_HIT, RAY_MESHES, 0.0, distance, origin, direction),
     );
     while (rayQueryProceed(&query)) {
     }

@@ -1,0 +1,155 @@
+// Volumetric textures: what a ray sees in them, and what of a light passes them. Twin: cpu_volumes.rs.
+
+const VOLUME_CHOICE_NUMBERS: u32 = 5u;
+const VOLUME_SCATTER_NUMBERS: u32 = 6u;
+const VOLUME_LIGHT_NUMBERS: u32 = 7u;
+// Density of directions that are drawn over the whole sphere, per steradian.
+const SPHERE_DENSITY: f32 = 0.07957747;
+
+// What a ray sees in volumes.
+struct SeenInVolumes {
+    // Light from them.
+    radiance: vec3<f32>,
+    // Share of what is behind them that passes.
+    through: f32,
+    // One of the places that are seen, as likely as its share of the pixel.
+    point: VolumePoint,
+    rays: u32,
+}
+
+// Share of light that passes the scene's volumes on the way from a surface.
+fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f32) -> f32 {
+    if !with_volumes || distance <= 0.0 {
+        return 1.0;
+    }
+    return exp(-volume_depth(origin, direction, distance, width));
+}
+
+// Light from one direction as a volume meets it.
+struct VolumeSource {
+    towards: vec3<f32>,
+    distance: f32,
+    // Irradiance over pi; 0 for none.
+    incident: vec3<f32>,
+}
+
+// What the path's ray sees in the scene's volumes up to `t_max`.
+fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> SeenInVolumes {
+    let sun_at = sampler_two(frame.sample, seed_of(pixel, depth, SUN_NUMBERS));
+    let sky_at = sampler_two(frame.sample, seed_of(pixel, depth, AMBIENT_NUMBERS));
+    let seed = sampler_hash(seed_of(pixel, depth, VOLUME_LIGHT_NUMBERS) + frame.sample);
+    let sun = VolumeSource(sun_sample(sun_at), TRACE_FAR, frame.sun_irradiance / TRACE_PI);
+    var seen: SeenInVolumes;
+    var total = 0.0;
+    var draws = 0u;
+    var stretches: Stretches;
+    // The sun, then each light by itself along the whole ray: there may be any number. The twin goes along it once.
+    for (var source = 0u; source <= frame.light_count; source++) {
+        // What passes to the light, asked for anew now and then.
+        var passed = 0.0;
+        var hidden = TRACE_FAR;
+        var through = 1.0;
+        volume_stretches(&stretches, path.origin, path.direction, t_max);
+        while through > 0.0 {
+            let stretch = volume_next(&stretches);
+            if stretch.volume == NO_VOLUME {
+                break;
+            }
+            let width_here = (path.travelled + 0.5 * (stretch.t0 + stretch.t1)) * frame.pixel_width;
+            let level = volume_level_of(stretch.volume, stretch.map, width_here);
+            var walk = volume_walk_of(stretch);
+            while walk.t < walk.t_end {
+                let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
+                let parts = volume_parts_of(stretch.volume, segment.cell, level.part, stretch.direction);
+                let way = segment.t1 - segment.t0;
+                let opacity = 1.0 - exp(-parts.sigma * way);
+                if opacity <= 0.0 {
+                    continue;
+                }
+                let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
+                let weight = through * opacity;
+                let point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
+                let position = path.origin + path.direction * t;
+                var light = sun;
+                if source > 0u {
+                    light = volume_point_light(source - 1u, position);
+                } else {
+                    // One place for everything that takes a ray of its own.
+                    total += weight;
+                    draws += 1u;
+                    if sampler_one(seed + draws) * total < weight {
+                        seen.point = point;
+                    }
+                }
+                let anew = hidden > VOLUME_SHADOW_STEP;
+                hidden = select(hidden + weight, weight, anew);
+                if most(light.incident) > 0.0 {
+                    if anew {
+                        seen.rays += 1u;
+                        passed = volume_light_passed(point, path, light);
+                    }
+                    if passed > 0.0 {
+                        seen.radiance += weight * passed * light.incident * volume_reflected(point, light.towards);
+                    }
+                }
+                through *= 1.0 - opacity;
+                if through < VOLUME_END {
+                    through = 0.0;
+                    break;
+                }
+            }
+        }
+        seen.through = through;
+        if total <= 0.0 {
+            break;
+        }
+    }
+    if total > 0.0 {
+        let around = volume_surroundings(sky_at);
+        if most(around.incident) > 0.0 {
+            seen.rays += 1u;
+            let passed = volume_light_passed(seen.point, path, around);
+            seen.radiance += total * passed * around.incident * volume_reflected(seen.point, around.towards);
+        }
+    }
+    return seen;
+}
+
+fn volume_point_light(number: u32, position: vec3<f32>) -> VolumeSource {
+    let way = lights[number].position - position;
+    let distance2 = dot(way, way);
+    if distance2 <= LEAST_LIGHT_DISTANCE2 {
+        return VolumeSource(vec3<f32>(0.0), 0.0, vec3<f32>(0.0));
+    }
+    let distance = sqrt(distance2);
+    return VolumeSource(way / distance, distance, lights[number].intensity / (distance2 * TRACE_PI));
+}
+
+// What surrounds the scene, from one direction.
+fn volume_surroundings(at: vec2<f32>) -> VolumeSource {
+    let path = frame.mode == MODE_PATH;
+    let distance = select(frame.occlusion_distance, TRACE_FAR, path);
+    var source = VolumeSource(vec3<f32>(0.0), distance, vec3<f32>(0.0));
+    if frame.environment.x > 0u {
+        source.towards = environment_sample(at);
+        let density = environment_density(source.towards) + select(0.0, SPHERE_DENSITY, path);
+        if density > 0.0 {
+            source.incident = environment_radiance(source.towards) / (TRACE_PI * density);
+        }
+    } else if !path {
+        source.towards = sampler_sphere(at);
+        source.incident = frame.ambient / (TRACE_PI * SPHERE_DENSITY);
+    }
+    return source;
+}
+
+// Share of light from a direction that reaches a place within a volume and is seen along the path's ray.
+fn volume_light_passed(point: VolumePoint, path: Path, light: VolumeSource) -> f32 {
+    let origin = path.origin + path.direction * point.t + volume_shadow_offset(point, light.towards);
+    if trace_occluded(origin, light.towards, light.distance) {
+        return 0.0;
+    }
+    let both_see = volume_shared(point, -dot(path.direction, light.towards));
+    let width = (path.travelled + point.t) * frame.pixel_width;
+    return exp(-(1.0 - both_see) * volume_depth(origin, light.towards, light.distance, width));
+}
