@@ -43,22 +43,32 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
     var total = 0.0;
     var draws = 0u;
     var stretches: Stretches;
-    // The sun, then each light by itself along the whole ray: there may be any number. The twin goes along it once.
-    for (var source = 0u; source <= frame.light_count; source++) {
+    let around = frame.light_count + 1u;
+    // The sun, then each light by itself along the whole ray, then what surrounds at the place that was drawn. There may be any
+    // number of lights; the twin goes along the ray once.
+    for (var source = 0u; source <= around; source++) {
         // What passes to the light, asked for anew now and then.
         var passed = 0.0;
         var hidden = TRACE_FAR;
         var through = 1.0;
+        var level: VolumeLevel;
+        var stretch: Stretch;
+        var walk: VoltexWalk;
         volume_stretches(&stretches, path.origin, path.direction, t_max);
         while through > 0.0 {
-            let stretch = volume_next(&stretches);
-            if stretch.volume == NO_VOLUME {
-                break;
-            }
-            let width_here = (path.travelled + 0.5 * (stretch.t0 + stretch.t1)) * frame.pixel_width;
-            let level = volume_level_of(stretch.volume, stretch.map, width_here);
-            var walk = volume_walk_of(stretch);
-            while walk.t < walk.t_end {
+            var light = sun;
+            var point = seen.point;
+            if source < around {
+                if !(walk.t < walk.t_end) {
+                    stretch = volume_next(&stretches);
+                    if stretch.volume == NO_VOLUME {
+                        break;
+                    }
+                    let width = (path.travelled + 0.5 * (stretch.t0 + stretch.t1)) * frame.pixel_width;
+                    level = volume_level_of(stretch.volume, stretch.map, width);
+                    walk = volume_walk_of(stretch);
+                    continue;
+                }
                 let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
                 let parts = volume_parts_of(stretch.volume, segment.cell, level.part, stretch.direction);
                 let way = segment.t1 - segment.t0;
@@ -68,11 +78,13 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
                 }
                 let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
                 let weight = through * opacity;
-                let point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
-                let position = path.origin + path.direction * t;
-                var light = sun;
+                point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
+                through *= 1.0 - opacity;
+                if through < VOLUME_END {
+                    through = 0.0;
+                }
                 if source > 0u {
-                    light = volume_point_light(source - 1u, position);
+                    light = volume_point_light(source - 1u, path.origin + path.direction * t);
                 } else {
                     // One place for everything that takes a ray of its own.
                     total += weight;
@@ -81,35 +93,29 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
                         seen.point = point;
                     }
                 }
-                let anew = hidden > VOLUME_SHADOW_STEP;
-                hidden = select(hidden + weight, weight, anew);
-                if most(light.incident) > 0.0 {
-                    if anew {
-                        seen.rays += 1u;
-                        passed = volume_light_passed(point, path, light);
-                    }
-                    if passed > 0.0 {
-                        seen.radiance += weight * passed * light.incident * volume_reflected(point, light.towards);
-                    }
-                }
-                through *= 1.0 - opacity;
-                if through < VOLUME_END {
-                    through = 0.0;
-                    break;
-                }
+            } else {
+                through = 0.0;
+                light = volume_surroundings(sky_at);
+                point.weight = total;
+            }
+            let anew = hidden > VOLUME_SHADOW_STEP;
+            hidden = select(hidden + point.weight, point.weight, anew);
+            if most(light.incident) <= 0.0 {
+                continue;
+            }
+            if anew {
+                seen.rays += 1u;
+                passed = volume_light_passed(point, path, light);
+            }
+            if passed > 0.0 {
+                seen.radiance += point.weight * passed * light.incident * volume_reflected(point, light.towards);
             }
         }
-        seen.through = through;
+        if source == 0u {
+            seen.through = through;
+        }
         if total <= 0.0 {
             break;
-        }
-    }
-    if total > 0.0 {
-        let around = volume_surroundings(sky_at);
-        if most(around.incident) > 0.0 {
-            seen.rays += 1u;
-            let passed = volume_light_passed(seen.point, path, around);
-            seen.radiance += total * passed * around.incident * volume_reflected(seen.point, around.towards);
         }
     }
     return seen;

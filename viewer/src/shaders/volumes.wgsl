@@ -7,6 +7,8 @@ const VOLUME_SLICE: f32 = 0.015625;
 // overlaps five times is met in a slightly other order, and nothing is left out.
 const MOST_PASSAGES: u32 = 4u;
 const NO_VOLUME: u32 = 0xffffffffu;
+// Instance of an entry that is still to be found.
+const ENTRY_UNKNOWN: u32 = 0xffffffffu;
 
 // Directions of a volume from those of the world, by rows.
 struct VolumeMap {
@@ -62,7 +64,7 @@ fn volume_stretches(stretches: ptr<function, Stretches>, origin: vec3<f32>, dire
     (*stretches).t_max = t_max;
     (*stretches).from_t = -frame.volume_reach;
     (*stretches).count = 0u;
-    volume_find_entry(stretches);
+    (*stretches).entry.instance = ENTRY_UNKNOWN;
 }
 
 // Finds the next face that the ray enters by.
@@ -93,12 +95,8 @@ fn volume_find_entry(stretches: ptr<function, Stretches>) {
     (*stretches).from_t = from_t;
 }
 
-// Goes into what was found.
-fn volume_enter(stretches: ptr<function, Stretches>) {
-    let origin = (*stretches).origin;
-    let direction = (*stretches).direction;
-    let t_max = (*stretches).t_max;
-    let hit = (*stretches).entry;
+// The passage into what was found; its stretch is nowhere where that is a skin, or is missed.
+fn volume_enter(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, hit: Hit) -> Passage {
     let at = frame.proxies_at + 2u * (hit.instance - frame.first_proxy);
     let start = max(hit.t, 0.0);
     var passage: Passage;
@@ -106,26 +104,18 @@ fn volume_enter(stretches: ptr<function, Stretches>) {
     if passage.patterns != NO_ASSET {
         let link = triangle_at(hit.primitive).material;
         passage.walk = shell_enter(asset_word(at), origin, direction, link, start, t_max);
-        if !volume_advance(&passage, origin, direction) {
-            return;
-        }
-    } else {
-        let rows = instances[hit.instance].object_from_world;
-        let own = object_from_world(hit.instance, vec4<f32>(origin + direction * start, 1.0));
-        let along = object_from_world(hit.instance, vec4<f32>(direction, 0.0));
-        let planes = select(vec3<f32>(0.0), vec3<f32>(1.0), along > vec3<f32>(0.0));
-        let across = along == vec3<f32>(0.0);
-        let exits = select((planes - own) / select(along, vec3<f32>(1.0), across), vec3<f32>(VOLTEX_FAR), across);
-        let end = min(start + min(exits.x, min(exits.y, exits.z)), t_max);
-        if !(end > start) {
-            return;
-        }
-        let map = VolumeMap(rows[0].xyz, rows[1].xyz, rows[2].xyz);
-        passage.stretch = Stretch(own, asset_word(at), along, start, map, end, start);
+        return passage;
     }
-    let number = (*stretches).count;
-    (*stretches).open[number] = passage;
-    (*stretches).count = number + 1u;
+    let rows = instances[hit.instance].object_from_world;
+    let own = object_from_world(hit.instance, vec4<f32>(origin + direction * start, 1.0));
+    let along = object_from_world(hit.instance, vec4<f32>(direction, 0.0));
+    let planes = select(vec3<f32>(0.0), vec3<f32>(1.0), along > vec3<f32>(0.0));
+    let across = along == vec3<f32>(0.0);
+    let exits = select((planes - own) / select(along, vec3<f32>(1.0), across), vec3<f32>(VOLTEX_FAR), across);
+    let end = min(start + min(exits.x, min(exits.y, exits.z)), t_max);
+    let map = VolumeMap(rows[0].xyz, rows[1].xyz, rows[2].xyz);
+    passage.stretch = Stretch(own, asset_word(at), along, start, map, end, start);
+    return passage;
 }
 
 // Goes on to the next stretch of a passage, if there is one.
@@ -185,9 +175,14 @@ fn volume_advance(passage: ptr<function, Passage>, origin: vec3<f32>, direction:
     return false;
 }
 
-// The next stretch.
+// The next stretch. Each step is written once, because compilers copy what is called into its place.
 fn volume_next(stretches: ptr<function, Stretches>) -> Stretch {
-    loop {
+    var own: Stretch;
+    own.volume = NO_VOLUME;
+    while own.volume == NO_VOLUME {
+        if (*stretches).entry.instance == ENTRY_UNKNOWN {
+            volume_find_entry(stretches);
+        }
         let count = (*stretches).count;
         var first = 0u;
         for (var i = 1u; i < count; i++) {
@@ -195,39 +190,43 @@ fn volume_next(stretches: ptr<function, Stretches>) -> Stretch {
                 first = i;
             }
         }
-        let entered = (*stretches).entry.primitive != NO_HIT && count < MOST_PASSAGES;
-        let entry_t = (*stretches).entry.t;
-        if entered && (count == 0u || entry_t <= (*stretches).open[first].stretch.t0) {
-            volume_enter(stretches);
-            volume_find_entry(stretches);
-            continue;
-        }
-        if count == 0u {
+        let entry = (*stretches).entry;
+        let is_open = entry.primitive != NO_HIT && count < MOST_PASSAGES;
+        let enters = is_open && (count == 0u || entry.t <= (*stretches).open[first].stretch.t0);
+        var passage: Passage;
+        var goes_on = false;
+        if enters {
+            passage = volume_enter((*stretches).origin, (*stretches).direction, (*stretches).t_max, entry);
+            goes_on = passage.stretch.t1 > passage.stretch.t0;
+            (*stretches).entry.instance = ENTRY_UNKNOWN;
+        } else if count == 0u {
             break;
-        }
-        var next = select(VOLTEX_FAR, entry_t, entered);
-        for (var i = 0u; i < count; i++) {
-            if i != first {
-                next = min(next, (*stretches).open[i].stretch.t0);
+        } else {
+            var next = select(VOLTEX_FAR, entry.t, is_open);
+            for (var i = 0u; i < count; i++) {
+                if i != first {
+                    next = min(next, (*stretches).open[i].stretch.t0);
+                }
+            }
+            passage = (*stretches).open[first];
+            (*stretches).open[first] = (*stretches).open[count - 1u];
+            (*stretches).count = count - 1u;
+            own = passage.stretch;
+            // What begins within this stretch is taken in turn with it.
+            let cut = max(next, own.t0 + VOLUME_SLICE * frame.volume_reach);
+            if cut < own.t1 {
+                own.t1 = cut;
+                passage.stretch.t0 = cut;
+                goes_on = true;
             }
         }
-        var passage = (*stretches).open[first];
-        (*stretches).open[first] = (*stretches).open[count - 1u];
-        (*stretches).count = count - 1u;
-        var own = passage.stretch;
-        // What begins within this stretch is taken in turn with it.
-        let cut = max(next, own.t0 + VOLUME_SLICE * frame.volume_reach);
-        if cut < own.t1 {
-            own.t1 = cut;
-            passage.stretch.t0 = cut;
-        } else if !volume_advance(&passage, (*stretches).origin, (*stretches).direction) {
-            return own;
+        if !goes_on {
+            goes_on = volume_advance(&passage, (*stretches).origin, (*stretches).direction);
         }
-        (*stretches).open[count - 1u] = passage;
-        (*stretches).count = count;
-        return own;
+        if goes_on {
+            (*stretches).open[(*stretches).count] = passage;
+            (*stretches).count += 1u;
+        }
     }
-    var none: Stretch;
-    none.volume = NO_VOLUME;
-    return none;
+    return own;
 }
