@@ -137,7 +137,7 @@ pub struct Tracer {
     pipeline_layout: wgpu::PipelineLayout,
     decoder: DecoderForm,
     /// By number of the pass, made when first asked for: drivers take their time to compile.
-    pipelines: [Option<wgpu::ComputePipeline>; 4],
+    pipelines: [Option<wgpu::ComputePipeline>; 5],
     frame: wgpu::Buffer,
     materials: wgpu::Buffer,
     instances: wgpu::Buffer,
@@ -175,9 +175,14 @@ fn passes_of(scene: &Scene, options: &ShadeOptions) -> Vec<Pass> {
         RenderMode::Path => Some(Pass::Scatter),
         RenderMode::Direct => mirrors.then_some(Pass::Mirror),
     };
-    let mut passes = vec![Pass::Camera, Pass::Light];
+    let then: &[Pass] = if scene.volumes.is_some() { &[Pass::Volume, Pass::Light] } else { &[Pass::Light] };
+    let mut passes = vec![Pass::Camera];
+    passes.extend(then);
     if let Some(next) = next {
-        (1..options.depth).for_each(|_| passes.extend([next, Pass::Light]));
+        for _ in 1..options.depth {
+            passes.push(next);
+            passes.extend(then);
+        }
     }
     passes
 }
@@ -303,7 +308,7 @@ impl Tracer {
             module,
             pipeline_layout,
             decoder,
-            pipelines: [const { None }; 4],
+            pipelines: [const { None }; 5],
             frame,
             materials,
             instances,

@@ -107,7 +107,8 @@ struct Light {
 // The path of a pixel's sample: its latest ray and what that hit.
 struct Path {
     origin: vec3<f32>,
-    // Triangle that the latest ray hit, IN_VOLUME where the path scattered before it and goes on from there, or NO_HIT.
+    // Triangle that the latest ray hit; MISSED where it hit none and volumes are still to be seen; IN_VOLUME where the path
+    // scattered before it and goes on from there; NO_HIT where it ended.
     primitive: u32,
     direction: vec3<f32>,
     // Barycentric weights of the triangle's second and third corner.
@@ -136,6 +137,7 @@ struct Pixel {
 }
 
 const NO_ASSET: u32 = 0xffffffffu;
+const MISSED: u32 = 0xfffffffdu;
 const IN_VOLUME: u32 = 0xfffffffeu;
 const SCATTERED: u32 = 0x80000000u;
 const MOST_MATERIALS: u32 = 1024u;

@@ -515,7 +515,7 @@ fn whole_picture(at: vec2<u32>) -> vec2<u32> {
     return vec2<u32>(at.x, at.y + frame.first_row);
 }
 
-// Traces the path's ray and adds what it sees but for the surface that it hits.
+// Traces the path's ray and adds what comes along it from beyond everything; where there are volumes, their pass does that.
 fn go_on(at: vec2<u32>, before: Pixel, given: Path) {
     let index = at.y * frame.width + at.x;
     var path = given;
@@ -532,26 +532,51 @@ fn go_on(at: vec2<u32>, before: Pixel, given: Path) {
     if pixel.depth == 1u {
         pixel.seen = hit.primitive;
     }
-    var arrives = true;
-    if with_volumes {
-        arrives = pass_volumes(whole_picture(at), hit.t, &path, &pixel);
-    }
-    if arrives {
-        path.travelled += hit.t;
-    }
-    if arrives && hit.primitive == NO_HIT {
-        var seen = beyond(path.direction, (path.instance & SCATTERED) != 0u);
-        if frame.environment.x > 0u && path.density > 0.0 {
-            // The rest was drawn from the picture.
-            seen *= path.density / (path.density + environment_density(path.direction));
-        }
-        pixel.sum += vec4<f32>(path.throughput * seen, 0.0);
+    if !with_volumes {
+        arrive(hit.t, &path, &pixel);
+    } else if hit.primitive == NO_HIT {
+        path.primitive = MISSED;
     }
     pixels[index] = pixel;
     paths[index] = path;
 }
 
-// Adds what the path's ray sees in volumes before `t_max`; false where it ends or scatters in one.
+// Takes the path to the end of its ray and adds what comes from beyond everything.
+fn arrive(t: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) {
+    (*path).travelled += t;
+    if (*path).primitive == NO_HIT {
+        var seen = beyond((*path).direction, ((*path).instance & SCATTERED) != 0u);
+        if frame.environment.x > 0u && (*path).density > 0.0 {
+            // The rest was drawn from the picture.
+            seen *= (*path).density / ((*path).density + environment_density((*path).direction));
+        }
+        (*pixel).sum += vec4<f32>((*path).throughput * seen, 0.0);
+    }
+}
+
+// Pass: volumes before what the latest ray hit.
+fn volume_pass(at: vec2<u32>) {
+    let index = at.y * frame.width + at.x;
+    var path = paths[index];
+    var pixel = pixels[index];
+    if path.primitive == NO_HIT {
+        return;
+    }
+    var t = TRACE_FAR;
+    if path.primitive == MISSED {
+        path.primitive = NO_HIT;
+    } else {
+        let hit = Hit(0.0, path.primitive, path.u, path.v, path.instance & ~SCATTERED);
+        t = dot(surface_at(hit, path.direction).position - path.origin, path.direction);
+    }
+    if pass_volumes(whole_picture(at), t, &path, &pixel) {
+        arrive(t, &path, &pixel);
+    }
+    pixels[index] = pixel;
+    paths[index] = path;
+}
+
+// Adds what the path's ray sees in volumes before `t_max`; false where it ends or scatters there.
 fn pass_volumes(at: vec2<u32>, t_max: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) -> bool {
     let depth = (*pixel).depth;
     let seen = seen_in_volumes(*path, t_max, at, depth);

@@ -17,20 +17,20 @@ struct SeenInVolumes {
     rays: u32,
 }
 
-// Share of light that passes the scene's volumes on the way from a surface.
-fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f32) -> f32 {
-    if !with_volumes || distance <= 0.0 {
-        return 1.0;
-    }
-    return exp(-volume_depth(origin, direction, distance, width));
-}
-
 // Light from one direction as a volume meets it.
 struct VolumeSource {
     towards: vec3<f32>,
     distance: f32,
     // Irradiance over pi; 0 for none.
     incident: vec3<f32>,
+}
+
+// Share of light that passes the scene's volumes on the way from a surface.
+fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f32) -> f32 {
+    if !with_volumes || distance <= 0.0 {
+        return 1.0;
+    }
+    return exp(-volume_depth(origin, direction, distance, width));
 }
 
 // What the path's ray sees in the scene's volumes up to `t_max`.
