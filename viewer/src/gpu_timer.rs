@@ -15,6 +15,8 @@ pub(crate) enum Pass {
     Mirror,
     /// The next ray of a traced path.
     Scatter,
+    /// Volumes before what the latest ray hit.
+    Volume,
 }
 
 impl Pass {
@@ -24,6 +26,7 @@ impl Pass {
             Pass::Light => "light_main",
             Pass::Mirror => "mirror_main",
             Pass::Scatter => "scatter_main",
+            Pass::Volume => "volume_main",
         }
     }
 }
@@ -43,7 +46,7 @@ pub struct GpuTimer {
 pub struct PassTimes {
     /// Rays from the eye.
     pub camera_ms: f64,
-    /// Light: decoding and shadow rays, ambient occlusion in them.
+    /// Light: decoding and shadow rays, ambient occlusion in them; volumes.
     pub light_ms: f64,
     /// Rays from mirrors, or the next ones of traced paths.
     pub bounce_ms: f64,
@@ -110,7 +113,7 @@ impl GpuTimer {
         for (pass, ticks) in self.timed.iter().zip(ticks.chunks_exact(2)) {
             let time = match pass {
                 Pass::Camera => &mut times.camera_ms,
-                Pass::Light => &mut times.light_ms,
+                Pass::Light | Pass::Volume => &mut times.light_ms,
                 Pass::Mirror | Pass::Scatter => &mut times.bounce_ms,
             };
             *time += ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.period_ns) * 1e-6;

@@ -373,8 +373,7 @@ fn show(
     counts: Option<LandscapeCounts>,
 ) -> Result<(), ViewerError> {
     let common = &arguments.common;
-    let backend = backend_for(&scene, common.backend())?;
-    let (adapter, shade) = (common.adapter.clone(), common.shade());
+    let (backend, adapter, shade) = (common.backend(), common.adapter.clone(), common.shade());
     let target_ms = arguments.target_ms.map(f64::from);
     match &arguments.out {
         Some(out) => {
@@ -383,20 +382,6 @@ fn show(
             headless(arguments, &scene, params, out, counts)
         }
         None => run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms, compare }),
-    }
-}
-
-/// Volumetric textures are drawn on the CPU only.
-///
-/// # Errors
-/// [`ViewerError::Usage`] where a GPU was asked for by name.
-fn backend_for(scene: &Scene, asked: BackendChoice) -> Result<BackendChoice, ViewerError> {
-    match (&scene.volumes, asked) {
-        (None, asked) => Ok(asked),
-        (Some(_), BackendChoice::Gpu(_)) => {
-            Err(ViewerError::Usage("this scene has volumetric textures, which --backend cpu draws".into()))
-        }
-        (Some(_), _) => Ok(BackendChoice::Cpu),
     }
 }
 
