@@ -58,6 +58,8 @@ pub struct LevelDescription {
     pub shadow_offset: f32,
     /// The shares by which eye and light see the same gaps, at 0 to 180 degrees between them.
     pub shadow_shared: [f32; 10],
+    /// Entries xx, yy, zz, xy, xz, yz of C: along a unit vector d depths are `exp(d' C d)` times those of flakes at random.
+    pub clumping: [f32; 6],
 }
 
 /// A prefix of the file that is a volume.
@@ -123,6 +125,7 @@ pub fn describe_voltex(bytes: &[u8]) -> Result<VoltexDescription, FitError> {
             bytes: level_bytes(index),
             shadow_offset: level.shadow.offset,
             shadow_shared: level.shadow.shared,
+            clumping: level.clumping.0,
         }
     };
     let mut voxels_of = vec![0; volume.materials.len()];

@@ -233,7 +233,8 @@ pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
         let mut voxels: Vec<([u32; 3], Voxel)> = cells.iter().map(|at| (*at, sample_voxel(&mut random))).collect();
         voxels.sort_by_key(|(at, _)| order(*at));
         let shared = std::array::from_fn(|i| 0.9 - 0.19 * i as f32);
-        all.push(VolumeLevel { shadow: LevelShadow { offset: random.within(0.0, 2.0), shared }, voxels });
+        let clumping = Sym3([0.5, -0.25, -0.125, 0.25, 0.0, -0.375]);
+        all.push(VolumeLevel { shadow: LevelShadow { offset: random.within(0.0, 2.0), shared }, clumping, voxels });
         cells = cells.iter().map(|at| at.map(|x| x / 2)).collect();
     }
     // Numbers that half precision has.
@@ -287,6 +288,7 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
                 offset: level as f32 + random.within(0.0, 1.0),
                 shared: std::array::from_fn(|_| random.within(-1.0, 1.0)),
             },
+            clumping: Sym3(std::array::from_fn(|_| random.within(-0.5, 0.5))),
             voxels: cells.iter().map(|cell| (*cell, voxel(random))).collect(),
         });
         cells = children;

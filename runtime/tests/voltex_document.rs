@@ -29,6 +29,7 @@ fn example() -> Volume {
         levels: vec![
             VolumeLevel {
                 shadow: shadow(0.5),
+                clumping: Sym3([-0.25, 0.0, 0.125, 0.0, 0.0, 0.0]),
                 voxels: vec![
                     ([1, 0, 0], voxel([4.0, 1.0, 1.0, 0.0, 0.0, 0.5], 1)),
                     ([1, 1, 0], voxel([0.0, 0.0, 16.0, 0.0, 0.0, 0.0], 0)),
@@ -36,6 +37,7 @@ fn example() -> Volume {
             },
             VolumeLevel {
                 shadow: shadow(1.0),
+                clumping: Sym3([-0.5, 0.0, 0.25, 0.0, 0.125, 0.0]),
                 voxels: vec![([0; 3], voxel([0.25, 0.0625, 0.5, 0.0, -0.125, 0.0], 1))],
             },
         ],
@@ -105,6 +107,7 @@ fn numbers_of(bytes: &[u8]) -> BTreeMap<String, Vec<f64>> {
     for (index, level) in volume.levels.iter().rev().enumerate() {
         let shadow = [&[level.shadow.offset], &level.shadow.shared[..]].concat();
         all.insert(format!("level {index}: shadow"), wide(&shadow));
+        all.insert(format!("level {index}: clumping"), wide(&level.clumping.0));
         for (i, (at, voxel)) in level.voxels.iter().enumerate() {
             let place = at.iter().chain([&voxel.material]).map(|x| f64::from(*x));
             let numbers = place.chain(wide(&voxel.extinction.0)).collect();

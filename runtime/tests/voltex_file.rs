@@ -264,6 +264,8 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
     list.extend(fields.into_iter().chain(more).map(|(at, value)| (rule::HEADER_FIELD, with_head(at, |_| value))));
     let shadows = [(0, 0xbf80_0000), (0, 1025f32.to_bits()), (3, NAN), (10, 1.5f32.to_bits())];
     list.extend(shadows.map(|(at, value)| (own::SHADOW_RANGE, with_word(Level, 0, at, value))));
+    let clumpings = [(11, 0xc080_0001), (14, NAN), (16, 5f32.to_bits())];
+    list.extend(clumpings.map(|(at, value)| (own::CLUMPING_RANGE, with_word(Level, 0, at, value))));
     let information = [rule::FORM, rule::TIERS_LISTED, own::VOXELS, own::MATERIALS, own::SIZE];
     list.extend(information.map(|rule| (rule, good.clone())));
     list

@@ -162,6 +162,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("VOLTEX_EXTENT_AT", voltex::words::EXTENT_AT),
         ("VOLTEX_SIDE_AT", voltex::words::SIDE_AT),
         ("VOLTEX_MATERIAL_WORDS", voltex::words::MATERIAL_WORDS),
+        ("VOLTEX_CLUMPING_AT", voltex::words::CLUMPING_AT),
         ("VOLTEX_LEVEL_WORDS", voltex::words::LEVEL_WORDS),
         ("VOLTEX_VOXEL_WORDS", voltex::VOXEL_WORDS),
         ("VOLTEX_NODE_WORDS", voltex::NODE_WORDS),

@@ -51,6 +51,7 @@ fn asset_word(index: u32) -> u32 {
 fn depth_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < range.count {
         let ray = rays[range.first + id.x];
+        let clumping = voltex_clumping_along(ray.volume, ray.level, ray.direction);
         var walk = voltex_walk_new(ray.volume, ray.origin, ray.direction, ray.t0, ray.t1);
         var answer = Depth(0.0, ray.t1, VOLTEX_NO_VOXEL, 0u);
         while walk.t < walk.t_end {
@@ -58,7 +59,7 @@ fn depth_main(@builtin(global_invocation_id) id: vec3<u32>) {
             if segment.cell.voxel != VOLTEX_NO_VOXEL {
                 let voxel = voltex_voxel(ray.volume, segment.cell.voxel);
                 let square = voltex_form(voxel.extinction, ray.direction, ray.direction);
-                answer.depth += sqrt(max(square, 0.0)) * (segment.t1 - segment.t0);
+                answer.depth += clumping * sqrt(max(square, 0.0)) * (segment.t1 - segment.t0);
                 if answer.first_voxel == VOLTEX_NO_VOXEL {
                     answer.first_t = segment.t0;
                     answer.first_voxel = segment.cell.voxel;

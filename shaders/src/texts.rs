@@ -59,7 +59,7 @@ const VOLTEX_HEAD: &str = "\
 //
 ";
 /// What of the functions a renderer calls; the others serve them.
-const VOLTEX_CALLED: [&str; 13] = [
+const VOLTEX_CALLED: [&str; 14] = [
     "voltex_form",
     "voltex_level_count",
     "voltex_cyclic",
@@ -68,6 +68,7 @@ const VOLTEX_CALLED: [&str; 13] = [
     "voltex_voxel",
     "voltex_material",
     "voltex_shadow_offset",
+    "voltex_clumping_along",
     "voltex_walk_new",
     "voltex_walk_next",
     "voltex_shade",

@@ -38,12 +38,13 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>) {
     var walk = voltex_walk_new(ray.volume, ray.origin, ray.direction, ray.t0, ray.t1);
     var count = 0u;
     var depth = 0.0;
+    let clumping = voltex_clumping_along(ray.volume, ray.level, ray.direction);
     while walk.t < walk.t_end && count < 256u {
         let s = voltex_walk_next(ray.volume, &walk, ray.level);
         ways[id.x].steps[count] = Step(s.t0, s.t1, s.cell.size, s.cell.voxel, s.cell.parent);
         if s.cell.voxel != VOLTEX_NO_VOXEL {
             let extinction = voltex_voxel(ray.volume, s.cell.voxel).extinction;
-            depth += sqrt(max(voltex_form(extinction, ray.direction, ray.direction), 0.0)) * (s.t1 - s.t0);
+            depth += clumping * sqrt(max(voltex_form(extinction, ray.direction, ray.direction), 0.0)) * (s.t1 - s.t0);
         }
         count++;
     }
@@ -136,11 +137,12 @@ fn followed(voltex: &Voltex, ray: &Ray) -> (Vec<Segment>, f32, f32) {
     let mut walk =
         Walk::new(VoltexRay { origin: ray.origin, direction: ray.direction }, ray.t0, ray.t1, voltex.level_count());
     let (mut segments, mut depth, mut slack) = (Vec::new(), 0.0, 0.0);
+    let clumping = voltex.clumping_along(ray.level, ray.direction);
     let length2: f32 = ray.direction.iter().map(|x| x * x).sum();
     while let Some(segment) = walk.next(voltex, ray.level) {
         if segment.cell.voxel != NO_VOXEL {
             let extinction = voltex.voxel(segment.cell.voxel).extinction;
-            let (form, t) = (extinction.form(ray.direction, ray.direction), segment.t1 - segment.t0);
+            let (form, t) = (extinction.form(ray.direction, ray.direction), clumping * (segment.t1 - segment.t0));
             depth += form.max(0.0).sqrt() * t;
             // Flakes that are seen from the edge are a small difference.
             let error = ULPS * f32::EPSILON * length2 * extinction.trace();
@@ -225,13 +227,15 @@ fn rays_meet_the_same_cells_in_shaders_and_in_rust() {
     let other: Vec<_> = (0..RAYS).filter(|i| found[*i] == Compared::Other).collect();
     assert!(other.is_empty(), "{} differ, first {:?} kind {}", other.len(), rays[other[0]], other[0] % RAY_KINDS);
     assert!(reordered <= RAYS / REORDERED, "{reordered}");
-    // Planted: zeros that go down, a cell's rank by one, a byte of the mask left out, and extinction with one scale.
+    // Planted: zeros that go down, a cell's rank by one, a byte of the mask left out, extinction with one scale, and clumping
+    // of long vectors.
     for (right, wrong) in [
         ("let ahead = (*walk).inverse >", "let ahead = (*walk).direction >"),
         ("countOneBits(node.mask.x & below)", "countOneBits(node.mask.x & (2u * below))"),
         ("0x01010101u", "0x01010001u"),
         ("at + 1u), scale * scale", "at + 1u), scale"),
         ("select(1u, 0u, voltex_has_coarse", "select(0u, 0u, voltex_has_coarse"),
+        ("d, d) / max(dot(d, d), 1e-30)", "d, d) / max(dot(d, d), 9.0)"),
     ] {
         assert_eq!(text.matches(right).count(), 1, "{right}");
         let differing = RAYS - count(&compared(&text.replace(right, wrong)), Compared::Same);

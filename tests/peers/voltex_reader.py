@@ -113,9 +113,10 @@ def children(decoder, parents):
 
 
 def read_level(section, coarser, materials):
-    """The shadow's numbers, and the voxels as `(place, voxel)`."""
-    shadow = section.numbers("f", 11)
+    """The shadow's numbers, the clumping's, and the voxels as `(place, voxel)`."""
+    shadow, clumping = section.numbers("f", 11), section.numbers("f", 6)
     must(0 <= shadow[0] <= 1024 and all(-1 <= share <= 1 for share in shadow[1:]), "a shadow is out of its range")
+    must(all(-4 <= entry <= 4 for entry in clumping), "a clumping is out of its range")
     decoder = Decoder(section.data, 8 * len(coarser))
     if coarser:
         tree = Tree()
@@ -134,7 +135,7 @@ def read_level(section, coarser, materials):
     voxels = children(decoder, parents)
     decoder.end()
     must(all(voxel.material < materials for voxel in voxels), "a material is not there")
-    return shadow, list(zip(places, voxels))
+    return shadow, clumping, list(zip(places, voxels))
 
 
 def show(name, numbers):
@@ -158,8 +159,9 @@ def read(path):
     for index in range(head.levels):
         if not head.has(LEVEL, 0, index) and index > 0 and not head.whole:
             break
-        shadow, coarser = read_level(head.section(LEVEL, 0, index), coarser, head.materials)
+        shadow, clumping, coarser = read_level(head.section(LEVEL, 0, index), coarser, head.materials)
         show(f"level {index}: shadow", shadow)
+        show(f"level {index}: clumping", clumping)
         for i, (place, voxel) in enumerate(coarser):
             show(f"level {index}: voxel {i}", [*place, voxel.material, *voxel.matrix()])
     again = [encoded(decisions) == stream for stream, decisions in STREAMS]

@@ -85,7 +85,7 @@ fn a_volume_looks_like_its_plant_from_where_it_was_not_fitted() {
     let volume = Volume::parse(&bytes).unwrap();
     let truth = VoltexTruth::new(&model).unwrap();
     // So many rays that the volume itself is measured.
-    let march = MarchParams { rays: 4, ..MarchParams::default() };
+    let march = MarchParams { rays: 4, finer: 2, ..MarchParams::default() };
     let own = truth.measure("volume", &Voltex::new(&volume), &march);
     println!("{} triangles, {} bytes: {own:#?}", model.triangles.len(), bytes.len());
     assert!(missed(&own).iter().all(Vec::is_empty), "{:?}", missed(&own));

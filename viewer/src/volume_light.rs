@@ -56,6 +56,12 @@ impl Level {
         let finer = level.floor();
         Level { finer: finer as u32, part: level - finer }
     }
+
+    /// What the flakes of it and of the next coarser one count for along `d`, which differ in clumping.
+    fn shares(&self, voltex: &Voltex, d: [f32; 3]) -> [f32; 2] {
+        let along = |level: u32| voltex.clumping_along(level, d);
+        [(1.0 - self.part) * along(self.finer), self.part * along(self.finer + 1)]
+    }
 }
 
 impl VolumePoint {
@@ -96,15 +102,15 @@ impl VolumePoint {
     }
 }
 
-/// Extinction of a segment along the ray, and its two voxels with the share that each counts for.
-fn parts_of(voltex: &Voltex, segment: &Segment, part: f32, d: [f32; 3]) -> (f32, [(f32, Voxel); 2]) {
+/// Extinction of a segment along the ray, and its two voxels with the share that each counts for, of those of the levels.
+fn parts_of(voltex: &Voltex, segment: &Segment, shares: [f32; 2], d: [f32; 3]) -> (f32, [(f32, Voxel); 2]) {
     let one = |number: u32, share: f32| {
         if number == NO_VOXEL || share <= 0.0 {
             return (0.0, Voxel::default());
         }
         (share, voltex.voxel(number))
     };
-    let parts = [one(segment.cell.voxel, 1.0 - part), one(segment.cell.parent, part)];
+    let parts = [one(segment.cell.voxel, shares[0]), one(segment.cell.parent, shares[1])];
     let sigma = parts.iter().map(|(share, voxel)| share * voxel.extinction_along(d)).sum();
     (sigma, parts)
 }
@@ -137,9 +143,10 @@ impl Volumes {
             let map = stretch.volume_from_world;
             let level = Level::of(voltex, &map, width_at(0.5 * (stretch.t0 + stretch.t1)));
             let d = stretch.ray.direction;
+            let shares = level.shares(voltex, d);
             let mut walk = walk_of(voltex, &stretch);
             while let Some(segment) = walk.next(voltex, level.finer) {
-                let (sigma, parts) = parts_of(voltex, &segment, level.part, d);
+                let (sigma, parts) = parts_of(voltex, &segment, shares, d);
                 let length = segment.t1 - segment.t0;
                 let depth = sigma * length;
                 let hidden = 1.0 - (-depth).exp();
@@ -172,9 +179,10 @@ impl Volumes {
             let voltex = self.volume(stretch.volume);
             let level = Level::of(voltex, &stretch.volume_from_world, width);
             let d = stretch.ray.direction;
+            let shares = level.shares(voltex, d);
             let mut walk = walk_of(voltex, &stretch);
             while let Some(segment) = walk.next(voltex, level.finer) {
-                sum += parts_of(voltex, &segment, level.part, d).0 * (segment.t1 - segment.t0);
+                sum += parts_of(voltex, &segment, shares, d).0 * (segment.t1 - segment.t0);
                 if sum > MOST_DEPTH {
                     return f32::INFINITY;
                 }

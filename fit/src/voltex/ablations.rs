@@ -28,17 +28,23 @@ pub enum Ablation {
     /// The same extinction in all directions, light summed over an ellipsoid's normals, nothing fitted, voxels of a pixel and
     /// one ray [Neyret 1996].
     Rule1996,
-    /// Voxels of a pixel in place of half of one.
-    Bias0,
-    /// One ray a pixel.
+    /// The same clumping in all directions.
+    EvenClumping,
+    /// Four rays a pixel through voxels of one pixel in place of half of one.
+    WideVoxels,
+    /// One ray a pixel, through voxels of one.
     OneRay,
-    /// Sixteen.
+    /// One ray a pixel, through voxels of half of one.
+    OneRayNarrowVoxels,
+    /// Sixteen rays a pixel, through voxels of a quarter of one.
     SixteenRays,
+    /// Sixteen rays a pixel, through voxels of half of one.
+    SixteenRaysWideVoxels,
 }
 
 impl Ablation {
     /// All of them.
-    pub const ALL: [Ablation; 10] = [
+    pub const ALL: [Ablation; 13] = [
         Ablation::NoRefit,
         Ablation::LinearS,
         Ablation::LinearSNoRefit,
@@ -46,9 +52,12 @@ impl Ablation {
         Ablation::IsotropicNoRefit,
         Ablation::NoShadowFit,
         Ablation::Rule1996,
-        Ablation::Bias0,
+        Ablation::EvenClumping,
         Ablation::OneRay,
         Ablation::SixteenRays,
+        Ablation::OneRayNarrowVoxels,
+        Ablation::WideVoxels,
+        Ablation::SixteenRaysWideVoxels,
     ];
 
     /// What it is called.
@@ -61,9 +70,12 @@ impl Ablation {
             Ablation::IsotropicNoRefit => "isotropic extinction, not refitted",
             Ablation::NoShadowFit => "shadows not fitted",
             Ablation::Rule1996 => "rule of 1996",
-            Ablation::Bias0 => "voxels of one pixel",
+            Ablation::EvenClumping => "clumping the same in all directions",
+            Ablation::WideVoxels => "voxels of one pixel",
             Ablation::OneRay => "1 ray a pixel",
+            Ablation::OneRayNarrowVoxels => "1 ray a pixel, voxels of half a pixel",
             Ablation::SixteenRays => "16 rays a pixel",
+            Ablation::SixteenRaysWideVoxels => "16 rays a pixel, voxels of half a pixel",
         }
     }
 
@@ -89,15 +101,26 @@ impl Ablation {
                 let volume = without_shadows(build_with(model, &plain, isotropic)?);
                 (volume, MarchParams { rays: 1, finer: 0, reflection: Reflection::Ellipsoid })
             }
-            Ablation::Bias0 => (volume.clone(), MarchParams { finer: 0, ..march }),
-            Ablation::OneRay => (volume.clone(), MarchParams { rays: 1, ..march }),
-            Ablation::SixteenRays => (volume.clone(), MarchParams { rays: 4, ..march }),
+            Ablation::EvenClumping => (evenly_clumped(volume.clone()), march),
+            Ablation::WideVoxels => (volume.clone(), MarchParams { finer: 0, ..march }),
+            Ablation::OneRay => (volume.clone(), MarchParams { rays: 1, finer: 0, ..march }),
+            Ablation::OneRayNarrowVoxels => (volume.clone(), MarchParams { rays: 1, ..march }),
+            Ablation::SixteenRays => (volume.clone(), MarchParams { rays: 4, finer: 2, ..march }),
+            Ablation::SixteenRaysWideVoxels => (volume.clone(), MarchParams { rays: 4, ..march }),
         })
     }
 }
 
 fn without_shadows(mut volume: Volume) -> Volume {
     volume.levels.iter_mut().for_each(|level| level.shadow = LevelShadow::default());
+    volume
+}
+
+fn evenly_clumped(mut volume: Volume) -> Volume {
+    for level in &mut volume.levels {
+        let mean = level.clumping.trace() / 3.0;
+        level.clumping = Sym3([mean, mean, mean, 0.0, 0.0, 0.0]);
+    }
     volume
 }
 

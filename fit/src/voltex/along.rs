@@ -44,12 +44,14 @@ pub(super) fn seen_along(
     mut each: impl FnMut(&Seen),
 ) -> f32 {
     let mut through = 1.0;
+    let clumping = voltex.clumping_along(level, direction.into());
     filled(voltex, level, origin, direction, |segment, voxel| {
         let sigma = voxel.extinction_along(direction.into());
         let length = segment.t1 - segment.t0;
-        let alpha = 1.0 - (-sigma * length).exp();
+        let depth = clumping * sigma * length;
+        let alpha = 1.0 - (-depth).exp();
         if alpha > 0.0 {
-            let at = origin + direction * (segment.t0 + seen_at(sigma * length, length));
+            let at = origin + direction * (segment.t0 + seen_at(depth, length));
             each(&Seen { number: segment.cell.voxel, voxel, sigma, at, weight: through * alpha });
             through *= 1.0 - alpha;
         }
@@ -60,9 +62,10 @@ pub(super) fn seen_along(
 
 /// Optical depth from a point on.
 pub(super) fn depth_along(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3) -> f32 {
+    let clumping = voltex.clumping_along(level, direction.into());
     let mut depth = 0.0;
     filled(voltex, level, origin, direction, |segment, voxel| {
-        depth += voxel.extinction_along(direction.into()) * (segment.t1 - segment.t0);
+        depth += clumping * voxel.extinction_along(direction.into()) * (segment.t1 - segment.t0);
         depth <= DARK
     });
     depth

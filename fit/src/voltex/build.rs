@@ -150,6 +150,7 @@ pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl L
         let numbers = voltex.numbers_at(level);
         let own = &mut volume.levels[level as usize];
         own.shadow = shadow;
+        own.clumping = voltex.clumping(level);
         own.voxels.iter_mut().zip(numbers).for_each(|((_, voxel), number)| *voxel = voltex.voxel(number));
     }
 }
@@ -160,7 +161,7 @@ mod tests {
     use crate::voltex::flakes::FlakeColour;
     use crate::voltex::projection::{HALF_SIDE, Projection, spread_directions};
     use btf_runtime::testing::Random;
-    use btf_runtime::voltex::{NO_VOXEL, VoltexRay, Walk};
+    use btf_runtime::voltex::{NO_VOXEL, Sym3, VoltexRay, Walk};
 
     /// Square leaves about a ball's middle.
     fn bush(leaves: usize, size: f32) -> TriangleModel {
@@ -180,12 +181,12 @@ mod tests {
         model
     }
 
-    /// Of what the model hides, what the volume hides, in views of which none was fitted.
-    fn opacity_ratio(volume: &Volume, occluder: &Occluder, level: u32) -> f32 {
+    /// What the model hides and what the volume does, in views of which none was fitted.
+    fn hidden(volume: &Volume, occluder: &Occluder, level: u32) -> Vec<[f32; 2]> {
         let voltex = Voltex::new(volume);
-        let (mut model, mut hidden) = (0.0, 0.0);
-        for direction in spread_directions(5, 2.1) {
+        let of_view = |direction: Vec3| {
             let view = Projection::new(direction);
+            let (mut model, mut hidden) = (0.0, 0.0);
             for i in 0..60 * 60 {
                 let at = |k: usize| (k as f32 + 0.5) / 60.0 * 2.0 * HALF_SIDE - HALF_SIDE;
                 let origin = view.origin(at(i % 60), at(i / 60));
@@ -196,13 +197,22 @@ mod tests {
                 let mut depth = 0.0;
                 while let Some(segment) = walk.next(&voltex, level) {
                     if segment.cell.voxel != NO_VOXEL {
-                        depth += voltex.voxel(segment.cell.voxel).extinction_along(d) * (segment.t1 - segment.t0);
+                        let sigma =
+                            voltex.clumping_along(level, d) * voltex.voxel(segment.cell.voxel).extinction_along(d);
+                        depth += sigma * (segment.t1 - segment.t0);
                     }
                 }
                 hidden += 1.0 - (-depth).exp();
             }
-        }
-        hidden / model
+            [model, hidden]
+        };
+        spread_directions(5, 2.1).into_iter().map(of_view).collect()
+    }
+
+    /// Of what the model hides, what the volume hides, in all of them.
+    fn opacity_ratio(volume: &Volume, occluder: &Occluder, level: u32) -> f32 {
+        let sum = |k: usize| hidden(volume, occluder, level).iter().map(|of_view| of_view[k]).sum::<f32>();
+        sum(1) / sum(0)
     }
 
     #[test]
@@ -230,6 +240,41 @@ mod tests {
         // Eye and light in one direction see the same gaps.
         assert!(fitted.levels[0].shadow.shared[0] > 0.8, "{:?}", fitted.levels[0].shadow);
         assert!(fitted.pack().is_ok());
+    }
+
+    #[test]
+    fn leaves_in_rows_hide_each_other_along_the_rows() {
+        // 4 x 4 rows along x, in every one 40 leaves, each of them smaller than a voxel and right behind the one before.
+        let mut model = bush(640, 0.03);
+        for (i, triangle) in model.triangles.iter_mut().enumerate() {
+            let (row, place) = (i / 2 / 40, i / 2 % 40);
+            let at = Vec3::new(place as f32 / 39.0, (row / 4) as f32 / 4.0 + 0.1, (row % 4) as f32 / 4.0 + 0.1);
+            let middle = (triangle[0] + triangle[if i % 2 == 0 { 2 } else { 1 }]) * 0.5;
+            triangle.iter_mut().for_each(|p| *p += at - middle);
+        }
+        let params = VoltexParams {
+            resolution: 16,
+            refit: RefitParams { views: 24, passes: 2, rays: 3 },
+            shadow: ShadowParams { views: 1, turns: 1, pixels: 4 },
+        };
+        let occluder = Occluder::new(&model.in_cube(&Frame::around(model.bounds()).unwrap()).triangles);
+        let fitted = build_voltex(&model, &params).unwrap();
+        let mut even = fitted.clone();
+        for level in &mut even.levels {
+            let mean = level.clumping.trace() / 3.0;
+            level.clumping = Sym3([mean, mean, mean, 0.0, 0.0, 0.0]);
+        }
+        for level in 0..3 {
+            let worst = |volume| {
+                let ratios = hidden(volume, &occluder, level).into_iter().map(|[model, hidden]| hidden / model);
+                ratios.fold(0.0f32, |worst, ratio| worst.max((ratio - 1.0).abs()))
+            };
+            let c = fitted.levels[level as usize].clumping.0;
+            println!("{level}: {c:?}, {} instead of {}", worst(&fitted), worst(&even));
+            assert!(c[0] < c[1] - 0.2 && c[0] < c[2] - 0.2, "{c:?}");
+            // Planted difference: clumping that is the same in all directions.
+            assert!(worst(&fitted) < 0.6 * worst(&even), "level {level}");
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use glam::Vec3;
 pub struct MarchParams {
     /// Rays along each side of a pixel.
     pub rays: usize,
-    /// Voxels along each side of a pixel, as a binary logarithm: 1 for voxels of half a pixel.
+    /// Voxels along each side of a pixel, as a binary logarithm: best as many as rays.
     pub finer: u32,
     /// How flakes reflect.
     pub reflection: Reflection,

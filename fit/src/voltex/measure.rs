@@ -84,7 +84,7 @@ impl PixelFigures {
 pub struct VoltexRow {
     /// What it is: `volume`, or how it differs from that.
     pub rule: String,
-    /// By pixels, the smallest first; none where the volume has no voxels of the size.
+    /// By pixels, the smallest first; none where the volume has no voxels so small.
     pub pixels: Vec<PixelFigures>,
 }
 
@@ -110,7 +110,8 @@ impl VoltexTruth {
     /// How well a volume stands for it, looked at by `params`.
     pub fn measure(&self, rule: &str, voltex: &Voltex, params: &MarchParams) -> VoltexRow {
         let pixels = PIXELS.iter().zip(&self.pictures).filter_map(|(pixels, truth)| {
-            let level = voltex.level_count().checked_sub((pixels << params.finer).ilog2())?;
+            // The finest where there is none of the voxels that are asked for.
+            let level = voltex.level_count().checked_sub(pixels.ilog2())?.saturating_sub(params.finer);
             let march = March::new(voltex, level, params.reflection);
             Some(figures(*pixels, &pictures_of_volume(&march, *pixels, params.rays), truth))
         });
@@ -375,7 +376,7 @@ mod tests {
         let volume = build_voltex(&model, &VoltexParams { resolution: 16, refit, ..VoltexParams::default() }).unwrap();
         let rows = measure_voltex(&model, &volume, 1000, false, &Monitor::default()).unwrap();
         assert_eq!(rows.len(), 1);
-        assert_eq!(rows[0].pixels.iter().map(|of_pixel| of_pixel.pixels).collect::<Vec<_>>(), [8]);
+        assert_eq!(rows[0].pixels.iter().map(|of_pixel| of_pixel.pixels).collect::<Vec<_>>(), [16, 8]);
         let mut larger = model;
         larger.triangles.iter_mut().flatten().for_each(|p| *p *= 1.01);
         let error = measure_voltex(&larger, &volume, 1000, false, &Monitor::default()).unwrap_err().to_string();

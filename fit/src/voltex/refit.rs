@@ -3,7 +3,8 @@
 
 use super::occluder::Occluder;
 use super::projection::{HALF_SIDE, Projection, spread_directions};
-use btf_runtime::voltex::{NO_VOXEL, Voltex, VoltexRay, Voxel, Walk};
+use btf_runtime::voltex::{MOST_CLUMPING, NO_VOXEL, Sym3, Voltex, VoltexRay, Voxel, Walk};
+use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 
 /// How a level is refitted.
@@ -31,7 +32,9 @@ const DOUBT: f32 = 1e-3;
 const BLOCKS: usize = 8;
 /// Optical depth beyond which a ray is dark.
 const DARK: f32 = 14.0;
-/// Largest change of a voxel, and of all together, as a logarithm.
+/// Steps by which the clumping is found after each pass.
+const CLUMPING_STEPS: usize = 2;
+/// Largest change of a voxel as a logarithm.
 const MOST_CHANGE: f32 = 4.0;
 
 /// A level's voxels while they are refitted.
@@ -47,13 +50,25 @@ struct Level<'a> {
     count: usize,
 }
 
-/// What rays through one view say.
+/// How voxels should change by what is seen in a view.
 #[derive(Clone)]
 struct Sums {
     slope: Vec<f32>,
     weight: Vec<f32>,
-    /// Of what is opaque: of the model, and of the volume more than that.
-    opaque: [f64; 2],
+}
+
+/// What is hidden in a view: by the volume more than by the model, and how that grows with the logarithm of all extinction.
+#[derive(Clone, Copy, Default)]
+struct Hidden {
+    excess: f64,
+    growth: f64,
+}
+
+/// What the rays of a pixel meet: voxel and length; where among these each ray ends, and what passes it.
+#[derive(Default)]
+struct Met {
+    parts: Vec<(u32, f32)>,
+    ends: Vec<(usize, f32)>,
 }
 
 impl Level<'_> {
@@ -73,38 +88,20 @@ impl Level<'_> {
         view.origin(at(i % self.count, s % self.rays), at(i / self.count, s / self.rays))
     }
 
-    /// How the scales `logs` of the voxels should change by what is seen in a view.
-    fn sums(&self, view: &Projection, truth: &[f32], logs: &[f32]) -> Sums {
+    /// Extinction of the voxels along a view, scaled by `logs` and by `clumping`.
+    fn sigmas(&self, view: &Projection, logs: &[f32], clumping: &Sym3) -> Vec<f32> {
         let d = view.direction.to_array();
-        let extinction = |(voxel, log): (&Voxel, &f32)| voxel.extinction_along(d) * log.exp();
-        let sigmas: Vec<f32> = self.voxels.par_iter().zip(logs).map(extinction).collect();
-        let rows = self.count.div_ceil(BLOCKS);
-        let none = Sums { slope: vec![0.0; logs.len()], weight: vec![0.0; logs.len()], opaque: [0.0; 2] };
-        let block = |block: usize| {
-            let mut sums = none.clone();
-            let last = ((block + 1) * rows).min(self.count) * self.count;
-            for i in (block * rows * self.count).min(last)..last {
-                self.add_pixel(view, i, truth[i], &sigmas, &mut sums);
-            }
-            sums
-        };
-        let blocks: Vec<Sums> = (0..BLOCKS).into_par_iter().map(block).collect();
-        blocks.into_iter().fold(none, |mut sum, block| {
-            sum.slope.iter_mut().zip(block.slope).for_each(|(a, b)| *a += b);
-            sum.weight.iter_mut().zip(block.weight).for_each(|(a, b)| *a += b);
-            [0, 1].into_iter().for_each(|k| sum.opaque[k] += block.opaque[k]);
-            sum
-        })
+        let common = clumping.form(d, d);
+        let extinction = |(voxel, log): (&Voxel, &f32)| voxel.extinction_along(d) * (log + common).exp();
+        self.voxels.par_iter().zip(logs).map(extinction).collect()
     }
 
-    fn add_pixel(&self, view: &Projection, i: usize, truth: f32, sigmas: &[f32], sums: &mut Sums) {
-        let direction = view.direction.to_array();
-        let share = 1.0 / (self.rays * self.rays) as f32;
-        // What each ray meets: voxel and length; and where among these each ray ends, with what passes it.
-        let mut met: Vec<(u32, f32)> = Vec::new();
-        let mut ends: Vec<(usize, f32)> = Vec::new();
+    /// What is met in pixel `i`, and what passes it.
+    fn look(&self, view: &Projection, i: usize, sigmas: &[f32], met: &mut Met) -> f32 {
+        met.parts.clear();
+        met.ends.clear();
         for s in 0..self.rays * self.rays {
-            let ray = VoltexRay { origin: self.origin(view, i, s).to_array(), direction };
+            let ray = VoltexRay { origin: self.origin(view, i, s).to_array(), direction: view.direction.to_array() };
             let mut walk = Walk::new(ray, 0.0, 4.0, self.voltex.level_count());
             let mut depth = 0.0;
             while let Some(segment) = walk.next(self.voltex, self.level) {
@@ -113,40 +110,78 @@ impl Level<'_> {
                 }
                 let place = self.place[segment.cell.voxel as usize];
                 let length = segment.t1 - segment.t0;
-                met.push((place, length));
+                met.parts.push((place, length));
                 depth += sigmas[place as usize] * length;
                 if depth > DARK {
                     break;
                 }
             }
-            ends.push((met.len(), (-depth).exp()));
+            met.ends.push((met.parts.len(), (-depth).exp()));
         }
-        if met.is_empty() {
-            return;
-        }
-        let excess = share * ends.iter().map(|(_, through)| through).sum::<f32>() - truth;
-        sums.opaque[0] += f64::from(1.0 - truth);
-        sums.opaque[1] -= f64::from(excess);
-        let parts = || {
-            let starts = std::iter::once(0).chain(ends.iter().map(|(end, _)| *end));
-            starts.zip(&ends).flat_map(|(start, (end, through))| {
-                met[start..*end].iter().map(move |(place, length)| {
-                    let place = *place as usize;
-                    (place, share * through * sigmas[place] * length)
-                })
-            })
+        met.ends.iter().map(|(_, through)| through).sum::<f32>() / met.ends.len() as f32
+    }
+
+    /// How the voxels should change by what is seen in a view.
+    fn sums(&self, view: &Projection, truth: &[f32], sigmas: &[f32]) -> Sums {
+        let rows = self.count.div_ceil(BLOCKS);
+        let none = Sums { slope: vec![0.0; sigmas.len()], weight: vec![0.0; sigmas.len()] };
+        let block = |block: usize| {
+            let (mut sums, mut met) = (none.clone(), Met::default());
+            let last = ((block + 1) * rows).min(self.count) * self.count;
+            for i in (block * rows * self.count).min(last)..last {
+                let excess = self.look(view, i, sigmas, &mut met) - truth[i];
+                let total: f32 = met.hiding(sigmas).map(|(_, part)| part).sum();
+                for (place, part) in met.hiding(sigmas) {
+                    sums.slope[place] -= part * excess;
+                    sums.weight[place] += part * total;
+                }
+            }
+            sums
         };
-        let total: f32 = parts().map(|(_, part)| part).sum();
-        for (place, part) in parts() {
-            sums.slope[place] -= part * excess;
-            sums.weight[place] += part * total;
-        }
+        let blocks: Vec<Sums> = (0..BLOCKS).into_par_iter().map(block).collect();
+        blocks.into_iter().fold(none, |mut sum, block| {
+            sum.slope.iter_mut().zip(block.slope).for_each(|(a, b)| *a += b);
+            sum.weight.iter_mut().zip(block.weight).for_each(|(a, b)| *a += b);
+            sum
+        })
+    }
+
+    /// What is hidden in a view.
+    fn hidden(&self, view: &Projection, truth: &[f32], sigmas: &[f32]) -> Hidden {
+        let row = |y: usize| {
+            let (mut sum, mut met) = (Hidden::default(), Met::default());
+            for i in y * self.count..(y + 1) * self.count {
+                sum.excess += f64::from(truth[i] - self.look(view, i, sigmas, &mut met));
+                sum.growth += f64::from(met.hiding(sigmas).map(|(_, part)| part).sum::<f32>());
+            }
+            sum
+        };
+        let rows: Vec<Hidden> = (0..self.count).into_par_iter().map(row).collect();
+        rows.iter().fold(Hidden::default(), |sum, row| Hidden {
+            excess: sum.excess + row.excess,
+            growth: sum.growth + row.growth,
+        })
     }
 }
 
-/// Refits `level` of `voltex` to what the `occluder` in the same unit cube hides.
+impl Met {
+    /// For each part of a ray its voxel, and how much more the pixel hides for the logarithm of that voxel's extinction.
+    fn hiding(&self, sigmas: &[f32]) -> impl Iterator<Item = (usize, f32)> {
+        let share = 1.0 / self.ends.len() as f32;
+        let starts = std::iter::once(0).chain(self.ends.iter().map(|(end, _)| *end));
+        starts.zip(&self.ends).flat_map(move |(start, (end, through))| {
+            self.parts[start..*end].iter().map(move |(place, length)| {
+                let place = *place as usize;
+                (place, share * through * sigmas[place] * length)
+            })
+        })
+    }
+}
+
+/// Refits `level` of `voltex`, its voxels and its clumping, to what the `occluder` in the same unit cube hides.
 ///
-/// Deterministic. Cost: `views * passes` times (1.7 voxels a side)^2 times `rays^2` rays through the volume.
+/// Deterministic. Cost: `views * (passes + CLUMPING_STEPS * (passes + 1))` times (1.7 voxels a side)^2 times `rays^2` rays
+/// through the volume.
 pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &RefitParams) {
     let numbers = voltex.numbers_at(level);
     let mut place = vec![u32::MAX; voltex.voxel_count()];
@@ -164,46 +199,48 @@ pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &Refi
     let views: Vec<Projection> = spread_directions(params.views, 0.3).into_iter().map(Projection::new).collect();
     let truths: Vec<Vec<f32>> = views.iter().map(|view| own.truth(view, occluder)).collect();
     let mut logs = vec![0f32; numbers.len()];
+    let mut clumping = Sym3::default();
     for pass in 0..params.passes {
         let relaxation = RELAXATION * 0.1f32.powf(pass as f32 / (params.passes.max(2) - 1) as f32);
         for subset in 0..views.len() {
             // One view after the other is far from the one before.
             let view = subset * coprime_stride(views.len()) % views.len();
-            let sums = own.sums(&views[view], &truths[view], &logs);
+            let sums = own.sums(&views[view], &truths[view], &own.sigmas(&views[view], &logs, &clumping));
             for (i, log) in logs.iter_mut().enumerate() {
                 let step = relaxation * sums.slope[i] / (sums.weight[i] + DOUBT);
                 *log = (*log - step).clamp(-MOST_CHANGE, MOST_CHANGE);
             }
         }
+        fit_clumping(&own, &views, &truths, &logs, &mut clumping);
     }
-    let common = common_change(&own, &views, &truths, &logs);
-    let scaled: Vec<Voxel> =
-        own.voxels.iter().zip(&logs).map(|(voxel, log)| voxel.scaled((log + common).exp())).collect();
+    let scaled: Vec<Voxel> = own.voxels.iter().zip(&logs).map(|(voxel, log)| voxel.scaled(log.exp())).collect();
     numbers.iter().zip(scaled).for_each(|(number, voxel)| voltex.set_voxel(*number, &voxel));
+    voltex.set_clumping(level, &clumping);
 }
 
-/// What all voxels together lack so that the volume hides as much as the model in the mean over the views: least squares
-/// per pixel alone leave it a few percent too clear or too dark.
-fn common_change(own: &Level, views: &[Projection], truths: &[Vec<f32>], logs: &[f32]) -> f32 {
-    // Secant steps on the ratio of what is hidden.
-    let ratio = |change: f32| {
-        let changed: Vec<f32> = logs.iter().map(|log| log + change).collect();
-        let opaque = views.iter().zip(truths).fold([0.0; 2], |sum, (view, truth)| {
-            let sums = own.sums(view, truth, &changed);
-            [sum[0] + sums.opaque[0], sum[1] + sums.opaque[1]]
-        });
-        if opaque[0] > 0.0 { (opaque[1] / opaque[0]) as f32 } else { 0.0 }
-    };
-    if views.is_empty() {
-        return 0.0;
+/// Steps of Newton's, each of them least squares over the views: until the volume hides in each of them what the model does, as
+/// far as six numbers can, and in all of them together as much. Leaves that stand behind each other in some directions and
+/// beside each other in others are what voxels on their own do not know of.
+fn fit_clumping(own: &Level, views: &[Projection], truths: &[Vec<f32>], logs: &[f32], clumping: &mut Sym3) {
+    for _ in 0..CLUMPING_STEPS {
+        let (mut gram, mut right) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
+        for (view, truth) in views.iter().zip(truths) {
+            let hidden = own.hidden(view, truth, &own.sigmas(view, logs, clumping));
+            if hidden.growth > 0.0 {
+                let d = view.direction.as_dvec3();
+                let row =
+                    Vector6::new(d.x * d.x, d.y * d.y, d.z * d.z, 2.0 * d.x * d.y, 2.0 * d.x * d.z, 2.0 * d.y * d.z);
+                gram += hidden.growth * row * row.transpose();
+                right -= hidden.excess * row;
+            }
+        }
+        let doubt = 1e-3 * gram.trace() / 6.0;
+        let Some(factor) = (gram + Matrix6::identity() * doubt).cholesky() else { return };
+        let step = factor.solve(&right);
+        for (entry, step) in clumping.0.iter_mut().zip(step.iter()) {
+            *entry = (*entry + (*step as f32).clamp(-1.0, 1.0)).clamp(-MOST_CLUMPING, MOST_CLUMPING);
+        }
     }
-    let first = ratio(0.0);
-    let guess = (-2.0 * first).clamp(-1.0, 1.0);
-    let second = ratio(guess);
-    if (first - second).abs() < 1e-6 {
-        return 0.0;
-    }
-    (guess * first / (first - second)).clamp(-1.0, 1.0)
 }
 
 /// A step through `count` views that meets all of them, about a third of them on.

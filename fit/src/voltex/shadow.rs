@@ -22,7 +22,7 @@ pub struct ShadowParams {
 
 impl Default for ShadowParams {
     fn default() -> ShadowParams {
-        ShadowParams { views: 6, turns: 2, pixels: 48 }
+        ShadowParams { views: 24, turns: 1, pixels: 48 }
     }
 }
 

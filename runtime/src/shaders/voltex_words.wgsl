@@ -9,7 +9,8 @@ const VOLTEX_FLAGS_AT: u32 = 5u;
 const VOLTEX_EXTENT_AT: u32 = 6u;
 const VOLTEX_SIDE_AT: u32 = 9u;
 const VOLTEX_MATERIAL_WORDS: u32 = 4u;
-const VOLTEX_LEVEL_WORDS: u32 = 11u;
+const VOLTEX_CLUMPING_AT: u32 = 11u;
+const VOLTEX_LEVEL_WORDS: u32 = 17u;
 
 struct VoltexMaterial {
     // Share of light that leaves on the side where it came from, linear sRGB.
@@ -71,4 +72,12 @@ fn voltex_shadow(base: u32, level: u32) -> u32 {
 // How far from the flakes a ray to the light begins, voxels of the level.
 fn voltex_shadow_offset(base: u32, level: u32) -> f32 {
     return asset_f32(voltex_shadow(base, level));
+}
+
+// What depths along d, of any length, are multiplied by for a level's clumping; for levels beyond the coarsest by that one's.
+fn voltex_clumping_along(base: u32, level: u32, d: vec3<f32>) -> f32 {
+    let at = voltex_shadow(base, min(level, voltex_level_count(base))) + VOLTEX_CLUMPING_AT;
+    let a = vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
+    let b = vec3<f32>(asset_f32(at + 3u), asset_f32(at + 4u), asset_f32(at + 5u));
+    return exp(voltex_form(VoltexMatrix(a, b), d, d) / max(dot(d, d), 1e-30));
 }

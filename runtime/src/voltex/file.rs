@@ -4,9 +4,11 @@
 use super::codes::{DENSITY_STEPS, VoxelCodes};
 use super::coding::{CodedVoxel, LEAST_DECISIONS, code_children, code_masks};
 use super::error::{VOLTEX_NAMES, VoltexError};
+use super::matrix::Sym3;
 use super::rule;
-use super::volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, MOST_LEVELS, Volume, VolumeLevel, order};
+use super::volume::{FlakeMaterial, LevelShadow, MOST_CLUMPING, MOST_LEVELS, Volume, VolumeLevel, order};
 use super::voxel::Voxel;
+use super::words::{CLUMPING_AT, LEVEL_WORDS};
 use crate::container::{
     ALIGNMENT, Directory, FileFormat, HeaderReader, SectionSource, read_directory_of, write_file_of,
 };
@@ -175,6 +177,10 @@ impl LevelShadow {
     }
 }
 
+fn clumping_in_range(clumping: &Sym3) -> bool {
+    clumping.0.iter().all(|x| (-MOST_CLUMPING..=MOST_CLUMPING).contains(x))
+}
+
 /// Checks header, tables, section bounds, padding and every present section's checksum, as [`crate::read_directory`].
 pub fn read_voltex_directory(bytes: &[u8]) -> Result<Directory<VoltexHead>, VoltexError> {
     Ok(read_directory_of::<VoltexFormat>(bytes, &serial)?)
@@ -213,8 +219,8 @@ impl Volume {
                 })
                 .collect();
             let coded = coded.ok_or(FormatError::Pack { reason: "a voxel is too dense".into() })?;
-            let shadow = std::iter::once(level.shadow.offset).chain(level.shadow.shared);
-            let mut bytes: Vec<u8> = shadow.flat_map(f32::to_le_bytes).collect();
+            let numbers = std::iter::once(level.shadow.offset).chain(level.shadow.shared).chain(level.clumping.0);
+            let mut bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
             bytes.extend(level_stream(&coarser, &coded));
             sections.push(section(VoltexSection::Level, index, bytes, true));
             coarser = coded;
@@ -259,6 +265,7 @@ impl Volume {
         must(last.voxels.len() == 1 && last.voxels[0].0 == [0; 3], "its coarsest level must be one voxel")?;
         for (number, level) in self.levels.iter().enumerate() {
             must(level.shadow.in_range(), "a level's shadow is out of its range")?;
+            must(clumping_in_range(&level.clumping), "a level's clumping is out of its range")?;
             let rising = level.voxels.windows(2).all(|pair| order(pair[0].0) < order(pair[1].0));
             let side = 1 << (self.levels.len() - 1 - number);
             let inside = level.voxels.iter().all(|(at, _)| at.iter().all(|x| *x < side));
@@ -342,14 +349,14 @@ pub(crate) fn examine_volume(
             _ => sections.get_in_tier(VoltexSection::Level, 0, index, faults),
         };
         let level = reader.and_then(|reader| faults.keep(read_level(reader, &coarser, head.materials)));
-        let Some((shadow, coded)) = level else { break };
-        let mut voxels = vec![([0; 3], Voxel::default()); coded.len()];
-        fill(threads, &mut voxels, VOXELS_AT_A_TIME, |chunk, voxels| {
+        let Some((mut level, coded)) = level else { break };
+        level.voxels = vec![([0; 3], Voxel::default()); coded.len()];
+        fill(threads, &mut level.voxels, VOXELS_AT_A_TIME, |chunk, voxels| {
             for (voxel, (at, coded)) in voxels.iter_mut().zip(&coded[chunk * VOXELS_AT_A_TIME..]) {
                 *voxel = (*at, coded.codes.voxel(coded.material));
             }
         });
-        levels.push(VolumeLevel { shadow, voxels });
+        levels.push(level);
         coarser = coded;
     }
     levels.reverse();
@@ -373,19 +380,23 @@ fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<FlakeMaterial>
     Ok(halves.chunks_exact(8).map(FlakeMaterial::from_halves).collect())
 }
 
-/// A level's shadow and its voxels.
-type CodedLevel = (LevelShadow, Vec<([u32; 3], CodedVoxel)>);
+/// A level without its voxels, and these.
+type CodedLevel = (VolumeLevel, Vec<([u32; 3], CodedVoxel)>);
 
 fn read_level(
     mut reader: Reader,
     coarser: &[([u32; 3], CodedVoxel)],
     materials: u32,
 ) -> Result<CodedLevel, FormatError> {
-    let numbers = reader.words(1 + HOTSPOT_DEG.len())?;
+    let numbers = reader.words(LEVEL_WORDS)?;
     let number = |i: usize| f32::from_bits(numbers[i]);
     let shadow = LevelShadow { offset: number(0), shared: std::array::from_fn(|i| number(1 + i)) };
     if !shadow.in_range() {
         return reader.bad(rule::SHADOW_RANGE);
+    }
+    let clumping = Sym3(std::array::from_fn(|i| number(CLUMPING_AT + i)));
+    if !clumping_in_range(&clumping) {
+        return reader.bad(rule::CLUMPING_RANGE);
     }
     let stream = reader.bytes;
     let mut decoder = Decoder::new(stream);
@@ -413,7 +424,8 @@ fn read_level(
     if voxels.iter().any(|voxel| voxel.material >= materials) {
         return reader.bad(rule::NO_MATERIAL);
     }
-    Ok((shadow, places.into_iter().zip(voxels).collect()))
+    let level = VolumeLevel { shadow, clumping, voxels: Vec::new() };
+    Ok((level, places.into_iter().zip(voxels).collect()))
 }
 
 /// Places of a voxel's children, in order.

@@ -15,6 +15,7 @@ rules! { "VTEX"
     NO_CHILD = 2202, "a voxel of the level before has no child", WRITE;
     VOXEL_RANGE = 2203, "a voxel's density, axis or correlation is out of its range", WRITE;
     NO_MATERIAL = 2204, "a voxel names a material that is not there", WRITE;
+    CLUMPING_RANGE = 2205, "a level's clumping is not within -4 to 4", WRITE;
     // Warnings.
     MATERIAL_UNUSED = 5101, "materials are used by no voxel", "build it again without them";
     MATERIAL_GAINS = 5102, "materials send more light away than falls on them", "lower their reflectance or transmittance";

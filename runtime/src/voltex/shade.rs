@@ -132,8 +132,9 @@ mod tests {
     #[test]
     fn closed_forms_are_near_the_sums_over_random_flakes() {
         let mut random = Random::new(10);
-        let directions = crate::voltex::voxel::DIRECTIONS.map(|(d, _)| d);
-        let row = |i: usize| directions.map(|d| Sym3::outer(d, if i < 3 { 1.0 } else { 2.0 }).0[i]).to_vec();
+        let directions: Vec<[f32; 3]> = (0..40).map(|_| sphere_direction(&mut random)).collect();
+        let entry = |i: usize, d: &[f32; 3]| Sym3::outer(*d, if i < 3 { 1.0 } else { 2.0 }).0[i];
+        let row = |i: usize| directions.iter().map(|d| entry(i, d)).collect();
         let rows: Vec<Vec<f32>> = (0..6).map(row).collect();
         let factor = cholesky(&gram_of(&rows), 6).unwrap();
         // Bars: root mean squares per unit area of the closed form by the flakes' own moment and by the derived one, and of the

@@ -1,9 +1,12 @@
 //! A volume as it is built and stored: levels of voxels over the unit cube.
 
+use super::matrix::Sym3;
 use super::voxel::Voxel;
 
 /// Most voxels a side are 2 to this.
 pub const MOST_LEVELS: u32 = 12;
+/// Largest entry of a level's clumping.
+pub const MOST_CLUMPING: f32 = 4.0;
 /// Angles between light and eye, degrees, for which a level has its shadows' shares.
 pub const HOTSPOT_DEG: [f32; 10] = [0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 70.0, 110.0, 150.0, 180.0];
 
@@ -29,6 +32,9 @@ pub struct Volume {
 pub struct VolumeLevel {
     /// How shadows fall within it.
     pub shadow: LevelShadow,
+    /// How much flakes stand behind each other, by direction: along a unit vector d of texture space depths are `exp(d' C d)` times
+    /// those of flakes that lie anywhere in their voxels. Entries of at most [`MOST_CLUMPING`] either way.
+    pub clumping: Sym3,
     /// Coordinates and voxel, in ascending order of [`order`]. The parent of each is in the next level, and each voxel of that
     /// has a child in this one.
     pub voxels: Vec<([u32; 3], Voxel)>,

@@ -1,6 +1,7 @@
 //! A volume's words, as decoders bind them: a header, then materials, levels, nodes and voxels. Twin:
 //! `shaders/voltex_words.wgsl`.
 
+use super::matrix::{Sym3, dot};
 use super::tree::{NODE_WORDS, Node, cell_number, node_depth};
 use super::volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, Volume};
 use super::voxel::{VOXEL_WORDS, Voxel};
@@ -17,7 +18,7 @@ pub const NODES_AT: usize = 1;
 pub const VOXELS_AT: usize = 2;
 /// Header word: where the materials begin.
 pub const MATERIALS_AT: usize = 3;
-/// Header word: where the levels' shadows begin, finest first.
+/// Header word: where the levels' numbers begin, finest first.
 pub const LEVELS_AT: usize = 4;
 /// Header word: bit 0 cyclic in x, bit 1 in y.
 pub const FLAGS_AT: usize = 5;
@@ -27,8 +28,10 @@ pub const EXTENT_AT: usize = 6;
 pub const SIDE_AT: usize = 9;
 /// Words of a material: eight halves.
 pub const MATERIAL_WORDS: usize = 4;
-/// Words of a level's shadows: offset, then shares.
-pub const LEVEL_WORDS: usize = 1 + HOTSPOT_DEG.len();
+/// First word of a level's clumping, behind its shadows: offset, then shares.
+pub const CLUMPING_AT: usize = 1 + HOTSPOT_DEG.len();
+/// Words of a level's numbers.
+pub const LEVEL_WORDS: usize = CLUMPING_AT + 6;
 
 /// A volume made ready for decoders.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +59,7 @@ impl Voltex {
         for level in &volume.levels {
             words.push(level.shadow.offset.to_bits());
             words.extend(level.shadow.shared.map(f32::to_bits));
+            words.extend(level.clumping.0.map(f32::to_bits));
         }
         let (nodes, voxels) = tree_of(volume);
         words[NODES_AT] = words.len() as u32;
@@ -141,6 +145,25 @@ impl Voltex {
         let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS;
         self.words[at] = shadow.offset.to_bits();
         (0..HOTSPOT_DEG.len()).for_each(|i| self.words[at + 1 + i] = shadow.shared[i].to_bits());
+    }
+
+    /// A level's clumping.
+    pub fn clumping(&self, level: u32) -> Sym3 {
+        let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS + CLUMPING_AT;
+        Sym3(std::array::from_fn(|i| f32::from_bits(self.words[at + i])))
+    }
+
+    /// Replaces it.
+    pub fn set_clumping(&mut self, level: u32, clumping: &Sym3) {
+        let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS + CLUMPING_AT;
+        (0..6).for_each(|i| self.words[at + i] = clumping.0[i].to_bits());
+    }
+
+    /// What depths along d, of any length, are multiplied by for a level's clumping; for levels beyond the coarsest by that one's.
+    /// Twin: `voltex_clumping_along`.
+    pub fn clumping_along(&self, level: u32, d: [f32; 3]) -> f32 {
+        let level = level.min(self.level_count());
+        (self.clumping(level).form(d, d) / dot(d, d).max(1e-30)).exp()
     }
 }
 

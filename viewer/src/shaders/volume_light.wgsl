@@ -31,6 +31,8 @@ struct VolumeLevel {
     finer: u32,
     // Share of the next coarser one.
     part: f32,
+    // What the flakes of both count for along the ray.
+    shares: vec2<f32>,
 }
 
 // Extinction of a segment along the ray, and its two voxels with the share that each counts for.
@@ -55,13 +57,19 @@ fn volume_scale(map: VolumeMap) -> f32 {
     return pow(max(abs(volume_determinant(map)), 1e-37), 1.0 / 3.0);
 }
 
-// Where a pixel is `width` wide in the world.
-fn volume_level_of(volume: u32, map: VolumeMap, width: f32) -> VolumeLevel {
+// Where a pixel is `width` wide in the world, along `d` in the volume.
+fn volume_level_of(volume: u32, map: VolumeMap, width: f32, d: vec3<f32>) -> VolumeLevel {
     let most = voltex_level_count(volume);
     let voxels = width * volume_scale(map) * f32(1u << most);
     let level = clamp(log2(clamp(voxels, 1e-9, 1e9)) + VOLUME_BIAS, 0.0, f32(most));
     let finer = floor(level);
-    return VolumeLevel(u32(finer), level - finer);
+    return VolumeLevel(u32(finer), level - finer, volume_shares(volume, u32(finer), level - finer, d));
+}
+
+// What the flakes of a level and of the next coarser one count for along `d`, which differ in clumping.
+fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> {
+    let along = vec2<f32>(voltex_clumping_along(volume, finer, d), voltex_clumping_along(volume, finer + 1u, d));
+    return vec2<f32>(1.0 - part, part) * along;
 }
 
 // Light that the point reflects and transmits of what comes from `light` (a unit vector towards it) with irradiance pi, without
@@ -109,17 +117,17 @@ fn volume_shared(point: VolumePoint, cosine: f32) -> f32 {
     return finer + (coarser - finer) * point.level.part;
 }
 
-fn volume_parts_of(volume: u32, cell: VoltexCell, part: f32, d: vec3<f32>) -> VolumeParts {
+fn volume_parts_of(volume: u32, cell: VoltexCell, shares: vec2<f32>, d: vec3<f32>) -> VolumeParts {
     var parts: VolumeParts;
-    if cell.voxel != VOLTEX_NO_VOXEL && part < 1.0 {
+    if cell.voxel != VOLTEX_NO_VOXEL && shares.x > 0.0 {
         parts.finer = voltex_voxel(volume, cell.voxel);
-        parts.shares.x = 1.0 - part;
+        parts.shares.x = shares.x;
         parts.sigma += parts.shares.x * sqrt(max(voltex_form(parts.finer.extinction, d, d), 0.0));
     }
-    if cell.parent != VOLTEX_NO_VOXEL && part > 0.0 {
+    if cell.parent != VOLTEX_NO_VOXEL && shares.y > 0.0 {
         parts.coarser = voltex_voxel(volume, cell.parent);
-        parts.shares.y = part;
-        parts.sigma += part * sqrt(max(voltex_form(parts.coarser.extinction, d, d), 0.0));
+        parts.shares.y = shares.y;
+        parts.sigma += shares.y * sqrt(max(voltex_form(parts.coarser.extinction, d, d), 0.0));
     }
     return parts;
 }
@@ -140,11 +148,11 @@ fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32)
         if stretch.volume == NO_VOLUME {
             return select(sum, VOLUME_BLACK, stretches.entries.is_hidden);
         }
-        let level = volume_level_of(stretch.volume, stretch.map, width);
+        let level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
         var walk = volume_walk_of(stretch);
         while walk.t < walk.t_end {
             let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
-            let parts = volume_parts_of(stretch.volume, segment.cell, level.part, stretch.direction);
+            let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
             sum += parts.sigma * (segment.t1 - segment.t0);
             if sum > VOLUME_MOST_DEPTH {
                 return VOLUME_BLACK;

@@ -81,7 +81,7 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
                 point.weight = total;
             } else if walk.t < walk.t_end {
                 let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
-                let parts = volume_parts_of(stretch.volume, segment.cell, level.part, stretch.direction);
+                let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
                 let way = segment.t1 - segment.t0;
                 if to_light {
                     optical_depth += parts.sigma * way;
@@ -116,7 +116,8 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
                 stretch = volume_next(&stretches, &open);
                 if stretch.volume != NO_VOLUME {
                     let t = select(0.5 * (stretch.t0 + stretch.t1), point.t, to_light);
-                    level = volume_level_of(stretch.volume, stretch.map, (path.travelled + t) * frame.pixel_width);
+                    let width = (path.travelled + t) * frame.pixel_width;
+                    level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
                     walk = volume_walk_of(stretch);
                     continue;
                 }
