@@ -66,14 +66,14 @@ impl Hit {
     }
 }
 
-/// Whether the first hit found ends a traversal.
+/// Which hit a traversal is for. Twins: `HIT_ANY`, `HIT_NEAREST`, `HIT_FRONT` in `surface.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyHit {
     /// Any hit will do (shadow rays).
     Yes,
     /// Only the nearest hit.
     No,
-    /// Only the nearest of those whose front the ray meets; the shader has no twin of it yet.
+    /// Only the nearest of those whose front the ray meets.
     Front,
 }
 
@@ -99,7 +99,7 @@ impl Geometry {
         // Where the mesh that the ray is in begins to be there, and beyond what nothing counts.
         let (mut from, mut reach) = (0.0, t_max);
         let world = BoxRay::new(origin, direction);
-        let (mut ray, mut shear, mut along) = (world, Shear::new(direction), direction);
+        let (mut ray, mut shear) = (world, Shear::new(direction));
         let mut stack = [0u32; STACK];
         let (mut size, mut at) = (0, self.root());
         // The instance that the ray is in, and where the stack stood before.
@@ -129,7 +129,7 @@ impl Geometry {
                 let placed = &self.instances()[instance as usize];
                 let own = placed.object_from_world(direction, 0.0);
                 ray = BoxRay::new(placed.object_from_world(origin, 1.0), own);
-                (shear, along) = (Shear::new(own), own);
+                shear = Shear::new(own);
                 at = placed.root;
                 let [first, last] = spheres.mesh(self.leaf_width(instance));
                 (from, reach) = (first, best.t.min(last));
@@ -139,10 +139,7 @@ impl Geometry {
             } else {
                 for primitive in node.first..node.first + node.count {
                     let [a, b, c] = self.corners(primitive);
-                    if any == AnyHit::Front && (b - a).cross(c - a).dot(along) >= 0.0 {
-                        continue;
-                    }
-                    if let Some((t, u, v)) = intersect(ray.origin, &shear, [a, b, c])
+                    if let Some((t, u, v)) = intersect(ray.origin, &shear, [a, b, c], any == AnyHit::Front)
                         && t < reach
                         && t >= from
                     {
@@ -205,14 +202,17 @@ fn edge(p: Vec3, q: Vec3) -> (f32, f32) {
 
 /// (t, u, v) of a ray and a triangle, seen from either side, without gaps between triangles that share an edge
 /// [Woop 2013]. Differs from the paper in the slack, which stands for its double-precision fallback.
-/// Twin: `bvh_intersect`.
-fn intersect(origin: Vec3, shear: &Shear, corners: [Vec3; 3]) -> Option<(f32, f32, f32)> {
+/// Of fronts alone where asked: those are seen counter-clockwise. Twin: `bvh_intersect`.
+fn intersect(origin: Vec3, shear: &Shear, corners: [Vec3; 3], front: bool) -> Option<(f32, f32, f32)> {
     let [a, b, c] = corners.map(|corner| shear.apply(corner - origin));
     let ((wa, sa), (wb, sb), (wc, sc)) = (edge(c, b), edge(a, c), edge(b, a));
     let positive = wa >= -sa && wb >= -sb && wc >= -sc;
     let negative = wa <= sa && wb <= sb && wc <= sc;
     let determinant = wa + wb + wc;
     if !(positive || negative) || determinant.abs() < LEAST_DETERMINANT {
+        return None;
+    }
+    if front && !shear.is_towards(-determinant) {
         return None;
     }
     let inverse = 1.0 / determinant;
@@ -288,7 +288,7 @@ mod tests {
             let (origin, shear) = (instance.object_from_world(origin, 1.0), Shear::new(own));
             let [first, last] = hand_over.along(world_origin, direction).mesh(geometry.leaf_width(number as u32));
             for primitive in mesh.first_triangle..mesh.first_triangle + mesh.triangles {
-                if let Some((t, u, v)) = intersect(origin, &shear, geometry.corners(primitive))
+                if let Some((t, u, v)) = intersect(origin, &shear, geometry.corners(primitive), false)
                     && t < best.t
                     && (first..last).contains(&t)
                 {

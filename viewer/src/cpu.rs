@@ -45,6 +45,7 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("LEAST_LIGHT_DISTANCE2", LEAST_LIGHT_DISTANCE2),
     ("LEAST_THROUGHPUT", LEAST_THROUGHPUT),
     ("LEAST_KEPT", LEAST_KEPT),
+    ("SPHERE_DENSITY", SPHERE_DENSITY),
 ];
 
 /// A picture in the making: the sum of its samples.

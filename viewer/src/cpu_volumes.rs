@@ -1,4 +1,5 @@
-//! Volumetric textures on the CPU: what a ray sees in them, and what of a light passes them.
+//! Volumetric textures on the CPU: what a ray sees in them, and what of a light passes them. Twin:
+//! `shaders/volume_shade.wgsl`.
 
 use crate::bvh::{AnyHit, NO_HIT};
 use crate::cpu::{FAR, LEAST_LIGHT_DISTANCE2, Numbers, SPHERE_DENSITY, Shader, seed_of};

@@ -228,6 +228,43 @@ impl Geometry {
         Ok(())
     }
 
+    /// This and behind it `other`, in one set of arrays where what was in this keeps its numbers; the node where the hierarchy
+    /// over the instances of `other` begins.
+    pub(crate) fn followed_by(&self, other: &Geometry) -> (Geometry, u32) {
+        let mut all = self.clone();
+        let [vertices, triangles, nodes, instances] =
+            [all.vertices.len(), all.triangles.len(), all.nodes.len(), all.instances.len()].map(|count| count as u32);
+        let meshes = all.meshes.len();
+        all.vertices.extend(&other.vertices);
+        all.triangles.extend(
+            other
+                .triangles
+                .iter()
+                .map(|triangle| Triangle { vertices: triangle.vertices.map(|vertex| vertex + vertices), ..*triangle }),
+        );
+        // The hierarchy over the instances is the last.
+        all.nodes.extend(other.nodes.iter().zip(0..).map(|(node, number)| {
+            let before = match node.count {
+                0 => nodes,
+                _ if number < other.root => triangles,
+                _ => instances,
+            };
+            BvhNode { first: node.first + before, ..*node }
+        }));
+        all.meshes.extend(other.meshes.iter().map(|mesh| MeshRange {
+            first_triangle: mesh.first_triangle + triangles,
+            root: mesh.root + nodes,
+            ..*mesh
+        }));
+        all.instances.extend(other.instances.iter().map(|instance| Instance {
+            root: instance.root + nodes,
+            first_triangle: instance.first_triangle + triangles,
+            ..*instance
+        }));
+        all.origins.extend(other.origins.iter().map(|[mesh, number]| [mesh + meshes, *number]));
+        (all, other.root + nodes)
+    }
+
     /// The same surface with `triangles` that differ from its own in their materials only.
     pub(crate) fn with_triangles(&self, triangles: Vec<Triangle>) -> Geometry {
         Geometry { triangles, ..self.clone() }
@@ -390,5 +427,22 @@ mod tests {
         for bad in [at(2, Mat4::IDENTITY), at(0, Mat4::from_scale(Vec3::new(1.0, 0.0, 1.0))), at(0, Mat4::NAN)] {
             assert!(Geometry::placed(vec![mesh(), mesh()], &[bad]).is_err());
         }
+    }
+
+    #[test]
+    fn what_stands_behind_another_geometry_is_hit_as_before() {
+        let mesh = || Mesh { vertices: corners(), triangles: vec![triangle([0, 1, 2])] };
+        let at = |x: f32| Placement { mesh: 0, world_from_object: Mat4::from_translation(Vec3::X * x) };
+        let first = Geometry::placed(vec![mesh()], &[at(0.0), at(4.0)]).unwrap();
+        let second = Geometry::placed(vec![mesh(), mesh()], &[at(8.0), Placement { mesh: 1, ..at(12.0) }]).unwrap();
+        let (all, root) = first.followed_by(&second);
+        let behind = Geometry { root, ..all.clone() };
+        let hit = |geometry: &Geometry, x: f32| {
+            let hit = geometry.trace(Vec3::new(x + 0.25, 0.25, 1.0), Vec3::NEG_Z, 10.0, crate::AnyHit::No);
+            (hit.primitive != crate::NO_HIT).then(|| (all.mesh_of(hit.instance as usize), hit.primitive, hit.instance))
+        };
+        assert_eq!([0.0, 4.0, 8.0, 12.0].map(|x| hit(&all, x)), [Some((0, 0, 0)), Some((0, 0, 1)), None, None]);
+        assert_eq!([0.0, 4.0, 8.0, 12.0].map(|x| hit(&behind, x)), [None, None, Some((1, 1, 2)), Some((2, 2, 3))]);
+        assert_eq!(all.placed_triangles(), 4);
     }
 }

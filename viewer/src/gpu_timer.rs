@@ -15,6 +15,8 @@ pub(crate) enum Pass {
     Mirror,
     /// The next ray of a traced path.
     Scatter,
+    /// Volumes before what the latest ray hit.
+    Volume,
 }
 
 impl Pass {
@@ -24,6 +26,7 @@ impl Pass {
             Pass::Light => "light_main",
             Pass::Mirror => "mirror_main",
             Pass::Scatter => "scatter_main",
+            Pass::Volume => "volume_main",
         }
     }
 }
@@ -43,6 +46,8 @@ pub struct GpuTimer {
 pub struct PassTimes {
     /// Rays from the eye.
     pub camera_ms: f64,
+    /// What the rays meet of volumes, with its light; 0 where there are none.
+    pub volume_ms: f64,
     /// Light: decoding and shadow rays, ambient occlusion in them.
     pub light_ms: f64,
     /// Rays from mirrors, or the next ones of traced paths.
@@ -53,13 +58,14 @@ impl PassTimes {
     /// Adds `share` times another's.
     pub(crate) fn add(&mut self, other: &PassTimes, share: f64) {
         self.camera_ms += share * other.camera_ms;
+        self.volume_ms += share * other.volume_ms;
         self.light_ms += share * other.light_ms;
         self.bounce_ms += share * other.bounce_ms;
     }
 
     /// All of it.
     pub fn sum_ms(&self) -> f64 {
-        self.camera_ms + self.light_ms + self.bounce_ms
+        self.camera_ms + self.volume_ms + self.light_ms + self.bounce_ms
     }
 }
 
@@ -110,6 +116,7 @@ impl GpuTimer {
         for (pass, ticks) in self.timed.iter().zip(ticks.chunks_exact(2)) {
             let time = match pass {
                 Pass::Camera => &mut times.camera_ms,
+                Pass::Volume => &mut times.volume_ms,
                 Pass::Light => &mut times.light_ms,
                 Pass::Mirror | Pass::Scatter => &mut times.bounce_ms,
             };

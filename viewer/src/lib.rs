@@ -70,6 +70,7 @@ mod surface;
 mod trace;
 mod viewed_body;
 mod volume_light;
+mod volume_words;
 mod volumes;
 mod window;
 

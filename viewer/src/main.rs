@@ -391,17 +391,17 @@ fn show(
     }
 }
 
-/// Volumetric textures are drawn on the CPU only.
+/// Meshes that volumes stand in for are drawn on the CPU only.
 ///
 /// # Errors
 /// [`ViewerError::Usage`] where a GPU was asked for by name.
 fn backend_for(scene: &Scene, asked: BackendChoice) -> Result<BackendChoice, ViewerError> {
-    match (&scene.volumes, asked) {
-        (None, asked) => Ok(asked),
-        (Some(_), BackendChoice::Gpu(_)) => {
-            Err(ViewerError::Usage("this scene has volumetric textures, which --backend cpu draws".into()))
-        }
-        (Some(_), _) => Ok(BackendChoice::Cpu),
+    match (scene.geometry.hands_over(), asked) {
+        (false, asked) => Ok(asked),
+        (true, BackendChoice::Gpu(_)) => Err(ViewerError::Usage(
+            "this scene hands meshes over to volumetric textures, which --backend cpu draws".into(),
+        )),
+        (true, _) => Ok(BackendChoice::Cpu),
     }
 }
 

@@ -18,6 +18,9 @@ const TRACE_RAY_QUERY: &str = include_str!("shaders/trace_ray_query.wgsl");
 const SKIN_WALK: &str = include_str!("shaders/skin_walk.wgsl");
 const SKIN_CELL: &str = include_str!("shaders/skin_cell.wgsl");
 const SKIN_PATTERN: &str = include_str!("shaders/skin_pattern.wgsl");
+const VOLUMES: &str = include_str!("shaders/volumes.wgsl");
+const VOLUME_LIGHT: &str = include_str!("shaders/volume_light.wgsl");
+const VOLUME_SHADE: &str = include_str!("shaders/volume_shade.wgsl");
 const SKIN_QUERIES: &str = include_str!("shaders/skin_queries.wgsl");
 const DECODE_QUERIES: &str = include_str!("shaders/decode_queries.wgsl");
 /// Shows a picture in a window.
@@ -76,7 +79,7 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
     // The file with the enable directive comes first.
     let tracer_parts: &[&str] = match tracer {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
-        GpuTracer::Bvh => &[TRACE_BVH, SHEAR, BVH],
+        GpuTracer::Bvh => &[TRACE_BVH, BVH],
     };
     [
         tracer_parts,
@@ -85,12 +88,20 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
             &arrays,
             &library,
             &btf_runtime::leaf_wgsl(),
+            &btf_runtime::voltex_wgsl(),
             SAMPLER,
             ENVIRONMENT,
             SUN_DISC,
             SURFACE,
             RELIEF,
             VIEWED_BODY,
+            SHEAR,
+            SKIN_WALK,
+            SKIN_CELL,
+            SKIN_PATTERN,
+            VOLUMES,
+            VOLUME_LIGHT,
+            VOLUME_SHADE,
             SHADE,
             PASSES,
             DECODE_QUERIES,
@@ -100,7 +111,7 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
     .join("\n")
 }
 
-/// The module that walks rays through a shell (`skin_queries.wgsl`); a tracer's module takes the same texts but for the last.
+/// The module that walks rays through a shell (`skin_queries.wgsl`); a tracer's module has the same texts but for the last.
 pub(crate) fn walk_module(assets: PieceLayout) -> String {
     [&assets.wgsl(&ASSETS) as &str, SAMPLER, SHEAR, SKIN_WALK, SKIN_CELL, SKIN_PATTERN, SKIN_QUERIES].join("\n")
 }
@@ -168,14 +179,8 @@ mod tests {
         validate(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE), PORTABLE).unwrap();
         validate(&trace_module(GpuTracer::Bvh, CUT), PORTABLE).unwrap();
         validate(BLIT, Capabilities::empty()).unwrap();
-        // The skin's functions are core WGSL, alone and beside those of a tracer.
+        // The skin's functions are core WGSL.
         validate(&walk_module(PieceLayout::WHOLE), Capabilities::empty()).unwrap();
-        for tracer in [GpuTracer::Bvh, GpuTracer::RayQuery] {
-            let shear = if tracer == GpuTracer::Bvh { "" } else { SHEAR };
-            let beside =
-                [&trace_module(tracer, ModuleLayout::WHOLE) as &str, shear, SKIN_WALK, SKIN_CELL, SKIN_PATTERN];
-            validate(&beside.join("\n"), PORTABLE | Capabilities::RAY_QUERY).unwrap();
-        }
         let ray_query = trace_module(GpuTracer::RayQuery, ModuleLayout::WHOLE);
         validate(&ray_query, PORTABLE | Capabilities::RAY_QUERY).unwrap();
         // The check can fail: without the capability the same text is refused, as is a module with a fault.
@@ -202,7 +207,7 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, pad0),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, pad0, pad1, pad2),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
@@ -282,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn the_skins_twins_hold_the_same_functions_in_the_same_order() {
+    fn twins_hold_the_same_functions_in_the_same_order() {
         let alone = [
             "shell_float",
             "shell_vector",
@@ -292,12 +297,23 @@ mod tests {
             "shell_pattern",
             "shell_boundary",
             "shell_face",
+            "volume_times",
+            "volume_determinant",
+            "volume_scale",
+            "volume_level_of",
+            "volume_voxel_light",
+            "volume_slot_of",
+            "volume_point_light",
+            "volume_surroundings",
         ];
         let twins = [
             (include_str!("shear.rs"), SHEAR, "shear_"),
             (include_str!("skin/walk.rs"), SKIN_WALK, "shell_"),
             (include_str!("skin/cell.rs"), SKIN_CELL, "cell_"),
             (include_str!("skin/pattern.rs"), SKIN_PATTERN, "pattern_"),
+            (include_str!("volumes.rs"), VOLUMES, "volume_"),
+            (include_str!("volume_light.rs"), VOLUME_LIGHT, "volume_"),
+            (include_str!("cpu_volumes.rs"), VOLUME_SHADE, "volume_"),
         ];
         for (rust, wgsl, prefix) in twins {
             assert_eq!(first_out_of_order(rust, wgsl, prefix, &alone), None);
@@ -328,12 +344,29 @@ mod tests {
         ] {
             assert_eq!(constant(&module, name), Some(naga::Literal::U32(value)), "{name}");
         }
+        let ray_query = parse(&trace_module(GpuTracer::RayQuery, ModuleLayout::WHOLE)).unwrap();
+        for (name, mask) in [("RAY_MESHES", crate::trace::MESHES), ("RAY_PROXIES", crate::trace::PROXIES)] {
+            assert_eq!(constant(&ray_query, name), Some(naga::Literal::U32(mask.into())), "{name}");
+        }
+        for (name, value) in [
+            ("NO_VOLUME", crate::NO_VOLUME),
+            ("MOST_PASSAGES", crate::volumes::MOST_PASSAGES as u32),
+            ("HIT_ANY", crate::AnyHit::Yes as u32),
+            ("HIT_NEAREST", crate::AnyHit::No as u32),
+            ("HIT_FRONT", crate::AnyHit::Front as u32),
+            ("VOLUME_CHOICE_NUMBERS", crate::cpu::Numbers::VolumeChoice as u32),
+            ("VOLUME_SCATTER_NUMBERS", crate::cpu::Numbers::VolumeScatter as u32),
+            ("VOLUME_LIGHT_NUMBERS", crate::cpu::Numbers::VolumeLight as u32),
+        ] {
+            assert_eq!(constant(&module, name), Some(naga::Literal::U32(value)), "{name}");
+        }
         assert_eq!(constant(&module, "MODE_PATH"), Some(naga::Literal::U32(crate::RenderMode::Path as u32)));
         for (name, value) in crate::bvh::CONSTANTS
             .iter()
             .chain(crate::cpu::CONSTANTS)
             .chain(crate::surface::CONSTANTS)
             .chain(crate::relief::CONSTANTS)
+            .chain(crate::volume_light::CONSTANTS)
         {
             assert_eq!(constant(&module, name), Some(naga::Literal::F32(*value)), "{name}");
         }

@@ -24,6 +24,10 @@ const GROUP: u32 = 8;
 pub(crate) const MOST_MATERIALS: usize = 1024;
 /// Pixels of a band at most: its paths then take 270 MB.
 const MOST_BAND_PIXELS: u64 = 1 << 22;
+/// Mask of instances that are surfaces. Twin: `RAY_MESHES` in `trace_ray_query.wgsl`.
+pub(crate) const MESHES: u8 = 1;
+/// Mask of instances that are proxies of volumes. Twin: `RAY_PROXIES`.
+pub(crate) const PROXIES: u8 = 2;
 
 /// Twin: `Frame` in `scene.wgsl`.
 #[repr(C)]
@@ -58,7 +62,15 @@ pub(crate) struct Frame {
     pub sun_direction: [f32; 3],
     pub sun_part: f32,
     pub sun_irradiance: [f32; 3],
+    pub volume_root: u32,
+    pub volumes_at: u32,
+    pub proxies_at: u32,
+    pub first_proxy: u32,
+    pub volume_reach: f32,
+    pub volume_slice: f32,
     pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -129,7 +141,7 @@ pub struct Tracer {
     pipeline_layout: wgpu::PipelineLayout,
     decoder: DecoderForm,
     /// By number of the pass, made when first asked for: drivers take their time to compile.
-    pipelines: [Option<wgpu::ComputePipeline>; 4],
+    pipelines: [Option<wgpu::ComputePipeline>; 5],
     frame: wgpu::Buffer,
     materials: wgpu::Buffer,
     instances: wgpu::Buffer,
@@ -137,6 +149,8 @@ pub struct Tracer {
     lights: wgpu::Buffer,
     light_capacity: usize,
     structure: wgpu::BindGroup,
+    /// Node where the hierarchy over the volumes' proxies begins.
+    volume_root: u32,
     target: Option<Target>,
     // Kept alive for the bind group.
     _blas: Vec<wgpu::Blas>,
@@ -165,15 +179,20 @@ fn passes_of(scene: &Scene, options: &ShadeOptions) -> Vec<Pass> {
         RenderMode::Path => Some(Pass::Scatter),
         RenderMode::Direct => mirrors.then_some(Pass::Mirror),
     };
-    let mut passes = vec![Pass::Camera, Pass::Light];
+    let then: &[Pass] = if scene.volumes.is_some() { &[Pass::Volume, Pass::Light] } else { &[Pass::Light] };
+    let mut passes = vec![Pass::Camera];
+    passes.extend(then);
     if let Some(next) = next {
-        (1..options.depth).for_each(|_| passes.extend([next, Pass::Light]));
+        for _ in 1..options.depth {
+            passes.push(next);
+            passes.extend(then);
+        }
     }
     passes
 }
 
 impl Tracer {
-    /// Uploads `scene`; geometry, the number of materials and assets are then fixed, the materials themselves, lights,
+    /// Uploads `scene`; geometry, volumes, the number of materials and assets are then fixed, the materials themselves, lights,
     /// camera, ambient light and background are not.
     ///
     /// # Errors
@@ -194,9 +213,6 @@ impl Tracer {
         decoder: DecoderForm,
     ) -> Result<Tracer, ViewerError> {
         gpu.require(tracer)?;
-        if scene.volumes.is_some() {
-            return Err(ViewerError::Usage("volumetric textures are drawn on the CPU only, use --backend cpu".into()));
-        }
         if scene.geometry.hands_over() {
             return Err(ViewerError::Usage(
                 "meshes that volumes stand in for are drawn on the CPU only, use --backend cpu".into(),
@@ -214,11 +230,20 @@ impl Tracer {
             })
             .collect();
         assets.extend(scene.leaves.iter().map(|leaf| ArenaAsset::whole(leaf.leaf.words())));
+        let of_volumes = scene.volumes.as_ref().map(|volumes| volumes.arrays()).transpose();
+        let of_volumes = of_volumes.map_err(|reason| gpu.error(reason))?;
+        assets.extend(of_volumes.iter().flatten().map(|words| ArenaAsset::whole(words)));
         let environment = scene.environment.iter().map(|environment| bytemuck::cast_slice(environment.table()));
         assets.extend(environment.map(ArenaAsset::whole));
         let arena = Arena::new(gpu, &assets, room_for_edits)?;
+        if let Some(volumes) = &scene.volumes {
+            let table = volumes.table(&arena.bases[volume_place(scene)..]);
+            arena.write(gpu, volume_table_place(scene), &table, 0..table.len());
+        }
         let input = if tracer == GpuTracer::RayQuery { BufferUsages::BLAS_INPUT } else { BufferUsages::empty() };
-        let geometry = &scene.geometry;
+        let with_proxies = scene.volumes.as_ref().map(|volumes| scene.geometry.followed_by(volumes.proxies()));
+        let (geometry, volume_root) =
+            with_proxies.as_ref().map_or((&*scene.geometry, 0), |(geometry, root)| (geometry, *root));
         let vertices = Pieces::new(gpu, "vertices", geometry.vertices(), input)?;
         let triangles = Pieces::new(gpu, "triangles", geometry.triangles(), BufferUsages::empty())?;
         let nodes = match tracer {
@@ -276,7 +301,8 @@ impl Tracer {
                         BufferUsages::BLAS_INPUT,
                     )?),
                 };
-                let (tlas, blas) = acceleration_structure(gpu, geometry, own.as_ref().unwrap_or(&vertices.buffers[0]))?;
+                let (tlas, blas) =
+                    acceleration_structure(gpu, geometry, scene, own.as_ref().unwrap_or(&vertices.buffers[0]))?;
                 resources.push((0, tlas.as_binding()));
                 (bind(gpu, &structure_layout, &resources), blas)
             }
@@ -291,7 +317,7 @@ impl Tracer {
             module,
             pipeline_layout,
             decoder,
-            pipelines: [const { None }; 4],
+            pipelines: [const { None }; 5],
             frame,
             materials,
             instances,
@@ -299,6 +325,7 @@ impl Tracer {
             lights,
             light_capacity,
             structure,
+            volume_root,
             target: None,
             _blas: blas,
         })
@@ -439,6 +466,7 @@ impl Tracer {
                                 ("whole_decoder", self.decoder == DecoderForm::Whole),
                                 ("with_assets", !scene.assets.is_empty()),
                                 ("with_leaves", !scene.leaves.is_empty()),
+                                ("with_volumes", scene.volumes.is_some()),
                             ]
                             .map(|(name, is_so)| (name, f64::from(u8::from(is_so)))),
                             ..Default::default()
@@ -526,6 +554,8 @@ impl Tracer {
     ) {
         let camera = scene.camera.frame(width, height);
         let decode = &options.decode;
+        let volumes = scene.volumes.as_ref();
+        let volumes_at = volumes.map_or(0, |_| self.arena.bases[volume_table_place(scene)]);
         let frame = Frame {
             eye: camera.eye.to_array(),
             width,
@@ -556,7 +586,15 @@ impl Tracer {
             sun_direction: scene.sun.map_or([0.0, 1.0, 0.0], |sun| sun.direction.to_array()),
             sun_part: scene.sun.map_or(0.0, |sun| sun.sun_part()),
             sun_irradiance: scene.sun.map_or([0.0; 3], |sun| sun.irradiance),
+            volume_root: self.volume_root,
+            volumes_at,
+            proxies_at: volumes_at + volumes.map_or(0, |volumes| volumes.volume_count() as u32),
+            first_proxy: scene.geometry.instances().len() as u32,
+            volume_reach: volumes.map_or(0.0, |volumes| volumes.reach()),
+            volume_slice: volumes.map_or(0.0, |volumes| volumes.slice()),
             pad0: 0,
+            pad1: 0,
+            pad2: 0,
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
     }
@@ -613,14 +651,24 @@ impl Tracer {
     }
 }
 
-/// Number of a leaf in the arena, which holds assets, then leaves, then the environment.
+/// Number of a leaf in the arena, which holds assets, then leaves, then what volumes need, then the environment.
 fn leaf_place(scene: &Scene, leaf: usize) -> usize {
     scene.assets.len() + leaf
 }
 
+/// Number of the first array of the volumes.
+fn volume_place(scene: &Scene) -> usize {
+    leaf_place(scene, scene.leaves.len())
+}
+
+/// Number of the table of the volumes, where there are any.
+fn volume_table_place(scene: &Scene) -> usize {
+    environment_place(scene) - 1
+}
+
 /// Number of the environment.
 fn environment_place(scene: &Scene) -> usize {
-    leaf_place(scene, scene.leaves.len())
+    volume_place(scene) + scene.volumes.as_ref().map_or(0, |volumes| volumes.array_count())
 }
 
 /// The bases that `gpu` is to expand itself; `None` where the CPU does, or has.
@@ -633,10 +681,12 @@ fn light_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, ViewerError> {
     gpu.empty_buffer("lights", (count * size_of::<GpuLight>()) as u64, BufferUsages::STORAGE)
 }
 
-/// A structure for each mesh and one over the instances, which are numbered as the geometry has them.
+/// A structure for each mesh and one over the instances, which are numbered as `geometry` has them; those that `scene` has
+/// not itself are proxies.
 fn acceleration_structure(
     gpu: &Gpu,
     geometry: &Geometry,
+    scene: &Scene,
     vertices: &wgpu::Buffer,
 ) -> Result<(wgpu::Tlas, Vec<wgpu::Blas>), ViewerError> {
     let limits = gpu.device.limits();
@@ -688,7 +738,8 @@ fn acceleration_structure(
         let rows = instance.world_from_object.concat();
         let mut map = [0.0; 12];
         map.copy_from_slice(&rows);
-        tlas[number] = Some(wgpu::TlasInstance::new(&blas[geometry.mesh_of(number)], map, number as u32, 0xff));
+        let mask = if number < scene.geometry.instances().len() { MESHES } else { PROXIES };
+        tlas[number] = Some(wgpu::TlasInstance::new(&blas[geometry.mesh_of(number)], map, number as u32, mask));
     }
     // Meshes without a triangle are placed nowhere.
     let built: Vec<_> = blas

@@ -1,4 +1,5 @@
-//! Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees.
+//! Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin:
+//! `shaders/volume_light.wgsl`.
 
 use crate::hand_over::HandOver;
 use crate::volumes::{Stretch, Volumes};
@@ -7,10 +8,20 @@ use glam::{Mat3, Vec3};
 
 /// Transmittance below which a ray ends.
 const END: f32 = 1.0 / 255.0;
-/// Transmittance below which a ray to a light does.
-const DARK: f32 = 0.02;
+/// Optical depth beyond which a ray to a light does.
+const MOST_DEPTH: f32 = 7.824_046;
+/// What hides less of a pixel is left out: it may be there or not by rounding.
+const LEAST_OPACITY: f32 = 1e-5;
 /// Share of a pixel that must be hidden before light is asked for anew.
 const SHADOW_STEP: f32 = 1.0 / 16.0;
+/// The constants that the shader has too, by name.
+#[cfg(test)]
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[
+    ("VOLUME_END", END),
+    ("VOLUME_MOST_DEPTH", MOST_DEPTH),
+    ("VOLUME_LEAST_OPACITY", LEAST_OPACITY),
+    ("VOLUME_SHADOW_STEP", SHADOW_STEP),
+];
 
 /// What a ray sees at one place of a volume.
 #[derive(Debug, Clone, Copy)]
@@ -132,7 +143,7 @@ impl Volumes {
         mut each: impl FnMut(VolumePoint),
     ) -> f32 {
         let mut through = 1.0;
-        for stretch in self.stretches_handed_over(origin, direction, t_max, hand_over) {
+        for stretch in self.stretches(origin, direction, t_max).handed_over(hand_over) {
             let voltex = self.volume(stretch.volume);
             let map = stretch.volume_from_world;
             let level = Level::of(voltex, &map, width_at(0.5 * (stretch.t0 + stretch.t1)));
@@ -144,7 +155,7 @@ impl Volumes {
                 let length = segment.t1 - segment.t0;
                 let depth = sigma * length;
                 let hidden = 1.0 - (-depth).exp();
-                if hidden <= 0.0 {
+                if hidden <= LEAST_OPACITY {
                     continue;
                 }
                 each(VolumePoint {
@@ -169,8 +180,7 @@ impl Volumes {
     /// Optical depth along a ray, through voxels `width` wide.
     pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, hand_over: &HandOver, width: f32) -> f32 {
         let mut sum = 0.0;
-        let dark = -DARK.ln();
-        for stretch in self.stretches_handed_over(origin, direction, t_max, hand_over) {
+        for stretch in self.stretches_in_turn(origin, direction, t_max).handed_over(hand_over) {
             let voltex = self.volume(stretch.volume);
             let level = Level::of(voltex, &stretch.volume_from_world, width);
             let d = stretch.ray.direction;
@@ -178,7 +188,7 @@ impl Volumes {
             let mut walk = walk_of(voltex, &stretch);
             while let Some(segment) = walk.next(voltex, level.finer) {
                 sum += parts_of(voltex, &segment, shares, d).0 * (segment.t1 - segment.t0);
-                if sum > 2.0 * dark {
+                if sum > MOST_DEPTH {
                     return f32::INFINITY;
                 }
             }

@@ -1,4 +1,5 @@
-//! The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them.
+//! The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them. Twin:
+//! `shaders/volumes.wgsl`.
 
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
@@ -47,9 +48,12 @@ pub struct Volumes {
     slice: f32,
 }
 
+/// What a mesh of the proxies stands for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Proxy {
+pub(crate) enum Proxy {
+    /// A volume on its own.
     Box(usize),
+    /// A skin.
     Skin(usize),
 }
 
@@ -99,6 +103,9 @@ fn plain_vertex(position: Vec3) -> Vertex {
 
 /// Overlapping volumes are taken in turn in slices of this share of the largest volume's diagonal, or of the thickest skin.
 const SLICE: f32 = 1.0 / 8.0;
+/// Volumes and skins that a ray is in at once: it enters no further one before it has left one of those. What overlaps five times
+/// is met in a slightly other order, and nothing is left out.
+pub(crate) const MOST_PASSAGES: usize = 4;
 
 impl Volumes {
     /// Volumes that stand on their own, and skins; one of either at least.
@@ -158,6 +165,35 @@ impl Volumes {
         &self.volumes[number]
     }
 
+    /// How many volumes there are.
+    pub(crate) fn volume_count(&self) -> usize {
+        self.volumes.len()
+    }
+
+    pub(crate) fn skins(&self) -> &[SceneSkin] {
+        &self.skins
+    }
+
+    /// What rays enter. A triangle's material is the face of its skin's shell.
+    pub(crate) fn proxies(&self) -> &Geometry {
+        &self.proxies
+    }
+
+    /// What an instance of the proxies stands for.
+    pub(crate) fn proxy(&self, instance: usize) -> Proxy {
+        self.kinds[self.proxies.mesh_of(instance)]
+    }
+
+    /// How far before its origin a ray may have entered what it is in.
+    pub(crate) fn reach(&self) -> f32 {
+        self.reach
+    }
+
+    /// Length of the slices in which overlapping volumes are taken.
+    pub(crate) fn slice(&self) -> f32 {
+        self.slice
+    }
+
     /// How many stand on their own, and how many skins there are.
     pub fn counts(&self) -> [usize; 2] {
         let all = self.proxies.instances().len();
@@ -171,25 +207,24 @@ impl Volumes {
 
     /// The stretches of a ray between 0 and `t_max`, in the order in which they begin.
     pub fn stretches(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
-        let mut stretches =
-            Stretches { volumes: self, origin, direction, t_max, from: -self.reach, entry: None, open: Vec::new() };
+        let open = [const { None }; MOST_PASSAGES];
+        let mut stretches = Stretches {
+            volumes: self,
+            origin,
+            direction,
+            t_max,
+            from: -self.reach,
+            entry: None,
+            open,
+            most: MOST_PASSAGES,
+        };
         stretches.find_entry();
         stretches
     }
 
-    /// The same where volumes that stand in for meshes are there beyond their spheres only.
-    pub fn stretches_handed_over(
-        &self,
-        origin: Vec3,
-        direction: Vec3,
-        t_max: f32,
-        hand_over: &HandOver,
-    ) -> impl Iterator<Item = Stretch> {
-        let spheres = hand_over.along(origin, direction);
-        self.stretches(origin, direction, t_max).flat_map(move |stretch| {
-            let parts = spheres.volume(stretch.leaf_width, [stretch.t0, stretch.t1]);
-            parts.into_iter().filter(|[t0, t1]| t0 < t1).map(move |[t0, t1]| Stretch { t0, t1, ..stretch })
-        })
+    /// The same volume by volume, for sums that need no order.
+    pub(crate) fn stretches_in_turn(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
+        Stretches { most: 1, ..self.stretches(origin, direction, t_max) }
     }
 }
 
@@ -226,10 +261,22 @@ pub struct Stretches<'a> {
     /// Entries are looked for from here on.
     from: f32,
     entry: Option<(f32, Hit)>,
-    open: Vec<(Stretch, Passage<'a>)>,
+    /// What it is in.
+    open: [Option<(Stretch, Passage<'a>)>; MOST_PASSAGES],
+    /// How much of that it may be in at once.
+    most: usize,
 }
 
 impl<'a> Stretches<'a> {
+    /// The same where volumes that stand in for meshes are there beyond their spheres only.
+    pub(crate) fn handed_over(self, hand_over: &HandOver) -> impl Iterator<Item = Stretch> + use<'a> {
+        let spheres = hand_over.along(self.origin, self.direction);
+        self.flat_map(move |stretch| {
+            let parts = spheres.volume(stretch.leaf_width, [stretch.t0, stretch.t1]);
+            parts.into_iter().filter(|[t0, t1]| t0 < t1).map(move |[t0, t1]| Stretch { t0, t1, ..stretch })
+        })
+    }
+
     /// Finds the next face that the ray enters by.
     fn find_entry(&mut self) {
         self.entry = None;
@@ -249,10 +296,10 @@ impl<'a> Stretches<'a> {
         self.entry = Some((t, hit));
     }
 
-    /// Goes into what was found.
-    fn enter(&mut self, (t, hit): (f32, Hit)) {
+    /// The passage into what was found.
+    fn enter(&self, (t, hit): (f32, Hit)) -> Option<(Stretch, Passage<'a>)> {
         let volumes = self.volumes;
-        let passage = match volumes.kinds[volumes.proxies.mesh_of(hit.instance as usize)] {
+        match volumes.proxy(hit.instance as usize) {
             Proxy::Box(volume) => {
                 let instance = &volumes.proxies.instances()[hit.instance as usize];
                 let start = t.max(0.0);
@@ -282,8 +329,7 @@ impl<'a> Stretches<'a> {
                 let walk = skin.shell.enter(self.origin, self.direction, link, t.max(0.0), self.t_max);
                 self.advance(Passage::Skin(Box::new(SkinPassage { skin, walk, cells: None })))
             }
-        };
-        self.open.extend(passage);
+        }
     }
 
     /// The next stretch of a passage.
@@ -337,26 +383,27 @@ impl Iterator for Stretches<'_> {
 
     fn next(&mut self) -> Option<Stretch> {
         loop {
-            let first = (0..self.open.len()).min_by(|a, b| self.open[*a].0.t0.total_cmp(&self.open[*b].0.t0));
-            if let Some(entry) = self.entry
-                && first.is_none_or(|first| entry.0 <= self.open[first].0.t0)
+            let begin = |slot: usize| self.open[slot].as_ref().map_or(f32::INFINITY, |(stretch, _)| stretch.t0);
+            let first = (0..self.most).min_by(|a, b| begin(*a).total_cmp(&begin(*b)))?;
+            let free = (0..self.most).find(|slot| self.open[*slot].is_none());
+            let entry = self.entry.filter(|_| free.is_some());
+            if let (Some(entry), Some(free)) = (entry, free)
+                && entry.0 <= begin(first)
             {
-                self.enter(entry);
+                self.open[free] = self.enter(entry);
                 self.find_entry();
                 continue;
             }
-            let first = first?;
-            let others = (0..self.open.len()).filter(|i| *i != first).map(|i| self.open[i].0.t0);
-            let next = others.chain(self.entry.map(|(t, _)| t)).fold(f32::INFINITY, f32::min);
-            let (own, passage) = self.open.swap_remove(first);
+            let others = (0..self.most).filter(|slot| *slot != first).map(begin);
+            let next = others.chain(entry.map(|(t, _)| t)).fold(f32::INFINITY, f32::min);
+            let (own, passage) = self.open[first].take()?;
             // What begins within this stretch is taken in turn with it.
             let cut = next.max(own.t0 + self.volumes.slice);
-            if cut < own.t1 {
-                self.open.push((Stretch { t0: cut, ..own }, passage));
+            if self.most > 1 && cut < own.t1 {
+                self.open[first] = Some((Stretch { t0: cut, ..own }, passage));
                 return Some(Stretch { t1: cut, ..own });
             }
-            let rest = self.advance(passage);
-            self.open.extend(rest);
+            self.open[first] = self.advance(passage);
             return Some(own);
         }
     }

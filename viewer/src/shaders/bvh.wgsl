@@ -14,14 +14,14 @@ const LEAST_DETERMINANT: f32 = 1e-30;
 const EDGE_SLACK: f32 = 2.4e-7;
 const NO_INSTANCE: u32 = 0xffffffffu;
 
-fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> Hit {
+fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, which: u32) -> Hit {
     var best = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     let world = box_ray(origin, direction);
     var ray = world;
     var shear = shear_new(direction);
     var stack: array<u32, BVH_STACK>;
     var size = 0u;
-    var at = frame.root;
+    var at = root;
     // The instance that the ray is in, and where the stack stood before.
     var instance = NO_INSTANCE;
     var below = 0u;
@@ -56,11 +56,11 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
             }
         } else {
             for (var primitive = node.first; primitive < node.first + node.count; primitive++) {
-                let hit = bvh_intersect(ray.origin, shear, primitive);
+                let hit = bvh_intersect(ray.origin, shear, primitive, which == HIT_FRONT);
                 if hit.primitive != NO_HIT && hit.t < best.t {
                     best = hit;
                     best.instance = instance;
-                    if any {
+                    if which == HIT_ANY {
                         return best;
                     }
                 }
@@ -78,12 +78,6 @@ fn bvh_trace(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, any: bool) -> 
         at = stack[size];
     }
     return best;
-}
-
-// A point (w 1) or a direction (w 0) of the world in an instance's space.
-fn object_from_world(instance: u32, v: vec4<f32>) -> vec3<f32> {
-    let rows = instances[instance].object_from_world;
-    return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
 }
 
 // A ray made ready for boxes.
@@ -114,7 +108,8 @@ fn bvh_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(a - b, EDGE_SLACK * (abs(a) + abs(b)));
 }
 
-fn bvh_intersect(origin: vec3<f32>, shear: Shear, primitive: u32) -> Hit {
+// Of fronts alone where asked: those are seen counter-clockwise.
+fn bvh_intersect(origin: vec3<f32>, shear: Shear, primitive: u32, front: bool) -> Hit {
     let miss = Hit(0.0, NO_HIT, 0.0, 0.0, 0u);
     let corner = triangle_at(primitive).vertices;
     let a = shear_apply(shear, vertex_position(corner.x) - origin);
@@ -127,6 +122,9 @@ fn bvh_intersect(origin: vec3<f32>, shear: Shear, primitive: u32) -> Hit {
     let negative = wa.x <= wa.y && wb.x <= wb.y && wc.x <= wc.y;
     let determinant = wa.x + wb.x + wc.x;
     if !(positive || negative) || abs(determinant) < LEAST_DETERMINANT {
+        return miss;
+    }
+    if front && !shear_is_towards(shear, -determinant) {
         return miss;
     }
     let inverse = 1.0 / determinant;

@@ -31,3 +31,10 @@ fn mirror_main(@builtin(global_invocation_id) id: vec3<u32>) {
         mirror_pass(id.xy);
     }
 }
+
+@compute @workgroup_size(8, 8)
+fn volume_main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if in_band(id.xy) {
+        volume_pass(id.xy);
+    }
+}

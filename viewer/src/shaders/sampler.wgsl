@@ -60,3 +60,11 @@ fn sampler_cosine(at: vec2<f32>) -> vec3<f32> {
     let radius = sqrt(at.x);
     return vec3<f32>(radius * cos(angle), radius * sin(angle), sqrt(1.0 - at.x));
 }
+
+// Direction with the same density everywhere on the sphere.
+fn sampler_sphere(at: vec2<f32>) -> vec3<f32> {
+    let z = 1.0 - 2.0 * at.x;
+    let angle = 6.2831855 * at.y;
+    let radius = sqrt(max(1.0 - z * z, 0.0));
+    return vec3<f32>(radius * cos(angle), radius * sin(angle), z);
+}

@@ -43,7 +43,20 @@ struct Frame {
     sun_part: f32,
     // At normal incidence; 0 for no sun.
     sun_irradiance: vec3<f32>,
+    // Node where the hierarchy over the volumes' proxies begins.
+    volume_root: u32,
+    // Words of the arena: where each volume begins; content and patterns of each proxy.
+    volumes_at: u32,
+    proxies_at: u32,
+    // The first instance that is a proxy.
+    first_proxy: u32,
+    // How far before its origin a ray may have entered the volume that it is in.
+    volume_reach: f32,
+    // Length of the slices in which overlapping volumes are taken.
+    volume_slice: f32,
     pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 struct Vertex {
@@ -99,7 +112,8 @@ struct Light {
 // The path of a pixel's sample: its latest ray and what that hit.
 struct Path {
     origin: vec3<f32>,
-    // Triangle that the latest ray hit, or NO_HIT.
+    // Triangle that the latest ray hit; MISSED where it hit none and volumes are still to be seen; IN_VOLUME where the path
+    // scattered before it and goes on from there; NO_HIT where it ended.
     primitive: u32,
     direction: vec3<f32>,
     // Barycentric weights of the triangle's second and third corner.
@@ -128,6 +142,8 @@ struct Pixel {
 }
 
 const NO_ASSET: u32 = 0xffffffffu;
+const MISSED: u32 = 0xfffffffdu;
+const IN_VOLUME: u32 = 0xfffffffeu;
 const SCATTERED: u32 = 0x80000000u;
 const MOST_MATERIALS: u32 = 1024u;
 

@@ -32,6 +32,7 @@ override whole_decoder: bool = false;
 // What the scene has: what it has not need not be compiled.
 override with_assets: bool = true;
 override with_leaves: bool = true;
+override with_volumes: bool = true;
 
 fn camera_direction(pixel: vec2<u32>) -> vec3<f32> {
     let x = 2.0 * (f32(pixel.x) + 0.5 + frame.jitter.x) / f32(frame.width) - 1.0;
@@ -222,6 +223,7 @@ fn light_from_side(
     material: Material,
     viewed: ViewedBody,
     light_back: bool,
+    width: f32,
     numbers: LightNumbers,
 ) -> SideLight {
     var done = SideLight(vec3<f32>(0.0), 0u, 0u);
@@ -321,14 +323,15 @@ fn light_from_side(
             }
         }
         done.rays += 1u;
-        if distance > 0.0 && trace_occluded(origin, direction, distance) {
+        let passed = past_volumes(origin, direction, distance, width);
+        if passed <= 0.0 {
             continue;
         }
         if with_assets && relief.scale > 0.0 && !light_back && relief_shadowed(relief, point, wi, viewed.bare) {
             continue;
         }
         done.evaluations += select(1u, 0u, viewed.kind == BODY_PLAIN);
-        done.radiance += incident * body_light(viewed, material.asset, s.wo, &rows, wi);
+        done.radiance += passed * incident * body_light(viewed, material.asset, s.wo, &rows, wi);
     }
     return done;
 }
@@ -409,25 +412,19 @@ fn scatter(
 fn camera_pass(at: vec2<u32>) {
     let index = at.y * frame.width + at.x;
     let direction = camera_direction(whole_picture(at));
-    let seen = trace_seen(frame.eye, direction);
-    let hit = seen.hit;
-    let missed = hit.primitive == NO_HIT;
-    paths[index] = Path(frame.eye, hit.primitive, direction, hit.u, vec3<f32>(1.0), hit.v, hit.instance, 0.0, hit.t, seen.sunk);
     var sum = vec4<f32>(0.0, 0.0, 0.0, 1.0);
-    if missed {
-        sum = vec4<f32>(beyond(direction, false), 1.0);
-    }
     if frame.sample > 0u {
         sum += pixels[index].sum;
     }
-    pixels[index] = Pixel(sum, hit.primitive, 1u, 0u, 1u);
+    let pixel = Pixel(sum, NO_HIT, 0u, 0u, 0u);
+    go_on(at, pixel, Path(frame.eye, NO_HIT, direction, 0.0, vec3<f32>(1.0), 0.0, 0u, 0.0, 0.0, 0.0));
 }
 
 // Pass: light at what the latest ray hit.
 fn light_pass(at: vec2<u32>) {
     let index = at.y * frame.width + at.x;
     let path = paths[index];
-    if path.primitive == NO_HIT {
+    if path.primitive >= IN_VOLUME {
         return;
     }
     var relief: Relief;
@@ -442,12 +439,13 @@ fn light_pass(at: vec2<u32>) {
     let material = materials[s.material];
     let level = level_of(s, material, path.travelled, numbers.seed);
     let leaf = viewed_leaf_at(s, material, path.instance, level);
+    let width = path.travelled * frame.pixel_width;
     for (var side = 0u; side < 2u; side++) {
         let viewed = viewed_body(s, material, leaf, level, side == 1u);
         if viewed.kind == BODY_NONE {
             continue;
         }
-        let light = light_from_side(s, relief, point, material, viewed, side == 1u, numbers);
+        let light = light_from_side(s, relief, point, material, viewed, side == 1u, width, numbers);
         pixel.sum += vec4<f32>(path.throughput * light.radiance, 0.0);
         pixel.rays += light.rays;
         pixel.evaluations += light.evaluations;
@@ -472,7 +470,7 @@ fn mirror_pass(at: vec2<u32>) {
     let s = surface_of(path, &relief, &point);
     path.direction = mirror_direction(s, path.direction);
     path.origin = select(s.above, s.below, s.view_back);
-    go_on(index, path);
+    go_on(at, pixels[index], path);
 }
 
 // Pass: the next ray of a traced path.
@@ -480,6 +478,10 @@ fn scatter_pass(at: vec2<u32>) {
     let index = at.y * frame.width + at.x;
     var path = paths[index];
     if path.primitive == NO_HIT {
+        return;
+    }
+    if path.primitive == IN_VOLUME {
+        go_on(at, pixels[index], path);
         return;
     }
     var relief: Relief;
@@ -503,16 +505,18 @@ fn scatter_pass(at: vec2<u32>) {
     path.density = next.density;
     path.direction = next.direction;
     path.origin = select(s.above, s.below, next.back);
-    go_on(index, path);
+    go_on(at, pixels[index], path);
 }
 
 fn whole_picture(at: vec2<u32>) -> vec2<u32> {
     return vec2<u32>(at.x, at.y + frame.first_row);
 }
 
-// Traces the path's ray.
-fn go_on(index: u32, given: Path) {
+// Traces the path's ray and adds what comes along it from beyond everything; where there are volumes, their pass does that.
+fn go_on(at: vec2<u32>, before: Pixel, given: Path) {
+    let index = at.y * frame.width + at.x;
     var path = given;
+    var pixel = before;
     let met = trace_seen(path.origin, path.direction);
     let hit = met.hit;
     path.sunk = met.sunk;
@@ -520,16 +524,89 @@ fn go_on(index: u32, given: Path) {
     path.u = hit.u;
     path.v = hit.v;
     path.instance = (path.instance & SCATTERED) | hit.instance;
-    path.travelled += hit.t;
-    pixels[index].rays += 1u;
-    pixels[index].depth += 1u;
-    if hit.primitive == NO_HIT {
-        var seen = beyond(path.direction, (path.instance & SCATTERED) != 0u);
-        if frame.environment.x > 0u && path.density > 0.0 {
-            // The rest was drawn from the picture.
-            seen *= path.density / (path.density + environment_density(path.direction));
-        }
-        pixels[index].sum += vec4<f32>(path.throughput * seen, 0.0);
+    pixel.rays += 1u;
+    pixel.depth += 1u;
+    if pixel.depth == 1u {
+        pixel.seen = hit.primitive;
     }
+    if !with_volumes {
+        arrive(hit.t, &path, &pixel);
+    } else if hit.primitive == NO_HIT {
+        path.primitive = MISSED;
+    }
+    pixels[index] = pixel;
     paths[index] = path;
+}
+
+// Takes the path to the end of its ray and adds what comes from beyond everything.
+fn arrive(t: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) {
+    (*path).travelled += t;
+    if (*path).primitive == NO_HIT {
+        var seen = beyond((*path).direction, ((*path).instance & SCATTERED) != 0u);
+        if frame.environment.x > 0u && (*path).density > 0.0 {
+            // The rest was drawn from the picture.
+            seen *= (*path).density / ((*path).density + environment_density((*path).direction));
+        }
+        (*pixel).sum += vec4<f32>((*path).throughput * seen, 0.0);
+    }
+}
+
+// Pass: volumes before what the latest ray hit.
+fn volume_pass(at: vec2<u32>) {
+    let index = at.y * frame.width + at.x;
+    var path = paths[index];
+    var pixel = pixels[index];
+    if path.primitive == NO_HIT {
+        return;
+    }
+    var t = TRACE_FAR;
+    if path.primitive == MISSED {
+        path.primitive = NO_HIT;
+    } else {
+        let hit = Hit(0.0, path.primitive, path.u, path.v, path.instance & ~SCATTERED);
+        t = dot(surface_at(hit, path.direction).position - path.origin, path.direction);
+    }
+    if pass_volumes(whole_picture(at), t, &path, &pixel) {
+        arrive(t, &path, &pixel);
+    }
+    pixels[index] = pixel;
+    paths[index] = path;
+}
+
+// Adds what the path's ray sees in volumes before `t_max`; false where it ends or scatters there.
+fn pass_volumes(at: vec2<u32>, t_max: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) -> bool {
+    let depth = (*pixel).depth;
+    let seen = seen_in_volumes(*path, t_max, at, depth);
+    (*pixel).sum += vec4<f32>((*path).throughput * seen.radiance, 0.0);
+    (*pixel).rays += seen.rays;
+    if frame.mode != MODE_PATH {
+        (*path).throughput *= seen.through;
+        if seen.through <= 0.0 {
+            (*path).primitive = NO_HIT;
+        }
+        return seen.through > 0.0;
+    }
+    let choice = sampler_two(frame.sample, seed_of(at, depth, VOLUME_CHOICE_NUMBERS));
+    if choice.x < seen.through {
+        return true;
+    }
+    (*path).primitive = NO_HIT;
+    if seen.point.weight <= 0.0 {
+        return false;
+    }
+    let next = sampler_sphere(sampler_two(frame.sample, seed_of(at, depth, VOLUME_SCATTER_NUMBERS)));
+    let throughput = (*path).throughput * (4.0 * volume_reflected(seen.point, next));
+    // Russian roulette, as at surfaces.
+    let kept = clamp(most(throughput), LEAST_KEPT, 1.0);
+    if most(throughput) <= 0.0 || choice.y >= kept {
+        return false;
+    }
+    (*path).primitive = IN_VOLUME;
+    (*path).throughput = throughput / kept;
+    (*path).instance |= SCATTERED;
+    (*path).density = SPHERE_DENSITY;
+    (*path).travelled += seen.point.t;
+    (*path).origin += (*path).direction * seen.point.t + volume_shadow_offset(seen.point, next);
+    (*path).direction = next;
+    return false;
 }

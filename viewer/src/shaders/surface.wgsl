@@ -9,6 +9,10 @@ struct Hit {
 }
 
 const NO_HIT: u32 = 0xffffffffu;
+// Which hit a traversal is for: any will do; only the nearest; only the nearest of those whose front the ray meets.
+const HIT_ANY: u32 = 0u;
+const HIT_NEAREST: u32 = 1u;
+const HIT_FRONT: u32 = 2u;
 // Cosine to which an eye below the shading horizon is lifted; interpolated normals turn away at silhouettes.
 const LEAST_EYE_COS: f32 = 1e-3;
 
@@ -65,6 +69,12 @@ fn lift(p: vec3<f32>, weights: vec3<f32>, corners: array<Vertex, 3>, side: f32) 
         at += weights[i] * (p - normal * min(dot(p - corners[i].position, normal), 0.0));
     }
     return at;
+}
+
+// A point (w 1) or a direction (w 0) of the world in an instance's space.
+fn object_from_world(instance: u32, v: vec4<f32>) -> vec3<f32> {
+    let rows = instances[instance].object_from_world;
+    return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
 }
 
 // A vertex of a mesh where an instance has it.

@@ -1,9 +1,15 @@
 // The tracer that runs everywhere: a bounding volume hierarchy in storage buffers.
 
 fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
-    return bvh_trace(origin, direction, TRACE_FAR, false);
+    return bvh_trace(frame.root, origin, direction, TRACE_FAR, HIT_NEAREST);
 }
 
 fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool {
-    return bvh_trace(origin, direction, distance, true).primitive != NO_HIT;
+    return bvh_trace(frame.root, origin, direction, distance, HIT_ANY).primitive != NO_HIT;
+}
+
+// Any hit of a mesh, or the nearest face by which the ray enters a volume's proxy.
+fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
+    let root = select(frame.volume_root, frame.root, meshes);
+    return bvh_trace(root, origin, direction, t_max, select(HIT_FRONT, HIT_ANY, meshes));
 }

@@ -4,17 +4,31 @@ enable wgpu_ray_query;
 
 @group(1) @binding(0) var acceleration: acceleration_structure;
 
-const RAY_ALL_INSTANCES: u32 = 0xffu;
+// Masks of the instances. Twins: MESHES and PROXIES in trace.rs.
+const RAY_MESHES: u32 = 1u;
+const RAY_PROXIES: u32 = 2u;
 const RAY_FLAG_TERMINATE_ON_FIRST_HIT: u32 = 4u;
+// Fronts and backs are told in the mesh's own space, where mirrored instances have theirs as others do.
+const RAY_FLAG_CULL_BACK_FACING: u32 = 0x10u;
 
 fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
+    return trace_with(0u, RAY_MESHES, origin, direction, TRACE_FAR);
+}
+
+// Any hit of a mesh, or the nearest face by which the ray enters a volume's proxy.
+fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
+    let flags = select(RAY_FLAG_CULL_BACK_FACING, RAY_FLAG_TERMINATE_ON_FIRST_HIT, meshes);
+    return trace_with(flags, select(RAY_PROXIES, RAY_MESHES, meshes), origin, direction, t_max);
+}
+
+fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
     var query: ray_query;
-    rayQueryInitialize(&query, acceleration, RayDesc(0u, RAY_ALL_INSTANCES, 0.0, TRACE_FAR, origin, direction));
+    rayQueryInitialize(&query, acceleration, RayDesc(flags, mask, 0.0, t_max, origin, direction));
     while (rayQueryProceed(&query)) {
     }
     let found = rayQueryGetCommittedIntersection(&query);
     if found.kind == RAY_QUERY_INTERSECTION_NONE {
-        return Hit(TRACE_FAR, NO_HIT, 0.0, 0.0, 0u);
+        return Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     }
     let instance = found.instance_custom_data;
     let primitive = instances[instance].first_triangle + found.primitive_index;
@@ -22,13 +36,5 @@ fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
 }
 
 fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool {
-    var query: ray_query;
-    rayQueryInitialize(
-        &query,
-        acceleration,
-        RayDesc(RAY_FLAG_TERMINATE_ON_FIRST_HIT, RAY_ALL_INSTANCES, 0.0, distance, origin, direction),
-    );
-    while (rayQueryProceed(&query)) {
-    }
-    return rayQueryGetCommittedIntersection(&query).kind != RAY_QUERY_INTERSECTION_NONE;
+    return trace_with(RAY_FLAG_TERMINATE_ON_FIRST_HIT, RAY_MESHES, origin, direction, distance).primitive != NO_HIT;
 }

@@ -269,8 +269,9 @@ impl Panel {
             Some(ms) => ui.label(format!("{ms:.2} ms per frame ({})", status.timer)),
             None => ui.label("measuring"),
         };
-        if let Some(PassTimes { camera_ms, light_ms, bounce_ms }) = status.passes {
-            ui.small(format!("camera {camera_ms:.2}, light {light_ms:.2}, further rays {bounce_ms:.2} ms"));
+        if let Some(PassTimes { camera_ms, volume_ms, light_ms, bounce_ms }) = status.passes {
+            let volumes = if volume_ms > 0.0 { format!("volumes {volume_ms:.2}, ") } else { String::new() };
+            ui.small(format!("camera {camera_ms:.2}, {volumes}light {light_ms:.2}, further rays {bounce_ms:.2} ms"));
         }
         ui.label(format!("{} x {}, {} samples", status.picture[0], status.picture[1], status.samples));
         if let Some(governor) = status.governor {

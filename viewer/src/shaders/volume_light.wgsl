@@ -1,0 +1,163 @@
+// Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin: volume_light.rs.
+
+// Transmittance below which a ray ends.
+const VOLUME_END: f32 = 0.003921569;
+// Optical depth beyond which a ray to a light does.
+const VOLUME_MOST_DEPTH: f32 = 7.824046;
+// What hides less of a pixel is left out: it may be there or not by rounding.
+const VOLUME_LEAST_OPACITY: f32 = 1e-5;
+// Optical depth of what is darker: the twin's infinity.
+const VOLUME_BLACK: f32 = 1e4;
+// Levels below the pixel's: voxels are half as wide as a pixel.
+const VOLUME_BIAS: f32 = -1.0;
+// Share of a pixel that must be hidden before light is asked for anew.
+const VOLUME_SHADOW_STEP: f32 = 0.0625;
+
+// What a ray sees at one place of a volume.
+struct VolumePoint {
+    map: VolumeMap,
+    // Along the ray.
+    t: f32,
+    // Share of the pixel that it is; 0 for none.
+    weight: f32,
+    volume: u32,
+    level: VolumeLevel,
+    parts: VolumeParts,
+    view: vec3<f32>,
+}
+
+// Which levels a pixel sees.
+struct VolumeLevel {
+    finer: u32,
+    // Share of the next coarser one.
+    part: f32,
+    // What the flakes of both count for along the ray.
+    shares: vec2<f32>,
+}
+
+// Extinction of a segment along the ray, and its two voxels with the share that each counts for.
+struct VolumeParts {
+    shares: vec2<f32>,
+    sigma: f32,
+    finer: VoltexVoxel,
+    coarser: VoltexVoxel,
+}
+
+// A direction of the world in the volume.
+fn volume_times(map: VolumeMap, direction: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(dot(map.x, direction), dot(map.y, direction), dot(map.z, direction));
+}
+
+fn volume_determinant(map: VolumeMap) -> f32 {
+    return dot(map.x, cross(map.y, map.z));
+}
+
+// Length in the volume of what is one long in the world, in the mean of all directions.
+fn volume_scale(map: VolumeMap) -> f32 {
+    return pow(max(abs(volume_determinant(map)), 1e-37), 1.0 / 3.0);
+}
+
+// Where a pixel is `width` wide in the world, along `d` in the volume.
+fn volume_level_of(volume: u32, map: VolumeMap, width: f32, d: vec3<f32>) -> VolumeLevel {
+    let most = voltex_level_count(volume);
+    let voxels = width * volume_scale(map) * f32(1u << most);
+    let level = clamp(log2(clamp(voxels, 1e-9, 1e9)) + VOLUME_BIAS, 0.0, f32(most));
+    let finer = floor(level);
+    return VolumeLevel(u32(finer), level - finer, volume_shares(volume, u32(finer), level - finer, d));
+}
+
+// What the flakes of a level and of the next coarser one count for along `d`, which differ in clumping.
+fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> {
+    let along = vec2<f32>(voltex_clumping_along(volume, finer, d), voltex_clumping_along(volume, finer + 1u, d));
+    return vec2<f32>(1.0 - part, part) * along;
+}
+
+// Light that the point reflects and transmits of what comes from `light` (a unit vector towards it) with irradiance pi, without
+// shadow.
+fn volume_reflected(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
+    let l = volume_times(point.map, light) / volume_scale(point.map);
+    var sum = vec3<f32>(0.0);
+    if point.parts.shares.x > 0.0 {
+        sum += point.parts.shares.x * volume_voxel_light(point, point.parts.finer, l);
+    }
+    if point.parts.shares.y > 0.0 {
+        sum += point.parts.shares.y * volume_voxel_light(point, point.parts.coarser, l);
+    }
+    return sum / max(point.parts.sigma, 1e-30);
+}
+
+fn volume_voxel_light(point: VolumePoint, voxel: VoltexVoxel, l: vec3<f32>) -> vec3<f32> {
+    let material = voltex_material(point.volume, voxel.material);
+    let sides = voltex_shade(voxel.moment, -point.view, l);
+    return material.reflectance * sides.x + material.transmittance * sides.y;
+}
+
+// From where a ray to a light begins, relative to the point, in the world.
+fn volume_shadow_offset(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
+    let l = volume_times(point.map, light);
+    let side = f32(1u << point.level.finer) / f32(1u << voltex_level_count(point.volume));
+    let towards = point.parts.shares.x * voltex_times(point.parts.finer.moment, l)
+        + point.parts.shares.y * voltex_times(point.parts.coarser.moment, l);
+    let size = max(abs(towards.x), max(abs(towards.y), abs(towards.z)));
+    let determinant = volume_determinant(point.map);
+    if size < 1e-30 || abs(determinant) < 1e-30 {
+        return vec3<f32>(0.0);
+    }
+    let way = normalize(towards / size) * (voltex_shadow_offset(point.volume, point.level.finer) * side);
+    let map = point.map;
+    let columns = way.x * cross(map.y, map.z) + way.y * cross(map.z, map.x) + way.z * cross(map.x, map.y);
+    return columns / determinant;
+}
+
+// The share c by which eye and light see the same gaps, where the angle between them has this cosine.
+fn volume_shared(point: VolumePoint, cosine: f32) -> f32 {
+    let most = voltex_level_count(point.volume);
+    let finer = voltex_shared_at(point.volume, min(point.level.finer, most), cosine);
+    let coarser = voltex_shared_at(point.volume, min(point.level.finer + 1u, most), cosine);
+    return finer + (coarser - finer) * point.level.part;
+}
+
+fn volume_parts_of(volume: u32, cell: VoltexCell, shares: vec2<f32>, d: vec3<f32>) -> VolumeParts {
+    var parts: VolumeParts;
+    if cell.voxel != VOLTEX_NO_VOXEL && shares.x > 0.0 {
+        parts.finer = voltex_voxel(volume, cell.voxel);
+        parts.shares.x = shares.x;
+        parts.sigma += parts.shares.x * sqrt(max(voltex_form(parts.finer.extinction, d, d), 0.0));
+    }
+    if cell.parent != VOLTEX_NO_VOXEL && shares.y > 0.0 {
+        parts.coarser = voltex_voxel(volume, cell.parent);
+        parts.shares.y = shares.y;
+        parts.sigma += shares.y * sqrt(max(voltex_form(parts.coarser.extinction, d, d), 0.0));
+    }
+    return parts;
+}
+
+// The ray of a stretch, t counted from its own start.
+fn volume_walk_of(stretch: Stretch) -> VoltexWalk {
+    let t0 = stretch.t0 - stretch.start;
+    return voltex_walk_new(stretch.volume, stretch.origin, stretch.direction, t0, stretch.t1 - stretch.start);
+}
+
+// Optical depth along a ray, as far as it matters for a pixel `width` wide; of meshes too.
+fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32) -> f32 {
+    var sum = 0.0;
+    var open: array<Passage, PASSAGE_SLOTS>;
+    var stretches = volume_stretches_in_turn(origin, direction, t_max);
+    loop {
+        let stretch = volume_next(&stretches, &open);
+        if stretch.volume == NO_VOLUME {
+            return select(sum, VOLUME_BLACK, stretches.entries.is_hidden);
+        }
+        let level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
+        var walk = volume_walk_of(stretch);
+        while walk.t < walk.t_end {
+            let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
+            let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
+            sum += parts.sigma * (segment.t1 - segment.t0);
+            if sum > VOLUME_MOST_DEPTH {
+                return VOLUME_BLACK;
+            }
+        }
+    }
+    return VOLUME_BLACK;
+}

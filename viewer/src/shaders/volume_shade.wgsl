@@ -1,0 +1,191 @@
+// Volumetric textures: what a ray sees in them, and what of a light passes them. Twin: cpu_volumes.rs.
+
+const VOLUME_CHOICE_NUMBERS: u32 = 5u;
+const VOLUME_SCATTER_NUMBERS: u32 = 6u;
+const VOLUME_LIGHT_NUMBERS: u32 = 7u;
+// Density of directions that are drawn over the whole sphere, per steradian.
+const SPHERE_DENSITY: f32 = 0.07957747;
+
+// What a ray sees in volumes.
+struct SeenInVolumes {
+    // Light from them.
+    radiance: vec3<f32>,
+    // Share of what is behind them that passes.
+    through: f32,
+    // One of the places that are seen, as likely as its share of the pixel.
+    point: VolumePoint,
+    rays: u32,
+}
+
+// Light from one direction as a volume meets it.
+struct VolumeSource {
+    towards: vec3<f32>,
+    distance: f32,
+    // Irradiance over pi; 0 for none.
+    incident: vec3<f32>,
+}
+
+// Share of light that passes the scene's meshes and volumes on the way from a surface.
+fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f32) -> f32 {
+    if distance <= 0.0 {
+        return 1.0;
+    }
+    if !with_volumes {
+        return select(1.0, 0.0, trace_occluded(origin, direction, distance));
+    }
+    return exp(-volume_depth(origin, direction, distance, width));
+}
+
+// Where a ray is among volumes.
+struct VolumeWay {
+    stretches: Stretches,
+    stretch: Stretch,
+    level: VolumeLevel,
+    walk: VoltexWalk,
+}
+
+// What the path's ray sees in the scene's volumes up to `t_max`. It and the rays from there to the light take their steps in the
+// same lines, because compilers copy what is called into its place.
+fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> SeenInVolumes {
+    let sun_at = sampler_two(frame.sample, seed_of(pixel, depth, SUN_NUMBERS));
+    let sky_at = sampler_two(frame.sample, seed_of(pixel, depth, AMBIENT_NUMBERS));
+    let seed = sampler_hash(seed_of(pixel, depth, VOLUME_LIGHT_NUMBERS) + frame.sample);
+    var seen: SeenInVolumes;
+    var total = 0.0;
+    var draws = 0u;
+    var open: array<Passage, PASSAGE_SLOTS>;
+    let around = frame.light_count + 1u;
+    // The sun, then each light by itself along the whole ray, then what surrounds at the place that was drawn. There may be any
+    // number of lights; the twin goes along the ray once.
+    for (var source = 0u; source <= around; source++) {
+        var light = VolumeSource(sun_sample(sun_at), TRACE_FAR, frame.sun_irradiance / TRACE_PI);
+        if source == around {
+            light = volume_surroundings(sky_at);
+        }
+        var point = seen.point;
+        // What passes to the light, asked for anew now and then.
+        var passed = 0.0;
+        var hidden = TRACE_FAR;
+        var through = 1.0;
+        var stretches = volume_stretches(path.origin, path.direction, t_max);
+        var stretch: Stretch;
+        var level: VolumeLevel;
+        var walk: VoltexWalk;
+        // While a ray to the light is followed: where the path's ray is, and the optical depth so far.
+        var to_light = false;
+        var kept: VolumeWay;
+        var optical_depth = 0.0;
+        while through > 0.0 || to_light {
+            if source == around && !to_light {
+                through = 0.0;
+                point.weight = total;
+            } else if walk.t < walk.t_end {
+                let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
+                let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
+                let way = segment.t1 - segment.t0;
+                if to_light {
+                    optical_depth += parts.sigma * way;
+                    if optical_depth <= VOLUME_MOST_DEPTH {
+                        continue;
+                    }
+                    optical_depth = VOLUME_BLACK;
+                } else {
+                    let opacity = 1.0 - exp(-parts.sigma * way);
+                    if opacity <= VOLUME_LEAST_OPACITY {
+                        continue;
+                    }
+                    let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
+                    let weight = through * opacity;
+                    point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
+                    through *= 1.0 - opacity;
+                    if through < VOLUME_END {
+                        through = 0.0;
+                    }
+                    if source > 0u {
+                        light = volume_point_light(source - 1u, path.origin + path.direction * t);
+                    } else {
+                        // One place for everything that takes a ray of its own.
+                        total += weight;
+                        draws += 1u;
+                        if sampler_one(seed + draws) * total < weight {
+                            seen.point = point;
+                        }
+                    }
+                }
+            } else {
+                stretch = volume_next(&stretches, &open);
+                if stretch.volume != NO_VOLUME {
+                    let t = select(0.5 * (stretch.t0 + stretch.t1), point.t, to_light);
+                    let width = (path.travelled + t) * frame.pixel_width;
+                    level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
+                    walk = volume_walk_of(stretch);
+                    continue;
+                }
+                if !to_light {
+                    break;
+                }
+                optical_depth = select(optical_depth, VOLUME_BLACK, stretches.entries.is_hidden);
+            }
+            if to_light {
+                let both_see = volume_shared(point, -dot(path.direction, light.towards));
+                passed = exp(-(1.0 - both_see) * optical_depth);
+                to_light = false;
+                stretches = kept.stretches;
+                stretch = kept.stretch;
+                level = kept.level;
+                walk = kept.walk;
+            } else {
+                let is_anew = hidden > VOLUME_SHADOW_STEP;
+                hidden = select(hidden + point.weight, point.weight, is_anew);
+                if is_anew && most(light.incident) > 0.0 {
+                    seen.rays += 1u;
+                    let origin = path.origin + path.direction * point.t + volume_shadow_offset(point, light.towards);
+                    to_light = true;
+                    optical_depth = 0.0;
+                    kept = VolumeWay(stretches, stretch, level, walk);
+                    stretches = volume_stretches_in_turn(origin, light.towards, light.distance);
+                    walk.t_end = walk.t;
+                    continue;
+                }
+            }
+            if passed > 0.0 && most(light.incident) > 0.0 {
+                seen.radiance += point.weight * passed * light.incident * volume_reflected(point, light.towards);
+            }
+        }
+        if source == 0u {
+            seen.through = through;
+        }
+        if total <= 0.0 {
+            break;
+        }
+    }
+    return seen;
+}
+
+fn volume_point_light(number: u32, position: vec3<f32>) -> VolumeSource {
+    let way = lights[number].position - position;
+    let distance2 = dot(way, way);
+    if distance2 <= LEAST_LIGHT_DISTANCE2 {
+        return VolumeSource(vec3<f32>(0.0), 0.0, vec3<f32>(0.0));
+    }
+    let distance = sqrt(distance2);
+    return VolumeSource(way / distance, distance, lights[number].intensity / (distance2 * TRACE_PI));
+}
+
+// What surrounds the scene, from one direction.
+fn volume_surroundings(at: vec2<f32>) -> VolumeSource {
+    let path = frame.mode == MODE_PATH;
+    let distance = select(frame.occlusion_distance, TRACE_FAR, path);
+    var source = VolumeSource(vec3<f32>(0.0), distance, vec3<f32>(0.0));
+    if frame.environment.x > 0u {
+        source.towards = environment_sample(at);
+        let density = environment_density(source.towards) + select(0.0, SPHERE_DENSITY, path);
+        if density > 0.0 {
+            source.incident = environment_radiance(source.towards) / (TRACE_PI * density);
+        }
+    } else if !path {
+        source.towards = sampler_sphere(at);
+        source.incident = frame.ambient / (TRACE_PI * SPHERE_DENSITY);
+    }
+    return source;
+}

@@ -1,0 +1,163 @@
+//! Volumetric textures among meshes, on their own and as a skin: every tracer draws the same.
+
+mod support;
+
+use btf_runtime::testing::{Random, random_volume};
+use btf_runtime::voltex::Voltex;
+use btf_viewer::{
+    Ambient, Camera, CpuPicture, DiscreteJitter, Environment, GpuTracer, Jitter, Material, NO_VOLUME, Noise, Pattern,
+    PointLight, RenderMode, Scene, SceneMesh, SceneObject, SceneSkin, ShadeOptions, Shell, ShellParams, Shown, Skin,
+    SkinVertex, Sun, Tracer, VolumePlace, Volumes, plane, sphere,
+};
+use glam::{Mat4, Quat, Vec3};
+use std::path::Path;
+use std::sync::Arc;
+use support::{count_differences, gpu};
+
+const SIZE: [u32; 2] = [64, 48];
+const SAMPLES: u32 = 2;
+/// Thickness of the skin.
+const THICKNESS: f32 = 0.3;
+
+/// A hill of 5 x 5 texels with two patterns in turn.
+fn skin(seed: u32) -> SceneSkin {
+    let vertex = |x: u32, y: u32| {
+        let [x, y] = [x, y].map(|x| x as f32);
+        let lift = 0.1 * (0.9 * x).sin() * (1.1 * y).cos();
+        let position = Vec3::new(0.6 * x - 1.5, lift, 1.5 - 0.6 * y);
+        SkinVertex::new(position, Vec3::Y * THICKNESS, [x, y])
+    };
+    let straight = Skin::from_grid(5, 5, vertex, |x, y| (x + y) % 2).unwrap();
+    let noise = Noise { wavelength: 0.7, period: [0; 3], seed: 5 };
+    let leaning = Jitter { noise, coordinates: 0.0, length: 0.2, angle_deg: 20.0 }.apply(&straight).unwrap();
+    let shell = Shell::new(&leaning, &ShellParams { tolerance: 0.1, ..ShellParams::default() }).unwrap();
+    let jitter =
+        DiscreteJitter { empty: 0.2, scale: [0.5, 0.9], displacement: 0.3, margin: 0.1, turns: true, mirrors: true };
+    let isolated = Pattern { alternatives: vec![[2, 3, NO_VOLUME, NO_VOLUME]], ..Pattern::isolated(2, jitter, seed) };
+    SceneSkin { shell, patterns: vec![Pattern::cyclic(3), isolated], thickness: THICKNESS }
+}
+
+/// Volumes, `places` of the first two of them, and the skin.
+fn volumes(places: &[VolumePlace], seed: u32) -> Arc<Volumes> {
+    let mut random = Random::new(7);
+    let all = [4, 3, 3, 2].map(|levels| Arc::new(Voltex::new(&random_volume(&mut random, levels, 0.4))));
+    Arc::new(Volumes::new(all.to_vec(), places, vec![skin(seed)]).unwrap())
+}
+
+/// Two boxes that overlap each other and a ball, one of them mirrored.
+fn places() -> [VolumePlace; 2] {
+    let place = |volume, scale: Vec3, turn: f32, at: Vec3| {
+        let turn = Quat::from_axis_angle(Vec3::new(0.3, 1.0, 0.2).normalize(), turn);
+        let middle = Mat4::from_translation(Vec3::splat(-0.5));
+        VolumePlace { volume, world_from_volume: Mat4::from_scale_rotation_translation(scale, turn, at) * middle }
+    };
+    [
+        place(0, Vec3::new(1.0, 1.3, 0.9), 0.4, Vec3::new(-0.2, 0.9, 0.2)),
+        place(1, Vec3::new(-0.9, 0.9, 1.1), 1.9, Vec3::new(0.4, 0.8, -0.1)),
+    ]
+}
+
+/// A ground with a skin, a ball and two volumes under sun, sky and lamp.
+fn garden() -> Scene {
+    let mut ground = plane();
+    ground.transform(Mat4::from_rotation_x(-std::f32::consts::FRAC_PI_2) * Mat4::from_scale(Vec3::splat(2.0)));
+    let mut ball = sphere();
+    ball.transform(Mat4::from_scale_rotation_translation(Vec3::splat(0.4), Quat::IDENTITY, Vec3::new(0.2, 0.7, 0.0)));
+    let object = |part, reflectance| SceneObject { part, material: Material::plain(reflectance) };
+    let mesh = |object| SceneMesh { objects: vec![object], places: vec![Mat4::IDENTITY] };
+    let mut shiny = object(ball, [0.3, 0.1, 0.1]);
+    shiny.material.mirror = [0.4; 3];
+    let meshes = vec![mesh(object(ground, [0.3, 0.2, 0.1])), mesh(shiny)];
+    let mut scene = Scene::from_meshes(Path::new("garden"), meshes, Shown::default()).unwrap();
+    scene.volumes = Some(volumes(&places(), 77));
+    scene.camera =
+        Camera { eye: Vec3::new(0.5, 1.4, 3.6), target: Vec3::new(0.0, 0.6, 0.0), up: Vec3::Y, fov_deg: 40.0 };
+    scene.lights = vec![PointLight { position: Vec3::new(-0.6, 2.2, 1.0), intensity: [2.0, 1.5, 1.0] }];
+    scene.sun =
+        Some(Sun { direction: Vec3::new(0.5, 0.7, 0.4).normalize(), angular_diameter_deg: 0.53, irradiance: [3.0; 3] });
+    scene
+}
+
+/// The same under a sky that is bright in the west.
+fn outdoors() -> Scene {
+    let mut scene = garden();
+    let level = |pixel: usize| match (pixel / 32 < 8, pixel % 32 < 10) {
+        (true, true) => 1.5,
+        (true, false) => 0.4,
+        _ => 0.1,
+    };
+    let rgb: Vec<f32> = (0..32 * 16).flat_map(|pixel| [0.5, 0.7, 1.0].map(|share| share * level(pixel))).collect();
+    scene.surround(Environment::new(32, 16, &rgb));
+    scene.ambient.distance = 2.0;
+    scene
+}
+
+fn cpu_picture(scene: &Scene, options: &ShadeOptions) -> Vec<[f32; 3]> {
+    let mut picture = CpuPicture::new(SIZE);
+    for _ in 0..SAMPLES {
+        picture.add_sample(scene, options, &|| true);
+    }
+    picture.radiance()
+}
+
+/// What is drawn of the scene, and how.
+struct Case {
+    name: &'static str,
+    scene: Scene,
+    options: ShadeOptions,
+    expected: Vec<[f32; 3]>,
+}
+
+fn cases() -> Vec<Case> {
+    let mut lit_evenly = garden();
+    lit_evenly.ambient = Ambient { radiance: [0.3, 0.4, 0.5], distance: 1.0 };
+    let case = |name, scene, mode| {
+        let options = ShadeOptions { mode, depth: 3, ..ShadeOptions::default() };
+        let expected = cpu_picture(&scene, &options);
+        Case { name, scene, options, expected }
+    };
+    vec![
+        case("a sky", outdoors(), RenderMode::Direct),
+        case("a sky, paths", outdoors(), RenderMode::Path),
+        case("ambient light", lit_evenly, RenderMode::Direct),
+    ]
+}
+
+/// Pixels of a picture that may differ: rays that graze a voxel's edge.
+const ALLOWED: usize = (SIZE[0] * SIZE[1]) as usize / 100;
+
+fn compare(kind: GpuTracer, test: &str) {
+    let Some(gpu) = gpu(test) else { return };
+    let cases = cases();
+    // One for all, whose pipelines then are compiled once: it is uploaded with the sky that the last does without.
+    let mut tracer = Tracer::new(&gpu, &cases[0].scene, kind).unwrap();
+    for Case { name, scene, options, expected } in &cases {
+        for sample in 0..SAMPLES {
+            tracer.sample(&gpu, scene, SIZE, options, sample, None).unwrap();
+        }
+        let found = count_differences(expected, &tracer.read_radiance(&gpu).unwrap());
+        println!("{name}, {kind:?}: {found} of {} pixels differ", expected.len());
+        assert!(found <= ALLOWED, "{name}, {kind:?}: {found}");
+    }
+}
+
+#[test]
+fn ray_queries_draw_the_same_volumes_as_the_cpu() {
+    compare(GpuTracer::RayQuery, "ray_queries_draw_the_same_volumes_as_the_cpu");
+}
+
+#[test]
+fn the_compute_hierarchy_draws_the_same_volumes_as_the_cpu() {
+    compare(GpuTracer::Bvh, "the_compute_hierarchy_draws_the_same_volumes_as_the_cpu");
+}
+
+#[test]
+fn a_volume_less_or_another_is_noticed() {
+    for Case { name, scene, options, expected } in cases() {
+        // One volume less, another seed of the skin, no volumes.
+        for volumes in [Some(volumes(&places()[..1], 77)), Some(volumes(&places(), 78)), None] {
+            let planted = count_differences(&expected, &cpu_picture(&Scene { volumes, ..scene.clone() }, &options));
+            assert!(planted > 2 * ALLOWED, "{name}: {planted}");
+        }
+    }
+}
