@@ -52,21 +52,30 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
     let seed = sampler_hash(seed_of(pixel, depth, VOLUME_LIGHT_NUMBERS) + frame.sample);
     var seen: SeenInVolumes;
     var total = 0.0;
-    var draws = 0u;
     var open: array<Passage, PASSAGE_SLOTS>;
     let around = frame.light_count + 1u;
     // The sun, then each light by itself along the whole ray, then what surrounds at the place that was drawn. There may be any
     // number of lights; the twin goes along the ray once.
     for (var source = 0u; source <= around; source++) {
         var light = VolumeSource(sun_sample(sun_at), TRACE_FAR, frame.sun_irradiance / TRACE_PI);
-        if source == around {
-            light = volume_surroundings(sky_at);
-        }
+        var draws = 0u;
+        // Places that hide a part of the pixel together: how much, their light without shadow, and the one at which is asked how
+        // much passes, as likely as what it hides.
+        var near = 0.0;
+        var unshadowed = vec3<f32>(0.0);
+        var drawn = seen.point;
+        var drawn_light = light;
+        // The latest place, which waits while that is asked; and whether there will be no other.
         var point = seen.point;
-        // What passes to the light, asked for anew now and then.
-        var passed = 0.0;
-        var hidden = TRACE_FAR;
+        var waits = false;
+        var is_last = source == around;
         var through = 1.0;
+        if is_last {
+            drawn_light = volume_surroundings(sky_at);
+            if most(drawn_light.incident) > 0.0 {
+                unshadowed = total * drawn_light.incident * volume_reflected(drawn, drawn_light.towards);
+            }
+        }
         var stretches = volume_stretches(path.origin, path.direction, t_max);
         var stretch: Stretch;
         var level: VolumeLevel;
@@ -75,82 +84,98 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
         var to_light = false;
         var kept: VolumeWay;
         var optical_depth = 0.0;
-        while through > 0.0 || to_light {
-            if source == around && !to_light {
-                through = 0.0;
-                point.weight = total;
-            } else if walk.t < walk.t_end {
+        loop {
+            if waits && near <= VOLUME_SHADOW_STEP {
+                waits = false;
+                if source > 0u {
+                    light = volume_point_light(source - 1u, path.origin + path.direction * point.t);
+                }
+                if most(light.incident) > 0.0 {
+                    unshadowed += point.weight * light.incident * volume_reflected(point, light.towards);
+                }
+                near += point.weight;
+                if sampler_one(seed + draws + 1u) * near < point.weight {
+                    drawn = point;
+                    drawn_light = light;
+                }
+                // One place for everything that takes a ray of its own.
+                if source == 0u {
+                    total += point.weight;
+                    if sampler_one(seed + draws + 2u) * total < point.weight {
+                        seen.point = point;
+                    }
+                }
+                draws += 2u;
+                is_last = through <= 0.0;
+            }
+            if !to_light && (waits || is_last) {
+                if most(unshadowed) > 0.0 {
+                    seen.rays += 1u;
+                    let towards = drawn_light.towards;
+                    let origin = path.origin + path.direction * drawn.t + volume_shadow_offset(drawn, towards);
+                    to_light = true;
+                    optical_depth = 0.0;
+                    kept = VolumeWay(stretches, stretch, level, walk);
+                    stretches = volume_stretches_in_turn(origin, towards, drawn_light.distance);
+                    walk.t_end = walk.t;
+                } else if is_last {
+                    break;
+                } else {
+                    near = 0.0;
+                    continue;
+                }
+            }
+            if walk.t < walk.t_end {
                 let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
                 let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
                 let way = segment.t1 - segment.t0;
-                if to_light {
-                    optical_depth += parts.sigma * way;
-                    if optical_depth <= VOLUME_MOST_DEPTH {
-                        continue;
-                    }
-                    optical_depth = VOLUME_BLACK;
-                } else {
+                if !to_light {
                     let opacity = 1.0 - exp(-parts.sigma * way);
-                    if opacity <= VOLUME_LEAST_OPACITY {
-                        continue;
-                    }
-                    let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
-                    let weight = through * opacity;
-                    point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
-                    through *= 1.0 - opacity;
-                    if through < VOLUME_END {
-                        through = 0.0;
-                    }
-                    if source > 0u {
-                        light = volume_point_light(source - 1u, path.origin + path.direction * t);
-                    } else {
-                        // One place for everything that takes a ray of its own.
-                        total += weight;
-                        draws += 1u;
-                        if sampler_one(seed + draws) * total < weight {
-                            seen.point = point;
+                    if opacity > VOLUME_LEAST_OPACITY {
+                        let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
+                        let weight = through * opacity;
+                        point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
+                        waits = true;
+                        through *= 1.0 - opacity;
+                        if through < VOLUME_END {
+                            through = 0.0;
                         }
                     }
+                    continue;
                 }
+                optical_depth += parts.sigma * way;
+                if optical_depth <= VOLUME_MOST_DEPTH {
+                    continue;
+                }
+                optical_depth = VOLUME_BLACK;
             } else {
                 stretch = volume_next(&stretches, &open);
                 if stretch.volume != NO_VOLUME {
-                    let t = select(0.5 * (stretch.t0 + stretch.t1), point.t, to_light);
+                    let t = select(0.5 * (stretch.t0 + stretch.t1), drawn.t, to_light);
                     let width = (path.travelled + t) * frame.pixel_width;
                     level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
                     walk = volume_walk_of(stretch);
                     continue;
                 }
                 if !to_light {
-                    break;
+                    is_last = true;
+                    continue;
                 }
                 optical_depth = select(optical_depth, VOLUME_BLACK, stretches.entries.is_hidden);
             }
-            if to_light {
-                let both_see = volume_shared(point, -dot(path.direction, light.towards));
-                passed = exp(-(1.0 - both_see) * optical_depth);
-                to_light = false;
-                stretches = kept.stretches;
-                stretch = kept.stretch;
-                level = kept.level;
-                walk = kept.walk;
-            } else {
-                let is_anew = hidden > VOLUME_SHADOW_STEP;
-                hidden = select(hidden + point.weight, point.weight, is_anew);
-                if is_anew && most(light.incident) > 0.0 {
-                    seen.rays += 1u;
-                    let origin = path.origin + path.direction * point.t + volume_shadow_offset(point, light.towards);
-                    to_light = true;
-                    optical_depth = 0.0;
-                    kept = VolumeWay(stretches, stretch, level, walk);
-                    stretches = volume_stretches_in_turn(origin, light.towards, light.distance);
-                    walk.t_end = walk.t;
-                    continue;
-                }
+            // The ray to the light has ended.
+            let both_see = volume_shared(drawn, -dot(path.direction, drawn_light.towards));
+            seen.radiance += unshadowed * exp(-(1.0 - both_see) * optical_depth);
+            if is_last {
+                break;
             }
-            if passed > 0.0 && most(light.incident) > 0.0 {
-                seen.radiance += point.weight * passed * light.incident * volume_reflected(point, light.towards);
-            }
+            near = 0.0;
+            unshadowed = vec3<f32>(0.0);
+            to_light = false;
+            stretches = kept.stretches;
+            stretch = kept.stretch;
+            level = kept.level;
+            walk = kept.walk;
         }
         if source == 0u {
             seen.through = through;
