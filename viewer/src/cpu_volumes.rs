@@ -13,6 +13,9 @@ use std::f32::consts::PI;
 
 /// Rays along a pixel's side, for more of which voxels do not grow narrower: it was not measured for more.
 const MOST_RAYS_ACROSS: f32 = 4.0;
+/// The constant that the shader has too.
+#[cfg(test)]
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MOST_RAYS_ACROSS", MOST_RAYS_ACROSS)];
 
 /// What a ray sees in volumes.
 pub(crate) struct SeenInVolumes {

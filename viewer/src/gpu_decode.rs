@@ -64,7 +64,8 @@ pub fn gpu_decode(
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("decode"),
         source: wgpu::ShaderSource::Wgsl(
-            trace_module(tracer, ModuleLayout { assets: arena.pieces.layout, ..ModuleLayout::WHOLE }).into(),
+            trace_module(tracer, ModuleLayout { assets: arena.pieces.layout, volumes: false, ..ModuleLayout::WHOLE })
+                .into(),
         ),
     });
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {

@@ -21,6 +21,7 @@ const SKIN_PATTERN: &str = include_str!("shaders/skin_pattern.wgsl");
 const VOLUMES: &str = include_str!("shaders/volumes.wgsl");
 const VOLUME_LIGHT: &str = include_str!("shaders/volume_light.wgsl");
 const VOLUME_SHADE: &str = include_str!("shaders/volume_shade.wgsl");
+const NO_VOLUMES: &str = include_str!("shaders/no_volumes.wgsl");
 const SKIN_QUERIES: &str = include_str!("shaders/skin_queries.wgsl");
 const DECODE_QUERIES: &str = include_str!("shaders/decode_queries.wgsl");
 /// Shows a picture in a window.
@@ -56,15 +57,18 @@ pub struct ModuleLayout {
     pub triangles: PieceLayout,
     /// Nodes of the hierarchy, for the tracer that has one.
     pub nodes: PieceLayout,
+    /// Whether there are volumetric textures.
+    pub volumes: bool,
 }
 
 impl ModuleLayout {
-    /// Everything in one piece each.
+    /// Everything in one piece each, and volumes.
     pub const WHOLE: ModuleLayout = ModuleLayout {
         assets: PieceLayout::WHOLE,
         vertices: PieceLayout::WHOLE,
         triangles: PieceLayout::WHOLE,
         nodes: PieceLayout::WHOLE,
+        volumes: true,
     };
 }
 
@@ -76,6 +80,11 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
         arrays += &layout.nodes.wgsl(&NODES);
     }
     let library = btf_runtime::wgsl_library();
+    let voltex = btf_runtime::voltex_wgsl();
+    let volumes: &[&str] = match layout.volumes {
+        true => &[&voltex, SKIN_WALK, SKIN_CELL, SKIN_PATTERN, VOLUMES, VOLUME_LIGHT, VOLUME_SHADE],
+        false => &[NO_VOLUMES],
+    };
     // The file with the enable directive comes first.
     let tracer_parts: &[&str] = match tracer {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
@@ -88,7 +97,6 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
             &arrays,
             &library,
             &btf_runtime::leaf_wgsl(),
-            &btf_runtime::voltex_wgsl(),
             SAMPLER,
             ENVIRONMENT,
             SUN_DISC,
@@ -96,16 +104,9 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
             RELIEF,
             VIEWED_BODY,
             SHEAR,
-            SKIN_WALK,
-            SKIN_CELL,
-            SKIN_PATTERN,
-            VOLUMES,
-            VOLUME_LIGHT,
-            VOLUME_SHADE,
-            SHADE,
-            PASSES,
-            DECODE_QUERIES,
         ],
+        volumes,
+        &[SHADE, PASSES, DECODE_QUERIES],
     ]
     .concat()
     .join("\n")
@@ -131,6 +132,7 @@ mod tests {
         vertices: PieceLayout { pieces: 2, shift: 12 },
         triangles: PieceLayout { pieces: 4, shift: 14 },
         nodes: PieceLayout { pieces: 2, shift: 16 },
+        volumes: false,
     };
 
     /// What every WebGPU implementation has: halves in storage are read with `unpack2x16float`.
@@ -303,6 +305,8 @@ mod tests {
             "volume_level_of",
             "volume_voxel_light",
             "volume_slot_of",
+            "volume_offset",
+            "volume_pass",
             "volume_point_light",
             "volume_surroundings",
         ];
@@ -367,6 +371,7 @@ mod tests {
             .chain(crate::surface::CONSTANTS)
             .chain(crate::relief::CONSTANTS)
             .chain(crate::volume_light::CONSTANTS)
+            .chain(crate::cpu_volumes::CONSTANTS)
         {
             assert_eq!(constant(&module, name), Some(naga::Literal::F32(*value)), "{name}");
         }

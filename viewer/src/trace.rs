@@ -255,6 +255,7 @@ impl Tracer {
             vertices: vertices.layout,
             triangles: triangles.layout,
             nodes: nodes.as_ref().map_or(PieceLayout::WHOLE, |nodes| nodes.layout),
+            volumes: scene.volumes.is_some(),
         };
         let bound = [layout.assets, layout.vertices, layout.triangles, layout.nodes].map(|layout| layout.pieces);
         if bound.iter().sum::<u32>() > gpu.most_pieces() {
@@ -466,7 +467,6 @@ impl Tracer {
                                 ("whole_decoder", self.decoder == DecoderForm::Whole),
                                 ("with_assets", !scene.assets.is_empty()),
                                 ("with_leaves", !scene.leaves.is_empty()),
-                                ("with_volumes", scene.volumes.is_some()),
                             ]
                             .map(|(name, is_so)| (name, f64::from(u8::from(is_so)))),
                             ..Default::default()

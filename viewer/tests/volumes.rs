@@ -34,7 +34,7 @@ fn skin(seed: u32) -> SceneSkin {
     let jitter =
         DiscreteJitter { empty: 0.2, scale: [0.5, 0.9], displacement: 0.3, margin: 0.1, turns: true, mirrors: true };
     let isolated = Pattern { alternatives: vec![[2, 3, NO_VOLUME, NO_VOLUME]], ..Pattern::isolated(2, jitter, seed) };
-    SceneSkin { shell, patterns: vec![Pattern::cyclic(3), isolated], thickness: THICKNESS }
+    SceneSkin { shell, patterns: vec![Pattern::cyclic(3), isolated], thickness: THICKNESS, leaf_width: 0.0 }
 }
 
 /// Volumes, `places` of the first two of them, and the skin.
@@ -49,7 +49,8 @@ fn places() -> [VolumePlace; 2] {
     let place = |volume, scale: Vec3, turn: f32, at: Vec3| {
         let turn = Quat::from_axis_angle(Vec3::new(0.3, 1.0, 0.2).normalize(), turn);
         let middle = Mat4::from_translation(Vec3::splat(-0.5));
-        VolumePlace { volume, world_from_volume: Mat4::from_scale_rotation_translation(scale, turn, at) * middle }
+        let world_from_volume = Mat4::from_scale_rotation_translation(scale, turn, at) * middle;
+        VolumePlace { volume, world_from_volume, leaf_width: 0.0 }
     };
     [
         place(0, Vec3::new(1.0, 1.3, 0.9), 0.4, Vec3::new(-0.2, 0.9, 0.2)),

@@ -32,7 +32,6 @@ override whole_decoder: bool = false;
 // What the scene has: what it has not need not be compiled.
 override with_assets: bool = true;
 override with_leaves: bool = true;
-override with_volumes: bool = true;
 
 fn camera_direction(pixel: vec2<u32>) -> vec3<f32> {
     let x = 2.0 * (f32(pixel.x) + 0.5 + frame.jitter.x) / f32(frame.width) - 1.0;
@@ -439,7 +438,7 @@ fn light_pass(at: vec2<u32>) {
     let material = materials[s.material];
     let level = level_of(s, material, path.travelled, numbers.seed);
     let leaf = viewed_leaf_at(s, material, path.instance, level);
-    let width = path.travelled * frame.pixel_width;
+    let width = path.travelled * ray_width();
     for (var side = 0u; side < 2u; side++) {
         let viewed = viewed_body(s, material, leaf, level, side == 1u);
         if viewed.kind == BODY_NONE {
@@ -508,6 +507,11 @@ fn scatter_pass(at: vec2<u32>) {
     go_on(at, pixels[index], path);
 }
 
+// How wide voxels should be at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so many.
+fn ray_width() -> f32 {
+    return frame.pixel_width / min(sqrt(f32(frame.sample + 1u)), MOST_RAYS_ACROSS);
+}
+
 fn whole_picture(at: vec2<u32>) -> vec2<u32> {
     return vec2<u32>(at.x, at.y + frame.first_row);
 }
@@ -529,7 +533,7 @@ fn go_on(at: vec2<u32>, before: Pixel, given: Path) {
     if pixel.depth == 1u {
         pixel.seen = hit.primitive;
     }
-    if !with_volumes {
+    if !WITH_VOLUMES {
         arrive(hit.t, &path, &pixel);
     } else if hit.primitive == NO_HIT {
         path.primitive = MISSED;
@@ -549,64 +553,4 @@ fn arrive(t: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) {
         }
         (*pixel).sum += vec4<f32>((*path).throughput * seen, 0.0);
     }
-}
-
-// Pass: volumes before what the latest ray hit.
-fn volume_pass(at: vec2<u32>) {
-    let index = at.y * frame.width + at.x;
-    var path = paths[index];
-    var pixel = pixels[index];
-    if path.primitive == NO_HIT {
-        return;
-    }
-    var t = TRACE_FAR;
-    if path.primitive == MISSED {
-        path.primitive = NO_HIT;
-    } else {
-        let hit = Hit(0.0, path.primitive, path.u, path.v, path.instance & ~SCATTERED);
-        t = dot(surface_at(hit, path.direction).position - path.origin, path.direction);
-    }
-    if pass_volumes(whole_picture(at), t, &path, &pixel) {
-        arrive(t, &path, &pixel);
-    }
-    pixels[index] = pixel;
-    paths[index] = path;
-}
-
-// Adds what the path's ray sees in volumes before `t_max`; false where it ends or scatters there.
-fn pass_volumes(at: vec2<u32>, t_max: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) -> bool {
-    let depth = (*pixel).depth;
-    let seen = seen_in_volumes(*path, t_max, at, depth);
-    (*pixel).sum += vec4<f32>((*path).throughput * seen.radiance, 0.0);
-    (*pixel).rays += seen.rays;
-    if frame.mode != MODE_PATH {
-        (*path).throughput *= seen.through;
-        if seen.through <= 0.0 {
-            (*path).primitive = NO_HIT;
-        }
-        return seen.through > 0.0;
-    }
-    let choice = sampler_two(frame.sample, seed_of(at, depth, VOLUME_CHOICE_NUMBERS));
-    if choice.x < seen.through {
-        return true;
-    }
-    (*path).primitive = NO_HIT;
-    if seen.point.weight <= 0.0 {
-        return false;
-    }
-    let next = sampler_sphere(sampler_two(frame.sample, seed_of(at, depth, VOLUME_SCATTER_NUMBERS)));
-    let throughput = (*path).throughput * (4.0 * volume_reflected(seen.point, next));
-    // Russian roulette, as at surfaces.
-    let kept = clamp(most(throughput), LEAST_KEPT, 1.0);
-    if most(throughput) <= 0.0 || choice.y >= kept {
-        return false;
-    }
-    (*path).primitive = IN_VOLUME;
-    (*path).throughput = throughput / kept;
-    (*path).instance |= SCATTERED;
-    (*path).density = SPHERE_DENSITY;
-    (*path).travelled += seen.point.t;
-    (*path).origin += (*path).direction * seen.point.t + volume_shadow_offset(seen.point, next);
-    (*path).direction = next;
-    return false;
 }

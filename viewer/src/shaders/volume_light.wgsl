@@ -8,8 +8,6 @@ const VOLUME_MOST_DEPTH: f32 = 7.824046;
 const VOLUME_LEAST_OPACITY: f32 = 1e-5;
 // Optical depth of what is darker: the twin's infinity.
 const VOLUME_BLACK: f32 = 1e4;
-// Levels below the pixel's: voxels are half as wide as a pixel.
-const VOLUME_BIAS: f32 = -1.0;
 // Share of a pixel that must be hidden before light is asked for anew.
 const VOLUME_SHADOW_STEP: f32 = 0.0625;
 
@@ -26,7 +24,7 @@ struct VolumePoint {
     view: vec3<f32>,
 }
 
-// Which levels a pixel sees.
+// Which levels a ray sees.
 struct VolumeLevel {
     finer: u32,
     // Share of the next coarser one.
@@ -57,11 +55,11 @@ fn volume_scale(map: VolumeMap) -> f32 {
     return pow(max(abs(volume_determinant(map)), 1e-37), 1.0 / 3.0);
 }
 
-// Where a pixel is `width` wide in the world, along `d` in the volume.
+// Where voxels should be `width` wide in the world, along `d` in the volume.
 fn volume_level_of(volume: u32, map: VolumeMap, width: f32, d: vec3<f32>) -> VolumeLevel {
     let most = voltex_level_count(volume);
     let voxels = width * volume_scale(map) * f32(1u << most);
-    let level = clamp(log2(clamp(voxels, 1e-9, 1e9)) + VOLUME_BIAS, 0.0, f32(most));
+    let level = clamp(log2(clamp(voxels, 1e-9, 1e9)), 0.0, f32(most));
     let finer = floor(level);
     return VolumeLevel(u32(finer), level - finer, volume_shares(volume, u32(finer), level - finer, d));
 }
@@ -95,7 +93,9 @@ fn volume_voxel_light(point: VolumePoint, voxel: VoltexVoxel, l: vec3<f32>) -> v
 // From where a ray to a light begins, relative to the point, in the world.
 fn volume_shadow_offset(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
     let l = volume_times(point.map, light);
-    let side = f32(1u << point.level.finer) / f32(1u << voltex_level_count(point.volume));
+    // Between the levels', as all that is seen is: no step where one takes over.
+    let finer = volume_offset(point.volume, point.level.finer);
+    let offset = mix(finer, volume_offset(point.volume, point.level.finer + 1u), point.level.part);
     let towards = point.parts.shares.x * voltex_times(point.parts.finer.moment, l)
         + point.parts.shares.y * voltex_times(point.parts.coarser.moment, l);
     let size = max(abs(towards.x), max(abs(towards.y), abs(towards.z)));
@@ -103,10 +103,17 @@ fn volume_shadow_offset(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
     if size < 1e-30 || abs(determinant) < 1e-30 {
         return vec3<f32>(0.0);
     }
-    let way = normalize(towards / size) * (voltex_shadow_offset(point.volume, point.level.finer) * side);
+    let way = normalize(towards / size) * offset;
     let map = point.map;
     let columns = way.x * cross(map.y, map.z) + way.y * cross(map.z, map.x) + way.z * cross(map.x, map.y);
     return columns / determinant;
+}
+
+// How far from the flakes a ray to the light begins, sides of the volume.
+fn volume_offset(volume: u32, level: u32) -> f32 {
+    let most = voltex_level_count(volume);
+    let own = min(level, most);
+    return voltex_shadow_offset(volume, own) * (f32(1u << own) / f32(1u << most));
 }
 
 // The share c by which eye and light see the same gaps, where the angle between them has this cosine.

@@ -6,6 +6,9 @@ const VOLUME_LIGHT_NUMBERS: u32 = 7u;
 // Density of directions that are drawn over the whole sphere, per steradian.
 const SPHERE_DENSITY: f32 = 0.07957747;
 
+// Whether rays may meet volumes. Where a scene has none, no_volumes.wgsl stands in for this file.
+const WITH_VOLUMES: bool = true;
+
 // What a ray sees in volumes.
 struct SeenInVolumes {
     // Light from them.
@@ -29,9 +32,6 @@ struct VolumeSource {
 fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f32) -> f32 {
     if distance <= 0.0 {
         return 1.0;
-    }
-    if !with_volumes {
-        return select(1.0, 0.0, trace_occluded(origin, direction, distance));
     }
     return exp(-volume_depth(origin, direction, distance, width));
 }
@@ -152,7 +152,7 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
                 stretch = volume_next(&stretches, &open);
                 if stretch.volume != NO_VOLUME {
                     let t = select(0.5 * (stretch.t0 + stretch.t1), drawn.t, to_light);
-                    let width = (path.travelled + t) * frame.pixel_width;
+                    let width = (path.travelled + t) * ray_width();
                     level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
                     walk = volume_walk_of(stretch);
                     continue;
@@ -213,4 +213,64 @@ fn volume_surroundings(at: vec2<f32>) -> VolumeSource {
         source.incident = frame.ambient / (TRACE_PI * SPHERE_DENSITY);
     }
     return source;
+}
+
+// Pass: volumes before what the latest ray hit.
+fn volume_pass(at: vec2<u32>) {
+    let index = at.y * frame.width + at.x;
+    var path = paths[index];
+    var pixel = pixels[index];
+    if path.primitive == NO_HIT {
+        return;
+    }
+    var t = TRACE_FAR;
+    if path.primitive == MISSED {
+        path.primitive = NO_HIT;
+    } else {
+        let hit = Hit(0.0, path.primitive, path.u, path.v, path.instance & ~SCATTERED);
+        t = dot(surface_at(hit, path.direction).position - path.origin, path.direction);
+    }
+    if pass_volumes(whole_picture(at), t, &path, &pixel) {
+        arrive(t, &path, &pixel);
+    }
+    pixels[index] = pixel;
+    paths[index] = path;
+}
+
+// Adds what the path's ray sees in volumes before `t_max`; false where it ends or scatters there.
+fn pass_volumes(at: vec2<u32>, t_max: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) -> bool {
+    let depth = (*pixel).depth;
+    let seen = seen_in_volumes(*path, t_max, at, depth);
+    (*pixel).sum += vec4<f32>((*path).throughput * seen.radiance, 0.0);
+    (*pixel).rays += seen.rays;
+    if frame.mode != MODE_PATH {
+        (*path).throughput *= seen.through;
+        if seen.through <= 0.0 {
+            (*path).primitive = NO_HIT;
+        }
+        return seen.through > 0.0;
+    }
+    let choice = sampler_two(frame.sample, seed_of(at, depth, VOLUME_CHOICE_NUMBERS));
+    if choice.x < seen.through {
+        return true;
+    }
+    (*path).primitive = NO_HIT;
+    if seen.point.weight <= 0.0 {
+        return false;
+    }
+    let next = sampler_sphere(sampler_two(frame.sample, seed_of(at, depth, VOLUME_SCATTER_NUMBERS)));
+    let throughput = (*path).throughput * (4.0 * volume_reflected(seen.point, next));
+    // Russian roulette, as at surfaces.
+    let kept = clamp(most(throughput), LEAST_KEPT, 1.0);
+    if most(throughput) <= 0.0 || choice.y >= kept {
+        return false;
+    }
+    (*path).primitive = IN_VOLUME;
+    (*path).throughput = throughput / kept;
+    (*path).instance |= SCATTERED;
+    (*path).density = SPHERE_DENSITY;
+    (*path).travelled += seen.point.t;
+    (*path).origin += (*path).direction * seen.point.t + volume_shadow_offset(seen.point, next);
+    (*path).direction = next;
+    return false;
 }
