@@ -94,7 +94,14 @@ fn transmittance_error(bend: Bend, volume: &Arc<Voltex>, leaves: &[[Vec3; 3]], s
                 |[s, t]: [f32; 2]| f64::from(u8::from(!occluder.occluded(origin(x + s, y + t), direction, 40.0)));
             let truth = places(RAYS).map(passed).sum::<f64>() / (RAYS * RAYS) as f64;
             let seen = |[s, t]: [f32; 2]| {
-                f64::from(volumes.see(origin(x + s, y + t), direction, 40.0, &HandOver::MESHES, |_| width, |_| ()))
+                f64::from(volumes.see(
+                    origin(x + s, y + t),
+                    direction,
+                    40.0,
+                    &HandOver::MESHES,
+                    |_| 0.5 * width,
+                    |_| (),
+                ))
             };
             let found = places(4).map(seen).sum::<f64>() / 16.0;
             if truth < 1.0 || found < 0.999 {
