@@ -307,6 +307,7 @@ mod tests {
             "volume_slot_of",
             "volume_offset",
             "volume_pass",
+            "pass_volumes",
             "volume_point_light",
             "volume_surroundings",
         ];
