@@ -174,10 +174,11 @@ pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl L
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::voltex::ablations::Ablation;
     use crate::voltex::flakes::FlakeColour;
     use crate::voltex::projection::{HALF_SIDE, Projection, spread_directions};
     use btf_runtime::testing::Random;
-    use btf_runtime::voltex::{NO_VOXEL, Sym3, VoltexRay, Walk};
+    use btf_runtime::voltex::{NO_VOXEL, VoltexRay, Walk};
 
     /// Square leaves about a ball's middle.
     fn bush(leaves: usize, size: f32) -> TriangleModel {
@@ -275,11 +276,7 @@ mod tests {
         };
         let occluder = Occluder::new(&model.in_cube(&Frame::around(model.bounds()).unwrap()).triangles);
         let fitted = build_voltex(&model, &params).unwrap();
-        let mut even = fitted.clone();
-        for level in &mut even.levels {
-            let mean = level.clumping.trace() / 3.0;
-            level.clumping = Sym3([mean, mean, mean, 0.0, 0.0, 0.0]);
-        }
+        let (even, _) = Ablation::EvenClumping.apply(&model, &fitted).unwrap();
         for level in 0..3 {
             let worst = |volume| {
                 let ratios = hidden(volume, &occluder, level).into_iter().map(|[model, hidden]| hidden / model);

@@ -2,17 +2,20 @@
 
 use super::flakes::{DIRECTIONS, FlakeSums};
 use btf_runtime::voltex::Sym3;
+use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
 use std::sync::OnceLock;
+
+/// What each entry of a symmetric matrix S counts for in `d' S d`.
+pub(super) fn entries_along(d: DVec3) -> [f64; 6] {
+    [d.x * d.x, d.y * d.y, d.z * d.z, 2.0 * d.x * d.y, 2.0 * d.x * d.z, 2.0 * d.y * d.z]
+}
 
 /// Least squares from squared projected areas to the matrix.
 fn solver() -> &'static SMatrix<f64, 6, 13> {
     static SOLVER: OnceLock<SMatrix<f64, 6, 13>> = OnceLock::new();
     SOLVER.get_or_init(|| {
-        let rows = SMatrix::<f64, 13, 6>::from_fn(|i, j| {
-            let d = DIRECTIONS[i].as_dvec3();
-            [d.x * d.x, d.y * d.y, d.z * d.z, 2.0 * d.x * d.y, 2.0 * d.x * d.z, 2.0 * d.y * d.z][j]
-        });
+        let rows = SMatrix::<f64, 13, 6>::from_fn(|i, j| entries_along(DIRECTIONS[i].as_dvec3())[j]);
         let gram = rows.transpose() * rows;
         gram.try_inverse().unwrap_or_default() * rows.transpose()
     })

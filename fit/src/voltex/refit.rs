@@ -1,6 +1,7 @@
 //! Scales the extinction of voxels until parallel rays through the volume let through what rays past the model do: a
 //! tomography by ordered subsets, one view a subset [Hudson & Larkin 1994], with the steps of SART [Andersen & Kak 1984].
 
+use super::extinction::entries_along;
 use super::occluder::Occluder;
 use super::projection::{HALF_SIDE, Projection, spread_directions};
 use btf_runtime::voltex::{MOST_CLUMPING, NO_VOXEL, Sym3, Voltex, VoltexRay, Voxel, Walk};
@@ -227,9 +228,7 @@ fn fit_clumping(own: &Level, views: &[Projection], truths: &[Vec<f32>], logs: &[
         for (view, truth) in views.iter().zip(truths) {
             let hidden = own.hidden(view, truth, &own.sigmas(view, logs, clumping));
             if hidden.growth > 0.0 {
-                let d = view.direction.as_dvec3();
-                let row =
-                    Vector6::new(d.x * d.x, d.y * d.y, d.z * d.z, 2.0 * d.x * d.y, 2.0 * d.x * d.z, 2.0 * d.y * d.z);
+                let row = Vector6::from(entries_along(view.direction.as_dvec3()));
                 gram += hidden.growth * row * row.transpose();
                 right -= hidden.excess * row;
             }

@@ -133,29 +133,34 @@ impl Voltex {
         }
     }
 
+    /// Where a level's numbers begin.
+    fn level_at(&self, level: u32) -> usize {
+        self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS
+    }
+
     /// How a level's shadows fall. Twin: `voltex_shadow`, where their words begin.
     pub fn shadow(&self, level: u32) -> LevelShadow {
-        let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS;
+        let at = self.level_at(level);
         let number = |i: usize| f32::from_bits(self.words[at + i]);
         LevelShadow { offset: number(0), shared: std::array::from_fn(|i| number(1 + i)) }
     }
 
     /// Replaces them.
     pub fn set_shadow(&mut self, level: u32, shadow: &LevelShadow) {
-        let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS;
+        let at = self.level_at(level);
         self.words[at] = shadow.offset.to_bits();
         (0..HOTSPOT_DEG.len()).for_each(|i| self.words[at + 1 + i] = shadow.shared[i].to_bits());
     }
 
     /// A level's clumping.
     pub fn clumping(&self, level: u32) -> Sym3 {
-        let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS + CLUMPING_AT;
+        let at = self.level_at(level) + CLUMPING_AT;
         Sym3(std::array::from_fn(|i| f32::from_bits(self.words[at + i])))
     }
 
     /// Replaces it.
     pub fn set_clumping(&mut self, level: u32, clumping: &Sym3) {
-        let at = self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS + CLUMPING_AT;
+        let at = self.level_at(level) + CLUMPING_AT;
         (0..6).for_each(|i| self.words[at + i] = clumping.0[i].to_bits());
     }
 
