@@ -256,11 +256,11 @@ fn one() -> f32 {
     1.0
 }
 
-fn ones2() -> [f32; 2] {
+pub(crate) fn ones2() -> [f32; 2] {
     [1.0; 2]
 }
 
-fn ones3() -> [f32; 3] {
+pub(crate) fn ones3() -> [f32; 3] {
     [1.0; 3]
 }
 

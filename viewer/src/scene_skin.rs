@@ -2,6 +2,7 @@
 
 use crate::error::ViewerError;
 use crate::mesh_file::FileMesh;
+use crate::scene_file::{ones2, ones3};
 use crate::scene_volume::VolumeFiles;
 use crate::skin::{
     DiscreteJitter, Jitter, MOST_MERGED, Merged, NO_VOLUME, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex,
@@ -78,14 +79,6 @@ struct TexelsEntry {
     seed: u32,
 }
 
-fn ones2() -> [f32; 2] {
-    [1.0; 2]
-}
-
-fn ones3() -> [f32; 3] {
-    [1.0; 3]
-}
-
 impl SkinEntry {
     /// The skin with its volumes, over `meshes` where it names one.
     ///
@@ -105,7 +98,7 @@ impl SkinEntry {
         let skin = self.mapped(meshes, world_from_skin).map_err(fault)?;
         let tolerance = TOLERANCE_VOXELS / (1u32 << finest) as f32;
         let shell = Shell::new(&skin, &ShellParams { tolerance, ..ShellParams::default() }).map_err(fault)?;
-        let thickness = skin.vertices().iter().map(|vertex| vertex.height.length()).fold(0.0, f32::max);
+        let thickness = skin.thickness();
         Ok(SceneSkin { shell, patterns: vec![pattern], thickness, leaf_width: 0.0 })
     }
 

@@ -180,7 +180,7 @@ impl Landscape {
             volume_bytes: volumes.iter().map(|volume| 4 * volume.words().len() as u64).sum(),
             ..counts
         };
-        let thickness = skin.vertices().iter().map(|vertex| vertex.height.length()).fold(0.0, f32::max);
+        let thickness = skin.thickness();
         let places = if params.meshes.is_empty() { Vec::new() } else { texel_places(&shell, &patterns) };
         let ground = SceneObject { part: terrain.ground(soil), material: Material::plain(soil) };
         let mut meshes = vec![SceneMesh { objects: vec![ground], places: vec![Mat4::IDENTITY] }];

@@ -167,6 +167,11 @@ impl Skin {
         &self.vertices
     }
 
+    /// Length of the longest height vector.
+    pub fn thickness(&self) -> f32 {
+        self.vertices.iter().map(|vertex| vertex.height.length()).fold(0.0, f32::max)
+    }
+
     /// All faces with a volume over them.
     pub fn faces(&self) -> &[SkinFace] {
         &self.faces
