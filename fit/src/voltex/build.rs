@@ -29,9 +29,6 @@ impl Default for VoltexParams {
     }
 }
 
-/// Levels that have fewer voxels a side than this are not refitted: all of a plant is in a few of them.
-const LEAST_SIDE: u32 = 2;
-
 impl Lit for TriangleModel {
     fn surface(&self, triangle: usize) -> ([f32; 2], Vec3) {
         let colour = &self.colours[self.materials[triangle] as usize];
@@ -158,9 +155,7 @@ fn volume_with(levels: &[VoxelSums], voxel_of: VoxelRule) -> Volume {
 pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl Lit, params: &VoltexParams) {
     let mut voltex = Voltex::new(volume);
     for level in 0..=voltex.level_count() {
-        if params.resolution >> level >= LEAST_SIDE {
-            refit(&mut voltex, level, occluder, &params.refit);
-        }
+        refit(&mut voltex, level, occluder, &params.refit);
         let shadow = fit_shadow(&voltex, level, occluder, lit, &params.shadow);
         voltex.set_shadow(level, &shadow);
         let numbers = voltex.numbers_at(level);
@@ -246,7 +241,7 @@ mod tests {
         let fitted = build_voltex(&model, &params).unwrap();
         let raw = VoltexParams { refit: RefitParams { views: 0, ..params.refit }, ..params };
         let raw = build_voltex(&model, &raw).unwrap();
-        for level in 0..4 {
+        for level in 0..=4 {
             let ratio = opacity_ratio(&fitted, &occluder, level);
             assert!((ratio - 1.0).abs() < 0.03, "level {level}: {ratio}");
         }

@@ -3,7 +3,7 @@
 
 use super::extinction::entries_along;
 use super::occluder::Occluder;
-use super::projection::{HALF_SIDE, Projection, spread_directions};
+use super::projection::{HALF_SIDE, Projection, rays_of_pixel, spread_directions};
 use btf_runtime::voltex::{MOST_CLUMPING, NO_VOXEL, Sym3, Voltex, VoltexRay, Voxel, Walk};
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ pub struct RefitParams {
     pub views: usize,
     /// Times that all views are gone through.
     pub passes: usize,
-    /// Rays along each side of a pixel, which is as large as a voxel.
+    /// Rays along each side of a pixel, which is as large as a voxel; more where all pixels are few.
     pub rays: usize,
 }
 
@@ -188,14 +188,15 @@ pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &Refi
     let mut place = vec![u32::MAX; voltex.voxel_count()];
     numbers.iter().enumerate().for_each(|(i, number)| place[*number as usize] = i as u32);
     let pixel = voltex.voxel_side(level);
+    let count = (2.0 * HALF_SIDE / pixel).ceil() as usize;
     let own = Level {
         voltex: &*voltex,
         level,
         place,
         voxels: numbers.iter().map(|number| voltex.voxel(*number)).collect(),
-        rays: params.rays,
+        rays: rays_of_pixel(params.rays, count),
         pixel,
-        count: (2.0 * HALF_SIDE / pixel).ceil() as usize,
+        count,
     };
     let views: Vec<Projection> = spread_directions(params.views, 0.3).into_iter().map(Projection::new).collect();
     let truths: Vec<Vec<f32>> = views.iter().map(|view| own.truth(view, occluder)).collect();

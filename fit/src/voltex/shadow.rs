@@ -4,7 +4,7 @@
 use super::along::{depth_along, seen_along};
 use super::flakes::grey;
 use super::occluder::{Met, Occluder};
-use super::projection::{HALF_SIDE, Projection, spread_directions};
+use super::projection::{HALF_SIDE, Projection, rays_of_pixel, spread_directions};
 use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, Voltex, shade};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -28,7 +28,7 @@ impl Default for ShadowParams {
 
 /// Offsets that are tried, voxels.
 const OFFSETS: [f32; 7] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3];
-/// Rays along each side of a pixel past the model, and through the volume.
+/// Rays along each side of a pixel past the model, and through the volume; more where all pixels are few.
 const MODEL_RAYS: usize = 4;
 const VOLUME_RAYS: usize = 2;
 /// Side of a pixel, voxels: as a level is looked at.
@@ -65,7 +65,7 @@ pub(super) fn met_light(
     if occluder.occluded(lifted, light, 4.0) { 0.0 } else { value }
 }
 
-/// What a part of a pixel's ray adds to it: its light without shadow, and the optical depth towards the light for each offset.
+/// What a part of a pixel's ray adds to that: its light without shadow, and the optical depth towards the light for each offset.
 type Part = (f32, [f32; OFFSETS.len()]);
 
 /// Fits the shadows of `level`.
@@ -80,6 +80,8 @@ pub fn fit_shadow(
     let pixel = side * PIXEL_VOXELS;
     let count = (2.0 * HALF_SIDE / pixel).ceil() as usize;
     let stride = count.div_ceil(params.pixels);
+    let [model_rays, volume_rays] = [MODEL_RAYS, VOLUME_RAYS].map(|rays| rays_of_pixel(rays, count));
+    let share = 1.0 / (volume_rays * volume_rays) as f32;
     let views = spread_directions(params.views, 1.1);
     let mut shared = [[0f32; HOTSPOT_DEG.len()]; OFFSETS.len()];
     let mut errors = [0f64; OFFSETS.len()];
@@ -103,23 +105,23 @@ pub fn fit_shadow(
                         view.origin(at(x, s % n), at(*y, s / n))
                     };
                     let mut parts = Vec::new();
-                    for s in 0..VOLUME_RAYS * VOLUME_RAYS {
-                        add_parts(voltex, level, side, ray_at(s, VOLUME_RAYS), view.direction, *light, &mut parts);
+                    for s in 0..volume_rays * volume_rays {
+                        add_parts(voltex, level, side, ray_at(s, volume_rays), view.direction, *light, &mut parts);
                     }
                     if parts.is_empty() {
                         return None;
                     }
-                    let truth: f32 = (0..MODEL_RAYS * MODEL_RAYS)
-                        .map(|s| model_light(occluder, lit, ray_at(s, MODEL_RAYS), view.direction, *light))
+                    let truth: f32 = (0..model_rays * model_rays)
+                        .map(|s| model_light(occluder, lit, ray_at(s, model_rays), view.direction, *light))
                         .sum();
-                    Some((truth / (MODEL_RAYS * MODEL_RAYS) as f32, parts))
+                    Some((truth / (model_rays * model_rays) as f32, parts))
                 })
             })
             .collect();
         let truth: f64 = pixels.iter().map(|(truth, _)| f64::from(*truth)).sum();
         for o in 0..OFFSETS.len() {
             let light_of = |parts: &[Part], c: f32| -> f32 {
-                parts.iter().map(|(light, depths)| light * (-(1.0 - c) * depths[o]).exp()).sum()
+                share * parts.iter().map(|(light, depths)| light * (-(1.0 - c) * depths[o]).exp()).sum::<f32>()
             };
             let total = |c: f32| -> f64 { pixels.iter().map(|(_, parts)| f64::from(light_of(parts, c))).sum() };
             let (mut low, mut high) = (-1.0f32, 1.0f32);
@@ -147,13 +149,12 @@ fn add_parts(
     light: Vec3,
     parts: &mut Vec<Part>,
 ) {
-    let share = (VOLUME_RAYS * VOLUME_RAYS) as f32;
     seen_along(voltex, level, origin, direction, |seen| {
         let material = voltex.material(seen.voxel.material);
         let [same, other] = shade(&seen.voxel.moment, (-direction).into(), light.into());
         let value = (grey(material.reflectance) * same + grey(material.transmittance) * other) / seen.sigma;
         let towards = Vec3::from(seen.voxel.moment.times(light.into())).normalize_or_zero() * side;
         let depths = OFFSETS.map(|offset| depth_along(voltex, level, seen.at + towards * offset, light));
-        parts.push((seen.weight * value / share, depths));
+        parts.push((seen.weight * value, depths));
     });
 }
