@@ -262,7 +262,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
     let fields = [(3, 1), (6, 0), (6, 14), (7, 0), (7, 65_537), (8, 4), (9, 0), (10, NAN), (11, 0x3f80_0001)];
     let more = [(14, 1), (15, 0), (15, 0x7f80_0000), (15, 0xbf80_0000), (16, 1), (19, 1)];
     list.extend(fields.into_iter().chain(more).map(|(at, value)| (rule::HEADER_FIELD, with_head(at, |_| value))));
-    let shadows = [(0, 0xbf80_0000), (0, 1025f32.to_bits()), (3, NAN), (10, 1.5f32.to_bits())];
+    let shadows = [(0, 0xbf80_0000), (0, 1025f32.to_bits()), (3, NAN), (4, 0xc180_0001), (10, 1.5f32.to_bits())];
     list.extend(shadows.map(|(at, value)| (own::SHADOW_RANGE, with_word(Level, 0, at, value))));
     let clumpings = [(11, 0xc080_0001), (14, NAN), (16, 5f32.to_bits())];
     list.extend(clumpings.map(|(at, value)| (own::CLUMPING_RANGE, with_word(Level, 0, at, value))));

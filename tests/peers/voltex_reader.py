@@ -115,7 +115,7 @@ def children(decoder, parents):
 def read_level(section, coarser, materials):
     """The shadow's numbers, the clumping's, and the voxels as `(place, voxel)`."""
     shadow, clumping = section.numbers("f", 11), section.numbers("f", 6)
-    must(0 <= shadow[0] <= 1024 and all(-1 <= share <= 1 for share in shadow[1:]), "a shadow is out of its range")
+    must(0 <= shadow[0] <= 1024 and all(-16 <= share <= 1 for share in shadow[1:]), "a shadow is out of its range")
     must(all(-4 <= entry <= 4 for entry in clumping), "a clumping is out of its range")
     decoder = Decoder(section.data, 8 * len(coarser))
     if coarser:

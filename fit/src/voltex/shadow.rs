@@ -5,7 +5,7 @@ use super::along::{depth_along, seen_along};
 use super::flakes::grey;
 use super::occluder::{Met, Occluder};
 use super::projection::{HALF_SIDE, Projection, rays_of_pixel, spread_directions};
-use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, Voltex, shade};
+use btf_runtime::voltex::{HOTSPOT_DEG, LEAST_SHARED, LevelShadow, Voltex, shade};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -124,8 +124,8 @@ pub fn fit_shadow(
                 share * parts.iter().map(|(light, depths)| light * (-(1.0 - c) * depths[o]).exp()).sum::<f32>()
             };
             let total = |c: f32| -> f64 { pixels.iter().map(|(_, parts)| f64::from(light_of(parts, c))).sum() };
-            let (mut low, mut high) = (-1.0f32, 1.0f32);
-            for _ in 0..14 {
+            let (mut low, mut high) = (LEAST_SHARED, 1.0f32);
+            for _ in 0..17 {
                 let middle = 0.5 * (low + high);
                 if total(middle) < truth { low = middle } else { high = middle }
             }

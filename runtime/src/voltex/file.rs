@@ -6,7 +6,7 @@ use super::coding::{CodedVoxel, LEAST_DECISIONS, code_children, code_masks};
 use super::error::{VOLTEX_NAMES, VoltexError};
 use super::matrix::Sym3;
 use super::rule;
-use super::volume::{FlakeMaterial, LevelShadow, MOST_CLUMPING, MOST_LEVELS, Volume, VolumeLevel, order};
+use super::volume::{FlakeMaterial, LEAST_SHARED, LevelShadow, MOST_CLUMPING, MOST_LEVELS, Volume, VolumeLevel, order};
 use super::voxel::Voxel;
 use super::words::{CLUMPING_AT, LEVEL_WORDS};
 use crate::container::{
@@ -173,7 +173,7 @@ fn material_in_range(halves: &[f16]) -> bool {
 
 impl LevelShadow {
     fn in_range(&self) -> bool {
-        (0.0..=MOST_OFFSET).contains(&self.offset) && self.shared.iter().all(|share| (-1.0..=1.0).contains(share))
+        (0.0..=MOST_OFFSET).contains(&self.offset) && self.shared.iter().all(|share| (LEAST_SHARED..=1.0).contains(share))
     }
 }
 

@@ -33,7 +33,7 @@ pub use matrix::{Sym3, cross, dot};
 pub use shade::{LEAST_ROOT, SERIES_DEPTH, seen_at, shade};
 pub use tree::{Cell, NO_VOXEL, NODE_WORDS};
 pub use validate::validate;
-pub use volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, MOST_CLUMPING, MOST_LEVELS, Volume, VolumeLevel, order};
+pub use volume::{FlakeMaterial, HOTSPOT_DEG, LEAST_SHARED, LevelShadow, MOST_CLUMPING, MOST_LEVELS, Volume, VolumeLevel, order};
 pub use voxel::{VOXEL_WORDS, Voxel, moment_of};
 pub use walk::{LEAST_DIRECTION, Segment, VoltexRay, Walk};
 pub use words::Voltex;

@@ -11,7 +11,7 @@ rules! { "VTEX"
     // Materials.
     MATERIAL_RANGE = 2101, "a material's share or roughness is not within 0 to 1", WRITE;
     // Levels.
-    SHADOW_RANGE = 2201, "a shadow's offset is not within 0 to 1024 voxels, or a share not within -1 to 1", WRITE;
+    SHADOW_RANGE = 2201, "a shadow's offset is not within 0 to 1024 voxels, or a share not within -16 to 1", WRITE;
     NO_CHILD = 2202, "a voxel of the level before has no child", WRITE;
     VOXEL_RANGE = 2203, "a voxel's density, axis or correlation is out of its range", WRITE;
     NO_MATERIAL = 2204, "a voxel names a material that is not there", WRITE;

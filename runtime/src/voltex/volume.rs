@@ -7,6 +7,8 @@ use super::voxel::Voxel;
 pub const MOST_LEVELS: u32 = 12;
 /// Largest entry of a level's clumping.
 pub const MOST_CLUMPING: f32 = 4.0;
+/// Least share of gaps that eye and light see both ([`LevelShadow::shared`]).
+pub const LEAST_SHARED: f32 = -16.0;
 /// Angles between light and eye, degrees, for which a level has its shadows' shares.
 pub const HOTSPOT_DEG: [f32; 10] = [0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 70.0, 110.0, 150.0, 180.0];
 
@@ -46,7 +48,8 @@ pub struct LevelShadow {
     /// How far from the flakes a ray to the light begins, voxels of the level.
     pub offset: f32,
     /// For each of [`HOTSPOT_DEG`] the share c by which eye and light see the same gaps: light is weakened by
-    /// `exp(-(1 - c) depth)`. -1 to 1.
+    /// `exp(-(1 - c) depth)`. 1 where they see the same, 0 where gaps lie anywhere, less where eyes see what light does not
+    /// reach: all of a plant in one voxel. [`LEAST_SHARED`] to 1.
     pub shared: [f32; HOTSPOT_DEG.len()],
 }
 
