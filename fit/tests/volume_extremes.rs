@@ -27,7 +27,7 @@ fn model(triangles: Vec<[Vec3; 3]>) -> TriangleModel {
     TriangleModel {
         materials: vec![0; triangles.len()],
         triangles,
-        colours: vec![FlakeColour { reflectance: [0.4; 3], transmittance: [0.1; 3] }],
+        colours: vec![FlakeColour { reflectance: [0.4; 3], transmittance: [0.1; 3], ..FlakeColour::default() }],
         weights: vec![1.0],
     }
 }

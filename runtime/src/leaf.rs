@@ -60,6 +60,11 @@ impl Leaf {
         &self.state
     }
 
+    /// Share of diffuse light that a face of full gloss reflects before any gets inside, 0 to 1.
+    pub fn gloss_albedo(&self) -> f32 {
+        f32::from_bits(self.words[STATE_AT + 5])
+    }
+
     /// Changes the state and says which words changed; the textures stay. docs/TRADE.md has the times: contents and
     /// structure are for every frame, two unequal roughnesses are not.
     ///

@@ -47,6 +47,7 @@ pub const VOLTEX_WGSL: &[(&str, &str)] = &[
     ("voltex_tree.wgsl", include_str!("shaders/voltex_tree.wgsl")),
     ("voltex_walk.wgsl", include_str!("shaders/voltex_walk.wgsl")),
     ("voltex_shade.wgsl", include_str!("shaders/voltex_shade.wgsl")),
+    ("voltex_gloss.wgsl", include_str!("shaders/voltex_gloss.wgsl")),
 ];
 
 /// All of [`VOLTEX_WGSL`], joined.

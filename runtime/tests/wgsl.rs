@@ -212,6 +212,8 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("VOLTEX_FAR", 3e38),
         ("VOLTEX_LEAST_ROOT", voltex::LEAST_ROOT),
         ("VOLTEX_SERIES_DEPTH", voltex::SERIES_DEPTH),
+        ("VOLTEX_LEAST_ROUGHNESS", voltex::LEAST_ROUGHNESS),
+        ("VOLTEX_LEAST_HALF2", voltex::LEAST_HALF2),
         // The twin's exponential may be infinite.
         ("VOLTEX_MOST_DEPTH", 80.0),
         ("VOLTEX_HALF_PI", std::f32::consts::FRAC_PI_2),
@@ -295,7 +297,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     let wgsl = |name: &str| WGSL.iter().chain(LEAF_WGSL).chain(VOLTEX_WGSL).find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 21] = [
+    let twins: [Twin; 22] = [
         (include_str!("../src/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
@@ -322,6 +324,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
         (include_str!("../src/voltex/tree.rs"), "voltex_tree.wgsl", "voltex_", &[]),
         (include_str!("../src/voltex/walk.rs"), "voltex_walk.wgsl", "voltex_walk_", &[]),
         (include_str!("../src/voltex/shade.rs"), "voltex_shade.wgsl", "voltex_", &["voltex_acos"]),
+        (include_str!("../src/voltex/gloss.rs"), "voltex_gloss.wgsl", "voltex_", &["voltex_facets_seen"]),
     ];
     for (rust, file, prefix, alone) in twins {
         assert_eq!(first_out_of_order(rust, wgsl(file), prefix, alone), None, "{file}");
@@ -347,12 +350,13 @@ fn twins_that_volumetric_textures_name_are_there() {
         include_str!("../src/voltex/tree.rs"),
         include_str!("../src/voltex/walk.rs"),
         include_str!("../src/voltex/shade.rs"),
+        include_str!("../src/voltex/gloss.rs"),
     ]
     .join("\n");
     let named: Vec<&str> =
         rust.split("Twin: `voltex_").skip(1).map(|rest| rest.split('`').next().unwrap_or_default()).collect();
     // What stands in WGSL alone.
-    let alone = ["shadow_offset", "voxel_halves", "acos"];
+    let alone = ["shadow_offset", "voxel_halves", "acos", "facets_seen"];
     let unmatched = |text: &str| -> Vec<String> {
         let defined: Vec<&str> = function_names(text).iter().filter_map(|name| name.strip_prefix("voltex_")).collect();
         let unnamed = defined.iter().filter(|name| !named.contains(name) && !alone.contains(name));

@@ -59,7 +59,7 @@ const VOLTEX_HEAD: &str = "\
 //
 ";
 /// What of the functions a renderer calls; the others serve them.
-const VOLTEX_CALLED: [&str; 14] = [
+const VOLTEX_CALLED: [&str; 15] = [
     "voltex_form",
     "voltex_level_count",
     "voltex_cyclic",
@@ -72,6 +72,7 @@ const VOLTEX_CALLED: [&str; 14] = [
     "voltex_walk_new",
     "voltex_walk_next",
     "voltex_shade",
+    "voltex_gloss",
     "voltex_seen_at",
     "voltex_shared_at",
 ];

@@ -4,7 +4,7 @@
 mod support;
 
 use btf_runtime::testing::{RAY_KINDS, Random, random_volume, sample_ray, sphere_direction};
-use btf_runtime::voltex::{Cell, NO_VOXEL, Segment, Voltex, VoltexRay, Walk, seen_at, shade};
+use btf_runtime::voltex::{Cell, NO_VOXEL, Segment, Voltex, VoltexRay, Walk, gloss, seen_at, shade};
 use btf_runtime::{voltex_wgsl, wgsl_library};
 use btf_shaders::{DEPTHS_NAME, Depth, Language, Ray, depths_text, translate};
 use bytemuck::{Pod, Zeroable};
@@ -55,7 +55,7 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>) {
 
 const SHADE_ENTRY: &str = "
 @group(0) @binding(1) var<storage, read> lights: array<Light>;
-@group(0) @binding(3) var<storage, read_write> answers: array<array<f32, 20>>;
+@group(0) @binding(3) var<storage, read_write> answers: array<array<f32, 21>>;
 
 @compute @workgroup_size(64)
 fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -67,7 +67,7 @@ fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let both = voltex_shade(voxel.moment, q.v, q.l);
     let material = voltex_material(q.base, voxel.material);
     let extent = voltex_extent(q.base);
-    answers[id.x] = array<f32, 20>(
+    answers[id.x] = array<f32, 21>(
         both.x, both.y, voltex_form(voxel.extinction, q.v, q.v), voltex_seen_at(q.depth, q.length),
         voltex_shared_at(q.base, q.level, dot(q.v, q.l)), voltex_shadow_offset(q.base, q.level),
         material.reflectance.x, material.reflectance.y, material.reflectance.z,
@@ -75,6 +75,7 @@ fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
         extent.x, extent.y, extent.z, voltex_side_m(q.base),
         dot(vec2<f32>(1.0, 2.0), select(vec2<f32>(0.0), vec2<f32>(1.0), voltex_cyclic(q.base))),
         f32(voltex_level_count(q.base)),
+        voltex_gloss(voxel.extinction, material.specular, material.roughness, q.v, q.l),
     );
 }
 ";
@@ -301,9 +302,11 @@ struct Light {
 
 /// Tolerance of what is shaded, of the area that shades or of the length that is seen.
 const SHADED: f32 = 1e-5;
+/// Of gloss, of itself: nearly flat ellipsoids are small differences.
+const GLOSS: f32 = 5e-3;
 
 /// What Rust says, and by how much the shader may differ.
-fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 20] {
+fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 21] {
     let voxel = voltex.voxel(q.voxel);
     let cos = (0..3).map(|i| q.v[i] * q.l[i]).sum::<f32>();
     let area = SHADED * voxel.moment.trace();
@@ -313,6 +316,7 @@ fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 20] {
     let ([a, b, c], [d, e, f]) = (material.reflectance, material.transmittance);
     let [x, y, z] = voltex.extent();
     let [cyclic_x, cyclic_y] = voltex.cyclic().map(|cyclic| f32::from(u8::from(cyclic)));
+    let shine = gloss(&voxel.extinction, material.specular, material.roughness, q.v, q.l);
     let exact = |x: f32| (x, 0.0);
     [
         (reflected, area),
@@ -335,6 +339,7 @@ fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 20] {
         exact(voltex.side_m()),
         exact(cyclic_x + 2.0 * cyclic_y),
         exact(voltex.level_count() as f32),
+        (shine, GLOSS * shine),
     ]
 }
 
@@ -368,9 +373,9 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         })
         .unzip();
     // Of each number in how many answers it differs; and the first that does.
-    let differing = |text: &str| -> ([usize; 20], Option<String>) {
-        let answers: Vec<[f32; 20]> = gpu.answers(&Program::Wgsl(text), "shade_main", &words, &queries);
-        let (mut sums, mut first) = ([0; 20], None);
+    let differing = |text: &str| -> ([usize; 21], Option<String>) {
+        let answers: Vec<[f32; 21]> = gpu.answers(&Program::Wgsl(text), "shade_main", &words, &queries);
+        let (mut sums, mut first) = ([0; 21], None);
         for ((voltex, query), answer) in owners.iter().zip(&queries).zip(&answers) {
             for (i, (value, tolerance)) in expected(voltex, query).into_iter().enumerate() {
                 if answer[i].is_nan() || (answer[i] - value).abs() > tolerance {
@@ -382,7 +387,7 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         (sums, first)
     };
     let text = text(SHADE_ENTRY);
-    assert_eq!(differing(&text), ([0; 20], None));
+    assert_eq!(differing(&text), ([0; 21], None));
     // Planted, each with a number in which it shows.
     for (right, wrong, number) in [
         ("0.5 * (both - c)", "0.49 * (both - c)", 1),
@@ -392,6 +397,8 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         ("(40.0, 70.0", "(45.0, 70.0", 4),
         ("level * VOLTEX_LEVEL_WORDS", "level * VOLTEX_MATERIAL_WORDS", 5),
         ("vec3<f32>(b.y, c)", "vec3<f32>(b.y, c.yx)", 10),
+        ("b.yxx * b.zzy - b * d.zyx", "b.yxx * b.zzy + b * d.zyx", 20),
+        ("2.0 * own", "1.98 * own", 20),
         ("vec2<u32>(0u, 1u)) & vec2<u32>(1u)", "vec2<u32>(1u, 0u)) & vec2<u32>(1u)", 18),
     ] {
         assert_eq!(text.matches(right).count(), 1, "{right}");

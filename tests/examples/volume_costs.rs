@@ -53,7 +53,7 @@ fn grown() -> Tree {
     write_plants(&path, &params, &leaf, TextureImages::default(), Existing::Refuse, &|_, _| ControlFlow::Continue(()))
         .expect("a tree");
     let mut model = TriangleModel::read(&path).expect("the tree");
-    model.colours.fill(FlakeColour { reflectance: [GREY; 3], transmittance: [0.0; 3] });
+    model.colours.fill(FlakeColour { reflectance: [GREY; 3], transmittance: [0.0; 3], ..FlakeColour::default() });
     let volume = build_voltex(&model, &VoltexParams::default()).expect("a volume");
     let parts = load_meshes(&path).expect("the tree").into_iter().flat_map(|mesh| mesh.parts).collect();
     Tree { parts, voltex: Arc::new(Voltex::new(&volume)) }

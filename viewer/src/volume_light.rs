@@ -3,7 +3,7 @@
 
 use crate::hand_over::HandOver;
 use crate::volumes::{Stretch, Volumes};
-use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, seen_at, shade};
+use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, gloss, seen_at, shade};
 use glam::{Mat3, Vec3};
 
 /// Transmittance below which a ray ends.
@@ -75,6 +75,12 @@ impl VolumePoint {
                 let material = voltex.material(voxel.material);
                 let [same, other] = shade(&voxel.moment, (-self.view).into(), l.into());
                 sum += *share * (Vec3::from(material.reflectance) * same + Vec3::from(material.transmittance) * other);
+                if material.specular > 0.0 {
+                    // In proportion to the eye's vector, as the sums above.
+                    let [v, l] = [-self.view, l].map(|d| d.normalize_or_zero().into());
+                    let shine = gloss(&voxel.extinction, material.specular, material.roughness, v, l);
+                    sum += *share * self.view.length() * shine;
+                }
             }
         }
         sum / self.sigma

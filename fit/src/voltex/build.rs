@@ -188,7 +188,7 @@ mod tests {
             model.triangles.extend([[a, b, c], [a, c, d]]);
         }
         model.materials = vec![0; model.triangles.len()];
-        model.colours = vec![FlakeColour { reflectance: [0.3; 3], transmittance: [0.2; 3] }];
+        model.colours = vec![FlakeColour { reflectance: [0.3; 3], transmittance: [0.2; 3], ..FlakeColour::default() }];
         model.weights = vec![1.0];
         model
     }

@@ -42,26 +42,39 @@ pub struct FlakeSums {
     pub reflected: [f32; 3],
     /// Of area times transmittance.
     pub transmitted: [f32; 3],
+    /// Of area times the gloss's reflectance, and of that times its roughness.
+    pub gloss: [f32; 2],
 }
 
 /// What a flake is made of, linear sRGB.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FlakeColour {
-    /// Hemispherical reflectance, mean of both sides.
+    /// Hemispherical reflectance without gloss, mean of both sides.
     pub reflectance: [f32; 3],
     /// Hemispherical transmittance.
     pub transmittance: [f32; 3],
+    /// Reflectance of the smooth surface at normal incidence; 0 for none.
+    pub specular: f32,
+    /// Its roughness, GGX alpha.
+    pub roughness: f32,
 }
 
 impl FlakeSums {
     /// One flake with a unit normal.
     pub fn flake(area: f32, n: Vec3, colour: &FlakeColour) -> FlakeSums {
+        let moment = [n.x * n.x, n.y * n.y, n.z * n.z, n.x * n.y, n.x * n.z, n.y * n.z].map(|x| x * area);
+        FlakeSums::new(area, DIRECTIONS.map(|d| area * n.dot(d).abs()), moment, colour)
+    }
+
+    /// Flakes of one colour, of which area, projected areas and moment are known.
+    pub fn new(area: f32, projected: [f32; 13], moment: [f32; 6], colour: &FlakeColour) -> FlakeSums {
         FlakeSums {
             area,
-            projected: DIRECTIONS.map(|d| area * n.dot(d).abs()),
-            moment: [n.x * n.x, n.y * n.y, n.z * n.z, n.x * n.y, n.x * n.z, n.y * n.z].map(|x| x * area),
+            projected,
+            moment,
             reflected: colour.reflectance.map(|x| x * area),
             transmitted: colour.transmittance.map(|x| x * area),
+            gloss: [1.0, colour.roughness].map(|x| x * colour.specular * area),
         }
     }
 
@@ -74,6 +87,7 @@ impl FlakeSums {
             moment: self.moment.map(times),
             reflected: self.reflected.map(times),
             transmitted: self.transmitted.map(times),
+            gloss: self.gloss.map(times),
         }
     }
 
@@ -85,6 +99,7 @@ impl FlakeSums {
             (&mut self.moment, &other.moment),
             (&mut self.reflected, &other.reflected),
             (&mut self.transmitted, &other.transmitted),
+            (&mut self.gloss, &other.gloss),
         ];
         for (sums, values) in pairs {
             sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);

@@ -6,7 +6,7 @@ use crate::describe::load_asset;
 use crate::error::FitError;
 use btf_capture::{CaptureError, LeafDescription, TextureImages, TextureKind};
 use btf_runtime::{
-    DecodeOptions, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, Query, Resident, ViewedLeaf, evaluate,
+    DecodeOptions, Leaf, LeafError, LeafMode, LeafState, LeafTexel, LeafTexture, Query, Resident, ViewedLeaf, evaluate,
 };
 use std::f32::consts::TAU;
 use std::path::Path;
@@ -40,21 +40,36 @@ pub fn colour_of_file(path: &Path) -> Result<FlakeColour, FitError> {
     }
     let description = LeafDescription::read(path)?;
     let textures = description.textures_beside(path).map(TextureImages::read).transpose()?.unwrap_or_default();
-    let leaf = Leaf::new(&state_of(&description), &texture_of(&textures, description.size_mm as f32));
-    let leaf = leaf.map_err(|error| CaptureError::BadLeaf {
+    let colour = colour_of_leaf(&state_of(&description), &texture_of(&textures, description.size_mm as f32));
+    Ok(colour.map_err(|error| CaptureError::BadLeaf {
         path: path.into(),
         fault: format!("cannot be evaluated ({error})"),
         remedy: "correct it",
-    })?;
-    Ok(colour_of_leaf(&leaf))
+    })?)
 }
 
-/// The colour of a leaf.
-pub fn colour_of_leaf(leaf: &Leaf) -> FlakeColour {
-    integrate(|query| ViewedLeaf::new(leaf.words(), query.uv, 0, [1.0; 4], query.wo).light(query.wi))
+/// The colour of a leaf under `texture`. Its gloss stands apart: what that reflects of diffuse light is none of the reflectance.
+///
+/// # Errors
+/// Those of [`Leaf::new`].
+pub fn colour_of_leaf(state: &LeafState, texture: &LeafTexture) -> Result<FlakeColour, LeafError> {
+    let leaf = Leaf::new(state, texture)?;
+    let all = integrate(|query| ViewedLeaf::new(leaf.words(), query.uv, 0, [1.0; 4], query.wo).light(query.wi));
+    let faces = texture.texels.iter().flat_map(|texel| texel.gloss);
+    let share = faces.sum::<f32>() / (2 * texture.texels.len()) as f32;
+    let LeafState { gloss_index, gamma_along, gamma_across, .. } = leaf.state();
+    let smooth = ((gloss_index - 1.0) / (gloss_index + 1.0)).powi(2);
+    Ok(FlakeColour {
+        reflectance: all.reflectance.map(|x| (x - share * leaf.gloss_albedo()).max(0.0)),
+        specular: share * smooth,
+        // Facets of Beckmann's gamma are as steep as GGX's of that alpha.
+        roughness: (gamma_along * gamma_across).sqrt().clamp(0.0, 1.0),
+        ..all
+    })
 }
 
-/// The colour of an asset. Where it has no layer for a side, the other stands for both; without transmission it is opaque.
+/// The colour of an asset, its gloss as if it were diffuse. Where it has no layer for a side, the other stands for both; without
+/// transmission it is opaque.
 pub fn colour_of_asset(asset: &Resident) -> FlakeColour {
     integrate(|query| evaluate(asset, 0, query, &DecodeOptions::default()))
 }
@@ -80,7 +95,11 @@ fn integrate(light: impl Fn(&Query) -> [f32; 3]) -> FlakeColour {
         let parts = f64::from(u8::from(there(a)) + u8::from(there(b))).max(1.0);
         std::array::from_fn(|k| ((a[k] + b[k]) / parts).clamp(0.0, 1.0) as f32)
     };
-    FlakeColour { reflectance: both(shares[0], shares[1]), transmittance: both(shares[2], shares[3]) }
+    FlakeColour {
+        reflectance: both(shares[0], shares[1]),
+        transmittance: both(shares[2], shares[3]),
+        ..FlakeColour::default()
+    }
 }
 
 fn cosine_direction(a: f32, b: f32) -> [f32; 3] {
@@ -157,10 +176,12 @@ mod tests {
             dry_matter_g_per_cm2: 0.0,
             ..LeafState::default()
         };
-        let colour = |state| colour_of_leaf(&Leaf::new(&state, &LeafTexture::uniform(LeafTexel::default())).unwrap());
+        let colour = |state| colour_of_leaf(&state, &LeafTexture::uniform(LeafTexel::default())).unwrap();
         let whole = colour(clear);
+        // The default gloss on both faces.
+        let gloss = Leaf::new(&clear, &LeafTexture::uniform(LeafTexel::default())).unwrap().gloss_albedo();
         for k in 0..3 {
-            let sum = whole.reflectance[k] + whole.transmittance[k];
+            let sum = whole.reflectance[k] + whole.transmittance[k] + gloss;
             assert!((sum - 1.0).abs() < 0.02, "{whole:?}");
         }
         let green = colour(LeafState::default());

@@ -332,7 +332,7 @@ mod tests {
     /// Leaves in all directions within a cube.
     fn shrub() -> TriangleModel {
         let directions = crate::voltex::projection::spread_directions(300, 0.4);
-        let colour = FlakeColour { reflectance: [0.5; 3], transmittance: [0.3; 3] };
+        let colour = FlakeColour { reflectance: [0.5; 3], transmittance: [0.3; 3], ..FlakeColour::default() };
         let mut model = TriangleModel { colours: vec![colour], weights: vec![1.0], ..TriangleModel::default() };
         for (i, n) in directions.iter().enumerate() {
             // Places by an additive recurrence, apart from the directions.

@@ -50,7 +50,8 @@ impl TriangleModel {
     }
 
     fn add_material(&mut self, part: &ModelPart, shown: Option<FlakeColour>) -> u32 {
-        let plain = FlakeColour { reflectance: part.diffuse, transmittance: part.transmitted };
+        let plain =
+            FlakeColour { reflectance: part.diffuse, transmittance: part.transmitted, ..FlakeColour::default() };
         self.colours.push(shown.unwrap_or(plain));
         self.weights.push(if is_closed(part) { 0.5 } else { 1.0 });
         self.colours.len() as u32 - 1

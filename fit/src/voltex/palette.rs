@@ -4,14 +4,14 @@ use super::flakes::FlakeSums;
 use btf_runtime::voltex::FlakeMaterial;
 use std::collections::BTreeMap;
 
-/// Steps of the root of reflectance and transmittance within which voxels share a material.
+/// Steps of the roots of shares and roughness within which voxels share a material.
 const STEPS: f32 = 40.0;
 
 /// Numbers materials as they are met.
 #[derive(Debug, Default)]
 pub struct Palette {
-    numbers: BTreeMap<[u8; 6], usize>,
-    /// Sums of area, reflected and transmitted.
+    numbers: BTreeMap<[u8; 8], usize>,
+    /// Sums of area and of what it sends on.
     sums: Vec<FlakeSums>,
 }
 
@@ -22,7 +22,8 @@ impl Palette {
         let code = |x: f32| (x.clamp(0.0, 1.0).sqrt() * STEPS).round() as u8;
         let ([a, b, c], [d, e, f]) = (colour.reflectance, colour.transmittance);
         let next = self.sums.len();
-        let number = *self.numbers.entry([a, b, c, d, e, f].map(code)).or_insert(next);
+        let shares = [a, b, c, d, e, f, colour.specular, colour.roughness];
+        let number = *self.numbers.entry(shares.map(code)).or_insert(next);
         if number == next {
             self.sums.push(FlakeSums::default());
         }
@@ -38,9 +39,11 @@ impl Palette {
 
 fn mean_of(flakes: &FlakeSums) -> FlakeMaterial {
     let mean = |sums: [f32; 3]| sums.map(|x| x / flakes.area.max(1e-30));
+    let [specular, rough] = flakes.gloss.map(|x| x / flakes.area.max(1e-30));
     FlakeMaterial {
         reflectance: mean(flakes.reflected),
         transmittance: mean(flakes.transmitted),
-        ..FlakeMaterial::default()
+        specular,
+        roughness: rough / specular.max(1e-30),
     }
 }

@@ -16,6 +16,13 @@ fn voltex_form(m: VoltexMatrix, u: vec3<f32>, v: vec3<f32>) -> f32 {
     return dot(u, voltex_times(m, v));
 }
 
+// The inverse times the determinant.
+fn voltex_adjugate(m: VoltexMatrix) -> VoltexMatrix {
+    let d = m.diagonal;
+    let b = m.beside;
+    return VoltexMatrix(d.yxx * d.zzy - b.zyx * b.zyx, b.yxx * b.zzy - b * d.zyx);
+}
+
 fn voltex_scale(m: VoltexMatrix, s: f32) -> VoltexMatrix {
     return VoltexMatrix(s * m.diagonal, s * m.beside);
 }

@@ -173,7 +173,8 @@ fn material_in_range(halves: &[f16]) -> bool {
 
 impl LevelShadow {
     fn in_range(&self) -> bool {
-        (0.0..=MOST_OFFSET).contains(&self.offset) && self.shared.iter().all(|share| (LEAST_SHARED..=1.0).contains(share))
+        (0.0..=MOST_OFFSET).contains(&self.offset)
+            && self.shared.iter().all(|share| (LEAST_SHARED..=1.0).contains(share))
     }
 }
 

@@ -45,6 +45,19 @@ impl Sym3 {
         Sym3(std::array::from_fn(|i| self.0[i] + other.0[i]))
     }
 
+    /// The inverse times the determinant. Twin: `voltex_adjugate`.
+    pub fn adjugate(&self) -> Sym3 {
+        let [xx, yy, zz, xy, xz, yz] = self.0;
+        Sym3([
+            yy * zz - yz * yz,
+            xx * zz - xz * xz,
+            xx * yy - xy * xy,
+            xz * yz - xy * zz,
+            xy * yz - xz * yy,
+            xy * xz - yz * xx,
+        ])
+    }
+
     /// All entries times a number. Twin: `voltex_scale`.
     pub fn scale(&self, s: f32) -> Sym3 {
         Sym3(self.0.map(|x| x * s))
@@ -114,6 +127,10 @@ mod tests {
             let form: f32 = (0..3).map(|i| values[i] * dot(vectors[i], v).powi(2)).sum();
             assert!((form - m.form(v, v)).abs() <= 1e-6 * m.trace());
             assert!(dot(cross(v, m.times(v)), v).abs() <= 1e-6 * m.trace());
+            // Its adjugate takes what it made of a vector back, times the product of the eigenvalues.
+            let back = m.adjugate().times(m.times(v));
+            let determinant: f32 = values.iter().product();
+            assert!((0..3).all(|i| (back[i] - determinant * v[i]).abs() <= 3e-6 * m.trace().powi(3)), "{back:?}");
         }
         let diagonal = Sym3([3.0, 2.0, 1.0, 0.0, 0.0, 0.0]);
         assert_eq!(diagonal.eigen().0, [3.0, 2.0, 1.0]);

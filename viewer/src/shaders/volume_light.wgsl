@@ -87,7 +87,14 @@ fn volume_reflected(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
 fn volume_voxel_light(point: VolumePoint, voxel: VoltexVoxel, l: vec3<f32>) -> vec3<f32> {
     let material = voltex_material(point.volume, voxel.material);
     let sides = voltex_shade(voxel.moment, -point.view, l);
-    return material.reflectance * sides.x + material.transmittance * sides.y;
+    let light = material.reflectance * sides.x + material.transmittance * sides.y;
+    if material.specular <= 0.0 {
+        return light;
+    }
+    // In proportion to the eye's vector, as the sums above.
+    let far = length(point.view);
+    let shine = voltex_gloss(voxel.extinction, material.specular, material.roughness, -point.view / far, normalize(l));
+    return light + far * shine;
 }
 
 // From where a ray to a light begins, relative to the point, in the world.

@@ -20,6 +20,10 @@ impl Brush {
         let Some(tint) = &self.tint else { return self.colour };
         let factor = tint.at(place_m, uv);
         let tinted = |colour: [f32; 3]| std::array::from_fn(|k| colour[k] * factor[k]);
-        FlakeColour { reflectance: tinted(self.colour.reflectance), transmittance: tinted(self.colour.transmittance) }
+        FlakeColour {
+            reflectance: tinted(self.colour.reflectance),
+            transmittance: tinted(self.colour.transmittance),
+            ..self.colour
+        }
     }
 }

@@ -144,13 +144,7 @@ impl<F: Field> Painter<'_, F> {
 /// Flakes that look everywhere.
 pub fn isotropic_flakes(area: f32, colour: &FlakeColour) -> FlakeSums {
     let third = area / 3.0;
-    FlakeSums {
-        area,
-        projected: [0.5 * area; 13],
-        moment: [third, third, third, 0.0, 0.0, 0.0],
-        reflected: colour.reflectance.map(|x| x * area),
-        transmitted: colour.transmittance.map(|x| x * area),
-    }
+    FlakeSums::new(area, [0.5 * area; 13], [third, third, third, 0.0, 0.0, 0.0], colour)
 }
 
 /// A solid whose rim noise moves [Perlin & Hoffert 1989].

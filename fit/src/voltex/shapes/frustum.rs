@@ -136,13 +136,7 @@ pub fn round_flakes(area: f32, axis: DVec3, slope: f64, colour: &FlakeColour) ->
     let (across, along) = (0.5 * upright, slope * slope - 0.5 * upright);
     let moment = [x * x, y * y, z * z, x * y, x * z, y * z];
     let moment = std::array::from_fn(|k| area * (along * moment[k] + if k < 3 { across } else { 0.0 }) as f32);
-    FlakeSums {
-        area,
-        projected,
-        moment,
-        reflected: colour.reflectance.map(|x| x * area),
-        transmitted: colour.transmittance.map(|x| x * area),
-    }
+    FlakeSums::new(area, projected, moment, colour)
 }
 
 #[cfg(test)]
@@ -151,7 +145,8 @@ mod tests {
 
     #[test]
     fn round_flakes_are_many_flakes_around_the_axis() {
-        let colour = FlakeColour { reflectance: [0.1, 0.2, 0.3], transmittance: [0.3, 0.2, 0.1] };
+        let colour =
+            FlakeColour { reflectance: [0.1, 0.2, 0.3], transmittance: [0.3, 0.2, 0.1], ..FlakeColour::default() };
         for (axis, slope) in [(DVec3::Z, 0.0), (DVec3::new(1.0, 2.0, -0.5), 0.2), (DVec3::new(0.3, -1.0, 0.1), -0.9)] {
             let axis = axis.normalize();
             let found = round_flakes(2.0, axis, slope, &colour);

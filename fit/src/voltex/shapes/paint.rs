@@ -31,7 +31,12 @@ pub struct Paints<'a> {
 /// The colour of a material that is told by numbers.
 pub fn colour_of(material: &Material) -> FlakeColour {
     let single = |colour: [f64; 3]| colour.map(|x| x as f32);
-    FlakeColour { reflectance: single(material.reflectance()), transmittance: single(material.transmittance()) }
+    FlakeColour {
+        reflectance: single(material.reflectance()),
+        transmittance: single(material.transmittance()),
+        specular: material.specular() as f32,
+        roughness: material.roughness() as f32,
+    }
 }
 
 /// The colour of every material of a script, whose path is `script`.

@@ -1,0 +1,31 @@
+// Light that smooth surfaces of a voxel's flakes send to the eye. Twin: voltex/gloss.rs, which has the equations.
+
+const VOLTEX_LEAST_ROUGHNESS: f32 = 0.1;
+const VOLTEX_LEAST_HALF2: f32 = 1e-10;
+
+// For light from `l`, seen from `v`, unit vectors away from the flakes: the sum over their smooth surfaces of `pi a F D G / 4`.
+fn voltex_gloss(extinction: VoltexMatrix, specular: f32, roughness: f32, v: vec3<f32>, l: vec3<f32>) -> f32 {
+    let trace = extinction.diagonal.x + extinction.diagonal.y + extinction.diagonal.z;
+    let half_way = v + l;
+    let half2 = dot(half_way, half_way);
+    if trace <= 0.0 || half2 < VOLTEX_LEAST_HALF2 {
+        return 0.0;
+    }
+    let alpha = max(roughness, VOLTEX_LEAST_ROUGHNESS);
+    let flakes = voltex_scale(extinction, 1.0 / trace);
+    var facets = voltex_scale(flakes, 1.0 - alpha * alpha);
+    facets.diagonal += alpha * alpha;
+    let adjugate = voltex_adjugate(facets);
+    let determinant = facets.diagonal.x * adjugate.diagonal.x + dot(facets.beside.xy, adjugate.beside.xy);
+    let spread = voltex_form(adjugate, half_way, half_way) / half2;
+    let density = sqrt(trace) * pow(max(determinant, 0.0), 1.5) / max(spread * spread, 1e-30);
+    let away = 1.0 - clamp(dot(half_way, v) / sqrt(half2), 0.0, 1.0);
+    let fresnel = specular + (1.0 - specular) * away * away * away * away * away;
+    return 0.25 * fresnel * density * voltex_facets_seen(flakes, facets, v) * voltex_facets_seen(flakes, facets, l);
+}
+
+// Share of the facets towards `d` that others do not hide.
+fn voltex_facets_seen(flakes: VoltexMatrix, facets: VoltexMatrix, d: vec3<f32>) -> f32 {
+    let own = sqrt(max(voltex_form(flakes, d, d), 0.0));
+    return 2.0 * own / (own + sqrt(max(voltex_form(facets, d, d), 0.0)));
+}
