@@ -52,6 +52,8 @@ pub struct LevelDescription {
     pub side: u32,
     /// How many are not empty.
     pub voxels: usize,
+    /// How many of these have flakes of two sorts.
+    pub of_two_sorts: usize,
     /// Bytes of its section.
     pub bytes: u64,
     /// How far from the flakes its rays to the light begin, voxels.
@@ -122,6 +124,7 @@ pub fn describe_voltex(bytes: &[u8]) -> Result<VoltexDescription, FitError> {
         LevelDescription {
             side: 1 << index,
             voxels: level.voxels.len(),
+            of_two_sorts: level.others.len(),
             bytes: level_bytes(index),
             shadow_offset: level.shadow.offset,
             shadow_shared: level.shadow.shared,
@@ -129,7 +132,7 @@ pub fn describe_voltex(bytes: &[u8]) -> Result<VoltexDescription, FitError> {
         }
     };
     let mut voxels_of = vec![0; volume.materials.len()];
-    volume.levels.iter().flat_map(|level| &level.voxels).for_each(|(_, voxel)| voxels_of[voxel.material as usize] += 1);
+    volume.levels.iter().flat_map(VolumeLevel::flakes).for_each(|voxel| voxels_of[voxel.material as usize] += 1);
     let ends_in = |length: u32| {
         let within = |entry: &&btf_runtime::SectionEntry| entry.offset + entry.length <= length;
         directory.sections.iter().filter(within).filter(|entry| entry.kind == VoltexSection::Level as u32).count()
@@ -188,9 +191,9 @@ impl Display for VoltexDescription {
         writeln!(f, "format      volumetric texture, version {}", self.version)?;
         let per_voxel = self.bytes as f64 / self.voxels as f64;
         writeln!(f, "voxels      {}, {per_voxel:.2} bytes each\n", self.voxels)?;
-        writeln!(f, "levels      side    voxels     bytes")?;
+        writeln!(f, "levels      side    voxels  two sorts     bytes")?;
         for level in &self.levels {
-            writeln!(f, "        {:>8} {:>9} {:>9}", level.side, level.voxels, level.bytes)?;
+            writeln!(f, "        {:>8} {:>9} {:>10} {:>9}", level.side, level.voxels, level.of_two_sorts, level.bytes)?;
         }
         writeln!(f, "\nsections")?;
         for section in &self.sections {
@@ -227,7 +230,9 @@ mod tests {
         assert_eq!((found.bytes, found.whole_bytes), (bytes.len() as u64, bytes.len() as u64));
         assert_eq!(found.levels.iter().map(|level| level.side).collect::<Vec<_>>(), [16, 8, 4, 2, 1]);
         assert_eq!(found.voxels, volume.levels.iter().map(|level| level.voxels.len()).sum::<usize>());
-        assert_eq!(found.materials.iter().map(|material| material.voxels).sum::<usize>(), found.voxels);
+        let others: usize = found.levels.iter().map(|level| level.of_two_sorts).sum();
+        assert_eq!(others, volume.levels.iter().map(|level| level.others.len()).sum::<usize>());
+        assert_eq!(found.materials.iter().map(|material| material.voxels).sum::<usize>(), found.voxels + others);
         let of_levels: u64 = found.levels.iter().map(|level| level.bytes).sum();
         assert_eq!(found.sections.iter().find(|size| size.kind == "Level").unwrap().bytes, of_levels);
         assert_eq!(found.extent_m, [volume.side_m, 0.75 * volume.side_m, 0.5 * volume.side_m]);

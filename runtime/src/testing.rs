@@ -233,8 +233,10 @@ pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
         let mut voxels: Vec<([u32; 3], Voxel)> = cells.iter().map(|at| (*at, sample_voxel(&mut random))).collect();
         voxels.sort_by_key(|(at, _)| order(*at));
         let shared = std::array::from_fn(|i| 0.9 - 0.19 * i as f32);
+        let shadow = LevelShadow { offset: random.within(0.0, 2.0), shared };
         let clumping = Sym3([0.5, -0.25, -0.125, 0.25, 0.0, -0.375]);
-        all.push(VolumeLevel { shadow: LevelShadow { offset: random.within(0.0, 2.0), shared }, clumping, voxels });
+        let others = some_others(&mut random, voxels.len(), sample_voxel);
+        all.push(VolumeLevel { shadow, clumping, voxels, others });
         cells = cells.iter().map(|at| at.map(|x| x / 2)).collect();
     }
     // Numbers that half precision has.
@@ -252,6 +254,12 @@ pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
         materials: (0..3).map(material).collect(),
         levels: all,
     }
+}
+
+/// A second sort of flakes in a third of so many cells.
+fn some_others(random: &mut Random, count: usize, voxel: impl Fn(&mut Random) -> Voxel) -> Vec<(u32, Voxel)> {
+    let numbers = (0..count as u32).filter(|_| random.below(3) == 0).collect::<Vec<_>>();
+    numbers.into_iter().map(|number| (number, voxel(random))).collect()
 }
 
 /// Three flakes of one of three materials.
@@ -278,18 +286,21 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
             children
                 .extend(there.iter().map(|child| [0, 1, 2].map(|axis| 2 * cell[axis] + (child >> axis & 1) as u32)));
         }
-        let voxel = |random: &mut Random| {
+        fn voxel(random: &mut Random) -> Voxel {
             let area = 2f32.powf(random.within(-3.0, 6.0));
             let flakes = (0..1 + random.below(4)).map(|_| Sym3::outer(sphere_direction(random), area * area));
             Voxel::new(flakes.fold(Sym3::default(), |sum, flake| sum.plus(&flake)), random.below(MATERIALS) as u32)
-        };
+        }
+        let voxels: Vec<_> = cells.iter().map(|cell| (*cell, voxel(random))).collect();
+        let others = some_others(random, voxels.len(), voxel);
         levels.push(VolumeLevel {
             shadow: LevelShadow {
                 offset: level as f32 + random.within(0.0, 1.0),
                 shared: std::array::from_fn(|_| random.within(-1.0, 1.0)),
             },
             clumping: Sym3(std::array::from_fn(|_| random.within(-0.5, 0.5))),
-            voxels: cells.iter().map(|cell| (*cell, voxel(random))).collect(),
+            voxels,
+            others,
         });
         cells = children;
     }

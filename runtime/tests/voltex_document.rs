@@ -34,11 +34,13 @@ fn example() -> Volume {
                     ([1, 0, 0], voxel([4.0, 1.0, 1.0, 0.0, 0.0, 0.5], 1)),
                     ([1, 1, 0], voxel([0.0, 0.0, 16.0, 0.0, 0.0, 0.0], 0)),
                 ],
+                others: vec![(1, voxel([1.0, 4.0, 0.25, 0.0, 0.0, 0.0], 1))],
             },
             VolumeLevel {
                 shadow: shadow(1.0),
                 clumping: Sym3([-0.5, 0.0, 0.25, 0.0, 0.125, 0.0]),
                 voxels: vec![([0; 3], voxel([0.25, 0.0625, 0.5, 0.0, -0.125, 0.0], 1))],
+                others: Vec::new(),
             },
         ],
     }
@@ -112,6 +114,10 @@ fn numbers_of(bytes: &[u8]) -> BTreeMap<String, Vec<f64>> {
             let place = at.iter().chain([&voxel.material]).map(|x| f64::from(*x));
             let numbers = place.chain(wide(&voxel.extinction.0)).collect();
             all.insert(format!("level {index}: voxel {i}"), numbers);
+        }
+        for (number, voxel) in &level.others {
+            let numbers = [f64::from(voxel.material)].into_iter().chain(wide(&voxel.extinction.0)).collect();
+            all.insert(format!("level {index}: other {number}"), numbers);
         }
     }
     all

@@ -29,8 +29,11 @@ fn word(bytes: &[u8], index: usize) -> u32 {
 /// The volume without what quantisation changes: its voxels' matrices.
 fn without_matrices(volume: &Volume) -> Volume {
     let mut bare = volume.clone();
-    for (_, voxel) in bare.levels.iter_mut().flat_map(|level| &mut level.voxels) {
-        *voxel = Voxel::new(Sym3::default(), voxel.material);
+    for level in &mut bare.levels {
+        let others = level.others.iter_mut().map(|(_, voxel)| voxel);
+        level.voxels.iter_mut().map(|(_, voxel)| voxel).chain(others).for_each(|voxel| {
+            *voxel = Voxel::new(Sym3::default(), voxel.material);
+        });
     }
     bare
 }
@@ -42,8 +45,8 @@ fn a_volume_is_read_as_it_was_written_and_written_as_it_was_read() {
         let bytes = volume.pack().unwrap();
         let read = Volume::parse(&bytes).unwrap();
         assert_eq!(without_matrices(&read), without_matrices(&volume));
-        let voxels = |volume: &Volume| volume.levels.iter().flat_map(|l| l.voxels.clone()).collect::<Vec<_>>();
-        for ((_, given), (_, got)) in voxels(&volume).iter().zip(voxels(&read)) {
+        let flakes = |volume: &Volume| volume.levels.iter().flat_map(|l| l.flakes().copied()).collect::<Vec<_>>();
+        for (given, got) in flakes(&volume).iter().zip(flakes(&read)) {
             // In shares of the largest entry, a few steps of the codes: codes.rs tests what is projected.
             let most = given.extinction.trace();
             for (a, b) in given.extinction.0.iter().zip(got.extinction.0) {
@@ -330,7 +333,7 @@ fn random_words_in_any_section_are_read_safely_or_refused() {
         match Volume::parse(&forged) {
             Ok(volume) => {
                 read += 1;
-                let voxels: usize = volume.levels.iter().map(|level| level.voxels.len()).sum();
+                let voxels: usize = volume.levels.iter().map(|level| level.flakes().count()).sum();
                 assert!(voxels < 64 * forged.len(), "more voxels than the file has bytes for");
                 let again = volume.pack().expect("what was read can be written");
                 assert!(Volume::parse(&again).as_ref() == Ok(&volume), "and read again");
@@ -344,7 +347,7 @@ fn random_words_in_any_section_are_read_safely_or_refused() {
 #[test]
 fn the_packer_refuses_every_volume_that_is_none() {
     type Change = fn(&mut Volume);
-    let changes: [(&str, Change); 20] = [
+    let changes: [(&str, Change); 23] = [
         ("no levels", |v| v.levels.clear()),
         ("too many levels", |v| v.levels = vec![v.levels[5].clone(); 14]),
         ("no materials", |v| v.materials.clear()),
@@ -370,6 +373,12 @@ fn the_packer_refuses_every_volume_that_is_none() {
         ("a voxel of less than nothing", |v| v.levels[3].voxels[0].1.extinction.0[2] = -1.0),
         ("a voxel too dense", |v| v.levels[3].voxels[0].1.extinction.0[0] = 1e20),
         ("an unknown material", |v| v.levels[3].voxels[0].1.material = 3),
+        ("an unknown material of a second sort", |v| v.levels[0].others[1].1.material = 3),
+        ("a second sort twice", |v| v.levels[0].others[1].0 = v.levels[0].others[0].0),
+        ("a second sort of no voxel", |v| {
+            let count = v.levels[0].voxels.len() as u32;
+            v.levels[0].others.push((count, Voxel::default()));
+        }),
     ];
     for (what, change) in changes {
         let mut volume = sample();

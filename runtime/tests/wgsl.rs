@@ -165,6 +165,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("VOLTEX_CLUMPING_AT", voltex::words::CLUMPING_AT),
         ("VOLTEX_LEVEL_WORDS", voltex::words::LEVEL_WORDS),
         ("VOLTEX_VOXEL_WORDS", voltex::VOXEL_WORDS),
+        ("VOLTEX_OTHER_AT", voltex::OTHER_AT),
         ("VOLTEX_NODE_WORDS", voltex::NODE_WORDS),
         ("VOLTEX_NO_VOXEL", voltex::NO_VOXEL as usize),
     ];
@@ -214,6 +215,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("VOLTEX_SERIES_DEPTH", voltex::SERIES_DEPTH),
         ("VOLTEX_LEAST_ROUGHNESS", voltex::LEAST_ROUGHNESS),
         ("VOLTEX_LEAST_HALF2", voltex::LEAST_HALF2),
+        ("VOLTEX_LEAST_REFRACTED", voltex::LEAST_REFRACTED),
         // The twin's exponential may be infinite.
         ("VOLTEX_MOST_DEPTH", 80.0),
         ("VOLTEX_HALF_PI", std::f32::consts::FRAC_PI_2),
@@ -324,7 +326,12 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
         (include_str!("../src/voltex/tree.rs"), "voltex_tree.wgsl", "voltex_", &[]),
         (include_str!("../src/voltex/walk.rs"), "voltex_walk.wgsl", "voltex_walk_", &[]),
         (include_str!("../src/voltex/shade.rs"), "voltex_shade.wgsl", "voltex_", &["voltex_acos"]),
-        (include_str!("../src/voltex/gloss.rs"), "voltex_gloss.wgsl", "voltex_", &["voltex_facets_seen"]),
+        (
+            include_str!("../src/voltex/gloss.rs"),
+            "voltex_gloss.wgsl",
+            "voltex_",
+            &["voltex_fresnel", "voltex_facets_seen"],
+        ),
     ];
     for (rust, file, prefix, alone) in twins {
         assert_eq!(first_out_of_order(rust, wgsl(file), prefix, alone), None, "{file}");
@@ -356,7 +363,7 @@ fn twins_that_volumetric_textures_name_are_there() {
     let named: Vec<&str> =
         rust.split("Twin: `voltex_").skip(1).map(|rest| rest.split('`').next().unwrap_or_default()).collect();
     // What stands in WGSL alone.
-    let alone = ["shadow_offset", "voxel_halves", "acos", "facets_seen"];
+    let alone = ["shadow_offset", "voxel_halves", "acos", "fresnel", "facets_seen"];
     let unmatched = |text: &str| -> Vec<String> {
         let defined: Vec<&str> = function_names(text).iter().filter_map(|name| name.strip_prefix("voltex_")).collect();
         let unnamed = defined.iter().filter(|name| !named.contains(name) && !alone.contains(name));

@@ -46,7 +46,7 @@ fn asset_word(index: u32) -> u32 {
     return volume_words[index];
 }
 
-// Optical depth along a ray: its cells by voltex_walk_next, each with the extinction of its voxel.
+// Optical depth along a ray: its cells by voltex_walk_next, each with the extinction of its flakes.
 @compute @workgroup_size(64)
 fn depth_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < range.count {
@@ -57,9 +57,8 @@ fn depth_main(@builtin(global_invocation_id) id: vec3<u32>) {
         while walk.t < walk.t_end {
             let segment = voltex_walk_next(ray.volume, &walk, ray.level);
             if segment.cell.voxel != VOLTEX_NO_VOXEL {
-                let voxel = voltex_voxel(ray.volume, segment.cell.voxel);
-                let square = voltex_form(voxel.extinction, ray.direction, ray.direction);
-                answer.depth += clumping * sqrt(max(square, 0.0)) * (segment.t1 - segment.t0);
+                let sigma = voltex_extinction_along(ray.volume, segment.cell.voxel, ray.direction);
+                answer.depth += clumping * sigma * (segment.t1 - segment.t0);
                 if answer.first_voxel == VOLTEX_NO_VOXEL {
                     answer.first_t = segment.t0;
                     answer.first_voxel = segment.cell.voxel;

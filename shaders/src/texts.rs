@@ -59,13 +59,14 @@ const VOLTEX_HEAD: &str = "\
 //
 ";
 /// What of the functions a renderer calls; the others serve them.
-const VOLTEX_CALLED: [&str; 15] = [
-    "voltex_form",
+const VOLTEX_CALLED: [&str; 16] = [
     "voltex_level_count",
     "voltex_cyclic",
     "voltex_extent",
     "voltex_side_m",
     "voltex_voxel",
+    "voltex_other",
+    "voltex_extinction_along",
     "voltex_material",
     "voltex_shadow_offset",
     "voltex_clumping_along",

@@ -4,7 +4,7 @@
 mod support;
 
 use btf_runtime::testing::{RAY_KINDS, Random, random_volume, sample_ray, sphere_direction};
-use btf_runtime::voltex::{Cell, NO_VOXEL, Segment, Voltex, VoltexRay, Walk, gloss, seen_at, shade};
+use btf_runtime::voltex::{Cell, NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, gloss, seen_at, shade};
 use btf_runtime::{voltex_wgsl, wgsl_library};
 use btf_shaders::{DEPTHS_NAME, Depth, Language, Ray, depths_text, translate};
 use bytemuck::{Pod, Zeroable};
@@ -43,8 +43,7 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>) {
         let s = voltex_walk_next(ray.volume, &walk, ray.level);
         ways[id.x].steps[count] = Step(s.t0, s.t1, s.cell.size, s.cell.voxel, s.cell.parent);
         if s.cell.voxel != VOLTEX_NO_VOXEL {
-            let extinction = voltex_voxel(ray.volume, s.cell.voxel).extinction;
-            depth += clumping * sqrt(max(voltex_form(extinction, ray.direction, ray.direction), 0.0)) * (s.t1 - s.t0);
+            depth += clumping * voltex_extinction_along(ray.volume, s.cell.voxel, ray.direction) * (s.t1 - s.t0);
         }
         count++;
     }
@@ -55,7 +54,7 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>) {
 
 const SHADE_ENTRY: &str = "
 @group(0) @binding(1) var<storage, read> lights: array<Light>;
-@group(0) @binding(3) var<storage, read_write> answers: array<array<f32, 21>>;
+@group(0) @binding(3) var<storage, read_write> answers: array<array<f32, 22>>;
 
 @compute @workgroup_size(64)
 fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -67,7 +66,7 @@ fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let both = voltex_shade(voxel.moment, q.v, q.l);
     let material = voltex_material(q.base, voxel.material);
     let extent = voltex_extent(q.base);
-    answers[id.x] = array<f32, 21>(
+    answers[id.x] = array<f32, 22>(
         both.x, both.y, voltex_form(voxel.extinction, q.v, q.v), voltex_seen_at(q.depth, q.length),
         voltex_shared_at(q.base, q.level, dot(q.v, q.l)), voltex_shadow_offset(q.base, q.level),
         material.reflectance.x, material.reflectance.y, material.reflectance.z,
@@ -76,6 +75,7 @@ fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
         dot(vec2<f32>(1.0, 2.0), select(vec2<f32>(0.0), vec2<f32>(1.0), voltex_cyclic(q.base))),
         f32(voltex_level_count(q.base)),
         voltex_gloss(voxel.extinction, material.specular, material.roughness, q.v, q.l),
+        voltex_extinction_along(q.base, q.voxel, q.v),
     );
 }
 ";
@@ -142,12 +142,13 @@ fn followed(voltex: &Voltex, ray: &Ray) -> (Vec<Segment>, f32, f32) {
     let length2: f32 = ray.direction.iter().map(|x| x * x).sum();
     while let Some(segment) = walk.next(voltex, ray.level) {
         if segment.cell.voxel != NO_VOXEL {
-            let extinction = voltex.voxel(segment.cell.voxel).extinction;
-            let (form, t) = (extinction.form(ray.direction, ray.direction), clumping * (segment.t1 - segment.t0));
-            depth += form.max(0.0).sqrt() * t;
-            // Flakes that are seen from the edge are a small difference.
-            let error = ULPS * f32::EPSILON * length2 * extinction.trace();
-            slack += ((form + error).max(0.0).sqrt() - (form - error).max(0.0).sqrt()) * t;
+            for (_, Voxel { extinction, .. }) in voltex.flakes(segment.cell.voxel) {
+                let (form, t) = (extinction.form(ray.direction, ray.direction), clumping * (segment.t1 - segment.t0));
+                depth += form.max(0.0).sqrt() * t;
+                // Flakes that are seen from the edge are a small difference.
+                let error = ULPS * f32::EPSILON * length2 * extinction.trace();
+                slack += ((form + error).max(0.0).sqrt() - (form - error).max(0.0).sqrt()) * t;
+            }
         }
         segments.push(segment);
     }
@@ -306,7 +307,7 @@ const SHADED: f32 = 1e-5;
 const GLOSS: f32 = 5e-3;
 
 /// What Rust says, and by how much the shader may differ.
-fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 21] {
+fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 22] {
     let voxel = voltex.voxel(q.voxel);
     let cos = (0..3).map(|i| q.v[i] * q.l[i]).sum::<f32>();
     let area = SHADED * voxel.moment.trace();
@@ -317,6 +318,7 @@ fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 21] {
     let [x, y, z] = voltex.extent();
     let [cyclic_x, cyclic_y] = voltex.cyclic().map(|cyclic| f32::from(u8::from(cyclic)));
     let shine = gloss(&voxel.extinction, material.specular, material.roughness, q.v, q.l);
+    let along = voltex.extinction_along(q.voxel, q.v);
     let exact = |x: f32| (x, 0.0);
     [
         (reflected, area),
@@ -339,7 +341,8 @@ fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 21] {
         exact(voltex.side_m()),
         exact(cyclic_x + 2.0 * cyclic_y),
         exact(voltex.level_count() as f32),
-        (shine, GLOSS * shine),
+        (shine, GLOSS * shine + 1e-6 * voxel.extinction.trace().sqrt()),
+        (along, SHADED * along + 2e-3 * voxel.extinction.trace().sqrt()),
     ]
 }
 
@@ -373,9 +376,9 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         })
         .unzip();
     // Of each number in how many answers it differs; and the first that does.
-    let differing = |text: &str| -> ([usize; 21], Option<String>) {
-        let answers: Vec<[f32; 21]> = gpu.answers(&Program::Wgsl(text), "shade_main", &words, &queries);
-        let (mut sums, mut first) = ([0; 21], None);
+    let differing = |text: &str| -> ([usize; 22], Option<String>) {
+        let answers: Vec<[f32; 22]> = gpu.answers(&Program::Wgsl(text), "shade_main", &words, &queries);
+        let (mut sums, mut first) = ([0; 22], None);
         for ((voltex, query), answer) in owners.iter().zip(&queries).zip(&answers) {
             for (i, (value, tolerance)) in expected(voltex, query).into_iter().enumerate() {
                 if answer[i].is_nan() || (answer[i] - value).abs() > tolerance {
@@ -387,7 +390,7 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         (sums, first)
     };
     let text = text(SHADE_ENTRY);
-    assert_eq!(differing(&text), ([0; 21], None));
+    assert_eq!(differing(&text), ([0; 22], None));
     // Planted, each with a number in which it shows.
     for (right, wrong, number) in [
         ("0.5 * (both - c)", "0.49 * (both - c)", 1),
@@ -399,6 +402,7 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         ("vec3<f32>(b.y, c)", "vec3<f32>(b.y, c.yx)", 10),
         ("b.yxx * b.zzy - b * d.zyx", "b.yxx * b.zzy + b * d.zyx", 20),
         ("2.0 * own", "1.98 * own", 20),
+        ("own = voltex_other(base, own)", "own = VOLTEX_NO_VOXEL", 21),
         ("vec2<u32>(0u, 1u)) & vec2<u32>(1u)", "vec2<u32>(1u, 0u)) & vec2<u32>(1u)", 18),
     ] {
         assert_eq!(text.matches(right).count(), 1, "{right}");

@@ -61,6 +61,11 @@ class Voxel:
 DENSITY_OF_CHILDREN = [0, 192, 128, 91, 64, 43, 27, 12, 0]
 
 
+def expected_of_children(parents):
+    """For each child of `(parent, number of its children)` its parent, and by how much denser it is expected to be."""
+    return [(parent, DENSITY_OF_CHILDREN[count]) for parent, count in parents for _ in range(count)]
+
+
 # Stands for the parent of the coarsest voxel.
 ROOT_PARENT = Voxel()
 ROOT_PARENT.density, ROOT_PARENT.axis, ROOT_PARENT.material = -192, 0, 0
@@ -75,8 +80,8 @@ class AngleModel:
         return -magnitude if magnitude > 0 and decoder.bit(self.sign) else magnitude
 
 
-def children(decoder, parents):
-    """The voxels whose parents are `(parent, number of its children)`, in order."""
+def read_voxels(decoder, expected):
+    """As many voxels as `expected` has `(voxel that it is like, by how much denser)`."""
     density, axes, ratios = Signed(), [Tree(2) for _ in range(3)], [Tree(6) for _ in range(2)]
     angles, partial = AngleModel(2), AngleModel(7)
     same, high, low = [bits(2) for _ in range(2)], Tree(), Tree()
@@ -85,35 +90,34 @@ def children(decoder, parents):
     def sign(x):
         return (x > 0) - (x < 0)
 
-    for parent, count in parents:
-        for _ in range(count):
-            voxel = Voxel()
-            voxels.append(voxel)
-            around = 2 * abs(last[0]) + abs(last[1])
-            difference = density.number(decoder, around, sign(last[0]) + sign(last[1]))
-            last = difference, last[0]
-            voxel.density = parent.density + DENSITY_OF_CHILDREN[count] + difference
-            must(abs(voxel.density) <= 1920, "a density is out of its range")
-            voxel.axis = axes[parent.axis].number(decoder)
-            must(voxel.axis <= 2, "an axis is out of its range")
-            voxel.ratios = [tree.number(decoder) for tree in ratios]
-            must(63 not in voxel.ratios[: voxel.axis], "an axis is not the first")
-            voxel.angles = [angles.angle(decoder, i) if voxel.ratios[i] > 0 else 0 for i in range(2)]
-            right = voxel.partial_right_angle()
-            voxel.angles.append(partial.angle(decoder, right.bit_length()) if right > 0 else 0)
-            must(abs(voxel.angles[2]) <= right, "an angle is out of its range")
-            if decoder.bit(same[0][alike]) == 1:
-                alike, material = 1, parent.material
-            else:
-                if decoder.bit(same[1][alike]) == 0:
-                    material = 256 * high.number(decoder) + low.number(decoder)
-                alike = 0
-            voxel.material = material
+    for parent, denser in expected:
+        voxel = Voxel()
+        voxels.append(voxel)
+        around = 2 * abs(last[0]) + abs(last[1])
+        difference = density.number(decoder, around, sign(last[0]) + sign(last[1]))
+        last = difference, last[0]
+        voxel.density = parent.density + denser + difference
+        must(abs(voxel.density) <= 1920, "a density is out of its range")
+        voxel.axis = axes[parent.axis].number(decoder)
+        must(voxel.axis <= 2, "an axis is out of its range")
+        voxel.ratios = [tree.number(decoder) for tree in ratios]
+        must(63 not in voxel.ratios[: voxel.axis], "an axis is not the first")
+        voxel.angles = [angles.angle(decoder, i) if voxel.ratios[i] > 0 else 0 for i in range(2)]
+        right = voxel.partial_right_angle()
+        voxel.angles.append(partial.angle(decoder, right.bit_length()) if right > 0 else 0)
+        must(abs(voxel.angles[2]) <= right, "an angle is out of its range")
+        if decoder.bit(same[0][alike]) == 1:
+            alike, material = 1, parent.material
+        else:
+            if decoder.bit(same[1][alike]) == 0:
+                material = 256 * high.number(decoder) + low.number(decoder)
+            alike = 0
+        voxel.material = material
     return voxels
 
 
 def read_level(section, coarser, materials):
-    """The shadow's numbers, the clumping's, and the voxels as `(place, voxel)`."""
+    """The shadow's numbers, the clumping's, the voxels as `(place, voxel)`, and others as `(number of the voxel, voxel)`."""
     shadow, clumping = section.numbers("f", 11), section.numbers("f", 6)
     must(0 <= shadow[0] <= 1024 and all(-16 <= share <= 1 for share in shadow[1:]), "a shadow is out of its range")
     must(all(-4 <= entry <= 4 for entry in clumping), "a clumping is out of its range")
@@ -132,10 +136,17 @@ def read_level(section, coarser, materials):
         decoder.will_read(16 * len(places))
     else:
         parents, places = [(ROOT_PARENT, 1)], [(0, 0, 0)]
-    voxels = children(decoder, parents)
+    voxels = read_voxels(decoder, expected_of_children(parents))
+    have, before = bits(2), 0
+    others = []
+    for i in range(len(voxels)):
+        before = decoder.bit(have[before])
+        others += [i] * before
+    decoder.will_read(16 * (len(voxels) + len(others)))
+    others = list(zip(others, read_voxels(decoder, [(voxels[i], 0) for i in others])))
     decoder.end()
-    must(all(voxel.material < materials for voxel in voxels), "a material is not there")
-    return shadow, clumping, list(zip(places, voxels))
+    must(all(voxel.material < materials for voxel in voxels + [voxel for _, voxel in others]), "a material is not there")
+    return shadow, clumping, list(zip(places, voxels)), others
 
 
 def show(name, numbers):
@@ -159,11 +170,13 @@ def read(path):
     for index in range(head.levels):
         if not head.has(LEVEL, 0, index) and index > 0 and not head.whole:
             break
-        shadow, clumping, coarser = read_level(head.section(LEVEL, 0, index), coarser, head.materials)
+        shadow, clumping, coarser, others = read_level(head.section(LEVEL, 0, index), coarser, head.materials)
         show(f"level {index}: shadow", shadow)
         show(f"level {index}: clumping", clumping)
         for i, (place, voxel) in enumerate(coarser):
             show(f"level {index}: voxel {i}", [*place, voxel.material, *voxel.matrix()])
+        for i, voxel in others:
+            show(f"level {index}: other {i}", [voxel.material, *voxel.matrix()])
     again = [encoded(decisions) == stream for stream, decisions in STREAMS]
     show("streams, those that the encoder of the text makes again", [len(again), sum(again)])
 

@@ -33,9 +33,24 @@ pub struct VolumePoint {
     volume: usize,
     map: Mat3,
     level: Level,
-    parts: [(f32, Voxel); 2],
-    sigma: f32,
+    parts: Parts,
     view: Vec3,
+}
+
+/// Extinction of a segment along the ray, and of its two cells the voxels' numbers with the share that each counts for.
+#[derive(Debug, Clone, Copy)]
+struct Parts {
+    shares: [f32; 2],
+    numbers: [u32; 2],
+    sigma: f32,
+}
+
+impl Parts {
+    /// All flakes, with what they count for.
+    fn flakes(&self, voltex: &Voltex) -> impl Iterator<Item = (f32, Voxel)> {
+        let cells = self.shares.into_iter().zip(self.numbers);
+        cells.flat_map(move |(share, number)| voltex.flakes(number).map(move |(_, voxel)| (share, voxel)))
+    }
 }
 
 /// Which levels a ray sees.
@@ -70,20 +85,18 @@ impl VolumePoint {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light * self.map.determinant().abs().cbrt().recip();
         let mut sum = Vec3::ZERO;
-        for (share, voxel) in &self.parts {
-            if *share > 0.0 {
-                let material = voltex.material(voxel.material);
-                let [same, other] = shade(&voxel.moment, (-self.view).into(), l.into());
-                sum += *share * (Vec3::from(material.reflectance) * same + Vec3::from(material.transmittance) * other);
-                if material.specular > 0.0 {
-                    // In proportion to the eye's vector, as the sums above.
-                    let [v, l] = [-self.view, l].map(|d| d.normalize_or_zero().into());
-                    let shine = gloss(&voxel.extinction, material.specular, material.roughness, v, l);
-                    sum += *share * self.view.length() * shine;
-                }
+        for (share, voxel) in self.parts.flakes(voltex) {
+            let material = voltex.material(voxel.material);
+            let [same, other] = shade(&voxel.moment, (-self.view).into(), l.into());
+            sum += share * (Vec3::from(material.reflectance) * same + Vec3::from(material.transmittance) * other);
+            if material.specular > 0.0 {
+                // In proportion to the eye's vector, as the sums above.
+                let [v, l] = [-self.view, l].map(|d| d.normalize_or_zero().into());
+                let shine = gloss(&voxel.extinction, material.specular, material.roughness, v, l);
+                sum += share * self.view.length() * shine;
             }
         }
-        sum / self.sigma
+        sum / self.parts.sigma
     }
 
     /// From where a ray to a light begins, relative to the point, in the world.
@@ -96,10 +109,8 @@ impl VolumePoint {
             voltex.shadow(level).offset * voltex.voxel_side(level)
         };
         let offset = at(self.level.finer) + (at(self.level.finer + 1) - at(self.level.finer)) * self.level.part;
-        let towards = self
-            .parts
-            .iter()
-            .fold(Vec3::ZERO, |sum, (share, voxel)| sum + *share * Vec3::from(voxel.moment.times(l.into())));
+        let towards: Vec3 =
+            self.parts.flakes(voltex).map(|(share, voxel)| share * Vec3::from(voxel.moment.times(l.into()))).sum();
         let inverse = self.map.inverse();
         inverse * (towards.normalize_or_zero() * offset)
     }
@@ -112,17 +123,12 @@ impl VolumePoint {
     }
 }
 
-/// Extinction of a segment along the ray, and its two voxels with the share that each counts for, of those of the levels.
-fn parts_of(voltex: &Voltex, segment: &Segment, shares: [f32; 2], d: [f32; 3]) -> (f32, [(f32, Voxel); 2]) {
-    let one = |number: u32, share: f32| {
-        if number == NO_VOXEL || share <= 0.0 {
-            return (0.0, Voxel::default());
-        }
-        (share, voltex.voxel(number))
-    };
-    let parts = [one(segment.cell.voxel, shares[0]), one(segment.cell.parent, shares[1])];
-    let sigma = parts.iter().map(|(share, voxel)| share * voxel.extinction_along(d)).sum();
-    (sigma, parts)
+/// A segment's parts, of which each level's count for its share.
+fn parts_of(voltex: &Voltex, segment: &Segment, shares: [f32; 2], d: [f32; 3]) -> Parts {
+    let there = |number: u32, share: f32| if share > 0.0 { number } else { NO_VOXEL };
+    let numbers = [there(segment.cell.voxel, shares[0]), there(segment.cell.parent, shares[1])];
+    let [finer, coarser] = numbers.map(|number| voltex.extinction_along(number, d));
+    Parts { shares, numbers, sigma: shares[0] * finer + shares[1] * coarser }
 }
 
 /// The ray of a stretch, t counted from its own start.
@@ -157,9 +163,9 @@ impl Volumes {
             let shares = level.shares(voltex, d);
             let mut walk = walk_of(voltex, &stretch);
             while let Some(segment) = walk.next(voltex, level.finer) {
-                let (sigma, parts) = parts_of(voltex, &segment, shares, d);
+                let parts = parts_of(voltex, &segment, shares, d);
                 let length = segment.t1 - segment.t0;
-                let depth = sigma * length;
+                let depth = parts.sigma * length;
                 let hidden = 1.0 - (-depth).exp();
                 if hidden <= LEAST_OPACITY {
                     continue;
@@ -171,7 +177,6 @@ impl Volumes {
                     map,
                     level,
                     parts,
-                    sigma,
                     view: d.into(),
                 });
                 through *= 1.0 - hidden;
@@ -193,7 +198,7 @@ impl Volumes {
             let shares = level.shares(voltex, d);
             let mut walk = walk_of(voltex, &stretch);
             while let Some(segment) = walk.next(voltex, level.finer) {
-                sum += parts_of(voltex, &segment, shares, d).0 * (segment.t1 - segment.t0);
+                sum += parts_of(voltex, &segment, shares, d).sigma * (segment.t1 - segment.t0);
                 if sum > MOST_DEPTH {
                     return f32::INFINITY;
                 }

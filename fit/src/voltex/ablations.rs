@@ -1,6 +1,6 @@
 //! Volumes without one of their terms each, and by the rule that they replace: what each term is worth.
 
-use super::build::{VoltexParams, build_voltex, build_with};
+use super::build::{BuildRule, VoltexParams, build_voltex, build_with};
 use super::extinction::extinction_of;
 use super::flakes::FlakeSums;
 use super::march::{MarchParams, Reflection};
@@ -28,6 +28,8 @@ pub enum Ablation {
     /// The same extinction in all directions, light summed over an ellipsoid's normals, nothing fitted, voxels of a pixel and
     /// one ray [Neyret 1996].
     Rule1996,
+    /// Leaves and what bears them as flakes of one sort.
+    OneSort,
     /// The same clumping in all directions.
     EvenClumping,
     /// Four rays a pixel through voxels of one pixel in place of half of one.
@@ -44,7 +46,7 @@ pub enum Ablation {
 
 impl Ablation {
     /// All of them.
-    pub const ALL: [Ablation; 13] = [
+    pub const ALL: [Ablation; 14] = [
         Ablation::NoRefit,
         Ablation::LinearS,
         Ablation::LinearSNoRefit,
@@ -52,6 +54,7 @@ impl Ablation {
         Ablation::IsotropicNoRefit,
         Ablation::NoShadowFit,
         Ablation::Rule1996,
+        Ablation::OneSort,
         Ablation::EvenClumping,
         Ablation::OneRay,
         Ablation::SixteenRays,
@@ -70,6 +73,7 @@ impl Ablation {
             Ablation::IsotropicNoRefit => "isotropic extinction, not refitted",
             Ablation::NoShadowFit => "shadows not fitted",
             Ablation::Rule1996 => "rule of 1996",
+            Ablation::OneSort => "one sort of flakes a voxel",
             Ablation::EvenClumping => "clumping the same in all directions",
             Ablation::WideVoxels => "voxels of one pixel",
             Ablation::OneRay => "1 ray a pixel",
@@ -91,15 +95,18 @@ impl Ablation {
         let march = MarchParams::default();
         Ok(match self {
             Ablation::NoRefit => (build_voltex(model, &not_refitted)?, march),
-            Ablation::LinearS => (build_with(model, &params, linear)?, march),
-            Ablation::LinearSNoRefit => (build_with(model, &not_refitted, linear)?, march),
-            Ablation::Isotropic => (build_with(model, &params, isotropic)?, march),
-            Ablation::IsotropicNoRefit => (build_with(model, &not_refitted, isotropic)?, march),
+            Ablation::LinearS => (build_with(model, &params, LINEAR)?, march),
+            Ablation::LinearSNoRefit => (build_with(model, &not_refitted, LINEAR)?, march),
+            Ablation::Isotropic => (build_with(model, &params, ISOTROPIC)?, march),
+            Ablation::IsotropicNoRefit => (build_with(model, &not_refitted, ISOTROPIC)?, march),
             Ablation::NoShadowFit => (without_shadows(volume.clone()), march),
             Ablation::Rule1996 => {
                 let plain = VoltexParams { shadow: ShadowParams { views: 0, ..params.shadow }, ..not_refitted };
-                let volume = without_shadows(build_with(model, &plain, isotropic)?);
+                let volume = without_shadows(build_with(model, &plain, BuildRule { sorted: false, ..ISOTROPIC })?);
                 (volume, MarchParams { rays: 1, finer: 0, reflection: Reflection::Ellipsoid })
+            }
+            Ablation::OneSort => {
+                (build_with(model, &params, BuildRule { sorted: false, ..BuildRule::default() })?, march)
             }
             Ablation::EvenClumping => (evenly_clumped(volume.clone()), march),
             Ablation::WideVoxels => (volume.clone(), MarchParams { finer: 0, ..march }),
@@ -123,6 +130,9 @@ fn evenly_clumped(mut volume: Volume) -> Volume {
     }
     volume
 }
+
+const LINEAR: BuildRule = BuildRule { voxel: linear, sorted: true };
+const ISOTROPIC: BuildRule = BuildRule { voxel: isotropic, sorted: true };
 
 /// S of flakes of area A is A times the sum of `a n n'`, per volume squared [Heitz 2015].
 fn linear(sums: &FlakeSums, volume: f32, material: u32) -> Voxel {

@@ -1,7 +1,7 @@
 //! From a model to a volume.
 
 use super::extinction::extinction_of;
-use super::flakes::{FlakeSums, grey};
+use super::flakes::{CellFlakes, FlakeSums, grey};
 use super::gather::{Gather, VoxelSums};
 use super::model::TriangleModel;
 use super::occluder::Occluder;
@@ -85,23 +85,27 @@ const MARGIN: f32 = 1.001;
 /// # Errors
 /// [`FitError::Voltex`] for a model without extent or area, and for one that is too large.
 pub fn build_voltex(model: &TriangleModel, params: &VoltexParams) -> Result<Volume, FitError> {
-    build_with(model, params, voxel_of)
+    build_with(model, params, BuildRule::default())
 }
 
-/// What makes a voxel of flakes in a cell of a volume, and of the number of their material.
-pub(super) type VoxelRule = fn(&FlakeSums, f32, u32) -> Voxel;
+/// How voxels are made of flakes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BuildRule {
+    /// Of flakes in a cell of a volume, and of the number of their material.
+    pub voxel: fn(&FlakeSums, f32, u32) -> Voxel,
+    /// Whether sorts of flakes stand apart.
+    pub sorted: bool,
+}
 
-/// The rule that volumes are built by.
-fn voxel_of(sums: &FlakeSums, volume: f32, material: u32) -> Voxel {
-    Voxel::new(extinction_of(sums, volume), material)
+impl Default for BuildRule {
+    fn default() -> BuildRule {
+        let voxel = |sums: &FlakeSums, volume, material| Voxel::new(extinction_of(sums, volume), material);
+        BuildRule { voxel, sorted: true }
+    }
 }
 
 /// As [`build_voltex`], with another rule.
-pub(super) fn build_with(
-    model: &TriangleModel,
-    params: &VoltexParams,
-    voxel_of: VoxelRule,
-) -> Result<Volume, FitError> {
+pub(super) fn build_with(model: &TriangleModel, params: &VoltexParams, rule: BuildRule) -> Result<Volume, FitError> {
     let frame = Frame::around(model.bounds())?;
     let cube = model.in_cube(&frame);
     let area = cube.area();
@@ -116,7 +120,7 @@ pub(super) fn build_with(
         let material = *material as usize;
         gather.add_triangle(*triangle, &cube.colours[material], cube.weights[material]);
     }
-    let mut volume = volume_with(&gather.levels(), voxel_of);
+    let mut volume = volume_with(&gather.levels(), rule);
     volume.side_m = frame.side_m;
     fit_to_rays(&mut volume, &Occluder::new(&cube.triangles), &cube, params);
     Ok(volume)
@@ -124,10 +128,10 @@ pub(super) fn build_with(
 
 /// The volume of levels of flakes, finest first, as if flakes lay anywhere in their voxels. It fills the cube.
 pub(super) fn volume_of(levels: &[VoxelSums]) -> Volume {
-    volume_with(levels, voxel_of)
+    volume_with(levels, BuildRule::default())
 }
 
-fn volume_with(levels: &[VoxelSums], voxel_of: VoxelRule) -> Volume {
+fn volume_with(levels: &[VoxelSums], rule: BuildRule) -> Volume {
     let mut palette = Palette::default();
     let finest = (1u32 << (levels.len() - 1)) as f32;
     let levels = levels
@@ -135,17 +139,16 @@ fn volume_with(levels: &[VoxelSums], voxel_of: VoxelRule) -> Volume {
         .enumerate()
         .map(|(level, cells)| {
             let side = (1u32 << level) as f32 / finest;
-            let voxel = |sums| voxel_of(sums, side * side * side, palette.number(sums));
-            let mut voxels: Vec<_> = cells
-                .iter()
-                .map(|(at, sums)| (*at, sums))
-                .map({
-                    let mut voxel = voxel;
-                    move |(at, sums)| (at, voxel(sums))
-                })
-                .collect();
-            voxels.sort_by_key(|(at, _)| order(*at));
-            VolumeLevel { voxels, ..VolumeLevel::default() }
+            let mut voxel = |sums: &FlakeSums| (rule.voxel)(sums, side * side * side, palette.number(sums));
+            let mut cells: Vec<(&[u32; 3], &CellFlakes)> = cells.iter().collect();
+            cells.sort_by_key(|(at, _)| order(**at));
+            let mut own = VolumeLevel::default();
+            for (at, cell) in cells {
+                let (first, second) = if rule.sorted { cell.sorts() } else { (cell.all(), None) };
+                own.others.extend(second.map(|sums| (own.voxels.len() as u32, voxel(&sums))));
+                own.voxels.push((*at, voxel(&first)));
+            }
+            own
         })
         .collect();
     Volume { side_m: 1.0, extent: [1.0; 3], levels, materials: palette.materials(), ..Volume::default() }
@@ -162,7 +165,9 @@ pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl L
         let own = &mut volume.levels[level as usize];
         own.shadow = shadow;
         own.clumping = voltex.clumping(level);
-        own.voxels.iter_mut().zip(numbers).for_each(|((_, voxel), number)| *voxel = voltex.voxel(number));
+        own.voxels.iter_mut().zip(&numbers).for_each(|((_, voxel), number)| *voxel = voltex.voxel(*number));
+        let second = |(i, number): (usize, &u32)| Some((i as u32, voltex.flakes(*number).nth(1)?.1));
+        own.others = numbers.iter().enumerate().filter_map(second).collect();
     }
 }
 
@@ -209,8 +214,7 @@ mod tests {
                 let mut depth = 0.0;
                 while let Some(segment) = walk.next(&voltex, level) {
                     if segment.cell.voxel != NO_VOXEL {
-                        let sigma =
-                            voltex.clumping_along(level, d) * voltex.voxel(segment.cell.voxel).extinction_along(d);
+                        let sigma = voltex.clumping_along(level, d) * voltex.extinction_along(segment.cell.voxel, d);
                         depth += sigma * (segment.t1 - segment.t0);
                     }
                 }

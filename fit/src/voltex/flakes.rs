@@ -106,3 +106,67 @@ impl FlakeSums {
         }
     }
 }
+
+/// Of a cell's flakes, the share below which a sort is none of its own.
+const LEAST_SORT: f32 = 0.02;
+
+/// Sums over the flakes of a cell, of two sorts that lie otherwise: leaves and what bears them.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CellFlakes {
+    /// Those that let light through.
+    pub translucent: FlakeSums,
+    /// The others.
+    pub opaque: FlakeSums,
+}
+
+impl CellFlakes {
+    /// Adds flakes of one sort.
+    pub fn add(&mut self, flakes: &FlakeSums) {
+        let lets_through = flakes.transmitted.iter().any(|x| *x > 0.0);
+        if lets_through { &mut self.translucent } else { &mut self.opaque }.add(flakes);
+    }
+
+    /// Adds those of another cell.
+    pub fn add_cell(&mut self, other: &CellFlakes) {
+        self.translucent.add(&other.translucent);
+        self.opaque.add(&other.opaque);
+    }
+
+    /// So many times these flakes.
+    pub fn scaled(&self, factor: f32) -> CellFlakes {
+        CellFlakes { translucent: self.translucent.scaled(factor), opaque: self.opaque.scaled(factor) }
+    }
+
+    /// Both sorts together.
+    pub fn all(&self) -> FlakeSums {
+        let mut all = self.translucent;
+        all.add(&self.opaque);
+        all
+    }
+
+    /// The sorts that matter: both together where one of them is next to nothing.
+    pub fn sorts(&self) -> (FlakeSums, Option<FlakeSums>) {
+        let (all, least) = (self.all(), self.translucent.area.min(self.opaque.area));
+        if least < LEAST_SORT * all.area { (all, None) } else { (self.translucent, Some(self.opaque)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flakes_are_sorted_by_what_passes_them_and_a_few_of_a_sort_are_none() {
+        let leaf = FlakeColour { transmittance: [0.0, 0.1, 0.0], ..FlakeColour::default() };
+        let mut cell = CellFlakes::default();
+        cell.add(&FlakeSums::flake(2.0, Vec3::Z, &leaf));
+        assert_eq!(cell.sorts(), (cell.all(), None));
+        cell.add(&FlakeSums::flake(0.03, Vec3::X, &FlakeColour::default()));
+        assert_eq!(cell.sorts(), (cell.all(), None));
+        let before = cell.all();
+        cell.add(&FlakeSums::flake(0.03, Vec3::X, &FlakeColour::default()));
+        let (translucent, opaque) = cell.sorts();
+        assert_eq!((translucent.area, opaque.map(|opaque| opaque.area)), (2.0, Some(0.06)));
+        assert!(cell.all().area > before.area && cell.scaled(2.0).opaque.area == 0.12);
+    }
+}

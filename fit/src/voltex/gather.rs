@@ -1,12 +1,12 @@
 //! Flakes gathered into the voxels of a grid.
 
 use super::clip::clip_triangle;
-use super::flakes::{FlakeColour, FlakeSums};
+use super::flakes::{CellFlakes, FlakeColour, FlakeSums};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
 /// Voxels of one level by their coordinates.
-pub type VoxelSums = BTreeMap<[u32; 3], FlakeSums>;
+pub type VoxelSums = BTreeMap<[u32; 3], CellFlakes>;
 
 /// Gathers flakes into the finest voxels of the unit cube.
 #[derive(Debug, Clone)]
@@ -26,7 +26,7 @@ impl Gather {
         Gather { resolution, voxels }
     }
 
-    /// Adds flakes to a voxel; those beyond the cube are dropped.
+    /// Adds flakes of one sort to a voxel; those beyond the cube are dropped.
     pub fn add(&mut self, cell: [i32; 3], flakes: &FlakeSums) {
         if cell.iter().all(|x| (0..self.resolution as i32).contains(x)) {
             self.voxels.entry(cell.map(|x| x as u32)).or_default().add(flakes);
@@ -53,7 +53,7 @@ impl Gather {
         while resolution > 1 {
             let mut coarser = VoxelSums::new();
             for (cell, sums) in levels.last().into_iter().flatten() {
-                coarser.entry(cell.map(|x| x / 2)).or_default().add(sums);
+                coarser.entry(cell.map(|x| x / 2)).or_default().add_cell(sums);
             }
             levels.push(coarser);
             resolution /= 2;

@@ -61,16 +61,20 @@ impl March<'_> {
     /// surface lit along its normal.
     pub fn ray(&self, origin: Vec3, direction: Vec3, lights: &[Vec3], seen: &mut [f32]) -> f32 {
         seen_along(self.voltex, self.level, origin, direction, |part| {
-            let material = self.voltex.material(part.voxel.material);
             for (light, seen) in lights.iter().zip(&mut *seen) {
-                let [same, other] = match &self.ellipsoids {
-                    Some((roots, normals)) => {
-                        ellipsoid_light(&roots[part.number as usize], normals, -direction, *light)
-                    }
-                    None => shade(&part.voxel.moment, (-direction).into(), (*light).into()).map(|sum| sum / part.sigma),
-                };
-                let value = grey(material.reflectance) * same + grey(material.transmittance) * other;
-                let towards = Vec3::from(part.voxel.moment.times((*light).into())).normalize_or_zero() * self.side;
+                let value = self.voltex.flakes(part.number).map(|(number, voxel)| {
+                    let material = self.voltex.material(voxel.material);
+                    let [same, other] = match &self.ellipsoids {
+                        Some((roots, normals)) => {
+                            let shown = voxel.extinction_along(direction.into());
+                            ellipsoid_light(&roots[number as usize], normals, -direction, *light).map(|x| x * shown)
+                        }
+                        None => shade(&voxel.moment, (-direction).into(), (*light).into()),
+                    };
+                    grey(material.reflectance) * same + grey(material.transmittance) * other
+                });
+                let value = value.sum::<f32>() / part.sigma;
+                let towards = part.towards(self.voltex, *light).normalize_or_zero() * self.side;
                 let depth = depth_along(self.voltex, self.level, part.at + towards * self.shadow.offset, *light);
                 let apart = 1.0 - self.shadow.shared_at(light.dot(-direction));
                 *seen += part.weight * value * (-apart * depth).exp();

@@ -38,13 +38,14 @@ const CLUMPING_STEPS: usize = 2;
 /// Largest change of a voxel as a logarithm.
 const MOST_CHANGE: f32 = 4.0;
 
-/// A level's voxels while they are refitted.
+/// A level's cells while they are refitted.
 struct Level<'a> {
     voltex: &'a Voltex,
     level: u32,
-    /// Of each voxel of the volume its place among those of the level.
+    /// Of each voxel of the volume its place among the cells of the level.
     place: Vec<u32>,
-    voxels: Vec<Voxel>,
+    /// Of each cell its voxel.
+    numbers: Vec<u32>,
     rays: usize,
     pixel: f32,
     /// Pixels on a side of a view.
@@ -93,8 +94,8 @@ impl Level<'_> {
     fn sigmas(&self, view: &Projection, logs: &[f32], clumping: &Sym3) -> Vec<f32> {
         let d = view.direction.to_array();
         let common = clumping.form(d, d);
-        let extinction = |(voxel, log): (&Voxel, &f32)| voxel.extinction_along(d) * (log + common).exp();
-        self.voxels.par_iter().zip(logs).map(extinction).collect()
+        let extinction = |(number, log): (&u32, &f32)| self.voltex.extinction_along(*number, d) * (log + common).exp();
+        self.numbers.par_iter().zip(logs).map(extinction).collect()
     }
 
     /// What is met in pixel `i`, and what passes it.
@@ -189,18 +190,10 @@ pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &Refi
     numbers.iter().enumerate().for_each(|(i, number)| place[*number as usize] = i as u32);
     let pixel = voltex.voxel_side(level);
     let count = (2.0 * HALF_SIDE / pixel).ceil() as usize;
-    let own = Level {
-        voltex: &*voltex,
-        level,
-        place,
-        voxels: numbers.iter().map(|number| voltex.voxel(*number)).collect(),
-        rays: rays_of_pixel(params.rays, count),
-        pixel,
-        count,
-    };
+    let own = Level { voltex: &*voltex, level, place, numbers, rays: rays_of_pixel(params.rays, count), pixel, count };
     let views: Vec<Projection> = spread_directions(params.views, 0.3).into_iter().map(Projection::new).collect();
     let truths: Vec<Vec<f32>> = views.iter().map(|view| own.truth(view, occluder)).collect();
-    let mut logs = vec![0f32; numbers.len()];
+    let mut logs = vec![0f32; own.numbers.len()];
     let mut clumping = Sym3::default();
     for pass in 0..params.passes {
         let relaxation = RELAXATION * 0.1f32.powf(pass as f32 / (params.passes.max(2) - 1) as f32);
@@ -215,8 +208,13 @@ pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &Refi
         }
         fit_clumping(&own, &views, &truths, &logs, &mut clumping);
     }
-    let scaled: Vec<Voxel> = own.voxels.iter().zip(&logs).map(|(voxel, log)| voxel.scaled(log.exp())).collect();
-    numbers.iter().zip(scaled).for_each(|(number, voxel)| voltex.set_voxel(*number, &voxel));
+    let scaled = own
+        .numbers
+        .iter()
+        .zip(&logs)
+        .flat_map(|(cell, log)| own.voltex.flakes(*cell).map(|(number, voxel)| (number, voxel.scaled(log.exp()))));
+    let scaled: Vec<(u32, Voxel)> = scaled.collect();
+    scaled.into_iter().for_each(|(number, voxel)| voltex.set_voxel(number, &voxel));
     voltex.set_clumping(level, &clumping);
 }
 

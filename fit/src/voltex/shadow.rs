@@ -150,10 +150,13 @@ fn add_parts(
     parts: &mut Vec<Part>,
 ) {
     seen_along(voltex, level, origin, direction, |seen| {
-        let material = voltex.material(seen.voxel.material);
-        let [same, other] = shade(&seen.voxel.moment, (-direction).into(), light.into());
-        let value = (grey(material.reflectance) * same + grey(material.transmittance) * other) / seen.sigma;
-        let towards = Vec3::from(seen.voxel.moment.times(light.into())).normalize_or_zero() * side;
+        let value = voltex.flakes(seen.number).map(|(_, voxel)| {
+            let material = voltex.material(voxel.material);
+            let [same, other] = shade(&voxel.moment, (-direction).into(), light.into());
+            grey(material.reflectance) * same + grey(material.transmittance) * other
+        });
+        let value = value.sum::<f32>() / seen.sigma;
+        let towards = seen.towards(voltex, light).normalize_or_zero() * side;
         let depths = OFFSETS.map(|offset| depth_along(voltex, level, seen.at + towards * offset, light));
         parts.push((seen.weight * value, depths));
     });

@@ -1,6 +1,7 @@
 // Light that smooth surfaces of a voxel's flakes send to the eye. Twin: voltex/gloss.rs, which has the equations.
 
 const VOLTEX_LEAST_ROUGHNESS: f32 = 0.1;
+const VOLTEX_LEAST_REFRACTED: f32 = 1e-4;
 const VOLTEX_LEAST_HALF2: f32 = 1e-10;
 
 // For light from `l`, seen from `v`, unit vectors away from the flakes: the sum over their smooth surfaces of `pi a F D G / 4`.
@@ -19,9 +20,19 @@ fn voltex_gloss(extinction: VoltexMatrix, specular: f32, roughness: f32, v: vec3
     let determinant = facets.diagonal.x * adjugate.diagonal.x + dot(facets.beside.xy, adjugate.beside.xy);
     let spread = voltex_form(adjugate, half_way, half_way) / half2;
     let density = sqrt(trace) * pow(max(determinant, 0.0), 1.5) / max(spread * spread, 1e-30);
-    let away = 1.0 - clamp(dot(half_way, v) / sqrt(half2), 0.0, 1.0);
-    let fresnel = specular + (1.0 - specular) * away * away * away * away * away;
+    // Of the index that has this reflectance at normal incidence.
+    let root = sqrt(specular);
+    let fresnel = voltex_fresnel((1.0 + root) / max(1.0 - root, VOLTEX_LEAST_REFRACTED), dot(half_way, v) / sqrt(half2));
     return 0.25 * fresnel * density * voltex_facets_seen(flakes, facets, v) * voltex_facets_seen(flakes, facets, l);
+}
+
+// Reflectance of unpolarised light from air into an index, at an angle with a cosine [Cook & Torrance 1982].
+fn voltex_fresnel(index: f32, cosine: f32) -> f32 {
+    let c = clamp(cosine, 0.0, 1.0);
+    let g = sqrt(max(index * index + c * c - 1.0, 0.0));
+    let ratio = (g - c) / max(g + c, 1e-9);
+    let other = (c * (g + c) - 1.0) / (c * (g - c) + 1.0);
+    return 0.5 * ratio * ratio * (1.0 + other * other);
 }
 
 // Share of the facets towards `d` that others do not hide.

@@ -1,6 +1,7 @@
 // One voxel: the flakes in it. Twin: voltex/voxel.rs.
 
-const VOLTEX_VOXEL_WORDS: u32 = 8u;
+const VOLTEX_VOXEL_WORDS: u32 = 9u;
+const VOLTEX_OTHER_AT: u32 = 8u;
 
 struct VoltexVoxel {
     // The root of `d' S d` is the optical depth along d, a vector of texture space.

@@ -55,6 +55,21 @@ fn voltex_voxel(base: u32, number: u32) -> VoltexVoxel {
     return voltex_voxel_at(base + asset_word(base + VOLTEX_VOXELS_AT) + number * VOLTEX_VOXEL_WORDS);
 }
 
+// Number of the voxel with the second sort of flakes in the cell of another, or VOLTEX_NO_VOXEL.
+fn voltex_other(base: u32, number: u32) -> u32 {
+    return asset_word(base + asset_word(base + VOLTEX_VOXELS_AT) + number * VOLTEX_VOXEL_WORDS + VOLTEX_OTHER_AT);
+}
+
+// Optical depth per length of all flakes of a cell along d, which need not be unit, before the level's clumping; of
+// VOLTEX_NO_VOXEL none.
+fn voltex_extinction_along(base: u32, number: u32, d: vec3<f32>) -> f32 {
+    var sum = 0.0;
+    for (var own = number; own != VOLTEX_NO_VOXEL; own = voltex_other(base, own)) {
+        sum += sqrt(max(voltex_form(voltex_voxel(base, own).extinction, d, d), 0.0));
+    }
+    return sum;
+}
+
 fn voltex_material(base: u32, number: u32) -> VoltexMaterial {
     let at = base + asset_word(base + VOLTEX_MATERIALS_AT) + number * VOLTEX_MATERIAL_WORDS;
     let a = unpack2x16float(asset_word(at));

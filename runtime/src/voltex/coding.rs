@@ -4,7 +4,7 @@
 use super::codes::{ANGLE_BITS, DENSITY_STEPS, RATIO_BITS, VoxelCodes};
 use crate::entropy::{BinaryCoder, Bit, Signed, Tree};
 
-/// Decisions that a child takes at least: a bit of its mask apart, its density, axis and ratios, and where its material is from.
+/// Decisions that a voxel takes at least: a bit of its mask apart, its density, axis and ratios, and where its material is from.
 pub const LEAST_DECISIONS: usize = 3 + 2 * RATIO_BITS + 1;
 
 /// A voxel's codes with its material.
@@ -23,7 +23,7 @@ pub fn code_masks(coder: &mut impl BinaryCoder, masks: &mut [u8]) {
 }
 
 /// What is expected of the density of one of `count` children, relative to its parent: that all of them together have as much.
-fn density_of_children(count: u32) -> i32 {
+pub fn density_of_children(count: u32) -> i32 {
     (f64::from(DENSITY_STEPS) * (8.0 / f64::from(count)).log2()).round() as i32
 }
 
@@ -44,9 +44,24 @@ impl AngleModel {
     }
 }
 
-/// Codes the children of `parents`, in order, with each parent's mask of them. False if the decoder met a number that is out of its
-/// range.
-pub fn code_children(coder: &mut impl BinaryCoder, parents: &[(CodedVoxel, u8)], children: &mut [CodedVoxel]) -> bool {
+/// Codes which of a level's voxels have a second sort of flakes in their cells.
+pub fn code_others(coder: &mut impl BinaryCoder, have: &mut [bool]) {
+    // By what the one before has.
+    let mut bits = [Bit::NEW; 2];
+    let mut before = false;
+    for has in have {
+        *has = coder.bit(&mut bits[usize::from(before)], *has);
+        before = *has;
+    }
+}
+
+/// Codes voxels, each by the one that it is expected to be like, its density by how much more of that it is expected to have. False
+/// if the decoder met a number that is out of its range.
+pub fn code_voxels(
+    coder: &mut impl BinaryCoder,
+    alike: impl Iterator<Item = (CodedVoxel, i32)>,
+    voxels: &mut [CodedVoxel],
+) -> bool {
     let mut fits = true;
     let mut density = Signed::new();
     let mut axes = vec![Tree::<2>::new(); 3];
@@ -55,12 +70,10 @@ pub fn code_children(coder: &mut impl BinaryCoder, parents: &[(CodedVoxel, u8)],
     let mut same = [[Bit::NEW; 2]; 2];
     let mut bytes = [Tree::<8>::new(), Tree::<8>::new()];
     // Differences of the last two densities; the last material, and whether it was the parent's.
-    let (mut last, mut last_material, mut alike) = ([0i32; 2], 0, 0);
-    let owners =
-        parents.iter().flat_map(|(parent, mask)| std::iter::repeat_n((parent, mask), mask.count_ones() as usize));
-    for (child, (parent, mask)) in children.iter_mut().zip(owners) {
-        let codes = &mut child.codes;
-        let expected = parent.codes.density + density_of_children(mask.count_ones());
+    let (mut last, mut last_material, mut was_same) = ([0i32; 2], 0, 0);
+    for (voxel, (parent, more)) in voxels.iter_mut().zip(alike) {
+        let codes = &mut voxel.codes;
+        let expected = parent.codes.density + more;
         let around = 2 * last[0].unsigned_abs() + last[1].unsigned_abs();
         let difference = density.code(coder, codes.density - expected, around, last[0].signum() + last[1].signum());
         last = [difference, last[0]];
@@ -85,13 +98,13 @@ pub fn code_children(coder: &mut impl BinaryCoder, parents: &[(CodedVoxel, u8)],
         codes.angles[2] = if right > 0 { partial.code(coder, codes.angles[2], digits) } else { 0 };
         fits &= i32::from(codes.angles[2].unsigned_abs()) <= right;
 
-        let material = child.material;
-        child.material = if coder.bit(&mut same[0][alike], material == parent.material) {
-            alike = 1;
+        let material = voxel.material;
+        voxel.material = if coder.bit(&mut same[0][was_same], material == parent.material) {
+            was_same = 1;
             parent.material
         } else {
-            let again = coder.bit(&mut same[1][alike], material == last_material);
-            alike = 0;
+            let again = coder.bit(&mut same[1][was_same], material == last_material);
+            was_same = 0;
             if again {
                 last_material
             } else {
@@ -99,7 +112,7 @@ pub fn code_children(coder: &mut impl BinaryCoder, parents: &[(CodedVoxel, u8)],
                 high << 8 | bytes[1].code(coder, material & 255)
             }
         };
-        last_material = child.material;
+        last_material = voxel.material;
     }
     fits
 }

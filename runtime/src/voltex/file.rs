@@ -2,7 +2,7 @@
 //! first, each of which ends a tier. Normative text: docs/VOLTEX.md.
 
 use super::codes::{DENSITY_STEPS, VoxelCodes};
-use super::coding::{CodedVoxel, LEAST_DECISIONS, code_children, code_masks};
+use super::coding::{CodedVoxel, LEAST_DECISIONS, code_masks, code_others, code_voxels, density_of_children};
 use super::error::{VOLTEX_NAMES, VoltexError};
 use super::matrix::Sym3;
 use super::rule;
@@ -212,17 +212,18 @@ impl Volume {
         ];
         let mut coarser: Vec<([u32; 3], CodedVoxel)> = Vec::new();
         for (index, level) in self.levels.iter().rev().enumerate() {
-            let coded: Option<Vec<_>> = level
-                .voxels
-                .iter()
-                .map(|(at, voxel)| {
-                    Some((*at, CodedVoxel { codes: VoxelCodes::of(&voxel.extinction)?, material: voxel.material }))
-                })
-                .collect();
-            let coded = coded.ok_or(FormatError::Pack { reason: "a voxel is too dense".into() })?;
+            let code = |voxel: &Voxel| {
+                let codes = VoxelCodes::of(&voxel.extinction);
+                let codes = codes.ok_or(FormatError::Pack { reason: "a voxel is too dense".into() })?;
+                Ok::<_, FormatError>(CodedVoxel { codes, material: voxel.material })
+            };
+            let coded = level.voxels.iter().map(|(at, voxel)| Ok((*at, code(voxel)?)));
+            let coded = coded.collect::<Result<Vec<_>, FormatError>>()?;
+            let others = level.others.iter().map(|(number, voxel)| Ok((*number, code(voxel)?)));
+            let others = others.collect::<Result<Vec<_>, FormatError>>()?;
             let numbers = std::iter::once(level.shadow.offset).chain(level.shadow.shared).chain(level.clumping.0);
             let mut bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
-            bytes.extend(level_stream(&coarser, &coded));
+            bytes.extend(level_stream(&coarser, &coded, &others));
             sections.push(section(VoltexSection::Level, index, bytes, true));
             coarser = coded;
         }
@@ -281,12 +282,12 @@ impl Volume {
                 let s = &voxel.extinction.0;
                 s.iter().all(|x| x.is_finite()) && s[..3].iter().all(|x| *x >= 0.0)
             };
+            let rising = level.others.windows(2).all(|pair| pair[0].0 < pair[1].0);
+            let beside = level.others.last().is_none_or(|(last, _)| (*last as usize) < level.voxels.len());
+            must(rising && beside, "a level's second sorts are not in order, or in no voxel's cell")?;
+            must(level.flakes().all(voxel_in_range), "a voxel's extinction is not finite or negative along an axis")?;
             must(
-                level.voxels.iter().all(|(_, voxel)| voxel_in_range(voxel)),
-                "a voxel's extinction is not finite or negative along an axis",
-            )?;
-            must(
-                level.voxels.iter().all(|(_, voxel)| (voxel.material as usize) < self.materials.len()),
+                level.flakes().all(|voxel| (voxel.material as usize) < self.materials.len()),
                 "a voxel names a material that is not there",
             )?;
         }
@@ -295,7 +296,11 @@ impl Volume {
 }
 
 /// The stream of a level whose coarser one is `coarser`; the coarsest, which has none, is the only child of nothing.
-fn level_stream(coarser: &[([u32; 3], CodedVoxel)], level: &[([u32; 3], CodedVoxel)]) -> Vec<u8> {
+fn level_stream(
+    coarser: &[([u32; 3], CodedVoxel)],
+    level: &[([u32; 3], CodedVoxel)],
+    others: &[(u32, CodedVoxel)],
+) -> Vec<u8> {
     let mut coder = Encoder::new();
     let parents = if coarser.is_empty() {
         ROOT_PARENT.to_vec()
@@ -313,8 +318,22 @@ fn level_stream(coarser: &[([u32; 3], CodedVoxel)], level: &[([u32; 3], CodedVox
         coarser.iter().map(|(_, voxel)| *voxel).zip(masks).collect()
     };
     let mut voxels: Vec<CodedVoxel> = level.iter().map(|(_, voxel)| *voxel).collect();
-    code_children(&mut coder, &parents, &mut voxels);
+    code_voxels(&mut coder, children(&parents), &mut voxels);
+    let mut have = vec![false; voxels.len()];
+    others.iter().for_each(|(number, _)| have[*number as usize] = true);
+    code_others(&mut coder, &mut have);
+    let first = others.iter().map(|(number, _)| (voxels[*number as usize], 0));
+    let mut others: Vec<CodedVoxel> = others.iter().map(|(_, voxel)| *voxel).collect();
+    code_voxels(&mut coder, first, &mut others);
     coder.finish()
+}
+
+/// For each child its parent, and by how much denser than that it is expected to be.
+fn children(parents: &[(CodedVoxel, u8)]) -> impl Iterator<Item = (CodedVoxel, i32)> {
+    parents.iter().flat_map(|(parent, mask)| {
+        let count = mask.count_ones();
+        std::iter::repeat_n((*parent, density_of_children(count)), count as usize)
+    })
 }
 
 /// Stands for the parent of the coarsest level's voxel, its only child, of which density 1 is expected.
@@ -350,14 +369,9 @@ pub(crate) fn examine_volume(
             _ => sections.get_in_tier(VoltexSection::Level, 0, index, faults),
         };
         let level = reader.and_then(|reader| faults.keep(read_level(reader, &coarser, head.materials)));
-        let Some((mut level, coded)) = level else { break };
-        level.voxels = vec![([0; 3], Voxel::default()); coded.len()];
-        fill(threads, &mut level.voxels, VOXELS_AT_A_TIME, |chunk, voxels| {
-            for (voxel, (at, coded)) in voxels.iter_mut().zip(&coded[chunk * VOXELS_AT_A_TIME..]) {
-                *voxel = (*at, coded.codes.voxel(coded.material));
-            }
-        });
-        levels.push(level);
+        let Some(CodedLevel { shadow, clumping, voxels: coded, others }) = level else { break };
+        let voxels = decoded(threads, &coded);
+        levels.push(VolumeLevel { shadow, clumping, voxels, others: decoded(threads, &others) });
         coarser = coded;
     }
     levels.reverse();
@@ -372,6 +386,17 @@ pub(crate) fn examine_volume(
     (faults.len() == before && directory.damaged.is_empty()).then_some(volume)
 }
 
+/// Voxels of their codes.
+fn decoded<T: Copy + Default + Send + Sync>(threads: Threads, coded: &[(T, CodedVoxel)]) -> Vec<(T, Voxel)> {
+    let mut voxels = vec![(T::default(), Voxel::default()); coded.len()];
+    fill(threads, &mut voxels, VOXELS_AT_A_TIME, |chunk, voxels| {
+        for (voxel, (at, coded)) in voxels.iter_mut().zip(&coded[chunk * VOXELS_AT_A_TIME..]) {
+            *voxel = (*at, coded.codes.voxel(coded.material));
+        }
+    });
+    voxels
+}
+
 fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<FlakeMaterial>, FormatError> {
     let halves = reader.halves(8 * count)?;
     reader.end()?;
@@ -381,8 +406,13 @@ fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<FlakeMaterial>
     Ok(halves.chunks_exact(8).map(FlakeMaterial::from_halves).collect())
 }
 
-/// A level without its voxels, and these.
-type CodedLevel = (VolumeLevel, Vec<([u32; 3], CodedVoxel)>);
+/// A level as a file has it.
+struct CodedLevel {
+    shadow: LevelShadow,
+    clumping: Sym3,
+    voxels: Vec<([u32; 3], CodedVoxel)>,
+    others: Vec<(u32, CodedVoxel)>,
+}
 
 fn read_level(
     mut reader: Reader,
@@ -417,16 +447,22 @@ fn read_level(
         (coarser.iter().map(|(_, voxel)| *voxel).zip(masks).collect(), places)
     };
     let mut voxels = vec![CodedVoxel::default(); places.len()];
-    let fits = code_children(&mut decoder, &parents, &mut voxels);
+    let mut fits = code_voxels(&mut decoder, children(&parents), &mut voxels);
+    let mut have = vec![false; voxels.len()];
+    code_others(&mut decoder, &mut have);
+    let shared: Vec<u32> = (0..voxels.len() as u32).filter(|number| have[*number as usize]).collect();
+    bounded(LEAST_DECISIONS * (voxels.len() + shared.len()), stream).or_else(|reason| reader.bad(reason))?;
+    let mut others = vec![CodedVoxel::default(); shared.len()];
+    fits &= code_voxels(&mut decoder, shared.iter().map(|number| (voxels[*number as usize], 0)), &mut others);
     decoder.ended().or_else(|reason| reader.bad(reason))?;
     if !fits {
         return reader.bad(rule::VOXEL_RANGE);
     }
-    if voxels.iter().any(|voxel| voxel.material >= materials) {
+    if voxels.iter().chain(&others).any(|voxel| voxel.material >= materials) {
         return reader.bad(rule::NO_MATERIAL);
     }
-    let level = VolumeLevel { shadow, clumping, voxels: Vec::new() };
-    Ok((level, places.into_iter().zip(voxels).collect()))
+    let voxels = places.into_iter().zip(voxels).collect();
+    Ok(CodedLevel { shadow, clumping, voxels, others: shared.into_iter().zip(others).collect() })
 }
 
 /// Places of a voxel's children, in order.

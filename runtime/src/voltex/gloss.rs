@@ -5,15 +5,18 @@
 //! [after Heitz et al. 2015].
 
 use super::matrix::{Sym3, dot};
+use crate::leaf_lobe::fresnel;
 
 /// Least roughness that is told apart, GGX alpha: of less single precision makes no ellipsoid.
 pub const LEAST_ROUGHNESS: f32 = 0.1;
+/// Least share of amplitude that is not reflected: what reflects all light has an index of tens of thousands.
+pub const LEAST_REFRACTED: f32 = 1e-4;
 /// Least squared length of the sum of two directions that has one of its own.
 pub const LEAST_HALF2: f32 = 1e-10;
 
 /// For light from `l`, seen from `v` (unit vectors away from the flakes): the sum over the flakes' smooth surfaces of
 /// `pi a F D G / 4`, which stands beside `reflectance` times [`shade`](super::shade)'s sums. `specular` is the reflectance at normal
-/// incidence [Schlick 1994], `roughness` GGX's alpha.
+/// incidence, from air into what has no absorption; `roughness` GGX's alpha.
 ///
 /// Exact for one flake on the side of the light; on the other it shows facets that a surface has not, and to eyes along it flakes
 /// send up to an eighth more than they stop. Of many, what lies between their normals is filled. Twin: `voltex_gloss`.
@@ -38,9 +41,10 @@ pub fn gloss(extinction: &Sym3, specular: f32, roughness: f32, v: [f32; 3], l: [
     let spread = adjugate.form(half, half) / half2;
     // pi D = 1 / (sqrt|S| (h' S^-1 h)^2).
     let density = trace.sqrt() * determinant.max(0.0).powf(1.5) / (spread * spread).max(1e-30);
-    let cosine = (dot(half, v) / half2.sqrt()).clamp(0.0, 1.0);
-    let fresnel = specular + (1.0 - specular) * (1.0 - cosine).powi(5);
-    0.25 * fresnel * density * seen(v) * seen(l)
+    // Of the index that has this reflectance at normal incidence.
+    let root = specular.sqrt();
+    let index = (1.0 + root) / (1.0 - root).max(LEAST_REFRACTED);
+    0.25 * fresnel(index, dot(half, v) / half2.sqrt()) * density * seen(v) * seen(l)
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ pub mod words;
 pub use codes::VoxelCodes;
 pub use error::VoltexError;
 pub use file::{MOST_MATERIALS, MOST_SIDE_M, VOLTEX_VERSION, VoltexHead, VoltexSection, read_voltex_directory};
-pub use gloss::{LEAST_HALF2, LEAST_ROUGHNESS, gloss};
+pub use gloss::{LEAST_HALF2, LEAST_REFRACTED, LEAST_ROUGHNESS, gloss};
 pub use matrix::{Sym3, cross, dot};
 pub use shade::{LEAST_ROOT, SERIES_DEPTH, seen_at, shade};
 pub use tree::{Cell, NO_VOXEL, NODE_WORDS};
@@ -38,6 +38,6 @@ pub use validate::validate;
 pub use volume::{
     FlakeMaterial, HOTSPOT_DEG, LEAST_SHARED, LevelShadow, MOST_CLUMPING, MOST_LEVELS, Volume, VolumeLevel, order,
 };
-pub use voxel::{VOXEL_WORDS, Voxel, moment_of};
+pub use voxel::{OTHER_AT, VOXEL_WORDS, Voxel, moment_of};
 pub use walk::{LEAST_DIRECTION, Segment, VoltexRay, Walk};
 pub use words::Voltex;

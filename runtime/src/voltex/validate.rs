@@ -2,7 +2,7 @@
 
 use super::file::{VOLTEX_VERSION, VoltexFormat, VoltexSection, examine_volume};
 use super::rule;
-use super::volume::{FlakeMaterial, Volume};
+use super::volume::{FlakeMaterial, Volume, VolumeLevel};
 use crate::container::{Directory, SectionEntry, about_container, examine_directory_of};
 use crate::fault::Faults;
 use crate::rule::FORM;
@@ -54,11 +54,7 @@ fn about_volume(volume: &Volume, directory: &Directory<super::VoltexHead>, told:
         };
         told.findings.extend(directory.sections.iter().filter(is_unread).map(SectionEntry::unused_in::<VoltexFormat>));
         let mut used = vec![false; count];
-        volume
-            .levels
-            .iter()
-            .flat_map(|level| &level.voxels)
-            .for_each(|(_, voxel)| used[voxel.material as usize] = true);
+        volume.levels.iter().flat_map(VolumeLevel::flakes).for_each(|voxel| used[voxel.material as usize] = true);
         let unused = used.iter().filter(|used| !**used).count();
         if unused > 0 {
             told.say(rule::MATERIAL_UNUSED, format!("{unused} of {count}"));

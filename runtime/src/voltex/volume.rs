@@ -40,6 +40,9 @@ pub struct VolumeLevel {
     /// Coordinates and voxel, in ascending order of [`order`]. The parent of each is in the next level, and each voxel of that
     /// has a child in this one.
     pub voxels: Vec<([u32; 3], Voxel)>,
+    /// Flakes of a second sort, which lie otherwise than those in `voxels` or are of another material, as bark among leaves: number in
+    /// `voxels` of the one whose cell they share, ascending, and they themselves.
+    pub others: Vec<(u32, Voxel)>,
 }
 
 /// What a level's shadows need, fitted to the model that the volume was built from.
@@ -77,5 +80,12 @@ impl Volume {
     /// Binary logarithm of the finest level's voxels a side.
     pub fn level_count(&self) -> u32 {
         self.levels.len() as u32 - 1
+    }
+}
+
+impl VolumeLevel {
+    /// All flakes, of both sorts.
+    pub fn flakes(&self) -> impl Iterator<Item = &Voxel> {
+        self.voxels.iter().map(|(_, voxel)| voxel).chain(self.others.iter().map(|(_, voxel)| voxel))
     }
 }

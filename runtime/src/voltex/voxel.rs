@@ -3,8 +3,10 @@
 use super::matrix::Sym3;
 use crate::quantize::{half_at, word_from_halves};
 
-/// Words of a voxel in the resident form.
-pub const VOXEL_WORDS: usize = 8;
+/// Words of a voxel in the resident form: the last tells of a second sort of flakes in its cell.
+pub const VOXEL_WORDS: usize = 9;
+/// Word of a voxel: number of the voxel that holds the second sort of flakes of its cell, or [`NO_VOXEL`](super::NO_VOXEL).
+pub const OTHER_AT: usize = 8;
 /// N has the eigenvectors of S and this power of its eigenvalues: of those tried the best against true flakes.
 const MOMENT_POWER: f32 = 0.75;
 /// The flakes' area is the mean by this power of the roots of S's eigenvalues, without the division: the binary logarithm of 3
@@ -45,8 +47,8 @@ impl Voxel {
         Voxel { extinction: halves(1).scale(scale * scale), moment: halves(4).scale(scale), material: words[at + 7] }
     }
 
-    /// As words.
-    pub fn words(&self) -> [u32; VOXEL_WORDS] {
+    /// As words but the last.
+    pub fn words(&self) -> [u32; OTHER_AT] {
         let most = self.extinction.0[..3].iter().fold(0.0f32, |most, x| most.max(*x));
         let scale = most.sqrt().max(1e-12);
         let (s, n) = (self.extinction.scale(1.0 / (scale * scale)), self.moment.scale(1.0 / scale));

@@ -2,9 +2,9 @@
 //! `shaders/voltex_words.wgsl`.
 
 use super::matrix::{Sym3, dot};
-use super::tree::{NODE_WORDS, Node, cell_number, node_depth};
-use super::volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, Volume};
-use super::voxel::{VOXEL_WORDS, Voxel};
+use super::tree::{NO_VOXEL, NODE_WORDS, Node, cell_number, node_depth};
+use super::volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, Volume, VolumeLevel};
+use super::voxel::{OTHER_AT, VOXEL_WORDS, Voxel};
 use crate::quantize::{half_at, word_from_halves};
 use std::collections::BTreeMap;
 
@@ -110,13 +110,33 @@ impl Voltex {
         Voxel::at(&self.words, self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS)
     }
 
-    /// Puts another voxel in the place of one.
-    pub fn set_voxel(&mut self, number: u32, voxel: &Voxel) {
-        let at = self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS;
-        self.words[at..at + VOXEL_WORDS].copy_from_slice(&voxel.words());
+    /// Number of the voxel with the second sort of flakes in the cell of another, or [`NO_VOXEL`]. Twin: `voltex_other`.
+    pub fn other(&self, number: u32) -> u32 {
+        self.words[self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS + OTHER_AT]
     }
 
-    /// How many voxels all levels have.
+    /// The flakes of a cell by its voxel's number: of one sort or of two. Of [`NO_VOXEL`] none.
+    pub fn flakes(&self, number: u32) -> impl Iterator<Item = (u32, Voxel)> {
+        let is_there = |number: &u32| *number != NO_VOXEL;
+        let numbers = std::iter::successors(Some(number).filter(is_there), move |number| {
+            Some(self.other(*number)).filter(is_there)
+        });
+        numbers.map(|number| (number, self.voxel(number)))
+    }
+
+    /// Optical depth per length of all flakes of a cell along d, which need not be unit, before the level's clumping.
+    /// Twin: `voltex_extinction_along`.
+    pub fn extinction_along(&self, number: u32, d: [f32; 3]) -> f32 {
+        self.flakes(number).map(|(_, voxel)| voxel.extinction_along(d)).sum()
+    }
+
+    /// Puts other flakes in the place of some.
+    pub fn set_voxel(&mut self, number: u32, voxel: &Voxel) {
+        let at = self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS;
+        self.words[at..at + OTHER_AT].copy_from_slice(&voxel.words());
+    }
+
+    /// How many voxels all levels have, those of the second sort among them.
     pub fn voxel_count(&self) -> usize {
         (self.words.len() - self.words[VOXELS_AT] as usize) / VOXEL_WORDS
     }
@@ -173,10 +193,11 @@ impl Voltex {
 }
 
 /// Nodes and the words of their voxels, layer by layer from the root.
-fn tree_of(volume: &Volume) -> (Vec<Node>, Vec<u32>) {
-    let levels: Vec<BTreeMap<[u32; 3], &Voxel>> =
-        volume.levels.iter().map(|level| level.voxels.iter().map(|(at, voxel)| (*at, voxel)).collect()).collect();
+fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
+    let levels: Vec<BTreeMap<[u32; 3], (&Voxel, Option<&Voxel>)>> = volume.levels.iter().map(flakes_by_place).collect();
     let (mut nodes, mut voxels) = (Vec::new(), Vec::new());
+    // What stands behind all voxels of the tree, which are numbered by it.
+    let mut others: Vec<&Voxel> = Vec::new();
     // Corners of the cells that have a node, in cells of the layer above.
     let mut layer: Vec<[u32; 3]> = vec![[0; 3]];
     for j in (0..node_depth(volume.level_count())).rev() {
@@ -195,15 +216,19 @@ fn tree_of(volume: &Volume) -> (Vec<Node>, Vec<u32>) {
                 let part = [i & 3, i >> 2 & 3, i >> 4];
                 cells[cell_number(part) as usize] = std::array::from_fn(|axis| 4 * origin[axis] + part[axis]);
             }
-            let fine: Vec<(usize, &Voxel)> =
-                (0..64).filter_map(|number| Some((number, at_level(2 * j, &cells[number])?))).collect();
+            let mut push = |(voxel, other): (&Voxel, Option<&'a Voxel>)| {
+                voxels.extend(voxel.words());
+                voxels.push(other.map_or(NO_VOXEL, |_| others.len() as u32));
+                others.extend(other);
+            };
+            let fine: Vec<_> = (0..64).filter_map(|number| Some((number, at_level(2 * j, &cells[number])?))).collect();
             fine.iter().for_each(|(number, _)| node.mask[number / 32] |= 1 << (number % 32));
             for coarse in (0..8).filter(|coarse| node.has_coarse(*coarse)) {
                 let at = cells[8 * coarse as usize].map(|x| x / 2);
-                voxels.extend(at_level(2 * j + 1, &at).map_or([0; VOXEL_WORDS], Voxel::words));
+                push(at_level(2 * j + 1, &at).unwrap_or((&NOTHING, None)));
             }
-            for (number, voxel) in fine {
-                voxels.extend(voxel.words());
+            for (number, flakes) in fine {
+                push(flakes);
                 if j > 0 {
                     next.push(cells[number]);
                 }
@@ -212,5 +237,27 @@ fn tree_of(volume: &Volume) -> (Vec<Node>, Vec<u32>) {
         }
         layer = next;
     }
+    let count = (voxels.len() / VOXEL_WORDS) as u32;
+    let numbers = voxels.iter_mut().skip(OTHER_AT).step_by(VOXEL_WORDS);
+    numbers.filter(|number| **number != NO_VOXEL).for_each(|number| *number += count);
+    for other in others {
+        voxels.extend(other.words());
+        voxels.push(NO_VOXEL);
+    }
     (nodes, voxels)
+}
+
+/// A voxel without flakes.
+const NOTHING: Voxel = Voxel { extinction: Sym3([0.0; 6]), moment: Sym3([0.0; 6]), material: 0 };
+
+/// A level's voxels with the second sort of flakes in their cells.
+fn flakes_by_place(level: &VolumeLevel) -> BTreeMap<[u32; 3], (&Voxel, Option<&Voxel>)> {
+    let mut others = level.others.iter().peekable();
+    let voxels = level.voxels.iter().enumerate();
+    voxels
+        .map(|(i, (at, voxel))| {
+            let other = others.next_if(|(number, _)| *number as usize == i);
+            (*at, (voxel, other.map(|(_, other)| other)))
+        })
+        .collect()
 }

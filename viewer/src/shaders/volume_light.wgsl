@@ -33,12 +33,11 @@ struct VolumeLevel {
     shares: vec2<f32>,
 }
 
-// Extinction of a segment along the ray, and its two voxels with the share that each counts for.
+// Extinction of a segment along the ray, and of its two cells the voxels' numbers with the share that each counts for.
 struct VolumeParts {
     shares: vec2<f32>,
+    numbers: vec2<u32>,
     sigma: f32,
-    finer: VoltexVoxel,
-    coarser: VoltexVoxel,
 }
 
 // A direction of the world in the volume.
@@ -75,16 +74,17 @@ fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> 
 fn volume_reflected(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
     let l = volume_times(point.map, light) / volume_scale(point.map);
     var sum = vec3<f32>(0.0);
-    if point.parts.shares.x > 0.0 {
-        sum += point.parts.shares.x * volume_voxel_light(point, point.parts.finer, l);
+    for (var own = point.parts.numbers.x; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
+        sum += point.parts.shares.x * volume_voxel_light(point, own, l);
     }
-    if point.parts.shares.y > 0.0 {
-        sum += point.parts.shares.y * volume_voxel_light(point, point.parts.coarser, l);
+    for (var own = point.parts.numbers.y; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
+        sum += point.parts.shares.y * volume_voxel_light(point, own, l);
     }
     return sum / max(point.parts.sigma, 1e-30);
 }
 
-fn volume_voxel_light(point: VolumePoint, voxel: VoltexVoxel, l: vec3<f32>) -> vec3<f32> {
+fn volume_voxel_light(point: VolumePoint, number: u32, l: vec3<f32>) -> vec3<f32> {
+    let voxel = voltex_voxel(point.volume, number);
     let material = voltex_material(point.volume, voxel.material);
     let sides = voltex_shade(voxel.moment, -point.view, l);
     let light = material.reflectance * sides.x + material.transmittance * sides.y;
@@ -103,8 +103,8 @@ fn volume_shadow_offset(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
     // Between the levels', as all that is seen is: no step where one takes over.
     let finer = volume_offset(point.volume, point.level.finer);
     let offset = mix(finer, volume_offset(point.volume, point.level.finer + 1u), point.level.part);
-    let towards = point.parts.shares.x * voltex_times(point.parts.finer.moment, l)
-        + point.parts.shares.y * voltex_times(point.parts.coarser.moment, l);
+    let towards = point.parts.shares.x * volume_normal_towards(point.volume, point.parts.numbers.x, l)
+        + point.parts.shares.y * volume_normal_towards(point.volume, point.parts.numbers.y, l);
     let size = max(abs(towards.x), max(abs(towards.y), abs(towards.z)));
     let determinant = volume_determinant(point.map);
     if size < 1e-30 || abs(determinant) < 1e-30 {
@@ -114,6 +114,15 @@ fn volume_shadow_offset(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
     let map = point.map;
     let columns = way.x * cross(map.y, map.z) + way.y * cross(map.z, map.x) + way.z * cross(map.x, map.y);
     return columns / determinant;
+}
+
+// Sum of the flakes' normals on the side of the light, as long as their area towards it.
+fn volume_normal_towards(volume: u32, number: u32, l: vec3<f32>) -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    for (var own = number; own != VOLTEX_NO_VOXEL; own = voltex_other(volume, own)) {
+        sum += voltex_times(voltex_voxel(volume, own).moment, l);
+    }
+    return sum;
 }
 
 // How far from the flakes a ray to the light begins, sides of the volume.
@@ -132,18 +141,10 @@ fn volume_shared(point: VolumePoint, cosine: f32) -> f32 {
 }
 
 fn volume_parts_of(volume: u32, cell: VoltexCell, shares: vec2<f32>, d: vec3<f32>) -> VolumeParts {
-    var parts: VolumeParts;
-    if cell.voxel != VOLTEX_NO_VOXEL && shares.x > 0.0 {
-        parts.finer = voltex_voxel(volume, cell.voxel);
-        parts.shares.x = shares.x;
-        parts.sigma += parts.shares.x * sqrt(max(voltex_form(parts.finer.extinction, d, d), 0.0));
-    }
-    if cell.parent != VOLTEX_NO_VOXEL && shares.y > 0.0 {
-        parts.coarser = voltex_voxel(volume, cell.parent);
-        parts.shares.y = shares.y;
-        parts.sigma += shares.y * sqrt(max(voltex_form(parts.coarser.extinction, d, d), 0.0));
-    }
-    return parts;
+    let numbers = select(vec2<u32>(VOLTEX_NO_VOXEL), vec2<u32>(cell.voxel, cell.parent), shares > vec2<f32>(0.0));
+    let finer = voltex_extinction_along(volume, numbers.x, d);
+    let coarser = voltex_extinction_along(volume, numbers.y, d);
+    return VolumeParts(shares, numbers, shares.x * finer + shares.y * coarser);
 }
 
 // The ray of a stretch, t counted from its own start.

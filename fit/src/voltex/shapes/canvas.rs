@@ -152,7 +152,7 @@ impl Canvas {
         }
     }
 
-    /// Adds flakes to a voxel. One that the canvas ends in front of is the last.
+    /// Adds flakes of one sort to a voxel. One that the canvas ends in front of is the last.
     pub fn add(&mut self, cell: [i32; 3], flakes: &FlakeSums) {
         let cells = self.size().ceil().as_ivec3().to_array();
         let inside: [u32; 3] = std::array::from_fn(|k| cell[k].clamp(0, cells[k] - 1) as u32);
@@ -244,6 +244,6 @@ impl Canvas {
 
     /// Area of all flakes in square metres.
     pub fn area_m2(&self) -> f64 {
-        self.voxels.values().map(|sums| f64::from(sums.area)).sum::<f64>() * self.side_m * self.side_m
+        self.voxels.values().map(|sums| f64::from(sums.all().area)).sum::<f64>() * self.side_m * self.side_m
     }
 }

@@ -106,16 +106,19 @@ fn take_away(solid: &Solid, canvas: &mut Canvas) {
         shifts.iter().map(|shift| 1.0 - coverage(solid, canvas, from - *shift)).product::<f64>()
     };
     let voxels = canvas.voxels.iter().map(|(cell, sums)| (*cell, sums.scaled(left(*cell) as f32)));
-    let voxels = voxels.filter(|(_, sums)| sums.area > 0.0).collect();
+    let voxels = voxels.filter(|(_, sums)| sums.all().area > 0.0).collect();
     (canvas.triangles, canvas.colours, canvas.voxels) = (triangles, colours, voxels);
 }
 
 /// Gives the voxels of a canvas the normals of another's, where that has any.
 fn take_normals(of: &Canvas, canvas: &mut Canvas) {
     for (cell, shape) in &of.voxels {
+        let shape = shape.all();
         if let Some(sums) = canvas.voxels.get_mut(cell).filter(|_| shape.area > 0.0) {
-            let FlakeSums { projected, moment, .. } = shape.scaled(sums.area / shape.area);
-            (sums.projected, sums.moment) = (projected, moment);
+            for sort in [&mut sums.translucent, &mut sums.opaque] {
+                let FlakeSums { projected, moment, .. } = shape.scaled(sort.area / shape.area);
+                (sort.projected, sort.moment) = (projected, moment);
+            }
         }
     }
 }
@@ -273,7 +276,7 @@ mod tests {
 
     fn total(canvas: &Canvas) -> FlakeSums {
         let mut sum = FlakeSums::default();
-        canvas.voxels.values().for_each(|voxel| sum.add(voxel));
+        canvas.voxels.values().for_each(|voxel| sum.add(&voxel.all()));
         sum
     }
 
@@ -318,7 +321,7 @@ mod tests {
             let half = [resolution / 2, resolution * 3 / 8];
             for (cell, sums) in &inside.voxels {
                 let moved = [(cell[0] + half[0]) % resolution, (cell[1] + half[1]) % (resolution * 3 / 4), cell[2]];
-                near(f64::from(across.voxels[&moved].area), f64::from(sums.area), 1e-3);
+                near(f64::from(across.voxels[&moved].all().area), f64::from(sums.all().area), 1e-3);
             }
             // Planted difference: in a space that is not cyclic a quarter is left.
             let cut = painted(&script(false, vec![(PaintMode::Add, leaf([1.0, 0.75, 0.1]))]), resolution);
@@ -400,7 +403,7 @@ mod tests {
         let turned = area(Some((PaintMode::Normals, sheet)));
         near(turned.area_m2(), whole, 5e-3);
         let in_plane = |canvas: &Canvas, k: usize| {
-            canvas.voxels.iter().filter(|(cell, _)| cell[2] == 16).map(|(_, sums)| sums.moment[k]).sum::<f32>()
+            canvas.voxels.iter().filter(|(cell, _)| cell[2] == 16).map(|(_, sums)| sums.all().moment[k]).sum::<f32>()
         };
         assert!(in_plane(&turned, 0) == 0.0 && in_plane(&turned, 2) > 0.0 && in_plane(&area(None), 0) > 0.0);
     }
@@ -429,7 +432,7 @@ mod tests {
         let sum = total(&canvas);
         assert!(sum.moment[2] < 1e-3 * sum.area && (sum.projected[0] / sum.area - 2.0 / PI as f32).abs() < 1e-3);
         // Every quarter of the ground has its share.
-        let west = canvas.voxels.iter().filter(|(cell, _)| cell[0] < 8).map(|(_, sums)| sums.area).sum::<f32>();
+        let west = canvas.voxels.iter().filter(|(cell, _)| cell[0] < 8).map(|(_, sums)| sums.all().area).sum::<f32>();
         assert!((west / sum.area - 0.5).abs() < 0.02, "{}", west / sum.area);
         // They lean as they are told to.
         let leaning = total(&one(fur(meadow.clone(), 5000.0, 60.0), 16));
@@ -469,7 +472,8 @@ mod tests {
         sum.projected.iter().for_each(|projected| near(f64::from(*projected), f64::from(0.5 * sum.area), 2e-3));
         let below = one(soft(0.0, 20.0), 32);
         let (cell, voxel) = below.voxels.iter().find(|(cell, _)| cell[0] == 16 && cell[1] == 12).unwrap();
-        assert!(voxel.moment[2] > 2.0 * voxel.moment[0], "{cell:?} {voxel:?}");
+        let FlakeSums { moment, .. } = voxel.all();
+        assert!(moment[2] > 2.0 * moment[0], "{cell:?} {voxel:?}");
         // Noise moves the rim and keeps the sum, roughly; and it is there.
         let noisy = one(soft(0.05, 1000.0), 32);
         near(noisy.area_m2(), 1000.0 * volume, 0.1);
@@ -508,7 +512,7 @@ mod tests {
         // The mean of the ramp is one half.
         near(canvas.area_m2(), 100.0 * 0.5 * 0.8 * 0.6 * 0.8, 2e-3);
         // Between the outermost middles it rises by 1.5625 per metre, so that much area looks up.
-        let voxel = &canvas.voxels[&[16, 12, 16]];
+        let voxel = canvas.voxels[&[16, 12, 16]].all();
         let upwards = f64::from(voxel.moment[2] - voxel.moment[0]) * 32f64.powi(3);
         near(upwards, 1.5625, 1e-3);
         for (data, part) in [
@@ -533,6 +537,7 @@ mod tests {
         let canvas = painted(&script, 32);
         for (cell, sums) in &canvas.voxels {
             let west = cell[0] < 16;
+            let sums = sums.all();
             let share = |k: usize| f64::from(sums.reflected[k] / sums.area);
             // z is negative in half of them, which takes turns, too.
             let first = west == (cell[2] >= 16);

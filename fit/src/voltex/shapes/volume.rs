@@ -76,8 +76,7 @@ mod tests {
             let mut depth = 0.0;
             while let Some(segment) = walk.next(&voltex, 0) {
                 if segment.cell.voxel != NO_VOXEL {
-                    let extinction = voltex.voxel(segment.cell.voxel).extinction;
-                    depth += extinction.form(UP, UP).max(0.0).sqrt() * (segment.t1 - segment.t0);
+                    depth += voltex.extinction_along(segment.cell.voxel, UP) * (segment.t1 - segment.t0);
                 }
             }
             (-depth).exp()
