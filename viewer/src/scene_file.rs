@@ -55,6 +55,16 @@
 //!                                   # optional: how isolated objects differ; without it texels go on into each other
 //! translate = [0.0, 0.0, 0.0]       # as rotate_deg and scale, like an object's
 //!
+//! [wind]                            # optional: blows over all skins, a unit being a metre; what is left out is as here
+//! speed = 5.0                       # mean, m/s, 0 to 60
+//! direction = [1.0, 0.0, 0.0]       # where it blows to
+//! gust_wavelength = 20.0            # from gust to gust, m
+//! gustiness = 0.5                   # share by which gusts differ from the mean, 0 to 1
+//! leaning_speed = 12.0              # wind in which height vectors lean by 45 degrees, m/s
+//! flutter = 0.0                     # largest swing of the texture's top, texels, 0 to 0.5
+//! flutter_period = 0.7              # of such a swing, s
+//! seed = 0                          # which gusts
+//!
 //! [ambient]                         # optional: ambient light with occlusion
 //! radiance = [0.4, 0.4, 0.4]
 //! distance = 2.0                    # optional: what lies farther away does not occlude
@@ -89,6 +99,7 @@ use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
 use crate::scene_skin::SkinEntry;
 use crate::scene_volume::{VolumeFiles, standing, usual_leaf_width_m, volume_from_model};
+use crate::skin::Wind;
 use crate::volumes::{SceneSkin, VolumePlace, Volumes};
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
@@ -116,6 +127,7 @@ struct SceneFile {
     volumes: Vec<VolumeEntry>,
     #[serde(default, rename = "skin")]
     skins: Vec<SkinEntry>,
+    wind: Option<Wind>,
     #[serde(default, rename = "light")]
     lights: Vec<LightEntry>,
 }
@@ -519,6 +531,14 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
     if !(volume_places.is_empty() && skins.is_empty()) {
         scene.volumes = Some(Arc::new(Volumes::new(files.volumes, &volume_places, skins).map_err(fault)?));
     }
+    if let Some(wind) = file.wind {
+        wind.check().map_err(|reason| fault(format!("[wind]: {reason}")))?;
+        if file.skins.is_empty() {
+            return Err(fault("[wind] blows over skins and there is none, add a [[skin]]".into()));
+        }
+        scene.wind = Some(wind);
+        scene.blow(0.0)?;
+    }
     let cameras = match &file.camera {
         Cameras::One(camera) => std::slice::from_ref(camera),
         Cameras::Several(cameras) => cameras,
@@ -618,7 +638,16 @@ pub fn scene_with_assets(
     for key in ["file", "mesh"] {
         volumes.iter_mut().filter_map(|volume| volume.get_mut(key)).for_each(moved);
     }
-    for (name, entries) in [("material", materials), ("object", objects), ("volume", volumes)] {
+    let mut skins = list(table.get_mut("skin")).unwrap_or_default();
+    skins.iter_mut().filter_map(|skin| skin.get_mut("mesh")).for_each(moved);
+    let of_skins = skins.iter_mut().filter_map(|skin| skin.get_mut("volumes")?.as_array_mut()).flatten();
+    for alternative in of_skins {
+        match alternative {
+            toml::Value::Array(merged) => merged.iter_mut().for_each(moved),
+            one => moved(one),
+        }
+    }
+    for (name, entries) in [("material", materials), ("object", objects), ("volume", volumes), ("skin", skins)] {
         table.insert(name.into(), entries.into());
     }
     table.get_mut("environment").and_then(|sky| sky.get_mut("file")).into_iter().for_each(moved);
@@ -759,6 +788,47 @@ mod tests {
         std::fs::write(out.join("s.toml"), scene_with_assets(&path, &[], &[], &out).unwrap()).unwrap();
         let again = load_scene(&out.join("s.toml"), Vec::new()).unwrap();
         assert_eq!(again.geometry.placed_triangles(), scene.geometry.placed_triangles());
+    }
+
+    #[test]
+    fn a_wind_moves_skins_with_time_and_is_checked() {
+        let dir = folder_with_volume();
+        let path = dir.path().join("s.toml");
+        let skin = "[[object]]\nmesh = \"plane\"\n[[skin]]\npatches = [4, 3]\nheight = 0.5\nvolumes = [\"v.voltex\"]\n";
+        let loaded = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            load_scene(&path, Vec::new())
+        };
+        let mut scene =
+            loaded(&format!("{skin}[wind]\nspeed = 8.0\ndirection = [0, 0, 1]\ngust_wavelength = 3\n")).unwrap();
+        let wind = scene.wind.unwrap();
+        assert_eq!((wind.speed_m_per_s, wind.direction, wind.gust_wavelength_m), (8.0, Vec3::Z, 3.0));
+        assert_eq!(wind.leaning_speed_m_per_s, Wind::default().leaning_speed_m_per_s);
+        let south = |scene: &Scene| {
+            scene.volumes.as_ref().unwrap().skins()[0].shell.positions().iter().map(|at| at.z).sum::<f32>()
+        };
+        let at_rest = south(&loaded(skin).unwrap());
+        let first = south(&scene);
+        scene.blow(0.2).unwrap();
+        assert!(first > at_rest + 1.0 && south(&scene) != first);
+        scene.blow(0.0).unwrap();
+        assert_eq!(south(&scene), first);
+        for (bad, reason) in [
+            (format!("{skin}[wind]\nspeed = 80\n"), "the wind's speed is 80"),
+            (format!("{skin}[wind]\ndirection = [0, 0, 0]\n"), "must blow somewhere"),
+            (format!("{skin}[wind]\nlean = 3\n"), "unknown field `lean`"),
+            ("[[object]]\nmesh = \"plane\"\n[wind]\n".to_string(), "add a [[skin]]"),
+        ] {
+            let message = loaded(&bad).unwrap_err().to_string();
+            assert!(message.contains(reason) && message.contains("s.toml: ") && !message.contains('\n'), "{message}");
+        }
+        // Written for another folder, the skin finds its volume.
+        let merged = skin.replace("[\"v.voltex\"]", "[[\"v.voltex\", \"v.voltex\"], \"v.voltex\"]");
+        loaded(&merged).unwrap();
+        let out = dir.path().join("out");
+        std::fs::create_dir(&out).unwrap();
+        std::fs::write(out.join("s.toml"), scene_with_assets(&path, &[], &[], &out).unwrap()).unwrap();
+        assert!(load_scene(&out.join("s.toml"), Vec::new()).is_ok());
     }
 
     #[test]

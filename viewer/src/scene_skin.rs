@@ -98,8 +98,7 @@ impl SkinEntry {
         let skin = self.mapped(meshes, world_from_skin).map_err(fault)?;
         let tolerance = TOLERANCE_VOXELS / (1u32 << finest) as f32;
         let shell = Shell::new(&skin, &ShellParams { tolerance, ..ShellParams::default() }).map_err(fault)?;
-        let thickness = skin.thickness();
-        Ok(SceneSkin { shell, patterns: vec![pattern], thickness, leaf_width: 0.0 })
+        Ok(SceneSkin { rest: skin, shell, patterns: vec![pattern], leaf_width: 0.0 })
     }
 
     fn pattern(&self, files: &mut VolumeFiles) -> Result<Pattern, ViewerError> {

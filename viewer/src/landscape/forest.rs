@@ -1,8 +1,8 @@
 //! Mountains under forest: 25,000 trees on 1,404 patches, two to a texel that goes on into its neighbours.
 
 use super::terrain::{Terrain, texels_of, with_border_of};
-use super::{LandscapeCounts, Planted, TREE_SHAPES, look};
-use crate::skin::{Jitter, Noise, Pattern};
+use super::{LandscapeCounts, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, look};
+use crate::skin::{Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
 /// Patches from west to east and from south to north.
@@ -69,5 +69,6 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
         look(above(-25.0, 8.0, 16.0), above(6.0, 60.0, 0.0), 45.0),
         look(above(-14.0, 30.0, 3.2), above(-6.0, 44.0, 1.0), 50.0),
     ];
-    Ok(Planted { terrain, skin, patterns: vec![Pattern::cyclic(0)], soil: SOIL, cameras, counts })
+    let wind = Wind { leaning_speed_m_per_s: TREE_LEANING_M_PER_S, flutter: TREE_FLUTTER, ..Wind::default() };
+    Ok(Planted { terrain, skin, patterns: vec![Pattern::cyclic(0)], soil: SOIL, cameras, wind, counts })
 }

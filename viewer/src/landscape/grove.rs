@@ -1,8 +1,8 @@
 //! Trees that stand apart on flat land: 512 on 1,024 patches, each another size, turn, place and colour of one tree.
 
 use super::terrain::Terrain;
-use super::{LandscapeCounts, Planted, TREE_SHAPES, half_of_pairs, look};
-use crate::skin::{DiscreteJitter, NO_VOLUME, Pattern};
+use super::{LandscapeCounts, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, half_of_pairs, look};
+use crate::skin::{DiscreteJitter, NO_VOLUME, Pattern, Wind};
 use btf_runtime::voltex::Volume;
 use glam::{Vec2, Vec3};
 
@@ -76,5 +76,6 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
         ),
         look(Vec3::new(0.0, 0.3 * side_m, south - 8.0 * side_m), Vec3::new(0.6, 0.42, south - 10.0 * side_m), 55.0),
     ];
-    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, counts })
+    let wind = Wind { leaning_speed_m_per_s: TREE_LEANING_M_PER_S, flutter: TREE_FLUTTER, ..Wind::default() };
+    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, wind, counts })
 }

@@ -2,7 +2,7 @@
 
 use super::terrain::Terrain;
 use super::{LandscapeCounts, Planted, half_of_pairs, look};
-use crate::skin::{DiscreteJitter, Jitter, Noise, Pattern};
+use crate::skin::{DiscreteJitter, Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
 /// Patches from west to east and from south to north.
@@ -69,5 +69,7 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
         look(top + Vec3::new(4.0, 6.5, 17.0) * side_m, top + Vec3::new(0.0, -0.5, 4.0) * side_m, 40.0),
         look(front + Vec3::new(1.0, 2.3, 4.2) * side_m, front + Vec3::new(0.0, 0.8, 0.0) * side_m, 45.0),
     ];
-    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, counts })
+    // Land of a metre or two has gusts of its size, and blades give way to a breeze.
+    let wind = Wind { gust_wavelength_m: 25.0 * side_m, leaning_speed_m_per_s: 5.0, flutter: 0.1, ..Wind::default() };
+    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, wind, counts })
 }

@@ -26,7 +26,7 @@ use crate::mesh_file::load_meshes;
 use crate::sampler::hash;
 use crate::scene::{DaylightParts, Outdoors, Scene, SceneMesh, SceneObject};
 use crate::scene_volume::{standing, usual_leaf_width_m};
-use crate::skin::{Pattern, Shell, ShellParams, Skin};
+use crate::skin::{Pattern, Shell, ShellParams, Skin, Wind};
 use crate::volumes::{SceneSkin, Volumes};
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Quat, Vec3};
@@ -38,6 +38,10 @@ use terrain::Terrain;
 
 /// Branches and leaves of a tree: 2,154 and 6,336.
 const TREE_SHAPES: u64 = 2154 + 6336;
+/// Wind in which a tree would lean by 45 degrees: a storm leans it by some.
+const TREE_LEANING_M_PER_S: f32 = 35.0;
+/// How far twigs swing, texels.
+const TREE_FLUTTER: f32 = 0.03;
 /// How far the texture may lie from where it belongs, voxels: invisible in foliage.
 const TOLERANCE_VOXELS: f32 = 3.0;
 /// When and where the sun stands unless another day is asked for: a summer's afternoon in Berlin.
@@ -68,6 +72,8 @@ pub struct LandscapeParams {
     /// a flower) and for the forest (its two trees), one for the grove. Their origins are in the middle of the volumes' floors, as
     /// `btf-synth plants` has them.
     pub meshes: Vec<PathBuf>,
+    /// Mean speed of the wind that blows over it from the west, m/s, 0 to 60; none for a calm.
+    pub wind_m_per_s: Option<f32>,
 }
 
 /// What there is in a landscape.
@@ -128,6 +134,8 @@ struct Planted {
     soil: [f32; 3],
     /// Far, middle and close.
     cameras: [Camera; 3],
+    /// A wind of any speed over what grows there.
+    wind: Wind,
     counts: LandscapeCounts,
 }
 
@@ -158,6 +166,9 @@ impl Landscape {
         if !(1..=100).contains(&params.times) {
             return Err(ViewerError::Usage(format!("--times is 1 to 100, not {}", params.times)));
         }
+        if params.wind_m_per_s.is_some() && !params.meshes.is_empty() {
+            return Err(ViewerError::Usage("the wind moves volumes and no models, leave --wind or --mesh away".into()));
+        }
         let (volumes, volume_file_bytes) = self.volumes(params)?;
         let side_m = volumes[0].side_m();
         let resolution = 1u32 << volumes.iter().map(|volume| volume.level_count()).max().unwrap_or(0);
@@ -167,7 +178,7 @@ impl Landscape {
             Landscape::Grove => grove::planted(params.times, side_m),
             Landscape::Forest => forest::planted(params.times, side_m),
         };
-        let Planted { terrain, skin, patterns, soil, cameras, counts } = planted.map_err(made)?;
+        let Planted { terrain, skin, patterns, soil, cameras, wind, counts } = planted.map_err(made)?;
         debug_assert_eq!(counts.patches, u64::from(terrain.count()));
         let shell_params = ShellParams { tolerance: TOLERANCE_VOXELS / resolution as f32, ..ShellParams::default() };
         let shell = Shell::new(&skin, &shell_params).map_err(made)?;
@@ -180,7 +191,6 @@ impl Landscape {
             volume_bytes: volumes.iter().map(|volume| 4 * volume.words().len() as u64).sum(),
             ..counts
         };
-        let thickness = skin.thickness();
         let places = if params.meshes.is_empty() { Vec::new() } else { texel_places(&shell, &patterns) };
         let ground = SceneObject { part: terrain.ground(soil), material: Material::plain(soil) };
         let mut meshes = vec![SceneMesh { objects: vec![ground], places: vec![Mat4::IDENTITY] }];
@@ -191,8 +201,14 @@ impl Landscape {
             let of_mesh = |mesh, _| if mesh == 0 { 0.0 } else { leaf_width };
             Arc::make_mut(&mut scene.geometry).set_leaf_widths(of_mesh);
         }
-        let skin = SceneSkin { shell, patterns, thickness, leaf_width };
+        let skin = SceneSkin { rest: skin, shell, patterns, leaf_width };
         scene.volumes = Some(Arc::new(Volumes::new(volumes, &[], vec![skin]).map_err(made)?));
+        if let Some(speed_m_per_s) = params.wind_m_per_s {
+            let wind = Wind { speed_m_per_s, ..wind };
+            wind.check().map_err(ViewerError::Usage)?;
+            scene.wind = Some(wind);
+            scene.blow(0.0)?;
+        }
         let daylight = Daylight::new(DAY[0], DAY[1])?;
         let light = daylight.sun_and_sky()?;
         scene.stand_outdoors(Outdoors { daylight, parts: DaylightParts::Both }, light);
@@ -314,7 +330,9 @@ mod tests {
     use clap::ValueEnum;
 
     fn built_in(landscape: Landscape, times: u32) -> (Scene, LandscapeCounts) {
-        landscape.scene(&LandscapeParams { times, volumes: Vec::new(), meshes: Vec::new() }).unwrap()
+        landscape
+            .scene(&LandscapeParams { times, volumes: Vec::new(), meshes: Vec::new(), wind_m_per_s: None })
+            .unwrap()
     }
 
     #[test]
@@ -365,7 +383,7 @@ mod tests {
     fn says_which_volumes_and_numbers_it_needs() {
         let asked = |landscape: Landscape, times, volumes: &[&str]| {
             let volumes = volumes.iter().map(PathBuf::from).collect();
-            landscape.scene(&LandscapeParams { times, volumes, meshes: Vec::new() }).unwrap_err()
+            landscape.scene(&LandscapeParams { times, volumes, meshes: Vec::new(), wind_m_per_s: None }).unwrap_err()
         };
         assert_eq!(asked(Landscape::Grove, 0, &[]).exit_code(), 2);
         assert!(asked(Landscape::Lawn, 1, &["one.voltex"]).to_string().contains("2 volumes"));

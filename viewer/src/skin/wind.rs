@@ -26,6 +26,7 @@
 use super::height_noise::Noise;
 use super::thick_skin::{Skin, SkinVertex};
 use glam::{Quat, Vec3};
+use serde::{Deserialize, Deserializer};
 use std::f64::consts::TAU;
 
 /// Fastest wind, m/s: a hurricane.
@@ -36,24 +37,34 @@ const MOST_FLUTTER: f32 = 0.5;
 const SLOWER_ALONG_V: f64 = 0.79;
 
 /// A wind over a skin whose positions are in metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Wind {
     /// Mean wind speed, m/s.
+    #[serde(rename = "speed")]
     pub speed_m_per_s: f32,
     /// Where it blows to; any length but zero.
+    #[serde(deserialize_with = "vector")]
     pub direction: Vec3,
     /// Distance from gust to gust, m.
+    #[serde(rename = "gust_wavelength")]
     pub gust_wavelength_m: f32,
     /// Share by which gusts differ from the mean, 0 to 1.
     pub gustiness: f32,
     /// Wind in which height vectors lean by 45 degrees, m/s.
+    #[serde(rename = "leaning_speed")]
     pub leaning_speed_m_per_s: f32,
     /// Largest swing of the texture's top, texels, at `leaning_speed_m_per_s`.
     pub flutter: f32,
     /// Time of a swing, s.
+    #[serde(rename = "flutter_period")]
     pub flutter_period_s: f32,
     /// Which gusts.
     pub seed: u32,
+}
+
+fn vector<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec3, D::Error> {
+    <[f32; 3]>::deserialize(deserializer).map(Vec3::from)
 }
 
 impl Default for Wind {
