@@ -50,6 +50,7 @@
 //! lean = [0.2, 0.0, 0.0]            # optional: combs them, by this in heights
 //! uv_scale = [1.0, 1.0]             # optional: texels of a patch, or of a unit of a mesh's u and v
 //! volumes = ["grass.voltex", ["grass.voltex", "flower.voltex"]]    # by chance one is in each texel, or several, merged
+//! tints = [[1.0, 1.0, 1.0], [1.4, 1.1, 0.7]]    # optional: factors on their colours, of which each texel has one by chance
 //! jitter = { wavelength = 3.0, coordinates = 0.3, length = 0.3, angle_deg = 20.0, seed = 1 }      # optional, continuous
 //! texels = { empty = 0.1, scale = [0.5, 1.0], displacement = 0.5, margin = 0.1, turns = true, mirrors = true, seed = 1 }
 //!                                   # optional: how isolated objects differ; without it texels go on into each other
@@ -98,7 +99,7 @@ use crate::scene::{Ambient, DaylightParts, Outdoors, PointLight, Scene, SceneMes
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
 use crate::scene_skin::SkinEntry;
-use crate::scene_volume::{VolumeFiles, standing, usual_leaf_width_m, volume_from_model};
+use crate::scene_volume::{AS_IT_IS, VolumeFiles, standing, usual_leaf_width_m, volume_from_model};
 use crate::skin::Wind;
 use crate::volumes::{SceneSkin, VolumePlace, Volumes};
 use glam::{EulerRot, Mat4, Quat, Vec3};
@@ -282,7 +283,7 @@ const VOLUME_SIDES: [f32; 2] = [1e-9, 1e9];
 /// Where volumes stand on their own.
 fn places_of(entries: &[VolumeEntry], files: &mut VolumeFiles) -> Result<Vec<VolumePlace>, ViewerError> {
     let place = |entry: &VolumeEntry| {
-        let volume = files.number(&entry.file)?;
+        let volume = files.number(&entry.file, AS_IT_IS)?;
         let voltex = &files.volumes[volume];
         let [least, most] = VOLUME_SIDES;
         let side = entry.scale * voltex.side_m();
@@ -406,7 +407,7 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
             // What is a mirror and nothing else shows nothing below it.
             (None, None) => Body::Plain(entry.diffuse.unwrap_or([0.0; 3])),
         };
-        let material = Material { body, mirror, uv_scale: entry.uv_scale, displacement: entry.displacement };
+        let material = Material { mirror, displacement: entry.displacement, ..Material::new(body, entry.uv_scale) };
         if !(material.displacement.is_finite() && material.displacement >= 0.0) {
             return Err(fault(format!("material '{}' needs a displacement of at least 0", entry.name)));
         }

@@ -574,7 +574,7 @@ impl Tracer {
         let material = |material: &Material| GpuMaterial {
             diffuse: match material.body {
                 Body::Plain(reflectance) => reflectance,
-                _ => [0.0; 3],
+                _ => material.tint,
             },
             asset: material.asset().map_or(NO_ASSET, |asset| self.arena.bases[asset]),
             mirror: material.mirror,

@@ -1,7 +1,8 @@
 //! Mountains under forest: 25,000 trees on 1,404 patches, two to a texel that goes on into its neighbours.
 
 use super::terrain::{Terrain, texels_of, with_border_of};
-use super::{LandscapeCounts, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, look};
+use super::{LandscapeCounts, Plant, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, look};
+use crate::scene_volume::AS_IT_IS;
 use crate::skin::{Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
@@ -24,9 +25,11 @@ const FOOT_TEXELS: f32 = 22.0;
 /// The volume that comes with the viewer: two trees in a cube, clipped at its sides, where they go on opposite.
 pub(super) const VOLUMES: [&[u8]; 1] = [include_bytes!("../models/forest.voltex")];
 
-/// The volume, size and foot of each tree of a texel, as `cargo xtask volumes` sets them out.
-pub(super) const TREES_OF_TEXEL: [(u32, f32, Vec3); 2] =
-    [(0, 1.0, Vec3::new(-1.5, 0.0, 1.5)), (0, 0.9, Vec3::new(1.5, 0.0, -1.5))];
+/// The trees of a texel, as `cargo xtask volumes` sets them out.
+pub(super) const PLANTS: [Plant; TREES as usize] = [
+    Plant { volume: 0, scale: 1.0, foot_m: Vec3::new(-1.5, 0.0, 1.5), tints: &[AS_IT_IS] },
+    Plant { volume: 0, scale: 0.9, foot_m: Vec3::new(1.5, 0.0, -1.5), tints: &[AS_IT_IS] },
+];
 
 /// The forest; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {

@@ -25,12 +25,12 @@ use crate::mesh::MeshPart;
 use crate::mesh_file::load_meshes;
 use crate::sampler::hash;
 use crate::scene::{DaylightParts, Outdoors, Scene, SceneMesh, SceneObject};
-use crate::scene_volume::{standing, usual_leaf_width_m};
+use crate::scene_volume::{AS_IT_IS, standing, tinted, usual_leaf_width_m};
 use crate::skin::{Pattern, Shell, ShellParams, Skin, Wind};
 use crate::volumes::{SceneSkin, Volumes};
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Quat, Vec3};
-use stand_ins::texel_places;
+use stand_ins::plant_places;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -126,6 +126,18 @@ impl fmt::Display for LandscapeCounts {
     }
 }
 
+/// A plant of which there may be a model.
+struct Plant {
+    /// The first volume that it is in.
+    volume: u32,
+    /// How large it is there.
+    scale: f32,
+    /// Where it stands, from the middle of the volume's floor, metres.
+    foot_m: Vec3,
+    /// Factors on its colours in this volume and in the next ones.
+    tints: &'static [[f32; 3]],
+}
+
 /// A landscape before it is a scene.
 struct Planted {
     terrain: Terrain,
@@ -191,11 +203,10 @@ impl Landscape {
             volume_bytes: volumes.iter().map(|volume| 4 * volume.words().len() as u64).sum(),
             ..counts
         };
-        let places = if params.meshes.is_empty() { Vec::new() } else { texel_places(&shell, &patterns) };
         let ground = SceneObject { part: terrain.ground(soil), material: Material::plain(soil) };
         let mut meshes = vec![SceneMesh { objects: vec![ground], places: vec![Mat4::IDENTITY] }];
         let mut shown = Shown::default();
-        let leaf_width = self.add_plants(&params.meshes, &volumes, &places, &mut meshes, &mut shown)?;
+        let leaf_width = self.add_plants(&params.meshes, &volumes, (&shell, &patterns), &mut meshes, &mut shown)?;
         let mut scene = Scene::from_meshes(Path::new(self.name()), meshes, shown)?;
         if leaf_width > 0.0 {
             let of_mesh = |mesh, _| if mesh == 0 { 0.0 } else { leaf_width };
@@ -218,23 +229,23 @@ impl Landscape {
         Ok((scene, counts))
     }
 
-    /// Of each model of a plant the volume that it is in, how large it is there, and its foot from the middle of the floor,
-    /// metres.
-    fn plants(self) -> &'static [(u32, f32, Vec3)] {
+    /// What there is a model of, in the order of the models.
+    fn plants(self) -> &'static [Plant] {
+        const TEXEL: Plant = Plant { volume: 0, scale: 1.0, foot_m: Vec3::ZERO, tints: &[AS_IT_IS] };
         match self {
-            Landscape::Lawn => &[(0, 1.0, Vec3::ZERO), (1, 1.0, Vec3::ZERO)],
-            Landscape::Grove => &[(0, 1.0, Vec3::ZERO)],
-            Landscape::Forest => &forest::TREES_OF_TEXEL,
+            Landscape::Lawn => &[TEXEL, Plant { volume: 1, ..TEXEL }],
+            Landscape::Grove => &[Plant { tints: &grove::TINTS, ..TEXEL }],
+            Landscape::Forest => &forest::PLANTS,
         }
     }
 
-    /// Adds the plants' models at all `places` of their volumes; returns how wide their leaves are where they are widest, 0
+    /// Adds the plants' models wherever the skin has their volumes; returns how wide their leaves are where they are widest, 0
     /// without models.
     fn add_plants(
         self,
         files: &[PathBuf],
         volumes: &[Arc<Voltex>],
-        places: &[(u32, Mat4)],
+        (shell, patterns): (&Shell, &[Pattern]),
         meshes: &mut Vec<SceneMesh>,
         shown: &mut Shown,
     ) -> Result<f32, ViewerError> {
@@ -248,20 +259,23 @@ impl Landscape {
             )));
         }
         let mut widest = 0f32;
-        for (file, (volume, scale, foot)) in files.iter().zip(plants) {
+        for (file, Plant { volume, scale, foot_m, tints }) in files.iter().zip(plants) {
             let voltex = &volumes[*volume as usize];
             let own = load_meshes(file)?;
             let bodies = shown.append(own_bodies(file)?);
             widest = widest.max(usual_leaf_width_m(voltex, &own) * scale);
             let volume_from_model = standing(voltex, Vec3::ZERO, 0.0, 1.0).inverse()
-                * Mat4::from_scale_rotation_translation(Vec3::splat(*scale), Quat::IDENTITY, *foot);
-            for mut mesh in own {
-                // The grove's volumes are one tree.
-                let is_here = |own: u32| self == Landscape::Grove || own == *volume;
-                let here = places.iter().filter(|(own, _)| is_here(*own)).map(|(_, map)| *map * volume_from_model);
-                mesh.places = here.flat_map(|map| mesh.places.iter().map(move |place| map * *place)).collect();
-                let body = |part: &MeshPart| Material::of_part(part, bodies.get(&part.group).copied(), [1.0; 2]);
-                meshes.push(SceneMesh::of_file(mesh, body));
+                * Mat4::from_scale_rotation_translation(Vec3::splat(*scale), Quat::IDENTITY, *foot_m);
+            let places = plant_places(shell, patterns, volume_from_model.transform_point3(Vec3::ZERO));
+            // A volume in several tints is as many volumes.
+            for (tinted, tint) in (*volume..).zip(*tints) {
+                let here = || places.iter().filter(|(own, _)| *own == tinted).map(|(_, map)| *map * volume_from_model);
+                for mut mesh in own.clone() {
+                    mesh.places = here().flat_map(|map| mesh.places.iter().map(move |place| map * *place)).collect();
+                    let body = |part: &MeshPart| bodies.get(&part.group).copied();
+                    let material = |part: &MeshPart| Material::of_part(part, body(part), [1.0; 2]).tinted(*tint);
+                    meshes.push(SceneMesh::of_file(mesh, material));
+                }
             }
         }
         Ok(widest)
@@ -301,9 +315,7 @@ impl Landscape {
             }
             match self {
                 Landscape::Grove => {
-                    // A model has the leaves of its files, whatever the tint.
-                    let tints = if params.meshes.is_empty() { grove::tinted(&volume) } else { grove::plain(&volume) };
-                    volumes.extend(tints.iter().map(Voltex::new).map(Arc::new));
+                    volumes.extend(grove::TINTS.map(|tint| Arc::new(Voltex::new(&tinted(&volume, tint)))));
                 }
                 _ => volumes.push(Arc::new(Voltex::new(&volume))),
             }
