@@ -5,7 +5,7 @@
 //! |---|---|---|---|
 //! | lawn | 1,400 | one a patch | 22,400 blades, 700 flowers; height vectors jittered |
 //! | grove | 1,024 | half of them empty | 512 trees of 2,154 branches and 6,336 leaves; size, turn, place and material jittered |
-//! | forest | 1,404 | 12,500 | 25,000 of these trees, two to a cyclic texel; coordinates and height jittered |
+//! | forest | 1,404 | 12,500 | 25,000 of these trees, two to a texel; turn, coordinates and height jittered |
 //!
 //! `times` grows the land: so many times more patches, each with what a patch has. The volumes that come with the viewer are
 //! made by `cargo xtask volumes`.
@@ -26,7 +26,7 @@ use crate::mesh_file::load_meshes;
 use crate::sampler::hash;
 use crate::scene::{DaylightParts, Outdoors, Scene, SceneMesh, SceneObject};
 use crate::scene_volume::{AS_IT_IS, standing, tinted, usual_leaf_width_m};
-use crate::skin::{Pattern, Shell, ShellParams, Skin, Wind};
+use crate::skin::{DiscreteJitter, Pattern, Shell, ShellParams, Skin, Wind};
 use crate::volumes::{SceneSkin, Volumes};
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Quat, Vec3};
@@ -38,6 +38,9 @@ use terrain::Terrain;
 
 /// Branches and leaves of a tree: 2,154 and 6,336.
 const TREE_SHAPES: u64 = 2154 + 6336;
+/// Every texel in one of eight ways, so that repetition is not seen.
+const TURNED: DiscreteJitter =
+    DiscreteJitter { empty: 0.0, scale: [1.0; 2], displacement: 0.0, margin: 0.0, turns: true, mirrors: true };
 /// Wind in which a tree would lean by 45 degrees: a storm leans it by some.
 const TREE_LEANING_M_PER_S: f32 = 35.0;
 /// How far twigs swing, texels.
