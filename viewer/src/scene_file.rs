@@ -833,6 +833,39 @@ mod tests {
     }
 
     #[test]
+    fn tints_of_a_skin_are_alternatives_with_other_colours() {
+        let dir = folder_with_volume();
+        let path = dir.path().join("s.toml");
+        let loaded = |tints: &str| {
+            let skin = format!(
+                "patches = [4, 3]\nheight = 0.5\nvolumes = [\"v.voltex\", [\"v.voltex\", \"w.voltex\"]]\n{tints}"
+            );
+            std::fs::copy(dir.path().join("v.voltex"), dir.path().join("w.voltex")).unwrap();
+            std::fs::write(&path, format!("[[object]]\nmesh = \"plane\"\n[[skin]]\n{skin}")).unwrap();
+            load_scene(&path, Vec::new())
+        };
+        let volumes = |tints| loaded(tints).unwrap().volumes.unwrap();
+        let [plain, tinted] = ["", "tints = [[1, 1, 1], [0.5, 0.25, 0]]\n"].map(volumes);
+        assert_eq!([plain.volume_count(), tinted.volume_count()], [2, 4]);
+        let numbers = |volumes: &Volumes| {
+            volumes.skins()[0].patterns[0].alternatives.iter().map(|merged| [merged[0], merged[1]]).collect::<Vec<_>>()
+        };
+        let none = crate::skin::NO_VOLUME;
+        assert_eq!(numbers(&plain), [[0, none], [0, 1]]);
+        assert_eq!(numbers(&tinted), [[0, none], [1, none], [0, 2], [1, 3]]);
+        let [own, other] = [0, 1].map(|number| tinted.volume(number).material(0));
+        for (channel, factor) in [0.5, 0.25, 0.0].into_iter().enumerate() {
+            assert!((other.reflectance[channel] - factor * own.reflectance[channel]).abs() < 1e-3);
+            assert!((other.transmittance[channel] - factor * own.transmittance[channel]).abs() < 1e-3);
+        }
+        assert_eq!(own, plain.volume(0).material(0));
+        for bad in ["tints = []\n", "tints = [[1, -1, 1]]\n", "tints = [[1, nan, 1]]\n"] {
+            let message = loaded(bad).unwrap_err().to_string();
+            assert!(message.contains("tints are factors") && message.contains("s.toml"), "{message}");
+        }
+    }
+
+    #[test]
     fn wrong_scenes_are_refused_with_a_sentence_that_names_the_file() {
         let object = "[[object]]\nmesh = \"plane\"\n";
         let bad = [
