@@ -219,8 +219,8 @@ fn bad_input_is_one_sentence_and_leaves_nothing_behind() {
         (vec!["trade", "capture", "--csv", "a", "--html", "./a"], 2, "two outputs"),
         (vec!["trade", "capture", "--gpu", "no such adapter", "-o", "out"], 1, "no such adapter"),
         (vec!["trade", "capture", "-o", "bad.json"], 1, "bad.json"),
-        (vec!["trade", "capture", "-o", "capture/out"], 1, "lies in the capture"),
-        (vec!["trade", "capture", "--html", "capture/a.html"], 1, "lies in the capture"),
+        (vec!["trade", "capture", "-o", "capture/out"], 1, "lies in the input"),
+        (vec!["trade", "capture", "--html", "capture/a.html"], 1, "lies in the input"),
         (vec!["trade", "capture", "--reference", "bad.json"], 1, "bad.json"),
     ] {
         let (found, text) = refusal(&btf_fit(&arguments, here));

@@ -128,7 +128,7 @@ fn land_skin(tree: &Tree, side: u32) -> Volumes {
     };
     let skin = Skin::from_grid(side, side, vertex, |_, _| 0).expect("a skin");
     let shell = Shell::new(&skin, &ShellParams::default()).expect("a shell");
-    let skin = SceneSkin { shell, patterns: vec![pattern()], thickness: texel, leaf_width: 0.0 };
+    let skin = SceneSkin { rest: skin, shell, patterns: vec![pattern()], leaf_width: 0.0 };
     Volumes::new(vec![tree.voltex.clone()], &[], vec![skin]).expect("volumes")
 }
 

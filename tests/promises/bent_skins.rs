@@ -68,7 +68,7 @@ fn transmittance_error(bend: Bend, volume: &Arc<Voltex>, leaves: &[[Vec3; 3]], s
     };
     let skin = Skin::from_grid(SIDE, SIDE, vertex, |_, _| 0).unwrap();
     let shell = Shell::new(&skin, &ShellParams::default()).unwrap();
-    let skin = SceneSkin { shell, patterns: vec![Pattern::cyclic(0)], thickness: 1.5, leaf_width: 0.0 };
+    let skin = SceneSkin { rest: skin, shell, patterns: vec![Pattern::cyclic(0)], leaf_width: 0.0 };
     let volumes = Volumes::new(vec![volume.clone()], &[], vec![skin]).unwrap();
     let cells = (0..SIDE).flat_map(|i| (0..SIDE).map(move |j| [i, j]));
     let copies: Vec<[Vec3; 3]> =

@@ -6,10 +6,11 @@ use btf_fit::voltex::model::TriangleModel;
 use btf_runtime::voltex::Volume;
 use btf_synth::{Existing, PlantsParams, write_plants};
 use btf_tests::dolly::{MOST_LEAF_PIXELS, STEPS, dolly, largest_step, luminance, row};
-use btf_viewer::{Scene, load_scene};
-use glam::Vec3;
+use btf_viewer::{Camera, CpuPicture, Instance, Landscape, LandscapeParams, Material, Scene, ShadeOptions, load_scene};
+use glam::{Vec3, Vec4};
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Largest step of luminance where the distance grows by the fourth root of two, up to where leaves are [`FAR_PIXELS`] wide.
 const BAR: f64 = 0.02;
@@ -75,4 +76,72 @@ fn a_dolly_from_a_mesh_to_its_volume_has_no_step() {
         let rows: Vec<_> = band.map(|pixels| row(&wrong, TOWARDS, leaf_width, pixels, PATHS)).collect();
         assert!(largest_step(&rows) > BAR, "{}", largest_step(&rows));
     }
+}
+
+/// Largest difference of the mean colours of a plant as a mesh and as its volume, as a share of the brighter channel: in red and
+/// green, since what passes a leaf is so green that sRGB has less than no blue for it, and volumes have none.
+const COLOUR_BAR: f32 = 0.1;
+
+/// From a plant to the eye, m: mostly from above, where no other one is in the way.
+const FROM_ABOVE_M: Vec3 = Vec3::new(-20.0, 55.0, 25.0);
+
+/// Mean radiance of a plant whose middle is `middle_m` above its foot. `as_mesh`, or as its volume.
+fn mean_radiance(scene: &Scene, plant: &Instance, middle_m: f32, as_mesh: bool) -> [f32; 3] {
+    let target = Vec3::from(plant.world_from_object.map(|row| Vec4::from(row).dot(Vec4::new(0.0, middle_m, 0.0, 1.0))));
+    // Its middle fills the picture.
+    let fov_deg = 2.0 * (0.3 * middle_m / FROM_ABOVE_M.length()).atan().to_degrees();
+    let camera = Camera { eye: target + FROM_ABOVE_M, target, up: Vec3::Y, fov_deg };
+    let mut scene = Scene { camera, ..scene.clone() };
+    // The ground's, so that the plants are all there is to see.
+    scene.materials[0] = Material::plain([0.0; 3]);
+    if as_mesh {
+        scene.volumes = None;
+        Arc::make_mut(&mut scene.geometry).set_leaf_widths(|_, _| 0.0);
+    }
+    let mut picture = CpuPicture::new([24, 24]);
+    (0..32).for_each(|_| picture.add_sample(&scene, &ShadeOptions::default(), &|| true));
+    let radiance = picture.radiance();
+    [0, 1, 2].map(|channel| radiance.iter().map(|rgb| rgb[channel]).sum::<f32>() / radiance.len() as f32)
+}
+
+#[test]
+fn a_tinted_plant_has_the_same_colour_as_a_mesh_and_as_its_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    let volume = write_model(folder.path());
+    let file = folder.path().join("bush.voltex");
+    std::fs::write(&file, volume.pack().unwrap()).unwrap();
+    let grove = |meshes: Vec<PathBuf>| {
+        let volumes = vec![file.clone()];
+        Landscape::Grove.scene(&LandscapeParams { times: 1, volumes, meshes, wind_m_per_s: None }).unwrap().0
+    };
+    let [as_volumes, as_meshes] = [grove(Vec::new()), grove(vec![folder.path().join("bush.glb")])];
+    // One plant of each tint: those whose meshes begin with different triangles.
+    let mut plants: Vec<&Instance> = Vec::new();
+    for plant in as_meshes.geometry.instances().iter().filter(|instance| instance.moved == 1) {
+        if plants.iter().all(|known| known.first_triangle != plant.first_triangle) {
+            plants.push(plant);
+        }
+    }
+    let middle_m = 0.5 * volume.extent[2] * volume.side_m;
+    let colours: Vec<[[f32; 3]; 2]> = plants
+        .iter()
+        .map(|plant| {
+            [(&as_volumes, false), (&as_meshes, true)]
+                .map(|(scene, as_mesh)| mean_radiance(scene, plant, middle_m, as_mesh))
+        })
+        .collect();
+    println!("{colours:?}");
+    assert_eq!(colours.len(), 3);
+    let differ = |[a, b]: [[f32; 3]; 2]| {
+        let apart = (0..2).map(|i| (a[i] - b[i]).abs()).fold(0f32, f32::max);
+        apart / b.into_iter().fold(0f32, f32::max)
+    };
+    assert!(colours.iter().all(|both| differ(*both) < COLOUR_BAR), "{colours:?}");
+    // Planted: all in the tint of one.
+    let warm = as_meshes.materials.iter().map(|material| material.tint).find(|[red, ..]| *red > 1.0).unwrap();
+    let mut alike = as_meshes.clone();
+    alike.materials.iter_mut().for_each(|material| material.tint = warm);
+    let alike = plants.iter().map(|plant| mean_radiance(&alike, plant, middle_m, true));
+    let wrong: Vec<f32> = alike.zip(&colours).map(|(mesh, [volume, _])| differ([*volume, mesh])).collect();
+    assert_eq!(wrong.iter().filter(|apart| **apart > COLOUR_BAR).count(), 2, "{wrong:?}");
 }

@@ -99,19 +99,7 @@ impl Arena {
         if words.len() > self.room[asset] {
             return false;
         }
-        let piece_words = match self.pieces.layout.pieces {
-            1 => usize::MAX,
-            _ => 1usize << self.pieces.layout.shift,
-        };
-        let (mut at, mut rest) = (self.bases[asset] as usize + range.start, &words[range]);
-        while !rest.is_empty() {
-            let within = at % piece_words;
-            let (now, later) = rest.split_at(rest.len().min(piece_words - within));
-            let buffer = &self.pieces.buffers[at / piece_words];
-            gpu.queue.write_buffer(buffer, 4 * within as u64, bytemuck::cast_slice(now));
-            at += now.len();
-            rest = later;
-        }
+        self.pieces.write(gpu, self.bases[asset] as usize + range.start, &words[range]);
         true
     }
 }

@@ -1,6 +1,7 @@
 //! Traversal of the hierarchies: one over the instances, whose leaves hold one instance each, and one over the triangles of
 //! each mesh, in the mesh's own space. All lie in one array of nodes. Twin: `shaders/bvh.wgsl`, over the same arrays.
 
+use crate::bvh_build::Bounds;
 use crate::geometry::{Geometry, Instance};
 use crate::hand_over::HandOver;
 use crate::shear::Shear;
@@ -42,6 +43,13 @@ pub struct BvhNode {
     pub hi: [f32; 3],
     /// Leaf: number of triangles, or 1. Inner node: 0.
     pub count: u32,
+}
+
+impl BvhNode {
+    /// Its box.
+    pub(crate) fn bounds(&self) -> Bounds {
+        Bounds { lo: self.lo.into(), hi: self.hi.into() }
+    }
 }
 
 /// Where a ray meets a triangle. Twin: `Hit` in `surface.wgsl`.

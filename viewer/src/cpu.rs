@@ -312,9 +312,9 @@ impl Shader<'_> {
                 let layer = resident.layer_for_sides(level, light_back, s.view_back)?;
                 let texel = resident.texel(layer, (s.uv * Vec2::from(material.uv_scale)).to_array());
                 let viewed = ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode);
-                Some(ViewedBody::Asset(Box::new(viewed)))
+                Some(ViewedBody::Asset(Box::new(viewed), material.tint.into()))
             }
-            Body::Leaf(_) => leaf.map(ViewedBody::Leaf),
+            Body::Leaf(_) => leaf.map(|leaf| ViewedBody::Leaf(leaf, material.tint.into())),
         }
     }
 
@@ -391,7 +391,7 @@ impl Shader<'_> {
         };
         if let Some(incident) = uniform.filter(|incident| incident.max_element() > 0.0) {
             // A leaf has two sides and takes them in turn.
-            let turns = matches!(viewed, ViewedBody::Leaf(_));
+            let turns = matches!(viewed, ViewedBody::Leaf(..));
             if !turns || (sampler::one(seed ^ SIDE_CHOICE) < 0.5) == light_back {
                 let mut wi = sampler::cosine(numbers.ambient_at);
                 // The density of wi is its cosine over pi.
@@ -464,7 +464,7 @@ impl Shader<'_> {
         }
         let viewed = self.viewed_body(s, material, leaf, 0, back)?;
         let wi = viewed.body_sample([at[0], at[1], rest], back);
-        if matches!(viewed, ViewedBody::Leaf(_)) {
+        if matches!(viewed, ViewedBody::Leaf(..)) {
             back = wi.z < 0.0;
         }
         let density = side_share(self.scene, s, material, back) * viewed.body_density(wi);

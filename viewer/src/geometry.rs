@@ -4,7 +4,7 @@
 
 use crate::bvh::BvhNode;
 use crate::bvh_build::{Bounds, BuildParams, Item, build};
-use glam::{Mat4, Vec3};
+use glam::{Mat4, Vec3, Vec4};
 
 /// Of a mesh: 2^24 triangles in leaves of 4 add 22 levels at most to the depth of halving.
 const TRIANGLES: BuildParams = BuildParams { least_items: 4, most_items: 16, halving_depth: 24 };
@@ -171,7 +171,7 @@ impl Geometry {
         let mut bounds = Bounds::EMPTY;
         if !items.is_empty() {
             let nodes = build(&mut items, TRIANGLES, root, first_triangle);
-            bounds = Bounds { lo: nodes[0].lo.into(), hi: nodes[0].hi.into() };
+            bounds = nodes[0].bounds();
             self.nodes.extend(nodes);
         }
         self.triangles.extend(items.iter().map(|item| {
@@ -232,8 +232,8 @@ impl Geometry {
     /// over the instances of `other` begins.
     pub(crate) fn followed_by(&self, other: &Geometry) -> (Geometry, u32) {
         let mut all = self.clone();
-        let [vertices, triangles, nodes, instances] =
-            [all.vertices.len(), all.triangles.len(), all.nodes.len(), all.instances.len()].map(|count| count as u32);
+        let [vertices, triangles, nodes] =
+            [all.vertices.len(), all.triangles.len(), all.nodes.len()].map(|count| count as u32);
         let meshes = all.meshes.len();
         all.vertices.extend(&other.vertices);
         all.triangles.extend(
@@ -242,15 +242,7 @@ impl Geometry {
                 .iter()
                 .map(|triangle| Triangle { vertices: triangle.vertices.map(|vertex| vertex + vertices), ..*triangle }),
         );
-        // The hierarchy over the instances is the last.
-        all.nodes.extend(other.nodes.iter().zip(0..).map(|(node, number)| {
-            let before = match node.count {
-                0 => nodes,
-                _ if number < other.root => triangles,
-                _ => instances,
-            };
-            BvhNode { first: node.first + before, ..*node }
-        }));
+        all.nodes.extend(self.nodes_behind(other));
         all.meshes.extend(other.meshes.iter().map(|mesh| MeshRange {
             first_triangle: mesh.first_triangle + triangles,
             root: mesh.root + nodes,
@@ -263,6 +255,56 @@ impl Geometry {
         }));
         all.origins.extend(other.origins.iter().map(|[mesh, number]| [mesh + meshes, *number]));
         (all, other.root + nodes)
+    }
+
+    /// The nodes of `other` where it stands behind this, see [`followed_by`](Geometry::followed_by).
+    pub(crate) fn nodes_behind(&self, other: &Geometry) -> impl Iterator<Item = BvhNode> {
+        let [triangles, nodes, instances] =
+            [self.triangles.len(), self.nodes.len(), self.instances.len()].map(|count| count as u32);
+        // The hierarchy over the instances is the last.
+        other.nodes.iter().zip(0..).map(move |(node, number)| {
+            let before = match node.count {
+                0 => nodes,
+                _ if number < other.root => triangles,
+                _ => instances,
+            };
+            BvhNode { first: node.first + before, ..*node }
+        })
+    }
+
+    /// Moves the vertices from number `first` on to `positions`. Triangles and hierarchies keep their order, which is as good as
+    /// a new one where nothing moves far; boxes follow. Cost: a pass over the nodes.
+    pub(crate) fn move_vertices(&mut self, first: usize, positions: impl Iterator<Item = Vec3>) {
+        for (vertex, position) in self.vertices[first..].iter_mut().zip(positions) {
+            vertex.position = position.to_array();
+        }
+        // Children stand behind their parents, and the hierarchy over the instances behind those of the meshes.
+        let root = self.root as usize;
+        for number in (0..root).rev() {
+            let BvhNode { first, count, .. } = self.nodes[number];
+            let of_triangles = |all: Bounds, triangle| self.corners(triangle).into_iter().fold(all, Bounds::add_point);
+            self.set_bounds(number, (first..first + count).fold(Bounds::EMPTY, of_triangles));
+        }
+        for mesh in self.meshes.iter_mut().filter(|mesh| mesh.triangles > 0) {
+            mesh.bounds = self.nodes[mesh.root as usize].bounds();
+        }
+        for number in (root..self.nodes.len()).rev() {
+            let BvhNode { first, count, .. } = self.nodes[number];
+            let of_instances = |all: Bounds, instance: u32| {
+                let map = affine(self.instances[instance as usize].world_from_object);
+                let corners = self.meshes[self.mesh_of(instance as usize)].bounds.corners();
+                corners.into_iter().map(|corner| map.transform_point3(corner)).fold(all, Bounds::add_point)
+            };
+            self.set_bounds(number, (first..first + count).fold(Bounds::EMPTY, of_instances));
+        }
+    }
+
+    /// Gives a node its box: that of what it holds, if it is a leaf, otherwise that around both children.
+    fn set_bounds(&mut self, number: usize, of_leaf: Bounds) {
+        let BvhNode { first, count, .. } = self.nodes[number];
+        let child = |child: u32| self.nodes[(first + child) as usize].bounds();
+        let bounds = if count > 0 { of_leaf } else { child(0).add(child(1)) };
+        (self.nodes[number].lo, self.nodes[number].hi) = (bounds.lo.to_array(), bounds.hi.to_array());
     }
 
     /// The same surface with `triangles` that differ from its own in their materials only.
@@ -316,6 +358,12 @@ impl Geometry {
         &self.instances
     }
 
+    /// Least and greatest corner of a mesh, in its space.
+    pub(crate) fn mesh_bounds(&self, mesh: usize) -> [Vec3; 2] {
+        let Bounds { lo, hi } = self.meshes[mesh].bounds;
+        [lo, hi]
+    }
+
     /// Number of the mesh that an instance places.
     pub(crate) fn mesh_of(&self, instance: usize) -> usize {
         self.origins[instance][0]
@@ -359,8 +407,8 @@ impl Geometry {
 
     /// Centre and radius of a sphere around everything.
     pub fn bounding_sphere(&self) -> (Vec3, f32) {
-        let top = &self.nodes[self.root as usize];
-        let centre = (Vec3::from(top.lo) + Vec3::from(top.hi)) * 0.5;
+        let Bounds { lo, hi } = self.nodes[self.root as usize].bounds();
+        let centre = (lo + hi) * 0.5;
         let reach = |points: &mut dyn Iterator<Item = Vec3>| points.map(|p| p.distance(centre)).fold(0.0, f32::max);
         let radius = match self.instances.as_slice() {
             [one] if one.moved == 0 => reach(&mut self.vertices.iter().map(|vertex| vertex.position.into())),
@@ -368,11 +416,17 @@ impl Geometry {
                 // Of the boxes over the instances.
                 let top = &self.nodes[self.root as usize..];
                 let boxes = top.iter().filter(|node| node.count > 0);
-                reach(&mut boxes.flat_map(|node| Bounds { lo: node.lo.into(), hi: node.hi.into() }.corners()))
+                reach(&mut boxes.flat_map(|node| node.bounds().corners()))
             }
         };
         (centre, radius)
     }
+}
+
+/// The affine map of three rows.
+fn affine(rows: [[f32; 4]; 3]) -> Mat4 {
+    let [x, y, z] = rows.map(Vec4::from);
+    Mat4::from_cols(x, y, z, Vec4::W).transpose()
 }
 
 /// The three rows of an affine map.
@@ -405,6 +459,50 @@ mod tests {
         let mut bad = corners();
         bad[1].u = f32::NAN;
         assert!(Geometry::new(bad, vec![triangle([0, 1, 2])]).is_err());
+    }
+
+    #[test]
+    fn moved_vertices_are_met_where_they_are() {
+        use crate::bvh::AnyHit;
+        use btf_runtime::testing::Random;
+        let mut random = Random::new(8);
+        let mut point = |reach: f32| Vec3::from([(); 3].map(|()| random.within(-reach, reach)));
+        let mut soup = |count: u32, at: Vec3| {
+            let corners: Vec<Vec3> = (0..count).flat_map(|_| [point(2.0) + at; 3].map(|a| a + point(0.5))).collect();
+            let triangles = (0..count).map(|i| triangle([3 * i, 3 * i + 1, 3 * i + 2])).collect();
+            Mesh { vertices: corners.iter().map(|at| vertex(at.to_array())).collect(), triangles }
+        };
+        let [still, moving] = [soup(60, Vec3::ZERO), soup(90, Vec3::X)];
+        let places = [
+            Mat4::IDENTITY,
+            Mat4::from_scale_rotation_translation(Vec3::splat(0.7), glam::Quat::from_rotation_x(1.0), Vec3::Y * 3.0),
+        ];
+        let placements: Vec<Placement> =
+            (0..2).flat_map(|mesh| places.map(|world_from_object| Placement { mesh, world_from_object })).collect();
+        let moved: Vec<Vec3> = moving
+            .vertices
+            .iter()
+            .map(|v| Vec3::from(v.position))
+            .map(|p| p + 0.4 * Vec3::new(p.y.sin(), 1.0, p.x.cos()))
+            .collect();
+        let mut there = moving.clone();
+        there.vertices.iter_mut().zip(&moved).for_each(|(vertex, at)| vertex.position = at.to_array());
+        let rest = Geometry::placed(vec![still.clone(), moving], &placements).unwrap();
+        let built = Geometry::placed(vec![still, there], &placements).unwrap();
+        let mut refit = rest.clone();
+        refit.move_vertices(180, moved.into_iter());
+        assert_eq!(built.mesh_bounds(1), refit.mesh_bounds(1));
+        assert_eq!(built.bounding_sphere().0, refit.bounding_sphere().0);
+        let mut counts = [0; 2];
+        for _ in 0..500 {
+            let (origin, direction) = (point(6.0), point(1.0).normalize());
+            let t = |geometry: &Geometry| geometry.trace(origin, direction, 20.0, AnyHit::No).t;
+            assert_eq!(t(&built), t(&refit));
+            counts[0] += usize::from(t(&built) < 20.0);
+            counts[1] += usize::from(t(&built) != t(&rest));
+        }
+        // Planted: what has not moved is met elsewhere.
+        assert!(counts[0] > 20 && counts[1] > 20, "{counts:?}");
     }
 
     #[test]

@@ -123,32 +123,56 @@ pub struct Rendered {
 /// [`ViewerError::Interrupted`].
 pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Rendered, ViewerError> {
     let mut last = None;
-    render_turntable(scene, params, 1, control, &mut |_, rendered| {
+    render_sequence(scene, params, &Sequence::turntable(1), control, &mut |_, rendered| {
         last = Some(rendered);
         Ok(())
     })?;
     last.ok_or(ViewerError::Interrupted)
 }
 
-/// Renders `pictures` pictures of the scene, the camera turned about its target from one to the next, and gives each to
-/// `each` with its number; the first is that of [`render`]. Uploads and compiles once.
+/// How the pictures of a scene follow one another; the first is that of [`render`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sequence {
+    /// How many there are.
+    pub pictures: u32,
+    /// By how much the camera turns about its target from one to the next, radians.
+    pub turn_rad: f32,
+    /// How much later each is than the one before, seconds.
+    pub interval_s: f64,
+}
+
+impl Sequence {
+    /// Once around the scene.
+    pub fn turntable(pictures: u32) -> Sequence {
+        Sequence { pictures, turn_rad: std::f32::consts::TAU / pictures as f32, interval_s: 0.0 }
+    }
+}
+
+/// Renders the pictures of a sequence and gives each to `each` with its number. Uploads and compiles once.
 ///
 /// # Errors
 /// Those of [`render`], and those of `each`, which end it.
-pub fn render_turntable(
+pub fn render_sequence(
     scene: &Scene,
     params: &RenderParams,
-    pictures: u32,
+    sequence: &Sequence,
     control: &Control,
     each: &mut dyn FnMut(u32, Rendered) -> Result<(), ViewerError>,
 ) -> Result<(), ViewerError> {
     let mut session = Session::new(scene, params, control)?;
     let mut scene = scene.clone();
-    for number in 0..pictures {
-        let progress = |share: f32| (control.progress)((number as f32 + share) / pictures as f32);
+    let began_s = scene.time_s;
+    for number in 0..sequence.pictures {
+        if number > 0 {
+            scene.camera.orbit(sequence.turn_rad, 0.0);
+        }
+        if number > 0 && sequence.interval_s != 0.0 {
+            scene.blow(began_s + f64::from(number) * sequence.interval_s)?;
+            session.take_over_skins(&scene)?;
+        }
+        let progress = |share: f32| (control.progress)((number as f32 + share) / sequence.pictures as f32);
         let control = Control { progress: &progress, ..*control };
         each(number, session.render(&scene, params, &control)?)?;
-        scene.camera.orbit(std::f32::consts::TAU / pictures as f32, 0.0);
     }
     Ok(())
 }
@@ -186,6 +210,17 @@ impl Session {
             Engine::Cpu => None,
         };
         Ok(Session { engine, tracer })
+    }
+
+    /// Takes over where the wind has moved the scene's skins.
+    ///
+    /// # Errors
+    /// Those of [`render`].
+    fn take_over_skins(&mut self, scene: &Scene) -> Result<(), ViewerError> {
+        match (&self.engine, &mut self.tracer) {
+            (Engine::Gpu(gpu, _), Some(tracer)) => tracer.update_skins(gpu, scene),
+            _ => Ok(()),
+        }
     }
 
     /// Draws the scene, whose camera, lights and surroundings may have changed since [`Session::new`].
@@ -571,7 +606,7 @@ mod tests {
         let mut scene = Scene::from_objects(Path::new("cube"), vec![grey(mesh::cube("cube"))], Vec::new()).unwrap();
         scene.camera.eye = glam::Vec3::new(3.0, 2.0, 6.0);
         let mut pictures = Vec::new();
-        render_turntable(&scene, &cpu([16, 16]), 4, &Control::SILENT, &mut |number, rendered| {
+        render_sequence(&scene, &cpu([16, 16]), &Sequence::turntable(4), &Control::SILENT, &mut |number, rendered| {
             assert_eq!(number as usize, pictures.len());
             pictures.push(rendered.picture.radiance);
             Ok(())
@@ -581,10 +616,33 @@ mod tests {
         assert_eq!(pictures[0], render(&scene, &cpu([16, 16]), &Control::SILENT).unwrap().picture.radiance);
         // The light stays where it is, so that every side looks different.
         assert!((1..4).all(|i| pictures[i] != pictures[i - 1]) && pictures[3] != pictures[0]);
-        let stopped = render_turntable(&scene, &cpu([8, 8]), 9, &Control::SILENT, &mut |number, _| {
-            if number == 2 { Err(ViewerError::Interrupted) } else { Ok(()) }
-        });
+        let stopped =
+            render_sequence(&scene, &cpu([8, 8]), &Sequence::turntable(9), &Control::SILENT, &mut |number, _| {
+                if number == 2 { Err(ViewerError::Interrupted) } else { Ok(()) }
+            });
         assert!(matches!(stopped, Err(ViewerError::Interrupted)));
+    }
+
+    #[test]
+    fn a_sequence_shows_the_wind_as_it_is_at_each_moment() {
+        use crate::landscape::{Landscape, LandscapeParams};
+        let params = LandscapeParams { times: 1, volumes: Vec::new(), meshes: Vec::new(), wind_m_per_s: Some(4.0) };
+        let (mut scene, _) = Landscape::Lawn.scene(&params).unwrap();
+        scene.camera = scene.more_cameras[1];
+        scene.blow(7.0).unwrap();
+        let mut pictures = Vec::new();
+        let sequence = Sequence { pictures: 3, turn_rad: 0.0, interval_s: 0.25 };
+        render_sequence(&scene, &cpu([24, 16]), &sequence, &Control::SILENT, &mut |_, rendered| {
+            pictures.push(rendered.picture.radiance);
+            Ok(())
+        })
+        .unwrap();
+        assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2]);
+        for (number, picture) in pictures.iter().enumerate() {
+            scene.blow(7.0 + 0.25 * number as f64).unwrap();
+            assert_eq!(*picture, render(&scene, &cpu([24, 16]), &Control::SILENT).unwrap().picture.radiance);
+        }
+        assert!(scene.blow(f64::NAN).is_err());
     }
 
     #[test]

@@ -91,7 +91,7 @@ pub use gpu_decode::{DecodeQuery, gpu_decode};
 pub use gpu_expand::{gpu_expand, time_gpu_expand, time_upload};
 pub use gpu_timer::{GpuTimer, PassTimes};
 pub use hand_over::{HandOver, MESH_PIXELS, VOLUME_PIXELS};
-pub use headless::{Control, MAX_SIDE, RenderParams, RenderReport, Rendered, render, render_turntable};
+pub use headless::{Control, MAX_SIDE, RenderParams, RenderReport, Rendered, Sequence, render, render_sequence};
 pub use landscape::{Landscape, LandscapeCounts, LandscapeParams};
 pub use leaf_trade::{LeafModeRow, leaf_mode_rows};
 pub use material::{Body, Material, OwnBodies, Shown};

@@ -4,8 +4,8 @@ use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{
     Ambient, BackendChoice, BenchKind, BenchParams, Control, Daylight, DaylightParts, Environment, GpuTracer,
     Landscape, LandscapeCounts, LandscapeParams, MeshChoice, Outdoors, RenderMode, RenderParams, RenderReport, Scene,
-    SceneAsset, SceneLeaf, ShadeOptions, Shown, SkyLight, ViewerError, WindowParams, bench_svg, load_scene, plan,
-    render_turntable, run_bench, run_window, scene_with_assets,
+    SceneAsset, SceneLeaf, Sequence, ShadeOptions, Shown, SkyLight, ViewerError, WindowParams, bench_svg, load_scene,
+    plan, render_sequence, run_bench, run_window, scene_with_assets,
 };
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
@@ -22,6 +22,9 @@ Examples:
   btf-view bench lights cloth.spmm --plot lights.svg
 
 In the window: drag turns, the wheel zooms, Shift or the right button moves.";
+
+/// Pictures of a sequence in a second.
+const USUAL_FPS: f32 = 25.0;
 
 /// Shows packed BTF assets (.spmm) on a mesh, lit by point lights.
 #[derive(Parser)]
@@ -46,7 +49,8 @@ enum Command {
     #[command(after_help = "Examples:
   btf-view scene lawn
   btf-view scene forest --headless --out forest.png --size 768x576 --frames 16
-  btf-view scene grove --times 10 --camera 3 --headless --out grove.png --json -")]
+  btf-view scene grove --times 10 --camera 3 --headless --out grove.png --json -
+  btf-view scene lawn --wind 4 --camera 2 --headless --out wind.png --sequence 50")]
     Scene(LandscapeArguments),
 }
 
@@ -69,6 +73,9 @@ struct LandscapeArguments {
     /// 1 from afar, 2 nearer, 3 from close by
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=3))]
     camera: u32,
+    /// Wind from the west, metres a second; see --time and --sequence
+    #[arg(long, value_name = "M/S", value_parser = parse_wind)]
+    wind: Option<f32>,
     #[command(flatten)]
     picture: PictureArguments,
 }
@@ -272,6 +279,16 @@ struct PictureArguments {
     /// Renders N pictures around the scene, FILE_000.png and so on
     #[arg(long, value_name = "N", requires = "headless", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     turntable: Option<u32>,
+    /// The moment at which a scene with a wind is seen, seconds [default: 0]
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, allow_hyphen_values = true)]
+    time: Option<f64>,
+    /// Renders N pictures of the wind, one after the other, FILE_000.png and so on
+    #[arg(long, value_name = "N", requires = "headless", conflicts_with = "turntable",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    sequence: Option<u32>,
+    /// Pictures of a sequence in a second [default: 25]
+    #[arg(long, value_name = "N", requires = "sequence", value_parser = parse_positive)]
+    fps: Option<f32>,
     /// Milliseconds that a frame may take: components, lobes and lights are saved until it does
     #[arg(long, value_name = "N", value_parser = parse_positive)]
     target_ms: Option<f32>,
@@ -323,6 +340,14 @@ fn parse_positive(text: &str) -> Result<f32, String> {
         .ok_or_else(|| "it is a number above 0, as in 0.5".into())
 }
 
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| "it is a number of seconds, as in 2.5".into())
+}
+
+fn parse_wind(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|x: &f32| (0.0..=60.0).contains(x)).ok_or_else(|| "it is a number from 0 to 60".into())
+}
+
 fn parse_scale_of_heights(text: &str) -> Result<f32, String> {
     text.parse().ok().filter(|x: &f32| (0.0..=100.0).contains(x)).ok_or_else(|| "it is a number from 0 to 100".into())
 }
@@ -362,8 +387,12 @@ fn run(arguments: &Arguments) -> Result<(), ViewerError> {
 }
 
 fn show_landscape(arguments: &LandscapeArguments) -> Result<(), ViewerError> {
-    let params =
-        LandscapeParams { times: arguments.times, volumes: arguments.volume.clone(), meshes: arguments.mesh.clone() };
+    let params = LandscapeParams {
+        times: arguments.times,
+        volumes: arguments.volume.clone(),
+        meshes: arguments.mesh.clone(),
+        wind_m_per_s: arguments.wind,
+    };
     let (mut scene, counts) = arguments.landscape.scene(&params)?;
     choose_camera(&mut scene, arguments.camera)?;
     light_scene(&mut scene, &arguments.picture)?;
@@ -373,7 +402,7 @@ fn show_landscape(arguments: &LandscapeArguments) -> Result<(), ViewerError> {
 /// Writes the picture that is asked for, or opens a window. `counts` are a landscape's.
 fn show(
     arguments: &PictureArguments,
-    scene: Scene,
+    mut scene: Scene,
     compare: Option<Arc<SceneAsset>>,
     counts: Option<LandscapeCounts>,
 ) -> Result<(), ViewerError> {
@@ -381,6 +410,13 @@ fn show(
     let backend = backend_for(&scene, common.backend())?;
     let (adapter, shade) = (common.adapter.clone(), common.shade());
     let target_ms = arguments.target_ms.map(f64::from);
+    if scene.wind.is_none() && (arguments.time.is_some() || arguments.sequence.is_some()) {
+        return Err(ViewerError::Usage(
+            "nothing moves in this scene: give `btf-view scene` a --wind, or the scene's file skins and a [wind]"
+                .into(),
+        ));
+    }
+    scene.blow(arguments.time.unwrap_or(0.0))?;
     match &arguments.out {
         Some(out) => {
             let size = arguments.size.unwrap_or([512, 512]);
@@ -679,19 +715,27 @@ fn headless(
 ) -> Result<(), ViewerError> {
     let quiet = arguments.common.quiet;
     let mut reports = Vec::new();
+    let several = arguments.turntable.or(arguments.sequence).is_some();
+    let sequence = match arguments.sequence {
+        Some(pictures) => {
+            let interval_s = 1.0 / f64::from(arguments.fps.unwrap_or(USUAL_FPS));
+            Sequence { pictures, turn_rad: 0.0, interval_s }
+        }
+        None => Sequence::turntable(arguments.turntable.unwrap_or(1)),
+    };
     with_progress(quiet, |control| {
-        render_turntable(scene, &params, arguments.turntable.unwrap_or(1), control, &mut |number, rendered| {
+        render_sequence(scene, &params, &sequence, control, &mut |number, rendered| {
             if (control.cancelled)() {
                 return Err(ViewerError::Interrupted);
             }
-            let path = if arguments.turntable.is_some() { numbered(out, number) } else { out.to_path_buf() };
+            let path = if several { numbered(out, number) } else { out.to_path_buf() };
             rendered.picture.write_png(&path, scene.exposure_ev)?;
             reports.push((path, PictureReport { picture: rendered.report, landscape: counts.clone() }));
             Ok(())
         })
     })?;
     match (arguments.json.as_deref(), reports.as_slice()) {
-        (path @ Some(_), [(_, report)]) if arguments.turntable.is_none() => write_json(path, report)?,
+        (path @ Some(_), [(_, report)]) if !several => write_json(path, report)?,
         (path @ Some(_), all) => write_json(path, &all.iter().map(|(_, report)| report).collect::<Vec<_>>())?,
         (None, _) if quiet => {}
         (None, _) => {

@@ -84,6 +84,8 @@ pub enum Body {
 pub struct Material {
     /// What reflects and transmits.
     pub body: Body,
+    /// Factors on what an asset or a leaf reflects and transmits; a plain body has its own colour.
+    pub tint: [f32; 3],
     /// Reflectance of a perfect mirror on top, RGB, 0 to 1; 0 for none. It adds to what lies below.
     pub mirror: [f32; 3],
     /// Factors on the texture coordinates: how often the asset is repeated.
@@ -96,7 +98,7 @@ pub struct Material {
 impl Material {
     /// A material without a mirror.
     pub fn new(body: Body, uv_scale: [f32; 2]) -> Material {
-        Material { body, mirror: [0.0; 3], uv_scale, displacement: 0.0 }
+        Material { body, tint: [1.0; 3], mirror: [0.0; 3], uv_scale, displacement: 0.0 }
     }
 
     /// A material that shows asset number `asset`.
@@ -114,6 +116,17 @@ impl Material {
         match body {
             Some(body) if part.has_uv => Material::new(body, uv_scale),
             _ => Material::plain(part.diffuse),
+        }
+    }
+
+    /// The same with its body's colour times `tint`; a plain one never reflects more than all light.
+    pub(crate) fn tinted(self, tint: [f32; 3]) -> Material {
+        match self.body {
+            Body::Plain(reflectance) => {
+                let tinted = std::array::from_fn(|i| (reflectance[i] * tint[i]).min(1.0));
+                Material { body: Body::Plain(tinted), ..self }
+            }
+            _ => Material { tint: std::array::from_fn(|i| self.tint[i] * tint[i]), ..self },
         }
     }
 

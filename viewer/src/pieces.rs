@@ -132,6 +132,23 @@ impl Pieces {
         Ok(Pieces { layout, buffers, count: values.len() })
     }
 
+    /// Writes `values` over those from number `first` on.
+    pub(crate) fn write<T: bytemuck::Pod>(&self, gpu: &Gpu, first: usize, values: &[T]) {
+        let piece_size = match self.layout.pieces {
+            1 => usize::MAX,
+            _ => 1usize << self.layout.shift,
+        };
+        let (mut at, mut rest) = (first, values);
+        while !rest.is_empty() {
+            let within = at % piece_size;
+            let (now, later) = rest.split_at(rest.len().min(piece_size - within));
+            let offset = (within * size_of::<T>()) as u64;
+            gpu.queue.write_buffer(&self.buffers[at / piece_size], offset, bytemuck::cast_slice(now));
+            at += now.len();
+            rest = later;
+        }
+    }
+
     /// Elements of each piece.
     pub(crate) fn places(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
         (0..self.layout.pieces).map(|piece| self.layout.range(piece, self.count))

@@ -13,6 +13,7 @@ use crate::models;
 use crate::plant_variation::vary_plants;
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
+use crate::skin::Wind;
 use crate::sun::Sun;
 use crate::volumes::Volumes;
 use glam::{Mat4, Vec3};
@@ -110,6 +111,10 @@ pub struct Scene {
     pub leaves: Vec<SceneLeaf>,
     /// Volumetric textures among the triangles.
     pub volumes: Option<Arc<Volumes>>,
+    /// What blows over the skins of the volumes.
+    pub wind: Option<Wind>,
+    /// The moment at which it is seen, seconds; [`Scene::blow`] changes it.
+    pub time_s: f64,
     /// Point lights.
     pub lights: Vec<PointLight>,
     /// The sun.
@@ -233,6 +238,8 @@ impl Scene {
             assets: shown.assets,
             leaves: shown.leaves,
             volumes: None,
+            wind: None,
+            time_s: 0.0,
             lights: Vec::new(),
             sun: None,
             outdoors: None,
@@ -363,6 +370,18 @@ impl Scene {
         self.surround(if outdoors.parts == DaylightParts::Sun { black() } else { light.environment });
         self.sun = light.sun.filter(|_| outdoors.parts != DaylightParts::Sky);
         self.outdoors = Some(outdoors);
+    }
+
+    /// Shows the scene at another moment: its wind moves the skins of its volumes. Without a wind nothing moves.
+    ///
+    /// # Errors
+    /// As [`Wind::blow`].
+    pub fn blow(&mut self, time_s: f64) -> Result<(), ViewerError> {
+        if let (Some(wind), Some(volumes)) = (&self.wind, &mut self.volumes) {
+            Arc::make_mut(volumes).blow(wind, time_s).map_err(ViewerError::Usage)?;
+        }
+        self.time_s = time_s;
+        Ok(())
     }
 
     /// `count` lights where the scene has them; their intensities add up to the same brightness whatever the count.

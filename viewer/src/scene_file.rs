@@ -50,10 +50,21 @@
 //! lean = [0.2, 0.0, 0.0]            # optional: combs them, by this in heights
 //! uv_scale = [1.0, 1.0]             # optional: texels of a patch, or of a unit of a mesh's u and v
 //! volumes = ["grass.voltex", ["grass.voltex", "flower.voltex"]]    # by chance one is in each texel, or several, merged
+//! tints = [[1.0, 1.0, 1.0], [1.4, 1.1, 0.7]]    # optional: factors on their colours, of which each texel has one by chance
 //! jitter = { wavelength = 3.0, coordinates = 0.3, length = 0.3, angle_deg = 20.0, seed = 1 }      # optional, continuous
 //! texels = { empty = 0.1, scale = [0.5, 1.0], displacement = 0.5, margin = 0.1, turns = true, mirrors = true, seed = 1 }
 //!                                   # optional: how isolated objects differ; without it texels go on into each other
 //! translate = [0.0, 0.0, 0.0]       # as rotate_deg and scale, like an object's
+//!
+//! [wind]                            # optional: blows over all skins, a unit being a metre; what is left out is as here
+//! speed = 5.0                       # mean, m/s, 0 to 60
+//! direction = [1.0, 0.0, 0.0]       # where it blows to
+//! gust_wavelength = 20.0            # from gust to gust, m
+//! gustiness = 0.5                   # share by which gusts differ from the mean, 0 to 1
+//! leaning_speed = 12.0              # wind in which height vectors lean by 45 degrees, m/s
+//! flutter = 0.0                     # largest swing of the texture's top, texels, 0 to 0.5
+//! flutter_period = 0.7              # of such a swing, s
+//! seed = 0                          # which gusts
 //!
 //! [ambient]                         # optional: ambient light with occlusion
 //! radiance = [0.4, 0.4, 0.4]
@@ -88,7 +99,8 @@ use crate::scene::{Ambient, DaylightParts, Outdoors, PointLight, Scene, SceneMes
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
 use crate::scene_skin::SkinEntry;
-use crate::scene_volume::{VolumeFiles, standing, usual_leaf_width_m, volume_from_model};
+use crate::scene_volume::{AS_IT_IS, VolumeFiles, standing, usual_leaf_width_m, volume_from_model};
+use crate::skin::Wind;
 use crate::volumes::{SceneSkin, VolumePlace, Volumes};
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
@@ -116,6 +128,7 @@ struct SceneFile {
     volumes: Vec<VolumeEntry>,
     #[serde(default, rename = "skin")]
     skins: Vec<SkinEntry>,
+    wind: Option<Wind>,
     #[serde(default, rename = "light")]
     lights: Vec<LightEntry>,
 }
@@ -270,7 +283,7 @@ const VOLUME_SIDES: [f32; 2] = [1e-9, 1e9];
 /// Where volumes stand on their own.
 fn places_of(entries: &[VolumeEntry], files: &mut VolumeFiles) -> Result<Vec<VolumePlace>, ViewerError> {
     let place = |entry: &VolumeEntry| {
-        let volume = files.number(&entry.file)?;
+        let volume = files.number(&entry.file, AS_IT_IS)?;
         let voltex = &files.volumes[volume];
         let [least, most] = VOLUME_SIDES;
         let side = entry.scale * voltex.side_m();
@@ -394,7 +407,7 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
             // What is a mirror and nothing else shows nothing below it.
             (None, None) => Body::Plain(entry.diffuse.unwrap_or([0.0; 3])),
         };
-        let material = Material { body, mirror, uv_scale: entry.uv_scale, displacement: entry.displacement };
+        let material = Material { mirror, displacement: entry.displacement, ..Material::new(body, entry.uv_scale) };
         if !(material.displacement.is_finite() && material.displacement >= 0.0) {
             return Err(fault(format!("material '{}' needs a displacement of at least 0", entry.name)));
         }
@@ -519,6 +532,14 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
     if !(volume_places.is_empty() && skins.is_empty()) {
         scene.volumes = Some(Arc::new(Volumes::new(files.volumes, &volume_places, skins).map_err(fault)?));
     }
+    if let Some(wind) = file.wind {
+        wind.check().map_err(|reason| fault(format!("[wind]: {reason}")))?;
+        if file.skins.is_empty() {
+            return Err(fault("[wind] blows over skins and there is none, add a [[skin]]".into()));
+        }
+        scene.wind = Some(wind);
+        scene.blow(0.0)?;
+    }
     let cameras = match &file.camera {
         Cameras::One(camera) => std::slice::from_ref(camera),
         Cameras::Several(cameras) => cameras,
@@ -618,7 +639,16 @@ pub fn scene_with_assets(
     for key in ["file", "mesh"] {
         volumes.iter_mut().filter_map(|volume| volume.get_mut(key)).for_each(moved);
     }
-    for (name, entries) in [("material", materials), ("object", objects), ("volume", volumes)] {
+    let mut skins = list(table.get_mut("skin")).unwrap_or_default();
+    skins.iter_mut().filter_map(|skin| skin.get_mut("mesh")).for_each(moved);
+    let of_skins = skins.iter_mut().filter_map(|skin| skin.get_mut("volumes")?.as_array_mut()).flatten();
+    for alternative in of_skins {
+        match alternative {
+            toml::Value::Array(merged) => merged.iter_mut().for_each(moved),
+            one => moved(one),
+        }
+    }
+    for (name, entries) in [("material", materials), ("object", objects), ("volume", volumes), ("skin", skins)] {
         table.insert(name.into(), entries.into());
     }
     table.get_mut("environment").and_then(|sky| sky.get_mut("file")).into_iter().for_each(moved);
@@ -759,6 +789,80 @@ mod tests {
         std::fs::write(out.join("s.toml"), scene_with_assets(&path, &[], &[], &out).unwrap()).unwrap();
         let again = load_scene(&out.join("s.toml"), Vec::new()).unwrap();
         assert_eq!(again.geometry.placed_triangles(), scene.geometry.placed_triangles());
+    }
+
+    #[test]
+    fn a_wind_moves_skins_with_time_and_is_checked() {
+        let dir = folder_with_volume();
+        let path = dir.path().join("s.toml");
+        let skin = "[[object]]\nmesh = \"plane\"\n[[skin]]\npatches = [4, 3]\nheight = 0.5\nvolumes = [\"v.voltex\"]\n";
+        let loaded = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            load_scene(&path, Vec::new())
+        };
+        let mut scene =
+            loaded(&format!("{skin}[wind]\nspeed = 8.0\ndirection = [0, 0, 1]\ngust_wavelength = 3\n")).unwrap();
+        let wind = scene.wind.unwrap();
+        assert_eq!((wind.speed_m_per_s, wind.direction, wind.gust_wavelength_m), (8.0, Vec3::Z, 3.0));
+        assert_eq!(wind.leaning_speed_m_per_s, Wind::default().leaning_speed_m_per_s);
+        let south = |scene: &Scene| {
+            scene.volumes.as_ref().unwrap().skins()[0].shell.positions().iter().map(|at| at.z).sum::<f32>()
+        };
+        let at_rest = south(&loaded(skin).unwrap());
+        let first = south(&scene);
+        scene.blow(0.2).unwrap();
+        assert!(first > at_rest + 1.0 && south(&scene) != first);
+        scene.blow(0.0).unwrap();
+        assert_eq!(south(&scene), first);
+        for (bad, reason) in [
+            (format!("{skin}[wind]\nspeed = 80\n"), "the wind's speed is 80"),
+            (format!("{skin}[wind]\ndirection = [0, 0, 0]\n"), "must blow somewhere"),
+            (format!("{skin}[wind]\nlean = 3\n"), "unknown field `lean`"),
+            ("[[object]]\nmesh = \"plane\"\n[wind]\n".to_string(), "add a [[skin]]"),
+        ] {
+            let message = loaded(&bad).unwrap_err().to_string();
+            assert!(message.contains(reason) && message.contains("s.toml: ") && !message.contains('\n'), "{message}");
+        }
+        // Written for another folder, the skin finds its volume.
+        let merged = skin.replace("[\"v.voltex\"]", "[[\"v.voltex\", \"v.voltex\"], \"v.voltex\"]");
+        loaded(&merged).unwrap();
+        let out = dir.path().join("out");
+        std::fs::create_dir(&out).unwrap();
+        std::fs::write(out.join("s.toml"), scene_with_assets(&path, &[], &[], &out).unwrap()).unwrap();
+        assert!(load_scene(&out.join("s.toml"), Vec::new()).is_ok());
+    }
+
+    #[test]
+    fn tints_of_a_skin_are_alternatives_with_other_colours() {
+        let dir = folder_with_volume();
+        let path = dir.path().join("s.toml");
+        let loaded = |tints: &str| {
+            let skin = format!(
+                "patches = [4, 3]\nheight = 0.5\nvolumes = [\"v.voltex\", [\"v.voltex\", \"w.voltex\"]]\n{tints}"
+            );
+            std::fs::copy(dir.path().join("v.voltex"), dir.path().join("w.voltex")).unwrap();
+            std::fs::write(&path, format!("[[object]]\nmesh = \"plane\"\n[[skin]]\n{skin}")).unwrap();
+            load_scene(&path, Vec::new())
+        };
+        let volumes = |tints| loaded(tints).unwrap().volumes.unwrap();
+        let [plain, tinted] = ["", "tints = [[1, 1, 1], [0.5, 0.25, 0]]\n"].map(volumes);
+        assert_eq!([plain.volume_count(), tinted.volume_count()], [2, 4]);
+        let numbers = |volumes: &Volumes| {
+            volumes.skins()[0].patterns[0].alternatives.iter().map(|merged| [merged[0], merged[1]]).collect::<Vec<_>>()
+        };
+        let none = crate::skin::NO_VOLUME;
+        assert_eq!(numbers(&plain), [[0, none], [0, 1]]);
+        assert_eq!(numbers(&tinted), [[0, none], [1, none], [0, 2], [1, 3]]);
+        let [own, other] = [0, 1].map(|number| tinted.volume(number).material(0));
+        for (channel, factor) in [0.5, 0.25, 0.0].into_iter().enumerate() {
+            assert!((other.reflectance[channel] - factor * own.reflectance[channel]).abs() < 1e-3);
+            assert!((other.transmittance[channel] - factor * own.transmittance[channel]).abs() < 1e-3);
+        }
+        assert_eq!(own, plain.volume(0).material(0));
+        for bad in ["tints = []\n", "tints = [[1, -1, 1]]\n", "tints = [[1, nan, 1]]\n"] {
+            let message = loaded(bad).unwrap_err().to_string();
+            assert!(message.contains("tints are factors") && message.contains("s.toml"), "{message}");
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::error::ViewerError;
 use crate::mesh_file::FileMesh;
 use crate::scene_file::{ones2, ones3};
-use crate::scene_volume::VolumeFiles;
+use crate::scene_volume::{AS_IT_IS, VolumeFiles};
 use crate::skin::{
     DiscreteJitter, Jitter, MOST_MERGED, Merged, NO_VOLUME, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex,
 };
@@ -11,6 +11,8 @@ use crate::volumes::SceneSkin;
 use glam::{Mat4, Vec3};
 use serde::Deserialize;
 
+/// Largest factor of a tint: from black to white.
+const MOST_TINT: f32 = 1e3;
 /// How far the texture may lie from where it belongs, voxels of the finest volume.
 const TOLERANCE_VOXELS: f32 = 0.5;
 
@@ -32,8 +34,14 @@ pub(crate) struct SkinEntry {
     #[serde(default = "ones3")]
     pub scale: [f32; 3],
     volumes: Vec<Alternative>,
+    #[serde(default = "no_tint")]
+    tints: Vec<[f32; 3]>,
     jitter: Option<JitterEntry>,
     texels: Option<TexelsEntry>,
+}
+
+fn no_tint() -> Vec<[f32; 3]> {
+    vec![AS_IT_IS]
 }
 
 /// What may be in a texel: a volume, or several at once.
@@ -98,11 +106,13 @@ impl SkinEntry {
         let skin = self.mapped(meshes, world_from_skin).map_err(fault)?;
         let tolerance = TOLERANCE_VOXELS / (1u32 << finest) as f32;
         let shell = Shell::new(&skin, &ShellParams { tolerance, ..ShellParams::default() }).map_err(fault)?;
-        let thickness = skin.thickness();
-        Ok(SceneSkin { shell, patterns: vec![pattern], thickness, leaf_width: 0.0 })
+        Ok(SceneSkin { rest: skin, shell, patterns: vec![pattern], leaf_width: 0.0 })
     }
 
     fn pattern(&self, files: &mut VolumeFiles) -> Result<Pattern, ViewerError> {
+        if self.tints.is_empty() || !self.tints.as_flattened().iter().all(|x| (0.0..=MOST_TINT).contains(x)) {
+            return Err(files.fault(format!("a [[skin]]'s tints are factors from 0 to {MOST_TINT}, one tint at least")));
+        }
         let mut alternatives = Vec::new();
         for entry in &self.volumes {
             let names = match entry {
@@ -115,11 +125,13 @@ impl SkinEntry {
                     names.len()
                 )));
             }
-            let mut merged: Merged = [NO_VOLUME; MOST_MERGED];
-            for (place, name) in merged.iter_mut().zip(names) {
-                *place = files.number(name)? as u32;
+            for tint in &self.tints {
+                let mut merged: Merged = [NO_VOLUME; MOST_MERGED];
+                for (place, name) in merged.iter_mut().zip(names) {
+                    *place = files.number(name, *tint)? as u32;
+                }
+                alternatives.push(merged);
             }
-            alternatives.push(merged);
         }
         let jitter = self.texels.as_ref().map(|texels| DiscreteJitter {
             empty: texels.empty,
@@ -130,7 +142,7 @@ impl SkinEntry {
             mirrors: texels.mirrors,
         });
         let seed = self.texels.as_ref().map_or(0, |texels| texels.seed);
-        Ok(Pattern { alternatives, material_sets: 1, jitter, seed })
+        Ok(Pattern { alternatives, jitter, seed })
     }
 
     /// The skin in the world, jittered.

@@ -13,15 +13,36 @@ use std::sync::Arc;
 /// # Errors
 /// [`ViewerError::Read`] and [`ViewerError::Volume`], naming the file.
 pub fn load_volume(path: &Path) -> Result<Arc<Voltex>, ViewerError> {
-    let bytes = std::fs::read(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
-    let volume = Volume::parse(&bytes).map_err(|source| ViewerError::Volume { path: path.into(), source })?;
-    Ok(Arc::new(Voltex::new(&volume)))
+    Ok(Arc::new(Voltex::new(&read_volume(path)?)))
 }
 
-/// The volumes that a scene's file names, each read once.
+/// The same as the file has it.
+fn read_volume(path: &Path) -> Result<Volume, ViewerError> {
+    let bytes = std::fs::read(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
+    Volume::parse(&bytes).map_err(|source| ViewerError::Volume { path: path.into(), source })
+}
+
+/// A volume whose materials reflect and transmit `tint` times as much, and never more than all light.
+pub(crate) fn tinted(volume: &Volume, tint: [f32; 3]) -> Volume {
+    let mut tinted = volume.clone();
+    for material in &mut tinted.materials {
+        for (channel, factor) in tint.iter().enumerate() {
+            let [reflected, passed] = [material.reflectance[channel], material.transmittance[channel]];
+            let factor = factor.min(1.0 / (reflected + passed).max(1e-6));
+            material.reflectance[channel] = reflected * factor;
+            material.transmittance[channel] = passed * factor;
+        }
+    }
+    tinted
+}
+
+/// No tint.
+pub(crate) const AS_IT_IS: [f32; 3] = [1.0; 3];
+
+/// The volumes that a scene's file names, each in each of its tints read once.
 pub(crate) struct VolumeFiles {
     scene: PathBuf,
-    names: Vec<String>,
+    names: Vec<(String, [f32; 3])>,
     /// In the order in which they were first named.
     pub volumes: Vec<Arc<Voltex>>,
 }
@@ -32,16 +53,17 @@ impl VolumeFiles {
         VolumeFiles { scene: scene.into(), names: Vec::new(), volumes: Vec::new() }
     }
 
-    /// Number of the volume with this name, relative to the scene's file.
+    /// Number of the volume with this name, relative to the scene's file, with its materials' colours times `tint`.
     ///
     /// # Errors
     /// As [`load_volume`].
-    pub(crate) fn number(&mut self, name: &str) -> Result<usize, ViewerError> {
-        if let Some(known) = self.names.iter().position(|known| known == name) {
+    pub(crate) fn number(&mut self, name: &str, tint: [f32; 3]) -> Result<usize, ViewerError> {
+        if let Some(known) = self.names.iter().position(|known| *known == (name.into(), tint)) {
             return Ok(known);
         }
-        self.volumes.push(load_volume(&self.scene.parent().unwrap_or(Path::new(".")).join(name))?);
-        self.names.push(name.into());
+        let volume = read_volume(&self.scene.parent().unwrap_or(Path::new(".")).join(name))?;
+        self.volumes.push(Arc::new(Voltex::new(&tinted(&volume, tint))));
+        self.names.push((name.into(), tint));
         Ok(self.volumes.len() - 1)
     }
 

@@ -1,6 +1,7 @@
 //! The GPU tracer: a scene's buffers, and the passes of a sample over the bands of a picture.
 
 use crate::arena::{Arena, ArenaAsset, room_for_edits};
+use crate::bvh::BvhNode;
 use crate::camera::jitter;
 use crate::error::ViewerError;
 use crate::geometry::{Geometry, Vertex};
@@ -148,12 +149,52 @@ pub struct Tracer {
     arena: Arena,
     lights: wgpu::Buffer,
     light_capacity: usize,
-    structure: wgpu::BindGroup,
+    structure: Structure,
     /// Node where the hierarchy over the volumes' proxies begins.
     volume_root: u32,
     target: Option<Target>,
+}
+
+/// What rays are traced against.
+struct Structure {
+    vertices: Pieces,
+    triangles: Pieces,
+    /// Of [`GpuTracer::Bvh`].
+    nodes: Option<Pieces>,
+    layout: wgpu::BindGroupLayout,
+    group: wgpu::BindGroup,
     // Kept alive for the bind group.
     _blas: Vec<wgpu::Blas>,
+}
+
+impl Structure {
+    /// The bind group of the arrays, and with ray queries the acceleration structure over them. `geometry` has the volumes'
+    /// proxies behind what the scene has.
+    fn bind(
+        gpu: &Gpu,
+        scene: &Scene,
+        geometry: &Geometry,
+        instances: &wgpu::Buffer,
+        [vertices, triangles]: [&Pieces; 2],
+        nodes: Option<&Pieces>,
+        layout: &wgpu::BindGroupLayout,
+    ) -> Result<(wgpu::BindGroup, Vec<wgpu::Blas>), ViewerError> {
+        let mut resources = vec![(1, instances.as_entire_binding())];
+        resources.extend(vertices.entries(&VERTICES));
+        resources.extend(triangles.entries(&TRIANGLES));
+        if let Some(nodes) = nodes {
+            resources.extend(nodes.entries(&NODES));
+            return Ok((bind(gpu, layout, &resources), Vec::new()));
+        }
+        // The structure is built from one buffer; where the shaders' lie in pieces it gets its own.
+        let own = match vertices.buffers.as_slice() {
+            [_] => None,
+            _ => Some(gpu.buffer("vertices", bytemuck::cast_slice(geometry.vertices()), BufferUsages::BLAS_INPUT)?),
+        };
+        let (tlas, blas) = acceleration_structure(gpu, geometry, scene, own.as_ref().unwrap_or(&vertices.buffers[0]))?;
+        resources.push((0, tlas.as_binding()));
+        Ok((bind(gpu, layout, &resources), blas))
+    }
 }
 
 /// Buffers of one picture size.
@@ -192,7 +233,7 @@ fn passes_of(scene: &Scene, options: &ShadeOptions) -> Vec<Pass> {
 }
 
 impl Tracer {
-    /// Uploads `scene`; geometry, volumes, the number of materials and assets are then fixed, the materials themselves, lights,
+    /// Uploads `scene`; geometry, volumes but for where their skins are, the number of materials and assets are then fixed, the materials themselves, lights,
     /// camera, ambient light and background are not.
     ///
     /// # Errors
@@ -287,28 +328,16 @@ impl Tracer {
             bind_group_layouts: &[Some(&scene_layout), Some(&structure_layout)],
             ..Default::default()
         });
-        let mut resources = vec![(1, instances.as_entire_binding())];
-        resources.extend(vertices.entries(&VERTICES));
-        resources.extend(triangles.entries(&TRIANGLES));
-        resources.extend(nodes.iter().flat_map(|nodes| nodes.entries(&NODES)));
-        let (structure, blas) = match tracer {
-            GpuTracer::RayQuery => {
-                // The structure is built from one buffer; where the shaders' lie in pieces it gets its own.
-                let own = match vertices.buffers.as_slice() {
-                    [_] => None,
-                    _ => Some(gpu.buffer(
-                        "vertices",
-                        bytemuck::cast_slice(geometry.vertices()),
-                        BufferUsages::BLAS_INPUT,
-                    )?),
-                };
-                let (tlas, blas) =
-                    acceleration_structure(gpu, geometry, scene, own.as_ref().unwrap_or(&vertices.buffers[0]))?;
-                resources.push((0, tlas.as_binding()));
-                (bind(gpu, &structure_layout, &resources), blas)
-            }
-            GpuTracer::Bvh => (bind(gpu, &structure_layout, &resources), Vec::new()),
-        };
+        let (group, _blas) = Structure::bind(
+            gpu,
+            scene,
+            geometry,
+            &instances,
+            [&vertices, &triangles],
+            nodes.as_ref(),
+            &structure_layout,
+        )?;
+        let structure = Structure { vertices, triangles, nodes, layout: structure_layout, group, _blas };
         let frame = gpu.empty_buffer("frame", size_of::<Frame>() as u64, BufferUsages::UNIFORM)?;
         let light_capacity = scene.lights.len().max(1);
         let lights = light_buffer(gpu, light_capacity)?;
@@ -328,7 +357,6 @@ impl Tracer {
             structure,
             volume_root,
             target: None,
-            _blas: blas,
         })
     }
 
@@ -351,6 +379,34 @@ impl Tracer {
         let Some(environment) = &scene.environment else { return true };
         let words = bytemuck::cast_slice(environment.table());
         at < self.arena.bases.len() && self.arena.write(gpu, at, words, 0..words.len())
+    }
+
+    /// Takes over where the scene's skins have moved, see [`Scene::blow`]. Cost: their words and proxies are uploaded again, and
+    /// with ray queries the whole acceleration structure is built anew.
+    ///
+    /// # Errors
+    /// As [`Tracer::new`].
+    pub fn update_skins(&mut self, gpu: &Gpu, scene: &Scene) -> Result<(), ViewerError> {
+        let Some(volumes) = &scene.volumes else { return Ok(()) };
+        for (number, skin) in volumes.skins().iter().enumerate() {
+            let moving = skin.shell.moving_words();
+            let mut words = vec![0; moving.end];
+            skin.shell.write_moving(&mut words);
+            self.arena.write(gpu, volume_place(scene) + volumes.shell_array(number), &words, moving);
+        }
+        let structure = &mut self.structure;
+        structure.vertices.write(gpu, scene.geometry.vertices().len(), volumes.proxies().vertices());
+        if let Some(nodes) = &structure.nodes {
+            let moved: Vec<BvhNode> = scene.geometry.nodes_behind(volumes.proxies()).collect();
+            nodes.write(gpu, scene.geometry.nodes().len(), &moved);
+            return Ok(());
+        }
+        let (geometry, _) = scene.geometry.followed_by(volumes.proxies());
+        let Structure { vertices, triangles, layout, .. } = &*structure;
+        let (group, blas) =
+            Structure::bind(gpu, scene, &geometry, &self.instances, [vertices, triangles], None, layout)?;
+        (structure.group, structure._blas) = (group, blas);
+        Ok(())
     }
 
     /// Takes over the factors of the scene's instances.
@@ -518,7 +574,7 @@ impl Tracer {
         let material = |material: &Material| GpuMaterial {
             diffuse: match material.body {
                 Body::Plain(reflectance) => reflectance,
-                _ => [0.0; 3],
+                _ => material.tint,
             },
             asset: material.asset().map_or(NO_ASSET, |asset| self.arena.bases[asset]),
             mirror: material.mirror,
@@ -608,7 +664,7 @@ impl Tracer {
                 .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(pass.entry_point()), timestamp_writes });
             compute.set_pipeline(pipeline);
             compute.set_bind_group(0, &band.group, &[]);
-            compute.set_bind_group(1, &self.structure, &[]);
+            compute.set_bind_group(1, &self.structure.group, &[]);
             compute.dispatch_workgroups(groups[0], groups[1], 1);
         }
         gpu.queue.submit([encoder.finish()]);

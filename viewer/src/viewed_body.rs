@@ -10,10 +10,10 @@ use std::f32::consts::PI;
 pub(crate) enum ViewedBody<'a> {
     /// A diffuse reflectance.
     Plain(Vec3),
-    /// A texel of a layer.
-    Asset(Box<ViewedTexel<'a>>),
-    /// A leaf, for light on either side.
-    Leaf(&'a ViewedLeaf<'a>),
+    /// A texel of a layer, and its tint.
+    Asset(Box<ViewedTexel<'a>>, Vec3),
+    /// A leaf, for light on either side, and its tint.
+    Leaf(&'a ViewedLeaf<'a>, Vec3),
 }
 
 impl ViewedBody<'_> {
@@ -21,14 +21,14 @@ impl ViewedBody<'_> {
     pub(crate) fn body_light(&self, rows: &mut LightRows, wi: Vec3) -> Vec3 {
         match self {
             ViewedBody::Plain(reflectance) => *reflectance * wi.z.abs(),
-            ViewedBody::Asset(viewed) => viewed.light(rows, wi.to_array()).into(),
-            ViewedBody::Leaf(leaf) => leaf.light(wi.to_array()).into(),
+            ViewedBody::Asset(viewed, tint) => *tint * Vec3::from(viewed.light(rows, wi.to_array())),
+            ViewedBody::Leaf(leaf, tint) => *tint * Vec3::from(leaf.light(wi.to_array())),
         }
     }
 
     /// Whether the relief's shadows are missing in its values.
     pub(crate) fn is_bare(&self) -> bool {
-        matches!(self, ViewedBody::Asset(viewed) if !viewed.has_residual())
+        matches!(self, ViewedBody::Asset(viewed, _) if !viewed.has_residual())
     }
 
     /// Whether it counts as an evaluation.
@@ -44,8 +44,8 @@ impl ViewedBody<'_> {
                 let wi = sampler::cosine([at[0], at[1]]);
                 Vec3::new(wi.x, wi.y, if back { -wi.z } else { wi.z })
             }
-            ViewedBody::Asset(viewed) => viewed.sample_direction(at).into(),
-            ViewedBody::Leaf(leaf) => leaf.sample_direction(at).into(),
+            ViewedBody::Asset(viewed, _) => viewed.sample_direction(at).into(),
+            ViewedBody::Leaf(leaf, _) => leaf.sample_direction(at).into(),
         }
     }
 
@@ -53,8 +53,8 @@ impl ViewedBody<'_> {
     pub(crate) fn body_density(&self, wi: Vec3) -> f32 {
         match self {
             ViewedBody::Plain(_) => wi.z.abs() / PI,
-            ViewedBody::Asset(viewed) => viewed.sample_density(wi.to_array()),
-            ViewedBody::Leaf(leaf) => leaf.sample_density(wi.to_array()),
+            ViewedBody::Asset(viewed, _) => viewed.sample_density(wi.to_array()),
+            ViewedBody::Leaf(leaf, _) => leaf.sample_density(wi.to_array()),
         }
     }
 }

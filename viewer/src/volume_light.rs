@@ -367,7 +367,7 @@ mod tests {
         };
         let skin = Skin::from_grid(3, 2, vertex, |_, _| 0).unwrap();
         let shell = Shell::new(&skin, &ShellParams::default()).unwrap();
-        let skin = SceneSkin { shell, patterns: vec![Pattern::cyclic(0)], thickness: 1.0, leaf_width: 0.0 };
+        let skin = SceneSkin { rest: skin, shell, patterns: vec![Pattern::cyclic(0)], leaf_width: 0.0 };
         let skins = Volumes::new(vec![own.clone()], &[], vec![skin]).unwrap();
         // The volume's z is the world's y.
         let y_up =

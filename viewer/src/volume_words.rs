@@ -26,6 +26,11 @@ impl Volumes {
         Ok(arrays)
     }
 
+    /// Number of the array of a skin's shell; that of its patterns follows.
+    pub(crate) fn shell_array(&self, skin: usize) -> usize {
+        self.volume_count() + 2 * skin
+    }
+
     /// The table, where the arrays begin at the words `bases`: that of each volume; then of each proxy the content, a volume or
     /// a shell, and the patterns, [`NO_ASSET`] where it is a volume.
     pub(crate) fn table(&self, bases: &[u32]) -> Vec<u32> {
@@ -33,7 +38,7 @@ impl Volumes {
         for instance in 0..self.proxies().instances().len() {
             words.extend(match self.proxy(instance) {
                 Proxy::Box(volume) => [bases[volume], NO_ASSET],
-                Proxy::Skin(skin) => [0, 1].map(|array| bases[self.volume_count() + 2 * skin + array]),
+                Proxy::Skin(skin) => [0, 1].map(|array| bases[self.shell_array(skin) + array]),
             });
         }
         words

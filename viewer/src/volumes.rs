@@ -4,7 +4,7 @@
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
 use crate::hand_over::HandOver;
-use crate::skin::{CellWalk, Pattern, Shell, Walk as ShellWalk};
+use crate::skin::{CellWalk, Pattern, Shell, Skin, Walk as ShellWalk, Wind};
 use btf_runtime::voltex::{Voltex, VoltexRay};
 use glam::{Mat3, Mat4, Vec3};
 use std::sync::Arc;
@@ -23,12 +23,12 @@ pub struct VolumePlace {
 /// A thick skin with what is mapped on it.
 #[derive(Debug, Clone)]
 pub struct SceneSkin {
-    /// Its tetrahedra.
+    /// The skin at rest.
+    pub rest: Skin,
+    /// Its tetrahedra, where the wind has moved them.
     pub shell: Shell,
     /// What its faces name.
     pub patterns: Vec<Pattern>,
-    /// Length of its longest height vector.
-    pub thickness: f32,
     /// How wide the leaves are of the meshes that it stands in for, in the world; 0 where there are none.
     pub leaf_width: f32,
 }
@@ -42,8 +42,8 @@ pub struct Volumes {
     proxies: Geometry,
     /// Of each mesh of `proxies`.
     kinds: Vec<Proxy>,
-    /// How far before its origin a ray may have entered what it is in.
-    reach: f32,
+    /// Length of the longest box's sides together.
+    reach_of_boxes: f32,
     /// Length of the slices in which overlapping volumes are taken.
     slice: f32,
 }
@@ -127,37 +127,46 @@ impl Volumes {
             meshes.push(Mesh { vertices: (0..8).map(|i| plain_vertex(cube_corner(i))).collect(), triangles });
             kinds.push(Proxy::Box(volume));
         }
-        let (mut reach, mut largest) = (0f32, 0f32);
+        let mut largest = 0f32;
         for place in places {
             let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| place.world_from_volume.transform_vector3(axis));
             largest = largest.max(x.length() + y.length() + z.length());
-            reach = reach.max(largest);
             placements.push(Placement { mesh: place.volume, world_from_object: place.world_from_volume });
         }
+        let reach_of_boxes = largest;
         for (number, skin) in skins.iter().enumerate() {
             skin.patterns.iter().try_for_each(Pattern::check)?;
             let shell = &skin.shell;
-            let outer = 0..shell.boundary().len();
-            let places = || outer.clone().flat_map(|i| shell.boundary_triangle(i));
-            let least = places().fold(Vec3::INFINITY, Vec3::min);
-            let most = places().fold(Vec3::NEG_INFINITY, Vec3::max);
-            let vertices = outer.clone().flat_map(|i| shell.boundary_triangle(i)).map(plain_vertex).collect();
-            let triangles = outer
-                .map(|i| Triangle { vertices: [0, 1, 2].map(|k| (3 * i + k) as u32), material: shell.boundary()[i] })
-                .collect();
+            let triangle =
+                |(i, link): (u32, &u32)| Triangle { vertices: [0, 1, 2].map(|k| 3 * i + k), material: *link };
+            let triangles = (0..).zip(shell.boundary()).map(triangle).collect();
             placements.push(Placement { mesh: meshes.len(), world_from_object: Mat4::IDENTITY });
-            meshes.push(Mesh { vertices, triangles });
+            meshes.push(Mesh { vertices: shell.boundary_corners().map(plain_vertex).collect(), triangles });
             kinds.push(Proxy::Skin(number));
-            // A ray along the land may have been within the skin all the way.
-            reach = reach.max((most - least).length());
-            largest = largest.max(skin.thickness);
+            largest = largest.max(skin.rest.thickness());
         }
         let mut proxies = Geometry::placed(meshes, &placements)?;
         proxies.set_leaf_widths(|mesh, number| match kinds[mesh] {
             Proxy::Box(_) => places[number].leaf_width,
             Proxy::Skin(number) => skins[number].leaf_width,
         });
-        Ok(Volumes { volumes, skins, proxies, kinds, reach, slice: SLICE * largest })
+        Ok(Volumes { volumes, skins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
+    }
+
+    /// Moves the skins to where a wind has them at a time, seconds. Cost: some noises a vertex of the skins, and a pass over
+    /// their shells.
+    ///
+    /// # Errors
+    /// As [`Wind::blow`].
+    pub fn blow(&mut self, wind: &Wind, time_s: f64) -> Result<(), String> {
+        for skin in &mut self.skins {
+            skin.shell.refresh(&wind.blow(&skin.rest, time_s)?)?;
+        }
+        // The boxes' corners come first.
+        let first = self.proxies.vertices().len()
+            - self.skins.iter().map(|skin| 3 * skin.shell.boundary().len()).sum::<usize>();
+        self.proxies.move_vertices(first, self.skins.iter().flat_map(|skin| skin.shell.boundary_corners()));
+        Ok(())
     }
 
     /// A volume by its number.
@@ -186,7 +195,12 @@ impl Volumes {
 
     /// How far before its origin a ray may have entered what it is in.
     pub(crate) fn reach(&self) -> f32 {
-        self.reach
+        // A ray along the land may have been within the skin all the way.
+        let of_skin = |number: usize| {
+            let [least, most] = self.proxies.mesh_bounds(self.volumes.len() + number);
+            (most - least).max(Vec3::ZERO).length()
+        };
+        (0..self.skins.len()).map(of_skin).fold(self.reach_of_boxes, f32::max)
     }
 
     /// Length of the slices in which overlapping volumes are taken.
@@ -208,12 +222,14 @@ impl Volumes {
     /// The stretches of a ray between 0 and `t_max`, in the order in which they begin.
     pub fn stretches(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
         let open = [const { None }; MOST_PASSAGES];
+        let reach = self.reach();
         let mut stretches = Stretches {
             volumes: self,
             origin,
             direction,
             t_max,
-            from: -self.reach,
+            from: -reach,
+            reach,
             entry: None,
             open,
             most: MOST_PASSAGES,
@@ -258,6 +274,8 @@ pub struct Stretches<'a> {
     origin: Vec3,
     direction: Vec3,
     t_max: f32,
+    /// See [`Volumes::reach`].
+    reach: f32,
     /// Entries are looked for from here on.
     from: f32,
     entry: Option<(f32, Hit)>,
@@ -292,7 +310,7 @@ impl<'a> Stretches<'a> {
         }
         let t = self.from + hit.t;
         // Beyond what this number and the origin's are rounded to.
-        self.from = t + 2e-6 * (self.volumes.reach + self.origin.abs().max_element() + t.abs());
+        self.from = t + 2e-6 * (self.reach + self.origin.abs().max_element() + t.abs());
         self.entry = Some((t, hit));
     }
 

@@ -39,12 +39,16 @@ fn asset(sides: &[(bool, bool)]) -> Asset {
     Asset::parse(&pack(&asset).unwrap()).unwrap()
 }
 
+/// Factors on what the asset reflects and transmits.
+const TINT: [f32; 3] = [0.7, 1.3, 0.9];
+
 /// In an order that is not the sides' own.
 const ALL_SIDES: [(bool, bool); 4] = [(true, false), (true, true), (false, false), (false, true)];
 
 /// The plane z = 0 with an asset, and other objects; light and eye behind or in front.
 fn scene(asset: &Asset, others: Vec<SceneObject>, light_back: bool, eye_back: bool) -> Scene {
-    let leaf = SceneObject { part: plane(), material: Material::from_asset(0, [1.0; 2]) };
+    let material = Material { tint: TINT, ..Material::from_asset(0, [1.0; 2]) };
+    let leaf = SceneObject { part: plane(), material };
     let objects = std::iter::once(leaf).chain(others).collect();
     let assets = vec![Arc::new(SceneAsset::new("leaf", asset.clone()))];
     let mut scene = Scene::from_objects(Path::new("leaf"), objects, assets).unwrap();
@@ -102,7 +106,7 @@ fn expected(asset: &Asset, scene: &Scene, slip: Slip) -> Vec<[f32; 3]> {
         let Some(layer) = resident.layer_for_sides(0, wi.z < 0.0, eye_back) else { return [0.0; 3] };
         let value = decode(&resident, layer, texel, wi.to_array(), wo.to_array(), &DecodeOptions::default());
         let distance2 = (light - p).length_squared();
-        [0, 1, 2].map(|c| INTENSITY[c] * value[c] / (PI * distance2))
+        [0, 1, 2].map(|c| INTENSITY[c] * TINT[c] * value[c] / (PI * distance2))
     };
     (0..SIZE[0] * SIZE[1]).map(pixel).collect()
 }

@@ -54,7 +54,7 @@ fn grove(leaf: SceneLeaf) -> Scene {
             places: (0..30).map(&mut place).collect(),
         },
         SceneMesh {
-            objects: vec![SceneObject { part: narrow, material: leaf_material }],
+            objects: vec![SceneObject { part: narrow, material: Material { tint: [0.8, 1.2, 0.6], ..leaf_material } }],
             places: (0..30).map(&mut place).collect(),
         },
     ];

@@ -31,7 +31,6 @@ fn patterns() -> Vec<Pattern> {
         DiscreteJitter { empty: 0.3, scale: [0.5, 0.8], displacement: 0.3, margin: 0.1, turns: true, mirrors: true };
     let isolated = Pattern {
         alternatives: vec![[2, 9, u32::MAX, u32::MAX], [3, u32::MAX, u32::MAX, u32::MAX]],
-        material_sets: 3,
         ..Pattern::isolated(0, jitter, 77)
     };
     vec![Pattern::cyclic(1), isolated]

@@ -7,7 +7,7 @@ use btf_runtime::voltex::Voltex;
 use btf_viewer::{
     Ambient, Camera, CpuPicture, DiscreteJitter, Environment, GpuTracer, Jitter, Material, NO_VOLUME, Noise, Pattern,
     PointLight, RenderMode, Scene, SceneMesh, SceneObject, SceneSkin, ShadeOptions, Shell, ShellParams, Shown, Skin,
-    SkinVertex, Sun, Tracer, VolumePlace, Volumes, plane, sphere,
+    SkinVertex, Sun, Tracer, VolumePlace, Volumes, Wind, plane, sphere,
 };
 use glam::{Mat4, Quat, Vec3};
 use std::path::Path;
@@ -16,6 +16,17 @@ use support::{count_differences, gpu};
 
 const SIZE: [u32; 2] = [64, 48];
 const SAMPLES: u32 = 2;
+/// A gust over it.
+const WIND: Wind = Wind {
+    speed_m_per_s: 8.0,
+    direction: Vec3::X,
+    gust_wavelength_m: 1.5,
+    gustiness: 0.6,
+    leaning_speed_m_per_s: 10.0,
+    flutter: 0.1,
+    flutter_period_s: 0.7,
+    seed: 0,
+};
 /// Thickness of the skin.
 const THICKNESS: f32 = 0.3;
 
@@ -34,7 +45,7 @@ fn skin(seed: u32) -> SceneSkin {
     let jitter =
         DiscreteJitter { empty: 0.2, scale: [0.5, 0.9], displacement: 0.3, margin: 0.1, turns: true, mirrors: true };
     let isolated = Pattern { alternatives: vec![[2, 3, NO_VOLUME, NO_VOLUME]], ..Pattern::isolated(2, jitter, seed) };
-    SceneSkin { shell, patterns: vec![Pattern::cyclic(3), isolated], thickness: THICKNESS, leaf_width: 0.0 }
+    SceneSkin { rest: leaning, shell, patterns: vec![Pattern::cyclic(3), isolated], leaf_width: 0.0 }
 }
 
 /// Volumes, `places` of the first two of them, and the skin.
@@ -110,6 +121,9 @@ struct Case {
 }
 
 fn cases() -> Vec<Case> {
+    let mut windy = outdoors();
+    windy.wind = Some(WIND);
+    windy.blow(1.5).unwrap();
     let mut lit_evenly = garden();
     lit_evenly.ambient = Ambient { radiance: [0.3, 0.4, 0.5], distance: 1.0 };
     let case = |name, scene, mode| {
@@ -121,6 +135,7 @@ fn cases() -> Vec<Case> {
         case("a sky", outdoors(), RenderMode::Direct),
         case("a sky, paths", outdoors(), RenderMode::Path),
         case("ambient light", lit_evenly, RenderMode::Direct),
+        case("wind", windy, RenderMode::Direct),
     ]
 }
 
@@ -133,6 +148,7 @@ fn compare(kind: GpuTracer, test: &str) {
     // One for all, whose pipelines then are compiled once: it is uploaded with the sky that the last does without.
     let mut tracer = Tracer::new(&gpu, &cases[0].scene, kind).unwrap();
     for Case { name, scene, options, expected } in &cases {
+        tracer.update_skins(&gpu, scene).unwrap();
         for sample in 0..SAMPLES {
             tracer.sample(&gpu, scene, SIZE, options, sample, None).unwrap();
         }
@@ -155,6 +171,10 @@ fn the_compute_hierarchy_draws_the_same_volumes_as_the_cpu() {
 #[test]
 fn a_volume_less_or_another_is_noticed() {
     for Case { name, scene, options, expected } in cases() {
+        let mut later = scene.clone();
+        later.blow(scene.time_s + 0.1).unwrap();
+        let moved = count_differences(&expected, &cpu_picture(&later, &options));
+        assert_eq!(moved > 2 * ALLOWED, scene.wind.is_some(), "{name}: {moved}");
         // One volume less, another seed of the skin, no volumes.
         for volumes in [Some(volumes(&places()[..1], 77)), Some(volumes(&places(), 78)), None] {
             let planted = count_differences(&expected, &cpu_picture(&Scene { volumes, ..scene.clone() }, &options));

@@ -49,7 +49,7 @@ pub(super) fn check_file(path: &Path, inputs: &[PathBuf]) -> Result<(), Failure>
         }
         if real_input.is_dir() && real.starts_with(&real_input) {
             return Err(Failure::Path(format!(
-                "{} lies in the capture folder {}; write it elsewhere, a capture is never written to",
+                "{} lies in the input folder {}; write it elsewhere, inputs are never written to",
                 path.display(),
                 input.display()
             )));
@@ -119,8 +119,8 @@ mod tests {
         let refused = |path: PathBuf| check_file(&path, &inputs).unwrap_err().to_string();
         assert!(refused(folder.path().to_path_buf()).contains("is a folder"));
         assert!(refused(folder.path().join("no/such/a.spmm")).contains("could not be written"));
-        assert!(refused(capture.join("a.spmm")).contains("lies in the capture folder"));
-        assert!(refused(capture.join("tv000_pv000/../tv000_pv000/a.spmm")).contains("lies in the capture folder"));
+        assert!(refused(capture.join("a.spmm")).contains("lies in the input folder"));
+        assert!(refused(capture.join("tv000_pv000/../tv000_pv000/a.spmm")).contains("lies in the input folder"));
         assert!(refused(zip).contains("is an input"));
         check_file(&folder.path().join("capture.spmm"), &inputs).unwrap();
         check_file(Path::new("-"), &inputs).unwrap();

@@ -1,9 +1,8 @@
 //! Trees that stand apart on flat land: 512 on 1,024 patches, each another size, turn, place and colour of one tree.
 
 use super::terrain::Terrain;
-use super::{LandscapeCounts, Planted, TREE_SHAPES, half_of_pairs, look};
-use crate::skin::{DiscreteJitter, NO_VOLUME, Pattern};
-use btf_runtime::voltex::Volume;
+use super::{LandscapeCounts, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, half_of_pairs, look};
+use crate::skin::{DiscreteJitter, NO_VOLUME, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
 /// Patches from west to east and from south to north.
@@ -11,7 +10,7 @@ const PATCHES: [u32; 2] = [32, 32];
 /// Meadow.
 const SOIL: [f32; 3] = [0.075, 0.1, 0.035];
 /// Factors on what leaves and bark reflect and transmit: the materials of the trees.
-const TINTS: [[f32; 3]; 3] = [[1.0; 3], [1.45, 1.12, 0.7], [0.72, 0.85, 0.9]];
+pub(super) const TINTS: [[f32; 3]; 3] = [[1.0; 3], [1.45, 1.12, 0.7], [0.72, 0.85, 0.9]];
 /// Numbers of the patterns.
 const CLEARING: u32 = 0;
 /// See [`CLEARING`].
@@ -21,29 +20,6 @@ const MARGIN: f32 = 0.14;
 
 /// The volume that comes with the viewer: a tree in the middle of a cube.
 pub(super) const VOLUMES: [&[u8]; 1] = [include_bytes!("../models/tree.voltex")];
-
-/// The tree in all of its materials.
-pub(super) fn tinted(tree: &Volume) -> Vec<Volume> {
-    let tinted = |tint: [f32; 3]| {
-        let mut tree = tree.clone();
-        for material in &mut tree.materials {
-            for (channel, factor) in tint.iter().enumerate() {
-                let [reflected, passed] = [material.reflectance[channel], material.transmittance[channel]];
-                // Never more than all light.
-                let factor = factor.min(1.0 / (reflected + passed).max(1e-6));
-                material.reflectance[channel] = reflected * factor;
-                material.transmittance[channel] = passed * factor;
-            }
-        }
-        tree
-    };
-    TINTS.map(tinted).into()
-}
-
-/// The tree in one material, as often.
-pub(super) fn plain(tree: &Volume) -> Vec<Volume> {
-    vec![tree.clone(); TINTS.len()]
-}
 
 /// The grove; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
@@ -76,5 +52,6 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
         ),
         look(Vec3::new(0.0, 0.3 * side_m, south - 8.0 * side_m), Vec3::new(0.6, 0.42, south - 10.0 * side_m), 55.0),
     ];
-    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, counts })
+    let wind = Wind { leaning_speed_m_per_s: TREE_LEANING_M_PER_S, flutter: TREE_FLUTTER, ..Wind::default() };
+    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, wind, counts })
 }

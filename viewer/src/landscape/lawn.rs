@@ -1,8 +1,8 @@
 //! A lawn on a hill: 1,400 patches with a texel of 16 blades each and a flower in half of them.
 
 use super::terrain::Terrain;
-use super::{LandscapeCounts, Planted, half_of_pairs, look};
-use crate::skin::{DiscreteJitter, Jitter, Noise, Pattern};
+use super::{LandscapeCounts, Planted, TURNED, half_of_pairs, look};
+use crate::skin::{Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
 /// Patches from west to east and from south to north.
@@ -47,9 +47,7 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     };
     let skin = jitter.apply(&skin)?;
     // Blades that a neighbour would go on with are cut where it is turned otherwise; repetition would be seen sooner.
-    let turned =
-        DiscreteJitter { empty: 0.0, scale: [1.0; 2], displacement: 0.0, margin: 0.0, turns: true, mirrors: true };
-    let patterns = vec![Pattern::isolated(BARE, turned, 1), Pattern::isolated(FLOWERING, turned, 2)];
+    let patterns = vec![Pattern::isolated(BARE, TURNED, 1), Pattern::isolated(FLOWERING, TURNED, 2)];
     let flowers = skin.faces().iter().filter(|face| face.pattern == FLOWERING).count() as u64;
     let blades = BLADES * skin.faces().len() as u64;
     let counts = LandscapeCounts {
@@ -69,5 +67,7 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
         look(top + Vec3::new(4.0, 6.5, 17.0) * side_m, top + Vec3::new(0.0, -0.5, 4.0) * side_m, 40.0),
         look(front + Vec3::new(1.0, 2.3, 4.2) * side_m, front + Vec3::new(0.0, 0.8, 0.0) * side_m, 45.0),
     ];
-    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, counts })
+    // Land of a metre or two has gusts of its size, and blades give way to a breeze.
+    let wind = Wind { gust_wavelength_m: 25.0 * side_m, leaning_speed_m_per_s: 5.0, flutter: 0.1, ..Wind::default() };
+    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, wind, counts })
 }

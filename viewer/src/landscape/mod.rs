@@ -5,7 +5,7 @@
 //! |---|---|---|---|
 //! | lawn | 1,400 | one a patch | 22,400 blades, 700 flowers; height vectors jittered |
 //! | grove | 1,024 | half of them empty | 512 trees of 2,154 branches and 6,336 leaves; size, turn, place and material jittered |
-//! | forest | 1,404 | 12,500 | 25,000 of these trees, two to a cyclic texel; coordinates and height jittered |
+//! | forest | 1,404 | 12,500 | 25,000 of these trees, two to a texel; turn, coordinates and height jittered |
 //!
 //! `times` grows the land: so many times more patches, each with what a patch has. The volumes that come with the viewer are
 //! made by `cargo xtask volumes`.
@@ -25,12 +25,12 @@ use crate::mesh::MeshPart;
 use crate::mesh_file::load_meshes;
 use crate::sampler::hash;
 use crate::scene::{DaylightParts, Outdoors, Scene, SceneMesh, SceneObject};
-use crate::scene_volume::{standing, usual_leaf_width_m};
-use crate::skin::{Pattern, Shell, ShellParams, Skin};
+use crate::scene_volume::{AS_IT_IS, standing, tinted, usual_leaf_width_m};
+use crate::skin::{DiscreteJitter, Pattern, Shell, ShellParams, Skin, Wind};
 use crate::volumes::{SceneSkin, Volumes};
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Quat, Vec3};
-use stand_ins::texel_places;
+use stand_ins::plant_places;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -38,6 +38,13 @@ use terrain::Terrain;
 
 /// Branches and leaves of a tree: 2,154 and 6,336.
 const TREE_SHAPES: u64 = 2154 + 6336;
+/// Every texel in one of eight ways, so that repetition is not seen.
+const TURNED: DiscreteJitter =
+    DiscreteJitter { empty: 0.0, scale: [1.0; 2], displacement: 0.0, margin: 0.0, turns: true, mirrors: true };
+/// Wind in which a tree would lean by 45 degrees: a storm leans it by some.
+const TREE_LEANING_M_PER_S: f32 = 35.0;
+/// How far twigs swing, texels.
+const TREE_FLUTTER: f32 = 0.03;
 /// How far the texture may lie from where it belongs, voxels: invisible in foliage.
 const TOLERANCE_VOXELS: f32 = 3.0;
 /// When and where the sun stands unless another day is asked for: a summer's afternoon in Berlin.
@@ -68,6 +75,8 @@ pub struct LandscapeParams {
     /// a flower) and for the forest (its two trees), one for the grove. Their origins are in the middle of the volumes' floors, as
     /// `btf-synth plants` has them.
     pub meshes: Vec<PathBuf>,
+    /// Mean speed of the wind that blows over it from the west, m/s, 0 to 60; none for a calm.
+    pub wind_m_per_s: Option<f32>,
 }
 
 /// What there is in a landscape.
@@ -120,6 +129,18 @@ impl fmt::Display for LandscapeCounts {
     }
 }
 
+/// A plant of which there may be a model.
+struct Plant {
+    /// The first volume that it is in.
+    volume: u32,
+    /// How large it is there.
+    scale: f32,
+    /// Where it stands, from the middle of the volume's floor, metres.
+    foot_m: Vec3,
+    /// Factors on its colours in this volume and in the next ones.
+    tints: &'static [[f32; 3]],
+}
+
 /// A landscape before it is a scene.
 struct Planted {
     terrain: Terrain,
@@ -128,6 +149,8 @@ struct Planted {
     soil: [f32; 3],
     /// Far, middle and close.
     cameras: [Camera; 3],
+    /// A wind of any speed over what grows there.
+    wind: Wind,
     counts: LandscapeCounts,
 }
 
@@ -158,6 +181,9 @@ impl Landscape {
         if !(1..=100).contains(&params.times) {
             return Err(ViewerError::Usage(format!("--times is 1 to 100, not {}", params.times)));
         }
+        if params.wind_m_per_s.is_some() && !params.meshes.is_empty() {
+            return Err(ViewerError::Usage("the wind moves volumes and no models, leave --wind or --mesh away".into()));
+        }
         let (volumes, volume_file_bytes) = self.volumes(params)?;
         let side_m = volumes[0].side_m();
         let resolution = 1u32 << volumes.iter().map(|volume| volume.level_count()).max().unwrap_or(0);
@@ -167,7 +193,7 @@ impl Landscape {
             Landscape::Grove => grove::planted(params.times, side_m),
             Landscape::Forest => forest::planted(params.times, side_m),
         };
-        let Planted { terrain, skin, patterns, soil, cameras, counts } = planted.map_err(made)?;
+        let Planted { terrain, skin, patterns, soil, cameras, wind, counts } = planted.map_err(made)?;
         debug_assert_eq!(counts.patches, u64::from(terrain.count()));
         let shell_params = ShellParams { tolerance: TOLERANCE_VOXELS / resolution as f32, ..ShellParams::default() };
         let shell = Shell::new(&skin, &shell_params).map_err(made)?;
@@ -180,19 +206,23 @@ impl Landscape {
             volume_bytes: volumes.iter().map(|volume| 4 * volume.words().len() as u64).sum(),
             ..counts
         };
-        let thickness = skin.thickness();
-        let places = if params.meshes.is_empty() { Vec::new() } else { texel_places(&shell, &patterns) };
         let ground = SceneObject { part: terrain.ground(soil), material: Material::plain(soil) };
         let mut meshes = vec![SceneMesh { objects: vec![ground], places: vec![Mat4::IDENTITY] }];
         let mut shown = Shown::default();
-        let leaf_width = self.add_plants(&params.meshes, &volumes, &places, &mut meshes, &mut shown)?;
+        let leaf_width = self.add_plants(&params.meshes, &volumes, (&shell, &patterns), &mut meshes, &mut shown)?;
         let mut scene = Scene::from_meshes(Path::new(self.name()), meshes, shown)?;
         if leaf_width > 0.0 {
             let of_mesh = |mesh, _| if mesh == 0 { 0.0 } else { leaf_width };
             Arc::make_mut(&mut scene.geometry).set_leaf_widths(of_mesh);
         }
-        let skin = SceneSkin { shell, patterns, thickness, leaf_width };
+        let skin = SceneSkin { rest: skin, shell, patterns, leaf_width };
         scene.volumes = Some(Arc::new(Volumes::new(volumes, &[], vec![skin]).map_err(made)?));
+        if let Some(speed_m_per_s) = params.wind_m_per_s {
+            let wind = Wind { speed_m_per_s, ..wind };
+            wind.check().map_err(ViewerError::Usage)?;
+            scene.wind = Some(wind);
+            scene.blow(0.0)?;
+        }
         let daylight = Daylight::new(DAY[0], DAY[1])?;
         let light = daylight.sun_and_sky()?;
         scene.stand_outdoors(Outdoors { daylight, parts: DaylightParts::Both }, light);
@@ -202,23 +232,23 @@ impl Landscape {
         Ok((scene, counts))
     }
 
-    /// Of each model of a plant the volume that it is in, how large it is there, and its foot from the middle of the floor,
-    /// metres.
-    fn plants(self) -> &'static [(u32, f32, Vec3)] {
+    /// What there is a model of, in the order of the models.
+    fn plants(self) -> &'static [Plant] {
+        const TEXEL: Plant = Plant { volume: 0, scale: 1.0, foot_m: Vec3::ZERO, tints: &[AS_IT_IS] };
         match self {
-            Landscape::Lawn => &[(0, 1.0, Vec3::ZERO), (1, 1.0, Vec3::ZERO)],
-            Landscape::Grove => &[(0, 1.0, Vec3::ZERO)],
-            Landscape::Forest => &forest::TREES_OF_TEXEL,
+            Landscape::Lawn => &[TEXEL, Plant { volume: 1, ..TEXEL }],
+            Landscape::Grove => &[Plant { tints: &grove::TINTS, ..TEXEL }],
+            Landscape::Forest => &forest::PLANTS,
         }
     }
 
-    /// Adds the plants' models at all `places` of their volumes; returns how wide their leaves are where they are widest, 0
+    /// Adds the plants' models wherever the skin has their volumes; returns how wide their leaves are where they are widest, 0
     /// without models.
     fn add_plants(
         self,
         files: &[PathBuf],
         volumes: &[Arc<Voltex>],
-        places: &[(u32, Mat4)],
+        (shell, patterns): (&Shell, &[Pattern]),
         meshes: &mut Vec<SceneMesh>,
         shown: &mut Shown,
     ) -> Result<f32, ViewerError> {
@@ -232,20 +262,23 @@ impl Landscape {
             )));
         }
         let mut widest = 0f32;
-        for (file, (volume, scale, foot)) in files.iter().zip(plants) {
+        for (file, Plant { volume, scale, foot_m, tints }) in files.iter().zip(plants) {
             let voltex = &volumes[*volume as usize];
             let own = load_meshes(file)?;
             let bodies = shown.append(own_bodies(file)?);
             widest = widest.max(usual_leaf_width_m(voltex, &own) * scale);
             let volume_from_model = standing(voltex, Vec3::ZERO, 0.0, 1.0).inverse()
-                * Mat4::from_scale_rotation_translation(Vec3::splat(*scale), Quat::IDENTITY, *foot);
-            for mut mesh in own {
-                // The grove's volumes are one tree.
-                let is_here = |own: u32| self == Landscape::Grove || own == *volume;
-                let here = places.iter().filter(|(own, _)| is_here(*own)).map(|(_, map)| *map * volume_from_model);
-                mesh.places = here.flat_map(|map| mesh.places.iter().map(move |place| map * *place)).collect();
-                let body = |part: &MeshPart| Material::of_part(part, bodies.get(&part.group).copied(), [1.0; 2]);
-                meshes.push(SceneMesh::of_file(mesh, body));
+                * Mat4::from_scale_rotation_translation(Vec3::splat(*scale), Quat::IDENTITY, *foot_m);
+            let places = plant_places(shell, patterns, volume_from_model.transform_point3(Vec3::ZERO));
+            // A volume in several tints is as many volumes.
+            for (tinted, tint) in (*volume..).zip(*tints) {
+                let here = || places.iter().filter(|(own, _)| *own == tinted).map(|(_, map)| *map * volume_from_model);
+                for mut mesh in own.clone() {
+                    mesh.places = here().flat_map(|map| mesh.places.iter().map(move |place| map * *place)).collect();
+                    let body = |part: &MeshPart| bodies.get(&part.group).copied();
+                    let material = |part: &MeshPart| Material::of_part(part, body(part), [1.0; 2]).tinted(*tint);
+                    meshes.push(SceneMesh::of_file(mesh, material));
+                }
             }
         }
         Ok(widest)
@@ -285,9 +318,7 @@ impl Landscape {
             }
             match self {
                 Landscape::Grove => {
-                    // A model has the leaves of its files, whatever the tint.
-                    let tints = if params.meshes.is_empty() { grove::tinted(&volume) } else { grove::plain(&volume) };
-                    volumes.extend(tints.iter().map(Voltex::new).map(Arc::new));
+                    volumes.extend(grove::TINTS.map(|tint| Arc::new(Voltex::new(&tinted(&volume, tint)))));
                 }
                 _ => volumes.push(Arc::new(Voltex::new(&volume))),
             }
@@ -314,7 +345,9 @@ mod tests {
     use clap::ValueEnum;
 
     fn built_in(landscape: Landscape, times: u32) -> (Scene, LandscapeCounts) {
-        landscape.scene(&LandscapeParams { times, volumes: Vec::new(), meshes: Vec::new() }).unwrap()
+        landscape
+            .scene(&LandscapeParams { times, volumes: Vec::new(), meshes: Vec::new(), wind_m_per_s: None })
+            .unwrap()
     }
 
     #[test]
@@ -365,7 +398,7 @@ mod tests {
     fn says_which_volumes_and_numbers_it_needs() {
         let asked = |landscape: Landscape, times, volumes: &[&str]| {
             let volumes = volumes.iter().map(PathBuf::from).collect();
-            landscape.scene(&LandscapeParams { times, volumes, meshes: Vec::new() }).unwrap_err()
+            landscape.scene(&LandscapeParams { times, volumes, meshes: Vec::new(), wind_m_per_s: None }).unwrap_err()
         };
         assert_eq!(asked(Landscape::Grove, 0, &[]).exit_code(), 2);
         assert!(asked(Landscape::Lawn, 1, &["one.voltex"]).to_string().contains("2 volumes"));

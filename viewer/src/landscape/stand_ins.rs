@@ -4,8 +4,8 @@ use crate::skin::{Merged, NO_VOLUME, Pattern, Shell};
 use glam::{Mat3, Mat4, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// Where the map of a plant is taken, in its volume: just above the middle of the floor.
-const FOOT: Vec3 = Vec3::new(0.5, 0.5, 1e-3);
+/// How far above a plant's foot its map is taken, in its volume: on the floor itself it would be at an end of the skin.
+const ABOVE_FLOOR: f32 = 1e-3;
 /// How far outside of a tetrahedron, in shares of it, a foot counts as within.
 const SLACK: f32 = 1e-4;
 
@@ -20,9 +20,11 @@ struct Found {
     volumes: Merged,
 }
 
-/// Of every texel that is not empty its volumes, and the affine map of their unit cubes to the world that is right at their feet.
-/// A texel that the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over the tetrahedra.
-pub(super) fn texel_places(shell: &Shell, patterns: &[Pattern]) -> Vec<(u32, Mat4)> {
+/// Of every texel that is not empty its volumes, and the affine map of their unit cubes to the world that is right where `foot`
+/// is in them. A texel whose `foot` the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over
+/// the tetrahedra.
+pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> Vec<(u32, Mat4)> {
+    let foot = foot.with_z(ABOVE_FLOOR);
     let mut found: HashMap<Texel, Found> = HashMap::new();
     for tet in shell.tets() {
         let [a, b, c, d] = tet.textures.map(|i| shell.textures()[i as usize]);
@@ -38,7 +40,7 @@ pub(super) fn texel_places(shell: &Shell, patterns: &[Pattern]) -> Vec<(u32, Mat
             let Some(variant) = pattern.variant(cell) else { continue };
             let [x, y, z] = variant.volume_from_texture().map(Vec4::from);
             let texture_from_volume = Mat4::from_cols(x, y, z, Vec4::W).transpose().inverse();
-            let shares = shares_of_texture * (texture_from_volume.transform_point3(FOOT) - a);
+            let shares = shares_of_texture * (texture_from_volume.transform_point3(foot) - a);
             let inside = shares.min_element().min(1.0 - shares.element_sum());
             let known = found.get(&(cell, tet.pattern)).map_or(-SLACK, |known| known.inside);
             if inside <= known {
@@ -85,7 +87,8 @@ mod tests {
             mirrors: true,
         };
         let pattern = Pattern::isolated(3, jitter, 5);
-        let places = texel_places(&shell, std::slice::from_ref(&pattern));
+        const FOOT: Vec3 = Vec3::new(0.4, 0.6, 0.0);
+        let places = plant_places(&shell, std::slice::from_ref(&pattern), FOOT);
         // Texels whose middle is on the skin: 5 and 6 along the sides, a third of them empty.
         assert!((12..30).contains(&places.len()), "{}", places.len());
         let mut random = Random::new(2);
@@ -93,7 +96,7 @@ mod tests {
         for (volume, map) in &places {
             assert_eq!(*volume, 3);
             for height in [0.001, 0.3] {
-                let at = Vec3::new(random.within(0.45, 0.55), random.within(0.45, 0.55), height);
+                let at = Vec3::new(random.within(0.35, 0.45), random.within(0.55, 0.65), height);
                 let world = map.transform_point3(at);
                 let Some(tet) = shell.locate(world) else { continue };
                 let texture = shell.map(tet).point(world);

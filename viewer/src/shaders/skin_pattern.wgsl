@@ -1,12 +1,11 @@
 // What is in a texel, and where. Twin: skin/pattern.rs. `patterns` is the first of the words of pattern_words.
 
-const PATTERN_WORDS: u32 = 9u;
+const PATTERN_WORDS: u32 = 8u;
 const PATTERN_TURNS: u32 = 1u;
 const PATTERN_MIRRORS: u32 = 2u;
 const MOST_MERGED: u32 = 4u;
 const DRAW_EMPTY: u32 = 0u;
 const DRAW_ALTERNATIVE: u32 = 1u;
-const DRAW_MATERIAL: u32 = 2u;
 const DRAW_TURN: u32 = 3u;
 const DRAW_MIRROR: u32 = 4u;
 const DRAW_SCALE: u32 = 5u;
@@ -20,7 +19,6 @@ struct PatternVariant {
     offset: vec2<f32>,
     cell: vec2<i32>,
     upright: f32,
-    material_set: u32,
     alternative: u32,
     volumes: u32,
 }
@@ -56,8 +54,7 @@ fn pattern_variant(patterns: u32, number: u32, cell: vec2<i32>) -> PatternVarian
     variant.offset = 0.5 - vec2<f32>(dot(variant.x, middle), dot(variant.y, middle));
     variant.cell = cell;
     variant.upright = inverse;
-    variant.material_set = pattern_among(hashed, DRAW_MATERIAL, asset_word(at + 7u));
-    variant.alternative = pattern_among(hashed, DRAW_ALTERNATIVE, asset_word(at + 8u));
+    variant.alternative = pattern_among(hashed, DRAW_ALTERNATIVE, asset_word(at + 7u));
     variant.volumes = at + PATTERN_WORDS + MOST_MERGED * variant.alternative;
     return variant;
 }

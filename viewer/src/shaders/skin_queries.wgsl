@@ -73,7 +73,7 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
             let content = pattern_ray(variant, ray);
             let middle = 0.5 * (span.t0 + span.t1) - interval.t0;
             sum.volume += along * (content.point + middle * content.direction);
-            sum.chosen += along * f32(1u + asset_word(variant.volumes) + 8u * variant.material_set);
+            sum.chosen += along * f32(1u + asset_word(variant.volumes));
         }
     }
     walk_sums[index] = sum;

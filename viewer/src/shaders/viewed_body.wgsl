@@ -14,7 +14,7 @@ struct ViewedBody {
     number: u32,
     // Whether the relief's shadows are missing in its values.
     bare: bool,
-    // A diffuse reflectance.
+    // A diffuse reflectance, or the tint of an asset or a leaf.
     diffuse: vec3<f32>,
     texel: ViewedTexel,
     leaf: ViewedLeaf,
@@ -24,6 +24,7 @@ struct ViewedBody {
 // material is one.
 fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, light_back: bool) -> ViewedBody {
     var viewed: ViewedBody;
+    viewed.diffuse = material.diffuse;
     if with_leaves && material.leaf != NO_ASSET {
         viewed.kind = BODY_LEAF;
         viewed.leaf = leaf;
@@ -31,7 +32,6 @@ fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, lig
     }
     if !with_assets || material.asset == NO_ASSET {
         viewed.kind = select(BODY_NONE, BODY_PLAIN, light_back == s.view_back);
-        viewed.diffuse = material.diffuse;
         return viewed;
     }
     viewed.layer = btf_layer_for_sides(material.asset, level, select(0u, 1u, light_back), select(0u, 1u, s.view_back));
@@ -54,15 +54,15 @@ fn decode_options() -> BtfOptions {
 // pi * f * |cos| for light at `wi`, which is on the side that this is for.
 fn body_light(viewed: ViewedBody, asset: u32, wo: vec3<f32>, rows: ptr<function, LightRows>, wi: vec3<f32>) -> vec3<f32> {
     if with_leaves && viewed.kind == BODY_LEAF {
-        return leaf_light(viewed.leaf, wi);
+        return viewed.diffuse * leaf_light(viewed.leaf, wi);
     }
     if !with_assets || viewed.kind == BODY_PLAIN {
         return viewed.diffuse * abs(wi.z);
     }
     if whole_decoder {
-        return btf_decode(asset, viewed.layer, viewed.number, wi, wo, decode_options());
+        return viewed.diffuse * btf_decode(asset, viewed.layer, viewed.number, wi, wo, decode_options());
     }
-    return viewed_light(viewed.texel, rows, wi);
+    return viewed.diffuse * viewed_light(viewed.texel, rows, wi);
 }
 
 // A direction on the back (`back`) or the front of the surface, drawn from three numbers in [0, 1); a leaf's may lie on either

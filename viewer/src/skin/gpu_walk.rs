@@ -95,7 +95,7 @@ pub fn cpu_walk(shell: &Shell, patterns: &[Pattern], query: &WalkQuery) -> WalkS
             let content = variant.ray(ray);
             let middle = 0.5 * (span.t0 + span.t1) - interval.t0;
             volume += along * (content.point + middle * content.direction);
-            let chosen = 1 + pattern.alternatives[variant.alternative as usize][0] + 8 * variant.material_set;
+            let chosen = 1 + pattern.alternatives[variant.alternative as usize][0];
             sum.chosen += along * chosen as f32;
         }
     }

@@ -37,6 +37,7 @@ pub use refine::ShellParams;
 pub use shell::{NO_LINK, Shell, ShellReport, Tet};
 pub use thick_skin::{Corners, Skin, SkinFace, SkinVertex};
 pub use walk::{Interval, TextureMap, TextureRay, Walk};
+pub(crate) use wind::MOST_WIND_SPEED;
 pub use wind::Wind;
 
 #[cfg(test)]

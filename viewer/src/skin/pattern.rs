@@ -10,7 +10,7 @@ pub const MOST_MERGED: usize = 4;
 /// In a list of merged volumes: none.
 pub const NO_VOLUME: u32 = u32::MAX;
 /// Words of a pattern before its volumes. Twin: `PATTERN_WORDS`.
-const PATTERN_WORDS: usize = 9;
+const PATTERN_WORDS: usize = 8;
 /// Bits of a pattern's flags. Twins: `PATTERN_TURNS`, `PATTERN_MIRRORS`.
 const PATTERN_TURNS: u32 = 1;
 /// See [`PATTERN_TURNS`].
@@ -20,7 +20,6 @@ const MOST_SCALE: f32 = 2.0;
 /// What is added to a texel's hash for each thing that is drawn from it.
 const EMPTY: u32 = 0;
 const ALTERNATIVE: u32 = 1;
-const MATERIAL: u32 = 2;
 const TURN: u32 = 3;
 const MIRROR: u32 = 4;
 const SCALE: u32 = 5;
@@ -35,7 +34,6 @@ pub(crate) const CONSTANTS: &[(&str, u32)] = &[
     ("MOST_MERGED", MOST_MERGED as u32),
     ("DRAW_EMPTY", EMPTY),
     ("DRAW_ALTERNATIVE", ALTERNATIVE),
-    ("DRAW_MATERIAL", MATERIAL),
     ("DRAW_TURN", TURN),
     ("DRAW_MIRROR", MIRROR),
     ("DRAW_SCALE", SCALE),
@@ -66,10 +64,8 @@ pub struct DiscreteJitter {
 /// What is mapped on faces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pattern {
-    /// One of these is in each texel, chosen by chance; at least one.
+    /// One of these is in each texel, chosen by chance; at least one. What differs in its materials alone is another volume.
     pub alternatives: Vec<Merged>,
-    /// Sets of materials, of which each texel has one by chance; at least 1.
-    pub material_sets: u32,
     /// None for cyclic patterns, whose texels continue each other.
     pub jitter: Option<DiscreteJitter>,
     /// Which chances.
@@ -81,8 +77,6 @@ pub struct Pattern {
 pub struct Variant {
     /// Number of the alternative.
     pub alternative: u32,
-    /// Number of the set of materials.
-    pub material_set: u32,
     /// The texel's (i, j).
     pub cell: [i32; 2],
     /// Rows of the map of u - i and v - j to the volume's x and y.
@@ -96,7 +90,7 @@ pub struct Variant {
 impl Pattern {
     /// A pattern of one volume that continues itself from texel to texel.
     pub fn cyclic(volume: u32) -> Pattern {
-        Pattern { alternatives: vec![merged(&[volume])], material_sets: 1, jitter: None, seed: 0 }
+        Pattern { alternatives: vec![merged(&[volume])], jitter: None, seed: 0 }
     }
 
     /// A pattern of one isolated object.
@@ -109,9 +103,6 @@ impl Pattern {
     pub fn check(&self) -> Result<(), String> {
         if self.alternatives.is_empty() || self.alternatives.iter().any(|volumes| volumes[0] == NO_VOLUME) {
             return Err("a pattern without a volume, give each alternative one at least".into());
-        }
-        if self.material_sets == 0 {
-            return Err("a pattern without materials, give it one set at least".into());
         }
         let Some(jitter) = self.jitter else { return Ok(()) };
         let [least, most] = jitter.scale;
@@ -152,7 +143,6 @@ impl Pattern {
         let middle = shift.map(|shift| 0.5 + shift);
         Some(Variant {
             alternative: among(ALTERNATIVE, self.alternatives.len() as u32),
-            material_set: among(MATERIAL, self.material_sets),
             cell,
             rows,
             offset: rows.map(|[x, y]| 0.5 - (x * middle[0] + y * middle[1])),
@@ -221,7 +211,6 @@ pub fn pattern_words(patterns: &[Pattern]) -> Vec<u32> {
             jitter.displacement.to_bits(),
             jitter.margin.to_bits(),
             flag(jitter.turns, PATTERN_TURNS) | flag(jitter.mirrors, PATTERN_MIRRORS),
-            pattern.material_sets,
             pattern.alternatives.len() as u32,
         ];
         words.extend(numbers);
@@ -249,7 +238,7 @@ mod tests {
             let variant = pattern.variant(cell).unwrap();
             let texture = Vec3::new(cell[0] as f32 + 0.25, cell[1] as f32 + 0.75, 0.5);
             assert_eq!(variant.point(texture), Vec3::new(0.25, 0.75, 0.5));
-            assert_eq!((variant.alternative, variant.material_set), (0, 0));
+            assert_eq!(variant.alternative, 0);
         }
     }
 
@@ -257,7 +246,6 @@ mod tests {
     fn chances_are_as_asked_and_independent_of_the_neighbours() {
         let pattern = Pattern {
             alternatives: vec![merged(&[0]), merged(&[1, 2]), merged(&[3])],
-            material_sets: 5,
             ..Pattern::isolated(0, WILD, 11)
         };
         let variants: Vec<Option<Variant>> = cells().map(|cell| pattern.variant(cell)).collect();
@@ -267,9 +255,6 @@ mod tests {
         assert!((full / variants.len() as f64 - 0.75).abs() < 0.02);
         for alternative in 0..3 {
             assert!(near(count(&|variant| variant.alternative == alternative), 1.0 / 3.0));
-        }
-        for set in 0..5 {
-            assert!(near(count(&|variant| variant.material_set == set), 0.2));
         }
         let mirrored =
             |variant: &Variant| variant.rows[0][0] * variant.rows[1][1] - variant.rows[0][1] * variant.rows[1][0] < 0.0;
@@ -323,6 +308,5 @@ mod tests {
         }
         assert!(Pattern { alternatives: Vec::new(), ..Pattern::cyclic(0) }.check().is_err());
         assert!(Pattern { alternatives: vec![merged(&[])], ..Pattern::cyclic(0) }.check().is_err());
-        assert!(Pattern { material_sets: 0, ..Pattern::cyclic(0) }.check().is_err());
     }
 }

@@ -171,6 +171,11 @@ impl Shell {
         self.face(self.boundary[boundary]).map(|i| self.positions[i as usize])
     }
 
+    /// The corners of all triangles of the boundary, three of each.
+    pub fn boundary_corners(&self) -> impl Iterator<Item = Vec3> {
+        (0..self.boundary.len()).flat_map(|i| self.boundary_triangle(i))
+    }
+
     /// What the shell was like when it was made.
     pub fn report(&self) -> ShellReport {
         self.report

@@ -26,34 +26,45 @@
 use super::height_noise::Noise;
 use super::thick_skin::{Skin, SkinVertex};
 use glam::{Quat, Vec3};
+use serde::{Deserialize, Deserializer};
 use std::f64::consts::TAU;
 
 /// Fastest wind, m/s: a hurricane.
-const MOST_SPEED: f32 = 60.0;
+pub(crate) const MOST_WIND_SPEED: f32 = 60.0;
 /// Largest flutter, texels: as far as a neighbour's middle.
 const MOST_FLUTTER: f32 = 0.5;
 /// How much slower flutter swings along v than along u, so that it goes round in no circle.
 const SLOWER_ALONG_V: f64 = 0.79;
 
 /// A wind over a skin whose positions are in metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Wind {
     /// Mean wind speed, m/s.
+    #[serde(rename = "speed")]
     pub speed_m_per_s: f32,
     /// Where it blows to; any length but zero.
+    #[serde(deserialize_with = "vector")]
     pub direction: Vec3,
     /// Distance from gust to gust, m.
+    #[serde(rename = "gust_wavelength")]
     pub gust_wavelength_m: f32,
     /// Share by which gusts differ from the mean, 0 to 1.
     pub gustiness: f32,
     /// Wind in which height vectors lean by 45 degrees, m/s.
+    #[serde(rename = "leaning_speed")]
     pub leaning_speed_m_per_s: f32,
     /// Largest swing of the texture's top, texels, at `leaning_speed_m_per_s`.
     pub flutter: f32,
     /// Time of a swing, s.
+    #[serde(rename = "flutter_period")]
     pub flutter_period_s: f32,
     /// Which gusts.
     pub seed: u32,
+}
+
+fn vector<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec3, D::Error> {
+    <[f32; 3]>::deserialize(deserializer).map(Vec3::from)
 }
 
 impl Default for Wind {
@@ -78,7 +89,7 @@ impl Wind {
     pub fn check(&self) -> Result<(), String> {
         let beyond_zero = f32::MIN_POSITIVE;
         for (name, value, least, most, unit) in [
-            ("speed", self.speed_m_per_s, 0.0, MOST_SPEED, "m/s"),
+            ("speed", self.speed_m_per_s, 0.0, MOST_WIND_SPEED, "m/s"),
             ("gust wavelength", self.gust_wavelength_m, beyond_zero, f32::MAX, "m"),
             ("gustiness", self.gustiness, 0.0, 1.0, "of the mean"),
             ("leaning speed", self.leaning_speed_m_per_s, beyond_zero, f32::MAX, "m/s"),

@@ -15,6 +15,7 @@ mod side;
 mod spectrum_plot;
 mod split;
 mod thumbnails;
+mod wind_panel;
 
 use crate::cpu::{Picked, pick};
 use crate::error::ViewerError;
@@ -72,6 +73,7 @@ const KEYS: &str = "drag: turn; Shift or right drag: move; wheel: nearer\n\
     L: lights' handles, which drags move\n\
     C: split view, whose line drags move; X: difference\n\
     P: picture as PNG; T: turntable\n\
+    B: the wind blows or stands still\n\
     Ctrl+Z, Ctrl+Shift+Z: edits back and forth\n\
     drop .spmm on what it is to cover, or to compare a leaf with; .obj .gltf .glb, .hdr .exr, .toml anywhere\n\
     H or F1: this";
@@ -398,7 +400,7 @@ impl View {
         let at_hand_before = self.at_hand();
         let (panel, scene, editor) = (&mut self.panel, &mut self.scene, &mut self.editor);
         let (split, settings, thumbnails) = (&mut self.split, &mut self.settings, &self.thumbnails);
-        let Asked { mut changed, mut edited, surroundings, compare, compare_with, export, open } =
+        let Asked { mut changed, mut edited, surroundings, skins, compare, compare_with, export, open } =
             egui::Panel::right("panel")
                 .exact_size(PANEL_WIDTH)
                 .resizable(false)
@@ -474,6 +476,10 @@ impl View {
         if surroundings {
             self.side.update_environment(&self.gpu, &self.scene);
             self.split.update_environment(&self.gpu, &self.scene);
+        }
+        if skins {
+            self.side.update_skins(&self.gpu, &self.scene);
+            self.split.update_skins(&self.gpu, &self.scene);
         }
         let moving = response.dragged_by(egui::PointerButton::Secondary)
             || response.dragged_by(egui::PointerButton::Middle)
@@ -586,6 +592,10 @@ impl View {
         if pressed(Key::T) {
             self.begin_turntable();
         }
+        if pressed(Key::B) {
+            self.panel.wind.plays = !self.panel.wind.plays;
+            ui.ctx().request_repaint();
+        }
         if pressed(Key::X) {
             self.split.difference = !self.split.difference;
         }
@@ -640,7 +650,11 @@ impl View {
             return;
         }
         match Turntable::new() {
-            Ok(turntable) => self.turntable = Some(turntable),
+            Ok(turntable) => {
+                // Its pictures are of one moment.
+                self.panel.wind.plays = false;
+                self.turntable = Some(turntable);
+            }
             Err(error) => self.message = Some(error.to_string()),
         }
     }

@@ -6,6 +6,7 @@ use super::outdoors::OutdoorsPanel;
 use super::settings::Settings;
 use super::split::Split;
 use super::thumbnails::Thumbnails;
+use super::wind_panel::WindPanel;
 use crate::governor::{Governor, Spending};
 use crate::gpu_timer::PassTimes;
 use crate::material::Body;
@@ -104,6 +105,8 @@ pub(crate) struct Asked {
     pub edited: Option<usize>,
     /// The light that surrounds the scene changed.
     pub surroundings: bool,
+    /// The wind moved the scene's skins.
+    pub skins: bool,
     /// The split view must begin anew.
     pub compare: bool,
     /// An asset to compare with.
@@ -126,6 +129,7 @@ pub(crate) struct Panel {
     /// What the check box turns on.
     ambient: Ambient,
     outdoors: Option<OutdoorsPanel>,
+    pub wind: WindPanel,
     centre: Vec3,
     radius: f32,
 }
@@ -143,6 +147,7 @@ impl Panel {
             file: String::new(),
             ambient: if scene.ambient == Ambient::NONE { scene.usual_ambient() } else { scene.ambient },
             outdoors: OutdoorsPanel::new(scene),
+            wind: WindPanel::new(scene),
             centre,
             radius,
         }
@@ -255,7 +260,8 @@ impl Panel {
         {
             ui.add(egui::Slider::new(&mut self.shade.depth, 1..=MAX_DEPTH).text("path depth"));
         }
-        asked.changed |= asked.surroundings || scene.ambient != before;
+        asked.skins = self.wind.show(ui, scene);
+        asked.changed |= asked.surroundings || asked.skins || scene.ambient != before;
     }
 
     fn show_status(&mut self, ui: &mut egui::Ui, status: &Status) {

@@ -66,6 +66,14 @@ impl Side {
         }
     }
 
+    /// Takes over where the wind has moved skins.
+    pub(crate) fn update_skins(&mut self, gpu: &Gpu, scene: &Scene) {
+        // What cannot be taken over is uploaded anew, which tells why.
+        if self.tracer.as_mut().is_some_and(|tracer| tracer.update_skins(gpu, scene).is_err()) {
+            self.tracer = None;
+        }
+    }
+
     /// Adds sample number `sample`; 0 starts anew.
     pub(crate) fn add_sample(
         &mut self,

@@ -159,6 +159,14 @@ impl Split {
         }
     }
 
+    /// Takes over where the wind has moved skins.
+    pub(crate) fn update_skins(&mut self, gpu: &Gpu, scene: &Scene) {
+        if let Some(other) = &mut self.scene {
+            other.volumes.clone_from(&scene.volumes);
+            self.side.update_skins(gpu, other);
+        }
+    }
+
     /// The other picture's scene, with the camera, lights and surroundings of `scene`.
     pub(crate) fn scene(&mut self, scene: &Scene, at_hand: Body) -> (&mut Side, &Scene) {
         let (against, opened) = (self.against, &self.opened);
