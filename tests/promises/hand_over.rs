@@ -42,7 +42,7 @@ fn scene(folder: &Path, volume: &Volume) -> (Scene, f32) {
                 [daylight]\ndate_time = \"2026-06-21T15:00+02:00\"\nplace = \"52.5,13.4\"\nparts = \"sun\"\n";
     std::fs::write(&path, text).unwrap();
     let scene = load_scene(&path, Vec::new()).unwrap();
-    let leaf_width = scene.geometry.leaf_width(0);
+    let leaf_width = scene.geometry.instances()[0].leaf_width;
     (scene, leaf_width)
 }
 

@@ -720,7 +720,7 @@ mod tests {
             let all = 0..scene.geometry.instances().len() as u32;
             let mut own: Vec<f32> = all
                 .filter(|instance| scene.geometry.mesh_of(*instance as usize) == mesh)
-                .map(|instance| scene.geometry.leaf_width(instance))
+                .map(|instance| scene.geometry.instances()[instance as usize].leaf_width)
                 .collect();
             own.sort_by(f32::total_cmp);
             own

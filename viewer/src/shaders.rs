@@ -9,6 +9,7 @@ const SUN_DISC: &str = include_str!("shaders/sun_disc.wgsl");
 const SURFACE: &str = include_str!("shaders/surface.wgsl");
 const RELIEF: &str = include_str!("shaders/relief.wgsl");
 const VIEWED_BODY: &str = include_str!("shaders/viewed_body.wgsl");
+const HAND_OVER: &str = include_str!("shaders/hand_over.wgsl");
 const SHADE: &str = include_str!("shaders/shade.wgsl");
 const PASSES: &str = include_str!("shaders/passes.wgsl");
 const SHEAR: &str = include_str!("shaders/shear.wgsl");
@@ -104,6 +105,7 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
             RELIEF,
             VIEWED_BODY,
             SHEAR,
+            HAND_OVER,
         ],
         volumes,
         &[SHADE, PASSES, DECODE_QUERIES],
@@ -223,7 +225,7 @@ mod tests {
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
             (
                 "Instance",
-                fields!(Instance; object_from_world, world_from_object, factors, root, first_triangle, moved, handedness),
+                fields!(Instance; object_from_world, world_from_object, factors, root, first_triangle, handedness, leaf_width),
             ),
             ("Query", fields!(GpuQuery; wi, texel, wo, layer)),
             ("QueryParams", fields!(GpuQueryParams; count, components, lobes, interpolation, parallax)),
@@ -313,6 +315,7 @@ mod tests {
         ];
         let twins = [
             (include_str!("shear.rs"), SHEAR, "shear_"),
+            (include_str!("hand_over.rs"), HAND_OVER, "hand_over_"),
             (include_str!("skin/walk.rs"), SKIN_WALK, "shell_"),
             (include_str!("skin/cell.rs"), SKIN_CELL, "cell_"),
             (include_str!("skin/pattern.rs"), SKIN_PATTERN, "pattern_"),
@@ -350,12 +353,18 @@ mod tests {
             assert_eq!(constant(&module, name), Some(naga::Literal::U32(value)), "{name}");
         }
         let ray_query = parse(&trace_module(GpuTracer::RayQuery, ModuleLayout::WHOLE)).unwrap();
-        for (name, mask) in [("RAY_MESHES", crate::trace::MESHES), ("RAY_PROXIES", crate::trace::PROXIES)] {
+        for (name, mask) in [
+            ("RAY_MESHES", crate::acceleration_structure::MESHES),
+            ("RAY_PROXIES", crate::acceleration_structure::PROXIES),
+        ] {
             assert_eq!(constant(&ray_query, name), Some(naga::Literal::U32(mask.into())), "{name}");
         }
         for (name, value) in [
             ("NO_VOLUME", crate::NO_VOLUME),
             ("MOST_PASSAGES", crate::volumes::MOST_PASSAGES as u32),
+            ("HAND_OVER_STREAM", crate::hand_over::STREAM),
+            ("PIXEL_STEP_X", crate::hand_over::PIXEL_STEPS[0]),
+            ("PIXEL_STEP_Y", crate::hand_over::PIXEL_STEPS[1]),
             ("HIT_ANY", crate::AnyHit::Yes as u32),
             ("HIT_NEAREST", crate::AnyHit::No as u32),
             ("HIT_FRONT", crate::AnyHit::Front as u32),
@@ -371,6 +380,7 @@ mod tests {
             .chain(crate::cpu::CONSTANTS)
             .chain(crate::surface::CONSTANTS)
             .chain(crate::relief::CONSTANTS)
+            .chain(&[("MESH_PIXELS", crate::MESH_PIXELS), ("VOLUME_PIXELS", crate::VOLUME_PIXELS)])
             .chain(crate::volume_light::CONSTANTS)
             .chain(crate::cpu_volumes::CONSTANTS)
         {

@@ -82,10 +82,10 @@ struct Instance {
     // Node where the mesh's hierarchy begins.
     root: u32,
     first_triangle: u32,
-    // 0 where the mesh's space is the world.
-    moved: u32,
-    // -1 where it is mirrored, else 1.
+    // 0 where the mesh's space is the world; else -1 where it is mirrored, 1 where it is not.
     handedness: f32,
+    // How wide its leaves are in the world; 0 where no volume stands in for it.
+    leaf_width: f32,
 }
 
 struct Material {

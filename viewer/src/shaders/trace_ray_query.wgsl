@@ -24,7 +24,16 @@ fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, t_m
 fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
     var query: ray_query;
     rayQueryInitialize(&query, acceleration, RayDesc(flags, mask, 0.0, t_max, origin, direction));
+    let spheres = hand_over_along(hand_over, origin, direction);
     while (rayQueryProceed(&query)) {
+        // What is not opaque is a mesh that a volume stands in for, and there within its sphere only.
+        if with_hand_over {
+            let met = rayQueryGetCandidateIntersection(&query);
+            let there = hand_over_mesh(spheres, instances[met.instance_custom_data].leaf_width);
+            if met.t >= there.x && met.t < there.y {
+                rayQueryConfirmIntersection(&query);
+            }
+        }
     }
     let found = rayQueryGetCommittedIntersection(&query);
     if found.kind == RAY_QUERY_INTERSECTION_NONE {
