@@ -99,7 +99,7 @@ fn outdoors(balls: &[Vec3]) -> Scene {
 const TREES: [(Vec3, f32); 7] = [
     (Vec3::new(-1.1, 0.6, 0.6), 0.2),
     (Vec3::new(-0.5, 0.7, 0.9), 0.09),
-    (Vec3::new(0.3, 0.6, 0.4), 0.03),
+    (Vec3::new(0.3, 0.6, 0.4), 0.008),
     (Vec3::new(1.0, 0.7, 0.2), 0.09),
     (Vec3::new(-0.3, 0.9, -0.9), 0.2),
     (Vec3::new(0.6, 1.1, -1.3), 0.13),
@@ -160,8 +160,9 @@ fn cases() -> Vec<Case> {
 
 fn cases_of_hand_over() -> Vec<Case> {
     let mut within = orchard(1.0);
-    // Less than its radius from a ball's middle, and within the box of its volume.
-    within.camera.eye = TREES[3].0 + Vec3::new(0.1, 0.1, 0.2);
+    // Within the box of a volume, beside the ball that it stands in for; the sphere cuts both.
+    let eye = TREES[2].0 + Vec3::new(0.25, 0.35, 0.25);
+    within.camera = Camera { eye, target: eye + Vec3::new(-1.0, 0.1, -1.0), fov_deg: 70.0, ..within.camera };
     vec![
         Case::new("trees", orchard(1.0), RenderMode::Direct),
         Case::new("trees, paths", orchard(1.0), RenderMode::Path),
