@@ -10,6 +10,8 @@ use wgpu::BufferUsages;
 pub(crate) const MESHES: u8 = 1;
 /// Mask of instances that are proxies of volumes. Twin: `RAY_PROXIES`.
 pub(crate) const PROXIES: u8 = 2;
+/// Mask of instances that are surfaces which volumes stand in for. Twin: `RAY_HANDED_OVER`.
+pub(crate) const HANDED_OVER: u8 = 4;
 
 /// A structure for each mesh and one over the instances, which are numbered as `geometry` has them; those that `scene` has
 /// not itself are proxies.
@@ -78,7 +80,11 @@ pub(crate) fn acceleration_structure(
         let rows = instance.world_from_object.concat();
         let mut map = [0.0; 12];
         map.copy_from_slice(&rows);
-        let mask = if number < scene.geometry.instances().len() { MESHES } else { PROXIES };
+        let mask = match (number < scene.geometry.instances().len(), instance.leaf_width > 0.0) {
+            (true, false) => MESHES,
+            (true, true) => HANDED_OVER,
+            (false, _) => PROXIES,
+        };
         tlas[number] = Some(wgpu::TlasInstance::new(&blas[geometry.mesh_of(number)], map, number as u32, mask));
     }
     // Meshes without a triangle are placed nowhere.

@@ -285,9 +285,9 @@ impl Geometry {
         }
     }
 
-    /// Whether volumes stand in for any instance.
-    pub fn hands_over(&self) -> bool {
-        self.instances.iter().any(|instance| instance.leaf_width > 0.0)
+    /// How wide leaves of instances are at most that volumes stand in for, in the world; 0 where there are none.
+    pub fn widest_leaf(&self) -> f32 {
+        self.instances.iter().map(|instance| instance.leaf_width).fold(0.0, f32::max)
     }
 
     /// All vertices.

@@ -198,7 +198,8 @@ impl SceneMesh {
 impl Scene {
     /// Whether volumes stand in for meshes where their leaves are small.
     pub(crate) fn hands_over(&self) -> bool {
-        self.geometry.hands_over() || self.volumes.as_ref().is_some_and(|volumes| volumes.proxies().hands_over())
+        let proxies = self.volumes.iter().map(|volumes| volumes.proxies());
+        proxies.chain([&*self.geometry]).any(|geometry| geometry.widest_leaf() > 0.0)
     }
 
     /// Joins objects, which are in world space, into a scene with the default camera, one light and the default background.

@@ -713,7 +713,7 @@ mod tests {
                     [[volume]]\nfile = \"v.voltex\"\nmesh = \"m.obj\"\ntranslate = [0, 0, 9]\nyaw_deg = 180.0\n";
         std::fs::write(&path, text).unwrap();
         let scene = load_scene(&path, Vec::new()).unwrap();
-        assert!(scene.geometry.hands_over());
+        assert!(scene.hands_over());
         // The triangle once for those that are alike, once for the one whose leaves are told.
         assert_eq!((scene.geometry.triangles().len(), scene.geometry.placed_triangles()), (4, 5));
         let widths = |mesh: usize| -> Vec<f32> {

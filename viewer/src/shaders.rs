@@ -122,6 +122,7 @@ pub(crate) fn walk_module(assets: PieceLayout) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::acceleration_structure::{HANDED_OVER, MESHES, PROXIES};
     use crate::bvh::{BvhNode, NO_HIT, STACK};
     use crate::geometry::{Instance, Triangle, Vertex};
     use crate::gpu_decode::{GpuQuery, GpuQueryParams};
@@ -211,7 +212,7 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, pad0, pad1, pad2),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, pad0, pad1),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
@@ -353,10 +354,7 @@ mod tests {
             assert_eq!(constant(&module, name), Some(naga::Literal::U32(value)), "{name}");
         }
         let ray_query = parse(&trace_module(GpuTracer::RayQuery, ModuleLayout::WHOLE)).unwrap();
-        for (name, mask) in [
-            ("RAY_MESHES", crate::acceleration_structure::MESHES),
-            ("RAY_PROXIES", crate::acceleration_structure::PROXIES),
-        ] {
+        for (name, mask) in [("RAY_MESHES", MESHES), ("RAY_PROXIES", PROXIES), ("RAY_HANDED_OVER", HANDED_OVER)] {
             assert_eq!(constant(&ray_query, name), Some(naga::Literal::U32(mask.into())), "{name}");
         }
         for (name, value) in [

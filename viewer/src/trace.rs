@@ -64,9 +64,9 @@ pub(crate) struct Frame {
     pub first_proxy: u32,
     pub volume_reach: f32,
     pub volume_slice: f32,
+    pub widest_leaf: f32,
     pub pad0: u32,
     pub pad1: u32,
-    pub pad2: u32,
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -147,6 +147,8 @@ pub struct Tracer {
     structure: wgpu::BindGroup,
     /// Node where the hierarchy over the volumes' proxies begins.
     volume_root: u32,
+    /// [`Geometry::widest_leaf`](crate::Geometry::widest_leaf).
+    widest_leaf: f32,
     target: Option<Target>,
     // Kept alive for the bind group.
     _blas: Vec<wgpu::Blas>,
@@ -318,6 +320,7 @@ impl Tracer {
             light_capacity,
             structure,
             volume_root,
+            widest_leaf: scene.geometry.widest_leaf(),
             target: None,
             _blas: blas,
         })
@@ -584,9 +587,9 @@ impl Tracer {
             first_proxy: scene.geometry.instances().len() as u32,
             volume_reach: volumes.map_or(0.0, |volumes| volumes.reach()),
             volume_slice: volumes.map_or(0.0, |volumes| volumes.slice()),
+            widest_leaf: self.widest_leaf,
             pad0: 0,
             pad1: 0,
-            pad2: 0,
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
     }

@@ -54,9 +54,10 @@ struct Frame {
     volume_reach: f32,
     // Length of the slices in which overlapping volumes are taken.
     volume_slice: f32,
+    // How wide leaves of meshes are at most that volumes stand in for, in the world; 0 where there are none.
+    widest_leaf: f32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 struct Vertex {
