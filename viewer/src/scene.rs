@@ -196,12 +196,6 @@ impl SceneMesh {
 }
 
 impl Scene {
-    /// Whether volumes stand in for meshes where their leaves are small.
-    pub(crate) fn hands_over(&self) -> bool {
-        let proxies = self.volumes.iter().map(|volumes| volumes.proxies());
-        proxies.chain([&*self.geometry]).any(|geometry| geometry.widest_leaf() > 0.0)
-    }
-
     /// Joins objects, which are in world space, into a scene with the default camera, one light and the default background.
     ///
     /// # Errors
@@ -252,6 +246,12 @@ impl Scene {
         };
         scene.place_lights(1);
         Ok(scene)
+    }
+
+    /// Whether volumes stand in for meshes where their leaves are small.
+    pub(crate) fn hands_over(&self) -> bool {
+        let proxies = self.volumes.iter().map(|volumes| volumes.proxies());
+        proxies.chain([&*self.geometry]).any(|geometry| geometry.widest_leaf() > 0.0)
     }
 
     /// One of the built-in scenes, or a mesh file: in a file with one asset or leaf every part with texture coordinates gets
