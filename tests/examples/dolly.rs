@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         Ok(load_scene(&path, Vec::new())?)
     };
     let scenes = [scene("")?, scene("leaf_size = 1e9")?, scene("leaf_size = 1e-9")?];
-    let leaf_width = scenes[0].geometry.leaf_width(0);
+    let leaf_width = scenes[0].geometry.instances()[0].leaf_width;
     println!("leaves {:.1} mm wide", 1e3 * leaf_width);
     for (name, towards) in SUNS {
         let rows: Vec<Vec<DollyRow>> = scenes.iter().map(|scene| dolly(scene, towards, leaf_width, paths)).collect();

@@ -43,7 +43,7 @@ fn scene(folder: &Path, volume: &Volume) -> (Scene, f32) {
                 [daylight]\ndate_time = \"2026-06-21T15:00+02:00\"\nplace = \"52.5,13.4\"\nparts = \"sun\"\n";
     std::fs::write(&path, text).unwrap();
     let scene = load_scene(&path, Vec::new()).unwrap();
-    let leaf_width = scene.geometry.leaf_width(0);
+    let leaf_width = scene.geometry.instances()[0].leaf_width;
     (scene, leaf_width)
 }
 
@@ -117,7 +117,7 @@ fn a_tinted_plant_has_the_same_colour_as_a_mesh_and_as_its_volume() {
     let [as_volumes, as_meshes] = [grove(Vec::new()), grove(vec![folder.path().join("bush.glb")])];
     // One plant of each tint: those whose meshes begin with different triangles.
     let mut plants: Vec<&Instance> = Vec::new();
-    for plant in as_meshes.geometry.instances().iter().filter(|instance| instance.moved == 1) {
+    for plant in as_meshes.geometry.instances().iter().filter(|instance| instance.handedness != 0.0) {
         if plants.iter().all(|known| known.first_triangle != plant.first_triangle) {
             plants.push(plant);
         }

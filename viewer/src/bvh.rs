@@ -87,12 +87,12 @@ pub enum AnyHit {
 
 impl Geometry {
     /// The nearest hit with 0 < t < `t_max`, or any hit if `any`. `direction` is unit.
-    /// Twin: `bvh_trace` in `bvh.wgsl`.
     pub fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
         self.trace_handed_over(origin, direction, t_max, any, &HandOver::MESHES)
     }
 
-    /// The same where meshes that volumes stand in for are there within their spheres only. The shader has no twin of it yet.
+    /// The same where meshes that volumes stand in for are there within their spheres only. Twin: `bvh_trace` in
+    /// `bvh.wgsl`.
     pub fn trace_handed_over(
         &self,
         origin: Vec3,
@@ -139,7 +139,7 @@ impl Geometry {
                 ray = BoxRay::new(placed.object_from_world(origin, 1.0), own);
                 shear = Shear::new(own);
                 at = placed.root;
-                let [first, last] = spheres.mesh(self.leaf_width(instance));
+                let [first, last] = spheres.mesh(placed.leaf_width);
                 (from, reach) = (first, best.t.min(last));
                 if enter(&nodes[at as usize], &ray, reach) < reach {
                     continue;
@@ -294,7 +294,7 @@ mod tests {
             let own = instance.object_from_world(direction, 0.0);
             let world_origin = origin;
             let (origin, shear) = (instance.object_from_world(origin, 1.0), Shear::new(own));
-            let [first, last] = hand_over.along(world_origin, direction).mesh(geometry.leaf_width(number as u32));
+            let [first, last] = hand_over.along(world_origin, direction).mesh(instance.leaf_width);
             for primitive in mesh.first_triangle..mesh.first_triangle + mesh.triangles {
                 if let Some((t, u, v)) = intersect(origin, &shear, geometry.corners(primitive), false)
                     && t < best.t

@@ -56,10 +56,10 @@ pub struct Instance {
     pub root: u32,
     /// The mesh's first triangle.
     pub first_triangle: u32,
-    /// 0 where the mesh's space is the world.
-    pub moved: u32,
-    /// -1 where it is mirrored, else 1.
+    /// 0 where the mesh's space is the world; else -1 where it is mirrored, 1 where it is not.
     pub handedness: f32,
+    /// How wide its leaves are in the world; 0 where no volume stands in for it.
+    pub leaf_width: f32,
 }
 
 /// Vertices and triangles of one mesh, in a space of their own.
@@ -98,8 +98,6 @@ pub struct Geometry {
     instances: Vec<Instance>,
     /// Of each instance: its mesh, and its number among the placements that were given.
     origins: Vec<[usize; 2]>,
-    /// Of each instance: how wide its leaves are in the world, 0 where no volume stands in for it. Empty where none does.
-    leaf_widths: Vec<f32>,
     /// The meshes' hierarchies one after the other, then the one over the instances.
     nodes: Vec<BvhNode>,
     root: u32,
@@ -138,7 +136,6 @@ impl Geometry {
             meshes: Vec::with_capacity(meshes.len()),
             instances: Vec::new(),
             origins: Vec::new(),
-            leaf_widths: Vec::new(),
             nodes: Vec::new(),
             root: 0,
         };
@@ -221,8 +218,8 @@ impl Geometry {
                 factors: [1.0; 4],
                 root,
                 first_triangle,
-                moved: u32::from(map != Mat4::IDENTITY),
-                handedness: map.determinant().signum(),
+                handedness: if map == Mat4::IDENTITY { 0.0 } else { map.determinant().signum() },
+                leaf_width: 0.0,
             });
         }
         Ok(())
@@ -315,32 +312,24 @@ impl Geometry {
     /// Multiplies the contents of each instance's leaves by what `factors` says for its mesh and its number among the
     /// placements. Those that volumes stand in for stay as described, since a volume has one colour wherever it stands.
     pub fn set_factors(&mut self, factors: impl Fn(usize, usize) -> [f32; 4]) {
-        for (number, [mesh, placement]) in self.origins.iter().enumerate() {
-            let is_as_described = self.leaf_width(number as u32) > 0.0;
-            self.instances[number].factors = if is_as_described { [1.0; 4] } else { factors(*mesh, *placement) };
+        for (instance, [mesh, placement]) in self.instances.iter_mut().zip(&self.origins) {
+            let is_as_described = instance.leaf_width > 0.0;
+            instance.factors = if is_as_described { [1.0; 4] } else { factors(*mesh, *placement) };
         }
     }
 
     /// Says of which instances a volume stands in for the mesh where it is small ([`HandOver`](crate::HandOver)): `widths` gives,
     /// for a mesh and a number among the placements, how wide its leaves are in the world, 0 where none does.
     pub fn set_leaf_widths(&mut self, widths: impl Fn(usize, usize) -> f32) {
-        self.leaf_widths = self.origins.iter().map(|[mesh, number]| widths(*mesh, *number)).collect();
-        for (instance, width) in self.instances.iter_mut().zip(&self.leaf_widths) {
-            instance.factors = if *width > 0.0 { [1.0; 4] } else { instance.factors };
-        }
-        if self.leaf_widths.iter().all(|width| *width == 0.0) {
-            self.leaf_widths.clear();
+        for (instance, [mesh, number]) in self.instances.iter_mut().zip(&self.origins) {
+            instance.leaf_width = widths(*mesh, *number);
+            instance.factors = if instance.leaf_width > 0.0 { [1.0; 4] } else { instance.factors };
         }
     }
 
-    /// How wide the leaves of an instance are in the world; 0 where no volume stands in for it.
-    pub fn leaf_width(&self, instance: u32) -> f32 {
-        self.leaf_widths.get(instance as usize).copied().unwrap_or(0.0)
-    }
-
-    /// Whether volumes stand in for any instance.
-    pub fn hands_over(&self) -> bool {
-        !self.leaf_widths.is_empty()
+    /// How wide leaves of instances are at most that volumes stand in for, in the world; 0 where there are none.
+    pub fn widest_leaf(&self) -> f32 {
+        self.instances.iter().map(|instance| instance.leaf_width).fold(0.0, f32::max)
     }
 
     /// All vertices.
@@ -411,7 +400,7 @@ impl Geometry {
         let centre = (lo + hi) * 0.5;
         let reach = |points: &mut dyn Iterator<Item = Vec3>| points.map(|p| p.distance(centre)).fold(0.0, f32::max);
         let radius = match self.instances.as_slice() {
-            [one] if one.moved == 0 => reach(&mut self.vertices.iter().map(|vertex| vertex.position.into())),
+            [one] if one.handedness == 0.0 => reach(&mut self.vertices.iter().map(|vertex| vertex.position.into())),
             _ => {
                 // Of the boxes over the instances.
                 let top = &self.nodes[self.root as usize..];

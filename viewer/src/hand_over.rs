@@ -1,4 +1,5 @@
-//! Hand-over from meshes to the volumes that stand in for them where their leaves are small in the picture.
+//! Hand-over from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin:
+//! `shaders/hand_over.wgsl`.
 //!
 //! A leaf `w` wide at distance d is `w / (d * pixel_width)` pixels wide. Where that is [`MESH_PIXELS`] or more, the mesh is
 //! seen; where it is [`VOLUME_PIXELS`] or less, its volume; between, both in shares that change with the logarithm of d. Each
@@ -14,9 +15,9 @@ pub const MESH_PIXELS: f32 = 2.0;
 /// A leaf that is so many pixels wide is a volume's.
 pub const VOLUME_PIXELS: f32 = 1.0;
 /// Stream of the sampler from which radii are drawn.
-const STREAM: u32 = 0x5bd1_e995;
+pub(crate) const STREAM: u32 = 0x5bd1_e995;
 /// Steps of the R2 sequence [Roberts 2018] in fractions of 2^32: radii of neighbouring pixels are far from each other.
-const PIXEL_STEPS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
+pub(crate) const PIXEL_STEPS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
 
 /// What is a mesh and what a volume, for one path.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -15,6 +15,7 @@
 //!
 //! Limits: an asset's nearest texel; at most 2^24 triangles, in at most 2^20 places.
 
+mod acceleration_structure;
 mod arena;
 mod atmosphere;
 mod bench;

@@ -407,8 +407,7 @@ fn show(
     counts: Option<LandscapeCounts>,
 ) -> Result<(), ViewerError> {
     let common = &arguments.common;
-    let backend = backend_for(&scene, common.backend())?;
-    let (adapter, shade) = (common.adapter.clone(), common.shade());
+    let (backend, adapter, shade) = (common.backend(), common.adapter.clone(), common.shade());
     let target_ms = arguments.target_ms.map(f64::from);
     if scene.wind.is_none() && (arguments.time.is_some() || arguments.sequence.is_some()) {
         return Err(ViewerError::Usage(
@@ -424,20 +423,6 @@ fn show(
             headless(arguments, &scene, params, out, counts)
         }
         None => run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms, compare }),
-    }
-}
-
-/// Meshes that volumes stand in for are drawn on the CPU only.
-///
-/// # Errors
-/// [`ViewerError::Usage`] where a GPU was asked for by name.
-fn backend_for(scene: &Scene, asked: BackendChoice) -> Result<BackendChoice, ViewerError> {
-    match (scene.geometry.hands_over(), asked) {
-        (false, asked) => Ok(asked),
-        (true, BackendChoice::Gpu(_)) => Err(ViewerError::Usage(
-            "this scene hands meshes over to volumetric textures, which --backend cpu draws".into(),
-        )),
-        (true, _) => Ok(BackendChoice::Cpu),
     }
 }
 

@@ -255,6 +255,12 @@ impl Scene {
         Ok(scene)
     }
 
+    /// Whether volumes stand in for meshes where their leaves are small.
+    pub(crate) fn hands_over(&self) -> bool {
+        let proxies = self.volumes.iter().map(|volumes| volumes.proxies());
+        proxies.chain([&*self.geometry]).any(|geometry| geometry.widest_leaf() > 0.0)
+    }
+
     /// One of the built-in scenes, or a mesh file: in a file with one asset or leaf every part with texture coordinates gets
     /// it, or, where materials of the file point at some themselves, the parts that have these; with several, material number i
     /// of the file gets number i, leaves after assets. The rest stays plain in its own colour. Without any, materials get what

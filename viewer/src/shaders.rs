@@ -9,6 +9,7 @@ const SUN_DISC: &str = include_str!("shaders/sun_disc.wgsl");
 const SURFACE: &str = include_str!("shaders/surface.wgsl");
 const RELIEF: &str = include_str!("shaders/relief.wgsl");
 const VIEWED_BODY: &str = include_str!("shaders/viewed_body.wgsl");
+const HAND_OVER: &str = include_str!("shaders/hand_over.wgsl");
 const SHADE: &str = include_str!("shaders/shade.wgsl");
 const PASSES: &str = include_str!("shaders/passes.wgsl");
 const SHEAR: &str = include_str!("shaders/shear.wgsl");
@@ -104,6 +105,7 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
             RELIEF,
             VIEWED_BODY,
             SHEAR,
+            HAND_OVER,
         ],
         volumes,
         &[SHADE, PASSES, DECODE_QUERIES],
@@ -120,6 +122,7 @@ pub(crate) fn walk_module(assets: PieceLayout) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::acceleration_structure::{HANDED_OVER, MESHES, PROXIES};
     use crate::bvh::{BvhNode, NO_HIT, STACK};
     use crate::geometry::{Instance, Triangle, Vertex};
     use crate::gpu_decode::{GpuQuery, GpuQueryParams};
@@ -209,7 +212,7 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, pad0, pad1, pad2),
+                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, pad0, pad1),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
@@ -223,7 +226,7 @@ mod tests {
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
             (
                 "Instance",
-                fields!(Instance; object_from_world, world_from_object, factors, root, first_triangle, moved, handedness),
+                fields!(Instance; object_from_world, world_from_object, factors, root, first_triangle, handedness, leaf_width),
             ),
             ("Query", fields!(GpuQuery; wi, texel, wo, layer)),
             ("QueryParams", fields!(GpuQueryParams; count, components, lobes, interpolation, parallax)),
@@ -313,6 +316,7 @@ mod tests {
         ];
         let twins = [
             (include_str!("shear.rs"), SHEAR, "shear_"),
+            (include_str!("hand_over.rs"), HAND_OVER, "hand_over_"),
             (include_str!("skin/walk.rs"), SKIN_WALK, "shell_"),
             (include_str!("skin/cell.rs"), SKIN_CELL, "cell_"),
             (include_str!("skin/pattern.rs"), SKIN_PATTERN, "pattern_"),
@@ -350,12 +354,15 @@ mod tests {
             assert_eq!(constant(&module, name), Some(naga::Literal::U32(value)), "{name}");
         }
         let ray_query = parse(&trace_module(GpuTracer::RayQuery, ModuleLayout::WHOLE)).unwrap();
-        for (name, mask) in [("RAY_MESHES", crate::trace::MESHES), ("RAY_PROXIES", crate::trace::PROXIES)] {
+        for (name, mask) in [("RAY_MESHES", MESHES), ("RAY_PROXIES", PROXIES), ("RAY_HANDED_OVER", HANDED_OVER)] {
             assert_eq!(constant(&ray_query, name), Some(naga::Literal::U32(mask.into())), "{name}");
         }
         for (name, value) in [
             ("NO_VOLUME", crate::NO_VOLUME),
             ("MOST_PASSAGES", crate::volumes::MOST_PASSAGES as u32),
+            ("HAND_OVER_STREAM", crate::hand_over::STREAM),
+            ("PIXEL_STEP_X", crate::hand_over::PIXEL_STEPS[0]),
+            ("PIXEL_STEP_Y", crate::hand_over::PIXEL_STEPS[1]),
             ("HIT_ANY", crate::AnyHit::Yes as u32),
             ("HIT_NEAREST", crate::AnyHit::No as u32),
             ("HIT_FRONT", crate::AnyHit::Front as u32),
@@ -371,6 +378,7 @@ mod tests {
             .chain(crate::cpu::CONSTANTS)
             .chain(crate::surface::CONSTANTS)
             .chain(crate::relief::CONSTANTS)
+            .chain(&[("MESH_PIXELS", crate::MESH_PIXELS), ("VOLUME_PIXELS", crate::VOLUME_PIXELS)])
             .chain(crate::volume_light::CONSTANTS)
             .chain(crate::cpu_volumes::CONSTANTS)
         {

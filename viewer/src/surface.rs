@@ -91,7 +91,7 @@ pub(crate) fn corners_of(geometry: &Geometry, hit: &Hit) -> [Vertex; 3] {
     let corners =
         geometry.triangles()[hit.primitive as usize].vertices.map(|index| geometry.vertices()[index as usize]);
     let instance = &geometry.instances()[hit.instance as usize];
-    if instance.moved == 0 { corners } else { corners.map(|corner| vertex_in_world(corner, instance)) }
+    if instance.handedness == 0.0 { corners } else { corners.map(|corner| vertex_in_world(corner, instance)) }
 }
 
 /// `area` is twice the triangle's.

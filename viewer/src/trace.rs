@@ -1,10 +1,11 @@
 //! The GPU tracer: a scene's buffers, and the passes of a sample over the bands of a picture.
 
+use crate::acceleration_structure::acceleration_structure;
 use crate::arena::{Arena, ArenaAsset, room_for_edits};
 use crate::bvh::BvhNode;
 use crate::camera::jitter;
 use crate::error::ViewerError;
-use crate::geometry::{Geometry, Vertex};
+use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::gpu_expand::LayerBases;
 use crate::gpu_timer::{GpuTimer, Pass, PassTimes};
@@ -25,10 +26,6 @@ const GROUP: u32 = 8;
 pub(crate) const MOST_MATERIALS: usize = 1024;
 /// Pixels of a band at most: its paths then take 270 MB.
 const MOST_BAND_PIXELS: u64 = 1 << 22;
-/// Mask of instances that are surfaces. Twin: `RAY_MESHES` in `trace_ray_query.wgsl`.
-pub(crate) const MESHES: u8 = 1;
-/// Mask of instances that are proxies of volumes. Twin: `RAY_PROXIES`.
-pub(crate) const PROXIES: u8 = 2;
 
 /// Twin: `Frame` in `scene.wgsl`.
 #[repr(C)]
@@ -69,9 +66,9 @@ pub(crate) struct Frame {
     pub first_proxy: u32,
     pub volume_reach: f32,
     pub volume_slice: f32,
+    pub widest_leaf: f32,
     pub pad0: u32,
     pub pad1: u32,
-    pub pad2: u32,
 }
 
 /// Twin: `Material` in `scene.wgsl`.
@@ -152,6 +149,8 @@ pub struct Tracer {
     structure: Structure,
     /// Node where the hierarchy over the volumes' proxies begins.
     volume_root: u32,
+    /// [`Geometry::widest_leaf`](crate::Geometry::widest_leaf).
+    widest_leaf: f32,
     target: Option<Target>,
 }
 
@@ -254,11 +253,6 @@ impl Tracer {
         decoder: DecoderForm,
     ) -> Result<Tracer, ViewerError> {
         gpu.require(tracer)?;
-        if scene.geometry.hands_over() {
-            return Err(ViewerError::Usage(
-                "meshes that volumes stand in for are drawn on the CPU only, use --backend cpu".into(),
-            ));
-        }
         let bases: Vec<Option<Vec<LayerBases>>> =
             scene.assets.iter().map(|asset| bases_to_expand(gpu, asset)).collect();
         let mut assets: Vec<ArenaAsset> = scene
@@ -356,6 +350,7 @@ impl Tracer {
             light_capacity,
             structure,
             volume_root,
+            widest_leaf: scene.geometry.widest_leaf(),
             target: None,
         })
     }
@@ -523,6 +518,7 @@ impl Tracer {
                                 ("whole_decoder", self.decoder == DecoderForm::Whole),
                                 ("with_assets", !scene.assets.is_empty()),
                                 ("with_leaves", !scene.leaves.is_empty()),
+                                ("with_hand_over", scene.hands_over()),
                             ]
                             .map(|(name, is_so)| (name, f64::from(u8::from(is_so)))),
                             ..Default::default()
@@ -648,9 +644,9 @@ impl Tracer {
             first_proxy: scene.geometry.instances().len() as u32,
             volume_reach: volumes.map_or(0.0, |volumes| volumes.reach()),
             volume_slice: volumes.map_or(0.0, |volumes| volumes.slice()),
+            widest_leaf: self.widest_leaf,
             pad0: 0,
             pad1: 0,
-            pad2: 0,
         };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
     }
@@ -735,92 +731,6 @@ fn bases_to_expand(gpu: &Gpu, asset: &SceneAsset) -> Option<Vec<LayerBases>> {
 
 fn light_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, ViewerError> {
     gpu.empty_buffer("lights", (count * size_of::<GpuLight>()) as u64, BufferUsages::STORAGE)
-}
-
-/// A structure for each mesh and one over the instances, which are numbered as `geometry` has them; those that `scene` has
-/// not itself are proxies.
-fn acceleration_structure(
-    gpu: &Gpu,
-    geometry: &Geometry,
-    scene: &Scene,
-    vertices: &wgpu::Buffer,
-) -> Result<(wgpu::Tlas, Vec<wgpu::Blas>), ViewerError> {
-    let limits = gpu.device.limits();
-    let (most, largest) = (limits.max_blas_primitive_count, geometry.meshes().iter().map(|mesh| mesh.triangles).max());
-    if largest.is_some_and(|triangles| triangles > most) {
-        return Err(gpu.error(format!(
-            "a mesh has {} triangles and this adapter's ray query takes at most {most}, use --backend bvh",
-            largest.unwrap_or(0)
-        )));
-    }
-    let (most, instances) = (limits.max_tlas_instance_count, geometry.instances());
-    if instances.len() > most as usize {
-        return Err(gpu.error(format!(
-            "the scene has {} instances and this adapter's ray query takes at most {most}, use --backend bvh",
-            instances.len()
-        )));
-    }
-    let indices: Vec<u32> = geometry.triangles().iter().flat_map(|triangle| triangle.vertices).collect();
-    let index_buffer = gpu.buffer("indices", bytemuck::cast_slice(&indices), BufferUsages::BLAS_INPUT)?;
-    let flags = wgpu::AccelerationStructureFlags::PREFER_FAST_TRACE;
-    let update_mode = wgpu::AccelerationStructureUpdateMode::Build;
-    let sizes: Vec<_> = geometry
-        .meshes()
-        .iter()
-        .map(|mesh| wgpu::BlasTriangleGeometrySizeDescriptor {
-            vertex_format: wgpu::VertexFormat::Float32x3,
-            vertex_count: geometry.vertices().len() as u32,
-            index_format: Some(wgpu::IndexFormat::Uint32),
-            index_count: Some(3 * mesh.triangles),
-            flags: wgpu::AccelerationStructureGeometryFlags::OPAQUE,
-        })
-        .collect();
-    let blas: Vec<wgpu::Blas> = sizes
-        .iter()
-        .map(|size| {
-            gpu.device.create_blas(
-                &wgpu::CreateBlasDescriptor { label: Some("mesh"), flags, update_mode },
-                wgpu::BlasGeometrySizeDescriptors::Triangles { descriptors: vec![size.clone()] },
-            )
-        })
-        .collect();
-    let mut tlas = gpu.device.create_tlas(&wgpu::CreateTlasDescriptor {
-        label: Some("scene"),
-        max_instances: instances.len() as u32,
-        flags,
-        update_mode,
-    });
-    for (number, instance) in instances.iter().enumerate() {
-        let rows = instance.world_from_object.concat();
-        let mut map = [0.0; 12];
-        map.copy_from_slice(&rows);
-        let mask = if number < scene.geometry.instances().len() { MESHES } else { PROXIES };
-        tlas[number] = Some(wgpu::TlasInstance::new(&blas[geometry.mesh_of(number)], map, number as u32, mask));
-    }
-    // Meshes without a triangle are placed nowhere.
-    let built: Vec<_> = blas
-        .iter()
-        .zip(&sizes)
-        .zip(geometry.meshes())
-        .filter(|(_, mesh)| mesh.triangles > 0)
-        .map(|((blas, size), mesh)| wgpu::BlasBuildEntry {
-            blas,
-            geometry: wgpu::BlasGeometries::TriangleGeometries(vec![wgpu::BlasTriangleGeometry {
-                size,
-                vertex_buffer: vertices,
-                first_vertex: 0,
-                vertex_stride: size_of::<Vertex>() as u64,
-                index_buffer: Some(&index_buffer),
-                first_index: Some(3 * mesh.first_triangle),
-                transform_buffer: None,
-                transform_buffer_offset: None,
-            }]),
-        })
-        .collect();
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.build_acceleration_structures(&built, [&tlas]);
-    gpu.queue.submit([encoder.finish()]);
-    Ok((tlas, blas))
 }
 
 pub(crate) fn buffer_entry(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntry {

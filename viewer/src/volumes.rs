@@ -337,7 +337,7 @@ impl<'a> Stretches<'a> {
                     ray: VoltexRay { origin: origin.into(), direction: direction.into() },
                     start,
                     volume_from_world: Mat3::from_cols(rows[0], rows[1], rows[2]).transpose(),
-                    leaf_width: volumes.proxies.leaf_width(hit.instance),
+                    leaf_width: instance.leaf_width,
                 };
                 (stretch.t1 > stretch.t0).then_some((stretch, Passage::Box))
             }

@@ -48,11 +48,11 @@ fn skin(seed: u32) -> SceneSkin {
     SceneSkin { rest: leaning, shell, patterns: vec![Pattern::cyclic(3), isolated], leaf_width: 0.0 }
 }
 
-/// Volumes, `places` of the first two of them, and the skin.
-fn volumes(places: &[VolumePlace], seed: u32) -> Arc<Volumes> {
+/// Volumes, `places` of the first two of them, and a skin.
+fn volumes(places: &[VolumePlace], skin: SceneSkin) -> Arc<Volumes> {
     let mut random = Random::new(7);
     let all = [4, 3, 3, 2].map(|levels| Arc::new(Voltex::new(&random_volume(&mut random, levels, 0.4))));
-    Arc::new(Volumes::new(all.to_vec(), places, vec![skin(seed)]).unwrap())
+    Arc::new(Volumes::new(all.to_vec(), places, vec![skin]).unwrap())
 }
 
 /// Two boxes that overlap each other and a ball, one of them mirrored.
@@ -69,19 +69,18 @@ fn places() -> [VolumePlace; 2] {
     ]
 }
 
-/// A ground with a skin, a ball and two volumes under sun, sky and lamp.
-fn garden() -> Scene {
+/// A ground with a skin, balls and two volumes under sun and lamp.
+fn garden(balls: &[Vec3]) -> Scene {
     let mut ground = plane();
     ground.transform(Mat4::from_rotation_x(-std::f32::consts::FRAC_PI_2) * Mat4::from_scale(Vec3::splat(2.0)));
-    let mut ball = sphere();
-    ball.transform(Mat4::from_scale_rotation_translation(Vec3::splat(0.4), Quat::IDENTITY, Vec3::new(0.2, 0.7, 0.0)));
     let object = |part, reflectance| SceneObject { part, material: Material::plain(reflectance) };
-    let mesh = |object| SceneMesh { objects: vec![object], places: vec![Mat4::IDENTITY] };
-    let mut shiny = object(ball, [0.3, 0.1, 0.1]);
+    let mesh = |object, places| SceneMesh { objects: vec![object], places };
+    let mut shiny = object(sphere(), [0.3, 0.1, 0.1]);
     shiny.material.mirror = [0.4; 3];
-    let meshes = vec![mesh(object(ground, [0.3, 0.2, 0.1])), mesh(shiny)];
+    let balls = balls.iter().map(|at| Mat4::from_translation(*at) * Mat4::from_scale(Vec3::splat(0.4))).collect();
+    let meshes = vec![mesh(object(ground, [0.3, 0.2, 0.1]), vec![Mat4::IDENTITY]), mesh(shiny, balls)];
     let mut scene = Scene::from_meshes(Path::new("garden"), meshes, Shown::default()).unwrap();
-    scene.volumes = Some(volumes(&places(), 77));
+    scene.volumes = Some(volumes(&places(), skin(77)));
     scene.camera =
         Camera { eye: Vec3::new(0.5, 1.4, 3.6), target: Vec3::new(0.0, 0.6, 0.0), up: Vec3::Y, fov_deg: 40.0 };
     scene.lights = vec![PointLight { position: Vec3::new(-0.6, 2.2, 1.0), intensity: [2.0, 1.5, 1.0] }];
@@ -90,9 +89,12 @@ fn garden() -> Scene {
     scene
 }
 
+/// The garden's own ball.
+const BALL: Vec3 = Vec3::new(0.2, 0.7, 0.0);
+
 /// The same under a sky that is bright in the west.
-fn outdoors() -> Scene {
-    let mut scene = garden();
+fn outdoors(balls: &[Vec3]) -> Scene {
+    let mut scene = garden(balls);
     let level = |pixel: usize| match (pixel / 32 < 8, pixel % 32 < 10) {
         (true, true) => 1.5,
         (true, false) => 0.4,
@@ -104,6 +106,35 @@ fn outdoors() -> Scene {
     scene
 }
 
+/// Balls, and how wide their leaves are: some are meshes, some volumes and some between; the last has no stand-in.
+const TREES: [(Vec3, f32); 7] = [
+    (Vec3::new(-1.1, 0.6, 0.6), 0.2),
+    (Vec3::new(-0.5, 0.7, 0.9), 0.09),
+    (Vec3::new(0.3, 0.6, 0.4), 0.008),
+    (Vec3::new(1.0, 0.7, 0.2), 0.09),
+    (Vec3::new(-0.3, 0.9, -0.9), 0.2),
+    (Vec3::new(0.6, 1.1, -1.3), 0.13),
+    (Vec3::new(-1.4, 1.0, -0.8), 0.0),
+];
+
+/// Trees that are balls where they are near and volumes where they are far, on a ground whose skin is handed over too; leaves
+/// are `size` times as wide.
+fn orchard(size: f32) -> Scene {
+    let mut scene = outdoors(&TREES.map(|(at, _)| at));
+    let widths = |mesh, number: usize| if mesh == 0 { 0.0 } else { size * TREES[number - 1].1 };
+    Arc::make_mut(&mut scene.geometry).set_leaf_widths(widths);
+    let handed_over = TREES.iter().enumerate().filter(|(_, (_, width))| *width > 0.0);
+    let place = |(number, (at, width)): (usize, &(Vec3, f32))| {
+        let turn = Quat::from_axis_angle(Vec3::Y, number as f32);
+        let middle = Mat4::from_translation(Vec3::splat(-0.5));
+        let world_from_volume = Mat4::from_scale_rotation_translation(Vec3::splat(0.9), turn, *at) * middle;
+        VolumePlace { volume: number % 2, world_from_volume, leaf_width: size * width }
+    };
+    let places: Vec<VolumePlace> = handed_over.map(place).collect();
+    scene.volumes = Some(volumes(&places, SceneSkin { leaf_width: size * 0.09, ..skin(77) }));
+    scene
+}
+
 fn cpu_picture(scene: &Scene, options: &ShadeOptions) -> Vec<[f32; 3]> {
     let mut picture = CpuPicture::new(SIZE);
     for _ in 0..SAMPLES {
@@ -112,7 +143,7 @@ fn cpu_picture(scene: &Scene, options: &ShadeOptions) -> Vec<[f32; 3]> {
     picture.radiance()
 }
 
-/// What is drawn of the scene, and how.
+/// What is drawn of a scene, and how.
 struct Case {
     name: &'static str,
     scene: Scene,
@@ -120,34 +151,49 @@ struct Case {
     expected: Vec<[f32; 3]>,
 }
 
-fn cases() -> Vec<Case> {
-    let mut windy = outdoors();
-    windy.wind = Some(WIND);
-    windy.blow(1.5).unwrap();
-    let mut lit_evenly = garden();
-    lit_evenly.ambient = Ambient { radiance: [0.3, 0.4, 0.5], distance: 1.0 };
-    let case = |name, scene, mode| {
+impl Case {
+    fn new(name: &'static str, scene: Scene, mode: RenderMode) -> Case {
         let options = ShadeOptions { mode, depth: 3, ..ShadeOptions::default() };
         let expected = cpu_picture(&scene, &options);
         Case { name, scene, options, expected }
-    };
+    }
+}
+
+fn cases() -> Vec<Case> {
+    let mut windy = outdoors(&[BALL]);
+    windy.wind = Some(WIND);
+    windy.blow(1.5).unwrap();
+    let mut lit_evenly = garden(&[BALL]);
+    lit_evenly.ambient = Ambient { radiance: [0.3, 0.4, 0.5], distance: 1.0 };
     vec![
-        case("a sky", outdoors(), RenderMode::Direct),
-        case("a sky, paths", outdoors(), RenderMode::Path),
-        case("ambient light", lit_evenly, RenderMode::Direct),
-        case("wind", windy, RenderMode::Direct),
+        Case::new("a sky", outdoors(&[BALL]), RenderMode::Direct),
+        Case::new("a sky, paths", outdoors(&[BALL]), RenderMode::Path),
+        Case::new("ambient light", lit_evenly, RenderMode::Direct),
+        Case::new("wind", windy, RenderMode::Direct),
+    ]
+}
+
+fn cases_of_hand_over() -> Vec<Case> {
+    let mut within = orchard(1.0);
+    // Within the box of a volume, beside the ball that it stands in for; the sphere cuts both.
+    let eye = TREES[2].0 + Vec3::new(0.25, 0.35, 0.25);
+    within.camera = Camera { eye, target: eye + Vec3::new(-1.0, 0.1, -1.0), fov_deg: 70.0, ..within.camera };
+    vec![
+        Case::new("trees", orchard(1.0), RenderMode::Direct),
+        Case::new("trees, paths", orchard(1.0), RenderMode::Path),
+        Case::new("from within a tree", within, RenderMode::Direct),
     ]
 }
 
 /// Pixels of a picture that may differ: rays that graze a voxel's edge.
 const ALLOWED: usize = (SIZE[0] * SIZE[1]) as usize / 100;
 
-fn compare(kind: GpuTracer, test: &str) {
+/// Cases of one geometry.
+fn compare(kind: GpuTracer, cases: &[Case], test: &str) {
     let Some(gpu) = gpu(test) else { return };
-    let cases = cases();
-    // One for all, whose pipelines then are compiled once: it is uploaded with the sky that the last does without.
+    // One for all, whose pipelines then are compiled once: it is uploaded with the sky that others may do without.
     let mut tracer = Tracer::new(&gpu, &cases[0].scene, kind).unwrap();
-    for Case { name, scene, options, expected } in &cases {
+    for Case { name, scene, options, expected } in cases {
         tracer.update_skins(&gpu, scene).unwrap();
         for sample in 0..SAMPLES {
             tracer.sample(&gpu, scene, SIZE, options, sample, None).unwrap();
@@ -160,12 +206,22 @@ fn compare(kind: GpuTracer, test: &str) {
 
 #[test]
 fn ray_queries_draw_the_same_volumes_as_the_cpu() {
-    compare(GpuTracer::RayQuery, "ray_queries_draw_the_same_volumes_as_the_cpu");
+    compare(GpuTracer::RayQuery, &cases(), "ray_queries_draw_the_same_volumes_as_the_cpu");
 }
 
 #[test]
 fn the_compute_hierarchy_draws_the_same_volumes_as_the_cpu() {
-    compare(GpuTracer::Bvh, "the_compute_hierarchy_draws_the_same_volumes_as_the_cpu");
+    compare(GpuTracer::Bvh, &cases(), "the_compute_hierarchy_draws_the_same_volumes_as_the_cpu");
+}
+
+#[test]
+fn ray_queries_hand_over_where_the_cpu_does() {
+    compare(GpuTracer::RayQuery, &cases_of_hand_over(), "ray_queries_hand_over_where_the_cpu_does");
+}
+
+#[test]
+fn the_compute_hierarchy_hands_over_where_the_cpu_does() {
+    compare(GpuTracer::Bvh, &cases_of_hand_over(), "the_compute_hierarchy_hands_over_where_the_cpu_does");
 }
 
 #[test]
@@ -176,8 +232,21 @@ fn a_volume_less_or_another_is_noticed() {
         let moved = count_differences(&expected, &cpu_picture(&later, &options));
         assert_eq!(moved > 2 * ALLOWED, scene.wind.is_some(), "{name}: {moved}");
         // One volume less, another seed of the skin, no volumes.
-        for volumes in [Some(volumes(&places()[..1], 77)), Some(volumes(&places(), 78)), None] {
+        for volumes in [Some(volumes(&places()[..1], skin(77))), Some(volumes(&places(), skin(78))), None] {
             let planted = count_differences(&expected, &cpu_picture(&Scene { volumes, ..scene.clone() }, &options));
+            assert!(planted > 2 * ALLOWED, "{name}: {planted}");
+        }
+    }
+}
+
+#[test]
+fn other_spheres_are_noticed() {
+    for Case { name, scene, options, expected } in cases_of_hand_over() {
+        // Wider spheres, hardly any volume, hardly any mesh.
+        for size in [1.05, 100.0, 0.01] {
+            let other = Scene { camera: scene.camera, ..orchard(size) };
+            let planted = count_differences(&expected, &cpu_picture(&other, &options));
+            println!("{name}, leaves {size} times as wide: {planted} of {} pixels differ", expected.len());
             assert!(planted > 2 * ALLOWED, "{name}: {planted}");
         }
     }

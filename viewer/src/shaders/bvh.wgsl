@@ -16,6 +16,10 @@ const NO_INSTANCE: u32 = 0xffffffffu;
 
 fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, which: u32) -> Hit {
     var best = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
+    let spheres = hand_over_along(hand_over, origin, direction);
+    // Where the mesh that the ray is in begins to be there, and beyond what nothing counts.
+    var from_t = 0.0;
+    var reach = t_max;
     let world = box_ray(origin, direction);
     var ray = world;
     var shear = shear_new(direction);
@@ -25,18 +29,18 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
     // The instance that the ray is in, and where the stack stood before.
     var instance = NO_INSTANCE;
     var below = 0u;
-    if bvh_enter(node_at(at), ray, best.t) >= best.t {
+    if bvh_enter(node_at(at), ray, reach) >= reach {
         return best;
     }
     loop {
         let node = node_at(at);
         if node.count == 0u {
-            let left = bvh_enter(node_at(node.first), ray, best.t);
-            let right = bvh_enter(node_at(node.first + 1u), ray, best.t);
+            let left = bvh_enter(node_at(node.first), ray, reach);
+            let right = bvh_enter(node_at(node.first + 1u), ray, reach);
             // Go to the nearer child, keep the farther one.
             let left_first = left <= right;
-            if min(left, right) < best.t {
-                if max(left, right) < best.t && size < BVH_STACK {
+            if min(left, right) < reach {
+                if max(left, right) < reach && size < BVH_STACK {
                     stack[size] = select(node.first, node.first + 1u, left_first);
                     size += 1u;
                 }
@@ -51,14 +55,21 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
             ray = box_ray(object_from_world(instance, vec4<f32>(origin, 1.0)), own);
             shear = shear_new(own);
             at = instances[instance].root;
-            if bvh_enter(node_at(at), ray, best.t) < best.t {
+            // Fronts are those of volumes' proxies, which are entered wherever they are.
+            if with_hand_over && which != HIT_FRONT {
+                let there = hand_over_mesh(spheres, instances[instance].leaf_width);
+                from_t = there.x;
+                reach = min(best.t, there.y);
+            }
+            if bvh_enter(node_at(at), ray, reach) < reach {
                 continue;
             }
         } else {
             for (var primitive = node.first; primitive < node.first + node.count; primitive++) {
                 let hit = bvh_intersect(ray.origin, shear, primitive, which == HIT_FRONT);
-                if hit.primitive != NO_HIT && hit.t < best.t {
+                if hit.primitive != NO_HIT && hit.t < reach && hit.t >= from_t {
                     best = hit;
+                    reach = hit.t;
                     best.instance = instance;
                     if which == HIT_ANY {
                         return best;
@@ -70,6 +81,7 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
             instance = NO_INSTANCE;
             below = 0u;
             ray = world;
+            reach = best.t;
         }
         if size == 0u {
             return best;

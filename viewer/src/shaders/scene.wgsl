@@ -54,9 +54,10 @@ struct Frame {
     volume_reach: f32,
     // Length of the slices in which overlapping volumes are taken.
     volume_slice: f32,
+    // How wide leaves of meshes are at most that volumes stand in for, in the world; 0 where there are none.
+    widest_leaf: f32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 struct Vertex {
@@ -82,10 +83,10 @@ struct Instance {
     // Node where the mesh's hierarchy begins.
     root: u32,
     first_triangle: u32,
-    // 0 where the mesh's space is the world.
-    moved: u32,
-    // -1 where it is mirrored, else 1.
+    // 0 where the mesh's space is the world; else -1 where it is mirrored, 1 where it is not.
     handedness: f32,
+    // How wide its leaves are in the world; 0 where no volume stands in for it.
+    leaf_width: f32,
 }
 
 struct Material {

@@ -101,7 +101,7 @@ fn vertex_in_world(given: Vertex, instance: Instance) -> Vertex {
 fn corners_of(hit: Hit) -> array<Vertex, 3> {
     let corner = triangle_at(hit.primitive).vertices;
     var corners = array<Vertex, 3>(vertex_at(corner.x), vertex_at(corner.y), vertex_at(corner.z));
-    if instances[hit.instance].moved != 0u {
+    if instances[hit.instance].handedness != 0.0 {
         let instance = instances[hit.instance];
         for (var i = 0u; i < 3u; i++) {
             corners[i] = vertex_in_world(corners[i], instance);

@@ -4,9 +4,10 @@ enable wgpu_ray_query;
 
 @group(1) @binding(0) var acceleration: acceleration_structure;
 
-// Masks of the instances. Twins: MESHES and PROXIES in trace.rs.
+// Masks of the instances. Twins: MESHES, PROXIES and HANDED_OVER in acceleration_structure.rs.
 const RAY_MESHES: u32 = 1u;
 const RAY_PROXIES: u32 = 2u;
+const RAY_HANDED_OVER: u32 = 4u;
 const RAY_FLAG_TERMINATE_ON_FIRST_HIT: u32 = 4u;
 // Fronts and backs are told in the mesh's own space, where mirrored instances have theirs as others do.
 const RAY_FLAG_CULL_BACK_FACING: u32 = 0x10u;
@@ -22,17 +23,39 @@ fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, t_m
 }
 
 fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
+    var hit = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
+    let spheres = hand_over_along(hand_over, origin, direction);
+    let widest = hand_over_mesh(spheres, frame.widest_leaf);
     var query: ray_query;
-    rayQueryInitialize(&query, acceleration, RayDesc(flags, mask, 0.0, t_max, origin, direction));
-    while (rayQueryProceed(&query)) {
+    // What is handed over is looked for by itself, within the widest of the spheres: all that is beyond is left out.
+    let parts = select(1u, 2u, with_hand_over && mask == RAY_MESHES);
+    for (var part = 0u; part < parts; part++) {
+        let from_t = select(max(widest.x, 0.0), 0.0, part == 0u);
+        let reach = select(min(widest.y, hit.t), t_max, part == 0u);
+        let is_enough = (flags & RAY_FLAG_TERMINATE_ON_FIRST_HIT) != 0u && hit.primitive != NO_HIT;
+        if is_enough || from_t >= reach {
+            break;
+        }
+        let asked = select(RAY_HANDED_OVER, mask, part == 0u);
+        rayQueryInitialize(&query, acceleration, RayDesc(flags, asked, from_t, reach, origin, direction));
+        while (rayQueryProceed(&query)) {
+            // What is handed over is not opaque: it is there within its own sphere only.
+            if with_hand_over {
+                let met = rayQueryGetCandidateIntersection(&query);
+                let there = hand_over_mesh(spheres, instances[met.instance_custom_data].leaf_width);
+                if met.t >= there.x && met.t < there.y {
+                    rayQueryConfirmIntersection(&query);
+                }
+            }
+        }
+        let found = rayQueryGetCommittedIntersection(&query);
+        if found.kind != RAY_QUERY_INTERSECTION_NONE {
+            let instance = found.instance_custom_data;
+            let primitive = instances[instance].first_triangle + found.primitive_index;
+            hit = Hit(found.t, primitive, found.barycentrics.x, found.barycentrics.y, instance);
+        }
     }
-    let found = rayQueryGetCommittedIntersection(&query);
-    if found.kind == RAY_QUERY_INTERSECTION_NONE {
-        return Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
-    }
-    let instance = found.instance_custom_data;
-    let primitive = instances[instance].first_triangle + found.primitive_index;
-    return Hit(found.t, primitive, found.barycentrics.x, found.barycentrics.y, instance);
+    return hit;
 }
 
 fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool {

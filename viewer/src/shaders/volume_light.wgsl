@@ -158,8 +158,9 @@ fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32)
     var sum = 0.0;
     var open: array<Passage, PASSAGE_SLOTS>;
     var stretches = volume_stretches_in_turn(origin, direction, t_max);
+    var stretch: Stretch;
     loop {
-        let stretch = volume_next(&stretches, &open);
+        stretch = volume_next(&stretches, &open, stretch);
         if stretch.volume == NO_VOLUME {
             return select(sum, VOLUME_BLACK, stretches.entries.is_hidden);
         }

@@ -149,7 +149,7 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
                 }
                 optical_depth = VOLUME_BLACK;
             } else {
-                stretch = volume_next(&stretches, &open);
+                stretch = volume_next(&stretches, &open, stretch);
                 if stretch.volume != NO_VOLUME {
                     let t = select(0.5 * (stretch.t0 + stretch.t1), drawn.t, to_light);
                     let width = (path.travelled + t) * ray_width();

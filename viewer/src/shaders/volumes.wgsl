@@ -25,6 +25,8 @@ struct Stretch {
     t1: f32,
     // Where the volume's ray has its origin, along the world's ray.
     start: f32,
+    // How wide the leaves are of the mesh that the volume stands in for, in the world; 0 where there is none.
+    leaf_width: f32,
 }
 
 // A way through one volume or skin.
@@ -65,12 +67,14 @@ struct Stretches {
     count: u32,
     // Where the next stretch of each begins, VOLTEX_FAR where the slot is free.
     begins: vec4<f32>,
+    // From where to where the latest stretch goes on behind the mesh that its volume stands in for; none where that is nowhere.
+    behind: vec2<f32>,
 }
 
 // The stretches of a ray between 0 and `t_max`, in the order in which they begin.
 fn volume_stretches(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Stretches {
     let entries = Entries(origin, t_max, direction, -frame.volume_reach, false, false);
-    return Stretches(entries, Hit(), false, 0u, MOST_PASSAGES, vec4<f32>(VOLTEX_FAR));
+    return Stretches(entries, Hit(), false, 0u, MOST_PASSAGES, vec4<f32>(VOLTEX_FAR), vec2<f32>(0.0));
 }
 
 // The same volume by volume, for sums that need no order; none where a mesh is in the way.
@@ -80,6 +84,16 @@ fn volume_stretches_in_turn(origin: vec3<f32>, direction: vec3<f32>, t_max: f32)
     stretches.slot = MOST_PASSAGES;
     stretches.count = 1u;
     return stretches;
+}
+
+// A stretch as far as the mesh that its volume stands in for; what is behind that waits.
+fn volume_handed_over(stretches: ptr<function, Stretches>, given: Stretch) -> Stretch {
+    let spheres = hand_over_along(hand_over, (*stretches).entries.origin, (*stretches).entries.direction);
+    let parts = hand_over_volume(spheres, given.leaf_width, given.t0, given.t1);
+    (*stretches).behind = parts.zw;
+    var own = given;
+    own.t1 = parts.y;
+    return own;
 }
 
 // The next face that the ray enters by, none where its primitive is NO_HIT; or whether a mesh hides everything.
@@ -111,6 +125,8 @@ fn volume_enter(entries: Entries, hit: Hit) -> Passage {
     let start = max(hit.t, 0.0);
     var passage: Passage;
     passage.patterns = asset_word(at + 1u);
+    let leaf_width = instances[hit.instance].leaf_width;
+    passage.stretch.leaf_width = leaf_width;
     if passage.patterns != NO_ASSET {
         let link = triangle_at(hit.primitive).material;
         passage.walk = shell_enter(asset_word(at), entries.origin, entries.direction, link, start, entries.t_max);
@@ -124,7 +140,7 @@ fn volume_enter(entries: Entries, hit: Hit) -> Passage {
     let exits = select((planes - own) / select(along, vec3<f32>(1.0), across), vec3<f32>(VOLTEX_FAR), across);
     let end = min(start + min(exits.x, min(exits.y, exits.z)), entries.t_max);
     let map = VolumeMap(rows[0].xyz, rows[1].xyz, rows[2].xyz);
-    passage.stretch = Stretch(own, asset_word(at), along, start, map, end, start);
+    passage.stretch = Stretch(own, asset_word(at), along, start, map, end, start, leaf_width);
     return passage;
 }
 
@@ -196,11 +212,22 @@ fn volume_slot_of(begins: vec4<f32>, value: f32) -> u32 {
     return select(select(select(select(4u, 3u, found.w), 2u, found.z), 1u, found.y), 0u, found.x);
 }
 
-// The next stretch; nowhere where its volume is NO_VOLUME. Each step is written once, because compilers copy what is called into
-// its place.
-fn volume_next(stretches: ptr<function, Stretches>, open: ptr<function, array<Passage, PASSAGE_SLOTS>>) -> Stretch {
+// The stretch after `latest`; nowhere where its volume is NO_VOLUME, and empty where all of it is a mesh. Each step is written
+// once, because compilers copy what is called into its place.
+fn volume_next(
+    stretches: ptr<function, Stretches>,
+    open: ptr<function, array<Passage, PASSAGE_SLOTS>>,
+    latest: Stretch,
+) -> Stretch {
     let numbers = vec4<u32>(0u, 1u, 2u, 3u);
-    var own: Stretch;
+    var own = latest;
+    let behind = (*stretches).behind;
+    if with_hand_over && behind.x < behind.y {
+        (*stretches).behind = vec2<f32>(0.0);
+        own.t0 = behind.x;
+        own.t1 = behind.y;
+        return own;
+    }
     own.volume = NO_VOLUME;
     while own.volume == NO_VOLUME {
         var here = *stretches;
@@ -260,6 +287,9 @@ fn volume_next(stretches: ptr<function, Stretches>, open: ptr<function, array<Pa
         let begin = select(VOLTEX_FAR, passage.stretch.t0, goes_on);
         here.begins = select(here.begins, vec4<f32>(begin), numbers == vec4<u32>(slot));
         *stretches = here;
+    }
+    if with_hand_over {
+        own = volume_handed_over(stretches, own);
     }
     return own;
 }

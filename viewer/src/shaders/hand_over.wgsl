@@ -1,0 +1,77 @@
+// Hand-over from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin: hand_over.rs.
+
+// A leaf that is so many pixels wide is a mesh's.
+const MESH_PIXELS: f32 = 2.0;
+// A leaf that is so many pixels wide is a volume's.
+const VOLUME_PIXELS: f32 = 1.0;
+// Stream of the sampler from which radii are drawn.
+const HAND_OVER_STREAM: u32 = 0x5bd1e995u;
+// Steps of the R2 sequence [Roberts 2018] in fractions of 2^32: radii of neighbouring pixels are far from each other.
+const PIXEL_STEP_X: u32 = 0xc13fa9a9u;
+const PIXEL_STEP_Y: u32 = 0x91e10da6u;
+
+// What is a mesh and what a volume, for one path.
+struct HandOver {
+    eye: vec3<f32>,
+    // Radius of the spheres, in widths of leaves.
+    radius_widths: f32,
+}
+
+// Where a ray is within the spheres about the eye.
+struct SpheresAlong {
+    // Where it is nearest to the eye, and how near, squared.
+    nearest: f32,
+    apart2: f32,
+    radius_widths: f32,
+}
+
+// Whether the scene hands anything over.
+override with_hand_over: bool = true;
+// That of the path which this invocation follows.
+var<private> hand_over: HandOver;
+
+// About an eye, where a pixel is `pixel_width` wide at distance 1; `share` is how far from the inner sphere to the outer one.
+fn hand_over_new(eye: vec3<f32>, pixel_width: f32, share: f32) -> HandOver {
+    let leaf_pixels = MESH_PIXELS * pow(VOLUME_PIXELS / MESH_PIXELS, share);
+    return HandOver(eye, 1.0 / (leaf_pixels * pixel_width));
+}
+
+// That of a sample of a pixel.
+fn hand_over_of_path(eye: vec3<f32>, pixel_width: f32, pixel: vec2<u32>, sample: u32) -> HandOver {
+    let lattice = pixel.x * PIXEL_STEP_X + pixel.y * PIXEL_STEP_Y;
+    let own = sampler_two(sample, HAND_OVER_STREAM).x;
+    return hand_over_new(eye, pixel_width, fract(own + f32(lattice >> 8u) * 5.9604645e-8));
+}
+
+// Of a ray, whose direction is unit.
+fn hand_over_along(own: HandOver, origin: vec3<f32>, direction: vec3<f32>) -> SpheresAlong {
+    let to_eye = own.eye - origin;
+    let nearest = dot(to_eye, direction);
+    let apart = to_eye - nearest * direction;
+    return SpheresAlong(nearest, dot(apart, apart), own.radius_widths);
+}
+
+// From where to where a mesh is one whose leaves are so wide; all the way where that is 0, for what no volume stands in for. The
+// end lies before the start where the ray passes the sphere.
+fn hand_over_mesh(spheres: SpheresAlong, leaf_width: f32) -> vec2<f32> {
+    if leaf_width <= 0.0 {
+        return vec2<f32>(-TRACE_FAR, TRACE_FAR);
+    }
+    let radius = leaf_width * spheres.radius_widths;
+    let half2 = radius * radius - spheres.apart2;
+    if half2 < 0.0 {
+        return vec2<f32>(TRACE_FAR, -TRACE_FAR);
+    }
+    let half = sqrt(half2);
+    return vec2<f32>(spheres.nearest - half, spheres.nearest + half);
+}
+
+// What of the stretch from `t0` to `t1` is before (x, y) and behind (z, w) the mesh that a volume stands in for; those that end
+// where they begin or before are none.
+fn hand_over_volume(spheres: SpheresAlong, leaf_width: f32, t0: f32, t1: f32) -> vec4<f32> {
+    let there = hand_over_mesh(spheres, leaf_width);
+    if leaf_width <= 0.0 || there.y <= there.x {
+        return vec4<f32>(t0, t1, t1, t1);
+    }
+    return vec4<f32>(t0, min(t1, there.x), max(t0, there.y), t1);
+}
