@@ -27,13 +27,14 @@ fn read_volume(path: &Path) -> Result<Volume, ViewerError> {
     Volume::parse(&bytes).map_err(|source| ViewerError::Volume { path: path.into(), source })
 }
 
-/// A volume whose materials reflect and transmit `tint` times as much, and never more than all light.
+/// A volume whose materials reflect and transmit `tint` times as much, and no brighter than all light, if they were not
+/// before.
 pub(crate) fn tinted(volume: &Volume, tint: [f32; 3]) -> Volume {
     let mut tinted = volume.clone();
     for material in &mut tinted.materials {
         for (channel, factor) in tint.iter().enumerate() {
             let [reflected, passed] = [material.reflectance[channel], material.transmittance[channel]];
-            let factor = factor.min(1.0 / (reflected + passed).max(1e-6));
+            let factor = factor.min((1.0 / (reflected + passed).max(1e-6)).max(1.0));
             material.reflectance[channel] = reflected * factor;
             material.transmittance[channel] = passed * factor;
         }

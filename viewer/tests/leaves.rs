@@ -238,6 +238,7 @@ fn white_leaves_in_a_white_world_are_not_to_be_seen() {
         scene.ambient = Ambient { radiance: [1.0; 3], distance: 1.0 };
         scene.background = [1.0; 3];
         for material in &mut scene.materials {
+            material.tint = [1.0; 3];
             if let Body::Plain(reflectance) = &mut material.body {
                 *reflectance = [1.0; 3];
             }
