@@ -192,9 +192,12 @@ impl Voltex {
     }
 }
 
+/// A cell's flakes, of one sort or of two.
+type Flakes<'a> = (&'a Voxel, Option<&'a Voxel>);
+
 /// Nodes and the words of their voxels, layer by layer from the root.
 fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
-    let levels: Vec<BTreeMap<[u32; 3], (&Voxel, Option<&Voxel>)>> = volume.levels.iter().map(flakes_by_place).collect();
+    let levels: Vec<BTreeMap<[u32; 3], Flakes>> = volume.levels.iter().map(flakes_by_place).collect();
     let (mut nodes, mut voxels) = (Vec::new(), Vec::new());
     // What stands behind all voxels of the tree, which are numbered by it.
     let mut others: Vec<&Voxel> = Vec::new();
@@ -216,7 +219,7 @@ fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
                 let part = [i & 3, i >> 2 & 3, i >> 4];
                 cells[cell_number(part) as usize] = std::array::from_fn(|axis| 4 * origin[axis] + part[axis]);
             }
-            let mut push = |(voxel, other): (&Voxel, Option<&'a Voxel>)| {
+            let mut push = |(voxel, other): Flakes<'a>| {
                 voxels.extend(voxel.words());
                 voxels.push(other.map_or(NO_VOXEL, |_| others.len() as u32));
                 others.extend(other);
@@ -251,7 +254,7 @@ fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
 const NOTHING: Voxel = Voxel { extinction: Sym3([0.0; 6]), moment: Sym3([0.0; 6]), material: 0 };
 
 /// A level's voxels with the second sort of flakes in their cells.
-fn flakes_by_place(level: &VolumeLevel) -> BTreeMap<[u32; 3], (&Voxel, Option<&Voxel>)> {
+fn flakes_by_place(level: &VolumeLevel) -> BTreeMap<[u32; 3], Flakes<'_>> {
     let mut others = level.others.iter().peekable();
     let voxels = level.voxels.iter().enumerate();
     voxels
