@@ -11,6 +11,7 @@ use crate::scene::Scene;
 use crate::surface::{LEAST_EYE_COS, Surface};
 use crate::trace::{GpuPixel, PixelHit};
 use crate::viewed_body::ViewedBody;
+use crate::volume_light::AROUND_ROUGHNESS;
 use btf_runtime::{LightRows, ViewedLeaf, ViewedTexel};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -498,7 +499,7 @@ impl Shader<'_> {
                         let Some(point) = seen.point else { break };
                         let way = sampler::two(self.sample, seed_of(pixel, depth, Numbers::VolumeScatter));
                         let next = sampler::sphere(way);
-                        throughput *= 4.0 * point.reflected(volumes, next);
+                        throughput *= 4.0 * point.reflected(volumes, next, AROUND_ROUGHNESS);
                         let kept = throughput.max_element().clamp(LEAST_KEPT, 1.0);
                         if at[1] >= kept || throughput.max_element() <= 0.0 {
                             break;

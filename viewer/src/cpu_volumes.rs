@@ -6,7 +6,7 @@ use crate::cpu::{FAR, LEAST_LIGHT_DISTANCE2, Numbers, SPHERE_DENSITY, Shader, se
 use crate::options::RenderMode;
 use crate::sampler;
 use crate::trace::PixelHit;
-use crate::volume_light::{VolumePoint, asks_anew};
+use crate::volume_light::{AROUND_ROUGHNESS, VolumePoint, asks_anew};
 use crate::volumes::Volumes;
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -138,7 +138,7 @@ impl Shader<'_> {
                 let position = origin + direction * point.t;
                 for ((towards, _, incident), unshadowed) in self.lights_at(position, sun).zip(&mut near.unshadowed) {
                     if incident.max_element() > 0.0 {
-                        *unshadowed += point.weight * incident * point.reflected(volumes, towards);
+                        *unshadowed += point.weight * incident * point.reflected(volumes, towards, 0.0);
                     }
                 }
                 near.weight += point.weight;
@@ -174,7 +174,7 @@ impl Shader<'_> {
             {
                 done.rays += 1;
                 let passed = self.light_passed(volumes, point, position, -direction, towards, distance, width);
-                radiance += total * passed * incident * point.reflected(volumes, towards);
+                radiance += total * passed * incident * point.reflected(volumes, towards, AROUND_ROUGHNESS);
             }
         }
         SeenInVolumes { radiance, through, point: chosen }

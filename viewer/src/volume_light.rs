@@ -14,6 +14,9 @@ const MOST_DEPTH: f32 = 7.824_046;
 const LEAST_OPACITY: f32 = 1e-5;
 /// Share of a pixel that must be hidden before light is asked for anew.
 const SHADOW_STEP: f32 = 1.0 / 16.0;
+/// Least roughness of flakes in light from all around, of which one direction is drawn at one place of all that a ray sees: without
+/// it a flake that is seen from its edge, and rarely drawn, would be as bright as all of them.
+pub(crate) const AROUND_ROUGHNESS: f32 = 0.7;
 /// The constants that the shader has too, by name.
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[
@@ -21,6 +24,7 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("VOLUME_MOST_DEPTH", MOST_DEPTH),
     ("VOLUME_LEAST_OPACITY", LEAST_OPACITY),
     ("VOLUME_SHADOW_STEP", SHADOW_STEP),
+    ("VOLUME_AROUND_ROUGHNESS", AROUND_ROUGHNESS),
 ];
 
 /// What a ray sees at one place of a volume.
@@ -80,8 +84,8 @@ impl Level {
 
 impl VolumePoint {
     /// Light that it reflects and transmits of what comes from `light` (a unit vector towards it) with irradiance pi, without
-    /// shadow.
-    pub fn reflected(&self, volumes: &Volumes, light: Vec3) -> Vec3 {
+    /// shadow; gloss as if it were of `least_roughness` at least.
+    pub fn reflected(&self, volumes: &Volumes, light: Vec3, least_roughness: f32) -> Vec3 {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light * self.map.determinant().abs().cbrt().recip();
         let mut sum = Vec3::ZERO;
@@ -92,7 +96,7 @@ impl VolumePoint {
             if material.specular > 0.0 {
                 // In proportion to the eye's vector, as the sums above.
                 let [v, l] = [-self.view, l].map(|d| d.normalize_or_zero().into());
-                let shine = gloss(&voxel.extinction, material.specular, material.roughness, v, l);
+                let shine = gloss(&voxel.extinction, material.specular, material.roughness.max(least_roughness), v, l);
                 sum += share * self.view.length() * shine;
             }
         }

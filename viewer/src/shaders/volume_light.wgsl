@@ -10,6 +10,8 @@ const VOLUME_LEAST_OPACITY: f32 = 1e-5;
 const VOLUME_BLACK: f32 = 1e4;
 // Share of a pixel that must be hidden before light is asked for anew.
 const VOLUME_SHADOW_STEP: f32 = 0.0625;
+// Least roughness of flakes in light from all around.
+const VOLUME_AROUND_ROUGHNESS: f32 = 0.7;
 
 // What a ray sees at one place of a volume.
 struct VolumePoint {
@@ -71,19 +73,19 @@ fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> 
 
 // Light that the point reflects and transmits of what comes from `light` (a unit vector towards it) with irradiance pi, without
 // shadow.
-fn volume_reflected(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
+fn volume_reflected(point: VolumePoint, light: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     let l = volume_times(point.map, light) / volume_scale(point.map);
     var sum = vec3<f32>(0.0);
     for (var own = point.parts.numbers.x; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
-        sum += point.parts.shares.x * volume_voxel_light(point, own, l);
+        sum += point.parts.shares.x * volume_voxel_light(point, own, l, least_roughness);
     }
     for (var own = point.parts.numbers.y; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
-        sum += point.parts.shares.y * volume_voxel_light(point, own, l);
+        sum += point.parts.shares.y * volume_voxel_light(point, own, l, least_roughness);
     }
     return sum / max(point.parts.sigma, 1e-30);
 }
 
-fn volume_voxel_light(point: VolumePoint, number: u32, l: vec3<f32>) -> vec3<f32> {
+fn volume_voxel_light(point: VolumePoint, number: u32, l: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     let voxel = voltex_voxel(point.volume, number);
     let material = voltex_material(point.volume, voxel.material);
     let sides = voltex_shade(voxel.moment, -point.view, l);
@@ -93,7 +95,8 @@ fn volume_voxel_light(point: VolumePoint, number: u32, l: vec3<f32>) -> vec3<f32
     }
     // In proportion to the eye's vector, as the sums above.
     let far = length(point.view);
-    let shine = voltex_gloss(voxel.extinction, material.specular, material.roughness, -point.view / far, normalize(l));
+    let roughness = max(material.roughness, least_roughness);
+    let shine = voltex_gloss(voxel.extinction, material.specular, roughness, -point.view / far, normalize(l));
     return light + far * shine;
 }
 

@@ -73,7 +73,8 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
         if is_last {
             drawn_light = volume_surroundings(sky_at);
             if most(drawn_light.incident) > 0.0 {
-                unshadowed = total * drawn_light.incident * volume_reflected(drawn, drawn_light.towards);
+                let reflected = volume_reflected(drawn, drawn_light.towards, VOLUME_AROUND_ROUGHNESS);
+                unshadowed = total * drawn_light.incident * reflected;
             }
         }
         var stretches = volume_stretches(path.origin, path.direction, t_max);
@@ -91,7 +92,7 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
                     light = volume_point_light(source - 1u, path.origin + path.direction * point.t);
                 }
                 if most(light.incident) > 0.0 {
-                    unshadowed += point.weight * light.incident * volume_reflected(point, light.towards);
+                    unshadowed += point.weight * light.incident * volume_reflected(point, light.towards, 0.0);
                 }
                 near += point.weight;
                 if sampler_one(seed + draws + 1u) * near < point.weight {
@@ -259,7 +260,7 @@ fn pass_volumes(at: vec2<u32>, t_max: f32, path: ptr<function, Path>, pixel: ptr
         return false;
     }
     let next = sampler_sphere(sampler_two(frame.sample, seed_of(at, depth, VOLUME_SCATTER_NUMBERS)));
-    let throughput = (*path).throughput * (4.0 * volume_reflected(seen.point, next));
+    let throughput = (*path).throughput * (4.0 * volume_reflected(seen.point, next, VOLUME_AROUND_ROUGHNESS));
     // Russian roulette, as at surfaces.
     let kept = clamp(most(throughput), LEAST_KEPT, 1.0);
     if most(throughput) <= 0.0 || choice.y >= kept {
