@@ -307,6 +307,7 @@ mod tests {
             "volume_scale",
             "volume_level_of",
             "volume_voxel_light",
+            "volume_normal_towards",
             "volume_slot_of",
             "volume_offset",
             "volume_pass",
