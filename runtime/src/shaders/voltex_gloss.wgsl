@@ -38,5 +38,5 @@ fn voltex_fresnel(index: f32, cosine: f32) -> f32 {
 // Share of the facets towards `d` that others do not hide.
 fn voltex_facets_seen(flakes: VoltexMatrix, facets: VoltexMatrix, d: vec3<f32>) -> f32 {
     let own = sqrt(max(voltex_form(flakes, d, d), 0.0));
-    return 2.0 * own / (own + sqrt(max(voltex_form(facets, d, d), 0.0)));
+    return 2.0 * own / max(own + sqrt(max(voltex_form(facets, d, d), 0.0)), VOLTEX_LEAST_ROOT);
 }

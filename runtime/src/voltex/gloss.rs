@@ -5,6 +5,7 @@
 //! [after Heitz et al. 2015].
 
 use super::matrix::{Sym3, dot};
+use super::shade::LEAST_ROOT;
 use crate::leaf_lobe::fresnel;
 
 /// Least roughness that is told apart, GGX alpha: of less single precision makes no ellipsoid.
@@ -33,7 +34,7 @@ pub fn gloss(extinction: &Sym3, specular: f32, roughness: f32, v: [f32; 3], l: [
     // Share of the facets towards d that others do not hide [Smith 1967].
     let seen = |d: [f32; 3]| {
         let [own, all] = [&flakes, &facets].map(|s| s.form(d, d).max(0.0).sqrt());
-        2.0 * own / (own + all)
+        2.0 * own / (own + all).max(LEAST_ROOT)
     };
     let adjugate = facets.adjugate();
     // The determinant, by the first row.

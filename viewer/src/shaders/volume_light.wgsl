@@ -90,7 +90,8 @@ fn volume_voxel_light(point: VolumePoint, number: u32, l: vec3<f32>, least_rough
     let material = voltex_material(point.volume, voxel.material);
     let sides = voltex_shade(voxel.moment, -point.view, l);
     let light = material.reflectance * sides.x + material.transmittance * sides.y;
-    if material.specular <= 0.0 {
+    // A map without volume leaves nothing of a direction.
+    if material.specular <= 0.0 || dot(l, l) <= 0.0 {
         return light;
     }
     // In proportion to the eye's vector, as the sums above.
