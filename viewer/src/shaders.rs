@@ -306,7 +306,7 @@ mod tests {
             "volume_determinant",
             "volume_scale",
             "volume_level_of",
-            "volume_voxel_light",
+            "volume_cell_light",
             "volume_normal_towards",
             "volume_slot_of",
             "volume_offset",

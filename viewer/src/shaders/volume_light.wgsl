@@ -75,30 +75,28 @@ fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> 
 // shadow.
 fn volume_reflected(point: VolumePoint, light: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     let l = volume_times(point.map, light) / volume_scale(point.map);
-    var sum = vec3<f32>(0.0);
-    for (var own = point.parts.numbers.x; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
-        sum += point.parts.shares.x * volume_voxel_light(point, own, l, least_roughness);
-    }
-    for (var own = point.parts.numbers.y; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
-        sum += point.parts.shares.y * volume_voxel_light(point, own, l, least_roughness);
-    }
-    return sum / max(point.parts.sigma, 1e-30);
+    let finer = point.parts.shares.x * volume_cell_light(point, point.parts.numbers.x, l, least_roughness);
+    let coarser = point.parts.shares.y * volume_cell_light(point, point.parts.numbers.y, l, least_roughness);
+    return (finer + coarser) / max(point.parts.sigma, 1e-30);
 }
 
-fn volume_voxel_light(point: VolumePoint, number: u32, l: vec3<f32>, least_roughness: f32) -> vec3<f32> {
-    let voxel = voltex_voxel(point.volume, number);
-    let material = voltex_material(point.volume, voxel.material);
-    let sides = voltex_shade(voxel.moment, -point.view, l);
-    let light = material.reflectance * sides.x + material.transmittance * sides.y;
-    // A map without volume leaves nothing of a direction.
-    if material.specular <= 0.0 || dot(l, l) <= 0.0 {
-        return light;
+// Sum over the flakes of a cell.
+fn volume_cell_light(point: VolumePoint, number: u32, l: vec3<f32>, least_roughness: f32) -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    for (var own = number; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
+        let voxel = voltex_voxel(point.volume, own);
+        let material = voltex_material(point.volume, voxel.material);
+        let sides = voltex_shade(voxel.moment, -point.view, l);
+        sum += material.reflectance * sides.x + material.transmittance * sides.y;
+        // A map without volume leaves nothing of a direction.
+        if material.specular > 0.0 && dot(l, l) > 0.0 {
+            // In proportion to the eye's vector, as the sums above.
+            let far = length(point.view);
+            let roughness = max(material.roughness, least_roughness);
+            sum += far * voltex_gloss(voxel.extinction, material.specular, roughness, -point.view / far, normalize(l));
+        }
     }
-    // In proportion to the eye's vector, as the sums above.
-    let far = length(point.view);
-    let roughness = max(material.roughness, least_roughness);
-    let shine = voltex_gloss(voxel.extinction, material.specular, roughness, -point.view / far, normalize(l));
-    return light + far * shine;
+    return sum;
 }
 
 // From where a ray to a light begins, relative to the point, in the world.
