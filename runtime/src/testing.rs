@@ -10,7 +10,8 @@ use crate::parallax::Heights;
 use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::sphere::Sphere;
 use crate::voltex::{
-    FlakeMaterial, LevelShadow, Sym3, VoltexError, VoltexRay, Volume, VolumeLevel, Voxel, order, read_voltex_directory,
+    Facets, FlakeMaterial, LevelShadow, Sym3, VoltexError, VoltexRay, Volume, VolumeLevel, Voxel, order,
+    read_voltex_directory,
 };
 use half::f16;
 use std::collections::BTreeSet;
@@ -236,7 +237,8 @@ pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
         let shadow = LevelShadow { offset: random.within(0.0, 2.0), shared };
         let clumping = Sym3([0.5, -0.25, -0.125, 0.25, 0.0, -0.375]);
         let others = some_others(&mut random, voxels.len(), sample_voxel);
-        all.push(VolumeLevel { shadow, clumping, voxels, others });
+        let facets = Facets(std::array::from_fn(|i| 0.25 * (i as f32 - 7.0)));
+        all.push(VolumeLevel { shadow, clumping, facets, voxels, others });
         cells = cells.iter().map(|at| at.map(|x| x / 2)).collect();
     }
     // Numbers that half precision has.
@@ -299,6 +301,7 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
                 shared: std::array::from_fn(|_| random.within(-1.0, 1.0)),
             },
             clumping: Sym3(std::array::from_fn(|_| random.within(-0.5, 0.5))),
+            facets: Facets(std::array::from_fn(|_| random.within(-2.0, 2.0))),
             voxels,
             others,
         });

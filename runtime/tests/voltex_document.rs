@@ -6,7 +6,7 @@ mod document;
 
 use btf_runtime::testing::{Random, sample_volume};
 use btf_runtime::voltex::{
-    FlakeMaterial, LevelShadow, Sym3, Voltex, Volume, VolumeLevel, Voxel, read_voltex_directory,
+    Facets, FlakeMaterial, LevelShadow, Sym3, Voltex, Volume, VolumeLevel, Voxel, read_voltex_directory,
 };
 use document::{block, bytes_from_dump, output_of, python};
 use half::f16;
@@ -30,6 +30,7 @@ fn example() -> Volume {
             VolumeLevel {
                 shadow: shadow(0.5),
                 clumping: Sym3([-0.25, 0.0, 0.125, 0.0, 0.0, 0.0]),
+                facets: Facets::default(),
                 voxels: vec![
                     ([1, 0, 0], voxel([4.0, 1.0, 1.0, 0.0, 0.0, 0.5], 1)),
                     ([1, 1, 0], voxel([0.0, 0.0, 16.0, 0.0, 0.0, 0.0], 0)),
@@ -39,6 +40,7 @@ fn example() -> Volume {
             VolumeLevel {
                 shadow: shadow(1.0),
                 clumping: Sym3([-0.5, 0.0, 0.25, 0.0, 0.125, 0.0]),
+                facets: Facets(std::array::from_fn(|i| if i < 6 { 0.5 } else { 0.0 })),
                 voxels: vec![([0; 3], voxel([0.25, 0.0625, 0.5, 0.0, -0.125, 0.0], 1))],
                 others: Vec::new(),
             },
@@ -110,6 +112,7 @@ fn numbers_of(bytes: &[u8]) -> BTreeMap<String, Vec<f64>> {
         let shadow = [&[level.shadow.offset], &level.shadow.shared[..]].concat();
         all.insert(format!("level {index}: shadow"), wide(&shadow));
         all.insert(format!("level {index}: clumping"), wide(&level.clumping.0));
+        all.insert(format!("level {index}: facets"), wide(&level.facets.0));
         for (i, (at, voxel)) in level.voxels.iter().enumerate() {
             let place = at.iter().chain([&voxel.material]).map(|x| f64::from(*x));
             let numbers = place.chain(wide(&voxel.extinction.0)).collect();

@@ -269,6 +269,8 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
     list.extend(shadows.map(|(at, value)| (own::SHADOW_RANGE, with_word(Level, 0, at, value))));
     let clumpings = [(11, 0xc080_0001), (14, NAN), (16, 5f32.to_bits())];
     list.extend(clumpings.map(|(at, value)| (own::CLUMPING_RANGE, with_word(Level, 0, at, value))));
+    let facets = [(17, 64.5f32.to_bits()), (24, NAN), (31, 0xc280_0001)];
+    list.extend(facets.map(|(at, value)| (own::FACETS_RANGE, with_word(Level, 0, at, value))));
     let information = [rule::FORM, rule::TIERS_LISTED, own::VOXELS, own::MATERIALS, own::SIZE];
     list.extend(information.map(|rule| (rule, good.clone())));
     list

@@ -163,6 +163,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("VOLTEX_SIDE_AT", voltex::words::SIDE_AT),
         ("VOLTEX_MATERIAL_WORDS", voltex::words::MATERIAL_WORDS),
         ("VOLTEX_CLUMPING_AT", voltex::words::CLUMPING_AT),
+        ("VOLTEX_FACETS_AT", voltex::words::FACETS_AT),
         ("VOLTEX_LEVEL_WORDS", voltex::words::LEVEL_WORDS),
         ("VOLTEX_VOXEL_WORDS", voltex::VOXEL_WORDS),
         ("VOLTEX_OTHER_AT", voltex::OTHER_AT),
@@ -215,6 +216,7 @@ fn expected_constants() -> Vec<(String, f64)> {
         ("VOLTEX_SERIES_DEPTH", voltex::SERIES_DEPTH),
         ("VOLTEX_LEAST_ROUGHNESS", voltex::LEAST_ROUGHNESS),
         ("VOLTEX_LEAST_HALF2", voltex::LEAST_HALF2),
+        ("VOLTEX_MOST_DENSER", voltex::MOST_DENSER),
         ("VOLTEX_LEAST_REFRACTED", voltex::LEAST_REFRACTED),
         // The twin's exponential may be infinite.
         ("VOLTEX_MOST_DEPTH", 80.0),
@@ -321,7 +323,12 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
         (include_str!("../src/leaf_lobe.rs"), "leaf_lobe.wgsl", "leaf_", &[]),
         (include_str!("../src/viewed_leaf.rs"), "viewed_leaf.wgsl", "leaf_", &[]),
         (include_str!("../src/voltex/matrix.rs"), "voltex_matrix.wgsl", "voltex_", &[]),
-        (include_str!("../src/voltex/words.rs"), "voltex_words.wgsl", "voltex_", &["voltex_shadow_offset"]),
+        (
+            include_str!("../src/voltex/words.rs"),
+            "voltex_words.wgsl",
+            "voltex_",
+            &["voltex_shadow_offset", "voltex_three"],
+        ),
         (include_str!("../src/voltex/voxel.rs"), "voltex_voxel.wgsl", "voltex_voxel_", &["voltex_voxel_halves"]),
         (include_str!("../src/voltex/tree.rs"), "voltex_tree.wgsl", "voltex_", &[]),
         (include_str!("../src/voltex/walk.rs"), "voltex_walk.wgsl", "voltex_walk_", &[]),
@@ -363,7 +370,7 @@ fn twins_that_volumetric_textures_name_are_there() {
     let named: Vec<&str> =
         rust.split("Twin: `voltex_").skip(1).map(|rest| rest.split('`').next().unwrap_or_default()).collect();
     // What stands in WGSL alone.
-    let alone = ["shadow_offset", "voxel_halves", "acos", "fresnel", "facets_seen"];
+    let alone = ["shadow_offset", "voxel_halves", "acos", "fresnel", "facets_seen", "three"];
     let unmatched = |text: &str| -> Vec<String> {
         let defined: Vec<&str> = function_names(text).iter().filter_map(|name| name.strip_prefix("voltex_")).collect();
         let unnamed = defined.iter().filter(|name| !named.contains(name) && !alone.contains(name));

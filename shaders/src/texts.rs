@@ -70,6 +70,7 @@ const VOLTEX_CALLED: [&str; 16] = [
     "voltex_material",
     "voltex_shadow_offset",
     "voltex_clumping_along",
+    "voltex_facets_along",
     "voltex_walk_new",
     "voltex_walk_next",
     "voltex_shade",

@@ -54,7 +54,7 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>) {
 
 const SHADE_ENTRY: &str = "
 @group(0) @binding(1) var<storage, read> lights: array<Light>;
-@group(0) @binding(3) var<storage, read_write> answers: array<array<f32, 22>>;
+@group(0) @binding(3) var<storage, read_write> answers: array<array<f32, 23>>;
 
 @compute @workgroup_size(64)
 fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -66,7 +66,7 @@ fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let both = voltex_shade(voxel.moment, q.v, q.l);
     let material = voltex_material(q.base, voxel.material);
     let extent = voltex_extent(q.base);
-    answers[id.x] = array<f32, 22>(
+    answers[id.x] = array<f32, 23>(
         both.x, both.y, voltex_form(voxel.extinction, q.v, q.v), voltex_seen_at(q.depth, q.length),
         voltex_shared_at(q.base, q.level, dot(q.v, q.l)), voltex_shadow_offset(q.base, q.level),
         material.reflectance.x, material.reflectance.y, material.reflectance.z,
@@ -75,7 +75,7 @@ fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
         dot(vec2<f32>(1.0, 2.0), select(vec2<f32>(0.0), vec2<f32>(1.0), voltex_cyclic(q.base))),
         f32(voltex_level_count(q.base)),
         voltex_gloss(voxel.extinction, material.specular, material.roughness, q.v, q.l),
-        voltex_extinction_along(q.base, q.voxel, q.v),
+        voltex_extinction_along(q.base, q.voxel, q.v), voltex_facets_along(q.base, q.level, q.v + q.l),
     );
 }
 ";
@@ -307,7 +307,7 @@ const SHADED: f32 = 1e-5;
 const GLOSS: f32 = 5e-3;
 
 /// What Rust says, and by how much the shader may differ.
-fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 22] {
+fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 23] {
     let voxel = voltex.voxel(q.voxel);
     let cos = (0..3).map(|i| q.v[i] * q.l[i]).sum::<f32>();
     let area = SHADED * voxel.moment.trace();
@@ -319,6 +319,9 @@ fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 22] {
     let [cyclic_x, cyclic_y] = voltex.cyclic().map(|cyclic| f32::from(u8::from(cyclic)));
     let shine = gloss(&voxel.extinction, material.specular, material.roughness, q.v, q.l);
     let along = voltex.extinction_along(q.voxel, q.v);
+    let half: [f32; 3] = std::array::from_fn(|i| q.v[i] + q.l[i]);
+    let half2 = half.iter().map(|x| x * x).sum::<f32>();
+    let denser = voltex.facets_along(q.level, half);
     let exact = |x: f32| (x, 0.0);
     [
         (reflected, area),
@@ -343,6 +346,8 @@ fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 22] {
         exact(voltex.level_count() as f32),
         (shine, GLOSS * shine + 1e-6 * voxel.extinction.trace().sqrt()),
         (along, SHADED * along + 2e-3 * voxel.extinction.trace().sqrt()),
+        // A direction half way between two that are nearly opposite is a small difference.
+        (denser, 1e-4 * denser / half2.sqrt().clamp(1e-4, 1.0)),
     ]
 }
 
@@ -376,9 +381,9 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         })
         .unzip();
     // Of each number in how many answers it differs; and the first that does.
-    let differing = |text: &str| -> ([usize; 22], Option<String>) {
-        let answers: Vec<[f32; 22]> = gpu.answers(&Program::Wgsl(text), "shade_main", &words, &queries);
-        let (mut sums, mut first) = ([0; 22], None);
+    let differing = |text: &str| -> ([usize; 23], Option<String>) {
+        let answers: Vec<[f32; 23]> = gpu.answers(&Program::Wgsl(text), "shade_main", &words, &queries);
+        let (mut sums, mut first) = ([0; 23], None);
         for ((voltex, query), answer) in owners.iter().zip(&queries).zip(&answers) {
             for (i, (value, tolerance)) in expected(voltex, query).into_iter().enumerate() {
                 if answer[i].is_nan() || (answer[i] - value).abs() > tolerance {
@@ -390,7 +395,7 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         (sums, first)
     };
     let text = text(SHADE_ENTRY);
-    assert_eq!(differing(&text), ([0; 22], None));
+    assert_eq!(differing(&text), ([0; 23], None));
     // Planted, each with a number in which it shows.
     for (right, wrong, number) in [
         ("0.5 * (both - c)", "0.49 * (both - c)", 1),
@@ -402,6 +407,8 @@ fn flakes_shine_alike_in_shaders_and_in_rust() {
         ("vec3<f32>(b.y, c)", "vec3<f32>(b.y, c.yx)", 10),
         ("b.yxx * b.zzy - b * d.zyx", "b.yxx * b.zzy + b * d.zyx", 20),
         ("2.0 * own", "1.98 * own", 20),
+        ("h.xxy * h.yzz", "h.xxy * h.zyz", 22),
+        ("voltex_three(at + 9u)", "voltex_three(at + 10u)", 22),
         ("own = voltex_other(base, own)", "own = VOLTEX_NO_VOXEL", 21),
         ("vec2<u32>(0u, 1u)) & vec2<u32>(1u)", "vec2<u32>(1u, 0u)) & vec2<u32>(1u)", 18),
     ] {

@@ -117,10 +117,11 @@ def read_voxels(decoder, expected):
 
 
 def read_level(section, coarser, materials):
-    """The shadow's numbers, the clumping's, the voxels as `(place, voxel)`, and others as `(number of the voxel, voxel)`."""
-    shadow, clumping = section.numbers("f", 11), section.numbers("f", 6)
+    """The shadow's numbers, the clumping's, the facets', the voxels as `(place, voxel)`, and others as `(number of the voxel, voxel)`."""
+    shadow, clumping, facets = (section.numbers("f", count) for count in (11, 6, 15))
     must(0 <= shadow[0] <= 1024 and all(-16 <= share <= 1 for share in shadow[1:]), "a shadow is out of its range")
     must(all(-4 <= entry <= 4 for entry in clumping), "a clumping is out of its range")
+    must(all(-64 <= number <= 64 for number in facets), "facets are out of their range")
     decoder = Decoder(section.data, 8 * len(coarser))
     if coarser:
         tree = Tree()
@@ -146,7 +147,7 @@ def read_level(section, coarser, materials):
     others = list(zip(others, read_voxels(decoder, [(voxels[i], 0) for i in others])))
     decoder.end()
     must(all(voxel.material < materials for voxel in voxels + [voxel for _, voxel in others]), "a material is not there")
-    return shadow, clumping, list(zip(places, voxels)), others
+    return shadow, clumping, facets, list(zip(places, voxels)), others
 
 
 def show(name, numbers):
@@ -170,9 +171,10 @@ def read(path):
     for index in range(head.levels):
         if not head.has(LEVEL, 0, index) and index > 0 and not head.whole:
             break
-        shadow, clumping, coarser, others = read_level(head.section(LEVEL, 0, index), coarser, head.materials)
+        shadow, clumping, facets, coarser, others = read_level(head.section(LEVEL, 0, index), coarser, head.materials)
         show(f"level {index}: shadow", shadow)
         show(f"level {index}: clumping", clumping)
+        show(f"level {index}: facets", facets)
         for i, (place, voxel) in enumerate(coarser):
             show(f"level {index}: voxel {i}", [*place, voxel.material, *voxel.matrix()])
         for i, voxel in others:

@@ -24,11 +24,10 @@ const PATHS: usize = 1 << 16;
 /// From the plant to the eye; the sun is behind the eye.
 const TOWARDS: Vec3 = Vec3::new(-0.5, 0.3, 1.0);
 
-/// Writes a bush whose leaves have next to no gloss, which volumes have none of.
+/// Writes a bush.
 fn write_model(folder: &Path) -> Volume {
     let path = folder.join("bush.glb");
-    let mut leaf = LeafDescription::of(Some(Species::Tree), None);
-    leaf.gloss.index = 1.01;
+    let leaf = LeafDescription::of(Some(Species::Tree), None);
     let params = PlantsParams { branches: 60, leaves: 400, ..PlantsParams::of(Species::Tree) };
     let images = TextureImages::default();
     write_plants(&path, &params, &leaf, images, Existing::Refuse, &|_, _| ControlFlow::Continue(())).unwrap();
@@ -59,9 +58,9 @@ fn a_dolly_from_a_mesh_to_its_volume_has_no_step() {
     let near = rows.partition_point(|row| row.leaf_pixels >= 0.99 * FAR_PIXELS);
     let [near, far] = [&rows[..near], &rows[near - 1..]].map(largest_step);
     assert!(luminance(first) > 0.0 && near < BAR && far < LEVELS_BAR, "{near} {far}");
-    // Planted: a volume that reflects a fifth more, and one of half the flakes; over the band they come in.
+    // Planted: a volume that reflects a half more, and one of half the flakes; over the band they come in.
     let brighter = |volume: &mut Volume| {
-        volume.materials.iter_mut().for_each(|material| material.reflectance = material.reflectance.map(|x| 1.2 * x));
+        volume.materials.iter_mut().for_each(|material| material.reflectance = material.reflectance.map(|x| 1.5 * x));
     };
     let thinner = |volume: &mut Volume| {
         let voxels = volume.levels.iter_mut().flat_map(|level| &mut level.voxels);
@@ -71,8 +70,8 @@ fn a_dolly_from_a_mesh_to_its_volume_has_no_step() {
         let mut wrong = volume.clone();
         plant(&mut wrong);
         let (wrong, leaf_width) = scene(folder.path(), &wrong);
-        // From 2 pixels to 1.
-        let band = (0..=STEPS).map(|i| MOST_LEAF_PIXELS * 0.25 * (-i as f32 / STEPS as f32).exp2());
+        // From 2 pixels to half of one.
+        let band = (0..=2 * STEPS).map(|i| MOST_LEAF_PIXELS * 0.25 * (-i as f32 / STEPS as f32).exp2());
         let rows: Vec<_> = band.map(|pixels| row(&wrong, TOWARDS, leaf_width, pixels, PATHS)).collect();
         assert!(largest_step(&rows) > BAR, "{}", largest_step(&rows));
     }

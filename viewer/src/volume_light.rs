@@ -88,19 +88,27 @@ impl VolumePoint {
     pub fn reflected(&self, volumes: &Volumes, light: Vec3, least_roughness: f32) -> Vec3 {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light * self.map.determinant().abs().cbrt().recip();
+        let of_cell = |(cell, share): (usize, f32)| share * self.cell_light(voltex, cell, l, least_roughness);
+        self.parts.shares.into_iter().enumerate().map(of_cell).sum::<Vec3>() / self.parts.sigma
+    }
+
+    /// Sum over the flakes of the cell of the finer level, or of the coarser one.
+    fn cell_light(&self, voltex: &Voltex, cell: usize, l: Vec3, least_roughness: f32) -> Vec3 {
         let mut sum = Vec3::ZERO;
-        for (share, voxel) in self.parts.flakes(voltex) {
+        for (_, voxel) in voltex.flakes(self.parts.numbers[cell]) {
             let material = voltex.material(voxel.material);
             let [same, other] = shade(&voxel.moment, (-self.view).into(), l.into());
-            sum += share * (Vec3::from(material.reflectance) * same + Vec3::from(material.transmittance) * other);
+            sum += Vec3::from(material.reflectance) * same + Vec3::from(material.transmittance) * other;
             if material.specular > 0.0 {
                 // In proportion to the eye's vector, as the sums above.
-                let [v, l] = [-self.view, l].map(|d| d.normalize_or_zero().into());
-                let shine = gloss(&voxel.extinction, material.specular, material.roughness.max(least_roughness), v, l);
-                sum += share * self.view.length() * shine;
+                let [eye, lamp] = [-self.view, l].map(Vec3::normalize_or_zero);
+                let roughness = material.roughness.max(least_roughness);
+                let shine = gloss(&voxel.extinction, material.specular, roughness, eye.into(), lamp.into());
+                let denser = voltex.facets_along(self.level.finer + cell as u32, (eye + lamp).into());
+                sum += self.view.length() * denser * shine;
             }
         }
-        sum / self.parts.sigma
+        sum
     }
 
     /// From where a ray to a light begins, relative to the point, in the world.

@@ -1,6 +1,7 @@
 //! From a model to a volume.
 
 use super::extinction::extinction_of;
+use super::facets::{GlossTruth, GlossyFlake};
 use super::flakes::{CellFlakes, FlakeSums, grey};
 use super::gather::{Gather, VoxelSums};
 use super::model::TriangleModel;
@@ -33,6 +34,13 @@ impl Lit for TriangleModel {
     fn surface(&self, triangle: usize) -> ([f32; 2], Vec3) {
         let colour = &self.colours[self.materials[triangle] as usize];
         ([grey(colour.reflectance), grey(colour.transmittance)], self.normal(triangle))
+    }
+
+    fn glossy_flakes(&self) -> Vec<GlossyFlake> {
+        let flake = |(triangle, material): (&[Vec3; 3], &u32)| {
+            GlossyFlake::of(triangle, self.weights[*material as usize], &self.colours[*material as usize])
+        };
+        self.triangles.iter().zip(&self.materials).filter_map(flake).collect()
     }
 }
 
@@ -154,10 +162,12 @@ fn volume_with(levels: &[VoxelSums], rule: BuildRule) -> Volume {
     Volume { side_m: 1.0, extent: [1.0; 3], levels, materials: palette.materials(), ..Volume::default() }
 }
 
-/// Fits extinction and shadows of every level to rays past the triangles that the volume was made of.
+/// Fits facets, extinction and shadows of every level to the triangles that the volume was made of and to rays past them.
 pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl Lit, params: &VoltexParams) {
     let mut voltex = Voltex::new(volume);
+    let gloss = GlossTruth::new(&lit.glossy_flakes());
     for level in 0..=voltex.level_count() {
+        volume.levels[level as usize].facets = gloss.fit(&voltex, level);
         refit(&mut voltex, level, occluder, &params.refit);
         let shadow = fit_shadow(&voltex, level, occluder, lit, &params.shadow);
         voltex.set_shadow(level, &shadow);

@@ -5,6 +5,7 @@ mod along;
 pub mod build;
 pub mod clip;
 pub mod extinction;
+pub mod facets;
 pub mod flakes;
 pub mod gather;
 pub mod march;

@@ -22,8 +22,11 @@ impl Palette {
         let code = |x: f32| (x.clamp(0.0, 1.0).sqrt() * STEPS).round() as u8;
         let ([a, b, c], [d, e, f]) = (colour.reflectance, colour.transmittance);
         let next = self.sums.len();
-        let shares = [a, b, c, d, e, f, colour.specular, colour.roughness];
-        let number = *self.numbers.entry(shares.map(code)).or_insert(next);
+        let specular = code(colour.specular);
+        // Next to no gloss has no roughness.
+        let roughness = if specular > 0 { code(colour.roughness) } else { 0 };
+        let [a, b, c, d, e, f] = [a, b, c, d, e, f].map(code);
+        let number = *self.numbers.entry([a, b, c, d, e, f, specular, roughness]).or_insert(next);
         if number == next {
             self.sums.push(FlakeSums::default());
         }

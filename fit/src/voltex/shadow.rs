@@ -2,6 +2,7 @@
 //! to what the model itself shows.
 
 use super::along::{depth_along, seen_along};
+use super::facets::GlossyFlake;
 use super::flakes::grey;
 use super::occluder::{Met, Occluder};
 use super::projection::{HALF_SIDE, Projection, rays_of_pixel, spread_directions};
@@ -38,6 +39,9 @@ const PIXEL_VOXELS: f32 = 2.0;
 pub trait Lit: Sync {
     /// Grey reflectance and transmittance, and the unit normal, of a triangle.
     fn surface(&self, triangle: usize) -> ([f32; 2], Vec3);
+
+    /// All triangles that shine.
+    fn glossy_flakes(&self) -> Vec<GlossyFlake>;
 }
 
 /// Light of the model along a ray, lit from `light`.

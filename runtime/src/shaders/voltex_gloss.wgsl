@@ -3,6 +3,7 @@
 const VOLTEX_LEAST_ROUGHNESS: f32 = 0.1;
 const VOLTEX_LEAST_REFRACTED: f32 = 1e-4;
 const VOLTEX_LEAST_HALF2: f32 = 1e-10;
+const VOLTEX_MOST_DENSER: f32 = 4.0;
 
 // For light from `l`, seen from `v`, unit vectors away from the flakes: the sum over their smooth surfaces of `pi a F D G / 4`.
 fn voltex_gloss(extinction: VoltexMatrix, specular: f32, roughness: f32, v: vec3<f32>, l: vec3<f32>) -> f32 {

@@ -10,7 +10,8 @@ const VOLTEX_EXTENT_AT: u32 = 6u;
 const VOLTEX_SIDE_AT: u32 = 9u;
 const VOLTEX_MATERIAL_WORDS: u32 = 4u;
 const VOLTEX_CLUMPING_AT: u32 = 11u;
-const VOLTEX_LEVEL_WORDS: u32 = 17u;
+const VOLTEX_FACETS_AT: u32 = 17u;
+const VOLTEX_LEVEL_WORDS: u32 = 32u;
 
 struct VoltexMaterial {
     // Share of light that leaves on the side where it came from, linear sRGB.
@@ -35,8 +36,7 @@ fn voltex_cyclic(base: u32) -> vec2<bool> {
 
 // The part of the unit cube that is used.
 fn voltex_extent(base: u32) -> vec3<f32> {
-    let at = base + VOLTEX_EXTENT_AT;
-    return vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
+    return voltex_three(base + VOLTEX_EXTENT_AT);
 }
 
 // Metres per side of the unit cube.
@@ -92,7 +92,25 @@ fn voltex_shadow_offset(base: u32, level: u32) -> f32 {
 // What depths along d, of any length, are multiplied by for a level's clumping; for levels beyond the coarsest by that one's.
 fn voltex_clumping_along(base: u32, level: u32, d: vec3<f32>) -> f32 {
     let at = voltex_shadow(base, min(level, voltex_level_count(base))) + VOLTEX_CLUMPING_AT;
-    let a = vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
-    let b = vec3<f32>(asset_f32(at + 3u), asset_f32(at + 4u), asset_f32(at + 5u));
-    return exp(voltex_form(VoltexMatrix(a, b), d, d) / max(dot(d, d), 1e-30));
+    let matrix = VoltexMatrix(voltex_three(at), voltex_three(at + 3u));
+    return exp(voltex_form(matrix, d, d) / max(dot(d, d), 1e-30));
+}
+
+// What the gloss of a level's flakes is multiplied by, of which facets along `half_way`, of any length, are seen; for levels beyond the
+// coarsest by that one's.
+fn voltex_facets_along(base: u32, level: u32, half_way: vec3<f32>) -> f32 {
+    let at = voltex_shadow(base, min(level, voltex_level_count(base))) + VOLTEX_FACETS_AT;
+    let h = half_way * inverseSqrt(max(dot(half_way, half_way), VOLTEX_LEAST_HALF2));
+    let squares = h * h;
+    let products = h.xxy * h.yzz;
+    var form = dot(voltex_three(at), squares * squares) + dot(voltex_three(at + 3u), squares.xxy * squares.yzz);
+    form += squares.x * dot(voltex_three(at + 6u), products);
+    form += squares.y * dot(voltex_three(at + 9u), products);
+    form += squares.z * dot(voltex_three(at + 12u), products);
+    return exp(clamp(form, -VOLTEX_MOST_DENSER, VOLTEX_MOST_DENSER));
+}
+
+// Three numbers from a word on.
+fn voltex_three(at: u32) -> vec3<f32> {
+    return vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
 }

@@ -4,11 +4,12 @@
 use super::codes::{DENSITY_STEPS, VoxelCodes};
 use super::coding::{CodedVoxel, LEAST_DECISIONS, code_masks, code_others, code_voxels, density_of_children};
 use super::error::{VOLTEX_NAMES, VoltexError};
+use super::gloss::{Facets, MOST_FACETS};
 use super::matrix::Sym3;
 use super::rule;
 use super::volume::{FlakeMaterial, LEAST_SHARED, LevelShadow, MOST_CLUMPING, MOST_LEVELS, Volume, VolumeLevel, order};
 use super::voxel::Voxel;
-use super::words::{CLUMPING_AT, LEVEL_WORDS};
+use super::words::{CLUMPING_AT, FACETS_AT, LEVEL_WORDS};
 use crate::container::{
     ALIGNMENT, Directory, FileFormat, HeaderReader, SectionSource, read_directory_of, write_file_of,
 };
@@ -182,6 +183,10 @@ fn clumping_in_range(clumping: &Sym3) -> bool {
     clumping.0.iter().all(|x| (-MOST_CLUMPING..=MOST_CLUMPING).contains(x))
 }
 
+fn facets_in_range(facets: &Facets) -> bool {
+    facets.0.iter().all(|x| (-MOST_FACETS..=MOST_FACETS).contains(x))
+}
+
 /// Checks header, tables, section bounds, padding and every present section's checksum, as [`crate::read_directory`].
 pub fn read_voltex_directory(bytes: &[u8]) -> Result<Directory<VoltexHead>, VoltexError> {
     Ok(read_directory_of::<VoltexFormat>(bytes, &serial)?)
@@ -221,7 +226,8 @@ impl Volume {
             let coded = coded.collect::<Result<Vec<_>, FormatError>>()?;
             let others = level.others.iter().map(|(number, voxel)| Ok((*number, code(voxel)?)));
             let others = others.collect::<Result<Vec<_>, FormatError>>()?;
-            let numbers = std::iter::once(level.shadow.offset).chain(level.shadow.shared).chain(level.clumping.0);
+            let numbers = std::iter::once(level.shadow.offset).chain(level.shadow.shared);
+            let numbers = numbers.chain(level.clumping.0).chain(level.facets.0);
             let mut bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
             bytes.extend(level_stream(&coarser, &coded, &others));
             sections.push(section(VoltexSection::Level, index, bytes, true));
@@ -268,6 +274,7 @@ impl Volume {
         for (number, level) in self.levels.iter().enumerate() {
             must(level.shadow.in_range(), "a level's shadow is out of its range")?;
             must(clumping_in_range(&level.clumping), "a level's clumping is out of its range")?;
+            must(facets_in_range(&level.facets), "a level's facets are out of their range")?;
             let rising = level.voxels.windows(2).all(|pair| order(pair[0].0) < order(pair[1].0));
             let side = 1 << (self.levels.len() - 1 - number);
             let inside = level.voxels.iter().all(|(at, _)| at.iter().all(|x| *x < side));
@@ -369,9 +376,9 @@ pub(crate) fn examine_volume(
             _ => sections.get_in_tier(VoltexSection::Level, 0, index, faults),
         };
         let level = reader.and_then(|reader| faults.keep(read_level(reader, &coarser, head.materials)));
-        let Some(CodedLevel { shadow, clumping, voxels: coded, others }) = level else { break };
+        let Some(CodedLevel { shadow, clumping, facets, voxels: coded, others }) = level else { break };
         let voxels = decoded(threads, &coded);
-        levels.push(VolumeLevel { shadow, clumping, voxels, others: decoded(threads, &others) });
+        levels.push(VolumeLevel { shadow, clumping, facets, voxels, others: decoded(threads, &others) });
         coarser = coded;
     }
     levels.reverse();
@@ -410,6 +417,7 @@ fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<FlakeMaterial>
 struct CodedLevel {
     shadow: LevelShadow,
     clumping: Sym3,
+    facets: Facets,
     voxels: Vec<([u32; 3], CodedVoxel)>,
     others: Vec<(u32, CodedVoxel)>,
 }
@@ -428,6 +436,10 @@ fn read_level(
     let clumping = Sym3(std::array::from_fn(|i| number(CLUMPING_AT + i)));
     if !clumping_in_range(&clumping) {
         return reader.bad(rule::CLUMPING_RANGE);
+    }
+    let facets = Facets(std::array::from_fn(|i| number(FACETS_AT + i)));
+    if !facets_in_range(&facets) {
+        return reader.bad(rule::FACETS_RANGE);
     }
     let stream = reader.bytes;
     let mut decoder = Decoder::new(stream);
@@ -462,7 +474,7 @@ fn read_level(
         return reader.bad(rule::NO_MATERIAL);
     }
     let voxels = places.into_iter().zip(voxels).collect();
-    Ok(CodedLevel { shadow, clumping, voxels, others: shared.into_iter().zip(others).collect() })
+    Ok(CodedLevel { shadow, clumping, facets, voxels, others: shared.into_iter().zip(others).collect() })
 }
 
 /// Places of a voxel's children, in order.

@@ -30,7 +30,7 @@ pub mod words;
 pub use codes::VoxelCodes;
 pub use error::VoltexError;
 pub use file::{MOST_MATERIALS, MOST_SIDE_M, VOLTEX_VERSION, VoltexHead, VoltexSection, read_voltex_directory};
-pub use gloss::{LEAST_HALF2, LEAST_REFRACTED, LEAST_ROUGHNESS, gloss};
+pub use gloss::{FACETS, Facets, LEAST_HALF2, LEAST_REFRACTED, LEAST_ROUGHNESS, MOST_DENSER, MOST_FACETS, gloss};
 pub use matrix::{Sym3, cross, dot};
 pub use shade::{LEAST_ROOT, SERIES_DEPTH, seen_at, shade};
 pub use tree::{Cell, NO_VOXEL, NODE_WORDS};

@@ -16,6 +16,7 @@ rules! { "VTEX"
     VOXEL_RANGE = 2203, "a voxel's density, axis or correlation is out of its range", WRITE;
     NO_MATERIAL = 2204, "a voxel names a material that is not there", WRITE;
     CLUMPING_RANGE = 2205, "a level's clumping is not within -4 to 4", WRITE;
+    FACETS_RANGE = 2206, "a level's facets are not within -64 to 64", WRITE;
     // Warnings.
     MATERIAL_UNUSED = 5101, "materials are used by no voxel", "build it again without them";
     MATERIAL_GAINS = 5102, "materials send more light away than falls on them", "lower their reflectance or transmittance";

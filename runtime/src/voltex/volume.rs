@@ -1,5 +1,6 @@
 //! A volume as it is built and stored: levels of voxels over the unit cube.
 
+use super::gloss::Facets;
 use super::matrix::Sym3;
 use super::voxel::Voxel;
 
@@ -37,6 +38,8 @@ pub struct VolumeLevel {
     /// How much flakes stand behind each other, by direction: along a unit vector d of texture space depths are `exp(d' C d)` times
     /// those of flakes that lie anywhere in their voxels. Entries of at most [`MOST_CLUMPING`] either way.
     pub clumping: Sym3,
+    /// How their facets are spread, beyond what ellipsoids know.
+    pub facets: Facets,
     /// Coordinates and voxel, in ascending order of [`order`]. The parent of each is in the next level, and each voxel of that
     /// has a child in this one.
     pub voxels: Vec<([u32; 3], Voxel)>,

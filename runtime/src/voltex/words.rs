@@ -1,6 +1,7 @@
 //! A volume's words, as decoders bind them: a header, then materials, levels, nodes and voxels. Twin:
 //! `shaders/voltex_words.wgsl`.
 
+use super::gloss::{FACETS, Facets};
 use super::matrix::{Sym3, dot};
 use super::tree::{NO_VOXEL, NODE_WORDS, Node, cell_number, node_depth};
 use super::volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, Volume, VolumeLevel};
@@ -30,8 +31,10 @@ pub const SIDE_AT: usize = 9;
 pub const MATERIAL_WORDS: usize = 4;
 /// First word of a level's clumping, behind its shadows: offset, then shares.
 pub const CLUMPING_AT: usize = 1 + HOTSPOT_DEG.len();
+/// First word of a level's facets, behind its clumping.
+pub const FACETS_AT: usize = CLUMPING_AT + 6;
 /// Words of a level's numbers.
-pub const LEVEL_WORDS: usize = CLUMPING_AT + 6;
+pub const LEVEL_WORDS: usize = FACETS_AT + FACETS;
 
 /// A volume made ready for decoders.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,6 +63,7 @@ impl Voltex {
             words.push(level.shadow.offset.to_bits());
             words.extend(level.shadow.shared.map(f32::to_bits));
             words.extend(level.clumping.0.map(f32::to_bits));
+            words.extend(level.facets.0.map(f32::to_bits));
         }
         let (nodes, voxels) = tree_of(volume);
         words[NODES_AT] = words.len() as u32;
@@ -189,6 +193,18 @@ impl Voltex {
     pub fn clumping_along(&self, level: u32, d: [f32; 3]) -> f32 {
         let level = level.min(self.level_count());
         (self.clumping(level).form(d, d) / dot(d, d).max(1e-30)).exp()
+    }
+
+    /// How a level's facets are spread, beyond what ellipsoids know.
+    pub fn facets(&self, level: u32) -> Facets {
+        let at = self.level_at(level) + FACETS_AT;
+        Facets(std::array::from_fn(|i| f32::from_bits(self.words[at + i])))
+    }
+
+    /// What the gloss of a level's flakes is multiplied by, of which facets along `half` are seen; for levels beyond the coarsest by
+    /// that one's. Twin: `voltex_facets_along`.
+    pub fn facets_along(&self, level: u32, half: [f32; 3]) -> f32 {
+        self.facets(level.min(self.level_count())).denser(half)
     }
 }
 

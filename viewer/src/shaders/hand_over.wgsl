@@ -3,7 +3,7 @@
 // A leaf that is so many pixels wide is a mesh's.
 const MESH_PIXELS: f32 = 2.0;
 // A leaf that is so many pixels wide is a volume's.
-const VOLUME_PIXELS: f32 = 1.0;
+const VOLUME_PIXELS: f32 = 0.5;
 // Stream of the sampler from which radii are drawn.
 const HAND_OVER_STREAM: u32 = 0x5bd1e995u;
 // Steps of the R2 sequence [Roberts 2018] in fractions of 2^32: radii of neighbouring pixels are far from each other.

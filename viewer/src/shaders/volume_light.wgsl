@@ -75,15 +75,15 @@ fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> 
 // shadow.
 fn volume_reflected(point: VolumePoint, light: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     let l = volume_times(point.map, light) / volume_scale(point.map);
-    let finer = point.parts.shares.x * volume_cell_light(point, point.parts.numbers.x, l, least_roughness);
-    let coarser = point.parts.shares.y * volume_cell_light(point, point.parts.numbers.y, l, least_roughness);
+    let finer = point.parts.shares.x * volume_cell_light(point, 0u, l, least_roughness);
+    let coarser = point.parts.shares.y * volume_cell_light(point, 1u, l, least_roughness);
     return (finer + coarser) / max(point.parts.sigma, 1e-30);
 }
 
-// Sum over the flakes of a cell.
-fn volume_cell_light(point: VolumePoint, number: u32, l: vec3<f32>, least_roughness: f32) -> vec3<f32> {
+// Sum over the flakes of the cell of the finer level, or of the coarser one.
+fn volume_cell_light(point: VolumePoint, cell: u32, l: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
-    for (var own = number; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
+    for (var own = point.parts.numbers[cell]; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
         let voxel = voltex_voxel(point.volume, own);
         let material = voltex_material(point.volume, voxel.material);
         let sides = voltex_shade(voxel.moment, -point.view, l);
@@ -93,7 +93,10 @@ fn volume_cell_light(point: VolumePoint, number: u32, l: vec3<f32>, least_roughn
             // In proportion to the eye's vector, as the sums above.
             let far = length(point.view);
             let roughness = max(material.roughness, least_roughness);
-            sum += far * voltex_gloss(voxel.extinction, material.specular, roughness, -point.view / far, normalize(l));
+            let eye = -point.view / far;
+            let lamp = normalize(l);
+            let denser = voltex_facets_along(point.volume, point.level.finer + cell, eye + lamp);
+            sum += far * denser * voltex_gloss(voxel.extinction, material.specular, roughness, eye, lamp);
         }
     }
     return sum;

@@ -6,7 +6,9 @@ use glam::Vec3;
 use super::canvas::Canvas;
 use crate::error::FitError;
 use crate::voltex::build::{VoltexParams, fit_to_rays, volume_of};
-use crate::voltex::flakes::grey;
+use crate::voltex::facets::GlossyFlake;
+use crate::voltex::flakes::{FlakeColour, grey};
+
 use crate::voltex::gather::Gather;
 use crate::voltex::occluder::Occluder;
 use crate::voltex::shadow::Lit;
@@ -16,6 +18,11 @@ impl Lit for Canvas {
         let (colour, [a, b, c]) = (&self.colours[triangle], self.triangles[triangle]);
         let normal = (b - a).cross(c - a).normalize_or_zero();
         ([grey(colour.reflectance), grey(colour.transmittance)], normal)
+    }
+
+    fn glossy_flakes(&self) -> Vec<GlossyFlake> {
+        let flake = |(triangle, colour): (&[Vec3; 3], &FlakeColour)| GlossyFlake::of(triangle, 1.0, colour);
+        self.triangles.iter().zip(&self.colours).filter_map(flake).collect()
     }
 }
 
