@@ -78,9 +78,9 @@ struct Both {
 }
 
 fn both(landscape: Landscape, camera: usize, folder: &Path) -> Result<Both, Box<dyn Error>> {
-    let params = LandscapeParams { times: 1, volumes: Vec::new(), meshes: Vec::new(), wind_m_per_s: None };
-    let (mut volumes, counts) = landscape.scene(&params)?;
-    let (mut triangles, _) = landscape.scene(&LandscapeParams { meshes: models(landscape, folder)?, ..params })?;
+    let of_volumes = LandscapeParams::default();
+    let (mut volumes, counts) = landscape.scene(&of_volumes)?;
+    let (mut triangles, _) = landscape.scene(&LandscapeParams { meshes: models(landscape, folder)?, ..of_volumes })?;
     // No volume stands in for the models any more.
     triangles.volumes = None;
     Arc::make_mut(&mut triangles.geometry).set_leaf_widths(|_, _| 0.0);
