@@ -85,7 +85,8 @@ fn both(landscape: Landscape, camera: usize, folder: &Path) -> Result<Both, Box<
     triangles.volumes = None;
     Arc::make_mut(&mut triangles.geometry).set_leaf_widths(|_, _| 0.0);
     for scene in [&mut volumes, &mut triangles] {
-        scene.camera = *[scene.camera].iter().chain(&scene.more_cameras).nth(camera - 1).ok_or("CAMERA is 1 to 3")?;
+        scene.camera =
+            *[scene.camera].iter().chain(&scene.more_cameras).nth(camera.wrapping_sub(1)).ok_or("CAMERA is 1 to 3")?;
     }
     let of_ground = volumes.geometry.triangles().len() as u32;
     let mut skin_words = 0;
@@ -160,6 +161,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let number = |place: usize, usual: u32| arguments.get(place).map_or(Ok(usual), |argument| argument.parse());
     let (width, camera) = (number(0, 128)?, number(1, 1)? as usize);
     let asked = arguments.get(2..).unwrap_or_default();
+    if let Some(unknown) = asked.iter().find(|own| BACKENDS.iter().all(|(name, _)| own != name)) {
+        return Err(format!("BACKEND is cpu, bvh or ray-query, not {unknown}").into());
+    }
     let backends: Vec<_> =
         BACKENDS.into_iter().filter(|(name, _)| asked.is_empty() || asked.iter().any(|own| own == name)).collect();
     let size = [width, width * 3 / 4];
@@ -191,7 +195,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         for [volume_s, ray_s] in seconds {
             let [triangles_s, as_bright_s] = needed.map(|rays| rays * ray_s);
             print!(
-                " {volume_s:.2} | {triangles_s:.2} | {:.1} x ({:.1}) |",
+                " {volume_s:.2} | {triangles_s:.2} | {:.2} x ({:.2}) |",
                 triangles_s / volume_s,
                 as_bright_s / volume_s
             );
