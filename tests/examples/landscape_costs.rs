@@ -1,15 +1,16 @@
 //! Prints what `btf-view scene lawn|grove|forest` cost as volumes and as triangles with the same error, as Markdown:
-//! `cargo run --release -p btf-tests --example landscape_costs [-- WIDTH [CAMERA [BACKEND ...]]]`.
+//! `cargo run --release -p btf-tests --example landscape_costs [-- WIDTH [CAMERA [both|sun|sky [BACKEND ...]]]]`.
 //!
 //! Triangles are the plants that the volumes are made of, each where the skin has its volume, by the affine map of its texel:
-//! trees and tufts lean and stretch, and are not bent. Both stand under the landscape's own sun and sky, whose noise counts in
-//! both. Times are of this machine and run: compare them with each other.
+//! trees and tufts lean and stretch, and are not bent. Both stand under the landscape's own sun and sky, or one of them, whose noise
+//! counts in both. Times are of this machine and run: compare them with each other.
 
 use btf_capture::{LeafDescription, Species, TextureImages};
 use btf_synth::{Existing, PlantsParams, write_plants};
 use btf_tests::beside::{Explicit, drawn, scaled};
 use btf_viewer::{
-    BackendChoice, Control, GpuTracer, Instance, Landscape, LandscapeParams, RenderParams, Scene, ShadeOptions, render,
+    BackendChoice, Control, DaylightParts, GpuTracer, Instance, Landscape, LandscapeParams, Outdoors, RenderParams,
+    Scene, ShadeOptions, render,
 };
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -67,6 +68,15 @@ fn frame_s(scene: &Scene, size: [u32; 2], frames: u32, backend: BackendChoice) -
     Ok(least)
 }
 
+/// How a landscape is looked at.
+#[derive(Clone, Copy)]
+struct View {
+    size: [u32; 2],
+    /// 1 to 3.
+    camera: usize,
+    parts: DaylightParts,
+}
+
 /// A landscape as volumes and as triangles.
 struct Both {
     volumes: Scene,
@@ -77,7 +87,7 @@ struct Both {
     memory: String,
 }
 
-fn both(landscape: Landscape, camera: usize, folder: &Path) -> Result<Both, Box<dyn Error>> {
+fn both(landscape: Landscape, view: View, folder: &Path) -> Result<Both, Box<dyn Error>> {
     let of_volumes = LandscapeParams::default();
     let (mut volumes, counts) = landscape.scene(&of_volumes)?;
     let (mut triangles, _) = landscape.scene(&LandscapeParams { meshes: models(landscape, folder)?, ..of_volumes })?;
@@ -85,8 +95,11 @@ fn both(landscape: Landscape, camera: usize, folder: &Path) -> Result<Both, Box<
     triangles.volumes = None;
     Arc::make_mut(&mut triangles.geometry).set_leaf_widths(|_, _| 0.0);
     for scene in [&mut volumes, &mut triangles] {
-        scene.camera =
-            *[scene.camera].iter().chain(&scene.more_cameras).nth(camera.wrapping_sub(1)).ok_or("CAMERA is 1 to 3")?;
+        let mut cameras = [scene.camera].into_iter().chain(scene.more_cameras.clone());
+        scene.camera = cameras.nth(view.camera.wrapping_sub(1)).ok_or("CAMERA is 1 to 3")?;
+        let Some(Outdoors { daylight, .. }) = scene.outdoors.take() else { return Err("no daylight".into()) };
+        let light = daylight.sun_and_sky()?;
+        scene.stand_outdoors(Outdoors { daylight, parts: view.parts }, light);
     }
     let of_ground = volumes.geometry.triangles().len() as u32;
     let mut skin_words = 0;
@@ -125,12 +138,12 @@ struct VolumeRow {
 /// What is measured of one landscape; prints its memory and its triangles' errors.
 fn measure(
     landscape: Landscape,
-    size: [u32; 2],
-    camera: usize,
+    view: View,
     backends: &[(&str, BackendChoice)],
 ) -> Result<Vec<VolumeRow>, Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
-    let Both { volumes, triangles, of_ground, memory } = both(landscape, camera, folder.path())?;
+    let Both { volumes, triangles, of_ground, memory } = both(landscape, view, folder.path())?;
+    let size = view.size;
     let explicit = Explicit::new(&triangles, size, TRUTH, of_ground);
     let [(_, one), .., (many, less)] = explicit.curve() else { return Err("no errors of triangles".into()) };
     println!("{memory} {:.0} % | {one:.2}, {less:.2} with {many} |", 100.0 * explicit.coverage());
@@ -160,20 +173,26 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |place: usize, usual: u32| arguments.get(place).map_or(Ok(usual), |argument| argument.parse());
     let (width, camera) = (number(0, 128)?, number(1, 1)? as usize);
-    let asked = arguments.get(2..).unwrap_or_default();
+    let parts = match arguments.get(2).map_or("both", String::as_str) {
+        "both" => DaylightParts::Both,
+        "sun" => DaylightParts::Sun,
+        "sky" => DaylightParts::Sky,
+        other => return Err(format!("the light is both, sun or sky, not {other}").into()),
+    };
+    let view = View { size: [width, width * 3 / 4], camera, parts };
+    let asked = arguments.get(3..).unwrap_or_default();
     if let Some(unknown) = asked.iter().find(|own| BACKENDS.iter().all(|(name, _)| own != name)) {
         return Err(format!("BACKEND is cpu, bvh or ray-query, not {unknown}").into());
     }
     let backends: Vec<_> =
         BACKENDS.into_iter().filter(|(name, _)| asked.is_empty() || asked.iter().any(|own| own == name)).collect();
-    let size = [width, width * 3 / 4];
     println!(
         "| landscape | volumes, MB | skin, MB | triangles | MB | places, MB | one by one, MB | pixels with plants | triangles' error with one ray |"
     );
     println!("|{}", "---|".repeat(9));
     let mut all = Vec::new();
     for landscape in [Landscape::Lawn, Landscape::Grove, Landscape::Forest] {
-        let rows = measure(landscape, size, camera, &backends)?;
+        let rows = measure(landscape, view, &backends)?;
         all.extend(rows.into_iter().map(|row| (landscape.name(), row)));
     }
     println!(
