@@ -14,10 +14,10 @@ use btf_fit::voltex::flakes::FlakeColour;
 use btf_fit::voltex::model::TriangleModel;
 use btf_runtime::voltex::Voltex;
 use btf_synth::{Existing, PlantsParams, write_plants};
+use btf_tests::beside::{Explicit, Radiance, drawn};
 use btf_viewer::{
-    Camera, CpuPicture, DiscreteJitter, Material, MeshPart, Pattern, PointLight, Scene, SceneMesh, SceneObject,
-    SceneSkin, ShadeOptions, Shell, ShellParams, Skin, SkinVertex, Variant, VolumePlace, Volumes, load_meshes,
-    standing,
+    Camera, DiscreteJitter, Material, MeshPart, Pattern, PointLight, Scene, SceneMesh, SceneObject, SceneSkin, Shell,
+    ShellParams, Skin, SkinVertex, Variant, VolumePlace, Volumes, load_meshes, standing,
 };
 use glam::{Mat4, Vec3};
 use std::ops::ControlFlow;
@@ -91,24 +91,14 @@ fn with_volumes(volumes: Volumes, camera: Camera) -> Scene {
     scene
 }
 
-/// The mean of so many samples, and seconds of one.
-fn drawn(scene: &Scene, size: [u32; 2], samples: u32) -> (Vec<f32>, f64) {
-    let mut picture = CpuPicture::new(size);
-    let start = Instant::now();
-    (0..samples).for_each(|_| picture.add_sample(scene, &ShadeOptions::default(), &|| true));
-    let seconds = start.elapsed().as_secs_f64() / f64::from(samples);
-    (picture.radiance().iter().map(|rgb| rgb[1]).collect(), seconds)
-}
-
-/// `sqrt(sum of squared errors / sum of squares)`.
-fn relative_error(found: &[f32], truth: &[f32]) -> f64 {
-    let error: f64 = found.iter().zip(truth).map(|(a, b)| f64::from(a - b).powi(2)).sum();
-    (error / truth.iter().map(|b| f64::from(*b).powi(2)).sum::<f64>()).sqrt()
-}
-
-/// The least of three times.
-fn seconds(scene: &Scene, size: [u32; 2]) -> f64 {
-    (0..3).map(|_| drawn(scene, size, 1).1).fold(f64::MAX, f64::min)
+/// Seconds of a picture with so many rays a pixel, the least of three.
+fn seconds(scene: &Scene, size: [u32; 2], rays: u32) -> f64 {
+    let time = |_| {
+        let start = Instant::now();
+        drawn(scene, size, 0..rays);
+        start.elapsed().as_secs_f64()
+    };
+    (0..3).map(time).fold(f64::MAX, f64::min)
 }
 
 /// Land of 2 x 2 with `side` trees along each side, seen from beside.
@@ -152,29 +142,28 @@ fn land_places(side: u32) -> Vec<Mat4> {
 
 fn growth_and_equal_error(tree: &Tree, size: [u32; 2]) {
     println!(
-        "| trees | rays a pixel | s a picture of volumes | relative error | triangles: s a ray | their error | rays for the same error | s for it |"
+        "| trees | rays a pixel of volumes | s | relative error | triangles' errors by rays | rays of triangles for the same | s | these take |"
     );
     println!("|---|---|---|---|---|---|---|---|");
     let mut times = Vec::new();
     for side in SIDES {
         let skin = with_volumes(land_skin(tree, side), land_camera());
-        let explicit = with_triangles(tree, side);
-        let (truth, explicit_s) = drawn(&explicit, size, TRUTH);
-        let ladder: Vec<(u32, f64)> =
-            [1, 2, 4, 8, 16, 32].map(|n| (n, relative_error(&drawn(&explicit, size, n).0, &truth))).into();
-        times.push(seconds(&skin, size));
+        let triangles = with_triangles(tree, side);
+        let explicit = Explicit::new(&triangles, size, TRUTH, 0);
+        let ray_s = seconds(&triangles, size, 4) / 4.0;
+        let curve: Vec<String> = explicit.curve().iter().map(|(rays, error)| format!("{rays}: {error:.3}")).collect();
         for rays in [1, 4, 16] {
-            let (picture, volume_s) = drawn(&skin, size, rays);
-            let error = relative_error(&picture, &truth);
-            // Errors of independent rays fall with the root of their number.
-            let needed = (ladder[0].1 / error).powi(2);
+            let volume_s = seconds(&skin, size, rays);
+            let error = explicit.error(&drawn(&skin, size, 0..rays));
+            let needed = explicit.rays_for(error);
             println!(
-                "| {} | {rays} | {:.3} | {error:.3} | {explicit_s:.3} | {} | {needed:.0} | {:.3} |",
+                "| {} | {rays} | {volume_s:.3} | {error:.3} | {} | {needed:.0} | {:.3} | {:.1} x |",
                 side * side,
-                volume_s * f64::from(rays),
-                ladder.iter().map(|(n, e)| format!("{n}: {e:.3}")).collect::<Vec<_>>().join(", "),
-                needed * explicit_s
+                curve.join(", "),
+                needed * ray_s,
+                needed * ray_s / volume_s
             );
+            times.extend((rays == 1).then_some(volume_s));
         }
     }
     println!(
@@ -199,17 +188,18 @@ fn noise(scene: &Scene, samples: u32) -> f64 {
     let frame = scene.camera.frame(PAN_SIZE[0], PAN_SIZE[1]);
     let distance = (scene.camera.target - scene.camera.eye).length();
     let step = frame.right.normalize() * frame.pixel_width() * distance * PAN.1;
-    let pictures: Vec<Vec<f32>> = (0..PAN.0)
+    let pictures: Vec<Radiance> = (0..PAN.0)
         .map(|number| {
             let mut moved = scene.clone();
             moved.camera.eye += step * number as f32;
             moved.camera.target += step * number as f32;
-            drawn(&moved, PAN_SIZE, samples).0
+            drawn(&moved, PAN_SIZE, 0..samples)
         })
         .collect();
     let variance = |pixel: usize| {
-        let mean = pictures.iter().map(|picture| f64::from(picture[pixel])).sum::<f64>() / pictures.len() as f64;
-        pictures.iter().map(|picture| (f64::from(picture[pixel]) - mean).powi(2)).sum::<f64>() / pictures.len() as f64
+        let values = || pictures.iter().map(|picture| f64::from(picture[pixel][1]));
+        let mean = values().sum::<f64>() / pictures.len() as f64;
+        values().map(|value| (value - mean).powi(2)).sum::<f64>() / pictures.len() as f64
     };
     let pixels = pictures[0].len();
     ((0..pixels).map(variance).sum::<f64>() / pixels as f64).sqrt()

@@ -1,5 +1,7 @@
 //! What the promises and the benches share: small captures, fitted assets, data that may be absent.
 
+pub mod bent_skins;
+pub mod beside;
 pub mod dolly;
 pub mod leaf_live;
 pub mod leaf_trade;

@@ -1,5 +1,5 @@
 //! How the time of a frame grows: with lights, materials, coverage, resolution, residual components and triangles, and what
-//! the decoder's short cuts are worth. After figures 4 and 5 of Silva & Santos [silva2012].
+//! the decoder's short cuts are worth. After figures 4 and 5 of Silva & Santos [silva2012]. And what landscapes take.
 
 use crate::cpu::CpuPicture;
 use crate::crowd::crowd;
@@ -9,6 +9,7 @@ use crate::error::ViewerError;
 use crate::gpu::BackendChoice;
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::headless::Control;
+use crate::landscape::{Landscape, LandscapeParams};
 use crate::leaf_trade::{LeafModeRow, leaf_mode_rows};
 use crate::options::{DecoderForm, RenderMode, ShadeOptions, SkyLight};
 use crate::picture::psnr_db;
@@ -59,6 +60,8 @@ pub enum BenchKind {
     Triangles,
     /// Error against the path-traced picture over time, for every setting of the dials; and of the modes of a live leaf.
     Trade,
+    /// Lawn, grove and forest of volumetric textures, from afar, nearer and from close by.
+    Landscapes,
 }
 
 impl BenchKind {
@@ -73,6 +76,7 @@ impl BenchKind {
             BenchKind::Ablations => "ablations",
             BenchKind::Triangles => "triangles",
             BenchKind::Trade => "trade",
+            BenchKind::Landscapes => "landscapes",
         }
     }
 }
@@ -97,9 +101,9 @@ pub struct BenchParams {
 /// A measured point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BenchRow {
-    /// The mesh, or `crowd` for a model of the user's.
+    /// The mesh, `crowd` for a model of the user's, or the landscape.
     pub mesh: &'static str,
-    /// What was changed, for `ablations`, and which light is followed, for `trade`.
+    /// What was changed, for `ablations`, which light is followed, for `trade`, and from where it is seen, for `landscapes`.
     pub variant: &'static str,
     /// `fast` or `exact`.
     pub interpolation: &'static str,
@@ -210,6 +214,15 @@ struct Point {
     size: [u32; 2],
     shade: ShadeOptions,
     decoder: DecoderForm,
+    /// Whether each frame is the first of its picture, as while the camera moves: volumes are coarser in it than in later ones.
+    moves: bool,
+}
+
+impl Point {
+    /// Number of the sample that a frame adds.
+    fn sample(&self, frame: usize) -> u32 {
+        if self.moves { 0 } else { frame as u32 }
+    }
 }
 
 const MESHES: [(&str, MeshChoice); 4] = [
@@ -228,6 +241,7 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
         size: params.size,
         shade: params.shade,
         decoder: DecoderForm::Halves,
+        moves: false,
     };
     let mut points = Vec::new();
     match params.kind {
@@ -308,6 +322,17 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
                         let scene = Scene { ambient, ..scene.clone() };
                         points.push(Point { variant, shade, ..point("shoe", scene) });
                     }
+                }
+            }
+        }
+        BenchKind::Landscapes => {
+            let cameras = ["from afar", "nearer", "from close by"];
+            for landscape in [Landscape::Lawn, Landscape::Grove, Landscape::Forest] {
+                let (scene, _) = landscape.scene(&LandscapeParams::default())?;
+                let seen = std::iter::once(scene.camera).chain(scene.more_cameras.iter().copied());
+                for (variant, camera) in cameras.into_iter().zip(seen) {
+                    let scene = Scene { camera, ..scene.clone() };
+                    points.push(Point { variant, moves: true, ..point(landscape.name(), scene) });
                 }
             }
         }
@@ -447,6 +472,7 @@ impl Engine {
                 let mut picture = CpuPicture::new(point.size);
                 while !enough(&times) {
                     let start = Instant::now();
+                    picture.samples = point.sample(times.len());
                     picture.add_sample(&point.scene, &point.shade, &|| true);
                     times.push((start.elapsed().as_secs_f64() * 1e3, None));
                 }
@@ -460,7 +486,7 @@ impl Engine {
                 tracer.sample(gpu, &point.scene, point.size, &point.shade, 0, None)?;
                 gpu.wait()?;
                 while !enough(&times) {
-                    let sample = times.len() as u32;
+                    let sample = point.sample(times.len());
                     times.push(tracer.timed_sample(
                         gpu,
                         &point.scene,
@@ -543,6 +569,10 @@ mod tests {
         let coverage = rows(BenchKind::Coverage);
         assert!(coverage.windows(2).all(|w| w[1].coverage >= w[0].coverage));
         assert!(coverage[0].coverage < 0.1 && coverage.last().unwrap().coverage > 0.95);
+        let landscapes = rows(BenchKind::Landscapes);
+        let seen: Vec<_> = landscapes.iter().map(|row| row.mesh).collect();
+        assert_eq!(seen, [["lawn"; 3], ["grove"; 3], ["forest"; 3]].concat());
+        assert!(landscapes.windows(2).all(|w| w[0].variant != w[1].variant && w[0].rays != w[1].rays));
         let components: Vec<u32> = rows(BenchKind::Components).iter().map(|row| row.components).collect();
         assert_eq!(components, [0, 1, 2, 4]);
     }

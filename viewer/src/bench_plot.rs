@@ -11,6 +11,7 @@ fn varied(kind: BenchKind, row: &BenchRow) -> f64 {
         BenchKind::Coverage => row.coverage.max(1e-3),
         BenchKind::Resolution => f64::from(row.width) * f64::from(row.height),
         BenchKind::Triangles => row.triangles as f64,
+        BenchKind::Landscapes => row.rays as f64,
         BenchKind::Trade => row.psnr_db.unwrap_or_default(),
         // One more, for the mean.
         BenchKind::Components => f64::from(row.components) + 1.0,
@@ -25,6 +26,7 @@ fn axis(kind: BenchKind) -> &'static str {
         BenchKind::Resolution => "pixels",
         BenchKind::Components => "components + 1",
         BenchKind::Triangles => "triangles",
+        BenchKind::Landscapes => "rays",
         BenchKind::Trade => "PSNR against the path-traced picture, dB",
     }
 }

@@ -179,7 +179,8 @@ impl Volumes {
         self.volumes.len()
     }
 
-    pub(crate) fn skins(&self) -> &[SceneSkin] {
+    /// The skins.
+    pub fn skins(&self) -> &[SceneSkin] {
         &self.skins
     }
 

@@ -79,6 +79,13 @@ pub struct LandscapeParams {
     pub wind_m_per_s: Option<f32>,
 }
 
+impl Default for LandscapeParams {
+    /// The published counts, with the volumes that come with the viewer, in a calm.
+    fn default() -> LandscapeParams {
+        LandscapeParams { times: 1, volumes: Vec::new(), meshes: Vec::new(), wind_m_per_s: None }
+    }
+}
+
 /// What there is in a landscape.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
 pub struct LandscapeCounts {
