@@ -77,10 +77,12 @@ pub(crate) struct Frame {
 pub(crate) struct GpuMaterial {
     pub diffuse: [f32; 3],
     pub asset: u32,
-    pub mirror: [f32; 3],
+    pub transmitted: [f32; 3],
     pub leaf: u32,
-    pub uv_scale: [f32; 2],
+    pub mirror: [f32; 3],
     pub displacement: f32,
+    pub uv_scale: [f32; 2],
+    pub pad0: u32,
     pub pad1: u32,
 }
 
@@ -569,17 +571,22 @@ impl Tracer {
     fn write_materials(&self, gpu: &Gpu, scene: &Scene) {
         let material = |material: &Material| GpuMaterial {
             diffuse: match material.body {
-                Body::Plain(reflectance) => reflectance,
+                Body::Plain(colour) => colour.reflectance,
                 _ => material.tint,
             },
             asset: material.asset().map_or(NO_ASSET, |asset| self.arena.bases[asset]),
-            mirror: material.mirror,
+            transmitted: match material.body {
+                Body::Plain(colour) => colour.transmittance,
+                _ => [0.0; 3],
+            },
             leaf: match material.body {
                 Body::Leaf(leaf) => self.arena.bases[leaf_place(scene, leaf)],
                 _ => NO_ASSET,
             },
-            uv_scale: material.uv_scale,
+            mirror: material.mirror,
             displacement: material.displacement,
+            uv_scale: material.uv_scale,
+            pad0: 0,
             pad1: 0,
         };
         let materials: Vec<GpuMaterial> = scene.materials.iter().map(material).collect();
