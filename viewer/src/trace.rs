@@ -378,8 +378,8 @@ impl Tracer {
         at < self.arena.bases.len() && self.arena.write(gpu, at, words, 0..words.len())
     }
 
-    /// Takes over where the scene's skins have moved, see [`Scene::blow`]. Cost: their words and proxies are uploaded again, and
-    /// with ray queries the whole acceleration structure is built anew.
+    /// Takes over where the scene's skins have moved and what they stand in for, see [`Scene::blow`]. Cost: their words, proxies and
+    /// the instances are uploaded again, and with ray queries the whole acceleration structure is built anew.
     ///
     /// # Errors
     /// As [`Tracer::new`].
@@ -391,11 +391,14 @@ impl Tracer {
             skin.shell.write_moving(&mut words);
             self.arena.write(gpu, volume_place(scene) + volumes.shell_array(number), &words, moving);
         }
+        self.update_instances(gpu, scene);
         let structure = &mut self.structure;
         structure.vertices.write(gpu, scene.geometry.vertices().len(), volumes.proxies().vertices());
         if let Some(nodes) = &structure.nodes {
-            let moved: Vec<BvhNode> = scene.geometry.nodes_behind(volumes.proxies()).collect();
-            nodes.write(gpu, scene.geometry.nodes().len(), &moved);
+            let root = scene.geometry.root() as usize;
+            let over_instances = scene.geometry.nodes()[root..].iter().copied();
+            let moved: Vec<BvhNode> = over_instances.chain(scene.geometry.nodes_behind(volumes.proxies())).collect();
+            nodes.write(gpu, root, &moved);
             return Ok(());
         }
         let (geometry, _) = scene.geometry.followed_by(volumes.proxies());
@@ -406,7 +409,7 @@ impl Tracer {
         Ok(())
     }
 
-    /// Takes over the factors of the scene's instances.
+    /// Takes over the factors of the scene's instances and where they stand.
     pub fn update_instances(&self, gpu: &Gpu, scene: &Scene) {
         gpu.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(scene.geometry.instances()));
     }

@@ -1,6 +1,6 @@
 //! Where the meshes stand that a landscape's volumes stand in for.
 
-use crate::skin::{Merged, NO_VOLUME, Pattern, Shell};
+use crate::skin::{Merged, NO_VOLUME, Pattern, Shell, SkinPlace};
 use glam::{Mat3, Mat4, Vec3, Vec4};
 use std::collections::HashMap;
 
@@ -16,17 +16,16 @@ type Texel = ([i32; 2], u32);
 struct Found {
     /// How far inside.
     inside: f32,
-    world_from_volume: Mat4,
+    place: SkinPlace,
     volumes: Merged,
 }
 
-/// Of every texel that is not empty its volumes, and the affine map of their unit cubes to the world that is right where `foot`
-/// is in them. A texel whose `foot` the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over
+/// Of every texel that is not empty its volumes, and where their unit cubes stand, right where `foot` is in them. A texel whose `foot` the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over
 /// the tetrahedra.
-pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> Vec<(u32, Mat4)> {
+pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> Vec<(u32, SkinPlace)> {
     let foot = foot.with_z(ABOVE_FLOOR);
     let mut found: HashMap<Texel, Found> = HashMap::new();
-    for tet in shell.tets() {
+    for (number, tet) in shell.tets().iter().enumerate() {
         let [a, b, c, d] = tet.textures.map(|i| shell.textures()[i as usize]);
         let texture_edges = Mat3::from_cols(b - a, c - a, d - a);
         if texture_edges.determinant().abs() < 1e-12 {
@@ -46,18 +45,15 @@ pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> V
             if inside <= known {
                 continue;
             }
-            let [p, q, r, s] = tet.positions.map(|i| shell.positions()[i as usize]);
-            let linear = Mat3::from_cols(q - p, r - p, s - p) * shares_of_texture;
-            let world_from_texture = Mat4::from_translation(p) * Mat4::from_mat3(linear) * Mat4::from_translation(-a);
             let volumes = pattern.alternatives[variant.alternative as usize];
-            let world_from_volume = world_from_texture * texture_from_volume;
-            found.insert((cell, tet.pattern), Found { inside, world_from_volume, volumes });
+            let place = SkinPlace::new(number, texture_from_volume);
+            found.insert((cell, tet.pattern), Found { inside, place, volumes });
         }
     }
     let mut found: Vec<_> = found.into_iter().collect();
     found.sort_by_key(|(texel, _)| *texel);
-    let places = |(_, Found { world_from_volume, volumes, .. })| {
-        volumes.into_iter().take_while(|volume| *volume != NO_VOLUME).map(move |volume| (volume, world_from_volume))
+    let places = |(_, Found { place, volumes, .. })| {
+        volumes.into_iter().take_while(|volume| *volume != NO_VOLUME).map(move |volume| (volume, place))
     };
     found.into_iter().flat_map(places).collect()
 }
@@ -88,7 +84,10 @@ mod tests {
         };
         let pattern = Pattern::isolated(3, jitter, 5);
         const FOOT: Vec3 = Vec3::new(0.4, 0.6, 0.0);
-        let places = plant_places(&shell, std::slice::from_ref(&pattern), FOOT);
+        let places: Vec<(u32, Mat4)> = plant_places(&shell, std::slice::from_ref(&pattern), FOOT)
+            .into_iter()
+            .map(|(volume, place)| (volume, place.world_from_object(&shell)))
+            .collect();
         // Texels whose middle is on the skin: 5 and 6 along the sides, a third of them empty.
         assert!((12..30).contains(&places.len()), "{}", places.len());
         let mut random = Random::new(2);
