@@ -431,10 +431,12 @@ mod tests {
             assert!(count > 20, "{count}");
             worst
         };
-        let [foot, top] = [0.05, 3.0].map(|height| height * Vec3::Y);
-        assert!(off(&scene.geometry, foot) < 0.03 && off(&scene.geometry, top) < 0.1);
+        // At the foot, at half the way to the crown, and there.
+        let heights = [0.001, 0.35, 0.7].map(|share| share * volumes.volume(0).side_m() * Vec3::Y);
+        let [foot, middle, crown] = heights.map(|at| off(&scene.geometry, at));
+        assert!(foot < 0.01 && middle < 0.1 && crown < 0.03, "{foot} {middle} {crown}");
         // Planted: where they stood a moment before.
-        assert!(off(&before, top) > 0.2);
+        assert!(off(&before, heights[2]) > 0.2);
         // And they are hit there.
         let plant = scene.geometry.instances().iter().find(|instance| instance.leaf_width > 0.0).unwrap();
         let at = Vec3::new(0.02, 4.0, 0.0).extend(1.0);

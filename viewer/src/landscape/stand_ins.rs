@@ -1,29 +1,30 @@
 //! Where the meshes stand that a landscape's volumes stand in for.
 
-use crate::skin::{Merged, NO_VOLUME, Pattern, Shell, SkinPlace};
+use crate::skin::{Merged, NO_VOLUME, Pattern, Shell, SkinPlace, TetPoint};
 use glam::{Mat3, Mat4, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// How far above a plant's foot its map is taken, in its volume: on the floor itself it would be at an end of the skin.
-const ABOVE_FLOOR: f32 = 1e-3;
+/// Where a plant is as its volume is, in shares of that: at its foot, which on the floor itself would be at an end of the skin, and
+/// where its crown is.
+const HEIGHTS: [f32; 2] = [1e-3, 0.7];
 /// How far outside of a tetrahedron, in shares of it, a foot counts as within.
 const SLACK: f32 = 1e-4;
 
 /// A texel's (i, j), and its pattern.
 type Texel = ([i32; 2], u32);
 
-/// The tetrahedron in which a texel's foot lies.
+/// The tetrahedra in which a texel's foot lies and the point above it.
 struct Found {
     /// How far inside.
-    inside: f32,
-    place: SkinPlace,
+    inside: [f32; 2],
+    points: [TetPoint; 2],
+    texture_from_volume: Mat4,
     volumes: Merged,
 }
 
-/// Of every texel that is not empty its volumes, and where their unit cubes stand, right where `foot` is in them. A texel whose `foot` the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over
-/// the tetrahedra.
+/// Of every texel that is not empty its volumes, and where their unit cubes stand, right where `foot` is in them and above that. A
+/// texel that the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over the tetrahedra.
 pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> Vec<(u32, SkinPlace)> {
-    let foot = foot.with_z(ABOVE_FLOOR);
     let mut found: HashMap<Texel, Found> = HashMap::new();
     for (number, tet) in shell.tets().iter().enumerate() {
         let [a, b, c, d] = tet.textures.map(|i| shell.textures()[i as usize]);
@@ -39,20 +40,35 @@ pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> V
             let Some(variant) = pattern.variant(cell) else { continue };
             let [x, y, z] = variant.volume_from_texture().map(Vec4::from);
             let texture_from_volume = Mat4::from_cols(x, y, z, Vec4::W).transpose().inverse();
-            let shares = shares_of_texture * (texture_from_volume.transform_point3(foot) - a);
-            let inside = shares.min_element().min(1.0 - shares.element_sum());
-            let known = found.get(&(cell, tet.pattern)).map_or(-SLACK, |known| known.inside);
-            if inside <= known {
+            let points = HEIGHTS.map(|height| {
+                let texture = texture_from_volume.transform_point3(foot.with_z(height));
+                TetPoint { tet: number, texture }
+            });
+            let inside = points.map(|point| {
+                let shares = shares_of_texture * (point.texture - a);
+                shares.min_element().min(1.0 - shares.element_sum())
+            });
+            if inside.iter().all(|inside| *inside <= -SLACK) {
                 continue;
             }
             let volumes = pattern.alternatives[variant.alternative as usize];
-            let place = SkinPlace::new(number, texture_from_volume);
-            found.insert((cell, tet.pattern), Found { inside, place, volumes });
+            let known = found.entry((cell, tet.pattern)).or_insert(Found {
+                inside: [-SLACK; 2],
+                points,
+                texture_from_volume,
+                volumes,
+            });
+            for i in 0..2 {
+                if inside[i] > known.inside[i] {
+                    (known.inside[i], known.points[i]) = (inside[i], points[i]);
+                }
+            }
         }
     }
-    let mut found: Vec<_> = found.into_iter().collect();
+    let mut found: Vec<_> = found.into_iter().filter(|(_, found)| found.inside.iter().all(|x| *x > -SLACK)).collect();
     found.sort_by_key(|(texel, _)| *texel);
-    let places = |(_, Found { place, volumes, .. })| {
+    let places = |(_, Found { points: [foot, above], texture_from_volume, volumes, .. })| {
+        let place = SkinPlace::new(foot, above, texture_from_volume);
         volumes.into_iter().take_while(|volume| *volume != NO_VOLUME).map(move |volume| (volume, place))
     };
     found.into_iter().flat_map(places).collect()

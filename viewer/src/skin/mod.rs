@@ -34,7 +34,7 @@ pub use height_noise::Noise;
 pub use jitter::Jitter;
 pub use layers::LayerSpan;
 pub use pattern::{DiscreteJitter, MOST_MERGED, Merged, NO_VOLUME, Pattern, Variant, pattern_words};
-pub(crate) use place::SkinPlace;
+pub(crate) use place::{SkinPlace, TetPoint};
 pub use refine::ShellParams;
 pub use shell::{NO_LINK, Shell, ShellReport, Tet};
 pub use thick_skin::{Corners, Skin, SkinFace, SkinVertex};
