@@ -88,7 +88,7 @@ pub use leaf::quantity::{LEAF_QUANTITIES, LeafQuantity};
 pub use leaf::species::{Deficiency, LeafGloss, Species, SpeciesPreset};
 pub use leaf::texture_folder::{TEXTURES_NAME, TextureGrid, TextureImages, write_textures};
 pub use leaf::texture_image::{MAX_TEXTURE_TEXELS, TextureKind};
-pub use model::{ModelMesh, ModelPart, beside, is_model, read_model};
+pub use model::{MattColour, ModelMesh, ModelPart, beside, is_model, read_model};
 pub use radiance_map::RadianceMap;
 pub use source::SharedBytes;
 pub use spectrum::{rgb_of, rgb_weights};

@@ -81,9 +81,8 @@ pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKin
 pub use optics::colour::{RgbBands, RgbFromSpectrum};
 pub use optics::contents::check_contents;
 pub use optics::fresnel::{fresnel, fresnel_between, reflect, refract, refract_cos};
-pub use optics::gloss::{
-    CUTICLE_INDEX, CookTorrance, GlossCoupling, GlossForm, GlossParams, LobeAngles, MIN_ROUGHNESS, vein_frame,
-};
+pub use optics::gloss::{CookTorrance, LobeAngles, vein_frame};
+pub use optics::gloss_params::{CUTICLE_INDEX, GlossCoupling, GlossForm, GlossParams, MIN_ROUGHNESS};
 pub use optics::interface::mean_interface_transmittance;
 pub use optics::path_lengths::{
     Beam, Diffuse, Estimate, Face, Parallel, PathLengths, TracedBeam, trace_path_lengths, trace_splitting,

@@ -1,13 +1,17 @@
 //! A plant is handed over from its mesh to its volume without a step, in a dolly over 64 times the distance.
 
+use btf_capture::glb::glb_from;
 use btf_capture::{LeafDescription, Species, TextureImages};
 use btf_fit::voltex::build::{VoltexParams, build_voltex};
 use btf_fit::voltex::model::TriangleModel;
 use btf_runtime::voltex::Volume;
 use btf_synth::{Existing, PlantsParams, write_plants};
 use btf_tests::dolly::{MOST_LEAF_PIXELS, STEPS, dolly, largest_step, luminance, row};
-use btf_viewer::{Camera, CpuPicture, Instance, Landscape, LandscapeParams, Material, Scene, ShadeOptions, load_scene};
+use btf_viewer::{
+    Body, Camera, CpuPicture, Instance, Landscape, LandscapeParams, Material, Scene, ShadeOptions, load_scene,
+};
 use glam::{Vec3, Vec4};
+use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,13 +30,36 @@ const TOWARDS: Vec3 = Vec3::new(-0.5, 0.3, 1.0);
 
 /// Writes a bush.
 fn write_model(folder: &Path) -> Volume {
+    write_mesh(folder);
+    volume_of_mesh(folder)
+}
+
+fn write_mesh(folder: &Path) {
     let path = folder.join("bush.glb");
     let leaf = LeafDescription::of(Some(Species::Tree), None);
     let params = PlantsParams { branches: 60, leaves: 400, ..PlantsParams::of(Species::Tree) };
     let images = TextureImages::default();
     write_plants(&path, &params, &leaf, images, Existing::Refuse, &|_, _| ControlFlow::Continue(())).unwrap();
+}
+
+fn volume_of_mesh(folder: &Path) -> Volume {
     let params = VoltexParams { resolution: 64, ..VoltexParams::default() };
-    build_voltex(&TriangleModel::read(&path).unwrap(), &params).unwrap()
+    build_voltex(&TriangleModel::read(&folder.join("bush.glb")).unwrap(), &params).unwrap()
+}
+
+/// Makes the bush's leaves plain: of each channel half is let through, in a colour of its own.
+fn make_leaves_plain(folder: &Path) {
+    let path = folder.join("bush.glb");
+    let bytes = std::fs::read(&path).unwrap();
+    // A header of three words, then two chunks, each behind its length and kind.
+    let text = 20..20 + u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let mut document: Value = serde_json::from_slice(&bytes[text.clone()]).unwrap();
+    let materials = document["materials"].as_array_mut().unwrap();
+    let leaf = materials.iter_mut().find(|material| material["extensions"].is_object()).unwrap();
+    leaf["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.1, 0.3, 0.2, 1.0]);
+    let transmission = json!({ "diffuseTransmissionFactor": 0.5, "diffuseTransmissionColorFactor": [0.2, 0.8, 0.1] });
+    leaf["extensions"] = json!({ "KHR_materials_diffuse_transmission": transmission });
+    std::fs::write(&path, glb_from(&document, bytes[text.end + 8..].to_vec()).unwrap()).unwrap();
 }
 
 fn scene(folder: &Path, volume: &Volume) -> (Scene, f32) {
@@ -75,6 +102,34 @@ fn a_dolly_from_a_mesh_to_its_volume_has_no_step() {
         let rows: Vec<_> = band.map(|pixels| row(&wrong, TOWARDS, leaf_width, pixels, PATHS)).collect();
         assert!(largest_step(&rows) > BAR, "{}", largest_step(&rows));
     }
+}
+
+/// Largest relative difference of luminance of a plant as a mesh and as its volume, lit from behind or from in front.
+const PLAIN_BAR: f64 = 0.08;
+
+#[test]
+fn leaves_that_a_gltf_file_makes_translucent_have_one_brightness_as_a_mesh_and_as_a_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    write_mesh(folder.path());
+    make_leaves_plain(folder.path());
+    let (both, leaf_width) = scene(folder.path(), &volume_of_mesh(folder.path()));
+    let mut opaque = both.clone();
+    for material in &mut opaque.materials {
+        if let Body::Plain(colour) = &mut material.body {
+            colour.transmittance = [0.0; 3];
+        }
+    }
+    // As small as a mesh can be that is alone, and a volume that is.
+    let seen = |scene: &Scene, towards, pixels| row(scene, towards, leaf_width, pixels, PATHS);
+    for towards in [-TOWARDS, TOWARDS] {
+        let (mesh, volume) = (seen(&both, towards, 2.0), seen(&both, towards, 1.0));
+        println!("towards {towards}: mesh {:?}, volume {:?}", mesh.radiance, volume.radiance);
+        let apart = largest_step(&[mesh, volume]);
+        assert!(apart < PLAIN_BAR, "{apart}");
+    }
+    // Planted: a mesh that lets nothing through is dark before the sun.
+    let apart = largest_step(&[seen(&opaque, -TOWARDS, 2.0), seen(&both, -TOWARDS, 1.0)]);
+    assert!(apart > 5.0 * PLAIN_BAR, "{apart}");
 }
 
 /// Largest difference of the mean colours of a plant as a mesh and as its volume, as a share of the brighter channel: in red and

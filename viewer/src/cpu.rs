@@ -12,6 +12,7 @@ use crate::surface::{LEAST_EYE_COS, Surface};
 use crate::trace::{GpuPixel, PixelHit};
 use crate::viewed_body::ViewedBody;
 use crate::volume_light::AROUND_ROUGHNESS;
+use btf_capture::MattColour;
 use btf_runtime::{LightRows, ViewedLeaf, ViewedTexel};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -307,7 +308,10 @@ impl Shader<'_> {
         light_back: bool,
     ) -> Option<ViewedBody<'a>> {
         match material.body {
-            Body::Plain(reflectance) => (light_back == s.view_back).then_some(ViewedBody::Plain(reflectance.into())),
+            Body::Plain(colour) if light_back == s.view_back => Some(ViewedBody::Plain(colour.reflectance.into())),
+            Body::Plain(colour) => {
+                Some(Vec3::from(colour.transmittance)).filter(|share| share.max_element() > 0.0).map(ViewedBody::Plain)
+            }
             Body::Asset(asset) => {
                 let resident = self.scene.assets[asset].resident();
                 let layer = resident.layer_for_sides(level, light_back, s.view_back)?;
@@ -452,6 +456,9 @@ impl Shader<'_> {
         }
         let mut rest = (choice - mirror_share) / (1.0 - mirror_share);
         let mut back = s.view_back;
+        if let Body::Plain(colour) = material.body {
+            back ^= rest < share_through(&colour);
+        }
         if let Body::Asset(asset) = material.body {
             let head = self.scene.assets[asset].head();
             if head.layer_for_sides(0, !s.view_back, s.view_back).is_some() {
@@ -661,7 +668,8 @@ fn side_share(scene: &Scene, s: &Surface, material: &Material, back: bool) -> f3
     let body = body_share(material);
     let share = body / (Vec3::from(material.mirror).max_element() + body).max(1e-6);
     match material.body {
-        Body::Plain(_) if back != s.view_back => 0.0,
+        Body::Plain(colour) if back == s.view_back => share * (1.0 - share_through(&colour)),
+        Body::Plain(colour) => share * share_through(&colour),
         Body::Asset(asset) if scene.assets[asset].head().layer_for_sides(0, !back, s.view_back).is_some() => {
             0.5 * share
         }
@@ -673,9 +681,17 @@ fn side_share(scene: &Scene, s: &Surface, material: &Material, back: bool) -> f3
 /// How often a path goes on from the body, in proportion to the mirror's reflectance.
 fn body_share(material: &Material) -> f32 {
     match material.body {
-        Body::Plain(reflectance) => Vec3::from(reflectance).max_element(),
+        Body::Plain(MattColour { reflectance, transmittance }) => {
+            Vec3::from(reflectance).max_element() + Vec3::from(transmittance).max_element()
+        }
         Body::Asset(_) | Body::Leaf(_) => 1.0,
     }
+}
+
+/// Of the directions that a matt surface sends a path in, the share that leaves on the other side.
+fn share_through(colour: &MattColour) -> f32 {
+    let [reflected, passed] = [colour.reflectance, colour.transmittance].map(|share| Vec3::from(share).max_element());
+    passed / (reflected + passed).max(1e-6)
 }
 
 /// The mirror direction about the shading normal, kept above the triangle.

@@ -285,7 +285,26 @@ impl Geometry {
         for mesh in self.meshes.iter_mut().filter(|mesh| mesh.triangles > 0) {
             mesh.bounds = self.nodes[mesh.root as usize].bounds();
         }
-        for number in (root..self.nodes.len()).rev() {
+        self.refit_instances();
+    }
+
+    /// Moves instances to where `place` has them, by their number among the placements; those that it says nothing of, or a map
+    /// without an inverse, stay. The hierarchy over the instances keeps its order. Cost: a pass over the instances.
+    pub(crate) fn move_instances(&mut self, place: impl Fn(usize) -> Option<Mat4>) {
+        for (instance, [_, number]) in self.instances.iter_mut().zip(&self.origins) {
+            let Some(map) = place(*number) else { continue };
+            let inverse = map.inverse();
+            if map.is_finite() && inverse.is_finite() {
+                (instance.object_from_world, instance.world_from_object) = (rows(inverse), rows(map));
+                instance.handedness = map.determinant().signum();
+            }
+        }
+        self.refit_instances();
+    }
+
+    /// Gives the nodes over the instances their boxes.
+    fn refit_instances(&mut self) {
+        for number in (self.root as usize..self.nodes.len()).rev() {
             let BvhNode { first, count, .. } = self.nodes[number];
             let of_instances = |all: Bounds, instance: u32| {
                 let map = affine(self.instances[instance as usize].world_from_object);

@@ -36,6 +36,7 @@ mod governor;
 mod gpu;
 mod gpu_decode;
 mod gpu_expand;
+mod gpu_queries;
 mod gpu_timer;
 mod hand_over;
 mod headless;

@@ -3,6 +3,7 @@
 use crate::mesh::MeshPart;
 use crate::scene_asset::SceneAsset;
 use crate::scene_leaf::SceneLeaf;
+use btf_capture::MattColour;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -71,8 +72,8 @@ pub struct OwnBodies {
 /// What reflects and transmits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Body {
-    /// A plain diffuse surface: linear sRGB reflectance, 0 to 1.
-    Plain([f32; 3]),
+    /// A matt surface.
+    Plain(MattColour),
     /// Index into [`Shown::assets`].
     Asset(usize),
     /// Index into [`Shown::leaves`].
@@ -106,26 +107,28 @@ impl Material {
         Material::new(Body::Asset(asset), uv_scale)
     }
 
-    /// A plain diffuse material.
-    pub fn plain(diffuse: [f32; 3]) -> Material {
-        Material::new(Body::Plain(diffuse), [1.0; 2])
+    /// An opaque matt material of a linear sRGB reflectance, 0 to 1.
+    pub fn plain(reflectance: [f32; 3]) -> Material {
+        Material::matt(MattColour::opaque(reflectance))
+    }
+
+    /// A matt material.
+    pub fn matt(colour: MattColour) -> Material {
+        Material::new(Body::Plain(colour), [1.0; 2])
     }
 
     /// That of a part of a file: `body`, if the part has texture coordinates, else plain in its own colour.
     pub(crate) fn of_part(part: &MeshPart, body: Option<Body>, uv_scale: [f32; 2]) -> Material {
         match body {
             Some(body) if part.has_uv => Material::new(body, uv_scale),
-            _ => Material::plain(part.diffuse),
+            _ => Material::matt(part.colour),
         }
     }
 
-    /// The same with its body's colour times `tint`; a plain one never reflects more than all light.
+    /// The same with its body's colour times `tint`; a plain one never sends on more than all light.
     pub(crate) fn tinted(self, tint: [f32; 3]) -> Material {
         match self.body {
-            Body::Plain(reflectance) => {
-                let tinted = std::array::from_fn(|i| (reflectance[i] * tint[i]).min(1.0));
-                Material { body: Body::Plain(tinted), ..self }
-            }
+            Body::Plain(colour) => Material { body: Body::Plain(colour.tinted(tint)), ..self },
             _ => Material { tint: std::array::from_fn(|i| self.tint[i] * tint[i]), ..self },
         }
     }

@@ -1,6 +1,7 @@
 //! Meshes in parts: the built-in plane, sphere and box, and the frame (normal, tangent) of every vertex.
 
 use crate::geometry::Vertex;
+use btf_capture::MattColour;
 use glam::{Mat4, Vec2, Vec3};
 
 /// Longitudes of the built-in sphere; its edges are then a third of a degree off the true silhouette.
@@ -15,8 +16,8 @@ pub struct MeshPart {
     pub name: String,
     /// Number of the material in the file; parts with equal numbers get the same material.
     pub group: usize,
-    /// Colour of the part where it carries no asset, linear sRGB reflectance.
-    pub diffuse: [f32; 3],
+    /// Colour of the part where it carries no asset and no leaf.
+    pub colour: MattColour,
     /// Whether the texture coordinates mean something; without them a part cannot carry an asset.
     pub has_uv: bool,
     /// Vertices.
@@ -27,7 +28,14 @@ pub struct MeshPart {
 
 impl MeshPart {
     fn built_in(name: &str, vertices: Vec<Vertex>, triangles: Vec<[u32; 3]>) -> MeshPart {
-        MeshPart { name: name.into(), group: 0, diffuse: [0.5; 3], has_uv: true, vertices, triangles }
+        MeshPart {
+            name: name.into(),
+            group: 0,
+            colour: MattColour::opaque([0.5; 3]),
+            has_uv: true,
+            vertices,
+            triangles,
+        }
     }
 
     /// Moves all vertices; tangent frames stay right under mirroring and uneven scale. `matrix` is invertible.

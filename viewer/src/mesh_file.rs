@@ -83,7 +83,7 @@ fn with_frames(part: ModelPart) -> MeshPart {
     MeshPart {
         name: part.name,
         group: part.group,
-        diffuse: part.diffuse,
+        colour: part.colour,
         has_uv: part.uvs.is_some(),
         vertices,
         triangles: part.triangles,
@@ -93,6 +93,7 @@ fn with_frames(part: ModelPart) -> MeshPart {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use btf_capture::MattColour;
     use serde_json::Value;
 
     const INSTANCING: &str = "EXT_mesh_gpu_instancing";
@@ -149,6 +150,31 @@ pub(crate) mod tests {
         let vertex = parts[0].vertices[2];
         assert_eq!((vertex.position, vertex.u, vertex.v), ([5.0, 1.0, 0.0], 0.0, 1.0));
         assert_eq!((vertex.normal, vertex.tangent), ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]));
+    }
+
+    #[test]
+    fn a_gltf_material_reflects_what_it_does_not_let_through() {
+        let dir = tempfile::tempdir().unwrap();
+        let read = |transmission: Value| {
+            let material = serde_json::json!({
+                "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 1.0, 1.0] },
+                "extensions": { "KHR_materials_diffuse_transmission": transmission },
+            });
+            load_meshes(&write_gltf_with_material(dir.path(), &material)).unwrap()[0].parts[0].colour
+        };
+        let told = |more: Value| {
+            let mut told = serde_json::json!({ "diffuseTransmissionFactor": 0.25 });
+            told.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+            read(told)
+        };
+        let opaque = MattColour::opaque([0.5, 0.25, 1.0]);
+        let reflectance = [0.375, 0.1875, 0.75];
+        assert_eq!(read(serde_json::json!({})), opaque);
+        assert_eq!(told(serde_json::json!({})), MattColour { reflectance, transmittance: [0.25; 3] });
+        let green = told(serde_json::json!({ "diffuseTransmissionColorFactor": [0.0, 1.0, 0.5] }));
+        assert_eq!(green, MattColour { reflectance, transmittance: [0.0, 0.25, 0.125] });
+        // Pictures are not read, so nobody knows where it lets light through.
+        assert_eq!(told(serde_json::json!({ "diffuseTransmissionTexture": { "index": 0 } })), opaque);
     }
 
     /// The same triangle, placed by the extension with the attributes given.

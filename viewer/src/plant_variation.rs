@@ -57,7 +57,7 @@ mod tests {
     use crate::material::Shown;
     use crate::mesh;
     use crate::scene::{Scene, SceneMesh, SceneObject};
-    use btf_capture::LeafDescription;
+    use btf_capture::{LeafDescription, MattColour};
     use btf_runtime::{LeafTexel, LeafTexture};
     use glam::{Mat4, Vec3};
     use std::path::Path;
@@ -126,7 +126,8 @@ mod tests {
             objects: vec![SceneObject { part: mesh::plane(), material: Material::new(body, [1.0; 2]) }],
             places: places.iter().map(|x| Mat4::from_translation(Vec3::X * *x)).collect(),
         };
-        let meshes = vec![standing(Body::Plain([0.5; 3]), &[9.0]), standing(Body::Leaf(0), &[0.0, 3.0])];
+        let meshes =
+            vec![standing(Body::Plain(MattColour::opaque([0.5; 3])), &[9.0]), standing(Body::Leaf(0), &[0.0, 3.0])];
         let scene = Scene::from_meshes(Path::new("plants"), meshes, shown()).unwrap();
         let mut factors: Vec<[f32; 4]> = scene.geometry.instances().iter().map(|instance| instance.factors).collect();
         // Along x: the two plants, then what carries no leaf.

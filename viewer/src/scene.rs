@@ -378,13 +378,18 @@ impl Scene {
         self.outdoors = Some(outdoors);
     }
 
-    /// Shows the scene at another moment: its wind moves the skins of its volumes. Without a wind nothing moves.
+    /// Shows the scene at another moment: its wind moves the skins of its volumes and the models that these stand in for. Without
+    /// a wind nothing moves.
     ///
     /// # Errors
     /// As [`Wind::blow`].
     pub fn blow(&mut self, time_s: f64) -> Result<(), ViewerError> {
         if let (Some(wind), Some(volumes)) = (&self.wind, &mut self.volumes) {
-            Arc::make_mut(volumes).blow(wind, time_s).map_err(ViewerError::Usage)?;
+            let volumes = Arc::make_mut(volumes);
+            volumes.blow(wind, time_s).map_err(ViewerError::Usage)?;
+            if volumes.has_stand_ins() {
+                Arc::make_mut(&mut self.geometry).move_instances(|placement| volumes.stand_in_place(placement));
+            }
         }
         self.time_s = time_s;
         Ok(())

@@ -23,6 +23,7 @@
 //! [[material]]
 //! name = "grey"
 //! diffuse = [0.5, 0.5, 0.5]
+//! transmitted = [0.1, 0.2, 0.1]     # optional: what it lets through, matt as well
 //!
 //! [[material]]
 //! name = "chrome"
@@ -102,6 +103,7 @@ use crate::scene_skin::SkinEntry;
 use crate::scene_volume::{VolumeEntry, VolumeFiles, models_of, places_of};
 use crate::skin::Wind;
 use crate::volumes::{SceneSkin, Volumes};
+use btf_capture::MattColour;
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -191,6 +193,7 @@ struct MaterialEntry {
     asset: Option<AssetEntry>,
     leaf: Option<String>,
     diffuse: Option<[f32; 3]>,
+    transmitted: Option<[f32; 3]>,
     mirror: Option<[f32; 3]>,
     #[serde(default)]
     physical: bool,
@@ -354,8 +357,20 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
                 Body::Leaf(shown.leaves.len() - 1)
             }
             // What is a mirror and nothing else shows nothing below it.
-            (None, None) => Body::Plain(entry.diffuse.unwrap_or([0.0; 3])),
+            (None, None) => Body::Plain(MattColour {
+                reflectance: entry.diffuse.unwrap_or([0.0; 3]),
+                transmittance: entry.transmitted.unwrap_or([0.0; 3]),
+            }),
         };
+        if let (Some(passed), diffuse) = (entry.transmitted, entry.diffuse) {
+            let fits = |(passed, diffuse): (f32, f32)| (0.0..=1.0).contains(&passed) && passed + diffuse <= 1.0;
+            if !diffuse.is_some_and(|diffuse| passed.into_iter().zip(diffuse).all(fits)) {
+                return Err(fault(format!(
+                    "material '{}' has transmitted, which needs diffuse beside it and is 0 to 1 together with that",
+                    entry.name
+                )));
+            }
+        }
         let material = Material { mirror, displacement: entry.displacement, ..Material::new(body, entry.uv_scale) };
         if !(material.displacement.is_finite() && material.displacement >= 0.0) {
             return Err(fault(format!("material '{}' needs a displacement of at least 0", entry.name)));
@@ -728,6 +743,8 @@ mod tests {
             format!("{GREY}{GREY}{object}"),
             format!("[[material]]\nname = \"a\"\n{object}"),
             format!("[[material]]\nname = \"a\"\nasset = 0\n{object}"),
+            format!("{GREY}transmitted = [0.6, 0.2, 0.2]\n{object}"),
+            format!("[[material]]\nname = \"a\"\nmirror = [1, 1, 1]\ntransmitted = [0.1, 0.1, 0.1]\n{object}"),
             format!("{object}scale = [1, 0, 1]\n"),
             format!("{object}parts = {{ lace = \"grey\" }}\n"),
             format!("{object}[camera]\neye = [0, 0, 0]\ntarget = [0, 0, 0]\n"),

@@ -6,6 +6,7 @@ use crate::leaf_width::leaf_width;
 use crate::mesh_file::{FileMesh, load_meshes};
 use crate::scene_file::one;
 use crate::volumes::VolumePlace;
+use btf_capture::MattColour;
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Vec3};
 use serde::Deserialize;
@@ -32,12 +33,8 @@ fn read_volume(path: &Path) -> Result<Volume, ViewerError> {
 pub(crate) fn tinted(volume: &Volume, tint: [f32; 3]) -> Volume {
     let mut tinted = volume.clone();
     for material in &mut tinted.materials {
-        for (channel, factor) in tint.iter().enumerate() {
-            let [reflected, passed] = [material.reflectance[channel], material.transmittance[channel]];
-            let factor = factor.min((1.0 / (reflected + passed).max(1e-6)).max(1.0));
-            material.reflectance[channel] = reflected * factor;
-            material.transmittance[channel] = passed * factor;
-        }
+        let own = MattColour { reflectance: material.reflectance, transmittance: material.transmittance };
+        MattColour { reflectance: material.reflectance, transmittance: material.transmittance } = own.tinted(tint);
     }
     tinted
 }

@@ -216,7 +216,10 @@ mod tests {
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
-            ("Material", fields!(GpuMaterial; diffuse, asset, mirror, leaf, uv_scale, displacement, pad1)),
+            (
+                "Material",
+                fields!(GpuMaterial; diffuse, asset, transmitted, leaf, mirror, displacement, uv_scale, pad0, pad1),
+            ),
             ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
             (
                 "Path",

@@ -77,10 +77,12 @@ pub(crate) struct Frame {
 pub(crate) struct GpuMaterial {
     pub diffuse: [f32; 3],
     pub asset: u32,
-    pub mirror: [f32; 3],
+    pub transmitted: [f32; 3],
     pub leaf: u32,
-    pub uv_scale: [f32; 2],
+    pub mirror: [f32; 3],
     pub displacement: f32,
+    pub uv_scale: [f32; 2],
+    pub pad0: u32,
     pub pad1: u32,
 }
 
@@ -376,8 +378,8 @@ impl Tracer {
         at < self.arena.bases.len() && self.arena.write(gpu, at, words, 0..words.len())
     }
 
-    /// Takes over where the scene's skins have moved, see [`Scene::blow`]. Cost: their words and proxies are uploaded again, and
-    /// with ray queries the whole acceleration structure is built anew.
+    /// Takes over where the scene's skins have moved and what they stand in for, see [`Scene::blow`]. Cost: their words, proxies and
+    /// the instances are uploaded again, and with ray queries the whole acceleration structure is built anew.
     ///
     /// # Errors
     /// As [`Tracer::new`].
@@ -389,11 +391,14 @@ impl Tracer {
             skin.shell.write_moving(&mut words);
             self.arena.write(gpu, volume_place(scene) + volumes.shell_array(number), &words, moving);
         }
+        self.update_instances(gpu, scene);
         let structure = &mut self.structure;
         structure.vertices.write(gpu, scene.geometry.vertices().len(), volumes.proxies().vertices());
         if let Some(nodes) = &structure.nodes {
-            let moved: Vec<BvhNode> = scene.geometry.nodes_behind(volumes.proxies()).collect();
-            nodes.write(gpu, scene.geometry.nodes().len(), &moved);
+            let root = scene.geometry.root() as usize;
+            let over_instances = scene.geometry.nodes()[root..].iter().copied();
+            let moved: Vec<BvhNode> = over_instances.chain(scene.geometry.nodes_behind(volumes.proxies())).collect();
+            nodes.write(gpu, root, &moved);
             return Ok(());
         }
         let (geometry, _) = scene.geometry.followed_by(volumes.proxies());
@@ -404,7 +409,7 @@ impl Tracer {
         Ok(())
     }
 
-    /// Takes over the factors of the scene's instances.
+    /// Takes over the factors of the scene's instances and where they stand.
     pub fn update_instances(&self, gpu: &Gpu, scene: &Scene) {
         gpu.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(scene.geometry.instances()));
     }
@@ -569,17 +574,22 @@ impl Tracer {
     fn write_materials(&self, gpu: &Gpu, scene: &Scene) {
         let material = |material: &Material| GpuMaterial {
             diffuse: match material.body {
-                Body::Plain(reflectance) => reflectance,
+                Body::Plain(colour) => colour.reflectance,
                 _ => material.tint,
             },
             asset: material.asset().map_or(NO_ASSET, |asset| self.arena.bases[asset]),
-            mirror: material.mirror,
+            transmitted: match material.body {
+                Body::Plain(colour) => colour.transmittance,
+                _ => [0.0; 3],
+            },
             leaf: match material.body {
                 Body::Leaf(leaf) => self.arena.bases[leaf_place(scene, leaf)],
                 _ => NO_ASSET,
             },
-            uv_scale: material.uv_scale,
+            mirror: material.mirror,
             displacement: material.displacement,
+            uv_scale: material.uv_scale,
+            pad0: 0,
             pad1: 0,
         };
         let materials: Vec<GpuMaterial> = scene.materials.iter().map(material).collect();

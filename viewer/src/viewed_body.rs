@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 
 /// The view's half of a point's shading, for light on one side of the surface.
 pub(crate) enum ViewedBody<'a> {
-    /// A diffuse reflectance.
+    /// What a matt surface reflects or, with the light on the other side than the eye, lets through.
     Plain(Vec3),
     /// A texel of a layer, and its tint.
     Asset(Box<ViewedTexel<'a>>, Vec3),
@@ -20,7 +20,7 @@ impl ViewedBody<'_> {
     /// `pi * f * |cos|` for light at `wi`, which is on the side that this is for.
     pub(crate) fn body_light(&self, rows: &mut LightRows, wi: Vec3) -> Vec3 {
         match self {
-            ViewedBody::Plain(reflectance) => *reflectance * wi.z.abs(),
+            ViewedBody::Plain(share) => *share * wi.z.abs(),
             ViewedBody::Asset(viewed, tint) => *tint * Vec3::from(viewed.light(rows, wi.to_array())),
             ViewedBody::Leaf(leaf, tint) => *tint * Vec3::from(leaf.light(wi.to_array())),
         }

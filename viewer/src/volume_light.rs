@@ -251,6 +251,11 @@ mod tests {
         .unwrap()
     }
 
+    /// Depth of what stands for no mesh, along a whole ray.
+    fn depth(volumes: &Volumes, origin: Vec3, direction: Vec3) -> f32 {
+        volumes.depth(origin, direction, 1e30, &HandOver::MESHES, 0.0)
+    }
+
     /// Depths are told apart as what passes.
     fn far(a: f32, b: f32) -> f32 {
         ((-a).exp() - (-b).exp()).abs()
@@ -269,23 +274,20 @@ mod tests {
             for _ in 0..40 {
                 let (from, to) =
                     (Vec3::splat(0.5) + direction(&mut random), Vec3::splat(0.5) + direction(&mut random) * 0.4);
-                let depth = here.depth(from, (to - from).normalize(), 1e30, &HandOver::MESHES, 0.0);
+                let own_depth = depth(&here, from, (to - from).normalize());
                 let moved = map.transform_point3(from);
                 let towards = (map.transform_point3(to) - moved).normalize();
-                let other = there.depth(moved, towards, 1e30, &HandOver::MESHES, 0.0);
-                assert!(far(depth, other) < 2e-3, "{depth} {other}");
+                let other = depth(&there, moved, towards);
+                assert!(far(own_depth, other) < 2e-3, "{own_depth} {other}");
                 // The other way round.
                 let behind = moved + towards * 200.0;
-                assert!(far(depth, there.depth(behind, -towards, 1e30, &HandOver::MESHES, 0.0)) < 4e-3);
+                assert!(far(own_depth, depth(&there, behind, -towards)) < 4e-3);
             }
         }
         // Planted: a longer volume is denser along itself.
         let longer = alone(&own, Mat4::from_scale(Vec3::new(1.0, 1.0, 1.0)) * Mat4::from_translation(Vec3::X * 0.2));
         let differ = |y: f32| {
-            far(
-                here.depth(Vec3::new(0.31, y, -1.0), Vec3::Z, 1e30, &HandOver::MESHES, 0.0),
-                longer.depth(Vec3::new(0.31, y, -1.0), Vec3::Z, 1e30, &HandOver::MESHES, 0.0),
-            )
+            far(depth(&here, Vec3::new(0.31, y, -1.0), Vec3::Z), depth(&longer, Vec3::new(0.31, y, -1.0), Vec3::Z))
         };
         assert!((0..30).map(|i| differ(i as f32 / 30.0)).fold(0.0, f32::max) > 0.1);
     }
@@ -305,9 +307,8 @@ mod tests {
         for i in 0..400 {
             let origin = Vec3::splat(0.5) + direction(&mut random) * if i % 2 == 0 { 0.3 } else { 2.0 };
             let towards = (Vec3::splat(0.5) + direction(&mut random) * 0.4 - origin).normalize();
-            let sum = a.depth(origin, towards, 1e30, &HandOver::MESHES, 0.0)
-                + b.depth(origin, towards, 1e30, &HandOver::MESHES, 0.0);
-            assert!(far(sum, both.depth(origin, towards, 1e30, &HandOver::MESHES, 0.0)) < 3e-3);
+            let sum = depth(&a, origin, towards) + depth(&b, origin, towards);
+            assert!(far(sum, depth(&both, origin, towards)) < 3e-3);
             let mut weights = 0.0;
             let through = both.see(origin, towards, 1e30, &HandOver::MESHES, |_| 0.0, |point| weights += point.weight);
             assert!((through - (-sum).exp()).abs() < 0.01 && (weights + through - 1.0).abs() < 0.01);
@@ -317,9 +318,7 @@ mod tests {
         }
         assert!(inside > 20, "{inside}");
         // Planted: one alone hides less.
-        let ray = |volumes: &Volumes| {
-            volumes.depth(Vec3::new(0.5, 0.45, -3.0), Vec3::Z, 1e30, &HandOver::MESHES, 0.0).min(9.0)
-        };
+        let ray = |volumes: &Volumes| depth(volumes, Vec3::new(0.5, 0.45, -3.0), Vec3::Z).min(9.0);
         assert!(ray(&both) > ray(&a) || ray(&both) > ray(&b));
     }
 
@@ -345,7 +344,7 @@ mod tests {
             // What a volume has on the parts of the ray that are beyond its sphere, asked for one by one.
             let mut expected = 0.0;
             for (number, (volumes, place)) in apart.iter().zip(&places).enumerate() {
-                let whole = volumes.depth(origin, towards, 1e30, &HandOver::MESHES, 0.0);
+                let whole = depth(volumes, origin, towards);
                 let spheres = hand_over.along(origin, towards);
                 let beyond: f32 = spheres
                     .volume(place.leaf_width, [0.0, 30.0])
@@ -394,10 +393,7 @@ mod tests {
             let to = Vec3::new(random.within(0.1, 2.9), random.within(0.1, 0.9), random.within(-1.9, -0.1));
             let towards = direction(&mut random);
             let from = to - towards * random.within(0.0, 5.0);
-            let (a, b) = (
-                skins.depth(from, towards, 1e30, &HandOver::MESHES, 0.0),
-                boxes.depth(from, towards, 1e30, &HandOver::MESHES, 0.0),
-            );
+            let (a, b) = (depth(&skins, from, towards), depth(&boxes, from, towards));
             assert!(far(a, b) < 5e-3, "{a} {b} from {from} along {towards}");
         }
     }

@@ -4,7 +4,7 @@
 use crate::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
 use crate::hand_over::HandOver;
-use crate::skin::{CellWalk, Pattern, Shell, Skin, Walk as ShellWalk, Wind};
+use crate::skin::{CellWalk, Pattern, Shell, Skin, SkinPlace, Walk as ShellWalk, Wind};
 use btf_runtime::voltex::{Voltex, VoltexRay};
 use glam::{Mat3, Mat4, Vec3};
 use std::sync::Arc;
@@ -38,6 +38,8 @@ pub struct SceneSkin {
 pub struct Volumes {
     volumes: Vec<Arc<Voltex>>,
     skins: Vec<SceneSkin>,
+    /// The scene's first placement that the first skin has somewhere, and where it has that and those behind it.
+    stand_ins: (usize, Vec<SkinPlace>),
     /// What rays enter: a box for each volume that stands on its own, and the outer faces of each skin.
     proxies: Geometry,
     /// Of each mesh of `proxies`.
@@ -150,7 +152,8 @@ impl Volumes {
             Proxy::Box(_) => places[number].leaf_width,
             Proxy::Skin(number) => skins[number].leaf_width,
         });
-        Ok(Volumes { volumes, skins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
+        let stand_ins = (0, Vec::new());
+        Ok(Volumes { volumes, skins, stand_ins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
     }
 
     /// Moves the skins to where a wind has them at a time, seconds. Cost: some noises a vertex of the skins, and a pass over
@@ -167,6 +170,22 @@ impl Volumes {
             - self.skins.iter().map(|skin| 3 * skin.shell.boundary().len()).sum::<usize>();
         self.proxies.move_vertices(first, self.skins.iter().flat_map(|skin| skin.shell.boundary_corners()));
         Ok(())
+    }
+
+    /// Says where the first skin has what the scene's placements from number `first` on place.
+    pub(crate) fn set_stand_ins(&mut self, first: usize, places: Vec<SkinPlace>) {
+        self.stand_ins = (first, places);
+    }
+
+    pub(crate) fn has_stand_ins(&self) -> bool {
+        !self.stand_ins.1.is_empty()
+    }
+
+    /// Where the skin has what a placement of the scene places; none for what stands still.
+    pub(crate) fn stand_in_place(&self, placement: usize) -> Option<Mat4> {
+        let (first, places) = &self.stand_ins;
+        let place = places.get(placement.checked_sub(*first)?)?;
+        Some(place.world_from_object(&self.skins.first()?.shell))
     }
 
     /// A volume by its number.

@@ -2,7 +2,7 @@
 
 mod support;
 
-use btf_capture::LeafDescription;
+use btf_capture::{LeafDescription, MattColour};
 use btf_runtime::testing::Random;
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
 use btf_viewer::{
@@ -239,8 +239,8 @@ fn white_leaves_in_a_white_world_are_not_to_be_seen() {
         scene.background = [1.0; 3];
         for material in &mut scene.materials {
             material.tint = [1.0; 3];
-            if let Body::Plain(reflectance) = &mut material.body {
-                *reflectance = [1.0; 3];
+            if let Body::Plain(colour) = &mut material.body {
+                *colour = MattColour::opaque([1.0; 3]);
             }
         }
         let shade = ShadeOptions { mode: RenderMode::Path, depth: 64, ..ShadeOptions::default() };

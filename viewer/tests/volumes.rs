@@ -5,9 +5,9 @@ mod support;
 use btf_runtime::testing::{Random, random_volume};
 use btf_runtime::voltex::Voltex;
 use btf_viewer::{
-    Ambient, Camera, CpuPicture, DiscreteJitter, Environment, GpuTracer, Jitter, Material, NO_VOLUME, Noise, Pattern,
-    PointLight, RenderMode, Scene, SceneMesh, SceneObject, SceneSkin, ShadeOptions, Shell, ShellParams, Shown, Skin,
-    SkinVertex, Sun, Tracer, VolumePlace, Volumes, Wind, plane, sphere,
+    Ambient, Camera, CpuPicture, DiscreteJitter, Environment, GpuTracer, Jitter, Landscape, LandscapeParams, Material,
+    NO_VOLUME, Noise, Pattern, PointLight, RenderMode, Scene, SceneMesh, SceneObject, SceneSkin, ShadeOptions, Shell,
+    ShellParams, Shown, Skin, SkinVertex, Sun, Tracer, VolumePlace, Volumes, Wind, plane, sphere,
 };
 use glam::{Mat4, Quat, Vec3};
 use std::path::Path;
@@ -185,6 +185,24 @@ fn cases_of_hand_over() -> Vec<Case> {
     ]
 }
 
+/// A grove whose trees are a few large leaves, near by and at two moments: what is drawn second has been moved.
+fn cases_of_wind_over_models() -> Vec<Case> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("leaves.obj");
+    let leaf = |[x, y, z]: [f32; 3]| format!("v {x} {y} {z}\nv {} {y} {}\nv {x} {} {z}\n", x + 2.0, z + 1.5, y + 3.0);
+    let leaves = [[-1.0, 0.0, 0.0], [0.0, 1.0, -1.0], [-0.5, 2.0, 0.5], [-1.0, 3.0, -0.5]].map(leaf).concat();
+    std::fs::write(&file, leaves + "f 1 2 3\nf 4 5 6\nf 7 8 9\nf 10 11 12\n").unwrap();
+    let params = LandscapeParams { times: 1, volumes: vec![], meshes: vec![file], wind_m_per_s: Some(30.0) };
+    let (mut scene, _) = Landscape::Grove.scene(&params).unwrap();
+    scene.camera = scene.more_cameras[1];
+    let mut later = scene.clone();
+    later.blow(2.0).unwrap();
+    vec![
+        Case::new("a grove with models", scene, RenderMode::Direct),
+        Case::new("a moment later", later, RenderMode::Direct),
+    ]
+}
+
 /// Pixels of a picture that may differ: rays that graze a voxel's edge.
 const ALLOWED: usize = (SIZE[0] * SIZE[1]) as usize / 100;
 
@@ -222,6 +240,20 @@ fn ray_queries_hand_over_where_the_cpu_does() {
 #[test]
 fn the_compute_hierarchy_hands_over_where_the_cpu_does() {
     compare(GpuTracer::Bvh, &cases_of_hand_over(), "the_compute_hierarchy_hands_over_where_the_cpu_does");
+}
+
+#[test]
+fn every_tracer_has_models_where_the_wind_has_them() {
+    let cases = cases_of_wind_over_models();
+    let [before, after] = [0, 1].map(|i: usize| &cases[i]);
+    assert!(count_differences(&before.expected, &after.expected) > 5 * ALLOWED);
+    // Planted: volumes that have moved without their models.
+    let left_behind = Scene { geometry: before.scene.geometry.clone(), ..after.scene.clone() };
+    let planted = count_differences(&after.expected, &cpu_picture(&left_behind, &after.options));
+    assert!(planted > 5 * ALLOWED, "{planted}");
+    for kind in [GpuTracer::RayQuery, GpuTracer::Bvh] {
+        compare(kind, &cases, "every_tracer_has_models_where_the_wind_has_them");
+    }
 }
 
 #[test]

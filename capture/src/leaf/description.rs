@@ -105,6 +105,11 @@ impl Default for LeafDescription {
 }
 
 impl LeafDescription {
+    /// Contents and gloss, in the units and the order of [`LEAF_QUANTITIES`], whose first ten they are.
+    pub fn tissue_and_gloss(&self) -> [f32; 10] {
+        std::array::from_fn(|i| LEAF_QUANTITIES[i].of(self) as f32)
+    }
+
     /// The leaf of a species, or the plain one, healthy or deficient, with the defaults of everything else.
     pub fn of(species: Option<Species>, deficiency: Option<Deficiency>) -> LeafDescription {
         let SpeciesPreset { size_mm, mut contents, gloss } =

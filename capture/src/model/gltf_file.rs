@@ -1,6 +1,6 @@
 //! glTF files.
 
-use super::{ModelMesh, ModelPart, beside, checked, fault};
+use super::{MattColour, ModelMesh, ModelPart, beside, checked, fault};
 use crate::error::CaptureError;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;
@@ -147,13 +147,10 @@ fn part_of(
         return Err(fault("a primitive's attributes differ in length, export it again"));
     }
     let material = primitive.material();
-    let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();
-    let transmission = material.extension_value(TRANSMISSION);
     let part = ModelPart {
         name: material.name().unwrap_or("unnamed").into(),
         group: material.index().unwrap_or(0),
-        diffuse: [r, g, b],
-        transmitted: transmission.map_or([0.0; 3], transmitted),
+        colour: colour(&material),
         shows: shown(&material).map(|uri| beside(path, uri)),
         double_sided: material.double_sided(),
         positions,
@@ -171,9 +168,13 @@ fn shown<'a>(material: &'a gltf::Material) -> Option<&'a str> {
     leaf.or_else(|| material.extension_value("BTF_materials_spmm").map(|told| &told["asset"]["uri"]))?.as_str()
 }
 
-/// Colour times share of `KHR_materials_diffuse_transmission`.
-fn transmitted(extension: &Value) -> [f32; 3] {
-    let share = extension["diffuseTransmissionFactor"].as_f64().unwrap_or(0.0);
-    let colour = |i: usize| extension["diffuseTransmissionColorFactor"][i].as_f64().unwrap_or(1.0);
-    [0, 1, 2].map(|i| (share * colour(i)) as f32)
+/// What a material reflects and, by [`TRANSMISSION`], lets through. A share that is a picture is not known: none.
+fn colour(material: &gltf::Material) -> MattColour {
+    let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();
+    let extension = material.extension_value(TRANSMISSION).filter(|told| told["diffuseTransmissionTexture"].is_null());
+    let Some(told) = extension else { return MattColour::of_gltf([r, g, b], 0.0, [0.0; 3]) };
+    let number = |value: &Value, usual: f64| value.as_f64().unwrap_or(usual) as f32;
+    let share = number(&told["diffuseTransmissionFactor"], 0.0);
+    let passed = [0, 1, 2].map(|i| number(&told["diffuseTransmissionColorFactor"][i], 1.0));
+    MattColour::of_gltf([r, g, b], share, passed)
 }

@@ -11,7 +11,7 @@ use crate::leaf::textures::{AppearanceTextures, LeafLook};
 use crate::optics::abm_b::AbmB;
 use crate::optics::abm_u::AbmU;
 use crate::optics::colour::RgbBands;
-use crate::optics::gloss::GlossParams;
+use crate::optics::gloss_params::GlossParams;
 use crate::optics::path_lengths::Face;
 use crate::optics::scatter_table::Passage;
 use crate::surface::capture_params::CaptureParams;

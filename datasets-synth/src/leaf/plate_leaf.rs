@@ -170,7 +170,7 @@ pub(crate) mod tests {
     use crate::leaf::patch::{Leaf, LeafParams, tests::small};
     use crate::leaf::vein::double_angle;
     use crate::optics::colour::RgbBands;
-    use crate::optics::gloss::GlossParams;
+    use crate::optics::gloss_params::GlossParams;
     use crate::optics::path_lengths::Face;
     use crate::optics::plate_model::PlateModel;
     use crate::surface::capture_params::CaptureParams;

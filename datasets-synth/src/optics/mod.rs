@@ -7,6 +7,7 @@ pub(crate) mod colour;
 pub(crate) mod contents;
 pub(crate) mod fresnel;
 pub(crate) mod gloss;
+pub(crate) mod gloss_params;
 pub(crate) mod interface;
 pub(crate) mod path_lengths;
 pub(crate) mod plate_body;

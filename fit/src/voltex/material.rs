@@ -40,7 +40,8 @@ pub fn colour_of_file(path: &Path) -> Result<FlakeColour, FitError> {
     }
     let description = LeafDescription::read(path)?;
     let textures = description.textures_beside(path).map(TextureImages::read).transpose()?.unwrap_or_default();
-    let colour = colour_of_leaf(&state_of(&description), &texture_of(&textures, description.size_mm as f32));
+    let state = LeafState::from_values(LeafMode::NLayers, description.tissue_and_gloss());
+    let colour = colour_of_leaf(&state, &texture_of(&textures, description.size_mm as f32));
     Ok(colour.map_err(|error| CaptureError::BadLeaf {
         path: path.into(),
         fault: format!("cannot be evaluated ({error})"),
@@ -111,24 +112,6 @@ fn uniform_direction(a: f32, b: f32) -> [f32; 3] {
     let (z, (sin, cos)) = (1.0 - a, (TAU * b).sin_cos());
     let radius = (1.0 - z * z).max(0.0).sqrt();
     [radius * cos, radius * sin, z]
-}
-
-/// The state that a description tells of.
-fn state_of(description: &LeafDescription) -> LeafState {
-    let (contents, gloss) = (&description.contents, &description.gloss);
-    LeafState {
-        mode: LeafMode::NLayers,
-        chlorophyll_ug_per_cm2: contents.chlorophyll_ug_per_cm2 as f32,
-        carotenoid_ug_per_cm2: contents.carotenoid_ug_per_cm2 as f32,
-        anthocyanin_ug_per_cm2: contents.anthocyanin_ug_per_cm2 as f32,
-        brown: contents.brown as f32,
-        water_cm: contents.water_cm as f32,
-        dry_matter_g_per_cm2: contents.dry_matter_g_per_cm2 as f32,
-        structure: contents.structure as f32,
-        gloss_index: gloss.index as f32,
-        gamma_along: gloss.gamma_along as f32,
-        gamma_across: gloss.gamma_across as f32,
-    }
 }
 
 /// Pigment, thickness and gloss of textures on a coarse grid; relief and veins' directions change no hemispherical share

@@ -4,7 +4,7 @@ use super::build::Frame;
 use super::flakes::FlakeColour;
 use super::material::colour_of_file;
 use crate::error::FitError;
-use btf_capture::{ModelPart, read_model};
+use btf_capture::{MattColour, ModelPart, read_model};
 use glam::{Mat4, Vec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -50,8 +50,8 @@ impl TriangleModel {
     }
 
     fn add_material(&mut self, part: &ModelPart, shown: Option<FlakeColour>) -> u32 {
-        let plain =
-            FlakeColour { reflectance: part.diffuse, transmittance: part.transmitted, ..FlakeColour::default() };
+        let MattColour { reflectance, transmittance } = part.colour;
+        let plain = FlakeColour { reflectance, transmittance, ..FlakeColour::default() };
         self.colours.push(shown.unwrap_or(plain));
         self.weights.push(if is_closed(part) { 0.5 } else { 1.0 });
         self.colours.len() as u32 - 1

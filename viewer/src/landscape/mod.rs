@@ -26,7 +26,7 @@ use crate::mesh_file::load_meshes;
 use crate::sampler::hash;
 use crate::scene::{DaylightParts, Outdoors, Scene, SceneMesh, SceneObject};
 use crate::scene_volume::{AS_IT_IS, standing, tinted, usual_leaf_width_m};
-use crate::skin::{DiscreteJitter, Pattern, Shell, ShellParams, Skin, Wind};
+use crate::skin::{DiscreteJitter, Pattern, Shell, ShellParams, Skin, SkinPlace, Wind};
 use crate::volumes::{SceneSkin, Volumes};
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Quat, Vec3};
@@ -188,9 +188,6 @@ impl Landscape {
         if !(1..=100).contains(&params.times) {
             return Err(ViewerError::Usage(format!("--times is 1 to 100, not {}", params.times)));
         }
-        if params.wind_m_per_s.is_some() && !params.meshes.is_empty() {
-            return Err(ViewerError::Usage("the wind moves volumes and no models, leave --wind or --mesh away".into()));
-        }
         let (volumes, volume_file_bytes) = self.volumes(params)?;
         let side_m = volumes[0].side_m();
         let resolution = 1u32 << volumes.iter().map(|volume| volume.level_count()).max().unwrap_or(0);
@@ -216,14 +213,18 @@ impl Landscape {
         let ground = SceneObject { part: terrain.ground(soil), material: Material::plain(soil) };
         let mut meshes = vec![SceneMesh { objects: vec![ground], places: vec![Mat4::IDENTITY] }];
         let mut shown = Shown::default();
-        let leaf_width = self.add_plants(&params.meshes, &volumes, (&shell, &patterns), &mut meshes, &mut shown)?;
+        let (leaf_width, stand_ins) =
+            self.add_plants(&params.meshes, &volumes, (&shell, &patterns), &mut meshes, &mut shown)?;
         let mut scene = Scene::from_meshes(Path::new(self.name()), meshes, shown)?;
         if leaf_width > 0.0 {
             let of_mesh = |mesh, _| if mesh == 0 { 0.0 } else { leaf_width };
             Arc::make_mut(&mut scene.geometry).set_leaf_widths(of_mesh);
         }
         let skin = SceneSkin { rest: skin, shell, patterns, leaf_width };
-        scene.volumes = Some(Arc::new(Volumes::new(volumes, &[], vec![skin]).map_err(made)?));
+        let mut volumes = Volumes::new(volumes, &[], vec![skin]).map_err(made)?;
+        // Behind the ground.
+        volumes.set_stand_ins(1, stand_ins);
+        scene.volumes = Some(Arc::new(volumes));
         if let Some(speed_m_per_s) = params.wind_m_per_s {
             let wind = Wind { speed_m_per_s, ..wind };
             wind.check().map_err(ViewerError::Usage)?;
@@ -250,7 +251,7 @@ impl Landscape {
     }
 
     /// Adds the plants' models wherever the skin has their volumes; returns how wide their leaves are where they are widest, 0
-    /// without models.
+    /// without models, and where each stands.
     fn add_plants(
         self,
         files: &[PathBuf],
@@ -258,7 +259,7 @@ impl Landscape {
         (shell, patterns): (&Shell, &[Pattern]),
         meshes: &mut Vec<SceneMesh>,
         shown: &mut Shown,
-    ) -> Result<f32, ViewerError> {
+    ) -> Result<(f32, Vec<SkinPlace>), ViewerError> {
         let plants = self.plants();
         if !files.is_empty() && files.len() != plants.len() {
             return Err(ViewerError::Usage(format!(
@@ -268,7 +269,7 @@ impl Landscape {
                 files.len()
             )));
         }
-        let mut widest = 0f32;
+        let (mut widest, mut stand_ins) = (0f32, Vec::new());
         for (file, Plant { volume, scale, foot_m, tints }) in files.iter().zip(plants) {
             let voltex = &volumes[*volume as usize];
             let own = load_meshes(file)?;
@@ -279,16 +280,20 @@ impl Landscape {
             let places = plant_places(shell, patterns, volume_from_model.transform_point3(Vec3::ZERO));
             // A volume in several tints is as many volumes.
             for (tinted, tint) in (*volume..).zip(*tints) {
-                let here = || places.iter().filter(|(own, _)| *own == tinted).map(|(_, map)| *map * volume_from_model);
+                let here =
+                    || places.iter().filter(|(own, _)| *own == tinted).map(|(_, place)| place.with(volume_from_model));
                 for mut mesh in own.clone() {
-                    mesh.places = here().flat_map(|map| mesh.places.iter().map(move |place| map * *place)).collect();
+                    let parts: Vec<SkinPlace> =
+                        here().flat_map(|plant| mesh.places.iter().map(move |part| plant.with(*part))).collect();
+                    mesh.places = parts.iter().map(|part| part.world_from_object(shell)).collect();
+                    stand_ins.extend(parts);
                     let body = |part: &MeshPart| bodies.get(&part.group).copied();
                     let material = |part: &MeshPart| Material::of_part(part, body(part), [1.0; 2]).tinted(*tint);
                     meshes.push(SceneMesh::of_file(mesh, material));
                 }
             }
         }
-        Ok(widest)
+        Ok((widest, stand_ins))
     }
 
     /// The volumes, and the bytes of their files.
@@ -347,9 +352,12 @@ fn look(eye: Vec3, target: Vec3, fov_deg: f32) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bvh::AnyHit;
     use crate::cpu::CpuPicture;
+    use crate::geometry::Geometry;
     use crate::options::ShadeOptions;
     use clap::ValueEnum;
+    use glam::Vec4;
 
     fn built_in(landscape: Landscape, times: u32) -> (Scene, LandscapeCounts) {
         landscape
@@ -399,6 +407,51 @@ mod tests {
                 assert!(changed > with.len() / 8, "{landscape:?} {number}: {changed}");
             }
         }
+    }
+
+    #[test]
+    fn models_stand_where_the_wind_has_their_volumes() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("flag.obj");
+        std::fs::write(&file, "v 0 0 0\nv 0.5 0 0\nv 0 5 0\nf 1 2 3\n").unwrap();
+        let params = LandscapeParams { times: 1, volumes: vec![], meshes: vec![file], wind_m_per_s: Some(30.0) };
+        let (mut scene, _) = Landscape::Grove.scene(&params).unwrap();
+        let before = scene.geometry.clone();
+        scene.blow(3.0).unwrap();
+        let volumes = scene.volumes.as_ref().unwrap();
+        let SceneSkin { shell, patterns, .. } = &volumes.skins()[0];
+        let volume_from_model = standing(volumes.volume(0), Vec3::ZERO, 0.0, 1.0).inverse();
+        // How far a point of the models is from where the skin has it, in volumes, at most.
+        let off = |geometry: &Geometry, at: Vec3| {
+            let (mut count, mut worst) = (0, 0f32);
+            for plant in geometry.instances().iter().filter(|instance| instance.leaf_width > 0.0).step_by(16) {
+                let world = Vec3::from(plant.world_from_object.map(|row| Vec4::from(row).dot(at.extend(1.0))));
+                let Some(tet) = shell.locate(world) else { continue };
+                let texture = shell.map(tet).point(world);
+                let cell = [texture.x, texture.y].map(|x| x.floor() as i32);
+                let Some(variant) = patterns[shell.tets()[tet as usize].pattern as usize].variant(cell) else {
+                    continue;
+                };
+                let there = volume_from_model.transform_point3(at);
+                (count, worst) = (count + 1, worst.max((variant.point(texture) - there).length()));
+            }
+            assert!(count > 20, "{count}");
+            worst
+        };
+        // At the foot, at half the way to the crown, and there.
+        let heights = [0.001, 0.35, 0.7].map(|share| share * volumes.volume(0).side_m() * Vec3::Y);
+        let [foot, middle, crown] = heights.map(|at| off(&scene.geometry, at));
+        assert!(foot < 0.01 && middle < 0.1 && crown < 0.03, "{foot} {middle} {crown}");
+        // Planted: where they stood a moment before.
+        assert!(off(&before, heights[2]) > 0.2);
+        // And they are hit there.
+        let plant = scene.geometry.instances().iter().find(|instance| instance.leaf_width > 0.0).unwrap();
+        let at = Vec3::new(0.02, 4.0, 0.0).extend(1.0);
+        let world = Vec3::from(plant.world_from_object.map(|row| Vec4::from(row).dot(at)));
+        let [x, y] = [0, 1].map(|axis| Vec3::from(plant.world_from_object.map(|row| row[axis])));
+        let normal = x.cross(y).normalize();
+        let hit = scene.geometry.trace(world + normal, -normal, 2.0, AnyHit::No);
+        assert!((hit.t - 1.0).abs() < 1e-3, "{hit:?}");
     }
 
     #[test]

@@ -1,32 +1,32 @@
 //! Where the meshes stand that a landscape's volumes stand in for.
 
-use crate::skin::{Merged, NO_VOLUME, Pattern, Shell};
+use crate::skin::{Merged, NO_VOLUME, Pattern, Shell, SkinPlace, TetPoint};
 use glam::{Mat3, Mat4, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// How far above a plant's foot its map is taken, in its volume: on the floor itself it would be at an end of the skin.
-const ABOVE_FLOOR: f32 = 1e-3;
+/// Where a plant is as its volume is, in shares of that: at its foot, which on the floor itself would be at an end of the skin, and
+/// where its crown is.
+const HEIGHTS: [f32; 2] = [1e-3, 0.7];
 /// How far outside of a tetrahedron, in shares of it, a foot counts as within.
 const SLACK: f32 = 1e-4;
 
 /// A texel's (i, j), and its pattern.
 type Texel = ([i32; 2], u32);
 
-/// The tetrahedron in which a texel's foot lies.
+/// The tetrahedra in which a texel's foot lies and the point above it.
 struct Found {
     /// How far inside.
-    inside: f32,
-    world_from_volume: Mat4,
+    inside: [f32; 2],
+    points: [TetPoint; 2],
+    texture_from_volume: Mat4,
     volumes: Merged,
 }
 
-/// Of every texel that is not empty its volumes, and the affine map of their unit cubes to the world that is right where `foot`
-/// is in them. A texel whose `foot` the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over
-/// the tetrahedra.
-pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> Vec<(u32, Mat4)> {
-    let foot = foot.with_z(ABOVE_FLOOR);
+/// Of every texel that is not empty its volumes, and where their unit cubes stand, right where `foot` is in them and above that. A
+/// texel that the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over the tetrahedra.
+pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> Vec<(u32, SkinPlace)> {
     let mut found: HashMap<Texel, Found> = HashMap::new();
-    for tet in shell.tets() {
+    for (number, tet) in shell.tets().iter().enumerate() {
         let [a, b, c, d] = tet.textures.map(|i| shell.textures()[i as usize]);
         let texture_edges = Mat3::from_cols(b - a, c - a, d - a);
         if texture_edges.determinant().abs() < 1e-12 {
@@ -40,24 +40,36 @@ pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> V
             let Some(variant) = pattern.variant(cell) else { continue };
             let [x, y, z] = variant.volume_from_texture().map(Vec4::from);
             let texture_from_volume = Mat4::from_cols(x, y, z, Vec4::W).transpose().inverse();
-            let shares = shares_of_texture * (texture_from_volume.transform_point3(foot) - a);
-            let inside = shares.min_element().min(1.0 - shares.element_sum());
-            let known = found.get(&(cell, tet.pattern)).map_or(-SLACK, |known| known.inside);
-            if inside <= known {
+            let points = HEIGHTS.map(|height| {
+                let texture = texture_from_volume.transform_point3(foot.with_z(height));
+                TetPoint { tet: number, texture }
+            });
+            let inside = points.map(|point| {
+                let shares = shares_of_texture * (point.texture - a);
+                shares.min_element().min(1.0 - shares.element_sum())
+            });
+            if inside.iter().all(|inside| *inside <= -SLACK) {
                 continue;
             }
-            let [p, q, r, s] = tet.positions.map(|i| shell.positions()[i as usize]);
-            let linear = Mat3::from_cols(q - p, r - p, s - p) * shares_of_texture;
-            let world_from_texture = Mat4::from_translation(p) * Mat4::from_mat3(linear) * Mat4::from_translation(-a);
             let volumes = pattern.alternatives[variant.alternative as usize];
-            let world_from_volume = world_from_texture * texture_from_volume;
-            found.insert((cell, tet.pattern), Found { inside, world_from_volume, volumes });
+            let known = found.entry((cell, tet.pattern)).or_insert(Found {
+                inside: [-SLACK; 2],
+                points,
+                texture_from_volume,
+                volumes,
+            });
+            for i in 0..2 {
+                if inside[i] > known.inside[i] {
+                    (known.inside[i], known.points[i]) = (inside[i], points[i]);
+                }
+            }
         }
     }
-    let mut found: Vec<_> = found.into_iter().collect();
+    let mut found: Vec<_> = found.into_iter().filter(|(_, found)| found.inside.iter().all(|x| *x > -SLACK)).collect();
     found.sort_by_key(|(texel, _)| *texel);
-    let places = |(_, Found { world_from_volume, volumes, .. })| {
-        volumes.into_iter().take_while(|volume| *volume != NO_VOLUME).map(move |volume| (volume, world_from_volume))
+    let places = |(_, Found { points: [foot, above], texture_from_volume, volumes, .. })| {
+        let place = SkinPlace::new(foot, above, texture_from_volume);
+        volumes.into_iter().take_while(|volume| *volume != NO_VOLUME).map(move |volume| (volume, place))
     };
     found.into_iter().flat_map(places).collect()
 }
@@ -88,7 +100,10 @@ mod tests {
         };
         let pattern = Pattern::isolated(3, jitter, 5);
         const FOOT: Vec3 = Vec3::new(0.4, 0.6, 0.0);
-        let places = plant_places(&shell, std::slice::from_ref(&pattern), FOOT);
+        let places: Vec<(u32, Mat4)> = plant_places(&shell, std::slice::from_ref(&pattern), FOOT)
+            .into_iter()
+            .map(|(volume, place)| (volume, place.world_from_object(&shell)))
+            .collect();
         // Texels whose middle is on the skin: 5 and 6 along the sides, a third of them empty.
         assert!((12..30).contains(&places.len()), "{}", places.len());
         let mut random = Random::new(2);

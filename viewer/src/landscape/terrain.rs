@@ -3,6 +3,7 @@
 use crate::geometry::Vertex;
 use crate::mesh::{MeshPart, tangent_of};
 use crate::skin::{Corners, Skin, SkinVertex};
+use btf_capture::MattColour;
 use glam::{Vec2, Vec3};
 
 /// Each patch of the ground is cut so often along a side: its triangles follow the bilinear patch.
@@ -111,7 +112,14 @@ impl Terrain {
             let [a, b, c, d] = [first, first + 1, first + columns + 1, first + columns];
             [[a, b, c], [a, c, d]]
         });
-        MeshPart { name: "ground".into(), group: 0, diffuse, has_uv: false, vertices, triangles: triangles.collect() }
+        MeshPart {
+            name: "ground".into(),
+            group: 0,
+            colour: MattColour::opaque(diffuse),
+            has_uv: false,
+            vertices,
+            triangles: triangles.collect(),
+        }
     }
 
     fn patch_counts(&self) -> Vec2 {

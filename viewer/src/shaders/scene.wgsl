@@ -90,16 +90,20 @@ struct Instance {
 }
 
 struct Material {
+    // What a plain one reflects; the tint of an asset or a leaf.
     diffuse: vec3<f32>,
     // Word of the arena where the asset begins, or NO_ASSET.
     asset: u32,
-    // Reflectance of the perfect mirror on top; 0 for none.
-    mirror: vec3<f32>,
+    // What a plain one lets through.
+    transmitted: vec3<f32>,
     // Word of the arena where the leaf begins, or NO_ASSET.
     leaf: u32,
-    uv_scale: vec2<f32>,
+    // Reflectance of the perfect mirror on top; 0 for none.
+    mirror: vec3<f32>,
     // What the asset's heights are multiplied by as relief; 0 for none.
     displacement: f32,
+    uv_scale: vec2<f32>,
+    pad0: u32,
     pad1: u32,
 }
 

@@ -71,7 +71,16 @@ fn beyond(direction: vec3<f32>, scattered: bool) -> vec3<f32> {
 
 // How often a path goes on from the body, in proportion to the mirror's reflectance.
 fn body_share(material: Material) -> f32 {
-    return select(1.0, most(material.diffuse), material.asset == NO_ASSET && material.leaf == NO_ASSET);
+    return select(1.0, most(material.diffuse) + most(material.transmitted), is_plain(material));
+}
+
+fn is_plain(material: Material) -> bool {
+    return material.asset == NO_ASSET && material.leaf == NO_ASSET;
+}
+
+// Of the directions that a plain surface sends a path in, the share that leaves on the other side.
+fn share_through(material: Material) -> f32 {
+    return most(material.transmitted) / max(most(material.diffuse) + most(material.transmitted), 1e-6);
 }
 
 // Share of a path's directions that leave on a side in another way than by the mirror.
@@ -82,8 +91,12 @@ fn side_share(s: Surface, material: Material, back: bool) -> f32 {
         let other = btf_layer_for_sides(material.asset, 0u, select(1u, 0u, back), select(0u, 1u, s.view_back));
         return share * select(1.0, 0.5, other != NO_LAYER);
     }
+    if is_plain(material) {
+        let through = share_through(material);
+        return share * select(1.0 - through, through, back != s.view_back);
+    }
     // A leaf's density is over both sides.
-    return select(share, 0.0, material.leaf == NO_ASSET && back != s.view_back);
+    return share;
 }
 
 // Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some candidates
@@ -379,6 +392,9 @@ fn scatter(
     }
     var rest = (choice - mirror_share) / (1.0 - mirror_share);
     var back = s.view_back;
+    if is_plain(material) && rest < share_through(material) {
+        back = !back;
+    }
     if with_assets && material.asset != NO_ASSET {
         let eye_side = select(0u, 1u, s.view_back);
         if btf_layer_for_sides(material.asset, 0u, 1u - eye_side, eye_side) != NO_LAYER {

@@ -14,7 +14,7 @@ struct ViewedBody {
     number: u32,
     // Whether the relief's shadows are missing in its values.
     bare: bool,
-    // A diffuse reflectance, or the tint of an asset or a leaf.
+    // What a plain one sends from that side to the eye, or the tint of an asset or a leaf.
     diffuse: vec3<f32>,
     texel: ViewedTexel,
     leaf: ViewedLeaf,
@@ -31,7 +31,9 @@ fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, lig
         return viewed;
     }
     if !with_assets || material.asset == NO_ASSET {
-        viewed.kind = select(BODY_NONE, BODY_PLAIN, light_back == s.view_back);
+        let through = light_back != s.view_back;
+        viewed.diffuse = select(material.diffuse, material.transmitted, through);
+        viewed.kind = select(BODY_PLAIN, BODY_NONE, through && most(material.transmitted) <= 0.0);
         return viewed;
     }
     viewed.layer = btf_layer_for_sides(material.asset, level, select(0u, 1u, light_back), select(0u, 1u, s.view_back));

@@ -6,16 +6,9 @@ use super::shell::Shell;
 use crate::arena::{Arena, ArenaAsset};
 use crate::error::ViewerError;
 use crate::gpu::Gpu;
-use crate::pieces::ASSETS;
+use crate::gpu_queries::gpu_queries;
 use crate::shaders::walk_module;
-use crate::trace::bind;
 use glam::Vec3;
-use wgpu::BufferUsages;
-
-/// Queries per workgroup. Twin: `@workgroup_size` of `walk_main`.
-const GROUP: u32 = 64;
-/// Workgroups per row of a dispatch, below the least limit of 65535.
-const ROW: u32 = 32768;
 
 /// A ray that enters a shell. Twin: `WalkQuery` in `skin_queries.wgsl`.
 #[repr(C)]
@@ -115,36 +108,6 @@ pub fn gpu_walk(
     let shell_words = shell.words().map_err(|reason| gpu.error(reason))?;
     let pattern_words = pattern_words(patterns);
     let arena = Arena::new(gpu, &[ArenaAsset::whole(&shell_words), ArenaAsset::whole(&pattern_words)], |_| 0)?;
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("walk"),
-        source: wgpu::ShaderSource::Wgsl(walk_module(arena.pieces.layout).into()),
-    });
-    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("walk"),
-        layout: None,
-        module: &module,
-        entry_point: Some("walk_main"),
-        compilation_options: Default::default(),
-        cache: None,
-    });
-    gpu.check()?;
     let place = GpuWalkPlace { shell: arena.bases[0], patterns: arena.bases[1], count: queries.len() as u32, pad0: 0 };
-    let place = gpu.buffer("walk's place", bytemuck::bytes_of(&place), BufferUsages::UNIFORM)?;
-    let listed = gpu.buffer("rays", bytemuck::cast_slice(queries), BufferUsages::STORAGE)?;
-    let bytes = (size_of::<WalkSum>() * queries.len()) as u64;
-    let sums = gpu.empty_buffer("walks", bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
-    let mut resources =
-        vec![(8, place.as_entire_binding()), (9, listed.as_entire_binding()), (10, sums.as_entire_binding())];
-    resources.extend(arena.pieces.entries(&ASSETS));
-    let group = bind(gpu, &pipeline.get_bind_group_layout(0), &resources);
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    {
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        let groups = (queries.len() as u32).div_ceil(GROUP);
-        pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
-    }
-    gpu.queue.submit([encoder.finish()]);
-    gpu.read(&sums, queries.len())
+    gpu_queries(gpu, "walk", walk_module(arena.pieces.layout), &arena, &place, queries)
 }

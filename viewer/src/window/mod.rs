@@ -1,6 +1,7 @@
 //! The window: the camera under the mouse, a panel, progressive rendering.
 
 mod blit;
+mod canvas;
 mod editor;
 mod editor_panel;
 mod files;
@@ -20,7 +21,7 @@ mod wind_panel;
 use crate::cpu::{Picked, pick};
 use crate::error::ViewerError;
 use crate::governor::{Governor, Spending};
-use crate::gpu::{BackendChoice, Gpu, instance};
+use crate::gpu::BackendChoice;
 use crate::gpu_timer::{GpuTimer, PassTimes};
 use crate::material::Body;
 use crate::options::{RenderMode, ShadeOptions};
@@ -30,6 +31,7 @@ use crate::scene_asset::SceneAsset;
 use crate::shaders::GpuTracer;
 use blit::Blit;
 pub(crate) use blit::GpuBlit;
+use canvas::Canvas;
 use editor::{Editor, Tool};
 use files::{Turntable, free_name, open_file};
 use light_handles::show_light_handles;
@@ -46,7 +48,7 @@ use thumbnails::Thumbnails;
 use winit::application::ApplicationHandler;
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
-use winit::window::{Window, WindowId};
+use winit::window::WindowId;
 
 /// Samples per pixel after which a picture that nobody touches is left alone.
 const MAX_SAMPLES: u32 = 64;
@@ -132,13 +134,7 @@ struct App {
 
 /// Everything that exists once the window does.
 struct View {
-    window: Arc<Window>,
-    surface: wgpu::Surface<'static>,
-    config: wgpu::SurfaceConfiguration,
-    gpu: Gpu,
-    context: egui::Context,
-    input: egui_winit::State,
-    painter: egui_wgpu::Renderer,
+    canvas: Canvas,
     blit: Blit,
     timer: Option<GpuTimer>,
     renderers: Vec<Renderer>,
@@ -171,7 +167,7 @@ impl ApplicationHandler for App {
         let Some(scene) = self.scene.take() else { return };
         match View::new(event_loop, scene, &self.params) {
             Ok(view) => {
-                view.window.request_redraw();
+                view.canvas.window.request_redraw();
                 self.view = Some(view);
             }
             Err(error) => self.fail(event_loop, error),
@@ -180,16 +176,16 @@ impl ApplicationHandler for App {
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let Some(view) = &mut self.view else { return };
-        let response = view.input.on_window_event(&view.window, &event);
+        let response = view.canvas.input.on_window_event(&view.canvas.window, &event);
         match event {
             WindowEvent::CloseRequested => {
                 view.remember();
                 event_loop.exit();
             }
-            WindowEvent::Resized(size) => view.resize(size.width, size.height),
+            WindowEvent::Resized(size) => view.canvas.resize(size.width, size.height),
             WindowEvent::Occluded(occluded) => {
                 view.occluded = occluded;
-                view.window.request_redraw();
+                view.canvas.window.request_redraw();
             }
             WindowEvent::RedrawRequested => {
                 if let Err(error) = view.redraw(event_loop) {
@@ -197,14 +193,14 @@ impl ApplicationHandler for App {
                 }
             }
             // A redraw counts as a reason to repaint too; asking for one then would never end.
-            _ if response.repaint => view.window.request_redraw(),
+            _ if response.repaint => view.canvas.window.request_redraw(),
             _ => {}
         }
     }
 
     fn new_events(&mut self, _: &ActiveEventLoop, cause: winit::event::StartCause) {
         if let (winit::event::StartCause::ResumeTimeReached { .. }, Some(view)) = (cause, &self.view) {
-            view.window.request_redraw();
+            view.canvas.window.request_redraw();
         }
     }
 }
@@ -219,42 +215,10 @@ impl App {
 impl View {
     fn new(event_loop: &ActiveEventLoop, scene: Scene, params: &WindowParams) -> Result<View, ViewerError> {
         let settings = Settings::load();
-        let [width, height] = params.size.unwrap_or(settings.size);
-        let size = winit::dpi::PhysicalSize::new(width, height);
-        let attributes = Window::default_attributes().with_title("BTF viewer").with_inner_size(size);
-        let window = Arc::new(event_loop.create_window(attributes).map_err(|error| no_window(&error))?);
-        let instance = instance(Some(Box::new(event_loop.owned_display_handle())));
-        let surface = instance.create_surface(window.clone()).map_err(|error| no_window(&error))?;
-        let gpu = Gpu::open(instance, Some(&surface), params.adapter.as_deref())?;
-
-        let capabilities = surface.get_capabilities(&gpu.adapter);
-        // egui blends in gamma space and the blit applies the sRGB curve itself.
-        let format = capabilities
-            .formats
-            .iter()
-            .copied()
-            .find(|format| matches!(format, wgpu::TextureFormat::Bgra8Unorm | wgpu::TextureFormat::Rgba8Unorm));
-        let format = format.ok_or_else(|| gpu.error("its surface offers no 8-bit format without an sRGB curve"))?;
-        let size = window.inner_size();
-        let mut config = surface
-            .get_default_config(&gpu.adapter, size.width.max(1), size.height.max(1))
-            .ok_or_else(|| gpu.error("it cannot show this window"))?;
-        config.format = format;
-        config.view_formats.clear();
-        config.present_mode = wgpu::PresentMode::AutoVsync;
-        surface.configure(&gpu.device, &config);
-
-        let context = egui::Context::default();
-        let input = egui_winit::State::new(
-            context.clone(),
-            egui::ViewportId::ROOT,
-            &window,
-            Some(window.scale_factor() as f32),
-            None,
-            Some(gpu.device.limits().max_texture_dimension_2d as usize),
-        );
-        let painter = egui_wgpu::Renderer::new(&gpu.device, format, Default::default());
-        let blit = Blit::new(&gpu, format)?;
+        let size = params.size.unwrap_or(settings.size);
+        let canvas = Canvas::open(event_loop, size, params.adapter.as_deref())?;
+        let gpu = &canvas.gpu;
+        let blit = Blit::new(gpu, canvas.format())?;
         let mut renderers = vec![Renderer::Gpu(GpuTracer::Bvh), Renderer::Cpu];
         if gpu.has_ray_query() {
             renderers.insert(0, Renderer::Gpu(GpuTracer::RayQuery));
@@ -272,20 +236,14 @@ impl View {
         };
         let governor = params.target_ms.map(|target_ms| Governor::new(target_ms, Spending::all_of(&scene)));
         let panel = Panel::new(&scene, params.shade, renderer);
-        let timer = GpuTimer::new(&gpu);
+        let timer = GpuTimer::new(gpu);
         let mut split = Split::new(settings.difference_gain);
         let leaf_at_hand = !scene.leaves.is_empty();
         if let Some(asset) = &params.compare {
             split.compare_with(asset.clone(), &scene, at_hand(leaf_at_hand, 0, 0));
         }
         Ok(View {
-            window,
-            surface,
-            config,
-            gpu,
-            context,
-            input,
-            painter,
+            canvas,
             blit,
             timer,
             renderers,
@@ -311,20 +269,9 @@ impl View {
         })
     }
 
-    /// A minimised window has size 0, which a surface does not take.
-    fn resize(&mut self, width: u32, height: u32) {
-        if width == 0 || height == 0 {
-            return;
-        }
-        let most = self.gpu.device.limits().max_texture_dimension_2d;
-        (self.config.width, self.config.height) = (width.min(most), height.min(most));
-        self.surface.configure(&self.gpu.device, &self.config);
-        self.window.request_redraw();
-    }
-
     /// Writes what the next run begins with.
     fn remember(&mut self) {
-        let size = self.window.inner_size();
+        let size = self.canvas.window.inner_size();
         self.settings.size = [size.width, size.height];
         self.settings.renderer = Some(self.panel.renderer.name().into());
         self.settings.brush_radius = self.editor.radius;
@@ -333,7 +280,7 @@ impl View {
     }
 
     fn hidden(&self) -> bool {
-        let size = self.window.inner_size();
+        let size = self.canvas.window.inner_size();
         self.occluded || size.width == 0 || size.height == 0
     }
 
@@ -341,9 +288,9 @@ impl View {
         if self.hidden() {
             return Ok(());
         }
-        let input = self.input.take_egui_input(&self.window);
+        let input = self.canvas.input.take_egui_input(&self.canvas.window);
         let renderer_before = self.panel.renderer;
-        let context = self.context.clone();
+        let context = self.canvas.context.clone();
         let (mut changed, mut view_size) = (false, [1, 1]);
         let mut output = context.run_ui(input, |ui| {
             let (touched, size) = self.ui(ui);
@@ -367,13 +314,13 @@ impl View {
             self.samples = MAX_RANDOM_SAMPLES;
         }
         changed |= self.go_round();
-        self.input.handle_platform_output(&self.window, std::mem::take(&mut output.platform_output));
+        self.canvas.input.handle_platform_output(&self.canvas.window, std::mem::take(&mut output.platform_output));
         let root = output.viewport_output.get(&egui::ViewportId::ROOT);
         let delay = root.map_or(std::time::Duration::MAX, |viewport| viewport.repaint_delay);
         self.present(output, view_size)?;
 
         if self.samples < self.most_samples() || changed || delay.is_zero() {
-            self.window.request_redraw();
+            self.canvas.window.request_redraw();
         }
         // A far deadline overflows; then nothing but an event wakes us.
         event_loop
@@ -384,7 +331,7 @@ impl View {
     /// Panel and camera; whether the picture must begin anew, and the size of the area beside the panel in pixels.
     fn ui(&mut self, ui: &mut egui::Ui) -> (bool, [u32; 2]) {
         let status = Status {
-            adapter: self.gpu.adapter_name(),
+            adapter: self.canvas.gpu.adapter_name(),
             renderers: &self.renderers,
             frame_ms: self.frame_ms,
             passes: self.passes,
@@ -396,7 +343,7 @@ impl View {
             message: self.message.as_deref(),
             at_hand: self.at_hand(),
         };
-        self.thumbnails.update(&self.context, &self.scene);
+        self.thumbnails.update(&self.canvas.context, &self.scene);
         let at_hand_before = self.at_hand();
         let (panel, scene, editor) = (&mut self.panel, &mut self.scene, &mut self.editor);
         let (split, settings, thumbnails) = (&mut self.split, &mut self.settings, &self.thumbnails);
@@ -425,7 +372,8 @@ impl View {
         let side = area.width().min(area.height()).max(1.0);
         let drag = response.drag_delta() / side;
         let pixels = |points: f32| ((points * ui.pixels_per_point()).round() as u32).max(1);
-        let size = [pixels(area.width()).min(self.config.width), pixels(area.height()).min(self.config.height)];
+        let [width, height] = self.canvas.size();
+        let size = [pixels(area.width()).min(width), pixels(area.height()).min(height)];
         let painting = editor.tool != Tool::Look && !ui.input(|input| input.modifiers.shift);
         let pressed = response.is_pointer_button_down_on() && ui.input(|input| input.pointer.primary_down());
         let scale = ui.pixels_per_point();
@@ -439,7 +387,7 @@ impl View {
             edited = Some(asset);
         }
         // The keys' own modifiers: when a frame is slow they are up again at its end.
-        let typing = self.context.egui_wants_keyboard_input();
+        let typing = self.canvas.context.egui_wants_keyboard_input();
         let [redo, undo] = ui.input_mut(|input| {
             if typing {
                 return [false; 2];
@@ -466,20 +414,20 @@ impl View {
         }
         if let Some(asset) = edited {
             changed = true;
-            self.side.update_edits(&self.gpu, &self.scene, asset);
-            self.split.update_edits(&self.gpu, &self.scene, asset);
+            self.side.update_edits(&self.canvas.gpu, &self.scene, asset);
+            self.split.update_edits(&self.canvas.gpu, &self.scene, asset);
         }
         if let Some(change) = leaf_change {
             changed = true;
             self.take_over(&change);
         }
         if surroundings {
-            self.side.update_environment(&self.gpu, &self.scene);
-            self.split.update_environment(&self.gpu, &self.scene);
+            self.side.update_environment(&self.canvas.gpu, &self.scene);
+            self.split.update_environment(&self.canvas.gpu, &self.scene);
         }
         if skins {
-            self.side.update_skins(&self.gpu, &self.scene);
-            self.split.update_skins(&self.gpu, &self.scene);
+            self.side.update_skins(&self.canvas.gpu, &self.scene);
+            self.split.update_skins(&self.canvas.gpu, &self.scene);
         }
         let moving = response.dragged_by(egui::PointerButton::Secondary)
             || response.dragged_by(egui::PointerButton::Middle)
@@ -544,8 +492,8 @@ impl View {
 
     /// Shows a leaf as it is after a change.
     fn take_over(&mut self, change: &LeafChange) {
-        self.side.update_leaf(&self.gpu, &self.scene, change);
-        self.split.update_leaf(&self.gpu, &self.scene, change);
+        self.side.update_leaf(&self.canvas.gpu, &self.scene, change);
+        self.split.update_leaf(&self.canvas.gpu, &self.scene, change);
     }
 
     /// Shows an asset in place of what is at hand in the split view.
@@ -633,7 +581,7 @@ impl View {
     /// The picture as it is.
     fn picture(&self) -> Result<Picture, ViewerError> {
         let [width, height] = self.side.size().unwrap_or([0, 0]);
-        Ok(Picture { width, height, radiance: self.side.radiance(&self.gpu)? })
+        Ok(Picture { width, height, radiance: self.side.radiance(&self.canvas.gpu)? })
     }
 
     fn save_picture(&mut self) {
@@ -716,14 +664,21 @@ impl View {
             self.governed = self.governor.as_ref().map_or(self.panel.shade, |it| it.settings(&self.panel.shade));
         }
         let (shade, renderer) = (self.governed, self.panel.renderer);
-        let side::Took { ms, passes, first } =
-            self.side.add_sample(&self.gpu, &self.scene, renderer, size, &shade, self.samples, self.timer.as_mut())?;
+        let side::Took { ms, passes, first } = self.side.add_sample(
+            &self.canvas.gpu,
+            &self.scene,
+            renderer,
+            size,
+            &shade,
+            self.samples,
+            self.timer.as_mut(),
+        )?;
         self.passes = passes;
         if self.split.on {
             let shade = self.split.against.shade(&shade);
             let at_hand = self.at_hand();
             let (side, scene) = self.split.scene(&self.scene, at_hand);
-            side.add_sample(&self.gpu, scene, renderer, size, &shade, self.samples, None)?;
+            side.add_sample(&self.canvas.gpu, scene, renderer, size, &shade, self.samples, None)?;
         }
         if let (Some(governor), false) = (&mut self.governor, first) {
             governor.observe(ms);
@@ -737,104 +692,32 @@ impl View {
         Ok(())
     }
 
-    fn present(&mut self, mut output: egui::FullOutput, view: [u32; 2]) -> Result<(), ViewerError> {
-        let screen = egui_wgpu::ScreenDescriptor {
-            size_in_pixels: [self.config.width, self.config.height],
-            pixels_per_point: output.pixels_per_point,
-        };
-        let jobs = self.context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point);
-        for (id, deltas) in &output.textures_delta.set {
-            for delta in deltas {
-                self.painter.update_texture(&self.gpu.device, &self.gpu.queue, *id, delta);
+    /// Shows picture and panel.
+    fn present(&mut self, output: egui::FullOutput, view: [u32; 2]) -> Result<(), ViewerError> {
+        let View { canvas, blit, side, split, scene, .. } = self;
+        canvas.present(output, |gpu, pass| {
+            let Some(size) = side.size() else { return Ok(()) };
+            let (own, other) = (side.bands(), split.side.bands());
+            // The other picture may still be of another size.
+            let compared = split.on && split.side.size() == Some(size) && own.len() == other.len();
+            pass.set_viewport(0.0, 0.0, view[0] as f32, view[1] as f32, 0.0, 1.0);
+            let gain = scene.exposure_ev.exp2();
+            for (number, (first_row, rows, pixels)) in own.iter().enumerate() {
+                let params = GpuBlit {
+                    picture: size,
+                    window: view,
+                    gain,
+                    first_row: *first_row,
+                    rows: *rows,
+                    split: if compared { 1 + u32::from(split.difference) } else { 0 },
+                    other_from: (split.place * view[0] as f32) as u32,
+                    difference_gain: split.gain,
+                    pad0: [0; 2],
+                };
+                let other = if compared { other[number].2 } else { pixels };
+                blit.draw(gpu, pass, pixels, other, params)?;
             }
-        }
-        // Textures are freed after painting; the delta itself must be empty when it is dropped.
-        let freed = std::mem::take(&mut output.textures_delta.free);
-        output.textures_delta.clear();
-
-        use wgpu::CurrentSurfaceTexture as Current;
-        let (frame, stale) = match self.surface.get_current_texture() {
-            Current::Success(frame) => (Some(frame), false),
-            Current::Suboptimal(frame) => (Some(frame), true),
-            Current::Timeout | Current::Occluded => (None, false),
-            Current::Outdated => (None, true),
-            Current::Lost => {
-                self.surface =
-                    self.gpu.instance.create_surface(self.window.clone()).map_err(|error| no_window(&error))?;
-                (None, true)
-            }
-            Current::Validation => {
-                self.gpu.check()?;
-                (None, true)
-            }
-        };
-        if let Some(frame) = frame {
-            self.paint(&frame.texture, &jobs, &screen, view)?;
-            self.window.pre_present_notify();
-            self.gpu.queue.present(frame);
-        }
-        for id in freed {
-            self.painter.free_texture(&id);
-        }
-        if stale {
-            self.surface.configure(&self.gpu.device, &self.config);
-            self.window.request_redraw();
-        }
-        self.gpu.check()
-    }
-
-    fn paint(
-        &mut self,
-        texture: &wgpu::Texture,
-        jobs: &[egui::ClippedPrimitive],
-        screen: &egui_wgpu::ScreenDescriptor,
-        view: [u32; 2],
-    ) -> Result<(), ViewerError> {
-        let target = texture.create_view(&Default::default());
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        let callbacks = self.painter.update_buffers(&self.gpu.device, &self.gpu.queue, &mut encoder, jobs, screen);
-        {
-            let mut pass = encoder
-                .begin_render_pass(&wgpu::RenderPassDescriptor {
-                    label: Some("window"),
-                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                        view: &target,
-                        depth_slice: None,
-                        resolve_target: None,
-                        ops: wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                            store: wgpu::StoreOp::Store,
-                        },
-                    })],
-                    ..Default::default()
-                })
-                .forget_lifetime();
-            if let Some(size) = self.side.size() {
-                let (own, other) = (self.side.bands(), self.split.side.bands());
-                // The other picture may still be of another size.
-                let compared = self.split.on && self.split.side.size() == Some(size) && own.len() == other.len();
-                pass.set_viewport(0.0, 0.0, view[0] as f32, view[1] as f32, 0.0, 1.0);
-                let gain = self.scene.exposure_ev.exp2();
-                for (number, (first_row, rows, pixels)) in own.iter().enumerate() {
-                    let params = GpuBlit {
-                        picture: size,
-                        window: view,
-                        gain,
-                        first_row: *first_row,
-                        rows: *rows,
-                        split: if compared { 1 + u32::from(self.split.difference) } else { 0 },
-                        other_from: (self.split.place * view[0] as f32) as u32,
-                        difference_gain: self.split.gain,
-                        pad0: [0; 2],
-                    };
-                    let other = if compared { other[number].2 } else { pixels };
-                    self.blit.draw(&self.gpu, &mut pass, pixels, other, params)?;
-                }
-                pass.set_viewport(0.0, 0.0, self.config.width as f32, self.config.height as f32, 0.0, 1.0);
-            }
-            self.painter.render(&mut pass, jobs, screen);
-        }
-        self.gpu.queue.submit(callbacks.into_iter().chain([encoder.finish()]));
-        Ok(())
+            Ok(())
+        })
     }
 }
