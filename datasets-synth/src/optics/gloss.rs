@@ -96,13 +96,13 @@ pub struct LobeAngles {
 
 impl CookTorrance {
     /// The corrected, coupled lobe of refractive index `index` and one `roughness`, raised to
-    /// [`MIN_ROUGHNESS`]. Takes some tens of milliseconds for the table.
+    /// [`MIN_ROUGHNESS`](crate::MIN_ROUGHNESS). Takes some tens of milliseconds for the table.
     pub fn new(index: f64, roughness: f64) -> CookTorrance {
         CookTorrance::from_params(&GlossParams::isotropic(index, roughness))
     }
 
-    /// The lobe of `params`, with roughness below [`MIN_ROUGHNESS`] raised to it; [`GlossParams::check`] is the
-    /// caller's. Takes some tens of milliseconds for the table, with two roughnesses some hundreds over the
+    /// The lobe of `params`, with roughness below [`MIN_ROUGHNESS`](crate::MIN_ROUGHNESS) raised to it;
+    /// [`GlossParams::check`] is the caller's. Takes some tens of milliseconds for the table, with two roughnesses some hundreds over the
     /// threads of the current pool.
     pub fn from_params(params: &GlossParams) -> CookTorrance {
         let [along, across] = params.gammas();
