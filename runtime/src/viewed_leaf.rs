@@ -112,6 +112,12 @@ impl<'a> ViewedLeaf<'a> {
         }
     }
 
+    /// The same with factors on what the body sends on; its gloss, which has no colour, stays as it is.
+    pub fn tinted(self, tint: [f32; 3]) -> ViewedLeaf<'a> {
+        let by = |light: [f32; 3]| [0, 1, 2].map(|i| light[i] * tint[i]);
+        ViewedLeaf { reflected: by(self.reflected), transmitted: by(self.transmitted), ..self }
+    }
+
     /// `pi * BRDF * |cos_i|` for a light at `wi`, a unit vector in the same frame as the eye's, or `pi * BTDF * |cos_i|` where it
     /// lies on the other side; linear sRGB, the cosine inside. 0 where either lies in the leaf's plane.
     pub fn light(&self, wi: [f32; 3]) -> [f32; 3] {

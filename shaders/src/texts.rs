@@ -59,7 +59,7 @@ const VOLTEX_HEAD: &str = "\
 //
 ";
 /// What of the functions a renderer calls; the others serve them.
-const VOLTEX_CALLED: [&str; 16] = [
+const VOLTEX_CALLED: [&str; 17] = [
     "voltex_level_count",
     "voltex_cyclic",
     "voltex_extent",

@@ -295,7 +295,8 @@ impl Shader<'_> {
         let Body::Leaf(number) = material.body else { return None };
         let factors = self.scene.geometry.instances()[hit.instance as usize].factors;
         let uv = (s.uv * Vec2::from(material.uv_scale)).to_array();
-        Some(ViewedLeaf::new(self.scene.leaves[number].leaf.words(), uv, level, factors, s.wo.to_array()))
+        let words = self.scene.leaves[number].leaf.words();
+        Some(ViewedLeaf::new(words, uv, level, factors, s.wo.to_array()).tinted(material.tint))
     }
 
     /// What the eye sees there by light on one side, `None` where that is nothing.
@@ -319,7 +320,7 @@ impl Shader<'_> {
                 let viewed = ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode);
                 Some(ViewedBody::Asset(Box::new(viewed), material.tint.into()))
             }
-            Body::Leaf(_) => leaf.map(|leaf| ViewedBody::Leaf(leaf, material.tint.into())),
+            Body::Leaf(_) => leaf.map(ViewedBody::Leaf),
         }
     }
 

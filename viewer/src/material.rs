@@ -85,7 +85,7 @@ pub enum Body {
 pub struct Material {
     /// What reflects and transmits.
     pub body: Body,
-    /// Factors on what an asset or a leaf reflects and transmits; a plain body has its own colour.
+    /// Factors on what an asset, or a leaf without its gloss, reflects and transmits; a plain body has its own colour.
     pub tint: [f32; 3],
     /// Reflectance of a perfect mirror on top, RGB, 0 to 1; 0 for none. It adds to what lies below.
     pub mirror: [f32; 3],

@@ -12,8 +12,8 @@ pub(crate) enum ViewedBody<'a> {
     Plain(Vec3),
     /// A texel of a layer, and its tint.
     Asset(Box<ViewedTexel<'a>>, Vec3),
-    /// A leaf, for light on either side, and its tint.
-    Leaf(&'a ViewedLeaf<'a>, Vec3),
+    /// A leaf, for light on either side.
+    Leaf(&'a ViewedLeaf<'a>),
 }
 
 impl ViewedBody<'_> {
@@ -22,7 +22,7 @@ impl ViewedBody<'_> {
         match self {
             ViewedBody::Plain(share) => *share * wi.z.abs(),
             ViewedBody::Asset(viewed, tint) => *tint * Vec3::from(viewed.light(rows, wi.to_array())),
-            ViewedBody::Leaf(leaf, tint) => *tint * Vec3::from(leaf.light(wi.to_array())),
+            ViewedBody::Leaf(leaf) => leaf.light(wi.to_array()).into(),
         }
     }
 
@@ -45,7 +45,7 @@ impl ViewedBody<'_> {
                 Vec3::new(wi.x, wi.y, if back { -wi.z } else { wi.z })
             }
             ViewedBody::Asset(viewed, _) => viewed.sample_direction(at).into(),
-            ViewedBody::Leaf(leaf, _) => leaf.sample_direction(at).into(),
+            ViewedBody::Leaf(leaf) => leaf.sample_direction(at).into(),
         }
     }
 
@@ -54,7 +54,7 @@ impl ViewedBody<'_> {
         match self {
             ViewedBody::Plain(_) => wi.z.abs() / PI,
             ViewedBody::Asset(viewed, _) => viewed.sample_density(wi.to_array()),
-            ViewedBody::Leaf(leaf, _) => leaf.sample_density(wi.to_array()),
+            ViewedBody::Leaf(leaf) => leaf.sample_density(wi.to_array()),
         }
     }
 }

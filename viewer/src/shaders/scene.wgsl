@@ -90,7 +90,7 @@ struct Instance {
 }
 
 struct Material {
-    // What a plain one reflects; the tint of an asset or a leaf.
+    // What a plain one reflects; the tint of an asset or of a leaf without its gloss.
     diffuse: vec3<f32>,
     // Word of the arena where the asset begins, or NO_ASSET.
     asset: u32,

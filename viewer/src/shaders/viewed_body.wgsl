@@ -14,7 +14,7 @@ struct ViewedBody {
     number: u32,
     // Whether the relief's shadows are missing in its values.
     bare: bool,
-    // What a plain one sends from that side to the eye, or the tint of an asset or a leaf.
+    // What a plain one sends from that side to the eye, or the tint of an asset.
     diffuse: vec3<f32>,
     texel: ViewedTexel,
     leaf: ViewedLeaf,
@@ -28,6 +28,8 @@ fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, lig
     if with_leaves && material.leaf != NO_ASSET {
         viewed.kind = BODY_LEAF;
         viewed.leaf = leaf;
+        viewed.leaf.reflected *= material.diffuse;
+        viewed.leaf.transmitted *= material.diffuse;
         return viewed;
     }
     if !with_assets || material.asset == NO_ASSET {
@@ -56,7 +58,7 @@ fn decode_options() -> BtfOptions {
 // pi * f * |cos| for light at `wi`, which is on the side that this is for.
 fn body_light(viewed: ViewedBody, asset: u32, wo: vec3<f32>, rows: ptr<function, LightRows>, wi: vec3<f32>) -> vec3<f32> {
     if with_leaves && viewed.kind == BODY_LEAF {
-        return viewed.diffuse * leaf_light(viewed.leaf, wi);
+        return leaf_light(viewed.leaf, wi);
     }
     if !with_assets || viewed.kind == BODY_PLAIN {
         return viewed.diffuse * abs(wi.z);
