@@ -201,7 +201,7 @@ fn volumes_smaller_than_a_pixel_are_as_bright_as_their_share_of_it() {
     // A tree of 8 pixels, of 1, and of a quarter.
     for (distance, fov_deg) in [(40.0, 4.2), (40.0, 34.0), (160.0, 34.0)] {
         let far = seen(distance, fov_deg);
-        assert!((far / near - 1.0).abs() < 0.15, "{distance}: {far} {near}");
+        assert!((far / near - 1.0).abs() < 0.2, "{distance}: {far} {near}");
     }
     // Planted: a tree that is a third smaller is told apart.
     let smaller = {

@@ -43,7 +43,9 @@ impl GlossTruth {
         let chosen: Vec<&GlossyFlake> = flakes.iter().step_by(flakes.len().div_ceil(MOST_FLAKES).max(1)).collect();
         let pairs = spread_directions(HALF_WAYS, 0.3).into_iter().enumerate().flat_map(|(i, half)| {
             let across = half.any_orthonormal_vector();
-            let side = across * (2.4 * i as f32).cos() + half.cross(across) * (2.4 * i as f32).sin();
+            // In no plane twice.
+            let (sin, cos) = (2.4 * i as f32).sin_cos();
+            let side = across * cos + half.cross(across) * sin;
             APART_DEG.map(|degrees| {
                 let (sin, cos) = degrees.to_radians().sin_cos();
                 (half * cos + side * sin, half * cos - side * sin)
