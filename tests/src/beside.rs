@@ -1,6 +1,7 @@
 //! Volumetric textures beside the triangles that they stand in for: how far from the triangles a picture is, and how many rays a
 //! pixel the triangles themselves need to come as near.
 
+use crate::dolly::luminance_of;
 use btf_viewer::{CpuPicture, Scene, ShadeOptions};
 use std::ops::Range;
 
@@ -74,7 +75,7 @@ impl Explicit {
     pub fn brightness(&self, picture: &[[f32; 3]]) -> f64 {
         let sum = |picture: &[[f32; 3]]| -> f64 {
             let counted = picture.iter().zip(&self.counted).filter(|(_, counted)| **counted);
-            counted.map(|([r, g, b], _)| 0.2126 * f64::from(*r) + 0.7152 * f64::from(*g) + 0.0722 * f64::from(*b)).sum()
+            counted.map(|(pixel, _)| luminance_of(pixel.map(f64::from))).sum()
         };
         sum(picture) / sum(&self.truth)
     }

@@ -55,7 +55,11 @@ pub fn row(scene: &Scene, towards: Vec3, leaf_width: f32, leaf_pixels: f32, path
 
 /// Luminance of a row.
 pub fn luminance(row: &DollyRow) -> f64 {
-    let [r, g, b] = row.radiance;
+    luminance_of(row.radiance)
+}
+
+/// Luminance of linear sRGB.
+pub(crate) fn luminance_of([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 

@@ -27,7 +27,8 @@ pub struct MeshPart {
 }
 
 impl MeshPart {
-    fn built_in(name: &str, vertices: Vec<Vertex>, triangles: Vec<[u32; 3]>) -> MeshPart {
+    /// One that no file describes: grey, with texture coordinates.
+    pub(crate) fn built_in(name: &str, vertices: Vec<Vertex>, triangles: Vec<[u32; 3]>) -> MeshPart {
         MeshPart {
             name: name.into(),
             group: 0,

@@ -51,7 +51,8 @@ impl Facets {
 /// incidence, from air into what has no absorption; `roughness` GGX's alpha.
 ///
 /// Exact for one flake on the side of the light; on the other it shows facets that a surface has not, and to eyes along it flakes
-/// send up to an eighth more than they stop. Of many, what lies between their normals is filled, before [`Facets`]. Twin: `voltex_gloss`.
+/// send up to an eighth more than they stop. Of many, what lies between their normals is filled; that is what [`Facets`] are for.
+/// Twin: `voltex_gloss`.
 pub fn gloss(extinction: &Sym3, specular: f32, roughness: f32, v: [f32; 3], l: [f32; 3]) -> f32 {
     let trace = extinction.trace();
     let half: [f32; 3] = std::array::from_fn(|i| v[i] + l[i]);

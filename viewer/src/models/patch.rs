@@ -2,7 +2,6 @@
 
 use crate::geometry::Vertex;
 use crate::mesh::{MeshPart, fill_tangents};
-use btf_capture::MattColour;
 use glam::Vec3;
 use std::ops::Range;
 
@@ -60,15 +59,7 @@ impl<F: Fn(f32, f32) -> Vec3> Patch<F> {
             }
         }
         fill_tangents(&mut vertices, &triangles);
-        let part = MeshPart {
-            name: name.into(),
-            group: 0,
-            colour: MattColour::opaque([0.5; 3]),
-            has_uv: true,
-            vertices,
-            triangles,
-        };
-        without_unused_vertices(part)
+        without_unused_vertices(MeshPart::built_in(name, vertices, triangles))
     }
 
     /// By differences over a grid cell, across the seam of a closed surface.

@@ -8,7 +8,6 @@ use crate::error::FitError;
 use crate::voltex::build::{VoltexParams, fit_to_rays, volume_of};
 use crate::voltex::facets::GlossyFlake;
 use crate::voltex::flakes::{FlakeColour, grey};
-
 use crate::voltex::gather::Gather;
 use crate::voltex::occluder::Occluder;
 use crate::voltex::shadow::Lit;
