@@ -10,12 +10,19 @@ use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use crate::exr_image;
-use crate::images::encode_8_bit;
-use crate::images::tests::picture;
-use crate::{
-    Capture, CaptureError, CaptureInfo, CaptureWriter, Cosine, Direction, DirectionSet, ImageFormat, Pixels, Side,
-};
+use crate::Capture;
+use crate::CaptureError;
+use crate::CaptureInfo;
+use crate::CaptureWriter;
+use crate::Cosine;
+use crate::Direction;
+use crate::DirectionSet;
+use crate::ImageFormat;
+use crate::Pixels;
+use crate::Side;
+use crate::images::exr;
+use crate::images::images::encode_8_bit;
+use crate::images::images::tests::picture;
 
 const WIDTH: usize = 6;
 const HEIGHT: usize = 5;
@@ -314,7 +321,7 @@ fn nan_infinity_and_deep_negatives_in_exr_are_named_with_their_texel() {
         fs::write(dir.join("capture.toml"), if huge { "scale = 1e38" } else { "" }).unwrap();
         let mut values = linear(1, 2);
         values[(3 * WIDTH + 4) * 3 + 1] = bad;
-        fs::write(&path, exr_image::encode(&values, WIDTH, HEIGHT).unwrap()).unwrap();
+        fs::write(&path, exr::encode(&values, WIDTH, HEIGHT).unwrap()).unwrap();
         let error = Capture::open(&dir).unwrap().read(1, 2).unwrap_err();
         assert_says(&message(&error), &["00007 tl075", "column 4, row 3", "channel 1"]);
     }
@@ -554,7 +561,8 @@ fn directions_that_disagree_with_the_side_are_refused_by_reader_and_writer() {
         fs::create_dir(&dir).unwrap();
         for view in 0..views.len() {
             for light in 0..lights.len() {
-                fs::write(dir.join(crate::bonn::file_name(views, lights, view, light, "png")), &picture).unwrap();
+                fs::write(dir.join(crate::layout::bonn::file_name(views, lights, view, light, "png")), &picture)
+                    .unwrap();
             }
         }
         fs::write(dir.join("capture.toml"), format!("side = \"{side}\"")).unwrap();

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use crate::bonn;
 use crate::error::CaptureError;
-use crate::grid::grid_of;
-use crate::images::{self, DecodedImage, FileFormat, ImageFault, Samples};
+use crate::images::images::{self, DecodedImage, FileFormat, ImageFault, Samples};
 use crate::info::CaptureInfo;
-use crate::list;
-use crate::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES};
-use crate::source::{MAX_FILE_BYTES, Source};
+use crate::layout::bonn;
+use crate::layout::grid::grid_of;
+use crate::layout::list;
+use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES};
+use crate::layout::source::{MAX_FILE_BYTES, Source};
 use crate::ubo2014::{Container, ContainerInfo, is_container};
 
 /// The most negative linear value that is taken for a colour outside the gamut; below it an image

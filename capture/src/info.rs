@@ -4,7 +4,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::colour::Transfer;
+use crate::colour::transfer::Transfer;
 use crate::direction::DirectionSet;
 use crate::error::CaptureError;
 

@@ -8,14 +8,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 use crate::atomic::{StagedFolder, sync_folder};
-use crate::bonn;
 use crate::capture::MIN_LINEAR;
-use crate::encode8::Encoder8;
 use crate::error::CaptureError;
-use crate::exr_image;
-use crate::images;
+use crate::images::encode8::Encoder8;
+use crate::images::exr;
+use crate::images::images;
 use crate::info::{CaptureInfo, ImageFormat, file_linear};
-use crate::manifest::{self, MANIFEST_NAME};
+use crate::layout::bonn;
+use crate::layout::manifest::{self, MANIFEST_NAME};
 
 /// Writes a capture folder in Bonn's layout, image by image, from any number of threads and in
 /// any order. Everything goes into a hidden folder beside the final one; [`CaptureWriter::finish`]
@@ -84,7 +84,7 @@ impl CaptureWriter {
             ImageFormat::Exr => {
                 let factor = info.linear_factor(light);
                 let values: Vec<f32> = linear.iter().map(|&x| file_linear(x.max(MIN_LINEAR), factor)).collect();
-                exr_image::encode(&values, info.width, info.height)
+                exr::encode(&values, info.width, info.height)
             }
             format => {
                 let mut pixels = vec![0; linear.len()];
@@ -115,7 +115,7 @@ impl CaptureWriter {
         if values.len() != info.texel_count() {
             return Err(refused(format!("it got {} values for {} x {} texels", values.len(), info.width, info.height)));
         }
-        let bytes = exr_image::encode_map(values, info.width, info.height).map_err(refused)?;
+        let bytes = exr::encode_map(values, info.width, info.height).map_err(refused)?;
         let staged = self.staging.path().join(name);
         write_whole(&staged, &bytes)
             .and_then(|()| File::open(&staged)?.sync_all())

@@ -35,7 +35,7 @@ pub(crate) fn sample_asset_with(
 ) -> Asset {
     const CLUSTERS: usize = 3;
     let sphere = |set: &DirectionSet| {
-        Sphere::new(&crate::frame::layer_directions(set, btf_capture::Side::Front))
+        Sphere::new(&crate::input::layer_frame::layer_directions(set, btf_capture::Side::Front))
             .unwrap_or_else(|error| panic!("{error}"))
     };
     let lobe = |family, x, y, params| DictionaryLobe {

@@ -1,10 +1,10 @@
 //! Opens an asset in either form, ready to be evaluated.
 
-use crate::asset::Asset;
+use crate::asset::asset::Asset;
 use crate::error::FormatError;
-use crate::mip::with_levels;
-use crate::resident::ResidentBytes;
-use crate::resident_file::ResidentFile;
+use crate::file::resident_file::ResidentFile;
+use crate::levels::mip::with_levels;
+use crate::resident::resident::ResidentBytes;
 use crate::threads::Threads;
 
 /// Which levels an asset is opened with.
@@ -35,8 +35,8 @@ pub fn open(bytes: ResidentBytes, levels: Levels, threads: Threads) -> Result<Re
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::residual::ResidualKind;
     use crate::pack;
-    use crate::residual::ResidualKind;
     use crate::testing::sample_asset;
     use crate::threads::serial;
     use std::sync::Arc;

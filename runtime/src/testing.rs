@@ -1,14 +1,14 @@
 //! Small deterministic assets and file surgery for the tests of this package and of its users. Not part
 //! of the promised interface.
 
-use crate::asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
-use crate::container::{ALIGNMENT, Directory, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum};
+use crate::asset::asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
+use crate::asset::lobe::{Lobe, LobeFamily};
+use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
+use crate::asset::sphere::Sphere;
+use crate::container::container::{ALIGNMENT, Directory, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum};
+use crate::decode::parallax::Heights;
 use crate::error::FormatError;
-use crate::format::{Form, header, read_directory};
-use crate::lobe::{Lobe, LobeFamily};
-use crate::parallax::Heights;
-use crate::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
-use crate::sphere::Sphere;
+use crate::file::format::{Form, header, read_directory};
 use crate::voltex::{
     Facets, FlakeMaterial, LevelShadow, Sym3, VoltexError, VoltexRay, Volume, VolumeLevel, Voxel, order,
     read_voltex_directory,

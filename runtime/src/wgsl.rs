@@ -5,16 +5,16 @@
 /// Core WGSL and nothing else. It reads half-precision pairs with `unpack2x16float`: naga's
 /// `SHADER_FLOAT16_IN_FLOAT32`, which every WebGPU device has (wgpu: `DownlevelFlags::SHADER_F16_IN_F32`).
 pub const WGSL: &[(&str, &str)] = &[
-    ("quantize.wgsl", include_str!("shaders/quantize.wgsl")),
-    ("sphere.wgsl", include_str!("shaders/sphere.wgsl")),
-    ("lobe.wgsl", include_str!("shaders/lobe.wgsl")),
-    ("residual.wgsl", include_str!("shaders/residual.wgsl")),
-    ("parallax.wgsl", include_str!("shaders/parallax.wgsl")),
-    ("texel.wgsl", include_str!("shaders/texel.wgsl")),
-    ("viewed_texel.wgsl", include_str!("shaders/viewed_texel.wgsl")),
-    ("sample.wgsl", include_str!("shaders/sample.wgsl")),
-    ("decode.wgsl", include_str!("shaders/decode.wgsl")),
-    ("evaluate.wgsl", include_str!("shaders/evaluate.wgsl")),
+    ("quantize.wgsl", include_str!("numeric/quantize.wgsl")),
+    ("sphere.wgsl", include_str!("asset/sphere.wgsl")),
+    ("lobe.wgsl", include_str!("asset/lobe.wgsl")),
+    ("residual.wgsl", include_str!("asset/residual.wgsl")),
+    ("parallax.wgsl", include_str!("decode/parallax.wgsl")),
+    ("texel.wgsl", include_str!("decode/texel.wgsl")),
+    ("viewed_texel.wgsl", include_str!("decode/viewed_texel.wgsl")),
+    ("sample.wgsl", include_str!("decode/sample.wgsl")),
+    ("decode.wgsl", include_str!("decode/decode.wgsl")),
+    ("evaluate.wgsl", include_str!("decode/evaluate.wgsl")),
 ];
 
 /// All of [`WGSL`], joined.
@@ -25,12 +25,12 @@ pub fn wgsl_library() -> String {
 /// `(file name, text)` of the leaf whose optics are evaluated live, to follow [`WGSL`], of which it uses `asset_f32`,
 /// `sample_about_z` and constants. Core WGSL without capabilities of its own.
 pub const LEAF_WGSL: &[(&str, &str)] = &[
-    ("leaf_words.wgsl", include_str!("shaders/leaf_words.wgsl")),
-    ("leaf_theta.wgsl", include_str!("shaders/leaf_theta.wgsl")),
-    ("leaf_texture.wgsl", include_str!("shaders/leaf_texture.wgsl")),
-    ("leaf_body.wgsl", include_str!("shaders/leaf_body.wgsl")),
-    ("leaf_lobe.wgsl", include_str!("shaders/leaf_lobe.wgsl")),
-    ("viewed_leaf.wgsl", include_str!("shaders/viewed_leaf.wgsl")),
+    ("leaf_words.wgsl", include_str!("leaf/words.wgsl")),
+    ("leaf_theta.wgsl", include_str!("leaf/theta.wgsl")),
+    ("leaf_texture.wgsl", include_str!("leaf/texture.wgsl")),
+    ("leaf_body.wgsl", include_str!("leaf/body.wgsl")),
+    ("leaf_lobe.wgsl", include_str!("leaf/lobe.wgsl")),
+    ("viewed_leaf.wgsl", include_str!("leaf/viewed.wgsl")),
 ];
 
 /// All of [`LEAF_WGSL`], joined.
@@ -41,13 +41,13 @@ pub fn leaf_wgsl() -> String {
 /// `(file name, text)` of volumetric textures ([`crate::voltex`]), to follow [`WGSL`], of which it uses `asset_f32`. Functions take
 /// the number of a volume's first word as `base`. Core WGSL without capabilities of its own.
 pub const VOLTEX_WGSL: &[(&str, &str)] = &[
-    ("voltex_matrix.wgsl", include_str!("shaders/voltex_matrix.wgsl")),
-    ("voltex_words.wgsl", include_str!("shaders/voltex_words.wgsl")),
-    ("voltex_voxel.wgsl", include_str!("shaders/voltex_voxel.wgsl")),
-    ("voltex_tree.wgsl", include_str!("shaders/voltex_tree.wgsl")),
-    ("voltex_walk.wgsl", include_str!("shaders/voltex_walk.wgsl")),
-    ("voltex_shade.wgsl", include_str!("shaders/voltex_shade.wgsl")),
-    ("voltex_gloss.wgsl", include_str!("shaders/voltex_gloss.wgsl")),
+    ("voltex_matrix.wgsl", include_str!("voltex/matrix.wgsl")),
+    ("voltex_words.wgsl", include_str!("voltex/words.wgsl")),
+    ("voltex_voxel.wgsl", include_str!("voltex/voxel.wgsl")),
+    ("voltex_tree.wgsl", include_str!("voltex/tree.wgsl")),
+    ("voltex_walk.wgsl", include_str!("voltex/walk.wgsl")),
+    ("voltex_shade.wgsl", include_str!("voltex/shade.wgsl")),
+    ("voltex_gloss.wgsl", include_str!("voltex/gloss.wgsl")),
 ];
 
 /// All of [`VOLTEX_WGSL`], joined.

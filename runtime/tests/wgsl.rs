@@ -302,26 +302,26 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
     let twins: [Twin; 22] = [
-        (include_str!("../src/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
-        (include_str!("../src/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
-        (include_str!("../src/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
-        (include_str!("../src/residual.rs"), "residual.wgsl", "residual_", &[]),
-        (include_str!("../src/parallax.rs"), "parallax.wgsl", "height_", &["height_field"]),
-        (include_str!("../src/texel.rs"), "texel.wgsl", "texel_", &["texel_lobe", "texel_residual"]),
-        (include_str!("../src/viewed_texel.rs"), "viewed_texel.wgsl", "viewed_", &[]),
-        (include_str!("../src/sample.rs"), "sample.wgsl", "", &["sample_lobe_at"]),
+        (include_str!("../src/numeric/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
+        (include_str!("../src/asset/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
+        (include_str!("../src/asset/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
+        (include_str!("../src/asset/residual.rs"), "residual.wgsl", "residual_", &[]),
+        (include_str!("../src/decode/parallax.rs"), "parallax.wgsl", "height_", &["height_field"]),
+        (include_str!("../src/decode/texel.rs"), "texel.wgsl", "texel_", &["texel_lobe", "texel_residual"]),
+        (include_str!("../src/decode/viewed_texel.rs"), "viewed_texel.wgsl", "viewed_", &[]),
+        (include_str!("../src/decode/sample.rs"), "sample.wgsl", "", &["sample_lobe_at"]),
         (
-            include_str!("../src/decode.rs"),
+            include_str!("../src/decode/decode.rs"),
             "decode.wgsl",
             "btf_",
             &["btf_layers", "btf_levels", "btf_size", "btf_texel", "btf_layer_for_sides"],
         ),
-        (include_str!("../src/evaluate.rs"), "evaluate.wgsl", "btf_", &[]),
-        (include_str!("../src/leaf_theta.rs"), "leaf_theta.wgsl", "leaf_", &[]),
-        (include_str!("../src/leaf_texture.rs"), "leaf_texture.wgsl", "leaf_", &[]),
-        (include_str!("../src/leaf_body.rs"), "leaf_body.wgsl", "leaf_", &[]),
-        (include_str!("../src/leaf_lobe.rs"), "leaf_lobe.wgsl", "leaf_", &[]),
-        (include_str!("../src/viewed_leaf.rs"), "viewed_leaf.wgsl", "leaf_", &[]),
+        (include_str!("../src/decode/evaluate.rs"), "evaluate.wgsl", "btf_", &[]),
+        (include_str!("../src/leaf/theta.rs"), "leaf_theta.wgsl", "leaf_", &[]),
+        (include_str!("../src/leaf/texture.rs"), "leaf_texture.wgsl", "leaf_", &[]),
+        (include_str!("../src/leaf/body.rs"), "leaf_body.wgsl", "leaf_", &[]),
+        (include_str!("../src/leaf/lobe.rs"), "leaf_lobe.wgsl", "leaf_", &[]),
+        (include_str!("../src/leaf/viewed.rs"), "viewed_leaf.wgsl", "leaf_", &[]),
         (include_str!("../src/voltex/matrix.rs"), "voltex_matrix.wgsl", "voltex_", &[]),
         (
             include_str!("../src/voltex/words.rs"),
@@ -351,7 +351,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
         .replace("fn lobe_ward(", "fn x(")
         .replace("fn lobe_ggx(", "fn lobe_ward(")
         .replace("fn x(", "fn lobe_ggx(");
-    let found = first_out_of_order(include_str!("../src/lobe.rs"), &exchanged, "lobe_", &["lobe_from_resident"]);
+    let found = first_out_of_order(include_str!("../src/asset/lobe.rs"), &exchanged, "lobe_", &["lobe_from_resident"]);
     assert!(found.is_some());
 }
 

@@ -5,7 +5,7 @@ use crate::shell::{cargo, root, run_checked};
 use std::path::Path;
 
 const HELP: &str = "\
-Writes the volumes of `btf-view scene`, viewer/src/models/*.voltex.
+Writes the volumes of `btf-view scene`, viewer/src/scene/builtin/*.voltex.
 
 Usage: cargo xtask volumes [--resolution N]
 
@@ -17,7 +17,7 @@ Example:
 /// Where scripts and volumes are made, relative to the repository's root.
 const FOLDER: &str = "target/volumes";
 /// Where the viewer has its own.
-const MODELS: &str = "viewer/src/models";
+const MODELS: &str = "viewer/src/scene/builtin";
 /// What is grown: name and options.
 const GROWN: [(&str, &str); 4] = [
     ("lawn", "--species grass --flowers 0"),

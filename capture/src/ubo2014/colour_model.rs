@@ -2,7 +2,7 @@
 //! and spectra.
 
 use super::header::Header;
-use crate::spectrum::{rgb_of, rgb_weights, wavelength_nm};
+use crate::colour::spectrum::{rgb_of, rgb_weights, wavelength_nm};
 
 /// What is added before a logarithm is taken.
 const LOG_OFFSET: f32 = 1e-5;

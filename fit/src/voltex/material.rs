@@ -2,8 +2,8 @@
 //! shaded near by, so that colours do not jump where a volume takes over.
 
 use super::flakes::FlakeColour;
-use crate::describe::load_asset;
 use crate::error::FitError;
+use crate::inspect::describe::load_asset;
 use btf_capture::{CaptureError, LeafDescription, TextureImages, TextureKind};
 use btf_runtime::{
     DecodeOptions, Leaf, LeafError, LeafMode, LeafState, LeafTexel, LeafTexture, Query, Resident, ViewedLeaf, evaluate,

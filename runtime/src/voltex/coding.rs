@@ -1,8 +1,8 @@
 //! How a file codes a level: which children the voxels of the level before have, then the codes of those. One routine both ways,
-//! as in [`crate::entropy`]. Normative text: docs/VOLTEX.md, chapter "Levels".
+//! as in [`crate::container::entropy`]. Normative text: docs/VOLTEX.md, chapter "Levels".
 
 use super::codes::{ANGLE_BITS, DENSITY_STEPS, RATIO_BITS, VoxelCodes};
-use crate::entropy::{BinaryCoder, Bit, Signed, Tree};
+use crate::container::entropy::{BinaryCoder, Bit, Signed, Tree};
 
 /// Decisions that a voxel takes at least: a bit of its mask apart, its density, axis and ratios, and where its material is from.
 pub const LEAST_DECISIONS: usize = 3 + 2 * RATIO_BITS + 1;

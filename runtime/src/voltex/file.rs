@@ -1,4 +1,4 @@
-//! A volume's file, `.voltex`: the container of [`crate::container`] with a description, the materials and the levels, the coarsest
+//! A volume's file, `.voltex`: the container of [`crate::container::container`] with a description, the materials and the levels, the coarsest
 //! first, each of which ends a tier. Normative text: docs/VOLTEX.md.
 
 use super::codes::{DENSITY_STEPS, VoxelCodes};
@@ -10,14 +10,14 @@ use super::rule;
 use super::volume::{FlakeMaterial, LEAST_SHARED, LevelShadow, MOST_CLUMPING, MOST_LEVELS, Volume, VolumeLevel, order};
 use super::voxel::Voxel;
 use super::words::{CLUMPING_AT, FACETS_AT, LEVEL_WORDS};
-use crate::container::{
+use crate::container::container::{
     ALIGNMENT, Directory, FileFormat, HeaderReader, SectionSource, read_directory_of, write_file_of,
 };
-use crate::entropy::{Decoder, Encoder, bounded};
+use crate::container::entropy::{Decoder, Encoder, bounded};
+use crate::container::fault::Faults;
+use crate::container::sections::{Reader, Sections};
 use crate::error::{FormatError, Names};
-use crate::fault::Faults;
 use crate::rule::Rule;
-use crate::sections::{Reader, Sections};
 use crate::threads::{Threads, fill, serial};
 use half::f16;
 

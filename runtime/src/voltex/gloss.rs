@@ -7,7 +7,7 @@
 
 use super::matrix::{Sym3, dot};
 use super::shade::LEAST_ROOT;
-use crate::leaf_lobe::fresnel;
+use crate::leaf::lobe::fresnel;
 
 /// Least roughness that is told apart, GGX alpha: of less single precision makes no ellipsoid.
 pub const LEAST_ROUGHNESS: f32 = 0.1;

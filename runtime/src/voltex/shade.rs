@@ -47,7 +47,7 @@ impl LevelShadow {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::algebra::{cholesky, gram_of, solve};
+    use crate::numeric::algebra::{cholesky, gram_of, solve};
     use crate::testing::{Random, sphere_direction};
     use crate::voltex::{Voxel, dot};
     use std::f64::consts::PI;

@@ -3,11 +3,11 @@
 use super::file::{VOLTEX_VERSION, VoltexFormat, VoltexSection, examine_volume};
 use super::rule;
 use super::volume::{FlakeMaterial, Volume, VolumeLevel};
-use crate::container::{Directory, SectionEntry, about_container, examine_directory_of};
-use crate::fault::Faults;
+use crate::container::container::{Directory, SectionEntry, about_container, examine_directory_of};
+use crate::container::fault::Faults;
+use crate::file::validate::Report;
 use crate::rule::FORM;
 use crate::threads::Threads;
-use crate::validate::Report;
 
 /// By how much what a material sends away may exceed 1 without a word: what its halves round to.
 const GAIN_TOLERANCE: f32 = 2e-3;

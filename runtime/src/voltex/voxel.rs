@@ -1,7 +1,7 @@
 //! One voxel: the flakes in it. Twin: `shaders/voltex_voxel.wgsl`.
 
 use super::matrix::Sym3;
-use crate::quantize::{half_at, word_from_halves};
+use crate::numeric::quantize::{half_at, word_from_halves};
 
 /// Words of a voxel in the resident form: the last tells of a second sort of flakes in its cell.
 pub const VOXEL_WORDS: usize = 9;

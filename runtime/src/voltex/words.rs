@@ -6,7 +6,7 @@ use super::matrix::{Sym3, dot};
 use super::tree::{NO_VOXEL, NODE_WORDS, Node, cell_number, node_depth};
 use super::volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, Volume, VolumeLevel};
 use super::voxel::{OTHER_AT, VOXEL_WORDS, Voxel};
-use crate::quantize::{half_at, word_from_halves};
+use crate::numeric::quantize::{half_at, word_from_halves};
 use std::collections::BTreeMap;
 
 /// Words of the header.

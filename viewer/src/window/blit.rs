@@ -1,9 +1,9 @@
 //! Puts the accumulated picture on a window's surface. Twin of the structs: `shaders/blit.wgsl`.
 
 use crate::error::ViewerError;
-use crate::gpu::Gpu;
-use crate::shaders::BLIT;
-use crate::trace::bind;
+use crate::gpu::device::Gpu;
+use crate::gpu::modules::BLIT;
+use crate::gpu::tracer::bind;
 
 /// Twin: `Blit` in `blit.wgsl`.
 #[repr(C)]

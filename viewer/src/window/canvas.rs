@@ -2,7 +2,7 @@
 
 use super::no_window;
 use crate::error::ViewerError;
-use crate::gpu::{Gpu, instance};
+use crate::gpu::device::{Gpu, instance};
 use std::sync::Arc;
 use winit::event_loop::ActiveEventLoop;
 use winit::window::Window;

@@ -1,8 +1,8 @@
 //! Editing an asset while it is drawn: which edit is at hand, where it is put, and the way back.
 
 use super::history::History;
-use crate::scene::Scene;
-use crate::scene_asset::SceneAsset;
+use crate::scene::asset::SceneAsset;
+use crate::scene::scene::Scene;
 use btf_runtime::{Asset, Edit, Edits, MOST_EDITS, pack};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

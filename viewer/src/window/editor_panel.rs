@@ -1,7 +1,7 @@
 //! The panel's part that edits assets.
 
 use super::editor::{Editor, Tool};
-use crate::scene::Scene;
+use crate::scene::scene::Scene;
 use btf_runtime::Edit;
 
 /// Draws it; the asset that changed, if one did.

@@ -1,12 +1,12 @@
 //! Files that the window takes in and gives out: dropped or named ones, pictures and turntables.
 
-use crate::environment::Environment;
 use crate::error::ViewerError;
-use crate::material::Shown;
+use crate::light::environment::Environment;
 use crate::picture::Picture;
-use crate::scene::{MeshChoice, Scene};
-use crate::scene_asset::SceneAsset;
-use crate::scene_file::load_scene;
+use crate::scene::asset::SceneAsset;
+use crate::scene::file::load_scene;
+use crate::scene::material::Shown;
+use crate::scene::scene::{MeshChoice, Scene};
 use btf_capture::atomic::create_folder;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -119,7 +119,7 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             path
         };
-        let weave = include_bytes!("../models/weave.spmm");
+        let weave = include_bytes!("../scene/builtin/weave.spmm");
         open_file(&mut scene, 0, &write("other.spmm", weave)).unwrap();
         assert_eq!(scene.assets[0].name, "other");
         let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";

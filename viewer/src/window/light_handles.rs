@@ -1,7 +1,7 @@
 //! Handles of the lights: circles around the scene, in the lights' directions, that the mouse drags.
 
 use super::panel::Panel;
-use crate::scene::Scene;
+use crate::scene::scene::Scene;
 
 /// Distance of the handles from the scene's centre, in its radii.
 const HANDLE_RADII: f32 = 1.15;

@@ -18,17 +18,17 @@ mod split;
 mod thumbnails;
 mod wind_panel;
 
-use crate::cpu::{Picked, pick};
+use crate::cpu::cpu::{Picked, pick};
 use crate::error::ViewerError;
-use crate::governor::{Governor, Spending};
-use crate::gpu::BackendChoice;
-use crate::gpu_timer::{GpuTimer, PassTimes};
-use crate::material::Body;
+use crate::gpu::device::BackendChoice;
+use crate::gpu::modules::GpuTracer;
+use crate::gpu::timer::{GpuTimer, PassTimes};
 use crate::options::{RenderMode, ShadeOptions};
 use crate::picture::Picture;
-use crate::scene::{Ambient, Scene};
-use crate::scene_asset::SceneAsset;
-use crate::shaders::GpuTracer;
+use crate::render::governor::{Governor, Spending};
+use crate::scene::asset::SceneAsset;
+use crate::scene::material::Body;
+use crate::scene::scene::{Ambient, Scene};
 use blit::Blit;
 pub(crate) use blit::GpuBlit;
 use canvas::Canvas;
@@ -111,7 +111,7 @@ pub fn run_window(scene: Scene, params: WindowParams) -> Result<(), ViewerError>
 
 /// winit puts the place in its own source before what happened; a user needs only the latter.
 fn no_window(error: &dyn std::fmt::Display) -> ViewerError {
-    let message = crate::gpu::one_line(&error.to_string());
+    let message = crate::gpu::device::one_line(&error.to_string());
     let what = match message.split_once(".rs:") {
         Some((_, rest)) => rest.split_once(": ").map_or(rest, |(_, what)| what),
         None => &message,

@@ -1,10 +1,10 @@
 //! The panel's part for a scene under the sky: when, where, which air, and which of the light shines. The sky is computed on a
 //! thread of its own, so that the window stays at hand.
 
-use crate::daylight::{Daylight, SunAndSky};
 use crate::error::ViewerError;
+use crate::light::daylight::{Daylight, SunAndSky};
 use crate::options::SkyLight;
-use crate::scene::{DaylightParts, Outdoors, Scene};
+use crate::scene::scene::{DaylightParts, Outdoors, Scene};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Duration;
 
@@ -165,8 +165,8 @@ fn set_minutes(daylight: &mut Daylight, minutes: u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MeshChoice, PointLight};
-    use crate::scene_asset::SceneAsset;
+    use crate::scene::asset::SceneAsset;
+    use crate::scene::scene::{MeshChoice, PointLight};
     use glam::Vec3;
     use std::sync::Arc;
 

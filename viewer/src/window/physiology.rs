@@ -1,9 +1,9 @@
 //! Changing a leaf while it is drawn: which leaf is at hand, what it holds, how it is evaluated, and the way back.
 
 use super::history::History;
-use crate::plant_variation::vary_plants;
-use crate::scene::Scene;
-use crate::scene_leaf::SceneLeaf;
+use crate::scene::leaf::SceneLeaf;
+use crate::scene::plant_variation::vary_plants;
+use crate::scene::scene::Scene;
 use btf_capture::{LeafDescription, LeafPreset, LeafQuantity};
 use btf_runtime::LeafMode;
 use std::ops::Range;
@@ -175,9 +175,9 @@ fn edited_path(leaf: &SceneLeaf) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::{Body, Material, Shown};
-    use crate::mesh;
-    use crate::scene::{MeshChoice, SceneMesh, SceneObject};
+    use crate::scene::material::{Body, Material, Shown};
+    use crate::scene::mesh;
+    use crate::scene::scene::{MeshChoice, SceneMesh, SceneObject};
     use btf_capture::LEAF_QUANTITIES;
     use btf_runtime::{LeafTexel, LeafTexture, ViewedLeaf};
     use glam::{Mat4, Vec3};

@@ -2,7 +2,7 @@
 
 use super::physiology::{LeafChange, LeafSettings, Physiology};
 use super::spectrum_plot::show_spectrum;
-use crate::scene::Scene;
+use crate::scene::scene::Scene;
 use btf_capture::{LEAF_QUANTITIES, LeafPreset, LeafQuantity};
 use btf_runtime::LeafMode;
 

@@ -2,13 +2,13 @@
 
 use super::panel::Renderer;
 use super::physiology::LeafChange;
-use crate::cpu::CpuPicture;
+use crate::cpu::cpu::CpuPicture;
 use crate::error::ViewerError;
-use crate::gpu::Gpu;
-use crate::gpu_timer::{GpuTimer, PassTimes};
+use crate::gpu::device::Gpu;
+use crate::gpu::timer::{GpuTimer, PassTimes};
+use crate::gpu::tracer::{GpuPixel, Tracer};
 use crate::options::ShadeOptions;
-use crate::scene::Scene;
-use crate::trace::{GpuPixel, Tracer};
+use crate::scene::scene::Scene;
 use std::time::Instant;
 
 /// The picture of one renderer.

@@ -2,11 +2,11 @@
 
 use super::physiology::LeafChange;
 use super::side::Side;
-use crate::gpu::Gpu;
-use crate::material::Body;
+use crate::gpu::device::Gpu;
 use crate::options::{RenderMode, ShadeOptions};
-use crate::scene::Scene;
-use crate::scene_asset::SceneAsset;
+use crate::scene::asset::SceneAsset;
+use crate::scene::material::Body;
+use crate::scene::scene::Scene;
 use btf_runtime::{DecodeOptions, Edits, Interpolation};
 use std::sync::Arc;
 
@@ -212,9 +212,9 @@ fn compared(against: Against, opened: Option<&Arc<SceneAsset>>, scene: &Scene, a
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::Shown;
-    use crate::scene::MeshChoice;
-    use crate::scene_leaf::SceneLeaf;
+    use crate::scene::leaf::SceneLeaf;
+    use crate::scene::material::Shown;
+    use crate::scene::scene::MeshChoice;
     use btf_capture::LeafDescription;
     use btf_runtime::{LeafTexel, LeafTexture};
 

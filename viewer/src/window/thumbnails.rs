@@ -1,10 +1,10 @@
 //! Small pictures of a scene's assets.
 
-use crate::cpu::CpuPicture;
+use crate::cpu::cpu::CpuPicture;
 use crate::options::ShadeOptions;
 use crate::picture::Picture;
-use crate::scene::{MeshChoice, Scene};
-use crate::scene_asset::SceneAsset;
+use crate::scene::asset::SceneAsset;
+use crate::scene::scene::{MeshChoice, Scene};
 use std::sync::Arc;
 
 /// Pixels of a side.

@@ -1,8 +1,8 @@
 //! The panel's part for a scene with a wind: how hard it blows, and whether time goes on. While it does, every frame is of a
 //! moment of its own and has one sample.
 
-use crate::scene::Scene;
-use crate::skin::MOST_WIND_SPEED;
+use crate::scene::scene::Scene;
+use crate::volume::skin::MOST_WIND_SPEED;
 use std::time::Instant;
 
 /// Longest time that passes from one frame to the next, seconds: after a pause gusts go on where they were.

@@ -1,0 +1,6 @@
+//! Colour: transfer curves, spectra, colour differences.
+
+pub mod cie;
+pub mod ciede;
+pub(crate) mod spectrum;
+pub(crate) mod transfer;

@@ -1,0 +1,282 @@
+//! OpenEXR images: linear RGB, half or float, or a reflectance spectrum with one channel per wavelength.
+
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use exr::image::FlatSamples;
+use exr::image::read::read;
+use exr::meta::MetaData;
+use exr::meta::header::Header;
+use exr::prelude::{
+    Encoding, Image, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, Vec2, WritableImage,
+};
+use half::f16;
+
+use crate::colour::spectrum::{rgb_of, rgb_weights, wavelength_nm};
+use crate::images::images::{DecodedImage, ImageFault, MAX_TEXELS, Samples, check_size};
+
+/// Largest value that half precision holds; larger ones are written as this.
+pub(crate) const MAX_HALF: f32 = 65504.0;
+
+/// Largest number of samples of a spectral image, over all channels.
+const MAX_SPECTRAL_SAMPLES: usize = 4 * MAX_TEXELS;
+
+/// Decodes channels R, G and B of the first layer that has them; any sample type, any lossless
+/// compression that the format knows. Where no layer has them, the first one whose channels are named
+/// by wavelengths in nanometres is read as a spectrum of reflectances.
+pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<DecodedImage, ImageFault> {
+    // The header is looked at first, because the reader allocates by it.
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(ImageFault::damaged)?;
+    let has = |header: &Header, name: &str| header.channels.list.iter().any(|channel| channel.name.eq(name));
+    let Some(header) = meta.headers.iter().find(|header| ["R", "G", "B"].iter().all(|name| has(header, name))) else {
+        return decode_spectrum(bytes, &meta, expected);
+    };
+    let (width, height) = (header.layer_size.width(), header.layer_size.height());
+    check_size(width, height, expected)?;
+    // A damaged file may still trip an assertion inside the decoder: that is an error of the
+    // file, too.
+    let decoded = catch_unwind(AssertUnwindSafe(|| {
+        read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .rgb_channels(
+                move |size, _| {
+                    // Only the layer whose size was checked is stored.
+                    let texels = if (size.width(), size.height()) == (width, height) { width * height } else { 0 };
+                    vec![0f32; texels * 3]
+                },
+                move |values: &mut Vec<f32>, position, (r, g, b): (f32, f32, f32)| {
+                    let at = (position.y() * width + position.x()) * 3;
+                    if let Some(texel) = values.get_mut(at..at + 3) {
+                        texel.copy_from_slice(&[r, g, b]);
+                    }
+                },
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+    }))
+    .map_err(|_| ImageFault::damaged("its contents contradict each other"))?
+    .map_err(ImageFault::damaged)?;
+    let values = decoded.layer_data.channel_data.pixels;
+    if values.len() != width * height * 3 {
+        return Err(ImageFault::damaged("its layers contradict each other"));
+    }
+    Ok(DecodedImage { width, height, samples: Samples::F32(values) })
+}
+
+/// The wavelengths that the channels of a layer are named by, in the order of the channels, each with the
+/// channel's number; other channels are passed over.
+fn wavelengths_of(header: &Header) -> Vec<(usize, f64)> {
+    let names = header.channels.list.iter().enumerate();
+    names.filter_map(|(i, channel)| Some((i, wavelength_nm(&channel.name.to_string())?))).collect()
+}
+
+fn decode_spectrum(
+    bytes: &[u8],
+    meta: &MetaData,
+    expected: Option<(usize, usize)>,
+) -> Result<DecodedImage, ImageFault> {
+    let is_spectrum = |header: &&Header| !wavelengths_of(header).is_empty();
+    let layer = meta.headers.iter().position(|header| is_spectrum(&header)).ok_or_else(|| {
+        ImageFault::damaged("it has no layer with channels R, G and B or channels named by wavelengths in nanometres")
+    })?;
+    let header = &meta.headers[layer];
+    let (width, height) = (header.layer_size.width(), header.layer_size.height());
+    check_size(width, height, expected)?;
+    let channels = wavelengths_of(header);
+    let weights = rgb_weights(&channels.iter().map(|&(_, nm)| nm).collect::<Vec<_>>())
+        .ok_or_else(|| ImageFault::damaged("two of its channels are named by one wavelength"))?;
+    // The decoder unpacks every channel of every layer.
+    let samples: usize = meta.headers.iter().map(|header| header.channels.list.len() * header.layer_size.area()).sum();
+    if samples > MAX_SPECTRAL_SAMPLES {
+        let reason = format!("it claims {samples} samples; at most {MAX_SPECTRAL_SAMPLES} are allowed");
+        return Err(ImageFault::damaged(reason));
+    }
+    let decoded = catch_unwind(AssertUnwindSafe(|| {
+        read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .all_layers()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+    }))
+    .map_err(|_| ImageFault::damaged("its contents contradict each other"))?
+    .map_err(ImageFault::damaged)?;
+    let contradiction = || ImageFault::damaged("its layers contradict each other");
+    let read = &decoded.layer_data.get(layer).ok_or_else(contradiction)?.channel_data.list;
+    let mut values = vec![0f32; width * height * 3];
+    for (&(channel, _), weight) in channels.iter().zip(&weights) {
+        let samples = &read.get(channel).ok_or_else(contradiction)?.sample_data;
+        if samples.len() != width * height {
+            return Err(ImageFault::damaged("its wavelengths have different numbers of samples"));
+        }
+        let mut add = |texel: usize, value: f32| {
+            let rgb = rgb_of(&[*weight], &[value]);
+            for channel in 0..3 {
+                values[texel * 3 + channel] += rgb[channel];
+            }
+        };
+        match samples {
+            FlatSamples::F16(samples) => samples.iter().enumerate().for_each(|(i, value)| add(i, value.to_f32())),
+            FlatSamples::F32(samples) => samples.iter().enumerate().for_each(|(i, value)| add(i, *value)),
+            FlatSamples::U32(_) => return Err(ImageFault::damaged("its wavelengths hold whole numbers")),
+        }
+    }
+    Ok(DecodedImage { width, height, samples: Samples::Computed(values) })
+}
+
+/// Encodes linear `values`, `[texel, channel]`, as half-precision RGB without compression: five
+/// times faster to read than the compressed kinds, and noise hardly compresses. Values beyond
+/// half's range are written as its largest.
+pub(crate) fn encode(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
+    // Not `min`, which would turn a NaN into the largest value.
+    let half = |value: f32| f16::from_f32(if value > MAX_HALF { MAX_HALF } else { value });
+    let channels = SpecificChannels::rgb(|position: Vec2<usize>| {
+        let at = (position.y() * width + position.x()) * 3;
+        (half(values[at]), half(values[at + 1]), half(values[at + 2]))
+    });
+    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
+    let mut bytes = Cursor::new(Vec::with_capacity(width * height * 6 + 4096));
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
+    Ok(bytes.into_inner())
+}
+
+/// Encodes one channel, Y, in single precision without compression.
+pub(crate) fn encode_map(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
+    let channels = SpecificChannels::build()
+        .with_channel("Y")
+        .with_pixel_fn(|position: Vec2<usize>| (values[position.y() * width + position.x()],));
+    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
+    let mut bytes = Cursor::new(Vec::with_capacity(width * height * 4 + 4096));
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
+    Ok(bytes.into_inner())
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    fn decoded(bytes: &[u8]) -> Vec<f32> {
+        match decode(bytes, None).unwrap().samples {
+            Samples::F32(values) => values,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn values_come_back_within_half_precision_and_negatives_are_kept() {
+        let values: Vec<f32> = (0..5 * 4 * 3).map(|i| i as f32 * 0.031 - 0.09).collect();
+        let back = decoded(&encode(&values, 5, 4).unwrap());
+        for (a, b) in values.iter().zip(&back) {
+            assert!((a - b).abs() <= a.abs() / 2048.0 + 1e-7, "{a} {b}");
+        }
+        assert!(back[0] < 0.0);
+        assert_eq!(decoded(&encode(&[1e9, 0.0, 0.0], 1, 1).unwrap())[0], MAX_HALF);
+    }
+
+    #[test]
+    fn other_compressions_and_sample_types_are_read() {
+        use exr::prelude::{Compression, LineOrder};
+        for compression in [Compression::RLE, Compression::ZIP1, Compression::ZIP16, Compression::PIZ] {
+            let channels = SpecificChannels::rgb(|p: Vec2<usize>| (p.x() as f32, p.y() as f32, 0.25f32));
+            let encoding = Encoding { compression, line_order: LineOrder::Increasing, ..Encoding::FAST_LOSSLESS };
+            let layer = Layer::new((40, 33), LayerAttributes::default(), encoding, channels);
+            let mut bytes = Cursor::new(Vec::new());
+            Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
+            let back = decoded(&bytes.into_inner());
+            assert_eq!(back[(7 * 40 + 5) * 3..][..3], [5.0, 7.0, 0.25], "{compression}");
+        }
+    }
+
+    #[test]
+    fn a_map_keeps_single_precision() {
+        use exr::prelude::ReadSpecificChannel;
+        let values: Vec<f32> = (0..7 * 4).map(|i| i as f32 * 0.123_456_7 - 1.5).collect();
+        let bytes = encode_map(&values, 7, 4).unwrap();
+        let back = read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .specific_channels()
+            .required("Y")
+            .collect_pixels(
+                |_, _| vec![0f32; 28],
+                |values: &mut Vec<f32>, position, (y,): (f32,)| values[position.y() * 7 + position.x()] = y,
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+            .unwrap();
+        assert_eq!(back.layer_data.channel_data.pixels, values);
+    }
+
+    /// A picture of 4 x 3 texels with one channel for each name, of `value(texel, channel)`.
+    pub(crate) fn spectral(names: &[&str], value: impl Fn(usize, usize) -> f32) -> Vec<u8> {
+        use exr::prelude::{AnyChannel, AnyChannels};
+        let channel = |(i, name): (usize, &&str)| {
+            let values: Vec<f32> = (0..12).map(|texel| value(texel, i)).collect();
+            // Both sample types occur in one file.
+            let half = || FlatSamples::F16(values.iter().map(|&value| f16::from_f32(value)).collect());
+            AnyChannel::new(*name, if i % 2 == 0 { half() } else { FlatSamples::F32(values) })
+        };
+        let channels = AnyChannels::sort(names.iter().enumerate().map(channel).collect());
+        let layer = Layer::new((4, 3), LayerAttributes::default(), Encoding::FAST_LOSSLESS, channels);
+        let mut bytes = Cursor::new(Vec::new());
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    fn computed(bytes: &[u8]) -> Vec<f32> {
+        match decode(bytes, Some((4, 3))).unwrap().samples {
+            Samples::Computed(values) => values,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn channels_named_by_wavelengths_become_linear_srgb_with_white_at_one() {
+        let names = ["400", "450nm", "500", "550.0", "600", "650", "1000"];
+        let grey = computed(&spectral(&names, |texel, _| texel as f32 * 0.25));
+        for (i, value) in grey.iter().enumerate() {
+            // Above 1 nothing is clamped.
+            assert!((value - (i / 3) as f32 * 0.25).abs() < 1e-3, "{i}: {value}");
+        }
+        // Only 600 and 650 nm reflect: red.
+        let red = computed(&spectral(&names, |_, channel| f32::from(u8::from((4..6).contains(&channel)))));
+        assert!(red[0] > 0.8 && red[1] < 0.3 && red[2] < 0.1, "{:?}", &red[..3]);
+        // A channel that is no wavelength does not count.
+        let masked = computed(&spectral(&["400", "700", "mask"], |_, channel| [0.5, 0.5, 9.0][channel]));
+        assert!(masked.iter().all(|value| (value - 0.5).abs() < 1e-3));
+    }
+
+    #[test]
+    fn spectra_that_contradict_themselves_are_refused() {
+        for names in [["400", "400nm", "500"], ["X", "Y", "Z"]] {
+            match decode(&spectral(&names, |_, _| 0.5), None) {
+                Err(ImageFault::Damaged(reason)) => assert!(reason.contains("wavelength"), "{reason}"),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn every_prefix_is_refused_and_no_flipped_byte_panics() {
+        for bytes in [encode(&[0.5; 6 * 5 * 3], 6, 5).unwrap(), spectral(&["450", "550", "650"], |_, _| 0.5)] {
+            for length in 0..bytes.len() {
+                assert!(decode(&bytes[..length], None).is_err(), "prefix of {length}");
+            }
+            for position in 0..bytes.len() {
+                for mask in [0x01, 0x80, 0xFF] {
+                    let mut damaged = bytes.clone();
+                    damaged[position] ^= mask;
+                    // Uncompressed pixels have no checksum, so some flips pass: none may panic.
+                    let _ = decode(&damaged, None);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,4 @@
+//! Other formats.
+
+pub(crate) mod gltf;
+pub(crate) mod ktx2;

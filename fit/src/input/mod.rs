@@ -1,0 +1,7 @@
+//! What a fit reads: captures turned into blocks of texels, in the frame of the asset.
+
+pub(crate) mod holdout;
+pub(crate) mod layer_frame;
+pub(crate) mod residual_curve;
+pub(crate) mod texel_sample;
+pub(crate) mod tile_cache;

@@ -1,0 +1,6 @@
+//! What is in a file, and what is wrong with it.
+
+pub(crate) mod convert;
+pub(crate) mod describe;
+pub(crate) mod describe_voltex;
+pub(crate) mod validate;

@@ -1,0 +1,274 @@
+//! The error of a tile of texels, pair by pair, in loops that run over neighbouring texels in vectors.
+//!
+//! A sum belongs to a texel or a tile and grows in the order of the pairs, so that no number depends on threads.
+
+use crate::measure::image_decoder::{ImageDecoder, PairPlan};
+use crate::measure::texel_tiles::{BasisWeights, TILE_TEXELS, TexelTile, TileRgb};
+use crate::metrics::ErrorSums;
+use btf_capture::{CaptureInfo, Encoder8, ImageFormat, Pixels};
+use btf_capture::{LabConverter, delta_e00};
+use pulp::{Arch, Simd, WithSimd};
+
+/// 8-bit values per channel and texel of a tile; 0 behind the tile's last texel.
+pub type TileCodes = [[u8; TILE_TEXELS]; 3];
+
+/// How samples become 8-bit values and back, and those colours.
+pub struct Coding {
+    encoder: Encoder8,
+    /// Per light.
+    tables: Vec<[f32; 256]>,
+    lab: LabConverter,
+}
+
+impl Coding {
+    /// The coding of the files of `info`; linear images have no 8-bit values of their own, they get those of a PNG
+    /// of the same capture.
+    pub fn new(info: &CaptureInfo) -> Coding {
+        let info = if info.format == ImageFormat::Exr { info.in_format(ImageFormat::Png) } else { info.clone() };
+        Coding {
+            encoder: Encoder8::new(&info),
+            tables: (0..info.lights.len()).map(|light| info.linear_from_encoded8(light)).collect(),
+            lab: LabConverter::new(info.transfer),
+        }
+    }
+}
+
+/// An image in the order of the tiles.
+pub enum TiledImage {
+    /// 8-bit values.
+    Codes(Vec<TileCodes>),
+    /// Linear reflectance x cosine.
+    Linear(Vec<TileRgb>),
+}
+
+impl TiledImage {
+    /// `pixels`, `[texel, channel]`, cut into `tiles`.
+    pub fn new(pixels: &Pixels, tiles: &[TexelTile]) -> TiledImage {
+        match pixels {
+            Pixels::Encoded8(codes) => TiledImage::Codes(tiles.iter().map(|tile| cut(codes, tile)).collect()),
+            Pixels::Linear(values) => TiledImage::Linear(tiles.iter().map(|tile| cut(values, tile)).collect()),
+        }
+    }
+}
+
+fn cut<T: Copy + Default>(image: &[T], tile: &TexelTile) -> [[T; TILE_TEXELS]; 3] {
+    let mut planes = [[T::default(); TILE_TEXELS]; 3];
+    for (i, texel) in tile.texels.iter().enumerate() {
+        let at = *texel as usize * 3;
+        let rgb = &image[at..at + 3];
+        for c in 0..3 {
+            planes[c][i] = rgb[c];
+        }
+    }
+    planes
+}
+
+/// One pair to be measured.
+pub struct PairWork {
+    /// Light of the capture.
+    pub light: usize,
+    /// What the decoder does there.
+    pub plan: PairPlan,
+    /// The capture's image.
+    pub image: TiledImage,
+    /// If the colour difference is taken here: at every so many texels.
+    pub colour_every: Option<usize>,
+}
+
+/// Sums of a tile's errors so far.
+#[derive(Clone)]
+pub struct TileErrors {
+    /// Per texel the sum of squared differences of 8-bit values.
+    pub code_error: [u64; TILE_TEXELS],
+    /// Per texel the sum of squared linear differences.
+    pub linear_error: [f64; TILE_TEXELS],
+    /// Per texel the sum of squared linear samples of the capture.
+    linear_square: [f64; TILE_TEXELS],
+    linear_peak: f32,
+    delta_e00: f64,
+    colours: u64,
+}
+
+impl Default for TileErrors {
+    fn default() -> TileErrors {
+        TileErrors {
+            code_error: [0; TILE_TEXELS],
+            linear_error: [0.0; TILE_TEXELS],
+            linear_square: [0.0; TILE_TEXELS],
+            linear_peak: 0.0,
+            delta_e00: 0.0,
+            colours: 0,
+        }
+    }
+}
+
+/// What [`TileErrors::take`] does, as a type: a closure would not be inlined where the wide vectors are.
+struct TakePairs<'a> {
+    errors: &'a mut TileErrors,
+    decoder: &'a ImageDecoder<'a>,
+    number: usize,
+    coding: &'a Coding,
+    batch: &'a [PairWork],
+}
+
+impl WithSimd for TakePairs<'_> {
+    type Output = Vec<u64>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<u64> {
+        self.errors.take_pairs(simd, self.decoder, self.number, self.coding, self.batch)
+    }
+}
+
+impl TileErrors {
+    /// Adds `batch` for tile number `number` of `decoder`; the squared differences of 8-bit values of each of its
+    /// pairs come back.
+    ///
+    /// Compiled for the processor's widest vectors: the operations and their order, and so the bits, stay the same.
+    pub fn take(&mut self, decoder: &ImageDecoder, number: usize, coding: &Coding, batch: &[PairWork]) -> Vec<u64> {
+        Arch::new().dispatch(TakePairs { errors: self, decoder, number, coding, batch })
+    }
+
+    #[inline(always)]
+    fn take_pairs<S: Simd>(
+        &mut self,
+        simd: S,
+        decoder: &ImageDecoder,
+        number: usize,
+        coding: &Coding,
+        batch: &[PairWork],
+    ) -> Vec<u64> {
+        let tile = &decoder.tiles()[number];
+        let count = tile.texels.len();
+        let mut weights = BasisWeights::default();
+        tile.unpack(&mut weights);
+        let mut decoded: TileRgb = [[0.0; TILE_TEXELS]; 3];
+        let mut original = decoded;
+        let mut decoded_codes: TileCodes = [[0; TILE_TEXELS]; 3];
+        let mut original_codes = decoded_codes;
+        let encode = |light: usize, linear: &TileRgb, codes: &mut TileCodes| {
+            coding.encoder.encode_slice(light, linear.as_flattened(), codes.as_flattened_mut());
+        };
+        let mut code_sums = [0u32; TILE_TEXELS];
+        // A loop, not an iterator's closures: those would be compiled for the narrow vectors.
+        let mut errors = Vec::with_capacity(batch.len());
+        for work in batch {
+            decoder.decode_tile(simd, tile, &weights, &work.plan, &mut decoded);
+            encode(work.light, &decoded, &mut decoded_codes);
+            match &work.image {
+                TiledImage::Codes(codes) => {
+                    original_codes = codes[number];
+                    let table = &coding.tables[work.light];
+                    for c in 0..3 {
+                        for i in 0..count {
+                            original[c][i] = table[usize::from(original_codes[c][i])];
+                        }
+                    }
+                }
+                TiledImage::Linear(values) => {
+                    original = values[number];
+                    encode(work.light, &original, &mut original_codes);
+                }
+            }
+            for c in 0..3 {
+                // Behind the last texel nothing differs.
+                decoded[c][count..].fill(0.0);
+                decoded_codes[c][count..].fill(0);
+                original[c][count..].fill(0.0);
+                original_codes[c][count..].fill(0);
+            }
+            if let Some(every) = work.colour_every {
+                let texels = (number % every..count).step_by(every);
+                self.add_colours(&coding.lab, texels, &original_codes, &decoded_codes);
+            }
+            self.add_linear(&original, &decoded);
+            errors.push(add_codes(&original_codes, &decoded_codes, &mut code_sums));
+        }
+        self.code_error.iter_mut().zip(code_sums).for_each(|(sum, batch)| *sum += u64::from(batch));
+        errors
+    }
+
+    /// What adds up over tiles; the linear errors per texel do not stand in it.
+    pub fn sums(&self) -> ErrorSums {
+        ErrorSums {
+            linear_square: self.linear_square.iter().sum(),
+            linear_peak: self.linear_peak.into(),
+            delta_e00: self.delta_e00,
+            colours: self.colours,
+            ..ErrorSums::default()
+        }
+    }
+
+    #[inline(always)]
+    fn add_linear(&mut self, original: &TileRgb, decoded: &TileRgb) {
+        // A peak per place: one for all would make every comparison wait for the one before.
+        let mut peaks = [self.linear_peak; TILE_TEXELS];
+        for c in 0..3 {
+            for i in 0..TILE_TEXELS {
+                let (x, y) = (f64::from(original[c][i]), f64::from(decoded[c][i]));
+                self.linear_error[i] += (y - x) * (y - x);
+                self.linear_square[i] += x * x;
+            }
+            for i in 0..TILE_TEXELS {
+                peaks[i] = if original[c][i] > peaks[i] { original[c][i] } else { peaks[i] };
+            }
+        }
+        self.linear_peak = peaks.into_iter().fold(0.0, f32::max);
+    }
+
+    fn add_colours(
+        &mut self,
+        lab: &LabConverter,
+        texels: impl Iterator<Item = usize>,
+        original: &TileCodes,
+        decoded: &TileCodes,
+    ) {
+        for i in texels {
+            self.colours += 1;
+            let [x, y] = [original, decoded].map(|codes| [codes[0][i], codes[1][i], codes[2][i]]);
+            if x != y {
+                self.delta_e00 += delta_e00(lab.lab(x), lab.lab(y));
+            }
+        }
+    }
+}
+
+/// Adds the squared differences of one pair to `sums` and gives their total.
+#[inline(always)]
+fn add_codes(original: &TileCodes, decoded: &TileCodes, sums: &mut [u32; TILE_TEXELS]) -> u64 {
+    let mut total = [0u32; TILE_TEXELS];
+    for c in 0..3 {
+        for i in 0..TILE_TEXELS {
+            // 255 squared fits in 16 bits without sign.
+            let difference = i16::from(original[c][i]) - i16::from(decoded[c][i]);
+            total[i] += u32::from(difference.wrapping_mul(difference) as u16);
+        }
+    }
+    sums.iter_mut().zip(total).for_each(|(sum, error)| *sum += error);
+    total.iter().map(|error| u64::from(*error)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squared_differences_of_codes_are_exact_up_to_the_largest() {
+        let (mut original, mut decoded) = ([[0u8; TILE_TEXELS]; 3], [[0u8; TILE_TEXELS]; 3]);
+        let mut by_hand = [0u64; TILE_TEXELS];
+        for c in 0..3 {
+            for i in 0..TILE_TEXELS {
+                original[c][i] = (i * 97 + c * 31) as u8;
+                decoded[c][i] = (i * 41 + c * 77) as u8;
+            }
+            (original[c][5], decoded[c][5], original[c][6], decoded[c][6]) = (255, 0, 0, 255);
+            for i in 0..TILE_TEXELS {
+                by_hand[i] += u64::from(original[c][i].abs_diff(decoded[c][i])).pow(2);
+            }
+        }
+        let mut sums = [7u32; TILE_TEXELS];
+        assert_eq!(add_codes(&original, &decoded, &mut sums), by_hand.iter().sum::<u64>());
+        assert!(sums.iter().zip(by_hand).all(|(sum, error)| u64::from(*sum) == error + 7));
+        assert_eq!((by_hand[5], by_hand[6]), (3 * 65_025, 3 * 65_025));
+    }
+}

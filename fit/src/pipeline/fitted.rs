@@ -1,0 +1,134 @@
+//! A fit with its error: fits, measures what was packed, and writes the figures into the asset.
+
+use crate::error::FitError;
+use crate::inspect::describe::resident_in_parallel;
+#[cfg(doc)]
+use crate::measure::compare::measure;
+use crate::measure::compare::{Comparison, MeasureParams, measure_images};
+use crate::metrics::{ErrorSums, Metrics};
+use crate::monitor::Monitor;
+use crate::params::{FitOutcome, FitParams, LobeFigures};
+use crate::pipeline::pipeline::{fit_from, read_images};
+use crate::provenance::{FitRecord, Material};
+use crate::resume::checkpoint::Checkpoint;
+#[cfg(doc)]
+use crate::resume::checkpoint::remove_finished_stages;
+use btf_capture::{Capture, CaptureInfo};
+use btf_runtime::{Asset, Resident, pack};
+
+/// A finished asset with everything that is known about it.
+pub struct Fitted {
+    /// The asset, as [`Asset::parse`] reads it back.
+    pub asset: Asset,
+    /// Its bytes: what is written to a file.
+    pub bytes: Vec<u8>,
+    /// Its resident form.
+    pub resident: Resident,
+    /// Error of each layer against its capture.
+    pub comparisons: Vec<Comparison>,
+    /// Error of all layers together.
+    pub metrics: Metrics,
+    /// `psnr_db` of the pairs of the first capture that were held back; `None` without `leave_out`.
+    pub psnr_left_out_db: Option<f64>,
+    /// Mean number of lobes of a texel, all layers.
+    pub lobes_per_texel_mean: f64,
+    /// What the lobes of the first layer achieve without the residual.
+    pub lobes: LobeFigures,
+    /// Residual components of the first layer.
+    pub components: usize,
+    /// Clusters of the first layer.
+    pub clusters: usize,
+}
+
+/// Fits `captures`, one per layer, measures the packed asset against them (stage `measure`) and packs it
+/// again with its description and error figures.
+///
+/// The same captures, parameters and seed give the same bytes on any number of threads, also where a run goes on
+/// from the stages that `params.resume` keeps: [`remove_finished_stages`] once the asset is written.
+///
+/// # Errors
+/// As [`crate::fit()`] and [`measure`]; [`FitError::Budget`] if the description does not fit into the bytes asked for.
+pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
+    params.check()?;
+    let checkpoint = Checkpoint::open(captures, params, monitor)?;
+    let (outcome, images) = fit_from(captures, params, &checkpoint, monitor)?;
+    let FitOutcome { mut asset, lobes_per_texel_mean, lobes, components, clusters, left_out, .. } = outcome;
+    let resident = resident_in_parallel(&asset);
+    let comparisons: Vec<Comparison> = checkpoint.whole().run("measure", || {
+        let comparisons = captures.iter().enumerate().map(|(layer, capture)| {
+            let measuring = MeasureParams { layer, memory_bytes: params.memory_bytes, ..MeasureParams::default() };
+            let read = read_images(capture, images.as_ref());
+            measure_images(capture.info(), &read, &asset, &resident, &measuring, monitor)
+        });
+        comparisons.collect()
+    })?;
+    drop(images);
+    let mut sums = ErrorSums::default();
+    for comparison in &comparisons {
+        sums.add(&comparison.sums);
+    }
+    let metrics = sums.metrics();
+    let infos: Vec<&CaptureInfo> = captures.iter().map(Capture::info).collect();
+    let material = Material::new(&infos, FitRecord::new(params, components));
+    asset.size_mm = captures.iter().find_map(|capture| capture.info().size_mm);
+    asset.material = Material { error: Some(metrics.rounded()), ..material }.to_json();
+    let bytes = pack(&asset)?;
+    if params.bytes.is_some_and(|most| bytes.len() as u64 > most) {
+        return Err(FitError::Budget(format!(
+            "the asset has {} bytes with its description, more than --bytes allows; raise --bytes",
+            bytes.len()
+        )));
+    }
+    let psnr_left_out_db = comparisons.first().and_then(|comparison| comparison.psnr_of_pairs(left_out));
+    Ok(Fitted {
+        asset,
+        bytes,
+        resident,
+        comparisons,
+        metrics,
+        psnr_left_out_db,
+        lobes_per_texel_mean,
+        lobes,
+        components,
+        clusters,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::compare::measure;
+    use crate::measure::expand::{ExpandParams, expand};
+    use crate::sample_asset::sample_asset_with;
+    use btf_capture::DirectionSet;
+    use btf_runtime::ResidualKind;
+
+    #[test]
+    fn a_fitted_asset_holds_its_own_figures_and_those_are_what_measuring_it_gives() {
+        let folder = tempfile::tempdir().unwrap();
+        let (views, lights) = (DirectionSet::random(9, 3).unwrap(), DirectionSet::random(10, 4).unwrap());
+        let source = sample_asset_with(12, 9, &views, &lights, ResidualKind::Root);
+        let source = Asset::parse(&pack(&source).unwrap()).unwrap();
+        let (monitor, dir) = (Monitor::default(), folder.path().join("capture"));
+        expand(&source, &Resident::from_asset(&source), &dir, &ExpandParams::default(), &monitor).unwrap();
+        let captures = [Capture::open(&dir).unwrap()];
+        let params = FitParams {
+            clusters: 3,
+            components: Some(2),
+            leave_out: 0.2,
+            cache_directory: folder.path().to_path_buf(),
+            ..FitParams::default()
+        };
+        let fitted = fit_and_measure(&captures, &params, &monitor).unwrap();
+        let read = Asset::parse(&fitted.bytes).unwrap();
+        let material = Material::from_asset(&read).unwrap();
+        assert_eq!(material.error, Some(fitted.metrics.rounded()));
+        assert_eq!(material.fit.as_ref().map(|fit| (fit.clusters, fit.components)), Some((3, fitted.components)));
+        let again = measure(&captures[0], &read, &Resident::from_asset(&read), &MeasureParams::default(), &monitor);
+        assert_eq!(again.unwrap(), fitted.comparisons[0]);
+        assert!(monitor.stages().iter().any(|stage| stage.name == "measure"));
+        let left_out = fitted.psnr_left_out_db.unwrap();
+        assert!(left_out.is_finite() && left_out != fitted.metrics.psnr_db);
+        assert_eq!(fit_and_measure(&captures, &params, &monitor).unwrap().bytes, fitted.bytes);
+    }
+}

@@ -1,0 +1,5 @@
+//! Pages for people: HTML and SVG.
+
+pub(crate) mod page;
+pub(crate) mod plot;
+pub(crate) mod report;

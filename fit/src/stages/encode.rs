@@ -1,0 +1,319 @@
+//! Turns a residual's model into what the format stores. One step size decides on everything: coefficients, the
+//! clusters' mixtures and the shared bases are each quantised so that a code's error moves the samples by as much
+//! as a coefficient's does. Equal slopes of error against bytes follow from that [Shoham 1988], within a layer and
+//! between layers.
+
+use crate::stages::factor::Rotated;
+use crate::stages::local_pca::LocalPca;
+use crate::stages::texel_coordinates::Coordinates;
+use btf_runtime::{
+    Basis, Coefficients, MAX_BASIS_STEP, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, Residual, SharedBases, plane_bytes,
+};
+use nalgebra::DMatrix;
+use ndarray::{Array1, Array2, Axis, s};
+use rayon::prelude::*;
+
+/// A value is rounded towards 0 by this much more than to the nearest code: what a code near 0 costs in bytes, its
+/// small gain does not pay.
+const DEAD_ZONE: f32 = 0.1;
+/// Squared error that a byte must remove to be worth it, in squared steps: the slope of an entropy-coded uniform
+/// quantiser, `2 ln 2 / 12` a bit, 8 bits.
+const SQUARED_STEPS_PER_BYTE: f64 = 0.92;
+/// A component of a cluster whose coefficients have less than this root mean square, in steps, is left out: nearly
+/// all of its codes would be 0.
+const LEAST_RMS: f64 = 0.3;
+/// Ridge of the refit, relative to the mean diagonal of the bases' Gram matrix.
+const RIDGE: f64 = 1e-6;
+/// Largest code of a shared basis or a mixture.
+const MOST_CODE: f32 = 32_000.0;
+
+/// What is quantised: a layer's residual up to the choice of a step.
+pub struct Model {
+    /// Where every texel lies, without the directions (`rotated` holds them).
+    pub coordinates: Coordinates,
+    /// The directions, factored.
+    pub rotated: Rotated,
+    /// The clusters' models in coordinates.
+    pub clusters: Vec<LocalPca>,
+    /// Texels a row.
+    pub width: usize,
+}
+
+/// A quantised residual with its predicted error.
+pub struct Encoded {
+    /// The residual.
+    pub residual: Residual,
+    /// Predicted sum over texels and samples of the squared error, in the residual's curve.
+    pub error: f64,
+}
+
+/// The code nearest to `value / step`, with a dead zone around 0.
+fn code(value: f32, step: f32) -> f32 {
+    let steps = value / step;
+    (steps.abs() + 0.5 - DEAD_ZONE).floor().copysign(steps)
+}
+
+/// Codes of `values` with steps of about `step`, larger where the codes would need more than 16 bits.
+fn quantize(values: &[f32], step: f64) -> (f32, Vec<i16>) {
+    let peak = values.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
+    let step = (step as f32).max(peak / MOST_CODE).clamp(1e-20, MAX_BASIS_STEP);
+    (step, values.iter().map(|x| code(*x, step).clamp(-MOST_CODE, MOST_CODE) as i16).collect())
+}
+
+impl Model {
+    /// Quantises everything with the step `step` (in the residual's curve, of orthonormal coefficients), with at
+    /// most `most_components` components.
+    ///
+    /// Cost: some products of `texels x directions x components`; no pass over the capture.
+    pub fn encode(&self, step: f64, most_components: usize) -> Encoded {
+        let shared = self.shared_bases(step);
+        let on = self.products(&shared);
+        let count = self.clusters.iter().map(|cluster| cluster.variances.len()).max().unwrap_or(0);
+        let count = count.min(most_components).min(MAX_COMPONENTS);
+        let fitted: Vec<Fitted> = self.clusters.par_iter().map(|cluster| self.fit(cluster, &on, step, count)).collect();
+
+        let texels = self.coordinates.scores.nrows();
+        let mut bases = vec![collect_basis(&fitted, 0)];
+        let mut coefficients = Vec::new();
+        // Components in order, as long as they are worth their bytes.
+        let batch = 2 * rayon::current_num_threads();
+        'components: for first in (0..count).step_by(batch) {
+            let planes: Vec<(Coefficients, Basis, bool)> = (first..(first + batch).min(count))
+                .into_par_iter()
+                .map(|j| {
+                    let (plane, gain) = self.plane(&fitted, j, texels, step);
+                    let basis = collect_basis(&fitted, j + 1);
+                    let codes: Vec<i32> = plane.codes.iter().map(|code| i32::from(*code)).collect();
+                    let values: Vec<i32> = basis.values.iter().map(|code| i32::from(*code)).collect();
+                    let bytes = plane_bytes(&codes, self.width)
+                        + plane_bytes(&values, shared.bases.steps.len())
+                        + 4 * self.clusters.len();
+                    let worth = gain > SQUARED_STEPS_PER_BYTE * step * step * bytes as f64;
+                    (plane, basis, worth)
+                })
+                .collect();
+            for (plane, basis, worth) in planes {
+                if !worth {
+                    break 'components;
+                }
+                bases.push(basis);
+                coefficients.push(plane);
+            }
+        }
+        let error = self.error(&fitted, &coefficients, &on);
+        let factors = self.rotated.factors(shared.ranks);
+        Encoded { residual: Residual { factors, shared: shared.bases, bases, coefficients }, error }
+    }
+
+    /// Quantises the shared bases' cores and cuts the factors to the ranks that are worth their bytes.
+    fn shared_bases(&self, step: f64) -> Shared {
+        let [views, lights] = self.rotated.shape;
+        let steps: Vec<f64> = self.coordinates.energies.iter().map(|energy| step / energy.max(1e-30).sqrt()).collect();
+        // Squared error, in squared steps, that each rank takes away.
+        let mut ranks = [[0; 2]; 3];
+        for (channel, ranks) in ranks.iter_mut().enumerate() {
+            let mut gains = [vec![0.0f64; views], vec![0.0f64; lights]];
+            for (basis, step) in steps.iter().enumerate() {
+                for ((v, l), x) in self.rotated.core(basis, channel).indexed_iter() {
+                    if code(*x, *step as f32) != 0.0 {
+                        let gain = (f64::from(*x) / step).powi(2);
+                        gains[0][v] += gain;
+                        gains[1][l] += gain;
+                    }
+                }
+            }
+            let cut = |gains: &[f64], height: usize| {
+                // A rank costs its column of halves; its codes were judged one by one.
+                let price = SQUARED_STEPS_PER_BYTE * 2.0 * height as f64;
+                gains.iter().rposition(|gain| *gain > price).map_or(0, |last| last + 1)
+            };
+            *ranks = [cut(&gains[0], views), cut(&gains[1], lights)];
+            if ranks.contains(&0) {
+                *ranks = [0, 0];
+            }
+        }
+        let coded: Vec<(f32, Vec<i16>)> = (0..self.rotated.count())
+            .into_par_iter()
+            .map(|basis| {
+                let values = (0..3).flat_map(|channel| {
+                    let [rv, rl] = ranks[channel];
+                    self.rotated.core(basis, channel).slice(s![..rv, ..rl]).iter().copied().collect::<Vec<_>>()
+                });
+                let values: Vec<f32> = values.collect();
+                quantize(&values, steps[basis])
+            })
+            .collect();
+        let used = coded.iter().rposition(|(_, values)| values.iter().any(|q| *q != 0)).map_or(0, |last| last + 1);
+        let bases = SharedBases {
+            steps: coded[..used].iter().map(|(step, _)| *step).collect(),
+            values: coded[..used].iter().flat_map(|(_, values)| values.iter().copied()).collect(),
+        };
+        Shared { bases, ranks }
+    }
+
+    /// Products of the decoded shared bases among themselves and with the exact directions.
+    fn products(&self, shared: &Shared) -> Products {
+        let used = shared.bases.steps.len();
+        let len: usize = shared.ranks.iter().map(|[rv, rl]| rv * rl).sum();
+        let decoded = Array2::from_shape_fn((used, len), |(basis, i)| {
+            shared.bases.steps[basis] * f32::from(shared.bases.values[basis * len + i])
+        });
+        let mut exact = Array2::<f32>::zeros((self.rotated.count(), len));
+        for (basis, mut row) in exact.rows_mut().into_iter().enumerate() {
+            let mut at = 0;
+            for (channel, [rv, rl]) in shared.ranks.iter().enumerate() {
+                for x in self.rotated.core(basis, channel).slice(s![..*rv, ..*rl]) {
+                    row[at] = *x;
+                    at += 1;
+                }
+            }
+        }
+        let gram = decoded.dot(&decoded.t());
+        let cross = exact.dot(&decoded.t());
+        let mixtures = ridged_inverse(&gram).dot(&cross.t().mapv(f64::from)).mapv(|x| x as f32);
+        Products { mixtures, cross, gram }
+    }
+
+    /// A cluster's mean and components on the decoded shared bases, and its texels' coefficients on the result.
+    fn fit(&self, cluster: &LocalPca, on: &Products, step: f64, count: usize) -> Fitted {
+        let Products { gram, cross, mixtures } = on;
+        let used = gram.nrows();
+        let texels = cluster.members.len();
+        let kept = cluster
+            .variances
+            .iter()
+            .take(count)
+            .take_while(|variance| (**variance / texels as f64).sqrt() > LEAST_RMS * step)
+            .count();
+        let nearest = mixtures.dot(&cluster.components.slice(s![.., ..kept]));
+        let mut bases = Vec::with_capacity(count + 1);
+        bases.push(if texels == 0 {
+            (0.0, vec![0; used])
+        } else {
+            quantize(&mixtures.dot(&cluster.mean).to_vec(), step / (texels as f64).sqrt())
+        });
+        for j in 0..kept {
+            bases.push(quantize(&nearest.column(j).to_vec(), step / cluster.variances[j].max(1e-30).sqrt()));
+        }
+        // What quantised to nothing has no coefficients; components are dropped from the end only.
+        let kept = (1..=kept).take_while(|j| bases[*j].1.iter().any(|q| *q != 0)).count();
+        bases.truncate(kept + 1);
+        let decoded = |j: usize| bases[j].1.iter().map(|q| bases[j].0 * f32::from(*q)).collect::<Array1<f32>>();
+        let mean = decoded(0);
+        let mut components = Array2::<f32>::zeros((used, kept));
+        for j in 0..kept {
+            components.column_mut(j).assign(&decoded(j + 1));
+        }
+        bases.resize(count + 1, (0.0, vec![0; used]));
+        let own_gram = components.t().dot(&gram.dot(&components));
+        // Products of the residual about the mean with the components, then their coefficients.
+        let rows = self.coordinates.scores.select(Axis(0), &cluster.members);
+        let mut products = rows.dot(&cross.dot(&components));
+        products -= &components.t().dot(&gram.dot(&mean));
+        let coefficients = products.dot(&ridged_inverse(&own_gram).mapv(|x| x as f32));
+        Fitted { members: cluster.members.clone(), bases, mean, own_gram, products, coefficients }
+    }
+
+    /// Component `j`'s codes for all texels, and the squared error that they take away.
+    fn plane(&self, fitted: &[Fitted], j: usize, texels: usize, step: f64) -> (Coefficients, f64) {
+        let mut peak = 0.0f32;
+        for cluster in fitted.iter().filter(|cluster| j < cluster.coefficients.ncols()) {
+            peak = cluster.coefficients.column(j).iter().fold(peak, |peak, x| peak.max(x.abs()));
+        }
+        let step = (step as f32).max(peak / 127.0).min(MAX_COEFFICIENT_STEP);
+        let mut codes = vec![0i8; texels];
+        let (mut up, mut down, mut energy, mut left) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+        for cluster in fitted.iter().filter(|cluster| j < cluster.coefficients.ncols()) {
+            for (texel, y) in cluster.members.iter().zip(cluster.coefficients.column(j)) {
+                let q = code(*y, step).clamp(-127.0, 127.0);
+                codes[*texel] = q as i8;
+                let (q, y) = (f64::from(q), f64::from(*y));
+                up += q * y;
+                down += q * q;
+                energy += y * y;
+            }
+        }
+        // The step of least squares for these codes.
+        let step = if down > 0.0 { (up / down) as f32 } else { 0.0 };
+        left += energy - up * up / down.max(1e-30);
+        (Coefficients { step, codes }, energy - left)
+    }
+
+    /// Predicted squared error of the whole.
+    fn error(&self, fitted: &[Fitted], planes: &[Coefficients], on: &Products) -> f64 {
+        let Products { gram, cross, .. } = on;
+        let sums: Vec<f64> = fitted
+            .par_iter()
+            .zip(&self.clusters)
+            .map(|(fitted, cluster)| {
+                let texels = cluster.members.len() as f64;
+                // |x - mean|^2 summed, without |x|^2.
+                let along = f64::from(fitted.mean.dot(&cross.t().dot(&cluster.mean)));
+                let mut sum = texels * (f64::from(fitted.mean.dot(&gram.dot(&fitted.mean))) - 2.0 * along);
+                let used = planes.len().min(fitted.coefficients.ncols());
+                let own_gram = fitted.own_gram.slice(s![..used, ..used]);
+                let mut y = Array2::<f32>::zeros((fitted.members.len(), used));
+                for (mut row, texel) in y.rows_mut().into_iter().zip(&fitted.members) {
+                    row.iter_mut().zip(planes).for_each(|(y, plane)| *y = plane.step * f32::from(plane.codes[*texel]));
+                }
+                // y' G y - 2 y' p, texel by texel.
+                let mut slopes = y.dot(&own_gram);
+                slopes.scaled_add(-2.0, &fitted.products.slice(s![.., ..used]));
+                for (y, slope) in y.rows().into_iter().zip(slopes.rows()) {
+                    sum += f64::from(y.dot(&slope));
+                }
+                sum
+            })
+            .collect();
+        (self.coordinates.squares + sums.iter().sum::<f64>()).max(0.0)
+    }
+}
+
+struct Shared {
+    bases: SharedBases,
+    ranks: [[usize; 2]; 3],
+}
+
+/// Products of the decoded shared bases.
+struct Products {
+    /// `[shared basis, shared basis]`.
+    gram: Array2<f32>,
+    /// With the exact directions: `[direction, shared basis]`.
+    cross: Array2<f32>,
+    /// `gram^-1 cross'`: times a vector of coordinates, the mixture of shared bases nearest to it.
+    mixtures: Array2<f32>,
+}
+
+/// A cluster on the decoded shared bases.
+struct Fitted {
+    members: Vec<usize>,
+    /// Step and codes of the mean and of each component; empty mixtures for components that it does without.
+    bases: Vec<(f32, Vec<i16>)>,
+    /// Decoded mean.
+    mean: Array1<f32>,
+    /// Gram matrix of the decoded components.
+    own_gram: Array2<f32>,
+    /// Per member, products of its residual about the mean with the components.
+    products: Array2<f32>,
+    /// Per member, coefficients of least squares.
+    coefficients: Array2<f32>,
+}
+
+fn collect_basis(fitted: &[Fitted], index: usize) -> Basis {
+    Basis {
+        steps: fitted.iter().map(|cluster| cluster.bases[index].0).collect(),
+        values: fitted.iter().flat_map(|cluster| cluster.bases[index].1.iter().copied()).collect(),
+    }
+}
+
+/// Inverse of a Gram matrix with a ridge.
+fn ridged_inverse(gram: &Array2<f32>) -> Array2<f64> {
+    let n = gram.nrows();
+    let trace: f64 = (0..n).map(|i| f64::from(gram[[i, i]])).sum();
+    let ridge = RIDGE * trace / n.max(1) as f64 + 1e-12;
+    let matrix = DMatrix::from_fn(n, n, |i, j| {
+        0.5 * (f64::from(gram[[i, j]]) + f64::from(gram[[j, i]])) + if i == j { ridge } else { 0.0 }
+    });
+    let inverse = matrix.cholesky().map(|cholesky| cholesky.inverse()).unwrap_or_else(|| DMatrix::identity(n, n));
+    Array2::from_shape_fn((n, n), |(i, j)| inverse[(i, j)])
+}

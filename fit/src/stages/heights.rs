@@ -1,0 +1,515 @@
+//! Heights of the texels, found in the capture itself: a plane sweep over the measured views [Collins 1996] that says
+//! at which height a texel looks alike from most of them, smoothed along rows and columns by semi-global matching
+//! [Hirschmuller 2008]. Several ways of comparing views are tried; the one that foretells the steepest views best is
+//! taken, and none if no one foretells them better than no heights at all.
+
+use crate::error::FitError;
+use crate::input::layer_frame::layer_directions;
+use crate::input::tile_cache::{Mapping, TileCache};
+use crate::monitor::Monitor;
+use btf_capture::CaptureInfo;
+use btf_runtime::{HeightField, Heights, SeenBy, Sphere};
+use rayon::prelude::*;
+
+/// Least cosine of the views that are compared, 61 degrees, and of the one that they are compared with, 20 degrees:
+/// from there every point is seen.
+const LEAST_COS: f32 = 0.484;
+const REFERENCE_COS: f32 = 0.939;
+/// Views at most, and lights, which are between 15 and 65 degrees off the pole: shadows are short, slopes show.
+const MOST_VIEWS: usize = 56;
+const LIGHTS: usize = 12;
+const LIGHT_COS: [f32; 2] = [0.42, 0.97];
+/// Heights that are tried: so far up and down, in texel widths, in such steps.
+const MOST_HEIGHT: f32 = 10.0;
+const SWEEP_STEP: f32 = 0.5;
+/// Share of the heights that is cut at either end of their range.
+const STANDING_OUT: f32 = 0.002;
+/// Finest step of the stored heights, texel widths.
+const LEAST_STEP: f32 = 0.125;
+/// A difference of encoded values that counts no more if it grows: what is hidden is not different by how much.
+const MOST_DIFFERENCE: f32 = 0.16;
+/// A texel's cost is the mean over this share of the views in which it looks most alike: from the others it is hidden.
+const SHARES: [f32; 3] = [0.1, 0.2, 1.0];
+/// Costs of a step of height and of a jump between neighbours.
+const STEP_COST: f32 = 0.002;
+const JUMP_COST: f32 = 0.01;
+/// Radius of the mean that the high-pass comparison takes off.
+const SMOOTH_RADIUS: usize = 4;
+/// The steepest share of the views is foretold from the others, as eyes outside the hull are from all; views of them,
+/// lights, and texels, one in so many.
+const STEEPEST: f32 = 0.25;
+const FORETOLD_VIEWS: usize = 8;
+const FORETOLD_LIGHTS: usize = 6;
+const FORETOLD_EVERY: usize = 5;
+/// Share of the error without heights that heights must take away to be worth their bytes.
+const LEAST_GAIN: f64 = 0.03;
+
+/// What is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Feature {
+    /// Encoded luma: matt materials.
+    Value,
+    /// The same over the image's mean.
+    Gain,
+    /// The same less what is around it: glossy ones.
+    Detail,
+}
+
+/// A luma image, row by row.
+type Image = Vec<f32>;
+
+/// Gives the images of some views and lights, `[view][light]`.
+type ReadImages<'a> = dyn Fn(&[usize], &[usize]) -> Result<Vec<Vec<Image>>, FitError> + 'a;
+
+/// Bytes a texel that [`find_heights`] needs: images as they are and as they are compared, and costs of all heights
+/// for each share, as they are and smoothed along lines.
+pub fn bytes_per_texel() -> usize {
+    4 * (2 * (MOST_VIEWS + 1) * LIGHTS + (SHARES.len() + 2) * tried().len())
+}
+
+/// The heights of a capture's texels; `None` if they do not foretell views better than no heights.
+///
+/// Cost: views x lights x heights x texels differences for each of three comparisons. Memory: [`bytes_per_texel`].
+pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) -> Result<Option<Heights>, FitError> {
+    let views = layer_directions(&info.views, info.side);
+    let lights = layer_directions(&info.lights, info.side);
+    let size = [info.width, info.height];
+    let Some(reference) =
+        (0..views.len()).max_by(|&a, &b| views[a][2].total_cmp(&views[b][2])).filter(|&v| views[v][2] > REFERENCE_COS)
+    else {
+        return Ok(None);
+    };
+    let others: Vec<usize> = (0..views.len()).filter(|&v| v != reference && views[v][2] > LEAST_COS).collect();
+    let sloping = (0..lights.len()).filter(|&l| (LIGHT_COS[0]..LIGHT_COS[1]).contains(&lights[l][2]));
+    let lit = spread(&sloping.collect::<Vec<_>>(), LIGHTS);
+    if others.len() < 4 || lit.is_empty() {
+        return Ok(None);
+    }
+    let others = spread(&others, MOST_VIEWS);
+    // Luma in a root curve, as the eye and 8-bit files have it.
+    let curve = Mapping::new(cache, |x| x.max(0.0).powf(1.0 / 2.4));
+    let image = |view: usize, light: usize| -> Result<Image, FitError> {
+        let samples = cache.image(view * lights.len() + light, &curve)?;
+        Ok(samples.chunks_exact(3).map(|rgb| 0.3 * rgb[0] + 0.5 * rgb[1] + 0.2 * rgb[2]).collect())
+    };
+    let images = |views: &[usize], lights: &[usize]| -> Result<Vec<Vec<Image>>, FitError> {
+        views.par_iter().map(|&view| lights.iter().map(|&light| image(view, light)).collect()).collect()
+    };
+    let score = Score::new(&views, &spread(&lit, FORETOLD_LIGHTS), &images)?;
+    let mut best = (score.error(None, size) * (1.0 - LEAST_GAIN), None);
+    let sweep = Sweep {
+        size,
+        reference: images(&[reference], &lit)?.remove(0),
+        others: images(&others, &lit)?,
+        slopes: others.iter().map(|&view| slope(views[view])).collect(),
+    };
+    let features = [Feature::Value, Feature::Gain, Feature::Detail];
+    for (done, feature) in features.into_iter().enumerate() {
+        monitor.report("heights", done, features.len())?;
+        for costs in sweep.of_feature(feature).costs(monitor)? {
+            for costs in [smoothed(&costs, size), costs] {
+                let heights = quantized(&lowest(&costs));
+                let error = score.error(Some(&heights), size);
+                if error < best.0 {
+                    best = (error, Some(heights));
+                }
+            }
+        }
+    }
+    Ok(best.1)
+}
+
+/// At most `count` of `all`, evenly.
+fn spread(all: &[usize], count: usize) -> Vec<usize> {
+    let kept = count.min(all.len());
+    (0..kept).map(|i| all[(2 * i + 1) * all.len() / (2 * kept)]).collect()
+}
+
+/// Columns and rows by which a point one texel width up is moved towards the eye's side.
+fn slope(direction: [f32; 3]) -> [f32; 2] {
+    [direction[0] / direction[2], -direction[1] / direction[2]]
+}
+
+/// Heights that the sweep tries.
+fn tried() -> Vec<f32> {
+    let count = (MOST_HEIGHT / SWEEP_STEP) as i32;
+    (-count..=count).map(|i| i as f32 * SWEEP_STEP).collect()
+}
+
+/// The images of a sweep, `[view][light]`.
+struct Sweep {
+    size: [usize; 2],
+    reference: Vec<Image>,
+    others: Vec<Vec<Image>>,
+    slopes: Vec<[f32; 2]>,
+}
+
+/// Costs `[height][texel]`.
+type Costs = Vec<Vec<f32>>;
+
+impl Sweep {
+    fn of_feature(&self, feature: Feature) -> Sweep {
+        let made = |images: &[Image]| images.iter().map(|image| self.featured(image, feature)).collect::<Vec<_>>();
+        Sweep {
+            size: self.size,
+            reference: made(&self.reference),
+            others: self.others.par_iter().map(|images| made(images)).collect(),
+            slopes: self.slopes.clone(),
+        }
+    }
+
+    fn featured(&self, image: &Image, feature: Feature) -> Image {
+        match feature {
+            Feature::Value => image.clone(),
+            Feature::Gain => {
+                let mean = image.iter().sum::<f32>() / image.len() as f32;
+                // As bright as the typical image, so that the costs keep their meaning.
+                image.iter().map(|x| 0.4 * x / mean.max(1e-4)).collect()
+            }
+            Feature::Detail => {
+                let [width, height] = self.size;
+                let mut around = image.clone();
+                box_mean(&mut around, width);
+                let mut turned = transposed(&around, width);
+                box_mean(&mut turned, height);
+                let around = transposed(&turned, height);
+                image.iter().zip(around).map(|(x, mean)| x - mean).collect()
+            }
+        }
+    }
+
+    /// One volume per share of views.
+    fn costs(&self, monitor: &Monitor) -> Result<Vec<Costs>, FitError> {
+        let [width, height] = self.size;
+        let by_height: Vec<Vec<Vec<f32>>> = tried()
+            .into_par_iter()
+            .map(|z| {
+                monitor.check()?;
+                let mut planes = vec![vec![0.0; width * height]; SHARES.len()];
+                let mut of_views = vec![vec![0.0; width]; self.others.len()];
+                let mut alike = vec![0.0; self.others.len()];
+                for row in 0..height {
+                    for ((sums, images), slope) in of_views.iter_mut().zip(&self.others).zip(&self.slopes) {
+                        self.row_differences(images, row, [-z * slope[0], -z * slope[1]], sums);
+                    }
+                    for column in 0..width {
+                        alike.iter_mut().zip(&of_views).for_each(|(alike, sums)| *alike = sums[column]);
+                        means_of_least(&mut alike, |share, mean| planes[share][row * width + column] = mean);
+                    }
+                }
+                Ok(planes)
+            })
+            .collect::<Result<_, FitError>>()?;
+        let mut by_share = vec![Costs::new(); SHARES.len()];
+        for planes in by_height {
+            by_share.iter_mut().zip(planes).for_each(|(costs, plane)| costs.push(plane));
+        }
+        Ok(by_share)
+    }
+
+    /// Mean over the lights of the limited difference between a row of the reference and of `images` moved by `shift`.
+    fn row_differences(&self, images: &[Image], row: usize, shift: [f32; 2], sums: &mut [f32]) {
+        let [width, height] = self.size;
+        sums.fill(0.0);
+        let (left, along) = (shift[0].floor(), shift[0] - shift[0].floor());
+        let down = shift[1] - shift[1].floor();
+        let of_row = |row: f32| row.clamp(0.0, (height - 1) as f32) as usize * width;
+        let first = row as f32 + shift[1].floor();
+        let (upper, lower) = (of_row(first), of_row(first + 1.0));
+        // Columns whose two neighbours lie within the image.
+        let begin = ((-left).max(0.0) as usize).min(width);
+        let end = ((width as f32 - 1.0 - left).clamp(0.0, width as f32) as usize).max(begin);
+        for (image, reference) in images.iter().zip(&self.reference) {
+            let (upper, lower) = (&image[upper..upper + width], &image[lower..lower + width]);
+            let reference = &reference[row * width..(row + 1) * width];
+            let value = |column: usize| upper[column] + (lower[column] - upper[column]) * down;
+            let difference = |x: f32, column: usize| (x - reference[column]).abs().min(MOST_DIFFERENCE);
+            for column in (0..begin).chain(end..width) {
+                let at = (column as f32 + left).clamp(0.0, (width - 1) as f32) as usize;
+                sums[column] += difference(value(at), column);
+            }
+            let moved = (begin as f32 + left) as usize;
+            let count = end - begin;
+            let (upper, lower) = (&upper[moved..], &lower[moved..]);
+            for i in 0..count {
+                let x = upper[i] + (lower[i] - upper[i]) * down;
+                let y = upper[i + 1] + (lower[i + 1] - upper[i + 1]) * down;
+                sums[begin + i] += (x + (y - x) * along - reference[begin + i]).abs().min(MOST_DIFFERENCE);
+            }
+        }
+        let count = images.len() as f32;
+        sums.iter_mut().for_each(|sum| *sum /= count);
+    }
+}
+
+/// `take(share, mean)` of the least of `values`, by each of [`SHARES`].
+fn means_of_least(values: &mut [f32], mut take: impl FnMut(usize, f32)) {
+    let counts = SHARES.map(|share| ((share * values.len() as f32) as usize).max(1));
+    let middle = counts[SHARES.len() - 2];
+    if middle < values.len() {
+        values.select_nth_unstable_by(middle, f32::total_cmp);
+    }
+    values[..middle].sort_unstable_by(f32::total_cmp);
+    for (share, count) in counts.into_iter().enumerate() {
+        take(share, values[..count].iter().sum::<f32>() / count as f32);
+    }
+}
+
+/// Every value becomes the mean of those within [`SMOOTH_RADIUS`] of it in its row.
+fn box_mean(image: &mut [f32], width: usize) {
+    let mut sums = vec![0.0f64; width + 1];
+    for row in image.chunks_exact_mut(width) {
+        for i in 0..width {
+            sums[i + 1] = sums[i] + f64::from(row[i]);
+        }
+        for i in 0..width {
+            let (first, end) = (i.saturating_sub(SMOOTH_RADIUS), (i + SMOOTH_RADIUS + 1).min(width));
+            row[i] = ((sums[end] - sums[first]) / (end - first) as f64) as f32;
+        }
+    }
+}
+
+fn transposed(image: &[f32], width: usize) -> Image {
+    let height = image.len() / width;
+    (0..width).flat_map(|column| (0..height).map(move |row| image[row * width + column])).collect()
+}
+
+/// Semi-global matching along rows and columns, both ways: neighbours may differ by a step at little cost and by any
+/// jump at a larger one.
+fn smoothed(costs: &Costs, [width, height]: [usize; 2]) -> Costs {
+    let levels = costs.len();
+    let lines = |start: &(dyn Fn(usize) -> usize + Sync), stride: isize, count: usize, length: usize| {
+        (0..count)
+            .into_par_iter()
+            .map(|line| {
+                let mut sums = vec![0.0f32; length * levels];
+                let mut previous = vec![0.0f32; levels];
+                for i in 0..length {
+                    let texel = (start(line) as isize + i as isize * stride) as usize;
+                    let least = previous.iter().copied().fold(f32::INFINITY, f32::min);
+                    let now = &mut sums[i * levels..(i + 1) * levels];
+                    for level in 0..levels {
+                        let mut best = previous[level].min(least + JUMP_COST);
+                        if level > 0 {
+                            best = best.min(previous[level - 1] + STEP_COST);
+                        }
+                        if level + 1 < levels {
+                            best = best.min(previous[level + 1] + STEP_COST);
+                        }
+                        now[level] = costs[level][texel] + best - least;
+                    }
+                    previous.copy_from_slice(now);
+                }
+                sums
+            })
+            .collect::<Vec<_>>()
+    };
+    let mut total = vec![vec![0.0f32; width * height]; levels];
+    let mut add = |lines: Vec<Vec<f32>>, texel: &(dyn Fn(usize, usize) -> usize + Sync)| {
+        total.par_iter_mut().enumerate().for_each(|(level, plane)| {
+            for (line, sums) in lines.iter().enumerate() {
+                for (i, sums) in sums.chunks_exact(levels).enumerate() {
+                    plane[texel(line, i)] += sums[level];
+                }
+            }
+        });
+    };
+    add(lines(&|row| row * width, 1, height, width), &|row, i| row * width + i);
+    add(lines(&|row| row * width + width - 1, -1, height, width), &|row, i| row * width + width - 1 - i);
+    let down = width as isize;
+    add(lines(&|column| column, down, width, height), &|column, i| i * width + column);
+    add(lines(&|column| (height - 1) * width + column, -down, width, height), &|column, i| {
+        (height - 1 - i) * width + column
+    });
+    total
+}
+
+/// Per texel the height of least cost, between the tried ones by a parabola.
+fn lowest(costs: &Costs) -> Vec<f32> {
+    let tried = tried();
+    (0..costs[0].len())
+        .into_par_iter()
+        .map(|texel| {
+            let at = |level: usize| costs[level][texel];
+            let least = (0..tried.len()).min_by(|&a, &b| at(a).total_cmp(&at(b))).unwrap_or(0);
+            let level = least.clamp(1, tried.len() - 2);
+            let (a, b, c) = (at(level - 1), at(level), at(level + 1));
+            let offset = 0.5 * (a - c) / (a - 2.0 * b + c).max(1e-9);
+            tried[level] + SWEEP_STEP * offset.clamp(-0.5, 0.5)
+        })
+        .collect()
+}
+
+/// Codes of `heights`; the few that stand out are cut to the rest's range: most are mistakes, and every ray walks
+/// through that range.
+fn quantized(heights: &[f32]) -> Heights {
+    let mut sorted = heights.to_vec();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let cut = (heights.len() as f32 * STANDING_OUT) as usize;
+    let (least, most) = (sorted[cut], sorted[heights.len() - 1 - cut]);
+    let heights: Vec<f32> = heights.iter().map(|x| x.clamp(least, most)).collect();
+    let peak = heights.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
+    let step = LEAST_STEP.max(peak / 127.0);
+    Heights { step, codes: heights.iter().map(|x| (x / step).round().clamp(-127.0, 127.0) as i8).collect() }
+}
+
+/// Views that are foretold from those around them.
+struct Score {
+    foretold: Vec<Foretold>,
+}
+
+struct Foretold {
+    direction: [f32; 3],
+    truth: Vec<Image>,
+    views: [[f32; 3]; 3],
+    weights: [f32; 3],
+    /// `[neighbour][light]`.
+    images: Vec<Vec<Image>>,
+}
+
+impl Score {
+    fn new(views: &[[f32; 3]], lights: &[usize], images: &ReadImages) -> Result<Score, FitError> {
+        let mut by_slope: Vec<usize> = (0..views.len()).collect();
+        by_slope.sort_by(|&a, &b| views[a][2].total_cmp(&views[b][2]).then(a.cmp(&b)));
+        let (steep, rest) = by_slope.split_at((STEEPEST * views.len() as f32) as usize);
+        let sphere = Sphere::new(&rest.iter().map(|&other| views[other]).collect::<Vec<_>>())?;
+        let foretold = spread(steep, FORETOLD_VIEWS)
+            .into_iter()
+            .map(|view| {
+                let around = sphere.locate(views[view]);
+                let ids = around.ids.map(|id| rest[id as usize]);
+                Ok(Foretold {
+                    direction: views[view],
+                    truth: images(&[view], lights)?.remove(0),
+                    views: ids.map(|id| views[id]),
+                    weights: around.weights,
+                    images: images(&ids, lights)?,
+                })
+            })
+            .collect::<Result<_, FitError>>()?;
+        Ok(Score { foretold })
+    }
+
+    /// Mean squared error of the foretold views.
+    fn error(&self, heights: Option<&Heights>, size: [usize; 2]) -> f64 {
+        let words = heights.map(Heights::to_words).unwrap_or_default();
+        let errors: Vec<f64> = self
+            .foretold
+            .par_iter()
+            .map(|view| {
+                let field = heights.map(|heights| HeightField::new(&words, size, heights));
+                let mut sum = 0.0f64;
+                for texel in (0..size[0] * size[1]).step_by(FORETOLD_EVERY) {
+                    let seen = match &field {
+                        Some(field) => field.seen_by(texel as u32, view.direction, 0.0, &view.views, &view.weights),
+                        None => SeenBy { texels: [texel as u32; 3], weights: view.weights },
+                    };
+                    for (light, truth) in view.truth.iter().enumerate() {
+                        let found: f32 =
+                            (0..3).map(|v| seen.weights[v] * view.images[v][light][seen.texels[v] as usize]).sum();
+                        sum += f64::from((found - truth[texel]).powi(2));
+                    }
+                }
+                sum
+            })
+            .collect();
+        errors.iter().sum::<f64>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use btf_capture::{Capture, CaptureWriter, Direction, DirectionSet, ImageFormat};
+    use std::path::Path;
+
+    const SIZE: [usize; 2] = [48, 40];
+
+    /// Smooth noise, the same at every call.
+    fn texture(column: f32, row: f32) -> f32 {
+        let waves = [(0.9, 0.4, 0.0), (-0.5, 1.1, 1.0), (1.7, 0.3, 2.0), (0.2, -1.9, 3.0), (1.3, 1.4, 4.0)];
+        let sum: f32 = waves.iter().map(|(a, b, phase)| (a * column + b * row + phase).sin()).sum();
+        0.4 + 0.07 * sum
+    }
+
+    fn relief(column: f32, height: f32) -> f32 {
+        height * (column * std::f32::consts::TAU / SIZE[0] as f32).sin()
+    }
+
+    /// A textured relief, the same under every light; a height of 0 is a flat picture.
+    fn capture(path: &Path, height: f32) -> Capture {
+        let ring =
+            |theta: f64, count: usize| (0..count).map(move |i| Direction::new(theta, 360.0 * i as f64 / count as f64));
+        let views: Vec<Direction> =
+            [(0.0, 1), (25.0, 6), (45.0, 10), (60.0, 12)].iter().flat_map(|&(t, n)| ring(t, n)).collect();
+        let views = DirectionSet::new(views).unwrap();
+        let lights = DirectionSet::new([(30.0, 4), (60.0, 3)].iter().flat_map(|&(t, n)| ring(t, n)).collect()).unwrap();
+        let info = CaptureInfo::new("relief", SIZE[0], SIZE[1], views.clone(), lights.clone(), ImageFormat::Png);
+        let writer = CaptureWriter::create(path, info).unwrap();
+        for (v, direction) in views.units().into_iter().enumerate() {
+            let s = slope(direction);
+            for l in 0..lights.len() {
+                let mut image = Vec::new();
+                for row in 0..SIZE[1] {
+                    for column in 0..SIZE[0] {
+                        // The point that is seen: slopes are gentle enough for this to settle.
+                        let (mut z, x) = (0.0, column as f32);
+                        for _ in 0..40 {
+                            z = 0.5 * z + 0.5 * relief(x + z * s[0], height);
+                        }
+                        image.extend([texture(x + z * s[0], row as f32 + z * s[1]); 3]);
+                    }
+                }
+                writer.write(v, l, &image).unwrap();
+            }
+        }
+        writer.finish().unwrap();
+        Capture::open(path).unwrap()
+    }
+
+    fn found(height: f32) -> Option<Heights> {
+        let folder = tempfile::tempdir().unwrap();
+        let capture = capture(&folder.path().join("capture"), height);
+        let monitor = Monitor::default();
+        let cache = TileCache::build(&capture, 1_000_000_000, folder.path(), &monitor).unwrap();
+        find_heights(&cache, capture.info(), &monitor).unwrap()
+    }
+
+    #[test]
+    fn a_relief_is_found_in_its_capture() {
+        let heights = found(2.0).unwrap();
+        let mut errors: Vec<f32> = (0..SIZE[0] * SIZE[1])
+            .map(|texel| (f32::from(heights.codes[texel]) * heights.step - relief((texel % SIZE[0]) as f32, 2.0)).abs())
+            .collect();
+        errors.sort_by(f32::total_cmp);
+        assert!(errors[errors.len() / 2] < 0.2, "half within {}", errors[errors.len() / 2]);
+        assert!(errors[errors.len() * 8 / 10] < 0.5, "four of five within {}", errors[errors.len() * 8 / 10]);
+        // Planted difference: turned upside down, which the wrong sign of a slope would give.
+        let upside_down =
+            |texel: usize| f32::from(heights.codes[texel]) * heights.step + relief((texel % SIZE[0]) as f32, 2.0);
+        assert!((0..SIZE[0] * SIZE[1]).filter(|&texel| upside_down(texel).abs() < 0.5).count() < 800);
+    }
+
+    #[test]
+    fn a_flat_material_gets_none() {
+        assert_eq!(found(0.0), None);
+    }
+
+    #[test]
+    fn an_even_choice_has_no_doubles() {
+        assert_eq!(spread(&[1, 2, 3], 5), [1, 2, 3]);
+        assert_eq!(spread(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9], 2), [2, 7]);
+        assert!(spread(&[], 3).is_empty());
+    }
+
+    #[test]
+    fn smoothing_carries_what_is_sure_to_what_is_not() {
+        // One texel knows its height, the others of its row do not care.
+        let levels = tried().len();
+        let mut costs = vec![vec![0.1; 9]; levels];
+        (0..levels).filter(|level| *level != 7).for_each(|level| costs[level][4] = 0.5);
+        costs[7][4] = 0.0;
+        let heights = lowest(&smoothed(&costs, [9, 1]));
+        assert!(heights.iter().all(|z| (z - tried()[7]).abs() < 0.01), "{heights:?}");
+    }
+}

@@ -1,0 +1,97 @@
+//! What the lobes leave of every texel, in the residual's curve, made when it is read.
+
+use crate::error::FitError;
+use crate::input::holdout::Holdout;
+use crate::input::residual_curve::Curve;
+use crate::input::tile_cache::{Mapping, Tile, TileCache};
+use crate::stages::features::ROW_BLOCK;
+use crate::stages::sparse::{ClusterLobes, Selection};
+use btf_runtime::lobe_sum_at_pairs;
+use ndarray::Array2;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// The lobes of every texel.
+pub struct TexelLobes<'a> {
+    /// Dictionaries on the measured pairs.
+    pub clusters: &'a [ClusterLobes],
+    /// Lobes of the texels.
+    pub selection: &'a Selection,
+    /// Cluster per texel.
+    pub labels: &'a [u32],
+}
+
+/// The residual of every texel.
+pub struct ResidualSource<'a> {
+    /// The capture.
+    pub cache: &'a TileCache<'a>,
+    /// The residual's curve applied to samples.
+    pub mapping: &'a Mapping,
+    /// The same for lobe sums.
+    pub curve: &'a Curve,
+    /// What is taken off: nothing where lobes only guide.
+    pub lobes: Option<TexelLobes<'a>>,
+    /// Held-back pairs.
+    pub holdout: &'a Holdout,
+}
+
+impl ResidualSource<'_> {
+    /// Length of a row: pairs times channels.
+    pub fn row_len(&self) -> usize {
+        self.cache.pair_count() * 3
+    }
+
+    /// `g(X) - g(S)` of `texel`, which is number `index` of the block.
+    fn row(&self, tile: &Tile, index: usize, texel: usize, row: &mut [f32], scratch: &mut [f32]) {
+        tile.texel_mapped(index, row, self.mapping);
+        if let Some(TexelLobes { clusters, selection, labels }) = &self.lobes {
+            let cluster = labels[texel] as usize;
+            let refs = &selection.refs[selection.first[texel]..][..usize::from(selection.counts[texel])];
+            let scales: Vec<f32> = selection.dictionary[cluster].iter().map(|entry| entry.weight_scale).collect();
+            lobe_sum_at_pairs(refs, &scales, &clusters[cluster].tables, scratch);
+            row.iter_mut().zip(scratch.iter()).for_each(|(x, s)| *x -= self.curve.encode(*s));
+        } else {
+            let nothing = self.curve.encode(0.0);
+            row.iter_mut().for_each(|x| *x -= nothing);
+        }
+        self.holdout.fill(row);
+    }
+
+    /// The rows of numbers `range` of a block, `[number, sample]`; `texel` tells which texel a number is.
+    pub fn rows(&self, block: &Tile, range: Range<usize>, texel: impl Fn(usize) -> usize) -> Array2<f32> {
+        let len = self.row_len();
+        let mut rows = Array2::<f32>::zeros((range.len(), len));
+        let mut scratch = vec![0.0; len];
+        for (index, mut row) in range.zip(rows.rows_mut()) {
+            self.row(block, index, texel(index), row.as_slice_mut().unwrap_or_default(), &mut scratch);
+        }
+        rows
+    }
+
+    /// Calls `work(texels, rows)` for blocks of at most [`ROW_BLOCK`] texels, in parallel, and gives what it
+    /// returns in the order of the blocks. `done(texels)` follows the progress and may end it.
+    pub fn for_each_block<R: Send>(
+        &self,
+        done: impl Fn(usize) -> Result<(), FitError>,
+        work: impl Fn(Range<usize>, Array2<f32>) -> R + Sync,
+        mut take: impl FnMut(R),
+    ) -> Result<(), FitError> {
+        for tile in 0..self.cache.tile_count() {
+            let loaded = self.cache.read(tile)?;
+            let range = loaded.texels.clone();
+            let results: Vec<R> = (0..range.len())
+                .step_by(ROW_BLOCK)
+                .collect::<Vec<_>>()
+                .into_par_iter()
+                .map(|first| {
+                    let numbers = first..(first + ROW_BLOCK).min(range.len());
+                    let rows = self.rows(&loaded, numbers.clone(), |index| range.start + index);
+                    work(range.start + numbers.start..range.start + numbers.end, rows)
+                })
+                .collect();
+            results.into_iter().for_each(&mut take);
+            done(range.end)?;
+        }
+        Ok(())
+    }
+}

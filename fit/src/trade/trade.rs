@@ -1,0 +1,471 @@
+//! Speed against accuracy against bytes, measured on one capture over a grid of settings.
+//!
+//! Everything up to the choice of a step is done once per number of lobes and role of theirs ([`PreparedFit`], which
+//! `fit` searches in); each step and each limit of components is then encoded, packed, read back, measured and timed.
+
+use crate::error::FitError;
+use crate::inspect::describe::resident_in_parallel;
+use crate::measure::compare::{MeasureParams, measure_decoder};
+use crate::metrics::Metrics;
+use crate::monitor::Monitor;
+use crate::params::FitParams;
+use crate::trade::gpu_clock::{GpuChoice, GpuClock};
+use crate::trade::grid::{Between, Grid, Images, decoder, options, singles_in_parallel, strided_pairs};
+use crate::trade::pareto::{CostAndGain, pareto_front, spread};
+use btf_capture::{Capture, CaptureInfo};
+use btf_runtime::{Asset, Interpolation, MAX_COMPONENTS};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Pairs that interpolation is measured on at most.
+pub(crate) const BETWEEN_PAIRS: usize = 32;
+/// Points of each front that are measured over all pairs at most.
+const MOST_SUMMARY: usize = 8;
+
+/// What to measure.
+#[derive(Debug, Clone)]
+pub struct TradeParams {
+    /// How to fit. Its bytes, PSNR, lobes, components and share left out do not count.
+    pub fit: FitParams,
+    /// Numbers of lobes per texel, as `--lobes` of a fit.
+    pub lobes: Vec<usize>,
+    /// Roles that lobes are tried in. Without lobes there is no role, and one sweep.
+    pub roles: Vec<Role>,
+    /// Limits of components, tried while encoding and while decoding, beside no limit.
+    pub components: Vec<usize>,
+    /// Steps per bit: 1 for a factor of two between steps.
+    pub steps_per_bit: usize,
+    /// Largest asset; `None`: 64 bytes a texel and 200 kB.
+    pub most_bytes: Option<u64>,
+    /// About how many pairs each point is measured on, 1 to 256.
+    pub pairs: usize,
+    /// Random evaluations per timed pass.
+    pub evaluations: usize,
+    /// Timed passes, of which the least time is taken.
+    pub repeats: usize,
+    /// Adapter to time on as well.
+    pub gpu: GpuChoice,
+}
+
+impl Default for TradeParams {
+    fn default() -> TradeParams {
+        TradeParams {
+            fit: FitParams::default(),
+            lobes: vec![0, 2, 8],
+            roles: vec![Role::Guide, Role::Base],
+            components: vec![4, 16, 32],
+            steps_per_bit: 1,
+            most_bytes: None,
+            pairs: 64,
+            evaluations: 2048,
+            repeats: 5,
+            gpu: GpuChoice::Best,
+        }
+    }
+}
+
+impl TradeParams {
+    /// A coarse grid: two numbers of lobes, one limit of components, fewer pairs.
+    pub fn quick() -> TradeParams {
+        TradeParams {
+            lobes: vec![0, 2],
+            components: vec![8],
+            pairs: 32,
+            evaluations: 1024,
+            repeats: 3,
+            ..TradeParams::default()
+        }
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// One sentence that names the option.
+    pub fn check(&self) -> Result<(), FitError> {
+        let refuse = |text: &str| Err(FitError::Params(text.to_string()));
+        if self.lobes.is_empty() || self.lobes.iter().any(|lobes| *lobes > 32) {
+            return refuse("--lobes must be numbers from 0 to 32, as in 0,1,2,4");
+        }
+        if self.roles.is_empty() {
+            return refuse("--roles must be guide, base or both");
+        }
+        if self.components.iter().any(|components| *components > MAX_COMPONENTS) {
+            return refuse(&format!("--components must be numbers from 0 to {MAX_COMPONENTS}, as in 4,8,16"));
+        }
+        if !(1..=256).contains(&self.pairs) {
+            return refuse("--pairs must be 1 to 256");
+        }
+        if !(1..=8).contains(&self.steps_per_bit) {
+            return refuse("--steps-per-bit must be 1 to 8");
+        }
+        self.fit.check()
+    }
+}
+
+/// How the number of components is held down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Limit {
+    /// Not at all: all that are worth their bytes.
+    None,
+    /// The file never had more.
+    Encode,
+    /// The file has more; it is read up to the tier with these, and the decoder is told to use no others.
+    Decode,
+    /// The file's first tier: lobes without residual.
+    Lobes,
+}
+
+/// What lobes are to the residual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// The residual stands alone, lobes guide interpolation: what a fit with `--bytes` or `--psnr` makes.
+    Guide,
+    /// The residual is what the lobes leave: what a fit without a goal makes.
+    Base,
+}
+
+/// Precision of the expanded bases in memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// 16 bits: the resident form.
+    Half,
+    /// 32 bits.
+    Single,
+}
+
+/// How directions that were not measured are decoded, as `--interpolation`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rule {
+    /// [`Interpolation::Fast`].
+    Fast,
+    /// [`Interpolation::Exact`].
+    Exact,
+}
+
+impl Rule {
+    /// The decoder's name for it.
+    pub(crate) fn interpolation(self) -> Interpolation {
+        match self {
+            Rule::Fast => Interpolation::Fast,
+            Rule::Exact => Interpolation::Exact,
+        }
+    }
+}
+
+/// A setting with its figures.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TradePoint {
+    /// Lobes per texel, as asked for.
+    pub lobes: usize,
+    /// What they are to the residual; [`Role::Guide`] without lobes.
+    pub role: Role,
+    /// Lobes per texel, as chosen.
+    pub lobes_per_texel_mean: f64,
+    /// The step of the quantisers in bits: the step is the length of a texel's coefficients (root mean square over the
+    /// texels) over two to this power. One more bit halves the error of rounding. `None` for lobes alone.
+    pub bits: Option<f64>,
+    /// Bits that a coefficient takes in the file, on average, after entropy coding; `None` without components.
+    pub bits_per_coefficient: Option<f64>,
+    /// How components are limited.
+    pub limit: Limit,
+    /// Components that are decoded.
+    pub components: usize,
+    /// How directions between measured ones are decoded.
+    pub interpolation: Rule,
+    /// Precision of the expanded bases.
+    pub precision: Precision,
+    /// Bytes of the file, or of the tier of it.
+    pub bytes: usize,
+    /// Bytes in the decoder's memory.
+    pub resident_bytes: usize,
+    /// Error on the share of pairs, the colour difference on at most eight of them. Measured directions are decoded alike by both rules.
+    #[serde(flatten)]
+    pub metrics: Metrics,
+    /// `psnr_db` at directions that the asset has to interpolate ([`Trade::between`] says which); `None` where that
+    /// was not measured.
+    pub psnr_between_db: Option<f64>,
+    /// Nanoseconds of an evaluation at random directions on one thread of the CPU.
+    pub cpu_ns: f64,
+    /// The same on the GPU; `None` without a measurement of it.
+    pub gpu_ns: Option<f64>,
+    /// Whether nothing has fewer bytes at this PSNR; of points with the fast rule and half precision, because the
+    /// others have the same file.
+    pub front_bytes_psnr: bool,
+    /// Whether nothing is faster at this PSNR.
+    pub front_ns_psnr: bool,
+    /// Whether nothing is faster at this PSNR between measured directions.
+    pub front_ns_between: bool,
+    /// Error over all pairs, of the points of the summary.
+    pub all_pairs: Option<Metrics>,
+}
+
+/// What [`trade`] found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Trade {
+    /// The capture's name.
+    pub capture: String,
+    /// Texels per row, rows.
+    pub size: [usize; 2],
+    /// Direction pairs of the capture.
+    pub capture_pairs: usize,
+    /// Pairs that each point was measured on.
+    pub pairs: usize,
+    /// Seed of the fits and of the random evaluations.
+    pub seed: u64,
+    /// Clusters asked for.
+    pub clusters: usize,
+    /// Evaluations per timed pass, and passes.
+    pub timing: [usize; 2],
+    /// What `psnr_between_db` was measured on, in words.
+    pub between: String,
+    /// Where `gpu_ns` comes from, or why it is empty, in words.
+    pub gpu: String,
+    /// Whether `gpu_ns` are times of a software driver, which computes on the CPU.
+    pub gpu_is_software: bool,
+    /// All points, in the order of the grid.
+    pub points: Vec<TradePoint>,
+    /// Indices of the points of the summary, by bytes, then time.
+    pub summary: Vec<usize>,
+}
+
+/// Measures `capture`'s trade. `reference` is a capture of the same texels in other directions, on which interpolation
+/// is measured; without one, on a thinned grid.
+///
+/// Figures but times are the same for the same arguments. Cost: a fit per number of lobes and role, and per step and
+/// limit an encoding, an expansion of bases in four forms, and six timings. Memory: as a fit, and all files of the
+/// grid.
+///
+/// # Errors
+/// As a fit and a measurement; parameters out of range; a reference of other texels; an adapter that is not there.
+pub fn trade(
+    capture: &Capture,
+    reference: Option<&Capture>,
+    params: &TradeParams,
+    monitor: &Monitor,
+) -> Result<Trade, FitError> {
+    params.check()?;
+    let info = capture.info();
+    let gpu = GpuClock::open(&params.gpu)?;
+    let strided = strided_pairs(info, params.pairs);
+    let held = Images::read(capture, &strided, monitor)?;
+    let between = match reference {
+        Some(reference) => {
+            check_reference(info, reference.info())?;
+            let all: Vec<usize> = (0..reference.info().pair_count()).collect();
+            let pairs = spread(&all, BETWEEN_PAIRS);
+            Some(Between { images: Images::read(reference, &pairs, monitor)?, pairs, info: reference.info() })
+        }
+        None => None,
+    };
+    let mut grid = Grid {
+        capture,
+        params,
+        gpu: gpu.as_ref().ok(),
+        held,
+        strided,
+        reference: between,
+        thinned: None,
+        points: Vec::new(),
+        files: Vec::new(),
+        monitor,
+    };
+    let sweeps: Vec<(usize, Role)> = sweeps(&params.lobes, &params.roles);
+    for (number, (lobes, role)) in sweeps.iter().enumerate() {
+        grid.sweep(*lobes, *role, [number, sweeps.len()])?;
+    }
+    let Grid { strided, mut points, files, reference, thinned, .. } = grid;
+    mark_fronts(&mut points);
+    let summary = summary(&points);
+    monitor.stage("measure", || measure_summary(capture, &files, &mut points, &summary, params, monitor))?;
+    Ok(Trade {
+        capture: info.name.clone(),
+        size: [info.width, info.height],
+        capture_pairs: info.pair_count(),
+        pairs: strided.len(),
+        seed: params.fit.seed,
+        clusters: params.fit.clusters,
+        timing: [params.evaluations, params.repeats],
+        between: match (&reference, &thinned) {
+            (Some(reference), _) => format!("{} pairs of the capture {}", reference.pairs.len(), reference.info.name),
+            (None, Some(between)) => format!(
+                "{} pairs of this capture whose directions were taken out of the grid, with about a fifth of all directions inside it: the gaps are wider than the asset's own, so this is a pessimistic figure; --reference gives the real one",
+                between.pairs.len()
+            ),
+            (None, None) => "not measured: the capture has too few directions to spare one; give --reference a capture in other directions".into(),
+        },
+        gpu: match &gpu {
+            Ok(clock) => clock.words(),
+            Err(reason) => reason.clone(),
+        },
+        gpu_is_software: gpu.as_ref().is_ok_and(GpuClock::is_software),
+        points,
+        summary,
+    })
+}
+
+/// Fits that the grid needs: without lobes one.
+fn sweeps(lobes: &[usize], roles: &[Role]) -> Vec<(usize, Role)> {
+    let mut found = Vec::new();
+    for &lobes in lobes {
+        for &role in if lobes == 0 { &[Role::Guide] } else { roles } {
+            if !found.contains(&(lobes, role)) {
+                found.push((lobes, role));
+            }
+        }
+    }
+    found
+}
+
+fn check_reference(info: &CaptureInfo, other: &CaptureInfo) -> Result<(), FitError> {
+    if (info.width, info.height, info.side) == (other.width, other.height, other.side) {
+        return Ok(());
+    }
+    Err(FitError::Params(format!(
+        "--reference {} shows {} x {} texels of the side `{}` and the capture {} x {} of `{}`; give a capture of the same sample in other directions",
+        other.name, other.width, other.height, other.side, info.width, info.height, info.side
+    )))
+}
+
+/// Marks the three fronts.
+fn mark_fronts(points: &mut [TradePoint]) {
+    let front = |points: &[TradePoint], cost: &dyn Fn(&TradePoint) -> f64, gain: &dyn Fn(&TradePoint) -> f64| {
+        pareto_front(&points.iter().map(|p| CostAndGain { cost: cost(p), gain: gain(p) }).collect::<Vec<_>>())
+    };
+    let of_file = |p: &TradePoint| {
+        let first = p.interpolation == Rule::Fast && p.precision == Precision::Half;
+        if first { p.bytes as f64 } else { f64::NAN }
+    };
+    let by_bytes = front(points, &of_file, &|p| p.metrics.psnr_db);
+    let by_time = front(points, &|p| p.cpu_ns, &|p| p.metrics.psnr_db);
+    let between = front(points, &|p| p.cpu_ns, &|p| p.psnr_between_db.unwrap_or(f64::NAN));
+    for (i, point) in points.iter_mut().enumerate() {
+        (point.front_bytes_psnr, point.front_ns_psnr, point.front_ns_between) = (by_bytes[i], by_time[i], between[i]);
+    }
+}
+
+/// Points of the fronts, thinned, by bytes, then time.
+fn summary(points: &[TradePoint]) -> Vec<usize> {
+    let mut chosen = Vec::new();
+    let fronts: [&dyn Fn(&TradePoint) -> bool; 3] =
+        [&|p| p.front_bytes_psnr, &|p| p.front_ns_psnr, &|p| p.front_ns_between];
+    for on in fronts {
+        let mut front: Vec<usize> = (0..points.len()).filter(|i| on(&points[*i])).collect();
+        front.sort_by(|a, b| points[*a].metrics.psnr_db.total_cmp(&points[*b].metrics.psnr_db));
+        chosen.extend(spread(&front, MOST_SUMMARY));
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen.sort_by(|a, b| {
+        let (a, b) = (&points[*a], &points[*b]);
+        a.bytes.cmp(&b.bytes).then(a.cpu_ns.total_cmp(&b.cpu_ns))
+    });
+    chosen
+}
+
+/// Measures the points of the summary over all pairs; points that decode alike there once.
+fn measure_summary(
+    capture: &Capture,
+    files: &[Arc<Vec<u8>>],
+    points: &mut [TradePoint],
+    summary: &[usize],
+    params: &TradeParams,
+    monitor: &Monitor,
+) -> Result<(), FitError> {
+    for (number, &i) in summary.iter().enumerate() {
+        let alike = |other: usize| {
+            let (a, b) = (&points[other], &points[i]);
+            Arc::ptr_eq(&files[other], &files[i]) && (a.components, a.precision) == (b.components, b.precision)
+        };
+        let known = summary[..number].iter().find(|other| alike(**other)).and_then(|other| points[*other].all_pairs);
+        let metrics = match known {
+            Some(metrics) => metrics,
+            None => {
+                let asset = Asset::parse(&files[i])?;
+                let (resident, precision) = (resident_in_parallel(&asset), points[i].precision);
+                let singles = singles_in_parallel(&asset);
+                let options = options(points[i].components, Rule::Exact);
+                let decoder = decoder(&asset, &resident, &singles, &options, precision);
+                let measuring = MeasureParams { memory_bytes: params.fit.memory_bytes, ..MeasureParams::default() };
+                let read = |view, light| Ok(capture.read(view, light)?);
+                measure_decoder(capture.info(), &read, &asset, &decoder, &measuring, monitor)?.metrics()
+            }
+        };
+        points[i].all_pairs = Some(metrics);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(bytes: usize, psnr_db: f64, cpu_ns: f64, interpolation: Rule, precision: Precision) -> TradePoint {
+        let metrics =
+            Metrics { psnr_db, psnr_linear_db: 0.0, rel_rmse: 0.0, worst_texel_rmse: 0.0, delta_e00_mean: None };
+        TradePoint {
+            lobes: 0,
+            role: Role::Guide,
+            lobes_per_texel_mean: 0.0,
+            bits: Some(5.0),
+            bits_per_coefficient: None,
+            limit: Limit::None,
+            components: 1,
+            interpolation,
+            precision,
+            bytes,
+            resident_bytes: 1,
+            metrics,
+            psnr_between_db: (interpolation == Rule::Exact).then_some(20.0),
+            cpu_ns,
+            gpu_ns: None,
+            front_bytes_psnr: false,
+            front_ns_psnr: false,
+            front_ns_between: false,
+            all_pairs: None,
+        }
+    }
+
+    #[test]
+    fn each_front_has_its_own_measures_and_a_planted_dominated_point_is_on_none() {
+        let mut points = vec![
+            point(100, 30.0, 50.0, Rule::Fast, Precision::Half),
+            // The same file: on no front of sizes; the only kind with a figure between directions.
+            point(100, 30.0, 200.0, Rule::Exact, Precision::Half),
+            point(100, 30.001, 60.0, Rule::Fast, Precision::Single),
+            point(200, 33.0, 40.0, Rule::Fast, Precision::Half),
+            point(201, 32.9, 41.0, Rule::Fast, Precision::Half),
+        ];
+        mark_fronts(&mut points);
+        let marks: Vec<[bool; 3]> =
+            points.iter().map(|p| [p.front_bytes_psnr, p.front_ns_psnr, p.front_ns_between]).collect();
+        assert_eq!(marks, [[true, false, false], [false, false, true], [false; 3], [true, true, false], [false; 3]]);
+        assert_eq!(summary(&points), [0, 1, 3]);
+    }
+
+    #[test]
+    fn every_number_of_lobes_is_fitted_in_every_role_and_none_once() {
+        use Role::{Base, Guide};
+        assert_eq!(sweeps(&[0, 2, 0], &[Guide, Base]), [(0, Guide), (2, Guide), (2, Base)]);
+        assert_eq!(sweeps(&[0, 2], &[Base]), [(0, Guide), (2, Base)]);
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_named() {
+        let refused = |params: TradeParams| params.check().unwrap_err().to_string();
+        TradeParams::default().check().unwrap();
+        TradeParams::quick().check().unwrap();
+        assert!(refused(TradeParams { lobes: Vec::new(), ..TradeParams::default() }).contains("--lobes"));
+        assert!(refused(TradeParams { lobes: vec![33], ..TradeParams::default() }).contains("--lobes"));
+        assert!(
+            refused(TradeParams { components: vec![MAX_COMPONENTS + 1], ..TradeParams::default() })
+                .contains("--components")
+        );
+        assert!(refused(TradeParams { roles: Vec::new(), ..TradeParams::default() }).contains("--roles"));
+        assert!(refused(TradeParams { pairs: 0, ..TradeParams::default() }).contains("--pairs"));
+        assert!(refused(TradeParams { steps_per_bit: 0, ..TradeParams::default() }).contains("--steps-per-bit"));
+    }
+}

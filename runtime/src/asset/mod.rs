@@ -1,0 +1,7 @@
+//! A packed asset in its file form: layers, dictionaries, lobes, residuals, directions, heights, edits.
+
+pub(crate) mod asset;
+pub(crate) mod edit;
+pub(crate) mod lobe;
+pub(crate) mod residual;
+pub(crate) mod sphere;

@@ -1,0 +1,342 @@
+//! The residual: what the lobes leave, in bases per cluster that are mixtures of shared ones, which are factored
+//! over light x view [Tucker 1966], and the curve in which lobes and residual are added. Twin: `shaders/residual.wgsl`.
+
+use crate::numeric::power::{from_root, root};
+use half::f16;
+
+/// The curve `g` in which the residual is added to the lobes: `X = g^-1(g(S) + R)`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum ResidualKind {
+    /// `g(x) = x`.
+    Additive = 0,
+    /// `g(x) = ln(x + epsilon)`.
+    Log = 1,
+    /// `g(x) = (x + epsilon)^(1 / 2.4)`: the sRGB curve's exponent, so that errors are those that `psnr_db` counts.
+    Root = 2,
+}
+
+/// Exponent of the root curve.
+pub const ROOT: f32 = 2.4;
+/// Largest `|g(S) + R|` that the log curve exponentiates (e^12 is beyond any reflectance).
+pub const MAX_LOG: f32 = 12.0;
+
+impl ResidualKind {
+    /// The kind with number `number`.
+    pub fn from_number(number: u32) -> Option<ResidualKind> {
+        [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root].into_iter().find(|kind| *kind as u32 == number)
+    }
+
+    /// `g(x)`; `x` is clamped at 0 except for the additive kind.
+    #[inline(always)]
+    pub fn encode(self, x: f32, epsilon: f32) -> f32 {
+        match self {
+            ResidualKind::Additive => x,
+            ResidualKind::Log => (x.max(0.0) + epsilon).ln(),
+            ResidualKind::Root => root(x.max(0.0) + epsilon),
+        }
+    }
+
+    /// `g^-1(y)`; finite for every finite `y`.
+    #[inline(always)]
+    pub fn decode(self, y: f32, epsilon: f32) -> f32 {
+        match self {
+            ResidualKind::Additive => y,
+            ResidualKind::Log => y.clamp(-MAX_LOG, MAX_LOG).exp() - epsilon,
+            ResidualKind::Root => from_root(y) - epsilon,
+        }
+    }
+
+    /// Lobe sum `s` and residual `r` of one channel, combined.
+    #[inline(always)]
+    pub fn combine(self, s: f32, r: f32, epsilon: f32) -> f32 {
+        self.decode(self.encode(s, epsilon) + r, epsilon).max(0.0)
+    }
+
+    /// [`ResidualKind::combine`] of three channels: the same bits, for the root curve in vectors.
+    #[inline(always)]
+    pub fn combine_rgb(self, s: [f32; 3], r: [f32; 3], epsilon: f32) -> [f32; 3] {
+        // Loops over four, which fill a vector.
+        let [mut y, r] = [s, r].map(|[red, green, blue]| [red, green, blue, 0.0]);
+        self.encode_slice(&mut y, epsilon);
+        y.iter_mut().zip(r).for_each(|(y, r)| *y += r);
+        self.decode_slice(&mut y, epsilon);
+        [y[0], y[1], y[2]]
+    }
+
+    /// What a residual is multiplied by beyond the hull, `beyond` as in [`crate::Neighbours`]: an additive one by `beyond`, a root
+    /// residual by its root (both then scale like the light's cosine); a log residual, which is a factor, is kept.
+    #[inline(always)]
+    pub fn scale_beyond(self, beyond: f32) -> f32 {
+        match self {
+            ResidualKind::Additive => beyond,
+            ResidualKind::Log => 1.0,
+            ResidualKind::Root if beyond == 1.0 => 1.0,
+            ResidualKind::Root => root(beyond.max(1e-12)),
+        }
+    }
+
+    /// [`ResidualKind::encode`] of many numbers, in place: the same bits, for the root curve in vectors.
+    #[inline(always)]
+    pub fn encode_slice(self, values: &mut [f32], epsilon: f32) {
+        // A loop per kind: a choice within the loop would keep it from running in vectors.
+        match self {
+            ResidualKind::Additive => {}
+            ResidualKind::Log => values.iter_mut().for_each(|x| *x = ResidualKind::Log.encode(*x, epsilon)),
+            ResidualKind::Root => values.iter_mut().for_each(|x| *x = ResidualKind::Root.encode(*x, epsilon)),
+        }
+    }
+
+    /// [`ResidualKind::decode`] of many numbers and at least 0, in place: the same bits, for the root curve in
+    /// vectors.
+    #[inline(always)]
+    pub fn decode_slice(self, values: &mut [f32], epsilon: f32) {
+        match self {
+            ResidualKind::Additive => values.iter_mut().for_each(|y| *y = y.max(0.0)),
+            ResidualKind::Log => values.iter_mut().for_each(|y| *y = ResidualKind::Log.decode(*y, epsilon).max(0.0)),
+            ResidualKind::Root => values.iter_mut().for_each(|y| *y = ResidualKind::Root.decode(*y, epsilon).max(0.0)),
+        }
+    }
+}
+
+/// Luma-chroma rows of the bases' colour frame, orthonormal: grey, red-blue, green-magenta.
+pub const COLOUR_FRAME: [[f32; 3]; 3] = [
+    [0.577_350_26, 0.577_350_26, 0.577_350_26],
+    [std::f32::consts::FRAC_1_SQRT_2, 0.0, -std::f32::consts::FRAC_1_SQRT_2],
+    [0.408_248_3, -0.816_496_6, 0.408_248_3],
+];
+
+/// Factor matrices shared by all bases of a layer, one pair per colour-frame channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Factors {
+    /// Number of views and lights.
+    pub shape: [usize; 2],
+    /// Ranks `[view, light]` per channel.
+    pub ranks: [[usize; 2]; 3],
+    /// Per channel the view matrix, row-major `[view, view rank]`.
+    pub view: [Vec<f16>; 3],
+    /// Per channel the light matrix, row-major `[light, light rank]`.
+    pub light: [Vec<f16>; 3],
+}
+
+impl Factors {
+    /// Values of one core, `[channel, view rank, light rank]`.
+    pub fn core_len(&self) -> usize {
+        self.ranks.iter().map(|rank| rank[0] * rank[1]).sum()
+    }
+}
+
+/// The bases that all clusters of a layer share: what their own bases are mixed from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SharedBases {
+    /// Step of each basis' core.
+    pub steps: Vec<f32>,
+    /// `[basis, channel, view rank, light rank]`; the core's value is `step * q`.
+    pub values: Vec<i16>,
+}
+
+impl SharedBases {
+    /// The core of basis `number`, `[channel, view rank, light rank]`.
+    pub fn core(&self, number: usize) -> Vec<f32> {
+        let len = self.values.len() / self.steps.len();
+        self.values[number * len..(number + 1) * len].iter().map(|q| self.steps[number] * f32::from(*q)).collect()
+    }
+}
+
+/// One basis of every cluster (the mean or a component), as a mixture of the shared bases.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Basis {
+    /// Step per cluster.
+    pub steps: Vec<f32>,
+    /// `[cluster, shared basis]`; the weight is `step * q`.
+    pub values: Vec<i16>,
+}
+
+/// Coefficients of one component for all texels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coefficients {
+    /// Step: the coefficient is `step * code`.
+    pub step: f32,
+    /// Code per texel.
+    pub codes: Vec<i8>,
+}
+
+/// The residual of a layer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Residual {
+    /// Factor matrices of the shared bases' cores.
+    pub factors: Factors,
+    /// The shared bases.
+    pub shared: SharedBases,
+    /// `bases[0]` is the mean, `bases[j]` the j-th component.
+    pub bases: Vec<Basis>,
+    /// `coefficients[j - 1]` belongs to `bases[j]`.
+    pub coefficients: Vec<Coefficients>,
+}
+
+impl Residual {
+    /// The core of basis `index` in `cluster`, `[channel, view rank, light rank]`: the shared cores mixed.
+    ///
+    /// Cost: a multiply-add per core value and shared basis with a weight other than 0.
+    pub fn core(&self, index: usize, cluster: usize) -> Vec<f32> {
+        let (len, shared) = (self.factors.core_len(), self.shared.steps.len());
+        let basis = &self.bases[index];
+        let mut core = vec![0.0f32; len];
+        for (number, q) in basis.values[cluster * shared..(cluster + 1) * shared].iter().enumerate() {
+            if *q != 0 {
+                let weight = basis.steps[cluster] * f32::from(*q) * self.shared.steps[number];
+                let values = &self.shared.values[number * len..(number + 1) * len];
+                core.iter_mut().zip(values).for_each(|(sum, x)| *sum += weight * f32::from(*x));
+            }
+        }
+        core
+    }
+}
+
+/// A core expanded to `[view, light, rgb]`: `sum_rs U[v, r] core[r, s] W[l, s]`, back in RGB.
+///
+/// Cost: about 0.3 MFLOP a channel for Bonn's 81 x 81 at rank 32.
+pub fn expand_core(factors: &Factors, core: &[f32]) -> Vec<f32> {
+    let [views, lights] = factors.shape;
+    let mut rgb = vec![0.0f32; views * lights * 3];
+    let mut core_at = 0;
+    for channel in 0..3 {
+        let [rv, rl] = factors.ranks[channel];
+        let core = &core[core_at..core_at + rv * rl];
+        core_at += rv * rl;
+        let view: Vec<f32> = factors.view[channel].iter().map(|x| x.to_f32()).collect();
+        let light: Vec<f32> = factors.light[channel].iter().map(|x| x.to_f32()).collect();
+        // rows[r, l] = sum_s core[r, s] W[l, s]
+        let mut rows = vec![0.0f32; rv * lights];
+        for r in 0..rv {
+            for l in 0..lights {
+                let w = &light[l * rl..(l + 1) * rl];
+                rows[r * lights + l] = core[r * rl..(r + 1) * rl].iter().zip(w).map(|(a, b)| a * b).sum();
+            }
+        }
+        let mut line = vec![0.0f32; lights];
+        for v in 0..views {
+            line.fill(0.0);
+            for r in 0..rv {
+                let u = view[v * rv + r];
+                for (out, x) in line.iter_mut().zip(&rows[r * lights..(r + 1) * lights]) {
+                    *out += u * x;
+                }
+            }
+            for (l, x) in line.iter().enumerate() {
+                for c in 0..3 {
+                    rgb[(v * lights + l) * 3 + c] += COLOUR_FRAME[channel][c] * x;
+                }
+            }
+        }
+    }
+    rgb
+}
+
+/// A core's value at one pair, straight from the factored form: `view rank x light rank` multiply-adds
+/// a channel. The resident form exists because this is the dear way.
+pub fn core_at_pair(factors: &Factors, core: &[f32], view: usize, light: usize) -> [f32; 3] {
+    let mut rgb = [0.0f32; 3];
+    let mut at = 0;
+    for channel in 0..3 {
+        let [rv, rl] = factors.ranks[channel];
+        let w = &factors.light[channel][light * rl..(light + 1) * rl];
+        let mut sum = 0.0f32;
+        for r in 0..rv {
+            let inner: f32 = core[at..at + rl].iter().zip(w).map(|(q, x)| q * x.to_f32()).sum();
+            sum += factors.view[channel][view * rv + r].to_f32() * inner;
+            at += rl;
+        }
+        for c in 0..3 {
+            rgb[c] += COLOUR_FRAME[channel][c] * sum;
+        }
+    }
+    rgb
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_curve_is_undone_by_its_inverse() {
+        for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
+            for x in [0.0f32, 1e-4, 0.02, 0.5, 1.0, 7.0, 100.0] {
+                let back = kind.decode(kind.encode(x, 0.01), 0.01);
+                assert!((back - x).abs() <= 1e-5 + 2e-5 * x, "{kind:?} {x} {back}");
+            }
+            for y in [-1e30f32, -5.0, 0.0, 1e3] {
+                assert!(kind.decode(y, 0.01).is_finite());
+            }
+        }
+    }
+
+    #[test]
+    fn slices_hold_the_same_bits_as_single_numbers() {
+        let values: Vec<f32> = (0..1003).map(|i| (i as f32 - 200.0) * 0.0137).collect();
+        for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
+            let (mut encoded, mut decoded) = (values.clone(), values.clone());
+            kind.encode_slice(&mut encoded, 0.01);
+            kind.decode_slice(&mut decoded, 0.01);
+            for (i, x) in values.iter().enumerate() {
+                assert_eq!(encoded[i].to_bits(), kind.encode(*x, 0.01).to_bits(), "{kind:?} {x}");
+                assert_eq!(decoded[i].to_bits(), kind.decode(*x, 0.01).max(0.0).to_bits(), "{kind:?} {x}");
+            }
+            // Planted difference: another epsilon.
+            let mut other = values.clone();
+            kind.decode_slice(&mut other, 0.02);
+            assert_eq!(other == decoded, kind == ResidualKind::Additive);
+        }
+    }
+
+    #[test]
+    fn the_colour_frame_is_orthonormal() {
+        for i in 0..3 {
+            for j in 0..3 {
+                let product: f32 = (0..3).map(|c| COLOUR_FRAME[i][c] * COLOUR_FRAME[j][c]).sum();
+                assert!((product - if i == j { 1.0 } else { 0.0 }).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn the_expanded_core_agrees_with_the_factored_one_at_every_pair() {
+        let number = |i: usize| ((i * 7919 % 1000) as f32 / 500.0) - 1.0;
+        let matrix = |n: usize, salt: usize| (0..n).map(|i| f16::from_f32(number(i + salt))).collect::<Vec<_>>();
+        let factors = Factors {
+            shape: [5, 7],
+            ranks: [[4, 3], [2, 2], [1, 2]],
+            view: [matrix(20, 1), matrix(10, 2), matrix(5, 3)],
+            light: [matrix(21, 4), matrix(14, 5), matrix(14, 6)],
+        };
+        let codes = |n: usize, salt: usize| (0..n).map(|i| (100.0 * number(3 * i + salt)) as i16).collect::<Vec<_>>();
+        let shared = SharedBases { steps: vec![0.01, 0.002, 0.03], values: codes(3 * factors.core_len(), 7) };
+        let bases = vec![Basis { steps: vec![0.02, 0.01], values: codes(6, 8) }];
+        let residual = Residual { factors, shared, bases, coefficients: Vec::new() };
+        for cluster in 0..2 {
+            let (core, other) = (residual.core(0, cluster), residual.core(0, 1 - cluster));
+            let expanded = expand_core(&residual.factors, &core);
+            for view in 0..5 {
+                for light in 0..7 {
+                    let at = (view * 7 + light) * 3;
+                    let close = |core: &[f32]| {
+                        let direct = core_at_pair(&residual.factors, core, view, light);
+                        (0..3).all(|c| (direct[c] - expanded[at + c]).abs() < 1e-4)
+                    };
+                    assert!(close(&core));
+                    assert!(!close(&other), "the planted cluster must not agree");
+                }
+            }
+            // By hand: the mixture's first value.
+            let by_hand: f64 = (0..3)
+                .map(|r| {
+                    let weight = f64::from(residual.bases[0].steps[cluster])
+                        * f64::from(residual.bases[0].values[cluster * 3 + r]);
+                    let value = residual.shared.values[r * residual.factors.core_len()];
+                    weight * f64::from(residual.shared.steps[r]) * f64::from(value)
+                })
+                .sum();
+            assert!((by_hand - f64::from(core[0])).abs() < 1e-5);
+        }
+    }
+}

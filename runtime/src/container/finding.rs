@@ -1,0 +1,80 @@
+//! What validation says of a file, one thing at a time.
+
+use crate::container::container::{FileFormat, SectionEntry};
+use crate::container::fault::Fault;
+use crate::error::{FormatError, Names};
+use crate::rule::{Rule, Severity};
+use std::fmt::{self, Display};
+
+/// Something that was found in a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// Number, message, severity and remedy.
+    pub rule: Rule,
+    /// What was found, in one clause.
+    pub detail: String,
+    /// Name of the section, where it is one's: `Basis 3 of layer 0`.
+    pub section: Option<String>,
+    /// Layer, where it is one's.
+    pub layer: Option<u32>,
+    /// Byte of the file, where there is one.
+    pub offset: Option<u64>,
+}
+
+impl Finding {
+    /// A finding of the whole file.
+    pub fn new(rule: Rule, detail: String) -> Finding {
+        Finding { rule, detail, section: None, layer: None, offset: None }
+    }
+
+    /// How bad it is.
+    pub fn severity(&self) -> Severity {
+        self.rule.severity()
+    }
+
+    /// A fault of a file with these sections at hand; `None` for what is no fault of a file.
+    pub(crate) fn of_fault<F: FileFormat>(fault: &Fault, sections: &[&SectionEntry]) -> Option<Finding> {
+        let rule = F::rule(fault.error.rule()?);
+        let (detail, section) = detail_of(&fault.error, &F::NAMES);
+        let entry = sections.iter().find(|entry| section.as_ref() == Some(&entry.name_in::<F>()));
+        let place = entry.map_or(String::new(), |entry| format!(", {} bytes at byte {}", entry.length, entry.offset));
+        Some(Finding {
+            rule,
+            detail: detail + &place,
+            layer: fault.layer.or(entry.map(|entry| entry.layer)),
+            offset: fault.offset.or(entry.map(|entry| entry.offset.into())),
+            section,
+        })
+    }
+}
+
+impl Display for Finding {
+    /// One line: `error SPMM1201: a section is damaged (Basis 3 of layer 0, 214 bytes at byte 9040); copy the file again`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Rule { message, remedy, .. } = self.rule;
+        write!(f, "{} {}: {message} ({})", self.severity().name(), self.rule.id(), self.detail)?;
+        if remedy.is_empty() { Ok(()) } else { write!(f, "; {remedy}") }
+    }
+}
+
+/// What was found, and the section's name.
+fn detail_of(error: &FormatError, names: &Names) -> (String, Option<String>) {
+    match error {
+        FormatError::TooShort { expected, got } => (format!("{got} bytes, {expected} are needed"), None),
+        FormatError::BadMagic { got } => {
+            let magic = String::from_utf8_lossy(&names.magic);
+            (format!("its first four bytes are {got:02x?}, not {magic:?}"), None)
+        }
+        FormatError::Version { expected, got } => (format!("version {got}, this program reads {expected}"), None),
+        FormatError::Length { expected, got } => {
+            (format!("{got} bytes, the whole file has {expected} and no tier ends here"), None)
+        }
+        FormatError::HeaderChecksum => ("the checksum does not match".into(), None),
+        FormatError::Field { field, got, allowed } => (format!("{field} is {got}, allowed is {allowed}"), None),
+        FormatError::UnknownRequiredSection { kind } => (format!("kind {kind}"), Some(format!("kind {kind}"))),
+        FormatError::SectionChecksum { section }
+        | FormatError::MissingSection { section }
+        | FormatError::Section { section, .. } => (section.clone(), Some(section.clone())),
+        FormatError::Form { .. } | FormatError::Pack { .. } => (error.to_string(), None),
+    }
+}

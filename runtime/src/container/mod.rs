@@ -1,0 +1,7 @@
+//! The container that every file of this package is: header, tables, checksums, entropy coding.
+
+pub(crate) mod container;
+pub(crate) mod entropy;
+pub(crate) mod fault;
+pub(crate) mod finding;
+pub(crate) mod sections;

@@ -1,0 +1,10 @@
+//! The decoder: from texel, light and eye to reflectance times cosine.
+
+pub(crate) mod decode;
+pub(crate) mod evaluate;
+pub(crate) mod lobe_queue;
+pub(crate) mod parallax;
+pub(crate) mod residual_sum;
+pub(crate) mod sample;
+pub(crate) mod texel;
+pub(crate) mod viewed_texel;

@@ -1,0 +1,314 @@
+//! Parallax beyond the measured views: which texels of the neighbouring views show the surface point that an eye
+//! outside their hull sees. Twin: `shaders/parallax.wgsl`.
+//!
+//! A capture is rectified: the mean plane of the surface stays where it is, and a point at height `z` above texel `p`
+//! is seen at `p - z s(v)` from view `v`, with `s(v) = (v.x, -v.y) / v.z` in columns and rows. Texel `x` therefore
+//! shows different points from different views. Between the measured views their mean foretells a texel best all the same
+//! (docs/RESULTS.md); beyond them, where slopes grow fast, the neighbours are moved.
+
+use crate::decode::texel;
+use crate::numeric::quantize::coefficient_from_byte;
+use crate::resident::resident::{ASSET_LAYERS, Resident, block};
+
+/// Steepest slope of a ray, columns or rows per unit of height: 84 degrees.
+pub const MOST_SLOPE: f32 = 10.0;
+/// Sideways way of a step of a ray, in texels.
+pub const RAY_STEP: f32 = 0.5;
+/// Steps of a ray, at least.
+pub const LEAST_RAY_STEPS: f32 = 8.0;
+/// Steps of a ray, at most.
+pub const MOST_RAY_STEPS: f32 = 64.0;
+/// The shift grows from none at the hull to all of it where `beyond` is lower by one over this.
+pub const SHIFT_SLOPE: f32 = 5.0;
+/// What a neighbour keeps of its weight where the point is hidden from it.
+pub const HIDDEN_SHARE: f32 = 0.05;
+/// The same where the point lies outside the patch.
+pub const OUTSIDE_SHARE: f32 = 0.1;
+
+/// What an eye sees in a texel, as its view's three neighbours have it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenBy {
+    /// The texel of each neighbour that shows it.
+    pub texels: [u32; 3],
+    /// Weights of the neighbours, which sum up to 1: those of the interpolation, less where the point is hidden.
+    pub weights: [f32; 3],
+}
+
+/// A height per texel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Heights {
+    /// Texel widths per code, more than 0 and at most [`MOST_HEIGHT_STEP`].
+    pub step: f32,
+    /// Per texel: height above the plane that the capture is rectified to, in steps.
+    pub codes: Vec<i8>,
+}
+
+/// Largest step of [`Heights`].
+pub const MOST_HEIGHT_STEP: f32 = 16.0;
+
+impl Heights {
+    /// Four codes a word, as the resident form has them.
+    pub fn to_words(&self) -> Vec<u32> {
+        let word = |codes: &[i8]| codes.iter().rev().fold(0, |word, code| word << 8 | u32::from(*code as u8));
+        self.codes.chunks(4).map(word).collect()
+    }
+
+    /// Least and greatest height, texel widths.
+    pub fn range(&self) -> [f32; 2] {
+        let codes = || self.codes.iter().map(|code| f32::from(*code));
+        [codes().fold(f32::INFINITY, f32::min), codes().fold(f32::NEG_INFINITY, f32::max)].map(|x| x * self.step)
+    }
+}
+
+/// A height map as decoders read it.
+#[derive(Debug, Clone, Copy)]
+pub struct HeightField<'a> {
+    words: &'a [u32],
+    /// First word of the codes, four texels a word.
+    at: usize,
+    /// Columns and rows.
+    size: [usize; 2],
+    /// Texel widths per code.
+    step: f32,
+    /// Least and greatest height, texel widths.
+    range: [f32; 2],
+}
+
+impl<'a> HeightField<'a> {
+    /// `words` are [`Heights::to_words`] of a map with `size` columns and rows.
+    pub fn new(words: &'a [u32], size: [usize; 2], heights: &Heights) -> HeightField<'a> {
+        HeightField { words, at: 0, size, step: heights.step, range: heights.range() }
+    }
+
+    /// That of the layer at `layer` of a resident asset; `None` if it has none.
+    pub(crate) fn of_layer(words: &'a [u32], layer: usize) -> Option<HeightField<'a>> {
+        let float = |field: usize| f32::from_bits(words[layer + field]);
+        let at = words[layer + block::HEIGHTS] as usize;
+        (at > 0).then(|| HeightField {
+            words,
+            at,
+            size: texel::size(words, layer),
+            step: float(block::HEIGHT_STEP),
+            range: [float(block::LEAST_HEIGHT), float(block::MOST_HEIGHT)],
+        })
+    }
+
+    /// That of a layer, as [`crate::Resident::layer_for_sides`] numbers it; `None` if it has none.
+    pub fn of_resident(resident: &'a Resident, layer: u32) -> Option<HeightField<'a>> {
+        let words = resident.words();
+        HeightField::of_layer(words, words[ASSET_LAYERS + layer as usize] as usize)
+    }
+
+    /// Least and greatest height, texel widths.
+    pub fn range(&self) -> [f32; 2] {
+        self.range
+    }
+
+    fn of_texel(&self, column: usize, row: usize) -> f32 {
+        let texel = row * self.size[0] + column;
+        self.step * coefficient_from_byte(self.words[self.at + texel / 4] >> (8 * (texel as u32 % 4)) & 0xff)
+    }
+
+    /// Bilinear between two columns and two rows, `part` of the way from the first to the next.
+    fn between(&self, [c, r]: [usize; 2], [next_c, next_r]: [usize; 2], part: [f32; 2]) -> f32 {
+        let upper = self.of_texel(c, r) + (self.of_texel(next_c, r) - self.of_texel(c, r)) * part[0];
+        let lower = self.of_texel(c, next_r) + (self.of_texel(next_c, next_r) - self.of_texel(c, next_r)) * part[0];
+        upper + (lower - upper) * part[1]
+    }
+
+    /// Bilinear, edges continued; texel centres at whole numbers.
+    fn at(&self, place: [f32; 2]) -> f32 {
+        let [column, row] = [0, 1].map(|i| place[i].clamp(0.0, (self.size[i] - 1) as f32));
+        let (c, r) = (column as usize, row as usize);
+        let (next_c, next_r) = ((c + 1).min(self.size[0] - 1), (r + 1).min(self.size[1] - 1));
+        self.between([c, r], [next_c, next_r], [column - c as f32, row - r as f32])
+    }
+
+    /// Bilinear, the map repeated; texel centres at whole numbers.
+    pub fn at_wrapped(&self, place: [f32; 2]) -> f32 {
+        let floor = place.map(f32::floor);
+        let [c, r] =
+            [0, 1].map(|i| (floor[i] - self.size[i] as f32 * (floor[i] / self.size[i] as f32).floor()) as usize);
+        let (c, r) = (c.min(self.size[0] - 1), r.min(self.size[1] - 1));
+        let (next_c, next_r) = ((c + 1) % self.size[0], (r + 1) % self.size[1]);
+        self.between([c, r], [next_c, next_r], [place[0] - floor[0], place[1] - floor[1]])
+    }
+
+    /// Height of the first point that the ray of slope `s` meets which passes the mean plane at `place`.
+    fn first_hit(&self, place: [f32; 2], s: [f32; 2]) -> f32 {
+        let [least, most] = self.range;
+        let depth = most - least;
+        let steps =
+            ((s[0] * s[0] + s[1] * s[1]).sqrt() * depth / RAY_STEP).ceil().clamp(LEAST_RAY_STEPS, MOST_RAY_STEPS);
+        let above = |z: f32| z - self.at([place[0] + z * s[0], place[1] + z * s[1]]);
+        let (mut free, mut clear) = (most, above(most).max(0.0));
+        for i in 1..=steps as u32 {
+            let z = most - depth * (i as f32 / steps);
+            let now = above(z);
+            if now <= 0.0 {
+                // Straight between the last two: what the ray passes there is nearly a plane.
+                return free + (z - free) * (clear / (clear - now).max(1e-12));
+            }
+            (free, clear) = (z, now);
+        }
+        least
+    }
+
+    /// Columns and rows per unit of height, towards `direction`, at most [`MOST_SLOPE`].
+    pub fn slope(direction: [f32; 3]) -> [f32; 2] {
+        let s = [direction[0], -direction[1]].map(|x| x / direction[2].max(1e-6));
+        let steep = (s[0] * s[0] + s[1] * s[1]).sqrt() / MOST_SLOPE;
+        s.map(|x| x / steep.max(1.0))
+    }
+
+    /// What the eye at `wo` sees in `texel`, as the `views` around it have it, which are interpolated with `weights`;
+    /// `beyond` as in [`crate::Neighbours`]. All are unit vectors with z > 0, in the layer's frame.
+    ///
+    /// Cost: four rays of at most 64 steps.
+    pub fn seen_by(&self, texel: u32, wo: [f32; 3], beyond: f32, views: &[[f32; 3]; 3], weights: &[f32; 3]) -> SeenBy {
+        let part = ((1.0 - beyond) * SHIFT_SLOPE).clamp(0.0, 1.0);
+        let size = self.size;
+        let place = [(texel as usize % size[0]) as f32, (texel as usize / size[0]) as f32];
+        let s = Self::slope(wo);
+        let z = self.first_hit(place, s);
+        let mut seen = SeenBy { texels: [texel; 3], weights: [0.0; 3] };
+        let mut sum = 0.0;
+        for i in 0..3 {
+            if weights[i] <= 0.0 {
+                continue;
+            }
+            let towards = Self::slope(views[i]);
+            let shown = [0, 1].map(|axis| place[axis] + z * (s[axis] - towards[axis]));
+            let moved = [0, 1].map(|axis| place[axis] + part * (shown[axis] - place[axis]));
+            let [column, row] = [0, 1].map(|axis| (moved[axis] + 0.5).floor().clamp(0.0, (size[axis] - 1) as f32));
+            let outside = (0..2).any(|axis| shown[axis] < -0.5 || shown[axis] > size[axis] as f32 - 0.5);
+            let gap = self.first_hit(shown, towards) - z;
+            let open = 1.0 - (gap * gap).min(1.0);
+            let seen_here = 1.0 + part * (open * open * if outside { OUTSIDE_SHARE } else { 1.0 } - 1.0);
+            seen.texels[i] = row as u32 * size[0] as u32 + column as u32;
+            seen.weights[i] = weights[i] * (HIDDEN_SHARE + (1.0 - HIDDEN_SHARE) * seen_here);
+            sum += seen.weights[i];
+        }
+        seen.weights = seen.weights.map(|weight| weight / sum);
+        seen
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::asset::Asset;
+    use crate::asset::residual::ResidualKind;
+    use crate::decode::decode::{DecodeOptions, Interpolation, decode};
+    use crate::error::FormatError;
+    use crate::pack;
+    use crate::testing::{Random, direction_from_degrees, sample_asset, sample_heights};
+
+    const SIZE: [usize; 2] = [20, 10];
+
+    fn heights(of_column: impl Fn(usize) -> i8) -> Heights {
+        Heights { step: 0.5, codes: (0..SIZE[0] * SIZE[1]).map(|texel| of_column(texel % SIZE[0])).collect() }
+    }
+
+    fn seen(heights: &Heights, texel: u32, wo: [f32; 3], views: [[f32; 3]; 3], weights: [f32; 3]) -> SeenBy {
+        let words = heights.to_words();
+        HeightField::new(&words, SIZE, heights).seen_by(texel, wo, 0.0, &views, &weights)
+    }
+
+    const POLE: [f32; 3] = [0.0, 0.0, 1.0];
+    const HALVES: [f32; 3] = [0.5, 0.5, 0.0];
+
+    #[test]
+    fn a_raised_plane_is_seen_shifted_by_its_height_times_the_slopes() {
+        // Slope 1 towards +x and towards +y: 45 degrees; columns run along x, rows against y.
+        let (right, up) = (direction_from_degrees(45.0, 0.0), direction_from_degrees(45.0, 90.0));
+        let texel = 5 * 20 + 10;
+        let found = seen(&heights(|_| 4), texel, POLE, [right, up, POLE], HALVES);
+        assert_eq!(found.texels, [5 * 20 + 8, 7 * 20 + 10, texel]);
+        let near = |weights: [f32; 3]| (0..3).all(|i| (weights[i] - HALVES[i]).abs() < 1e-5);
+        assert!(near(found.weights), "{found:?}");
+        // Below the plane the other way; an eye that is not upright shifts the point itself.
+        assert_eq!(seen(&heights(|_| -4), texel, POLE, [right, up, POLE], HALVES).texels[..2], [112, 70]);
+        assert_eq!(seen(&heights(|_| 4), texel, right, [right, POLE, POLE], HALVES).texels[..2], [texel, 112]);
+        // Level ground shifts nothing.
+        assert_eq!(seen(&heights(|_| 0), texel, right, [POLE, up, POLE], HALVES).texels, [texel; 3]);
+    }
+
+    #[test]
+    fn a_view_from_which_the_point_is_hidden_counts_little() {
+        // A wall of three texel widths in columns 12 and beyond; the ground before it is hidden from the right.
+        let wall = heights(|column| if column >= 12 { 6 } else { 0 });
+        let (left, right) = (direction_from_degrees(60.0, 180.0), direction_from_degrees(60.0, 0.0));
+        let found = seen(&wall, 5 * 20 + 10, POLE, [left, right, POLE], HALVES);
+        assert!((found.weights[0] - 1.0 / (1.0 + HIDDEN_SHARE)).abs() < 1e-4, "{found:?}");
+        assert_eq!(found.texels[0], 110);
+        // A point that lies outside of the patch counts less too.
+        let edge = seen(&heights(|_| 6), 5 * 20 + 1, POLE, [left, right, POLE], HALVES);
+        assert!(edge.weights[1] < 0.15 && edge.texels[1] == 100, "{edge:?}");
+    }
+
+    #[test]
+    fn no_height_and_no_direction_gives_anything_but_texels_and_weights() {
+        let mut random = Random::new(3);
+        for round in 0..2000 {
+            let step = [1e-6, 0.125, MOST_HEIGHT_STEP][round % 3];
+            let codes = (0..200).map(|_| random.below(256) as u8 as i8).collect();
+            let heights = Heights { step, codes };
+            let mut wo = random.direction();
+            if round % 5 == 0 {
+                wo = [0.6, -0.8, 1e-30];
+            }
+            let views = [0; 3].map(|_| random.direction());
+            let found = seen(&heights, random.below(200) as u32, wo, views, [0.2, 0.5, 0.3]);
+            assert!(found.texels.iter().all(|texel| *texel < 200));
+            let sum: f32 = found.weights.iter().sum();
+            assert!(found.weights.iter().all(|weight| *weight > 0.0) && (sum - 1.0).abs() < 1e-5, "{found:?}");
+        }
+    }
+
+    fn with_heights(kind: ResidualKind) -> Asset {
+        let mut asset = sample_asset(4, 9, 7, kind);
+        asset.layers[0].heights = Some(sample_heights(4, 63));
+        asset
+    }
+
+    #[test]
+    fn measured_views_are_left_alone_and_others_are_not() {
+        for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
+            let asset = with_heights(kind);
+            let resident = Resident::from_asset(&asset);
+            for interpolation in [Interpolation::Fast, Interpolation::Exact] {
+                let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
+                let flat = DecodeOptions { parallax: false, ..options };
+                let both = |wo| {
+                    [options, flat]
+                        .map(|options| decode(&resident, 0, 31, direction_from_degrees(40.0, 20.0), wo, &options))
+                };
+                for view in 0..asset.layers[0].views.len() as u32 {
+                    let [a, b] = both(asset.layers[0].views.direction(view));
+                    assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-4 + 1e-3 * b[c]), "{kind:?} {a:?} {b:?}");
+                }
+                let [a, b] = both(direction_from_degrees(45.0, 77.0));
+                assert_eq!(a, b, "{kind:?}: between the views");
+                let [a, b] = both(direction_from_degrees(83.0, 77.0));
+                assert!((0..3).any(|c| (a[c] - b[c]).abs() > 1e-3), "{kind:?} {a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn heights_come_back_from_a_file_and_bad_ones_are_refused() {
+        let asset = with_heights(ResidualKind::Root);
+        assert_eq!(Asset::parse(&pack(&asset).unwrap()).unwrap(), asset);
+        let refused = |change: fn(&mut Heights)| {
+            let mut asset = asset.clone();
+            change(asset.layers[0].heights.as_mut().unwrap());
+            matches!(pack(&asset), Err(FormatError::Pack { .. }))
+        };
+        assert!(refused(|heights| heights.step = 0.0));
+        assert!(refused(|heights| heights.step = f32::NAN));
+        assert!(refused(|heights| heights.step = 17.0));
+        assert!(refused(|heights| heights.codes.truncate(62)));
+        assert!(!refused(|heights| heights.codes[5] = -128));
+    }
+}

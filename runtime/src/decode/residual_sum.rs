@@ -1,0 +1,195 @@
+//! The residual of a texel at measured pairs: rows of the expanded bases, weighted by the texel's coefficients, in vectors.
+//! Twin: `texel_residual` in `shaders/texel.wgsl`.
+//!
+//! The bases of a pair are words of two halves, channel after channel. A block of them is read as it lies, across channels,
+//! and what its lanes sum up to is sorted into channels at last: the order of all sums is the same on every processor.
+
+use crate::decode::texel::Texel;
+use crate::file::format::MAX_COMPONENTS;
+use crate::resident::resident::block;
+use pulp::Simd;
+
+/// Words that are read together.
+pub(crate) const LANES: usize = 16;
+/// Blocks of so many words that the bases of any pair fill.
+pub(crate) const MOST_BLOCKS: usize = (3 * (1 + MAX_COMPONENTS).div_ceil(2)).div_ceil(LANES);
+/// Blocks that eight components fill.
+pub(crate) const FEW_BLOCKS: usize = 2;
+
+/// Where a layer's expanded bases are read from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Bases<'a> {
+    /// The resident form's words.
+    Halves(&'a [u32]),
+    /// As [`crate::SingleBases`] has them, two to a word.
+    Singles(&'a [f32]),
+}
+
+/// Weights of a texel's bases, for each lane of each block those of the word's low and high half: 1 for the mean, the
+/// decoded code for a component, 0 for what is not used.
+#[derive(Debug, Clone)]
+pub(crate) struct BasisWeights<const BLOCKS: usize> {
+    blocks: [[[f32; LANES]; 2]; BLOCKS],
+    /// Whether a block has weights other than 0.
+    used: [bool; BLOCKS],
+    /// Words of a channel in use, and in all.
+    channel: [usize; 2],
+}
+
+impl<const BLOCKS: usize> BasisWeights<BLOCKS> {
+    /// The weights of `t`, whose bases fill at most `BLOCKS` blocks.
+    pub(crate) fn of_texel(t: &Texel) -> BasisWeights<BLOCKS> {
+        let channel = [t.bases.div_ceil(2), t.field(block::CHANNEL_WORDS)];
+        let mut weights = BasisWeights { blocks: [[[0.0; LANES]; 2]; BLOCKS], used: [false; BLOCKS], channel };
+        for word in 0..channel[0] {
+            let two = [2 * word, 2 * word + 1].map(|index| t.basis_weight(index));
+            for lane in (0..3).map(|c| c * channel[1] + word) {
+                weights.used[lane / LANES] = true;
+                (0..2).for_each(|half| weights.blocks[lane / LANES][half][lane % LANES] = two[half]);
+            }
+        }
+        weights
+    }
+}
+
+/// Sum of `shares` times the residual, RGB: each share with the first word of its pair's bases and its texel's weights, which
+/// are all of one layer.
+#[inline(always)]
+pub(crate) fn residual_sum<S: Simd, const BLOCKS: usize>(
+    simd: S,
+    bases: Bases,
+    pairs: &[(f32, usize, &BasisWeights<BLOCKS>)],
+) -> [f32; 3] {
+    let mut rgb = [0.0; 3];
+    let Some((_, _, BasisWeights { used, channel: [used_words, channel_words], .. })) = pairs.first() else {
+        return rgb;
+    };
+    let mut sums = [[0.0; LANES]; BLOCKS];
+    for (number, sums) in sums.iter_mut().enumerate().filter(|(number, _)| used[*number]) {
+        for (share, first, weights) in pairs {
+            add_block(simd, bases, first + number * LANES, *share, &weights.blocks[number], sums);
+        }
+    }
+    for (c, sum) in rgb.iter_mut().enumerate() {
+        *sum = sums.as_flattened()[c * channel_words..][..*used_words].iter().sum();
+    }
+    rgb
+}
+
+/// Adds `share` times the numbers of the block that begins at word `first` times their weights to `sums`.
+#[inline(always)]
+fn add_block<S: Simd>(
+    simd: S,
+    bases: Bases,
+    first: usize,
+    share: f32,
+    weights: &[[f32; LANES]; 2],
+    sums: &mut [f32; LANES],
+) {
+    let share = simd.splat_f32s(share);
+    let [(low_weights, _), (high_weights, _)] = [S::as_simd_f32s(&weights[0]), S::as_simd_f32s(&weights[1])];
+    let (sums, _) = S::as_mut_simd_f32s(sums);
+    match bases {
+        Bases::Halves(words) => {
+            let words: [u32; LANES] = part(words, first);
+            let (words, _) = S::as_simd_u32s(&words);
+            for i in 0..sums.len() {
+                let [low, high] = finite_halves(simd, words[i]);
+                let sum = simd.add_f32s(simd.mul_f32s(low_weights[i], low), simd.mul_f32s(high_weights[i], high));
+                sums[i] = simd.add_f32s(sums[i], simd.mul_f32s(share, sum));
+            }
+        }
+        Bases::Singles(values) => {
+            let values: [f32; 2 * LANES] = part(values, 2 * first);
+            let halves = [0, 1].map(|half| -> [f32; LANES] { std::array::from_fn(|i| values[2 * i + half]) });
+            let [(low, _), (high, _)] = [S::as_simd_f32s(&halves[0]), S::as_simd_f32s(&halves[1])];
+            for i in 0..sums.len() {
+                let sum = simd.add_f32s(simd.mul_f32s(low_weights[i], low[i]), simd.mul_f32s(high_weights[i], high[i]));
+                sums[i] = simd.add_f32s(sums[i], simd.mul_f32s(share, sum));
+            }
+        }
+    }
+}
+
+/// The low and the high half-precision numbers of words, which are finite.
+#[inline(always)]
+fn finite_halves<S: Simd>(simd: S, words: S::u32s) -> [S::f32s; 2] {
+    let [magnitude, sign] = [0x0fff_e000, 0x8000_0000].map(|bits| simd.splat_u32s(bits));
+    // The exponents' biases differ by 112; denormals come out right as well.
+    let bias = simd.splat_f32s(f32::from_bits((127 + 112) << 23));
+    let low = simd.wrapping_dyn_shl_u32s(words, simd.splat_u32s(13));
+    let high = simd.wrapping_dyn_shr_u32s(words, simd.splat_u32s(3));
+    let signs = [simd.wrapping_dyn_shl_u32s(words, simd.splat_u32s(16)), words];
+    let mut halves = [low, high].map(|bits| {
+        let magnitude = simd.transmute_f32s_u32s(simd.and_u32s(bits, magnitude));
+        simd.mul_f32s(magnitude, bias)
+    });
+    for (half, bits) in halves.iter_mut().zip(signs) {
+        let bits = simd.or_u32s(simd.transmute_u32s_f32s(*half), simd.and_u32s(bits, sign));
+        *half = simd.transmute_f32s_u32s(bits);
+    }
+    halves
+}
+
+/// `N` of `all` from `first` on, zeros beyond the last.
+#[inline(always)]
+fn part<T: Copy + Default, const N: usize>(all: &[T], first: usize) -> [T; N] {
+    match all.get(first..).and_then(|rest| rest.first_chunk()) {
+        Some(whole) => *whole,
+        None => std::array::from_fn(|i| all.get(first + i).copied().unwrap_or_default()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::quantize::half_at;
+    use pulp::{Arch, Scalar, WithSimd};
+
+    struct Convert<'a>(&'a [u32; LANES]);
+
+    impl WithSimd for Convert<'_> {
+        type Output = [[f32; LANES]; 2];
+
+        fn with_simd<S: Simd>(self, simd: S) -> [[f32; LANES]; 2] {
+            let mut halves = [[0.0; LANES]; 2];
+            for (i, words) in S::as_simd_u32s(self.0).0.iter().enumerate() {
+                let found = finite_halves(simd, *words);
+                for (halves, found) in halves.iter_mut().zip(found) {
+                    S::as_mut_simd_f32s(halves).0[i] = found;
+                }
+            }
+            halves
+        }
+    }
+
+    #[test]
+    fn every_finite_half_is_what_it_is_elsewhere_in_vectors_of_any_width() {
+        let mut odd = 0;
+        for first in (0..=0xffffu32).step_by(LANES) {
+            // Another number in the other half.
+            let words: [u32; LANES] = std::array::from_fn(|i| {
+                let bits = first + i as u32;
+                bits | bits.reverse_bits() & 0xffff_0000
+            });
+            for found in [Arch::new().dispatch(Convert(&words)), Convert(&words).with_simd(Scalar)] {
+                for (i, word) in words.iter().enumerate() {
+                    for half in 0..2 {
+                        let (known, found) = (half_at(*word, half), found[half as usize][i]);
+                        assert!(found.is_finite());
+                        assert_eq!(known.is_finite(), known.to_bits() == found.to_bits(), "{word:x}");
+                        odd += u32::from(!known.is_finite());
+                    }
+                }
+            }
+        }
+        assert_eq!(odd, 2 * 2 * 2 * 1024, "infinite and undefined ones");
+    }
+
+    #[test]
+    fn what_lies_beyond_the_end_is_zero() {
+        assert_eq!(part::<u32, 4>(&[1, 2, 3], 1), [2, 3, 0, 0]);
+        assert_eq!(part::<u32, 2>(&[1, 2, 3], 1), [2, 3]);
+        assert_eq!(part::<u32, 2>(&[1, 2, 3], 7), [0, 0]);
+    }
+}

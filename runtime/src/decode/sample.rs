@@ -1,0 +1,312 @@
+//! Directions for light that an eye sees in a texel: drawn where its lobes are large, with their density. Twin:
+//! `shaders/sample.wgsl`.
+//!
+//! Half of the directions follow the cosine, because a residual may be anywhere; the others one of the texel's lobes, chosen
+//! by its weight. Lobes over a half vector are drawn from GGX of the same roughness [Walter 2007, eq. 35 and 36], whose
+//! tails are above those of the other families, so that value over density stays bounded; Lafortune's from a power of the
+//! cosine about its axis. What is drawn may lie below the horizon, where every value is 0: the density is over the whole
+//! sphere.
+
+use crate::asset::lobe::{LobeFamily, LobeSetup, cross, dot, power};
+use crate::decode::texel::lobe_weights;
+use crate::decode::viewed_texel::ViewedTexel;
+use std::f32::consts::{PI, TAU};
+
+/// Share of the directions that follow the cosine of the texel's own normal.
+pub const COSINE_SHARE: f32 = 0.5;
+/// Least roughness that half vectors are drawn with.
+pub const LEAST_ALPHA: f32 = 0.02;
+/// Length below which a Lafortune lobe has no axis.
+pub const LEAST_AXIS: f32 = 1e-3;
+/// Largest number below 1 that a coordinate is taken as.
+const BELOW_ONE: f32 = 0.999_999_9;
+
+/// Roughness along tangent and bitangent of a family over a half vector, 0 for the others.
+fn sample_alpha(lobe: &LobeSetup) -> [f32; 2] {
+    let [p0, p1, ..] = lobe.params;
+    let of_exponent = |s: f32| (2.0 / (s + 2.0)).sqrt();
+    let alpha = match lobe.family {
+        LobeFamily::BlinnPhong => [of_exponent(p0); 2],
+        LobeFamily::Ward => [p0, p1],
+        LobeFamily::CookTorrance | LobeFamily::Ggx => [p0; 2],
+        LobeFamily::AshikhminShirley => [of_exponent(p0), of_exponent(p1)],
+        _ => return [0.0; 2],
+    };
+    alpha.map(|a| a.max(LEAST_ALPHA))
+}
+
+/// Axis of a Lafortune lobe in its own frame, and its length.
+fn sample_axis(lobe: &LobeSetup, wo: [f32; 3]) -> ([f32; 3], f32) {
+    let bitangent = cross(lobe.normal, lobe.tangent);
+    let [x, y, z] = [dot(lobe.tangent, wo), dot(bitangent, wo), dot(lobe.normal, wo)];
+    let a = [lobe.params[0] * x, lobe.params[1] * y, lobe.params[2] * z];
+    let length = dot(a, a).sqrt();
+    (a.map(|x| x / length.max(LEAST_AXIS)), length)
+}
+
+/// A vector of the lobe's frame in the layer's.
+fn sample_world(lobe: &LobeSetup, v: [f32; 3]) -> [f32; 3] {
+    let bitangent = cross(lobe.normal, lobe.tangent);
+    [0, 1, 2].map(|i| lobe.tangent[i] * v[0] + bitangent[i] * v[1] + lobe.normal[i] * v[2])
+}
+
+/// About +z, with the density `(exponent + 1) / (2 pi) cos^exponent`.
+pub(crate) fn sample_about_z(exponent: f32, at: [f32; 2]) -> [f32; 3] {
+    let cos = at[0].max(1e-12).powf(1.0 / (exponent + 1.0));
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    [sin * (TAU * at[1]).cos(), sin * (TAU * at[1]).sin(), cos]
+}
+
+/// Turns +z to the unit vector `axis` [Duff 2017].
+fn sample_turned(v: [f32; 3], axis: [f32; 3]) -> [f32; 3] {
+    let sign = if axis[2] < 0.0 { -1.0 } else { 1.0 };
+    let a = -1.0 / (sign + axis[2]);
+    let b = axis[0] * axis[1] * a;
+    let x = [1.0 + sign * axis[0] * axis[0] * a, sign * b, -sign * axis[0]];
+    let y = [b, sign + axis[1] * axis[1] * a, -axis[1]];
+    [0, 1, 2].map(|i| x[i] * v[0] + y[i] * v[1] + axis[i] * v[2])
+}
+
+/// A direction to the light for one lobe and an eye at `wo`, from two numbers in [0, 1). Unit, anywhere on the sphere.
+pub fn sample_lobe_direction(lobe: &LobeSetup, wo: [f32; 3], at: [f32; 2]) -> [f32; 3] {
+    let a = sample_alpha(lobe);
+    if a[0] > 0.0 {
+        // Slopes of the half vector.
+        let u = at[0].min(BELOW_ONE);
+        let r = (u / (1.0 - u)).sqrt();
+        let h = [a[0] * r * (TAU * at[1]).cos(), a[1] * r * (TAU * at[1]).sin(), 1.0];
+        let length = dot(h, h).sqrt();
+        let h = sample_world(lobe, h.map(|x| x / length));
+        let twice = 2.0 * dot(wo, h);
+        return [0, 1, 2].map(|i| twice * h[i] - wo[i]);
+    }
+    if lobe.family == LobeFamily::Lafortune {
+        let (axis, length) = sample_axis(lobe, wo);
+        if length > LEAST_AXIS {
+            return sample_world(lobe, sample_turned(sample_about_z(lobe.params[3], at), axis));
+        }
+    }
+    sample_world(lobe, sample_about_z(1.0, at))
+}
+
+/// Density of [`sample_lobe_direction`] at the unit vector `wi`, per steradian.
+pub fn sample_lobe_density(lobe: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> f32 {
+    let a = sample_alpha(lobe);
+    if a[0] > 0.0 {
+        let sum = [0, 1, 2].map(|i| wi[i] + wo[i]);
+        let length = dot(sum, sum).sqrt();
+        if length < 1e-4 {
+            // The half vector is undefined; the density there is that of its lobe's rim.
+            return 0.0;
+        }
+        let side = if dot(lobe.normal, sum) < 0.0 { -1.0 } else { 1.0 };
+        let h = sum.map(|x| side * x / length);
+        let bitangent = cross(lobe.normal, lobe.tangent);
+        let [x, y, z] = [dot(lobe.tangent, h) / a[0], dot(bitangent, h) / a[1], dot(lobe.normal, h)];
+        let q = x * x + y * y + z * z;
+        let d = 1.0 / (PI * a[0] * a[1] * (q * q).max(1e-12));
+        return d * z / (4.0 * dot(wo, h).abs().max(1e-6));
+    }
+    if lobe.family == LobeFamily::Lafortune {
+        let (axis, length) = sample_axis(lobe, wo);
+        if length > LEAST_AXIS {
+            let exponent = lobe.params[3];
+            return (exponent + 1.0) / TAU * power(dot(sample_world(lobe, axis), wi).max(0.0), exponent);
+        }
+    }
+    dot(lobe.normal, wi).max(0.0) / PI
+}
+
+/// How often a lobe is drawn, from the mean of its weights: about the share of light that it reflects.
+fn sample_importance(lobe: &LobeSetup, weight: f32) -> f32 {
+    let share = match lobe.family {
+        LobeFamily::CookTorrance | LobeFamily::Ggx => lobe.params[1].max(0.05),
+        LobeFamily::AshikhminShirley => lobe.params[2].max(0.05),
+        LobeFamily::Lafortune => 0.5,
+        _ => 1.0,
+    };
+    weight * share
+}
+
+impl ViewedTexel<'_> {
+    /// Its lobes and their importance.
+    fn sampled_lobes(&self) -> impl Iterator<Item = (LobeSetup, f32)> {
+        let t = self.texel();
+        t.lobes_of(t.dictionary(t.edit)).map(|(words, reference)| {
+            let lobe = LobeSetup::from_resident_words(words);
+            (lobe, sample_importance(&lobe, lobe_weights(words, reference).iter().sum::<f32>() / 3.0))
+        })
+    }
+
+    /// A direction towards light that matters to this eye, in the texel's frame, from three numbers in [0, 1). It may lie
+    /// on the other side than the layer's, where the value is 0.
+    pub fn sample_direction(&self, at: [f32; 3]) -> [f32; 3] {
+        let lobes = self.texel().lobes;
+        let total: f32 = self.sampled_lobes().map(|(_, importance)| importance).sum();
+        let side = self.light_sign();
+        let mut wi = sample_about_z(1.0, [at[0], at[1]]);
+        if total > 0.0 && at[2] >= COSINE_SHARE {
+            let mut rest = (at[2] - COSINE_SHARE) / (1.0 - COSINE_SHARE) * total;
+            for (slot, (lobe, importance)) in self.sampled_lobes().enumerate() {
+                if rest < importance || slot + 1 == lobes {
+                    wi = sample_lobe_direction(&lobe, self.eye(), [at[0], at[1]]);
+                    break;
+                }
+                rest -= importance;
+            }
+        }
+        [wi[0], wi[1], wi[2] * side]
+    }
+
+    /// Density of [`ViewedTexel::sample_direction`] at the unit vector `wi`, per steradian; over the whole sphere it sums up to 1.
+    pub fn sample_density(&self, wi: [f32; 3]) -> f32 {
+        let wi = [wi[0], wi[1], wi[2] * self.light_sign()];
+        let cosine = wi[2].max(0.0) / PI;
+        let (mut sum, mut total) = (0.0, 0.0);
+        for (lobe, importance) in self.sampled_lobes() {
+            sum += importance * sample_lobe_density(&lobe, wi, self.eye());
+            total += importance;
+        }
+        if total > 0.0 { COSINE_SHARE * cosine + (1.0 - COSINE_SHARE) * sum / total } else { cosine }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::asset::asset::SurfaceSide;
+    use crate::asset::lobe::Lobe;
+    use crate::asset::residual::ResidualKind;
+    use crate::decode::decode::DecodeOptions;
+    use crate::resident::resident::Resident;
+    use crate::testing::{Random, direction_from_degrees, random_lobe, sample_asset};
+
+    const ROWS: usize = 24;
+    const COLUMNS: usize = 48;
+
+    fn bin(d: [f32; 3]) -> usize {
+        let row = (((d[2] + 1.0) * 0.5 * ROWS as f32) as usize).min(ROWS - 1);
+        let column = ((d[1].atan2(d[0]) / TAU + 0.5) * COLUMNS as f32) as usize;
+        row * COLUMNS + column.min(COLUMNS - 1)
+    }
+
+    /// Probability of each bin: the density integrated over it by midpoints.
+    fn expected(density: impl Fn([f32; 3]) -> f32) -> Vec<f64> {
+        const FINE: usize = 24;
+        let mut bins = vec![0.0; ROWS * COLUMNS];
+        let cell = 4.0 * std::f64::consts::PI / (ROWS * COLUMNS * FINE * FINE) as f64;
+        for i in 0..ROWS * FINE {
+            let z = -1.0 + 2.0 * (i as f32 + 0.5) / (ROWS * FINE) as f32;
+            let r = (1.0 - z * z).sqrt();
+            for j in 0..COLUMNS * FINE {
+                let (sin, cos) = (TAU * ((j as f32 + 0.5) / (COLUMNS * FINE) as f32 - 0.5)).sin_cos();
+                bins[i / FINE * COLUMNS + j / FINE] += f64::from(density([r * cos, r * sin, z])) * cell;
+            }
+        }
+        bins
+    }
+
+    /// Deviation of Pearson's statistic from its mean, in standard deviations [Wilson and Hilferty 1931]; bins that expect
+    /// fewer than 5 are taken together.
+    fn chi_squared(bins: &[f64], counts: &[u32], samples: f64) -> f64 {
+        let (mut statistic, mut freedom, mut rest) = (0.0, -1.0f64, (0.0, 0.0));
+        for (p, count) in bins.iter().zip(counts) {
+            let (e, n) = (p * samples, f64::from(*count));
+            if e < 5.0 {
+                rest = (rest.0 + e, rest.1 + n);
+            } else {
+                statistic += (n - e) * (n - e) / e;
+                freedom += 1.0;
+            }
+        }
+        if rest.0 >= 5.0 {
+            statistic += (rest.1 - rest.0) * (rest.1 - rest.0) / rest.0;
+            freedom += 1.0;
+        } else {
+            assert!(rest.1 <= rest.0 + 30.0, "{rest:?}: samples where the density is none");
+        }
+        let c = 2.0 / (9.0 * freedom);
+        ((statistic / freedom).cbrt() - (1.0 - c)) / c.sqrt()
+    }
+
+    /// Deviation of samples from their density in standard deviations, and the density's sum.
+    pub(crate) fn deviation(
+        sample: impl Fn([f32; 3]) -> [f32; 3],
+        density: impl Fn([f32; 3]) -> f32,
+        seed: u64,
+    ) -> (f64, f64) {
+        const SAMPLES: u32 = 60_000;
+        let mut random = Random::new(seed);
+        let mut counts = vec![0; ROWS * COLUMNS];
+        for _ in 0..SAMPLES {
+            let wi = sample([random.within(0.0, 1.0), random.within(0.0, 1.0), random.within(0.0, 1.0)]);
+            assert!((dot(wi, wi) - 1.0).abs() < 1e-3, "{wi:?}");
+            counts[bin(wi)] += 1;
+        }
+        let bins = expected(density);
+        (chi_squared(&bins, &counts, f64::from(SAMPLES)), bins.iter().sum())
+    }
+
+    #[test]
+    fn lobes_are_drawn_with_the_density_that_they_tell() {
+        let mut random = Random::new(5);
+        for family in LobeFamily::ALL {
+            for i in 0..3 {
+                let mut lobe = random_lobe(&mut random, family);
+                // As wide as the bins that the test integrates over.
+                for p in &mut lobe.params {
+                    *p = match family {
+                        LobeFamily::Ward | LobeFamily::CookTorrance | LobeFamily::Ggx => p.max(0.4),
+                        LobeFamily::BlinnPhong | LobeFamily::AshikhminShirley => p.min(20.0),
+                        LobeFamily::Lafortune => p.min(30.0),
+                        _ => *p,
+                    };
+                }
+                // Where the eye is at the lobe's horizon the density is infinite opposite to it: integrable, not by midpoints.
+                lobe.normal_xy = lobe.normal_xy.map(|x| 0.5 * x);
+                let lobe: Lobe = lobe.clamped();
+                let setup = lobe.setup();
+                let wo = direction_from_degrees([5.0, 35.0, 60.0][i], 35.0 + 100.0 * i as f64);
+                let sample = |at: [f32; 3]| sample_lobe_direction(&setup, wo, [at[0], at[1]]);
+                let (z, sum) = deviation(sample, |wi| sample_lobe_density(&setup, wi, wo), 40 + i as u64);
+                assert!(z < 4.5 && (sum - 1.0).abs() < 0.01, "{lobe:?}: {z} sigma, sum {sum}");
+                // Planted difference: a lobe about another normal.
+                let mut other = setup;
+                other.normal = direction_from_degrees(35.0, 200.0);
+                other.tangent = direction_from_degrees(90.0, 290.0);
+                let (z, _) = deviation(sample, |wi| sample_lobe_density(&other, wi, wo), 40 + i as u64);
+                assert!(z > 10.0, "{lobe:?}: {z}");
+            }
+        }
+    }
+
+    #[test]
+    fn texels_are_sampled_with_their_density_on_both_sides() {
+        let mut asset = sample_asset(9, 6, 5, ResidualKind::Root);
+        for lobe in asset.layers[0].dictionary.iter_mut().flatten() {
+            if matches!(lobe.lobe.family, LobeFamily::Ward | LobeFamily::CookTorrance | LobeFamily::Ggx) {
+                lobe.lobe.params[0] = 0.4;
+                lobe.lobe.params[1] = 0.5;
+            } else if lobe.lobe.family != LobeFamily::WindowedCosine {
+                lobe.lobe.params = lobe.lobe.params.map(|p| p.min(12.0));
+            }
+        }
+        for side in [SurfaceSide::Front, SurfaceSide::Back] {
+            asset.layers[0].light_side = side;
+            let resident = Resident::from_asset(&asset);
+            for texel in [0, 7, 19] {
+                let wo = direction_from_degrees(40.0, 110.0);
+                let viewed = ViewedTexel::new(&resident, 0, texel, wo, &DecodeOptions::default());
+                let (z, sum) =
+                    deviation(|at| viewed.sample_direction(at), |wi| viewed.sample_density(wi), 70 + u64::from(texel));
+                assert!(z < 4.5 && (sum - 1.0).abs() < 0.01, "{side:?} {texel}: {z} sigma, sum {sum}");
+                let (z, _) = deviation(
+                    |at| viewed.sample_direction([at[0], at[1], 0.9 * at[2]]),
+                    |wi| viewed.sample_density(wi),
+                    70 + u64::from(texel),
+                );
+                assert!(z > 10.0, "planted: a lobe that is drawn too seldom, {z}");
+            }
+        }
+    }
+}

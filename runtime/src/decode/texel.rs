@@ -1,0 +1,132 @@
+//! A texel within a layer: what does not depend on the directions, its lobes and its residual. Twin:
+//! `shaders/texel.wgsl`.
+
+use crate::asset::edit::EDIT_WORDS;
+use crate::asset::lobe::{RESIDENT_WORDS, ResidentLobe, weight_scale};
+use crate::decode::decode::DecodeOptions;
+use crate::numeric::quantize::{coefficient_from_byte, weight_from_byte};
+use crate::resident::resident::{ASSET_LAYERS, Resident, block};
+
+/// Columns and rows of the level whose layer's block begins at word `layer`.
+pub(crate) fn size(words: &[u32], layer: usize) -> [usize; 2] {
+    [block::WIDTH, block::ROWS].map(|field| words[layer + field] as usize)
+}
+
+/// A texel's record, with the options' limits applied.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Texel<'a> {
+    pub words: &'a [u32],
+    /// First word of the layer's block.
+    pub layer: usize,
+    pub texel: usize,
+    pub cluster: usize,
+    pub lobes: usize,
+    pub first_ref: usize,
+    /// The mean and the components that are used; 0 without residual.
+    pub bases: usize,
+    /// Number of the texel's edit, counted from 1; 0 for none.
+    pub edit: usize,
+}
+
+impl<'a> Texel<'a> {
+    pub(crate) fn new(resident: &'a Resident, layer: u32, texel: u32, options: &DecodeOptions) -> Texel<'a> {
+        let words = resident.words();
+        Texel::of_words(words, words[ASSET_LAYERS + layer as usize] as usize, texel, options)
+    }
+
+    /// The words where what such a texel has of its own begins: its record and its codes.
+    pub(crate) fn own_words(resident: &Resident, layer: u32, texel: u32) -> [usize; 2] {
+        let words = resident.words();
+        let block = &words[words[ASSET_LAYERS + layer as usize] as usize..];
+        let [records, codes, code_words] = [block::RECORDS, block::CODES, block::CODE_WORDS].map(|i| block[i] as usize);
+        [records + 2 * texel as usize, codes + code_words * texel as usize]
+    }
+
+    /// Another texel of the same layer.
+    pub(crate) fn at(&self, texel: u32, options: &DecodeOptions) -> Texel<'a> {
+        Texel::of_words(self.words, self.layer, texel, options)
+    }
+
+    fn of_words(words: &'a [u32], layer: usize, texel: u32, options: &DecodeOptions) -> Texel<'a> {
+        let record = words[layer + block::RECORDS] as usize + 2 * texel as usize;
+        Texel {
+            words,
+            layer,
+            texel: texel as usize,
+            cluster: (words[record] & 0xff) as usize,
+            lobes: (words[record] >> 16).min(options.lobes) as usize,
+            first_ref: words[record + 1] as usize,
+            bases: words[layer + block::BASES].min(options.components.saturating_add(1)) as usize,
+            edit: (words[record] >> 8 & 0xff) as usize,
+        }
+    }
+
+    /// A word of the layer's block.
+    pub(crate) fn field(&self, field: usize) -> usize {
+        self.words[self.layer + field] as usize
+    }
+
+    /// A number of the layer's block.
+    pub(crate) fn float(&self, field: usize) -> f32 {
+        f32::from_bits(self.words[self.layer + field])
+    }
+
+    /// The word of its first lobe reference.
+    pub(crate) fn first_lobe(&self) -> usize {
+        self.field(block::REFS) + self.first_ref
+    }
+
+    /// First word of the dictionary of the texel's cluster, as it was measured or as the edit numbered `edit` has it.
+    pub(crate) fn dictionary(&self, edit: usize) -> usize {
+        let table = if edit == 0 {
+            self.field(block::DICTIONARIES)
+        } else {
+            self.words[self.field(block::EDITS) + (edit - 1) * EDIT_WORDS + 4] as usize
+        };
+        self.words[table + self.cluster] as usize
+    }
+
+    /// Its lobes from the dictionary at word `dictionary`, as the resident form has them, with the references to them.
+    pub(crate) fn lobes_of(&self, dictionary: usize) -> impl Iterator<Item = (&'a ResidentLobe, u32)> {
+        let words = self.words;
+        let first = self.first_lobe();
+        words[first..first + self.lobes].iter().map(move |reference| {
+            let at = dictionary + (reference & 0xff) as usize * RESIDENT_WORDS;
+            (words[at..].first_chunk().unwrap_or(&[0; RESIDENT_WORDS]), *reference)
+        })
+    }
+
+    /// Sum of the lobes of that dictionary, RGB; `value` gives each lobe's.
+    pub(crate) fn lobe_sum(&self, edit: usize, mut value: impl FnMut(&ResidentLobe) -> f32) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        for (lobe, reference) in self.lobes_of(self.dictionary(edit)) {
+            let (value, weights) = (value(lobe), lobe_weights(lobe, reference));
+            (0..3).for_each(|c| sum[c] += weights[c] * value);
+        }
+        sum
+    }
+
+    /// Weight of basis `index`: 1 for the mean, the decoded code for a component, 0 for what is not used.
+    pub(crate) fn basis_weight(&self, index: usize) -> f32 {
+        if index == 0 {
+            return 1.0;
+        }
+        if index >= self.bases {
+            return 0.0;
+        }
+        let component = index - 1;
+        let word = self.words[self.field(block::CODES) + self.texel * self.field(block::CODE_WORDS) + component / 4];
+        coefficient_from_byte(word >> (8 * (component as u32 % 4)) & 0xff)
+    }
+
+    /// The word of the bases at the pair of `view` and `light`, counted from the bases' first.
+    pub(crate) fn bases_at(&self, view: u32, light: u32) -> usize {
+        let pair = self.cluster * self.field(block::PAIRS) + view as usize * self.field(block::LIGHT_COUNT);
+        (pair + light as usize) * 3 * self.field(block::CHANNEL_WORDS)
+    }
+}
+
+/// Weights of a lobe that `reference` names, RGB.
+pub(crate) fn lobe_weights(lobe: &ResidentLobe, reference: u32) -> [f32; 3] {
+    [8, 16, 24].map(|shift| weight_from_byte(reference >> shift & 0xff, weight_scale(lobe)))
+}

@@ -1,0 +1,460 @@
+//! A texel as an eye sees it: the half of decoding that does not depend on the light, done once however many lights
+//! there are. Twin: `shaders/viewed_texel.wgsl`.
+//!
+//! What a light costs beyond its own place among the measured lights is kept, too: the residual, summed over the
+//! views, at a measured light is a row that later lights between the same measured ones find ready: sixteen close ones
+//! seldom make more than a dozen together. A light alone needs no rows: the residual is summed over views and lights at once.
+
+use crate::asset::asset::LobeRole;
+use crate::asset::edit::EDIT_WORDS;
+use crate::asset::lobe::{LobeSetup, ResidentLobe};
+use crate::asset::residual::ResidualKind;
+use crate::asset::sphere::{Neighbours, direction, locate};
+use crate::decode::decode::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
+use crate::decode::parallax::{HeightField, SeenBy};
+use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MOST_BLOCKS, residual_sum};
+use crate::decode::texel::Texel;
+use crate::resident::resident::{Resident, block};
+use crate::resident::single::SingleBases;
+use pulp::{Arch, Simd, WithSimd};
+
+/// Largest value that a tint multiplies, so that what is finite stays so.
+const MOST_EDITED: f32 = 1e37;
+/// Rows that [`LightRows`] keeps. A measured light has one place, its number modulo this.
+pub const LIGHT_ROWS: usize = 32;
+
+/// Rows of one [`ViewedTexel`], by measured light; by default none. Start anew for every viewed texel.
+#[derive(Debug, Clone, Default)]
+pub struct LightRows {
+    /// Number of the measured light plus 1; 0 for no row.
+    ids: [u32; LIGHT_ROWS],
+    rows: [Row; LIGHT_ROWS],
+}
+
+impl LightRows {
+    /// The rows of those of three measured `lights` that are `wanted`; `make` gives those that are not there, which are kept.
+    fn find_or_make(
+        &mut self,
+        lights: [u32; 3],
+        mut wanted: [bool; 3],
+        make: impl Fn([bool; 3]) -> [Row; 3],
+    ) -> [Row; 3] {
+        let place = lights.map(|id| id as usize % LIGHT_ROWS);
+        let mut found = [Row::default(); 3];
+        for l in 0..3 {
+            if wanted[l] && self.ids[place[l]] == lights[l] + 1 {
+                found[l] = self.rows[place[l]];
+                wanted[l] = false;
+            }
+        }
+        if wanted.contains(&true) {
+            let made = make(wanted);
+            for l in (0..3).filter(|l| wanted[*l]) {
+                found[l] = made[l];
+                self.ids[place[l]] = lights[l] + 1;
+                self.rows[place[l]] = made[l];
+            }
+        }
+        found
+    }
+}
+
+/// What the neighbouring views have at a measured light, summed with their weights.
+#[derive(Debug, Clone, Copy, Default)]
+struct Row {
+    /// Fast rule: the residual. Exact rule: decoded linear values.
+    value: [f32; 3],
+    /// Exact rule: lobe sums.
+    lobes: [f32; 3],
+}
+
+/// A light on the layer's side.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lit {
+    /// Unit vector to it in the layer's frame.
+    wi: [f32; 3],
+    /// Its place among the measured lights, where there is a residual.
+    place: Option<Neighbours>,
+}
+
+impl Lit {
+    pub(crate) fn wi(&self) -> [f32; 3] {
+        self.wi
+    }
+}
+
+/// A texel as the eye at one direction sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct ViewedTexel<'a> {
+    t: Texel<'a>,
+    bases: Bases<'a>,
+    /// In the layer's frame; z <= 0 is on the other side, and everything black.
+    wo: [f32; 3],
+    views: [u32; 3],
+    weights: [f32; 3],
+    /// The texel that each of the views shows, where the eye lies outside their hull and the asset has heights.
+    shifted: Option<[Texel<'a>; 3]>,
+    kind: ResidualKind,
+    guide: bool,
+    exact: bool,
+}
+
+impl<'a> ViewedTexel<'a> {
+    /// `texel` of `layer` seen from `wo`, a unit vector towards the eye in the texel's frame. `layer` and `texel` must
+    /// be within the asset. Cost: a search among the measured views; with heights and an eye beyond them four rays.
+    pub fn new(
+        resident: &'a Resident,
+        layer: u32,
+        texel: u32,
+        wo: [f32; 3],
+        options: &DecodeOptions,
+    ) -> ViewedTexel<'a> {
+        let t = Texel::new(resident, layer, texel, options);
+        let bases = Bases::Halves(&t.words[t.field(block::BASIS)..]);
+        ViewedTexel::of_texel(t, bases, wo, options)
+    }
+
+    /// The same with bases in single precision; `bases` must be of the same asset.
+    pub fn new_single(
+        resident: &'a Resident,
+        bases: &'a SingleBases,
+        layer: u32,
+        texel: u32,
+        wo: [f32; 3],
+        options: &DecodeOptions,
+    ) -> ViewedTexel<'a> {
+        let t = Texel::new(resident, layer, texel, options);
+        ViewedTexel::of_texel(t, Bases::Singles(bases.layer(layer as usize)), wo, options)
+    }
+
+    fn of_texel(t: Texel<'a>, bases: Bases<'a>, wo: [f32; 3], options: &DecodeOptions) -> ViewedTexel<'a> {
+        let wo = [wo[0], wo[1], if t.field(block::VIEW_SIDE) == 1 { -wo[2] } else { wo[2] }];
+        let view = locate(t.words, t.field(block::VIEWS), wo);
+        let mut viewed = ViewedTexel {
+            t,
+            bases,
+            wo,
+            views: view.ids,
+            weights: view.weights,
+            shifted: None,
+            kind: ResidualKind::from_number(t.field(block::RESIDUAL_KIND) as u32).unwrap_or(ResidualKind::Additive),
+            // Lobes that only guide are not part of the value, and the fast rule does not ask them.
+            guide: t.field(block::LOBE_ROLE) == LobeRole::Guide as usize,
+            exact: options.interpolation == Interpolation::Exact,
+        };
+        if options.parallax
+            && view.beyond < 1.0
+            && wo[2] > 0.0
+            && let Some(heights) = HeightField::of_layer(t.words, t.layer)
+        {
+            let measured = viewed.measured_views();
+            let seen: SeenBy = heights.seen_by(t.texel as u32, wo, view.beyond, &measured, &view.weights);
+            viewed.weights = seen.weights;
+            viewed.shifted = Some(seen.texels.map(|texel| t.at(texel, options)));
+        }
+        viewed
+    }
+
+    /// Whether its values have a residual; without one they are the lobes alone.
+    pub fn has_residual(&self) -> bool {
+        self.t.field(block::BASES) > 0
+    }
+
+    /// The texel itself.
+    pub(crate) fn texel(&self) -> &Texel<'a> {
+        &self.t
+    }
+
+    /// Towards the eye, in the layer's frame.
+    pub(crate) fn eye(&self) -> [f32; 3] {
+        self.wo
+    }
+
+    /// -1 where the layer's light is on the back, else 1.
+    pub(crate) fn light_sign(&self) -> f32 {
+        if self.t.field(block::LIGHT_SIDE) == 1 { -1.0 } else { 1.0 }
+    }
+
+    fn measured_views(&self) -> [[f32; 3]; 3] {
+        self.views.map(|id| direction(self.t.words, self.t.field(block::VIEWS), id))
+    }
+
+    /// The texel that neighbouring view `v` shows.
+    fn shown_by(&self, v: usize) -> &Texel<'a> {
+        self.shifted.as_ref().map_or(&self.t, |shifted| &shifted[v])
+    }
+
+    /// Sum of the lobes that the eye sees, RGB, as measured or as an edit has them; `value` gives each lobe's.
+    fn lobe_sum(&self, edit: usize, value: &mut impl FnMut(&ResidentLobe) -> f32) -> [f32; 3] {
+        if self.shifted.is_none() {
+            return self.t.lobe_sum(edit, value);
+        }
+        let mut sum = [0.0; 3];
+        for v in (0..3).filter(|v| self.weights[*v] > 0.0) {
+            let lobes = self.shown_by(v).lobe_sum(edit, &mut *value);
+            (0..3).for_each(|c| sum[c] += self.weights[v] * lobes[c]);
+        }
+        sum
+    }
+
+    /// Adds what neighbouring view `v` shows at a measured `light` under the exact rule to its row.
+    fn add_decoded(&self, row: &mut Row, v: usize, light: u32, residual: [f32; 3], epsilon: f32) {
+        let [wi, wo] = [(block::LIGHTS, light), (block::VIEWS, self.views[v])]
+            .map(|(set, id)| direction(self.t.words, self.t.field(set), id));
+        let lobes = self.shown_by(v).lobe_sum(0, |lobe| LobeSetup::from_resident_words(lobe).eval(wi, wo));
+        let value = self.kind.combine_rgb(if self.guide { [0.0; 3] } else { lobes }, residual, epsilon);
+        for c in 0..3 {
+            row.value[c] += self.weights[v] * value[c];
+            row.lobes[c] += self.weights[v] * lobes[c];
+        }
+    }
+
+    /// The rows of three measured `lights`; those not `wanted` stay 0.
+    fn rows(&self, lights: [u32; 3], wanted: [bool; 3], epsilon: f32) -> [Row; 3] {
+        let mut rows = [Row::default(); 3];
+        for l in (0..3).filter(|l| wanted[*l]) {
+            let mut shares = [0.0; 3];
+            shares[l] = 1.0;
+            if !self.exact {
+                rows[l].value = self.residual(lights, shares, self.weights);
+                continue;
+            }
+            for v in (0..3).filter(|v| self.weights[*v] > 0.0) {
+                let mut of_view = [0.0; 3];
+                of_view[v] = 1.0;
+                self.add_decoded(&mut rows[l], v, lights[l], self.residual(lights, shares, of_view), epsilon);
+            }
+        }
+        rows
+    }
+
+    /// Sum of the residual at the measured `lights` and the neighbouring views, RGB, each times its light's and its view's share.
+    fn residual(&self, lights: [u32; 3], of_lights: [f32; 3], of_views: [f32; 3]) -> [f32; 3] {
+        let sum = Residual { viewed: self, lights, of_lights, of_views };
+        match 3 * self.t.field(block::CHANNEL_WORDS) <= FEW_BLOCKS * LANES {
+            true => Arch::new().dispatch(InBlocks::<'_, '_, FEW_BLOCKS>(sum)),
+            false => Arch::new().dispatch(InBlocks::<'_, '_, MOST_BLOCKS>(sum)),
+        }
+    }
+
+    /// Reflectance times cosine times pi, linear RGB, at least 0, for the light at `wi`, a unit vector in the texel's
+    /// frame; 0 where light or eye are on another side than the layer's. `rows` are those of this viewed texel.
+    ///
+    /// Cost: a search among the measured lights, the lobes, and three rows of residual less those that are there.
+    pub fn light(&self, rows: &mut LightRows, wi: [f32; 3]) -> [f32; 3] {
+        self.lit(wi).map_or([0.0; 3], |lit| self.value(Some(rows), &lit, &mut self.lobes(lit.wi)))
+    }
+
+    /// [`ViewedTexel::light`] for a light that shares its rows with no other.
+    pub fn light_alone(&self, wi: [f32; 3]) -> [f32; 3] {
+        self.lit(wi).map_or([0.0; 3], |lit| self.value(None, &lit, &mut self.lobes(lit.wi)))
+    }
+
+    /// Values of lobes, each by itself.
+    fn lobes(&self, wi: [f32; 3]) -> impl FnMut(&ResidentLobe) -> f32 {
+        let wo = self.wo;
+        move |lobe| LobeSetup::from_resident_words(lobe).eval(wi, wo)
+    }
+
+    /// The light at `wi`, where light and eye are on the layer's sides.
+    pub(crate) fn lit(&self, wi: [f32; 3]) -> Option<Lit> {
+        let wi = [wi[0], wi[1], wi[2] * self.light_sign()];
+        (wi[2] > 0.0 && self.wo[2] > 0.0).then(|| Lit {
+            wi,
+            place: (self.t.bases > 0).then(|| locate(self.t.words, self.t.field(block::LIGHTS), wi)),
+        })
+    }
+
+    /// Takes all lobes whose values [`ViewedTexel::value`] asks for, in the same order.
+    pub(crate) fn ask_lobes(&self, mut ask: impl FnMut(&ResidentLobe)) {
+        for edit in [self.asks_lobes().then_some(0), (self.t.edit > 0).then_some(self.t.edit)].into_iter().flatten() {
+            for v in 0..if self.shifted.is_some() { 3 } else { 1 } {
+                if self.shifted.is_none() || self.weights[v] > 0.0 {
+                    let texel = self.shown_by(v);
+                    texel.lobes_of(texel.dictionary(edit)).for_each(|(lobe, _)| ask(lobe));
+                }
+            }
+        }
+    }
+
+    fn asks_lobes(&self) -> bool {
+        !self.guide || self.exact || self.t.bases == 0 || self.t.edit > 0
+    }
+
+    /// Takes the first words of what [`ViewedTexel::value`] will read far from each other: of the texel's lobes, and of each pair
+    /// of a measured view and light.
+    pub(crate) fn ahead(&self, lit: &Lit, mut take: impl FnMut(usize)) {
+        if self.asks_lobes() {
+            take(self.t.first_lobe());
+        }
+        let Some(light) = &lit.place else { return };
+        for (view, _) in self.views.iter().zip(self.weights).filter(|(_, weight)| *weight > 0.0) {
+            for (light, _) in light.ids.iter().zip(light.weights).filter(|(_, weight)| *weight > 0.0) {
+                let first = self.t.field(block::BASIS) + self.t.bases_at(*view, *light);
+                take(first);
+                take(first + 3 * self.t.field(block::CHANNEL_WORDS) - 1);
+            }
+        }
+    }
+
+    /// The value for `lit`; `lobe` gives the values of lobes.
+    pub(crate) fn value(
+        &self,
+        rows: Option<&mut LightRows>,
+        lit: &Lit,
+        lobe: &mut impl FnMut(&ResidentLobe) -> f32,
+    ) -> [f32; 3] {
+        let t = &self.t;
+        let fade = (lit.wi[2] / t.float(block::HORIZON)).min(1.0);
+        let here = if self.asks_lobes() { self.lobe_sum(0, lobe) } else { [0.0; 3] };
+        let mut value = match &lit.place {
+            None => here.map(|x| x.max(0.0)),
+            Some(place) => self.measured(rows, place, here),
+        };
+        if t.edit > 0 {
+            value = self.edited(value, here, self.lobe_sum(t.edit, lobe));
+        }
+        value.map(|x| x * fade)
+    }
+
+    /// A measured value with the lobes' sum `here` and the edited lobes' sum; see edit.rs.
+    fn edited(&self, value: [f32; 3], here: [f32; 3], lobes: [f32; 3]) -> [f32; 3] {
+        let t = &self.t;
+        let at = t.field(block::EDITS) + (t.edit - 1) * EDIT_WORDS;
+        let [r, g, b, keep] = [0, 1, 2, 3].map(|i| f32::from_bits(t.words[at + i]));
+        let (tint, epsilon) = ([r, g, b], t.float(block::EPSILON));
+        [0, 1, 2].map(|c| {
+            let left = self.kind.encode(value[c], epsilon) - self.kind.encode(here[c], epsilon);
+            tint[c] * self.kind.combine(lobes[c], keep * left, epsilon).min(MOST_EDITED)
+        })
+    }
+
+    /// The fast rule: lobes `here` and the interpolated residual. Beyond the lights' hull the residual falls with the light's
+    /// cosine; alone, the decoded value does.
+    fn combined(&self, here: [f32; 3], residual: [f32; 3], beyond: f32) -> [f32; 3] {
+        let (base, scaled, falling) = if self.guide { ([0.0; 3], 1.0, beyond) } else { (here, beyond, 1.0) };
+        let scale = self.kind.scale_beyond(scaled);
+        let value = self.kind.combine_rgb(base, residual.map(|r| scale * r), self.t.float(block::EPSILON));
+        value.map(|x| x * falling)
+    }
+
+    /// The measured value for a `light` there, without the fade to the horizon; `here` are the lobes, where they are asked.
+    fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, here: [f32; 3]) -> [f32; 3] {
+        let epsilon = self.t.float(block::EPSILON);
+        if rows.is_none() && !self.exact {
+            return self.combined(here, self.residual(light.ids, light.weights, self.weights), light.beyond);
+        }
+        let wanted = light.weights.map(|weight| weight > 0.0);
+        let found = match rows {
+            None => self.rows(light.ids, wanted, epsilon),
+            Some(rows) => rows.find_or_make(light.ids, wanted, |missing| self.rows(light.ids, missing, epsilon)),
+        };
+        let mix = |of: fn(&Row) -> [f32; 3]| {
+            [0, 1, 2].map(|c| (0..3).map(|l| light.weights[l] * of(&found[l])[c]).sum::<f32>())
+        };
+        let value = mix(|row| row.value);
+        if !self.exact {
+            return self.combined(here, value, light.beyond);
+        }
+        let lobes = mix(|row| row.lobes);
+        [0, 1, 2].map(|c| {
+            let ratio = (here[c] + RATIO_EPSILON) / (lobes[c] + RATIO_EPSILON);
+            value[c] * ratio.clamp(RATIO_RANGE[0], RATIO_RANGE[1])
+        })
+    }
+}
+
+/// [`ViewedTexel::residual`].
+struct Residual<'a, 'b> {
+    viewed: &'b ViewedTexel<'a>,
+    lights: [u32; 3],
+    of_lights: [f32; 3],
+    of_views: [f32; 3],
+}
+
+/// It, in vectors, where bases fill at most so many blocks: room for more takes longer to clear than a few take to sum.
+struct InBlocks<'a, 'b, const BLOCKS: usize>(Residual<'a, 'b>);
+
+impl<const BLOCKS: usize> WithSimd for InBlocks<'_, '_, BLOCKS> {
+    type Output = [f32; 3];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> [f32; 3] {
+        let Residual { viewed, lights, of_lights, of_views } = self.0;
+        let own = BasisWeights::<BLOCKS>::of_texel(&viewed.t);
+        let shifted = viewed.shifted.as_ref().map(|texels| texels.each_ref().map(BasisWeights::<BLOCKS>::of_texel));
+        let weights = shifted.as_ref().map_or([&own; 3], |shifted| shifted.each_ref());
+        let (mut pairs, mut count) = ([(0.0, 0, &own); 9], 0);
+        for v in 0..3 {
+            for l in 0..3 {
+                let share = of_views[v] * of_lights[l];
+                if share > 0.0 {
+                    let first = viewed.shown_by(v).bases_at(viewed.views[v], lights[l]);
+                    pairs[count] = (share, first, weights[v]);
+                    count += 1;
+                }
+            }
+        }
+        residual_sum(simd, viewed.bases, &pairs[..count])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::decode::decode::decode;
+    use crate::decode::parallax::Heights;
+    use crate::testing::{Random, sample_asset};
+
+    #[test]
+    fn lights_that_share_rows_decode_as_each_would_alone() {
+        for (seed, kind) in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root].into_iter().enumerate() {
+            for (role, interpolation) in
+                [(LobeRole::Base, Interpolation::Fast), (LobeRole::Guide, Interpolation::Exact)]
+            {
+                let mut asset = sample_asset(60 + seed as u64, 6, 5, kind);
+                asset.layers[0].lobe_role = role;
+                asset.layers[0].heights =
+                    Some(Heights { step: 0.1, codes: (0..30u8).map(|i| (i * 7 % 11) as i8 - 5).collect() });
+                let resident = Resident::from_asset(&asset);
+                let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
+                let mut random = Random::new(61);
+                let mut others = 0;
+                for _ in 0..100 {
+                    let (texel, wo) = (random.below(30) as u32, random.direction());
+                    let viewed = ViewedTexel::new(&resident, 0, texel, wo, &options);
+                    let mut rows = LightRows::default();
+                    // Rows of another texel are not this one's.
+                    let other = ViewedTexel::new(&resident, 0, (texel + 7) % 30, wo, &options);
+                    let mut foreign = LightRows::default();
+                    for _ in 0..40 {
+                        let wi = random.direction();
+                        let alone = decode(&resident, 0, texel, wi, wo, &options);
+                        // Alone, the rows are summed in another order.
+                        let close = |value: [f32; 3]| {
+                            (0..3).all(|c| (value[c] - alone[c]).abs() <= 1e-5 * (1.0 + alone[c].abs()))
+                        };
+                        assert!(close(viewed.light(&mut rows, wi)), "{kind:?} {interpolation:?}");
+                        other.light(&mut foreign, wi);
+                        others += u32::from(!close(viewed.light(&mut foreign, wi)));
+                    }
+                }
+                assert!(others > 1000, "{others}");
+            }
+        }
+    }
+
+    #[test]
+    fn close_lights_make_few_rows() {
+        let asset = sample_asset(70, 6, 5, ResidualKind::Root);
+        let resident = Resident::from_asset(&asset);
+        let viewed = ViewedTexel::new(&resident, 0, 3, [0.0, 0.0, 1.0], &DecodeOptions::default());
+        let mut rows = LightRows::default();
+        for i in 0..16 {
+            let angle = i as f32 * 0.4;
+            let wi = [0.3 + 0.01 * angle.cos(), 0.01 * angle.sin(), 0.95];
+            viewed.light(&mut rows, wi);
+        }
+        assert!(rows.ids.iter().filter(|id| **id != 0).count() <= 4);
+    }
+}

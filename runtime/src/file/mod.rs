@@ -1,0 +1,8 @@
+//! The bytes of an asset file (docs/FORMAT.md): packing, parsing, validation.
+
+pub(crate) mod format;
+pub(crate) mod pack;
+pub(crate) mod parse;
+pub(crate) mod resident_file;
+pub(crate) mod texel_coding;
+pub(crate) mod validate;

@@ -1,0 +1,398 @@
+//! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
+
+use crate::asset::asset::{
+    Asset, DictionaryLobe, EPSILON_RANGE, Layer, LevelTexels, LobeRef, doubled_sides, level_sizes, refs_exist,
+};
+use crate::asset::edit::{Edit, MOST_EDITS};
+use crate::asset::lobe::Lobe;
+use crate::container::container::{SectionSource, write_file_of};
+use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
+use crate::decode::parallax::{Heights, MOST_HEIGHT_STEP};
+use crate::error::FormatError;
+use crate::file::format::{
+    Form, Head, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
+    MAX_LAYERS, MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, Spmm, basis_words, in_mm_range,
+};
+use crate::file::texel_coding::{MOST_FRESH, code_clusters, code_counts, code_refs, encode_refs};
+use half::f16;
+
+fn refuse<T>(reason: &str) -> Result<T, FormatError> {
+    Err(FormatError::Pack { reason: reason.to_string() })
+}
+
+fn bytes_from_words(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+fn push_halves(bytes: &mut Vec<u8>, halves: &[f16]) {
+    bytes.extend(halves.iter().flat_map(|x| x.to_bits().to_le_bytes()));
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+}
+
+/// The asset's bytes: what `btf-fit` writes to an `.spmm` file.
+///
+/// Sections that every tier needs come first, then the residual of all layers component by component,
+/// each of which ends a tier, then the levels, which end one together. Errors name the rule of FORMAT.md that the asset breaks.
+pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
+    let in_side = |side: usize| side >= 1 && side <= MAX_SIDE as usize;
+    if !in_side(asset.width) || !in_side(asset.height) {
+        return refuse("width and height must be 1 to 16384");
+    }
+    if !asset.size_mm.is_none_or(in_mm_range) {
+        return refuse("its physical size must be above 0 mm and at most 1000000 mm");
+    }
+    if asset.layers.is_empty() || asset.layers.len() > MAX_LAYERS {
+        return refuse("it must have 1 to 4 layers");
+    }
+    if doubled_sides(&asset.layers).is_some() {
+        return refuse("no two layers may have the same sides of light and eye");
+    }
+    let mut sections = vec![SectionSource {
+        kind: SectionKind::Material,
+        layer: 0,
+        index: 0,
+        bytes: asset.material.clone().into_bytes(),
+        ends_tier: false,
+    }];
+    let edits = &asset.edits;
+    if !edits.list.is_empty() {
+        if edits.list.len() > MOST_EDITS || !edits.list.iter().all(Edit::in_range) {
+            return refuse("it has more than 255 edits, or one with a number out of its range");
+        }
+        if edits.texels.len() != asset.texel_count()
+            || edits.texels.iter().any(|edit| usize::from(*edit) > edits.list.len())
+        {
+            return refuse("the edits do not fit the texels");
+        }
+        if !asset.layers.iter().all(|layer| edits.fit(layer)) {
+            return refuse("its edited lobes would take more than 64 MiB; use fewer edits");
+        }
+        let mut bytes = bytes_from_words(&[edits.list.len() as u32]);
+        bytes.extend(edits.list.iter().flat_map(|edit| edit.numbers()).flat_map(f32::to_le_bytes));
+        bytes.extend(coded(|coder| code_clusters(coder, &mut edits.texels.clone(), asset.width)));
+        sections.push(SectionSource { kind: SectionKind::Edits, layer: 0, index: 0, bytes, ends_tier: false });
+    }
+    let last = asset.layers.len() - 1;
+    for (number, layer) in asset.layers.iter().enumerate() {
+        check_layer(layer, asset.texel_count())?;
+        push_base_sections(&mut sections, layer, asset.width, number as u32, number == last);
+    }
+    let deepest = asset.layers.iter().filter_map(|layer| layer.residual.as_ref()).map(|r| r.bases.len()).max();
+    for index in 0..deepest.unwrap_or(0) {
+        for (number, layer) in asset.layers.iter().enumerate() {
+            push_residual_sections(&mut sections, layer, asset.width, number as u32, index);
+        }
+        if let Some(section) = sections.last_mut() {
+            section.ends_tier = true;
+        }
+    }
+    let sizes = level_sizes([asset.width, asset.height]);
+    for (number, level) in asset.levels.iter().enumerate() {
+        if sizes.get(number) != Some(&[level.width, level.height]) || level.layers.len() != asset.layers.len() {
+            return refuse("a level has not half the size of the one before, or not every layer");
+        }
+        for (layer, texels) in level.layers.iter().enumerate() {
+            check_level(texels, &asset.layers[layer], level.width * level.height)?;
+            let bytes = level_bytes(texels, level.width);
+            let (kind, layer, index) = (SectionKind::Level, layer as u32, number as u32 + 1);
+            sections.push(SectionSource { kind, layer, index, bytes, ends_tier: false });
+        }
+    }
+    let head = Head {
+        form: Form::File,
+        width: asset.width as u32,
+        height: asset.height as u32,
+        layers: asset.layers.len() as u32,
+        size_mm: asset.size_mm,
+        seamless: asset.seamless,
+    };
+    write_file_of::<Spmm>(&head, &sections)
+}
+
+fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
+    let clusters = layer.dictionary.len();
+    if clusters == 0 || clusters > MAX_CLUSTERS || layer.dictionary.iter().any(|d| d.len() > MAX_DICTIONARY) {
+        return refuse("a layer needs 1 to 256 clusters of at most 256 lobes");
+    }
+    check_texels(
+        [&layer.texel_clusters, &layer.texel_lobe_counts],
+        &layer.lobe_refs,
+        layer.heights.as_ref(),
+        &layer.dictionary,
+        texels,
+    )?;
+    if !EPSILON_RANGE.contains(&layer.epsilon) {
+        return refuse("epsilon must be 1e-6 to 1");
+    }
+    let readable = |entry: &DictionaryLobe| Lobe::from_words(entry.lobe.to_words(entry.weight_scale)).is_some();
+    if !layer.dictionary.iter().flatten().all(readable) {
+        return refuse("a lobe's parameter or weight scale is out of its range; use Lobe::clamped");
+    }
+    let Some(residual) = &layer.residual else {
+        return Ok(());
+    };
+    let factors = &residual.factors;
+    if residual.bases.is_empty()
+        || residual.bases.len() > MAX_COMPONENTS + 1
+        || residual.coefficients.len() + 1 != residual.bases.len()
+    {
+        return refuse("a residual needs a mean and at most 128 components, each with coefficients");
+    }
+    if factors.shape != [layer.views.len(), layer.lights.len()]
+        || factors.ranks.iter().flatten().any(|rank| *rank > MAX_RANK)
+    {
+        return refuse("the factors do not fit the direction sets");
+    }
+    for channel in 0..3 {
+        let [rv, rl] = factors.ranks[channel];
+        if factors.view[channel].len() != factors.shape[0] * rv || factors.light[channel].len() != factors.shape[1] * rl
+        {
+            return refuse("a factor matrix does not fit its ranks");
+        }
+    }
+    let finite = |halves: &[f16]| halves.iter().all(|x| x.is_finite());
+    if !factors.view.iter().chain(&factors.light).all(|matrix| finite(matrix)) {
+        return refuse("a factor is not a finite half-precision number");
+    }
+    if basis_words(factors.shape, clusters, residual.bases.len()) > MAX_BASIS_WORDS {
+        return refuse("its bases would take more than 1 GiB when expanded; use fewer clusters or components");
+    }
+    let shared = residual.shared.steps.len();
+    let steps_fit = |steps: &[f32], most: f32| steps.iter().all(|step| (0.0..=most).contains(step));
+    if shared > MAX_SHARED
+        || residual.shared.values.len() != shared * factors.core_len()
+        || !steps_fit(&residual.shared.steps, MAX_BASIS_STEP)
+    {
+        return refuse("the shared bases do not fit the ranks, are more than 1024, or have a step out of range");
+    }
+    for basis in &residual.bases {
+        if basis.steps.len() != clusters || basis.values.len() != clusters * shared {
+            return refuse("a basis does not fit the clusters and the shared bases");
+        }
+        if !steps_fit(&basis.steps, MAX_BASIS_STEP) {
+            return refuse("a basis' step is out of range");
+        }
+    }
+    for plane in &residual.coefficients {
+        if plane.codes.len() != texels || !steps_fit(&[plane.step], MAX_COEFFICIENT_STEP) {
+            return refuse("a coefficient plane does not fit the texels or its step is out of range");
+        }
+    }
+    Ok(())
+}
+
+/// What a level's texels have, clusters and lobe counts first, is whole and refers to what is there.
+fn check_texels(
+    [clusters, lobe_counts]: [&[u8]; 2],
+    lobe_refs: &[LobeRef],
+    heights: Option<&Heights>,
+    dictionary: &[Vec<DictionaryLobe>],
+    texels: usize,
+) -> Result<(), FormatError> {
+    if clusters.len() != texels || lobe_counts.len() != texels {
+        return refuse("a per-texel array has not one entry per texel");
+    }
+    if clusters.iter().any(|cluster| usize::from(*cluster) >= dictionary.len()) {
+        return refuse("a texel names a cluster that is not there");
+    }
+    let total: usize = lobe_counts.iter().map(|count| usize::from(*count)).sum();
+    if total != lobe_refs.len() {
+        return refuse("the lobe counts do not add up to the references");
+    }
+    if !refs_exist(clusters, lobe_counts, lobe_refs, dictionary) {
+        return refuse("a texel names a lobe that its cluster does not have");
+    }
+    match heights {
+        Some(heights) if heights.codes.len() != texels || !(heights.step > 0.0 && heights.step <= MOST_HEIGHT_STEP) => {
+            refuse("the heights do not fit the texels or their step is out of range")
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_level(level: &LevelTexels, layer: &Layer, texels: usize) -> Result<(), FormatError> {
+    let most = layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    if level.codes.len() > most || level.codes.iter().any(|plane| plane.len() != texels) {
+        return refuse("a level has more components than its layer, or a plane that does not fit its texels");
+    }
+    let per_texel: [&[u8]; 2] = [&level.clusters, &level.lobe_counts];
+    check_texels(per_texel, &level.lobe_refs, level.heights.as_ref(), &layer.dictionary, texels)
+}
+
+/// A Level section; its stream has at least so many bytes as bound its numbers, see [`encode_refs`].
+fn level_bytes(level: &LevelTexels, width: usize) -> Vec<u8> {
+    let step = level.heights.as_ref().map_or(0.0, |heights| heights.step);
+    let head = bytes_from_words(&[level.codes.len() as u32, step.to_bits()]);
+    let planes: Vec<&Vec<i8>> = level.heights.iter().map(|heights| &heights.codes).chain(&level.codes).collect();
+    let mut fresh_every = MOST_FRESH;
+    loop {
+        let stream = coded(|coder| {
+            code_clusters(coder, &mut level.clusters.clone(), width);
+            code_counts(coder, &mut level.lobe_counts.clone(), &level.clusters);
+            code_refs(coder, &mut level.lobe_refs.clone(), &level.clusters, &level.lobe_counts, fresh_every);
+            for plane in &planes {
+                code_plane(coder, &mut Signed::new(), &mut plane.to_vec(), width);
+            }
+        });
+        if fresh_every == 1 || bounded(level.lobe_refs.len(), &stream).is_ok() {
+            return [head, stream].concat();
+        }
+        fresh_every /= 4;
+    }
+}
+
+/// Bytes that `code` writes.
+fn coded(code: impl FnOnce(&mut Encoder)) -> Vec<u8> {
+    let mut coder = Encoder::new();
+    code(&mut coder);
+    coder.finish()
+}
+
+fn push_base_sections(
+    sections: &mut Vec<SectionSource<SectionKind>>,
+    layer: &Layer,
+    width: usize,
+    number: u32,
+    ends_tier: bool,
+) {
+    let mut push = |kind, index, bytes: Vec<u8>, ends_tier| {
+        sections.push(SectionSource { kind, layer: number, index, bytes, ends_tier });
+    };
+    let components = layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    let words = [
+        layer.light_side as u32,
+        layer.view_side as u32,
+        layer.residual_kind as u32,
+        layer.epsilon.to_bits(),
+        layer.dictionary.len() as u32,
+        components as u32,
+        u32::from(layer.residual.is_some()),
+        layer.lobe_role as u32,
+    ];
+    push(SectionKind::Layer, 0, bytes_from_words(&words), false);
+    push(SectionKind::Directions, 0, bytes_from_words(&layer.lights.to_file_words()), false);
+    push(SectionKind::Directions, 1, bytes_from_words(&layer.views.to_file_words()), false);
+    if let Some(heights) = &layer.heights {
+        let mut bytes = bytes_from_words(&[heights.step.to_bits()]);
+        bytes.extend(encode_plane(&heights.codes, width));
+        push(SectionKind::Height, 0, bytes, false);
+    }
+    let ids = coded(|coder| code_clusters(coder, &mut layer.texel_clusters.clone(), width));
+    push(SectionKind::TexelClusters, 0, ids, false);
+    let counts = coded(|coder| code_counts(coder, &mut layer.texel_lobe_counts.clone(), &layer.texel_clusters));
+    push(SectionKind::TexelLobeCounts, 0, counts, false);
+    let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();
+    words.extend(layer.dictionary.iter().flatten().flat_map(|entry| entry.lobe.to_words(entry.weight_scale)));
+    push(SectionKind::Dictionary, 0, bytes_from_words(&words), false);
+    let refs = encode_refs(&layer.lobe_refs, &layer.texel_clusters, &layer.texel_lobe_counts);
+    push(SectionKind::LobeRefs, 0, refs, ends_tier);
+}
+
+fn push_residual_sections(
+    sections: &mut Vec<SectionSource<SectionKind>>,
+    layer: &Layer,
+    width: usize,
+    number: u32,
+    index: usize,
+) {
+    let Some(residual) = &layer.residual else {
+        return;
+    };
+    let Some(basis) = residual.bases.get(index) else {
+        return;
+    };
+    let mut push = |kind, index: usize, bytes: Vec<u8>| {
+        sections.push(SectionSource { kind, layer: number, index: index as u32, bytes, ends_tier: false });
+    };
+    let bits = |steps: &[f32]| steps.iter().map(|step| step.to_bits()).collect::<Vec<u32>>();
+    let factors = &residual.factors;
+    if index == 0 {
+        let mut words: Vec<u32> = factors.ranks.iter().flatten().map(|rank| *rank as u32).collect();
+        words.extend([0, 0]);
+        let mut bytes = bytes_from_words(&words);
+        for channel in 0..3 {
+            push_halves(&mut bytes, &factors.view[channel]);
+            push_halves(&mut bytes, &factors.light[channel]);
+        }
+        push(SectionKind::Factors, 0, bytes);
+        let mut bytes = bytes_from_words(&[residual.shared.steps.len() as u32]);
+        bytes.extend(bytes_from_words(&bits(&residual.shared.steps)));
+        bytes.extend(encode_plane(&residual.shared.values, factors.core_len()));
+        push(SectionKind::SharedBases, 0, bytes);
+    }
+    let mut bytes = bytes_from_words(&bits(&basis.steps));
+    bytes.extend(encode_plane(&basis.values, residual.shared.steps.len()));
+    push(SectionKind::Basis, index, bytes);
+    if let Some(plane) = index.checked_sub(1).map(|component| &residual.coefficients[component]) {
+        let mut bytes = bytes_from_words(&bits(&[plane.step]));
+        bytes.extend(encode_plane(&plane.codes, width));
+        push(SectionKind::Coefficients, index, bytes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::residual::{Residual, ResidualKind};
+    use crate::testing::sample_asset;
+
+    fn with(asset: &mut Asset) -> &mut Residual {
+        asset.layers[0].residual.as_mut().unwrap()
+    }
+
+    #[test]
+    fn the_packer_refuses_every_asset_that_the_parser_would_refuse() {
+        let mut asset = sample_asset(1, 6, 5, ResidualKind::Root);
+        assert!(pack(&asset).is_ok(), "the control must pass");
+        type Change = fn(&mut Asset);
+        let changes: [(&str, Change); 24] = [
+            ("no width", |a| a.width = 0),
+            ("too high", |a| a.height = 16_385),
+            ("no layers", |a| a.layers.clear()),
+            ("five layers", |a| a.layers = vec![a.layers[0].clone(); 5]),
+            ("the same sides twice", |a| a.layers.push(a.layers[0].clone())),
+            ("no clusters", |a| a.layers[0].dictionary.clear()),
+            ("a short texel array", |a| {
+                a.layers[0].texel_clusters.pop();
+            }),
+            ("an unknown cluster", |a| a.layers[0].texel_clusters[3] = 3),
+            ("too few references", |a| {
+                a.layers[0].lobe_refs.pop();
+            }),
+            ("an unknown lobe", |a| a.layers[0].lobe_refs[0].lobe = 9),
+            ("epsilon 0", |a| a.layers[0].epsilon = 0.0),
+            ("epsilon NaN", |a| a.layers[0].epsilon = f32::NAN),
+            ("a lobe out of range", |a| a.layers[0].dictionary[1][7].lobe.params[0] = 0.01),
+            ("a negative weight scale", |a| a.layers[0].dictionary[1][7].weight_scale = -1.0),
+            ("a component without coefficients", |a| {
+                with(a).coefficients.pop();
+            }),
+            ("a factor of another shape", |a| {
+                with(a).factors.light[2].pop();
+            }),
+            ("an infinite factor", |a| with(a).factors.view[0][0] = f16::INFINITY),
+            ("a short basis", |a| {
+                with(a).bases[2].values.pop();
+            }),
+            ("a negative step", |a| with(a).bases[2].steps[0] = -1.0),
+            ("short shared bases", |a| {
+                with(a).shared.values.pop();
+            }),
+            ("a step of a shared basis too large", |a| with(a).shared.steps[0] = 2e4),
+            ("a step that is not a number", |a| with(a).coefficients[0].step = f32::NAN),
+            ("a short plane", |a| {
+                with(a).coefficients[0].codes.pop();
+            }),
+            ("directions of another count", |a| with(a).factors.shape.reverse()),
+        ];
+        for (what, change) in changes {
+            let mut bad = asset.clone();
+            change(&mut bad);
+            assert!(matches!(pack(&bad), Err(FormatError::Pack { .. })), "{what} must be refused");
+        }
+        // Without a residual it is an asset still.
+        asset.layers[0].residual = None;
+        let bytes = pack(&asset).unwrap();
+        assert_eq!(Asset::parse(&bytes).unwrap(), asset);
+    }
+}

@@ -1,0 +1,445 @@
+//! Reads an [`Asset`] from bytes: what [`crate::pack`] writes.
+
+use crate::asset::asset::{
+    Asset, DictionaryLobe, EPSILON_RANGE, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide, doubled_sides,
+    level_sizes, refs_exist,
+};
+use crate::asset::edit::{EDIT_NUMBERS, Edit, Edits, MOST_EDITS};
+use crate::asset::lobe::{FILE_WORDS, Lobe};
+use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
+use crate::asset::sphere::Sphere;
+use crate::container::container::{Directory, read_directory_of};
+use crate::container::entropy::{Decoder, Signed, bounded, code_plane};
+use crate::container::fault::Faults;
+use crate::container::sections::{Reader, Sections};
+use crate::decode::parallax::{Heights, MOST_HEIGHT_STEP};
+use crate::error::FormatError;
+use crate::file::format::{
+    Form, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
+    MAX_RANK, MAX_SHARED, SectionKind, Spmm, basis_words,
+};
+use crate::file::texel_coding::{code_clusters, code_counts, code_refs};
+use crate::rule;
+use crate::threads::{Threads, map, serial};
+
+/// Words of a layer section.
+pub const LAYER_WORDS: usize = 8;
+
+impl Asset {
+    /// Checks and reads a whole asset or one of its documented prefixes (tiers).
+    ///
+    /// Never panics. Allocates for coded numbers only what `bytes` can hold (1024 numbers a byte), and builds each
+    /// direction set's grid: of 64 x 64 cells at most.
+    pub fn parse(bytes: &[u8]) -> Result<Asset, FormatError> {
+        Asset::parse_on(bytes, &serial)
+    }
+
+    /// The same on `threads`.
+    pub fn parse_on(bytes: &[u8], threads: Threads) -> Result<Asset, FormatError> {
+        let directory = read_directory_of::<Spmm>(bytes, threads)?;
+        if directory.head.form != Form::File {
+            return Err(FormatError::Form { expected: "file", got: "resident" });
+        }
+        let mut faults = Faults::default();
+        let asset = examine_asset(bytes, &directory, threads, &mut faults);
+        faults.or_first(asset)
+    }
+}
+
+/// The asset in the file form whose directory is known, going on behind a fault with every section that can be read without
+/// those at fault. `None` where anything is at fault.
+pub(crate) fn examine_asset(
+    bytes: &[u8],
+    directory: &Directory,
+    threads: Threads,
+    faults: &mut Faults,
+) -> Option<Asset> {
+    let before = faults.len();
+    let sections = Sections::<Spmm>::new(bytes, directory, faults);
+    let head = directory.head;
+    let (width, height) = (head.width as usize, head.height as usize);
+    let material = sections.get(SectionKind::Material, 0, 0, faults);
+    let material = material.and_then(|reader| faults.keep(reader.text()));
+    let layers: Vec<Option<Layer>> =
+        (0..head.layers).map(|layer| read_layer(&sections, layer, [width, height], threads, faults)).collect();
+    let whole: Option<Vec<&Layer>> = layers.iter().map(Option::as_ref).collect();
+    if let Some(number) = whole.and_then(doubled_sides) {
+        let section = format!("Layer 0 of layer {number}");
+        faults.push(FormatError::Section { section, reason: rule::SAME_SIDES });
+    }
+    let edits = match sections.find(SectionKind::Edits, 0, 0) {
+        Some(reader) => faults.keep(read_edits(reader, width, height)),
+        None => Some(Edits::default()),
+    };
+    if edits.as_ref().is_some_and(|edits| !layers.iter().flatten().all(|layer| edits.fit(layer))) {
+        let section = "Edits 0 of layer 0".into();
+        faults.push(FormatError::Section { section, reason: rule::EDITS_TOO_LARGE });
+    }
+    let levels = read_levels(&sections, &layers, [width, height], threads, faults);
+    let (material, edits) = (material?, edits?);
+    let layers = layers.into_iter().collect::<Option<Vec<_>>>()?;
+    let asset =
+        Asset { width, height, size_mm: head.size_mm, seamless: head.seamless, material, layers, levels, edits };
+    (faults.len() == before && sections.damaged.is_empty()).then_some(asset)
+}
+
+fn side_from_word(word: u32) -> Option<SurfaceSide> {
+    [SurfaceSide::Front, SurfaceSide::Back].into_iter().find(|side| *side as u32 == word)
+}
+
+/// What a Layer section says.
+struct Parameters {
+    light_side: SurfaceSide,
+    view_side: SurfaceSide,
+    lobe_role: LobeRole,
+    residual_kind: ResidualKind,
+    epsilon: f32,
+    clusters: usize,
+    components: usize,
+    has_residual: bool,
+}
+
+fn read_parameters(mut reader: Reader) -> Result<Parameters, FormatError> {
+    let words = reader.words(LAYER_WORDS)?;
+    reader.end()?;
+    let (Some(light_side), Some(view_side)) = (side_from_word(words[0]), side_from_word(words[1])) else {
+        return reader.bad(rule::SIDE);
+    };
+    let Some(residual_kind) = ResidualKind::from_number(words[2]) else {
+        return reader.bad(rule::RESIDUAL_KIND);
+    };
+    let epsilon = f32::from_bits(words[3]);
+    if !EPSILON_RANGE.contains(&epsilon) {
+        return reader.bad(rule::EPSILON);
+    }
+    let (clusters, components) = (words[4] as usize, words[5] as usize);
+    if clusters == 0 || clusters > MAX_CLUSTERS || components > MAX_COMPONENTS || words[6] > 1 || words[7] > 1 {
+        return reader.bad(rule::COUNT);
+    }
+    let lobe_role = if words[7] == 0 { LobeRole::Base } else { LobeRole::Guide };
+    let has_residual = words[6] == 1;
+    Ok(Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, clusters, components, has_residual })
+}
+
+/// A layer at the finest level; `None` where anything of it is at fault.
+fn read_layer(
+    sections: &Sections<Spmm>,
+    layer: u32,
+    [width, height]: [usize; 2],
+    threads: Threads,
+    faults: &mut Faults,
+) -> Option<Layer> {
+    let (before, texels) = (faults.len(), width * height);
+    let parameters = sections.get(SectionKind::Layer, layer, 0, faults);
+    let parameters = parameters.and_then(|reader| faults.keep(read_parameters(reader)));
+    let [lights, views] = [0, 1].map(|index| {
+        let reader = sections.get(SectionKind::Directions, layer, index, faults)?;
+        faults.keep(read_sphere(reader))
+    });
+    let heights = sections.find(SectionKind::Height, layer, 0);
+    let heights = heights.map(|reader| faults.keep(read_heights(reader, texels, width)));
+
+    let clusters = parameters.as_ref().map(|parameters| parameters.clusters);
+    let reader = sections.get(SectionKind::TexelClusters, layer, 0, faults);
+    let texel_clusters = reader.and_then(|reader| faults.keep(read_clusters(reader, texels, width, clusters)));
+    let reader = sections.get(SectionKind::TexelLobeCounts, layer, 0, faults);
+    let texel_lobe_counts = reader
+        .zip(texel_clusters.as_ref())
+        .and_then(|(reader, texel_clusters)| faults.keep(read_lobe_counts(reader, texel_clusters)));
+    let reader = sections.get(SectionKind::Dictionary, layer, 0, faults);
+    let dictionary = reader.zip(clusters).and_then(|(reader, clusters)| faults.keep(read_dictionary(reader, clusters)));
+    let reader = sections.get(SectionKind::LobeRefs, layer, 0, faults);
+    let lobe_refs = match (reader, &texel_clusters, &texel_lobe_counts, &dictionary) {
+        (Some(reader), Some(clusters), Some(counts), Some(dictionary)) => {
+            faults.keep(read_lobe_refs(reader, clusters, counts, dictionary))
+        }
+        _ => None,
+    };
+    let residual = match (&parameters, &lights, &views) {
+        (Some(parameters), Some(lights), Some(views)) if parameters.has_residual => {
+            let shape = [views.len(), lights.len()];
+            read_residual(sections, layer, [width, height], parameters, shape, threads, faults)
+        }
+        _ => None,
+    };
+    if faults.len() > before || sections.damage_in(layer) {
+        return None;
+    }
+    let Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, .. } = parameters?;
+    Some(Layer {
+        light_side,
+        view_side,
+        lobe_role,
+        residual_kind,
+        epsilon,
+        lights: lights?,
+        views: views?,
+        heights: heights.flatten(),
+        texel_clusters: texel_clusters?,
+        texel_lobe_counts: texel_lobe_counts?,
+        dictionary: dictionary?,
+        lobe_refs: lobe_refs?,
+        residual,
+    })
+}
+
+fn read_sphere(mut reader: Reader) -> Result<Sphere, FormatError> {
+    let words = reader.words(reader.bytes.len() / 4)?;
+    reader.end()?;
+    Sphere::from_file_words(&words).or_else(|reason| reader.bad(reason))
+}
+
+/// Cluster ids below `clusters`, where that is known.
+fn read_clusters(
+    mut reader: Reader,
+    texels: usize,
+    width: usize,
+    clusters: Option<usize>,
+) -> Result<Vec<u8>, FormatError> {
+    let ids = reader.coded(texels, 0u8, |decoder, ids| code_clusters(decoder, ids, width))?;
+    match clusters {
+        Some(clusters) if ids.iter().any(|cluster| usize::from(*cluster) >= clusters) => reader.bad(rule::NO_CLUSTER),
+        _ => Ok(ids),
+    }
+}
+
+fn read_lobe_counts(mut reader: Reader, texel_clusters: &[u8]) -> Result<Vec<u8>, FormatError> {
+    reader.coded(texel_clusters.len(), 0u8, |decoder, counts| code_counts(decoder, counts, texel_clusters))
+}
+
+fn read_dictionary(mut reader: Reader, clusters: usize) -> Result<Vec<Vec<DictionaryLobe>>, FormatError> {
+    let counts = reader.words(clusters)?;
+    let mut dictionary = Vec::with_capacity(clusters);
+    for count in counts {
+        if count as usize > MAX_DICTIONARY {
+            return reader.bad(rule::DICTIONARY_SIZE);
+        }
+        let words = reader.words(count as usize * FILE_WORDS)?;
+        let lobes: Option<Vec<_>> = words
+            .chunks_exact(FILE_WORDS)
+            .map(|w| Lobe::from_words([w[0], w[1], w[2], w[3], w[4]]))
+            .map(|found| found.map(|(lobe, weight_scale)| DictionaryLobe { lobe, weight_scale }))
+            .collect();
+        match lobes {
+            Some(lobes) => dictionary.push(lobes),
+            None => return reader.bad(rule::LOBE_RANGE),
+        }
+    }
+    reader.end()?;
+    Ok(dictionary)
+}
+
+fn read_lobe_refs(
+    mut reader: Reader,
+    texel_clusters: &[u8],
+    lobe_counts: &[u8],
+    dictionary: &[Vec<DictionaryLobe>],
+) -> Result<Vec<LobeRef>, FormatError> {
+    let total: usize = lobe_counts.iter().map(|count| usize::from(*count)).sum();
+    let refs = reader.coded(total, LobeRef { lobe: 0, weight: [0; 3] }, |decoder, refs| {
+        code_refs(decoder, refs, texel_clusters, lobe_counts, 1);
+    })?;
+    if refs_exist(texel_clusters, lobe_counts, &refs, dictionary) { Ok(refs) } else { reader.bad(rule::NO_LOBE) }
+}
+
+/// Levels up to the first that a layer does not have; of layers at fault nothing is read.
+fn read_levels(
+    sections: &Sections<Spmm>,
+    layers: &[Option<Layer>],
+    finest: [usize; 2],
+    threads: Threads,
+    faults: &mut Faults,
+) -> Vec<Level> {
+    let sizes = level_sizes(finest);
+    let mut readers: Vec<Vec<Reader>> = Vec::new();
+    for level in 1..=sizes.len() as u32 {
+        let of_layer = |layer| sections.find(SectionKind::Level, layer as u32, level);
+        let found: Vec<Reader> = (0..layers.len()).filter_map(of_layer).collect();
+        match found.len() {
+            0 => break,
+            some if some == layers.len() => readers.push(found),
+            _ => {
+                if sections.whole && sections.damaged.is_empty() {
+                    faults.keep(found[0].bad::<()>(rule::LEVEL_LAYERS));
+                }
+                break;
+            }
+        }
+    }
+    let texels = map(threads, readers.len() * layers.len(), |number| {
+        let (level, layer) = (number / layers.len(), number % layers.len());
+        let of_layer = layers[layer].as_ref()?;
+        Some(read_level(readers[level][layer].clone(), of_layer, sizes[level]))
+    });
+    let mut texels = texels.into_iter().map(|read| faults.keep(read?));
+    let mut levels = Vec::new();
+    for [width, height] in sizes.into_iter().take(readers.len()) {
+        // All are taken, so that all faults are kept.
+        let of_level: Vec<Option<LevelTexels>> = texels.by_ref().take(layers.len()).collect();
+        levels.extend(of_level.into_iter().collect::<Option<_>>().map(|layers| Level { width, height, layers }));
+    }
+    levels
+}
+
+fn read_level(mut reader: Reader, layer: &Layer, [width, height]: [usize; 2]) -> Result<LevelTexels, FormatError> {
+    let texels = width * height;
+    let components = reader.words(1)?[0] as usize;
+    let step = reader.steps(1, MOST_HEIGHT_STEP)?[0];
+    // A coarser tier may hold fewer components than the level has.
+    let most = layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    if components > most {
+        return reader.bad(rule::LEVEL_COMPONENTS);
+    }
+    let with_heights = step > 0.0;
+    let bytes = reader.take(reader.bytes.len())?;
+    let bad = |reason| reader.bad(reason);
+    bounded(texels * (2 + usize::from(with_heights) + components), bytes).or_else(bad)?;
+    let mut decoder = Decoder::new(bytes);
+    let (mut clusters, mut lobe_counts) = (vec![0u8; texels], vec![0u8; texels]);
+    code_clusters(&mut decoder, &mut clusters, width);
+    if clusters.iter().any(|cluster| usize::from(*cluster) >= layer.dictionary.len()) {
+        return reader.bad(rule::NO_CLUSTER);
+    }
+    code_counts(&mut decoder, &mut lobe_counts, &clusters);
+    let total: usize = lobe_counts.iter().map(|count| usize::from(*count)).sum();
+    bounded(total, bytes).or_else(bad)?;
+    let mut lobe_refs = vec![LobeRef { lobe: 0, weight: [0; 3] }; total];
+    code_refs(&mut decoder, &mut lobe_refs, &clusters, &lobe_counts, 1);
+    if !refs_exist(&clusters, &lobe_counts, &lobe_refs, &layer.dictionary) {
+        return reader.bad(rule::NO_LOBE);
+    }
+    let mut fits = true;
+    let mut plane = || {
+        let mut codes = vec![0i8; texels];
+        fits &= code_plane(&mut decoder, &mut Signed::new(), &mut codes, width);
+        codes
+    };
+    let heights = with_heights.then(|| Heights { step, codes: plane() });
+    let codes = (0..components).map(|_| plane()).collect();
+    decoder.ended().or_else(bad)?;
+    if !fits {
+        return reader.bad(rule::NUMBER);
+    }
+    Ok(LevelTexels { heights, clusters, lobe_counts, lobe_refs, codes })
+}
+
+fn read_edits(mut reader: Reader, width: usize, height: usize) -> Result<Edits, FormatError> {
+    let count = reader.words(1)?[0] as usize;
+    if count == 0 || count > MOST_EDITS {
+        return reader.bad(rule::EDIT_COUNT);
+    }
+    let words = reader.words(count * EDIT_NUMBERS)?;
+    let numbers = |w: &[u32]| std::array::from_fn(|i| f32::from_bits(w[i]));
+    let list: Option<Vec<_>> = words.chunks_exact(EDIT_NUMBERS).map(|w| Edit::from_numbers(numbers(w))).collect();
+    let Some(list) = list else { return reader.bad(rule::NUMBER) };
+    let texels = reader.coded(width * height, 0u8, |decoder, ids| code_clusters(decoder, ids, width))?;
+    if texels.iter().any(|edit| usize::from(*edit) > count) {
+        return reader.bad(rule::NO_EDIT);
+    }
+    Ok(Edits { list, texels })
+}
+
+fn read_heights(mut reader: Reader, texels: usize, width: usize) -> Result<Heights, FormatError> {
+    let step = reader.steps(1, MOST_HEIGHT_STEP)?[0];
+    if step == 0.0 {
+        return reader.bad(rule::HEIGHT_STEP);
+    }
+    Ok(Heights { step, codes: reader.plane(texels, width)? })
+}
+
+/// `None` where the tier at hand ends before the residual's mean, or anything is at fault.
+fn read_residual(
+    sections: &Sections<Spmm>,
+    layer: u32,
+    grid: [usize; 2],
+    parameters: &Parameters,
+    shape: [usize; 2],
+    threads: Threads,
+    faults: &mut Faults,
+) -> Option<Residual> {
+    let clusters = parameters.clusters;
+    let factors = sections.get_in_tier(SectionKind::Factors, layer, 0, faults);
+    let factors = factors.and_then(|reader| {
+        let fits = basis_words(shape, clusters, parameters.components + 1) <= MAX_BASIS_WORDS;
+        faults.keep(if fits { read_factors(reader, shape) } else { reader.bad(rule::BASES_TOO_LARGE) })
+    });
+    // Shared bases and means come together: without them there is no residual.
+    let shared = sections.get_in_tier(SectionKind::SharedBases, layer, 0, faults);
+    let shared = shared.and_then(|mut reader| {
+        let steps = faults.keep(read_shared_steps(&mut reader))?;
+        Some((steps, reader))
+    });
+
+    // What is there of means and components: the one and the other section of each.
+    let mut there: Vec<(Reader, Option<Reader>)> = Vec::new();
+    for index in 0..=parameters.components as u32 {
+        let basis = sections.get_in_tier(SectionKind::Basis, layer, index, faults);
+        let plane = match index {
+            0 => None,
+            _ => sections.get_in_tier(SectionKind::Coefficients, layer, index, faults),
+        };
+        match basis {
+            Some(basis) if index == 0 || plane.is_some() => there.push((basis, plane)),
+            // Nothing is read behind a gap; in a whole file every gap is told.
+            _ if sections.whole => {}
+            _ => break,
+        }
+    }
+    let (factors, (steps, reader)) = (factors?, shared?);
+    if there.is_empty() {
+        return None;
+    }
+    let (bases_at_hand, core_len) = (steps.len(), factors.core_len());
+    // Streams do not depend on each other. Number 0 are the shared bases; then bases and coefficients by turns.
+    enum Plane {
+        Shared(Vec<i16>),
+        Basis(Basis),
+        Coefficients(Option<Coefficients>),
+    }
+    let decoded = map(threads, 1 + 2 * there.len(), |number| -> Result<Plane, FormatError> {
+        let Some(number) = number.checked_sub(1) else {
+            return reader.clone().plane(bases_at_hand * core_len, core_len).map(Plane::Shared);
+        };
+        let (basis, plane) = &there[number / 2];
+        if number % 2 == 0 {
+            let mut reader = basis.clone();
+            let steps = reader.steps(clusters, MAX_BASIS_STEP)?;
+            let values = reader.plane(clusters * bases_at_hand, bases_at_hand)?;
+            return Ok(Plane::Basis(Basis { steps, values }));
+        }
+        let Some(mut reader) = plane.clone() else { return Ok(Plane::Coefficients(None)) };
+        let step = reader.steps(1, MAX_COEFFICIENT_STEP)?[0];
+        Ok(Plane::Coefficients(Some(Coefficients { step, codes: reader.plane(grid[0] * grid[1], grid[0])? })))
+    });
+    let (mut values, mut bases, mut coefficients) = (Vec::new(), Vec::new(), Vec::new());
+    for plane in decoded {
+        match faults.keep(plane) {
+            Some(Plane::Shared(of_shared)) => values = of_shared,
+            Some(Plane::Basis(basis)) => bases.push(basis),
+            Some(Plane::Coefficients(plane)) => coefficients.extend(plane),
+            None => {}
+        }
+    }
+    Some(Residual { factors, shared: SharedBases { steps, values }, bases, coefficients })
+}
+
+fn read_factors(mut reader: Reader, shape: [usize; 2]) -> Result<Factors, FormatError> {
+    let words = reader.words(8)?;
+    let ranks = [0, 1, 2].map(|c| [words[2 * c] as usize, words[2 * c + 1] as usize]);
+    if ranks.iter().flatten().any(|rank| *rank > MAX_RANK) || words[6] | words[7] != 0 {
+        return reader.bad(rule::RANK);
+    }
+    let mut view = [const { Vec::new() }; 3];
+    let mut light = [const { Vec::new() }; 3];
+    for channel in 0..3 {
+        view[channel] = reader.halves(shape[0] * ranks[channel][0])?;
+        light[channel] = reader.halves(shape[1] * ranks[channel][1])?;
+    }
+    reader.end()?;
+    Ok(Factors { shape, ranks, view, light })
+}
+
+fn read_shared_steps(reader: &mut Reader) -> Result<Vec<f32>, FormatError> {
+    let shared = reader.words(1)?[0] as usize;
+    if shared > MAX_SHARED { reader.bad(rule::SHARED_COUNT) } else { reader.steps(shared, MAX_BASIS_STEP) }
+}

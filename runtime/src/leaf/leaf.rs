@@ -1,0 +1,205 @@
+//! A leaf whose optics are evaluated live, as a renderer holds it: one array of words.
+
+use crate::leaf::error::LeafError;
+use crate::leaf::figures::{BAND_SHARES, LEAF_BANDS, LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
+use crate::leaf::gloss::albedo_table;
+use crate::leaf::optics::{Faces, absorption, n_plates};
+use crate::leaf::state::{LeafMode, LeafState};
+use crate::leaf::texture::LeafTexture;
+use crate::leaf::theta::exact_theta;
+use crate::leaf::words::{ALBEDO_AT, BANDS_AT, LEAF_MAGIC, LEVELS_AT, STATE_AT, TABLE_AT, TABLE_ENTRIES, TABLE_HALF};
+use std::ops::Range;
+
+/// Largest absorption of a layer that is kept: theta is 0 there long since.
+const MOST_K: f64 = 1e6;
+
+/// Shares of the channels where each band is one.
+const ONE_EACH: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// A leaf's words and the state that they hold. `leaf_words.rs` has the layout.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Leaf {
+    state: LeafState,
+    words: Vec<u32>,
+}
+
+impl Leaf {
+    /// Lays out a leaf of `state` under `texture`. Costs what [`Leaf::set_state`] does, and 21 bytes per
+    /// texel.
+    ///
+    /// # Errors
+    /// [`LeafError::OutOfRange`] for a quantity that is not finite (beyond [`LeafState::check`]'s ranges it is evaluated at
+    /// the nearest that can be), [`LeafError::Texels`].
+    pub fn new(state: &LeafState, texture: &LeafTexture) -> Result<Leaf, LeafError> {
+        state.check_finite()?;
+        let rows = texture.rows()?;
+        let (texels, levels) = texture.words(rows);
+        let mut words = vec![LEAF_MAGIC, levels, texture.width as u32, rows as u32];
+        words.extend(state_words(state, albedo_words(state)));
+        words.extend(texels);
+        Ok(Leaf { state: *state, words })
+    }
+
+    /// What a renderer copies.
+    pub fn words(&self) -> &[u32] {
+        &self.words
+    }
+
+    /// Texels in a row of the finest level, and its rows.
+    pub fn size(&self) -> [u32; 2] {
+        [self.words[2], self.words[3]]
+    }
+
+    /// Levels of the textures.
+    pub fn levels(&self) -> u32 {
+        self.words[1]
+    }
+
+    /// The state as it was given.
+    pub fn state(&self) -> &LeafState {
+        &self.state
+    }
+
+    /// Share of diffuse light that a face of full gloss reflects before any gets inside, 0 to 1.
+    pub fn gloss_albedo(&self) -> f32 {
+        f32::from_bits(self.words[STATE_AT + 5])
+    }
+
+    /// Changes the state and says which words changed; the textures stay. docs/TRADE.md has the times: contents and
+    /// structure are for every frame, two unequal roughnesses are not.
+    ///
+    /// # Errors
+    /// [`LeafError::OutOfRange`] for a quantity that is not finite; the leaf is as before.
+    pub fn set_state(&mut self, state: &LeafState) -> Result<Range<usize>, LeafError> {
+        state.check_finite()?;
+        let gloss = |state: &LeafState| state.values()[7..].to_vec();
+        let albedo = match gloss(state) == gloss(&self.state) {
+            true => (self.words[ALBEDO_AT..TABLE_AT].to_vec(), self.words[STATE_AT + 5]),
+            false => albedo_words(state),
+        };
+        let new = state_words(state, albedo);
+        let old = &mut self.words[STATE_AT..LEVELS_AT];
+        let differs = |i: &usize| old[*i] != new[*i];
+        let first = (0..new.len()).find(differs).unwrap_or(0);
+        let end = (first..new.len()).rfind(differs).map_or(first, |last| last + 1);
+        old[first..end].copy_from_slice(&new[first..end]);
+        self.state = *state;
+        Ok(STATE_AT + first..STATE_AT + end)
+    }
+}
+
+/// Words of the table of directional albedo, and of its mean.
+fn albedo_words(state: &LeafState) -> (Vec<u32>, u32) {
+    let (table, mean) = albedo_table(&state.evaluable());
+    (table.into_iter().map(f32::to_bits).collect(), mean.to_bits())
+}
+
+/// Words [`STATE_AT`] to [`LEVELS_AT`].
+fn state_words(state: &LeafState, (albedo, mean_albedo): (Vec<u32>, u32)) -> Vec<u32> {
+    let mode = state.mode;
+    let state = state.evaluable();
+    let bands: Vec<(LeafRow, [f32; 3])> = match mode {
+        LeafMode::ThreePiece => PRINTED_ROWS.into_iter().zip(ONE_EACH).collect(),
+        LeafMode::Rational => THREE_ROWS.into_iter().zip(ONE_EACH).collect(),
+        LeafMode::NLayers => BAND_SHARES.iter().filter_map(|(nm, shares)| Some((row_at(*nm)?, *shares))).collect(),
+    };
+    let gloss = [state.gloss_index, state.gamma_along, state.gamma_across].map(f32::to_bits);
+    let mut words = vec![mode as u32, bands.len() as u32, gloss[0], gloss[1], gloss[2], mean_albedo];
+    words.resize(BANDS_AT - STATE_AT, 0);
+    for (row, shares) in &bands {
+        // Brown pigment and anthocyanins share a factor, and so do water and dry matter, which have none.
+        let per_layer = |contents: Range<usize>| {
+            (absorption(row, &state, contents) / f64::from(state.structure)).min(MOST_K) as f32
+        };
+        let parts = [0..1, 1..2, 2..4, 4..6].map(per_layer);
+        let exit = Faces::new(row.index).exit as f32;
+        words.extend(parts.iter().chain(shares).chain([&exit]).map(|x| x.to_bits()));
+    }
+    words.resize(ALBEDO_AT - STATE_AT, 0);
+    words.extend(albedo);
+    for (nm, _) in BAND_SHARES {
+        words.extend(row_at(nm).into_iter().flat_map(|row| layers_table(&row, f64::from(state.structure))));
+    }
+    words
+}
+
+/// The row of a wavelength.
+fn row_at(wavelength_nm: f32) -> Option<LeafRow> {
+    LEAF_ROWS.iter().find(|row| row.wavelength_nm == wavelength_nm).copied()
+}
+
+/// A band's table for `layers` layers. Both halves are rounded so that they never add up to more than 1, and to 1 where
+/// nothing is absorbed.
+fn layers_table(row: &LeafRow, layers: f64) -> Vec<u32> {
+    let faces = Faces::new(row.index);
+    (0..TABLE_ENTRIES)
+        .map(|i| {
+            let u = i as f64 / (TABLE_ENTRIES - 1) as f64;
+            let k = f64::from(TABLE_HALF) * u / (1.0 - u);
+            let [front, behind] = n_plates(exact_theta(k), faces, layers);
+            let front = (front * 65535.0).round();
+            let behind = (behind * 65535.0).round().min(65535.0 - front);
+            front as u32 | (behind as u32) << 16
+        })
+        .collect()
+}
+
+const _: () = assert!(BAND_SHARES.len() == LEAF_BANDS);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::leaf::texture::LeafTexel;
+
+    #[test]
+    fn a_changed_state_rewrites_what_it_touches_and_leaves_what_a_new_leaf_has() {
+        let texture = LeafTexture { width: 3, texels: vec![LeafTexel::default(); 15] };
+        let mut leaf = Leaf::new(&LeafState::default(), &texture).unwrap();
+        assert_eq!(leaf.words()[0], LEAF_MAGIC);
+        let state = LeafState { chlorophyll_ug_per_cm2: 10.0, ..LeafState::default() };
+        let touched = leaf.set_state(&state).unwrap();
+        assert!(touched.start >= BANDS_AT && touched.end <= ALBEDO_AT, "{touched:?}");
+        let steps = [
+            LeafState { structure: 2.0, ..state },
+            LeafState { gamma_along: 0.4, ..state },
+            LeafState { mode: LeafMode::Rational, ..state },
+            LeafState { mode: LeafMode::ThreePiece, brown: 0.5, gamma_across: 0.1, ..state },
+        ];
+        for state in steps {
+            let before = leaf.words().to_vec();
+            let touched = leaf.set_state(&state).unwrap();
+            assert!(touched.start >= STATE_AT && touched.end <= LEVELS_AT && !touched.is_empty());
+            assert_eq!(leaf, Leaf::new(&state, &texture).unwrap());
+            let elsewhere = |words: &[u32]| [&words[..touched.start], &words[touched.end..]].concat();
+            assert_eq!(elsewhere(&before), elsewhere(leaf.words()));
+        }
+        assert!(leaf.set_state(&steps[3]).unwrap().is_empty());
+        let before = leaf.clone();
+        assert!(leaf.set_state(&LeafState { water_cm: f32::NAN, ..state }).is_err());
+        assert_eq!(leaf, before);
+    }
+
+    #[test]
+    fn tables_lose_no_light_and_make_none() {
+        for row in LEAF_ROWS {
+            for layers in [1.0, 1.5, 3.0, 40.0] {
+                let table = layers_table(&row, layers);
+                let sum = |word: &u32| (word & 0xffff) + (word >> 16);
+                assert_eq!(sum(&table[0]), 65535);
+                assert!(table.iter().all(|word| sum(word) <= 65535));
+                assert_eq!(table[TABLE_ENTRIES - 1], 0);
+            }
+        }
+    }
+
+    #[test]
+    fn every_band_has_a_row_and_the_shares_of_each_channel_add_up_to_1() {
+        for (nm, _) in BAND_SHARES {
+            assert!(row_at(nm).is_some(), "{nm}");
+        }
+        for channel in 0..3 {
+            let sum: f32 = BAND_SHARES.iter().map(|(_, shares)| shares[channel]).sum();
+            assert!((sum - 1.0).abs() < 2e-6, "{sum}");
+        }
+    }
+}

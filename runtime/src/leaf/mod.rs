@@ -1,0 +1,14 @@
+//! A leaf whose optics are evaluated live, without a capture.
+
+pub(crate) mod body;
+pub(crate) mod error;
+pub(crate) mod figures;
+pub(crate) mod gloss;
+pub(crate) mod leaf;
+pub(crate) mod lobe;
+pub(crate) mod optics;
+pub(crate) mod state;
+pub(crate) mod texture;
+pub(crate) mod theta;
+pub(crate) mod viewed;
+pub mod words;

@@ -1,0 +1,147 @@
+//! Plates of leaf tissue in double precision, for tables and spectra [Allen 1969; Jacquemoud 1990].
+//!
+//! Reflectances and transmittances are shares of the light that has *entered* through the first surface, so that a gloss that
+//! says how much enters couples to them; without absorption they add up to 1. docs/MODEL.md has the equations.
+
+use crate::leaf::body::printed_plate;
+use crate::leaf::figures::{LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
+use crate::leaf::lobe::fresnel;
+use crate::leaf::state::{LeafMode, LeafState};
+use crate::leaf::theta::{exact_theta, rational_theta, three_piece_theta};
+use std::ops::Range;
+
+/// Half-angle in degrees of the cone of light that PROSPECT assumes [Jacquemoud 1990].
+pub const CONE_DEG: f64 = 40.0;
+
+/// Diffuse light at the interface of air and a medium.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Faces {
+    /// Transmittance from the air.
+    pub entry: f64,
+    /// Transmittance from inside, `entry / n^2` [Stern 1964].
+    pub exit: f64,
+}
+
+impl Faces {
+    /// Of a medium of refractive index `index`.
+    pub fn new(index: f32) -> Faces {
+        let entry = interface_transmittance(index, 90.0);
+        Faces { entry, exit: entry / f64::from(index).powi(2) }
+    }
+}
+
+/// Mean transmittance of the interface between air and a medium of index `index` (1 up) under light that fills a cone of
+/// half-angle `cone_deg` (0 to 90 degrees) about the normal, to 1e-6. Costs 257 Fresnel terms.
+pub(crate) fn interface_transmittance(index: f32, cone_deg: f64) -> f64 {
+    // Simpson's rule over the cosine, with the cosine as weight.
+    const INTERVALS: usize = 256;
+    let rim = cone_deg.to_radians().cos();
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for i in 0..=INTERVALS {
+        let cosine = rim + (1.0 - rim) * i as f64 / INTERVALS as f64;
+        let rule = if i == 0 || i == INTERVALS { 1.0 } else { 2.0 + 2.0 * (i % 2) as f64 };
+        // At an angle of 0 all cosines are 1.
+        let weight = rule * cosine;
+        sum += weight * (1.0 - f64::from(fresnel(index, cosine as f32)));
+        weights += weight;
+    }
+    sum / weights
+}
+
+/// Reflectance and transmittance of one plate of `theta` [Miao, eq. 3 and 4, over the light that enters].
+pub(crate) fn one_plate(theta: f64, exit: f64) -> [f64; 2] {
+    let back = theta * (1.0 - exit);
+    let behind = theta * exit / (1.0 - back * back);
+    [back * behind, behind]
+}
+
+/// Reflectance and transmittance of `structure` plates (1 up, need not be whole) of `theta`: the first, lit from the air,
+/// above a pile of the others [Stokes 1862; Jacquemoud 1990].
+pub(crate) fn n_plates(theta: f64, faces: Faces, structure: f64) -> [f64; 2] {
+    let [front, behind] = one_plate(theta, faces.exit);
+    // One layer under diffuse light from the air; what it absorbs is not taken as 1 - r - t, which loses its digits.
+    let (r, t) = (1.0 - faces.entry + faces.entry * front, faces.entry * behind);
+    let absorbed = faces.entry * (1.0 - theta) / (1.0 - (1.0 - faces.exit) * theta);
+    let [below, through] = pile(r, t, absorbed, structure - 1.0);
+    let between = behind / (1.0 - below * r);
+    [front + between * below * t, between * through]
+}
+
+/// `count` layers that reflect `r`, transmit `t` and absorb `absorbed`.
+fn pile(r: f64, t: f64, absorbed: f64, count: f64) -> [f64; 2] {
+    if absorbed <= 0.0 {
+        let through = t / (t + (1.0 - t) * count);
+        return [1.0 - through, through];
+    }
+    let d = ((1.0 + r + t) * (1.0 + r - t) * (1.0 - r + t) * absorbed).sqrt();
+    // g and c of Stokes are 1 less these, both near 0 where little is absorbed.
+    let g_less = (absorbed * (1.0 - r + t) + d) / (1.0 + r * r - t * t + d);
+    let c_less = (absorbed * (1.0 - t + r) + d) / (1.0 - r * r + t * t + d);
+    // c^count - 1; where nothing passes the logarithm is -inf, and 0 layers of it are none.
+    let fall = if count == 0.0 { 0.0 } else { (count * (-c_less.min(1.0)).ln_1p()).exp_m1() };
+    let (power, power2_less) = (1.0 + fall, -fall * (2.0 + fall));
+    let g2_less = g_less * (2.0 - g_less);
+    let denominator = g2_less + power2_less - g2_less * power2_less;
+    [(1.0 - g_less) * power2_less / denominator, power * g2_less / denominator]
+}
+
+/// `sum K C` of a whole leaf over some of its contents, numbers of [`LeafState::contents`].
+pub(crate) fn absorption(row: &LeafRow, state: &LeafState, contents: Range<usize>) -> f64 {
+    let held = state.contents();
+    contents.map(|i| f64::from(row.absorption[i]) * f64::from(held[i])).sum()
+}
+
+/// A leaf's optics at one wavelength.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeafSpectrumRow {
+    /// Wavelength in nanometres.
+    pub wavelength_nm: f32,
+    /// Share of the light that is reflected.
+    pub reflectance: f32,
+    /// Share of the light that is transmitted.
+    pub transmittance: f32,
+}
+
+/// Reflectance and transmittance of a leaf without textures, of incident light, the surface's own reflection included, by
+/// wavelength: for a plot. In the mode's own model: N layers
+/// give 400 to 780 nm every 10 nm under a cone of [`CONE_DEG`], the others red, green and blue lit along the normal. Costs
+/// 514 Fresnel terms a row. Finite for every finite state.
+pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
+    let state = state.evaluable();
+    let layers = f64::from(state.structure);
+    let (rows, cone_deg): (&[LeafRow], f64) = match state.mode {
+        LeafMode::ThreePiece => (&PRINTED_ROWS, 0.0),
+        LeafMode::Rational => (&THREE_ROWS, 0.0),
+        LeafMode::NLayers => (&LEAF_ROWS, CONE_DEG),
+    };
+    let of_row = |row: &LeafRow| {
+        let k = absorption(row, &state, 0..6) / layers;
+        let faces = Faces::new(row.index);
+        let entering = interface_transmittance(row.index, cone_deg);
+        let [front, behind] = match state.mode {
+            LeafMode::ThreePiece => return printed_plate(three_piece_theta(k as f32)),
+            LeafMode::Rational => one_plate(f64::from(rational_theta(k as f32)), faces.exit),
+            LeafMode::NLayers => n_plates(exact_theta(k), faces, layers),
+        };
+        [(1.0 - entering + entering * front) as f32, (entering * behind) as f32]
+    };
+    rows.iter()
+        .map(|row| {
+            let [reflectance, transmittance] = of_row(row);
+            LeafSpectrumRow { wavelength_nm: row.wavelength_nm, reflectance, transmittance }
+        })
+        .collect()
+}
+
+/// Reflectance and transmittance of the body alone, of the light that has entered, over the spectrum and by N layers whatever
+/// the state's mode: what the modes are measured against. Otherwise as [`leaf_spectrum`].
+pub fn leaf_body_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
+    let state = state.evaluable();
+    let layers = f64::from(state.structure);
+    let of_row = |row: &LeafRow| {
+        let theta = exact_theta(absorption(row, &state, 0..6) / layers);
+        let [reflectance, transmittance] = n_plates(theta, Faces::new(row.index), layers).map(|share| share as f32);
+        LeafSpectrumRow { wavelength_nm: row.wavelength_nm, reflectance, transmittance }
+    };
+    LEAF_ROWS.iter().map(of_row).collect()
+}

@@ -1,0 +1,3 @@
+//! Coarser levels of an asset (a mip chain).
+
+pub(crate) mod mip;

@@ -1,0 +1,323 @@
+//! Checks the words of a resident asset that came from a file: afterwards no decoder reads outside of them, and every number
+//! that it reads is finite and in its range. One pass over the words, without building anything.
+
+use crate::asset::asset::{EPSILON_RANGE, level_sizes};
+use crate::asset::edit::EDIT_WORDS;
+use crate::asset::lobe::{LobeFamily, RESIDENT_WORDS};
+use crate::asset::sphere::{Sphere, cells_a_side};
+use crate::decode::parallax::MOST_HEIGHT_STEP;
+use crate::file::format::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_SIDE, MOST_LEVELS};
+use crate::resident::resident::{
+    ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, LEAST_HORIZON_COS, PART_WORDS, block,
+};
+use crate::rule::{self, Rule};
+use crate::threads::{Threads, map};
+
+/// What a check says: the rule that does not hold.
+type Checked = Result<(), Rule>;
+
+/// Words of halves that one piece of work looks at.
+const HALVES_AT_ONCE: usize = 1 << 20;
+
+/// A rule that does not hold, and where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct BrokenWords {
+    pub rule: Rule,
+    /// Level and layer, where it is a block's.
+    pub block: Option<[u32; 2]>,
+    /// The word that tells the place of the block, or 0.
+    pub word: usize,
+}
+
+/// Checks the words of an asset of `width`, `height` and `layers` by the rules of FORMAT.md, chapter "Resident form". What does
+/// not hold comes back, nothing where the words are fine; of coarser levels only where the finest, which they refer to, is.
+pub(crate) fn check_resident(words: &[u32], head: [u32; 3], threads: Threads) -> Vec<BrokenWords> {
+    let (levels, layers) = match check_head(words, head) {
+        Ok(counts) => counts,
+        Err(rule) => return vec![BrokenWords { rule, block: None, word: 0 }],
+    };
+    let finest = [head[0], head[1]].map(|side| side.clamp(1, MAX_SIDE) as usize);
+    let sizes: Vec<[usize; 2]> = std::iter::once(finest).chain(level_sizes(finest)).collect();
+    let (mut broken, mut sides) = (Vec::new(), Vec::new());
+    for number in 0..levels * layers {
+        let (level, of_level) = (number / layers, number % layers);
+        if level == 1 && of_level == 0 && !broken.is_empty() {
+            break;
+        }
+        let mut rules = Vec::new();
+        let mut of_block = None;
+        if let Some(block) = keep(&mut rules, Block::at(words, words[ASSET_LAYERS + number])) {
+            let both = [block::LIGHT_SIDE, block::VIEW_SIDE].map(|field| block.field(field));
+            if both.iter().any(|side| *side > 1) || sides[level * layers..].contains(&Some(both)) {
+                rules.push(rule::BLOCK_SIDES);
+            } else if level > 0 && Some(both) != sides[of_level] {
+                rules.push(rule::BLOCK_ORDER);
+            }
+            of_block = Some(both);
+            block.check(sizes[level], threads, &mut rules);
+        }
+        sides.push(of_block);
+        let block = Some([level as u32, of_level as u32]);
+        broken.extend(rules.into_iter().map(|rule| BrokenWords { rule, block, word: ASSET_LAYERS + number }));
+    }
+    broken
+}
+
+/// Numbers of levels and layers of words whose first ones are fine.
+fn check_head(words: &[u32], [width, height, layers]: [u32; 3]) -> Result<(usize, usize), Rule> {
+    if words.len() < ASSET_WORDS || words[3] as usize != words.len() || words[5] as usize > words.len() {
+        return Err(rule::WORDS_LENGTH);
+    }
+    if words[..3] != [width, height, layers] || words[6] | words[7] != 0 {
+        return Err(rule::WORDS_HEAD);
+    }
+    let (levels, layers) = (words[4] as usize, layers as usize);
+    let most = 1 + level_sizes([width, height].map(|side| side.clamp(1, MAX_SIDE) as usize)).len();
+    if levels == 0 || levels > most.min(MOST_LEVELS) || layers == 0 || layers > MAX_LAYERS {
+        return Err(rule::LEVEL_COUNT);
+    }
+    Ok((levels, layers))
+}
+
+/// What was read; where it could not be, the rule is kept.
+fn keep<T>(rules: &mut Vec<Rule>, read: Result<T, Rule>) -> Option<T> {
+    read.map_err(|rule| rules.push(rule)).ok()
+}
+
+/// A layer's block at a level.
+struct Block<'a> {
+    words: &'a [u32],
+    at: usize,
+}
+
+/// A part of the words; `None` where it reaches beyond them.
+fn part(words: &[u32], first: usize, count: usize) -> Option<&[u32]> {
+    words.get(first..first.checked_add(count)?)
+}
+
+fn float(word: u32) -> f32 {
+    f32::from_bits(word)
+}
+
+impl<'a> Block<'a> {
+    fn at(words: &'a [u32], at: u32) -> Result<Block<'a>, Rule> {
+        let at = at as usize;
+        if at < ASSET_WORDS || !at.is_multiple_of(PART_WORDS) || part(words, at, LAYER_BLOCK_WORDS).is_none() {
+            return Err(rule::BLOCK_PLACE);
+        }
+        Ok(Block { words, at })
+    }
+
+    fn field(&self, field: usize) -> usize {
+        self.words[self.at + field] as usize
+    }
+
+    fn float(&self, field: usize) -> f32 {
+        float(self.words[self.at + field])
+    }
+
+    /// The part whose offset stands in `field`.
+    fn part(&self, field: usize, count: usize) -> Result<&'a [u32], Rule> {
+        let first = self.field(field);
+        if !first.is_multiple_of(PART_WORDS) {
+            return Err(rule::PART_START);
+        }
+        part(self.words, first, count).ok_or(rule::PART_BEYOND)
+    }
+
+    /// Adds what does not hold.
+    fn check(&self, [width, rows]: [usize; 2], threads: Threads, rules: &mut Vec<Rule>) {
+        let texels = width * rows;
+        let (bases, clusters) = (self.field(block::BASES), self.field(block::CLUSTERS));
+        if [self.field(block::WIDTH), self.field(block::ROWS)] != [width, rows] {
+            rules.push(rule::BLOCK_SIZE);
+        }
+        if self.field(block::RESIDUAL_KIND) > 2
+            || self.field(block::LOBE_ROLE) > 1
+            || !EPSILON_RANGE.contains(&self.float(block::EPSILON))
+            || !(LEAST_HORIZON_COS..=HORIZON_COS).contains(&self.float(block::HORIZON))
+            || bases > MAX_COMPONENTS + 1
+            || clusters == 0
+            || clusters > MAX_CLUSTERS
+            || self.words[self.at + 28..self.at + LAYER_BLOCK_WORDS].iter().any(|word| *word != 0)
+        {
+            rules.push(rule::BLOCK_PARAMETER);
+            return;
+        }
+        let sets = [block::LIGHTS, block::VIEWS].map(|field| keep(rules, self.sphere(field)));
+        if let [Some(lights), Some(views)] = sets {
+            if self.field(block::LIGHT_COUNT) != lights || self.field(block::PAIRS) != lights * views {
+                rules.push(rule::BLOCK_PAIRS);
+            }
+            keep(rules, self.residual(texels, clusters * lights * views * 3, threads));
+        }
+        if let Some(lobes) = keep(rules, self.dictionaries(self.field(block::DICTIONARIES), clusters)) {
+            keep(rules, self.edits(&lobes));
+            keep(rules, self.texels(texels, &lobes));
+        }
+        keep(rules, self.heights(texels));
+    }
+
+    /// Bases and codes; `rows` are the clusters' pairs and channels.
+    fn residual(&self, texels: usize, rows: usize, threads: Threads) -> Checked {
+        let bases = self.field(block::BASES);
+        let (channel_words, codes) = (self.field(block::CHANNEL_WORDS), self.field(block::CODE_WORDS));
+        if bases == 0 {
+            // Nothing lies there, and decoders begin to look there all the same.
+            return self.part(block::BASIS, 0).and(self.part(block::CODES, 0)).map(|_| ());
+        }
+        if channel_words < bases.div_ceil(2) || channel_words > MAX_COMPONENTS.div_ceil(2) + 1 {
+            return Err(rule::CHANNEL_WORDS);
+        }
+        if codes != (bases - 1).div_ceil(4) {
+            return Err(rule::CODE_WORDS);
+        }
+        self.part(block::CODES, texels * codes)?;
+        let basis = self.part(block::BASIS, rows * channel_words)?;
+        // Levels share what the finest has.
+        if self.words[ASSET_LAYERS..ASSET_LAYERS + self.words[2] as usize].contains(&(self.at as u32)) {
+            let pieces: Vec<&[u32]> = basis.chunks(HALVES_AT_ONCE).collect();
+            if map(threads, pieces.len(), |i| halves_are_finite(pieces[i])).contains(&false) {
+                return Err(rule::BASIS_NOT_FINITE);
+            }
+        } else if !self.is_of_the_finest(&[block::BASIS, block::CHANNEL_WORDS, block::CLUSTERS, block::PAIRS]) {
+            return Err(rule::OTHER_BASES);
+        }
+        Ok(())
+    }
+
+    /// Whether some layer of the finest level has the same in all these fields.
+    fn is_of_the_finest(&self, fields: &[usize]) -> bool {
+        let finest = &self.words[ASSET_LAYERS..ASSET_LAYERS + self.words[2] as usize];
+        finest
+            .iter()
+            .any(|at| fields.iter().all(|field| self.words[*at as usize + field] as usize == self.field(*field)))
+    }
+
+    /// Number of directions of a set.
+    fn sphere(&self, field: usize) -> Result<usize, Rule> {
+        let first = self.field(field);
+        let length = part(self.words, first, 5).and_then(Sphere::words_told_by).ok_or(rule::SET_BEYOND)?;
+        let sphere = Sphere::from_words(self.part(field, length)?.to_vec())?;
+        let [triangles, side] = [1, 3].map(|word| sphere.words()[word] as usize);
+        if side != cells_a_side(triangles) {
+            return Err(rule::GRID_CELLS);
+        }
+        Ok(sphere.len())
+    }
+
+    /// Number of lobes of each dictionary of the table at word `table`.
+    fn dictionaries(&self, table: usize, clusters: usize) -> Result<Vec<usize>, Rule> {
+        let offsets = part(self.words, table, clusters + 1).ok_or(rule::TABLE_BEYOND)?;
+        let mut counts = Vec::with_capacity(clusters);
+        for ends in offsets.windows(2) {
+            let [first, end] = [ends[0] as usize, ends[1] as usize];
+            let lobes = (first <= end).then(|| part(self.words, first, end - first)).flatten();
+            let Some(lobes) = lobes.filter(|lobes| lobes.len().is_multiple_of(RESIDENT_WORDS)) else {
+                return Err(rule::DICTIONARY_PLACE);
+            };
+            if lobes.len() / RESIDENT_WORDS > MAX_DICTIONARY || !lobes.chunks_exact(RESIDENT_WORDS).all(lobe_is_fine) {
+                return Err(rule::DICTIONARY_CONTENT);
+            }
+            counts.push(lobes.len() / RESIDENT_WORDS);
+        }
+        Ok(counts)
+    }
+
+    /// Edits, each with as many lobes as were measured, `lobes` of each cluster.
+    fn edits(&self, lobes: &[usize]) -> Checked {
+        let (list, count) = (self.field(block::EDITS), self.field(block::EDIT_COUNT));
+        if (list == 0) != (count == 0) || count > crate::asset::edit::MOST_EDITS {
+            return Err(rule::EDITS_COUNTED);
+        }
+        if count == 0 {
+            return Ok(());
+        }
+        for edit in part(self.words, list, EDIT_WORDS * count).ok_or(rule::EDITS_BEYOND)?.chunks(EDIT_WORDS) {
+            let tints = edit[..3].iter().all(|tint| (0.0..=16.0).contains(&float(*tint)));
+            if !tints || !(0.0..=1.0).contains(&float(edit[3])) {
+                return Err(rule::EDIT_RANGE);
+            }
+            if self.dictionaries(edit[4] as usize, lobes.len())? != lobes {
+                return Err(rule::EDITED_DICTIONARY);
+            }
+        }
+        Ok(())
+    }
+
+    /// Records name clusters, edits, references and lobes that are there.
+    fn texels(&self, texels: usize, lobes: &[usize]) -> Checked {
+        let records = self.part(block::RECORDS, 2 * texels)?;
+        let refs = self.part(block::REFS, self.field(block::REF_COUNT))?;
+        let edits = self.field(block::EDIT_COUNT) as u32;
+        for record in records.chunks_exact(2) {
+            let (cluster, edit, count) = (record[0] & 0xff, record[0] >> 8 & 0xff, record[0] >> 16);
+            let own = part(refs, record[1] as usize, count as usize);
+            let (Some(lobes), Some(own)) = (lobes.get(cluster as usize), own.filter(|_| count < 256 && edit <= edits))
+            else {
+                return Err(rule::RECORD);
+            };
+            if own.iter().any(|reference| (reference & 0xff) as usize >= *lobes) {
+                return Err(rule::NO_LOBE);
+            }
+        }
+        Ok(())
+    }
+
+    fn heights(&self, texels: usize) -> Checked {
+        if self.field(block::HEIGHTS) == 0 {
+            return Ok(());
+        }
+        self.part(block::HEIGHTS, texels.div_ceil(4))?;
+        let [step, least, most] =
+            [block::HEIGHT_STEP, block::LEAST_HEIGHT, block::MOST_HEIGHT].map(|field| self.float(field));
+        let reach = 128.0 * MOST_HEIGHT_STEP;
+        let fine = step > 0.0 && step <= MOST_HEIGHT_STEP && least >= -reach && most <= reach && least <= most;
+        if fine { Ok(()) } else { Err(rule::HEIGHT_RANGE) }
+    }
+}
+
+/// Whether a lobe of the resident form has numbers that its family allows.
+fn lobe_is_fine(words: &[u32]) -> bool {
+    let Some(family) = LobeFamily::from_number(words[0]) else { return false };
+    let number = |i: usize| float(words[i]);
+    let unit = |at: usize| {
+        let length2: f32 = (at..at + 3).map(|i| number(i) * number(i)).sum();
+        (0.998..=1.002).contains(&length2)
+    };
+    // A thousandth more, as in the file form.
+    let ranges = family.ranges();
+    let fits = |i: usize| {
+        let (least, most) = ranges[i];
+        (least - 1e-3 * least.abs()..=most + 1e-3 * most.abs()).contains(&number(7 + i))
+    };
+    // A windowed cosine has its axis in full.
+    let params_fit = if family == LobeFamily::WindowedCosine { fits(0) && unit(8) } else { (0..4).all(fits) };
+    let scale = number(11);
+    unit(1) && unit(4) && number(3) > 0.0 && params_fit && scale >= 0.0 && scale.is_finite() && words[12..] == [0; 4]
+}
+
+/// Whether both halves of all words are finite.
+fn halves_are_finite(words: &[u32]) -> bool {
+    // An exponent of all ones, in either half: adding one to it carries out of its field.
+    let carries = |word: &u32| ((word & 0x7c00_7c00) + 0x0400_0400) & 0x8000_8000;
+    words.chunks(4096).all(|chunk| chunk.iter().fold(0, |any, word| any | carries(word)) == 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn infinite_and_undefined_halves_are_found_wherever_they_are() {
+        let fine = [0x3c00_0000u32, 0xfbff_7bff, 0x0000_8000, 0x7bff_fbff];
+        assert!(halves_are_finite(&fine));
+        for odd in [0x7c00u32, 0xfc00, 0x7e01, 0xffff] {
+            for (at, shift) in [(0, 0), (1, 16), (3, 16), (3, 0)] {
+                let mut words = fine;
+                words[at] = words[at] & !(0xffff << shift) | odd << shift;
+                assert!(!halves_are_finite(&words), "{odd:x}");
+            }
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! What the compute pass `shaders/expansion.wgsl` expands a layer's bases from: the numbers of `expansion.rs`, laid out for it.
+
+use crate::asset::residual::Residual;
+use crate::resident::expansion::{Expansion, LANES};
+use bytemuck::{Pod, Zeroable};
+
+/// The compute pass, a program with bindings and the entry points `cores_main`, `viewed_main` and `lit_main`, to be
+/// dispatched in this order for each slice of clusters. Its head says what they count.
+///
+/// Core WGSL and nothing else, six storage buffers. It packs with `pack2x16float`, naga's `SHADER_FLOAT16_IN_FLOAT32`.
+pub const EXPANSION_WGSL: &str = include_str!("expansion.wgsl");
+/// Invocations of a workgroup. Twin: `WORKGROUP`.
+pub const EXPANSION_WORKGROUP: u32 = 64;
+/// Bases, views or lights that an invocation has side by side.
+const SIDE_BY_SIDE: usize = 4;
+
+/// One colour-frame channel. Twin: `Channel` in `expansion.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct ExpansionChannel {
+    /// View rank.
+    pub view_rank: u32,
+    /// Light rank.
+    pub light_rank: u32,
+    /// Number of its first core entry among those of all channels.
+    pub first_core: u32,
+    /// Number of its first light rank among those of all channels.
+    pub first_row: u32,
+    /// Where its view factors begin, in fours.
+    pub view_at: u32,
+    /// Where its light factors begin, in fours.
+    pub light_at: u32,
+    /// Zero.
+    pub pad0: u32,
+    /// Zero.
+    pub pad1: u32,
+}
+
+/// Counts. Twin: `Shape` in `expansion.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct ExpansionShape {
+    /// Colour-frame channels.
+    pub channels: [ExpansionChannel; 3],
+    /// Measured views.
+    pub views: u32,
+    /// Measured lights.
+    pub lights: u32,
+    /// Words a pair and colour.
+    pub channel_words: u32,
+    /// Bases in fours, rounded up.
+    pub quads: u32,
+    /// Shared bases.
+    pub shared_bases: u32,
+    /// Core entries of all channels.
+    pub cores: u32,
+    /// Light ranks of all channels.
+    pub rows: u32,
+    /// Zero.
+    pub pad0: u32,
+}
+
+/// What a dispatch makes, and where. Twin: `Slice` in `expansion.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct ExpansionSlice {
+    /// Number of its first cluster.
+    pub first_cluster: u32,
+    /// Word at which the layer's bases begin.
+    pub bases_at: u32,
+    /// First word of the buffer that is bound, counted like that.
+    pub piece_from: u32,
+    /// Words of that buffer.
+    pub piece_words: u32,
+}
+
+impl ExpansionShape {
+    /// Items of `cores_main`, `viewed_main` and `lit_main`, a cluster.
+    pub fn items(&self) -> [u64; 3] {
+        let fours = |count: u32| u64::from(count.div_ceil(SIDE_BY_SIDE as u32));
+        let [views, quads] = [self.views, self.quads].map(u64::from);
+        [
+            u64::from(self.cores) * quads,
+            fours(self.views) * u64::from(self.rows) * quads,
+            views * fours(self.lights) * quads,
+        ]
+    }
+
+    /// Bytes of `cores` and of `viewed`, a cluster.
+    pub fn scratch_bytes(&self) -> [u64; 2] {
+        [self.cores.into(), u64::from(self.views) * u64::from(self.rows)]
+            .map(|rows: u64| 16 * rows * u64::from(self.quads))
+    }
+
+    /// Words of a cluster's bases.
+    pub fn cluster_words(&self) -> u64 {
+        u64::from(self.views) * u64::from(self.lights) * 3 * u64::from(self.channel_words)
+    }
+}
+
+/// What a layer's bases are expanded from. Lengths are what `expansion.wgsl` says of the bindings of these names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExpansionInput {
+    /// Counts.
+    pub shape: ExpansionShape,
+    /// Clusters.
+    pub clusters: u32,
+    /// Shared cores, entry by entry, without their zeros.
+    pub terms: Vec<u32>,
+    /// View and light factors, four views or lights side by side.
+    pub factors: Vec<f32>,
+    /// `[cluster, shared basis, basis]`, bases padded to fours.
+    pub mixtures: Vec<f32>,
+}
+
+impl ExpansionInput {
+    /// Of a layer of so many `clusters`. Cost: a pass over the shared cores and the mixtures.
+    pub fn new(residual: &Residual, clusters: usize) -> ExpansionInput {
+        let expansion = Expansion::new(residual);
+        let bases = residual.bases.len();
+        let mut shape = ExpansionShape {
+            views: residual.factors.shape[0] as u32,
+            lights: residual.factors.shape[1] as u32,
+            channel_words: bases.div_ceil(2) as u32,
+            quads: bases.div_ceil(SIDE_BY_SIDE) as u32,
+            shared_bases: residual.shared.steps.len() as u32,
+            ..ExpansionShape::default()
+        };
+        let (mut terms, mut pairs, mut factors) = (vec![0], Vec::new(), Vec::new());
+        for (channel, out) in expansion.channels.iter().zip(&mut shape.channels) {
+            let [view_rank, light_rank] = channel.ranks;
+            let before = (pairs.len() / 2) as u32;
+            terms.extend(channel.starts[1..].iter().map(|end| before + *end as u32));
+            pairs.extend(channel.terms.iter().flat_map(|(value, number)| [value.to_bits(), *number as u32]));
+            let view_at = (factors.len() / SIDE_BY_SIDE) as u32;
+            push_side_by_side(&mut factors, &channel.view, view_rank);
+            let light_at = (factors.len() / SIDE_BY_SIDE) as u32;
+            push_side_by_side(&mut factors, &channel.light, light_rank);
+            *out = ExpansionChannel {
+                view_rank: view_rank as u32,
+                light_rank: light_rank as u32,
+                first_core: shape.cores,
+                first_row: shape.rows,
+                view_at,
+                light_at,
+                ..ExpansionChannel::default()
+            };
+            shape.cores += (view_rank * light_rank) as u32;
+            shape.rows += light_rank as u32;
+        }
+        terms.append(&mut pairs);
+        let mut mixtures = Vec::with_capacity(clusters * SIDE_BY_SIDE * (shape.shared_bases * shape.quads) as usize);
+        for cluster in 0..clusters {
+            for row in expansion.mixtures(cluster).chunks_exact(bases.next_multiple_of(LANES)) {
+                mixtures.extend_from_slice(&row[..SIDE_BY_SIDE * shape.quads as usize]);
+            }
+        }
+        ExpansionInput { shape, clusters: clusters as u32, terms, factors, mixtures }
+    }
+}
+
+/// Rows of `rank` numbers, four of them side by side; the last ones beside zeros.
+fn push_side_by_side(factors: &mut Vec<f32>, matrix: &[f32], rank: usize) {
+    if rank == 0 {
+        return;
+    }
+    for rows in matrix.chunks(SIDE_BY_SIDE * rank) {
+        factors.extend(
+            (0..rank).flat_map(|r| (0..SIDE_BY_SIDE).map(move |i| rows.get(i * rank + r).copied().unwrap_or(0.0))),
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn factors_lie_four_by_four_and_the_last_beside_zeros() {
+        let matrix: Vec<f32> = (0..10).map(|i| i as f32).collect();
+        let mut factors = Vec::new();
+        push_side_by_side(&mut factors, &matrix, 2);
+        assert_eq!(factors, [0.0, 2.0, 4.0, 6.0, 1.0, 3.0, 5.0, 7.0, 8.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0]);
+        push_side_by_side(&mut factors, &[], 0);
+        assert_eq!(factors.len(), 16);
+    }
+}

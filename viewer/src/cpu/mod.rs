@@ -1,0 +1,4 @@
+//! The reference renderer.
+
+pub(crate) mod cpu;
+pub(crate) mod volumes;

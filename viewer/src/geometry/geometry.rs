@@ -1,0 +1,554 @@
+//! Triangles as both tracers see them: meshes with shared vertices, triangles in the order of the BVH's leaves, so that a
+//! primitive has one number on the CPU, in the compute BVH and in the acceleration structure; and instances, which place
+//! meshes in the world.
+
+use crate::geometry::bvh::BvhNode;
+use crate::geometry::bvh_build::{Bounds, BuildParams, Item, build};
+use glam::{Mat4, Vec3, Vec4};
+
+/// Of a mesh: 2^24 triangles in leaves of 4 add 22 levels at most to the depth of halving.
+const TRIANGLES: BuildParams = BuildParams { least_items: 4, most_items: 16, halving_depth: 24 };
+/// Over the instances: 2^20 add 20 levels.
+const INSTANCES: BuildParams = BuildParams { least_items: 1, most_items: 1, halving_depth: 13 };
+/// Triangles that all meshes have together at most.
+const MOST_TRIANGLES: usize = 1 << 24;
+/// Instances at most: as many as the smallest storage binding of 128 MiB holds.
+pub const MOST_INSTANCES: usize = 1 << 20;
+
+/// A vertex. Twin: `Vertex` in `scene.wgsl`; positions come first, so that the acceleration structure is built from
+/// the same buffer.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Vertex {
+    /// Position, in the mesh's space.
+    pub position: [f32; 3],
+    /// Texture coordinate to the right.
+    pub u: f32,
+    /// Unit normal.
+    pub normal: [f32; 3],
+    /// Texture coordinate upwards.
+    pub v: f32,
+    /// Unit tangent towards growing u; w = +1 or -1 so that `cross(normal, tangent) * w` points to growing v.
+    pub tangent: [f32; 4],
+}
+
+/// A triangle. Twin: `Triangle` in `scene.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Triangle {
+    /// Vertex numbers.
+    pub vertices: [u32; 3],
+    /// Material number.
+    pub material: u32,
+}
+
+/// A mesh in the world. Twin: `Instance` in `scene.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Instance {
+    /// Rows of the map from the world into the mesh's space.
+    pub object_from_world: [[f32; 4]; 3],
+    /// Rows of the map back.
+    pub world_from_object: [[f32; 4]; 3],
+    /// What multiplies the contents of its leaves: chlorophyll, carotenoids, brown pigment, thickness.
+    pub factors: [f32; 4],
+    /// Node where the mesh's hierarchy begins.
+    pub root: u32,
+    /// The mesh's first triangle.
+    pub first_triangle: u32,
+    /// 0 where the mesh's space is the world; else -1 where it is mirrored, 1 where it is not.
+    pub handedness: f32,
+    /// How wide its leaves are in the world; 0 where no volume stands in for it.
+    pub leaf_width: f32,
+}
+
+/// Vertices and triangles of one mesh, in a space of their own.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// Vertices.
+    pub vertices: Vec<Vertex>,
+    /// Triangles over them.
+    pub triangles: Vec<Triangle>,
+}
+
+/// Where a mesh stands in the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Number of the mesh.
+    pub mesh: usize,
+    /// Affine and invertible.
+    pub world_from_object: Mat4,
+}
+
+/// Where a mesh lies in the arrays.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MeshRange {
+    pub first_triangle: u32,
+    pub triangles: u32,
+    root: u32,
+    bounds: Bounds,
+}
+
+/// All triangles of a scene, its instances and their hierarchies.
+#[derive(Debug, Clone)]
+pub struct Geometry {
+    vertices: Vec<Vertex>,
+    triangles: Vec<Triangle>,
+    meshes: Vec<MeshRange>,
+    instances: Vec<Instance>,
+    /// Of each instance: its mesh, and its number among the placements that were given.
+    origins: Vec<[usize; 2]>,
+    /// The meshes' hierarchies one after the other, then the one over the instances.
+    nodes: Vec<BvhNode>,
+    root: u32,
+}
+
+impl Geometry {
+    /// One mesh where it is.
+    ///
+    /// # Errors
+    /// As [`Geometry::placed`].
+    pub fn new(vertices: Vec<Vertex>, triangles: Vec<Triangle>) -> Result<Geometry, String> {
+        Geometry::placed(
+            vec![Mesh { vertices, triangles }],
+            &[Placement { mesh: 0, world_from_object: Mat4::IDENTITY }],
+        )
+    }
+
+    /// Meshes, each as often as `placements` say. Leaves out triangles without an area, sorts the others into the leaves of
+    /// a hierarchy for each mesh, and builds one over the instances.
+    ///
+    /// # Errors
+    /// A sentence if a number is not finite, a vertex or mesh number is out of range, a placement flattens its mesh, no
+    /// triangle is left or there are too many.
+    pub fn placed(meshes: Vec<Mesh>, placements: &[Placement]) -> Result<Geometry, String> {
+        let vertices: usize = meshes.iter().map(|mesh| mesh.vertices.len()).sum();
+        let triangles: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+        if vertices > u32::MAX as usize / 4 || triangles > MOST_TRIANGLES {
+            return Err("the scene has more than 2^24 triangles or 2^30 vertices, simplify it".into());
+        }
+        if placements.len() > MOST_INSTANCES {
+            return Err(format!("the scene has {} instances, and 2^20 are allowed", placements.len()));
+        }
+        let mut geometry = Geometry {
+            vertices: Vec::with_capacity(vertices),
+            triangles: Vec::with_capacity(triangles),
+            meshes: Vec::with_capacity(meshes.len()),
+            instances: Vec::new(),
+            origins: Vec::new(),
+            nodes: Vec::new(),
+            root: 0,
+        };
+        for mesh in meshes {
+            geometry.add_mesh(mesh)?;
+        }
+        geometry.place(placements)?;
+        Ok(geometry)
+    }
+
+    fn add_mesh(&mut self, Mesh { vertices, mut triangles }: Mesh) -> Result<(), String> {
+        let finite = |vertex: &Vertex| bytemuck::cast_ref::<Vertex, [f32; 12]>(vertex).iter().all(|x| x.is_finite());
+        if !vertices.iter().all(finite) {
+            return Err("a vertex has a coordinate that is not a finite number".into());
+        }
+        if triangles.iter().any(|triangle| triangle.vertices.iter().any(|index| *index as usize >= vertices.len())) {
+            return Err("a triangle names a vertex that is not there".into());
+        }
+        let corners =
+            |triangle: &Triangle| triangle.vertices.map(|index| Vec3::from(vertices[index as usize].position));
+        triangles.retain(|triangle| {
+            let [a, b, c] = corners(triangle);
+            (b - a).cross(c - a).length_squared() > 0.0
+        });
+        let bounds_of = |triangle: &Triangle| corners(triangle).into_iter().fold(Bounds::EMPTY, Bounds::add_point);
+        let mut items: Vec<Item> =
+            triangles.iter().enumerate().map(|(index, triangle)| Item::new(index, bounds_of(triangle))).collect();
+        let (first_vertex, first_triangle) = (self.vertices.len() as u32, self.triangles.len());
+        let root = self.nodes.len();
+        let mut bounds = Bounds::EMPTY;
+        if !items.is_empty() {
+            let nodes = build(&mut items, TRIANGLES, root, first_triangle);
+            bounds = nodes[0].bounds();
+            self.nodes.extend(nodes);
+        }
+        self.triangles.extend(items.iter().map(|item| {
+            let triangle = triangles[item.index as usize];
+            Triangle { vertices: triangle.vertices.map(|index| index + first_vertex), ..triangle }
+        }));
+        self.vertices.extend(vertices);
+        self.meshes.push(MeshRange {
+            first_triangle: first_triangle as u32,
+            triangles: items.len() as u32,
+            root: root as u32,
+            bounds,
+        });
+        Ok(())
+    }
+
+    fn place(&mut self, placements: &[Placement]) -> Result<(), String> {
+        let mut placed = Vec::new();
+        let mut items = Vec::new();
+        for (number, placement) in placements.iter().enumerate() {
+            let mesh = self.meshes.get(placement.mesh).ok_or("an instance names a mesh that is not there")?;
+            let map = placement.world_from_object;
+            let inverse = map.inverse();
+            if !(map.is_finite() && inverse.is_finite() && map.determinant() != 0.0) {
+                return Err("an instance flattens its mesh, correct its scale".into());
+            }
+            if mesh.triangles == 0 {
+                continue;
+            }
+            let corners = mesh.bounds.corners().map(|corner| map.transform_point3(corner));
+            items.push(Item::new(items.len(), corners.into_iter().fold(Bounds::EMPTY, Bounds::add_point)));
+            placed.push((number, placement.mesh, map, inverse));
+        }
+        if items.is_empty() {
+            return Err("no triangle with an area is left".into());
+        }
+        let top = build(&mut items, INSTANCES, self.nodes.len(), 0);
+        self.root = self.nodes.len() as u32;
+        self.nodes.extend(top);
+        for item in &items {
+            let (number, mesh, map, inverse) = placed[item.index as usize];
+            let MeshRange { root, first_triangle, .. } = self.meshes[mesh];
+            self.origins.push([mesh, number]);
+            self.instances.push(Instance {
+                object_from_world: rows(inverse),
+                world_from_object: rows(map),
+                factors: [1.0; 4],
+                root,
+                first_triangle,
+                handedness: if map == Mat4::IDENTITY { 0.0 } else { map.determinant().signum() },
+                leaf_width: 0.0,
+            });
+        }
+        Ok(())
+    }
+
+    /// This and behind it `other`, in one set of arrays where what was in this keeps its numbers; the node where the hierarchy
+    /// over the instances of `other` begins.
+    pub(crate) fn followed_by(&self, other: &Geometry) -> (Geometry, u32) {
+        let mut all = self.clone();
+        let [vertices, triangles, nodes] =
+            [all.vertices.len(), all.triangles.len(), all.nodes.len()].map(|count| count as u32);
+        let meshes = all.meshes.len();
+        all.vertices.extend(&other.vertices);
+        all.triangles.extend(
+            other
+                .triangles
+                .iter()
+                .map(|triangle| Triangle { vertices: triangle.vertices.map(|vertex| vertex + vertices), ..*triangle }),
+        );
+        all.nodes.extend(self.nodes_behind(other));
+        all.meshes.extend(other.meshes.iter().map(|mesh| MeshRange {
+            first_triangle: mesh.first_triangle + triangles,
+            root: mesh.root + nodes,
+            ..*mesh
+        }));
+        all.instances.extend(other.instances.iter().map(|instance| Instance {
+            root: instance.root + nodes,
+            first_triangle: instance.first_triangle + triangles,
+            ..*instance
+        }));
+        all.origins.extend(other.origins.iter().map(|[mesh, number]| [mesh + meshes, *number]));
+        (all, other.root + nodes)
+    }
+
+    /// The nodes of `other` where it stands behind this, see [`followed_by`](Geometry::followed_by).
+    pub(crate) fn nodes_behind(&self, other: &Geometry) -> impl Iterator<Item = BvhNode> {
+        let [triangles, nodes, instances] =
+            [self.triangles.len(), self.nodes.len(), self.instances.len()].map(|count| count as u32);
+        // The hierarchy over the instances is the last.
+        other.nodes.iter().zip(0..).map(move |(node, number)| {
+            let before = match node.count {
+                0 => nodes,
+                _ if number < other.root => triangles,
+                _ => instances,
+            };
+            BvhNode { first: node.first + before, ..*node }
+        })
+    }
+
+    /// Moves the vertices from number `first` on to `positions`. Triangles and hierarchies keep their order, which is as good as
+    /// a new one where nothing moves far; boxes follow. Cost: a pass over the nodes.
+    pub(crate) fn move_vertices(&mut self, first: usize, positions: impl Iterator<Item = Vec3>) {
+        for (vertex, position) in self.vertices[first..].iter_mut().zip(positions) {
+            vertex.position = position.to_array();
+        }
+        // Children stand behind their parents, and the hierarchy over the instances behind those of the meshes.
+        let root = self.root as usize;
+        for number in (0..root).rev() {
+            let BvhNode { first, count, .. } = self.nodes[number];
+            let of_triangles = |all: Bounds, triangle| self.corners(triangle).into_iter().fold(all, Bounds::add_point);
+            self.set_bounds(number, (first..first + count).fold(Bounds::EMPTY, of_triangles));
+        }
+        for mesh in self.meshes.iter_mut().filter(|mesh| mesh.triangles > 0) {
+            mesh.bounds = self.nodes[mesh.root as usize].bounds();
+        }
+        self.refit_instances();
+    }
+
+    /// Moves instances to where `place` has them, by their number among the placements; those that it says nothing of, or a map
+    /// without an inverse, stay. The hierarchy over the instances keeps its order. Cost: a pass over the instances.
+    pub(crate) fn move_instances(&mut self, place: impl Fn(usize) -> Option<Mat4>) {
+        for (instance, [_, number]) in self.instances.iter_mut().zip(&self.origins) {
+            let Some(map) = place(*number) else { continue };
+            let inverse = map.inverse();
+            if map.is_finite() && inverse.is_finite() {
+                (instance.object_from_world, instance.world_from_object) = (rows(inverse), rows(map));
+                instance.handedness = map.determinant().signum();
+            }
+        }
+        self.refit_instances();
+    }
+
+    /// Gives the nodes over the instances their boxes.
+    fn refit_instances(&mut self) {
+        for number in (self.root as usize..self.nodes.len()).rev() {
+            let BvhNode { first, count, .. } = self.nodes[number];
+            let of_instances = |all: Bounds, instance: u32| {
+                let map = affine(self.instances[instance as usize].world_from_object);
+                let corners = self.meshes[self.mesh_of(instance as usize)].bounds.corners();
+                corners.into_iter().map(|corner| map.transform_point3(corner)).fold(all, Bounds::add_point)
+            };
+            self.set_bounds(number, (first..first + count).fold(Bounds::EMPTY, of_instances));
+        }
+    }
+
+    /// Gives a node its box: that of what it holds, if it is a leaf, otherwise that around both children.
+    fn set_bounds(&mut self, number: usize, of_leaf: Bounds) {
+        let BvhNode { first, count, .. } = self.nodes[number];
+        let child = |child: u32| self.nodes[(first + child) as usize].bounds();
+        let bounds = if count > 0 { of_leaf } else { child(0).add(child(1)) };
+        (self.nodes[number].lo, self.nodes[number].hi) = (bounds.lo.to_array(), bounds.hi.to_array());
+    }
+
+    /// The same surface with `triangles` that differ from its own in their materials only.
+    pub(crate) fn with_triangles(&self, triangles: Vec<Triangle>) -> Geometry {
+        Geometry { triangles, ..self.clone() }
+    }
+
+    /// Multiplies the contents of each instance's leaves by what `factors` says for its mesh and its number among the
+    /// placements. Those that volumes stand in for stay as described, since a volume has one colour wherever it stands.
+    pub fn set_factors(&mut self, factors: impl Fn(usize, usize) -> [f32; 4]) {
+        for (instance, [mesh, placement]) in self.instances.iter_mut().zip(&self.origins) {
+            let is_as_described = instance.leaf_width > 0.0;
+            instance.factors = if is_as_described { [1.0; 4] } else { factors(*mesh, *placement) };
+        }
+    }
+
+    /// Says of which instances a volume stands in for the mesh where it is small ([`HandOver`](crate::HandOver)): `widths` gives,
+    /// for a mesh and a number among the placements, how wide its leaves are in the world, 0 where none does.
+    pub fn set_leaf_widths(&mut self, widths: impl Fn(usize, usize) -> f32) {
+        for (instance, [mesh, number]) in self.instances.iter_mut().zip(&self.origins) {
+            instance.leaf_width = widths(*mesh, *number);
+            instance.factors = if instance.leaf_width > 0.0 { [1.0; 4] } else { instance.factors };
+        }
+    }
+
+    /// How wide leaves of instances are at most that volumes stand in for, in the world; 0 where there are none.
+    pub fn widest_leaf(&self) -> f32 {
+        self.instances.iter().map(|instance| instance.leaf_width).fold(0.0, f32::max)
+    }
+
+    /// All vertices.
+    pub fn vertices(&self) -> &[Vertex] {
+        &self.vertices
+    }
+
+    /// All triangles; a hit's primitive number is an index into these.
+    pub fn triangles(&self) -> &[Triangle] {
+        &self.triangles
+    }
+
+    /// All instances; a hit's instance number is an index into these.
+    pub fn instances(&self) -> &[Instance] {
+        &self.instances
+    }
+
+    /// Least and greatest corner of a mesh, in its space.
+    pub(crate) fn mesh_bounds(&self, mesh: usize) -> [Vec3; 2] {
+        let Bounds { lo, hi } = self.meshes[mesh].bounds;
+        [lo, hi]
+    }
+
+    /// Number of the mesh that an instance places.
+    pub(crate) fn mesh_of(&self, instance: usize) -> usize {
+        self.origins[instance][0]
+    }
+
+    /// Where the meshes lie in the arrays.
+    pub(crate) fn meshes(&self) -> &[MeshRange] {
+        &self.meshes
+    }
+
+    /// The triangles of each mesh.
+    pub(crate) fn mesh_triangles(&self) -> impl Iterator<Item = &[Triangle]> {
+        self.meshes.iter().map(|mesh| &self.triangles[mesh.first_triangle as usize..][..mesh.triangles as usize])
+    }
+
+    /// Triangles that can be hit: those of each mesh as often as it is placed.
+    pub fn placed_triangles(&self) -> u64 {
+        self.origins.iter().map(|[mesh, _]| u64::from(self.meshes[*mesh].triangles)).sum()
+    }
+
+    /// The hierarchies.
+    pub fn nodes(&self) -> &[BvhNode] {
+        &self.nodes
+    }
+
+    /// For tests that break them.
+    #[cfg(test)]
+    pub(crate) fn nodes_mut(&mut self) -> &mut [BvhNode] {
+        &mut self.nodes
+    }
+
+    /// The node where the hierarchy over the instances begins.
+    pub fn root(&self) -> u32 {
+        self.root
+    }
+
+    /// Corners of a triangle, in its mesh's space.
+    pub fn corners(&self, primitive: u32) -> [Vec3; 3] {
+        self.triangles[primitive as usize].vertices.map(|index| Vec3::from(self.vertices[index as usize].position))
+    }
+
+    /// Centre and radius of a sphere around everything.
+    pub fn bounding_sphere(&self) -> (Vec3, f32) {
+        let Bounds { lo, hi } = self.nodes[self.root as usize].bounds();
+        let centre = (lo + hi) * 0.5;
+        let reach = |points: &mut dyn Iterator<Item = Vec3>| points.map(|p| p.distance(centre)).fold(0.0, f32::max);
+        let radius = match self.instances.as_slice() {
+            [one] if one.handedness == 0.0 => reach(&mut self.vertices.iter().map(|vertex| vertex.position.into())),
+            _ => {
+                // Of the boxes over the instances.
+                let top = &self.nodes[self.root as usize..];
+                let boxes = top.iter().filter(|node| node.count > 0);
+                reach(&mut boxes.flat_map(|node| node.bounds().corners()))
+            }
+        };
+        (centre, radius)
+    }
+}
+
+/// The affine map of three rows.
+fn affine(rows: [[f32; 4]; 3]) -> Mat4 {
+    let [x, y, z] = rows.map(Vec4::from);
+    Mat4::from_cols(x, y, z, Vec4::W).transpose()
+}
+
+/// The three rows of an affine map.
+fn rows(map: Mat4) -> [[f32; 4]; 3] {
+    [0, 1, 2].map(|row| map.row(row).to_array())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn vertex(position: [f32; 3]) -> Vertex {
+        Vertex { position, u: 0.0, normal: [0.0, 0.0, 1.0], v: 0.0, tangent: [1.0, 0.0, 0.0, 1.0] }
+    }
+
+    fn corners() -> Vec<Vertex> {
+        vec![vertex([0.0; 3]), vertex([1.0, 0.0, 0.0]), vertex([0.0, 1.0, 0.0])]
+    }
+
+    fn triangle(vertices: [u32; 3]) -> Triangle {
+        Triangle { vertices, material: 0 }
+    }
+
+    #[test]
+    fn refuses_bad_numbers_and_drops_flat_triangles() {
+        let good = Geometry::new(corners(), vec![triangle([0, 1, 2]), triangle([0, 0, 1])]).unwrap();
+        assert_eq!(good.triangles().len(), 1);
+        assert!(Geometry::new(corners(), vec![triangle([0, 1, 3])]).is_err());
+        assert!(Geometry::new(corners(), vec![triangle([1, 1, 1])]).is_err());
+        let mut bad = corners();
+        bad[1].u = f32::NAN;
+        assert!(Geometry::new(bad, vec![triangle([0, 1, 2])]).is_err());
+    }
+
+    #[test]
+    fn moved_vertices_are_met_where_they_are() {
+        use crate::geometry::bvh::AnyHit;
+        use btf_runtime::testing::Random;
+        let mut random = Random::new(8);
+        let mut point = |reach: f32| Vec3::from([(); 3].map(|()| random.within(-reach, reach)));
+        let mut soup = |count: u32, at: Vec3| {
+            let corners: Vec<Vec3> = (0..count).flat_map(|_| [point(2.0) + at; 3].map(|a| a + point(0.5))).collect();
+            let triangles = (0..count).map(|i| triangle([3 * i, 3 * i + 1, 3 * i + 2])).collect();
+            Mesh { vertices: corners.iter().map(|at| vertex(at.to_array())).collect(), triangles }
+        };
+        let [still, moving] = [soup(60, Vec3::ZERO), soup(90, Vec3::X)];
+        let places = [
+            Mat4::IDENTITY,
+            Mat4::from_scale_rotation_translation(Vec3::splat(0.7), glam::Quat::from_rotation_x(1.0), Vec3::Y * 3.0),
+        ];
+        let placements: Vec<Placement> =
+            (0..2).flat_map(|mesh| places.map(|world_from_object| Placement { mesh, world_from_object })).collect();
+        let moved: Vec<Vec3> = moving
+            .vertices
+            .iter()
+            .map(|v| Vec3::from(v.position))
+            .map(|p| p + 0.4 * Vec3::new(p.y.sin(), 1.0, p.x.cos()))
+            .collect();
+        let mut there = moving.clone();
+        there.vertices.iter_mut().zip(&moved).for_each(|(vertex, at)| vertex.position = at.to_array());
+        let rest = Geometry::placed(vec![still.clone(), moving], &placements).unwrap();
+        let built = Geometry::placed(vec![still, there], &placements).unwrap();
+        let mut refit = rest.clone();
+        refit.move_vertices(180, moved.into_iter());
+        assert_eq!(built.mesh_bounds(1), refit.mesh_bounds(1));
+        assert_eq!(built.bounding_sphere().0, refit.bounding_sphere().0);
+        let mut counts = [0; 2];
+        for _ in 0..500 {
+            let (origin, direction) = (point(6.0), point(1.0).normalize());
+            let t = |geometry: &Geometry| geometry.trace(origin, direction, 20.0, AnyHit::No).t;
+            assert_eq!(t(&built), t(&refit));
+            counts[0] += usize::from(t(&built) < 20.0);
+            counts[1] += usize::from(t(&built) != t(&rest));
+        }
+        // Planted: what has not moved is met elsewhere.
+        assert!(counts[0] > 20 && counts[1] > 20, "{counts:?}");
+    }
+
+    #[test]
+    fn places_a_mesh_as_often_as_asked_and_refuses_what_flattens_it() {
+        let mesh = || Mesh { vertices: corners(), triangles: vec![triangle([0, 1, 2])] };
+        let at = |mesh, map| Placement { mesh, world_from_object: map };
+        let shifted = |x: f32| Mat4::from_translation(Vec3::X * x);
+        let placements = [at(0, shifted(4.0)), at(1, Mat4::IDENTITY), at(0, shifted(-4.0))];
+        let mut placed = Geometry::placed(vec![mesh(), mesh()], &placements).unwrap();
+        assert_eq!((placed.triangles().len(), placed.placed_triangles()), (2, 3));
+        let (centre, radius) = placed.bounding_sphere();
+        assert!((centre - Vec3::new(0.5, 0.5, 0.0)).length() < 1e-6 && radius > 4.5 && radius < 4.6);
+        placed.set_factors(|_, placement| [placement as f32; 4]);
+        for (instance, map) in placed.instances().iter().zip([shifted(-4.0), Mat4::IDENTITY, shifted(4.0)]) {
+            // Along x, and numbered as they were given.
+            assert_eq!(instance.world_from_object, rows(map));
+            let given = placements.iter().position(|placement| placement.world_from_object == map).unwrap();
+            assert_eq!(instance.factors, [given as f32; 4]);
+        }
+        for bad in [at(2, Mat4::IDENTITY), at(0, Mat4::from_scale(Vec3::new(1.0, 0.0, 1.0))), at(0, Mat4::NAN)] {
+            assert!(Geometry::placed(vec![mesh(), mesh()], &[bad]).is_err());
+        }
+    }
+
+    #[test]
+    fn what_stands_behind_another_geometry_is_hit_as_before() {
+        let mesh = || Mesh { vertices: corners(), triangles: vec![triangle([0, 1, 2])] };
+        let at = |x: f32| Placement { mesh: 0, world_from_object: Mat4::from_translation(Vec3::X * x) };
+        let first = Geometry::placed(vec![mesh()], &[at(0.0), at(4.0)]).unwrap();
+        let second = Geometry::placed(vec![mesh(), mesh()], &[at(8.0), Placement { mesh: 1, ..at(12.0) }]).unwrap();
+        let (all, root) = first.followed_by(&second);
+        let behind = Geometry { root, ..all.clone() };
+        let hit = |geometry: &Geometry, x: f32| {
+            let hit = geometry.trace(Vec3::new(x + 0.25, 0.25, 1.0), Vec3::NEG_Z, 10.0, crate::AnyHit::No);
+            (hit.primitive != crate::NO_HIT).then(|| (all.mesh_of(hit.instance as usize), hit.primitive, hit.instance))
+        };
+        assert_eq!([0.0, 4.0, 8.0, 12.0].map(|x| hit(&all, x)), [Some((0, 0, 0)), Some((0, 0, 1)), None, None]);
+        assert_eq!([0.0, 4.0, 8.0, 12.0].map(|x| hit(&behind, x)), [None, None, Some((1, 1, 2)), Some((2, 2, 3))]);
+        assert_eq!(all.placed_triangles(), 4);
+    }
+}

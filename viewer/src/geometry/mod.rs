@@ -1,0 +1,9 @@
+//! Triangles, instances, the hierarchies over them, and where rays meet them.
+
+pub(crate) mod bvh;
+pub(crate) mod bvh_build;
+pub(crate) mod geometry;
+pub(crate) mod hand_over;
+pub(crate) mod leaf_width;
+pub(crate) mod shear;
+pub(crate) mod surface;

@@ -1,0 +1,114 @@
+//! What adapters with ray queries find hits in: the driver's own hierarchies over a scene's meshes and instances.
+
+use crate::error::ViewerError;
+use crate::geometry::geometry::{Geometry, Vertex};
+use crate::gpu::device::Gpu;
+use crate::scene::scene::Scene;
+use wgpu::BufferUsages;
+
+/// Mask of instances that are surfaces. Twin: `RAY_MESHES` in `trace_ray_query.wgsl`.
+pub(crate) const MESHES: u8 = 1;
+/// Mask of instances that are proxies of volumes. Twin: `RAY_PROXIES`.
+pub(crate) const PROXIES: u8 = 2;
+/// Mask of instances that are surfaces which volumes stand in for. Twin: `RAY_HANDED_OVER`.
+pub(crate) const HANDED_OVER: u8 = 4;
+
+/// A structure for each mesh and one over the instances, which are numbered as `geometry` has them; those that `scene` has
+/// not itself are proxies.
+///
+/// # Errors
+/// [`ViewerError::Gpu`] where the adapter takes fewer triangles or instances.
+pub(crate) fn acceleration_structure(
+    gpu: &Gpu,
+    geometry: &Geometry,
+    scene: &Scene,
+    vertices: &wgpu::Buffer,
+) -> Result<(wgpu::Tlas, Vec<wgpu::Blas>), ViewerError> {
+    let limits = gpu.device.limits();
+    let (most, largest) = (limits.max_blas_primitive_count, geometry.meshes().iter().map(|mesh| mesh.triangles).max());
+    if largest.is_some_and(|triangles| triangles > most) {
+        return Err(gpu.error(format!(
+            "a mesh has {} triangles and this adapter's ray query takes at most {most}, use --backend bvh",
+            largest.unwrap_or(0)
+        )));
+    }
+    let (most, instances) = (limits.max_tlas_instance_count, geometry.instances());
+    if instances.len() > most as usize {
+        return Err(gpu.error(format!(
+            "the scene has {} instances and this adapter's ray query takes at most {most}, use --backend bvh",
+            instances.len()
+        )));
+    }
+    let indices: Vec<u32> = geometry.triangles().iter().flat_map(|triangle| triangle.vertices).collect();
+    let index_buffer = gpu.buffer("indices", bytemuck::cast_slice(&indices), BufferUsages::BLAS_INPUT)?;
+    let flags = wgpu::AccelerationStructureFlags::PREFER_FAST_TRACE;
+    let update_mode = wgpu::AccelerationStructureUpdateMode::Build;
+    // What volumes stand in for is there within a sphere only: the shader decides on each of its hits.
+    let mut is_handed_over = vec![false; geometry.meshes().len()];
+    for (number, instance) in scene.geometry.instances().iter().enumerate() {
+        is_handed_over[geometry.mesh_of(number)] |= instance.leaf_width > 0.0;
+    }
+    let opaque = wgpu::AccelerationStructureGeometryFlags::OPAQUE;
+    let sizes: Vec<_> = geometry
+        .meshes()
+        .iter()
+        .zip(is_handed_over)
+        .map(|(mesh, is_handed_over)| wgpu::BlasTriangleGeometrySizeDescriptor {
+            vertex_format: wgpu::VertexFormat::Float32x3,
+            vertex_count: geometry.vertices().len() as u32,
+            index_format: Some(wgpu::IndexFormat::Uint32),
+            index_count: Some(3 * mesh.triangles),
+            flags: if is_handed_over { wgpu::AccelerationStructureGeometryFlags::empty() } else { opaque },
+        })
+        .collect();
+    let blas: Vec<wgpu::Blas> = sizes
+        .iter()
+        .map(|size| {
+            gpu.device.create_blas(
+                &wgpu::CreateBlasDescriptor { label: Some("mesh"), flags, update_mode },
+                wgpu::BlasGeometrySizeDescriptors::Triangles { descriptors: vec![size.clone()] },
+            )
+        })
+        .collect();
+    let mut tlas = gpu.device.create_tlas(&wgpu::CreateTlasDescriptor {
+        label: Some("scene"),
+        max_instances: instances.len() as u32,
+        flags,
+        update_mode,
+    });
+    for (number, instance) in instances.iter().enumerate() {
+        let rows = instance.world_from_object.concat();
+        let mut map = [0.0; 12];
+        map.copy_from_slice(&rows);
+        let mask = match (number < scene.geometry.instances().len(), instance.leaf_width > 0.0) {
+            (true, false) => MESHES,
+            (true, true) => HANDED_OVER,
+            (false, _) => PROXIES,
+        };
+        tlas[number] = Some(wgpu::TlasInstance::new(&blas[geometry.mesh_of(number)], map, number as u32, mask));
+    }
+    // Meshes without a triangle are placed nowhere.
+    let built: Vec<_> = blas
+        .iter()
+        .zip(&sizes)
+        .zip(geometry.meshes())
+        .filter(|(_, mesh)| mesh.triangles > 0)
+        .map(|((blas, size), mesh)| wgpu::BlasBuildEntry {
+            blas,
+            geometry: wgpu::BlasGeometries::TriangleGeometries(vec![wgpu::BlasTriangleGeometry {
+                size,
+                vertex_buffer: vertices,
+                first_vertex: 0,
+                vertex_stride: size_of::<Vertex>() as u64,
+                index_buffer: Some(&index_buffer),
+                first_index: Some(3 * mesh.first_triangle),
+                transform_buffer: None,
+                transform_buffer_offset: None,
+            }]),
+        })
+        .collect();
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.build_acceleration_structures(&built, [&tlas]);
+    gpu.queue.submit([encoder.finish()]);
+    Ok((tlas, blas))
+}

@@ -1,0 +1,315 @@
+//! The adapter and the device.
+
+use crate::error::ViewerError;
+use crate::gpu::modules::GpuTracer;
+use std::sync::{Arc, Mutex};
+
+/// Which renderer was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BackendChoice {
+    /// Ray query where the adapter has it, else the BVH; the CPU where there is no adapter.
+    Auto,
+    /// This tracer on a GPU, or an error.
+    Gpu(GpuTracer),
+    /// The CPU decoder and BVH.
+    Cpu,
+}
+
+/// An open device.
+pub struct Gpu {
+    /// The device.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    pub(crate) instance: wgpu::Instance,
+    pub(crate) adapter: wgpu::Adapter,
+    info: wgpu::AdapterInfo,
+    /// Bytes of one binding at most.
+    most_binding_bytes: u64,
+    /// Whether it expands assets' bases itself.
+    expands_bases: bool,
+    /// First error that the driver reported outside a call.
+    fault: Arc<Mutex<Option<String>>>,
+}
+
+/// What to install or check where no adapter answers.
+const NO_ADAPTER_REMEDY: &str = "to have one, install the graphics driver's Vulkan part (on Debian and Ubuntu the \
+                                 package mesa-vulkan-drivers, which also has a software driver); --headless with \
+                                 --backend cpu renders without";
+
+/// Storage buffers that are asked for where the adapter has as many; 8 are in every one.
+const MOST_STORAGE_BUFFERS: u32 = 40;
+/// Storage buffers of a stage that hold neither assets nor geometry.
+const OTHER_STORAGE_BUFFERS: u32 = 4;
+
+/// Which backends are looked at: those that the shaders are tested for.
+const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
+
+pub(crate) fn instance(display: Option<Box<dyn wgpu::wgt::WgpuHasDisplayHandle>>) -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = BACKENDS;
+    descriptor.display = display;
+    wgpu::Instance::new(descriptor)
+}
+
+impl Gpu {
+    /// Opens the best adapter for work without a window, or the first whose name contains `adapter_name` (in any case).
+    ///
+    /// # Errors
+    /// [`ViewerError::NoAdapter`] naming what to install, or which adapters there are.
+    pub fn headless(adapter_name: Option<&str>) -> Result<Gpu, ViewerError> {
+        Gpu::open(instance(None), None, adapter_name)
+    }
+
+    /// The same for an adapter that can present to `surface`.
+    pub(crate) fn open(
+        instance: wgpu::Instance,
+        surface: Option<&wgpu::Surface>,
+        adapter_name: Option<&str>,
+    ) -> Result<Gpu, ViewerError> {
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(BACKENDS));
+        adapters.retain(|adapter| surface.is_none_or(|surface| adapter.is_surface_supported(surface)));
+        if adapters.is_empty() {
+            let purpose = if surface.is_some() { " that can show a window" } else { "" };
+            return Err(ViewerError::NoAdapter(format!(
+                "no Vulkan, Metal or DirectX 12 adapter{purpose} answers; {NO_ADAPTER_REMEDY}"
+            )));
+        }
+        let names: Vec<String> = adapters.iter().map(|adapter| adapter.get_info().name).collect();
+        // A GPU before a software driver; among equals the one that the system lists first.
+        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        let wanted = adapter_name.map(str::to_lowercase);
+        let adapter = adapters
+            .into_iter()
+            .filter(|adapter| {
+                wanted.as_ref().is_none_or(|wanted| adapter.get_info().name.to_lowercase().contains(wanted))
+            })
+            .min_by_key(rank)
+            .ok_or_else(|| {
+                ViewerError::NoAdapter(format!(
+                    "no adapter is called '{}', there are: {}",
+                    adapter_name.unwrap_or_default(),
+                    names.join(", ")
+                ))
+            })?;
+        Gpu::from_adapter(instance, adapter)
+    }
+
+    fn from_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Gpu, ViewerError> {
+        let info = adapter.get_info();
+        // Assets hold half-precision numbers; every adapter that could run WebGPU reads them.
+        if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::SHADER_F16_IN_F32) {
+            return Err(ViewerError::NoAdapter(format!(
+                "the adapter {} does not read half-precision numbers, use --backend cpu",
+                info.name
+            )));
+        }
+        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::EXPERIMENTAL_RAY_QUERY;
+        let features = adapter.features() & wanted;
+        let ray_query = features.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY);
+        let has = adapter.limits();
+        let mut limits = wgpu::Limits {
+            max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
+            max_buffer_size: has.max_buffer_size,
+            max_storage_buffers_per_shader_stage: has.max_storage_buffers_per_shader_stage.min(MOST_STORAGE_BUFFERS),
+            max_texture_dimension_2d: has.max_texture_dimension_2d,
+            ..wgpu::Limits::default()
+        };
+        if ray_query {
+            limits = limits.using_acceleration_structure_values(has);
+        }
+        #[allow(unsafe_code, reason = "wgpu marks ray queries as experimental; asking for them takes this call")]
+        let experimental_features = if ray_query {
+            unsafe { wgpu::ExperimentalFeatures::enabled() }
+        } else {
+            wgpu::ExperimentalFeatures::disabled()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("btf-viewer"),
+            required_features: features,
+            required_limits: limits,
+            experimental_features,
+            ..Default::default()
+        }))
+        .map_err(|error| ViewerError::Gpu { adapter: info.name.clone(), reason: one_line(&error.to_string()) })?;
+        let fault = Arc::new(Mutex::new(None));
+        let (on_error, on_loss) = (fault.clone(), fault.clone());
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&on_error, &error.to_string())));
+        device.set_device_lost_callback(move |reason, message| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                note(&on_loss, &format!("the device was lost: {message}"));
+            }
+        });
+        let limits = device.limits();
+        let most_binding_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        // Software drivers compute on the CPU, which is faster at it with its own vectors.
+        let expands_bases = info.device_type != wgpu::DeviceType::Cpu;
+        Ok(Gpu { device, queue, instance, adapter, info, most_binding_bytes, expands_bases, fault })
+    }
+
+    /// Adapter name as the driver gives it.
+    pub fn adapter_name(&self) -> &str {
+        &self.info.name
+    }
+
+    /// Graphics interface, e.g. "vulkan", and kind of adapter, e.g. "Cpu" for a software driver.
+    pub fn interface(&self) -> String {
+        format!("{} {:?}", self.info.backend.to_str(), self.info.device_type)
+    }
+
+    /// Whether the device has ray queries.
+    pub fn has_ray_query(&self) -> bool {
+        self.device.features().contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY)
+    }
+
+    /// Whether the device has timestamps.
+    pub fn has_timestamps(&self) -> bool {
+        self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
+    }
+
+    /// Has assets cut into pieces of at most `bytes` and pictures into bands, as on an adapter that binds no more at once.
+    pub fn limit_bindings(&mut self, bytes: u64) {
+        self.most_binding_bytes = self.most_binding_bytes.min(bytes);
+    }
+
+    /// Has the bases of assets in file form expanded here, or by the CPU and uploaded. At first GPUs expand them, and the CPU does
+    /// for software drivers.
+    pub fn expand_bases(&mut self, here: bool) {
+        self.expands_bases = here;
+    }
+
+    pub(crate) fn expands_bases(&self) -> bool {
+        self.expands_bases
+    }
+
+    pub(crate) fn most_binding_bytes(&self) -> u64 {
+        self.most_binding_bytes
+    }
+
+    /// Pieces of assets, vertices, triangles and nodes that can be bound together, beside the other buffers of a stage.
+    pub(crate) fn most_pieces(&self) -> u32 {
+        self.device.limits().max_storage_buffers_per_shader_stage - OTHER_STORAGE_BUFFERS
+    }
+
+    /// The tracer that `auto` means here.
+    pub fn best_tracer(&self) -> GpuTracer {
+        if self.has_ray_query() { GpuTracer::RayQuery } else { GpuTracer::Bvh }
+    }
+
+    /// # Errors
+    /// [`ViewerError::NoAdapter`] if this device cannot run `tracer`.
+    pub fn require(&self, tracer: GpuTracer) -> Result<(), ViewerError> {
+        if tracer == GpuTracer::RayQuery && !self.has_ray_query() {
+            return Err(ViewerError::NoAdapter(format!(
+                "the adapter {} has no ray query (software drivers have it from Mesa 24.1 on: on Debian 12 take \
+                 mesa-vulkan-drivers from bookworm-backports), use --backend bvh",
+                self.info.name
+            )));
+        }
+        Ok(())
+    }
+
+    /// The error that the driver reported since the last call, if any.
+    ///
+    /// # Errors
+    /// [`ViewerError::Gpu`].
+    pub fn check(&self) -> Result<(), ViewerError> {
+        match self.fault.lock().map(|mut fault| fault.take()) {
+            Ok(Some(reason)) => Err(self.error(reason)),
+            _ => Ok(()),
+        }
+    }
+
+    pub(crate) fn error(&self, reason: impl Into<String>) -> ViewerError {
+        ViewerError::Gpu { adapter: self.info.name.clone(), reason: reason.into() }
+    }
+
+    /// Waits for all submitted work.
+    pub(crate) fn wait(&self) -> Result<(), ViewerError> {
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|error| self.error(one_line(&error.to_string())))?;
+        self.check()
+    }
+
+    /// A storage or other buffer that holds `bytes`; at least 32 bytes long, because empty bindings are not allowed.
+    pub(crate) fn buffer(
+        &self,
+        label: &str,
+        bytes: &[u8],
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, ViewerError> {
+        let buffer = self.empty_buffer(label, bytes.len() as u64, usage)?;
+        self.queue.write_buffer(&buffer, 0, bytes);
+        Ok(buffer)
+    }
+
+    pub(crate) fn empty_buffer(
+        &self,
+        label: &str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, ViewerError> {
+        const LEAST_BYTES: u64 = 64;
+        let size = bytes.max(LEAST_BYTES).next_multiple_of(4);
+        let limits = self.device.limits();
+        let most = if usage.contains(wgpu::BufferUsages::STORAGE) {
+            limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
+        } else {
+            limits.max_buffer_size
+        };
+        if size > most {
+            return Err(self.error(format!(
+                "the {label} take {:.1} MiB and this adapter binds at most {:.1} MiB at once",
+                size as f64 / (1 << 20) as f64,
+                most as f64 / (1 << 20) as f64
+            )));
+        }
+        let usage = usage | wgpu::BufferUsages::COPY_DST;
+        Ok(self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        }))
+    }
+
+    /// Copies a whole buffer back; `buffer` has `COPY_SRC`.
+    pub(crate) fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>, ViewerError> {
+        let bytes = (count * size_of::<T>()) as u64;
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+        let staging = self.empty_buffer("results", bytes, usage)?;
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
+        self.queue.submit([encoder.finish()]);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
+            // The receiver waits below; it is gone only if polling failed.
+            let _ = sender.send(result);
+        });
+        self.wait()?;
+        match receiver.recv() {
+            Ok(Ok(())) => {}
+            _ => return Err(self.error("its results cannot be read back")),
+        }
+        let view = staging.get_mapped_range(0..bytes).map_err(|error| self.error(one_line(&error.to_string())))?;
+        Ok(bytemuck::pod_collect_to_vec(&view))
+    }
+}
+
+fn note(fault: &Mutex<Option<String>>, message: &str) {
+    if let Ok(mut fault) = fault.lock() {
+        fault.get_or_insert_with(|| one_line(message));
+    }
+}
+
+/// wgpu explains errors over several lines.
+pub(crate) fn one_line(message: &str) -> String {
+    message.split_whitespace().collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,12 @@
+//! The GPU renderer: device, buffers, pipelines, passes.
+
+pub(crate) mod acceleration_structure;
+pub(crate) mod arena;
+pub(crate) mod decode_queries;
+pub(crate) mod device;
+pub(crate) mod expand;
+pub(crate) mod modules;
+pub(crate) mod pieces;
+pub(crate) mod queries;
+pub(crate) mod timer;
+pub(crate) mod tracer;

@@ -1,0 +1,10 @@
+//! Light from outside a scene: sun, sky, environment maps.
+
+pub(crate) mod atmosphere;
+pub(crate) mod daylight;
+pub(crate) mod environment;
+pub(crate) mod sky;
+pub(crate) mod sky_irradiance;
+pub(crate) mod solar_spectrum;
+pub(crate) mod sun;
+pub(crate) mod sun_disc;

@@ -1,0 +1,657 @@
+//! Renders a scene without a window, on whichever backend was asked for.
+
+use crate::cpu::cpu::CpuPicture;
+use crate::error::ViewerError;
+use crate::gpu::device::{BackendChoice, Gpu};
+use crate::gpu::timer::{GpuTimer, PassTimes};
+use crate::gpu::tracer::{PixelHit, Tracer};
+use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
+use crate::picture::Picture;
+use crate::render::engine::Engine;
+use crate::render::governor::{Governor, Spending};
+use crate::scene::scene::Scene;
+use serde::Serialize;
+use std::time::Instant;
+
+/// Largest picture side, pixels.
+pub const MAX_SIDE: u32 = 16384;
+
+/// What to render.
+#[derive(Debug, Clone)]
+pub struct RenderParams {
+    /// Width and height, pixels, 1 to [`MAX_SIDE`].
+    pub size: [u32; 2],
+    /// Frames, at least 1. Each adds one sample per pixel, the first through the pixel's middle, the others spread over
+    /// it; the picture is their mean and the frame time their mean.
+    pub frames: u32,
+    /// Which renderer.
+    pub backend: BackendChoice,
+    /// Part of the adapter's name, where there are several.
+    pub adapter: Option<String>,
+    /// What costs time and changes accuracy.
+    pub shade: ShadeOptions,
+    /// Milliseconds that a frame may take; what frames then save in components, lobes and lights, they learn from one another.
+    pub target_ms: Option<f64>,
+}
+
+/// How a rendering talks to its caller while it runs.
+pub struct Control<'a> {
+    /// Asked between rows and frames; `true` ends the rendering with [`ViewerError::Interrupted`].
+    pub cancelled: &'a (dyn Fn() -> bool + Sync),
+    /// Told the share of the work that is done, 0 to 1.
+    pub progress: &'a (dyn Fn(f32) + Sync),
+    /// Told what the user should know although it is not an error, one sentence.
+    pub notice: &'a (dyn Fn(&str) + Sync),
+}
+
+impl Control<'_> {
+    /// Neither stops nor says anything.
+    pub const SILENT: Control<'static> = Control { cancelled: &|| false, progress: &|_| (), notice: &|_| () };
+}
+
+/// The figures of a rendering; the keys of `--json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct RenderReport {
+    /// Adapter name, or the number of threads of the CPU backend.
+    pub adapter: String,
+    /// Graphics interface and kind of adapter.
+    pub interface: String,
+    /// `ray-query`, `bvh` or `cpu`.
+    pub backend: &'static str,
+    /// Mean time of a frame, milliseconds; compiling and uploading are not in it.
+    pub frame_ms: f64,
+    /// The frame time by kind of pass, where the GPU has timestamps.
+    pub passes: Option<PassTimes>,
+    /// `gpu-timestamps` (begin and end of the compute passes) or `wall-clock` (submission until it is finished).
+    pub timer: &'static str,
+    /// Asset decodes per frame (of the last frame, where jitter makes them differ).
+    pub spmm_evaluations: u64,
+    /// Rays per frame, shadow rays included (of the last frame).
+    pub rays: u64,
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Frames, which are also the samples per pixel.
+    pub frames: u32,
+    /// Lights.
+    pub lights: usize,
+    /// Triangles, each as often as it is placed.
+    pub triangles: u64,
+    /// Instances of meshes.
+    pub instances: usize,
+    /// If there is ambient light.
+    pub ambient_occlusion: bool,
+    /// If a picture of light surrounds the scene.
+    pub environment: bool,
+    /// Lights of which a sample asks at most.
+    pub light_samples: u32,
+    /// `direct` or `path`.
+    pub mode: &'static str,
+    /// Rays of a path at most.
+    pub depth: u32,
+    /// Residual components at most; `null` for all.
+    pub components: Option<u32>,
+    /// Lobes at most; `null` for all.
+    pub lobes: Option<u32>,
+    /// `fast` or `exact`.
+    pub interpolation: &'static str,
+    /// The frame-time budget, milliseconds.
+    pub target_ms: Option<f64>,
+    /// What a frame of that budget may ask for, as far as it was learned.
+    pub spends: Option<Spending>,
+    /// If parallax between views is removed where assets have heights.
+    pub parallax: bool,
+}
+
+/// A finished rendering.
+pub struct Rendered {
+    /// The picture, linear.
+    pub picture: Picture,
+    /// What the last sample of every pixel did, row-major from the top left.
+    pub hits: Vec<PixelHit>,
+    /// The figures.
+    pub report: RenderReport,
+}
+
+/// Renders `scene`. Cost: on a GPU the passes of each frame; on the CPU about one BVH traversal and one decode per pixel
+/// and light on every thread.
+///
+/// # Errors
+/// [`ViewerError::Usage`] for sizes out of range, [`ViewerError::NoAdapter`] where a GPU is asked for by name and there
+/// is none (with [`BackendChoice::Auto`] it renders on the CPU and says so), [`ViewerError::Gpu`],
+/// [`ViewerError::Interrupted`].
+pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Rendered, ViewerError> {
+    let mut last = None;
+    render_sequence(scene, params, &Sequence::turntable(1), control, &mut |_, rendered| {
+        last = Some(rendered);
+        Ok(())
+    })?;
+    last.ok_or(ViewerError::Interrupted)
+}
+
+/// How the pictures of a scene follow one another; the first is that of [`render`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sequence {
+    /// How many there are.
+    pub pictures: u32,
+    /// By how much the camera turns about its target from one to the next, radians.
+    pub turn_rad: f32,
+    /// How much later each is than the one before, seconds.
+    pub interval_s: f64,
+}
+
+impl Sequence {
+    /// Once around the scene.
+    pub fn turntable(pictures: u32) -> Sequence {
+        Sequence { pictures, turn_rad: std::f32::consts::TAU / pictures as f32, interval_s: 0.0 }
+    }
+}
+
+/// Renders the pictures of a sequence and gives each to `each` with its number. Uploads and compiles once.
+///
+/// # Errors
+/// Those of [`render`], and those of `each`, which end it.
+pub fn render_sequence(
+    scene: &Scene,
+    params: &RenderParams,
+    sequence: &Sequence,
+    control: &Control,
+    each: &mut dyn FnMut(u32, Rendered) -> Result<(), ViewerError>,
+) -> Result<(), ViewerError> {
+    let mut session = Session::new(scene, params, control)?;
+    let mut scene = scene.clone();
+    let began_s = scene.time_s;
+    for number in 0..sequence.pictures {
+        if number > 0 {
+            scene.camera.orbit(sequence.turn_rad, 0.0);
+        }
+        if number > 0 && sequence.interval_s != 0.0 {
+            scene.blow(began_s + f64::from(number) * sequence.interval_s)?;
+            session.take_over_skins(&scene)?;
+        }
+        let progress = |share: f32| (control.progress)((number as f32 + share) / sequence.pictures as f32);
+        let control = Control { progress: &progress, ..*control };
+        each(number, session.render(&scene, params, &control)?)?;
+    }
+    Ok(())
+}
+
+/// A scene that is uploaded and compiled once, for several pictures.
+pub(crate) struct Session {
+    engine: Engine,
+    tracer: Option<Tracer>,
+}
+
+impl Session {
+    /// # Errors
+    /// Those of [`render`].
+    pub(crate) fn new(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Session, ViewerError> {
+        if params.size.iter().any(|side| *side == 0 || *side > MAX_SIDE) {
+            return Err(ViewerError::Usage(format!(
+                "a picture's sides are 1 to {MAX_SIDE} pixels, as in --size 512x512"
+            )));
+        }
+        if params.frames == 0 {
+            return Err(ViewerError::Usage("--frames is at least 1".into()));
+        }
+        if !(1..=MAX_DEPTH).contains(&params.shade.depth) {
+            return Err(ViewerError::Usage(format!("--depth is 1 to {MAX_DEPTH}")));
+        }
+        if !(1..=MAX_LIGHT_SAMPLES).contains(&params.shade.light_samples) {
+            return Err(ViewerError::Usage(format!("--light-samples is 1 to {MAX_LIGHT_SAMPLES}")));
+        }
+        if let Some(reason) = scene.camera.fault() {
+            return Err(ViewerError::Usage(reason.into()));
+        }
+        let engine = Engine::open(params.backend, params.adapter.as_deref(), control)?;
+        let tracer = match &engine {
+            Engine::Gpu(gpu, kind) => Some(Tracer::new(gpu, scene, *kind)?),
+            Engine::Cpu => None,
+        };
+        Ok(Session { engine, tracer })
+    }
+
+    /// Takes over where the wind has moved the scene's skins.
+    ///
+    /// # Errors
+    /// Those of [`render`].
+    fn take_over_skins(&mut self, scene: &Scene) -> Result<(), ViewerError> {
+        match (&self.engine, &mut self.tracer) {
+            (Engine::Gpu(gpu, _), Some(tracer)) => tracer.update_skins(gpu, scene),
+            _ => Ok(()),
+        }
+    }
+
+    /// Draws the scene, whose camera, lights and surroundings may have changed since [`Session::new`].
+    ///
+    /// # Errors
+    /// Those of [`render`].
+    pub(crate) fn render(
+        &mut self,
+        scene: &Scene,
+        params: &RenderParams,
+        control: &Control,
+    ) -> Result<Rendered, ViewerError> {
+        let (picture, times) = match (&self.engine, &mut self.tracer) {
+            (Engine::Gpu(gpu, _), Some(tracer)) => render_gpu(gpu, tracer, scene, params, control)?,
+            _ => render_cpu(scene, params, control)?,
+        };
+        Ok(rendered(&self.engine, scene, params, picture, times))
+    }
+}
+
+/// Radiance and what the last sample of every pixel did.
+type Drawn = (Vec<[f32; 3]>, Vec<PixelHit>);
+
+/// Mean time of a frame, milliseconds, and of its passes; and what was learned from them.
+type FrameTimes = (f64, Option<PassTimes>, Option<Governor>);
+
+fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result<(Drawn, FrameTimes), ViewerError> {
+    use std::sync::atomic::{AtomicU64, Ordering};
+    let mut picture = CpuPicture::new(params.size);
+    let rows = AtomicU64::new(0);
+    let total = u64::from(params.frames) * u64::from(params.size[1]);
+    let row_done = || {
+        let done = rows.fetch_add(1, Ordering::Relaxed) + 1;
+        (control.progress)(done as f32 / total as f32);
+        !(control.cancelled)()
+    };
+    let start = Instant::now();
+    let mut governor = governor(scene, params);
+    for _ in 0..params.frames {
+        let frame_start = Instant::now();
+        let shade = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
+        picture.add_sample(scene, &shade, &row_done);
+        governor.iter_mut().for_each(|governor| governor.observe(frame_start.elapsed().as_secs_f64() * 1e3));
+        if (control.cancelled)() {
+            return Err(ViewerError::Interrupted);
+        }
+    }
+    let frame_ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(params.frames);
+    Ok(((picture.radiance(), picture.hits), (frame_ms, None, governor)))
+}
+
+fn render_gpu(
+    gpu: &Gpu,
+    tracer: &mut Tracer,
+    scene: &Scene,
+    params: &RenderParams,
+    control: &Control,
+) -> Result<(Drawn, FrameTimes), ViewerError> {
+    let mut timer = GpuTimer::new(gpu);
+    tracer.warm_up(gpu, scene, params.size, &params.shade)?;
+    let (mut frame_ms, mut passes) = (0.0, None);
+    let mut governor = governor(scene, params);
+    for frame in 0..params.frames {
+        if (control.cancelled)() {
+            return Err(ViewerError::Interrupted);
+        }
+        let shade = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
+        let (ms, of_frame) = tracer.timed_sample(gpu, scene, params.size, &shade, frame, timer.as_mut())?;
+        frame_ms += ms / f64::from(params.frames);
+        if let Some(of_frame) = of_frame {
+            passes.get_or_insert_with(PassTimes::default).add(&of_frame, 1.0 / f64::from(params.frames));
+        }
+        governor.iter_mut().for_each(|governor| governor.observe(ms));
+        (control.progress)((frame + 1) as f32 / params.frames as f32);
+    }
+    Ok(((tracer.read_radiance(gpu)?, tracer.read_hits(gpu)?), (frame_ms, passes, governor)))
+}
+
+fn governor(scene: &Scene, params: &RenderParams) -> Option<Governor> {
+    params.target_ms.map(|target_ms| Governor::new(target_ms, Spending::all_of(scene)))
+}
+
+fn rendered(
+    engine: &Engine,
+    scene: &Scene,
+    params: &RenderParams,
+    (radiance, hits): Drawn,
+    (frame_ms, passes, governor): FrameTimes,
+) -> Rendered {
+    let [width, height] = params.size;
+    let limit = |x: u32| (x != u32::MAX).then_some(x);
+    let report = RenderReport {
+        adapter: engine.adapter(),
+        interface: engine.interface(),
+        backend: engine.backend(),
+        frame_ms,
+        passes,
+        timer: engine.timer(),
+        spmm_evaluations: hits.iter().map(|hit| u64::from(hit.evaluations)).sum(),
+        rays: hits.iter().map(|hit| u64::from(hit.rays)).sum(),
+        width,
+        height,
+        frames: params.frames,
+        lights: scene.lights.len(),
+        triangles: scene.geometry.placed_triangles(),
+        instances: scene.geometry.instances().len(),
+        ambient_occlusion: scene.ambient.radiance.iter().any(|x| *x > 0.0),
+        environment: scene.environment.is_some(),
+        light_samples: params.shade.light_samples,
+        mode: params.shade.mode.name(),
+        depth: params.shade.depth,
+        components: limit(params.shade.decode.components),
+        lobes: limit(params.shade.decode.lobes),
+        interpolation: params.shade.decode.interpolation.name(),
+        target_ms: params.target_ms,
+        spends: governor.map(|governor| governor.spends()),
+        parallax: params.shade.decode.parallax,
+    };
+    Rendered { picture: Picture { width, height, radiance }, hits, report }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::RenderMode;
+    use crate::scene::material::Material;
+    use crate::scene::mesh;
+    use crate::scene::scene::SceneObject;
+    use std::path::Path;
+
+    fn grey(part: mesh::MeshPart) -> SceneObject {
+        SceneObject { part, material: Material::plain([0.5; 3]) }
+    }
+
+    fn cpu(size: [u32; 2]) -> RenderParams {
+        RenderParams {
+            size,
+            frames: 1,
+            backend: BackendChoice::Cpu,
+            adapter: None,
+            shade: ShadeOptions::default(),
+            target_ms: None,
+        }
+    }
+
+    #[test]
+    fn a_facing_grey_plane_has_the_radiance_of_the_formula() {
+        let mut scene = Scene::from_objects(Path::new("plane"), vec![grey(mesh::plane())], Vec::new()).unwrap();
+        scene.camera.eye = glam::Vec3::new(0.0, 0.0, 8.0);
+        scene.camera.target = glam::Vec3::ZERO;
+        let position = glam::Vec3::new(3.0, 0.0, 4.0);
+        scene.lights = vec![crate::scene::scene::PointLight { position, intensity: [100.0, 50.0, 0.0] }];
+        let rendered = render(&scene, &cpu([33, 33]), &Control::SILENT).unwrap();
+        let middle = rendered.picture.radiance[16 * 33 + 16];
+        // Distance 5, cosine 4/5.
+        let expected = 100.0 / 25.0 * 0.5 * 0.8 / std::f32::consts::PI;
+        assert!((middle[0] - expected).abs() < 1e-4 && (middle[1] - expected / 2.0).abs() < 1e-4 && middle[2] == 0.0);
+        assert_eq!(rendered.report.spmm_evaluations, 0);
+    }
+
+    #[test]
+    fn an_object_between_light_and_surface_throws_a_shadow() {
+        let mut blocker = mesh::plane();
+        blocker.transform(glam::Mat4::from_translation(glam::Vec3::Z) * glam::Mat4::from_scale(glam::Vec3::splat(0.3)));
+        for (objects, lit) in [(vec![grey(mesh::plane())], true), (vec![grey(mesh::plane()), grey(blocker)], false)] {
+            let mut scene = Scene::from_objects(Path::new("x"), objects, Vec::new()).unwrap();
+            // The eye looks at the middle from the side, past the blocker.
+            scene.camera.eye = glam::Vec3::new(8.0, 0.0, 3.0);
+            scene.camera.target = glam::Vec3::ZERO;
+            let position = glam::Vec3::new(0.0, 0.0, 3.0);
+            scene.lights = vec![crate::scene::scene::PointLight { position, intensity: [30.0; 3] }];
+            let rendered = render(&scene, &cpu([33, 33]), &Control::SILENT).unwrap();
+            assert_eq!(rendered.picture.radiance[16 * 33 + 16][0] > 0.1, lit);
+        }
+    }
+
+    #[test]
+    fn a_lit_sphere_does_not_shadow_itself() {
+        let mut scene = Scene::from_objects(Path::new("sphere"), vec![grey(mesh::sphere())], Vec::new()).unwrap();
+        let eye = scene.camera.eye;
+        scene.lights = vec![crate::scene::scene::PointLight { position: eye, intensity: [1000.0; 3] }];
+        let rendered = render(&scene, &cpu([128, 128]), &Control::SILENT).unwrap();
+        let black = rendered
+            .picture
+            .radiance
+            .iter()
+            .zip(&rendered.hits)
+            .filter(|(radiance, hit)| hit.primitive != crate::NO_HIT && radiance[0] == 0.0)
+            .count();
+        assert_eq!(black, 0);
+    }
+
+    #[test]
+    fn a_mirror_shows_what_lies_behind_the_eye_and_a_path_ends_at_its_depth() {
+        // A grey wall at z = 4, lit from beside the eye, seen in a mirror at z = 0.
+        let mut wall = mesh::plane();
+        wall.transform(
+            glam::Mat4::from_translation(glam::Vec3::Z * 4.0) * glam::Mat4::from_rotation_y(std::f32::consts::PI),
+        );
+        let mirror = Material { mirror: [0.5, 0.25, 0.0], ..Material::plain([0.0; 3]) };
+        let objects = vec![grey(wall), SceneObject { part: mesh::plane(), material: mirror }];
+        let mut scene = Scene::from_objects(Path::new("mirror"), objects, Vec::new()).unwrap();
+        scene.camera.eye = glam::Vec3::new(0.0, 0.0, 2.0);
+        scene.camera.target = glam::Vec3::ZERO;
+        let light = glam::Vec3::new(0.0, 3.0, 0.0);
+        scene.lights = vec![crate::scene::scene::PointLight { position: light, intensity: [100.0; 3] }];
+        let middle = |depth| {
+            let shade = ShadeOptions { depth, ..ShadeOptions::default() };
+            let rendered = render(&scene, &RenderParams { shade, ..cpu([33, 33]) }, &Control::SILENT).unwrap();
+            rendered.picture.radiance[16 * 33 + 16]
+        };
+        // Distance 5, cosine 4/5.
+        let wall = 100.0 / 25.0 * 0.5 * 0.8 / std::f32::consts::PI;
+        let seen = middle(2);
+        assert!(
+            (seen[0] - 0.5 * wall).abs() < 1e-4 && (seen[1] - 0.25 * wall).abs() < 1e-4 && seen[2] == 0.0,
+            "{seen:?}"
+        );
+        assert_eq!(middle(1), [0.0; 3]);
+    }
+
+    #[test]
+    fn an_integrating_sphere_has_the_radiance_of_its_formula() {
+        // Inside a sphere of albedo a, lit from its middle, every point has L = a E / pi / (1 - a).
+        let albedo = 0.5;
+        let mut part = mesh::sphere();
+        part.transform(glam::Mat4::from_scale(glam::Vec3::splat(2.0)));
+        let object = SceneObject { part, material: Material::plain([albedo; 3]) };
+        let mut scene = Scene::from_objects(Path::new("sphere"), vec![object], Vec::new()).unwrap();
+        scene.camera.eye = glam::Vec3::new(0.0, 0.3, 1.0);
+        scene.camera.target = glam::Vec3::ZERO;
+        scene.lights = vec![crate::scene::scene::PointLight { position: glam::Vec3::ZERO, intensity: [4.0; 3] }];
+        let mean = |mode| {
+            let shade = ShadeOptions { mode, depth: 16, ..ShadeOptions::default() };
+            let params = RenderParams { shade, frames: 16, ..cpu([24, 24]) };
+            let picture = render(&scene, &params, &Control::SILENT).unwrap().picture;
+            picture.radiance.iter().map(|c| f64::from(c[1])).sum::<f64>() / picture.radiance.len() as f64
+        };
+        let once = f64::from(albedo) * 1.0 / std::f64::consts::PI;
+        let (direct, path) = (mean(RenderMode::Direct), mean(RenderMode::Path));
+        assert!((direct / once - 1.0).abs() < 0.01, "{direct} {once}");
+        assert!((path / (once / (1.0 - f64::from(albedo))) - 1.0).abs() < 0.02, "{path} {once}");
+    }
+
+    /// A dim sky with a small sun, its middle row and column.
+    fn sky() -> crate::Environment {
+        let (width, height) = (64, 32);
+        let mut rgb = vec![0.2; width * height * 3];
+        for (row, column) in [(6, 30), (6, 31), (7, 30), (7, 31)] {
+            rgb[(row * width + column) * 3..][..3].fill(200.0);
+        }
+        crate::Environment::new(width, height, &rgb)
+    }
+
+    #[test]
+    fn a_sky_lights_a_plane_as_its_integral_says_in_both_modes() {
+        // The plane faces up, so that it sees the upper half of the picture.
+        let mut up = mesh::plane();
+        up.transform(glam::Mat4::from_rotation_x(-std::f32::consts::FRAC_PI_2));
+        let mut scene = Scene::from_objects(Path::new("plane"), vec![grey(up)], Vec::new()).unwrap();
+        scene.surround(sky());
+        scene.camera.eye = glam::Vec3::new(0.0, 3.0, 0.1);
+        scene.camera.target = glam::Vec3::ZERO;
+        scene.camera.fov_deg = 20.0;
+        let environment = scene.environment.clone().unwrap();
+        let mut expected = 0.0f64;
+        let (rows, columns) = (256, 512);
+        for i in 0..rows {
+            let polar = std::f32::consts::FRAC_PI_2 * (i as f32 + 0.5) / rows as f32;
+            for j in 0..columns {
+                let (sin, cos) = (std::f32::consts::TAU * (j as f32 + 0.5) / columns as f32).sin_cos();
+                let d = glam::Vec3::new(polar.sin() * sin, polar.cos(), -polar.sin() * cos);
+                let area =
+                    polar.sin() * std::f32::consts::FRAC_PI_2 / rows as f32 * std::f32::consts::TAU / columns as f32;
+                expected += f64::from(environment.radiance(d).y * polar.cos() * area);
+            }
+        }
+        expected *= 0.5 / std::f64::consts::PI;
+        let mean = |mode, scene: &Scene| {
+            let shade = ShadeOptions { mode, ..ShadeOptions::default() };
+            let params = RenderParams { shade, frames: 64, ..cpu([24, 24]) };
+            let picture = render(scene, &params, &Control::SILENT).unwrap().picture;
+            picture.radiance.iter().map(|c| f64::from(c[1])).sum::<f64>() / picture.radiance.len() as f64
+        };
+        for mode in [RenderMode::Direct, RenderMode::Path] {
+            let found = mean(mode, &scene);
+            assert!((found / expected - 1.0).abs() < 0.02, "{mode:?}: {found} {expected}");
+        }
+        // Planted difference: a sun that is a sixth dimmer.
+        let mut rgb = vec![0.2; 64 * 32 * 3];
+        for (row, column) in [(6, 30), (6, 31), (7, 30), (7, 31)] {
+            rgb[(row * 64 + column) * 3..][..3].fill(167.0);
+        }
+        scene.surround(crate::Environment::new(64, 32, &rgb));
+        let found = mean(RenderMode::Direct, &scene);
+        assert!((found / expected - 1.0).abs() > 0.04, "{found} {expected}");
+    }
+
+    #[test]
+    fn an_even_sky_is_ambient_light_on_an_asset() {
+        let asset = btf_runtime::testing::sample_asset(4, 12, 8, btf_runtime::ResidualKind::Root);
+        let assets = vec![std::sync::Arc::new(crate::SceneAsset::new("sample", asset))];
+        let mut scene = Scene::built_in(&crate::MeshChoice::Plane, assets, [1.0; 2]).unwrap();
+        // Only the plane is in the picture.
+        scene.camera.fov_deg = 10.0;
+        let mean = |mode, scene: &Scene| {
+            let shade = ShadeOptions { mode, ..ShadeOptions::default() };
+            let params = RenderParams { shade, frames: 64, ..cpu([24, 24]) };
+            let picture = render(scene, &params, &Control::SILENT).unwrap().picture;
+            picture.radiance.iter().map(|c| f64::from(c[1])).sum::<f64>() / picture.radiance.len() as f64
+        };
+        let mut ambient = scene.clone();
+        ambient.lights.clear();
+        ambient.ambient = crate::Ambient { radiance: [0.7; 3], distance: 1e6 };
+        let expected = mean(RenderMode::Direct, &ambient);
+        scene.surround(crate::Environment::new(16, 8, &[0.7; 16 * 8 * 3]));
+        for mode in [RenderMode::Direct, RenderMode::Path] {
+            let found = mean(mode, &scene);
+            assert!((found / expected - 1.0).abs() < 0.02, "{mode:?}: {found} {expected}");
+        }
+    }
+
+    #[test]
+    fn drawn_lights_have_the_mean_of_all_and_an_error_that_falls() {
+        let mut scene = Scene::from_objects(Path::new("sphere"), vec![grey(mesh::sphere())], Vec::new()).unwrap();
+        scene.place_lights(1024);
+        // Uneven lights: every seventh is ten times as bright.
+        scene.lights.iter_mut().step_by(7).for_each(|light| light.intensity = light.intensity.map(|x| 10.0 * x));
+        let picture = |light_samples, frames| {
+            let shade = ShadeOptions { light_samples, ..ShadeOptions::default() };
+            let mut scene = scene.clone();
+            // The same pixels in every frame.
+            scene.camera.fov_deg = 30.0;
+            render(&scene, &RenderParams { shade, frames, ..cpu([24, 24]) }, &Control::SILENT).unwrap().picture.radiance
+        };
+        let (all_one, all_many) = (picture(1024, 1), picture(1024, 32));
+        let error = |a: &[[f32; 3]], b: &[[f32; 3]]| {
+            let square: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a[1] - b[1]).powi(2)).sum();
+            let mean: f64 = b.iter().map(|b| f64::from(b[1])).sum::<f64>() / b.len() as f64;
+            (
+                (square / b.len() as f64).sqrt() / mean,
+                a.iter().map(|a| f64::from(a[1])).sum::<f64>() / b.len() as f64 / mean,
+            )
+        };
+        let (few, _) = error(&picture(4, 1), &all_one);
+        let (some, _) = error(&picture(32, 1), &all_one);
+        let (long, mean) = error(&picture(4, 32), &all_many);
+        println!(
+            "relative error with 1024 lights: {few:.3} of 4 samples, {some:.3} of 32, {long:.3} of 4 over 32 frames"
+        );
+        assert!(some < few / 2.0 && long < few / 4.0, "{few} {some} {long}");
+        assert!((mean - 1.0).abs() < 0.01, "{mean}");
+        // Planted difference: one light less in a thousand is not what makes the error.
+        scene.lights.truncate(512);
+        let half = render(&scene, &cpu([24, 24]), &Control::SILENT).unwrap().picture.radiance;
+        assert!(error(&half, &all_one).1 < 0.7);
+    }
+
+    #[test]
+    fn on_a_convex_body_paths_and_ambient_light_agree() {
+        // An asset, so that its sampling is what is tested; nothing near, so that no light goes two ways.
+        let asset = btf_runtime::testing::sample_asset(3, 12, 8, btf_runtime::ResidualKind::Root);
+        let assets = vec![std::sync::Arc::new(crate::SceneAsset::new("sample", asset))];
+        let mut scene = Scene::built_in(&crate::MeshChoice::Plane, assets, [1.0; 2]).unwrap();
+        scene.lights.clear();
+        scene.background = [0.0; 3];
+        scene.ambient = crate::Ambient { radiance: [1.0; 3], distance: 1e6 };
+        let mean = |mode, scene: &Scene| {
+            let shade = ShadeOptions { mode, depth: 3, ..ShadeOptions::default() };
+            let params = RenderParams { shade, frames: 64, ..cpu([32, 32]) };
+            let picture = render(scene, &params, &Control::SILENT).unwrap().picture;
+            picture.radiance.iter().map(|c| f64::from(c[1])).sum::<f64>() / picture.radiance.len() as f64
+        };
+        let (direct, path) = (mean(RenderMode::Direct, &scene), mean(RenderMode::Path, &scene));
+        assert!(direct > 0.01 && (path / direct - 1.0).abs() < 0.02, "{direct} {path}");
+        // Planted difference: another sky.
+        scene.ambient.radiance = [0.9; 3];
+        assert!((mean(RenderMode::Path, &scene) / direct - 1.0).abs() > 0.05);
+    }
+
+    #[test]
+    fn a_turntable_goes_round_once_and_begins_with_the_picture() {
+        let mut scene = Scene::from_objects(Path::new("cube"), vec![grey(mesh::cube("cube"))], Vec::new()).unwrap();
+        scene.camera.eye = glam::Vec3::new(3.0, 2.0, 6.0);
+        let mut pictures = Vec::new();
+        render_sequence(&scene, &cpu([16, 16]), &Sequence::turntable(4), &Control::SILENT, &mut |number, rendered| {
+            assert_eq!(number as usize, pictures.len());
+            pictures.push(rendered.picture.radiance);
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(pictures.len(), 4);
+        assert_eq!(pictures[0], render(&scene, &cpu([16, 16]), &Control::SILENT).unwrap().picture.radiance);
+        // The light stays where it is, so that every side looks different.
+        assert!((1..4).all(|i| pictures[i] != pictures[i - 1]) && pictures[3] != pictures[0]);
+        let stopped =
+            render_sequence(&scene, &cpu([8, 8]), &Sequence::turntable(9), &Control::SILENT, &mut |number, _| {
+                if number == 2 { Err(ViewerError::Interrupted) } else { Ok(()) }
+            });
+        assert!(matches!(stopped, Err(ViewerError::Interrupted)));
+    }
+
+    #[test]
+    fn a_sequence_shows_the_wind_as_it_is_at_each_moment() {
+        use crate::scene::landscape::{Landscape, LandscapeParams};
+        let params = LandscapeParams { times: 1, volumes: Vec::new(), meshes: Vec::new(), wind_m_per_s: Some(4.0) };
+        let (mut scene, _) = Landscape::Lawn.scene(&params).unwrap();
+        scene.camera = scene.more_cameras[1];
+        scene.blow(7.0).unwrap();
+        let mut pictures = Vec::new();
+        let sequence = Sequence { pictures: 3, turn_rad: 0.0, interval_s: 0.25 };
+        render_sequence(&scene, &cpu([24, 16]), &sequence, &Control::SILENT, &mut |_, rendered| {
+            pictures.push(rendered.picture.radiance);
+            Ok(())
+        })
+        .unwrap();
+        assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2]);
+        for (number, picture) in pictures.iter().enumerate() {
+            scene.blow(7.0 + 0.25 * number as f64).unwrap();
+            assert_eq!(*picture, render(&scene, &cpu([24, 16]), &Control::SILENT).unwrap().picture.radiance);
+        }
+        assert!(scene.blow(f64::NAN).is_err());
+    }
+
+    #[test]
+    fn cancelling_ends_with_exit_code_130_and_bad_sizes_with_2() {
+        let scene = Scene::from_objects(Path::new("sphere"), vec![grey(mesh::sphere())], Vec::new()).unwrap();
+        let stop = Control { cancelled: &|| true, ..Control::SILENT };
+        assert_eq!(render(&scene, &cpu([8, 8]), &stop).err().map(|error| error.exit_code()), Some(130));
+        for size in [[0, 8], [8, MAX_SIDE + 1]] {
+            assert_eq!(render(&scene, &cpu(size), &Control::SILENT).err().map(|error| error.exit_code()), Some(2));
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! Pictures without a window, and how much of a scene they need.
+
+pub(crate) mod engine;
+pub(crate) mod governor;
+pub(crate) mod headless;
+pub(crate) mod plan;

@@ -1,0 +1,374 @@
+//! `btf-view plan`: what a scene's pictures need of its assets, and assets that hold no more.
+//!
+//! The cameras' rays tell the finest level that an asset is asked for. Fewer components and lobes are then tried, for all
+//! assets at once, until an asset's own pixels differ too much from those of the whole assets. What is left is written,
+//! loaded and drawn again: the error that is told is that of the files.
+
+use crate::cpu::cpu::levels_seen;
+use crate::error::ViewerError;
+use crate::options::RenderMode;
+use crate::picture::psnr_db;
+use crate::render::headless::{Control, RenderParams, Session};
+use crate::scene::asset::{FileForm, SceneAsset};
+use crate::scene::scene::Scene;
+use btf_runtime::{Asset, DecodeOptions, LobeRole, pack};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// An asset is given the finest level that at least this share of its pixels asks for.
+const LEVEL_SHARE: f64 = 0.01;
+/// Limits that are tried, from the largest down.
+const LADDER: [u32; 16] = [0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 80, 96, 112];
+/// How often limits are raised again where together they cost more than each alone.
+const MOST_ROUNDS: usize = 6;
+
+/// What a scene needs of one asset.
+#[derive(Debug, Clone, Serialize)]
+pub struct PlannedAsset {
+    /// The asset's name.
+    pub name: String,
+    /// Pixels in which it is seen, over all cameras.
+    pub pixels: u64,
+    /// Level that is kept as the finest one: 0 the asset's own.
+    pub level: usize,
+    /// Texels a row and rows, of the asset and of what is kept.
+    pub texels: [[usize; 2]; 2],
+    /// Residual components, of the asset and of what is kept.
+    pub components: [u32; 2],
+    /// Lobes of the texel that has most, of the asset and of what is kept.
+    pub lobes: [u32; 2],
+    /// Bytes of the file, of the asset and of what is kept.
+    pub bytes: [usize; 2],
+    /// Of the asset's pixels against those of the whole asset, 8-bit sRGB, dB; `null` where it is not seen.
+    pub psnr_db: Option<f64>,
+    /// The file.
+    #[serde(skip)]
+    pub packed: Vec<u8>,
+}
+
+/// A plan for all assets of a scene.
+#[derive(Debug, Clone, Serialize)]
+pub struct Plan {
+    /// One for each of [`Scene::assets`].
+    pub assets: Vec<PlannedAsset>,
+    /// Of whole pictures, 8-bit sRGB, dB.
+    pub psnr_db: f64,
+    /// Bytes of all files, before and after.
+    pub bytes: [usize; 2],
+}
+
+/// Finds what `scene` needs of its assets, seen from each of `cameras` times `params.size` pixels, for pictures whose assets'
+/// pixels are within `goal_db` of those with whole assets.
+///
+/// Cost: up to 32 pictures of each camera, and packing, reading and expanding the assets.
+///
+/// # Errors
+/// Those of [`crate::render`].
+pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Control) -> Result<Plan, ViewerError> {
+    let forms = scene.assets.iter().map(|asset| asset.file_form()).collect::<Result<Vec<_>, _>>()?;
+    let mut planner = Planner::new(scene, &forms, params, control)?;
+    let mut seen: Vec<Vec<u64>> = Vec::new();
+    for view in views(scene) {
+        let of_view = levels_seen(&view, params.size, &params.shade);
+        if seen.is_empty() {
+            seen = of_view;
+        } else {
+            seen.iter_mut().flatten().zip(of_view.into_iter().flatten()).for_each(|(sum, count)| *sum += count);
+        }
+    }
+    // A traced path also meets what no eye sees: that is kept whole.
+    let paths = params.shade.mode == RenderMode::Path;
+    let mut needs: Vec<Need> =
+        forms.iter().zip(&seen).map(|(asset, seen)| Need::of_levels(asset, seen, paths)).collect();
+    planner.search(&mut needs, goal_db, Limit::Components)?;
+    planner.search(&mut needs, goal_db, Limit::Lobes)?;
+    let mut rounds = 0..MOST_ROUNDS;
+    loop {
+        let packed = needs
+            .iter()
+            .zip(&scene.assets)
+            .zip(&forms)
+            .map(|((need, asset), form)| need.pack(form, &asset.name))
+            .collect::<Result<Vec<_>, _>>()?;
+        let (each, whole) = planner.errors_of(&packed)?;
+        let told = planner.tell(&needs, packed, &each, whole);
+        if rounds.next().is_none() {
+            return Ok(told);
+        }
+        let mut raised = false;
+        for ((need, error), asset) in needs.iter_mut().zip(&each).zip(&forms) {
+            raised |= error.is_some_and(|error| error < goal_db) && need.raise(asset);
+        }
+        if !raised {
+            return Ok(told);
+        }
+    }
+}
+
+/// What is searched for.
+#[derive(Debug, Clone, Copy)]
+enum Limit {
+    Components,
+    Lobes,
+}
+
+impl Limit {
+    fn of(self, need: &mut Need) -> &mut u32 {
+        match self {
+            Limit::Components => &mut need.components,
+            Limit::Lobes => &mut need.lobes,
+        }
+    }
+
+    fn of_decoder(self, options: &mut DecodeOptions) -> &mut u32 {
+        match self {
+            Limit::Components => &mut options.components,
+            Limit::Lobes => &mut options.lobes,
+        }
+    }
+}
+
+/// What is kept of an asset.
+#[derive(Debug, Clone, Copy)]
+struct Need {
+    pixels: u64,
+    level: usize,
+    components: u32,
+    lobes: u32,
+    /// What the asset has at that level.
+    most: [u32; 2],
+}
+
+impl Need {
+    fn of_levels(asset: &FileForm, seen: &[u64], paths: bool) -> Need {
+        let pixels: u64 = seen.iter().sum();
+        let level = seen.iter().position(|count| *count > 0 && *count as f64 >= LEVEL_SHARE * pixels as f64);
+        // What nobody sees is kept at its coarsest.
+        let level = level.unwrap_or(if paths { 0 } else { asset.whole.levels.len() });
+        let most = most_of(&asset.level(level));
+        Need { pixels, level, components: most[0], lobes: most[1], most }
+    }
+
+    /// The next larger limits or, where there are none, the next finer level; `false` where all is kept.
+    fn raise(&mut self, asset: &FileForm) -> bool {
+        let next = |now: u32, most: u32| LADDER.into_iter().find(|rung| *rung > now).unwrap_or(most).min(most);
+        let before = [self.components, self.lobes];
+        [self.components, self.lobes] = [next(self.components, self.most[0]), next(self.lobes, self.most[1])];
+        if before != [self.components, self.lobes] {
+            return true;
+        }
+        let Some(finer) = self.level.checked_sub(1) else { return false };
+        self.level = finer;
+        self.most = most_of(&asset.level(finer));
+        [self.components, self.lobes] = self.most;
+        true
+    }
+
+    fn pack(&self, asset: &FileForm, name: &str) -> Result<Vec<u8>, ViewerError> {
+        let kept = asset.level(self.level).trimmed(self.components as usize, self.lobes as usize);
+        pack(&kept).map_err(|source| ViewerError::Asset { path: name.into(), source })
+    }
+}
+
+/// Components and lobes of an asset.
+fn most_of(asset: &Asset) -> [u32; 2] {
+    [asset.most_components() as u32, asset.most_lobes() as u32]
+}
+
+/// Radiance of all views, one after the other.
+type Radiance = Vec<[f32; 3]>;
+
+struct Planner<'a> {
+    scene: &'a Scene,
+    forms: &'a [&'a FileForm],
+    params: &'a RenderParams,
+    control: &'a Control<'a>,
+    session: Session,
+    /// With whole assets.
+    reference: Radiance,
+    /// Which asset each pixel shows.
+    shown: Vec<Option<usize>>,
+}
+
+/// The scene from each of its cameras.
+fn views(scene: &Scene) -> impl Iterator<Item = Scene> {
+    let cameras = std::iter::once(&scene.camera).chain(&scene.more_cameras);
+    cameras.map(|camera| Scene { camera: *camera, ..scene.clone() })
+}
+
+fn pictures(
+    session: &mut Session,
+    scene: &Scene,
+    params: &RenderParams,
+    control: &Control,
+) -> Result<Radiance, ViewerError> {
+    let mut radiance = Vec::new();
+    for view in views(scene) {
+        radiance.extend(session.render(&view, params, control)?.picture.radiance);
+    }
+    Ok(radiance)
+}
+
+impl<'a> Planner<'a> {
+    fn new(
+        scene: &'a Scene,
+        forms: &'a [&'a FileForm],
+        params: &'a RenderParams,
+        control: &'a Control,
+    ) -> Result<Planner<'a>, ViewerError> {
+        let session = Session::new(scene, params, control)?;
+        let mut planner = Planner { scene, forms, params, control, session, reference: Vec::new(), shown: Vec::new() };
+        for view in views(scene) {
+            let rendered = planner.session.render(&view, params, control)?;
+            planner.reference.extend(rendered.picture.radiance);
+            planner.shown.extend(rendered.hits.iter().map(|hit| {
+                let triangle = scene.geometry.triangles().get(hit.primitive as usize)?;
+                scene.materials[triangle.material as usize].asset()
+            }));
+        }
+        Ok(planner)
+    }
+
+    /// Error of each asset's pixels.
+    fn errors(&self, radiance: &Radiance) -> Vec<Option<f64>> {
+        let of = |asset: usize| {
+            let pixels: Vec<usize> = (0..radiance.len()).filter(|pixel| self.shown[*pixel] == Some(asset)).collect();
+            let pick = |from: &Radiance| pixels.iter().map(|pixel| from[*pixel]).collect::<Vec<_>>();
+            (!pixels.is_empty()).then(|| psnr_db(&pick(radiance), &pick(&self.reference), self.scene.exposure_ev))
+        };
+        (0..self.scene.assets.len()).map(of).collect()
+    }
+
+    /// Lowers one limit of each asset as far as its pixels allow.
+    fn search(&mut self, needs: &mut [Need], goal_db: f64, limit: Limit) -> Result<(), ViewerError> {
+        // Lobes that only guide show in no picture, but rays are drawn by them and edits begin with them.
+        let shows = |asset: &&FileForm| {
+            matches!(limit, Limit::Components)
+                || asset.asset.layers.iter().any(|layer| layer.lobe_role == LobeRole::Base || layer.residual.is_none())
+        };
+        let mut open: Vec<bool> = self.forms.iter().map(shows).collect();
+        for (need, open) in needs.iter_mut().zip(&mut open).filter(|(need, _)| need.pixels == 0) {
+            if self.params.shade.mode == RenderMode::Direct {
+                *limit.of(need) = 0;
+            }
+            *open = false;
+        }
+        let largest = needs.iter_mut().map(|need| *limit.of(need)).max().unwrap_or(0);
+        for rung in LADDER.into_iter().rev().filter(|rung| *rung < largest) {
+            if !open.contains(&true) {
+                break;
+            }
+            let mut params = self.params.clone();
+            *limit.of_decoder(&mut params.shade.decode) = rung;
+            let radiance = pictures(&mut self.session, self.scene, &params, self.control)?;
+            for ((need, open), error) in needs.iter_mut().zip(&mut open).zip(self.errors(&radiance)) {
+                if *open && *limit.of(need) > rung {
+                    *open = error.is_some_and(|error| error >= goal_db);
+                    if *open {
+                        *limit.of(need) = rung;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Errors of each asset's pixels and of all, with these assets in place of the whole ones.
+    fn errors_of(&self, packed: &[Vec<u8>]) -> Result<(Vec<Option<f64>>, f64), ViewerError> {
+        let mut scene = self.scene.clone();
+        for (asset, bytes) in scene.assets.iter_mut().zip(packed) {
+            let parsed = Asset::parse(bytes);
+            let parsed = parsed.map_err(|source| ViewerError::Asset { path: asset.name.clone().into(), source })?;
+            *asset = Arc::new(SceneAsset::new(asset.name.clone(), parsed));
+        }
+        let mut session = Session::new(&scene, self.params, self.control)?;
+        let radiance = pictures(&mut session, &scene, self.params, self.control)?;
+        Ok((self.errors(&radiance), psnr_db(&radiance, &self.reference, self.scene.exposure_ev)))
+    }
+
+    fn tell(&self, needs: &[Need], packed: Vec<Vec<u8>>, each: &[Option<f64>], psnr_db: f64) -> Plan {
+        let assets = needs.iter().zip(&self.scene.assets).zip(self.forms).zip(packed).zip(each);
+        let assets: Vec<PlannedAsset> = assets
+            .map(|((((need, asset), form), packed), error)| {
+                let (whole, kept) = (&form.asset, form.level(need.level));
+                let [components, lobes] = most_of(whole);
+                PlannedAsset {
+                    name: asset.name.clone(),
+                    pixels: need.pixels,
+                    level: need.level,
+                    texels: [[whole.width, whole.height], [kept.width, kept.height]],
+                    components: [components, need.components.min(need.most[0])],
+                    lobes: [lobes, need.lobes.min(need.most[1])],
+                    bytes: [pack(whole).map_or(0, |bytes| bytes.len()), packed.len()],
+                    psnr_db: *error,
+                    packed,
+                }
+            })
+            .collect();
+        let bytes = [0, 1].map(|i| assets.iter().map(|asset| asset.bytes[i]).sum());
+        Plan { assets, psnr_db, bytes }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Camera;
+    use crate::MeshChoice;
+    use crate::gpu::device::BackendChoice;
+    use crate::options::ShadeOptions;
+    use glam::Vec3;
+
+    fn params() -> RenderParams {
+        RenderParams {
+            size: [48, 48],
+            frames: 1,
+            backend: BackendChoice::Cpu,
+            adapter: None,
+            shade: ShadeOptions::default(),
+            target_ms: None,
+        }
+    }
+
+    fn planned(distance: f32, goal_db: f64) -> Plan {
+        let asset = Arc::new(SceneAsset::built_in());
+        let mut scene = Scene::built_in(&MeshChoice::Plane, vec![asset], [1.0; 2]).unwrap();
+        scene.camera = Camera { eye: Vec3::Z * distance, target: Vec3::ZERO, up: Vec3::Y, fov_deg: 30.0 };
+        plan(&scene, &params(), goal_db, &Control::SILENT).unwrap()
+    }
+
+    #[test]
+    fn a_distant_camera_needs_coarser_texels_and_a_near_one_all_of_them() {
+        // 64 texels on a plane 2 wide, which is 2.68 times as wide as the picture is at a fifth of its distance.
+        let (near, far) = (planned(2.0, 30.0), planned(14.9, 30.0));
+        assert_eq!(near.assets[0].level, 0);
+        // A pixel is 14.9 * 2 tan 15 / 48 = 0.166 wide, 5.3 texels: between levels 2 and 3.
+        assert_eq!((far.assets[0].level, far.assets[0].texels[1]), (2, [16, 16]));
+        assert!(far.bytes[1] < near.bytes[1] && near.bytes[1] <= near.bytes[0], "{:?} {:?}", near.bytes, far.bytes);
+        for plan in [near, far] {
+            assert!(plan.assets[0].psnr_db.unwrap() >= 30.0, "{plan:?}");
+            let kept = Asset::parse(&plan.assets[0].packed).unwrap();
+            assert_eq!([kept.width, kept.height], plan.assets[0].texels[1]);
+        }
+    }
+
+    #[test]
+    fn a_higher_goal_keeps_more() {
+        let (low, high) = (planned(3.0, 20.0), planned(3.0, 60.0));
+        assert!(low.assets[0].components[1] < high.assets[0].components[1], "{low:?} {high:?}");
+    }
+
+    #[test]
+    fn what_nobody_sees_is_kept_at_its_coarsest() {
+        let (seen, unseen) = (Arc::new(SceneAsset::built_in()), Arc::new(SceneAsset::built_in()));
+        let mut scene = Scene::built_in(&MeshChoice::Plane, vec![seen, unseen], [1.0; 2]).unwrap();
+        // The second plane stands to the right of the first.
+        scene.camera = Camera { eye: Vec3::new(-1.15, 0.0, 2.0), target: Vec3::X * -1.15, up: Vec3::Y, fov_deg: 30.0 };
+        let plan = plan(&scene, &params(), 30.0, &Control::SILENT).unwrap();
+        assert_eq!((plan.assets[1].pixels, plan.assets[1].texels[1], plan.assets[1].psnr_db), (0, [1, 1], None));
+        assert_eq!(plan.assets[0].level, 0);
+        // From a second camera it is seen.
+        scene.more_cameras = vec![Camera { eye: Vec3::new(1.15, 0.0, 2.0), target: Vec3::X * 1.15, ..scene.camera }];
+        assert_eq!(super::plan(&scene, &params(), 30.0, &Control::SILENT).unwrap().assets[1].level, 0);
+    }
+}

@@ -1,0 +1,180 @@
+//! A packed asset of a scene, in either form.
+
+use crate::error::ViewerError;
+use btf_capture::SharedBytes;
+use btf_runtime::{Asset, Edits, FormatError, HeightField, Resident, ResidentFile, with_levels};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+/// Width and height of an asset that does not tell its own, millimetres.
+pub const UNKNOWN_SIZE_MM: f32 = 100.0;
+
+/// A packed asset, ready to be decoded.
+#[derive(Debug, Clone)]
+pub struct SceneAsset {
+    /// File stem, for messages and the panel.
+    pub name: String,
+    /// Its file, if it was read from one.
+    pub path: Option<PathBuf>,
+    /// Physical width and height in millimetres, where the asset tells them.
+    pub size_mm: Option<[f32; 2]>,
+    /// The asset in its file form; `None` where only the resident form is at hand.
+    pub file: Option<FileForm>,
+    /// The asset with its levels in resident form; the bases of one that came in file form are zeros.
+    head: Resident,
+    /// With its bases, once somebody has asked for them.
+    expanded: OnceLock<Resident>,
+    most_lobes: u32,
+}
+
+/// An asset in its file form: what editing and planning go by.
+#[derive(Debug, Clone)]
+pub struct FileForm {
+    /// As the file has it.
+    pub asset: Asset,
+    /// The same with coarser levels, made here where the file has none.
+    pub whole: Asset,
+}
+
+impl FileForm {
+    /// The asset at a level, 0 the finest; the coarsest beyond them all. Cost: a copy.
+    pub fn level(&self, level: usize) -> Asset {
+        if level == 0 { self.asset.clone() } else { self.whole.level(level) }
+    }
+}
+
+/// Work of the runtime on all threads.
+fn parallel(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    (0..count).into_par_iter().for_each(work);
+}
+
+impl SceneAsset {
+    /// Reads and checks an asset in either form; maps a resident one.
+    ///
+    /// # Errors
+    /// [`ViewerError::Read`] or [`ViewerError::Asset`], both naming the file.
+    pub fn load(path: &Path) -> Result<SceneAsset, ViewerError> {
+        let bad = |source| ViewerError::Asset { path: path.into(), source };
+        // What cannot be opened is told in our own words.
+        std::fs::File::open(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
+        let bytes = SharedBytes::map(path)?;
+        let name = path.file_stem().map_or_else(|| "asset".into(), |stem| stem.to_string_lossy().into_owned());
+        let made = match bytes {
+            Some(bytes) if ResidentFile::is_one(bytes.as_ref()) => {
+                SceneAsset::of_resident(name, ResidentFile::open(Arc::new(bytes), &parallel).map_err(bad)?)
+            }
+            bytes => {
+                let bytes = bytes.as_ref().map_or(&[][..], AsRef::as_ref);
+                SceneAsset::new(name, Asset::parse_on(bytes, &parallel).map_err(bad)?)
+            }
+        };
+        Ok(SceneAsset { path: Some(path.into()), ..made })
+    }
+
+    /// Checks an asset in either form that lies in memory.
+    ///
+    /// # Errors
+    /// What is wrong with the bytes.
+    pub fn from_bytes(name: impl Into<String>, bytes: Vec<u8>) -> Result<SceneAsset, FormatError> {
+        if ResidentFile::is_one(&bytes) {
+            return Ok(SceneAsset::of_resident(name.into(), ResidentFile::open(Arc::new(bytes), &parallel)?));
+        }
+        Ok(SceneAsset::new(name, Asset::parse_on(&bytes, &parallel)?))
+    }
+
+    fn of_resident(name: String, file: ResidentFile) -> SceneAsset {
+        let (head, size_mm) = (file.resident, file.size_mm);
+        let most_lobes = head.most_lobes();
+        SceneAsset { name, path: None, size_mm, file: None, head, expanded: OnceLock::new(), most_lobes }
+    }
+
+    /// The file form, for what needs it.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`] where only the resident form is at hand.
+    pub fn file_form(&self) -> Result<&FileForm, ViewerError> {
+        self.file.as_ref().ok_or_else(|| {
+            ViewerError::Usage(format!(
+                "{} is in its resident form, which can be shown but neither changed nor trimmed; open the asset that it \
+                 was converted from",
+                self.name
+            ))
+        })
+    }
+
+    /// A small asset that comes with the viewer: 64 x 64 texels of woven cloth, 4 components. It was made by
+    /// `btf-synth cloth C --size 64 --size-mm 4` and `btf-fit fit C -o weave.spmm --bytes 48kB`.
+    pub fn built_in() -> SceneAsset {
+        let asset = Asset::parse(include_bytes!("builtin/weave.spmm"));
+        #[allow(clippy::expect_used, reason = "a test parses the same bytes")]
+        SceneAsset::new("weave", asset.expect("the built-in asset is whole"))
+    }
+
+    /// An asset that is already in memory, whose levels are made.
+    pub fn new(name: impl Into<String>, asset: Asset) -> SceneAsset {
+        let whole = with_levels(&asset, &parallel);
+        let head = Resident::without_bases(&whole);
+        let (size_mm, most_lobes) = (asset.size_mm, head.most_lobes());
+        SceneAsset {
+            name: name.into(),
+            path: None,
+            size_mm,
+            file: Some(FileForm { asset, whole }),
+            head,
+            expanded: OnceLock::new(),
+            most_lobes,
+        }
+    }
+
+    /// The asset with its levels in resident form, but for the bases: those of one that came in file form are zeros.
+    pub fn head(&self) -> &Resident {
+        &self.head
+    }
+
+    /// The asset with its levels in resident form, as decoders on the CPU take it. Cost: the first time, for one that came in
+    /// file form, its bases are expanded on all threads.
+    pub fn resident(&self) -> &Resident {
+        let Some(file) = &self.file else { return &self.head };
+        self.expanded.get().unwrap_or_else(|| {
+            // Made before the cell is locked: a thread that waits for others may take up work that asks for this as well.
+            let made = Resident::from_asset_on(&file.whole, &parallel);
+            self.expanded.get_or_init(|| made)
+        })
+    }
+
+    /// Whether [`SceneAsset::resident`] has its bases at hand.
+    pub fn is_expanded(&self) -> bool {
+        self.file.is_none() || self.expanded.get().is_some()
+    }
+
+    /// Puts `edits` in place of those at hand, where the file form is at hand.
+    pub fn set_edits(&mut self, edits: Edits) {
+        let Some(file) = &mut self.file else { return };
+        self.head.set_edits(&edits, &file.whole.layers);
+        self.expanded.get_mut().into_iter().for_each(|resident| resident.set_edits(&edits, &file.whole.layers));
+        file.whole.edits = edits.clone();
+        file.asset.edits = edits;
+    }
+
+    /// Residual components of the layer that has most.
+    pub fn most_components(&self) -> u32 {
+        self.head.most_components()
+    }
+
+    /// Whether its front has heights.
+    pub fn has_heights(&self) -> bool {
+        let heights = |layer| HeightField::of_resident(&self.head, layer).is_some();
+        self.head.layer_for_sides(0, false, false).is_some_and(heights)
+    }
+
+    /// Lobes of the texel that has most.
+    pub fn most_lobes(&self) -> u32 {
+        self.most_lobes
+    }
+
+    /// How often the asset's picture fits into a millimetre, along u and v; [`UNKNOWN_SIZE_MM`] where it does not tell.
+    pub fn tiles_per_mm(&self) -> [f32; 2] {
+        self.size_mm.unwrap_or([UNKNOWN_SIZE_MM; 2]).map(|size| 1.0 / size)
+    }
+}

@@ -1,0 +1,57 @@
+//! Trees that stand apart on flat land: 512 on 1,024 patches, each another size, turn, place and colour of one tree.
+
+use super::terrain::Terrain;
+use super::{LandscapeCounts, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, half_of_pairs, look};
+use crate::volume::skin::{DiscreteJitter, NO_VOLUME, Pattern, Wind};
+use glam::{Vec2, Vec3};
+
+/// Patches from west to east and from south to north.
+const PATCHES: [u32; 2] = [32, 32];
+/// Meadow.
+const SOIL: [f32; 3] = [0.075, 0.1, 0.035];
+/// Factors on what leaves and bark reflect and transmit: the materials of the trees.
+pub(super) const TINTS: [[f32; 3]; 3] = [[1.0; 3], [1.45, 1.12, 0.7], [0.72, 0.85, 0.9]];
+/// Numbers of the patterns.
+const CLEARING: u32 = 0;
+/// See [`CLEARING`].
+const TREE: u32 = 1;
+/// Content of the volume that comes with the viewer ends so far from its sides.
+const MARGIN: f32 = 0.14;
+
+/// The volume that comes with the viewer: a tree in the middle of a cube.
+pub(super) const VOLUMES: [&[u8]; 1] = [include_bytes!("../builtin/tree.voltex")];
+
+/// The grove; `side_m` is that of the volume, a texel's width.
+pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
+    let terrain = Terrain::times(PATCHES, Vec2::splat(side_m), times, |_| Box::new(|_| 0.0));
+    // Of two neighbouring patches one has a tree, so that they stand apart and are exactly half as many.
+    let pattern = |column: u32, row: u32| if half_of_pairs([column, row], 11) { TREE } else { CLEARING };
+    let skin = terrain.skin(terrain.patches.map(|count| count as f32), |_| Vec3::Y * side_m, pattern)?;
+    let jitter =
+        DiscreteJitter { empty: 0.0, scale: [0.6, 1.0], displacement: 0.5, margin: MARGIN, turns: true, mirrors: true };
+    let alternatives = (0..TINTS.len() as u32).map(|volume| [volume, NO_VOLUME, NO_VOLUME, NO_VOLUME]).collect();
+    let patterns = vec![
+        Pattern::isolated(0, DiscreteJitter { empty: 1.0, ..jitter }, 1),
+        Pattern { alternatives, ..Pattern::isolated(0, jitter, 2) },
+    ];
+    let trees = skin.faces().iter().filter(|face| face.pattern == TREE).count() as u64;
+    let counts = LandscapeCounts {
+        patches: skin.faces().len() as u64,
+        texels: trees,
+        trees,
+        primitives: TREE_SHAPES * trees,
+        ..LandscapeCounts::default()
+    };
+    let south = 0.5 * terrain.size_m.y;
+    let cameras = [
+        look(Vec3::new(0.0, 4.0 * side_m, south + 4.0 * side_m), Vec3::new(0.0, 0.0, south - 7.0 * side_m), 42.0),
+        look(
+            Vec3::new(0.0, 1.3 * side_m, south + 1.5 * side_m),
+            Vec3::new(0.0, 0.5 * side_m, south - 4.0 * side_m),
+            50.0,
+        ),
+        look(Vec3::new(0.0, 0.3 * side_m, south - 8.0 * side_m), Vec3::new(0.6, 0.42, south - 10.0 * side_m), 55.0),
+    ];
+    let wind = Wind { leaning_speed_m_per_s: TREE_LEANING_M_PER_S, flutter: TREE_FLUTTER, ..Wind::default() };
+    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, wind, counts })
+}

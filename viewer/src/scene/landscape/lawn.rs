@@ -1,0 +1,73 @@
+//! A lawn on a hill: 1,400 patches with a texel of 16 blades each and a flower in half of them.
+
+use super::terrain::Terrain;
+use super::{LandscapeCounts, Planted, TURNED, half_of_pairs, look};
+use crate::volume::skin::{Jitter, Noise, Pattern, Wind};
+use glam::{Vec2, Vec3};
+
+/// Patches from west to east and from south to north.
+const PATCHES: [u32; 2] = [40, 35];
+/// Blades of a texel, as `btf-synth plants --species grass` grows them.
+const BLADES: u64 = 16;
+/// Shapes of a flower: stem, petals and its middle.
+const FLOWER_SHAPES: u64 = 15;
+/// Height of the hill over the shorter side of the land.
+const HILL: f32 = 0.22;
+/// Soil under moss.
+const SOIL: [f32; 3] = [0.05, 0.07, 0.022];
+/// How height vectors differ: tufts of some texels lean together.
+const TUFT_TEXELS: f32 = 5.0;
+/// Numbers of the patterns, and of the volumes.
+const BARE: u32 = 0;
+/// See [`BARE`].
+const FLOWERING: u32 = 1;
+
+/// The volumes that come with the viewer: texels without and with a flower.
+pub(super) const VOLUMES: [&[u8]; 2] =
+    [include_bytes!("../builtin/lawn.voltex"), include_bytes!("../builtin/lawn_flower.voltex")];
+
+/// The lawn; `side_m` is that of the volumes, a texel's width.
+pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
+    let swell = Noise { wavelength: 12.0 * side_m, period: [0; 3], seed: 5 };
+    let terrain = Terrain::times(PATCHES, Vec2::splat(side_m), times, |size_m| {
+        Box::new(move |at| {
+            let height = HILL * size_m.min_element();
+            let out = (at / (0.5 * size_m)).length_squared().min(1.0);
+            height * (1.0 - out).powi(2) * (1.0 + 0.25 * swell.at(Vec3::new(at.x, at.y, 0.0)))
+        })
+    });
+    let pattern = |column: u32, row: u32| if half_of_pairs([column, row], 7) { FLOWERING } else { BARE };
+    let texels = terrain.patches.map(|count| count as f32);
+    let skin = terrain.skin(texels, |place| terrain.normal(place) * side_m, pattern)?;
+    let jitter = Jitter {
+        noise: Noise { wavelength: TUFT_TEXELS * side_m, period: [0; 3], seed: 3 },
+        coordinates: 0.0,
+        length: 0.3,
+        angle_deg: 30.0,
+    };
+    let skin = jitter.apply(&skin)?;
+    // Blades that a neighbour would go on with are cut where it is turned otherwise; repetition would be seen sooner.
+    let patterns = vec![Pattern::isolated(BARE, TURNED, 1), Pattern::isolated(FLOWERING, TURNED, 2)];
+    let flowers = skin.faces().iter().filter(|face| face.pattern == FLOWERING).count() as u64;
+    let blades = BLADES * skin.faces().len() as u64;
+    let counts = LandscapeCounts {
+        patches: skin.faces().len() as u64,
+        texels: skin.faces().len() as u64,
+        blades,
+        flowers,
+        primitives: blades + FLOWER_SHAPES * flowers,
+        ..LandscapeCounts::default()
+    };
+    // Whatever the land's extent, the pictures show its southern part from where its grass has the same size.
+    let depth = terrain.size_m.y;
+    let top = terrain.at(Vec2::ZERO);
+    let front = terrain.at(Vec2::new(0.0, -0.2 * depth));
+    let cameras = [
+        look(Vec3::new(0.5 * depth, 0.75 * depth, 1.3 * depth), 0.35 * top, 36.0),
+        look(top + Vec3::new(4.0, 6.5, 17.0) * side_m, top + Vec3::new(0.0, -0.5, 4.0) * side_m, 40.0),
+        look(front + Vec3::new(1.0, 2.3, 4.2) * side_m, front + Vec3::new(0.0, 0.8, 0.0) * side_m, 45.0),
+    ];
+    // Land of a metre or two has gusts of its size, and blades give way to a breeze.
+    let wind = Wind { gust_wavelength_m: 25.0 * side_m, leaning_speed_m_per_s: 5.0, flutter: 0.1, ..Wind::default() };
+    Ok(Planted { terrain, skin, patterns, soil: SOIL, cameras, wind, counts })
+}

@@ -1,0 +1,143 @@
+//! What surfaces are made of, and what their materials show.
+
+use crate::scene::asset::SceneAsset;
+use crate::scene::leaf::SceneLeaf;
+use crate::scene::mesh::MeshPart;
+use btf_capture::MattColour;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What a scene's materials show, by number.
+#[derive(Debug, Clone, Default)]
+pub struct Shown {
+    /// Packed assets.
+    pub assets: Vec<Arc<SceneAsset>>,
+    /// Leaves.
+    pub leaves: Vec<SceneLeaf>,
+}
+
+impl From<Vec<Arc<SceneAsset>>> for Shown {
+    fn from(assets: Vec<Arc<SceneAsset>>) -> Shown {
+        Shown { assets, leaves: Vec::new() }
+    }
+}
+
+impl Shown {
+    /// All of it in order: assets, then leaves.
+    pub(crate) fn bodies(&self) -> Vec<Body> {
+        (0..self.assets.len()).map(Body::Asset).chain((0..self.leaves.len()).map(Body::Leaf)).collect()
+    }
+
+    /// Whether a body is plain or one of these.
+    pub(crate) fn has(&self, body: Body) -> bool {
+        match body {
+            Body::Plain(_) => true,
+            Body::Asset(asset) => asset < self.assets.len(),
+            Body::Leaf(leaf) => leaf < self.leaves.len(),
+        }
+    }
+
+    /// How often the picture of a body fits into a millimetre, along u and v.
+    pub(crate) fn tiles_per_mm(&self, body: Body) -> [f32; 2] {
+        match body {
+            Body::Plain(_) => [1.0; 2],
+            Body::Asset(asset) => self.assets[asset].tiles_per_mm(),
+            Body::Leaf(leaf) => [1.0 / self.leaves[leaf].description.size_mm as f32; 2],
+        }
+    }
+
+    /// Adds what a file's own materials show, whose numbers in `bodies` are then those of this.
+    pub(crate) fn append(&mut self, own: OwnBodies) -> BTreeMap<usize, Body> {
+        let (assets, leaves) = (self.assets.len(), self.leaves.len());
+        self.assets.extend(own.shown.assets);
+        self.leaves.extend(own.shown.leaves);
+        let moved = |body| match body {
+            Body::Plain(_) => body,
+            Body::Asset(asset) => Body::Asset(asset + assets),
+            Body::Leaf(leaf) => Body::Leaf(leaf + leaves),
+        };
+        own.bodies.into_iter().map(|(group, body)| (group, moved(body))).collect()
+    }
+}
+
+/// What a file's own materials show.
+#[derive(Debug, Clone, Default)]
+pub struct OwnBodies {
+    /// What there is.
+    pub shown: Shown,
+    /// By number of the material, which is a part's group.
+    pub bodies: BTreeMap<usize, Body>,
+}
+
+/// What reflects and transmits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Body {
+    /// A matt surface.
+    Plain(MattColour),
+    /// Index into [`Shown::assets`].
+    Asset(usize),
+    /// Index into [`Shown::leaves`].
+    Leaf(usize),
+}
+
+/// What a triangle is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// What reflects and transmits.
+    pub body: Body,
+    /// Factors on what an asset, or a leaf without its gloss, reflects and transmits; a plain body has its own colour.
+    pub tint: [f32; 3],
+    /// Reflectance of a perfect mirror on top, RGB, 0 to 1; 0 for none. It adds to what lies below.
+    pub mirror: [f32; 3],
+    /// Factors on the texture coordinates: how often the asset is repeated.
+    pub uv_scale: [f32; 2],
+    /// What the asset's heights are multiplied by where they displace the surface: 1 as they are, 0 for none. The mesh is
+    /// where the highest point lies.
+    pub displacement: f32,
+}
+
+impl Material {
+    /// A material without a mirror.
+    pub fn new(body: Body, uv_scale: [f32; 2]) -> Material {
+        Material { body, tint: [1.0; 3], mirror: [0.0; 3], uv_scale, displacement: 0.0 }
+    }
+
+    /// A material that shows asset number `asset`.
+    pub fn from_asset(asset: usize, uv_scale: [f32; 2]) -> Material {
+        Material::new(Body::Asset(asset), uv_scale)
+    }
+
+    /// An opaque matt material of a linear sRGB reflectance, 0 to 1.
+    pub fn plain(reflectance: [f32; 3]) -> Material {
+        Material::matt(MattColour::opaque(reflectance))
+    }
+
+    /// A matt material.
+    pub fn matt(colour: MattColour) -> Material {
+        Material::new(Body::Plain(colour), [1.0; 2])
+    }
+
+    /// That of a part of a file: `body`, if the part has texture coordinates, else plain in its own colour.
+    pub(crate) fn of_part(part: &MeshPart, body: Option<Body>, uv_scale: [f32; 2]) -> Material {
+        match body {
+            Some(body) if part.has_uv => Material::new(body, uv_scale),
+            _ => Material::matt(part.colour),
+        }
+    }
+
+    /// The same with its body's colour times `tint`; a plain one never sends on more than all light.
+    pub(crate) fn tinted(self, tint: [f32; 3]) -> Material {
+        match self.body {
+            Body::Plain(colour) => Material { body: Body::Plain(colour.tinted(tint)), ..self },
+            _ => Material { tint: std::array::from_fn(|i| self.tint[i] * tint[i]), ..self },
+        }
+    }
+
+    /// Number of the asset that it shows.
+    pub fn asset(&self) -> Option<usize> {
+        match self.body {
+            Body::Asset(asset) => Some(asset),
+            _ => None,
+        }
+    }
+}

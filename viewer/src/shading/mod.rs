@@ -1,0 +1,4 @@
+//! A point of a surface as the eye sees it, whatever its material is.
+
+pub(crate) mod relief;
+pub(crate) mod viewed_body;

@@ -1,0 +1,400 @@
+//! Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin:
+//! `shaders/volume_light.wgsl`.
+
+use crate::geometry::hand_over::HandOver;
+use crate::volume::volumes::{Stretch, Volumes};
+use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, gloss, seen_at, shade};
+use glam::{Mat3, Vec3};
+
+/// Transmittance below which a ray ends.
+const END: f32 = 1.0 / 255.0;
+/// Optical depth beyond which a ray to a light does.
+const MOST_DEPTH: f32 = 7.824_046;
+/// What hides less of a pixel is left out: it may be there or not by rounding.
+const LEAST_OPACITY: f32 = 1e-5;
+/// Share of a pixel that must be hidden before light is asked for anew.
+const SHADOW_STEP: f32 = 1.0 / 16.0;
+/// Least roughness of flakes in light from all around, of which one direction is drawn at one place of all that a ray sees: without
+/// it a flake that is seen from its edge, and rarely drawn, would be as bright as all of them.
+pub(crate) const AROUND_ROUGHNESS: f32 = 0.7;
+/// The constants that the shader has too, by name.
+#[cfg(test)]
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[
+    ("VOLUME_END", END),
+    ("VOLUME_MOST_DEPTH", MOST_DEPTH),
+    ("VOLUME_LEAST_OPACITY", LEAST_OPACITY),
+    ("VOLUME_SHADOW_STEP", SHADOW_STEP),
+    ("VOLUME_AROUND_ROUGHNESS", AROUND_ROUGHNESS),
+];
+
+/// What a ray sees at one place of a volume.
+#[derive(Debug, Clone, Copy)]
+pub struct VolumePoint {
+    /// Along the ray.
+    pub t: f32,
+    /// Share of the pixel that it is.
+    pub weight: f32,
+    volume: usize,
+    map: Mat3,
+    level: Level,
+    parts: Parts,
+    view: Vec3,
+}
+
+/// Extinction of a segment along the ray, and of its two cells the voxels' numbers with the share that each counts for.
+#[derive(Debug, Clone, Copy)]
+struct Parts {
+    shares: [f32; 2],
+    numbers: [u32; 2],
+    sigma: f32,
+}
+
+impl Parts {
+    /// All flakes, with what they count for.
+    fn flakes(&self, voltex: &Voltex) -> impl Iterator<Item = (f32, Voxel)> {
+        let cells = self.shares.into_iter().zip(self.numbers);
+        cells.flat_map(move |(share, number)| voltex.flakes(number).map(move |(_, voxel)| (share, voxel)))
+    }
+}
+
+/// Which levels a ray sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Level {
+    finer: u32,
+    /// Share of the next coarser one.
+    part: f32,
+}
+
+impl Level {
+    /// Where voxels should be `width` wide in the world.
+    fn of(voltex: &Voltex, map: &Mat3, width: f32) -> Level {
+        let scale = map.determinant().abs().cbrt();
+        let voxels = width * scale * (1u32 << voltex.level_count()) as f32;
+        let level = voxels.clamp(1e-9, 1e9).log2().clamp(0.0, voltex.level_count() as f32);
+        let finer = level.floor();
+        Level { finer: finer as u32, part: level - finer }
+    }
+
+    /// What the flakes of it and of the next coarser one count for along `d`, which differ in clumping.
+    fn shares(&self, voltex: &Voltex, d: [f32; 3]) -> [f32; 2] {
+        let along = |level: u32| voltex.clumping_along(level, d);
+        [(1.0 - self.part) * along(self.finer), self.part * along(self.finer + 1)]
+    }
+}
+
+impl VolumePoint {
+    /// Light that it reflects and transmits of what comes from `light` (a unit vector towards it) with irradiance pi, without
+    /// shadow; gloss as if it were of `least_roughness` at least.
+    pub fn reflected(&self, volumes: &Volumes, light: Vec3, least_roughness: f32) -> Vec3 {
+        let voltex = volumes.volume(self.volume);
+        let l = self.map * light * self.map.determinant().abs().cbrt().recip();
+        let of_cell = |(cell, share): (usize, f32)| share * self.cell_light(voltex, cell, l, least_roughness);
+        self.parts.shares.into_iter().enumerate().map(of_cell).sum::<Vec3>() / self.parts.sigma
+    }
+
+    /// Sum over the flakes of the cell of the finer level, or of the coarser one.
+    fn cell_light(&self, voltex: &Voltex, cell: usize, l: Vec3, least_roughness: f32) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        for (_, voxel) in voltex.flakes(self.parts.numbers[cell]) {
+            let material = voltex.material(voxel.material);
+            let [same, other] = shade(&voxel.moment, (-self.view).into(), l.into());
+            sum += Vec3::from(material.reflectance) * same + Vec3::from(material.transmittance) * other;
+            if material.specular > 0.0 {
+                // In proportion to the eye's vector, as the sums above.
+                let [eye, lamp] = [-self.view, l].map(Vec3::normalize_or_zero);
+                let roughness = material.roughness.max(least_roughness);
+                let shine = gloss(&voxel.extinction, material.specular, roughness, eye.into(), lamp.into());
+                let denser = voltex.facets_along(self.level.finer + cell as u32, (eye + lamp).into());
+                sum += self.view.length() * denser * shine;
+            }
+        }
+        sum
+    }
+
+    /// From where a ray to a light begins, relative to the point, in the world.
+    pub fn shadow_offset(&self, volumes: &Volumes, light: Vec3) -> Vec3 {
+        let voltex = volumes.volume(self.volume);
+        let l = self.map * light;
+        // Between the levels', as all that is seen is: no step where one takes over.
+        let at = |level: u32| {
+            let level = level.min(voltex.level_count());
+            voltex.shadow(level).offset * voltex.voxel_side(level)
+        };
+        let offset = at(self.level.finer) + (at(self.level.finer + 1) - at(self.level.finer)) * self.level.part;
+        let towards: Vec3 =
+            self.parts.flakes(voltex).map(|(share, voxel)| share * Vec3::from(voxel.moment.times(l.into()))).sum();
+        let inverse = self.map.inverse();
+        inverse * (towards.normalize_or_zero() * offset)
+    }
+
+    /// The share c by which eye and light see the same gaps, where the angle between them has this cosine.
+    pub fn shared(&self, volumes: &Volumes, cos: f32) -> f32 {
+        let voltex = volumes.volume(self.volume);
+        let at = |level: u32| voltex.shadow(level.min(voltex.level_count())).shared_at(cos);
+        at(self.level.finer) + (at(self.level.finer + 1) - at(self.level.finer)) * self.level.part
+    }
+}
+
+/// A segment's parts, of which each level's count for its share.
+fn parts_of(voltex: &Voltex, segment: &Segment, shares: [f32; 2], d: [f32; 3]) -> Parts {
+    let there = |number: u32, share: f32| if share > 0.0 { number } else { NO_VOXEL };
+    let numbers = [there(segment.cell.voxel, shares[0]), there(segment.cell.parent, shares[1])];
+    let [finer, coarser] = numbers.map(|number| voltex.extinction_along(number, d));
+    Parts { shares, numbers, sigma: shares[0] * finer + shares[1] * coarser }
+}
+
+/// The ray of a stretch, t counted from its own start.
+fn walk_of(voltex: &Voltex, stretch: &Stretch) -> Walk {
+    let VoltexRay { origin, direction } = stretch.ray;
+    Walk::new(
+        VoltexRay { origin, direction },
+        stretch.t0 - stretch.start,
+        stretch.t1 - stretch.start,
+        voltex.level_count(),
+    )
+}
+
+impl Volumes {
+    /// Goes along a ray from the eye and calls `each` for the places that hide a share of the pixel together; returns what
+    /// passes. `width_at` is how wide voxels should be at a distance.
+    pub fn see(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        hand_over: &HandOver,
+        width_at: impl Fn(f32) -> f32,
+        mut each: impl FnMut(VolumePoint),
+    ) -> f32 {
+        let mut through = 1.0;
+        for stretch in self.stretches(origin, direction, t_max).handed_over(hand_over) {
+            let voltex = self.volume(stretch.volume);
+            let map = stretch.volume_from_world;
+            let level = Level::of(voltex, &map, width_at(0.5 * (stretch.t0 + stretch.t1)));
+            let d = stretch.ray.direction;
+            let shares = level.shares(voltex, d);
+            let mut walk = walk_of(voltex, &stretch);
+            while let Some(segment) = walk.next(voltex, level.finer) {
+                let parts = parts_of(voltex, &segment, shares, d);
+                let length = segment.t1 - segment.t0;
+                let depth = parts.sigma * length;
+                let hidden = 1.0 - (-depth).exp();
+                if hidden <= LEAST_OPACITY {
+                    continue;
+                }
+                each(VolumePoint {
+                    t: stretch.start + segment.t0 + seen_at(depth, length),
+                    weight: through * hidden,
+                    volume: stretch.volume,
+                    map,
+                    level,
+                    parts,
+                    view: d.into(),
+                });
+                through *= 1.0 - hidden;
+                if through < END {
+                    return 0.0;
+                }
+            }
+        }
+        through
+    }
+
+    /// Optical depth along a ray, through voxels `width` wide.
+    pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, hand_over: &HandOver, width: f32) -> f32 {
+        let mut sum = 0.0;
+        for stretch in self.stretches_in_turn(origin, direction, t_max).handed_over(hand_over) {
+            let voltex = self.volume(stretch.volume);
+            let level = Level::of(voltex, &stretch.volume_from_world, width);
+            let d = stretch.ray.direction;
+            let shares = level.shares(voltex, d);
+            let mut walk = walk_of(voltex, &stretch);
+            while let Some(segment) = walk.next(voltex, level.finer) {
+                sum += parts_of(voltex, &segment, shares, d).sigma * (segment.t1 - segment.t0);
+                if sum > MOST_DEPTH {
+                    return f32::INFINITY;
+                }
+            }
+        }
+        sum
+    }
+}
+
+/// Whether light must be asked for anew, after so much was hidden since it last was.
+pub(crate) fn asks_anew(hidden: f32) -> bool {
+    hidden > SHADOW_STEP
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::skin::{Pattern, Shell, ShellParams, Skin, SkinVertex};
+    use crate::volume::volumes::{SceneSkin, VolumePlace};
+    use btf_runtime::testing::{Random, random_volume};
+    use glam::{Mat4, Quat};
+    use std::sync::Arc;
+
+    fn voltex(seed: u64) -> Arc<Voltex> {
+        Arc::new(Voltex::new(&random_volume(&mut Random::new(seed), 3, 0.4)))
+    }
+
+    fn direction(random: &mut Random) -> Vec3 {
+        Vec3::new(random.within(-1.0, 1.0), random.within(-1.0, 1.0), random.within(-1.0, 1.0)).normalize()
+    }
+
+    fn alone(voltex: &Arc<Voltex>, map: Mat4) -> Volumes {
+        Volumes::new(
+            vec![voltex.clone()],
+            &[VolumePlace { volume: 0, world_from_volume: map, leaf_width: 0.0 }],
+            Vec::new(),
+        )
+        .unwrap()
+    }
+
+    /// Depth of what stands for no mesh, along a whole ray.
+    fn depth(volumes: &Volumes, origin: Vec3, direction: Vec3) -> f32 {
+        volumes.depth(origin, direction, 1e30, &HandOver::MESHES, 0.0)
+    }
+
+    /// Depths are told apart as what passes.
+    fn far(a: f32, b: f32) -> f32 {
+        ((-a).exp() - (-b).exp()).abs()
+    }
+
+    #[test]
+    fn a_volume_is_as_dense_wherever_it_stands_and_however_it_is_turned() {
+        let own = voltex(3);
+        let here = alone(&own, Mat4::IDENTITY);
+        let mut random = Random::new(8);
+        for _ in 0..12 {
+            let turn = Quat::from_axis_angle(direction(&mut random), random.within(0.0, 6.0));
+            let scale = Vec3::new(-0.7, 1.9, 1.1) * random.within(0.1, 9.0);
+            let map = Mat4::from_scale_rotation_translation(scale, turn, direction(&mut random) * 20.0);
+            let there = alone(&own, map);
+            for _ in 0..40 {
+                let (from, to) =
+                    (Vec3::splat(0.5) + direction(&mut random), Vec3::splat(0.5) + direction(&mut random) * 0.4);
+                let own_depth = depth(&here, from, (to - from).normalize());
+                let moved = map.transform_point3(from);
+                let towards = (map.transform_point3(to) - moved).normalize();
+                let other = depth(&there, moved, towards);
+                assert!(far(own_depth, other) < 2e-3, "{own_depth} {other}");
+                // The other way round.
+                let behind = moved + towards * 200.0;
+                assert!(far(own_depth, depth(&there, behind, -towards)) < 4e-3);
+            }
+        }
+        // Planted: a longer volume is denser along itself.
+        let longer = alone(&own, Mat4::from_scale(Vec3::new(1.0, 1.0, 1.0)) * Mat4::from_translation(Vec3::X * 0.2));
+        let differ = |y: f32| {
+            far(depth(&here, Vec3::new(0.31, y, -1.0), Vec3::Z), depth(&longer, Vec3::new(0.31, y, -1.0), Vec3::Z))
+        };
+        assert!((0..30).map(|i| differ(i as f32 / 30.0)).fold(0.0, f32::max) > 0.1);
+    }
+
+    #[test]
+    fn volumes_that_overlap_hide_what_both_hide_and_an_eye_may_be_inside() {
+        let (first, second) = (voltex(5), voltex(6));
+        let map = Mat4::from_rotation_translation(Quat::from_rotation_y(0.4), Vec3::new(0.3, 0.1, -0.2));
+        let places = [
+            VolumePlace { volume: 0, world_from_volume: Mat4::IDENTITY, leaf_width: 0.0 },
+            VolumePlace { volume: 1, world_from_volume: map, leaf_width: 0.0 },
+        ];
+        let both = Volumes::new(vec![first.clone(), second.clone()], &places, Vec::new()).unwrap();
+        let (a, b) = (alone(&first, Mat4::IDENTITY), alone(&second, map));
+        let mut random = Random::new(4);
+        let mut inside = 0;
+        for i in 0..400 {
+            let origin = Vec3::splat(0.5) + direction(&mut random) * if i % 2 == 0 { 0.3 } else { 2.0 };
+            let towards = (Vec3::splat(0.5) + direction(&mut random) * 0.4 - origin).normalize();
+            let sum = depth(&a, origin, towards) + depth(&b, origin, towards);
+            assert!(far(sum, depth(&both, origin, towards)) < 3e-3);
+            let mut weights = 0.0;
+            let through = both.see(origin, towards, 1e30, &HandOver::MESHES, |_| 0.0, |point| weights += point.weight);
+            assert!((through - (-sum).exp()).abs() < 0.01 && (weights + through - 1.0).abs() < 0.01);
+            // What lies beyond t_max hides nothing.
+            assert!(both.depth(origin, towards, 0.2, &HandOver::MESHES, 0.0) <= sum + 1e-3);
+            inside += usize::from(i % 2 == 0 && sum > 0.1);
+        }
+        assert!(inside > 20, "{inside}");
+        // Planted: one alone hides less.
+        let ray = |volumes: &Volumes| depth(volumes, Vec3::new(0.5, 0.45, -3.0), Vec3::Z).min(9.0);
+        assert!(ray(&both) > ray(&a) || ray(&both) > ray(&b));
+    }
+
+    #[test]
+    fn volumes_that_stand_in_for_meshes_are_there_beyond_their_spheres_alone() {
+        let own = voltex(5);
+        let places = [(0.0, 0.0), (0.6, 0.3), (1.3, 0.6)].map(|(x, leaf_width)| VolumePlace {
+            volume: 0,
+            // No two faces lie in one plane.
+            world_from_volume: Mat4::from_translation(Vec3::new(x, 0.11 * x, 0.07 * x)),
+            leaf_width,
+        });
+        let all = Volumes::new(vec![own.clone()], &places, Vec::new()).unwrap();
+        let apart = places.map(|place| Volumes::new(vec![own.clone()], &[place], Vec::new()).unwrap());
+        let mut random = Random::new(21);
+        let mut counts = [0; 3];
+        for i in 0..300 {
+            let eye = Vec3::new(0.9, 0.5, 0.5) + direction(&mut random) * random.within(0.0, 1.0);
+            let hand_over = HandOver::new(eye, 0.5, random.within(0.0, 1.0));
+            let target = Vec3::new(random.within(0.0, 2.0), 0.5, 0.5);
+            let origin = if i % 2 == 0 { eye } else { target + direction(&mut random) * 3.0 };
+            let towards = (target - origin).normalize();
+            // What a volume has on the parts of the ray that are beyond its sphere, asked for one by one.
+            let mut expected = 0.0;
+            for (number, (volumes, place)) in apart.iter().zip(&places).enumerate() {
+                let whole = depth(volumes, origin, towards);
+                let spheres = hand_over.along(origin, towards);
+                let beyond: f32 = spheres
+                    .volume(place.leaf_width, [0.0, 30.0])
+                    .into_iter()
+                    .filter(|[t0, t1]| t0 < t1)
+                    .map(|[t0, t1]| {
+                        let kept =
+                            Volumes::new(vec![own.clone()], &[VolumePlace { leaf_width: 0.0, ..*place }], Vec::new());
+                        kept.unwrap().depth(origin + t0 * towards, towards, t1 - t0, &HandOver::MESHES, 0.0)
+                    })
+                    .sum();
+                assert!(place.leaf_width == 0.0 || whole == 0.0, "every mesh is one");
+                counts[number] += usize::from(beyond > 0.1);
+                expected += beyond;
+            }
+            let found = all.depth(origin, towards, 1e30, &hand_over, 0.0);
+            assert!(far(expected, found) < 6e-3, "{expected} {found}");
+            // What the eye sees is hidden by the same.
+            let through = all.see(origin, towards, 1e30, &hand_over, |_| 0.0, |_| ());
+            assert!(far(-through.max(1e-9).ln(), found) < 6e-3);
+        }
+        assert!(counts.iter().all(|count| *count > 20), "{counts:?}");
+    }
+
+    #[test]
+    fn a_flat_skin_is_a_row_of_boxes() {
+        let own = voltex(6);
+        let vertex = |x: u32, y: u32| {
+            let at = [x as f32, y as f32];
+            SkinVertex::new(Vec3::new(at[0], 0.0, -at[1]), Vec3::Y, at)
+        };
+        let skin = Skin::from_grid(3, 2, vertex, |_, _| 0).unwrap();
+        let shell = Shell::new(&skin, &ShellParams::default()).unwrap();
+        let skin = SceneSkin { rest: skin, shell, patterns: vec![Pattern::cyclic(0)], leaf_width: 0.0 };
+        let skins = Volumes::new(vec![own.clone()], &[], vec![skin]).unwrap();
+        // The volume's z is the world's y.
+        let y_up =
+            Mat4::from_cols(Vec3::X.extend(0.0), Vec3::NEG_Z.extend(0.0), Vec3::Y.extend(0.0), Vec3::ZERO.extend(1.0));
+        let places: Vec<VolumePlace> = (0..6)
+            .map(|i| Vec3::new((i % 3) as f32, 0.0, -((i / 3) as f32)))
+            .map(|at| VolumePlace { volume: 0, world_from_volume: Mat4::from_translation(at) * y_up, leaf_width: 0.0 })
+            .collect();
+        let boxes = Volumes::new(vec![own], &places, Vec::new()).unwrap();
+        let mut random = Random::new(11);
+        for _ in 0..500 {
+            let to = Vec3::new(random.within(0.1, 2.9), random.within(0.1, 0.9), random.within(-1.9, -0.1));
+            let towards = direction(&mut random);
+            let from = to - towards * random.within(0.0, 5.0);
+            let (a, b) = (depth(&skins, from, towards), depth(&boxes, from, towards));
+            assert!(far(a, b) < 5e-3, "{a} {b} from {from} along {towards}");
+        }
+    }
+}

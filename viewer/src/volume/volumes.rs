@@ -1,0 +1,451 @@
+//! The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them. Twin:
+//! `shaders/volumes.wgsl`.
+
+use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
+use crate::geometry::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
+use crate::geometry::hand_over::HandOver;
+use crate::volume::skin::{CellWalk, Pattern, Shell, Skin, SkinPlace, Walk as ShellWalk, Wind};
+use btf_runtime::voltex::{Voltex, VoltexRay};
+use glam::{Mat3, Mat4, Vec3};
+use std::sync::Arc;
+
+/// Where a volume stands on its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VolumePlace {
+    /// Number of the volume.
+    pub volume: usize,
+    /// From its unit cube, whose z points up, to the world. Invertible.
+    pub world_from_volume: Mat4,
+    /// How wide the leaves are of the mesh that it stands in for, in the world; 0 where there is none.
+    pub leaf_width: f32,
+}
+
+/// A thick skin with what is mapped on it.
+#[derive(Debug, Clone)]
+pub struct SceneSkin {
+    /// The skin at rest.
+    pub rest: Skin,
+    /// Its tetrahedra, where the wind has moved them.
+    pub shell: Shell,
+    /// What its faces name.
+    pub patterns: Vec<Pattern>,
+    /// How wide the leaves are of the meshes that it stands in for, in the world; 0 where there are none.
+    pub leaf_width: f32,
+}
+
+/// All volumes of a scene.
+#[derive(Debug, Clone)]
+pub struct Volumes {
+    volumes: Vec<Arc<Voltex>>,
+    skins: Vec<SceneSkin>,
+    /// The scene's first placement that the first skin has somewhere, and where it has that and those behind it.
+    stand_ins: (usize, Vec<SkinPlace>),
+    /// What rays enter: a box for each volume that stands on its own, and the outer faces of each skin.
+    proxies: Geometry,
+    /// Of each mesh of `proxies`.
+    kinds: Vec<Proxy>,
+    /// Length of the longest box's sides together.
+    reach_of_boxes: f32,
+    /// Length of the slices in which overlapping volumes are taken.
+    slice: f32,
+}
+
+/// What a mesh of the proxies stands for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Proxy {
+    /// A volume on its own.
+    Box(usize),
+    /// A skin.
+    Skin(usize),
+}
+
+/// A part of a ray within one volume.
+#[derive(Debug, Clone, Copy)]
+pub struct Stretch {
+    /// Where it begins, along the ray.
+    pub t0: f32,
+    /// Where it ends.
+    pub t1: f32,
+    /// Number of the volume.
+    pub volume: usize,
+    /// The ray in the volume, from `start` on.
+    pub ray: VoltexRay,
+    /// Where `ray` has its origin, along the world's ray.
+    pub start: f32,
+    /// Directions of the volume from those of the world.
+    pub volume_from_world: Mat3,
+    /// How wide the leaves are of the mesh that the volume stands in for, in the world; 0 where there is none.
+    pub leaf_width: f32,
+}
+
+/// Corners of the unit cube, bit i of the number is coordinate i.
+fn cube_corner(number: usize) -> Vec3 {
+    Vec3::from([0, 1, 2].map(|axis| (number >> axis & 1) as f32))
+}
+
+/// Triangles of the unit cube, counter-clockwise from outside.
+const CUBE: [[u32; 3]; 12] = [
+    [0, 2, 3],
+    [0, 3, 1],
+    [4, 5, 7],
+    [4, 7, 6],
+    [0, 1, 5],
+    [0, 5, 4],
+    [2, 6, 7],
+    [2, 7, 3],
+    [0, 4, 6],
+    [0, 6, 2],
+    [1, 3, 7],
+    [1, 7, 5],
+];
+
+fn plain_vertex(position: Vec3) -> Vertex {
+    Vertex { position: position.into(), u: 0.0, normal: [0.0, 0.0, 1.0], v: 0.0, tangent: [1.0, 0.0, 0.0, 1.0] }
+}
+
+/// Overlapping volumes are taken in turn in slices of this share of the largest volume's diagonal, or of the thickest skin.
+const SLICE: f32 = 1.0 / 8.0;
+/// Volumes and skins that a ray is in at once: it enters no further one before it has left one of those. What overlaps five times
+/// is met in a slightly other order, and nothing is left out.
+pub(crate) const MOST_PASSAGES: usize = 4;
+
+impl Volumes {
+    /// Volumes that stand on their own, and skins; one of either at least.
+    ///
+    /// # Errors
+    /// A sentence for numbers out of range and for maps that cannot be inverted.
+    pub fn new(volumes: Vec<Arc<Voltex>>, places: &[VolumePlace], skins: Vec<SceneSkin>) -> Result<Volumes, String> {
+        let named = |volume: usize| volume < volumes.len();
+        let in_skins =
+            skins.iter().flat_map(|skin| &skin.patterns).flat_map(|pattern| pattern.alternatives.as_flattened());
+        let all_named = places.iter().all(|place| named(place.volume))
+            && in_skins.clone().all(|volume| *volume == crate::volume::skin::NO_VOLUME || named(*volume as usize));
+        if !all_named {
+            return Err("a volume is named that is not there".into());
+        }
+        let (mut meshes, mut placements, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
+        for volume in 0..volumes.len() {
+            let triangles = CUBE.iter().map(|vertices| Triangle { vertices: *vertices, material: 0 }).collect();
+            meshes.push(Mesh { vertices: (0..8).map(|i| plain_vertex(cube_corner(i))).collect(), triangles });
+            kinds.push(Proxy::Box(volume));
+        }
+        let mut largest = 0f32;
+        for place in places {
+            let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| place.world_from_volume.transform_vector3(axis));
+            largest = largest.max(x.length() + y.length() + z.length());
+            placements.push(Placement { mesh: place.volume, world_from_object: place.world_from_volume });
+        }
+        let reach_of_boxes = largest;
+        for (number, skin) in skins.iter().enumerate() {
+            skin.patterns.iter().try_for_each(Pattern::check)?;
+            let shell = &skin.shell;
+            let triangle =
+                |(i, link): (u32, &u32)| Triangle { vertices: [0, 1, 2].map(|k| 3 * i + k), material: *link };
+            let triangles = (0..).zip(shell.boundary()).map(triangle).collect();
+            placements.push(Placement { mesh: meshes.len(), world_from_object: Mat4::IDENTITY });
+            meshes.push(Mesh { vertices: shell.boundary_corners().map(plain_vertex).collect(), triangles });
+            kinds.push(Proxy::Skin(number));
+            largest = largest.max(skin.rest.thickness());
+        }
+        let mut proxies = Geometry::placed(meshes, &placements)?;
+        proxies.set_leaf_widths(|mesh, number| match kinds[mesh] {
+            Proxy::Box(_) => places[number].leaf_width,
+            Proxy::Skin(number) => skins[number].leaf_width,
+        });
+        let stand_ins = (0, Vec::new());
+        Ok(Volumes { volumes, skins, stand_ins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
+    }
+
+    /// Moves the skins to where a wind has them at a time, seconds. Cost: some noises a vertex of the skins, and a pass over
+    /// their shells.
+    ///
+    /// # Errors
+    /// As [`Wind::blow`].
+    pub fn blow(&mut self, wind: &Wind, time_s: f64) -> Result<(), String> {
+        for skin in &mut self.skins {
+            skin.shell.refresh(&wind.blow(&skin.rest, time_s)?)?;
+        }
+        // The boxes' corners come first.
+        let first = self.proxies.vertices().len()
+            - self.skins.iter().map(|skin| 3 * skin.shell.boundary().len()).sum::<usize>();
+        self.proxies.move_vertices(first, self.skins.iter().flat_map(|skin| skin.shell.boundary_corners()));
+        Ok(())
+    }
+
+    /// Says where the first skin has what the scene's placements from number `first` on place.
+    pub(crate) fn set_stand_ins(&mut self, first: usize, places: Vec<SkinPlace>) {
+        self.stand_ins = (first, places);
+    }
+
+    pub(crate) fn has_stand_ins(&self) -> bool {
+        !self.stand_ins.1.is_empty()
+    }
+
+    /// Where the skin has what a placement of the scene places; none for what stands still.
+    pub(crate) fn stand_in_place(&self, placement: usize) -> Option<Mat4> {
+        let (first, places) = &self.stand_ins;
+        let place = places.get(placement.checked_sub(*first)?)?;
+        Some(place.world_from_object(&self.skins.first()?.shell))
+    }
+
+    /// A volume by its number.
+    pub fn volume(&self, number: usize) -> &Voltex {
+        &self.volumes[number]
+    }
+
+    /// How many volumes there are.
+    pub(crate) fn volume_count(&self) -> usize {
+        self.volumes.len()
+    }
+
+    /// The skins.
+    pub fn skins(&self) -> &[SceneSkin] {
+        &self.skins
+    }
+
+    /// What rays enter. A triangle's material is the face of its skin's shell.
+    pub(crate) fn proxies(&self) -> &Geometry {
+        &self.proxies
+    }
+
+    /// What an instance of the proxies stands for.
+    pub(crate) fn proxy(&self, instance: usize) -> Proxy {
+        self.kinds[self.proxies.mesh_of(instance)]
+    }
+
+    /// How far before its origin a ray may have entered what it is in.
+    pub(crate) fn reach(&self) -> f32 {
+        // A ray along the land may have been within the skin all the way.
+        let of_skin = |number: usize| {
+            let [least, most] = self.proxies.mesh_bounds(self.volumes.len() + number);
+            (most - least).max(Vec3::ZERO).length()
+        };
+        (0..self.skins.len()).map(of_skin).fold(self.reach_of_boxes, f32::max)
+    }
+
+    /// Length of the slices in which overlapping volumes are taken.
+    pub(crate) fn slice(&self) -> f32 {
+        self.slice
+    }
+
+    /// How many stand on their own, and how many skins there are.
+    pub fn counts(&self) -> [usize; 2] {
+        let all = self.proxies.instances().len();
+        [all - self.skins.len().min(all), self.skins.len()]
+    }
+
+    /// Centre and radius of a sphere around them.
+    pub fn bounding_sphere(&self) -> (Vec3, f32) {
+        self.proxies.bounding_sphere()
+    }
+
+    /// The stretches of a ray between 0 and `t_max`, in the order in which they begin.
+    pub fn stretches(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
+        let open = [const { None }; MOST_PASSAGES];
+        let reach = self.reach();
+        let mut stretches = Stretches {
+            volumes: self,
+            origin,
+            direction,
+            t_max,
+            from: -reach,
+            reach,
+            entry: None,
+            open,
+            most: MOST_PASSAGES,
+        };
+        stretches.find_entry();
+        stretches
+    }
+
+    /// The same volume by volume, for sums that need no order.
+    pub(crate) fn stretches_in_turn(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
+        Stretches { most: 1, ..self.stretches(origin, direction, t_max) }
+    }
+}
+
+/// A way through one volume or skin.
+enum Passage<'a> {
+    Box,
+    Skin(Box<SkinPassage<'a>>),
+}
+
+/// A way through a skin.
+struct SkinPassage<'a> {
+    skin: &'a SceneSkin,
+    walk: ShellWalk<'a>,
+    cells: Option<Cells>,
+}
+
+/// The texels within one tetrahedron.
+struct Cells {
+    walk: CellWalk,
+    ray: crate::volume::skin::TextureRay,
+    start: f32,
+    gradients: Mat3,
+    pattern: u32,
+    /// Volumes that are merged with the one that was told last.
+    merged: Vec<Stretch>,
+}
+
+/// Iterator over the stretches of a ray.
+pub struct Stretches<'a> {
+    volumes: &'a Volumes,
+    origin: Vec3,
+    direction: Vec3,
+    t_max: f32,
+    /// See [`Volumes::reach`].
+    reach: f32,
+    /// Entries are looked for from here on.
+    from: f32,
+    entry: Option<(f32, Hit)>,
+    /// What it is in.
+    open: [Option<(Stretch, Passage<'a>)>; MOST_PASSAGES],
+    /// How much of that it may be in at once.
+    most: usize,
+}
+
+impl<'a> Stretches<'a> {
+    /// The same where volumes that stand in for meshes are there beyond their spheres only.
+    pub(crate) fn handed_over(self, hand_over: &HandOver) -> impl Iterator<Item = Stretch> + use<'a> {
+        let spheres = hand_over.along(self.origin, self.direction);
+        self.flat_map(move |stretch| {
+            let parts = spheres.volume(stretch.leaf_width, [stretch.t0, stretch.t1]);
+            parts.into_iter().filter(|[t0, t1]| t0 < t1).map(move |[t0, t1]| Stretch { t0, t1, ..stretch })
+        })
+    }
+
+    /// Finds the next face that the ray enters by.
+    fn find_entry(&mut self) {
+        self.entry = None;
+        if self.from >= self.t_max {
+            return;
+        }
+        let start = self.origin + self.direction * self.from;
+        // Fronts alone: where volumes stand side by side, one is left by the face by which the next is entered.
+        let hit = self.volumes.proxies.trace(start, self.direction, self.t_max - self.from, AnyHit::Front);
+        if hit.primitive == NO_HIT {
+            self.from = self.t_max;
+            return;
+        }
+        let t = self.from + hit.t;
+        // Beyond what this number and the origin's are rounded to.
+        self.from = t + 2e-6 * (self.reach + self.origin.abs().max_element() + t.abs());
+        self.entry = Some((t, hit));
+    }
+
+    /// The passage into what was found.
+    fn enter(&self, (t, hit): (f32, Hit)) -> Option<(Stretch, Passage<'a>)> {
+        let volumes = self.volumes;
+        match volumes.proxy(hit.instance as usize) {
+            Proxy::Box(volume) => {
+                let instance = &volumes.proxies.instances()[hit.instance as usize];
+                let start = t.max(0.0);
+                let origin = instance.object_from_world(self.origin + self.direction * start, 1.0);
+                let direction = instance.object_from_world(self.direction, 0.0);
+                let exit = (0..3)
+                    .map(|axis| {
+                        let plane = if direction[axis] > 0.0 { 1.0 } else { 0.0 };
+                        if direction[axis] == 0.0 { f32::INFINITY } else { (plane - origin[axis]) / direction[axis] }
+                    })
+                    .fold(f32::INFINITY, f32::min);
+                let rows = instance.object_from_world.map(|[x, y, z, _]| Vec3::new(x, y, z));
+                let stretch = Stretch {
+                    t0: start,
+                    t1: (start + exit).min(self.t_max),
+                    volume,
+                    ray: VoltexRay { origin: origin.into(), direction: direction.into() },
+                    start,
+                    volume_from_world: Mat3::from_cols(rows[0], rows[1], rows[2]).transpose(),
+                    leaf_width: instance.leaf_width,
+                };
+                (stretch.t1 > stretch.t0).then_some((stretch, Passage::Box))
+            }
+            Proxy::Skin(number) => {
+                let skin = &volumes.skins[number];
+                let link = volumes.proxies.triangles()[hit.primitive as usize].material;
+                let walk = skin.shell.enter(self.origin, self.direction, link, t.max(0.0), self.t_max);
+                self.advance(Passage::Skin(Box::new(SkinPassage { skin, walk, cells: None })))
+            }
+        }
+    }
+
+    /// The next stretch of a passage.
+    fn advance(&self, passage: Passage<'a>) -> Option<(Stretch, Passage<'a>)> {
+        let Passage::Skin(mut way) = passage else { return None };
+        let SkinPassage { skin, walk, cells } = &mut *way;
+        loop {
+            if let Some(own) = cells {
+                if let Some(stretch) = own.merged.pop() {
+                    return Some((stretch, Passage::Skin(way)));
+                }
+                if let Some(span) = own.walk.next() {
+                    let pattern = &skin.patterns[own.pattern as usize];
+                    let Some(variant) = pattern.variant(span.cell) else { continue };
+                    let ray = variant.ray(own.ray);
+                    let rows = variant.volume_from_texture();
+                    let linear = Mat3::from_cols_array_2d(&rows.map(|[x, y, z, _]| [x, y, z])).transpose();
+                    let stretch = |volume: &u32| Stretch {
+                        t0: span.t0,
+                        t1: span.t1,
+                        volume: *volume as usize,
+                        ray: VoltexRay { origin: ray.point.into(), direction: ray.direction.into() },
+                        start: own.start,
+                        volume_from_world: linear * own.gradients,
+                        leaf_width: skin.leaf_width,
+                    };
+                    let merged = &pattern.alternatives[variant.alternative as usize];
+                    own.merged = merged
+                        .iter()
+                        .take_while(|volume| **volume != crate::volume::skin::NO_VOLUME)
+                        .map(stretch)
+                        .collect();
+                    continue;
+                }
+            }
+            let interval = walk.next()?;
+            let map = skin.shell.map(interval.tet);
+            let ray = map.ray(self.origin, self.direction, interval.t0);
+            let [u, v, w] = map.gradients;
+            *cells = Some(Cells {
+                walk: CellWalk::new(ray, interval.t0, interval.t1),
+                ray,
+                start: interval.t0,
+                gradients: Mat3::from_cols(u, v, w).transpose(),
+                pattern: skin.shell.tets()[interval.tet as usize].pattern,
+                merged: Vec::new(),
+            });
+        }
+    }
+}
+
+impl Iterator for Stretches<'_> {
+    type Item = Stretch;
+
+    fn next(&mut self) -> Option<Stretch> {
+        loop {
+            let begin = |slot: usize| self.open[slot].as_ref().map_or(f32::INFINITY, |(stretch, _)| stretch.t0);
+            let first = (0..self.most).min_by(|a, b| begin(*a).total_cmp(&begin(*b)))?;
+            let free = (0..self.most).find(|slot| self.open[*slot].is_none());
+            let entry = self.entry.filter(|_| free.is_some());
+            if let (Some(entry), Some(free)) = (entry, free)
+                && entry.0 <= begin(first)
+            {
+                self.open[free] = self.enter(entry);
+                self.find_entry();
+                continue;
+            }
+            let others = (0..self.most).filter(|slot| *slot != first).map(begin);
+            let next = others.chain(entry.map(|(t, _)| t)).fold(f32::INFINITY, f32::min);
+            let (own, passage) = self.open[first].take()?;
+            // What begins within this stretch is taken in turn with it.
+            let cut = next.max(own.t0 + self.volumes.slice);
+            if self.most > 1 && cut < own.t1 {
+                self.open[first] = Some((Stretch { t0: cut, ..own }, passage));
+                return Some(Stretch { t1: cut, ..own });
+            }
+            self.open[first] = self.advance(passage);
+            return Some(own);
+        }
+    }
+}
