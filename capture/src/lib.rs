@@ -81,6 +81,6 @@ pub use leaf::quantity::{LEAF_QUANTITIES, LeafQuantity};
 pub use leaf::species::{Deficiency, LeafGloss, Species, SpeciesPreset};
 pub use leaf::texture_folder::{TEXTURES_NAME, TextureGrid, TextureImages, write_textures};
 pub use leaf::texture_image::{MAX_TEXTURE_TEXELS, TextureKind};
-pub use model::{MattColour, ModelMesh, ModelPart, beside, is_model, read_model};
+pub use model::{DiffuseColour, ModelMesh, ModelPart, beside, is_model, read_model};
 pub use ubo2014::{ContainerInfo, ContainerKind, HeightMap};
 pub use writer::CaptureWriter;

@@ -37,7 +37,7 @@ pub mod voltex;
 pub use error::FitError;
 pub use export::gltf::brdf::{GltfTexel, Sheen};
 pub use export::gltf::document::{AssetPlace, EXTENSION, GltfExport, export_gltf};
-pub use export::gltf::fit::{GltfFit, LEAST_SAVED, Maps, TriedPart, fit_gltf};
+pub use export::gltf::fit::{GltfFit, MIN_SAVED, Maps, TriedPart, fit_gltf};
 pub use export::gltf::textures::{GltfImage, GltfTextures};
 pub use export::ktx2::file::{Ktx2Array, Ktx2Format};
 pub use export::ktx2::planes::{KTX2_KEY, Ktx2Export, export_ktx2};

@@ -67,7 +67,7 @@ pub struct FitParams {
     pub error: ErrorMeasure,
     /// Share of the direction pairs that is held back, 0 to 0.9.
     pub leave_out: f64,
-    /// Find the texels' heights and store them, where they foretell steep views.
+    /// Find the texels' heights and store them, where they predict steep views.
     pub heights: bool,
     /// Seed of every random choice.
     pub seed: u64,

@@ -126,8 +126,8 @@ impl FitRecord {
 
 /// Most bytes of a name and of a provenance that are kept: the room for the description is reserved
 /// before its figures are known.
-const MOST_NAME: usize = 100;
-const MOST_PROVENANCE: usize = 300;
+const MAX_NAME: usize = 100;
+const MAX_PROVENANCE: usize = 300;
 
 /// `text` in one line, cut at `most` bytes.
 fn shortened(text: &str, most: usize) -> String {
@@ -140,7 +140,7 @@ impl Material {
     /// The description of a fit of `captures`, one per layer, without the error figures.
     pub fn new(captures: &[&CaptureInfo], fit: FitRecord) -> Material {
         Material {
-            name: captures.first().map(|info| shortened(&info.name, MOST_NAME)).unwrap_or_default(),
+            name: captures.first().map(|info| shortened(&info.name, MAX_NAME)).unwrap_or_default(),
             layers: captures
                 .iter()
                 .map(|info| MaterialLayer {
@@ -213,13 +213,13 @@ impl CaptureRecord {
     /// The conventions of `info`.
     pub fn of(info: &CaptureInfo) -> CaptureRecord {
         CaptureRecord {
-            name: shortened(&info.name, MOST_NAME),
+            name: shortened(&info.name, MAX_NAME),
             transfer: info.transfer.to_string(),
             scale: info.scale,
             cosine: info.cosine.to_string(),
             side: info.side.to_string(),
             format: info.format.to_string(),
-            provenance: shortened(&info.provenance, MOST_PROVENANCE),
+            provenance: shortened(&info.provenance, MAX_PROVENANCE),
         }
     }
 }

@@ -4,7 +4,7 @@
 mod support;
 
 use btf_fit::voltex::build::{Frame, VoltexParams, build_voltex};
-use btf_fit::voltex::flakes::FlakeColour;
+use btf_fit::voltex::microflakes::MicroflakeColour;
 use btf_fit::voltex::model::TriangleModel;
 use btf_fit::voltex::occluder::Occluder;
 use btf_fit::voltex::projection::{HALF_SIDE, Projection, spread_directions};
@@ -27,7 +27,11 @@ fn model(triangles: Vec<[Vec3; 3]>) -> TriangleModel {
     TriangleModel {
         materials: vec![0; triangles.len()],
         triangles,
-        colours: vec![FlakeColour { reflectance: [0.4; 3], transmittance: [0.1; 3], ..FlakeColour::default() }],
+        colours: vec![MicroflakeColour {
+            reflectance: [0.4; 3],
+            transmittance: [0.1; 3],
+            ..MicroflakeColour::default()
+        }],
         weights: vec![1.0],
     }
 }

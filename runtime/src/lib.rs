@@ -34,7 +34,7 @@ pub mod voltex;
 mod wgsl;
 
 pub use asset::asset::{Asset, DictionaryLobe, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide};
-pub use asset::edit::{EDIT_WORDS, Edit, Edits, MOST_EDIT_WORDS, MOST_EDITS};
+pub use asset::edit::{EDIT_WORDS, Edit, Edits, MAX_EDIT_WORDS, MAX_EDITS};
 pub use asset::lobe::{
     Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS, ResidentLobe,
 };
@@ -54,15 +54,15 @@ pub use decode::decode::{
 };
 pub use decode::evaluate::{Query, Sample, UNIT_RANGE, density, evaluate, evaluate_many, is_unit, sample};
 pub use decode::parallax::{
-    HIDDEN_SHARE, HeightField, Heights, LEAST_RAY_STEPS, MOST_HEIGHT_STEP, MOST_RAY_STEPS, MOST_SLOPE, OUTSIDE_SHARE,
+    HIDDEN_SHARE, HeightField, Heights, MAX_HEIGHT_STEP, MAX_RAY_STEPS, MAX_SLOPE, MIN_RAY_STEPS, OUTSIDE_SHARE,
     RAY_STEP, SHIFT_SLOPE, SeenBy,
 };
-pub use decode::sample::{COSINE_SHARE, LEAST_ALPHA, LEAST_AXIS, sample_lobe_density, sample_lobe_direction};
+pub use decode::sample::{COSINE_SHARE, MIN_ALPHA, MIN_AXIS, sample_lobe_density, sample_lobe_direction};
 pub use decode::viewed_texel::{LIGHT_ROWS, LightRows, ViewedTexel};
 pub use error::FormatError;
 pub use file::format::{
-    Form, Head, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_LAYERS, MAX_SHARED,
-    MOST_LEVELS, MOST_SIDE_MM, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory,
+    Form, Head, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_LAYERS, MAX_LEVELS,
+    MAX_SHARED, MAX_SIDE_MM, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory,
 };
 pub use file::pack::pack;
 pub use file::resident_file::ResidentFile;
@@ -71,12 +71,12 @@ pub use leaf::body::LeafBody;
 pub use leaf::error::LeafError;
 pub use leaf::figures::{BAND_SHARES, LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
 pub use leaf::leaf::Leaf;
-pub use leaf::lobe::{LEAST_FACET, LEAST_HALF, MOST_EXPONENT};
+pub use leaf::lobe::{LEAF_MIN_HALF, MAX_EXPONENT, MIN_FACET};
 pub use leaf::optics::{CONE_DEG, LeafSpectrumRow, leaf_body_spectrum, leaf_spectrum};
 pub use leaf::state::{LEAF_QUANTITIES, LeafMode, LeafQuantity, LeafState};
-pub use leaf::texture::{FACTOR_ONE, LeafTexel, LeafTexture, MOST_FACTOR, MOST_LEAF_SIDE};
-pub use leaf::theta::{MOST_ABSORPTION, THETA_P, THETA_Q, rational_theta, three_piece_theta};
-pub use leaf::viewed::{LEAST_EYE, LEAST_SHARE, LEAST_UP, ViewedLeaf};
+pub use leaf::texture::{FACTOR_ONE, LeafTexel, LeafTexture, MAX_FACTOR, MAX_LEAF_SIDE};
+pub use leaf::theta::{MAX_ABSORPTION, THETA_P, THETA_Q, rational_theta, three_piece_theta};
+pub use leaf::viewed::{MIN_EYE, MIN_SHARE, MIN_UP, ViewedLeaf};
 pub use leaf::words as leaf_words;
 pub use levels::mip::with_levels;
 pub use numeric::power::{POWER_RELATIVE_ERROR, exp, from_root, root};

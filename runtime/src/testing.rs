@@ -10,7 +10,7 @@ use crate::decode::parallax::Heights;
 use crate::error::FormatError;
 use crate::file::format::{Form, header, read_directory};
 use crate::voltex::{
-    Facets, FlakeMaterial, LevelShadow, Sym3, VoltexError, VoltexRay, Volume, VolumeLevel, Voxel, order,
+    Facets, LevelShadow, MicroflakeMaterial, Sym3, VoltexError, VoltexRay, Volume, VolumeLevel, Voxel, order,
     read_voltex_directory,
 };
 use half::f16;
@@ -242,7 +242,7 @@ pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
         cells = cells.iter().map(|at| at.map(|x| x / 2)).collect();
     }
     // Numbers that half precision has.
-    let material = |i: u16| FlakeMaterial {
+    let material = |i: u16| MicroflakeMaterial {
         reflectance: [0.125, 0.25, 0.0625 * f32::from(i)],
         transmittance: [0.0, 0.375, 0.5],
         specular: 0.046875,
@@ -258,22 +258,22 @@ pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
     }
 }
 
-/// A second sort of flakes in a third of so many cells.
+/// A second sort of microflakes in a third of so many cells.
 fn some_others(random: &mut Random, count: usize, voxel: impl Fn(&mut Random) -> Voxel) -> Vec<(u32, Voxel)> {
     let numbers = (0..count as u32).filter(|_| random.below(3) == 0).collect::<Vec<_>>();
     numbers.into_iter().map(|number| (number, voxel(random))).collect()
 }
 
-/// Three flakes of one of three materials.
+/// Three microflakes of one of three materials.
 fn sample_voxel(random: &mut Random) -> Voxel {
     let extinction = (0..3).fold(Sym3::default(), |sum, _| {
-        let flake = Sym3::outer(random.direction(), random.within(0.1, 40.0));
-        sum.plus(&flake)
+        let microflake = Sym3::outer(random.direction(), random.within(0.1, 40.0));
+        sum.plus(&microflake)
     });
     Voxel::new(extinction, random.below(3) as u32)
 }
 
-/// A volume of random flakes with 2^`level_count` voxels a side: of the eight children of a voxel each is there with probability
+/// A volume of random microflakes with 2^`level_count` voxels a side: of the eight children of a voxel each is there with probability
 /// `share`, and one in any case.
 pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volume {
     const MATERIALS: usize = 3;
@@ -290,8 +290,11 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
         }
         fn voxel(random: &mut Random) -> Voxel {
             let area = 2f32.powf(random.within(-3.0, 6.0));
-            let flakes = (0..1 + random.below(4)).map(|_| Sym3::outer(sphere_direction(random), area * area));
-            Voxel::new(flakes.fold(Sym3::default(), |sum, flake| sum.plus(&flake)), random.below(MATERIALS) as u32)
+            let microflakes = (0..1 + random.below(4)).map(|_| Sym3::outer(sphere_direction(random), area * area));
+            Voxel::new(
+                microflakes.fold(Sym3::default(), |sum, microflake| sum.plus(&microflake)),
+                random.below(MATERIALS) as u32,
+            )
         }
         let voxels: Vec<_> = cells.iter().map(|cell| (*cell, voxel(random))).collect();
         let others = some_others(random, voxels.len(), voxel);
@@ -310,7 +313,7 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
     levels.reverse();
     let mut shares = || std::array::from_fn(|_| random.within(0.0, 1.0));
     let materials = (0..MATERIALS)
-        .map(|number| FlakeMaterial {
+        .map(|number| MicroflakeMaterial {
             reflectance: shares(),
             transmittance: shares(),
             specular: 0.04 * number as f32,

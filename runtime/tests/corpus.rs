@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Most bytes of a mutated input.
-const MOST_BYTES: usize = 32 << 10;
+const MAX_BYTES: usize = 32 << 10;
 
 fn corpus(target: &str) -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(target);
@@ -39,7 +39,7 @@ fn mutated(inputs: &[Vec<u8>], count: usize, seed: u64) -> impl Iterator<Item = 
     let mut random = Random::new(seed);
     (0..count).map(move |_| {
         let (input, seed) = (random.below(inputs.len()), random.bits());
-        fuzz::mutate(&inputs[input], seed, MOST_BYTES, &mut |bytes, most| change_bytes(&mut random, bytes, most))
+        fuzz::mutate(&inputs[input], seed, MAX_BYTES, &mut |bytes, most| change_bytes(&mut random, bytes, most))
     })
 }
 
@@ -65,7 +65,7 @@ fn what_is_packed_is_parsed_as_it_was() {
     let mut random = Random::new(2);
     for _ in 0..300 {
         let mut bytes = inputs[random.below(inputs.len())].clone();
-        (0..8).for_each(|_| change_bytes(&mut random, &mut bytes, MOST_BYTES));
+        (0..8).for_each(|_| change_bytes(&mut random, &mut bytes, MAX_BYTES));
         fuzz::round_trip(&bytes);
     }
 }
@@ -103,7 +103,7 @@ fn mutations_reach_behind_the_checksums() {
     let behind = (0..2000).filter(|_| {
         let mut bytes = inputs[random.below(inputs.len())].clone();
         let before = bytes.clone();
-        change_bytes(&mut random, &mut bytes, MOST_BYTES);
+        change_bytes(&mut random, &mut bytes, MAX_BYTES);
         bytes != before && Asset::parse(&bytes).is_ok()
     });
     assert!(behind.count() < 20);

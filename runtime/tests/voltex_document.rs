@@ -6,7 +6,7 @@ mod document;
 
 use btf_runtime::testing::{Random, sample_volume};
 use btf_runtime::voltex::{
-    Facets, FlakeMaterial, LevelShadow, Sym3, Voltex, Volume, VolumeLevel, Voxel, read_voltex_directory,
+    Facets, LevelShadow, MicroflakeMaterial, Sym3, Voltex, Volume, VolumeLevel, Voxel, read_voltex_directory,
 };
 use document::{block, bytes_from_dump, output_of, python};
 use half::f16;
@@ -19,13 +19,14 @@ const DOCUMENT: &str = include_str!("../../docs/VOLTEX.md");
 fn example() -> Volume {
     let shadow = |offset| LevelShadow { offset, shared: [0.75, 0.5, 0.5, 0.25, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0] };
     let voxel = |s, material| Voxel::new(Sym3(s), material);
-    let leaf = FlakeMaterial { reflectance: [0.0625, 0.125, 0.03125], transmittance: [0.0625, 0.25, 0.03125], ..DULL };
+    let leaf =
+        MicroflakeMaterial { reflectance: [0.0625, 0.125, 0.03125], transmittance: [0.0625, 0.25, 0.03125], ..DULL };
     Volume {
         description: "{\"name\":\"example\"}".into(),
         side_m: 2.0,
         extent: [1.0, 1.0, 0.5],
         cyclic: [true, false],
-        materials: vec![FlakeMaterial { reflectance: [0.125, 0.0625, 0.03125], ..DULL }, leaf],
+        materials: vec![MicroflakeMaterial { reflectance: [0.125, 0.0625, 0.03125], ..DULL }, leaf],
         levels: vec![
             VolumeLevel {
                 shadow: shadow(0.5),
@@ -48,8 +49,8 @@ fn example() -> Volume {
     }
 }
 
-const DULL: FlakeMaterial =
-    FlakeMaterial { reflectance: [0.0; 3], transmittance: [0.0; 3], specular: 0.03125, roughness: 0.5 };
+const DULL: MicroflakeMaterial =
+    MicroflakeMaterial { reflectance: [0.0; 3], transmittance: [0.0; 3], specular: 0.03125, roughness: 0.5 };
 
 #[test]
 fn the_worked_example_is_what_it_says() {
@@ -106,7 +107,8 @@ fn numbers_of(bytes: &[u8]) -> BTreeMap<String, Vec<f64>> {
         ("extent, side".into(), wide(&[&volume.extent[..], &[volume.side_m]].concat())),
         ("tiers".into(), directory.tiers.iter().map(|tier| f64::from(*tier)).collect()),
     ]);
-    let of_material = |m: &FlakeMaterial| [&m.reflectance[..], &m.transmittance, &[m.specular, m.roughness]].concat();
+    let of_material =
+        |m: &MicroflakeMaterial| [&m.reflectance[..], &m.transmittance, &[m.specular, m.roughness]].concat();
     all.insert("materials".into(), wide(&volume.materials.iter().flat_map(of_material).collect::<Vec<_>>()));
     for (index, level) in volume.levels.iter().rev().enumerate() {
         let shadow = [&[level.shadow.offset], &level.shadow.shared[..]].concat();

@@ -45,8 +45,9 @@ fn a_volume_is_read_as_it_was_written_and_written_as_it_was_read() {
         let bytes = volume.pack().unwrap();
         let read = Volume::parse(&bytes).unwrap();
         assert_eq!(without_matrices(&read), without_matrices(&volume));
-        let flakes = |volume: &Volume| volume.levels.iter().flat_map(|l| l.flakes().copied()).collect::<Vec<_>>();
-        for (given, got) in flakes(&volume).iter().zip(flakes(&read)) {
+        let microflakes =
+            |volume: &Volume| volume.levels.iter().flat_map(|l| l.microflakes().copied()).collect::<Vec<_>>();
+        for (given, got) in microflakes(&volume).iter().zip(microflakes(&read)) {
             // In shares of the largest entry, a few steps of the codes: codes.rs tests what is projected.
             let most = given.extinction.trace();
             for (a, b) in given.extinction.0.iter().zip(got.extinction.0) {
@@ -335,7 +336,7 @@ fn random_words_in_any_section_are_read_safely_or_refused() {
         match Volume::parse(&forged) {
             Ok(volume) => {
                 read += 1;
-                let voxels: usize = volume.levels.iter().map(|level| level.flakes().count()).sum();
+                let voxels: usize = volume.levels.iter().map(|level| level.microflakes().count()).sum();
                 assert!(voxels < 64 * forged.len(), "more voxels than the file has bytes for");
                 let again = volume.pack().expect("what was read can be written");
                 assert!(Volume::parse(&again).as_ref() == Ok(&volume), "and read again");

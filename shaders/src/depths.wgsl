@@ -20,7 +20,7 @@ struct Ray {
 struct Depth {
     // exp(-depth) of the light comes through.
     depth: f32,
-    // Where the first voxel with flakes begins; t1 if there is none.
+    // Where the first voxel with microflakes begins; t1 if there is none.
     first_t: f32,
     // Its number; VOLTEX_NO_VOXEL if there is none.
     first_voxel: u32,
@@ -46,7 +46,7 @@ fn asset_word(index: u32) -> u32 {
     return volume_words[index];
 }
 
-// Optical depth along a ray: its cells by voltex_walk_next, each with the extinction of its flakes.
+// Optical depth along a ray: its cells by voltex_walk_next, each with the extinction of its microflakes.
 @compute @workgroup_size(64)
 fn depth_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < range.count {

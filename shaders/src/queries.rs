@@ -88,7 +88,7 @@ pub struct Ray {
 pub struct Depth {
     /// Optical depth.
     pub depth: f32,
-    /// Where the first voxel with flakes begins; `t1` if there is none.
+    /// Where the first voxel with microflakes begins; `t1` if there is none.
     pub first_t: f32,
     /// Its number, or [`btf_runtime::voltex::NO_VOXEL`].
     pub first_voxel: u32,

@@ -41,7 +41,7 @@ const LIBRARY_HEAD: &str = "\
 
 /// What stands above the functions of volumetric textures.
 const VOLTEX_HEAD: &str = "\
-// Volumetric textures: pure functions in core WGSL, without bindings and entry points, of voxels that hold flakes at several
+// Volumetric textures: pure functions in core WGSL, without bindings and entry points, of voxels that hold microflakes at several
 // levels.
 //
 // An includer joins its own text with this one, in any order, and with btf.wgsl or the function that is used of it,

@@ -142,10 +142,10 @@ fn followed(voltex: &Voltex, ray: &Ray) -> (Vec<Segment>, f32, f32) {
     let length2: f32 = ray.direction.iter().map(|x| x * x).sum();
     while let Some(segment) = walk.next(voltex, ray.level) {
         if segment.cell.voxel != NO_VOXEL {
-            for (_, Voxel { extinction, .. }) in voltex.flakes(segment.cell.voxel) {
+            for (_, Voxel { extinction, .. }) in voltex.microflakes(segment.cell.voxel) {
                 let (form, t) = (extinction.form(ray.direction, ray.direction), clumping * (segment.t1 - segment.t0));
                 depth += form.max(0.0).sqrt() * t;
-                // Flakes that are seen from the edge are a small difference.
+                // Microflakes that are seen from the edge are a small difference.
                 let error = ULPS * f32::EPSILON * length2 * extinction.trace();
                 slack += ((form + error).max(0.0).sqrt() - (form - error).max(0.0).sqrt()) * t;
             }
@@ -352,8 +352,8 @@ fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 23] {
 }
 
 #[test]
-fn flakes_shine_alike_in_shaders_and_in_rust() {
-    let Some(gpu) = open("flakes_shine_alike_in_shaders_and_in_rust") else { return };
+fn microflakes_shine_alike_in_shaders_and_in_rust() {
+    let Some(gpu) = open("microflakes_shine_alike_in_shaders_and_in_rust") else { return };
     let mut random = Random::new(14);
     let (words, volumes) = volumes(&mut random);
     let (owners, queries): (Vec<&Voltex>, Vec<Light>) = (0..RAYS)

@@ -10,7 +10,7 @@
 
 use btf_capture::{LeafDescription, Species, TextureImages};
 use btf_fit::voltex::build::{VoltexParams, build_voltex};
-use btf_fit::voltex::flakes::FlakeColour;
+use btf_fit::voltex::microflakes::MicroflakeColour;
 use btf_fit::voltex::model::TriangleModel;
 use btf_runtime::voltex::Voltex;
 use btf_synth::{Existing, PlantsParams, write_plants};
@@ -53,7 +53,11 @@ fn grown() -> Tree {
     write_plants(&path, &params, &leaf, TextureImages::default(), Existing::Refuse, &|_, _| ControlFlow::Continue(()))
         .expect("a tree");
     let mut model = TriangleModel::read(&path).expect("the tree");
-    model.colours.fill(FlakeColour { reflectance: [GREY; 3], transmittance: [0.0; 3], ..FlakeColour::default() });
+    model.colours.fill(MicroflakeColour {
+        reflectance: [GREY; 3],
+        transmittance: [0.0; 3],
+        ..MicroflakeColour::default()
+    });
     let volume = build_voltex(&model, &VoltexParams::default()).expect("a volume");
     let parts = load_meshes(&path).expect("the tree").into_iter().flat_map(|mesh| mesh.parts).collect();
     Tree { parts, voltex: Arc::new(Voltex::new(&volume)) }

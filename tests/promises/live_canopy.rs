@@ -1,6 +1,6 @@
 //! Plants that btf-synth grows are what the viewer draws: their triangles, their leaves, and no more light than falls in.
 
-use btf_capture::{LeafDescription, MattColour, Species, TextureImages};
+use btf_capture::{DiffuseColour, LeafDescription, Species, TextureImages};
 use btf_synth::{CanopySize, Existing, Ground, PlantsParams, write_plants};
 use btf_viewer::{
     Ambient, BackendChoice, Body, Camera, Control, MeshChoice, NO_HIT, RenderMode, RenderParams, Scene, ShadeOptions,
@@ -42,7 +42,7 @@ fn furnace(mut scene: Scene) -> (f32, f32) {
     scene.background = [1.0; 3];
     for material in &mut scene.materials {
         if let Body::Plain(colour) = &mut material.body {
-            *colour = MattColour::opaque([1.0; 3]);
+            *colour = DiffuseColour::opaque([1.0; 3]);
         }
     }
     scene.camera =

@@ -70,7 +70,7 @@ fn missed(row: &VoltexRow) -> Vec<Vec<&'static str>> {
     BARS.iter().zip(coarse(row)).map(|(bars, found)| bars.missed(found)).collect()
 }
 
-/// With all its flakes `factor` times.
+/// With all its microflakes `factor` times.
 fn times(volume: &Volume, factor: f32) -> Voltex {
     let mut volume = volume.clone();
     let voxels = volume.levels.iter_mut().flat_map(|level| &mut level.voxels);
@@ -94,7 +94,7 @@ fn a_volume_looks_like_its_plant_from_where_it_was_not_fitted() {
     println!("{} triangles, {} bytes: {own:#?}", model.triangles.len(), bytes.len());
     assert!(missed(&own).iter().all(Vec::is_empty), "{:?}", missed(&own));
 
-    // Planted differences: a fifth more flakes; and shadows as if eye and light were independent.
+    // Planted differences: a fifth more microflakes; and shadows as if eye and light were independent.
     for list in missed(&truth.measure("more", &times(&volume, 1.2), &march)) {
         assert!(list.contains(&"opacity"), "{list:?}");
     }

@@ -1,12 +1,12 @@
 //! What a volume hides on a bent skin, and what its triangles hide when they are bent with it: sheared, twisted, combed.
 
 use btf_fit::voltex::build::{Frame, VoltexParams, build_voltex};
-use btf_fit::voltex::flakes::FlakeColour;
+use btf_fit::voltex::microflakes::MicroflakeColour;
 use btf_fit::voltex::model::TriangleModel;
 use btf_fit::voltex::occluder::Occluder;
 use btf_runtime::testing::Random;
 use btf_runtime::voltex::Voltex;
-use btf_viewer::{HandOver, Pattern, SceneSkin, Shell, ShellParams, Skin, SkinVertex, Volumes};
+use btf_viewer::{LodTransition, Pattern, SceneSkin, Shell, ShellParams, Skin, SkinVertex, Volumes};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -46,7 +46,7 @@ impl LeavesInCube {
             // Two specks at opposite corners, so that the model's cube is the texel.
             triangles: [Vec3::ZERO, Vec3::ONE].map(|at| [at; 3]).into(),
             materials: vec![0; leaves.len() + 2],
-            colours: vec![FlakeColour::default()],
+            colours: vec![MicroflakeColour::default()],
             weights: vec![1.0],
         };
         model.triangles.extend(&leaves);
@@ -97,7 +97,7 @@ impl LeavesInCube {
                         origin(x + s, y + t),
                         direction,
                         40.0,
-                        &HandOver::MESHES,
+                        &LodTransition::MESHES,
                         |_| 0.5 * width,
                         |_| (),
                     ))

@@ -6,7 +6,7 @@ use btf_viewer::{CpuPicture, Scene, ShadeOptions};
 use std::ops::Range;
 
 /// Rays a pixel up to which errors of triangles are measured; beyond, they fall with the root of the number.
-const MOST_MEASURED: u32 = 64;
+const MAX_MEASURED: u32 = 64;
 /// Linear radiance of each pixel, RGB.
 pub type Radiance = Vec<[f32; 3]>;
 
@@ -39,7 +39,7 @@ impl Explicit {
         let mut picture = CpuPicture::new(size);
         let mut counted = vec![false; picture.sums.len()];
         let mut fewer = Vec::new();
-        while picture.samples < MOST_MEASURED {
+        while picture.samples < MAX_MEASURED {
             picture.add_sample(scene, &ShadeOptions::default(), &|| true);
             let triangles = scene.geometry.triangles().len() as u32;
             for (counted, hit) in counted.iter_mut().zip(&picture.hits) {
@@ -50,7 +50,7 @@ impl Explicit {
             }
         }
         let half = rays / 2;
-        let halves = [MOST_MEASURED, MOST_MEASURED + half].map(|first| drawn(scene, size, first..first + half));
+        let halves = [MAX_MEASURED, MAX_MEASURED + half].map(|first| drawn(scene, size, first..first + half));
         Explicit::of(halves, counted, &fewer)
     }
 

@@ -1,11 +1,11 @@
-//! A dolly past the hand-over of a plant: how much light of it reaches the eye, from where its leaves are many pixels wide to where
+//! A dolly past the level-of-detail transition of a plant: how much light of it reaches the eye, from where its leaves are many pixels wide to where
 //! they are a small part of one.
 
 use btf_viewer::{Camera, CpuPicture, Scene, ShadeOptions};
 use glam::Vec3;
 
 /// Leaves are so many pixels wide where the dolly begins, and as much less than one where it ends: 64 times the distance.
-pub const MOST_LEAF_PIXELS: f32 = 8.0;
+pub const MAX_LEAF_PIXELS: f32 = 8.0;
 /// Places in which the distance doubles.
 pub const STEPS: i32 = 4;
 /// Width of a pixel at distance 1: so small that the plant is seen from one side all the way.
@@ -25,9 +25,9 @@ pub struct DollyRow {
 /// Looks at a scene with one plant, before black, from all distances along `towards` (from the plant to the eye), by
 /// `paths` a distance at least. Leaves are `leaf_width` wide.
 pub fn dolly(scene: &Scene, towards: Vec3, leaf_width: f32, paths: usize) -> Vec<DollyRow> {
-    let octaves = 2 * MOST_LEAF_PIXELS.log2() as i32;
+    let octaves = 2 * MAX_LEAF_PIXELS.log2() as i32;
     (0..=octaves * STEPS)
-        .map(|i| row(scene, towards, leaf_width, MOST_LEAF_PIXELS * (-i as f32 / STEPS as f32).exp2(), paths))
+        .map(|i| row(scene, towards, leaf_width, MAX_LEAF_PIXELS * (-i as f32 / STEPS as f32).exp2(), paths))
         .collect()
 }
 

@@ -31,14 +31,14 @@ mod volume;
 mod window;
 
 pub use bench::bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};
-pub use bench::crowd::crowd;
+pub use bench::instanced_scene::instanced_scene;
 pub use bench::leaf_modes::{LeafModeRow, leaf_mode_rows};
 pub use bench::plot::bench_svg;
 pub use cpu::cpu::{CpuPicture, Picked, pick};
 pub use error::ViewerError;
 pub use geometry::bvh::{AnyHit, BvhNode, Hit, NO_HIT};
-pub use geometry::geometry::{Geometry, Instance, MOST_INSTANCES, Mesh, Placement, Triangle, Vertex};
-pub use geometry::hand_over::{HandOver, MESH_PIXELS, VOLUME_PIXELS};
+pub use geometry::geometry::{Geometry, Instance, MAX_INSTANCES, Mesh, Placement, Triangle, Vertex};
+pub use geometry::lod_transition::{LodTransition, MESH_PIXELS, VOLUME_PIXELS};
 pub use gpu::decode_queries::{DecodeQuery, gpu_decode};
 pub use gpu::device::{BackendChoice, Gpu};
 pub use gpu::expand::{gpu_expand, time_gpu_expand, time_upload};
@@ -47,7 +47,7 @@ pub use gpu::pieces::PieceLayout;
 pub use gpu::timer::{GpuTimer, PassTimes};
 pub use gpu::tracer::{NO_ASSET, PixelHit, Tracer};
 pub use light::daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
-pub use light::environment::{Environment, MOST_COLUMNS};
+pub use light::environment::{Environment, MAX_COLUMNS};
 pub use light::solar_spectrum::WHITE_ILLUMINANCE_LUX;
 pub use light::sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
@@ -73,7 +73,7 @@ pub use scene::scene::{
 };
 pub use scene::volume::{load_volume, standing};
 pub use volume::skin::{
-    CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MOST_CELLS, MOST_MERGED, Merged, NO_LINK,
+    CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MAX_CELLS, MAX_MERGED, Merged, NO_LINK,
     NO_VOLUME, Noise, Pattern, Shell, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet, TextureMap,
     TextureRay, Variant, Walk, WalkQuery, WalkSum, Wind, cpu_walk, gpu_walk, pattern_words,
 };

@@ -2,7 +2,7 @@
 
 mod support;
 
-use btf_capture::{LeafDescription, MattColour};
+use btf_capture::{DiffuseColour, LeafDescription};
 use btf_runtime::testing::Random;
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
 use btf_viewer::{
@@ -240,7 +240,7 @@ fn white_leaves_in_a_white_world_are_not_to_be_seen() {
         for material in &mut scene.materials {
             material.tint = [1.0; 3];
             if let Body::Plain(colour) = &mut material.body {
-                *colour = MattColour::opaque([1.0; 3]);
+                *colour = DiffuseColour::opaque([1.0; 3]);
             }
         }
         let shade = ShadeOptions { mode: RenderMode::Path, depth: 64, ..ShadeOptions::default() };

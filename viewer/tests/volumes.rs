@@ -173,7 +173,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-fn cases_of_hand_over() -> Vec<Case> {
+fn cases_of_lod_transition() -> Vec<Case> {
     let mut within = orchard(1.0);
     // Within the box of a volume, beside the ball that it stands in for; the sphere cuts both.
     let eye = TREES[2].0 + Vec3::new(0.25, 0.35, 0.25);
@@ -233,13 +233,13 @@ fn the_compute_hierarchy_draws_the_same_volumes_as_the_cpu() {
 }
 
 #[test]
-fn ray_queries_hand_over_where_the_cpu_does() {
-    compare(GpuTracer::RayQuery, &cases_of_hand_over(), "ray_queries_hand_over_where_the_cpu_does");
+fn ray_queries_lod_transition_where_the_cpu_does() {
+    compare(GpuTracer::RayQuery, &cases_of_lod_transition(), "ray_queries_lod_transition_where_the_cpu_does");
 }
 
 #[test]
 fn the_compute_hierarchy_hands_over_where_the_cpu_does() {
-    compare(GpuTracer::Bvh, &cases_of_hand_over(), "the_compute_hierarchy_hands_over_where_the_cpu_does");
+    compare(GpuTracer::Bvh, &cases_of_lod_transition(), "the_compute_hierarchy_hands_over_where_the_cpu_does");
 }
 
 #[test]
@@ -273,7 +273,7 @@ fn a_volume_less_or_another_is_noticed() {
 
 #[test]
 fn other_spheres_are_noticed() {
-    for Case { name, scene, options, expected } in cases_of_hand_over() {
+    for Case { name, scene, options, expected } in cases_of_lod_transition() {
         // Wider spheres, hardly any volume, hardly any mesh.
         for size in [1.05, 100.0, 0.01] {
             let other = Scene { camera: scene.camera, ..orchard(size) };

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 /// First Mesa whose lavapipe answers ray queries.
-const LEAST_MESA: u32 = 25;
+const MIN_MESA: u32 = 25;
 const ICD_FOLDERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
 const BACKPORTS_FILE: &str = "/etc/apt/sources.list.d/btf-backports.sources";
 
@@ -65,7 +65,7 @@ pub fn software_manifest() -> Option<PathBuf> {
 fn present() -> Option<String> {
     if software_manifest().is_some() {
         match answer_of(Command::new("dpkg-query").args(["-W", "-f", "${Version}", "mesa-vulkan-drivers"])) {
-            Some(version) if major(&version).is_some_and(|major| major >= LEAST_MESA) && has_loader() => {
+            Some(version) if major(&version).is_some_and(|major| major >= MIN_MESA) && has_loader() => {
                 return Some(format!("software driver: lavapipe of Mesa {version}"));
             }
             // Too old: another adapter may still answer.
@@ -91,7 +91,7 @@ fn major(version: &str) -> Option<u32> {
 
 fn advice() -> String {
     format!(
-        "the GPU tests need a Vulkan adapter with ray queries: install Mesa's software driver, version {LEAST_MESA} or newer \
+        "the GPU tests need a Vulkan adapter with ray queries: install Mesa's software driver, version {MIN_MESA} or newer \
          (Debian 12: libvulkan1, and mesa-vulkan-drivers from bookworm-backports; Debian 13, Ubuntu 25.04 and newer, Fedora: \
          mesa-vulkan-drivers), or set BTF_SKIP_GPU=1 to leave these tests out"
     )

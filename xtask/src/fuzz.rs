@@ -20,7 +20,7 @@ const TARGETS: [(&str, &[&str]); 5] = [
 pub const RUNS: u64 = 20_000;
 
 /// Most bytes of an input.
-const MOST_BYTES: &str = "-max_len=32768";
+const MAX_BYTES: &str = "-max_len=32768";
 
 /// What makes rustc tell libFuzzer where a run has been and what it compared: cargo-fuzz's flags for `--sanitizer none`.
 const COVERAGE: &str = "--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
@@ -86,7 +86,7 @@ pub fn fuzz(target: &Path, only: Option<&str>, runs: u64) -> Result<String, Fail
         std::fs::create_dir_all(&found)
             .map_err(|error| Failure::new(format!("{} cannot be made: {error}", found.display())))?;
         let mut command = Command::new(built.join(&host).join("release").join(name));
-        command.arg(MOST_BYTES).arg(format!("-runs={runs}")).args(["-seed=1", "-verbosity=0", "-print_final_stats=1"]);
+        command.arg(MAX_BYTES).arg(format!("-runs={runs}")).args(["-seed=1", "-verbosity=0", "-print_final_stats=1"]);
         command.arg(format!("-artifact_prefix={}-", built.join(name).display())).arg(&found);
         command.args(corpora.iter().map(|corpus| package.join("corpus").join(corpus)));
         let (status, output) = run_and_read(&mut command)?;

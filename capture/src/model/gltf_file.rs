@@ -1,6 +1,6 @@
 //! glTF files.
 
-use super::{MattColour, ModelMesh, ModelPart, beside, checked, fault};
+use super::{DiffuseColour, ModelMesh, ModelPart, beside, checked, fault};
 use crate::error::CaptureError;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;
@@ -169,12 +169,12 @@ fn shown<'a>(material: &'a gltf::Material) -> Option<&'a str> {
 }
 
 /// What a material reflects and, by [`TRANSMISSION`], lets through. A share that is a picture is not known: none.
-fn colour(material: &gltf::Material) -> MattColour {
+fn colour(material: &gltf::Material) -> DiffuseColour {
     let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();
     let extension = material.extension_value(TRANSMISSION).filter(|told| told["diffuseTransmissionTexture"].is_null());
-    let Some(told) = extension else { return MattColour::of_gltf([r, g, b], 0.0, [0.0; 3]) };
+    let Some(told) = extension else { return DiffuseColour::of_gltf([r, g, b], 0.0, [0.0; 3]) };
     let number = |value: &Value, usual: f64| value.as_f64().unwrap_or(usual) as f32;
     let share = number(&told["diffuseTransmissionFactor"], 0.0);
     let passed = [0, 1, 2].map(|i| number(&told["diffuseTransmissionColorFactor"][i], 1.0));
-    MattColour::of_gltf([r, g, b], share, passed)
+    DiffuseColour::of_gltf([r, g, b], share, passed)
 }

@@ -1,12 +1,12 @@
 //! Models: triangles with texture coordinates and the places where they stand, read from OBJ and glTF files.
 
+mod diffuse;
 mod gltf_file;
-mod matt;
 mod obj;
 
 use crate::error::CaptureError;
+pub use diffuse::DiffuseColour;
 use glam::Mat4;
-pub use matt::MattColour;
 use std::path::{Path, PathBuf};
 
 /// Some triangles of a model that share a material.
@@ -16,8 +16,8 @@ pub struct ModelPart {
     pub name: String,
     /// Number of the material in the file; parts with equal numbers have the same material.
     pub group: usize,
-    /// What the material reflects and lets through, as if it were matt.
-    pub colour: MattColour,
+    /// What the material reflects and lets through, as if it were diffuse.
+    pub colour: DiffuseColour,
     /// The leaf's description or the asset that the material points at by `BTF_materials_leaf` or `BTF_materials_spmm`.
     pub shows: Option<PathBuf>,
     /// Whether the material says that it is seen from both sides.

@@ -1,6 +1,6 @@
 //! OBJ files.
 
-use super::{MattColour, ModelPart, checked, fault};
+use super::{DiffuseColour, ModelPart, checked, fault};
 use crate::error::CaptureError;
 use std::path::Path;
 
@@ -22,7 +22,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<ModelPart>, CaptureError> {
         let part = ModelPart {
             name: material.map_or(model.name, |material| material.name.clone()),
             group: mesh.material_id.unwrap_or(0),
-            colour: MattColour::opaque(material.and_then(|material| material.diffuse).unwrap_or([0.5; 3])),
+            colour: DiffuseColour::opaque(material.and_then(|material| material.diffuse).unwrap_or([0.5; 3])),
             positions: triples(&mesh.positions),
             normals: (mesh.normals.len() == 3 * count).then(|| triples(&mesh.normals)),
             uvs: (mesh.texcoords.len() == 2 * count)

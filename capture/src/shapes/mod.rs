@@ -33,7 +33,7 @@
 //!
 //! [`Script`] is the file, [`Shape`] what can be drawn, [`PaintMode`] how, [`Material`] in what. Files that a script
 //! names are relative to it. Unknown keys are refused, so that no slip of the pen stays unseen. Who reads a script
-//! builds nothing here: distances, flakes and voxels are the builder's.
+//! builds nothing here: distances, microflakes and voxels are the builder's.
 
 mod check;
 mod material;

@@ -166,7 +166,7 @@ pub enum Shape {
         amplitude_m: f64,
         /// The noise.
         noise: Noise,
-        /// Area of flakes in a cubic metre of density 1, one face of each counted.
+        /// Area of microflakes in a cubic metre of density 1, one face of each counted.
         area_per_m3: f64,
     },
     /// A scanned volume of density that fills a box.
@@ -179,7 +179,7 @@ pub enum Shape {
         most_m: Point,
         /// Numbers of the file that are density 0 and 1; beyond these it is held to them.
         range: [f64; 2],
-        /// Area of flakes in a cubic metre of density 1, one face of each counted.
+        /// Area of microflakes in a cubic metre of density 1, one face of each counted.
         area_per_m3: f64,
     },
 }

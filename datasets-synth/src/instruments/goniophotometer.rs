@@ -31,7 +31,7 @@ use crate::surface::capture::Progress;
 const BLOCKS_PER_STEP: u64 = 128;
 
 /// Interactions of a ray that are counted one by one; more are counted together.
-const MOST_INTERACTIONS: usize = 100;
+const MAX_INTERACTIONS: usize = 100;
 
 /// The instrument. See the table at the top of this file.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -282,11 +282,11 @@ impl Goniophotometer {
         let absorption = Absorption::Sampled(tissue.optical_depth(wavelength).0);
         let beam = Parallel::onto(self.face, self.incidence_deg);
         let mut random = block_random(seed, u64::MAX);
-        let mut result = Interactions { counts: vec![0; MOST_INTERACTIONS + 1], mean: 0.0, most: 0 };
+        let mut result = Interactions { counts: vec![0; MAX_INTERACTIONS + 1], mean: 0.0, most: 0 };
         for _ in 0..rays {
             let start = beam.direction(&mut random);
             let met = walk(&stack, start, absorption, &mut random).interactions;
-            result.counts[(met as usize).min(MOST_INTERACTIONS)] += 1;
+            result.counts[(met as usize).min(MAX_INTERACTIONS)] += 1;
             result.mean += f64::from(met) / rays as f64;
             result.most = result.most.max(met);
         }

@@ -36,7 +36,7 @@ use crate::surface::capture::Progress;
 const PILOT_RAYS: u64 = 100_000;
 
 /// Most rays that a precision may cost.
-const MOST_RAYS: u64 = 1_000_000_000;
+const MAX_RAYS: u64 = 1_000_000_000;
 
 /// Standard errors on either side of a mean that hold 95 of 100 repetitions.
 const TWO_SIDED_95: f64 = 1.96;
@@ -212,7 +212,7 @@ impl Spectrophotometer {
                 worst = worst.max(estimate.standard_error * (traced.rays as f64).sqrt());
             }
         }
-        ((TWO_SIDED_95 * worst / precision).powi(2).ceil() as u64).clamp(1000, MOST_RAYS)
+        ((TWO_SIDED_95 * worst / precision).powi(2).ceil() as u64).clamp(1000, MAX_RAYS)
     }
 }
 

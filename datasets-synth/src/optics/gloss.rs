@@ -47,7 +47,7 @@ const MIN_O_DOT_H: f32 = 1e-6;
 
 /// Exponents below this count as no lobe: the sample is below 1e-31, and the way there is through denormal
 /// numbers, which are slow.
-const LEAST_EXPONENT: f32 = -80.0;
+const MIN_EXPONENT: f32 = -80.0;
 
 impl GlossParams {
     /// Directional albedo of the lobe as asked for, `printed` above 1 and all: the share of light from (or
@@ -229,7 +229,7 @@ impl CookTorrance {
         let cos2_h = cos_h * cos_h;
         let exponent = -slope2_over_gamma2(cos2_h);
         // A NaN tangent falls through to here and is dark, too.
-        let seen = exponent > LEAST_EXPONENT;
+        let seen = exponent > MIN_EXPONENT;
         if !seen {
             return 0.0;
         }

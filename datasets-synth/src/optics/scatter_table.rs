@@ -39,7 +39,7 @@ const FIRST_WAY: f64 = 0.32;
 const WAY_RATIO: f64 = 1.55;
 
 /// Cosine that stands for grazing incidence.
-const LEAST_COSINE: f64 = 1e-3;
+const MIN_COSINE: f64 = 1e-3;
 
 /// Where light and eye are against each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,7 +77,7 @@ fn way_class(way: f64) -> usize {
 
 fn incidence_cosine(i: usize) -> f64 {
     let root = i as f64 / (INCIDENCES - 1) as f64;
-    (root * root).max(LEAST_COSINE)
+    (root * root).max(MIN_COSINE)
 }
 
 impl ScatterTable {

@@ -35,7 +35,7 @@ const SERIES_END: f64 = 1e-18;
 const FRACTION_DEPTH: f64 = 100.0;
 
 /// Added to that depth.
-const FRACTION_LEAST_DEPTH: usize = 4;
+const FRACTION_MIN_DEPTH: usize = 4;
 
 /// 1 / j; a division costs more than the rest of a term.
 const INVERSES: [f64; SERIES_TERMS + 1] = {
@@ -150,7 +150,7 @@ pub fn diffuse_transmission(k: f64) -> f64 {
     // E3 as a continued fraction, numerator and denominator by forward recurrence: no cancellation
     // for large k, and one division in all. The depth is set beforehand; neither overflows at it.
     const ORDER: f64 = 3.0;
-    let depth = (FRACTION_DEPTH / k) as usize + FRACTION_LEAST_DEPTH;
+    let depth = (FRACTION_DEPTH / k) as usize + FRACTION_MIN_DEPTH;
     let mut b = k + ORDER;
     let (mut numerator_before, mut numerator) = (0.0, 1.0);
     let (mut denominator_before, mut denominator) = (1.0, b);

@@ -14,7 +14,7 @@ use crate::plants::vec3::{Vec3, along, cross, direction_or, dot, scale, sub};
 const EIGHT_SIDES_RADIUS_M: f64 = 0.012;
 
 /// Least distance between the rings of an axis, in radii.
-const LEAST_STEP_IN_RADII: f64 = 0.25;
+const MIN_STEP_IN_RADII: f64 = 0.25;
 
 /// What a texture on axes repeats at, in metres.
 const AXIS_TEXTURE_M: f64 = 0.1;
@@ -139,7 +139,7 @@ fn push_axis(mesh: &mut Mesh, axis: &Axis) {
     // Rings nearer than this would cut through each other where the axis bends.
     nodes.dedup_by(|b, a| {
         let step = sub(b.position_m, a.position_m);
-        dot(step, step).sqrt() < LEAST_STEP_IN_RADII * a.radius_m.max(b.radius_m)
+        dot(step, step).sqrt() < MIN_STEP_IN_RADII * a.radius_m.max(b.radius_m)
     });
     if nodes.len() < 2 {
         return;

@@ -20,7 +20,7 @@ pub const MAX_SHAPES: usize = 500_000;
 const SPECULAR: f64 = 0.04;
 
 /// Least extent of a box in metres.
-const LEAST_EXTENT_M: f64 = 1e-4;
+const MIN_EXTENT_M: f64 = 1e-4;
 
 /// The script of a canopy; `leaf` is the description's name beside it, `detail` the triangles of a blade.
 ///
@@ -136,7 +136,7 @@ fn space(canopy: &Canopy, drawn: &[(Part, Shape)]) -> Space {
         least_m[2] = 0.0;
     }
     for k in 0..3 {
-        most_m[k] = most_m[k].max(least_m[k] + LEAST_EXTENT_M);
+        most_m[k] = most_m[k].max(least_m[k] + MIN_EXTENT_M);
     }
     Space { least_m: least_m.map(micrometres), most_m: most_m.map(micrometres), cyclic: [canopy.is_field; 2] }
 }

@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_matt_leaf_is_its_body_colour_times_the_cosine() {
+    fn a_flat_diffuse_leaf_is_its_body_colour_times_the_cosine() {
         let flat = shaped(|_| 0.0, 0.0);
         for (light, view) in [(0.0, 0.0), (60.0, 30.0), (75.0, 75.0)] {
             let image = image(&flat, Direction::new(light, 40.0), Direction::new(view, 200.0));

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 
 /// Make a volumetric texture of a model: a small volume that looks like it from afar
 ///
-/// Leaves, stems and whatever else the model has become voxels of flakes, at levels from fine to coarse, fitted to what rays
+/// Leaves, stems and whatever else the model has become voxels of microflakes, at levels from fine to coarse, fitted to what rays
 /// past the model see. A renderer draws them with one ray a pixel.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -41,14 +41,14 @@ pub(super) struct VoltexArgs {
 }
 
 /// Most voxels a side.
-const MOST_RESOLUTION: u32 = 1 << btf_runtime::voltex::MOST_LEVELS;
+const MAX_RESOLUTION: u32 = 1 << btf_runtime::voltex::MAX_LEVELS;
 
 fn resolution(text: &str) -> Result<u32, String> {
     let number: u32 = text.parse().map_err(|_| "not a whole number".to_string())?;
-    if number.is_power_of_two() && number <= MOST_RESOLUTION {
+    if number.is_power_of_two() && number <= MAX_RESOLUTION {
         Ok(number)
     } else {
-        Err(format!("a power of two from 1 to {MOST_RESOLUTION} is needed"))
+        Err(format!("a power of two from 1 to {MAX_RESOLUTION} is needed"))
     }
 }
 

@@ -1,5 +1,5 @@
 //! Direction pairs that a fit does not look at (`--leave-out`), so that their error can be measured, and how they are
-//! foretold from the pairs that it sees.
+//! predicted from the pairs that it sees.
 
 use btf_capture::CaptureInfo;
 use btf_runtime::Sphere;
@@ -10,9 +10,9 @@ use rand::seq::SliceRandom;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-/// Seen pairs that foretell a held-back one.
+/// Seen pairs that predict a held-back one.
 const SOURCES: usize = 64;
-/// Rounds of foretelling and learning covariances.
+/// Rounds of predicting and learning covariances.
 const ROUNDS: usize = 4;
 /// What the samples have of their own, relative to their mean square.
 const NOISE: f64 = 1e-3;
@@ -142,7 +142,7 @@ fn covariances(rows: ArrayView2<f32>, [views, lights]: [usize; 2]) -> (Array2<f6
     (view, light)
 }
 
-/// Weights of `near` that foretell `pair` best.
+/// Weights of `near` that predict `pair` best.
 fn weights(near: &[usize], pair: usize, covariance: &impl Fn(usize, usize) -> f64) -> Vec<(usize, f32)> {
     let n = near.len();
     let among = DMatrix::from_fn(n, n, |i, j| covariance(near[i], near[j]) + if i == j { NOISE } else { 0.0 });
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_learnt_foretells_better_than_neighbours_means_and_seen_samples_stay() {
+    fn what_is_learnt_predicts_better_than_neighbours_means_and_seen_samples_stay() {
         let (views, lights) = (DirectionSet::random(12, 3).unwrap(), DirectionSet::random(14, 4).unwrap());
         let info = CaptureInfo::new("test", 1, 1, views.clone(), lights.clone(), ImageFormat::Png);
         let sphere = |set: &DirectionSet| Sphere::new(&set.units()).unwrap();

@@ -4,7 +4,7 @@ use crate::error::FitError;
 use crate::inspect::describe::{SectionSize, parallel, read_file, section_sizes};
 use crate::units::text_from_bytes;
 use btf_runtime::voltex::{
-    FlakeMaterial, VOLTEX_VERSION, Voltex, VoltexSection, Volume, VolumeLevel, read_voltex_directory,
+    MicroflakeMaterial, VOLTEX_VERSION, Voltex, VoltexSection, Volume, VolumeLevel, read_voltex_directory,
 };
 use serde::Serialize;
 use std::fmt::{self, Display};
@@ -39,7 +39,7 @@ pub struct VoltexDescription {
     pub tiers: Vec<VoltexTier>,
     /// Sizes by kind of section, in the order of the file.
     pub sections: Vec<SectionSize>,
-    /// What its flakes are made of, with how many voxels are.
+    /// What its microflakes are made of, with how many voxels are.
     pub materials: Vec<MaterialUse>,
     /// The volume's own description; `null` where it is not JSON.
     pub description: serde_json::Value,
@@ -52,15 +52,15 @@ pub struct LevelDescription {
     pub side: u32,
     /// How many are not empty.
     pub voxels: usize,
-    /// How many of these have flakes of two sorts.
+    /// How many of these have microflakes of two sorts.
     pub of_two_sorts: usize,
     /// Bytes of its section.
     pub bytes: u64,
-    /// How far from the flakes its rays to the light begin, voxels.
+    /// How far from the microflakes its rays to the light begin, voxels.
     pub shadow_offset: f32,
     /// The shares by which eye and light see the same gaps, at 0 to 180 degrees between them.
     pub shadow_shared: [f32; 10],
-    /// Entries xx, yy, zz, xy, xz, yz of C: along a unit vector d depths are `exp(d' C d)` times those of flakes at random.
+    /// Entries xx, yy, zz, xy, xz, yz of C: along a unit vector d depths are `exp(d' C d)` times those of microflakes at random.
     pub clumping: [f32; 6],
 }
 
@@ -132,7 +132,7 @@ pub fn describe_voltex(bytes: &[u8]) -> Result<VoltexDescription, FitError> {
         }
     };
     let mut voxels_of = vec![0; volume.materials.len()];
-    volume.levels.iter().flat_map(VolumeLevel::flakes).for_each(|voxel| voxels_of[voxel.material as usize] += 1);
+    volume.levels.iter().flat_map(VolumeLevel::microflakes).for_each(|voxel| voxels_of[voxel.material as usize] += 1);
     let ends_in = |length: u32| {
         let within = |entry: &&btf_runtime::SectionEntry| entry.offset + entry.length <= length;
         directory.sections.iter().filter(within).filter(|entry| entry.kind == VoltexSection::Level as u32).count()
@@ -160,13 +160,13 @@ pub fn describe_voltex(bytes: &[u8]) -> Result<VoltexDescription, FitError> {
     })
 }
 
-fn use_of(material: &FlakeMaterial, voxels: usize) -> MaterialUse {
-    let FlakeMaterial { reflectance, transmittance, specular, roughness } = *material;
+fn use_of(material: &MicroflakeMaterial, voxels: usize) -> MaterialUse {
+    let MicroflakeMaterial { reflectance, transmittance, specular, roughness } = *material;
     MaterialUse { reflectance, transmittance, specular, roughness, voxels }
 }
 
 /// Materials that are printed.
-const MOST_PRINTED: usize = 8;
+const MAX_PRINTED: usize = 8;
 
 impl Display for VoltexDescription {
     /// What `info` prints.
@@ -201,7 +201,7 @@ impl Display for VoltexDescription {
         }
         writeln!(f, "\nmaterials   reflectance            transmittance          specular  roughness  voxels")?;
         let rgb = |[r, g, b]: [f32; 3]| format!("{r:.3} {g:.3} {b:.3}");
-        for (number, material) in self.materials.iter().enumerate().take(MOST_PRINTED) {
+        for (number, material) in self.materials.iter().enumerate().take(MAX_PRINTED) {
             let (reflectance, transmittance) = (rgb(material.reflectance), rgb(material.transmittance));
             writeln!(
                 f,
@@ -209,8 +209,8 @@ impl Display for VoltexDescription {
                 material.specular, material.roughness, material.voxels
             )?;
         }
-        if self.materials.len() > MOST_PRINTED {
-            writeln!(f, "  and {} more, which --json lists", self.materials.len() - MOST_PRINTED)?;
+        if self.materials.len() > MAX_PRINTED {
+            writeln!(f, "  and {} more, which --json lists", self.materials.len() - MAX_PRINTED)?;
         }
         Ok(())
     }

@@ -21,7 +21,7 @@ const COLOUR_PAIRS: usize = 256;
 const COLOURS: usize = 4_000_000;
 
 /// Most images held at a time.
-const MOST_BATCH: usize = 64;
+const MAX_BATCH: usize = 64;
 
 /// What [`measure`] should do.
 #[derive(Debug, Clone)]
@@ -240,7 +240,7 @@ pub(crate) fn measure_decoder(
     let mut tile_errors = vec![TileErrors::default(); decoder.tiles().len()];
     let mut pair_code_error = vec![0; info.pair_count()];
     // A linear image is held in single precision.
-    let batch = ((params.memory_bytes / 8) as usize / (texels * 12)).clamp(1, MOST_BATCH);
+    let batch = ((params.memory_bytes / 8) as usize / (texels * 12)).clamp(1, MAX_BATCH);
     for (done, batch_pairs) in pairs.chunks(batch).enumerate() {
         monitor.report("measure", done * batch, pairs.len())?;
         let work: Vec<PairWork> = batch_pairs

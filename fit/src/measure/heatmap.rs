@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Share of the values that a map's scale covers; what lies above has the last colour.
 const COVERED: f64 = 0.995;
 /// Smallest side of a written map in pixels: maps are enlarged by a whole factor up to it.
-const LEAST_SIDE: usize = 320;
+const MIN_SIDE: usize = 320;
 /// Pixels per dot of a letter.
 const LETTER_SCALE: usize = 2;
 
@@ -187,7 +187,7 @@ pub fn write_heatmaps(dir: &Path, info: &CaptureInfo, comparison: &Comparison) -
     let map = |values: &[Option<f32>], width: usize, title: &str| {
         let top = scale_top(values.iter().flatten().copied());
         let raster = Raster::of_values(values, width, top);
-        let factor = LEAST_SIDE.div_ceil(raster.width.max(raster.height)).max(1);
+        let factor = MIN_SIDE.div_ceil(raster.width.max(raster.height)).max(1);
         raster.enlarged(factor).with_legend(title, top).png()
     };
     let texels: Vec<_> = comparison.texel_rmse_codes().into_iter().map(Some).collect();

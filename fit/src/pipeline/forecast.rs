@@ -31,7 +31,7 @@ const LAST_STAGES: [Known; 3] = [known("encode", 2.5, 0.9), known("measure", 5.2
 const HEIGHTS: &str = "heights";
 const REPORT: &str = "report";
 /// A stage that does not tell how far it is counts at most to this share of itself.
-const MOST_UNTOLD: f64 = 0.95;
+const MAX_UNTOLD: f64 = 0.95;
 
 /// What a fit still needs, in seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,7 +117,7 @@ impl Forecast {
         if let State::Begun(begun) = &mut at_hand.state {
             // Without a word from it: as far as the speed so far makes it likely.
             let likely = at_hand.seconds * before / (before_s * at_hand.share).max(1e-9);
-            *begun = told.unwrap_or(likely.min(MOST_UNTOLD)).max(*begun);
+            *begun = told.unwrap_or(likely.min(MAX_UNTOLD)).max(*begun);
         }
         let stage_s = told.filter(|told| *told > 0.0).map(|told| at_hand.seconds * (1.0 / told - 1.0));
         let (elapsed_s, made) = self.spent(|_| true);
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fit_whose_stages_have_the_known_shares_is_foretold_exactly_at_any_speed() {
+    fn a_fit_whose_stages_have_the_known_shares_is_predicted_exactly_at_any_speed() {
         for speed in [0.01, 1.0, 300.0] {
             assert!(worst(&plain(), 0.0, &[], |name| speed * share(name)) < 1.0 + 1e-6);
         }

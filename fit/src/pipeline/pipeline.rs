@@ -42,9 +42,9 @@ const REASSIGN_ROUNDS: usize = 3;
 /// Shared bases at most: the least and the most that are looked for, and how many more than the least per byte of
 /// the texels' budget. Too few bound the error of a large asset (docs/RESULTS.md); more than a small one can use cost
 /// time.
-const LEAST_SHARED_BASES: usize = 170;
+const MIN_SHARED_BASES: usize = 170;
 const SHARED_BASES_PER_BYTE: f64 = 6.5;
-const MOST_SHARED_BASES: usize = 640;
+const MAX_SHARED_BASES: usize = 640;
 /// The same without a budget.
 const SHARED_BASES: usize = 320;
 /// Texels that they are found from.
@@ -59,7 +59,7 @@ const DICTIONARY_PAIRS: usize = 3400;
 const GUIDE_PAIRS: usize = 1100;
 /// Texels that the clusters' means are taken from where lobes only guide.
 const MEAN_SAMPLE: usize = 4096;
-/// Texels that foretelling held-back pairs is learnt from.
+/// Texels that predicting held-back pairs is learnt from.
 const HOLDOUT_SAMPLE: usize = 512;
 /// Added to a reflectance before its tone weight is taken.
 const TONE_EPSILON: f32 = 0.02;
@@ -268,7 +268,7 @@ fn shared_bases(params: &FitParams, texels: usize) -> usize {
         return SHARED_BASES;
     };
     let more = SHARED_BASES_PER_BYTE * bytes as f64 / texels as f64;
-    (LEAST_SHARED_BASES + more as usize).min(MOST_SHARED_BASES)
+    (MIN_SHARED_BASES + more as usize).min(MAX_SHARED_BASES)
 }
 
 /// Texels of the sample that shared bases are found from, and what the memory limit leaves for the decoded capture,
@@ -408,7 +408,7 @@ fn prepare_layer(
     let heights = if params.heights { monitor.stage("heights", || find_heights(cache, info, monitor))? } else { None };
     if params.heights && heights.is_none() {
         monitor.remark(&format!(
-            "{} gets no heights: none that were found foretell its steep views better than none do",
+            "{} gets no heights: none that were found predict its steep views better than none do",
             info.name
         ));
     }

@@ -17,13 +17,13 @@ use btf_runtime::{Asset, DecodeOptions, Layer, Resident};
 use maud::{Markup, html};
 
 /// Largest side of a picture in the page, in texels; larger captures show their centre.
-const MOST_SIDE: usize = 256;
+const MAX_SIDE: usize = 256;
 /// Side of pictures and maps on the page, in CSS pixels: four fit beside each other.
 const SHOWN_SIDE: usize = 250;
 /// Factor by which the difference pictures are brightened.
 const DIFFERENCE_GAIN: u8 = 8;
 /// Most points of the curve of size against quality.
-const MOST_TIERS: usize = 12;
+const MAX_TIERS: usize = 12;
 /// Every how many of the colour difference's pairs that curve is measured on: about 64 in all.
 const TIER_PAIR_SHARE: usize = 4;
 
@@ -394,9 +394,9 @@ fn nearest(set: &DirectionSet, angles: [f64; 2]) -> usize {
     (0..all.len()).rev().max_by(|a, b| closeness(&all[*a]).total_cmp(&closeness(&all[*b]))).unwrap_or(0)
 }
 
-/// The centre of an image, at most [`MOST_SIDE`] texels wide and high.
+/// The centre of an image, at most [`MAX_SIDE`] texels wide and high.
 fn crop(pixels: &[u8], width: usize, height: usize) -> Raster {
-    let (w, h) = (width.min(MOST_SIDE), height.min(MOST_SIDE));
+    let (w, h) = (width.min(MAX_SIDE), height.min(MAX_SIDE));
     let (x0, y0) = ((width - w) / 2, (height - h) / 2);
     Raster::from_fn(w, h, |x, y| {
         let at = ((y0 + y) * width + x0 + x) * 3;
@@ -407,7 +407,7 @@ fn crop(pixels: &[u8], width: usize, height: usize) -> Raster {
 /// An inlined PNG, shown `side` pixels wide or high, whichever is longer.
 fn picture(raster: &Raster, side: usize) -> Result<Markup, FitError> {
     // Maps of large captures are shown smaller than they are; a picture of their size would only weigh.
-    let factor = raster.width.max(raster.height).div_ceil(2 * MOST_SIDE);
+    let factor = raster.width.max(raster.height).div_ceil(2 * MAX_SIDE);
     let small;
     let raster = if factor > 1 {
         small = Raster::from_fn(raster.width.div_ceil(factor), raster.height.div_ceil(factor), |x, y| {
@@ -438,7 +438,7 @@ fn tier_curve(input: &ReportInput, description: &Description, monitor: &Monitor)
         .map(|tier| tier.bytes as usize)
         .filter(|length| *length <= input.bytes.len())
         .collect();
-    let count = present.len().min(MOST_TIERS);
+    let count = present.len().min(MAX_TIERS);
     let mut points = Vec::new();
     for i in 0..count {
         // The first, the last, and evenly between.

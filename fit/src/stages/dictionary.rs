@@ -13,9 +13,9 @@ use std::ops::ControlFlow;
 
 /// Stagewise step and end of the path, relative to the strongest correlation.
 const STEP: f64 = 0.02;
-const LEAST_PENALTY: f64 = 0.03;
+const MIN_PENALTY: f64 = 0.03;
 /// The path of one representative ends at this many atoms.
-const MOST_ACTIVE: usize = 12;
+const MAX_ACTIVE: usize = 12;
 /// Atoms that the single-lobe search refines.
 const SEARCHED_ATOMS: usize = 8;
 /// Iterations of that search.
@@ -131,9 +131,9 @@ fn select(
             continue;
         }
         let problem = LassoProblem { gram: &gram, correlation: &grey, non_negative: true };
-        let params = LassoParams { epsilon: STEP * top, least_penalty: LEAST_PENALTY * top, most_steps: 600 };
+        let params = LassoParams { epsilon: STEP * top, least_penalty: MIN_PENALTY * top, most_steps: 600 };
         let beta = stagewise_lasso(&problem, &params, |point| {
-            if point.active > MOST_ACTIVE { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            if point.active > MAX_ACTIVE { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         importance.iter_mut().zip(&beta).for_each(|(sum, x)| *sum += x);
     }

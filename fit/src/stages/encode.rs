@@ -21,11 +21,11 @@ const DEAD_ZONE: f32 = 0.1;
 const SQUARED_STEPS_PER_BYTE: f64 = 0.92;
 /// A component of a cluster whose coefficients have less than this root mean square, in steps, is left out: nearly
 /// all of its codes would be 0.
-const LEAST_RMS: f64 = 0.3;
+const MIN_RMS: f64 = 0.3;
 /// Ridge of the refit, relative to the mean diagonal of the bases' Gram matrix.
 const RIDGE: f64 = 1e-6;
 /// Largest code of a shared basis or a mixture.
-const MOST_CODE: f32 = 32_000.0;
+const MAX_CODE: f32 = 32_000.0;
 
 /// What is quantised: a layer's residual up to the choice of a step.
 pub struct Model {
@@ -56,8 +56,8 @@ fn code(value: f32, step: f32) -> f32 {
 /// Codes of `values` with steps of about `step`, larger where the codes would need more than 16 bits.
 fn quantize(values: &[f32], step: f64) -> (f32, Vec<i16>) {
     let peak = values.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
-    let step = (step as f32).max(peak / MOST_CODE).clamp(1e-20, MAX_BASIS_STEP);
-    (step, values.iter().map(|x| code(*x, step).clamp(-MOST_CODE, MOST_CODE) as i16).collect())
+    let step = (step as f32).max(peak / MAX_CODE).clamp(1e-20, MAX_BASIS_STEP);
+    (step, values.iter().map(|x| code(*x, step).clamp(-MAX_CODE, MAX_CODE) as i16).collect())
 }
 
 impl Model {
@@ -183,7 +183,7 @@ impl Model {
             .variances
             .iter()
             .take(count)
-            .take_while(|variance| (**variance / texels as f64).sqrt() > LEAST_RMS * step)
+            .take_while(|variance| (**variance / texels as f64).sqrt() > MIN_RMS * step)
             .count();
         let nearest = mixtures.dot(&cluster.components.slice(s![.., ..kept]));
         let mut bases = Vec::with_capacity(count + 1);

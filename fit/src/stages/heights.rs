@@ -1,7 +1,7 @@
 //! Heights of the texels, found in the capture itself: a plane sweep over the measured views [Collins 1996] that says
 //! at which height a texel looks alike from most of them, smoothed along rows and columns by semi-global matching
-//! [Hirschmuller 2008]. Several ways of comparing views are tried; the one that foretells the steepest views best is
-//! taken, and none if no one foretells them better than no heights at all.
+//! [Hirschmuller 2008]. Several ways of comparing views are tried; the one that predicts the steepest views best is
+//! taken, and none if no one predicts them better than no heights at all.
 
 use crate::error::FitError;
 use crate::input::layer_frame::layer_directions;
@@ -13,21 +13,21 @@ use rayon::prelude::*;
 
 /// Least cosine of the views that are compared, 61 degrees, and of the one that they are compared with, 20 degrees:
 /// from there every point is seen.
-const LEAST_COS: f32 = 0.484;
+const MIN_COS: f32 = 0.484;
 const REFERENCE_COS: f32 = 0.939;
 /// Views at most, and lights, which are between 15 and 65 degrees off the pole: shadows are short, slopes show.
-const MOST_VIEWS: usize = 56;
+const MAX_VIEWS: usize = 56;
 const LIGHTS: usize = 12;
 const LIGHT_COS: [f32; 2] = [0.42, 0.97];
 /// Heights that are tried: so far up and down, in texel widths, in such steps.
-const MOST_HEIGHT: f32 = 10.0;
+const MAX_HEIGHT: f32 = 10.0;
 const SWEEP_STEP: f32 = 0.5;
 /// Share of the heights that is cut at either end of their range.
 const STANDING_OUT: f32 = 0.002;
 /// Finest step of the stored heights, texel widths.
-const LEAST_STEP: f32 = 0.125;
+const MIN_STEP: f32 = 0.125;
 /// A difference of encoded values that counts no more if it grows: what is hidden is not different by how much.
-const MOST_DIFFERENCE: f32 = 0.16;
+const MAX_DIFFERENCE: f32 = 0.16;
 /// A texel's cost is the mean over this share of the views in which it looks most alike: from the others it is hidden.
 const SHARES: [f32; 3] = [0.1, 0.2, 1.0];
 /// Costs of a step of height and of a jump between neighbours.
@@ -35,19 +35,19 @@ const STEP_COST: f32 = 0.002;
 const JUMP_COST: f32 = 0.01;
 /// Radius of the mean that the high-pass comparison takes off.
 const SMOOTH_RADIUS: usize = 4;
-/// The steepest share of the views is foretold from the others, as eyes outside the hull are from all; views of them,
+/// The steepest share of the views is predicted from the others, as eyes outside the hull are from all; views of them,
 /// lights, and texels, one in so many.
 const STEEPEST: f32 = 0.25;
 const FORETOLD_VIEWS: usize = 8;
 const FORETOLD_LIGHTS: usize = 6;
 const FORETOLD_EVERY: usize = 5;
 /// Share of the error without heights that heights must take away to be worth their bytes.
-const LEAST_GAIN: f64 = 0.03;
+const MIN_GAIN: f64 = 0.03;
 
 /// What is compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Feature {
-    /// Encoded luma: matt materials.
+    /// Encoded luma: diffuse materials.
     Value,
     /// The same over the image's mean.
     Gain,
@@ -64,10 +64,10 @@ type ReadImages<'a> = dyn Fn(&[usize], &[usize]) -> Result<Vec<Vec<Image>>, FitE
 /// Bytes a texel that [`find_heights`] needs: images as they are and as they are compared, and costs of all heights
 /// for each share, as they are and smoothed along lines.
 pub fn bytes_per_texel() -> usize {
-    4 * (2 * (MOST_VIEWS + 1) * LIGHTS + (SHARES.len() + 2) * tried().len())
+    4 * (2 * (MAX_VIEWS + 1) * LIGHTS + (SHARES.len() + 2) * tried().len())
 }
 
-/// The heights of a capture's texels; `None` if they do not foretell views better than no heights.
+/// The heights of a capture's texels; `None` if they do not predict views better than no heights.
 ///
 /// Cost: views x lights x heights x texels differences for each of three comparisons. Memory: [`bytes_per_texel`].
 pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) -> Result<Option<Heights>, FitError> {
@@ -79,13 +79,13 @@ pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) ->
     else {
         return Ok(None);
     };
-    let others: Vec<usize> = (0..views.len()).filter(|&v| v != reference && views[v][2] > LEAST_COS).collect();
+    let others: Vec<usize> = (0..views.len()).filter(|&v| v != reference && views[v][2] > MIN_COS).collect();
     let sloping = (0..lights.len()).filter(|&l| (LIGHT_COS[0]..LIGHT_COS[1]).contains(&lights[l][2]));
     let lit = spread(&sloping.collect::<Vec<_>>(), LIGHTS);
     if others.len() < 4 || lit.is_empty() {
         return Ok(None);
     }
-    let others = spread(&others, MOST_VIEWS);
+    let others = spread(&others, MAX_VIEWS);
     // Luma in a root curve, as the eye and 8-bit files have it.
     let curve = Mapping::new(cache, |x| x.max(0.0).powf(1.0 / 2.4));
     let image = |view: usize, light: usize| -> Result<Image, FitError> {
@@ -96,7 +96,7 @@ pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) ->
         views.par_iter().map(|&view| lights.iter().map(|&light| image(view, light)).collect()).collect()
     };
     let score = Score::new(&views, &spread(&lit, FORETOLD_LIGHTS), &images)?;
-    let mut best = (score.error(None, size) * (1.0 - LEAST_GAIN), None);
+    let mut best = (score.error(None, size) * (1.0 - MIN_GAIN), None);
     let sweep = Sweep {
         size,
         reference: images(&[reference], &lit)?.remove(0),
@@ -132,7 +132,7 @@ fn slope(direction: [f32; 3]) -> [f32; 2] {
 
 /// Heights that the sweep tries.
 fn tried() -> Vec<f32> {
-    let count = (MOST_HEIGHT / SWEEP_STEP) as i32;
+    let count = (MAX_HEIGHT / SWEEP_STEP) as i32;
     (-count..=count).map(|i| i as f32 * SWEEP_STEP).collect()
 }
 
@@ -223,7 +223,7 @@ impl Sweep {
             let (upper, lower) = (&image[upper..upper + width], &image[lower..lower + width]);
             let reference = &reference[row * width..(row + 1) * width];
             let value = |column: usize| upper[column] + (lower[column] - upper[column]) * down;
-            let difference = |x: f32, column: usize| (x - reference[column]).abs().min(MOST_DIFFERENCE);
+            let difference = |x: f32, column: usize| (x - reference[column]).abs().min(MAX_DIFFERENCE);
             for column in (0..begin).chain(end..width) {
                 let at = (column as f32 + left).clamp(0.0, (width - 1) as f32) as usize;
                 sums[column] += difference(value(at), column);
@@ -234,7 +234,7 @@ impl Sweep {
             for i in 0..count {
                 let x = upper[i] + (lower[i] - upper[i]) * down;
                 let y = upper[i + 1] + (lower[i + 1] - upper[i + 1]) * down;
-                sums[begin + i] += (x + (y - x) * along - reference[begin + i]).abs().min(MOST_DIFFERENCE);
+                sums[begin + i] += (x + (y - x) * along - reference[begin + i]).abs().min(MAX_DIFFERENCE);
             }
         }
         let count = images.len() as f32;
@@ -349,13 +349,13 @@ fn quantized(heights: &[f32]) -> Heights {
     let (least, most) = (sorted[cut], sorted[heights.len() - 1 - cut]);
     let heights: Vec<f32> = heights.iter().map(|x| x.clamp(least, most)).collect();
     let peak = heights.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
-    let step = LEAST_STEP.max(peak / 127.0);
+    let step = MIN_STEP.max(peak / 127.0);
     Heights { step, codes: heights.iter().map(|x| (x / step).round().clamp(-127.0, 127.0) as i8).collect() }
 }
 
-/// Views that are foretold from those around them.
+/// Views that are predicted from those around them.
 struct Score {
-    foretold: Vec<Foretold>,
+    predicted: Vec<Foretold>,
 }
 
 struct Foretold {
@@ -373,7 +373,7 @@ impl Score {
         by_slope.sort_by(|&a, &b| views[a][2].total_cmp(&views[b][2]).then(a.cmp(&b)));
         let (steep, rest) = by_slope.split_at((STEEPEST * views.len() as f32) as usize);
         let sphere = Sphere::new(&rest.iter().map(|&other| views[other]).collect::<Vec<_>>())?;
-        let foretold = spread(steep, FORETOLD_VIEWS)
+        let predicted = spread(steep, FORETOLD_VIEWS)
             .into_iter()
             .map(|view| {
                 let around = sphere.locate(views[view]);
@@ -387,14 +387,14 @@ impl Score {
                 })
             })
             .collect::<Result<_, FitError>>()?;
-        Ok(Score { foretold })
+        Ok(Score { predicted })
     }
 
-    /// Mean squared error of the foretold views.
+    /// Mean squared error of the predicted views.
     fn error(&self, heights: Option<&Heights>, size: [usize; 2]) -> f64 {
         let words = heights.map(Heights::to_words).unwrap_or_default();
         let errors: Vec<f64> = self
-            .foretold
+            .predicted
             .par_iter()
             .map(|view| {
                 let field = heights.map(|heights| HeightField::new(&words, size, heights));

@@ -15,7 +15,7 @@ use std::ops::ControlFlow;
 
 /// Stagewise step and end of a texel's path, relative to its strongest correlation.
 const STEP: f64 = 0.03;
-const LEAST_PENALTY: f64 = 0.02;
+const MIN_PENALTY: f64 = 0.02;
 /// Texels of a product.
 const BATCH: usize = 64;
 
@@ -186,7 +186,7 @@ fn choose(cluster: &ClusterLobes, products: &[f32], energy: f64, most: usize) ->
         return choice;
     }
     let problem = LassoProblem { gram: &gram, correlation: &grey, non_negative: true };
-    let params = LassoParams { epsilon: STEP * top, least_penalty: LEAST_PENALTY * top, most_steps: 400 };
+    let params = LassoParams { epsilon: STEP * top, least_penalty: MIN_PENALTY * top, most_steps: 400 };
     let mut sets: Vec<Vec<usize>> = Vec::new();
     stagewise_lasso(&problem, &params, |point| {
         if point.active > most {

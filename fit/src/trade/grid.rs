@@ -24,15 +24,15 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Bits of the coarsest step and of the finest.
-const LEAST_BITS: f64 = 1.0;
-const MOST_BITS: f64 = 16.0;
+const MIN_BITS: f64 = 1.0;
+const MAX_BITS: f64 = 16.0;
 /// A step that gains less than this many dB over the one before ends the sweep: the components are used up.
-const LEAST_GAIN_DB: f64 = 0.05;
+const MIN_GAIN_DB: f64 = 0.05;
 /// Pairs that a point's colour difference is taken over at most: it costs more than all else that is measured.
 const COLOUR_PAIRS: usize = 8;
 /// Without a limit: bytes per texel, and beside them, of the largest asset.
-const MOST_BYTES_PER_TEXEL: usize = 64;
-const MOST_BYTES_BESIDE: usize = 200_000;
+const MAX_BYTES_PER_TEXEL: usize = 64;
+const MAX_BYTES_BESIDE: usize = 200_000;
 
 /// Pairs whose index is a multiple of the colour difference's stride, thinned to about `count`: all lights and views
 /// alike, and each has a colour difference.
@@ -150,7 +150,7 @@ impl Grid<'_> {
 
     /// Size of the largest asset that is tried.
     fn most_bytes(&self) -> usize {
-        let usual = MOST_BYTES_PER_TEXEL * self.capture.info().texel_count() + MOST_BYTES_BESIDE;
+        let usual = MAX_BYTES_PER_TEXEL * self.capture.info().texel_count() + MAX_BYTES_BESIDE;
         self.params.most_bytes.map_or(usual, |x| x as usize)
     }
 
@@ -163,12 +163,12 @@ impl Grid<'_> {
     ) -> Result<(), FitError> {
         let info = self.capture.info();
         let most = self.most_bytes();
-        let count = ((MOST_BITS - LEAST_BITS) * self.params.steps_per_bit as f64) as usize + 1;
+        let count = ((MAX_BITS - MIN_BITS) * self.params.steps_per_bit as f64) as usize + 1;
         let total = count * sweeps;
         let mut before: Option<f64> = None;
         for at in 0..count {
             self.monitor.report("grid", number * count + at, total)?;
-            let bits = LEAST_BITS + at as f64 / self.params.steps_per_bit as f64;
+            let bits = MIN_BITS + at as f64 / self.params.steps_per_bit as f64;
             let step = fit.greatest_coefficient().max(1e-12) / bits.exp2();
             let make = |components: usize| -> Result<Made, FitError> {
                 let asset = fit.asset(step, components);
@@ -203,7 +203,7 @@ impl Grid<'_> {
                 let limited = make(limit)?;
                 self.measure_made(&limited, &[setting(Limit::Encode, limited.components())])?;
             }
-            if !psnr.is_finite() || before.is_some_and(|before| psnr < before + LEAST_GAIN_DB) {
+            if !psnr.is_finite() || before.is_some_and(|before| psnr < before + MIN_GAIN_DB) {
                 break;
             }
             before = Some(psnr);

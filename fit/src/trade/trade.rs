@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// Pairs that interpolation is measured on at most.
 pub(crate) const BETWEEN_PAIRS: usize = 32;
 /// Points of each front that are measured over all pairs at most.
-const MOST_SUMMARY: usize = 8;
+const MAX_SUMMARY: usize = 8;
 
 /// What to measure.
 #[derive(Debug, Clone)]
@@ -355,7 +355,7 @@ fn summary(points: &[TradePoint]) -> Vec<usize> {
     for on in fronts {
         let mut front: Vec<usize> = (0..points.len()).filter(|i| on(&points[*i])).collect();
         front.sort_by(|a, b| points[*a].metrics.psnr_db.total_cmp(&points[*b].metrics.psnr_db));
-        chosen.extend(spread(&front, MOST_SUMMARY));
+        chosen.extend(spread(&front, MAX_SUMMARY));
     }
     chosen.sort_unstable();
     chosen.dedup();

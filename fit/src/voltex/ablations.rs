@@ -2,8 +2,8 @@
 
 use super::build::{BuildRule, VoltexParams, build_voltex, build_with};
 use super::extinction::extinction_of;
-use super::flakes::FlakeSums;
 use super::march::{MarchParams, Reflection};
+use super::microflakes::MicroflakeSums;
 use super::model::TriangleModel;
 use super::refit::RefitParams;
 use super::shadow::ShadowParams;
@@ -13,9 +13,9 @@ use btf_runtime::voltex::{LevelShadow, Sym3, Volume, Voxel, moment_of};
 /// What is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ablation {
-    /// Extinction as the flakes' areas say.
+    /// Extinction as the microflakes' areas say.
     NoRefit,
-    /// S as the sum of the flakes' own in place of what least squares make of their projected areas.
+    /// S as the sum of the microflakes' own in place of what least squares make of their projected areas.
     LinearS,
     /// That without the refit, which makes up for a part.
     LinearSNoRefit,
@@ -23,12 +23,12 @@ pub enum Ablation {
     Isotropic,
     /// That without the refit.
     IsotropicNoRefit,
-    /// Rays to the light begin at the flakes, and eye and light share no gaps.
+    /// Rays to the light begin at the microflakes, and eye and light share no gaps.
     NoShadowFit,
     /// The same extinction in all directions, light summed over an ellipsoid's normals, nothing fitted, voxels of a pixel and
     /// one ray [Neyret 1996].
     Rule1996,
-    /// Leaves and what bears them as flakes of one sort.
+    /// Leaves and what bears them as microflakes of one sort.
     OneSort,
     /// The same clumping in all directions.
     EvenClumping,
@@ -73,7 +73,7 @@ impl Ablation {
             Ablation::IsotropicNoRefit => "isotropic extinction, not refitted",
             Ablation::NoShadowFit => "shadows not fitted",
             Ablation::Rule1996 => "rule of 1996",
-            Ablation::OneSort => "one sort of flakes a voxel",
+            Ablation::OneSort => "one sort of microflakes a voxel",
             Ablation::EvenClumping => "clumping the same in all directions",
             Ablation::WideVoxels => "voxels of one pixel",
             Ablation::OneRay => "1 ray a pixel",
@@ -134,13 +134,13 @@ fn evenly_clumped(mut volume: Volume) -> Volume {
 const LINEAR: BuildRule = BuildRule { voxel: linear, sorted: true };
 const ISOTROPIC: BuildRule = BuildRule { voxel: isotropic, sorted: true };
 
-/// S of flakes of area A is A times the sum of `a n n'`, per volume squared [Heitz 2015].
-fn linear(sums: &FlakeSums, volume: f32, material: u32) -> Voxel {
+/// S of microflakes of area A is A times the sum of `a n n'`, per volume squared [Heitz 2015].
+fn linear(sums: &MicroflakeSums, volume: f32, material: u32) -> Voxel {
     Voxel::new(Sym3(sums.moment).scale(sums.area / (volume * volume)), material)
 }
 
-/// Flakes that hide half of their area from everywhere, and reflect as they lie.
-fn isotropic(sums: &FlakeSums, volume: f32, material: u32) -> Voxel {
+/// Microflakes that hide half of their area from everywhere, and reflect as they lie.
+fn isotropic(sums: &MicroflakeSums, volume: f32, material: u32) -> Voxel {
     let square = (0.5 * sums.area / volume).powi(2);
     let moment = moment_of(&extinction_of(sums, volume));
     Voxel { extinction: Sym3([square, square, square, 0.0, 0.0, 0.0]), moment, material }

@@ -14,7 +14,7 @@ const BEYOND: f32 = 4.0;
 pub(super) struct Seen {
     /// Its voxel's number.
     pub number: u32,
-    /// Its flakes' extinction along the ray.
+    /// Its microflakes' extinction along the ray.
     pub sigma: f32,
     /// The middle of what is seen of them.
     pub at: Vec3,
@@ -23,9 +23,9 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Sum of its flakes' normals on the side of the light from `l`, as long as their area towards that.
+    /// Sum of its microflakes' normals on the side of the light from `l`, as long as their area towards that.
     pub fn towards(&self, voltex: &Voltex, l: Vec3) -> Vec3 {
-        voltex.flakes(self.number).map(|(_, voxel)| Vec3::from(voxel.moment.times(l.into()))).sum()
+        voltex.microflakes(self.number).map(|(_, voxel)| Vec3::from(voxel.moment.times(l.into()))).sum()
     }
 }
 

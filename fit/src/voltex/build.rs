@@ -1,16 +1,16 @@
 //! From a model to a volume.
 
 use super::extinction::extinction_of;
-use super::facets::{GlossTruth, GlossyFlake};
-use super::flakes::{CellFlakes, FlakeSums, grey};
+use super::facets::{GlossTruth, GlossyMicroflake};
 use super::gather::{Gather, VoxelSums};
+use super::microflakes::{CellMicroflakes, MicroflakeSums, grey};
 use super::model::TriangleModel;
 use super::occluder::Occluder;
 use super::palette::Palette;
 use super::refit::{RefitParams, refit};
 use super::shadow::{Lit, ShadowParams, fit_shadow};
 use crate::error::FitError;
-use btf_runtime::voltex::{MOST_SIDE_M, Voltex, Volume, VolumeLevel, Voxel, order};
+use btf_runtime::voltex::{MAX_SIDE_M, Voltex, Volume, VolumeLevel, Voxel, order};
 use glam::Vec3;
 
 /// How a volume is built.
@@ -36,11 +36,11 @@ impl Lit for TriangleModel {
         ([grey(colour.reflectance), grey(colour.transmittance)], self.normal(triangle))
     }
 
-    fn glossy_flakes(&self) -> Vec<GlossyFlake> {
-        let flake = |(triangle, material): (&[Vec3; 3], &u32)| {
-            GlossyFlake::of(triangle, self.weights[*material as usize], &self.colours[*material as usize])
+    fn glossy_microflakes(&self) -> Vec<GlossyMicroflake> {
+        let microflake = |(triangle, material): (&[Vec3; 3], &u32)| {
+            GlossyMicroflake::of(triangle, self.weights[*material as usize], &self.colours[*material as usize])
         };
-        self.triangles.iter().zip(&self.materials).filter_map(flake).collect()
+        self.triangles.iter().zip(&self.materials).filter_map(microflake).collect()
     }
 }
 
@@ -64,9 +64,9 @@ impl Frame {
         if side_m.is_nan() || side_m <= 0.0 {
             return Err(FitError::Voltex("the model has no extent, so there is nothing to make a volume of".into()));
         }
-        if side_m > MOST_SIDE_M {
+        if side_m > MAX_SIDE_M {
             return Err(FitError::Voltex(format!(
-                "the model is {side_m} m large and a volume at most {MOST_SIDE_M} m: scale it to metres"
+                "the model is {side_m} m large and a volume at most {MAX_SIDE_M} m: scale it to metres"
             )));
         }
         let middle = 0.5 * (lo + hi);
@@ -83,7 +83,7 @@ impl Frame {
 }
 
 /// Share of a side's square that a model's triangles must cover at least: ten times what rounding makes of a line.
-const LEAST_AREA: f64 = 1e-6;
+const MIN_AREA: f64 = 1e-6;
 
 /// How much larger than the model the cube is, so that nothing lies on its faces.
 const MARGIN: f32 = 1.001;
@@ -96,18 +96,18 @@ pub fn build_voltex(model: &TriangleModel, params: &VoltexParams) -> Result<Volu
     build_with(model, params, BuildRule::default())
 }
 
-/// How voxels are made of flakes.
+/// How voxels are made of microflakes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BuildRule {
-    /// Of flakes in a cell of a volume, and of the number of their material.
-    pub voxel: fn(&FlakeSums, f32, u32) -> Voxel,
-    /// Whether sorts of flakes stand apart.
+    /// Of microflakes in a cell of a volume, and of the number of their material.
+    pub voxel: fn(&MicroflakeSums, f32, u32) -> Voxel,
+    /// Whether sorts of microflakes stand apart.
     pub sorted: bool,
 }
 
 impl Default for BuildRule {
     fn default() -> BuildRule {
-        let voxel = |sums: &FlakeSums, volume, material| Voxel::new(extinction_of(sums, volume), material);
+        let voxel = |sums: &MicroflakeSums, volume, material| Voxel::new(extinction_of(sums, volume), material);
         BuildRule { voxel, sorted: true }
     }
 }
@@ -117,7 +117,7 @@ pub(super) fn build_with(model: &TriangleModel, params: &VoltexParams, rule: Bui
     let frame = Frame::around(model.bounds())?;
     let cube = model.in_cube(&frame);
     let area = cube.area();
-    if area < LEAST_AREA {
+    if area < MIN_AREA {
         return Err(FitError::Voltex(format!(
             "the model's triangles cover {area:.1e} of the square of its extent, so that a volume would show nothing: give \
              them an area, and take away what lies far off"
@@ -134,7 +134,7 @@ pub(super) fn build_with(model: &TriangleModel, params: &VoltexParams, rule: Bui
     Ok(volume)
 }
 
-/// The volume of levels of flakes, finest first, as if flakes lay anywhere in their voxels. It fills the cube.
+/// The volume of levels of microflakes, finest first, as if microflakes lay anywhere in their voxels. It fills the cube.
 pub(super) fn volume_of(levels: &[VoxelSums]) -> Volume {
     volume_with(levels, BuildRule::default())
 }
@@ -147,8 +147,8 @@ fn volume_with(levels: &[VoxelSums], rule: BuildRule) -> Volume {
         .enumerate()
         .map(|(level, cells)| {
             let side = (1u32 << level) as f32 / finest;
-            let mut voxel = |sums: &FlakeSums| (rule.voxel)(sums, side * side * side, palette.number(sums));
-            let mut cells: Vec<(&[u32; 3], &CellFlakes)> = cells.iter().collect();
+            let mut voxel = |sums: &MicroflakeSums| (rule.voxel)(sums, side * side * side, palette.number(sums));
+            let mut cells: Vec<(&[u32; 3], &CellMicroflakes)> = cells.iter().collect();
             cells.sort_by_key(|(at, _)| order(**at));
             let mut own = VolumeLevel::default();
             for (at, cell) in cells {
@@ -165,7 +165,7 @@ fn volume_with(levels: &[VoxelSums], rule: BuildRule) -> Volume {
 /// Fits facets, extinction and shadows of every level to the triangles that the volume was made of and to rays past them.
 pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl Lit, params: &VoltexParams) {
     let mut voltex = Voltex::new(volume);
-    let gloss = GlossTruth::new(&lit.glossy_flakes());
+    let gloss = GlossTruth::new(&lit.glossy_microflakes());
     for level in 0..=voltex.level_count() {
         volume.levels[level as usize].facets = gloss.fit(&voltex, level);
         refit(&mut voltex, level, occluder, &params.refit);
@@ -176,7 +176,7 @@ pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl L
         own.shadow = shadow;
         own.clumping = voltex.clumping(level);
         own.voxels.iter_mut().zip(&numbers).for_each(|((_, voxel), number)| *voxel = voltex.voxel(*number));
-        let second = |(i, number): (usize, &u32)| Some((i as u32, voltex.flakes(*number).nth(1)?.1));
+        let second = |(i, number): (usize, &u32)| Some((i as u32, voltex.microflakes(*number).nth(1)?.1));
         own.others = numbers.iter().enumerate().filter_map(second).collect();
     }
 }
@@ -185,7 +185,7 @@ pub(super) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl L
 mod tests {
     use super::*;
     use crate::voltex::ablations::Ablation;
-    use crate::voltex::flakes::FlakeColour;
+    use crate::voltex::microflakes::MicroflakeColour;
     use crate::voltex::projection::{HALF_SIDE, Projection, spread_directions};
     use btf_runtime::testing::Random;
     use btf_runtime::voltex::{NO_VOXEL, VoltexRay, Walk};
@@ -203,7 +203,8 @@ mod tests {
             model.triangles.extend([[a, b, c], [a, c, d]]);
         }
         model.materials = vec![0; model.triangles.len()];
-        model.colours = vec![FlakeColour { reflectance: [0.3; 3], transmittance: [0.2; 3], ..FlakeColour::default() }];
+        model.colours =
+            vec![MicroflakeColour { reflectance: [0.3; 3], transmittance: [0.2; 3], ..MicroflakeColour::default() }];
         model.weights = vec![1.0];
         model
     }

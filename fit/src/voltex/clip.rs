@@ -3,19 +3,19 @@
 use glam::Vec3;
 
 /// Most corners of a triangle cut by six planes.
-const MOST_CORNERS: usize = 10;
+const MAX_CORNERS: usize = 10;
 
 /// A convex polygon.
 #[derive(Debug, Clone, Copy)]
 pub struct Polygon {
-    corners: [Vec3; MOST_CORNERS],
+    corners: [Vec3; MAX_CORNERS],
     count: usize,
 }
 
 impl Polygon {
     /// A triangle.
     pub fn triangle(corners: [Vec3; 3]) -> Polygon {
-        let mut all = [Vec3::ZERO; MOST_CORNERS];
+        let mut all = [Vec3::ZERO; MAX_CORNERS];
         all[..3].copy_from_slice(&corners);
         Polygon { corners: all, count: 3 }
     }
@@ -32,7 +32,7 @@ impl Polygon {
 
     /// The parts below and above the plane where coordinate `axis` is `at`.
     fn cut(&self, axis: usize, at: f32) -> [Polygon; 2] {
-        let mut parts = [Polygon { corners: [Vec3::ZERO; MOST_CORNERS], count: 0 }; 2];
+        let mut parts = [Polygon { corners: [Vec3::ZERO; MAX_CORNERS], count: 0 }; 2];
         for i in 0..self.count {
             let (p, q) = (self.corners[i], self.corners[(i + 1) % self.count]);
             let (dp, dq) = (p[axis] - at, q[axis] - at);
@@ -54,7 +54,7 @@ impl Polygon {
 
     fn push(&mut self, p: Vec3) {
         // Rounding can make one corner more than geometry does; it lies on an edge.
-        if self.count < MOST_CORNERS {
+        if self.count < MAX_CORNERS {
             self.corners[self.count] = p;
             self.count += 1;
         }

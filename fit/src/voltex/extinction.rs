@@ -1,6 +1,6 @@
-//! The extinction matrix that has nearly the projected areas of a voxel's flakes.
+//! The extinction matrix that has nearly the projected areas of a voxel's microflakes.
 
-use super::flakes::{DIRECTIONS, FlakeSums};
+use super::microflakes::{DIRECTIONS, MicroflakeSums};
 use btf_runtime::voltex::Sym3;
 use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
@@ -21,8 +21,8 @@ fn solver() -> &'static SMatrix<f64, 6, 13> {
     })
 }
 
-/// S of flakes per volume `volume`: `d' S d` is nearly the square of what they project along d.
-pub fn extinction_of(sums: &FlakeSums, volume: f32) -> Sym3 {
+/// S of microflakes per volume `volume`: `d' S d` is nearly the square of what they project along d.
+pub fn extinction_of(sums: &MicroflakeSums, volume: f32) -> Sym3 {
     let squares = SVector::<f64, 13>::from_fn(|i, _| f64::from(sums.projected[i] / volume).powi(2));
     let s = solver() * squares;
     // Noise of the fit can make it indefinite.
@@ -32,17 +32,17 @@ pub fn extinction_of(sums: &FlakeSums, volume: f32) -> Sym3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::voltex::flakes::FlakeColour;
+    use crate::voltex::microflakes::MicroflakeColour;
     use crate::voltex::projection::spread_directions;
 
-    fn of_normals(normals: &[glam::Vec3]) -> FlakeSums {
-        let mut sums = FlakeSums::default();
-        normals.iter().for_each(|n| sums.add(&FlakeSums::flake(1.0, *n, &FlakeColour::default())));
+    fn of_normals(normals: &[glam::Vec3]) -> MicroflakeSums {
+        let mut sums = MicroflakeSums::default();
+        normals.iter().for_each(|n| sums.add(&MicroflakeSums::microflake(1.0, *n, &MicroflakeColour::default())));
         sums
     }
 
     #[test]
-    fn one_flake_and_flakes_of_all_directions_project_what_they_are() {
+    fn one_microflake_and_microflakes_of_all_directions_project_what_they_are() {
         for n in spread_directions(20, 0.7) {
             let s = extinction_of(&of_normals(&[n]), 0.5);
             for d in spread_directions(33, 0.1) {
@@ -55,7 +55,7 @@ mod tests {
         let s = extinction_of(&of_normals(&all), 2000.0);
         let along = |d: glam::Vec3| s.form(d.to_array(), d.to_array()).sqrt();
         assert!(spread_directions(9, 0.4).into_iter().all(|d| (along(d) - 0.5).abs() < 2e-3));
-        // Planted: flakes of one direction only do not.
+        // Planted: microflakes of one direction only do not.
         let flat = extinction_of(&of_normals(&[glam::Vec3::Z; 2]), 2.0);
         assert!((flat.form([1.0, 0.0, 0.0], [1.0, 0.0, 0.0]).max(0.0).sqrt() - 0.5).abs() > 0.4);
     }

@@ -1,10 +1,10 @@
-//! How the facets of a level are spread, beyond what the ellipsoids of its voxels know: fitted to the flakes themselves.
+//! How the facets of a level are spread, beyond what the ellipsoids of its voxels know: fitted to the microflakes themselves.
 //!
 //! An ellipsoid has its most normals along one axis; leaves that are all inclined alike have none there.
 
-use super::flakes::FlakeColour;
+use super::microflakes::MicroflakeColour;
 use super::projection::spread_directions;
-use btf_runtime::voltex::{FACETS, Facets, MOST_FACETS, Sym3, Voltex, gloss};
+use btf_runtime::voltex::{FACETS, Facets, MAX_FACETS, Sym3, Voltex, gloss};
 use glam::Vec3;
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -12,14 +12,14 @@ use rayon::prelude::*;
 /// Directions half way between light and eye, over the sphere; for each light and eye are so far from it, degrees.
 const HALF_WAYS: usize = 80;
 const APART_DEG: [f32; 3] = [10.0, 30.0, 50.0];
-/// Flakes that are summed over at most: of more every n-th.
-const MOST_FLAKES: usize = 1 << 16;
+/// Microflakes that are summed over at most: of more every n-th.
+const MAX_FLAKES: usize = 1 << 16;
 /// Of the mean weight, what stands for doubt.
 const DOUBT: f64 = 1e-4;
 
-/// A flake that shines.
+/// A microflake that shines.
 #[derive(Debug, Clone, Copy)]
-pub struct GlossyFlake {
+pub struct GlossyMicroflake {
     /// Area that counts.
     pub area: f32,
     /// Unit vector.
@@ -30,7 +30,7 @@ pub struct GlossyFlake {
     pub roughness: f32,
 }
 
-/// What all flakes of a model send from lights to eyes, without shadow.
+/// What all microflakes of a model send from lights to eyes, without shadow.
 #[derive(Debug)]
 pub struct GlossTruth {
     /// Eye, light, and the sum.
@@ -38,9 +38,10 @@ pub struct GlossTruth {
 }
 
 impl GlossTruth {
-    /// Sums over flakes. Cost: 16 million evaluations at most.
-    pub fn new(flakes: &[GlossyFlake]) -> GlossTruth {
-        let chosen: Vec<&GlossyFlake> = flakes.iter().step_by(flakes.len().div_ceil(MOST_FLAKES).max(1)).collect();
+    /// Sums over microflakes. Cost: 16 million evaluations at most.
+    pub fn new(microflakes: &[GlossyMicroflake]) -> GlossTruth {
+        let chosen: Vec<&GlossyMicroflake> =
+            microflakes.iter().step_by(microflakes.len().div_ceil(MAX_FLAKES).max(1)).collect();
         let pairs = spread_directions(HALF_WAYS, 0.3).into_iter().enumerate().flat_map(|(i, half)| {
             let across = half.any_orthonormal_vector();
             // In no plane twice.
@@ -53,16 +54,17 @@ impl GlossTruth {
         });
         let pairs: Vec<(Vec3, Vec3)> = pairs.collect();
         let light = |(eye, light): &(Vec3, Vec3)| {
-            let sum = chosen.iter().map(|flake| f64::from(flake.shine(*eye, *light))).sum();
+            let sum = chosen.iter().map(|microflake| f64::from(microflake.shine(*eye, *light))).sum();
             (*eye, *light, sum)
         };
         GlossTruth { pairs: pairs.par_iter().map(light).collect() }
     }
 
-    /// The facets of a level: least squares of the logarithm of what flakes send over what its voxels do, as they were gathered.
+    /// The facets of a level: least squares of the logarithm of what microflakes send over what its voxels do, as they were gathered.
     pub fn fit(&self, voltex: &Voltex, level: u32) -> Facets {
         let cells = voltex.numbers_at(level);
-        let voxels: Vec<_> = cells.iter().flat_map(|number| voltex.flakes(*number).map(|(_, voxel)| voxel)).collect();
+        let voxels: Vec<_> =
+            cells.iter().flat_map(|number| voltex.microflakes(*number).map(|(_, voxel)| voxel)).collect();
         let of_voxels = |(eye, light, _): &(Vec3, Vec3, f64)| -> f64 {
             let shine = voxels.iter().map(|voxel| {
                 let material = voltex.material(voxel.material);
@@ -95,17 +97,17 @@ impl GlossTruth {
         let doubt = DOUBT * gram.trace() / FACETS as f64;
         let Some(factor) = (gram + SMatrix::identity() * doubt).cholesky() else { return Facets::default() };
         let solution = factor.solve(&right);
-        Facets(std::array::from_fn(|i| (solution[i] as f32).clamp(-MOST_FACETS, MOST_FACETS)))
+        Facets(std::array::from_fn(|i| (solution[i] as f32).clamp(-MAX_FACETS, MAX_FACETS)))
     }
 }
 
-impl GlossyFlake {
+impl GlossyMicroflake {
     /// A triangle, of whose area `weight` counts, if it shines.
-    pub fn of([a, b, c]: &[Vec3; 3], weight: f32, colour: &FlakeColour) -> Option<GlossyFlake> {
+    pub fn of([a, b, c]: &[Vec3; 3], weight: f32, colour: &MicroflakeColour) -> Option<GlossyMicroflake> {
         let across = (*b - *a).cross(*c - *a);
-        let FlakeColour { specular, roughness, .. } = *colour;
+        let MicroflakeColour { specular, roughness, .. } = *colour;
         let normal = across.try_normalize().filter(|_| specular > 0.0)?;
-        Some(GlossyFlake { area: 0.5 * weight * across.length(), normal, specular, roughness })
+        Some(GlossyMicroflake { area: 0.5 * weight * across.length(), normal, specular, roughness })
     }
 
     /// What it sends from a light to an eye on the same side.
@@ -121,36 +123,36 @@ impl GlossyFlake {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::voltex::flakes::{CellFlakes, FlakeSums};
+    use crate::voltex::microflakes::{CellMicroflakes, MicroflakeSums};
     use btf_runtime::testing::Random;
 
-    const SHINY: FlakeColour =
-        FlakeColour { reflectance: [0.1; 3], transmittance: [0.1; 3], specular: 0.04, roughness: 0.25 };
+    const SHINY: MicroflakeColour =
+        MicroflakeColour { reflectance: [0.1; 3], transmittance: [0.1; 3], specular: 0.04, roughness: 0.25 };
 
-    /// One cell of flakes as a volume, and they themselves.
-    fn one_cell(normals: &[Vec3], colour: &FlakeColour) -> (Voltex, Vec<GlossyFlake>) {
-        let mut cell = CellFlakes::default();
-        normals.iter().for_each(|normal| cell.add(&FlakeSums::flake(0.01, *normal, colour)));
+    /// One cell of microflakes as a volume, and they themselves.
+    fn one_cell(normals: &[Vec3], colour: &MicroflakeColour) -> (Voltex, Vec<GlossyMicroflake>) {
+        let mut cell = CellMicroflakes::default();
+        normals.iter().for_each(|normal| cell.add(&MicroflakeSums::microflake(0.01, *normal, colour)));
         let volume = crate::voltex::build::volume_of(&[[([0; 3], cell)].into()]);
-        let flake = |normal: &Vec3| GlossyFlake {
+        let microflake = |normal: &Vec3| GlossyMicroflake {
             area: 0.01,
             normal: *normal,
             specular: colour.specular,
             roughness: colour.roughness,
         };
-        (Voltex::new(&volume), normals.iter().map(flake).collect())
+        (Voltex::new(&volume), normals.iter().map(microflake).collect())
     }
 
-    /// Root mean square of the logarithm of what a cell sends over what its flakes do, scaled to as much in all, over pairs of
+    /// Root mean square of the logarithm of what a cell sends over what its microflakes do, scaled to as much in all, over pairs of
     /// directions that nothing was fitted to; without `facets` and with them.
-    fn errors(voltex: &Voltex, flakes: &[GlossyFlake], facets: &Facets) -> [f64; 2] {
+    fn errors(voltex: &Voltex, microflakes: &[GlossyMicroflake], facets: &Facets) -> [f64; 2] {
         let mut random = Random::new(4);
         let mut rows = Vec::new();
         while rows.len() < 200 {
             let mut direction = || Vec3::from(btf_runtime::testing::sphere_direction(&mut random));
             let (eye, light) = (direction(), direction());
-            let truth: f64 = flakes.iter().map(|flake| f64::from(flake.shine(eye, light))).sum();
-            // Lamps behind flakes shine through facets that these have not.
+            let truth: f64 = microflakes.iter().map(|microflake| f64::from(microflake.shine(eye, light))).sum();
+            // Lamps behind microflakes shine through facets that these have not.
             if eye.dot(light) > 0.0 && truth > 0.0 {
                 let voxel = voltex.voxel(voltex.numbers_at(0)[0]);
                 let own = gloss(&voxel.extinction, SHINY.specular, SHINY.roughness, eye.to_array(), light.to_array());
@@ -172,21 +174,21 @@ mod tests {
             let ((sin, cos), (x, y)) = (0.9f32.sin_cos(), (2.4 * i as f32).sin_cos());
             Vec3::new(sin * x, sin * y, cos)
         };
-        let (voltex, flakes) = one_cell(&(0..500).map(inclined).collect::<Vec<_>>(), &SHINY);
-        let facets = GlossTruth::new(&flakes).fit(&voltex, 0);
-        let [without, with] = errors(&voltex, &flakes, &facets);
+        let (voltex, microflakes) = one_cell(&(0..500).map(inclined).collect::<Vec<_>>(), &SHINY);
+        let facets = GlossTruth::new(&microflakes).fit(&voltex, 0);
+        let [without, with] = errors(&voltex, &microflakes, &facets);
         println!("{without} without, {with} with {facets:?}");
         assert!(with < 0.2 && without > 0.4, "{without} {with}");
-        // One flake and flakes of all directions are what their ellipsoids say.
+        // One microflake and microflakes of all directions are what their ellipsoids say.
         let [single, all] = [vec![Vec3::new(0.48, 0.6, 0.64)], spread_directions(2000, 0.1)].map(|normals| {
-            let (voltex, flakes) = one_cell(&normals, &SHINY);
-            let facets = GlossTruth::new(&flakes).fit(&voltex, 0);
+            let (voltex, microflakes) = one_cell(&normals, &SHINY);
+            let facets = GlossTruth::new(&microflakes).fit(&voltex, 0);
             spread_directions(40, 0.7).into_iter().map(|d| facets.denser(d.to_array()).ln().abs()).fold(0f32, f32::max)
         });
-        println!("one flake {single}, all {all}");
+        println!("one microflake {single}, all {all}");
         assert!(single < 0.1 && all < 0.1, "{single} {all}");
         // What does not shine has no facets.
-        let (dull, _) = one_cell(&[Vec3::Z], &FlakeColour { specular: 0.0, ..SHINY });
+        let (dull, _) = one_cell(&[Vec3::Z], &MicroflakeColour { specular: 0.0, ..SHINY });
         assert_eq!(GlossTruth::new(&[]).fit(&dull, 0), Facets::default());
     }
 }

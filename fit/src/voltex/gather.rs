@@ -1,14 +1,14 @@
-//! Flakes gathered into the voxels of a grid.
+//! Microflakes gathered into the voxels of a grid.
 
 use super::clip::clip_triangle;
-use super::flakes::{CellFlakes, FlakeColour, FlakeSums};
+use super::microflakes::{CellMicroflakes, MicroflakeColour, MicroflakeSums};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
 /// Voxels of one level by their coordinates.
-pub type VoxelSums = BTreeMap<[u32; 3], CellFlakes>;
+pub type VoxelSums = BTreeMap<[u32; 3], CellMicroflakes>;
 
-/// Gathers flakes into the finest voxels of the unit cube.
+/// Gathers microflakes into the finest voxels of the unit cube.
 #[derive(Debug, Clone)]
 pub struct Gather {
     resolution: u32,
@@ -26,15 +26,15 @@ impl Gather {
         Gather { resolution, voxels }
     }
 
-    /// Adds flakes of one sort to a voxel; those beyond the cube are dropped.
-    pub fn add(&mut self, cell: [i32; 3], flakes: &FlakeSums) {
+    /// Adds microflakes of one sort to a voxel; those beyond the cube are dropped.
+    pub fn add(&mut self, cell: [i32; 3], microflakes: &MicroflakeSums) {
         if cell.iter().all(|x| (0..self.resolution as i32).contains(x)) {
-            self.voxels.entry(cell.map(|x| x as u32)).or_default().add(flakes);
+            self.voxels.entry(cell.map(|x| x as u32)).or_default().add(microflakes);
         }
     }
 
     /// Adds a triangle of the unit cube.
-    pub fn add_triangle(&mut self, corners: [Vec3; 3], colour: &FlakeColour, weight: f32) {
+    pub fn add_triangle(&mut self, corners: [Vec3; 3], colour: &MicroflakeColour, weight: f32) {
         let r = self.resolution as f32;
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
         if normal == Vec3::ZERO {
@@ -42,7 +42,7 @@ impl Gather {
         }
         clip_triangle(corners.map(|p| p * r), &mut |cell, polygon| {
             let area = 0.5 * polygon.double_area().length() / (r * r) * weight;
-            self.add(cell, &FlakeSums::flake(area, normal, colour));
+            self.add(cell, &MicroflakeSums::microflake(area, normal, colour));
         });
     }
 

@@ -1,7 +1,7 @@
 //! What an eye sees of a volume along a ray, under lights far away: what passes and what is reflected.
 
 use super::along::{depth_along, seen_along};
-use super::flakes::grey;
+use super::microflakes::grey;
 use super::projection::spread_directions;
 use btf_runtime::voltex::{LevelShadow, Sym3, Voltex, shade};
 use glam::Vec3;
@@ -13,7 +13,7 @@ pub struct MarchParams {
     pub rays: usize,
     /// Voxels along each side of a pixel, as a binary logarithm: best as many as rays.
     pub finer: u32,
-    /// How flakes reflect.
+    /// How microflakes reflect.
     pub reflection: Reflection,
 }
 
@@ -23,12 +23,12 @@ impl Default for MarchParams {
     }
 }
 
-/// How the light of a voxel's flakes is summed.
+/// How the light of a voxel's microflakes is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reflection {
     /// [`shade`].
     ClosedForm,
-    /// Over normals of the ellipsoid that the flakes are spread on [Neyret 1996].
+    /// Over normals of the ellipsoid that the microflakes are spread on [Neyret 1996].
     Ellipsoid,
 }
 
@@ -62,7 +62,7 @@ impl March<'_> {
     pub fn ray(&self, origin: Vec3, direction: Vec3, lights: &[Vec3], seen: &mut [f32]) -> f32 {
         seen_along(self.voltex, self.level, origin, direction, |part| {
             for (light, seen) in lights.iter().zip(&mut *seen) {
-                let value = self.voltex.flakes(part.number).map(|(number, voxel)| {
+                let value = self.voltex.microflakes(part.number).map(|(number, voxel)| {
                     let material = self.voltex.material(voxel.material);
                     let [same, other] = match &self.ellipsoids {
                         Some((roots, normals)) => {
@@ -83,7 +83,7 @@ impl March<'_> {
     }
 }
 
-/// Of flakes spread on an ellipsoid, the light that those in view send on, where it comes from their side and from the other:
+/// Of microflakes spread on an ellipsoid, the light that those in view send on, where it comes from their side and from the other:
 /// means over what they show.
 fn ellipsoid_light(root: &Sym3, normals: &[Vec3], v: Vec3, l: Vec3) -> [f32; 2] {
     let (mut sums, mut shown) = ([0.0; 2], 0.0);

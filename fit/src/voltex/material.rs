@@ -1,7 +1,7 @@
-//! What flakes of a leaf or of an asset reflect and let through: the hemispherical integrals of the same material that is
+//! What microflakes of a leaf or of an asset reflect and let through: the hemispherical integrals of the same material that is
 //! shaded near by, so that colours do not jump where a volume takes over.
 
-use super::flakes::FlakeColour;
+use super::microflakes::MicroflakeColour;
 use crate::error::FitError;
 use crate::inspect::describe::load_asset;
 use btf_capture::{CaptureError, LeafDescription, TextureImages, TextureKind};
@@ -33,7 +33,7 @@ const LEAF_TEXELS: usize = 32;
 ///
 /// # Errors
 /// For files that cannot be read.
-pub fn colour_of_file(path: &Path) -> Result<FlakeColour, FitError> {
+pub fn colour_of_file(path: &Path) -> Result<MicroflakeColour, FitError> {
     if path.extension().is_some_and(|ending| ending == "spmm") {
         let (_, asset) = load_asset(path)?;
         return Ok(colour_of_asset(&Resident::from_asset(&asset)));
@@ -53,14 +53,14 @@ pub fn colour_of_file(path: &Path) -> Result<FlakeColour, FitError> {
 ///
 /// # Errors
 /// Those of [`Leaf::new`].
-pub fn colour_of_leaf(state: &LeafState, texture: &LeafTexture) -> Result<FlakeColour, LeafError> {
+pub fn colour_of_leaf(state: &LeafState, texture: &LeafTexture) -> Result<MicroflakeColour, LeafError> {
     let leaf = Leaf::new(state, texture)?;
     let all = integrate(|query| ViewedLeaf::new(leaf.words(), query.uv, 0, [1.0; 4], query.wo).light(query.wi));
     let faces = texture.texels.iter().flat_map(|texel| texel.gloss);
     let share = faces.sum::<f32>() / (2 * texture.texels.len()) as f32;
     let LeafState { gloss_index, gamma_along, gamma_across, .. } = leaf.state();
     let smooth = ((gloss_index - 1.0) / (gloss_index + 1.0)).powi(2);
-    Ok(FlakeColour {
+    Ok(MicroflakeColour {
         reflectance: all.reflectance.map(|x| (x - share * leaf.gloss_albedo()).max(0.0)),
         specular: share * smooth,
         // Facets of Beckmann's gamma are as steep as GGX's of that alpha.
@@ -71,12 +71,12 @@ pub fn colour_of_leaf(state: &LeafState, texture: &LeafTexture) -> Result<FlakeC
 
 /// The colour of an asset, its gloss as if it were diffuse. Where it has no layer for a side, the other stands for both; without
 /// transmission it is opaque.
-pub fn colour_of_asset(asset: &Resident) -> FlakeColour {
+pub fn colour_of_asset(asset: &Resident) -> MicroflakeColour {
     integrate(|query| evaluate(asset, 0, query, &DecodeOptions::default()))
 }
 
 /// The shares of diffuse light that `light`, `pi f |cos_i|`, sends back to its side and through, means of both sides.
-fn integrate(light: impl Fn(&Query) -> [f32; 3]) -> FlakeColour {
+fn integrate(light: impl Fn(&Query) -> [f32; 3]) -> MicroflakeColour {
     // Reflection of the front and of the back, transmission to each.
     let mut sums = [[0f64; 3]; 4];
     for i in 0..SAMPLES {
@@ -96,10 +96,10 @@ fn integrate(light: impl Fn(&Query) -> [f32; 3]) -> FlakeColour {
         let parts = f64::from(u8::from(there(a)) + u8::from(there(b))).max(1.0);
         std::array::from_fn(|k| ((a[k] + b[k]) / parts).clamp(0.0, 1.0) as f32)
     };
-    FlakeColour {
+    MicroflakeColour {
         reflectance: both(shares[0], shares[1]),
         transmittance: both(shares[2], shares[3]),
-        ..FlakeColour::default()
+        ..MicroflakeColour::default()
     }
 }
 
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_matt_sheet_has_the_shares_that_it_is_made_of() {
+    fn a_diffuse_sheet_has_the_shares_that_it_is_made_of() {
         let [reflectance, transmittance] = [[0.3, 0.5, 0.1], [0.2, 0.1, 0.6]];
         let found = integrate(|query| {
             let share = if query.wi[2] * query.wo[2] > 0.0 { reflectance } else { transmittance };

@@ -326,13 +326,13 @@ impl Sums {
 mod tests {
     use super::*;
     use crate::voltex::build::{VoltexParams, build_voltex};
-    use crate::voltex::flakes::FlakeColour;
+    use crate::voltex::microflakes::MicroflakeColour;
     use crate::voltex::refit::RefitParams;
 
     /// Leaves in all directions within a cube.
     fn shrub() -> TriangleModel {
         let directions = crate::voltex::projection::spread_directions(300, 0.4);
-        let colour = FlakeColour { reflectance: [0.5; 3], transmittance: [0.3; 3], ..FlakeColour::default() };
+        let colour = MicroflakeColour { reflectance: [0.5; 3], transmittance: [0.3; 3], ..MicroflakeColour::default() };
         let mut model = TriangleModel { colours: vec![colour], weights: vec![1.0], ..TriangleModel::default() };
         for (i, n) in directions.iter().enumerate() {
             // Places by an additive recurrence, apart from the directions.

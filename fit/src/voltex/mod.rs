@@ -1,4 +1,4 @@
-//! Builds volumetric textures: flakes gathered into voxels, filtered to levels, refitted to what rays see.
+//! Builds volumetric textures: microflakes gathered into voxels, filtered to levels, refitted to what rays see.
 
 pub mod ablations;
 mod along;
@@ -6,11 +6,11 @@ pub mod build;
 pub mod clip;
 pub mod extinction;
 pub mod facets;
-pub mod flakes;
 pub mod gather;
 pub mod march;
 pub mod material;
 pub mod measure;
+pub mod microflakes;
 pub mod model;
 pub mod occluder;
 pub mod palette;

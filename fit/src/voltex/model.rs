@@ -1,10 +1,10 @@
 //! A model as triangles with what they are made of.
 
 use super::build::Frame;
-use super::flakes::FlakeColour;
 use super::material::colour_of_file;
+use super::microflakes::MicroflakeColour;
 use crate::error::FitError;
-use btf_capture::{MattColour, ModelPart, read_model};
+use btf_capture::{DiffuseColour, ModelPart, read_model};
 use glam::{Mat4, Vec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ pub struct TriangleModel {
     /// Of each triangle the number of its material.
     pub materials: Vec<u32>,
     /// The materials.
-    pub colours: Vec<FlakeColour>,
+    pub colours: Vec<MicroflakeColour>,
     /// Of each material the share of its area that counts: half where surfaces are closed, whose backs nobody sees.
     pub weights: Vec<f32>,
 }
@@ -31,7 +31,7 @@ impl TriangleModel {
     pub fn read(path: &Path) -> Result<TriangleModel, FitError> {
         let mut model = TriangleModel::default();
         // Leaves and assets that several parts show are integrated once.
-        let mut known: HashMap<PathBuf, FlakeColour> = HashMap::new();
+        let mut known: HashMap<PathBuf, MicroflakeColour> = HashMap::new();
         for mesh in read_model(path)? {
             for part in &mesh.parts {
                 let shown = part.shows.as_ref().map(|file| match known.get(file) {
@@ -49,9 +49,9 @@ impl TriangleModel {
         Ok(model)
     }
 
-    fn add_material(&mut self, part: &ModelPart, shown: Option<FlakeColour>) -> u32 {
-        let MattColour { reflectance, transmittance } = part.colour;
-        let plain = FlakeColour { reflectance, transmittance, ..FlakeColour::default() };
+    fn add_material(&mut self, part: &ModelPart, shown: Option<MicroflakeColour>) -> u32 {
+        let DiffuseColour { reflectance, transmittance } = part.colour;
+        let plain = MicroflakeColour { reflectance, transmittance, ..MicroflakeColour::default() };
         self.colours.push(shown.unwrap_or(plain));
         self.weights.push(if is_closed(part) { 0.5 } else { 1.0 });
         self.colours.len() as u32 - 1

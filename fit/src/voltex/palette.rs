@@ -1,7 +1,7 @@
 //! Materials of voxels, made few.
 
-use super::flakes::FlakeSums;
-use btf_runtime::voltex::FlakeMaterial;
+use super::microflakes::MicroflakeSums;
+use btf_runtime::voltex::MicroflakeMaterial;
 use std::collections::BTreeMap;
 
 /// Steps of the roots of shares and roughness within which voxels share a material.
@@ -12,13 +12,13 @@ const STEPS: f32 = 40.0;
 pub struct Palette {
     numbers: BTreeMap<[u8; 8], usize>,
     /// Sums of area and of what it sends on.
-    sums: Vec<FlakeSums>,
+    sums: Vec<MicroflakeSums>,
 }
 
 impl Palette {
-    /// The number of the material of some flakes. Those whose colours lie in one cell of a grid share it.
-    pub fn number(&mut self, flakes: &FlakeSums) -> u32 {
-        let colour = mean_of(flakes);
+    /// The number of the material of some microflakes. Those whose colours lie in one cell of a grid share it.
+    pub fn number(&mut self, microflakes: &MicroflakeSums) -> u32 {
+        let colour = mean_of(microflakes);
         let code = |x: f32| (x.clamp(0.0, 1.0).sqrt() * STEPS).round() as u8;
         let ([a, b, c], [d, e, f]) = (colour.reflectance, colour.transmittance);
         let next = self.sums.len();
@@ -28,24 +28,24 @@ impl Palette {
         let [a, b, c, d, e, f] = [a, b, c, d, e, f].map(code);
         let number = *self.numbers.entry([a, b, c, d, e, f, specular, roughness]).or_insert(next);
         if number == next {
-            self.sums.push(FlakeSums::default());
+            self.sums.push(MicroflakeSums::default());
         }
-        self.sums[number].add(flakes);
+        self.sums[number].add(microflakes);
         number as u32
     }
 
-    /// The materials: means over the flakes that share them.
-    pub fn materials(&self) -> Vec<FlakeMaterial> {
+    /// The materials: means over the microflakes that share them.
+    pub fn materials(&self) -> Vec<MicroflakeMaterial> {
         self.sums.iter().map(mean_of).collect()
     }
 }
 
-fn mean_of(flakes: &FlakeSums) -> FlakeMaterial {
-    let mean = |sums: [f32; 3]| sums.map(|x| x / flakes.area.max(1e-30));
-    let [specular, rough] = flakes.gloss.map(|x| x / flakes.area.max(1e-30));
-    FlakeMaterial {
-        reflectance: mean(flakes.reflected),
-        transmittance: mean(flakes.transmitted),
+fn mean_of(microflakes: &MicroflakeSums) -> MicroflakeMaterial {
+    let mean = |sums: [f32; 3]| sums.map(|x| x / microflakes.area.max(1e-30));
+    let [specular, rough] = microflakes.gloss.map(|x| x / microflakes.area.max(1e-30));
+    MicroflakeMaterial {
+        reflectance: mean(microflakes.reflected),
+        transmittance: mean(microflakes.transmitted),
         specular,
         roughness: rough / specular.max(1e-30),
     }

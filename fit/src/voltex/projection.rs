@@ -15,11 +15,11 @@ pub struct Projection {
 }
 
 /// Rays along the side of a view at least, so that views of a few large pixels see what is in them.
-const LEAST_RAYS: usize = 32;
+const MIN_RAYS: usize = 32;
 
 /// Rays along each side of a pixel: as many as are asked for, or more where there are few pixels on a side.
 pub fn rays_of_pixel(asked: usize, pixels: usize) -> usize {
-    asked.max(LEAST_RAYS.div_ceil(pixels))
+    asked.max(MIN_RAYS.div_ceil(pixels))
 }
 
 impl Projection {

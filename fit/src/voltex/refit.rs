@@ -4,7 +4,7 @@
 use super::extinction::entries_along;
 use super::occluder::Occluder;
 use super::projection::{HALF_SIDE, Projection, rays_of_pixel, spread_directions};
-use btf_runtime::voltex::{MOST_CLUMPING, NO_VOXEL, Sym3, Voltex, VoltexRay, Voxel, Walk};
+use btf_runtime::voltex::{MAX_CLUMPING, NO_VOXEL, Sym3, Voltex, VoltexRay, Voxel, Walk};
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 
@@ -36,7 +36,7 @@ const DARK: f32 = 14.0;
 /// Steps by which the clumping is found after each pass.
 const CLUMPING_STEPS: usize = 2;
 /// Largest change of a voxel as a logarithm.
-const MOST_CHANGE: f32 = 4.0;
+const MAX_CHANGE: f32 = 4.0;
 
 /// A level's cells while they are refitted.
 struct Level<'a> {
@@ -203,16 +203,15 @@ pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &Refi
             let sums = own.sums(&views[view], &truths[view], &own.sigmas(&views[view], &logs, &clumping));
             for (i, log) in logs.iter_mut().enumerate() {
                 let step = relaxation * sums.slope[i] / (sums.weight[i] + DOUBT);
-                *log = (*log - step).clamp(-MOST_CHANGE, MOST_CHANGE);
+                *log = (*log - step).clamp(-MAX_CHANGE, MAX_CHANGE);
             }
         }
         fit_clumping(&own, &views, &truths, &logs, &mut clumping);
     }
-    let scaled = own
-        .numbers
-        .iter()
-        .zip(&logs)
-        .flat_map(|(cell, log)| own.voltex.flakes(*cell).map(|(number, voxel)| (number, voxel.scaled(log.exp()))));
+    let scaled =
+        own.numbers.iter().zip(&logs).flat_map(|(cell, log)| {
+            own.voltex.microflakes(*cell).map(|(number, voxel)| (number, voxel.scaled(log.exp())))
+        });
     let scaled: Vec<(u32, Voxel)> = scaled.collect();
     scaled.into_iter().for_each(|(number, voxel)| voltex.set_voxel(number, &voxel));
     voltex.set_clumping(level, &clumping);
@@ -236,7 +235,7 @@ fn fit_clumping(own: &Level, views: &[Projection], truths: &[Vec<f32>], logs: &[
         let Some(factor) = (gram + Matrix6::identity() * doubt).cholesky() else { return };
         let step = factor.solve(&right);
         for (entry, step) in clumping.0.iter_mut().zip(step.iter()) {
-            *entry = (*entry + (*step as f32).clamp(-1.0, 1.0)).clamp(-MOST_CLUMPING, MOST_CLUMPING);
+            *entry = (*entry + (*step as f32).clamp(-1.0, 1.0)).clamp(-MAX_CLUMPING, MAX_CLUMPING);
         }
     }
 }

@@ -2,11 +2,11 @@
 //! to what the model itself shows.
 
 use super::along::{depth_along, seen_along};
-use super::facets::GlossyFlake;
-use super::flakes::grey;
+use super::facets::GlossyMicroflake;
+use super::microflakes::grey;
 use super::occluder::{Met, Occluder};
 use super::projection::{HALF_SIDE, Projection, rays_of_pixel, spread_directions};
-use btf_runtime::voltex::{HOTSPOT_DEG, LEAST_SHARED, LevelShadow, Voltex, shade};
+use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, MIN_SHARED, Voltex, shade};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -41,7 +41,7 @@ pub trait Lit: Sync {
     fn surface(&self, triangle: usize) -> ([f32; 2], Vec3);
 
     /// All triangles that shine.
-    fn glossy_flakes(&self) -> Vec<GlossyFlake>;
+    fn glossy_microflakes(&self) -> Vec<GlossyMicroflake>;
 }
 
 /// Light of the model along a ray, lit from `light`.
@@ -128,7 +128,7 @@ pub fn fit_shadow(
                 share * parts.iter().map(|(light, depths)| light * (-(1.0 - c) * depths[o]).exp()).sum::<f32>()
             };
             let total = |c: f32| -> f64 { pixels.iter().map(|(_, parts)| f64::from(light_of(parts, c))).sum() };
-            let (mut low, mut high) = (LEAST_SHARED, 1.0f32);
+            let (mut low, mut high) = (MIN_SHARED, 1.0f32);
             for _ in 0..17 {
                 let middle = 0.5 * (low + high);
                 if total(middle) < truth { low = middle } else { high = middle }
@@ -154,7 +154,7 @@ fn add_parts(
     parts: &mut Vec<Part>,
 ) {
     seen_along(voltex, level, origin, direction, |seen| {
-        let value = voltex.flakes(seen.number).map(|(_, voxel)| {
+        let value = voltex.microflakes(seen.number).map(|(_, voxel)| {
             let material = voltex.material(voxel.material);
             let [same, other] = shade(&voxel.moment, (-direction).into(), light.into());
             grey(material.reflectance) * same + grey(material.transmittance) * other

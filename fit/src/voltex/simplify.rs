@@ -76,12 +76,12 @@ fn elements_of(model: &TriangleModel) -> Vec<Vec<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::voltex::flakes::FlakeColour;
+    use crate::voltex::microflakes::MicroflakeColour;
 
     /// Leaves of two triangles, and a closed part's triangles.
     fn model(leaves: usize) -> TriangleModel {
         let mut model = TriangleModel {
-            colours: vec![FlakeColour::default(); 2],
+            colours: vec![MicroflakeColour::default(); 2],
             weights: vec![1.0, 0.5],
             ..TriangleModel::default()
         };

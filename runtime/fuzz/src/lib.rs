@@ -17,9 +17,9 @@ use std::sync::Arc;
 
 /// Words of expanded bases above which an asset is not made resident: the limit of the format is 1 GiB, that of a fuzzer's
 /// input some milliseconds.
-const MOST_BASIS_WORDS: usize = 1 << 16;
+const MAX_BASIS_WORDS: usize = 1 << 16;
 /// Texels above which it is not.
-const MOST_TEXELS: usize = 1 << 12;
+const MAX_TEXELS: usize = 1 << 12;
 
 /// Decodes anything: the bytes are refused, or they and every tier of them decode to finite values, and what was read can be
 /// written and read again.
@@ -115,7 +115,7 @@ pub fn voltex(bytes: &[u8]) {
     }
     let again = volume.pack().expect("what was read can be written");
     assert!(Volume::parse(&again).as_ref() == Ok(&volume), "and read again");
-    if volume.levels[0].voxels.len() <= MOST_TEXELS {
+    if volume.levels[0].voxels.len() <= MAX_TEXELS {
         walk_somewhere(&volume, &mut Random::new(bytes.len() as u64));
     }
 }
@@ -162,7 +162,7 @@ fn decode_somewhere(asset: &Asset, random: &mut Random) {
     // An edited dictionary is as long as the measured one.
     let lobes = asset.layers.iter().flat_map(|layer| &layer.dictionary).map(Vec::len).sum::<usize>();
     let edited = (1 + asset.edits.list.len()) * lobes;
-    if words > MOST_BASIS_WORDS || asset.texel_count() > MOST_TEXELS || edited > MOST_TEXELS {
+    if words > MAX_BASIS_WORDS || asset.texel_count() > MAX_TEXELS || edited > MAX_TEXELS {
         return;
     }
     let resident = Resident::from_asset(asset);

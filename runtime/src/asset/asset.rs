@@ -5,7 +5,7 @@ use crate::asset::lobe::Lobe;
 use crate::asset::residual::{Residual, ResidualKind};
 use crate::asset::sphere::Sphere;
 use crate::decode::parallax::Heights;
-use crate::file::format::MOST_LEVELS;
+use crate::file::format::MAX_LEVELS;
 
 /// Which side of the surface a light or an eye is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -227,7 +227,7 @@ fn keep_lobes(counts: &mut [u8], refs: &mut Vec<LobeRef>, most: usize) {
 /// Sizes of the levels below one of `finest`, down to one texel.
 pub(crate) fn level_sizes(finest: [usize; 2]) -> Vec<[usize; 2]> {
     let halved = |size: &[usize; 2]| (*size != [1, 1]).then(|| size.map(|side| (side / 2).max(1)));
-    std::iter::successors(halved(&finest), halved).take(MOST_LEVELS - 1).collect()
+    std::iter::successors(halved(&finest), halved).take(MAX_LEVELS - 1).collect()
 }
 
 /// Number of the first layer whose sides an earlier one has.

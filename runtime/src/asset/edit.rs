@@ -14,12 +14,12 @@ use crate::asset::asset::{DictionaryLobe, Layer};
 use crate::asset::lobe::{Lobe, LobeFamily, RESIDENT_WORDS};
 
 /// Most edits of an asset.
-pub const MOST_EDITS: usize = 255;
+pub const MAX_EDITS: usize = 255;
 /// Numbers of an edit in the file.
 pub const EDIT_NUMBERS: usize = 9;
 /// Most words that a layer's edited dictionaries may take in the resident form (64 MiB): some kilobytes must not make a reader
 /// allocate without bound.
-pub const MOST_EDIT_WORDS: usize = 1 << 24;
+pub const MAX_EDIT_WORDS: usize = 1 << 24;
 /// Words of an edit in the resident form: tint, keep, offset of the table of dictionaries, zeros.
 pub const EDIT_WORDS: usize = 8;
 
@@ -124,17 +124,17 @@ impl Edit {
 /// The edits of an asset, and where they hold.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Edits {
-    /// At most [`MOST_EDITS`].
+    /// At most [`MAX_EDITS`].
     pub list: Vec<Edit>,
     /// Per texel of the finest level the number of its edit, counted from 1; 0 for none. Empty without edits.
     pub texels: Vec<u8>,
 }
 
 impl Edits {
-    /// Whether a layer's edited dictionaries keep within [`MOST_EDIT_WORDS`].
+    /// Whether a layer's edited dictionaries keep within [`MAX_EDIT_WORDS`].
     pub(crate) fn fit(&self, layer: &Layer) -> bool {
         let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
-        self.list.len() * (EDIT_WORDS + 1 + layer.dictionary.len() + lobes * RESIDENT_WORDS) <= MOST_EDIT_WORDS
+        self.list.len() * (EDIT_WORDS + 1 + layer.dictionary.len() + lobes * RESIDENT_WORDS) <= MAX_EDIT_WORDS
     }
 
     /// The edit of the texel at the middle of each of a coarser grid's.

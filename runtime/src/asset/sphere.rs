@@ -25,7 +25,7 @@ pub const INSIDE_TOLERANCE: f32 = -1e-5;
 /// Largest grid side.
 const MAX_GRID: u32 = 256;
 /// Least area (doubled) of a triangle on the disk.
-const LEAST_AREA: f64 = 1e-9;
+const MIN_AREA: f64 = 1e-9;
 /// Largest entry of a triangle's inverse matrix: the least area that is kept is 1e-9. Bounded, so that
 /// no barycentric weight overflows.
 const MAX_INVERSE: f32 = 1e10;
@@ -91,7 +91,7 @@ impl Sphere {
                 ids
             })
             // A sliver between nearly collinear directions has no usable inverse; its edges carry on.
-            .filter(|ids| signed_area(&disk, ids).abs() > LEAST_AREA)
+            .filter(|ids| signed_area(&disk, ids).abs() > MIN_AREA)
             .collect();
         triangles.sort_unstable();
         let edges = hull_edges(&disk, &delaunay);
@@ -179,7 +179,7 @@ impl Sphere {
         let triangles: Vec<[usize; 3]> = ids[..3 * t].chunks_exact(3).map(|id| [id[0], id[1], id[2]]).collect();
         let edges: Vec<(usize, usize)> = ids[3 * t..].chunks_exact(2).map(|id| (id[0], id[1])).collect();
         let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
-        if triangles.iter().any(|ids| signed_area(&disk, ids).abs() <= LEAST_AREA) {
+        if triangles.iter().any(|ids| signed_area(&disk, ids).abs() <= MIN_AREA) {
             return Err(rule::NO_AREA);
         }
         // Every rule that keeps `locate` in bounds is checked on the whole.

@@ -207,7 +207,7 @@ fn context(sum: u32) -> usize {
     (4 + (log as usize - 2) * 4 + (sum >> (log - 2) & 3) as usize).min(CONTEXTS - 1)
 }
 
-/// Model of signed numbers of up to 16 bits whose size their neighbourhood foretells.
+/// Model of signed numbers of up to 16 bits whose size their neighbourhood predicts.
 #[derive(Clone)]
 pub(crate) struct Signed {
     zero: Vec<Bit>,
@@ -368,7 +368,7 @@ mod tests {
 
     #[test]
     fn the_size_is_near_the_entropy_of_what_is_coded() {
-        // Independent numbers of a fixed spread: the neighbourhood foretells nothing.
+        // Independent numbers of a fixed spread: the neighbourhood predicts nothing.
         let mut random = Random::new(5);
         let values: Vec<i32> = (0..40_000).map(|_| [0, 0, 0, 0, 1, -1, 2, -2][random.below(8)]).collect();
         let entropy_bytes = 40_000.0 / 8.0 * (0.5 * 1.0 + 4.0 * 0.125 * 3.0);

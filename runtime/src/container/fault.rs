@@ -3,7 +3,7 @@
 use crate::error::FormatError;
 
 /// Most faults that are kept of one file.
-pub(crate) const MOST_FAULTS: usize = 256;
+pub(crate) const MAX_FAULTS: usize = 256;
 
 /// A broken rule and where.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +27,7 @@ impl Faults {
     }
 
     pub(crate) fn push_at(&mut self, error: FormatError, layer: Option<u32>, offset: Option<u64>) {
-        if self.found.len() < MOST_FAULTS {
+        if self.found.len() < MAX_FAULTS {
             self.found.push(Fault { error, layer, offset });
         }
     }

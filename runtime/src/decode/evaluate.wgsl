@@ -2,10 +2,10 @@
 // whichever sides light and eye are on. Twin: evaluate.rs. `base` is the asset's first word, `level` below
 // btf_levels(base).
 
-const UNIT_LEAST: f32 = 0.99;
-const UNIT_MOST: f32 = 1.01;
+const UNIT_MIN: f32 = 0.99;
+const UNIT_MAX: f32 = 1.01;
 // The largest that a number to draw with counts for: 1 - 2^-23.
-const DRAW_MOST: f32 = 0.99999988;
+const DRAW_MAX: f32 = 0.99999988;
 
 // A direction that btf_sample has drawn; all zeros where it has drawn none.
 struct BtfSample {
@@ -23,7 +23,7 @@ fn btf_is_unit(v: vec3<f32>) -> bool {
     // What is beyond 2 is none, and its square would be beyond any number.
     let near = clamp(v, vec3<f32>(-2.0), vec3<f32>(2.0));
     let square = dot(near, near);
-    return btf_finite(v) && square >= UNIT_LEAST && square <= UNIT_MOST;
+    return btf_finite(v) && square >= UNIT_MIN && square <= UNIT_MAX;
 }
 
 // By bits: compilers may take it that there are no others than finite numbers.
@@ -76,7 +76,7 @@ fn btf_sample(
     if !(btf_finite(vec3<f32>(uv, 0.0)) && btf_is_unit(wo) && btf_finite(at)) {
         return drawn;
     }
-    var numbers = clamp(at, vec3<f32>(0.0), vec3<f32>(DRAW_MOST));
+    var numbers = clamp(at, vec3<f32>(0.0), vec3<f32>(DRAW_MAX));
     let layers = btf_seen_layers(base, level, wo);
     var layer = select(layers.x, layers.y, layers.x == NO_LAYER);
     if layer == NO_LAYER {

@@ -3,7 +3,7 @@
 //!
 //! A capture is rectified: the mean plane of the surface stays where it is, and a point at height `z` above texel `p`
 //! is seen at `p - z s(v)` from view `v`, with `s(v) = (v.x, -v.y) / v.z` in columns and rows. Texel `x` therefore
-//! shows different points from different views. Between the measured views their mean foretells a texel best all the same
+//! shows different points from different views. Between the measured views their mean predicts a texel best all the same
 //! (docs/RESULTS.md); beyond them, where slopes grow fast, the neighbours are moved.
 
 use crate::decode::texel;
@@ -11,13 +11,13 @@ use crate::numeric::quantize::coefficient_from_byte;
 use crate::resident::resident::{ASSET_LAYERS, Resident, block};
 
 /// Steepest slope of a ray, columns or rows per unit of height: 84 degrees.
-pub const MOST_SLOPE: f32 = 10.0;
+pub const MAX_SLOPE: f32 = 10.0;
 /// Sideways way of a step of a ray, in texels.
 pub const RAY_STEP: f32 = 0.5;
 /// Steps of a ray, at least.
-pub const LEAST_RAY_STEPS: f32 = 8.0;
+pub const MIN_RAY_STEPS: f32 = 8.0;
 /// Steps of a ray, at most.
-pub const MOST_RAY_STEPS: f32 = 64.0;
+pub const MAX_RAY_STEPS: f32 = 64.0;
 /// The shift grows from none at the hull to all of it where `beyond` is lower by one over this.
 pub const SHIFT_SLOPE: f32 = 5.0;
 /// What a neighbour keeps of its weight where the point is hidden from it.
@@ -37,14 +37,14 @@ pub struct SeenBy {
 /// A height per texel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heights {
-    /// Texel widths per code, more than 0 and at most [`MOST_HEIGHT_STEP`].
+    /// Texel widths per code, more than 0 and at most [`MAX_HEIGHT_STEP`].
     pub step: f32,
     /// Per texel: height above the plane that the capture is rectified to, in steps.
     pub codes: Vec<i8>,
 }
 
 /// Largest step of [`Heights`].
-pub const MOST_HEIGHT_STEP: f32 = 16.0;
+pub const MAX_HEIGHT_STEP: f32 = 16.0;
 
 impl Heights {
     /// Four codes a word, as the resident form has them.
@@ -89,7 +89,7 @@ impl<'a> HeightField<'a> {
             at,
             size: texel::size(words, layer),
             step: float(block::HEIGHT_STEP),
-            range: [float(block::LEAST_HEIGHT), float(block::MOST_HEIGHT)],
+            range: [float(block::MIN_HEIGHT), float(block::MAX_HEIGHT)],
         })
     }
 
@@ -138,8 +138,7 @@ impl<'a> HeightField<'a> {
     fn first_hit(&self, place: [f32; 2], s: [f32; 2]) -> f32 {
         let [least, most] = self.range;
         let depth = most - least;
-        let steps =
-            ((s[0] * s[0] + s[1] * s[1]).sqrt() * depth / RAY_STEP).ceil().clamp(LEAST_RAY_STEPS, MOST_RAY_STEPS);
+        let steps = ((s[0] * s[0] + s[1] * s[1]).sqrt() * depth / RAY_STEP).ceil().clamp(MIN_RAY_STEPS, MAX_RAY_STEPS);
         let above = |z: f32| z - self.at([place[0] + z * s[0], place[1] + z * s[1]]);
         let (mut free, mut clear) = (most, above(most).max(0.0));
         for i in 1..=steps as u32 {
@@ -154,10 +153,10 @@ impl<'a> HeightField<'a> {
         least
     }
 
-    /// Columns and rows per unit of height, towards `direction`, at most [`MOST_SLOPE`].
+    /// Columns and rows per unit of height, towards `direction`, at most [`MAX_SLOPE`].
     pub fn slope(direction: [f32; 3]) -> [f32; 2] {
         let s = [direction[0], -direction[1]].map(|x| x / direction[2].max(1e-6));
-        let steep = (s[0] * s[0] + s[1] * s[1]).sqrt() / MOST_SLOPE;
+        let steep = (s[0] * s[0] + s[1] * s[1]).sqrt() / MAX_SLOPE;
         s.map(|x| x / steep.max(1.0))
     }
 
@@ -251,7 +250,7 @@ mod tests {
     fn no_height_and_no_direction_gives_anything_but_texels_and_weights() {
         let mut random = Random::new(3);
         for round in 0..2000 {
-            let step = [1e-6, 0.125, MOST_HEIGHT_STEP][round % 3];
+            let step = [1e-6, 0.125, MAX_HEIGHT_STEP][round % 3];
             let codes = (0..200).map(|_| random.below(256) as u8 as i8).collect();
             let heights = Heights { step, codes };
             let mut wo = random.direction();

@@ -1,10 +1,10 @@
 // Parallax beyond the measured views: which texels of the neighbouring views show the surface point that an eye outside
 // their hull sees. Twin: parallax.rs.
 
-const MOST_SLOPE: f32 = 10.0;
+const MAX_SLOPE: f32 = 10.0;
 const RAY_STEP: f32 = 0.5;
-const LEAST_RAY_STEPS: f32 = 8.0;
-const MOST_RAY_STEPS: f32 = 64.0;
+const MIN_RAY_STEPS: f32 = 8.0;
+const MAX_RAY_STEPS: f32 = 64.0;
 const SHIFT_SLOPE: f32 = 5.0;
 const HIDDEN_SHARE: f32 = 0.05;
 const OUTSIDE_SHARE: f32 = 0.1;
@@ -25,7 +25,7 @@ struct HeightField {
 
 // That of the layer whose block begins at word `layer`, of the asset at word `base`; `at` is 0 if it has none.
 fn height_field(base: u32, layer: u32) -> HeightField {
-    let range = vec2<f32>(asset_f32(layer + BLOCK_LEAST_HEIGHT), asset_f32(layer + BLOCK_MOST_HEIGHT));
+    let range = vec2<f32>(asset_f32(layer + BLOCK_MIN_HEIGHT), asset_f32(layer + BLOCK_MAX_HEIGHT));
     let offset = asset_word(layer + BLOCK_HEIGHTS);
     let at = select(base + offset, 0u, offset == 0u);
     return HeightField(at, texel_size(layer), asset_f32(layer + BLOCK_HEIGHT_STEP), range);
@@ -68,7 +68,7 @@ fn height_at_wrapped(field: HeightField, place: vec2<f32>) -> f32 {
 // Height of the first point that the ray of slope `s` meets which passes the mean plane at `place`.
 fn height_first_hit(field: HeightField, place: vec2<f32>, s: vec2<f32>) -> f32 {
     let depth = field.range.y - field.range.x;
-    let steps = clamp(ceil(length(s) * depth / RAY_STEP), LEAST_RAY_STEPS, MOST_RAY_STEPS);
+    let steps = clamp(ceil(length(s) * depth / RAY_STEP), MIN_RAY_STEPS, MAX_RAY_STEPS);
     var free = field.range.y;
     var clear = max(free - height_at(field, place + free * s), 0.0);
     for (var i = 1u; i <= u32(steps); i++) {
@@ -86,7 +86,7 @@ fn height_first_hit(field: HeightField, place: vec2<f32>, s: vec2<f32>) -> f32 {
 
 fn height_slope(direction: vec3<f32>) -> vec2<f32> {
     let s = vec2<f32>(direction.x, -direction.y) / max(direction.z, 1e-6);
-    return s / max(length(s) / MOST_SLOPE, 1.0);
+    return s / max(length(s) / MAX_SLOPE, 1.0);
 }
 
 // What the eye at `wo` sees in `texel`, as the `views` around it have it, which are interpolated with `weights`;

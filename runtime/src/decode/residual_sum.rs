@@ -12,7 +12,7 @@ use pulp::Simd;
 /// Words that are read together.
 pub(crate) const LANES: usize = 16;
 /// Blocks of so many words that the bases of any pair fill.
-pub(crate) const MOST_BLOCKS: usize = (3 * (1 + MAX_COMPONENTS).div_ceil(2)).div_ceil(LANES);
+pub(crate) const MAX_BLOCKS: usize = (3 * (1 + MAX_COMPONENTS).div_ceil(2)).div_ceil(LANES);
 /// Blocks that eight components fill.
 pub(crate) const FEW_BLOCKS: usize = 2;
 

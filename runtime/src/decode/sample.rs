@@ -15,9 +15,9 @@ use std::f32::consts::{PI, TAU};
 /// Share of the directions that follow the cosine of the texel's own normal.
 pub const COSINE_SHARE: f32 = 0.5;
 /// Least roughness that half vectors are drawn with.
-pub const LEAST_ALPHA: f32 = 0.02;
+pub const MIN_ALPHA: f32 = 0.02;
 /// Length below which a Lafortune lobe has no axis.
-pub const LEAST_AXIS: f32 = 1e-3;
+pub const MIN_AXIS: f32 = 1e-3;
 /// Largest number below 1 that a coordinate is taken as.
 const BELOW_ONE: f32 = 0.999_999_9;
 
@@ -32,7 +32,7 @@ fn sample_alpha(lobe: &LobeSetup) -> [f32; 2] {
         LobeFamily::AshikhminShirley => [of_exponent(p0), of_exponent(p1)],
         _ => return [0.0; 2],
     };
-    alpha.map(|a| a.max(LEAST_ALPHA))
+    alpha.map(|a| a.max(MIN_ALPHA))
 }
 
 /// Axis of a Lafortune lobe in its own frame, and its length.
@@ -41,7 +41,7 @@ fn sample_axis(lobe: &LobeSetup, wo: [f32; 3]) -> ([f32; 3], f32) {
     let [x, y, z] = [dot(lobe.tangent, wo), dot(bitangent, wo), dot(lobe.normal, wo)];
     let a = [lobe.params[0] * x, lobe.params[1] * y, lobe.params[2] * z];
     let length = dot(a, a).sqrt();
-    (a.map(|x| x / length.max(LEAST_AXIS)), length)
+    (a.map(|x| x / length.max(MIN_AXIS)), length)
 }
 
 /// A vector of the lobe's frame in the layer's.
@@ -82,7 +82,7 @@ pub fn sample_lobe_direction(lobe: &LobeSetup, wo: [f32; 3], at: [f32; 2]) -> [f
     }
     if lobe.family == LobeFamily::Lafortune {
         let (axis, length) = sample_axis(lobe, wo);
-        if length > LEAST_AXIS {
+        if length > MIN_AXIS {
             return sample_world(lobe, sample_turned(sample_about_z(lobe.params[3], at), axis));
         }
     }
@@ -109,7 +109,7 @@ pub fn sample_lobe_density(lobe: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> f32 
     }
     if lobe.family == LobeFamily::Lafortune {
         let (axis, length) = sample_axis(lobe, wo);
-        if length > LEAST_AXIS {
+        if length > MIN_AXIS {
             let exponent = lobe.params[3];
             return (exponent + 1.0) / TAU * power(dot(sample_world(lobe, axis), wi).max(0.0), exponent);
         }

@@ -2,8 +2,8 @@
 // which says what is drawn how.
 
 const COSINE_SHARE: f32 = 0.5;
-const LEAST_ALPHA: f32 = 0.02;
-const LEAST_AXIS: f32 = 1e-3;
+const MIN_ALPHA: f32 = 0.02;
+const MIN_AXIS: f32 = 1e-3;
 const SAMPLE_PI: f32 = 3.14159265;
 const SAMPLE_TAU: f32 = 6.2831853;
 
@@ -18,7 +18,7 @@ fn sample_alpha(lobe: LobeSetup) -> vec2<f32> {
         case 6u: { alpha = sqrt(2.0 / (p.xy + 2.0)); }
         default: { return alpha; }
     }
-    return max(alpha, vec2<f32>(LEAST_ALPHA));
+    return max(alpha, vec2<f32>(MIN_ALPHA));
 }
 
 // Axis of a Lafortune lobe in its own frame, and its length.
@@ -26,7 +26,7 @@ fn sample_axis(lobe: LobeSetup, wo: vec3<f32>) -> vec4<f32> {
     let bitangent = cross(lobe.normal, lobe.tangent);
     let a = lobe.params.xyz * vec3<f32>(dot(lobe.tangent, wo), dot(bitangent, wo), dot(lobe.normal, wo));
     let size = length(a);
-    return vec4<f32>(a / max(size, LEAST_AXIS), size);
+    return vec4<f32>(a / max(size, MIN_AXIS), size);
 }
 
 // A vector of the lobe's frame in the layer's.
@@ -63,7 +63,7 @@ fn sample_lobe_direction(lobe: LobeSetup, wo: vec3<f32>, at: vec2<f32>) -> vec3<
     }
     if lobe.family == 5u {
         let axis = sample_axis(lobe, wo);
-        if axis.w > LEAST_AXIS {
+        if axis.w > MIN_AXIS {
             return sample_world(lobe, sample_turned(sample_about_z(lobe.params.w, at), axis.xyz));
         }
     }
@@ -89,7 +89,7 @@ fn sample_lobe_density(lobe: LobeSetup, wi: vec3<f32>, wo: vec3<f32>) -> f32 {
     }
     if lobe.family == 5u {
         let axis = sample_axis(lobe, wo);
-        if axis.w > LEAST_AXIS {
+        if axis.w > MIN_AXIS {
             let exponent = lobe.params.w;
             return (exponent + 1.0) / SAMPLE_TAU * power(max(dot(sample_world(lobe, axis.xyz), wi), 0.0), exponent);
         }

@@ -12,14 +12,14 @@ use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::{Neighbours, direction, locate};
 use crate::decode::decode::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 use crate::decode::parallax::{HeightField, SeenBy};
-use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MOST_BLOCKS, residual_sum};
+use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MAX_BLOCKS, residual_sum};
 use crate::decode::texel::Texel;
 use crate::resident::resident::{Resident, block};
 use crate::resident::single::SingleBases;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Largest value that a tint multiplies, so that what is finite stays so.
-const MOST_EDITED: f32 = 1e37;
+const MAX_EDITED: f32 = 1e37;
 /// Rows that [`LightRows`] keeps. A measured light has one place, its number modulo this.
 pub const LIGHT_ROWS: usize = 32;
 
@@ -233,7 +233,7 @@ impl<'a> ViewedTexel<'a> {
         let sum = Residual { viewed: self, lights, of_lights, of_views };
         match 3 * self.t.field(block::CHANNEL_WORDS) <= FEW_BLOCKS * LANES {
             true => Arch::new().dispatch(InBlocks::<'_, '_, FEW_BLOCKS>(sum)),
-            false => Arch::new().dispatch(InBlocks::<'_, '_, MOST_BLOCKS>(sum)),
+            false => Arch::new().dispatch(InBlocks::<'_, '_, MAX_BLOCKS>(sum)),
         }
     }
 
@@ -325,7 +325,7 @@ impl<'a> ViewedTexel<'a> {
         let (tint, epsilon) = ([r, g, b], t.float(block::EPSILON));
         [0, 1, 2].map(|c| {
             let left = self.kind.encode(value[c], epsilon) - self.kind.encode(here[c], epsilon);
-            tint[c] * self.kind.combine(lobes[c], keep * left, epsilon).min(MOST_EDITED)
+            tint[c] * self.kind.combine(lobes[c], keep * left, epsilon).min(MAX_EDITED)
         })
     }
 

@@ -3,8 +3,8 @@
 
 const INTERPOLATION_EXACT: u32 = 1u;
 const RATIO_EPSILON: f32 = 0.03;
-const RATIO_LEAST: f32 = 0.3;
-const RATIO_MOST: f32 = 4.0;
+const RATIO_MIN: f32 = 0.3;
+const RATIO_MAX: f32 = 4.0;
 const LIGHT_ROWS: u32 = 32u;
 
 // Rows of one viewed texel, by measured light; a variable of this type begins without any.
@@ -210,5 +210,5 @@ fn viewed_measured(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi: vec3
     }
     let lobes = found.lobes * light.weights;
     let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);
-    return value * clamp(ratio, vec3<f32>(RATIO_LEAST), vec3<f32>(RATIO_MOST));
+    return value * clamp(ratio, vec3<f32>(RATIO_MIN), vec3<f32>(RATIO_MAX));
 }

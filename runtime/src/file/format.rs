@@ -16,13 +16,13 @@ pub const RESIDENT_ALIGNMENT: usize = 256;
 /// Bytes of each section of the resident form's words but the last: what WebGPU binds at least.
 pub const PIECE_BYTES: usize = 1 << 27;
 /// Largest physical side, millimetres.
-pub const MOST_SIDE_MM: f32 = 1e6;
+pub const MAX_SIDE_MM: f32 = 1e6;
 /// Most layers in a file (front, back, and the two transmissions).
 pub const MAX_LAYERS: usize = 4;
 /// Largest width or height in texels.
 pub const MAX_SIDE: u32 = 16_384;
 /// Most levels: down to one texel from the widest asset.
-pub const MOST_LEVELS: usize = 15;
+pub const MAX_LEVELS: usize = 15;
 /// Most clusters in a layer: a cluster id is one byte.
 pub const MAX_CLUSTERS: usize = 256;
 /// Most lobes in one cluster's dictionary: a lobe id is one byte.
@@ -166,7 +166,7 @@ const SEAMLESS_BIT: u32 = 1;
 
 /// Whether a physical size is one.
 pub(crate) fn in_mm_range(size: [f32; 2]) -> bool {
-    size.iter().all(|mm| *mm > 0.0 && *mm <= MOST_SIDE_MM)
+    size.iter().all(|mm| *mm > 0.0 && *mm <= MAX_SIDE_MM)
 }
 
 /// What header and sections say of the whole asset.
@@ -180,7 +180,7 @@ pub struct Head {
     pub height: u32,
     /// Number of layers, 1 to 4.
     pub layers: u32,
-    /// Physical width and height in millimetres, where known; above 0, at most [`MOST_SIDE_MM`].
+    /// Physical width and height in millimetres, where known; above 0, at most [`MAX_SIDE_MM`].
     pub size_mm: Option<[f32; 2]>,
     /// Whether the left edge continues the right one, and the bottom edge the top one.
     pub seamless: [bool; 2],

@@ -3,17 +3,17 @@
 use crate::asset::asset::{
     Asset, DictionaryLobe, EPSILON_RANGE, Layer, LevelTexels, LobeRef, doubled_sides, level_sizes, refs_exist,
 };
-use crate::asset::edit::{Edit, MOST_EDITS};
+use crate::asset::edit::{Edit, MAX_EDITS};
 use crate::asset::lobe::Lobe;
 use crate::container::container::{SectionSource, write_file_of};
 use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
-use crate::decode::parallax::{Heights, MOST_HEIGHT_STEP};
+use crate::decode::parallax::{Heights, MAX_HEIGHT_STEP};
 use crate::error::FormatError;
 use crate::file::format::{
     Form, Head, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
     MAX_LAYERS, MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, Spmm, basis_words, in_mm_range,
 };
-use crate::file::texel_coding::{MOST_FRESH, code_clusters, code_counts, code_refs, encode_refs};
+use crate::file::texel_coding::{MAX_FRESH, code_clusters, code_counts, code_refs, encode_refs};
 use half::f16;
 
 fn refuse<T>(reason: &str) -> Result<T, FormatError> {
@@ -56,7 +56,7 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     }];
     let edits = &asset.edits;
     if !edits.list.is_empty() {
-        if edits.list.len() > MOST_EDITS || !edits.list.iter().all(Edit::in_range) {
+        if edits.list.len() > MAX_EDITS || !edits.list.iter().all(Edit::in_range) {
             return refuse("it has more than 255 edits, or one with a number out of its range");
         }
         if edits.texels.len() != asset.texel_count()
@@ -203,7 +203,7 @@ fn check_texels(
         return refuse("a texel names a lobe that its cluster does not have");
     }
     match heights {
-        Some(heights) if heights.codes.len() != texels || !(heights.step > 0.0 && heights.step <= MOST_HEIGHT_STEP) => {
+        Some(heights) if heights.codes.len() != texels || !(heights.step > 0.0 && heights.step <= MAX_HEIGHT_STEP) => {
             refuse("the heights do not fit the texels or their step is out of range")
         }
         _ => Ok(()),
@@ -224,7 +224,7 @@ fn level_bytes(level: &LevelTexels, width: usize) -> Vec<u8> {
     let step = level.heights.as_ref().map_or(0.0, |heights| heights.step);
     let head = bytes_from_words(&[level.codes.len() as u32, step.to_bits()]);
     let planes: Vec<&Vec<i8>> = level.heights.iter().map(|heights| &heights.codes).chain(&level.codes).collect();
-    let mut fresh_every = MOST_FRESH;
+    let mut fresh_every = MAX_FRESH;
     loop {
         let stream = coded(|coder| {
             code_clusters(coder, &mut level.clusters.clone(), width);

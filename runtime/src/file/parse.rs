@@ -4,7 +4,7 @@ use crate::asset::asset::{
     Asset, DictionaryLobe, EPSILON_RANGE, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide, doubled_sides,
     level_sizes, refs_exist,
 };
-use crate::asset::edit::{EDIT_NUMBERS, Edit, Edits, MOST_EDITS};
+use crate::asset::edit::{EDIT_NUMBERS, Edit, Edits, MAX_EDITS};
 use crate::asset::lobe::{FILE_WORDS, Lobe};
 use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
@@ -12,7 +12,7 @@ use crate::container::container::{Directory, read_directory_of};
 use crate::container::entropy::{Decoder, Signed, bounded, code_plane};
 use crate::container::fault::Faults;
 use crate::container::sections::{Reader, Sections};
-use crate::decode::parallax::{Heights, MOST_HEIGHT_STEP};
+use crate::decode::parallax::{Heights, MAX_HEIGHT_STEP};
 use crate::error::FormatError;
 use crate::file::format::{
     Form, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
@@ -284,7 +284,7 @@ fn read_levels(
 fn read_level(mut reader: Reader, layer: &Layer, [width, height]: [usize; 2]) -> Result<LevelTexels, FormatError> {
     let texels = width * height;
     let components = reader.words(1)?[0] as usize;
-    let step = reader.steps(1, MOST_HEIGHT_STEP)?[0];
+    let step = reader.steps(1, MAX_HEIGHT_STEP)?[0];
     // A coarser tier may hold fewer components than the level has.
     let most = layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len());
     if components > most {
@@ -325,7 +325,7 @@ fn read_level(mut reader: Reader, layer: &Layer, [width, height]: [usize; 2]) ->
 
 fn read_edits(mut reader: Reader, width: usize, height: usize) -> Result<Edits, FormatError> {
     let count = reader.words(1)?[0] as usize;
-    if count == 0 || count > MOST_EDITS {
+    if count == 0 || count > MAX_EDITS {
         return reader.bad(rule::EDIT_COUNT);
     }
     let words = reader.words(count * EDIT_NUMBERS)?;
@@ -340,7 +340,7 @@ fn read_edits(mut reader: Reader, width: usize, height: usize) -> Result<Edits, 
 }
 
 fn read_heights(mut reader: Reader, texels: usize, width: usize) -> Result<Heights, FormatError> {
-    let step = reader.steps(1, MOST_HEIGHT_STEP)?[0];
+    let step = reader.steps(1, MAX_HEIGHT_STEP)?[0];
     if step == 0.0 {
         return reader.bad(rule::HEIGHT_STEP);
     }

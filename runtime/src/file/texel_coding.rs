@@ -48,7 +48,7 @@ pub(crate) fn code_counts(coder: &mut impl BinaryCoder, counts: &mut [u8], clust
 }
 
 /// How seldom an encoder writes references out afresh at first; a power of 4.
-pub(crate) const MOST_FRESH: usize = 1 << 20;
+pub(crate) const MAX_FRESH: usize = 1 << 20;
 
 /// Codes all lobe references, texel after texel: those of the last texel of its cluster with as many; or the lobes by
 /// the cluster's habits, and weights as differences from those that the same lobe of the cluster had last.
@@ -110,7 +110,7 @@ pub(crate) fn code_refs(
 
 /// The stream of [`code_refs`], of at least so many bytes as bound its references: one decision can stand for 255.
 pub(crate) fn encode_refs(refs: &[LobeRef], clusters: &[u8], counts: &[u8]) -> Vec<u8> {
-    let mut fresh_every = MOST_FRESH;
+    let mut fresh_every = MAX_FRESH;
     loop {
         let mut coder = Encoder::new();
         code_refs(&mut coder, &mut refs.to_vec(), clusters, counts, fresh_every);

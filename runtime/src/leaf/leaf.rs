@@ -11,7 +11,7 @@ use crate::leaf::words::{ALBEDO_AT, BANDS_AT, LEAF_MAGIC, LEVELS_AT, STATE_AT, T
 use std::ops::Range;
 
 /// Largest absorption of a layer that is kept: theta is 0 there long since.
-const MOST_K: f64 = 1e6;
+const MAX_K: f64 = 1e6;
 
 /// Shares of the channels where each band is one.
 const ONE_EACH: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -108,9 +108,8 @@ fn state_words(state: &LeafState, (albedo, mean_albedo): (Vec<u32>, u32)) -> Vec
     words.resize(BANDS_AT - STATE_AT, 0);
     for (row, shares) in &bands {
         // Brown pigment and anthocyanins share a factor, and so do water and dry matter, which have none.
-        let per_layer = |contents: Range<usize>| {
-            (absorption(row, &state, contents) / f64::from(state.structure)).min(MOST_K) as f32
-        };
+        let per_layer =
+            |contents: Range<usize>| (absorption(row, &state, contents) / f64::from(state.structure)).min(MAX_K) as f32;
         let parts = [0..1, 1..2, 2..4, 4..6].map(per_layer);
         let exit = Faces::new(row.index).exit as f32;
         words.extend(parts.iter().chain(shares).chain([&exit]).map(|x| x.to_bits()));

@@ -9,11 +9,11 @@ use crate::asset::lobe::dot;
 use crate::leaf::words::{ALBEDO_AT, ALBEDO_COLUMNS, ALBEDO_ROWS};
 
 /// Least n.h of a facet.
-pub const LEAST_FACET: f32 = 1e-4;
+pub const MIN_FACET: f32 = 1e-4;
 /// Least wo.h: opposite directions have no half vector.
-pub const LEAST_HALF: f32 = 1e-6;
+pub const LEAF_MIN_HALF: f32 = 1e-6;
 /// Facets of a density below e^-this are none.
-pub const MOST_EXPONENT: f32 = 80.0;
+pub const MAX_EXPONENT: f32 = 80.0;
 
 /// The gloss of a face seen from its own side: words 6 to 9.
 #[derive(Debug, Clone, Copy)]
@@ -70,12 +70,12 @@ pub(crate) fn albedo(words: &[u32], lobe: &LeafLobe, cosine: f32, w: [f32; 2]) -
 /// Density of facets about the unit vector `h`, times pi; 0 below the surface.
 fn facets(lobe: &LeafLobe, face: &LeafFace, h: [f32; 3]) -> f32 {
     let z = dot(face.normal, h);
-    if z <= LEAST_FACET {
+    if z <= MIN_FACET {
         return 0.0;
     }
     let [along, across] = [dot(face.along, h) / lobe.gamma[0], dot(face.across, h) / lobe.gamma[1]];
     let exponent = (along * along + across * across) / (z * z);
-    if exponent >= MOST_EXPONENT {
+    if exponent >= MAX_EXPONENT {
         return 0.0;
     }
     (-exponent).exp() / (lobe.gamma[0] * lobe.gamma[1] * z * z * z * z)
@@ -85,7 +85,7 @@ fn facets(lobe: &LeafLobe, face: &LeafFace, h: [f32; 3]) -> f32 {
 fn half_vector(face: &LeafFace, wi: [f32; 3], wo: [f32; 3]) -> ([f32; 3], f32) {
     let sum = [0, 1, 2].map(|i| wi[i] + wo[i]);
     let side = if dot(face.normal, sum) < 0.0 { -1.0 } else { 1.0 };
-    let scale = side / dot(sum, sum).sqrt().max(LEAST_HALF);
+    let scale = side / dot(sum, sum).sqrt().max(LEAF_MIN_HALF);
     let h = sum.map(|x| x * scale);
     (h, dot(wo, h))
 }
@@ -94,7 +94,7 @@ fn half_vector(face: &LeafFace, wi: [f32; 3], wo: [f32; 3]) -> ([f32; 3], f32) {
 /// `cos_o`. 0 where either is not positive.
 pub(crate) fn lobe(lobe: &LeafLobe, face: &LeafFace, wi: [f32; 3], wo: [f32; 3], cos_i: f32, cos_o: f32) -> f32 {
     let (h, o_dot_h) = half_vector(face, wi, wo);
-    if cos_i <= 0.0 || cos_o <= 0.0 || o_dot_h <= LEAST_HALF {
+    if cos_i <= 0.0 || cos_o <= 0.0 || o_dot_h <= LEAF_MIN_HALF {
         return 0.0;
     }
     // G / cos_o, the minimum taken before the division: finite towards grazing eyes.
@@ -117,5 +117,5 @@ pub(crate) fn lobe_direction(lobe: &LeafLobe, face: &LeafFace, wo: [f32; 3], at:
 /// Density of [`lobe_direction`] per steradian, times pi.
 pub(crate) fn lobe_density(lobe: &LeafLobe, face: &LeafFace, wi: [f32; 3], wo: [f32; 3]) -> f32 {
     let (h, o_dot_h) = half_vector(face, wi, wo);
-    facets(lobe, face, h) * dot(face.normal, h).max(0.0) / (4.0 * o_dot_h.abs().max(LEAST_HALF))
+    facets(lobe, face, h) * dot(face.normal, h).max(0.0) / (4.0 * o_dot_h.abs().max(LEAF_MIN_HALF))
 }

@@ -1,8 +1,8 @@
 // The gloss of a leaf's face: Cook-Torrance with Beckmann facets of two roughnesses. Twin: leaf_lobe.rs.
 
-const LEAF_LEAST_FACET: f32 = 1e-4;
-const LEAF_LEAST_HALF: f32 = 1e-6;
-const LEAF_MOST_EXPONENT: f32 = 80.0;
+const LEAF_MIN_FACET: f32 = 1e-4;
+const LEAF_MIN_HALF: f32 = 1e-6;
+const LEAF_MAX_EXPONENT: f32 = 80.0;
 
 struct LeafLobe {
     index: f32,
@@ -54,12 +54,12 @@ fn leaf_albedo(base: u32, lobe: LeafLobe, cosine: f32, w: vec2<f32>) -> f32 {
 // Density of facets about a unit vector, times pi.
 fn leaf_facets(lobe: LeafLobe, face: LeafFace, h: vec3<f32>) -> f32 {
     let z = dot(face.normal, h);
-    if z <= LEAF_LEAST_FACET {
+    if z <= LEAF_MIN_FACET {
         return 0.0;
     }
     let tangent = vec2<f32>(dot(face.along, h), dot(face.across, h)) / lobe.gamma;
     let exponent = dot(tangent, tangent) / (z * z);
-    if exponent >= LEAF_MOST_EXPONENT {
+    if exponent >= LEAF_MAX_EXPONENT {
         return 0.0;
     }
     return exp(-exponent) / (lobe.gamma.x * lobe.gamma.y * z * z * z * z);
@@ -68,13 +68,13 @@ fn leaf_facets(lobe: LeafLobe, face: LeafFace, h: vec3<f32>) -> f32 {
 // The half vector on the side of the face, and the cosine between it and `wo`, 0 where there is none.
 fn leaf_half_vector(face: LeafFace, wi: vec3<f32>, wo: vec3<f32>) -> vec4<f32> {
     let sum = wi + wo;
-    let h = sum * (select(1.0, -1.0, dot(face.normal, sum) < 0.0) / max(length(sum), LEAF_LEAST_HALF));
+    let h = sum * (select(1.0, -1.0, dot(face.normal, sum) < 0.0) / max(length(sum), LEAF_MIN_HALF));
     return vec4<f32>(h, dot(wo, h));
 }
 
 fn leaf_lobe(lobe: LeafLobe, face: LeafFace, wi: vec3<f32>, wo: vec3<f32>, cos_i: f32, cos_o: f32) -> f32 {
     let h = leaf_half_vector(face, wi, wo);
-    if cos_i <= 0.0 || cos_o <= 0.0 || h.w <= LEAF_LEAST_HALF {
+    if cos_i <= 0.0 || cos_o <= 0.0 || h.w <= LEAF_MIN_HALF {
         return 0.0;
     }
     let shading = 2.0 * dot(face.normal, h.xyz) / h.w;
@@ -91,5 +91,5 @@ fn leaf_lobe_direction(lobe: LeafLobe, face: LeafFace, wo: vec3<f32>, at: vec2<f
 
 fn leaf_lobe_density(lobe: LeafLobe, face: LeafFace, wi: vec3<f32>, wo: vec3<f32>) -> f32 {
     let h = leaf_half_vector(face, wi, wo);
-    return leaf_facets(lobe, face, h.xyz) * max(dot(face.normal, h.xyz), 0.0) / (4.0 * max(abs(h.w), LEAF_LEAST_HALF));
+    return leaf_facets(lobe, face, h.xyz) * max(dot(face.normal, h.xyz), 0.0) / (4.0 * max(abs(h.w), LEAF_MIN_HALF));
 }

@@ -2,22 +2,22 @@
 //! texels. Twin: `shaders/leaf_texture.wgsl`.
 
 use crate::leaf::error::LeafError;
-use crate::leaf::words::{LEVELS_AT, MOST_LEAF_LEVELS, TEXEL_WORDS, TEXELS_AT};
+use crate::leaf::words::{LEVELS_AT, MAX_LEAF_LEVELS, TEXEL_WORDS, TEXELS_AT};
 
 /// Most texels in a row or column of a leaf's textures.
-pub const MOST_LEAF_SIDE: usize = 1 << 14;
+pub const MAX_LEAF_SIDE: usize = 1 << 14;
 
 /// The code of a factor of 1.
 pub const FACTOR_ONE: f32 = 127.0;
 
 /// Largest factor that textures hold, 4.03.
-pub const MOST_FACTOR: f32 = (255.0 / FACTOR_ONE) * (255.0 / FACTOR_ONE);
+pub const MAX_FACTOR: f32 = (255.0 / FACTOR_ONE) * (255.0 / FACTOR_ONE);
 
 /// What the appearance textures say of one texel [Miao, eq. 9]. Each channel is kept in 8 bits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafTexel {
     /// Factors on chlorophyll, on carotenoids, on brown pigment and anthocyanins, and on all absorption for thickness (V_a, V_c,
-    /// V_b, V_t), 0 to [`MOST_FACTOR`]. Steps grow with the root of the factor, to 0.016 at 1, which is exact.
+    /// V_b, V_t), 0 to [`MAX_FACTOR`]. Steps grow with the root of the factor, to 0.016 at 1, which is exact.
     pub factors: [f32; 4],
     /// Strength of the gloss of front and back (V_g), 0 to 1 in steps of 1/255.
     pub gloss: [f32; 2],
@@ -141,16 +141,16 @@ impl LeafTexture {
     pub(crate) fn rows(&self) -> Result<usize, LeafError> {
         let rows = self.texels.len() / self.width.max(1);
         let fills = rows * self.width == self.texels.len() && rows > 0;
-        if fills && self.width.max(rows) <= MOST_LEAF_SIDE {
+        if fills && self.width.max(rows) <= MAX_LEAF_SIDE {
             return Ok(rows);
         }
-        Err(LeafError::Texels { width: self.width, height: rows, texels: self.texels.len(), most: MOST_LEAF_SIDE })
+        Err(LeafError::Texels { width: self.width, height: rows, texels: self.texels.len(), most: MAX_LEAF_SIDE })
     }
 
     /// The words from [`LEVELS_AT`] on, all levels, and how many there are. Each level is the mean over the areas of its texels, from
     /// the one before, unrounded.
     pub(crate) fn words(&self, rows: usize) -> (Vec<u32>, u32) {
-        let mut offsets = vec![0; MOST_LEAF_LEVELS];
+        let mut offsets = vec![0; MAX_LEAF_LEVELS];
         let (mut words, mut level) = (Vec::new(), 0);
         let (mut width, mut rows) = (self.width, rows);
         let mut coarser: Vec<LeafTexel>;
@@ -239,7 +239,7 @@ mod tests {
         // Beyond the range the end counts, and what is no number is none.
         let odd = LeafTexel { factors: [1e9, -3.0, f32::NAN, 1.0], gloss: [2.0, f32::NAN], ..LeafTexel::default() };
         let back = unpacked(&odd.words(), 0);
-        assert_eq!(back.factors, [MOST_FACTOR, 0.0, 0.0, 1.0]);
+        assert_eq!(back.factors, [MAX_FACTOR, 0.0, 0.0, 1.0]);
         assert_eq!(back.gloss, [1.0, 0.0]);
     }
 
@@ -280,7 +280,7 @@ mod tests {
         }
         texture.texels.truncate(34);
         assert!(Leaf::new(&LeafState::default(), &texture).is_err());
-        for width in [0, MOST_LEAF_SIDE + 1] {
+        for width in [0, MAX_LEAF_SIDE + 1] {
             let texels = vec![LeafTexel::default(); width];
             let error = Leaf::new(&LeafState::default(), &LeafTexture { width, texels }).unwrap_err();
             assert!(error.to_string().contains("texels"), "{error}");

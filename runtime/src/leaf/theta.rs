@@ -2,7 +2,7 @@
 //! Twin of the last two: `shaders/leaf_theta.wgsl`.
 
 /// Largest absorption that the single-precision forms tell from infinity; theirs are 0 there.
-pub const MOST_ABSORPTION: f32 = 80.0;
+pub const MAX_ABSORPTION: f32 = 80.0;
 
 /// Of [`rational_theta`]: coefficients of k in the numerator, and of k, k^2 and k^3 in the denominator; the numerator's k^2
 /// has twice the last. Fitted to the least largest error by `cargo run --release -p btf-tests --example leaf_fits`.
@@ -52,7 +52,7 @@ pub fn three_piece_theta(k: f32) -> f32 {
 
 /// Theta by `e^-k P(k) / Q(k)`: 1 at 0, falling everywhere, largest error 7.7e-5.
 pub fn rational_theta(k: f32) -> f32 {
-    let k = k.min(MOST_ABSORPTION);
+    let k = k.min(MAX_ABSORPTION);
     let [q1, q2, q3] = THETA_Q;
     (-k).exp() * (1.0 + k * (THETA_P + k * 2.0 * q3)) / (1.0 + k * (q1 + k * (q2 + k * q3)))
 }

@@ -16,11 +16,11 @@ use crate::leaf::texture::{LeafTexel, texel_at};
 use std::f32::consts::PI;
 
 /// Least cosine between a tilted normal and the eye.
-pub const LEAST_EYE: f32 = 1e-3;
+pub const MIN_EYE: f32 = 1e-3;
 /// Least square of a normal's z.
-pub const LEAST_UP: f32 = 0.04;
+pub const MIN_UP: f32 = 0.04;
 /// Least share of the directions that either side of the body and the gloss are drawn with.
-pub const LEAST_SHARE: f32 = 0.02;
+pub const MIN_SHARE: f32 = 0.02;
 /// Luminance of linear sRGB.
 pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
@@ -46,7 +46,7 @@ pub struct ViewedLeaf<'a> {
 /// A face of a normal whose x and y are given, under veins along the angle that twice is given.
 fn face(tilt: [f32; 2], veins: [f32; 2], gloss: f32) -> LeafFace {
     let [x, y] = tilt;
-    let z = (1.0 - x * x - y * y).max(LEAST_UP).sqrt();
+    let z = (1.0 - x * x - y * y).max(MIN_UP).sqrt();
     let scale = 1.0 / (x * x + y * y + z * z).sqrt();
     let normal = [x * scale, y * scale, z * scale];
     // Half the angle; without a direction, along y.
@@ -88,7 +88,7 @@ impl<'a> ViewedLeaf<'a> {
         let back = face([bx, by], texel.veins, texel.gloss[1]);
         let (side, seen, far) = if wo[2] < 0.0 { (-1.0, back, front) } else { (1.0, front, back) };
         let wo = [wo[0], wo[1], wo[2] * side];
-        let cos_o = dot(seen.normal, wo).max(LEAST_EYE);
+        let cos_o = dot(seen.normal, wo).max(MIN_EYE);
         let lost = reflected_by(words, &gloss, &seen, cos_o, wo);
         let lets_out = [seen, far].map(|face| 1.0 - face.gloss * gloss.mean_albedo);
         let out = (1.0 - lost) / lets_out[0];
@@ -96,7 +96,7 @@ impl<'a> ViewedLeaf<'a> {
         let held = body(words, [0, 1, 2, 3].map(|i| texel.factors[i] * factors[i]));
         let LeafBody { reflectance, transmittance } = between_faces(held, lets_out, hidden);
         let (reflected, transmitted) = (reflectance.map(|c| c * out), transmittance.map(|c| c * out));
-        let shares = [dot(LUMINANCE, reflected), dot(LUMINANCE, transmitted), lost].map(|x| x.max(LEAST_SHARE));
+        let shares = [dot(LUMINANCE, reflected), dot(LUMINANCE, transmitted), lost].map(|x| x.max(MIN_SHARE));
         let total: f32 = shares.iter().sum();
         ViewedLeaf {
             words,

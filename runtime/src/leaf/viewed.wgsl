@@ -1,9 +1,9 @@
 // A place of a leaf as an eye sees it: the half of shading that does not depend on the light; and directions drawn for a path.
 // Twin: viewed_leaf.rs, which has the equations.
 
-const LEAF_LEAST_EYE: f32 = 1e-3;
-const LEAF_LEAST_UP: f32 = 0.04;
-const LEAF_LEAST_SHARE: f32 = 0.02;
+const LEAF_MIN_EYE: f32 = 1e-3;
+const LEAF_MIN_UP: f32 = 0.04;
+const LEAF_MIN_SHARE: f32 = 0.02;
 const LEAF_LUMINANCE: vec3<f32> = vec3<f32>(0.2126, 0.7152, 0.0722);
 
 struct ViewedLeaf {
@@ -24,7 +24,7 @@ struct ViewedLeaf {
 }
 
 fn leaf_face(tilt: vec2<f32>, veins: vec2<f32>, gloss: f32) -> LeafFace {
-    let normal = normalize(vec3<f32>(tilt, sqrt(max(1.0 - dot(tilt, tilt), LEAF_LEAST_UP))));
+    let normal = normalize(vec3<f32>(tilt, sqrt(max(1.0 - dot(tilt, tilt), LEAF_MIN_UP))));
     let size = length(veins);
     let cos2 = select(-1.0, veins.x / max(size, 1e-6), size > 1e-6);
     var v = sqrt(max(vec2<f32>(0.5 + 0.5 * cos2, 0.5 - 0.5 * cos2), vec2<f32>(0.0)));
@@ -61,7 +61,7 @@ fn leaf_new(base: u32, uv: vec2<f32>, level: u32, factors: vec4<f32>, eye: vec3<
         far = front;
     }
     let wo = vec3<f32>(eye.xy, eye.z * side);
-    let cos_o = max(dot(seen.normal, wo), LEAF_LEAST_EYE);
+    let cos_o = max(dot(seen.normal, wo), LEAF_MIN_EYE);
     let lost = leaf_reflected_by(base, lobe, seen, cos_o, wo);
     let lets_out = 1.0 - lobe.mean_albedo * vec2<f32>(seen.gloss, far.gloss);
     let passes = (1.0 - lost) / lets_out.x;
@@ -71,7 +71,7 @@ fn leaf_new(base: u32, uv: vec2<f32>, level: u32, factors: vec4<f32>, eye: vec3<
     let transmitted = body.transmittance * passes;
     let shares = max(
         vec3<f32>(dot(LEAF_LUMINANCE, reflected), dot(LEAF_LUMINANCE, transmitted), lost),
-        vec3<f32>(LEAF_LEAST_SHARE),
+        vec3<f32>(LEAF_MIN_SHARE),
     );
     let total = shares.x + shares.y + shares.z;
     return ViewedLeaf(base, side, lobe, wo, cos_o, seen, far, reflected, transmitted, shares / total);

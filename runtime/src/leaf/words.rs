@@ -40,8 +40,8 @@ pub const TABLE_HALF: f32 = 0.5;
 /// First word of the levels' offsets.
 pub const LEVELS_AT: usize = TABLE_AT + LEAF_BANDS * TABLE_ENTRIES;
 /// Most levels.
-pub const MOST_LEAF_LEVELS: usize = 16;
+pub const MAX_LEAF_LEVELS: usize = 16;
 /// First word of the texels.
-pub const TEXELS_AT: usize = LEVELS_AT + MOST_LEAF_LEVELS;
+pub const TEXELS_AT: usize = LEVELS_AT + MAX_LEAF_LEVELS;
 /// Words of a texel.
 pub const TEXEL_WORDS: usize = 4;

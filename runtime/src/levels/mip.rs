@@ -21,17 +21,17 @@ use crate::threads::{Threads, map};
 
 /// Measured pairs at which a level is fitted, at most; evenly chosen. Three numbers each, against at most 128 unknowns: with half as
 /// many pairs leather's levels are 1.2 to 2.1 dB worse, with half as many more 0.5 to 1.3 dB better and take 1.6 times as long.
-const MOST_PAIRS: usize = 768;
+const MAX_PAIRS: usize = 768;
 /// A level does without its last components as long as all that they add has less than this root mean square, in the
 /// residual's curve: 56 dB below white for the root curve.
-const LEAST_RMS: f64 = 1.5e-3;
+const MIN_RMS: f64 = 1.5e-3;
 /// Added to a value whose tone weighs the lobes' errors, as the fitter does.
 const TONE_FLOOR: f32 = 0.02;
 /// Sweeps of coordinate descent over lobes, and over coefficients, which are nearly orthogonal.
 const LOBE_SWEEPS: usize = 40;
 const COEFFICIENT_SWEEPS: usize = 8;
 /// Largest code of a coefficient.
-const MOST_CODE: f32 = 127.0;
+const MAX_CODE: f32 = 127.0;
 /// Lobes in the dictionary of the levels' own cluster.
 const OWN_LOBES: usize = 32;
 /// Squares from which that cluster's bases are made, how many and of which side, texels: of the first and second level, and
@@ -42,7 +42,7 @@ const SQUARE_TEXELS: usize = 6;
 /// Coefficients may go beyond those of the sample by this factor.
 const OWN_RANGE: f32 = 1.3;
 /// Largest code of a mixture.
-const MOST_MIXTURE_CODE: f32 = 32_000.0;
+const MAX_MIXTURE_CODE: f32 = 32_000.0;
 /// Added to the diagonal of the shared bases' products, relative to its mean.
 const RIDGE: f32 = 1e-4;
 
@@ -156,7 +156,7 @@ fn footprint(index: usize, count: usize, finer: usize) -> Vec<(usize, f32)> {
 /// Quantises the last cluster's mixture of basis `index`.
 fn write_mixture(residual: &mut Residual, index: usize, mixture: &[f32]) {
     let peak = mixture.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
-    let step = (peak / MOST_MIXTURE_CODE).clamp(1e-20, MAX_BASIS_STEP);
+    let step = (peak / MAX_MIXTURE_CODE).clamp(1e-20, MAX_BASIS_STEP);
     let basis = &mut residual.bases[index];
     let first = basis.values.len() - mixture.len();
     basis.values[first..].iter_mut().zip(mixture).for_each(|(q, x)| *q = (x / step).round() as i16);
@@ -246,7 +246,7 @@ struct Fitter<'a> {
 impl<'a> Fitter<'a> {
     fn new(layer: &'a Layer, threads: Threads) -> Fitter<'a> {
         let all = layer.views.len() * layer.lights.len();
-        let count = all.min(MOST_PAIRS);
+        let count = all.min(MAX_PAIRS);
         let pairs: Vec<usize> = (0..count).map(|i| spread(i, count, all)).collect();
         let lobe_at = |setup: &LobeSetup, pair: usize| {
             let (view, light) = ((pair / layer.lights.len()) as u32, (pair % layer.lights.len()) as u32);
@@ -414,7 +414,7 @@ impl<'a> Fitter<'a> {
                 left.iter_mut().zip(&cluster.mean).for_each(|(left, x)| *left -= x);
                 let products: Vec<f32> = cluster.components.iter().map(|component| dot(component, &left)).collect();
                 let (codes, gain) = descend(&cluster.gram, &products, COEFFICIENT_SWEEPS, |sweep, _, x| {
-                    let x = x.clamp(-MOST_CODE, MOST_CODE);
+                    let x = x.clamp(-MAX_CODE, MAX_CODE);
                     if sweep + 1 == COEFFICIENT_SWEEPS { x.round() } else { x }
                 });
                 let error = dot(&left, &left) - gain;
@@ -537,7 +537,7 @@ impl<'a> Fitter<'a> {
         for (j, component) in components.iter().enumerate() {
             let peak = points.iter().map(|point| dot(point, component).abs()).fold(0.0, f32::max);
             // Coefficients share their step with the other clusters'; where its range is too small, the basis is longer.
-            let reach = MOST_CODE * residual.coefficients[j].step;
+            let reach = MAX_CODE * residual.coefficients[j].step;
             let longer = if reach > 0.0 { (OWN_RANGE * peak / reach).max(1.0) } else { 1.0 };
             write_mixture(&mut residual, j + 1, &component.iter().map(|x| x * longer).collect::<Vec<_>>());
         }
@@ -596,7 +596,7 @@ impl<'a> Fitter<'a> {
                 energies[j] += f64::from(*code).powi(2) * f64::from(gram[j * count + j]);
             }
         }
-        let most = LEAST_RMS * LEAST_RMS * (texels.len() * self.samples) as f64;
+        let most = MIN_RMS * MIN_RMS * (texels.len() * self.samples) as f64;
         let mut left = 0.0;
         let dropped = energies.iter().rev().take_while(|energy| {
             left += **energy;

@@ -43,7 +43,7 @@ const ROOT: Exponent = Exponent::new(2.4);
 const ONE_OVER_ROOT: Exponent = Exponent::new(1.0 / 2.4);
 
 /// Bits of `1 / sqrt 2`, where the range of mantissas begins.
-const LEAST_MANTISSA: u32 = 0x3f35_04f3;
+const MIN_MANTISSA: u32 = 0x3f35_04f3;
 /// `log2 m = s (L0 + L1 s^2 + L2 s^4 + L3 s^6)` with `s = (m - 1) / (m + 1)`: least largest relative error, 7e-10.
 const LOG: [f32; 4] = [2.885_39, 0.961_798_85, 0.576_713_6, 0.431_756_15];
 /// `2^f` for `f` in `[-0.5, 0.5]`: least largest relative error, 1.9e-9.
@@ -95,7 +95,7 @@ fn exponent_and_log2_mantissa(x: f32) -> (f32, f32) {
     // As a comparison, which is one instruction: NaN becomes 0.
     let x = if x > 0.0 { x } else { 0.0 };
     let bits = x.to_bits();
-    let e = bits.wrapping_sub(LEAST_MANTISSA) as i32 >> 23;
+    let e = bits.wrapping_sub(MIN_MANTISSA) as i32 >> 23;
     let m = f32::from_bits(bits.wrapping_sub((e << 23) as u32));
     let s = (m - 1.0) / (m + 1.0);
     let t = s * s;

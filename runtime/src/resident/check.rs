@@ -5,10 +5,10 @@ use crate::asset::asset::{EPSILON_RANGE, level_sizes};
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::lobe::{LobeFamily, RESIDENT_WORDS};
 use crate::asset::sphere::{Sphere, cells_a_side};
-use crate::decode::parallax::MOST_HEIGHT_STEP;
-use crate::file::format::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_SIDE, MOST_LEVELS};
+use crate::decode::parallax::MAX_HEIGHT_STEP;
+use crate::file::format::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE};
 use crate::resident::resident::{
-    ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, LEAST_HORIZON_COS, PART_WORDS, block,
+    ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
 };
 use crate::rule::{self, Rule};
 use crate::threads::{Threads, map};
@@ -73,7 +73,7 @@ fn check_head(words: &[u32], [width, height, layers]: [u32; 3]) -> Result<(usize
     }
     let (levels, layers) = (words[4] as usize, layers as usize);
     let most = 1 + level_sizes([width, height].map(|side| side.clamp(1, MAX_SIDE) as usize)).len();
-    if levels == 0 || levels > most.min(MOST_LEVELS) || layers == 0 || layers > MAX_LAYERS {
+    if levels == 0 || levels > most.min(MAX_LEVELS) || layers == 0 || layers > MAX_LAYERS {
         return Err(rule::LEVEL_COUNT);
     }
     Ok((levels, layers))
@@ -135,7 +135,7 @@ impl<'a> Block<'a> {
         if self.field(block::RESIDUAL_KIND) > 2
             || self.field(block::LOBE_ROLE) > 1
             || !EPSILON_RANGE.contains(&self.float(block::EPSILON))
-            || !(LEAST_HORIZON_COS..=HORIZON_COS).contains(&self.float(block::HORIZON))
+            || !(MIN_HORIZON_COS..=HORIZON_COS).contains(&self.float(block::HORIZON))
             || bases > MAX_COMPONENTS + 1
             || clusters == 0
             || clusters > MAX_CLUSTERS
@@ -227,7 +227,7 @@ impl<'a> Block<'a> {
     /// Edits, each with as many lobes as were measured, `lobes` of each cluster.
     fn edits(&self, lobes: &[usize]) -> Checked {
         let (list, count) = (self.field(block::EDITS), self.field(block::EDIT_COUNT));
-        if (list == 0) != (count == 0) || count > crate::asset::edit::MOST_EDITS {
+        if (list == 0) != (count == 0) || count > crate::asset::edit::MAX_EDITS {
             return Err(rule::EDITS_COUNTED);
         }
         if count == 0 {
@@ -270,9 +270,9 @@ impl<'a> Block<'a> {
         }
         self.part(block::HEIGHTS, texels.div_ceil(4))?;
         let [step, least, most] =
-            [block::HEIGHT_STEP, block::LEAST_HEIGHT, block::MOST_HEIGHT].map(|field| self.float(field));
-        let reach = 128.0 * MOST_HEIGHT_STEP;
-        let fine = step > 0.0 && step <= MOST_HEIGHT_STEP && least >= -reach && most <= reach && least <= most;
+            [block::HEIGHT_STEP, block::MIN_HEIGHT, block::MAX_HEIGHT].map(|field| self.float(field));
+        let reach = 128.0 * MAX_HEIGHT_STEP;
+        let fine = step > 0.0 && step <= MAX_HEIGHT_STEP && least >= -reach && most <= reach && least <= most;
         if fine { Ok(()) } else { Err(rule::HEIGHT_RANGE) }
     }
 }

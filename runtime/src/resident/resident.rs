@@ -10,7 +10,7 @@ use crate::asset::residual::Residual;
 use crate::asset::sphere::direction;
 use crate::decode::parallax::Heights;
 use crate::decode::texel;
-use crate::file::format::{MAX_LAYERS, MOST_LEVELS};
+use crate::file::format::{MAX_LAYERS, MAX_LEVELS};
 use crate::resident::expansion::Expansion;
 use crate::threads::{Threads, fill, serial};
 use half::f16;
@@ -22,7 +22,7 @@ use std::sync::Arc;
 /// then the offset of each layer's block, level by level.
 pub const ASSET_LAYERS: usize = 8;
 /// Words before the first layer block.
-pub const ASSET_WORDS: usize = (ASSET_LAYERS + MAX_LAYERS * MOST_LEVELS).next_multiple_of(PART_WORDS);
+pub const ASSET_WORDS: usize = (ASSET_LAYERS + MAX_LAYERS * MAX_LEVELS).next_multiple_of(PART_WORDS);
 /// Words of a layer block.
 pub const LAYER_BLOCK_WORDS: usize = 32;
 /// Blocks and parts begin at multiples of this many words, 256 bytes: where a GPU lets a binding begin.
@@ -71,9 +71,9 @@ pub mod block {
     /// Texel widths per height code (f32).
     pub const HEIGHT_STEP: usize = 19;
     /// Least height, texel widths (f32).
-    pub const LEAST_HEIGHT: usize = 20;
+    pub const MIN_HEIGHT: usize = 20;
     /// Greatest height, texel widths (f32).
-    pub const MOST_HEIGHT: usize = 21;
+    pub const MAX_HEIGHT: usize = 21;
     /// Texels per row of the level.
     pub const WIDTH: usize = 22;
     /// Rows of the level.
@@ -91,7 +91,7 @@ pub mod block {
 /// The light fades to 0 below this cosine (84 degrees), or below the set's own least cosine.
 pub const HORIZON_COS: f32 = 0.1;
 /// Least cosine at which the fade starts, so that no decoder divides by a denormal.
-pub(crate) const LEAST_HORIZON_COS: f32 = 1e-6;
+pub(crate) const MIN_HORIZON_COS: f32 = 1e-6;
 /// Largest half-precision number: what a basis is clamped to, because infinity times a zero weight is NaN.
 const MAX_HALF: f32 = 65504.0;
 
@@ -380,7 +380,7 @@ fn push_layer(words: &mut Vec<u32>, layer: &Layer) {
     let base = words.len();
     words.resize(base + LAYER_BLOCK_WORDS, 0);
     let set = |words: &mut Vec<u32>, field: usize, value: u32| words[base + field] = value;
-    let horizon = HORIZON_COS.min(layer.lights.least_cosine()).max(LEAST_HORIZON_COS);
+    let horizon = HORIZON_COS.min(layer.lights.least_cosine()).max(MIN_HORIZON_COS);
     let bases = layer.residual.as_ref().map_or(0, |residual| residual.bases.len());
     set(words, block::LIGHT_SIDE, layer.light_side as u32);
     set(words, block::VIEW_SIDE, layer.view_side as u32);
@@ -443,8 +443,8 @@ fn push_texels(words: &mut Vec<u32>, base: usize, texels: &Texels) {
         let (here, [least, most]) = (words.len() as u32, heights.range());
         set(words, block::HEIGHTS, here);
         set(words, block::HEIGHT_STEP, heights.step.to_bits());
-        set(words, block::LEAST_HEIGHT, least.to_bits());
-        set(words, block::MOST_HEIGHT, most.to_bits());
+        set(words, block::MIN_HEIGHT, least.to_bits());
+        set(words, block::MAX_HEIGHT, most.to_bits());
         words.extend(heights.to_words());
         begin_part(words);
     }
@@ -590,6 +590,6 @@ mod tests {
         };
         assert_eq!(horizon(75.0), HORIZON_COS);
         assert!((horizon(87.0) - 87.0f32.to_radians().cos()).abs() < 1e-6);
-        assert_eq!(horizon(90.0), LEAST_HORIZON_COS);
+        assert_eq!(horizon(90.0), MIN_HORIZON_COS);
     }
 }

@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 /// Steps of the density's code for each doubling: the nearest is within 0.55 %.
 pub const DENSITY_STEPS: i32 = 64;
 /// Largest magnitude of a density's binary logarithm: below it is nothing, above it is refused.
-pub const MOST_DENSITY_LOG2: i32 = 30;
+pub const MAX_DENSITY_LOG2: i32 = 30;
 /// Bits of a ratio.
 pub const RATIO_BITS: usize = 6;
 /// Bits of an angle's magnitude.
@@ -46,7 +46,7 @@ impl VoxelCodes {
     /// The codes of a matrix that is finite and has no negative number on its diagonal; `None` where it is too dense.
     pub fn of(s: &Sym3) -> Option<VoxelCodes> {
         let roots = [0, 1, 2].map(|i| f64::from(s.0[i]).max(0.0).sqrt());
-        let most = roots.iter().fold(f64::from(-MOST_DENSITY_LOG2).exp2(), |most, root| most.max(*root));
+        let most = roots.iter().fold(f64::from(-MAX_DENSITY_LOG2).exp2(), |most, root| most.max(*root));
         let ratios = roots.map(|root| (root / most * f64::from(RATIO_ONE)).round() as u8);
         let axis = ratios.iter().position(|ratio| u32::from(*ratio) == RATIO_ONE).unwrap_or(0);
         let log2 = most.log2();
@@ -72,7 +72,7 @@ impl VoxelCodes {
 
     /// Whether the density is one that may be read.
     pub fn density_in_range(&self) -> bool {
-        self.density.abs() <= MOST_DENSITY_LOG2 * DENSITY_STEPS
+        self.density.abs() <= MAX_DENSITY_LOG2 * DENSITY_STEPS
     }
 
     /// Whether the axis is the first of those whose ratio has the code of 1: one matrix has one axis.
@@ -135,9 +135,9 @@ mod tests {
     use crate::testing::Random;
 
     /// By which the projected area may differ in any direction, in shares of the largest.
-    const MOST_DIFFERENCE: f64 = 0.07;
+    const MAX_DIFFERENCE: f64 = 0.07;
 
-    /// Flakes of one direction, of some, of many, or of nearly all in a plane.
+    /// Microflakes of one direction, of some, of many, or of nearly all in a plane.
     fn any_extinction(random: &mut Random) -> Sym3 {
         let count = [1, 2, 3, 30][random.below(4)];
         let flat = random.below(3) == 0;
@@ -184,7 +184,7 @@ mod tests {
             most = most.max(difference);
             squares += root_mean_square * root_mean_square / 4000.0;
         }
-        assert!(most < MOST_DIFFERENCE && squares.sqrt() < 0.0045, "{most} {}", squares.sqrt());
+        assert!(most < MAX_DIFFERENCE && squares.sqrt() < 0.0045, "{most} {}", squares.sqrt());
         // Planted difference: a correlation one code off.
         let s = Sym3([1.0, 0.5, 0.25, 0.3, 0.2, -0.1]);
         let mut codes = VoxelCodes::of(&s).unwrap();

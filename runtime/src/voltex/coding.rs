@@ -5,7 +5,7 @@ use super::codes::{ANGLE_BITS, DENSITY_STEPS, RATIO_BITS, VoxelCodes};
 use crate::container::entropy::{BinaryCoder, Bit, Signed, Tree};
 
 /// Decisions that a voxel takes at least: a bit of its mask apart, its density, axis and ratios, and where its material is from.
-pub const LEAST_DECISIONS: usize = 3 + 2 * RATIO_BITS + 1;
+pub const MIN_DECISIONS: usize = 3 + 2 * RATIO_BITS + 1;
 
 /// A voxel's codes with its material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -44,7 +44,7 @@ impl AngleModel {
     }
 }
 
-/// Codes which of a level's voxels have a second sort of flakes in their cells.
+/// Codes which of a level's voxels have a second sort of microflakes in their cells.
 pub fn code_others(coder: &mut impl BinaryCoder, have: &mut [bool]) {
     // By what the one before has.
     let mut bits = [Bit::NEW; 2];

@@ -2,12 +2,14 @@
 //! first, each of which ends a tier. Normative text: docs/VOLTEX.md.
 
 use super::codes::{DENSITY_STEPS, VoxelCodes};
-use super::coding::{CodedVoxel, LEAST_DECISIONS, code_masks, code_others, code_voxels, density_of_children};
+use super::coding::{CodedVoxel, MIN_DECISIONS, code_masks, code_others, code_voxels, density_of_children};
 use super::error::{VOLTEX_NAMES, VoltexError};
-use super::gloss::{Facets, MOST_FACETS};
+use super::gloss::{Facets, MAX_FACETS};
 use super::matrix::Sym3;
 use super::rule;
-use super::volume::{FlakeMaterial, LEAST_SHARED, LevelShadow, MOST_CLUMPING, MOST_LEVELS, Volume, VolumeLevel, order};
+use super::volume::{
+    LevelShadow, MAX_CLUMPING, MAX_LEVELS, MIN_SHARED, MicroflakeMaterial, Volume, VolumeLevel, order,
+};
 use super::voxel::Voxel;
 use super::words::{CLUMPING_AT, FACETS_AT, LEVEL_WORDS};
 use crate::container::container::{
@@ -24,11 +26,11 @@ use half::f16;
 /// The version that this package writes and reads.
 pub const VOLTEX_VERSION: u32 = 1;
 /// Most materials of a volume: their numbers are 16 bits.
-pub const MOST_MATERIALS: usize = 1 << 16;
+pub const MAX_MATERIALS: usize = 1 << 16;
 /// Largest side, metres.
-pub const MOST_SIDE_M: f32 = 1e9;
+pub const MAX_SIDE_M: f32 = 1e9;
 /// Largest offset of a shadow, voxels.
-const MOST_OFFSET: f32 = 1024.0;
+const MAX_OFFSET: f32 = 1024.0;
 /// Voxels that are made at a time.
 const VOXELS_AT_A_TIME: usize = 4096;
 
@@ -54,7 +56,7 @@ mod header {
 pub enum VoltexSection {
     /// UTF-8 JSON: name, source, how it was built.
     Description = 1,
-    /// What flakes are made of.
+    /// What microflakes are made of.
     Materials = 2,
     /// The voxels of a level; index 0 the coarsest, which is one voxel.
     Level = 3,
@@ -93,8 +95,8 @@ impl FileFormat for VoltexFormat {
     const VERSION: u32 = VOLTEX_VERSION;
 
     fn read_head(header: &mut HeaderReader) -> Option<VoltexHead> {
-        let levels = header.within("level_count", header::LEVELS, [1, MOST_LEVELS + 1], "1 to 13");
-        let materials = header.within("material_count", header::MATERIALS, [1, MOST_MATERIALS as u32], "1 to 65536");
+        let levels = header.within("level_count", header::LEVELS, [1, MAX_LEVELS + 1], "1 to 13");
+        let materials = header.within("material_count", header::MATERIALS, [1, MAX_MATERIALS as u32], "1 to 65536");
         let flags = header.within("flags", header::FLAGS, [0, 3], "0 to 3 in version 1");
         for at in header::RESERVED {
             header.within("reserved", at, [0, 0], "0");
@@ -148,18 +150,18 @@ fn extent_in_range(extent: f32) -> bool {
 }
 
 fn side_in_range(side_m: f32) -> bool {
-    side_m > 0.0 && side_m <= MOST_SIDE_M
+    side_m > 0.0 && side_m <= MAX_SIDE_M
 }
 
-impl FlakeMaterial {
+impl MicroflakeMaterial {
     fn halves(&self) -> [f16; 8] {
         let ([a, b, c], [d, e, f]) = (self.reflectance, self.transmittance);
         [a, b, c, d, e, f, self.specular, self.roughness].map(f16::from_f32)
     }
 
-    fn from_halves(halves: &[f16]) -> FlakeMaterial {
+    fn from_halves(halves: &[f16]) -> MicroflakeMaterial {
         let number = |i: usize| halves[i].to_f32();
-        FlakeMaterial {
+        MicroflakeMaterial {
             reflectance: [number(0), number(1), number(2)],
             transmittance: [number(3), number(4), number(5)],
             specular: number(6),
@@ -174,17 +176,16 @@ fn material_in_range(halves: &[f16]) -> bool {
 
 impl LevelShadow {
     fn in_range(&self) -> bool {
-        (0.0..=MOST_OFFSET).contains(&self.offset)
-            && self.shared.iter().all(|share| (LEAST_SHARED..=1.0).contains(share))
+        (0.0..=MAX_OFFSET).contains(&self.offset) && self.shared.iter().all(|share| (MIN_SHARED..=1.0).contains(share))
     }
 }
 
 fn clumping_in_range(clumping: &Sym3) -> bool {
-    clumping.0.iter().all(|x| (-MOST_CLUMPING..=MOST_CLUMPING).contains(x))
+    clumping.0.iter().all(|x| (-MAX_CLUMPING..=MAX_CLUMPING).contains(x))
 }
 
 fn facets_in_range(facets: &Facets) -> bool {
-    facets.0.iter().all(|x| (-MOST_FACETS..=MOST_FACETS).contains(x))
+    facets.0.iter().all(|x| (-MAX_FACETS..=MAX_FACETS).contains(x))
 }
 
 /// Checks header, tables, section bounds, padding and every present section's checksum, as [`crate::read_directory`].
@@ -210,7 +211,7 @@ impl Volume {
             bytes,
             ends_tier,
         };
-        let materials = self.materials.iter().flat_map(FlakeMaterial::halves);
+        let materials = self.materials.iter().flat_map(MicroflakeMaterial::halves);
         let mut sections = vec![
             section(VoltexSection::Description, 0, self.description.clone().into_bytes(), false),
             section(VoltexSection::Materials, 0, materials.flat_map(f16::to_le_bytes).collect(), false),
@@ -263,12 +264,12 @@ impl Volume {
         let must = |holds: bool, reason| if holds { Ok(()) } else { Err(reason) };
         must(self.extent.iter().all(|x| extent_in_range(*x)), "its extent must be above 0 and at most 1")?;
         must(side_in_range(self.side_m), "its side must be above 0 m and at most 1000000000 m")?;
-        must((1..=MOST_MATERIALS).contains(&self.materials.len()), "it needs 1 to 65536 materials")?;
+        must((1..=MAX_MATERIALS).contains(&self.materials.len()), "it needs 1 to 65536 materials")?;
         must(
             self.materials.iter().all(|material| material_in_range(&material.halves())),
             "a material's shares and roughness must be within 0 to 1",
         )?;
-        must((1..=MOST_LEVELS as usize + 1).contains(&self.levels.len()), "it needs 1 to 13 levels")?;
+        must((1..=MAX_LEVELS as usize + 1).contains(&self.levels.len()), "it needs 1 to 13 levels")?;
         let last = &self.levels[self.levels.len() - 1];
         must(last.voxels.len() == 1 && last.voxels[0].0 == [0; 3], "its coarsest level must be one voxel")?;
         for (number, level) in self.levels.iter().enumerate() {
@@ -292,9 +293,12 @@ impl Volume {
             let rising = level.others.windows(2).all(|pair| pair[0].0 < pair[1].0);
             let beside = level.others.last().is_none_or(|(last, _)| (*last as usize) < level.voxels.len());
             must(rising && beside, "a level's second sorts are not in order, or in no voxel's cell")?;
-            must(level.flakes().all(voxel_in_range), "a voxel's extinction is not finite or negative along an axis")?;
             must(
-                level.flakes().all(|voxel| (voxel.material as usize) < self.materials.len()),
+                level.microflakes().all(voxel_in_range),
+                "a voxel's extinction is not finite or negative along an axis",
+            )?;
+            must(
+                level.microflakes().all(|voxel| (voxel.material as usize) < self.materials.len()),
                 "a voxel names a material that is not there",
             )?;
         }
@@ -404,13 +408,13 @@ fn decoded<T: Copy + Default + Send + Sync>(threads: Threads, coded: &[(T, Coded
     voxels
 }
 
-fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<FlakeMaterial>, FormatError> {
+fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<MicroflakeMaterial>, FormatError> {
     let halves = reader.halves(8 * count)?;
     reader.end()?;
     if !material_in_range(&halves) {
         return reader.bad(rule::MATERIAL_RANGE);
     }
-    Ok(halves.chunks_exact(8).map(FlakeMaterial::from_halves).collect())
+    Ok(halves.chunks_exact(8).map(MicroflakeMaterial::from_halves).collect())
 }
 
 /// A level as a file has it.
@@ -453,7 +457,7 @@ fn read_level(
             return reader.bad(rule::NO_CHILD);
         }
         let count: usize = masks.iter().map(|mask| mask.count_ones() as usize).sum();
-        bounded(LEAST_DECISIONS * count, stream).or_else(|reason| reader.bad(reason))?;
+        bounded(MIN_DECISIONS * count, stream).or_else(|reason| reader.bad(reason))?;
         let places: Vec<[u32; 3]> =
             coarser.iter().zip(&masks).flat_map(|((at, _), mask)| children_of(*at, *mask)).collect();
         (coarser.iter().map(|(_, voxel)| *voxel).zip(masks).collect(), places)
@@ -463,7 +467,7 @@ fn read_level(
     let mut have = vec![false; voxels.len()];
     code_others(&mut decoder, &mut have);
     let shared: Vec<u32> = (0..voxels.len() as u32).filter(|number| have[*number as usize]).collect();
-    bounded(LEAST_DECISIONS * (voxels.len() + shared.len()), stream).or_else(|reason| reader.bad(reason))?;
+    bounded(MIN_DECISIONS * (voxels.len() + shared.len()), stream).or_else(|reason| reader.bad(reason))?;
     let mut others = vec![CodedVoxel::default(); shared.len()];
     fits &= code_voxels(&mut decoder, shared.iter().map(|number| (voxels[*number as usize], 0)), &mut others);
     decoder.ended().or_else(|reason| reader.bad(reason))?;

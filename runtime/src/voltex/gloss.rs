@@ -1,27 +1,27 @@
-//! Light that smooth surfaces of a voxel's flakes send to the eye. Twin: `shaders/voltex_gloss.wgsl`.
+//! Light that smooth surfaces of a voxel's microflakes send to the eye. Twin: `shaders/voltex_gloss.wgsl`.
 //!
-//! Facets are spread as flakes whose ellipsoid is S, each of them tilted as GGX tilts those of a surface [Walter et al. 2007]:
-//! S + alpha^2 (tr(S) I - S), which is GGX's own ellipsoid for one flake and a sphere for flakes of all directions
+//! Facets are spread as microflakes whose ellipsoid is S, each of them tilted as GGX tilts those of a surface [Walter et al. 2007]:
+//! S + alpha^2 (tr(S) I - S), which is GGX's own ellipsoid for one microflake and a sphere for microflakes of all directions
 //! [after Heitz et al. 2015]. What ellipsoids, of second degree, do not know of leaves that are all inclined alike, a form of
 //! fourth degree tells for all voxels of a level: [`Facets`].
 
 use super::matrix::{Sym3, dot};
-use super::shade::LEAST_ROOT;
+use super::shade::MIN_ROOT;
 use crate::leaf::lobe::fresnel;
 
 /// Least roughness that is told apart, GGX alpha: of less single precision makes no ellipsoid.
-pub const LEAST_ROUGHNESS: f32 = 0.1;
+pub const MIN_ROUGHNESS: f32 = 0.1;
 /// Least share of amplitude that is not reflected: what reflects all light has an index of tens of thousands.
-pub const LEAST_REFRACTED: f32 = 1e-4;
+pub const MIN_REFRACTED: f32 = 1e-4;
 /// Least squared length of the sum of two directions that has one of its own.
-pub const LEAST_HALF2: f32 = 1e-10;
+pub const MIN_HALF2: f32 = 1e-10;
 
 /// Coefficients of [`Facets`]: those of an even polynomial of fourth degree on the sphere.
 pub const FACETS: usize = 15;
 /// Largest of them.
-pub const MOST_FACETS: f32 = 64.0;
+pub const MAX_FACETS: f32 = 64.0;
 /// Largest logarithm of the factor on a density of facets.
-pub const MOST_DENSER: f32 = 4.0;
+pub const MAX_DENSER: f32 = 4.0;
 
 /// How much denser than the ellipsoids of its voxels say the facets of a level lie about a direction: the exponential of a form
 /// of fourth degree. Coefficients of x^4, y^4, z^4; x^2 y^2, x^2 z^2, y^2 z^2; x^2 (xy, xz, yz), y^2 (xy, xz, yz), z^2 (xy, xz, yz).
@@ -39,34 +39,34 @@ impl Facets {
 
     /// The factor on the density of facets along `half`, of any length.
     pub fn denser(&self, half: [f32; 3]) -> f32 {
-        let scale = dot(half, half).max(LEAST_HALF2).sqrt().recip();
+        let scale = dot(half, half).max(MIN_HALF2).sqrt().recip();
         let terms = Facets::terms(half.map(|x| x * scale));
         let form: f32 = self.0.iter().zip(terms).map(|(coefficient, term)| coefficient * term).sum();
-        form.clamp(-MOST_DENSER, MOST_DENSER).exp()
+        form.clamp(-MAX_DENSER, MAX_DENSER).exp()
     }
 }
 
-/// For light from `l`, seen from `v` (unit vectors away from the flakes): the sum over the flakes' smooth surfaces of
+/// For light from `l`, seen from `v` (unit vectors away from the microflakes): the sum over the microflakes' smooth surfaces of
 /// `pi a F D G / 4`, which stands beside `reflectance` times [`shade`](super::shade)'s sums. `specular` is the reflectance at normal
 /// incidence, from air into what has no absorption; `roughness` GGX's alpha.
 ///
-/// Exact for one flake on the side of the light; on the other it shows facets that a surface has not, and to eyes along it flakes
+/// Exact for one microflake on the side of the light; on the other it shows facets that a surface has not, and to eyes along it microflakes
 /// send up to an eighth more than they stop. Of many, what lies between their normals is filled; that is what [`Facets`] are for.
 /// Twin: `voltex_gloss`.
 pub fn gloss(extinction: &Sym3, specular: f32, roughness: f32, v: [f32; 3], l: [f32; 3]) -> f32 {
     let trace = extinction.trace();
     let half: [f32; 3] = std::array::from_fn(|i| v[i] + l[i]);
     let half2 = dot(half, half);
-    if trace <= 0.0 || half2 < LEAST_HALF2 {
+    if trace <= 0.0 || half2 < MIN_HALF2 {
         return 0.0;
     }
-    let alpha2 = roughness.max(LEAST_ROUGHNESS).powi(2);
-    let flakes = extinction.scale(1.0 / trace);
-    let facets = flakes.scale(1.0 - alpha2).plus(&Sym3([alpha2, alpha2, alpha2, 0.0, 0.0, 0.0]));
+    let alpha2 = roughness.max(MIN_ROUGHNESS).powi(2);
+    let microflakes = extinction.scale(1.0 / trace);
+    let facets = microflakes.scale(1.0 - alpha2).plus(&Sym3([alpha2, alpha2, alpha2, 0.0, 0.0, 0.0]));
     // Share of the facets towards d that others do not hide [Smith 1967].
     let seen = |d: [f32; 3]| {
-        let [own, all] = [&flakes, &facets].map(|s| s.form(d, d).max(0.0).sqrt());
-        2.0 * own / (own + all).max(LEAST_ROOT)
+        let [own, all] = [&microflakes, &facets].map(|s| s.form(d, d).max(0.0).sqrt());
+        2.0 * own / (own + all).max(MIN_ROOT)
     };
     let adjugate = facets.adjugate();
     // The determinant, by the first row.
@@ -76,7 +76,7 @@ pub fn gloss(extinction: &Sym3, specular: f32, roughness: f32, v: [f32; 3], l: [
     let density = trace.sqrt() * determinant.max(0.0).powf(1.5) / (spread * spread).max(1e-30);
     // Of the index that has this reflectance at normal incidence.
     let root = specular.sqrt();
-    let index = (1.0 + root) / (1.0 - root).max(LEAST_REFRACTED);
+    let index = (1.0 + root) / (1.0 - root).max(MIN_REFRACTED);
     0.25 * fresnel(index, dot(half, v) / half2.sqrt()) * density * seen(v) * seen(l)
 }
 
@@ -86,8 +86,8 @@ mod tests {
     use crate::testing::{Random, sphere_direction};
     use std::f32::consts::PI;
 
-    /// `pi D G / 4` of one flake of area 1, by GGX's own formulas.
-    fn of_flake(n: [f32; 3], alpha: f32, v: [f32; 3], l: [f32; 3]) -> f32 {
+    /// `pi D G / 4` of one microflake of area 1, by GGX's own formulas.
+    fn of_microflake(n: [f32; 3], alpha: f32, v: [f32; 3], l: [f32; 3]) -> f32 {
         let side = dot(n, v).signum();
         let n = n.map(|x| x * side);
         let (cos_v, cos_l) = (dot(n, v), dot(n, l));
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn one_flake_is_a_rough_surface() {
+    fn one_microflake_is_a_rough_surface() {
         let mut random = Random::new(21);
         let (mut compared, mut planted) = (0, 0);
         for _ in 0..20_000 {
@@ -115,7 +115,7 @@ mod tests {
             if dot(n, v) * dot(n, l) <= 0.0 || dot(n, v).abs().min(dot(n, l).abs()) < 0.05 {
                 continue;
             }
-            let expected = area * of_flake(n, alpha, v, l);
+            let expected = area * of_microflake(n, alpha, v, l);
             let s = Sym3::outer(n, area * area);
             let fault = |found: f32| (found / expected - 1.0).abs();
             // White facets.
@@ -128,11 +128,11 @@ mod tests {
     }
 
     #[test]
-    fn light_and_eye_exchange_and_more_flakes_are_as_much_brighter() {
+    fn light_and_eye_exchange_and_more_microflakes_are_as_much_brighter() {
         let mut random = Random::new(22);
         for _ in 0..5000 {
-            let flakes = (0..3).map(|_| Sym3::outer(sphere_direction(&mut random), random.within(0.1, 1.0)));
-            let s = flakes.fold(Sym3::default(), |sum, flake| sum.plus(&flake));
+            let microflakes = (0..3).map(|_| Sym3::outer(sphere_direction(&mut random), random.within(0.1, 1.0)));
+            let s = microflakes.fold(Sym3::default(), |sum, microflake| sum.plus(&microflake));
             let (v, l) = (sphere_direction(&mut random), sphere_direction(&mut random));
             let here = gloss(&s, 0.04, 0.3, v, l);
             assert!((gloss(&s, 0.04, 0.3, l, v) - here).abs() < 1e-4 * here);
@@ -186,7 +186,7 @@ mod tests {
         assert!(
             axes.denser([0.0, 1.0, 0.0]) == axes.denser([0.0, 0.0, 2.0]) && axes.denser([1.0; 3]) < 0.6 * 1f32.exp()
         );
-        assert_eq!(Facets([MOST_FACETS; FACETS]).denser([1.0; 3]), MOST_DENSER.exp());
+        assert_eq!(Facets([MAX_FACETS; FACETS]).denser([1.0; 3]), MAX_DENSER.exp());
         assert_eq!(Facets::default().denser([0.0; 3]), 1.0);
     }
 
@@ -212,15 +212,16 @@ mod tests {
         let (mut least, mut most) = (f64::INFINITY, 0f64);
         for i in 0..12 {
             let v = sphere_direction(&mut random);
-            let flakes = (0..1 + i % 4).map(|_| Sym3::outer(sphere_direction(&mut random), random.within(0.1, 1.0)));
-            let s = flakes.fold(Sym3::default(), |sum, flake| sum.plus(&flake));
+            let microflakes =
+                (0..1 + i % 4).map(|_| Sym3::outer(sphere_direction(&mut random), random.within(0.1, 1.0)));
+            let s = microflakes.fold(Sym3::default(), |sum, microflake| sum.plus(&microflake));
             let sent = furnace(&s, 0.3, v);
             (least, most) = (least.min(sent), most.max(sent));
         }
         println!("furnace: {least:.3} to {most:.3}");
         assert!(least > 0.9 && most < 1.125, "{least} {most}");
-        // Flakes of all directions, whose facets are theirs.
-        let all = furnace(&Sym3([0.25, 0.25, 0.25, 0.0, 0.0, 0.0]), LEAST_ROUGHNESS, [0.0, 0.6, 0.8]);
+        // Microflakes of all directions, whose facets are theirs.
+        let all = furnace(&Sym3([0.25, 0.25, 0.25, 0.0, 0.0, 0.0]), MIN_ROUGHNESS, [0.0, 0.6, 0.8]);
         assert!((all - 1.0).abs() < 0.02, "{all}");
     }
 }

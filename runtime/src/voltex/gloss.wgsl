@@ -1,21 +1,21 @@
-// Light that smooth surfaces of a voxel's flakes send to the eye. Twin: voltex/gloss.rs, which has the equations.
+// Light that smooth surfaces of a voxel's microflakes send to the eye. Twin: voltex/gloss.rs, which has the equations.
 
-const VOLTEX_LEAST_ROUGHNESS: f32 = 0.1;
-const VOLTEX_LEAST_REFRACTED: f32 = 1e-4;
-const VOLTEX_LEAST_HALF2: f32 = 1e-10;
-const VOLTEX_MOST_DENSER: f32 = 4.0;
+const VOLTEX_MIN_ROUGHNESS: f32 = 0.1;
+const VOLTEX_MIN_REFRACTED: f32 = 1e-4;
+const VOLTEX_MIN_HALF2: f32 = 1e-10;
+const VOLTEX_MAX_DENSER: f32 = 4.0;
 
-// For light from `l`, seen from `v`, unit vectors away from the flakes: the sum over their smooth surfaces of `pi a F D G / 4`.
+// For light from `l`, seen from `v`, unit vectors away from the microflakes: the sum over their smooth surfaces of `pi a F D G / 4`.
 fn voltex_gloss(extinction: VoltexMatrix, specular: f32, roughness: f32, v: vec3<f32>, l: vec3<f32>) -> f32 {
     let trace = extinction.diagonal.x + extinction.diagonal.y + extinction.diagonal.z;
     let half_way = v + l;
     let half2 = dot(half_way, half_way);
-    if trace <= 0.0 || half2 < VOLTEX_LEAST_HALF2 {
+    if trace <= 0.0 || half2 < VOLTEX_MIN_HALF2 {
         return 0.0;
     }
-    let alpha = max(roughness, VOLTEX_LEAST_ROUGHNESS);
-    let flakes = voltex_scale(extinction, 1.0 / trace);
-    var facets = voltex_scale(flakes, 1.0 - alpha * alpha);
+    let alpha = max(roughness, VOLTEX_MIN_ROUGHNESS);
+    let microflakes = voltex_scale(extinction, 1.0 / trace);
+    var facets = voltex_scale(microflakes, 1.0 - alpha * alpha);
     facets.diagonal += alpha * alpha;
     let adjugate = voltex_adjugate(facets);
     let determinant = facets.diagonal.x * adjugate.diagonal.x + dot(facets.beside.xy, adjugate.beside.xy);
@@ -23,8 +23,8 @@ fn voltex_gloss(extinction: VoltexMatrix, specular: f32, roughness: f32, v: vec3
     let density = sqrt(trace) * pow(max(determinant, 0.0), 1.5) / max(spread * spread, 1e-30);
     // Of the index that has this reflectance at normal incidence.
     let root = sqrt(specular);
-    let fresnel = voltex_fresnel((1.0 + root) / max(1.0 - root, VOLTEX_LEAST_REFRACTED), dot(half_way, v) / sqrt(half2));
-    return 0.25 * fresnel * density * voltex_facets_seen(flakes, facets, v) * voltex_facets_seen(flakes, facets, l);
+    let fresnel = voltex_fresnel((1.0 + root) / max(1.0 - root, VOLTEX_MIN_REFRACTED), dot(half_way, v) / sqrt(half2));
+    return 0.25 * fresnel * density * voltex_facets_seen(microflakes, facets, v) * voltex_facets_seen(microflakes, facets, l);
 }
 
 // Reflectance of unpolarised light from air into an index, at an angle with a cosine [Cook & Torrance 1982].
@@ -37,7 +37,7 @@ fn voltex_fresnel(index: f32, cosine: f32) -> f32 {
 }
 
 // Share of the facets towards `d` that others do not hide.
-fn voltex_facets_seen(flakes: VoltexMatrix, facets: VoltexMatrix, d: vec3<f32>) -> f32 {
-    let own = sqrt(max(voltex_form(flakes, d, d), 0.0));
-    return 2.0 * own / max(own + sqrt(max(voltex_form(facets, d, d), 0.0)), VOLTEX_LEAST_ROOT);
+fn voltex_facets_seen(microflakes: VoltexMatrix, facets: VoltexMatrix, d: vec3<f32>) -> f32 {
+    let own = sqrt(max(voltex_form(microflakes, d, d), 0.0));
+    return 2.0 * own / max(own + sqrt(max(voltex_form(facets, d, d), 0.0)), VOLTEX_MIN_ROOT);
 }

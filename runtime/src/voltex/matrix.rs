@@ -114,10 +114,10 @@ mod tests {
     fn a_matrix_is_what_its_eigenvectors_make() {
         let mut random = Random::new(1);
         for round in 0..1000 {
-            // One, two, three or more flakes: rank and equal values.
-            let flakes =
+            // One, two, three or more microflakes: rank and equal values.
+            let microflakes =
                 (0..1 + round % 5).map(|_| Sym3::outer(sphere_direction(&mut random), random.within(0.0, 2.0)));
-            let m = flakes.fold(Sym3::default(), |sum, flake| sum.plus(&flake));
+            let m = microflakes.fold(Sym3::default(), |sum, microflake| sum.plus(&microflake));
             let same = m.mapped(|x| x);
             let distance = |a: &Sym3| a.0.iter().zip(&m.0).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
             assert!(distance(&same) <= 1e-6 * m.trace(), "{m:?} {same:?}");

@@ -1,23 +1,23 @@
-//! Light that the flakes of a voxel send to the eye, in closed form. Twin: `shaders/voltex_shade.wgsl`.
+//! Light that the microflakes of a voxel send to the eye, in closed form. Twin: `shaders/voltex_shade.wgsl`.
 
 use super::matrix::Sym3;
 use super::volume::{HOTSPOT_DEG, LevelShadow};
 
 /// Least root of a product that is divided by.
-pub const LEAST_ROOT: f32 = 1e-30;
+pub const MIN_ROOT: f32 = 1e-30;
 /// Optical depth below which [`seen_at`] is a series.
 pub const SERIES_DEPTH: f32 = 1.0;
 
-/// For light from `l`, seen from `v` (unit vectors away from the flakes): sums over the flakes of `a |n.v| |n.l|` where both
-/// are on one side of the flake, and where they are on two.
+/// For light from `l`, seen from `v` (unit vectors away from the microflakes): sums over the microflakes of `a |n.v| |n.l|` where both
+/// are on one side of the microflake, and where they are on two.
 ///
-/// Exact for one flake and for flakes in all directions: for normals of which `n.v` and `n.l` are Gaussian the mean of
+/// Exact for one microflake and for microflakes in all directions: for normals of which `n.v` and `n.l` are Gaussian the mean of
 /// `|n.v| |n.l|` is `2/pi (sqrt(ab - c^2) + c asin(c / sqrt(ab)))`; the sum of `(n.v)(n.l)` is always exact.
 /// Twin: `voltex_shade`.
 pub fn shade(moment: &Sym3, v: [f32; 3], l: [f32; 3]) -> [f32; 2] {
     let (a, b, c) = (moment.form(v, v), moment.form(l, l), moment.form(v, l));
     let root = (a * b).max(0.0).sqrt();
-    let r = (c / root.max(LEAST_ROOT)).clamp(-1.0, 1.0);
+    let r = (c / root.max(MIN_ROOT)).clamp(-1.0, 1.0);
     let both = std::f32::consts::FRAC_2_PI * (root * ((1.0 - r) * (1.0 + r)).sqrt() + c * r.asin());
     [(0.5 * (both + c)).max(0.0), (0.5 * (both - c)).max(0.0)]
 }
@@ -53,16 +53,16 @@ mod tests {
     use std::f64::consts::PI;
 
     /// Area and normal.
-    type Flake = (f32, [f32; 3]);
+    type Microflake = (f32, [f32; 3]);
 
-    fn moment(flakes: &[Flake]) -> Sym3 {
-        flakes.iter().fold(Sym3::default(), |sum, (a, n)| sum.plus(&Sym3::outer(*n, *a)))
+    fn moment(microflakes: &[Microflake]) -> Sym3 {
+        microflakes.iter().fold(Sym3::default(), |sum, (a, n)| sum.plus(&Sym3::outer(*n, *a)))
     }
 
     /// The sums that [`shade`] stands for.
-    fn shaded(flakes: &[Flake], v: [f32; 3], l: [f32; 3]) -> [f32; 2] {
+    fn shaded(microflakes: &[Microflake], v: [f32; 3], l: [f32; 3]) -> [f32; 2] {
         let product = |n: &[f32; 3]| dot(*n, v) * dot(*n, l);
-        [1.0, -1.0].map(|side| flakes.iter().map(|(a, n)| a * (side * product(n)).max(0.0)).sum())
+        [1.0, -1.0].map(|side| microflakes.iter().map(|(a, n)| a * (side * product(n)).max(0.0)).sum())
     }
 
     fn apart(a: [f32; 2], b: [f32; 2]) -> f32 {
@@ -70,10 +70,10 @@ mod tests {
     }
 
     #[test]
-    fn one_flake_and_flakes_in_all_directions_are_exact() {
+    fn one_microflake_and_microflakes_in_all_directions_are_exact() {
         let mut random = Random::new(9);
         for round in 0..10_000 {
-            let flake = [(random.within(0.1, 3.0), sphere_direction(&mut random))];
+            let microflake = [(random.within(0.1, 3.0), sphere_direction(&mut random))];
             let v = sphere_direction(&mut random);
             // One in four as the hotspot is, or against the light.
             let l = match round % 8 {
@@ -81,10 +81,10 @@ mod tests {
                 1 => v.map(|x| -x),
                 _ => sphere_direction(&mut random),
             };
-            let expected = shaded(&flake, v, l);
-            let found = shade(&moment(&flake), v, l);
-            assert!(apart(found, expected) < 2e-6 * flake[0].0, "{found:?} {expected:?}");
-            assert!(apart(shade(&moment(&flake).scale(1.001), v, l), expected) > 1e-4 * expected[0], "planted");
+            let expected = shaded(&microflake, v, l);
+            let found = shade(&moment(&microflake), v, l);
+            assert!(apart(found, expected) < 2e-6 * microflake[0].0, "{found:?} {expected:?}");
+            assert!(apart(shade(&moment(&microflake).scale(1.001), v, l), expected) > 1e-4 * expected[0], "planted");
             // Area 3: the mean of |n.v| |n.l| is 2 / (3 pi) (sin + (pi / 2 - angle) cos).
             let isotropic = Sym3([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
             let cos = f64::from(dot(v, l)).clamp(-1.0, 1.0);
@@ -95,14 +95,14 @@ mod tests {
         assert_eq!(shade(&Sym3::default(), [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), [0.0; 2]);
     }
 
-    /// `count` flakes whose normals are stretched along each axis of a random frame by up to `1 / stretch`.
-    fn flakes(random: &mut Random, count: usize, stretch: f32) -> Vec<Flake> {
+    /// `count` microflakes whose normals are stretched along each axis of a random frame by up to `1 / stretch`.
+    fn microflakes(random: &mut Random, count: usize, stretch: f32) -> Vec<Microflake> {
         let z = sphere_direction(random);
         let x = crate::voltex::cross(z, if z[0].abs() < 0.5 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] });
         let x = x.map(|c| c / dot(x, x).sqrt());
         let frame = [x, crate::voltex::cross(z, x), z];
         let scales = [0; 3].map(|_| stretch.powf(random.within(0.0, 1.0)));
-        let flake = |random: &mut Random| {
+        let microflake = |random: &mut Random| {
             // Within a ball, so that the stretched has no corners.
             let radius = random.within(0.0, 1.0).cbrt();
             let g = sphere_direction(random).map(|c| c * radius);
@@ -110,15 +110,17 @@ mod tests {
             let length = dot(n, n).sqrt().max(1e-9);
             (-random.within(1e-6, 1.0).ln(), n.map(|c| c / length))
         };
-        let flakes: Vec<Flake> = (0..count).map(|_| flake(random)).collect();
-        let area: f32 = flakes.iter().map(|(a, _)| a).sum();
-        flakes.into_iter().map(|(a, n)| (a / area, n)).collect()
+        let microflakes: Vec<Microflake> = (0..count).map(|_| microflake(random)).collect();
+        let area: f32 = microflakes.iter().map(|(a, _)| a).sum();
+        microflakes.into_iter().map(|(a, n)| (a / area, n)).collect()
     }
 
-    /// The extinction matrix with nearly the flakes' projected areas: least squares of the squares.
-    fn extinction(flakes: &[Flake], directions: &[[f32; 3]], rows: &[Vec<f32>], factor: &[f32]) -> Sym3 {
-        let squares: Vec<f32> =
-            directions.iter().map(|d| flakes.iter().map(|(a, n)| a * dot(*n, *d).abs()).sum::<f32>().powi(2)).collect();
+    /// The extinction matrix with nearly the microflakes' projected areas: least squares of the squares.
+    fn extinction(microflakes: &[Microflake], directions: &[[f32; 3]], rows: &[Vec<f32>], factor: &[f32]) -> Sym3 {
+        let squares: Vec<f32> = directions
+            .iter()
+            .map(|d| microflakes.iter().map(|(a, n)| a * dot(*n, *d).abs()).sum::<f32>().powi(2))
+            .collect();
         let s = solve(factor, rows.iter().map(|row| row.iter().zip(&squares).map(|(x, y)| x * y).sum()).collect());
         Sym3(std::array::from_fn(|i| s[i])).mapped(|x| x.max(0.0))
     }
@@ -130,15 +132,15 @@ mod tests {
     }
 
     #[test]
-    fn closed_forms_are_near_the_sums_over_random_flakes() {
+    fn closed_forms_are_near_the_sums_over_random_microflakes() {
         let mut random = Random::new(10);
         let directions: Vec<[f32; 3]> = (0..40).map(|_| sphere_direction(&mut random)).collect();
         let entry = |i: usize, d: &[f32; 3]| Sym3::outer(*d, if i < 3 { 1.0 } else { 2.0 }).0[i];
         let row = |i: usize| directions.iter().map(|d| entry(i, d)).collect();
         let rows: Vec<Vec<f32>> = (0..6).map(row).collect();
         let factor = cholesky(&gram_of(&rows), 6).unwrap();
-        // Bars: root mean squares per unit area of the closed form by the flakes' own moment and by the derived one, and of the
-        // projected area. Light of which the mean is an eighth; voxels of a tree have many flakes.
+        // Bars: root mean squares per unit area of the closed form by the microflakes' own moment and by the derived one, and of the
+        // projected area. Light of which the mean is an eighth; voxels of a tree have many microflakes.
         for (counts, stretch, bars) in [
             (1..2, 0.3, [1e-6, 0.006, 1e-4]),
             (2..8, 0.3, [0.02, 0.022, 0.038]),
@@ -149,19 +151,19 @@ mod tests {
             let mut errors = [const { Vec::new() }; 4];
             for _ in 0..20_000 {
                 let count = counts.start + random.below(counts.end - counts.start);
-                let flakes = flakes(&mut random, count, stretch);
+                let microflakes = microflakes(&mut random, count, stretch);
                 let (v, l) = (sphere_direction(&mut random), sphere_direction(&mut random));
-                let voxel = Voxel::new(extinction(&flakes, &directions, &rows, &factor), 0);
-                let truth = shaded(&flakes, v, l)[0];
-                let projected: f32 = flakes.iter().map(|(a, n)| a * dot(*n, v).abs()).sum();
-                errors[0].push(shade(&moment(&flakes), v, l)[0] - truth);
+                let voxel = Voxel::new(extinction(&microflakes, &directions, &rows, &factor), 0);
+                let truth = shaded(&microflakes, v, l)[0];
+                let projected: f32 = microflakes.iter().map(|(a, n)| a * dot(*n, v).abs()).sum();
+                errors[0].push(shade(&moment(&microflakes), v, l)[0] - truth);
                 errors[1].push(shade(&voxel.moment, v, l)[0] - truth);
                 errors[2].push(voxel.extinction.form(v, v).max(0.0).sqrt() - projected);
-                // Planted difference: a fiftieth more flakes.
-                errors[3].push(shade(&moment(&flakes).scale(1.02), v, l)[0] - truth);
+                // Planted difference: a fiftieth more microflakes.
+                errors[3].push(shade(&moment(&microflakes).scale(1.02), v, l)[0] - truth);
             }
             let found = errors.map(|errors| spread(&errors));
-            println!("{counts:?} flakes stretched by {stretch}: {found:.4?}");
+            println!("{counts:?} microflakes stretched by {stretch}: {found:.4?}");
             for (i, bias) in [0.001, 0.001, 0.003].into_iter().enumerate() {
                 assert!(found[i][0] <= bars[i] && found[i][1].abs() <= bias, "{counts:?} {stretch} {i}: {found:?}");
             }
@@ -173,16 +175,16 @@ mod tests {
     fn light_and_eye_exchange() {
         let mut random = Random::new(11);
         for _ in 0..10_000 {
-            let m = moment(&flakes(&mut random, 5, 0.3));
+            let m = moment(&microflakes(&mut random, 5, 0.3));
             let (v, l) = (sphere_direction(&mut random), sphere_direction(&mut random));
             assert!(apart(shade(&m, v, l), shade(&m, l, v)) < 1e-6);
-            // Behind the flakes what was reflected is transmitted.
+            // Behind the microflakes what was reflected is transmitted.
             let [reflected, transmitted] = shade(&m, v, l.map(|x| -x));
             assert!(apart([transmitted, reflected], shade(&m, v, l)) < 1e-6);
         }
     }
 
-    /// Mean over lights from all sides, times their solid angle and over pi: what white flakes send on.
+    /// Mean over lights from all sides, times their solid angle and over pi: what white microflakes send on.
     fn furnace(m: &Sym3, v: [f32; 3]) -> f64 {
         const RINGS: usize = 200;
         let mut sum = 0.0;
@@ -199,25 +201,25 @@ mod tests {
     }
 
     #[test]
-    fn white_flakes_send_on_twice_the_light_that_they_stop() {
-        // The integral of |n.l| over all l is 2 pi, so a flake sends on 2 pi a |n.v| / pi: of the light from both sides all.
+    fn white_microflakes_send_on_twice_the_light_that_they_stop() {
+        // The integral of |n.l| over all l is 2 pi, so a microflake sends on 2 pi a |n.v| / pi: of the light from both sides all.
         let mut random = Random::new(12);
         for _ in 0..5 {
             let (n, v) = (sphere_direction(&mut random), sphere_direction(&mut random));
             let one = furnace(&Sym3::outer(n, 1.0), v) / (2.0 * f64::from(dot(n, v).abs()));
-            // Flakes of area 1 in all directions project 1/2.
+            // Microflakes of area 1 in all directions project 1/2.
             let all = furnace(&Sym3([1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 0.0, 0.0, 0.0]), v);
             assert!((one - 1.0).abs() < 1e-3 && (all - 1.0).abs() < 1e-3, "{one} {all}");
         }
         let mut ratios = Vec::new();
         for _ in 0..200 {
-            let flakes = flakes(&mut random, 64, 0.3);
+            let microflakes = microflakes(&mut random, 64, 0.3);
             let v = sphere_direction(&mut random);
-            let projected: f32 = flakes.iter().map(|(a, n)| a * dot(*n, v).abs()).sum();
-            ratios.push((furnace(&moment(&flakes), v) / (2.0 * f64::from(projected)) - 1.0) as f32);
+            let projected: f32 = microflakes.iter().map(|(a, n)| a * dot(*n, v).abs()).sum();
+            ratios.push((furnace(&moment(&microflakes), v) / (2.0 * f64::from(projected)) - 1.0) as f32);
         }
         let [rms, mean] = spread(&ratios);
-        println!("furnace of other flakes: {mean:+.4} of 1, RMS {rms:.4}");
+        println!("furnace of other microflakes: {mean:+.4} of 1, RMS {rms:.4}");
         assert!(rms < 0.04 && mean.abs() < 0.01, "{rms} {mean}");
     }
 

@@ -1,9 +1,9 @@
-// Light that the flakes of a voxel send to the eye, in closed form. Twin: voltex/shade.rs, which has the equations.
+// Light that the microflakes of a voxel send to the eye, in closed form. Twin: voltex/shade.rs, which has the equations.
 
-const VOLTEX_LEAST_ROOT: f32 = 1e-30;
+const VOLTEX_MIN_ROOT: f32 = 1e-30;
 const VOLTEX_SERIES_DEPTH: f32 = 1.0;
 // Optical depth behind which nothing is seen: its exponential is finite.
-const VOLTEX_MOST_DEPTH: f32 = 80.0;
+const VOLTEX_MAX_DEPTH: f32 = 80.0;
 const VOLTEX_HALF_PI: f32 = 1.5707964;
 const VOLTEX_DEGREES: f32 = 57.29578;
 // Angles between light and eye, besides 0 and 180, for which a level has its shadows' shares.
@@ -20,13 +20,13 @@ fn voltex_acos(cosine: f32) -> f32 {
     return select(angle, 2.0 * VOLTEX_HALF_PI - angle, cosine < 0.0);
 }
 
-// For light from `l`, seen from `v`, unit vectors away from the flakes: sums over the flakes of `a |n.v| |n.l|` where both are
-// on one side of the flake, and where they are on two.
+// For light from `l`, seen from `v`, unit vectors away from the microflakes: sums over the microflakes of `a |n.v| |n.l|` where both are
+// on one side of the microflake, and where they are on two.
 fn voltex_shade(moment: VoltexMatrix, v: vec3<f32>, l: vec3<f32>) -> vec2<f32> {
     let across = voltex_times(moment, l);
     let c = dot(v, across);
     let root = sqrt(max(voltex_form(moment, v, v) * dot(l, across), 0.0));
-    let r = clamp(c / max(root, VOLTEX_LEAST_ROOT), -1.0, 1.0);
+    let r = clamp(c / max(root, VOLTEX_MIN_ROOT), -1.0, 1.0);
     let both = (root * sqrt((1.0 - r) * (1.0 + r)) + c * (VOLTEX_HALF_PI - voltex_acos(r))) / VOLTEX_HALF_PI;
     return max(vec2<f32>(0.5 * (both + c), 0.5 * (both - c)), vec2<f32>(0.0));
 }
@@ -34,7 +34,7 @@ fn voltex_shade(moment: VoltexMatrix, v: vec3<f32>, l: vec3<f32>) -> vec2<f32> {
 // Way from where a ray enters a cell to the middle of what it sees there.
 fn voltex_seen_at(depth: f32, length: f32) -> f32 {
     if depth >= VOLTEX_SERIES_DEPTH {
-        return length * (1.0 / depth - 1.0 / (exp(min(depth, VOLTEX_MOST_DEPTH)) - 1.0));
+        return length * (1.0 / depth - 1.0 / (exp(min(depth, VOLTEX_MAX_DEPTH)) - 1.0));
     }
     let d2 = depth * depth;
     return length * (0.5 - depth / 12.0 * (1.0 - d2 / 60.0 * (1.0 - d2 / 42.0 * (1.0 - d2 / 40.0))));

@@ -2,7 +2,7 @@
 
 use super::file::{VOLTEX_VERSION, VoltexFormat, VoltexSection, examine_volume};
 use super::rule;
-use super::volume::{FlakeMaterial, Volume, VolumeLevel};
+use super::volume::{MicroflakeMaterial, Volume, VolumeLevel};
 use crate::container::container::{Directory, SectionEntry, about_container, examine_directory_of};
 use crate::container::fault::Faults;
 use crate::file::validate::Report;
@@ -54,13 +54,13 @@ fn about_volume(volume: &Volume, directory: &Directory<super::VoltexHead>, told:
         };
         told.findings.extend(directory.sections.iter().filter(is_unread).map(SectionEntry::unused_in::<VoltexFormat>));
         let mut used = vec![false; count];
-        volume.levels.iter().flat_map(VolumeLevel::flakes).for_each(|voxel| used[voxel.material as usize] = true);
+        volume.levels.iter().flat_map(VolumeLevel::microflakes).for_each(|voxel| used[voxel.material as usize] = true);
         let unused = used.iter().filter(|used| !**used).count();
         if unused > 0 {
             told.say(rule::MATERIAL_UNUSED, format!("{unused} of {count}"));
         }
     }
-    let gains = |material: &&FlakeMaterial| {
+    let gains = |material: &&MicroflakeMaterial| {
         (0..3).any(|c| material.reflectance[c] + material.transmittance[c] > 1.0 + GAIN_TOLERANCE)
     };
     let gaining = volume.materials.iter().filter(gains).count();

@@ -1,24 +1,24 @@
-//! One voxel: the flakes in it. Twin: `shaders/voltex_voxel.wgsl`.
+//! One voxel: the microflakes in it. Twin: `shaders/voltex_voxel.wgsl`.
 
 use super::matrix::Sym3;
 use crate::numeric::quantize::{half_at, word_from_halves};
 
-/// Words of a voxel in the resident form: the last tells of a second sort of flakes in its cell.
+/// Words of a voxel in the resident form: the last tells of a second sort of microflakes in its cell.
 pub const VOXEL_WORDS: usize = 9;
-/// Word of a voxel: number of the voxel that holds the second sort of flakes of its cell, or [`NO_VOXEL`](super::NO_VOXEL).
+/// Word of a voxel: number of the voxel that holds the second sort of microflakes of its cell, or [`NO_VOXEL`](super::NO_VOXEL).
 pub const OTHER_AT: usize = 8;
-/// N has the eigenvectors of S and this power of its eigenvalues: of those tried the best against true flakes.
+/// N has the eigenvectors of S and this power of its eigenvalues: of those tried the best against true microflakes.
 const MOMENT_POWER: f32 = 0.75;
-/// The flakes' area is the mean by this power of the roots of S's eigenvalues, without the division: the binary logarithm of 3
-/// makes it exact for flakes of one direction and of all.
+/// The microflakes' area is the mean by this power of the roots of S's eigenvalues, without the division: the binary logarithm of 3
+/// makes it exact for microflakes of one direction and of all.
 const AREA_POWER: f32 = 1.584_962_5;
 
-/// The flakes of a voxel.
+/// The microflakes of a voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Voxel {
     /// `sqrt(d' S d)` is the optical depth along d, a vector of texture space.
     pub extinction: Sym3,
-    /// Sum over the flakes of `a n n'`, in proportion to `extinction`.
+    /// Sum over the microflakes of `a n n'`, in proportion to `extinction`.
     pub moment: Sym3,
     /// Number of the material.
     pub material: u32,
@@ -35,7 +35,7 @@ impl Voxel {
         self.extinction.form(d, d).max(0.0).sqrt()
     }
 
-    /// The same flakes, `factor` times as many.
+    /// The same microflakes, `factor` times as many.
     pub fn scaled(&self, factor: f32) -> Voxel {
         Voxel { extinction: self.extinction.scale(factor * factor), moment: self.moment.scale(factor), ..*self }
     }
@@ -57,7 +57,7 @@ impl Voxel {
     }
 }
 
-/// The moment of flakes with the extinction matrix `s`: of their area, which is twice what they project on average, to 2 %.
+/// The moment of microflakes with the extinction matrix `s`: of their area, which is twice what they project on average, to 2 %.
 pub fn moment_of(s: &Sym3) -> Sym3 {
     let powered = |power: f32| s.mapped(|x| x.max(0.0).powf(power));
     let area = powered(0.5 * AREA_POWER).trace().powf(1.0 / AREA_POWER);
@@ -76,8 +76,9 @@ mod tests {
         let apart = |a: &Sym3, b: &Sym3| a.0.iter().zip(&b.0).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
         for round in 0..1000 {
             let area = 10f32.powi(round % 17 - 8);
-            let flakes = (0..1 + round % 4).map(|_| Sym3::outer(sphere_direction(&mut random), area * area));
-            let voxel = Voxel::new(flakes.fold(Sym3::default(), |sum, flake| sum.plus(&flake)), round as u32);
+            let microflakes = (0..1 + round % 4).map(|_| Sym3::outer(sphere_direction(&mut random), area * area));
+            let voxel =
+                Voxel::new(microflakes.fold(Sym3::default(), |sum, microflake| sum.plus(&microflake)), round as u32);
             let back = Voxel::at(&voxel.words(), 0);
             let (s, n) = (voxel.extinction.trace() / 1024.0, voxel.moment.trace() / 1024.0);
             assert!(
@@ -85,7 +86,7 @@ mod tests {
                 "{voxel:?}"
             );
             assert_eq!(back.material, voxel.material);
-            // Planted difference: as many flakes and a hundredth.
+            // Planted difference: as many microflakes and a hundredth.
             let more = voxel.scaled(1.01);
             assert!(apart(&more.extinction, &voxel.extinction) > s, "{voxel:?}");
         }
@@ -93,22 +94,22 @@ mod tests {
     }
 
     #[test]
-    fn twice_as_many_flakes_are_twice_as_deep_and_twice_as_bright() {
+    fn twice_as_many_microflakes_are_twice_as_deep_and_twice_as_bright() {
         let voxel = Voxel::new(Sym3([3.0, 2.0, 1.0, 0.5, 0.25, 0.125]), 0);
         let (twice, d) = (voxel.scaled(2.0), [0.6, 0.0, 0.8]);
         let depth = |voxel: &Voxel| voxel.extinction.form(d, d).sqrt();
         assert!((depth(&twice) / depth(&voxel) - 2.0).abs() < 1e-6);
         assert!((twice.moment.trace() / voxel.moment.trace() - 2.0).abs() < 1e-6);
-        // What the matrix of many flakes makes of itself.
+        // What the matrix of many microflakes makes of itself.
         assert!((Voxel::new(twice.extinction, 0).moment.trace() / twice.moment.trace() - 1.0).abs() < 1e-6);
     }
 
     #[test]
-    fn the_derived_moment_has_the_flakes_area() {
-        // Flakes in all directions project half their area along each.
+    fn the_derived_moment_has_the_microflakes_area() {
+        // Microflakes in all directions project half their area along each.
         let isotropic = moment_of(&Sym3([0.25, 0.25, 0.25, 0.0, 0.0, 0.0]));
         assert!(isotropic.0[..3].iter().all(|x| (x - 1.0 / 3.0).abs() < 1e-6), "{isotropic:?}");
-        // One flake.
+        // One microflake.
         let mut random = Random::new(3);
         for _ in 0..1000 {
             let n = sphere_direction(&mut random);

@@ -1,4 +1,4 @@
-// One voxel: the flakes in it. Twin: voltex/voxel.rs.
+// One voxel: the microflakes in it. Twin: voltex/voxel.rs.
 
 const VOLTEX_VOXEL_WORDS: u32 = 9u;
 const VOLTEX_OTHER_AT: u32 = 8u;
@@ -6,7 +6,7 @@ const VOLTEX_OTHER_AT: u32 = 8u;
 struct VoltexVoxel {
     // The root of `d' S d` is the optical depth along d, a vector of texture space.
     extinction: VoltexMatrix,
-    // Sum over the flakes of `a n n'`.
+    // Sum over the microflakes of `a n n'`.
     moment: VoltexMatrix,
     // Number of the material.
     material: u32,

@@ -36,14 +36,14 @@ pub struct Walk {
 }
 
 /// Smallest component of a direction that is divided by.
-pub const LEAST_DIRECTION: f32 = 1e-20;
+pub const MIN_DIRECTION: f32 = 1e-20;
 
 impl Walk {
     /// Along `ray` between `t0` and `t1`, cut to the unit cube; nowhere if a number of the ray is not finite.
     /// Twin: `voltex_walk_new`.
     pub fn new(ray: VoltexRay, t0: f32, t1: f32, level_count: u32) -> Walk {
-        let least = |d: f32| if d < 0.0 { -LEAST_DIRECTION } else { LEAST_DIRECTION };
-        let inverse = ray.direction.map(|d| 1.0 / if d.abs() < LEAST_DIRECTION { least(d) } else { d });
+        let least = |d: f32| if d < 0.0 { -MIN_DIRECTION } else { MIN_DIRECTION };
+        let inverse = ray.direction.map(|d| 1.0 / if d.abs() < MIN_DIRECTION { least(d) } else { d });
         let finite = ray.origin.iter().chain(&ray.direction).all(|x| x.is_finite());
         let (mut start, mut end) = (t0, t1);
         for axis in 0..3 {
@@ -135,7 +135,7 @@ mod tests {
         let tolerance = 1e-6 * o.iter().fold(1.0f64, |most, x| most.max(x.abs()));
         let tolerance_t = |axis: usize| tolerance / d[axis].abs();
         let (mut start, mut end) = ((0.0, 0.0), (f64::from(T1), 0.0));
-        for axis in (0..3).filter(|axis| d[*axis].abs() >= f64::from(LEAST_DIRECTION)) {
+        for axis in (0..3).filter(|axis| d[*axis].abs() >= f64::from(MIN_DIRECTION)) {
             let (a, b) = (-o[axis] / d[axis], (1.0 - o[axis]) / d[axis]);
             if a.min(b) > start.0 {
                 start = (a.min(b), tolerance_t(axis));

@@ -5,7 +5,7 @@
 //         let segment = voltex_walk_next(base, &walk, level);
 //     }
 
-const VOLTEX_LEAST_DIRECTION: f32 = 1e-20;
+const VOLTEX_MIN_DIRECTION: f32 = 1e-20;
 // The twin's infinity.
 const VOLTEX_FAR: f32 = 3e38;
 
@@ -31,8 +31,8 @@ struct VoltexWalk {
 // Along a ray in texture space between `t0` and `t1`, cut to the unit cube; nowhere if a number of the ray is not finite.
 // The direction is not unit, so that t is the same as in the world.
 fn voltex_walk_new(base: u32, origin: vec3<f32>, direction: vec3<f32>, t0: f32, t1: f32) -> VoltexWalk {
-    let least = select(vec3<f32>(VOLTEX_LEAST_DIRECTION), vec3<f32>(-VOLTEX_LEAST_DIRECTION), direction < vec3<f32>(0.0));
-    let inverse = 1.0 / select(direction, least, abs(direction) < vec3<f32>(VOLTEX_LEAST_DIRECTION));
+    let least = select(vec3<f32>(VOLTEX_MIN_DIRECTION), vec3<f32>(-VOLTEX_MIN_DIRECTION), direction < vec3<f32>(0.0));
+    let inverse = 1.0 / select(direction, least, abs(direction) < vec3<f32>(VOLTEX_MIN_DIRECTION));
     // By bits: shaders may take it that no number is infinite or none.
     let infinity = vec3<u32>(0x7f800000u);
     let exponents = max(bitcast<vec3<u32>>(origin) & infinity, bitcast<vec3<u32>>(direction) & infinity);

@@ -4,7 +4,7 @@
 use super::gloss::{FACETS, Facets};
 use super::matrix::{Sym3, dot};
 use super::tree::{NO_VOXEL, NODE_WORDS, Node, cell_number, node_depth};
-use super::volume::{FlakeMaterial, HOTSPOT_DEG, LevelShadow, Volume, VolumeLevel};
+use super::volume::{HOTSPOT_DEG, LevelShadow, MicroflakeMaterial, Volume, VolumeLevel};
 use super::voxel::{OTHER_AT, VOXEL_WORDS, Voxel};
 use crate::numeric::quantize::{half_at, word_from_halves};
 use std::collections::BTreeMap;
@@ -114,13 +114,13 @@ impl Voltex {
         Voxel::at(&self.words, self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS)
     }
 
-    /// Number of the voxel with the second sort of flakes in the cell of another, or [`NO_VOXEL`]. Twin: `voltex_other`.
+    /// Number of the voxel with the second sort of microflakes in the cell of another, or [`NO_VOXEL`]. Twin: `voltex_other`.
     pub fn other(&self, number: u32) -> u32 {
         self.words[self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS + OTHER_AT]
     }
 
-    /// The flakes of a cell by its voxel's number: of one sort or of two. Of [`NO_VOXEL`] none.
-    pub fn flakes(&self, number: u32) -> impl Iterator<Item = (u32, Voxel)> {
+    /// The microflakes of a cell by its voxel's number: of one sort or of two. Of [`NO_VOXEL`] none.
+    pub fn microflakes(&self, number: u32) -> impl Iterator<Item = (u32, Voxel)> {
         let is_there = |number: &u32| *number != NO_VOXEL;
         let numbers = std::iter::successors(Some(number).filter(is_there), move |number| {
             Some(self.other(*number)).filter(is_there)
@@ -128,13 +128,13 @@ impl Voltex {
         numbers.map(|number| (number, self.voxel(number)))
     }
 
-    /// Optical depth per length of all flakes of a cell along d, which need not be unit, before the level's clumping.
+    /// Optical depth per length of all microflakes of a cell along d, which need not be unit, before the level's clumping.
     /// Twin: `voltex_extinction_along`.
     pub fn extinction_along(&self, number: u32, d: [f32; 3]) -> f32 {
-        self.flakes(number).map(|(_, voxel)| voxel.extinction_along(d)).sum()
+        self.microflakes(number).map(|(_, voxel)| voxel.extinction_along(d)).sum()
     }
 
-    /// Puts other flakes in the place of some.
+    /// Puts other microflakes in the place of some.
     pub fn set_voxel(&mut self, number: u32, voxel: &Voxel) {
         let at = self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS;
         self.words[at..at + OTHER_AT].copy_from_slice(&voxel.words());
@@ -145,11 +145,11 @@ impl Voltex {
         (self.words.len() - self.words[VOXELS_AT] as usize) / VOXEL_WORDS
     }
 
-    /// What flakes of a material are made of. Twin: `voltex_material`.
-    pub fn material(&self, number: u32) -> FlakeMaterial {
+    /// What microflakes of a material are made of. Twin: `voltex_material`.
+    pub fn material(&self, number: u32) -> MicroflakeMaterial {
         let at = self.words[MATERIALS_AT] as usize + number as usize * MATERIAL_WORDS;
         let half = |i: usize| half_at(self.words[at + i / 2], i as u32 % 2);
-        FlakeMaterial {
+        MicroflakeMaterial {
             reflectance: [half(0), half(1), half(2)],
             transmittance: [half(3), half(4), half(5)],
             specular: half(6),
@@ -201,19 +201,19 @@ impl Voltex {
         Facets(std::array::from_fn(|i| f32::from_bits(self.words[at + i])))
     }
 
-    /// What the gloss of a level's flakes is multiplied by, of which facets along `half` are seen; for levels beyond the coarsest by
+    /// What the gloss of a level's microflakes is multiplied by, of which facets along `half` are seen; for levels beyond the coarsest by
     /// that one's. Twin: `voltex_facets_along`.
     pub fn facets_along(&self, level: u32, half: [f32; 3]) -> f32 {
         self.facets(level.min(self.level_count())).denser(half)
     }
 }
 
-/// A cell's flakes, of one sort or of two.
-type Flakes<'a> = (&'a Voxel, Option<&'a Voxel>);
+/// A cell's microflakes, of one sort or of two.
+type Microflakes<'a> = (&'a Voxel, Option<&'a Voxel>);
 
 /// Nodes and the words of their voxels, layer by layer from the root.
 fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
-    let levels: Vec<BTreeMap<[u32; 3], Flakes>> = volume.levels.iter().map(flakes_by_place).collect();
+    let levels: Vec<BTreeMap<[u32; 3], Microflakes>> = volume.levels.iter().map(microflakes_by_place).collect();
     let (mut nodes, mut voxels) = (Vec::new(), Vec::new());
     // What stands behind all voxels of the tree, which are numbered by it.
     let mut others: Vec<&Voxel> = Vec::new();
@@ -235,7 +235,7 @@ fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
                 let part = [i & 3, i >> 2 & 3, i >> 4];
                 cells[cell_number(part) as usize] = std::array::from_fn(|axis| 4 * origin[axis] + part[axis]);
             }
-            let mut push = |(voxel, other): Flakes<'a>| {
+            let mut push = |(voxel, other): Microflakes<'a>| {
                 voxels.extend(voxel.words());
                 voxels.push(other.map_or(NO_VOXEL, |_| others.len() as u32));
                 others.extend(other);
@@ -246,8 +246,8 @@ fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
                 let at = cells[8 * coarse as usize].map(|x| x / 2);
                 push(at_level(2 * j + 1, &at).unwrap_or((&NOTHING, None)));
             }
-            for (number, flakes) in fine {
-                push(flakes);
+            for (number, microflakes) in fine {
+                push(microflakes);
                 if j > 0 {
                     next.push(cells[number]);
                 }
@@ -266,11 +266,11 @@ fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
     (nodes, voxels)
 }
 
-/// A voxel without flakes.
+/// A voxel without microflakes.
 const NOTHING: Voxel = Voxel { extinction: Sym3([0.0; 6]), moment: Sym3([0.0; 6]), material: 0 };
 
-/// A level's voxels with the second sort of flakes in their cells.
-fn flakes_by_place(level: &VolumeLevel) -> BTreeMap<[u32; 3], Flakes<'_>> {
+/// A level's voxels with the second sort of microflakes in their cells.
+fn microflakes_by_place(level: &VolumeLevel) -> BTreeMap<[u32; 3], Microflakes<'_>> {
     let mut others = level.others.iter().peekable();
     let voxels = level.voxels.iter().enumerate();
     voxels

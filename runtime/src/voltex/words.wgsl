@@ -55,12 +55,12 @@ fn voltex_voxel(base: u32, number: u32) -> VoltexVoxel {
     return voltex_voxel_at(base + asset_word(base + VOLTEX_VOXELS_AT) + number * VOLTEX_VOXEL_WORDS);
 }
 
-// Number of the voxel with the second sort of flakes in the cell of another, or VOLTEX_NO_VOXEL.
+// Number of the voxel with the second sort of microflakes in the cell of another, or VOLTEX_NO_VOXEL.
 fn voltex_other(base: u32, number: u32) -> u32 {
     return asset_word(base + asset_word(base + VOLTEX_VOXELS_AT) + number * VOLTEX_VOXEL_WORDS + VOLTEX_OTHER_AT);
 }
 
-// Optical depth per length of all flakes of a cell along d, which need not be unit, before the level's clumping; of
+// Optical depth per length of all microflakes of a cell along d, which need not be unit, before the level's clumping; of
 // VOLTEX_NO_VOXEL none.
 fn voltex_extinction_along(base: u32, number: u32, d: vec3<f32>) -> f32 {
     var sum = 0.0;
@@ -84,7 +84,7 @@ fn voltex_shadow(base: u32, level: u32) -> u32 {
     return base + asset_word(base + VOLTEX_LEVELS_AT) + level * VOLTEX_LEVEL_WORDS;
 }
 
-// How far from the flakes a ray to the light begins, voxels of the level.
+// How far from the microflakes a ray to the light begins, voxels of the level.
 fn voltex_shadow_offset(base: u32, level: u32) -> f32 {
     return asset_f32(voltex_shadow(base, level));
 }
@@ -96,18 +96,18 @@ fn voltex_clumping_along(base: u32, level: u32, d: vec3<f32>) -> f32 {
     return exp(voltex_form(matrix, d, d) / max(dot(d, d), 1e-30));
 }
 
-// What the gloss of a level's flakes is multiplied by, of which facets along `half_way`, of any length, are seen; for levels beyond the
+// What the gloss of a level's microflakes is multiplied by, of which facets along `half_way`, of any length, are seen; for levels beyond the
 // coarsest by that one's.
 fn voltex_facets_along(base: u32, level: u32, half_way: vec3<f32>) -> f32 {
     let at = voltex_shadow(base, min(level, voltex_level_count(base))) + VOLTEX_FACETS_AT;
-    let h = half_way * inverseSqrt(max(dot(half_way, half_way), VOLTEX_LEAST_HALF2));
+    let h = half_way * inverseSqrt(max(dot(half_way, half_way), VOLTEX_MIN_HALF2));
     let squares = h * h;
     let products = h.xxy * h.yzz;
     var form = dot(voltex_three(at), squares * squares) + dot(voltex_three(at + 3u), squares.xxy * squares.yzz);
     form += squares.x * dot(voltex_three(at + 6u), products);
     form += squares.y * dot(voltex_three(at + 9u), products);
     form += squares.z * dot(voltex_three(at + 12u), products);
-    return exp(clamp(form, -VOLTEX_MOST_DENSER, VOLTEX_MOST_DENSER));
+    return exp(clamp(form, -VOLTEX_MAX_DENSER, VOLTEX_MAX_DENSER));
 }
 
 // Three numbers from a word on.

@@ -1,7 +1,7 @@
 //! How the time of a frame grows: with lights, materials, coverage, resolution, residual components and triangles, and what
 //! the decoder's short cuts are worth. After figures 4 and 5 of Silva & Santos [silva2012]. And what landscapes take.
 
-use crate::bench::crowd::crowd;
+use crate::bench::instanced_scene::instanced_scene;
 use crate::bench::leaf_modes::{LeafModeRow, leaf_mode_rows};
 use crate::cpu::cpu::CpuPicture;
 use crate::error::ViewerError;
@@ -24,9 +24,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Frames of a row at least.
-const LEAST_FRAMES: usize = 3;
+const MIN_FRAMES: usize = 3;
 /// Frames of a row at most.
-const MOST_FRAMES: usize = 60;
+const MAX_FRAMES: usize = 60;
 /// Milliseconds of frames after which a row ends.
 const ROW_MS: f64 = 1000.0;
 
@@ -101,7 +101,7 @@ pub struct BenchParams {
 /// A measured point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BenchRow {
-    /// The mesh, `crowd` for a model of the user's, or the landscape.
+    /// The mesh, `instances` for a model of the user's, or the landscape.
     pub mesh: &'static str,
     /// What was changed, for `ablations`, which light is followed, for `trade`, and from where it is seen, for `landscapes`.
     pub variant: &'static str,
@@ -277,7 +277,9 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
         }
         BenchKind::Resolution => {
             let (name, scene, shade) = match &params.mesh {
-                Some(path) => ("crowd", outdoors(crowd(path, PAPER_TRIANGLES)?)?, by_normal(params.shade)),
+                Some(path) => {
+                    ("instances", outdoors(instanced_scene(path, PAPER_TRIANGLES)?)?, by_normal(params.shade))
+                }
                 None => ("cornell", scene(&MeshChoice::Cornell, assets)?, params.shade),
             };
             for size in [[128, 128], [256, 256], [512, 512], [1024, 1024], [1920, 1080], [3840, 2160]] {
@@ -293,7 +295,7 @@ fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result<Vec<Point>
             })?;
             for triangles in [100_000, 1_000_000, PAPER_TRIANGLES, 30_000_000, 100_000_000] {
                 let shade = by_normal(params.shade);
-                points.push(Point { shade, ..point("crowd", outdoors(crowd(path, triangles)?)?) });
+                points.push(Point { shade, ..point("instances", outdoors(instanced_scene(path, triangles)?)?) });
             }
         }
         BenchKind::Components => {
@@ -465,7 +467,7 @@ impl Engine {
         let mut times: Vec<(f64, Option<PassTimes>)> = Vec::new();
         let enough = |times: &[(f64, Option<PassTimes>)]| {
             let spent: f64 = times.iter().map(|(ms, _)| ms).sum();
-            times.len() >= MOST_FRAMES || (times.len() >= LEAST_FRAMES && spent >= ROW_MS)
+            times.len() >= MAX_FRAMES || (times.len() >= MIN_FRAMES && spent >= ROW_MS)
         };
         let hits = match self {
             Engine::Cpu => {
@@ -560,7 +562,7 @@ mod tests {
         let lights = rows(BenchKind::Lights);
         assert_eq!(lights.len(), 28);
         assert!(lights[..7].windows(2).all(|w| w[1].lights == 2 * w[0].lights && w[1].rays > w[0].rays));
-        assert!(lights.iter().all(|row| row.frame_ms > 0.0 && row.materials == 1 && row.frames >= LEAST_FRAMES));
+        assert!(lights.iter().all(|row| row.frame_ms > 0.0 && row.materials == 1 && row.frames >= MIN_FRAMES));
         let materials = rows(BenchKind::Materials);
         assert_eq!(materials.iter().map(|row| row.materials).collect::<Vec<_>>()[..6], [1, 2, 4, 8, 16, 32]);
         // The same pixels show assets however many there are.

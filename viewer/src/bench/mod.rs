@@ -1,6 +1,6 @@
 //! How the time of a frame grows.
 
 pub(crate) mod bench;
-pub(crate) mod crowd;
+pub(crate) mod instanced_scene;
 pub(crate) mod leaf_modes;
 pub(crate) mod plot;

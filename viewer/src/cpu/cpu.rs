@@ -1,8 +1,8 @@
 //! The reference renderer: the CPU decoder and BVH, the same formulas as the shaders. Twin: `shaders/shade.wgsl`.
 
 use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
-use crate::geometry::hand_over::HandOver;
-use crate::geometry::surface::{LEAST_EYE_COS, Surface};
+use crate::geometry::lod_transition::LodTransition;
+use crate::geometry::surface::{MIN_EYE_COS, Surface};
 use crate::gpu::tracer::{GpuPixel, PixelHit};
 use crate::options::{RenderMode, ShadeOptions, SkyLight};
 use crate::sampler;
@@ -12,7 +12,7 @@ use crate::scene::scene::Scene;
 use crate::shading::relief::Relief;
 use crate::shading::viewed_body::ViewedBody;
 use crate::volume::light::AROUND_ROUGHNESS;
-use btf_capture::MattColour;
+use btf_capture::DiffuseColour;
 use btf_runtime::{LightRows, ViewedLeaf, ViewedTexel};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -21,9 +21,9 @@ use std::f32::consts::PI;
 /// Distance to which rays reach. Twin: `TRACE_FAR`.
 pub(crate) const FAR: f32 = 1e30;
 /// A light nearer than this (squared) to the surface is left out.
-pub(crate) const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
+pub(crate) const MIN_LIGHT_DISTANCE2: f32 = 1e-12;
 /// Rays whose radiance counts for less than this in the pixel are not followed.
-const LEAST_THROUGHPUT: f32 = 1e-3;
+const MIN_THROUGHPUT: f32 = 1e-3;
 
 /// Sets apart the numbers of a light's seed.
 const ENVIRONMENT_CHOICE: u32 = 0x68bc_21eb;
@@ -37,16 +37,16 @@ const SHELL_TRIES: usize = 8;
 /// Density of directions that are drawn over the whole sphere, per steradian.
 pub(crate) const SPHERE_DENSITY: f32 = 0.25 / PI;
 /// Least chance of a path to go on.
-const LEAST_KEPT: f32 = 0.05;
+const MIN_KEPT: f32 = 0.05;
 
 /// The constants that the shader has too, by name.
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("TRACE_FAR", FAR),
     ("TRACE_PI", PI),
-    ("LEAST_LIGHT_DISTANCE2", LEAST_LIGHT_DISTANCE2),
-    ("LEAST_THROUGHPUT", LEAST_THROUGHPUT),
-    ("LEAST_KEPT", LEAST_KEPT),
+    ("MIN_LIGHT_DISTANCE2", MIN_LIGHT_DISTANCE2),
+    ("MIN_THROUGHPUT", MIN_THROUGHPUT),
+    ("MIN_KEPT", MIN_KEPT),
     ("SPHERE_DENSITY", SPHERE_DENSITY),
 ];
 
@@ -86,7 +86,7 @@ impl CpuPicture {
             jitter: jitter(self.samples),
             sample: self.samples,
             options: *options,
-            hand_over: HandOver::MESHES,
+            lod_transition: LodTransition::MESHES,
         };
         let width = self.width as usize;
         let rows = self.sums.par_chunks_mut(width).zip(self.hits.par_chunks_mut(width)).enumerate();
@@ -95,8 +95,8 @@ impl CpuPicture {
             for x in 0..width {
                 let pixel = [x as u32, y as u32];
                 let eye = shader.camera.eye;
-                let hand_over = HandOver::of_path(eye, shader.camera.pixel_width(), pixel, shader.sample);
-                let (radiance, hit) = Shader { hand_over, ..shader }.pixel(pixel);
+                let lod_transition = LodTransition::of_path(eye, shader.camera.pixel_width(), pixel, shader.sample);
+                let (radiance, hit) = Shader { lod_transition, ..shader }.pixel(pixel);
                 for channel in 0..3 {
                     sums[x][channel] += radiance[channel];
                 }
@@ -172,19 +172,19 @@ pub(crate) struct Shader<'a> {
     pub(crate) sample: u32,
     pub(crate) options: ShadeOptions,
     /// What is a mesh and what a volume.
-    pub(crate) hand_over: HandOver,
+    pub(crate) lod_transition: LodTransition,
 }
 
 impl Shader<'_> {
     /// A sample of the middle of each pixel, with meshes wherever one is seen in any.
     fn of_middles<'a>(scene: &'a Scene, [width, height]: [u32; 2], options: ShadeOptions) -> Shader<'a> {
         let camera = scene.camera.frame(width, height);
-        let hand_over = HandOver::new(camera.eye, camera.pixel_width(), 1.0);
-        Shader { scene, camera, jitter: [0.0; 2], sample: 0, options, hand_over }
+        let lod_transition = LodTransition::new(camera.eye, camera.pixel_width(), 1.0);
+        Shader { scene, camera, jitter: [0.0; 2], sample: 0, options, lod_transition }
     }
 
     pub(crate) fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
-        self.scene.geometry.trace_handed_over(origin, direction, t_max, any, &self.hand_over)
+        self.scene.geometry.trace_handed_over(origin, direction, t_max, any, &self.lod_transition)
     }
 
     /// What a ray meets, relief included, and its way below the surface to the relief, texels. Twin: `trace_seen`.
@@ -252,7 +252,7 @@ impl Shader<'_> {
             let at = (number as f32 + sampler::one(own)) * cell;
             let index = (at as usize).min(lights.len() - 1);
             let to_light = lights[index].position - s.position;
-            let distance2 = to_light.length_squared().max(LEAST_LIGHT_DISTANCE2);
+            let distance2 = to_light.length_squared().max(MIN_LIGHT_DISTANCE2);
             let cosine = s.normal.dot(to_light) * (1.0 / distance2.sqrt());
             let towards = if light_back { -cosine } else { cosine };
             let could_add = Vec3::from(lights[index].intensity).max_element() * towards.max(0.0) / distance2;
@@ -365,7 +365,7 @@ impl Shader<'_> {
             let light = &scene.lights[index];
             let to_light = light.position - s.position;
             let distance2 = to_light.length_squared();
-            if distance2 < LEAST_LIGHT_DISTANCE2 {
+            if distance2 < MIN_LIGHT_DISTANCE2 {
                 continue;
             }
             let wi = s.local_from_world(to_light * (1.0 / distance2.sqrt()));
@@ -508,7 +508,7 @@ impl Shader<'_> {
                         let way = sampler::two(self.sample, seed_of(pixel, depth, Numbers::VolumeScatter));
                         let next = sampler::sphere(way);
                         throughput *= 4.0 * point.reflected(volumes, next, AROUND_ROUGHNESS);
-                        let kept = throughput.max_element().clamp(LEAST_KEPT, 1.0);
+                        let kept = throughput.max_element().clamp(MIN_KEPT, 1.0);
                         if at[1] >= kept || throughput.max_element() <= 0.0 {
                             break;
                         }
@@ -575,7 +575,7 @@ impl Shader<'_> {
                 let Some(next) = self.scatter(&s, material, leaf.as_ref(), direction, at, choice) else { break };
                 throughput *= next.weight;
                 // Russian roulette: dim paths end, the others carry their share on.
-                let kept = throughput.max_element().clamp(LEAST_KEPT, 1.0);
+                let kept = throughput.max_element().clamp(MIN_KEPT, 1.0);
                 if roulette >= kept || throughput.max_element() <= 0.0 {
                     break;
                 }
@@ -587,7 +587,7 @@ impl Shader<'_> {
                 continue;
             }
             throughput *= Vec3::from(material.mirror);
-            if throughput.max_element() < LEAST_THROUGHPUT {
+            if throughput.max_element() < MIN_THROUGHPUT {
                 break;
             }
             direction = mirror_direction(&s, direction);
@@ -682,15 +682,15 @@ fn side_share(scene: &Scene, s: &Surface, material: &Material, back: bool) -> f3
 /// How often a path goes on from the body, in proportion to the mirror's reflectance.
 fn body_share(material: &Material) -> f32 {
     match material.body {
-        Body::Plain(MattColour { reflectance, transmittance }) => {
+        Body::Plain(DiffuseColour { reflectance, transmittance }) => {
             Vec3::from(reflectance).max_element() + Vec3::from(transmittance).max_element()
         }
         Body::Asset(_) | Body::Leaf(_) => 1.0,
     }
 }
 
-/// Of the directions that a matt surface sends a path in, the share that leaves on the other side.
-fn share_through(colour: &MattColour) -> f32 {
+/// Of the directions that a diffuse surface sends a path in, the share that leaves on the other side.
+fn share_through(colour: &DiffuseColour) -> f32 {
     let [reflected, passed] = [colour.reflectance, colour.transmittance].map(|share| Vec3::from(share).max_element());
     passed / (reflected + passed).max(1e-6)
 }
@@ -700,5 +700,5 @@ fn mirror_direction(s: &Surface, direction: Vec3) -> Vec3 {
     let side = if s.view_back { -1.0 } else { 1.0 };
     let mirrored = direction - 2.0 * s.normal.dot(direction) * s.normal;
     let above = mirrored.dot(s.flat) * side;
-    (mirrored + s.flat * (side * (LEAST_EYE_COS - above).max(0.0))).normalize()
+    (mirrored + s.flat * (side * (MIN_EYE_COS - above).max(0.0))).normalize()
 }

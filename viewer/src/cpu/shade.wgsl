@@ -5,9 +5,9 @@
 const TRACE_FAR: f32 = 1e30;
 const TRACE_PI: f32 = 3.14159265;
 // A light nearer than this (squared) to the surface is left out.
-const LEAST_LIGHT_DISTANCE2: f32 = 1e-12;
+const MIN_LIGHT_DISTANCE2: f32 = 1e-12;
 // Least chance of a path to go on.
-const LEAST_KEPT: f32 = 0.05;
+const MIN_KEPT: f32 = 0.05;
 const MODE_PATH: u32 = 1u;
 const SKY_IRRADIANCE: u32 = 1u;
 // What random numbers are for.
@@ -25,7 +25,7 @@ const SIDE_CHOICE: u32 = 0x1b873593u;
 // Lights that are looked at for each that is drawn.
 const LIGHT_CANDIDATES: u32 = 8u;
 // Rays whose radiance counts for less than this in the pixel are not followed.
-const LEAST_THROUGHPUT: f32 = 1e-3;
+const MIN_THROUGHPUT: f32 = 1e-3;
 
 // Decode everything anew for every light: what the decoder's halves are measured by.
 override whole_decoder: bool = false;
@@ -112,9 +112,9 @@ fn choose_light(s: Surface, light_back: bool, stratum: u32, strata: u32, seed: u
         let index = min(u32(at), frame.light_count - 1u);
         let to_light = lights[index].position - s.position;
         let distance2 = dot(to_light, to_light);
-        let cosine = dot(s.normal, to_light) * inverseSqrt(max(distance2, LEAST_LIGHT_DISTANCE2));
+        let cosine = dot(s.normal, to_light) * inverseSqrt(max(distance2, MIN_LIGHT_DISTANCE2));
         let could_add = most(lights[index].intensity) * max(select(cosine, -cosine, light_back), 0.0)
-            / max(distance2, LEAST_LIGHT_DISTANCE2);
+            / max(distance2, MIN_LIGHT_DISTANCE2);
         total += could_add;
         if sampler_one(seed + 2u * number + 1u) * total < could_add {
             chosen.index = index;
@@ -273,7 +273,7 @@ fn light_from_side(
             let light = lights[chosen.index];
             let to_light = light.position - s.position;
             let distance2 = dot(to_light, to_light);
-            if distance2 < LEAST_LIGHT_DISTANCE2 {
+            if distance2 < MIN_LIGHT_DISTANCE2 {
                 continue;
             }
             wi = local_from_world(s, to_light * inverseSqrt(distance2));
@@ -353,7 +353,7 @@ fn mirror_direction(s: Surface, direction: vec3<f32>) -> vec3<f32> {
     let side = select(1.0, -1.0, s.view_back);
     let mirrored = reflect(direction, s.normal);
     let above = dot(mirrored, s.flat) * side;
-    return normalize(mirrored + s.flat * (side * max(LEAST_EYE_COS - above, 0.0)));
+    return normalize(mirrored + s.flat * (side * max(MIN_EYE_COS - above, 0.0)));
 }
 
 // Seed of the pixel's random numbers at a depth of its path, for one purpose.
@@ -476,7 +476,7 @@ fn mirror_pass(at: vec2<u32>) {
         return;
     }
     path.throughput *= materials[triangle_at(path.primitive).material].mirror;
-    if most(path.throughput) < LEAST_THROUGHPUT {
+    if most(path.throughput) < MIN_THROUGHPUT {
         paths[index].primitive = NO_HIT;
         return;
     }
@@ -510,7 +510,7 @@ fn scatter_pass(at: vec2<u32>) {
     let next = scatter(s, material, leaf, path.direction, scatter_at, choice.x);
     path.throughput *= next.weight;
     // Russian roulette: dim paths end, the others carry their share on.
-    let kept = clamp(most(path.throughput), LEAST_KEPT, 1.0);
+    let kept = clamp(most(path.throughput), MIN_KEPT, 1.0);
     if most(path.throughput) <= 0.0 || choice.y >= kept {
         paths[index].primitive = NO_HIT;
         return;
@@ -525,7 +525,7 @@ fn scatter_pass(at: vec2<u32>) {
 
 // How wide voxels should be at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so many.
 fn ray_width() -> f32 {
-    return frame.pixel_width / min(sqrt(f32(frame.sample + 1u)), MOST_RAYS_ACROSS);
+    return frame.pixel_width / min(sqrt(f32(frame.sample + 1u)), MAX_RAYS_ACROSS);
 }
 
 fn whole_picture(at: vec2<u32>) -> vec2<u32> {

@@ -1,7 +1,7 @@
 //! Volumetric textures on the CPU: what a ray sees in them, and what of a light passes them. Twin:
 //! `shaders/volume_shade.wgsl`.
 
-use crate::cpu::cpu::{FAR, LEAST_LIGHT_DISTANCE2, Numbers, SPHERE_DENSITY, Shader, seed_of};
+use crate::cpu::cpu::{FAR, MIN_LIGHT_DISTANCE2, Numbers, SPHERE_DENSITY, Shader, seed_of};
 use crate::geometry::bvh::{AnyHit, NO_HIT};
 use crate::gpu::tracer::PixelHit;
 use crate::options::RenderMode;
@@ -12,10 +12,10 @@ use glam::Vec3;
 use std::f32::consts::PI;
 
 /// Rays along a pixel's side, for more of which voxels do not grow narrower: it was not measured for more.
-const MOST_RAYS_ACROSS: f32 = 4.0;
+const MAX_RAYS_ACROSS: f32 = 4.0;
 /// The constant that the shader has too.
 #[cfg(test)]
-pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MOST_RAYS_ACROSS", MOST_RAYS_ACROSS)];
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MAX_RAYS_ACROSS", MAX_RAYS_ACROSS)];
 
 /// What a ray sees in volumes.
 pub(crate) struct SeenInVolumes {
@@ -56,7 +56,7 @@ impl Shader<'_> {
         let lamps = self.scene.lights.iter().map(move |light| {
             let way = light.position - position;
             let distance2 = way.length_squared();
-            if distance2 <= LEAST_LIGHT_DISTANCE2 {
+            if distance2 <= MIN_LIGHT_DISTANCE2 {
                 return (Vec3::Z, 0.0, Vec3::ZERO);
             }
             let distance = distance2.sqrt();
@@ -69,14 +69,14 @@ impl Shader<'_> {
     /// How wide voxels should be at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so many. Rays miss
     /// narrower ones, and wider ones blur (docs/VOLTEX_FIGURES.md).
     pub(crate) fn ray_width(&self) -> f32 {
-        self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MOST_RAYS_ACROSS)
+        self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MAX_RAYS_ACROSS)
     }
 
     /// Share of light that passes the scene's volumes on the way from a surface.
     pub(crate) fn past_volumes(&self, origin: Vec3, direction: Vec3, distance: f32, width: f32) -> f32 {
         match &self.scene.volumes {
             Some(volumes) if distance > 0.0 => {
-                (-volumes.depth(origin, direction, distance, &self.hand_over, width)).exp()
+                (-volumes.depth(origin, direction, distance, &self.lod_transition, width)).exp()
             }
             _ => 1.0,
         }
@@ -129,7 +129,7 @@ impl Shader<'_> {
             origin,
             direction,
             t_max,
-            &self.hand_over,
+            &self.lod_transition,
             |t| (travelled + t) * ray_width,
             |point| {
                 if asks_anew(near.weight) {
@@ -196,6 +196,6 @@ impl Shader<'_> {
             return 0.0;
         }
         let shared = point.shared(volumes, to_eye.dot(towards));
-        (-(1.0 - shared) * volumes.depth(origin, towards, distance, &self.hand_over, width)).exp()
+        (-(1.0 - shared) * volumes.depth(origin, towards, distance, &self.lod_transition, width)).exp()
     }
 }

@@ -132,7 +132,7 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
                 let way = segment.t1 - segment.t0;
                 if !to_light {
                     let opacity = 1.0 - exp(-parts.sigma * way);
-                    if opacity > VOLUME_LEAST_OPACITY {
+                    if opacity > VOLUME_MIN_OPACITY {
                         let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
                         let weight = through * opacity;
                         point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
@@ -145,7 +145,7 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
                     continue;
                 }
                 optical_depth += parts.sigma * way;
-                if optical_depth <= VOLUME_MOST_DEPTH {
+                if optical_depth <= VOLUME_MAX_DEPTH {
                     continue;
                 }
                 optical_depth = VOLUME_BLACK;
@@ -191,7 +191,7 @@ fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Seen
 fn volume_point_light(number: u32, position: vec3<f32>) -> VolumeSource {
     let way = lights[number].position - position;
     let distance2 = dot(way, way);
-    if distance2 <= LEAST_LIGHT_DISTANCE2 {
+    if distance2 <= MIN_LIGHT_DISTANCE2 {
         return VolumeSource(vec3<f32>(0.0), 0.0, vec3<f32>(0.0));
     }
     let distance = sqrt(distance2);
@@ -262,7 +262,7 @@ fn pass_volumes(at: vec2<u32>, t_max: f32, path: ptr<function, Path>, pixel: ptr
     let next = sampler_sphere(sampler_two(frame.sample, seed_of(at, depth, VOLUME_SCATTER_NUMBERS)));
     let throughput = (*path).throughput * (4.0 * volume_reflected(seen.point, next, VOLUME_AROUND_ROUGHNESS));
     // Russian roulette, as at surfaces.
-    let kept = clamp(most(throughput), LEAST_KEPT, 1.0);
+    let kept = clamp(most(throughput), MIN_KEPT, 1.0);
     if most(throughput) <= 0.0 || choice.y >= kept {
         return false;
     }

@@ -3,7 +3,7 @@
 
 use crate::geometry::bvh_build::Bounds;
 use crate::geometry::geometry::{Geometry, Instance};
-use crate::geometry::hand_over::HandOver;
+use crate::geometry::lod_transition::LodTransition;
 use crate::geometry::shear::Shear;
 use glam::Vec3;
 
@@ -12,9 +12,9 @@ pub const STACK: usize = 80;
 /// Shares of t by which a box is entered too late because of rounding [Ize 2013].
 const BOX_SLACK: f32 = 1.000_001;
 /// Smallest direction component that a slab test divides by.
-const LEAST_DIRECTION: f32 = 1e-15;
+const MIN_DIRECTION: f32 = 1e-15;
 /// Smallest determinant of a triangle that is hit; below, the ray lies in its plane.
-const LEAST_DETERMINANT: f32 = 1e-30;
+const MIN_DETERMINANT: f32 = 1e-30;
 /// Share of an edge function's terms that is rounding: two ulp, because some GPUs fuse one of its products into the sum
 /// and not the other, and a ray on an edge could then miss the triangles on both sides.
 const EDGE_SLACK: f32 = 2.4e-7;
@@ -22,8 +22,8 @@ const EDGE_SLACK: f32 = 2.4e-7;
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("BOX_SLACK", BOX_SLACK),
-    ("LEAST_DIRECTION", LEAST_DIRECTION),
-    ("LEAST_DETERMINANT", LEAST_DETERMINANT),
+    ("MIN_DIRECTION", MIN_DIRECTION),
+    ("MIN_DETERMINANT", MIN_DETERMINANT),
     ("EDGE_SLACK", EDGE_SLACK),
 ];
 /// Primitive number of a ray that hits nothing. Twin: `NO_HIT` in `surface.wgsl`.
@@ -88,7 +88,7 @@ pub enum AnyHit {
 impl Geometry {
     /// The nearest hit with 0 < t < `t_max`, or any hit if `any`. `direction` is unit.
     pub fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
-        self.trace_handed_over(origin, direction, t_max, any, &HandOver::MESHES)
+        self.trace_handed_over(origin, direction, t_max, any, &LodTransition::MESHES)
     }
 
     /// The same where meshes that volumes stand in for are there within their spheres only. Twin: `bvh_trace` in
@@ -99,10 +99,10 @@ impl Geometry {
         direction: Vec3,
         t_max: f32,
         any: AnyHit,
-        hand_over: &HandOver,
+        lod_transition: &LodTransition,
     ) -> Hit {
         let nodes = self.nodes();
-        let spheres = hand_over.along(origin, direction);
+        let spheres = lod_transition.along(origin, direction);
         let mut best = Hit::none(t_max);
         // Where the mesh that the ray is in begins to be there, and beyond what nothing counts.
         let (mut from, mut reach) = (0.0, t_max);
@@ -188,7 +188,7 @@ struct BoxRay {
 
 impl BoxRay {
     fn new(origin: Vec3, direction: Vec3) -> BoxRay {
-        let inverse = direction.map(|d| 1.0 / if d.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(d) } else { d });
+        let inverse = direction.map(|d| 1.0 / if d.abs() < MIN_DIRECTION { MIN_DIRECTION.copysign(d) } else { d });
         BoxRay { origin, inverse }
     }
 }
@@ -217,7 +217,7 @@ fn intersect(origin: Vec3, shear: &Shear, corners: [Vec3; 3], front: bool) -> Op
     let positive = wa >= -sa && wb >= -sb && wc >= -sc;
     let negative = wa <= sa && wb <= sb && wc <= sc;
     let determinant = wa + wb + wc;
-    if !(positive || negative) || determinant.abs() < LEAST_DETERMINANT {
+    if !(positive || negative) || determinant.abs() < MIN_DETERMINANT {
         return None;
     }
     if front && !shear.is_towards(-determinant) {
@@ -287,14 +287,20 @@ mod tests {
         Geometry::placed(vec![soup_mesh(40, 0.3), soup_mesh(7, 0.8)], &placements).unwrap()
     }
 
-    fn brute_force(geometry: &Geometry, origin: Vec3, direction: Vec3, t_max: f32, hand_over: &HandOver) -> Hit {
+    fn brute_force(
+        geometry: &Geometry,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        lod_transition: &LodTransition,
+    ) -> Hit {
         let mut best = Hit::none(t_max);
         for (number, instance) in geometry.instances().iter().enumerate() {
             let mesh = geometry.meshes()[geometry.mesh_of(number)];
             let own = instance.object_from_world(direction, 0.0);
             let world_origin = origin;
             let (origin, shear) = (instance.object_from_world(origin, 1.0), Shear::new(own));
-            let [first, last] = hand_over.along(world_origin, direction).mesh(instance.leaf_width);
+            let [first, last] = lod_transition.along(world_origin, direction).mesh(instance.leaf_width);
             for primitive in mesh.first_triangle..mesh.first_triangle + mesh.triangles {
                 if let Some((t, u, v)) = intersect(origin, &shear, geometry.corners(primitive), false)
                     && t < best.t
@@ -312,21 +318,21 @@ mod tests {
     }
 
     /// About an eye within the scenes; leaves 1 wide are handed over at a radius of 1.4.
-    fn hand_over() -> HandOver {
-        HandOver::new(Vec3::new(0.3, -0.2, 0.1), 0.5, 0.5)
+    fn lod_transition() -> LodTransition {
+        LodTransition::new(Vec3::new(0.3, -0.2, 0.1), 0.5, 0.5)
     }
 
     /// Rays on which the hierarchy and the slow obvious search differ, of 2000.
-    fn differences(geometry: &Geometry, hand_over: &HandOver) -> usize {
+    fn differences(geometry: &Geometry, lod_transition: &LodTransition) -> usize {
         let mut random = Random(77);
         (0..2000)
             .filter(|i| {
                 let origin = random.vector() * 1.5;
                 // Every seventh ray runs along an axis, where slab tests divide by zero if they are careless.
                 let direction = if i % 7 == 0 { Vec3::AXES[i % 3] } else { random.vector().normalize() };
-                let expected = brute_force(geometry, origin, direction, 10.0, hand_over);
+                let expected = brute_force(geometry, origin, direction, 10.0, lod_transition);
                 let [found, any] = [AnyHit::No, AnyHit::Yes]
-                    .map(|any| geometry.trace_handed_over(origin, direction, 10.0, any, hand_over));
+                    .map(|any| geometry.trace_handed_over(origin, direction, 10.0, any, lod_transition));
                 found != expected || (any.primitive == NO_HIT) != (expected.primitive == NO_HIT)
             })
             .count()
@@ -336,9 +342,9 @@ mod tests {
     fn finds_the_same_hits_as_brute_force() {
         for (count, size) in [(1, 1.0), (7, 0.5), (3000, 0.05)] {
             let geometry = soup(count, size);
-            assert_eq!(differences(&geometry, &HandOver::MESHES), 0, "{count} triangles");
+            assert_eq!(differences(&geometry, &LodTransition::MESHES), 0, "{count} triangles");
         }
-        assert_eq!(differences(&crowd(), &HandOver::MESHES), 0, "instances");
+        assert_eq!(differences(&crowd(), &LodTransition::MESHES), 0, "instances");
     }
 
     #[test]
@@ -346,13 +352,13 @@ mod tests {
         let mut handed_over = crowd();
         // Of four instances one is kept, the others differ.
         handed_over.set_leaf_widths(|_, number| 0.25 * (number % 4) as f32);
-        assert_eq!(differences(&handed_over, &hand_over()), 0);
-        assert_eq!(differences(&handed_over, &HandOver::MESHES), 0);
+        assert_eq!(differences(&handed_over, &lod_transition()), 0);
+        assert_eq!(differences(&handed_over, &LodTransition::MESHES), 0);
         let mut random = Random(3);
         let changed = (0..500).filter(|_| {
             let (origin, direction) = (random.vector() * 1.5, random.vector().normalize());
             let all = trace(&handed_over, origin, direction, AnyHit::No);
-            handed_over.trace_handed_over(origin, direction, 10.0, AnyHit::No, &hand_over()) != all
+            handed_over.trace_handed_over(origin, direction, 10.0, AnyHit::No, &lod_transition()) != all
         });
         let changed = changed.count();
         assert!(changed > 20, "{changed}");
@@ -415,7 +421,7 @@ mod tests {
                     node.hi = node.lo;
                 }
             }
-            assert!(differences(&broken, &HandOver::MESHES) > 0);
+            assert!(differences(&broken, &LodTransition::MESHES) > 0);
         }
     }
 

@@ -9,14 +9,14 @@ struct BvhNode {
 
 const BVH_STACK: u32 = 80u;
 const BOX_SLACK: f32 = 1.000001;
-const LEAST_DIRECTION: f32 = 1e-15;
-const LEAST_DETERMINANT: f32 = 1e-30;
+const MIN_DIRECTION: f32 = 1e-15;
+const MIN_DETERMINANT: f32 = 1e-30;
 const EDGE_SLACK: f32 = 2.4e-7;
 const NO_INSTANCE: u32 = 0xffffffffu;
 
 fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, which: u32) -> Hit {
     var best = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
-    let spheres = hand_over_along(hand_over, origin, direction);
+    let spheres = lod_transition_along(lod_transition, origin, direction);
     // Where the mesh that the ray is in begins to be there, and beyond what nothing counts.
     var from_t = 0.0;
     var reach = t_max;
@@ -56,8 +56,8 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
             shear = shear_new(own);
             at = instances[instance].root;
             // Fronts are those of volumes' proxies, which are entered wherever they are.
-            if with_hand_over && which != HIT_FRONT {
-                let there = hand_over_mesh(spheres, instances[instance].leaf_width);
+            if with_lod_transition && which != HIT_FRONT {
+                let there = lod_transition_mesh(spheres, instances[instance].leaf_width);
                 from_t = there.x;
                 reach = min(best.t, there.y);
             }
@@ -99,8 +99,8 @@ struct BoxRay {
 }
 
 fn box_ray(origin: vec3<f32>, direction: vec3<f32>) -> BoxRay {
-    let least = select(vec3<f32>(LEAST_DIRECTION), vec3<f32>(-LEAST_DIRECTION), direction < vec3<f32>(0.0));
-    return BoxRay(origin, 1.0 / select(direction, least, abs(direction) < vec3<f32>(LEAST_DIRECTION)));
+    let least = select(vec3<f32>(MIN_DIRECTION), vec3<f32>(-MIN_DIRECTION), direction < vec3<f32>(0.0));
+    return BoxRay(origin, 1.0 / select(direction, least, abs(direction) < vec3<f32>(MIN_DIRECTION)));
 }
 
 fn bvh_enter(node: BvhNode, ray: BoxRay, t_max: f32) -> f32 {
@@ -133,7 +133,7 @@ fn bvh_intersect(origin: vec3<f32>, shear: Shear, primitive: u32, front: bool) -
     let positive = wa.x >= -wa.y && wb.x >= -wb.y && wc.x >= -wc.y;
     let negative = wa.x <= wa.y && wb.x <= wb.y && wc.x <= wc.y;
     let determinant = wa.x + wb.x + wc.x;
-    if !(positive || negative) || abs(determinant) < LEAST_DETERMINANT {
+    if !(positive || negative) || abs(determinant) < MIN_DETERMINANT {
         return miss;
     }
     if front && !shear_is_towards(shear, -determinant) {

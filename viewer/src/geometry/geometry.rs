@@ -11,9 +11,9 @@ const TRIANGLES: BuildParams = BuildParams { least_items: 4, most_items: 16, hal
 /// Over the instances: 2^20 add 20 levels.
 const INSTANCES: BuildParams = BuildParams { least_items: 1, most_items: 1, halving_depth: 13 };
 /// Triangles that all meshes have together at most.
-const MOST_TRIANGLES: usize = 1 << 24;
+const MAX_TRIANGLES: usize = 1 << 24;
 /// Instances at most: as many as the smallest storage binding of 128 MiB holds.
-pub const MOST_INSTANCES: usize = 1 << 20;
+pub const MAX_INSTANCES: usize = 1 << 20;
 
 /// A vertex. Twin: `Vertex` in `scene.wgsl`; positions come first, so that the acceleration structure is built from
 /// the same buffer.
@@ -124,10 +124,10 @@ impl Geometry {
     pub fn placed(meshes: Vec<Mesh>, placements: &[Placement]) -> Result<Geometry, String> {
         let vertices: usize = meshes.iter().map(|mesh| mesh.vertices.len()).sum();
         let triangles: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
-        if vertices > u32::MAX as usize / 4 || triangles > MOST_TRIANGLES {
+        if vertices > u32::MAX as usize / 4 || triangles > MAX_TRIANGLES {
             return Err("the scene has more than 2^24 triangles or 2^30 vertices, simplify it".into());
         }
-        if placements.len() > MOST_INSTANCES {
+        if placements.len() > MAX_INSTANCES {
             return Err(format!("the scene has {} instances, and 2^20 are allowed", placements.len()));
         }
         let mut geometry = Geometry {
@@ -337,7 +337,7 @@ impl Geometry {
         }
     }
 
-    /// Says of which instances a volume stands in for the mesh where it is small ([`HandOver`](crate::HandOver)): `widths` gives,
+    /// Says of which instances a volume stands in for the mesh where it is small ([`LodTransition`](crate::LodTransition)): `widths` gives,
     /// for a mesh and a number among the placements, how wide its leaves are in the world, 0 where none does.
     pub fn set_leaf_widths(&mut self, widths: impl Fn(usize, usize) -> f32) {
         for (instance, [mesh, number]) in self.instances.iter_mut().zip(&self.origins) {

@@ -3,7 +3,7 @@
 pub(crate) mod bvh;
 pub(crate) mod bvh_build;
 pub(crate) mod geometry;
-pub(crate) mod hand_over;
 pub(crate) mod leaf_width;
+pub(crate) mod lod_transition;
 pub(crate) mod shear;
 pub(crate) mod surface;

@@ -5,11 +5,11 @@ use crate::geometry::geometry::{Geometry, Instance, Vertex};
 use glam::{Vec2, Vec3, Vec4};
 
 /// Cosine to which an eye below the shading horizon is lifted; interpolated normals turn away at silhouettes.
-pub(crate) const LEAST_EYE_COS: f32 = 1e-3;
+pub(crate) const MIN_EYE_COS: f32 = 1e-3;
 
 /// The constants that the shader has too, by name.
 #[cfg(test)]
-pub(crate) const CONSTANTS: &[(&str, f32)] = &[("LEAST_EYE_COS", LEAST_EYE_COS)];
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MIN_EYE_COS", MIN_EYE_COS)];
 
 /// A point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -124,7 +124,7 @@ impl Surface {
         let wo_world = -direction;
         let view_back = flat.dot(wo_world) < 0.0;
         let mut wo = Vec3::new(tangent.dot(wo_world), bitangent.dot(wo_world), normal.dot(wo_world));
-        wo.z = if view_back { wo.z.min(-LEAST_EYE_COS) } else { wo.z.max(LEAST_EYE_COS) };
+        wo.z = if view_back { wo.z.min(-MIN_EYE_COS) } else { wo.z.max(MIN_EYE_COS) };
         Surface {
             position,
             material: geometry.triangles()[hit.primitive as usize].material as usize,

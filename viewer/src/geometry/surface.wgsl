@@ -14,7 +14,7 @@ const HIT_ANY: u32 = 0u;
 const HIT_NEAREST: u32 = 1u;
 const HIT_FRONT: u32 = 2u;
 // Cosine to which an eye below the shading horizon is lifted; interpolated normals turn away at silhouettes.
-const LEAST_EYE_COS: f32 = 1e-3;
+const MIN_EYE_COS: f32 = 1e-3;
 
 struct Surface {
     position: vec3<f32>,
@@ -144,7 +144,7 @@ fn surface_at(hit: Hit, direction: vec3<f32>) -> Surface {
     let wo_world = -direction;
     let view_back = dot(flat, wo_world) < 0.0;
     var wo = vec3<f32>(dot(tangent, wo_world), dot(bitangent, wo_world), dot(normal, wo_world));
-    wo.z = select(max(wo.z, LEAST_EYE_COS), min(wo.z, -LEAST_EYE_COS), view_back);
+    wo.z = select(max(wo.z, MIN_EYE_COS), min(wo.z, -MIN_EYE_COS), view_back);
     return Surface(
         p,
         triangle_at(hit.primitive).material,

@@ -38,7 +38,7 @@ const NO_ADAPTER_REMEDY: &str = "to have one, install the graphics driver's Vulk
                                  --backend cpu renders without";
 
 /// Storage buffers that are asked for where the adapter has as many; 8 are in every one.
-const MOST_STORAGE_BUFFERS: u32 = 40;
+const MAX_STORAGE_BUFFERS: u32 = 40;
 /// Storage buffers of a stage that hold neither assets nor geometry.
 const OTHER_STORAGE_BUFFERS: u32 = 4;
 
@@ -117,7 +117,7 @@ impl Gpu {
         let mut limits = wgpu::Limits {
             max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
             max_buffer_size: has.max_buffer_size,
-            max_storage_buffers_per_shader_stage: has.max_storage_buffers_per_shader_stage.min(MOST_STORAGE_BUFFERS),
+            max_storage_buffers_per_shader_stage: has.max_storage_buffers_per_shader_stage.min(MAX_STORAGE_BUFFERS),
             max_texture_dimension_2d: has.max_texture_dimension_2d,
             ..wgpu::Limits::default()
         };
@@ -256,8 +256,8 @@ impl Gpu {
         bytes: u64,
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, ViewerError> {
-        const LEAST_BYTES: u64 = 64;
-        let size = bytes.max(LEAST_BYTES).next_multiple_of(4);
+        const MIN_BYTES: u64 = 64;
+        let size = bytes.max(MIN_BYTES).next_multiple_of(4);
         let limits = self.device.limits();
         let most = if usage.contains(wgpu::BufferUsages::STORAGE) {
             limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)

@@ -13,11 +13,11 @@ use std::ops::Range;
 use wgpu::BufferUsages;
 
 /// Bytes that the passes may hold between them: clusters are taken together while theirs fit, so that small ones fill a GPU.
-const MOST_SCRATCH_BYTES: u64 = 32 << 20;
+const MAX_SCRATCH_BYTES: u64 = 32 << 20;
 /// Workgroups per row of a dispatch, below the least limit of 65535.
 const ROW: u64 = 32768;
 /// Items of a pass a cluster, which it numbers in 32 bits.
-const MOST_ITEMS: u64 = 1 << 31;
+const MAX_ITEMS: u64 = 1 << 31;
 
 /// The bases of a layer that a GPU is to expand.
 pub(crate) struct LayerBases {
@@ -43,12 +43,12 @@ impl LayerBases {
         let inputs = [terms.len(), factors.len(), mixtures.len()].map(|count| 4 * count as u64);
         let most = gpu.most_binding_bytes();
         inputs.iter().chain(&shape.scratch_bytes()).all(|bytes| *bytes <= most)
-            && shape.items().iter().all(|items| *items < MOST_ITEMS)
+            && shape.items().iter().all(|items| *items < MAX_ITEMS)
     }
 
     /// Clusters that are made together.
     fn slice(&self, gpu: &Gpu) -> u32 {
-        let most = MOST_SCRATCH_BYTES.min(gpu.most_binding_bytes());
+        let most = MAX_SCRATCH_BYTES.min(gpu.most_binding_bytes());
         let largest = self.input.shape.scratch_bytes().into_iter().fold(1, u64::max);
         ((most / largest) as u32).clamp(1, self.input.clusters.max(1))
     }

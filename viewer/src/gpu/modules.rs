@@ -9,7 +9,7 @@ const SUN_DISC: &str = include_str!("../light/sun_disc.wgsl");
 const SURFACE: &str = include_str!("../geometry/surface.wgsl");
 const RELIEF: &str = include_str!("../shading/relief.wgsl");
 const VIEWED_BODY: &str = include_str!("../shading/viewed_body.wgsl");
-const HAND_OVER: &str = include_str!("../geometry/hand_over.wgsl");
+const LOD_TRANSITION: &str = include_str!("../geometry/lod_transition.wgsl");
 const SHADE: &str = include_str!("../cpu/shade.wgsl");
 const PASSES: &str = include_str!("../shaders/passes.wgsl");
 const SHEAR: &str = include_str!("../geometry/shear.wgsl");
@@ -105,7 +105,7 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
             RELIEF,
             VIEWED_BODY,
             SHEAR,
-            HAND_OVER,
+            LOD_TRANSITION,
         ],
         volumes,
         &[SHADE, PASSES, DECODE_QUERIES],
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn the_walks_structs_and_constants_are_equal_in_rust_and_wgsl() {
-        use crate::MOST_CELLS;
+        use crate::MAX_CELLS;
         use crate::NO_LINK;
         use crate::WalkQuery;
         use crate::WalkSum;
@@ -264,7 +264,7 @@ mod tests {
             swapped.swap(0, 1);
             assert!(layout_difference(&module, name, size, &swapped).is_some());
         }
-        let words = [("NO_LINK", NO_LINK), ("MOST_CELLS", MOST_CELLS)];
+        let words = [("NO_LINK", NO_LINK), ("MAX_CELLS", MAX_CELLS)];
         let shell = SHELL_CONSTANTS.iter().map(|(name, value)| (*name, *value as u32));
         for (name, value) in words.into_iter().chain(shell).chain(PATTERN_CONSTANTS.iter().copied()) {
             assert_eq!(constant(&module, name), Some(naga::Literal::U32(value)), "{name}");
@@ -323,7 +323,7 @@ mod tests {
         ];
         let twins = [
             (include_str!("../geometry/shear.rs"), SHEAR, "shear_"),
-            (include_str!("../geometry/hand_over.rs"), HAND_OVER, "hand_over_"),
+            (include_str!("../geometry/lod_transition.rs"), LOD_TRANSITION, "lod_transition_"),
             (include_str!("../volume/skin/walk.rs"), SKIN_WALK, "shell_"),
             (include_str!("../volume/skin/cell.rs"), SKIN_CELL, "cell_"),
             (include_str!("../volume/skin/pattern.rs"), SKIN_PATTERN, "pattern_"),
@@ -348,8 +348,8 @@ mod tests {
         assert_eq!(constant(&module, "BVH_STACK"), Some(naga::Literal::U32(STACK as u32)));
         assert_eq!(constant(&module, "NO_HIT"), Some(naga::Literal::U32(NO_HIT)));
         assert_eq!(
-            constant(&module, "MOST_MATERIALS"),
-            Some(naga::Literal::U32(crate::gpu::tracer::MOST_MATERIALS as u32))
+            constant(&module, "MAX_MATERIALS"),
+            Some(naga::Literal::U32(crate::gpu::tracer::MAX_MATERIALS as u32))
         );
         assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::gpu::tracer::NO_ASSET)));
         assert_eq!(
@@ -369,10 +369,10 @@ mod tests {
         }
         for (name, value) in [
             ("NO_VOLUME", crate::NO_VOLUME),
-            ("MOST_PASSAGES", crate::volume::volumes::MOST_PASSAGES as u32),
-            ("HAND_OVER_STREAM", crate::geometry::hand_over::STREAM),
-            ("PIXEL_STEP_X", crate::geometry::hand_over::PIXEL_STEPS[0]),
-            ("PIXEL_STEP_Y", crate::geometry::hand_over::PIXEL_STEPS[1]),
+            ("MAX_PASSAGES", crate::volume::volumes::MAX_PASSAGES as u32),
+            ("LOD_TRANSITION_STREAM", crate::geometry::lod_transition::STREAM),
+            ("PIXEL_STEP_X", crate::geometry::lod_transition::PIXEL_STEPS[0]),
+            ("PIXEL_STEP_Y", crate::geometry::lod_transition::PIXEL_STEPS[1]),
             ("HIT_ANY", crate::AnyHit::Yes as u32),
             ("HIT_NEAREST", crate::AnyHit::No as u32),
             ("HIT_FRONT", crate::AnyHit::Front as u32),

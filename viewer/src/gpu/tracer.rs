@@ -22,10 +22,10 @@ use wgpu::BufferUsages;
 pub const NO_ASSET: u32 = u32::MAX;
 /// Pixels per side of a workgroup. Twin: `@workgroup_size` in `passes.wgsl`.
 const GROUP: u32 = 8;
-/// Materials of a scene at most: as many as a uniform binding holds. Twin: `MOST_MATERIALS` in `scene.wgsl`.
-pub(crate) const MOST_MATERIALS: usize = 1024;
+/// Materials of a scene at most: as many as a uniform binding holds. Twin: `MAX_MATERIALS` in `scene.wgsl`.
+pub(crate) const MAX_MATERIALS: usize = 1024;
 /// Pixels of a band at most: its paths then take 270 MB.
-const MOST_BAND_PIXELS: u64 = 1 << 22;
+const MAX_BAND_PIXELS: u64 = 1 << 22;
 
 /// Twin: `Frame` in `scene.wgsl`.
 #[repr(C)]
@@ -303,13 +303,13 @@ impl Tracer {
                 gpu.most_pieces()
             )));
         }
-        if scene.materials.len() > MOST_MATERIALS {
+        if scene.materials.len() > MAX_MATERIALS {
             return Err(gpu.error(format!(
-                "the scene has {} materials and a shader takes {MOST_MATERIALS}; render with --backend cpu, or join materials",
+                "the scene has {} materials and a shader takes {MAX_MATERIALS}; render with --backend cpu, or join materials",
                 scene.materials.len()
             )));
         }
-        let bytes = (size_of::<GpuMaterial>() * MOST_MATERIALS) as u64;
+        let bytes = (size_of::<GpuMaterial>() * MAX_MATERIALS) as u64;
         let materials = gpu.empty_buffer("materials", bytes, BufferUsages::UNIFORM)?;
         let instances = gpu.buffer("instances", bytemuck::cast_slice(geometry.instances()), BufferUsages::STORAGE)?;
 
@@ -523,7 +523,7 @@ impl Tracer {
                                 ("whole_decoder", self.decoder == DecoderForm::Whole),
                                 ("with_assets", !scene.assets.is_empty()),
                                 ("with_leaves", !scene.leaves.is_empty()),
-                                ("with_hand_over", scene.hands_over()),
+                                ("with_lod_transition", scene.hands_over()),
                             ]
                             .map(|(name, is_so)| (name, f64::from(u8::from(is_so)))),
                             ..Default::default()
@@ -544,7 +544,7 @@ impl Tracer {
         }
         // The old picture makes room before the new one asks for it.
         self.target = None;
-        let most_pixels = (gpu.most_binding_bytes() / size_of::<GpuPath>() as u64).min(MOST_BAND_PIXELS);
+        let most_pixels = (gpu.most_binding_bytes() / size_of::<GpuPath>() as u64).min(MAX_BAND_PIXELS);
         let band_rows = ((most_pixels / u64::from(width)) as u32).clamp(1, height);
         let band_pixels = u64::from(width) * u64::from(band_rows);
         let bytes = size_of::<GpuPath>() as u64 * band_pixels;

@@ -81,7 +81,7 @@ pub(crate) struct Atmosphere {
 const HEIGHTS: usize = 33;
 const ELEVATIONS: usize = 129;
 /// Largest angle above the horizon, which lies 10 degrees low at the top.
-const MOST_ABOVE_HORIZON_RAD: f32 = 101.0 * PI / 180.0;
+const MAX_ABOVE_HORIZON_RAD: f32 = 101.0 * PI / 180.0;
 /// Steps of a column's integral.
 const COLUMN_STEPS: usize = 64;
 
@@ -106,7 +106,7 @@ impl Atmosphere {
             .map(|at| {
                 let share = |i: usize, nodes: usize| (i as f32 / (nodes - 1) as f32).powi(2);
                 let height_km = TOP_KM * share(at / ELEVATIONS, HEIGHTS);
-                let above_rad = MOST_ABOVE_HORIZON_RAD * share(at % ELEVATIONS, ELEVATIONS);
+                let above_rad = MAX_ABOVE_HORIZON_RAD * share(at % ELEVATIONS, ELEVATIONS);
                 atmosphere.column(height_km, (above_rad - dip_rad(height_km)).sin())
             })
             .collect();
@@ -151,7 +151,7 @@ impl Atmosphere {
             (below, at - below as f32)
         };
         let (row, down) = place(height_km / TOP_KM, HEIGHTS);
-        let (first, along) = place(above_rad / MOST_ABOVE_HORIZON_RAD, ELEVATIONS);
+        let (first, along) = place(above_rad / MAX_ABOVE_HORIZON_RAD, ELEVATIONS);
         let at = row * ELEVATIONS + first;
         let [a, b, c, d] = [at, at + 1, at + ELEVATIONS, at + ELEVATIONS + 1].map(|at| self.columns[at]);
         let mix = |a: f32, b: f32, share: f32| a + share * (b - a);

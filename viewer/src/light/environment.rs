@@ -12,7 +12,7 @@ use std::f32::consts::{PI, TAU};
 use std::path::Path;
 
 /// Columns at most; larger pictures are averaged down.
-pub const MOST_COLUMNS: usize = 1024;
+pub const MAX_COLUMNS: usize = 1024;
 /// Columns at most of the picture that irradiance is summed from: those of a clear sky.
 const IRRADIANCE_PICTURE_COLUMNS: usize = 256;
 
@@ -38,7 +38,7 @@ impl Environment {
 
     /// From linear radiance, `[row, column, rgb]`, finite and at least 0. Neither side is 0.
     pub fn new(width: usize, height: usize, rgb: &[f32]) -> Environment {
-        let (width, height, rgb) = averaged_down(width, height, rgb, MOST_COLUMNS);
+        let (width, height, rgb) = averaged_down(width, height, rgb, MAX_COLUMNS);
         let brightest = |row: usize, column: usize| {
             let rows = row.saturating_sub(1)..(row + 2).min(height);
             let columns = [column + width - 1, column, column + 1].map(|column| column % width);

@@ -18,7 +18,7 @@ const HEIGHTS: usize = 16;
 /// Elevations of the sun at which it is kept: that of the place in the middle, denser near it.
 const ELEVATIONS: usize = 29;
 /// How far the outermost lie from the middle one: no ray crosses more of the earth.
-const MOST_APART_RAD: f32 = 21.0 * PI / 180.0;
+const MAX_APART_RAD: f32 = 21.0 * PI / 180.0;
 /// Directions of a node: from the horizon to the vertical, up and down each, and over half a circle.
 const POLAR: usize = 6;
 const AZIMUTHS: usize = 4;
@@ -28,7 +28,7 @@ const ORDERS: usize = 4;
 const NODE_STEPS: usize = 24;
 const SKY_STEPS: usize = 48;
 /// Most that an order has of the one before, where it still grows: light that just comes round into the earth's shadow.
-const MOST_RATIO: f32 = 0.8;
+const MAX_RATIO: f32 = 0.8;
 
 /// Middles and weights of the Gauss-Legendre rule on [0, 1] with [`POLAR`] points.
 const GAUSS: [[f32; 2]; POLAR] = [
@@ -235,12 +235,12 @@ impl Sky {
     fn node_elevation_rad(&self, node: usize) -> f32 {
         let middle = (ELEVATIONS / 2) as f32;
         let share = (node as f32 - middle) / middle;
-        self.sun_elevation_rad + MOST_APART_RAD * share * share.abs()
+        self.sun_elevation_rad + MAX_APART_RAD * share * share.abs()
     }
 
     /// Between which nodes an elevation lies, and where.
     fn place(&self, sun_sine: f32) -> (usize, f32) {
-        let apart = (sun_sine.clamp(-1.0, 1.0).asin() - self.sun_elevation_rad) / MOST_APART_RAD;
+        let apart = (sun_sine.clamp(-1.0, 1.0).asin() - self.sun_elevation_rad) / MAX_APART_RAD;
         let share = apart.abs().min(1.0).sqrt().copysign(apart);
         let at = (1.0 + share) * (ELEVATIONS / 2) as f32;
         let below = (at as usize).min(ELEVATIONS - 2);
@@ -280,7 +280,7 @@ impl Field {
     fn add(&mut self, order: &Field, before: Option<&Field>) {
         let series = |order: f32, before: Option<f32>| {
             let ratio = before.map_or(0.0, |before| order / before.max(f32::MIN_POSITIVE));
-            1.0 / (1.0 - ratio.clamp(0.0, MOST_RATIO))
+            1.0 / (1.0 - ratio.clamp(0.0, MAX_RATIO))
         };
         for (node, all) in self.harmonics.iter_mut().enumerate() {
             for band in 0..BANDS {

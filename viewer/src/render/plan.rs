@@ -20,7 +20,7 @@ const LEVEL_SHARE: f64 = 0.01;
 /// Limits that are tried, from the largest down.
 const LADDER: [u32; 16] = [0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 80, 96, 112];
 /// How often limits are raised again where together they cost more than each alone.
-const MOST_ROUNDS: usize = 6;
+const MAX_ROUNDS: usize = 6;
 
 /// What a scene needs of one asset.
 #[derive(Debug, Clone, Serialize)]
@@ -82,7 +82,7 @@ pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Contro
         forms.iter().zip(&seen).map(|(asset, seen)| Need::of_levels(asset, seen, paths)).collect();
     planner.search(&mut needs, goal_db, Limit::Components)?;
     planner.search(&mut needs, goal_db, Limit::Lobes)?;
-    let mut rounds = 0..MOST_ROUNDS;
+    let mut rounds = 0..MAX_ROUNDS;
     loop {
         let packed = needs
             .iter()

@@ -23,7 +23,7 @@
 //! [[material]]
 //! name = "grey"
 //! diffuse = [0.5, 0.5, 0.5]
-//! transmitted = [0.1, 0.2, 0.1]     # optional: what it lets through, matt as well
+//! transmitted = [0.1, 0.2, 0.1]     # optional: what it lets through, diffuse as well
 //!
 //! [[material]]
 //! name = "chrome"
@@ -103,7 +103,7 @@ use crate::scene::skin::SkinEntry;
 use crate::scene::volume::{VolumeEntry, VolumeFiles, models_of, places_of};
 use crate::volume::skin::Wind;
 use crate::volume::volumes::{SceneSkin, Volumes};
-use btf_capture::MattColour;
+use btf_capture::DiffuseColour;
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -357,7 +357,7 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
                 Body::Leaf(shown.leaves.len() - 1)
             }
             // What is a mirror and nothing else shows nothing below it.
-            (None, None) => Body::Plain(MattColour {
+            (None, None) => Body::Plain(DiffuseColour {
                 reflectance: entry.diffuse.unwrap_or([0.0; 3]),
                 transmittance: entry.transmitted.unwrap_or([0.0; 3]),
             }),

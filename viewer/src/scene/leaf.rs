@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf, absolute};
 
 /// Texels on a side of the appearance textures as the decoder has them, at most.
-const MOST_TEXELS: usize = 512;
+const MAX_TEXELS: usize = 512;
 
 /// A leaf of a scene.
 #[derive(Debug, Clone)]
@@ -101,7 +101,7 @@ fn folder_from(path: &Path, folder: &Path) -> PathBuf {
 fn texture_of(images: &TextureImages, size_mm: f32) -> LeafTexture {
     let [_, _, area_mm, _] = images.area_mm(size_mm);
     let Some(finest) = images.finest_width() else { return LeafTexture::uniform(LeafTexel::default()) };
-    let side = ((finest as f64 * f64::from(size_mm) / area_mm).round() as usize).clamp(1, MOST_TEXELS);
+    let side = ((finest as f64 * f64::from(size_mm) / area_mm).round() as usize).clamp(1, MAX_TEXELS);
     let texel_mm = size_mm / side as f32;
     let texel = |number: usize| {
         let (x, y) = ((number % side) as f32 + 0.5, (side - 1 - number / side) as f32 + 0.5);

@@ -3,7 +3,7 @@
 use crate::scene::asset::SceneAsset;
 use crate::scene::leaf::SceneLeaf;
 use crate::scene::mesh::MeshPart;
-use btf_capture::MattColour;
+use btf_capture::DiffuseColour;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -72,8 +72,8 @@ pub struct OwnBodies {
 /// What reflects and transmits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Body {
-    /// A matt surface.
-    Plain(MattColour),
+    /// A diffuse surface.
+    Plain(DiffuseColour),
     /// Index into [`Shown::assets`].
     Asset(usize),
     /// Index into [`Shown::leaves`].
@@ -107,13 +107,13 @@ impl Material {
         Material::new(Body::Asset(asset), uv_scale)
     }
 
-    /// An opaque matt material of a linear sRGB reflectance, 0 to 1.
+    /// An opaque diffuse material of a linear sRGB reflectance, 0 to 1.
     pub fn plain(reflectance: [f32; 3]) -> Material {
-        Material::matt(MattColour::opaque(reflectance))
+        Material::diffuse(DiffuseColour::opaque(reflectance))
     }
 
-    /// A matt material.
-    pub fn matt(colour: MattColour) -> Material {
+    /// A diffuse material.
+    pub fn diffuse(colour: DiffuseColour) -> Material {
         Material::new(Body::Plain(colour), [1.0; 2])
     }
 
@@ -121,7 +121,7 @@ impl Material {
     pub(crate) fn of_part(part: &MeshPart, body: Option<Body>, uv_scale: [f32; 2]) -> Material {
         match body {
             Some(body) if part.has_uv => Material::new(body, uv_scale),
-            _ => Material::matt(part.colour),
+            _ => Material::diffuse(part.colour),
         }
     }
 

@@ -1,7 +1,7 @@
 //! Meshes in parts: the built-in plane, sphere and box, and the frame (normal, tangent) of every vertex.
 
 use crate::geometry::geometry::Vertex;
-use btf_capture::MattColour;
+use btf_capture::DiffuseColour;
 use glam::{Mat4, Vec2, Vec3};
 
 /// Longitudes of the built-in sphere; its edges are then a third of a degree off the true silhouette.
@@ -17,7 +17,7 @@ pub struct MeshPart {
     /// Number of the material in the file; parts with equal numbers get the same material.
     pub group: usize,
     /// Colour of the part where it carries no asset and no leaf.
-    pub colour: MattColour,
+    pub colour: DiffuseColour,
     /// Whether the texture coordinates mean something; without them a part cannot carry an asset.
     pub has_uv: bool,
     /// Vertices.
@@ -32,7 +32,7 @@ impl MeshPart {
         MeshPart {
             name: name.into(),
             group: 0,
-            colour: MattColour::opaque([0.5; 3]),
+            colour: DiffuseColour::opaque([0.5; 3]),
             has_uv: true,
             vertices,
             triangles,

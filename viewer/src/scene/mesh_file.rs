@@ -93,7 +93,7 @@ fn with_frames(part: ModelPart) -> MeshPart {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use btf_capture::MattColour;
+    use btf_capture::DiffuseColour;
     use serde_json::Value;
 
     const INSTANCING: &str = "EXT_mesh_gpu_instancing";
@@ -167,12 +167,12 @@ pub(crate) mod tests {
             told.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
             read(told)
         };
-        let opaque = MattColour::opaque([0.5, 0.25, 1.0]);
+        let opaque = DiffuseColour::opaque([0.5, 0.25, 1.0]);
         let reflectance = [0.375, 0.1875, 0.75];
         assert_eq!(read(serde_json::json!({})), opaque);
-        assert_eq!(told(serde_json::json!({})), MattColour { reflectance, transmittance: [0.25; 3] });
+        assert_eq!(told(serde_json::json!({})), DiffuseColour { reflectance, transmittance: [0.25; 3] });
         let green = told(serde_json::json!({ "diffuseTransmissionColorFactor": [0.0, 1.0, 0.5] }));
-        assert_eq!(green, MattColour { reflectance, transmittance: [0.0, 0.25, 0.125] });
+        assert_eq!(green, DiffuseColour { reflectance, transmittance: [0.0, 0.25, 0.125] });
         // Pictures are not read, so nobody knows where it lets light through.
         assert_eq!(told(serde_json::json!({ "diffuseTransmissionTexture": { "index": 0 } })), opaque);
     }

@@ -57,7 +57,7 @@ mod tests {
     use crate::scene::material::Shown;
     use crate::scene::mesh;
     use crate::scene::scene::{Scene, SceneMesh, SceneObject};
-    use btf_capture::{LeafDescription, MattColour};
+    use btf_capture::{DiffuseColour, LeafDescription};
     use btf_runtime::{LeafTexel, LeafTexture};
     use glam::{Mat4, Vec3};
     use std::path::Path;
@@ -127,7 +127,7 @@ mod tests {
             places: places.iter().map(|x| Mat4::from_translation(Vec3::X * *x)).collect(),
         };
         let meshes =
-            vec![standing(Body::Plain(MattColour::opaque([0.5; 3])), &[9.0]), standing(Body::Leaf(0), &[0.0, 3.0])];
+            vec![standing(Body::Plain(DiffuseColour::opaque([0.5; 3])), &[9.0]), standing(Body::Leaf(0), &[0.0, 3.0])];
         let scene = Scene::from_meshes(Path::new("plants"), meshes, shown()).unwrap();
         let mut factors: Vec<[f32; 4]> = scene.geometry.instances().iter().map(|instance| instance.factors).collect();
         // Along x: the two plants, then what carries no leaf.

@@ -5,14 +5,14 @@ use crate::scene::file::{ones2, ones3};
 use crate::scene::mesh_file::FileMesh;
 use crate::scene::volume::{AS_IT_IS, VolumeFiles};
 use crate::volume::skin::{
-    DiscreteJitter, Jitter, MOST_MERGED, Merged, NO_VOLUME, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex,
+    DiscreteJitter, Jitter, MAX_MERGED, Merged, NO_VOLUME, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex,
 };
 use crate::volume::volumes::SceneSkin;
 use glam::{Mat4, Vec3};
 use serde::Deserialize;
 
 /// Largest factor of a tint: from black to white.
-const MOST_TINT: f32 = 1e3;
+const MAX_TINT: f32 = 1e3;
 /// How far the texture may lie from where it belongs, voxels of the finest volume.
 const TOLERANCE_VOXELS: f32 = 0.5;
 
@@ -110,8 +110,8 @@ impl SkinEntry {
     }
 
     fn pattern(&self, files: &mut VolumeFiles) -> Result<Pattern, ViewerError> {
-        if self.tints.is_empty() || !self.tints.as_flattened().iter().all(|x| (0.0..=MOST_TINT).contains(x)) {
-            return Err(files.fault(format!("a [[skin]]'s tints are factors from 0 to {MOST_TINT}, one tint at least")));
+        if self.tints.is_empty() || !self.tints.as_flattened().iter().all(|x| (0.0..=MAX_TINT).contains(x)) {
+            return Err(files.fault(format!("a [[skin]]'s tints are factors from 0 to {MAX_TINT}, one tint at least")));
         }
         let mut alternatives = Vec::new();
         for entry in &self.volumes {
@@ -119,14 +119,14 @@ impl SkinEntry {
                 Alternative::One(name) => std::slice::from_ref(name),
                 Alternative::Merged(names) => names,
             };
-            if names.len() > MOST_MERGED {
+            if names.len() > MAX_MERGED {
                 return Err(files.fault(format!(
-                    "a [[skin]] merges {} volumes in one texel, and {MOST_MERGED} are allowed",
+                    "a [[skin]] merges {} volumes in one texel, and {MAX_MERGED} are allowed",
                     names.len()
                 )));
             }
             for tint in &self.tints {
-                let mut merged: Merged = [NO_VOLUME; MOST_MERGED];
+                let mut merged: Merged = [NO_VOLUME; MAX_MERGED];
                 for (place, name) in merged.iter_mut().zip(names) {
                     *place = files.number(name, *tint)? as u32;
                 }

@@ -6,7 +6,7 @@ use crate::geometry::leaf_width::leaf_width;
 use crate::scene::file::one;
 use crate::scene::mesh_file::{FileMesh, load_meshes};
 use crate::volume::volumes::VolumePlace;
-use btf_capture::MattColour;
+use btf_capture::DiffuseColour;
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Vec3};
 use serde::Deserialize;
@@ -33,8 +33,8 @@ fn read_volume(path: &Path) -> Result<Volume, ViewerError> {
 pub(crate) fn tinted(volume: &Volume, tint: [f32; 3]) -> Volume {
     let mut tinted = volume.clone();
     for material in &mut tinted.materials {
-        let own = MattColour { reflectance: material.reflectance, transmittance: material.transmittance };
-        MattColour { reflectance: material.reflectance, transmittance: material.transmittance } = own.tinted(tint);
+        let own = DiffuseColour { reflectance: material.reflectance, transmittance: material.transmittance };
+        DiffuseColour { reflectance: material.reflectance, transmittance: material.transmittance } = own.tinted(tint);
     }
     tinted
 }
@@ -251,7 +251,7 @@ pub(crate) fn usual_leaf_width_m(voltex: &Voltex, meshes: &[FileMesh]) -> f32 {
 pub(crate) mod tests {
     use super::*;
     use crate::geometry::bvh::{AnyHit, NO_HIT};
-    use crate::geometry::hand_over::HandOver;
+    use crate::geometry::lod_transition::LodTransition;
     use crate::scene::file::{load_scene, scene_with_assets};
 
     /// A folder with a mesh of a triangle, as large as a volume of one voxel in it stands for.
@@ -291,16 +291,16 @@ pub(crate) mod tests {
         let voxel = 4.004 / 4.0;
         assert_eq!([widths(0), widths(1), widths(2)], [vec![0.0], vec![voxel, 2.0 * voxel], vec![0.5]]);
         // The tip is over the middle of the volume's floor, to half of the triangle's width.
-        let is_met = |x: f32, y: f32, z: f32, hand_over: &HandOver| {
+        let is_met = |x: f32, y: f32, z: f32, lod_transition: &LodTransition| {
             let from = Vec3::new(x, y, z + 1.0);
-            let hit = scene.geometry.trace_handed_over(from, Vec3::NEG_Z, 2.0, AnyHit::Yes, hand_over);
+            let hit = scene.geometry.trace_handed_over(from, Vec3::NEG_Z, 2.0, AnyHit::Yes, lod_transition);
             hit.primitive != NO_HIT
         };
-        let all = HandOver::MESHES;
+        let all = LodTransition::MESHES;
         assert_eq!([7.0, 8.1].map(|y| is_met(4.9905, y, 0.0, &all)), [true, false]);
         assert_eq!([3.5, 4.1].map(|y| is_met(0.0048, y, 9.0, &all)), [true, false]);
         // From far away it is a volume's.
-        let far = HandOver::new(Vec3::Y * 1e4, 0.01, 1.0);
+        let far = LodTransition::new(Vec3::Y * 1e4, 0.01, 1.0);
         assert!(!is_met(4.9905, 7.0, 0.0, &far));
 
         for (bad, reason) in [

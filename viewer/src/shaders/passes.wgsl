@@ -2,8 +2,8 @@
 
 // Whether there is such a pixel; what is a mesh and what a volume for its path is then known.
 fn in_band(pixel: vec2<u32>) -> bool {
-    if with_hand_over {
-        hand_over = hand_over_of_path(frame.eye, frame.pixel_width, whole_picture(pixel), frame.sample);
+    if with_lod_transition {
+        lod_transition = lod_transition_of_path(frame.eye, frame.pixel_width, whole_picture(pixel), frame.sample);
     }
     return pixel.x < frame.width && pixel.y < frame.rows;
 }

@@ -150,12 +150,12 @@ const NO_ASSET: u32 = 0xffffffffu;
 const MISSED: u32 = 0xfffffffdu;
 const IN_VOLUME: u32 = 0xfffffffeu;
 const SCATTERED: u32 = 0x80000000u;
-const MOST_MATERIALS: u32 = 1024u;
+const MAX_MATERIALS: u32 = 1024u;
 // Rays along a pixel's side, for more of which voxels do not grow narrower.
-const MOST_RAYS_ACROSS: f32 = 4.0;
+const MAX_RAYS_ACROSS: f32 = 4.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(3) var<uniform> materials: array<Material, MOST_MATERIALS>;
+@group(0) @binding(3) var<uniform> materials: array<Material, MAX_MATERIALS>;
 @group(0) @binding(4) var<storage, read> lights: array<Light>;
 // Those of the band.
 @group(0) @binding(6) var<storage, read_write> pixels: array<Pixel>;

@@ -24,11 +24,11 @@ fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, t_m
 
 fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
     var hit = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
-    let spheres = hand_over_along(hand_over, origin, direction);
-    let widest = hand_over_mesh(spheres, frame.widest_leaf);
+    let spheres = lod_transition_along(lod_transition, origin, direction);
+    let widest = lod_transition_mesh(spheres, frame.widest_leaf);
     var query: ray_query;
     // What is handed over is looked for by itself, within the widest of the spheres: all that is beyond is left out.
-    let parts = select(1u, 2u, with_hand_over && mask == RAY_MESHES);
+    let parts = select(1u, 2u, with_lod_transition && mask == RAY_MESHES);
     for (var part = 0u; part < parts; part++) {
         let from_t = select(max(widest.x, 0.0), 0.0, part == 0u);
         let reach = select(min(widest.y, hit.t), t_max, part == 0u);
@@ -40,9 +40,9 @@ fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_
         rayQueryInitialize(&query, acceleration, RayDesc(flags, asked, from_t, reach, origin, direction));
         while (rayQueryProceed(&query)) {
             // What is handed over is not opaque: it is there within its own sphere only.
-            if with_hand_over {
+            if with_lod_transition {
                 let met = rayQueryGetCandidateIntersection(&query);
-                let there = hand_over_mesh(spheres, instances[met.instance_custom_data].leaf_width);
+                let there = lod_transition_mesh(spheres, instances[met.instance_custom_data].leaf_width);
                 if met.t >= there.x && met.t < there.y {
                     rayQueryConfirmIntersection(&query);
                 }

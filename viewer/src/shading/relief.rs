@@ -17,8 +17,8 @@ use glam::{Vec2, Vec3};
 /// Sideways way of a step, texels.
 const RELIEF_STEP: f32 = 0.5;
 /// Steps of a ray, at least and at most.
-const LEAST_RELIEF_STEPS: f32 = 8.0;
-const MOST_RELIEF_STEPS: f32 = 128.0;
+const MIN_RELIEF_STEPS: f32 = 8.0;
+const MAX_RELIEF_STEPS: f32 = 128.0;
 /// How far above the relief a shadow ray begins, texels.
 const RELIEF_BIAS: f32 = 0.05;
 
@@ -26,8 +26,8 @@ const RELIEF_BIAS: f32 = 0.05;
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("RELIEF_STEP", RELIEF_STEP),
-    ("LEAST_RELIEF_STEPS", LEAST_RELIEF_STEPS),
-    ("MOST_RELIEF_STEPS", MOST_RELIEF_STEPS),
+    ("MIN_RELIEF_STEPS", MIN_RELIEF_STEPS),
+    ("MAX_RELIEF_STEPS", MAX_RELIEF_STEPS),
     ("RELIEF_BIAS", RELIEF_BIAS),
 ];
 
@@ -92,7 +92,7 @@ impl<'a> Relief<'a> {
         let root2 = l.z * l.z - 2.0 * bend * depth;
         let leaves = root2 < 0.0;
         let end = if leaves { -2.0 * l.z / bend } else { 2.0 * depth / (-l.z + root2.sqrt()).max(1e-6) };
-        let steps = (end * l.truncate().length() / RELIEF_STEP).ceil().clamp(LEAST_RELIEF_STEPS, MOST_RELIEF_STEPS);
+        let steps = (end * l.truncate().length() / RELIEF_STEP).ceil().clamp(MIN_RELIEF_STEPS, MAX_RELIEF_STEPS);
         let above = |way: f32| {
             let z = most + way * l.z + 0.5 * bend * way * way;
             z - self.scale * self.field.at_wrapped(self.relief_place(self.place, l, way).to_array())
@@ -135,7 +135,7 @@ impl<'a> Relief<'a> {
         // Up to the lid; a surface that bends up catches the ray at the latest where it no longer rises.
         let root2 = wi.z * wi.z + 2.0 * bend * depth;
         let end = if root2 < 0.0 { -wi.z / bend } else { 2.0 * depth / (wi.z + root2.sqrt()) };
-        let steps = (end * wi.truncate().length() / RELIEF_STEP).ceil().clamp(LEAST_RELIEF_STEPS, MOST_RELIEF_STEPS);
+        let steps = (end * wi.truncate().length() / RELIEF_STEP).ceil().clamp(MIN_RELIEF_STEPS, MAX_RELIEF_STEPS);
         for i in 1..=steps as u32 {
             let way = end * (i as f32 / steps);
             let z = from + way * wi.z + 0.5 * bend * way * way;
@@ -197,7 +197,7 @@ mod tests {
         3.0 * wave(x) * wave(y)
     }
 
-    /// A matt white asset with hills.
+    /// A diffuse white asset with hills.
     fn hills() -> SceneAsset {
         let mut asset = sample_asset(1, SIDE, SIDE, ResidualKind::Root);
         let layer = &mut asset.layers[0];

@@ -3,8 +3,8 @@
 // Sideways way of a step, texels.
 const RELIEF_STEP: f32 = 0.5;
 // Steps of a ray, at least and at most.
-const LEAST_RELIEF_STEPS: f32 = 8.0;
-const MOST_RELIEF_STEPS: f32 = 128.0;
+const MIN_RELIEF_STEPS: f32 = 8.0;
+const MAX_RELIEF_STEPS: f32 = 128.0;
 // How far above the relief a shadow ray begins, texels.
 const RELIEF_BIAS: f32 = 0.05;
 
@@ -67,7 +67,7 @@ fn relief_enter(relief: Relief, l: vec3<f32>) -> f32 {
     if root2 < 0.0 {
         end = -2.0 * l.z / bend;
     }
-    let steps = clamp(ceil(end * length(l.xy) / RELIEF_STEP), LEAST_RELIEF_STEPS, MOST_RELIEF_STEPS);
+    let steps = clamp(ceil(end * length(l.xy) / RELIEF_STEP), MIN_RELIEF_STEPS, MAX_RELIEF_STEPS);
     var free = 0.0;
     var clear = max(highest - relief.scale * height_at_wrapped(relief.field, relief.place), 0.0);
     for (var i = 1u; i <= u32(steps); i++) {
@@ -111,7 +111,7 @@ fn relief_blocked(relief: Relief, point: vec3<f32>, wi: vec3<f32>, scale: f32) -
     if root2 < 0.0 {
         end = -wi.z / bend;
     }
-    let steps = clamp(ceil(end * length(wi.xy) / RELIEF_STEP), LEAST_RELIEF_STEPS, MOST_RELIEF_STEPS);
+    let steps = clamp(ceil(end * length(wi.xy) / RELIEF_STEP), MIN_RELIEF_STEPS, MAX_RELIEF_STEPS);
     for (var i = 1u; i <= u32(steps); i++) {
         let way = end * (f32(i) / steps);
         let z = lowest + way * wi.z + 0.5 * bend * way * way;

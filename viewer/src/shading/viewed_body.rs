@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 
 /// The view's half of a point's shading, for light on one side of the surface.
 pub(crate) enum ViewedBody<'a> {
-    /// What a matt surface reflects or, with the light on the other side than the eye, lets through.
+    /// What a diffuse surface reflects or, with the light on the other side than the eye, lets through.
     Plain(Vec3),
     /// A texel of a layer, and its tint.
     Asset(Box<ViewedTexel<'a>>, Vec3),

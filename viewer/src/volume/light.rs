@@ -1,7 +1,7 @@
 //! Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin:
 //! `shaders/volume_light.wgsl`.
 
-use crate::geometry::hand_over::HandOver;
+use crate::geometry::lod_transition::LodTransition;
 use crate::volume::volumes::{Stretch, Volumes};
 use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, gloss, seen_at, shade};
 use glam::{Mat3, Vec3};
@@ -9,20 +9,20 @@ use glam::{Mat3, Vec3};
 /// Transmittance below which a ray ends.
 const END: f32 = 1.0 / 255.0;
 /// Optical depth beyond which a ray to a light does.
-const MOST_DEPTH: f32 = 7.824_046;
+const MAX_DEPTH: f32 = 7.824_046;
 /// What hides less of a pixel is left out: it may be there or not by rounding.
-const LEAST_OPACITY: f32 = 1e-5;
+const MIN_OPACITY: f32 = 1e-5;
 /// Share of a pixel that must be hidden before light is asked for anew.
 const SHADOW_STEP: f32 = 1.0 / 16.0;
-/// Least roughness of flakes in light from all around, of which one direction is drawn at one place of all that a ray sees: without
-/// it a flake that is seen from its edge, and rarely drawn, would be as bright as all of them.
+/// Least roughness of microflakes in light from all around, of which one direction is drawn at one place of all that a ray sees: without
+/// it a microflake that is seen from its edge, and rarely drawn, would be as bright as all of them.
 pub(crate) const AROUND_ROUGHNESS: f32 = 0.7;
 /// The constants that the shader has too, by name.
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("VOLUME_END", END),
-    ("VOLUME_MOST_DEPTH", MOST_DEPTH),
-    ("VOLUME_LEAST_OPACITY", LEAST_OPACITY),
+    ("VOLUME_MAX_DEPTH", MAX_DEPTH),
+    ("VOLUME_MIN_OPACITY", MIN_OPACITY),
     ("VOLUME_SHADOW_STEP", SHADOW_STEP),
     ("VOLUME_AROUND_ROUGHNESS", AROUND_ROUGHNESS),
 ];
@@ -50,10 +50,10 @@ struct Parts {
 }
 
 impl Parts {
-    /// All flakes, with what they count for.
-    fn flakes(&self, voltex: &Voltex) -> impl Iterator<Item = (f32, Voxel)> {
+    /// All microflakes, with what they count for.
+    fn microflakes(&self, voltex: &Voltex) -> impl Iterator<Item = (f32, Voxel)> {
         let cells = self.shares.into_iter().zip(self.numbers);
-        cells.flat_map(move |(share, number)| voltex.flakes(number).map(move |(_, voxel)| (share, voxel)))
+        cells.flat_map(move |(share, number)| voltex.microflakes(number).map(move |(_, voxel)| (share, voxel)))
     }
 }
 
@@ -75,7 +75,7 @@ impl Level {
         Level { finer: finer as u32, part: level - finer }
     }
 
-    /// What the flakes of it and of the next coarser one count for along `d`, which differ in clumping.
+    /// What the microflakes of it and of the next coarser one count for along `d`, which differ in clumping.
     fn shares(&self, voltex: &Voltex, d: [f32; 3]) -> [f32; 2] {
         let along = |level: u32| voltex.clumping_along(level, d);
         [(1.0 - self.part) * along(self.finer), self.part * along(self.finer + 1)]
@@ -92,10 +92,10 @@ impl VolumePoint {
         self.parts.shares.into_iter().enumerate().map(of_cell).sum::<Vec3>() / self.parts.sigma
     }
 
-    /// Sum over the flakes of the cell of the finer level, or of the coarser one.
+    /// Sum over the microflakes of the cell of the finer level, or of the coarser one.
     fn cell_light(&self, voltex: &Voltex, cell: usize, l: Vec3, least_roughness: f32) -> Vec3 {
         let mut sum = Vec3::ZERO;
-        for (_, voxel) in voltex.flakes(self.parts.numbers[cell]) {
+        for (_, voxel) in voltex.microflakes(self.parts.numbers[cell]) {
             let material = voltex.material(voxel.material);
             let [same, other] = shade(&voxel.moment, (-self.view).into(), l.into());
             sum += Vec3::from(material.reflectance) * same + Vec3::from(material.transmittance) * other;
@@ -122,7 +122,7 @@ impl VolumePoint {
         };
         let offset = at(self.level.finer) + (at(self.level.finer + 1) - at(self.level.finer)) * self.level.part;
         let towards: Vec3 =
-            self.parts.flakes(voltex).map(|(share, voxel)| share * Vec3::from(voxel.moment.times(l.into()))).sum();
+            self.parts.microflakes(voltex).map(|(share, voxel)| share * Vec3::from(voxel.moment.times(l.into()))).sum();
         let inverse = self.map.inverse();
         inverse * (towards.normalize_or_zero() * offset)
     }
@@ -162,12 +162,12 @@ impl Volumes {
         origin: Vec3,
         direction: Vec3,
         t_max: f32,
-        hand_over: &HandOver,
+        lod_transition: &LodTransition,
         width_at: impl Fn(f32) -> f32,
         mut each: impl FnMut(VolumePoint),
     ) -> f32 {
         let mut through = 1.0;
-        for stretch in self.stretches(origin, direction, t_max).handed_over(hand_over) {
+        for stretch in self.stretches(origin, direction, t_max).handed_over(lod_transition) {
             let voltex = self.volume(stretch.volume);
             let map = stretch.volume_from_world;
             let level = Level::of(voltex, &map, width_at(0.5 * (stretch.t0 + stretch.t1)));
@@ -179,7 +179,7 @@ impl Volumes {
                 let length = segment.t1 - segment.t0;
                 let depth = parts.sigma * length;
                 let hidden = 1.0 - (-depth).exp();
-                if hidden <= LEAST_OPACITY {
+                if hidden <= MIN_OPACITY {
                     continue;
                 }
                 each(VolumePoint {
@@ -201,9 +201,9 @@ impl Volumes {
     }
 
     /// Optical depth along a ray, through voxels `width` wide.
-    pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, hand_over: &HandOver, width: f32) -> f32 {
+    pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, lod_transition: &LodTransition, width: f32) -> f32 {
         let mut sum = 0.0;
-        for stretch in self.stretches_in_turn(origin, direction, t_max).handed_over(hand_over) {
+        for stretch in self.stretches_in_turn(origin, direction, t_max).handed_over(lod_transition) {
             let voltex = self.volume(stretch.volume);
             let level = Level::of(voltex, &stretch.volume_from_world, width);
             let d = stretch.ray.direction;
@@ -211,7 +211,7 @@ impl Volumes {
             let mut walk = walk_of(voltex, &stretch);
             while let Some(segment) = walk.next(voltex, level.finer) {
                 sum += parts_of(voltex, &segment, shares, d).sigma * (segment.t1 - segment.t0);
-                if sum > MOST_DEPTH {
+                if sum > MAX_DEPTH {
                     return f32::INFINITY;
                 }
             }
@@ -253,7 +253,7 @@ mod tests {
 
     /// Depth of what stands for no mesh, along a whole ray.
     fn depth(volumes: &Volumes, origin: Vec3, direction: Vec3) -> f32 {
-        volumes.depth(origin, direction, 1e30, &HandOver::MESHES, 0.0)
+        volumes.depth(origin, direction, 1e30, &LodTransition::MESHES, 0.0)
     }
 
     /// Depths are told apart as what passes.
@@ -310,10 +310,11 @@ mod tests {
             let sum = depth(&a, origin, towards) + depth(&b, origin, towards);
             assert!(far(sum, depth(&both, origin, towards)) < 3e-3);
             let mut weights = 0.0;
-            let through = both.see(origin, towards, 1e30, &HandOver::MESHES, |_| 0.0, |point| weights += point.weight);
+            let through =
+                both.see(origin, towards, 1e30, &LodTransition::MESHES, |_| 0.0, |point| weights += point.weight);
             assert!((through - (-sum).exp()).abs() < 0.01 && (weights + through - 1.0).abs() < 0.01);
             // What lies beyond t_max hides nothing.
-            assert!(both.depth(origin, towards, 0.2, &HandOver::MESHES, 0.0) <= sum + 1e-3);
+            assert!(both.depth(origin, towards, 0.2, &LodTransition::MESHES, 0.0) <= sum + 1e-3);
             inside += usize::from(i % 2 == 0 && sum > 0.1);
         }
         assert!(inside > 20, "{inside}");
@@ -337,7 +338,7 @@ mod tests {
         let mut counts = [0; 3];
         for i in 0..300 {
             let eye = Vec3::new(0.9, 0.5, 0.5) + direction(&mut random) * random.within(0.0, 1.0);
-            let hand_over = HandOver::new(eye, 0.5, random.within(0.0, 1.0));
+            let lod_transition = LodTransition::new(eye, 0.5, random.within(0.0, 1.0));
             let target = Vec3::new(random.within(0.0, 2.0), 0.5, 0.5);
             let origin = if i % 2 == 0 { eye } else { target + direction(&mut random) * 3.0 };
             let towards = (target - origin).normalize();
@@ -345,7 +346,7 @@ mod tests {
             let mut expected = 0.0;
             for (number, (volumes, place)) in apart.iter().zip(&places).enumerate() {
                 let whole = depth(volumes, origin, towards);
-                let spheres = hand_over.along(origin, towards);
+                let spheres = lod_transition.along(origin, towards);
                 let beyond: f32 = spheres
                     .volume(place.leaf_width, [0.0, 30.0])
                     .into_iter()
@@ -353,17 +354,17 @@ mod tests {
                     .map(|[t0, t1]| {
                         let kept =
                             Volumes::new(vec![own.clone()], &[VolumePlace { leaf_width: 0.0, ..*place }], Vec::new());
-                        kept.unwrap().depth(origin + t0 * towards, towards, t1 - t0, &HandOver::MESHES, 0.0)
+                        kept.unwrap().depth(origin + t0 * towards, towards, t1 - t0, &LodTransition::MESHES, 0.0)
                     })
                     .sum();
                 assert!(place.leaf_width == 0.0 || whole == 0.0, "every mesh is one");
                 counts[number] += usize::from(beyond > 0.1);
                 expected += beyond;
             }
-            let found = all.depth(origin, towards, 1e30, &hand_over, 0.0);
+            let found = all.depth(origin, towards, 1e30, &lod_transition, 0.0);
             assert!(far(expected, found) < 6e-3, "{expected} {found}");
             // What the eye sees is hidden by the same.
-            let through = all.see(origin, towards, 1e30, &hand_over, |_| 0.0, |_| ());
+            let through = all.see(origin, towards, 1e30, &lod_transition, |_| 0.0, |_| ());
             assert!(far(-through.max(1e-9).ln(), found) < 6e-3);
         }
         assert!(counts.iter().all(|count| *count > 20), "{counts:?}");

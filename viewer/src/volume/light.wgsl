@@ -3,14 +3,14 @@
 // Transmittance below which a ray ends.
 const VOLUME_END: f32 = 0.003921569;
 // Optical depth beyond which a ray to a light does.
-const VOLUME_MOST_DEPTH: f32 = 7.824046;
+const VOLUME_MAX_DEPTH: f32 = 7.824046;
 // What hides less of a pixel is left out: it may be there or not by rounding.
-const VOLUME_LEAST_OPACITY: f32 = 1e-5;
+const VOLUME_MIN_OPACITY: f32 = 1e-5;
 // Optical depth of what is darker: the twin's infinity.
 const VOLUME_BLACK: f32 = 1e4;
 // Share of a pixel that must be hidden before light is asked for anew.
 const VOLUME_SHADOW_STEP: f32 = 0.0625;
-// Least roughness of flakes in light from all around.
+// Least roughness of microflakes in light from all around.
 const VOLUME_AROUND_ROUGHNESS: f32 = 0.7;
 
 // What a ray sees at one place of a volume.
@@ -31,7 +31,7 @@ struct VolumeLevel {
     finer: u32,
     // Share of the next coarser one.
     part: f32,
-    // What the flakes of both count for along the ray.
+    // What the microflakes of both count for along the ray.
     shares: vec2<f32>,
 }
 
@@ -65,7 +65,7 @@ fn volume_level_of(volume: u32, map: VolumeMap, width: f32, d: vec3<f32>) -> Vol
     return VolumeLevel(u32(finer), level - finer, volume_shares(volume, u32(finer), level - finer, d));
 }
 
-// What the flakes of a level and of the next coarser one count for along `d`, which differ in clumping.
+// What the microflakes of a level and of the next coarser one count for along `d`, which differ in clumping.
 fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> {
     let along = vec2<f32>(voltex_clumping_along(volume, finer, d), voltex_clumping_along(volume, finer + 1u, d));
     return vec2<f32>(1.0 - part, part) * along;
@@ -80,7 +80,7 @@ fn volume_reflected(point: VolumePoint, light: vec3<f32>, least_roughness: f32) 
     return (finer + coarser) / max(point.parts.sigma, 1e-30);
 }
 
-// Sum over the flakes of the cell of the finer level, or of the coarser one.
+// Sum over the microflakes of the cell of the finer level, or of the coarser one.
 fn volume_cell_light(point: VolumePoint, cell: u32, l: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var own = point.parts.numbers[cell]; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
@@ -121,7 +121,7 @@ fn volume_shadow_offset(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
     return columns / determinant;
 }
 
-// Sum of the flakes' normals on the side of the light, as long as their area towards it.
+// Sum of the microflakes' normals on the side of the light, as long as their area towards it.
 fn volume_normal_towards(volume: u32, number: u32, l: vec3<f32>) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var own = number; own != VOLTEX_NO_VOXEL; own = voltex_other(volume, own)) {
@@ -130,7 +130,7 @@ fn volume_normal_towards(volume: u32, number: u32, l: vec3<f32>) -> vec3<f32> {
     return sum;
 }
 
-// How far from the flakes a ray to the light begins, sides of the volume.
+// How far from the microflakes a ray to the light begins, sides of the volume.
 fn volume_offset(volume: u32, level: u32) -> f32 {
     let most = voltex_level_count(volume);
     let own = min(level, most);
@@ -175,7 +175,7 @@ fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32)
             let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
             let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
             sum += parts.sigma * (segment.t1 - segment.t0);
-            if sum > VOLUME_MOST_DEPTH {
+            if sum > VOLUME_MAX_DEPTH {
                 return VOLUME_BLACK;
             }
         }

@@ -3,7 +3,7 @@
 
 use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
-use crate::geometry::hand_over::HandOver;
+use crate::geometry::lod_transition::LodTransition;
 use crate::volume::skin::{CellWalk, Pattern, Shell, Skin, SkinPlace, Walk as ShellWalk, Wind};
 use btf_runtime::voltex::{Voltex, VoltexRay};
 use glam::{Mat3, Mat4, Vec3};
@@ -107,7 +107,7 @@ fn plain_vertex(position: Vec3) -> Vertex {
 const SLICE: f32 = 1.0 / 8.0;
 /// Volumes and skins that a ray is in at once: it enters no further one before it has left one of those. What overlaps five times
 /// is met in a slightly other order, and nothing is left out.
-pub(crate) const MOST_PASSAGES: usize = 4;
+pub(crate) const MAX_PASSAGES: usize = 4;
 
 impl Volumes {
     /// Volumes that stand on their own, and skins; one of either at least.
@@ -241,7 +241,7 @@ impl Volumes {
 
     /// The stretches of a ray between 0 and `t_max`, in the order in which they begin.
     pub fn stretches(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
-        let open = [const { None }; MOST_PASSAGES];
+        let open = [const { None }; MAX_PASSAGES];
         let reach = self.reach();
         let mut stretches = Stretches {
             volumes: self,
@@ -252,7 +252,7 @@ impl Volumes {
             reach,
             entry: None,
             open,
-            most: MOST_PASSAGES,
+            most: MAX_PASSAGES,
         };
         stretches.find_entry();
         stretches
@@ -300,15 +300,15 @@ pub struct Stretches<'a> {
     from: f32,
     entry: Option<(f32, Hit)>,
     /// What it is in.
-    open: [Option<(Stretch, Passage<'a>)>; MOST_PASSAGES],
+    open: [Option<(Stretch, Passage<'a>)>; MAX_PASSAGES],
     /// How much of that it may be in at once.
     most: usize,
 }
 
 impl<'a> Stretches<'a> {
     /// The same where volumes that stand in for meshes are there beyond their spheres only.
-    pub(crate) fn handed_over(self, hand_over: &HandOver) -> impl Iterator<Item = Stretch> + use<'a> {
-        let spheres = hand_over.along(self.origin, self.direction);
+    pub(crate) fn handed_over(self, lod_transition: &LodTransition) -> impl Iterator<Item = Stretch> + use<'a> {
+        let spheres = lod_transition.along(self.origin, self.direction);
         self.flat_map(move |stretch| {
             let parts = spheres.volume(stretch.leaf_width, [stretch.t0, stretch.t1]);
             parts.into_iter().filter(|[t0, t1]| t0 < t1).map(move |[t0, t1]| Stretch { t0, t1, ..stretch })

@@ -2,7 +2,7 @@
 // volumes.rs. Where they lie among the words: volume_words.rs. The includer defines trace_any_or_front.
 
 // Volumes and skins that a ray is in at once.
-const MOST_PASSAGES: u32 = 4u;
+const MAX_PASSAGES: u32 = 4u;
 // Slots for them, and one for a ray to the light, which goes through them in turn.
 const PASSAGE_SLOTS: u32 = 5u;
 const NO_VOLUME: u32 = 0xffffffffu;
@@ -74,22 +74,22 @@ struct Stretches {
 // The stretches of a ray between 0 and `t_max`, in the order in which they begin.
 fn volume_stretches(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Stretches {
     let entries = Entries(origin, t_max, direction, -frame.volume_reach, false, false);
-    return Stretches(entries, Hit(), false, 0u, MOST_PASSAGES, vec4<f32>(VOLTEX_FAR), vec2<f32>(0.0));
+    return Stretches(entries, Hit(), false, 0u, MAX_PASSAGES, vec4<f32>(VOLTEX_FAR), vec2<f32>(0.0));
 }
 
 // The same volume by volume, for sums that need no order; none where a mesh is in the way.
 fn volume_stretches_in_turn(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Stretches {
     var stretches = volume_stretches(origin, direction, t_max);
     stretches.entries.asks_meshes = true;
-    stretches.slot = MOST_PASSAGES;
+    stretches.slot = MAX_PASSAGES;
     stretches.count = 1u;
     return stretches;
 }
 
 // A stretch as far as the mesh that its volume stands in for; what is behind that waits.
 fn volume_handed_over(stretches: ptr<function, Stretches>, given: Stretch) -> Stretch {
-    let spheres = hand_over_along(hand_over, (*stretches).entries.origin, (*stretches).entries.direction);
-    let parts = hand_over_volume(spheres, given.leaf_width, given.t0, given.t1);
+    let spheres = lod_transition_along(lod_transition, (*stretches).entries.origin, (*stretches).entries.direction);
+    let parts = lod_transition_volume(spheres, given.leaf_width, given.t0, given.t1);
     (*stretches).behind = parts.zw;
     var own = given;
     own.t1 = parts.y;
@@ -199,7 +199,7 @@ fn volume_advance(entries: Entries, passage: ptr<function, Passage>) -> bool {
         (*passage).volumes = variant.volumes;
         (*passage).t0 = span.t0;
         (*passage).t1 = span.t1;
-        while (*passage).merged < MOST_MERGED && asset_word(variant.volumes + (*passage).merged) != NO_VOLUME {
+        while (*passage).merged < MAX_MERGED && asset_word(variant.volumes + (*passage).merged) != NO_VOLUME {
             (*passage).merged += 1u;
         }
     }
@@ -222,7 +222,7 @@ fn volume_next(
     let numbers = vec4<u32>(0u, 1u, 2u, 3u);
     var own = latest;
     let behind = (*stretches).behind;
-    if with_hand_over && behind.x < behind.y {
+    if with_lod_transition && behind.x < behind.y {
         (*stretches).behind = vec2<f32>(0.0);
         own.t0 = behind.x;
         own.t1 = behind.y;
@@ -288,7 +288,7 @@ fn volume_next(
         here.begins = select(here.begins, vec4<f32>(begin), numbers == vec4<u32>(slot));
         *stretches = here;
     }
-    if with_hand_over {
+    if with_lod_transition {
         own = volume_handed_over(stretches, own);
     }
     return own;

@@ -3,7 +3,7 @@
 use super::history::History;
 use crate::scene::asset::SceneAsset;
 use crate::scene::scene::Scene;
-use btf_runtime::{Asset, Edit, Edits, MOST_EDITS, pack};
+use btf_runtime::{Asset, Edit, Edits, MAX_EDITS, pack};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -133,7 +133,7 @@ impl Editor {
     /// Adds an edit that changes nothing yet and lies nowhere; on the whole asset if it is the first.
     pub(crate) fn add(&mut self, scene: &mut Scene) {
         self.change(scene, |edits, _| {
-            if edits.list.len() < MOST_EDITS {
+            if edits.list.len() < MAX_EDITS {
                 edits.list.push(Edit::default());
                 if edits.list.len() == 1 {
                     edits.texels.fill(1);

@@ -1,7 +1,7 @@
 //! What was changed in the window, step by step, and the way back.
 
 /// Steps that can be taken back.
-const MOST_STEPS: usize = 200;
+const MAX_STEPS: usize = 200;
 
 /// What a thing was before a step and after it.
 #[derive(Debug)]
@@ -39,7 +39,7 @@ impl<T: Clone + PartialEq> History<T> {
         let Some(after) = now(of).filter(|after| *after != before) else { return };
         self.steps.truncate(self.done);
         self.steps.push(Step { of, before, after });
-        if self.steps.len() > MOST_STEPS {
+        if self.steps.len() > MAX_STEPS {
             self.steps.remove(0);
         }
         self.done = self.steps.len();
@@ -75,14 +75,14 @@ mod tests {
     #[test]
     fn the_oldest_steps_are_forgotten_and_gestures_are_one_step() {
         let mut history = History::default();
-        for step in 0..MOST_STEPS as u32 + 10 {
+        for step in 0..MAX_STEPS as u32 + 10 {
             history.begin(3, step);
             // The second change of a gesture.
             history.begin(3, 1_000_000);
             history.close(|_| Some(step + 1));
         }
         let undone: Vec<(usize, u32)> = std::iter::from_fn(|| history.undo()).collect();
-        assert_eq!((undone.len(), undone.last()), (MOST_STEPS, Some(&(3, 10))));
+        assert_eq!((undone.len(), undone.last()), (MAX_STEPS, Some(&(3, 10))));
         assert_eq!(history.redo(), Some((3, 11)));
     }
 }

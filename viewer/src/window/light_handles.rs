@@ -10,14 +10,14 @@ const HANDLE_POINTS: f32 = 14.0;
 /// Degrees that a drag of a point turns a light.
 const DEGREES_A_POINT: f32 = 0.5;
 /// Most lights that have handles.
-const MOST_HANDLES: usize = 16;
+const MAX_HANDLES: usize = 16;
 
 /// Draws them over the picture in `area`; `true` if a light was moved.
 pub(crate) fn show_light_handles(ui: &mut egui::Ui, area: egui::Rect, panel: &mut Panel, scene: &mut Scene) -> bool {
     let (centre, radius) = scene.geometry.bounding_sphere();
     let frame = scene.camera.frame(area.width().max(1.0) as u32, area.height().max(1.0) as u32);
     let mut moved = false;
-    for number in 0..scene.lights.len().min(MOST_HANDLES) {
+    for number in 0..scene.lights.len().min(MAX_HANDLES) {
         let light = scene.lights[number];
         let towards = (light.position - centre).normalize_or_zero() * (HANDLE_RADII * radius);
         let Some([x, y]) = frame.pixel_of(centre + towards) else { continue };

@@ -2,7 +2,7 @@
 //! moment of its own and has one sample.
 
 use crate::scene::scene::Scene;
-use crate::volume::skin::MOST_WIND_SPEED;
+use crate::volume::skin::MAX_WIND_SPEED;
 use std::time::Instant;
 
 /// Longest time that passes from one frame to the next, seconds: after a pause gusts go on where they were.
@@ -27,7 +27,7 @@ impl WindPanel {
     pub(crate) fn show(&mut self, ui: &mut egui::Ui, scene: &mut Scene) -> bool {
         let Some(wind) = &mut scene.wind else { return false };
         ui.checkbox(&mut self.plays, format!("wind blows (B), {:.1} s", scene.time_s));
-        let speed = egui::Slider::new(&mut wind.speed_m_per_s, 0.0..=MOST_WIND_SPEED).text("wind, m/s");
+        let speed = egui::Slider::new(&mut wind.speed_m_per_s, 0.0..=MAX_WIND_SPEED).text("wind, m/s");
         let stronger = ui.add(speed).changed();
         let passed_s = self.step(Instant::now());
         if self.plays {

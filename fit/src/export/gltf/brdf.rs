@@ -6,9 +6,9 @@ use std::f32::consts::PI;
 /// Reflectance of a dielectric of index 1.5 at normal incidence.
 pub const DIELECTRIC_F0: f32 = 0.04;
 /// Least cosine and roughness that the model divides by, as renderers have them.
-const LEAST_COS: f32 = 1e-3;
+const MIN_COS: f32 = 1e-3;
 /// Least alpha: a mirror's highlight falls between all measured pairs.
-const LEAST_ALPHA: f32 = 1e-3;
+const MIN_ALPHA: f32 = 1e-3;
 
 /// A texel of a material; colours linear.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,10 +110,10 @@ pub fn schlick(cos_half: f32) -> f32 {
 /// `pi D V` of GGX with Smith's separable shadowing.
 #[inline(always)]
 pub fn ggx(roughness: f32, cos: &Cosines) -> f32 {
-    let alpha = (roughness * roughness).max(LEAST_ALPHA);
+    let alpha = (roughness * roughness).max(MIN_ALPHA);
     let alpha2 = alpha * alpha;
     let fall = cos.half * cos.half * (alpha2 - 1.0) + 1.0;
-    let shadow = |cos: f32| cos.max(LEAST_COS) + (alpha2 + (1.0 - alpha2) * cos * cos).sqrt();
+    let shadow = |cos: f32| cos.max(MIN_COS) + (alpha2 + (1.0 - alpha2) * cos * cos).sqrt();
     // Where the normal turns away from the light the cosine outside is 0.
     alpha2 / (fall * fall * shadow(cos.light) * shadow(cos.eye))
 }
@@ -154,7 +154,7 @@ pub struct Sheen {
 impl Sheen {
     /// Cost: some 10^5 evaluations for the albedo.
     pub fn new(roughness: f32) -> Sheen {
-        let alpha = (roughness * roughness).max(LEAST_ALPHA);
+        let alpha = (roughness * roughness).max(MIN_ALPHA);
         let mut sheen = Sheen {
             roughness,
             distribution: table(TABLE, |sin2| charlie(alpha, sin2)),
@@ -162,7 +162,7 @@ impl Sheen {
             albedo: Vec::new(),
         };
         sheen.albedo = table(ALBEDOS, |cos| {
-            let cos_eye = cos.max(LEAST_COS);
+            let cos_eye = cos.max(MIN_COS);
             let wo = [(1.0 - cos_eye * cos_eye).max(0.0).sqrt(), 0.0, cos_eye];
             let mut sum = 0.0;
             for row in 0..ALBEDO_STEPS {
@@ -182,7 +182,7 @@ impl Sheen {
     /// `pi D V` of a white sheen.
     #[inline(always)]
     pub fn value(&self, cos: &Cosines) -> f32 {
-        let (light, eye) = (cos.light.max(LEAST_COS), cos.eye.max(LEAST_COS));
+        let (light, eye) = (cos.light.max(MIN_COS), cos.eye.max(MIN_COS));
         let shadowed = 1.0 + looked_up(&self.lambda, light) + looked_up(&self.lambda, eye);
         looked_up(&self.distribution, 1.0 - cos.half * cos.half) / (shadowed * 4.0 * light * eye)
     }
@@ -242,11 +242,11 @@ mod tests {
     }
 
     #[test]
-    fn a_matt_dielectric_keeps_what_its_gloss_leaves() {
-        let matt = GltfTexel { specular: 0.0, base_colour: [0.3, 0.5, 0.7], ..GltfTexel::PLAIN };
+    fn a_diffuse_dielectric_keeps_what_its_gloss_leaves() {
+        let diffuse = GltfTexel { specular: 0.0, base_colour: [0.3, 0.5, 0.7], ..GltfTexel::PLAIN };
         let wi = direction_from_degrees(60.0, 10.0);
-        let value = matt.reflected(None, wi, direction_from_degrees(20.0, 200.0));
-        (0..3).for_each(|c| assert!((value[c] - matt.base_colour[c] * 0.5).abs() < 1e-6, "{value:?}"));
+        let value = diffuse.reflected(None, wi, direction_from_degrees(20.0, 200.0));
+        (0..3).for_each(|c| assert!((value[c] - diffuse.base_colour[c] * 0.5).abs() < 1e-6, "{value:?}"));
         // Gloss at its mirror direction, by hand: D = 1 / (pi alpha^2), V = 1 / 4 and F = 0.04 at normal incidence.
         let gloss = GltfTexel { base_colour: [0.0; 3], roughness: 0.5, ..GltfTexel::PLAIN };
         let up = [0.0, 0.0, 1.0];

@@ -20,7 +20,7 @@ const FIT_PAIRS: usize = 192;
 /// Texels on which it is decided which parts of the model the material needs.
 const TRIAL_TEXELS: usize = 512;
 /// Share of the squared error that a part of the model must save to be written.
-pub const LEAST_SAVED: f64 = 0.05;
+pub const MIN_SAVED: f64 = 0.05;
 /// What stands beside a linear value under the root, so that the curve has the slope of sRGB at black.
 const EPSILON: f32 = 0.003;
 /// Roughnesses that a texel tries first.
@@ -30,14 +30,14 @@ const ROUGHNESS_RANGE: [f32; 2] = [0.1, 1.0];
 /// Steps of the search over normals (their x and y) and roughnesses.
 const STEPS: [[f32; 2]; 3] = [[0.16, 0.1], [0.08, 0.05], [0.04, 0.03]];
 /// Largest length of a normal's x and y.
-const MOST_TILT: f32 = 0.75;
+const MAX_TILT: f32 = 0.75;
 /// Sheen roughnesses that a material tries; one serves all its texels.
 const SHEEN_ROUGHNESSES: [f32; 4] = [0.3, 0.5, 0.7, 1.0];
 
 /// Which of the model's optional parts are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Maps {
-    /// Those that save [`LEAST_SAVED`] of the squared error or more.
+    /// Those that save [`MIN_SAVED`] of the squared error or more.
     #[default]
     Auto,
     /// All.
@@ -147,7 +147,7 @@ fn choose_model(
     let mut error = error_of(&model)?;
     let mut take = |name, error: &mut f64, next: f64, all: bool| {
         let saved = if *error > 0.0 { 1.0 - next / *error } else { 0.0 };
-        let used = saved >= LEAST_SAVED || all;
+        let used = saved >= MIN_SAVED || all;
         tried.push(TriedPart { name, saved, used });
         if used {
             *error = next;
@@ -159,7 +159,7 @@ fn choose_model(
     let glossy = Model { specular: true, ..model.clone() };
     let (error_metal, error_glossy) = (error_of(&metal)?, error_of(&glossy)?);
     // A metal needs no extension, so a coloured gloss has to be better by as much as any part.
-    let metallic = error_glossy > (1.0 - LEAST_SAVED) * error_metal;
+    let metallic = error_glossy > (1.0 - MIN_SAVED) * error_metal;
     if metallic && !all && take("metal", &mut error, error_metal, false) {
         model = metal;
     } else if take("specular", &mut error, error_glossy, all) {
@@ -374,7 +374,7 @@ impl Search<'_> {
                 let from = round;
                 for [x, y] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
                     let tilt = [from.tilt[0] + x * tilt_step, from.tilt[1] + y * tilt_step];
-                    if tilt[0] * tilt[0] + tilt[1] * tilt[1] <= MOST_TILT * MOST_TILT {
+                    if tilt[0] * tilt[0] + tilt[1] * tilt[1] <= MAX_TILT * MAX_TILT {
                         self.improve(&mut round, Estimate { tilt, ..from });
                     }
                 }
@@ -408,7 +408,7 @@ impl Search<'_> {
         }
     }
 
-    /// A normal from the values as if the surface were matt: least squares for the vector whose product with the light is
+    /// A normal from the values as if the surface were diffuse: least squares for the vector whose product with the light is
     /// the luminance.
     fn lambert_tilt(&self) -> [f32; 2] {
         let (pairs, scratch) = (self.pairs, &*self.scratch);
@@ -428,7 +428,7 @@ impl Search<'_> {
         }
         let tilt = [normal.x / length, normal.y / length].map(|x| x as f32);
         let far = (tilt[0] * tilt[0] + tilt[1] * tilt[1]).sqrt().max(1e-6);
-        tilt.map(|x| x * (MOST_TILT / far).min(1.0))
+        tilt.map(|x| x * (MAX_TILT / far).min(1.0))
     }
 
     /// Sets the slopes of the curve between target and values.
@@ -613,14 +613,14 @@ fn set_transmission(texel: &mut GltfTexel, list: &PairList, values: &[Vec<f32>; 
         if square > 0.0 { (sum / square).clamp(0.0, 1.0) } else { 0.0 }
     });
     // The least share will do: the more, the brighter must the base colour be for those who do not know the extension.
-    let share = most(&colour).min(1.0 - most(&texel.base_colour).min(MOST_REFLECTED));
+    let share = most(&colour).min(1.0 - most(&texel.base_colour).min(MAX_REFLECTED));
     texel.transmission = share;
     texel.transmission_colour = colour.map(|x| if share > 0.0 { (x / share).min(1.0) } else { 1.0 });
     texel.base_colour = texel.base_colour.map(|x| (x / (1.0 - share)).min(1.0));
 }
 
 /// Base colour beyond which nothing is left to come through.
-const MOST_REFLECTED: f32 = 0.98;
+const MAX_REFLECTED: f32 = 0.98;
 
 #[cfg(test)]
 mod tests {

@@ -17,7 +17,7 @@ pub const KTX2_KEY: &str = "BTFspmm";
 /// Version of what the files hold.
 const LAYOUT: u32 = 1;
 /// Largest side of a texture on common Vulkan adapters.
-const MOST_SIDE: usize = 16384;
+const MAX_SIDE: usize = 16384;
 /// A plane's byte for the number 0, where its numbers have signs.
 const ZERO: u8 = 128;
 
@@ -273,9 +273,9 @@ impl<'a> LayerWords<'a> {
         let (views, bases) = (pairs / lights, self.field(block::BASES));
         let columns = (clusters as f64).sqrt().ceil() as usize;
         let (width, height) = (lights * columns, views * clusters.div_ceil(columns));
-        if width.max(height) > MOST_SIDE {
+        if width.max(height) > MAX_SIDE {
             return Err(FitError::Params(format!(
-                "its bases make a texture of {width} x {height} texels, and engines take {MOST_SIDE} a side at most; fit it with fewer \
+                "its bases make a texture of {width} x {height} texels, and engines take {MAX_SIDE} a side at most; fit it with fewer \
                  --clusters"
             )));
         }

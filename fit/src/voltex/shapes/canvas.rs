@@ -1,18 +1,18 @@
-//! What shapes are painted on: voxels of flakes over the box of a script, and the triangles that rays meet there.
+//! What shapes are painted on: voxels of microflakes over the box of a script, and the triangles that rays meet there.
 
 use btf_capture::shapes::Space;
 use glam::{DVec2, DVec3, Vec3};
 
 use super::brush::Brush;
 use crate::voltex::clip::{Polygon, clip_polygon};
-use crate::voltex::flakes::{FlakeColour, FlakeSums};
 use crate::voltex::gather::VoxelSums;
+use crate::voltex::microflakes::{MicroflakeColour, MicroflakeSums};
 
 /// Share of a closed surface's area that counts: a ray that passes a body crosses two of its faces and is stopped once.
 pub const CLOSED: f64 = 0.5;
 
 /// Most periods of a cyclic space that one thing may cover.
-const MOST_PERIODS: f64 = 64.0;
+const MAX_PERIODS: f64 = 64.0;
 
 /// A triangle in metres, with texture coordinates where it has some.
 #[derive(Debug, Clone, Copy)]
@@ -46,12 +46,12 @@ pub struct Canvas {
     resolution: u32,
     /// Metres of the cube's side.
     pub side_m: f64,
-    /// Flakes in the finest voxels; areas in units of the cube's face.
+    /// Microflakes in the finest voxels; areas in units of the cube's face.
     pub voxels: VoxelSums,
     /// What rays meet in the unit cube.
     pub triangles: Vec<[Vec3; 3]>,
     /// The colour of each of these.
-    pub colours: Vec<FlakeColour>,
+    pub colours: Vec<MicroflakeColour>,
     /// Whether there are fields, which rays do not meet.
     pub has_fields: bool,
 }
@@ -114,7 +114,7 @@ impl Canvas {
     /// Whether something between two corners, in metres, covers no more periods of a cyclic space than is sensible.
     pub fn holds(&self, least_m: DVec3, most_m: DVec3) -> bool {
         let size_m = self.most_m() - self.least_m();
-        (0..2).all(|k| !self.space.cyclic[k] || most_m[k] - least_m[k] <= MOST_PERIODS * size_m[k])
+        (0..2).all(|k| !self.space.cyclic[k] || most_m[k] - least_m[k] <= MAX_PERIODS * size_m[k])
     }
 
     /// From metres to voxels.
@@ -152,11 +152,11 @@ impl Canvas {
         }
     }
 
-    /// Adds flakes of one sort to a voxel. One that the canvas ends in front of is the last.
-    pub fn add(&mut self, cell: [i32; 3], flakes: &FlakeSums) {
+    /// Adds microflakes of one sort to a voxel. One that the canvas ends in front of is the last.
+    pub fn add(&mut self, cell: [i32; 3], microflakes: &MicroflakeSums) {
         let cells = self.size().ceil().as_ivec3().to_array();
         let inside: [u32; 3] = std::array::from_fn(|k| cell[k].clamp(0, cells[k] - 1) as u32);
-        self.voxels.entry(inside).or_default().add(flakes);
+        self.voxels.entry(inside).or_default().add(microflakes);
     }
 
     /// Paints a triangle, of whose area `weight` counts.
@@ -173,12 +173,15 @@ impl Canvas {
                 let middle = corners.iter().sum::<Vec3>() / corners.len().max(1) as f32;
                 let place_m = self.m_from_grid(middle.as_dvec3() - shift);
                 let area = piece.double_area().length() * scale;
-                self.add(cell, &FlakeSums::flake(area, normal.as_vec3(), &brush.colour(place_m, facet.uv(place_m))));
+                self.add(
+                    cell,
+                    &MicroflakeSums::microflake(area, normal.as_vec3(), &brush.colour(place_m, facet.uv(place_m))),
+                );
             });
         }
     }
 
-    /// Puts a triangle where rays meet it, and no flakes. Its parts on the canvas come back, in voxels, with the shifts
+    /// Puts a triangle where rays meet it, and no microflakes. Its parts on the canvas come back, in voxels, with the shifts
     /// that brought them there.
     pub fn occlude(&mut self, facet: &Facet, brush: &Brush) -> Vec<(Polygon, DVec3)> {
         let corners = facet.corners_m.map(|corner| self.grid_from_m(corner));
@@ -242,7 +245,7 @@ impl Canvas {
         });
     }
 
-    /// Area of all flakes in square metres.
+    /// Area of all microflakes in square metres.
     pub fn area_m2(&self) -> f64 {
         self.voxels.values().map(|sums| f64::from(sums.all().area)).sum::<f64>() * self.side_m * self.side_m
     }

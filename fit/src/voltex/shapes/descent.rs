@@ -11,7 +11,7 @@ use super::canvas::Canvas;
 use super::solid::Solid;
 
 /// Most cells of the finer grid along a voxel.
-const MOST_CELLS: u32 = 4;
+const MAX_CELLS: u32 = 4;
 
 /// Cells along the canvas that are fine enough: a body as large as it has two million facets then.
 const ENOUGH_CELLS: u32 = 512;
@@ -29,7 +29,7 @@ const TETRAHEDRA: [[usize; 4]; 6] =
 ///
 /// Cost: some 100 values of the solid's function for each voxel that the surface passes, and `log` of the size.
 pub fn polygonise(solid: &Solid, canvas: &Canvas, each: &mut impl FnMut([DVec3; 3])) -> f64 {
-    let fine = f64::from((ENOUGH_CELLS / canvas.resolution()).clamp(1, MOST_CELLS));
+    let fine = f64::from((ENOUGH_CELLS / canvas.resolution()).clamp(1, MAX_CELLS));
     let cell_m = canvas.voxel_m() / fine;
     let [mut least, mut most] = solid.bounds(0.0);
     for k in 0..3 {
@@ -254,13 +254,13 @@ mod tests {
         let difference = Shape::Difference { of: vec![sphere([0.0; 3], 0.6), sphere([0.05, 0.0, 0.0], 0.58)] };
         for shape in [blend(), difference] {
             let (solid, canvas) = (Solid::of(&shape).unwrap(), canvas(16));
-            let fine = f64::from(MOST_CELLS);
+            let fine = f64::from(MAX_CELLS);
             let mut found = BTreeSet::new();
             polygonise(&solid, &canvas, &mut |facet| {
                 let cell = (canvas.grid_from_m((facet[0] + facet[1] + facet[2]) / 3.0) * fine).floor().as_i64vec3();
                 found.insert(cell.to_array());
             });
-            let count = 16 * i64::from(MOST_CELLS);
+            let count = 16 * i64::from(MAX_CELLS);
             let value = |cell: I64Vec3| solid.value(canvas.m_from_grid(cell.as_dvec3() / fine)) < 0.0;
             let mut scanned = BTreeSet::new();
             for i in 0..count.pow(3) {

@@ -1,6 +1,6 @@
 //! Fields of density: hypertexture and scanned volumes [Neyret 1996, section 3.2].
 //!
-//! A density d stands for `area_per_m3 d` of flakes in a cubic metre. Where it changes, flakes lie across its gradient:
+//! A density d stands for `area_per_m3 d` of microflakes in a cubic metre. Where it changes, microflakes lie across its gradient:
 //! between densities 0 and 1 its level surfaces have the area `|grad d|` per volume [Federer 1959, the coarea formula], so
 //! that much of the area, if there is as much, has the gradient's normal. The rest looks everywhere.
 //!
@@ -18,13 +18,13 @@ use super::noise::NoiseField;
 use super::solid::Solid;
 use super::unusable;
 use crate::error::FitError;
-use crate::voltex::flakes::{FlakeColour, FlakeSums};
+use crate::voltex::microflakes::{MicroflakeColour, MicroflakeSums};
 
 /// Samples along a voxel, at least and at most.
 const SAMPLES: [f64; 2] = [4.0, 16.0];
 
 /// Most numbers of a scanned volume that are read; `btf_capture::shapes` allows no more either.
-const MOST_NUMBERS: u64 = 1 << 30;
+const MAX_NUMBERS: u64 = 1 << 30;
 
 /// A density and its gradient per metre.
 pub trait Field {
@@ -99,7 +99,7 @@ impl<F: Field> Painter<'_, F> {
         // Of a sample, so that areas come in units of the unit cube's face.
         let volume = (most - least).element_product() / f64::from(n.pow(3)) * canvas.voxel_m().powi(3);
         let volume = volume / (canvas.side_m * canvas.side_m);
-        let mut last: Option<([i32; 3], FlakeSums)> = None;
+        let mut last: Option<([i32; 3], MicroflakeSums)> = None;
         for i in 0..n.pow(3) {
             let at = IVec3::new(i % n, i / n % n, i / (n * n)).as_dvec3();
             let place = least + (most - least) * (at + 0.5) / f64::from(n);
@@ -121,15 +121,15 @@ impl<F: Field> Painter<'_, F> {
             let steep = gradient.length();
             let oriented = area.min(steep * volume);
             let colour = self.brush.colour(place_m, None);
-            let mut flakes = isotropic_flakes((area - oriented) as f32, &colour);
+            let mut microflakes = isotropic_microflakes((area - oriented) as f32, &colour);
             if oriented > 0.0 {
-                flakes.add(&FlakeSums::flake(oriented as f32, (gradient / steep).as_vec3(), &colour));
+                microflakes.add(&MicroflakeSums::microflake(oriented as f32, (gradient / steep).as_vec3(), &colour));
             }
             let cell = wrapped.floor().as_ivec3().to_array();
             match &mut last {
-                Some((there, sums)) if *there == cell => sums.add(&flakes),
+                Some((there, sums)) if *there == cell => sums.add(&microflakes),
                 _ => {
-                    if let Some((there, sums)) = last.replace((cell, flakes)) {
+                    if let Some((there, sums)) = last.replace((cell, microflakes)) {
                         canvas.add(there, &sums);
                     }
                 }
@@ -141,10 +141,10 @@ impl<F: Field> Painter<'_, F> {
     }
 }
 
-/// Flakes that look everywhere.
-pub fn isotropic_flakes(area: f32, colour: &FlakeColour) -> FlakeSums {
+/// Microflakes that look everywhere.
+pub fn isotropic_microflakes(area: f32, colour: &MicroflakeColour) -> MicroflakeSums {
     let third = area / 3.0;
-    FlakeSums::new(area, [0.5 * area; 13], [third, third, third, 0.0, 0.0, 0.0], colour)
+    MicroflakeSums::new(area, [0.5 * area; 13], [third, third, third, 0.0, 0.0, 0.0], colour)
 }
 
 /// A solid whose rim noise moves [Perlin & Hoffert 1989].
@@ -270,8 +270,8 @@ fn read_numbers(path: &Path, cells: [u32; 3], number: NumberType, header_bytes: 
     const REMEDY: &str = "correct `cells`, `number` and `header_bytes`, or get the file from its source again";
     let failed = |action| move |source| FitError::File { path: path.into(), action, source, remedy: REMEDY };
     let count = cells.iter().map(|&cells| u64::from(cells)).product::<u64>();
-    if count > MOST_NUMBERS {
-        let fault = format!("would have {count} numbers, and {MOST_NUMBERS} are read");
+    if count > MAX_NUMBERS {
+        let fault = format!("would have {count} numbers, and {MAX_NUMBERS} are read");
         return Err(unusable(path, fault, "make a smaller volume of it"));
     }
     let wanted = count * number.bytes() as u64;
@@ -311,8 +311,8 @@ fn read_slices(folder: &Path) -> Result<([usize; 3], NumberType, Vec<u8>), FitEr
         if found != size || kind != number {
             return Err(unusable(path, "has another size or depth than the slices before it".into(), REMEDY));
         }
-        if (size[0] * size[1]) as u64 * paths.len() as u64 > MOST_NUMBERS || size.contains(&0) {
-            return Err(unusable(folder, format!("has more than {MOST_NUMBERS} texels, or none"), REMEDY));
+        if (size[0] * size[1]) as u64 * paths.len() as u64 > MAX_NUMBERS || size.contains(&0) {
+            return Err(unusable(folder, format!("has more than {MAX_NUMBERS} texels, or none"), REMEDY));
         }
         match number {
             NumberType::U8 => {

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::brush::Brush;
 use super::canvas::{CLOSED, Canvas, Facet};
-use crate::voltex::flakes::{DIRECTIONS, FlakeColour, FlakeSums};
+use crate::voltex::microflakes::{DIRECTIONS, MicroflakeColour, MicroflakeSums};
 
 /// Radius in voxels below which a stick lies on its axis.
 const THIN: f64 = 0.5;
@@ -71,7 +71,7 @@ impl Frustum {
             let area_m2 = TAU * (from + (to - from) * middle) * self.slant_m() * (end - start);
             let colour = brush.colour(self.ends_m[0].lerp(self.ends_m[1], middle), None);
             let area = (CLOSED * area_m2 / (canvas.side_m * canvas.side_m)) as f32;
-            canvas.add(cell, &round_flakes(area, axis, slope, &colour));
+            canvas.add(cell, &round_microflakes(area, axis, slope, &colour));
         }
         // As wide as it on average over all directions: of the same circumference.
         let widen = PI / (THIN_SIDES as f64 * (PI / THIN_SIDES as f64).sin());
@@ -119,12 +119,12 @@ fn ring(middle: DVec3, axis: DVec3, radius: f64, sides: usize) -> Vec<DVec3> {
     (0..sides).map(point).collect()
 }
 
-/// Flakes all around an axis, whose normals lean along it with the sine `slope`.
+/// Microflakes all around an axis, whose normals lean along it with the sine `slope`.
 ///
 /// Normals are `c e + s a` with e around the axis a; along d they project `|A cos t + B|` with `A = c |d - (d.a) a|` and
 /// `B = s d.a`, of which the mean over the circle is `2/pi (sqrt(A^2 - B^2) + B asin(B / A))`, or |B| where that is
 /// greater than A.
-pub fn round_flakes(area: f32, axis: DVec3, slope: f64, colour: &FlakeColour) -> FlakeSums {
+pub fn round_microflakes(area: f32, axis: DVec3, slope: f64, colour: &MicroflakeColour) -> MicroflakeSums {
     let upright = 1.0 - slope * slope;
     let projected = DIRECTIONS.map(|d| {
         let along = d.as_dvec3().dot(axis);
@@ -136,7 +136,7 @@ pub fn round_flakes(area: f32, axis: DVec3, slope: f64, colour: &FlakeColour) ->
     let (across, along) = (0.5 * upright, slope * slope - 0.5 * upright);
     let moment = [x * x, y * y, z * z, x * y, x * z, y * z];
     let moment = std::array::from_fn(|k| area * (along * moment[k] + if k < 3 { across } else { 0.0 }) as f32);
-    FlakeSums::new(area, projected, moment, colour)
+    MicroflakeSums::new(area, projected, moment, colour)
 }
 
 #[cfg(test)]
@@ -144,23 +144,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn round_flakes_are_many_flakes_around_the_axis() {
-        let colour =
-            FlakeColour { reflectance: [0.1, 0.2, 0.3], transmittance: [0.3, 0.2, 0.1], ..FlakeColour::default() };
+    fn round_microflakes_are_many_microflakes_around_the_axis() {
+        let colour = MicroflakeColour {
+            reflectance: [0.1, 0.2, 0.3],
+            transmittance: [0.3, 0.2, 0.1],
+            ..MicroflakeColour::default()
+        };
         for (axis, slope) in [(DVec3::Z, 0.0), (DVec3::new(1.0, 2.0, -0.5), 0.2), (DVec3::new(0.3, -1.0, 0.1), -0.9)] {
             let axis = axis.normalize();
-            let found = round_flakes(2.0, axis, slope, &colour);
-            let mut sum = FlakeSums::default();
+            let found = round_microflakes(2.0, axis, slope, &colour);
+            let mut sum = MicroflakeSums::default();
             for direction in ring(DVec3::ZERO, axis, 1.0, 4000) {
                 let normal = (1.0 - slope * slope).sqrt() * direction + slope * axis;
-                sum.add(&FlakeSums::flake(2.0 / 4000.0, normal.as_vec3(), &colour));
+                sum.add(&MicroflakeSums::microflake(2.0 / 4000.0, normal.as_vec3(), &colour));
             }
             let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-4);
             assert!((found.area - sum.area).abs() < 1e-4 && near(&found.reflected, &sum.reflected));
             assert!(near(&found.projected, &sum.projected), "{:?} {:?}", found.projected, sum.projected);
             assert!(near(&found.moment, &sum.moment), "{:?} {:?}", found.moment, sum.moment);
             // Planted difference: another axis.
-            assert!(!near(&round_flakes(2.0, DVec3::X, slope, &colour).projected, &sum.projected));
+            assert!(!near(&round_microflakes(2.0, DVec3::X, slope, &colour).projected, &sum.projected));
         }
     }
 }

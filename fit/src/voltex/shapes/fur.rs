@@ -11,7 +11,7 @@ use super::canvas::Canvas;
 use super::frustum::Frustum;
 
 /// Most cylinders of a fur.
-pub const MOST_CYLINDERS: u64 = 1 << 20;
+pub const MAX_CYLINDERS: u64 = 1 << 20;
 
 /// What strands are like; see [`Shape::Fur`].
 #[derive(Debug, Clone, Copy)]

@@ -10,28 +10,28 @@ use super::canvas::{CLOSED, Canvas, Facet};
 use super::descent::{coverage, polygonise};
 use super::field::{Field, Hypertexture, Scan, paint_field};
 use super::frustum::Frustum;
-use super::fur::{Fur, MOST_CYLINDERS};
+use super::fur::{Fur, MAX_CYLINDERS};
 use super::noise::NoiseField;
 use super::solid::{Placement, Solid};
 use super::surface::{box_triangles, mesh_facets, sheet_facets, sphere_triangles};
 use super::tint::TintMap;
 use super::unusable;
 use crate::error::FitError;
-use crate::voltex::flakes::{FlakeColour, FlakeSums};
 use crate::voltex::material::colour_of_file;
+use crate::voltex::microflakes::{MicroflakeColour, MicroflakeSums};
 
 /// What a script is painted with.
 pub struct Paints<'a> {
     /// The script's path, beside which its files stand.
     pub script: &'a Path,
     /// The colour of each of its materials before tints.
-    pub colours: &'a [FlakeColour],
+    pub colours: &'a [MicroflakeColour],
 }
 
 /// The colour of a material that is told by numbers.
-pub fn colour_of(material: &Material) -> FlakeColour {
+pub fn colour_of(material: &Material) -> MicroflakeColour {
     let single = |colour: [f64; 3]| colour.map(|x| x as f32);
-    FlakeColour {
+    MicroflakeColour {
         reflectance: single(material.reflectance()),
         transmittance: single(material.transmittance()),
         specular: material.specular() as f32,
@@ -43,7 +43,7 @@ pub fn colour_of(material: &Material) -> FlakeColour {
 ///
 /// # Errors
 /// For leaves and assets that cannot be read.
-pub fn colours_of(script: &Path, materials: &[Material]) -> Result<Vec<FlakeColour>, FitError> {
+pub fn colours_of(script: &Path, materials: &[Material]) -> Result<Vec<MicroflakeColour>, FitError> {
     let colour = |material: &Material| match &material.from {
         Some(file) => colour_of_file(&Script::beside(script, file)),
         None => Ok(colour_of(material)),
@@ -56,7 +56,7 @@ pub fn colours_of(script: &Path, materials: &[Material]) -> Result<Vec<FlakeColo
 /// # Errors
 /// For files that the script names and that cannot be used, and for more strands of fur than is sensible.
 pub fn paint(script: &Script, resolution: u32, paints: &Paints) -> Result<Canvas, FitError> {
-    let brush = |(material, colour): (&Material, &FlakeColour)| {
+    let brush = |(material, colour): (&Material, &MicroflakeColour)| {
         let tint = material.tint.as_ref().map(|tint| TintMap::new(tint, &script.space, paints.script));
         Ok(Brush { colour: *colour, tint: tint.transpose()? })
     };
@@ -89,7 +89,7 @@ fn paint_stroke(stroke: &Stroke, paints: &Paints, brush: &Brush, canvas: &mut Ca
     Ok(())
 }
 
-/// Takes the flakes inside a solid away: of a voxel, the share that the solid covers.
+/// Takes the microflakes inside a solid away: of a voxel, the share that the solid covers.
 fn take_away(solid: &Solid, canvas: &mut Canvas) {
     let [least, most] = solid.bounds(0.0).map(|corner| canvas.grid_from_m(corner));
     let mut shifts = Vec::new();
@@ -116,7 +116,7 @@ fn take_normals(of: &Canvas, canvas: &mut Canvas) {
         let shape = shape.all();
         if let Some(sums) = canvas.voxels.get_mut(cell).filter(|_| shape.area > 0.0) {
             for sort in [&mut sums.translucent, &mut sums.opaque] {
-                let FlakeSums { projected, moment, .. } = shape.scaled(sort.area / shape.area);
+                let MicroflakeSums { projected, moment, .. } = shape.scaled(sort.area / shape.area);
                 (sort.projected, sort.moment) = (projected, moment);
             }
         }
@@ -163,8 +163,8 @@ fn draw(shape: &Shape, place: &Placement, paints: &Paints, brush: &Brush, canvas
             let Some(fur) = Fur::of(shape) else { return Ok(()) };
             let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
             let cylinders = fur.cylinders(fur.strands(ground.iter().map(area).sum()));
-            if cylinders > MOST_CYLINDERS {
-                let fault = format!("has fur of {cylinders} cylinders, and {MOST_CYLINDERS} are allowed");
+            if cylinders > MAX_CYLINDERS {
+                let fault = format!("has fur of {cylinders} cylinders, and {MAX_CYLINDERS} are allowed");
                 return Err(unusable(paints.script, fault, "lower its strands_per_m2 or segments"));
             }
             held(canvas, hull(ground.iter().flatten().copied()))?;
@@ -266,7 +266,7 @@ mod tests {
     }
 
     fn painted(script: &Script, resolution: u32) -> Canvas {
-        let colours: Vec<FlakeColour> = script.materials.iter().map(colour_of).collect();
+        let colours: Vec<MicroflakeColour> = script.materials.iter().map(colour_of).collect();
         paint(script, resolution, &Paints { script: Path::new("a.shapes.toml"), colours: &colours }).unwrap()
     }
 
@@ -274,8 +274,8 @@ mod tests {
         painted(&script(false, vec![(PaintMode::Add, shape)]), resolution)
     }
 
-    fn total(canvas: &Canvas) -> FlakeSums {
-        let mut sum = FlakeSums::default();
+    fn total(canvas: &Canvas) -> MicroflakeSums {
+        let mut sum = MicroflakeSums::default();
         canvas.voxels.values().for_each(|voxel| sum.add(&voxel.all()));
         sum
     }
@@ -341,7 +341,7 @@ mod tests {
         let limb = Shape::Limb { points_m: vec![[0.0; 3], [0.1, 0.0, 0.0]], radii_m: vec![1e5, 0.1] };
         for shape in [ball, sheet, limb] {
             let script = script(true, vec![(PaintMode::Add, shape.clone())]);
-            let colours: Vec<FlakeColour> = script.materials.iter().map(colour_of).collect();
+            let colours: Vec<MicroflakeColour> = script.materials.iter().map(colour_of).collect();
             let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours };
             let message = paint(&script, 16, &paints).unwrap_err().to_string();
             assert!(message.contains(&format!("has a {} that covers", shape.kind())), "{message}");
@@ -444,7 +444,7 @@ mod tests {
             one(fur(meadow.clone(), 5000.0, 20.0), 16).voxels
         );
         let dense = script(false, vec![(PaintMode::Add, fur(meadow, 1e7, 0.0))]);
-        let colours: Vec<FlakeColour> = dense.materials.iter().map(colour_of).collect();
+        let colours: Vec<MicroflakeColour> = dense.materials.iter().map(colour_of).collect();
         let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours };
         let message = paint(&dense, 16, &paints).unwrap_err().to_string();
         assert!(
@@ -472,7 +472,7 @@ mod tests {
         sum.projected.iter().for_each(|projected| near(f64::from(*projected), f64::from(0.5 * sum.area), 2e-3));
         let below = one(soft(0.0, 20.0), 32);
         let (cell, voxel) = below.voxels.iter().find(|(cell, _)| cell[0] == 16 && cell[1] == 12).unwrap();
-        let FlakeSums { moment, .. } = voxel.all();
+        let MicroflakeSums { moment, .. } = voxel.all();
         assert!(moment[2] > 2.0 * moment[0], "{cell:?} {voxel:?}");
         // Noise moves the rim and keeps the sum, roughly; and it is there.
         let noisy = one(soft(0.05, 1000.0), 32);
@@ -504,7 +504,7 @@ mod tests {
             |header_bytes, number| DensityData::Raw { file: "ramp.raw".into(), cells: [4, 3, 5], number, header_bytes };
         let read = |data| {
             let script = script(false, vec![(PaintMode::Add, shape(data))]);
-            let colours: Vec<FlakeColour> = script.materials.iter().map(colour_of).collect();
+            let colours: Vec<MicroflakeColour> = script.materials.iter().map(colour_of).collect();
             paint(&script, 32, &Paints { script: &path, colours: &colours })
         };
         let canvas = read(raw(3, NumberType::U8)).unwrap();
@@ -529,7 +529,7 @@ mod tests {
     }
 
     #[test]
-    fn tints_colour_flakes_where_they_lie() {
+    fn tints_colour_microflakes_where_they_lie() {
         let mut script =
             script(false, vec![(PaintMode::Add, Shape::Box { least_m: [0.1, 0.1, -0.3], most_m: [0.9, 0.6, 0.3] })]);
         script.materials[0].tint =

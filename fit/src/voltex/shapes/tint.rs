@@ -12,7 +12,7 @@ use super::unusable;
 use crate::error::FitError;
 
 /// Most texels along a side of a picture.
-const MOST_TEXELS: u32 = 1 << 14;
+const MAX_TEXELS: u32 = 1 << 14;
 
 /// Factors by place.
 #[derive(Debug, Clone)]
@@ -104,7 +104,7 @@ impl Picture {
         let failed = |action| move |source| FitError::File { path: path.into(), action, source, remedy: REMEDY };
         let mut reader = image::ImageReader::open(path).map_err(failed("opening"))?;
         let mut limits = image::Limits::default();
-        (limits.max_image_width, limits.max_image_height) = (Some(MOST_TEXELS), Some(MOST_TEXELS));
+        (limits.max_image_width, limits.max_image_height) = (Some(MAX_TEXELS), Some(MAX_TEXELS));
         reader.limits(limits);
         let reader = reader.with_guessed_format().map_err(failed("reading"))?;
         let picture = reader.decode().map_err(|error| unusable(path, format!("is no picture ({error})"), REMEDY))?;

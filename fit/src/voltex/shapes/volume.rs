@@ -6,9 +6,9 @@ use glam::Vec3;
 use super::canvas::Canvas;
 use crate::error::FitError;
 use crate::voltex::build::{VoltexParams, fit_to_rays, volume_of};
-use crate::voltex::facets::GlossyFlake;
-use crate::voltex::flakes::{FlakeColour, grey};
+use crate::voltex::facets::GlossyMicroflake;
 use crate::voltex::gather::Gather;
+use crate::voltex::microflakes::{MicroflakeColour, grey};
 use crate::voltex::occluder::Occluder;
 use crate::voltex::shadow::Lit;
 
@@ -19,9 +19,10 @@ impl Lit for Canvas {
         ([grey(colour.reflectance), grey(colour.transmittance)], normal)
     }
 
-    fn glossy_flakes(&self) -> Vec<GlossyFlake> {
-        let flake = |(triangle, colour): (&[Vec3; 3], &FlakeColour)| GlossyFlake::of(triangle, 1.0, colour);
-        self.triangles.iter().zip(&self.colours).filter_map(flake).collect()
+    fn glossy_microflakes(&self) -> Vec<GlossyMicroflake> {
+        let microflake =
+            |(triangle, colour): (&[Vec3; 3], &MicroflakeColour)| GlossyMicroflake::of(triangle, 1.0, colour);
+        self.triangles.iter().zip(&self.colours).filter_map(microflake).collect()
     }
 }
 

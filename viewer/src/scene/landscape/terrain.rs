@@ -3,7 +3,7 @@
 use crate::geometry::geometry::Vertex;
 use crate::scene::mesh::{MeshPart, tangent_of};
 use crate::volume::skin::{Corners, Skin, SkinVertex};
-use btf_capture::MattColour;
+use btf_capture::DiffuseColour;
 use glam::{Vec2, Vec3};
 
 /// Each patch of the ground is cut so often along a side: its triangles follow the bilinear patch.
@@ -115,7 +115,7 @@ impl Terrain {
         MeshPart {
             name: "ground".into(),
             group: 0,
-            colour: MattColour::opaque(diffuse),
+            colour: DiffuseColour::opaque(diffuse),
             has_uv: false,
             vertices,
             triangles: triangles.collect(),

@@ -5,13 +5,13 @@ use crate::sampler::{hash, one};
 use glam::Vec3;
 
 /// Texels of one stretch at most; what lies behind is told as part of the last one. A tetrahedron that is wider has texels
-/// far below a pixel. Twin: `MOST_CELLS`.
-pub const MOST_CELLS: u32 = 4096;
-/// Largest number of a texel along u and v. Twin: `MOST_COORDINATE`.
-const MOST_COORDINATE: f32 = (1 << 24) as f32;
+/// far below a pixel. Twin: `MAX_CELLS`.
+pub const MAX_CELLS: u32 = 4096;
+/// Largest number of a texel along u and v. Twin: `MAX_COORDINATE`.
+const MAX_COORDINATE: f32 = (1 << 24) as f32;
 /// The constants that the shader has too, by name.
 #[cfg(test)]
-pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MOST_COORDINATE", MOST_COORDINATE)];
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MAX_COORDINATE", MAX_COORDINATE)];
 
 /// A stretch of a ray within one texel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,7 +70,7 @@ impl CellWalk {
             end,
             cell: cell_of(ray.point + at * ray.direction),
             last: cell_of(ray.point + end * ray.direction),
-            left: if is_full { MOST_CELLS } else { 0 },
+            left: if is_full { MAX_CELLS } else { 0 },
         }
     }
 
@@ -117,7 +117,7 @@ impl Iterator for CellWalk {
 
 /// The texel around a point of the texture.
 pub(super) fn cell_of(texture: Vec3) -> [i32; 2] {
-    [texture.x, texture.y].map(|x| x.floor().clamp(-MOST_COORDINATE, MOST_COORDINATE) as i32)
+    [texture.x, texture.y].map(|x| x.floor().clamp(-MAX_COORDINATE, MAX_COORDINATE) as i32)
 }
 
 /// What is drawn for a texel comes from this alone.
@@ -199,7 +199,7 @@ mod tests {
         for scale in [1e-30, 1e5, 1e9, 1e30] {
             for direction in [Vec3::X, Vec3::new(1.0, -0.3, 0.0), Vec3::new(-1.0, 1e-20, 0.0)] {
                 let found = spans(Vec3::new(-scale, scale, 0.5), direction * scale, 2.0);
-                assert!(!found.is_empty() && found.len() <= MOST_CELLS as usize, "{scale} {direction}");
+                assert!(!found.is_empty() && found.len() <= MAX_CELLS as usize, "{scale} {direction}");
                 let sum: f32 = found.iter().map(|span| span.t1 - span.t0).sum();
                 assert!((sum - 2.0).abs() < 1e-3, "{sum}");
             }

@@ -1,7 +1,7 @@
 // The texels that a straight stretch of a ray meets in texture space. Twin: skin/cell.rs.
 
-const MOST_CELLS: u32 = 4096u;
-const MOST_COORDINATE: f32 = 16777216.0;
+const MAX_CELLS: u32 = 4096u;
+const MAX_COORDINATE: f32 = 16777216.0;
 
 // No span where t1 is not beyond t0.
 struct CellSpan {
@@ -45,7 +45,7 @@ fn cell_new(ray: TextureRay, t0: f32, t1: f32) -> CellWalk {
     let is_full = at < end && !is_outside;
     let first = cell_of(ray.point + at * ray.direction);
     let last = cell_of(ray.point + end * ray.direction);
-    return CellWalk(ray, t0, at, end, select(0u, MOST_CELLS, is_full), first, last);
+    return CellWalk(ray, t0, at, end, select(0u, MAX_CELLS, is_full), first, last);
 }
 
 // The next span that is longer than nothing.
@@ -87,7 +87,7 @@ fn cell_crossing(end: f32, cell: i32, last: i32, point: f32, direction: f32) -> 
 
 // The texel around a point of the texture.
 fn cell_of(texture: vec3<f32>) -> vec2<i32> {
-    return vec2<i32>(clamp(floor(texture.xy), vec2<f32>(-MOST_COORDINATE), vec2<f32>(MOST_COORDINATE)));
+    return vec2<i32>(clamp(floor(texture.xy), vec2<f32>(-MAX_COORDINATE), vec2<f32>(MAX_COORDINATE)));
 }
 
 fn cell_hash(cell: vec2<i32>, seed: u32) -> u32 {

@@ -15,7 +15,7 @@ pub struct Noise {
 }
 
 /// Largest lattice coordinate; further out single precision has no place between lattice points.
-const MOST_CELLS: f32 = (1 << 23) as f32;
+const MAX_CELLS: f32 = (1 << 23) as f32;
 
 impl Noise {
     /// # Errors
@@ -29,7 +29,7 @@ impl Noise {
 
     /// The noise at a position.
     pub fn at(&self, position: Vec3) -> f32 {
-        let place = (position / self.wavelength).clamp(Vec3::splat(-MOST_CELLS), Vec3::splat(MOST_CELLS));
+        let place = (position / self.wavelength).clamp(Vec3::splat(-MAX_CELLS), Vec3::splat(MAX_CELLS));
         let cell = place.floor();
         let within = place - cell;
         let cell = cell.to_array().map(|x| x as i32);

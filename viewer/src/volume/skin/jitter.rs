@@ -5,9 +5,9 @@ use super::thick_skin::{Skin, SkinVertex};
 use glam::{Quat, Vec3};
 
 /// Longest share of itself that a height vector loses or gains: it keeps a length.
-const MOST_LENGTH: f32 = 0.95;
+const MAX_LENGTH: f32 = 0.95;
 /// Furthest that a height vector is turned: jitter alone does not lay it down.
-const MOST_ANGLE_DEG: f32 = 80.0;
+const MAX_ANGLE_DEG: f32 = 80.0;
 
 /// How a skin differs from place to place. Vertices at one place stay one: all is a function of the position.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,8 +29,8 @@ impl Jitter {
         self.noise.check()?;
         for (name, value, most) in [
             ("coordinates", self.coordinates, f32::MAX),
-            ("length", self.length, MOST_LENGTH),
-            ("angle", self.angle_deg, MOST_ANGLE_DEG),
+            ("length", self.length, MAX_LENGTH),
+            ("angle", self.angle_deg, MAX_ANGLE_DEG),
         ] {
             if !(0.0..=most).contains(&value) {
                 return Err(format!("the jitter of a skin's {name} is {value}, and must be 0 to {most}"));

@@ -28,18 +28,18 @@ mod walk;
 mod weld;
 mod wind;
 
-pub use cell::{CellSpan, CellWalk, MOST_CELLS};
+pub use cell::{CellSpan, CellWalk, MAX_CELLS};
 pub use gpu_walk::{WalkQuery, WalkSum, cpu_walk, gpu_walk};
 pub use height_noise::Noise;
 pub use jitter::Jitter;
 pub use layers::LayerSpan;
-pub use pattern::{DiscreteJitter, MOST_MERGED, Merged, NO_VOLUME, Pattern, Variant, pattern_words};
+pub use pattern::{DiscreteJitter, MAX_MERGED, Merged, NO_VOLUME, Pattern, Variant, pattern_words};
 pub(crate) use place::{SkinPlace, TetPoint};
 pub use refine::ShellParams;
 pub use shell::{NO_LINK, Shell, ShellReport, Tet};
 pub use thick_skin::{Corners, Skin, SkinFace, SkinVertex};
 pub use walk::{Interval, TextureMap, TextureRay, Walk};
-pub(crate) use wind::MOST_WIND_SPEED;
+pub(crate) use wind::MAX_WIND_SPEED;
 pub use wind::Wind;
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::walk::TextureRay;
 use glam::Vec3;
 
 /// Volumes that a pattern merges at most.
-pub const MOST_MERGED: usize = 4;
+pub const MAX_MERGED: usize = 4;
 /// In a list of merged volumes: none.
 pub const NO_VOLUME: u32 = u32::MAX;
 /// Words of a pattern before its volumes. Twin: `PATTERN_WORDS`.
@@ -16,7 +16,7 @@ const PATTERN_TURNS: u32 = 1;
 /// See [`PATTERN_TURNS`].
 const PATTERN_MIRRORS: u32 = 2;
 /// Largest scale of a volume: its middle half fills a texel.
-const MOST_SCALE: f32 = 2.0;
+const MAX_SCALE: f32 = 2.0;
 /// What is added to a texel's hash for each thing that is drawn from it.
 const EMPTY: u32 = 0;
 const ALTERNATIVE: u32 = 1;
@@ -31,7 +31,7 @@ pub(crate) const CONSTANTS: &[(&str, u32)] = &[
     ("PATTERN_WORDS", PATTERN_WORDS as u32),
     ("PATTERN_TURNS", PATTERN_TURNS),
     ("PATTERN_MIRRORS", PATTERN_MIRRORS),
-    ("MOST_MERGED", MOST_MERGED as u32),
+    ("MAX_MERGED", MAX_MERGED as u32),
     ("DRAW_EMPTY", EMPTY),
     ("DRAW_ALTERNATIVE", ALTERNATIVE),
     ("DRAW_TURN", TURN),
@@ -42,7 +42,7 @@ pub(crate) const CONSTANTS: &[(&str, u32)] = &[
 ];
 
 /// Volumes that are present in the same place, each with materials of its own: their numbers, then [`NO_VOLUME`].
-pub type Merged = [u32; MOST_MERGED];
+pub type Merged = [u32; MAX_MERGED];
 
 /// How isolated objects differ from texel to texel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,8 +106,8 @@ impl Pattern {
         }
         let Some(jitter) = self.jitter else { return Ok(()) };
         let [least, most] = jitter.scale;
-        if !(least > 0.0 && least <= most && most <= MOST_SCALE) {
-            return Err(format!("a pattern's scale is {least} to {most}, and must be above 0 and up to {MOST_SCALE}"));
+        if !(least > 0.0 && least <= most && most <= MAX_SCALE) {
+            return Err(format!("a pattern's scale is {least} to {most}, and must be above 0 and up to {MAX_SCALE}"));
         }
         for (name, value, most) in [
             ("share of empty texels", jitter.empty, 1.0),

@@ -3,7 +3,7 @@
 const PATTERN_WORDS: u32 = 8u;
 const PATTERN_TURNS: u32 = 1u;
 const PATTERN_MIRRORS: u32 = 2u;
-const MOST_MERGED: u32 = 4u;
+const MAX_MERGED: u32 = 4u;
 const DRAW_EMPTY: u32 = 0u;
 const DRAW_ALTERNATIVE: u32 = 1u;
 const DRAW_TURN: u32 = 3u;
@@ -12,7 +12,7 @@ const DRAW_SCALE: u32 = 5u;
 const DRAW_ALONG_U: u32 = 6u;
 const DRAW_ALONG_V: u32 = 7u;
 
-// `volumes` is the word of the first of its MOST_MERGED volumes, 0 where the texel is empty.
+// `volumes` is the word of the first of its MAX_MERGED volumes, 0 where the texel is empty.
 struct PatternVariant {
     x: vec2<f32>,
     y: vec2<f32>,
@@ -55,7 +55,7 @@ fn pattern_variant(patterns: u32, number: u32, cell: vec2<i32>) -> PatternVarian
     variant.cell = cell;
     variant.upright = inverse;
     variant.alternative = pattern_among(hashed, DRAW_ALTERNATIVE, asset_word(at + 7u));
-    variant.volumes = at + PATTERN_WORDS + MOST_MERGED * variant.alternative;
+    variant.volumes = at + PATTERN_WORDS + MAX_MERGED * variant.alternative;
     return variant;
 }
 

@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 /// Cuts along one axis at most.
-const MOST_CUTS: u32 = 32;
+const MAX_CUTS: u32 = 32;
 /// Rounds of measuring and cutting further.
 const ROUNDS: usize = 10;
 /// How much finer a round cuts at most: flat tetrahedra of large boxes tell more than is there.
@@ -19,7 +19,7 @@ const FINER: u32 = 2;
 /// Share of the tolerance that the next round aims at, because terms add up to a little more than their sum.
 const AIM: f64 = 0.9;
 /// Share of the box of its edges that a tetrahedron fills at least so as not to count as flat.
-pub(super) const LEAST_VOLUME: f64 = 1e-9;
+pub(super) const MIN_VOLUME: f64 = 1e-9;
 /// Share by which one diagonal of a patch is better than the other before vertex numbers no longer decide.
 const BETTER_DIAGONAL: f64 = 1e-3;
 
@@ -92,7 +92,7 @@ pub(super) fn cuts(skin: &Skin, params: &ShellParams) -> Cuts {
 /// the fewest parts; or nearest to it with at most so many.
 fn cheapest(terms: [f64; 2], tolerance: f64, most: usize) -> (u32, u32) {
     let mut best = (f64::INFINITY, 0, (1, 1));
-    for (sides, layers) in (1..=MOST_CUTS).flat_map(|sides| (1..=MOST_CUTS).map(move |layers| (sides, layers))) {
+    for (sides, layers) in (1..=MAX_CUTS).flat_map(|sides| (1..=MAX_CUTS).map(move |layers| (sides, layers))) {
         let [n, m] = [sides, layers].map(f64::from);
         let parts = sides * sides * layers;
         let excess = (terms[0] / (n * n) + terms[1] / (n * m) - tolerance).max(0.0);
@@ -221,7 +221,7 @@ impl Trilinear {
         let [(p0, t0), others @ ..] = points.map(|point| self.at(point));
         let edges = DMat3::from_cols_slice(&others.map(|(p, _)| (p - p0).to_array()).concat());
         let box_of_edges: f64 = others.iter().map(|(p, _)| p.distance(p0)).product();
-        if edges.determinant() * orientation <= LEAST_VOLUME * box_of_edges {
+        if edges.determinant() * orientation <= MIN_VOLUME * box_of_edges {
             return [0.0; 2];
         }
         let textures = DMat3::from_cols_slice(&others.map(|(_, t)| (t - t0).to_array()).concat());

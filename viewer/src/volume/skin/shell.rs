@@ -1,6 +1,6 @@
 //! The tetrahedra of a skin: a shell map [Porumbescu 2005] whose prisms and bilinear cells are cut in three and six.
 
-use super::refine::{Cuts, Diagonal, LEAST_VOLUME, Lattice, PRISM, ShellParams, cuts, diagonal, weights};
+use super::refine::{Cuts, Diagonal, Lattice, MIN_VOLUME, PRISM, ShellParams, cuts, diagonal, weights};
 use super::thick_skin::{Corners, Skin, SkinFace, orientation};
 use glam::{DVec3, Vec3};
 use std::collections::{HashMap, HashSet};
@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 /// Link of a face behind which the skin ends.
 pub const NO_LINK: u32 = u32::MAX;
 /// Tetrahedra at most: a link numbers their faces.
-const MOST_TETS: usize = 1 << 28;
+const MAX_TETS: usize = 1 << 28;
 /// The faces of a tetrahedron: that opposite of vertex i is number i, counter-clockwise from outside.
 pub(super) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
@@ -82,10 +82,10 @@ impl Shell {
     /// A sentence if the parameters are out of range or there would be more than 2^28 tetrahedra.
     pub fn new(skin: &Skin, params: &ShellParams) -> Result<Shell, String> {
         params.check()?;
-        if 6 * skin.faces().len() > MOST_TETS {
+        if 6 * skin.faces().len() > MAX_TETS {
             return Err(format!("a skin of {} faces is too large, at most 2^28 / 6 are allowed", skin.faces().len()));
         }
-        let cuts = cuts(skin, &ShellParams { most_tets: params.most_tets.min(MOST_TETS), ..*params });
+        let cuts = cuts(skin, &ShellParams { most_tets: params.most_tets.min(MAX_TETS), ..*params });
         let mut builder = Builder::new(skin, cuts);
         for face in skin.faces() {
             builder.add_face(face);
@@ -187,7 +187,7 @@ impl Shell {
         (report.inverted, report.flat) = (0, 0);
         for tet in &self.tets {
             let volume = self.volume_share(tet);
-            if volume.abs() <= LEAST_VOLUME {
+            if volume.abs() <= MIN_VOLUME {
                 report.flat += 1;
             } else if volume < 0.0 {
                 report.inverted += 1;
@@ -203,7 +203,7 @@ impl Shell {
         let is_around = |tet: &Tet| {
             let p = self.corners(tet);
             FACES.iter().all(|[a, b, c]| (p[*b] - p[*a]).cross(p[*c] - p[*a]).dot(point - p[*a]) <= 0.0)
-                && self.volume_share(tet) > LEAST_VOLUME
+                && self.volume_share(tet) > MIN_VOLUME
         };
         self.tets.iter().position(is_around).map(|tet| tet as u32)
     }

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 /// Sine of the angle between a face and its mean height vector below which the face's box has no volume: some ten times
 /// what rounding leaves of a right angle.
-const LEAST_RISE: f32 = 1e-6;
+const MIN_RISE: f32 = 1e-6;
 /// Cosine of the angle between two normals at one place up to which they are parts of one rounded corner: 120 degrees, so
 /// that the three sides at a box's corner share a height vector and the two sides of a sheet do not.
 const SAME_SIDE: f32 = -0.5;
@@ -236,7 +236,7 @@ pub(crate) fn orientation(vertices: &[SkinVertex], corners: Corners) -> f32 {
     let height = height.as_dvec3();
     let volume = normal.dot(height);
     let box_of_edges = along.as_dvec3().length() * across.as_dvec3().length() * height.length();
-    if volume.abs() > f64::from(LEAST_RISE) * box_of_edges { volume.signum() as f32 } else { 0.0 }
+    if volume.abs() > f64::from(MIN_RISE) * box_of_edges { volume.signum() as f32 } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -14,15 +14,15 @@ use crate::geometry::shear::Shear;
 use glam::Vec3;
 
 /// Cosine between the height and the normal of a tetrahedron's base below which its map is taken to be flat.
-const LEAST_UPRIGHT: f32 = 1e-7;
+const MIN_UPRIGHT: f32 = 1e-7;
 /// Largest component of a direction: below and above, its inverse is no number that can be reckoned with.
-const LEAST_RAY: f32 = 1e-30;
-/// See [`LEAST_RAY`].
-const MOST_RAY: f32 = 1e30;
+const MIN_RAY: f32 = 1e-30;
+/// See [`MIN_RAY`].
+const MAX_RAY: f32 = 1e30;
 /// The constants that the shader has too, by name.
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] =
-    &[("LEAST_UPRIGHT", LEAST_UPRIGHT), ("LEAST_RAY", LEAST_RAY), ("MOST_RAY", MOST_RAY)];
+    &[("MIN_UPRIGHT", MIN_UPRIGHT), ("MIN_RAY", MIN_RAY), ("MAX_RAY", MAX_RAY)];
 
 /// A stretch of a ray within one tetrahedron.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,7 +110,7 @@ impl Shell {
     /// A walk at the face of `link`, as that is seen.
     fn facing(&self, origin: Vec3, direction: Vec3, link: u32, t_max: f32) -> Walk<'_> {
         let size = direction.abs().max_element();
-        let is_ray = size > LEAST_RAY && size < MOST_RAY;
+        let is_ray = size > MIN_RAY && size < MAX_RAY;
         let shear = Shear::new(if is_ray { direction } else { Vec3::Z });
         let face = self.face(link);
         let mut walk = Walk {
@@ -141,7 +141,7 @@ impl Shell {
         let [bc, ca, ab] = [b.cross(c), c.cross(a), a.cross(b)];
         let volume = a.dot(bc);
         // a is along the height, which is short where the skin is thin: its product with the base loses nothing.
-        let has_volume = volume.abs() > LEAST_UPRIGHT * a.length() * bc.length();
+        let has_volume = volume.abs() > MIN_UPRIGHT * a.length() * bc.length();
         if !has_volume {
             return TextureMap { position: p, texture: t, gradients: [Vec3::ZERO; 3] };
         }

@@ -2,9 +2,9 @@
 // from. The includer defines asset_word(index); `shell` is the first of the shell's words, laid out in skin/shell_words.rs.
 
 const NO_LINK: u32 = 0xffffffffu;
-const LEAST_UPRIGHT: f32 = 1e-7;
-const LEAST_RAY: f32 = 1e-30;
-const MOST_RAY: f32 = 1e30;
+const MIN_UPRIGHT: f32 = 1e-7;
+const MIN_RAY: f32 = 1e-30;
+const MAX_RAY: f32 = 1e30;
 const SHELL_TETS: u32 = 0u;
 const SHELL_POSITIONS_AT: u32 = 1u;
 const SHELL_TEXTURES_AT: u32 = 2u;
@@ -132,7 +132,7 @@ fn shell_start(shell: u32, origin: vec3<f32>, direction: vec3<f32>, tet: u32, t_
 
 fn shell_facing(shell: u32, origin: vec3<f32>, direction: vec3<f32>, link: u32, t_max: f32) -> ShellWalk {
     let size = max(abs(direction.x), max(abs(direction.y), abs(direction.z)));
-    let is_ray = size > LEAST_RAY && size < MOST_RAY;
+    let is_ray = size > MIN_RAY && size < MAX_RAY;
     var walk: ShellWalk;
     walk.shell = shell;
     walk.origin = origin;
@@ -164,7 +164,7 @@ fn shell_map(shell: u32, number: u32) -> ShellMap {
     let volume = dot(a, bc);
     let nothing = vec3<f32>(0.0);
     // a is along the height, which is short where the skin is thin: its product with the base loses nothing.
-    if !(abs(volume) > LEAST_UPRIGHT * length(a) * length(bc)) {
+    if !(abs(volume) > MIN_UPRIGHT * length(a) * length(bc)) {
         return ShellMap(p, t, nothing, nothing, nothing);
     }
     let inverse = 1.0 / volume;

@@ -30,9 +30,9 @@ use serde::{Deserialize, Deserializer};
 use std::f64::consts::TAU;
 
 /// Fastest wind, m/s: a hurricane.
-pub(crate) const MOST_WIND_SPEED: f32 = 60.0;
+pub(crate) const MAX_WIND_SPEED: f32 = 60.0;
 /// Largest flutter, texels: as far as a neighbour's middle.
-const MOST_FLUTTER: f32 = 0.5;
+const MAX_FLUTTER: f32 = 0.5;
 /// How much slower flutter swings along v than along u, so that it goes round in no circle.
 const SLOWER_ALONG_V: f64 = 0.79;
 
@@ -89,11 +89,11 @@ impl Wind {
     pub fn check(&self) -> Result<(), String> {
         let beyond_zero = f32::MIN_POSITIVE;
         for (name, value, least, most, unit) in [
-            ("speed", self.speed_m_per_s, 0.0, MOST_WIND_SPEED, "m/s"),
+            ("speed", self.speed_m_per_s, 0.0, MAX_WIND_SPEED, "m/s"),
             ("gust wavelength", self.gust_wavelength_m, beyond_zero, f32::MAX, "m"),
             ("gustiness", self.gustiness, 0.0, 1.0, "of the mean"),
             ("leaning speed", self.leaning_speed_m_per_s, beyond_zero, f32::MAX, "m/s"),
-            ("flutter", self.flutter, 0.0, MOST_FLUTTER, "texels"),
+            ("flutter", self.flutter, 0.0, MAX_FLUTTER, "texels"),
             ("flutter period", self.flutter_period_s, beyond_zero, f32::MAX, "s"),
         ] {
             if !(least..=most).contains(&value) {

@@ -21,7 +21,7 @@ const LOOK_DOWN: f32 = 0.55;
 ///
 /// # Errors
 /// Those of [`load_meshes`] and [`Scene::from_meshes`].
-pub fn crowd(path: &Path, triangles: u64) -> Result<Scene, ViewerError> {
+pub fn instanced_scene(path: &Path, triangles: u64) -> Result<Scene, ViewerError> {
     let meshes = load_meshes(path)?;
     let mut shown = Shown::default();
     let bodies = shown.append(own_bodies(path)?);
@@ -92,7 +92,7 @@ mod tests {
         let path = dir.path().join("two.obj");
         std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n").unwrap();
         for asked in [1, 2, 50, 1000] {
-            let scene = crowd(&path, asked).unwrap();
+            let scene = instanced_scene(&path, asked).unwrap();
             let has = scene.geometry.placed_triangles();
             assert!(has >= asked && has < asked + 2, "{has} for {asked}");
             assert_eq!(scene.geometry.triangles().len(), 2);

@@ -1,4 +1,4 @@
-//! What is summed over the flakes of a voxel while a volume is built.
+//! What is summed over the microflakes of a voxel while a volume is built.
 
 use glam::Vec3;
 
@@ -29,9 +29,9 @@ pub fn grey(rgb: [f32; 3]) -> f32 {
     (rgb[0] + rgb[1] + rgb[2]) / 3.0
 }
 
-/// Sums over flakes.
+/// Sums over microflakes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct FlakeSums {
+pub struct MicroflakeSums {
     /// Of area.
     pub area: f32,
     /// Of area projected along each of [`DIRECTIONS`].
@@ -46,9 +46,9 @@ pub struct FlakeSums {
     pub gloss: [f32; 2],
 }
 
-/// What a flake is made of, linear sRGB.
+/// What a microflake is made of, linear sRGB.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct FlakeColour {
+pub struct MicroflakeColour {
     /// Hemispherical reflectance without gloss, mean of both sides.
     pub reflectance: [f32; 3],
     /// Hemispherical transmittance.
@@ -59,16 +59,16 @@ pub struct FlakeColour {
     pub roughness: f32,
 }
 
-impl FlakeSums {
-    /// One flake with a unit normal.
-    pub fn flake(area: f32, n: Vec3, colour: &FlakeColour) -> FlakeSums {
+impl MicroflakeSums {
+    /// One microflake with a unit normal.
+    pub fn microflake(area: f32, n: Vec3, colour: &MicroflakeColour) -> MicroflakeSums {
         let moment = [n.x * n.x, n.y * n.y, n.z * n.z, n.x * n.y, n.x * n.z, n.y * n.z].map(|x| x * area);
-        FlakeSums::new(area, DIRECTIONS.map(|d| area * n.dot(d).abs()), moment, colour)
+        MicroflakeSums::new(area, DIRECTIONS.map(|d| area * n.dot(d).abs()), moment, colour)
     }
 
-    /// Flakes of one colour, of which area, projected areas and moment are known.
-    pub fn new(area: f32, projected: [f32; 13], moment: [f32; 6], colour: &FlakeColour) -> FlakeSums {
-        FlakeSums {
+    /// Microflakes of one colour, of which area, projected areas and moment are known.
+    pub fn new(area: f32, projected: [f32; 13], moment: [f32; 6], colour: &MicroflakeColour) -> MicroflakeSums {
+        MicroflakeSums {
             area,
             projected,
             moment,
@@ -78,10 +78,10 @@ impl FlakeSums {
         }
     }
 
-    /// So many times these flakes.
-    pub fn scaled(&self, factor: f32) -> FlakeSums {
+    /// So many times these microflakes.
+    pub fn scaled(&self, factor: f32) -> MicroflakeSums {
         let times = |x: f32| x * factor;
-        FlakeSums {
+        MicroflakeSums {
             area: times(self.area),
             projected: self.projected.map(times),
             moment: self.moment.map(times),
@@ -92,7 +92,7 @@ impl FlakeSums {
     }
 
     /// Adds others.
-    pub fn add(&mut self, other: &FlakeSums) {
+    pub fn add(&mut self, other: &MicroflakeSums) {
         self.area += other.area;
         let pairs = [
             (&mut self.projected[..], &other.projected[..]),
@@ -107,47 +107,47 @@ impl FlakeSums {
     }
 }
 
-/// Of a cell's flakes, the share below which a sort is none of its own.
-const LEAST_SORT: f32 = 0.02;
+/// Of a cell's microflakes, the share below which a sort is none of its own.
+const MIN_SORT: f32 = 0.02;
 
-/// Sums over the flakes of a cell, of two sorts that lie otherwise: leaves and what bears them.
+/// Sums over the microflakes of a cell, of two sorts that lie otherwise: leaves and what bears them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct CellFlakes {
+pub struct CellMicroflakes {
     /// Those that let light through.
-    pub translucent: FlakeSums,
+    pub translucent: MicroflakeSums,
     /// The others.
-    pub opaque: FlakeSums,
+    pub opaque: MicroflakeSums,
 }
 
-impl CellFlakes {
-    /// Adds flakes of one sort.
-    pub fn add(&mut self, flakes: &FlakeSums) {
-        let lets_through = flakes.transmitted.iter().any(|x| *x > 0.0);
-        if lets_through { &mut self.translucent } else { &mut self.opaque }.add(flakes);
+impl CellMicroflakes {
+    /// Adds microflakes of one sort.
+    pub fn add(&mut self, microflakes: &MicroflakeSums) {
+        let lets_through = microflakes.transmitted.iter().any(|x| *x > 0.0);
+        if lets_through { &mut self.translucent } else { &mut self.opaque }.add(microflakes);
     }
 
     /// Adds those of another cell.
-    pub fn add_cell(&mut self, other: &CellFlakes) {
+    pub fn add_cell(&mut self, other: &CellMicroflakes) {
         self.translucent.add(&other.translucent);
         self.opaque.add(&other.opaque);
     }
 
-    /// So many times these flakes.
-    pub fn scaled(&self, factor: f32) -> CellFlakes {
-        CellFlakes { translucent: self.translucent.scaled(factor), opaque: self.opaque.scaled(factor) }
+    /// So many times these microflakes.
+    pub fn scaled(&self, factor: f32) -> CellMicroflakes {
+        CellMicroflakes { translucent: self.translucent.scaled(factor), opaque: self.opaque.scaled(factor) }
     }
 
     /// Both sorts together.
-    pub fn all(&self) -> FlakeSums {
+    pub fn all(&self) -> MicroflakeSums {
         let mut all = self.translucent;
         all.add(&self.opaque);
         all
     }
 
     /// The sorts that matter: both together where one of them is next to nothing.
-    pub fn sorts(&self) -> (FlakeSums, Option<FlakeSums>) {
+    pub fn sorts(&self) -> (MicroflakeSums, Option<MicroflakeSums>) {
         let (all, least) = (self.all(), self.translucent.area.min(self.opaque.area));
-        if least < LEAST_SORT * all.area { (all, None) } else { (self.translucent, Some(self.opaque)) }
+        if least < MIN_SORT * all.area { (all, None) } else { (self.translucent, Some(self.opaque)) }
     }
 }
 
@@ -156,15 +156,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn flakes_are_sorted_by_what_passes_them_and_a_few_of_a_sort_are_none() {
-        let leaf = FlakeColour { transmittance: [0.0, 0.1, 0.0], ..FlakeColour::default() };
-        let mut cell = CellFlakes::default();
-        cell.add(&FlakeSums::flake(2.0, Vec3::Z, &leaf));
+    fn microflakes_are_sorted_by_what_passes_them_and_a_few_of_a_sort_are_none() {
+        let leaf = MicroflakeColour { transmittance: [0.0, 0.1, 0.0], ..MicroflakeColour::default() };
+        let mut cell = CellMicroflakes::default();
+        cell.add(&MicroflakeSums::microflake(2.0, Vec3::Z, &leaf));
         assert_eq!(cell.sorts(), (cell.all(), None));
-        cell.add(&FlakeSums::flake(0.03, Vec3::X, &FlakeColour::default()));
+        cell.add(&MicroflakeSums::microflake(0.03, Vec3::X, &MicroflakeColour::default()));
         assert_eq!(cell.sorts(), (cell.all(), None));
         let before = cell.all();
-        cell.add(&FlakeSums::flake(0.03, Vec3::X, &FlakeColour::default()));
+        cell.add(&MicroflakeSums::microflake(0.03, Vec3::X, &MicroflakeColour::default()));
         let (translucent, opaque) = cell.sorts();
         assert_eq!((translucent.area, opaque.map(|opaque| opaque.area)), (2.0, Some(0.06)));
         assert!(cell.all().area > before.area && cell.scaled(2.0).opaque.area == 0.12);

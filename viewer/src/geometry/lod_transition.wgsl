@@ -1,17 +1,17 @@
-// Hand-over from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin: hand_over.rs.
+// Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin: lod_transition.rs.
 
 // A leaf that is so many pixels wide is a mesh's.
 const MESH_PIXELS: f32 = 2.0;
 // A leaf that is so many pixels wide is a volume's.
 const VOLUME_PIXELS: f32 = 0.5;
 // Stream of the sampler from which radii are drawn.
-const HAND_OVER_STREAM: u32 = 0x5bd1e995u;
+const LOD_TRANSITION_STREAM: u32 = 0x5bd1e995u;
 // Steps of the R2 sequence [Roberts 2018] in fractions of 2^32: radii of neighbouring pixels are far from each other.
 const PIXEL_STEP_X: u32 = 0xc13fa9a9u;
 const PIXEL_STEP_Y: u32 = 0x91e10da6u;
 
 // What is a mesh and what a volume, for one path.
-struct HandOver {
+struct LodTransition {
     eye: vec3<f32>,
     // Radius of the spheres, in widths of leaves.
     radius_widths: f32,
@@ -26,25 +26,25 @@ struct SpheresAlong {
 }
 
 // Whether the scene hands anything over.
-override with_hand_over: bool = true;
+override with_lod_transition: bool = true;
 // That of the path which this invocation follows.
-var<private> hand_over: HandOver;
+var<private> lod_transition: LodTransition;
 
 // About an eye, where a pixel is `pixel_width` wide at distance 1; `share` is how far from the inner sphere to the outer one.
-fn hand_over_new(eye: vec3<f32>, pixel_width: f32, share: f32) -> HandOver {
+fn lod_transition_new(eye: vec3<f32>, pixel_width: f32, share: f32) -> LodTransition {
     let leaf_pixels = MESH_PIXELS * pow(VOLUME_PIXELS / MESH_PIXELS, share);
-    return HandOver(eye, 1.0 / (leaf_pixels * pixel_width));
+    return LodTransition(eye, 1.0 / (leaf_pixels * pixel_width));
 }
 
 // That of a sample of a pixel.
-fn hand_over_of_path(eye: vec3<f32>, pixel_width: f32, pixel: vec2<u32>, sample: u32) -> HandOver {
+fn lod_transition_of_path(eye: vec3<f32>, pixel_width: f32, pixel: vec2<u32>, sample: u32) -> LodTransition {
     let lattice = pixel.x * PIXEL_STEP_X + pixel.y * PIXEL_STEP_Y;
-    let own = sampler_two(sample, HAND_OVER_STREAM).x;
-    return hand_over_new(eye, pixel_width, fract(own + f32(lattice >> 8u) * 5.9604645e-8));
+    let own = sampler_two(sample, LOD_TRANSITION_STREAM).x;
+    return lod_transition_new(eye, pixel_width, fract(own + f32(lattice >> 8u) * 5.9604645e-8));
 }
 
 // Of a ray, whose direction is unit.
-fn hand_over_along(own: HandOver, origin: vec3<f32>, direction: vec3<f32>) -> SpheresAlong {
+fn lod_transition_along(own: LodTransition, origin: vec3<f32>, direction: vec3<f32>) -> SpheresAlong {
     let to_eye = own.eye - origin;
     let nearest = dot(to_eye, direction);
     let apart = to_eye - nearest * direction;
@@ -53,7 +53,7 @@ fn hand_over_along(own: HandOver, origin: vec3<f32>, direction: vec3<f32>) -> Sp
 
 // From where to where a mesh is one whose leaves are so wide; all the way where that is 0, for what no volume stands in for. The
 // end lies before the start where the ray passes the sphere.
-fn hand_over_mesh(spheres: SpheresAlong, leaf_width: f32) -> vec2<f32> {
+fn lod_transition_mesh(spheres: SpheresAlong, leaf_width: f32) -> vec2<f32> {
     if leaf_width <= 0.0 {
         return vec2<f32>(-TRACE_FAR, TRACE_FAR);
     }
@@ -68,8 +68,8 @@ fn hand_over_mesh(spheres: SpheresAlong, leaf_width: f32) -> vec2<f32> {
 
 // What of the stretch from `t0` to `t1` is before (x, y) and behind (z, w) the mesh that a volume stands in for; those that end
 // where they begin or before are none.
-fn hand_over_volume(spheres: SpheresAlong, leaf_width: f32, t0: f32, t1: f32) -> vec4<f32> {
-    let there = hand_over_mesh(spheres, leaf_width);
+fn lod_transition_volume(spheres: SpheresAlong, leaf_width: f32, t0: f32, t1: f32) -> vec4<f32> {
+    let there = lod_transition_mesh(spheres, leaf_width);
     if leaf_width <= 0.0 || there.y <= there.x {
         return vec4<f32>(t0, t1, t1, t1);
     }

@@ -1,5 +1,5 @@
-//! Hand-over from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin:
-//! `shaders/hand_over.wgsl`.
+//! Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin:
+//! `shaders/lod_transition.wgsl`.
 //!
 //! A leaf `w` wide at distance d is `w / (d * pixel_width)` pixels wide. Where that is [`MESH_PIXELS`] or more, the mesh is
 //! seen; where it is [`VOLUME_PIXELS`] or less, its volume; between, both in shares that change with the logarithm of d. Each
@@ -22,29 +22,29 @@ pub(crate) const PIXEL_STEPS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
 
 /// What is a mesh and what a volume, for one path.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HandOver {
+pub struct LodTransition {
     eye: Vec3,
     /// Radius of the spheres, in widths of leaves.
     radius_widths: f32,
 }
 
-impl HandOver {
+impl LodTransition {
     /// Every mesh is one, however far away.
-    pub const MESHES: HandOver = HandOver { eye: Vec3::ZERO, radius_widths: f32::INFINITY };
+    pub const MESHES: LodTransition = LodTransition { eye: Vec3::ZERO, radius_widths: f32::INFINITY };
 
     /// About an eye, where a pixel is `pixel_width` wide at distance 1; `share` is how far from the inner sphere to the outer
     /// one, 0 to 1.
-    pub fn new(eye: Vec3, pixel_width: f32, share: f32) -> HandOver {
+    pub fn new(eye: Vec3, pixel_width: f32, share: f32) -> LodTransition {
         let pixels = MESH_PIXELS * (VOLUME_PIXELS / MESH_PIXELS).powf(share);
-        HandOver { eye, radius_widths: 1.0 / (pixels * pixel_width) }
+        LodTransition { eye, radius_widths: 1.0 / (pixels * pixel_width) }
     }
 
     /// That of a sample of a pixel: stratified over any power of two of samples, and over pixels beside each other.
-    pub(crate) fn of_path(eye: Vec3, pixel_width: f32, [x, y]: [u32; 2], sample: u32) -> HandOver {
+    pub(crate) fn of_path(eye: Vec3, pixel_width: f32, [x, y]: [u32; 2], sample: u32) -> LodTransition {
         let lattice = x.wrapping_mul(PIXEL_STEPS[0]).wrapping_add(y.wrapping_mul(PIXEL_STEPS[1]));
         let [own, _] = sampler::two(sample, STREAM);
         let share = (own + (lattice >> 8) as f32 * 5.960_464_5e-8).fract();
-        HandOver::new(eye, pixel_width, share)
+        LodTransition::new(eye, pixel_width, share)
     }
 
     /// Of a ray, whose direction is unit.
@@ -107,11 +107,11 @@ mod tests {
         let mut counts = [0; 2];
         for _ in 0..4000 {
             let eye = point(&mut random, 40.0);
-            let hand_over = HandOver::new(eye, 1e-3, random.within(0.0, 1.0));
+            let lod_transition = LodTransition::new(eye, 1e-3, random.within(0.0, 1.0));
             let width = random.within(0.001, 0.1);
-            let radius = width * hand_over.radius_widths;
+            let radius = width * lod_transition.radius_widths;
             let (origin, direction) = (point(&mut random, 60.0), point(&mut random, 1.0).normalize());
-            let along = hand_over.along(origin, direction);
+            let along = lod_transition.along(origin, direction);
             let [t0, t1] = [random.within(0.0, 20.0), random.within(20.0, 90.0)];
             let [enter, leave] = along.mesh(width);
             let volume = along.volume(width, [t0, t1]);
@@ -132,17 +132,17 @@ mod tests {
 
     #[test]
     fn what_has_no_stand_in_is_never_handed_over_and_every_mesh_can_be_kept() {
-        let along = HandOver::new(Vec3::ZERO, 1.0, 0.3).along(Vec3::X, Vec3::Y);
+        let along = LodTransition::new(Vec3::ZERO, 1.0, 0.3).along(Vec3::X, Vec3::Y);
         assert_eq!(along.mesh(0.0), [f32::NEG_INFINITY, f32::INFINITY]);
         assert_eq!(along.volume(0.0, [2.0, 3.0]), [[2.0, 3.0], [3.0, 3.0]]);
-        let all = HandOver::MESHES.along(Vec3::X, Vec3::Y);
+        let all = LodTransition::MESHES.along(Vec3::X, Vec3::Y);
         assert_eq!(all.mesh(1e-9), [f32::NEG_INFINITY, f32::INFINITY]);
         assert!(all.volume(1e-9, [2.0, 3.0]).iter().all(|[from, to]| from >= to));
     }
 
     #[test]
     fn shares_change_with_the_logarithm_of_distance_and_are_spread_over_samples_and_pixels() {
-        let radius = |share| HandOver::new(Vec3::ZERO, 0.5, share).radius_widths;
+        let radius = |share| LodTransition::new(Vec3::ZERO, 0.5, share).radius_widths;
         assert_eq!([radius(0.0), radius(1.0)], [1.0, 4.0]);
         assert!((radius(0.5) - 2.0).abs() < 1e-6);
         // Of the radii of n samples of a pixel, and of the first sample of 3 x 3 pixels, the largest gap.
@@ -151,7 +151,7 @@ mod tests {
             let around = 1.0 - shares[shares.len() - 1] + shares[0];
             shares.windows(2).map(|pair| pair[1] - pair[0]).fold(around, f32::max)
         };
-        let share = |pixel, sample| 0.5 * HandOver::of_path(Vec3::ZERO, 0.5, pixel, sample).radius_widths.log2();
+        let share = |pixel, sample| 0.5 * LodTransition::of_path(Vec3::ZERO, 0.5, pixel, sample).radius_widths.log2();
         for i in 0..40u32 {
             let pixel = [7 * i, 1000 - 3 * i];
             assert!(gap((0..16).map(|sample| share(pixel, sample)).collect()) < 2.0 / 16.0 + 1e-4);

@@ -6,7 +6,7 @@ use btf_fit::voltex::build::{VoltexParams, build_voltex};
 use btf_fit::voltex::model::TriangleModel;
 use btf_runtime::voltex::Volume;
 use btf_synth::{Existing, PlantsParams, write_plants};
-use btf_tests::dolly::{MOST_LEAF_PIXELS, STEPS, dolly, largest_step, luminance, row};
+use btf_tests::dolly::{MAX_LEAF_PIXELS, STEPS, dolly, largest_step, luminance, row};
 use btf_viewer::{
     Body, Camera, CpuPicture, Instance, Landscape, LandscapeParams, Material, Scene, ShadeOptions, load_scene,
 };
@@ -21,7 +21,7 @@ const BAR: f64 = 0.02;
 /// The volume is alone there, and as fine as it is.
 const FAR_PIXELS: f32 = 0.5;
 /// Largest step beyond, from one of the volume's levels to the next: these are not as bright as each other, see
-/// docs/VOLTEX_FIGURES.md, "Hand-over".
+/// docs/VOLTEX_FIGURES.md, "Level-of-detail transition".
 const LEVELS_BAR: f64 = 0.06;
 /// Paths of one distance.
 const PATHS: usize = 1 << 16;
@@ -89,7 +89,7 @@ fn a_dolly_from_a_mesh_to_its_volume_has_no_step() {
     let near = rows.partition_point(|row| row.leaf_pixels >= 0.99 * FAR_PIXELS);
     let [near, far] = [&rows[..near], &rows[near - 1..]].map(largest_step);
     assert!(luminance(first) > 0.0 && near < BAR && far < LEVELS_BAR, "{near} {far}");
-    // Planted: a volume that reflects a half more, and one of half the flakes; over the band they come in.
+    // Planted: a volume that reflects a half more, and one of half the microflakes; over the band they come in.
     let brighter = |volume: &mut Volume| {
         volume.materials.iter_mut().for_each(|material| material.reflectance = material.reflectance.map(|x| 1.5 * x));
     };
@@ -102,7 +102,7 @@ fn a_dolly_from_a_mesh_to_its_volume_has_no_step() {
         plant(&mut wrong);
         let (wrong, leaf_width) = scene(folder.path(), &wrong);
         // From 2 pixels to half of one.
-        let band = (0..=2 * STEPS).map(|i| MOST_LEAF_PIXELS * 0.25 * (-i as f32 / STEPS as f32).exp2());
+        let band = (0..=2 * STEPS).map(|i| MAX_LEAF_PIXELS * 0.25 * (-i as f32 / STEPS as f32).exp2());
         let rows: Vec<_> = band.map(|pixels| row(&wrong, TOWARDS, leaf_width, pixels, PATHS)).collect();
         assert!(largest_step(&rows) > BAR, "{}", largest_step(&rows));
     }

@@ -2,7 +2,7 @@
 
 mod support;
 
-use btf_capture::MattColour;
+use btf_capture::DiffuseColour;
 use btf_viewer::{
     Ambient, BackendChoice, Camera, Control, Environment, Material, PointLight, RenderMode, RenderParams, Rendered,
     Scene, SceneMesh, SceneObject, ShadeOptions, SkyLight, Sun, plane, render, sphere,
@@ -12,9 +12,9 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 use support::{backends, count_differences};
 
-const LEAF: MattColour = MattColour { reflectance: [0.3, 0.2, 0.05], transmittance: [0.1, 0.4, 0.0] };
+const LEAF: DiffuseColour = DiffuseColour { reflectance: [0.3, 0.2, 0.05], transmittance: [0.1, 0.4, 0.0] };
 /// All light goes on.
-const WHITE: MattColour = MattColour { reflectance: [0.7, 0.25, 0.5], transmittance: [0.3, 0.75, 0.5] };
+const WHITE: DiffuseColour = DiffuseColour { reflectance: [0.7, 0.25, 0.5], transmittance: [0.3, 0.75, 0.5] };
 
 /// Rays of a path.
 const DEPTH: u32 = 3;
@@ -24,8 +24,8 @@ fn shade(mode: RenderMode) -> ShadeOptions {
 }
 
 /// The plane z = 0 in the dark, seen from in front.
-fn sheet(colour: MattColour) -> Scene {
-    let object = SceneObject { part: plane(), material: Material::matt(colour) };
+fn sheet(colour: DiffuseColour) -> Scene {
+    let object = SceneObject { part: plane(), material: Material::diffuse(colour) };
     let mut scene = Scene::from_objects(Path::new("sheet"), vec![object], Vec::new()).unwrap();
     scene.camera = Camera { eye: Vec3::new(0.3, 0.2, 4.0), target: Vec3::ZERO, up: Vec3::Y, fov_deg: 2.0 };
     scene.background = [0.0; 3];
@@ -58,7 +58,7 @@ fn a_sheet_that_is_lit_from_behind_sends_on_what_it_lets_through() {
     let mut of_sky = sheet(LEAF);
     let mut lying = plane();
     lying.transform(Mat4::from_rotation_x(-FRAC_PI_2));
-    let lying = vec![SceneObject { part: lying, material: Material::matt(LEAF) }];
+    let lying = vec![SceneObject { part: lying, material: Material::diffuse(LEAF) }];
     let mut lying = Scene::from_objects(Path::new("lying"), lying, Vec::new()).unwrap();
     lying.surround(Environment::new(32, 16, &sky));
     (of_sky.geometry, of_sky.environment, of_sky.ambient) = (lying.geometry, lying.environment, lying.ambient);
@@ -86,12 +86,12 @@ fn a_sheet_that_is_lit_from_behind_sends_on_what_it_lets_through() {
     let found = mean(&Scene { ambient, ..sheet(LEAF) }, RenderMode::Direct);
     assert!((found - 0.5 * (through + back)).abs().max_element() < 1e-4, "{found}");
     // Planted: an opaque one is dark.
-    let opaque = Scene { lights: vec![lamp], ..sheet(MattColour::opaque(LEAF.reflectance)) };
+    let opaque = Scene { lights: vec![lamp], ..sheet(DiffuseColour::opaque(LEAF.reflectance)) };
     assert_eq!(mean(&opaque, RenderMode::Direct), Vec3::ZERO);
 }
 
 /// Sheets that cross, over a ball and a ground.
-fn garden(colour: MattColour, ground: [f32; 3]) -> Scene {
+fn garden(colour: DiffuseColour, ground: [f32; 3]) -> Scene {
     let at = |angle: f32, at: Vec3, size: f32| {
         let turn = Quat::from_axis_angle(Vec3::new(0.4, 1.0, 0.3).normalize(), angle);
         Mat4::from_scale_rotation_translation(Vec3::splat(size), turn, at)
@@ -99,10 +99,14 @@ fn garden(colour: MattColour, ground: [f32; 3]) -> Scene {
     let mesh = |part, material, places: Vec<Mat4>| SceneMesh { objects: vec![SceneObject { part, material }], places };
     let floor =
         Mat4::from_translation(Vec3::NEG_Y) * Mat4::from_rotation_x(-FRAC_PI_2) * Mat4::from_scale(Vec3::splat(3.0));
-    let glazed = Material { mirror: [0.1; 3], ..Material::matt(colour) };
+    let glazed = Material { mirror: [0.1; 3], ..Material::diffuse(colour) };
     let meshes = vec![
         mesh(plane(), Material::plain(ground), vec![floor]),
-        mesh(plane(), Material::matt(colour), vec![at(0.3, Vec3::ZERO, 0.7), at(1.9, Vec3::new(0.4, 0.1, 0.2), 0.5)]),
+        mesh(
+            plane(),
+            Material::diffuse(colour),
+            vec![at(0.3, Vec3::ZERO, 0.7), at(1.9, Vec3::new(0.4, 0.1, 0.2), 0.5)],
+        ),
         mesh(sphere(), glazed, vec![at(0.0, Vec3::new(-0.5, -0.3, 0.6), 0.3)]),
     ];
     let mut scene = Scene::from_meshes(Path::new("garden"), meshes, Vec::new()).unwrap();
@@ -124,7 +128,7 @@ fn every_backend_draws_the_same_sheets() {
         scene
     };
     let scene = lit(LEAF);
-    let opaque = lit(MattColour::opaque(LEAF.reflectance));
+    let opaque = lit(DiffuseColour::opaque(LEAF.reflectance));
     let direct = shade(RenderMode::Direct);
     for shade in [direct, ShadeOptions { sky: SkyLight::Irradiance, ..direct }, shade(RenderMode::Path)] {
         let picture = |scene, backend| draw(scene, [96, 72], 2, backend, shade).picture.radiance;
@@ -152,7 +156,7 @@ fn what_sends_all_light_on_is_not_seen_in_a_furnace() {
     };
     let deep = ShadeOptions { depth: 64, ..shade(RenderMode::Path) };
     let seen = |colour| mean_of(&draw(&heated(colour), [48, 36], 16, BackendChoice::Cpu, deep).picture.radiance);
-    let (white, brighter) = (seen(WHITE), seen(MattColour { transmittance: [0.4, 0.85, 0.6], ..WHITE }));
+    let (white, brighter) = (seen(WHITE), seen(DiffuseColour { transmittance: [0.4, 0.85, 0.6], ..WHITE }));
     println!("{white}, and with a tenth too much {brighter}");
     assert!((white - 1.0).abs().max_element() < 0.01, "{white}");
     assert!(brighter.min_element() > 1.02, "{brighter}");
