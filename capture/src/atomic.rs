@@ -108,7 +108,7 @@ impl Drop for AtomicFile {
 /// A folder that grows beside its final path. [`StagedFolder::commit`] puts it in place; dropped without that, it is
 /// removed and the final path is untouched.
 #[derive(Debug)]
-pub(crate) struct StagedFolder {
+pub struct StagedFolder {
     path: PathBuf,
     target: PathBuf,
     kept: bool,
@@ -170,7 +170,7 @@ fn refuse_non_empty(dir: &Path) -> Result<(), CaptureError> {
 }
 
 /// A name beside `path` that no other file has and no reader of captures takes for an image.
-pub(crate) fn temporary_sibling(path: &Path) -> Result<PathBuf, CaptureError> {
+pub fn temporary_sibling(path: &Path) -> Result<PathBuf, CaptureError> {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
     let name = path
         .file_name()
@@ -182,7 +182,7 @@ pub(crate) fn temporary_sibling(path: &Path) -> Result<PathBuf, CaptureError> {
 }
 
 /// The folder that holds `path`, `.` for a bare name.
-pub(crate) fn parent_of(path: &Path) -> &Path {
+pub fn parent_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -191,7 +191,7 @@ pub(crate) fn parent_of(path: &Path) -> &Path {
 
 /// Makes renames in `folder` durable where the operating system lets a folder be synced; elsewhere
 /// the file's own sync has to do, so failures are passed over.
-pub(crate) fn sync_folder(folder: &Path) {
+pub fn sync_folder(folder: &Path) {
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();
     }

@@ -22,14 +22,6 @@ pub enum CaptureError {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// A model that cannot be used.
-    #[error("{}: {reason}", path.display())]
-    Model {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, and what to do.
-        reason: String,
-    },
     /// A picture of light that cannot be used.
     #[error("{}: {reason}", path.display())]
     RadianceMap {
@@ -238,26 +230,6 @@ pub enum CaptureError {
         /// The allowed words.
         allowed: &'static str,
     },
-    /// A leaf's description, or a texture file or folder, that cannot be used.
-    #[error("{} {fault}; {remedy}", path.display())]
-    BadLeaf {
-        /// The file or folder.
-        path: PathBuf,
-        /// What is wrong with it.
-        fault: String,
-        /// What to do about it.
-        remedy: &'static str,
-    },
-    /// A script of shapes ([`crate::shapes::Script`]) that cannot be used.
-    #[error("{} {fault}; {remedy}", path.display())]
-    BadShapes {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        fault: String,
-        /// What to do about it.
-        remedy: &'static str,
-    },
     /// A capture description or image that cannot be written.
     #[error("the capture {} cannot be written: {reason}", path.display())]
     BadOutput {
@@ -274,10 +246,6 @@ impl CaptureError {
             return CaptureError::NotFound { path: path.into() };
         }
         CaptureError::Read { path: path.into(), source }
-    }
-
-    pub(crate) fn bad_leaf(path: &Path, fault: String, remedy: &'static str) -> CaptureError {
-        CaptureError::BadLeaf { path: path.into(), fault, remedy }
     }
 
     pub(crate) fn write(path: &Path, source: io::Error) -> CaptureError {

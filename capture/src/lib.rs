@@ -35,11 +35,8 @@
 //!
 //! Reading in this order: [`Direction`] and [`DirectionSet`]; [`CaptureInfo`] with [`Transfer`],
 //! [`Cosine`] and [`Side`], which hold the radiometry; [`Capture`] and [`CaptureWriter`];
-//! [`CaptureError`], one sentence for everything that can be wrong. A leaf, for those that make captures of one
-//! and those that light one live: [`LeafDescription`] and its [`LeafContents`], the [`LEAF_QUANTITIES`] with
-//! their ranges, [`LeafPreset`], and the folder of appearance textures, [`TextureImages`]. [`shapes`] is the script of
-//! solids, sheets and fur that volumetric textures are built from. [`mod@atomic`] is for every
-//! program that writes files, [`glb`] for glTF among them, [`cie`] for those that deal in spectra.
+//! [`CaptureError`], one sentence for everything that can be wrong. [`mod@atomic`] is for every program that writes files, [`toml_text`] for those
+//! that read TOML, [`cie`] for those that deal in spectra.
 //!
 //! Not here: error metrics (they are the fitter's), and sets that are no full grid of views x lights.
 
@@ -50,14 +47,10 @@ mod capture;
 mod colour;
 mod direction;
 mod error;
-pub mod glb;
 mod images;
 mod info;
 mod layout;
-mod leaf;
-mod model;
-pub mod shapes;
-mod toml_text;
+pub mod toml_text;
 mod ubo2014;
 mod writer;
 
@@ -74,13 +67,5 @@ pub use images::radiance_map::RadianceMap;
 pub use info::{CaptureInfo, Cosine, ImageFormat, Side};
 pub use layout::source::SharedBytes;
 pub use layout::stamp::FileStamp;
-pub use leaf::contents::LeafContents;
-pub use leaf::description::{LeafDescription, PlantVariation};
-pub use leaf::preset::LeafPreset;
-pub use leaf::quantity::{LEAF_QUANTITIES, LeafQuantity};
-pub use leaf::species::{Deficiency, LeafGloss, Species, SpeciesPreset};
-pub use leaf::texture_folder::{TEXTURES_NAME, TextureGrid, TextureImages, write_textures};
-pub use leaf::texture_image::{MAX_TEXTURE_TEXELS, TextureKind};
-pub use model::{DiffuseColour, ModelMesh, ModelPart, beside, is_model, read_model};
 pub use ubo2014::{ContainerInfo, ContainerKind, HeightMap};
 pub use writer::CaptureWriter;

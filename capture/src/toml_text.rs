@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// The text of a file of at most `most_bytes`; what is wrong is a verb phrase. `what` is what such a file holds, with
 /// its article.
-pub(crate) fn bounded_text(path: &Path, most_bytes: u64, what: &str) -> Result<String, String> {
+pub fn bounded_text(path: &Path, most_bytes: u64, what: &str) -> Result<String, String> {
     let unreadable = |error: std::io::Error| format!("cannot be read ({error})");
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(unreadable)?;
@@ -18,7 +18,7 @@ pub(crate) fn bounded_text(path: &Path, most_bytes: u64, what: &str) -> Result<S
 }
 
 /// Where the fault lies, counting lines from 1, and what it is, on one line.
-pub(crate) fn line_and_reason(text: &str, error: &toml::de::Error) -> (usize, String) {
+pub fn line_and_reason(text: &str, error: &toml::de::Error) -> (usize, String) {
     let at = error.span().map_or(0, |span| span.start).min(text.len());
     let line = text.as_bytes()[..at].iter().filter(|&&byte| byte == b'\n').count() + 1;
     (line, error.message().split_whitespace().collect::<Vec<_>>().join(" "))

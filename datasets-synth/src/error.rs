@@ -19,7 +19,10 @@ pub enum SynthError {
     /// The caller asked to stop; nothing was left behind.
     #[error("stopped before the capture was complete; nothing was written")]
     Stopped,
-    /// The capture could not be written, or a leaf's description or textures not be used.
+    /// A leaf's description, textures or script of shapes cannot be used.
+    #[error(transparent)]
+    Model(#[from] btf_models::ModelError),
+    /// The capture could not be written.
     #[error(transparent)]
     Capture(#[from] CaptureError),
 }

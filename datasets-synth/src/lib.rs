@@ -55,7 +55,7 @@ mod plants;
 mod surface;
 
 // What a leaf is belongs to whoever makes or lights one.
-pub use btf_capture::{Deficiency, LeafContents, LeafDescription, Species, TextureImages};
+pub use btf_models::{Deficiency, LeafContents, LeafDescription, Species, TextureImages};
 pub use cloth::capture::write_cloth_capture;
 pub use cloth::fabric::{Cloth, ClothPair, ClothPoint};
 pub use cloth::fibre::{Fibre, FibreDirection, FibrePair, FibreParams, FibreView};

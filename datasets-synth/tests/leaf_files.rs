@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use btf_capture::{LeafDescription, Species};
+use btf_models::{LeafDescription, Species};
 
 fn synth(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_btf-synth")).args(arguments).output().unwrap()

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use btf_capture::shapes::Script;
-use btf_capture::{LeafDescription, Species, TextureImages, TextureKind};
+use btf_models::shapes::Script;
+use btf_models::{LeafDescription, Species, TextureImages, TextureKind};
 use serde_json::Value;
 
 fn plants(glb: &Path, more: &[&str]) -> Output {

@@ -1,6 +1,6 @@
 //! Everything that can go wrong while fitting, expanding or comparing.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use thiserror::Error;
 
 /// Why a fit, an expansion or a comparison stopped. Each message is one sentence with its remedy.
@@ -54,9 +54,9 @@ pub enum FitError {
         /// What helps.
         remedy: &'static str,
     },
-    /// A model of which no volume can be made. Remedy: as the message says.
-    #[error("{0}")]
-    Voltex(String),
+    /// A volumetric texture that cannot be built or measured.
+    #[error(transparent)]
+    Voxelize(btf_voxelize::VoxelizeError),
     /// Options that do not go together or are out of range.
     #[error("{0}")]
     Params(String),
@@ -98,12 +98,11 @@ pub enum FitError {
     Interrupted,
 }
 
-impl FitError {
-    /// The same, told of the model's file.
-    pub fn of_model(self, path: &Path) -> FitError {
-        match self {
-            FitError::Voltex(reason) => FitError::Voltex(format!("{}: {reason}", path.display())),
-            other => other,
+impl From<btf_voxelize::VoxelizeError> for FitError {
+    fn from(error: btf_voxelize::VoxelizeError) -> FitError {
+        match error {
+            btf_voxelize::VoxelizeError::Interrupted => FitError::Interrupted,
+            other => FitError::Voxelize(other),
         }
     }
 }

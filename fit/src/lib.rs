@@ -32,7 +32,6 @@ mod sample_asset;
 mod stages;
 mod trade;
 mod units;
-pub mod voltex;
 
 pub use error::FitError;
 pub use export::gltf::brdf::{GltfTexel, Sheen};

@@ -2,7 +2,7 @@
 
 mod support;
 
-use btf_capture::LeafDescription;
+use btf_models::LeafDescription;
 use serde_json::Value;
 use std::fs;
 use support::{btf_fit, refusal};

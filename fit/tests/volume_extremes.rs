@@ -3,15 +3,15 @@
 
 mod support;
 
-use btf_fit::voltex::build::{Frame, VoltexParams, build_voltex};
-use btf_fit::voltex::microflakes::MicroflakeColour;
-use btf_fit::voltex::model::TriangleModel;
-use btf_fit::voltex::occluder::Occluder;
-use btf_fit::voltex::projection::{HALF_SIDE, Projection, spread_directions};
-use btf_fit::voltex::refit::RefitParams;
-use btf_fit::voltex::shadow::ShadowParams;
 use btf_runtime::testing::Random;
 use btf_runtime::voltex::{NO_VOXEL, Voltex, VoltexRay, Volume, Walk};
+use btf_voxelize::MicroflakeColour;
+use btf_voxelize::Occluder;
+use btf_voxelize::RefitParams;
+use btf_voxelize::ShadowParams;
+use btf_voxelize::TriangleModel;
+use btf_voxelize::{Frame, VoltexParams, build_voltex};
+use btf_voxelize::{HALF_SIDE, Projection, spread_directions};
 use glam::Vec3;
 use std::f32::consts::PI;
 use std::fs;

@@ -5,7 +5,7 @@
 //! trees and tufts lean and stretch, and are not bent. Both stand under the landscape's own sun and sky, or one of them, whose noise
 //! counts in both. Times are of this machine and run: compare them with each other.
 
-use btf_capture::{LeafDescription, Species, TextureImages};
+use btf_models::{LeafDescription, Species, TextureImages};
 use btf_synth::{Existing, PlantsParams, write_plants};
 use btf_tests::beside::{Explicit, drawn, scaled};
 use btf_viewer::{

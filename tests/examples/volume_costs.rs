@@ -8,10 +8,7 @@
 //! Everything is grey, diffuse and lit by one lamp, so that nothing is drawn by chance but places within pixels. Times are of this
 //! machine and run: compare them with each other.
 
-use btf_capture::{LeafDescription, Species, TextureImages};
-use btf_fit::voltex::build::{VoltexParams, build_voltex};
-use btf_fit::voltex::microflakes::MicroflakeColour;
-use btf_fit::voltex::model::TriangleModel;
+use btf_models::{LeafDescription, Species, TextureImages};
 use btf_runtime::voltex::Voltex;
 use btf_synth::{Existing, PlantsParams, write_plants};
 use btf_tests::beside::{Explicit, Radiance, drawn};
@@ -19,6 +16,9 @@ use btf_viewer::{
     Camera, DiscreteJitter, Material, MeshPart, Pattern, PointLight, Scene, SceneMesh, SceneObject, SceneSkin, Shell,
     ShellParams, Skin, SkinVertex, Variant, VolumePlace, Volumes, load_meshes, standing,
 };
+use btf_voxelize::MicroflakeColour;
+use btf_voxelize::TriangleModel;
+use btf_voxelize::{VoltexParams, build_voltex};
 use glam::{Mat4, Vec3};
 use std::ops::ControlFlow;
 use std::path::Path;

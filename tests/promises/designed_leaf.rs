@@ -1,8 +1,7 @@
 //! A leaf that is designed live is one that btf-synth photographs: what a slider turned goes through a file into a capture.
 
-use btf_capture::{
-    Capture, Direction, DirectionSet, ImageFormat, LeafDescription, LeafPreset, Pixels, Species, TextureImages,
-};
+use btf_capture::{Capture, Direction, DirectionSet, ImageFormat, Pixels};
+use btf_models::{LeafDescription, LeafPreset, Species, TextureImages};
 use btf_runtime::{LeafMode, ViewedLeaf};
 use btf_synth::{AppearanceTextures, CaptureParams, LeafParams, write_leaf_capture};
 use btf_viewer::SceneLeaf;

@@ -1,6 +1,6 @@
 //! Plants that btf-synth grows are what the viewer draws: their triangles, their leaves, and no more light than falls in.
 
-use btf_capture::{DiffuseColour, LeafDescription, Species, TextureImages};
+use btf_models::{DiffuseColour, LeafDescription, Species, TextureImages};
 use btf_synth::{CanopySize, Existing, Ground, PlantsParams, write_plants};
 use btf_viewer::{
     Ambient, BackendChoice, Body, Camera, Control, MeshChoice, NO_HIT, RenderMode, RenderParams, Scene, ShadeOptions,

@@ -1,15 +1,15 @@
 //! A plant is handed over from its mesh to its volume without a step, in a dolly over 64 times the distance.
 
-use btf_capture::glb::glb_from;
-use btf_capture::{LeafDescription, Species, TextureImages};
-use btf_fit::voltex::build::{VoltexParams, build_voltex};
-use btf_fit::voltex::model::TriangleModel;
+use btf_models::glb::glb_from;
+use btf_models::{LeafDescription, Species, TextureImages};
 use btf_runtime::voltex::Volume;
 use btf_synth::{Existing, PlantsParams, write_plants};
 use btf_tests::dolly::{MAX_LEAF_PIXELS, STEPS, dolly, largest_step, luminance, row};
 use btf_viewer::{
     Body, Camera, CpuPicture, Instance, Landscape, LandscapeParams, Material, Scene, ShadeOptions, load_scene,
 };
+use btf_voxelize::TriangleModel;
+use btf_voxelize::{VoltexParams, build_voltex};
 use glam::{Vec3, Vec4};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;

@@ -2,17 +2,17 @@
 //! the rule of 1996 and against fewer triangles; and the triangles' own pictures are what Mitsuba's rays see.
 
 use crate::mitsuba_peers::ask_script;
-use btf_capture::{LeafDescription, Species, TextureImages};
-use btf_fit::voltex::ablations::Ablation;
-use btf_fit::voltex::build::{Frame, VoltexParams, build_voltex};
-use btf_fit::voltex::march::MarchParams;
-use btf_fit::voltex::measure::{PixelFigures, VoltexRow, VoltexTruth};
-use btf_fit::voltex::model::TriangleModel;
-use btf_fit::voltex::occluder::Occluder;
-use btf_fit::voltex::projection::{HALF_SIDE, Projection, spread_directions};
-use btf_fit::voltex::shadow::{Lit, model_light};
+use btf_models::{LeafDescription, Species, TextureImages};
 use btf_runtime::voltex::{Voltex, Volume};
 use btf_synth::{Existing, PlantsParams, write_plants};
+use btf_voxelize::Ablation;
+use btf_voxelize::MarchParams;
+use btf_voxelize::Occluder;
+use btf_voxelize::TriangleModel;
+use btf_voxelize::{Frame, VoltexParams, build_voltex};
+use btf_voxelize::{HALF_SIDE, Projection, spread_directions};
+use btf_voxelize::{Lit, model_light};
+use btf_voxelize::{PixelFigures, VoltexRow, VoltexTruth};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::ops::ControlFlow;

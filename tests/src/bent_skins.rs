@@ -1,12 +1,12 @@
 //! What a volume hides on a bent skin, and what its triangles hide when they are bent with it: sheared, twisted, combed.
 
-use btf_fit::voltex::build::{Frame, VoltexParams, build_voltex};
-use btf_fit::voltex::microflakes::MicroflakeColour;
-use btf_fit::voltex::model::TriangleModel;
-use btf_fit::voltex::occluder::Occluder;
 use btf_runtime::testing::Random;
 use btf_runtime::voltex::Voltex;
 use btf_viewer::{LodTransition, Pattern, SceneSkin, Shell, ShellParams, Skin, SkinVertex, Volumes};
+use btf_voxelize::MicroflakeColour;
+use btf_voxelize::Occluder;
+use btf_voxelize::TriangleModel;
+use btf_voxelize::{Frame, VoltexParams, build_voltex};
 use glam::Vec3;
 use std::sync::Arc;
 

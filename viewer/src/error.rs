@@ -68,6 +68,9 @@ pub enum ViewerError {
         /// What the driver or the limit check said.
         reason: String,
     },
+    /// A leaf's description or textures cannot be read.
+    #[error(transparent)]
+    Model(#[from] btf_models::ModelError),
     /// The result cannot be written.
     #[error(transparent)]
     Write(#[from] btf_capture::CaptureError),

@@ -2,7 +2,7 @@
 
 mod support;
 
-use btf_capture::DiffuseColour;
+use btf_models::DiffuseColour;
 use btf_viewer::{
     Ambient, BackendChoice, Camera, Control, Environment, Material, PointLight, RenderMode, RenderParams, Rendered,
     Scene, SceneMesh, SceneObject, ShadeOptions, SkyLight, Sun, plane, render, sphere,

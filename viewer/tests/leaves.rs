@@ -2,7 +2,7 @@
 
 mod support;
 
-use btf_capture::{DiffuseColour, LeafDescription};
+use btf_models::{DiffuseColour, LeafDescription};
 use btf_runtime::testing::Random;
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
 use btf_viewer::{

@@ -3,7 +3,7 @@
 
 mod support;
 
-use btf_capture::{LeafDescription, LeafPreset, PlantVariation};
+use btf_models::{LeafDescription, LeafPreset, PlantVariation};
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
 use btf_viewer::{
     Body, Daylight, DaylightParts, Gpu, GpuTracer, Material, Outdoors, Scene, SceneLeaf, SceneMesh, SceneObject,

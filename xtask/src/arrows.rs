@@ -5,16 +5,18 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Our packages and those of ours that each may use. What is not here is forbidden, in tests too.
-const ALLOWED: [(&str, &[&str]); 10] = [
+const ALLOWED: [(&str, &[&str]); 12] = [
     ("btf-capture", &[]),
-    ("btf-synth", &["btf-capture"]),
+    ("btf-models", &["btf-capture"]),
+    ("btf-synth", &["btf-capture", "btf-models"]),
     ("btf-runtime", &[]),
     ("btf-runtime-c", &["btf-runtime"]),
     ("btf-runtime-python", &["btf-runtime"]),
-    ("btf-fit", &["btf-capture", "btf-runtime"]),
     ("btf-shaders", &["btf-runtime"]),
-    ("btf-viewer", &["btf-capture", "btf-runtime"]),
-    ("btf-tests", &["btf-capture", "btf-fit", "btf-runtime", "btf-synth", "btf-viewer"]),
+    ("btf-voxelize", &["btf-capture", "btf-models", "btf-runtime"]),
+    ("btf-fit", &["btf-capture", "btf-models", "btf-runtime", "btf-voxelize"]),
+    ("btf-viewer", &["btf-capture", "btf-models", "btf-runtime"]),
+    ("btf-tests", &["btf-capture", "btf-fit", "btf-models", "btf-runtime", "btf-synth", "btf-viewer", "btf-voxelize"]),
     ("xtask", &[]),
 ];
 

@@ -13,7 +13,7 @@ const PROGRAMS: [(&str, &str, &str); 2] =
 
 const DAWN: Package = Package {
     name: "Dawn",
-    file: "shaders/tests/dawn/package.json",
+    file: "runtime/shaders/tests/dawn/package.json",
     folder: "dawn",
     purpose: "the WGSL is checked by Dawn's compiler",
 };

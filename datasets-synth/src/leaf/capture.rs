@@ -60,7 +60,8 @@ mod tests {
     use std::ops::ControlFlow;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    use btf_capture::{Capture, Direction, DirectionSet, ImageFormat, Pixels, Species};
+    use btf_capture::{Capture, Direction, DirectionSet, ImageFormat, Pixels};
+    use btf_models::Species;
 
     use super::*;
     use crate::leaf::patch::tests::small;

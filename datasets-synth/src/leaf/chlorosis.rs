@@ -22,7 +22,7 @@
 //! When it is wrong: a patch stands for the whole blade (its top is the tip, its sides are the margins),
 //! whatever its size; the course of a deficiency over weeks is one number here.
 
-use btf_capture::Deficiency;
+use btf_models::Deficiency;
 
 use crate::error::SynthError;
 

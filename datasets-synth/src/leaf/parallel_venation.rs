@@ -108,7 +108,7 @@ impl ParallelVenation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use btf_capture::Species;
+    use btf_models::Species;
 
     use crate::leaf::species::{Traits, VenationTraits};
 

@@ -1,6 +1,7 @@
 //! A leaf patch: what was asked for, and the grids that rendering reads.
 
-use btf_capture::{LeafContents, LeafDescription, Side, Species, TextureImages};
+use btf_capture::Side;
+use btf_models::{LeafContents, LeafDescription, Species, TextureImages};
 
 use crate::error::SynthError;
 use crate::leaf::chlorosis::Chlorosis;

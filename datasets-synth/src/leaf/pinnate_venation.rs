@@ -251,7 +251,7 @@ fn line(point: impl Fn(f32) -> [f32; 2]) -> Vec<[f32; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use btf_capture::Species;
+    use btf_models::Species;
 
     use crate::leaf::species::{Traits, VenationTraits};
     use crate::leaf::vein::unit;

@@ -6,7 +6,7 @@
 //! entered through the far face's gloss and left through the seen one's; no lobe. `plate-paper` has neither
 //! coupling nor the corrected lobe: what it prints is added up.
 
-use btf_capture::LeafContents;
+use btf_models::LeafContents;
 use rayon::prelude::*;
 
 use crate::leaf::face::{Seen, Tint};

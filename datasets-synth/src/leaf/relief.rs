@@ -244,7 +244,7 @@ fn structure(masks: VeinMasks) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use btf_capture::Species;
+    use btf_models::Species;
 
     const KINDS: [Option<Species>; 4] = [None, Some(Species::Maize), Some(Species::Soybean), Some(Species::Tree)];
 

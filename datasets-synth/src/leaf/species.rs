@@ -19,7 +19,7 @@
 //! When it is wrong: a look, no botanical measurement; cultivar, age and growth change every number by half. Hairs are
 //! a duller, rougher gloss and not hairs.
 
-use btf_capture::Species;
+use btf_models::Species;
 
 use crate::leaf::pinnate_venation::RungTraits;
 

@@ -24,7 +24,7 @@
 
 use std::path::Path;
 
-use btf_capture::{CaptureError, MAX_TEXTURE_TEXELS, Species, TextureGrid, TextureImages, TextureKind, write_textures};
+use btf_models::{MAX_TEXTURE_TEXELS, ModelError, Species, TextureGrid, TextureImages, TextureKind, write_textures};
 use rayon::prelude::*;
 
 use crate::error::SynthError;
@@ -148,7 +148,7 @@ impl AppearanceTextures {
         if self.grid.len() > MAX_TEXTURE_TEXELS {
             let fault = format!("would hold images of {side} x {side} texels, and {MAX_TEXTURE_TEXELS} are allowed");
             let remedy = "give a smaller --size or a larger --size-mm";
-            return Err(CaptureError::BadLeaf { path: dir.into(), fault, remedy }.into());
+            return Err(ModelError::Leaf { path: dir.into(), fault, remedy }.into());
         }
         let textures: Vec<TextureGrid> = TextureKind::ALL
             .into_iter()
@@ -310,7 +310,8 @@ mod tests {
     use std::fs;
     use std::ops::ControlFlow;
 
-    use btf_capture::{Capture, Deficiency, DirectionSet, ImageFormat, LeafContents, Pixels};
+    use btf_capture::{Capture, DirectionSet, ImageFormat, Pixels};
+    use btf_models::{Deficiency, LeafContents};
 
     use super::*;
     use crate::leaf::vein::direction_of;

@@ -1,6 +1,6 @@
 //! The ranges of contents that are taken for a leaf's, by the command line's names.
 
-use btf_capture::{LEAF_QUANTITIES, LeafContents, LeafDescription};
+use btf_models::{LEAF_QUANTITIES, LeafContents, LeafDescription};
 
 use crate::error::SynthError;
 

@@ -8,7 +8,7 @@
 //! | form | - | - | corrected | corrected, legacy-4x, printed |
 //! | coupling to the body below | - | - | energy | energy, none |
 
-use btf_capture::LeafGloss;
+use btf_models::LeafGloss;
 
 use crate::error::{SynthError, check_ranges};
 

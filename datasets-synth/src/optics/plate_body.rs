@@ -1,6 +1,6 @@
 //! A plate model prepared for millions of texels: from contents to the colour of a leaf's body.
 
-use btf_capture::LeafContents;
+use btf_models::LeafContents;
 
 use crate::error::SynthError;
 use crate::optics::colour::{RgbBands, RgbFromSpectrum};

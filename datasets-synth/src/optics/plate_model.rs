@@ -1,6 +1,6 @@
 //! The three plate models behind one door: reflectance and transmittance of a whole leaf.
 
-use btf_capture::LeafContents;
+use btf_models::LeafContents;
 
 use crate::error::SynthError;
 use crate::optics::contents::check_contents;

@@ -28,7 +28,7 @@
 //! When it is wrong: a leaf without any pigment absorbs a quarter of the light; the paper's own Table
 //! 1 is off by up to 0.19; see also `plate-exact`, whose limits it shares.
 
-use btf_capture::LeafContents;
+use btf_models::LeafContents;
 
 use crate::optics::plate_model::PlateOptics;
 use crate::optics::theta::three_piece_fit;

@@ -1,6 +1,6 @@
 //! Which table of specific absorptions and refractive index a plate model reads.
 
-use btf_capture::LeafContents;
+use btf_models::LeafContents;
 
 use crate::error::SynthError;
 use crate::optics::tables::prospect_5::PROSPECT_5;

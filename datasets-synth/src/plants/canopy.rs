@@ -6,7 +6,7 @@ use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-use btf_capture::Species;
+use btf_models::Species;
 
 use crate::error::SynthError;
 use crate::plants::mesh::{Mesh, meshes};

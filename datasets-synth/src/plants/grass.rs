@@ -151,7 +151,7 @@ fn flower(plant: &mut Plant, foot_m: Vec3, open: f64, random: &mut Xoshiro256Plu
 
 #[cfg(test)]
 mod tests {
-    use btf_capture::Species;
+    use btf_models::Species;
     use rand::SeedableRng;
 
     use super::*;

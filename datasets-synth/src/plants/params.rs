@@ -1,6 +1,6 @@
 //! What plants are asked for.
 
-use btf_capture::Species;
+use btf_models::Species;
 
 use crate::error::{SynthError, check_range, check_ranges};
 
@@ -26,7 +26,7 @@ pub enum CanopySize {
 pub enum Form {
     /// Triangles and instances, as binary glTF.
     Mesh,
-    /// Cones and sheets, as a script of shapes ([`btf_capture::shapes`]).
+    /// Cones and sheets, as a script of shapes ([`btf_models::shapes`]).
     Shapes,
 }
 

@@ -3,7 +3,7 @@
 //! The script's z is up where a plant's y is: (x, y, z) of a plant is (x, -z, y) there. Its space is one period of the
 //! field, for a lone plant that is no patch of lawn the box around it.
 
-use btf_capture::shapes::{Material, PaintMode, Point, Script, Shape, Space, Stroke};
+use btf_models::shapes::{Material, PaintMode, Point, Script, Shape, Space, Stroke};
 
 use crate::error::SynthError;
 use crate::plants::blade::Blade;
@@ -143,7 +143,7 @@ fn space(canopy: &Canopy, drawn: &[(Part, Shape)]) -> Space {
 
 #[cfg(test)]
 mod tests {
-    use btf_capture::Species;
+    use btf_models::Species;
 
     use super::*;
     use crate::plants::mesh::Mesh;

@@ -239,7 +239,7 @@ fn angle_rad(bearer_order: usize, t: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use btf_capture::Species;
+    use btf_models::Species;
     use rand::SeedableRng;
 
     use super::*;

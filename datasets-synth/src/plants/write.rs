@@ -3,10 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use btf_capture::shapes::SCRIPT_ENDING;
-use btf_capture::{
-    CaptureError, Direction, DirectionSet, LeafDescription, PlantVariation, Species, TEXTURES_NAME, TextureImages,
-    TextureKind, glb, write_file_atomically,
+use btf_capture::{CaptureError, Direction, DirectionSet, write_file_atomically};
+use btf_models::shapes::SCRIPT_ENDING;
+use btf_models::{
+    LeafDescription, ModelError, PlantVariation, Species, TEXTURES_NAME, TextureImages, TextureKind, glb,
 };
 
 use crate::error::SynthError;
@@ -165,7 +165,7 @@ impl Files {
             Form::Mesh => (".glb", "give a file name that ends in .glb, or --form shapes"),
             Form::Shapes => (SCRIPT_ENDING, "give a file name that ends in .shapes.toml, or --form mesh"),
         };
-        let bad = |fault: String| CaptureError::BadLeaf { path: out.into(), fault, remedy };
+        let bad = |fault: String| ModelError::Leaf { path: out.into(), fault, remedy };
         let name =
             out.file_name().and_then(|name| name.to_str()).ok_or_else(|| bad("has no name in Unicode".into()))?;
         let stem = name.strip_suffix(ending).filter(|stem| !stem.is_empty());
@@ -178,7 +178,7 @@ impl Files {
     /// Refuses what must not be replaced.
     fn check(&self, existing: Existing) -> Result<(), SynthError> {
         let bad =
-            |path: &Path, fault: &str, remedy| CaptureError::BadLeaf { path: path.into(), fault: fault.into(), remedy };
+            |path: &Path, fault: &str, remedy| ModelError::Leaf { path: path.into(), fault: fault.into(), remedy };
         if existing == Existing::Refuse {
             let there = [&self.out, &self.leaf, &self.textures].into_iter().find(|path| path.exists());
             let remedy = "give another name, or --force to replace it";

@@ -2,9 +2,9 @@
 
 use super::output::{check_file, tell};
 use super::{Failure, Shared, progress};
-use btf_fit::voltex::measure::{TRIANGLE_BYTES, VoltexRow, measure_voltex};
-use btf_fit::voltex::model::TriangleModel;
 use btf_runtime::voltex::{Voltex, Volume};
+use btf_voxelize::{Ablation, TRIANGLE_BYTES, TriangleModel, VoltexRow, measure_voltex};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -39,7 +39,12 @@ pub(super) fn run(compared: &Compared, ablate: bool, json: Option<&Path>, shared
     }
     let model = TriangleModel::read(compared.model)?;
     let monitor = progress::monitor(shared, None)?;
-    let rows = measure_voltex(&model, compared.volume, compared.bytes, ablate, &monitor)
+    let ablations: &[Ablation] = if ablate { &Ablation::ALL } else { &[] };
+    let progress = |done, total| match monitor.report("measure", done, total) {
+        Ok(()) => ControlFlow::Continue(()),
+        Err(_) => ControlFlow::Break(()),
+    };
+    let rows = measure_voltex(&model, compared.volume, compared.bytes, ablations, progress)
         .map_err(|error| error.of_model(compared.model))?;
     let result = VoltexResult {
         model: compared.model.display().to_string(),

@@ -131,6 +131,12 @@ impl From<CaptureError> for Failure {
     }
 }
 
+impl From<btf_voxelize::VoxelizeError> for Failure {
+    fn from(error: btf_voxelize::VoxelizeError) -> Failure {
+        Failure::Fit(error.into())
+    }
+}
+
 impl Failure {
     fn exit(&self) -> Exit {
         match self {

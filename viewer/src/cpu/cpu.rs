@@ -12,7 +12,7 @@ use crate::scene::scene::Scene;
 use crate::shading::relief::Relief;
 use crate::shading::viewed_body::ViewedBody;
 use crate::volume::light::AROUND_ROUGHNESS;
-use btf_capture::DiffuseColour;
+use btf_models::DiffuseColour;
 use btf_runtime::{LightRows, ViewedLeaf, ViewedTexel};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;

@@ -103,7 +103,7 @@ use crate::scene::skin::SkinEntry;
 use crate::scene::volume::{VolumeEntry, VolumeFiles, models_of, places_of};
 use crate::volume::skin::Wind;
 use crate::volume::volumes::{SceneSkin, Volumes};
-use btf_capture::DiffuseColour;
+use btf_models::DiffuseColour;
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;

@@ -5,7 +5,7 @@ use crate::error::ViewerError;
 use crate::scene::asset::SceneAsset;
 use crate::scene::leaf::SceneLeaf;
 use crate::scene::material::{Body, OwnBodies};
-use btf_capture::beside;
+use btf_models::beside;
 use btf_runtime::{VERSION, read_directory};
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -1,7 +1,7 @@
 //! A leaf that is evaluated live: its description, its appearance textures, and the words that decoders read.
 
 use crate::error::ViewerError;
-use btf_capture::{LeafDescription, TextureImages, TextureKind};
+use btf_models::{LeafDescription, TextureImages, TextureKind};
 use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf, absolute};
@@ -140,11 +140,11 @@ mod tests {
 
     #[test]
     fn what_is_evaluated_and_what_is_described_have_the_same_order_and_ranges() {
-        let alike = |evaluated: &btf_runtime::LeafQuantity, described: &btf_capture::LeafQuantity| {
+        let alike = |evaluated: &btf_runtime::LeafQuantity, described: &btf_models::LeafQuantity| {
             let key = if described.key == "index" { "gloss_index" } else { described.key };
             key == evaluated.key && described.range.map(|end| end as f32) == evaluated.range
         };
-        let (evaluated, described) = (&btf_runtime::LEAF_QUANTITIES, &btf_capture::LEAF_QUANTITIES);
+        let (evaluated, described) = (&btf_runtime::LEAF_QUANTITIES, &btf_models::LEAF_QUANTITIES);
         assert!(evaluated.iter().zip(described).all(|(a, b)| alike(a, b)));
         // Planted: two in turn.
         assert!(!alike(&evaluated[3], &described[6]) && !alike(&evaluated[8], &described[9]));

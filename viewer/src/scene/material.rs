@@ -3,7 +3,7 @@
 use crate::scene::asset::SceneAsset;
 use crate::scene::leaf::SceneLeaf;
 use crate::scene::mesh::MeshPart;
-use btf_capture::DiffuseColour;
+use btf_models::DiffuseColour;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Meshes in parts: the built-in plane, sphere and box, and the frame (normal, tangent) of every vertex.
 
 use crate::geometry::geometry::Vertex;
-use btf_capture::DiffuseColour;
+use btf_models::DiffuseColour;
 use glam::{Mat4, Vec2, Vec3};
 
 /// Longitudes of the built-in sphere; its edges are then a third of a degree off the true silhouette.

@@ -3,7 +3,7 @@
 use crate::error::ViewerError;
 use crate::geometry::geometry::Vertex;
 use crate::scene::mesh::{MeshPart, fill_normals, fill_tangents, tangent_of};
-use btf_capture::{ModelPart, is_model, read_model};
+use btf_models::{ModelPart, is_model, read_model};
 use glam::{Mat4, Vec3};
 use std::path::Path;
 
@@ -93,7 +93,7 @@ fn with_frames(part: ModelPart) -> MeshPart {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use btf_capture::DiffuseColour;
+    use btf_models::DiffuseColour;
     use serde_json::Value;
 
     const INSTANCING: &str = "EXT_mesh_gpu_instancing";

@@ -4,7 +4,7 @@ use crate::geometry::geometry::Geometry;
 use crate::sampler::{hash, two};
 use crate::scene::leaf::SceneLeaf;
 use crate::scene::material::{Body, Material};
-use btf_capture::PlantVariation;
+use btf_models::PlantVariation;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -57,7 +57,7 @@ mod tests {
     use crate::scene::material::Shown;
     use crate::scene::mesh;
     use crate::scene::scene::{Scene, SceneMesh, SceneObject};
-    use btf_capture::{DiffuseColour, LeafDescription};
+    use btf_models::{DiffuseColour, LeafDescription};
     use btf_runtime::{LeafTexel, LeafTexture};
     use glam::{Mat4, Vec3};
     use std::path::Path;

@@ -6,7 +6,7 @@ use crate::geometry::leaf_width::leaf_width;
 use crate::scene::file::one;
 use crate::scene::mesh_file::{FileMesh, load_meshes};
 use crate::volume::volumes::VolumePlace;
-use btf_capture::DiffuseColour;
+use btf_models::DiffuseColour;
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Vec3};
 use serde::Deserialize;

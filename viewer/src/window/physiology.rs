@@ -4,7 +4,7 @@ use super::history::History;
 use crate::scene::leaf::SceneLeaf;
 use crate::scene::plant_variation::vary_plants;
 use crate::scene::scene::Scene;
-use btf_capture::{LeafDescription, LeafPreset, LeafQuantity};
+use btf_models::{LeafDescription, LeafPreset, LeafQuantity};
 use btf_runtime::LeafMode;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -178,7 +178,7 @@ mod tests {
     use crate::scene::material::{Body, Material, Shown};
     use crate::scene::mesh;
     use crate::scene::scene::{MeshChoice, SceneMesh, SceneObject};
-    use btf_capture::LEAF_QUANTITIES;
+    use btf_models::LEAF_QUANTITIES;
     use btf_runtime::{LeafTexel, LeafTexture, ViewedLeaf};
     use glam::{Mat4, Vec3};
 

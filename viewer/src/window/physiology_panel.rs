@@ -3,7 +3,7 @@
 use super::physiology::{LeafChange, LeafSettings, Physiology};
 use super::spectrum_plot::show_spectrum;
 use crate::scene::scene::Scene;
-use btf_capture::{LEAF_QUANTITIES, LeafPreset, LeafQuantity};
+use btf_models::{LEAF_QUANTITIES, LeafPreset, LeafQuantity};
 use btf_runtime::LeafMode;
 
 /// Length of a slider, points: the number and its unit stand beside it.

@@ -215,7 +215,7 @@ mod tests {
     use crate::scene::leaf::SceneLeaf;
     use crate::scene::material::Shown;
     use crate::scene::scene::MeshChoice;
-    use btf_capture::LeafDescription;
+    use btf_models::LeafDescription;
     use btf_runtime::{LeafTexel, LeafTexture};
 
     #[test]

@@ -8,7 +8,7 @@ use crate::inspect::describe::{parallel, sides_of_resident};
 use crate::metrics::psnr_db_from_codes;
 use crate::monitor::Monitor;
 use btf_capture::Transfer;
-use btf_capture::glb::{F32, GlbBuffer, INDICES, TRIANGLES, U16, VERTICES, escaped, glb_from};
+use btf_models::glb::{F32, GlbBuffer, INDICES, TRIANGLES, U16, VERTICES, escaped, glb_from};
 use btf_runtime::{Form, Levels, Resident, VERSION, open, read_directory};
 use rayon::prelude::*;
 use serde::Serialize;

@@ -3,7 +3,7 @@
 use crate::geometry::geometry::Vertex;
 use crate::scene::mesh::{MeshPart, tangent_of};
 use crate::volume::skin::{Corners, Skin, SkinVertex};
-use btf_capture::DiffuseColour;
+use btf_models::DiffuseColour;
 use glam::{Vec2, Vec3};
 
 /// Each patch of the ground is cut so often along a side: its triangles follow the bilinear patch.

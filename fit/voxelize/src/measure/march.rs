@@ -1,0 +1,118 @@
+//! What an eye sees of a volume along a ray, under lights far away: what passes and what is reflected.
+
+use crate::model::microflakes::grey;
+use crate::rays::along_ray::{depth_along, seen_along};
+use crate::rays::projection::spread_directions;
+use btf_runtime::voltex::{LevelShadow, Sym3, Voltex, shade};
+use glam::Vec3;
+
+/// How a volume is looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MarchParams {
+    /// Rays along each side of a pixel.
+    pub rays: usize,
+    /// Voxels along each side of a pixel, as a binary logarithm: best as many as rays.
+    pub finer: u32,
+    /// How microflakes reflect.
+    pub reflection: Reflection,
+}
+
+impl Default for MarchParams {
+    fn default() -> MarchParams {
+        MarchParams { rays: 2, finer: 1, reflection: Reflection::ClosedForm }
+    }
+}
+
+/// How the light of a voxel's microflakes is summed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reflection {
+    /// [`shade`].
+    ClosedForm,
+    /// Over normals of the ellipsoid that the microflakes are spread on [Neyret 1996].
+    Ellipsoid,
+}
+
+/// Normals that an ellipsoid's light is summed over.
+const NORMALS: usize = 64;
+
+/// A volume to look at.
+pub struct March<'a> {
+    voltex: &'a Voltex,
+    level: u32,
+    /// Side of a voxel.
+    side: f32,
+    shadow: LevelShadow,
+    /// Where light is summed over ellipsoids: of each voxel the matrix that makes a sphere one, and the sphere's normals.
+    ellipsoids: Option<(Vec<Sym3>, Vec<Vec3>)>,
+}
+
+impl March<'_> {
+    /// At `level` of a volume.
+    pub fn new(voltex: &Voltex, level: u32, reflection: Reflection) -> March<'_> {
+        let ellipsoids = (reflection == Reflection::Ellipsoid).then(|| {
+            // The moment is S to the power of 3/4; an ellipsoid of extinction S is the sphere under its root.
+            let root = |number| voltex.voxel(number).moment.mapped(|x| x.max(0.0).powf(2.0 / 3.0));
+            ((0..voltex.voxel_count() as u32).map(root).collect(), spread_directions(NORMALS, 0.0))
+        });
+        March { voltex, level, side: voltex.voxel_side(level), shadow: voltex.shadow(level), ellipsoids }
+    }
+
+    /// The share of light that passes a ray, and, added to `seen`, what it sees under each of `lights`; 1 is a white
+    /// surface lit along its normal.
+    pub fn ray(&self, origin: Vec3, direction: Vec3, lights: &[Vec3], seen: &mut [f32]) -> f32 {
+        seen_along(self.voltex, self.level, origin, direction, |part| {
+            for (light, seen) in lights.iter().zip(&mut *seen) {
+                let value = self.voltex.microflakes(part.number).map(|(number, voxel)| {
+                    let material = self.voltex.material(voxel.material);
+                    let [same, other] = match &self.ellipsoids {
+                        Some((roots, normals)) => {
+                            let shown = voxel.extinction_along(direction.into());
+                            ellipsoid_light(&roots[number as usize], normals, -direction, *light).map(|x| x * shown)
+                        }
+                        None => shade(&voxel.moment, (-direction).into(), (*light).into()),
+                    };
+                    grey(material.reflectance) * same + grey(material.transmittance) * other
+                });
+                let value = value.sum::<f32>() / part.sigma;
+                let towards = part.towards(self.voltex, *light).normalize_or_zero() * self.side;
+                let depth = depth_along(self.voltex, self.level, part.at + towards * self.shadow.offset, *light);
+                let apart = 1.0 - self.shadow.shared_at(light.dot(-direction));
+                *seen += part.weight * value * (-apart * depth).exp();
+            }
+        })
+    }
+}
+
+/// Of microflakes spread on an ellipsoid, the light that those in view send on, where it comes from their side and from the other:
+/// means over what they show.
+fn ellipsoid_light(root: &Sym3, normals: &[Vec3], v: Vec3, l: Vec3) -> [f32; 2] {
+    let (mut sums, mut shown) = ([0.0; 2], 0.0);
+    for normal in normals {
+        let q = Vec3::from(root.times((*normal).into()));
+        let product = q.dot(v) * q.dot(l) / q.length().max(1e-30);
+        sums[usize::from(product < 0.0)] += product.abs();
+        shown += q.dot(v).abs();
+    }
+    sums.map(|sum| sum / shown.max(1e-30))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ellipsoid_s_light_is_the_closed_form_s_where_that_is_exact() {
+        let normals = spread_directions(20_000, 0.0);
+        let isotropic = Sym3([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+        let flat = Sym3([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+        let (v, l) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.6, -0.8));
+        for (moment, sigma) in [(isotropic, 1.5), (flat, v.z.abs())] {
+            let found = ellipsoid_light(&moment, &normals, v, l);
+            let expected = shade(&moment, v.into(), l.into()).map(|sum| sum / sigma);
+            let apart = |a: [f32; 2]| (a[0] - expected[0]).abs().max((a[1] - expected[1]).abs());
+            assert!(apart(found) < 1e-3, "{found:?} {expected:?}");
+            // Planted difference: the sides taken for each other.
+            assert!(apart([found[1], found[0]]) > 0.1, "{found:?}");
+        }
+    }
+}

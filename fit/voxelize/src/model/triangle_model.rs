@@ -1,0 +1,135 @@
+//! A model as triangles with what they are made of.
+
+use crate::build::build::Frame;
+use crate::error::VoxelizeError;
+use crate::model::leaf_colour::colour_of_file;
+use crate::model::microflakes::MicroflakeColour;
+use btf_models::{DiffuseColour, ModelPart, read_model};
+use glam::{Mat4, Vec3};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// Triangles in metres.
+#[derive(Debug, Clone, Default)]
+pub struct TriangleModel {
+    /// Corners; z points up.
+    pub triangles: Vec<[Vec3; 3]>,
+    /// Of each triangle the number of its material.
+    pub materials: Vec<u32>,
+    /// The materials.
+    pub colours: Vec<MicroflakeColour>,
+    /// Of each material the share of its area that counts: half where surfaces are closed, whose backs nobody sees.
+    pub weights: Vec<f32>,
+}
+
+impl TriangleModel {
+    /// Reads `.obj`, `.gltf` or `.glb` with all instances. Materials that point at a leaf or an asset have its hemispherical
+    /// integrals for colours.
+    ///
+    /// # Errors
+    /// Those of [`read_model`] and [`colour_of_file`].
+    pub fn read(path: &Path) -> Result<TriangleModel, VoxelizeError> {
+        let mut model = TriangleModel::default();
+        // Leaves and assets that several parts show are integrated once.
+        let mut known: HashMap<PathBuf, MicroflakeColour> = HashMap::new();
+        for mesh in read_model(path)? {
+            for part in &mesh.parts {
+                let shown = part.shows.as_ref().map(|file| match known.get(file) {
+                    Some(colour) => Ok(*colour),
+                    None => colour_of_file(file).inspect(|colour| {
+                        known.insert(file.clone(), *colour);
+                    }),
+                });
+                let material = model.add_material(part, shown.transpose()?);
+                for place in &mesh.places {
+                    model.add_part(part, *place, material);
+                }
+            }
+        }
+        Ok(model)
+    }
+
+    fn add_material(&mut self, part: &ModelPart, shown: Option<MicroflakeColour>) -> u32 {
+        let DiffuseColour { reflectance, transmittance } = part.colour;
+        let plain = MicroflakeColour { reflectance, transmittance, ..MicroflakeColour::default() };
+        self.colours.push(shown.unwrap_or(plain));
+        self.weights.push(if is_closed(part) { 0.5 } else { 1.0 });
+        self.colours.len() as u32 - 1
+    }
+
+    fn add_part(&mut self, part: &ModelPart, place: Mat4, material: u32) {
+        let corners = |t: &[u32; 3]| t.map(|i| z_up(place.transform_point3(part.positions[i as usize].into())));
+        self.triangles.extend(part.triangles.iter().map(corners));
+        self.materials.resize(self.triangles.len(), material);
+    }
+
+    /// Least and greatest corner.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        self.triangles.iter().flatten().fold(start, |[lo, hi], p| [lo.min(*p), hi.max(*p)])
+    }
+
+    /// Area of all triangles, squares of the corners' unit.
+    pub fn area(&self) -> f64 {
+        let area = |[a, b, c]: &[Vec3; 3]| {
+            let [along, across] = [*b - *a, *c - *a].map(Vec3::as_dvec3);
+            0.5 * along.cross(across).length()
+        };
+        self.triangles.iter().map(area).sum()
+    }
+
+    /// The same in the unit cube.
+    pub fn in_cube(&self, frame: &Frame) -> TriangleModel {
+        let triangles = self.triangles.iter().map(|t| t.map(|p| frame.cube_from_m(p))).collect();
+        TriangleModel {
+            triangles,
+            materials: self.materials.clone(),
+            colours: self.colours.clone(),
+            weights: self.weights.clone(),
+        }
+    }
+
+    /// Unit normal of a triangle, zero where it has no area.
+    pub fn normal(&self, triangle: usize) -> Vec3 {
+        let [a, b, c] = self.triangles[triangle];
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+}
+
+/// From the files' axes, whose y points up, to the volume's, whose z does.
+fn z_up(p: Vec3) -> Vec3 {
+    Vec3::new(p.x, -p.z, p.y)
+}
+
+/// Whether nearly every edge has a triangle on both sides, so that the part encloses a volume.
+pub(crate) fn is_closed(part: &ModelPart) -> bool {
+    if part.double_sided {
+        return false;
+    }
+    // Vertices that lie in one place are one, whatever their normals.
+    let mut places: HashMap<[u32; 3], u32> = HashMap::new();
+    let place: Vec<u32> = part
+        .positions
+        .iter()
+        .map(|p| {
+            let next = places.len() as u32;
+            *places.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(next)
+        })
+        .collect();
+    let mut edges: HashMap<[u32; 2], i32> = HashMap::new();
+    let mut count = 0;
+    for t in &part.triangles {
+        for i in 0..3 {
+            let (a, b) = (place[t[i] as usize], place[t[(i + 1) % 3] as usize]);
+            if a != b {
+                *edges.entry([a.min(b), a.max(b)]).or_default() += if a < b { 1 } else { -1 };
+                count += 1;
+            }
+        }
+    }
+    let open: i32 = edges.values().map(|sum| sum.abs()).sum();
+    f64::from(open) < OPEN_SHARE * f64::from(count)
+}
+
+/// Share of edges with one side up to which a part counts as closed: stems are open where leaves begin.
+const OPEN_SHARE: f64 = 0.1;

@@ -1,0 +1,78 @@
+//! What a ray meets of one level of a volume.
+
+use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Walk, seen_at};
+use glam::Vec3;
+
+/// Transmittance below which a ray ends.
+const END: f32 = 1.0 / 255.0;
+/// Optical depth beyond which light is gone.
+const DARK: f32 = 14.0;
+/// Where rays that begin beside or in the unit cube have left it.
+const BEYOND: f32 = 4.0;
+
+/// One cell on a ray from the eye.
+pub(crate) struct Seen {
+    /// Its voxel's number.
+    pub number: u32,
+    /// Its microflakes' extinction along the ray.
+    pub sigma: f32,
+    /// The middle of what is seen of them.
+    pub at: Vec3,
+    /// Share of the ray that they hide.
+    pub weight: f32,
+}
+
+impl Seen {
+    /// Sum of its microflakes' normals on the side of the light from `l`, as long as their area towards that.
+    pub fn towards(&self, voltex: &Voltex, l: Vec3) -> Vec3 {
+        voltex.microflakes(self.number).map(|(_, voxel)| Vec3::from(voxel.moment.times(l.into()))).sum()
+    }
+}
+
+/// Calls `each` for the voxels of `level` that are not empty, until it says that it has enough.
+fn filled(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3, mut each: impl FnMut(Segment) -> bool) {
+    let ray = VoltexRay { origin: origin.into(), direction: direction.into() };
+    let mut walk = Walk::new(ray, 0.0, BEYOND, voltex.level_count());
+    while let Some(segment) = walk.next(voltex, level) {
+        if segment.cell.voxel != NO_VOXEL && !each(segment) {
+            return;
+        }
+    }
+}
+
+/// What an eye sees along a ray, front to back; the share of light that passes comes back.
+pub(crate) fn seen_along(
+    voltex: &Voltex,
+    level: u32,
+    origin: Vec3,
+    direction: Vec3,
+    mut each: impl FnMut(&Seen),
+) -> f32 {
+    let mut through = 1.0;
+    let clumping = voltex.clumping_along(level, direction.into());
+    filled(voltex, level, origin, direction, |segment| {
+        let sigma = voltex.extinction_along(segment.cell.voxel, direction.into());
+        let length = segment.t1 - segment.t0;
+        let depth = clumping * sigma * length;
+        let alpha = 1.0 - (-depth).exp();
+        if alpha > 0.0 {
+            let at = origin + direction * (segment.t0 + seen_at(depth, length));
+            each(&Seen { number: segment.cell.voxel, sigma, at, weight: through * alpha });
+            through *= 1.0 - alpha;
+        }
+        through >= END
+    });
+    if through < END { 0.0 } else { through }
+}
+
+/// Optical depth from a point on.
+pub(crate) fn depth_along(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3) -> f32 {
+    let clumping = voltex.clumping_along(level, direction.into());
+    let mut depth = 0.0;
+    filled(voltex, level, origin, direction, |segment| {
+        let sigma = voltex.extinction_along(segment.cell.voxel, direction.into());
+        depth += clumping * sigma * (segment.t1 - segment.t0);
+        depth <= DARK
+    });
+    depth
+}

@@ -1,0 +1,5 @@
+//! Parallel rays through models and volumes.
+
+pub(crate) mod along_ray;
+pub(crate) mod occluder;
+pub(crate) mod projection;
