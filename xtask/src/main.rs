@@ -34,6 +34,7 @@ mod metadata;
 mod npm;
 mod peers;
 mod python;
+mod rooms;
 mod shader_tools;
 mod shaders;
 mod shell;

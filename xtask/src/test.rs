@@ -5,7 +5,7 @@ use crate::counts::{Counts, cargo_test_failures, from_cargo_test, from_nextest, 
 use crate::failure::Failure;
 use crate::metadata::{Metadata, has_subcommand};
 use crate::shell::{self, cargo, root, run_and_read};
-use crate::{arrows, asset_tools, driver, fuzz, header, licences, memcheck, peers, python, shader_tools, words};
+use crate::{arrows, asset_tools, driver, fuzz, header, licences, memcheck, peers, python, rooms, shader_tools, words};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -112,6 +112,7 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
         suite.check("arrows", || arrows::check(metadata, &root()));
         suite.check("licences", || licences::check(metadata));
     }
+    suite.check("rooms", || rooms::check(&root()));
     suite.check("words", || words::check(&root()));
     suite.check("header", header::check);
     if quick {
