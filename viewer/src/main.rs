@@ -215,7 +215,7 @@ struct ViewArguments {
     /// Scene description: meshes, materials, lights, camera
     #[arg(long, value_name = "SCENE.toml", conflicts_with_all = ["mesh", "uv_scale"])]
     scene: Option<PathBuf>,
-    /// sphere, plane, cornell, cloth, shoe, boots, pullover, or an .obj, .gltf or .glb file
+    /// sphere, plane, leaf, cornell, cloth, shoe, boots, pullover, or an .obj, .gltf or .glb file
     #[arg(long, default_value = "sphere", value_name = "MESH")]
     mesh: String,
     /// How often the material is repeated along u and v

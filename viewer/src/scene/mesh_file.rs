@@ -37,7 +37,7 @@ pub fn load_meshes(path: &Path) -> Result<Vec<FileMesh>, ViewerError> {
     if !is_model(path) {
         return Err(ViewerError::mesh(
             path,
-            "this is neither a built-in mesh (sphere, plane, cornell, cloth, shoe, boots, pullover) nor an .obj, .gltf or .glb file",
+            "this is neither a built-in mesh (sphere, plane, leaf, cornell, cloth, shoe, boots, pullover) nor an .obj, .gltf or .glb file",
         ));
     }
     let mut once = FileMesh { parts: Vec::new(), places: vec![Mat4::IDENTITY] };

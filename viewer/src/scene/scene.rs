@@ -145,6 +145,8 @@ pub enum MeshChoice {
     Sphere,
     /// One plane per asset, side by side.
     Plane,
+    /// The blade of a leaf, which shows the first asset once, from edge to edge.
+    Leaf,
     /// The Cornell box with two spheres, seen so that it fills a square picture: the first asset on the spheres, the next
     /// ones on floor, back wall and the other walls, and again from the first where there are fewer.
     Cornell,
@@ -166,6 +168,7 @@ impl MeshChoice {
         match argument {
             "sphere" => MeshChoice::Sphere,
             "plane" => MeshChoice::Plane,
+            "leaf" => MeshChoice::Leaf,
             "cornell" => MeshChoice::Cornell,
             "cloth" => MeshChoice::Cloth,
             "shoe" => MeshChoice::Shoe,
@@ -301,6 +304,14 @@ impl Scene {
                 let mut scene = Scene::from_objects(Path::new("plane"), row(mesh::plane), shown)?;
                 let (centre, radius) = scene.geometry.bounding_sphere();
                 scene.camera = Camera::framing(centre, radius, Vec3::new(0.0, -0.55, 1.0), FIELD_OF_VIEW_DEG);
+                scene.place_lights(1);
+                Ok(scene)
+            }
+            MeshChoice::Leaf => {
+                let objects = model(builtin::leaf_blade(), &|_| uv_scale);
+                let mut scene = Scene::from_objects(Path::new("leaf"), objects, shown)?;
+                let (centre, radius) = scene.geometry.bounding_sphere();
+                scene.camera = Camera::framing(centre, radius, Vec3::new(0.15, -0.35, 1.0), FIELD_OF_VIEW_DEG);
                 scene.place_lights(1);
                 Ok(scene)
             }

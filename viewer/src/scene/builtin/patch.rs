@@ -71,8 +71,13 @@ impl<F: Fn(f32, f32) -> Vec3> Patch<F> {
             (self.position)((s + ds).min(1.0), t) - (self.position)((s - ds).max(0.0), t)
         };
         let along_t = (self.position)(s, (t + dt).min(1.0)) - (self.position)(s, (t - dt).max(0.0));
-        along_s.cross(along_t).normalize_or(Vec3::Y)
+        unit_normal(along_s, along_t)
     }
+}
+
+/// The unit normal of a surface with these tangents; up where they have no area.
+pub(super) fn unit_normal(along_s: Vec3, along_t: Vec3) -> Vec3 {
+    along_s.cross(along_t).normalize_or(Vec3::Y)
 }
 
 fn without_unused_vertices(mut part: MeshPart) -> MeshPart {
