@@ -33,8 +33,14 @@ mod threads;
 pub mod voltex;
 mod wgsl;
 
-pub use asset::asset::{Asset, DictionaryLobe, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide};
+pub use asset::asset::{Asset, Layer, Level, LevelTexels, LobeRole, SurfaceSide};
+pub use asset::dictionary::{DictionaryLobe, LobeRef};
 pub use asset::edit::{EDIT_WORDS, Edit, Edits, MAX_EDIT_WORDS, MAX_EDITS};
+pub use asset::heights::Heights;
+pub use asset::limits::{
+    MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_HEIGHT_STEP, MAX_LAYERS, MAX_LEVELS,
+    MAX_SHARED, MAX_SIDE_MM,
+};
 pub use asset::lobe::{
     Lobe, LobeFamily, LobeSetup, MIN_COS_VIEW, MIN_HALF, RESIDENT_WORDS as LOBE_RESIDENT_WORDS, ResidentLobe,
 };
@@ -45,25 +51,21 @@ pub use asset::residual::{
 pub use asset::sphere::{
     DIRECTION_WORDS, EDGE_WORDS, INSIDE_TOLERANCE, ITEM_EDGE, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS,
 };
-pub use container::container::{ALIGNMENT, Directory, SectionEntry};
+pub use container::directory::{Directory, SectionEntry};
 pub use container::entropy::plane_bytes;
+pub use container::file_format::ALIGNMENT;
 pub use container::finding::Finding;
-pub use decode::decode::{
-    DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE, decode, decode_from_file_form, decode_measured,
-    decode_single, lobe_sum_at_pairs, lobe_tables,
-};
+pub use decode::decode::{decode, decode_single};
 pub use decode::evaluate::{Query, Sample, UNIT_RANGE, density, evaluate, evaluate_many, is_unit, sample};
+pub use decode::measured::{decode_from_file_form, decode_measured, lobe_sum_at_pairs, lobe_tables};
+pub use decode::options::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 pub use decode::parallax::{
-    HIDDEN_SHARE, HeightField, Heights, MAX_HEIGHT_STEP, MAX_RAY_STEPS, MAX_SLOPE, MIN_RAY_STEPS, OUTSIDE_SHARE,
-    RAY_STEP, SHIFT_SLOPE, SeenBy,
+    HIDDEN_SHARE, HeightField, MAX_RAY_STEPS, MAX_SLOPE, MIN_RAY_STEPS, OUTSIDE_SHARE, RAY_STEP, SHIFT_SLOPE, SeenBy,
 };
 pub use decode::sample::{COSINE_SHARE, MIN_ALPHA, MIN_AXIS, sample_lobe_density, sample_lobe_direction};
 pub use decode::viewed_texel::{LIGHT_ROWS, LightRows, ViewedTexel};
 pub use error::FormatError;
-pub use file::format::{
-    Form, Head, MAGIC, MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_LAYERS, MAX_LEVELS,
-    MAX_SHARED, MAX_SIDE_MM, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory,
-};
+pub use file::format::{Form, Head, MAGIC, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory};
 pub use file::pack::pack;
 pub use file::resident_file::ResidentFile;
 pub use file::validate::{Report, validate};
@@ -85,7 +87,8 @@ pub use open::{Levels, open};
 pub use resident::expansion_input::{
     EXPANSION_WGSL, EXPANSION_WORKGROUP, ExpansionChannel, ExpansionInput, ExpansionShape, ExpansionSlice,
 };
-pub use resident::resident::{ASSET_LAYERS, HORIZON_COS, Resident, ResidentBytes, block};
+pub use resident::layout::{ASSET_LAYERS, HORIZON_COS, block};
+pub use resident::resident::{Resident, ResidentBytes};
 pub use resident::single::SingleBases;
 pub use rule::{Rule, Severity};
 pub use threads::{Threads, serial};

@@ -1,12 +1,14 @@
 //! Small deterministic assets and file surgery for the tests of this package and of its users. Not part
 //! of the promised interface.
 
-use crate::asset::asset::{Asset, DictionaryLobe, Layer, LobeRef, LobeRole, SurfaceSide};
+use crate::asset::asset::{Asset, Layer, LobeRole, SurfaceSide};
+use crate::asset::dictionary::{DictionaryLobe, LobeRef};
+use crate::asset::heights::Heights;
 use crate::asset::lobe::{Lobe, LobeFamily};
 use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
-use crate::container::container::{ALIGNMENT, Directory, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum};
-use crate::decode::parallax::Heights;
+use crate::container::directory::Directory;
+use crate::container::file_format::{ALIGNMENT, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum};
 use crate::error::FormatError;
 use crate::file::format::{Form, header, read_directory};
 use crate::voltex::{

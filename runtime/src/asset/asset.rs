@@ -1,11 +1,11 @@
 //! An asset in memory, in its file form: what [`crate::pack`] writes and [`Asset::parse`] reads.
 
+use crate::asset::dictionary::{DictionaryLobe, LobeRef};
 use crate::asset::edit::Edits;
-use crate::asset::lobe::Lobe;
+use crate::asset::heights::Heights;
+use crate::asset::limits::MAX_LEVELS;
 use crate::asset::residual::{Residual, ResidualKind};
 use crate::asset::sphere::Sphere;
-use crate::decode::parallax::Heights;
-use crate::file::format::MAX_LEVELS;
 
 /// Which side of the surface a light or an eye is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,24 +26,6 @@ pub enum LobeRole {
     Base = 0,
     /// The residual stands alone, `X = g^-1(g(0) + R)`; the lobes guide interpolation, sampling and editing.
     Guide = 1,
-}
-
-/// A texel's use of one lobe of its cluster's dictionary.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LobeRef {
-    /// Index into the cluster's dictionary.
-    pub lobe: u8,
-    /// RGB weight codes, see [`crate::weight_from_byte`].
-    pub weight: [u8; 3],
-}
-
-/// A lobe of a dictionary with the scale of the weights that refer to it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DictionaryLobe {
-    /// The lobe.
-    pub lobe: Lobe,
-    /// Largest weight that a texel can give it.
-    pub weight_scale: f32,
 }
 
 /// One combination of light side and eye side.
@@ -132,8 +114,6 @@ pub struct Asset {
     pub edits: Edits,
 }
 
-/// Allowed epsilon of a residual's curve.
-pub const EPSILON_RANGE: std::ops::RangeInclusive<f32> = 1e-6..=1.0;
 impl Asset {
     /// The same with at most so many residual components, and of each texel's lobes at most so many, the most important
     /// ones. Cost: a copy.
@@ -234,13 +214,4 @@ pub(crate) fn level_sizes(finest: [usize; 2]) -> Vec<[usize; 2]> {
 pub(crate) fn doubled_sides<'a>(layers: impl IntoIterator<Item = &'a Layer>) -> Option<usize> {
     let sides: Vec<_> = layers.into_iter().map(|layer| (layer.light_side, layer.view_side)).collect();
     (0..sides.len()).find(|&number| sides[..number].contains(&sides[number]))
-}
-
-/// Whether every reference names a lobe that its texel's cluster has.
-pub(crate) fn refs_exist(clusters: &[u8], counts: &[u8], refs: &[LobeRef], dictionary: &[Vec<DictionaryLobe>]) -> bool {
-    let mut refs = refs.iter();
-    clusters.iter().zip(counts).all(|(cluster, count)| {
-        let lobes = dictionary[usize::from(*cluster)].len();
-        refs.by_ref().take(usize::from(*count)).all(|reference| usize::from(reference.lobe) < lobes)
-    })
 }

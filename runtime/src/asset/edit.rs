@@ -10,7 +10,7 @@
 //! so that what the lobes do not tell stays as it was measured where an edit is small, and fades as it moves away from the
 //! measurement: the finer structure of a surface that was rougher is not known.
 
-use crate::asset::asset::{DictionaryLobe, Layer};
+use crate::asset::dictionary::DictionaryLobe;
 use crate::asset::lobe::{Lobe, LobeFamily, RESIDENT_WORDS};
 
 /// Most edits of an asset.
@@ -131,10 +131,10 @@ pub struct Edits {
 }
 
 impl Edits {
-    /// Whether a layer's edited dictionaries keep within [`MAX_EDIT_WORDS`].
-    pub(crate) fn fit(&self, layer: &Layer) -> bool {
-        let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
-        self.list.len() * (EDIT_WORDS + 1 + layer.dictionary.len() + lobes * RESIDENT_WORDS) <= MAX_EDIT_WORDS
+    /// Returns whether a layer's edited dictionaries, made of `dictionaries`, keep within [`MAX_EDIT_WORDS`].
+    pub(crate) fn fit(&self, dictionaries: &[Vec<DictionaryLobe>]) -> bool {
+        let lobes: usize = dictionaries.iter().map(Vec::len).sum();
+        self.list.len() * (EDIT_WORDS + 1 + dictionaries.len() + lobes * RESIDENT_WORDS) <= MAX_EDIT_WORDS
     }
 
     /// The edit of the texel at the middle of each of a coarser grid's.
@@ -147,36 +147,6 @@ impl Edits {
             .map(|edit| if usize::from(edit) <= self.list.len() { edit } else { 0 });
         Edits { list: self.list.clone(), texels: texels.collect() }
     }
-
-    /// What a layer's block points to, behind the words at hand: the list, then each edit's dictionaries.
-    pub(crate) fn push(&self, words: &mut Vec<u32>, layer: &Layer) {
-        let list = words.len();
-        words.resize(list + EDIT_WORDS * self.list.len(), 0);
-        for (number, edit) in self.list.iter().enumerate() {
-            let at = list + EDIT_WORDS * number;
-            (0..3).for_each(|c| words[at + c] = edit.tint[c].to_bits());
-            words[at + 3] = edit.keep().to_bits();
-            words[at + 4] = words.len() as u32;
-            push_dictionaries(words, &layer.dictionary, |entry| edit.lobe(entry));
-        }
-    }
-}
-
-/// A table with the offset of each cluster's dictionary and that of their end, and the dictionaries.
-pub(crate) fn push_dictionaries(
-    words: &mut Vec<u32>,
-    dictionaries: &[Vec<DictionaryLobe>],
-    changed: impl Fn(&DictionaryLobe) -> DictionaryLobe,
-) {
-    let table = words.len();
-    words.resize(table + dictionaries.len() + 1, 0);
-    for (cluster, lobes) in dictionaries.iter().enumerate() {
-        words[table + cluster] = words.len() as u32;
-        for entry in lobes.iter().map(&changed) {
-            words.extend(entry.lobe.setup().to_resident_words(entry.weight_scale));
-        }
-        words[table + cluster + 1] = words.len() as u32;
-    }
 }
 
 #[cfg(test)]
@@ -184,7 +154,8 @@ mod tests {
     use super::*;
     use crate::asset::asset::{Asset, LobeRole};
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::{DecodeOptions, Interpolation, decode};
+    use crate::decode::decode::decode;
+    use crate::decode::options::{DecodeOptions, Interpolation};
     use crate::error::FormatError;
     use crate::levels::mip::with_levels;
     use crate::pack;

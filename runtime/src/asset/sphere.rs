@@ -5,8 +5,8 @@
 //! hull the nearest hull point is taken, so that every direction of the hemisphere has an answer
 //! and the answer is continuous.
 
+use crate::asset::limits::MAX_DIRECTIONS;
 use crate::error::FormatError;
-use crate::file::format::MAX_DIRECTIONS;
 use crate::rule::{self, Rule};
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 

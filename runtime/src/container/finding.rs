@@ -1,9 +1,10 @@
 //! What validation says of a file, one thing at a time.
 
-use crate::container::container::{FileFormat, SectionEntry};
+use crate::container::directory::{Directory, SectionEntry};
 use crate::container::fault::Fault;
+use crate::container::file_format::FileFormat;
 use crate::error::{FormatError, Names};
-use crate::rule::{Rule, Severity};
+use crate::rule::{self, Rule, Severity};
 use std::fmt::{self, Display};
 
 /// Something that was found in a file.
@@ -77,4 +78,44 @@ fn detail_of(error: &FormatError, names: &Names) -> (String, Option<String>) {
         | FormatError::Section { section, .. } => (section.clone(), Some(section.clone())),
         FormatError::Form { .. } | FormatError::Pack { .. } => (error.to_string(), None),
     }
+}
+
+impl SectionEntry {
+    /// Something about it that is no error.
+    fn finding_in<F: FileFormat>(&self, rule: Rule, detail: String) -> Finding {
+        Finding {
+            section: Some(self.name_in::<F>()),
+            layer: Some(self.layer),
+            offset: Some(self.offset.into()),
+            ..Finding::new(F::rule(rule), detail)
+        }
+    }
+
+    /// That it is of a known kind, and nothing refers to it.
+    pub(crate) fn unused_in<F: FileFormat>(&self) -> Finding {
+        self.finding_in::<F>(rule::SECTION_UNUSED, format!("{}, {} bytes", self.name_in::<F>(), self.length))
+    }
+}
+
+/// What the tables of a file without an error say.
+pub(crate) fn about_container<F: FileFormat>(directory: &Directory<F::Head>, bytes: usize) -> Vec<Finding> {
+    let lengths: Vec<String> = directory.tiers.iter().map(u32::to_string).collect();
+    let listed = format!("{} of {} bytes", lengths.len(), lengths.join(", "));
+    let mut told = vec![Finding::new(F::rule(rule::TIERS_LISTED), listed)];
+    if !directory.is_whole() {
+        let whole = directory.tiers.last().copied().unwrap_or(0);
+        let detail = format!("tier {}, {bytes} of {whole} bytes", directory.tier);
+        told.push(Finding::new(F::rule(rule::TIER_AT_HAND), detail));
+    }
+    for entry in directory.sections.iter().filter(|entry| (entry.offset as usize) < bytes) {
+        if F::kind(entry.kind).is_none() {
+            told.push(Finding {
+                section: Some(entry.name_in::<F>()),
+                layer: Some(entry.layer),
+                offset: Some(entry.offset.into()),
+                ..Finding::new(F::rule(rule::UNKNOWN_SKIPPED), format!("kind {}, {} bytes", entry.kind, entry.length))
+            });
+        }
+    }
+    told
 }

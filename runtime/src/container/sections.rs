@@ -1,8 +1,9 @@
 //! The sections of a file that are at hand, and their bytes read front to back.
 
-use crate::container::container::{Directory, FileFormat};
+use crate::container::directory::Directory;
 use crate::container::entropy::{Decoder, bounded, decode_plane};
 use crate::container::fault::Faults;
+use crate::container::file_format::FileFormat;
 use crate::error::FormatError;
 use crate::rule::{self, Rule};
 use half::f16;

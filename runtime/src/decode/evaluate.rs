@@ -2,8 +2,8 @@
 //! whichever sides light and eye are on. The layer is the one whose sides are those of light and eye.
 //! Twin: `shaders/evaluate.wgsl`.
 
-use crate::decode::decode::DecodeOptions;
 use crate::decode::lobe_queue::LobeQueue;
+use crate::decode::options::DecodeOptions;
 use crate::decode::texel::Texel;
 use crate::decode::viewed_texel::ViewedTexel;
 use crate::resident::resident::Resident;

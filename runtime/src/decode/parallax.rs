@@ -6,9 +6,10 @@
 //! shows different points from different views. Between the measured views their mean predicts a texel best all the same
 //! (docs/RESULTS.md); beyond them, where slopes grow fast, the neighbours are moved.
 
-use crate::decode::texel;
+use crate::asset::heights::Heights;
 use crate::numeric::quantize::coefficient_from_byte;
-use crate::resident::resident::{ASSET_LAYERS, Resident, block};
+use crate::resident::layout::{ASSET_LAYERS, block, level_size};
+use crate::resident::resident::Resident;
 
 /// Steepest slope of a ray, columns or rows per unit of height: 84 degrees.
 pub const MAX_SLOPE: f32 = 10.0;
@@ -32,32 +33,6 @@ pub struct SeenBy {
     pub texels: [u32; 3],
     /// Weights of the neighbours, which sum up to 1: those of the interpolation, less where the point is hidden.
     pub weights: [f32; 3],
-}
-
-/// A height per texel.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Heights {
-    /// Texel widths per code, more than 0 and at most [`MAX_HEIGHT_STEP`].
-    pub step: f32,
-    /// Per texel: height above the plane that the capture is rectified to, in steps.
-    pub codes: Vec<i8>,
-}
-
-/// Largest step of [`Heights`].
-pub const MAX_HEIGHT_STEP: f32 = 16.0;
-
-impl Heights {
-    /// Four codes a word, as the resident form has them.
-    pub fn to_words(&self) -> Vec<u32> {
-        let word = |codes: &[i8]| codes.iter().rev().fold(0, |word, code| word << 8 | u32::from(*code as u8));
-        self.codes.chunks(4).map(word).collect()
-    }
-
-    /// Least and greatest height, texel widths.
-    pub fn range(&self) -> [f32; 2] {
-        let codes = || self.codes.iter().map(|code| f32::from(*code));
-        [codes().fold(f32::INFINITY, f32::min), codes().fold(f32::NEG_INFINITY, f32::max)].map(|x| x * self.step)
-    }
 }
 
 /// A height map as decoders read it.
@@ -87,7 +62,7 @@ impl<'a> HeightField<'a> {
         (at > 0).then(|| HeightField {
             words,
             at,
-            size: texel::size(words, layer),
+            size: level_size(words, layer),
             step: float(block::HEIGHT_STEP),
             range: [float(block::MIN_HEIGHT), float(block::MAX_HEIGHT)],
         })
@@ -197,8 +172,10 @@ impl<'a> HeightField<'a> {
 mod tests {
     use super::*;
     use crate::asset::asset::Asset;
+    use crate::asset::limits::MAX_HEIGHT_STEP;
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::{DecodeOptions, Interpolation, decode};
+    use crate::decode::decode::decode;
+    use crate::decode::options::{DecodeOptions, Interpolation};
     use crate::error::FormatError;
     use crate::pack;
     use crate::testing::{Random, direction_from_degrees, sample_asset, sample_heights};

@@ -4,9 +4,9 @@
 //! The bases of a pair are words of two halves, channel after channel. A block of them is read as it lies, across channels,
 //! and what its lanes sum up to is sorted into channels at last: the order of all sums is the same on every processor.
 
+use crate::asset::limits::MAX_COMPONENTS;
 use crate::decode::texel::Texel;
-use crate::file::format::MAX_COMPONENTS;
-use crate::resident::resident::block;
+use crate::resident::layout::block;
 use pulp::Simd;
 
 /// Words that are read together.

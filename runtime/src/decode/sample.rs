@@ -177,7 +177,7 @@ pub(crate) mod tests {
     use crate::asset::asset::SurfaceSide;
     use crate::asset::lobe::Lobe;
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::DecodeOptions;
+    use crate::decode::options::DecodeOptions;
     use crate::resident::resident::Resident;
     use crate::testing::{Random, direction_from_degrees, random_lobe, sample_asset};
 

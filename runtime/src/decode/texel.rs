@@ -3,14 +3,10 @@
 
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::lobe::{RESIDENT_WORDS, ResidentLobe, weight_scale};
-use crate::decode::decode::DecodeOptions;
+use crate::decode::options::DecodeOptions;
 use crate::numeric::quantize::{coefficient_from_byte, weight_from_byte};
-use crate::resident::resident::{ASSET_LAYERS, Resident, block};
-
-/// Columns and rows of the level whose layer's block begins at word `layer`.
-pub(crate) fn size(words: &[u32], layer: usize) -> [usize; 2] {
-    [block::WIDTH, block::ROWS].map(|field| words[layer + field] as usize)
-}
+use crate::resident::layout::{ASSET_LAYERS, block};
+use crate::resident::resident::Resident;
 
 /// A texel's record, with the options' limits applied.
 #[derive(Debug, Clone, Copy)]

@@ -10,11 +10,12 @@ use crate::asset::edit::EDIT_WORDS;
 use crate::asset::lobe::{LobeSetup, ResidentLobe};
 use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::{Neighbours, direction, locate};
-use crate::decode::decode::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
+use crate::decode::options::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 use crate::decode::parallax::{HeightField, SeenBy};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MAX_BLOCKS, residual_sum};
 use crate::decode::texel::Texel;
-use crate::resident::resident::{Resident, block};
+use crate::resident::layout::block;
+use crate::resident::resident::Resident;
 use crate::resident::single::SingleBases;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -402,8 +403,8 @@ impl<const BLOCKS: usize> WithSimd for InBlocks<'_, '_, BLOCKS> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::heights::Heights;
     use crate::decode::decode::decode;
-    use crate::decode::parallax::Heights;
     use crate::testing::{Random, sample_asset};
 
     #[test]

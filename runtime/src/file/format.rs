@@ -1,9 +1,9 @@
 //! What an asset's file has of its own within the container: words of the header, kinds of sections, limits. Normative text:
 //! docs/FORMAT.md.
 
-use crate::container::container::{
-    ALIGNMENT, Directory, FileFormat, HEADER_WORDS, HeaderReader, SectionEntry, read_directory_of,
-};
+use crate::asset::limits::{MAX_LAYERS, MAX_SIDE, MAX_SIDE_MM};
+use crate::container::directory::{Directory, SectionEntry, read_directory_of};
+use crate::container::file_format::{ALIGNMENT, FileFormat, HEADER_WORDS, HeaderReader};
 use crate::error::{FormatError, Names, SPMM_NAMES};
 use crate::threads::serial;
 
@@ -15,42 +15,9 @@ pub const VERSION: u32 = 1;
 pub const RESIDENT_ALIGNMENT: usize = 256;
 /// Bytes of each section of the resident form's words but the last: what WebGPU binds at least.
 pub const PIECE_BYTES: usize = 1 << 27;
-/// Largest physical side, millimetres.
-pub const MAX_SIDE_MM: f32 = 1e6;
-/// Most layers in a file (front, back, and the two transmissions).
-pub const MAX_LAYERS: usize = 4;
-/// Largest width or height in texels.
-pub const MAX_SIDE: u32 = 16_384;
-/// Most levels: down to one texel from the widest asset.
-pub const MAX_LEVELS: usize = 15;
-/// Most clusters in a layer: a cluster id is one byte.
-pub const MAX_CLUSTERS: usize = 256;
-/// Most lobes in one cluster's dictionary: a lobe id is one byte.
-pub const MAX_DICTIONARY: usize = 256;
-/// Most directions in a set.
-pub const MAX_DIRECTIONS: usize = 4096;
-/// Most residual components.
-pub const MAX_COMPONENTS: usize = 128;
-/// Most shared bases of a layer.
-pub const MAX_SHARED: usize = 1024;
-/// Largest step of a shared basis or of a cluster's mixture: bounded, so that no expanded basis overflows to NaN.
-pub const MAX_BASIS_STEP: f32 = 1e4;
-/// Largest step of a coefficient.
-pub const MAX_COEFFICIENT_STEP: f32 = 1e9;
-/// Largest rank of a factor matrix.
-pub const MAX_RANK: usize = 256;
-/// Most words that one layer's expanded bases may take (1 GiB): a few hundred bytes of factors must not
-/// make a reader allocate without bound.
-pub const MAX_BASIS_WORDS: u64 = 1 << 28;
-
-/// Words of a layer's expanded bases: halves `[cluster, pair, channel, basis]`, bases padded to an even count.
-pub fn basis_words(shape: [usize; 2], clusters: usize, bases: usize) -> u64 {
-    [shape[0], shape[1], 3, clusters, bases.div_ceil(2)].iter().map(|n| *n as u64).product()
-}
-
 /// Header words, by name.
 pub mod header {
-    pub use crate::container::container::header::*;
+    pub use crate::container::file_format::header::*;
 
     /// Number of layers.
     pub const LAYERS: usize = 6;
@@ -256,6 +223,6 @@ impl FileFormat for Spmm {
 /// Checks header, tables, section bounds, padding and every present section's checksum.
 ///
 /// Cost: one hash of the bytes. Allocation: bounded by the tables, which are bounded by `bytes`.
-pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
+pub fn read_directory(bytes: &[u8]) -> Result<Directory<Head>, FormatError> {
     read_directory_of::<Spmm>(bytes, &serial)
 }

@@ -1,18 +1,20 @@
 //! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
 
-use crate::asset::asset::{
-    Asset, DictionaryLobe, EPSILON_RANGE, Layer, LevelTexels, LobeRef, doubled_sides, level_sizes, refs_exist,
-};
+use crate::asset::asset::{Asset, Layer, LevelTexels, doubled_sides, level_sizes};
+use crate::asset::dictionary::{DictionaryLobe, LobeRef, refs_exist};
 use crate::asset::edit::{Edit, MAX_EDITS};
-use crate::asset::lobe::Lobe;
-use crate::container::container::{SectionSource, write_file_of};
-use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
-use crate::decode::parallax::{Heights, MAX_HEIGHT_STEP};
-use crate::error::FormatError;
-use crate::file::format::{
-    Form, Head, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
-    MAX_LAYERS, MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, Spmm, basis_words, in_mm_range,
+use crate::asset::heights::Heights;
+use crate::asset::limits::EPSILON_RANGE;
+use crate::asset::limits::MAX_HEIGHT_STEP;
+use crate::asset::limits::{
+    MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS,
+    MAX_RANK, MAX_SHARED, MAX_SIDE, basis_words,
 };
+use crate::asset::lobe::Lobe;
+use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
+use crate::container::writer::{SectionSource, write_file_of};
+use crate::error::FormatError;
+use crate::file::format::{Form, Head, SectionKind, Spmm, in_mm_range};
 use crate::file::texel_coding::{MAX_FRESH, code_clusters, code_counts, code_refs, encode_refs};
 use half::f16;
 
@@ -64,7 +66,7 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
         {
             return refuse("the edits do not fit the texels");
         }
-        if !asset.layers.iter().all(|layer| edits.fit(layer)) {
+        if !asset.layers.iter().all(|layer| edits.fit(&layer.dictionary)) {
             return refuse("its edited lobes would take more than 64 MiB; use fewer edits");
         }
         let mut bytes = bytes_from_words(&[edits.list.len() as u32]);

@@ -1,23 +1,24 @@
 //! Reads an [`Asset`] from bytes: what [`crate::pack`] writes.
 
-use crate::asset::asset::{
-    Asset, DictionaryLobe, EPSILON_RANGE, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide, doubled_sides,
-    level_sizes, refs_exist,
-};
+use crate::asset::asset::{Asset, Layer, Level, LevelTexels, LobeRole, SurfaceSide, doubled_sides, level_sizes};
+use crate::asset::dictionary::{DictionaryLobe, LobeRef, refs_exist};
 use crate::asset::edit::{EDIT_NUMBERS, Edit, Edits, MAX_EDITS};
+use crate::asset::heights::Heights;
+use crate::asset::limits::EPSILON_RANGE;
+use crate::asset::limits::MAX_HEIGHT_STEP;
+use crate::asset::limits::{
+    MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_RANK,
+    MAX_SHARED, basis_words,
+};
 use crate::asset::lobe::{FILE_WORDS, Lobe};
 use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
-use crate::container::container::{Directory, read_directory_of};
+use crate::container::directory::{Directory, read_directory_of};
 use crate::container::entropy::{Decoder, Signed, bounded, code_plane};
 use crate::container::fault::Faults;
 use crate::container::sections::{Reader, Sections};
-use crate::decode::parallax::{Heights, MAX_HEIGHT_STEP};
 use crate::error::FormatError;
-use crate::file::format::{
-    Form, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
-    MAX_RANK, MAX_SHARED, SectionKind, Spmm, basis_words,
-};
+use crate::file::format::{Form, Head, SectionKind, Spmm};
 use crate::file::texel_coding::{code_clusters, code_counts, code_refs};
 use crate::rule;
 use crate::threads::{Threads, map, serial};
@@ -50,7 +51,7 @@ impl Asset {
 /// those at fault. `None` where anything is at fault.
 pub(crate) fn examine_asset(
     bytes: &[u8],
-    directory: &Directory,
+    directory: &Directory<Head>,
     threads: Threads,
     faults: &mut Faults,
 ) -> Option<Asset> {
@@ -71,7 +72,7 @@ pub(crate) fn examine_asset(
         Some(reader) => faults.keep(read_edits(reader, width, height)),
         None => Some(Edits::default()),
     };
-    if edits.as_ref().is_some_and(|edits| !layers.iter().flatten().all(|layer| edits.fit(layer))) {
+    if edits.as_ref().is_some_and(|edits| !layers.iter().flatten().all(|layer| edits.fit(&layer.dictionary))) {
         let section = "Edits 0 of layer 0".into();
         faults.push(FormatError::Section { section, reason: rule::EDITS_TOO_LARGE });
     }

@@ -1,10 +1,12 @@
 //! The resident form as a file: its words as they lie in memory, to be mapped, checked and bound without a copy.
 
 use crate::asset::asset::Asset;
-use crate::container::container::{Directory, SectionEntry, SectionSource, read_directory_of, write_file_of};
+use crate::container::directory::{Directory, SectionEntry, read_directory_of};
 use crate::container::fault::Faults;
+use crate::container::file_format::HEADER_WORDS;
+use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::FormatError;
-use crate::file::format::{Form, Head, PIECE_BYTES, SectionKind, Spmm, in_mm_range};
+use crate::file::format::{Form, Head, MAGIC, PIECE_BYTES, SectionKind, Spmm, header, in_mm_range};
 use crate::resident::check::{BrokenWords, check_resident};
 use crate::resident::resident::{Resident, ResidentBytes};
 use crate::rule;
@@ -84,7 +86,7 @@ impl ResidentFile {
 /// anything is at fault.
 pub(crate) fn examine_resident(
     bytes: ResidentBytes,
-    directory: &Directory,
+    directory: &Directory<Head>,
     threads: Threads,
     faults: &mut Faults,
 ) -> Option<ResidentFile> {
@@ -150,8 +152,6 @@ fn words_place(pieces: &[&SectionEntry]) -> Result<Range<usize>, FormatError> {
 
 /// The header's word that tells the form, where there is one.
 fn read_form(bytes: &[u8]) -> Option<u32> {
-    use crate::container::container::HEADER_WORDS;
-    use crate::file::format::{MAGIC, header};
     let word = |index: usize| bytes.get(4 * index..4 * index + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     (bytes.len() >= 4 * HEADER_WORDS && word(header::MAGIC)? == MAGIC).then(|| word(header::FORM))?
 }
@@ -162,10 +162,11 @@ mod tests {
     use crate::asset::asset::Asset;
     use crate::asset::edit::{Edit, Edits};
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::{DecodeOptions, Interpolation};
     use crate::decode::evaluate::{Query, density, evaluate, sample};
+    use crate::decode::options::{DecodeOptions, Interpolation};
     use crate::levels::mip::with_levels;
     use crate::pack;
+    use crate::resident::layout::{ASSET_WORDS, PART_WORDS};
     use crate::testing::{FileParts, Random, sample_asset, sample_heights};
     use crate::threads::serial;
     use std::sync::Arc;
@@ -231,7 +232,7 @@ mod tests {
         for i in 0..3000 {
             let mut forged = parts.clone();
             // Half of the changes where offsets and counts are.
-            let blocks = crate::resident::resident::ASSET_WORDS + 2 * crate::resident::resident::PART_WORDS;
+            let blocks = ASSET_WORDS + 2 * PART_WORDS;
             let at = if i % 2 == 0 { random.below(blocks) } else { random.below(words) };
             let value = match random.below(5) {
                 0 => 0,

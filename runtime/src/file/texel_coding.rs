@@ -1,7 +1,7 @@
 //! How the file form codes what each texel has: its cluster, its lobe count, its lobe references.
 //! One routine both ways, as in [`crate::container::entropy`].
 
-use crate::asset::asset::LobeRef;
+use crate::asset::dictionary::LobeRef;
 use crate::container::entropy::{BinaryCoder, Bit, Encoder, Signed, Tree, bounded};
 
 /// Codes one cluster id per texel, rows of `width`: equal to the left one, else to the one above, else to the one

@@ -1,10 +1,12 @@
 //! Everything that can be said of a file: each broken rule, what is legal but doubtful, and what it is.
 
 use crate::asset::asset::{Asset, Layer, SurfaceSide};
-use crate::container::container::{Directory, FileFormat, SectionEntry, about_container, examine_directory_of};
+use crate::container::directory::{Directory, SectionEntry, examine_directory_of};
 use crate::container::fault::Faults;
+use crate::container::file_format::FileFormat;
 use crate::container::finding::Finding;
-use crate::file::format::{Form, SectionKind, Spmm, VERSION};
+use crate::container::finding::about_container;
+use crate::file::format::{Form, Head, SectionKind, Spmm, VERSION};
 use crate::file::parse::examine_asset;
 use crate::file::resident_file::{ResidentFile, examine_resident};
 use crate::resident::resident::ResidentBytes;
@@ -91,7 +93,7 @@ impl Report {
     }
 }
 
-fn form_of(directory: &Directory, bytes: usize) -> String {
+fn form_of(directory: &Directory<Head>, bytes: usize) -> String {
     let form = match directory.head.form {
         Form::File => "file",
         Form::Resident => "resident",
@@ -100,7 +102,7 @@ fn form_of(directory: &Directory, bytes: usize) -> String {
 }
 
 /// What the header says.
-fn about_head(directory: &Directory, told: &mut Report) {
+fn about_head(directory: &Directory<Head>, told: &mut Report) {
     let head = directory.head;
     let size = match head.size_mm {
         Some([width, height]) => format!(", {width} x {height} mm"),
@@ -144,7 +146,7 @@ fn about_resident(file: &ResidentFile, told: &mut Report) {
     told.material = Some(file.material.clone());
 }
 
-fn about_asset(asset: &Asset, directory: &Directory, told: &mut Report) {
+fn about_asset(asset: &Asset, directory: &Directory<Head>, told: &mut Report) {
     let sides: Vec<_> = asset.layers.iter().map(|layer| [layer.light_side, layer.view_side]).collect();
     about_layers(&sides, told);
     told.say(rule::LEVELS, (1 + asset.levels.len()).to_string());

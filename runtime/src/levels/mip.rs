@@ -8,12 +8,13 @@
 //! bases: what lies between two clusters is foreign to both. Levels share directions, dictionaries and bases; what a level
 //! adds is its texels. Each level's means come from the finest level's values, so that errors do not add up.
 
-use crate::asset::asset::{Asset, DictionaryLobe, Layer, Level, LevelTexels, LobeRef, LobeRole, level_sizes};
+use crate::asset::asset::{Asset, Layer, Level, LevelTexels, LobeRole, level_sizes};
+use crate::asset::dictionary::{DictionaryLobe, LobeRef};
+use crate::asset::heights::Heights;
+use crate::asset::limits::{MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, basis_words};
 use crate::asset::lobe::LobeSetup;
 use crate::asset::residual::{Residual, expand_core};
-use crate::decode::decode::lobe_sum_at_pairs;
-use crate::decode::parallax::Heights;
-use crate::file::format::{MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, basis_words};
+use crate::decode::measured::lobe_sum_at_pairs;
 use crate::numeric::algebra::{cholesky, descend, dot, gram_of, principal, solve};
 use crate::numeric::quantize::{byte_from_weight, weight_from_byte};
 use crate::resident::expansion::Expansion;
@@ -639,7 +640,8 @@ fn coarser_heights(heights: &Heights, finest: [usize; 2], size: [usize; 2]) -> H
 mod tests {
     use super::*;
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::{DecodeOptions, decode};
+    use crate::decode::decode::decode;
+    use crate::decode::options::DecodeOptions;
     use crate::pack;
     use crate::resident::resident::Resident;
     use crate::testing::{sample_asset, sample_heights};

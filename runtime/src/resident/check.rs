@@ -1,13 +1,14 @@
 //! Checks the words of a resident asset that came from a file: afterwards no decoder reads outside of them, and every number
 //! that it reads is finite and in its range. One pass over the words, without building anything.
 
-use crate::asset::asset::{EPSILON_RANGE, level_sizes};
+use crate::asset::asset::level_sizes;
 use crate::asset::edit::EDIT_WORDS;
+use crate::asset::limits::EPSILON_RANGE;
+use crate::asset::limits::MAX_HEIGHT_STEP;
+use crate::asset::limits::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE};
 use crate::asset::lobe::{LobeFamily, RESIDENT_WORDS};
 use crate::asset::sphere::{Sphere, cells_a_side};
-use crate::decode::parallax::MAX_HEIGHT_STEP;
-use crate::file::format::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE};
-use crate::resident::resident::{
+use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
 };
 use crate::rule::{self, Rule};

@@ -44,9 +44,11 @@ impl SingleBases {
 mod tests {
     use super::*;
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::{DecodeOptions, Interpolation, decode, decode_single};
+    use crate::decode::decode::{decode, decode_single};
+    use crate::decode::options::{DecodeOptions, Interpolation};
     use crate::numeric::quantize::word_from_halves;
-    use crate::resident::resident::{ASSET_LAYERS, Resident, block};
+    use crate::resident::layout::{ASSET_LAYERS, block};
+    use crate::resident::resident::Resident;
     use crate::testing::{Random, sample_asset};
     use crate::threads::serial;
     use half::f16;

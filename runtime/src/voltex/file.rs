@@ -12,12 +12,12 @@ use super::volume::{
 };
 use super::voxel::Voxel;
 use super::words::{CLUMPING_AT, FACETS_AT, LEVEL_WORDS};
-use crate::container::container::{
-    ALIGNMENT, Directory, FileFormat, HeaderReader, SectionSource, read_directory_of, write_file_of,
-};
+use crate::container::directory::{Directory, read_directory_of};
 use crate::container::entropy::{Decoder, Encoder, bounded};
 use crate::container::fault::Faults;
+use crate::container::file_format::{ALIGNMENT, FileFormat, HeaderReader};
 use crate::container::sections::{Reader, Sections};
+use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::{FormatError, Names};
 use crate::rule::Rule;
 use crate::threads::{Threads, fill, serial};

@@ -3,8 +3,9 @@
 use super::file::{VOLTEX_VERSION, VoltexFormat, VoltexSection, examine_volume};
 use super::rule;
 use super::volume::{MicroflakeMaterial, Volume, VolumeLevel};
-use crate::container::container::{Directory, SectionEntry, about_container, examine_directory_of};
+use crate::container::directory::{Directory, SectionEntry, examine_directory_of};
 use crate::container::fault::Faults;
+use crate::container::finding::about_container;
 use crate::file::validate::Report;
 use crate::rule::FORM;
 use crate::threads::Threads;
