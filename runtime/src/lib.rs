@@ -80,7 +80,7 @@ pub use leaf::texture::{FACTOR_ONE, LeafTexel, LeafTexture, MAX_FACTOR, MAX_LEAF
 pub use leaf::theta::{MAX_ABSORPTION, THETA_P, THETA_Q, rational_theta, three_piece_theta};
 pub use leaf::viewed::{MIN_EYE, MIN_SHARE, MIN_UP, ViewedLeaf};
 pub use leaf::words as leaf_words;
-pub use levels::mip::with_levels;
+pub use levels::levels::with_levels;
 pub use numeric::power::{POWER_RELATIVE_ERROR, exp, from_root, root};
 pub use numeric::quantize::{byte_from_weight, coefficient_from_byte, weight_from_byte};
 pub use open::{Levels, open};

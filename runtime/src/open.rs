@@ -3,7 +3,7 @@
 use crate::asset::asset::Asset;
 use crate::error::FormatError;
 use crate::file::resident_file::ResidentFile;
-use crate::levels::mip::with_levels;
+use crate::levels::levels::with_levels;
 use crate::resident::resident::ResidentBytes;
 use crate::threads::Threads;
 

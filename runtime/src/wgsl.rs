@@ -44,6 +44,7 @@ pub const VOLTEX_WGSL: &[(&str, &str)] = &[
     ("voltex_matrix.wgsl", include_str!("voltex/matrix.wgsl")),
     ("voltex_words.wgsl", include_str!("voltex/words.wgsl")),
     ("voltex_voxel.wgsl", include_str!("voltex/voxel.wgsl")),
+    ("voltex_node.wgsl", include_str!("voltex/node.wgsl")),
     ("voltex_tree.wgsl", include_str!("voltex/tree.wgsl")),
     ("voltex_walk.wgsl", include_str!("voltex/walk.wgsl")),
     ("voltex_shade.wgsl", include_str!("voltex/shade.wgsl")),

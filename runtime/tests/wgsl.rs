@@ -301,7 +301,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     let wgsl = |name: &str| WGSL.iter().chain(LEAF_WGSL).chain(VOLTEX_WGSL).find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 22] = [
+    let twins: [Twin; 23] = [
         (include_str!("../src/numeric/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/asset/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/asset/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
@@ -330,6 +330,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
             &["voltex_shadow_offset", "voltex_three"],
         ),
         (include_str!("../src/voltex/voxel.rs"), "voltex_voxel.wgsl", "voltex_voxel_", &["voltex_voxel_halves"]),
+        (include_str!("../src/voltex/node.rs"), "voltex_node.wgsl", "voltex_", &[]),
         (include_str!("../src/voltex/tree.rs"), "voltex_tree.wgsl", "voltex_", &[]),
         (include_str!("../src/voltex/walk.rs"), "voltex_walk.wgsl", "voltex_walk_", &[]),
         (include_str!("../src/voltex/shade.rs"), "voltex_shade.wgsl", "voltex_", &["voltex_acos"]),
@@ -361,6 +362,7 @@ fn twins_that_volumetric_textures_name_are_there() {
         include_str!("../src/voltex/matrix.rs"),
         include_str!("../src/voltex/words.rs"),
         include_str!("../src/voltex/voxel.rs"),
+        include_str!("../src/voltex/node.rs"),
         include_str!("../src/voltex/tree.rs"),
         include_str!("../src/voltex/walk.rs"),
         include_str!("../src/voltex/shade.rs"),

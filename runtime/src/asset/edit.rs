@@ -157,7 +157,7 @@ mod tests {
     use crate::decode::decode::decode;
     use crate::decode::options::{DecodeOptions, Interpolation};
     use crate::error::FormatError;
-    use crate::levels::mip::with_levels;
+    use crate::levels::levels::with_levels;
     use crate::pack;
     use crate::resident::resident::Resident;
     use crate::testing::{Random, sample_asset};

@@ -7,6 +7,7 @@
 
 use crate::numeric::power::{exp, exp2, log2};
 use crate::numeric::quantize::{half_at, word_from_halves};
+use crate::numeric::vector::{cross, dot};
 use std::f32::consts::{PI, TAU};
 
 /// Lower clamp of `n.wo` where a model divides by it (tilted normals see the eye below their horizon).
@@ -203,16 +204,6 @@ pub struct LobeSetup {
     pub tangent: [f32; 3],
     /// Parameters; for the windowed cosine `[k, m.x, m.y, m.z]`.
     pub params: [f32; 4],
-}
-
-#[inline(always)]
-pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-pub(crate) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// `base^exponent` for a base in [0, 1]; 0 stays 0 and nothing overflows.

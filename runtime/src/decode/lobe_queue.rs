@@ -1,7 +1,8 @@
 //! Lobes of one family side by side: many evaluations of [`LobeSetup::eval`] at once, in vectors, with the same bits. Lobes
 //! of a texel are of many families; those of many texels wait here until enough of a family are together.
 
-use crate::asset::lobe::{LobeFamily, LobeSetup, ResidentLobe, dot, lobe_family};
+use crate::asset::lobe::{LobeFamily, LobeSetup, ResidentLobe, lobe_family};
+use crate::numeric::vector::dot;
 use pulp::{Arch, Simd, WithSimd};
 use std::vec::Drain;
 

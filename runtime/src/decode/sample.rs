@@ -7,9 +7,10 @@
 //! cosine about its axis. What is drawn may lie below the horizon, where every value is 0: the density is over the whole
 //! sphere.
 
-use crate::asset::lobe::{LobeFamily, LobeSetup, cross, dot, power};
+use crate::asset::lobe::{LobeFamily, LobeSetup, power};
 use crate::decode::texel::lobe_weights;
 use crate::decode::viewed_texel::ViewedTexel;
+use crate::numeric::vector::{cross, dot};
 use std::f32::consts::{PI, TAU};
 
 /// Share of the directions that follow the cosine of the texel's own normal.

@@ -164,7 +164,7 @@ mod tests {
     use crate::asset::residual::ResidualKind;
     use crate::decode::evaluate::{Query, density, evaluate, sample};
     use crate::decode::options::{DecodeOptions, Interpolation};
-    use crate::levels::mip::with_levels;
+    use crate::levels::levels::with_levels;
     use crate::pack;
     use crate::resident::layout::{ASSET_WORDS, PART_WORDS};
     use crate::testing::{FileParts, Random, sample_asset, sample_heights};

@@ -5,8 +5,8 @@
 //! (pi gamma_along gamma_across (n.h)^4)`, V-cavity G, F at wo.h [Cook & Torrance 1982; Ward 1992; Comar 2014]. Differs from
 //! [Miao, eq. 7], which lacks the 1/4, takes F at n.h and misprints G.
 
-use crate::asset::lobe::dot;
 use crate::leaf::words::{ALBEDO_AT, ALBEDO_COLUMNS, ALBEDO_ROWS};
+use crate::numeric::vector::dot;
 
 /// Least n.h of a facet.
 pub const MIN_FACET: f32 = 1e-4;

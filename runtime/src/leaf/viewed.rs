@@ -8,11 +8,11 @@
 //!
 //! When it is wrong: transmission is diffuse; tilted normals shade, but cast no shadow; what the lobe of a tilted normal sends below the horizon is lost.
 
-use crate::asset::lobe::{cross, dot};
 use crate::decode::sample::sample_about_z;
 use crate::leaf::body::{LeafBody, between_faces, body};
 use crate::leaf::lobe::{LeafFace, LeafLobe, albedo, lobe, lobe_density, lobe_direction};
 use crate::leaf::texture::{LeafTexel, texel_at};
+use crate::numeric::vector::{cross, dot};
 use std::f32::consts::PI;
 
 /// Least cosine between a tilted normal and the eye.

@@ -3,3 +3,4 @@
 pub(crate) mod algebra;
 pub(crate) mod power;
 pub(crate) mod quantize;
+pub(crate) mod vector;

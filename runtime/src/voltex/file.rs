@@ -4,7 +4,7 @@
 use super::codes::{DENSITY_STEPS, VoxelCodes};
 use super::coding::{CodedVoxel, MIN_DECISIONS, code_masks, code_others, code_voxels, density_of_children};
 use super::error::{VOLTEX_NAMES, VoltexError};
-use super::gloss::{Facets, MAX_FACETS};
+use super::facets::{Facets, MAX_FACETS};
 use super::matrix::Sym3;
 use super::rule;
 use super::volume::{

@@ -1,14 +1,6 @@
-//! Symmetric matrices of 3 x 3, and vectors. Twin: `shaders/voltex_matrix.wgsl`.
+//! Symmetric matrices of 3 x 3. Twin: `shaders/voltex_matrix.wgsl`.
 
-/// Product of two vectors.
-pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Vector product.
-pub fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
+use crate::numeric::vector::dot;
 
 /// A symmetric matrix: xx, yy, zz, xy, xz, yz.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -108,6 +100,7 @@ const SWEEPS: usize = 8;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numeric::vector::cross;
     use crate::testing::{Random, sphere_direction};
 
     #[test]

@@ -12,12 +12,15 @@
 //! Volume (levels of voxels) --Voltex::new--> Voltex (words for the GPU, WGSL beside) --Walk--> segments --shade--> light
 //! ```
 
+mod build;
 mod codes;
 mod coding;
 mod error;
+mod facets;
 mod file;
 mod gloss;
 mod matrix;
+mod node;
 pub mod rule;
 mod shade;
 mod tree;
@@ -27,13 +30,16 @@ mod voxel;
 mod walk;
 pub mod words;
 
+pub use crate::numeric::vector::{cross, dot};
 pub use codes::VoxelCodes;
 pub use error::VoltexError;
+pub use facets::{FACETS, Facets, MAX_DENSER, MAX_FACETS, MIN_HALF2};
 pub use file::{MAX_MATERIALS, MAX_SIDE_M, VOLTEX_VERSION, VoltexHead, VoltexSection, read_voltex_directory};
-pub use gloss::{FACETS, Facets, MAX_DENSER, MAX_FACETS, MIN_HALF2, MIN_REFRACTED, MIN_ROUGHNESS, gloss};
-pub use matrix::{Sym3, cross, dot};
+pub use gloss::{MIN_REFRACTED, MIN_ROUGHNESS, gloss};
+pub use matrix::Sym3;
+pub use node::{NO_VOXEL, NODE_WORDS};
 pub use shade::{MIN_ROOT, SERIES_DEPTH, seen_at, shade};
-pub use tree::{Cell, NO_VOXEL, NODE_WORDS};
+pub use tree::Cell;
 pub use validate::validate;
 pub use volume::{
     HOTSPOT_DEG, LevelShadow, MAX_CLUMPING, MAX_LEVELS, MIN_SHARED, MicroflakeMaterial, Volume, VolumeLevel, order,

@@ -1,6 +1,6 @@
 //! A volume as it is built and stored: levels of voxels over the unit cube.
 
-use super::gloss::Facets;
+use super::facets::Facets;
 use super::matrix::Sym3;
 use super::voxel::Voxel;
 
