@@ -230,7 +230,9 @@ fn the_documents_decoded_values_are_what_the_decoder_gives() {
         let length = tiers[tier.parse::<usize>().expect("a tier")] as usize;
         let resident = Resident::from_asset(&Asset::parse(&bytes[..length]).unwrap());
         let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
-        let layer = resident.layer_for_sides(level.parse().expect("a level"), false, false).expect("it is there");
+        let layer = resident
+            .layer_for_sides(level.parse().expect("a level"), SurfaceSide::Front, SurfaceSide::Front)
+            .expect("it is there");
         let got = decode(&resident, layer, texel.parse().expect("a texel"), wi, [0.0, 0.0, 1.0], &options);
         let close = |expected: [f32; 3]| (0..3).all(|c| (got[c] - expected[c]).abs() <= 1e-4);
         assert!(close(expected), "{input}: {got:?}");

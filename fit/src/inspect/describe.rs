@@ -241,8 +241,7 @@ pub(crate) fn sides_of_resident(resident: &Resident) -> Vec<Side> {
     let mut sides: Vec<(u32, Side)> = Vec::new();
     for side in Side::ALL {
         let (light, view) = sides_of_capture(side);
-        let back = |of: SurfaceSide| of == SurfaceSide::Back;
-        sides.extend(resident.layer_for_sides(0, back(light), back(view)).map(|layer| (layer, side)));
+        sides.extend(resident.layer_for_sides(0, light, view).map(|layer| (layer, side)));
     }
     sides.sort_by_key(|(layer, _)| *layer);
     sides.into_iter().map(|(_, side)| side).collect()

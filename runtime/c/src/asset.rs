@@ -3,7 +3,7 @@
 use crate::border::{Target, call, read, read_many};
 use crate::code::{Code, Fault};
 use crate::threads::spread;
-use btf_runtime::{Resident, ResidentBytes, VERSION};
+use btf_runtime::{Resident, ResidentBytes, SurfaceSide, VERSION};
 use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -82,12 +82,12 @@ pub struct Info {
     pub height_mm: f32,
 }
 
-/// The bit of each light and eye side, true for the back.
-const SIDES: [(u32, bool, bool); 4] = [
-    (BTF_FRONT_LIT_FRONT, false, false),
-    (BTF_FRONT_LIT_BACK, true, false),
-    (BTF_BACK_LIT_FRONT, false, true),
-    (BTF_BACK_LIT_BACK, true, true),
+/// Bit of each pair of sides: of the light, of the eye.
+const SIDES: [(u32, SurfaceSide, SurfaceSide); 4] = [
+    (BTF_FRONT_LIT_FRONT, SurfaceSide::Front, SurfaceSide::Front),
+    (BTF_FRONT_LIT_BACK, SurfaceSide::Back, SurfaceSide::Front),
+    (BTF_BACK_LIT_FRONT, SurfaceSide::Front, SurfaceSide::Back),
+    (BTF_BACK_LIT_BACK, SurfaceSide::Back, SurfaceSide::Back),
 ];
 
 impl Handle {

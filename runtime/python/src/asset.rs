@@ -2,7 +2,8 @@
 
 use crate::arrays::{Shape, Vectors};
 use btf_runtime::{
-    DecodeOptions, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample, density, evaluate_many, sample,
+    DecodeOptions, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample, SurfaceSide, density,
+    evaluate_many, sample,
 };
 use numpy::PyArrayDyn;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -245,9 +246,13 @@ impl PyAsset {
         meta.set_item("layers", resident.layers())?;
         meta.set_item("levels", resident.levels())?;
         meta.set_item("components", resident.most_components())?;
-        let name = |back: bool| if back { "back" } else { "front" };
-        let sides: Vec<(&str, &str)> = [(false, false), (true, false), (false, true), (true, true)]
+        let name = |side: SurfaceSide| match side {
+            SurfaceSide::Front => "front",
+            SurfaceSide::Back => "back",
+        };
+        let sides: Vec<(&str, &str)> = SurfaceSide::ALL
             .into_iter()
+            .flat_map(|eye| SurfaceSide::ALL.map(|light| (light, eye)))
             .filter(|(light, eye)| resident.layer_for_sides(0, *light, *eye).is_some())
             .map(|(light, eye)| (name(light), name(eye)))
             .collect();

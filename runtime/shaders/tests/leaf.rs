@@ -3,9 +3,9 @@
 
 mod support;
 
-use btf_runtime::testing::Random;
+use btf_runtime::testing::{Random, THREE_ROWS};
 use btf_runtime::{
-    LEAF_QUANTITIES, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, THREE_ROWS, ViewedLeaf, leaf_wgsl, wgsl_library,
+    LEAF_QUANTITIES, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf, leaf_wgsl, wgsl_library,
 };
 use btf_shaders::{Answer, Options, Query};
 use support::gpu::{Program, open};

@@ -18,6 +18,31 @@ pub enum SurfaceSide {
     Back = 1,
 }
 
+impl SurfaceSide {
+    /// Both sides.
+    pub const ALL: [SurfaceSide; 2] = [SurfaceSide::Front, SurfaceSide::Back];
+
+    /// Returns the side that a direction in the texel's frame points to: the back where its z is below 0.
+    pub fn of(direction: [f32; 3]) -> SurfaceSide {
+        if direction[2] < 0.0 { SurfaceSide::Back } else { SurfaceSide::Front }
+    }
+
+    /// Returns the opposite side.
+    pub fn other(self) -> SurfaceSide {
+        match self {
+            SurfaceSide::Front => SurfaceSide::Back,
+            SurfaceSide::Back => SurfaceSide::Front,
+        }
+    }
+}
+
+impl From<bool> for SurfaceSide {
+    /// Returns the back for `true`.
+    fn from(is_back: bool) -> SurfaceSide {
+        if is_back { SurfaceSide::Back } else { SurfaceSide::Front }
+    }
+}
+
 /// What a layer's lobes are to its residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]

@@ -2,6 +2,7 @@
 
 pub(crate) mod asset;
 pub(crate) mod dictionary;
+pub(crate) mod disk;
 pub(crate) mod edit;
 pub(crate) mod heights;
 pub(crate) mod limits;

@@ -5,10 +5,10 @@
 //! hull the nearest hull point is taken, so that every direction of the hemisphere has an answer
 //! and the answer is continuous.
 
+use crate::asset::disk::{ITEM_EDGE, MIN_AREA, build_grid, cells_a_side, signed_area, triangulate};
 use crate::asset::limits::MAX_DIRECTIONS;
 use crate::error::FormatError;
 use crate::rule::{self, Rule};
-use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 /// Words before the arrays: direction, triangle, edge counts, grid side, item count, three zeros.
 pub const SPHERE_HEADER_WORDS: usize = 8;
@@ -18,14 +18,10 @@ pub const DIRECTION_WORDS: usize = 3;
 pub const TRIANGLE_WORDS: usize = 12;
 /// Words of a hull edge: start, extent, 1 / length^2, two ids, zero.
 pub const EDGE_WORDS: usize = 8;
-/// Bit that marks a grid item as an edge.
-pub const ITEM_EDGE: u32 = 0x8000_0000;
 /// A direction counts as inside a triangle down to this barycentric weight (f32 rounding on an edge).
 pub const INSIDE_TOLERANCE: f32 = -1e-5;
 /// Largest grid side.
 const MAX_GRID: u32 = 256;
-/// Least area (doubled) of a triangle on the disk.
-const MIN_AREA: f64 = 1e-9;
 /// Largest entry of a triangle's inverse matrix: the least area that is kept is 1e-9. Bounded, so that
 /// no barycentric weight overflows.
 const MAX_INVERSE: f32 = 1e10;
@@ -49,14 +45,6 @@ pub struct Neighbours {
     pub beyond: f32,
 }
 
-fn segment_distance2(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
-    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-    let length2 = dx * dx + dy * dy;
-    let t = if length2 > 0.0 { (((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / length2).clamp(0.0, 1.0) } else { 0.0 };
-    let (ex, ey) = (p[0] - a[0] - t * dx, p[1] - a[1] - t * dy);
-    ex * ex + ey * ey
-}
-
 impl Sphere {
     /// Triangulates `directions` (unit, z > 0, distinct) and builds the grid.
     ///
@@ -75,27 +63,7 @@ impl Sphere {
             }
         }
         let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
-        let points: Vec<Point2<f64>> =
-            disk.iter().map(|p| Point2::new(tiny_to_zero(p[0]), tiny_to_zero(p[1]))).collect();
-        let delaunay = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(points)
-            .map_err(|error| refuse(format!("the direction set cannot be triangulated ({error:?})")))?;
-        if delaunay.num_vertices() != n {
-            return Err(refuse("two directions of a set coincide".to_string()));
-        }
-        let mut triangles: Vec<[usize; 3]> = delaunay
-            .inner_faces()
-            .map(|face| {
-                let mut ids = face.vertices().map(|vertex| vertex.index());
-                let least = (0..3).min_by_key(|&i| ids[i]).unwrap_or(0);
-                ids.rotate_left(least);
-                ids
-            })
-            // A sliver between nearly collinear directions has no usable inverse; its edges carry on.
-            .filter(|ids| signed_area(&disk, ids).abs() > MIN_AREA)
-            .collect();
-        triangles.sort_unstable();
-        let edges = hull_edges(&disk, &delaunay);
-
+        let (triangles, edges) = triangulate(&disk).map_err(refuse)?;
         Ok(Sphere::from_parts(directions, &triangles, &edges))
     }
 
@@ -336,114 +304,6 @@ impl Sphere {
     }
 }
 
-/// spade refuses coordinates below 1e-60, which cos(90 degrees) is.
-fn tiny_to_zero(x: f64) -> f64 {
-    if x.abs() < 1e-12 { 0.0 } else { x }
-}
-
-fn signed_area(disk: &[[f64; 2]], ids: &[usize; 3]) -> f64 {
-    let [a, b, c] = ids.map(|id| disk[id]);
-    (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
-}
-
-/// Edges of the convex hull; for collinear sets the segments between neighbours; for one direction
-/// the edge from it to itself.
-fn hull_edges(disk: &[[f64; 2]], delaunay: &DelaunayTriangulation<Point2<f64>>) -> Vec<(usize, usize)> {
-    let mut edges: Vec<(usize, usize)> = delaunay
-        .convex_hull()
-        .map(|edge| {
-            let (a, b) = (edge.from().index(), edge.to().index());
-            (a.min(b), a.max(b))
-        })
-        .collect();
-    if delaunay.all_vertices_on_line() && disk.len() > 1 {
-        let (low, high) = (disk[0], disk[disk.len() - 1]);
-        let axis = if (low[0] - high[0]).abs() > (low[1] - high[1]).abs() { 0 } else { 1 };
-        let mut order: Vec<usize> = (0..disk.len()).collect();
-        order.sort_by(|&a, &b| disk[a][axis].total_cmp(&disk[b][axis]));
-        edges = order.windows(2).map(|pair| (pair[0], pair[1])).collect();
-    }
-    if edges.is_empty() {
-        edges.push((0, 0));
-    }
-    edges.sort_unstable();
-    edges.dedup();
-    edges
-}
-
-/// Cell offsets (`side^2 + 1`) and items: every triangle that may cover a point of the cell and, for
-/// cells that reach outside the hull, every hull edge that may be nearest to one.
-/// Cells of a side of the grid of so many triangles.
-pub(crate) fn cells_a_side(triangles: usize) -> usize {
-    ((2.0 * triangles as f64).sqrt().ceil() as usize).clamp(4, 64)
-}
-
-fn build_grid(
-    side: usize,
-    disk: &[[f64; 2]],
-    triangles: &[[usize; 3]],
-    edges: &[(usize, usize)],
-) -> (Vec<u32>, Vec<u32>) {
-    let size = 2.0 / side as f64;
-    let margin = 1e-6;
-    let mut offsets = vec![0u32];
-    let mut items = Vec::new();
-    for cell in 0..side * side {
-        let (cx, cy) = (cell % side, cell / side);
-        let low = [-1.0 + cx as f64 * size - margin, -1.0 + cy as f64 * size - margin];
-        let high = [low[0] + size + 2.0 * margin, low[1] + size + 2.0 * margin];
-        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
-        for (i, ids) in triangles.iter().enumerate() {
-            if triangle_touches_box(ids.map(|id| disk[id]), low, high) {
-                items.push(i as u32);
-            }
-        }
-        let covered = |p: &[f64; 2]| triangles.iter().any(|ids| contains(ids.map(|id| disk[id]), *p));
-        if !corners.iter().all(covered) {
-            let centre = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
-            let half_diagonal = ((high[0] - low[0]).powi(2) + (high[1] - low[1]).powi(2)).sqrt() / 2.0;
-            let distance = |&(a, b): &(usize, usize)| segment_distance2(centre, disk[a], disk[b]).sqrt();
-            let nearest = edges.iter().map(distance).fold(f64::INFINITY, f64::min);
-            for (i, edge) in edges.iter().enumerate() {
-                if distance(edge) <= nearest + 2.0 * half_diagonal + margin {
-                    items.push(i as u32 | ITEM_EDGE);
-                }
-            }
-        }
-        offsets.push(items.len() as u32);
-    }
-    (offsets, items)
-}
-
-fn contains(triangle: [[f64; 2]; 3], p: [f64; 2]) -> bool {
-    let side = |a: [f64; 2], b: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
-    let [a, b, c] = triangle;
-    let s = [side(a, b), side(b, c), side(c, a)];
-    s.iter().all(|x| *x >= 0.0) || s.iter().all(|x| *x <= 0.0)
-}
-
-/// Separating-axis test in two dimensions: box axes and the triangle's three edge normals.
-fn triangle_touches_box(t: [[f64; 2]; 3], low: [f64; 2], high: [f64; 2]) -> bool {
-    for axis in 0..2 {
-        let (least, most) =
-            t.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), p| (l.min(p[axis]), m.max(p[axis])));
-        if most < low[axis] || least > high[axis] {
-            return false;
-        }
-    }
-    let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
-    for i in 0..3 {
-        let (a, b, c) = (t[i], t[(i + 1) % 3], t[(i + 2) % 3]);
-        let normal = [b[1] - a[1], a[0] - b[0]];
-        let along = |p: [f64; 2]| (p[0] - a[0]) * normal[0] + (p[1] - a[1]) * normal[1];
-        let inner = along(c).signum();
-        if corners.iter().all(|p| along(*p) * inner < 0.0) {
-            return false;
-        }
-    }
-    true
-}
-
 fn f(words: &[u32], index: usize) -> f32 {
     f32::from_bits(words[index])
 }
@@ -520,6 +380,7 @@ pub(crate) fn locate(words: &[u32], at: usize, d: [f32; 3]) -> Neighbours {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::disk::{contains, segment_distance2};
 
     fn bonn81() -> Vec<[f32; 3]> {
         [(0, 1, 0), (15, 6, 60), (30, 12, 30), (45, 18, 20), (60, 20, 18), (75, 24, 15)]

@@ -2,6 +2,7 @@
 //! whichever sides light and eye are on. The layer is the one whose sides are those of light and eye.
 //! Twin: `shaders/evaluate.wgsl`.
 
+use crate::asset::asset::SurfaceSide;
 use crate::decode::lobe_queue::LobeQueue;
 use crate::decode::options::DecodeOptions;
 use crate::decode::texel::Texel;
@@ -57,7 +58,7 @@ fn place(resident: &Resident, level: u32, Query { uv, wi, wo }: &Query) -> Optio
     if !(finite(uv) && is_unit(*wi) && is_unit(*wo)) {
         return None;
     }
-    let layer = resident.layer_for_sides(known_level(resident, level), wi[2] < 0.0, wo[2] < 0.0)?;
+    let layer = resident.layer_for_sides(known_level(resident, level), SurfaceSide::of(*wi), SurfaceSide::of(*wo))?;
     Some((layer, resident.texel(layer, *uv)))
 }
 
@@ -123,8 +124,8 @@ fn fetch(resident: &Resident, words: &mut Vec<usize>) {
 
 /// The layers that an eye on one side sees, lit from its own side and from the other.
 fn seen_layers(resident: &Resident, level: u32, wo: [f32; 3]) -> [Option<u32>; 2] {
-    let (level, view_back) = (known_level(resident, level), wo[2] < 0.0);
-    [view_back, !view_back].map(|light_back| resident.layer_for_sides(level, light_back, view_back))
+    let (level, view) = (known_level(resident, level), SurfaceSide::of(wo));
+    [view, view.other()].map(|light| resident.layer_for_sides(level, light, view))
 }
 
 /// Draws a direction to light that matters to the eye at `wo`, from three numbers `at` in [0, 1). Where the asset has light from
@@ -178,7 +179,6 @@ pub fn density(resident: &Resident, level: u32, query: &Query, options: &DecodeO
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::asset::SurfaceSide;
     use crate::asset::residual::ResidualKind;
     use crate::decode::decode::decode;
     use crate::testing::{Random, direction_from_degrees, sample_asset};

@@ -11,8 +11,8 @@ use crate::numeric::quantize::{half_at, weight_from_byte};
 use crate::resident::layout::block;
 use crate::resident::resident::Resident;
 
-/// A texel's lobe sum at every measured pair, `[view, light, rgb]`, given its cluster's lobe tables
-/// (`tables[lobe][pair]`, see [`lobe_tables`]). What fitting and measuring use instead of [`decode`].
+/// Sums a texel's lobes at every measured pair: `out` is `[view, light, rgb]`. `tables` are the [`lobe_tables`] of the texel's
+/// cluster, `scales` the weight scales of its lobes. Fitting and measuring use these sums instead of [`crate::decode`].
 pub fn lobe_sum_at_pairs(refs: &[LobeRef], scales: &[f32], tables: &[Vec<f32>], out: &mut [f32]) {
     out.fill(0.0);
     for reference in refs {
@@ -26,7 +26,7 @@ pub fn lobe_sum_at_pairs(refs: &[LobeRef], scales: &[f32], tables: &[Vec<f32>], 
     }
 }
 
-/// The values of each lobe of `dictionary` at every pair of `views` x `lights`, `[lobe][view * L + light]`.
+/// Evaluates each lobe at every pair of `views` x `lights`: `[lobe][view * L + light]` with L lights.
 pub fn lobe_tables(lobes: &[Lobe], views: &Sphere, lights: &Sphere) -> Vec<Vec<f32>> {
     lobes
         .iter()
@@ -43,16 +43,25 @@ pub fn lobe_tables(lobes: &[Lobe], views: &Sphere, lights: &Sphere) -> Vec<Vec<f
         .collect()
 }
 
-/// All measured pairs of one texel, decoded: `out` is `[view, light, rgb]`.
+/// A texel of an asset's finest level, as the file form numbers it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TexelPlace {
+    /// Number of the layer.
+    pub layer: usize,
+    /// Number of the texel, row by row.
+    pub texel: usize,
+    /// Number of the texel's first lobe reference: the sum of the lobe counts before the texel.
+    pub first_ref: usize,
+}
+
+/// Decodes all measured pairs of one texel; `out` is `[view, light, rgb]`.
 ///
-/// `tables` are its cluster's [`lobe_tables`] and `bases` the cluster's rows as [`Resident`] holds them.
-/// Agrees with [`decode`] at the measured directions up to rounding, but for edits: this is what was measured.
+/// `resident` must be made of `asset`, and `tables` are the [`lobe_tables`] of the texel's cluster. Agrees with
+/// [`crate::decode`] at the measured directions up to rounding, but leaves edits out: the result is what was measured.
 pub fn decode_measured(
     resident: &Resident,
     asset: &Asset,
-    layer: usize,
-    texel: usize,
-    first_ref: usize,
+    TexelPlace { layer, texel, first_ref }: TexelPlace,
     tables: &[Vec<f32>],
     options: &DecodeOptions,
     out: &mut [f32],
@@ -81,13 +90,11 @@ pub fn decode_measured(
     }
 }
 
-/// One measured pair decoded straight from the file form, without the resident one: the memory end of
-/// the decode-cost trade. `first_ref` is the texel's first lobe reference.
+/// Decodes one measured pair straight from the file form, without the resident form: the slowest decoder, and the one that needs
+/// the least memory.
 pub fn decode_from_file_form(
     asset: &Asset,
-    layer: usize,
-    texel: usize,
-    first_ref: usize,
+    TexelPlace { layer, texel, first_ref }: TexelPlace,
     view: usize,
     light: usize,
 ) -> [f32; 3] {

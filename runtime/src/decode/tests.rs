@@ -3,7 +3,7 @@
 use crate::asset::asset::{Asset, Layer, LobeRole, SurfaceSide};
 use crate::asset::residual::{ResidualKind, core_at_pair};
 use crate::decode::decode::decode;
-use crate::decode::measured::{decode_from_file_form, decode_measured, lobe_tables};
+use crate::decode::measured::{TexelPlace, decode_from_file_form, decode_measured, lobe_tables};
 use crate::decode::options::{DecodeOptions, Interpolation};
 use crate::error::FormatError;
 use crate::pack;
@@ -157,12 +157,13 @@ fn all_decoders_agree_at_the_measured_directions() {
             let tables = &tables[usize::from(layer.texel_clusters[texel])];
             let mut measured = vec![0.0; views * lights * 3];
             let all = DecodeOptions::default();
-            decode_measured(&resident, &asset, 0, texel, first, tables, &all, &mut measured);
+            let place = TexelPlace { layer: 0, texel, first_ref: first };
+            decode_measured(&resident, &asset, place, tables, &all, &mut measured);
             for pair in 0..views * lights {
                 let (view, light) = (pair / lights, pair % lights);
                 let (wi, wo) = (layer.lights.direction(light as u32), layer.views.direction(view as u32));
                 let quick = [0, 1, 2].map(|c| measured[pair * 3 + c]);
-                let slow = decode_from_file_form(&asset, 0, texel, first, view, light);
+                let slow = decode_from_file_form(&asset, place, view, light);
                 assert!(close(quick, slow), "{kind:?} texel {texel} pair {pair}: {quick:?} {slow:?}");
                 for rule in RULES {
                     let full = decode(&resident, 0, texel as u32, wi, wo, &options(rule));
@@ -170,7 +171,7 @@ fn all_decoders_agree_at_the_measured_directions() {
                 }
                 // Planted differences: the transposed pair index, and the neighbouring light.
                 let transposed = (light * views + view) % (views * lights) * 3;
-                let next = decode_from_file_form(&asset, 0, texel, first, view, (light + 1) % lights);
+                let next = decode_from_file_form(&asset, place, view, (light + 1) % lights);
                 planted += u32::from(!close(quick, [0, 1, 2].map(|c| measured[transposed + c])));
                 planted += u32::from(!close(quick, next));
             }
@@ -299,16 +300,17 @@ fn fewer_lobes_leave_the_last_ones_out() {
 fn a_back_side_layer_is_the_front_one_mirrored_and_a_missing_one_is_named() -> Result<(), FormatError> {
     let mut asset = sample_asset(40, 4, 3, ResidualKind::Log);
     let front = asset.layers[0].clone();
-    let sides = [(SurfaceSide::Back, SurfaceSide::Back), (SurfaceSide::Back, SurfaceSide::Front)];
+    use SurfaceSide::{Back, Front};
+    let sides = [(Back, Back), (Back, Front)];
     for (light_side, view_side) in sides {
         asset.layers.push(Layer { light_side, view_side, ..front.clone() });
     }
     let asset = Asset::parse(&pack(&asset)?)?;
     let resident = Resident::from_asset(&asset);
-    assert_eq!(resident.layer_for_sides(0, false, false), Some(0));
-    assert_eq!(resident.layer_for_sides(0, true, true), Some(1));
-    assert_eq!(resident.layer_for_sides(0, true, false), Some(2));
-    assert_eq!(resident.layer_for_sides(0, false, true), None, "a missing layer is black: the caller draws nothing");
+    assert_eq!(resident.layer_for_sides(0, Front, Front), Some(0));
+    assert_eq!(resident.layer_for_sides(0, Back, Back), Some(1));
+    assert_eq!(resident.layer_for_sides(0, Back, Front), Some(2));
+    assert_eq!(resident.layer_for_sides(0, Front, Back), None, "a missing layer is black: the caller draws nothing");
     let mut random = Random::new(41);
     let flip = |v: [f32; 3]| [v[0], v[1], -v[2]];
     for rule in RULES {

@@ -371,21 +371,7 @@ fn read_residual(
         Some((steps, reader))
     });
 
-    // What is there of means and components: the one and the other section of each.
-    let mut there: Vec<(Reader, Option<Reader>)> = Vec::new();
-    for index in 0..=parameters.components as u32 {
-        let basis = sections.get_in_tier(SectionKind::Basis, layer, index, faults);
-        let plane = match index {
-            0 => None,
-            _ => sections.get_in_tier(SectionKind::Coefficients, layer, index, faults),
-        };
-        match basis {
-            Some(basis) if index == 0 || plane.is_some() => there.push((basis, plane)),
-            // Nothing is read behind a gap; in a whole file every gap is told.
-            _ if sections.whole => {}
-            _ => break,
-        }
-    }
+    let there = components_at_hand(sections, layer, parameters.components as u32, faults);
     let (factors, (steps, reader)) = (factors?, shared?);
     if there.is_empty() {
         return None;
@@ -422,6 +408,30 @@ fn read_residual(
         }
     }
     Some(Residual { factors, shared: SharedBases { steps, values }, bases, coefficients })
+}
+
+/// Finds the sections of a residual's mean and components that are at hand: of each its basis, and of a component its coefficients.
+fn components_at_hand<'a>(
+    sections: &Sections<'a, Spmm>,
+    layer: u32,
+    components: u32,
+    faults: &mut Faults,
+) -> Vec<(Reader<'a>, Option<Reader<'a>>)> {
+    let mut there = Vec::new();
+    for index in 0..=components {
+        let basis = sections.get_in_tier(SectionKind::Basis, layer, index, faults);
+        let plane = match index {
+            0 => None,
+            _ => sections.get_in_tier(SectionKind::Coefficients, layer, index, faults),
+        };
+        match basis {
+            Some(basis) if index == 0 || plane.is_some() => there.push((basis, plane)),
+            // Nothing is read behind a gap; in a whole file every gap is told.
+            _ if sections.whole => {}
+            _ => break,
+        }
+    }
+    there
 }
 
 fn read_factors(mut reader: Reader, shape: [usize; 2]) -> Result<Factors, FormatError> {

@@ -133,11 +133,10 @@ fn about_layers(sides: &[[SurfaceSide; 2]], told: &mut Report) {
 
 fn about_resident(file: &ResidentFile, told: &mut Report) {
     let resident = &file.resident;
-    let side = |is_back: bool| if is_back { SurfaceSide::Back } else { SurfaceSide::Front };
     let mut sides = vec![[SurfaceSide::Front; 2]; resident.layers() as usize];
-    for [light, view] in [[false, false], [false, true], [true, false], [true, true]] {
+    for [light, view] in SurfaceSide::ALL.into_iter().flat_map(|light| SurfaceSide::ALL.map(|view| [light, view])) {
         if let Some(layer) = resident.layer_for_sides(0, light, view) {
-            sides[layer as usize] = [side(light), side(view)];
+            sides[layer as usize] = [light, view];
         }
     }
     about_layers(&sides, told);

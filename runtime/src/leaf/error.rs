@@ -7,17 +7,17 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum LeafError {
     /// A value that no leaf has. Remedy: a value in the range, in the unit that the message names.
-    #[error("{key} is {value}; give a number from {least} to {most}{unit}")]
+    #[error("{key} is {value}; give a number from {least} to {most}{}{unit}", if .unit.is_empty() { "" } else { " " })]
     OutOfRange {
-        /// The quantity's key, as in [`crate::LEAF_QUANTITIES`].
+        /// Key of the quantity, as in [`crate::LEAF_QUANTITIES`].
         key: &'static str,
-        /// The value found.
+        /// Value found.
         value: f32,
-        /// The range's lower end.
+        /// Lower end of the range.
         least: f32,
-        /// The range's upper end.
+        /// Upper end of the range.
         most: f32,
-        /// The unit, with a space before it; empty where there is none.
+        /// Unit; empty where there is none.
         unit: &'static str,
     },
     /// Textures without texels, larger than the words can address, or of another number of texels than their sides say.
@@ -31,7 +31,7 @@ pub enum LeafError {
         height: usize,
         /// Texels found.
         texels: usize,
-        /// Most texels in a row or column.
+        /// Largest number of texels in a row or column.
         most: usize,
     },
 }

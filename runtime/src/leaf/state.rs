@@ -1,6 +1,7 @@
 //! The state of a leaf: what its tissue holds, how its surface shines, and how exactly it is evaluated.
 
 use crate::leaf::error::LeafError;
+use btf_leaf_quantities::{Part, QUANTITIES, Quantity};
 
 /// How a leaf's body is evaluated. docs/TRADE.md has each one's error and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -31,34 +32,30 @@ impl LeafMode {
     }
 }
 
-/// A quantity of a leaf, as a slider or a file needs it.
+/// A quantity of a leaf, as a slider or a file needs it: [`btf_leaf_quantities::Quantity`] in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafQuantity {
-    /// Name of the field of [`LeafState`], and key in files.
+    /// Name of the field of [`LeafState`], and key in messages.
     pub key: &'static str,
-    /// Unit with a space before it; empty where there is none.
+    /// Unit; empty where there is none.
     pub unit: &'static str,
-    /// Least and most of a leaf.
+    /// Least and greatest value that leaves have.
     pub range: [f32; 2],
+    /// Part of the leaf that the number describes.
+    pub part: Part,
 }
 
 /// The quantities of a leaf in the order of [`LeafState::values`].
-pub const LEAF_QUANTITIES: [LeafQuantity; 10] = {
-    const fn quantity(key: &'static str, unit: &'static str, least: f32, most: f32) -> LeafQuantity {
-        LeafQuantity { key, unit, range: [least, most] }
+pub const LEAF_QUANTITIES: [LeafQuantity; QUANTITIES.len()] = {
+    let blank = LeafQuantity { key: "", unit: "", range: [0.0; 2], part: Part::Tissue };
+    let mut all = [blank; QUANTITIES.len()];
+    let mut i = 0;
+    while i < all.len() {
+        let Quantity { whole_key, unit, part, .. } = QUANTITIES[i];
+        all[i] = LeafQuantity { key: whole_key, unit, range: QUANTITIES[i].range_f32(), part };
+        i += 1;
     }
-    [
-        quantity("chlorophyll_ug_per_cm2", " ug/cm2", 0.0, 100.0),
-        quantity("carotenoid_ug_per_cm2", " ug/cm2", 0.0, 25.0),
-        quantity("anthocyanin_ug_per_cm2", " ug/cm2", 0.0, 15.0),
-        quantity("brown", "", 0.0, 1.0),
-        quantity("water_cm", " cm", 0.0, 0.04),
-        quantity("dry_matter_g_per_cm2", " g/cm2", 0.0, 0.02),
-        quantity("structure", "", 1.0, 3.0),
-        quantity("gloss_index", "", 1.01, 3.0),
-        quantity("gamma_along", "", 0.05, 1.0),
-        quantity("gamma_across", "", 0.05, 1.0),
-    ]
+    all
 };
 
 /// The state of a leaf. [`LeafState::check`] holds it to a leaf's ranges; whatever is finite beyond them is evaluated to
@@ -92,25 +89,13 @@ pub struct LeafState {
 impl Default for LeafState {
     /// A green leaf under its own gloss, evaluated over the spectrum.
     fn default() -> LeafState {
-        LeafState {
-            mode: LeafMode::default(),
-            chlorophyll_ug_per_cm2: 40.0,
-            carotenoid_ug_per_cm2: 8.0,
-            anthocyanin_ug_per_cm2: 0.0,
-            brown: 0.0,
-            water_cm: 0.01,
-            dry_matter_g_per_cm2: 0.005,
-            structure: 1.5,
-            gloss_index: 1.42,
-            gamma_along: 0.3,
-            gamma_across: 0.3,
-        }
+        LeafState::from_values(LeafMode::default(), QUANTITIES.map(|quantity| quantity.default as f32))
     }
 }
 
 impl LeafState {
     /// The quantities in the order of [`LEAF_QUANTITIES`].
-    pub fn values(&self) -> [f32; 10] {
+    pub fn values(&self) -> [f32; QUANTITIES.len()] {
         [
             self.chlorophyll_ug_per_cm2,
             self.carotenoid_ug_per_cm2,
@@ -126,7 +111,7 @@ impl LeafState {
     }
 
     /// The state of `mode` with the quantities in the order of [`LEAF_QUANTITIES`].
-    pub fn from_values(mode: LeafMode, values: [f32; 10]) -> LeafState {
+    pub fn from_values(mode: LeafMode, values: [f32; QUANTITIES.len()]) -> LeafState {
         let [
             chlorophyll_ug_per_cm2,
             carotenoid_ug_per_cm2,
@@ -171,10 +156,13 @@ impl LeafState {
     /// ranges.
     pub(crate) fn evaluable(&self) -> LeafState {
         let mut values = self.values();
-        for (i, (value, quantity)) in values.iter_mut().zip(LEAF_QUANTITIES).enumerate() {
+        for (value, quantity) in values.iter_mut().zip(LEAF_QUANTITIES) {
             let [least, most] = quantity.range;
             // Contents and N have no upper end.
-            *value = if i < 7 { value.max(least) } else { value.clamp(least, most) };
+            *value = match quantity.part {
+                Part::Tissue => value.max(least),
+                Part::Gloss => value.clamp(least, most),
+            };
         }
         LeafState::from_values(self.mode, values)
     }
@@ -190,7 +178,7 @@ fn refuse_beyond(state: &LeafState, allowed: impl Fn(&LeafQuantity) -> [f32; 2])
     for (value, quantity) in state.values().into_iter().zip(&LEAF_QUANTITIES) {
         let [low, high] = allowed(quantity);
         if !(low..=high).contains(&value) {
-            let LeafQuantity { key, unit, range: [least, most] } = *quantity;
+            let LeafQuantity { key, unit, range: [least, most], .. } = *quantity;
             return Err(LeafError::OutOfRange { key, value, least, most, unit });
         }
     }
@@ -200,6 +188,18 @@ fn refuse_beyond(state: &LeafState, allowed: impl Fn(&LeafQuantity) -> [f32; 2])
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_stand_in_the_order_of_the_quantities() {
+        // One value at a time, by its field's name.
+        for (i, quantity) in LEAF_QUANTITIES.iter().enumerate() {
+            let mut values = [0.0; QUANTITIES.len()];
+            values[i] = 0.5;
+            let state = LeafState::from_values(LeafMode::Rational, values);
+            assert!(format!("{state:?}").contains(&format!("{}: 0.5", quantity.key)), "{state:?}");
+            assert_eq!(state.values(), values);
+        }
+    }
 
     #[test]
     fn every_quantity_is_refused_beyond_its_range_by_its_own_name() {

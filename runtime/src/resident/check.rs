@@ -2,12 +2,13 @@
 //! that it reads is finite and in its range. One pass over the words, without building anything.
 
 use crate::asset::asset::level_sizes;
+use crate::asset::disk::cells_a_side;
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::limits::EPSILON_RANGE;
 use crate::asset::limits::MAX_HEIGHT_STEP;
 use crate::asset::limits::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE};
 use crate::asset::lobe::{LobeFamily, RESIDENT_WORDS};
-use crate::asset::sphere::{Sphere, cells_a_side};
+use crate::asset::sphere::Sphere;
 use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
 };

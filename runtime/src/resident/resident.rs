@@ -4,6 +4,7 @@
 //! All offsets are in words, relative to the asset's first word, so that several assets share one
 //! buffer. Twin of the offsets: `shaders/texel.wgsl`.
 
+use crate::asset::asset::SurfaceSide;
 use crate::asset::sphere::direction;
 use crate::resident::layout::{ASSET_LAYERS, LAYER_BLOCK_WORDS, block, level_size};
 use std::ops::Range;
@@ -146,13 +147,12 @@ impl Resident {
         (0..self.layers()).filter_map(of_layer).max().unwrap_or(0)
     }
 
-    /// Number of the layer for a light and an eye on these sides of the surface (true: back), at `level`, 0 the finest:
-    /// what decoders take.
-    pub fn layer_for_sides(&self, level: u32, light_back: bool, view_back: bool) -> Option<u32> {
+    /// Returns the number that decoders take of the layer for a light and an eye on these sides of the surface, at `level`, 0 the
+    /// finest; `None` where the asset has no such layer.
+    pub fn layer_for_sides(&self, level: u32, light: SurfaceSide, view: SurfaceSide) -> Option<u32> {
         let first = level * self.layers();
         (first..first + self.layers()).find(|layer| {
-            self.field(*layer, block::LIGHT_SIDE) == u32::from(light_back)
-                && self.field(*layer, block::VIEW_SIDE) == u32::from(view_back)
+            self.field(*layer, block::LIGHT_SIDE) == light as u32 && self.field(*layer, block::VIEW_SIDE) == view as u32
         })
     }
 

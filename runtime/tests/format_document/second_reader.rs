@@ -3,10 +3,10 @@
 
 use super::document::{output_of, python};
 use super::{block, document_bytes, example};
-use btf_runtime::testing::{FileParts, sample_asset, sample_heights};
+use btf_runtime::testing::{FileParts, core_at_pair, sample_asset, sample_heights};
 use btf_runtime::{
     Asset, DictionaryLobe, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, Lobe, LobeFamily, LobeRef, ResidentFile,
-    ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, core_at_pair, pack, serial, with_levels,
+    ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, pack, serial, with_levels,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
