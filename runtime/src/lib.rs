@@ -1,18 +1,19 @@
 //! The packed BTF asset (`.spmm`) and its decoder, in Rust and WGSL.
 //!
-//! Bytes in, numbers out, and bytes out of the packer: no files, no threads, no GPU, no image codecs.
-//! The byte layout is docs/FORMAT.md; the model is docs/MODEL.md.
+//! The package turns bytes into numbers, and an asset into bytes. It uses no files, no threads of its own, no GPU and
+//! no image codecs. The byte layout is docs/FORMAT.md; the model is docs/MODEL.md.
 //!
 //! ```text
 //! bytes --Asset::parse--> Asset (file form) --Resident::from_asset--> Resident --decode--> RGB
 //!       <----- pack -----                                             words for the GPU, WGSL beside
 //! ```
 //!
-//! Values are `pi * BRDF * |n.wi|`: 1 is a white Lambertian lit at normal incidence. The cosine
-//! is inside; a renderer never multiplies another one.
+//! Values are `pi * BRDF * |n.wi|`: 1 is a white Lambertian surface lit at normal incidence. The cosine is part of the
+//! value; a renderer must not multiply by it again.
 //!
-//! Limits of version 0: three channels, product grids of directions, non-negative lobe weights,
-//! nearest texel.
+//! Limits: an asset has three colour channels, and each layer is measured at all pairs of one set of light and one set
+//! of view directions. Weights of lobes are not negative. A texture coordinate selects the nearest texel of a level;
+//! texels are not filtered within a level.
 
 #![forbid(unsafe_code)]
 

@@ -6,8 +6,8 @@ use crate::provenance::{Material, side_of_layer, sides_of_capture};
 use crate::units::text_from_bytes;
 use btf_capture::Side;
 use btf_runtime::{
-    Asset, Heights, Layer, LobeFamily, Resident, ResidentFile, ResidualKind, SectionEntry, SectionKind, SurfaceSide,
-    VERSION, read_directory,
+    Asset, Heights, Layer, LobeFamily, Resident, ResidentFile, ResidualKind, SectionEntry, SectionKind, VERSION,
+    read_directory,
 };
 use rayon::prelude::*;
 use serde::Serialize;

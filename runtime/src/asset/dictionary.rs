@@ -2,7 +2,7 @@
 
 use crate::asset::lobe::Lobe;
 
-/// A texel's use of one lobe of its cluster's dictionary.
+/// A reference of a texel to a lobe of its cluster's dictionary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LobeRef {
     /// Index into the cluster's dictionary.
@@ -16,11 +16,11 @@ pub struct LobeRef {
 pub struct DictionaryLobe {
     /// The lobe.
     pub lobe: Lobe,
-    /// Largest weight that a texel can give it.
+    /// Largest weight that a texel can give the lobe.
     pub weight_scale: f32,
 }
 
-/// Whether every reference names a lobe that its texel's cluster has.
+/// Returns whether every reference names a lobe that the cluster of its texel has.
 pub(crate) fn refs_exist(clusters: &[u8], counts: &[u8], refs: &[LobeRef], dictionary: &[Vec<DictionaryLobe>]) -> bool {
     let mut refs = refs.iter();
     clusters.iter().zip(counts).all(|(cluster, count)| {

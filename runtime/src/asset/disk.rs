@@ -1,5 +1,5 @@
-//! The geometry of a direction set on the unit disk: Delaunay triangles, hull edges, and a compact uniform grid [Lagae 2008] over
-//! both. In double precision.
+//! The geometry of a direction set on the unit disk: Delaunay triangles, hull edges, and a compact uniform grid [Lagae
+//! 2008] over both. Everything is in double precision.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
@@ -81,7 +81,7 @@ fn hull_edges(disk: &[[f64; 2]], delaunay: &DelaunayTriangulation<Point2<f64>>) 
     edges
 }
 
-/// Returns the number of cells along a side of the grid of a set with so many triangles.
+/// Returns the number of cells along a side of the grid of a set with `triangles` triangles.
 pub(crate) fn cells_a_side(triangles: usize) -> usize {
     ((2.0 * triangles as f64).sqrt().ceil() as usize).clamp(4, 64)
 }

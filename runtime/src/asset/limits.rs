@@ -1,4 +1,4 @@
-//! The limits of an asset: what the format allows at most. docs/FORMAT.md has them in one table.
+//! The limits of an asset. Normative text: docs/FORMAT.md.
 
 /// Largest physical side of an asset, millimetres.
 pub const MAX_SIDE_MM: f32 = 1e6;
@@ -32,8 +32,8 @@ pub const MAX_HEIGHT_STEP: f32 = 16.0;
 /// Allowed epsilon of a residual's curve.
 pub const EPSILON_RANGE: std::ops::RangeInclusive<f32> = 1e-6..=1.0;
 
-/// Returns the words of a layer's expanded bases: halves `[cluster, view, light, channel, basis]`, bases padded to an even count.
-/// `shape` is the number of views and of lights.
+/// Returns the number of words of a layer's expanded bases: halves `[cluster, view, light, channel, basis]`, bases
+/// padded to an even count. `shape` is the number of views and of lights.
 pub fn basis_words(shape: [usize; 2], clusters: usize, bases: usize) -> u64 {
     [shape[0], shape[1], 3, clusters, bases.div_ceil(2)].iter().map(|n| *n as u64).product()
 }

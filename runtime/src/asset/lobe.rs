@@ -1,9 +1,9 @@
-//! The nine lobe families: `pi * BRDF * max(0, n.wi)` of an analytic reflection model about a rotated
-//! normal. Twin: `shaders/lobe.wgsl`. Equations and symbols: docs/MODEL.md, section 3.
+//! The nine lobe families: `pi * BRDF * max(0, n.wi)` of an analytic reflection model about a rotated normal. Twin:
+//! `asset/lobe.wgsl`. Equations and symbols: docs/MODEL.md, section 3.
 //!
 //! The seven families of [Wu 2011] (Lambertian, Oren-Nayar, Blinn-Phong, Ward, Cook-Torrance, Lafortune,
-//! Ashikhmin-Shirley), GGX [Walter 2007] and a view-windowed cosine that absorbs masking and parallax.
-//! Every lobe is finite for every pair of unit vectors: `n.wo` is clamped from below at [`MIN_COS_VIEW`].
+//! Ashikhmin-Shirley), GGX [Walter 2007] and a view-windowed cosine that absorbs masking and parallax. Every lobe is
+//! finite for every pair of unit vectors: `n.wo` is clamped from below at [`MIN_COS_VIEW`].
 
 use crate::numeric::power::{exp, exp2, log2};
 use crate::numeric::quantize::{half_at, word_from_halves};
@@ -59,7 +59,7 @@ impl LobeFamily {
         LobeFamily::WindowedCosine,
     ];
 
-    /// Allowed range `(least, most)` of each parameter; unused ones are `(0, 0)`.
+    /// Returns the allowed range `(least, most)` of each parameter; unused ones are `(0, 0)`.
     pub fn ranges(self) -> [(f32, f32); 4] {
         const NONE: (f32, f32) = (0.0, 0.0);
         match self {
@@ -74,27 +74,27 @@ impl LobeFamily {
         }
     }
 
-    /// The family with number `number`.
+    /// Returns the family with a number; `None` for an unknown one.
     pub fn from_number(number: u32) -> Option<LobeFamily> {
         LobeFamily::ALL.get(number as usize).copied()
     }
 }
 
-/// One rotated lobe.
+/// A lobe: a reflection model with its parameters and its rotated frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lobe {
     /// Reflection model.
     pub family: LobeFamily,
-    /// x and y of the lobe's unit normal in the texel's frame; z is positive. `x^2 + y^2 <= 0.98`.
+    /// Coordinates x and y of the lobe's unit normal in the texel's frame; z is positive. `x^2 + y^2 <= 0.98`.
     pub normal_xy: [f32; 2],
     /// Rotation of the tangent about the normal, radians.
     pub tangent_rad: f32,
-    /// The family's parameters, see [`LobeFamily`].
+    /// Parameters of the family, see [`LobeFamily`].
     pub params: [f32; 4],
 }
 
 impl Lobe {
-    /// The lobe with parameters and normal brought into their ranges.
+    /// Returns the lobe with parameters and normal clamped to their ranges.
     pub fn clamped(mut self) -> Lobe {
         for (value, (least, most)) in self.params.iter_mut().zip(self.family.ranges()) {
             *value = if value.is_finite() { value.clamp(least, most) } else { least };
@@ -123,7 +123,7 @@ impl Lobe {
         self
     }
 
-    /// The five words of the file form (halves), with the weight scale that travels with the lobe.
+    /// Returns the five words of the file form (halves), which include the weight scale of the dictionary's entry.
     pub fn to_words(&self, weight_scale: f32) -> [u32; FILE_WORDS] {
         let family = self.family as u32;
         let tangent = word_from_halves(0.0, self.tangent_rad) & 0xffff_0000;
@@ -136,7 +136,7 @@ impl Lobe {
         ]
     }
 
-    /// Lobe and weight scale from the file form; `None` where a field is out of its range.
+    /// Reads lobe and weight scale from the file form; `None` where a field is out of its range.
     pub fn from_words(words: [u32; FILE_WORDS]) -> Option<(Lobe, f32)> {
         let lobe = Lobe {
             family: LobeFamily::from_number(words[0] & 0xffff)?,
@@ -167,13 +167,14 @@ impl Lobe {
         fine.then_some((lobe, scale))
     }
 
-    /// The lobe as the file form gives it back: fit weights against this one.
+    /// Returns the lobe after a round trip through the file form. Weights must be fitted against this lobe, because the
+    /// file form rounds.
     pub fn rounded(&self) -> Lobe {
         let clamped = self.clamped();
         Lobe::from_words(clamped.to_words(0.0)).map_or(clamped, |(lobe, _)| lobe)
     }
 
-    /// Everything that does not depend on the directions, ready for [`LobeSetup::eval`].
+    /// Computes everything that does not depend on the directions, for [`LobeSetup::eval`].
     pub fn setup(&self) -> LobeSetup {
         let [x, y] = self.normal_xy;
         let normal = [x, y, (1.0 - x * x - y * y).max(0.0).sqrt()];
@@ -193,7 +194,7 @@ impl Lobe {
     }
 }
 
-/// A lobe's frame and parameters, as the resident form stores them.
+/// The frame and the parameters of a lobe, as the resident form stores them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LobeSetup {
     /// Reflection model.
@@ -206,7 +207,7 @@ pub struct LobeSetup {
     pub params: [f32; 4],
 }
 
-/// `base^exponent` for a base in [0, 1]; 0 stays 0 and nothing overflows.
+/// Returns `base^exponent` for a base in [0, 1]; 0 stays 0 and nothing overflows.
 #[inline(always)]
 pub(crate) fn power(base: f32, exponent: f32) -> f32 {
     let result = exp2(exponent * log2(base));
@@ -219,7 +220,7 @@ fn schlick(f0: f32, cos: f32) -> f32 {
     f0 + (1.0 - f0) * m * m * m * m * m
 }
 
-/// The half vector's products with a lobe's frame.
+/// Products of the half vector with a lobe's frame: `n.h`, `t.h`, `b.h`, and `v.h` with the direction to the eye.
 struct HalfVector {
     nh: f32,
     th: f32,
@@ -242,8 +243,8 @@ fn half_vector(lobe: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> HalfVector {
 }
 
 impl LobeSetup {
-    /// `pi * BRDF * max(0, n.wi)` for unit `wi` (to the light) and `wo` (to the eye) in the texel's frame.
-    /// Finite and at least 0; 0 where the light is below the lobe's own horizon.
+    /// Returns `pi * BRDF * max(0, n.wi)` for unit `wi` (to the light) and `wo` (to the eye) in the texel's frame. The
+    /// result is finite and at least 0; it is 0 where the light is below the lobe's own horizon.
     pub fn eval(&self, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         let ci = dot(self.normal, wi);
         if ci <= 0.0 {
@@ -342,7 +343,7 @@ impl LobeSetup {
         ci * exp((self.params[0] * (dot(m, wo) - 1.0)).max(-80.0))
     }
 
-    /// The words of the resident form.
+    /// Returns the words of the resident form.
     pub fn to_resident_words(&self, weight_scale: f32) -> ResidentLobe {
         let mut words = [0; RESIDENT_WORDS];
         words[0] = self.family as u32;
@@ -357,7 +358,7 @@ impl LobeSetup {
         words
     }
 
-    /// The setup in the resident form.
+    /// Reads the setup from the resident form.
     pub fn from_resident_words(words: &ResidentLobe) -> LobeSetup {
         let at = |i: usize| f32::from_bits(words[i]);
         LobeSetup {
@@ -369,12 +370,12 @@ impl LobeSetup {
     }
 }
 
-/// The family in the resident form.
+/// Reads the family from the resident form.
 pub(crate) fn lobe_family(words: &ResidentLobe) -> LobeFamily {
     LobeFamily::from_number(words[0]).unwrap_or(LobeFamily::Lambertian)
 }
 
-/// The weight scale in the resident form.
+/// Reads the weight scale from the resident form.
 pub(crate) fn weight_scale(words: &ResidentLobe) -> f32 {
     f32::from_bits(words[11])
 }

@@ -1,31 +1,32 @@
-//! A direction set on the disk: Delaunay triangles, hull edges and a compact uniform grid
-//! [Lagae 2008] that finds the three neighbours of any direction. Twin: `shaders/sphere.wgsl`.
+//! A direction set on the disk: Delaunay triangles, hull edges and a compact uniform grid [Lagae 2008], which finds the
+//! three neighbours of any direction. Twin: `asset/sphere.wgsl`.
 //!
-//! Directions are projected orthographically onto the unit disk, as [Silva 2012] do. Outside the
-//! hull the nearest hull point is taken, so that every direction of the hemisphere has an answer
-//! and the answer is continuous.
+//! Directions are projected orthographically onto the unit disk, as in [Silva 2012]. A direction outside the hull gets
+//! the nearest point of the hull, so that every direction of the hemisphere has an answer, and the answer is
+//! continuous.
 
 use crate::asset::disk::{ITEM_EDGE, MIN_AREA, build_grid, cells_a_side, signed_area, triangulate};
 use crate::asset::limits::MAX_DIRECTIONS;
 use crate::error::FormatError;
 use crate::rule::{self, Rule};
 
-/// Words before the arrays: direction, triangle, edge counts, grid side, item count, three zeros.
+/// Number of words before the arrays: numbers of directions, triangles and edges, side of the grid, number of its
+/// items, three zeros.
 pub const SPHERE_HEADER_WORDS: usize = 8;
-/// Words of a direction (x, y, z).
+/// Number of words of a direction: x, y, z.
 pub const DIRECTION_WORDS: usize = 3;
-/// Words of a triangle: corner 0, the inverse 2 x 2 matrix, three ids, three zeros.
+/// Number of words of a triangle: corner 0, the inverse 2 x 2 matrix, three ids, three zeros.
 pub const TRIANGLE_WORDS: usize = 12;
-/// Words of a hull edge: start, extent, 1 / length^2, two ids, zero.
+/// Number of words of a hull edge: start, extent, 1 / length^2, two ids, zero.
 pub const EDGE_WORDS: usize = 8;
-/// A direction counts as inside a triangle down to this barycentric weight (f32 rounding on an edge).
+/// Least barycentric weight with which a direction counts as inside a triangle: f32 rounds on an edge.
 pub const INSIDE_TOLERANCE: f32 = -1e-5;
-/// Largest grid side.
+/// Largest side of the grid in cells.
 const MAX_GRID: u32 = 256;
-/// Largest entry of a triangle's inverse matrix: the least area that is kept is 1e-9. Bounded, so that
-/// no barycentric weight overflows.
+/// Largest entry of a triangle's inverse matrix: bounded, so that no barycentric weight overflows. The least area that
+/// is kept is 1e-9.
 const MAX_INVERSE: f32 = 1e10;
-/// Largest 1 / length^2 of an edge: two directions closer than that coincide.
+/// Largest 1 / length^2 of an edge: two directions closer than this coincide.
 const MAX_INVERSE_LENGTH2: f32 = 1e30;
 
 /// A direction set, as the words of its resident form.
@@ -34,22 +35,23 @@ pub struct Sphere {
     words: Vec<u32>,
 }
 
-/// Three neighbours of a direction and their weights (non-negative, sum 1).
+/// The three neighbours of a direction, and their weights, which are not negative and sum up to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Neighbours {
-    /// Indices into the direction set; may repeat where the weight is 0.
+    /// Ids of the neighbours in the direction set; an id may repeat where its weight is 0.
     pub ids: [u32; 3],
     /// Barycentric weights.
     pub weights: [f32; 3],
-    /// `min(1, cos / cos at the hull)`: 1 inside the hull, falling to 0 at the horizon outside.
+    /// Attenuation outside the hull, `min(1, cos / cos at the hull)`: 1 inside the hull, falling to 0 at the horizon
+    /// outside.
     pub beyond: f32,
 }
 
 impl Sphere {
     /// Triangulates `directions` (unit, z > 0, distinct) and builds the grid.
     ///
-    /// Errors: none, too many, not unit, below the horizon, or two that coincide. Cost: a millisecond
-    /// for Bonn's 81.
+    /// Errors: no direction, more than [`MAX_DIRECTIONS`], one that is not unit or below the horizon, or two that
+    /// coincide. Cost: a millisecond for the 81 directions of a Bonn capture.
     pub fn new(directions: &[[f32; 3]]) -> Result<Sphere, FormatError> {
         let refuse = |reason: String| FormatError::Pack { reason };
         let n = directions.len();
@@ -67,8 +69,8 @@ impl Sphere {
         Ok(Sphere::from_parts(directions, &triangles, &edges))
     }
 
-    /// The words of a set whose triangles and edges are known. Sums, products, quotients and square roots in
-    /// double precision only: the same words everywhere.
+    /// Lays out the words of a set whose triangles and edges are known. It uses sums, products, quotients and square
+    /// roots in double precision only, so that every machine makes the same words.
     fn from_parts(directions: &[[f32; 3]], triangles: &[[usize; 3]], edges: &[(usize, usize)]) -> Sphere {
         let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
         let n = directions.len();
@@ -103,7 +105,7 @@ impl Sphere {
         Sphere { words }
     }
 
-    /// What the file form keeps: counts, directions, triangles and edges; the rest follows from them.
+    /// Returns the words of the file form: counts, directions, triangles and edges. The rest follows from these.
     pub fn to_file_words(&self) -> Vec<u32> {
         let [n, triangles, edges] = [0, 1, 2].map(|i| self.words[i] as usize);
         let mut words = vec![n as u32, triangles as u32, edges as u32];
@@ -116,8 +118,8 @@ impl Sphere {
         words
     }
 
-    /// Checks and reads what [`Sphere::to_file_words`] gives. Cost: that of building the grid, about a
-    /// millisecond for Bonn's 81.
+    /// Checks and reads the words that [`Sphere::to_file_words`] gives. Cost: that of building the grid, about a
+    /// millisecond for 81 directions.
     pub fn from_file_words(words: &[u32]) -> Result<Sphere, Rule> {
         let [n, t, e] = *words.first_chunk::<3>().ok_or(rule::SET_SHORT)?;
         let [n, t, e] = [n, t, e].map(|count| count as usize);
@@ -154,7 +156,8 @@ impl Sphere {
         Sphere::from_words(Sphere::from_parts(&directions, &triangles, &edges).words)
     }
 
-    /// Words of a set whose resident words begin with `words`; `None` where they tell too few.
+    /// Returns the number of words of a set whose resident words begin with `words`; `None` where `words` has no whole
+    /// header, or the number overflows.
     pub(crate) fn words_told_by(words: &[u32]) -> Option<usize> {
         let [n, triangles, edges, side, items] = [0, 1, 2, 3, 4].map(|i| words.get(i).map(|word| *word as usize));
         let [n, triangles, edges, side, items] = [n?, triangles?, edges?, side?, items?];
@@ -164,7 +167,7 @@ impl Sphere {
         parts.into_iter().try_fold(SPHERE_HEADER_WORDS.checked_add(cells)?, usize::checked_add)?.checked_add(items)
     }
 
-    /// Checks resident words: every rule that keeps [`Sphere::locate`] in bounds.
+    /// Checks resident words against every rule that keeps [`Sphere::locate`] in bounds.
     pub(crate) fn from_words(words: Vec<u32>) -> Result<Sphere, Rule> {
         if words.len() < SPHERE_HEADER_WORDS {
             return Err(rule::SET_SHORT);
@@ -220,32 +223,32 @@ impl Sphere {
         Ok(sphere)
     }
 
-    /// The resident words.
+    /// Returns the words of the resident form.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
 
-    /// Number of directions.
+    /// Returns the number of directions.
     pub fn len(&self) -> usize {
         self.words[0] as usize
     }
 
-    /// Never true: a set has at least one direction.
+    /// Returns false: a set has at least one direction.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Direction `id`, unit.
+    /// Returns direction `id`, a unit vector.
     pub fn direction(&self, id: u32) -> [f32; 3] {
         direction(&self.words, 0, id)
     }
 
-    /// Neighbours of a unit direction with z >= 0.
+    /// Finds the neighbours of a unit direction with z >= 0.
     pub fn locate(&self, direction: [f32; 3]) -> Neighbours {
         locate(&self.words, 0, direction)
     }
 
-    /// Per direction its neighbours in the triangulation (and along the hull), ascending.
+    /// Returns the neighbours of each direction in the triangulation and along the hull, ascending.
     pub fn neighbours(&self) -> Vec<Vec<usize>> {
         let mut near = vec![std::collections::BTreeSet::new(); self.len()];
         let mut join = |a: u32, b: u32| {
@@ -268,12 +271,13 @@ impl Sphere {
         near.into_iter().map(|ids| ids.into_iter().collect()).collect()
     }
 
-    /// Smallest cosine to the normal in the set.
+    /// Returns the smallest cosine to the normal in the set.
     pub fn least_cosine(&self) -> f32 {
         (0..self.len() as u32).map(|i| self.direction(i)[2]).fold(1.0, f32::min)
     }
 
-    /// The same set without its grid: every search goes through all triangles and edges. What the grid is measured by.
+    /// Returns the set without its grid, for measuring what the grid saves: every search goes through all triangles and
+    /// edges.
     pub fn without_grid(&self) -> Sphere {
         let [triangles, edges] = [self.words[1], self.words[2]];
         let mut words = self.words[..self.cells_at()].to_vec();
@@ -283,7 +287,7 @@ impl Sphere {
         Sphere { words }
     }
 
-    /// Triangles and edges that a search for `direction` goes through.
+    /// Returns the number of triangles and edges that a search for `direction` goes through.
     pub fn tests_of(&self, direction: [f32; 3]) -> u32 {
         let cell = cell_at(self.words[3], direction);
         self.words[self.cells_at() + cell + 1] - self.words[self.cells_at() + cell]
@@ -308,21 +312,22 @@ fn f(words: &[u32], index: usize) -> f32 {
     f32::from_bits(words[index])
 }
 
-/// The cell of a grid of `side` x `side` in which a direction lies.
+/// Returns the number of the grid cell in which a direction lies; the grid has `side` x `side` cells.
 fn cell_at(side: u32, d: [f32; 3]) -> usize {
     let along = |x: f32| ((x + 1.0) * 0.5 * side as f32).clamp(0.0, side as f32 - 1.0) as u32;
     (along(d[1]) * side + along(d[0])) as usize
 }
 
-/// Direction `id` of the set whose words start at `at`.
+/// Returns direction `id` of the set whose words start at `at`.
 pub(crate) fn direction(words: &[u32], at: usize, id: u32) -> [f32; 3] {
     let base = at + SPHERE_HEADER_WORDS + id as usize * DIRECTION_WORDS;
     [f(words, base), f(words, base + 1), f(words, base + 2)]
 }
 
-/// Neighbours of unit direction `d` (z >= 0) in the set whose words start at `at`.
+/// Finds the neighbours of unit direction `d` (z >= 0) in the set whose words start at `at`.
 ///
-/// Cost: the triangles of one grid cell (three to six for Bonn's set), and outside the hull its edges.
+/// Cost: the triangles of one grid cell (three to six for the set of a Bonn capture), and outside the hull the hull's
+/// edges.
 pub(crate) fn locate(words: &[u32], at: usize, d: [f32; 3]) -> Neighbours {
     let side = words[at + 3];
     let triangles_at = at + SPHERE_HEADER_WORDS + words[at] as usize * DIRECTION_WORDS;
@@ -410,7 +415,7 @@ mod tests {
         assert!(without >= 5 * with, "{without} {with}");
     }
 
-    /// The slow, obvious way: every triangle, then every hull edge.
+    /// Finds the neighbours the slow and obvious way: by every triangle, then by every hull edge.
     fn locate_by_brute_force(sphere: &Sphere, d: [f32; 3]) -> (bool, f64) {
         let disk: Vec<[f64; 2]> =
             (0..sphere.len()).map(|i| sphere.direction(i as u32)).map(|v| [v[0].into(), v[1].into()]).collect();

@@ -1,5 +1,4 @@
-//! A file's header and tables, read and checked. What holds of the files of all formats is here, once. Normative text:
-//! docs/FORMAT.md, chapter "File".
+//! Reads and checks the header and the tables of a file of any format. Normative text: docs/FORMAT.md, chapter "File".
 
 use crate::container::fault::Faults;
 use crate::container::file_format::{
@@ -12,24 +11,25 @@ use crate::threads::{Threads, map};
 /// One row of the section table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SectionEntry {
-    /// Number of the kind (see [`crate::SectionKind`] and [`crate::voltex::VoltexSection`]; unknown ones may stand here).
+    /// Number of the section's kind, see [`crate::SectionKind`] and [`crate::voltex::VoltexSection`]; unknown kinds may
+    /// stand here.
     pub kind: u32,
-    /// Layer, or 0 for sections of the whole asset.
+    /// Number of the layer that the section belongs to; 0 for a section of the whole asset.
     pub layer: u32,
-    /// Index among sections of one kind and layer.
+    /// Number of the section among those of its kind and layer.
     pub index: u32,
-    /// Bit 0: a reader that does not know the kind must refuse the file.
+    /// Flags. Bit 0: a reader that does not know the kind must refuse the file.
     pub flags: u32,
-    /// Byte offset from the start of the file, a multiple of [`ALIGNMENT`].
+    /// Offset in bytes from the start of the file, a multiple of [`crate::ALIGNMENT`].
     pub offset: u32,
-    /// Bytes, without padding.
+    /// Length in bytes, without padding.
     pub length: u32,
     /// First eight bytes of the BLAKE3 hash of the section's bytes.
     pub checksum: u64,
 }
 
 impl SectionEntry {
-    /// For messages.
+    /// Returns the section's name for messages, such as `Basis 3 of layer 0`.
     pub(crate) fn name_in<F: FileFormat>(&self) -> String {
         match F::kind(self.kind) {
             Some(kind) => F::section_name(kind, self.layer, self.index),
@@ -38,36 +38,38 @@ impl SectionEntry {
     }
 }
 
-/// A file's header with its tables, checked.
+/// The header and the tables of a file, checked.
 #[derive(Debug, Clone)]
 pub struct Directory<H> {
-    /// What the header says of the whole file.
+    /// Contents of the header about the whole file.
     pub head: H,
-    /// Section table, whole file.
+    /// Section table of the whole file.
     pub sections: Vec<SectionEntry>,
-    /// Documented prefix lengths in bytes, ascending; the last is the whole file's.
+    /// Documented prefix lengths in bytes, ascending; the last is the length of the whole file.
     pub tiers: Vec<u32>,
-    /// Which of `tiers` the bytes at hand are.
+    /// Index in `tiers` of the length that the bytes at hand have.
     pub tier: usize,
-    /// Numbers of the sections whose checksum is wrong; none in what is read without a fault.
+    /// Indices in `sections` of those with a wrong checksum. Empty in a directory that was read without a fault.
     pub(crate) damaged: Vec<usize>,
-    /// Checksum of header and tables, which hold those of all sections: what tells one file from another.
+    /// Checksum of the header and the tables. The tables hold the checksums of all sections, so this number identifies
+    /// the file.
     pub checksum: u64,
 }
 
 impl<H> Directory<H> {
-    /// The sections that begin within so many bytes at hand.
+    /// Returns the sections that begin within the first `bytes` bytes of the file.
     pub(crate) fn at_hand(&self, bytes: usize) -> impl Iterator<Item = &SectionEntry> {
         self.sections.iter().filter(move |entry| (entry.offset as usize) < bytes)
     }
 
-    /// Whether the bytes at hand are the whole file.
+    /// Returns whether the bytes at hand are the whole file.
     pub(crate) fn is_whole(&self) -> bool {
         self.tier + 1 == self.tiers.len()
     }
 }
 
-/// Checks header, tables, section bounds, padding and every present section's checksum, these on `threads`.
+/// Checks header, tables, section bounds, padding, and the checksum of every section at hand. The checksums run on
+/// `threads`.
 pub(crate) fn read_directory_of<F: FileFormat>(
     bytes: &[u8],
     threads: Threads,
@@ -77,8 +79,9 @@ pub(crate) fn read_directory_of<F: FileFormat>(
     faults.or_first(directory)
 }
 
-/// Examines header, tables, section bounds, padding and checksums like [`read_directory_of`], but continues after a fault as far
-/// as more can be told, and adds every fault to `faults`. `None` where the sections' places are not known.
+/// Examines header, tables, section bounds, padding and checksums like [`read_directory_of`], but continues after a
+/// fault as far as more can be found, and adds every fault to `faults`. Returns `None` where the places of the sections
+/// are not known.
 pub(crate) fn examine_directory_of<F: FileFormat>(
     bytes: &[u8],
     threads: Threads,
@@ -101,7 +104,8 @@ pub(crate) fn examine_directory_of<F: FileFormat>(
     placed.then_some(Directory { head, sections, tiers, tier, checksum: stored_checksum(bytes), damaged })
 }
 
-/// Reads the tier table: all tiers' lengths, and which of them `bytes` has. `counts` are those of the sections and tiers.
+/// Reads the tier table. Returns the lengths of all tiers, and the index of the one that `bytes` has. `counts` are the
+/// numbers of sections and of tiers.
 fn read_tiers(bytes: &[u8], counts: [usize; 2], alignment: usize, faults: &mut Faults) -> Option<(Vec<u32>, usize)> {
     let (got, total) = (bytes.len(), word(bytes, header::LENGTH_LOW));
     let tier_at = HEADER_WORDS + counts[0] * SECTION_ENTRY_WORDS;
@@ -134,8 +138,8 @@ fn read_entry(bytes: &[u8], number: usize) -> SectionEntry {
     }
 }
 
-/// Finds each section's bytes: number and bytes of those that are present in the tier, and whether all sections are where they
-/// must be.
+/// Finds the bytes of each section. Returns index and bytes of the sections at hand, and whether every section is where
+/// it must be.
 ///
 /// Sections follow each other in order, and the bytes between them are zero, so that no byte is unaccounted for.
 fn place_sections<'a, F: FileFormat>(
@@ -196,12 +200,12 @@ fn place_sections<'a, F: FileFormat>(
     (bodies, true)
 }
 
-/// The checksum of header and tables as the header has it.
+/// Returns the checksum of header and tables that the header holds.
 fn stored_checksum(bytes: &[u8]) -> u64 {
     u64::from(word(bytes, header::CHECKSUM_LOW)) | u64::from(word(bytes, header::CHECKSUM_HIGH)) << 32
 }
 
-/// Numbers of sections and tiers of a header that is whole, as far as it reaches.
+/// Checks magic number, version, length and checksum of the header, and returns the numbers of sections and of tiers.
 fn read_counts<F: FileFormat>(bytes: &[u8]) -> Result<[usize; 2], FormatError> {
     let (got, head) = (bytes.len(), HEADER_WORDS * 4);
     if got >= 4 && bytes[..4] != F::NAMES.magic {

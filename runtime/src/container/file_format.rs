@@ -1,25 +1,25 @@
-//! What a file format has of its own, and the words that all formats share.
+//! The parts that all file formats share, and [`FileFormat`], which tells what a format has of its own.
 //!
-//! A file is an array of little-endian `u32` words: header, section table, tier table, then the sections, each aligned and
-//! zero-padded. Each format has its own magic number, header words and kinds of sections: [`FileFormat`]. Normative text:
+//! A file is an array of little-endian `u32` words: header, section table, tier table, then the sections, each aligned
+//! and zero-padded. Each format has its own magic number, header words and kinds of sections. Normative text:
 //! docs/FORMAT.md, chapter "File".
 
 use crate::container::fault::Faults;
 use crate::error::{FormatError, Names};
 use crate::rule::Rule;
 
-/// Every section of a file form starts at a multiple of this many bytes.
+/// Alignment of the sections of a file form, bytes.
 pub const ALIGNMENT: usize = 16;
-/// Words of the header.
+/// Number of words of the header.
 pub const HEADER_WORDS: usize = 20;
-/// Words of a section table entry.
+/// Number of words of a row of the section table.
 pub const SECTION_ENTRY_WORDS: usize = 8;
-/// Most sections in a file.
+/// Largest number of sections in a file.
 pub const MAX_SECTIONS: usize = 4096;
 
-/// Header words that all formats have, by name.
+/// Positions of the header words that all formats have.
 pub mod header {
-    /// Four letters.
+    /// Magic number: four letters.
     pub const MAGIC: usize = 0;
     /// Format version.
     pub const VERSION: usize = 1;
@@ -37,39 +37,39 @@ pub mod header {
     pub const CHECKSUM_HIGH: usize = 13;
 }
 
-/// What a format has of its own.
+/// A file format: its header words, its kinds of sections and its name.
 pub(crate) trait FileFormat {
-    /// What header and sections say of the whole file.
+    /// Contents of the header about the whole file.
     type Head: Copy;
-    /// What a section holds.
+    /// Kinds of sections.
     type Kind: Copy;
-    /// What messages call it.
+    /// Names of the format's files in messages.
     const NAMES: Names;
-    /// The version that is written and read.
+    /// Format version that is written and read.
     const VERSION: u32;
 
-    /// The header's own words; `None` where one of them is out of its range.
+    /// Reads the format's own header words. Returns `None` where one of them is out of its range.
     fn read_head(header: &mut HeaderReader) -> Option<Self::Head>;
 
-    /// Writes them.
+    /// Writes the format's own header words.
     fn write_head(head: &Self::Head, words: &mut [u32]);
 
-    /// What sections' offsets are multiples of, bytes.
+    /// Returns the alignment of the sections, bytes.
     fn alignment(head: &Self::Head) -> usize;
 
-    /// How many layers sections may belong to.
+    /// Returns the number of layers that sections may belong to.
     fn layers(head: &Self::Head) -> u32;
 
-    /// The kind with a number, if this version knows it.
+    /// Returns the kind with a number; `None` if this version does not know it.
     fn kind(number: u32) -> Option<Self::Kind>;
 
-    /// The number of a kind.
+    /// Returns the number of a kind.
     fn number(kind: Self::Kind) -> u32;
 
-    /// For messages: a section of a known kind.
+    /// Returns the name of a section of a known kind, for messages.
     fn section_name(kind: Self::Kind, layer: u32, index: u32) -> String;
 
-    /// The rule as this format words it.
+    /// Returns a rule in the words of this format.
     fn rule(shared: Rule) -> Rule {
         shared
     }
@@ -78,28 +78,28 @@ pub(crate) trait FileFormat {
 /// Flag of a section that a reader may not skip.
 pub const SECTION_REQUIRED: u32 = 1;
 
-/// First eight bytes of the BLAKE3 hash, as a little-endian integer.
+/// Returns the first eight bytes of the BLAKE3 hash as a little-endian integer.
 pub fn checksum(bytes: &[u8]) -> u64 {
     let hash = blake3::hash(bytes);
     u64::from_le_bytes(hash.as_bytes()[..8].try_into().unwrap_or([0; 8]))
 }
 
-/// Returns word `index` of a file that has it.
+/// Returns word `index` of a file, which must have it.
 pub(crate) fn word(bytes: &[u8], index: usize) -> u32 {
     let start = index * 4;
     u32::from_le_bytes([bytes[start], bytes[start + 1], bytes[start + 2], bytes[start + 3]])
 }
 
-/// The words of a header, and the faults of those that are out of their ranges.
+/// Reads header words and collects the faults of those that are out of their ranges.
 pub(crate) struct HeaderReader<'a> {
-    /// The file's bytes, whose header is whole.
+    /// Bytes of the file; the header must be whole.
     pub bytes: &'a [u8],
-    /// Faults are added here.
+    /// Faults found so far.
     pub faults: &'a mut Faults,
 }
 
 impl HeaderReader<'_> {
-    /// A word as it is.
+    /// Returns header word `at`.
     pub(crate) fn word(&self, at: usize) -> u32 {
         word(self.bytes, at)
     }
@@ -109,7 +109,7 @@ impl HeaderReader<'_> {
         self.faults.push_at(FormatError::Field { field, got, allowed }, None, Some(4 * at as u64));
     }
 
-    /// A word; a fault where it is out of its range, which `allowed` names.
+    /// Returns header word `at`. Adds a fault if it is outside `range`; `allowed` is the range in words.
     pub(crate) fn within(&mut self, field: &'static str, at: usize, range: [u32; 2], allowed: &'static str) -> u32 {
         let got = self.word(at);
         if !(range[0]..=range[1]).contains(&got) {

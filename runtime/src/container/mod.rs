@@ -1,4 +1,4 @@
-//! The container that every file of this package is: header, tables, checksums, entropy coding.
+//! The container of every file of this package: header, tables, checksums, entropy coding.
 
 pub(crate) mod directory;
 pub(crate) mod entropy;

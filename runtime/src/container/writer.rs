@@ -7,19 +7,21 @@ use crate::error::FormatError;
 
 /// A section that the packer is about to write.
 pub(crate) struct SectionSource<K> {
-    /// What it holds.
+    /// Kind of the section.
     pub kind: K,
-    /// Layer.
+    /// Number of the layer that the section belongs to; 0 for a section of the whole asset.
     pub layer: u32,
-    /// Index among its kind.
+    /// Number of the section among those of its kind and layer.
     pub index: u32,
-    /// Its bytes.
+    /// Bytes of the section, without padding.
     pub bytes: Vec<u8>,
     /// True where a prefix of the file that ends after this section is a valid, coarser asset.
     pub ends_tier: bool,
 }
 
 /// Writes header, tables and sections. The last section always ends a tier.
+///
+/// Errors: no section or more than 4096 of them, a section or a file of more than 4 GiB.
 pub(crate) fn write_file_of<F: FileFormat>(
     head: &F::Head,
     sections: &[SectionSource<F::Kind>],

@@ -5,11 +5,11 @@ use crate::decode::viewed_texel::ViewedTexel;
 use crate::resident::resident::Resident;
 use crate::resident::single::SingleBases;
 
-/// Reflectance times cosine times pi of `texel` in `layer` of a resident asset, linear RGB, at least 0.
+/// Decodes the value of a texel of a resident asset: reflectance times cosine times pi, linear RGB, at least 0.
 ///
-/// `wi` points to the light, `wo` to the eye, both unit, in the texel's frame. A light or an eye on
-/// another side than the layer's gives 0. `layer` and `texel` must be within the asset. For several lights see
-/// [`ViewedTexel`].
+/// `wi` points to the light, `wo` to the eye, both unit, in the texel's frame. The value is 0 where the light or the
+/// eye is on another side than the layer's. `layer` and `texel` must be within the asset. [`ViewedTexel`] is cheaper
+/// for several lights.
 pub fn decode(
     resident: &Resident,
     layer: u32,
@@ -21,8 +21,8 @@ pub fn decode(
     ViewedTexel::new(resident, layer, texel, wo, options).light_alone(wi)
 }
 
-/// The same with bases in single precision: twice the memory for the resident form's largest part.
-/// `bases` must be of the same asset, and `layer` at the finest level.
+/// Decodes the value of a texel like [`decode`], with bases in single precision, which take twice the memory. `bases`
+/// must be of the same asset, and `layer` at the finest level.
 pub fn decode_single(
     resident: &Resident,
     bases: &SingleBases,

@@ -1,4 +1,4 @@
-//! Decoders of the measured pairs, without interpolation: what fitting and measuring use.
+//! Decodes the measured pairs, without interpolation, for fitting and measuring.
 
 use crate::asset::asset::{Asset, LobeRole};
 use crate::asset::dictionary::LobeRef;

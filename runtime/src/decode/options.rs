@@ -1,18 +1,18 @@
-//! The options of one evaluation: how exact and how fast it is.
+//! The options of one evaluation: precision against time.
 
-/// How the residual is carried from the measured directions to others.
+/// The rule by which the residual is carried from the measured directions to others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Interpolation {
-    /// Interpolate the residual, then combine it with the lobes: one lobe evaluation.
+    /// Interpolates the residual, then combines it with the lobes. Costs one evaluation of the lobes.
     Fast = 0,
-    /// Decode the nine neighbours to linear, interpolate those, multiply by the clamped ratio of the
-    /// lobes here to the lobes interpolated: ten lobe evaluations.
+    /// Decodes the nine neighbours to linear, interpolates those, and multiplies by the clamped ratio of the lobes here
+    /// to the lobes interpolated. Costs ten evaluations of the lobes.
     Exact = 1,
 }
 
 impl Interpolation {
-    /// As on command lines and in JSON.
+    /// Returns the name on command lines and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Interpolation::Fast => "fast",
@@ -21,17 +21,17 @@ impl Interpolation {
     }
 }
 
-/// The speed and accuracy dial of one evaluation.
+/// The options of one evaluation, from fast to exact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DecodeOptions {
-    /// Residual components at most; `u32::MAX` for all. 0 keeps the residual's mean.
+    /// Largest number of residual components that are used; `u32::MAX` for all. 0 keeps the residual's mean.
     pub components: u32,
-    /// Lobes per texel at most; `u32::MAX` for all.
+    /// Largest number of lobes of a texel that are used; `u32::MAX` for all.
     pub lobes: u32,
     /// Interpolation rule.
     pub interpolation: Interpolation,
-    /// Remove the parallax of eyes outside the measured views' hull, where the asset has heights: four rays through
-    /// them, and three texels in place of one.
+    /// Whether the parallax of eyes outside the measured views' hull is removed, where the asset has heights. Costs
+    /// four rays through the heights, and three texels in place of one.
     pub parallax: bool,
 }
 
@@ -41,7 +41,7 @@ impl Default for DecodeOptions {
     }
 }
 
-/// Added to both lobe sums before their ratio is taken (exact rule).
+/// Number added to both lobe sums before their ratio is taken (exact rule).
 pub const RATIO_EPSILON: f32 = 0.03;
-/// Range of that ratio.
+/// Range to which the ratio of the lobe sums is clamped (exact rule).
 pub const RATIO_RANGE: [f32; 2] = [0.3, 4.0];

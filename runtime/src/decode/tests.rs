@@ -17,7 +17,8 @@ fn options(interpolation: Interpolation) -> DecodeOptions {
     DecodeOptions { interpolation, ..DecodeOptions::default() }
 }
 
-/// The resident bases are half precision (2^-11 relative); everything else is f32 rounding.
+/// Returns whether two values agree within the rounding of the resident bases, which are half precision (2^-11
+/// relative), and of f32.
 fn close(a: [f32; 3], b: [f32; 3]) -> bool {
     (0..3).all(|c| (a[c] - b[c]).abs() <= 1e-3 + 1e-3 * a[c].abs())
 }
@@ -55,7 +56,7 @@ fn book_residual(layer: &Layer, texel: usize, view: u32, light: u32) -> [f64; 3]
     sum
 }
 
-/// FORMAT.md's decode rules, word by word, from the file form in double precision.
+/// Decodes a value by FORMAT.md's rules, word by word, from the file form in double precision.
 fn decode_by_the_book(asset: &Asset, texel: usize, wi: [f32; 3], wo: [f32; 3], rule: Interpolation) -> [f32; 3] {
     let layer = &asset.layers[0];
     let epsilon = f64::from(layer.epsilon);
@@ -180,8 +181,8 @@ fn all_decoders_agree_at_the_measured_directions() {
     }
 }
 
-/// Where `f` jumps while its argument goes from 0 to 90 degrees in steps of 0.1: a step's difference
-/// must shrink with the step, as it does for any continuous function.
+/// Returns where `f` jumps while its argument goes from 0 to 90 degrees in steps of 0.1, and by how much: the
+/// difference of a step must shrink with the step, as that of any continuous function does.
 fn jump(f: impl Fn(f64) -> [f32; 3]) -> Option<(f64, f32)> {
     let gap = |a: [f32; 3], b: [f32; 3]| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
     let mut before = f(0.0);

@@ -32,10 +32,10 @@ fn push_halves(bytes: &mut Vec<u8>, halves: &[f16]) {
     bytes.resize(bytes.len().next_multiple_of(4), 0);
 }
 
-/// The asset's bytes: what `btf-fit` writes to an `.spmm` file.
+/// Packs an asset into bytes, which `btf-fit` writes to an `.spmm` file.
 ///
-/// Sections that every tier needs come first, then the residual of all layers component by component,
-/// each of which ends a tier, then the levels, which end one together. Errors name the rule of FORMAT.md that the asset breaks.
+/// Sections that every tier needs come first; then the residual of all layers component by component, each of which
+/// ends a tier; then the levels, which end one tier together. Errors name the rule of FORMAT.md that the asset breaks.
 pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     check_head(asset)?;
     let mut sections = vec![SectionSource {
@@ -202,7 +202,7 @@ fn check_residual(residual: &Residual, layer: &Layer, texels: usize) -> Result<(
     Ok(())
 }
 
-/// What a level's texels have, clusters and lobe counts first, is whole and refers to what is there.
+/// Checks the arrays of a level with `texels` texels: they are complete, and refer to clusters and lobes that exist.
 fn check_texels(
     [clusters, lobe_counts]: [&[u8]; 2],
     lobe_refs: &[LobeRef],
@@ -240,7 +240,7 @@ fn check_level(level: &LevelTexels, layer: &Layer, texels: usize) -> Result<(), 
     check_texels(per_texel, &level.lobe_refs, level.heights.as_ref(), &layer.dictionary, texels)
 }
 
-/// A Level section; its stream has at least so many bytes as bound its numbers, see [`encode_refs`].
+/// Returns the bytes of a Level section. The stream is long enough to bound its numbers, see [`encode_refs`].
 fn level_bytes(level: &LevelTexels, width: usize) -> Vec<u8> {
     let step = level.heights.as_ref().map_or(0.0, |heights| heights.step);
     let head = bytes_from_words(&[level.codes.len() as u32, step.to_bits()]);
@@ -262,7 +262,7 @@ fn level_bytes(level: &LevelTexels, width: usize) -> Vec<u8> {
     }
 }
 
-/// Bytes that `code` writes.
+/// Returns the bytes that `code` writes.
 fn coded(code: impl FnOnce(&mut Encoder)) -> Vec<u8> {
     let mut coder = Encoder::new();
     code(&mut coder);

@@ -1,4 +1,4 @@
-//! Reads an [`Asset`] from bytes: what [`crate::pack`] writes.
+//! Reads an [`Asset`] from the bytes that [`crate::pack`] writes.
 
 use crate::asset::asset::{Asset, Layer, Level, LevelTexels, LobeRole, SurfaceSide, doubled_sides, level_sizes};
 use crate::asset::dictionary::{DictionaryLobe, LobeRef, refs_exist};
@@ -23,19 +23,19 @@ use crate::file::texel_coding::{code_clusters, code_counts, code_refs};
 use crate::rule;
 use crate::threads::{Threads, map, serial};
 
-/// Words of a layer section.
+/// Number of words of a Layer section.
 pub const LAYER_WORDS: usize = 8;
 
 impl Asset {
-    /// Checks and reads a whole asset or one of its documented prefixes (tiers).
+    /// Checks and reads a whole asset or one of its documented prefixes (tiers) on the calling thread.
     ///
-    /// Never panics. Allocates for coded numbers only what `bytes` can hold (1024 numbers a byte), and builds each
-    /// direction set's grid: of 64 x 64 cells at most.
+    /// Never panics. Allocates for coded numbers only what `bytes` can hold (1024 numbers a byte), and builds the grid
+    /// of each direction set: of 64 x 64 cells at most.
     pub fn parse(bytes: &[u8]) -> Result<Asset, FormatError> {
         Asset::parse_on(bytes, &serial)
     }
 
-    /// The same on `threads`.
+    /// Checks and reads an asset like [`Asset::parse`], on `threads`.
     pub fn parse_on(bytes: &[u8], threads: Threads) -> Result<Asset, FormatError> {
         let directory = read_directory_of::<Spmm>(bytes, threads)?;
         if directory.head.form != Form::File {
@@ -47,8 +47,8 @@ impl Asset {
     }
 }
 
-/// The asset in the file form whose directory is known, going on behind a fault with every section that can be read without
-/// those at fault. `None` where anything is at fault.
+/// Reads the asset in the file form with this directory, and continues after a fault with every section that does not
+/// depend on a faulty one. Returns `None` if there is any fault.
 pub(crate) fn examine_asset(
     bytes: &[u8],
     directory: &Directory<Head>,
@@ -88,7 +88,7 @@ fn side_from_word(word: u32) -> Option<SurfaceSide> {
     [SurfaceSide::Front, SurfaceSide::Back].into_iter().find(|side| *side as u32 == word)
 }
 
-/// What a Layer section says.
+/// The contents of a Layer section.
 struct Parameters {
     light_side: SurfaceSide,
     view_side: SurfaceSide,
@@ -122,7 +122,7 @@ fn read_parameters(mut reader: Reader) -> Result<Parameters, FormatError> {
     Ok(Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, clusters, components, has_residual })
 }
 
-/// A layer at the finest level; `None` where anything of it is at fault.
+/// Reads a layer at the finest level; `None` if anything of the layer is at fault.
 fn read_layer(
     sections: &Sections<Spmm>,
     layer: u32,
@@ -190,7 +190,7 @@ fn read_sphere(mut reader: Reader) -> Result<Sphere, FormatError> {
     Sphere::from_file_words(&words).or_else(|reason| reader.bad(reason))
 }
 
-/// Cluster ids below `clusters`, where that is known.
+/// Reads the cluster ids of the texels. They must be below `clusters`, where that is known.
 fn read_clusters(
     mut reader: Reader,
     texels: usize,
@@ -243,7 +243,7 @@ fn read_lobe_refs(
     if refs_exist(texel_clusters, lobe_counts, &refs, dictionary) { Ok(refs) } else { reader.bad(rule::NO_LOBE) }
 }
 
-/// Levels up to the first that a layer does not have; of layers at fault nothing is read.
+/// Reads the levels up to the first that a layer does not have. Nothing is read of layers at fault.
 fn read_levels(
     sections: &Sections<Spmm>,
     layers: &[Option<Layer>],
@@ -348,7 +348,8 @@ fn read_heights(mut reader: Reader, texels: usize, width: usize) -> Result<Heigh
     Ok(Heights { step, codes: reader.plane(texels, width)? })
 }
 
-/// `None` where the tier at hand ends before the residual's mean, or anything is at fault.
+/// Reads the residual of a layer; `None` where the tier at hand ends before the residual's mean, or anything is at
+/// fault.
 fn read_residual(
     sections: &Sections<Spmm>,
     layer: u32,
@@ -410,7 +411,8 @@ fn read_residual(
     Some(Residual { factors, shared: SharedBases { steps, values }, bases, coefficients })
 }
 
-/// Finds the sections of a residual's mean and components that are at hand: of each its basis, and of a component its coefficients.
+/// Finds the sections of a residual's mean and components that are at hand: the basis of each, and the coefficients of
+/// a component.
 fn components_at_hand<'a>(
     sections: &Sections<'a, Spmm>,
     layer: u32,

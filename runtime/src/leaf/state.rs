@@ -1,15 +1,16 @@
-//! The state of a leaf: what its tissue holds, how its surface shines, and how exactly it is evaluated.
+//! The state of a leaf: the contents of its tissue, the gloss of its surface, and the mode in which it is evaluated.
 
 use crate::leaf::error::LeafError;
 use btf_leaf_quantities::{Part, QUANTITIES, Quantity};
 
-/// How a leaf's body is evaluated. docs/TRADE.md has each one's error and time.
+/// The mode in which a leaf's body is evaluated. docs/TRADE.md has each one's error and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u32)]
 pub enum LeafMode {
-    /// One plate as printed: three wavelengths, theta in three pieces, eq. 6 with its misprints, thickness as a factor on
-    /// what is transmitted [Miao, eq. 5, 6 and 9]. Knows neither anthocyanins nor water. Not printed: the gloss, which is
-    /// the other modes' so that the bodies compare, its coupling, and the limit to the light that fell in.
+    /// One plate as printed: three wavelengths, theta in three pieces, eq. 6 with its misprints, thickness as a factor
+    /// on the transmitted light [Miao, eq. 5, 6 and 9]. The mode has neither anthocyanins nor water. Not printed: the
+    /// gloss, which is that of the other modes so that the bodies compare, its coupling, and the limit to the light
+    /// that entered.
     ThreePiece = 0,
     /// One exact plate at the paper's three wavelengths, theta by a rational form [Miao, eq. 3-5].
     Rational = 1,
@@ -22,7 +23,7 @@ impl LeafMode {
     /// All modes, by number.
     pub const ALL: [LeafMode; 3] = [LeafMode::ThreePiece, LeafMode::Rational, LeafMode::NLayers];
 
-    /// Its name: `three-piece`, `rational` or `n-layers`.
+    /// Returns the mode's name: `three-piece`, `rational` or `n-layers`.
     pub fn name(self) -> &'static str {
         match self {
             LeafMode::ThreePiece => "three-piece",
@@ -58,11 +59,11 @@ pub const LEAF_QUANTITIES: [LeafQuantity; QUANTITIES.len()] = {
     all
 };
 
-/// The state of a leaf. [`LeafState::check`] holds it to a leaf's ranges; whatever is finite beyond them is evaluated to
-/// finite values that make no light.
+/// The state of a leaf. [`LeafState::check`] holds it to the ranges of leaves; finite values beyond them are evaluated
+/// to finite values that create no light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafState {
-    /// How the body is evaluated.
+    /// Mode in which the body is evaluated.
     pub mode: LeafMode,
     /// Chlorophyll a + b in ug/cm2, 0 to 100.
     pub chlorophyll_ug_per_cm2: f32,
@@ -82,19 +83,19 @@ pub struct LeafState {
     pub gloss_index: f32,
     /// Roughness of the gloss along the veins (root of twice the facets' slope variance), 0.05 to 1.
     pub gamma_along: f32,
-    /// The same across the veins.
+    /// Roughness of the gloss across the veins (root of twice the facets' slope variance), 0.05 to 1.
     pub gamma_across: f32,
 }
 
 impl Default for LeafState {
-    /// A green leaf under its own gloss, evaluated over the spectrum.
+    /// Returns a green leaf under its own gloss, evaluated over the spectrum.
     fn default() -> LeafState {
         LeafState::from_values(LeafMode::default(), QUANTITIES.map(|quantity| quantity.default as f32))
     }
 }
 
 impl LeafState {
-    /// The quantities in the order of [`LEAF_QUANTITIES`].
+    /// Returns the quantities in the order of [`LEAF_QUANTITIES`].
     pub fn values(&self) -> [f32; QUANTITIES.len()] {
         [
             self.chlorophyll_ug_per_cm2,
@@ -110,7 +111,7 @@ impl LeafState {
         ]
     }
 
-    /// The state of `mode` with the quantities in the order of [`LEAF_QUANTITIES`].
+    /// Makes a state of `mode` from quantities in the order of [`LEAF_QUANTITIES`].
     pub fn from_values(mode: LeafMode, values: [f32; QUANTITIES.len()]) -> LeafState {
         let [
             chlorophyll_ug_per_cm2,
@@ -142,18 +143,18 @@ impl LeafState {
     /// Checks every quantity against the ranges of leaves.
     ///
     /// # Errors
-    /// [`LeafError::OutOfRange`] for the first beyond its range or not a number.
+    /// [`LeafError::OutOfRange`] for the first quantity that is beyond its range or not a number.
     pub fn check(&self) -> Result<(), LeafError> {
         refuse_beyond(self, |quantity| quantity.range)
     }
 
-    /// Refuses what cannot be evaluated: a value that is not finite.
+    /// Refuses a state that cannot be evaluated: one with a value that is not finite.
     pub(crate) fn check_finite(&self) -> Result<(), LeafError> {
         refuse_beyond(self, |_| [f32::MIN, f32::MAX])
     }
 
-    /// The same state within what can be evaluated: contents not negative, N at least 1, index and roughness in their
-    /// ranges.
+    /// Returns the nearest state that can be evaluated: contents not negative, N at least 1, index and roughness in
+    /// their ranges.
     pub(crate) fn evaluable(&self) -> LeafState {
         let mut values = self.values();
         for (value, quantity) in values.iter_mut().zip(LEAF_QUANTITIES) {
@@ -167,13 +168,13 @@ impl LeafState {
         LeafState::from_values(self.mode, values)
     }
 
-    /// Contents in the order of [`crate::LeafRow::absorption`].
+    /// Returns the contents in the order of [`crate::LeafRow::absorption`].
     pub(crate) fn contents(&self) -> [f32; 6] {
         [0, 1, 2, 3, 4, 5].map(|i| self.values()[i])
     }
 }
 
-/// Refuses the first quantity outside of `allowed`, or not a number, with its range of leaves.
+/// Refuses the first quantity that is outside of `allowed` or not a number. The error names the range of leaves.
 fn refuse_beyond(state: &LeafState, allowed: impl Fn(&LeafQuantity) -> [f32; 2]) -> Result<(), LeafError> {
     for (value, quantity) in state.values().into_iter().zip(&LEAF_QUANTITIES) {
         let [low, high] = allowed(quantity);

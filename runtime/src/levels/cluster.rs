@@ -5,31 +5,32 @@ use crate::numeric::algebra::gram_of;
 use crate::numeric::quantize::weight_from_byte;
 use crate::resident::expansion::Expansion;
 
-/// Where each cluster's lobes stand in the dictionary of the levels' own cluster: `[cluster][lobe]`.
+/// Number that each cluster's lobes have in the dictionary of the levels' own cluster, `[cluster][lobe]`; `None` for a
+/// lobe that the dictionary lacks.
 pub(super) type OwnLobes = Vec<Vec<Option<u8>>>;
 
-/// A cluster at the sampled pairs.
+/// A cluster evaluated at the sampled pairs.
 #[derive(Default)]
 pub(super) struct Cluster {
-    /// `[pair, rgb]`: the residual's mean.
+    /// Mean of the residual, `[pair, rgb]`.
     pub mean: Vec<f32>,
-    /// `[component][pair, rgb]`, for a code of 1.
+    /// Components for a code of 1, `[component][pair, rgb]`.
     pub components: Vec<Vec<f32>>,
     pub gram: Vec<f32>,
-    /// `[lobe][pair]`.
+    /// Values of the lobes, `[lobe][pair]`.
     pub lobes: Vec<Vec<f32>>,
-    /// The same times the pair's tone weight, and their products.
+    /// Values of the lobes times the tone weights of the pairs; their products with each other follow.
     pub toned: Vec<Vec<f32>>,
     pub toned_gram: Vec<f32>,
     pub scales: Vec<f32>,
 }
 
-/// A cluster that some of the covered texels have.
+/// A cluster from which a coarse texel may choose, because some of the covered texels have it.
 pub(super) struct Candidate {
     pub cluster: u8,
-    /// Those texels' share.
+    /// Share of the covered texels that have the cluster.
     pub share: f32,
-    /// Weights of the cluster's lobes: the sum over those texels, by share, and then their mean.
+    /// Weights of the cluster's lobes: the sum over its covered texels, by share; in the end their mean.
     pub weights: Vec<[f32; 3]>,
 }
 
@@ -48,7 +49,8 @@ impl Candidate {
     }
 }
 
-/// The bases of a cluster at the sampled pairs, which ascend: `[basis][pair, rgb]`, the mean and the components for a code of 1.
+/// Expands the bases of a cluster at the sampled pairs, which must ascend: `[basis][pair, rgb]`, the mean and the
+/// components for a code of 1.
 pub(super) fn bases_at(
     expansion: &Expansion,
     bases: usize,

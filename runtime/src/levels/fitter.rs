@@ -13,41 +13,42 @@ use crate::numeric::vector::dot_slices;
 use crate::resident::expansion::Expansion;
 use crate::threads::{Threads, map};
 
-/// Measured pairs at which a level is fitted, at most; evenly chosen. Three numbers each, against at most 128 unknowns: with half as
-/// many pairs leather's levels are 1.2 to 2.1 dB worse, with half as many more 0.5 to 1.3 dB better and take 1.6 times as long.
+/// Largest number of measured pairs at which a level is fitted, chosen evenly. They give three numbers each, against at
+/// most 128 unknowns: with half as many pairs leather's levels are 1.2 to 2.1 dB worse, with half as many more 0.5 to
+/// 1.3 dB better and take 1.6 times as long.
 const MAX_PAIRS: usize = 768;
-/// Added to a value whose tone weighs the lobes' errors, as the fitter does.
+/// Number added to a value before its tone weighs the errors of the lobes, as in `btf-fit`.
 const TONE_FLOOR: f32 = 0.02;
-/// Sweeps of coordinate descent over lobes.
+/// Number of sweeps of coordinate descent over lobes.
 const LOBE_SWEEPS: usize = 40;
-/// Sweeps of coordinate descent over coefficients, which are nearly orthogonal.
+/// Number of sweeps of coordinate descent over coefficients, which are nearly orthogonal.
 const COEFFICIENT_SWEEPS: usize = 8;
 /// Largest code of a coefficient.
 pub(super) const MAX_CODE: f32 = 127.0;
 
-/// One texel of a level in the making.
+/// A fitted texel of a level.
 #[derive(Debug, Clone)]
 pub(super) struct MipTexel {
     /// Linear values at the sampled pairs, `[pair, rgb]`; empty when no coarser level needs them any more.
     pub mean: Vec<f32>,
     pub cluster: u8,
     pub lobe_refs: Vec<LobeRef>,
-    /// Coefficient codes.
+    /// Codes of the coefficients.
     pub codes: Vec<i8>,
 }
 
-/// A layer at the sampled pairs.
+/// A layer prepared for fitting: its clusters evaluated at the sampled pairs.
 pub(super) struct Fitter<'a> {
     pub layer: &'a Layer,
     pub first_refs: Vec<usize>,
     /// Weight of each pair's errors where lobes are fitted: the slope of the root curve.
     pub tones: Vec<f32>,
     pub clusters: Vec<Cluster>,
-    /// Lobes of the texel that has most.
+    /// Largest number of lobes that a texel has.
     pub most_lobes: usize,
     pub samples: usize,
     pub pairs: Vec<usize>,
-    /// Of the levels' own cluster, the last one, once it has its bases.
+    /// Lobes of the levels' own cluster, which is the last one; `None` until it has its bases.
     pub own: Option<OwnLobes>,
 }
 
@@ -94,8 +95,7 @@ impl<'a> Fitter<'a> {
         fitter
     }
 
-    /// Weighs every pair by the slope of the root curve at the mean of some texels, so that highlights do not outweigh
-    /// everything.
+    /// Weighs every pair by the slope of the root curve at the mean of some texels, so that highlights do not dominate.
     fn weigh_tones(&mut self) {
         let texels = self.layer.texel_clusters.len();
         let some = texels.min(256);
@@ -113,19 +113,19 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    /// What the lobes leave of encoded values.
+    /// Subtracts the lobes from encoded values.
     pub(super) fn left_by_lobes(&self, cluster: &Cluster, refs: &[LobeRef], encoded: &[f32]) -> Vec<f32> {
         let mut left = self.encoded_lobes(cluster, refs);
         left.iter_mut().zip(encoded).for_each(|(left, x)| *left = x - *left);
         left
     }
 
-    /// Whether lobes are part of the value, and do not only guide.
+    /// Returns whether lobes are part of the value, and do not only guide.
     pub(super) fn lobes_count(&self) -> bool {
         self.layer.lobe_role == LobeRole::Base || self.layer.residual.is_none()
     }
 
-    /// What the lobes are in the residual's curve, `[pair, rgb]`.
+    /// Encodes the lobes in the residual's curve, `[pair, rgb]`.
     fn encoded_lobes(&self, cluster: &Cluster, refs: &[LobeRef]) -> Vec<f32> {
         let mut sum = vec![0.0; self.samples];
         if self.lobes_count() {
@@ -140,7 +140,7 @@ impl<'a> Fitter<'a> {
         &self.layer.lobe_refs[first..first + usize::from(self.layer.texel_lobe_counts[texel])]
     }
 
-    /// Linear values of a texel of the finest level.
+    /// Decodes a texel of the finest level to linear values.
     pub(super) fn decoded(&self, texel: usize) -> Vec<f32> {
         let layer = self.layer;
         let cluster = &self.clusters[usize::from(layer.texel_clusters[texel])];
@@ -160,7 +160,7 @@ impl<'a> Fitter<'a> {
         values
     }
 
-    /// Weights of a cluster's lobes nearest to the values, RGB.
+    /// Returns the weights of a cluster's lobes that approximate the values best, RGB.
     pub(super) fn nearest_weights(&self, cluster: &Cluster, values: &[f32]) -> Vec<[f32; 3]> {
         let count = cluster.lobes.len();
         let products: [Vec<f32>; 3] = [0, 1, 2].map(|channel| {
@@ -182,7 +182,8 @@ impl<'a> Fitter<'a> {
         weights
     }
 
-    /// Numbers of the lobes that count most, as many as a texel of the finest level may have; all where none has a weight.
+    /// Returns the numbers of the most important lobes, as many as a texel of the finest level may have; all lobes
+    /// where none has a weight.
     fn most_important(&self, cluster: &Cluster, weights: &[[f32; 3]]) -> Vec<usize> {
         let count = weights.len();
         let importance =
@@ -195,7 +196,7 @@ impl<'a> Fitter<'a> {
         order
     }
 
-    /// The most important lobes first, quantised.
+    /// Quantises the most important lobes, the most important first.
     pub(super) fn refs_of(&self, cluster: &Cluster, weights: &[[f32; 3]]) -> Vec<LobeRef> {
         let refs = self.most_important(cluster, weights).into_iter().map(|i| LobeRef {
             lobe: i as u8,
@@ -204,9 +205,9 @@ impl<'a> Fitter<'a> {
         refs.filter(|reference| reference.weight != [0; 3]).collect()
     }
 
-    /// The cluster among `candidates` that comes nearest to the values, with its lobes and coefficients. Lobes that only
-    /// guide are the mean of the covered texels' lobes in that cluster; others those, or the nearest to the values, whichever
-    /// the residual follows better.
+    /// Fits a texel: chooses the cluster among `candidates` that approximates the values best, with its lobes and
+    /// coefficients. Lobes that only guide are the mean of the covered texels' lobes in that cluster; others are those,
+    /// or the nearest to the values, whichever the residual follows better.
     pub(super) fn fit(&self, mean: Vec<f32>, candidates: &[Candidate]) -> MipTexel {
         let mut encoded = mean.clone();
         self.layer.residual_kind.encode_slice(&mut encoded, self.layer.epsilon);

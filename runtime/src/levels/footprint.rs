@@ -1,14 +1,15 @@
-//! Which cells of a finer grid a coarser one covers, and which of many are sampled.
+//! Footprints of coarse cells on a finer grid, and the choice of samples.
 
-/// Number `i` of `count` of 0 to `all`, one from each of as many equal parts, anywhere in it: evenly chosen ones would walk in
-/// step with the rows that they are numbered by.
+/// Returns sample `i` of `count` from the numbers 0 to `all`: one from each of as many equal parts, at a hashed place
+/// in it. Evenly spaced samples would be in step with the rows of a grid.
 pub(super) fn spread(i: usize, count: usize, all: usize) -> usize {
     // Knuth's multiplicative hash, its upper bits.
     let part = ((i as u32).wrapping_mul(0x9e37_79b1) ^ 0x5bd1_e995).wrapping_mul(0x85eb_ca6b) >> 8;
     if count == all { i } else { (i * all + ((part as usize * all) >> 24)) / count }
 }
 
-/// Cells of a line of `finer` that cell `index` of `count` covers, with their shares, which sum up to 1.
+/// Returns the cells of a line of `finer` cells that cell `index` of `count` covers, with their shares, which sum up to
+/// 1.
 pub(super) fn footprint(index: usize, count: usize, finer: usize) -> Vec<(usize, f32)> {
     // In cells of the finer line times `count`, so that everything is whole.
     let (begin, end) = (index * finer, (index + 1) * finer);

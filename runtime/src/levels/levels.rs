@@ -1,12 +1,13 @@
-//! Coarser levels of an asset, each half as wide and high as the one before, for pictures that show several texels in a
-//! pixel.
+//! Makes the coarser levels of an asset (a mip chain), each half as wide and high as the one before, for pictures in
+//! which a pixel covers several texels.
 //!
-//! A coarse texel shows the mean of the linear values of the texels that it covers, whatever their clusters. This mean is
-//! decoded at a sample of the measured pairs and fitted as a texel of one cluster: lobes' weights, then the residual's
-//! coefficients by least squares on the cluster's bases. The cluster is one of those of the covered texels or one that all
-//! levels have together, whose bases are the principal ones of a sample of coarse texels, mixed from the layer's shared
-//! bases: what lies between two clusters is foreign to both. Levels share directions, dictionaries and bases; what a level
-//! adds is its texels. Each level's means come from the finest level's values, so that errors do not add up.
+//! A coarse texel shows the mean of the linear values of the texels that it covers, whatever their clusters. This mean
+//! is decoded at a sample of the measured pairs and fitted as a texel of one cluster: lobes' weights, then the
+//! residual's coefficients by least squares on the cluster's bases. The cluster is one of those of the covered texels,
+//! or one that all levels share, whose bases are the principal ones of a sample of coarse texels, mixed from the
+//! layer's shared bases: a mean of texels of two clusters fits neither of the two. Levels share directions,
+//! dictionaries and bases; each level adds only its texels. The means of each level come from the values of the finest
+//! level, so that errors do not add up.
 
 use crate::asset::asset::{Asset, Level, LevelTexels, level_sizes};
 use crate::asset::dictionary::LobeRef;
@@ -17,15 +18,16 @@ use crate::levels::footprint::footprint;
 use crate::levels::own_cluster::make_room;
 use crate::threads::{Threads, map};
 
-/// A level does without its last components as long as all that they add has less than this root mean square, in the
-/// residual's curve: 56 dB below white for the root curve.
+/// Largest root mean square of the last components that a level leaves out, in the residual's curve: 56 dB below white
+/// for the root curve.
 const MIN_RMS: f64 = 1.5e-3;
 
-/// `asset` with its coarser levels, from half its width and height down to one texel; as it is if it has levels. Each layer with
-/// a residual gets one more cluster, which the levels use, if the format has room for it.
+/// Adds the coarser levels to an asset, from half its width and height down to one texel. An asset with levels is
+/// returned as it is. Each layer with a residual gets one more cluster, which the levels use, if the format has room
+/// for it.
 ///
-/// Cost: the expansion of all bases; then each texel is decoded at up to 768 pairs, and each coarse texel projected onto
-/// the bases of a few clusters: about 1.2 MFLOP a texel with 60 components.
+/// Cost: the expansion of all bases; then each texel is decoded at up to 768 pairs, and each coarse texel projected
+/// onto the bases of a few clusters: about 1.2 MFLOP a texel with 60 components.
 pub fn with_levels(asset: &Asset, threads: Threads) -> Asset {
     let mut wider = asset.clone();
     let finest = [asset.width, asset.height];
@@ -58,7 +60,8 @@ pub fn with_levels(asset: &Asset, threads: Threads) -> Asset {
 }
 
 impl Fitter<'_> {
-    /// Texel `index` of a grid of `size` over the grid `finer`, which is the finest level where `texels` is `None`.
+    /// Makes texel `index` of a grid of `size` from the grid `finer`, which is the finest level where `texels` is
+    /// `None`.
     fn texel(&self, index: usize, size: [usize; 2], finer: [usize; 2], texels: Option<&[MipTexel]>) -> MipTexel {
         let columns = footprint(index % size[0], size[0], finer[0]);
         let rows = footprint(index / size[0], size[1], finer[1]);
@@ -110,8 +113,8 @@ impl Fitter<'_> {
         self.fit(mean, &candidates)
     }
 
-    /// The texels of all levels. Rows of the first level are made in order, and rows of the others as soon as they can,
-    /// so that the values of a few rows of each level are in memory.
+    /// Makes the texels of all levels. Rows of the first level are made in order, and rows of the others as soon as
+    /// they can be, so that only a few rows of each level have their values in memory.
     fn grids(&self, finest: [usize; 2], sizes: &[[usize; 2]], threads: Threads) -> Vec<Vec<MipTexel>> {
         let mut grids: Vec<Vec<MipTexel>> = vec![Vec::new(); sizes.len()];
         for _ in 0..sizes.first().map_or(0, |size| size[1]) {
@@ -144,7 +147,7 @@ impl Fitter<'_> {
         grids
     }
 
-    /// Components that a level's texels cannot do without.
+    /// Returns the number of components that a level's texels need.
     fn components_of(&self, texels: &[MipTexel]) -> usize {
         let count = texels.first().map_or(0, |texel| texel.codes.len());
         let mut energies = vec![0.0f64; count];
@@ -179,7 +182,7 @@ impl Fitter<'_> {
     }
 }
 
-/// Mean heights of the covered texels, in the level's texel widths.
+/// Averages the heights of the covered texels, in the level's texel widths.
 fn coarser_heights(heights: &Heights, finest: [usize; 2], size: [usize; 2]) -> Heights {
     let codes = (0..size[0] * size[1]).map(|texel| {
         let mut mean = 0.0;

@@ -1,4 +1,5 @@
-//! The cluster that all coarser levels have together: what lies between two clusters of the finest level is foreign to both.
+//! The cluster that all coarser levels share: a mean of texels of two clusters of the finest level fits neither of the
+//! two.
 
 use crate::asset::asset::Layer;
 use crate::asset::limits::{MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, basis_words};
@@ -11,22 +12,22 @@ use crate::numeric::vector::dot_slices;
 use crate::resident::expansion::Expansion;
 use crate::threads::{Threads, map};
 
-/// Lobes in the dictionary of the levels' own cluster.
+/// Number of lobes in the dictionary of the levels' own cluster.
 const OWN_LOBES: usize = 32;
-/// Squares from which that cluster's bases are made, how many and of which side, texels: of the first and second level, and
-/// of coarse ones, in whose means differences are lost that finer ones have.
+/// Squares of texels from which the bases of the levels' own cluster are made: (number, side in texels). The first two
+/// are of the first and second level; the coarse ones follow, whose means lack the differences that finer ones have.
 const OWN_SAMPLES: [(usize, usize); 4] = [(640, 2), (256, 4), (128, 16), (64, 64)];
-/// Texels of such a square that are averaged, along a side.
+/// Number of texels along a side of such a square that are averaged.
 const SQUARE_TEXELS: usize = 6;
-/// Coefficients may go beyond those of the sample by this factor.
+/// Factor by which coefficients may exceed those of the sample.
 const OWN_RANGE: f32 = 1.3;
 /// Largest code of a mixture.
 const MAX_MIXTURE_CODE: f32 = 32_000.0;
-/// Added to the diagonal of the shared bases' products, relative to its mean.
+/// Ridge added to the diagonal of the shared bases' products, relative to the mean of the diagonal.
 const RIDGE: f32 = 1e-4;
 
-/// Adds a cluster to a layer, with the lobes that its texels use most and bases of 0; `None` if the format has no room for
-/// one more.
+/// Adds a cluster to a layer, with the lobes that its texels use most and bases of 0; `None` if the format has no room
+/// for another cluster.
 pub(super) fn make_room(layer: &mut Layer) -> Option<OwnLobes> {
     let clusters = layer.dictionary.len();
     let residual = layer.residual.as_mut()?;
@@ -75,7 +76,7 @@ fn write_mixture(residual: &mut Residual, index: usize, mixture: &[f32]) {
 }
 
 impl Fitter<'_> {
-    /// Mean of the linear values of a square of `side` x `side` texels of the finest level, or of some of them.
+    /// Averages the linear values of a square of `side` x `side` texels of the finest level, or of a sample of them.
     fn square(&self, index: usize, size: [usize; 2], side: usize) -> Vec<f32> {
         let across = size[0].div_ceil(side);
         let [column, row] = [index % across * side, index / across * side];
@@ -93,8 +94,8 @@ impl Fitter<'_> {
         mean
     }
 
-    /// The residual whose last cluster's mean and components are the principal bases of coarse texels, as mixtures of shared
-    /// bases.
+    /// Returns the residual with the bases of its last cluster: mean and components are the principal bases of coarse
+    /// texels, as mixtures of shared bases.
     pub(super) fn with_own_cluster(&self, mut residual: Residual, size: [usize; 2], threads: Threads) -> Residual {
         let own = &self.clusters[self.clusters.len() - 1];
         let shared = map(threads, residual.shared.steps.len(), |basis| {
@@ -140,7 +141,7 @@ impl Fitter<'_> {
         residual
     }
 
-    /// From now on texels may be of the own cluster, whose bases `residual` has.
+    /// Lets texels choose the levels' own cluster from now on; `residual` has its bases.
     pub(super) fn take_own_cluster(&mut self, lobes: OwnLobes, residual: &Residual) {
         let last = self.clusters.len() - 1;
         let (expansion, lights) = (Expansion::new(residual), self.layer.lights.len());

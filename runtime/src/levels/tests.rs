@@ -17,7 +17,7 @@ fn levels_of(asset: &Asset) -> (Resident, Vec<Asset>) {
     (Resident::from_asset(&wider), (1..=wider.levels.len()).map(|number| wider.level(number)).collect())
 }
 
-/// An asset whose residual seldom makes a value negative, which no decoder shows.
+/// Returns an asset whose residual seldom makes a value negative, which decoders clamp.
 fn tame_asset(seed: u64, width: usize, height: usize, kind: ResidualKind, role: LobeRole) -> Asset {
     let mut asset = sample_asset(seed, width, height, kind);
     let layer = &mut asset.layers[0];
@@ -27,7 +27,8 @@ fn tame_asset(seed: u64, width: usize, height: usize, kind: ResidualKind, role: 
     asset
 }
 
-/// Mean squared error, root domain, of a level's texels against the mean of what they cover at measured pairs.
+/// Returns the mean squared error, in the root domain, of a level's texels against the mean of the covered texels at
+/// measured pairs.
 fn error_of(resident: &Resident, asset: &Asset, level: u32, texel_of: impl Fn(usize) -> (u32, u32)) -> f64 {
     let options = DecodeOptions { parallax: false, ..DecodeOptions::default() };
     let layer = &asset.layers[0];

@@ -1,12 +1,12 @@
-//! Small dense algebra, for the levels of an asset. Matrices are square and row-major.
+//! Small dense linear algebra for the levels of an asset. Matrices are square and row-major.
 
 use crate::numeric::vector::dot_slices;
 
-/// Orthogonal iterations that find principal directions.
+/// Number of orthogonal iterations that find principal directions.
 const ITERATIONS: usize = 12;
 
-/// Minimises `x'Gx / 2 - p'x` by coordinate descent over `x`, each step of which `allowed(sweep, i, x_i)` may change.
-/// With `2 p'x - x'Gx`, by which `x` lessens a sum of squares.
+/// Minimises `x'Gx / 2 - p'x` by coordinate descent over `x`, with `G` in `gram` and `p` in `products`. `allowed(sweep,
+/// i, x_i)` may change each step. Returns `x`, and `2 p'x - x'Gx`: by how much `x` reduces a sum of squares.
 pub(crate) fn descend(
     gram: &[f32],
     products: &[f32],
@@ -34,7 +34,7 @@ pub(crate) fn descend(
     (x, gain)
 }
 
-/// `[i, j]`: products of the rows among themselves.
+/// Returns the products of the rows with each other: `[i, j]`.
 pub(crate) fn gram_of(rows: &[Vec<f32>]) -> Vec<f32> {
     let count = rows.len();
     let mut gram = vec![0.0; count * count];
@@ -48,7 +48,8 @@ pub(crate) fn gram_of(rows: &[Vec<f32>]) -> Vec<f32> {
     gram
 }
 
-/// Lower triangle `[i, j]` of the factor of a positive matrix; `None` if it is not.
+/// Returns the lower triangle `[i, j]` of the Cholesky factor of a matrix with `count` rows; `None` if the matrix is
+/// not positive definite.
 pub(crate) fn cholesky(matrix: &[f32], count: usize) -> Option<Vec<f32>> {
     let mut factor = vec![0.0f32; count * count];
     for i in 0..count {
@@ -64,7 +65,7 @@ pub(crate) fn cholesky(matrix: &[f32], count: usize) -> Option<Vec<f32>> {
     Some(factor)
 }
 
-/// `x` with `L L' x = products`.
+/// Solves `L L' x = products` for `x`; `factor` is `L` of [`cholesky`].
 pub(crate) fn solve(factor: &[f32], products: Vec<f32>) -> Vec<f32> {
     let (mut x, count) = (products, factor.len().isqrt());
     for i in 0..count {
@@ -79,7 +80,8 @@ pub(crate) fn solve(factor: &[f32], products: Vec<f32>) -> Vec<f32> {
     x
 }
 
-/// At most `count` orthonormal directions of largest variance of centred points, the largest first, by orthogonal iteration.
+/// Returns at most `count` orthonormal directions of largest variance of centred points, the largest first, by
+/// orthogonal iteration.
 pub(crate) fn principal(points: &[Vec<f32>], count: usize) -> Vec<Vec<f32>> {
     let length = points.first().map_or(0, Vec::len);
     let count = count.min(length).min(points.len());

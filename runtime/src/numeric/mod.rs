@@ -1,4 +1,4 @@
-//! Numbers: small dense algebra, powers in vectors, encodings.
+//! Numbers: small dense algebra, powers with SIMD, encodings, vectors.
 
 pub(crate) mod algebra;
 pub(crate) mod power;

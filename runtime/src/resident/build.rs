@@ -14,7 +14,7 @@ use crate::threads::{Threads, fill, serial};
 use half::f16;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 
-/// Largest half-precision number: what a basis is clamped to, because infinity times a zero weight is NaN.
+/// Largest half-precision number. Bases are clamped to it, because infinity times a zero weight is NaN.
 const MAX_HALF: f32 = 65504.0;
 
 impl Resident {
@@ -23,15 +23,17 @@ impl Resident {
         Resident::from_asset_on(asset, &serial)
     }
 
-    /// The same on `threads`. Cost: that of [`Resident::without_bases`] and [`Resident::expand_bases`].
+    /// Expands an asset like [`Resident::from_asset`], on `threads`. Cost: that of [`Resident::without_bases`] and
+    /// [`Resident::expand_bases`].
     pub fn from_asset_on(asset: &Asset, threads: Threads) -> Resident {
         let mut resident = Resident::without_bases(asset);
         resident.expand_bases(asset, threads);
         resident
     }
 
-    /// The same with zeros where the bases belong ([`Resident::bases_of`]), for who expands them elsewhere: nobody has
-    /// written these, so that a system that gives memory page by page gives none for them. Cost: a pass over the other words.
+    /// Lays out an asset with zeros in place of the bases ([`Resident::bases_of`]), for callers who expand them
+    /// elsewhere. The zeros are never written, so that a system that commits memory page by page commits none for them.
+    /// Cost: a pass over the other words.
     pub fn without_bases(asset: &Asset) -> Resident {
         let mut words = vec![0u32; ASSET_WORDS];
         words[0] = asset.width as u32;
@@ -72,9 +74,10 @@ impl Resident {
         resident
     }
 
-    /// Fills in the bases of the asset that this was made from. Cost: with B bases of K clusters, V views, L lights, ranks rv
-    /// and rl and E entries of the shared cores that are not 0, `B K (E + V rl (rv + L))` multiply-adds a channel, in vectors;
-    /// then one pass over the words.
+    /// Expands the bases of `asset`, of which this must be made, on `threads`.
+    ///
+    /// Cost: with B bases of K clusters, V views, L lights, ranks rv and rl and E entries of the shared cores that are
+    /// not 0, `B K (E + V rl (rv + L))` multiply-adds a channel, with SIMD; then one pass over the words.
     pub fn expand_bases(&mut self, asset: &Asset, threads: Threads) {
         let places: Vec<_> = (0..asset.layers.len()).map(|layer| self.bases_of(layer as u32)).collect();
         let words = self.own_words();
@@ -94,8 +97,8 @@ impl Resident {
         }
     }
 
-    /// Puts `edits` in place of those at hand, at all levels. `layers` are those of the asset that this was made from.
-    /// Cost: a word a texel, and the edits' lobes.
+    /// Replaces the edits at all levels. `layers` must be those of the asset of which this is made. Cost: a word a
+    /// texel, and the edits' lobes.
     pub fn set_edits(&mut self, edits: &Edits, layers: &[Layer]) {
         let finest = [self.width() as usize, self.height() as usize];
         let words = self.own_words();
@@ -126,12 +129,12 @@ impl Resident {
     }
 }
 
-/// Fills up with zeros to where a part may begin.
+/// Pads the words with zeros to where a part may begin.
 fn begin_part(words: &mut Vec<u32>) {
     words.resize(words.len().next_multiple_of(PART_WORDS), 0);
 }
 
-/// The block of a layer at the finest level, its direction sets and dictionaries.
+/// Appends the block of a layer at the finest level, its direction sets and dictionaries.
 fn push_layer(words: &mut Vec<u32>, layer: &Layer) {
     let base = words.len();
     words.resize(base + LAYER_BLOCK_WORDS, 0);
@@ -187,7 +190,7 @@ impl<'a> Texels<'a> {
     }
 }
 
-/// What a level's texels have, behind the words at hand; `base` is its layer block, which has all else.
+/// Appends the texels of a level. `base` is the level's layer block, which has all else.
 fn push_texels(words: &mut Vec<u32>, base: usize, texels: &Texels) {
     let set = |words: &mut Vec<u32>, field: usize, value: u32| words[base + field] = value;
     set(words, block::WIDTH, texels.size[0] as u32);
@@ -240,7 +243,7 @@ fn push_texels(words: &mut Vec<u32>, base: usize, texels: &Texels) {
     begin_part(words);
 }
 
-/// The words with room for each layer's bases behind them.
+/// Returns the words with room for each layer's bases behind them.
 fn with_room_for_bases(head: Vec<u32>, asset: &Asset) -> Vec<u32> {
     let mut total = head.len();
     let mut firsts = Vec::new();
@@ -264,7 +267,7 @@ fn with_room_for_bases(head: Vec<u32>, asset: &Asset) -> Vec<u32> {
     words
 }
 
-/// Words of one cluster's bases.
+/// Returns the number of words of one cluster's bases.
 fn cluster_words(residual: &Residual) -> usize {
     residual.factors.shape.iter().product::<usize>() * 3 * residual.bases.len().div_ceil(2)
 }

@@ -3,33 +3,33 @@
 
 use crate::asset::limits::{MAX_LAYERS, MAX_LEVELS};
 
-/// Asset words: width, height, layers, total words, levels, words without the edits (0 if none were ever made), two zeros;
-/// then the offset of each layer's block, level by level.
+/// Number of words before the offsets of the layers' blocks: width, height, layers, total words, levels, words without
+/// the edits (0 if none were ever made), two zeros. The offsets follow level by level.
 pub const ASSET_LAYERS: usize = 8;
-/// Words before the first layer block.
+/// Number of words before the first layer block.
 pub const ASSET_WORDS: usize = (ASSET_LAYERS + MAX_LAYERS * MAX_LEVELS).next_multiple_of(PART_WORDS);
-/// Words of a layer block.
+/// Number of words of a layer block.
 pub const LAYER_BLOCK_WORDS: usize = 32;
-/// Blocks and parts begin at multiples of this many words, 256 bytes: where a GPU lets a binding begin.
+/// Unit of the places of blocks and parts in words: 256 bytes, where a GPU lets a binding begin.
 pub const PART_WORDS: usize = 64;
 
-/// Words of a layer block, by name.
+/// Positions of the words of a layer block.
 pub mod block {
     /// Side of the light.
     pub const LIGHT_SIDE: usize = 0;
     /// Side of the eye.
     pub const VIEW_SIDE: usize = 1;
-    /// Residual kind.
+    /// Kind of the residual's curve, see [`crate::ResidualKind`].
     pub const RESIDUAL_KIND: usize = 2;
-    /// The curve's epsilon (f32).
+    /// Epsilon of the residual's curve (f32).
     pub const EPSILON: usize = 3;
-    /// Basis count: 0 without residual, else 1 + components.
+    /// Number of bases: 0 without residual, else 1 + components.
     pub const BASES: usize = 4;
-    /// Words per pair and channel: `ceil(bases / 2)`.
+    /// Number of words of a pair and channel: `ceil(bases / 2)`.
     pub const CHANNEL_WORDS: usize = 5;
-    /// Offset of the light set.
+    /// Offset of the set of light directions.
     pub const LIGHTS: usize = 6;
-    /// Offset of the view set.
+    /// Offset of the set of view directions.
     pub const VIEWS: usize = 7;
     /// Offset of the texel records.
     pub const RECORDS: usize = 8;
@@ -41,15 +41,15 @@ pub mod block {
     pub const BASIS: usize = 11;
     /// Offset of the coefficient codes.
     pub const CODES: usize = 12;
-    /// Words of a texel's codes.
+    /// Number of words of a texel's codes.
     pub const CODE_WORDS: usize = 13;
     /// Number of lights.
     pub const LIGHT_COUNT: usize = 14;
-    /// Pairs, views times lights.
+    /// Number of pairs: views times lights.
     pub const PAIRS: usize = 15;
     /// Cosine below which the light fades to the horizon (f32).
     pub const HORIZON: usize = 16;
-    /// What the lobes are to the residual, see [`crate::LobeRole`].
+    /// Role of the lobes besides the residual, see [`crate::LobeRole`].
     pub const LOBE_ROLE: usize = 17;
     /// Offset of the height codes, 0 without heights.
     pub const HEIGHTS: usize = 18;
@@ -61,7 +61,7 @@ pub mod block {
     pub const MAX_HEIGHT: usize = 21;
     /// Texels per row of the level.
     pub const WIDTH: usize = 22;
-    /// Rows of the level.
+    /// Number of rows of the level.
     pub const ROWS: usize = 23;
     /// Offset of the list of edits, 0 without edits.
     pub const EDITS: usize = 24;
@@ -73,7 +73,8 @@ pub mod block {
     pub const EDIT_COUNT: usize = 27;
 }
 
-/// The light fades to 0 below this cosine (84 degrees), or below the set's own least cosine.
+/// Cosine below which the light fades to 0 at the horizon (84 degrees), or the least cosine of the set's directions if
+/// that is lower.
 pub const HORIZON_COS: f32 = 0.1;
 /// Least cosine at which the fade starts, so that no decoder divides by a denormal.
 pub(crate) const MIN_HORIZON_COS: f32 = 1e-6;

@@ -1,4 +1,5 @@
-//! The resident form: the words that decoders on every side read, built from the file form or checked as they come.
+//! The resident form: the words that decoders in every language read, built from the file form or checked after
+//! loading.
 
 pub(crate) mod build;
 pub(crate) mod check;

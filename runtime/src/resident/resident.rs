@@ -1,8 +1,6 @@
-//! The resident form: one array of words that the GPU binds and the CPU decoder reads. Made at load from the file form, with
-//! the bases of each cluster expanded to half precision, or mapped from a file of its own ([`crate::ResidentFile`]).
-//!
-//! All offsets are in words, relative to the asset's first word, so that several assets share one
-//! buffer. Twin of the offsets: `shaders/texel.wgsl`.
+//! The resident form: one array of words that the GPU binds and the CPU decoder reads. It is built at load from the
+//! file form, with the bases of each cluster expanded to half precision, or mapped from a file of its own
+//! ([`crate::ResidentFile`]).
 
 use crate::asset::asset::SurfaceSide;
 use crate::asset::sphere::direction;
@@ -10,18 +8,18 @@ use crate::resident::layout::{ASSET_LAYERS, LAYER_BLOCK_WORDS, block, level_size
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Bytes that someone else keeps, such as a mapped file.
+/// Bytes that the caller keeps, such as a mapped file.
 pub type ResidentBytes = Arc<dyn AsRef<[u8]> + Send + Sync>;
 
-/// Where the words lie.
+/// The storage of the words.
 #[derive(Clone)]
 enum Words {
     Own(Vec<u32>),
-    /// At these bytes, which begin and end at whole words.
+    /// Range of these bytes; it begins and ends at whole words.
     Shared(ResidentBytes, Range<usize>),
 }
 
-/// An asset ready to bind.
+/// An asset in the resident form, ready to bind.
 #[derive(Clone)]
 pub struct Resident {
     words: Words,
@@ -41,7 +39,7 @@ impl std::fmt::Debug for Resident {
 }
 
 impl Resident {
-    /// Takes words that were laid out by [`crate::Resident::from_asset`]'s rules.
+    /// Takes words that are laid out as [`Resident::from_asset`] does it.
     pub(crate) fn from_own_words(words: Vec<u32>) -> Resident {
         Resident { words: Words::Own(words) }
     }
@@ -57,7 +55,7 @@ impl Resident {
         }
     }
 
-    /// Where the bases of `layer` lie, cluster after cluster; empty without a residual.
+    /// Returns the range of words of the bases of `layer`, cluster after cluster; empty without a residual.
     pub fn bases_of(&self, layer: u32) -> Range<usize> {
         let count = |field: usize| self.field(layer, field) as usize;
         if count(block::BASES) == 0 {
@@ -67,7 +65,7 @@ impl Resident {
         first..first + count(block::CLUSTERS) * count(block::PAIRS) * 3 * count(block::CHANNEL_WORDS)
     }
 
-    /// Ranges of words that [`Resident::set_edits`] changes.
+    /// Returns the ranges of words that [`Resident::set_edits`] changes.
     pub fn edited_ranges(&self) -> Vec<Range<usize>> {
         let words = self.words();
         let blocks = (0..(words[4] * words[2]) as usize).map(|number| words[ASSET_LAYERS + number] as usize);
@@ -81,7 +79,7 @@ impl Resident {
         ranges
     }
 
-    /// The array that a storage buffer holds.
+    /// Returns the words, which a storage buffer holds as they are.
     pub fn words(&self) -> &[u32] {
         match &self.words {
             Words::Own(words) => words,
@@ -90,7 +88,7 @@ impl Resident {
         }
     }
 
-    /// The words that lie at `place` of `bytes`, copied only where they do not lie at whole words.
+    /// Uses the words at `place` of `bytes`; they are copied only where they are not aligned to whole words.
     pub(crate) fn from_bytes(bytes: ResidentBytes, place: Range<usize>) -> Resident {
         let there = &(*bytes).as_ref()[place.clone()];
         let words = match bytemuck::try_cast_slice::<u8, u32>(there) {
@@ -100,43 +98,43 @@ impl Resident {
         Resident { words }
     }
 
-    /// Texels per row.
+    /// Returns the number of texels in a row of the finest level.
     pub fn width(&self) -> u32 {
         self.words()[0]
     }
 
-    /// Rows.
+    /// Returns the number of rows of the finest level.
     pub fn height(&self) -> u32 {
         self.words()[1]
     }
 
-    /// Layers.
+    /// Returns the number of layers.
     pub fn layers(&self) -> u32 {
         self.words()[2]
     }
 
-    /// Levels, the finest included.
+    /// Returns the number of levels, the finest included.
     pub fn levels(&self) -> u32 {
         self.words()[4]
     }
 
-    /// A word of the block of `layer` at a level: `level * layers + layer`.
+    /// Returns a word of the block of `layer` at a level: `level * layers + layer`.
     fn field(&self, layer: u32, field: usize) -> u32 {
         let words = self.words();
         words[words[ASSET_LAYERS + layer as usize] as usize + field]
     }
 
-    /// Components of the residual of `layer`, as [`Resident::layer_for_sides`] numbers it.
+    /// Returns the number of components of the residual of `layer`, as [`Resident::layer_for_sides`] numbers it.
     pub fn components(&self, layer: u32) -> u32 {
         self.field(layer, block::BASES).saturating_sub(1)
     }
 
-    /// Residual components of the layer that has most.
+    /// Returns the largest number of residual components that a layer has.
     pub fn most_components(&self) -> u32 {
         (0..self.layers()).map(|layer| self.components(layer)).max().unwrap_or(0)
     }
 
-    /// Lobes of the texel of the finest level that has most. Cost: a pass over the texels.
+    /// Returns the largest number of lobes that a texel of the finest level has. Cost: a pass over the texels.
     pub fn most_lobes(&self) -> u32 {
         let words = self.words();
         let of_layer = |layer: u32| {
@@ -156,12 +154,14 @@ impl Resident {
         })
     }
 
-    /// The measured lights of `layer`, numbered like that: unit vectors in the layer's frame, z above 0.
+    /// Returns the measured light directions of `layer`, as [`Resident::layer_for_sides`] numbers it: unit vectors in
+    /// the layer's frame, z above 0.
     pub fn lights(&self, layer: u32) -> Vec<[f32; 3]> {
         self.directions(layer, block::LIGHTS)
     }
 
-    /// The measured views of `layer`, likewise.
+    /// Returns the measured view directions of `layer`, as [`Resident::layer_for_sides`] numbers it: unit vectors in
+    /// the layer's frame, z above 0.
     pub fn views(&self, layer: u32) -> Vec<[f32; 3]> {
         self.directions(layer, block::VIEWS)
     }
@@ -171,13 +171,14 @@ impl Resident {
         (0..words[at]).map(|id| direction(words, at, id)).collect()
     }
 
-    /// Columns and rows of `layer`, numbered like that.
+    /// Returns columns and rows of `layer`, as [`Resident::layer_for_sides`] numbers it.
     pub fn size(&self, layer: u32) -> [u32; 2] {
         let words = self.words();
         level_size(words, words[ASSET_LAYERS + layer as usize] as usize).map(|side| side as u32)
     }
 
-    /// Texel of `layer` nearest to a texture coordinate; u to the right, v up, both wrap. Twin: `btf_texel`.
+    /// Returns the texel of `layer` nearest to a texture coordinate; u to the right, v up, both wrap. Twin:
+    /// `btf_texel`.
     pub fn texel(&self, layer: u32, uv: [f32; 2]) -> u32 {
         let [width, rows] = self.size(layer);
         let wrap = |x: f32| x - x.floor();

@@ -11,7 +11,7 @@ use crate::numeric::quantize::word_from_halves;
 use std::collections::BTreeMap;
 
 impl Voltex {
-    /// Lays a volume out.
+    /// Lays out a volume for decoders.
     pub fn new(volume: &Volume) -> Voltex {
         let level_count = volume.level_count();
         let mut words = vec![0; HEADER_WORDS];
@@ -42,10 +42,10 @@ impl Voltex {
     }
 }
 
-/// A cell's microflakes, of one sort or of two.
+/// The microflakes of a cell, of one sort or of two.
 type Microflakes<'a> = (&'a Voxel, Option<&'a Voxel>);
 
-/// Nodes and the words of their voxels, layer by layer from the root.
+/// Builds the tree: nodes and the words of their voxels, layer by layer from the root.
 fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
     let levels: Vec<BTreeMap<[u32; 3], Microflakes>> = volume.levels.iter().map(microflakes_by_place).collect();
     let (mut nodes, mut voxels) = (Vec::new(), Vec::new());
@@ -103,7 +103,7 @@ fn tree_of<'a>(volume: &'a Volume) -> (Vec<Node>, Vec<u32>) {
 /// A voxel without microflakes.
 const NOTHING: Voxel = Voxel { extinction: Sym3([0.0; 6]), moment: Sym3([0.0; 6]), material: 0 };
 
-/// A level's voxels with the second sort of microflakes in their cells.
+/// Returns a level's voxels by place, with the second sort of microflakes in their cells.
 fn microflakes_by_place(level: &VolumeLevel) -> BTreeMap<[u32; 3], Microflakes<'_>> {
     let mut others = level.others.iter().peekable();
     let voxels = level.voxels.iter().enumerate();

@@ -1,24 +1,28 @@
-//! The SGGX correction of fourth degree: what the ellipsoids of a level's voxels do not tell of how its normals are spread.
+//! The SGGX correction of fourth degree for the specular lobe: how the normals of a level are spread beyond what the
+//! ellipsoids of its voxels represent.
 
 use crate::numeric::vector::dot;
 
-/// Least squared length of the sum of two directions that has one of its own.
+/// Least squared length of a half vector: opposite directions have none.
 pub const MIN_HALF2: f32 = 1e-10;
 
-/// Coefficients of [`Facets`]: those of an even polynomial of fourth degree on the sphere.
+/// Number of coefficients of [`Facets`]: those of an even polynomial of fourth degree on the sphere.
 pub const FACETS: usize = 15;
-/// Largest of them.
+/// Largest coefficient.
 pub const MAX_FACETS: f32 = 64.0;
 /// Largest logarithm of the factor on a density of facets.
 pub const MAX_DENSER: f32 = 4.0;
 
-/// How much denser than the ellipsoids of its voxels say the facets of a level lie about a direction: the exponential of a form
-/// of fourth degree. Coefficients of x^4, y^4, z^4; x^2 y^2, x^2 z^2, y^2 z^2; x^2 (xy, xz, yz), y^2 (xy, xz, yz), z^2 (xy, xz, yz).
+/// The SGGX correction of fourth degree of a level: the factor on the density of facets about a direction, relative to
+/// the ellipsoids of the voxels, is the exponential of a form of fourth degree.
+///
+/// The coefficients are those of x^4, y^4, z^4; x^2 y^2, x^2 z^2, y^2 z^2; x^2 (xy, xz, yz), y^2 (xy, xz, yz), z^2 (xy,
+/// xz, yz).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Facets(pub [f32; FACETS]);
 
 impl Facets {
-    /// What each coefficient counts for along a unit vector.
+    /// Returns the monomial that each coefficient multiplies, for a unit vector.
     pub fn terms([x, y, z]: [f32; 3]) -> [f32; FACETS] {
         let ([a, b, c], [xy, xz, yz]) = ([x * x, y * y, z * z], [x * y, x * z, y * z]);
         let of_square = |s: f32| [s * xy, s * xz, s * yz];
@@ -26,7 +30,7 @@ impl Facets {
         [a * a, b * b, c * c, a * b, a * c, b * c, d, e, f, g, h, i, j, k, l]
     }
 
-    /// The factor on the density of facets along `half`, of any length.
+    /// Returns the factor on the density of facets along `half`, of any length.
     pub fn denser(&self, half: [f32; 3]) -> f32 {
         let scale = dot(half, half).max(MIN_HALF2).sqrt().recip();
         let terms = Facets::terms(half.map(|x| x * scale));

@@ -1,9 +1,11 @@
-//! Light that smooth surfaces of a voxel's microflakes send to the eye. Twin: `shaders/voltex_gloss.wgsl`.
+//! The specular lobe of a voxel's microflakes: light that their smooth surfaces reflect to the eye.
+//! Twin: `voltex/gloss.wgsl`.
 //!
-//! Facets are spread as microflakes whose ellipsoid is S, each of them tilted as GGX tilts those of a surface [Walter et al. 2007]:
-//! S + alpha^2 (tr(S) I - S), which is GGX's own ellipsoid for one microflake and a sphere for microflakes of all directions
-//! [after Heitz et al. 2015]. What ellipsoids, of second degree, do not know of leaves that are all inclined alike, a form of
-//! fourth degree tells for all voxels of a level: [`Facets`].
+//! Facets are spread as microflakes whose ellipsoid is S, each of them tilted as GGX tilts those of a surface [Walter
+//! et al. 2007]: S + alpha^2 (tr(S) I - S), which is GGX's own ellipsoid for one microflake and a sphere for
+//! microflakes of all directions [after Heitz et al. 2015]. Ellipsoids, of second degree, cannot represent leaves that
+//! are all inclined alike; a correction of fourth degree does, for all voxels of a level:
+//! [`Facets`](super::facets::Facets).
 
 use super::facets::MIN_HALF2;
 use super::matrix::Sym3;
@@ -11,17 +13,21 @@ use super::shade::MIN_ROOT;
 use crate::leaf::lobe::fresnel;
 use crate::numeric::vector::dot;
 
-/// Least roughness that is told apart, GGX alpha: of less single precision makes no ellipsoid.
+/// Least roughness, GGX alpha: a smaller one gives no ellipsoid in single precision.
 pub const MIN_ROUGHNESS: f32 = 0.1;
-/// Least share of amplitude that is not reflected: what reflects all light has an index of tens of thousands.
+/// Least share of the amplitude that is not reflected: a surface that reflects all light has an index of tens of
+/// thousands.
 pub const MIN_REFRACTED: f32 = 1e-4;
 
-/// For light from `l`, seen from `v` (unit vectors away from the microflakes): the sum over the microflakes' smooth surfaces of
-/// `pi a F D G / 4`, which stands beside `reflectance` times [`shade`](super::shade)'s sums. `specular` is the reflectance at normal
-/// incidence, from air into what has no absorption; `roughness` GGX's alpha.
+/// Returns the specular lobe for light from `l`, seen from `v` (unit vectors away from the microflakes): the sum over
+/// the microflakes' smooth surfaces of `pi a F D G / 4`, to be added to `reflectance` times the first sum of
+/// [`shade`](super::shade). `specular` is the reflectance at normal incidence, from air into a medium without
+/// absorption; `roughness` is GGX's alpha.
 ///
-/// Exact for one microflake on the side of the light; on the other it shows facets that a surface has not, and to eyes along it microflakes
-/// send up to an eighth more than they stop. Of many, what lies between their normals is filled; that is what [`Facets`] are for.
+/// Exact for one microflake on the side of the light. On the other side it shows facets that a surface does not have,
+/// and to eyes along it microflakes send up to an eighth more light than they stop. For many microflakes the gaps
+/// between their normals are filled, which [`Facets`](super::facets::Facets) correct.
+///
 /// Twin: `voltex_gloss`.
 pub fn gloss(extinction: &Sym3, specular: f32, roughness: f32, v: [f32; 3], l: [f32; 3]) -> f32 {
     let trace = extinction.trace();
@@ -56,7 +62,7 @@ mod tests {
     use crate::testing::{Random, sphere_direction};
     use std::f32::consts::PI;
 
-    /// `pi D G / 4` of one microflake of area 1, by GGX's own formulas.
+    /// Returns `pi D G / 4` of one microflake of area 1, by GGX's own formulas.
     fn of_microflake(n: [f32; 3], alpha: f32, v: [f32; 3], l: [f32; 3]) -> f32 {
         let side = dot(n, v).signum();
         let n = n.map(|x| x * side);
@@ -116,7 +122,8 @@ mod tests {
         assert!(gloss(&Sym3::outer(v, 1.0), 1.0, 0.0, v, v).is_finite());
     }
 
-    /// Mean over lights from all sides of what white facets send on, of what they stop.
+    /// Returns the mean over lights from all sides of the light that white facets send on, relative to the light they
+    /// stop.
     fn furnace(s: &Sym3, alpha: f32, v: [f32; 3]) -> f64 {
         const RINGS: usize = 300;
         let mut sum = 0.0;

@@ -1,9 +1,10 @@
-//! Volumetric textures: volumes of microflakes that replace a plant's geometry where its leaves are small in the picture
-//! [Neyret 1996], with what is known today.
+//! Volumetric textures: volumes of microflakes that replace a plant's geometry where its leaves are small in the
+//! picture [Neyret 1996].
 //!
-//! Texture space is the unit cube. A voxel holds the microflakes in it as two matrices: the extinction matrix S, whose
-//! `sqrt(d' S d)` is their area projected along d per volume [Heitz 2015], and the moment N = sum of `a n n'`, by which
-//! light is reflected in closed form. Both are looked up at levels, each half as fine as the one before.
+//! Texture space is the unit cube. A voxel holds its microflakes as two matrices: the extinction matrix S, whose
+//! `sqrt(d' S d)` is their area projected along d per volume (the microflake matrix of SGGX [Heitz 2015]), and the
+//! moment N = sum of `a n n'`, by which light is reflected in closed form. Both are looked up at levels, each half as
+//! fine as the one before.
 //!
 //! A volume is stored as a `.voltex` file, docs/VOLTEX.md.
 //!

@@ -4,7 +4,7 @@ const VOLTEX_NODE_WORDS: u32 = 4u;
 const VOLTEX_NO_VOXEL: u32 = 0xffffffffu;
 
 struct VoltexNode {
-    // Which of the 64 cells are not empty, in Morton order.
+    // Bits of the 64 cells in Morton order: 1 for a cell that is not empty.
     mask: vec2<u32>,
     first_voxel: u32,
     first_child: u32,
@@ -18,7 +18,7 @@ fn voltex_has_coarse(node: VoltexNode, coarse: u32) -> bool {
     return ((select(node.mask.y, node.mask.x, coarse < 4u) >> (8u * (coarse & 3u))) & 255u) != 0u;
 }
 
-// How many of the cells before `cell`, at most 63, are not empty.
+// Returns how many of the cells before `cell`, at most 63, are not empty.
 fn voltex_rank(node: VoltexNode, cell: u32) -> u32 {
     let below = (1u << (cell & 31u)) - 1u;
     if cell < 32u {
@@ -27,26 +27,26 @@ fn voltex_rank(node: VoltexNode, cell: u32) -> u32 {
     return countOneBits(node.mask.x) + countOneBits(node.mask.y & below);
 }
 
-// How many of the coarser cells before `coarse` are not empty; 8 for all.
+// Returns how many of the coarser cells before `coarse` are not empty; 8 for all.
 fn voltex_coarse_rank(node: VoltexNode, coarse: u32) -> u32 {
-    // The lowest bit of each byte: whether any of its bits is set.
+    // Sets the lowest bit of each byte that is not 0.
     let pairs = node.mask | (node.mask >> vec2<u32>(1u));
     let fours = pairs | (pairs >> vec2<u32>(2u));
     let bytes = (fours | (fours >> vec2<u32>(4u))) & vec2<u32>(0x01010101u);
-    // Two shifts, because one of 32 is none.
+    // Shifts twice, because a shift by 32 does nothing.
     let half = 4u * min(vec2<u32>(coarse, max(coarse, 4u) - 4u), vec2<u32>(4u));
     let below = bytes & ~((vec2<u32>(0xffffffffu) << half) << half);
     return countOneBits(below.x) + countOneBits(below.y);
 }
 
-// Number of layers of nodes.
+// Returns the number of layers of nodes.
 fn voltex_node_depth(level_count: u32) -> u32 {
     return level_count / 2u + 1u;
 }
 
-// Number of the cell with these coordinates, 0 to 3.
+// Returns the number of the cell with these coordinates, 0 to 3.
 fn voltex_cell_number(q: vec3<u32>) -> u32 {
-    // A coordinate's two bits spread to every third.
+    // Spreads the two bits of a coordinate to every third.
     let spread = (q & vec3<u32>(1u)) | ((q & vec3<u32>(2u)) << vec3<u32>(2u));
     return spread.x | (spread.y << 1u) | (spread.z << 2u);
 }

@@ -1,22 +1,23 @@
-//! The tree of voxels: each node covers 4 x 4 x 4 cells of an even level and has their voxels and those of the 2 x 2 x 2
-//! cells of the odd level above. Twin: `shaders/voltex_tree.wgsl`.
+//! Lookup in the tree of voxels. Each node covers 4 x 4 x 4 cells of an even level and has their voxels and those of
+//! the 2 x 2 x 2 cells of the odd level above. Twin: `voltex/tree.wgsl`.
 
 use super::node::{NO_VOXEL, cell_number, node_depth};
 use super::words::Voltex;
 
-/// A cell that a point is in, at a level or, where it is empty there, at the coarsest at which it is.
+/// The cell around a point: at the level asked for or, where that is empty, at the coarsest level at which the cell is
+/// empty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cell {
-    /// Binary logarithm of its side in finest voxels.
+    /// Binary logarithm of the cell's side in finest voxels.
     pub size: u32,
-    /// Its voxel, or [`NO_VOXEL`].
+    /// Number of the cell's voxel, or [`NO_VOXEL`].
     pub voxel: u32,
-    /// The voxel of the cell twice as large around it, or [`NO_VOXEL`].
+    /// Number of the voxel of the cell twice as large around it, or [`NO_VOXEL`].
     pub parent: u32,
 }
 
 impl Voltex {
-    /// The cell at `level` around the finest voxel `q`. Twin: `voltex_cell`.
+    /// Returns the cell at `level` around the finest voxel `q`. Twin: `voltex_cell`.
     pub fn cell(&self, q: [u32; 3], level: u32) -> Cell {
         let target = level / 2;
         let mut node = self.node(0);
@@ -49,7 +50,7 @@ impl Voltex {
         }
     }
 
-    /// Numbers of the voxels of a level, in ascending order of [`super::volume::order`].
+    /// Returns the numbers of the voxels of a level, in ascending order of [`super::volume::order`].
     pub fn numbers_at(&self, level: u32) -> Vec<u32> {
         let mut layer = vec![0u32];
         for _ in 0..node_depth(self.level_count()) - 1 - level / 2 {
@@ -75,7 +76,7 @@ mod tests {
     use crate::voltex::{Volume, Voxel};
     use std::collections::BTreeMap;
 
-    /// The first cell of which `voltex` says another thing than `volume`, and how many were right.
+    /// Returns how many cells of `voltex` are those of `volume`, or the first that is not.
     fn first_wrong(volume: &Volume, voltex: &Voltex, random: &mut Random) -> Result<usize, String> {
         let count = volume.level_count();
         let levels: Vec<BTreeMap<[u32; 3], &Voxel>> =

@@ -1,16 +1,17 @@
-// The tree of voxels: which voxel is where. Twin: voltex/tree.rs, which has the layout.
+// Lookup in the tree of voxels. Twin: voltex/tree.rs, which has the layout.
 
-// A cell that a point is in, at a level or, where it is empty there, at the coarsest at which it is.
+// The cell around a point: at the level asked for or, where that is empty, at the coarsest level at which the cell is
+// empty.
 struct VoltexCell {
-    // Binary logarithm of its side in finest voxels.
+    // Binary logarithm of the cell's side in finest voxels.
     size: u32,
-    // Its voxel, or VOLTEX_NO_VOXEL.
+    // Number of the cell's voxel, or VOLTEX_NO_VOXEL.
     voxel: u32,
-    // The voxel of the cell twice as large around it, or VOLTEX_NO_VOXEL.
+    // Number of the voxel of the cell twice as large around it, or VOLTEX_NO_VOXEL.
     parent: u32,
 }
 
-// The cell at `level`, at most the coarsest, around the finest voxel `q`.
+// Returns the cell at `level`, at most the coarsest, around the finest voxel `q`.
 fn voltex_cell(base: u32, q: vec3<u32>, level: u32) -> VoltexCell {
     let last = level / 2u;
     var number = 0u;

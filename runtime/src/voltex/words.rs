@@ -1,5 +1,5 @@
-//! A volume's words, as decoders bind them: a header, then materials, levels, nodes and voxels. Twin:
-//! `shaders/voltex_words.wgsl`.
+//! The words of a volume, as decoders bind them: a header, then materials, levels, nodes and voxels.
+//! Twin: `voltex/words.wgsl`.
 
 use super::facets::{FACETS, Facets};
 use super::matrix::Sym3;
@@ -9,92 +9,93 @@ use super::voxel::{OTHER_AT, VOXEL_WORDS, Voxel};
 use crate::numeric::quantize::half_at;
 use crate::numeric::vector::dot;
 
-/// Words of the header.
+/// Number of words of the header.
 pub const HEADER_WORDS: usize = 16;
-/// Header word: binary logarithm of the finest level's voxels a side.
+/// Header word: binary logarithm of the number of the finest level's voxels a side.
 pub const LEVEL_COUNT_AT: usize = 0;
-/// Header word: where the nodes begin.
+/// Header word: first word of the nodes.
 pub const NODES_AT: usize = 1;
-/// Header word: where the voxels begin.
+/// Header word: first word of the voxels.
 pub const VOXELS_AT: usize = 2;
-/// Header word: where the materials begin.
+/// Header word: first word of the materials.
 pub const MATERIALS_AT: usize = 3;
-/// Header word: where the levels' numbers begin, finest first.
+/// Header word: first word of the levels' numbers, finest first.
 pub const LEVELS_AT: usize = 4;
 /// Header word: bit 0 cyclic in x, bit 1 in y.
 pub const FLAGS_AT: usize = 5;
-/// Header words: three numbers, the part of the unit cube that is used.
+/// Header words: three numbers, the used part of the unit cube.
 pub const EXTENT_AT: usize = 6;
-/// Header word: metres per side of the unit cube.
+/// Header word: side of the unit cube in metres.
 pub const SIDE_AT: usize = 9;
-/// Words of a material: eight halves.
+/// Number of words of a material: eight halves.
 pub const MATERIAL_WORDS: usize = 4;
-/// First word of a level's clumping, behind its shadows: offset, then shares.
+/// First word of a level's clumping, counted from the level's first; before it stand its shadows: offset, then shares.
 pub const CLUMPING_AT: usize = 1 + HOTSPOT_DEG.len();
-/// First word of a level's facets, behind its clumping.
+/// First word of a level's SGGX correction of fourth degree, counted from the level's first.
 pub const FACETS_AT: usize = CLUMPING_AT + 6;
-/// Words of a level's numbers.
+/// Number of words of a level.
 pub const LEVEL_WORDS: usize = FACETS_AT + FACETS;
 
-/// A volume made ready for decoders.
+/// A volume ready for decoders.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Voltex {
     words: Vec<u32>,
 }
 
 impl Voltex {
-    /// Takes words that were laid out by [`Voltex::new`].
+    /// Takes words that are laid out as [`Voltex::new`] does it.
     pub(super) fn from_words(words: Vec<u32>) -> Voltex {
         Voltex { words }
     }
 
-    /// The words.
+    /// Returns the words, which a renderer copies to its buffer.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
 
-    /// Side of a voxel of a level, sides of the unit cube.
+    /// Returns the side of a voxel of a level, in sides of the unit cube.
     pub fn voxel_side(&self, level: u32) -> f32 {
         (1u32 << level) as f32 / (1u32 << self.level_count()) as f32
     }
 
-    /// Binary logarithm of the finest level's voxels a side. Twin: `voltex_level_count`.
+    /// Returns the binary logarithm of the number of the finest level's voxels a side. Twin: `voltex_level_count`.
     pub fn level_count(&self) -> u32 {
         self.words[LEVEL_COUNT_AT]
     }
 
-    /// Whether what leaves at one end in x, and in y, comes in at the other. Twin: `voltex_cyclic`.
+    /// Returns whether rays that leave at one end in x, and in y, come in at the other. Twin: `voltex_cyclic`.
     pub fn cyclic(&self) -> [bool; 2] {
         [0, 1].map(|axis| self.words[FLAGS_AT] >> axis & 1 == 1)
     }
 
-    /// The part of the unit cube that is used. Twin: `voltex_extent`.
+    /// Returns the used part of the unit cube. Twin: `voltex_extent`.
     pub fn extent(&self) -> [f32; 3] {
         std::array::from_fn(|axis| f32::from_bits(self.words[EXTENT_AT + axis]))
     }
 
-    /// Metres per side of the unit cube. Twin: `voltex_side_m`.
+    /// Returns the side of the unit cube in metres. Twin: `voltex_side_m`.
     pub fn side_m(&self) -> f32 {
         f32::from_bits(self.words[SIDE_AT])
     }
 
-    /// A node by its number. Twin: `voltex_node`.
+    /// Returns a node by its number. Twin: `voltex_node`.
     pub(super) fn node(&self, number: u32) -> Node {
         let at = self.words[NODES_AT] as usize + number as usize * NODE_WORDS;
         bytemuck::pod_read_unaligned(bytemuck::cast_slice(&self.words[at..at + NODE_WORDS]))
     }
 
-    /// A voxel by its number. Twin: `voltex_voxel`.
+    /// Returns a voxel by its number. Twin: `voltex_voxel`.
     pub fn voxel(&self, number: u32) -> Voxel {
         Voxel::at(&self.words, self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS)
     }
 
-    /// Number of the voxel with the second sort of microflakes in the cell of another, or [`NO_VOXEL`]. Twin: `voltex_other`.
+    /// Returns the number of the voxel with the second sort of microflakes in the cell of another voxel, or
+    /// [`NO_VOXEL`]. Twin: `voltex_other`.
     pub fn other(&self, number: u32) -> u32 {
         self.words[self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS + OTHER_AT]
     }
 
-    /// The microflakes of a cell by its voxel's number: of one sort or of two. Of [`NO_VOXEL`] none.
+    /// Returns the microflakes of a cell by its voxel's number, of one sort or of two; none for [`NO_VOXEL`].
     pub fn microflakes(&self, number: u32) -> impl Iterator<Item = (u32, Voxel)> {
         let is_there = |number: &u32| *number != NO_VOXEL;
         let numbers = std::iter::successors(Some(number).filter(is_there), move |number| {
@@ -103,24 +104,24 @@ impl Voltex {
         numbers.map(|number| (number, self.voxel(number)))
     }
 
-    /// Optical depth per length of all microflakes of a cell along d, which need not be unit, before the level's clumping.
-    /// Twin: `voltex_extinction_along`.
+    /// Returns the optical depth per length of all microflakes of a cell along d, which need not be unit, before the
+    /// level's clumping. Twin: `voltex_extinction_along`.
     pub fn extinction_along(&self, number: u32, d: [f32; 3]) -> f32 {
         self.microflakes(number).map(|(_, voxel)| voxel.extinction_along(d)).sum()
     }
 
-    /// Puts other microflakes in the place of some.
+    /// Replaces the microflakes of a voxel.
     pub fn set_voxel(&mut self, number: u32, voxel: &Voxel) {
         let at = self.words[VOXELS_AT] as usize + number as usize * VOXEL_WORDS;
         self.words[at..at + OTHER_AT].copy_from_slice(&voxel.words());
     }
 
-    /// How many voxels all levels have, those of the second sort among them.
+    /// Returns the number of voxels of all levels, those of the second sort included.
     pub fn voxel_count(&self) -> usize {
         (self.words.len() - self.words[VOXELS_AT] as usize) / VOXEL_WORDS
     }
 
-    /// What microflakes of a material are made of. Twin: `voltex_material`.
+    /// Returns a material by its number. Twin: `voltex_material`.
     pub fn material(&self, number: u32) -> MicroflakeMaterial {
         let at = self.words[MATERIALS_AT] as usize + number as usize * MATERIAL_WORDS;
         let half = |i: usize| half_at(self.words[at + i / 2], i as u32 % 2);
@@ -132,52 +133,52 @@ impl Voltex {
         }
     }
 
-    /// Where a level's numbers begin.
+    /// Returns the first word of a level.
     fn level_at(&self, level: u32) -> usize {
         self.words[LEVELS_AT] as usize + level as usize * LEVEL_WORDS
     }
 
-    /// How a level's shadows fall. Twin: `voltex_shadow`, where their words begin.
+    /// Returns the shadows of a level. Twin: `voltex_shadow`, which returns their first word.
     pub fn shadow(&self, level: u32) -> LevelShadow {
         let at = self.level_at(level);
         let number = |i: usize| f32::from_bits(self.words[at + i]);
         LevelShadow { offset: number(0), shared: std::array::from_fn(|i| number(1 + i)) }
     }
 
-    /// Replaces them.
+    /// Replaces the shadows of a level.
     pub fn set_shadow(&mut self, level: u32, shadow: &LevelShadow) {
         let at = self.level_at(level);
         self.words[at] = shadow.offset.to_bits();
         (0..HOTSPOT_DEG.len()).for_each(|i| self.words[at + 1 + i] = shadow.shared[i].to_bits());
     }
 
-    /// A level's clumping.
+    /// Returns the clumping of a level.
     pub fn clumping(&self, level: u32) -> Sym3 {
         let at = self.level_at(level) + CLUMPING_AT;
         Sym3(std::array::from_fn(|i| f32::from_bits(self.words[at + i])))
     }
 
-    /// Replaces it.
+    /// Replaces the clumping of a level.
     pub fn set_clumping(&mut self, level: u32, clumping: &Sym3) {
         let at = self.level_at(level) + CLUMPING_AT;
         (0..6).for_each(|i| self.words[at + i] = clumping.0[i].to_bits());
     }
 
-    /// What depths along d, of any length, are multiplied by for a level's clumping; for levels beyond the coarsest by that one's.
-    /// Twin: `voltex_clumping_along`.
+    /// Returns the factor on optical depths along d, of any length, for a level's clumping; a level beyond the coarsest
+    /// has the coarsest's. Twin: `voltex_clumping_along`.
     pub fn clumping_along(&self, level: u32, d: [f32; 3]) -> f32 {
         let level = level.min(self.level_count());
         (self.clumping(level).form(d, d) / dot(d, d).max(1e-30)).exp()
     }
 
-    /// How a level's facets are spread, beyond what ellipsoids know.
+    /// Returns the SGGX correction of fourth degree of a level.
     pub fn facets(&self, level: u32) -> Facets {
         let at = self.level_at(level) + FACETS_AT;
         Facets(std::array::from_fn(|i| f32::from_bits(self.words[at + i])))
     }
 
-    /// What the gloss of a level's microflakes is multiplied by, of which facets along `half` are seen; for levels beyond the coarsest by
-    /// that one's. Twin: `voltex_facets_along`.
+    /// Returns the factor on the specular lobe of a level's microflakes for facets along `half`, of any length; a level
+    /// beyond the coarsest has the coarsest's. Twin: `voltex_facets_along`.
     pub fn facets_along(&self, level: u32, half: [f32; 3]) -> f32 {
         self.facets(level.min(self.level_count())).denser(half)
     }

@@ -16,13 +16,13 @@ fn close(a: f32, b: f32) -> bool {
     (a - b).abs() <= 1e-3 * a.max(b) + 1e-6
 }
 
-/// `pi * BRDF`: the value without the light's cosine.
+/// Returns `pi * BRDF`: the value without the light's cosine.
 fn brdf(setup: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> f32 {
     setup.eval(wi, wo) / dot(setup.normal, wi)
 }
 
-/// Share of a white sky that reaches the eye: `1 / pi` of the value's integral over all lights,
-/// by the midpoint rule on half-degree by degree cells.
+/// Returns the share of a white sky that reaches the eye: `1 / pi` of the value's integral over all lights, by the
+/// midpoint rule on half-degree by degree cells.
 fn albedo(setup: &LobeSetup, wo: [f32; 3]) -> f64 {
     let (rows, columns) = (180, 360);
     let (step_theta, step_phi) = (90.0 / f64::from(rows), 360.0 / f64::from(columns));
