@@ -10,6 +10,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("sphere.wgsl", include_str!("asset/sphere.wgsl")),
     ("lobe.wgsl", include_str!("asset/lobe.wgsl")),
     ("residual.wgsl", include_str!("asset/residual.wgsl")),
+    ("layout.wgsl", include_str!("resident/layout.wgsl")),
     ("parallax.wgsl", include_str!("decode/parallax.wgsl")),
     ("texel.wgsl", include_str!("decode/texel.wgsl")),
     ("viewed_texel.wgsl", include_str!("decode/viewed_texel.wgsl")),

@@ -1,5 +1,5 @@
-//! The WGSL library beside its Rust twin: it parses and validates with nothing beyond core WGSL, its
-//! constants are the twin's, and the twin files hold the same functions in the same order.
+//! Compares the WGSL library with its Rust twin: it parses and validates with nothing beyond core WGSL, every constant
+//! has a twin or a stated exception, and the twin files hold the same functions in the same order.
 
 #[path = "wgsl/twins.rs"]
 mod twins;
@@ -12,7 +12,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module};
 use twins::Constants;
 
-/// The least that an includer adds: the binding and an entry point.
+/// The least code that an includer adds: the binding and an entry point.
 const INCLUDER: &str = "
 @group(0) @binding(0) var<storage, read> words: array<u32>;
 @group(0) @binding(1) var<storage, read_write> result: array<vec4<f32>>;
@@ -31,7 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// All that the library needs. `unpack2x16float` is core WGSL; naga counts it as a capability of its own
+/// Capabilities that the library needs. `unpack2x16float` is core WGSL; naga counts it as a capability of its own
 /// because some OpenGL drivers, and Mesa's software Vulkan without 16-bit floats, lack it.
 const CAPABILITIES: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
 
@@ -43,7 +43,7 @@ fn module_from(source: &str, capabilities: Capabilities) -> Result<Module, Strin
     Ok(module)
 }
 
-/// The library, the functions of leaves and of volumes behind it, and the includer.
+/// Returns the library, the functions of leaves and of volumes behind it, and the includer.
 fn text() -> String {
     [&wgsl_library(), &leaf_wgsl(), &voltex_wgsl(), INCLUDER].map(|part| part as &str).join("\n")
 }
@@ -80,8 +80,8 @@ fn the_library_binds_nothing_and_has_no_entry_points() {
     }
 }
 
-/// Every constant of the module by name. A constant of another form than a literal or a vector of literals is a panic, so that
-/// none escapes the comparison.
+/// Returns every constant of the module by name. A constant of another form than a literal or a vector of literals is a
+/// panic, so that none escapes the comparison.
 fn constants(module: &Module) -> Constants {
     let number = |expression| match module.global_expressions[expression] {
         Expression::Literal(Literal::U32(value)) => f64::from(value),
@@ -98,13 +98,14 @@ fn constants(module: &Module) -> Constants {
     named.map(|(name, init)| (name, numbers(init))).collect()
 }
 
-/// Names of the constants that a text declares. naga leaves out those without a type that nothing uses.
+/// Returns the names of the constants that a text declares. naga leaves out those without a type that nothing uses.
 fn declared_constants(text: &str) -> Vec<&str> {
     let after = text.lines().filter_map(|line| line.strip_prefix("const "));
     after.map(|rest| rest.split([':', ' ', '=']).next().unwrap_or_default()).collect()
 }
 
-/// Names of the constants of a valid text whose value is not the expected one, that nobody expects, or that are missing.
+/// Returns the names of the constants of a valid text whose value is not the expected one, that are not expected, or
+/// that are missing.
 fn unlike(text: &str, expected: &Constants) -> Vec<String> {
     let found = constants(&module_from(text, CAPABILITIES).unwrap_or_else(|error| panic!("{error}")));
     let unread = declared_constants(text).into_iter().filter(|name| !found.contains_key(*name)).map(String::from);
@@ -146,7 +147,7 @@ fn the_options_lie_in_wgsl_as_documented() {
     assert_eq!((fields, *span), (vec![("components", 0), ("lobes", 4), ("interpolation", 8), ("parallax", 12)], 16));
 }
 
-/// Names after `fn`, in order of appearance.
+/// Returns the names after `fn`, in order of appearance.
 fn function_names(text: &str) -> Vec<&str> {
     let after_fn = |line: &'_ str| -> Option<usize> {
         let code = line.trim_start();
@@ -160,7 +161,7 @@ fn function_names(text: &str) -> Vec<&str> {
         .collect()
 }
 
-/// The first WGSL function that has no Rust twin in its place.
+/// Returns the first WGSL function that has no Rust twin in its place.
 fn first_out_of_order<'a>(rust: &str, wgsl: &'a str, prefix: &str, alone: &[&str]) -> Option<&'a str> {
     let rust = rust.split("#[cfg(test)]").next().unwrap_or(rust);
     let mut twins = function_names(rust).into_iter();
@@ -175,11 +176,12 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     let wgsl = |name: &str| WGSL.iter().chain(LEAF_WGSL).chain(VOLTEX_WGSL).find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 23] = [
+    let twins: [Twin; 24] = [
         (include_str!("../src/numeric/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/asset/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/asset/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
         (include_str!("../src/asset/residual.rs"), "residual.wgsl", "residual_", &[]),
+        (include_str!("../src/resident/layout.rs"), "layout.wgsl", "", &[]),
         (include_str!("../src/decode/parallax.rs"), "parallax.wgsl", "height_", &["height_field"]),
         (include_str!("../src/decode/texel.rs"), "texel.wgsl", "texel_", &["texel_lobe", "texel_residual"]),
         (include_str!("../src/decode/viewed_texel.rs"), "viewed_texel.wgsl", "viewed_", &[]),

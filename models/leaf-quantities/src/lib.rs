@@ -1,7 +1,7 @@
 //! The numbers that describe a leaf's tissue and gloss: key, unit, range, default and meaning of each, in one table.
 //!
-//! The reader of leaf files (`btf-models`) and the evaluation of leaves (`btf-runtime`) both derive their tables from this one.
-//! The package depends on nothing, so that neither of the two depends on the other.
+//! The reader of leaf files (`btf-models`) and the evaluation of leaves (`btf-runtime`) both derive their tables from
+//! this one. The package depends on nothing, so that neither of the two depends on the other.
 
 #![forbid(unsafe_code)]
 

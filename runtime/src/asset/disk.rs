@@ -56,8 +56,8 @@ pub(super) fn signed_area(disk: &[[f64; 2]], ids: &[usize; 3]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
 }
 
-/// Returns the edges of the convex hull; for a collinear set the segments between neighbours; for one direction the edge from it
-/// to itself.
+/// Returns the edges of the convex hull; for a collinear set the segments between neighbours; for one direction the
+/// edge from it to itself.
 fn hull_edges(disk: &[[f64; 2]], delaunay: &DelaunayTriangulation<Point2<f64>>) -> Vec<(usize, usize)> {
     let mut edges: Vec<(usize, usize)> = delaunay
         .convex_hull()
@@ -86,9 +86,9 @@ pub(crate) fn cells_a_side(triangles: usize) -> usize {
     ((2.0 * triangles as f64).sqrt().ceil() as usize).clamp(4, 64)
 }
 
-/// Builds the grid over the square around the disk, `side` x `side` cells: offsets of the cells' items (`side^2 + 1`), and the
-/// items: every triangle that may cover a point of the cell and, for cells that reach outside the hull, every hull edge that may
-/// be nearest to one.
+/// Builds the grid over the square around the disk, `side` x `side` cells: offsets of the cells' items (`side^2 + 1`),
+/// and the items: every triangle that may cover a point of the cell and, for cells that reach outside the hull, every
+/// hull edge that may be nearest to one.
 pub(super) fn build_grid(
     side: usize,
     disk: &[[f64; 2]],
@@ -134,8 +134,8 @@ pub(super) fn contains(triangle: [[f64; 2]; 3], p: [f64; 2]) -> bool {
     s.iter().all(|x| *x >= 0.0) || s.iter().all(|x| *x <= 0.0)
 }
 
-/// Returns whether a triangle touches a box, by the separating-axis test in two dimensions: the box's axes and the triangle's
-/// three edge normals.
+/// Returns whether a triangle touches a box, by the separating-axis test in two dimensions: the box's axes and the
+/// triangle's three edge normals.
 fn triangle_touches_box(t: [[f64; 2]; 3], low: [f64; 2], high: [f64; 2]) -> bool {
     for axis in 0..2 {
         let (least, most) =

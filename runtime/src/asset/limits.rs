@@ -24,8 +24,8 @@ pub const MAX_BASIS_STEP: f32 = 1e4;
 pub const MAX_COEFFICIENT_STEP: f32 = 1e9;
 /// Largest rank of a factor matrix.
 pub const MAX_RANK: usize = 256;
-/// Largest number of words that one layer's expanded bases may take (1 GiB): a few hundred bytes of factors must not make a
-/// reader allocate without bound.
+/// Largest number of words that one layer's expanded bases may take (1 GiB): a few hundred bytes of factors must not
+/// make a reader allocate without bound.
 pub const MAX_BASIS_WORDS: u64 = 1 << 28;
 /// Largest step of a height code, texel widths.
 pub const MAX_HEIGHT_STEP: f32 = 16.0;

@@ -14,7 +14,7 @@ fn btf_levels(base: u32) -> u32 {
 
 // Returns columns and rows of a layer, as btf_layer_for_sides numbers it.
 fn btf_size(base: u32, layer: u32) -> vec2<u32> {
-    return texel_size(base + asset_word(base + ASSET_LAYERS + layer));
+    return level_size(base + asset_word(base + ASSET_LAYERS + layer));
 }
 
 // Returns the texel nearest to a texture coordinate; u to the right, v up, both wrap.

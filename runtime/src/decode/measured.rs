@@ -11,8 +11,9 @@ use crate::numeric::quantize::{half_at, weight_from_byte};
 use crate::resident::layout::block;
 use crate::resident::resident::Resident;
 
-/// Sums a texel's lobes at every measured pair: `out` is `[view, light, rgb]`. `tables` are the [`lobe_tables`] of the texel's
-/// cluster, `scales` the weight scales of its lobes. Fitting and measuring use these sums instead of [`crate::decode`].
+/// Sums a texel's lobes at every measured pair: `out` is `[view, light, rgb]`. `tables` are the [`lobe_tables`] of the
+/// texel's cluster, `scales` the weight scales of its lobes. Fitting and measuring use these sums instead of
+/// [`crate::decode`].
 pub fn lobe_sum_at_pairs(refs: &[LobeRef], scales: &[f32], tables: &[Vec<f32>], out: &mut [f32]) {
     out.fill(0.0);
     for reference in refs {
@@ -90,8 +91,8 @@ pub fn decode_measured(
     }
 }
 
-/// Decodes one measured pair straight from the file form, without the resident form: the slowest decoder, and the one that needs
-/// the least memory.
+/// Decodes one measured pair straight from the file form, without the resident form: the slowest decoder, and the one
+/// that needs the least memory.
 pub fn decode_from_file_form(
     asset: &Asset,
     TexelPlace { layer, texel, first_ref }: TexelPlace,

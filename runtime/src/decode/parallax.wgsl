@@ -29,7 +29,7 @@ fn height_field(base: u32, layer: u32) -> HeightField {
     let range = vec2<f32>(asset_f32(layer + BLOCK_MIN_HEIGHT), asset_f32(layer + BLOCK_MAX_HEIGHT));
     let offset = asset_word(layer + BLOCK_HEIGHTS);
     let at = select(base + offset, 0u, offset == 0u);
-    return HeightField(at, texel_size(layer), asset_f32(layer + BLOCK_HEIGHT_STEP), range);
+    return HeightField(at, level_size(layer), asset_f32(layer + BLOCK_HEIGHT_STEP), range);
 }
 
 fn height_of_texel(field: HeightField, at: vec2<u32>) -> f32 {

@@ -266,7 +266,8 @@ pub(crate) mod tests {
                         _ => *p,
                     };
                 }
-                // Where the eye is at the lobe's horizon the density is infinite opposite to it: integrable, not by midpoints.
+                // Where the eye is at the lobe's horizon the density is infinite opposite to it: integrable, not by
+                // midpoints.
                 lobe.normal_xy = lobe.normal_xy.map(|x| 0.5 * x);
                 let lobe: Lobe = lobe.clamped();
                 let setup = lobe.setup();

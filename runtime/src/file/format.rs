@@ -28,7 +28,8 @@ pub mod header {
     pub const CHANNELS: usize = 9;
     /// Channel basis (0: linear sRGB primaries, D65).
     pub const BASIS: usize = 10;
-    /// Flags: bit 1 left and right edge continue each other, bit 2 top and bottom; bit 0 is reserved for signed weights.
+    /// Flags: bit 1 left and right edge continue each other, bit 2 top and bottom; bit 0 is reserved for signed
+    /// weights.
     pub const FLAGS: usize = 11;
     /// Form: 0 the file form, 1 the resident form.
     pub const FORM: usize = 14;

@@ -1,4 +1,4 @@
-//! What can be wrong with a leaf's state and textures, by name.
+//! Errors of a leaf's state and textures.
 
 use thiserror::Error;
 

@@ -10,8 +10,8 @@ pub struct LeafRow {
     pub wavelength_nm: f32,
     /// Refractive index of the leaf's material.
     pub index: f32,
-    /// Specific absorptions: chlorophyll a + b, carotenoids and anthocyanins in cm2/ug, brown pigment per arbitrary unit,
-    /// water in 1/cm, dry matter in cm2/g.
+    /// Specific absorptions: chlorophyll a + b, carotenoids and anthocyanins in cm2/ug, brown pigment per arbitrary
+    /// unit, water in 1/cm, dry matter in cm2/g.
     pub absorption: [f32; 6],
 }
 

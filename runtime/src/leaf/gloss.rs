@@ -26,8 +26,8 @@ pub(crate) fn albedo_table(state: &LeafState) -> (Vec<f32>, f32) {
             }
         })
         .collect();
-    // Over even steps of the root of the cosine c = s^2: 2 c dc = 4 s^3 ds, by the trapezium rule; over the azimuth the mean of
-    // the columns at even turns.
+    // Over even steps of the root of the cosine c = s^2: 2 c dc = 4 s^3 ds, by the trapezium rule; over the azimuth the
+    // mean of the columns at even turns.
     let over_azimuth = |row: usize| -> f64 {
         let turns = 32;
         let at = |turn: usize| {

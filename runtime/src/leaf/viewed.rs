@@ -23,7 +23,7 @@ pub const MIN_UP: f32 = 0.04;
 /// Least probability with which either side of the body and the gloss are drawn.
 pub const MIN_SHARE: f32 = 0.02;
 /// Weights of linear sRGB in the luminance.
-pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// A place of a leaf seen from one outgoing direction. The head of the file has the equations.
 #[derive(Debug, Clone, Copy)]

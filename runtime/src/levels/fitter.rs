@@ -1,5 +1,5 @@
-//! Fits a coarse texel: decodes the finest level at a sample of the measured pairs and finds the cluster, lobes and coefficients
-//! nearest to a mean of such values.
+//! Fits a coarse texel: decodes the finest level at a sample of the measured pairs and finds the cluster, lobes and
+//! coefficients nearest to a mean of such values.
 
 use crate::asset::asset::{Layer, LobeRole};
 use crate::asset::dictionary::{DictionaryLobe, LobeRef};

@@ -133,7 +133,8 @@ impl Fitter<'_> {
         write_mixture(&mut residual, 0, &mean);
         for (j, component) in components.iter().enumerate() {
             let peak = points.iter().map(|point| dot_slices(point, component).abs()).fold(0.0, f32::max);
-            // Coefficients share their step with the other clusters'; where its range is too small, the basis is longer.
+            // Coefficients share their step with the other clusters'; where its range is too small, the basis is
+            // longer.
             let reach = MAX_CODE * residual.coefficients[j].step;
             let longer = if reach > 0.0 { (OWN_RANGE * peak / reach).max(1.0) } else { 1.0 };
             write_mixture(&mut residual, j + 1, &component.iter().map(|x| x * longer).collect::<Vec<_>>());

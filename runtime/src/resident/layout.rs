@@ -1,5 +1,5 @@
-//! Where the words of a resident asset lie. Offsets are in words, relative to the asset's first word, so that several assets
-//! share one buffer. Twin of the offsets: `decode/texel.wgsl`.
+//! The layout of a resident asset's words. Offsets are in words, relative to the asset's first word, so that several
+//! assets share one buffer. Twin: `resident/layout.wgsl`.
 
 use crate::asset::limits::{MAX_LAYERS, MAX_LEVELS};
 

@@ -145,8 +145,8 @@ impl Resident {
         (0..self.layers()).filter_map(of_layer).max().unwrap_or(0)
     }
 
-    /// Returns the number that decoders take of the layer for a light and an eye on these sides of the surface, at `level`, 0 the
-    /// finest; `None` where the asset has no such layer.
+    /// Returns the number that decoders take of the layer for a light and an eye on these sides of the surface, at
+    /// `level`, 0 the finest; `None` where the asset has no such layer.
     pub fn layer_for_sides(&self, level: u32, light: SurfaceSide, view: SurfaceSide) -> Option<u32> {
         let first = level * self.layers();
         (first..first + self.layers()).find(|layer| {

@@ -1,4 +1,4 @@
-//! Small assets of random content.
+//! Small assets of random content, for tests.
 
 use crate::asset::asset::{Asset, Layer, LobeRole, SurfaceSide};
 use crate::asset::dictionary::{DictionaryLobe, LobeRef};
@@ -10,8 +10,8 @@ use crate::asset::sphere::Sphere;
 use crate::testing::random::{Random, direction_from_cos, ring_directions};
 use half::f16;
 
-/// A lobe of `family` with normal, tangent and parameters anywhere in their ranges, as the file form
-/// gives it back. One parameter in eight stands at a bound.
+/// Returns a random lobe of `family`, with normal, tangent and parameters anywhere in their ranges, rounded by the file
+/// form. One parameter in eight is at a bound.
 pub fn random_lobe(random: &mut Random, family: LobeFamily) -> Lobe {
     let mut params = [0.0; 4];
     for (param, (least, most)) in params.iter_mut().zip(family.ranges()) {
@@ -32,13 +32,17 @@ fn halves(random: &mut Random, count: usize, amplitude: f32) -> Vec<f16> {
     (0..count).map(|_| f16::from_f32(random.within(-amplitude, amplitude))).collect()
 }
 
-/// A one-layer asset of random content that [`crate::pack`] writes and [`Asset::parse`] reads back equal:
-/// three clusters, 20 lights and 17 views in three rings each, every lobe family, 1 to 4 lobes a texel
-/// and 4 residual components of different steps and ranks up to 5.
+/// Number of clusters of a sample asset.
+const CLUSTERS: usize = 3;
+/// Number of residual components of a sample asset.
+const COMPONENTS: usize = 4;
+/// Number of shared bases of a sample asset.
+const SHARED: usize = 3;
+
+/// Returns a one-layer asset of random content that [`crate::pack`] writes and [`Asset::parse`] reads back equal: three
+/// clusters, 20 lights and 17 views in three rings each, every lobe family, 1 to 4 lobes a texel and 4 residual
+/// components of different steps and ranks up to 5.
 pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) -> Asset {
-    const CLUSTERS: usize = 3;
-    const COMPONENTS: usize = 4;
-    const SHARED: usize = 3;
     let mut random = Random::new(seed);
     let random = &mut random;
     let sphere = |rings: &[(f64, usize)]| Sphere::new(&ring_directions(rings)).expect("the rings are distinct");
@@ -48,16 +52,7 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
     let texels = width * height;
     let texel_clusters: Vec<u8> = (0..texels).map(|_| random.below(CLUSTERS) as u8).collect();
     let texel_lobe_counts: Vec<u8> = (0..texels).map(|_| 1 + random.below(4) as u8).collect();
-    let dictionary: Vec<Vec<DictionaryLobe>> = (0..CLUSTERS)
-        .map(|_| {
-            let entry = |family| DictionaryLobe {
-                lobe: random_lobe(random, family),
-                // Narrow peaks are tall: keep the sum near reflectances.
-                weight_scale: f16::from_f32(if family == LobeFamily::Lambertian { 0.5 } else { 0.05 }).to_f32(),
-            };
-            LobeFamily::ALL.map(entry).to_vec()
-        })
-        .collect();
+    let dictionary = sample_dictionary(random);
     let mut lobe_refs = Vec::new();
     for count in &texel_lobe_counts {
         for slot in 0..*count {
@@ -67,6 +62,51 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         }
     }
 
+    let residual = sample_residual(random, [views.len(), lights.len()], texels, kind);
+    let layer = Layer {
+        light_side: SurfaceSide::Front,
+        view_side: SurfaceSide::Front,
+        lobe_role: LobeRole::Base,
+        residual_kind: kind,
+        epsilon: 0.01,
+        lights,
+        views,
+        heights: None,
+        texel_clusters,
+        texel_lobe_counts,
+        dictionary,
+        lobe_refs,
+        residual: Some(residual),
+    };
+    let material = format!("{{\"name\":\"sample {seed}\"}}");
+    Asset {
+        width,
+        height,
+        size_mm: Some([30.0, 25.0]),
+        seamless: [true, false],
+        material,
+        layers: vec![layer],
+        levels: Vec::new(),
+        edits: Edits::default(),
+    }
+}
+
+/// Returns a dictionary with a lobe of every family for each cluster.
+fn sample_dictionary(random: &mut Random) -> Vec<Vec<DictionaryLobe>> {
+    (0..CLUSTERS)
+        .map(|_| {
+            let entry = |family| DictionaryLobe {
+                lobe: random_lobe(random, family),
+                // Narrow peaks are tall: keep the sum near reflectances.
+                weight_scale: f16::from_f32(if family == LobeFamily::Lambertian { 0.5 } else { 0.05 }).to_f32(),
+            };
+            LobeFamily::ALL.map(entry).to_vec()
+        })
+        .collect()
+}
+
+/// Returns a residual over `shape` views and lights, with coefficients of `texels` texels.
+fn sample_residual(random: &mut Random, shape: [usize; 2], texels: usize, kind: ResidualKind) -> Residual {
     // The additive curve adds reflectances, the others steps of their own.
     let amplitude = match kind {
         ResidualKind::Additive => 0.05,
@@ -74,7 +114,6 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         ResidualKind::Root => 0.08,
     };
     let ranks = [0; 3].map(|_| [1 + random.below(5), 1 + random.below(5)]);
-    let shape = [views.len(), lights.len()];
     let factors = Factors {
         shape,
         ranks,
@@ -99,36 +138,11 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
             Coefficients { step: 0.7 / most as f32, codes }
         })
         .collect();
-    let layer = Layer {
-        light_side: SurfaceSide::Front,
-        view_side: SurfaceSide::Front,
-        lobe_role: LobeRole::Base,
-        residual_kind: kind,
-        epsilon: 0.01,
-        lights,
-        views,
-        heights: None,
-        texel_clusters,
-        texel_lobe_counts,
-        dictionary,
-        lobe_refs,
-        residual: Some(Residual { factors, shared, bases, coefficients }),
-    };
-    let material = format!("{{\"name\":\"sample {seed}\"}}");
-    Asset {
-        width,
-        height,
-        size_mm: Some([30.0, 25.0]),
-        seamless: [true, false],
-        material,
-        layers: vec![layer],
-        levels: Vec::new(),
-        edits: Edits::default(),
-    }
+    Residual { factors, shared, bases, coefficients }
 }
 
-/// A small asset whose bases would take more than 1 GiB when expanded with some more components than its four: factors of rank 0
-/// are free in the file, and expanded bases are not.
+/// Returns a small asset whose bases would take more than 1 GiB when expanded with some more components than its four:
+/// factors of rank 0 take no bytes in the file, but expanded bases do.
 pub fn huge_asset() -> Asset {
     let mut asset = sample_asset(9, 1, 1, ResidualKind::Root);
     let layer = &mut asset.layers[0];
@@ -151,13 +165,13 @@ pub fn huge_asset() -> Asset {
     asset
 }
 
-/// Rough heights of `texels` texels, up to three texel widths either way.
+/// Returns a rough displacement of `texels` texels, up to three texel widths either way.
 pub fn sample_heights(seed: u64, texels: usize) -> Heights {
     let mut random = Random::new(seed);
     Heights { step: 0.125, codes: (0..texels).map(|_| random.below(49) as i8 - 24).collect() }
 }
 
-/// Index of a texel's first lobe reference.
+/// Returns the index of a texel's first lobe reference.
 pub fn first_ref(layer: &Layer, texel: usize) -> usize {
     layer.texel_lobe_counts[..texel].iter().map(|count| usize::from(*count)).sum()
 }

@@ -1,4 +1,4 @@
-//! Files taken apart, to be changed and put together again.
+//! Takes files apart, to be changed and put together again.
 
 use crate::container::directory::Directory;
 use crate::container::file_format::{ALIGNMENT, HEADER_WORDS, SECTION_ENTRY_WORDS, checksum};
@@ -11,30 +11,30 @@ use crate::voltex::{VoltexError, read_voltex_directory};
 pub struct SectionPart {
     /// Kind number, layer, index and flags, as in the section table.
     pub head: [u32; 4],
-    /// The section's bytes.
+    /// Bytes of the section, without padding.
     pub bytes: Vec<u8>,
-    /// True where a tier ends behind it.
+    /// True where a tier ends behind the section.
     pub ends_tier: bool,
 }
 
-/// A file in parts. Putting it together again computes offsets, lengths and checksums anew, so that a
-/// reader sees the change and not the damage.
+/// A file in parts. Putting the parts together computes offsets, lengths and checksums anew, so that a reader sees the
+/// change and not the damage.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileParts {
-    /// The header's words; lengths, counts and checksum are overwritten.
+    /// Words of the header; lengths, counts and checksum are overwritten.
     pub header: [u32; HEADER_WORDS],
-    /// The sections in order.
+    /// Sections in the order of the file.
     pub sections: Vec<SectionPart>,
 }
 
 impl FileParts {
-    /// Takes a valid file apart, or what a tier of one holds. Errors: those of [`Asset::parse`]'s first stage.
+    /// Takes a valid file, or a tier of one, apart. Errors: those of [`read_directory`].
     pub fn from_bytes(bytes: &[u8]) -> Result<FileParts, FormatError> {
         let directory = read_directory(bytes)?;
         Ok(FileParts::of(bytes, &directory, directory.head.form.alignment()))
     }
 
-    /// The same of a volumetric texture's file.
+    /// Takes the file of a volumetric texture, or a tier of one, apart. Errors: those of [`read_voltex_directory`].
     pub fn from_voltex_bytes(bytes: &[u8]) -> Result<FileParts, VoltexError> {
         Ok(FileParts::of(bytes, &read_voltex_directory(bytes)?, ALIGNMENT))
     }
@@ -60,7 +60,7 @@ impl FileParts {
         FileParts { header, sections }
     }
 
-    /// The file, with every derived number right.
+    /// Puts the file together, with every derived number right.
     pub fn to_bytes(&self) -> Vec<u8> {
         let tiers = self.sections.iter().filter(|section| section.ends_tier).count();
         let tables_end = 4 * (HEADER_WORDS + self.sections.len() * SECTION_ENTRY_WORDS + tiers);
@@ -92,8 +92,8 @@ impl FileParts {
     }
 }
 
-/// Makes the header's checksum right again after a change to header or tables. Counts that reach beyond
-/// the file leave it as it is.
+/// Corrects the header's checksum after a change to header or tables. A header whose counts reach beyond the file stays
+/// as it is.
 pub fn repair_header_checksum(bytes: &mut [u8]) {
     let word = |index: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| bytes[4 * index + i])) as usize;
     let (sections, tiers) = (word(header::SECTIONS), word(header::TIERS));

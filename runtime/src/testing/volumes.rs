@@ -4,7 +4,7 @@ use crate::testing::random::{Random, sphere_direction};
 use crate::voltex::{Facets, LevelShadow, MicroflakeMaterial, Sym3, VoltexRay, Volume, VolumeLevel, Voxel, order};
 use std::collections::BTreeSet;
 
-/// A volume of `levels` levels (1 to 13), with `count` voxels at the finest or as many as there is room for.
+/// Returns a volume of `levels` levels (1 to 13), with `count` voxels at the finest or as many as there is room for.
 pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
     let mut random = Random::new(seed);
     let side = 1usize << (levels - 1);
@@ -38,13 +38,13 @@ pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
     }
 }
 
-/// A second sort of microflakes in a third of so many cells.
+/// Returns a second sort of microflakes in a third of `count` cells.
 fn some_others(random: &mut Random, count: usize, voxel: impl Fn(&mut Random) -> Voxel) -> Vec<(u32, Voxel)> {
     let numbers = (0..count as u32).filter(|_| random.below(3) == 0).collect::<Vec<_>>();
     numbers.into_iter().map(|number| (number, voxel(random))).collect()
 }
 
-/// Three microflakes of one of three materials.
+/// Returns three microflakes of one of three materials.
 fn sample_voxel(random: &mut Random) -> Voxel {
     let extinction = (0..3).fold(Sym3::default(), |sum, _| {
         let microflake = Sym3::outer(random.direction(), random.within(0.1, 40.0));
@@ -53,8 +53,8 @@ fn sample_voxel(random: &mut Random) -> Voxel {
     Voxel::new(extinction, random.below(3) as u32)
 }
 
-/// A volume of random microflakes with 2^`level_count` voxels a side: of the eight children of a voxel each is there with probability
-/// `share`, and one in any case.
+/// Returns a volume of random microflakes with 2^`level_count` voxels a side: each of the eight children of a voxel
+/// exists with probability `share`, and one in any case.
 pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volume {
     const MATERIALS: usize = 3;
     let mut levels: Vec<VolumeLevel> = Vec::new();
@@ -111,11 +111,12 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
     }
 }
 
-/// Kinds of [`sample_ray`].
+/// Number of kinds of [`sample_ray`].
 pub const RAY_KINDS: usize = 8;
 
-/// A ray that meets the unit cube of 2^`level_count` voxels a side, by kind: 0 anyhow, 1 along an axis, 2 from corner to corner of
-/// voxels, 3 within a plane between voxels, 4 from inside, 5 with a large direction, 6 with a small one, 7 nearly along a plane.
+/// Returns a random ray that meets the unit cube of 2^`level_count` voxels a side, by kind: 0 anyhow, 1 along an axis,
+/// 2 from corner to corner of voxels, 3 within a plane between voxels, 4 from inside, 5 with a large direction, 6 with
+/// a small one, 7 nearly along a plane.
 pub fn sample_ray(random: &mut Random, level_count: u32, kind: usize) -> VoltexRay {
     let resolution = (1u32 << level_count) as f32;
     let inside = |random: &mut Random| -> [f32; 3] { std::array::from_fn(|_| random.within(0.0, 1.0)) };

@@ -143,8 +143,8 @@ mod tests {
         let row = |i: usize| directions.iter().map(|d| entry(i, d)).collect();
         let rows: Vec<Vec<f32>> = (0..6).map(row).collect();
         let factor = cholesky(&gram_of(&rows), 6).unwrap();
-        // Bars: root mean squares per unit area of the closed form by the microflakes' own moment and by the derived one, and of the
-        // projected area. Light of which the mean is an eighth; voxels of a tree have many microflakes.
+        // Bars: root mean squares per unit area of the closed form by the microflakes' own moment and by the derived
+        // one, and of the projected area. Light of which the mean is an eighth; voxels of a tree have many microflakes.
         for (counts, stretch, bars) in [
             (1..2, 0.3, [1e-6, 0.006, 1e-4]),
             (2..8, 0.3, [0.02, 0.022, 0.038]),
@@ -207,7 +207,8 @@ mod tests {
 
     #[test]
     fn white_microflakes_send_on_twice_the_light_that_they_stop() {
-        // The integral of |n.l| over all l is 2 pi, so a microflake sends on 2 pi a |n.v| / pi: of the light from both sides all.
+        // The integral of |n.l| over all l is 2 pi, so a microflake sends on 2 pi a |n.v| / pi: of the light from both
+        // sides all.
         let mut random = Random::new(12);
         for _ in 0..5 {
             let (n, v) = (sphere_direction(&mut random), sphere_direction(&mut random));

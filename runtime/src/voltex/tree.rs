@@ -120,7 +120,8 @@ mod tests {
                         voxels.voxels.iter().map(|(_, voxel)| Voxel::at(&voxel.words(), 0)).collect();
                     assert_eq!(found, expected, "level {level} of {level_count}");
                 }
-                // Planted differences: other microflakes in a voxel, which all finest voxels are under, and one voxel elsewhere.
+                // Planted differences: other microflakes in a voxel, which all finest voxels are under, and one voxel
+                // elsewhere.
                 volume.levels[level_count as usize].voxels[0].1 = Voxel::default();
                 assert!(first_wrong(&volume, &voltex, &mut random).is_err());
             }

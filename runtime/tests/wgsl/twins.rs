@@ -8,8 +8,8 @@ use btf_runtime::{
 };
 use std::collections::BTreeMap;
 
-/// Numbers of each constant by name: one of a scalar, one for each component of a vector. Every `u32`, `i32` and `f32` is
-/// exactly a double.
+/// Numbers of each constant by name: one for a scalar, one for each component of a vector. Every `u32`, `i32` and `f32`
+/// is exactly a double.
 pub type Constants = BTreeMap<String, Vec<f64>>;
 
 /// A constant that WGSL has alone: name, value, and the reason why it has no twin.
@@ -27,7 +27,7 @@ fn of_alone(table: &[Alone]) -> Constants {
     table.iter().map(|(name, value, _)| (name.to_string(), vec![*value])).collect()
 }
 
-/// The constants of the decoder's library.
+/// Returns the constants of the decoder's library.
 fn decoder() -> [Constants; 2] {
     let words = of_words(&[
         ("SPHERE_HEADER_WORDS", SPHERE_HEADER_WORDS),
@@ -95,8 +95,8 @@ fn decoder() -> [Constants; 2] {
     [words, floats]
 }
 
-/// The constants of leaves.
-fn leaf() -> [Constants; 2] {
+/// Returns the constants of leaves.
+fn leaf() -> [Constants; 3] {
     let words = of_words(&[
         ("LEAF_BANDS_AT", leaf_words::BANDS_AT),
         ("LEAF_BAND_WORDS", leaf_words::BAND_WORDS),
@@ -125,10 +125,10 @@ fn leaf() -> [Constants; 2] {
         ("LEAF_MIN_UP", MIN_UP),
         ("LEAF_MIN_SHARE", MIN_SHARE),
     ]);
-    [words, floats]
+    [words, floats, Constants::from([("LEAF_LUMINANCE".into(), LUMINANCE.map(f64::from).to_vec())])]
 }
 
-/// The constants of volumetric textures.
+/// Returns the constants of volumetric textures.
 fn volumes() -> [Constants; 3] {
     let words = of_words(&[
         ("VOLTEX_LEVEL_COUNT_AT", voltex::words::LEVEL_COUNT_AT),
@@ -163,7 +163,7 @@ fn volumes() -> [Constants; 3] {
     [words, floats, angles.into_iter().map(|(name, numbers)| (name.to_string(), numbers.to_vec())).collect()]
 }
 
-/// The constants that the library has and Rust has not.
+/// Constants that the library has and Rust does not.
 const ALONE: [Alone; 9] = [
     ("NO_LAYER", u32::MAX as f64, "Rust has `None`"),
     ("FAR", 1e30f32 as f64, "Rust has infinity, which a shader must not make"),
@@ -176,7 +176,7 @@ const ALONE: [Alone; 9] = [
     ("VOLTEX_DEGREES", 57.295_78_f32 as f64, "Rust has `to_degrees`"),
 ];
 
-/// The constants of the library: decoder, leaves and volumetric textures.
+/// Returns the constants of the library: decoder, leaves and volumetric textures.
 pub fn library() -> Constants {
     let tables = decoder().into_iter().chain(leaf()).chain(volumes());
     let named: Vec<(String, Vec<f64>)> = tables.chain([of_alone(&ALONE)]).flatten().collect();
@@ -186,7 +186,7 @@ pub fn library() -> Constants {
     all
 }
 
-/// The constants of the program that expands bases. The rows of the colour frame are told by one number each.
+/// Returns the constants of the program that expands bases. Each row of the colour frame has one number there.
 pub fn expansion() -> Constants {
     let mut all = of_words(&[("WORKGROUP", EXPANSION_WORKGROUP as usize)]);
     let [grey, red_blue, green_magenta] = [COLOUR_FRAME[0][0], COLOUR_FRAME[1][0], COLOUR_FRAME[2][0]];
