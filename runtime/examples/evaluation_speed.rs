@@ -1,8 +1,9 @@
-//! Times evaluations of assets on one thread: `cargo run --release -p btf-runtime --example evaluation_speed FILE.spmm ...`.
+//! Times evaluations of assets on one thread: `cargo run --release -p btf-runtime --example evaluation_speed FILE.spmm
+//! ...`.
 //!
-//! Random places, lights and eyes, so that nothing is in a cache because the evaluation before had used it. Each file is
-//! timed as it is and with 8 lobes in every texel, all of them part of the value. The floor is a loop that does nothing but
-//! read one number of each cache line that an evaluation needs, whose places were found before. All times are of one run.
+//! Places, lights and eyes are random, so that no evaluation profits from the cache lines of the one before. Each file
+//! is timed as it is and with 8 lobes in every texel, all of them part of the value. The floor is a loop that only
+//! reads one number of each cache line that an evaluation needs, at places found before. All times are of one run.
 
 use btf_runtime::{
     ASSET_LAYERS, Asset, DecodeOptions, LOBE_RESIDENT_WORDS, LobeRef, LobeRole, Query, Resident, block, evaluate,
@@ -34,7 +35,7 @@ fn queries() -> Vec<Query> {
         .collect()
 }
 
-/// `asset` with 8 lobes in every texel, all of them part of the value.
+/// Returns `asset` with 8 lobes in every texel, all of them part of the value.
 fn with_all_lobes(asset: &Asset) -> Asset {
     let mut asset = asset.without_levels();
     for layer in &mut asset.layers {
@@ -50,8 +51,8 @@ fn with_all_lobes(asset: &Asset) -> Asset {
     asset
 }
 
-/// One word of each cache line that the texel's data of `query` lie in, the first layer's; and how many bytes are needed of
-/// them. Where lobes are only a guide they are left out, as the decoder does.
+/// Returns one word of each cache line in which the texel's data of `query` lie, in the first layer, and the number of
+/// bytes needed of those lines. Lobes that only guide are left out, as in the decoder.
 fn lines(asset: &Asset, resident: &Resident, query: &Query) -> (Vec<u32>, usize) {
     let (words, layer) = (resident.words(), &asset.layers[0]);
     let at = words[ASSET_LAYERS] as usize;
@@ -87,7 +88,8 @@ fn lines(asset: &Asset, resident: &Resident, query: &Query) -> (Vec<u32>, usize)
     (lines, needed)
 }
 
-/// Nanoseconds that `work` takes for a query: the least of each slice of queries, so that what else the machine does seldom counts.
+/// Returns the nanoseconds that `work` takes for a query: the least of each slice of queries, so that other work of the
+/// machine seldom counts.
 fn least_ns(mut work: impl FnMut(Range<usize>)) -> f64 {
     let mut least = vec![f64::MAX; QUERIES / SLICE];
     for _ in 0..=PASSES {

@@ -1,12 +1,12 @@
-//! Times how assets of either form are opened, on all processors: `cargo run --release -p btf-runtime --example load_time
-//! FILE.spmm ...`. The least of five runs; the file's bytes are in memory.
+//! Times the opening of assets of either form on all processors: `cargo run --release -p btf-runtime --example
+//! load_time FILE.spmm ...`. Prints the least of five runs; the file's bytes are in memory.
 
 use btf_runtime::{Asset, Resident, ResidentFile};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Milliseconds of `work`, at least.
+/// Returns the least milliseconds of several runs of `work`.
 fn least_ms<T>(mut work: impl FnMut() -> T) -> f64 {
     let times = (0..5).map(|_| {
         let start = Instant::now();

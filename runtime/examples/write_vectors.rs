@@ -1,5 +1,5 @@
-//! Writes the vectors of version 1, `tests/vectors/v1`: `cargo run -p btf-runtime --example write_vectors`. It refuses to
-//! overwrite one: they are frozen.
+//! Writes the vectors of version 1, `tests/vectors/v1`: `cargo run -p btf-runtime --example write_vectors`. It refuses
+//! to overwrite a vector, because they are frozen.
 
 #[path = "../tests/vectors/line.rs"]
 mod line;
@@ -41,7 +41,8 @@ fn main() {
     }
 }
 
-/// The assets of version 1: each residual kind and role, with and without levels, heights and edits, one and two layers.
+/// Returns the assets of version 1: each residual kind and role, with and without levels, heights and edits, one and
+/// two layers.
 fn assets() -> Vec<(&'static str, Vec<u8>)> {
     let plain = |seed, kind| sample_asset(seed, 9, 7, kind);
     let mut guide = plain(101, ResidualKind::Root);

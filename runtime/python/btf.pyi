@@ -14,15 +14,15 @@ __version__: str
 def open(path: Union[str, os.PathLike[str]], *, levels: Literal["file", "all"] = "file", threads: int = 0) -> Asset:
     """Opens an asset file, checks it and expands it to the form that is evaluated.
 
-    levels: "file" for those that it has, "all" for all down to one texel, which may take seconds.
-    threads: how many opening may use; 0 for as many as there are processors.
+    levels: "file" for those of the file, "all" for all down to one texel, which may take seconds.
+    threads: number of threads that opening may use; 0 for as many as there are processors.
 
-    Raises OSError where the file cannot be read and ValueError where it is no whole asset.
+    Raises OSError if the file cannot be read and ValueError if it is no whole asset.
     """
 
 @final
 class Asset:
-    """An open asset; never changes, and any number of threads may use it at once.
+    """An open asset. It never changes, and any number of threads may use it at once.
 
     Directions are unit vectors away from the surface in the frame of tangent (along u), bitangent (along v) and normal:
     `wi` to the light, `wo` to the eye, z < 0 behind the surface. `uv`: u to the right, v up. Arrays of the shapes
@@ -32,7 +32,7 @@ class Asset:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """What the file says of the material, and width, height, layers, levels, components and sides."""
+        """The material description of the file, and width, height, layers, levels, components and sides."""
 
     def eval(
         self,
@@ -46,7 +46,7 @@ class Asset:
         parallax: bool = True,
         level: int = 0,
     ) -> NDArray[np.float32]:
-        """pi x BRDF x |cosine of wi|, linear RGB, at least 0: (..., 3)."""
+        """Returns pi x BRDF x |cosine of wi|, linear RGB, at least 0: (..., 3)."""
 
     def pdf(
         self,
@@ -60,7 +60,7 @@ class Asset:
         parallax: bool = True,
         level: int = 0,
     ) -> NDArray[np.float32]:
-        """Density with which `sample` draws `wi`, per steradian: (...)."""
+        """Returns the density with which `sample` draws `wi`, per steradian: (...)."""
 
     def sample(
         self,
@@ -76,6 +76,6 @@ class Asset:
     ) -> Tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """Draws directions to light from `at`, three numbers in [0, 1) each: (..., 3).
 
-        Returns wi (..., 3), its density per steradian (...) and its value as of `eval` (..., 3). Density 0: nothing was
-        drawn.
+        Returns wi (..., 3), its density per steradian (...) and its value as of `eval` (..., 3). Where a density
+        is 0 nothing was drawn.
         """

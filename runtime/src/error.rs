@@ -3,22 +3,22 @@
 use crate::rule::{self, Rule};
 use std::fmt::{self, Display, Formatter};
 
-/// What messages call files of a format.
+/// The words that messages use for the files of a format.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Names {
-    /// The first four bytes.
+    /// Magic number: the first four bytes of a file.
     pub magic: [u8; 4],
-    /// With its article.
+    /// Name of a file with its article, such as `an SPMM asset`.
     pub a_file: &'static str,
-    /// What follows `the`.
+    /// Noun that follows `the`, such as `asset`.
     pub noun: &'static str,
-    /// Where one comes from.
+    /// Instruction how to make a file.
     pub make: &'static str,
-    /// How one is renewed.
+    /// Instruction how to make the file again.
     pub again: &'static str,
 }
 
-/// An asset's.
+/// Words for assets (`.spmm`).
 pub(crate) const SPMM_NAMES: Names = Names {
     magic: *b"SPMM",
     a_file: "an SPMM asset",
@@ -31,81 +31,82 @@ pub(crate) const SPMM_NAMES: Names = Names {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum FormatError {
-    /// Fewer bytes than a header, or none at all. Remedy: copy the file again.
+    /// The file has fewer bytes than a header, or none at all. Remedy: copy the file again.
     TooShort {
-        /// Bytes that the part needs.
+        /// Number of bytes that the part needs.
         expected: usize,
-        /// Bytes that are there.
+        /// Number of bytes that are there.
         got: usize,
     },
     /// The first four bytes are not `SPMM`.
     BadMagic {
-        /// The bytes found.
+        /// First four bytes of the file.
         got: [u8; 4],
     },
-    /// A version that this decoder does not know.
+    /// The format version is not one that this decoder reads.
     Version {
-        /// The version that is read.
+        /// Version that this decoder reads.
         expected: u32,
-        /// The version found.
+        /// Version of the file.
         got: u32,
     },
     /// The asset has the other of the two forms. Remedy: `btf-fit convert`.
     Form {
-        /// The form that is read.
+        /// Form that is read here.
         expected: &'static str,
-        /// The form found.
+        /// Form of the file.
         got: &'static str,
     },
-    /// The file's length is neither the whole asset's nor one of its documented tiers'.
+    /// The length of the file is neither that of the whole asset nor that of a documented tier.
     Length {
-        /// The whole asset's length in bytes.
+        /// Length of the whole asset in bytes.
         expected: u64,
-        /// The length found.
+        /// Length of the file in bytes.
         got: u64,
     },
     /// The header or the tables do not match their checksum.
     HeaderChecksum,
     /// A section's bytes do not match its checksum.
     SectionChecksum {
-        /// The section's name.
+        /// Name of the section.
         section: String,
     },
-    /// A header field out of its documented range.
+    /// A header field is out of its documented range.
     Field {
-        /// The field's name in FORMAT.md.
+        /// Name of the field in FORMAT.md.
         field: &'static str,
-        /// The value found.
+        /// Value of the field.
         got: u64,
-        /// The allowed range in words.
+        /// Allowed range in words.
         allowed: &'static str,
     },
-    /// A section that must be there is not.
+    /// A section that must be there is missing.
     MissingSection {
-        /// The section's name.
+        /// Name of the section.
         section: String,
     },
-    /// A required section of a kind that this decoder does not know.
+    /// A required section is of a kind that this decoder does not know.
     UnknownRequiredSection {
-        /// The kind's number.
+        /// Number of the kind.
         kind: u32,
     },
-    /// A section whose content breaks a rule of FORMAT.md.
+    /// The content of a section breaks a rule of FORMAT.md.
     Section {
-        /// The section's name.
+        /// Name of the section.
         section: String,
-        /// What does not hold.
+        /// Rule that is broken.
         reason: Rule,
     },
-    /// The source handed to the packer breaks a rule of FORMAT.md.
+    /// The asset or volume handed to the packer breaks a rule of FORMAT.md or VOLTEX.md.
     Pack {
-        /// What does not hold.
+        /// Rule that is broken, as a clause.
         reason: String,
     },
 }
 
 impl FormatError {
-    /// The rule that is broken; `None` for what is no fault of the file: the other form, and what cannot be packed.
+    /// Returns the rule that is broken. Returns `None` for errors that are no fault of a file: the other form, and an
+    /// asset that cannot be packed.
     pub fn rule(&self) -> Option<Rule> {
         match self {
             FormatError::TooShort { .. } => Some(rule::TOO_SHORT),
@@ -132,7 +133,7 @@ impl Display for FormatError {
 }
 
 impl FormatError {
-    /// The sentence about a file of this name.
+    /// Writes the message with the words of a format.
     pub(crate) fn say(&self, names: &Names, f: &mut Formatter<'_>) -> fmt::Result {
         let Names { a_file, noun, make, again, .. } = names;
         match self {

@@ -3,21 +3,21 @@
 use crate::asset::asset::Asset;
 use crate::error::FormatError;
 use crate::file::resident_file::ResidentFile;
-use crate::levels::mip::with_levels;
+use crate::levels::levels::with_levels;
 use crate::resident::resident::ResidentBytes;
 use crate::threads::Threads;
 
-/// Which levels an asset is opened with.
+/// The levels with which an asset is opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Levels {
-    /// Those that the file has.
+    /// The levels that the file has.
     AtHand,
-    /// All down to one texel; where the file has none, they are made: some seconds for 256 x 256 texels.
+    /// All levels down to one texel. They are made if the file has none, which takes some seconds for 256 x 256 texels.
     All,
 }
 
-/// Checks the bytes of an asset in either form and makes what decoders read: a resident form is taken as it lies, a file
-/// form or a tier of one is decoded and expanded, on `threads`.
+/// Checks the bytes of an asset in either form and makes the resident form that decoders read. The words of a resident
+/// form are used where they lie; a file form, or a tier of one, is decoded and expanded on `threads`.
 ///
 /// Errors: those of [`Asset::parse`] and [`ResidentFile::open`].
 pub fn open(bytes: ResidentBytes, levels: Levels, threads: Threads) -> Result<ResidentFile, FormatError> {

@@ -1,21 +1,21 @@
-//! The rules of docs/FORMAT.md that a file can break, and what else may be said of one, by number. docs/FINDINGS.md lists them,
-//! and a test holds the two together. A number is never used again for something else.
+//! The rules of docs/FORMAT.md that a file can break, and the warnings and information about files, by number.
+//! docs/FINDINGS.md lists them, and a test compares the two. A number is never reused for another rule.
 
 use std::fmt::{self, Display};
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
     /// Readers refuse the asset.
     Error,
-    /// The asset is read, and something about it can be better.
+    /// Readers take the asset, but something about it can be better.
     Warning,
-    /// What the asset is.
+    /// A property of the asset.
     Information,
 }
 
 impl Severity {
-    /// `error`, `warning` or `information`.
+    /// Returns `error`, `warning` or `information`.
     pub fn name(self) -> &'static str {
         match self {
             Severity::Error => "error",
@@ -25,21 +25,21 @@ impl Severity {
     }
 }
 
-/// A rule with its number, its sentence and what helps where it does not hold.
+/// A rule: its number, its sentence, and the remedy where it does not hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Rule {
-    /// The format: `SPMM`, or `VTEX` of volumetric textures.
+    /// Format that the rule belongs to: `SPMM` for assets, `VTEX` for volumetric textures.
     pub format: &'static str,
-    /// 1000 to 4999 errors, 5000 to 5999 warnings, 6000 to 6999 information.
+    /// Number of the rule: 1000 to 4999 for errors, 5000 to 5999 for warnings, 6000 to 6999 for information.
     pub number: u16,
-    /// What does not hold, or what is told: a clause without a full stop.
+    /// Description of the fault, warning or information: a clause without a full stop.
     pub message: &'static str,
-    /// What helps, as an instruction; empty for information.
+    /// Remedy as an instruction; empty for information.
     pub remedy: &'static str,
 }
 
 impl Rule {
-    /// Told by the number.
+    /// Returns the severity, which follows from the number.
     pub fn severity(&self) -> Severity {
         match self.number {
             0..5000 => Severity::Error,
@@ -48,27 +48,27 @@ impl Rule {
         }
     }
 
-    /// `SPMM1003`.
+    /// Returns format and number, such as `SPMM1003`.
     pub fn id(&self) -> String {
         format!("{}{}", self.format, self.number)
     }
 }
 
 impl Display for Rule {
-    /// The message.
+    /// Writes [`Rule::message`].
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.message)
     }
 }
 
-/// Damage on the way.
+/// Remedy for damage in transit.
 pub(crate) const COPY: &str = "copy the file again";
-/// A writer's mistake.
+/// Remedy for a writer's mistake.
 pub(crate) const WRITE: &str =
     "it was written by a faulty or newer program: fit the capture again, or update the program";
-/// The same of a resident form, which is made from a file form.
+/// Remedy for a mistake in a resident form, which is made from a file form.
 const CONVERT: &str = "it was written by a faulty or newer program: convert the asset again with btf-fit convert";
-/// Nothing is wrong.
+/// Remedy of information: none.
 pub(crate) const NOTHING: &str = "";
 
 macro_rules! rules {

@@ -1,20 +1,21 @@
-//! Work on as many threads as the caller likes: this crate starts none.
+//! Runs work on threads that the caller provides: this crate starts none.
 
 use std::sync::{Mutex, OnceLock};
 
-/// Runs `work(0)`, ..., `work(count - 1)` once each, in any order and on any threads, and returns when all are done. Results do
-/// not depend on the order. With rayon: `&|count, work| (0..count).into_par_iter().for_each(work)`.
+/// A caller's way to run `work(0)`, ..., `work(count - 1)` once each, in any order and on any threads, and to return
+/// when all are done. Results do not depend on the order. With rayon: `&|count, work|
+/// (0..count).into_par_iter().for_each(work)`.
 pub type Threads<'a> = &'a dyn Fn(usize, &(dyn Fn(usize) + Sync));
 
-/// All on the calling thread.
+/// Runs all work on the calling thread: [`Threads`] for callers without threads.
 pub fn serial(count: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..count).for_each(work);
 }
 
-/// `[make(0), ..., make(count - 1)]`.
+/// Returns `[make(0), ..., make(count - 1)]`, made on `threads`.
 ///
 /// # Panics
-/// If `threads` leaves one out.
+/// If `threads` leaves a number out.
 pub(crate) fn map<T: Send + Sync>(threads: Threads, count: usize, make: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let slots: Vec<OnceLock<T>> = (0..count).map(|_| OnceLock::new()).collect();
     threads(count, &|i| {
@@ -23,7 +24,8 @@ pub(crate) fn map<T: Send + Sync>(threads: Threads, count: usize, make: impl Fn(
     slots.into_iter().map(|slot| slot.into_inner().expect("threads run every number")).collect()
 }
 
-/// Lets `fill(i, chunk)` write each chunk of `values`, `length` each.
+/// Calls `fill(i, chunk)` on `threads` for each chunk of `values`; a chunk has `length` values, the last one maybe
+/// fewer.
 pub(crate) fn fill<T: Send>(threads: Threads, values: &mut [T], length: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
     let chunks: Vec<Mutex<&mut [T]>> = values.chunks_mut(length.max(1)).map(Mutex::new).collect();
     threads(chunks.len(), &|i| {
@@ -38,7 +40,7 @@ pub(crate) fn fill<T: Send>(threads: Threads, values: &mut [T], length: usize, f
 mod tests {
     use super::*;
 
-    /// Two threads, each from its own end.
+    /// Runs work on two threads, which start at opposite ends.
     fn two(count: usize, work: &(dyn Fn(usize) + Sync)) {
         std::thread::scope(|scope| {
             scope.spawn(|| (0..count / 2).for_each(work));

@@ -1,14 +1,16 @@
-//! The decoder's WGSL as text, to be joined in this order with an includer's own.
+//! The WGSL of the decoders as text. An includer joins the files in this order with its own.
 
-/// `(file name, text)`. The library has no bindings; its includer defines `fn asset_word(index: u32) -> u32`.
+/// The decoder's library in WGSL: `(file name, text)`. The library has no bindings; its includer defines `fn
+/// asset_word(index: u32) -> u32`.
 ///
-/// Core WGSL and nothing else. It reads half-precision pairs with `unpack2x16float`: naga's
-/// `SHADER_FLOAT16_IN_FLOAT32`, which every WebGPU device has (wgpu: `DownlevelFlags::SHADER_F16_IN_F32`).
+/// The text is core WGSL. It reads half-precision pairs with `unpack2x16float`: naga's `SHADER_FLOAT16_IN_FLOAT32`,
+/// which every WebGPU device has (wgpu: `DownlevelFlags::SHADER_F16_IN_F32`).
 pub const WGSL: &[(&str, &str)] = &[
     ("quantize.wgsl", include_str!("numeric/quantize.wgsl")),
     ("sphere.wgsl", include_str!("asset/sphere.wgsl")),
     ("lobe.wgsl", include_str!("asset/lobe.wgsl")),
     ("residual.wgsl", include_str!("asset/residual.wgsl")),
+    ("layout.wgsl", include_str!("resident/layout.wgsl")),
     ("parallax.wgsl", include_str!("decode/parallax.wgsl")),
     ("texel.wgsl", include_str!("decode/texel.wgsl")),
     ("viewed_texel.wgsl", include_str!("decode/viewed_texel.wgsl")),
@@ -17,13 +19,13 @@ pub const WGSL: &[(&str, &str)] = &[
     ("evaluate.wgsl", include_str!("decode/evaluate.wgsl")),
 ];
 
-/// All of [`WGSL`], joined.
+/// Returns the files of [`WGSL`], joined.
 pub fn wgsl_library() -> String {
     WGSL.iter().map(|(_, text)| *text).collect::<Vec<_>>().join("\n")
 }
 
-/// `(file name, text)` of the leaf whose optics are evaluated live, to follow [`WGSL`], of which it uses `asset_f32`,
-/// `sample_about_z` and constants. Core WGSL without capabilities of its own.
+/// The functions of leaves whose optics are evaluated live: `(file name, text)`. They follow [`WGSL`], of which they
+/// use `asset_f32`, `sample_about_z` and constants. Core WGSL without capabilities of its own.
 pub const LEAF_WGSL: &[(&str, &str)] = &[
     ("leaf_words.wgsl", include_str!("leaf/words.wgsl")),
     ("leaf_theta.wgsl", include_str!("leaf/theta.wgsl")),
@@ -33,24 +35,26 @@ pub const LEAF_WGSL: &[(&str, &str)] = &[
     ("viewed_leaf.wgsl", include_str!("leaf/viewed.wgsl")),
 ];
 
-/// All of [`LEAF_WGSL`], joined.
+/// Returns the files of [`LEAF_WGSL`], joined.
 pub fn leaf_wgsl() -> String {
     LEAF_WGSL.iter().map(|(_, text)| *text).collect::<Vec<_>>().join("\n")
 }
 
-/// `(file name, text)` of volumetric textures ([`crate::voltex`]), to follow [`WGSL`], of which it uses `asset_f32`. Functions take
-/// the number of a volume's first word as `base`. Core WGSL without capabilities of its own.
+/// The functions of volumetric textures ([`crate::voltex`]): `(file name, text)`. They follow [`WGSL`], of which they
+/// use `asset_f32`. Functions take the number of a volume's first word as `base`. Core WGSL without capabilities of its
+/// own.
 pub const VOLTEX_WGSL: &[(&str, &str)] = &[
     ("voltex_matrix.wgsl", include_str!("voltex/matrix.wgsl")),
     ("voltex_words.wgsl", include_str!("voltex/words.wgsl")),
     ("voltex_voxel.wgsl", include_str!("voltex/voxel.wgsl")),
+    ("voltex_node.wgsl", include_str!("voltex/node.wgsl")),
     ("voltex_tree.wgsl", include_str!("voltex/tree.wgsl")),
     ("voltex_walk.wgsl", include_str!("voltex/walk.wgsl")),
     ("voltex_shade.wgsl", include_str!("voltex/shade.wgsl")),
     ("voltex_gloss.wgsl", include_str!("voltex/gloss.wgsl")),
 ];
 
-/// All of [`VOLTEX_WGSL`], joined.
+/// Returns the files of [`VOLTEX_WGSL`], joined.
 pub fn voltex_wgsl() -> String {
     VOLTEX_WGSL.iter().map(|(_, text)| *text).collect::<Vec<_>>().join("\n")
 }

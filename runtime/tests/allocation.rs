@@ -1,5 +1,5 @@
-//! What reading allocates is bounded by the length of what is read, and what a reader makes of it by what it makes. The allocator
-//! of this test counts, so it runs alone: one test, one thread.
+//! Tests that the memory that reading allocates is bounded by the length of the input, and the memory of a reader's
+//! results by their size. The allocator of this test counts, so it runs alone: one test, one thread.
 
 #![allow(unsafe_code, reason = "an allocator that counts is an implementation of an unsafe trait")]
 
@@ -36,7 +36,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// What `work` gives, and the most bytes that were allocated at a time on the way.
+/// Returns the result of `work`, and the largest number of bytes that were allocated at a time meanwhile.
 fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = HELD.load(Relaxed);
     PEAK.store(before, Relaxed);
@@ -44,13 +44,15 @@ fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
     (made, PEAK.load(Relaxed) - before)
 }
 
-/// Bytes that a byte of the file form may cost: 1024 coded numbers, of up to four bytes, held once and copied once.
+/// Number of bytes that a byte of the file form may cost: 1024 coded numbers, of up to four bytes, held once and copied
+/// once.
 const FILE_FACTOR: usize = 8192;
-/// Bytes that a byte of the resident form may cost: its words where they do not lie at whole words, and a direction set.
+/// Number of bytes that a byte of the resident form may cost: its words if they are not aligned, and a direction set.
 const RESIDENT_FACTOR: usize = 2;
-/// Bytes that do not depend on the input: the models of the entropy coder, the grid of a direction set, the messages of 256 findings.
+/// Number of bytes that do not depend on the input: the models of the entropy coder, the grid of a direction set, the
+/// messages of 256 findings.
 const ALWAYS: usize = 1 << 20;
-/// Bytes of the resident form's own that making it may cost.
+/// Number of bytes that making the resident form may cost for each of its bytes.
 const EXPANSION_FACTOR: usize = 4;
 
 fn corpus(target: &str) -> Vec<Vec<u8>> {

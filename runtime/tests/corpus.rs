@@ -1,5 +1,5 @@
-//! The fuzz targets' corpora on any toolchain: each input does what a fuzzer would have it do, and so do some thousand mutations
-//! of them. What libFuzzer, which sees what is covered, does beyond that: `cargo xtask fuzz`.
+//! Runs the fuzz targets' corpora on any toolchain: each input, and some thousand mutations of them, as a fuzzer would.
+//! `cargo xtask fuzz` runs libFuzzer, which is guided by coverage.
 
 #[path = "../fuzz/src/lib.rs"]
 #[allow(dead_code, unused_imports, reason = "what libFuzzer calls is not called here")]
@@ -11,7 +11,7 @@ use btf_runtime::{Asset, Severity, serial, validate};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Most bytes of a mutated input.
+/// Largest number of bytes of a mutated input.
 const MAX_BYTES: usize = 32 << 10;
 
 fn corpus(target: &str) -> Vec<Vec<u8>> {
@@ -23,7 +23,7 @@ fn corpus(target: &str) -> Vec<Vec<u8>> {
     paths.iter().map(|path| std::fs::read(path).unwrap()).collect()
 }
 
-/// A byte mutator as simple as can be.
+/// Changes, inserts or removes some bytes: a simple byte mutator.
 fn change_bytes(random: &mut Random, bytes: &mut Vec<u8>, most: usize) {
     let at = random.below(bytes.len() + 1);
     match random.below(4) {

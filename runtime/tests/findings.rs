@@ -1,4 +1,4 @@
-//! Every number of a finding: docs/FINDINGS.md lists it, and a planted fault brings it up.
+//! Tests that docs/FINDINGS.md lists the number of every finding, and that a planted fault reports each.
 
 use btf_runtime::testing::{
     FileParts, SectionPart, huge_asset, repair_header_checksum, ring_directions, sample_asset, sample_heights,
@@ -9,10 +9,10 @@ use btf_runtime::{
 };
 use std::sync::Arc;
 
-/// Found by `btf-fit` alone, in the description.
+/// Rules of the description, which `btf-fit` checks: this package reads no JSON.
 const OF_THE_DESCRIPTION: [Rule; 2] = [rule::DESCRIPTION, rule::NO_ERROR_FIGURES];
 
-/// Two layers, heights, levels and edits.
+/// Returns an asset with two layers, heights, levels and edits.
 fn sample() -> Asset {
     let mut asset = sample_asset(7, 6, 5, ResidualKind::Root);
     asset.layers[0].heights = Some(sample_heights(7, 30));
@@ -37,19 +37,19 @@ fn word(bytes: &[u8], index: usize) -> u32 {
     u32::from_le_bytes([0, 1, 2, 3].map(|i| bytes[4 * index + i]))
 }
 
-/// `change` of the first section of a kind, its checksum made right again.
+/// Returns the file of an asset after `change` of the first section of a kind, with a correct checksum.
 fn with_section(asset: &Asset, kind: SectionKind, change: impl Fn(&mut SectionPart)) -> Vec<u8> {
     let mut parts = parts_of(asset);
     change(parts.sections.iter_mut().find(|section| section.head[0] == kind as u32).expect("the sample has it"));
     parts.to_bytes()
 }
 
-/// A changed word of a section.
+/// Returns the file of an asset with a changed word of a section.
 fn with_word(asset: &Asset, kind: SectionKind, index: usize, value: u32) -> Vec<u8> {
     with_section(asset, kind, |section| set_word(&mut section.bytes, index, value))
 }
 
-/// A changed word of header or tables.
+/// Returns the file of an asset with a changed word of header or tables.
 fn with_head(asset: &Asset, index: usize, change: impl Fn(u32) -> u32) -> Vec<u8> {
     let mut bytes = pack(asset).unwrap();
     let old = word(&bytes, index);
@@ -64,7 +64,7 @@ fn resident_parts(asset: &Asset) -> FileParts {
     FileParts::from_bytes(&file.pack().unwrap()).unwrap()
 }
 
-/// The resident form with words that `change` has made others.
+/// Returns the resident form of an asset with words that `change` has changed.
 fn with_words(asset: &Asset, change: impl Fn(&mut Vec<u32>)) -> Vec<u8> {
     let mut parts = resident_parts(asset);
     let mut words: Vec<u32> =
@@ -74,7 +74,7 @@ fn with_words(asset: &Asset, change: impl Fn(&mut Vec<u32>)) -> Vec<u8> {
     parts.to_bytes()
 }
 
-/// A field of the first layer's block at a level set to `value`.
+/// Returns the resident form of an asset with a field of the first layer's block at a level set to `value`.
 fn with_field(asset: &Asset, level: usize, field: usize, value: impl Fn(u32) -> u32) -> Vec<u8> {
     with_words(asset, |words| {
         let at = words[ASSET_LAYERS + 2 * level] as usize + field;
@@ -82,7 +82,8 @@ fn with_field(asset: &Asset, level: usize, field: usize, value: impl Fn(u32) -> 
     })
 }
 
-/// A word `offset` behind the one that a field of the first block names.
+/// Returns the resident form of an asset with a changed word, `offset` behind the one that a field of the first block
+/// names.
 fn with_part(asset: &Asset, field: usize, offset: usize, value: impl Fn(u32) -> u32) -> Vec<u8> {
     with_words(asset, |words| {
         let at = words[words[ASSET_LAYERS] as usize + field] as usize + offset;

@@ -1,7 +1,6 @@
-//! Executes the worked example of docs/FORMAT.md: its bytes are parsed, every field that it names is
-//! compared, its values are decoded, and the same asset packed from parts gives the same bytes. A second
-//! reader, written in Python from the document alone, finds the same numbers (`second_reader`)
-//! and decodes the same values (`second_decoder`).
+//! Executes the worked example of docs/FORMAT.md: parses its bytes, compares every field that it names, decodes its
+//! values, and packs the same asset from parts to the same bytes. A second reader, written in Python from the document
+//! alone, finds the same numbers (`second_reader`) and decodes the same values (`second_decoder`).
 
 mod document;
 #[path = "format_document/second_decoder.rs"]
@@ -18,12 +17,12 @@ use half::f16;
 
 const DOCUMENT: &str = include_str!("../../docs/FORMAT.md");
 
-/// The lines of the document's fenced block with this info string.
+/// Returns the lines of the document's fenced block with this info string.
 fn block(name: &str) -> Vec<&'static str> {
     document::block(DOCUMENT, name)
 }
 
-/// `name = value` lines.
+/// Returns the `name = value` lines of a block.
 fn named(name: &str) -> Vec<(String, String)> {
     let pair = |line: &str| {
         let (name, value) = line.split_once('=').expect("name = value");
@@ -36,7 +35,7 @@ fn halves(numbers: &[f32]) -> Vec<f16> {
     numbers.iter().map(|x| f16::from_f32(*x)).collect()
 }
 
-/// The example from its parts, as a fitter would hand it to the packer.
+/// Builds the example from its parts, as a fitter would hand it to the packer.
 fn example() -> Asset {
     let factors = Factors {
         shape: [1, 3],
@@ -103,7 +102,7 @@ fn example() -> Asset {
     }
 }
 
-/// Every field of the example by its name in the document, in the document's order.
+/// Returns every field of the example by its name in the document, in the document's order.
 fn fields(bytes: &[u8]) -> Vec<(String, String)> {
     let (directory, asset) = (read_directory(bytes).unwrap(), Asset::parse(bytes).unwrap());
     let layer = &asset.layers[0];
@@ -171,7 +170,7 @@ fn fields(bytes: &[u8]) -> Vec<(String, String)> {
     .collect()
 }
 
-/// The example's bytes as the document has them.
+/// Returns the example's bytes as the document has them.
 fn document_bytes() -> Vec<u8> {
     document::bytes_from_dump(&block("hexdump"))
 }
@@ -230,7 +229,9 @@ fn the_documents_decoded_values_are_what_the_decoder_gives() {
         let length = tiers[tier.parse::<usize>().expect("a tier")] as usize;
         let resident = Resident::from_asset(&Asset::parse(&bytes[..length]).unwrap());
         let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
-        let layer = resident.layer_for_sides(level.parse().expect("a level"), false, false).expect("it is there");
+        let layer = resident
+            .layer_for_sides(level.parse().expect("a level"), SurfaceSide::Front, SurfaceSide::Front)
+            .expect("it is there");
         let got = decode(&resident, layer, texel.parse().expect("a texel"), wi, [0.0, 0.0, 1.0], &options);
         let close = |expected: [f32; 3]| (0..3).all(|c| (got[c] - expected[c]).abs() <= 1e-4);
         assert!(close(expected), "{input}: {got:?}");

@@ -1,5 +1,5 @@
-//! Damaged, truncated and forged assets: each is refused by a named error or decodes to finite values.
-//! Nothing here may panic, and nothing may make the reader allocate beyond the file's size.
+//! Tests damaged, truncated and forged assets: each is refused by a named error or decodes to finite values. Nothing
+//! may panic, and nothing may make the reader allocate beyond the file's size.
 
 use btf_runtime::testing::{
     FileParts, Random, SectionPart, huge_asset, repair_header_checksum, sample_asset, sample_heights,
@@ -35,7 +35,7 @@ fn word(bytes: &[u8], index: usize) -> u32 {
     u32::from_le_bytes([0, 1, 2, 3].map(|i| bytes[4 * index + i]))
 }
 
-/// Builds the resident form and decodes some directions with every rule; all values must be finite.
+/// Builds the resident form and decodes some directions with every rule; asserts that all values are finite.
 fn decode_everywhere(asset: &Asset, random: &mut Random) {
     let resident = Resident::from_asset(asset);
     for layer in 0..resident.layers() * resident.levels() {
@@ -56,7 +56,7 @@ fn decode_everywhere(asset: &Asset, random: &mut Random) {
     }
 }
 
-/// Bytes that a parsed asset holds in its arrays.
+/// Returns the bytes that a parsed asset holds in its arrays.
 fn held_bytes(asset: &Asset) -> usize {
     let layer = |layer: &btf_runtime::Layer| {
         let residual = layer.residual.as_ref().map_or(0, |residual| {

@@ -1,6 +1,7 @@
-//! Files of version 1 with what they decode to, frozen: every later version must read them and give these values.
+//! Tests files of version 1 with the values that they decode to. They are frozen: every later version must read them
+//! and give these values.
 //!
-//! `tests/vectors/v1` is never written again; `runtime/examples/write_vectors.rs` has made it.
+//! `runtime/examples/write_vectors.rs` has made `tests/vectors/v1`, which is never written again.
 
 #[path = "vectors/line.rs"]
 mod line;
@@ -9,7 +10,8 @@ use btf_runtime::{Asset, Levels, ResidentFile, open, pack, serial};
 use line::{Line, decoded, folder};
 use std::sync::Arc;
 
-/// A value's share, and what is left of a sharp lobe's cosine in single precision, by which machines may differ.
+/// Largest relative difference between machines: a value's share, and what is left of a sharp lobe's cosine in single
+/// precision.
 const RELATIVE: f32 = 1e-4;
 const ABSOLUTE: f32 = 1e-5;
 

@@ -1,6 +1,6 @@
-//! Executes the worked example of docs/VOLTEX.md: its bytes are what the example is packed to and are read as it, and its words
-//! are those that decoders bind. A second reader, written in Python from the document alone, finds the same numbers in it and in
-//! volumes at random, and refuses what this crate does.
+//! Executes the worked example of docs/VOLTEX.md: the example packs to the document's bytes, is read from them, and has
+//! the document's words. A second reader, written in Python from the document alone, finds the same numbers in the
+//! example and in random volumes, and refuses what this crate refuses.
 
 mod document;
 
@@ -15,7 +15,7 @@ use std::path::Path;
 
 const DOCUMENT: &str = include_str!("../../docs/VOLTEX.md");
 
-/// Two levels: two voxels of two materials, and one around them.
+/// Builds the example: two levels, the finest with two voxels of two materials, the other with one around them.
 fn example() -> Volume {
     let shadow = |offset| LevelShadow { offset, shared: [0.75, 0.5, 0.5, 0.25, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0] };
     let voxel = |s, material| Voxel::new(Sym3(s), material);
@@ -76,13 +76,14 @@ fn the_worked_example_is_what_it_says() {
     assert!(alike, "the example's words are\n{}", rows.collect::<Vec<_>>().join("\n"));
 }
 
-/// The same word, or halves within their last bits: moments are computed in floating point.
+/// Returns whether two words are equal, or are halves that differ in their last bits: moments are computed in floating
+/// point.
 fn is_close(a: u32, b: u32) -> bool {
     let halves = |word: u32| [word as u16, (word >> 16) as u16].map(|half| f16::from_bits(half).to_f32());
     a == b || halves(a).iter().zip(halves(b)).all(|(x, y)| (x - y).abs() <= 2e-3 * x.abs())
 }
 
-/// What the reader in Python prints, by name.
+/// Returns the numbers that the reader in Python prints, by name.
 fn read_by_the_document(name: &str, bytes: &[u8]) -> BTreeMap<String, String> {
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.voltex"));
     std::fs::write(&file, bytes).expect("the file is written");
@@ -95,7 +96,7 @@ fn read_by_the_document(name: &str, bytes: &[u8]) -> BTreeMap<String, String> {
     String::from_utf8(output.stdout).expect("UTF-8").lines().map(pair).collect()
 }
 
-/// The same numbers as this crate reads them.
+/// Returns the numbers as this crate reads them, by name.
 fn numbers_of(bytes: &[u8]) -> BTreeMap<String, Vec<f64>> {
     let volume = Volume::parse(bytes).unwrap();
     let directory = read_voltex_directory(bytes).unwrap();
@@ -128,7 +129,7 @@ fn numbers_of(bytes: &[u8]) -> BTreeMap<String, Vec<f64>> {
     all
 }
 
-/// Whether the reader's lines have these numbers: within single precision's rounding of the largest of a line.
+/// Returns whether the reader's lines have these numbers, within single precision's rounding of the largest of a line.
 fn agree(lines: &BTreeMap<String, String>, numbers: &BTreeMap<String, Vec<f64>>) -> bool {
     let lines = lines.iter().filter(|(name, _)| *name != "description" && !name.starts_with("streams"));
     let read: BTreeMap<&String, Vec<f64>> = lines

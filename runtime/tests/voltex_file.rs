@@ -1,5 +1,5 @@
-//! Volumetric textures' files: what is written is read, every damage is refused and named, and nothing panics or allocates beyond
-//! what the bytes justify.
+//! Tests the files of volumetric textures: what is written is read, every damage is refused and named, and nothing
+//! panics or allocates beyond what the bytes justify.
 
 use btf_runtime::testing::{FileParts, Random, SectionPart, repair_header_checksum, sample_volume};
 use btf_runtime::voltex::{
@@ -7,7 +7,7 @@ use btf_runtime::voltex::{
 };
 use btf_runtime::{FormatError, Rule, Severity, rule, serial};
 
-/// Found by `btf-fit` alone: this package reads no JSON.
+/// Rule of the description, which `btf-fit` checks: this package reads no JSON.
 const OF_THE_DESCRIPTION: Rule = rule::DESCRIPTION;
 
 fn sample() -> Volume {
@@ -26,7 +26,7 @@ fn word(bytes: &[u8], index: usize) -> u32 {
     u32::from_le_bytes([0, 1, 2, 3].map(|i| bytes[4 * index + i]))
 }
 
-/// The volume without what quantisation changes: its voxels' matrices.
+/// Returns the volume without the parts that quantisation changes: its voxels' matrices.
 fn without_matrices(volume: &Volume) -> Volume {
     let mut bare = volume.clone();
     for level in &mut bare.levels {
@@ -132,7 +132,7 @@ fn messages_speak_of_volumetric_textures_in_one_sentence() {
     );
 }
 
-/// `change` of the first section of a kind, its checksum made right again.
+/// Returns a file after `change` of the section of a kind and index, with a correct checksum.
 fn with_section(kind: VoltexSection, index: u32, change: impl Fn(&mut SectionPart)) -> Vec<u8> {
     let mut parts = parts_of(&sample());
     let wanted = |section: &&mut SectionPart| section.head[0] == kind as u32 && section.head[2] == index;
@@ -144,7 +144,7 @@ fn with_word(kind: VoltexSection, index: u32, at: usize, value: u32) -> Vec<u8> 
     with_section(kind, index, |section| set_word(&mut section.bytes, at, value))
 }
 
-/// A changed word of header or tables.
+/// Returns a file with a changed word of header or tables.
 fn with_head(index: usize, change: impl Fn(u32) -> u32) -> Vec<u8> {
     let mut bytes = sample().pack().unwrap();
     let old = word(&bytes, index);
@@ -155,7 +155,7 @@ fn with_head(index: usize, change: impl Fn(u32) -> u32) -> Vec<u8> {
 
 const NAN: u32 = 0x7fc0_0000;
 
-/// Streams of the finest level that the encoder did not write: the first that breaks the rule.
+/// Returns a file whose finest level has a stream that the encoder never writes: the first found that breaks the rule.
 fn broken_stream(wanted: Rule) -> Vec<u8> {
     let mut random = Random::new(3);
     for _ in 0..20_000 {
@@ -277,7 +277,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
     list
 }
 
-/// The rule in this format's words.
+/// Returns the rule in this format's words.
 fn in_own_words(rule: Rule) -> Rule {
     own::all().into_iter().find(|own| own.number == rule.number).expect("it is one of the format's")
 }

@@ -5,7 +5,7 @@
 
 use btf_capture::{Capture, DirectionSet, ImageFormat};
 use btf_fit::{FitParams, KMeansEngine, LassoParams, LassoProblem, Monitor, TileCache, kmeans, stagewise_lasso};
-use btf_runtime::{Asset, DecodeOptions, Interpolation, Resident, decode, decode_from_file_form};
+use btf_runtime::{Asset, DecodeOptions, Interpolation, Resident, TexelPlace, decode, decode_from_file_form};
 use btf_tests::{fitted, leaf_capture, resident};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use ndarray::Array2;
@@ -117,7 +117,7 @@ fn decoding(criterion: &mut Criterion, asset: &Asset) {
         bench.iter(|| {
             for (i, (texel, ..)) in queries.iter().enumerate() {
                 let texel = *texel as usize;
-                black_box(decode_from_file_form(asset, 0, texel, first[texel], i % views, i % lights));
+                black_box(decode_from_file_form(asset, TexelPlace { layer: 0, texel, first_ref: first[texel] }, i % views, i % lights));
             }
         });
     });

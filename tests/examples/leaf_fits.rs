@@ -176,7 +176,7 @@ fn main() {
         if bands.len() <= 16 {
             println!("| {} | {mean:.3} | {max:.2} | {} |", bands.len(), nm.join(" "));
         }
-        if bands.len() == btf_runtime::BAND_SHARES.len() {
+        if bands.len() == btf_runtime::testing::BAND_SHARES.len() {
             let lines = nm.iter().zip(&shares).map(|(nm, share)| format!("    ({nm}.0, {share:?}),"));
             eprintln!("{}", lines.collect::<Vec<_>>().join("\n"));
         }

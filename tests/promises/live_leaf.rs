@@ -1,9 +1,7 @@
 //! The leaf that renderers evaluate live against the leaf models of btf-synth: two programs that share no code.
 
-use btf_runtime::{
-    BAND_SHARES, LEAF_ROWS, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, THREE_ROWS, ViewedLeaf, leaf_spectrum,
-    rational_theta, three_piece_theta,
-};
+use btf_runtime::testing::{BAND_SHARES, THREE_ROWS, rational_theta, three_piece_theta};
+use btf_runtime::{LEAF_ROWS, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf, leaf_spectrum};
 use btf_synth::{
     CookTorrance, GlossParams, LeafContents, LobeAngles, PROSPECT_CONE_DEG, PlateBody, PlateModel, RgbBands,
     SpecificAbsorption, ThetaForm, mean_interface_transmittance, plate_spectrum, vein_frame,

@@ -103,7 +103,7 @@ fn expected(asset: &Asset, scene: &Scene, slip: Slip) -> Vec<[f32; 3]> {
         }
         let row = ((1.0 - v) * TEXELS[1] as f32) as usize;
         let texel = (row * TEXELS[0] + column) as u32;
-        let Some(layer) = resident.layer_for_sides(0, wi.z < 0.0, eye_back) else { return [0.0; 3] };
+        let Some(layer) = resident.layer_for_sides(0, (wi.z < 0.0).into(), eye_back.into()) else { return [0.0; 3] };
         let value = decode(&resident, layer, texel, wi.to_array(), wo.to_array(), &DecodeOptions::default());
         let distance2 = (light - p).length_squared();
         [0, 1, 2].map(|c| INTENSITY[c] * TINT[c] * value[c] / (PI * distance2))

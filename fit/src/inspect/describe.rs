@@ -6,8 +6,8 @@ use crate::provenance::{Material, side_of_layer, sides_of_capture};
 use crate::units::text_from_bytes;
 use btf_capture::Side;
 use btf_runtime::{
-    Asset, Heights, Layer, LobeFamily, Resident, ResidentFile, ResidualKind, SectionEntry, SectionKind, SurfaceSide,
-    VERSION, read_directory,
+    Asset, Heights, Layer, LobeFamily, Resident, ResidentFile, ResidualKind, SectionEntry, SectionKind, VERSION,
+    read_directory,
 };
 use rayon::prelude::*;
 use serde::Serialize;
@@ -241,8 +241,7 @@ pub(crate) fn sides_of_resident(resident: &Resident) -> Vec<Side> {
     let mut sides: Vec<(u32, Side)> = Vec::new();
     for side in Side::ALL {
         let (light, view) = sides_of_capture(side);
-        let back = |of: SurfaceSide| of == SurfaceSide::Back;
-        sides.extend(resident.layer_for_sides(0, back(light), back(view)).map(|layer| (layer, side)));
+        sides.extend(resident.layer_for_sides(0, light, view).map(|layer| (layer, side)));
     }
     sides.sort_by_key(|(layer, _)| *layer);
     sides.into_iter().map(|(_, side)| side).collect()

@@ -531,7 +531,7 @@ mod tests {
     use super::*;
     use crate::sample_asset::{sample_asset, sample_asset_with};
     use btf_runtime::testing::sample_heights;
-    use btf_runtime::{ResidualKind, decode, decode_measured, lobe_tables, pack};
+    use btf_runtime::{ResidualKind, TexelPlace, decode, decode_measured, lobe_tables, pack};
 
     const KINDS: [ResidualKind; 3] = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
 
@@ -572,7 +572,8 @@ mod tests {
                     let lobes: Vec<_> = layer.dictionary[cluster].iter().map(|entry| entry.lobe).collect();
                     let tables = lobe_tables(&lobes, &layer.views, &layer.lights);
                     let mut slow = vec![0.0; 7 * 9 * 3];
-                    decode_measured(&resident, &asset, 0, texel, first_ref, &tables, &options, &mut slow);
+                    let place = TexelPlace { layer: 0, texel, first_ref };
+                    decode_measured(&resident, &asset, place, &tables, &options, &mut slow);
                     first_ref += usize::from(layer.texel_lobe_counts[texel]);
                     for pair in 0..7 * 9 {
                         let fast = image(&decoder, 15, Spot::Measured(pair / 9), Spot::Measured(pair % 9));

@@ -77,7 +77,7 @@ mod tests {
     use super::*;
     use crate::sample_asset::sample_asset_with;
     use btf_capture::DirectionSet;
-    use btf_runtime::{ResidualKind, decode_from_file_form};
+    use btf_runtime::{ResidualKind, TexelPlace, decode_from_file_form};
 
     #[test]
     fn what_stays_decodes_as_before_and_only_surrounded_directions_go() {
@@ -93,8 +93,9 @@ mod tests {
         for (view, light) in [(0, 0), (7, 30), (40, 3), (layer.views.len() - 1, layer.lights.len() - 1)] {
             let old_view = find(&whole.views, layer.views.direction(view as u32)).unwrap();
             let old_light = find(&whole.lights, layer.lights.direction(light as u32)).unwrap();
-            let old = decode_from_file_form(&asset, 0, 0, 0, old_view, old_light);
-            assert_eq!(decode_from_file_form(&thin.asset, 0, 0, 0, view, light), old);
+            let place = TexelPlace { layer: 0, texel: 0, first_ref: 0 };
+            let old = decode_from_file_form(&asset, place, old_view, old_light);
+            assert_eq!(decode_from_file_form(&thin.asset, place, view, light), old);
             assert!(!thin.pairs.contains(&(old_view * whole.lights.len() + old_light)));
         }
         for pair in &thin.pairs {

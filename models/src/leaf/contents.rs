@@ -1,5 +1,7 @@
 //! What a leaf holds.
 
+use btf_leaf_quantities::{ANTHOCYANINS, BROWN, CAROTENOIDS, CHLOROPHYLL, DRY_MATTER, STRUCTURE, WATER};
+
 /// What a leaf holds per area of leaf. Ranges: [`crate::LEAF_QUANTITIES`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafContents {
@@ -24,13 +26,13 @@ impl Default for LeafContents {
     /// 0.01 cm water, 0.005 g/cm2 dry matter, N = 1.5.
     fn default() -> LeafContents {
         LeafContents {
-            chlorophyll_ug_per_cm2: 40.0,
-            carotenoid_ug_per_cm2: 8.0,
-            anthocyanin_ug_per_cm2: 0.0,
-            brown: 0.0,
-            water_cm: 0.01,
-            dry_matter_g_per_cm2: 0.005,
-            structure: 1.5,
+            chlorophyll_ug_per_cm2: CHLOROPHYLL.default,
+            carotenoid_ug_per_cm2: CAROTENOIDS.default,
+            anthocyanin_ug_per_cm2: ANTHOCYANINS.default,
+            brown: BROWN.default,
+            water_cm: WATER.default,
+            dry_matter_g_per_cm2: DRY_MATTER.default,
+            structure: STRUCTURE.default,
         }
     }
 }

@@ -2,7 +2,10 @@
 //! panels.
 
 use crate::leaf::description::LeafDescription;
-use crate::leaf::species::LeafGloss;
+use btf_leaf_quantities::{
+    ANTHOCYANINS, BROWN, CAROTENOIDS, CHLOROPHYLL, DRY_MATTER, GAMMA_ACROSS, GAMMA_ALONG, GLOSS_INDEX, Quantity,
+    STRUCTURE, WATER,
+};
 
 /// One number of a [`LeafDescription`].
 #[derive(Debug, Clone, Copy)]
@@ -15,6 +18,8 @@ pub struct LeafQuantity {
     pub name: &'static str,
     /// Unit; empty for what has none.
     pub unit: &'static str,
+    /// Meaning for people, a clause without a full stop.
+    pub meaning: &'static str,
     /// Least and greatest value of a leaf.
     pub range: [f64; 2],
     get: fn(&LeafDescription) -> f64,
@@ -46,14 +51,35 @@ impl LeafQuantity {
     }
 }
 
-/// A row of the table: where it stands in the file, what it is, and the field.
+/// Coefficients of variation: at 1 one plant in six would have less than nothing.
+const VARIATION: [f64; 2] = [0.0, 1.0];
+
+/// A row of the table that `btf-runtime` shares: everything but the field is as [`btf_leaf_quantities`] has it.
+macro_rules! shared {
+    ($quantity:ident, $($field:ident).+) => {{
+        const QUANTITY: Quantity = $quantity;
+        LeafQuantity {
+            section: QUANTITY.part.section(),
+            key: QUANTITY.key,
+            name: QUANTITY.name,
+            unit: QUANTITY.unit,
+            meaning: QUANTITY.meaning,
+            range: QUANTITY.range,
+            get: |leaf| leaf.$($field).+,
+            set: |leaf, value| leaf.$($field).+ = value,
+        }
+    }};
+}
+
+/// A row of what leaf files have besides: table and key in the file, name, unit, meaning, range, field.
 macro_rules! quantity {
-    ($section:literal, $key:literal, $name:literal, $unit:literal, $range:expr, $($field:ident).+) => {
+    ($section:literal, $key:literal, $name:literal, $unit:literal, $meaning:literal, $range:expr, $($field:ident).+) => {
         LeafQuantity {
             section: $section,
             key: $key,
             name: $name,
             unit: $unit,
+            meaning: $meaning,
             range: $range,
             get: |leaf| leaf.$($field).+,
             set: |leaf, value| leaf.$($field).+ = value,
@@ -61,50 +87,88 @@ macro_rules! quantity {
     };
 }
 
-/// Roughness of a gloss.
-const ROUGHNESS: [f64; 2] = [LeafGloss::MIN_ROUGHNESS, 1.0];
-
-/// Coefficients of variation: at 1 one plant in six would have less than nothing.
-const VARIATION: [f64; 2] = [0.0, 1.0];
-
-/// Every number, in the order of the file. The contents come first, in the order of
-/// [`crate::LeafContents`]'s options: chlorophyll, carotenoids, anthocyanins, brown, water, dry matter, structure.
+/// Every number, in the order of the file. The contents come first, in the order of [`crate::LeafContents`]'s options:
+/// chlorophyll, carotenoids, anthocyanins, brown, water, dry matter, structure; then the gloss. These ten are
+/// [`btf_leaf_quantities::QUANTITIES`], in their order.
 pub const LEAF_QUANTITIES: [LeafQuantity; 16] = [
+    shared!(CHLOROPHYLL, contents.chlorophyll_ug_per_cm2),
+    shared!(CAROTENOIDS, contents.carotenoid_ug_per_cm2),
+    shared!(ANTHOCYANINS, contents.anthocyanin_ug_per_cm2),
+    shared!(BROWN, contents.brown),
+    shared!(WATER, contents.water_cm),
+    shared!(DRY_MATTER, contents.dry_matter_g_per_cm2),
+    shared!(STRUCTURE, contents.structure),
+    shared!(GLOSS_INDEX, gloss.index),
+    shared!(GAMMA_ALONG, gloss.gamma_along),
+    shared!(GAMMA_ACROSS, gloss.gamma_across),
     quantity!(
-        "contents",
-        "chlorophyll_ug_per_cm2",
+        "look",
+        "severity",
+        "severity of the deficiency",
+        "",
+        "how far the deficiency has gone in textures that btf-synth grows; nothing changes in this picture",
+        [0.0, 1.0],
+        severity
+    ),
+    quantity!(
+        "look",
+        "size_mm",
+        "width of the patch",
+        "mm",
+        "width of the patch that textures and captures show; nothing changes in this picture",
+        [1.0, 200.0],
+        size_mm
+    ),
+    quantity!(
+        "variation",
         "chlorophyll",
-        "ug/cm2",
-        [0.0, 100.0],
-        contents.chlorophyll_ug_per_cm2
+        "variation of chlorophyll",
+        "",
+        "standard deviation over mean of chlorophyll among the plants",
+        VARIATION,
+        variation.chlorophyll
     ),
     quantity!(
-        "contents",
-        "carotenoid_ug_per_cm2",
-        "carotenoids",
-        "ug/cm2",
-        [0.0, 25.0],
-        contents.carotenoid_ug_per_cm2
+        "variation",
+        "carotenoid",
+        "variation of carotenoids",
+        "",
+        "standard deviation over mean of carotenoids among the plants",
+        VARIATION,
+        variation.carotenoid
     ),
     quantity!(
-        "contents",
-        "anthocyanin_ug_per_cm2",
-        "anthocyanins",
-        "ug/cm2",
-        [0.0, 15.0],
-        contents.anthocyanin_ug_per_cm2
+        "variation",
+        "brown",
+        "variation of brown pigment",
+        "",
+        "standard deviation over mean of brown pigment among the plants",
+        VARIATION,
+        variation.brown
     ),
-    quantity!("contents", "brown", "brown pigment", "", [0.0, 1.0], contents.brown),
-    quantity!("contents", "water_cm", "water", "cm", [0.0, 0.04], contents.water_cm),
-    quantity!("contents", "dry_matter_g_per_cm2", "dry matter", "g/cm2", [0.0, 0.02], contents.dry_matter_g_per_cm2),
-    quantity!("contents", "structure", "structure N", "", [1.0, 3.0], contents.structure),
-    quantity!("gloss", "index", "refractive index", "", [1.01, 3.0], gloss.index),
-    quantity!("gloss", "gamma_along", "roughness along the veins", "", ROUGHNESS, gloss.gamma_along),
-    quantity!("gloss", "gamma_across", "roughness across the veins", "", ROUGHNESS, gloss.gamma_across),
-    quantity!("look", "severity", "severity of the deficiency", "", [0.0, 1.0], severity),
-    quantity!("look", "size_mm", "width of the patch", "mm", [1.0, 200.0], size_mm),
-    quantity!("variation", "chlorophyll", "variation of chlorophyll", "", VARIATION, variation.chlorophyll),
-    quantity!("variation", "carotenoid", "variation of carotenoids", "", VARIATION, variation.carotenoid),
-    quantity!("variation", "brown", "variation of brown pigment", "", VARIATION, variation.brown),
-    quantity!("variation", "thickness", "variation of thickness", "", VARIATION, variation.thickness),
+    quantity!(
+        "variation",
+        "thickness",
+        "variation of thickness",
+        "",
+        "standard deviation over mean of all that absorbs, among the plants",
+        VARIATION,
+        variation.thickness
+    ),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::leaf::description::LeafDescription;
+    use btf_leaf_quantities::QUANTITIES;
+
+    #[test]
+    fn the_shared_quantities_come_first_and_the_plain_leaf_has_their_defaults() {
+        let plain = LeafDescription::default();
+        for (own, shared) in LEAF_QUANTITIES.iter().zip(&QUANTITIES) {
+            assert_eq!((own.section, own.key), (shared.part.section(), shared.key));
+            assert_eq!(own.of(&plain), shared.default, "{}", own.key);
+        }
+    }
+}

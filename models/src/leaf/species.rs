@@ -14,6 +14,7 @@
 //! growth change every number by half.
 
 use crate::leaf::contents::LeafContents;
+use btf_leaf_quantities::{GAMMA_ACROSS, GAMMA_ALONG, GLOSS_INDEX};
 
 /// A leaf with a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,10 +42,10 @@ pub struct LeafGloss {
 
 impl LeafGloss {
     /// Least roughness: a narrower lobe falls between the directions of a capture.
-    pub const MIN_ROUGHNESS: f64 = 0.05;
+    pub const MIN_ROUGHNESS: f64 = GAMMA_ALONG.range[0];
 
     /// Refractive index of the cuticle [Miao, section 2].
-    pub const CUTICLE_INDEX: f64 = 1.42;
+    pub const CUTICLE_INDEX: f64 = GLOSS_INDEX.default;
 
     /// The usual cuticle with a roughness along and one across the veins.
     pub const fn cuticle(gamma_along: f64, gamma_across: f64) -> LeafGloss {
@@ -55,7 +56,7 @@ impl LeafGloss {
 impl Default for LeafGloss {
     /// Roughness 0.3 both ways.
     fn default() -> LeafGloss {
-        LeafGloss::cuticle(0.3, 0.3)
+        LeafGloss::cuticle(GAMMA_ALONG.default, GAMMA_ACROSS.default)
     }
 }
 

@@ -25,12 +25,12 @@
  * incidence. Radiance towards the eye is (irradiance at normal incidence) x value / pi, and of a point light
  * intensity / distance^2 x visibility x value / pi. Multiply no further cosine.
  *
- * Upload to a GPU: btf_resident gives the words of one storage buffer, which the WGSL decoder of runtime/src/shaders
- * reads as they are.
+ * Upload to a GPU: btf_resident gives the words of one storage buffer, which the WGSL decoder reads as they are;
+ * `cargo xtask shaders` writes that decoder as btf.wgsl.
  *
  * Rules of all calls
  *
- * - A call returns BTF_OK or says why it did nothing; btf_last_error() then has the sentence. No call exits or
+ * - A call returns BTF_OK, or a code if it did nothing; btf_last_error() then has the reason in a sentence. No call exits or
  *   changes global state.
  * - Pointers are checked for null and alignment; that memory of the stated size lies behind them is up to the caller.
  *   Numbers may be anything: those out of range are BTF_ARGUMENT, or black where a call says so.
@@ -69,7 +69,7 @@
 #define BTF_BACK_LIT_BACK 8
 
 /**
- * What every call returns: 0, or why it did nothing. btf_last_error() has the sentence that says what exactly.
+ * The code that every call returns: 0, or the reason why the call did nothing. btf_last_error() has the full sentence.
  */
 enum btf_code
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -77,11 +77,11 @@ enum btf_code
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
   /**
-   * Done.
+   * The call succeeded.
    */
   BTF_OK = 0,
   /**
-   * A pointer is null or not aligned as its type asks for.
+   * A pointer is null or not aligned for its type.
    */
   BTF_POINTER = 1,
   /**
@@ -101,11 +101,11 @@ enum btf_code
    */
   BTF_VERSION = 5,
   /**
-   * The bytes end too early, or go on where they should end.
+   * The bytes end too early, or go on behind the end of the asset.
    */
   BTF_LENGTH = 6,
   /**
-   * A checksum does not match: the bytes were changed on their way.
+   * A checksum does not match: the bytes were changed in transit.
    */
   BTF_DAMAGED = 7,
   /**
@@ -126,8 +126,8 @@ typedef int32_t btf_code;
 #endif // __cplusplus
 
 /**
- * Which levels an asset is opened with. A level is half as wide and high as the one before, for places that show
- * several texels in a pixel.
+ * The levels with which an asset is opened. A level is half as wide and high as the one before, for places where a
+ * pixel covers several texels.
  */
 enum btf_levels
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -135,11 +135,11 @@ enum btf_levels
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
   /**
-   * Those that the file has.
+   * The levels that the file has.
    */
   BTF_LEVELS_AT_HAND = 0,
   /**
-   * All down to a single texel; those that the file has not are made, which takes seconds for large assets.
+   * All levels down to a single texel. Missing ones are made, which takes seconds for large assets.
    */
   BTF_LEVELS_ALL = 1,
 };
@@ -152,7 +152,7 @@ typedef uint32_t btf_levels;
 #endif // __cplusplus
 
 /**
- * How a value between the measured directions is made of theirs.
+ * The rule by which a value between the measured directions is computed from theirs.
  */
 enum btf_interpolation
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -160,12 +160,12 @@ enum btf_interpolation
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
   /**
-   * The lobes in the asked directions, the residual interpolated: one evaluation of the lobes.
+   * Evaluates the lobes in the asked directions and interpolates the residual: one evaluation of the lobes.
    */
   BTF_INTERPOLATION_FAST = 0,
   /**
-   * The nine measured values around, scaled by the lobes: smoother between sparse directions, nine times the
-   * lobes' cost.
+   * Scales the nine measured values around by the lobes: smoother between sparse directions, nine times the cost of
+   * the lobes.
    */
   BTF_INTERPOLATION_EXACT = 1,
 };
@@ -178,59 +178,60 @@ typedef uint32_t btf_interpolation;
 #endif // __cplusplus
 
 /**
- * An open asset. What it points to is only read, so any number of threads may use one handle at once, in all calls but
- * btf_close.
+ * An open asset. A call only reads what the handle points to, so any number of threads may use one handle at once, in
+ * all calls but btf_close.
  */
 typedef struct btf_asset btf_asset;
 
 /**
- * How an asset is opened.
+ * Options of opening an asset.
  */
 typedef struct btf_open_options {
   /**
-   * A btf_levels.
+   * Levels: a btf_levels.
    */
   uint32_t levels;
   /**
-   * Threads that opening may use, all gone when it returns; 0 for as many as there are processors.
+   * Number of threads that opening may use, all gone when it returns; 0 for as many as there are processors.
    */
   uint32_t threads;
 } btf_open_options;
 
 /**
- * What an asset has.
+ * Properties of an asset.
  */
 typedef struct btf_info {
   /**
-   * Version of the format that the file is in.
+   * Version of the file's format.
    */
   uint32_t format_version;
   /**
-   * Texels per row of the finest level.
+   * Number of texels in a row of the finest level.
    */
   uint32_t width;
   /**
-   * Rows of the finest level.
+   * Number of rows of the finest level.
    */
   uint32_t height;
   /**
-   * Layers, 1 to 4: one for each pair of sides below.
+   * Number of layers, 1 to 4: one for each pair of sides below.
    */
   uint32_t layers;
   /**
-   * Levels, the finest included.
+   * Number of levels, the finest included.
    */
   uint32_t levels;
   /**
-   * Residual components of the layer that has most; 0 where there is no residual.
+   * Largest number of residual components that a layer has; 0 without residual.
    */
   uint32_t components;
   /**
-   * Lobes of the texel that has most.
+   * Largest number of lobes that a texel has.
    */
   uint32_t lobes;
   /**
-   * Which sides eye and light may be on: bits BTF_FRONT_LIT_FRONT to BTF_BACK_LIT_BACK. With others it is black.
+   * Sides of eye and light for which the asset has a layer: bits BTF_FRONT_LIT_FRONT to BTF_BACK_LIT_BACK. Other
+   * pairs of sides are black.
    */
   uint32_t sides;
   /**
@@ -248,29 +249,29 @@ typedef struct btf_info {
 } btf_info;
 
 /**
- * How exactly to evaluate. At the measured directions interpolation and parallax change nothing.
+ * Options of an evaluation, from fast to exact. At the measured directions interpolation and parallax change nothing.
  */
 typedef struct btf_options {
   /**
-   * Residual components at most; UINT32_MAX for all, 0 for the residual's mean alone.
+   * Largest number of residual components that are used; UINT32_MAX for all, 0 for the residual's mean alone.
    */
   uint32_t components;
   /**
-   * Lobes of a texel at most; UINT32_MAX for all.
+   * Largest number of lobes of a texel that are used; UINT32_MAX for all.
    */
   uint32_t lobes;
   /**
-   * A btf_interpolation.
+   * Interpolation: a btf_interpolation.
    */
   uint32_t interpolation;
   /**
-   * 1: parallax of eyes outside the measured ones is removed where the asset has heights. 0: it is left.
+   * Parallax of eyes outside the measured ones: 1 removes it where the asset has heights, 0 leaves it.
    */
   uint32_t parallax;
 } btf_options;
 
 /**
- * A place of the surface, a light and an eye.
+ * A place of the surface with a light and an eye.
  */
 typedef struct btf_place {
   /**
@@ -283,13 +284,13 @@ typedef struct btf_place {
    */
   float wi[3];
   /**
-   * Unit vector to the eye, likewise.
+   * Unit vector to the eye, in the frame of wi. Its length may be off by half a percent.
    */
   float wo[3];
 } btf_place;
 
 /**
- * A direction that btf_sample has drawn.
+ * A direction that btf_sample has drawn, with its density and value.
  */
 typedef struct btf_drawn {
   /**
@@ -301,7 +302,7 @@ typedef struct btf_drawn {
    */
   float density;
   /**
-   * What btf_evaluate gives in this direction.
+   * Value of btf_evaluate for a light in this direction.
    */
   float value[3];
 } btf_drawn;
@@ -311,20 +312,20 @@ extern "C" {
 #endif // __cplusplus
 
 /**
- * A few words for an error code, for example "the asset is damaged". `code` may be any number.
- * Never null; belongs to the library and stays for ever.
+ * Returns a few words for an error code, for example "the asset is damaged". `code` may be any number. The result is
+ * never null, belongs to the library and stays for ever.
  */
 const char *btf_error_text(int32_t code);
 
 /**
- * The sentence of the last call of this thread that failed: what was wrong, and the remedy. Calls that succeed leave
- * it. Empty where none has failed. Never null; belongs to the library and stays until the next call of this thread
- * that fails, or the thread's end.
+ * Returns the sentence of the last call of this thread that failed: the fault and the remedy. Calls that succeed leave
+ * it. The text is empty where no call has failed, and never null; it belongs to the library and stays until the next
+ * call of this thread that fails, or the thread's end.
  */
 const char *btf_last_error(void);
 
 /**
- * The options that null stands for: levels at hand, all processors.
+ * Returns the options that null stands for: levels of the file, all processors.
  */
 struct btf_open_options btf_default_open_options(void);
 
@@ -333,7 +334,7 @@ struct btf_open_options btf_default_open_options(void);
  *
  * `bytes`, `length`: the whole `.spmm` file, or a prefix that ends where a tier does; not needed afterwards.
  * `options`: null for btf_default_open_options().
- * `asset`: takes the handle, which the caller owns and gives to btf_close; null where the call fails.
+ * `asset`: receives the handle, which the caller owns and gives to btf_close; null where the call fails.
  * Errors: BTF_POINTER, BTF_ARGUMENT, and BTF_NOT_AN_ASSET to BTF_INVALID.
  */
 btf_code btf_open_memory(const uint8_t *bytes,
@@ -342,8 +343,8 @@ btf_code btf_open_memory(const uint8_t *bytes,
                          struct btf_asset **asset);
 
 /**
- * Opens an asset file, as btf_open_memory does. One in its resident form is mapped, not read: it must not be changed in
- * place until the asset is closed. A file form is not needed afterwards.
+ * Opens an asset file, like btf_open_memory. A resident form is mapped, not read: it must not be changed in place
+ * until the asset is closed. A file form is not needed afterwards.
  *
  * `path`: text that ends with a zero; UTF-8, on Unix any bytes.
  * Errors: those of btf_open_memory, and BTF_FILE. The sentence of btf_last_error() begins with the path.
@@ -353,24 +354,25 @@ btf_code btf_open_file(const char *path,
                        struct btf_asset **asset);
 
 /**
- * Closes an asset and frees all that belongs to it. Null does nothing. No other call may be using the handle, and
- * none may use it afterwards.
+ * Closes an asset and frees all that belongs to it. Null does nothing. No other call may be using the handle, and none
+ * may use it afterwards.
  */
 void btf_close(struct btf_asset *asset);
 
 /**
- * Says what an asset has.
+ * Returns the properties of an asset.
  *
- * `info`: takes the answer.
+ * `info`: receives the properties.
  * Errors: BTF_POINTER.
  */
 btf_code btf_query(const struct btf_asset *asset, struct btf_info *info);
 
 /**
- * The asset's description: JSON, UTF-8, with its name and origin.
+ * Returns the description of an asset: JSON, UTF-8, with its name and origin.
  *
- * `text`: takes a pointer to it, which belongs to the asset and stays until btf_close. A zero follows the text.
- * `length`: takes its bytes, that zero not counted; null where nobody asks.
+ * `text`: receives a pointer to the description, which belongs to the asset and stays until btf_close. A zero follows
+ * the text.
+ * `length`: receives the number of bytes without that zero; may be null.
  * Errors: BTF_POINTER.
  */
 btf_code btf_material(const struct btf_asset *asset,
@@ -378,11 +380,12 @@ btf_code btf_material(const struct btf_asset *asset,
                       size_t *length);
 
 /**
- * The asset as the words of one storage buffer, for the WGSL decoder (runtime/src/shaders): all levels and layers,
- * offsets in words from the first, so that several assets may lie in one buffer.
+ * Returns an asset as the words of one storage buffer, for the WGSL decoder (`cargo xtask shaders` writes it as
+ * btf.wgsl): all levels and layers, with offsets in words from the first, so that several assets may lie in one
+ * buffer.
  *
- * `words`: takes a pointer to them, which belongs to the asset and stays until btf_close.
- * `count`: takes their number; a word has 4 bytes, in the machine's order.
+ * `words`: receives a pointer to the words, which belongs to the asset and stays until btf_close.
+ * `count`: receives their number; a word has 4 bytes, in the machine's order.
  * Errors: BTF_POINTER.
  */
 btf_code btf_resident(const struct btf_asset *asset,
@@ -390,20 +393,20 @@ btf_code btf_resident(const struct btf_asset *asset,
                       size_t *count);
 
 /**
- * The options that null stands for: all components and lobes, fast interpolation, parallax removed.
+ * Returns the options that null stands for: all components and lobes, fast interpolation, parallax removed.
  */
 struct btf_options btf_default_options(void);
 
 /**
- * Evaluates one place: pi x BRDF x |cosine of wi|, linear RGB, at least 0 and finite. With light and eye on
- * different sides it is the BTDF. A white Lambertian lit at normal incidence gives 1; the cosine is inside, so a
- * renderer multiplies irradiance at normal incidence / pi, and no further cosine.
+ * Evaluates one place: pi x BRDF x |cosine of wi|, linear RGB, at least 0 and finite. With light and eye on different
+ * sides it is the BTDF. A white Lambertian surface lit at normal incidence gives 1; the cosine is inside, so a
+ * renderer multiplies by irradiance at normal incidence / pi, and by no further cosine.
  *
- * `level`: 0 the finest, below btf_info.levels. The texel nearest to uv answers.
- * `place`: where, lit from where, seen from where. Black where the asset has no layer for these sides, where a
+ * `level`: 0 the finest, below btf_info.levels. The texel nearest to uv is evaluated.
+ * `place`: texture coordinate, light and eye. The value is black where the asset has no layer for these sides, where a
  * number is not finite, and where wi or wo is not of length 1 within half a percent.
  * `options`: null for btf_default_options().
- * `value`: takes 3 numbers.
+ * `value`: receives 3 numbers.
  * Errors: BTF_POINTER, BTF_ARGUMENT.
  */
 btf_code btf_evaluate(const struct btf_asset *asset,
@@ -413,11 +416,11 @@ btf_code btf_evaluate(const struct btf_asset *asset,
                       float *value);
 
 /**
- * Evaluates many places, as btf_evaluate does one, on the calling thread. Several threads may share the work: give
- * each a part of the arrays.
+ * Evaluates many places, each like btf_evaluate, on the calling thread. Several threads may share the work: give each
+ * a part of the arrays.
  *
- * `places`: `count` of them; `count` may be 0, and then no array is looked at.
- * `values`: takes 3 x `count` numbers, red, green and blue of each place. Untouched where the call fails.
+ * `places`: `count` of them; `count` may be 0, and then no array is read.
+ * `values`: receives 3 x `count` numbers, red, green and blue of each place. Untouched where the call fails.
  * Errors: BTF_POINTER, BTF_ARGUMENT.
  */
 btf_code btf_evaluate_many(const struct btf_asset *asset,
@@ -429,13 +432,14 @@ btf_code btf_evaluate_many(const struct btf_asset *asset,
 
 /**
  * Draws a direction to light that matters to an eye: by the lobes, and a share by the cosine. Where the eye sees light
- * from both sides, either is as likely. value / (pi x density) is the weight of a path that goes on there.
+ * from both sides, either has the same probability. value / (pi x density) is the weight of a path that continues in
+ * the direction.
  *
- * `level`: as btf_evaluate.
+ * `level`: as for btf_evaluate.
  * `uv`: 2 numbers, `wo`: 3 numbers, as in btf_place.
  * `at`: 3 numbers, each 0 to 1, 1 not included: random, or of a low-discrepancy sequence.
  * `options`: null for btf_default_options().
- * `drawn`: takes the direction. Its density is 0 where nothing was drawn, which is no error.
+ * `drawn`: receives the direction. Its density is 0 where nothing was drawn, which is no error.
  * Errors: BTF_POINTER, BTF_ARGUMENT.
  */
 btf_code btf_sample(const struct btf_asset *asset,
@@ -447,10 +451,11 @@ btf_code btf_sample(const struct btf_asset *asset,
                     struct btf_drawn *drawn);
 
 /**
- * The density with which btf_sample draws the light's direction of a place, per steradian; 0 where it never does.
+ * Returns the density with which btf_sample draws the light's direction of a place, per steradian; 0 where it never
+ * does.
  *
- * `level`, `place`, `options`: as btf_evaluate; the same options as btf_sample had.
- * `density`: takes 1 number.
+ * `level`, `place`: as for btf_evaluate. `options`: those that btf_sample had.
+ * `density`: receives 1 number.
  * Errors: BTF_POINTER, BTF_ARGUMENT.
  */
 btf_code btf_density(const struct btf_asset *asset,

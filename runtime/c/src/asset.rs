@@ -1,19 +1,19 @@
-//! The handle: open, ask, close.
+//! The handle: opens an asset, returns what it holds, closes it.
 
 use crate::border::{Target, call, read, read_many};
 use crate::code::{Code, Fault};
 use crate::threads::spread;
-use btf_runtime::{Resident, ResidentBytes, VERSION};
+use btf_runtime::{Resident, ResidentBytes, SurfaceSide, VERSION};
 use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// An open asset. What it points to is only read, so any number of threads may use one handle at once, in all calls but
-/// btf_close.
+/// An open asset. A call only reads what the handle points to, so any number of threads may use one handle at once, in
+/// all calls but btf_close.
 pub struct Handle {
     pub(crate) resident: Resident,
     info: Info,
-    /// A zero behind the text.
+    /// Material description with a zero behind the text.
     material: Vec<u8>,
 }
 
@@ -24,24 +24,24 @@ const _: fn() = || {
     may_be_shared::<Handle>();
 };
 
-/// Which levels an asset is opened with. A level is half as wide and high as the one before, for places that show
-/// several texels in a pixel.
+/// The levels with which an asset is opened. A level is half as wide and high as the one before, for places where a
+/// pixel covers several texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Levels {
-    /// Those that the file has.
+    /// The levels that the file has.
     AtHand = 0,
-    /// All down to a single texel; those that the file has not are made, which takes seconds for large assets.
+    /// All levels down to a single texel. Missing ones are made, which takes seconds for large assets.
     All = 1,
 }
 
-/// How an asset is opened.
+/// Options of opening an asset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub struct OpenOptions {
-    /// A btf_levels.
+    /// Levels: a btf_levels.
     pub levels: u32,
-    /// Threads that opening may use, all gone when it returns; 0 for as many as there are processors.
+    /// Number of threads that opening may use, all gone when it returns; 0 for as many as there are processors.
     pub threads: u32,
 }
 
@@ -54,25 +54,26 @@ pub const BTF_BACK_LIT_FRONT: u32 = 4;
 /// Light and eye behind the surface: reflection of its back. A bit of btf_info.sides.
 pub const BTF_BACK_LIT_BACK: u32 = 8;
 
-/// What an asset has.
+/// Properties of an asset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Info {
-    /// Version of the format that the file is in.
+    /// Version of the file's format.
     pub format_version: u32,
-    /// Texels per row of the finest level.
+    /// Number of texels in a row of the finest level.
     pub width: u32,
-    /// Rows of the finest level.
+    /// Number of rows of the finest level.
     pub height: u32,
-    /// Layers, 1 to 4: one for each pair of sides below.
+    /// Number of layers, 1 to 4: one for each pair of sides below.
     pub layers: u32,
-    /// Levels, the finest included.
+    /// Number of levels, the finest included.
     pub levels: u32,
-    /// Residual components of the layer that has most; 0 where there is no residual.
+    /// Largest number of residual components that a layer has; 0 without residual.
     pub components: u32,
-    /// Lobes of the texel that has most.
+    /// Largest number of lobes that a texel has.
     pub lobes: u32,
-    /// Which sides eye and light may be on: bits BTF_FRONT_LIT_FRONT to BTF_BACK_LIT_BACK. With others it is black.
+    /// Sides of eye and light for which the asset has a layer: bits BTF_FRONT_LIT_FRONT to BTF_BACK_LIT_BACK. Other
+    /// pairs of sides are black.
     pub sides: u32,
     /// Bit 0: the left edge continues the right one; bit 1: the bottom edge continues the top one.
     pub seamless: u32,
@@ -82,12 +83,12 @@ pub struct Info {
     pub height_mm: f32,
 }
 
-/// The bit of each light and eye side, true for the back.
-const SIDES: [(u32, bool, bool); 4] = [
-    (BTF_FRONT_LIT_FRONT, false, false),
-    (BTF_FRONT_LIT_BACK, true, false),
-    (BTF_BACK_LIT_FRONT, false, true),
-    (BTF_BACK_LIT_BACK, true, true),
+/// Bit of each pair of sides: of the light, of the eye.
+const SIDES: [(u32, SurfaceSide, SurfaceSide); 4] = [
+    (BTF_FRONT_LIT_FRONT, SurfaceSide::Front, SurfaceSide::Front),
+    (BTF_FRONT_LIT_BACK, SurfaceSide::Back, SurfaceSide::Front),
+    (BTF_BACK_LIT_FRONT, SurfaceSide::Front, SurfaceSide::Back),
+    (BTF_BACK_LIT_BACK, SurfaceSide::Back, SurfaceSide::Back),
 ];
 
 impl Handle {
@@ -122,7 +123,7 @@ impl Handle {
         Ok(Handle { resident, info, material })
     }
 
-    /// The level, if the asset has it.
+    /// Returns the level, if the asset has it.
     pub(crate) fn level(&self, level: u32) -> Result<u32, Fault> {
         let levels = self.info.levels;
         if level < levels {
@@ -135,7 +136,7 @@ impl Handle {
     }
 }
 
-/// The options that null stands for: levels at hand, all processors.
+/// Returns the options that null stands for: levels of the file, all processors.
 #[unsafe(no_mangle)]
 pub extern "C" fn btf_default_open_options() -> OpenOptions {
     OpenOptions { levels: Levels::AtHand as u32, threads: 0 }
@@ -162,7 +163,7 @@ unsafe fn open_into(
 ///
 /// `bytes`, `length`: the whole `.spmm` file, or a prefix that ends where a tier does; not needed afterwards.
 /// `options`: null for btf_default_open_options().
-/// `asset`: takes the handle, which the caller owns and gives to btf_close; null where the call fails.
+/// `asset`: receives the handle, which the caller owns and gives to btf_close; null where the call fails.
 /// Errors: BTF_POINTER, BTF_ARGUMENT, and BTF_NOT_AN_ASSET to BTF_INVALID.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_open_memory(
@@ -184,8 +185,8 @@ pub unsafe extern "C" fn btf_open_memory(
     })
 }
 
-/// Opens an asset file, as btf_open_memory does. One in its resident form is mapped, not read: it must not be changed in
-/// place until the asset is closed. A file form is not needed afterwards.
+/// Opens an asset file, like btf_open_memory. A resident form is mapped, not read: it must not be changed in place
+/// until the asset is closed. A file form is not needed afterwards.
 ///
 /// `path`: text that ends with a zero; UTF-8, on Unix any bytes.
 /// Errors: those of btf_open_memory, and BTF_FILE. The sentence of btf_last_error() begins with the path.
@@ -211,7 +212,7 @@ pub unsafe extern "C" fn btf_open_file(
     })
 }
 
-/// A file's bytes, mapped; an empty file cannot be.
+/// Maps the bytes of a file; an empty file has no mapping.
 fn bytes_of(path: &Path) -> std::io::Result<ResidentBytes> {
     let file = std::fs::File::open(path)?;
     if file.metadata()?.len() == 0 {
@@ -233,8 +234,8 @@ fn path_of(text: &CStr) -> Result<PathBuf, Fault> {
     Ok(path.into())
 }
 
-/// Closes an asset and frees all that belongs to it. Null does nothing. No other call may be using the handle, and
-/// none may use it afterwards.
+/// Closes an asset and frees all that belongs to it. Null does nothing. No other call may be using the handle, and none
+/// may use it afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_close(asset: *mut Handle) {
     if !asset.is_null() {
@@ -247,9 +248,9 @@ pub unsafe extern "C" fn btf_close(asset: *mut Handle) {
     }
 }
 
-/// Says what an asset has.
+/// Returns the properties of an asset.
 ///
-/// `info`: takes the answer.
+/// `info`: receives the properties.
 /// Errors: BTF_POINTER.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_query(asset: *const Handle, info: *mut Info) -> Code {
@@ -261,10 +262,11 @@ pub unsafe extern "C" fn btf_query(asset: *const Handle, info: *mut Info) -> Cod
     })
 }
 
-/// The asset's description: JSON, UTF-8, with its name and origin.
+/// Returns the description of an asset: JSON, UTF-8, with its name and origin.
 ///
-/// `text`: takes a pointer to it, which belongs to the asset and stays until btf_close. A zero follows the text.
-/// `length`: takes its bytes, that zero not counted; null where nobody asks.
+/// `text`: receives a pointer to the description, which belongs to the asset and stays until btf_close. A zero follows
+/// the text.
+/// `length`: receives the number of bytes without that zero; may be null.
 /// Errors: BTF_POINTER.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_material(asset: *const Handle, text: *mut *const c_char, length: *mut usize) -> Code {
@@ -281,11 +283,12 @@ pub unsafe extern "C" fn btf_material(asset: *const Handle, text: *mut *const c_
     })
 }
 
-/// The asset as the words of one storage buffer, for the WGSL decoder (runtime/src/shaders): all levels and layers,
-/// offsets in words from the first, so that several assets may lie in one buffer.
+/// Returns an asset as the words of one storage buffer, for the WGSL decoder (`cargo xtask shaders` writes it as
+/// btf.wgsl): all levels and layers, with offsets in words from the first, so that several assets may lie in one
+/// buffer.
 ///
-/// `words`: takes a pointer to them, which belongs to the asset and stays until btf_close.
-/// `count`: takes their number; a word has 4 bytes, in the machine's order.
+/// `words`: receives a pointer to the words, which belongs to the asset and stays until btf_close.
+/// `count`: receives their number; a word has 4 bytes, in the machine's order.
 /// Errors: BTF_POINTER.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_resident(asset: *const Handle, words: *mut *const u32, count: *mut usize) -> Code {

@@ -1,9 +1,9 @@
-//! What every call goes through: pointers are checked, faults become codes, and no panic leaves the library.
+//! The entry of every call: pointers are checked, faults become codes, and no panic leaves the library.
 
 use crate::code::{Code, Fault, remember};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Runs the body of a call. A panic in it is a mistake of ours and becomes [`Code::Internal`].
+/// Runs the body of a call. A panic is a mistake of this library and becomes [`Code::Internal`].
 pub fn call(body: impl FnOnce() -> Result<(), Fault>) -> Code {
     // What a body changes before it fails are the caller's numbers alone: handles are only read.
     let fault = match catch_unwind(AssertUnwindSafe(body)) {
@@ -19,7 +19,7 @@ pub fn call(body: impl FnOnce() -> Result<(), Fault>) -> Code {
     fault.code
 }
 
-/// The fault of a pointer that cannot be used; `name` is its name in the header.
+/// Refuses a pointer that cannot be used; `name` is its name in the header.
 fn check<T>(pointer: *const T, name: &str) -> Result<(), Fault> {
     if pointer.is_null() {
         return Err(Fault::new(Code::Pointer, format!("the pointer '{name}' is null")));
@@ -31,7 +31,7 @@ fn check<T>(pointer: *const T, name: &str) -> Result<(), Fault> {
     Ok(())
 }
 
-/// The fault of `count` items from `pointer` on, which is not looked at where there are none.
+/// Refuses a pointer to `count` items that cannot be used; it is not checked for 0 items.
 pub fn check_many<T>(pointer: *const T, count: usize, name: &str) -> Result<(), Fault> {
     if count.checked_mul(size_of::<T>()).is_none_or(|bytes| bytes > isize::MAX as usize) {
         return Err(Fault::new(Code::Argument, format!("'{name}' cannot have {count} items: no memory is that large")));
@@ -58,7 +58,7 @@ pub unsafe fn read_many<'a, T>(pointer: *const T, count: usize, name: &str) -> R
     Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
 }
 
-/// A place for a result.
+/// A pointer to the memory for a result.
 pub struct Target<T>(*mut T);
 
 impl<T> Target<T> {

@@ -4,13 +4,13 @@ use btf_runtime::FormatError;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 
-/// What every call returns: 0, or why it did nothing. btf_last_error() has the sentence that says what exactly.
+/// The code that every call returns: 0, or the reason why the call did nothing. btf_last_error() has the full sentence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 pub enum Code {
-    /// Done.
+    /// The call succeeded.
     Ok = 0,
-    /// A pointer is null or not aligned as its type asks for.
+    /// A pointer is null or not aligned for its type.
     Pointer = 1,
     /// A number is out of its range: a level, a count, an option.
     Argument = 2,
@@ -20,9 +20,9 @@ pub enum Code {
     NotAnAsset = 4,
     /// The asset is of a version that this library does not read.
     Version = 5,
-    /// The bytes end too early, or go on where they should end.
+    /// The bytes end too early, or go on behind the end of the asset.
     Length = 6,
-    /// A checksum does not match: the bytes were changed on their way.
+    /// A checksum does not match: the bytes were changed in transit.
     Damaged = 7,
     /// The bytes break another rule of docs/FORMAT.md.
     Invalid = 8,
@@ -60,11 +60,11 @@ impl Code {
     }
 }
 
-/// Why a call did nothing.
+/// The reason why a call did nothing.
 #[derive(Debug)]
 pub struct Fault {
     pub code: Code,
-    /// One sentence with the remedy.
+    /// Sentence with the remedy.
     pub sentence: String,
 }
 
@@ -99,17 +99,17 @@ pub fn remember(sentence: &str) {
     let _ = LAST.try_with(|last| *last.borrow_mut() = text);
 }
 
-/// A few words for an error code, for example "the asset is damaged". `code` may be any number.
-/// Never null; belongs to the library and stays for ever.
+/// Returns a few words for an error code, for example "the asset is damaged". `code` may be any number. The result is
+/// never null, belongs to the library and stays for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn btf_error_text(code: i32) -> *const c_char {
     let known = Code::ALL.into_iter().find(|known| *known as i32 == code);
     known.map_or(c"no error code of this library", Code::text).as_ptr()
 }
 
-/// The sentence of the last call of this thread that failed: what was wrong, and the remedy. Calls that succeed leave
-/// it. Empty where none has failed. Never null; belongs to the library and stays until the next call of this thread
-/// that fails, or the thread's end.
+/// Returns the sentence of the last call of this thread that failed: the fault and the remedy. Calls that succeed leave
+/// it. The text is empty where no call has failed, and never null; it belongs to the library and stays until the next
+/// call of this thread that fails, or the thread's end.
 #[unsafe(no_mangle)]
 pub extern "C" fn btf_last_error() -> *const c_char {
     LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())

@@ -1,4 +1,4 @@
-//! Values, samples and densities.
+//! Evaluates, samples, and returns densities.
 
 use crate::asset::Handle;
 use crate::border::{Target, call, check_many, read, read_many};
@@ -6,10 +6,10 @@ use crate::code::{Code, Fault};
 use btf_runtime::{DecodeOptions, Query, density as density_of, evaluate, evaluate_many, sample};
 use std::mem::offset_of;
 
-/// Values that are computed before they are handed over.
+/// Number of values that are computed before they are written to the caller's array.
 const BATCH: usize = 256;
 
-/// A place of the surface, a light and an eye.
+/// A place of the surface with a light and an eye.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Place {
@@ -18,7 +18,7 @@ pub struct Place {
     /// Unit vector to the light, in the frame of tangent (along u), bitangent (along v) and normal; z < 0 is behind the
     /// surface. Its length may be off by half a percent.
     pub wi: [f32; 3],
-    /// Unit vector to the eye, likewise.
+    /// Unit vector to the eye, in the frame of wi. Its length may be off by half a percent.
     pub wo: [f32; 3],
 }
 
@@ -31,7 +31,7 @@ const _: () = assert!(
         && offset_of!(Place, wo) == offset_of!(Query, wo)
 );
 
-/// A direction that btf_sample has drawn.
+/// A direction that btf_sample has drawn, with its density and value.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(C)]
 pub struct Drawn {
@@ -39,32 +39,32 @@ pub struct Drawn {
     pub wi: [f32; 3],
     /// Probability density, per steradian. 0: nothing was drawn, the path ends, and all else is 0 too.
     pub density: f32,
-    /// What btf_evaluate gives in this direction.
+    /// Value of btf_evaluate for a light in this direction.
     pub value: [f32; 3],
 }
 
-/// How a value between the measured directions is made of theirs.
+/// The rule by which a value between the measured directions is computed from theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Interpolation {
-    /// The lobes in the asked directions, the residual interpolated: one evaluation of the lobes.
+    /// Evaluates the lobes in the asked directions and interpolates the residual: one evaluation of the lobes.
     Fast = 0,
-    /// The nine measured values around, scaled by the lobes: smoother between sparse directions, nine times the
-    /// lobes' cost.
+    /// Scales the nine measured values around by the lobes: smoother between sparse directions, nine times the cost of
+    /// the lobes.
     Exact = 1,
 }
 
-/// How exactly to evaluate. At the measured directions interpolation and parallax change nothing.
+/// Options of an evaluation, from fast to exact. At the measured directions interpolation and parallax change nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub struct Options {
-    /// Residual components at most; UINT32_MAX for all, 0 for the residual's mean alone.
+    /// Largest number of residual components that are used; UINT32_MAX for all, 0 for the residual's mean alone.
     pub components: u32,
-    /// Lobes of a texel at most; UINT32_MAX for all.
+    /// Largest number of lobes of a texel that are used; UINT32_MAX for all.
     pub lobes: u32,
-    /// A btf_interpolation.
+    /// Interpolation: a btf_interpolation.
     pub interpolation: u32,
-    /// 1: parallax of eyes outside the measured ones is removed where the asset has heights. 0: it is left.
+    /// Parallax of eyes outside the measured ones: 1 removes it where the asset has heights, 0 leaves it.
     pub parallax: u32,
 }
 
@@ -88,7 +88,7 @@ impl Options {
     }
 }
 
-/// The options that null stands for: all components and lobes, fast interpolation, parallax removed.
+/// Returns the options that null stands for: all components and lobes, fast interpolation, parallax removed.
 #[unsafe(no_mangle)]
 pub extern "C" fn btf_default_options() -> Options {
     let DecodeOptions { components, lobes, interpolation, parallax } = DecodeOptions::default();
@@ -99,7 +99,7 @@ pub extern "C" fn btf_default_options() -> Options {
     Options { components, lobes, interpolation: interpolation as u32, parallax: parallax.into() }
 }
 
-/// The asset, its level and the options of a call.
+/// Returns the asset, its level and the options of a call.
 ///
 /// # Safety
 /// `asset` must be an open handle or null, `options` must point to options or be null.
@@ -126,15 +126,15 @@ unsafe fn numbers<'a, const N: usize>(pointer: *const f32, name: &str) -> Result
     unsafe { read(pointer.cast(), name) }
 }
 
-/// Evaluates one place: pi x BRDF x |cosine of wi|, linear RGB, at least 0 and finite. With light and eye on
-/// different sides it is the BTDF. A white Lambertian lit at normal incidence gives 1; the cosine is inside, so a
-/// renderer multiplies irradiance at normal incidence / pi, and no further cosine.
+/// Evaluates one place: pi x BRDF x |cosine of wi|, linear RGB, at least 0 and finite. With light and eye on different
+/// sides it is the BTDF. A white Lambertian surface lit at normal incidence gives 1; the cosine is inside, so a
+/// renderer multiplies by irradiance at normal incidence / pi, and by no further cosine.
 ///
-/// `level`: 0 the finest, below btf_info.levels. The texel nearest to uv answers.
-/// `place`: where, lit from where, seen from where. Black where the asset has no layer for these sides, where a
+/// `level`: 0 the finest, below btf_info.levels. The texel nearest to uv is evaluated.
+/// `place`: texture coordinate, light and eye. The value is black where the asset has no layer for these sides, where a
 /// number is not finite, and where wi or wo is not of length 1 within half a percent.
 /// `options`: null for btf_default_options().
-/// `value`: takes 3 numbers.
+/// `value`: receives 3 numbers.
 /// Errors: BTF_POINTER, BTF_ARGUMENT.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_evaluate(
@@ -156,11 +156,11 @@ pub unsafe extern "C" fn btf_evaluate(
     })
 }
 
-/// Evaluates many places, as btf_evaluate does one, on the calling thread. Several threads may share the work: give
-/// each a part of the arrays.
+/// Evaluates many places, each like btf_evaluate, on the calling thread. Several threads may share the work: give each
+/// a part of the arrays.
 ///
-/// `places`: `count` of them; `count` may be 0, and then no array is looked at.
-/// `values`: takes 3 x `count` numbers, red, green and blue of each place. Untouched where the call fails.
+/// `places`: `count` of them; `count` may be 0, and then no array is read.
+/// `values`: receives 3 x `count` numbers, red, green and blue of each place. Untouched where the call fails.
 /// Errors: BTF_POINTER, BTF_ARGUMENT.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_evaluate_many(
@@ -191,13 +191,14 @@ pub unsafe extern "C" fn btf_evaluate_many(
 }
 
 /// Draws a direction to light that matters to an eye: by the lobes, and a share by the cosine. Where the eye sees light
-/// from both sides, either is as likely. value / (pi x density) is the weight of a path that goes on there.
+/// from both sides, either has the same probability. value / (pi x density) is the weight of a path that continues in
+/// the direction.
 ///
-/// `level`: as btf_evaluate.
+/// `level`: as for btf_evaluate.
 /// `uv`: 2 numbers, `wo`: 3 numbers, as in btf_place.
 /// `at`: 3 numbers, each 0 to 1, 1 not included: random, or of a low-discrepancy sequence.
 /// `options`: null for btf_default_options().
-/// `drawn`: takes the direction. Its density is 0 where nothing was drawn, which is no error.
+/// `drawn`: receives the direction. Its density is 0 where nothing was drawn, which is no error.
 /// Errors: BTF_POINTER, BTF_ARGUMENT.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_sample(
@@ -226,10 +227,11 @@ pub unsafe extern "C" fn btf_sample(
     })
 }
 
-/// The density with which btf_sample draws the light's direction of a place, per steradian; 0 where it never does.
+/// Returns the density with which btf_sample draws the light's direction of a place, per steradian; 0 where it never
+/// does.
 ///
-/// `level`, `place`, `options`: as btf_evaluate; the same options as btf_sample had.
-/// `density`: takes 1 number.
+/// `level`, `place`: as for btf_evaluate. `options`: those that btf_sample had.
+/// `density`: receives 1 number.
 /// Errors: BTF_POINTER, BTF_ARGUMENT.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn btf_density(

@@ -1,14 +1,14 @@
 //! The C interface of `btf-runtime`: an opaque handle, plain structs, an error code from every call.
 //!
-//! What a user reads is `include/btf.h`, which `cargo xtask header` writes from this source with cbindgen
-//! (`cbindgen.toml`): the comments of everything public are written for C. The border's rules stand in `border.rs`:
-//! pointers are checked for null and alignment, counts for overflow, and no panic gets through.
+//! A user reads `include/btf.h`, which `cargo xtask header` writes from this source with cbindgen (`cbindgen.toml`):
+//! the comments of all public items are written for C. `border.rs` holds the rules of the border: pointers are checked
+//! for null and alignment, counts for overflow, and no panic gets through.
 //!
 //! | File | |
 //! |---|---|
 //! | `code` | error codes, their texts, the last error of a thread |
-//! | `border` | what every call goes through |
-//! | `asset` | the handle: open, close, ask |
+//! | `border` | the entry of every call |
+//! | `asset` | the handle: open, close, properties |
 //! | `evaluate` | values, samples and densities |
 //! | `threads` | the threads of opening, gone when it returns |
 

@@ -1,12 +1,12 @@
-//! Work spread over threads that end with the call. A pool of rayon's would stay in the caller's process for ever.
+//! Spreads work over threads that end with the call. A pool of rayon's would stay in the caller's process for ever.
 
 use std::num::NonZero;
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{Builder, JoinHandle, available_parallelism};
 
-/// Threads that are waited for, whatever happens. `std::thread::scope` would do, but for the handle of the calling
-/// thread, which it makes and a C program's main thread never frees: valgrind reports it.
+/// Threads that are joined in any case. `std::thread::scope` would do the same, but it makes a handle of the calling
+/// thread that a C program's main thread never frees: valgrind reports it.
 struct Helpers(Vec<JoinHandle<()>>);
 
 impl Drop for Helpers {
@@ -18,8 +18,8 @@ impl Drop for Helpers {
     }
 }
 
-/// Runs `work(0)`, ..., `work(count - 1)` on at most `threads` threads, the calling one among them; 0 for as many as there are
-/// processors. Where no further thread can be had, those that are there do it all.
+/// Runs `work(0)`, ..., `work(count - 1)` on at most `threads` threads, the calling one among them; 0 for as many as
+/// there are processors. If no further thread can be started, those that run do all the work.
 pub fn spread(threads: u32, count: usize, work: &(dyn Fn(usize) + Sync)) {
     let threads = match threads {
         0 => available_parallelism().map_or(1, NonZero::get),

@@ -1,5 +1,5 @@
-//! C programs, built with the system's compiler against the static and the shared library: the test program `check.c`,
-//! which compares what C gets with what Rust gets, alone and under valgrind, and the example.
+//! Builds C programs with the system's compiler against the static and the shared library, and runs them: the test
+//! program `check.c`, which compares the values in C with those in Rust, alone and under valgrind, and the example.
 #![cfg(unix)]
 
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
@@ -11,14 +11,14 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// What valgrind ends with where it finds something.
+/// Exit code of valgrind if it finds a fault.
 const FOUND: i32 = 99;
 
 fn package() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The folder of the libraries that cargo built with this test: its own.
+/// Returns the folder of the libraries that cargo built with this test.
 fn libraries() -> PathBuf {
     let program = std::env::current_exe().expect("a program knows its path");
     program.parent().expect("a program lies in a folder").into()
@@ -34,7 +34,7 @@ fn text_of(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
-/// A tool's output; without the tool the test fails and says how to get it.
+/// Runs a tool and returns its output. Without the tool the test fails; the message says how to get it.
 fn run(command: &mut Command) -> Output {
     let program = command.get_program().to_string_lossy().into_owned();
     let remedy = "install it with `cargo xtask setup` (Debian: apt-get install gcc g++ valgrind)";
@@ -61,7 +61,7 @@ fn build(source: &Path, folder: &Path, linked: Linked) -> PathBuf {
     program
 }
 
-/// Reflection and transmission for an eye in front, with heights.
+/// Returns an asset with reflection and transmission for an eye in front, with heights.
 fn asset() -> Asset {
     let mut asset = sample_asset(31, 6, 5, ResidualKind::Root);
     let mut through = asset.layers[0].clone();
@@ -76,7 +76,7 @@ fn asset() -> Asset {
     asset
 }
 
-/// Level, interpolation, place, value and density, as `record` of `check.c` has them.
+/// Returns level, interpolation, place, value and density in the layout of `record` of `check.c`.
 fn record(resident: &Resident, level: u32, exact: bool, query: &Query) -> Vec<u8> {
     let interpolation = if exact { Interpolation::Exact } else { Interpolation::Fast };
     let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
@@ -87,7 +87,7 @@ fn record(resident: &Resident, level: u32, exact: bool, query: &Query) -> Vec<u8
     bytes
 }
 
-/// All that `check.c` reads, in a folder.
+/// The files that `check.c` reads, in a folder.
 struct Files {
     folder: tempfile::TempDir,
     asset: PathBuf,
@@ -95,7 +95,7 @@ struct Files {
     damaged: PathBuf,
 }
 
-/// Bytes of a record of `check.c`.
+/// Number of bytes of a record of `check.c`.
 const RECORD: usize = 56;
 
 fn write_files() -> Files {
@@ -166,7 +166,7 @@ fn c_gets_what_rust_gets_with_either_library_and_a_changed_value_is_found() {
     }
 }
 
-/// Says visibly that a test was skipped; `cargo xtask test` counts the lines of its log.
+/// Prints that a test was skipped; `cargo xtask test` counts these lines of its log.
 fn skip(reason: &str) {
     eprintln!("skipped: {reason}");
     if let Some(log) = std::env::var_os("BTF_SKIP_LOG") {

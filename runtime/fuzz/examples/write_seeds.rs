@@ -1,4 +1,4 @@
-//! Writes the first inputs of the fuzz targets to `corpus`; what a fuzzer finds beyond them is added by its `-merge=1`.
+//! Writes the first inputs of the fuzz targets to `corpus`. A fuzzer's `-merge=1` adds the inputs that it finds.
 
 use btf_runtime::testing::{Random, sample_volume};
 use btf_runtime::{ResidentFile, pack, serial};

@@ -1,11 +1,11 @@
-//! An asset out of any bytes, one that keeps to the format.
+//! Makes an asset of any bytes, one that keeps to the format.
 
 use btf_runtime::{
     Asset, Basis, Coefficients, DictionaryLobe, Edit, Edits, Factors, Heights, Layer, Level, LevelTexels, Lobe,
     LobeFamily, LobeRef, LobeRole, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide,
 };
 
-/// Numbers taken from bytes; zeros when they are used up.
+/// A source of numbers taken from bytes; zeros when they are used up.
 struct Source<'a>(&'a [u8]);
 
 impl Source<'_> {
@@ -15,7 +15,7 @@ impl Source<'_> {
         *first
     }
 
-    /// Below `count`, at most 256.
+    /// Returns a number below `count`, which is at most 256.
     fn below(&mut self, count: usize) -> usize {
         usize::from(self.byte()) % count
     }
@@ -28,7 +28,7 @@ impl Source<'_> {
         i16::from_le_bytes([self.byte(), self.byte()])
     }
 
-    /// Within `least..=most`.
+    /// Returns a number within `least..=most`.
     fn within(&mut self, least: f32, most: f32) -> f32 {
         let share = f32::from(u16::from_le_bytes([self.byte(), self.byte()])) / 65535.0;
         (least + (most - least) * share).clamp(least, most)
@@ -43,8 +43,8 @@ impl Source<'_> {
     }
 }
 
-/// The asset that `bytes` describe: up to 8 x 8 texels, 4 layers, 3 clusters, 6 directions a set, with or without residual, heights,
-/// levels and edits. Every choice and every number is theirs.
+/// Returns the asset that `bytes` describe: up to 8 x 8 texels, 4 layers, 3 clusters, 6 directions a set, with or
+/// without residual, heights, levels and edits. The bytes determine every choice and every number.
 pub fn any_asset(bytes: &[u8]) -> Asset {
     let source = &mut Source(bytes);
     let (width, height) = (1 + source.below(8), 1 + source.below(8));
@@ -91,7 +91,7 @@ fn any_edit(source: &mut Source) -> Edit {
     }
 }
 
-/// Up to 6 directions: the pole and points on rings that do not coincide.
+/// Returns up to 6 directions: the pole and points on rings that do not coincide.
 fn any_sphere(source: &mut Source) -> Sphere {
     let mut directions = vec![[0.0, 0.0, 1.0]];
     for number in 0..source.below(6) {
@@ -112,7 +112,7 @@ fn any_lobe(source: &mut Source) -> DictionaryLobe {
     }
 }
 
-/// Clusters, lobe counts and references of so many texels.
+/// Returns clusters, lobe counts and references of texels.
 fn any_texels(
     source: &mut Source,
     texels: usize,

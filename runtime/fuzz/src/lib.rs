@@ -1,5 +1,6 @@
-//! What the fuzz targets do with one input, as plain functions: `fuzz_targets` hands them what libFuzzer makes up,
-//! `runtime/tests/corpus.rs` the corpus and its own mutations, on any toolchain. A function that returns has found nothing.
+//! The work of the fuzz targets on one input, as plain functions. `fuzz_targets` calls them with libFuzzer's inputs,
+//! `runtime/tests/corpus.rs` with the corpus and its own mutations, on any toolchain. A function that returns has found
+//! nothing.
 
 mod any_asset;
 mod mutate;
@@ -15,13 +16,13 @@ use btf_runtime::{
 };
 use std::sync::Arc;
 
-/// Words of expanded bases above which an asset is not made resident: the limit of the format is 1 GiB, that of a fuzzer's
-/// input some milliseconds.
+/// Largest number of words of expanded bases of an asset that is made resident: the limit of the format is 1 GiB, that
+/// of a fuzzer's input some milliseconds.
 const MAX_BASIS_WORDS: usize = 1 << 16;
-/// Texels above which it is not.
+/// Largest number of texels of an asset that is made resident.
 const MAX_TEXELS: usize = 1 << 12;
 
-/// Decodes anything: the bytes are refused, or they and every tier of them decode to finite values, and what was read can be
+/// Decodes any bytes: they are refused, or they and every tier of them decode to finite values, and the asset can be
 /// written and read again.
 pub fn parse(bytes: &[u8]) {
     let Ok(asset) = Asset::parse(bytes) else { return };
@@ -41,7 +42,8 @@ pub fn parse(bytes: &[u8]) {
     }
 }
 
-/// Opens anything as a resident form: it is refused, or it is evaluated to finite values and written as it was read.
+/// Opens any bytes as a resident form: they are refused, or the asset is evaluated to finite values and written as it
+/// was read.
 pub fn resident(bytes: &[u8]) {
     let Ok(file) = ResidentFile::open(Arc::new(bytes.to_vec()), &serial) else { return };
     let mut random = Random::new(bytes.len() as u64);
@@ -64,7 +66,8 @@ pub fn resident(bytes: &[u8]) {
     assert!(reread == file, "and is the same");
 }
 
-/// Validates anything: it has an error if and only if it cannot be opened, and the first one is what opening says.
+/// Validates any bytes: the report has an error if and only if they cannot be opened, and the first error is that of
+/// opening.
 pub fn validate(bytes: &[u8]) {
     let report = btf_runtime::validate(Arc::new(bytes.to_vec()), &serial);
     let opened = match ResidentFile::is_one(bytes) {
@@ -81,7 +84,7 @@ pub fn validate(bytes: &[u8]) {
     }
 }
 
-/// Makes an asset of the bytes, whatever they are: it packs, parses to the same asset, and packs to the same bytes.
+/// Makes an asset of any bytes: it packs, parses to the same asset, and packs to the same bytes.
 pub fn round_trip(bytes: &[u8]) {
     let asset = any_asset(bytes);
     let packed = pack(&asset).expect("it keeps to the format");
@@ -90,8 +93,9 @@ pub fn round_trip(bytes: &[u8]) {
     assert!(pack(&parsed).as_ref() == Ok(&packed), "the same asset has the same bytes");
 }
 
-/// Reads anything as a volumetric texture: it is refused, or it and every tier of it are walked through to finite depths, and what
-/// was read can be written and read again. Validation has an error if and only if it is refused.
+/// Reads any bytes as a volumetric texture: they are refused, or the volume and every tier of it are traversed to
+/// finite depths, and the volume can be written and read again. Validation has an error if and only if the bytes are
+/// refused.
 pub fn voltex(bytes: &[u8]) {
     let report = btf_runtime::voltex::validate(bytes, &serial);
     for finding in &report.findings {
@@ -120,7 +124,7 @@ pub fn voltex(bytes: &[u8]) {
     }
 }
 
-/// Some rays' optical depths.
+/// Traverses a volume along some rays; asserts that their optical depths are finite.
 fn walk_somewhere(volume: &Volume, random: &mut Random) {
     let voltex = Voltex::new(volume);
     for _ in 0..4 {
@@ -152,7 +156,7 @@ fn options(random: &mut Random) -> DecodeOptions {
     }
 }
 
-/// Some values of every layer of every level of an asset of moderate size: all must be finite.
+/// Evaluates some values of every layer of every level of an asset of moderate size; asserts that all are finite.
 fn decode_somewhere(asset: &Asset, random: &mut Random) {
     let basis_words = |layer: &btf_runtime::Layer| {
         let bases = layer.residual.as_ref().map_or(0, |residual| residual.bases.len());

@@ -1,17 +1,17 @@
-//! Changes to a file that reach behind its checksums: what a mutator does to a section's bytes, to the table or to the order of
-//! sections is put together to a file whose offsets, lengths and checksums are right.
+//! Changes files behind their checksums: a mutator changes the bytes of a section, the table or the order of sections,
+//! and the parts are put together to a file with correct offsets, lengths and checksums.
 
 use btf_runtime::read_directory;
 use btf_runtime::testing::{FileParts, Random, SectionPart, repair_header_checksum};
 use btf_runtime::voltex::read_voltex_directory;
 
-/// One input in so many is changed as plain bytes, so that the checks at the door are tried as well.
+/// Interval of inputs that are changed as plain bytes, so that the first checks of a reader are tried as well.
 const RAW_ONE_IN: usize = 16;
-/// One in so many is cut to one of its tiers.
+/// Interval of inputs that are cut to one of their tiers.
 const TIER_ONE_IN: usize = 16;
 
-/// A changed file. `bytes` that are no file are changed as they are; `change_bytes` is the caller's mutator, told the bytes and
-/// how many there may be.
+/// Returns a changed file. `bytes` that are no file are changed as they are. `change_bytes` is the caller's mutator: it
+/// gets the bytes and the largest number there may be.
 pub fn mutate(bytes: &[u8], seed: u64, most: usize, change_bytes: &mut dyn FnMut(&mut Vec<u8>, usize)) -> Vec<u8> {
     let mut random = Random::new(seed);
     let parts = FileParts::from_bytes(bytes).ok().or_else(|| FileParts::from_voltex_bytes(bytes).ok());
@@ -37,14 +37,14 @@ pub fn mutate(bytes: &[u8], seed: u64, most: usize, change_bytes: &mut dyn FnMut
     if changed.len() <= most { changed } else { bytes.to_vec() }
 }
 
-/// Lengths of the tiers of a file of either format.
+/// Returns the lengths of the tiers of a file of either format.
 fn tiers_of(bytes: &[u8]) -> Option<Vec<u32>> {
     let of_asset = read_directory(bytes).ok().map(|directory| directory.tiers);
     of_asset.or_else(|| Some(read_voltex_directory(bytes).ok()?.tiers))
 }
 
-/// [`mutate`] as libFuzzer asks for it: within `data`, of which `size` bytes are the input and `most` may be. `change_bytes` is its
-/// own mutator, which takes the same and returns the new size. So does this.
+/// Mutates like [`mutate`] in the form of libFuzzer: within `data`, of which `size` bytes are the input and `most` may
+/// be used. `change_bytes` is libFuzzer's own mutator, which has the same arguments. Both return the new size.
 pub fn mutate_in_place(
     data: &mut [u8],
     size: usize,
@@ -96,7 +96,8 @@ fn change(
         }
         5 => parts.sections[at].ends_tier ^= at + 1 < parts.sections.len(),
         6 => {
-            // Layers, width, height, flags, form, sizes, or levels and materials: what `to_bytes` does not set by itself.
+            // Layers, width, height, flags, form, sizes, or levels and materials: what `to_bytes` does not set by
+            // itself.
             let word = [6, 7, 8, 9, 10, 11, 14, 15, 16, 17][random.below(10)];
             parts.header[word] = number(random);
         }
@@ -115,7 +116,7 @@ fn change(
     }
 }
 
-/// Small counts, huge counts, floats and what is none.
+/// Returns a number that is likely to be interesting: small and huge counts, floats, and bits that are no number.
 fn number(random: &mut Random) -> u32 {
     match random.below(6) {
         0 | 1 => random.below(9) as u32,

@@ -1,4 +1,4 @@
-//! Arrays of vectors: checked, broadcast against each other, and made of results.
+//! Checks arrays of vectors, broadcasts them against each other, and makes arrays of results.
 
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
@@ -12,8 +12,8 @@ pub struct Vectors<'py> {
 }
 
 impl<'py> Vectors<'py> {
-    /// Takes whatever numpy makes real numbers of, with `last` of them on the last axis; single precision stays as it
-    /// is.
+    /// Takes any argument of which numpy makes real numbers, with `last` of them on the last axis. Single precision is
+    /// not converted.
     ///
     /// # Errors
     /// ValueError for other types and shapes.
@@ -35,7 +35,7 @@ impl<'py> Vectors<'py> {
         Ok(Vectors { array, name })
     }
 
-    /// All axes but the last.
+    /// Returns all axes but the last.
     fn leading(&self) -> &[usize] {
         &self.array.shape()[..self.array.ndim() - 1]
     }
@@ -45,7 +45,7 @@ impl<'py> Vectors<'py> {
     }
 }
 
-/// As Python writes a tuple.
+/// Returns a shape as Python writes a tuple.
 fn shape_text(shape: &[usize]) -> String {
     match shape {
         [one] => format!("({one},)"),
@@ -57,8 +57,10 @@ fn shape_text(shape: &[usize]) -> String {
 pub struct Shape(Vec<usize>);
 
 impl Shape {
+    /// Broadcasts the arguments' shapes.
+    ///
     /// # Errors
-    /// ValueError where they do not broadcast.
+    /// ValueError if they do not broadcast.
     pub fn of(arguments: &[&Vectors<'_>]) -> PyResult<Shape> {
         let most = arguments.iter().map(|argument| argument.leading().len()).max().unwrap_or(0);
         let mut shape = vec![1; most];
@@ -79,10 +81,10 @@ impl Shape {
         Ok(Shape(shape))
     }
 
-    /// Room for an item for each place of the shape.
+    /// Allocates an item for each place of the shape.
     ///
     /// # Errors
-    /// MemoryError where there is none.
+    /// MemoryError if there is not enough memory.
     pub fn room<T>(&self) -> PyResult<Vec<T>> {
         let mut room = Vec::new();
         let count = self.0.iter().try_fold(1usize, |count, axis| count.checked_mul(*axis));
@@ -104,7 +106,7 @@ impl Shape {
         Ok(())
     }
 
-    /// An array of the shape, or with `last` axis more, of `numbers` in the order of [`Shape::visit`].
+    /// Makes an array of the shape, or with an axis of `last` more, of `numbers` in the order of [`Shape::visit`].
     pub fn array<'py>(
         &self,
         py: Python<'py>,

@@ -2,7 +2,8 @@
 
 use crate::arrays::{Shape, Vectors};
 use btf_runtime::{
-    DecodeOptions, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample, density, evaluate_many, sample,
+    DecodeOptions, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample, SurfaceSide, density,
+    evaluate_many, sample,
 };
 use numpy::PyArrayDyn;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -12,26 +13,26 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Places that are evaluated before it is asked for Control-C.
+/// Number of places that are evaluated between checks for Control-C.
 const BATCH: usize = 1 << 15;
 
 /// An array of results.
 type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
 
-/// An open asset: evaluates, samples and tells its description. Made by `btf.open`; never changes, and any number of
-/// threads may use it at once.
+/// An open asset, made by `btf.open`: evaluates, samples and returns its description. It never changes, and any number
+/// of threads may use it at once.
 ///
-/// Directions are unit vectors away from the surface in the frame of tangent (along u), bitangent (along v) and
-/// normal: `wi` to the light, `wo` to the eye, z < 0 behind the surface. Texture coordinates `uv`: u to the right, v
-/// up, one repetition a unit; the nearest texel answers. Arrays of the shapes (..., 2) and (..., 3) are broadcast
-/// against each other. Results are black, densities 0, where the asset has no layer for the sides of light and eye,
-/// where a number is not finite, and where a direction is not of length 1 within half a percent.
+/// Directions are unit vectors away from the surface in the frame of tangent (along u), bitangent (along v) and normal:
+/// `wi` to the light, `wo` to the eye, z < 0 behind the surface. Texture coordinates `uv`: u to the right, v up, one
+/// repetition a unit; the nearest texel is evaluated. Arrays of the shapes (..., 2) and (..., 3) are broadcast against
+/// each other. Results are black, densities 0, where the asset has no layer for the sides of light and eye, where a
+/// number is not finite, and where a direction is not of length 1 within half a percent.
 ///
 /// Keywords of all calls:
-/// components: residual components at most; None for all, 0 for the residual's mean.
-/// lobes: lobes of a texel at most; None for all.
-/// interpolation: "fast" or "exact", how a value between the measured directions is made of theirs.
-/// parallax: remove that of eyes outside the measured ones, where the asset has heights.
+/// components: largest number of residual components; None for all, 0 for the residual's mean.
+/// lobes: largest number of lobes of a texel; None for all.
+/// interpolation: "fast" or "exact", the rule by which a value between the measured directions is computed from theirs.
+/// parallax: whether the parallax of eyes outside the measured ones is removed, where the asset has heights.
 /// level: 0 the finest, below meta["levels"].
 #[pyclass(name = "Asset", module = "btf", frozen)]
 pub struct PyAsset {
@@ -41,12 +42,12 @@ pub struct PyAsset {
 
 /// Opens an asset file, checks it and expands it to the form that is evaluated.
 ///
-/// levels: "file" for those that it has, "all" for all down to one texel, which may take seconds.
-/// threads: how many opening may use; 0 for as many as there are processors.
+/// levels: "file" for those of the file, "all" for all down to one texel, which may take seconds.
+/// threads: number of threads that opening may use; 0 for as many as there are processors.
 ///
 /// A file in its resident form is mapped: it must not be changed in place while it is open.
 ///
-/// Raises OSError where the file cannot be read and ValueError where it is no whole asset.
+/// Raises OSError if the file cannot be read and ValueError if it is no whole asset.
 #[pyfunction]
 #[pyo3(signature = (path, *, levels="file", threads=0))]
 pub fn open(py: Python<'_>, path: PathBuf, levels: &str, threads: usize) -> PyResult<PyAsset> {
@@ -71,7 +72,7 @@ pub fn open(py: Python<'_>, path: PathBuf, levels: &str, threads: usize) -> PyRe
     })
 }
 
-/// A file's bytes, mapped; an empty file cannot be.
+/// Maps the bytes of a file; an empty file has no mapping.
 fn bytes_of(path: &Path) -> std::io::Result<ResidentBytes> {
     let file = std::fs::File::open(path)?;
     if file.metadata()?.len() == 0 {
@@ -113,7 +114,7 @@ impl PyAsset {
     }
 }
 
-/// The places of arrays that are broadcast against each other, and their shape.
+/// Broadcasts the arrays against each other; returns their places and their shape.
 fn queries(uv: &Bound<'_, PyAny>, wi: &Bound<'_, PyAny>, wo: &Bound<'_, PyAny>) -> PyResult<(Shape, Vec<Query>)> {
     let (uv, wi, wo) = (Vectors::new(uv, "uv", 2)?, Vectors::new(wi, "wi", 3)?, Vectors::new(wo, "wo", 3)?);
     let shape = Shape::of(&[&uv, &wi, &wo])?;
@@ -128,8 +129,8 @@ fn queries(uv: &Bound<'_, PyAny>, wi: &Bound<'_, PyAny>, wo: &Bound<'_, PyAny>) 
 
 #[pymethods]
 impl PyAsset {
-    /// pi x BRDF x |cosine of wi|, linear RGB, at least 0: float32 of the shape (..., 3). A white Lambertian lit at
-    /// normal incidence gives 1; a renderer multiplies no further cosine.
+    /// Returns pi x BRDF x |cosine of wi|, linear RGB, at least 0: float32 of the shape (..., 3). A white Lambertian
+    /// surface lit at normal incidence gives 1; a renderer multiplies by no further cosine.
     #[pyo3(signature = (uv, wi, wo, *, components=None, lobes=None, interpolation="fast", parallax=true, level=0))]
     fn eval<'py>(
         &self,
@@ -154,7 +155,7 @@ impl PyAsset {
         shape.array(py, values.into_flattened(), Some(3))
     }
 
-    /// Density with which `sample` draws `wi`, per steradian: float32 of the shape (...).
+    /// Returns the density with which `sample` draws `wi`, per steradian: float32 of the shape (...).
     #[pyo3(signature = (uv, wi, wo, *, components=None, lobes=None, interpolation="fast", parallax=true, level=0))]
     fn pdf<'py>(
         &self,
@@ -179,9 +180,9 @@ impl PyAsset {
         shape.array(py, densities, None)
     }
 
-    /// Draws directions to light that matter to the eye, from `at`: three numbers in [0, 1) each, (..., 3). Returns
-    /// wi (..., 3), its density per steradian (...) and its value as of `eval` (..., 3). Where a density is 0 nothing
-    /// was drawn: the path ends. value / (pi x density) is the weight of a path that goes on.
+    /// Draws directions to light that matter to the eye, from `at`: three numbers in [0, 1) each, (..., 3). Returns wi
+    /// (..., 3), its density per steradian (...) and its value as of `eval` (..., 3). Where a density is 0 nothing was
+    /// drawn: the path ends. value / (pi x density) is the weight of a path that continues.
     #[pyo3(signature = (uv, wo, at, *, components=None, lobes=None, interpolation="fast", parallax=true, level=0))]
     fn sample<'py>(
         &self,
@@ -223,9 +224,10 @@ impl PyAsset {
         ))
     }
 
-    /// The asset's description as a dict: what its file says of the material (name, ...), and width, height, layers, levels,
-    /// components (residual components at most), sides, a list of (light, eye) such as ("front", "back"), size_mm, the
-    /// physical width and height or None, and seamless, whether the left edge continues the right and the bottom the top.
+    /// Returns the asset's description as a dict: the material description of its file (name, ...), and width, height,
+    /// layers, levels, components (largest number of residual components), sides, a list of (light, eye) such as
+    /// ("front", "back"), size_mm, the physical width and height or None, and seamless, whether the left edge continues
+    /// the right and the bottom the top.
     #[getter]
     fn meta<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let json = py.import("json")?;
@@ -245,9 +247,13 @@ impl PyAsset {
         meta.set_item("layers", resident.layers())?;
         meta.set_item("levels", resident.levels())?;
         meta.set_item("components", resident.most_components())?;
-        let name = |back: bool| if back { "back" } else { "front" };
-        let sides: Vec<(&str, &str)> = [(false, false), (true, false), (false, true), (true, true)]
+        let name = |side: SurfaceSide| match side {
+            SurfaceSide::Front => "front",
+            SurfaceSide::Back => "back",
+        };
+        let sides: Vec<(&str, &str)> = SurfaceSide::ALL
             .into_iter()
+            .flat_map(|eye| SurfaceSide::ALL.map(|light| (light, eye)))
             .filter(|(light, eye)| resident.layer_for_sides(0, *light, *eye).is_some())
             .map(|(light, eye)| (name(light), name(eye)))
             .collect();

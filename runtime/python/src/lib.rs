@@ -1,4 +1,4 @@
-//! The Python module `btf`: packed assets on numpy arrays. What a user reads are the doc strings and `btf.pyi`.
+//! The Python module `btf`: packed assets on numpy arrays. A user reads the doc strings and `btf.pyi`.
 //!
 //! | File | |
 //! |---|---|

@@ -1,35 +1,35 @@
-// A list of rays through volumetric textures, answered by their optical depths: what an engine binds to try a volume, and an
+// Computes the optical depths of a list of rays through volumetric textures: a complete module to try a volume, and an
 // example of how the functions are called.
 
-// One ray, in texture space: the unit cube, of which voltex_extent is used.
+// A ray in texture space: the unit cube, of which voltex_extent is used.
 struct Ray {
-    // Where t is 0.
+    // Point at t = 0.
     origin: vec3<f32>,
-    // Of the voxels, 0 the finest; the coarsest there is if it is larger.
+    // Level of the voxels, 0 the finest; a level beyond the coarsest gives the coarsest.
     level: u32,
-    // Way per t, of any length but 0.
+    // Distance in texture space per unit of t; any length but 0.
     direction: vec3<f32>,
     // First word of the volume in `volume_words`.
     volume: u32,
-    // Between which t the ray is followed.
+    // Part of the ray that is followed, in t.
     t0: f32,
     t1: f32,
     pad: vec2<u32>,
 }
 
 struct Depth {
-    // exp(-depth) of the light comes through.
+    // Optical depth: the share exp(-depth) of the light comes through.
     depth: f32,
-    // Where the first voxel with microflakes begins; t1 if there is none.
+    // Beginning of the first voxel with microflakes; t1 if there is none.
     first_t: f32,
-    // Its number; VOLTEX_NO_VOXEL if there is none.
+    // Number of that voxel; VOLTEX_NO_VOXEL if there is none.
     first_voxel: u32,
-    // Cells that the ray went through.
+    // Number of cells that the ray went through.
     steps: u32,
 }
 
-// Which rays a dispatch answers: `count` of them from number `first` on. One dispatch has at most 65535 workgroups, 4194240
-// rays.
+// The rays that a dispatch answers: `count` of them from number `first` on. One dispatch has at most 65535 workgroups,
+// 4194240 rays.
 struct Range {
     first: u32,
     count: u32,
@@ -41,12 +41,13 @@ struct Range {
 @group(0) @binding(2) var<uniform> range: Range;
 @group(0) @binding(3) var<storage, read_write> depths: array<Depth>;
 
-// The one function that the library asks for.
+// The one function that an includer of the library defines.
 fn asset_word(index: u32) -> u32 {
     return volume_words[index];
 }
 
-// Optical depth along a ray: its cells by voltex_walk_next, each with the extinction of its microflakes.
+// Computes the optical depth along a ray: traverses its cells by voltex_walk_next and sums the extinction of their
+// microflakes.
 @compute @workgroup_size(64)
 fn depth_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < range.count {

@@ -1,18 +1,18 @@
-//! What can go wrong.
+//! Errors of the translation.
 
 /// Why a WGSL text has no translation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShaderError {
-    /// The text is not WGSL, or asks for more than core WGSL: correct it where the message points.
+    /// The text is not WGSL, or needs more than core WGSL: correct it where the message points.
     #[error("the WGSL is not valid: {0}")]
     Wgsl(String),
-    /// A language cannot say what the module does: leave that out of the module.
+    /// A language cannot express something that the module does: leave that out of the module.
     #[error("{file} cannot be written: {reason}")]
     Translation {
-        /// Name of the file that was to be made.
+        /// Name of the file that was to be written.
         file: String,
-        /// What naga says.
+        /// Reason that naga gives.
         reason: String,
     },
 }

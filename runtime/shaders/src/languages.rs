@@ -1,4 +1,4 @@
-//! One WGSL module in the other languages, by naga.
+//! Translates a WGSL module to the other languages with naga.
 
 use crate::error::ShaderError;
 use naga::back::{glsl, hlsl, msl, spv};
@@ -11,14 +11,14 @@ use std::fmt::Display;
 
 /// Shader model of the HLSL: the first that dxc compiles.
 const SHADER_MODEL: hlsl::ShaderModel = hlsl::ShaderModel::V6_0;
-/// Metal Shading Language 2.0, of macOS 10.13 and iOS 11; naga refuses what it knows to need more.
+/// Metal Shading Language 2.0, of macOS 10.13 and iOS 11; naga refuses features that need a newer version.
 const METAL_VERSION: (u8, u8) = (2, 0);
 /// SPIR-V of Vulkan 1.1: storage buffers without an extension.
 const SPIRV_VERSION: (u8, u8) = (1, 3);
-/// All that the library asks beyond naga's least: `unpack2x16float`, which is core WGSL.
+/// Capabilities that the library needs beyond naga's least: `unpack2x16float`, which is core WGSL.
 const CAPABILITIES: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
 
-/// A language of a [`ShaderFile`].
+/// The language of a [`ShaderFile`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Language {
     /// WGSL itself.
@@ -27,16 +27,16 @@ pub enum Language {
     Hlsl,
     /// Metal Shading Language 2.0.
     Msl,
-    /// GLSL ES 3.10, one file an entry point.
+    /// GLSL ES 3.10, one file for each entry point.
     GlslEs310,
-    /// GLSL 4.60, one file an entry point.
+    /// GLSL 4.60, one file for each entry point.
     Glsl460,
     /// SPIR-V 1.3 as a file: little-endian words.
     SpirV,
 }
 
 impl Language {
-    /// End of the name of a file in this language.
+    /// Returns the end of the name of a file in this language.
     pub fn extension(self) -> &'static str {
         match self {
             Language::Wgsl => "wgsl",
@@ -54,20 +54,20 @@ impl Language {
 pub struct ShaderFile {
     /// File name.
     pub name: String,
-    /// Its language.
+    /// Language of the file.
     pub language: Language,
-    /// What the module's entry points are called in this file, as `(in WGSL, here)`.
+    /// Names of the module's entry points, as `(in WGSL, in this file)`.
     pub entry_points: Vec<(String, String)>,
     /// Text, or words of SPIR-V.
     pub bytes: Vec<u8>,
 }
 
-/// `wgsl`, a whole module of compute entry points, in all languages; file names begin with `module_name`. The same text gives the
-/// same bytes.
+/// Translates `wgsl`, a whole module of compute entry points, to all languages; file names begin with `module_name`.
+/// The same text gives the same bytes.
 ///
 /// Binding `b` of group 0 has number `b` in every language: HLSL's register of its kind, Metal's `[[buffer(b)]]`,
-/// GLSL's `binding = b`. Indices are not checked again and loops not bounded again: what the library reads is what
-/// `btf_runtime::Resident` has laid out, and its loops count.
+/// GLSL's `binding = b`. naga adds no checks of indices and no bounds of loops: the library reads only words that
+/// `btf_runtime::Resident` has laid out, and its loops end.
 ///
 /// # Errors
 /// [`ShaderError::Wgsl`] if the text is not valid core WGSL, [`ShaderError::Translation`] if a language lacks
@@ -92,7 +92,7 @@ pub fn translate(module_name: &str, wgsl: &str) -> Result<Vec<ShaderFile>, Shade
     Ok(files)
 }
 
-/// The module behind a text, and what naga has found out about it.
+/// Parses and validates a text; returns the module and naga's analysis of it.
 pub(crate) fn validated(wgsl_text: &str) -> Result<(Module, ModuleInfo), ShaderError> {
     let options = wgsl::Options { capabilities: CAPABILITIES, ..wgsl::Options::new() };
     let module = wgsl::Frontend::new_with_options(options)
@@ -104,25 +104,25 @@ pub(crate) fn validated(wgsl_text: &str) -> Result<(Module, ModuleInfo), ShaderE
     Ok((module, info))
 }
 
-/// The bindings of a module, in order.
+/// Returns the bindings of a module, in order.
 pub(crate) fn bindings(module: &Module) -> Vec<ResourceBinding> {
     let mut bindings: Vec<_> = module.global_variables.iter().filter_map(|(_, variable)| variable.binding).collect();
     bindings.sort();
     bindings
 }
 
-/// Number of a buffer that naga's MSL has besides: the storage buffers' sizes in bytes, one `u32` each, in order. Our
-/// texts ask no array for its length, so nothing reads it, but every function passes it on.
+/// Returns the number of the additional buffer of naga's MSL: the storage buffers' sizes in bytes, one `u32` each, in
+/// order. Our texts ask no array for its length, so nothing reads the buffer, but every function passes it on.
 pub(crate) fn metal_sizes_slot(module: &Module) -> u8 {
     bindings(module).last().map_or(0, |binding| binding.binding as u8 + 1)
 }
 
-/// `target(binding)` for each of them.
+/// Maps each binding of a module to `target(binding)`.
 fn binding_map<T>(module: &Module, target: impl Fn(ResourceBinding) -> T) -> BTreeMap<ResourceBinding, T> {
     bindings(module).into_iter().map(|binding| (binding, target(binding))).collect()
 }
 
-/// How a file of this language is called; `part` stands for one entry point.
+/// Returns the name of a file of this language; `part` is the entry point of a file that has only one.
 fn file_name(module_name: &str, language: Language, part: Option<&str>) -> String {
     let part = part.map_or(String::new(), |name| format!(".{name}"));
     format!("{module_name}{part}.{}", language.extension())
@@ -132,7 +132,7 @@ fn failure(file: &str) -> impl Fn(&dyn Display) -> ShaderError {
     move |error| ShaderError::Translation { file: file.to_string(), reason: error.to_string() }
 }
 
-/// The names that a writer reports for the entry points, in the module's order.
+/// Returns the names that a writer reports for the entry points, in the module's order.
 fn renamed<E: Display>(
     module: &Module,
     file: &str,
@@ -293,7 +293,7 @@ mod tests {
         assert!(matches!(translate(MODULE_NAME, &ray_query), Err(ShaderError::Wgsl(_))));
     }
 
-    /// Name and offset of the fields of a struct, and its size.
+    /// Returns name and offset of the fields of a struct, and its size.
     fn layout(module: &Module, name: &str) -> (Vec<(String, usize)>, usize) {
         let found = module.types.iter().find_map(|(_, kind)| match &kind.inner {
             naga::TypeInner::Struct { members, span } if kind.name.as_deref() == Some(name) => Some((members, *span)),

@@ -6,15 +6,15 @@
 //!        + queries.wgsl       --module_text---> btf_queries.wgsl --translate--> .hlsl .metal .glsl .spv
 //! ```
 //!
-//! The same of volumetric textures: `btf_runtime::voltex_wgsl()` as `btf_voltex.wgsl`, with depths.wgsl as `btf_depths.wgsl` and its
-//! translations.
+//! Volumetric textures likewise: `btf_runtime::voltex_wgsl()` as `btf_voltex.wgsl`, with depths.wgsl as
+//! `btf_depths.wgsl` and its translations.
 //!
-//! Beside them `btf_expansion.wgsl`, the compute passes that make a resident form's bases, in WGSL alone.
+//! `btf_expansion.wgsl`, the compute passes that make a resident form's bases, is written in WGSL alone.
 //!
-//! `cargo xtask shaders` writes the folder that [`files`] makes; nothing of it is checked in. Entry points stand here
-//! and not beside the library, which has no bindings: an engine that includes `btf.wgsl` brings its own.
+//! `cargo xtask shaders` writes the folder that [`files`] makes; none of it is checked in. The entry points are in this
+//! package and not beside the library, which has no bindings: an engine that includes `btf.wgsl` defines its own.
 //!
-//! Limits: asset words, questions and answers each in one binding (WebGPU's default: 128 MiB). An engine with larger
+//! Limits: asset words, questions and answers have one binding each (WebGPU's default: 128 MiB). An engine with larger
 //! assets includes the library with an `asset_word` over several bindings, as the viewer does.
 
 #![forbid(unsafe_code)]
@@ -38,7 +38,7 @@ pub use texts::{
 /// File name of [`readme`].
 pub const README_FILE: &str = "README.md";
 
-/// Everything that `cargo xtask shaders` writes: `(file name, bytes)`. The same each time.
+/// Returns everything that `cargo xtask shaders` writes, `(file name, bytes)`, the same each time.
 ///
 /// # Errors
 /// [`ShaderError`] if naga cannot translate our own text, which the tests of this package rule out.

@@ -18,7 +18,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Writes every file, those that are there already anew.
+/// Writes every file; those that exist are overwritten.
 fn run(folder: &std::path::Path) -> Result<(), String> {
     let files = btf_shaders::files().map_err(|error| error.to_string())?;
     std::fs::create_dir_all(folder).map_err(|error| format!("{} cannot be made: {error}", folder.display()))?;

@@ -1,13 +1,13 @@
-//! What the entry points read and write, as Rust has it. Twins: `queries.wgsl`, `depths.wgsl`; a test compares
-//! names and offsets.
+//! The structs that the entry points read and write. Twins: `queries.wgsl`, `depths.wgsl`; a test compares names and
+//! offsets.
 
 use btf_runtime::DecodeOptions;
 use bytemuck::{Pod, Zeroable};
 
-/// Questions that one workgroup answers. Twin: `@workgroup_size`.
+/// Number of questions that one workgroup answers. Twin: `@workgroup_size`.
 pub const WORKGROUP: u32 = 64;
 
-/// One question; 64 bytes. See `queries.wgsl` for what each entry point reads.
+/// A question; 64 bytes. `queries.wgsl` says which fields each entry point reads.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Query {
@@ -21,21 +21,21 @@ pub struct Query {
     pub asset: u32,
     /// Texture coordinate.
     pub uv: [f32; 2],
-    /// The speed and accuracy dial.
+    /// Options of the evaluation.
     pub options: Options,
-    /// Zeros.
+    /// Padding: zeros.
     pub pad: [u32; 2],
 }
 
-/// [`DecodeOptions`] as the shader has them; 16 bytes. Twin: `BtfOptions`.
+/// The options of an evaluation in the shader's layout; 16 bytes. Made from [`DecodeOptions`]. Twin: `BtfOptions`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Options {
-    /// Residual components at most.
+    /// Largest number of residual components that are used.
     pub components: u32,
-    /// Lobes per texel at most.
+    /// Largest number of lobes of a texel that are used.
     pub lobes: u32,
-    /// [`btf_runtime::Interpolation`] as a number.
+    /// Number of a [`btf_runtime::Interpolation`].
     pub interpolation: u32,
     /// 1 removes the parallax of eyes outside the measured views' hull, 0 leaves it.
     pub parallax: u32,
@@ -48,7 +48,7 @@ impl From<DecodeOptions> for Options {
     }
 }
 
-/// The answer to one question; 32 bytes. See `queries.wgsl` for what each entry point writes.
+/// The answer to a question; 32 bytes. `queries.wgsl` says which fields each entry point writes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Answer {
@@ -58,52 +58,52 @@ pub struct Answer {
     pub density: f32,
     /// `pi * BRDF * |n.wi|`, linear RGB.
     pub value: [f32; 3],
-    /// Zero.
+    /// Padding: zero.
     pub pad: f32,
 }
 
-/// One ray through a volumetric texture; 48 bytes. See `depths.wgsl`.
+/// A ray through a volumetric texture; 48 bytes. Twin: `Ray` in `depths.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Ray {
-    /// Where t is 0, in texture space.
+    /// Point at t = 0, in texture space.
     pub origin: [f32; 3],
     /// Level of the voxels, 0 the finest.
     pub level: u32,
-    /// Way per t.
+    /// Distance in texture space per unit of t.
     pub direction: [f32; 3],
     /// First word of the volume in the buffer of words.
     pub volume: u32,
-    /// Where the ray begins.
+    /// Beginning of the followed part, in t.
     pub t0: f32,
-    /// Where it ends.
+    /// End of the followed part, in t.
     pub t1: f32,
-    /// Zeros.
+    /// Padding: zeros.
     pub pad: [u32; 2],
 }
 
-/// The answer to one ray; 16 bytes.
+/// The answer to a ray; 16 bytes. Twin: `Depth` in `depths.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Depth {
     /// Optical depth.
     pub depth: f32,
-    /// Where the first voxel with microflakes begins; `t1` if there is none.
+    /// Beginning of the first voxel with microflakes; `t1` if there is none.
     pub first_t: f32,
-    /// Its number, or [`btf_runtime::voltex::NO_VOXEL`].
+    /// Number of that voxel, or [`btf_runtime::voltex::NO_VOXEL`].
     pub first_voxel: u32,
-    /// Cells that the ray went through.
+    /// Number of cells that the ray went through.
     pub steps: u32,
 }
 
-/// Which questions a dispatch answers; 16 bytes.
+/// The questions that a dispatch answers; 16 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Range {
     /// Number of the first question.
     pub first: u32,
-    /// How many, at most 65535 times [`WORKGROUP`].
+    /// Number of questions, at most 65535 times [`WORKGROUP`].
     pub count: u32,
-    /// Zeros.
+    /// Padding: zeros.
     pub pad: [u32; 2],
 }

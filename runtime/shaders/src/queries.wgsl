@@ -1,14 +1,14 @@
-// A list of questions, answered: three entry points over the decoder's library. What an engine binds to try an asset,
-// and an example of how the library is called.
+// Answers a list of questions: three entry points over the decoder's library. A complete module to try an asset, and an
+// example of how the library is called.
 
-// One question. What an entry point does not name it does not read.
+// A question. An entry point reads only the fields whose comments name it, and those that name none.
 struct Query {
     // Unit vector to the light, in the frame of tangent, bitangent and normal; z < 0 lies behind the surface.
     // sample_main: three numbers in [0, 1) to draw with.
     wi: vec3<f32>,
-    // Level, 0 the finest; the coarsest there is if it is larger.
+    // Level, 0 the finest; a level beyond the coarsest gives the coarsest.
     level: u32,
-    // Unit vector to the eye, likewise.
+    // Unit vector to the eye, in the frame of wi.
     wo: vec3<f32>,
     // First word of the asset in `asset_words`.
     asset: u32,
@@ -18,9 +18,9 @@ struct Query {
     pad: vec2<u32>,
 }
 
-// The answer to one question. What an entry point does not name it writes as zeros.
+// The answer to a question. An entry point writes zeros to the fields whose comments do not name it.
 struct Answer {
-    // sample_main: the direction to the light that it has drawn.
+    // sample_main: the direction to the light that was drawn.
     wi: vec3<f32>,
     // density_main and sample_main: probability density, per steradian; 0 where no direction was drawn.
     density: f32,
@@ -29,7 +29,7 @@ struct Answer {
     pad: f32,
 }
 
-// Which questions a dispatch answers: `count` of them from number `first` on. One dispatch has at most 65535
+// The questions that a dispatch answers: `count` of them from number `first` on. One dispatch has at most 65535
 // workgroups, 4194240 questions.
 struct Range {
     first: u32,
@@ -42,7 +42,7 @@ struct Range {
 @group(0) @binding(2) var<uniform> range: Range;
 @group(0) @binding(3) var<storage, read_write> answers: array<Answer>;
 
-// The one function that the library asks for.
+// The one function that an includer of the library defines.
 fn asset_word(index: u32) -> u32 {
     return asset_words[index];
 }
@@ -51,7 +51,7 @@ fn level_of(q: Query) -> u32 {
     return min(q.level, btf_levels(q.asset) - 1u);
 }
 
-// The value for a light and an eye: btf_evaluate.
+// Evaluates the value for a light and an eye: btf_evaluate.
 @compute @workgroup_size(64)
 fn evaluate_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < range.count {
@@ -61,7 +61,7 @@ fn evaluate_main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// A direction to light drawn for an eye, its density and its value: btf_sample.
+// Draws a direction to light for an eye, with density and value: btf_sample.
 @compute @workgroup_size(64)
 fn sample_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < range.count {
@@ -71,7 +71,7 @@ fn sample_main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// The density with which sample_main draws a direction: btf_density.
+// Computes the density with which sample_main draws a direction: btf_density.
 @compute @workgroup_size(64)
 fn density_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < range.count {

@@ -1,4 +1,4 @@
-//! The README of the written folder: numbers and layouts are read from the module, not told twice.
+//! The README of the written folder. Numbers and layouts are read from the module, so that they cannot differ from it.
 
 use crate::error::ShaderError;
 use crate::languages::{Language, ShaderFile, bindings, metal_sizes_slot, validated};
@@ -6,7 +6,7 @@ use crate::texts::{DEPTHS_NAME, EXPANSION_FILE, LIBRARY_FILE, MODULE_NAME, VOLTE
 use naga::{AddressSpace, Handle, Module, StorageAccess, Type, TypeInner};
 use std::fmt::Write;
 
-/// `README.md` for modules, each with the files that [`crate::translate`] made of it, the WGSL first.
+/// Returns `README.md` for modules, each with the files that [`crate::translate`] made of it, the WGSL first.
 ///
 /// # Errors
 /// [`ShaderError::Wgsl`] if the text is not valid.
@@ -84,7 +84,7 @@ fn binding_table(module: &Module) -> String {
     text
 }
 
-/// The structs that lie in the bindings, each before those that hold it.
+/// Returns the tables of the structs of the bindings, each struct before those that hold it.
 fn struct_tables(module: &Module) -> String {
     let mut text = "### Layouts\n\nOffsets and sizes in bytes, the same in every language.\n".to_string();
     let mut shared = Vec::new();
@@ -117,7 +117,7 @@ fn collect_structs(module: &Module, handle: Handle<Type>, found: &mut Vec<Handle
     }
 }
 
-/// A type as WGSL writes it, of the kinds that lie in our bindings.
+/// Returns a type as WGSL writes it, for the kinds of types that our bindings have.
 fn type_name(module: &Module, handle: Handle<Type>) -> String {
     let kind = &module.types[handle];
     let scalar = |scalar: naga::Scalar| match scalar.kind {
@@ -142,7 +142,7 @@ fn workgroups(module: &Module) -> String {
     text + "\nDispatch (count + 63) / 64 workgroups along x. No subgroup operation, no barrier, no shared memory.\n"
 }
 
-/// How each language's files are compiled, and what they ask for.
+/// Returns the chapter on how each language's files are compiled, and what they require.
 fn languages(files: &[&ShaderFile]) -> String {
     let name =
         |language: Language| files.iter().find(|file| file.language == language).map_or("", |file| file.name.as_str());

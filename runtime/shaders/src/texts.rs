@@ -1,4 +1,4 @@
-//! The WGSL texts: the library as it is published, and the module that is translated.
+//! The WGSL texts: the library as published, and the modules that are translated.
 
 use btf_runtime::{VOLTEX_WGSL, WGSL, voltex_wgsl, wgsl_library};
 
@@ -19,7 +19,7 @@ pub const DEPTHS_NAME: &str = "btf_depths";
 const QUERIES: &str = include_str!("queries.wgsl");
 const DEPTHS: &str = include_str!("depths.wgsl");
 
-/// What stands above the library; its functions come after it.
+/// Text above the library; its functions come after it.
 const LIBRARY_HEAD: &str = "\
 // The decoder of packed BTF assets (.spmm): pure functions in core WGSL, without bindings and entry points.
 //
@@ -39,26 +39,26 @@ const LIBRARY_HEAD: &str = "\
 //
 ";
 
-/// What stands above the functions of volumetric textures.
+/// Text above the functions of volumetric textures.
 const VOLTEX_HEAD: &str = "\
-// Volumetric textures: pure functions in core WGSL, without bindings and entry points, of voxels that hold microflakes at several
-// levels.
+// Volumetric textures: pure functions in core WGSL, without bindings and entry points, of voxels that hold microflakes
+// at several levels.
 //
 // An includer joins its own text with this one, in any order, and with btf.wgsl or the function that is used of it,
 //
 //     fn asset_f32(index: u32) -> f32 { return bitcast<f32>(asset_word(index)); }
 //
 // and defines `fn asset_word(index: u32) -> u32`, which returns word `index` of a buffer with one or several volumes as
-// `btf_runtime::voltex::Voltex::words` has them. Functions take the number of a volume's first word there as `base`. Example:
-// btf_depths.wgsl.
+// `btf_runtime::voltex::Voltex::words` has them. Functions take the number of a volume's first word there as `base`.
+// Example: btf_depths.wgsl.
 //
-// Texture space is the unit cube. Rays need no unit direction: t stays that of the world. In what follows `v` and `l` are unit
-// vectors to the eye and to the light.
+// Texture space is the unit cube. Rays need no unit direction: t stays that of the world. In what follows `v` and `l`
+// are unit vectors to the eye and to the light.
 //
 // What a renderer calls:
 //
 ";
-/// What of the functions a renderer calls; the others serve them.
+/// Functions that a renderer calls; the others serve them.
 const VOLTEX_CALLED: [&str; 17] = [
     "voltex_level_count",
     "voltex_cyclic",
@@ -79,38 +79,38 @@ const VOLTEX_CALLED: [&str; 17] = [
     "voltex_shared_at",
 ];
 
-/// `btf.wgsl`: the library with a head that says what an includer defines and what there is to call.
+/// Returns `btf.wgsl`: the library with a head that says what an includer defines and what there is to call.
 pub fn library_text() -> String {
     let called: Vec<String> = signatures(&wgsl_library()).filter(|line| line.starts_with("fn btf_")).collect();
     with_head(LIBRARY_HEAD, &called, WGSL)
 }
 
-/// `btf_voltex.wgsl`: the functions of volumetric textures with a head of that kind.
+/// Returns `btf_voltex.wgsl`: the functions of volumetric textures with a head that says what there is to call.
 pub fn voltex_library_text() -> String {
     let is_called = |line: &String| line[3..].split('(').next().is_some_and(|name| VOLTEX_CALLED.contains(&name));
     let called: Vec<String> = signatures(&voltex_wgsl()).filter(is_called).collect();
     with_head(VOLTEX_HEAD, &called, VOLTEX_WGSL)
 }
 
-/// The head, with a line for each function that is called, and the files.
+/// Joins the head, a line for each function that is called, and the files.
 fn with_head(head: &str, called: &[String], files: &[(&str, &str)]) -> String {
     let functions: String = called.iter().map(|line| format!("//     {line}\n")).collect();
     let parts: String = files.iter().map(|(name, text)| format!("\n// ==== {name}\n\n{text}")).collect();
     format!("{head}{functions}{parts}")
 }
 
-/// `btf_depths.wgsl`: volumetric textures, bindings and an entry point, a module that is complete.
+/// Returns `btf_depths.wgsl`, a complete module: volumetric textures, bindings and an entry point.
 pub fn depths_text() -> String {
     let quantize = WGSL.iter().find(|(name, _)| *name == "quantize.wgsl").map_or("", |(_, text)| *text);
     [DEPTHS, quantize, &voltex_wgsl()].join("\n")
 }
 
-/// `btf_queries.wgsl`: library, bindings and entry points, a module that is complete.
+/// Returns `btf_queries.wgsl`, a complete module: library, bindings and entry points.
 pub fn module_text() -> String {
     format!("{QUERIES}\n{}", wgsl_library())
 }
 
-/// Signatures of the functions of a text, each on one line.
+/// Returns the signatures of the functions of a text, each on one line.
 fn signatures(text: &str) -> impl Iterator<Item = String> {
     text.match_indices("\nfn ").map(|(at, _)| {
         let signature = text[at..].split('{').next().unwrap_or_default();
@@ -158,5 +158,37 @@ mod tests {
         assert!(ENTRY_POINTS.iter().all(|name| text.contains(&format!("fn {name}("))));
         assert_eq!(text.matches("@compute").count(), ENTRY_POINTS.len());
         assert!(WGSL.iter().all(|(_, part)| text.contains(part)));
+    }
+
+    /// Returns the names of the constants of a text that the library, whose constants have twins in Rust, does not
+    /// declare.
+    fn own_constants(text: &str) -> Vec<String> {
+        let names = |text: &str| -> Vec<String> {
+            let module = crate::languages::validated(text).unwrap().0;
+            let named = module.constants.iter().filter_map(|(_, constant)| constant.name.clone());
+            // naga leaves out constants without a type that nothing uses.
+            let declared = text.lines().filter_map(|line| line.strip_prefix("const "));
+            named
+                .chain(declared.map(|rest| rest.split([':', ' ', '=']).next().unwrap_or_default().to_string()))
+                .collect()
+        };
+        let library = [wgsl_library(), voltex_wgsl()].concat();
+        let is_own = |name: &String| {
+            !library.contains(&format!("const {name}:")) && !library.contains(&format!("const {name} "))
+        };
+        let mut own: Vec<String> = names(text).into_iter().filter(is_own).collect();
+        own.dedup();
+        own
+    }
+
+    #[test]
+    fn the_modules_have_no_constants_without_a_twin() {
+        for text in [module_text(), depths_text()] {
+            assert_eq!(own_constants(&text), [""; 0]);
+            // Planted differences: constants of their own, with and without a type.
+            for planted in ["const PLANTED: u32 = 1u;", "const PLANTED = 3;"] {
+                assert_eq!(own_constants(&format!("{planted}\n{text}")), ["PLANTED"], "{planted}");
+            }
+        }
     }
 }

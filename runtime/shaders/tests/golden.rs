@@ -1,5 +1,5 @@
-//! What the shaders answer when they run is what `btf_runtime` answers: WGSL by two compilers, SPIR-V as it was
-//! written, GLSL and HLSL by way of glslang, all on the software driver.
+//! Compares the answers of the running shaders with `btf_runtime`: WGSL by two compilers, SPIR-V as it was written,
+//! GLSL and HLSL by way of glslang, all on the software driver.
 
 mod support;
 
@@ -17,24 +17,25 @@ use support::tools;
 /// logarithms that are multiplied by up to a thousand, and sines, of which Vulkan promises 2^-11.
 const ABSOLUTE: f32 = 1e-3;
 const RELATIVE: f32 = 1e-3;
-/// Of a density, which is a narrow peak's height: squares of half vectors divided by squares of roughness from 0.02 on.
+/// Relative tolerance of a density, which is the height of a narrow peak: squares of half vectors divided by squares of
+/// roughness from 0.02 on.
 const DENSITY_RELATIVE: f32 = 1e-2;
-/// Queries of which an answer may differ, one in this many: a ray that grazes an edge of rough heights hits it in one
-/// arithmetic and misses it in another.
+/// One query in this many may have another answer: a ray that grazes an edge of rough heights hits it in one arithmetic
+/// and misses it in another.
 const GRAZING: usize = 100;
 
 const QUERIES: usize = 900;
 
-/// Assets that lie one behind the other, and questions about all of them.
+/// Assets one behind the other in memory, and questions about all of them.
 struct Questions {
     residents: Vec<Resident>,
     words: Vec<u32>,
-    /// For `evaluate_main` and `density_main`; with the number of the asset.
+    /// Questions for `evaluate_main` and `density_main`, with the number of the asset.
     queries: Vec<(usize, Query)>,
 }
 
-/// Two layers (light from the front and from behind), levels, heights, edits, lobes in either role, every residual
-/// kind.
+/// Returns assets with two layers (light from the front and from behind), levels, heights, edits, lobes in either role,
+/// and every residual kind.
 fn residents() -> Vec<Resident> {
     let kinds = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
     let one = |(seed, kind): (u64, ResidualKind)| {
@@ -53,7 +54,7 @@ fn residents() -> Vec<Resident> {
     (0..).zip(kinds).map(one).collect()
 }
 
-/// Any side, at times a number that is none or a vector that is too long.
+/// Returns a direction to any side, sometimes with a NaN or too long.
 fn direction(random: &mut Random) -> [f32; 3] {
     let mut d = random.direction();
     match random.below(32) {
@@ -109,7 +110,7 @@ fn questions() -> Questions {
     Questions { residents, words, queries }
 }
 
-/// The decoder's options of a query.
+/// Returns the decoder's options of a query.
 fn options_of(query: &Query) -> DecodeOptions {
     let exact = query.options.interpolation == Interpolation::Exact as u32;
     DecodeOptions {
@@ -120,7 +121,7 @@ fn options_of(query: &Query) -> DecodeOptions {
     }
 }
 
-/// What `sample_main` is asked: three numbers to draw with in place of the light.
+/// Returns the questions for `sample_main`: three numbers to draw with in place of the light.
 fn draws(queries: &[(usize, Query)]) -> Vec<Query> {
     let mut random = Random::new(78);
     let mut number = |_| if random.below(60) == 0 { f32::NAN } else { random.within(0.0, 1.0) };
@@ -140,7 +141,7 @@ impl Questions {
         self.queries.iter().map(|(_, query)| *query).collect()
     }
 
-    /// The resident asset, the level and the question of query `i` as the decoder takes it, with the light at `wi`.
+    /// Returns the resident asset, the level and the question of query `i` for the decoder, with the light at `wi`.
     fn on_the_cpu(&self, i: usize, wi: [f32; 3]) -> (&Resident, u32, btf_runtime::Query, DecodeOptions) {
         let (asset, query) = &self.queries[i];
         let resident = &self.residents[*asset];
@@ -158,22 +159,22 @@ impl Questions {
         density(resident, level, &query, &options)
     }
 
-    /// How many answers of `evaluate_main` are not the decoder's.
+    /// Returns how many answers of `evaluate_main` differ from the decoder's.
     fn wrong_values(&self, answers: &[Answer]) -> usize {
         assert_eq!(answers.len(), self.queries.len());
         let right = |i: &usize| all_close(self.value(*i, self.queries[*i].1.wi), answers[*i].value);
         answers.len() - (0..answers.len()).filter(right).count()
     }
 
-    /// How many answers of `density_main` are not.
+    /// Returns how many answers of `density_main` differ from the decoder's.
     fn wrong_densities(&self, answers: &[Answer]) -> usize {
         assert_eq!(answers.len(), self.queries.len());
         let right = |i: &usize| close(self.density(*i, self.queries[*i].1.wi), answers[*i].density, DENSITY_RELATIVE);
         answers.len() - (0..answers.len()).filter(right).count()
     }
 
-    /// How many answers of `sample_main` are not: the direction that the decoder draws, and in the direction that came
-    /// back the density and the value that the decoder has there.
+    /// Returns how many answers of `sample_main` differ: from the direction that the decoder draws, and in the returned
+    /// direction from the density and the value that the decoder has there.
     fn wrong_samples(&self, draws: &[Query], answers: &[Answer]) -> usize {
         assert_eq!(answers.len(), draws.len());
         let right = |i: &usize| {
@@ -192,7 +193,7 @@ impl Questions {
         answers.len() - (0..answers.len()).filter(right).count()
     }
 
-    /// How many answers of `entry` are not the decoder's; `run(entry point, queries)` gives them.
+    /// Returns how many answers of `entry` differ from the decoder's; `run(entry point, queries)` gives the answers.
     fn wrong(&self, entry: &str, run: impl Fn(&str, &[Query]) -> Vec<Answer>) -> usize {
         match entry {
             "sample_main" => {
@@ -204,11 +205,11 @@ impl Questions {
         }
     }
 
-    /// Compares these entry points of a language; `run(module text, entry point, queries)` gives the answers. Constants
-    /// changed in the text must be seen in those that are `planted`.
+    /// Compares these entry points of a language; `run(module text, entry point, queries)` gives the answers. Changed
+    /// constants in the text must be noticed by the entry points that are `planted`.
     ///
-    /// A software driver that has not met a module before compiles it for seconds, `sample_main` longest, so no
-    /// language runs everything twice.
+    /// A software driver compiles a new module for seconds, `sample_main` longest, so no language runs everything
+    /// twice.
     fn compare(&self, name: &str, [right, planted]: [&[&str]; 2], run: impl Fn(&str, &str, &[Query]) -> Vec<Answer>) {
         let allowed = self.queries.len() / GRAZING;
         let text = module_text();
@@ -229,10 +230,10 @@ impl Questions {
     }
 }
 
-/// What most languages run: values, and the shortest module with a constant changed.
+/// Entry points that most languages run: values, and the shortest module with a constant changed.
 const VALUES: [&[&str]; 2] = [&["evaluate_main", "density_main"], &["density_main"]];
 
-/// The translation of `text` into `language` that has `entry`, and what `entry` is called there.
+/// Returns the translation of `text` into `language` that has `entry`, and the name of `entry` there.
 fn translated(text: &str, language: Language, entry: &str) -> (ShaderFile, String) {
     let files = translate(MODULE_NAME, text).unwrap();
     let of_entry = |file: ShaderFile| {
@@ -242,7 +243,7 @@ fn translated(text: &str, language: Language, entry: &str) -> (ShaderFile, Strin
     files.into_iter().find_map(of_entry).expect("every language has every entry point")
 }
 
-/// The questions and the driver, unless one of them is left out.
+/// Returns the questions and the driver; `None` if the test is left out.
 fn prepared(test: &str) -> Option<(Questions, Gpu)> {
     Some((questions(), open(test)?))
 }

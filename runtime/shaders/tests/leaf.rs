@@ -1,24 +1,24 @@
-//! What the shaders answer of a leaf whose optics are evaluated live is what `btf_runtime` answers: colours, directions and
-//! densities, by the software driver.
+//! Compares the shaders' answers for a leaf whose optics are evaluated live with `btf_runtime`: colours, directions and
+//! densities, on the software driver.
 
 mod support;
 
-use btf_runtime::testing::Random;
+use btf_runtime::testing::{Random, THREE_ROWS};
 use btf_runtime::{
-    LEAF_QUANTITIES, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, THREE_ROWS, ViewedLeaf, leaf_wgsl, wgsl_library,
+    LEAF_QUANTITIES, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf, leaf_wgsl, wgsl_library,
 };
 use btf_shaders::{Answer, Options, Query};
 use support::gpu::{Program, open};
 
-/// Absolute and relative tolerance. Both sides read the same words and add in f32; what is left is the order of sums and the
-/// driver's exponentials and roots, through a lobe that is 400 times the body at its narrowest.
+/// Absolute and relative tolerance. Both sides read the same words and add in f32; what is left is the order of sums
+/// and the driver's exponentials and roots, through a lobe that is 400 times the body at its narrowest.
 const ABSOLUTE: f32 = 2e-4;
 const RELATIVE: f32 = 2e-3;
 /// One question in this many may differ: the printed theta jumps at absorptions of 1 and 3.
 const JUMPS: usize = 200;
 const QUERIES: usize = 3000;
 
-/// A query's place, eye, light or numbers, and the plant's factors in the words that a leaf needs no options for.
+/// An entry point that takes the plant's factors from the words of the options, which a leaf does not need.
 const ENTRY: &str = "
 struct Query { wi: vec3<f32>, level: u32, wo: vec3<f32>, asset: u32, uv: vec2<f32>, low: vec2<f32>, high: vec2<f32>, pad: vec2<u32> }
 struct Answer { wi: vec3<f32>, density: f32, value: vec3<f32>, pad: f32 }
@@ -44,7 +44,8 @@ fn leaf_main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// Leaves of all modes under textures of some texels, one behind the other; the number of each one's first word.
+/// Returns leaves of all modes with textures of some texels, one behind the other, and the number of each one's first
+/// word.
 fn leaves(random: &mut Random) -> (Vec<u32>, Vec<u32>) {
     let (mut words, mut firsts) = (vec![7; 5], Vec::new());
     for round in 0..12 {
@@ -107,11 +108,11 @@ fn leaves_shine_alike_in_shaders_and_in_rust() {
 
 /// A leaf sample of [Miao, Tables 1 and 2]; reflectance of red, green and blue, then transmittance.
 struct Sample {
-    /// Chlorophyll and carotenoids in ug/cm2, by least squares: the paper tells none.
+    /// Chlorophyll and carotenoids in ug/cm2, by least squares: the paper does not give them.
     contents: [f32; 2],
     simulated: [f32; 6],
     real: [f32; 6],
-    /// Differences of the two as printed.
+    /// Printed differences of measured and computed values.
     errors: [f32; 6],
 }
 
@@ -142,9 +143,9 @@ const SAMPLES: [Sample; 4] = [
     },
 ];
 
-/// Largest difference to Table 1: at 675 nm the paper took another index.
+/// Largest difference from Table 1: at 675 nm the paper took another index.
 const TABLE_1: f32 = 1.2e-3;
-/// Half a unit of the printed digits of Table 2, and what f32 adds.
+/// Largest difference from Table 2: half a unit of the printed digits, and the rounding of f32.
 const TABLE_2: f32 = 5.1e-5;
 
 #[test]
@@ -210,7 +211,7 @@ fn shaders_give_the_papers_tables() {
     assert!(worst(&tables(&text.replace(right, wrong))) > TABLE_1);
 }
 
-/// Where an answer is not the decoder's in Rust, what both say.
+/// Returns both answers where the shader's differs from Rust's.
 fn difference(words: &[u32], query: &Query, answer: &Answer) -> Option<String> {
     let Options { components, lobes, interpolation, parallax } = query.options;
     let factors = [components, lobes, interpolation, parallax].map(f32::from_bits);

@@ -1,5 +1,5 @@
-//! Every file that `cargo xtask shaders` writes is valid to a tool that did not come from us, and a defect planted in
-//! each language is refused by its tool. MSL is the exception: its only compiler is Apple's, and here it counts as
+//! Validates every file that `cargo xtask shaders` writes with a tool of another origin, and checks that the tool
+//! refuses a defect planted in each language. MSL is the exception: its only compiler is Apple's, and it counts as
 //! unchecked.
 
 mod support;
@@ -11,7 +11,7 @@ use btf_shaders::{
 };
 use support::tools;
 
-/// The files of one language.
+/// Returns the files of one language.
 fn files(language: Language) -> Vec<ShaderFile> {
     let mut files = translate(MODULE_NAME, &module_text()).unwrap();
     files.extend(translate(DEPTHS_NAME, &depths_text()).unwrap());
@@ -20,7 +20,7 @@ fn files(language: Language) -> Vec<ShaderFile> {
     files
 }
 
-/// `text` with `from`, which must be there, replaced by `to`.
+/// Returns `text` with `from`, which must be there, replaced by `to`.
 fn planted(text: &[u8], from: &str, to: &str) -> Vec<u8> {
     let text = std::str::from_utf8(text).expect("a text");
     assert!(text.contains(from), "'{from}' is there to be replaced");

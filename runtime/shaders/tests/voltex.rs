@@ -1,5 +1,5 @@
-//! What the shaders answer of a volumetric texture is what `btf_runtime::voltex` answers: cells along rays, optical depths and
-//! light, by the software driver; optical depths in every language that it runs.
+//! Compares the shaders' answers for volumetric textures with `btf_runtime::voltex`: cells along rays, optical depths
+//! and light on the software driver; optical depths in every language that it runs.
 
 mod support;
 
@@ -80,12 +80,13 @@ fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// The twins with one of the entry points.
+/// Returns the library with one of the entry points.
 fn text(entry: &str) -> String {
     [&wgsl_library(), &voltex_wgsl(), ENTRY, entry].map(|part| part as &str).join("\n")
 }
 
-/// Volumes with 1 to 64 voxels a side, sparse and dense, one behind the other; each with the number of its first word.
+/// Returns volumes with 1 to 64 voxels a side, sparse and dense, one behind the other, each with the number of its
+/// first word.
 fn volumes(random: &mut Random) -> (Vec<u32>, Vec<(u32, Voltex)>) {
     let (mut words, mut volumes) = (vec![7; 3], Vec::new());
     for level_count in 0..=6 {
@@ -117,23 +118,24 @@ struct Way {
 }
 
 const RAYS: usize = 6400;
-/// Units in the last place by which ends of segments may differ, of the largest number that they are computed from.
+/// Difference allowed for the ends of segments, in units in the last place of the largest number that they are computed
+/// from.
 const ULPS: f32 = 4.0;
 /// One ray in this many may go through an edge in another order.
 const REORDERED: usize = 100;
 /// Relative tolerance of optical depths: roots and sums.
 const DEPTH: f32 = 1e-5;
 
-/// How a shader's way along a ray compares with Rust's.
+/// The result of comparing a shader's traversal with Rust's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Compared {
     Same,
-    /// But for segments that are short beyond what t can tell: where planes meet, rounding says which is first.
+    /// Equal except for segments that are shorter than t resolves: where planes meet, rounding decides which is first.
     Reordered,
     Other,
 }
 
-/// Rust's way along a ray: segments, optical depth, and by how much that may differ besides [`DEPTH`].
+/// Returns Rust's traversal of a ray: segments, optical depth, and the tolerance of the depth besides [`DEPTH`].
 fn followed(voltex: &Voltex, ray: &Ray) -> (Vec<Segment>, f32, f32) {
     let mut walk =
         Walk::new(VoltexRay { origin: ray.origin, direction: ray.direction }, ray.t0, ray.t1, voltex.level_count());
@@ -191,7 +193,7 @@ fn compare(voltex: &Voltex, ray: &Ray, way: &Way) -> Compared {
     if alike(&long(&expected), &long(&found)) { Compared::Reordered } else { Compared::Other }
 }
 
-/// Rays of all kinds, each with the volume that it goes through; one in 50 has odd numbers.
+/// Returns rays of all kinds, each with the volume that it goes through; one in 50 has odd numbers.
 fn rays<'a>(random: &mut Random, volumes: &'a [(u32, Voltex)]) -> (Vec<&'a Voltex>, Vec<Ray>) {
     let odd = [0.0, -0.0, 0.5, 1.0, -1e6, 1e-30, f32::NAN, f32::INFINITY, -f32::INFINITY];
     (0..RAYS)
@@ -229,8 +231,8 @@ fn rays_meet_the_same_cells_in_shaders_and_in_rust() {
     let other: Vec<_> = (0..RAYS).filter(|i| found[*i] == Compared::Other).collect();
     assert!(other.is_empty(), "{} differ, first {:?} kind {}", other.len(), rays[other[0]], other[0] % RAY_KINDS);
     assert!(reordered <= RAYS / REORDERED, "{reordered}");
-    // Planted: zeros that go down, a cell's rank by one, a byte of the mask left out, extinction with one scale, and clumping
-    // of long vectors.
+    // Planted: zeros that go down, a cell's rank by one, a byte of the mask left out, extinction with one scale, and
+    // clumping of long vectors.
     for (right, wrong) in [
         ("let ahead = (*walk).inverse >", "let ahead = (*walk).direction >"),
         ("countOneBits(node.mask.x & below)", "countOneBits(node.mask.x & (2u * below))"),
@@ -301,12 +303,12 @@ struct Light {
     pad: u32,
 }
 
-/// Tolerance of what is shaded, of the area that shades or of the length that is seen.
+/// Tolerance of shaded light, relative to the area that reflects or the length that is visible.
 const SHADED: f32 = 1e-5;
-/// Of gloss, of itself: nearly flat ellipsoids are small differences.
+/// Relative tolerance of the specular lobe: nearly flat ellipsoids are small differences.
 const GLOSS: f32 = 5e-3;
 
-/// What Rust says, and by how much the shader may differ.
+/// Returns Rust's results, each with the difference allowed to the shader's.
 fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 23] {
     let voxel = voltex.voxel(q.voxel);
     let cos = (0..3).map(|i| q.v[i] * q.l[i]).sum::<f32>();

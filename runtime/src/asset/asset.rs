@@ -1,111 +1,118 @@
-//! An asset in memory, in its file form: what [`crate::pack`] writes and [`Asset::parse`] reads.
+//! An asset in memory in its file form, which [`crate::pack`] writes and [`Asset::parse`] reads.
 
+use crate::asset::dictionary::{DictionaryLobe, LobeRef};
 use crate::asset::edit::Edits;
-use crate::asset::lobe::Lobe;
+use crate::asset::heights::Heights;
+use crate::asset::limits::MAX_LEVELS;
 use crate::asset::residual::{Residual, ResidualKind};
 use crate::asset::sphere::Sphere;
-use crate::decode::parallax::Heights;
-use crate::file::format::MAX_LEVELS;
 
-/// Which side of the surface a light or an eye is on.
+/// The side of the surface that a light or an eye is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum SurfaceSide {
     /// The side that the macroscopic normal points to.
     Front = 0,
-    /// The other one; its directions are stored mirrored in z, so that they too have z > 0. Their x and
-    /// y are the front's.
+    /// The side opposite to [`SurfaceSide::Front`]. Its directions are stored mirrored in z, so that they have z > 0
+    /// like those of the front; x and y are those of the front's frame.
     Back = 1,
 }
 
-/// What a layer's lobes are to its residual.
+impl SurfaceSide {
+    /// Both sides.
+    pub const ALL: [SurfaceSide; 2] = [SurfaceSide::Front, SurfaceSide::Back];
+
+    /// Returns the side that a direction in the texel's frame points to: the back where its z is below 0.
+    pub fn of(direction: [f32; 3]) -> SurfaceSide {
+        if direction[2] < 0.0 { SurfaceSide::Back } else { SurfaceSide::Front }
+    }
+
+    /// Returns the opposite side.
+    pub fn other(self) -> SurfaceSide {
+        match self {
+            SurfaceSide::Front => SurfaceSide::Back,
+            SurfaceSide::Back => SurfaceSide::Front,
+        }
+    }
+}
+
+impl From<bool> for SurfaceSide {
+    /// Returns the back for `true`.
+    fn from(is_back: bool) -> SurfaceSide {
+        if is_back { SurfaceSide::Back } else { SurfaceSide::Front }
+    }
+}
+
+/// The role of a layer's lobes besides its residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum LobeRole {
-    /// The residual is added to them: `X = g^-1(g(S) + R)`.
+    /// Lobes to which the residual is added: `X = g^-1(g(S) + R)`.
     Base = 0,
-    /// The residual stands alone, `X = g^-1(g(0) + R)`; the lobes guide interpolation, sampling and editing.
+    /// Lobes that only guide interpolation, sampling and editing; the residual stands alone: `X = g^-1(g(0) + R)`.
     Guide = 1,
 }
 
-/// A texel's use of one lobe of its cluster's dictionary.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LobeRef {
-    /// Index into the cluster's dictionary.
-    pub lobe: u8,
-    /// RGB weight codes, see [`crate::weight_from_byte`].
-    pub weight: [u8; 3],
-}
-
-/// A lobe of a dictionary with the scale of the weights that refer to it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DictionaryLobe {
-    /// The lobe.
-    pub lobe: Lobe,
-    /// Largest weight that a texel can give it.
-    pub weight_scale: f32,
-}
-
-/// One combination of light side and eye side.
+/// The part of an asset for one combination of light side and eye side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
     /// Side of the light.
     pub light_side: SurfaceSide,
     /// Side of the eye.
     pub view_side: SurfaceSide,
-    /// What the lobes are to the residual.
+    /// Role of the lobes besides the residual.
     pub lobe_role: LobeRole,
-    /// Curve in which the residual is added.
+    /// Curve `g` in which the residual is added.
     pub residual_kind: ResidualKind,
-    /// The curve's epsilon, 1e-6 to 1.
+    /// Epsilon of the residual's curve, 1e-6 to 1.
     pub epsilon: f32,
-    /// Light directions.
+    /// Measured light directions.
     pub lights: Sphere,
-    /// View directions.
+    /// Measured view directions.
     pub views: Sphere,
-    /// Heights of the texels, if parallax between the views is to be removed.
+    /// Displacement of the texels; `None` if parallax between the views is not to be removed.
     pub heights: Option<Heights>,
-    /// Cluster per texel.
+    /// Cluster of each texel.
     pub texel_clusters: Vec<u8>,
-    /// Number of lobes per texel.
+    /// Number of lobes of each texel.
     pub texel_lobe_counts: Vec<u8>,
-    /// Dictionary per cluster.
+    /// Dictionary of lobes of each cluster.
     pub dictionary: Vec<Vec<DictionaryLobe>>,
-    /// References of all texels, one texel after the other, in order of importance.
+    /// Lobe references of all texels, one texel after the other, each texel's in order of importance.
     pub lobe_refs: Vec<LobeRef>,
-    /// The residual, if the asset has one and the tier at hand reaches it.
+    /// Residual; `None` if the asset has none or the tier at hand ends before it.
     pub residual: Option<Residual>,
 }
 
 impl Layer {
-    /// Lobes of the texel that has most.
+    /// Returns the largest number of lobes that a texel has.
     pub fn most_lobes(&self) -> usize {
         self.texel_lobe_counts.iter().copied().max().unwrap_or(0).into()
     }
 }
 
-/// What a layer's texels are at a coarser level; everything else is as at the finest.
+/// The texels of a layer at a coarser level. Everything else of the layer holds for all its levels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LevelTexels {
-    /// Heights of the texels, in the level's texel widths.
+    /// Displacement of the texels, in the level's texel widths.
     pub heights: Option<Heights>,
-    /// Cluster per texel.
+    /// Cluster of each texel.
     pub clusters: Vec<u8>,
-    /// Number of lobes per texel.
+    /// Number of lobes of each texel.
     pub lobe_counts: Vec<u8>,
-    /// References of all texels, as in [`Layer::lobe_refs`].
+    /// Lobe references of all texels, as in [`Layer::lobe_refs`].
     pub lobe_refs: Vec<LobeRef>,
-    /// Coefficient codes `[component][texel]`, of the first components alone where the level needs no more. Their steps are those of
-    /// the layer's residual.
+    /// Coefficient codes `[component][texel]`, of the first components alone where the level needs no more. Steps are
+    /// those of the layer's residual.
     pub codes: Vec<Vec<i8>>,
 }
 
-/// A coarser level: each half as wide and high as the one before, at least one texel.
+/// A coarser level: half as wide and high as the level before, at least one texel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Level {
     /// Texels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// The texels of each layer.
     pub layers: Vec<LevelTexels>,
@@ -116,27 +123,26 @@ pub struct Level {
 pub struct Asset {
     /// Texels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// Physical width and height in millimetres, where known; above 0, at most a kilometre.
+    /// Physical width and height in millimetres, above 0 and at most a kilometre; `None` where they are not known.
     pub size_mm: Option<[f32; 2]>,
-    /// Whether the left edge continues the right one, and the bottom edge the top one, so that repetitions show no seam.
+    /// Whether the left edge continues the right one, and the bottom edge the top one, so that repetitions show no
+    /// seam.
     pub seamless: [bool; 2],
     /// Material description, JSON.
     pub material: String,
-    /// One to four layers, no two with the same sides, all on one texel grid: the front's.
+    /// One to four layers on one texel grid, that of the front; no two have the same sides.
     pub layers: Vec<Layer>,
-    /// Coarser levels, from half the width and height on; none where nobody made them, see [`crate::with_levels`].
+    /// Coarser levels, from half the width and height on. Empty unless they were made, see [`crate::with_levels`].
     pub levels: Vec<Level>,
-    /// What was changed after it was measured.
+    /// Changes made after the measurement.
     pub edits: Edits,
 }
 
-/// Allowed epsilon of a residual's curve.
-pub const EPSILON_RANGE: std::ops::RangeInclusive<f32> = 1e-6..=1.0;
 impl Asset {
-    /// The same with at most so many residual components, and of each texel's lobes at most so many, the most important
-    /// ones. Cost: a copy.
+    /// Returns the asset with at most `components` residual components, and of each texel's lobes the `lobes` most
+    /// important ones at most. Cost: a copy.
     pub fn trimmed(&self, components: usize, lobes: usize) -> Asset {
         let mut asset = self.clone();
         for layer in &mut asset.layers {
@@ -153,7 +159,8 @@ impl Asset {
         asset
     }
 
-    /// The same without its levels, and without the clusters behind the last one that the finest level uses. Cost: a copy.
+    /// Returns the asset without its coarser levels, and without the clusters behind the last one that the finest level
+    /// uses. Cost: a copy.
     pub fn without_levels(&self) -> Asset {
         if self.levels.is_empty() {
             return self.clone();
@@ -173,7 +180,8 @@ impl Asset {
         asset
     }
 
-    /// Level `number` as an asset of its own, 0 the finest; the coarsest beyond them all. It has no levels. Cost: a copy.
+    /// Returns level `number` as an asset of its own without coarser levels. 0 is the finest level; a number beyond the
+    /// coarsest gives the coarsest. Cost: a copy.
     pub fn level(&self, number: usize) -> Asset {
         let mut asset = Asset { levels: Vec::new(), ..self.clone() };
         let Some(last) = self.levels.len().checked_sub(1).filter(|_| number > 0) else { return asset };
@@ -195,18 +203,18 @@ impl Asset {
         asset
     }
 
-    /// Residual components of the layer that has most.
+    /// Returns the largest number of residual components that a layer has.
     pub fn most_components(&self) -> usize {
         let residuals = self.layers.iter().filter_map(|layer| layer.residual.as_ref());
         residuals.map(|residual| residual.coefficients.len()).max().unwrap_or(0)
     }
 
-    /// Lobes of the texel that has most.
+    /// Returns the largest number of lobes that a texel has.
     pub fn most_lobes(&self) -> usize {
         self.layers.iter().map(Layer::most_lobes).max().unwrap_or(0)
     }
 
-    /// Texels.
+    /// Returns the number of texels.
     pub fn texel_count(&self) -> usize {
         self.width * self.height
     }
@@ -224,23 +232,14 @@ fn keep_lobes(counts: &mut [u8], refs: &mut Vec<LobeRef>, most: usize) {
     *refs = kept;
 }
 
-/// Sizes of the levels below one of `finest`, down to one texel.
+/// Returns the sizes of the levels coarser than `finest`, down to one texel.
 pub(crate) fn level_sizes(finest: [usize; 2]) -> Vec<[usize; 2]> {
     let halved = |size: &[usize; 2]| (*size != [1, 1]).then(|| size.map(|side| (side / 2).max(1)));
     std::iter::successors(halved(&finest), halved).take(MAX_LEVELS - 1).collect()
 }
 
-/// Number of the first layer whose sides an earlier one has.
+/// Returns the number of the first layer whose sides an earlier layer has; `None` if there is none.
 pub(crate) fn doubled_sides<'a>(layers: impl IntoIterator<Item = &'a Layer>) -> Option<usize> {
     let sides: Vec<_> = layers.into_iter().map(|layer| (layer.light_side, layer.view_side)).collect();
     (0..sides.len()).find(|&number| sides[..number].contains(&sides[number]))
-}
-
-/// Whether every reference names a lobe that its texel's cluster has.
-pub(crate) fn refs_exist(clusters: &[u8], counts: &[u8], refs: &[LobeRef], dictionary: &[Vec<DictionaryLobe>]) -> bool {
-    let mut refs = refs.iter();
-    clusters.iter().zip(counts).all(|(cluster, count)| {
-        let lobes = dictionary[usize::from(*cluster)].len();
-        refs.by_ref().take(usize::from(*count)).all(|reference| usize::from(reference.lobe) < lobes)
-    })
 }

@@ -1,5 +1,5 @@
-//! Edits: a material's lobes and colour changed after it was measured, for all of it, a cluster or a painted region. They
-//! are kept beside what was measured, which they leave as it is.
+//! Edits: changes of a material's lobes and colour after the measurement, for all of it, a cluster or a painted region.
+//! They are kept beside the measured data, which stay as they are.
 //!
 //! With the lobes' sum S, the edited lobes' sum S' and the measured value X, all in the residual's curve g,
 //!
@@ -7,49 +7,50 @@
 //! X' = tint x g^-1(g(S') + keep (g(X) - g(S))),   keep = exp(-fade x distance)
 //! ```
 //!
-//! so that what the lobes do not tell stays as it was measured where an edit is small, and fades as it moves away from the
-//! measurement: the finer structure of a surface that was rougher is not known.
+//! A small edit therefore keeps the measured detail that the lobes do not represent. The detail fades with larger
+//! edits, because the finer structure of a surface that was rougher is not known.
 
-use crate::asset::asset::{DictionaryLobe, Layer};
+use crate::asset::dictionary::DictionaryLobe;
 use crate::asset::lobe::{Lobe, LobeFamily, RESIDENT_WORDS};
 
-/// Most edits of an asset.
+/// Largest number of edits of an asset.
 pub const MAX_EDITS: usize = 255;
-/// Numbers of an edit in the file.
+/// Number of numbers of an edit in the file.
 pub const EDIT_NUMBERS: usize = 9;
-/// Most words that a layer's edited dictionaries may take in the resident form (64 MiB): some kilobytes must not make a reader
-/// allocate without bound.
+/// Largest number of words that a layer's edited dictionaries may take in the resident form (64 MiB): some kilobytes
+/// must not make a reader allocate without bound.
 pub const MAX_EDIT_WORDS: usize = 1 << 24;
 /// Words of an edit in the resident form: tint, keep, offset of the table of dictionaries, zeros.
 pub const EDIT_WORDS: usize = 8;
 
-/// A change from what was measured.
+/// A change of the measured material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edit {
     /// Factors on the decoded value, linear RGB, 0 to 16.
     pub tint: [f32; 3],
     /// Factor on the weights of the diffuse lobes (Lambertian, Oren-Nayar, windowed cosine), 0 to 16.
     pub diffuse: f32,
-    /// Factor on the weights of the others, 0 to 16.
+    /// Factor on the weights of all other lobes, 0 to 16.
     pub specular: f32,
-    /// Factor on the lobes' roughness, 0.1 to 10: on slopes; on exponents the inverse of its square.
+    /// Factor on the lobes' roughness, 0.1 to 10: slopes are multiplied by it, exponents by the inverse of its square.
     pub roughness: f32,
-    /// Added to x and y of the lobes' normals, -0.9 to 0.9.
+    /// Offset added to x and y of the lobes' normals, -0.9 to 0.9.
     pub tilt: [f32; 2],
-    /// How fast the residual fades with [`Edit::distance`], 0 (never) to 16.
+    /// Rate at which the residual fades with [`Edit::distance`], 0 (never) to 16.
     pub fade: f32,
 }
 
 impl Default for Edit {
-    /// As measured; `fade` is 1, so that a lobe twice as rough keeps half of the residual.
+    /// Returns the edit that changes nothing. `fade` is 1, so that a lobe twice as rough keeps half of the residual.
     fn default() -> Edit {
         Edit { tint: [1.0; 3], diffuse: 1.0, specular: 1.0, roughness: 1.0, tilt: [0.0; 2], fade: 1.0 }
     }
 }
 
 impl Edit {
-    /// How far the lobes are from those that were measured: the logarithms of what their weights and roughness were
-    /// multiplied by, and the tilt's length. The tint, which is exact, does not count.
+    /// Returns the distance of the edited lobes from the measured ones: the sum of the absolute logarithms of the
+    /// factors on their weights and roughness, plus the length of the tilt. The tint does not count, because it is
+    /// exact.
     pub fn distance(&self) -> f32 {
         let [x, y] = self.tilt;
         let factors = [self.diffuse, self.specular, self.roughness];
@@ -57,12 +58,12 @@ impl Edit {
         factors.iter().map(|factor| factor.max(3.4e-4).ln().abs()).sum::<f32>() + (x * x + y * y).sqrt()
     }
 
-    /// Share of the residual that stays, 0 to 1.
+    /// Returns the share of the residual that stays, 0 to 1.
     pub fn keep(&self) -> f32 {
         (-self.fade * self.distance()).exp()
     }
 
-    /// A lobe of a dictionary as the edit has it.
+    /// Applies the edit to a lobe of a dictionary.
     pub fn lobe(&self, entry: &DictionaryLobe) -> DictionaryLobe {
         if self.distance() == 0.0 {
             // Halves may lie a rounding beyond their range, into which it would be brought.
@@ -93,13 +94,13 @@ impl Edit {
         DictionaryLobe { lobe: Lobe::clamped(lobe), weight_scale }
     }
 
-    /// The numbers of the file, in order.
+    /// Returns the numbers of the file, in order.
     pub(crate) fn numbers(&self) -> [f32; EDIT_NUMBERS] {
         let ([r, g, b], [x, y]) = (self.tint, self.tilt);
         [r, g, b, self.diffuse, self.specular, self.roughness, x, y, self.fade]
     }
 
-    /// `None` where one is out of its range.
+    /// Makes an edit of the numbers of the file; `None` where one is out of its range.
     pub(crate) fn from_numbers(n: [f32; EDIT_NUMBERS]) -> Option<Edit> {
         let edit = Edit {
             tint: [n[0], n[1], n[2]],
@@ -112,7 +113,7 @@ impl Edit {
         edit.in_range().then_some(edit)
     }
 
-    /// Whether every number is in its range.
+    /// Returns whether every number is in its range.
     pub fn in_range(&self) -> bool {
         let factors = self.tint.iter().chain([&self.diffuse, &self.specular, &self.fade]);
         factors.into_iter().all(|x| (0.0..=16.0).contains(x))
@@ -121,23 +122,24 @@ impl Edit {
     }
 }
 
-/// The edits of an asset, and where they hold.
+/// The edits of an asset, and the texels that they apply to.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Edits {
-    /// At most [`MAX_EDITS`].
+    /// Edits of the asset, at most [`MAX_EDITS`].
     pub list: Vec<Edit>,
-    /// Per texel of the finest level the number of its edit, counted from 1; 0 for none. Empty without edits.
+    /// Number of each finest texel's edit, counted from 1; 0 for none. Empty without edits.
     pub texels: Vec<u8>,
 }
 
 impl Edits {
-    /// Whether a layer's edited dictionaries keep within [`MAX_EDIT_WORDS`].
-    pub(crate) fn fit(&self, layer: &Layer) -> bool {
-        let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
-        self.list.len() * (EDIT_WORDS + 1 + layer.dictionary.len() + lobes * RESIDENT_WORDS) <= MAX_EDIT_WORDS
+    /// Returns whether the edited copies of a layer's `dictionaries` keep within [`MAX_EDIT_WORDS`].
+    pub(crate) fn fit(&self, dictionaries: &[Vec<DictionaryLobe>]) -> bool {
+        let lobes: usize = dictionaries.iter().map(Vec::len).sum();
+        self.list.len() * (EDIT_WORDS + 1 + dictionaries.len() + lobes * RESIDENT_WORDS) <= MAX_EDIT_WORDS
     }
 
-    /// The edit of the texel at the middle of each of a coarser grid's.
+    /// Returns the edits for a coarser grid of `size` texels: each texel has the edit of the texel of the `finest` grid
+    /// at its middle.
     pub fn coarser(&self, finest: [usize; 2], size: [usize; 2]) -> Edits {
         let middle = |index: usize, axis: usize| (2 * index + 1) * finest[axis] / (2 * size[axis]);
         let texels = (0..if self.list.is_empty() { 0 } else { size[0] * size[1] })
@@ -147,36 +149,6 @@ impl Edits {
             .map(|edit| if usize::from(edit) <= self.list.len() { edit } else { 0 });
         Edits { list: self.list.clone(), texels: texels.collect() }
     }
-
-    /// What a layer's block points to, behind the words at hand: the list, then each edit's dictionaries.
-    pub(crate) fn push(&self, words: &mut Vec<u32>, layer: &Layer) {
-        let list = words.len();
-        words.resize(list + EDIT_WORDS * self.list.len(), 0);
-        for (number, edit) in self.list.iter().enumerate() {
-            let at = list + EDIT_WORDS * number;
-            (0..3).for_each(|c| words[at + c] = edit.tint[c].to_bits());
-            words[at + 3] = edit.keep().to_bits();
-            words[at + 4] = words.len() as u32;
-            push_dictionaries(words, &layer.dictionary, |entry| edit.lobe(entry));
-        }
-    }
-}
-
-/// A table with the offset of each cluster's dictionary and that of their end, and the dictionaries.
-pub(crate) fn push_dictionaries(
-    words: &mut Vec<u32>,
-    dictionaries: &[Vec<DictionaryLobe>],
-    changed: impl Fn(&DictionaryLobe) -> DictionaryLobe,
-) {
-    let table = words.len();
-    words.resize(table + dictionaries.len() + 1, 0);
-    for (cluster, lobes) in dictionaries.iter().enumerate() {
-        words[table + cluster] = words.len() as u32;
-        for entry in lobes.iter().map(&changed) {
-            words.extend(entry.lobe.setup().to_resident_words(entry.weight_scale));
-        }
-        words[table + cluster + 1] = words.len() as u32;
-    }
 }
 
 #[cfg(test)]
@@ -184,9 +156,10 @@ mod tests {
     use super::*;
     use crate::asset::asset::{Asset, LobeRole};
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::{DecodeOptions, Interpolation, decode};
+    use crate::decode::decode::decode;
+    use crate::decode::options::{DecodeOptions, Interpolation};
     use crate::error::FormatError;
-    use crate::levels::mip::with_levels;
+    use crate::levels::levels::with_levels;
     use crate::pack;
     use crate::resident::resident::Resident;
     use crate::testing::{Random, sample_asset};
@@ -197,7 +170,8 @@ mod tests {
         asset
     }
 
-    /// Largest relative difference of `a` from `times` x `b` over random directions, for texels that `asked`.
+    /// Returns the largest relative difference of `a` from `times` x `b` over random directions, for the texels that
+    /// `asked` accepts.
     fn difference(
         a: &Asset,
         b: &Asset,

@@ -1,4 +1,4 @@
-// The nine lobe families. Twin: lobe.rs; equations in docs/MODEL.md, section 3.
+// The nine lobe families. Twin: asset/lobe.rs; equations in docs/MODEL.md, section 3.
 
 const MIN_COS_VIEW: f32 = 0.02;
 const MIN_HALF: f32 = 1e-3;
@@ -25,7 +25,7 @@ fn schlick(f0: f32, cos_angle: f32) -> f32 {
     return f0 + (1.0 - f0) * m * m * m * m * m;
 }
 
-// The half vector's products with a lobe's frame: n.h, t.h, b.h, v.h.
+// Products of the half vector with a lobe's frame: n.h, t.h, b.h, v.h.
 fn half_vector(lobe: LobeSetup, wi: vec3<f32>, wo: vec3<f32>) -> vec4<f32> {
     let sum = wi + wo;
     let h = sum / max(sqrt(dot(sum, sum)), MIN_HALF);

@@ -1,7 +1,11 @@
 //! A packed asset in its file form: layers, dictionaries, lobes, residuals, directions, heights, edits.
 
 pub(crate) mod asset;
+pub(crate) mod dictionary;
+pub(crate) mod disk;
 pub(crate) mod edit;
+pub(crate) mod heights;
+pub(crate) mod limits;
 pub(crate) mod lobe;
 pub(crate) mod residual;
 pub(crate) mod sphere;

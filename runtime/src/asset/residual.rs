@@ -1,5 +1,6 @@
-//! The residual: what the lobes leave, in bases per cluster that are mixtures of shared ones, which are factored
-//! over light x view [Tucker 1966], and the curve in which lobes and residual are added. Twin: `shaders/residual.wgsl`.
+//! The residual of a layer: the difference between the measured values and the lobes, and the curve in which the two
+//! are added. The bases of each cluster are mixtures of shared bases, which are factored over light x view [Tucker
+//! 1966]. Twin: `asset/residual.wgsl`.
 
 use crate::numeric::power::{from_root, root};
 use half::f16;
@@ -12,7 +13,8 @@ pub enum ResidualKind {
     Additive = 0,
     /// `g(x) = ln(x + epsilon)`.
     Log = 1,
-    /// `g(x) = (x + epsilon)^(1 / 2.4)`: the sRGB curve's exponent, so that errors are those that `psnr_db` counts.
+    /// `g(x) = (x + epsilon)^(1 / 2.4)`: the exponent of the sRGB curve, so that errors are those that `psnr_db`
+    /// counts.
     Root = 2,
 }
 
@@ -22,12 +24,12 @@ pub const ROOT: f32 = 2.4;
 pub const MAX_LOG: f32 = 12.0;
 
 impl ResidualKind {
-    /// The kind with number `number`.
+    /// Returns the kind with a number; `None` for an unknown one.
     pub fn from_number(number: u32) -> Option<ResidualKind> {
         [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root].into_iter().find(|kind| *kind as u32 == number)
     }
 
-    /// `g(x)`; `x` is clamped at 0 except for the additive kind.
+    /// Returns `g(x)`. `x` is clamped at 0 except for the additive kind.
     #[inline(always)]
     pub fn encode(self, x: f32, epsilon: f32) -> f32 {
         match self {
@@ -37,7 +39,7 @@ impl ResidualKind {
         }
     }
 
-    /// `g^-1(y)`; finite for every finite `y`.
+    /// Returns `g^-1(y)`, which is finite for every finite `y`.
     #[inline(always)]
     pub fn decode(self, y: f32, epsilon: f32) -> f32 {
         match self {
@@ -47,13 +49,13 @@ impl ResidualKind {
         }
     }
 
-    /// Lobe sum `s` and residual `r` of one channel, combined.
+    /// Combines the lobe sum `s` and the residual `r` of one channel: `max(0, g^-1(g(s) + r))`.
     #[inline(always)]
     pub fn combine(self, s: f32, r: f32, epsilon: f32) -> f32 {
         self.decode(self.encode(s, epsilon) + r, epsilon).max(0.0)
     }
 
-    /// [`ResidualKind::combine`] of three channels: the same bits, for the root curve in vectors.
+    /// Combines three channels like [`ResidualKind::combine`], with the same bits; the root curve uses SIMD.
     #[inline(always)]
     pub fn combine_rgb(self, s: [f32; 3], r: [f32; 3], epsilon: f32) -> [f32; 3] {
         // Loops over four, which fill a vector.
@@ -64,8 +66,9 @@ impl ResidualKind {
         [y[0], y[1], y[2]]
     }
 
-    /// What a residual is multiplied by beyond the hull, `beyond` as in [`crate::Neighbours`]: an additive one by `beyond`, a root
-    /// residual by its root (both then scale like the light's cosine); a log residual, which is a factor, is kept.
+    /// Returns the factor on a residual outside the hull, `beyond` as in [`crate::Neighbours`]: `beyond` for an
+    /// additive residual, its root for a root residual (both then scale like the light's cosine), and 1 for a log
+    /// residual, which is a factor itself.
     #[inline(always)]
     pub fn scale_beyond(self, beyond: f32) -> f32 {
         match self {
@@ -76,7 +79,7 @@ impl ResidualKind {
         }
     }
 
-    /// [`ResidualKind::encode`] of many numbers, in place: the same bits, for the root curve in vectors.
+    /// Applies [`ResidualKind::encode`] to many numbers in place, with the same bits; the root curve uses SIMD.
     #[inline(always)]
     pub fn encode_slice(self, values: &mut [f32], epsilon: f32) {
         // A loop per kind: a choice within the loop would keep it from running in vectors.
@@ -87,8 +90,8 @@ impl ResidualKind {
         }
     }
 
-    /// [`ResidualKind::decode`] of many numbers and at least 0, in place: the same bits, for the root curve in
-    /// vectors.
+    /// Applies [`ResidualKind::decode`] to many numbers in place and clamps the results at 0, with the same bits; the
+    /// root curve uses SIMD.
     #[inline(always)]
     pub fn decode_slice(self, values: &mut [f32], epsilon: f32) {
         match self {
@@ -99,65 +102,65 @@ impl ResidualKind {
     }
 }
 
-/// Luma-chroma rows of the bases' colour frame, orthonormal: grey, red-blue, green-magenta.
+/// Rows of the bases' colour frame, orthonormal: grey, red-blue, green-magenta.
 pub const COLOUR_FRAME: [[f32; 3]; 3] = [
     [0.577_350_26, 0.577_350_26, 0.577_350_26],
     [std::f32::consts::FRAC_1_SQRT_2, 0.0, -std::f32::consts::FRAC_1_SQRT_2],
     [0.408_248_3, -0.816_496_6, 0.408_248_3],
 ];
 
-/// Factor matrices shared by all bases of a layer, one pair per colour-frame channel.
+/// Factor matrices that all bases of a layer share, one pair for each channel of the colour frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Factors {
     /// Number of views and lights.
     pub shape: [usize; 2],
-    /// Ranks `[view, light]` per channel.
+    /// Ranks `[view, light]` of each channel.
     pub ranks: [[usize; 2]; 3],
-    /// Per channel the view matrix, row-major `[view, view rank]`.
+    /// View matrix of each channel, row-major `[view, view rank]`.
     pub view: [Vec<f16>; 3],
-    /// Per channel the light matrix, row-major `[light, light rank]`.
+    /// Light matrix of each channel, row-major `[light, light rank]`.
     pub light: [Vec<f16>; 3],
 }
 
 impl Factors {
-    /// Values of one core, `[channel, view rank, light rank]`.
+    /// Returns the number of values of one core, `[channel, view rank, light rank]`.
     pub fn core_len(&self) -> usize {
         self.ranks.iter().map(|rank| rank[0] * rank[1]).sum()
     }
 }
 
-/// The bases that all clusters of a layer share: what their own bases are mixed from.
+/// The bases that all clusters of a layer share. The bases of each cluster are mixtures of these.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SharedBases {
-    /// Step of each basis' core.
+    /// Quantisation step of each basis' core.
     pub steps: Vec<f32>,
-    /// `[basis, channel, view rank, light rank]`; the core's value is `step * q`.
+    /// Codes q, `[basis, channel, view rank, light rank]`; a value of a core is `step * q`.
     pub values: Vec<i16>,
 }
 
 impl SharedBases {
-    /// The core of basis `number`, `[channel, view rank, light rank]`.
+    /// Returns the core of shared basis `number`, `[channel, view rank, light rank]`.
     pub fn core(&self, number: usize) -> Vec<f32> {
         let len = self.values.len() / self.steps.len();
         self.values[number * len..(number + 1) * len].iter().map(|q| self.steps[number] * f32::from(*q)).collect()
     }
 }
 
-/// One basis of every cluster (the mean or a component), as a mixture of the shared bases.
+/// The mean, or one component, of every cluster as a mixture of the shared bases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
-    /// Step per cluster.
+    /// Quantisation step of each cluster.
     pub steps: Vec<f32>,
-    /// `[cluster, shared basis]`; the weight is `step * q`.
+    /// Codes q, `[cluster, shared basis]`; the weight of a shared basis is `step * q`.
     pub values: Vec<i16>,
 }
 
-/// Coefficients of one component for all texels.
+/// The coefficients of one component for all texels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coefficients {
-    /// Step: the coefficient is `step * code`.
+    /// Quantisation step: the coefficient is `step * code`.
     pub step: f32,
-    /// Code per texel.
+    /// Code of each texel.
     pub codes: Vec<i8>,
 }
 
@@ -168,14 +171,14 @@ pub struct Residual {
     pub factors: Factors,
     /// The shared bases.
     pub shared: SharedBases,
-    /// `bases[0]` is the mean, `bases[j]` the j-th component.
+    /// Bases of the clusters: `bases[0]` is the mean, `bases[j]` the j-th component.
     pub bases: Vec<Basis>,
-    /// `coefficients[j - 1]` belongs to `bases[j]`.
+    /// Coefficients of the components: `coefficients[j - 1]` belongs to `bases[j]`.
     pub coefficients: Vec<Coefficients>,
 }
 
 impl Residual {
-    /// The core of basis `index` in `cluster`, `[channel, view rank, light rank]`: the shared cores mixed.
+    /// Mixes the shared cores into the core of basis `index` in `cluster`, `[channel, view rank, light rank]`.
     ///
     /// Cost: a multiply-add per core value and shared basis with a weight other than 0.
     pub fn core(&self, index: usize, cluster: usize) -> Vec<f32> {
@@ -193,9 +196,9 @@ impl Residual {
     }
 }
 
-/// A core expanded to `[view, light, rgb]`: `sum_rs U[v, r] core[r, s] W[l, s]`, back in RGB.
+/// Expands a core to `[view, light, rgb]`: `sum_rs U[v, r] core[r, s] W[l, s]`, back in RGB.
 ///
-/// Cost: about 0.3 MFLOP a channel for Bonn's 81 x 81 at rank 32.
+/// Cost: about 0.3 MFLOP a channel for the 81 x 81 directions of a Bonn capture at rank 32.
 pub fn expand_core(factors: &Factors, core: &[f32]) -> Vec<f32> {
     let [views, lights] = factors.shape;
     let mut rgb = vec![0.0f32; views * lights * 3];
@@ -233,8 +236,8 @@ pub fn expand_core(factors: &Factors, core: &[f32]) -> Vec<f32> {
     rgb
 }
 
-/// A core's value at one pair, straight from the factored form: `view rank x light rank` multiply-adds
-/// a channel. The resident form exists because this is the dear way.
+/// Evaluates a core at one pair of directions straight from the factored form. Cost: `view rank x light rank`
+/// multiply-adds a channel, which is why the resident form holds expanded bases.
 pub fn core_at_pair(factors: &Factors, core: &[f32], view: usize, light: usize) -> [f32; 3] {
     let mut rgb = [0.0f32; 3];
     let mut at = 0;

@@ -1,4 +1,4 @@
-// The residual's curves. Twin: residual.rs (which also holds what only the packer and the loader do).
+// The residual's curves. Twin: asset/residual.rs, which also holds what only the packer and the loader do.
 
 const ROOT: f32 = 2.4;
 const MAX_LOG: f32 = 12.0;

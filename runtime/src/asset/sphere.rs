@@ -1,35 +1,32 @@
-//! A direction set on the disk: Delaunay triangles, hull edges and a compact uniform grid
-//! [Lagae 2008] that finds the three neighbours of any direction. Twin: `shaders/sphere.wgsl`.
+//! A direction set on the disk: Delaunay triangles, hull edges and a compact uniform grid [Lagae 2008], which finds the
+//! three neighbours of any direction. Twin: `asset/sphere.wgsl`.
 //!
-//! Directions are projected orthographically onto the unit disk, as [Silva 2012] do. Outside the
-//! hull the nearest hull point is taken, so that every direction of the hemisphere has an answer
-//! and the answer is continuous.
+//! Directions are projected orthographically onto the unit disk, as in [Silva 2012]. A direction outside the hull gets
+//! the nearest point of the hull, so that every direction of the hemisphere has an answer, and the answer is
+//! continuous.
 
+use crate::asset::disk::{ITEM_EDGE, MIN_AREA, build_grid, cells_a_side, signed_area, triangulate};
+use crate::asset::limits::MAX_DIRECTIONS;
 use crate::error::FormatError;
-use crate::file::format::MAX_DIRECTIONS;
 use crate::rule::{self, Rule};
-use spade::{DelaunayTriangulation, Point2, Triangulation};
 
-/// Words before the arrays: direction, triangle, edge counts, grid side, item count, three zeros.
+/// Number of words before the arrays: numbers of directions, triangles and edges, side of the grid, number of its
+/// items, three zeros.
 pub const SPHERE_HEADER_WORDS: usize = 8;
-/// Words of a direction (x, y, z).
+/// Number of words of a direction: x, y, z.
 pub const DIRECTION_WORDS: usize = 3;
-/// Words of a triangle: corner 0, the inverse 2 x 2 matrix, three ids, three zeros.
+/// Number of words of a triangle: corner 0, the inverse 2 x 2 matrix, three ids, three zeros.
 pub const TRIANGLE_WORDS: usize = 12;
-/// Words of a hull edge: start, extent, 1 / length^2, two ids, zero.
+/// Number of words of a hull edge: start, extent, 1 / length^2, two ids, zero.
 pub const EDGE_WORDS: usize = 8;
-/// Bit that marks a grid item as an edge.
-pub const ITEM_EDGE: u32 = 0x8000_0000;
-/// A direction counts as inside a triangle down to this barycentric weight (f32 rounding on an edge).
+/// Least barycentric weight with which a direction counts as inside a triangle: f32 rounds on an edge.
 pub const INSIDE_TOLERANCE: f32 = -1e-5;
-/// Largest grid side.
+/// Largest side of the grid in cells.
 const MAX_GRID: u32 = 256;
-/// Least area (doubled) of a triangle on the disk.
-const MIN_AREA: f64 = 1e-9;
-/// Largest entry of a triangle's inverse matrix: the least area that is kept is 1e-9. Bounded, so that
-/// no barycentric weight overflows.
+/// Largest entry of a triangle's inverse matrix: bounded, so that no barycentric weight overflows. The least area that
+/// is kept is 1e-9.
 const MAX_INVERSE: f32 = 1e10;
-/// Largest 1 / length^2 of an edge: two directions closer than that coincide.
+/// Largest 1 / length^2 of an edge: two directions closer than this coincide.
 const MAX_INVERSE_LENGTH2: f32 = 1e30;
 
 /// A direction set, as the words of its resident form.
@@ -38,30 +35,23 @@ pub struct Sphere {
     words: Vec<u32>,
 }
 
-/// Three neighbours of a direction and their weights (non-negative, sum 1).
+/// The three neighbours of a direction, and their weights, which are not negative and sum up to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Neighbours {
-    /// Indices into the direction set; may repeat where the weight is 0.
+    /// Ids of the neighbours in the direction set; an id may repeat where its weight is 0.
     pub ids: [u32; 3],
     /// Barycentric weights.
     pub weights: [f32; 3],
-    /// `min(1, cos / cos at the hull)`: 1 inside the hull, falling to 0 at the horizon outside.
+    /// Attenuation outside the hull, `min(1, cos / cos at the hull)`: 1 inside the hull, falling to 0 at the horizon
+    /// outside.
     pub beyond: f32,
-}
-
-fn segment_distance2(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
-    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-    let length2 = dx * dx + dy * dy;
-    let t = if length2 > 0.0 { (((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / length2).clamp(0.0, 1.0) } else { 0.0 };
-    let (ex, ey) = (p[0] - a[0] - t * dx, p[1] - a[1] - t * dy);
-    ex * ex + ey * ey
 }
 
 impl Sphere {
     /// Triangulates `directions` (unit, z > 0, distinct) and builds the grid.
     ///
-    /// Errors: none, too many, not unit, below the horizon, or two that coincide. Cost: a millisecond
-    /// for Bonn's 81.
+    /// Errors: no direction, more than [`MAX_DIRECTIONS`], one that is not unit or below the horizon, or two that
+    /// coincide. Cost: a millisecond for the 81 directions of a Bonn capture.
     pub fn new(directions: &[[f32; 3]]) -> Result<Sphere, FormatError> {
         let refuse = |reason: String| FormatError::Pack { reason };
         let n = directions.len();
@@ -75,32 +65,12 @@ impl Sphere {
             }
         }
         let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
-        let points: Vec<Point2<f64>> =
-            disk.iter().map(|p| Point2::new(tiny_to_zero(p[0]), tiny_to_zero(p[1]))).collect();
-        let delaunay = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(points)
-            .map_err(|error| refuse(format!("the direction set cannot be triangulated ({error:?})")))?;
-        if delaunay.num_vertices() != n {
-            return Err(refuse("two directions of a set coincide".to_string()));
-        }
-        let mut triangles: Vec<[usize; 3]> = delaunay
-            .inner_faces()
-            .map(|face| {
-                let mut ids = face.vertices().map(|vertex| vertex.index());
-                let least = (0..3).min_by_key(|&i| ids[i]).unwrap_or(0);
-                ids.rotate_left(least);
-                ids
-            })
-            // A sliver between nearly collinear directions has no usable inverse; its edges carry on.
-            .filter(|ids| signed_area(&disk, ids).abs() > MIN_AREA)
-            .collect();
-        triangles.sort_unstable();
-        let edges = hull_edges(&disk, &delaunay);
-
+        let (triangles, edges) = triangulate(&disk).map_err(refuse)?;
         Ok(Sphere::from_parts(directions, &triangles, &edges))
     }
 
-    /// The words of a set whose triangles and edges are known. Sums, products, quotients and square roots in
-    /// double precision only: the same words everywhere.
+    /// Lays out the words of a set whose triangles and edges are known. It uses sums, products, quotients and square
+    /// roots in double precision only, so that every machine makes the same words.
     fn from_parts(directions: &[[f32; 3]], triangles: &[[usize; 3]], edges: &[(usize, usize)]) -> Sphere {
         let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
         let n = directions.len();
@@ -135,7 +105,7 @@ impl Sphere {
         Sphere { words }
     }
 
-    /// What the file form keeps: counts, directions, triangles and edges; the rest follows from them.
+    /// Returns the words of the file form: counts, directions, triangles and edges. The rest follows from these.
     pub fn to_file_words(&self) -> Vec<u32> {
         let [n, triangles, edges] = [0, 1, 2].map(|i| self.words[i] as usize);
         let mut words = vec![n as u32, triangles as u32, edges as u32];
@@ -148,8 +118,8 @@ impl Sphere {
         words
     }
 
-    /// Checks and reads what [`Sphere::to_file_words`] gives. Cost: that of building the grid, about a
-    /// millisecond for Bonn's 81.
+    /// Checks and reads the words that [`Sphere::to_file_words`] gives. Cost: that of building the grid, about a
+    /// millisecond for 81 directions.
     pub fn from_file_words(words: &[u32]) -> Result<Sphere, Rule> {
         let [n, t, e] = *words.first_chunk::<3>().ok_or(rule::SET_SHORT)?;
         let [n, t, e] = [n, t, e].map(|count| count as usize);
@@ -186,7 +156,8 @@ impl Sphere {
         Sphere::from_words(Sphere::from_parts(&directions, &triangles, &edges).words)
     }
 
-    /// Words of a set whose resident words begin with `words`; `None` where they tell too few.
+    /// Returns the number of words of a set whose resident words begin with `words`; `None` where `words` has no whole
+    /// header, or the number overflows.
     pub(crate) fn words_told_by(words: &[u32]) -> Option<usize> {
         let [n, triangles, edges, side, items] = [0, 1, 2, 3, 4].map(|i| words.get(i).map(|word| *word as usize));
         let [n, triangles, edges, side, items] = [n?, triangles?, edges?, side?, items?];
@@ -196,7 +167,7 @@ impl Sphere {
         parts.into_iter().try_fold(SPHERE_HEADER_WORDS.checked_add(cells)?, usize::checked_add)?.checked_add(items)
     }
 
-    /// Checks resident words: every rule that keeps [`Sphere::locate`] in bounds.
+    /// Checks resident words against every rule that keeps [`Sphere::locate`] in bounds.
     pub(crate) fn from_words(words: Vec<u32>) -> Result<Sphere, Rule> {
         if words.len() < SPHERE_HEADER_WORDS {
             return Err(rule::SET_SHORT);
@@ -252,32 +223,32 @@ impl Sphere {
         Ok(sphere)
     }
 
-    /// The resident words.
+    /// Returns the words of the resident form.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
 
-    /// Number of directions.
+    /// Returns the number of directions.
     pub fn len(&self) -> usize {
         self.words[0] as usize
     }
 
-    /// Never true: a set has at least one direction.
+    /// Returns false: a set has at least one direction.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Direction `id`, unit.
+    /// Returns direction `id`, a unit vector.
     pub fn direction(&self, id: u32) -> [f32; 3] {
         direction(&self.words, 0, id)
     }
 
-    /// Neighbours of a unit direction with z >= 0.
+    /// Finds the neighbours of a unit direction with z >= 0.
     pub fn locate(&self, direction: [f32; 3]) -> Neighbours {
         locate(&self.words, 0, direction)
     }
 
-    /// Per direction its neighbours in the triangulation (and along the hull), ascending.
+    /// Returns the neighbours of each direction in the triangulation and along the hull, ascending.
     pub fn neighbours(&self) -> Vec<Vec<usize>> {
         let mut near = vec![std::collections::BTreeSet::new(); self.len()];
         let mut join = |a: u32, b: u32| {
@@ -300,12 +271,13 @@ impl Sphere {
         near.into_iter().map(|ids| ids.into_iter().collect()).collect()
     }
 
-    /// Smallest cosine to the normal in the set.
+    /// Returns the smallest cosine to the normal in the set.
     pub fn least_cosine(&self) -> f32 {
         (0..self.len() as u32).map(|i| self.direction(i)[2]).fold(1.0, f32::min)
     }
 
-    /// The same set without its grid: every search goes through all triangles and edges. What the grid is measured by.
+    /// Returns the set without its grid, for measuring what the grid saves: every search goes through all triangles and
+    /// edges.
     pub fn without_grid(&self) -> Sphere {
         let [triangles, edges] = [self.words[1], self.words[2]];
         let mut words = self.words[..self.cells_at()].to_vec();
@@ -315,7 +287,7 @@ impl Sphere {
         Sphere { words }
     }
 
-    /// Triangles and edges that a search for `direction` goes through.
+    /// Returns the number of triangles and edges that a search for `direction` goes through.
     pub fn tests_of(&self, direction: [f32; 3]) -> u32 {
         let cell = cell_at(self.words[3], direction);
         self.words[self.cells_at() + cell + 1] - self.words[self.cells_at() + cell]
@@ -336,133 +308,26 @@ impl Sphere {
     }
 }
 
-/// spade refuses coordinates below 1e-60, which cos(90 degrees) is.
-fn tiny_to_zero(x: f64) -> f64 {
-    if x.abs() < 1e-12 { 0.0 } else { x }
-}
-
-fn signed_area(disk: &[[f64; 2]], ids: &[usize; 3]) -> f64 {
-    let [a, b, c] = ids.map(|id| disk[id]);
-    (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
-}
-
-/// Edges of the convex hull; for collinear sets the segments between neighbours; for one direction
-/// the edge from it to itself.
-fn hull_edges(disk: &[[f64; 2]], delaunay: &DelaunayTriangulation<Point2<f64>>) -> Vec<(usize, usize)> {
-    let mut edges: Vec<(usize, usize)> = delaunay
-        .convex_hull()
-        .map(|edge| {
-            let (a, b) = (edge.from().index(), edge.to().index());
-            (a.min(b), a.max(b))
-        })
-        .collect();
-    if delaunay.all_vertices_on_line() && disk.len() > 1 {
-        let (low, high) = (disk[0], disk[disk.len() - 1]);
-        let axis = if (low[0] - high[0]).abs() > (low[1] - high[1]).abs() { 0 } else { 1 };
-        let mut order: Vec<usize> = (0..disk.len()).collect();
-        order.sort_by(|&a, &b| disk[a][axis].total_cmp(&disk[b][axis]));
-        edges = order.windows(2).map(|pair| (pair[0], pair[1])).collect();
-    }
-    if edges.is_empty() {
-        edges.push((0, 0));
-    }
-    edges.sort_unstable();
-    edges.dedup();
-    edges
-}
-
-/// Cell offsets (`side^2 + 1`) and items: every triangle that may cover a point of the cell and, for
-/// cells that reach outside the hull, every hull edge that may be nearest to one.
-/// Cells of a side of the grid of so many triangles.
-pub(crate) fn cells_a_side(triangles: usize) -> usize {
-    ((2.0 * triangles as f64).sqrt().ceil() as usize).clamp(4, 64)
-}
-
-fn build_grid(
-    side: usize,
-    disk: &[[f64; 2]],
-    triangles: &[[usize; 3]],
-    edges: &[(usize, usize)],
-) -> (Vec<u32>, Vec<u32>) {
-    let size = 2.0 / side as f64;
-    let margin = 1e-6;
-    let mut offsets = vec![0u32];
-    let mut items = Vec::new();
-    for cell in 0..side * side {
-        let (cx, cy) = (cell % side, cell / side);
-        let low = [-1.0 + cx as f64 * size - margin, -1.0 + cy as f64 * size - margin];
-        let high = [low[0] + size + 2.0 * margin, low[1] + size + 2.0 * margin];
-        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
-        for (i, ids) in triangles.iter().enumerate() {
-            if triangle_touches_box(ids.map(|id| disk[id]), low, high) {
-                items.push(i as u32);
-            }
-        }
-        let covered = |p: &[f64; 2]| triangles.iter().any(|ids| contains(ids.map(|id| disk[id]), *p));
-        if !corners.iter().all(covered) {
-            let centre = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
-            let half_diagonal = ((high[0] - low[0]).powi(2) + (high[1] - low[1]).powi(2)).sqrt() / 2.0;
-            let distance = |&(a, b): &(usize, usize)| segment_distance2(centre, disk[a], disk[b]).sqrt();
-            let nearest = edges.iter().map(distance).fold(f64::INFINITY, f64::min);
-            for (i, edge) in edges.iter().enumerate() {
-                if distance(edge) <= nearest + 2.0 * half_diagonal + margin {
-                    items.push(i as u32 | ITEM_EDGE);
-                }
-            }
-        }
-        offsets.push(items.len() as u32);
-    }
-    (offsets, items)
-}
-
-fn contains(triangle: [[f64; 2]; 3], p: [f64; 2]) -> bool {
-    let side = |a: [f64; 2], b: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
-    let [a, b, c] = triangle;
-    let s = [side(a, b), side(b, c), side(c, a)];
-    s.iter().all(|x| *x >= 0.0) || s.iter().all(|x| *x <= 0.0)
-}
-
-/// Separating-axis test in two dimensions: box axes and the triangle's three edge normals.
-fn triangle_touches_box(t: [[f64; 2]; 3], low: [f64; 2], high: [f64; 2]) -> bool {
-    for axis in 0..2 {
-        let (least, most) =
-            t.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), p| (l.min(p[axis]), m.max(p[axis])));
-        if most < low[axis] || least > high[axis] {
-            return false;
-        }
-    }
-    let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
-    for i in 0..3 {
-        let (a, b, c) = (t[i], t[(i + 1) % 3], t[(i + 2) % 3]);
-        let normal = [b[1] - a[1], a[0] - b[0]];
-        let along = |p: [f64; 2]| (p[0] - a[0]) * normal[0] + (p[1] - a[1]) * normal[1];
-        let inner = along(c).signum();
-        if corners.iter().all(|p| along(*p) * inner < 0.0) {
-            return false;
-        }
-    }
-    true
-}
-
 fn f(words: &[u32], index: usize) -> f32 {
     f32::from_bits(words[index])
 }
 
-/// The cell of a grid of `side` x `side` in which a direction lies.
+/// Returns the number of the grid cell in which a direction lies; the grid has `side` x `side` cells.
 fn cell_at(side: u32, d: [f32; 3]) -> usize {
     let along = |x: f32| ((x + 1.0) * 0.5 * side as f32).clamp(0.0, side as f32 - 1.0) as u32;
     (along(d[1]) * side + along(d[0])) as usize
 }
 
-/// Direction `id` of the set whose words start at `at`.
+/// Returns direction `id` of the set whose words start at `at`.
 pub(crate) fn direction(words: &[u32], at: usize, id: u32) -> [f32; 3] {
     let base = at + SPHERE_HEADER_WORDS + id as usize * DIRECTION_WORDS;
     [f(words, base), f(words, base + 1), f(words, base + 2)]
 }
 
-/// Neighbours of unit direction `d` (z >= 0) in the set whose words start at `at`.
+/// Finds the neighbours of unit direction `d` (z >= 0) in the set whose words start at `at`.
 ///
-/// Cost: the triangles of one grid cell (three to six for Bonn's set), and outside the hull its edges.
+/// Cost: the triangles of one grid cell (three to six for the set of a Bonn capture), and outside the hull the hull's
+/// edges.
 pub(crate) fn locate(words: &[u32], at: usize, d: [f32; 3]) -> Neighbours {
     let side = words[at + 3];
     let triangles_at = at + SPHERE_HEADER_WORDS + words[at] as usize * DIRECTION_WORDS;
@@ -520,6 +385,7 @@ pub(crate) fn locate(words: &[u32], at: usize, d: [f32; 3]) -> Neighbours {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::disk::{contains, segment_distance2};
 
     fn bonn81() -> Vec<[f32; 3]> {
         [(0, 1, 0), (15, 6, 60), (30, 12, 30), (45, 18, 20), (60, 20, 18), (75, 24, 15)]
@@ -549,7 +415,7 @@ mod tests {
         assert!(without >= 5 * with, "{without} {with}");
     }
 
-    /// The slow, obvious way: every triangle, then every hull edge.
+    /// Finds the neighbours the slow and obvious way: by every triangle, then by every hull edge.
     fn locate_by_brute_force(sphere: &Sphere, d: [f32; 3]) -> (bool, f64) {
         let disk: Vec<[f64; 2]> =
             (0..sphere.len()).map(|i| sphere.direction(i as u32)).map(|v| [v[0].into(), v[1].into()]).collect();

@@ -1,4 +1,4 @@
-// A direction set on the disk: triangles, hull edges, compact grid. Twin: sphere.rs.
+// A direction set on the disk: triangles, hull edges, compact grid. Twin: asset/sphere.rs.
 
 const SPHERE_HEADER_WORDS: u32 = 8u;
 const DIRECTION_WORDS: u32 = 3u;
@@ -6,7 +6,7 @@ const TRIANGLE_WORDS: u32 = 12u;
 const EDGE_WORDS: u32 = 8u;
 const ITEM_EDGE: u32 = 0x80000000u;
 const INSIDE_TOLERANCE: f32 = -1e-5;
-// Larger than any squared distance on the disk: stands for the twin's infinity.
+// Larger than any squared distance on the disk; the twin has infinity.
 const FAR: f32 = 1e30;
 
 struct Neighbours {

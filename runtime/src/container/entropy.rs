@@ -1,21 +1,22 @@
-//! The entropy coder of the file form: an adaptive binary range coder [Martin 1979] and models for planes of
-//! small signed numbers. Integers only, so that every machine decodes the same numbers.
+//! The entropy coder of the file form: an adaptive binary range coder [Martin 1979] and models for planes of small
+//! signed numbers. It uses integers only, so that every machine decodes the same numbers.
 //!
-//! Encoder and decoder run one and the same model code, through [`BinaryCoder`]: what is written is what is read.
+//! Encoder and decoder share the model code through [`BinaryCoder`], so that the decoder reads exactly what the encoder
+//! wrote.
 
 use crate::rule::{self, Rule};
 
-/// A bit's probability, adapted at two rates: quickly while little is known, then slowly.
+/// Probability of a bit, adapted at two rates: quickly while little is known, then slowly.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bit {
-    /// Probability of 0 in 65536ths, fast and slow.
+    /// Fast estimate of the probability of 0, in 65536ths; the slow one follows.
     fast: u16,
     slow: u16,
-    /// Bits seen, up to 63.
+    /// Number of bits seen, at most 63.
     seen: u8,
 }
 
-/// Shifts of the slow estimate by bits seen: about 1 / (n + 1.5) at first.
+/// Shifts of the slow estimate by the number of bits seen: about 1 / (n + 1.5) at first.
 const LEARNING_SHIFTS: [u8; 64] = {
     let mut shifts = [7u8; 64];
     let mut seen = 0;
@@ -33,11 +34,12 @@ const LEARNING_SHIFTS: [u8; 64] = {
     }
     shifts
 };
-/// Shift of the fast estimate once it has learnt.
+/// Shift of the fast estimate after the first bits.
 const FAST_SHIFT: u8 = 5;
-/// Least probability, 1 / 128: a bit costs at least 0.0113 bits, so that bytes bound the symbols they can hold.
+/// Least probability of a bit in 65536ths: 1 / 128. A bit therefore costs at least 0.0113 bits, and bytes bound the
+/// symbols they can hold.
 const LEAST: u32 = 512;
-/// Symbols that one byte can hold at most, see `LEAST`.
+/// Largest number of symbols that one byte can hold; follows from `LEAST`.
 pub(crate) const SYMBOLS_PER_BYTE: usize = 1024;
 
 impl Bit {
@@ -60,13 +62,14 @@ impl Bit {
     }
 }
 
-/// Writes or reads one bit under a model.
+/// A coder of single bits under a model: an encoder or a decoder.
 pub(crate) trait BinaryCoder {
-    /// The encoder writes `bit` and returns it; the decoder ignores it and returns what it reads.
+    /// Codes one bit. The encoder writes `bit` and returns it; the decoder ignores it and returns the bit that it
+    /// reads.
     fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
 }
 
-/// Writes bits: carries are kept back in `cache` and `waiting` until they are settled.
+/// An encoder. Carries wait in `cache` and `waiting` until they are settled.
 pub(crate) struct Encoder {
     low: u64,
     range: u32,
@@ -95,7 +98,7 @@ impl Encoder {
         self.low = (self.low & 0x00ff_ffff) << 8;
     }
 
-    /// The bytes: exactly those that a decoder of the same bits reads.
+    /// Returns the bytes: exactly those that a decoder of the same bits reads.
     pub(crate) fn finish(mut self) -> Vec<u8> {
         (0..5).for_each(|_| self.shift_low());
         // The first byte is always 0: no carry leaves the top.
@@ -123,7 +126,7 @@ impl BinaryCoder for Encoder {
     }
 }
 
-/// Reads bits; behind the end it reads zeros, which [`Decoder::ended`] tells.
+/// A decoder. Behind the end it reads zeros; [`Decoder::ended`] finds that.
 pub(crate) struct Decoder<'a> {
     code: u32,
     range: u32,
@@ -152,7 +155,7 @@ impl<'a> Decoder<'a> {
         self.at += 1;
     }
 
-    /// Whether exactly all bytes have been read.
+    /// Checks that exactly all bytes have been read.
     pub(crate) fn ended(&self) -> Result<(), Rule> {
         match self.at.cmp(&self.bytes.len()) {
             std::cmp::Ordering::Greater => Err(rule::ENDS_EARLY),
@@ -176,7 +179,8 @@ impl BinaryCoder for Decoder<'_> {
     }
 }
 
-/// A number below `2^BITS` as a tree of bits.
+/// Model of a number below `2^BITS`, coded from its highest bit down; each bit has a model for every value of the bits
+/// above it.
 #[derive(Clone)]
 pub(crate) struct Tree<const BITS: usize>(Vec<Bit>);
 
@@ -194,10 +198,10 @@ impl<const BITS: usize> Tree<BITS> {
     }
 }
 
-/// Contexts of a neighbourhood's magnitude: 0 to 3, then four a doubling.
+/// Number of contexts of a neighbourhood's magnitude: 0 to 3, then four for each doubling.
 const CONTEXTS: usize = 68;
 
-/// Bucket of a neighbourhood's weighted magnitude.
+/// Returns the context of a neighbourhood with the weighted magnitude `sum`.
 #[inline(always)]
 fn context(sum: u32) -> usize {
     if sum < 4 {
@@ -207,14 +211,14 @@ fn context(sum: u32) -> usize {
     (4 + (log as usize - 2) * 4 + (sum >> (log - 2) & 3) as usize).min(CONTEXTS - 1)
 }
 
-/// Model of signed numbers of up to 16 bits whose size their neighbourhood predicts.
+/// Model of signed numbers of up to 16 bits whose size is predicted by their neighbourhood.
 #[derive(Clone)]
 pub(crate) struct Signed {
     zero: Vec<Bit>,
     sign: [Bit; 5],
-    /// `[context / 2][floor(log2 |value|)]`.
+    /// Models of the length in bits: `[context / 2][floor(log2 |value|)]`.
     length: Vec<[Bit; 16]>,
-    /// `[length][leading bits, at most 31]`.
+    /// Models of the bits below the highest: `[length][leading bits, at most 31]`.
     mantissa: Vec<[Bit; 32]>,
 }
 
@@ -228,7 +232,8 @@ impl Signed {
         }
     }
 
-    /// One number; `around` is its neighbourhood's weighted magnitude, `signs` the sum of two neighbours' signs.
+    /// Codes one number. `around` is the weighted magnitude of its neighbourhood, `signs` the sum of the signs of two
+    /// neighbours.
     #[inline(always)]
     pub(crate) fn code(&mut self, coder: &mut impl BinaryCoder, value: i32, around: u32, signs: i32) -> i32 {
         let context = context(around);
@@ -252,9 +257,11 @@ impl Signed {
     }
 }
 
-/// Codes `values` row by row, `width` a row: each number's neighbourhood is what was coded to the left and above.
-/// The encoder leaves `values` as they are, the decoder fills them. Magnitudes at most 65535. False if the decoder met a number
-/// that the values have no room for.
+/// Codes `values` row by row, `width` in a row. The neighbourhood of a number are the numbers coded before it to the
+/// left and above.
+///
+/// The encoder leaves `values` as they are; the decoder fills them. Magnitudes are at most 65535. Returns false if the
+/// decoder met a number that `T` cannot hold.
 pub(crate) fn code_plane<T>(coder: &mut impl BinaryCoder, model: &mut Signed, values: &mut [T], width: usize) -> bool
 where
     T: Copy + Into<i32> + TryFrom<i32>,
@@ -290,7 +297,7 @@ where
     fits
 }
 
-/// Bytes of numbers coded by [`code_plane`].
+/// Returns the bytes of numbers coded by [`code_plane`].
 pub(crate) fn encode_plane<T>(values: &[T], width: usize) -> Vec<u8>
 where
     T: Copy + Into<i32> + TryFrom<i32>,
@@ -300,13 +307,13 @@ where
     coder.finish()
 }
 
-/// Bytes that a plane of these numbers (magnitudes at most 65535), `width` a row, takes in the file form: for
-/// choosing between planes. Cost: about 40 ns a number.
+/// Returns the number of bytes that a plane of numbers, `width` in a row, takes in the file form, for choosing between
+/// planes. Magnitudes are at most 65535. Cost: about 40 ns a number.
 pub fn plane_bytes(values: &[i32], width: usize) -> usize {
     encode_plane(values, width).len()
 }
 
-/// What [`encode_plane`] wrote: `count` numbers.
+/// Decodes the `count` numbers that [`encode_plane`] wrote.
 pub(crate) fn decode_plane<T>(bytes: &[u8], count: usize, width: usize) -> Result<Vec<T>, Rule>
 where
     T: Copy + Default + Into<i32> + TryFrom<i32>,

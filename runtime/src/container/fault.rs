@@ -1,21 +1,21 @@
-//! What is wrong with a file: all of it, where it is examined; its first, where it is read.
+//! Collects the faults of a file: all of them for an examination, the first for a reader.
 
 use crate::error::FormatError;
 
-/// Most faults that are kept of one file.
+/// Largest number of faults that are kept of one file.
 pub(crate) const MAX_FAULTS: usize = 256;
 
-/// A broken rule and where.
+/// A broken rule and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Fault {
     pub error: FormatError,
-    /// The layer, where the section's name does not tell it.
+    /// Layer of the fault, where the section's name does not tell it.
     pub layer: Option<u32>,
-    /// Byte of the file, where the section's place does not tell it.
+    /// Byte of the file at which the fault is, where the section's place does not tell it.
     pub offset: Option<u64>,
 }
 
-/// The faults found so far, in the order in which a reader meets them.
+/// Faults found so far, in the order in which a reader meets them.
 #[derive(Debug, Default)]
 pub(crate) struct Faults {
     found: Vec<Fault>,
@@ -32,7 +32,7 @@ impl Faults {
         }
     }
 
-    /// What was read; where it could not be, the error is kept.
+    /// Returns the value of a successful read; keeps the error of a failed one and returns `None`.
     pub(crate) fn keep<T>(&mut self, read: Result<T, FormatError>) -> Option<T> {
         read.map_err(|error| self.push(error)).ok()
     }
@@ -49,10 +49,10 @@ impl Faults {
         &self.found
     }
 
-    /// What was read without a fault, or the first fault.
+    /// Returns `read`, or the first fault if there is one.
     ///
     /// # Panics
-    /// If nothing was read and nothing is wrong.
+    /// If nothing was read and there is no fault.
     pub(crate) fn or_first<T>(self, read: Option<T>) -> Result<T, FormatError> {
         match self.found.into_iter().next() {
             Some(fault) => Err(fault.error),

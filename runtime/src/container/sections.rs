@@ -1,20 +1,21 @@
-//! The sections of a file that are at hand, and their bytes read front to back.
+//! Finds the sections of a file that are at hand, and reads their bytes front to back.
 
-use crate::container::container::{Directory, FileFormat};
+use crate::container::directory::Directory;
 use crate::container::entropy::{Decoder, bounded, decode_plane};
 use crate::container::fault::Faults;
+use crate::container::file_format::FileFormat;
 use crate::error::FormatError;
 use crate::rule::{self, Rule};
 use half::f16;
 use std::collections::{HashMap, HashSet};
 use std::marker::PhantomData;
 
-/// A section's bytes, read front to back.
+/// A reader of a section's bytes, front to back.
 #[derive(Clone)]
 pub(crate) struct Reader<'a> {
-    /// For messages.
+    /// Name of the section, for messages.
     pub name: String,
-    /// What is not yet read.
+    /// Bytes that are not yet read.
     pub bytes: &'a [u8],
 }
 
@@ -37,7 +38,7 @@ impl<'a> Reader<'a> {
         Ok(self.take(bytes)?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 
-    /// Half-precision numbers, padded to a whole word; all must be finite.
+    /// Reads half-precision numbers, which are padded to a whole word. All must be finite.
     pub(crate) fn halves(&mut self, count: usize) -> Result<Vec<f16>, FormatError> {
         let padded = count.div_ceil(2).checked_mul(4).map_or_else(|| self.bad(rule::ENDS_EARLY), Ok)?;
         let all: Vec<f16> =
@@ -51,13 +52,13 @@ impl<'a> Reader<'a> {
         Ok(all[..count].to_vec())
     }
 
-    /// Steps of up to `most`.
+    /// Reads quantisation steps. Each must be within 0 to `most`.
     pub(crate) fn steps(&mut self, count: usize, most: f32) -> Result<Vec<f32>, FormatError> {
         let steps: Vec<f32> = self.words(count)?.into_iter().map(f32::from_bits).collect();
         if steps.iter().all(|step| (0.0..=most).contains(step)) { Ok(steps) } else { self.bad(rule::STEP) }
     }
 
-    /// What is left, as a coded plane of `count` numbers.
+    /// Reads the remaining bytes as a coded plane of `count` numbers, `width` in a row.
     pub(crate) fn plane<T>(&mut self, count: usize, width: usize) -> Result<Vec<T>, FormatError>
     where
         T: Copy + Default + Into<i32> + TryFrom<i32>,
@@ -66,7 +67,7 @@ impl<'a> Reader<'a> {
         decode_plane(bytes, count, width).or_else(|reason| self.bad(reason))
     }
 
-    /// What is left, decoded by `code` into `count` values.
+    /// Reads the remaining bytes as `count` values, decoded by `code`.
     pub(crate) fn coded<T: Clone>(
         &mut self,
         count: usize,
@@ -82,7 +83,7 @@ impl<'a> Reader<'a> {
         Ok(values)
     }
 
-    /// All of it, as UTF-8.
+    /// Returns the bytes as UTF-8.
     pub(crate) fn text(&self) -> Result<String, FormatError> {
         match std::str::from_utf8(self.bytes) {
             Ok(text) => Ok(text.to_string()),
@@ -99,7 +100,7 @@ impl<'a> Reader<'a> {
 pub(crate) struct Sections<'a, F> {
     bytes: &'a [u8],
     entries: HashMap<(u32, u32, u32), (usize, usize)>,
-    /// Those of them whose checksum is wrong: named already, and not looked into.
+    /// Sections with a wrong checksum. Their faults are already known, and they are not read.
     pub damaged: HashSet<(u32, u32, u32)>,
     /// True where the bytes are the whole file, so that every promised section must be there.
     pub whole: bool,
@@ -125,14 +126,14 @@ impl<'a, F: FileFormat> Sections<'a, F> {
         Sections { bytes, entries, damaged, whole: directory.is_whole(), format: PhantomData }
     }
 
-    /// `None` where it is absent or damaged.
+    /// Returns a reader of a section; `None` where the section is absent or damaged.
     pub(crate) fn find(&self, kind: F::Kind, layer: u32, index: u32) -> Option<Reader<'a>> {
         let key = (F::number(kind), layer, index);
         let (start, end) = *self.entries.get(&key).filter(|_| !self.damaged.contains(&key))?;
         Some(Reader { name: F::section_name(kind, layer, index), bytes: self.bytes.get(start..end)? })
     }
 
-    /// The same, where its absence is a fault.
+    /// Returns a reader of a section like [`Sections::find`], and adds a fault if the section is absent.
     pub(crate) fn get(&self, kind: F::Kind, layer: u32, index: u32, faults: &mut Faults) -> Option<Reader<'a>> {
         if !self.entries.contains_key(&(F::number(kind), layer, index)) {
             faults.push(FormatError::MissingSection { section: F::section_name(kind, layer, index) });
@@ -140,12 +141,12 @@ impl<'a, F: FileFormat> Sections<'a, F> {
         self.find(kind, layer, index)
     }
 
-    /// The same, where a coarser tier may end before the section; in a whole file its absence is a fault.
+    /// Returns a reader of a section that a coarser tier may lack. Its absence is a fault in a whole file only.
     pub(crate) fn get_in_tier(&self, kind: F::Kind, layer: u32, index: u32, faults: &mut Faults) -> Option<Reader<'a>> {
         if self.whole { self.get(kind, layer, index, faults) } else { self.find(kind, layer, index) }
     }
 
-    /// Whether a section of the layer is damaged.
+    /// Returns whether a section of the layer is damaged.
     pub(crate) fn damage_in(&self, layer: u32) -> bool {
         self.damaged.iter().any(|(_, of, _)| *of == layer)
     }

@@ -1,23 +1,23 @@
-// The decoder: from texel, light and eye to reflectance times cosine. Twin: decode.rs.
+// The decoder: from texel, light and eye to reflectance times cosine. Twin: decode/decode.rs.
 
-// What btf_layer_for_sides answers where there is none.
+// Answer of btf_layer_for_sides where the asset has no such layer.
 const NO_LAYER: u32 = 0xffffffffu;
 
 fn btf_layers(base: u32) -> u32 {
     return asset_word(base + 2u);
 }
 
-// Levels, the finest included.
+// Returns the number of levels, the finest included.
 fn btf_levels(base: u32) -> u32 {
     return asset_word(base + 4u);
 }
 
-// Columns and rows of a layer, as btf_layer_for_sides numbers it.
+// Returns columns and rows of a layer, as btf_layer_for_sides numbers it.
 fn btf_size(base: u32, layer: u32) -> vec2<u32> {
-    return texel_size(base + asset_word(base + ASSET_LAYERS + layer));
+    return level_size(base + asset_word(base + ASSET_LAYERS + layer));
 }
 
-// Nearest texel of a texture coordinate; u to the right, v up, both wrap.
+// Returns the texel nearest to a texture coordinate; u to the right, v up, both wrap.
 fn btf_texel(base: u32, layer: u32, uv: vec2<f32>) -> u32 {
     let size = btf_size(base, layer);
     let wrapped = vec2<f32>(fract(uv.x), fract(1.0 - uv.y));
@@ -25,8 +25,8 @@ fn btf_texel(base: u32, layer: u32, uv: vec2<f32>) -> u32 {
     return xy.y * size.x + xy.x;
 }
 
-// Number of the layer for a light and an eye on these sides (1: back) at a level, 0 the finest, or NO_LAYER: what decoders
-// take.
+// Returns the number that decoders take of the layer for a light and an eye on these sides (1: back) at a level, 0 the
+// finest; NO_LAYER where the asset has none.
 fn btf_layer_for_sides(base: u32, level: u32, light_side: u32, view_side: u32) -> u32 {
     let layers = btf_layers(base);
     for (var layer = level * layers; layer < (level + 1u) * layers; layer++) {
@@ -38,7 +38,7 @@ fn btf_layer_for_sides(base: u32, level: u32, light_side: u32, view_side: u32) -
     return NO_LAYER;
 }
 
-// One light alone; for several, see viewed_texel.wgsl.
+// Decodes the value of a texel for one light; viewed_texel.wgsl is cheaper for several.
 fn btf_decode(base: u32, layer: u32, texel: u32, wi: vec3<f32>, wo: vec3<f32>, options: BtfOptions) -> vec3<f32> {
     var rows: LightRows;
     return viewed_light(viewed_new(base, layer, texel, wo, options), &rows, wi);

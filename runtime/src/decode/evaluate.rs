@@ -1,14 +1,15 @@
-//! What a renderer asks of an asset at a texture coordinate: values, directions drawn from them and their densities,
-//! whichever sides light and eye are on. The layer is the one whose sides are those of light and eye.
-//! Twin: `shaders/evaluate.wgsl`.
+//! Evaluation and sampling at a texture coordinate for renderers: values, directions drawn from them and their
+//! densities, whichever sides light and eye are on. The sides of light and eye select the layer. Twin:
+//! `decode/evaluate.wgsl`.
 
-use crate::decode::decode::DecodeOptions;
+use crate::asset::asset::SurfaceSide;
 use crate::decode::lobe_queue::LobeQueue;
+use crate::decode::options::DecodeOptions;
 use crate::decode::texel::Texel;
 use crate::decode::viewed_texel::ViewedTexel;
 use crate::resident::resident::Resident;
 
-/// A place of the surface, a light and an eye.
+/// A place of the surface with a light and an eye.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(C)]
 pub struct Query {
@@ -16,11 +17,11 @@ pub struct Query {
     pub uv: [f32; 2],
     /// Unit vector to the light, in the frame of tangent, bitangent and normal; z < 0 lies behind the surface.
     pub wi: [f32; 3],
-    /// Unit vector to the eye, likewise.
+    /// Unit vector to the eye, in the frame of `wi`.
     pub wo: [f32; 3],
 }
 
-/// A direction that [`sample`] has drawn.
+/// A direction that [`sample`] has drawn, with its density and value.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(C)]
 pub struct Sample {
@@ -28,22 +29,22 @@ pub struct Sample {
     pub wi: [f32; 3],
     /// Probability density, per steradian.
     pub density: f32,
-    /// What [`evaluate`] gives in this direction.
+    /// Value of [`evaluate`] for a light in this direction.
     pub value: [f32; 3],
 }
 
-/// Queries of [`evaluate_many`] that wait together: their texels and lobes stay in the nearest cache.
+/// Number of queries that [`evaluate_many`] evaluates together: their texels and lobes stay in the nearest cache.
 const BATCH: usize = 32;
 
-/// Range of the squared length of what counts as a unit vector.
+/// Range of the squared length of a vector that counts as unit.
 pub const UNIT_RANGE: std::ops::RangeInclusive<f32> = 0.99..=1.01;
 
-/// Whether `v` is a direction: of length 1 within half a percent. NaN is not.
+/// Returns whether `v` is a direction: of length 1 within half a percent. NaN is not.
 pub fn is_unit(v: [f32; 3]) -> bool {
     UNIT_RANGE.contains(&(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
 }
 
-/// `level`, or the coarsest that there is.
+/// Returns `level`, or the coarsest level if the asset has fewer.
 fn known_level(resident: &Resident, level: u32) -> u32 {
     level.min(resident.levels() - 1)
 }
@@ -52,18 +53,20 @@ fn finite(numbers: &[f32]) -> bool {
     numbers.iter().all(|x| x.is_finite())
 }
 
-/// Layer and texel of `query`; `None` where [`evaluate`] is black because of the sides or the numbers.
+/// Returns layer and texel of `query`; `None` where [`evaluate`] is black because of the sides or invalid numbers.
 fn place(resident: &Resident, level: u32, Query { uv, wi, wo }: &Query) -> Option<(u32, u32)> {
     if !(finite(uv) && is_unit(*wi) && is_unit(*wo)) {
         return None;
     }
-    let layer = resident.layer_for_sides(known_level(resident, level), wi[2] < 0.0, wo[2] < 0.0)?;
+    let layer = resident.layer_for_sides(known_level(resident, level), SurfaceSide::of(*wi), SurfaceSide::of(*wo))?;
     Some((layer, resident.texel(layer, *uv)))
 }
 
-/// `pi * BRDF * |n.wi|` (BTDF where light and eye are on different sides), linear RGB, at least 0, at `level`: 0 the finest, the
-/// coarsest beyond them all. Black where the asset has no layer for these sides, and where a number is not finite or a
-/// direction not a unit vector, see [`is_unit`].
+/// Evaluates `pi * BRDF * |n.wi|` (BTDF where light and eye are on different sides), linear RGB, at least 0. `level` 0
+/// is the finest; a level beyond the coarsest gives the coarsest.
+///
+/// The value is black where the asset has no layer for these sides, where a number is not finite, and where a direction
+/// is not a unit vector within half a percent.
 ///
 /// Cost: as [`crate::decode()`].
 pub fn evaluate(resident: &Resident, level: u32, query: &Query, options: &DecodeOptions) -> [f32; 3] {
@@ -72,8 +75,8 @@ pub fn evaluate(resident: &Resident, level: u32, query: &Query, options: &Decode
     })
 }
 
-/// [`evaluate`] for each of `queries`, into as many `values`: the same bits at a fraction of the cost, because what they read
-/// is asked for ahead, and lobes of one family are evaluated side by side.
+/// Evaluates each of `queries` into `values`, with the same bits as [`evaluate`] at a fraction of the cost: memory is
+/// prefetched, and lobes of one family are evaluated side by side.
 ///
 /// # Panics
 /// If there are fewer values than queries.
@@ -114,22 +117,24 @@ pub fn evaluate_many(
     }
 }
 
-/// Reads the `words`, so that they are in the cache when they are needed: all at once, where one after the other would wait
-/// for each.
+/// Reads `words`, so that they are in the cache when they are needed. The reads wait for memory together; later reads
+/// would wait one after the other.
 fn fetch(resident: &Resident, words: &mut Vec<usize>) {
     let all = resident.words();
     std::hint::black_box(words.drain(..).fold(0, |sum, word| sum ^ all[word]));
 }
 
-/// The layers that an eye on one side sees, lit from its own side and from the other.
+/// Returns the layers that an eye on one side sees: lit from its own side, and from the other.
 fn seen_layers(resident: &Resident, level: u32, wo: [f32; 3]) -> [Option<u32>; 2] {
-    let (level, view_back) = (known_level(resident, level), wo[2] < 0.0);
-    [view_back, !view_back].map(|light_back| resident.layer_for_sides(level, light_back, view_back))
+    let (level, view) = (known_level(resident, level), SurfaceSide::of(wo));
+    [view, view.other()].map(|light| resident.layer_for_sides(level, light, view))
 }
 
-/// Draws a direction to light that matters to the eye at `wo`, from three numbers `at` in [0, 1). Where the asset has light from
-/// both sides, either is as likely. `None` where the eye sees no layer, where a number is not finite or `wo` not a unit vector, and where
-/// the direction drawn lies on the side of another layer; such a path carries nothing.
+/// Draws a direction to light that matters to the eye at `wo`, from three numbers `at` in [0, 1). An asset with light
+/// from both sides gets either with the same probability.
+///
+/// Returns `None` where the eye sees no layer, where a number is not finite or `wo` not a unit vector, and where the
+/// direction drawn lies on the side of another layer; such a path carries nothing.
 pub fn sample(
     resident: &Resident,
     level: u32,
@@ -157,7 +162,7 @@ pub fn sample(
     (on_its_side && density > 0.0).then(|| Sample { wi, density, value: viewed.light_alone(wi) })
 }
 
-/// Density with which [`sample`] draws `wi`, per steradian; 0 where it never does.
+/// Returns the density with which [`sample`] draws `wi`, per steradian; 0 where it never does.
 pub fn density(resident: &Resident, level: u32, query: &Query, options: &DecodeOptions) -> f32 {
     let Query { uv, wi, wo } = *query;
     if !(finite(&uv) && is_unit(wi) && is_unit(wo)) {
@@ -178,12 +183,11 @@ pub fn density(resident: &Resident, level: u32, query: &Query, options: &DecodeO
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::asset::SurfaceSide;
     use crate::asset::residual::ResidualKind;
     use crate::decode::decode::decode;
     use crate::testing::{Random, direction_from_degrees, sample_asset};
 
-    /// Reflection and transmission for an eye in front.
+    /// Returns an asset with reflection and transmission for an eye in front.
     fn two_sided() -> Resident {
         let mut asset = sample_asset(31, 6, 5, ResidualKind::Root);
         let mut through = asset.layers[0].clone();

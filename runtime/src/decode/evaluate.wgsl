@@ -1,10 +1,10 @@
-// What a renderer asks of an asset at a texture coordinate: values, directions drawn from them and their densities,
-// whichever sides light and eye are on. Twin: evaluate.rs. `base` is the asset's first word, `level` below
-// btf_levels(base).
+// Evaluation and sampling at a texture coordinate for renderers: values, directions drawn from them and their
+// densities, whichever sides light and eye are on. Twin: decode/evaluate.rs. `base` is the asset's first word, `level`
+// below btf_levels(base).
 
 const UNIT_MIN: f32 = 0.99;
 const UNIT_MAX: f32 = 1.01;
-// The largest that a number to draw with counts for: 1 - 2^-23.
+// Upper clamp of a number to draw with: 1 - 2^-23.
 const DRAW_MAX: f32 = 0.99999988;
 
 // A direction that btf_sample has drawn; all zeros where it has drawn none.
@@ -13,27 +13,28 @@ struct BtfSample {
     wi: vec3<f32>,
     // Probability density, per steradian.
     density: f32,
-    // What btf_evaluate gives in this direction.
+    // Value of btf_evaluate for a light in this direction.
     value: vec3<f32>,
     pad: f32,
 }
 
-// Whether `v` is a direction: of length 1 within half a percent. NaN is not.
+// Returns whether `v` is a direction: of length 1 within half a percent. NaN is not.
 fn btf_is_unit(v: vec3<f32>) -> bool {
-    // What is beyond 2 is none, and its square would be beyond any number.
+    // A longer vector is no direction, and its square may overflow.
     let near = clamp(v, vec3<f32>(-2.0), vec3<f32>(2.0));
     let square = dot(near, near);
     return btf_finite(v) && square >= UNIT_MIN && square <= UNIT_MAX;
 }
 
-// By bits: compilers may take it that there are no others than finite numbers.
+// Tests the bits, because compilers may assume that all numbers are finite.
 fn btf_finite(numbers: vec3<f32>) -> bool {
     let exponents = bitcast<vec3<u32>>(numbers) & vec3<u32>(0x7f800000u);
     return all(exponents != vec3<u32>(0x7f800000u));
 }
 
-// pi times BRDF times |n.wi| (BTDF where light and eye are on different sides), linear RGB, at least 0. Black where the
-// asset has no layer for these sides, and where a number is not finite or a direction not a unit vector.
+// Evaluates pi times BRDF times |n.wi| (BTDF where light and eye are on different sides), linear RGB, at least 0. Black
+// where the asset has no layer for these sides, where a number is not finite, and where a direction is not a unit
+// vector.
 fn btf_evaluate(
     base: u32,
     level: u32,
@@ -52,7 +53,7 @@ fn btf_evaluate(
     return btf_decode(base, layer, btf_texel(base, layer, uv), wi, wo, options);
 }
 
-// The layers that an eye on one side sees, lit from its own side and from the other.
+// Returns the layers that an eye on one side sees: lit from its own side, and from the other.
 fn btf_seen_layers(base: u32, level: u32, wo: vec3<f32>) -> vec2<u32> {
     let view_side = select(0u, 1u, wo.z < 0.0);
     return vec2<u32>(
@@ -61,7 +62,7 @@ fn btf_seen_layers(base: u32, level: u32, wo: vec3<f32>) -> vec2<u32> {
     );
 }
 
-// Draws a direction to light that matters to the eye at `wo`, from three numbers `at` in [0, 1). Its density is 0 where
+// Draws a direction to light that matters to the eye at `wo`, from three numbers `at` in [0, 1). The density is 0 where
 // the eye sees no layer, where a number is not finite or `wo` not a unit vector, and where the direction drawn lies on
 // the side of another layer; such a path carries nothing.
 fn btf_sample(
@@ -99,7 +100,7 @@ fn btf_sample(
     return drawn;
 }
 
-// Density with which btf_sample draws `wi`, per steradian; 0 where it never does.
+// Returns the density with which btf_sample draws `wi`, per steradian; 0 where it never does.
 fn btf_density(
     base: u32,
     level: u32,

@@ -1,24 +1,25 @@
-//! Lobes of one family side by side: many evaluations of [`LobeSetup::eval`] at once, in vectors, with the same bits. Lobes
-//! of a texel are of many families; those of many texels wait here until enough of a family are together.
+//! Evaluates lobes of one family side by side: many calls of [`LobeSetup::eval`] at once with SIMD, and with the same
+//! bits. A texel has lobes of many families; lobes of many texels wait here until enough of one family are together.
 
-use crate::asset::lobe::{LobeFamily, LobeSetup, ResidentLobe, dot, lobe_family};
+use crate::asset::lobe::{LobeFamily, LobeSetup, ResidentLobe, lobe_family};
+use crate::numeric::vector::dot;
 use pulp::{Arch, Simd, WithSimd};
 use std::vec::Drain;
 
-/// Lobes that are evaluated together.
+/// Number of lobes that are evaluated together.
 const LANES: usize = 16;
 
-/// Lobes of one family with a light and an eye each.
+/// Lobes of one family, with a light and an eye each, that wait for their evaluation.
 #[derive(Clone, Copy)]
 struct Waiting {
     count: usize,
-    /// Of each lane normal, tangent and parameters, then light and eye.
+    /// Numbers of each lane: normal, tangent and parameters, then light and eye.
     numbers: [[f32; LANES]; 16],
-    /// Which value each lane gives.
+    /// Index of the value that each lane computes.
     values: [usize; LANES],
 }
 
-/// Lobes waiting for their evaluation, and the values of all since the last [`LobeQueue::finish`].
+/// A queue of lobes that wait for their evaluation, and the values of all since the last [`LobeQueue::finish`].
 pub(crate) struct LobeQueue {
     families: [Waiting; LobeFamily::ALL.len()],
     values: Vec<f32>,
@@ -30,7 +31,7 @@ impl LobeQueue {
         LobeQueue { families: [waiting; LobeFamily::ALL.len()], values: Vec::new() }
     }
 
-    /// Lines up a lobe; its value will be the next one.
+    /// Queues a lobe for a light and an eye. Its value is the next one in the order of [`LobeQueue::finish`].
     pub(crate) fn push(&mut self, words: &ResidentLobe, wi: [f32; 3], wo: [f32; 3]) {
         let name = lobe_family(words);
         let family = &mut self.families[name as usize];
@@ -50,7 +51,8 @@ impl LobeQueue {
         }
     }
 
-    /// The values of all lobes since the last call, in the order of their [`LobeQueue::push`].
+    /// Evaluates what waits, and returns the values of all lobes since the last call, in the order of
+    /// [`LobeQueue::push`].
     pub(crate) fn finish(&mut self) -> Drain<'_, f32> {
         for (family, name) in self.families.iter_mut().zip(LobeFamily::ALL) {
             family.flush(name, &mut self.values);
@@ -69,7 +71,7 @@ impl Waiting {
     }
 }
 
-/// All lanes of a family.
+/// The evaluation of all lanes of a family, for [`pulp`].
 struct Evaluate<'a> {
     family: LobeFamily,
     numbers: &'a [[f32; LANES]; 16],

@@ -3,8 +3,12 @@
 pub(crate) mod decode;
 pub(crate) mod evaluate;
 pub(crate) mod lobe_queue;
+pub(crate) mod measured;
+pub(crate) mod options;
 pub(crate) mod parallax;
 pub(crate) mod residual_sum;
 pub(crate) mod sample;
+#[cfg(test)]
+mod tests;
 pub(crate) mod texel;
 pub(crate) mod viewed_texel;

@@ -1,66 +1,42 @@
-//! Parallax beyond the measured views: which texels of the neighbouring views show the surface point that an eye
-//! outside their hull sees. Twin: `shaders/parallax.wgsl`.
+//! Parallax outside the measured views: which texels of the neighbouring views show the surface point that an eye
+//! outside their hull sees. Twin: `decode/parallax.wgsl`.
 //!
 //! A capture is rectified: the mean plane of the surface stays where it is, and a point at height `z` above texel `p`
 //! is seen at `p - z s(v)` from view `v`, with `s(v) = (v.x, -v.y) / v.z` in columns and rows. Texel `x` therefore
-//! shows different points from different views. Between the measured views their mean predicts a texel best all the same
-//! (docs/RESULTS.md); beyond them, where slopes grow fast, the neighbours are moved.
+//! shows different points from different views. Between the measured views their mean predicts a texel best all the
+//! same (docs/RESULTS.md); outside, where slopes grow fast, the neighbours are shifted.
 
-use crate::decode::texel;
+use crate::asset::heights::Heights;
 use crate::numeric::quantize::coefficient_from_byte;
-use crate::resident::resident::{ASSET_LAYERS, Resident, block};
+use crate::resident::layout::{ASSET_LAYERS, block, level_size};
+use crate::resident::resident::Resident;
 
 /// Steepest slope of a ray, columns or rows per unit of height: 84 degrees.
 pub const MAX_SLOPE: f32 = 10.0;
-/// Sideways way of a step of a ray, in texels.
+/// Length of a ray's step along the mean plane, in texels.
 pub const RAY_STEP: f32 = 0.5;
-/// Steps of a ray, at least.
+/// Least number of steps of a ray.
 pub const MIN_RAY_STEPS: f32 = 8.0;
-/// Steps of a ray, at most.
+/// Largest number of steps of a ray.
 pub const MAX_RAY_STEPS: f32 = 64.0;
-/// The shift grows from none at the hull to all of it where `beyond` is lower by one over this.
+/// Rate of the shift outside the hull: 0 at the hull, the whole shift where `beyond` of [`crate::Neighbours`] is lower
+/// by one over this.
 pub const SHIFT_SLOPE: f32 = 5.0;
-/// What a neighbour keeps of its weight where the point is hidden from it.
+/// Share of its weight that a neighbour keeps where the point is hidden from it.
 pub const HIDDEN_SHARE: f32 = 0.05;
-/// The same where the point lies outside the patch.
+/// Share of its weight that a neighbour keeps where the point lies outside the patch.
 pub const OUTSIDE_SHARE: f32 = 0.1;
 
-/// What an eye sees in a texel, as its view's three neighbours have it.
+/// The surface point that an eye sees in a texel, as the three neighbouring views show it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeenBy {
-    /// The texel of each neighbour that shows it.
+    /// Texel of each neighbour that shows the point.
     pub texels: [u32; 3],
-    /// Weights of the neighbours, which sum up to 1: those of the interpolation, less where the point is hidden.
+    /// Weights of the neighbours, which sum up to 1: those of the interpolation, reduced where the point is hidden.
     pub weights: [f32; 3],
 }
 
-/// A height per texel.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Heights {
-    /// Texel widths per code, more than 0 and at most [`MAX_HEIGHT_STEP`].
-    pub step: f32,
-    /// Per texel: height above the plane that the capture is rectified to, in steps.
-    pub codes: Vec<i8>,
-}
-
-/// Largest step of [`Heights`].
-pub const MAX_HEIGHT_STEP: f32 = 16.0;
-
-impl Heights {
-    /// Four codes a word, as the resident form has them.
-    pub fn to_words(&self) -> Vec<u32> {
-        let word = |codes: &[i8]| codes.iter().rev().fold(0, |word, code| word << 8 | u32::from(*code as u8));
-        self.codes.chunks(4).map(word).collect()
-    }
-
-    /// Least and greatest height, texel widths.
-    pub fn range(&self) -> [f32; 2] {
-        let codes = || self.codes.iter().map(|code| f32::from(*code));
-        [codes().fold(f32::INFINITY, f32::min), codes().fold(f32::NEG_INFINITY, f32::max)].map(|x| x * self.step)
-    }
-}
-
-/// A height map as decoders read it.
+/// A displacement map as decoders read it.
 #[derive(Debug, Clone, Copy)]
 pub struct HeightField<'a> {
     words: &'a [u32],
@@ -70,36 +46,38 @@ pub struct HeightField<'a> {
     size: [usize; 2],
     /// Texel widths per code.
     step: f32,
-    /// Least and greatest height, texel widths.
+    /// Least and greatest height in texel widths.
     range: [f32; 2],
 }
 
 impl<'a> HeightField<'a> {
-    /// `words` are [`Heights::to_words`] of a map with `size` columns and rows.
+    /// Makes a displacement map of `words`, which are [`Heights::to_words`] of a map with `size` columns and rows.
     pub fn new(words: &'a [u32], size: [usize; 2], heights: &Heights) -> HeightField<'a> {
         HeightField { words, at: 0, size, step: heights.step, range: heights.range() }
     }
 
-    /// That of the layer at `layer` of a resident asset; `None` if it has none.
+    /// Returns the displacement map of the layer whose block begins at word `layer` of a resident asset; `None` if the
+    /// layer has none.
     pub(crate) fn of_layer(words: &'a [u32], layer: usize) -> Option<HeightField<'a>> {
         let float = |field: usize| f32::from_bits(words[layer + field]);
         let at = words[layer + block::HEIGHTS] as usize;
         (at > 0).then(|| HeightField {
             words,
             at,
-            size: texel::size(words, layer),
+            size: level_size(words, layer),
             step: float(block::HEIGHT_STEP),
             range: [float(block::MIN_HEIGHT), float(block::MAX_HEIGHT)],
         })
     }
 
-    /// That of a layer, as [`crate::Resident::layer_for_sides`] numbers it; `None` if it has none.
+    /// Returns the displacement map of a layer, as [`crate::Resident::layer_for_sides`] numbers it; `None` if the layer
+    /// has none.
     pub fn of_resident(resident: &'a Resident, layer: u32) -> Option<HeightField<'a>> {
         let words = resident.words();
         HeightField::of_layer(words, words[ASSET_LAYERS + layer as usize] as usize)
     }
 
-    /// Least and greatest height, texel widths.
+    /// Returns the least and the greatest height in texel widths.
     pub fn range(&self) -> [f32; 2] {
         self.range
     }
@@ -109,14 +87,14 @@ impl<'a> HeightField<'a> {
         self.step * coefficient_from_byte(self.words[self.at + texel / 4] >> (8 * (texel as u32 % 4)) & 0xff)
     }
 
-    /// Bilinear between two columns and two rows, `part` of the way from the first to the next.
+    /// Interpolates bilinearly between two columns and two rows, `part` of the way from the first to the next.
     fn between(&self, [c, r]: [usize; 2], [next_c, next_r]: [usize; 2], part: [f32; 2]) -> f32 {
         let upper = self.of_texel(c, r) + (self.of_texel(next_c, r) - self.of_texel(c, r)) * part[0];
         let lower = self.of_texel(c, next_r) + (self.of_texel(next_c, next_r) - self.of_texel(c, next_r)) * part[0];
         upper + (lower - upper) * part[1]
     }
 
-    /// Bilinear, edges continued; texel centres at whole numbers.
+    /// Interpolates bilinearly; the edges continue outside. Texel centres are at whole numbers.
     fn at(&self, place: [f32; 2]) -> f32 {
         let [column, row] = [0, 1].map(|i| place[i].clamp(0.0, (self.size[i] - 1) as f32));
         let (c, r) = (column as usize, row as usize);
@@ -124,7 +102,7 @@ impl<'a> HeightField<'a> {
         self.between([c, r], [next_c, next_r], [column - c as f32, row - r as f32])
     }
 
-    /// Bilinear, the map repeated; texel centres at whole numbers.
+    /// Interpolates bilinearly; the map repeats. Texel centres are at whole numbers.
     pub fn at_wrapped(&self, place: [f32; 2]) -> f32 {
         let floor = place.map(f32::floor);
         let [c, r] =
@@ -134,7 +112,8 @@ impl<'a> HeightField<'a> {
         self.between([c, r], [next_c, next_r], [place[0] - floor[0], place[1] - floor[1]])
     }
 
-    /// Height of the first point that the ray of slope `s` meets which passes the mean plane at `place`.
+    /// Returns the height of the first point that a ray meets; the ray has slope `s` and passes the mean plane at
+    /// `place`.
     fn first_hit(&self, place: [f32; 2], s: [f32; 2]) -> f32 {
         let [least, most] = self.range;
         let depth = most - least;
@@ -153,15 +132,16 @@ impl<'a> HeightField<'a> {
         least
     }
 
-    /// Columns and rows per unit of height, towards `direction`, at most [`MAX_SLOPE`].
+    /// Returns the slope of a ray towards `direction`: columns and rows per unit of height, at most [`MAX_SLOPE`].
     pub fn slope(direction: [f32; 3]) -> [f32; 2] {
         let s = [direction[0], -direction[1]].map(|x| x / direction[2].max(1e-6));
         let steep = (s[0] * s[0] + s[1] * s[1]).sqrt() / MAX_SLOPE;
         s.map(|x| x / steep.max(1.0))
     }
 
-    /// What the eye at `wo` sees in `texel`, as the `views` around it have it, which are interpolated with `weights`;
-    /// `beyond` as in [`crate::Neighbours`]. All are unit vectors with z > 0, in the layer's frame.
+    /// Finds the surface point that the eye at `wo` sees in `texel`, as the neighbouring `views` show it, which are
+    /// interpolated with `weights`. `beyond` is that of [`crate::Neighbours`]. Directions are unit vectors with z > 0,
+    /// in the layer's frame.
     ///
     /// Cost: four rays of at most 64 steps.
     pub fn seen_by(&self, texel: u32, wo: [f32; 3], beyond: f32, views: &[[f32; 3]; 3], weights: &[f32; 3]) -> SeenBy {
@@ -197,8 +177,10 @@ impl<'a> HeightField<'a> {
 mod tests {
     use super::*;
     use crate::asset::asset::Asset;
+    use crate::asset::limits::MAX_HEIGHT_STEP;
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::{DecodeOptions, Interpolation, decode};
+    use crate::decode::decode::decode;
+    use crate::decode::options::{DecodeOptions, Interpolation};
     use crate::error::FormatError;
     use crate::pack;
     use crate::testing::{Random, direction_from_degrees, sample_asset, sample_heights};

@@ -1,5 +1,5 @@
-// Parallax beyond the measured views: which texels of the neighbouring views show the surface point that an eye outside
-// their hull sees. Twin: parallax.rs.
+// Parallax outside the measured views: which texels of the neighbouring views show the surface point that an eye
+// outside their hull sees. Twin: decode/parallax.rs.
 
 const MAX_SLOPE: f32 = 10.0;
 const RAY_STEP: f32 = 0.5;
@@ -9,13 +9,13 @@ const SHIFT_SLOPE: f32 = 5.0;
 const HIDDEN_SHARE: f32 = 0.05;
 const OUTSIDE_SHARE: f32 = 0.1;
 
-// What an eye sees in a texel, as its view's three neighbours have it; the weights sum up to 1.
+// The surface point that an eye sees in a texel, as the three neighbouring views show it; the weights sum up to 1.
 struct SeenBy {
     texels: vec3<u32>,
     weights: vec3<f32>,
 }
 
-// A layer's height map; the range is that of its heights, texel widths.
+// A layer's displacement map; the range is that of its heights, texel widths.
 struct HeightField {
     at: u32,
     size: vec2<u32>,
@@ -23,12 +23,13 @@ struct HeightField {
     range: vec2<f32>,
 }
 
-// That of the layer whose block begins at word `layer`, of the asset at word `base`; `at` is 0 if it has none.
+// Returns the displacement map of the layer whose block begins at word `layer`, of the asset at word `base`; `at` is 0
+// if the layer has none.
 fn height_field(base: u32, layer: u32) -> HeightField {
     let range = vec2<f32>(asset_f32(layer + BLOCK_MIN_HEIGHT), asset_f32(layer + BLOCK_MAX_HEIGHT));
     let offset = asset_word(layer + BLOCK_HEIGHTS);
     let at = select(base + offset, 0u, offset == 0u);
-    return HeightField(at, texel_size(layer), asset_f32(layer + BLOCK_HEIGHT_STEP), range);
+    return HeightField(at, level_size(layer), asset_f32(layer + BLOCK_HEIGHT_STEP), range);
 }
 
 fn height_of_texel(field: HeightField, at: vec2<u32>) -> f32 {
@@ -36,7 +37,7 @@ fn height_of_texel(field: HeightField, at: vec2<u32>) -> f32 {
     return field.step * coefficient_from_byte((asset_word(field.at + texel / 4u) >> (8u * (texel % 4u))) & 0xffu);
 }
 
-// Bilinear between two columns and two rows, `part` of the way from the first to the next.
+// Interpolates bilinearly between two columns and two rows, `part` of the way from the first to the next.
 fn height_between(field: HeightField, first: vec2<u32>, next: vec2<u32>, part: vec2<f32>) -> f32 {
     let upper_left = height_of_texel(field, first);
     let lower_left = height_of_texel(field, vec2<u32>(first.x, next.y));
@@ -45,7 +46,7 @@ fn height_between(field: HeightField, first: vec2<u32>, next: vec2<u32>, part: v
     return upper + (lower - upper) * part.y;
 }
 
-// Bilinear, edges continued; texel centres at whole numbers.
+// Interpolates bilinearly; the edges continue outside. Texel centres are at whole numbers.
 fn height_at(field: HeightField, given: vec2<f32>) -> f32 {
     let most = field.size - vec2<u32>(1u);
     let place = clamp(given, vec2<f32>(0.0), vec2<f32>(most));
@@ -55,7 +56,7 @@ fn height_at(field: HeightField, given: vec2<f32>) -> f32 {
     return height_between(field, first, next, part);
 }
 
-// Bilinear, the map repeated; texel centres at whole numbers.
+// Interpolates bilinearly; the map repeats. Texel centres are at whole numbers.
 fn height_at_wrapped(field: HeightField, place: vec2<f32>) -> f32 {
     let size = vec2<f32>(field.size);
     let whole = floor(place);
@@ -65,7 +66,7 @@ fn height_at_wrapped(field: HeightField, place: vec2<f32>) -> f32 {
     return height_between(field, first, next, part);
 }
 
-// Height of the first point that the ray of slope `s` meets which passes the mean plane at `place`.
+// Returns the height of the first point that a ray meets; the ray has slope `s` and passes the mean plane at `place`.
 fn height_first_hit(field: HeightField, place: vec2<f32>, s: vec2<f32>) -> f32 {
     let depth = field.range.y - field.range.x;
     let steps = clamp(ceil(length(s) * depth / RAY_STEP), MIN_RAY_STEPS, MAX_RAY_STEPS);
@@ -75,7 +76,7 @@ fn height_first_hit(field: HeightField, place: vec2<f32>, s: vec2<f32>) -> f32 {
         let z = field.range.y - depth * (f32(i) / steps);
         let now = z - height_at(field, place + z * s);
         if now <= 0.0 {
-            // Straight between the last two: what the ray passes there is nearly a plane.
+            // Interpolates linearly between the last two steps: the surface between them is nearly a plane.
             return free + (z - free) * (clear / max(clear - now, 1e-12));
         }
         free = z;
@@ -89,8 +90,8 @@ fn height_slope(direction: vec3<f32>) -> vec2<f32> {
     return s / max(length(s) / MAX_SLOPE, 1.0);
 }
 
-// What the eye at `wo` sees in `texel`, as the `views` around it have it, which are interpolated with `weights`;
-// `beyond` is the eye's.
+// Finds the surface point that the eye at `wo` sees in `texel`, as the neighbouring `views` show it, which are
+// interpolated with `weights`; `beyond` is that of the eye's Neighbours.
 fn height_seen_by(
     field: HeightField,
     texel: u32,

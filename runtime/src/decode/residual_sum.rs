@@ -1,43 +1,44 @@
-//! The residual of a texel at measured pairs: rows of the expanded bases, weighted by the texel's coefficients, in vectors.
-//! Twin: `texel_residual` in `shaders/texel.wgsl`.
+//! Sums the residual of a texel at measured pairs with SIMD: rows of the expanded bases, weighted by the texel's
+//! coefficients. Twin: `texel_residual` in `decode/texel.wgsl`.
 //!
-//! The bases of a pair are words of two halves, channel after channel. A block of them is read as it lies, across channels,
-//! and what its lanes sum up to is sorted into channels at last: the order of all sums is the same on every processor.
+//! The bases of a pair are words of two halves, channel after channel. A block of words is read as it lies, across
+//! channels, and the sums of its lanes are sorted into channels at the end: the order of all sums is the same on every
+//! processor.
 
+use crate::asset::limits::MAX_COMPONENTS;
 use crate::decode::texel::Texel;
-use crate::file::format::MAX_COMPONENTS;
-use crate::resident::resident::block;
+use crate::resident::layout::block;
 use pulp::Simd;
 
-/// Words that are read together.
+/// Number of words that are read together.
 pub(crate) const LANES: usize = 16;
-/// Blocks of so many words that the bases of any pair fill.
+/// Largest number of blocks of [`LANES`] words that the bases of a pair fill.
 pub(crate) const MAX_BLOCKS: usize = (3 * (1 + MAX_COMPONENTS).div_ceil(2)).div_ceil(LANES);
-/// Blocks that eight components fill.
+/// Number of blocks that the bases of eight components fill.
 pub(crate) const FEW_BLOCKS: usize = 2;
 
-/// Where a layer's expanded bases are read from.
+/// The array that a layer's expanded bases are read from.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Bases<'a> {
-    /// The resident form's words.
+    /// Words of the resident form.
     Halves(&'a [u32]),
-    /// As [`crate::SingleBases`] has them, two to a word.
+    /// Numbers of [`crate::SingleBases`], two for each word of the resident form.
     Singles(&'a [f32]),
 }
 
-/// Weights of a texel's bases, for each lane of each block those of the word's low and high half: 1 for the mean, the
-/// decoded code for a component, 0 for what is not used.
+/// The weights of a texel's bases, for each lane of each block those of the word's low and high half: 1 for the mean,
+/// the decoded code for a component, 0 for an unused basis.
 #[derive(Debug, Clone)]
 pub(crate) struct BasisWeights<const BLOCKS: usize> {
     blocks: [[[f32; LANES]; 2]; BLOCKS],
     /// Whether a block has weights other than 0.
     used: [bool; BLOCKS],
-    /// Words of a channel in use, and in all.
+    /// Number of words of a channel in use, and in all.
     channel: [usize; 2],
 }
 
 impl<const BLOCKS: usize> BasisWeights<BLOCKS> {
-    /// The weights of `t`, whose bases fill at most `BLOCKS` blocks.
+    /// Collects the weights of `t`, whose bases must fill at most `BLOCKS` blocks.
     pub(crate) fn of_texel(t: &Texel) -> BasisWeights<BLOCKS> {
         let channel = [t.bases.div_ceil(2), t.field(block::CHANNEL_WORDS)];
         let mut weights = BasisWeights { blocks: [[[0.0; LANES]; 2]; BLOCKS], used: [false; BLOCKS], channel };
@@ -52,8 +53,8 @@ impl<const BLOCKS: usize> BasisWeights<BLOCKS> {
     }
 }
 
-/// Sum of `shares` times the residual, RGB: each share with the first word of its pair's bases and its texel's weights, which
-/// are all of one layer.
+/// Returns the sum of `shares` times the residual, RGB. Each share has the first word of its pair's bases and the
+/// weights of its texel; all are of one layer.
 #[inline(always)]
 pub(crate) fn residual_sum<S: Simd, const BLOCKS: usize>(
     simd: S,
@@ -76,7 +77,7 @@ pub(crate) fn residual_sum<S: Simd, const BLOCKS: usize>(
     rgb
 }
 
-/// Adds `share` times the numbers of the block that begins at word `first` times their weights to `sums`.
+/// Adds the block that begins at word `first` to `sums`: `share` times its numbers times their weights.
 #[inline(always)]
 fn add_block<S: Simd>(
     simd: S,
@@ -111,7 +112,7 @@ fn add_block<S: Simd>(
     }
 }
 
-/// The low and the high half-precision numbers of words, which are finite.
+/// Returns the low and the high half-precision numbers of words; all must be finite.
 #[inline(always)]
 fn finite_halves<S: Simd>(simd: S, words: S::u32s) -> [S::f32s; 2] {
     let [magnitude, sign] = [0x0fff_e000, 0x8000_0000].map(|bits| simd.splat_u32s(bits));
@@ -131,7 +132,7 @@ fn finite_halves<S: Simd>(simd: S, words: S::u32s) -> [S::f32s; 2] {
     halves
 }
 
-/// `N` of `all` from `first` on, zeros beyond the last.
+/// Returns `N` of `all` from `first` on, and zeros beyond the last.
 #[inline(always)]
 fn part<T: Copy + Default, const N: usize>(all: &[T], first: usize) -> [T; N] {
     match all.get(first..).and_then(|rest| rest.first_chunk()) {

@@ -1,15 +1,16 @@
-//! Directions for light that an eye sees in a texel: drawn where its lobes are large, with their density. Twin:
-//! `shaders/sample.wgsl`.
+//! Importance sampling: directions to light drawn where the lobes of a texel are large for an eye, with their density.
+//! Twin: `decode/sample.wgsl`.
 //!
-//! Half of the directions follow the cosine, because a residual may be anywhere; the others one of the texel's lobes, chosen
-//! by its weight. Lobes over a half vector are drawn from GGX of the same roughness [Walter 2007, eq. 35 and 36], whose
-//! tails are above those of the other families, so that value over density stays bounded; Lafortune's from a power of the
-//! cosine about its axis. What is drawn may lie below the horizon, where every value is 0: the density is over the whole
-//! sphere.
+//! Half of the directions follow the cosine, because a residual may be anywhere; the others follow one of the texel's
+//! lobes, chosen by its weight. Lobes over a half vector are drawn from GGX of the same roughness [Walter 2007, eq. 35
+//! and 36], whose tails are above those of the other families, so that value over density stays bounded; Lafortune's
+//! from a power of the cosine about its axis. A direction may lie below the horizon, where every value is 0: the
+//! density is over the whole sphere.
 
-use crate::asset::lobe::{LobeFamily, LobeSetup, cross, dot, power};
+use crate::asset::lobe::{LobeFamily, LobeSetup, power};
 use crate::decode::texel::lobe_weights;
 use crate::decode::viewed_texel::ViewedTexel;
+use crate::numeric::vector::{cross, dot};
 use std::f32::consts::{PI, TAU};
 
 /// Share of the directions that follow the cosine of the texel's own normal.
@@ -18,10 +19,10 @@ pub const COSINE_SHARE: f32 = 0.5;
 pub const MIN_ALPHA: f32 = 0.02;
 /// Length below which a Lafortune lobe has no axis.
 pub const MIN_AXIS: f32 = 1e-3;
-/// Largest number below 1 that a coordinate is taken as.
+/// Upper clamp of a number to draw with, below 1.
 const BELOW_ONE: f32 = 0.999_999_9;
 
-/// Roughness along tangent and bitangent of a family over a half vector, 0 for the others.
+/// Returns the roughness along tangent and bitangent of a family over a half vector, and 0 for the others.
 fn sample_alpha(lobe: &LobeSetup) -> [f32; 2] {
     let [p0, p1, ..] = lobe.params;
     let of_exponent = |s: f32| (2.0 / (s + 2.0)).sqrt();
@@ -35,7 +36,7 @@ fn sample_alpha(lobe: &LobeSetup) -> [f32; 2] {
     alpha.map(|a| a.max(MIN_ALPHA))
 }
 
-/// Axis of a Lafortune lobe in its own frame, and its length.
+/// Returns the axis of a Lafortune lobe in its own frame, and the axis' length.
 fn sample_axis(lobe: &LobeSetup, wo: [f32; 3]) -> ([f32; 3], f32) {
     let bitangent = cross(lobe.normal, lobe.tangent);
     let [x, y, z] = [dot(lobe.tangent, wo), dot(bitangent, wo), dot(lobe.normal, wo)];
@@ -44,20 +45,20 @@ fn sample_axis(lobe: &LobeSetup, wo: [f32; 3]) -> ([f32; 3], f32) {
     (a.map(|x| x / length.max(MIN_AXIS)), length)
 }
 
-/// A vector of the lobe's frame in the layer's.
+/// Turns a vector from the lobe's frame to the layer's.
 fn sample_world(lobe: &LobeSetup, v: [f32; 3]) -> [f32; 3] {
     let bitangent = cross(lobe.normal, lobe.tangent);
     [0, 1, 2].map(|i| lobe.tangent[i] * v[0] + bitangent[i] * v[1] + lobe.normal[i] * v[2])
 }
 
-/// About +z, with the density `(exponent + 1) / (2 pi) cos^exponent`.
+/// Draws a direction about +z with the density `(exponent + 1) / (2 pi) cos^exponent`.
 pub(crate) fn sample_about_z(exponent: f32, at: [f32; 2]) -> [f32; 3] {
     let cos = at[0].max(1e-12).powf(1.0 / (exponent + 1.0));
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
     [sin * (TAU * at[1]).cos(), sin * (TAU * at[1]).sin(), cos]
 }
 
-/// Turns +z to the unit vector `axis` [Duff 2017].
+/// Turns a vector by the rotation that takes +z to the unit vector `axis` [Duff 2017].
 fn sample_turned(v: [f32; 3], axis: [f32; 3]) -> [f32; 3] {
     let sign = if axis[2] < 0.0 { -1.0 } else { 1.0 };
     let a = -1.0 / (sign + axis[2]);
@@ -67,7 +68,8 @@ fn sample_turned(v: [f32; 3], axis: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|i| x[i] * v[0] + y[i] * v[1] + axis[i] * v[2])
 }
 
-/// A direction to the light for one lobe and an eye at `wo`, from two numbers in [0, 1). Unit, anywhere on the sphere.
+/// Draws a direction to the light for one lobe and an eye at `wo`, from two numbers in [0, 1). The result is unit and
+/// anywhere on the sphere.
 pub fn sample_lobe_direction(lobe: &LobeSetup, wo: [f32; 3], at: [f32; 2]) -> [f32; 3] {
     let a = sample_alpha(lobe);
     if a[0] > 0.0 {
@@ -89,7 +91,7 @@ pub fn sample_lobe_direction(lobe: &LobeSetup, wo: [f32; 3], at: [f32; 2]) -> [f
     sample_world(lobe, sample_about_z(1.0, at))
 }
 
-/// Density of [`sample_lobe_direction`] at the unit vector `wi`, per steradian.
+/// Returns the density of [`sample_lobe_direction`] at the unit vector `wi`, per steradian.
 pub fn sample_lobe_density(lobe: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> f32 {
     let a = sample_alpha(lobe);
     if a[0] > 0.0 {
@@ -117,7 +119,8 @@ pub fn sample_lobe_density(lobe: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> f32 
     dot(lobe.normal, wi).max(0.0) / PI
 }
 
-/// How often a lobe is drawn, from the mean of its weights: about the share of light that it reflects.
+/// Returns the importance with which a lobe is chosen, from the mean of its weights: about the share of light that it
+/// reflects.
 fn sample_importance(lobe: &LobeSetup, weight: f32) -> f32 {
     let share = match lobe.family {
         LobeFamily::CookTorrance | LobeFamily::Ggx => lobe.params[1].max(0.05),
@@ -129,7 +132,7 @@ fn sample_importance(lobe: &LobeSetup, weight: f32) -> f32 {
 }
 
 impl ViewedTexel<'_> {
-    /// Its lobes and their importance.
+    /// Returns the texel's lobes and their importance.
     fn sampled_lobes(&self) -> impl Iterator<Item = (LobeSetup, f32)> {
         let t = self.texel();
         t.lobes_of(t.dictionary(t.edit)).map(|(words, reference)| {
@@ -138,8 +141,8 @@ impl ViewedTexel<'_> {
         })
     }
 
-    /// A direction towards light that matters to this eye, in the texel's frame, from three numbers in [0, 1). It may lie
-    /// on the other side than the layer's, where the value is 0.
+    /// Draws a direction to light that matters to this eye, in the texel's frame, from three numbers in [0, 1). It may
+    /// lie on another side than the layer's, where the value is 0.
     pub fn sample_direction(&self, at: [f32; 3]) -> [f32; 3] {
         let lobes = self.texel().lobes;
         let total: f32 = self.sampled_lobes().map(|(_, importance)| importance).sum();
@@ -158,7 +161,8 @@ impl ViewedTexel<'_> {
         [wi[0], wi[1], wi[2] * side]
     }
 
-    /// Density of [`ViewedTexel::sample_direction`] at the unit vector `wi`, per steradian; over the whole sphere it sums up to 1.
+    /// Returns the density of [`ViewedTexel::sample_direction`] at the unit vector `wi`, per steradian; its integral
+    /// over the whole sphere is 1.
     pub fn sample_density(&self, wi: [f32; 3]) -> f32 {
         let wi = [wi[0], wi[1], wi[2] * self.light_sign()];
         let cosine = wi[2].max(0.0) / PI;
@@ -177,7 +181,7 @@ pub(crate) mod tests {
     use crate::asset::asset::SurfaceSide;
     use crate::asset::lobe::Lobe;
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::DecodeOptions;
+    use crate::decode::options::DecodeOptions;
     use crate::resident::resident::Resident;
     use crate::testing::{Random, direction_from_degrees, random_lobe, sample_asset};
 
@@ -190,7 +194,7 @@ pub(crate) mod tests {
         row * COLUMNS + column.min(COLUMNS - 1)
     }
 
-    /// Probability of each bin: the density integrated over it by midpoints.
+    /// Returns the probability of each bin: the density integrated over it by midpoints.
     fn expected(density: impl Fn([f32; 3]) -> f32) -> Vec<f64> {
         const FINE: usize = 24;
         let mut bins = vec![0.0; ROWS * COLUMNS];
@@ -206,8 +210,8 @@ pub(crate) mod tests {
         bins
     }
 
-    /// Deviation of Pearson's statistic from its mean, in standard deviations [Wilson and Hilferty 1931]; bins that expect
-    /// fewer than 5 are taken together.
+    /// Returns the deviation of Pearson's statistic from its mean, in standard deviations [Wilson and Hilferty 1931];
+    /// bins that expect fewer than 5 samples are joined.
     fn chi_squared(bins: &[f64], counts: &[u32], samples: f64) -> f64 {
         let (mut statistic, mut freedom, mut rest) = (0.0, -1.0f64, (0.0, 0.0));
         for (p, count) in bins.iter().zip(counts) {
@@ -229,7 +233,7 @@ pub(crate) mod tests {
         ((statistic / freedom).cbrt() - (1.0 - c)) / c.sqrt()
     }
 
-    /// Deviation of samples from their density in standard deviations, and the density's sum.
+    /// Returns the deviation of samples from their density in standard deviations, and the density's integral.
     pub(crate) fn deviation(
         sample: impl Fn([f32; 3]) -> [f32; 3],
         density: impl Fn([f32; 3]) -> f32,
@@ -262,7 +266,8 @@ pub(crate) mod tests {
                         _ => *p,
                     };
                 }
-                // Where the eye is at the lobe's horizon the density is infinite opposite to it: integrable, not by midpoints.
+                // Where the eye is at the lobe's horizon the density is infinite opposite to it: integrable, not by
+                // midpoints.
                 lobe.normal_xy = lobe.normal_xy.map(|x| 0.5 * x);
                 let lobe: Lobe = lobe.clamped();
                 let setup = lobe.setup();

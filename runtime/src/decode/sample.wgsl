@@ -1,5 +1,5 @@
-// Directions for light that an eye sees in a texel: drawn where its lobes are large, with their density. Twin: sample.rs,
-// which says what is drawn how.
+// Importance sampling: directions to light drawn where the lobes of a texel are large for an eye, with their density.
+// Twin: decode/sample.rs, which says how each family is drawn.
 
 const COSINE_SHARE: f32 = 0.5;
 const MIN_ALPHA: f32 = 0.02;
@@ -7,7 +7,7 @@ const MIN_AXIS: f32 = 1e-3;
 const SAMPLE_PI: f32 = 3.14159265;
 const SAMPLE_TAU: f32 = 6.2831853;
 
-// Roughness along tangent and bitangent of a family over a half vector, 0 for the others.
+// Returns the roughness along tangent and bitangent of a family over a half vector, and 0 for the others.
 fn sample_alpha(lobe: LobeSetup) -> vec2<f32> {
     let p = lobe.params;
     var alpha = vec2<f32>(0.0);
@@ -21,7 +21,7 @@ fn sample_alpha(lobe: LobeSetup) -> vec2<f32> {
     return max(alpha, vec2<f32>(MIN_ALPHA));
 }
 
-// Axis of a Lafortune lobe in its own frame, and its length.
+// Returns the axis of a Lafortune lobe in its own frame, and the axis' length.
 fn sample_axis(lobe: LobeSetup, wo: vec3<f32>) -> vec4<f32> {
     let bitangent = cross(lobe.normal, lobe.tangent);
     let a = lobe.params.xyz * vec3<f32>(dot(lobe.tangent, wo), dot(bitangent, wo), dot(lobe.normal, wo));
@@ -29,19 +29,19 @@ fn sample_axis(lobe: LobeSetup, wo: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(a / max(size, MIN_AXIS), size);
 }
 
-// A vector of the lobe's frame in the layer's.
+// Turns a vector from the lobe's frame to the layer's.
 fn sample_world(lobe: LobeSetup, v: vec3<f32>) -> vec3<f32> {
     return lobe.tangent * v.x + cross(lobe.normal, lobe.tangent) * v.y + lobe.normal * v.z;
 }
 
-// About +z, with the density (exponent + 1) / (2 pi) cos^exponent.
+// Draws a direction about +z with the density (exponent + 1) / (2 pi) cos^exponent.
 fn sample_about_z(exponent: f32, at: vec2<f32>) -> vec3<f32> {
     let c = pow(max(at.x, 1e-12), 1.0 / (exponent + 1.0));
     let s = sqrt(max(1.0 - c * c, 0.0));
     return vec3<f32>(s * cos(SAMPLE_TAU * at.y), s * sin(SAMPLE_TAU * at.y), c);
 }
 
-// Turns +z to the unit vector `axis` [Duff 2017].
+// Turns a vector by the rotation that takes +z to the unit vector `axis` [Duff 2017].
 fn sample_turned(v: vec3<f32>, axis: vec3<f32>) -> vec3<f32> {
     let sign = select(1.0, -1.0, axis.z < 0.0);
     let a = -1.0 / (sign + axis.z);
@@ -97,7 +97,8 @@ fn sample_lobe_density(lobe: LobeSetup, wi: vec3<f32>, wo: vec3<f32>) -> f32 {
     return max(dot(lobe.normal, wi), 0.0) / SAMPLE_PI;
 }
 
-// How often a lobe is drawn, from the mean of its weights: about the share of light that it reflects.
+// Returns the importance with which a lobe is chosen, from the mean of its weights: about the share of light that it
+// reflects.
 fn sample_importance(lobe: LobeSetup, weight: f32) -> f32 {
     switch lobe.family {
         case 4u, 7u: { return weight * max(lobe.params.y, 0.05); }
@@ -121,7 +122,7 @@ fn sample_lobe_at(t: Texel, slot: u32) -> SampleLobe {
     return SampleLobe(one.lobe, sample_importance(one.lobe, weight));
 }
 
-// A direction towards light that matters to this eye, in the texel's frame; it may lie where the value is 0.
+// Draws a direction to light that matters to this eye, in the texel's frame; it may lie where the value is 0.
 fn sample_direction(viewed: ViewedTexel, at: vec3<f32>) -> vec3<f32> {
     let t = viewed.t;
     var total = 0.0;

@@ -1,18 +1,14 @@
-//! A texel within a layer: what does not depend on the directions, its lobes and its residual. Twin:
-//! `shaders/texel.wgsl`.
+//! A texel within a layer: everything that does not depend on the directions, its lobes and its residual. Twin:
+//! `decode/texel.wgsl`.
 
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::lobe::{RESIDENT_WORDS, ResidentLobe, weight_scale};
-use crate::decode::decode::DecodeOptions;
+use crate::decode::options::DecodeOptions;
 use crate::numeric::quantize::{coefficient_from_byte, weight_from_byte};
-use crate::resident::resident::{ASSET_LAYERS, Resident, block};
+use crate::resident::layout::{ASSET_LAYERS, block};
+use crate::resident::resident::Resident;
 
-/// Columns and rows of the level whose layer's block begins at word `layer`.
-pub(crate) fn size(words: &[u32], layer: usize) -> [usize; 2] {
-    [block::WIDTH, block::ROWS].map(|field| words[layer + field] as usize)
-}
-
-/// A texel's record, with the options' limits applied.
+/// The record of a texel, with the limits of the options applied.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Texel<'a> {
     pub words: &'a [u32],
@@ -22,7 +18,7 @@ pub(crate) struct Texel<'a> {
     pub cluster: usize,
     pub lobes: usize,
     pub first_ref: usize,
-    /// The mean and the components that are used; 0 without residual.
+    /// Number of bases in use: the mean and the components; 0 without residual.
     pub bases: usize,
     /// Number of the texel's edit, counted from 1; 0 for none.
     pub edit: usize,
@@ -34,7 +30,7 @@ impl<'a> Texel<'a> {
         Texel::of_words(words, words[ASSET_LAYERS + layer as usize] as usize, texel, options)
     }
 
-    /// The words where what such a texel has of its own begins: its record and its codes.
+    /// Returns the first word of a texel's record, and of its codes.
     pub(crate) fn own_words(resident: &Resident, layer: u32, texel: u32) -> [usize; 2] {
         let words = resident.words();
         let block = &words[words[ASSET_LAYERS + layer as usize] as usize..];
@@ -42,7 +38,7 @@ impl<'a> Texel<'a> {
         [records + 2 * texel as usize, codes + code_words * texel as usize]
     }
 
-    /// Another texel of the same layer.
+    /// Returns another texel of the same layer.
     pub(crate) fn at(&self, texel: u32, options: &DecodeOptions) -> Texel<'a> {
         Texel::of_words(self.words, self.layer, texel, options)
     }
@@ -61,22 +57,23 @@ impl<'a> Texel<'a> {
         }
     }
 
-    /// A word of the layer's block.
+    /// Returns a word of the layer's block.
     pub(crate) fn field(&self, field: usize) -> usize {
         self.words[self.layer + field] as usize
     }
 
-    /// A number of the layer's block.
+    /// Returns a number of the layer's block.
     pub(crate) fn float(&self, field: usize) -> f32 {
         f32::from_bits(self.words[self.layer + field])
     }
 
-    /// The word of its first lobe reference.
+    /// Returns the word of the texel's first lobe reference.
     pub(crate) fn first_lobe(&self) -> usize {
         self.field(block::REFS) + self.first_ref
     }
 
-    /// First word of the dictionary of the texel's cluster, as it was measured or as the edit numbered `edit` has it.
+    /// Returns the first word of the dictionary of the texel's cluster, as measured (`edit` 0) or as the edit numbered
+    /// `edit` has it.
     pub(crate) fn dictionary(&self, edit: usize) -> usize {
         let table = if edit == 0 {
             self.field(block::DICTIONARIES)
@@ -86,7 +83,7 @@ impl<'a> Texel<'a> {
         self.words[table + self.cluster] as usize
     }
 
-    /// Its lobes from the dictionary at word `dictionary`, as the resident form has them, with the references to them.
+    /// Returns the texel's lobes from the dictionary at word `dictionary`, with the references to them.
     pub(crate) fn lobes_of(&self, dictionary: usize) -> impl Iterator<Item = (&'a ResidentLobe, u32)> {
         let words = self.words;
         let first = self.first_lobe();
@@ -96,7 +93,7 @@ impl<'a> Texel<'a> {
         })
     }
 
-    /// Sum of the lobes of that dictionary, RGB; `value` gives each lobe's.
+    /// Sums the texel's lobes from the dictionary of `edit`, RGB; `value` evaluates one lobe.
     pub(crate) fn lobe_sum(&self, edit: usize, mut value: impl FnMut(&ResidentLobe) -> f32) -> [f32; 3] {
         let mut sum = [0.0; 3];
         for (lobe, reference) in self.lobes_of(self.dictionary(edit)) {
@@ -106,7 +103,7 @@ impl<'a> Texel<'a> {
         sum
     }
 
-    /// Weight of basis `index`: 1 for the mean, the decoded code for a component, 0 for what is not used.
+    /// Returns the weight of basis `index`: 1 for the mean, the decoded code for a component, 0 for an unused basis.
     pub(crate) fn basis_weight(&self, index: usize) -> f32 {
         if index == 0 {
             return 1.0;
@@ -119,14 +116,14 @@ impl<'a> Texel<'a> {
         coefficient_from_byte(word >> (8 * (component as u32 % 4)) & 0xff)
     }
 
-    /// The word of the bases at the pair of `view` and `light`, counted from the bases' first.
+    /// Returns the first word of the bases at the pair of `view` and `light`, counted from the first word of all bases.
     pub(crate) fn bases_at(&self, view: u32, light: u32) -> usize {
         let pair = self.cluster * self.field(block::PAIRS) + view as usize * self.field(block::LIGHT_COUNT);
         (pair + light as usize) * 3 * self.field(block::CHANNEL_WORDS)
     }
 }
 
-/// Weights of a lobe that `reference` names, RGB.
+/// Returns the weights of a lobe that `reference` names, RGB.
 pub(crate) fn lobe_weights(lobe: &ResidentLobe, reference: u32) -> [f32; 3] {
     [8, 16, 24].map(|shift| weight_from_byte(reference >> shift & 0xff, weight_scale(lobe)))
 }

@@ -1,45 +1,18 @@
-// A texel within a layer: what does not depend on the directions, its lobes and its residual. Twin: texel.rs; the offsets
-// are those of resident.rs (`block`), compared by a test.
+// A texel within a layer: everything that does not depend on the directions, its lobes and its residual. Twin:
+// decode/texel.rs.
 
-const ASSET_LAYERS: u32 = 8u;
-const BLOCK_LIGHT_SIDE: u32 = 0u;
-const BLOCK_VIEW_SIDE: u32 = 1u;
-const BLOCK_RESIDUAL_KIND: u32 = 2u;
-const BLOCK_EPSILON: u32 = 3u;
-const BLOCK_BASES: u32 = 4u;
-const BLOCK_CHANNEL_WORDS: u32 = 5u;
-const BLOCK_LIGHTS: u32 = 6u;
-const BLOCK_VIEWS: u32 = 7u;
-const BLOCK_RECORDS: u32 = 8u;
-const BLOCK_REFS: u32 = 9u;
-const BLOCK_DICTIONARIES: u32 = 10u;
-const BLOCK_BASIS: u32 = 11u;
-const BLOCK_CODES: u32 = 12u;
-const BLOCK_CODE_WORDS: u32 = 13u;
 const LOBE_ROLE_GUIDE: u32 = 1u;
-const BLOCK_LIGHT_COUNT: u32 = 14u;
-const BLOCK_PAIRS: u32 = 15u;
-const BLOCK_HORIZON: u32 = 16u;
-const BLOCK_LOBE_ROLE: u32 = 17u;
-const BLOCK_HEIGHTS: u32 = 18u;
-const BLOCK_HEIGHT_STEP: u32 = 19u;
-const BLOCK_MIN_HEIGHT: u32 = 20u;
-const BLOCK_MAX_HEIGHT: u32 = 21u;
-const BLOCK_WIDTH: u32 = 22u;
-const BLOCK_ROWS: u32 = 23u;
-const BLOCK_EDITS: u32 = 24u;
-const EDIT_WORDS: u32 = 8u;
 
-// The speed and accuracy dial.
+// The options of one evaluation, from fast to exact.
 struct BtfOptions {
     components: u32,
     lobes: u32,
     interpolation: u32,
-    // 1 removes the parallax of eyes outside the views' hull, where the asset has heights.
+    // 1 removes the parallax of eyes outside the views' hull, where the asset has heights; 0 leaves it.
     parallax: u32,
 }
 
-// A texel's record, with the options' limits applied.
+// The record of a texel, with the limits of the options applied.
 struct Texel {
     base: u32,
     // First word of the layer's block.
@@ -48,22 +21,17 @@ struct Texel {
     cluster: u32,
     lobes: u32,
     first_ref: u32,
-    // The mean and the components that are used; 0 without residual.
+    // Number of bases in use: the mean and the components; 0 without residual.
     bases: u32,
     // Number of the texel's edit, counted from 1; 0 for none.
     edit: u32,
 }
 
-// Columns and rows of the level whose layer's block begins at word `layer`.
-fn texel_size(layer: u32) -> vec2<u32> {
-    return vec2<u32>(asset_word(layer + BLOCK_WIDTH), asset_word(layer + BLOCK_ROWS));
-}
-
-// Texel number `texel` of the layer whose block begins at word `layer`, in the asset at word `base`.
+// Reads texel number `texel` of the layer whose block begins at word `layer`, in the asset at word `base`.
 fn texel_at(base: u32, layer: u32, texel: u32, options: BtfOptions) -> Texel {
     let record = base + asset_word(layer + BLOCK_RECORDS) + 2u * texel;
     let head = asset_word(record);
-    // components + 1 without wrapping round at 0xffffffff.
+    // Adds 1 without wrapping round at 0xffffffff.
     let wanted = min(options.components, 0xfffffffeu) + 1u;
     return Texel(
         base,
@@ -82,7 +50,7 @@ struct TexelLobe {
     weights: vec3<f32>,
 }
 
-// The lobe that a reference names in the dictionary at word `dictionary`, and its weights.
+// Reads the lobe that a reference names in the dictionary at word `dictionary`, and its weights.
 fn texel_lobe(dictionary: u32, reference: u32) -> TexelLobe {
     let lobe = lobe_from_resident(dictionary + (reference & 0xffu) * LOBE_RESIDENT_WORDS);
     let weights = vec3<f32>(
@@ -93,7 +61,8 @@ fn texel_lobe(dictionary: u32, reference: u32) -> TexelLobe {
     return TexelLobe(lobe, weights);
 }
 
-// First word of the dictionary of the texel's cluster, as it was measured or as the edit numbered `edit` has it.
+// Returns the first word of the dictionary of the texel's cluster, as measured (`edit` 0) or as the edit numbered
+// `edit` has it.
 fn texel_dictionary(t: Texel, edit: u32) -> u32 {
     var table = asset_word(t.layer + BLOCK_DICTIONARIES);
     if edit > 0u {
@@ -102,7 +71,7 @@ fn texel_dictionary(t: Texel, edit: u32) -> u32 {
     return t.base + asset_word(t.base + table + t.cluster);
 }
 
-// Sum of the lobes of that dictionary.
+// Sums the texel's lobes from the dictionary of `edit`.
 fn texel_lobe_sum(t: Texel, edit: u32, wi: vec3<f32>, wo: vec3<f32>) -> vec3<f32> {
     let dictionary = texel_dictionary(t, edit);
     let refs = t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref;
@@ -127,7 +96,7 @@ fn texel_basis_weight(t: Texel, index: u32) -> f32 {
     return coefficient_from_byte((word >> (8u * (component % 4u))) & 0xffu);
 }
 
-// The residual at the pairs of `view` with those of three `lights` that are `wanted`; 0 at the others.
+// Returns the residual at the pairs of `view` with those of three `lights` that are `wanted`, and 0 at the others.
 fn texel_residual(t: Texel, view: u32, lights: vec3<u32>, wanted: vec3<bool>) -> mat3x3<f32> {
     let channel_words = asset_word(t.layer + BLOCK_CHANNEL_WORDS);
     let pair = t.cluster * asset_word(t.layer + BLOCK_PAIRS) + view * asset_word(t.layer + BLOCK_LIGHT_COUNT);

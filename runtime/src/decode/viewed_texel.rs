@@ -1,29 +1,30 @@
-//! A texel as an eye sees it: the half of decoding that does not depend on the light, done once however many lights
-//! there are. Twin: `shaders/viewed_texel.wgsl`.
+//! A texel seen from one outgoing direction: the view-dependent half of decoding, done once for any number of lights.
+//! Twin: `decode/viewed_texel.wgsl`.
 //!
-//! What a light costs beyond its own place among the measured lights is kept, too: the residual, summed over the
-//! views, at a measured light is a row that later lights between the same measured ones find ready: sixteen close ones
-//! seldom make more than a dozen together. A light alone needs no rows: the residual is summed over views and lights at once.
+//! Lights share work, too. The residual, summed over the views, at a measured light is a row that is kept: later lights
+//! between the same measured ones find it ready, and sixteen close lights seldom make more than a dozen rows together.
+//! A single light needs no rows: its residual is summed over views and lights at once.
 
 use crate::asset::asset::LobeRole;
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::lobe::{LobeSetup, ResidentLobe};
 use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::{Neighbours, direction, locate};
-use crate::decode::decode::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
+use crate::decode::options::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 use crate::decode::parallax::{HeightField, SeenBy};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MAX_BLOCKS, residual_sum};
 use crate::decode::texel::Texel;
-use crate::resident::resident::{Resident, block};
+use crate::resident::layout::block;
+use crate::resident::resident::Resident;
 use crate::resident::single::SingleBases;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Largest value that a tint multiplies, so that what is finite stays so.
+/// Largest value that a tint multiplies, so that a finite value stays finite.
 const MAX_EDITED: f32 = 1e37;
-/// Rows that [`LightRows`] keeps. A measured light has one place, its number modulo this.
+/// Number of rows that [`LightRows`] keeps. A measured light has one place: its number modulo this.
 pub const LIGHT_ROWS: usize = 32;
 
-/// Rows of one [`ViewedTexel`], by measured light; by default none. Start anew for every viewed texel.
+/// The rows of one [`ViewedTexel`], by measured light; empty by default. Each viewed texel needs rows of its own.
 #[derive(Debug, Clone, Default)]
 pub struct LightRows {
     /// Number of the measured light plus 1; 0 for no row.
@@ -32,7 +33,8 @@ pub struct LightRows {
 }
 
 impl LightRows {
-    /// The rows of those of three measured `lights` that are `wanted`; `make` gives those that are not there, which are kept.
+    /// Returns the rows of those of three measured `lights` that are `wanted`. `make` computes the missing ones, which
+    /// are kept.
     fn find_or_make(
         &mut self,
         lights: [u32; 3],
@@ -59,21 +61,21 @@ impl LightRows {
     }
 }
 
-/// What the neighbouring views have at a measured light, summed with their weights.
+/// The sum over the neighbouring views at a measured light, with their weights.
 #[derive(Debug, Clone, Copy, Default)]
 struct Row {
     /// Fast rule: the residual. Exact rule: decoded linear values.
     value: [f32; 3],
-    /// Exact rule: lobe sums.
+    /// Exact rule: sums of the lobes.
     lobes: [f32; 3],
 }
 
 /// A light on the layer's side.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lit {
-    /// Unit vector to it in the layer's frame.
+    /// Unit vector to the light in the layer's frame.
     wi: [f32; 3],
-    /// Its place among the measured lights, where there is a residual.
+    /// Neighbours of the light among the measured ones, where there is a residual.
     place: Option<Neighbours>,
 }
 
@@ -83,16 +85,16 @@ impl Lit {
     }
 }
 
-/// A texel as the eye at one direction sees it.
+/// A texel seen from one outgoing direction.
 #[derive(Debug, Clone, Copy)]
 pub struct ViewedTexel<'a> {
     t: Texel<'a>,
     bases: Bases<'a>,
-    /// In the layer's frame; z <= 0 is on the other side, and everything black.
+    /// Unit vector to the eye in the layer's frame. With z <= 0 the eye is on the other side, and every value is black.
     wo: [f32; 3],
     views: [u32; 3],
     weights: [f32; 3],
-    /// The texel that each of the views shows, where the eye lies outside their hull and the asset has heights.
+    /// Texel that each neighbouring view shows, where the eye lies outside the views' hull and the asset has heights.
     shifted: Option<[Texel<'a>; 3]>,
     kind: ResidualKind,
     guide: bool,
@@ -100,8 +102,9 @@ pub struct ViewedTexel<'a> {
 }
 
 impl<'a> ViewedTexel<'a> {
-    /// `texel` of `layer` seen from `wo`, a unit vector towards the eye in the texel's frame. `layer` and `texel` must
-    /// be within the asset. Cost: a search among the measured views; with heights and an eye beyond them four rays.
+    /// Prepares `texel` of `layer` for the eye at `wo`, a unit vector in the texel's frame. `layer` and `texel` must be
+    /// within the asset. Cost: a search among the measured views; four rays more for an eye outside their hull, where
+    /// the layer has heights.
     pub fn new(
         resident: &'a Resident,
         layer: u32,
@@ -114,7 +117,7 @@ impl<'a> ViewedTexel<'a> {
         ViewedTexel::of_texel(t, bases, wo, options)
     }
 
-    /// The same with bases in single precision; `bases` must be of the same asset.
+    /// Prepares a texel like [`ViewedTexel::new`], with bases in single precision; `bases` must be of the same asset.
     pub fn new_single(
         resident: &'a Resident,
         bases: &'a SingleBases,
@@ -155,22 +158,22 @@ impl<'a> ViewedTexel<'a> {
         viewed
     }
 
-    /// Whether its values have a residual; without one they are the lobes alone.
+    /// Returns whether the values have a residual; without one they are the lobes alone.
     pub fn has_residual(&self) -> bool {
         self.t.field(block::BASES) > 0
     }
 
-    /// The texel itself.
+    /// Returns the texel.
     pub(crate) fn texel(&self) -> &Texel<'a> {
         &self.t
     }
 
-    /// Towards the eye, in the layer's frame.
+    /// Returns the unit vector to the eye, in the layer's frame.
     pub(crate) fn eye(&self) -> [f32; 3] {
         self.wo
     }
 
-    /// -1 where the layer's light is on the back, else 1.
+    /// Returns -1 where the layer's light is on the back, else 1.
     pub(crate) fn light_sign(&self) -> f32 {
         if self.t.field(block::LIGHT_SIDE) == 1 { -1.0 } else { 1.0 }
     }
@@ -179,12 +182,13 @@ impl<'a> ViewedTexel<'a> {
         self.views.map(|id| direction(self.t.words, self.t.field(block::VIEWS), id))
     }
 
-    /// The texel that neighbouring view `v` shows.
+    /// Returns the texel that neighbouring view `v` shows.
     fn shown_by(&self, v: usize) -> &Texel<'a> {
         self.shifted.as_ref().map_or(&self.t, |shifted| &shifted[v])
     }
 
-    /// Sum of the lobes that the eye sees, RGB, as measured or as an edit has them; `value` gives each lobe's.
+    /// Sums the lobes that the eye sees, RGB, as measured (`edit` 0) or as an edit has them; `value` evaluates one
+    /// lobe.
     fn lobe_sum(&self, edit: usize, value: &mut impl FnMut(&ResidentLobe) -> f32) -> [f32; 3] {
         if self.shifted.is_none() {
             return self.t.lobe_sum(edit, value);
@@ -197,7 +201,7 @@ impl<'a> ViewedTexel<'a> {
         sum
     }
 
-    /// Adds what neighbouring view `v` shows at a measured `light` under the exact rule to its row.
+    /// Adds to a row the value that neighbouring view `v` has at a measured `light` under the exact rule.
     fn add_decoded(&self, row: &mut Row, v: usize, light: u32, residual: [f32; 3], epsilon: f32) {
         let [wi, wo] = [(block::LIGHTS, light), (block::VIEWS, self.views[v])]
             .map(|(set, id)| direction(self.t.words, self.t.field(set), id));
@@ -209,7 +213,7 @@ impl<'a> ViewedTexel<'a> {
         }
     }
 
-    /// The rows of three measured `lights`; those not `wanted` stay 0.
+    /// Computes the rows of three measured `lights`; those not `wanted` stay 0.
     fn rows(&self, lights: [u32; 3], wanted: [bool; 3], epsilon: f32) -> [Row; 3] {
         let mut rows = [Row::default(); 3];
         for l in (0..3).filter(|l| wanted[*l]) {
@@ -228,7 +232,8 @@ impl<'a> ViewedTexel<'a> {
         rows
     }
 
-    /// Sum of the residual at the measured `lights` and the neighbouring views, RGB, each times its light's and its view's share.
+    /// Sums the residual at the measured `lights` and the neighbouring views, RGB, with the shares of the lights and of
+    /// the views.
     fn residual(&self, lights: [u32; 3], of_lights: [f32; 3], of_views: [f32; 3]) -> [f32; 3] {
         let sum = Residual { viewed: self, lights, of_lights, of_views };
         match 3 * self.t.field(block::CHANNEL_WORDS) <= FEW_BLOCKS * LANES {
@@ -237,26 +242,27 @@ impl<'a> ViewedTexel<'a> {
         }
     }
 
-    /// Reflectance times cosine times pi, linear RGB, at least 0, for the light at `wi`, a unit vector in the texel's
-    /// frame; 0 where light or eye are on another side than the layer's. `rows` are those of this viewed texel.
+    /// Returns reflectance times cosine times pi, linear RGB, at least 0, for the light at `wi`, a unit vector in the
+    /// texel's frame. The value is 0 where light or eye are on another side than the layer's. `rows` must be those of
+    /// this viewed texel.
     ///
-    /// Cost: a search among the measured lights, the lobes, and three rows of residual less those that are there.
+    /// Cost: a search among the measured lights, the lobes, and up to three rows of residual.
     pub fn light(&self, rows: &mut LightRows, wi: [f32; 3]) -> [f32; 3] {
         self.lit(wi).map_or([0.0; 3], |lit| self.value(Some(rows), &lit, &mut self.lobes(lit.wi)))
     }
 
-    /// [`ViewedTexel::light`] for a light that shares its rows with no other.
+    /// Returns the value of [`ViewedTexel::light`] for a light that shares its rows with no other.
     pub fn light_alone(&self, wi: [f32; 3]) -> [f32; 3] {
         self.lit(wi).map_or([0.0; 3], |lit| self.value(None, &lit, &mut self.lobes(lit.wi)))
     }
 
-    /// Values of lobes, each by itself.
+    /// Returns a function that evaluates one lobe for the light at `wi`.
     fn lobes(&self, wi: [f32; 3]) -> impl FnMut(&ResidentLobe) -> f32 {
         let wo = self.wo;
         move |lobe| LobeSetup::from_resident_words(lobe).eval(wi, wo)
     }
 
-    /// The light at `wi`, where light and eye are on the layer's sides.
+    /// Prepares the light at `wi`; `None` where light or eye are on another side than the layer's.
     pub(crate) fn lit(&self, wi: [f32; 3]) -> Option<Lit> {
         let wi = [wi[0], wi[1], wi[2] * self.light_sign()];
         (wi[2] > 0.0 && self.wo[2] > 0.0).then(|| Lit {
@@ -265,7 +271,7 @@ impl<'a> ViewedTexel<'a> {
         })
     }
 
-    /// Takes all lobes whose values [`ViewedTexel::value`] asks for, in the same order.
+    /// Calls `ask` with every lobe whose value [`ViewedTexel::value`] takes, in that order.
     pub(crate) fn ask_lobes(&self, mut ask: impl FnMut(&ResidentLobe)) {
         for edit in [self.asks_lobes().then_some(0), (self.t.edit > 0).then_some(self.t.edit)].into_iter().flatten() {
             for v in 0..if self.shifted.is_some() { 3 } else { 1 } {
@@ -281,8 +287,8 @@ impl<'a> ViewedTexel<'a> {
         !self.guide || self.exact || self.t.bases == 0 || self.t.edit > 0
     }
 
-    /// Takes the first words of what [`ViewedTexel::value`] will read far from each other: of the texel's lobes, and of each pair
-    /// of a measured view and light.
+    /// Calls `take` with the words that [`ViewedTexel::value`] will read far from each other, for prefetching: the
+    /// first of the texel's lobes, and the first of each pair of a measured view and light.
     pub(crate) fn ahead(&self, lit: &Lit, mut take: impl FnMut(usize)) {
         if self.asks_lobes() {
             take(self.t.first_lobe());
@@ -297,7 +303,7 @@ impl<'a> ViewedTexel<'a> {
         }
     }
 
-    /// The value for `lit`; `lobe` gives the values of lobes.
+    /// Returns the value for `lit`; `lobe` evaluates one lobe.
     pub(crate) fn value(
         &self,
         rows: Option<&mut LightRows>,
@@ -317,7 +323,8 @@ impl<'a> ViewedTexel<'a> {
         value.map(|x| x * fade)
     }
 
-    /// A measured value with the lobes' sum `here` and the edited lobes' sum; see edit.rs.
+    /// Applies the texel's edit to a measured value, given the measured lobe sum `here` and the edited one; the
+    /// equation is that of `asset/edit.rs`.
     fn edited(&self, value: [f32; 3], here: [f32; 3], lobes: [f32; 3]) -> [f32; 3] {
         let t = &self.t;
         let at = t.field(block::EDITS) + (t.edit - 1) * EDIT_WORDS;
@@ -329,8 +336,8 @@ impl<'a> ViewedTexel<'a> {
         })
     }
 
-    /// The fast rule: lobes `here` and the interpolated residual. Beyond the lights' hull the residual falls with the light's
-    /// cosine; alone, the decoded value does.
+    /// Combines the lobes `here` with the interpolated residual by the fast rule. Outside the lights' hull the residual
+    /// falls with the light's cosine; for lobes that only guide, the decoded value does.
     fn combined(&self, here: [f32; 3], residual: [f32; 3], beyond: f32) -> [f32; 3] {
         let (base, scaled, falling) = if self.guide { ([0.0; 3], 1.0, beyond) } else { (here, beyond, 1.0) };
         let scale = self.kind.scale_beyond(scaled);
@@ -338,7 +345,8 @@ impl<'a> ViewedTexel<'a> {
         value.map(|x| x * falling)
     }
 
-    /// The measured value for a `light` there, without the fade to the horizon; `here` are the lobes, where they are asked.
+    /// Returns the measured value for a `light`, without the fade to the horizon; `here` are the lobes, where they are
+    /// needed.
     fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, here: [f32; 3]) -> [f32; 3] {
         let epsilon = self.t.float(block::EPSILON);
         if rows.is_none() && !self.exact {
@@ -364,7 +372,7 @@ impl<'a> ViewedTexel<'a> {
     }
 }
 
-/// [`ViewedTexel::residual`].
+/// The arguments of [`ViewedTexel::residual`], for [`pulp`].
 struct Residual<'a, 'b> {
     viewed: &'b ViewedTexel<'a>,
     lights: [u32; 3],
@@ -372,7 +380,8 @@ struct Residual<'a, 'b> {
     of_views: [f32; 3],
 }
 
-/// It, in vectors, where bases fill at most so many blocks: room for more takes longer to clear than a few take to sum.
+/// [`Residual`] evaluated with SIMD. `BLOCKS` bounds the scratch array, because clearing a large one costs more than
+/// summing a few blocks.
 struct InBlocks<'a, 'b, const BLOCKS: usize>(Residual<'a, 'b>);
 
 impl<const BLOCKS: usize> WithSimd for InBlocks<'_, '_, BLOCKS> {
@@ -402,8 +411,8 @@ impl<const BLOCKS: usize> WithSimd for InBlocks<'_, '_, BLOCKS> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::heights::Heights;
     use crate::decode::decode::decode;
-    use crate::decode::parallax::Heights;
     use crate::testing::{Random, sample_asset};
 
     #[test]

@@ -1,5 +1,5 @@
-// A texel as an eye sees it: the half of decoding that does not depend on the light, done once however many lights there
-// are; and the residual, summed over the views, at the measured lights that were asked for. Twin: viewed_texel.rs.
+// A texel seen from one outgoing direction: the view-dependent half of decoding, done once for any number of lights;
+// and the residual, summed over the views, at the measured lights that were asked for. Twin: decode/viewed_texel.rs.
 
 const INTERPOLATION_EXACT: u32 = 1u;
 const RATIO_EPSILON: f32 = 0.03;
@@ -7,13 +7,13 @@ const RATIO_MIN: f32 = 0.3;
 const RATIO_MAX: f32 = 4.0;
 const LIGHT_ROWS: u32 = 32u;
 
-// Rows of one viewed texel, by measured light; a variable of this type begins without any.
+// The rows of one viewed texel, by measured light; a variable of this type begins without any.
 struct LightRows {
     // Number of the measured light plus 1; 0 for no row.
     ids: array<u32, LIGHT_ROWS>,
     // Fast rule: the residual. Exact rule: decoded linear values.
     values: array<vec3<f32>, LIGHT_ROWS>,
-    // Exact rule: lobe sums.
+    // Exact rule: sums of the lobes.
     lobes: array<vec3<f32>, LIGHT_ROWS>,
 }
 
@@ -26,7 +26,7 @@ struct ThreeRows {
 struct ViewedTexel {
     t: Texel,
     options: BtfOptions,
-    // In the layer's frame; z <= 0 is on the other side, and everything black.
+    // Unit vector to the eye in the layer's frame. With z <= 0 the eye is on the other side, and every value is black.
     wo: vec3<f32>,
     kind: u32,
     views: vec3<u32>,
@@ -38,7 +38,7 @@ struct ViewedTexel {
     exact: bool,
 }
 
-// `texel` of `layer` seen from `wo`, a unit vector towards the eye in the texel's frame.
+// Prepares `texel` of `layer` for the eye at `wo`, a unit vector in the texel's frame.
 fn viewed_new(base: u32, layer: u32, texel: u32, wo_given: vec3<f32>, options: BtfOptions) -> ViewedTexel {
     let t = texel_at(base, base + asset_word(base + ASSET_LAYERS + layer), texel, options);
     var wo = wo_given;
@@ -52,7 +52,7 @@ fn viewed_new(base: u32, layer: u32, texel: u32, wo_given: vec3<f32>, options: B
         wo,
         asset_word(t.layer + BLOCK_RESIDUAL_KIND),
         view.ids,
-        // Lobes that only guide are not part of the value, and the fast rule does not ask them.
+        // Lobes that only guide are not part of the value, and the fast rule does not evaluate them.
         asset_word(t.layer + BLOCK_LOBE_ROLE) == LOBE_ROLE_GUIDE,
         view.weights,
         options.parallax != 0u && view.beyond < 1.0 && wo.z > 0.0 && asset_word(t.layer + BLOCK_HEIGHTS) != 0u,
@@ -77,7 +77,7 @@ fn viewed_measured_views(viewed: ViewedTexel) -> array<vec3<f32>, 3> {
     );
 }
 
-// The texel that neighbouring view `v` shows.
+// Returns the texel that neighbouring view `v` shows.
 fn viewed_shown_by(viewed: ViewedTexel, v: u32) -> Texel {
     if !viewed.shifted {
         return viewed.t;
@@ -85,10 +85,10 @@ fn viewed_shown_by(viewed: ViewedTexel, v: u32) -> Texel {
     return texel_at(viewed.t.base, viewed.t.layer, viewed.shown[v], viewed.options);
 }
 
-// Sum of the lobes that the eye sees, as measured or as an edit has them.
+// Sums the lobes that the eye sees, as measured (`edit` 0) or as an edit has them.
 fn viewed_lobe_sum(viewed: ViewedTexel, edit: u32, wi: vec3<f32>) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
-    // One loop for both cases: what stands here once is compiled once.
+    // One loop serves both cases, because shader compilers inline every call.
     for (var v = 0u; v < select(1u, 3u, viewed.shifted); v++) {
         let weight = select(1.0, viewed.weights[v], viewed.shifted);
         if weight > 0.0 {
@@ -98,7 +98,7 @@ fn viewed_lobe_sum(viewed: ViewedTexel, edit: u32, wi: vec3<f32>) -> vec3<f32> {
     return sum;
 }
 
-// The rows of three measured lights; those not `wanted` stay 0.
+// Computes the rows of three measured lights; those not `wanted` stay 0.
 fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsilon: f32) -> ThreeRows {
     var rows = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
     var measured = viewed_measured_views(viewed);
@@ -126,8 +126,8 @@ fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsil
     return rows;
 }
 
-// Reflectance times cosine times pi for the light at `wi`, a unit vector in the texel's frame; 0 where light or eye are on
-// another side than the layer's. `rows` are those of this viewed texel.
+// Returns reflectance times cosine times pi for the light at `wi`, a unit vector in the texel's frame; 0 where light or
+// eye are on another side than the layer's. `rows` must be those of this viewed texel.
 fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: vec3<f32>) -> vec3<f32> {
     let t = viewed.t;
     var wi = wi_given;
@@ -156,7 +156,8 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     return value * fade;
 }
 
-// A measured value with the lobes' sum `here` and the edited lobes' sum; see edit.rs.
+// Applies the texel's edit to a measured value, given the measured lobe sum `here` and the edited one; the equation is
+// that of asset/edit.rs.
 fn viewed_edited(viewed: ViewedTexel, value: vec3<f32>, here: vec3<f32>, lobes: vec3<f32>) -> vec3<f32> {
     let t = viewed.t;
     let at = t.base + asset_word(t.layer + BLOCK_EDITS) + (t.edit - 1u) * EDIT_WORDS;
@@ -167,8 +168,8 @@ fn viewed_edited(viewed: ViewedTexel, value: vec3<f32>, here: vec3<f32>, lobes: 
     return tint * min(value_edited, vec3<f32>(1e37));
 }
 
-// The measured value in the direction `wi` of the layer's frame, without the fade to the horizon; `here` are the lobes,
-// where they are asked.
+// Returns the measured value in the direction `wi` of the layer's frame, without the fade to the horizon; `here` are
+// the lobes, where they are needed.
 fn viewed_measured(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi: vec3<f32>, here: vec3<f32>) -> vec3<f32> {
     let t = viewed.t;
     let light = sphere_locate(t.base + asset_word(t.layer + BLOCK_LIGHTS), wi);
@@ -202,7 +203,8 @@ fn viewed_measured(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi: vec3
     }
     let value = found.values * light.weights;
     if !viewed.exact {
-        // Beyond the lights' hull the residual falls with the light's cosine; alone, the decoded value does.
+        // Outside the lights' hull the residual falls with the light's cosine; for lobes that only guide, the decoded
+        // value does.
         let base = select(here, vec3<f32>(0.0), viewed.guide);
         let scaled = select(light.beyond, 1.0, viewed.guide);
         let falling = select(1.0, light.beyond, viewed.guide);

@@ -1,68 +1,35 @@
-//! What an asset's file has of its own within the container: words of the header, kinds of sections, limits. Normative text:
-//! docs/FORMAT.md.
+//! The file format of assets within the container: header words and kinds of sections. Normative text: docs/FORMAT.md.
 
-use crate::container::container::{
-    ALIGNMENT, Directory, FileFormat, HEADER_WORDS, HeaderReader, SectionEntry, read_directory_of,
-};
+use crate::asset::limits::{MAX_LAYERS, MAX_SIDE, MAX_SIDE_MM};
+use crate::container::directory::{Directory, SectionEntry, read_directory_of};
+use crate::container::file_format::{ALIGNMENT, FileFormat, HEADER_WORDS, HeaderReader};
 use crate::error::{FormatError, Names, SPMM_NAMES};
 use crate::threads::serial;
 
-/// `SPMM` as a little-endian word.
+/// Magic number `SPMM` as a little-endian word.
 pub const MAGIC: u32 = u32::from_le_bytes(SPMM_NAMES.magic);
-/// The version that this crate writes and reads.
+/// Format version that this crate writes and reads.
 pub const VERSION: u32 = 1;
-/// Every section of the resident form does: where a GPU lets a binding begin.
+/// Alignment of the sections of a resident form, bytes: that of a GPU's bindings.
 pub const RESIDENT_ALIGNMENT: usize = 256;
-/// Bytes of each section of the resident form's words but the last: what WebGPU binds at least.
+/// Length in bytes of each section of the resident form's words but the last: the size that WebGPU binds at least.
 pub const PIECE_BYTES: usize = 1 << 27;
-/// Largest physical side, millimetres.
-pub const MAX_SIDE_MM: f32 = 1e6;
-/// Most layers in a file (front, back, and the two transmissions).
-pub const MAX_LAYERS: usize = 4;
-/// Largest width or height in texels.
-pub const MAX_SIDE: u32 = 16_384;
-/// Most levels: down to one texel from the widest asset.
-pub const MAX_LEVELS: usize = 15;
-/// Most clusters in a layer: a cluster id is one byte.
-pub const MAX_CLUSTERS: usize = 256;
-/// Most lobes in one cluster's dictionary: a lobe id is one byte.
-pub const MAX_DICTIONARY: usize = 256;
-/// Most directions in a set.
-pub const MAX_DIRECTIONS: usize = 4096;
-/// Most residual components.
-pub const MAX_COMPONENTS: usize = 128;
-/// Most shared bases of a layer.
-pub const MAX_SHARED: usize = 1024;
-/// Largest step of a shared basis or of a cluster's mixture: bounded, so that no expanded basis overflows to NaN.
-pub const MAX_BASIS_STEP: f32 = 1e4;
-/// Largest step of a coefficient.
-pub const MAX_COEFFICIENT_STEP: f32 = 1e9;
-/// Largest rank of a factor matrix.
-pub const MAX_RANK: usize = 256;
-/// Most words that one layer's expanded bases may take (1 GiB): a few hundred bytes of factors must not
-/// make a reader allocate without bound.
-pub const MAX_BASIS_WORDS: u64 = 1 << 28;
-
-/// Words of a layer's expanded bases: halves `[cluster, pair, channel, basis]`, bases padded to an even count.
-pub fn basis_words(shape: [usize; 2], clusters: usize, bases: usize) -> u64 {
-    [shape[0], shape[1], 3, clusters, bases.div_ceil(2)].iter().map(|n| *n as u64).product()
-}
-
-/// Header words, by name.
+/// Positions of the header words of assets; includes those that all formats have.
 pub mod header {
-    pub use crate::container::container::header::*;
+    pub use crate::container::file_format::header::*;
 
     /// Number of layers.
     pub const LAYERS: usize = 6;
     /// Texels per row.
     pub const WIDTH: usize = 7;
-    /// Rows.
+    /// Number of rows.
     pub const HEIGHT: usize = 8;
-    /// Channels per sample (3).
+    /// Channels of a sample (3).
     pub const CHANNELS: usize = 9;
     /// Channel basis (0: linear sRGB primaries, D65).
     pub const BASIS: usize = 10;
-    /// Flags: bit 1 left and right edge continue each other, bit 2 top and bottom; bit 0 is reserved for signed weights.
+    /// Flags: bit 1 left and right edge continue each other, bit 2 top and bottom; bit 0 is reserved for signed
+    /// weights.
     pub const FLAGS: usize = 11;
     /// Form: 0 the file form, 1 the resident form.
     pub const FORM: usize = 14;
@@ -72,18 +39,18 @@ pub mod header {
     pub const HEIGHT_MM: usize = 16;
 }
 
-/// What the sections of a file make up.
+/// The form of an asset's file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Form {
-    /// Small: entropy-coded, bases shared. What is stored and sent.
+    /// File form: small, entropy-coded, with shared bases; for storing and sending.
     File = 0,
-    /// Large: the words that decoders read, to be mapped and bound as they lie.
+    /// Resident form: large, the words that decoders read, to be mapped and bound as they lie.
     Resident = 1,
 }
 
 impl Form {
-    /// What its sections' offsets are multiples of, bytes.
+    /// Returns the alignment of the sections, bytes.
     pub fn alignment(self) -> usize {
         match self {
             Form::File => ALIGNMENT,
@@ -92,21 +59,21 @@ impl Form {
     }
 }
 
-/// What a section holds.
+/// The kinds of sections of an asset's file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u32)]
 pub enum SectionKind {
     /// UTF-8 JSON: name, capture source, error figures, fit parameters.
     Material = 1,
-    /// A layer's parameters.
+    /// Parameters of a layer.
     Layer = 2,
     /// A direction set with triangles and hull edges; index 0 light, 1 view.
     Directions = 3,
-    /// Cluster id per texel.
+    /// Cluster id of each texel.
     TexelClusters = 4,
-    /// Lobe count per texel.
+    /// Number of lobes of each texel.
     TexelLobeCounts = 5,
-    /// Per cluster a dictionary of lobes.
+    /// Dictionary of lobes of each cluster.
     Dictionary = 6,
     /// Lobe references with RGB weights, texel by texel.
     LobeRefs = 7,
@@ -114,22 +81,22 @@ pub enum SectionKind {
     Factors = 8,
     /// Cores of the bases that all clusters share.
     SharedBases = 9,
-    /// One basis of every cluster as a mixture of the shared ones; index 0 the mean, j the j-th component.
+    /// One basis of every cluster as a mixture of the shared bases; index 0 the mean, j the j-th component.
     Basis = 10,
     /// Coefficients of the j-th component for all texels (index j from 1).
     Coefficients = 11,
-    /// Height per texel.
+    /// Height of each texel.
     Height = 12,
-    /// A layer's texels at a coarser level; index 1 half as wide and high, and so on.
+    /// Texels of a layer at a coarser level; index 1 half as wide and high, and so on.
     Level = 13,
-    /// Edits of the whole asset, and each texel's.
+    /// Edits of the whole asset, and the edit of each texel.
     Edits = 14,
-    /// The resident form's words, [`PIECE_BYTES`] a section.
+    /// Words of the resident form, [`PIECE_BYTES`] a section.
     Words = 15,
 }
 
 impl SectionKind {
-    /// The kind with number `kind`, if this version knows it.
+    /// Returns the kind with a number; `None` if this version does not know it.
     pub fn from_number(kind: u32) -> Option<SectionKind> {
         use SectionKind::*;
         [
@@ -155,38 +122,38 @@ impl SectionKind {
 }
 
 impl SectionEntry {
-    /// For messages: `Basis 3 of layer 0`.
+    /// Returns the section's name for messages, such as `Basis 3 of layer 0`.
     pub fn name(&self) -> String {
         self.name_in::<Spmm>()
     }
 }
 
-/// Bit of the first flag of [`Head::seamless`].
+/// Bit of the first of the two flags of [`Head::seamless`].
 const SEAMLESS_BIT: u32 = 1;
 
-/// Whether a physical size is one.
+/// Returns whether a physical size is within its range.
 pub(crate) fn in_mm_range(size: [f32; 2]) -> bool {
     size.iter().all(|mm| *mm > 0.0 && *mm <= MAX_SIDE_MM)
 }
 
-/// What header and sections say of the whole asset.
+/// The header of an asset: everything it says about the whole file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Head {
-    /// What the sections make up.
+    /// Form of the file.
     pub form: Form,
     /// Texels per row.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
     /// Number of layers, 1 to 4.
     pub layers: u32,
-    /// Physical width and height in millimetres, where known; above 0, at most [`MAX_SIDE_MM`].
+    /// Physical width and height in millimetres, above 0 and at most [`MAX_SIDE_MM`]; `None` where they are not known.
     pub size_mm: Option<[f32; 2]>,
     /// Whether the left edge continues the right one, and the bottom edge the top one.
     pub seamless: [bool; 2],
 }
 
-/// The format of assets.
+/// The file format of assets, for [`FileFormat`].
 pub(crate) enum Spmm {}
 
 impl FileFormat for Spmm {
@@ -253,9 +220,9 @@ impl FileFormat for Spmm {
     }
 }
 
-/// Checks header, tables, section bounds, padding and every present section's checksum.
+/// Checks header, tables, section bounds, padding and the checksum of every section at hand.
 ///
 /// Cost: one hash of the bytes. Allocation: bounded by the tables, which are bounded by `bytes`.
-pub fn read_directory(bytes: &[u8]) -> Result<Directory, FormatError> {
+pub fn read_directory(bytes: &[u8]) -> Result<Directory<Head>, FormatError> {
     read_directory_of::<Spmm>(bytes, &serial)
 }

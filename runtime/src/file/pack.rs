@@ -1,18 +1,21 @@
 //! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
 
-use crate::asset::asset::{
-    Asset, DictionaryLobe, EPSILON_RANGE, Layer, LevelTexels, LobeRef, doubled_sides, level_sizes, refs_exist,
-};
+use crate::asset::asset::{Asset, Layer, LevelTexels, doubled_sides, level_sizes};
+use crate::asset::dictionary::{DictionaryLobe, LobeRef, refs_exist};
 use crate::asset::edit::{Edit, MAX_EDITS};
-use crate::asset::lobe::Lobe;
-use crate::container::container::{SectionSource, write_file_of};
-use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
-use crate::decode::parallax::{Heights, MAX_HEIGHT_STEP};
-use crate::error::FormatError;
-use crate::file::format::{
-    Form, Head, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
-    MAX_LAYERS, MAX_RANK, MAX_SHARED, MAX_SIDE, SectionKind, Spmm, basis_words, in_mm_range,
+use crate::asset::heights::Heights;
+use crate::asset::limits::EPSILON_RANGE;
+use crate::asset::limits::MAX_HEIGHT_STEP;
+use crate::asset::limits::{
+    MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS,
+    MAX_RANK, MAX_SHARED, MAX_SIDE, basis_words,
 };
+use crate::asset::lobe::Lobe;
+use crate::asset::residual::Residual;
+use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
+use crate::container::writer::{SectionSource, write_file_of};
+use crate::error::FormatError;
+use crate::file::format::{Form, Head, SectionKind, Spmm, in_mm_range};
 use crate::file::texel_coding::{MAX_FRESH, code_clusters, code_counts, code_refs, encode_refs};
 use half::f16;
 
@@ -29,24 +32,12 @@ fn push_halves(bytes: &mut Vec<u8>, halves: &[f16]) {
     bytes.resize(bytes.len().next_multiple_of(4), 0);
 }
 
-/// The asset's bytes: what `btf-fit` writes to an `.spmm` file.
+/// Packs an asset into bytes, which `btf-fit` writes to an `.spmm` file.
 ///
-/// Sections that every tier needs come first, then the residual of all layers component by component,
-/// each of which ends a tier, then the levels, which end one together. Errors name the rule of FORMAT.md that the asset breaks.
+/// Sections that every tier needs come first; then the residual of all layers component by component, each of which
+/// ends a tier; then the levels, which end one tier together. Errors name the rule of FORMAT.md that the asset breaks.
 pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
-    let in_side = |side: usize| side >= 1 && side <= MAX_SIDE as usize;
-    if !in_side(asset.width) || !in_side(asset.height) {
-        return refuse("width and height must be 1 to 16384");
-    }
-    if !asset.size_mm.is_none_or(in_mm_range) {
-        return refuse("its physical size must be above 0 mm and at most 1000000 mm");
-    }
-    if asset.layers.is_empty() || asset.layers.len() > MAX_LAYERS {
-        return refuse("it must have 1 to 4 layers");
-    }
-    if doubled_sides(&asset.layers).is_some() {
-        return refuse("no two layers may have the same sides of light and eye");
-    }
+    check_head(asset)?;
     let mut sections = vec![SectionSource {
         kind: SectionKind::Material,
         layer: 0,
@@ -54,22 +45,8 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
         bytes: asset.material.clone().into_bytes(),
         ends_tier: false,
     }];
-    let edits = &asset.edits;
-    if !edits.list.is_empty() {
-        if edits.list.len() > MAX_EDITS || !edits.list.iter().all(Edit::in_range) {
-            return refuse("it has more than 255 edits, or one with a number out of its range");
-        }
-        if edits.texels.len() != asset.texel_count()
-            || edits.texels.iter().any(|edit| usize::from(*edit) > edits.list.len())
-        {
-            return refuse("the edits do not fit the texels");
-        }
-        if !asset.layers.iter().all(|layer| edits.fit(layer)) {
-            return refuse("its edited lobes would take more than 64 MiB; use fewer edits");
-        }
-        let mut bytes = bytes_from_words(&[edits.list.len() as u32]);
-        bytes.extend(edits.list.iter().flat_map(|edit| edit.numbers()).flat_map(f32::to_le_bytes));
-        bytes.extend(coded(|coder| code_clusters(coder, &mut edits.texels.clone(), asset.width)));
+    if !asset.edits.list.is_empty() {
+        let bytes = edit_bytes(asset)?;
         sections.push(SectionSource { kind: SectionKind::Edits, layer: 0, index: 0, bytes, ends_tier: false });
     }
     let last = asset.layers.len() - 1;
@@ -109,6 +86,45 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     write_file_of::<Spmm>(&head, &sections)
 }
 
+/// Checks the asset's size, its physical size and the sides of its layers.
+fn check_head(asset: &Asset) -> Result<(), FormatError> {
+    let in_side = |side: usize| side >= 1 && side <= MAX_SIDE as usize;
+    if !in_side(asset.width) || !in_side(asset.height) {
+        return refuse("width and height must be 1 to 16384");
+    }
+    if !asset.size_mm.is_none_or(in_mm_range) {
+        return refuse("its physical size must be above 0 mm and at most 1000000 mm");
+    }
+    if asset.layers.is_empty() || asset.layers.len() > MAX_LAYERS {
+        return refuse("it must have 1 to 4 layers");
+    }
+    if doubled_sides(&asset.layers).is_some() {
+        return refuse("no two layers may have the same sides of light and eye");
+    }
+    Ok(())
+}
+
+/// Checks the asset's edits and returns the bytes of the Edits section.
+fn edit_bytes(asset: &Asset) -> Result<Vec<u8>, FormatError> {
+    let edits = &asset.edits;
+    if edits.list.len() > MAX_EDITS || !edits.list.iter().all(Edit::in_range) {
+        return refuse("it has more than 255 edits, or one with a number out of its range");
+    }
+    if edits.texels.len() != asset.texel_count()
+        || edits.texels.iter().any(|edit| usize::from(*edit) > edits.list.len())
+    {
+        return refuse("the edits do not fit the texels");
+    }
+    if !asset.layers.iter().all(|layer| edits.fit(&layer.dictionary)) {
+        return refuse("its edited lobes would take more than 64 MiB; use fewer edits");
+    }
+    let mut bytes = bytes_from_words(&[edits.list.len() as u32]);
+    bytes.extend(edits.list.iter().flat_map(|edit| edit.numbers()).flat_map(f32::to_le_bytes));
+    bytes.extend(coded(|coder| code_clusters(coder, &mut edits.texels.clone(), asset.width)));
+    Ok(bytes)
+}
+
+/// Checks a layer at the finest level, which has `texels` texels.
 fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
     let clusters = layer.dictionary.len();
     if clusters == 0 || clusters > MAX_CLUSTERS || layer.dictionary.iter().any(|d| d.len() > MAX_DICTIONARY) {
@@ -128,10 +144,15 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
     if !layer.dictionary.iter().flatten().all(readable) {
         return refuse("a lobe's parameter or weight scale is out of its range; use Lobe::clamped");
     }
-    let Some(residual) = &layer.residual else {
-        return Ok(());
-    };
-    let factors = &residual.factors;
+    match &layer.residual {
+        Some(residual) => check_residual(residual, layer, texels),
+        None => Ok(()),
+    }
+}
+
+/// Checks the residual of a layer.
+fn check_residual(residual: &Residual, layer: &Layer, texels: usize) -> Result<(), FormatError> {
+    let (clusters, factors) = (layer.dictionary.len(), &residual.factors);
     if residual.bases.is_empty()
         || residual.bases.len() > MAX_COMPONENTS + 1
         || residual.coefficients.len() + 1 != residual.bases.len()
@@ -181,7 +202,7 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
     Ok(())
 }
 
-/// What a level's texels have, clusters and lobe counts first, is whole and refers to what is there.
+/// Checks the arrays of a level with `texels` texels: they are complete, and refer to clusters and lobes that exist.
 fn check_texels(
     [clusters, lobe_counts]: [&[u8]; 2],
     lobe_refs: &[LobeRef],
@@ -219,7 +240,7 @@ fn check_level(level: &LevelTexels, layer: &Layer, texels: usize) -> Result<(), 
     check_texels(per_texel, &level.lobe_refs, level.heights.as_ref(), &layer.dictionary, texels)
 }
 
-/// A Level section; its stream has at least so many bytes as bound its numbers, see [`encode_refs`].
+/// Returns the bytes of a Level section. The stream is long enough to bound its numbers, see [`encode_refs`].
 fn level_bytes(level: &LevelTexels, width: usize) -> Vec<u8> {
     let step = level.heights.as_ref().map_or(0.0, |heights| heights.step);
     let head = bytes_from_words(&[level.codes.len() as u32, step.to_bits()]);
@@ -241,7 +262,7 @@ fn level_bytes(level: &LevelTexels, width: usize) -> Vec<u8> {
     }
 }
 
-/// Bytes that `code` writes.
+/// Returns the bytes that `code` writes.
 fn coded(code: impl FnOnce(&mut Encoder)) -> Vec<u8> {
     let mut coder = Encoder::new();
     code(&mut coder);
@@ -333,7 +354,7 @@ fn push_residual_sections(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::residual::{Residual, ResidualKind};
+    use crate::asset::residual::ResidualKind;
     use crate::testing::sample_asset;
 
     fn with(asset: &mut Asset) -> &mut Residual {

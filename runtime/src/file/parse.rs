@@ -1,40 +1,41 @@
-//! Reads an [`Asset`] from bytes: what [`crate::pack`] writes.
+//! Reads an [`Asset`] from the bytes that [`crate::pack`] writes.
 
-use crate::asset::asset::{
-    Asset, DictionaryLobe, EPSILON_RANGE, Layer, Level, LevelTexels, LobeRef, LobeRole, SurfaceSide, doubled_sides,
-    level_sizes, refs_exist,
-};
+use crate::asset::asset::{Asset, Layer, Level, LevelTexels, LobeRole, SurfaceSide, doubled_sides, level_sizes};
+use crate::asset::dictionary::{DictionaryLobe, LobeRef, refs_exist};
 use crate::asset::edit::{EDIT_NUMBERS, Edit, Edits, MAX_EDITS};
+use crate::asset::heights::Heights;
+use crate::asset::limits::EPSILON_RANGE;
+use crate::asset::limits::MAX_HEIGHT_STEP;
+use crate::asset::limits::{
+    MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_RANK,
+    MAX_SHARED, basis_words,
+};
 use crate::asset::lobe::{FILE_WORDS, Lobe};
 use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
-use crate::container::container::{Directory, read_directory_of};
+use crate::container::directory::{Directory, read_directory_of};
 use crate::container::entropy::{Decoder, Signed, bounded, code_plane};
 use crate::container::fault::Faults;
 use crate::container::sections::{Reader, Sections};
-use crate::decode::parallax::{Heights, MAX_HEIGHT_STEP};
 use crate::error::FormatError;
-use crate::file::format::{
-    Form, MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY,
-    MAX_RANK, MAX_SHARED, SectionKind, Spmm, basis_words,
-};
+use crate::file::format::{Form, Head, SectionKind, Spmm};
 use crate::file::texel_coding::{code_clusters, code_counts, code_refs};
 use crate::rule;
 use crate::threads::{Threads, map, serial};
 
-/// Words of a layer section.
+/// Number of words of a Layer section.
 pub const LAYER_WORDS: usize = 8;
 
 impl Asset {
-    /// Checks and reads a whole asset or one of its documented prefixes (tiers).
+    /// Checks and reads a whole asset or one of its documented prefixes (tiers) on the calling thread.
     ///
-    /// Never panics. Allocates for coded numbers only what `bytes` can hold (1024 numbers a byte), and builds each
-    /// direction set's grid: of 64 x 64 cells at most.
+    /// Never panics. Allocates for coded numbers only what `bytes` can hold (1024 numbers a byte), and builds the grid
+    /// of each direction set: of 64 x 64 cells at most.
     pub fn parse(bytes: &[u8]) -> Result<Asset, FormatError> {
         Asset::parse_on(bytes, &serial)
     }
 
-    /// The same on `threads`.
+    /// Checks and reads an asset like [`Asset::parse`], on `threads`.
     pub fn parse_on(bytes: &[u8], threads: Threads) -> Result<Asset, FormatError> {
         let directory = read_directory_of::<Spmm>(bytes, threads)?;
         if directory.head.form != Form::File {
@@ -46,11 +47,11 @@ impl Asset {
     }
 }
 
-/// The asset in the file form whose directory is known, going on behind a fault with every section that can be read without
-/// those at fault. `None` where anything is at fault.
+/// Reads the asset in the file form with this directory, and continues after a fault with every section that does not
+/// depend on a faulty one. Returns `None` if there is any fault.
 pub(crate) fn examine_asset(
     bytes: &[u8],
-    directory: &Directory,
+    directory: &Directory<Head>,
     threads: Threads,
     faults: &mut Faults,
 ) -> Option<Asset> {
@@ -71,7 +72,7 @@ pub(crate) fn examine_asset(
         Some(reader) => faults.keep(read_edits(reader, width, height)),
         None => Some(Edits::default()),
     };
-    if edits.as_ref().is_some_and(|edits| !layers.iter().flatten().all(|layer| edits.fit(layer))) {
+    if edits.as_ref().is_some_and(|edits| !layers.iter().flatten().all(|layer| edits.fit(&layer.dictionary))) {
         let section = "Edits 0 of layer 0".into();
         faults.push(FormatError::Section { section, reason: rule::EDITS_TOO_LARGE });
     }
@@ -87,7 +88,7 @@ fn side_from_word(word: u32) -> Option<SurfaceSide> {
     [SurfaceSide::Front, SurfaceSide::Back].into_iter().find(|side| *side as u32 == word)
 }
 
-/// What a Layer section says.
+/// The contents of a Layer section.
 struct Parameters {
     light_side: SurfaceSide,
     view_side: SurfaceSide,
@@ -121,7 +122,7 @@ fn read_parameters(mut reader: Reader) -> Result<Parameters, FormatError> {
     Ok(Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, clusters, components, has_residual })
 }
 
-/// A layer at the finest level; `None` where anything of it is at fault.
+/// Reads a layer at the finest level; `None` if anything of the layer is at fault.
 fn read_layer(
     sections: &Sections<Spmm>,
     layer: u32,
@@ -189,7 +190,7 @@ fn read_sphere(mut reader: Reader) -> Result<Sphere, FormatError> {
     Sphere::from_file_words(&words).or_else(|reason| reader.bad(reason))
 }
 
-/// Cluster ids below `clusters`, where that is known.
+/// Reads the cluster ids of the texels. They must be below `clusters`, where that is known.
 fn read_clusters(
     mut reader: Reader,
     texels: usize,
@@ -242,7 +243,7 @@ fn read_lobe_refs(
     if refs_exist(texel_clusters, lobe_counts, &refs, dictionary) { Ok(refs) } else { reader.bad(rule::NO_LOBE) }
 }
 
-/// Levels up to the first that a layer does not have; of layers at fault nothing is read.
+/// Reads the levels up to the first that a layer does not have. Nothing is read of layers at fault.
 fn read_levels(
     sections: &Sections<Spmm>,
     layers: &[Option<Layer>],
@@ -347,7 +348,8 @@ fn read_heights(mut reader: Reader, texels: usize, width: usize) -> Result<Heigh
     Ok(Heights { step, codes: reader.plane(texels, width)? })
 }
 
-/// `None` where the tier at hand ends before the residual's mean, or anything is at fault.
+/// Reads the residual of a layer; `None` where the tier at hand ends before the residual's mean, or anything is at
+/// fault.
 fn read_residual(
     sections: &Sections<Spmm>,
     layer: u32,
@@ -370,21 +372,7 @@ fn read_residual(
         Some((steps, reader))
     });
 
-    // What is there of means and components: the one and the other section of each.
-    let mut there: Vec<(Reader, Option<Reader>)> = Vec::new();
-    for index in 0..=parameters.components as u32 {
-        let basis = sections.get_in_tier(SectionKind::Basis, layer, index, faults);
-        let plane = match index {
-            0 => None,
-            _ => sections.get_in_tier(SectionKind::Coefficients, layer, index, faults),
-        };
-        match basis {
-            Some(basis) if index == 0 || plane.is_some() => there.push((basis, plane)),
-            // Nothing is read behind a gap; in a whole file every gap is told.
-            _ if sections.whole => {}
-            _ => break,
-        }
-    }
+    let there = components_at_hand(sections, layer, parameters.components as u32, faults);
     let (factors, (steps, reader)) = (factors?, shared?);
     if there.is_empty() {
         return None;
@@ -421,6 +409,31 @@ fn read_residual(
         }
     }
     Some(Residual { factors, shared: SharedBases { steps, values }, bases, coefficients })
+}
+
+/// Finds the sections of a residual's mean and components that are at hand: the basis of each, and the coefficients of
+/// a component.
+fn components_at_hand<'a>(
+    sections: &Sections<'a, Spmm>,
+    layer: u32,
+    components: u32,
+    faults: &mut Faults,
+) -> Vec<(Reader<'a>, Option<Reader<'a>>)> {
+    let mut there = Vec::new();
+    for index in 0..=components {
+        let basis = sections.get_in_tier(SectionKind::Basis, layer, index, faults);
+        let plane = match index {
+            0 => None,
+            _ => sections.get_in_tier(SectionKind::Coefficients, layer, index, faults),
+        };
+        match basis {
+            Some(basis) if index == 0 || plane.is_some() => there.push((basis, plane)),
+            // Nothing is read behind a gap; in a whole file every gap is told.
+            _ if sections.whole => {}
+            _ => break,
+        }
+    }
+    there
 }
 
 fn read_factors(mut reader: Reader, shape: [usize; 2]) -> Result<Factors, FormatError> {

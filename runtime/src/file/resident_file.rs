@@ -1,46 +1,48 @@
 //! The resident form as a file: its words as they lie in memory, to be mapped, checked and bound without a copy.
 
 use crate::asset::asset::Asset;
-use crate::container::container::{Directory, SectionEntry, SectionSource, read_directory_of, write_file_of};
+use crate::container::directory::{Directory, SectionEntry, read_directory_of};
 use crate::container::fault::Faults;
+use crate::container::file_format::HEADER_WORDS;
+use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::FormatError;
-use crate::file::format::{Form, Head, PIECE_BYTES, SectionKind, Spmm, in_mm_range};
+use crate::file::format::{Form, Head, MAGIC, PIECE_BYTES, SectionKind, Spmm, header, in_mm_range};
 use crate::resident::check::{BrokenWords, check_resident};
 use crate::resident::resident::{Resident, ResidentBytes};
 use crate::rule;
 use crate::threads::Threads;
 use std::ops::Range;
 
-/// A resident asset with what its file says about it.
+/// A resident asset with the contents of its file besides the words.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResidentFile {
-    /// The asset.
+    /// Words of the asset.
     pub resident: Resident,
-    /// As [`crate::Asset::size_mm`].
+    /// Physical size, as [`crate::Asset::size_mm`].
     pub size_mm: Option<[f32; 2]>,
-    /// As [`crate::Asset::seamless`].
+    /// Edges that continue each other, as [`crate::Asset::seamless`].
     pub seamless: [bool; 2],
-    /// As [`crate::Asset::material`].
+    /// Material description, as [`crate::Asset::material`].
     pub material: String,
 }
 
 impl ResidentFile {
-    /// Whether these bytes begin like a file of this form.
+    /// Returns whether these bytes begin like a file of the resident form.
     pub fn is_one(bytes: &[u8]) -> bool {
         read_form(bytes) == Some(Form::Resident as u32)
     }
 
-    /// Expands an asset, with its levels and edits, on `threads`; as [`Resident::from_asset_on`].
+    /// Expands an asset, with its levels and edits, on `threads`, like [`Resident::from_asset_on`].
     pub fn of_asset(asset: Asset, threads: Threads) -> ResidentFile {
         let resident = Resident::from_asset_on(&asset, threads);
         ResidentFile { resident, size_mm: asset.size_mm, seamless: asset.seamless, material: asset.material }
     }
 
-    /// Checks a file and takes its words as they lie: `bytes` are kept, not copied, unless they lie at an address that is no
+    /// Checks a file and uses its words where they lie: `bytes` are kept, and copied only if their address is no
     /// multiple of 4.
     ///
-    /// Errors: as [`crate::Asset::parse`], by the rules of FORMAT.md, chapter "Resident form". Never panics.
-    /// Cost: one hash of the bytes and one pass over the words; on `threads`.
+    /// Errors: as [`crate::Asset::parse`], by the rules of FORMAT.md, chapter "Resident form". Never panics. Cost: one
+    /// hash of the bytes and one pass over the words; on `threads`.
     pub fn open(bytes: ResidentBytes, threads: Threads) -> Result<ResidentFile, FormatError> {
         let directory = read_directory_of::<Spmm>((*bytes).as_ref(), threads)?;
         if directory.head.form != Form::Resident {
@@ -51,9 +53,9 @@ impl ResidentFile {
         faults.or_first(file)
     }
 
-    /// The file's bytes: header, tables, the description, the words.
+    /// Returns the bytes of the file: header, tables, material description, words.
     ///
-    /// Errors: an asset whose words exceed 4 GiB, or with a physical size out of its range.
+    /// Errors: words of more than 4 GiB, or a physical size out of its range.
     pub fn pack(&self) -> Result<Vec<u8>, FormatError> {
         let resident = &self.resident;
         if !self.size_mm.is_none_or(in_mm_range) {
@@ -80,11 +82,11 @@ impl ResidentFile {
     }
 }
 
-/// The asset in the resident form whose directory is known, going on behind a fault as far as more can be told. `None` where
-/// anything is at fault.
+/// Reads the asset in the resident form with this directory, and continues after a fault as far as more can be found.
+/// Returns `None` if there is any fault.
 pub(crate) fn examine_resident(
     bytes: ResidentBytes,
-    directory: &Directory,
+    directory: &Directory<Head>,
     threads: Threads,
     faults: &mut Faults,
 ) -> Option<ResidentFile> {
@@ -128,7 +130,7 @@ pub(crate) fn examine_resident(
     broken.is_empty().then_some(file)
 }
 
-/// Bytes of the words that these pieces make up.
+/// Returns the range of bytes of the words that these sections hold in pieces.
 fn words_place(pieces: &[&SectionEntry]) -> Result<Range<usize>, FormatError> {
     let [first, ..] = pieces else {
         return Err(FormatError::MissingSection { section: "Words 0 of layer 0".into() });
@@ -148,10 +150,8 @@ fn words_place(pieces: &[&SectionEntry]) -> Result<Range<usize>, FormatError> {
     Ok(first.offset as usize..end)
 }
 
-/// The header's word that tells the form, where there is one.
+/// Returns the header word of the form; `None` for bytes that are no asset's.
 fn read_form(bytes: &[u8]) -> Option<u32> {
-    use crate::container::container::HEADER_WORDS;
-    use crate::file::format::{MAGIC, header};
     let word = |index: usize| bytes.get(4 * index..4 * index + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     (bytes.len() >= 4 * HEADER_WORDS && word(header::MAGIC)? == MAGIC).then(|| word(header::FORM))?
 }
@@ -162,10 +162,11 @@ mod tests {
     use crate::asset::asset::Asset;
     use crate::asset::edit::{Edit, Edits};
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::{DecodeOptions, Interpolation};
     use crate::decode::evaluate::{Query, density, evaluate, sample};
-    use crate::levels::mip::with_levels;
+    use crate::decode::options::{DecodeOptions, Interpolation};
+    use crate::levels::levels::with_levels;
     use crate::pack;
+    use crate::resident::layout::{ASSET_WORDS, PART_WORDS};
     use crate::testing::{FileParts, Random, sample_asset, sample_heights};
     use crate::threads::serial;
     use std::sync::Arc;
@@ -231,7 +232,7 @@ mod tests {
         for i in 0..3000 {
             let mut forged = parts.clone();
             // Half of the changes where offsets and counts are.
-            let blocks = crate::resident::resident::ASSET_WORDS + 2 * crate::resident::resident::PART_WORDS;
+            let blocks = ASSET_WORDS + 2 * PART_WORDS;
             let at = if i % 2 == 0 { random.below(blocks) } else { random.below(words) };
             let value = match random.below(5) {
                 0 => 0,

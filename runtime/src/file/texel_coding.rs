@@ -1,11 +1,11 @@
-//! How the file form codes what each texel has: its cluster, its lobe count, its lobe references.
-//! One routine both ways, as in [`crate::container::entropy`].
+//! Codes the texels of the file form: cluster, number of lobes, lobe references. One routine serves encoder and
+//! decoder, as in [`crate::container::entropy`].
 
-use crate::asset::asset::LobeRef;
+use crate::asset::dictionary::LobeRef;
 use crate::container::entropy::{BinaryCoder, Bit, Encoder, Signed, Tree, bounded};
 
-/// Codes one cluster id per texel, rows of `width`: equal to the left one, else to the one above, else to the one
-/// above right, else itself.
+/// Codes one cluster id per texel, rows of `width`: as equal to the left one, else to the one above, else to the one
+/// above right, else by itself.
 pub(crate) fn code_clusters(coder: &mut impl BinaryCoder, ids: &mut [u8], width: usize) {
     let mut same = [[Bit::NEW; 8]; 3];
     let mut tree = Tree::<8>::new();
@@ -30,7 +30,7 @@ pub(crate) fn code_clusters(coder: &mut impl BinaryCoder, ids: &mut [u8], width:
     }
 }
 
-/// Codes one lobe count per texel: that of the last texel of its cluster, or itself.
+/// Codes one lobe count per texel: as that of the last texel of its cluster, else by itself.
 pub(crate) fn code_counts(coder: &mut impl BinaryCoder, counts: &mut [u8], clusters: &[u8]) {
     let mut same = [Bit::NEW; 2];
     let mut tree = Tree::<8>::new();
@@ -47,14 +47,14 @@ pub(crate) fn code_counts(coder: &mut impl BinaryCoder, counts: &mut [u8], clust
     }
 }
 
-/// How seldom an encoder writes references out afresh at first; a power of 4.
+/// Interval at which an encoder first writes references out afresh, texels; a power of 4.
 pub(crate) const MAX_FRESH: usize = 1 << 20;
 
-/// Codes all lobe references, texel after texel: those of the last texel of its cluster with as many; or the lobes by
-/// the cluster's habits, and weights as differences from those that the same lobe of the cluster had last.
+/// Codes all lobe references, texel after texel: as those of the last texel of the cluster with as many lobes; else
+/// lobe by lobe, with weights as differences from the last weights of the same lobe of the cluster.
 ///
-/// The encoder writes every `fresh_every`-th texel's references out though they may be the last texel's; the decoder
-/// ignores the number.
+/// The encoder writes the references of every `fresh_every`-th texel out even if they equal the last texel's; the
+/// decoder ignores the number.
 pub(crate) fn code_refs(
     coder: &mut impl BinaryCoder,
     refs: &mut [LobeRef],
@@ -108,7 +108,8 @@ pub(crate) fn code_refs(
     }
 }
 
-/// The stream of [`code_refs`], of at least so many bytes as bound its references: one decision can stand for 255.
+/// Encodes references with [`code_refs`] into at least so many bytes as bound the number of references: without that,
+/// one decision could stand for 255 of them.
 pub(crate) fn encode_refs(refs: &[LobeRef], clusters: &[u8], counts: &[u8]) -> Vec<u8> {
     let mut fresh_every = MAX_FRESH;
     loop {

@@ -1,42 +1,45 @@
-//! Everything that can be said of a file: each broken rule, what is legal but doubtful, and what it is.
+//! Examines a file and reports each broken rule, everything that is legal but doubtful, and the properties of the
+//! asset.
 
 use crate::asset::asset::{Asset, Layer, SurfaceSide};
-use crate::container::container::{Directory, FileFormat, SectionEntry, about_container, examine_directory_of};
+use crate::container::directory::{Directory, SectionEntry, examine_directory_of};
 use crate::container::fault::Faults;
+use crate::container::file_format::FileFormat;
 use crate::container::finding::Finding;
-use crate::file::format::{Form, SectionKind, Spmm, VERSION};
+use crate::container::finding::about_container;
+use crate::file::format::{Form, Head, SectionKind, Spmm, VERSION};
 use crate::file::parse::examine_asset;
 use crate::file::resident_file::{ResidentFile, examine_resident};
 use crate::resident::resident::ResidentBytes;
 use crate::rule::{self, Rule, Severity};
 use crate::threads::Threads;
 
-/// What [`validate`] found.
+/// The findings of [`validate`] or [`crate::voltex::validate`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Report {
     /// Errors in the order in which a reader meets them, then warnings, then information.
     pub findings: Vec<Finding>,
-    /// The material's or the volume's description, where there are no errors.
+    /// Description of the material or the volume, if there are no errors.
     pub material: Option<String>,
-    /// Sides of light and eye of each layer, where there are no errors; none of a volumetric texture.
+    /// Sides of light and eye of each layer, if there are no errors; empty for a volumetric texture.
     pub sides: Vec<[SurfaceSide; 2]>,
 }
 
 impl Report {
-    /// Whether readers take the file: no finding is an error.
+    /// Returns whether readers take the file: no finding is an error.
     pub fn is_valid(&self) -> bool {
         self.count(Severity::Error) == 0
     }
 
-    /// Number of findings of one severity.
+    /// Returns the number of findings of one severity.
     pub fn count(&self, severity: Severity) -> usize {
         self.findings.iter().filter(|finding| finding.severity() == severity).count()
     }
 }
 
-/// Examines a file in either form, or a tier of one, and goes on behind a fault as far as more can be told: every damaged
-/// section and every section with a broken rule is named, up to 256. It has an error if and only if [`crate::open`] refuses the
-/// file, and its first error is the one that `open` gives.
+/// Examines a file in either form, or a tier of one, and continues after a fault as far as more can be found: every
+/// damaged section and every section with a broken rule is named, up to 256. The report has an error if and only if
+/// [`crate::open`] refuses the file, and its first error is the one that `open` gives.
 ///
 /// `bytes` are not copied. Cost: that of [`crate::Asset::parse`] or [`ResidentFile::open`]. Never panics.
 pub fn validate(bytes: ResidentBytes, threads: Threads) -> Report {
@@ -68,7 +71,7 @@ pub fn validate(bytes: ResidentBytes, threads: Threads) -> Report {
 }
 
 impl Report {
-    /// What is reported: errors alone where there are any, else what was told, in order.
+    /// Returns the final report: the errors alone if there are any, else all findings in order of severity.
     pub(crate) fn settled<F: FileFormat>(mut self, faults: &Faults, sections: &[&SectionEntry]) -> Report {
         if !faults.is_empty() {
             let errors = faults.found().iter().filter_map(|fault| Finding::of_fault::<F>(fault, sections));
@@ -82,7 +85,7 @@ impl Report {
         self.findings.push(Finding::new(rule, detail));
     }
 
-    /// The same where there are any of what is counted.
+    /// Adds the finding that `count` of `of` things of a layer are affected, unless `count` is 0.
     fn count_of_layer(&mut self, rule: Rule, layer: usize, [count, of]: [usize; 2]) {
         if count > 0 {
             let detail = format!("{count} of {of} in layer {layer}");
@@ -91,7 +94,7 @@ impl Report {
     }
 }
 
-fn form_of(directory: &Directory, bytes: usize) -> String {
+fn form_of(directory: &Directory<Head>, bytes: usize) -> String {
     let form = match directory.head.form {
         Form::File => "file",
         Form::Resident => "resident",
@@ -99,8 +102,8 @@ fn form_of(directory: &Directory, bytes: usize) -> String {
     format!("{form} form of version {VERSION}, {bytes} bytes in {} sections", directory.sections.len())
 }
 
-/// What the header says.
-fn about_head(directory: &Directory, told: &mut Report) {
+/// Adds the findings about the header.
+fn about_head(directory: &Directory<Head>, told: &mut Report) {
     let head = directory.head;
     let size = match head.size_mm {
         Some([width, height]) => format!(", {width} x {height} mm"),
@@ -131,11 +134,10 @@ fn about_layers(sides: &[[SurfaceSide; 2]], told: &mut Report) {
 
 fn about_resident(file: &ResidentFile, told: &mut Report) {
     let resident = &file.resident;
-    let side = |is_back: bool| if is_back { SurfaceSide::Back } else { SurfaceSide::Front };
     let mut sides = vec![[SurfaceSide::Front; 2]; resident.layers() as usize];
-    for [light, view] in [[false, false], [false, true], [true, false], [true, true]] {
+    for [light, view] in SurfaceSide::ALL.into_iter().flat_map(|light| SurfaceSide::ALL.map(|view| [light, view])) {
         if let Some(layer) = resident.layer_for_sides(0, light, view) {
-            sides[layer as usize] = [side(light), side(view)];
+            sides[layer as usize] = [light, view];
         }
     }
     about_layers(&sides, told);
@@ -144,7 +146,7 @@ fn about_resident(file: &ResidentFile, told: &mut Report) {
     told.material = Some(file.material.clone());
 }
 
-fn about_asset(asset: &Asset, directory: &Directory, told: &mut Report) {
+fn about_asset(asset: &Asset, directory: &Directory<Head>, told: &mut Report) {
     let sides: Vec<_> = asset.layers.iter().map(|layer| [layer.light_side, layer.view_side]).collect();
     about_layers(&sides, told);
     told.say(rule::LEVELS, (1 + asset.levels.len()).to_string());
@@ -165,7 +167,7 @@ fn about_asset(asset: &Asset, directory: &Directory, told: &mut Report) {
     told.material = Some(asset.material.clone());
 }
 
-/// Whether a section of a whole file is of a kind that is skipped as unknown, or is read.
+/// Returns whether a section of a whole file is read, or is of an unknown kind.
 fn is_read(asset: &Asset, [kind, layer, index]: [u32; 3]) -> bool {
     use SectionKind::*;
     let of_layer = &asset.layers[layer as usize];
@@ -183,7 +185,8 @@ fn is_read(asset: &Asset, [kind, layer, index]: [u32; 3]) -> bool {
     }
 }
 
-/// Clusters and lobes that no texel of any level uses, and texels that have nothing.
+/// Adds the findings about clusters and lobes that no texel of any level uses, and about texels without lobes and
+/// residual.
 fn about_layer(asset: &Asset, number: usize, layer: &Layer, told: &mut Report) {
     let mut used_clusters = vec![false; layer.dictionary.len()];
     let mut used_lobes: Vec<Vec<bool>> = layer.dictionary.iter().map(|lobes| vec![false; lobes.len()]).collect();

@@ -1,28 +1,30 @@
-//! The body of a leaf at a place: what of the light that has entered leaves again on either side. Twin:
-//! `shaders/leaf_body.wgsl`.
+//! The body of a leaf at one place: the shares of the light that entered which leave again on either side.
+//! Twin: `leaf/body.wgsl`.
 
 use crate::leaf::state::LeafMode;
 use crate::leaf::theta::{rational_theta, three_piece_theta};
 use crate::leaf::words::{BAND_WORDS, BANDS_AT, TABLE_AT, TABLE_ENTRIES, TABLE_HALF};
 
-/// Colour of a leaf's body in linear sRGB: shares of the light that has entered. Signed, because pure colours lie outside of
-/// what red, green and blue can mix; together at most 1 in each channel.
+/// The colour of a leaf's body in linear sRGB, as shares of the light that entered. Components may be negative, because
+/// pure colours lie outside the sRGB gamut; together the two shares are at most 1 in each channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafBody {
-    /// Leaves where it came in.
+    /// Share of the light that leaves on the side where it entered.
     pub reflectance: [f32; 3],
-    /// Leaves on the other side.
+    /// Share of the light that leaves on the other side.
     pub transmittance: [f32; 3],
 }
 
-/// Absorption of one layer in a band, `factors` as in [`crate::LeafTexel::factors`] but for the thickness.
+/// Returns the absorption of one layer in a band. `factors` are those of [`crate::LeafTexel::factors`] except for the
+/// thickness.
 fn absorption(words: &[u32], band: usize, factors: [f32; 4]) -> f32 {
     let at = BANDS_AT + band * BAND_WORDS;
     let per = |i: usize| f32::from_bits(words[at + i]);
     factors[0] * per(0) + factors[1] * per(1) + factors[2] * per(2) + per(3)
 }
 
-/// Reflectance and transmittance of a band's pile of layers at absorption `k`, between the entries of its table.
+/// Returns reflectance and transmittance of a band's pile of layers at absorption `k`, interpolated in the band's
+/// table.
 fn tabulated(words: &[u32], band: usize, k: f32) -> [f32; 2] {
     let position = k / (k + TABLE_HALF) * (TABLE_ENTRIES - 1) as f32;
     let cell = (position as usize).min(TABLE_ENTRIES - 2);
@@ -35,21 +37,22 @@ fn tabulated(words: &[u32], band: usize, k: f32) -> [f32; 2] {
     [0, 1].map(|i| low[i] * (1.0 - t) + high[i] * t)
 }
 
-/// Reflectance and transmittance of one plate whose interface lets `exit` out [Miao, eq. 3 and 4, over the light that
-/// enters].
+/// Returns reflectance and transmittance of one plate whose interface transmits `exit` from inside [Miao, eq. 3 and 4,
+/// over the light that enters].
 fn exact_plate(theta: f32, exit: f32) -> [f32; 2] {
     let back = theta * (1.0 - exit);
     let behind = theta * exit / (1.0 - back * back);
     [back * behind, behind]
 }
 
-/// Reflectance and transmittance as printed [Miao, eq. 6].
+/// Returns reflectance and transmittance of a plate as printed [Miao, eq. 6].
 pub(crate) fn printed_plate(theta: f32) -> [f32; 2] {
     let theta2 = theta * theta;
     [(0.031 + 0.240 * theta2) / (1.0 - 0.296 * theta2), 0.44 * theta / (1.0 - 0.001 * theta2)]
 }
 
-/// The body where the textures and the plant multiply what the leaf holds by `factors` ([`crate::LeafTexel::factors`]).
+/// Returns the body at a place where the textures and the plant multiply the contents of the leaf by `factors`
+/// ([`crate::LeafTexel::factors`]).
 pub(crate) fn body(words: &[u32], factors: [f32; 4]) -> LeafBody {
     let [mode, bands] = [words[4], words[5]];
     let (mut reflectance, mut transmittance) = ([0.0; 3], [0.0; 3]);
@@ -79,11 +82,13 @@ pub(crate) fn body(words: &[u32], factors: [f32; 4]) -> LeafBody {
     LeafBody { reflectance, transmittance }
 }
 
-/// The body between two faces, what leaves in the end over what leaves at all: `reflectance` of light on the seen face, and
-/// `transmittance` of light on the far one, both towards the seen. `lets_out` is the mean share that the gloss of the seen and of the far
-/// face lets out: what finds one way harder takes the other, so that transmission is reciprocal. `hidden` is the share of what
-/// leaves a face with a tilted normal that goes below its own horizon, where it enters again. Without absorption nothing is lost to
-/// either.
+/// Places the body between two faces. The result's `reflectance` is that of light on the seen face, its `transmittance`
+/// that of light on the far one, both towards the seen face.
+///
+/// `lets_out` are the mean shares that the gloss of the seen and of the far face transmits from inside: light that
+/// finds one way harder takes the other, so that transmission is reciprocal. `hidden` are the shares of the light
+/// leaving a face with a tilted normal that go below the face's own horizon, where they enter again. Without absorption
+/// no light is lost to either.
 pub(crate) fn between_faces(body: LeafBody, lets_out: [f32; 2], hidden: [f32; 2]) -> LeafBody {
     let mean = 0.5 * (lets_out[0] + lets_out[1]);
     let share = lets_out.map(|lets_out| lets_out / mean);

@@ -1,21 +1,22 @@
-// The body of a leaf at a place: what of the light that has entered leaves again on either side. Twin: leaf_body.rs.
+// The body of a leaf at one place: the shares of the light that entered which leave again on either side. Twin:
+// leaf/body.rs.
 
 const LEAF_RATIONAL: u32 = 1u;
 const LEAF_N_LAYERS: u32 = 2u;
 
 struct LeafBody {
-    // Leaves where it came in, linear sRGB, signed.
+    // Share of the light that leaves on the side where it entered, linear sRGB; may be negative.
     reflectance: vec3<f32>,
-    // Leaves on the other side.
+    // Share of the light that leaves on the other side.
     transmittance: vec3<f32>,
 }
 
-// Absorption of one layer in the band whose first word is number `at`; the thickness is left out.
+// Returns the absorption of one layer in the band whose first word is number `at`; the thickness is left out.
 fn leaf_absorption(at: u32, factors: vec4<f32>) -> f32 {
     return factors.x * asset_f32(at) + factors.y * asset_f32(at + 1u) + factors.z * asset_f32(at + 2u) + asset_f32(at + 3u);
 }
 
-// Reflectance and transmittance of a band's pile of layers, from the table whose first word is number `at`.
+// Returns reflectance and transmittance of a band's pile of layers, from the table whose first word is number `at`.
 fn leaf_tabulated(at: u32, k: f32) -> vec2<f32> {
     let position = k / (k + LEAF_TABLE_HALF) * f32(LEAF_TABLE_ENTRIES - 1u);
     let cell = min(u32(position), LEAF_TABLE_ENTRIES - 2u);
@@ -54,17 +55,18 @@ fn leaf_body(base: u32, factors: vec4<f32>) -> LeafBody {
         body.reflectance += shares * optics.x;
         body.transmittance += shares * optics.y;
     }
-    // The red of a pure yellow is more than a white has, and the printed thickness brightens.
+    // Limits the sum to 1: the red of a pure yellow is more than that of white, and the printed thickness brightens.
     let scale = 1.0 / max(body.reflectance + body.transmittance, vec3<f32>(1.0));
     return LeafBody(body.reflectance * scale, body.transmittance * scale);
 }
 
-// The body between two faces: reflectance of light on the seen face and transmittance of light on the far one, both towards the
-// seen, for what the gloss of either lets out and what tilted normals hide of it below their own horizon.
+// Places the body between two faces: reflectance of light on the seen face and transmittance of light on the far one,
+// both towards the seen face; `lets_out` are the shares that the gloss of either face transmits from inside, `hidden`
+// those that tilted normals send below their own horizon.
 fn leaf_between_faces(body: LeafBody, lets_out: vec2<f32>, hidden: vec2<f32>) -> LeafBody {
     let share = lets_out / (0.5 * (lets_out.x + lets_out.y));
     let all = body.reflectance + body.transmittance;
-    // Out by the seen and by the far face.
+    // Shares that leave by the seen face, and by the far one.
     let through_seen = body.transmittance * share.x;
     let through_far = body.transmittance * share.y;
     let seen = all - through_far;

@@ -1,4 +1,4 @@
-//! What can be wrong with a leaf's state and textures, by name.
+//! Errors of a leaf's state and textures.
 
 use thiserror::Error;
 
@@ -6,32 +6,32 @@ use thiserror::Error;
 #[derive(Debug, Error, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum LeafError {
-    /// A value that no leaf has. Remedy: a value in the range, in the unit that the message names.
-    #[error("{key} is {value}; give a number from {least} to {most}{unit}")]
+    /// A quantity has a value that no leaf has. Remedy: a value in the range, in the unit that the message names.
+    #[error("{key} is {value}; give a number from {least} to {most}{}{unit}", if .unit.is_empty() { "" } else { " " })]
     OutOfRange {
-        /// The quantity's key, as in [`crate::LEAF_QUANTITIES`].
+        /// Key of the quantity, as in [`crate::LEAF_QUANTITIES`].
         key: &'static str,
-        /// The value found.
+        /// Value found.
         value: f32,
-        /// The range's lower end.
+        /// Lower end of the range.
         least: f32,
-        /// The range's upper end.
+        /// Upper end of the range.
         most: f32,
-        /// The unit, with a space before it; empty where there is none.
+        /// Unit; empty where there is none.
         unit: &'static str,
     },
-    /// Textures without texels, larger than the words can address, or of another number of texels than their sides say.
+    /// The textures have no texels, more than the words can address, or another number of texels than their sides give.
     #[error(
         "the leaf's textures have {texels} texels for {width} x {height}; give as many as that, at most {most} a side"
     )]
     Texels {
-        /// Texels in a row.
+        /// Number of texels in a row.
         width: usize,
-        /// Rows.
+        /// Number of rows.
         height: usize,
-        /// Texels found.
+        /// Number of texels found.
         texels: usize,
-        /// Most texels in a row or column.
+        /// Largest number of texels in a row or column.
         most: usize,
     },
 }

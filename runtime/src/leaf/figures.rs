@@ -1,17 +1,17 @@
-//! Figures of leaf optics: what leaf tissue does to light, by wavelength.
+//! Tables of leaf optics: refractive index and specific absorption of leaf tissue by wavelength.
 //!
 //! PROSPECT-D's refractive index and specific absorptions [Feret 2017], every 10 nm; PROSPECT-5's [Feret 2008] at the
-//! paper's three wavelengths; what the paper prints [Miao, after eq. 5]; and the bands that stand for a spectrum.
+//! paper's three wavelengths; the paper's printed numbers [Miao, after eq. 5]; and the bands that stand for a spectrum.
 
-/// One wavelength of a table.
+/// The optical constants of leaf tissue at one wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafRow {
     /// Wavelength in nanometres.
     pub wavelength_nm: f32,
     /// Refractive index of the leaf's material.
     pub index: f32,
-    /// Specific absorptions: chlorophyll a + b, carotenoids and anthocyanins in cm2/ug, brown pigment per arbitrary unit,
-    /// water in 1/cm, dry matter in cm2/g.
+    /// Specific absorptions: chlorophyll a + b, carotenoids and anthocyanins in cm2/ug, brown pigment per arbitrary
+    /// unit, water in 1/cm, dry matter in cm2/g.
     pub absorption: [f32; 6],
 }
 
@@ -65,8 +65,8 @@ pub static LEAF_ROWS: [LeafRow; 39] = [
     LeafRow::new(780.0, [1.434, 0.0, 0.0, 0.0, 0.05284, 0.02659, 2.3]),
 ];
 
-/// PROSPECT-5 [Feret 2008] where Miao has red, green and blue. The anthocyanins, which PROSPECT-5 does not know, are
-/// PROSPECT-D's.
+/// PROSPECT-5 [Feret 2008] at Miao's wavelengths of red, green and blue. The anthocyanins, which PROSPECT-5 does not
+/// have, are PROSPECT-D's.
 #[rustfmt::skip]
 pub static THREE_ROWS: [LeafRow; 3] = [
     LeafRow::new(675.0, [1.4857, 0.05914, 0.0, 0.000446948, 0.1572, 0.004196, 2.3]),
@@ -74,8 +74,8 @@ pub static THREE_ROWS: [LeafRow; 3] = [
     LeafRow::new(435.0, [1.5267, 0.0716, 0.1682, 0.0442029, 0.4912, 9.801e-05, 14.81]),
 ];
 
-/// [Miao, after eq. 5] as printed, the misprint in dry matter at 435 nm (1.481 for 14.81 cm2/g) and the rounding of the
-/// carotenoids (0.168) included. It knows neither anthocyanins nor water.
+/// Numbers of [Miao, after eq. 5] as printed, including the misprint in dry matter at 435 nm (1.481 for 14.81 cm2/g)
+/// and the rounding of the carotenoids (0.168). Anthocyanins and water are missing in the paper.
 #[rustfmt::skip]
 pub static PRINTED_ROWS: [LeafRow; 3] = [
     LeafRow::new(675.0, [1.42, 0.05914, 0.0, 0.0, 0.1572, 0.0, 2.3]),
@@ -83,13 +83,13 @@ pub static PRINTED_ROWS: [LeafRow; 3] = [
     LeafRow::new(435.0, [1.42, 0.0716, 0.168, 0.0, 0.4912, 0.0, 1.481]),
 ];
 
-/// Bands that the N-layer mode sums over.
+/// Number of bands that the N-layer mode sums over.
 pub const LEAF_BANDS: usize = 12;
 
-/// Their wavelengths in nanometres, rows of [`LEAF_ROWS`], and each one's share of linear red, green and blue.
+/// Wavelength of each band in nanometres, a row of [`LEAF_ROWS`], and the band's share of linear red, green and blue.
 ///
-/// Fitted so that their sum is what 31 wavelengths under D65 give for leaves of any contents (CIEDE2000 of 3000 held-out
-/// colours: 0.02 in the mean, 0.19 at most); each column adds up to 1. Reproduce with
+/// The shares are fitted so that their sum is the colour that 31 wavelengths under D65 give for leaves of any contents
+/// (CIEDE2000 of 3000 held-out colours: 0.02 in the mean, 0.19 at most); each column adds up to 1. Reproduce with
 /// `cargo run --release -p btf-tests --example leaf_fits`.
 #[rustfmt::skip]
 pub static BAND_SHARES: [(f32, [f32; 3]); LEAF_BANDS] = [

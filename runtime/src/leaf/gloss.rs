@@ -5,13 +5,13 @@ use crate::leaf::state::LeafState;
 use crate::leaf::words::{ALBEDO_COLUMNS, ALBEDO_ROWS};
 use std::f64::consts::PI;
 
-/// Strata of the facets' slope.
+/// Number of strata of the facets' slope.
 const SLOPES: usize = 48;
-/// Strata of their azimuth.
+/// Number of strata of the facets' azimuth.
 const AZIMUTHS: usize = 64;
 
-/// The table in the order of its words, and its mean over the hemisphere with the cosine's weight. Costs some milliseconds
-/// with one roughness, ten times that with two.
+/// Computes the table in the order of its words, and its cosine-weighted mean over the hemisphere. Costs some
+/// milliseconds with one roughness, ten times that with two.
 pub(crate) fn albedo_table(state: &LeafState) -> (Vec<f32>, f32) {
     let gamma = [state.gamma_along, state.gamma_across].map(f64::from);
     let cosine_of = |row: usize| (row as f64 / (ALBEDO_ROWS - 1) as f64).powi(2).max(1e-6);
@@ -26,8 +26,8 @@ pub(crate) fn albedo_table(state: &LeafState) -> (Vec<f32>, f32) {
             }
         })
         .collect();
-    // Over even steps of the root of the cosine c = s^2: 2 c dc = 4 s^3 ds, by the trapezium rule; over the azimuth the mean of
-    // the columns at even turns.
+    // Over even steps of the root of the cosine c = s^2: 2 c dc = 4 s^3 ds, by the trapezium rule; over the azimuth the
+    // mean of the columns at even turns.
     let over_azimuth = |row: usize| -> f64 {
         let turns = 32;
         let at = |turn: usize| {
@@ -48,15 +48,15 @@ pub(crate) fn albedo_table(state: &LeafState) -> (Vec<f32>, f32) {
     (table, mean as f32)
 }
 
-/// Squared cosine of the azimuth from the veins at which a vertical plane cuts the roughness of a column, of two
-/// that differ.
+/// Returns the squared cosine of the azimuth from the veins at which a vertical plane cuts the roughness of a column,
+/// for two roughnesses that differ.
 fn azimuth_of([along, across]: [f64; 2], column: usize) -> f64 {
     let cut = along.min(across) + (along - across).abs() * column as f64 / (ALBEDO_COLUMNS - 1) as f64;
     ((cut * cut - across * across) / (along * along - across * across)).clamp(0.0, 1.0)
 }
 
-/// Share of the light from a direction of cosine `cosine` that the gloss reflects: the mean of `F G (w.h) / (cosine n.h)` over
-/// facets drawn from their density, by midpoints. 0 to 1.
+/// Returns the share of the light from a direction of cosine `cosine` that the gloss reflects: the mean of `F G (w.h) /
+/// (cosine n.h)` over facets drawn from their density, by midpoints. 0 to 1.
 fn directional_albedo(index: f32, [along, across]: [f64; 2], cosine: f64, azimuth_cos_squared: f64) -> f64 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let w = [sine * azimuth_cos_squared.sqrt(), sine * (1.0 - azimuth_cos_squared).max(0.0).sqrt()];

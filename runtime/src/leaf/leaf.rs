@@ -1,4 +1,4 @@
-//! A leaf whose optics are evaluated live, as a renderer holds it: one array of words.
+//! A leaf whose optics are evaluated live, as renderers hold it: one array of words.
 
 use crate::leaf::error::LeafError;
 use crate::leaf::figures::{BAND_SHARES, LEAF_BANDS, LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
@@ -10,13 +10,13 @@ use crate::leaf::theta::exact_theta;
 use crate::leaf::words::{ALBEDO_AT, BANDS_AT, LEAF_MAGIC, LEVELS_AT, STATE_AT, TABLE_AT, TABLE_ENTRIES, TABLE_HALF};
 use std::ops::Range;
 
-/// Largest absorption of a layer that is kept: theta is 0 there long since.
+/// Largest absorption of a layer; theta is 0 long before.
 const MAX_K: f64 = 1e6;
 
-/// Shares of the channels where each band is one.
+/// Shares of the channels if each band is one channel.
 const ONE_EACH: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// A leaf's words and the state that they hold. `leaf_words.rs` has the layout.
+/// A leaf: its words, and the state from which they were made. `leaf/words.rs` has the layout.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Leaf {
     state: LeafState,
@@ -24,12 +24,12 @@ pub struct Leaf {
 }
 
 impl Leaf {
-    /// Lays out a leaf of `state` under `texture`. Costs what [`Leaf::set_state`] does, and 21 bytes per
-    /// texel.
+    /// Lays out a leaf of `state` under `texture`. Costs that of [`Leaf::set_state`], and 21 bytes per texel.
+    ///
+    /// A quantity beyond the ranges of [`LeafState::check`] is evaluated at the nearest value that can be.
     ///
     /// # Errors
-    /// [`LeafError::OutOfRange`] for a quantity that is not finite (beyond [`LeafState::check`]'s ranges it is evaluated at
-    /// the nearest that can be), [`LeafError::Texels`].
+    /// [`LeafError::OutOfRange`] for a quantity that is not finite, [`LeafError::Texels`].
     pub fn new(state: &LeafState, texture: &LeafTexture) -> Result<Leaf, LeafError> {
         state.check_finite()?;
         let rows = texture.rows()?;
@@ -40,36 +40,36 @@ impl Leaf {
         Ok(Leaf { state: *state, words })
     }
 
-    /// What a renderer copies.
+    /// Returns the words, which a renderer copies to its buffer.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
 
-    /// Texels in a row of the finest level, and its rows.
+    /// Returns the number of texels in a row of the finest level, and of its rows.
     pub fn size(&self) -> [u32; 2] {
         [self.words[2], self.words[3]]
     }
 
-    /// Levels of the textures.
+    /// Returns the number of levels of the textures.
     pub fn levels(&self) -> u32 {
         self.words[1]
     }
 
-    /// The state as it was given.
+    /// Returns the state as it was given.
     pub fn state(&self) -> &LeafState {
         &self.state
     }
 
-    /// Share of diffuse light that a face of full gloss reflects before any gets inside, 0 to 1.
+    /// Returns the share of diffuse light that a face of full gloss reflects before any light enters, 0 to 1.
     pub fn gloss_albedo(&self) -> f32 {
         f32::from_bits(self.words[STATE_AT + 5])
     }
 
-    /// Changes the state and says which words changed; the textures stay. docs/TRADE.md has the times: contents and
-    /// structure are for every frame, two unequal roughnesses are not.
+    /// Changes the state and returns the range of words that changed; the textures stay. docs/TRADE.md has the times:
+    /// contents and structure can change in every frame, two unequal roughnesses cannot.
     ///
     /// # Errors
-    /// [`LeafError::OutOfRange`] for a quantity that is not finite; the leaf is as before.
+    /// [`LeafError::OutOfRange`] for a quantity that is not finite; the leaf then stays as it was.
     pub fn set_state(&mut self, state: &LeafState) -> Result<Range<usize>, LeafError> {
         state.check_finite()?;
         let gloss = |state: &LeafState| state.values()[7..].to_vec();
@@ -88,13 +88,13 @@ impl Leaf {
     }
 }
 
-/// Words of the table of directional albedo, and of its mean.
+/// Returns the words of the table of directional albedo, and its mean.
 fn albedo_words(state: &LeafState) -> (Vec<u32>, u32) {
     let (table, mean) = albedo_table(&state.evaluable());
     (table.into_iter().map(f32::to_bits).collect(), mean.to_bits())
 }
 
-/// Words [`STATE_AT`] to [`LEVELS_AT`].
+/// Returns the words from [`STATE_AT`] to [`LEVELS_AT`].
 fn state_words(state: &LeafState, (albedo, mean_albedo): (Vec<u32>, u32)) -> Vec<u32> {
     let mode = state.mode;
     let state = state.evaluable();
@@ -122,13 +122,13 @@ fn state_words(state: &LeafState, (albedo, mean_albedo): (Vec<u32>, u32)) -> Vec
     words
 }
 
-/// The row of a wavelength.
+/// Returns the row of a wavelength.
 fn row_at(wavelength_nm: f32) -> Option<LeafRow> {
     LEAF_ROWS.iter().find(|row| row.wavelength_nm == wavelength_nm).copied()
 }
 
-/// A band's table for `layers` layers. Both halves are rounded so that they never add up to more than 1, and to 1 where
-/// nothing is absorbed.
+/// Computes a band's table for `layers` layers. Both halves are rounded so that they never add up to more than 1, and
+/// to exactly 1 without absorption.
 fn layers_table(row: &LeafRow, layers: f64) -> Vec<u32> {
     let faces = Faces::new(row.index);
     (0..TABLE_ENTRIES)

@@ -1,4 +1,4 @@
-// The gloss of a leaf's face: Cook-Torrance with Beckmann facets of two roughnesses. Twin: leaf_lobe.rs.
+// The gloss of a leaf's face: Cook-Torrance with Beckmann facets of two roughnesses. Twin: leaf/lobe.rs.
 
 const LEAF_MIN_FACET: f32 = 1e-4;
 const LEAF_MIN_HALF: f32 = 1e-6;
@@ -11,11 +11,11 @@ struct LeafLobe {
     gamma: vec2<f32>,
 }
 
-// A face of a leaf in its own frame, z away from the leaf.
+// A face of a leaf at one place, in the face's own frame (z away from the leaf).
 struct LeafFace {
     normal: vec3<f32>,
     gloss: f32,
-    // In the tangent plane of the normal.
+    // Unit vectors along and across the veins, in the tangent plane of the normal.
     along: vec3<f32>,
     across: vec3<f32>,
 }
@@ -28,7 +28,7 @@ fn leaf_fresnel(index: f32, cosine: f32) -> f32 {
     return 0.5 * ratio * ratio * (1.0 + other * other);
 }
 
-// Where a vertical plane through a direction cuts the roughness, 0 for the smaller, 1 for the larger.
+// Returns where a vertical plane through a direction cuts the roughness: 0 for the smaller, 1 for the larger.
 fn leaf_cut(lobe: LeafLobe, w: vec2<f32>) -> f32 {
     let w2 = w * w;
     let gamma2 = lobe.gamma * lobe.gamma;
@@ -38,7 +38,8 @@ fn leaf_cut(lobe: LeafLobe, w: vec2<f32>) -> f32 {
     return clamp((gamma - least) / max(abs(lobe.gamma.x - lobe.gamma.y), 1e-6), 0.0, 1.0);
 }
 
-// Share of light that the gloss at full strength reflects, from the table of the leaf whose first word is number `base`.
+// Returns the share of light that the gloss at full strength reflects, from the table of the leaf whose first word is
+// number `base`.
 fn leaf_albedo(base: u32, lobe: LeafLobe, cosine: f32, w: vec2<f32>) -> f32 {
     let x = leaf_cut(lobe, w) * f32(LEAF_ALBEDO_COLUMNS - 1u);
     let y = sqrt(clamp(cosine, 0.0, 1.0)) * f32(LEAF_ALBEDO_ROWS - 1u);
@@ -51,7 +52,7 @@ fn leaf_albedo(base: u32, lobe: LeafLobe, cosine: f32, w: vec2<f32>) -> f32 {
     return mix(low, high, y - f32(row));
 }
 
-// Density of facets about a unit vector, times pi.
+// Returns the density of facets about a unit vector, times pi.
 fn leaf_facets(lobe: LeafLobe, face: LeafFace, h: vec3<f32>) -> f32 {
     let z = dot(face.normal, h);
     if z <= LEAF_MIN_FACET {
@@ -65,7 +66,7 @@ fn leaf_facets(lobe: LeafLobe, face: LeafFace, h: vec3<f32>) -> f32 {
     return exp(-exponent) / (lobe.gamma.x * lobe.gamma.y * z * z * z * z);
 }
 
-// The half vector on the side of the face, and the cosine between it and `wo`, 0 where there is none.
+// Returns the half vector on the side of the face, and its cosine to `wo`, which is 0 where there is no half vector.
 fn leaf_half_vector(face: LeafFace, wi: vec3<f32>, wo: vec3<f32>) -> vec4<f32> {
     let sum = wi + wo;
     let h = sum * (select(1.0, -1.0, dot(face.normal, sum) < 0.0) / max(length(sum), LEAF_MIN_HALF));

@@ -1,4 +1,4 @@
-//! A leaf whose optics are evaluated live, without a capture.
+//! Leaves whose optics are evaluated live, without a capture.
 
 pub(crate) mod body;
 pub(crate) mod error;

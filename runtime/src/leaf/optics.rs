@@ -1,7 +1,8 @@
 //! Plates of leaf tissue in double precision, for tables and spectra [Allen 1969; Jacquemoud 1990].
 //!
-//! Reflectances and transmittances are shares of the light that has *entered* through the first surface, so that a gloss that
-//! says how much enters couples to them; without absorption they add up to 1. docs/MODEL.md has the equations.
+//! Reflectances and transmittances are shares of the light that has *entered* through the first surface, so that a
+//! gloss, which tells how much enters, couples to them; without absorption they add up to 1. docs/MODEL.md has the
+//! equations.
 
 use crate::leaf::body::printed_plate;
 use crate::leaf::figures::{LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
@@ -13,25 +14,25 @@ use std::ops::Range;
 /// Half-angle in degrees of the cone of light that PROSPECT assumes [Jacquemoud 1990].
 pub const CONE_DEG: f64 = 40.0;
 
-/// Diffuse light at the interface of air and a medium.
+/// The transmittances of an interface between air and a medium for diffuse light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Faces {
-    /// Transmittance from the air.
+    /// Transmittance from the air into the medium.
     pub entry: f64,
-    /// Transmittance from inside, `entry / n^2` [Stern 1964].
+    /// Transmittance from the medium into the air, `entry / n^2` [Stern 1964].
     pub exit: f64,
 }
 
 impl Faces {
-    /// Of a medium of refractive index `index`.
+    /// Computes the transmittances of a medium of refractive index `index`.
     pub fn new(index: f32) -> Faces {
         let entry = interface_transmittance(index, 90.0);
         Faces { entry, exit: entry / f64::from(index).powi(2) }
     }
 }
 
-/// Mean transmittance of the interface between air and a medium of index `index` (1 up) under light that fills a cone of
-/// half-angle `cone_deg` (0 to 90 degrees) about the normal, to 1e-6. Costs 257 Fresnel terms.
+/// Returns the mean transmittance of the interface between air and a medium of index `index` (1 and more) under light
+/// that fills a cone of half-angle `cone_deg` (0 to 90 degrees) about the normal, to 1e-6. Costs 257 Fresnel terms.
 pub(crate) fn interface_transmittance(index: f32, cone_deg: f64) -> f64 {
     // Simpson's rule over the cosine, with the cosine as weight.
     const INTERVALS: usize = 256;
@@ -48,15 +49,15 @@ pub(crate) fn interface_transmittance(index: f32, cone_deg: f64) -> f64 {
     sum / weights
 }
 
-/// Reflectance and transmittance of one plate of `theta` [Miao, eq. 3 and 4, over the light that enters].
+/// Returns reflectance and transmittance of one plate of `theta` [Miao, eq. 3 and 4, over the light that enters].
 pub(crate) fn one_plate(theta: f64, exit: f64) -> [f64; 2] {
     let back = theta * (1.0 - exit);
     let behind = theta * exit / (1.0 - back * back);
     [back * behind, behind]
 }
 
-/// Reflectance and transmittance of `structure` plates (1 up, need not be whole) of `theta`: the first, lit from the air,
-/// above a pile of the others [Stokes 1862; Jacquemoud 1990].
+/// Returns reflectance and transmittance of `structure` plates (1 and more, need not be whole) of `theta`: the first,
+/// lit from the air, above a pile of the others [Stokes 1862; Jacquemoud 1990].
 pub(crate) fn n_plates(theta: f64, faces: Faces, structure: f64) -> [f64; 2] {
     let [front, behind] = one_plate(theta, faces.exit);
     // One layer under diffuse light from the air; what it absorbs is not taken as 1 - r - t, which loses its digits.
@@ -67,7 +68,7 @@ pub(crate) fn n_plates(theta: f64, faces: Faces, structure: f64) -> [f64; 2] {
     [front + between * below * t, between * through]
 }
 
-/// `count` layers that reflect `r`, transmit `t` and absorb `absorbed`.
+/// Returns reflectance and transmittance of `count` layers that reflect `r`, transmit `t` and absorb `absorbed`.
 fn pile(r: f64, t: f64, absorbed: f64, count: f64) -> [f64; 2] {
     if absorbed <= 0.0 {
         let through = t / (t + (1.0 - t) * count);
@@ -85,27 +86,27 @@ fn pile(r: f64, t: f64, absorbed: f64, count: f64) -> [f64; 2] {
     [(1.0 - g_less) * power2_less / denominator, power * g2_less / denominator]
 }
 
-/// `sum K C` of a whole leaf over some of its contents, numbers of [`LeafState::contents`].
+/// Sums `K C` of a whole leaf over some of its contents, which are numbers of [`LeafState::contents`].
 pub(crate) fn absorption(row: &LeafRow, state: &LeafState, contents: Range<usize>) -> f64 {
     let held = state.contents();
     contents.map(|i| f64::from(row.absorption[i]) * f64::from(held[i])).sum()
 }
 
-/// A leaf's optics at one wavelength.
+/// The optics of a leaf at one wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafSpectrumRow {
     /// Wavelength in nanometres.
     pub wavelength_nm: f32,
-    /// Share of the light that is reflected.
+    /// Share of the light that the leaf reflects.
     pub reflectance: f32,
-    /// Share of the light that is transmitted.
+    /// Share of the light that the leaf transmits.
     pub transmittance: f32,
 }
 
-/// Reflectance and transmittance of a leaf without textures, of incident light, the surface's own reflection included, by
-/// wavelength: for a plot. In the mode's own model: N layers
-/// give 400 to 780 nm every 10 nm under a cone of [`CONE_DEG`], the others red, green and blue lit along the normal. Costs
-/// 514 Fresnel terms a row. Finite for every finite state.
+/// Returns reflectance and transmittance by wavelength of a leaf without textures, as shares of the incident light
+/// including the surface's own reflection, for a plot. They are computed by the state's mode: N layers give 400 to 780
+/// nm every 10 nm under a cone of [`CONE_DEG`], the others red, green and blue lit along the normal. Costs 514 Fresnel
+/// terms a row. Finite for every finite state.
 pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
     let state = state.evaluable();
     let layers = f64::from(state.structure);
@@ -133,8 +134,8 @@ pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
         .collect()
 }
 
-/// Reflectance and transmittance of the body alone, of the light that has entered, over the spectrum and by N layers whatever
-/// the state's mode: what the modes are measured against. Otherwise as [`leaf_spectrum`].
+/// Returns reflectance and transmittance of the body alone, as shares of the light that has entered, over the spectrum
+/// and by N layers for every mode: the reference for the errors of the modes. Otherwise like [`leaf_spectrum`].
 pub fn leaf_body_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
     let state = state.evaluable();
     let layers = f64::from(state.structure);

@@ -1,14 +1,16 @@
-//! The state of a leaf: what its tissue holds, how its surface shines, and how exactly it is evaluated.
+//! The state of a leaf: the contents of its tissue, the gloss of its surface, and the mode in which it is evaluated.
 
 use crate::leaf::error::LeafError;
+use btf_leaf_quantities::{Part, QUANTITIES, Quantity};
 
-/// How a leaf's body is evaluated. docs/TRADE.md has each one's error and time.
+/// The mode in which a leaf's body is evaluated. docs/TRADE.md has each one's error and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u32)]
 pub enum LeafMode {
-    /// One plate as printed: three wavelengths, theta in three pieces, eq. 6 with its misprints, thickness as a factor on
-    /// what is transmitted [Miao, eq. 5, 6 and 9]. Knows neither anthocyanins nor water. Not printed: the gloss, which is
-    /// the other modes' so that the bodies compare, its coupling, and the limit to the light that fell in.
+    /// One plate as printed: three wavelengths, theta in three pieces, eq. 6 with its misprints, thickness as a factor
+    /// on the transmitted light [Miao, eq. 5, 6 and 9]. The mode has neither anthocyanins nor water. Not printed: the
+    /// gloss, which is that of the other modes so that the bodies compare, its coupling, and the limit to the light
+    /// that entered.
     ThreePiece = 0,
     /// One exact plate at the paper's three wavelengths, theta by a rational form [Miao, eq. 3-5].
     Rational = 1,
@@ -21,7 +23,7 @@ impl LeafMode {
     /// All modes, by number.
     pub const ALL: [LeafMode; 3] = [LeafMode::ThreePiece, LeafMode::Rational, LeafMode::NLayers];
 
-    /// Its name: `three-piece`, `rational` or `n-layers`.
+    /// Returns the mode's name: `three-piece`, `rational` or `n-layers`.
     pub fn name(self) -> &'static str {
         match self {
             LeafMode::ThreePiece => "three-piece",
@@ -31,41 +33,37 @@ impl LeafMode {
     }
 }
 
-/// A quantity of a leaf, as a slider or a file needs it.
+/// A quantity of a leaf, as a slider or a file needs it: [`btf_leaf_quantities::Quantity`] in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafQuantity {
-    /// Name of the field of [`LeafState`], and key in files.
+    /// Name of the field of [`LeafState`], and key in messages.
     pub key: &'static str,
-    /// Unit with a space before it; empty where there is none.
+    /// Unit; empty where there is none.
     pub unit: &'static str,
-    /// Least and most of a leaf.
+    /// Least and greatest value that leaves have.
     pub range: [f32; 2],
+    /// Part of the leaf that the number describes.
+    pub part: Part,
 }
 
 /// The quantities of a leaf in the order of [`LeafState::values`].
-pub const LEAF_QUANTITIES: [LeafQuantity; 10] = {
-    const fn quantity(key: &'static str, unit: &'static str, least: f32, most: f32) -> LeafQuantity {
-        LeafQuantity { key, unit, range: [least, most] }
+pub const LEAF_QUANTITIES: [LeafQuantity; QUANTITIES.len()] = {
+    let blank = LeafQuantity { key: "", unit: "", range: [0.0; 2], part: Part::Tissue };
+    let mut all = [blank; QUANTITIES.len()];
+    let mut i = 0;
+    while i < all.len() {
+        let Quantity { whole_key, unit, part, .. } = QUANTITIES[i];
+        all[i] = LeafQuantity { key: whole_key, unit, range: QUANTITIES[i].range_f32(), part };
+        i += 1;
     }
-    [
-        quantity("chlorophyll_ug_per_cm2", " ug/cm2", 0.0, 100.0),
-        quantity("carotenoid_ug_per_cm2", " ug/cm2", 0.0, 25.0),
-        quantity("anthocyanin_ug_per_cm2", " ug/cm2", 0.0, 15.0),
-        quantity("brown", "", 0.0, 1.0),
-        quantity("water_cm", " cm", 0.0, 0.04),
-        quantity("dry_matter_g_per_cm2", " g/cm2", 0.0, 0.02),
-        quantity("structure", "", 1.0, 3.0),
-        quantity("gloss_index", "", 1.01, 3.0),
-        quantity("gamma_along", "", 0.05, 1.0),
-        quantity("gamma_across", "", 0.05, 1.0),
-    ]
+    all
 };
 
-/// The state of a leaf. [`LeafState::check`] holds it to a leaf's ranges; whatever is finite beyond them is evaluated to
-/// finite values that make no light.
+/// The state of a leaf. [`LeafState::check`] holds it to the ranges of leaves; finite values beyond them are evaluated
+/// to finite values that create no light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafState {
-    /// How the body is evaluated.
+    /// Mode in which the body is evaluated.
     pub mode: LeafMode,
     /// Chlorophyll a + b in ug/cm2, 0 to 100.
     pub chlorophyll_ug_per_cm2: f32,
@@ -85,32 +83,20 @@ pub struct LeafState {
     pub gloss_index: f32,
     /// Roughness of the gloss along the veins (root of twice the facets' slope variance), 0.05 to 1.
     pub gamma_along: f32,
-    /// The same across the veins.
+    /// Roughness of the gloss across the veins (root of twice the facets' slope variance), 0.05 to 1.
     pub gamma_across: f32,
 }
 
 impl Default for LeafState {
-    /// A green leaf under its own gloss, evaluated over the spectrum.
+    /// Returns a green leaf under its own gloss, evaluated over the spectrum.
     fn default() -> LeafState {
-        LeafState {
-            mode: LeafMode::default(),
-            chlorophyll_ug_per_cm2: 40.0,
-            carotenoid_ug_per_cm2: 8.0,
-            anthocyanin_ug_per_cm2: 0.0,
-            brown: 0.0,
-            water_cm: 0.01,
-            dry_matter_g_per_cm2: 0.005,
-            structure: 1.5,
-            gloss_index: 1.42,
-            gamma_along: 0.3,
-            gamma_across: 0.3,
-        }
+        LeafState::from_values(LeafMode::default(), QUANTITIES.map(|quantity| quantity.default as f32))
     }
 }
 
 impl LeafState {
-    /// The quantities in the order of [`LEAF_QUANTITIES`].
-    pub fn values(&self) -> [f32; 10] {
+    /// Returns the quantities in the order of [`LEAF_QUANTITIES`].
+    pub fn values(&self) -> [f32; QUANTITIES.len()] {
         [
             self.chlorophyll_ug_per_cm2,
             self.carotenoid_ug_per_cm2,
@@ -125,8 +111,8 @@ impl LeafState {
         ]
     }
 
-    /// The state of `mode` with the quantities in the order of [`LEAF_QUANTITIES`].
-    pub fn from_values(mode: LeafMode, values: [f32; 10]) -> LeafState {
+    /// Makes a state of `mode` from quantities in the order of [`LEAF_QUANTITIES`].
+    pub fn from_values(mode: LeafMode, values: [f32; QUANTITIES.len()]) -> LeafState {
         let [
             chlorophyll_ug_per_cm2,
             carotenoid_ug_per_cm2,
@@ -157,40 +143,43 @@ impl LeafState {
     /// Checks every quantity against the ranges of leaves.
     ///
     /// # Errors
-    /// [`LeafError::OutOfRange`] for the first beyond its range or not a number.
+    /// [`LeafError::OutOfRange`] for the first quantity that is beyond its range or not a number.
     pub fn check(&self) -> Result<(), LeafError> {
         refuse_beyond(self, |quantity| quantity.range)
     }
 
-    /// Refuses what cannot be evaluated: a value that is not finite.
+    /// Refuses a state that cannot be evaluated: one with a value that is not finite.
     pub(crate) fn check_finite(&self) -> Result<(), LeafError> {
         refuse_beyond(self, |_| [f32::MIN, f32::MAX])
     }
 
-    /// The same state within what can be evaluated: contents not negative, N at least 1, index and roughness in their
-    /// ranges.
+    /// Returns the nearest state that can be evaluated: contents not negative, N at least 1, index and roughness in
+    /// their ranges.
     pub(crate) fn evaluable(&self) -> LeafState {
         let mut values = self.values();
-        for (i, (value, quantity)) in values.iter_mut().zip(LEAF_QUANTITIES).enumerate() {
+        for (value, quantity) in values.iter_mut().zip(LEAF_QUANTITIES) {
             let [least, most] = quantity.range;
             // Contents and N have no upper end.
-            *value = if i < 7 { value.max(least) } else { value.clamp(least, most) };
+            *value = match quantity.part {
+                Part::Tissue => value.max(least),
+                Part::Gloss => value.clamp(least, most),
+            };
         }
         LeafState::from_values(self.mode, values)
     }
 
-    /// Contents in the order of [`crate::LeafRow::absorption`].
+    /// Returns the contents in the order of [`crate::LeafRow::absorption`].
     pub(crate) fn contents(&self) -> [f32; 6] {
         [0, 1, 2, 3, 4, 5].map(|i| self.values()[i])
     }
 }
 
-/// Refuses the first quantity outside of `allowed`, or not a number, with its range of leaves.
+/// Refuses the first quantity that is outside of `allowed` or not a number. The error names the range of leaves.
 fn refuse_beyond(state: &LeafState, allowed: impl Fn(&LeafQuantity) -> [f32; 2]) -> Result<(), LeafError> {
     for (value, quantity) in state.values().into_iter().zip(&LEAF_QUANTITIES) {
         let [low, high] = allowed(quantity);
         if !(low..=high).contains(&value) {
-            let LeafQuantity { key, unit, range: [least, most] } = *quantity;
+            let LeafQuantity { key, unit, range: [least, most], .. } = *quantity;
             return Err(LeafError::OutOfRange { key, value, least, most, unit });
         }
     }
@@ -200,6 +189,18 @@ fn refuse_beyond(state: &LeafState, allowed: impl Fn(&LeafQuantity) -> [f32; 2])
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_stand_in_the_order_of_the_quantities() {
+        // One value at a time, by its field's name.
+        for (i, quantity) in LEAF_QUANTITIES.iter().enumerate() {
+            let mut values = [0.0; QUANTITIES.len()];
+            values[i] = 0.5;
+            let state = LeafState::from_values(LeafMode::Rational, values);
+            assert!(format!("{state:?}").contains(&format!("{}: 0.5", quantity.key)), "{state:?}");
+            assert_eq!(state.values(), values);
+        }
+    }
 
     #[test]
     fn every_quantity_is_refused_beyond_its_range_by_its_own_name() {

@@ -1,45 +1,47 @@
-//! The appearance textures of a leaf: what they say of one texel, packed into four words, with coarser levels, read between
-//! texels. Twin: `shaders/leaf_texture.wgsl`.
+//! The appearance textures of a leaf: the channels of a texel packed into four words, coarser levels, and bilinear
+//! lookup. Twin: `leaf/texture.wgsl`.
 
 use crate::leaf::error::LeafError;
 use crate::leaf::words::{LEVELS_AT, MAX_LEAF_LEVELS, TEXEL_WORDS, TEXELS_AT};
 
-/// Most texels in a row or column of a leaf's textures.
+/// Largest number of texels in a row or column of a leaf's textures.
 pub const MAX_LEAF_SIDE: usize = 1 << 14;
 
-/// The code of a factor of 1.
+/// Code of a factor of 1.
 pub const FACTOR_ONE: f32 = 127.0;
 
 /// Largest factor that textures hold, 4.03.
 pub const MAX_FACTOR: f32 = (255.0 / FACTOR_ONE) * (255.0 / FACTOR_ONE);
 
-/// What the appearance textures say of one texel [Miao, eq. 9]. Each channel is kept in 8 bits.
+/// A texel of a leaf's appearance textures [Miao, eq. 9]. Each channel is kept in 8 bits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafTexel {
-    /// Factors on chlorophyll, on carotenoids, on brown pigment and anthocyanins, and on all absorption for thickness (V_a, V_c,
-    /// V_b, V_t), 0 to [`MAX_FACTOR`]. Steps grow with the root of the factor, to 0.016 at 1, which is exact.
+    /// Factors on chlorophyll, on carotenoids, on brown pigment and anthocyanins, and on all absorption for thickness
+    /// (V_a, V_c, V_b, V_t), 0 to [`MAX_FACTOR`]. Steps grow with the root of the factor, to 0.016 at 1, which is
+    /// exact.
     pub factors: [f32; 4],
     /// Strength of the gloss of front and back (V_g), 0 to 1 in steps of 1/255.
     pub gloss: [f32; 2],
-    /// Cosine and sine of twice the angle between u and the veins' direction, -1 to 1 in steps of 1/127; only the direction
-    /// counts, and 0, 0 is along v.
+    /// Cosine and sine of twice the angle between u and the veins, -1 to 1 in steps of 1/127. Their length does not
+    /// matter, and 0, 0 is along v.
     pub veins: [f32; 2],
-    /// Shares of main vein, lesser veins and mesophyll, 0 to 1 in steps of 1/255. They change no light: they tell what a place is.
+    /// Shares of main vein, lesser veins and mesophyll, 0 to 1 in steps of 1/255. They only describe the place and do
+    /// not change its colour.
     pub structure: [f32; 3],
-    /// x and y of the front's unit normal, then of the back's in its own frame (z away from the leaf), -1 to 1 in steps that
-    /// grow with the root, to 0.008 at 0.25.
+    /// Coordinates x and y of the front's unit normal, then of the back's in its own frame (z away from the leaf), -1
+    /// to 1 in steps that grow with the root, to 0.008 at 0.25.
     pub tilt: [f32; 4],
 }
 
 impl Default for LeafTexel {
-    /// Mesophyll that holds just what the state says, flat, full gloss on both faces.
+    /// Returns mesophyll with the contents of the state, flat, with full gloss on both faces.
     fn default() -> LeafTexel {
         LeafTexel { factors: [1.0; 4], gloss: [1.0; 2], veins: [-1.0, 0.0], structure: [0.0, 0.0, 1.0], tilt: [0.0; 4] }
     }
 }
 
 impl LeafTexel {
-    /// All channels, weighted and added to `sum`.
+    /// Adds all channels, weighted, to `sum`.
     fn add_to(&self, sum: &mut LeafTexel, weight: f32) {
         let pairs = [
             (&mut sum.factors[..], &self.factors[..]),
@@ -53,11 +55,11 @@ impl LeafTexel {
         }
     }
 
-    /// All channels 0.
+    /// Texel with all channels 0.
     const NONE: LeafTexel =
         LeafTexel { factors: [0.0; 4], gloss: [0.0; 2], veins: [0.0; 2], structure: [0.0; 3], tilt: [0.0; 4] };
 
-    /// The nearest codes. Values beyond their range are taken at its end, what is no number as 0.
+    /// Packs the nearest codes. Values beyond their range are clamped; NaN counts as 0.
     fn words(&self) -> [u32; TEXEL_WORDS] {
         let unorm = |x: f32| u32::from((x.clamp(0.0, 1.0) * 255.0).round() as u8);
         let snorm = |x: f32| u32::from((x.clamp(-1.0, 1.0) * 127.0).round() as i8 as u8);
@@ -74,17 +76,17 @@ impl LeafTexel {
     }
 }
 
-/// Four bytes of a word, the lowest first, 0 to 1.
+/// Unpacks four bytes of a word, the lowest first, to 0 to 1.
 fn unorm_bytes(word: u32) -> [f32; 4] {
     word.to_le_bytes().map(|byte| f32::from(byte) / 255.0)
 }
 
-/// The same with signs, -1 to 1.
+/// Unpacks four signed bytes of a word, the lowest first, to -1 to 1.
 fn snorm_bytes(word: u32) -> [f32; 4] {
     word.to_le_bytes().map(|byte| (f32::from(byte as i8) / 127.0).max(-1.0))
 }
 
-/// The texel whose first word is number `at`.
+/// Unpacks the texel whose first word is number `at`.
 fn unpacked(words: &[u32], at: usize) -> LeafTexel {
     let factors = unorm_bytes(words[at]).map(|x| x * 255.0 / FACTOR_ONE);
     let gloss = unorm_bytes(words[at + 1]);
@@ -99,8 +101,8 @@ fn unpacked(words: &[u32], at: usize) -> LeafTexel {
     }
 }
 
-/// What the textures say at `uv` (u to the right, v up, one repetition a unit) of `level` (the coarsest if there are fewer),
-/// bilinear between texels.
+/// Reads the textures at `uv` (u to the right, v up, one repetition a unit) of `level` (the coarsest if there are
+/// fewer), bilinear between texels.
 pub fn texel_at(words: &[u32], uv: [f32; 2], level: u32) -> LeafTexel {
     let level = level.min(words[1] - 1);
     let (width, rows) = ((words[2] >> level).max(1), (words[3] >> level).max(1));
@@ -119,25 +121,25 @@ pub fn texel_at(words: &[u32], uv: [f32; 2], level: u32) -> LeafTexel {
     sum
 }
 
-/// The appearance textures of a leaf, one texel beside the other.
+/// The appearance textures of a leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafTexture {
-    /// Texels in a row.
+    /// Number of texels in a row.
     pub width: usize,
-    /// `[row, column]`, the top row (v = 1) first.
+    /// Texels `[row, column]`, the top row (v = 1) first.
     pub texels: Vec<LeafTexel>,
 }
 
 impl LeafTexture {
-    /// A leaf that is `texel` everywhere.
+    /// Returns textures with the same texel everywhere.
     pub fn uniform(texel: LeafTexel) -> LeafTexture {
         LeafTexture { width: 1, texels: vec![texel] }
     }
 
-    /// Rows, where the texels fill them.
+    /// Returns the number of rows that the texels fill.
     ///
     /// # Errors
-    /// [`LeafError::Texels`].
+    /// [`LeafError::Texels`] if the texels do not fill whole rows, or are too many.
     pub(crate) fn rows(&self) -> Result<usize, LeafError> {
         let rows = self.texels.len() / self.width.max(1);
         let fills = rows * self.width == self.texels.len() && rows > 0;
@@ -147,8 +149,8 @@ impl LeafTexture {
         Err(LeafError::Texels { width: self.width, height: rows, texels: self.texels.len(), most: MAX_LEAF_SIDE })
     }
 
-    /// The words from [`LEVELS_AT`] on, all levels, and how many there are. Each level is the mean over the areas of its texels, from
-    /// the one before, unrounded.
+    /// Returns the words of all levels from [`LEVELS_AT`] on, and the number of levels. Each level averages the areas
+    /// of its texels in the level before, unrounded.
     pub(crate) fn words(&self, rows: usize) -> (Vec<u32>, u32) {
         let mut offsets = vec![0; MAX_LEAF_LEVELS];
         let (mut words, mut level) = (Vec::new(), 0);
@@ -172,7 +174,7 @@ impl LeafTexture {
     }
 }
 
-/// Means of `texels` over the texels of a coarser grid.
+/// Averages `texels` over the texels of a coarser grid.
 fn halved(texels: &[LeafTexel], from: [usize; 2], to: [usize; 2]) -> Vec<LeafTexel> {
     // Cells of the finer grid below cell `i` of the coarser one, with the share of it that each covers.
     let below = |i: usize, axis: usize| -> Vec<(usize, f32)> {

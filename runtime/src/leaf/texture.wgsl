@@ -1,17 +1,17 @@
-// What the appearance textures of a leaf say, read between texels. Twin: leaf_texture.rs, which names the channels.
+// The appearance textures of a leaf, read between texels. Twin: leaf/texture.rs, which names the channels.
 
 const LEAF_FACTOR_ONE: f32 = 127.0;
 
 struct LeafTexel {
-    // On chlorophyll, carotenoids, brown pigment and anthocyanins, thickness.
+    // Factors on chlorophyll, carotenoids, brown pigment and anthocyanins, thickness.
     factors: vec4<f32>,
-    // x and y of the normals of front and back, each in its own frame.
+    // Coordinates x and y of the normals of front and back, each in its own frame.
     tilt: vec4<f32>,
-    // Main vein, lesser veins, mesophyll.
+    // Shares of main vein, lesser veins, mesophyll.
     structure: vec3<f32>,
-    // Of front and back.
+    // Strength of the gloss of front and back.
     gloss: vec2<f32>,
-    // Cosine and sine of twice their angle.
+    // Cosine and sine of twice the angle of the veins.
     veins: vec2<f32>,
 }
 
@@ -28,7 +28,8 @@ fn leaf_unpacked(at: u32) -> LeafTexel {
     );
 }
 
-// The leaf whose first word is number `base`, at `uv` of `level` (the coarsest if there are fewer), bilinear, repeated.
+// Reads the textures of the leaf whose first word is number `base`, at `uv` of `level` (the coarsest if there are
+// fewer), bilinear, repeated.
 fn leaf_texel_at(base: u32, uv: vec2<f32>, level_given: u32) -> LeafTexel {
     let level = min(level_given, asset_word(base + 1u) - 1u);
     let width = max(asset_word(base + 2u) >> level, 1u);
@@ -40,7 +41,7 @@ fn leaf_texel_at(base: u32, uv: vec2<f32>, level_given: u32) -> LeafTexel {
     var sum = LeafTexel(vec4<f32>(0.0), vec4<f32>(0.0), vec3<f32>(0.0), vec2<f32>(0.0), vec2<f32>(0.0));
     for (var i = 0u; i < 4u; i++) {
         let corner = vec2<u32>(i & 1u, i >> 1u);
-        // One width on, because the first place may lie half a texel before 0.
+        // One width is added, because the first place may lie half a texel before 0.
         let x = u32(i32(floor(place.x)) + i32(width + corner.x)) % width;
         let y = u32(i32(floor(place.y)) + i32(rows + corner.y)) % rows;
         let weight = select(1.0 - share.x, share.x, corner.x == 1u) * select(1.0 - share.y, share.y, corner.y == 1u);

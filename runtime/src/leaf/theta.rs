@@ -1,16 +1,16 @@
-//! Transmission of diffuse light through an absorbing layer, theta(k) = 2 E3(k): exact, by a rational form, and as printed.
-//! Twin of the last two: `shaders/leaf_theta.wgsl`.
+//! Transmission of diffuse light through an absorbing layer, theta(k) = 2 E3(k): exact, by a rational form, and as
+//! printed. Twin of the last two: `leaf/theta.wgsl`.
 
-/// Largest absorption that the single-precision forms tell from infinity; theirs are 0 there.
+/// Absorption above which the single-precision forms of theta are 0.
 pub const MAX_ABSORPTION: f32 = 80.0;
 
-/// Of [`rational_theta`]: coefficients of k in the numerator, and of k, k^2 and k^3 in the denominator; the numerator's k^2
-/// has twice the last. Fitted to the least largest error by `cargo run --release -p btf-tests --example leaf_fits`.
+/// Coefficient of k in the numerator of [`rational_theta`]; the numerator's k^2 has twice the last of [`THETA_Q`].
+/// Fitted to the least largest error by `cargo run --release -p btf-tests --example leaf_fits`.
 pub const THETA_P: f32 = 7.24335;
-/// See [`THETA_P`].
+/// Coefficients of k, k^2 and k^3 in the denominator of [`rational_theta`], fitted together with [`THETA_P`].
 pub const THETA_Q: [f32; 3] = [8.220058, 9.686885, 2.157772];
 
-/// `2 E3(k)` for `k >= 0`, 1 at 0 and falling to 0; relative error below 1e-12. For tables.
+/// Returns `2 E3(k)` for `k >= 0`, 1 at 0 and falling to 0, with a relative error below 1e-12. For tables.
 ///
 /// Source: power series and continued fraction of the exponential integrals [Abramowitz & Stegun 1964, 5.1.11, 5.1.22].
 pub(crate) fn exact_theta(k: f64) -> f64 {
@@ -39,7 +39,7 @@ pub(crate) fn exact_theta(k: f64) -> f64 {
     2.0 * (-k).exp() / rest
 }
 
-/// Theta as printed, in three pieces [Miao, after eq. 5]: 0.951 at 0, jumps at 1 and 3, never below 0.01.
+/// Returns theta as printed, in three pieces [Miao, after eq. 5]: 0.951 at 0, jumps at 1 and 3, never below 0.01.
 pub fn three_piece_theta(k: f32) -> f32 {
     if k <= 1.0 {
         return 0.951 * (-1.463 * k).exp();
@@ -50,7 +50,7 @@ pub fn three_piece_theta(k: f32) -> f32 {
     0.01
 }
 
-/// Theta by `e^-k P(k) / Q(k)`: 1 at 0, falling everywhere, largest error 7.7e-5.
+/// Returns theta by `e^-k P(k) / Q(k)`: 1 at 0, falling everywhere, largest error 7.7e-5.
 pub fn rational_theta(k: f32) -> f32 {
     let k = k.min(MAX_ABSORPTION);
     let [q1, q2, q3] = THETA_Q;
@@ -61,7 +61,7 @@ pub fn rational_theta(k: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// `2 E3(k)` computed in extended precision outside of this project's code.
+    /// Values of `2 E3(k)`, computed in extended precision outside of this project's code.
     const THETA: [(f64, f64); 9] = [
         (1e-8, 0.9999999800000019),
         (0.01, 0.9805531283693302),

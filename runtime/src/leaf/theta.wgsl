@@ -1,4 +1,4 @@
-// Transmission of diffuse light through an absorbing layer, as printed and by a rational form. Twin: leaf_theta.rs.
+// Transmission of diffuse light through an absorbing layer, as printed and by a rational form. Twin: leaf/theta.rs.
 
 const LEAF_MAX_ABSORPTION: f32 = 80.0;
 const LEAF_THETA_P: f32 = 7.24335;

@@ -1,49 +1,51 @@
-//! A place of a leaf as an eye sees it: the half of shading that does not depend on the light, done once however many
-//! lights there are; and directions drawn for a path. Twin: `shaders/viewed_leaf.wgsl`.
+//! A place of a leaf seen from one outgoing direction: the view-dependent half of shading, done once for any number of
+//! lights; and directions drawn for a path. Twin: `leaf/viewed.wgsl`.
 //!
-//! Light on the eye's side: `pi f cos_i = F c(i, o) cos_i + g pi f_s cos_i` with the body's share F of the light that has entered
-//! and the coupling `c(i, o) = (1 - g E(i)) (1 - g E(o)) / (1 - g E_mean)`, E the gloss's directional albedo [after Kelemen &
-//! Szirmay-Kalos 2001]. Light on the other side: the body's other share, entered through that face's gloss, left through
-//! the seen one's; no lobe.
+//! Light on the eye's side: `pi f cos_i = F c(i, o) cos_i + g pi f_s cos_i` with the body's share F of the light that
+//! has entered and the coupling `c(i, o) = (1 - g E(i)) (1 - g E(o)) / (1 - g E_mean)`, E the gloss's directional
+//! albedo [after Kelemen & Szirmay-Kalos 2001]. Light on the other side: the body's other share, which enters through
+//! the gloss of that face and leaves through the gloss of the seen one; no lobe.
 //!
-//! When it is wrong: transmission is diffuse; tilted normals shade, but cast no shadow; what the lobe of a tilted normal sends below the horizon is lost.
+//! When it is wrong: transmission is diffuse; tilted normals shade, but cast no shadow; light that the lobe of a tilted
+//! normal sends below the horizon is lost.
 
-use crate::asset::lobe::{cross, dot};
 use crate::decode::sample::sample_about_z;
 use crate::leaf::body::{LeafBody, between_faces, body};
 use crate::leaf::lobe::{LeafFace, LeafLobe, albedo, lobe, lobe_density, lobe_direction};
 use crate::leaf::texture::{LeafTexel, texel_at};
+use crate::numeric::vector::{cross, dot};
 use std::f32::consts::PI;
 
 /// Least cosine between a tilted normal and the eye.
 pub const MIN_EYE: f32 = 1e-3;
-/// Least square of a normal's z.
+/// Least square of the z of a normal.
 pub const MIN_UP: f32 = 0.04;
-/// Least share of the directions that either side of the body and the gloss are drawn with.
+/// Least probability with which either side of the body and the gloss are drawn.
 pub const MIN_SHARE: f32 = 0.02;
-/// Luminance of linear sRGB.
-pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+/// Weights of linear sRGB in the luminance.
+pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// A place of a leaf as an eye sees it. See the head of this file.
+/// A place of a leaf seen from one outgoing direction. The head of the file has the equations.
 #[derive(Debug, Clone, Copy)]
 pub struct ViewedLeaf<'a> {
     words: &'a [u32],
     gloss: LeafLobe,
-    /// 1 where the front is seen, -1 where the back is: z of what is in the frame of the seen face.
+    /// Side of the eye: 1 for the front, -1 for the back. Multiplies z to change to the frame of the seen face.
     side: f32,
-    /// In the seen face's frame.
+    /// Unit vector to the eye in the seen face's frame.
     wo: [f32; 3],
     cos_o: f32,
     seen: LeafFace,
     far: LeafFace,
-    /// The body's two shares, times what the seen gloss lets out to the eye.
+    /// Share of the body that is reflected, times the share that the seen gloss transmits to the eye; the transmitted
+    /// one follows.
     reflected: [f32; 3],
     transmitted: [f32; 3],
-    /// How often the body's two sides and the gloss are drawn.
+    /// Probabilities with which the body's two sides and the gloss are drawn.
     shares: [f32; 3],
 }
 
-/// A face of a normal whose x and y are given, under veins along the angle that twice is given.
+/// Makes a face of the x and y of its normal, and of the cosine and sine of twice the angle of its veins.
 fn face(tilt: [f32; 2], veins: [f32; 2], gloss: f32) -> LeafFace {
     let [x, y] = tilt;
     let z = (1.0 - x * x - y * y).max(MIN_UP).sqrt();
@@ -61,24 +63,26 @@ fn face(tilt: [f32; 2], veins: [f32; 2], gloss: f32) -> LeafFace {
     LeafFace { normal, along, across: cross(normal, along), gloss }
 }
 
-/// Share of the light of cosine `cosine` at the direction `w` that a face's gloss reflects.
+/// Returns the share of the light of cosine `cosine` in the direction `w` that a face's gloss reflects.
 fn reflected_by(words: &[u32], gloss: &LeafLobe, face: &LeafFace, cosine: f32, w: [f32; 3]) -> f32 {
     face.gloss * albedo(words, gloss, cosine, [dot(face.along, w), dot(face.across, w)])
 }
 
-/// A direction of the other face's frame.
+/// Turns a direction to the frame of the other face.
 fn turned(w: [f32; 3]) -> [f32; 3] {
     [w[0], w[1], -w[2]]
 }
 
 impl<'a> ViewedLeaf<'a> {
-    /// The leaf whose words begin `words` at `uv` (u to the right, v up, one repetition a unit) of `level` (0 the finest; the coarsest
-    /// if there are fewer), seen from `wo`, a unit vector in the frame of the front (x along u, y along v; z < 0 sees the
-    /// back). `factors` are the plant's own, on top of the textures': on chlorophyll, on carotenoids, on brown pigment and
-    /// anthocyanins, on thickness; 0 up, 1 for none.
+    /// Prepares a place of the leaf whose words begin `words`: `uv` (u to the right, v up, one repetition a unit) of
+    /// `level` (0 the finest; the coarsest if there are fewer), seen from `wo`, a unit vector in the frame of the front
+    /// (x along u, y along v; z < 0 sees the back).
+    ///
+    /// `factors` are those of the plant, on top of the textures': on chlorophyll, on carotenoids, on brown pigment and
+    /// anthocyanins, on thickness; at least 0, and 1 for no change.
     ///
     /// # Panics
-    /// Where `words` are not those of a [`crate::Leaf`].
+    /// If `words` are not those of a [`crate::Leaf`].
     pub fn new(words: &'a [u32], uv: [f32; 2], level: u32, factors: [f32; 4], wo: [f32; 3]) -> ViewedLeaf<'a> {
         let float = |i: usize| f32::from_bits(words[i]);
         let gloss = LeafLobe { index: float(6), gamma: [float(7), float(8)], mean_albedo: float(9) };
@@ -112,14 +116,15 @@ impl<'a> ViewedLeaf<'a> {
         }
     }
 
-    /// The same with factors on what the body sends on; its gloss, which has no colour, stays as it is.
+    /// Multiplies the light that leaves the body by `tint`; the gloss, which has no colour, stays as it is.
     pub fn tinted(self, tint: [f32; 3]) -> ViewedLeaf<'a> {
         let by = |light: [f32; 3]| [0, 1, 2].map(|i| light[i] * tint[i]);
         ViewedLeaf { reflected: by(self.reflected), transmitted: by(self.transmitted), ..self }
     }
 
-    /// `pi * BRDF * |cos_i|` for a light at `wi`, a unit vector in the same frame as the eye's, or `pi * BTDF * |cos_i|` where it
-    /// lies on the other side; linear sRGB, the cosine inside. 0 where either lies in the leaf's plane.
+    /// Returns `pi * BRDF * |cos_i|` for a light at `wi`, a unit vector in the frame of the front, or `pi * BTDF *
+    /// |cos_i|` where the light lies on the other side than the eye; linear sRGB, the cosine inside. 0 where either
+    /// lies in the leaf's plane.
     pub fn light(&self, wi: [f32; 3]) -> [f32; 3] {
         let wi = [wi[0], wi[1], wi[2] * self.side];
         if wi[2] == 0.0 || self.wo[2] == 0.0 {
@@ -137,9 +142,9 @@ impl<'a> ViewedLeaf<'a> {
         self.reflected.map(|c| c * enters * cos_i + shine)
     }
 
-    /// A direction to light that matters to this eye, on either side, from three numbers in [0, 1): about the normals by the
-    /// cosine, on either side as often as the body's luminance there, or by the gloss's facets. It may lie where the
-    /// value is 0.
+    /// Draws a direction to light that matters to this eye, on either side, from three numbers in [0, 1): about the
+    /// normals by the cosine, on either side as often as the body's luminance there, or by the facets of the gloss. The
+    /// value may be 0 in the direction drawn.
     pub fn sample_direction(&self, at: [f32; 3]) -> [f32; 3] {
         let [reflected, transmitted, _] = self.shares;
         let about = |face: &LeafFace| {
@@ -156,7 +161,8 @@ impl<'a> ViewedLeaf<'a> {
         [wi[0], wi[1], wi[2] * self.side]
     }
 
-    /// Density of [`ViewedLeaf::sample_direction`] at the unit vector `wi`, per steradian; over the whole sphere it sums up to 1.
+    /// Returns the density of [`ViewedLeaf::sample_direction`] at the unit vector `wi`, per steradian; its integral
+    /// over the whole sphere is 1.
     pub fn sample_density(&self, wi: [f32; 3]) -> f32 {
         let wi = [wi[0], wi[1], wi[2] * self.side];
         let [reflected, transmitted, shine] = self.shares;
@@ -187,12 +193,12 @@ mod tests {
         ViewedLeaf::new(leaf.words(), [0.3, 0.6], 0, NONE, wo)
     }
 
-    /// Nothing absorbs.
+    /// Returns the state of a leaf without absorption.
     fn clear() -> LeafState {
         LeafState::from_values(LeafMode::NLayers, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.5, 1.42, 0.3, 0.3])
     }
 
-    /// What the eye sees under a sky of 1 all around, by midpoints over the sphere.
+    /// Returns the light that the eye receives under a sky of 1 all around, by midpoints over the sphere.
     fn under_white_sky(viewed: &ViewedLeaf) -> [f64; 3] {
         const ROWS: usize = 400;
         const COLUMNS: usize = 360;

@@ -1,5 +1,5 @@
-// A place of a leaf as an eye sees it: the half of shading that does not depend on the light; and directions drawn for a path.
-// Twin: viewed_leaf.rs, which has the equations.
+// A place of a leaf seen from one outgoing direction: the view-dependent half of shading; and directions drawn for a
+// path. Twin: leaf/viewed.rs, which has the equations.
 
 const LEAF_MIN_EYE: f32 = 1e-3;
 const LEAF_MIN_UP: f32 = 0.04;
@@ -8,18 +8,18 @@ const LEAF_LUMINANCE: vec3<f32> = vec3<f32>(0.2126, 0.7152, 0.0722);
 
 struct ViewedLeaf {
     base: u32,
-    // 1 where the front is seen, -1 where the back is: z of what is in the frame of the seen face.
+    // Side of the eye: 1 for the front, -1 for the back. Multiplies z to change to the frame of the seen face.
     side: f32,
     lobe: LeafLobe,
-    // In the seen face's frame.
+    // Unit vector to the eye in the seen face's frame.
     wo: vec3<f32>,
     cos_o: f32,
     seen: LeafFace,
     far: LeafFace,
-    // The body's two shares, times what the seen gloss lets out to the eye.
+    // Shares of the body, reflected and transmitted, times the share that the seen gloss transmits to the eye.
     reflected: vec3<f32>,
     transmitted: vec3<f32>,
-    // How often the body's two sides and the gloss are drawn.
+    // Probabilities with which the body's two sides and the gloss are drawn.
     shares: vec3<f32>,
 }
 
@@ -43,8 +43,8 @@ fn leaf_turned(w: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(w.xy, -w.z);
 }
 
-// The leaf whose first word is number `base`, at `uv` of `level`, seen from `wo`, a unit vector in the frame of the front;
-// `factors` are the plant's own, 1 for none.
+// Prepares a place of the leaf whose first word is number `base`: `uv` of `level`, seen from `wo`, a unit vector in the
+// frame of the front; `factors` are those of the plant, 1 for no change.
 fn leaf_new(base: u32, uv: vec2<f32>, level: u32, factors: vec4<f32>, eye: vec3<f32>) -> ViewedLeaf {
     let lobe = LeafLobe(
         asset_f32(base + 6u),
@@ -77,7 +77,8 @@ fn leaf_new(base: u32, uv: vec2<f32>, level: u32, factors: vec4<f32>, eye: vec3<
     return ViewedLeaf(base, side, lobe, wo, cos_o, seen, far, reflected, transmitted, shares / total);
 }
 
-// pi times BRDF (BTDF on the other side) times |cos_i| for a light at `wi`, a unit vector in the frame of the front.
+// Returns pi times BRDF (BTDF on the other side) times |cos_i| for a light at `wi`, a unit vector in the frame of the
+// front.
 fn leaf_light(viewed: ViewedLeaf, light: vec3<f32>) -> vec3<f32> {
     var wi = vec3<f32>(light.xy, light.z * viewed.side);
     if wi.z == 0.0 || viewed.wo.z == 0.0 {
@@ -95,7 +96,7 @@ fn leaf_light(viewed: ViewedLeaf, light: vec3<f32>) -> vec3<f32> {
     return viewed.reflected * (enters * cos_i) + shine;
 }
 
-// A direction to light that matters to this eye, on either side, from three numbers in [0, 1).
+// Draws a direction to light that matters to this eye, on either side, from three numbers in [0, 1).
 fn leaf_sample_direction(viewed: ViewedLeaf, at: vec3<f32>) -> vec3<f32> {
     var wi = vec3<f32>(0.0);
     if at.z < viewed.shares.x + viewed.shares.y {
@@ -115,7 +116,7 @@ fn leaf_sample_direction(viewed: ViewedLeaf, at: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(wi.xy, wi.z * viewed.side);
 }
 
-// Density of leaf_sample_direction at `wi`, per steradian, over the whole sphere.
+// Returns the density of leaf_sample_direction at `wi`, per steradian, over the whole sphere.
 fn leaf_sample_density(viewed: ViewedLeaf, light: vec3<f32>) -> f32 {
     let wi = vec3<f32>(light.xy, light.z * viewed.side);
     let sum = viewed.shares.x * max(dot(viewed.seen.normal, wi), 0.0)

@@ -1,4 +1,4 @@
-// Where a leaf's words lie, counted from its first. Twin: leaf_words.rs, which says what they hold.
+// The layout of a leaf's words, counted from its first. Twin: leaf/words.rs, which has the contents.
 
 const LEAF_BANDS_AT: u32 = 16u;
 const LEAF_BAND_WORDS: u32 = 8u;
@@ -11,12 +11,12 @@ const LEAF_TABLE_HALF: f32 = 0.5;
 const LEAF_LEVELS_AT: u32 = 1477u;
 const LEAF_TEXEL_WORDS: u32 = 4u;
 
-// Texels in a row of the finest level, and its rows.
+// Returns the number of texels in a row of the finest level, and of its rows.
 fn leaf_size(base: u32) -> vec2<u32> {
     return vec2<u32>(asset_word(base + 2u), asset_word(base + 3u));
 }
 
-// Levels of the textures.
+// Returns the number of levels of the textures.
 fn leaf_levels(base: u32) -> u32 {
     return asset_word(base + 1u);
 }

@@ -1,3 +1,9 @@
 //! Coarser levels of an asset (a mip chain).
 
-pub(crate) mod mip;
+mod cluster;
+mod fitter;
+mod footprint;
+pub(crate) mod levels;
+mod own_cluster;
+#[cfg(test)]
+mod tests;

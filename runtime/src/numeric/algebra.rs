@@ -1,10 +1,12 @@
-//! Small dense algebra, for the levels of an asset. Matrices are square and row-major.
+//! Small dense linear algebra for the levels of an asset. Matrices are square and row-major.
 
-/// Orthogonal iterations that find principal directions.
+use crate::numeric::vector::dot_slices;
+
+/// Number of orthogonal iterations that find principal directions.
 const ITERATIONS: usize = 12;
 
-/// Minimises `x'Gx / 2 - p'x` by coordinate descent over `x`, each step of which `allowed(sweep, i, x_i)` may change.
-/// With `2 p'x - x'Gx`, by which `x` lessens a sum of squares.
+/// Minimises `x'Gx / 2 - p'x` by coordinate descent over `x`, with `G` in `gram` and `p` in `products`. `allowed(sweep,
+/// i, x_i)` may change each step. Returns `x`, and `2 p'x - x'Gx`: by how much `x` reduces a sum of squares.
 pub(crate) fn descend(
     gram: &[f32],
     products: &[f32],
@@ -32,25 +34,13 @@ pub(crate) fn descend(
     (x, gain)
 }
 
-/// Product of two vectors.
-pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    // Eight sums, so that it runs in vectors.
-    let mut sums = [0.0f32; 8];
-    let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a.remainder().iter().zip(b.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a.zip(b) {
-        (0..8).for_each(|i| sums[i] += x[i] * y[i]);
-    }
-    sums.iter().sum::<f32>() + rest
-}
-
-/// `[i, j]`: products of the rows among themselves.
+/// Returns the products of the rows with each other: `[i, j]`.
 pub(crate) fn gram_of(rows: &[Vec<f32>]) -> Vec<f32> {
     let count = rows.len();
     let mut gram = vec![0.0; count * count];
     for i in 0..count {
         for j in 0..=i {
-            let product = dot(&rows[i], &rows[j]);
+            let product = dot_slices(&rows[i], &rows[j]);
             gram[i * count + j] = product;
             gram[j * count + i] = product;
         }
@@ -58,12 +48,14 @@ pub(crate) fn gram_of(rows: &[Vec<f32>]) -> Vec<f32> {
     gram
 }
 
-/// Lower triangle `[i, j]` of the factor of a positive matrix; `None` if it is not.
+/// Returns the lower triangle `[i, j]` of the Cholesky factor of a matrix with `count` rows; `None` if the matrix is
+/// not positive definite.
 pub(crate) fn cholesky(matrix: &[f32], count: usize) -> Option<Vec<f32>> {
     let mut factor = vec![0.0f32; count * count];
     for i in 0..count {
         for j in 0..=i {
-            let sum = matrix[i * count + j] - dot(&factor[i * count..i * count + j], &factor[j * count..j * count + j]);
+            let sum = matrix[i * count + j]
+                - dot_slices(&factor[i * count..i * count + j], &factor[j * count..j * count + j]);
             if i == j && (sum.is_nan() || sum <= 0.0) {
                 return None;
             }
@@ -73,12 +65,12 @@ pub(crate) fn cholesky(matrix: &[f32], count: usize) -> Option<Vec<f32>> {
     Some(factor)
 }
 
-/// `x` with `L L' x = products`.
+/// Solves `L L' x = products` for `x`; `factor` is `L` of [`cholesky`].
 pub(crate) fn solve(factor: &[f32], products: Vec<f32>) -> Vec<f32> {
     let (mut x, count) = (products, factor.len().isqrt());
     for i in 0..count {
         let row = &factor[i * count..i * count + i];
-        x[i] = (x[i] - dot(row, &x[..i])) / factor[i * count + i];
+        x[i] = (x[i] - dot_slices(row, &x[..i])) / factor[i * count + i];
     }
     for i in (0..count).rev() {
         x[i] /= factor[i * count + i];
@@ -88,7 +80,8 @@ pub(crate) fn solve(factor: &[f32], products: Vec<f32>) -> Vec<f32> {
     x
 }
 
-/// At most `count` orthonormal directions of largest variance of centred points, the largest first, by orthogonal iteration.
+/// Returns at most `count` orthonormal directions of largest variance of centred points, the largest first, by
+/// orthogonal iteration.
 pub(crate) fn principal(points: &[Vec<f32>], count: usize) -> Vec<Vec<f32>> {
     let length = points.first().map_or(0, Vec::len);
     let count = count.min(length).min(points.len());
@@ -98,18 +91,19 @@ pub(crate) fn principal(points: &[Vec<f32>], count: usize) -> Vec<Vec<f32>> {
     let mut directions: Vec<Vec<f32>> = (0..count).map(|i| points[i * points.len() / count].clone()).collect();
     for _ in 0..ITERATIONS {
         for direction in &mut directions {
-            *direction = (0..length).map(|i| dot(&covariance[i * length..(i + 1) * length], direction)).collect();
+            *direction =
+                (0..length).map(|i| dot_slices(&covariance[i * length..(i + 1) * length], direction)).collect();
         }
         for i in 0..count {
             let (before, rest) = directions.split_at_mut(i);
             // Twice, because once leaves rounding errors as large as a faint direction.
             for _ in 0..2 {
                 for other in before.iter() {
-                    let along = dot(other, &rest[0]);
+                    let along = dot_slices(other, &rest[0]);
                     rest[0].iter_mut().zip(other).for_each(|(x, y)| *x -= along * y);
                 }
             }
-            let norm = dot(&rest[0], &rest[0]).sqrt();
+            let norm = dot_slices(&rest[0], &rest[0]).sqrt();
             let scale = if norm > 1e-30 { 1.0 / norm } else { 0.0 };
             rest[0].iter_mut().for_each(|x| *x *= scale);
         }
@@ -127,7 +121,7 @@ mod tests {
     }
 
     fn times(matrix: &[f32], x: &[f32]) -> Vec<f32> {
-        matrix.chunks_exact(x.len()).map(|row| dot(row, x)).collect()
+        matrix.chunks_exact(x.len()).map(|row| dot_slices(row, x)).collect()
     }
 
     fn far(a: &[f32], b: &[f32]) -> f32 {
@@ -145,7 +139,7 @@ mod tests {
         let (found, gain) = descend(&gram, &products, 200, |_, _, x| x);
         assert!(far(&found, &x) < 1e-4);
         // 2 p'x - x'Gx is p'x where Gx = p.
-        assert!(gain > 0.0 && (gain - dot(&products, &x)).abs() < 1e-3 * gain);
+        assert!(gain > 0.0 && (gain - dot_slices(&products, &x)).abs() < 1e-3 * gain);
         // What a step may not change stays 0, and the rest settles elsewhere.
         let (bound, less) = descend(&gram, &products, 200, |_, i, x| if i == 2 { 0.0 } else { x });
         assert!(bound[2] == 0.0 && less < gain && far(&bound, &x) > 1e-3);
@@ -167,13 +161,13 @@ mod tests {
         let points: Vec<Vec<f32>> = (0..400).map(|_| point(&mut random)).collect();
         let found = principal(&points, 3);
         for (k, direction) in found.iter().enumerate() {
-            assert!((dot(direction, &axes[k]).abs() - 1.0).abs() < 0.02, "{k}: {direction:?}");
+            assert!((dot_slices(direction, &axes[k]).abs() - 1.0).abs() < 0.02, "{k}: {direction:?}");
             for other in &found[..k] {
-                assert!(dot(direction, other).abs() < 1e-5);
+                assert!(dot_slices(direction, other).abs() < 1e-5);
             }
         }
         // Planted difference: the second is not the first.
-        assert!(dot(&found[1], &axes[0]).abs() < 0.1);
+        assert!(dot_slices(&found[1], &axes[0]).abs() < 0.1);
         assert_eq!(principal(&points, 9).len(), 4);
     }
 }

@@ -1,5 +1,6 @@
-//! Numbers: small dense algebra, powers in vectors, encodings.
+//! Numbers: small dense algebra, powers with SIMD, encodings, vectors.
 
 pub(crate) mod algebra;
 pub(crate) mod power;
 pub(crate) mod quantize;
+pub(crate) mod vector;

@@ -1,7 +1,8 @@
-//! Powers of non-negative numbers, for the root curve and for lobes, in single-precision additions, multiplications and at
-//! most one division: no branch and no table, so that a loop over them runs in vectors, and the same bits on every machine.
+//! Powers of non-negative numbers, for the root curve and for lobes. They use single-precision additions,
+//! multiplications and at most one division, without branches and tables, so that the compiler can use SIMD and every
+//! machine computes the same bits.
 //!
-//! `x^p = 2^(p log2 x)` with `x = 2^e m`, `m` in `[1/sqrt 2, sqrt 2)`. `p e` alone can be large; its whole part goes
+//! `x^p = 2^(p log2 x)` with `x = 2^e m`, `m` in `[1/sqrt 2, sqrt 2)`. `p e` alone can be large; its integer part goes
 //! into the exponent of the result before the small rest is rounded, so that the error does not grow with `e`.
 //!
 //! The WGSL twin has the language's `pow`, which is less exact (WGSL allows `exp2(y * log2(x))`, whose relative error
@@ -10,24 +11,24 @@
 /// Largest relative error of [`root`] and [`from_root`] where the result is a normal number.
 pub const POWER_RELATIVE_ERROR: f64 = 4e-7;
 
-/// `x^(1 / 2.4)`. Numbers below `f32::MIN_POSITIVE` and NaN give 0, infinity a finite number.
+/// Returns `x^(1 / 2.4)`. Numbers below `f32::MIN_POSITIVE` and NaN give 0, infinity a finite number.
 #[inline(always)]
 pub fn root(x: f32) -> f32 {
     power(x, ONE_OVER_ROOT)
 }
 
-/// `y^2.4`, the inverse of [`root`]; at most `2^127.5`, so always finite. Numbers below `f32::MIN_POSITIVE` and NaN
-/// give 0.
+/// Returns `y^2.4`, the inverse of [`root`]; at most `2^127.5`, so always finite. Numbers below `f32::MIN_POSITIVE` and
+/// NaN give 0.
 #[inline(always)]
 pub fn from_root(y: f32) -> f32 {
     power(y, ROOT)
 }
 
-/// An exponent and its two parts.
+/// An exponent, whole and in two parts.
 #[derive(Clone, Copy)]
 struct Exponent {
     whole: f32,
-    /// Its first 12 bits: times the exponent of a float it is exact.
+    /// First 12 bits of the exponent: their product with the exponent of a float is exact.
     head: f32,
     tail: f32,
 }
@@ -42,14 +43,16 @@ impl Exponent {
 const ROOT: Exponent = Exponent::new(2.4);
 const ONE_OVER_ROOT: Exponent = Exponent::new(1.0 / 2.4);
 
-/// Bits of `1 / sqrt 2`, where the range of mantissas begins.
+/// Bits of `1 / sqrt 2`, the lower end of the range of mantissas.
 const MIN_MANTISSA: u32 = 0x3f35_04f3;
-/// `log2 m = s (L0 + L1 s^2 + L2 s^4 + L3 s^6)` with `s = (m - 1) / (m + 1)`: least largest relative error, 7e-10.
+/// Coefficients of `log2 m = s (L0 + L1 s^2 + L2 s^4 + L3 s^6)` with `s = (m - 1) / (m + 1)`. They minimise the largest
+/// relative error, which is 7e-10.
 const LOG: [f32; 4] = [2.885_39, 0.961_798_85, 0.576_713_6, 0.431_756_15];
-/// `2^f` for `f` in `[-0.5, 0.5]`: least largest relative error, 1.9e-9.
+/// Coefficients of the polynomial for `2^f` with `f` in `[-0.5, 0.5]`. They minimise the largest relative error, which
+/// is 1.9e-9.
 const EXP: [f32; 7] =
     [1.0, std::f32::consts::LN_2, 0.240_226_47, 0.055_503_29, 0.009_618_489, 0.001_339_993_1, 0.000_153_458_12];
-/// Adding it to a number below 2^22 rounds that to a whole number, which then stands in the low bits.
+/// Number that rounds another one below 2^22 to an integer when it is added; the integer then stands in the low bits.
 const ROUNDER: f32 = 12_582_912.0;
 
 #[inline(always)]
@@ -62,7 +65,7 @@ fn power(x: f32, exponent: Exponent) -> f32 {
     if x >= f32::MIN_POSITIVE { result } else { 0.0 }
 }
 
-/// `2^x`: `x` below -126 counts as -126, above 127 as 127.
+/// Returns `2^x`. `x` is clamped to -126 to 127.
 #[inline(always)]
 pub(crate) fn exp2(x: f32) -> f32 {
     let x = if x > -126.0 { x } else { -126.0 };
@@ -71,7 +74,7 @@ pub(crate) fn exp2(x: f32) -> f32 {
     two_to(whole, x - whole)
 }
 
-/// `e^x`: `x` below -87 counts as -87, above 88 as 88.
+/// Returns `e^x`. `x` is clamped to -87 to 88.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     // ln 2 in two parts: the first times a whole number below 256 is exact.
@@ -82,14 +85,14 @@ pub fn exp(x: f32) -> f32 {
     two_to(whole, ((x - whole * LN_2[0]) - whole * LN_2[1]) * std::f32::consts::LOG2_E)
 }
 
-/// `log2 x` of a normal number above 0; of others something finite.
+/// Returns `log2 x` of a normal number above 0, and a finite number for any other `x`.
 #[inline(always)]
 pub(crate) fn log2(x: f32) -> f32 {
     let (e, log2_m) = exponent_and_log2_mantissa(x);
     e + log2_m
 }
 
-/// `e` and `log2 m` of `x = 2^e m`.
+/// Returns `e` and `log2 m` of `x = 2^e m`.
 #[inline(always)]
 fn exponent_and_log2_mantissa(x: f32) -> (f32, f32) {
     // As a comparison, which is one instruction: NaN becomes 0.
@@ -102,13 +105,14 @@ fn exponent_and_log2_mantissa(x: f32) -> (f32, f32) {
     (e as f32, s * (LOG[0] + t * (LOG[1] + t * (LOG[2] + t * LOG[3]))))
 }
 
-/// The nearest whole number, for numbers below 2^22.
+/// Returns the nearest integer to a number below 2^22.
 #[inline(always)]
 fn rounded(x: f32) -> f32 {
     (x + ROUNDER) - ROUNDER
 }
 
-/// `2^(whole + f)` with `f` in `[-0.5, 0.5]`; a whole number below -126 gives 0, one above 127 counts as 127.
+/// Returns `2^(whole + f)` with `f` in `[-0.5, 0.5]` and an integer `whole`, which gives 0 below -126 and counts as 127
+/// above that.
 #[inline(always)]
 fn two_to(whole: f32, f: f32) -> f32 {
     let mantissa = EXP[0] + f * (EXP[1] + f * (EXP[2] + f * (EXP[3] + f * (EXP[4] + f * (EXP[5] + f * EXP[6])))));
@@ -122,8 +126,8 @@ fn two_to(whole: f32, f: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Largest relative error of `power` against double precision over the normal floats: every 977th (a prime, so
-    /// that all mantissas are met) whose exact power is a normal number too.
+    /// Returns the largest relative error of `power` against double precision over the normal floats: every 977th (a
+    /// prime, so that all mantissas are met) whose exact power is a normal number too.
     fn largest_error(power: impl Fn(f32) -> f32, exponent: f64) -> f64 {
         let mut largest = 0.0f64;
         for bits in (f32::MIN_POSITIVE.to_bits()..f32::INFINITY.to_bits()).step_by(977) {
@@ -161,7 +165,7 @@ mod tests {
 
     #[test]
     fn exponentials_and_logarithms_are_those_of_double_precision() {
-        /// Largest relative error over `-range..range`.
+        /// Returns the largest relative error over `-range..range`.
         fn largest(range: f32, of: impl Fn(f32) -> f32, exact: impl Fn(f64) -> f64) -> f64 {
             let at = |i: i32| range * i as f32 / 100_003.0;
             let error = |x: f32| (f64::from(of(x)) / exact(f64::from(x)) - 1.0).abs();

@@ -1,17 +1,17 @@
-//! Number encodings. Twin: `shaders/quantize.wgsl`.
+//! Number encodings. Twin: `numeric/quantize.wgsl`.
 
 use half::f16;
 
-/// Lobe weight from its byte: `scale (q / 255)^2`, so that small weights keep their relative precision.
+/// Decodes a lobe weight: `scale (q / 255)^2`, so that small weights keep their relative precision.
 ///
-/// Error: at most half a step, `scale (2 q + 1) / 255^2 / 2`; relative about `1 / q`, so below 2 % from 4 % of
-/// the scale up and below 1 % from 16 % up.
+/// Error: at most half a step, `scale (2 q + 1) / 255^2 / 2`; relative about `1 / q`, so below 2 % from 4 % of the
+/// scale up and below 1 % from 16 % up.
 pub fn weight_from_byte(q: u32, scale: f32) -> f32 {
     let x = q as f32 * (1.0 / 255.0);
     scale * x * x
 }
 
-/// The byte whose decoded weight is nearest to `weight` (0 for negative ones).
+/// Returns the byte whose decoded weight is nearest to `weight`; 0 for a negative weight.
 pub fn byte_from_weight(weight: f32, scale: f32) -> u8 {
     if scale.is_nan() || scale <= 0.0 || weight <= 0.0 {
         return 0;
@@ -21,17 +21,18 @@ pub fn byte_from_weight(weight: f32, scale: f32) -> u8 {
     if guess < 255 && error(guess + 1) < error(guess) { (guess + 1) as u8 } else { guess as u8 }
 }
 
-/// Residual coefficient in units of its step from the low byte of `word`: two's complement.
+/// Decodes a residual coefficient from the low byte of `byte`, which is two's complement. The unit is the step of the
+/// coefficient.
 pub fn coefficient_from_byte(byte: u32) -> f32 {
     f32::from(byte as u8 as i8)
 }
 
-/// The low or high half-precision number of a word (`slot` 0 or 1).
+/// Returns the low (`slot` 0) or high (`slot` 1) half-precision number of a word.
 pub fn half_at(word: u32, slot: u32) -> f32 {
     f16::from_bits((word >> (16 * slot)) as u16).to_f32()
 }
 
-/// Two numbers as half precision in one word, `a` in the low half.
+/// Packs two numbers as half precision into one word, `a` in the low half.
 pub fn word_from_halves(a: f32, b: f32) -> u32 {
     u32::from(f16::from_f32(a).to_bits()) | u32::from(f16::from_f32(b).to_bits()) << 16
 }

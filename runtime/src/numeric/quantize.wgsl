@@ -1,5 +1,4 @@
-// Number encodings. Twin: quantize.rs.
-// The includer defines `fn asset_word(index: u32) -> u32`.
+// Number encodings. Twin: numeric/quantize.rs. The includer defines `fn asset_word(index: u32) -> u32`.
 
 fn asset_f32(index: u32) -> f32 {
     return bitcast<f32>(asset_word(index));

@@ -1,36 +1,38 @@
-//! Checks the words of a resident asset that came from a file: afterwards no decoder reads outside of them, and every number
-//! that it reads is finite and in its range. One pass over the words, without building anything.
+//! Checks the words of a resident asset that came from a file: afterwards no decoder reads outside of them, and every
+//! number that it reads is finite and in its range. One pass over the words, without building anything.
 
-use crate::asset::asset::{EPSILON_RANGE, level_sizes};
+use crate::asset::asset::level_sizes;
+use crate::asset::disk::cells_a_side;
 use crate::asset::edit::EDIT_WORDS;
+use crate::asset::limits::EPSILON_RANGE;
+use crate::asset::limits::MAX_HEIGHT_STEP;
+use crate::asset::limits::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE};
 use crate::asset::lobe::{LobeFamily, RESIDENT_WORDS};
-use crate::asset::sphere::{Sphere, cells_a_side};
-use crate::decode::parallax::MAX_HEIGHT_STEP;
-use crate::file::format::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE};
-use crate::resident::resident::{
+use crate::asset::sphere::Sphere;
+use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
 };
 use crate::rule::{self, Rule};
 use crate::threads::{Threads, map};
 
-/// What a check says: the rule that does not hold.
+/// The result of a check: the rule that does not hold, if any.
 type Checked = Result<(), Rule>;
 
-/// Words of halves that one piece of work looks at.
+/// Number of words of halves that one piece of work checks.
 const HALVES_AT_ONCE: usize = 1 << 20;
 
-/// A rule that does not hold, and where.
+/// A rule that does not hold, and its place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BrokenWords {
     pub rule: Rule,
-    /// Level and layer, where it is a block's.
+    /// Level and layer of the block that breaks the rule; `None` if the asset's own words do.
     pub block: Option<[u32; 2]>,
-    /// The word that tells the place of the block, or 0.
+    /// Word that holds the place of the block, or 0.
     pub word: usize,
 }
 
-/// Checks the words of an asset of `width`, `height` and `layers` by the rules of FORMAT.md, chapter "Resident form". What does
-/// not hold comes back, nothing where the words are fine; of coarser levels only where the finest, which they refer to, is.
+/// Checks the words of an asset of `width`, `height` and `layers` by the rules of FORMAT.md, chapter "Resident form".
+/// Returns the rules that do not hold. Coarser levels are checked only if the finest, which they refer to, is correct.
 pub(crate) fn check_resident(words: &[u32], head: [u32; 3], threads: Threads) -> Vec<BrokenWords> {
     let (levels, layers) = match check_head(words, head) {
         Ok(counts) => counts,
@@ -63,7 +65,7 @@ pub(crate) fn check_resident(words: &[u32], head: [u32; 3], threads: Threads) ->
     broken
 }
 
-/// Numbers of levels and layers of words whose first ones are fine.
+/// Checks the asset's own words; returns the numbers of levels and layers.
 fn check_head(words: &[u32], [width, height, layers]: [u32; 3]) -> Result<(usize, usize), Rule> {
     if words.len() < ASSET_WORDS || words[3] as usize != words.len() || words[5] as usize > words.len() {
         return Err(rule::WORDS_LENGTH);
@@ -79,18 +81,18 @@ fn check_head(words: &[u32], [width, height, layers]: [u32; 3]) -> Result<(usize
     Ok((levels, layers))
 }
 
-/// What was read; where it could not be, the rule is kept.
+/// Returns the value of a successful read; keeps the rule of a failed one and returns `None`.
 fn keep<T>(rules: &mut Vec<Rule>, read: Result<T, Rule>) -> Option<T> {
     read.map_err(|rule| rules.push(rule)).ok()
 }
 
-/// A layer's block at a level.
+/// The block of a layer at a level.
 struct Block<'a> {
     words: &'a [u32],
     at: usize,
 }
 
-/// A part of the words; `None` where it reaches beyond them.
+/// Returns `count` of the words from `first` on; `None` where they reach beyond the end.
 fn part(words: &[u32], first: usize, count: usize) -> Option<&[u32]> {
     words.get(first..first.checked_add(count)?)
 }
@@ -116,7 +118,7 @@ impl<'a> Block<'a> {
         float(self.words[self.at + field])
     }
 
-    /// The part whose offset stands in `field`.
+    /// Returns the part of `count` words whose offset stands in `field`.
     fn part(&self, field: usize, count: usize) -> Result<&'a [u32], Rule> {
         let first = self.field(field);
         if !first.is_multiple_of(PART_WORDS) {
@@ -125,7 +127,7 @@ impl<'a> Block<'a> {
         part(self.words, first, count).ok_or(rule::PART_BEYOND)
     }
 
-    /// Adds what does not hold.
+    /// Checks the block, and adds the rules that do not hold to `rules`.
     fn check(&self, [width, rows]: [usize; 2], threads: Threads, rules: &mut Vec<Rule>) {
         let texels = width * rows;
         let (bases, clusters) = (self.field(block::BASES), self.field(block::CLUSTERS));
@@ -158,7 +160,7 @@ impl<'a> Block<'a> {
         keep(rules, self.heights(texels));
     }
 
-    /// Bases and codes; `rows` are the clusters' pairs and channels.
+    /// Checks bases and codes; `rows` is the number of the clusters' pairs and channels.
     fn residual(&self, texels: usize, rows: usize, threads: Threads) -> Checked {
         let bases = self.field(block::BASES);
         let (channel_words, codes) = (self.field(block::CHANNEL_WORDS), self.field(block::CODE_WORDS));
@@ -186,7 +188,7 @@ impl<'a> Block<'a> {
         Ok(())
     }
 
-    /// Whether some layer of the finest level has the same in all these fields.
+    /// Returns whether some layer of the finest level has the same values in all these fields.
     fn is_of_the_finest(&self, fields: &[usize]) -> bool {
         let finest = &self.words[ASSET_LAYERS..ASSET_LAYERS + self.words[2] as usize];
         finest
@@ -194,7 +196,7 @@ impl<'a> Block<'a> {
             .any(|at| fields.iter().all(|field| self.words[*at as usize + field] as usize == self.field(*field)))
     }
 
-    /// Number of directions of a set.
+    /// Checks a direction set and returns its number of directions.
     fn sphere(&self, field: usize) -> Result<usize, Rule> {
         let first = self.field(field);
         let length = part(self.words, first, 5).and_then(Sphere::words_told_by).ok_or(rule::SET_BEYOND)?;
@@ -206,7 +208,7 @@ impl<'a> Block<'a> {
         Ok(sphere.len())
     }
 
-    /// Number of lobes of each dictionary of the table at word `table`.
+    /// Checks the dictionaries of the table at word `table`, and returns the number of lobes of each.
     fn dictionaries(&self, table: usize, clusters: usize) -> Result<Vec<usize>, Rule> {
         let offsets = part(self.words, table, clusters + 1).ok_or(rule::TABLE_BEYOND)?;
         let mut counts = Vec::with_capacity(clusters);
@@ -224,7 +226,7 @@ impl<'a> Block<'a> {
         Ok(counts)
     }
 
-    /// Edits, each with as many lobes as were measured, `lobes` of each cluster.
+    /// Checks the edits: each must have as many lobes as were measured, which are `lobes` of each cluster.
     fn edits(&self, lobes: &[usize]) -> Checked {
         let (list, count) = (self.field(block::EDITS), self.field(block::EDIT_COUNT));
         if (list == 0) != (count == 0) || count > crate::asset::edit::MAX_EDITS {
@@ -245,7 +247,7 @@ impl<'a> Block<'a> {
         Ok(())
     }
 
-    /// Records name clusters, edits, references and lobes that are there.
+    /// Checks the records: they must name clusters, edits, references and lobes that exist.
     fn texels(&self, texels: usize, lobes: &[usize]) -> Checked {
         let records = self.part(block::RECORDS, 2 * texels)?;
         let refs = self.part(block::REFS, self.field(block::REF_COUNT))?;
@@ -277,7 +279,7 @@ impl<'a> Block<'a> {
     }
 }
 
-/// Whether a lobe of the resident form has numbers that its family allows.
+/// Returns whether the numbers of a lobe of the resident form are within its family's ranges.
 fn lobe_is_fine(words: &[u32]) -> bool {
     let Some(family) = LobeFamily::from_number(words[0]) else { return false };
     let number = |i: usize| float(words[i]);
@@ -297,7 +299,7 @@ fn lobe_is_fine(words: &[u32]) -> bool {
     unit(1) && unit(4) && number(3) > 0.0 && params_fit && scale >= 0.0 && scale.is_finite() && words[12..] == [0; 4]
 }
 
-/// Whether both halves of all words are finite.
+/// Returns whether both halves of all words are finite.
 fn halves_are_finite(words: &[u32]) -> bool {
     // An exponent of all ones, in either half: adding one to it carries out of its field.
     let carries = |word: &u32| ((word & 0x7c00_7c00) + 0x0400_0400) & 0x8000_8000;

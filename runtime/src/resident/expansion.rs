@@ -1,41 +1,42 @@
-//! Expands the bases of a residual over all measured pairs: what turns the file form into the resident form.
+//! Expands the bases of a residual over all measured pairs, from the file form to the resident form.
 //!
-//! A basis of cluster k is `sum_q m_kq U S_q W^T` for each colour-frame channel, with the mixture m, the shared cores S and the
-//! factors U and W. A cluster's bases are made together: first their cores, from the few entries of S that are not 0, then
-//! the view factor, then the light factor and RGB. Each step sums weighted rows with the basis as the innermost index, which
-//! is the order of the resident form as well. Twin, as a compute pass: `shaders/expansion.wgsl`, over `expansion_input.rs`.
+//! A basis of cluster k is `sum_q m_kq U S_q W^T` for each channel of the colour frame, with the mixture m, the shared
+//! cores S and the factors U and W. The bases of a cluster are made together: first their cores, from the few entries
+//! of S that are not 0, then the view factor, then the light factor and RGB. Each step sums weighted rows with the
+//! basis as the innermost index, which is also the order of the resident form. Twin, as a compute pass:
+//! `resident/expansion.wgsl`, over `expansion_input.rs`.
 
 use crate::asset::residual::{COLOUR_FRAME, Residual};
 use pulp::{Arch, Simd, WithSimd};
 
-/// Rows have a length that is a multiple of this, so that vectors of every width fill them.
+/// Unit of the length of rows: a multiple of this fills SIMD vectors of every width.
 pub(crate) const LANES: usize = 16;
-/// Vectors that one pass over the terms of a sum keeps in registers.
+/// Number of SIMD vectors that one pass over the terms of a sum keeps in registers.
 const BLOCK: usize = 6;
 
-/// What all clusters share.
+/// The parts of an expansion that all clusters share.
 pub(crate) struct Expansion<'a> {
     residual: &'a Residual,
     pub channels: [Channel; 3],
-    /// Numbers of a row: the bases, padded.
+    /// Length of a row: the bases, padded.
     row: usize,
 }
 
-/// One colour-frame channel.
+/// One channel of the colour frame.
 pub(crate) struct Channel {
     /// View rank, light rank.
     pub ranks: [usize; 2],
-    /// `[view, view rank]` and `[light, light rank]`.
+    /// View factors, `[view, view rank]`; the light factors follow, `[light, light rank]`.
     pub view: Vec<f32>,
     pub light: Vec<f32>,
-    /// Where the terms of each core entry begin, and at last where they end.
+    /// Index of the first term of each core entry, and at last the number of all terms.
     pub starts: Vec<usize>,
-    /// Shared bases whose core is not 0 there: value, and number.
+    /// Terms: value of a shared core that is not 0, and number of the shared basis.
     pub terms: Vec<(f32, usize)>,
 }
 
 impl<'a> Expansion<'a> {
-    /// Cost: a pass over the shared cores.
+    /// Prepares the expansion of a residual. Cost: a pass over the shared cores.
     pub(crate) fn new(residual: &'a Residual) -> Expansion<'a> {
         let (factors, shared) = (&residual.factors, &residual.shared);
         let core_len = factors.core_len();
@@ -57,17 +58,18 @@ impl<'a> Expansion<'a> {
         Expansion { residual, channels, row: residual.bases.len().next_multiple_of(LANES) }
     }
 
-    /// Numbers that [`Expansion::rows`] gives for each pair and channel: the bases, padded by a zero to an even count.
+    /// Returns the number of bases that [`Expansion::rows`] gives for each pair and channel, padded by a zero to an
+    /// even count.
     pub(crate) fn padded(&self) -> usize {
         self.residual.bases.len().next_multiple_of(2)
     }
 
-    /// Pairs times channels.
+    /// Returns the number of pairs times that of channels.
     pub(crate) fn entries(&self) -> usize {
         self.residual.factors.shape[0] * self.residual.factors.shape[1] * 3
     }
 
-    /// Mixtures of one cluster, `[shared, row]`; the step of a component's codes is multiplied in.
+    /// Returns the mixtures of one cluster, `[shared, row]`; the step of a component's codes is multiplied in.
     pub(crate) fn mixtures(&self, cluster: usize) -> Vec<f32> {
         let shared = self.residual.shared.steps.len();
         let mut mixtures = vec![0.0; shared * self.row];
@@ -81,10 +83,10 @@ impl<'a> Expansion<'a> {
         mixtures
     }
 
-    /// One cluster's bases, view after view: `take(view, rows)` gets `[light, rgb, basis]`, bases padded.
+    /// Expands the bases of one cluster, view after view: `take(view, rows)` gets `[light, rgb, basis]`, bases padded.
     ///
-    /// Cost: for B bases, V views, L lights, ranks rv and rl and E entries of the shared cores that are not 0,
-    /// `B (E + V rl (rv + L))` multiply-adds a channel.
+    /// Cost: for B bases, V views, L lights, ranks rv and rl and E entries of the shared cores that are not 0, `B (E +
+    /// V rl (rv + L))` multiply-adds a channel.
     pub(crate) fn rows(&self, cluster: usize, take: impl FnMut(usize, &[f32])) {
         Arch::new().dispatch(Rows { expansion: self, cluster, take });
     }
@@ -144,8 +146,8 @@ impl<T: FnMut(usize, &[f32])> WithSimd for Rows<'_, T> {
     }
 }
 
-/// `out` = the sum of `weight * row` over `terms`, (weight, number of the row in `rows`). Rows are as long as `out`, a multiple
-/// of [`LANES`].
+/// Writes to `out` the sum of `weight * row` over `terms`, which are (weight, number of the row in `rows`). Rows are as
+/// long as `out`, a multiple of [`LANES`].
 #[inline(always)]
 fn weighted_rows<S: Simd>(simd: S, terms: impl Iterator<Item = (f32, usize)> + Clone, rows: &[f32], out: &mut [f32]) {
     let (rows, _) = S::as_simd_f32s(rows);
@@ -168,7 +170,7 @@ fn weighted_rows<S: Simd>(simd: S, terms: impl Iterator<Item = (f32, usize)> + C
     }
 }
 
-/// Vectors `first` to `first + N` of such a sum.
+/// Sums SIMD vectors `first` to `first + N` of the rows for [`weighted_rows`].
 #[inline(always)]
 fn weighted_block<S: Simd, const N: usize>(
     simd: S,

@@ -1,8 +1,9 @@
-// Expands the bases of a layer's clusters in three passes: what turns the file form into the resident form, on the GPU. Twin:
-// expansion.rs. A program of its own and no part of the library: who decodes does not need it.
+// Expands the bases of a layer's clusters in three passes, from the file form to the resident form, on the GPU. Twin:
+// resident/expansion.rs. A program of its own and no part of the library, because decoders do not need it.
 //
-// A dispatch makes a slice of clusters, as many as its z counts. x and y count items, WORKGROUP of them a workgroup, in any
-// shape; items too many do nothing. Between the passes lie `cores` and `viewed`. Items are, with four bases side by side a quad:
+// A dispatch makes a slice of clusters, as many as its z counts. x and y count items, WORKGROUP of them a workgroup, in
+// any shape; surplus items do nothing. The buffers `cores` and `viewed` lie between the passes. Items are, with four
+// bases side by side in a quad:
 //
 //     cores_main     core entries x quads
 //     viewed_main    (views / 4, rounded up) x light ranks of all channels x quads
@@ -11,7 +12,7 @@
 const WORKGROUP: u32 = 64u;
 // Largest half-precision number: infinity times a zero weight is NaN.
 const MAX_HALF: f32 = 65504.0;
-// The colour frame's rows: grey, red-blue and green-magenta, each by the size of its least entry that is not 0.
+// Rows of the colour frame: grey, red-blue and green-magenta, each by the size of its least entry that is not 0.
 const GREY: f32 = 0.57735026;
 const RED_BLUE: f32 = 0.70710677;
 const GREEN_MAGENTA: f32 = 0.4082483;
@@ -19,10 +20,10 @@ const GREEN_MAGENTA: f32 = 0.4082483;
 struct Channel {
     view_rank: u32,
     light_rank: u32,
-    // Number of its first core entry, and of its first light rank, among those of all channels.
+    // Number of the channel's first core entry, and of its first light rank, among those of all channels.
     first_core: u32,
     first_row: u32,
-    // Where its factors begin.
+    // Index of the channel's first view factors, and of its first light factors.
     view_at: u32,
     light_at: u32,
     pad0: u32,
@@ -33,19 +34,19 @@ struct Shape {
     channels: array<Channel, 3>,
     views: u32,
     lights: u32,
-    // Words a pair and colour.
+    // Number of words of a pair and colour.
     channel_words: u32,
     quads: u32,
-    // Shared bases.
+    // Number of shared bases.
     shared_bases: u32,
-    // Core entries and light ranks of all channels.
+    // Number of core entries, and of light ranks, of all channels.
     cores: u32,
     rows: u32,
     pad0: u32,
 }
 
-// What a dispatch makes, and where: `words` holds the words from `piece_from` on of an array in which the layer's bases begin
-// at `bases_at`. What lies outside of it is not written.
+// The part that a dispatch makes: `words` holds the words from `piece_from` on of an array in which the layer's bases
+// begin at `bases_at`. Words outside of `words` are not written.
 struct Slice {
     first_cluster: u32,
     bases_at: u32,
@@ -55,10 +56,10 @@ struct Slice {
 
 @group(0) @binding(0) var<uniform> shape: Shape;
 @group(0) @binding(1) var<uniform> slice: Slice;
-// Where the terms of each core entry begin, and at last where they end, in terms; then two words a term: a value of a shared
-// core (f32), the shared basis' number.
+// Index of the first term of each core entry, and at last the number of all terms; then two words a term: a value of a
+// shared core (f32), the number of the shared basis.
 @group(0) @binding(2) var<storage, read> terms: array<u32>;
-// Of each channel [view / 4, view rank], four views side by side, then lights likewise.
+// For each channel [view / 4, view rank], four views side by side, then lights likewise.
 @group(0) @binding(3) var<storage, read> factors: array<vec4<f32>>;
 // [cluster, shared basis, quad]
 @group(0) @binding(4) var<storage, read> mixtures: array<vec4<f32>>;
@@ -108,7 +109,7 @@ fn viewed_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     }
     let first = (id.z * shape.views + 4u * tile) * shape.rows + row;
     let left = shape.views - 4u * tile;
-    // One by one: an index that is not known keeps the sums out of registers.
+    // Stores the sums one by one: an index that is not known at compile time keeps the sums out of registers.
     viewed[first * shape.quads + quad] = sums[0];
     if left > 1u {
         viewed[(first + shape.rows) * shape.quads + quad] = sums[1];
@@ -152,7 +153,7 @@ fn lit_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     }
 }
 
-// One channel of four lights, of what a view has at `at`.
+// Returns one channel of four lights, from the view's sums at `at`.
 fn lit(number: u32, at: u32, tile: u32) -> mat4x4<f32> {
     let channel = shape.channels[number];
     var sums = mat4x4<f32>();
@@ -164,7 +165,7 @@ fn lit(number: u32, at: u32, tile: u32) -> mat4x4<f32> {
     return sums;
 }
 
-// Column i: `quad` times weight i.
+// Returns the matrix whose column i is `quad` times weight i.
 fn outer(quad: vec4<f32>, weights: vec4<f32>) -> mat4x4<f32> {
     return mat4x4<f32>(quad * weights.x, quad * weights.y, quad * weights.z, quad * weights.w);
 }
@@ -177,10 +178,10 @@ fn put(pair: u32, quad: u32, red: vec4<f32>, green: vec4<f32>, blue: vec4<f32>) 
     put_colour(at + 2u * shape.channel_words, quad, blue);
 }
 
-// Two words; the last quad has no second one where words a pair and colour are odd.
+// Writes two words; the last quad has only one where the words of a pair and colour are odd.
 fn put_colour(index: u32, quad: u32, bases: vec4<f32>) {
     let clamped = clamp(bases, vec4<f32>(-MAX_HALF), vec4<f32>(MAX_HALF));
-    // Before the piece, this wraps to beyond its end.
+    // An index before the piece wraps to beyond its end.
     let at = index - slice.piece_from;
     if at < slice.piece_words {
         words[at] = pack2x16float(clamped.xy);

@@ -1,20 +1,21 @@
-//! What the compute pass `shaders/expansion.wgsl` expands a layer's bases from: the numbers of `expansion.rs`, laid out for it.
+//! The input of the compute pass `resident/expansion.wgsl`: the numbers of `expansion.rs` in the layout of its
+//! bindings.
 
 use crate::asset::residual::Residual;
 use crate::resident::expansion::{Expansion, LANES};
 use bytemuck::{Pod, Zeroable};
 
-/// The compute pass, a program with bindings and the entry points `cores_main`, `viewed_main` and `lit_main`, to be
-/// dispatched in this order for each slice of clusters. Its head says what they count.
+/// The compute pass in WGSL: a program with bindings and the entry points `cores_main`, `viewed_main` and `lit_main`,
+/// to be dispatched in this order for each slice of clusters. The header of the text says what they count.
 ///
-/// Core WGSL and nothing else, six storage buffers. It packs with `pack2x16float`, naga's `SHADER_FLOAT16_IN_FLOAT32`.
+/// The text is core WGSL with six storage buffers. It packs with `pack2x16float`, naga's `SHADER_FLOAT16_IN_FLOAT32`.
 pub const EXPANSION_WGSL: &str = include_str!("expansion.wgsl");
-/// Invocations of a workgroup. Twin: `WORKGROUP`.
+/// Number of invocations of a workgroup. Twin: `WORKGROUP`.
 pub const EXPANSION_WORKGROUP: u32 = 64;
-/// Bases, views or lights that an invocation has side by side.
+/// Number of bases, views or lights that an invocation has side by side.
 const SIDE_BY_SIDE: usize = 4;
 
-/// One colour-frame channel. Twin: `Channel` in `expansion.wgsl`.
+/// One channel of the colour frame. Twin: `Channel` in `expansion.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct ExpansionChannel {
@@ -22,60 +23,60 @@ pub struct ExpansionChannel {
     pub view_rank: u32,
     /// Light rank.
     pub light_rank: u32,
-    /// Number of its first core entry among those of all channels.
+    /// Number of the channel's first core entry among those of all channels.
     pub first_core: u32,
-    /// Number of its first light rank among those of all channels.
+    /// Number of the channel's first light rank among those of all channels.
     pub first_row: u32,
-    /// Where its view factors begin, in fours.
+    /// Index of the first view factors, in fours.
     pub view_at: u32,
-    /// Where its light factors begin, in fours.
+    /// Index of the first light factors, in fours.
     pub light_at: u32,
-    /// Zero.
+    /// Padding: zero.
     pub pad0: u32,
-    /// Zero.
+    /// Padding: zero.
     pub pad1: u32,
 }
 
-/// Counts. Twin: `Shape` in `expansion.wgsl`.
+/// The counts of an expansion. Twin: `Shape` in `expansion.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct ExpansionShape {
-    /// Colour-frame channels.
+    /// Channels of the colour frame.
     pub channels: [ExpansionChannel; 3],
-    /// Measured views.
+    /// Number of measured views.
     pub views: u32,
-    /// Measured lights.
+    /// Number of measured lights.
     pub lights: u32,
-    /// Words a pair and colour.
+    /// Number of words of a pair and colour.
     pub channel_words: u32,
-    /// Bases in fours, rounded up.
+    /// Number of bases in fours, rounded up.
     pub quads: u32,
-    /// Shared bases.
+    /// Number of shared bases.
     pub shared_bases: u32,
-    /// Core entries of all channels.
+    /// Number of core entries of all channels.
     pub cores: u32,
-    /// Light ranks of all channels.
+    /// Number of light ranks of all channels.
     pub rows: u32,
-    /// Zero.
+    /// Padding: zero.
     pub pad0: u32,
 }
 
-/// What a dispatch makes, and where. Twin: `Slice` in `expansion.wgsl`.
+/// The part that a dispatch makes. Twin: `Slice` in `expansion.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct ExpansionSlice {
-    /// Number of its first cluster.
+    /// Number of the slice's first cluster.
     pub first_cluster: u32,
-    /// Word at which the layer's bases begin.
+    /// Word of the whole array at which the layer's bases begin.
     pub bases_at: u32,
-    /// First word of the buffer that is bound, counted like that.
+    /// Word of the whole array at which the bound buffer begins.
     pub piece_from: u32,
-    /// Words of that buffer.
+    /// Number of words of the bound buffer.
     pub piece_words: u32,
 }
 
 impl ExpansionShape {
-    /// Items of `cores_main`, `viewed_main` and `lit_main`, a cluster.
+    /// Returns the number of items of `cores_main`, `viewed_main` and `lit_main` for one cluster.
     pub fn items(&self) -> [u64; 3] {
         let fours = |count: u32| u64::from(count.div_ceil(SIDE_BY_SIDE as u32));
         let [views, quads] = [self.views, self.quads].map(u64::from);
@@ -86,24 +87,25 @@ impl ExpansionShape {
         ]
     }
 
-    /// Bytes of `cores` and of `viewed`, a cluster.
+    /// Returns the bytes of `cores` and of `viewed` for one cluster.
     pub fn scratch_bytes(&self) -> [u64; 2] {
         [self.cores.into(), u64::from(self.views) * u64::from(self.rows)]
             .map(|rows: u64| 16 * rows * u64::from(self.quads))
     }
 
-    /// Words of a cluster's bases.
+    /// Returns the number of words of a cluster's bases.
     pub fn cluster_words(&self) -> u64 {
         u64::from(self.views) * u64::from(self.lights) * 3 * u64::from(self.channel_words)
     }
 }
 
-/// What a layer's bases are expanded from. Lengths are what `expansion.wgsl` says of the bindings of these names.
+/// The contents of the bindings from which a layer's bases are expanded. `expansion.wgsl` says the lengths at the
+/// bindings of these names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExpansionInput {
     /// Counts.
     pub shape: ExpansionShape,
-    /// Clusters.
+    /// Number of clusters.
     pub clusters: u32,
     /// Shared cores, entry by entry, without their zeros.
     pub terms: Vec<u32>,
@@ -114,7 +116,7 @@ pub struct ExpansionInput {
 }
 
 impl ExpansionInput {
-    /// Of a layer of so many `clusters`. Cost: a pass over the shared cores and the mixtures.
+    /// Prepares the input for a layer of `clusters` clusters. Cost: a pass over the shared cores and the mixtures.
     pub fn new(residual: &Residual, clusters: usize) -> ExpansionInput {
         let expansion = Expansion::new(residual);
         let bases = residual.bases.len();
@@ -159,7 +161,7 @@ impl ExpansionInput {
     }
 }
 
-/// Rows of `rank` numbers, four of them side by side; the last ones beside zeros.
+/// Appends a matrix with rows of `rank` numbers, four rows side by side; the last rows beside zeros.
 fn push_side_by_side(factors: &mut Vec<f32>, matrix: &[f32], rank: usize) {
     if rank == 0 {
         return;

@@ -1,7 +1,10 @@
-//! The resident form: the words that decoders on every side read, built from the file form or checked as they come.
+//! The resident form: the words that decoders in every language read, built from the file form or checked after
+//! loading.
 
+pub(crate) mod build;
 pub(crate) mod check;
 pub(crate) mod expansion;
 pub(crate) mod expansion_input;
+pub(crate) mod layout;
 pub(crate) mod resident;
 pub(crate) mod single;

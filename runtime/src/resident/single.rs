@@ -1,11 +1,11 @@
-//! Bases expanded in single precision beside the resident form, to measure what its half precision costs.
+//! Bases expanded in single precision beside the resident form, for measuring the error of its half precision.
 
 use crate::asset::asset::Asset;
 use crate::resident::expansion::Expansion;
 use crate::threads::{Threads, fill};
 
-/// Every layer's expanded bases in single precision, `[cluster, pair, channel, basis]`, bases padded to an even count:
-/// the order of the resident form's halves. Memory: twice theirs.
+/// The expanded bases of every layer in single precision, `[cluster, pair, channel, basis]`, bases padded to an even
+/// count: the order of the resident form's halves. They take twice the memory of those.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SingleBases {
     layers: Vec<Vec<f32>>,
@@ -31,7 +31,7 @@ impl SingleBases {
         SingleBases { layers: layers.collect() }
     }
 
-    /// The values of layer `layer`; empty without residual.
+    /// Returns the values of layer `layer`; empty without residual.
     ///
     /// # Panics
     /// If `layer` is out of range.
@@ -44,9 +44,11 @@ impl SingleBases {
 mod tests {
     use super::*;
     use crate::asset::residual::ResidualKind;
-    use crate::decode::decode::{DecodeOptions, Interpolation, decode, decode_single};
+    use crate::decode::decode::{decode, decode_single};
+    use crate::decode::options::{DecodeOptions, Interpolation};
     use crate::numeric::quantize::word_from_halves;
-    use crate::resident::resident::{ASSET_LAYERS, Resident, block};
+    use crate::resident::layout::{ASSET_LAYERS, block};
+    use crate::resident::resident::Resident;
     use crate::testing::{Random, sample_asset};
     use crate::threads::serial;
     use half::f16;

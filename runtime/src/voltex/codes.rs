@@ -1,49 +1,50 @@
-//! What a file keeps of a voxel: whole numbers, chosen so that any of them are a positive semidefinite matrix. Normative text:
-//! docs/VOLTEX.md, chapter "Voxels".
+//! The integers that a file stores of a voxel. They are chosen so that any codes give a positive semidefinite matrix.
+//! Normative text: docs/VOLTEX.md, chapter "Voxels".
 
 use super::matrix::Sym3;
 use super::voxel::Voxel;
 use std::f64::consts::FRAC_PI_2;
 
-/// Steps of the density's code for each doubling: the nearest is within 0.55 %.
+/// Number of steps of the density's code for each doubling: the nearest code is within 0.55 %.
 pub const DENSITY_STEPS: i32 = 64;
-/// Largest magnitude of a density's binary logarithm: below it is nothing, above it is refused.
+/// Largest magnitude of a density's binary logarithm. Lower densities are raised to it, higher ones are refused.
 pub const MAX_DENSITY_LOG2: i32 = 30;
-/// Bits of a ratio.
+/// Number of bits of a ratio.
 pub const RATIO_BITS: usize = 6;
-/// Bits of an angle's magnitude.
+/// Number of bits of an angle's magnitude.
 pub const ANGLE_BITS: usize = 6;
-/// The code of a ratio of 1.
+/// Code of a ratio of 1.
 const RATIO_ONE: u32 = (1 << RATIO_BITS) - 1;
-/// The code of a right angle.
+/// Code of a right angle.
 pub const RIGHT_ANGLE: i32 = (1 << ANGLE_BITS) - 1;
 
-/// A voxel's extinction matrix S in whole numbers.
+/// The extinction matrix S of a voxel as integers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct VoxelCodes {
-    /// Binary logarithm of the largest of `sqrt(S_ii)`, the density, in 64ths (`DENSITY_STEPS`).
+    /// Density: binary logarithm of the largest of `sqrt(S_ii)`, in 64ths (`DENSITY_STEPS`).
     pub density: i32,
-    /// Which of the three it is, the first of those whose ratio to it has the code of 1.
+    /// Axis i of that largest entry; the first of those whose ratio to it has the code of 1.
     pub axis: u8,
-    /// `sqrt(S_jj)` of the other two in their order, j < k, as a share of it.
+    /// Ratios of `sqrt(S_jj)` of the other two axes to the largest, in the order j < k.
     pub ratios: [u8; 2],
-    /// Correlations of the axis with j and with k, then of j and k where the axis is known ("partial"): the angle whose sine
-    /// they are, in shares of a right angle; 0 where it says nothing.
+    /// Correlations of the axis with j and with k, then the partial correlation of j and k given the axis: each as the
+    /// angle of which it is the sine, in shares of a right angle; 0 where it has no effect.
     pub angles: [i8; 3],
 }
 
-/// The sine of an angle's code, of which `right` is a right angle.
+/// Returns the sine of an angle's code; `right` is the code of a right angle.
 fn sine(code: i8, right: i32) -> f64 {
     (FRAC_PI_2 * f64::from(code) / f64::from(right)).sin()
 }
 
-/// The code of the angle with this sine.
+/// Returns the code of the angle with this sine; `right` is the code of a right angle.
 fn angle(sine: f64, right: i32) -> i8 {
     (sine.clamp(-1.0, 1.0).asin() / FRAC_PI_2 * f64::from(right)).round() as i8
 }
 
 impl VoxelCodes {
-    /// The codes of a matrix that is finite and has no negative number on its diagonal; `None` where it is too dense.
+    /// Returns the codes of a matrix that is finite and has no negative number on its diagonal; `None` where the matrix
+    /// is too dense.
     pub fn of(s: &Sym3) -> Option<VoxelCodes> {
         let roots = [0, 1, 2].map(|i| f64::from(s.0[i]).max(0.0).sqrt());
         let most = roots.iter().fold(f64::from(-MAX_DENSITY_LOG2).exp2(), |most, root| most.max(*root));
@@ -70,18 +71,18 @@ impl VoxelCodes {
         codes.density_in_range().then_some(codes)
     }
 
-    /// Whether the density is one that may be read.
+    /// Returns whether the density is within its range.
     pub fn density_in_range(&self) -> bool {
         self.density.abs() <= MAX_DENSITY_LOG2 * DENSITY_STEPS
     }
 
-    /// Whether the axis is the first of those whose ratio has the code of 1: one matrix has one axis.
+    /// Returns whether the axis is the first of those whose ratio has the code of 1, so that a matrix has one axis.
     pub fn axis_is_first(&self) -> bool {
         self.ratios.iter().take(usize::from(self.axis)).all(|ratio| u32::from(*ratio) < RATIO_ONE)
     }
 
-    /// The code of a right angle in the partial correlation, 0 where it says nothing: as much less than 63 (`RIGHT_ANGLE`) as what it
-    /// tells matters less.
+    /// Returns the code of a right angle in the partial correlation, 0 where that has no effect. It is as much less
+    /// than 63 (`RIGHT_ANGLE`) as the partial correlation matters less.
     pub fn partial_right_angle(&self) -> i32 {
         if self.ratios.contains(&0) {
             return 0;
@@ -94,7 +95,7 @@ impl VoxelCodes {
         (cosine * f64::from(RIGHT_ANGLE)).ceil() as i32
     }
 
-    /// The matrix.
+    /// Returns the extinction matrix of the codes.
     pub fn extinction(&self) -> Sym3 {
         let density = (f64::from(self.density) / f64::from(DENSITY_STEPS)).exp2();
         let axis = usize::from(self.axis);
@@ -113,18 +114,18 @@ impl VoxelCodes {
         Sym3(s.map(|x| (x * density * density) as f32))
     }
 
-    /// The voxel.
+    /// Returns the voxel of the codes.
     pub fn voxel(&self, material: u32) -> Voxel {
         Voxel::new(self.extinction(), material)
     }
 }
 
-/// The axes that are not this one.
+/// Returns the two axes other than `axis`.
 fn others(axis: usize) -> [usize; 2] {
     [[1, 2], [0, 2], [0, 1]][axis]
 }
 
-/// Where a matrix has the entry of two different axes.
+/// Returns the index in [`Sym3`] of the entry of two different axes.
 fn entry(i: usize, j: usize) -> usize {
     i + j + 2
 }
@@ -134,10 +135,10 @@ mod tests {
     use super::*;
     use crate::testing::Random;
 
-    /// By which the projected area may differ in any direction, in shares of the largest.
+    /// Bound on the difference of the projected area in any direction, as a share of the largest.
     const MAX_DIFFERENCE: f64 = 0.07;
 
-    /// Microflakes of one direction, of some, of many, or of nearly all in a plane.
+    /// Returns the matrix of microflakes of one direction, of some, of many, or of nearly all in a plane.
     fn any_extinction(random: &mut Random) -> Sym3 {
         let count = [1, 2, 3, 30][random.below(4)];
         let flat = random.below(3) == 0;
@@ -157,7 +158,8 @@ mod tests {
         [x, y, if random.below(2) == 0 { z } else { -z }]
     }
 
-    /// Largest difference of the projected area over directions, and its root mean square, in shares of the largest area.
+    /// Returns the largest difference of the projected area over directions, and its root mean square, as shares of the
+    /// largest area.
     fn difference(a: &Sym3, b: &Sym3, random: &mut Random) -> [f64; 2] {
         let (mut most, mut most_area, mut squares) = (0.0f64, 0.0f64, 0.0);
         for _ in 0..200 {

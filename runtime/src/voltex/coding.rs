@@ -1,33 +1,37 @@
-//! How a file codes a level: which children the voxels of the level before have, then the codes of those. One routine both ways,
-//! as in [`crate::container::entropy`]. Normative text: docs/VOLTEX.md, chapter "Levels".
+//! Codes a level of a file: which children the voxels of the coarser level have, then the codes of those children. One
+//! routine serves encoder and decoder, as in [`crate::container::entropy`]. Normative text: docs/VOLTEX.md, chapter
+//! "Levels".
 
 use super::codes::{ANGLE_BITS, DENSITY_STEPS, RATIO_BITS, VoxelCodes};
 use crate::container::entropy::{BinaryCoder, Bit, Signed, Tree};
 
-/// Decisions that a voxel takes at least: a bit of its mask apart, its density, axis and ratios, and where its material is from.
+/// Least number of decisions that a voxel takes besides its bit of a mask: its density, axis and ratios, and where its
+/// material is from.
 pub const MIN_DECISIONS: usize = 3 + 2 * RATIO_BITS + 1;
 
-/// A voxel's codes with its material.
+/// The codes of a voxel with its material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CodedVoxel {
-    /// Its extinction.
+    /// Codes of the voxel's extinction.
     pub codes: VoxelCodes,
     /// Number of its material, at most 65535.
     pub material: u32,
 }
 
-/// Codes which of its eight children each voxel of a level has: bit c of a mask stands for the child whose Morton number ends in c.
+/// Codes which of the eight children each voxel of a level has: bit c of a mask stands for the child whose Morton
+/// number ends in c.
 pub fn code_masks(coder: &mut impl BinaryCoder, masks: &mut [u8]) {
     let mut tree = Tree::<8>::new();
     masks.iter_mut().for_each(|mask| *mask = tree.code(coder, u32::from(*mask)) as u8);
 }
 
-/// What is expected of the density of one of `count` children, relative to its parent: that all of them together have as much.
+/// Returns the expected density of one of `count` children relative to its parent, as a code: all children together are
+/// expected to have the parent's density.
 pub fn density_of_children(count: u32) -> i32 {
     (f64::from(DENSITY_STEPS) * (8.0 / f64::from(count)).log2()).round() as i32
 }
 
-/// A magnitude below `2^ANGLE_BITS` and a sign.
+/// A model of angles: a magnitude below `2^ANGLE_BITS` and a sign.
 struct AngleModel {
     magnitude: Vec<Tree<ANGLE_BITS>>,
     sign: Bit,
@@ -55,8 +59,8 @@ pub fn code_others(coder: &mut impl BinaryCoder, have: &mut [bool]) {
     }
 }
 
-/// Codes voxels, each by the one that it is expected to be like, its density by how much more of that it is expected to have. False
-/// if the decoder met a number that is out of its range.
+/// Codes voxels. `alike` has for each the voxel by which it is predicted, and by how much denser than that it is
+/// expected to be. Returns false if the decoder met a number that is out of its range.
 pub fn code_voxels(
     coder: &mut impl BinaryCoder,
     alike: impl Iterator<Item = (CodedVoxel, i32)>,

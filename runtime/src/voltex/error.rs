@@ -5,7 +5,7 @@ use crate::error::{FormatError, Names};
 use crate::rule::Rule;
 use std::fmt::{self, Display, Formatter};
 
-/// What messages call the files.
+/// Words for volumetric textures (`.voltex`).
 pub(crate) const VOLTEX_NAMES: Names = Names {
     magic: *b"VTEX",
     a_file: "a volumetric texture",
@@ -14,12 +14,13 @@ pub(crate) const VOLTEX_NAMES: Names = Names {
     again: "build it again with btf-fit voltex",
 };
 
-/// The same faults as an asset's, in the words of this format. The message is one sentence; the caller prefixes the file's name.
+/// Why a volumetric texture was refused: the faults of [`FormatError`] in the words of this format. Each message is one
+/// sentence; the caller prefixes the file's name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoltexError(pub FormatError);
 
 impl VoltexError {
-    /// The rule that is broken; `None` for what cannot be packed.
+    /// Returns the rule that is broken; `None` for a volume that cannot be packed.
     pub fn rule(&self) -> Option<Rule> {
         self.0.rule().map(rule::of_voltex)
     }

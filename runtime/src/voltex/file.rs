@@ -1,10 +1,10 @@
-//! A volume's file, `.voltex`: the container of [`crate::container::container`] with a description, the materials and the levels, the coarsest
-//! first, each of which ends a tier. Normative text: docs/VOLTEX.md.
+//! The file of a volume, `.voltex`: the container of [`crate::container`] with a description, the materials and the
+//! levels, the coarsest first, each of which ends a tier. Normative text: docs/VOLTEX.md.
 
 use super::codes::{DENSITY_STEPS, VoxelCodes};
 use super::coding::{CodedVoxel, MIN_DECISIONS, code_masks, code_others, code_voxels, density_of_children};
 use super::error::{VOLTEX_NAMES, VoltexError};
-use super::gloss::{Facets, MAX_FACETS};
+use super::facets::{Facets, MAX_FACETS};
 use super::matrix::Sym3;
 use super::rule;
 use super::volume::{
@@ -12,80 +12,80 @@ use super::volume::{
 };
 use super::voxel::Voxel;
 use super::words::{CLUMPING_AT, FACETS_AT, LEVEL_WORDS};
-use crate::container::container::{
-    ALIGNMENT, Directory, FileFormat, HeaderReader, SectionSource, read_directory_of, write_file_of,
-};
+use crate::container::directory::{Directory, read_directory_of};
 use crate::container::entropy::{Decoder, Encoder, bounded};
 use crate::container::fault::Faults;
+use crate::container::file_format::{ALIGNMENT, FileFormat, HeaderReader};
 use crate::container::sections::{Reader, Sections};
+use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::{FormatError, Names};
 use crate::rule::Rule;
 use crate::threads::{Threads, fill, serial};
 use half::f16;
 
-/// The version that this package writes and reads.
+/// Format version that this package writes and reads.
 pub const VOLTEX_VERSION: u32 = 1;
-/// Most materials of a volume: their numbers are 16 bits.
+/// Largest number of materials of a volume: their numbers are 16 bits.
 pub const MAX_MATERIALS: usize = 1 << 16;
-/// Largest side, metres.
+/// Largest side of a volume, metres.
 pub const MAX_SIDE_M: f32 = 1e9;
 /// Largest offset of a shadow, voxels.
 const MAX_OFFSET: f32 = 1024.0;
-/// Voxels that are made at a time.
+/// Number of voxels that one piece of work decodes.
 const VOXELS_AT_A_TIME: usize = 4096;
 
-/// Header words of the format's own.
+/// Positions of the header words of volumetric textures.
 mod header {
     /// Number of levels.
     pub const LEVELS: usize = 6;
     /// Number of materials.
     pub const MATERIALS: usize = 7;
-    /// Bit 0 cyclic in x, bit 1 in y.
+    /// Flags: bit 0 cyclic in x, bit 1 in y.
     pub const FLAGS: usize = 8;
-    /// Three numbers: how much of the unit cube is used.
+    /// Extent: three numbers (f32), the used part of the unit cube.
     pub const EXTENT: usize = 9;
-    /// Metres per side of the unit cube.
+    /// Side of the unit cube in metres (f32).
     pub const SIDE_M: usize = 15;
-    /// Words that are 0.
+    /// Reserved words, which are 0.
     pub const RESERVED: [usize; 5] = [14, 16, 17, 18, 19];
 }
 
-/// What a section of a volumetric texture holds.
+/// The kinds of sections of a volumetric texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u32)]
 pub enum VoltexSection {
     /// UTF-8 JSON: name, source, how it was built.
     Description = 1,
-    /// What microflakes are made of.
+    /// Materials of the microflakes.
     Materials = 2,
     /// The voxels of a level; index 0 the coarsest, which is one voxel.
     Level = 3,
 }
 
 impl VoltexSection {
-    /// The kind with this number, if this version knows it.
+    /// Returns the kind with a number; `None` if this version does not know it.
     pub fn from_number(number: u32) -> Option<VoltexSection> {
         use VoltexSection::*;
         [Description, Materials, Level].into_iter().find(|kind| *kind as u32 == number)
     }
 }
 
-/// What the header says of the whole file.
+/// The header of a volumetric texture: everything it says about the whole file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VoltexHead {
-    /// Number of levels, 1 to 13; the finest has 2 to one less than this voxels a side.
+    /// Number of levels, 1 to 13; with n levels the finest has 2^(n - 1) voxels a side.
     pub levels: u32,
     /// Number of materials.
     pub materials: u32,
-    /// As [`Volume::cyclic`].
+    /// Axes along which the volume repeats, as [`Volume::cyclic`].
     pub cyclic: [bool; 2],
-    /// As [`Volume::extent`].
+    /// Used part of the unit cube, as [`Volume::extent`].
     pub extent: [f32; 3],
-    /// As [`Volume::side_m`].
+    /// Side of the unit cube in metres, as [`Volume::side_m`].
     pub side_m: f32,
 }
 
-/// The format of volumetric textures.
+/// The file format of volumetric textures, for [`FileFormat`].
 pub(crate) enum VoltexFormat {}
 
 impl FileFormat for VoltexFormat {
@@ -188,18 +188,19 @@ fn facets_in_range(facets: &Facets) -> bool {
     facets.0.iter().all(|x| (-MAX_FACETS..=MAX_FACETS).contains(x))
 }
 
-/// Checks header, tables, section bounds, padding and every present section's checksum, as [`crate::read_directory`].
+/// Checks header, tables, section bounds, padding and the checksum of every section at hand, like
+/// [`crate::read_directory`].
 pub fn read_voltex_directory(bytes: &[u8]) -> Result<Directory<VoltexHead>, VoltexError> {
     Ok(read_directory_of::<VoltexFormat>(bytes, &serial)?)
 }
 
 impl Volume {
-    /// Whether these bytes begin like a volumetric texture's.
+    /// Returns whether these bytes begin like a volumetric texture's.
     pub fn is_one(bytes: &[u8]) -> bool {
         bytes.starts_with(&VOLTEX_NAMES.magic)
     }
 
-    /// The volume's bytes: what is written to a `.voltex` file. Voxels lose what [`VoxelCodes`] do not hold.
+    /// Packs the volume into bytes, which are written to a `.voltex` file. Voxels are rounded to [`VoxelCodes`].
     ///
     /// Errors name the rule of docs/VOLTEX.md that the volume breaks.
     pub fn pack(&self) -> Result<Vec<u8>, VoltexError> {
@@ -244,14 +245,14 @@ impl Volume {
         Ok(write_file_of::<VoltexFormat>(&head, &sections)?)
     }
 
-    /// Reads a file, or a tier of one: the volume down to the finest level that is at hand.
+    /// Reads a file, or a tier of one: the volume down to the finest level that is at hand. Runs on the calling thread.
     ///
     /// Never panics. Allocates for voxels what `bytes` can hold.
     pub fn parse(bytes: &[u8]) -> Result<Volume, VoltexError> {
         Volume::parse_on(bytes, &serial)
     }
 
-    /// The same on `threads`.
+    /// Reads a file like [`Volume::parse`], on `threads`.
     pub fn parse_on(bytes: &[u8], threads: Threads) -> Result<Volume, VoltexError> {
         let directory = read_directory_of::<VoltexFormat>(bytes, threads)?;
         let mut faults = Faults::default();
@@ -259,7 +260,7 @@ impl Volume {
         Ok(faults.or_first(volume)?)
     }
 
-    /// The rule that does not hold.
+    /// Checks the volume; the error is the rule that does not hold.
     fn check(&self) -> Result<(), &'static str> {
         let must = |holds: bool, reason| if holds { Ok(()) } else { Err(reason) };
         must(self.extent.iter().all(|x| extent_in_range(*x)), "its extent must be above 0 and at most 1")?;
@@ -306,7 +307,8 @@ impl Volume {
     }
 }
 
-/// The stream of a level whose coarser one is `coarser`; the coarsest, which has none, is the only child of nothing.
+/// Codes the stream of a level whose coarser one is `coarser`. The coarsest level, which has no coarser one, is the
+/// only child of [`ROOT_PARENT`].
 fn level_stream(
     coarser: &[([u32; 3], CodedVoxel)],
     level: &[([u32; 3], CodedVoxel)],
@@ -339,7 +341,7 @@ fn level_stream(
     coder.finish()
 }
 
-/// For each child its parent, and by how much denser than that it is expected to be.
+/// Returns for each child its parent, and by how much denser than that it is expected to be.
 fn children(parents: &[(CodedVoxel, u8)]) -> impl Iterator<Item = (CodedVoxel, i32)> {
     parents.iter().flat_map(|(parent, mask)| {
         let count = mask.count_ones();
@@ -347,7 +349,7 @@ fn children(parents: &[(CodedVoxel, u8)]) -> impl Iterator<Item = (CodedVoxel, i
     })
 }
 
-/// Stands for the parent of the coarsest level's voxel, its only child, of which density 1 is expected.
+/// Parent of the coarsest level's voxel, its only child, of which density 1 is expected.
 const ROOT_PARENT: [(CodedVoxel, u8); 1] = [(
     CodedVoxel {
         codes: VoxelCodes { density: -3 * DENSITY_STEPS, axis: 0, ratios: [0; 2], angles: [0; 3] },
@@ -356,8 +358,8 @@ const ROOT_PARENT: [(CodedVoxel, u8); 1] = [(
     1,
 )];
 
-/// The volume whose directory is known, going on behind a fault with every section that can be read without those at fault. `None`
-/// where anything is at fault.
+/// Reads the volume with this directory, and continues after a fault with every section that does not depend on a
+/// faulty one. Returns `None` if there is any fault.
 pub(crate) fn examine_volume(
     bytes: &[u8],
     directory: &Directory<VoltexHead>,
@@ -397,7 +399,7 @@ pub(crate) fn examine_volume(
     (faults.len() == before && directory.damaged.is_empty()).then_some(volume)
 }
 
-/// Voxels of their codes.
+/// Decodes voxels from their codes, on `threads`.
 fn decoded<T: Copy + Default + Send + Sync>(threads: Threads, coded: &[(T, CodedVoxel)]) -> Vec<(T, Voxel)> {
     let mut voxels = vec![(T::default(), Voxel::default()); coded.len()];
     fill(threads, &mut voxels, VOXELS_AT_A_TIME, |chunk, voxels| {
@@ -481,7 +483,7 @@ fn read_level(
     Ok(CodedLevel { shadow, clumping, facets, voxels, others: shared.into_iter().zip(others).collect() })
 }
 
-/// Places of a voxel's children, in order.
+/// Returns the places of a voxel's children, in order.
 fn children_of(at: [u32; 3], mask: u8) -> impl Iterator<Item = [u32; 3]> {
     let numbers = (0..8u32).filter(move |child| mask >> child & 1 == 1);
     numbers.map(move |child| std::array::from_fn(|axis| 2 * at[axis] + (child >> axis & 1)))

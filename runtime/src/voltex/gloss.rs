@@ -1,57 +1,33 @@
-//! Light that smooth surfaces of a voxel's microflakes send to the eye. Twin: `shaders/voltex_gloss.wgsl`.
+//! The specular lobe of a voxel's microflakes: light that their smooth surfaces reflect to the eye.
+//! Twin: `voltex/gloss.wgsl`.
 //!
-//! Facets are spread as microflakes whose ellipsoid is S, each of them tilted as GGX tilts those of a surface [Walter et al. 2007]:
-//! S + alpha^2 (tr(S) I - S), which is GGX's own ellipsoid for one microflake and a sphere for microflakes of all directions
-//! [after Heitz et al. 2015]. What ellipsoids, of second degree, do not know of leaves that are all inclined alike, a form of
-//! fourth degree tells for all voxels of a level: [`Facets`].
+//! Facets are spread as microflakes whose ellipsoid is S, each of them tilted as GGX tilts those of a surface [Walter
+//! et al. 2007]: S + alpha^2 (tr(S) I - S), which is GGX's own ellipsoid for one microflake and a sphere for
+//! microflakes of all directions [after Heitz et al. 2015]. Ellipsoids, of second degree, cannot represent leaves that
+//! are all inclined alike; a correction of fourth degree does, for all voxels of a level:
+//! [`Facets`](super::facets::Facets).
 
-use super::matrix::{Sym3, dot};
+use super::facets::MIN_HALF2;
+use super::matrix::Sym3;
 use super::shade::MIN_ROOT;
 use crate::leaf::lobe::fresnel;
+use crate::numeric::vector::dot;
 
-/// Least roughness that is told apart, GGX alpha: of less single precision makes no ellipsoid.
+/// Least roughness, GGX alpha: a smaller one gives no ellipsoid in single precision.
 pub const MIN_ROUGHNESS: f32 = 0.1;
-/// Least share of amplitude that is not reflected: what reflects all light has an index of tens of thousands.
+/// Least share of the amplitude that is not reflected: a surface that reflects all light has an index of tens of
+/// thousands.
 pub const MIN_REFRACTED: f32 = 1e-4;
-/// Least squared length of the sum of two directions that has one of its own.
-pub const MIN_HALF2: f32 = 1e-10;
 
-/// Coefficients of [`Facets`]: those of an even polynomial of fourth degree on the sphere.
-pub const FACETS: usize = 15;
-/// Largest of them.
-pub const MAX_FACETS: f32 = 64.0;
-/// Largest logarithm of the factor on a density of facets.
-pub const MAX_DENSER: f32 = 4.0;
-
-/// How much denser than the ellipsoids of its voxels say the facets of a level lie about a direction: the exponential of a form
-/// of fourth degree. Coefficients of x^4, y^4, z^4; x^2 y^2, x^2 z^2, y^2 z^2; x^2 (xy, xz, yz), y^2 (xy, xz, yz), z^2 (xy, xz, yz).
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Facets(pub [f32; FACETS]);
-
-impl Facets {
-    /// What each coefficient counts for along a unit vector.
-    pub fn terms([x, y, z]: [f32; 3]) -> [f32; FACETS] {
-        let ([a, b, c], [xy, xz, yz]) = ([x * x, y * y, z * z], [x * y, x * z, y * z]);
-        let of_square = |s: f32| [s * xy, s * xz, s * yz];
-        let ([d, e, f], [g, h, i], [j, k, l]) = (of_square(a), of_square(b), of_square(c));
-        [a * a, b * b, c * c, a * b, a * c, b * c, d, e, f, g, h, i, j, k, l]
-    }
-
-    /// The factor on the density of facets along `half`, of any length.
-    pub fn denser(&self, half: [f32; 3]) -> f32 {
-        let scale = dot(half, half).max(MIN_HALF2).sqrt().recip();
-        let terms = Facets::terms(half.map(|x| x * scale));
-        let form: f32 = self.0.iter().zip(terms).map(|(coefficient, term)| coefficient * term).sum();
-        form.clamp(-MAX_DENSER, MAX_DENSER).exp()
-    }
-}
-
-/// For light from `l`, seen from `v` (unit vectors away from the microflakes): the sum over the microflakes' smooth surfaces of
-/// `pi a F D G / 4`, which stands beside `reflectance` times [`shade`](super::shade)'s sums. `specular` is the reflectance at normal
-/// incidence, from air into what has no absorption; `roughness` GGX's alpha.
+/// Returns the specular lobe for light from `l`, seen from `v` (unit vectors away from the microflakes): the sum over
+/// the microflakes' smooth surfaces of `pi a F D G / 4`, to be added to `reflectance` times the first sum of
+/// [`shade`](super::shade). `specular` is the reflectance at normal incidence, from air into a medium without
+/// absorption; `roughness` is GGX's alpha.
 ///
-/// Exact for one microflake on the side of the light; on the other it shows facets that a surface has not, and to eyes along it microflakes
-/// send up to an eighth more than they stop. Of many, what lies between their normals is filled; that is what [`Facets`] are for.
+/// Exact for one microflake on the side of the light. On the other side it shows facets that a surface does not have,
+/// and to eyes along it microflakes send up to an eighth more light than they stop. For many microflakes the gaps
+/// between their normals are filled, which [`Facets`](super::facets::Facets) correct.
+///
 /// Twin: `voltex_gloss`.
 pub fn gloss(extinction: &Sym3, specular: f32, roughness: f32, v: [f32; 3], l: [f32; 3]) -> f32 {
     let trace = extinction.trace();
@@ -86,7 +62,7 @@ mod tests {
     use crate::testing::{Random, sphere_direction};
     use std::f32::consts::PI;
 
-    /// `pi D G / 4` of one microflake of area 1, by GGX's own formulas.
+    /// Returns `pi D G / 4` of one microflake of area 1, by GGX's own formulas.
     fn of_microflake(n: [f32; 3], alpha: f32, v: [f32; 3], l: [f32; 3]) -> f32 {
         let side = dot(n, v).signum();
         let n = n.map(|x| x * side);
@@ -146,51 +122,8 @@ mod tests {
         assert!(gloss(&Sym3::outer(v, 1.0), 1.0, 0.0, v, v).is_finite());
     }
 
-    #[test]
-    fn a_form_of_fourth_degree_is_even_and_tells_directions_apart_that_ellipsoids_do_not() {
-        let mut random = Random::new(24);
-        let facets = Facets(std::array::from_fn(|_| random.within(-1.0, 1.0)));
-        let by_powers = |[x, y, z]: [f32; 3]| {
-            let powers = [
-                [4, 0, 0],
-                [0, 4, 0],
-                [0, 0, 4],
-                [2, 2, 0],
-                [2, 0, 2],
-                [0, 2, 2],
-                [3, 1, 0],
-                [3, 0, 1],
-                [2, 1, 1],
-                [1, 3, 0],
-                [1, 2, 1],
-                [0, 3, 1],
-                [1, 1, 2],
-                [1, 0, 3],
-                [0, 1, 3],
-            ];
-            powers.map(|[i, j, k]| x.powi(i) * y.powi(j) * z.powi(k))
-        };
-        for _ in 0..1000 {
-            let h = sphere_direction(&mut random);
-            let apart = Facets::terms(h).iter().zip(by_powers(h)).map(|(a, b)| (a - b).abs()).fold(0f32, f32::max);
-            assert!(apart < 1e-6, "{h:?}");
-            let along = facets.denser(h);
-            let longer = facets.denser(h.map(|x| -3.0 * x));
-            assert!((longer / along - 1.0).abs() < 1e-5 && along.ln().abs() < 4.0);
-        }
-        // All terms that squares make: one everywhere.
-        let even = Facets([1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        assert!((even.denser([0.3, -0.5, 0.8]) - 1f32.exp()).abs() < 1e-5);
-        // As far as the axes go a sphere, and less dense between them.
-        let axes = Facets([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        assert!(
-            axes.denser([0.0, 1.0, 0.0]) == axes.denser([0.0, 0.0, 2.0]) && axes.denser([1.0; 3]) < 0.6 * 1f32.exp()
-        );
-        assert_eq!(Facets([MAX_FACETS; FACETS]).denser([1.0; 3]), MAX_DENSER.exp());
-        assert_eq!(Facets::default().denser([0.0; 3]), 1.0);
-    }
-
-    /// Mean over lights from all sides of what white facets send on, of what they stop.
+    /// Returns the mean over lights from all sides of the light that white facets send on, relative to the light they
+    /// stop.
     fn furnace(s: &Sym3, alpha: f32, v: [f32; 3]) -> f64 {
         const RINGS: usize = 300;
         let mut sum = 0.0;

@@ -1,26 +1,18 @@
-//! Symmetric matrices of 3 x 3, and vectors. Twin: `shaders/voltex_matrix.wgsl`.
+//! Symmetric matrices of 3 x 3. Twin: `voltex/matrix.wgsl`.
 
-/// Product of two vectors.
-pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
+use crate::numeric::vector::dot;
 
-/// Vector product.
-pub fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// A symmetric matrix: xx, yy, zz, xy, xz, yz.
+/// A symmetric matrix of 3 x 3: xx, yy, zz, xy, xz, yz.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sym3(pub [f32; 6]);
 
 impl Sym3 {
-    /// `a n n'`.
+    /// Returns `a n n'`.
     pub fn outer(n: [f32; 3], a: f32) -> Sym3 {
         Sym3([a * n[0] * n[0], a * n[1] * n[1], a * n[2] * n[2], a * n[0] * n[1], a * n[0] * n[2], a * n[1] * n[2]])
     }
 
-    /// `M v`. Twin: `voltex_times`.
+    /// Returns `M v`. Twin: `voltex_times`.
     pub fn times(&self, v: [f32; 3]) -> [f32; 3] {
         let m = &self.0;
         [
@@ -30,22 +22,22 @@ impl Sym3 {
         ]
     }
 
-    /// `u' M v`. Twin: `voltex_form`.
+    /// Returns `u' M v`. Twin: `voltex_form`.
     pub fn form(&self, u: [f32; 3], v: [f32; 3]) -> f32 {
         dot(u, self.times(v))
     }
 
-    /// Sum of the diagonal.
+    /// Returns the sum of the diagonal.
     pub fn trace(&self) -> f32 {
         self.0[0] + self.0[1] + self.0[2]
     }
 
-    /// The sum of two.
+    /// Returns the sum of two matrices.
     pub fn plus(&self, other: &Sym3) -> Sym3 {
         Sym3(std::array::from_fn(|i| self.0[i] + other.0[i]))
     }
 
-    /// The inverse times the determinant. Twin: `voltex_adjugate`.
+    /// Returns the adjugate: the inverse times the determinant. Twin: `voltex_adjugate`.
     pub fn adjugate(&self) -> Sym3 {
         let [xx, yy, zz, xy, xz, yz] = self.0;
         Sym3([
@@ -58,12 +50,12 @@ impl Sym3 {
         ])
     }
 
-    /// All entries times a number. Twin: `voltex_scale`.
+    /// Multiplies all entries by a number. Twin: `voltex_scale`.
     pub fn scale(&self, s: f32) -> Sym3 {
         Sym3(self.0.map(|x| x * s))
     }
 
-    /// Eigenvalues and the eigenvectors to each, by Jacobi's rotations.
+    /// Returns the eigenvalues, and an eigenvector for each, by Jacobi's rotations.
     pub fn eigen(&self) -> ([f32; 3], [[f32; 3]; 3]) {
         let m = &self.0;
         let mut a = [[m[0], m[3], m[4]], [m[3], m[1], m[5]], [m[4], m[5], m[2]]].map(|row| row.map(f64::from));
@@ -95,19 +87,20 @@ impl Sym3 {
         ([0, 1, 2].map(|i| a[i][i] as f32), [0, 1, 2].map(|i| [v[0][i] as f32, v[1][i] as f32, v[2][i] as f32]))
     }
 
-    /// The matrix of the same eigenvectors with each eigenvalue mapped.
+    /// Returns the matrix with the same eigenvectors and each eigenvalue mapped by `map`.
     pub fn mapped(&self, map: impl Fn(f32) -> f32) -> Sym3 {
         let (values, vectors) = self.eigen();
         (0..3).fold(Sym3::default(), |sum, i| sum.plus(&Sym3::outer(vectors[i], map(values[i]))))
     }
 }
 
-/// Of Jacobi's rotations; three do for single precision.
+/// Number of sweeps of Jacobi's rotations; three are enough for single precision.
 const SWEEPS: usize = 8;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numeric::vector::cross;
     use crate::testing::{Random, sphere_direction};
 
     #[test]

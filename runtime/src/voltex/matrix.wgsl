@@ -11,12 +11,12 @@ fn voltex_times(m: VoltexMatrix, v: vec3<f32>) -> vec3<f32> {
     return m.diagonal * v + m.beside.xxy * v.yxx + m.beside.yzz * v.zzy;
 }
 
-// `u' M v`. Of the extinction matrix, with one vector twice, it is the square of the optical depth along that.
+// Returns `u' M v`. For the extinction matrix and `u = v` that is the square of the optical depth along v.
 fn voltex_form(m: VoltexMatrix, u: vec3<f32>, v: vec3<f32>) -> f32 {
     return dot(u, voltex_times(m, v));
 }
 
-// The inverse times the determinant.
+// Returns the adjugate: the inverse times the determinant.
 fn voltex_adjugate(m: VoltexMatrix) -> VoltexMatrix {
     let d = m.diagonal;
     let b = m.beside;

@@ -1,9 +1,10 @@
-//! Volumetric textures: volumes of microflakes that replace a plant's geometry where its leaves are small in the picture
-//! [Neyret 1996], with what is known today.
+//! Volumetric textures: volumes of microflakes that replace a plant's geometry where its leaves are small in the
+//! picture [Neyret 1996].
 //!
-//! Texture space is the unit cube. A voxel holds the microflakes in it as two matrices: the extinction matrix S, whose
-//! `sqrt(d' S d)` is their area projected along d per volume [Heitz 2015], and the moment N = sum of `a n n'`, by which
-//! light is reflected in closed form. Both are looked up at levels, each half as fine as the one before.
+//! Texture space is the unit cube. A voxel holds its microflakes as two matrices: the extinction matrix S, whose
+//! `sqrt(d' S d)` is their area projected along d per volume (the microflake matrix of SGGX [Heitz 2015]), and the
+//! moment N = sum of `a n n'`, by which light is reflected in closed form. Both are looked up at levels, each half as
+//! fine as the one before.
 //!
 //! A volume is stored as a `.voltex` file, docs/VOLTEX.md.
 //!
@@ -12,32 +13,38 @@
 //! Volume (levels of voxels) --Voltex::new--> Voltex (words for the GPU, WGSL beside) --Walk--> segments --shade--> light
 //! ```
 
+mod build;
 mod codes;
 mod coding;
 mod error;
+pub(crate) mod facets;
 mod file;
-mod gloss;
+pub(crate) mod gloss;
 mod matrix;
+pub(crate) mod node;
 pub mod rule;
-mod shade;
+pub(crate) mod shade;
 mod tree;
 mod validate;
 mod volume;
-mod voxel;
+pub(crate) mod voxel;
 mod walk;
 pub mod words;
 
+pub use crate::numeric::vector::{cross, dot};
 pub use codes::VoxelCodes;
 pub use error::VoltexError;
+pub use facets::{FACETS, Facets, MAX_FACETS};
 pub use file::{MAX_MATERIALS, MAX_SIDE_M, VOLTEX_VERSION, VoltexHead, VoltexSection, read_voltex_directory};
-pub use gloss::{FACETS, Facets, MAX_DENSER, MAX_FACETS, MIN_HALF2, MIN_REFRACTED, MIN_ROUGHNESS, gloss};
-pub use matrix::{Sym3, cross, dot};
-pub use shade::{MIN_ROOT, SERIES_DEPTH, seen_at, shade};
-pub use tree::{Cell, NO_VOXEL, NODE_WORDS};
+pub use gloss::gloss;
+pub use matrix::Sym3;
+pub use node::NO_VOXEL;
+pub use shade::{seen_at, shade};
+pub use tree::Cell;
 pub use validate::validate;
 pub use volume::{
     HOTSPOT_DEG, LevelShadow, MAX_CLUMPING, MAX_LEVELS, MIN_SHARED, MicroflakeMaterial, Volume, VolumeLevel, order,
 };
-pub use voxel::{OTHER_AT, VOXEL_WORDS, Voxel, moment_of};
+pub use voxel::{Voxel, moment_of};
 pub use walk::{MIN_DIRECTION, Segment, VoltexRay, Walk};
 pub use words::Voltex;

@@ -1,9 +1,9 @@
-//! The rules of docs/VOLTEX.md that a file can break, and what else may be said of one, by number. Rules that all files share keep
-//! their numbers. A number is never used again for something else.
+//! The rules of docs/VOLTEX.md that a file can break, and the warnings and information about files, by number. Rules
+//! that all files share keep their numbers. A number is never reused for another rule.
 
 use crate::rule::{self as shared, COPY, NOTHING, Rule, rules};
 
-/// A writer's mistake.
+/// Remedy for a writer's mistake.
 const WRITE: &str =
     "it was written by a faulty or newer program: build it again with btf-fit voltex, or update the program";
 
@@ -26,7 +26,7 @@ rules! { "VTEX"
     SIZE = 6103, "size", NOTHING;
 }
 
-/// Those that all files share.
+/// Rules that all files share.
 const SHARED: [Rule; 29] = [
     shared::TOO_SHORT,
     shared::BAD_MAGIC,
@@ -59,14 +59,14 @@ const SHARED: [Rule; 29] = [
     shared::TIERS_LISTED,
 ];
 
-/// Every rule, in the order of the numbers.
+/// Returns every rule, in the order of the numbers.
 pub fn all() -> Vec<Rule> {
     let mut all: Vec<Rule> = SHARED.into_iter().map(of_voltex).chain(ALL.iter().copied()).collect();
     all.sort_by_key(|rule| rule.number);
     all
 }
 
-/// A rule in this format's words.
+/// Returns a rule in the words of this format.
 pub(crate) fn of_voltex(rule: Rule) -> Rule {
     let (message, remedy) = match rule {
         shared::TOO_SHORT => ("the file is too short for a volumetric texture", COPY),

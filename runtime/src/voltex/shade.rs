@@ -1,18 +1,20 @@
-//! Light that the microflakes of a voxel send to the eye, in closed form. Twin: `shaders/voltex_shade.wgsl`.
+//! The diffuse light that the microflakes of a voxel send to the eye, in closed form. Twin: `voltex/shade.wgsl`.
 
 use super::matrix::Sym3;
 use super::volume::{HOTSPOT_DEG, LevelShadow};
 
 /// Least root of a product that is divided by.
 pub const MIN_ROOT: f32 = 1e-30;
-/// Optical depth below which [`seen_at`] is a series.
+/// Optical depth below which [`seen_at`] uses a series.
 pub const SERIES_DEPTH: f32 = 1.0;
 
-/// For light from `l`, seen from `v` (unit vectors away from the microflakes): sums over the microflakes of `a |n.v| |n.l|` where both
-/// are on one side of the microflake, and where they are on two.
+/// Returns two sums over the microflakes of `a |n.v| |n.l|` for light from `l`, seen from `v` (unit vectors away from
+/// the microflakes): over those with both directions on one side, and over those with the directions on two sides.
 ///
-/// Exact for one microflake and for microflakes in all directions: for normals of which `n.v` and `n.l` are Gaussian the mean of
-/// `|n.v| |n.l|` is `2/pi (sqrt(ab - c^2) + c asin(c / sqrt(ab)))`; the sum of `(n.v)(n.l)` is always exact.
+/// Exact for one microflake and for microflakes in all directions. For normals of which `n.v` and `n.l` are Gaussian
+/// the mean of `|n.v| |n.l|` is `2/pi (sqrt(ab - c^2) + c asin(c / sqrt(ab)))`; the sum of `(n.v)(n.l)` is always
+/// exact.
+///
 /// Twin: `voltex_shade`.
 pub fn shade(moment: &Sym3, v: [f32; 3], l: [f32; 3]) -> [f32; 2] {
     let (a, b, c) = (moment.form(v, v), moment.form(l, l), moment.form(v, l));
@@ -22,8 +24,9 @@ pub fn shade(moment: &Sym3, v: [f32; 3], l: [f32; 3]) -> [f32; 2] {
     [(0.5 * (both + c)).max(0.0), (0.5 * (both - c)).max(0.0)]
 }
 
-/// Way from where a ray enters a cell to the middle of what it sees there: of an extinction over a length, whose product is
-/// `depth`: `length (1 / depth - 1 / (exp(depth) - 1))`, as a series where that is a small difference. Twin: `voltex_seen_at`.
+/// Returns the mean distance, from where a ray enters a cell, of the microflakes that it sees there: `length (1 / depth
+/// - 1 / (exp(depth) - 1))` for an optical depth `depth` over `length`, and a series where that is a small difference.
+/// Twin: `voltex_seen_at`.
 pub fn seen_at(depth: f32, length: f32) -> f32 {
     if depth >= SERIES_DEPTH {
         return length * (1.0 / depth - 1.0 / depth.exp_m1());
@@ -33,8 +36,8 @@ pub fn seen_at(depth: f32, length: f32) -> f32 {
 }
 
 impl LevelShadow {
-    /// The share c at the angle between light and eye with this cosine, linear between [`HOTSPOT_DEG`].
-    /// Twin: `voltex_shared_at`.
+    /// Returns the share c of gaps that eye and light have in common at an angle with this cosine, linear between
+    /// [`HOTSPOT_DEG`]. Twin: `voltex_shared_at`.
     pub fn shared_at(&self, cos: f32) -> f32 {
         let degrees = cos.clamp(-1.0, 1.0).acos().to_degrees();
         let last = HOTSPOT_DEG.len() - 2;
@@ -52,14 +55,14 @@ mod tests {
     use crate::voltex::{Voxel, dot};
     use std::f64::consts::PI;
 
-    /// Area and normal.
+    /// A microflake: area and normal.
     type Microflake = (f32, [f32; 3]);
 
     fn moment(microflakes: &[Microflake]) -> Sym3 {
         microflakes.iter().fold(Sym3::default(), |sum, (a, n)| sum.plus(&Sym3::outer(*n, *a)))
     }
 
-    /// The sums that [`shade`] stands for.
+    /// Returns the sums that [`shade`] approximates.
     fn shaded(microflakes: &[Microflake], v: [f32; 3], l: [f32; 3]) -> [f32; 2] {
         let product = |n: &[f32; 3]| dot(*n, v) * dot(*n, l);
         [1.0, -1.0].map(|side| microflakes.iter().map(|(a, n)| a * (side * product(n)).max(0.0)).sum())
@@ -95,7 +98,8 @@ mod tests {
         assert_eq!(shade(&Sym3::default(), [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), [0.0; 2]);
     }
 
-    /// `count` microflakes whose normals are stretched along each axis of a random frame by up to `1 / stretch`.
+    /// Returns `count` microflakes whose normals are stretched along each axis of a random frame by up to `1 /
+    /// stretch`.
     fn microflakes(random: &mut Random, count: usize, stretch: f32) -> Vec<Microflake> {
         let z = sphere_direction(random);
         let x = crate::voltex::cross(z, if z[0].abs() < 0.5 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] });
@@ -115,7 +119,7 @@ mod tests {
         microflakes.into_iter().map(|(a, n)| (a / area, n)).collect()
     }
 
-    /// The extinction matrix with nearly the microflakes' projected areas: least squares of the squares.
+    /// Returns the extinction matrix that approximates the microflakes' projected areas: least squares of the squares.
     fn extinction(microflakes: &[Microflake], directions: &[[f32; 3]], rows: &[Vec<f32>], factor: &[f32]) -> Sym3 {
         let squares: Vec<f32> = directions
             .iter()
@@ -125,7 +129,7 @@ mod tests {
         Sym3(std::array::from_fn(|i| s[i])).mapped(|x| x.max(0.0))
     }
 
-    /// Root of the mean square, and mean.
+    /// Returns the root of the mean square, and the mean.
     fn spread(errors: &[f32]) -> [f64; 2] {
         let mean = |f: &dyn Fn(f64) -> f64| errors.iter().map(|x| f(f64::from(*x))).sum::<f64>() / errors.len() as f64;
         [mean(&|x| x * x).sqrt(), mean(&|x| x)]
@@ -139,8 +143,8 @@ mod tests {
         let row = |i: usize| directions.iter().map(|d| entry(i, d)).collect();
         let rows: Vec<Vec<f32>> = (0..6).map(row).collect();
         let factor = cholesky(&gram_of(&rows), 6).unwrap();
-        // Bars: root mean squares per unit area of the closed form by the microflakes' own moment and by the derived one, and of the
-        // projected area. Light of which the mean is an eighth; voxels of a tree have many microflakes.
+        // Bars: root mean squares per unit area of the closed form by the microflakes' own moment and by the derived
+        // one, and of the projected area. Light of which the mean is an eighth; voxels of a tree have many microflakes.
         for (counts, stretch, bars) in [
             (1..2, 0.3, [1e-6, 0.006, 1e-4]),
             (2..8, 0.3, [0.02, 0.022, 0.038]),
@@ -184,7 +188,8 @@ mod tests {
         }
     }
 
-    /// Mean over lights from all sides, times their solid angle and over pi: what white microflakes send on.
+    /// Returns the mean over lights from all sides, times their solid angle and over pi: the light that white
+    /// microflakes send on.
     fn furnace(m: &Sym3, v: [f32; 3]) -> f64 {
         const RINGS: usize = 200;
         let mut sum = 0.0;
@@ -202,7 +207,8 @@ mod tests {
 
     #[test]
     fn white_microflakes_send_on_twice_the_light_that_they_stop() {
-        // The integral of |n.l| over all l is 2 pi, so a microflake sends on 2 pi a |n.v| / pi: of the light from both sides all.
+        // The integral of |n.l| over all l is 2 pi, so a microflake sends on 2 pi a |n.v| / pi: of the light from both
+        // sides all.
         let mut random = Random::new(12);
         for _ in 0..5 {
             let (n, v) = (sphere_direction(&mut random), sphere_direction(&mut random));

@@ -1,17 +1,18 @@
-// Light that the microflakes of a voxel send to the eye, in closed form. Twin: voltex/shade.rs, which has the equations.
+// The diffuse light that the microflakes of a voxel send to the eye, in closed form. Twin: voltex/shade.rs, which has
+// the equations.
 
 const VOLTEX_MIN_ROOT: f32 = 1e-30;
 const VOLTEX_SERIES_DEPTH: f32 = 1.0;
-// Optical depth behind which nothing is seen: its exponential is finite.
+// Optical depth behind which nothing is visible; its exponential is finite.
 const VOLTEX_MAX_DEPTH: f32 = 80.0;
 const VOLTEX_HALF_PI: f32 = 1.5707964;
 const VOLTEX_DEGREES: f32 = 57.29578;
-// Angles between light and eye, besides 0 and 180, for which a level has its shadows' shares.
+// Angles between light and eye in degrees, besides 0 and 180, for which a level has shares of common gaps.
 const VOLTEX_NEAR_DEG = vec4<f32>(2.0, 5.0, 10.0, 20.0);
 const VOLTEX_WIDE_DEG = vec4<f32>(40.0, 70.0, 110.0, 150.0);
 
-// Angle with a cosine within -1 to 1, to 2e-8 before rounding [Abramowitz & Stegun 1964, 4.4.46]: WGSL's own may be wrong by
-// 2e-3.
+// Returns the angle with a cosine within -1 to 1, to 2e-8 before rounding [Abramowitz & Stegun 1964, 4.4.46]: WGSL's
+// own function may be wrong by 2e-3.
 fn voltex_acos(cosine: f32) -> f32 {
     let x = abs(cosine);
     let high = -0.0170881256 + x * (0.0066700901 - x * 0.0012624911);
@@ -20,8 +21,8 @@ fn voltex_acos(cosine: f32) -> f32 {
     return select(angle, 2.0 * VOLTEX_HALF_PI - angle, cosine < 0.0);
 }
 
-// For light from `l`, seen from `v`, unit vectors away from the microflakes: sums over the microflakes of `a |n.v| |n.l|` where both are
-// on one side of the microflake, and where they are on two.
+// Returns two sums over the microflakes of `a |n.v| |n.l|` for light from `l`, seen from `v`, unit vectors away from
+// the microflakes: over those with both directions on one side, and over those with the directions on two sides.
 fn voltex_shade(moment: VoltexMatrix, v: vec3<f32>, l: vec3<f32>) -> vec2<f32> {
     let across = voltex_times(moment, l);
     let c = dot(v, across);
@@ -31,7 +32,7 @@ fn voltex_shade(moment: VoltexMatrix, v: vec3<f32>, l: vec3<f32>) -> vec2<f32> {
     return max(vec2<f32>(0.5 * (both + c), 0.5 * (both - c)), vec2<f32>(0.0));
 }
 
-// Way from where a ray enters a cell to the middle of what it sees there.
+// Returns the mean distance, from where a ray enters a cell, of the microflakes that it sees there.
 fn voltex_seen_at(depth: f32, length: f32) -> f32 {
     if depth >= VOLTEX_SERIES_DEPTH {
         return length * (1.0 / depth - 1.0 / (exp(min(depth, VOLTEX_MAX_DEPTH)) - 1.0));
@@ -40,8 +41,8 @@ fn voltex_seen_at(depth: f32, length: f32) -> f32 {
     return length * (0.5 - depth / 12.0 * (1.0 - d2 / 60.0 * (1.0 - d2 / 42.0 * (1.0 - d2 / 40.0))));
 }
 
-// The share by which eye and light see the same gaps of a level, at the angle with a cosine: light is weakened by
-// `exp(-(1 - share) depth)`.
+// Returns the share of gaps of a level that eye and light have in common at an angle with a cosine: light is attenuated
+// by `exp(-(1 - share) depth)`.
 fn voltex_shared_at(base: u32, level: u32, cosine: f32) -> f32 {
     let degrees = vec4<f32>(VOLTEX_DEGREES * voltex_acos(clamp(cosine, -1.0, 1.0)));
     let near = degrees >= VOLTEX_NEAR_DEG;

@@ -1,80 +1,23 @@
-//! The tree of voxels: each node covers 4 x 4 x 4 cells of an even level and has their voxels and those of the 2 x 2 x 2
-//! cells of the odd level above. Twin: `shaders/voltex_tree.wgsl`.
+//! Lookup in the tree of voxels. Each node covers 4 x 4 x 4 cells of an even level and has their voxels and those of
+//! the 2 x 2 x 2 cells of the odd level above. Twin: `voltex/tree.wgsl`.
 
+use super::node::{NO_VOXEL, cell_number, node_depth};
 use super::words::Voltex;
 
-/// Words of a node.
-pub const NODE_WORDS: usize = 4;
-/// Number of the voxel of an empty cell.
-pub const NO_VOXEL: u32 = u32::MAX;
-
-/// A node's words. Cells are numbered in Morton order (bit i of the number is bit i / 3 of coordinate i % 3), so that the
-/// eight cells of a coarser one are one byte of the mask.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub struct Node {
-    /// Which of the 64 cells are not empty.
-    pub mask: [u32; 2],
-    /// The first of the node's voxels: one for each byte of the mask that is not 0, then one for each of its bits.
-    pub first_voxel: u32,
-    /// The first of the node's children, one for each bit; 0 for none.
-    pub first_child: u32,
-}
-
-impl Node {
-    /// Whether a cell is not empty. Twin: `voltex_has`.
-    fn has(&self, cell: u32) -> bool {
-        self.mask[(cell >> 5) as usize] >> (cell & 31) & 1 == 1
-    }
-
-    /// Whether one of the eight cells of a coarser one is not empty. Twin: `voltex_has_coarse`.
-    pub(super) fn has_coarse(&self, coarse: u32) -> bool {
-        self.mask[(coarse >> 2) as usize] >> (8 * (coarse & 3)) & 255 != 0
-    }
-
-    /// How many of the cells before `cell` are not empty. Twin: `voltex_rank`.
-    fn rank(&self, cell: u32) -> u32 {
-        let below = (1u64 << cell) - 1;
-        (self.mask[0] & below as u32).count_ones() + (self.mask[1] & (below >> 32) as u32).count_ones()
-    }
-
-    /// How many cells are not empty.
-    fn cells(&self) -> u32 {
-        self.mask[0].count_ones() + self.mask[1].count_ones()
-    }
-
-    /// How many of the coarser cells before `coarse` are not empty; 8 for all. Twin: `voltex_coarse_rank`.
-    fn coarse_rank(&self, coarse: u32) -> u32 {
-        (0..coarse).filter(|c| self.has_coarse(*c)).count() as u32
-    }
-}
-
-/// A cell that a point is in, at a level or, where it is empty there, at the coarsest at which it is.
+/// The cell around a point: at the level asked for or, where that is empty, at the coarsest level at which the cell is
+/// empty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cell {
-    /// Binary logarithm of its side in finest voxels.
+    /// Binary logarithm of the cell's side in finest voxels.
     pub size: u32,
-    /// Its voxel, or [`NO_VOXEL`].
+    /// Number of the cell's voxel, or [`NO_VOXEL`].
     pub voxel: u32,
-    /// The voxel of the cell twice as large around it, or [`NO_VOXEL`].
+    /// Number of the voxel of the cell twice as large around it, or [`NO_VOXEL`].
     pub parent: u32,
 }
 
-/// Number of layers of nodes of a volume whose finest level has 2^`level_count` voxels a side: the root's cells are such
-/// that one of them, or of the coarser ones, is the whole volume. Twin: `voltex_node_depth`.
-pub(super) fn node_depth(level_count: u32) -> u32 {
-    level_count / 2 + 1
-}
-
-/// Number of the cell with these coordinates, 0 to 3. Twin: `voltex_cell_number`.
-pub(super) fn cell_number(q: [u32; 3]) -> u32 {
-    // A coordinate's two bits spread to every third.
-    let spread = |x: u32| x & 1 | (x & 2) << 2;
-    spread(q[0]) | spread(q[1]) << 1 | spread(q[2]) << 2
-}
-
 impl Voltex {
-    /// The cell at `level` around the finest voxel `q`. Twin: `voltex_cell`.
+    /// Returns the cell at `level` around the finest voxel `q`. Twin: `voltex_cell`.
     pub fn cell(&self, q: [u32; 3], level: u32) -> Cell {
         let target = level / 2;
         let mut node = self.node(0);
@@ -107,7 +50,7 @@ impl Voltex {
         }
     }
 
-    /// Numbers of the voxels of a level, in ascending order of [`super::volume::order`].
+    /// Returns the numbers of the voxels of a level, in ascending order of [`super::volume::order`].
     pub fn numbers_at(&self, level: u32) -> Vec<u32> {
         let mut layer = vec![0u32];
         for _ in 0..node_depth(self.level_count()) - 1 - level / 2 {
@@ -133,7 +76,7 @@ mod tests {
     use crate::voltex::{Volume, Voxel};
     use std::collections::BTreeMap;
 
-    /// The first cell of which `voltex` says another thing than `volume`, and how many were right.
+    /// Returns how many cells of `voltex` are those of `volume`, or the first that is not.
     fn first_wrong(volume: &Volume, voltex: &Voltex, random: &mut Random) -> Result<usize, String> {
         let count = volume.level_count();
         let levels: Vec<BTreeMap<[u32; 3], &Voxel>> =
@@ -177,7 +120,8 @@ mod tests {
                         voxels.voxels.iter().map(|(_, voxel)| Voxel::at(&voxel.words(), 0)).collect();
                     assert_eq!(found, expected, "level {level} of {level_count}");
                 }
-                // Planted differences: other microflakes in a voxel, which all finest voxels are under, and one voxel elsewhere.
+                // Planted differences: other microflakes in a voxel, which all finest voxels are under, and one voxel
+                // elsewhere.
                 volume.levels[level_count as usize].voxels[0].1 = Voxel::default();
                 assert!(first_wrong(&volume, &voltex, &mut random).is_err());
             }
@@ -187,27 +131,5 @@ mod tests {
         assert_eq!(first_wrong(&volume, &voltex, &mut random), Ok(512));
         volume.levels[0].voxels[0].0[0] ^= 1;
         assert!(first_wrong(&volume, &voltex, &mut random).is_err());
-    }
-
-    #[test]
-    fn ranks_count_the_cells_before() {
-        let mut random = Random::new(6);
-        for _ in 0..1000 {
-            let bits = random.bits() & random.bits() & random.bits();
-            let node = Node { mask: [bits as u32, (bits >> 32) as u32], first_voxel: 0, first_child: 0 };
-            for cell in 0..64 {
-                let before = (0..cell).filter(|c| bits >> c & 1 == 1).count() as u32;
-                assert_eq!((node.rank(cell), node.has(cell)), (before, bits >> cell & 1 == 1));
-            }
-            let bytes = bits.to_le_bytes();
-            for coarse in 0..=8 {
-                assert_eq!(
-                    node.coarse_rank(coarse),
-                    bytes[..coarse as usize].iter().filter(|b| **b != 0).count() as u32
-                );
-            }
-        }
-        // Morton order: bit i of the number is bit i / 3 of coordinate i % 3.
-        assert_eq!([[1, 0, 0], [0, 1, 0], [0, 0, 1], [2, 0, 0], [3, 3, 3]].map(cell_number), [1, 2, 4, 8, 63]);
     }
 }

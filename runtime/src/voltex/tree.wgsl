@@ -1,67 +1,17 @@
-// The tree of voxels: which voxel is where. Twin: voltex/tree.rs, which has the layout.
+// Lookup in the tree of voxels. Twin: voltex/tree.rs, which has the layout.
 
-const VOLTEX_NODE_WORDS: u32 = 4u;
-const VOLTEX_NO_VOXEL: u32 = 0xffffffffu;
-
-struct VoltexNode {
-    // Which of the 64 cells are not empty, in Morton order.
-    mask: vec2<u32>,
-    first_voxel: u32,
-    first_child: u32,
-}
-
-// A cell that a point is in, at a level or, where it is empty there, at the coarsest at which it is.
+// The cell around a point: at the level asked for or, where that is empty, at the coarsest level at which the cell is
+// empty.
 struct VoltexCell {
-    // Binary logarithm of its side in finest voxels.
+    // Binary logarithm of the cell's side in finest voxels.
     size: u32,
-    // Its voxel, or VOLTEX_NO_VOXEL.
+    // Number of the cell's voxel, or VOLTEX_NO_VOXEL.
     voxel: u32,
-    // The voxel of the cell twice as large around it, or VOLTEX_NO_VOXEL.
+    // Number of the voxel of the cell twice as large around it, or VOLTEX_NO_VOXEL.
     parent: u32,
 }
 
-fn voltex_has(node: VoltexNode, cell: u32) -> bool {
-    return ((select(node.mask.y, node.mask.x, cell < 32u) >> (cell & 31u)) & 1u) == 1u;
-}
-
-fn voltex_has_coarse(node: VoltexNode, coarse: u32) -> bool {
-    return ((select(node.mask.y, node.mask.x, coarse < 4u) >> (8u * (coarse & 3u))) & 255u) != 0u;
-}
-
-// How many of the cells before `cell`, at most 63, are not empty.
-fn voltex_rank(node: VoltexNode, cell: u32) -> u32 {
-    let below = (1u << (cell & 31u)) - 1u;
-    if cell < 32u {
-        return countOneBits(node.mask.x & below);
-    }
-    return countOneBits(node.mask.x) + countOneBits(node.mask.y & below);
-}
-
-// How many of the coarser cells before `coarse` are not empty; 8 for all.
-fn voltex_coarse_rank(node: VoltexNode, coarse: u32) -> u32 {
-    // The lowest bit of each byte: whether any of its bits is set.
-    let pairs = node.mask | (node.mask >> vec2<u32>(1u));
-    let fours = pairs | (pairs >> vec2<u32>(2u));
-    let bytes = (fours | (fours >> vec2<u32>(4u))) & vec2<u32>(0x01010101u);
-    // Two shifts, because one of 32 is none.
-    let half = 4u * min(vec2<u32>(coarse, max(coarse, 4u) - 4u), vec2<u32>(4u));
-    let below = bytes & ~((vec2<u32>(0xffffffffu) << half) << half);
-    return countOneBits(below.x) + countOneBits(below.y);
-}
-
-// Number of layers of nodes.
-fn voltex_node_depth(level_count: u32) -> u32 {
-    return level_count / 2u + 1u;
-}
-
-// Number of the cell with these coordinates, 0 to 3.
-fn voltex_cell_number(q: vec3<u32>) -> u32 {
-    // A coordinate's two bits spread to every third.
-    let spread = (q & vec3<u32>(1u)) | ((q & vec3<u32>(2u)) << vec3<u32>(2u));
-    return spread.x | (spread.y << 1u) | (spread.z << 2u);
-}
-
-// The cell at `level`, at most the coarsest, around the finest voxel `q`.
+// Returns the cell at `level`, at most the coarsest, around the finest voxel `q`.
 fn voltex_cell(base: u32, q: vec3<u32>, level: u32) -> VoltexCell {
     let last = level / 2u;
     var number = 0u;

@@ -1,19 +1,22 @@
-//! Everything that can be said of a volumetric texture's file: each broken rule, what is legal but doubtful, and what it is.
+//! Examines a volumetric texture's file and reports each broken rule, everything that is legal but doubtful, and the
+//! properties of the volume.
 
 use super::file::{VOLTEX_VERSION, VoltexFormat, VoltexSection, examine_volume};
 use super::rule;
 use super::volume::{MicroflakeMaterial, Volume, VolumeLevel};
-use crate::container::container::{Directory, SectionEntry, about_container, examine_directory_of};
+use crate::container::directory::{Directory, SectionEntry, examine_directory_of};
 use crate::container::fault::Faults;
+use crate::container::finding::about_container;
 use crate::file::validate::Report;
 use crate::rule::FORM;
 use crate::threads::Threads;
 
-/// By how much what a material sends away may exceed 1 without a word: what its halves round to.
+/// Tolerance of the rule that a material sends away at most the light that falls on it: the rounding of half precision.
 const GAIN_TOLERANCE: f32 = 2e-3;
 
-/// Examines a file, or a tier of one, and goes on behind a fault as far as more can be told, as [`crate::validate`] does. It has an
-/// error if and only if [`Volume::parse`] refuses the file, and its first error is the one that `parse` gives.
+/// Examines a file, or a tier of one, and continues after a fault as far as more can be found, like
+/// [`crate::validate`]. The report has an error if and only if [`Volume::parse`] refuses the file, and its first error
+/// is the one that `parse` gives.
 ///
 /// Cost: that of [`Volume::parse`]. Never panics.
 pub fn validate(bytes: &[u8], threads: Threads) -> Report {

@@ -1,78 +1,80 @@
 //! A volume as it is built and stored: levels of voxels over the unit cube.
 
-use super::gloss::Facets;
+use super::facets::Facets;
 use super::matrix::Sym3;
 use super::voxel::Voxel;
 
-/// Most voxels a side are 2 to this.
+/// Largest binary logarithm of the number of voxels a side.
 pub const MAX_LEVELS: u32 = 12;
 /// Largest entry of a level's clumping.
 pub const MAX_CLUMPING: f32 = 4.0;
-/// Least share of gaps that eye and light see both ([`LevelShadow::shared`]).
+/// Least share of gaps that eye and light have in common ([`LevelShadow::shared`]).
 pub const MIN_SHARED: f32 = -16.0;
-/// Angles between light and eye, degrees, for which a level has its shadows' shares.
+/// Angles between light and eye in degrees for which a level has shares of common gaps ([`LevelShadow::shared`]).
 pub const HOTSPOT_DEG: [f32; 10] = [0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 70.0, 110.0, 150.0, 180.0];
 
-/// A volumetric texture.
+/// A volumetric texture: levels of voxels, the finest first.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Volume {
-    /// UTF-8 JSON: name, source, how it was built.
+    /// Description as UTF-8 JSON: name, source, how it was built.
     pub description: String,
-    /// Metres that a side of the unit cube stands for.
+    /// Side of the unit cube in metres.
     pub side_m: f32,
-    /// How much of the unit cube is used, or repeated where [`Volume::cyclic`] says so.
+    /// Used part of the unit cube; it repeats along the axes of [`Volume::cyclic`].
     pub extent: [f32; 3],
-    /// Whether what leaves at one end in x, and in y, comes in at the other.
+    /// Whether rays that leave at one end in x, and in y, come in at the other.
     pub cyclic: [bool; 2],
-    /// What microflakes are made of.
+    /// Materials of the microflakes.
     pub materials: Vec<MicroflakeMaterial>,
-    /// The finest first; the last has one voxel, the whole cube.
+    /// Levels, the finest first; the last has one voxel, the whole cube.
     pub levels: Vec<VolumeLevel>,
 }
 
-/// The voxels of a level that are not empty.
+/// A level: the voxels that are not empty, and numbers for all of them.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct VolumeLevel {
-    /// How shadows fall within it.
+    /// Shadows within the level.
     pub shadow: LevelShadow,
-    /// How much microflakes stand behind each other, by direction: along a unit vector d of texture space depths are `exp(d' C d)` times
-    /// those of microflakes that lie anywhere in their voxels. Entries of at most [`MAX_CLUMPING`] either way.
+    /// Clumping C of the microflakes, by direction: along a unit vector d of texture space optical depths are `exp(d' C
+    /// d)` times those of microflakes that lie anywhere in their voxels. Entries are at most [`MAX_CLUMPING`] either
+    /// way.
     pub clumping: Sym3,
-    /// How their facets are spread, beyond what ellipsoids know.
+    /// SGGX correction of fourth degree for the specular lobe.
     pub facets: Facets,
-    /// Coordinates and voxel, in ascending order of [`order`]. The parent of each is in the next level, and each voxel of that
-    /// has a child in this one.
+    /// Coordinates and voxel, in ascending order of [`order`]. The next level has the parent of each voxel, and each
+    /// voxel of the next level has a child here.
     pub voxels: Vec<([u32; 3], Voxel)>,
-    /// Microflakes of a second sort, which lie otherwise than those in `voxels` or are of another material, as bark among leaves: number in
-    /// `voxels` of the one whose cell they share, ascending, and they themselves.
+    /// Second sorts of microflakes, with another orientation or material than those in `voxels`, such as bark among
+    /// leaves: index in `voxels` of the voxel whose cell they share, ascending, and the microflakes.
     pub others: Vec<(u32, Voxel)>,
 }
 
-/// What a level's shadows need, fitted to the model that the volume was built from.
+/// The shadows of a level, fitted to the model from which the volume was built.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LevelShadow {
-    /// How far from the microflakes a ray to the light begins, voxels of the level.
+    /// Distance from the microflakes at which a ray to the light begins, voxels of the level.
     pub offset: f32,
-    /// For each of [`HOTSPOT_DEG`] the share c by which eye and light see the same gaps: light is weakened by
-    /// `exp(-(1 - c) depth)`. 1 where they see the same, 0 where gaps lie anywhere, less where eyes see what light does not
-    /// reach: all of a plant in one voxel. [`MIN_SHARED`] to 1.
+    /// Share c of gaps that eye and light have in common, for each of [`HOTSPOT_DEG`]: light is attenuated by `exp(-(1
+    /// - c) depth)`. 1 where they see the same gaps, 0 where gaps lie anywhere, less where eyes see what light does not
+    /// reach, as in a voxel that holds a whole plant. [`MIN_SHARED`] to 1.
     pub shared: [f32; HOTSPOT_DEG.len()],
 }
 
-/// What microflakes are made of, linear sRGB.
+/// A material of microflakes, linear sRGB.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MicroflakeMaterial {
-    /// Share of light that leaves on the side where it came from.
+    /// Share of the light that leaves on the side from which it came.
     pub reflectance: [f32; 3],
-    /// Share that leaves on the other.
+    /// Share of the light that leaves on the other side.
     pub transmittance: [f32; 3],
-    /// Reflectance of the smooth surface at normal incidence; 0 for none.
+    /// Reflectance of the smooth surface at normal incidence; 0 for no specular lobe.
     pub specular: f32,
-    /// Its roughness, GGX alpha.
+    /// Roughness of the smooth surface, GGX alpha.
     pub roughness: f32,
 }
 
-/// Morton number of a voxel: bit i of it is bit i / 3 of coordinate i % 3. Voxels of one parent follow each other.
+/// Returns the Morton number of a voxel: bit i of it is bit i / 3 of coordinate i % 3. Voxels of one parent follow each
+/// other.
 pub fn order(at: [u32; 3]) -> u64 {
     (0..MAX_LEVELS).fold(0, |sum, bit| {
         (0..3).fold(sum, |sum, axis| sum | u64::from(at[axis] >> bit & 1) << (3 * bit as usize + axis))
@@ -80,14 +82,14 @@ pub fn order(at: [u32; 3]) -> u64 {
 }
 
 impl Volume {
-    /// Binary logarithm of the finest level's voxels a side.
+    /// Returns the binary logarithm of the number of the finest level's voxels a side.
     pub fn level_count(&self) -> u32 {
         self.levels.len() as u32 - 1
     }
 }
 
 impl VolumeLevel {
-    /// All microflakes, of both sorts.
+    /// Returns all microflakes, of both sorts.
     pub fn microflakes(&self) -> impl Iterator<Item = &Voxel> {
         self.voxels.iter().map(|(_, voxel)| voxel).chain(self.others.iter().map(|(_, voxel)| voxel))
     }

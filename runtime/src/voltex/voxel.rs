@@ -1,53 +1,56 @@
-//! One voxel: the microflakes in it. Twin: `shaders/voltex_voxel.wgsl`.
+//! One voxel: its microflakes as two matrices. Twin: `voltex/voxel.wgsl`.
 
 use super::matrix::Sym3;
 use crate::numeric::quantize::{half_at, word_from_halves};
 
-/// Words of a voxel in the resident form: the last tells of a second sort of microflakes in its cell.
+/// Number of words of a voxel in the resident form; the last one links to the second sort of microflakes in the voxel's
+/// cell.
 pub const VOXEL_WORDS: usize = 9;
-/// Word of a voxel: number of the voxel that holds the second sort of microflakes of its cell, or [`NO_VOXEL`](super::NO_VOXEL).
+/// Word of a voxel that has the number of the voxel with the second sort of microflakes of its cell, or
+/// [`NO_VOXEL`](super::NO_VOXEL).
 pub const OTHER_AT: usize = 8;
-/// N has the eigenvectors of S and this power of its eigenvalues: of those tried the best against true microflakes.
+/// Power of the eigenvalues of S that gives those of N; the eigenvectors are the same. Of the powers tried the best
+/// against true microflakes.
 const MOMENT_POWER: f32 = 0.75;
-/// The microflakes' area is the mean by this power of the roots of S's eigenvalues, without the division: the binary logarithm of 3
-/// makes it exact for microflakes of one direction and of all.
+/// Power of the mean that gives the area of the microflakes from the roots of S's eigenvalues, without the division:
+/// the binary logarithm of 3, which is exact for microflakes of one direction and of all.
 const AREA_POWER: f32 = 1.584_962_5;
 
 /// The microflakes of a voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Voxel {
-    /// `sqrt(d' S d)` is the optical depth along d, a vector of texture space.
+    /// Extinction matrix S: `sqrt(d' S d)` is the optical depth along d, a vector of texture space.
     pub extinction: Sym3,
-    /// Sum over the microflakes of `a n n'`, in proportion to `extinction`.
+    /// Moment N: sum over the microflakes of `a n n'`, in proportion to `extinction`.
     pub moment: Sym3,
     /// Number of the material.
     pub material: u32,
 }
 
 impl Voxel {
-    /// A voxel whose moment is derived from its extinction.
+    /// Makes a voxel whose moment is derived from its extinction.
     pub fn new(extinction: Sym3, material: u32) -> Voxel {
         Voxel { extinction, moment: moment_of(&extinction), material }
     }
 
-    /// Optical depth per length along d, a vector of texture space that need not be unit.
+    /// Returns the optical depth per length along d, a vector of texture space that need not be unit.
     pub fn extinction_along(&self, d: [f32; 3]) -> f32 {
         self.extinction.form(d, d).max(0.0).sqrt()
     }
 
-    /// The same microflakes, `factor` times as many.
+    /// Returns `factor` times as many of the same microflakes.
     pub fn scaled(&self, factor: f32) -> Voxel {
         Voxel { extinction: self.extinction.scale(factor * factor), moment: self.moment.scale(factor), ..*self }
     }
 
-    /// The voxel at a word. Twin: `voltex_voxel_at`.
+    /// Reads the voxel at a word. Twin: `voltex_voxel_at`.
     pub fn at(words: &[u32], at: usize) -> Voxel {
         let scale = f32::from_bits(words[at]);
         let halves = |first: usize| Sym3(std::array::from_fn(|i| half_at(words[at + first + i / 2], i as u32 % 2)));
         Voxel { extinction: halves(1).scale(scale * scale), moment: halves(4).scale(scale), material: words[at + 7] }
     }
 
-    /// As words but the last.
+    /// Returns the words of the voxel except the last.
     pub fn words(&self) -> [u32; OTHER_AT] {
         let most = self.extinction.0[..3].iter().fold(0.0f32, |most, x| most.max(*x));
         let scale = most.sqrt().max(1e-12);
@@ -57,7 +60,8 @@ impl Voxel {
     }
 }
 
-/// The moment of microflakes with the extinction matrix `s`: of their area, which is twice what they project on average, to 2 %.
+/// Returns the moment of microflakes with the extinction matrix `s`. Its trace is their area, which is twice what they
+/// project on average, to 2 %.
 pub fn moment_of(s: &Sym3) -> Sym3 {
     let powered = |power: f32| s.mapped(|x| x.max(0.0).powf(power));
     let area = powered(0.5 * AREA_POWER).trace().powf(1.0 / AREA_POWER);

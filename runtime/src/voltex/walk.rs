@@ -1,46 +1,46 @@
-//! A ray's way through a volume, cell by cell. Twin: `shaders/voltex_walk.wgsl`.
+//! Traversal of a volume by a ray, cell by cell. Twin: `voltex/walk.wgsl`.
 
 use super::tree::Cell;
 use super::words::Voltex;
 
-/// A ray in texture space; `direction` is not unit, so that t is the same as in the world.
+/// A ray in texture space. `direction` need not be unit, so that t can be the same as in the world.
 #[derive(Debug, Clone, Copy)]
 pub struct VoltexRay {
-    /// Where t is 0.
+    /// Point at t = 0.
     pub origin: [f32; 3],
-    /// Way per t.
+    /// Distance in texture space per unit of t.
     pub direction: [f32; 3],
 }
 
-/// A part of a ray within one cell.
+/// The part of a ray within one cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Segment {
-    /// Where it begins.
+    /// Beginning of the segment.
     pub t0: f32,
-    /// Where it ends.
+    /// End of the segment.
     pub t1: f32,
-    /// The cell.
+    /// Cell that the segment lies in.
     pub cell: Cell,
 }
 
-/// Where a walk stands.
+/// The state of a traversal.
 #[derive(Debug, Clone, Copy)]
 pub struct Walk {
     ray: VoltexRay,
     inverse: [f32; 3],
     t: f32,
     t_end: f32,
-    /// Finest voxel that it is in.
+    /// Coordinates of the current finest voxel.
     q: [i32; 3],
     resolution: i32,
 }
 
-/// Smallest component of a direction that is divided by.
+/// Least magnitude of a direction's component that is divided by.
 pub const MIN_DIRECTION: f32 = 1e-20;
 
 impl Walk {
-    /// Along `ray` between `t0` and `t1`, cut to the unit cube; nowhere if a number of the ray is not finite.
-    /// Twin: `voltex_walk_new`.
+    /// Begins a traversal along `ray` between `t0` and `t1`, cut to the unit cube. It has no cells if a number of the
+    /// ray is not finite. Twin: `voltex_walk_new`.
     pub fn new(ray: VoltexRay, t0: f32, t1: f32, level_count: u32) -> Walk {
         let least = |d: f32| if d < 0.0 { -MIN_DIRECTION } else { MIN_DIRECTION };
         let inverse = ray.direction.map(|d| 1.0 / if d.abs() < MIN_DIRECTION { least(d) } else { d });
@@ -59,19 +59,19 @@ impl Walk {
         walk
     }
 
-    /// Coordinate of the finest voxel at t. Twin: `voltex_walk_voxel_along`.
+    /// Returns the coordinate of the finest voxel at t. Twin: `voltex_walk_voxel_along`.
     fn voxel_along(&self, axis: usize, t: f32) -> i32 {
         ((self.ray.origin[axis] + self.ray.direction[axis] * t) * self.resolution as f32).floor() as i32
     }
 
-    /// Where it stands.
+    /// Returns the current t.
     pub fn t(&self) -> f32 {
         self.t
     }
 
-    /// The next cell at `level`; `None` at the end. Which voxel a walk is in it keeps in whole numbers, so that it goes on
-    /// whatever t rounds to: each step takes one coordinate on and none back, at most three times the voxels a side.
-    /// Twin: `voltex_walk_next`.
+    /// Returns the next cell at `level`; `None` at the end. The current voxel is kept in integers, so that the
+    /// traversal advances however t rounds: each step moves one coordinate on and none back, at most three times the
+    /// voxels a side in all. Twin: `voltex_walk_next`.
     pub fn next(&mut self, voltex: &Voltex, level: u32) -> Option<Segment> {
         if self.t.is_nan() || self.t >= self.t_end {
             return None;
@@ -117,7 +117,7 @@ mod tests {
 
     const T1: f32 = 1e15;
 
-    /// All segments of a walk, with no more steps than it may take.
+    /// Returns all segments of a traversal, and panics after more steps than it may take.
     fn segments(voltex: &Voltex, ray: VoltexRay, t0: f32, t1: f32, level: u32) -> Vec<Segment> {
         let mut walk = Walk::new(ray, t0, t1, voltex.level_count());
         let mut found = Vec::new();
@@ -128,7 +128,7 @@ mod tests {
         found
     }
 
-    /// What is wrong with segments of a ray from t = 0 on, in double precision.
+    /// Returns the fault of the segments of a ray from t = 0 on, in double precision.
     fn fault(voltex: &Voltex, ray: VoltexRay, level: u32, segments: &[Segment]) -> Option<String> {
         let (o, d) = (ray.origin.map(f64::from), ray.direction.map(f64::from));
         // How far from its place a point may be, and a t along an axis.

@@ -1,4 +1,4 @@
-// A ray's way through a volume, cell by cell. Twin: voltex/walk.rs.
+// Traversal of a volume by a ray, cell by cell. Twin: voltex/walk.rs.
 //
 //     var walk = voltex_walk_new(base, origin, direction, t0, t1);
 //     while walk.t < walk.t_end {
@@ -6,34 +6,34 @@
 //     }
 
 const VOLTEX_MIN_DIRECTION: f32 = 1e-20;
-// The twin's infinity.
+// Larger than any t; the twin has infinity.
 const VOLTEX_FAR: f32 = 3e38;
 
-// A part of a ray within one cell.
+// The part of a ray within one cell.
 struct VoltexSegment {
     t0: f32,
     t1: f32,
     cell: VoltexCell,
 }
 
-// Where a walk stands.
+// The state of a traversal.
 struct VoltexWalk {
     origin: vec3<f32>,
     direction: vec3<f32>,
     inverse: vec3<f32>,
     t: f32,
     t_end: f32,
-    // Finest voxel that it is in.
+    // Coordinates of the current finest voxel.
     q: vec3<i32>,
     resolution: i32,
 }
 
-// Along a ray in texture space between `t0` and `t1`, cut to the unit cube; nowhere if a number of the ray is not finite.
-// The direction is not unit, so that t is the same as in the world.
+// Begins a traversal along a ray in texture space between `t0` and `t1`, cut to the unit cube. It has no cells if a
+// number of the ray is not finite. The direction need not be unit, so that t can be the same as in the world.
 fn voltex_walk_new(base: u32, origin: vec3<f32>, direction: vec3<f32>, t0: f32, t1: f32) -> VoltexWalk {
     let least = select(vec3<f32>(VOLTEX_MIN_DIRECTION), vec3<f32>(-VOLTEX_MIN_DIRECTION), direction < vec3<f32>(0.0));
     let inverse = 1.0 / select(direction, least, abs(direction) < vec3<f32>(VOLTEX_MIN_DIRECTION));
-    // By bits: shaders may take it that no number is infinite or none.
+    // Tests the bits, because compilers may assume that all numbers are finite.
     let infinity = vec3<u32>(0x7f800000u);
     let exponents = max(bitcast<vec3<u32>>(origin) & infinity, bitcast<vec3<u32>>(direction) & infinity);
     let finite = all(exponents < infinity);
@@ -49,14 +49,14 @@ fn voltex_walk_new(base: u32, origin: vec3<f32>, direction: vec3<f32>, t0: f32, 
     return walk;
 }
 
-// The finest voxel at t, between `least` and `most`.
+// Returns the finest voxel at t, clamped to `least` and `most`.
 fn voltex_walk_voxel_along(walk: VoltexWalk, t: f32, least: vec3<i32>, most: vec3<i32>) -> vec3<i32> {
     let place = floor((walk.origin + walk.direction * t) * f32(walk.resolution));
     return vec3<i32>(clamp(place, vec3<f32>(least), vec3<f32>(most)));
 }
 
-// The next cell at `level`, of a walk whose `t` is less than its `t_end`. Each step takes one coordinate on and none back,
-// whatever t rounds to: there are at most three times the voxels a side.
+// Returns the next cell at `level`, of a traversal whose `t` is less than its `t_end`. Each step moves one coordinate
+// on and none back, however t rounds: there are at most three times the voxels a side.
 fn voltex_walk_next(base: u32, walk: ptr<function, VoltexWalk>, level: u32) -> VoltexSegment {
     let cell = voltex_cell(base, vec3<u32>((*walk).q), min(level, voltex_level_count(base)));
     let low = ((*walk).q >> vec3<u32>(cell.size)) << vec3<u32>(cell.size);

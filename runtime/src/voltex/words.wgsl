@@ -1,4 +1,5 @@
-// Where a volume's words lie, counted from its first, whose number is `base`. Twin: voltex/words.rs, which says what they hold.
+// The layout of a volume's words, counted from its first, whose number is `base`. Twin: voltex/words.rs, which has the
+// contents.
 
 const VOLTEX_LEVEL_COUNT_AT: u32 = 0u;
 const VOLTEX_NODES_AT: u32 = 1u;
@@ -14,32 +15,32 @@ const VOLTEX_FACETS_AT: u32 = 17u;
 const VOLTEX_LEVEL_WORDS: u32 = 32u;
 
 struct VoltexMaterial {
-    // Share of light that leaves on the side where it came from, linear sRGB.
+    // Share of the light that leaves on the side from which it came, linear sRGB.
     reflectance: vec3<f32>,
-    // Share that leaves on the other.
+    // Share of the light that leaves on the other side.
     transmittance: vec3<f32>,
-    // Reflectance of the smooth surface at normal incidence; 0 for none.
+    // Reflectance of the smooth surface at normal incidence; 0 for no specular lobe.
     specular: f32,
-    // GGX alpha.
+    // Roughness of the smooth surface, GGX alpha.
     roughness: f32,
 }
 
-// Binary logarithm of the finest level's voxels a side.
+// Returns the binary logarithm of the number of the finest level's voxels a side.
 fn voltex_level_count(base: u32) -> u32 {
     return asset_word(base + VOLTEX_LEVEL_COUNT_AT);
 }
 
-// Whether what leaves at one end in x, and in y, comes in at the other.
+// Returns whether rays that leave at one end in x, and in y, come in at the other.
 fn voltex_cyclic(base: u32) -> vec2<bool> {
     return ((vec2<u32>(asset_word(base + VOLTEX_FLAGS_AT)) >> vec2<u32>(0u, 1u)) & vec2<u32>(1u)) == vec2<u32>(1u);
 }
 
-// The part of the unit cube that is used.
+// Returns the used part of the unit cube.
 fn voltex_extent(base: u32) -> vec3<f32> {
     return voltex_three(base + VOLTEX_EXTENT_AT);
 }
 
-// Metres per side of the unit cube.
+// Returns the side of the unit cube in metres.
 fn voltex_side_m(base: u32) -> f32 {
     return asset_f32(base + VOLTEX_SIDE_AT);
 }
@@ -50,18 +51,18 @@ fn voltex_node(base: u32, number: u32) -> VoltexNode {
     return VoltexNode(mask, asset_word(at + 2u), asset_word(at + 3u));
 }
 
-// The voxel with a number that is not VOLTEX_NO_VOXEL.
+// Returns the voxel with a number that is not VOLTEX_NO_VOXEL.
 fn voltex_voxel(base: u32, number: u32) -> VoltexVoxel {
     return voltex_voxel_at(base + asset_word(base + VOLTEX_VOXELS_AT) + number * VOLTEX_VOXEL_WORDS);
 }
 
-// Number of the voxel with the second sort of microflakes in the cell of another, or VOLTEX_NO_VOXEL.
+// Returns the number of the voxel with the second sort of microflakes in the cell of another voxel, or VOLTEX_NO_VOXEL.
 fn voltex_other(base: u32, number: u32) -> u32 {
     return asset_word(base + asset_word(base + VOLTEX_VOXELS_AT) + number * VOLTEX_VOXEL_WORDS + VOLTEX_OTHER_AT);
 }
 
-// Optical depth per length of all microflakes of a cell along d, which need not be unit, before the level's clumping; of
-// VOLTEX_NO_VOXEL none.
+// Returns the optical depth per length of all microflakes of a cell along d, which need not be unit, before the level's
+// clumping; 0 for VOLTEX_NO_VOXEL.
 fn voltex_extinction_along(base: u32, number: u32, d: vec3<f32>) -> f32 {
     var sum = 0.0;
     for (var own = number; own != VOLTEX_NO_VOXEL; own = voltex_other(base, own)) {
@@ -79,25 +80,26 @@ fn voltex_material(base: u32, number: u32) -> VoltexMaterial {
     return VoltexMaterial(vec3<f32>(a, b.x), vec3<f32>(b.y, c), d.x, d.y);
 }
 
-// The word at which a level's shadows begin: offset, then shares.
+// Returns the word at which a level's shadows begin: offset, then shares.
 fn voltex_shadow(base: u32, level: u32) -> u32 {
     return base + asset_word(base + VOLTEX_LEVELS_AT) + level * VOLTEX_LEVEL_WORDS;
 }
 
-// How far from the microflakes a ray to the light begins, voxels of the level.
+// Returns the distance from the microflakes at which a ray to the light begins, voxels of the level.
 fn voltex_shadow_offset(base: u32, level: u32) -> f32 {
     return asset_f32(voltex_shadow(base, level));
 }
 
-// What depths along d, of any length, are multiplied by for a level's clumping; for levels beyond the coarsest by that one's.
+// Returns the factor on optical depths along d, of any length, for a level's clumping; a level beyond the coarsest has
+// the coarsest's.
 fn voltex_clumping_along(base: u32, level: u32, d: vec3<f32>) -> f32 {
     let at = voltex_shadow(base, min(level, voltex_level_count(base))) + VOLTEX_CLUMPING_AT;
     let matrix = VoltexMatrix(voltex_three(at), voltex_three(at + 3u));
     return exp(voltex_form(matrix, d, d) / max(dot(d, d), 1e-30));
 }
 
-// What the gloss of a level's microflakes is multiplied by, of which facets along `half_way`, of any length, are seen; for levels beyond the
-// coarsest by that one's.
+// Returns the factor on the specular lobe of a level's microflakes for facets along `half_way`, of any length; a level
+// beyond the coarsest has the coarsest's.
 fn voltex_facets_along(base: u32, level: u32, half_way: vec3<f32>) -> f32 {
     let at = voltex_shadow(base, min(level, voltex_level_count(base))) + VOLTEX_FACETS_AT;
     let h = half_way * inverseSqrt(max(dot(half_way, half_way), VOLTEX_MIN_HALF2));
@@ -110,7 +112,7 @@ fn voltex_facets_along(base: u32, level: u32, half_way: vec3<f32>) -> f32 {
     return exp(clamp(form, -VOLTEX_MAX_DENSER, VOLTEX_MAX_DENSER));
 }
 
-// Three numbers from a word on.
+// Reads three numbers from a word on.
 fn voltex_three(at: u32) -> vec3<f32> {
     return vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
 }

@@ -1,9 +1,9 @@
-//! What the tests of the formats' documents share: their fenced blocks, and the readers written from them.
+//! Shared parts of the tests of the formats' documents: their fenced blocks, and the readers written from them.
 
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// The lines of a document's fenced block with this info string.
+/// Returns the lines of a document's fenced block with this info string.
 pub fn block(document: &'static str, name: &str) -> Vec<&'static str> {
     let fence = format!("```{name}");
     let mut lines = document.lines().skip_while(|line| *line != fence);
@@ -11,7 +11,8 @@ pub fn block(document: &'static str, name: &str) -> Vec<&'static str> {
     lines.take_while(|line| *line != "```").collect()
 }
 
-/// `offset  bytes in hex  | remark`; what lies between the rows is zero, up to the row `end`.
+/// Returns the bytes of a dump with rows `offset  bytes in hex  | remark`; the bytes between rows are zero, up to the
+/// row `end`.
 pub fn bytes_from_dump(lines: &[&str]) -> Vec<u8> {
     let mut bytes = Vec::new();
     for line in lines {
@@ -25,7 +26,7 @@ pub fn bytes_from_dump(lines: &[&str]) -> Vec<u8> {
     bytes
 }
 
-/// A reader in Python, of `tests/peers`.
+/// Returns the command of a reader in Python, of `tests/peers`.
 pub fn python(script: &str) -> Command {
     let mut command = Command::new(if cfg!(windows) { "python" } else { "python3" });
     // What Python compiles stays out of the sources.
@@ -34,7 +35,7 @@ pub fn python(script: &str) -> Command {
     command
 }
 
-/// What it prints.
+/// Runs a command and returns its output.
 pub fn output_of(command: &mut Command) -> Output {
     command.output().unwrap_or_else(|error| {
         panic!(

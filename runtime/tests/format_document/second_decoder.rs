@@ -1,4 +1,4 @@
-//! The reader that was written in Python from docs/FORMAT.md alone decodes the values that this crate does.
+//! Compares the values of this crate with those of the reader that was written in Python from docs/FORMAT.md alone.
 
 use super::second_reader::{Lines, add_extreme_lobes, edits, parsed, read_by_the_document, resident_bytes, wide};
 use super::{document_bytes, named};
@@ -8,7 +8,7 @@ use btf_runtime::{
     read_directory, serial, with_levels,
 };
 
-/// What is decoded: a layer, a level, a texel, light and eye, a rule.
+/// A value to decode: a layer, a level, a texel, light and eye, a rule.
 #[derive(Clone, Copy)]
 struct Query {
     layer: usize,
@@ -20,7 +20,7 @@ struct Query {
 }
 
 impl Query {
-    /// A line for the reader in Python. Singles are written as the doubles that they are.
+    /// Returns the line for the reader in Python. Singles are written as the doubles that they are.
     fn line(&self) -> String {
         let rule = match self.interpolation {
             Interpolation::Fast => "fast",
@@ -55,8 +55,8 @@ fn random_queries(asset: &Asset, count: usize, random: &mut Random) -> Vec<Query
         .collect()
 }
 
-/// Assets of every kind of residual and role, with and without heights and with none at all, each of two layers, with
-/// levels and edits.
+/// Returns assets of every kind of residual and role, with and without heights, each of two layers, with levels and
+/// edits.
 fn assets_to_decode() -> Vec<Asset> {
     [
         (1, ResidualKind::Additive, LobeRole::Base, true, true),
@@ -89,8 +89,8 @@ fn assets_to_decode() -> Vec<Asset> {
     .into()
 }
 
-/// The first query whose value differs from the second reader's by more than `share` of the larger of 1 and the value,
-/// and more than its spread.
+/// Returns the first query whose value differs from the second reader's by more than `share` of the larger of 1 and the
+/// value, and by more than its spread.
 fn first_other_value(read: &Lines, values: &[[f32; 3]], share: f64) -> Option<usize> {
     values.iter().enumerate().find_map(|(i, value)| {
         let [own, spread] = ["value", "spread"].map(|name| parsed(&read[&format!("{name} {i}")]));
@@ -99,8 +99,8 @@ fn first_other_value(read: &Lines, values: &[[f32; 3]], share: f64) -> Option<us
     })
 }
 
-/// Both decoders do the same in double and in single precision. They agree within 1e-6 but at the peak of sharp lobes,
-/// where the last bit of a cosine is worth more; how much, the second reader tells (its "spread").
+/// Both decoders compute the same in double and in single precision. They agree within 1e-6 except at the peak of sharp
+/// lobes, where the last bit of a cosine matters more; the second reader prints how much (its "spread").
 #[test]
 fn the_resident_form_decodes_to_the_values_of_a_decoder_written_from_the_document() {
     let mut random = Random::new(1);

@@ -1,21 +1,21 @@
-//! The reader that was written in Python from docs/FORMAT.md alone (`tests/peers/spmm_reader.py`) finds the numbers and
-//! decodes the values that this crate does, in the worked example and in random assets, in both forms.
+//! Compares the numbers of this crate with those of the reader that was written in Python from docs/FORMAT.md alone
+//! (`tests/peers/spmm_reader.py`), in the worked example and in random assets, in both forms.
 
 use super::document::{output_of, python};
 use super::{block, document_bytes, example};
-use btf_runtime::testing::{FileParts, sample_asset, sample_heights};
+use btf_runtime::testing::{FileParts, core_at_pair, sample_asset, sample_heights};
 use btf_runtime::{
     Asset, DictionaryLobe, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, Lobe, LobeFamily, LobeRef, ResidentFile,
-    ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, core_at_pair, pack, serial, with_levels,
+    ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, pack, serial, with_levels,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What the second reader prints, by name.
+/// Lines that the second reader prints, by name.
 pub(super) type Lines = BTreeMap<String, String>;
 
-/// What the reader in Python prints of `bytes`, with the values of `queries` (`value 0` and so on), a line each.
+/// Returns the lines that the reader in Python prints of `bytes`, with the values of `queries` (`value 0` and so on).
 pub(super) fn read_by_the_document(name: &str, bytes: &[u8], options: &[&str], queries: &str) -> Lines {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let (file, queries_file) = (folder.join(format!("{name}.spmm")), folder.join(format!("{name}.queries")));
@@ -30,7 +30,7 @@ pub(super) fn read_by_the_document(name: &str, bytes: &[u8], options: &[&str], q
     String::from_utf8(output.stdout).expect("UTF-8").lines().map(pair).collect()
 }
 
-/// The reasons for which the reader in Python refuses each of the files; `None` where it does not.
+/// Returns the reasons for which the reader in Python refuses each of the files; `None` for a file that it reads.
 fn refused_by_the_document(name: &str, files: &[Vec<u8>]) -> Vec<Option<String>> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let paths: Vec<PathBuf> = (0..files.len()).map(|i| folder.join(format!("{name}-{i}.spmm"))).collect();
@@ -48,10 +48,11 @@ fn reader() -> Command {
     python("spmm_reader.py")
 }
 
-/// What [`numbers_of`] finds: numbers by name.
+/// Numbers of an asset by name, as [`numbers_of`] finds them.
 type Numbers = BTreeMap<String, Vec<f64>>;
 
-/// The same numbers as this crate reads them: whole ones and halves exact, others to be compared within rounding.
+/// Returns the numbers of an asset as this crate reads them: integers and halves exact, others to be compared within
+/// rounding.
 fn numbers_of(asset: &Asset) -> Numbers {
     let mut all = Numbers::new();
     for (number, edit) in asset.edits.list.iter().enumerate() {
@@ -105,7 +106,7 @@ pub(super) fn wide<T: Copy + Into<f64>>(numbers: &[T]) -> Vec<f64> {
     numbers.iter().map(|x| (*x).into()).collect()
 }
 
-/// A direction set with all that follows from it.
+/// Returns the numbers of a direction set, and of all that follows from it.
 fn numbers_of_sphere(name: &str, sphere: &Sphere) -> [(String, Vec<f64>); 6] {
     let words = sphere.words();
     let [n, t, e, side] = [0, 1, 2, 3].map(|i| words[i] as usize);
@@ -128,7 +129,7 @@ fn numbers_of_sphere(name: &str, sphere: &Sphere) -> [(String, Vec<f64>); 6] {
     .map(|(what, numbers)| (format!("{name} {what}"), numbers))
 }
 
-/// The bases' codes, the mixed cores, and the residual of every texel at every pair.
+/// Returns the bases' codes, the mixed cores, and the residual of every texel at every pair.
 fn numbers_of_residual(layer: &Layer) -> Numbers {
     let mut all = Numbers::new();
     let Some(residual) = &layer.residual else { return all };
@@ -158,7 +159,7 @@ pub(super) fn parsed(text: &str) -> Vec<f64> {
     text.split_whitespace().map(|word| word.parse().expect("a number")).collect()
 }
 
-/// The first name, of those that both have, whose numbers differ.
+/// Returns the first name, of those that both have, whose numbers differ.
 fn first_difference(read: &Lines, expected: &Numbers) -> Option<String> {
     expected.iter().find_map(|(name, expected)| {
         let got = parsed(read.get(name)?);
@@ -170,8 +171,8 @@ fn first_difference(read: &Lines, expected: &Numbers) -> Option<String> {
     })
 }
 
-/// A random asset whose streams take every branch of the coder: patches of clusters, codes of every size, heights,
-/// edits and levels.
+/// Returns a random asset whose streams take every branch of the coder: patches of clusters, codes of every size,
+/// heights, edits and levels.
 fn busy_asset() -> Asset {
     let mut asset = sample_asset(11, 24, 17, ResidualKind::Root);
     let texels = asset.texel_count();
@@ -197,7 +198,7 @@ fn busy_asset() -> Asset {
     asset
 }
 
-/// Three edits, on three of seven texels.
+/// Returns three edits, on three of seven texels.
 pub(super) fn edits(texels: usize) -> Edits {
     let tilted = Edit { tint: [0.9, 0.4, 1.5], roughness: 1.5, tilt: [0.1, 0.2], ..Edit::default() };
     let sharp = Edit { diffuse: 0.5, specular: 2.0, roughness: 0.3, tilt: [-0.5, 0.7], fade: 0.5, ..Edit::default() };
@@ -206,8 +207,8 @@ pub(super) fn edits(texels: usize) -> Edits {
     Edits { list: vec![tilted, sharp, tinted], texels }
 }
 
-/// Lobes that an edit takes to the ends of their ranges: axes near the horizon, an exponent near its largest. Two of
-/// three texels of the first cluster have one in place of its first lobe.
+/// Adds lobes that an edit takes to the ends of their ranges: axes near the horizon, an exponent near its largest. Two
+/// of three texels of the first cluster have one in place of their first lobe.
 pub(super) fn add_extreme_lobes(layer: &mut Layer) {
     let near_horizon = [0.75, 0.6484375];
     let lobe = |family, normal_xy, params| DictionaryLobe {
@@ -338,7 +339,7 @@ fn the_documents_decisions_are_those_of_the_first_coefficients() {
     assert_eq!(decisions, 24);
 }
 
-/// The kinds of sections that hold a stream.
+/// Kinds of sections that hold a stream.
 const STREAMS: [SectionKind; 9] = [
     SectionKind::TexelClusters,
     SectionKind::TexelLobeCounts,

@@ -1,14 +1,14 @@
-//! The lines of a vector's values, and where the vectors are.
+//! The lines of a vector's values, and the folder of the vectors.
 
 use btf_runtime::{DecodeOptions, Interpolation, Query, ResidentFile, evaluate};
 use std::path::{Path, PathBuf};
 
-/// Where the vectors are.
+/// Returns the folder of the vectors.
 pub fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors/v1")
 }
 
-/// One line of a values file: what was asked, and the colour.
+/// A line of a values file: the query and the colour.
 pub struct Line {
     pub interpolation: Interpolation,
     pub level: u32,
@@ -17,7 +17,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// As it stands in the file.
+    /// Returns the line as it stands in the file.
     pub fn text(&self) -> String {
         let Query { uv, wi, wo } = self.query;
         let join = |numbers: &[f32]| numbers.iter().map(f32::to_string).collect::<Vec<_>>().join(" ");
@@ -25,7 +25,7 @@ impl Line {
         format!("{name} {} {} {} {} = {}\n", self.level, join(&uv), join(&wi), join(&wo), join(&self.value))
     }
 
-    /// What [`Line::text`] gives, without the end of the line.
+    /// Parses a line of [`Line::text`], without the end of the line.
     pub fn parse(text: &str) -> Line {
         let (asked, value) = text.split_once(" = ").expect("asked = value");
         let words: Vec<&str> = asked.split(' ').collect();
@@ -42,7 +42,7 @@ impl Line {
     }
 }
 
-/// The asset's colour for what `line` asks.
+/// Returns the asset's colour for the query of `line`.
 pub fn decoded(file: &ResidentFile, line: &Line) -> [f32; 3] {
     let options = DecodeOptions { interpolation: line.interpolation, ..DecodeOptions::default() };
     evaluate(&file.resident, line.level, &line.query, &options)

@@ -315,7 +315,7 @@ impl Shader<'_> {
             }
             Body::Asset(asset) => {
                 let resident = self.scene.assets[asset].resident();
-                let layer = resident.layer_for_sides(level, light_back, s.view_back)?;
+                let layer = resident.layer_for_sides(level, light_back.into(), s.view_back.into())?;
                 let texel = resident.texel(layer, (s.uv * Vec2::from(material.uv_scale)).to_array());
                 let viewed = ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode);
                 Some(ViewedBody::Asset(Box::new(viewed), material.tint.into()))
@@ -462,9 +462,9 @@ impl Shader<'_> {
         }
         if let Body::Asset(asset) = material.body {
             let head = self.scene.assets[asset].head();
-            if head.layer_for_sides(0, !s.view_back, s.view_back).is_some() {
+            if head.layer_for_sides(0, (!s.view_back).into(), s.view_back.into()).is_some() {
                 // Either side of the surface is as likely, where light comes from both.
-                let both = head.layer_for_sides(0, s.view_back, s.view_back).is_some();
+                let both = head.layer_for_sides(0, s.view_back.into(), s.view_back.into()).is_some();
                 if !both || rest < 0.5 {
                     back = !back;
                 }
@@ -671,7 +671,7 @@ fn side_share(scene: &Scene, s: &Surface, material: &Material, back: bool) -> f3
     match material.body {
         Body::Plain(colour) if back == s.view_back => share * (1.0 - share_through(&colour)),
         Body::Plain(colour) => share * share_through(&colour),
-        Body::Asset(asset) if scene.assets[asset].head().layer_for_sides(0, !back, s.view_back).is_some() => {
+        Body::Asset(asset) if scene.assets[asset].head().layer_for_sides(0, (!back).into(), s.view_back.into()).is_some() => {
             0.5 * share
         }
         // A leaf's density is over both sides.

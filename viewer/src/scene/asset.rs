@@ -2,7 +2,7 @@
 
 use crate::error::ViewerError;
 use btf_capture::SharedBytes;
-use btf_runtime::{Asset, Edits, FormatError, HeightField, Resident, ResidentFile, with_levels};
+use btf_runtime::{Asset, Edits, FormatError, HeightField, Resident, ResidentFile, SurfaceSide, with_levels};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -165,7 +165,7 @@ impl SceneAsset {
     /// Whether its front has heights.
     pub fn has_heights(&self) -> bool {
         let heights = |layer| HeightField::of_resident(&self.head, layer).is_some();
-        self.head.layer_for_sides(0, false, false).is_some_and(heights)
+        self.head.layer_for_sides(0, SurfaceSide::Front, SurfaceSide::Front).is_some_and(heights)
     }
 
     /// Lobes of the texel that has most.

@@ -139,18 +139,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_evaluated_and_what_is_described_have_the_same_order_and_ranges() {
-        let alike = |evaluated: &btf_runtime::LeafQuantity, described: &btf_models::LeafQuantity| {
-            let key = if described.key == "index" { "gloss_index" } else { described.key };
-            key == evaluated.key && described.range.map(|end| end as f32) == evaluated.range
-        };
-        let (evaluated, described) = (&btf_runtime::LEAF_QUANTITIES, &btf_models::LEAF_QUANTITIES);
-        assert!(evaluated.iter().zip(described).all(|(a, b)| alike(a, b)));
-        // Planted: two in turn.
-        assert!(!alike(&evaluated[3], &described[6]) && !alike(&evaluated[8], &described[9]));
-    }
-
-    #[test]
     fn a_saved_leaf_finds_its_textures_from_wherever_it_lies() {
         let dir = tempfile::tempdir().unwrap();
         let place = |name: &str| dir.path().join(name);

@@ -11,7 +11,7 @@ use crate::geometry::geometry::Geometry;
 use crate::geometry::surface::{Surface, corners_of};
 use crate::scene::material::Material;
 use crate::scene::scene::Scene;
-use btf_runtime::HeightField;
+use btf_runtime::{HeightField, SurfaceSide};
 use glam::{Vec2, Vec3};
 
 /// Sideways way of a step, texels.
@@ -55,7 +55,7 @@ impl<'a> Relief<'a> {
             return None;
         }
         let resident = scene.assets[material.asset()?].head();
-        let field = HeightField::of_resident(resident, resident.layer_for_sides(0, false, false)?)?;
+        let field = HeightField::of_resident(resident, resident.layer_for_sides(0, SurfaceSide::Front, SurfaceSide::Front)?)?;
         let size = Vec2::new(resident.width() as f32, resident.height() as f32);
         let scale = Vec2::from(material.uv_scale);
         let tiles = size * scale.abs();

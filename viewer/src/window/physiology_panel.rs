@@ -108,7 +108,7 @@ fn show_quantity(ui: &mut egui::Ui, quantity: &LeafQuantity, settings: &mut Leaf
     let name = quantity.name.strip_prefix("variation of ").unwrap_or(quantity.name);
     // A typed number is one step, when it is whole.
     let slider = egui::Slider::new(&mut value, least..=most).suffix(&unit).text(name).update_while_editing(false);
-    let hover = format!("{}; {least} to {most}{unit}", meaning(quantity));
+    let hover = format!("{}; {least} to {most}{unit}", quantity.meaning);
     if ui.add(slider).on_hover_text(hover).changed() {
         settings.put(quantity, value);
     }
@@ -134,35 +134,6 @@ fn mode_meaning(mode: LeafMode) -> &'static str {
     }
 }
 
-/// What a quantity is, for people.
-fn meaning(quantity: &LeafQuantity) -> &'static str {
-    match (quantity.section, quantity.key) {
-        ("contents", "chlorophyll_ug_per_cm2") => "chlorophyll a and b, which absorb blue and red",
-        ("contents", "carotenoid_ug_per_cm2") => {
-            "carotenoids, which absorb blue; what is left of them makes autumn yellow"
-        }
-        ("contents", "anthocyanin_ug_per_cm2") => "anthocyanins, which absorb green and look red",
-        ("contents", "brown") => "brown pigment of dying tissue, in arbitrary units",
-        ("contents", "water_cm") => "water as a layer; it absorbs next to nothing of what is visible",
-        ("contents", "dry_matter_g_per_cm2") => "dry matter: cell walls, proteins, starch",
-        ("contents", "structure") => {
-            "number of layers between which light is scattered; more reflect more and transmit less"
-        }
-        ("gloss", "index") => "refractive index of the cuticle; more shines more",
-        ("gloss", "gamma_along") => "roughness of the gloss along the veins",
-        ("gloss", "gamma_across") => "roughness of the gloss across the veins",
-        ("look", "severity") => {
-            "how far the deficiency has gone in textures that btf-synth grows; nothing changes in this picture"
-        }
-        ("look", "size_mm") => "width of the patch that textures and captures show; nothing changes in this picture",
-        ("variation", "chlorophyll") => "standard deviation over mean of chlorophyll among the plants",
-        ("variation", "carotenoid") => "standard deviation over mean of carotenoids among the plants",
-        ("variation", "brown") => "standard deviation over mean of brown pigment among the plants",
-        ("variation", "thickness") => "standard deviation over mean of all that absorbs, among the plants",
-        _ => quantity.name,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -172,7 +143,7 @@ mod tests {
         for quantity in &LEAF_QUANTITIES {
             let groups = GROUPS.iter().filter(|(.., belongs)| belongs(quantity)).count();
             assert_eq!(groups, 1, "{}", quantity.key);
-            assert_ne!(meaning(quantity), quantity.name);
+            assert_ne!(quantity.meaning, quantity.name);
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::export::gltf::brdf::{Cosines, DIELECTRIC_F0, GltfTexel, Sheen, dot, g
 use crate::measure::compare::stride_over_pairs;
 use crate::monitor::Monitor;
 use crate::stages::lasso::non_negative_weights;
-use btf_runtime::{DecodeOptions, LightRows, Resident, ViewedTexel, root};
+use btf_runtime::{DecodeOptions, LightRows, Resident, SurfaceSide, ViewedTexel, root};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -124,7 +124,7 @@ pub fn fit_gltf(resident: &Resident, maps: Maps, monitor: &Monitor) -> Result<Gl
 /// # Errors
 /// [`FitError::Params`] where there is none.
 pub fn front_layer(resident: &Resident) -> Result<u32, FitError> {
-    resident.layer_for_sides(0, false, false).ok_or_else(|| {
+    resident.layer_for_sides(0, SurfaceSide::Front, SurfaceSide::Front).ok_or_else(|| {
         FitError::Params(
             "no layer is lit and seen from the front, which a glTF material needs; fit a capture of the front as well"
                 .into(),
@@ -134,7 +134,8 @@ pub fn front_layer(resident: &Resident) -> Result<u32, FitError> {
 
 /// The layer of the light that comes through: towards the front, or else towards the back.
 pub fn transmission_layer(resident: &Resident) -> Option<u32> {
-    resident.layer_for_sides(0, true, false).or_else(|| resident.layer_for_sides(0, false, true))
+    let layer = |light, view| resident.layer_for_sides(0, light, view);
+    layer(SurfaceSide::Back, SurfaceSide::Front).or_else(|| layer(SurfaceSide::Front, SurfaceSide::Back))
 }
 
 /// Tries the model's parts one after the other; `error_of` tells a model's squared error.
@@ -193,7 +194,7 @@ impl PairList {
     pub fn split(resident: &Resident, layer: u32, count: usize) -> Vec<PairList> {
         let (views, lights) = (resident.views(layer), resident.lights(layer));
         let behind = |of: [f32; 3], back: bool| [of[0], of[1], if back { -of[2] } else { of[2] }];
-        let sides = |light, view| resident.layer_for_sides(0, light, view) == Some(layer);
+        let sides = |light: bool, view: bool| resident.layer_for_sides(0, light.into(), view.into()) == Some(layer);
         let light_back = sides(true, true) || sides(true, false);
         let view_back = sides(true, true) || sides(false, true);
         let all = views.len() * lights.len();

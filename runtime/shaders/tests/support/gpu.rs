@@ -1,5 +1,5 @@
-//! Runs entry points on the software driver through wgpu, as WGSL or as SPIR-V that nobody has looked into. A missing
-//! driver is a failure, unless `BTF_SKIP_GPU=1` leaves it out, visibly.
+//! Runs entry points on the software driver through wgpu, as WGSL or as unchecked SPIR-V. A missing driver is a
+//! failure, unless `BTF_SKIP_GPU=1` leaves these tests out, visibly.
 
 use btf_shaders::{Range, WORKGROUP};
 use bytemuck::Pod;
@@ -14,8 +14,8 @@ pub enum Program<'a> {
     SpirV(&'a [u32]),
 }
 
-/// What makes Mesa's software driver compile a module that it has not met in about a third of the time: four lanes and
-/// no optimiser. Running takes longer, which a thousand queries do not show.
+/// Environment variables with which Mesa's software driver compiles a new module in about a third of the time: four
+/// lanes and no optimiser. Running takes longer, which does not matter for a thousand queries.
 pub const QUICK_COMPILER: [(&str, &str); 2] = [("LP_NATIVE_VECTOR_WIDTH", "128"), ("GALLIVM_PERF", "nopt")];
 
 /// Sets [`QUICK_COMPILER`] for this process, before the first driver is loaded.
@@ -39,10 +39,10 @@ pub struct Gpu {
     queue: wgpu::Queue,
 }
 
-/// The device for `test`, or `None` where the GPU is left out on purpose.
+/// Opens the device for `test`; `None` if GPU tests are left out on purpose.
 ///
 /// # Panics
-/// If there is none, with how to get it.
+/// If there is no device; the message says how to get one.
 pub fn open(test: &str) -> Option<Gpu> {
     if super::is_set("BTF_SKIP_GPU") {
         super::skip(&format!("{test} (BTF_SKIP_GPU=1)"));
@@ -67,7 +67,8 @@ pub fn open(test: &str) -> Option<Gpu> {
 }
 
 impl Gpu {
-    /// Answers of `entry` to all `queries` over asset words; both of the layout that the program has.
+    /// Returns the answers of `entry` to all `queries` over asset words; queries and answers have the layout of the
+    /// program.
     ///
     /// # Panics
     /// If the driver refuses.

@@ -1,4 +1,4 @@
-//! What the test files share.
+//! Shared parts of the tests.
 
 #![allow(dead_code, reason = "each test file takes what it needs of these")]
 
@@ -7,7 +7,7 @@ pub mod tools;
 
 use std::io::Write;
 
-/// Says that `what` is left out, and has `cargo xtask test` count it as a skipped test.
+/// Prints that `what` is left out; `cargo xtask test` counts it as a skipped test.
 pub fn skip(what: &str) {
     println!("skipped: {what}");
     if let Some(log) = std::env::var_os("BTF_SKIP_LOG") {
@@ -16,7 +16,7 @@ pub fn skip(what: &str) {
     }
 }
 
-/// Whether an environment variable is 1.
+/// Returns whether an environment variable is 1.
 pub fn is_set(variable: &str) -> bool {
     std::env::var_os(variable).is_some_and(|value| value == "1")
 }

@@ -1,13 +1,13 @@
-//! Compilers and validators that did not come from us. One that is missing is a failure, unless `BTF_SKIP_PEERS=1`
-//! leaves them out, visibly.
+//! Compilers and validators of other origin. A missing one is a failure, unless `BTF_SKIP_PEERS=1` leaves these tests
+//! out, visibly.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The environment in which SPIR-V has to be valid: what `SPIRV_VERSION` of languages.rs is made for.
+/// Environment in which SPIR-V has to be valid: that of `SPIRV_VERSION` of languages.rs.
 const SPIRV_ENVIRONMENT: &str = "vulkan1.1";
 
-/// Whether `test` is left out on purpose; says so.
+/// Returns whether `test` is left out on purpose, and prints it.
 pub fn are_left_out(test: &str) -> bool {
     let left_out = super::is_set("BTF_SKIP_PEERS");
     if left_out {
@@ -16,10 +16,10 @@ pub fn are_left_out(test: &str) -> bool {
     left_out
 }
 
-/// Runs a program: `Err` holds what it printed where it refuses.
+/// Runs a program; `Err` holds what it printed where it refuses.
 ///
 /// # Panics
-/// If it is not there, with how to get it.
+/// If the program is not installed; the message says how to get it.
 fn run(command: &mut Command) -> Result<(), String> {
     let output = command.output().unwrap_or_else(|error| {
         panic!(
@@ -32,7 +32,7 @@ fn run(command: &mut Command) -> Result<(), String> {
     if output.status.success() { Ok(()) } else { Err(text) }
 }
 
-/// A folder with one file, and the file's path.
+/// Writes one file to a new folder; returns the folder and the file's path.
 fn kept(name: &str, bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join(name);
@@ -40,19 +40,19 @@ fn kept(name: &str, bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
-/// spirv-val's judgement.
+/// Validates SPIR-V with spirv-val.
 pub fn spirv_val(bytes: &[u8]) -> Result<(), String> {
     let (_folder, path) = kept("module.spv", bytes);
     run(Command::new("spirv-val").args(["--target-env", SPIRV_ENVIRONMENT]).arg(path))
 }
 
-/// glslang's judgement of a GLSL compute shader by the rules of OpenGL (ES).
+/// Validates a GLSL compute shader with glslang by the rules of OpenGL (ES).
 pub fn glslang(text: &[u8]) -> Result<(), String> {
     let (_folder, path) = kept("shader.glsl", text);
     run(Command::new("glslangValidator").args(["-S", "comp"]).arg(path))
 }
 
-/// SPIR-V words that glslang makes of a GLSL compute shader by the rules of Vulkan.
+/// Compiles a GLSL compute shader to SPIR-V words with glslang by the rules of Vulkan.
 pub fn spirv_from_glsl(text: &[u8]) -> Result<Vec<u32>, String> {
     let (folder, path) = kept("shader.glsl", text);
     let out = folder.path().join("shader.spv");
@@ -61,7 +61,8 @@ pub fn spirv_from_glsl(text: &[u8]) -> Result<Vec<u32>, String> {
     run(&mut command).map(|()| words(&out))
 }
 
-/// SPIR-V words that glslang's HLSL front end makes of one entry point; registers become bindings of the same number.
+/// Compiles one entry point to SPIR-V words with glslang's HLSL front end; registers become bindings of the same
+/// number.
 pub fn spirv_from_hlsl(text: &[u8], entry: &str) -> Result<Vec<u32>, String> {
     let text = for_glslang(std::str::from_utf8(text).expect("HLSL is text"));
     let (folder, path) = kept("shader.hlsl", text.as_bytes());
@@ -71,7 +72,8 @@ pub fn spirv_from_hlsl(text: &[u8], entry: &str) -> Result<Vec<u32>, String> {
     run(&mut command).map(|()| words(&out))
 }
 
-/// HLSL for glslang's front end, which lacks one thing: arrays made of zero by a cast, `(float3[3])0`, become lists.
+/// Rewrites HLSL for glslang's front end, which lacks one thing: arrays made of zero by a cast, `(float3[3])0`, become
+/// lists.
 fn for_glslang(text: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
@@ -86,7 +88,7 @@ fn for_glslang(text: &str) -> String {
     out + rest
 }
 
-/// dxc's judgement of one entry point; `None` where there is no dxc, which no package registry has.
+/// Validates one entry point with dxc; `None` if dxc is not installed, because no package registry has it.
 pub fn dxc(text: &[u8], entry: &str) -> Option<Result<(), String>> {
     Command::new("dxc").arg("--version").output().ok()?;
     let (folder, path) = kept("shader.hlsl", text);
@@ -94,7 +96,7 @@ pub fn dxc(text: &[u8], entry: &str) -> Option<Result<(), String>> {
     Some(run(Command::new("dxc").args(["-T", "cs_6_0", "-E", entry, "-Fo"]).arg(out).arg(path)))
 }
 
-/// The command `node dawn.mjs PACKAGES`.
+/// Returns the command `node dawn.mjs PACKAGES`.
 fn dawn() -> Command {
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("the target folder holds its tmp");
     let packages = target.join("peers").join("dawn");
@@ -108,13 +110,14 @@ fn dawn() -> Command {
     command
 }
 
-/// Tint's judgement of a WGSL module.
+/// Validates a WGSL module with Tint.
 pub fn tint(text: &[u8]) -> Result<(), String> {
     let (_folder, path) = kept("module.wgsl", text);
     run(dawn().arg("check").arg(path))
 }
 
-/// Runs a WGSL module's entry point in Dawn over asset words, queries and range, as bytes; `count` answers of 32 bytes.
+/// Runs a WGSL module's entry point in Dawn over asset words, queries and range, as bytes; returns `count` answers of
+/// 32 bytes.
 ///
 /// # Panics
 /// If Dawn refuses or finds no driver.
@@ -136,7 +139,7 @@ fn words(path: &Path) -> Vec<u32> {
     words_from_bytes(&bytes)
 }
 
-/// SPIR-V as it lies in a file, little-endian.
+/// Returns the words of a SPIR-V file, which is little-endian.
 pub fn words_from_bytes(bytes: &[u8]) -> Vec<u32> {
     bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }

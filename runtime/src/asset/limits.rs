@@ -1,0 +1,39 @@
+//! The limits of an asset. Normative text: docs/FORMAT.md.
+
+/// Largest physical side of an asset, millimetres.
+pub const MAX_SIDE_MM: f32 = 1e6;
+/// Largest number of layers in a file: front, back, and the two transmissions.
+pub const MAX_LAYERS: usize = 4;
+/// Largest width or height of an asset in texels.
+pub const MAX_SIDE: u32 = 16_384;
+/// Largest number of levels: down to one texel from the widest asset.
+pub const MAX_LEVELS: usize = 15;
+/// Largest number of clusters in a layer: a cluster id is one byte.
+pub const MAX_CLUSTERS: usize = 256;
+/// Largest number of lobes in one cluster's dictionary: a lobe id is one byte.
+pub const MAX_DICTIONARY: usize = 256;
+/// Largest number of directions in a set.
+pub const MAX_DIRECTIONS: usize = 4096;
+/// Largest number of residual components of a layer.
+pub const MAX_COMPONENTS: usize = 128;
+/// Largest number of shared bases of a layer.
+pub const MAX_SHARED: usize = 1024;
+/// Largest step of a shared basis or of a cluster's mixture: bounded, so that no expanded basis overflows to NaN.
+pub const MAX_BASIS_STEP: f32 = 1e4;
+/// Largest step of a coefficient.
+pub const MAX_COEFFICIENT_STEP: f32 = 1e9;
+/// Largest rank of a factor matrix.
+pub const MAX_RANK: usize = 256;
+/// Largest number of words that one layer's expanded bases may take (1 GiB): a few hundred bytes of factors must not
+/// make a reader allocate without bound.
+pub const MAX_BASIS_WORDS: u64 = 1 << 28;
+/// Largest step of a height code, texel widths.
+pub const MAX_HEIGHT_STEP: f32 = 16.0;
+/// Allowed epsilon of a residual's curve.
+pub const EPSILON_RANGE: std::ops::RangeInclusive<f32> = 1e-6..=1.0;
+
+/// Returns the number of words of a layer's expanded bases: halves `[cluster, view, light, channel, basis]`, bases
+/// padded to an even count. `shape` is the number of views and of lights.
+pub fn basis_words(shape: [usize; 2], clusters: usize, bases: usize) -> u64 {
+    [shape[0], shape[1], 3, clusters, bases.div_ceil(2)].iter().map(|n| *n as u64).product()
+}

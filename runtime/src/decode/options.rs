@@ -1,0 +1,47 @@
+//! The options of one evaluation: precision against time.
+
+/// The rule by which the residual is carried from the measured directions to others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Interpolation {
+    /// Interpolates the residual, then combines it with the lobes. Costs one evaluation of the lobes.
+    Fast = 0,
+    /// Decodes the nine neighbours to linear, interpolates those, and multiplies by the clamped ratio of the lobes here
+    /// to the lobes interpolated. Costs ten evaluations of the lobes.
+    Exact = 1,
+}
+
+impl Interpolation {
+    /// Returns the name on command lines and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Interpolation::Fast => "fast",
+            Interpolation::Exact => "exact",
+        }
+    }
+}
+
+/// The options of one evaluation, from fast to exact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DecodeOptions {
+    /// Largest number of residual components that are used; `u32::MAX` for all. 0 keeps the residual's mean.
+    pub components: u32,
+    /// Largest number of lobes of a texel that are used; `u32::MAX` for all.
+    pub lobes: u32,
+    /// Interpolation rule.
+    pub interpolation: Interpolation,
+    /// Whether the parallax of eyes outside the measured views' hull is removed, where the asset has heights. Costs
+    /// four rays through the heights, and three texels in place of one.
+    pub parallax: bool,
+}
+
+impl Default for DecodeOptions {
+    fn default() -> DecodeOptions {
+        DecodeOptions { components: u32::MAX, lobes: u32::MAX, interpolation: Interpolation::Fast, parallax: true }
+    }
+}
+
+/// Number added to both lobe sums before their ratio is taken (exact rule).
+pub const RATIO_EPSILON: f32 = 0.03;
+/// Range to which the ratio of the lobe sums is clamped (exact rule).
+pub const RATIO_RANGE: [f32; 2] = [0.3, 4.0];

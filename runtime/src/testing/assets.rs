@@ -1,0 +1,177 @@
+//! Small assets of random content, for tests.
+
+use crate::asset::asset::{Asset, Layer, LobeRole, SurfaceSide};
+use crate::asset::dictionary::{DictionaryLobe, LobeRef};
+use crate::asset::edit::Edits;
+use crate::asset::heights::Heights;
+use crate::asset::lobe::{Lobe, LobeFamily};
+use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
+use crate::asset::sphere::Sphere;
+use crate::testing::random::{Random, direction_from_cos, ring_directions};
+use half::f16;
+
+/// Returns a random lobe of `family`, with normal, tangent and parameters anywhere in their ranges, rounded by the file
+/// form. One parameter in eight is at a bound.
+pub fn random_lobe(random: &mut Random, family: LobeFamily) -> Lobe {
+    let mut params = [0.0; 4];
+    for (param, (least, most)) in params.iter_mut().zip(family.ranges()) {
+        *param = match random.below(16) {
+            0 => least,
+            1 => most,
+            // Exponents: as likely below as above the geometric middle.
+            _ if least > 0.0 => least * (most / least).powf(random.within(0.0, 1.0)),
+            _ => random.within(least, most),
+        };
+    }
+    let tilt = random.within(0.0, 1.0).powi(2);
+    let [x, y, _] = direction_from_cos((1.0 - 0.98 * tilt).sqrt(), random.within(0.0, 360.0));
+    Lobe { family, normal_xy: [x, y], tangent_rad: random.within(-3.2, 3.2), params }.rounded()
+}
+
+fn halves(random: &mut Random, count: usize, amplitude: f32) -> Vec<f16> {
+    (0..count).map(|_| f16::from_f32(random.within(-amplitude, amplitude))).collect()
+}
+
+/// Number of clusters of a sample asset.
+const CLUSTERS: usize = 3;
+/// Number of residual components of a sample asset.
+const COMPONENTS: usize = 4;
+/// Number of shared bases of a sample asset.
+const SHARED: usize = 3;
+
+/// Returns a one-layer asset of random content that [`crate::pack`] writes and [`Asset::parse`] reads back equal: three
+/// clusters, 20 lights and 17 views in three rings each, every lobe family, 1 to 4 lobes a texel and 4 residual
+/// components of different steps and ranks up to 5.
+pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) -> Asset {
+    let mut random = Random::new(seed);
+    let random = &mut random;
+    let sphere = |rings: &[(f64, usize)]| Sphere::new(&ring_directions(rings)).expect("the rings are distinct");
+    let lights = sphere(&[(25.0, 4), (50.0, 6), (75.0, 9)]);
+    let views = sphere(&[(30.0, 3), (55.0, 5), (70.0, 8)]);
+
+    let texels = width * height;
+    let texel_clusters: Vec<u8> = (0..texels).map(|_| random.below(CLUSTERS) as u8).collect();
+    let texel_lobe_counts: Vec<u8> = (0..texels).map(|_| 1 + random.below(4) as u8).collect();
+    let dictionary = sample_dictionary(random);
+    let mut lobe_refs = Vec::new();
+    for count in &texel_lobe_counts {
+        for slot in 0..*count {
+            // Every texel has a diffuse part, as real ones do.
+            let lobe = if slot == 0 { 0 } else { 1 + random.below(8) as u8 };
+            lobe_refs.push(LobeRef { lobe, weight: [0; 3].map(|_| random.below(256) as u8) });
+        }
+    }
+
+    let residual = sample_residual(random, [views.len(), lights.len()], texels, kind);
+    let layer = Layer {
+        light_side: SurfaceSide::Front,
+        view_side: SurfaceSide::Front,
+        lobe_role: LobeRole::Base,
+        residual_kind: kind,
+        epsilon: 0.01,
+        lights,
+        views,
+        heights: None,
+        texel_clusters,
+        texel_lobe_counts,
+        dictionary,
+        lobe_refs,
+        residual: Some(residual),
+    };
+    let material = format!("{{\"name\":\"sample {seed}\"}}");
+    Asset {
+        width,
+        height,
+        size_mm: Some([30.0, 25.0]),
+        seamless: [true, false],
+        material,
+        layers: vec![layer],
+        levels: Vec::new(),
+        edits: Edits::default(),
+    }
+}
+
+/// Returns a dictionary with a lobe of every family for each cluster.
+fn sample_dictionary(random: &mut Random) -> Vec<Vec<DictionaryLobe>> {
+    (0..CLUSTERS)
+        .map(|_| {
+            let entry = |family| DictionaryLobe {
+                lobe: random_lobe(random, family),
+                // Narrow peaks are tall: keep the sum near reflectances.
+                weight_scale: f16::from_f32(if family == LobeFamily::Lambertian { 0.5 } else { 0.05 }).to_f32(),
+            };
+            LobeFamily::ALL.map(entry).to_vec()
+        })
+        .collect()
+}
+
+/// Returns a residual over `shape` views and lights, with coefficients of `texels` texels.
+fn sample_residual(random: &mut Random, shape: [usize; 2], texels: usize, kind: ResidualKind) -> Residual {
+    // The additive curve adds reflectances, the others steps of their own.
+    let amplitude = match kind {
+        ResidualKind::Additive => 0.05,
+        ResidualKind::Log => 0.25,
+        ResidualKind::Root => 0.08,
+    };
+    let ranks = [0; 3].map(|_| [1 + random.below(5), 1 + random.below(5)]);
+    let factors = Factors {
+        shape,
+        ranks,
+        view: ranks.map(|[rank, _]| halves(random, shape[0] * rank, 1.0)),
+        light: ranks.map(|[_, rank]| halves(random, shape[1] * rank, 1.0)),
+    };
+    let mut codes = |count: usize, most: usize| -> Vec<i16> {
+        (0..count).map(|_| random.below(2 * most + 1) as i16 - most as i16).collect()
+    };
+    // Rank-1 to rank-5 cores of +-1, mixed by weights that fall with the component.
+    let shared = SharedBases { steps: vec![0.01; SHARED], values: codes(SHARED * factors.core_len(), 100) };
+    let bases = (0..=COMPONENTS)
+        .map(|index| {
+            let step = amplitude / (1.0 + index as f32) / 50.0;
+            Basis { steps: vec![step, 0.5 * step, 0.7 * step], values: codes(CLUSTERS * SHARED, 50) }
+        })
+        .collect();
+    let coefficients = (0..COMPONENTS)
+        .map(|component| {
+            let most = [127, 20, 3, 1][component];
+            let codes = codes(texels, most).into_iter().map(|code| code as i8).collect();
+            Coefficients { step: 0.7 / most as f32, codes }
+        })
+        .collect();
+    Residual { factors, shared, bases, coefficients }
+}
+
+/// Returns a small asset whose bases would take more than 1 GiB when expanded with some more components than its four:
+/// factors of rank 0 take no bytes in the file, but expanded bases do.
+pub fn huge_asset() -> Asset {
+    let mut asset = sample_asset(9, 1, 1, ResidualKind::Root);
+    let layer = &mut asset.layers[0];
+    let set = ring_directions(&[(20.0, 64), (40.0, 64), (60.0, 64), (75.0, 64)]);
+    layer.lights = Sphere::new(&set).expect("the rings are distinct");
+    layer.views = layer.lights.clone();
+    layer.texel_clusters = vec![0];
+    layer.dictionary = vec![layer.dictionary[0].clone(); 256];
+    let residual = layer.residual.as_mut().unwrap();
+    residual.factors.shape = [set.len(); 2];
+    residual.factors.ranks = [[0; 2]; 3];
+    residual.factors.view = Default::default();
+    residual.factors.light = Default::default();
+    residual.shared.steps.clear();
+    residual.shared.values.clear();
+    for basis in &mut residual.bases {
+        basis.steps = vec![0.0; 256];
+        basis.values.clear();
+    }
+    asset
+}
+
+/// Returns a rough displacement of `texels` texels, up to three texel widths either way.
+pub fn sample_heights(seed: u64, texels: usize) -> Heights {
+    let mut random = Random::new(seed);
+    Heights { step: 0.125, codes: (0..texels).map(|_| random.below(49) as i8 - 24).collect() }
+}
+
+/// Returns the index of a texel's first lobe reference.
+pub fn first_ref(layer: &Layer, texel: usize) -> usize {
+    layer.texel_lobe_counts[..texel].iter().map(|count| usize::from(*count)).sum()
+}

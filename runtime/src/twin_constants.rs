@@ -1,0 +1,21 @@
+//! Constants that shaders repeat, for the tests that compare the two. Not part of the promised interface.
+
+pub use crate::asset::disk::ITEM_EDGE;
+pub use crate::asset::lobe::{MIN_COS_VIEW, MIN_HALF};
+pub use crate::asset::sphere::INSIDE_TOLERANCE;
+pub use crate::decode::evaluate::UNIT_RANGE;
+pub use crate::decode::parallax::{
+    HIDDEN_SHARE, MAX_RAY_STEPS, MAX_SLOPE, MIN_RAY_STEPS, OUTSIDE_SHARE, RAY_STEP, SHIFT_SLOPE,
+};
+pub use crate::decode::sample::{COSINE_SHARE, MIN_AXIS};
+pub use crate::decode::viewed_texel::LIGHT_ROWS;
+pub use crate::leaf::lobe::{LEAF_MIN_HALF, MAX_EXPONENT, MIN_FACET};
+pub use crate::leaf::texture::FACTOR_ONE;
+pub use crate::leaf::theta::{MAX_ABSORPTION, THETA_P, THETA_Q};
+pub use crate::leaf::viewed::{LUMINANCE, MIN_EYE, MIN_SHARE, MIN_UP};
+pub use crate::leaf::words as leaf_words;
+pub use crate::voltex::facets::{MAX_DENSER, MIN_HALF2};
+pub use crate::voltex::gloss::{MIN_REFRACTED, MIN_ROUGHNESS};
+pub use crate::voltex::node::NODE_WORDS;
+pub use crate::voltex::shade::{MIN_ROOT, SERIES_DEPTH};
+pub use crate::voltex::voxel::{OTHER_AT, VOXEL_WORDS};
