@@ -21,8 +21,8 @@ use crate::ImageFormat;
 use crate::Pixels;
 use crate::Side;
 use crate::images::exr;
-use crate::images::images::encode_8_bit;
-use crate::images::images::tests::picture;
+use crate::images::file_format::encode_8_bit;
+use crate::images::file_format::tests::picture;
 
 const WIDTH: usize = 6;
 const HEIGHT: usize = 5;

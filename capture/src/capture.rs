@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use crate::error::CaptureError;
-use crate::images::images::{self, DecodedImage, FileFormat, ImageFault, Samples};
+use crate::images::decoded::{DecodedImage, ImageFault, Samples};
+use crate::images::file_format::{self, FileFormat};
 use crate::info::CaptureInfo;
 use crate::layout::bonn;
 use crate::layout::grid::grid_of;
@@ -202,7 +203,7 @@ impl Capture {
         let limit =
             size.map_or(MAX_FILE_BYTES, |(width, height)| FREE_FILE_BYTES + (width * height) as u64 * per_texel);
         let bytes = source.read(file, limit)?;
-        images::decode(&bytes, format, size).map_err(|fault| {
+        file_format::decode(&bytes, format, size).map_err(|fault| {
             let path = source.shown(file);
             match fault {
                 ImageFault::Damaged(reason) => CaptureError::BadImage { path, reason },

@@ -11,8 +11,7 @@ use crate::atomic::{StagedFolder, sync_folder};
 use crate::capture::MIN_LINEAR;
 use crate::error::CaptureError;
 use crate::images::encode8::Encoder8;
-use crate::images::exr;
-use crate::images::images;
+use crate::images::{decoded, exr, file_format};
 use crate::info::{CaptureInfo, ImageFormat, file_linear};
 use crate::layout::bonn;
 use crate::layout::manifest::{self, MANIFEST_NAME};
@@ -89,7 +88,7 @@ impl CaptureWriter {
             format => {
                 let mut pixels = vec![0; linear.len()];
                 self.encoder.encode_slice(light, linear, &mut pixels);
-                images::encode_8_bit(&pixels, info.width, info.height, format)
+                file_format::encode_8_bit(&pixels, info.width, info.height, format)
             }
         }
         .map_err(refused)?;
@@ -164,8 +163,8 @@ impl CaptureWriter {
 }
 
 fn check_info(info: &CaptureInfo) -> Result<(), String> {
-    images::check_size(info.width, info.height, None).map_err(|_| {
-        format!("{} x {} texels cannot be written; give 1 to {}", info.width, info.height, images::MAX_TEXELS)
+    decoded::check_size(info.width, info.height, None).map_err(|_| {
+        format!("{} x {} texels cannot be written; give 1 to {}", info.width, info.height, decoded::MAX_TEXELS)
     })?;
     if info.format == ImageFormat::Exr && info.transfer != crate::Transfer::Linear {
         return Err(format!("EXR images are linear, so the curve cannot be {}; use linear", info.transfer));

@@ -13,7 +13,7 @@ use exr::prelude::{
 use half::f16;
 
 use crate::colour::spectrum::{rgb_of, rgb_weights, wavelength_nm};
-use crate::images::images::{DecodedImage, ImageFault, MAX_TEXELS, Samples, check_size};
+use crate::images::decoded::{DecodedImage, ImageFault, MAX_TEXELS, Samples, check_size};
 
 /// Largest value that half precision holds; larger ones are written as this.
 pub(crate) const MAX_HALF: f32 = 65504.0;

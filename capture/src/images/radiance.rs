@@ -4,7 +4,7 @@
 //! Values are mantissa x 2^(exponent - 136), as most readers take them, divided by the product of the
 //! header's `EXPOSURE`s. Nothing is clamped.
 
-use crate::images::images::{DecodedImage, ImageFault, Samples, check_size};
+use crate::images::decoded::{DecodedImage, ImageFault, Samples, check_size};
 
 /// Texels that a picture may claim whatever its size in bytes.
 const FREE_TEXELS: usize = 1 << 16;

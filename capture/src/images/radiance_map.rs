@@ -1,7 +1,8 @@
 //! Pictures of light: EXR and Radiance files as linear RGB, for renderers.
 
 use crate::error::CaptureError;
-use crate::images::images::{FileFormat, ImageFault, Samples, decode};
+use crate::images::decoded::{ImageFault, Samples};
+use crate::images::file_format::{FileFormat, decode};
 use std::path::Path;
 
 /// A picture of linear radiance.

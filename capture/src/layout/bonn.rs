@@ -6,7 +6,7 @@
 //! reading: the angles decide, in whatever order the name has them.
 
 use crate::direction::{Direction, DirectionSet, angle_name};
-use crate::images::images::FileFormat;
+use crate::images::file_format::FileFormat;
 use crate::layout::grid::{Grid, GridImage};
 use crate::layout::source::{Source, folders_of};
 

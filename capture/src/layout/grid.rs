@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 use crate::error::CaptureError;
-use crate::images::images::FileFormat;
+use crate::images::file_format::FileFormat;
 use crate::layout::source::Source;
 
 /// An image of a source and its pair of directions.

@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 
 use crate::direction::Direction;
 use crate::error::CaptureError;
-use crate::images::images::FileFormat;
+use crate::images::file_format::FileFormat;
 use crate::layout::grid::{Grid, GridImage};
 use crate::layout::source::{Source, safe_name};
 

@@ -5,4 +5,3 @@ pub(crate) mod grid;
 pub(crate) mod list;
 pub(crate) mod manifest;
 pub(crate) mod source;
-pub(crate) mod stamp;

@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use zip::ZipArchive;
 
 use crate::error::CaptureError;
+use crate::shared_bytes::SharedBytes;
 
 /// Largest file or zip entry that is read, in bytes: a float EXR of the largest allowed image
 /// would be larger, but no known capture comes near.
@@ -41,36 +41,6 @@ enum Kind {
         /// Entry of each name.
         entries: Vec<usize>,
     },
-}
-
-/// A memory map of a file that clones by reference.
-#[derive(Debug, Clone)]
-pub struct SharedBytes(Arc<memmap2::Mmap>);
-
-impl SharedBytes {
-    /// Maps the file at `path`; `None` if it is empty, which cannot be mapped.
-    ///
-    /// # Errors
-    /// [`CaptureError::Read`], with the path.
-    pub fn map(path: &Path) -> Result<Option<SharedBytes>, CaptureError> {
-        let file = File::open(path).map_err(|source| CaptureError::read(path, source))?;
-        let size = file.metadata().map_err(|source| CaptureError::read(path, source))?.len();
-        if size == 0 {
-            return Ok(None);
-        }
-        #[allow(
-            unsafe_code,
-            reason = "mapping a file: read-only, and neither captures nor assets are rewritten in place"
-        )]
-        let map = unsafe { memmap2::Mmap::map(&file) }.map_err(|source| CaptureError::read(path, source))?;
-        Ok(Some(SharedBytes(Arc::new(map))))
-    }
-}
-
-impl AsRef<[u8]> for SharedBytes {
-    fn as_ref(&self) -> &[u8] {
-        &self.0
-    }
 }
 
 impl Source {

@@ -2,7 +2,7 @@
 
 use crate::direction::{Direction, DirectionSet};
 use crate::error::CaptureError;
-use crate::images::images::check_size;
+use crate::images::decoded::check_size;
 
 /// The largest number of colour channels that is read.
 const MAX_CHANNELS: usize = 4096;

@@ -23,9 +23,9 @@ pub use header::ContainerKind;
 pub(crate) use header::is_container;
 
 use crate::error::CaptureError;
-use crate::images::images::{DecodedImage, Samples};
+use crate::images::decoded::{DecodedImage, Samples};
 use crate::info::{CaptureInfo, Cosine, ImageFormat};
-use crate::layout::source::SharedBytes;
+use crate::shared_bytes::SharedBytes;
 
 /// Bytes of the images that a factorised file computes at a time, and their largest number: enough that
 /// reading the matrix over texels costs little beside the product.

@@ -3,8 +3,10 @@
 
 pub(crate) mod contents;
 pub(crate) mod description;
+mod description_file;
 pub(crate) mod preset;
 pub(crate) mod quantity;
 pub(crate) mod species;
 pub(crate) mod texture_folder;
 pub(crate) mod texture_image;
+mod tissue_and_gloss;

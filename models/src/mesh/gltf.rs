@@ -1,6 +1,8 @@
 //! glTF files.
 
-use super::{DiffuseColour, ModelMesh, ModelPart, beside, checked, fault};
+use super::address::beside;
+use super::diffuse::DiffuseColour;
+use super::model::{ModelMesh, ModelPart, checked, fault};
 use crate::error::ModelError;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;

@@ -1,6 +1,7 @@
 //! OBJ files.
 
-use super::{DiffuseColour, ModelPart, checked, fault};
+use super::diffuse::DiffuseColour;
+use super::model::{ModelPart, checked, fault};
 use crate::error::ModelError;
 use std::path::Path;
 

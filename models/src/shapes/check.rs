@@ -1,8 +1,10 @@
 //! What must hold in a script beyond its form: ranges, names, counts, and which shape may stand where.
 
-use crate::shapes::material::{Material, Noise, Tint};
+use crate::shapes::material::{Material, Tint};
+use crate::shapes::noise::Noise;
+use crate::shapes::point::{Point, cross, length};
 use crate::shapes::script::{PaintMode, Script, Stroke};
-use crate::shapes::shape::{BlendElement, DensityData, MAX_NESTING, Point, Shape};
+use crate::shapes::shape::{BlendElement, DensityData, MAX_NESTING, Shape};
 
 /// Largest coordinate in metres: a thousand kilometres.
 const MAX_COORDINATE_M: f64 = 1e6;
@@ -328,12 +330,4 @@ fn within(key: &str, value: f64, [least, most]: [f64; 2]) -> Result<(), String> 
     }
     let key = if key.contains('`') { key.to_string() } else { format!("`{key}`") };
     Err(format!("{key} as {value}, which is not within {least} to {most}"))
-}
-
-fn length(v: Point) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::shapes::shape::Point;
+use crate::shapes::noise::Noise;
+use crate::shapes::point::Point;
 
 /// A material: numbers, or the leaf or asset that it is taken from.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -80,24 +81,6 @@ pub struct Projection {
     pub up_m: Point,
 }
 
-/// Gradient noise over the script's space [Perlin 1985, 2002], which it repeats at in every direction: sum of octaves,
-/// each of twice the frequency and `gain` times the height of the one before.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Noise {
-    /// Lattice cells of the first octave along the space's x, y and z, 1 to 256 each.
-    pub cells: [u32; 3],
-    /// Number of octaves, 1 to 8.
-    #[serde(default = "one_octave")]
-    pub octaves: u32,
-    /// Height of an octave over that of the one before, 0 to 1.
-    #[serde(default = "half")]
-    pub gain: f64,
-    /// Seed of its gradients.
-    #[serde(default = "first_seed")]
-    pub seed: u64,
-}
-
 impl Material {
     /// Diffuse reflectance by numbers; black for what is taken from a file.
     pub fn reflectance(&self) -> [f64; 3] {
@@ -118,16 +101,4 @@ impl Material {
     pub fn roughness(&self) -> f64 {
         self.roughness.unwrap_or(0.5)
     }
-}
-
-fn one_octave() -> u32 {
-    1
-}
-
-fn half() -> f64 {
-    0.5
-}
-
-fn first_seed() -> u64 {
-    1
 }

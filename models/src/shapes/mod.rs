@@ -37,9 +37,15 @@
 
 mod check;
 mod material;
+mod noise;
+mod point;
 mod script;
+mod script_file;
 mod shape;
 
-pub use material::{Material, Noise, Projection, Tint};
-pub use script::{MAX_SCRIPT_BYTES, PaintMode, SCRIPT_ENDING, Script, Space, Stroke};
-pub use shape::{BlendElement, DensityData, MAX_NESTING, NumberType, Point, Shape, UpAxis};
+pub use material::{Material, Projection, Tint};
+pub use noise::Noise;
+pub use point::Point;
+pub use script::{PaintMode, Script, Space, Stroke};
+pub use script_file::{MAX_SCRIPT_BYTES, SCRIPT_ENDING};
+pub use shape::{BlendElement, DensityData, MAX_NESTING, NumberType, Shape, UpAxis};

@@ -20,10 +20,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::shapes::material::Noise;
-
-/// A position in metres, z up.
-pub type Point = [f64; 3];
+use crate::shapes::noise::Noise;
+use crate::shapes::point::Point;
 
 /// How deep shapes may lie in shapes.
 pub const MAX_NESTING: usize = 16;
