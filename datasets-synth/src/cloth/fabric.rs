@@ -8,7 +8,8 @@ use crate::cloth::yarn::Yarns;
 use crate::error::SynthError;
 use crate::surface::bounce::Bounce;
 use crate::surface::height_field::HeightField;
-use crate::surface::rig::{Hit, Material, dot};
+use crate::surface::rig::{Hit, Material};
+use crate::vector::dot;
 
 /// A patch of woven cloth. Holes between yarns are black: nothing lies behind the cloth.
 #[derive(Debug, Clone)]

@@ -49,8 +49,8 @@ use std::f64::consts::PI;
 use crate::error::SynthError;
 use crate::error::check_ranges;
 use crate::optics::fresnel::fresnel;
-use crate::surface::rig::dot;
 use crate::surface::table::CosineTable;
+use crate::vector::dot;
 
 /// Entries per axis of the tables of directional albedo.
 const ALBEDO_ENTRIES: usize = 25;

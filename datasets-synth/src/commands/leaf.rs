@@ -6,9 +6,11 @@ use btf_synth::{
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::capture_args::CaptureArgs;
+use super::failure::Failure;
 use super::leaf_look::{LookArgs, Looked};
 use super::model::{ContentsArgs, Model, Side, TissueArgs};
-use super::{CaptureArgs, Failure, RunArgs};
+use super::run_args::RunArgs;
 
 #[derive(Args)]
 #[command(after_help = "Examples:

@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 use btf_synth::{LeafContents, LeafDescription};
 use clap::Args;
 
-use super::Failure;
+use super::failure::Failure;
 use super::model::ContentsArgs;
 
 #[derive(Args)]

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use btf_synth::{AppearanceTextures, Deficiency, LeafDescription, LeafParams, Species, TextureImages};
 use clap::{Args, ValueEnum};
 
-use super::Failure;
+use super::failure::Failure;
+use super::leaf_file;
 use super::leaf_file::LeafFileArgs;
 
 #[derive(Args)]
@@ -116,7 +117,7 @@ impl LookArgs {
             AppearanceTextures::new(params)?.export(dir)?;
         }
         if let Some(file) = &self.write_leaf {
-            super::leaf_file::write(&looked.leaf, exported.or(looked.textures.as_deref()), file)?;
+            leaf_file::write(&looked.leaf, exported.or(looked.textures.as_deref()), file)?;
         }
         Ok(exported)
     }

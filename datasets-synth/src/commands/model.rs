@@ -6,7 +6,7 @@ use btf_synth::{
 };
 use clap::{Args, ValueEnum};
 
-use super::Failure;
+use super::failure::Failure;
 
 /// Models of a blade's optics.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -53,6 +53,14 @@ impl From<Side> for btf_synth::Face {
             Side::Adaxial => btf_synth::Face::Adaxial,
             Side::Abaxial => btf_synth::Face::Abaxial,
         }
+    }
+}
+
+/// Returns the name of a face in titles and JSON keys.
+pub(super) fn side_name(side: Side) -> &'static str {
+    match side {
+        Side::Adaxial => "adaxial",
+        Side::Abaxial => "abaxial",
     }
 }
 

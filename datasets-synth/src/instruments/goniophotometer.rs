@@ -19,12 +19,12 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use crate::error::{SynthError, check_range};
-use crate::optics::gloss::{CookTorrance, LobeAngles};
-use crate::optics::path_lengths::{BLOCK, Beam, Face, Parallel, block_random};
-use crate::optics::plate_model::PlateOptics;
-use crate::optics::tissue::Tissue;
+use crate::optics::abm::path_lengths::{BLOCK, Beam, Face, Parallel, block_random};
+use crate::optics::abm::tissue::Tissue;
+use crate::optics::abm::walk::{Absorption, End, walk};
+use crate::optics::gloss::lobe::{CookTorrance, LobeAngles};
+use crate::optics::plates::shares::PlateOptics;
 use crate::optics::units::Nanometres;
-use crate::optics::walk::{Absorption, End, walk};
 use crate::surface::capture::Progress;
 
 /// Blocks of rays between two reports of progress.
@@ -322,9 +322,9 @@ fn middles(count: usize, whole_deg: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::stack::{Crossing, Interface, PathRule, Spread, Stack};
-    use crate::optics::tissue::DepthParts;
+    use crate::optics::abm::abm97::Abm97;
+    use crate::optics::abm::stack::{Crossing, Interface, PathRule, Spread, Stack};
+    use crate::optics::abm::tissue::DepthParts;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {
         ControlFlow::Continue(())

@@ -23,13 +23,13 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
 use crate::error::{SynthError, check_range};
-use crate::optics::path_lengths::{
+use crate::optics::abm::path_lengths::{
     BLOCK, Beam, Estimate, Face, TracedBeam, block_random, trace_path_lengths, trace_splitting,
 };
-use crate::optics::stack::Stack;
-use crate::optics::tissue::Tissue;
+use crate::optics::abm::stack::Stack;
+use crate::optics::abm::tissue::Tissue;
+use crate::optics::abm::walk::{Absorption, End, walk};
 use crate::optics::units::Nanometres;
-use crate::optics::walk::{Absorption, End, walk};
 use crate::surface::capture::Progress;
 
 /// Rays of the first try when a precision is asked for.
@@ -244,9 +244,9 @@ fn direct(stack: &Stack, beam: &dyn Beam, depth: f64, rays: u64, seed: u64) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::abm_b::AbmB;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::tissue::DepthParts;
+    use crate::optics::abm::abm_b::AbmB;
+    use crate::optics::abm::abm97::Abm97;
+    use crate::optics::abm::tissue::DepthParts;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {
         ControlFlow::Continue(())

@@ -1,9 +1,9 @@
 //! The seen face of a leaf, the other one behind it, and where the light comes from.
 
-use crate::optics::path_lengths::Face;
-use crate::optics::scatter_table::Passage;
+use crate::optics::abm::path_lengths::Face;
+use crate::optics::abm::scatter_table::Passage;
 use crate::surface::height_field::{HeightField, LightVisibility};
-use crate::surface::rig::dot;
+use crate::vector::dot;
 
 /// Factors of the appearance textures on a leaf's contents at one node.
 #[derive(Debug, Clone, Copy, PartialEq)]

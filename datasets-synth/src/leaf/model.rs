@@ -1,10 +1,10 @@
 //! The models that a leaf's blade can be made of.
 
-use crate::optics::abm_b::AbmB;
-use crate::optics::abm_u::AbmU;
-use crate::optics::abm97::Abm97;
-use crate::optics::plate_model::PlateModel;
-use crate::optics::tissue::Tissue;
+use crate::optics::abm::abm_b::AbmB;
+use crate::optics::abm::abm_u::AbmU;
+use crate::optics::abm::abm97::Abm97;
+use crate::optics::abm::tissue::Tissue;
+use crate::optics::plates::model::PlateModel;
 
 /// Optics of a blade.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,12 +10,13 @@ use btf_models::LeafContents;
 use rayon::prelude::*;
 
 use crate::leaf::face::{Seen, Tint};
-use crate::leaf::vein::direction_of;
-use crate::optics::gloss::{CookTorrance, LobeAngles, vein_frame};
-use crate::optics::plate_body::PlateBody;
-use crate::optics::scatter_table::Passage;
+use crate::leaf::venation::vein::direction_of;
+use crate::optics::abm::scatter_table::Passage;
+use crate::optics::gloss::lobe::{CookTorrance, LobeAngles, vein_frame};
+use crate::optics::plates::body::PlateBody;
 use crate::surface::height_field::{HeightField, LightVisibility};
-use crate::surface::rig::{Hit, Material, dot};
+use crate::surface::rig::{Hit, Material};
+use crate::vector::dot;
 
 /// The leaf. See the notes at the top of this file.
 pub(crate) struct PlateLeaf {
@@ -167,12 +168,14 @@ pub(crate) mod tests {
     use btf_capture::{Direction, DirectionSet};
 
     use super::*;
-    use crate::leaf::patch::{Leaf, LeafParams, tests::small};
-    use crate::leaf::vein::double_angle;
+    use crate::leaf::params::LeafParams;
+    use crate::leaf::params::tests::small;
+    use crate::leaf::patch::Leaf;
+    use crate::leaf::venation::vein::double_angle;
+    use crate::optics::abm::path_lengths::Face;
     use crate::optics::colour::RgbBands;
-    use crate::optics::gloss_params::GlossParams;
-    use crate::optics::path_lengths::Face;
-    use crate::optics::plate_model::PlateModel;
+    use crate::optics::gloss::params::GlossParams;
+    use crate::optics::plates::model::PlateModel;
     use crate::surface::capture_params::CaptureParams;
     use crate::surface::height_field;
     use crate::surface::rig::{Illumination, ViewHits, render};

@@ -7,9 +7,11 @@
 //! done to the gloss is the roughness' part.
 
 use crate::leaf::chlorosis::{Chlorosis, LeafPlace};
-use crate::leaf::species::{Traits, VenationTraits};
-use crate::leaf::vein::double_angle;
-use crate::leaf::venation::{VeinSite, Venation};
+use crate::leaf::species::Traits;
+use crate::leaf::venation::site::VeinSite;
+use crate::leaf::venation::traits::VenationTraits;
+use crate::leaf::venation::vein::double_angle;
+use crate::leaf::venation::veins::Venation;
 use crate::surface::noise::{carried_by_texels, gradient_noise};
 
 /// Greatest distance of the relief from its mean in millimetres, a safe bound for margins.

@@ -24,59 +24,17 @@
 
 use std::path::Path;
 
-use btf_models::{MAX_TEXTURE_TEXELS, ModelError, Species, TextureGrid, TextureImages, TextureKind, write_textures};
+use btf_models::{MAX_TEXTURE_TEXELS, ModelError, TextureGrid, TextureImages, TextureKind, write_textures};
 use rayon::prelude::*;
 
 use crate::error::SynthError;
-use crate::leaf::chlorosis::Chlorosis;
-use crate::leaf::patch::LeafParams;
+use crate::leaf::look::BladePlace;
+use crate::leaf::params::LeafParams;
 use crate::leaf::relief::{Relief, TextureSample, VeinMasks};
 use crate::leaf::species::Traits;
-use crate::leaf::vein::double_angle;
-use crate::leaf::venation::Venation;
+use crate::leaf::venation::vein::double_angle;
+use crate::leaf::venation::veins::Venation;
 use crate::surface::grid::Grid;
-
-/// How a leaf looks apart from its contents: what its textures are made of.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct LeafLook {
-    /// Veins, relief and tissue; `None` is a plain pinnate leaf.
-    pub species: Option<Species>,
-    /// A deficiency.
-    pub chlorosis: Option<Chlorosis>,
-    /// The user's own textures.
-    pub images: TextureImages,
-    /// Which place of the blade the patch is.
-    pub place: BladePlace,
-}
-
-/// Which place of the blade a patch is.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum BladePlace {
-    /// A place beside the main vein, which crosses it left of the middle.
-    #[default]
-    Beside,
-    /// The blade from margin to margin: the main vein runs up the middle.
-    Whole,
-}
-
-impl LeafLook {
-    /// # Errors
-    /// [`SynthError::BadParameter`] for a severity out of its range.
-    pub fn check(&self) -> Result<(), SynthError> {
-        self.chlorosis.map_or(Ok(()), |chlorosis| chlorosis.check())
-    }
-
-    /// The look in words for a provenance, each part with a comma before it; nothing for the plain leaf.
-    pub fn provenance(&self) -> String {
-        let species = self.species.map_or(String::new(), |species| format!(", species {}", species.name()));
-        let chlorosis = self.chlorosis.map_or(String::new(), |chlorosis| {
-            format!(", {} deficiency of severity {}", chlorosis.deficiency.name(), chlorosis.severity)
-        });
-        let own: Vec<&str> = self.images.kinds().map(TextureKind::name).collect();
-        let own = if own.is_empty() { String::new() } else { format!(", own textures for {}", own.join(" and ")) };
-        format!("{species}{chlorosis}{own}")
-    }
-}
 
 /// A leaf's textures at every node of its grid, the margin included. Lengths in millimetres, the origin at the
 /// patch's lower left corner, x to the right, y up.
@@ -311,10 +269,12 @@ mod tests {
     use std::ops::ControlFlow;
 
     use btf_capture::{Capture, DirectionSet, ImageFormat, Pixels};
-    use btf_models::{Deficiency, LeafContents};
+    use btf_models::{Deficiency, LeafContents, Species};
 
     use super::*;
-    use crate::leaf::vein::direction_of;
+    use crate::leaf::chlorosis::Chlorosis;
+    use crate::leaf::look::LeafLook;
+    use crate::leaf::venation::vein::direction_of;
     use crate::surface::capture_params::CaptureParams;
     use crate::write_leaf_capture;
 

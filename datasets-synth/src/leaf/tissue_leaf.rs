@@ -8,13 +8,14 @@
 use rayon::prelude::*;
 
 use crate::leaf::face::{Seen, Tint};
+use crate::optics::abm::path_lengths::Face;
+use crate::optics::abm::scatter_table::{Passage, ScatterTable, WAYS};
+use crate::optics::abm::tissue::{DepthParts, Tissue};
 use crate::optics::colour::{RgbBands, RgbFromSpectrum};
-use crate::optics::path_lengths::Face;
-use crate::optics::scatter_table::{Passage, ScatterTable, WAYS};
-use crate::optics::tissue::{DepthParts, Tissue};
 use crate::optics::units::Nanometres;
 use crate::surface::height_field::{HeightField, LightVisibility};
-use crate::surface::rig::{Hit, Material, dot};
+use crate::surface::rig::{Hit, Material};
+use crate::vector::dot;
 
 /// Wavelength whose refractive indices the table is traced with.
 const TABLE_WAVELENGTH: Nanometres = Nanometres(550.0);
@@ -151,8 +152,8 @@ mod tests {
     use btf_capture::Direction;
 
     use super::*;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::path_lengths::{Parallel, trace_path_lengths};
+    use crate::optics::abm::abm97::Abm97;
+    use crate::optics::abm::path_lengths::{Parallel, trace_path_lengths};
     use crate::surface::height_field;
     use crate::surface::rig::{Illumination, ViewHits, render};
 

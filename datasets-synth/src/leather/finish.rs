@@ -199,7 +199,7 @@ mod tests {
     use std::f64::consts::PI;
 
     use super::*;
-    use crate::surface::rig::dot;
+    use crate::vector::dot;
 
     fn unit(theta_deg: f32, phi_deg: f32) -> [f32; 3] {
         let ((st, ct), (sp, cp)) = (theta_deg.to_radians().sin_cos(), phi_deg.to_radians().sin_cos());

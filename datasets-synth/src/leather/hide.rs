@@ -8,7 +8,8 @@ use crate::leather::grain::Grain;
 use crate::leather::params::LeatherParams;
 use crate::surface::bounce::Bounce;
 use crate::surface::height_field::HeightField;
-use crate::surface::rig::{Hit, Material, dot};
+use crate::surface::rig::{Hit, Material};
+use crate::vector::dot;
 
 /// A patch of pebbled leather.
 #[derive(Debug, Clone)]

@@ -1,10 +1,12 @@
 //! From spectra to linear sRGB: 31 wavelengths under D65, or the paper's three.
 
 use crate::error::SynthError;
-use crate::optics::plate_paper::PAPER_WAVELENGTHS_NM;
 use crate::optics::specific_absorption::check_wavelengths;
 use crate::optics::tables::interpolated;
 use btf_capture::cie;
+
+/// The paper's wavelengths in nanometres for red, green and blue.
+pub const PAPER_WAVELENGTHS_NM: [f64; 3] = [675.0, 546.0, 435.0];
 
 /// At which wavelengths a colour is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -17,6 +17,8 @@
 //! When it is wrong: real indices only (in leaves the imaginary part is below 1e-4), no polarisation, no
 //! thin films.
 
+use crate::vector::dot;
+
 /// Reflectance of unpolarised light at an interface from air into `index` (>= 1), at an angle of
 /// cosine `cosine` in [0, 1] [Cook & Torrance 1982].
 pub fn fresnel(index: f64, cosine: f64) -> f64 {
@@ -106,11 +108,6 @@ pub fn refract(direction: [f64; 3], normal: [f64; 3], n_incident: f64, n_transmi
     let ratio = n_incident / n_transmitted;
     let share = ratio * cos_incident - cos_transmitted;
     Some(std::array::from_fn(|k| ratio * direction[k] + share * normal[k]))
-}
-
-#[inline]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -18,7 +18,8 @@
 
 use std::f64::consts::TAU;
 
-use crate::plants::vec3::{UP, Vec3, along, cross, direction_or, length, scale, sub, turned};
+use crate::plants::vec3::{UP, Vec3, along, direction_or, length, scale, sub, turned};
+use crate::vector::cross;
 
 /// Nodes and weights of Gauss and Legendre's rule of five points on 0 to 1.
 const GAUSS: [[f64; 2]; 5] = [
@@ -212,7 +213,7 @@ impl Blade {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plants::vec3::dot;
+    use crate::vector::dot;
 
     fn blade() -> Blade {
         let shape = BladeShape {

@@ -77,7 +77,7 @@ pub(crate) fn plant(params: &PlantsParams, number: usize) -> Plant {
 }
 
 fn generator(seed: u64, stream: u64) -> Xoshiro256PlusPlus {
-    crate::optics::path_lengths::block_random(seed, stream)
+    crate::optics::abm::path_lengths::block_random(seed, stream)
 }
 
 impl Canopy {
@@ -220,7 +220,8 @@ mod tests {
 
     use super::*;
     use crate::plants::blade::Blade;
-    use crate::plants::vec3::{Vec3, cross, dot, length, sub};
+    use crate::plants::vec3::{Vec3, length, sub};
+    use crate::vector::{cross, dot};
 
     fn of(species: Species) -> PlantsParams {
         PlantsParams { branches: 150, leaves: 500, ..PlantsParams::of(species) }

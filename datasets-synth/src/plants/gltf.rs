@@ -7,8 +7,8 @@ use serde_json::{Map, Value, json};
 
 use crate::error::SynthError;
 use crate::optics::colour::RgbBands;
-use crate::optics::plate_body::PlateBody;
-use crate::optics::plate_model::PlateModel;
+use crate::optics::plates::body::PlateBody;
+use crate::optics::plates::model::PlateModel;
 use crate::plants::canopy::Canopy;
 use crate::plants::mesh::Mesh;
 use crate::plants::plant::Part;

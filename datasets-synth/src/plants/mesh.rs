@@ -8,7 +8,8 @@ use std::f64::consts::TAU;
 
 use crate::plants::blade::{Blade, BladePoint, Outline};
 use crate::plants::plant::{Axis, Part, Plant};
-use crate::plants::vec3::{Vec3, along, cross, direction_or, dot, scale, sub};
+use crate::plants::vec3::{Vec3, along, direction_or, scale, sub};
+use crate::vector::{cross, dot};
 
 /// Radius of an axis that has eight sides, in metres; thinner ones have fewer.
 const EIGHT_SIDES_RADIUS_M: f64 = 0.012;

@@ -148,7 +148,8 @@ mod tests {
     use super::*;
     use crate::plants::mesh::Mesh;
     use crate::plants::params::{CanopySize, Ground, PlantsParams};
-    use crate::plants::vec3::{cross, length};
+    use crate::plants::vec3::length;
+    use crate::vector::cross;
 
     fn script(params: &PlantsParams) -> (Canopy, Script) {
         let canopy = Canopy::new(params).unwrap();

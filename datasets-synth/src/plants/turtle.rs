@@ -5,7 +5,8 @@
 
 use crate::plants::blade::{Blade, BladeShape};
 use crate::plants::plant::{Axis, Node, Part, Plant};
-use crate::plants::vec3::{UP, Vec3, along, cross, direction_or, dot, scale, sub, turned};
+use crate::plants::vec3::{UP, Vec3, along, direction_or, scale, sub, turned};
+use crate::vector::{cross, dot};
 
 /// What the turtle can be told. Angles in radians, lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]

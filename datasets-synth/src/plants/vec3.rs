@@ -1,5 +1,7 @@
 //! Vectors of three numbers, as plants need them.
 
+use crate::vector::{cross, dot};
+
 /// A position or direction; metres, y up.
 pub(crate) type Vec3 = [f64; 3];
 
@@ -21,14 +23,6 @@ pub(crate) fn scale(a: Vec3, factor: f64) -> Vec3 {
 /// `a + factor b`.
 pub(crate) fn along(a: Vec3, b: Vec3, factor: f64) -> Vec3 {
     add(a, scale(b, factor))
-}
-
-pub(crate) fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 pub(crate) fn length(a: Vec3) -> f64 {

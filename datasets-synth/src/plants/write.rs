@@ -10,8 +10,9 @@ use btf_models::{
 };
 
 use crate::error::SynthError;
-use crate::leaf::patch::LeafParams;
-use crate::leaf::textures::{AppearanceTextures, BladePlace, LeafLook};
+use crate::leaf::look::{BladePlace, LeafLook};
+use crate::leaf::params::LeafParams;
+use crate::leaf::textures::AppearanceTextures;
 use crate::plants::canopy::Canopy;
 use crate::plants::gltf::canopy_glb;
 use crate::plants::grass;

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use crate::surface::grid::Grid;
 use crate::surface::height_field::{HeightField, LightVisibility};
 use crate::surface::noise::lattice_unit;
-use crate::surface::rig::dot;
+use crate::vector::dot;
 
 /// Relief nodes per bounce node and axis.
 const STRIDE: usize = 2;

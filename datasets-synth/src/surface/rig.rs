@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use crate::surface::bounce::{Bounce, BouncedLight};
 use crate::surface::height_field::{HeightField, LightVisibility};
+use crate::vector::dot;
 
 /// Points per texel and axis.
 pub(crate) const SUPERSAMPLES: usize = 2;
@@ -165,19 +166,14 @@ pub fn render<M: Material>(material: &M, view: &ViewHits<M::Point>, light: &Illu
     image
 }
 
-#[inline]
-pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 #[cfg(test)]
 mod tests {
     use btf_capture::Direction;
 
     use super::*;
     use crate::leaf::plate_leaf::{PlateLeaf, tests as plate_leaf};
-    use crate::optics::path_lengths::Face;
-    use crate::optics::scatter_table::Passage;
+    use crate::optics::abm::path_lengths::Face;
+    use crate::optics::abm::scatter_table::Passage;
 
     fn leaf() -> PlateLeaf {
         plate_leaf::grown(Face::Adaxial, Passage::Reflection)

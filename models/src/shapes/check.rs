@@ -205,33 +205,7 @@ fn check_numbers(shape: &Shape) -> Result<(), String> {
             turn_deg.iter().try_for_each(|&turn| within("turn_deg", turn, [-360.0, 360.0]))?;
             place("move_m", *move_m)
         }
-        Shape::Fur {
-            strands_per_m2,
-            length_m,
-            radius_m,
-            lean_deg,
-            lean_towards,
-            bend_deg,
-            curl_turns,
-            curl_radius_m,
-            jitter,
-            segments,
-            seed: first,
-            ..
-        } => {
-            within("strands_per_m2", *strands_per_m2, [1e-6, 1e12])?;
-            within("length_m", *length_m, LENGTHS_M)?;
-            within("radius_m", *radius_m, LENGTHS_M)?;
-            within("lean_deg", *lean_deg, [0.0, 89.0])?;
-            place("lean_towards", *lean_towards)?;
-            within("length of `lean_towards`", length(*lean_towards), LENGTHS_M)?;
-            within("bend_deg", *bend_deg, [-180.0, 180.0])?;
-            within("curl_turns", *curl_turns, [0.0, 100.0])?;
-            within("curl_radius_m", *curl_radius_m, [0.0, MAX_COORDINATE_M])?;
-            within("jitter", *jitter, [0.0, 1.0])?;
-            within("segments", f64::from(*segments), [1.0, 64.0])?;
-            seed(*first)
-        }
+        Shape::Fur { .. } => check_fur(shape),
         Shape::Hypertexture { rim_m, amplitude_m, noise, area_per_m3, .. } => {
             within("rim_m", *rim_m, LENGTHS_M)?;
             within("amplitude_m", *amplitude_m, [0.0, MAX_COORDINATE_M])?;
@@ -241,23 +215,59 @@ fn check_numbers(shape: &Shape) -> Result<(), String> {
         Shape::Density { data, least_m, most_m, range, area_per_m3 } => {
             corners("density", *least_m, *most_m)?;
             within("area_per_m3", *area_per_m3, [1e-9, 1e9])?;
-            if !(range.iter().all(|end| end.is_finite()) && range[0] != range[1]) {
-                return Err(format!("`range` as {range:?}, which is not two different numbers"));
-            }
-            match data {
-                DensityData::Raw { cells, .. } => {
-                    let count = cells.iter().try_fold(1u64, |product, &n| product.checked_mul(u64::from(n)));
-                    match count {
-                        Some(1..=MAX_DENSITY_CELLS) => Ok(()),
-                        _ => {
-                            Err(format!("`cells` as {cells:?}, which is not within 1 and {MAX_DENSITY_CELLS} of them"))
-                        }
-                    }
-                }
-                DensityData::Slices { .. } => Ok(()),
-            }
+            check_density(data, range)
         }
         Shape::Union { .. } | Shape::Intersection { .. } | Shape::Difference { .. } | Shape::Mesh { .. } => Ok(()),
+    }
+}
+
+/// Checks the numbers of a [`Shape::Fur`].
+fn check_fur(shape: &Shape) -> Result<(), String> {
+    let Shape::Fur {
+        strands_per_m2,
+        length_m,
+        radius_m,
+        lean_deg,
+        lean_towards,
+        bend_deg,
+        curl_turns,
+        curl_radius_m,
+        jitter,
+        segments,
+        seed: first,
+        ..
+    } = shape
+    else {
+        return Ok(());
+    };
+    within("strands_per_m2", *strands_per_m2, [1e-6, 1e12])?;
+    within("length_m", *length_m, LENGTHS_M)?;
+    within("radius_m", *radius_m, LENGTHS_M)?;
+    within("lean_deg", *lean_deg, [0.0, 89.0])?;
+    place("lean_towards", *lean_towards)?;
+    within("length of `lean_towards`", length(*lean_towards), LENGTHS_M)?;
+    within("bend_deg", *bend_deg, [-180.0, 180.0])?;
+    within("curl_turns", *curl_turns, [0.0, 100.0])?;
+    within("curl_radius_m", *curl_radius_m, [0.0, MAX_COORDINATE_M])?;
+    within("jitter", *jitter, [0.0, 1.0])?;
+    within("segments", f64::from(*segments), [1.0, 64.0])?;
+    seed(*first)
+}
+
+/// Checks the numbers of a [`Shape::Density`] beside its box: how its file is read.
+fn check_density(data: &DensityData, range: &[f64; 2]) -> Result<(), String> {
+    if !(range.iter().all(|end| end.is_finite()) && range[0] != range[1]) {
+        return Err(format!("`range` as {range:?}, which is not two different numbers"));
+    }
+    match data {
+        DensityData::Raw { cells, .. } => {
+            let count = cells.iter().try_fold(1u64, |product, &n| product.checked_mul(u64::from(n)));
+            match count {
+                Some(1..=MAX_DENSITY_CELLS) => Ok(()),
+                _ => Err(format!("`cells` as {cells:?}, which is not within 1 and {MAX_DENSITY_CELLS} of them")),
+            }
+        }
+        DensityData::Slices { .. } => Ok(()),
     }
 }
 

@@ -3,23 +3,16 @@
 use btf_models::LeafContents;
 
 use crate::error::SynthError;
+use crate::optics::colour::PAPER_WAVELENGTHS_NM;
 use crate::optics::contents::check_contents;
-use crate::optics::plate_exact::plate;
-use crate::optics::plate_n::{check_structure, plate_n};
-use crate::optics::plate_paper::{PAPER_WAVELENGTHS_NM, plate_paper};
+use crate::optics::plates::exact::plate;
+use crate::optics::plates::paper::plate_paper;
+use crate::optics::plates::pile::{check_structure, plate_n};
+use crate::optics::plates::shares::PlateOptics;
 use crate::optics::specific_absorption::{SpecificAbsorption, check_wavelengths};
 
 /// Half-angle of the cone of incident light that PROSPECT assumes, in degrees [Jacquemoud 1990].
 pub const PROSPECT_CONE_DEG: f64 = 40.0;
-
-/// Share of incident light.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlateOptics {
-    /// Reflected, the first surface's part included.
-    pub reflectance: f64,
-    /// Transmitted.
-    pub transmittance: f64,
-}
 
 /// How a leaf is made of plates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

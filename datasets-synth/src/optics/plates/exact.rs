@@ -21,8 +21,8 @@
 //! 0.008).
 
 use crate::optics::interface::{DiffuseFaces, mean_interface_transmittance};
-use crate::optics::plate_model::PlateOptics;
-use crate::optics::theta::diffuse_transmission;
+use crate::optics::plates::shares::PlateOptics;
+use crate::optics::plates::theta::diffuse_transmission;
 
 /// Reflectance and transmittance of a plate of absorption `k >= 0` and index `index`, lit over a
 /// cone of half-angle `cone_deg` [Miao, eq. 3-4].
@@ -99,8 +99,8 @@ mod tests {
 
     #[test]
     fn table_1_is_out_of_reach_of_the_printed_equations() {
-        use crate::optics::plate_paper::plate_paper_of_theta;
-        use crate::optics::theta::three_piece_fit;
+        use crate::optics::plates::paper::plate_paper_of_theta;
+        use crate::optics::plates::theta::three_piece_fit;
         // Whatever the samples held: the nearest that printed eq. 6 can come to the first one's green.
         let nearest = (0..5000)
             .map(|i| plate_paper_of_theta(three_piece_fit(f64::from(i) * 1e-3)))

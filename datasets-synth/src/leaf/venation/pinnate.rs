@@ -9,9 +9,9 @@
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use crate::leaf::species::{PinnateTraits, TertiaryTraits};
-use crate::leaf::vein::{FineVeins, Vein, direction_of, double_angle};
-use crate::leaf::venation::VeinSite;
+use crate::leaf::venation::site::VeinSite;
+use crate::leaf::venation::traits::{PinnateTraits, RungTraits, TertiaryTraits};
+use crate::leaf::venation::vein::{FineVeins, Vein, direction_of, double_angle};
 use crate::surface::noise::{cell_border_distance, gradient_noise};
 
 /// Length of one straight piece of a vein.
@@ -45,7 +45,7 @@ enum Tertiaries {
 }
 
 impl PinnateVenation {
-    /// See [`crate::leaf::venation::Venation::new`].
+    /// See [`crate::leaf::venation::veins::Venation::new`].
     pub fn new(traits: &PinnateTraits, size_mm: f32, margin_mm: f32, seed: u64) -> PinnateVenation {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x7665_696E);
         let mut jitter = |amount: f32| 1.0 + amount * (random.gen_range(0.0..2.0f32) - 1.0);
@@ -155,23 +155,6 @@ impl PinnateVenation {
     }
 }
 
-/// How tertiary curves join secondaries.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct RungTraits {
-    /// Distance between rungs along a secondary in millimetres.
-    pub spacing_mm: f32,
-    /// Relative jitter of that distance.
-    pub spacing_jitter: f32,
-    /// How far a rung wanders off its smooth course.
-    pub wander_mm: f32,
-    /// Distance of a rung's middle from the straight line, as a share of its length.
-    pub bow: f32,
-    /// Share of rungs that fork.
-    pub forks: f32,
-    /// Share of neighbouring rungs that a tie in the middle joins, which also breaks them there.
-    pub ties: f32,
-}
-
 /// The tertiaries between all neighbouring veins: lines of points, each from vein to vein or from
 /// a rung to another.
 fn tertiary_lines(
@@ -253,8 +236,9 @@ mod tests {
     use super::*;
     use btf_models::Species;
 
-    use crate::leaf::species::{Traits, VenationTraits};
-    use crate::leaf::vein::unit;
+    use crate::leaf::species::Traits;
+    use crate::leaf::venation::traits::VenationTraits;
+    use crate::leaf::venation::vein::unit;
 
     fn traits(species: Option<Species>) -> PinnateTraits {
         match Traits::of(species).venation {

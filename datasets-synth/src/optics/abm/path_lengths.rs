@@ -11,8 +11,8 @@ use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-use crate::optics::stack::Stack;
-use crate::optics::walk::{Absorption, End, walk, walk_splitting};
+use crate::optics::abm::stack::Stack;
+use crate::optics::abm::walk::{Absorption, End, walk, walk_splitting};
 
 /// Bins per doubling of the way. Each keeps the mean of its ways, so the error of a bin's weight is of
 /// second order: below 2e-5 of its rays at any absorption.
@@ -257,10 +257,10 @@ pub(crate) fn block_random(seed: u64, i: u64) -> Xoshiro256PlusPlus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::tissue::Tissue;
+    use crate::optics::abm::abm97::Abm97;
+    use crate::optics::abm::tissue::Tissue;
+    use crate::optics::abm::walk::Walked;
     use crate::optics::units::Nanometres;
-    use crate::optics::walk::Walked;
 
     /// The binned sum against the plain sum over the same rays.
     #[test]

@@ -23,10 +23,10 @@
 //! When it is wrong: as `abm_b`; a leaf whose veins are wrapped in bundle sheaths (maize) holds much of its
 //! chlorophyll there, which no plane layer shows.
 
-use crate::optics::specimen::Specimen;
-use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+use crate::optics::abm::specimen::Specimen;
+use crate::optics::abm::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+use crate::optics::abm::tissue::{DepthParts, Tissue};
 use crate::optics::tables::abm as tables;
-use crate::optics::tissue::{DepthParts, Tissue};
 use crate::optics::units::Nanometres;
 
 /// A unifacial leaf.

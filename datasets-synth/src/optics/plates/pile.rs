@@ -30,9 +30,9 @@
 
 use crate::error::SynthError;
 use crate::optics::interface::{DiffuseFaces, mean_interface_transmittance};
-use crate::optics::plate_exact::plate_inside_of;
-use crate::optics::plate_model::PlateOptics;
-use crate::optics::theta::diffuse_transmission;
+use crate::optics::plates::exact::plate_inside_of;
+use crate::optics::plates::shares::PlateOptics;
+use crate::optics::plates::theta::diffuse_transmission;
 
 /// Reflectance and transmittance of a pile of `structure` (N, at least 1) plates, each of absorption
 /// `k >= 0` and index `index` (>= 1), lit over a cone of half-angle `cone_deg`.
@@ -115,7 +115,7 @@ fn pile(r: f64, t: f64, absorbed: f64, count: f64) -> PlateOptics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::plate_exact::{plate, plate_inside};
+    use crate::optics::plates::exact::{plate, plate_inside};
 
     fn of(k: f64, index: f64, cone_deg: f64, structure: f64) -> PlateOptics {
         plate_n(k, index, cone_deg, structure).unwrap()

@@ -42,11 +42,11 @@
 //! leaves have 0.10 on average (states 3 and 4 unspread give that value). `abm_b` mends the interfaces.
 
 use crate::error::{SynthError, check_range};
-use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+use crate::optics::abm::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+use crate::optics::abm::tissue::{DepthParts, Tissue};
 use crate::optics::tables::abm::water;
 use crate::optics::tables::prospect_5::PROSPECT_5;
 use crate::optics::tables::{LEAF_FIRST_NM, LEAF_LAST_NM, interpolated};
-use crate::optics::tissue::{DepthParts, Tissue};
 use crate::optics::units::{Centimetres, MicrogramsPerSquareCentimetre, Nanometres, SquareCentimetresPerMicrogram};
 
 /// One epidermis.
@@ -276,7 +276,7 @@ fn prospect_5(column: &[f64], wavelength: Nanometres) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::path_lengths::{Face, Parallel, TracedBeam, trace_path_lengths};
+    use crate::optics::abm::path_lengths::{Face, Parallel, TracedBeam, trace_path_lengths};
 
     const GREEN: Nanometres = Nanometres(550.0);
     const RED: Nanometres = Nanometres(680.0);

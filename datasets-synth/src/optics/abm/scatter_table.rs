@@ -20,9 +20,9 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use crate::optics::path_lengths::{BLOCK, Beam, Face, Parallel, block_random};
-use crate::optics::stack::Stack;
-use crate::optics::walk::{Absorption, End, walk};
+use crate::optics::abm::path_lengths::{BLOCK, Beam, Face, Parallel, block_random};
+use crate::optics::abm::stack::Stack;
+use crate::optics::abm::walk::{Absorption, End, walk};
 
 /// Incidences.
 const INCIDENCES: usize = 20;
@@ -217,9 +217,9 @@ fn projected_solid_angle(cell: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::path_lengths::trace_path_lengths;
-    use crate::optics::tissue::Tissue;
+    use crate::optics::abm::abm97::Abm97;
+    use crate::optics::abm::path_lengths::trace_path_lengths;
+    use crate::optics::abm::tissue::Tissue;
     use crate::optics::units::Nanometres;
 
     #[test]

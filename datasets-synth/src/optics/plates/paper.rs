@@ -30,11 +30,8 @@
 
 use btf_models::LeafContents;
 
-use crate::optics::plate_model::PlateOptics;
-use crate::optics::theta::three_piece_fit;
-
-/// The paper's wavelengths in nanometres for red, green and blue.
-pub const PAPER_WAVELENGTHS_NM: [f64; 3] = [675.0, 546.0, 435.0];
+use crate::optics::plates::shares::PlateOptics;
+use crate::optics::plates::theta::three_piece_fit;
 
 /// Specific absorptions at the three wavelengths as printed: chlorophyll a + b in cm2/ug.
 const CHLOROPHYLL: [f64; 3] = [0.05914, 0.01221, 0.0716];

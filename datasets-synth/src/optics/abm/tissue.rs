@@ -1,6 +1,6 @@
 //! What the instruments and the captures ask of a tissue model.
 
-use crate::optics::stack::Stack;
+use crate::optics::abm::stack::Stack;
 use crate::optics::units::{Nanometres, OpticalDepth};
 
 /// Optical depth by absorber, so that a map can scale each by itself.

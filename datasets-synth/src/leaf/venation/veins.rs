@@ -1,29 +1,9 @@
 //! Where a point of a leaf lies among its veins, whatever way they run.
 
-use crate::leaf::parallel_venation::ParallelVenation;
-use crate::leaf::pinnate_venation::PinnateVenation;
-use crate::leaf::species::VenationTraits;
-
-/// Where a point lies among the veins. Distances in millimetres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct VeinSite {
-    /// Distance to the main vein's middle.
-    pub main: f32,
-    /// Half-width of the main vein there.
-    pub main_half_width: f32,
-    /// Distance to the nearest secondary vein's middle.
-    pub secondary: f32,
-    /// Half-width of that vein there.
-    pub secondary_half_width: f32,
-    /// Distance to the nearest tertiary vein.
-    pub tertiary: f32,
-    /// Distance to the nearest vein of the finest order.
-    pub quaternary: f32,
-    /// Distance to the right of the main vein along x, negative to its left, however far.
-    pub across: f32,
-    /// Unit vector along the nearby veins of the two great orders, the nearer counting more; y is not negative.
-    pub direction: [f32; 2],
-}
+use crate::leaf::venation::parallel::ParallelVenation;
+use crate::leaf::venation::pinnate::PinnateVenation;
+use crate::leaf::venation::site::VeinSite;
+use crate::leaf::venation::traits::VenationTraits;
 
 /// The veins of one leaf, in millimetres from the patch's lower left corner; the leaf's tip lies
 /// upwards.

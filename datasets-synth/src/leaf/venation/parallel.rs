@@ -1,9 +1,9 @@
 //! Parallel veins of a grass: a wide midrib, laterals and fine veins along the blade, and short
 //! commissural veins that tie neighbours together. No reticulum.
 
-use crate::leaf::species::ParallelTraits;
-use crate::leaf::vein::unit;
-use crate::leaf::venation::VeinSite;
+use crate::leaf::venation::site::VeinSite;
+use crate::leaf::venation::traits::ParallelTraits;
+use crate::leaf::venation::vein::unit;
 use crate::surface::noise::{gradient_noise, lattice_unit};
 
 #[derive(Debug, Clone)]
@@ -20,7 +20,7 @@ pub(crate) struct ParallelVenation {
 }
 
 impl ParallelVenation {
-    /// See [`crate::leaf::venation::Venation::new`].
+    /// See [`crate::leaf::venation::veins::Venation::new`].
     pub fn new(traits: &ParallelTraits, size_mm: f32, margin_mm: f32, seed: u64) -> ParallelVenation {
         let seed = (seed ^ (seed >> 32)) as u32;
         let unit = |i: i32, stream: u32| 2.0 * lattice_unit(i, 0, seed.wrapping_add(stream)) - 1.0;
@@ -110,7 +110,8 @@ mod tests {
     use super::*;
     use btf_models::Species;
 
-    use crate::leaf::species::{Traits, VenationTraits};
+    use crate::leaf::species::Traits;
+    use crate::leaf::venation::traits::VenationTraits;
 
     fn veins(seed: u64) -> ParallelVenation {
         match Traits::of(Some(Species::Maize)).venation {

@@ -36,10 +36,10 @@
 //! remain: lobes that cross are drawn again, and `PathRule::Sieve` gives an oblique ray a *shorter* way than
 //! Beer's law (`1 / cos(cos theta)`). Reflectance at 450 and 680 nm is near its floor for any pigment.
 
-use crate::optics::specimen::Specimen;
-use crate::optics::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+use crate::optics::abm::specimen::Specimen;
+use crate::optics::abm::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
+use crate::optics::abm::tissue::{DepthParts, Tissue};
 use crate::optics::tables::abm as tables;
-use crate::optics::tissue::{DepthParts, Tissue};
 use crate::optics::units::Nanometres;
 
 /// A bifacial leaf: palisade above, spongy tissue below.

@@ -5,12 +5,12 @@ use btf_models::LeafContents;
 use crate::error::SynthError;
 use crate::optics::colour::{RgbBands, RgbFromSpectrum};
 use crate::optics::interface::DiffuseFaces;
-use crate::optics::plate_exact::plate_inside_of;
-use crate::optics::plate_model::PlateModel;
-use crate::optics::plate_n::plate_n_inside_of;
-use crate::optics::plate_paper::plate_paper;
+use crate::optics::plates::exact::plate_inside_of;
+use crate::optics::plates::model::PlateModel;
+use crate::optics::plates::paper::plate_paper;
+use crate::optics::plates::pile::plate_n_inside_of;
+use crate::optics::plates::theta::ThetaForm;
 use crate::optics::specific_absorption::{Coefficients, SpecificAbsorption, absorption_of};
-use crate::optics::theta::ThetaForm;
 
 /// Colour of a leaf's body in linear sRGB, signed.
 ///
@@ -119,7 +119,7 @@ impl PlateBody {
 mod tests {
     use super::*;
     use crate::optics::interface::mean_interface_transmittance;
-    use crate::optics::plate_model::plate_spectrum;
+    use crate::optics::plates::model::plate_spectrum;
 
     fn body(model: PlateModel, bands: RgbBands) -> PlateBody {
         PlateBody::new(model, model.default_table(), bands).unwrap()

@@ -14,8 +14,8 @@ use rand::Rng;
 use rand::RngCore;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
+use crate::optics::abm::stack::{Crossing, Interface, Medium, Spread, Stack};
 use crate::optics::fresnel::interface_optics;
-use crate::optics::stack::{Crossing, Interface, Medium, Spread, Stack};
 
 /// A ray that has met this many interfaces is given up: a guard against indices that trap light.
 const MAX_INTERACTIONS: u32 = 10_000;
@@ -244,12 +244,12 @@ pub fn walk_splitting(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::abm_b::AbmB;
-    use crate::optics::abm_u::AbmU;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::path_lengths::{Beam, Face, Parallel, block_random};
-    use crate::optics::stack::PathRule;
-    use crate::optics::tissue::Tissue;
+    use crate::optics::abm::abm_b::AbmB;
+    use crate::optics::abm::abm_u::AbmU;
+    use crate::optics::abm::abm97::Abm97;
+    use crate::optics::abm::path_lengths::{Beam, Face, Parallel, block_random};
+    use crate::optics::abm::stack::PathRule;
+    use crate::optics::abm::tissue::Tissue;
     use crate::optics::units::Nanometres;
 
     fn down(theta_deg: f64) -> [f64; 3] {

@@ -2,8 +2,8 @@
 //! [Baranoski 2006]; parameter table in `abm_b`.
 
 use crate::error::{SynthError, check_range};
+use crate::optics::abm::tissue::DepthParts;
 use crate::optics::tables::abm as tables;
-use crate::optics::tissue::DepthParts;
 use crate::optics::units::{Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres};
 
 /// What a mesophyll holds, per volume.
