@@ -56,7 +56,8 @@ fn documents() -> Vec<(Value, Vec<u8>)> {
         buffer.push(&floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0]), None),
         buffer.push(&[0u16, 1, 2, 2, 1, 3].iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>(), None),
     ];
-    let accessor = |view: usize, kind: &str| json!({ "bufferView": views[view], "componentType": F32, "count": 4, "type": kind });
+    let accessor =
+        |view: usize, kind: &str| json!({ "bufferView": views[view], "componentType": F32, "count": 4, "type": kind });
     let mut first = accessor(0, "VEC3");
     (first["min"], first["max"]) = (json!([0, 0, 0]), json!([1, 1, 0]));
     let whole = json!({
@@ -149,7 +150,8 @@ const OBJ: [&str; 10] = [
 /// The documented scripts of the gallery, and one that nests.
 fn scripts() -> Vec<String> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/voltex");
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).expect("the gallery is there").map(|e| e.unwrap().path()).collect();
+    let mut paths: Vec<PathBuf> =
+        std::fs::read_dir(folder).expect("the gallery is there").map(|e| e.unwrap().path()).collect();
     paths.sort();
     let scripts = paths.iter().filter(|path| path.to_string_lossy().ends_with(".shapes.toml"));
     let read = |path: &PathBuf| std::fs::read_to_string(path).expect("a script can be read");

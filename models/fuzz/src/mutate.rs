@@ -6,8 +6,22 @@ const RAW_ONE_IN: usize = 8;
 
 /// Numbers that stand at borders.
 const NUMBERS: [&str; 16] = [
-    "0", "-1", "1", "2", "255", "65536", "4294967295", "4294967296", "9223372036854775807", "18446744073709551615",
-    "-9223372036854775808", "1e308", "nan", "inf", "-0.0", "1e-320",
+    "0",
+    "-1",
+    "1",
+    "2",
+    "255",
+    "65536",
+    "4294967295",
+    "4294967296",
+    "9223372036854775807",
+    "18446744073709551615",
+    "-9223372036854775808",
+    "1e308",
+    "nan",
+    "inf",
+    "-0.0",
+    "1e-320",
 ];
 
 /// A generator of random numbers [Steele, Lea & Flood 2014, SplitMix64].
@@ -121,11 +135,16 @@ fn changed_text(text: &str, random: &mut Random, change_bytes: &mut dyn FnMut(&m
                 change_bytes(&mut bytes, most);
                 return bytes;
             }
-            4..=6 => text = with_word(&text, random, |words, at, random| {
-                words[at] = NUMBERS[random.below(NUMBERS.len())].to_string();
-            }),
+            4..=6 => {
+                text = with_word(&text, random, |words, at, random| {
+                    words[at] = NUMBERS[random.below(NUMBERS.len())].to_string();
+                })
+            }
             7 => text = with_word(&text, random, |words, at, _| drop(words.remove(at))),
-            _ => text = with_word(&text, random, |words, at, random| words[at] = words[random.below(words.len())].clone()),
+            _ => {
+                text =
+                    with_word(&text, random, |words, at, random| words[at] = words[random.below(words.len())].clone())
+            }
         }
     }
     text.into_bytes()
