@@ -1,4 +1,4 @@
-//! A memory map of a file that threads share.
+//! Memory maps of files.
 
 use std::fs::File;
 use std::path::Path;
@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use crate::error::CaptureError;
 
-/// A memory map of a file that clones by reference.
+/// Memory map of a file; clones share the map.
 #[derive(Debug, Clone)]
 pub struct SharedBytes(Arc<memmap2::Mmap>);
 
 impl SharedBytes {
-    /// Maps the file at `path`; `None` if it is empty, which cannot be mapped.
+    /// Maps the file at `path`. Returns `None` for an empty file, which cannot be mapped.
     ///
     /// # Errors
-    /// [`CaptureError::Read`], with the path.
+    /// [`CaptureError::Read`] with the path.
     pub fn map(path: &Path) -> Result<Option<SharedBytes>, CaptureError> {
         let file = File::open(path).map_err(|source| CaptureError::read(path, source))?;
         let size = file.metadata().map_err(|source| CaptureError::read(path, source))?.len();

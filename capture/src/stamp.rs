@@ -1,4 +1,4 @@
-//! By what a program that goes on with earlier work sees that a capture is still the same.
+//! Stamps of a capture's files, by which a resumed program sees that the capture is unchanged.
 
 use crate::capture::{Capture, Images};
 use crate::error::CaptureError;
@@ -8,12 +8,12 @@ use std::time::UNIX_EPOCH;
 /// A file of a capture as the file system describes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileStamp {
-    /// Path below the capture's folder with `/` between its parts; the file's own name for a zip, a UBO2014 file
-    /// and the manifest beside it.
+    /// Path below the folder of the capture, with `/` between its parts. A zip, a UBO2014 file and the manifest beside
+    /// it have their own file name.
     pub name: String,
-    /// Bytes.
+    /// Size in bytes.
     pub bytes: u64,
-    /// Nanoseconds from 1970 to its last change; 0 where the system does not tell.
+    /// Time of the last change in nanoseconds since 1970; 0 where the system does not tell.
     pub modified_ns: u64,
 }
 
@@ -27,8 +27,9 @@ impl FileStamp {
 }
 
 impl Capture {
-    /// Name, size and time of every file that the capture is read from, `capture.toml` and lists among them, sorted
-    /// by name. Two calls that give the same were made on the same capture, unless somebody set the clock back.
+    /// Returns the name, size and time of every file that the capture is read from, `capture.toml` and lists among
+    /// them, sorted by name. Two calls return the same only if the capture did not change in between, unless somebody
+    /// set the clock back.
     ///
     /// # Errors
     /// [`CaptureError::Read`] or [`CaptureError::NotFound`] for a file that is gone.

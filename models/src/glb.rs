@@ -39,7 +39,8 @@ impl GlbBuffer {
     }
 }
 
-/// The file: a header of three words and two chunks, each padded to whole words. `None` if it would have 4 GiB or more.
+/// Returns the file: a header of three words and two chunks, each padded to whole words. `None` if it would have 4 GiB
+/// or more.
 pub fn glb_from(document: &Value, mut binary: Vec<u8>) -> Option<Vec<u8>> {
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
@@ -57,7 +58,7 @@ pub fn glb_from(document: &Value, mut binary: Vec<u8>) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// A part of a relative address with everything but its unreserved characters escaped [RFC 3986].
+/// Returns a part of a relative address with everything but its unreserved characters escaped [RFC 3986].
 pub fn escaped(part: &str) -> String {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
     part.bytes().map(|byte| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") }).collect()

@@ -12,8 +12,8 @@ pub(crate) enum Samples {
     U16(Vec<u16>),
     /// EXR, Radiance.
     F32(Vec<f32>),
-    /// Linear RGB made here from something else, a spectrum or a factorisation. A negative is then no
-    /// sign of a damaged file: below what captures hold it is clamped, not refused.
+    /// Linear RGB computed from a spectrum or a factorisation. A negative value is then no sign of a damaged file:
+    /// values below what captures hold are clamped, not refused.
     Computed(Vec<f32>),
 }
 
@@ -24,12 +24,12 @@ pub(crate) struct DecodedImage {
     pub samples: Samples,
 }
 
-/// Why an image was not decoded.
+/// Reason why an image was not decoded.
 #[derive(Debug, PartialEq)]
 pub(crate) enum ImageFault {
-    /// The decoder's reason.
+    /// Damaged file, with the decoder's reason.
     Damaged(String),
-    /// Its header claims another size than was asked for.
+    /// Header with another size than was asked for.
     WrongSize { width: usize, height: usize },
 }
 
@@ -43,7 +43,7 @@ impl ImageFault {
     }
 }
 
-/// Checks a header's size against what was asked for and against the largest allowed.
+/// Checks the size in a header against the one that was asked for and against the largest allowed.
 pub(crate) fn check_size(width: usize, height: usize, expected: Option<(usize, usize)>) -> Result<(), ImageFault> {
     if expected.is_some_and(|size| size != (width, height)) {
         return Err(ImageFault::WrongSize { width, height });

@@ -8,19 +8,19 @@ use crate::images::decoded::{DecodedImage, ImageFault};
 use crate::images::{exr, jpg, png, radiance};
 use crate::info::ImageFormat;
 
-/// What an image file can be, told by its name's extension.
+/// Format of an image file, told by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum FileFormat {
     Png,
     Jpg,
-    /// RGB or one channel per wavelength.
+    /// OpenEXR, with RGB or one channel per wavelength.
     Exr,
-    /// Radiance.
+    /// Radiance picture.
     Hdr,
 }
 
 impl FileFormat {
-    /// The format that a file name extension stands for, in any case; `None` for others.
+    /// Returns the format that a file name extension stands for, in any case; `None` for other extensions.
     pub(crate) fn from_extension(extension: &str) -> Option<FileFormat> {
         if extension.eq_ignore_ascii_case("hdr") {
             return Some(FileFormat::Hdr);
@@ -32,7 +32,7 @@ impl FileFormat {
         })
     }
 
-    /// The format that a capture of such files would be written in.
+    /// Returns the format in which a capture of such files would be written.
     pub(crate) fn written_as(self) -> ImageFormat {
         match self {
             FileFormat::Png => ImageFormat::Png,
@@ -42,7 +42,7 @@ impl FileFormat {
     }
 }
 
-/// Decodes `bytes`. With `expected` given, an image of another size is refused from its header.
+/// Decodes `bytes`. If `expected` is given, an image of another size is refused from its header.
 pub(crate) fn decode(
     bytes: &[u8],
     format: FileFormat,
@@ -74,7 +74,7 @@ pub(crate) mod tests {
     use ::image::ImageEncoder;
     use ::image::codecs::png::PngEncoder;
 
-    /// A picture with structure in both axes and all channels.
+    /// Returns an image with structure in both axes and all channels.
     pub(crate) fn picture(width: usize, height: usize) -> Vec<u8> {
         (0..width * height)
             .flat_map(|i| {

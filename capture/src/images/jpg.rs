@@ -27,8 +27,8 @@ pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<D
     Ok(DecodedImage { width, height, samples: Samples::U8(three_channels(pixels, channels)) })
 }
 
-/// Walks the segments of a JPEG and demands the end marker: a decoder fills the rows of a cut file
-/// with grey [ITU-T T.81, B.1].
+/// Checks that a JPEG has its end marker, by a walk over its segments. A decoder would fill the rows of a cut file with
+/// grey [ITU-T T.81, B.1].
 fn check_jpg_ends(bytes: &[u8]) -> Result<(), ImageFault> {
     const END_OF_IMAGE: u8 = 0xD9;
     let cut = || ImageFault::damaged("the file ends before the end-of-image marker");

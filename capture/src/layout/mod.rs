@@ -1,4 +1,4 @@
-//! How the images of a capture lie on disk: names, lists, folders, archives.
+//! Layouts of a capture's images on disk: names, lists, folders, archives.
 
 pub(crate) mod bonn;
 pub(crate) mod grid;

@@ -80,7 +80,7 @@ impl Cloth {
         Ok(cloth)
     }
 
-    /// The dye's optical depth between the weft's and the warp's.
+    /// Returns the dye's optical depth between the weft's and the warp's.
     fn depth(&self, warp: f32, dye: f32) -> [f32; 3] {
         let [of_weft, of_warp] = self.dye_depth;
         std::array::from_fn(|k| dye * (of_weft[k] + (of_warp[k] - of_weft[k]) * warp))

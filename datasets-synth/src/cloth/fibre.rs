@@ -156,8 +156,8 @@ pub struct FibreDirection {
 }
 
 impl FibreDirection {
-    /// The direction `w` with the fibre's unit tangent and the cosine of `w` against the layer's
-    /// normal, which is perpendicular to the tangent.
+    /// Returns the direction `w` with the fibre's unit tangent and the cosine of `w` against the layer's normal, which
+    /// is perpendicular to the tangent.
     #[inline]
     pub fn new(w: [f32; 3], tangent: [f32; 3], cos_normal: f32) -> FibreDirection {
         let sine = dot(w, tangent).clamp(-1.0, 1.0);
@@ -190,7 +190,7 @@ pub struct FibrePair {
 }
 
 impl FibrePair {
-    /// The image of the directions `wi` and `wo`.
+    /// Returns the image of the directions `wi` and `wo`.
     pub fn new(fibre: &Fibre, wi: [f32; 3], wo: [f32; 3]) -> FibrePair {
         let cosine = dot(wi, wo).clamp(-1.0, 1.0);
         let half = f64::from(0.5 * (1.0 + cosine)).sqrt();
@@ -199,7 +199,7 @@ impl FibrePair {
 }
 
 impl Fibre {
-    /// The fibre of `params`, with its tables: some hundredths of a second.
+    /// Returns the fibre of `params`, with its tables: some hundredths of a second.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
@@ -242,8 +242,8 @@ impl Fibre {
         Ok(fibre)
     }
 
-    /// Optical depth of a dye per channel that gives flat cloth the diffuse albedo `colour`, linear
-    /// sRGB; albedos out of reach give the nearest dye.
+    /// Returns the optical depth of a dye per channel that gives flat cloth the diffuse albedo `colour`, linear sRGB;
+    /// albedos out of reach give the nearest dye.
     pub fn depth_from_albedo(&self, colour: [f64; 3]) -> [f32; 3] {
         colour.map(|albedo| {
             let (mut low, mut high) = (0.0, MAX_OPTICAL_DEPTH);
@@ -255,13 +255,13 @@ impl Fibre {
         })
     }
 
-    /// Diffuse albedo of a layer of fibres whose dye has the optical depth `depth`.
+    /// Returns the diffuse albedo of a layer of fibres whose dye has the optical depth `depth`.
     pub fn mean_reflectance(&self, depth: f64) -> f64 {
         let [surface, volume] = self.mean_albedo;
         surface + volume * (-depth).exp() + (1.0 - surface - volume) * deep_reflectance(depth as f32) as f64
     }
 
-    /// The view's half of the shading, for a direction towards the eye and the dye's optical depth.
+    /// Returns the view's half of the shading, for a direction towards the eye and the dye's optical depth.
     pub fn view(&self, out: FibreDirection, depth: [f32; 3]) -> FibreView {
         let [surface, volume] = self.mean_albedo;
         let inverse_mean = (1.0 / (1.0 - surface - volume)) as f32;
@@ -276,8 +276,7 @@ impl Fibre {
         }
     }
 
-    /// `pi * BRDF * cos_i` per channel for light from the direction `incoming`. Finite and not
-    /// negative.
+    /// Returns `pi * BRDF * cos_i` per channel for light from the direction `incoming`. Finite and not negative.
     #[inline]
     pub fn pi_brdf_cos(&self, pair: &FibrePair, view: &FibreView, incoming: FibreDirection) -> [f32; 3] {
         let cos_i = incoming.cos_theta * incoming.cos_phi;
@@ -289,7 +288,7 @@ impl Fibre {
         std::array::from_fn(|k| surface + volume * (-view.depth[k] * way).exp() + deep * view.deep[k])
     }
 
-    /// Share of diffuse light that leaves towards the view, per channel.
+    /// Returns the share of diffuse light that leaves towards the view, per channel.
     pub fn diffuse_reflectance(&self, view: &FibreView) -> [f32; 3] {
         let [surface, volume] = self.albedo_at(view.out);
         let mean_missing = (1.0 - self.mean_albedo[0] - self.mean_albedo[1]) as f32;
@@ -316,13 +315,13 @@ impl Fibre {
         [surface * seen, self.enters.at(i.cos_theta) * leaves * lobe * seen]
     }
 
-    /// Half of the way inside the fibre of a ray refracted along it, in widths.
+    /// Returns the half of the way inside the fibre of a ray refracted along it, in widths.
     #[inline]
     fn half_way(&self, w: FibreDirection) -> f32 {
         0.5 / (1.0 - w.sine * w.sine * self.inverse_index_squared).sqrt()
     }
 
-    /// The tabulated directional albedo.
+    /// Returns the tabulated directional albedo.
     #[inline]
     fn albedo_at(&self, w: FibreDirection) -> [f32; 2] {
         let last = (ALBEDO_ENTRIES - 1) as f32;
@@ -336,7 +335,7 @@ impl Fibre {
         })
     }
 
-    /// Share of the light from `incoming` that one scattering of white fibres sends out.
+    /// Returns the share of the light from `incoming` that one scattering of white fibres sends out.
     fn directional_albedo(&self, incoming: FibreDirection) -> [f32; 2] {
         let wi = vector_of(incoming, 1.0);
         let mut sum = [0f64; 2];
@@ -375,15 +374,14 @@ fn direction_of(sine: f32, cos_phi: f32) -> FibreDirection {
     FibreDirection { sine, cos_theta: (1.0 - sine * sine).sqrt().max(MIN_COS_THETA), cos_phi }
 }
 
-/// The vector of a direction about the tangent x and the normal z, to the side of y that `sign`
-/// says.
+/// Returns the vector of a direction about the tangent x and the normal z, to the side of y that `sign` says.
 fn vector_of(w: FibreDirection, sign: f32) -> [f32; 3] {
     let sin_phi = (1.0 - w.cos_phi * w.cos_phi).max(0.0).sqrt();
     [w.sine, sign * w.cos_theta * sin_phi, w.cos_theta * w.cos_phi]
 }
 
-/// Directions over half of the hemisphere (one side of the plane of tangent and normal), with
-/// their solid angle times the cosine to the normal.
+/// Returns the directions over half of the hemisphere (one side of the plane of tangent and normal), with their solid
+/// angle times the cosine to the normal.
 fn hemisphere() -> impl Iterator<Item = (FibreDirection, f64)> {
     (0..2 * QUADRATURE * QUADRATURE).map(|i| {
         // The solid angle is dsine dphi.
@@ -411,7 +409,7 @@ mod tests {
         fibre.pi_brdf_cos(&FibrePair::new(fibre, wi, wo), &view, FibreDirection::new(wi, TANGENT, wi[2]))
     }
 
-    /// Share of the light from `wi` that leaves, by even steps of polar angle and azimuth: another
+    /// Returns the share of the light from `wi` that leaves, by even steps of polar angle and azimuth: another
     /// quadrature than the tables'.
     fn albedo(fibre: &Fibre, depth: [f32; 3], wi: [f32; 3]) -> [f64; 3] {
         let steps = 90;

@@ -52,7 +52,7 @@ pub struct ClothParams {
 }
 
 impl Default for ClothParams {
-    /// A blue and white cotton twill, 256 x 256 texels of 10 x 10 mm.
+    /// Returns a blue and white cotton twill, 256 x 256 texels of 10 x 10 mm.
     fn default() -> ClothParams {
         ClothParams {
             capture: CaptureParams::new(10.0),
@@ -95,7 +95,7 @@ impl ClothParams {
         Ok(())
     }
 
-    /// What was asked for in one line, for the capture's provenance.
+    /// Returns what was asked for in one line, for the capture's provenance.
     pub fn provenance(&self) -> String {
         format!(
             "btf-synth cloth: {} weave of {} warp and {} weft yarns per cm, flatness {}, twist {} degrees, {} plies, \

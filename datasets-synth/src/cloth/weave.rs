@@ -14,8 +14,7 @@ pub enum Weave {
 }
 
 impl Weave {
-    /// Whether warp yarn `warp` (counted to the right) lies on top of weft yarn `weft` (counted
-    /// upwards).
+    /// Returns whether warp yarn `warp` (counted to the right) lies on top of weft yarn `weft` (counted upwards).
     pub fn warp_on_top(self, warp: i32, weft: i32) -> bool {
         match self {
             Weave::Plain => (warp + weft).rem_euclid(2) == 0,

@@ -82,12 +82,12 @@ impl Yarns {
         }
     }
 
-    /// Greatest distance of the relief from its mean, a safe bound.
+    /// Returns the greatest distance of the relief from its mean, a safe bound.
     pub fn bound_mm(&self) -> f32 {
         2.6 * self.half_thickness_mm + 3.0 * self.fuzz_mm
     }
 
-    /// The uppermost point of the cloth over a position in millimetres.
+    /// Returns the uppermost point of the cloth over a position in millimetres.
     pub fn at(&self, p: [f32; 2]) -> YarnPoint {
         let hole =
             YarnPoint { height_mm: -self.half_thickness_mm, direction: [0.0, 1.0], warp: 0.5, dye: 1.0, cover: 0.0 };
@@ -104,7 +104,7 @@ impl Yarns {
         top
     }
 
-    /// The top of one yarn over a position, where the position is over it.
+    /// Returns the top of one yarn over a position, where the position is over it.
     fn yarn_point(&self, set: Set, number: i32, p: [f32; 2]) -> Option<YarnPoint> {
         let (across_axis, along_axis) = (set as usize, 1 - set as usize);
         let (spacing, crossing) = (self.spacing_mm[across_axis], self.spacing_mm[along_axis]);

@@ -31,7 +31,7 @@ pub(super) struct CaptureArgs {
 }
 
 impl CaptureArgs {
-    /// What is asked for, of a patch of `size_mm`.
+    /// Returns what is asked for, of a patch of `size_mm`.
     pub(super) fn params(&self, size_mm: f32) -> Result<CaptureParams, Failure> {
         let set = DirectionSet::by_name(&self.directions).map_err(|error| Failure::Failed(error.to_string()))?;
         Ok(CaptureParams {

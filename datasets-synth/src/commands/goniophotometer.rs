@@ -220,7 +220,7 @@ fn table(args: &GoniophotometerArgs, Measured { grams, counted, rays, seconds }:
     text
 }
 
-/// A plate's shares of entered light at the wavelength, and the gloss on top.
+/// Returns a plate's shares of entered light at the wavelength, and the gloss on top.
 fn plate_and_gloss(args: &GoniophotometerArgs, model: PlateModel) -> Result<(PlateOptics, CookTorrance), Failure> {
     let contents = args.contents.over(LeafContents::default());
     let table = model.default_table();

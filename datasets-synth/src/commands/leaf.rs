@@ -106,7 +106,7 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
     })
 }
 
-/// The leaf of the options.
+/// Returns the leaf of the options.
 fn describe(args: &LeafArgs) -> Result<Looked, Failure> {
     let mut looked = args.look.leaf()?;
     let leaf = &mut looked.leaf;

@@ -16,21 +16,21 @@ pub(super) struct LeafFileArgs {
 }
 
 impl LeafFileArgs {
-    /// The description, where one is given.
+    /// Returns the description, where one is given.
     pub fn read(&self) -> Result<Option<LeafDescription>, Failure> {
         let read = |file| LeafDescription::read(file).map_err(|error| Failure::Failed(error.to_string()));
         self.file.as_ref().map(read).transpose()
     }
 
-    /// The folder of textures that a description names that was read.
+    /// Returns the folder of textures that a description names that was read.
     pub fn textures(&self, leaf: &LeafDescription) -> Option<PathBuf> {
         leaf.textures_beside(self.file.as_ref()?)
     }
 }
 
 impl ContentsArgs {
-    /// Chlorophyll and carotenoids for the algorithmic models, which keep their own leaf's unless the user has
-    /// others, by options or as the contents of a whole leaf.
+    /// Returns the chlorophyll and carotenoids for the algorithmic models, which keep their own leaf's unless the user
+    /// has others, by options or as the contents of a whole leaf.
     pub(super) fn own_pigments(&self, whole: Option<&LeafContents>) -> [Option<f64>; 2] {
         [
             self.cab.or(whole.map(|contents| contents.chlorophyll_ug_per_cm2)),
@@ -46,7 +46,7 @@ pub(super) fn write(leaf: &LeafDescription, textures: Option<&Path>, file: &Path
     leaf.write(file).map_err(|error| Failure::Failed(error.to_string()))
 }
 
-/// The path of `folder` relative to the folder that holds `file`; absolute where there is no such way.
+/// Returns the path of `folder` relative to the folder that holds `file`; absolute where there is no such way.
 fn seen_from(file: &Path, folder: &Path) -> PathBuf {
     // Links are followed where they exist, so that `..` leads where it says.
     let whole =

@@ -86,7 +86,7 @@ pub(super) struct Looked {
 }
 
 impl LookArgs {
-    /// The leaf of the file, the species or the plain one, with the look asked for.
+    /// Returns the leaf of the file, the species or the plain one, with the look asked for.
     pub(super) fn leaf(&self) -> Result<Looked, Failure> {
         let (species, deficiency) = (self.species.map(Species::from), self.deficiency.map(Deficiency::from));
         let file = self.file.read()?;
@@ -124,7 +124,7 @@ impl LookArgs {
 }
 
 impl Looked {
-    /// The textures as images.
+    /// Returns the textures as images.
     pub(super) fn images(&self) -> Result<TextureImages, Failure> {
         let read = |dir| TextureImages::read(dir).map_err(|error| Failure::Failed(error.to_string()));
         self.textures.as_ref().map_or(Ok(TextureImages::default()), read)

@@ -143,8 +143,8 @@ impl TissueArgs {
         }
     }
 
-    /// The model with its parameters; contents in ug/cm2 where they are given, else those of the model's
-    /// own leaf.
+    /// Returns the model with its parameters; contents in ug/cm2 where they are given, else those of the model's own
+    /// leaf.
     pub fn leaf_model(&self, model: Model, cab: Option<f64>, car: Option<f64>) -> Result<LeafModel, Failure> {
         let specimen = |default| self.specimen(default, cab, car);
         Ok(match model {
@@ -255,7 +255,7 @@ pub struct ContentsArgs {
 }
 
 impl ContentsArgs {
-    /// Contents for the plate models, over `default`.
+    /// Returns the contents for the plate models, over `default`.
     pub fn over(&self, default: LeafContents) -> LeafContents {
         LeafContents {
             chlorophyll_ug_per_cm2: self.cab.unwrap_or(default.chlorophyll_ug_per_cm2),

@@ -170,7 +170,7 @@ fn measure(args: &SpectrumArgs, sides: &[Side]) -> Result<(Vec<Spectrum>, f64), 
     Ok((spectra, started.elapsed().as_secs_f64()))
 }
 
-/// A spectrum as the JSON result has it.
+/// Returns a spectrum as the JSON result has it.
 fn figures(spectrum: &Spectrum) -> Value {
     let mean = |values: &[Estimate]| values.iter().map(|e| e.mean).collect::<Vec<f64>>();
     let error = |values: &[Estimate]| values.iter().map(|e| e.standard_error).collect::<Vec<f64>>();
@@ -222,7 +222,7 @@ fn plot(args: &SpectrumArgs, sides: &[Side], spectra: &[Spectrum]) -> String {
     .svg()
 }
 
-/// The figures for a reader, one line per wavelength.
+/// Returns the figures for a reader, one line per wavelength.
 fn table(spectrum: &Spectrum) -> String {
     let mut text = String::from("   nm  reflectance  transmittance\n");
     for (i, nm) in spectrum.wavelength_nm.iter().enumerate() {

@@ -47,7 +47,7 @@ pub struct Goniophotometer {
 }
 
 impl Default for Goniophotometer {
-    /// The paper's sphere, 45 degrees, the adaxial face.
+    /// Returns the paper's sphere, 45 degrees, the adaxial face.
     fn default() -> Goniophotometer {
         Goniophotometer { latitudes: 20, longitudes: 40, incidence_deg: 45.0, face: Face::Adaxial }
     }
@@ -77,7 +77,7 @@ pub struct Goniogram {
 }
 
 impl Goniogram {
-    /// A patch's value in the plane of incidence: signed angle in degrees (negative on the light's side,
+    /// Returns a patch's value in the plane of incidence: signed angle in degrees (negative on the light's side,
     /// positive forward) and BRDF or BTDF, ascending. The two patches next to the plane are averaged.
     pub fn in_plane(&self, values: &[f64]) -> Vec<(f64, f64)> {
         let n = self.phi_deg.len();
@@ -102,7 +102,7 @@ pub struct Interactions {
 }
 
 impl Interactions {
-    /// Number that 99 of 100 rays do not exceed.
+    /// Returns the number that 99 of 100 rays do not exceed.
     pub fn percentile_99(&self) -> usize {
         let total: u64 = self.counts.iter().sum();
         let mut seen = 0;
@@ -266,7 +266,7 @@ impl Goniophotometer {
         })
     }
 
-    /// Counts the interfaces that `rays` rays meet when absorption ends them.
+    /// Returns the counts the interfaces that `rays` rays meet when absorption ends them.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
@@ -293,18 +293,18 @@ impl Goniophotometer {
         Ok(result)
     }
 
-    /// Squared sine of the polar angle at which ring `i` starts.
+    /// Returns the squared sine of the polar angle at which ring `i` starts.
     fn sin2_of_ring(&self, i: usize) -> f64 {
         (PI * i as f64 / self.latitudes as f64).sin().powi(2)
     }
 
-    /// Integral of the cosine over a patch.
+    /// Returns the integral of the cosine over a patch.
     fn projected_solid_angle(&self, patch: usize) -> f64 {
         let i = patch / self.longitudes;
         TAU / self.longitudes as f64 * (self.sin2_of_ring(i + 1) - self.sin2_of_ring(i)) / 2.0
     }
 
-    /// The patch, on either side, that a direction of travel meets.
+    /// Returns the patch, on either side, that a direction of travel meets.
     fn patch(&self, direction: [f64; 3]) -> usize {
         let rings = self.latitudes / 2;
         let theta = direction[2].abs().min(1.0).acos();

@@ -44,7 +44,7 @@ fn ticks(least: f64, most: f64) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
-/// A tick's number without digits that the step does not have.
+/// Returns a tick's number without digits that the step does not have.
 fn number(x: f64, step: f64) -> String {
     let decimals = (-step.log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{x:.decimals$}")
@@ -54,7 +54,7 @@ fn px(x: f64) -> String {
     format!("{x:.1}")
 }
 
-/// A whole file around the content.
+/// Returns a whole file around the content.
 fn file(width: f64, height: f64, title: &str, content: &Markup) -> String {
     let svg = html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox=(format!("0 0 {width} {height}")) width=(width) height=(height)
@@ -121,7 +121,7 @@ fn path(points: impl Iterator<Item = (f64, f64)>) -> String {
 }
 
 impl LinePlot {
-    /// The plot as an SVG file. The vertical axis starts at 0, or below if data do.
+    /// Returns the plot as an SVG file. The vertical axis starts at 0, or below if data do.
     pub fn svg(&self) -> String {
         let points = || self.series.iter().flat_map(|s| &s.points).filter(|p| p.0.is_finite() && p.1.is_finite());
         let range = |pick: fn(&(f64, f64)) -> f64| {
@@ -143,8 +143,8 @@ impl LinePlot {
     }
 }
 
-/// A plot in polar coordinates: `above` (BRDF) over the horizon, `below` (BTDF) under it, both as
-/// (signed angle from the normal in degrees, value); series of the same index share a colour.
+/// Returns a plot in polar coordinates: `above` (BRDF) over the horizon, `below` (BTDF) under it, both as (signed angle
+/// from the normal in degrees, value); series of the same index share a colour.
 pub fn goniogram_svg(title: &str, unit: &str, above: &[Series], below: &[Series]) -> String {
     const SIZE: f64 = 640.0;
     const MIDDLE: (f64, f64) = (320.0, 335.0);
@@ -224,7 +224,7 @@ pub fn counts_svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) 
     file(WIDTH, HEIGHT, title, &content)
 }
 
-/// Values over the hemisphere of directions as a disk: radius is the polar angle, brightness the value.
+/// Returns the values over the hemisphere of directions as a disk: radius is the polar angle, brightness the value.
 pub fn disk_svg(title: &str, theta_edges_deg: usize, phi_count: usize, values: &[f64]) -> String {
     const SIZE: f64 = 420.0;
     const RADIUS: f64 = 170.0;

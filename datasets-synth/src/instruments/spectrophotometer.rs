@@ -57,7 +57,7 @@ pub struct Spectrophotometer {
 }
 
 impl Default for Spectrophotometer {
-    /// The paper's, on the adaxial face.
+    /// Returns the paper's, on the adaxial face.
     fn default() -> Spectrophotometer {
         Spectrophotometer {
             emitter_radius_mm: 8.0,
@@ -70,7 +70,7 @@ impl Default for Spectrophotometer {
 }
 
 impl Spectrophotometer {
-    /// A collimated beam at 8 degrees.
+    /// Returns a collimated beam at 8 degrees.
     pub fn parallel() -> Spectrophotometer {
         Spectrophotometer { emitter_radius_mm: 0.0, specimen_mm2: 0.0, ..Spectrophotometer::default() }
     }
@@ -216,7 +216,7 @@ impl Spectrophotometer {
     }
 }
 
-/// Reflectance and transmittance by drawing absorption for every crossing; exact binomial errors.
+/// Returns the reflectance and transmittance by drawing absorption for every crossing; exact binomial errors.
 fn direct(stack: &Stack, beam: &dyn Beam, depth: f64, rays: u64, seed: u64) -> (Estimate, Estimate) {
     let absorption = Absorption::Sampled(depth);
     let (reflected, transmitted) = (0..rays.div_ceil(BLOCK))

@@ -44,7 +44,7 @@ pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: 
     }
 }
 
-/// The material of a plate model.
+/// Returns the material of a plate model.
 fn plate_leaf(model: PlateModel, params: &LeafParams) -> Result<PlateLeaf, SynthError> {
     let leaf = Leaf::new(params)?;
     let bands = if model == PlateModel::Paper { RgbBands::ThreeWavelength } else { params.bands };

@@ -61,7 +61,7 @@ impl Chlorosis {
         Err(SynthError::BadParameter { name: "--severity", value: self.severity.to_string(), allowed })
     }
 
-    /// `[V_a, V_c, V_b]` of a deficient leaf from those of the healthy one.
+    /// Returns `[V_a, V_c, V_b]` of a deficient leaf from those of the healthy one.
     pub(crate) fn pigments(&self, healthy: [f32; 3], place: &LeafPlace) -> [f32; 3] {
         let s = self.severity as f32;
         let [green_loss, yellow_loss, dead] = match (self.deficiency, place.grass) {

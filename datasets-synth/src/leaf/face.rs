@@ -34,14 +34,14 @@ pub(crate) struct Seen {
     pub far: HeightField,
 }
 
-/// A direction in the far face's frame.
+/// Returns a direction in the far face's frame.
 #[inline]
 fn turned(w: [f32; 3]) -> [f32; 3] {
     [w[0], w[1], -w[2]]
 }
 
 impl Seen {
-    /// What of the light `wi` reaches the face that it falls on.
+    /// Returns what of the light `wi` reaches the face that it falls on.
     pub fn visibility(&self, wi: [f32; 3]) -> LightVisibility {
         match self.passage {
             Passage::Reflection => LightVisibility::new(&self.face, wi),
@@ -49,7 +49,7 @@ impl Seen {
         }
     }
 
-    /// Normal of the far face at a place, in its own frame; needed for transmission only.
+    /// Returns the normal of the far face at a place, in its own frame; needed for transmission only.
     #[inline]
     pub fn far_normal(&self, place: [f32; 2]) -> [f32; 3] {
         match self.passage {
@@ -58,7 +58,7 @@ impl Seen {
         }
     }
 
-    /// Cosine of incidence on the lit face.
+    /// Returns the cosine of incidence on the lit face.
     #[inline]
     pub fn cos_i(&self, normal: [f32; 3], far_normal: [f32; 3], wi: [f32; 3]) -> f32 {
         match self.passage {

@@ -35,7 +35,7 @@ impl LeafLook {
         self.chlorosis.map_or(Ok(()), |chlorosis| chlorosis.check())
     }
 
-    /// The look in words for a provenance, each part with a comma before it; nothing for the plain leaf.
+    /// Returns the look in words for a provenance, each part with a comma before it; nothing for the plain leaf.
     pub fn provenance(&self) -> String {
         let species = self.species.map_or(String::new(), |species| format!(", species {}", species.name()));
         let chlorosis = self.chlorosis.map_or(String::new(), |chlorosis| {

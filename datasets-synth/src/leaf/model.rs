@@ -20,7 +20,7 @@ pub enum LeafModel {
 }
 
 impl Default for LeafModel {
-    /// `plate-n`.
+    /// Returns `plate-n`.
     fn default() -> LeafModel {
         LeafModel::Plate(PlateModel::N)
     }
@@ -37,7 +37,7 @@ impl LeafModel {
         }
     }
 
-    /// The tissue that rays walk through, for the algorithmic models.
+    /// Returns the tissue that rays walk through, for the algorithmic models.
     pub fn tissue(&self) -> Option<&dyn Tissue> {
         match self {
             LeafModel::Plate(_) => None,

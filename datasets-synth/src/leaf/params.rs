@@ -41,7 +41,7 @@ pub struct LeafParams {
 }
 
 impl Default for LeafParams {
-    /// A green leaf of `plate-n`, its face in reflection, 256 x 256 texels of 20 x 20 mm, Bonn's 81 x 81
+    /// Returns a green leaf of `plate-n`, its face in reflection, 256 x 256 texels of 20 x 20 mm, Bonn's 81 x 81
     /// directions, png, seed 1.
     fn default() -> LeafParams {
         LeafParams {
@@ -58,13 +58,13 @@ impl Default for LeafParams {
 }
 
 impl LeafParams {
-    /// The patch, contents and gloss of a species' preset, otherwise as the default.
+    /// Returns the patch, contents and gloss of a species' preset, otherwise as the default.
     pub fn of(species: Species) -> LeafParams {
         LeafParams::described(&LeafDescription::of(Some(species), None), TextureImages::default())
     }
 
-    /// The leaf of a description with the textures that it names ([`LeafDescription::textures_beside`]), otherwise
-    /// as the default. A description's variation is for those who make many leaves.
+    /// Returns the leaf of a description with the textures that it names ([`LeafDescription::textures_beside`]),
+    /// otherwise as the default. A description's variation is for those who make many leaves.
     pub fn described(leaf: &LeafDescription, images: TextureImages) -> LeafParams {
         let chlorosis = leaf.deficiency.map(|deficiency| Chlorosis { deficiency, severity: leaf.severity });
         LeafParams {
@@ -76,7 +76,7 @@ impl LeafParams {
         }
     }
 
-    /// The nodes of the patch with the margin that its steepest view needs.
+    /// Returns the nodes of the patch with the margin that its steepest view needs.
     pub(crate) fn grid(&self) -> Grid {
         self.capture.grid(RELIEF_BOUND_MM)
     }
@@ -98,7 +98,7 @@ impl LeafParams {
         self.capture.check_grid(RELIEF_BOUND_MM)
     }
 
-    /// The sides of light and eye in a capture's terms.
+    /// Returns the sides of light and eye in a capture's terms.
     pub fn capture_side(&self) -> Side {
         match (self.side, self.passage) {
             (Face::Adaxial, Passage::Reflection) => Side::Front,
@@ -108,7 +108,7 @@ impl LeafParams {
         }
     }
 
-    /// What was asked for in one line, for the capture's provenance.
+    /// Returns what was asked for in one line, for the capture's provenance.
     pub fn provenance(&self) -> String {
         let face = match self.side {
             Face::Adaxial => "adaxial",
@@ -166,7 +166,7 @@ pub(crate) mod tests {
     use crate::optics::abm::abm97::Abm97;
     use crate::optics::units::Centimetres;
 
-    /// The default leaf under other conditions.
+    /// Returns the default leaf under other conditions.
     pub(crate) fn with(change: impl FnOnce(&mut CaptureParams)) -> LeafParams {
         let mut params = LeafParams::default();
         change(&mut params.capture);

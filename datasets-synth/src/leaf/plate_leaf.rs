@@ -85,7 +85,7 @@ impl PlateLeaf {
         PlateLeaf { seen, surface, veins, lobe }
     }
 
-    /// Directional albedo of the lobe towards `w` at cosine `cosine`.
+    /// Returns the directional albedo of the lobe towards `w` at cosine `cosine`.
     #[inline]
     fn albedo(&self, cosine: f32, w: [f32; 3], frame: &[[f32; 3]; 2]) -> f32 {
         match self.lobe.is_anisotropic() {
@@ -184,7 +184,7 @@ pub(crate) mod tests {
         CookTorrance::new(1.42, 0.3)
     }
 
-    /// A leaf of 64 x 64 texels as it grows.
+    /// Returns a leaf of 64 x 64 texels as it grows.
     pub(crate) fn grown(side: Face, passage: Passage) -> PlateLeaf {
         let set = DirectionSet::new(vec![Direction::new(75.0, 0.0)]).unwrap();
         let params = LeafParams {
@@ -198,8 +198,8 @@ pub(crate) mod tests {
         PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, leaf.veins, &body, lobe())
     }
 
-    /// A leaf of 64 x 64 texels whose face has `height` in millimetres over the position, one body colour
-    /// and gloss; its far face is flat.
+    /// Returns a leaf of 64 x 64 texels whose face has `height` in millimetres over the position, one body colour and
+    /// gloss; its far face is flat.
     pub(crate) fn shaped(height: impl Fn([f32; 2]) -> f32, gloss: f32, passage: Passage) -> PlateLeaf {
         let face = height_field::tests::shaped(height);
         let far = height_field::tests::shaped(|_| 0.0);

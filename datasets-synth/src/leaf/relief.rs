@@ -63,7 +63,7 @@ pub(crate) struct Relief {
 }
 
 impl Relief {
-    /// The relief over `venation`, for a patch of `size_mm` of texels of `texel_mm`.
+    /// Returns the relief over `venation`, for a patch of `size_mm` of texels of `texel_mm`.
     pub fn new(
         venation: Venation,
         traits: Traits,
@@ -75,7 +75,7 @@ impl Relief {
         Relief { venation, traits, chlorosis, size_mm, texel_mm, seed: (seed ^ (seed >> 29)) as u32 }
     }
 
-    /// All textures at a position, seen from the adaxial side.
+    /// Returns all textures at a position, seen from the adaxial side.
     pub fn at(&self, position_mm: [f32; 2]) -> TextureSample {
         let site = self.venation.site(position_mm);
         let masks = self.masks(site);
@@ -130,12 +130,12 @@ impl Relief {
         ]
     }
 
-    /// Distance to the right of the main vein.
+    /// Returns the distance to the right of the main vein.
     pub fn across_mm(&self, p: [f32; 2]) -> f32 {
         self.venation.site(p).across
     }
 
-    /// Distance over which the blade bulges between veins.
+    /// Returns the distance over which the blade bulges between veins.
     pub fn bulge_reach_mm(&self) -> f32 {
         self.traits.relief.bulge_reach_mm
     }
@@ -204,8 +204,7 @@ impl Relief {
         bumps.map(|(i, (wavelength, amplitude))| gain * amplitude * self.wave(p, *wavelength, stream + i as u32)).sum()
     }
 
-    /// A bell across a fine line, 1 in its middle; a line thinner than a texel is widened and
-    /// weakened alike.
+    /// Returns a bell across a fine line, 1 in its middle; a line thinner than a texel is widened and weakened alike.
     fn line(&self, distance: f32, half_width: f32) -> f32 {
         let wide = half_width.max(0.7 * self.texel_mm);
         half_width / wide * (-(distance / wide).powi(2)).exp()
@@ -229,13 +228,13 @@ impl Relief {
     }
 }
 
-/// The smaller of two numbers, rounded where they differ by less than `width`.
+/// Returns the smaller of two numbers, rounded where they differ by less than `width`.
 fn rounded_min(a: f32, b: f32, width: f32) -> f32 {
     let h = (width - (a - b).abs()).max(0.0);
     if h > 0.0 { a.min(b) - h * h / (4.0 * width) } else { a.min(b) }
 }
 
-/// The structure texture's colour: the paper's three, and lesser veins as a part of green.
+/// Returns the structure texture's colour: the paper's three, and lesser veins as a part of green.
 fn structure(masks: VeinMasks) -> [f32; 3] {
     let fine = (FINE_STRUCTURE[0] * masks.tertiary).max(FINE_STRUCTURE[1] * masks.quaternary);
     let lesser = masks.secondary.max(fine);

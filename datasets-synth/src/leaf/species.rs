@@ -283,7 +283,7 @@ const GRASS: Traits = Traits {
 };
 
 impl VenationTraits {
-    /// Half the width of a secondary vein at its start.
+    /// Returns the half the width of a secondary vein at its start.
     pub fn secondary_half_width_mm(&self) -> f32 {
         match self {
             VenationTraits::Pinnate(traits) => traits.secondary_half_width_mm,
@@ -293,7 +293,7 @@ impl VenationTraits {
 }
 
 impl Traits {
-    /// The traits of a species, or of the plain leaf.
+    /// Returns the traits of a species, or of the plain leaf.
     pub fn of(species: Option<Species>) -> Traits {
         match species {
             None => PLAIN,

@@ -82,7 +82,7 @@ impl AppearanceTextures {
         Ok(AppearanceTextures { grid, size_mm, about, samples })
     }
 
-    /// The textures with the leaf turned over about y: columns mirrored, the faces swapped.
+    /// Returns the textures with the leaf turned over about y: columns mirrored, the faces swapped.
     pub fn turned_over(mut self) -> AppearanceTextures {
         self.samples.par_chunks_exact_mut(self.grid.side).for_each(|row| {
             row.reverse();
@@ -131,12 +131,12 @@ impl AppearanceTextures {
     }
 }
 
-/// Position of a node in millimetres.
+/// Returns the position of a node in millimetres.
 fn position(grid: &Grid, node: usize) -> [f32; 2] {
     grid.position_mm(node % grid.side, node / grid.side)
 }
 
-/// The channels of a kind; those beyond its number are 0.
+/// Returns the channels of a kind; those beyond its number are 0.
 fn values_of(sample: &TextureSample, kind: TextureKind) -> [f32; 3] {
     match kind {
         TextureKind::Structure => sample.structure,
@@ -167,7 +167,7 @@ fn put_in(sample: &mut TextureSample, images: &TextureImages, position_mm: [f32;
     }
 }
 
-/// Lowest and highest value, a little apart even if the face is flat, within what reading allows.
+/// Returns the lowest and highest value, a little apart even if the face is flat, within what reading allows.
 fn height_range(values: &[f32]) -> [f64; 2] {
     let low = values.iter().copied().fold(f32::MAX, f32::min);
     let high = values.iter().copied().fold(f32::MIN, f32::max);
@@ -176,7 +176,7 @@ fn height_range(values: &[f32]) -> [f64; 2] {
     [low, f64::from(high).clamp(low + 1e-3, most)]
 }
 
-/// The textures that follow from the user's structure image.
+/// Returns the textures that follow from the user's structure image.
 fn from_structure(grid: &Grid, relief: &Relief, size_mm: f32, images: &TextureImages) -> Vec<TextureSample> {
     /// Blur of the veins in relief, and of what their direction is taken from, in millimetres.
     const SOFT_MM: [f32; 2] = [0.06, 0.15];

@@ -71,7 +71,7 @@ impl TissueLeaf {
     }
 }
 
-/// Colour of each class of ways, `sum over wavelengths of weight exp(-k way)`.
+/// Returns the colour of each class of ways, `sum over wavelengths of weight exp(-k way)`.
 fn way_colours(bands: &[(DepthParts, [f64; 3])], ways: &[f32; WAYS], tint: &Tint) -> [f32; 3 * WAYS] {
     let mut colours = [0f64; 3 * WAYS];
     for (depth, weights) in bands {

@@ -60,7 +60,7 @@ pub struct FacetDirection {
 }
 
 impl Facets {
-    /// The surface of `index`, `roughness` and `tail`, with its tables: some hundredths of a second.
+    /// Returns the surface of `index`, `roughness` and `tail`, with its tables: some hundredths of a second.
     pub fn new(index: f64, roughness: f64, tail: f64) -> Facets {
         let spread = (tail - 1.0) * roughness * roughness;
         let shadow = CosineTable::new(|cosine| cosine_lambda(cosine, spread, tail));
@@ -88,14 +88,13 @@ impl Facets {
         facets
     }
 
-    /// A direction's part, for its positive cosine to the normal.
+    /// Returns a direction's part, for its positive cosine to the normal.
     #[inline]
     pub fn direction(&self, cosine: f32) -> FacetDirection {
         FacetDirection { cosine, shadow: self.shadow.at(cosine), missing: self.missing.at(cosine) }
     }
 
-    /// `pi * BRDF * cos_i` for the Fresnel reflectance at `wi.h` and the cosine `n.h`. Finite and not
-    /// negative.
+    /// Returns `pi * BRDF * cos_i` for the Fresnel reflectance at `wi.h` and the cosine `n.h`. Finite and not negative.
     #[inline]
     pub fn pi_brdf_cos(&self, fresnel: f32, cos_h: f32, i: FacetDirection, o: FacetDirection) -> f32 {
         let several = self.several * i.missing * o.missing * i.cosine;
@@ -115,18 +114,18 @@ impl Facets {
         self.factor * (self.spread + tan2).powf(-self.tail) / (cos2 * cos2)
     }
 
-    /// Share of the light from an angle of this cosine that is reflected.
+    /// Returns the share of the light from an angle of this cosine that is reflected.
     #[inline]
     pub fn albedo(&self, cosine: f32) -> f32 {
         self.albedo.at(cosine)
     }
 
-    /// Mean of [`Facets::albedo`] over the hemisphere.
+    /// Returns the mean of [`Facets::albedo`] over the hemisphere.
     pub fn mean_albedo(&self) -> f32 {
         self.mean_albedo
     }
 
-    /// Directional albedo of one reflection with the Fresnel factor `f`, by facets drawn from their
+    /// Returns the directional albedo of one reflection with the Fresnel factor `f`, by facets drawn from their
     /// density.
     fn single_albedo(&self, cos_o: f64, f: impl Fn(f64) -> f64) -> f64 {
         let (spread, tail) = (f64::from(self.spread), f64::from(self.tail));

@@ -53,7 +53,7 @@ pub struct FinishParams {
 }
 
 impl Default for FinishParams {
-    /// A satin acrylic finish.
+    /// Returns a satin acrylic finish.
     fn default() -> FinishParams {
         FinishParams { index: 1.49, roughness: 0.24, broken_roughness: 0.5, tail: 2.6 }
     }
@@ -96,7 +96,7 @@ pub struct FinishView {
 }
 
 impl Finish {
-    /// The finish of `params`, with its tables.
+    /// Returns the finish of `params`, with its tables.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
@@ -111,13 +111,13 @@ impl Finish {
         })
     }
 
-    /// Fresnel reflectance at the cosine `wi.h`.
+    /// Returns the Fresnel reflectance at the cosine `wi.h`.
     pub fn fresnel(&self, cosine: f32) -> f32 {
         fresnel(self.index, f64::from(cosine)) as f32
     }
 
-    /// Optical depth per channel of the pigment that gives the body, lit and seen from above below
-    /// whole finish, this colour; colours out of reach give the nearest pigment.
+    /// Returns the optical depth per channel of the pigment that gives the body, lit and seen from above below whole
+    /// finish, this colour; colours out of reach give the nearest pigment.
     pub fn depth_from_colour(&self, colour: [f64; 3]) -> [f32; 3] {
         colour.map(|wanted| {
             let (mut low, mut high) = (0.0, MAX_OPTICAL_DEPTH);
@@ -131,8 +131,8 @@ impl Finish {
         })
     }
 
-    /// The view's half of the shading: cosine towards the eye, share of whole finish, optical depth of
-    /// the pigment.
+    /// Returns the view's half of the shading: cosine towards the eye, share of whole finish, optical depth of the
+    /// pigment.
     pub fn view(&self, cos_o: f32, whole: f32, depth: [f32; 3]) -> FinishView {
         let mean_enters = 1.0 - self.mean_albedo(whole);
         let inner = 1.0 - mean_enters * self.inverse_index_squared;
@@ -149,8 +149,7 @@ impl Finish {
         }
     }
 
-    /// `pi * BRDF * cos_i` per channel, for the Fresnel reflectance at `wi.h` and the cosines `n.h`
-    /// and `n.wi`.
+    /// Returns `pi * BRDF * cos_i` per channel, for the Fresnel reflectance at `wi.h` and the cosines `n.h` and `n.wi`.
     #[inline]
     pub fn pi_brdf_cos(&self, fresnel: f32, cos_h: f32, cos_i: f32, view: &FinishView) -> [f32; 3] {
         let gloss: f32 = [view.whole, 1.0 - view.whole]
@@ -163,7 +162,7 @@ impl Finish {
         std::array::from_fn(|k| gloss + enters * view.body[k] * (-view.depth[k] * way).exp())
     }
 
-    /// Share of diffuse light that leaves towards an angle of cosine `cos_o`.
+    /// Returns the share of diffuse light that leaves towards an angle of cosine `cos_o`.
     pub fn diffuse_reflectance(&self, cos_o: f32, view: &FinishView) -> [f32; 3] {
         let gloss = self.albedo(cos_o, view.whole);
         let enters = 1.0 - self.mean_albedo(view.whole);
@@ -172,7 +171,7 @@ impl Finish {
         std::array::from_fn(|k| gloss + enters * view.body[k] * (-view.depth[k] * way).exp())
     }
 
-    /// The reflectance of diffuse light to all sides, for a share of whole finish and a pigment.
+    /// Returns the reflectance of diffuse light to all sides, for a share of whole finish and a pigment.
     pub fn mean_reflectance(&self, whole: f32, depth: [f32; 3]) -> [f32; 3] {
         let cos_o = 2.0 / 3.0;
         self.diffuse_reflectance(cos_o, &self.view(cos_o, whole, depth))
@@ -213,7 +212,7 @@ mod tests {
         finish.pi_brdf_cos(finish.fresnel(dot(wo, half)), half[2], wi[2], &finish.view(wo[2], whole, depth))
     }
 
-    /// Share of the light from `wi` that leaves.
+    /// Returns the share of the light from `wi` that leaves.
     fn albedo(finish: &Finish, whole: f32, depth: [f32; 3], wi: [f32; 3]) -> [f64; 3] {
         let steps = 120;
         let mut sum = [0f64; 3];

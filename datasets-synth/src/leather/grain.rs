@@ -55,12 +55,12 @@ impl Grain {
         }
     }
 
-    /// Greatest distance of the relief from its mean, a safe bound.
+    /// Returns the greatest distance of the relief from its mean, a safe bound.
     pub fn bound_mm(&self) -> f32 {
         1.7 * self.relief_mm + 0.025 * self.wrinkles + FOLLICLE_DEPTH_MM
     }
 
-    /// The grain at a position in millimetres.
+    /// Returns the grain at a position in millimetres.
     pub fn at(&self, p: [f32; 2]) -> GrainPoint {
         // Pebbles are no regular cells: the place is pushed about before it is looked up, and
         // stretched along a direction that turns slowly.

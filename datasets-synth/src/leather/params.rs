@@ -39,7 +39,7 @@ pub struct LeatherParams {
 }
 
 impl Default for LeatherParams {
-    /// A cognac-brown pebbled leather, 256 x 256 texels of 16 x 16 mm.
+    /// Returns a cognac-brown pebbled leather, 256 x 256 texels of 16 x 16 mm.
     fn default() -> LeatherParams {
         LeatherParams {
             capture: CaptureParams::new(16.0),
@@ -73,7 +73,7 @@ impl LeatherParams {
         check_ranges(&self.colour.map(|c| ("--colour", c, 0.002, 0.8)))
     }
 
-    /// What was asked for in one line, for the capture's provenance.
+    /// Returns what was asked for in one line, for the capture's provenance.
     pub fn provenance(&self) -> String {
         format!(
             "btf-synth leather: grain {} mm, relief {} mm, wrinkles {}, pores {}, body colour {:?}, antique {}, \

@@ -93,12 +93,12 @@ impl RgbFromSpectrum {
         RgbFromSpectrum { wavelengths_nm, weights, uncorrected_white }
     }
 
-    /// The wavelengths in nanometres that spectra are given at.
+    /// Returns the wavelengths in nanometres that spectra are given at.
     pub fn wavelengths_nm(&self) -> &[f64] {
         &self.wavelengths_nm
     }
 
-    /// Linear sRGB of a spectrum at [`RgbFromSpectrum::wavelengths_nm`], signed.
+    /// Returns the linear sRGB of a spectrum at [`RgbFromSpectrum::wavelengths_nm`], signed.
     ///
     /// # Panics
     /// If the spectrum has another number of wavelengths.
@@ -113,12 +113,12 @@ impl RgbFromSpectrum {
         rgb
     }
 
-    /// Linear sRGB of a perfect reflector before the correction that makes it (1, 1, 1).
+    /// Returns the linear sRGB of a perfect reflector before the correction that makes it (1, 1, 1).
     pub fn uncorrected_white(&self) -> [f64; 3] {
         self.uncorrected_white
     }
 
-    /// `[band][channel]`: what [`RgbFromSpectrum::rgb`] multiplies with.
+    /// Returns `[band][channel]`: what [`RgbFromSpectrum::rgb`] multiplies with.
     pub(crate) fn weights(&self) -> &[[f64; 3]] {
         &self.weights
     }

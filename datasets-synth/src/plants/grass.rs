@@ -62,7 +62,7 @@ pub(crate) fn grow(params: &PlantsParams, number: usize, random: &mut Xoshiro256
     plant
 }
 
-/// Places of `count` roots: cells of a grid, drawn without putting back, and anywhere in each.
+/// Returns the places of `count` roots: cells of a grid, drawn without putting back, and anywhere in each.
 fn roots(count: usize, sides_m: [f64; 2], random: &mut Xoshiro256PlusPlus) -> Vec<Vec3> {
     let across = (count as f64).sqrt().ceil() as usize;
     let along = count.div_ceil(across);

@@ -52,7 +52,7 @@ impl Mesh {
         (self.positions.len() - 1) as u32
     }
 
-    /// A square of soil around `[x, z]` positions' bounds.
+    /// Returns a square of soil around `[x, z]` positions' bounds.
     pub fn ground(least_m: [f64; 2], most_m: [f64; 2]) -> Mesh {
         let mut mesh = Mesh::default();
         let corners = [[least_m[0], most_m[1]], most_m, [most_m[0], least_m[1]], least_m];
@@ -64,7 +64,7 @@ impl Mesh {
     }
 }
 
-/// The meshes of a plant, by part and in the parts' order; `detail` is the number of triangles of a blade.
+/// Returns the meshes of a plant, by part and in the parts' order; `detail` is the number of triangles of a blade.
 pub(crate) fn meshes(plant: &Plant, detail: usize) -> Vec<(Part, Mesh)> {
     let mut parts: Vec<Part> = plant.axes.iter().map(|axis| axis.part).collect();
     let sheets = [(Part::Leaf, &plant.blades), (Part::Petal, &plant.petals)];
@@ -90,7 +90,8 @@ pub(crate) struct BladeVertex {
     pub point: BladePoint,
 }
 
-/// A blade as rows of vertices, an even number of columns, so that the midrib is a line; an end of no width is a point.
+/// Returns a blade as rows of vertices, an even number of columns, so that the midrib is a line; an end of no width is
+/// a point.
 pub(crate) fn blade_rows(blade: &Blade, detail: usize) -> impl Iterator<Item = Vec<BladeVertex>> {
     let columns = match detail {
         0..24 => 2,

@@ -78,7 +78,7 @@ impl State {
     }
 }
 
-/// The organs that commands draw. A bracket that is closed without being open is passed over.
+/// Returns the organs that commands draw. A bracket that is closed without being open is passed over.
 pub(crate) fn interpret(commands: impl IntoIterator<Item = Command>) -> Plant {
     let mut plant = Plant::default();
     let start = State { position_m: [0.0; 3], heading: UP, left: [-1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0], axis: None };

@@ -94,7 +94,7 @@ pub fn mutate_in_place(
     changed.len()
 }
 
-/// The document and the binary chunk of a binary glTF file.
+/// Returns the document and the binary chunk of a binary glTF file.
 fn chunks_of(bytes: &[u8]) -> Option<(&str, &[u8])> {
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize);
     bytes.starts_with(b"glTF").then_some(())?;
@@ -103,7 +103,7 @@ fn chunks_of(bytes: &[u8]) -> Option<(&str, &[u8])> {
     Some((text, bytes.get(end + 8..).unwrap_or_default()))
 }
 
-/// A binary glTF file of a document and a binary chunk.
+/// Returns a binary glTF file of a document and a binary chunk.
 fn glb_of(text: &[u8], binary: &[u8]) -> Vec<u8> {
     let padded = |bytes: &[u8], with: u8| {
         let mut bytes = bytes.to_vec();
@@ -121,7 +121,7 @@ fn glb_of(text: &[u8], binary: &[u8]) -> Vec<u8> {
     out
 }
 
-/// A text with a few lines, words or numbers changed.
+/// Returns a text with a few lines, words or numbers changed.
 fn changed_text(text: &str, random: &mut Random, change_bytes: &mut dyn FnMut(&mut Vec<u8>, usize)) -> Vec<u8> {
     let mut text = text.to_string();
     for _ in 0..1 + random.below(3) {

@@ -20,8 +20,8 @@ pub struct LeafContents {
 }
 
 impl Default for LeafContents {
-    /// A green leaf: 40 ug/cm2 chlorophyll, 8 ug/cm2 carotenoids, no anthocyanins, no brown pigment,
-    /// 0.01 cm water, 0.005 g/cm2 dry matter, N = 1.5.
+    /// Returns a green leaf: 40 ug/cm2 chlorophyll, 8 ug/cm2 carotenoids, no anthocyanins, no brown pigment, 0.01 cm
+    /// water, 0.005 g/cm2 dry matter, N = 1.5.
     fn default() -> LeafContents {
         LeafContents {
             chlorophyll_ug_per_cm2: 40.0,

@@ -51,14 +51,14 @@ pub struct LeafDescription {
 }
 
 impl Default for LeafDescription {
-    /// The plain leaf.
+    /// Returns the plain leaf.
     fn default() -> LeafDescription {
         LeafDescription::of(None, None)
     }
 }
 
 impl LeafDescription {
-    /// The leaf of a species, or the plain one, healthy or deficient, with the defaults of everything else.
+    /// Returns the leaf of a species, or the plain one, healthy or deficient, with the defaults of everything else.
     pub fn of(species: Option<Species>, deficiency: Option<Deficiency>) -> LeafDescription {
         let SpeciesPreset { size_mm, mut contents, gloss } =
             species.map_or_else(SpeciesPreset::default, Species::preset);

@@ -77,12 +77,12 @@ impl LeafDescription {
         Ok(write_file_atomically(path, text.as_bytes())?)
     }
 
-    /// Where the textures' folder is, for the description that was read from the file `path`.
+    /// Returns where the textures' folder is, for the description that was read from the file `path`.
     pub fn textures_beside(&self, path: impl AsRef<Path>) -> Option<PathBuf> {
         self.textures.as_ref().map(|folder| parent_of(path.as_ref()).join(folder))
     }
 
-    /// The description that a text holds; what is wrong is a verb phrase.
+    /// Returns the description that a text holds; what is wrong is a verb phrase.
     fn parse(text: &str) -> Result<LeafDescription, String> {
         let file: toml::Table = text.parse().map_err(|error: toml::de::Error| {
             let (line, reason) = line_and_reason(text, &error);
@@ -117,7 +117,7 @@ impl LeafDescription {
         Ok(leaf)
     }
 
-    /// The file's text; what cannot be written is a verb phrase.
+    /// Returns the file's text; what cannot be written is a verb phrase.
     fn to_toml(&self) -> Result<String, String> {
         let mut text = String::from("# A leaf: what it holds and how it looks. Every key may be left out.\n");
         // Writing to a string does not fail.
@@ -176,7 +176,7 @@ fn check_keys(file: &toml::Table) -> Result<(), String> {
     Ok(())
 }
 
-/// The thing that `word` names.
+/// Returns the thing that `word` names.
 fn named<T: Copy>(key: &str, word: Option<&str>, all: &[T], name: fn(T) -> &'static str) -> Result<Option<T>, String> {
     let Some(word) = word else { return Ok(None) };
     all.iter().copied().find(|&thing| name(thing) == word).map(Some).ok_or_else(|| {

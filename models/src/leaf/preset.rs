@@ -40,7 +40,7 @@ impl LeafPreset {
         LeafPreset::Albino,
     ];
 
-    /// The name in files and panels.
+    /// Returns the name in files and panels.
     pub fn name(self) -> &'static str {
         match self {
             LeafPreset::Healthy => "healthy",
@@ -51,7 +51,7 @@ impl LeafPreset {
         }
     }
 
-    /// What such a blade holds.
+    /// Returns what such a blade holds.
     pub fn contents(self) -> LeafContents {
         let healthy = LeafContents::default();
         match self {

@@ -46,14 +46,14 @@ impl LeafGloss {
     /// Refractive index of the cuticle [Miao, section 2].
     pub const CUTICLE_INDEX: f64 = 1.42;
 
-    /// The usual cuticle with a roughness along and one across the veins.
+    /// Returns the usual cuticle with a roughness along and one across the veins.
     pub const fn cuticle(gamma_along: f64, gamma_across: f64) -> LeafGloss {
         LeafGloss { index: LeafGloss::CUTICLE_INDEX, gamma_along, gamma_across }
     }
 }
 
 impl Default for LeafGloss {
-    /// Roughness 0.3 both ways.
+    /// Returns the roughness 0.3 both ways.
     fn default() -> LeafGloss {
         LeafGloss::cuticle(0.3, 0.3)
     }
@@ -71,7 +71,7 @@ pub struct SpeciesPreset {
 }
 
 impl Default for SpeciesPreset {
-    /// The plain leaf's.
+    /// Returns the plain leaf's.
     fn default() -> SpeciesPreset {
         SpeciesPreset { size_mm: 20.0, contents: LeafContents::default(), gloss: LeafGloss::default() }
     }
@@ -81,7 +81,7 @@ impl Species {
     /// Every species.
     pub const ALL: [Species; 4] = [Species::Maize, Species::Soybean, Species::Tree, Species::Grass];
 
-    /// The name on the command line and in files.
+    /// Returns the name on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {
             Species::Maize => "maize",
@@ -131,7 +131,7 @@ impl Deficiency {
     /// The brown pigment of a deficient leaf where nobody says: how brown its dead parts are.
     pub const BROWN: f64 = 0.35;
 
-    /// The name on the command line and in files.
+    /// Returns the name on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {
             Deficiency::Nitrogen => "nitrogen",

@@ -107,45 +107,45 @@ impl TextureImages {
         Ok(textures)
     }
 
-    /// Whether there is no image at all.
+    /// Returns whether there is no image at all.
     pub fn is_empty(&self) -> bool {
         self.images.iter().all(Option::is_none)
     }
 
-    /// The kinds that there are.
+    /// Returns the kinds that there are.
     pub fn kinds(&self) -> impl Iterator<Item = TextureKind> {
         TextureKind::ALL.into_iter().filter(|kind| self.has(*kind))
     }
 
-    /// Whether there is an image of a kind.
+    /// Returns whether there is an image of a kind.
     pub fn has(&self, kind: TextureKind) -> bool {
         self.images[kind as usize].is_some()
     }
 
-    /// Width and height of the patch in millimetres, where `textures.toml` says it.
+    /// Returns the width and height of the patch in millimetres, where `textures.toml` says it.
     pub fn size_mm(&self) -> Option<f32> {
         self.size_mm
     }
 
-    /// The place that every image covers on a patch of `size_mm`: x and y of the lower left corner, width and
+    /// Returns the place that every image covers on a patch of `size_mm`: x and y of the lower left corner, width and
     /// height, in millimetres. It may be larger than the patch: what oblique views see beside it.
     pub fn area_mm(&self, size_mm: f32) -> [f64; 4] {
         let size = f64::from(size_mm);
         self.area_mm.unwrap_or([0.0, 0.0, size, size])
     }
 
-    /// Texels in a row of the widest image; `None` without any.
+    /// Returns the texels in a row of the widest image; `None` without any.
     pub fn finest_width(&self) -> Option<usize> {
         self.images.iter().flatten().map(|(image, _)| image.size()[0]).max()
     }
 
-    /// The texture of a kind as numbers, if there is an image of it. Costs 4 bytes per texel and channel.
+    /// Returns the texture of a kind as numbers, if there is an image of it. Costs 4 bytes per texel and channel.
     pub fn grid(&self, kind: TextureKind) -> Option<TextureGrid> {
         let (image, range) = self.images[kind as usize].as_ref()?;
         Some(TextureGrid { kind, width: image.size()[0], range: *range, values: image.values(*range) })
     }
 
-    /// The bilinear value of a kind at a position in millimetres of a patch of `size_mm`, if there is an image
+    /// Returns the bilinear value of a kind at a position in millimetres of a patch of `size_mm`, if there is an image
     /// of it; beyond the area the image is mirrored, channels that it lacks are 0.
     pub fn sample(&self, kind: TextureKind, position_mm: [f32; 2], size_mm: f32) -> Option<[f32; 3]> {
         let (image, range) = self.images[kind as usize].as_ref()?;

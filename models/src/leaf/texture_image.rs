@@ -46,7 +46,7 @@ impl TextureKind {
         TextureKind::Direction,
     ];
 
-    /// The file's name without `.png`, and the table's in the description file.
+    /// Returns the file's name without `.png`, and the table's in the description file.
     pub fn name(self) -> &'static str {
         match self {
             TextureKind::Structure => "structure",
@@ -60,7 +60,7 @@ impl TextureKind {
         }
     }
 
-    /// What the channels mean, for people.
+    /// Returns what the channels mean, for people.
     pub fn meaning(self) -> &'static str {
         match self {
             TextureKind::Structure => {
@@ -84,7 +84,7 @@ impl TextureKind {
         }
     }
 
-    /// Number of channels: 1 or 3.
+    /// Returns the number of channels: 1 or 3.
     pub fn channels(self) -> usize {
         match self {
             TextureKind::Structure | TextureKind::Pigment | TextureKind::Direction => 3,
@@ -92,7 +92,7 @@ impl TextureKind {
         }
     }
 
-    /// Values of black and of white where no description file says otherwise.
+    /// Returns the values of black and of white where no description file says otherwise.
     pub fn default_range(self) -> [f64; 2] {
         match self {
             TextureKind::Structure | TextureKind::Gloss | TextureKind::GlossAbaxial => [0.0, 1.0],
@@ -102,7 +102,7 @@ impl TextureKind {
         }
     }
 
-    /// The widest range that makes sense.
+    /// Returns the widest range that makes sense.
     pub fn allowed_range(self) -> [f64; 2] {
         match self {
             TextureKind::Pigment | TextureKind::Thickness => [0.0, 20.0],
@@ -184,7 +184,7 @@ impl TextureImage {
         Ok(TextureImage { width: width as usize, height: height as usize, channels, values })
     }
 
-    /// An image of values in `range`, `[texel, channel]`, which are clamped to it and rounded.
+    /// Returns an image of values in `range`, `[texel, channel]`, which are clamped to it and rounded.
     pub fn from_values(width: usize, channels: usize, values: &[f32], range: [f64; 2]) -> TextureImage {
         let scale = 65535.0 / (range[1] - range[0]);
         // `as` saturates and maps NaN to 0.
@@ -192,7 +192,7 @@ impl TextureImage {
         TextureImage { width, height: values.len() / channels / width, channels, values }
     }
 
-    /// The image as a PNG of 16 bits, or of 8.
+    /// Returns the image as a PNG of 16 bits, or of 8.
     pub fn encode(&self, sixteen_bits: bool) -> Result<Vec<u8>, png::EncodingError> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
@@ -209,17 +209,17 @@ impl TextureImage {
         Ok(bytes)
     }
 
-    /// Width and height in texels.
+    /// Returns the width and height in texels.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// All values in `range`, `[texel, channel]`, row 0 at the top.
+    /// Returns all values in `range`, `[texel, channel]`, row 0 at the top.
     pub fn values(&self, range: [f64; 2]) -> Vec<f32> {
         self.values.iter().map(|&value| value_of(f64::from(value), range)).collect()
     }
 
-    /// The bilinear value at a place from 0 (left, top) to 1 (right, bottom) in `range`; beyond the edges the
+    /// Returns the bilinear value at a place from 0 (left, top) to 1 (right, bottom) in `range`; beyond the edges the
     /// image is mirrored. Channels that the image lacks are 0.
     pub fn sample(&self, place: [f64; 2], range: [f64; 2]) -> [f32; 3] {
         let along = |u: f64, count: usize| {
@@ -243,7 +243,7 @@ impl TextureImage {
     }
 }
 
-/// What a number from 0 to 65535 stands for.
+/// Returns what a number from 0 to 65535 stands for.
 fn value_of(code: f64, range: [f64; 2]) -> f32 {
     (range[0] + code / 65535.0 * (range[1] - range[0])) as f32
 }
@@ -259,7 +259,7 @@ enum Fault {
 pub(crate) mod tests {
     use super::*;
 
-    /// A PNG of `data` in one of the library's colour types.
+    /// Returns a PNG of `data` in one of the library's colour types.
     pub(crate) fn png_bytes(size: [u32; 2], colour: png::ColorType, depth: png::BitDepth, data: &[u8]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, size[0], size[1]);

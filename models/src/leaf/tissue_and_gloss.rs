@@ -4,7 +4,7 @@ use crate::leaf::description::LeafDescription;
 use crate::leaf::quantity::LEAF_QUANTITIES;
 
 impl LeafDescription {
-    /// Contents and gloss, in the units and the order of [`LEAF_QUANTITIES`], whose first ten they are.
+    /// Returns the contents and gloss, in the units and the order of [`LEAF_QUANTITIES`], whose first ten they are.
     pub fn tissue_and_gloss(&self) -> [f32; 10] {
         std::array::from_fn(|i| LEAF_QUANTITIES[i].of(self) as f32)
     }

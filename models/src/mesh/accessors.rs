@@ -53,13 +53,13 @@ impl<'a> Accessors<'a> {
         Ok(())
     }
 
-    /// The bytes of a buffer, as the crate's readers ask for them.
+    /// Returns the bytes of a buffer, as the crate's readers ask for them.
     pub fn bytes(&self, buffer: &gltf::Buffer) -> Option<&'a [u8]> {
         self.buffers.get(buffer.index()).map(|data| data.0.as_slice())
     }
 }
 
-/// What is wrong with where an accessor's elements lie, as a verb phrase.
+/// Returns what is wrong with where an accessor's elements lie, as a verb phrase.
 fn accessor_fault(accessor: &Accessor, buffers: &[Data]) -> Option<&'static str> {
     const BEYOND: &str = "reaches beyond its buffer";
     let size = accessor.size();
@@ -93,7 +93,8 @@ fn accessor_fault(accessor: &Accessor, buffers: &[Data]) -> Option<&'static str>
     (!within).then_some(BEYOND)
 }
 
-/// Whether `count` elements of `size` bytes from `offset` on lie within the buffer view and that within its buffer.
+/// Returns whether `count` elements of `size` bytes from `offset` on lie within the buffer view and that within its
+/// buffer.
 fn fits(view: &View, offset: usize, count: usize, size: usize, buffers: &[Data]) -> bool {
     let stride = view.stride().unwrap_or(size);
     let span =

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-/// The file that an address in the glTF file `path` means.
+/// Returns the file that an address in the glTF file `path` means.
 pub fn beside(path: &Path, uri: &str) -> PathBuf {
     path.parent().unwrap_or(Path::new("")).join(unescaped(uri))
 }
 
-/// An address with its escaped bytes as they are; what is no escape stays.
+/// Returns an address with its escaped bytes as they are; what is no escape stays.
 fn unescaped(uri: &str) -> String {
     let bytes = uri.as_bytes();
     let mut out = Vec::new();

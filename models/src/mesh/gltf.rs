@@ -15,7 +15,8 @@ const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// The extension with which a material lets light through diffusely.
 const TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
 
-/// The meshes of a glTF file that are placed, in the file's order. Geometry only: pictures inside the file are not decoded.
+/// Returns the meshes of a glTF file that are placed, in the file's order. Geometry only: pictures inside the file are
+/// not decoded.
 pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, ModelError> {
     let fault = |reason: String| fault(path, reason);
     let gltf = open_gltf(path)?;
@@ -67,7 +68,8 @@ pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, ModelError> {
     Ok(meshes)
 }
 
-/// Where a node places its mesh, in the node's own space: once, or as [`INSTANCING`] says; `None` if that makes no sense.
+/// Returns where a node places its mesh, in the node's own space: once, or as [`INSTANCING`] says; `None` if that makes
+/// no sense.
 fn instances_of(node: &gltf::Node, gltf: &gltf::Gltf, accessors: &mut Accessors) -> Option<Vec<Mat4>> {
     use gltf::accessor::{DataType, Dimensions, Iter};
     let Some(extension) = node.extension_value(INSTANCING) else { return Some(vec![Mat4::IDENTITY]) };
@@ -163,13 +165,14 @@ fn part_of(
     checked(path, part).map(Some)
 }
 
-/// The address of what a material points at beside the file.
+/// Returns the address of what a material points at beside the file.
 fn shown<'a>(material: &'a gltf::Material) -> Option<&'a str> {
     let leaf = material.extension_value("BTF_materials_leaf").map(|told| &told["leaf"]);
     leaf.or_else(|| material.extension_value("BTF_materials_spmm").map(|told| &told["asset"]["uri"]))?.as_str()
 }
 
-/// What a material reflects and, by [`TRANSMISSION`], lets through. A share that is a picture is not known: none.
+/// Returns what a material reflects and, by [`TRANSMISSION`], lets through. A share that is a picture is not known:
+/// none.
 fn colour(material: &gltf::Material) -> DiffuseColour {
     let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();
     let extension = material.extension_value(TRANSMISSION).filter(|told| told["diffuseTransmissionTexture"].is_null());

@@ -78,7 +78,8 @@ pub fn gltf_buffers(path: &Path, gltf: &Gltf) -> Result<Vec<Data>, ModelError> {
     Ok(buffers)
 }
 
-/// The file that the address of a buffer means; `None` for an address that holds its data, or of a kind that is not known.
+/// Returns the file that the address of a buffer means; `None` for an address that holds its data, or of a kind that is
+/// not known.
 fn file_of(path: &Path, uri: &str) -> Option<PathBuf> {
     match uri.strip_prefix("file:") {
         Some(rest) => Some(PathBuf::from(rest.strip_prefix("//").unwrap_or(rest))),
@@ -86,7 +87,7 @@ fn file_of(path: &Path, uri: &str) -> Option<PathBuf> {
     }
 }
 
-/// The bytes of a buffer, filled up to whole words as the crate has them.
+/// Returns the bytes of a buffer, filled up to whole words as the crate has them.
 fn padded(mut bytes: Vec<u8>) -> Data {
     bytes.resize(bytes.len().next_multiple_of(4), 0);
     Data(bytes)

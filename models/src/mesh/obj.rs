@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use tobj::{LoadError, MTLLoadResult};
 
-/// The parts of an OBJ file; a missing .mtl only costs the colours.
+/// Returns the parts of an OBJ file; a missing .mtl only costs the colours.
 pub(super) fn read(path: &Path) -> Result<Vec<ModelPart>, ModelError> {
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
     let unreadable = |error: &dyn std::fmt::Display| {

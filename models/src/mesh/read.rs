@@ -6,7 +6,7 @@ use crate::error::ModelError;
 use glam::Mat4;
 use std::path::Path;
 
-/// Whether a file is a model by its name.
+/// Returns whether a file is a model by its name.
 pub fn is_model(path: &Path) -> bool {
     ["obj", "gltf", "glb"].contains(&extension_of(path).as_str())
 }

@@ -6,7 +6,7 @@ use crate::glb::{F32, GlbBuffer, TRIANGLES, U16, glb_from};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// A triangle as a document and its buffer.
+/// Returns a triangle as a document and its buffer.
 fn triangle() -> (Value, Vec<u8>) {
     let mut buffer = GlbBuffer::default();
     let positions: Vec<u8> =

@@ -279,12 +279,12 @@ fn check_element(element: &BlendElement) -> Result<(), String> {
     within("weight_m2", element.weight_m2, [MIN_LENGTH_M * MIN_LENGTH_M, MAX_COORDINATE_M * MAX_COORDINATE_M])
 }
 
-/// What can be scaled and turned: neither fur, whose lengths are its own, nor fields.
+/// Returns what can be scaled and turned: neither fur, whose lengths are its own, nor fields.
 fn is_placeable(shape: &Shape) -> bool {
     !matches!(shape, Shape::Fur { .. } | Shape::Hypertexture { .. } | Shape::Density { .. })
 }
 
-/// What fur can grow on: what has a surface that places can be drawn from.
+/// Returns what fur can grow on: what has a surface that places can be drawn from.
 fn is_ground(shape: &Shape) -> bool {
     match shape {
         Shape::Sheet { .. } | Shape::Mesh { .. } | Shape::Sphere { .. } | Shape::Box { .. } => true,

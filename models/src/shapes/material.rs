@@ -82,22 +82,22 @@ pub struct Projection {
 }
 
 impl Material {
-    /// Diffuse reflectance by numbers; black for what is taken from a file.
+    /// Returns the diffuse reflectance by numbers; black for what is taken from a file.
     pub fn reflectance(&self) -> [f64; 3] {
         self.reflectance.unwrap_or_default()
     }
 
-    /// Diffuse transmittance by numbers.
+    /// Returns the diffuse transmittance by numbers.
     pub fn transmittance(&self) -> [f64; 3] {
         self.transmittance.unwrap_or_default()
     }
 
-    /// Specular reflectance at normal incidence by numbers.
+    /// Returns the specular reflectance at normal incidence by numbers.
     pub fn specular(&self) -> f64 {
         self.specular.unwrap_or(0.0)
     }
 
-    /// Roughness of that reflection.
+    /// Returns the roughness of that reflection.
     pub fn roughness(&self) -> f64 {
         self.roughness.unwrap_or(0.5)
     }

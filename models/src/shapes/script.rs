@@ -63,7 +63,7 @@ pub enum PaintMode {
 }
 
 impl Script {
-    /// The number of a material by its name.
+    /// Returns the number of a material by its name.
     pub fn material_number(&self, name: &str) -> Option<usize> {
         self.materials.iter().position(|material| material.name == name)
     }

@@ -36,7 +36,7 @@ impl Script {
         Ok(write_file_atomically(path.as_ref(), self.to_text(path.as_ref())?.as_bytes())?)
     }
 
-    /// What [`Script::write`] would write to `path`.
+    /// Returns what [`Script::write`] would write to `path`.
     ///
     /// # Errors
     /// [`ModelError::Shapes`], as it has them.
@@ -50,12 +50,12 @@ impl Script {
         Ok(text)
     }
 
-    /// Where a file is that the script, read from `path`, names.
+    /// Returns where a file is that the script, read from `path`, names.
     pub fn beside(path: impl AsRef<Path>, file: impl AsRef<Path>) -> PathBuf {
         parent_of(path.as_ref()).join(file)
     }
 
-    /// The script that a text holds; what is wrong is a verb phrase.
+    /// Returns the script that a text holds; what is wrong is a verb phrase.
     pub(super) fn parse(text: &str) -> Result<Script, String> {
         let script: Script = toml::from_str(text).map_err(|error| {
             let (line, reason) = line_and_reason(text, &error);
@@ -65,7 +65,7 @@ impl Script {
         Ok(script)
     }
 
-    /// The file's text; what cannot be written is a verb phrase.
+    /// Returns the file's text; what cannot be written is a verb phrase.
     pub(super) fn to_toml(&self) -> Result<String, String> {
         check(self)?;
         toml::to_string(self).map_err(|error| format!("cannot be written as TOML ({error})"))
@@ -90,7 +90,7 @@ mod tests {
         Material { name: name.into(), reflectance: Some([0.1, 0.2, 0.3]), ..Material::default() }
     }
 
-    /// A script with everything in it.
+    /// Returns a script with everything in it.
     fn full() -> Script {
         let noise = Noise { cells: [4, 5, 6], octaves: 3, gain: 0.4, seed: 9 };
         let colours = [[0.1, 0.2, 0.3], [1.0, 0.5, 0.0]];
@@ -185,7 +185,7 @@ mod tests {
         assert_ne!(Script::read(&path).unwrap(), full());
     }
 
-    /// The first example of a text, without what its lines begin with.
+    /// Returns the first example of a text, without what its lines begin with.
     fn example(text: &str, prefix: &str) -> Script {
         let lines = text.lines().skip_while(|line| !line.contains("```toml")).skip(1);
         let lines = lines.take_while(|line| !line.contains("```"));

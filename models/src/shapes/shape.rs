@@ -244,7 +244,7 @@ pub enum NumberType {
 }
 
 impl NumberType {
-    /// Bytes of a number.
+    /// Returns the bytes of a number.
     pub fn bytes(self) -> usize {
         match self {
             NumberType::U8 => 1,
@@ -253,7 +253,7 @@ impl NumberType {
         }
     }
 
-    /// The number in its bytes; 0 where there are too few.
+    /// Returns the number in its bytes; 0 where there are too few.
     pub fn number(self, bytes: &[u8]) -> f32 {
         match (self, bytes) {
             (NumberType::U8, &[byte, ..]) => f32::from(byte),
@@ -267,7 +267,7 @@ impl NumberType {
 }
 
 impl Shape {
-    /// The name of its kind in the file.
+    /// Returns the name of its kind in the file.
     pub fn kind(&self) -> &'static str {
         match self {
             Shape::Sphere { .. } => "sphere",
@@ -288,7 +288,7 @@ impl Shape {
         }
     }
 
-    /// Whether it has an inside that can be told from its outside by a distance.
+    /// Returns whether it has an inside that can be told from its outside by a distance.
     pub fn is_solid(&self) -> bool {
         match self {
             Shape::Sphere { .. }
@@ -304,7 +304,7 @@ impl Shape {
         }
     }
 
-    /// The shapes that it is made of.
+    /// Returns the shapes that it is made of.
     pub fn parts(&self) -> &[Shape] {
         match self {
             Shape::Union { of } | Shape::Intersection { of } | Shape::Difference { of } => of,

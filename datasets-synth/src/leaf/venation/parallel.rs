@@ -51,7 +51,7 @@ impl ParallelVenation {
         ParallelVenation { traits: *traits, foot_mm, lean: 0.02 * unit(0, 32), laterals, fine, seed }
     }
 
-    /// Where `position_mm` lies among the veins.
+    /// Returns where `position_mm` lies among the veins.
     pub fn site(&self, position_mm: [f32; 2]) -> VeinSite {
         let [x, y] = position_mm;
         // All veins bend together, slowly; the derivative gives their direction.
@@ -120,7 +120,7 @@ mod tests {
         }
     }
 
-    /// Places along a row where a distance has a minimum near zero.
+    /// Returns the places along a row where a distance has a minimum near zero.
     fn crossings(veins: &ParallelVenation, y: f32, distance: fn(&VeinSite) -> f32) -> Vec<f32> {
         let xs: Vec<f32> = (0..12_000).map(|i| i as f32 * 0.0025).collect();
         let d: Vec<f32> = xs.iter().map(|&x| distance(&veins.site([x, y]))).collect();

@@ -99,7 +99,7 @@ impl PinnateVenation {
         PinnateVenation { main, secondaries, tertiaries, finest_cell_mm: traits.finest_cell_mm, seed }
     }
 
-    /// Where `position_mm` lies among the veins.
+    /// Returns where `position_mm` lies among the veins.
     pub fn site(&self, position_mm: [f32; 2]) -> VeinSite {
         let [x, y] = position_mm;
         // The main vein is upright enough to be found from the height alone.
@@ -155,8 +155,8 @@ impl PinnateVenation {
     }
 }
 
-/// The tertiaries between all neighbouring veins: lines of points, each from vein to vein or from
-/// a rung to another.
+/// Returns the tertiaries between all neighbouring veins: lines of points, each from vein to vein or from a rung to
+/// another.
 fn tertiary_lines(
     main: &Vein,
     secondaries: &[Vein],
@@ -215,7 +215,7 @@ fn tertiary_lines(
     lines
 }
 
-/// The main vein at a height.
+/// Returns the main vein at a height.
 fn main_point(main: &Vein, y: f32) -> [f32; 2] {
     let step = ((y - main.points[0][1]) / PIECE_MM).clamp(0.0, (main.points.len() - 1) as f32);
     let index = (step as usize).min(main.points.len() - 2);

@@ -30,7 +30,7 @@ impl Vein {
         Vein { points, half_widths, bounds }
     }
 
-    /// The nearest place, if it is nearer than `limit`.
+    /// Returns the nearest place, if it is nearer than `limit`.
     pub fn nearest(&self, p: [f32; 2], limit: f32) -> Option<Nearest> {
         let outside = (0..2).any(|k| p[k] < self.bounds[0][k] - limit || p[k] > self.bounds[1][k] + limit);
         if outside {
@@ -47,7 +47,7 @@ impl Vein {
         Some(Nearest { distance: best.0.sqrt(), half_width: best.1, direction: unit([b[0] - a[0], b[1] - a[1]]) })
     }
 
-    /// The point at a length from the vein's start, held at its end.
+    /// Returns the point at a length from the vein's start, held at its end.
     pub fn point_at(&self, length_mm: f32) -> [f32; 2] {
         let mut left = length_mm.max(0.0);
         for pair in self.points.windows(2) {
@@ -97,7 +97,7 @@ impl FineVeins {
         veins
     }
 
-    /// Distance to the nearest vein, at most [`FINE_REACH_MM`].
+    /// Returns the distance to the nearest vein, at most [`FINE_REACH_MM`].
     pub fn distance(&self, p: [f32; 2]) -> f32 {
         let place = p.map(|x| ((x - self.first_mm) / FINE_REACH_MM).floor());
         if place.iter().any(|x| *x < 0.0 || *x >= self.side as f32) {
@@ -118,7 +118,7 @@ impl FineVeins {
     }
 }
 
-/// Squared distance from `p` to the piece from `a` to `b`, and where on it the nearest point lies, 0 to 1.
+/// Returns the squared distance from `p` to the piece from `a` to `b`, and where on it the nearest point lies, 0 to 1.
 fn to_piece(p: [f32; 2], a: [f32; 2], b: [f32; 2]) -> (f32, f32) {
     let along = [b[0] - a[0], b[1] - a[1]];
     let to = [p[0] - a[0], p[1] - a[1]];
@@ -128,20 +128,20 @@ fn to_piece(p: [f32; 2], a: [f32; 2], b: [f32; 2]) -> (f32, f32) {
     (off[0] * off[0] + off[1] * off[1], t)
 }
 
-/// `v` with length 1; upwards where it has none.
+/// Returns `v` with length 1; upwards where it has none.
 pub(crate) fn unit(v: [f32; 2]) -> [f32; 2] {
     let length = (v[0] * v[0] + v[1] * v[1]).sqrt();
     if length > 1e-12 { [v[0] / length, v[1] / length] } else { [0.0, 1.0] }
 }
 
-/// Cosine and sine of twice the angle of a direction: the same for a vector and its opposite, and fit
-/// to be averaged.
+/// Returns the cosine and sine of twice the angle of a direction: the same for a vector and its opposite, and fit to be
+/// averaged.
 pub(crate) fn double_angle(direction: [f32; 2]) -> [f32; 2] {
     let [x, y] = direction;
     [x * x - y * y, 2.0 * x * y]
 }
 
-/// The direction, y not negative, of a double angle of any length; upwards where it has none.
+/// Returns the direction, y not negative, of a double angle of any length; upwards where it has none.
 pub(crate) fn direction_of(double: [f32; 2]) -> [f32; 2] {
     let [cos, sin] = double;
     if cos * cos + sin * sin < 1e-12 {

@@ -40,7 +40,7 @@ impl Venation {
         Venation::Centred { veins: Box::new(veins), middle_mm: 0.5 * size_mm }
     }
 
-    /// Where `position_mm` lies among the veins.
+    /// Returns where `position_mm` lies among the veins.
     pub fn site(&self, position_mm: [f32; 2]) -> VeinSite {
         match self {
             Venation::Pinnate(veins) => veins.site(position_mm),

@@ -59,7 +59,7 @@ pub struct Epidermis {
 }
 
 impl Default for Epidermis {
-    /// Table 1 of the paper.
+    /// Returns the table 1 of the paper.
     fn default() -> Epidermis {
         Epidermis { index: 1.6, oblateness: 5.0 }
     }
@@ -159,7 +159,7 @@ pub struct Abm97 {
 }
 
 impl Default for Abm97 {
-    /// The soybean leaf of the paper's Table 1.
+    /// Returns the soybean leaf of the paper's Table 1.
     fn default() -> Abm97 {
         Abm97 {
             adaxial: Epidermis::default(),
@@ -177,7 +177,7 @@ impl Default for Abm97 {
 }
 
 impl Abm97 {
-    /// Thickness of the pigmented tissue, t_m.
+    /// Returns the thickness of the pigmented tissue, t_m.
     pub fn mesophyll_thickness(&self) -> Centimetres {
         self.leaf_thickness * self.mesophyll.share()
     }
@@ -257,17 +257,17 @@ impl Tissue for Abm97 {
     }
 }
 
-/// Specific absorption of chlorophyll a + b [Feret 2008].
+/// Returns the specific absorption of chlorophyll a + b [Feret 2008].
 fn chlorophyll(wavelength: Nanometres) -> SquareCentimetresPerMicrogram {
     SquareCentimetresPerMicrogram(prospect_5(&PROSPECT_5.chlorophyll, wavelength))
 }
 
-/// Specific absorption of carotenoids [Feret 2008].
+/// Returns the specific absorption of carotenoids [Feret 2008].
 fn carotenoid(wavelength: Nanometres) -> SquareCentimetresPerMicrogram {
     SquareCentimetresPerMicrogram(prospect_5(&PROSPECT_5.carotenoid, wavelength))
 }
 
-/// A pigment's column of PROSPECT-5; 0 beyond 780 nm, where pigments have vanished.
+/// Returns a pigment's column of PROSPECT-5; 0 beyond 780 nm, where pigments have vanished.
 fn prospect_5(column: &[f64], wavelength: Nanometres) -> f64 {
     let nm = wavelength.0.max(LEAF_FIRST_NM);
     if nm > LEAF_LAST_NM { 0.0 } else { interpolated(column, LEAF_FIRST_NM, 1.0, nm) }

@@ -52,7 +52,7 @@ pub struct AbmB {
 }
 
 impl Default for AbmB {
-    /// The soybean leaf, sieve rule on.
+    /// Returns the soybean leaf, sieve rule on.
     fn default() -> AbmB {
         AbmB { specimen: Specimen::soybean(), path: PathRule::Sieve }
     }

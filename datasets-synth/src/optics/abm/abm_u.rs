@@ -39,7 +39,7 @@ pub struct AbmU {
 }
 
 impl Default for AbmU {
-    /// The maize leaf, sieve rule on.
+    /// Returns the maize leaf, sieve rule on.
     fn default() -> AbmU {
         AbmU { specimen: Specimen::maize(), path: PathRule::Sieve }
     }

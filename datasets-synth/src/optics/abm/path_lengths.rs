@@ -41,7 +41,7 @@ pub struct Parallel {
 }
 
 impl Parallel {
-    /// Light at `theta_deg` from the normal of a face and azimuth 0, 0 to 90 (taken as just above the
+    /// Returns the light at `theta_deg` from the normal of a face and azimuth 0, 0 to 90 (taken as just above the
     /// horizon): it travels towards negative x, so that its mirror direction has the azimuth 180.
     pub fn onto(face: Face, theta_deg: f64) -> Parallel {
         let (sin, cos) = theta_deg.to_radians().sin_cos();
@@ -134,20 +134,20 @@ impl PathLengths {
         }
     }
 
-    /// Weight of all rays on this side.
+    /// Returns the weight of all rays on this side.
     pub fn weight(&self) -> f64 {
         self.straight + self.bins.iter().map(|bin| bin[0]).sum::<f64>()
     }
 
-    /// The distribution as (way, weight), the ways in thicknesses of the mesophyll, ascending; empty bins
-    /// are left out.
+    /// Returns the distribution as (way, weight), the ways in thicknesses of the mesophyll, ascending; empty bins are
+    /// left out.
     pub fn ways(&self) -> impl Iterator<Item = (f64, f64)> {
         let straight = (self.straight > 0.0).then_some((0.0, self.straight));
         straight.into_iter().chain(self.bins.iter().filter(|bin| bin[0] > 0.0).map(|bin| (bin[1] / bin[0], bin[0])))
     }
 
-    /// Share of `rays` rays that leaves on this side for the optical depth `k` of a straight crossing.
-    /// The standard error is that of single rays, each of weight one.
+    /// Returns the share of `rays` rays that leaves on this side for the optical depth `k` of a straight crossing. The
+    /// standard error is that of single rays, each of weight one.
     pub fn escaping(&self, k: f64, rays: f64) -> Estimate {
         let (mut sum, mut squares) = (0.0, 0.0);
         for (way, weight) in self.ways() {
@@ -175,12 +175,12 @@ pub struct TracedBeam {
 }
 
 impl TracedBeam {
-    /// Reflectance for the optical depth `k` of a straight crossing of the mesophyll.
+    /// Returns the reflectance for the optical depth `k` of a straight crossing of the mesophyll.
     pub fn reflectance(&self, k: f64) -> Estimate {
         self.reflected.escaping(k, self.rays as f64)
     }
 
-    /// Transmittance, the same.
+    /// Returns the transmittance, the same.
     pub fn transmittance(&self, k: f64) -> Estimate {
         self.transmitted.escaping(k, self.rays as f64)
     }
@@ -249,7 +249,7 @@ fn in_blocks(rays: u64, seed: u64, block: impl Fn(u64, &mut Xoshiro256PlusPlus, 
     total
 }
 
-/// Random numbers of block `i`: seeds are mixed by the generator's own seeding (SplitMix64).
+/// Returns the random numbers of block `i`: seeds are mixed by the generator's own seeding (SplitMix64).
 pub(crate) fn block_random(seed: u64, i: u64) -> Xoshiro256PlusPlus {
     Xoshiro256PlusPlus::seed_from_u64(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ i)
 }

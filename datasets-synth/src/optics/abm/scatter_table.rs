@@ -145,13 +145,13 @@ impl ScatterTable {
         ScatterTable { ways, cells }
     }
 
-    /// Mean way of each class in thicknesses of the mesophyll.
+    /// Returns the mean way of each class in thicknesses of the mesophyll.
     pub fn ways(&self) -> [f32; WAYS] {
         self.ways
     }
 
-    /// `pi f` by class of ways, for the cosines of light and eye from the normals of their own sides (in
-    /// (0, 1]) and the cosine of the azimuth between them. Linear between the middles of cells.
+    /// Returns `pi f` by class of ways, for the cosines of light and eye from the normals of their own sides (in (0,
+    /// 1]) and the cosine of the azimuth between them. Linear between the middles of cells.
     #[inline]
     pub fn pi_f(&self, cos_i: f32, cos_o: f32, cos_phi: f32) -> [f32; WAYS] {
         let clamp = |x: f32, last: usize| {
@@ -179,7 +179,7 @@ impl ScatterTable {
         sum
     }
 
-    /// Share of light from an incidence of the grid that passes, for the optical depth `k`.
+    /// Returns the share of light from an incidence of the grid that passes, for the optical depth `k`.
     #[cfg(test)]
     fn hemispherical(&self, incidence: usize, k: f32) -> f64 {
         (0..COSINES * AZIMUTHS)
@@ -192,7 +192,7 @@ impl ScatterTable {
     }
 }
 
-/// Cell of a direction of travel; the light's azimuth is 0.
+/// Returns the cell of a direction of travel; the light's azimuth is 0.
 fn cell_of(direction: [f64; 3]) -> usize {
     let cosine = direction[2].abs().min(1.0);
     let sine = direction[0].hypot(direction[1]);
@@ -203,7 +203,7 @@ fn cell_of(direction: [f64; 3]) -> usize {
     c * AZIMUTHS + a
 }
 
-/// Integral of the cosine over a cell `[cosine, azimuth]`, both signs of the azimuth.
+/// Returns the integral of the cosine over a cell `[cosine, azimuth]`, both signs of the azimuth.
 fn projected_solid_angle(cell: usize) -> f64 {
     let (c, a) = (cell / AZIMUTHS, cell % AZIMUTHS);
     let edge = |j: usize| j as f64 / COSINES as f64;

@@ -24,7 +24,7 @@ pub struct Composition {
 }
 
 impl Composition {
-    /// Optical depth of a straight crossing of `thickness`, `A_g t_m` by absorber [Baranoski 2006].
+    /// Returns the optical depth of a straight crossing of `thickness`, `A_g t_m` by absorber [Baranoski 2006].
     pub fn depth(&self, wavelength: Nanometres, thickness: Centimetres) -> DepthParts {
         let solids = tables::protein(wavelength) * self.protein
             + tables::cellulose(wavelength) * (self.cellulose + self.lignin)
@@ -98,27 +98,27 @@ impl Specimen {
         }
     }
 
-    /// Thickness of the mesophyll.
+    /// Returns the thickness of the mesophyll.
     pub fn mesophyll_thickness(&self) -> Centimetres {
         self.thickness * self.mesophyll_share
     }
 
-    /// Chlorophyll per area of leaf.
+    /// Returns the chlorophyll per area of leaf.
     pub fn chlorophyll_per_area(&self) -> MicrogramsPerSquareCentimetre {
         MicrogramsPerSquareCentimetre(self.composition.chlorophyll.0 * self.mesophyll_thickness().0 * 1e6)
     }
 
-    /// Carotenoids per area of leaf.
+    /// Returns the carotenoids per area of leaf.
     pub fn carotenoid_per_area(&self) -> MicrogramsPerSquareCentimetre {
         MicrogramsPerSquareCentimetre(self.composition.carotenoid.0 * self.mesophyll_thickness().0 * 1e6)
     }
 
-    /// The concentration that gives a content per area of leaf.
+    /// Returns the concentration that gives a content per area of leaf.
     pub fn concentration(&self, content: MicrogramsPerSquareCentimetre) -> GramsPerCubicCentimetre {
         GramsPerCubicCentimetre(content.0 * 1e-6 / self.mesophyll_thickness().0)
     }
 
-    /// Optical depth of a straight crossing of the mesophyll, by absorber.
+    /// Returns the optical depth of a straight crossing of the mesophyll, by absorber.
     pub fn depth_parts(&self, wavelength: Nanometres) -> DepthParts {
         self.composition.depth(wavelength, self.mesophyll_thickness())
     }

@@ -20,12 +20,12 @@ pub enum Spread {
 pub struct InverseExponent(pub(crate) f64);
 
 impl Spread {
-    /// The lobe of this exponent: the oblateness of cells, 1 for a diffuse (cosine) lobe.
+    /// Returns the lobe of this exponent: the oblateness of cells, 1 for a diffuse (cosine) lobe.
     pub fn exponent(exponent: f64) -> Spread {
         Spread::Cosine(InverseExponent(1.0 / (exponent + 1.0)))
     }
 
-    /// The cosine lobe, `acos(sqrt(xi))` [Baranoski 1997, eq. 6].
+    /// Returns the cosine lobe, `acos(sqrt(xi))` [Baranoski 1997, eq. 6].
     pub fn diffuse() -> Spread {
         Spread::exponent(1.0)
     }
@@ -49,7 +49,7 @@ pub struct Interface {
 }
 
 impl Interface {
-    /// An interface that spreads nothing.
+    /// Returns an interface that spreads nothing.
     pub fn plain(index_above: f64, index_below: f64) -> Interface {
         Interface {
             index_above,
@@ -99,7 +99,7 @@ pub enum PathRule {
 }
 
 impl PathRule {
-    /// Thicknesses crossed at a cosine in (0, 1].
+    /// Returns the thicknesses crossed at a cosine in (0, 1].
     #[inline]
     pub(crate) fn crossings(self, cosine: f64) -> f64 {
         match self {

@@ -16,18 +16,18 @@ pub struct DepthParts {
 
 /// A leaf as a stack of interfaces around an absorbing mesophyll.
 pub trait Tissue: Sync {
-    /// The interfaces at a wavelength.
+    /// Returns the interfaces at a wavelength.
     fn stack(&self, wavelength: Nanometres) -> Stack;
 
-    /// Optical depth of a straight crossing of the whole mesophyll, by what absorbs.
+    /// Returns the optical depth of a straight crossing of the whole mesophyll, by what absorbs.
     fn depth_parts(&self, wavelength: Nanometres) -> DepthParts;
 
-    /// Optical depth of a straight crossing of the whole mesophyll, `A_g t_m`.
+    /// Returns the optical depth of a straight crossing of the whole mesophyll, `A_g t_m`.
     fn optical_depth(&self, wavelength: Nanometres) -> OpticalDepth {
         let parts = self.depth_parts(wavelength);
         parts.chlorophyll + parts.carotenoid + parts.rest
     }
 
-    /// Whether [`Tissue::stack`] is the same at every wavelength, so that one trace serves all.
+    /// Returns whether [`Tissue::stack`] is the same at every wavelength, so that one trace serves all.
     fn has_constant_indices(&self) -> bool;
 }

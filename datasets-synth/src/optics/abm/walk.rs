@@ -59,7 +59,7 @@ pub struct Walked {
     pub interactions: u32,
 }
 
-/// A number in (0, 1]: a logarithm of it is finite.
+/// Returns a number in (0, 1]: a logarithm of it is finite.
 #[inline]
 fn positive_unit(random: &mut Xoshiro256PlusPlus) -> f64 {
     ((random.next_u64() >> 11) + 1) as f64 * (1.0 / (1u64 << 53) as f64)
@@ -96,7 +96,7 @@ fn spread_ray(ray: [f64; 3], spread: Spread, crossing: Crossing, random: &mut Xo
     }
 }
 
-/// Cosine and sine of an even angle.
+/// Returns the cosine and sine of an even angle.
 #[inline]
 fn unit_circle(random: &mut Xoshiro256PlusPlus) -> (f64, f64) {
     // Marsaglia's rejection: cheaper than a sine and a cosine.
@@ -112,7 +112,7 @@ fn unit_circle(random: &mut Xoshiro256PlusPlus) -> (f64, f64) {
     }
 }
 
-/// The four numbers of an interface that matter to a ray from one side.
+/// Returns the four numbers of an interface that matter to a ray from one side.
 #[inline]
 fn seen_from(interface: &Interface, down: bool) -> (f64, f64, Spread, Spread) {
     let i = interface;
@@ -123,13 +123,13 @@ fn seen_from(interface: &Interface, down: bool) -> (f64, f64, Spread, Spread) {
     }
 }
 
-/// Unit direction on the other side of an interface: tangential part by Snell's law.
+/// Returns the unit direction on the other side of an interface: tangential part by Snell's law.
 #[inline]
 fn refracted(ray: [f64; 3], ratio: f64, cos_t: f64) -> [f64; 3] {
     [ray[0] * ratio, ray[1] * ratio, cos_t.copysign(ray[2])]
 }
 
-/// The share of the mesophyll's thickness that a medium has.
+/// Returns the share of the mesophyll's thickness that a medium has.
 #[inline]
 fn share(medium: Medium, upper: f64) -> f64 {
     match medium {
@@ -256,7 +256,7 @@ mod tests {
         Parallel::onto(Face::Adaxial, theta_deg).direction(&mut block_random(0, 0))
     }
 
-    /// A stack of one interface.
+    /// Returns a stack of one interface.
     fn one(interface: Interface, crossing: Crossing) -> Stack {
         Stack::new(vec![interface], vec![], PathRule::Slant, crossing)
     }

@@ -51,9 +51,9 @@ const MIN_O_DOT_H: f32 = 1e-6;
 const MIN_EXPONENT: f32 = -80.0;
 
 impl GlossParams {
-    /// Directional albedo of the lobe as asked for, `printed` above 1 and all: the share of light from (or
-    /// towards) the angle of cosine `cosine` (0 to 1), at `azimuth_rad` from the vein direction, that it
-    /// reflects. Costs 0.1 to 0.5 ms.
+    /// Returns the directional albedo of the lobe as asked for, `printed` above 1 and all: the share of light from (or
+    /// towards) the angle of cosine `cosine` (0 to 1), at `azimuth_rad` from the vein direction, that it reflects.
+    /// Costs 0.1 to 0.5 ms.
     pub fn directional_albedo(&self, cosine: f64, azimuth_rad: f64) -> f64 {
         let squared = azimuth_rad.cos().powi(2);
         self.form.gain() * lobe_albedo(self, self.form, cosine.clamp(1e-6, 1.0), squared)
@@ -96,15 +96,15 @@ pub struct LobeAngles {
 }
 
 impl CookTorrance {
-    /// The corrected, coupled lobe of refractive index `index` and one `roughness`, raised to
+    /// Returns the corrected, coupled lobe of refractive index `index` and one `roughness`, raised to
     /// [`MIN_ROUGHNESS`](crate::MIN_ROUGHNESS). Takes some tens of milliseconds for the table.
     pub fn new(index: f64, roughness: f64) -> CookTorrance {
         CookTorrance::from_params(&GlossParams::isotropic(index, roughness))
     }
 
-    /// The lobe of `params`, with roughness below [`MIN_ROUGHNESS`](crate::MIN_ROUGHNESS) raised to it;
-    /// [`GlossParams::check`] is the caller's. Takes some tens of milliseconds for the table, with two roughnesses some hundreds over the
-    /// threads of the current pool.
+    /// Returns the lobe of `params`, with roughness below [`MIN_ROUGHNESS`](crate::MIN_ROUGHNESS) raised to it;
+    /// [`GlossParams::check`] is the caller's. Takes some tens of milliseconds for the table, with two roughnesses some
+    /// hundreds over the threads of the current pool.
     pub fn from_params(params: &GlossParams) -> CookTorrance {
         let [along, across] = params.gammas();
         let params = GlossParams { gamma_along: along, gamma_across: across, ..*params };
@@ -170,30 +170,30 @@ impl CookTorrance {
         self.mean_albedo = mean as f32;
     }
 
-    /// What was asked for, with the roughness after the floor.
+    /// Returns what was asked for, with the roughness after the floor.
     pub fn params(&self) -> &GlossParams {
         &self.params
     }
 
-    /// Roughness after the floor; with two, the one along the vein direction.
+    /// Returns the roughness after the floor; with two, the one along the vein direction.
     pub fn roughness(&self) -> f64 {
         self.params.gamma_along
     }
 
-    /// Whether the roughness along and across the vein direction differ, so that the functions with `_along`
+    /// Returns whether the roughness along and across the vein direction differ, so that the functions with `_along`
     /// are needed.
     pub fn is_anisotropic(&self) -> bool {
         self.params.gamma_along != self.params.gamma_across
     }
 
-    /// Fresnel reflectance at the cosine `wo.h`.
+    /// Returns the Fresnel reflectance at the cosine `wo.h`.
     pub fn fresnel(&self, o_dot_h: f32) -> f32 {
         fresnel(self.params.index, f64::from(o_dot_h)) as f32
     }
 
-    /// `pi * f_s * cos_i`, for the Fresnel reflectance `fresnel` at `angles.o_dot_h` (constant over
-    /// a surface under parallel light and view, so the caller takes it once; `printed` does not use it). 0 where
-    /// a cosine is not positive or not a number; finite everywhere.
+    /// Returns `pi * f_s * cos_i`, for the Fresnel reflectance `fresnel` at `angles.o_dot_h` (constant over a surface
+    /// under parallel light and view, so the caller takes it once; `printed` does not use it). 0 where a cosine is not
+    /// positive or not a number; finite everywhere.
     ///
     /// Of a lobe with two roughnesses, this is the stand-in of one roughness with the same mean slope variance,
     /// for a surface whose vein direction is not known.
@@ -212,7 +212,7 @@ impl CookTorrance {
         self.facets_seen(fresnel, angles, self.inverse_product, |cos2_h| weighted / cos2_h)
     }
 
-    /// The lobe of facets of density `exp(-slope2_over_gamma2(cos_h^2)) * inverse_product / (pi cos_h^4)`.
+    /// Returns the lobe of facets of density `exp(-slope2_over_gamma2(cos_h^2)) * inverse_product / (pi cos_h^4)`.
     #[inline]
     fn facets_seen(
         &self,
@@ -252,8 +252,8 @@ impl CookTorrance {
         self.scale * self.fresnel(cos_h) * pi_d * g / cos_o.max(MIN_O_DOT_H)
     }
 
-    /// Directional albedo of the corrected form: the share of light from (or towards) an angle of this cosine
-    /// that the lobe reflects; with two roughnesses, the mean over the azimuth.
+    /// Returns the directional albedo of the corrected form: the share of light from (or towards) an angle of this
+    /// cosine that the lobe reflects; with two roughnesses, the mean over the azimuth.
     #[inline]
     pub fn albedo(&self, cosine: f32) -> f32 {
         let position = cosine.clamp(0.0, 1.0).sqrt() * (ALBEDO_ENTRIES - 1) as f32;
@@ -279,8 +279,8 @@ impl CookTorrance {
         row(cell) * (1.0 - t) + row(cell + 1) * t
     }
 
-    /// Roughness that a vertical plane through `tangent` cuts, whose square is the mean of both squares with the
-    /// squared direction cosines as weights: 0 for the smaller roughness, 1 for the larger.
+    /// Returns the roughness that a vertical plane through `tangent` cuts, whose square is the mean of both squares
+    /// with the squared direction cosines as weights: 0 for the smaller roughness, 1 for the larger.
     #[inline]
     fn cut(&self, tangent: [f32; 2]) -> f32 {
         let [a, c] = self.params.gammas().map(|gamma| gamma as f32);
@@ -292,30 +292,30 @@ impl CookTorrance {
         ((cut - a.min(c)) / (a - c).abs()).clamp(0.0, 1.0)
     }
 
-    /// Mean of [`CookTorrance::albedo`] over the hemisphere, with the cosine's weight.
+    /// Returns the mean of [`CookTorrance::albedo`] over the hemisphere, with the cosine's weight.
     pub fn mean_albedo(&self) -> f32 {
         self.mean_albedo
     }
 
-    /// Share of the light from one direction that enters the body below a gloss of strength `gloss` (0 to 1)
-    /// and directional albedo `albedo_i`; 1 where not coupled.
+    /// Returns the share of the light from one direction that enters the body below a gloss of strength `gloss` (0 to
+    /// 1) and directional albedo `albedo_i`; 1 where not coupled.
     #[inline]
     pub fn lets_in(&self, gloss: f32, albedo_i: f32) -> f32 {
         1.0 - self.coupled * gloss * albedo_i
     }
 
-    /// Factor on a Lambertian body of albedo `a` below a gloss layer of strength `gloss` (0 to 1):
-    /// `pi f_d = a * (1 - g E(i)) (1 - g E(o)) / (1 - g E_mean)`. Reciprocal, and together with the
-    /// gloss it reflects `g E(i) + a (1 - g E(i))`, never more than what came in
-    /// [after Kelemen & Szirmay-Kalos 2001]. 1 where not coupled.
+    /// Returns the factor on a Lambertian body of albedo `a` below a gloss layer of strength `gloss` (0 to 1):
+    /// `pi f_d = a * (1 - g E(i)) (1 - g E(o)) / (1 - g E_mean)`. Reciprocal, and together with the gloss it reflects
+    /// `g E(i) + a (1 - g E(i))`, never more than what came in [after Kelemen & Szirmay-Kalos 2001]. 1 where not
+    /// coupled.
     #[inline]
     pub fn coupling(&self, gloss: f32, albedo_i: f32, albedo_o: f32) -> f32 {
         self.lets_in(gloss, albedo_i) * self.lets_in(gloss, albedo_o) / (1.0 - self.coupled * gloss * self.mean_albedo)
     }
 }
 
-/// Unit vectors along and across the vein in the tangent plane of the unit `normal`, for a vein that runs along
-/// `vein` (any length, either sense) seen from above: the components that [`CookTorrance::pi_brdf_cos_along`] and
+/// Returns the unit vectors along and across the vein in the tangent plane of the unit `normal`, for a vein that runs
+/// along `vein` (any length, either sense) seen from above: the components that [`CookTorrance::pi_brdf_cos_along`] and
 /// [`CookTorrance::albedo_along`] want are dot products with them. No vein, `[0, 0]`, is taken as along x.
 ///
 /// The normal's z must be positive.
@@ -340,7 +340,7 @@ fn printed_masking(cos_i: f64, cos_o: f64, cos_h: f64) -> f64 {
     1f64.min(2.0 * cos_h * cos_o / theta_h).min(2.0 * cos_h * cos_i / theta_h)
 }
 
-/// Directional albedo of a form without its gain, by a stratified midpoint rule over facets drawn from
+/// Returns the directional albedo of a form without its gain, by a stratified midpoint rule over facets drawn from
 /// `D cos th_h`: the mean of `F G (v.h) / (cos_v cos_h)` over facets that reflect above the surface.
 fn lobe_albedo(params: &GlossParams, form: GlossForm, cos_v: f64, azimuth_cos_squared: f64) -> f64 {
     let [along, across] = params.gammas();

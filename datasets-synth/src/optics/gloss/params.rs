@@ -36,7 +36,7 @@ impl GlossForm {
     /// All forms.
     pub const ALL: [GlossForm; 3] = [GlossForm::Corrected, GlossForm::Legacy4x, GlossForm::Printed];
 
-    /// Name on a command line.
+    /// Returns the name on a command line.
     pub fn name(self) -> &'static str {
         match self {
             GlossForm::Corrected => "corrected",
@@ -45,7 +45,7 @@ impl GlossForm {
         }
     }
 
-    /// What the printed prefactor multiplies the lobe with, over the right one.
+    /// Returns what the printed prefactor multiplies the lobe with, over the right one.
     pub(super) fn gain(self) -> f64 {
         match self {
             GlossForm::Corrected => 1.0,
@@ -86,14 +86,14 @@ impl Default for GlossParams {
 }
 
 impl From<LeafGloss> for GlossParams {
-    /// The corrected lobe, coupled.
+    /// Returns the corrected lobe, coupled.
     fn from(LeafGloss { index, gamma_along, gamma_across }: LeafGloss) -> GlossParams {
         GlossParams { index, gamma_along, gamma_across, form: GlossForm::default(), coupling: GlossCoupling::default() }
     }
 }
 
 impl GlossParams {
-    /// The corrected lobe, coupled, with one roughness.
+    /// Returns the corrected lobe, coupled, with one roughness.
     pub fn isotropic(index: f64, gamma: f64) -> GlossParams {
         GlossParams::from(LeafGloss { index, gamma_along: gamma, gamma_across: gamma })
     }
@@ -110,7 +110,7 @@ impl GlossParams {
         ])
     }
 
-    /// Both roughnesses raised to the floor; a NaN becomes the floor.
+    /// Returns both roughnesses raised to the floor; a NaN becomes the floor.
     pub(super) fn gammas(&self) -> [f64; 2] {
         [self.gamma_along.max(MIN_ROUGHNESS), self.gamma_across.max(MIN_ROUGHNESS)]
     }

@@ -72,9 +72,8 @@ impl PlateBody {
         PlateBody { theta, ..self }
     }
 
-    /// The body's colour where the leaf holds `contents` and is `thickness` times as thick as they
-    /// say: `k = thickness sum K C / N`. For `plate-paper` `thickness` multiplies the transmittance
-    /// instead, as printed.
+    /// Returns the body's colour where the leaf holds `contents` and is `thickness` times as thick as they say:
+    /// `k = thickness sum K C / N`. For `plate-paper` `thickness` multiplies the transmittance instead, as printed.
     ///
     /// Finite for any contents and thickness from 0 up and N from 1 up, which the caller checks once
     /// with [`PlateModel::check`]. Cost: see docs/TRADE.md.

@@ -24,8 +24,8 @@ use crate::optics::interface::{DiffuseFaces, mean_interface_transmittance};
 use crate::optics::plates::shares::PlateOptics;
 use crate::optics::plates::theta::diffuse_transmission;
 
-/// Reflectance and transmittance of a plate of absorption `k >= 0` and index `index`, lit over a
-/// cone of half-angle `cone_deg` [Miao, eq. 3-4].
+/// Returns the reflectance and transmittance of a plate of absorption `k >= 0` and index `index`, lit over a cone of
+/// half-angle `cone_deg` [Miao, eq. 3-4].
 pub fn plate(k: f64, index: f64, cone_deg: f64) -> PlateOptics {
     let inside = plate_inside(k, index);
     let entering = mean_interface_transmittance(cone_deg, index);
@@ -35,9 +35,9 @@ pub fn plate(k: f64, index: f64, cone_deg: f64) -> PlateOptics {
     }
 }
 
-/// Shares of the light that has *entered* the plate through its first surface: what leaves again
-/// in front, and what leaves behind. Independent of how the light fell in, so it couples to a
-/// gloss lobe that says how much enters. At `k = 0` the two add up to 1.
+/// Returns the shares of the light that has *entered* the plate through its first surface: what leaves again in front,
+/// and what leaves behind. Independent of how the light fell in, so it couples to a gloss lobe that says how much
+/// enters. At `k = 0` the two add up to 1.
 pub fn plate_inside(k: f64, index: f64) -> PlateOptics {
     plate_inside_of(diffuse_transmission(k), DiffuseFaces::new(index))
 }

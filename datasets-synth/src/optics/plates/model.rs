@@ -39,7 +39,7 @@ impl PlateModel {
         }
     }
 
-    /// Half-angle of the cone of incident light in degrees that its authors assume: 0 or
+    /// Returns the half-angle of the cone of incident light in degrees that its authors assume: 0 or
     /// [`PROSPECT_CONE_DEG`].
     pub fn default_cone_deg(self) -> f64 {
         match self {
@@ -48,7 +48,7 @@ impl PlateModel {
         }
     }
 
-    /// The table that its authors read. `plate-paper` has its own numbers and needs none.
+    /// Returns the table that its authors read. `plate-paper` has its own numbers and needs none.
     pub fn default_table(self) -> SpecificAbsorption {
         match self {
             PlateModel::Paper | PlateModel::Exact => SpecificAbsorption::Prospect5,
@@ -74,9 +74,9 @@ impl PlateModel {
     }
 }
 
-/// Reflectance and transmittance of a whole leaf at each of `wavelengths_nm` (400 to 780; for
-/// `plate-paper` any of [`PAPER_WAVELENGTHS_NM`]), lit over a cone of half-angle `cone_deg` (0 to
-/// 90; `plate-paper` is printed for 0 and ignores it, and `table`, too).
+/// Returns the reflectance and transmittance of a whole leaf at each of `wavelengths_nm` (400 to 780; for `plate-paper`
+/// any of [`PAPER_WAVELENGTHS_NM`]), lit over a cone of half-angle `cone_deg` (0 to 90; `plate-paper` is printed for 0
+/// and ignores it, and `table`, too).
 ///
 /// Contents beyond a leaf's ranges are computed as they stand: [`PlateModel::check`] refuses them.
 ///
@@ -129,7 +129,7 @@ mod tests {
         (optics.reflectance, optics.transmittance)
     }
 
-    /// Contents in PROSPECT's order: N, chlorophyll, carotenoids, brown, water, dry matter.
+    /// Returns the contents in PROSPECT's order: N, chlorophyll, carotenoids, brown, water, dry matter.
     fn prospect(structure: f64, cab: f64, car: f64, brown: f64, cw: f64, cm: f64) -> LeafContents {
         LeafContents {
             chlorophyll_ug_per_cm2: cab,

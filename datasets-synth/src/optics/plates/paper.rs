@@ -45,7 +45,7 @@ const BROWN: [f64; 3] = [0.1572, 0.3568, 0.4912];
 /// Dry matter in cm2/g, the last a tenth of its source.
 const DRY_MATTER: [f64; 3] = [2.3, 2.3, 1.481];
 
-/// Absorption k at the [`PAPER_WAVELENGTHS_NM`] with the printed coefficients.
+/// Returns the absorption k at the [`PAPER_WAVELENGTHS_NM`] with the printed coefficients.
 pub fn plate_paper_absorption(contents: &LeafContents) -> [f64; 3] {
     std::array::from_fn(|band| {
         (CHLOROPHYLL[band] * contents.chlorophyll_ug_per_cm2
@@ -56,7 +56,7 @@ pub fn plate_paper_absorption(contents: &LeafContents) -> [f64; 3] {
     })
 }
 
-/// Printed eq. 6 of a given theta, which the print takes from [`three_piece_fit`].
+/// Returns the printed eq. 6 of a given theta, which the print takes from [`three_piece_fit`].
 pub fn plate_paper_of_theta(theta: f64) -> PlateOptics {
     let theta2 = theta * theta;
     PlateOptics {
@@ -65,7 +65,7 @@ pub fn plate_paper_of_theta(theta: f64) -> PlateOptics {
     }
 }
 
-/// Printed eq. 9 without its gloss, at the [`PAPER_WAVELENGTHS_NM`]: `thickness` V_t multiplies the
+/// Returns the printed eq. 9 without its gloss, at the [`PAPER_WAVELENGTHS_NM`]: `thickness` V_t multiplies the
 /// transmittance. The three may add up to more than the light that fell in.
 pub fn plate_paper(contents: &LeafContents, thickness: f64) -> [PlateOptics; 3] {
     plate_paper_absorption(contents).map(|k| {

@@ -34,7 +34,7 @@ use crate::optics::plates::exact::plate_inside_of;
 use crate::optics::plates::shares::PlateOptics;
 use crate::optics::plates::theta::diffuse_transmission;
 
-/// Reflectance and transmittance of a pile of `structure` (N, at least 1) plates, each of absorption
+/// Returns the reflectance and transmittance of a pile of `structure` (N, at least 1) plates, each of absorption
 /// `k >= 0` and index `index` (>= 1), lit over a cone of half-angle `cone_deg`.
 ///
 /// # Errors
@@ -48,8 +48,8 @@ pub fn plate_n(k: f64, index: f64, cone_deg: f64, structure: f64) -> Result<Plat
     })
 }
 
-/// Shares of the light that has *entered* the pile through its first surface: what leaves again in
-/// front, and what leaves behind. Independent of how the light fell in; at `k = 0` they add up to 1.
+/// Returns the shares of the light that has *entered* the pile through its first surface: what leaves again in front,
+/// and what leaves behind. Independent of how the light fell in; at `k = 0` they add up to 1.
 ///
 /// # Errors
 /// As [`plate_n`].
@@ -88,8 +88,8 @@ pub(crate) fn plate_n_inside_of(theta: f64, faces: DiffuseFaces, structure: f64)
     }
 }
 
-/// `count > 0` layers that reflect `r`, transmit `t` and absorb `absorbed` (r + t + absorbed = 1; it
-/// is passed because the difference loses its digits).
+/// Returns `count > 0` layers that reflect `r`, transmit `t` and absorb `absorbed` (r + t + absorbed = 1; it is passed
+/// because the difference loses its digits).
 #[inline]
 fn pile(r: f64, t: f64, absorbed: f64, count: f64) -> PlateOptics {
     if absorbed <= 0.0 {

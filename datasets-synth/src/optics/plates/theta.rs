@@ -105,7 +105,7 @@ impl ThetaForm {
         }
     }
 
-    /// Theta for absorption `k >= 0`, 0 to 1.
+    /// Returns the theta for absorption `k >= 0`, 0 to 1.
     #[inline]
     pub fn at(self, k: f64) -> f64 {
         match self {
@@ -118,8 +118,8 @@ impl ThetaForm {
     }
 }
 
-/// Transmission through an absorbing layer under diffuse light, `2 E3(k)` = `(1-k) e^-k +
-/// k^2 E1(k)`, for absorption `k >= 0`: 1 at 0, falling to 0. Relative error below 1e-12.
+/// Returns the transmission through an absorbing layer under diffuse light, `2 E3(k)` = `(1-k) e^-k + k^2 E1(k)`, for
+/// absorption `k >= 0`: 1 at 0, falling to 0. Relative error below 1e-12.
 ///
 /// Source: [Allen 1969]; series and continued fraction of the exponential integral
 /// [Abramowitz & Stegun 1964, 5.1.11, 5.1.22].
@@ -184,28 +184,28 @@ pub fn diffuse_transmission_f32(k: f32) -> f32 {
     (-k).exp() * (a0 + k * (a1 + k * 2.0)) / (b0 + k * (b1 + k * (b2 + k)))
 }
 
-/// Rational approximation of [`diffuse_transmission`] with two fitted coefficients, for `k >= 0`:
-/// absolute error at most 1.11e-3, falling with k, 1 at 0.
+/// Returns the rational approximation of [`diffuse_transmission`] with two fitted coefficients, for `k >= 0`: absolute
+/// error at most 1.11e-3, falling with k, 1 at 0.
 pub fn rational_p1q2(k: f64) -> f64 {
     let [b1, b2] = P1Q2;
     decayed(k, 1.0 + 2.0 * b2 * k, 1.0 + k * (b1 + k * b2))
 }
 
-/// Rational approximation of [`diffuse_transmission`] with four fitted coefficients, for `k >= 0`:
-/// absolute error at most 7.7e-5, falling with k, 1 at 0.
+/// Returns the rational approximation of [`diffuse_transmission`] with four fitted coefficients, for `k >= 0`: absolute
+/// error at most 7.7e-5, falling with k, 1 at 0.
 pub fn rational_p2q3(k: f64) -> f64 {
     let [b1, b2, b3] = Q3;
     decayed(k, 1.0 + k * (P2 + k * 2.0 * b3), 1.0 + k * (b1 + k * (b2 + k * b3)))
 }
 
-/// `e^-k numerator / denominator`, 0 where the exponential is, so that no huge k gives inf / inf.
+/// Returns `e^-k numerator / denominator`, 0 where the exponential is, so that no huge k gives inf / inf.
 fn decayed(k: f64, numerator: f64, denominator: f64) -> f64 {
     let decay = (-k).exp();
     if decay == 0.0 { 0.0 } else { decay * numerator / denominator }
 }
 
-/// The paper's fit of theta in three pieces, as printed [Miao, after eq. 5]: for reproducing the
-/// paper and for measuring its error (see the head of this file), not for use.
+/// Returns the paper's fit of theta in three pieces, as printed [Miao, after eq. 5]: for reproducing the paper and for
+/// measuring its error (see the head of this file), not for use.
 pub fn three_piece_fit(k: f64) -> f64 {
     if k <= 1.0 {
         0.951 * (-1.463 * k).exp()
@@ -294,7 +294,7 @@ mod tests {
         }
     }
 
-    /// Largest and mean error of a form over `0 <= k <= end`, dense near 0.
+    /// Returns the largest and mean error of a form over `0 <= k <= end`, dense near 0.
     fn errors(form: ThetaForm, end: f64) -> (f64, f64) {
         let count = 20_000;
         let error = |k: f64| (form.at(k) - diffuse_transmission(k)).abs();
