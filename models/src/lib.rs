@@ -1,10 +1,12 @@
-//! What is lit, drawn and turned into volumes: leaves as description files with appearance textures, triangle meshes from
-//! OBJ and glTF files, and scripts of shapes.
+//! Models that are lit, drawn and turned into volumes: leaves as description files with appearance textures, triangle
+//! meshes from OBJ and glTF files, and scripts of shapes.
 //!
-//! A leaf is a [`LeafDescription`] with its [`LeafContents`], each of the [`LEAF_QUANTITIES`] within its range; a
-//! [`LeafPreset`] or a [`Species`] gives usual values, and [`TextureImages`] is the folder of appearance textures beside it.
-//! A mesh is read by [`read_model`]; whoever needs more of a glTF file than its mesh opens it by [`open_gltf`], which checks it. [`shapes`] is the script of solids, sheets and fur that volumetric textures are painted
-//! from. [`glb`] writes the container of binary glTF files. [`ModelError`] says in one sentence what is wrong with a file.
+//! A leaf is a [`LeafDescription`] with its [`LeafContents`], each of the [`LEAF_QUANTITIES`] within its range. A
+//! [`LeafPreset`] or a [`Species`] gives usual values, and [`TextureImages`] is the folder of appearance textures
+//! beside the description. A mesh is read by [`read_model`]. A program that needs more of a glTF file than its mesh
+//! opens the file by [`open_gltf`], which checks it. [`shapes`] is the script of solids, sheets and fur that volumetric
+//! textures are painted from. [`glb`] writes the container of binary glTF files. [`ModelError`] says in one sentence
+//! what is wrong with a file.
 
 mod error;
 pub mod glb;

@@ -1,6 +1,6 @@
-//! What a leaf holds.
+//! Contents of a leaf.
 
-/// What a leaf holds per area of leaf. Ranges: [`crate::LEAF_QUANTITIES`].
+/// Contents of a leaf per area of its blade. Ranges: [`crate::LEAF_QUANTITIES`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafContents {
     /// Chlorophyll a + b in ug/cm2, 0 to 100.
@@ -36,7 +36,7 @@ impl Default for LeafContents {
 }
 
 impl LeafContents {
-    /// The same leaf without any pigment: an albino [Miao, Fig. 2f].
+    /// Returns this leaf without any pigment, an albino [Miao, Fig. 2f].
     pub fn without_pigments(self) -> LeafContents {
         LeafContents {
             chlorophyll_ug_per_cm2: 0.0,

@@ -1,52 +1,52 @@
-//! A leaf: contents, gloss, look, and how plants differ.
+//! Description of a leaf: contents, gloss, look, and variation between plants.
 
 use std::path::PathBuf;
 
 use crate::leaf::contents::LeafContents;
 use crate::leaf::species::{Deficiency, LeafGloss, Species, SpeciesPreset};
 
-/// How plants of one canopy differ, as coefficients of variation (standard deviation over mean), 0 to 1.
+/// Differences between plants of one canopy, as coefficients of variation (standard deviation over mean), 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlantVariation {
-    /// Of chlorophyll.
+    /// Variation of chlorophyll.
     pub chlorophyll: f64,
-    /// Of carotenoids.
+    /// Variation of carotenoids.
     pub carotenoid: f64,
-    /// Of brown pigment.
+    /// Variation of brown pigment.
     pub brown: f64,
-    /// Of the blade's thickness: of all that absorbs.
+    /// Variation of the thickness of the blade, which scales everything that absorbs.
     pub thickness: f64,
-    /// Seed of the draw.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
 impl Default for PlantVariation {
-    /// Nothing varies; seed 1.
+    /// Returns no variation, with seed 1.
     fn default() -> PlantVariation {
         PlantVariation { chlorophyll: 0.0, carotenoid: 0.0, brown: 0.0, thickness: 0.0, seed: 1 }
     }
 }
 
-/// A leaf: what it holds, how it shines and looks, and how its like on other plants differ.
+/// Description of a leaf: its contents, its specular lobe and look, and the variation between plants.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafDescription {
-    /// What the blade holds.
+    /// Contents of the blade.
     pub contents: LeafContents,
-    /// Gloss of its cuticle.
+    /// Specular lobe of the cuticle.
     pub gloss: LeafGloss,
-    /// Veins, relief and tissue; `None` is a plain pinnate leaf.
+    /// Species that sets veins, displacement and tissue; `None` is a plain pinnate leaf.
     pub species: Option<Species>,
-    /// What its textures show it to lack.
+    /// Deficiency that the textures show.
     pub deficiency: Option<Deficiency>,
-    /// How far the deficiency has gone, 0 (healthy) to 1; without one it says nothing.
+    /// Progress of the deficiency, 0 (healthy) to 1; without effect on a healthy leaf.
     pub severity: f64,
-    /// Seed of everything that is grown.
+    /// Seed of everything that is generated.
     pub seed: u64,
     /// Width and height of the patch that the textures show, in millimetres.
     pub size_mm: f64,
     /// Folder of appearance textures ([`crate::TextureImages`]), relative to the description file.
     pub textures: Option<PathBuf>,
-    /// From plant to plant.
+    /// Variation from plant to plant.
     pub variation: PlantVariation,
 }
 

@@ -1,4 +1,4 @@
-//! A leaf's description file: everything that is one leaf's own, as TOML.
+//! Reads and writes the description file of a leaf, which holds everything about one leaf as TOML.
 //!
 //! ```toml
 //! [contents]                      # per area of leaf
@@ -31,9 +31,10 @@
 //! seed = 1
 //! ```
 //!
-//! Every key may be missing. Contents, gloss and size are then the species' ([`crate::Species::preset`]), or the plain
-//! leaf's; a deficient leaf has [`Deficiency::BROWN`] of brown pigment and [`Deficiency::SEVERITY`]; seeds are 1 and
-//! nothing varies. Ranges: [`LEAF_QUANTITIES`]. Unknown keys are refused, so that no slip of the pen stays unseen.
+//! Every key may be missing. Contents, gloss and size are then those of the species ([`crate::Species::preset`]) or of
+//! the plain leaf. A deficient leaf has [`Deficiency::BROWN`] of brown pigment and [`Deficiency::SEVERITY`]; seeds are
+//! 1, and nothing varies. For the ranges see [`LEAF_QUANTITIES`]. Unknown keys are refused, so that a misspelt key is
+//! noticed.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -48,7 +49,7 @@ use btf_capture::toml_text::{bounded_text, line_and_reason};
 /// Largest description file in bytes.
 const MAX_DESCRIPTION_BYTES: u64 = 1 << 16;
 
-/// Keys of the file that are no [`LEAF_QUANTITIES`].
+/// Keys of the file beside the [`LEAF_QUANTITIES`].
 const OTHER_KEYS: [(&str, &str); 5] =
     [("look", "species"), ("look", "deficiency"), ("look", "seed"), ("look", "textures"), ("variation", "seed")];
 
@@ -66,7 +67,7 @@ impl LeafDescription {
         LeafDescription::parse(&text).map_err(|fault| bad(fault, "correct it"))
     }
 
-    /// Writes the description, whole or not at all, so that [`LeafDescription::read`] gives the same again.
+    /// Writes the description, whole or not at all. [`LeafDescription::read`] returns the same description again.
     ///
     /// # Errors
     /// [`ModelError::Leaf`] for a number out of its range, a seed beyond 2^63 - 1 (TOML has no larger
@@ -77,12 +78,12 @@ impl LeafDescription {
         Ok(write_file_atomically(path, text.as_bytes())?)
     }
 
-    /// Returns where the textures' folder is, for the description that was read from the file `path`.
+    /// Returns the path of the folder of textures, for the description that was read from the file `path`.
     pub fn textures_beside(&self, path: impl AsRef<Path>) -> Option<PathBuf> {
         self.textures.as_ref().map(|folder| parent_of(path.as_ref()).join(folder))
     }
 
-    /// Returns the description that a text holds; what is wrong is a verb phrase.
+    /// Parses the text of a description. The error is a verb phrase.
     fn parse(text: &str) -> Result<LeafDescription, String> {
         let file: toml::Table = text.parse().map_err(|error: toml::de::Error| {
             let (line, reason) = line_and_reason(text, &error);
@@ -117,7 +118,7 @@ impl LeafDescription {
         Ok(leaf)
     }
 
-    /// Returns the file's text; what cannot be written is a verb phrase.
+    /// Returns the text of the file. The error is a verb phrase.
     fn to_toml(&self) -> Result<String, String> {
         let mut text = String::from("# A leaf: what it holds and how it looks. Every key may be left out.\n");
         // Writing to a string does not fail.
@@ -157,7 +158,7 @@ impl LeafDescription {
     }
 }
 
-/// Refuses tables and keys that a description has not.
+/// Refuses tables and keys that a description does not have.
 fn check_keys(file: &toml::Table) -> Result<(), String> {
     let known = || LEAF_QUANTITIES.iter().map(|q| (q.section, q.key)).chain(OTHER_KEYS);
     for (section, table) in file {
@@ -176,7 +177,7 @@ fn check_keys(file: &toml::Table) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the thing that `word` names.
+/// Returns the value of `all` that `word` names; `None` without a word.
 fn named<T: Copy>(key: &str, word: Option<&str>, all: &[T], name: fn(T) -> &'static str) -> Result<Option<T>, String> {
     let Some(word) = word else { return Ok(None) };
     all.iter().copied().find(|&thing| name(thing) == word).map(Some).ok_or_else(|| {

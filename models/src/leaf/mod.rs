@@ -1,4 +1,4 @@
-//! What a leaf is, for whoever makes, lights or draws one: contents, gloss, species, the file that describes it,
+//! Leaves, for everyone who generates, lights or draws them: contents, gloss, species, the file that describes a leaf,
 //! and the folder of its appearance textures.
 
 pub(crate) mod contents;

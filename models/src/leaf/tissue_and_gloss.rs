@@ -1,10 +1,10 @@
-//! Contents and gloss of a leaf as one array of numbers.
+//! Returns contents and gloss of a leaf as one array of numbers.
 
 use crate::leaf::description::LeafDescription;
 use crate::leaf::quantity::LEAF_QUANTITIES;
 
 impl LeafDescription {
-    /// Returns the contents and gloss, in the units and the order of [`LEAF_QUANTITIES`], whose first ten they are.
+    /// Returns contents and gloss in the units and the order of the first ten [`LEAF_QUANTITIES`].
     pub fn tissue_and_gloss(&self) -> [f32; 10] {
         std::array::from_fn(|i| LEAF_QUANTITIES[i].of(self) as f32)
     }

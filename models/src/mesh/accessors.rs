@@ -1,4 +1,4 @@
-//! Checks accessors of a glTF file before their elements are read: the crate's readers take them on trust.
+//! Checks accessors of a glTF file before their elements are read, because the readers of the `gltf` crate do not.
 
 use super::model::fault;
 use crate::error::ModelError;
@@ -8,11 +8,11 @@ use gltf::buffer::{Data, View};
 use gltf::{Accessor, Gltf};
 use std::path::Path;
 
-/// Elements that may be read per byte of the buffers. Parts may share vertices, each a copy; without a limit a file of some
-/// kilobytes could ask for any amount of memory.
+/// Elements that may be read per byte of the buffers. Parts may share vertices, and each gets a copy; without a limit a
+/// file of some kilobytes could ask for any amount of memory.
 const MAX_ELEMENTS_PER_BYTE: usize = 64;
 
-/// The elements of a file that may still be read.
+/// Checker of the accessors of one file, with the number of elements that may still be read.
 pub(super) struct Accessors<'a> {
     path: &'a Path,
     pub buffers: &'a [Data],
@@ -20,7 +20,7 @@ pub(super) struct Accessors<'a> {
 }
 
 impl<'a> Accessors<'a> {
-    /// Checks that every accessor lies within its buffers.
+    /// Checks that every accessor of the file lies within its buffers.
     pub fn new(path: &'a Path, gltf: &Gltf, buffers: &'a [Data]) -> Result<Accessors<'a>, ModelError> {
         for accessor in gltf.accessors() {
             accessor_fault(&accessor, buffers).map_or(Ok(()), |reason| {
@@ -31,7 +31,8 @@ impl<'a> Accessors<'a> {
         Ok(Accessors { path, buffers, left: bytes.saturating_mul(MAX_ELEMENTS_PER_BYTE) })
     }
 
-    /// Checks that the elements of `accessor` are what their use asks for, and counts them as read.
+    /// Checks that the elements of `accessor` have the type that their use asks for, and counts them as read. `what`
+    /// names them in messages.
     pub fn take(
         &mut self,
         accessor: &Accessor,
@@ -59,7 +60,7 @@ impl<'a> Accessors<'a> {
     }
 }
 
-/// Returns what is wrong with where an accessor's elements lie, as a verb phrase.
+/// Returns the fault of the place of an accessor's elements as a verb phrase.
 fn accessor_fault(accessor: &Accessor, buffers: &[Data]) -> Option<&'static str> {
     const BEYOND: &str = "reaches beyond its buffer";
     let size = accessor.size();
@@ -93,8 +94,8 @@ fn accessor_fault(accessor: &Accessor, buffers: &[Data]) -> Option<&'static str>
     (!within).then_some(BEYOND)
 }
 
-/// Returns whether `count` elements of `size` bytes from `offset` on lie within the buffer view and that within its
-/// buffer.
+/// Returns whether `count` elements of `size` bytes from `offset` on lie within the buffer view, and the view within
+/// its buffer.
 fn fits(view: &View, offset: usize, count: usize, size: usize, buffers: &[Data]) -> bool {
     let stride = view.stride().unwrap_or(size);
     let span =

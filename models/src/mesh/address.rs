@@ -1,13 +1,13 @@
-//! Addresses of files beside a glTF file.
+//! Resolves addresses of files beside a glTF file.
 
 use std::path::{Path, PathBuf};
 
-/// Returns the file that an address in the glTF file `path` means.
+/// Returns the path of the file that an address in the glTF file `path` means.
 pub fn beside(path: &Path, uri: &str) -> PathBuf {
     path.parent().unwrap_or(Path::new("")).join(unescaped(uri))
 }
 
-/// Returns an address with its escaped bytes as they are; what is no escape stays.
+/// Decodes the escaped bytes of an address; invalid escapes stay as they are.
 fn unescaped(uri: &str) -> String {
     let bytes = uri.as_bytes();
     let mut out = Vec::new();

@@ -1,4 +1,4 @@
-//! glTF files.
+//! Reads meshes from glTF files.
 
 use super::accessors::Accessors;
 use super::address::beside;
@@ -10,13 +10,12 @@ use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;
 use std::path::Path;
 
-/// The extension with which a node places its mesh many times.
+/// Name of the extension with which a node places its mesh many times.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
-/// The extension with which a material lets light through diffusely.
+/// Name of the extension with which a material transmits light diffusely.
 const TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
 
-/// Returns the meshes of a glTF file that are placed, in the file's order. Geometry only: pictures inside the file are
-/// not decoded.
+/// Reads the meshes of a glTF file that are placed, in the order of the file. Images inside the file are not decoded.
 pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, ModelError> {
     let fault = |reason: String| fault(path, reason);
     let gltf = open_gltf(path)?;
@@ -68,8 +67,8 @@ pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, ModelError> {
     Ok(meshes)
 }
 
-/// Returns where a node places its mesh, in the node's own space: once, or as [`INSTANCING`] says; `None` if that makes
-/// no sense.
+/// Returns the transforms with which a node places its mesh, in the node's own space: one, or those of [`INSTANCING`].
+/// Returns `None` if the extension is invalid.
 fn instances_of(node: &gltf::Node, gltf: &gltf::Gltf, accessors: &mut Accessors) -> Option<Vec<Mat4>> {
     use gltf::accessor::{DataType, Dimensions, Iter};
     let Some(extension) = node.extension_value(INSTANCING) else { return Some(vec![Mat4::IDENTITY]) };
@@ -165,13 +164,13 @@ fn part_of(
     checked(path, part).map(Some)
 }
 
-/// Returns the address of what a material points at beside the file.
+/// Returns the address of the leaf or asset beside the file that a material points at.
 fn shown<'a>(material: &'a gltf::Material) -> Option<&'a str> {
     let leaf = material.extension_value("BTF_materials_leaf").map(|told| &told["leaf"]);
     leaf.or_else(|| material.extension_value("BTF_materials_spmm").map(|told| &told["asset"]["uri"]))?.as_str()
 }
 
-/// Returns what a material reflects and, by [`TRANSMISSION`], lets through. A share that is a picture is not known:
+/// Returns what a material reflects and, by [`TRANSMISSION`], transmits. A share that is given as a texture counts as
 /// none.
 fn colour(material: &gltf::Material) -> DiffuseColour {
     let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();

@@ -1,8 +1,9 @@
-//! Opens glTF files so that nothing in them can bring down what reads them.
+//! Opens glTF files so that no file can make a reader panic.
 //!
-//! The `gltf` crate takes parts of a file on trust: its validation looks up the accessor of a `POSITION` without a look at how
-//! many there are, a header of a binary file that is shorter than itself underflows, and an address with an escaped byte that
-//! is no UTF-8 ends the program. Whoever opens a glTF file goes through [`open_gltf`] and [`gltf_buffers`], which check first.
+//! The `gltf` crate does not check everything: its validation indexes the accessors by the number in `POSITION` before
+//! it has compared that number with their count, a binary file with a header length below 12 makes it subtract with
+//! overflow, and an escaped byte that is no UTF-8 in an address makes it panic. Everyone who opens a glTF file uses
+//! [`open_gltf`] and [`gltf_buffers`], which check first.
 
 use super::address::beside;
 use super::model::fault;
@@ -16,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Bytes of the header of a binary glTF file [glTF 2.0, section 4.4.2].
 const HEADER_BYTES: u32 = 12;
 
-/// Opens a `.gltf` or `.glb` file. Every index between parts of the document that is returned is within its range.
+/// Opens a `.gltf` or `.glb` file. Every index between parts of the returned document is within its range.
 ///
 /// # Errors
 /// [`ModelError::Mesh`] for a file that cannot be read, is no glTF 2.0, or names a part that is not there.
@@ -51,8 +52,8 @@ pub fn open_gltf(path: &Path) -> Result<Gltf, ModelError> {
     Ok(Gltf { document, blob: unchecked.blob })
 }
 
-/// Reads the buffers of a glTF file that was opened from `path`: from the file itself, from addresses that hold their data, and
-/// from files beside it. Each has at least as many bytes as the document says.
+/// Reads the buffers of a glTF file that was opened from `path`: from the file itself, from addresses that hold their
+/// data, and from files beside it. Each has at least as many bytes as the document says.
 ///
 /// # Errors
 /// [`ModelError::Mesh`] for a buffer that cannot be read or is too short.
@@ -78,8 +79,8 @@ pub fn gltf_buffers(path: &Path, gltf: &Gltf) -> Result<Vec<Data>, ModelError> {
     Ok(buffers)
 }
 
-/// Returns the file that the address of a buffer means; `None` for an address that holds its data, or of a kind that is
-/// not known.
+/// Returns the path of the file that the address of a buffer means; `None` for an address that holds its data or that
+/// is of an unknown kind.
 fn file_of(path: &Path, uri: &str) -> Option<PathBuf> {
     match uri.strip_prefix("file:") {
         Some(rest) => Some(PathBuf::from(rest.strip_prefix("//").unwrap_or(rest))),
@@ -87,13 +88,13 @@ fn file_of(path: &Path, uri: &str) -> Option<PathBuf> {
     }
 }
 
-/// Returns the bytes of a buffer, filled up to whole words as the crate has them.
+/// Pads the bytes of a buffer to whole words, as the `gltf` crate has them.
 fn padded(mut bytes: Vec<u8>) -> Data {
     bytes.resize(bytes.len().next_multiple_of(4), 0);
     Data(bytes)
 }
 
-/// Reads a file whole. Devices and pipes, which may have no end, are refused.
+/// Reads a file whole. Refuses devices and pipes, which may have no end.
 pub(super) fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
     if !std::fs::metadata(path)?.is_file() {
         return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, "it is no file"));

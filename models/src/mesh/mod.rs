@@ -1,4 +1,4 @@
-//! Models: triangles with texture coordinates and the places where they stand, read from OBJ and glTF files.
+//! Models: triangles with texture coordinates and their transforms, read from OBJ and glTF files.
 
 mod accessors;
 mod address;

@@ -1,41 +1,41 @@
-//! A model in memory: meshes of parts, and where they stand.
+//! A model in memory: meshes of parts, with the transforms that place them.
 
 use super::diffuse::DiffuseColour;
 use crate::error::ModelError;
 use glam::Mat4;
 use std::path::{Path, PathBuf};
 
-/// Some triangles of a model that share a material.
+/// Triangles of a model that share a material.
 #[derive(Debug, Clone, Default)]
 pub struct ModelPart {
     /// Name of the material in the file.
     pub name: String,
     /// Number of the material in the file; parts with equal numbers have the same material.
     pub group: usize,
-    /// What the material reflects and lets through, as if it were diffuse.
+    /// Reflectance and transmittance of the material, as if it were diffuse.
     pub colour: DiffuseColour,
-    /// The leaf's description or the asset that the material points at by `BTF_materials_leaf` or `BTF_materials_spmm`.
+    /// Description of a leaf, or asset, that the material points at by `BTF_materials_leaf` or `BTF_materials_spmm`.
     pub shows: Option<PathBuf>,
-    /// Whether the material says that it is seen from both sides.
+    /// Whether the material is marked as visible from both sides.
     pub double_sided: bool,
-    /// Finite.
+    /// Positions of the vertices; finite.
     pub positions: Vec<[f32; 3]>,
-    /// One for each position, where the file has them.
+    /// Normals, one for each position, where the file has them.
     pub normals: Option<Vec<[f32; 3]>>,
-    /// One for each position, where the file has them: towards growing u, w the sign of the other.
+    /// Tangents towards growing u, one for each position, where the file has them; w is the sign of the bitangent.
     pub tangents: Option<Vec<[f32; 4]>>,
-    /// One for each position, where the file has them; v grows upwards.
+    /// Texture coordinates, one for each position, where the file has them; v grows upwards.
     pub uvs: Option<Vec<[f32; 2]>>,
-    /// Numbers of positions, all within range.
+    /// Indices of positions, all within range.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A mesh of a model, and where it stands in the model's world.
+/// Mesh of a model, with the transforms that place it in the world of the model.
 #[derive(Debug, Clone, Default)]
 pub struct ModelMesh {
-    /// Its parts, in the mesh's own space.
+    /// Parts of the mesh, in its own space.
     pub parts: Vec<ModelPart>,
-    /// At least one, each invertible.
+    /// Transforms of the mesh, at least one, each invertible.
     pub places: Vec<Mat4>,
 }
 
@@ -43,7 +43,7 @@ pub(super) fn fault(path: &Path, reason: impl Into<String>) -> ModelError {
     ModelError::Mesh { path: path.into(), reason: reason.into() }
 }
 
-/// Checks the numbers that everything after relies on.
+/// Checks the numbers of a part that all later code relies on: indices in range, finite coordinates.
 pub(super) fn checked(path: &Path, part: ModelPart) -> Result<ModelPart, ModelError> {
     let wrong = |what: &str| fault(path, format!("the part '{}' {what}, export it again", part.name));
     let count = part.positions.len();

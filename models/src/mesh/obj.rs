@@ -1,4 +1,4 @@
-//! OBJ files.
+//! Reads meshes from OBJ files.
 
 use super::diffuse::DiffuseColour;
 use super::gltf_file::read_file;
@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use tobj::{LoadError, MTLLoadResult};
 
-/// Returns the parts of an OBJ file; a missing .mtl only costs the colours.
+/// Reads the parts of an OBJ file. A missing .mtl file only costs the colours.
 pub(super) fn read(path: &Path) -> Result<Vec<ModelPart>, ModelError> {
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
     let unreadable = |error: &dyn std::fmt::Display| {
@@ -55,8 +55,8 @@ pub(super) fn read(path: &Path) -> Result<Vec<ModelPart>, ModelError> {
     Ok(parts)
 }
 
-/// Refuses faces whose indices are out of range so far that the crate's arithmetic with them overflows: relative ones that reach
-/// before the first vertex, others beyond the number of lines. Those in between are the crate's to check.
+/// Refuses faces with indices so far out of range that the arithmetic of the `tobj` crate overflows: relative indices
+/// that reach before the first vertex, and others beyond the number of lines. The crate checks the rest.
 fn check_indices(bytes: &[u8]) -> Result<(), LoadError> {
     // What is no text is refused by the crate.
     let Ok(text) = std::str::from_utf8(bytes) else { return Ok(()) };
@@ -82,8 +82,8 @@ fn check_indices(bytes: &[u8]) -> Result<(), LoadError> {
     Ok(())
 }
 
-/// Reads a material library (`.mtl`). The crate wants three numbers for a colour; one alone stands for all three [Wavefront,
-/// Advanced Visualizer, appendix B1].
+/// Reads a material library (`.mtl`). The `tobj` crate needs three numbers for a colour, but one alone stands for all
+/// three [Wavefront, Advanced Visualizer, appendix B1].
 fn read_materials(path: &Path) -> MTLLoadResult {
     let bytes = read_file(path).map_err(|_| LoadError::OpenFileFailed)?;
     let text = std::str::from_utf8(&bytes).map_err(|_| LoadError::ReadError)?;

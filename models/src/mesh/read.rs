@@ -6,7 +6,7 @@ use crate::error::ModelError;
 use glam::Mat4;
 use std::path::Path;
 
-/// Returns whether a file is a model by its name.
+/// Returns whether the name of a file is that of a model.
 pub fn is_model(path: &Path) -> bool {
     ["obj", "gltf", "glb"].contains(&extension_of(path).as_str())
 }
@@ -15,7 +15,8 @@ fn extension_of(path: &Path) -> String {
     path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }
 
-/// Reads `.obj`, `.gltf` or `.glb`: every mesh that is placed, with its places, those of `EXT_mesh_gpu_instancing` among them.
+/// Reads an `.obj`, `.gltf` or `.glb` file: every mesh that is placed, with its transforms, those of
+/// `EXT_mesh_gpu_instancing` included.
 ///
 /// # Errors
 /// [`ModelError::Mesh`] for files of other kinds, files that cannot be read, have no triangles or name vertices that are

@@ -1,4 +1,4 @@
-//! What must hold in a script beyond its form: ranges, names, counts, and which shape may stand where.
+//! Checks what must hold in a script beyond its form: ranges, names, counts, and which shape may stand where.
 
 use crate::shapes::material::{Material, Tint};
 use crate::shapes::noise::Noise;
@@ -9,19 +9,19 @@ use crate::shapes::shape::{BlendElement, DensityData, MAX_NESTING, Shape};
 /// Largest coordinate in metres: a thousand kilometres.
 const MAX_COORDINATE_M: f64 = 1e6;
 
-/// Least length in metres that is no slip of the pen: below an atom.
+/// Smallest length in metres, below an atom; a smaller one is a mistake.
 const MIN_LENGTH_M: f64 = 1e-9;
 
-/// Most materials: more than a volumetric texture tells apart.
+/// Largest number of materials, more than a volumetric texture tells apart.
 const MAX_MATERIALS: usize = 256;
 
-/// Most numbers of a scanned volume: 1024 in each direction.
+/// Largest number of values of a scanned volume: 1024 in each direction.
 const MAX_DENSITY_CELLS: u64 = 1 << 30;
 
-/// Range of lengths that must not be nothing.
+/// Range of lengths that must not be 0.
 const LENGTHS_M: [f64; 2] = [MIN_LENGTH_M, MAX_COORDINATE_M];
 
-/// Checks everything; what is wrong is a verb phrase.
+/// Checks a whole script. The error is a verb phrase.
 pub(super) fn check(script: &Script) -> Result<(), String> {
     let space = &script.space;
     corners("space", space.least_m, space.most_m).map_err(|fault| format!("has {fault} in [space]"))?;
@@ -137,7 +137,7 @@ fn check_stroke(script: &Script, stroke: &Stroke) -> Result<(), String> {
     Ok(())
 }
 
-/// Checks a shape `nesting` deep; the fault ends with the kind that it is of.
+/// Checks a shape at depth `nesting`. The error ends with the kind of the shape.
 fn check_shape(shape: &Shape, nesting: usize) -> Result<(), String> {
     if nesting > MAX_NESTING {
         return Err(format!("shapes more than {MAX_NESTING} deep"));
@@ -254,7 +254,7 @@ fn check_fur(shape: &Shape) -> Result<(), String> {
     seed(*first)
 }
 
-/// Checks the numbers of a [`Shape::Density`] beside its box: how its file is read.
+/// Checks how the file of a [`Shape::Density`] is read.
 fn check_density(data: &DensityData, range: &[f64; 2]) -> Result<(), String> {
     if !(range.iter().all(|end| end.is_finite()) && range[0] != range[1]) {
         return Err(format!("`range` as {range:?}, which is not two different numbers"));
@@ -279,12 +279,12 @@ fn check_element(element: &BlendElement) -> Result<(), String> {
     within("weight_m2", element.weight_m2, [MIN_LENGTH_M * MIN_LENGTH_M, MAX_COORDINATE_M * MAX_COORDINATE_M])
 }
 
-/// Returns what can be scaled and turned: neither fur, whose lengths are its own, nor fields.
+/// Returns whether a shape can be scaled and turned. Fur, whose lengths are its own, and fields cannot.
 fn is_placeable(shape: &Shape) -> bool {
     !matches!(shape, Shape::Fur { .. } | Shape::Hypertexture { .. } | Shape::Density { .. })
 }
 
-/// Returns what fur can grow on: what has a surface that places can be drawn from.
+/// Returns whether fur can grow on a shape, which needs a surface that points can be drawn from.
 fn is_ground(shape: &Shape) -> bool {
     match shape {
         Shape::Sheet { .. } | Shape::Mesh { .. } | Shape::Sphere { .. } | Shape::Box { .. } => true,
@@ -314,7 +314,7 @@ fn axis(ends_m: &[Point; 2]) -> Result<(), String> {
     within("distance between `ends_m`", length(between), LENGTHS_M)
 }
 
-/// Radii of which all but one may be 0.
+/// Checks radii, of which all but one may be 0.
 fn radii(radii_m: &[f64]) -> Result<(), String> {
     radii_m.iter().try_for_each(|&radius| within("radii_m", radius, [0.0, MAX_COORDINATE_M]))?;
     within("greatest of `radii_m`", radii_m.iter().copied().fold(0.0, f64::max), LENGTHS_M)

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Gradient noise over the script's space [Perlin 1985, 2002], which it repeats at in every direction: sum of octaves,
-/// each of twice the frequency and `gain` times the height of the one before.
+/// Gradient noise with the period of the script's space [Perlin 1985, 2002]: a sum of octaves, each of twice the
+/// frequency and `gain` times the height of the previous one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
@@ -15,7 +15,7 @@ pub struct Noise {
     /// Height of an octave over that of the one before, 0 to 1.
     #[serde(default = "half")]
     pub gain: f64,
-    /// Seed of its gradients.
+    /// Seed of the gradients.
     #[serde(default = "first_seed")]
     pub seed: u64,
 }

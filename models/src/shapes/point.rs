@@ -1,6 +1,6 @@
 //! Positions and vectors in metres.
 
-/// A position in metres, z up.
+/// Position in metres, z up.
 pub type Point = [f64; 3];
 
 /// Returns the Euclidean length of a vector.

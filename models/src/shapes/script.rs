@@ -1,4 +1,4 @@
-//! The script: space, materials and strokes.
+//! Parts of a script: space, materials and strokes.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,27 +6,27 @@ use crate::shapes::material::Material;
 use crate::shapes::point::Point;
 use crate::shapes::shape::Shape;
 
-/// A model that is painted into a box.
+/// Script of a model that is painted into a box.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
-    /// The box.
+    /// Box that is painted.
     pub space: Space,
-    /// What strokes are made of.
+    /// Materials of the strokes.
     #[serde(default)]
     pub materials: Vec<Material>,
-    /// Painted in this order.
+    /// Strokes in the order of painting.
     #[serde(default)]
     pub strokes: Vec<Stroke>,
 }
 
-/// The box that is painted, in metres, z up.
+/// Box that is painted, in metres, z up.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Space {
     /// Corner of the least coordinates.
     pub least_m: Point,
-    /// Corner of the greatest.
+    /// Corner of the greatest coordinates.
     pub most_m: Point,
     /// Whether the box is one period of a cyclic pattern, along x and along y.
     #[serde(default)]
@@ -40,30 +40,31 @@ pub struct Stroke {
     /// Name of the material; subtracting and setting normals needs none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,
-    /// What painting does to what is there.
+    /// Effect of the stroke on what is already painted.
     #[serde(default)]
     pub mode: PaintMode,
-    /// The shapes.
+    /// Shapes that the stroke draws.
     pub shapes: Vec<Shape>,
 }
 
-/// What a stroke does to what has been painted: the drawing mode of [Neyret 1996, section 3].
+/// Effect of a stroke on what is already painted: the drawing mode of [Neyret 1996, section 3].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PaintMode {
-    /// Adds the shape's surface to what is there.
+    /// Addition of the surface of the shape.
     #[default]
     Add,
-    /// Takes away what lies inside the shape, a solid, and leaves no surface of it.
+    /// Removal of what lies inside the shape, which must be a solid. No surface of the shape remains.
     Subtract,
-    /// Takes away what lies inside the shape, then adds its surface; of what is no solid, like `add`.
+    /// Removal of what lies inside the shape, then addition of its surface. Equal to `add` for a shape that is no
+    /// solid.
     Set,
-    /// Leaves area and material, and turns all normals of voxels that the surface passes to its own.
+    /// Change of the normals of all voxels that the surface passes to its own; area and material stay.
     Normals,
 }
 
 impl Script {
-    /// Returns the number of a material by its name.
+    /// Returns the index of the material of a name.
     pub fn material_number(&self, name: &str) -> Option<usize> {
         self.materials.iter().position(|material| material.name == name)
     }

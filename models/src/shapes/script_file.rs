@@ -8,10 +8,10 @@ use crate::shapes::script::Script;
 use btf_capture::atomic::{parent_of, write_file_atomically};
 use btf_capture::toml_text::{bounded_text, line_and_reason};
 
-/// How names of scripts end.
+/// Ending of the names of scripts.
 pub const SCRIPT_ENDING: &str = ".shapes.toml";
 
-/// Largest script in bytes: a million shapes and more.
+/// Largest script in bytes, room for more than a million shapes.
 pub const MAX_SCRIPT_BYTES: u64 = 1 << 26;
 
 impl Script {
@@ -28,18 +28,18 @@ impl Script {
         Script::parse(&text).map_err(|fault| bad(fault, "correct it"))
     }
 
-    /// Writes the script, whole or not at all, so that [`Script::read`] gives the same again.
+    /// Writes the script, whole or not at all. [`Script::read`] returns the same script again.
     ///
     /// # Errors
-    /// [`ModelError::Shapes`] for what could not be read again; [`ModelError::File`].
+    /// [`ModelError::Shapes`] for a script that could not be read again; [`ModelError::File`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), ModelError> {
         Ok(write_file_atomically(path.as_ref(), self.to_text(path.as_ref())?.as_bytes())?)
     }
 
-    /// Returns what [`Script::write`] would write to `path`.
+    /// Returns the text that [`Script::write`] would write to `path`.
     ///
     /// # Errors
-    /// [`ModelError::Shapes`], as it has them.
+    /// [`ModelError::Shapes`] for a script that could not be read again.
     pub fn to_text(&self, path: impl AsRef<Path>) -> Result<String, ModelError> {
         let path = path.as_ref();
         let bad = |fault: String| ModelError::Shapes { path: path.into(), fault, remedy: "change that value" };
@@ -50,12 +50,12 @@ impl Script {
         Ok(text)
     }
 
-    /// Returns where a file is that the script, read from `path`, names.
+    /// Returns the path of a file that the script, read from `path`, names.
     pub fn beside(path: impl AsRef<Path>, file: impl AsRef<Path>) -> PathBuf {
         parent_of(path.as_ref()).join(file)
     }
 
-    /// Returns the script that a text holds; what is wrong is a verb phrase.
+    /// Parses the text of a script. The error is a verb phrase.
     pub(super) fn parse(text: &str) -> Result<Script, String> {
         let script: Script = toml::from_str(text).map_err(|error| {
             let (line, reason) = line_and_reason(text, &error);
@@ -65,7 +65,7 @@ impl Script {
         Ok(script)
     }
 
-    /// Returns the file's text; what cannot be written is a verb phrase.
+    /// Returns the text of the file. The error is a verb phrase.
     pub(super) fn to_toml(&self) -> Result<String, String> {
         check(self)?;
         toml::to_string(self).map_err(|error| format!("cannot be written as TOML ({error})"))
@@ -185,7 +185,7 @@ mod tests {
         assert_ne!(Script::read(&path).unwrap(), full());
     }
 
-    /// Returns the first example of a text, without what its lines begin with.
+    /// Returns the first example of a text, without the prefix of its lines.
     fn example(text: &str, prefix: &str) -> Script {
         let lines = text.lines().skip_while(|line| !line.contains("```toml")).skip(1);
         let lines = lines.take_while(|line| !line.contains("```"));
@@ -294,7 +294,7 @@ mod tests {
         assert!(Script::read(dir.path().join("none")).unwrap_err().to_string().contains("cannot be read"));
     }
 
-    /// Unions around a sphere that are one too many.
+    /// Number of unions around a sphere that is one too many.
     const MAX_DEPTH_REFUSED: usize = crate::shapes::MAX_NESTING;
 
     #[test]
