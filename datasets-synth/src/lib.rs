@@ -1,7 +1,7 @@
-//! Synthetic captures of leaves, woven cloth and leather: their optics and relief, and a virtual rig
-//! that photographs them under every pair of a view and a light.
+//! Makes synthetic captures of leaves, woven cloth and leather: their optics and displacement, and a virtual rig that
+//! photographs them under every pair of a view and a light.
 //!
-//! The chain, from contents to pictures of leaves:
+//! The chain from the contents of a leaf to its images:
 //!
 //! 1. [`LeafContents`]: pigments per area, and [`SpecificAbsorption`]: what they absorb.
 //! 2. [`PlateModel`]: [`plate_n`], a leaf as N absorbing plates; [`plate`], as one; [`plate_paper`],
@@ -17,18 +17,17 @@
 //!    shadows, one image of any material.
 //! 8. [`write_leaf_capture`]: all images of [`LeafParams`] and the height map, as a Bonn-layout folder.
 //!
-//! Two other materials keep fitters from being tuned to leaves: [`Cloth`], yarns whose [`Fibre`]s
-//! scatter light as cylinders, written by [`write_cloth_capture`], and [`Leather`], a grain of pebbles
-//! under a [`Finish`] of long-tailed [`Facets`], written by [`write_leather_capture`]. Both add one
-//! indirect [`Bounce`].
+//! Two other materials keep fitters from being tuned to leaves: [`Cloth`], yarns whose [`Fibre`]s scatter light as
+//! cylinders, written by [`write_cloth_capture`], and [`Leather`], a grain of pebbles under a [`Finish`] of long-tailed
+//! [`Facets`], written by [`write_leather_capture`]. Both add one indirect [`Bounce`].
 //!
-//! Plants that bear such leaves, by L-systems, as instanced meshes in a glTF file or as a script of shapes:
-//! [`write_plants`] of [`PlantsParams`].
+//! [`write_plants`] generates plants that bear such leaves, from [`PlantsParams`] by L-systems, as instanced meshes in
+//! a glTF file or as a script of shapes.
 //!
-//! Everything that is random comes from a seed; the number of threads never matters.
+//! Everything random comes from a seed; the number of threads never matters.
 //!
-//! Independent on purpose of the fitter and the decoder: nothing here knows the lobes that a
-//! capture is fitted with, so that fitting one measures more than self-consistency.
+//! This package is independent of the fitter and the decoder on purpose: nothing here knows the lobes that a capture is
+//! fitted with, so that fitting a capture measures more than self-consistency.
 //!
 //! ```
 //! use std::ops::ControlFlow;

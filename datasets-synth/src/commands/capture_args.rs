@@ -1,4 +1,4 @@
-//! Options of every command that writes a capture, and the writing.
+//! Options of every command that writes a capture, and the writing of the capture.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -31,7 +31,7 @@ pub(super) struct CaptureArgs {
 }
 
 impl CaptureArgs {
-    /// Returns what is asked for, of a patch of `size_mm`.
+    /// Returns the parameters of a capture of a patch of `size_mm`.
     pub(super) fn params(&self, size_mm: f32) -> Result<CaptureParams, Failure> {
         let set = DirectionSet::by_name(&self.directions).map_err(|error| Failure::Failed(error.to_string()))?;
         Ok(CaptureParams {
@@ -44,8 +44,8 @@ impl CaptureArgs {
         })
     }
 
-    /// Writes the capture of `params` by `write` with a progress bar and reports it; `more` are the material's
-    /// own keys of the JSON result.
+    /// Writes the capture of `params` by `write` with a progress bar, and reports the result. `more` are additional
+    /// keys of the JSON result.
     pub(super) fn photograph(
         &self,
         run: &RunArgs,

@@ -1,10 +1,10 @@
-//! How a command fails.
+//! Failures of commands.
 
 use btf_synth::SynthError;
 
-/// How the program ends.
+/// Reason why the program ends with an error.
 pub(super) enum Failure {
-    /// Bad usage.
+    /// Wrong usage.
     Usage(String),
     /// Bad input, or the work failed.
     Failed(String),

@@ -16,7 +16,7 @@ use super::failure::Failure;
 use super::model::{ContentsArgs, Model, Side, TissueArgs, side_name};
 use super::run_args::{RunArgs, write_text};
 
-/// Rays of the count of interactions, as in the paper's figure 8.
+/// Number of rays for which interactions are counted, as in the paper's figure 8.
 const INTERACTION_RAYS: u64 = 10_000;
 
 #[derive(Args)]
@@ -68,18 +68,18 @@ pub struct GoniophotometerArgs {
     interactions_plot: Option<PathBuf>,
 }
 
-/// What was measured, for the plots, the JSON result and the table.
+/// Results of a measurement, for the plots, the JSON result and the table.
 struct Measured {
-    /// One for each angle of incidence.
+    /// Goniograms, one for each angle of incidence.
     grams: Vec<Goniogram>,
-    /// Wavelengths in nanometres, each with the count of its interactions; none for the plates.
+    /// Wavelengths in nanometres, each with the counts of its interactions; none for the plates.
     counted: Vec<(f64, Interactions)>,
-    /// Rays of all incidences together.
+    /// Number of rays of all incidences together.
     rays: usize,
     seconds: f64,
 }
 
-/// Measures and writes.
+/// Measures the model and writes the results.
 pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
     if !(400.0..=2500.0).contains(&args.wavelength_nm) {
         let given = args.wavelength_nm;
@@ -220,7 +220,7 @@ fn table(args: &GoniophotometerArgs, Measured { grams, counted, rays, seconds }:
     text
 }
 
-/// Returns a plate's shares of entered light at the wavelength, and the gloss on top.
+/// Returns the shares of entered light of a plate at the wavelength, and the specular lobe on top of it.
 fn plate_and_gloss(args: &GoniophotometerArgs, model: PlateModel) -> Result<(PlateOptics, CookTorrance), Failure> {
     let contents = args.contents.over(LeafContents::default());
     let table = model.default_table();

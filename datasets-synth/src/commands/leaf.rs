@@ -106,7 +106,7 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
     })
 }
 
-/// Returns the leaf of the options.
+/// Returns the leaf that the options describe.
 fn describe(args: &LeafArgs) -> Result<Looked, Failure> {
     let mut looked = args.look.leaf()?;
     let leaf = &mut looked.leaf;

@@ -1,4 +1,4 @@
-//! A leaf's description as an option, and as a file that is written.
+//! Description of a leaf as an option, and as a file that is written.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -22,15 +22,15 @@ impl LeafFileArgs {
         self.file.as_ref().map(read).transpose()
     }
 
-    /// Returns the folder of textures that a description names that was read.
+    /// Returns the folder of textures that the description that was read names.
     pub fn textures(&self, leaf: &LeafDescription) -> Option<PathBuf> {
         leaf.textures_beside(self.file.as_ref()?)
     }
 }
 
 impl ContentsArgs {
-    /// Returns the chlorophyll and carotenoids for the algorithmic models, which keep their own leaf's unless the user
-    /// has others, by options or as the contents of a whole leaf.
+    /// Returns chlorophyll and carotenoids for the algorithmic models, from the options or from the contents of a whole
+    /// leaf. Without either, the models keep those of their own leaf.
     pub(super) fn own_pigments(&self, whole: Option<&LeafContents>) -> [Option<f64>; 2] {
         [
             self.cab.or(whole.map(|contents| contents.chlorophyll_ug_per_cm2)),
@@ -39,14 +39,14 @@ impl ContentsArgs {
     }
 }
 
-/// Writes a description to `file`, with its `textures` as seen from there.
+/// Writes a description to `file`, with the path of its `textures` relative to the folder of `file`.
 pub(super) fn write(leaf: &LeafDescription, textures: Option<&Path>, file: &Path) -> Result<(), Failure> {
     let textures = textures.map(|folder| seen_from(file, folder));
     let leaf = LeafDescription { textures, ..leaf.clone() };
     leaf.write(file).map_err(|error| Failure::Failed(error.to_string()))
 }
 
-/// Returns the path of `folder` relative to the folder that holds `file`; absolute where there is no such way.
+/// Returns the path of `folder` relative to the folder that holds `file`; absolute where there is no relative one.
 fn seen_from(file: &Path, folder: &Path) -> PathBuf {
     // Links are followed where they exist, so that `..` leads where it says.
     let whole =

@@ -143,8 +143,8 @@ impl TissueArgs {
         }
     }
 
-    /// Returns the model with its parameters; contents in ug/cm2 where they are given, else those of the model's own
-    /// leaf.
+    /// Returns the model with its parameters. `cab` and `car`, in ug/cm2, replace the contents of the model's own leaf
+    /// where they are given.
     pub fn leaf_model(&self, model: Model, cab: Option<f64>, car: Option<f64>) -> Result<LeafModel, Failure> {
         let specimen = |default| self.specimen(default, cab, car);
         Ok(match model {

@@ -1,4 +1,4 @@
-//! Options and the progress bar of every command that works for a while, and its result.
+//! Options and progress bar of commands that work for a while, and their result.
 
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::failure::Failure;
 
-/// Set by Ctrl-C; the work stops at the next step.
+/// Flag that Ctrl-C sets; the work stops at the next step.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Options of every command that works for a while.
@@ -31,8 +31,8 @@ pub(super) struct RunArgs {
 }
 
 impl RunArgs {
-    /// Runs `work` on a pool of the wished size with a progress bar over `total` steps, until Ctrl-C.
-    /// `work` is given a function that takes the number of steps done and says whether to go on.
+    /// Runs `work` on a pool of the requested size with a progress bar over `total` steps, until Ctrl-C. `work` gets a
+    /// function that takes the number of steps done and says whether to continue.
     pub(super) fn work<T: Send>(
         &self,
         message: &'static str,
@@ -60,8 +60,8 @@ impl RunArgs {
         Ok(result?)
     }
 
-    /// Writes the JSON result where it was asked for, and the result line unless standard output holds
-    /// the JSON or the user wants quiet.
+    /// Writes the JSON result if the options ask for it. Prints the result line unless standard output holds the JSON
+    /// or the user wants quiet.
     pub(super) fn report(&self, result: &Value, line: &str) -> Result<(), Failure> {
         if let Some(path) = &self.json {
             let text = format!("{result:#}\n");
@@ -80,7 +80,7 @@ impl RunArgs {
     }
 }
 
-/// Writes a text file that is whole or not there.
+/// Writes a text file whole or not at all.
 pub(super) fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
     write_file_atomically(path, text.as_bytes()).map_err(|error| Failure::Failed(error.to_string()))
 }

@@ -89,7 +89,7 @@ enum MethodName {
     Direct,
 }
 
-/// Measures and writes.
+/// Measures the model and writes the results.
 pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
     let mut sides = vec![args.side];
     if args.both_sides {
@@ -170,7 +170,7 @@ fn measure(args: &SpectrumArgs, sides: &[Side]) -> Result<(Vec<Spectrum>, f64), 
     Ok((spectra, started.elapsed().as_secs_f64()))
 }
 
-/// Returns a spectrum as the JSON result has it.
+/// Returns the JSON form of a spectrum.
 fn figures(spectrum: &Spectrum) -> Value {
     let mean = |values: &[Estimate]| values.iter().map(|e| e.mean).collect::<Vec<f64>>();
     let error = |values: &[Estimate]| values.iter().map(|e| e.standard_error).collect::<Vec<f64>>();

@@ -1,4 +1,4 @@
-//! From a leaf's parameters to a capture folder.
+//! Writes the capture of a leaf.
 
 use std::path::Path;
 
@@ -16,11 +16,11 @@ use crate::optics::plates::body::PlateBody;
 use crate::optics::plates::model::PlateModel;
 use crate::surface::capture::{Progress, write_capture};
 
-/// Makes the leaf of `params` and writes its capture to the folder `dir`, with its height map; see
-/// [`write_capture`]. The same parameters give the same files on any number of threads.
+/// Generates the leaf of `params` and writes its capture to the folder `dir`, with its height map; see
+/// [`write_capture`]. Equal parameters give equal files on any number of threads.
 ///
 /// # Errors
-/// [`SynthError::BadParameter`]; otherwise as [`write_capture`].
+/// [`SynthError::BadParameter`], and the errors of [`write_capture`].
 pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: Progress) -> Result<(), SynthError> {
     params.check()?;
     let mut info = params.capture.info("leaf", params.provenance());

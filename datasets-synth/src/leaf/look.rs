@@ -1,30 +1,30 @@
-//! How a leaf looks apart from its contents.
+//! Look of a leaf apart from its contents.
 
 use btf_models::{Species, TextureImages, TextureKind};
 
 use crate::error::SynthError;
 use crate::leaf::chlorosis::Chlorosis;
 
-/// How a leaf looks apart from its contents: what its textures are made of.
+/// Look of a leaf apart from its contents: what its textures are generated from.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LeafLook {
-    /// Veins, relief and tissue; `None` is a plain pinnate leaf.
+    /// Species that sets veins, displacement and tissue; `None` is a plain pinnate leaf.
     pub species: Option<Species>,
-    /// A deficiency.
+    /// Deficiency, if any.
     pub chlorosis: Option<Chlorosis>,
-    /// The user's own textures.
+    /// Textures that the user supplies.
     pub images: TextureImages,
-    /// Which place of the blade the patch is.
+    /// Place of the patch on the blade.
     pub place: BladePlace,
 }
 
-/// Which place of the blade a patch is.
+/// Place of a patch on the blade.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum BladePlace {
-    /// A place beside the main vein, which crosses it left of the middle.
+    /// Patch beside the main vein, which crosses it left of the middle.
     #[default]
     Beside,
-    /// The blade from margin to margin: the main vein runs up the middle.
+    /// Patch over the whole blade from margin to margin: the main vein runs up the middle.
     Whole,
 }
 
@@ -35,7 +35,7 @@ impl LeafLook {
         self.chlorosis.map_or(Ok(()), |chlorosis| chlorosis.check())
     }
 
-    /// Returns the look in words for a provenance, each part with a comma before it; nothing for the plain leaf.
+    /// Describes the look for a provenance, each part with a comma before it; empty for the plain leaf.
     pub fn provenance(&self) -> String {
         let species = self.species.map_or(String::new(), |species| format!(", species {}", species.name()));
         let chlorosis = self.chlorosis.map_or(String::new(), |chlorosis| {

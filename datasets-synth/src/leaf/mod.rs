@@ -1,4 +1,4 @@
-//! Leaves: veins, relief and appearance textures, and the capture of a patch.
+//! Leaves: veins, displacement and appearance textures, and the capture of a patch.
 
 pub(crate) mod capture;
 pub(crate) mod chlorosis;

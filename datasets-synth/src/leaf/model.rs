@@ -1,4 +1,4 @@
-//! The models that a leaf's blade can be made of.
+//! Optical models of a blade.
 
 use crate::optics::abm::abm_b::AbmB;
 use crate::optics::abm::abm_u::AbmU;
@@ -6,10 +6,10 @@ use crate::optics::abm::abm97::Abm97;
 use crate::optics::abm::tissue::Tissue;
 use crate::optics::plates::model::PlateModel;
 
-/// Optics of a blade.
+/// Optical model of a blade.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LeafModel {
-    /// Absorbing plates below a Cook-Torrance gloss; contents by [`crate::LeafContents`].
+    /// Absorbing plates below a Cook-Torrance lobe, with contents by [`crate::LeafContents`].
     Plate(PlateModel),
     /// Random walk of 1997, with its own surface and contents.
     Abm97(Abm97),
@@ -27,7 +27,7 @@ impl Default for LeafModel {
 }
 
 impl LeafModel {
-    /// Its name on the command line.
+    /// Returns the name of the model on the command line.
     pub fn name(&self) -> &'static str {
         match self {
             LeafModel::Plate(model) => model.name(),

@@ -1,4 +1,4 @@
-//! What leaf to make and how to photograph it.
+//! Parameters of a leaf and of its capture.
 
 use btf_capture::Side;
 use btf_models::{LeafContents, LeafDescription, Species, TextureImages};
@@ -17,32 +17,32 @@ use crate::optics::gloss::params::GlossParams;
 use crate::surface::capture_params::CaptureParams;
 use crate::surface::grid::Grid;
 
-/// What leaf to make and how to photograph it.
+/// Parameters of a leaf and of its capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafParams {
-    /// Patch, directions and images. For transmission the lights are turned to the far side, `theta` to
+    /// Patch, directions and images. For transmission the lights are turned to the far side, from `theta` to
     /// `180 - theta`.
     pub capture: CaptureParams,
-    /// Optics of the blade.
+    /// Optical model of the blade.
     pub model: LeafModel,
-    /// What the blade holds, for the plate models; veins deviate from it. The algorithmic models carry
-    /// their own contents.
+    /// Contents of the blade for the plate models; veins deviate from them. The algorithmic models have contents of
+    /// their own.
     pub contents: LeafContents,
     /// Wavelengths of the plate models' colour.
     pub bands: RgbBands,
-    /// Gloss of the plate models. For `plate-paper` nothing is coupled, whatever this says.
+    /// Specular lobe of the plate models. For `plate-paper` it is never coupled to the body.
     pub gloss: GlossParams,
-    /// Species, deficiency, and textures of the user's own.
+    /// Species, deficiency, and textures that the user supplies.
     pub look: LeafLook,
     /// Face that is seen.
     pub side: Face,
-    /// Whether the light falls on the seen face or on the other one.
+    /// Whether the light falls on the visible face or on the other one.
     pub passage: Passage,
 }
 
 impl Default for LeafParams {
-    /// Returns a green leaf of `plate-n`, its face in reflection, 256 x 256 texels of 20 x 20 mm, Bonn's 81 x 81
-    /// directions, png, seed 1.
+    /// Returns a green leaf of `plate-n`, its adaxial face in reflection, 256 x 256 texels of 20 x 20 mm, Bonn's 81 x
+    /// 81 directions, png, seed 1.
     fn default() -> LeafParams {
         LeafParams {
             capture: CaptureParams::new(20.0),
@@ -58,13 +58,13 @@ impl Default for LeafParams {
 }
 
 impl LeafParams {
-    /// Returns the patch, contents and gloss of a species' preset, otherwise as the default.
+    /// Returns the parameters of a species: patch, contents and specular lobe of its preset, otherwise the defaults.
     pub fn of(species: Species) -> LeafParams {
         LeafParams::described(&LeafDescription::of(Some(species), None), TextureImages::default())
     }
 
-    /// Returns the leaf of a description with the textures that it names ([`LeafDescription::textures_beside`]),
-    /// otherwise as the default. A description's variation is for those who make many leaves.
+    /// Returns the parameters of a description, with the textures that it names ([`LeafDescription::textures_beside`]),
+    /// otherwise the defaults. The variation of a description is for callers that make many leaves.
     pub fn described(leaf: &LeafDescription, images: TextureImages) -> LeafParams {
         let chlorosis = leaf.deficiency.map(|deficiency| Chlorosis { deficiency, severity: leaf.severity });
         LeafParams {
@@ -76,7 +76,7 @@ impl LeafParams {
         }
     }
 
-    /// Returns the nodes of the patch with the margin that its steepest view needs.
+    /// Returns the grid of the patch with the margin that its steepest view needs.
     pub(crate) fn grid(&self) -> Grid {
         self.capture.grid(RELIEF_BOUND_MM)
     }
@@ -98,7 +98,7 @@ impl LeafParams {
         self.capture.check_grid(RELIEF_BOUND_MM)
     }
 
-    /// Returns the sides of light and eye in a capture's terms.
+    /// Returns the side of the capture, from the face that is seen and the side of the light.
     pub fn capture_side(&self) -> Side {
         match (self.side, self.passage) {
             (Face::Adaxial, Passage::Reflection) => Side::Front,
@@ -108,7 +108,7 @@ impl LeafParams {
         }
     }
 
-    /// Returns what was asked for in one line, for the capture's provenance.
+    /// Describes the parameters in one line, for the provenance of the capture.
     pub fn provenance(&self) -> String {
         let face = match self.side {
             Face::Adaxial => "adaxial",
@@ -166,7 +166,7 @@ pub(crate) mod tests {
     use crate::optics::abm::abm97::Abm97;
     use crate::optics::units::Centimetres;
 
-    /// Returns the default leaf under other conditions.
+    /// Returns the default leaf with a changed capture.
     pub(crate) fn with(change: impl FnOnce(&mut CaptureParams)) -> LeafParams {
         let mut params = LeafParams::default();
         change(&mut params.capture);

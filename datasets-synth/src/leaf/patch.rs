@@ -1,4 +1,4 @@
-//! A leaf patch: the grids that rendering reads.
+//! Patch of a leaf: the grids that rendering reads.
 
 use crate::error::SynthError;
 use crate::leaf::face::{Seen, Tint};
@@ -8,22 +8,22 @@ use crate::leaf::textures::AppearanceTextures;
 use crate::optics::abm::path_lengths::Face;
 use crate::surface::height_field::HeightField;
 
-/// A leaf patch without its optics: the two faces' relief and the appearance textures, on one grid, in the
-/// seen face's frame. Lengths in millimetres, the origin at the patch's lower left corner, x to the right,
-/// y up, z out of the face.
+/// Patch of a leaf without its optics: the displacement of both faces and the appearance textures, on one grid, in the
+/// frame of the visible face. Lengths are in millimetres, the origin is the lower left corner of the patch, x points to
+/// the right, y up, z out of the face.
 #[derive(Debug, Clone)]
 pub(crate) struct Leaf {
     pub seen: Seen,
     /// Factors on the contents, per node.
     pub tints: Vec<Tint>,
-    /// Strength of the gloss of the seen and of the far face, 0 to 1, per node.
+    /// Strength of the specular lobe of the visible and of the far face, 0 to 1, per node.
     pub gloss: Vec<[f32; 2]>,
     /// Cosine and sine of twice the angle of the veins in the plane, per node.
     pub veins: Vec<[f32; 2]>,
 }
 
 impl Leaf {
-    /// Grows the leaf. Deterministic by seed, on all threads of the current pool.
+    /// Generates the leaf, deterministic by seed, on all threads of the current pool.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].

@@ -1,4 +1,4 @@
-//! Veins of a leaf: where they run, and where a point lies among them.
+//! Veins of a leaf: where they run, and the place of a point among them.
 
 pub(crate) mod parallel;
 pub(crate) mod pinnate;

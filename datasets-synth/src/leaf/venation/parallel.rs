@@ -9,18 +9,18 @@ use crate::surface::noise::{gradient_noise, lattice_unit};
 #[derive(Debug, Clone)]
 pub(crate) struct ParallelVenation {
     traits: ParallelTraits,
-    /// Midrib at y = 0, and its lean.
+    /// Position of the midrib at y = 0, and its lean.
     foot_mm: f32,
     lean: f32,
-    /// Distances of the laterals' middles from the midrib along x, rising, with their half-widths.
+    /// Distances of the middles of the laterals from the midrib along x, rising, with their half-widths.
     laterals: Vec<(f32, f32)>,
-    /// The same of the fine veins' middles.
+    /// Distances of the middles of the fine veins from the midrib along x, rising.
     fine: Vec<f32>,
     seed: u32,
 }
 
 impl ParallelVenation {
-    /// See [`crate::leaf::venation::veins::Venation::new`].
+    /// Generates the veins; see [`crate::leaf::venation::veins::Venation::new`].
     pub fn new(traits: &ParallelTraits, size_mm: f32, margin_mm: f32, seed: u64) -> ParallelVenation {
         let seed = (seed ^ (seed >> 32)) as u32;
         let unit = |i: i32, stream: u32| 2.0 * lattice_unit(i, 0, seed.wrapping_add(stream)) - 1.0;
@@ -51,7 +51,7 @@ impl ParallelVenation {
         ParallelVenation { traits: *traits, foot_mm, lean: 0.02 * unit(0, 32), laterals, fine, seed }
     }
 
-    /// Returns where `position_mm` lies among the veins.
+    /// Returns the place of `position_mm` among the veins.
     pub fn site(&self, position_mm: [f32; 2]) -> VeinSite {
         let [x, y] = position_mm;
         // All veins bend together, slowly; the derivative gives their direction.
@@ -120,7 +120,7 @@ mod tests {
         }
     }
 
-    /// Returns the places along a row where a distance has a minimum near zero.
+    /// Returns the positions along a row where a distance has a minimum near zero.
     fn crossings(veins: &ParallelVenation, y: f32, distance: fn(&VeinSite) -> f32) -> Vec<f32> {
         let xs: Vec<f32> = (0..12_000).map(|i| i as f32 * 0.0025).collect();
         let d: Vec<f32> = xs.iter().map(|&x| distance(&veins.site([x, y]))).collect();

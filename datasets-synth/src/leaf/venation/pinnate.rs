@@ -14,17 +14,17 @@ use crate::leaf::venation::traits::{PinnateTraits, RungTraits, TertiaryTraits};
 use crate::leaf::venation::vein::{FineVeins, Vein, direction_of, double_angle};
 use crate::surface::noise::{cell_border_distance, gradient_noise};
 
-/// Length of one straight piece of a vein.
+/// Length of one straight piece of a great vein.
 const PIECE_MM: f32 = 0.5;
-/// The same of a tertiary.
+/// Length of one straight piece of a tertiary vein.
 const FINE_PIECE_MM: f32 = 0.25;
-/// Farther veins than this have no influence on relief and tissue.
+/// Distance beyond which veins have no influence on displacement and tissue.
 const REACH_MM: f32 = 8.0;
 /// Distance from a great vein over which tertiaries begin to wander.
 const JOIN_MM: f32 = 0.6;
 /// Length over which a tertiary wanders to one side.
 const WANDER_STEP_MM: f32 = 1.9;
-/// Distance in millimetres below which a vein's pull on the direction grows no more.
+/// Distance in millimetres below which the pull of a vein on the direction grows no more.
 const PULL_CORE_MM: f32 = 0.3;
 
 #[derive(Debug, Clone)]
@@ -38,14 +38,14 @@ pub(crate) struct PinnateVenation {
 
 #[derive(Debug, Clone)]
 enum Tertiaries {
-    /// Cells of this size, and what their borders wander.
+    /// Network of cells of this size.
     Network(f32),
-    /// How far they wander off their smooth course.
+    /// Curves, and how far they wander off their smooth course.
     Curves(FineVeins, f32),
 }
 
 impl PinnateVenation {
-    /// See [`crate::leaf::venation::veins::Venation::new`].
+    /// Generates the veins; see [`crate::leaf::venation::veins::Venation::new`].
     pub fn new(traits: &PinnateTraits, size_mm: f32, margin_mm: f32, seed: u64) -> PinnateVenation {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x7665_696E);
         let mut jitter = |amount: f32| 1.0 + amount * (random.gen_range(0.0..2.0f32) - 1.0);
@@ -99,7 +99,7 @@ impl PinnateVenation {
         PinnateVenation { main, secondaries, tertiaries, finest_cell_mm: traits.finest_cell_mm, seed }
     }
 
-    /// Returns where `position_mm` lies among the veins.
+    /// Returns the place of `position_mm` among the veins.
     pub fn site(&self, position_mm: [f32; 2]) -> VeinSite {
         let [x, y] = position_mm;
         // The main vein is upright enough to be found from the height alone.
@@ -163,7 +163,7 @@ fn tertiary_lines(
     traits: &RungTraits,
     random: &mut Xoshiro256PlusPlus,
 ) -> Vec<Vec<[f32; 2]>> {
-    /// How much farther out on the main vein than on the secondary a rung in their angle stands.
+    /// Ratio of the distances on the main vein and on the secondary at which a rung in their angle ends.
     const LEAN: f32 = 0.8;
     let mut lines = Vec::new();
     // Secondaries of one side are every second.
@@ -215,7 +215,7 @@ fn tertiary_lines(
     lines
 }
 
-/// Returns the main vein at a height.
+/// Returns the point of the main vein at a height.
 fn main_point(main: &Vein, y: f32) -> [f32; 2] {
     let step = ((y - main.points[0][1]) / PIECE_MM).clamp(0.0, (main.points.len() - 1) as f32);
     let index = (step as usize).min(main.points.len() - 2);
@@ -223,7 +223,7 @@ fn main_point(main: &Vein, y: f32) -> [f32; 2] {
     [0, 1].map(|k| main.points[index][k] * (1.0 - t) + main.points[index + 1][k] * t)
 }
 
-/// Cuts a curve over 0 to 1 into pieces.
+/// Returns the points of a curve over 0 to 1, cut into pieces.
 fn line(point: impl Fn(f32) -> [f32; 2]) -> Vec<[f32; 2]> {
     let (a, b) = (point(0.0), point(1.0));
     let length = ((b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2)).sqrt();

@@ -1,6 +1,6 @@
-//! The place of a point among the veins.
+//! Place of a point among the veins.
 
-/// Where a point lies among the veins. Distances in millimetres.
+/// Place of a point among the veins. Distances are in millimetres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct VeinSite {
     /// Distance to the main vein's middle.
@@ -15,8 +15,8 @@ pub(crate) struct VeinSite {
     pub tertiary: f32,
     /// Distance to the nearest vein of the finest order.
     pub quaternary: f32,
-    /// Distance to the right of the main vein along x, negative to its left, however far.
+    /// Distance to the right of the main vein along x, negative to its left, without a limit.
     pub across: f32,
-    /// Unit vector along the nearby veins of the two great orders, the nearer counting more; y is not negative.
+    /// Unit vector along the nearby veins of the two great orders, weighted by nearness; y is not negative.
     pub direction: [f32; 2],
 }

@@ -1,6 +1,6 @@
 //! Sizes of veins.
 
-/// Which way veins run, with their sizes.
+/// Kind of venation with its sizes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum VenationTraits {
     Pinnate(PinnateTraits),
@@ -18,7 +18,7 @@ pub(crate) struct PinnateTraits {
     pub secondary_half_width_mm: f32,
     /// Length over which a secondary vein thins to its end.
     pub secondary_length_mm: f32,
-    /// The same as a share of the patch, if that is longer.
+    /// Length over which a secondary vein thins, as a share of the patch, if that is longer.
     pub secondary_share_of_patch: f32,
     /// Distance between secondary veins along the main one, both sides counted.
     pub secondary_spacing_mm: f32,
@@ -26,14 +26,14 @@ pub(crate) struct PinnateTraits {
     pub secondary_angles_deg: [f32; 2],
     /// Relative jitter of those angles.
     pub secondary_angle_jitter: f32,
-    /// How far a secondary swings about its course, in degrees.
+    /// Amplitude by which a secondary swings about its course, in degrees.
     pub secondary_wave_deg: f32,
     pub tertiary: TertiaryTraits,
     /// Mean size of the areas that the finest veins enclose.
     pub finest_cell_mm: f32,
 }
 
-/// What lies between secondaries.
+/// Kind of tertiary veins between secondaries.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum TertiaryTraits {
     /// A network of cells of a mean size.
@@ -56,14 +56,14 @@ pub(crate) struct ParallelTraits {
     pub commissure_spacing_mm: f32,
 }
 
-/// How tertiary curves join secondaries.
+/// Sizes of tertiary curves that join secondaries.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RungTraits {
     /// Distance between rungs along a secondary in millimetres.
     pub spacing_mm: f32,
     /// Relative jitter of that distance.
     pub spacing_jitter: f32,
-    /// How far a rung wanders off its smooth course.
+    /// Distance by which a rung wanders off its smooth course in millimetres.
     pub wander_mm: f32,
     /// Distance of a rung's middle from the straight line, as a share of its length.
     pub bow: f32,

@@ -1,18 +1,18 @@
-//! One vein as a line of short pieces, and many fine ones in bins.
+//! A vein as a line of short pieces, and many fine veins in bins.
 
-/// Side of a bin of [`FineVeins`] in millimetres; veins farther than this are not looked for.
+/// Side of a bin of [`FineVeins`] in millimetres, and the largest distance at which veins are found.
 pub(crate) const FINE_REACH_MM: f32 = 1.0;
 
-/// A vein's middle and width along its length. Positions in millimetres.
+/// Middle and width of a vein along its length. Positions are in millimetres.
 #[derive(Debug, Clone)]
 pub(crate) struct Vein {
     pub points: Vec<[f32; 2]>,
     pub half_widths: Vec<f32>,
-    /// Lower left and upper right corner.
+    /// Lower left and upper right corner of the vein.
     bounds: [[f32; 2]; 2],
 }
 
-/// The place on a vein that is nearest to a point.
+/// Point of a vein that is nearest to another point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Nearest {
     pub distance: f32,
@@ -30,7 +30,7 @@ impl Vein {
         Vein { points, half_widths, bounds }
     }
 
-    /// Returns the nearest place, if it is nearer than `limit`.
+    /// Returns the nearest point of the vein if it is nearer than `limit`.
     pub fn nearest(&self, p: [f32; 2], limit: f32) -> Option<Nearest> {
         let outside = (0..2).any(|k| p[k] < self.bounds[0][k] - limit || p[k] > self.bounds[1][k] + limit);
         if outside {
@@ -47,7 +47,7 @@ impl Vein {
         Some(Nearest { distance: best.0.sqrt(), half_width: best.1, direction: unit([b[0] - a[0], b[1] - a[1]]) })
     }
 
-    /// Returns the point at a length from the vein's start, held at its end.
+    /// Returns the point at a length from the start of the vein, at most its end.
     pub fn point_at(&self, length_mm: f32) -> [f32; 2] {
         let mut left = length_mm.max(0.0);
         for pair in self.points.windows(2) {
@@ -63,7 +63,7 @@ impl Vein {
     }
 }
 
-/// Many thin veins of one order, in bins so that the nearest is found quickly.
+/// Thin veins of one order, in bins so that the nearest is found quickly.
 #[derive(Debug, Clone)]
 pub(crate) struct FineVeins {
     pieces: Vec<[[f32; 2]; 2]>,
@@ -74,7 +74,7 @@ pub(crate) struct FineVeins {
 }
 
 impl FineVeins {
-    /// Bins the pieces of `lines` that touch the square from `first_mm` to `last_mm` on both axes.
+    /// Sorts the pieces of `lines` that touch the square from `first_mm` to `last_mm` on both axes into bins.
     pub fn new(lines: &[Vec<[f32; 2]>], first_mm: f32, last_mm: f32) -> FineVeins {
         let side = ((last_mm - first_mm) / FINE_REACH_MM).ceil() as usize + 2;
         let first_mm = first_mm - FINE_REACH_MM;
@@ -118,7 +118,8 @@ impl FineVeins {
     }
 }
 
-/// Returns the squared distance from `p` to the piece from `a` to `b`, and where on it the nearest point lies, 0 to 1.
+/// Returns the squared distance from `p` to the piece from `a` to `b`, and the position of the nearest point on it, 0
+/// to 1.
 fn to_piece(p: [f32; 2], a: [f32; 2], b: [f32; 2]) -> (f32, f32) {
     let along = [b[0] - a[0], b[1] - a[1]];
     let to = [p[0] - a[0], p[1] - a[1]];
@@ -134,8 +135,8 @@ pub(crate) fn unit(v: [f32; 2]) -> [f32; 2] {
     if length > 1e-12 { [v[0] / length, v[1] / length] } else { [0.0, 1.0] }
 }
 
-/// Returns the cosine and sine of twice the angle of a direction: the same for a vector and its opposite, and fit to be
-/// averaged.
+/// Returns the cosine and sine of twice the angle of a direction, which are equal for a vector and its opposite and can
+/// be averaged.
 pub(crate) fn double_angle(direction: [f32; 2]) -> [f32; 2] {
     let [x, y] = direction;
     [x * x - y * y, 2.0 * x * y]
