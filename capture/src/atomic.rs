@@ -1,4 +1,4 @@
-//! Files and folders that appear whole or not at all: written beside their place, synced, renamed.
+//! Writes files and folders that appear whole or not at all: they are written beside their place, synced and renamed.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -7,16 +7,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::CaptureError;
 
-/// Makes a folder, and those above it, where it is not there.
+/// Creates the folder `path` and its missing parents.
 ///
 /// # Errors
-/// [`CaptureError::Write`] naming it.
+/// [`CaptureError::Write`] with the path of the folder.
 pub fn create_folder(path: impl AsRef<Path>) -> Result<(), CaptureError> {
     fs::create_dir_all(path.as_ref()).map_err(|source| CaptureError::write(path.as_ref(), source))
 }
 
-/// Writes `bytes` to `path`, replacing what was there in one step: readers see the old file or
-/// the new one, and a failure leaves the old one.
+/// Writes `bytes` to `path` and replaces an existing file in one step: readers see the old file or the new one, and a
+/// failure leaves the old one.
 ///
 /// # Errors
 /// [`CaptureError::Write`]; nothing half-written remains.
@@ -26,16 +26,16 @@ pub fn write_file_atomically(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(),
     file.commit()
 }
 
-/// A file being written beside its final path. [`AtomicFile::commit`] puts it in place; dropped
-/// without that, it is removed and the final path is untouched.
+/// A file that is written beside its final path. [`AtomicFile::commit`] renames it to that path; a file that is dropped
+/// before is removed, and the final path is untouched.
 ///
-/// A symbolic link stays one: the file that it leads to is replaced. A device or a pipe
-/// (`/dev/null`, `/dev/stdout`) is written to directly: a rename would put a file in its place.
+/// A symbolic link stays a link: the file that it leads to is replaced. A device or a pipe (`/dev/null`, `/dev/stdout`)
+/// is written to directly, because a rename would put a file in its place.
 #[derive(Debug)]
 pub struct AtomicFile {
-    /// Where the file ends, links followed.
+    /// Final path of the file, with links followed.
     path: PathBuf,
-    /// Where it grows; none for a device or a pipe.
+    /// Path of the file while it is written; none for a device or a pipe.
     temporary: Option<PathBuf>,
     file: Option<File>,
 }
@@ -105,8 +105,8 @@ impl Drop for AtomicFile {
     }
 }
 
-/// A folder that grows beside its final path. [`StagedFolder::commit`] puts it in place; dropped without that, it is
-/// removed and the final path is untouched.
+/// A folder that is filled beside its final path. [`StagedFolder::commit`] renames it to that path; a folder that is
+/// dropped before is removed, and the final path is untouched.
 #[derive(Debug)]
 pub struct StagedFolder {
     path: PathBuf,
@@ -125,12 +125,12 @@ impl StagedFolder {
         Ok(StagedFolder { path, target: target.into(), kept: false })
     }
 
-    /// Where it grows.
+    /// Returns the path of the folder while it is filled.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Puts it in place; its files have been synced by whoever wrote them.
+    /// Renames the folder to its final path. Whoever wrote its files must have synced them.
     pub fn commit(mut self) -> Result<(), CaptureError> {
         let failed = |source| CaptureError::write(&self.target, source);
         sync_folder(&self.path);
@@ -169,7 +169,7 @@ fn refuse_non_empty(dir: &Path) -> Result<(), CaptureError> {
     }
 }
 
-/// A name beside `path` that no other file has and no reader of captures takes for an image.
+/// Returns a path beside `path` that no other file has and that no reader of captures takes for an image.
 pub fn temporary_sibling(path: &Path) -> Result<PathBuf, CaptureError> {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
     let name = path
@@ -181,7 +181,7 @@ pub fn temporary_sibling(path: &Path) -> Result<PathBuf, CaptureError> {
     Ok(parent_of(path).join(hidden))
 }
 
-/// The folder that holds `path`, `.` for a bare name.
+/// Returns the folder that holds `path`; `.` for a bare name.
 pub fn parent_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -189,8 +189,8 @@ pub fn parent_of(path: &Path) -> &Path {
     }
 }
 
-/// Makes renames in `folder` durable where the operating system lets a folder be synced; elsewhere
-/// the file's own sync has to do, so failures are passed over.
+/// Makes renames in `folder` durable where the operating system can sync a folder. Elsewhere the sync of the file
+/// itself has to do, so failures are ignored.
 pub fn sync_folder(folder: &Path) {
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();
@@ -231,8 +231,8 @@ mod tests {
         assert_eq!(names(dir.path()), ["a.bin"]);
     }
 
-    /// A socket stands for every device: it is nothing that a rename may replace, and a test that
-    /// tried it on `/dev/null` would, where it fails, take that from the machine it runs on.
+    /// Uses a socket in place of every device: a rename may replace no device, and a failing test on `/dev/null` would
+    /// take that device from the machine that it runs on.
     #[test]
     #[cfg(unix)]
     fn a_device_is_never_replaced_by_a_file() {

@@ -21,8 +21,8 @@ use crate::ImageFormat;
 use crate::Pixels;
 use crate::Side;
 use crate::images::exr;
-use crate::images::images::encode_8_bit;
-use crate::images::images::tests::picture;
+use crate::images::file_format::encode_8_bit;
+use crate::images::file_format::tests::picture;
 
 const WIDTH: usize = 6;
 const HEIGHT: usize = 5;
@@ -35,7 +35,7 @@ fn info(format: ImageFormat) -> CaptureInfo {
     CaptureInfo::new("tiny", WIDTH, HEIGHT, directions(), directions(), format)
 }
 
-/// A value that differs between texels, channels, views and lights.
+/// Returns a value that differs between texels, channels, views and lights.
 fn linear(view: usize, light: usize) -> Vec<f32> {
     (0..WIDTH * HEIGHT * 3).map(|i| 0.05 + 0.008 * i as f32 + 0.04 * view as f32 + 0.013 * light as f32).collect()
 }
@@ -50,7 +50,7 @@ fn write(dir: &Path, info: CaptureInfo) {
     writer.finish().unwrap();
 }
 
-/// A written 3 x 3 capture in a folder of its own.
+/// Returns a written 3 x 3 capture in a folder of its own.
 fn capture(format: ImageFormat) -> (TempDir, PathBuf) {
     let parent = tempfile::tempdir().unwrap();
     let dir = parent.path().join("tiny");
@@ -77,7 +77,7 @@ fn zip_of(entries: &[(&str, &[u8])], method: CompressionMethod) -> Vec<u8> {
     writer.finish().unwrap().into_inner()
 }
 
-/// The capture of `dir` as zip entries below `prefix`.
+/// Returns the capture of `dir` as zip entries below `prefix`.
 fn entries_of(dir: &Path, prefix: &str) -> BTreeMap<String, Vec<u8>> {
     files(dir)
         .iter()
@@ -107,7 +107,7 @@ fn open_error(path: &Path) -> CaptureError {
     error
 }
 
-/// The message of whatever refuses a capture: opening it or reading one of its images.
+/// Returns the message of whatever refuses a capture: opening it or reading one of its images.
 fn refusal(path: &Path) -> String {
     match Capture::open(path) {
         Err(error) => message(&error),

@@ -1,9 +1,10 @@
-//! A capture opened for reading.
+//! Opens captures and reads their images.
 
 use std::path::Path;
 
 use crate::error::CaptureError;
-use crate::images::images::{self, DecodedImage, FileFormat, ImageFault, Samples};
+use crate::images::decoded::{DecodedImage, ImageFault, Samples};
+use crate::images::file_format::{self, FileFormat};
 use crate::info::CaptureInfo;
 use crate::layout::bonn;
 use crate::layout::grid::grid_of;
@@ -12,68 +13,65 @@ use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES};
 use crate::layout::source::{MAX_FILE_BYTES, Source};
 use crate::ubo2014::{Container, ContainerInfo, is_container};
 
-/// The most negative linear value that is taken for a colour outside the gamut; below it an image
-/// is refused.
+/// Most negative linear value that is accepted as a colour outside the gamut; an image with a lower value is refused.
 pub const MIN_LINEAR: f32 = -0.1;
 
-/// An image file may have this many bytes whatever its size in texels: headers, thumbnails,
-/// profiles.
+/// Bytes that an image file may have whatever its size in texels, for headers, thumbnails and profiles.
 const FREE_FILE_BYTES: u64 = 4 << 20;
 
-/// Bytes that an image file may have per texel: sixteen float channels.
+/// Most bytes of an image file per texel: sixteen float channels.
 const MAX_BYTES_PER_TEXEL: u64 = 64;
 
-/// The same for EXR, whose channels may be wavelengths: 256 of them.
+/// Most bytes of an EXR file per texel: 256 float channels, because channels may be wavelengths.
 const MAX_SPECTRAL_BYTES_PER_TEXEL: u64 = 1024;
 
-/// A capture of any kind that is read, opened for reading from any number of threads.
+/// A capture of any kind, open for reading from any number of threads.
 #[derive(Debug)]
 pub struct Capture {
     pub(crate) images: Images,
     info: CaptureInfo,
 }
 
-/// Where images come from.
+/// Source of a capture's images.
 #[derive(Debug)]
 pub(crate) enum Images {
-    /// One file each.
+    /// One file for each image.
     Files {
         source: Source,
         format: FileFormat,
-        /// File of each pair, `view * lights + light`.
+        /// Index of the file of each pair, `view * lights + light`.
         files: Vec<usize>,
     },
-    /// One file that they are computed from.
+    /// One UBO2014 file that all images are computed from.
     Container(Box<Container>),
 }
 
-/// The pixels of one image, row-major from the top left, `[texel, channel]`, three channels.
+/// Pixels of one image, row-major from the top left, `[texel, channel]`, three channels.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Pixels {
-    /// 8-bit file values, the transfer curve not undone: decode them by
-    /// [`CaptureInfo::linear_from_encoded8`].
+    /// 8-bit file values with the transfer curve still applied; [`CaptureInfo::linear_from_encoded8`] decodes them.
     Encoded8(Vec<u8>),
-    /// Reflectance x cosine; curve, scale and cosine are applied. Of all others: EXR, Radiance, 16-bit PNG and
-    /// UBO2014 files.
+    /// Reflectance x cosine with curve, scale and cosine applied. Pixels of EXR, Radiance, 16-bit PNG and UBO2014 files
+    /// are linear.
     Linear(Vec<f32>),
 }
 
 impl Capture {
-    /// Opens the capture at `path`. It is recognised by what it is:
+    /// Opens the capture at `path`, which is one of these:
     ///
-    /// - a folder or a zip of images in Bonn's layout, whose names carry the angles (UBO2003, ATRIUM, spectral
-    ///   sets), or with a list of its images (a `.csv`); also the list itself;
+    /// - a folder or a zip of images in Bonn's layout, whose names carry the angles (UBO2003, ATRIUM, spectral sets),
+    ///   or with a list of its images (a `.csv` file); the list itself can be given as well;
     /// - a UBO2014 file (`.btf`).
     ///
-    /// Checks that the angles form a full grid of views x lights, reads `capture.toml` where there is one
-    /// (beside `NAME.btf` it is `NAME.toml`), checks that angles and side agree (see [`crate::Side`]), and
-    /// decodes the first image, of files for the size. Other files are passed over.
+    /// Checks that the angles form a full grid of views x lights, reads `capture.toml` where there is one (`NAME.toml`
+    /// beside `NAME.btf`), checks that angles and side agree (see [`crate::Side`]), and decodes the first image, which
+    /// gives the size of a capture of files. Other files are ignored.
     ///
     /// # Errors
-    /// Each of [`CaptureError`]'s reading variants; nothing is written and nothing unpacked.
+    /// Any of [`CaptureError`]'s variants for reading. Nothing is written and nothing is unpacked.
     ///
-    /// Cost: a listing and one image; some milliseconds for 6561 files in a warm cache. A UBO2014 file is
-    /// mapped and its first block of images computed.
+    /// Cost: one listing of the folder and one image, some milliseconds for 6561 files in a warm cache. A UBO2014 file
+    /// is mapped and its first block of images is computed.
     pub fn open(path: impl AsRef<Path>) -> Result<Capture, CaptureError> {
         let path = path.as_ref();
         let meta = std::fs::metadata(path).map_err(|source| CaptureError::read(path, source))?;
@@ -142,12 +140,12 @@ impl Capture {
         Ok(capture)
     }
 
-    /// What the capture is.
+    /// Returns the description of the capture.
     pub fn info(&self) -> &CaptureInfo {
         &self.info
     }
 
-    /// What a UBO2014 file says besides; `None` for captures of image files.
+    /// Returns what a UBO2014 file says beyond the [`CaptureInfo`]; `None` for captures of image files.
     pub fn container(&self) -> Option<&ContainerInfo> {
         match &self.images {
             Images::Files { .. } => None,
@@ -155,7 +153,7 @@ impl Capture {
         }
     }
 
-    /// Path of an image, for messages; of a zip `ARCHIVE: ENTRY`, of a UBO2014 file the file and the pair.
+    /// Returns the path of an image for messages: `ARCHIVE: ENTRY` for a zip, the file and the pair for a UBO2014 file.
     ///
     /// # Panics
     /// If `view` or `light` is out of range.
@@ -170,15 +168,15 @@ impl Capture {
         }
     }
 
-    /// Reads and decodes one image: call it from many threads. Image files are read without a lock.
-    /// UBO2014 files compute up to 16 lights of a view at a time (BDI: 256) and keep them for a while, 32 MB
-    /// (64 MB) for each thread, so ask in the order of the pairs.
+    /// Reads and decodes one image. May be called from many threads; image files are read without a lock. UBO2014 files
+    /// compute up to 16 lights of a view at a time (BDI: 256) and keep them for a while, 32 MB (64 MB) for each thread,
+    /// so read the pairs in their order.
     ///
     /// # Errors
     /// [`CaptureError::BadImage`] for an image that is empty, cut, damaged or of another kind,
-    /// [`CaptureError::WrongSize`], [`CaptureError::TooLarge`], and [`CaptureError::BadValue`] for
-    /// NaN, infinity or a value below [`MIN_LINEAR`]; [`CaptureError::Read`]. RGB that is computed, from spectra
-    /// and UBO2014 files, is set to [`MIN_LINEAR`] where it would be below.
+    /// [`CaptureError::WrongSize`], [`CaptureError::TooLarge`], [`CaptureError::Read`], and [`CaptureError::BadValue`]
+    /// for NaN, infinity or a value below [`MIN_LINEAR`]. RGB that is computed, from spectra and UBO2014 files, is
+    /// clamped to [`MIN_LINEAR`] instead.
     ///
     /// # Panics
     /// If `view` or `light` is out of range.
@@ -202,7 +200,7 @@ impl Capture {
         let limit =
             size.map_or(MAX_FILE_BYTES, |(width, height)| FREE_FILE_BYTES + (width * height) as u64 * per_texel);
         let bytes = source.read(file, limit)?;
-        images::decode(&bytes, format, size).map_err(|fault| {
+        file_format::decode(&bytes, format, size).map_err(|fault| {
             let path = source.shown(file);
             match fault {
                 ImageFault::Damaged(reason) => CaptureError::BadImage { path, reason },
@@ -247,7 +245,7 @@ impl Capture {
     }
 }
 
-/// The first bytes of the file at `path`.
+/// Returns the first bytes of the file at `path`.
 fn first_bytes(path: &Path) -> Result<Vec<u8>, CaptureError> {
     use std::io::Read;
     let mut bytes = Vec::new();
@@ -257,7 +255,7 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>, CaptureError> {
     Ok(bytes)
 }
 
-/// Takes what the manifest in `bytes` says into `info`.
+/// Applies the manifest in `bytes` to `info`. `shown` is its path for messages.
 fn apply_manifest(bytes: Vec<u8>, shown: &str, info: &mut CaptureInfo) -> Result<(), CaptureError> {
     let text = String::from_utf8(bytes).map_err(|error| CaptureError::BadManifest {
         path: shown.into(),
@@ -267,7 +265,7 @@ fn apply_manifest(bytes: Vec<u8>, shown: &str, info: &mut CaptureInfo) -> Result
     manifest::apply(&text, shown, info)
 }
 
-/// The manifest nearest the root; `None` where there is none.
+/// Returns the index of the `capture.toml` nearest to the root; `None` where there is none.
 fn find_manifest(source: &Source) -> Option<usize> {
     let names = source.names();
     (0..names.len())

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::error::CaptureError;
 
-/// Largest number of directions in one set; a bound on what a name or a file may ask for.
+/// Largest number of directions in one set, a bound on what a name or a file may ask for.
 pub const MAX_DIRECTIONS: usize = 100_000;
 
 /// Largest polar angle that [`DirectionSet::random`] draws, in degrees: beyond it a texel of a
@@ -44,8 +44,8 @@ pub struct Direction {
 }
 
 impl Direction {
-    /// The direction of polar angle `theta_deg` and azimuth `phi_deg`, the azimuth brought into
-    /// [0, 360) and set to 0 at the pole, so that equal directions compare equal.
+    /// Returns the direction of polar angle `theta_deg` and azimuth `phi_deg`. The azimuth is brought into [0, 360),
+    /// and is 0 at the pole, so that equal directions compare equal.
     pub fn new(theta_deg: f64, phi_deg: f64) -> Direction {
         let phi_deg = if theta_deg == 0.0 || theta_deg == 180.0 { 0.0 } else { phi_deg.rem_euclid(360.0) };
         // rem_euclid of a tiny negative angle rounds up to 360 itself; adding 0.0 turns -0 into 0.
@@ -53,12 +53,12 @@ impl Direction {
         Direction { theta_deg: theta_deg + 0.0, phi_deg: phi_deg + 0.0 }
     }
 
-    /// The unit vector `(sin t cos p, sin t sin p, cos t)`.
+    /// Returns the unit vector `(sin t cos p, sin t sin p, cos t)`.
     pub fn unit(self) -> [f32; 3] {
         self.unit_f64().map(|c| c as f32)
     }
 
-    /// [`Direction::unit`] in double precision.
+    /// Returns [`Direction::unit`] in double precision.
     pub fn unit_f64(self) -> [f64; 3] {
         let (sin_theta, cos_theta) = self.theta_deg.to_radians().sin_cos();
         let (sin_phi, cos_phi) = self.phi_deg.to_radians().sin_cos();
@@ -70,8 +70,8 @@ impl Direction {
     }
 }
 
-/// Writes `t P` as in file names: three digits before the point, as many after it as the angle
-/// needs (`075`, `023.5`).
+/// Formats an angle as file names have it: three digits before the point, as many after it as the angle needs (`075`,
+/// `023.5`).
 pub(crate) fn angle_name(angle_deg: f64) -> String {
     let shortest = format!("{angle_deg}");
     let whole = shortest.find('.').unwrap_or(shortest.len());
@@ -84,15 +84,15 @@ impl fmt::Display for Direction {
     }
 }
 
-/// An ordered set of distinct directions, always sorted by polar angle, then azimuth: Bonn's
-/// order. An index into a set therefore means the same before and after a capture was written.
+/// An ordered set of distinct directions, always sorted by polar angle, then azimuth, which is Bonn's order. An index
+/// into a set therefore means the same before and after a capture was written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DirectionSet {
     directions: Vec<Direction>,
 }
 
 impl DirectionSet {
-    /// The set of `directions`, sorted.
+    /// Returns the set of `directions`, sorted.
     ///
     /// # Errors
     /// [`CaptureError::BadDirections`] for an empty set, more than [`MAX_DIRECTIONS`], an angle
@@ -116,18 +116,18 @@ impl DirectionSet {
         Ok(DirectionSet { directions })
     }
 
-    /// Bonn's 81 directions (UBO2003): rings at 0, 15, ... 75 degrees.
+    /// Returns Bonn's 81 directions (UBO2003): rings at 0, 15, ... 75 degrees.
     pub fn bonn81() -> DirectionSet {
         DirectionSet::from_rings(BONN81_RINGS.iter().map(|&(theta, count)| (theta, count, 0.0)))
     }
 
-    /// Bonn's Dome-1 sampling of 151 directions (UBO2014).
+    /// Returns Bonn's Dome-1 sampling of 151 directions (UBO2014).
     pub fn dome151() -> DirectionSet {
         DirectionSet::from_rings(DOME151_RINGS.iter().copied())
     }
 
-    /// `count` directions drawn evenly over the solid angle within 85 degrees of the normal, at
-    /// angles of whole hundredths of a degree, the same for the same seed.
+    /// Returns `count` directions drawn evenly over the solid angle within 85 degrees of the normal, at angles of whole
+    /// hundredths of a degree. Equal seeds give equal sets.
     ///
     /// # Errors
     /// [`CaptureError::BadDirections`] if `count` is 0 or above [`MAX_DIRECTIONS`].
@@ -153,12 +153,12 @@ impl DirectionSet {
         DirectionSet::new(directions)
     }
 
-    /// The same directions on the other side of the surface, `180 - theta`: the lights of a
-    /// transmission capture from those of a reflection capture, and back.
+    /// Returns the directions on the other side of the surface, at `180 - theta`: the lights of a transmission capture
+    /// from those of a reflection capture, and back.
     ///
     /// # Errors
-    /// [`CaptureError::BadDirections`] if two directions differ by less than a millionth of a degree,
-    /// to which angles are rounded here so that 180 - 12.34 is 167.66 in a file's name.
+    /// [`CaptureError::BadDirections`] if two directions differ by less than a millionth of a degree, to which angles
+    /// are rounded here so that 180 - 12.34 is 167.66 in the name of a file.
     pub fn behind(&self) -> Result<DirectionSet, CaptureError> {
         let mirrored = |d: &Direction| Direction::new(((180.0 - d.theta_deg) * 1e6).round() / 1e6, d.phi_deg);
         DirectionSet::new(self.directions.iter().map(mirrored).collect())
@@ -206,11 +206,11 @@ impl DirectionSet {
         })
     }
 
-    /// The set that a command-line word names: `bonn81`, `dome151`, `random:N` (seed 1),
-    /// `random:N:SEED`, or the path of a file for [`DirectionSet::from_file`].
+    /// Returns the set that a command-line word names: `bonn81`, `dome151`, `random:N` (seed 1), `random:N:SEED`, or
+    /// the path of a file for [`DirectionSet::from_file`].
     ///
     /// # Errors
-    /// As the constructor that the name stands for.
+    /// Those of the constructor that the name stands for.
     pub fn by_name(name: &str) -> Result<DirectionSet, CaptureError> {
         match name {
             "bonn81" => return Ok(DirectionSet::bonn81()),
@@ -227,18 +227,18 @@ impl DirectionSet {
         }
     }
 
-    /// The directions, in order.
+    /// Returns the directions, in order.
     pub fn directions(&self) -> &[Direction] {
         &self.directions
     }
 
-    /// Number of directions, at least 1.
+    /// Returns the number of directions, at least 1.
     #[allow(clippy::len_without_is_empty, reason = "a direction set is never empty")]
     pub fn len(&self) -> usize {
         self.directions.len()
     }
 
-    /// The unit vectors, in order.
+    /// Returns the unit vectors, in order.
     pub fn units(&self) -> Vec<[f32; 3]> {
         self.directions.iter().map(|d| d.unit()).collect()
     }
@@ -253,7 +253,7 @@ impl DirectionSet {
     }
 }
 
-/// Next number in [0, 1) of the SplitMix64 sequence [Steele 2014].
+/// Returns the next number in [0, 1) of the SplitMix64 sequence [Steele 2014].
 fn next_unit(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let mut z = *state;

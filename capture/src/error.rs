@@ -1,17 +1,17 @@
-//! Everything that can be wrong with a capture, each as one sentence with its remedy.
+//! Errors of reading and writing captures, each one sentence with its remedy.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why a capture could not be read or written. `Display` is one plain sentence that names the
-/// file and says what to do; it is what a program prints after `error: `.
+/// Reason why a capture could not be read or written. `Display` is one plain sentence that names the file and says what
+/// to do; programs print it after `error: `.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CaptureError {
-    /// There is nothing at the path.
+    /// Nothing exists at the path.
     #[error("{} does not exist; check the path of the capture", path.display())]
     NotFound {
-        /// The path given.
+        /// Path that was given.
         path: PathBuf,
     },
     /// The operating system refused a read.
@@ -22,12 +22,12 @@ pub enum CaptureError {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// A picture of light that cannot be used.
+    /// A picture of radiance that
     #[error("{}: {reason}", path.display())]
     RadianceMap {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and what to do.
+        /// Fault and remedy.
         reason: String,
     },
     /// The operating system refused a write.
@@ -49,9 +49,9 @@ pub enum CaptureError {
         "{path} is not a capture folder and not a readable zip archive ({reason}); give a folder or a zip in Bonn's layout, a folder or a zip with a list of its images (.csv), or a UBO2014 file (.btf)"
     )]
     NotAnArchive {
-        /// The path given.
+        /// Path that was given.
         path: String,
-        /// What the zip reader says.
+        /// Reason that the zip reader gives.
         reason: String,
     },
     /// A zip entry whose path leads out of the archive.
@@ -71,16 +71,16 @@ pub enum CaptureError {
     TooLarge {
         /// The entry or file.
         path: String,
-        /// What it claims, as a verb phrase.
+        /// Claim of the file, as a verb phrase.
         claim: String,
     },
-    /// No file at all.
+    /// A folder or archive without any file.
     #[error("{path} is empty; a capture holds images named like `tv000_pv000/00000 tl000 pl000 tv000 pv000.png`")]
     Empty {
         /// The folder or archive.
         path: String,
     },
-    /// Files, but none with capture angles in its name, and no list.
+    /// Files of which none has capture angles in its name, and no list.
     #[error(
         "{path} holds {files} files but no image named like `00000 tl000 pl000 tv000 pv000.png` or `tv000_pv000_tl000_pl000.exr` (png, jpg, exr or hdr) and no list of images (a .csv with the columns file, theta_v, phi_v, theta_l, phi_l); point to the folder that holds the capture's images, or to the UBO2014 file (.btf) itself"
     )]
@@ -131,7 +131,7 @@ pub enum CaptureError {
     BadImage {
         /// The file.
         path: String,
-        /// What the decoder says.
+        /// Reason that the decoder gives.
         reason: String,
     },
     /// An image of another size than the first.
@@ -141,9 +141,9 @@ pub enum CaptureError {
     WrongSize {
         /// The file.
         path: String,
-        /// Its width in texels.
+        /// Width of the image in texels.
         width: usize,
-        /// Its height in texels.
+        /// Height of the image in texels.
         height: usize,
         /// Width of the capture in texels.
         expected_width: usize,
@@ -175,7 +175,7 @@ pub enum CaptureError {
         path: String,
         /// Line, from 1.
         line: usize,
-        /// What is wrong.
+        /// Fault of the line.
         reason: String,
     },
     /// A UBO2014 file that cannot be read.
@@ -185,7 +185,7 @@ pub enum CaptureError {
     BadContainer {
         /// The file.
         path: String,
-        /// What is wrong with it.
+        /// Fault of the file.
         reason: String,
     },
     /// A list of images that cannot be used.
@@ -195,7 +195,7 @@ pub enum CaptureError {
         path: String,
         /// Line, from 1.
         line: usize,
-        /// What is wrong.
+        /// Fault of the line.
         reason: String,
     },
     /// More than one list of images.
@@ -209,7 +209,7 @@ pub enum CaptureError {
     /// A set of directions that cannot be used.
     #[error("the set of directions cannot be used: {reason}")]
     BadDirections {
-        /// What is wrong and what to do.
+        /// Fault and remedy.
         reason: String,
     },
     /// Directions that do not agree with the capture's side.
@@ -217,15 +217,15 @@ pub enum CaptureError {
     BadSides {
         /// The folder or archive.
         path: String,
-        /// What is wrong and what to do.
+        /// Fault and remedy.
         reason: String,
     },
     /// A word that is none of those allowed.
     #[error("`{word}` is not {what}; write {allowed}")]
     BadWord {
-        /// The word given.
+        /// Word that was given.
         word: String,
-        /// What it should be.
+        /// Kind of word that was expected.
         what: &'static str,
         /// The allowed words.
         allowed: &'static str,
@@ -235,7 +235,7 @@ pub enum CaptureError {
     BadOutput {
         /// The output folder.
         path: PathBuf,
-        /// What is wrong and what to do.
+        /// Fault and remedy.
         reason: String,
     },
 }

@@ -1,5 +1,4 @@
-//! What a capture is apart from its pixels, and the radiometry between file values and
-//! reflectance x cosine.
+//! Description of a capture apart from its pixels, and the radiometry between file values and reflectance x cosine.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,7 +7,7 @@ use crate::colour::transfer::Transfer;
 use crate::direction::DirectionSet;
 use crate::error::CaptureError;
 
-/// Whether the files' values contain the cosine of the light's incidence.
+/// Whether file values contain the cosine of the light's incidence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cosine {
     /// Reflectance x cosine, as a photograph of a flat sample under a point light holds it.
@@ -17,7 +16,7 @@ pub enum Cosine {
     Excluded,
 }
 
-/// Which sides of the sample the light and the eye are on.
+/// Sides of the sample that the light and the eye are on.
 ///
 /// A camera sees the back with the sample turned over, about the y axis (the vertical one of the
 /// images): a mark at the left edge of the front stands at the right edge of the back. **The images
@@ -50,12 +49,12 @@ impl Side {
     /// Every side.
     pub const ALL: [Side; 4] = [Side::Front, Side::Back, Side::TransmissionBack, Side::TransmissionFront];
 
-    /// Whether the eye is behind, so that images and directions are in the turned-over frame.
+    /// Returns whether the eye is behind the sample, so that images and directions are in the turned-over frame.
     pub fn is_turned_over(self) -> bool {
         matches!(self, Side::Back | Side::TransmissionFront)
     }
 
-    /// Whether light and eye are on different sides, so that the lights stand above 90 degrees.
+    /// Returns whether light and eye are on different sides, so that the lights stand above 90 degrees.
     pub fn is_transmission(self) -> bool {
         matches!(self, Side::TransmissionBack | Side::TransmissionFront)
     }
@@ -72,11 +71,12 @@ pub enum ImageFormat {
     Exr,
 }
 
-/// What a capture is: its size, its directions, and how file values become reflectance.
+/// Description of a capture: its size, its directions, and how file values become reflectance.
 ///
-/// The quantity of a capture is `pi * BRDF * |n.wi|` (BTDF where light and eye are on different
-/// sides): 1.0 is a white Lambertian surface lit at normal incidence. From a file value to it: undo
-/// `transfer`, multiply by `scale`, and where `cosine` is [`Cosine::Excluded`] multiply by
+/// The quantity of a capture is `pi * BRDF * |n.wi|` (BTDF where light and eye are on different sides): 1.0 is a white
+/// Lambertian surface lit at normal incidence. To get it from a file value, undo `transfer`, multiply by `scale`, and
+/// where `cosine` is [`Cosine::Excluded`] multiply by |cos theta_i|. Images and directions are in the frame of the face
+/// that is seen, see [`Side`].
 /// |cos theta_i|. Images and directions are in the frame of the face that is seen, see [`Side`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct CaptureInfo {
@@ -88,9 +88,9 @@ pub struct CaptureInfo {
     pub views: DirectionSet,
     /// Directions towards the light.
     pub lights: DirectionSet,
-    /// Curve of the files' values; always [`Transfer::Linear`] for EXR.
+    /// Curve of the file values; always [`Transfer::Linear`] for EXR.
     pub transfer: Transfer,
-    /// Whether the files' values contain the cosine of incidence.
+    /// Whether file values contain the cosine of incidence.
     pub cosine: Cosine,
     /// Factor from linear file values to reflectance, positive.
     pub scale: f32,
@@ -98,18 +98,17 @@ pub struct CaptureInfo {
     pub side: Side,
     /// Physical width and height of the images in millimetres, where known.
     pub size_mm: Option<[f32; 2]>,
-    /// Format of the images; [`ImageFormat::Exr`] stands for all linear ones, so for Radiance pictures and
-    /// UBO2014 files, too.
+    /// Format of the images; [`ImageFormat::Exr`] stands for all linear formats, Radiance and UBO2014 files included.
     pub format: ImageFormat,
-    /// A short name for people.
+    /// Short name for people.
     pub name: String,
-    /// Where the capture comes from, in words; empty where unknown.
+    /// Origin of the capture in words; empty where unknown.
     pub provenance: String,
 }
 
 impl CaptureInfo {
-    /// A description with the defaults of a capture without `capture.toml`: sRGB curve (linear
-    /// for EXR), cosine included, front side, scale 1, size unknown, no provenance.
+    /// Returns a description with the defaults of a capture without `capture.toml`: sRGB curve (linear for EXR), cosine
+    /// included, front side, scale 1, size unknown, no provenance.
     pub fn new(
         name: impl Into<String>,
         width: usize,
@@ -134,28 +133,27 @@ impl CaptureInfo {
         }
     }
 
-    /// The same capture described as files of another format: a change between EXR and an 8-bit
-    /// format takes that format's default curve. An EXR capture's 8-bit error figures, for
-    /// example, are computed on `in_format(ImageFormat::Png)`.
+    /// Returns the description of this capture as files of another format. A change between EXR and an 8-bit format
+    /// takes the default curve of the new format. The 8-bit error figures of an EXR capture, for example, are computed
+    /// on `in_format(ImageFormat::Png)`.
     pub fn in_format(&self, format: ImageFormat) -> CaptureInfo {
         let keeps_curve = (self.format == ImageFormat::Exr) == (format == ImageFormat::Exr);
         let transfer = if keeps_curve { self.transfer } else { format.default_transfer() };
         CaptureInfo { format, transfer, ..self.clone() }
     }
 
-    /// Number of (view, light) pairs. Pair index = `view * lights.len() + light`.
+    /// Returns the number of (view, light) pairs. Pair index = `view * lights.len() + light`.
     pub fn pair_count(&self) -> usize {
         self.views.len() * self.lights.len()
     }
 
-    /// Number of texels of one image.
+    /// Returns the number of texels of one image.
     pub fn texel_count(&self) -> usize {
         self.width * self.height
     }
 
-    /// Checks that the directions agree with the side as [`Side`] tells: every view below 90
-    /// degrees, lights above 90 exactly where the side is a transmission. One sentence otherwise,
-    /// to stand behind the capture's name.
+    /// Checks that the directions agree with the side as [`Side`] tells: every view below 90 degrees, lights above 90
+    /// exactly where the side is a transmission. The error is one sentence to stand behind the name of the capture.
     pub(crate) fn check_sides(&self) -> Result<(), String> {
         if let Some(view) = self.views.directions().iter().find(|view| view.theta_deg >= 90.0) {
             return Err(format!(
@@ -180,8 +178,8 @@ impl CaptureInfo {
         }
     }
 
-    /// The factor from linear file values to reflectance x cosine under light `light`; of a light
-    /// behind the surface the cosine counts without its sign.
+    /// Returns the factor from linear file values to reflectance x cosine under light `light`. The cosine of a light
+    /// behind the surface counts without its sign.
     pub fn linear_factor(&self, light: usize) -> f32 {
         match self.cosine {
             Cosine::Included => self.scale,
@@ -192,29 +190,29 @@ impl CaptureInfo {
         }
     }
 
-    /// Reflectance x cosine of each 8-bit file value under light `light`: a table for decoding
+    /// Returns reflectance x cosine of each 8-bit file value under light `light`: a table for decoding
     /// [`crate::Pixels::Encoded8`].
     pub fn linear_from_encoded8(&self, light: usize) -> [f32; 256] {
         let factor = self.linear_factor(light);
         std::array::from_fn(|value| self.transfer.linear_from_encoded(value as f32 / 255.0) * factor)
     }
 
-    /// The file value, on the scale 0 to 255 and before rounding, of reflectance x cosine
-    /// `linear` under light `light`. Not clamped above; negatives become 0 (with a curve) or stay
-    /// (without). 0 where the light grazes so that no file value could hold it.
+    /// Returns the file value, on the scale 0 to 255 and before rounding, of reflectance x cosine `linear` under light
+    /// `light`. The result is not clamped above; negatives become 0 with a curve and stay without one. Returns 0 where
+    /// the light grazes so that no file value could hold it.
     pub fn encoded_from_linear(&self, light: usize, linear: f32) -> f32 {
         255.0 * self.transfer.encoded_from_linear(file_linear(linear, self.linear_factor(light)))
     }
 
-    /// The 8-bit file value of reflectance x cosine `linear` under light `light`, as the writers
-    /// store it: rounded to nearest, clamped to 0..=255, NaN becomes 0. For whole images use
-    /// [`crate::Encoder8`], which gives the same values faster.
+    /// Returns the 8-bit file value of reflectance x cosine `linear` under light `light`, as the writers store it:
+    /// rounded to nearest, clamped to 0..=255, NaN becomes 0. For whole images use [`crate::Encoder8`], which gives the
+    /// same values faster.
     pub fn encoded8_from_linear(&self, light: usize, linear: f32) -> u8 {
         round_to_8_bits(self.encoded_from_linear(light, linear))
     }
 }
 
-/// The linear file value of reflectance x cosine, 0 where the factor is 0.
+/// Returns the linear file value of reflectance x cosine, 0 where the factor is 0.
 pub(crate) fn file_linear(linear: f32, factor: f32) -> f32 {
     if factor > 0.0 { linear / factor } else { 0.0 }
 }
@@ -226,7 +224,7 @@ pub(crate) fn round_to_8_bits(value: f32) -> u8 {
 }
 
 impl ImageFormat {
-    /// The file name extension, without the dot.
+    /// Returns the file name extension, without the dot.
     pub fn extension(self) -> &'static str {
         match self {
             ImageFormat::Png => "png",
@@ -235,7 +233,7 @@ impl ImageFormat {
         }
     }
 
-    /// The format that a file name extension stands for, in any case; `None` for others.
+    /// Returns the format that a file name extension stands for, in any case; `None` for others.
     pub fn from_extension(extension: &str) -> Option<ImageFormat> {
         match extension.to_ascii_lowercase().as_str() {
             "png" => Some(ImageFormat::Png),
@@ -245,13 +243,13 @@ impl ImageFormat {
         }
     }
 
-    /// The curve that files of this format have where nothing says otherwise.
+    /// Returns the curve that files of this format have where nothing says otherwise.
     pub fn default_transfer(self) -> Transfer {
         if self == ImageFormat::Exr { Transfer::Linear } else { Transfer::Srgb }
     }
 }
 
-/// The words of an enum, for reading and writing it.
+/// Implements reading and writing of an enum by its words.
 macro_rules! words {
     ($type:ty, $what:literal, $allowed:literal, $($variant:path => $word:literal),+) => {
         impl fmt::Display for $type {

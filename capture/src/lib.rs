@@ -1,11 +1,12 @@
-//! What a BTF sample is: direction sets, transfer curves, and capture folders in and out.
+//! Direction sets, transfer curves, and capture folders: reads and writes samples of a bidirectional texture function
+//! (BTF).
 //!
-//! A capture is a set of photographs of one flat material: one image for every pair of a view and
-//! a light. On disk it is Bonn's layout (UBO2003): `tvTTT_pvPPP/NNNNN tlTTT plPPP tvTTT
-//! pvPPP.EXT` with the angles in degrees, as a folder or as a zip of one that is read in place,
-//! and beside the images an optional `capture.toml` with what the names cannot say. Read, but not
-//! written, are images of any names with a list of their directions, Radiance and spectral EXR images,
-//! and UBO2014 files; docs/CAPTURES.md tells of each what is taken from where.
+//! A capture is a set of photographs of one flat material: one image for every pair of a view and a light. On disk it
+//! has Bonn's layout (UBO2003), as a folder or as a zip of one that is read in place:
+//! `tvTTT_pvPPP/NNNNN tlTTT plPPP tvTTT pvPPP.EXT` with the angles in degrees. An optional `capture.toml` beside the
+//! images holds what the names cannot say. This package also reads, but does not write, images of any names with a list
+//! of their directions, Radiance and spectral EXR images, and UBO2014 files; docs/CAPTURES.md says for each what is
+//! taken from where.
 //!
 //! The quantity everywhere is reflectance x cosine, `pi * BRDF * |n.wi|`, linear, with sRGB
 //! primaries: 1.0 is a white Lambertian surface lit at normal incidence. Texels are row-major from
@@ -33,12 +34,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Reading in this order: [`Direction`] and [`DirectionSet`]; [`CaptureInfo`] with [`Transfer`],
-//! [`Cosine`] and [`Side`], which hold the radiometry; [`Capture`] and [`CaptureWriter`];
-//! [`CaptureError`], one sentence for everything that can be wrong. [`mod@atomic`] is for every program that writes files, [`toml_text`] for those
-//! that read TOML, [`cie`] for those that deal in spectra.
+//! Read in this order: [`Direction`] and [`DirectionSet`]; [`CaptureInfo`] with [`Transfer`], [`Cosine`] and [`Side`],
+//! which hold the radiometry; [`Capture`] and [`CaptureWriter`]; [`CaptureError`]. [`mod@atomic`] serves every program
+//! that writes files, [`toml_text`] those that read TOML, [`cie`] those that compute with spectra.
 //!
-//! Not here: error metrics (they are the fitter's), and sets that are no full grid of views x lights.
+//! Error metrics belong to the fitter. Sets that are no full grid of views x lights are not supported.
 
 pub mod atomic;
 #[cfg(test)]
@@ -50,6 +50,8 @@ mod error;
 mod images;
 mod info;
 mod layout;
+mod shared_bytes;
+mod stamp;
 pub mod toml_text;
 mod ubo2014;
 mod writer;
@@ -65,7 +67,7 @@ pub use error::CaptureError;
 pub use images::encode8::Encoder8;
 pub use images::radiance_map::RadianceMap;
 pub use info::{CaptureInfo, Cosine, ImageFormat, Side};
-pub use layout::source::SharedBytes;
-pub use layout::stamp::FileStamp;
+pub use shared_bytes::SharedBytes;
+pub use stamp::FileStamp;
 pub use ubo2014::{ContainerInfo, ContainerKind, HeightMap};
 pub use writer::CaptureWriter;

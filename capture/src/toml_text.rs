@@ -1,11 +1,11 @@
-//! Reading files of TOML: a text of bounded size, and the line that is at fault.
+//! Reads TOML files of bounded size and finds the line of a fault.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// The text of a file of at most `most_bytes`; what is wrong is a verb phrase. `what` is what such a file holds, with
-/// its article.
+/// Reads a text file of at most `most_bytes`. `what` says what such a file holds, with its article. The error is a verb
+/// phrase to stand behind the file's name.
 pub fn bounded_text(path: &Path, most_bytes: u64, what: &str) -> Result<String, String> {
     let unreadable = |error: std::io::Error| format!("cannot be read ({error})");
     let mut bytes = Vec::new();
@@ -17,7 +17,7 @@ pub fn bounded_text(path: &Path, most_bytes: u64, what: &str) -> Result<String, 
     String::from_utf8(bytes).map_err(|_| "is no text".into())
 }
 
-/// Where the fault lies, counting lines from 1, and what it is, on one line.
+/// Returns the line of a TOML fault, counted from 1, and its reason on one line.
 pub fn line_and_reason(text: &str, error: &toml::de::Error) -> (usize, String) {
     let at = error.span().map_or(0, |span| span.start).min(text.len());
     let line = text.as_bytes()[..at].iter().filter(|&&byte| byte == b'\n').count() + 1;

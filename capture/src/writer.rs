@@ -1,4 +1,4 @@
-//! Writing a capture folder that appears whole or not at all.
+//! Writes a capture folder that appears whole or not at all.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -11,32 +11,31 @@ use crate::atomic::{StagedFolder, sync_folder};
 use crate::capture::MIN_LINEAR;
 use crate::error::CaptureError;
 use crate::images::encode8::Encoder8;
-use crate::images::exr;
-use crate::images::images;
+use crate::images::{decoded, exr, file_format};
 use crate::info::{CaptureInfo, ImageFormat, file_linear};
 use crate::layout::bonn;
 use crate::layout::manifest::{self, MANIFEST_NAME};
 
-/// Writes a capture folder in Bonn's layout, image by image, from any number of threads and in
-/// any order. Everything goes into a hidden folder beside the final one; [`CaptureWriter::finish`]
-/// puts it in place. Dropped without that (an error, Ctrl-C), it leaves nothing behind.
+/// A writer of a capture folder in Bonn's layout, image by image, from any number of threads and in any order.
+/// Everything goes into a hidden folder beside the final one, and [`CaptureWriter::finish`] renames that folder. A
+/// writer that is dropped before (an error, Ctrl-C) leaves nothing behind.
 #[derive(Debug)]
 pub struct CaptureWriter {
     path: PathBuf,
     staging: StagedFolder,
     info: CaptureInfo,
     encoder: Encoder8,
-    /// Which pairs have been written.
+    /// Whether each pair has been written.
     written: Vec<AtomicBool>,
 }
 
 impl CaptureWriter {
-    /// Starts a capture that will become the folder `dir`; missing parent folders are made.
+    /// Starts a capture that will become the folder `dir`; missing parent folders are created.
     ///
     /// # Errors
-    /// [`CaptureError::OutputNotEmpty`] if `dir` holds anything, [`CaptureError::BadOutput`] for a
-    /// description that makes no capture (no texels, a curve with EXR, a scale that is not
-    /// positive, directions that disagree with the side), [`CaptureError::Write`].
+    /// [`CaptureError::OutputNotEmpty`] if `dir` holds anything, [`CaptureError::BadOutput`] for an invalid description
+    /// (no texels, a curve with EXR, a scale that is not positive, directions that disagree with the side),
+    /// [`CaptureError::Write`].
     pub fn create(dir: impl AsRef<Path>, info: CaptureInfo) -> Result<CaptureWriter, CaptureError> {
         let dir = dir.as_ref();
         check_info(&info).map_err(|reason| CaptureError::BadOutput { path: dir.into(), reason })?;
@@ -50,14 +49,14 @@ impl CaptureWriter {
         Ok(CaptureWriter { path: dir.into(), staging, info, encoder, written })
     }
 
-    /// What the capture is.
+    /// Returns the description of the capture.
     pub fn info(&self) -> &CaptureInfo {
         &self.info
     }
 
-    /// Writes one image of reflectance x cosine, `linear[texel, channel]`. 8-bit formats round and
-    /// clamp to what the curve holds; EXR keeps negatives down to -0.1 and clamps below that and
-    /// above half's 65504. Writing a pair again replaces it.
+    /// Writes one image of reflectance x cosine, `linear[texel, channel]`. 8-bit formats round and clamp to the range
+    /// of the curve; EXR keeps negatives down to -0.1 and clamps below that and above 65504, the largest half. Writing
+    /// a pair again replaces its image.
     ///
     /// # Errors
     /// [`CaptureError::BadOutput`] if `linear` is not texels x 3 long or holds a NaN or infinity,
@@ -89,7 +88,7 @@ impl CaptureWriter {
             format => {
                 let mut pixels = vec![0; linear.len()];
                 self.encoder.encode_slice(light, linear, &mut pixels);
-                images::encode_8_bit(&pixels, info.width, info.height, format)
+                file_format::encode_8_bit(&pixels, info.width, info.height, format)
             }
         }
         .map_err(refused)?;
@@ -99,9 +98,8 @@ impl CaptureWriter {
         Ok(())
     }
 
-    /// Writes a map beside the images, such as the relief that they show: a single-precision EXR
-    /// file of one channel, Y, with one of `values`, `[row, column]`, per texel. Reading a capture
-    /// passes over it.
+    /// Writes a map beside the images, such as the displacement that they show: a single-precision EXR file of one
+    /// channel, Y, with one of `values`, `[row, column]`, per texel. Readers of captures ignore the map.
     ///
     /// # Errors
     /// [`CaptureError::BadOutput`] if `name` is no plain file name or one that a capture gives to
@@ -122,7 +120,7 @@ impl CaptureWriter {
             .map_err(|source| CaptureError::write(&final_path, source))
     }
 
-    /// Writes `capture.toml`, syncs everything to disk and puts the folder in place.
+    /// Writes `capture.toml`, syncs everything to disk and renames the folder to its final path.
     ///
     /// # Errors
     /// [`CaptureError::BadOutput`] if an image was never written, [`CaptureError::OutputNotEmpty`]
@@ -164,8 +162,8 @@ impl CaptureWriter {
 }
 
 fn check_info(info: &CaptureInfo) -> Result<(), String> {
-    images::check_size(info.width, info.height, None).map_err(|_| {
-        format!("{} x {} texels cannot be written; give 1 to {}", info.width, info.height, images::MAX_TEXELS)
+    decoded::check_size(info.width, info.height, None).map_err(|_| {
+        format!("{} x {} texels cannot be written; give 1 to {}", info.width, info.height, decoded::MAX_TEXELS)
     })?;
     if info.format == ImageFormat::Exr && info.transfer != crate::Transfer::Linear {
         return Err(format!("EXR images are linear, so the curve cannot be {}; use linear", info.transfer));

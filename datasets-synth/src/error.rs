@@ -1,33 +1,33 @@
-//! What can go wrong when a capture is made, each as one sentence with its remedy.
+//! Errors of making captures and measuring models, each one sentence with its remedy.
 
 use btf_capture::CaptureError;
 
-/// Why no capture was made. `Display` is one plain sentence.
+/// Reason why no capture was made. `Display` is one plain sentence.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SynthError {
     /// A parameter out of its range.
     #[error("{name} is {value}, which is out of range; give {allowed}")]
     BadParameter {
-        /// The parameter, as on the command line where there is one.
+        /// Name of the parameter, as on the command line where it has an option.
         name: &'static str,
-        /// The value given.
+        /// Value that was given.
         value: String,
-        /// The allowed range.
+        /// Allowed range.
         allowed: String,
     },
-    /// The caller asked to stop; nothing was left behind.
+    /// Stop at the caller's request; nothing was left behind.
     #[error("stopped before the capture was complete; nothing was written")]
     Stopped,
-    /// A leaf's description, textures or script of shapes cannot be used.
+    /// A description or textures of a leaf, or a script of shapes, that cannot be used.
     #[error(transparent)]
     Model(#[from] btf_models::ModelError),
-    /// The capture could not be written.
+    /// A capture that could not be written.
     #[error(transparent)]
     Capture(#[from] CaptureError),
 }
 
-/// Refuses a number outside of a range, or no number, by name.
+/// Refuses a number outside of a range, and NaN, by the name of the parameter.
 pub(crate) fn check_range(name: &'static str, value: f64, low: f64, high: f64) -> Result<(), SynthError> {
     // Not `<`, so that a NaN is refused, too.
     if (low..=high).contains(&value) {
@@ -36,7 +36,7 @@ pub(crate) fn check_range(name: &'static str, value: f64, low: f64, high: f64) -
     Err(SynthError::BadParameter { name, value: value.to_string(), allowed: format!("a number from {low} to {high}") })
 }
 
-/// Refuses the first of some numbers that is out of its range: `(name, number, least, most)`.
+/// Refuses the first of some numbers that is out of its range. Each is `(name, number, least, most)`.
 pub(crate) fn check_ranges(ranges: &[(&'static str, f64, f64, f64)]) -> Result<(), SynthError> {
     ranges.iter().try_for_each(|&(name, value, low, high)| check_range(name, value, low, high))
 }

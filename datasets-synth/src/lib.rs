@@ -1,7 +1,7 @@
-//! Synthetic captures of leaves, woven cloth and leather: their optics and relief, and a virtual rig
-//! that photographs them under every pair of a view and a light.
+//! Makes synthetic captures of leaves, woven cloth and leather: their optics and displacement, and a virtual rig that
+//! photographs them under every pair of a view and a light.
 //!
-//! The chain, from contents to pictures of leaves:
+//! The chain from the contents of a leaf to its images:
 //!
 //! 1. [`LeafContents`]: pigments per area, and [`SpecificAbsorption`]: what they absorb.
 //! 2. [`PlateModel`]: [`plate_n`], a leaf as N absorbing plates; [`plate`], as one; [`plate_paper`],
@@ -17,18 +17,17 @@
 //!    shadows, one image of any material.
 //! 8. [`write_leaf_capture`]: all images of [`LeafParams`] and the height map, as a Bonn-layout folder.
 //!
-//! Two other materials keep fitters from being tuned to leaves: [`Cloth`], yarns whose [`Fibre`]s
-//! scatter light as cylinders, written by [`write_cloth_capture`], and [`Leather`], a grain of pebbles
-//! under a [`Finish`] of long-tailed [`Facets`], written by [`write_leather_capture`]. Both add one
-//! indirect [`Bounce`].
+//! Two other materials keep fitters from being tuned to leaves: [`Cloth`], yarns whose [`Fibre`]s scatter light as
+//! cylinders, written by [`write_cloth_capture`], and [`Leather`], a grain of pebbles under a [`Finish`] of long-tailed
+//! [`Facets`], written by [`write_leather_capture`]. Both add one indirect [`Bounce`].
 //!
-//! Plants that bear such leaves, by L-systems, as instanced meshes in a glTF file or as a script of shapes:
-//! [`write_plants`] of [`PlantsParams`].
+//! [`write_plants`] generates plants that bear such leaves, from [`PlantsParams`] by L-systems, as instanced meshes in
+//! a glTF file or as a script of shapes.
 //!
-//! Everything that is random comes from a seed; the number of threads never matters.
+//! Everything random comes from a seed; the number of threads never matters.
 //!
-//! Independent on purpose of the fitter and the decoder: nothing here knows the lobes that a
-//! capture is fitted with, so that fitting one measures more than self-consistency.
+//! This package is independent of the fitter and the decoder on purpose: nothing here knows the lobes that a capture is
+//! fitted with, so that fitting a capture measures more than self-consistency.
 //!
 //! ```
 //! use std::ops::ControlFlow;
@@ -53,6 +52,7 @@ mod leather;
 mod optics;
 mod plants;
 mod surface;
+mod vector;
 
 // What a leaf is belongs to whoever makes or lights one.
 pub use btf_models::{Deficiency, LeafContents, LeafDescription, Species, TextureImages};
@@ -67,45 +67,47 @@ pub use instruments::plot::{LinePlot, Series, counts_svg, disk_svg, goniogram_sv
 pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectrum};
 pub use leaf::capture::write_leaf_capture;
 pub use leaf::chlorosis::Chlorosis;
+pub use leaf::look::{BladePlace, LeafLook};
 pub use leaf::model::LeafModel;
-pub use leaf::patch::LeafParams;
-pub use leaf::textures::{AppearanceTextures, BladePlace, LeafLook};
+pub use leaf::params::LeafParams;
+pub use leaf::textures::AppearanceTextures;
 pub use leather::capture::write_leather_capture;
 pub use leather::facets::{FacetDirection, Facets};
 pub use leather::finish::{Finish, FinishParams, FinishView};
 pub use leather::hide::{Leather, LeatherPair, LeatherPoint};
 pub use leather::params::LeatherParams;
-pub use optics::abm_b::AbmB;
-pub use optics::abm_u::AbmU;
-pub use optics::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
-pub use optics::colour::{RgbBands, RgbFromSpectrum};
-pub use optics::contents::check_contents;
-pub use optics::fresnel::{fresnel, fresnel_between, reflect, refract, refract_cos};
-pub use optics::gloss::{CookTorrance, LobeAngles, vein_frame};
-pub use optics::gloss_params::{CUTICLE_INDEX, GlossCoupling, GlossForm, GlossParams, MIN_ROUGHNESS};
-pub use optics::interface::mean_interface_transmittance;
-pub use optics::path_lengths::{
+pub use optics::abm::abm_b::AbmB;
+pub use optics::abm::abm_u::AbmU;
+pub use optics::abm::abm97::{Abm97, Abm97Switches, EntryLobe, Epidermis, MesophyllKind, States};
+pub use optics::abm::path_lengths::{
     Beam, Diffuse, Estimate, Face, Parallel, PathLengths, TracedBeam, trace_path_lengths, trace_splitting,
 };
-pub use optics::plate_body::{BodyRgb, PlateBody};
-pub use optics::plate_exact::{plate, plate_inside};
-pub use optics::plate_model::{PROSPECT_CONE_DEG, PlateModel, PlateOptics, plate_spectrum};
-pub use optics::plate_n::{plate_n, plate_n_inside};
-pub use optics::plate_paper::{PAPER_WAVELENGTHS_NM, plate_paper, plate_paper_absorption, plate_paper_of_theta};
-pub use optics::scatter_table::{Passage, ScatterTable};
-pub use optics::specific_absorption::{SpecificAbsorption, check_wavelengths};
-pub use optics::specimen::{AspectRatios, Composition, Specimen};
-pub use optics::stack::{Crossing, Interface, InverseExponent, Medium, PathRule, Spread, Stack};
-pub use optics::theta::{
+pub use optics::abm::scatter_table::{Passage, ScatterTable};
+pub use optics::abm::specimen::{AspectRatios, Composition, Specimen};
+pub use optics::abm::stack::{Crossing, Interface, InverseExponent, Medium, PathRule, Spread, Stack};
+pub use optics::abm::tissue::{DepthParts, Tissue};
+pub use optics::abm::walk::{Absorption, End, Walked, walk, walk_splitting};
+pub use optics::colour::{PAPER_WAVELENGTHS_NM, RgbBands, RgbFromSpectrum};
+pub use optics::contents::check_contents;
+pub use optics::fresnel::{fresnel, fresnel_between, reflect, refract, refract_cos};
+pub use optics::gloss::lobe::{CookTorrance, LobeAngles, vein_frame};
+pub use optics::gloss::params::{CUTICLE_INDEX, GlossCoupling, GlossForm, GlossParams, MIN_ROUGHNESS};
+pub use optics::interface::mean_interface_transmittance;
+pub use optics::plates::body::{BodyRgb, PlateBody};
+pub use optics::plates::exact::{plate, plate_inside};
+pub use optics::plates::model::{PROSPECT_CONE_DEG, PlateModel, plate_spectrum};
+pub use optics::plates::paper::{plate_paper, plate_paper_absorption, plate_paper_of_theta};
+pub use optics::plates::pile::{plate_n, plate_n_inside};
+pub use optics::plates::shares::PlateOptics;
+pub use optics::plates::theta::{
     ThetaForm, diffuse_transmission, diffuse_transmission_f32, rational_p1q2, rational_p2q3, three_piece_fit,
 };
-pub use optics::tissue::{DepthParts, Tissue};
+pub use optics::specific_absorption::{SpecificAbsorption, check_wavelengths};
 pub use optics::two_sided::two_sided_diffuse;
 pub use optics::units::{
     Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, PerCentimetre,
     SquareCentimetresPerGram, SquareCentimetresPerMicrogram,
 };
-pub use optics::walk::{Absorption, End, Walked, walk, walk_splitting};
 pub use plants::gltf::LEAF_EXTENSION;
 pub use plants::params::{CanopySize, Form, Ground, MAX_PLANTS, MAX_UNIQUE_TRIANGLES, PlantsParams};
 pub use plants::script::MAX_SHAPES;

@@ -1,10 +1,10 @@
-//! Everything that can be wrong with a leaf, a mesh or a script of shapes, each as one sentence with its remedy.
+//! Errors of reading and writing leaves, meshes and scripts of shapes, each one sentence with its remedy.
 
 use btf_capture::CaptureError;
 use std::path::{Path, PathBuf};
 
-/// Why a leaf, a mesh or a script of shapes could not be read or written. `Display` is one plain sentence that names the
-/// file and says what to do.
+/// Reason why a leaf, a mesh or a script of shapes could not be read or written. `Display` is one plain sentence that
+/// names the file and says what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
@@ -13,17 +13,17 @@ pub enum ModelError {
     Mesh {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and what to do.
+        /// Fault and remedy.
         reason: String,
     },
-    /// A leaf's description, or a texture file or folder, that cannot be used.
+    /// A description of a leaf, or a texture file or folder, that cannot be used.
     #[error("{} {fault}; {remedy}", path.display())]
     Leaf {
         /// The file or folder.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault as a verb phrase.
         fault: String,
-        /// What to do about it.
+        /// Remedy as an imperative.
         remedy: &'static str,
     },
     /// A script of shapes ([`crate::shapes::Script`]) that cannot be used.
@@ -31,9 +31,9 @@ pub enum ModelError {
     Shapes {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault as a verb phrase.
         fault: String,
-        /// What to do about it.
+        /// Remedy as an imperative.
         remedy: &'static str,
     },
     /// A file that cannot be written.

@@ -1,4 +1,5 @@
-//! The container of binary glTF files: a buffer that grows with its views, and the chunks around it [glTF 2.0, section 4].
+//! Writes the container of binary glTF files: a buffer that grows with its views, and the chunks around it [glTF 2.0,
+//! section 4].
 
 use serde_json::{Value, json};
 
@@ -10,23 +11,23 @@ pub const U16: u32 = 5123;
 pub const U32: u32 = 5125;
 /// Primitive mode of triangles.
 pub const TRIANGLES: u32 = 4;
-/// Use of a buffer view that holds vertices.
+/// Target of a buffer view that holds vertices.
 pub const VERTICES: u32 = 34962;
-/// Use of a buffer view that holds indices.
+/// Target of a buffer view that holds indices.
 pub const INDICES: u32 = 34963;
 
-/// The binary chunk as it grows, and its views.
+/// Binary chunk as it grows, with its views.
 #[derive(Debug, Default)]
 pub struct GlbBuffer {
-    /// The bytes so far.
+    /// Bytes so far.
     pub bytes: Vec<u8>,
-    /// The document's `bufferViews`.
+    /// Entries of `bufferViews` in the document.
     pub views: Vec<Value>,
 }
 
 impl GlbBuffer {
-    /// Puts bytes at the next multiple of 4; the number of their view comes back. `target` is [`VERTICES`],
-    /// [`INDICES`] or nothing.
+    /// Appends `bytes` at the next multiple of 4 and returns the index of their view. `target` is [`VERTICES`],
+    /// [`INDICES`] or none.
     pub fn push(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let mut view = json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len() });
@@ -39,7 +40,8 @@ impl GlbBuffer {
     }
 }
 
-/// The file: a header of three words and two chunks, each padded to whole words. `None` if it would have 4 GiB or more.
+/// Returns the bytes of a binary glTF file: a header of three words and two chunks, each padded to whole words. Returns
+/// `None` if the file would have 4 GiB or more.
 pub fn glb_from(document: &Value, mut binary: Vec<u8>) -> Option<Vec<u8>> {
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
@@ -57,7 +59,7 @@ pub fn glb_from(document: &Value, mut binary: Vec<u8>) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// A part of a relative address with everything but its unreserved characters escaped [RFC 3986].
+/// Escapes everything but the unreserved characters in a part of a relative address [RFC 3986].
 pub fn escaped(part: &str) -> String {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
     part.bytes().map(|byte| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") }).collect()

@@ -1,7 +1,7 @@
-//! Light and eye: CIE 1931 2-degree colour matching functions and the relative power of the
-//! illuminant D65, 380 to 780 nm every 5 nm [CIE 015:2018].
+//! CIE 1931 2-degree colour matching functions and the relative power of the illuminant D65, 380 to 780 nm every 5 nm
+//! [CIE 015:2018].
 
-/// Rows.
+/// Number of rows of the tables.
 pub const ROWS: usize = 81;
 
 /// Wavelength of the first row in nanometres.
@@ -10,7 +10,7 @@ pub const FIRST_NM: f64 = 380.0;
 /// Distance between rows in nanometres.
 pub const STEP_NM: f64 = 5.0;
 
-/// From CIE XYZ to linear sRGB [IEC 61966-2-1].
+/// Matrix from CIE XYZ to linear sRGB [IEC 61966-2-1].
 pub const RGB_FROM_XYZ: [[f64; 3]; 3] =
     [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
 

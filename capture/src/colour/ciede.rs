@@ -5,31 +5,31 @@ use crate::colour::transfer::Transfer;
 /// A colour in CIE L*a*b*.
 pub type Lab = [f64; 3];
 
-/// CIE XYZ from linear sRGB, IEC 61966-2-1 (its four-digit matrix).
+/// Matrix from linear sRGB to CIE XYZ with four digits [IEC 61966-2-1].
 const XYZ_FROM_SRGB: [[f64; 3]; 3] = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
 
-/// 25^7, of the CIEDE2000 formula.
+/// 25^7, a constant of the CIEDE2000 formula.
 const POW25_7: f64 = 6_103_515_625.0;
 
-/// L*a*b* of 8-bit RGB values whose curve is known; white is (255, 255, 255).
+/// Converter from 8-bit RGB values of a known curve to L*a*b*; white is (255, 255, 255).
 #[derive(Debug, Clone)]
 pub struct LabConverter {
     linear: [f64; 256],
 }
 
 impl LabConverter {
-    /// A converter for values encoded with `transfer`.
+    /// Returns a converter for values encoded with `transfer`.
     pub fn new(transfer: Transfer) -> LabConverter {
         LabConverter { linear: std::array::from_fn(|code| transfer.linear_from_encoded(code as f32 / 255.0).into()) }
     }
 
-    /// L*a*b* of one colour.
+    /// Returns L*a*b* of one colour.
     pub fn lab(&self, rgb: [u8; 3]) -> Lab {
         lab_from_linear(rgb.map(|code| self.linear[usize::from(code)]))
     }
 }
 
-/// L*a*b* of linear sRGB; white is (1, 1, 1).
+/// Returns L*a*b* of linear sRGB; white is (1, 1, 1).
 pub fn lab_from_linear(linear: [f64; 3]) -> Lab {
     // White is the matrix's own, so that grey has no colour.
     let f = XYZ_FROM_SRGB.map(|row| {
@@ -40,14 +40,14 @@ pub fn lab_from_linear(linear: [f64; 3]) -> Lab {
     [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
 }
 
-/// The cube root with its linear piece near black, CIE 15.
+/// Evaluates the cube root that is linear near black [CIE 15].
 fn lab_curve(t: f64) -> f64 {
     const DELTA: f64 = 6.0 / 29.0;
     if t > DELTA * DELTA * DELTA { cube_root(t) } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
 }
 
-/// The cube root of a normal positive number within 1e-14: a third of its exponent, then Halley's iteration;
-/// several times faster than the one that is right to the last bit.
+/// Returns the cube root of a normal positive number within 1e-14: divides the exponent by three, then takes a step of
+/// Halley's iteration. Several times faster than a cube root that is right to the last bit.
 fn cube_root(t: f64) -> f64 {
     // Two thirds of the exponent's bias, and what makes the error of the guess alike on both sides.
     const BIAS: u64 = 0x2A9F_7893_0000_0000;
@@ -59,7 +59,7 @@ fn cube_root(t: f64) -> f64 {
     y
 }
 
-/// CIEDE2000 with unit weights, [Sharma 2005, eqs. 2 to 22].
+/// Returns the colour difference CIEDE2000 with unit weights [Sharma 2005, eqs. 2 to 22].
 pub fn delta_e00(x: Lab, y: Lab) -> f64 {
     let chroma = |a: f64, b: f64| (a * a + b * b).sqrt();
     let mean_chroma = 0.5 * (chroma(x[1], x[2]) + chroma(y[1], y[2]));

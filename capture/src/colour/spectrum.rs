@@ -1,11 +1,11 @@
-//! From a reflectance spectrum to linear sRGB.
+//! Converts reflectance spectra to linear sRGB.
 
 use crate::colour::cie;
 
-/// Wavelengths that a channel's name may stand for, in nanometres: what optical instruments measure.
+/// Range of wavelengths in nanometres that a channel's name may stand for: what optical instruments measure.
 const PLAUSIBLE_NM: std::ops::RangeInclusive<f64> = 100.0..=20_000.0;
 
-/// The wavelength in nanometres that a channel's name states: a number, with or without `nm` behind it.
+/// Returns the wavelength in nanometres that a channel's name states: a number, with or without `nm` behind it.
 pub(crate) fn wavelength_nm(name: &str) -> Option<f64> {
     let name = name.trim_matches(|c: char| c.is_whitespace() || c == '\0');
     let number = name.strip_suffix("nm").unwrap_or(name).trim_end();
@@ -15,14 +15,14 @@ pub(crate) fn wavelength_nm(name: &str) -> Option<f64> {
     number.parse().ok().filter(|nm| plain && PLAUSIBLE_NM.contains(nm))
 }
 
-/// What to multiply the reflectances at `wavelengths_nm` with: `[wavelength][channel]`, linear sRGB.
+/// Returns the weights of the reflectances at `wavelengths_nm`, `[wavelength][channel]`, that sum to linear sRGB.
 ///
-/// A spectrum is taken as linear between its wavelengths and constant beyond the first and the last. It
-/// is integrated with the CIE 1931 2-degree observer under D65, 380 to 780 nm in steps of 5 nm
-/// [CIE 015:2018], and each channel is divided by what a perfect reflector gives, so that a reflectance
-/// of 1 everywhere is (1, 1, 1) exactly. Wavelengths outside the visible have weights near 0.
+/// A spectrum is linear between its wavelengths and constant beyond the first and the last. The weights integrate it
+/// with the CIE 1931 2-degree observer under D65, 380 to 780 nm in steps of 5 nm [CIE 015:2018]. Each channel is
+/// divided by what a perfect reflector gives, so that a reflectance of 1 everywhere is (1, 1, 1) exactly. Wavelengths
+/// outside the visible have weights near 0.
 ///
-/// `None` if two wavelengths are equal or there is none.
+/// Returns `None` if two wavelengths are equal or there is none.
 pub fn rgb_weights(wavelengths_nm: &[f64]) -> Option<Vec<[f32; 3]>> {
     let mut order: Vec<usize> = (0..wavelengths_nm.len()).collect();
     order.sort_by(|&a, &b| wavelengths_nm[a].total_cmp(&wavelengths_nm[b]));
@@ -54,7 +54,7 @@ pub fn rgb_weights(wavelengths_nm: &[f64]) -> Option<Vec<[f32; 3]>> {
     Some(weights.iter().map(|weight| std::array::from_fn(|c| (weight[c] / white[c]) as f32)).collect())
 }
 
-/// Linear sRGB of the spectrum `values`, one value for each of `weights`.
+/// Returns linear sRGB of the spectrum `values`, one value for each of `weights`.
 pub fn rgb_of(weights: &[[f32; 3]], values: &[f32]) -> [f32; 3] {
     let mut rgb = [0f32; 3];
     for (weight, value) in weights.iter().zip(values) {
@@ -69,8 +69,8 @@ pub fn rgb_of(weights: &[[f32; 3]], values: &[f32]) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// Linear sRGB of a reflectance given as a function of nanometres, integrated the slow way: every
-    /// nanometre, tables interpolated.
+    /// Returns linear sRGB of a reflectance given as a function of nanometres, integrated slowly: every nanometre, with
+    /// interpolated tables.
     fn slow(reflectance: impl Fn(f64) -> f64) -> [f64; 3] {
         let at = |table: &[f64], nm: f64| {
             let position = (nm - cie::FIRST_NM) / cie::STEP_NM;

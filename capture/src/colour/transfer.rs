@@ -1,11 +1,11 @@
-//! Transfer curves: how the numbers in an image file encode linear light.
+//! Transfer curves, by which the numbers in an image file encode linear light.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::error::CaptureError;
 
-/// The curve between encoded file values and linear light, both 0 to 1.
+/// Curve between encoded file values and linear light, both 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Transfer {
     /// The sRGB curve, IEC 61966-2-1 (two pieces).
@@ -16,17 +16,16 @@ pub enum Transfer {
     Linear,
 }
 
-/// IEC 61966-2-1: slope of the linear piece near black.
+/// Slope of the linear piece of the sRGB curve near black [IEC 61966-2-1].
 const SRGB_SLOPE: f32 = 12.92;
-/// IEC 61966-2-1: encoded value at which the two pieces meet.
+/// Encoded value at which the two pieces of the sRGB curve meet [IEC 61966-2-1].
 const SRGB_KNEE_ENCODED: f32 = 0.04045;
-/// IEC 61966-2-1: linear value at which the two pieces meet.
+/// Linear value at which the two pieces of the sRGB curve meet [IEC 61966-2-1].
 const SRGB_KNEE_LINEAR: f32 = 0.003_130_8;
 
 impl Transfer {
-    /// Linear light of an encoded value. `encoded` may exceed 1 (the curve continues); with
-    /// [`Transfer::Srgb`] and [`Transfer::Gamma`] a negative is clamped to 0, with
-    /// [`Transfer::Linear`] it is kept.
+    /// Returns the linear light of an encoded value. `encoded` may exceed 1, where the curve continues.
+    /// [`Transfer::Srgb`] and [`Transfer::Gamma`] clamp negatives to 0; [`Transfer::Linear`] keeps them.
     pub fn linear_from_encoded(self, encoded: f32) -> f32 {
         match self {
             Transfer::Linear => encoded,
@@ -38,8 +37,8 @@ impl Transfer {
         }
     }
 
-    /// Encoded value of linear light, the inverse of [`Transfer::linear_from_encoded`] with the
-    /// same treatment of negatives; not clamped above.
+    /// Returns the encoded value of linear light, the inverse of [`Transfer::linear_from_encoded`] with the same
+    /// treatment of negatives. The result is not clamped above.
     pub fn encoded_from_linear(self, linear: f32) -> f32 {
         match self {
             Transfer::Linear => linear,

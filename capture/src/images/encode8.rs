@@ -1,27 +1,26 @@
-//! Fast rounding of linear values to 8-bit file values, equal to the slow definition for every
-//! input.
+//! Rounds linear values to 8-bit file values fast, with the results of the slow definition for every input.
 
 use crate::colour::transfer::Transfer;
 use crate::info::{CaptureInfo, file_linear, round_to_8_bits};
 
-/// Encodes many linear values as 8-bit file values: [`CaptureInfo::encoded8_from_linear`] by
-/// table, several times faster because no power is taken. Build one per capture and share it between threads.
+/// Encoder of many linear values as 8-bit file values. It gives the results of [`CaptureInfo::encoded8_from_linear`] by
+/// a table, several times faster because it takes no power. Build one encoder per capture and share it between threads.
 #[derive(Debug, Clone)]
 pub struct Encoder8 {
-    /// Cells of equal relative width over the floats from just below the smallest threshold to the largest: at most
-    /// two 8-bit values meet in one. The upper 8 bits are the value at the lower edge, the others the distance, in
+    /// Cells of equal relative width over the floats from just below the smallest threshold to the largest. At most two
+    /// 8-bit values meet in a cell. The upper 8 bits hold the value at its lower edge, the others the distance, in
     /// floats, from there to the next value.
     cells: Vec<u32>,
     /// Bits of the first and the last float that has a cell of its own.
     range: [u32; 2],
-    /// Bits of a float that do not count for its cell.
+    /// Number of low bits of a float that do not affect its cell.
     shift: u32,
-    /// Per light: factor from file values to reflectance x cosine.
+    /// Factor from file values to reflectance x cosine, per light.
     factors: Vec<f32>,
 }
 
 impl Encoder8 {
-    /// The encoder of a capture's files.
+    /// Returns the encoder of a capture's files.
     pub fn new(info: &CaptureInfo) -> Encoder8 {
         // Bits of the smallest float that is stored above each value; floats order like their bits.
         let mut thresholds = [u32::MAX; 256];
@@ -47,14 +46,14 @@ impl Encoder8 {
         Encoder8 { cells, range, shift, factors }
     }
 
-    /// The 8-bit file value of reflectance x cosine `linear` under light `light`; equal to
+    /// Returns the 8-bit file value of reflectance x cosine `linear` under light `light`, equal to
     /// [`CaptureInfo::encoded8_from_linear`].
     #[inline]
     pub fn encode(&self, light: usize, linear: f32) -> u8 {
         self.encode_file_value(file_linear(linear, self.factors[light]))
     }
 
-    /// [`Encoder8::encode`] over a slice; `encoded` and `linear` have one length.
+    /// Encodes a slice by [`Encoder8::encode`].
     ///
     /// # Panics
     /// If the lengths differ.
@@ -67,7 +66,7 @@ impl Encoder8 {
         }
     }
 
-    /// No branch: a decoded image is noise to a branch predictor.
+    /// Looks up one file value. The code has no branch, because the branch predictor cannot foresee a decoded image.
     #[inline(always)]
     fn encode_file_value(&self, file_value: f32) -> u8 {
         // As a comparison, NaN becomes 0.
@@ -84,8 +83,8 @@ fn encode(transfer: Transfer, file_value: f32) -> u8 {
     round_to_8_bits(255.0 * transfer.encoded_from_linear(file_value))
 }
 
-/// The smallest float that is stored above `value`, by bisection over the bit patterns of
-/// [0, 2], which order like the floats themselves.
+/// Returns the smallest float that is stored above `value`, by bisection over the bit patterns of [0, 2], which order
+/// like the floats themselves.
 fn smallest_stored_above(transfer: Transfer, value: u8) -> f32 {
     let (mut low, mut high) = (0u32, 2f32.to_bits());
     while low + 1 < high {

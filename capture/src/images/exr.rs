@@ -13,17 +13,17 @@ use exr::prelude::{
 use half::f16;
 
 use crate::colour::spectrum::{rgb_of, rgb_weights, wavelength_nm};
-use crate::images::images::{DecodedImage, ImageFault, MAX_TEXELS, Samples, check_size};
+use crate::images::decoded::{DecodedImage, ImageFault, MAX_TEXELS, Samples, check_size};
 
-/// Largest value that half precision holds; larger ones are written as this.
+/// Largest value that half precision holds; larger values are written as this one.
 pub(crate) const MAX_HALF: f32 = 65504.0;
 
 /// Largest number of samples of a spectral image, over all channels.
 const MAX_SPECTRAL_SAMPLES: usize = 4 * MAX_TEXELS;
 
-/// Decodes channels R, G and B of the first layer that has them; any sample type, any lossless
-/// compression that the format knows. Where no layer has them, the first one whose channels are named
-/// by wavelengths in nanometres is read as a spectrum of reflectances.
+/// Decodes channels R, G and B of the first layer that has them, with any sample type and any lossless compression of
+/// the format. Where no layer has them, the first layer whose channels are named by wavelengths in nanometres is read
+/// as a spectrum of reflectances.
 pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<DecodedImage, ImageFault> {
     // The header is looked at first, because the reader allocates by it.
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(ImageFault::damaged)?;
@@ -66,8 +66,8 @@ pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<D
     Ok(DecodedImage { width, height, samples: Samples::F32(values) })
 }
 
-/// The wavelengths that the channels of a layer are named by, in the order of the channels, each with the
-/// channel's number; other channels are passed over.
+/// Returns the wavelengths in nanometres that the channels of a layer are named by, in the order of the channels, each
+/// with the index of its channel. Other channels are left out.
 fn wavelengths_of(header: &Header) -> Vec<(usize, f64)> {
     let names = header.channels.list.iter().enumerate();
     names.filter_map(|(i, channel)| Some((i, wavelength_nm(&channel.name.to_string())?))).collect()
@@ -129,9 +129,9 @@ fn decode_spectrum(
     Ok(DecodedImage { width, height, samples: Samples::Computed(values) })
 }
 
-/// Encodes linear `values`, `[texel, channel]`, as half-precision RGB without compression: five
-/// times faster to read than the compressed kinds, and noise hardly compresses. Values beyond
-/// half's range are written as its largest.
+/// Encodes linear `values`, `[texel, channel]`, as half-precision RGB without compression, which reads five times
+/// faster than compressed files; noise hardly compresses anyway. Values beyond the range of half are written as its
+/// largest.
 pub(crate) fn encode(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
     // Not `min`, which would turn a NaN into the largest value.
     let half = |value: f32| f16::from_f32(if value > MAX_HALF { MAX_HALF } else { value });
@@ -214,7 +214,7 @@ pub(crate) mod tests {
         assert_eq!(back.layer_data.channel_data.pixels, values);
     }
 
-    /// A picture of 4 x 3 texels with one channel for each name, of `value(texel, channel)`.
+    /// Returns an image of 4 x 3 texels with one channel for each name, of `value(texel, channel)`.
     pub(crate) fn spectral(names: &[&str], value: impl Fn(usize, usize) -> f32) -> Vec<u8> {
         use exr::prelude::{AnyChannel, AnyChannels};
         let channel = |(i, name): (usize, &&str)| {

@@ -1,7 +1,10 @@
 //! Image files: png, jpg, exr, hdr.
 
+pub(crate) mod decoded;
 pub(crate) mod encode8;
 pub(crate) mod exr;
-pub(crate) mod images;
+pub(crate) mod file_format;
+pub(crate) mod jpg;
+pub(crate) mod png;
 pub(crate) mod radiance;
 pub(crate) mod radiance_map;

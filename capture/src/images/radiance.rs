@@ -1,30 +1,28 @@
-//! Radiance pictures (`.hdr`): shared-exponent RGB, unpacked or in either run-length code
-//! [Ward 1991].
+//! Decodes Radiance pictures (`.hdr`): shared-exponent RGB, unpacked or in either run-length code [Ward 1991].
 //!
 //! Values are mantissa x 2^(exponent - 136), as most readers take them, divided by the product of the
 //! header's `EXPOSURE`s. Nothing is clamped.
 
-use crate::images::images::{DecodedImage, ImageFault, Samples, check_size};
+use crate::images::decoded::{DecodedImage, ImageFault, Samples, check_size};
 
 /// Texels that a picture may claim whatever its size in bytes.
 const FREE_TEXELS: usize = 1 << 16;
 
-/// Texels that a picture may claim per byte: a constant line of the largest known pictures stays
-/// below it.
+/// Texels that a picture may claim per byte; a constant line of the largest known pictures stays below this.
 const MAX_TEXELS_PER_BYTE: usize = 128;
 
-/// Longest header that is searched for its end, in bytes.
+/// Longest header in bytes that is searched for its end.
 const MAX_HEADER_BYTES: usize = 1 << 16;
 
-/// Shortest and longest scanline that the newer run-length code is used for.
+/// Lengths of scanlines that the newer run-length code is used for.
 const NEW_CODE_WIDTHS: std::ops::Range<usize> = 8..0x8000;
 
-/// How scanlines lie in the picture.
+/// Orientation of scanlines in a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Orientation {
-    /// Scanlines are columns.
+    /// Whether scanlines are columns.
     columns: bool,
-    /// Columns run from the right, rows from the bottom.
+    /// Whether columns run from the right, and rows from the bottom.
     from_right: bool,
     from_bottom: bool,
 }
@@ -34,9 +32,9 @@ struct Header {
     width: usize,
     height: usize,
     orientation: Orientation,
-    /// Factor to the values before any exposure.
+    /// Factor from file values to the values before any exposure.
     factor: [f32; 3],
-    /// Where the pixels begin.
+    /// Offset of the pixels in bytes.
     pixels_at: usize,
 }
 
@@ -73,7 +71,7 @@ pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<D
     Ok(DecodedImage { width, height, samples: Samples::F32(values) })
 }
 
-/// 2^(exponent - 136), 0 for the exponent 0.
+/// Returns 2^(exponent - 136), and 0 for the exponent 0.
 fn exponent_factor(exponent: u8) -> f32 {
     if exponent == 0 { 0.0 } else { ((i32::from(exponent) - 136) as f32).exp2() }
 }
@@ -122,12 +120,12 @@ fn read_header(bytes: &[u8]) -> Result<Header, String> {
     Ok(Header { width, height, orientation, factor, pixels_at: at })
 }
 
-/// The size and orientation that a resolution line states: the axis that comes first changes from
-/// scanline to scanline, `-Y` counts from the top, `+X` from the left.
+/// Returns the size and orientation that a resolution line states: the axis that comes first changes from scanline to
+/// scanline, `-Y` counts from the top, `+X` from the left.
 ///
-/// One of the eight forms is an exception. `+X W -Y H` is what ATRIUM's pictures say. By the letter their
-/// scanlines would be columns, but they are rows from the bottom: readers of that database swap the
-/// line for `-Y H +X W` and then flip the picture. No program is known that writes this form otherwise.
+/// One of the eight forms is an exception: `+X W -Y H`, which ATRIUM's pictures have. By the letter, their scanlines
+/// would be columns, but they are rows from the bottom: readers of that database replace the line by `-Y H +X W` and
+/// then flip the picture. No program is known that writes this form otherwise.
 fn parse_resolution(line: &str) -> Result<(usize, usize, Orientation), String> {
     let bad = || format!("its resolution line is `{}`, not like `-Y 256 +X 256`", line.escape_debug());
     let words: Vec<&str> = line.split_whitespace().collect();
@@ -155,7 +153,7 @@ fn parse_resolution(line: &str) -> Result<(usize, usize, Orientation), String> {
     Ok((first_count, second_count, orientation))
 }
 
-/// Reads one scanline in whichever code it has; `None` if it is cut or runs over its end.
+/// Reads one scanline in either code; returns `None` if it is cut or runs over its end.
 fn read_scanline(rest: &mut &[u8], line: &mut [[u8; 4]]) -> Option<()> {
     let start = rest.get(..4)?;
     if NEW_CODE_WIDTHS.contains(&line.len()) && start[0] == 2 && start[1] == 2 && start[2] < 128 {
@@ -168,7 +166,7 @@ fn read_scanline(rest: &mut &[u8], line: &mut [[u8; 4]]) -> Option<()> {
     read_old_code(rest, line)
 }
 
-/// The newer code: each of the four components in turn, as runs (count above 128) and literals.
+/// Reads a scanline in the newer code: each of the four components in turn, as runs (count above 128) and literals.
 fn read_new_code(rest: &mut &[u8], line: &mut [[u8; 4]]) -> Option<()> {
     for component in 0..4 {
         let mut at = 0;
@@ -190,8 +188,8 @@ fn read_new_code(rest: &mut &[u8], line: &mut [[u8; 4]]) -> Option<()> {
     Some(())
 }
 
-/// Texels one by one; (1, 1, 1, n) repeats the one before n times, and further ones in a row count
-/// in the next higher bytes.
+/// Reads a scanline in the older code: texels one by one, where (1, 1, 1, n) repeats the previous texel n times, and
+/// further repeats in a row count in the next higher bytes.
 fn read_old_code(rest: &mut &[u8], line: &mut [[u8; 4]]) -> Option<()> {
     let (mut at, mut shift) = (0, 0);
     while at < line.len() {
@@ -219,12 +217,12 @@ fn read_old_code(rest: &mut &[u8], line: &mut [[u8; 4]]) -> Option<()> {
 pub(crate) mod tests {
     use super::*;
 
-    /// A header with `resolution` as its last line.
+    /// Returns a header with `resolution` as its last line.
     pub(crate) fn header(resolution: &str) -> Vec<u8> {
         format!("#?RADIANCE\n# made by a test\nFORMAT=32-bit_rle_rgbe\n\n{resolution}\n").into_bytes()
     }
 
-    /// Texels in no code; exact for values whose mantissas have 8 bits.
+    /// Returns the texels without a run-length code; exact for values whose mantissas have 8 bits.
     pub(crate) fn flat(texels: &[[f32; 3]]) -> Vec<u8> {
         texels.iter().flat_map(rgbe).collect()
     }
@@ -250,7 +248,7 @@ pub(crate) mod tests {
         decode(&[header(resolution), pixels.to_vec()].concat(), None)
     }
 
-    /// Six texels that all differ, one far above 1.
+    /// Returns six texels that all differ, one far above 1.
     fn six() -> [[f32; 3]; 6] {
         [[1.0, 0.5, 0.25], [300.0, 2.0, 6.0], [0.0, 0.0, 0.0], [0.125, 1.5, 0.0], [4e-4, 0.0, 1e-4], [96.0, 64.0, 8.0]]
             .map(|texel| texel.map(|value: f32| value))

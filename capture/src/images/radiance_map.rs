@@ -1,17 +1,18 @@
-//! Pictures of light: EXR and Radiance files as linear RGB, for renderers.
+//! Reads pictures of radiance, EXR and Radiance files, as linear RGB for renderers.
 
 use crate::error::CaptureError;
-use crate::images::images::{FileFormat, ImageFault, Samples, decode};
+use crate::images::decoded::{ImageFault, Samples};
+use crate::images::file_format::{FileFormat, decode};
 use std::path::Path;
 
-/// A picture of linear radiance.
+/// Picture of linear radiance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RadianceMap {
-    /// Pixels per row.
+    /// Number of pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// `[row, column, rgb]` from the top left; finite and at least 0.
+    /// Radiance `[row, column, rgb]` from the top left; finite and at least 0.
     pub rgb: Vec<f32>,
 }
 

@@ -1,21 +1,20 @@
-//! Bonn's layout: file names that carry the angles. UBO2003, ATRIUM, and with the view first the
-//! spectral sets.
+//! Bonn's layout, in which file names carry the angles: UBO2003, ATRIUM, and with the view first the spectral sets.
 //!
 //! `tvTTT_pvPPP/NNNNN tlTTT plPPP tvTTT pvPPP.EXT`: angles in degrees, three digits before the
 //! point (`tl023.5`), NNNNN = light * views + view. The number is written but never trusted when
 //! reading: the angles decide, in whatever order the name has them.
 
 use crate::direction::{Direction, DirectionSet, angle_name};
-use crate::images::images::FileFormat;
+use crate::images::file_format::FileFormat;
 use crate::layout::grid::{Grid, GridImage};
 use crate::layout::source::{Source, folders_of};
 
-/// Name of the folder of a view, `tvTTT_pvPPP`.
+/// Returns the name of the folder of a view, `tvTTT_pvPPP`.
 pub(crate) fn folder_name(view: Direction) -> String {
     format!("tv{}_pv{}", angle_name(view.theta_deg), angle_name(view.phi_deg))
 }
 
-/// Name of an image below its folder.
+/// Returns the name of an image below its folder.
 pub(crate) fn file_name(
     views: &DirectionSet,
     lights: &DirectionSet,
@@ -34,12 +33,12 @@ pub(crate) fn file_name(
     )
 }
 
-/// Whether reading a capture would take a file of this name for one of its images.
+/// Returns whether a reader of captures would take a file of this name for an image.
 pub(crate) fn is_image_name(name: &str) -> bool {
     parse_name(name).is_some()
 }
 
-/// The light and view that a file name states, and its format; `None` for other files.
+/// Returns the light and view that a file name states, and its format; `None` for other files.
 fn parse_name(path: &str) -> Option<(Direction, Direction, FileFormat)> {
     let name = path.rsplit('/').next()?;
     let (stem, extension) = name.rsplit_once('.')?;
@@ -57,7 +56,7 @@ fn parse_name(path: &str) -> Option<(Direction, Direction, FileFormat)> {
     (tl <= 180.0 && tv <= 180.0).then(|| (Direction::new(tl, pl), Direction::new(tv, pv), format))
 }
 
-/// Digits with at most one point among them; no sign, no exponent.
+/// Parses an angle of digits with at most one point among them; signs and exponents are refused.
 fn parse_angle(text: &str) -> Option<f64> {
     let plain = text.starts_with(|c: char| c.is_ascii_digit())
         && text.len() <= 24
@@ -65,7 +64,7 @@ fn parse_angle(text: &str) -> Option<f64> {
     if plain { text.parse().ok() } else { None }
 }
 
-/// The images that the names in `source` tell of; empty if there are none.
+/// Returns the images whose names in `source` carry angles; empty if there are none.
 pub(crate) fn find_images(source: &Source) -> Vec<GridImage> {
     let names = source.names().iter().enumerate();
     names
@@ -76,7 +75,7 @@ pub(crate) fn find_images(source: &Source) -> Vec<GridImage> {
         .collect()
 }
 
-/// The name that the image of a pair would have beside `images`.
+/// Returns the name that the image of a pair would have beside `images`.
 pub(crate) fn missing_name(source: &Source, images: &[GridImage], grid: &Grid, view: usize, light: usize) -> String {
     let names = || images.iter().map(|image| source.names()[image.file].as_str());
     let extension = names().next().and_then(|name| name.rsplit_once('.')).map_or("", |(_, extension)| extension);

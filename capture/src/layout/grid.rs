@@ -1,34 +1,34 @@
-//! From images with angles, however these are told, to the full grid of views x lights.
+//! Orders images with their angles as a full grid of views x lights.
 
 use std::collections::HashMap;
 
 use crate::direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 use crate::error::CaptureError;
-use crate::images::images::FileFormat;
+use crate::images::file_format::FileFormat;
 use crate::layout::source::Source;
 
-/// An image of a source and its pair of directions.
+/// An image of a source, with its pair of directions.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GridImage {
-    /// Number of the file in the source.
+    /// Index of the file in the source.
     pub file: usize,
     pub light: Direction,
     pub view: Direction,
     pub format: FileFormat,
 }
 
-/// The sets that images form.
+/// Sets of views and lights that images form.
 #[derive(Debug)]
 pub(crate) struct Grid {
     pub views: DirectionSet,
     pub lights: DirectionSet,
     pub format: FileFormat,
-    /// File of pair `view * lights + light`.
+    /// Index of the file of each pair, `view * lights + light`.
     pub files: Vec<usize>,
 }
 
-/// Orders `images`, at least one, as a grid. `missing_name` words what stands for a pair that has no image,
-/// from the grid (without files), the view and the light.
+/// Orders `images`, at least one, as a grid. `missing_name` names the image that a pair lacks, from the grid (without
+/// files), the view and the light.
 pub(crate) fn grid_of(
     source: &Source,
     images: &[GridImage],

@@ -1,14 +1,14 @@
-//! A list of images with their directions: a table in text form beside images of any names.
+//! Lists of images with their directions: a table in text form beside images of any names.
 //!
-//! The first line names the columns; `file`, `theta_v`, `phi_v`, `theta_l` and `phi_l` must be among them,
-//! in any order, angles in degrees. Commas, semicolons or tabs separate; a value with a separator in
-//! it stands in quotes, a quote in it is doubled. Empty lines and lines that start with `#` are passed over.
+//! The first line names the columns; `file`, `theta_v`, `phi_v`, `theta_l` and `phi_l` must be among them, in any
+//! order, angles in degrees. Commas, semicolons or tabs separate values. A value that contains a separator stands in
+//! quotes, and a quote in it is doubled. Empty lines and lines that start with `#` are ignored.
 
 use std::collections::{HashMap, HashSet};
 
 use crate::direction::Direction;
 use crate::error::CaptureError;
-use crate::images::images::FileFormat;
+use crate::images::file_format::FileFormat;
 use crate::layout::grid::{Grid, GridImage};
 use crate::layout::source::{Source, safe_name};
 
@@ -24,23 +24,23 @@ const COLUMNS: [&str; 5] = ["file", "theta_v", "phi_v", "theta_l", "phi_l"];
 /// Angles are rounded to this many parts of a degree, so that 29.9999999 and 30 are one direction.
 const PARTS_OF_A_DEGREE: f64 = 1000.0;
 
-/// A list's text and its place.
+/// Text of a list, with its place.
 #[derive(Debug)]
 struct List {
-    /// For messages.
+    /// Path of the list for messages.
     shown: String,
-    /// The folder that file names count from, empty or with `/` at its end.
+    /// Folder that file names are relative to, empty or with `/` at its end.
     folder: String,
     text: String,
     separator: char,
-    /// Where each of [`COLUMNS`] stands.
+    /// Position of each of [`COLUMNS`].
     columns: [usize; 5],
     /// Line of the columns' names, from 1.
     heading: usize,
 }
 
-/// The images that a list in `source` tells of; `None` if it holds no list. `name` is the list to take,
-/// else any file that ends in `.csv` and has the columns is one.
+/// Returns the images of the list in `source`; `None` if there is no list. `name` chooses the list; without it, any
+/// file that ends in `.csv` and has the columns is one.
 pub(crate) fn find_images(source: &Source, name: Option<&str>) -> Result<Option<Vec<GridImage>>, CaptureError> {
     let is_list = |path: &str| path.rsplit_once('.').is_some_and(|(_, e)| e.eq_ignore_ascii_case(LIST_EXTENSION));
     let mut found: Option<List> = None;
@@ -65,7 +65,7 @@ pub(crate) fn find_images(source: &Source, name: Option<&str>) -> Result<Option<
     found.map(|list| images_of(source, &list)).transpose()
 }
 
-/// How a message words a pair that has no image.
+/// Returns the words of a message for a pair that has no image.
 pub(crate) fn missing_name(grid: &Grid, view: usize, light: usize) -> String {
     let (v, l) = (grid.views.directions()[view], grid.lights.directions()[light]);
     format!("theta_v {}, phi_v {}, theta_l {}, phi_l {}", v.theta_deg, v.phi_deg, l.theta_deg, l.phi_deg)
@@ -94,7 +94,7 @@ fn open(source: &Source, file: usize) -> Result<Result<List, String>, CaptureErr
     Ok(Ok(List { shown, folder, text, separator, columns, heading }))
 }
 
-/// The lines that count, each with its number from 1.
+/// Returns the lines that are neither empty nor comments, each with its number from 1.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let numbered = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
     numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
@@ -143,7 +143,7 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
     Ok(images)
 }
 
-/// The values of a line.
+/// Returns the values of a line.
 fn fields(line: &str, separator: char) -> Result<Vec<String>, &'static str> {
     let mut fields = Vec::new();
     let mut rest = line;

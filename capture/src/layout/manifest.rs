@@ -1,4 +1,4 @@
-//! `capture.toml`: what the file names cannot say about a capture.
+//! Reads and writes `capture.toml`, which holds what the file names cannot say about a capture.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,34 +11,33 @@ pub(crate) const MANIFEST_NAME: &str = "capture.toml";
 /// Largest manifest that is read, in bytes.
 pub(crate) const MAX_MANIFEST_BYTES: u64 = 1 << 20;
 
-/// The manifest's keys; all optional when reading.
+/// Keys of the manifest, all optional when reading.
 #[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Manifest {
     #[serde(skip_serializing_if = "Option::is_none")]
     name: Option<String>,
-    /// `srgb`, `linear` or `gamma:2.2`.
+    /// Transfer curve: `srgb`, `linear` or `gamma:2.2`.
     #[serde(skip_serializing_if = "Option::is_none")]
     transfer: Option<toml::Spanned<String>>,
-    /// `included` or `excluded`.
+    /// Cosine of incidence: `included` or `excluded`.
     #[serde(skip_serializing_if = "Option::is_none")]
     cosine: Option<toml::Spanned<String>>,
-    /// From linear file values to reflectance.
+    /// Factor from linear file values to reflectance.
     #[serde(skip_serializing_if = "Option::is_none")]
     scale: Option<toml::Spanned<f64>>,
-    /// `front`, `back`, `transmission-back` (light behind) or `transmission-front` (eye behind); see
-    /// [`crate::Side`] for the frame that each has.
+    /// Side: `front`, `back`, `transmission-back` (light behind) or `transmission-front` (eye behind); see
+    /// [`crate::Side`] for the frame of each.
     #[serde(skip_serializing_if = "Option::is_none")]
     side: Option<toml::Spanned<String>>,
-    /// Width and height.
+    /// Width and height in millimetres.
     #[serde(skip_serializing_if = "Option::is_none")]
     size_mm: Option<toml::Spanned<Vec<f64>>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     provenance: Option<String>,
 }
 
-/// Takes what `text` says into `info`, whose defaults stay where it says nothing. `path` is for
-/// messages.
+/// Applies the keys in `text` to `info`; other fields keep their values. `path` is for messages.
 pub(crate) fn apply(text: &str, path: &str, info: &mut CaptureInfo) -> Result<(), CaptureError> {
     let bad = |offset: usize, reason: String| {
         let line = text.as_bytes()[..offset.min(text.len())].iter().filter(|&&byte| byte == b'\n').count() + 1;
@@ -89,7 +88,7 @@ pub(crate) fn apply(text: &str, path: &str, info: &mut CaptureInfo) -> Result<()
     Ok(())
 }
 
-/// The manifest of `info`.
+/// Returns the text of the manifest of `info`.
 pub(crate) fn to_text(info: &CaptureInfo) -> Result<String, String> {
     let word = |value: String| Some(toml::Spanned::new(0..0, value));
     // Through the decimal form, so that 0.1 is written as 0.1 and not as the double nearest to it.

@@ -1,35 +1,35 @@
-//! Where a capture's image files lie: in a folder or, unpacked in place, in a zip archive.
+//! Finds a capture's image files, in a folder or in a zip archive that is read in place.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use zip::ZipArchive;
 
 use crate::error::CaptureError;
+use crate::shared_bytes::SharedBytes;
 
-/// Largest file or zip entry that is read, in bytes: a float EXR of the largest allowed image
-/// would be larger, but no known capture comes near.
+/// Largest file or zip entry that is read, in bytes. A float EXR of the largest allowed image would be larger, but no
+/// known capture comes near.
 pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
 
-/// A zip entry above [`RATIO_FREE_BYTES`] that claims to inflate more than this many times is
-/// refused. Deflate reaches 1032; images that are worth packing stay below 20.
+/// Largest ratio by which a zip entry above [`RATIO_FREE_BYTES`] may claim to inflate. Deflate reaches 1032; images
+/// that are worth packing stay below 20.
 const MAX_INFLATION: u64 = 200;
 
-/// Entries up to this many bytes may inflate as they like (a black image does).
+/// Size in bytes up to which a zip entry may inflate by any ratio, as a black image does.
 const RATIO_FREE_BYTES: u64 = 16 << 20;
 
 /// Deepest folder nesting that is searched.
 const MAX_DEPTH: usize = 8;
 
-/// The files of a capture. Shared between threads; reading takes no lock.
+/// Files of a capture. A source is shared between threads, and reading takes no lock.
 #[derive(Debug)]
 pub(crate) struct Source {
     root: PathBuf,
     kind: Kind,
-    /// Path of each file below the root, `/` between parts, sorted.
+    /// Path of each file below the root, with `/` between its parts, sorted.
     names: Vec<String>,
 }
 
@@ -38,39 +38,9 @@ enum Kind {
     Folder,
     Zip {
         archive: ZipArchive<Cursor<SharedBytes>>,
-        /// Entry of each name.
+        /// Index of the entry of each name.
         entries: Vec<usize>,
     },
-}
-
-/// A memory map of a file that clones by reference.
-#[derive(Debug, Clone)]
-pub struct SharedBytes(Arc<memmap2::Mmap>);
-
-impl SharedBytes {
-    /// Maps the file at `path`; `None` if it is empty, which cannot be mapped.
-    ///
-    /// # Errors
-    /// [`CaptureError::Read`], with the path.
-    pub fn map(path: &Path) -> Result<Option<SharedBytes>, CaptureError> {
-        let file = File::open(path).map_err(|source| CaptureError::read(path, source))?;
-        let size = file.metadata().map_err(|source| CaptureError::read(path, source))?.len();
-        if size == 0 {
-            return Ok(None);
-        }
-        #[allow(
-            unsafe_code,
-            reason = "mapping a file: read-only, and neither captures nor assets are rewritten in place"
-        )]
-        let map = unsafe { memmap2::Mmap::map(&file) }.map_err(|source| CaptureError::read(path, source))?;
-        Ok(Some(SharedBytes(Arc::new(map))))
-    }
-}
-
-impl AsRef<[u8]> for SharedBytes {
-    fn as_ref(&self) -> &[u8] {
-        &self.0
-    }
 }
 
 impl Source {
@@ -118,7 +88,7 @@ impl Source {
         &self.root
     }
 
-    /// The archive that holds the files; `None` for a folder.
+    /// Returns the path of the archive that holds the files; `None` for a folder.
     pub(crate) fn archive(&self) -> Option<&Path> {
         match self.kind {
             Kind::Folder => None,
@@ -130,12 +100,12 @@ impl Source {
         &self.names
     }
 
-    /// The file's name for messages.
+    /// Returns the path of file `index` for messages.
     pub(crate) fn shown(&self, index: usize) -> String {
         self.shown_name(&self.names[index])
     }
 
-    /// A name below the root for messages.
+    /// Returns the path of a name below the root for messages.
     pub(crate) fn shown_name(&self, name: &str) -> String {
         match self.kind {
             Kind::Folder => self.root.join(name).display().to_string(),
@@ -216,8 +186,8 @@ fn list_folder(folder: &Path, prefix: &str, depth: usize, names: &mut Vec<String
     Ok(())
 }
 
-/// The name with `/` between its parts, or `None` if it leads out of the archive: absolute, with a
-/// drive, with a part `..`, or with a NUL. Backslashes count as separators, as Windows takes them.
+/// Returns the name with `/` between its parts, or `None` if it leads out of the archive: absolute, with a drive, with
+/// a part `..`, or with a NUL. Backslashes count as separators, as on Windows.
 pub(crate) fn safe_name(name: &str) -> Option<String> {
     let name = name.replace('\\', "/");
     let bytes = name.as_bytes();
@@ -229,7 +199,7 @@ pub(crate) fn safe_name(name: &str) -> Option<String> {
     if parts.contains(&"..") { None } else { Some(parts.join("/")) }
 }
 
-/// Files that operating systems strew in: hidden ones and the Mac's resource forks.
+/// Returns whether a file was left by an operating system: hidden files and the resource forks of macOS.
 fn is_system_file(name: &str) -> bool {
     name.split('/').any(|part| part.starts_with('.') || part == "__MACOSX")
 }
@@ -239,7 +209,7 @@ fn one_line(error: &dyn std::fmt::Display) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ").trim_end_matches('.').to_string()
 }
 
-/// The names of the folders that hold `names`, for telling a flat capture from a nested one.
+/// Returns the folders that hold `names`, to tell a flat capture from a nested one.
 pub(crate) fn folders_of<'a>(names: impl Iterator<Item = &'a str>) -> BTreeSet<&'a str> {
     names.map(|name| name.rsplit_once('/').map_or("", |(folder, _)| folder)).collect()
 }

@@ -1,19 +1,19 @@
-//! BDI: every sample of a texel together, in half precision and without compression.
+//! Reads BDI files, which hold all samples of a texel together, in half precision and without compression.
 
 use half::f16;
 
 use super::colour_model::ToRgb;
 use super::header::{Cursor, Header, read_rotations};
 
-/// Marks a texel that is not in the file.
+/// Marker of a texel that is not in the file.
 const ABSENT: u32 = u32::MAX;
 
-/// Where the samples of each texel lie.
+/// Places of the samples of each texel.
 #[derive(Debug)]
 pub(super) struct Bdi {
-    /// Place of each texel among those stored, or [`ABSENT`].
+    /// Index of each texel among those stored, or [`ABSENT`].
     stored: Vec<u32>,
-    /// Where the samples of each chunk begin.
+    /// Offset of the samples of each chunk.
     chunks: Vec<usize>,
     texels_per_chunk: usize,
     /// Bytes of a texel: `[view, light, channel]`.
@@ -24,7 +24,7 @@ pub(super) struct Bdi {
 }
 
 impl Bdi {
-    /// Reads all but the samples; rotations go into `header`.
+    /// Reads everything but the samples. Rotations are stored in `header`.
     pub(super) fn read(cursor: &mut Cursor, header: &mut Header, to_rgb: ToRgb) -> Result<Bdi, String> {
         const WHAT: &str = "its table of chunks";
         let lines = cursor.count(WHAT)?;
@@ -66,7 +66,7 @@ impl Bdi {
         Ok(Bdi { stored, chunks, texels_per_chunk, texel_bytes, lights, channels, to_rgb })
     }
 
-    /// Linear sRGB, `[light, texel, channel]`, of the file's view `view` under its lights `lights`; texels
+    /// Returns linear sRGB, `[light, texel, channel]`, of the view `view` of the file under its lights `lights`. Texels
     /// that the file lacks are black.
     pub(super) fn images(&self, bytes: &[u8], view: usize, lights: &[usize]) -> Vec<f32> {
         let texels = self.stored.len();
@@ -92,7 +92,7 @@ impl Bdi {
     }
 }
 
-/// Where the samples of each chunk begin. The last chunk may be filled up to the size of the others.
+/// Returns the offsets of the samples of each chunk. The last chunk may be filled up to the size of the others.
 fn read_chunks(
     mut cursor: Cursor,
     stored: usize,

@@ -1,24 +1,24 @@
-//! Images that are computed several at a time are kept until their neighbours were asked for.
+//! Keeps images that are computed several at a time until their neighbours were asked for.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// A block of images, computed once.
+/// Block of images, computed once.
 #[derive(Debug)]
 pub(super) struct Block {
     key: (usize, usize),
     images: OnceLock<Vec<f32>>,
 }
 
-/// The blocks asked for last.
+/// Blocks that were asked for last.
 #[derive(Debug, Default)]
 pub(super) struct Blocks {
-    /// Newest last.
+    /// Blocks that are kept, the newest last.
     kept: Mutex<Vec<Arc<Block>>>,
 }
 
 impl Blocks {
-    /// Gives `read` the block of `key`, computed by `make` unless it is still there. Threads that want
-    /// one block wait for the one that computes it; `make` must not wait for other threads itself.
+    /// Calls `read` with the block of `key`, which `make` computes unless it is still kept. Threads that ask for the
+    /// same block wait for the one that computes it; `make` must not wait for other threads itself.
     pub(super) fn with<T>(
         &self,
         key: (usize, usize),

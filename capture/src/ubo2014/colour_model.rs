@@ -1,83 +1,82 @@
-//! From the channels of a UBO2014 file to linear sRGB: the colour models that its factorisations work in,
-//! and spectra.
+//! Converts the channels of a UBO2014 file to linear sRGB, from the colour models that its factorisations work in or
+//! from spectra.
 
 use super::header::Header;
 use crate::colour::spectrum::{rgb_of, rgb_weights, wavelength_nm};
 
-/// What is added before a logarithm is taken.
+/// Offset that is added before a logarithm is taken.
 const LOG_OFFSET: f32 = 1e-5;
 
-/// From YUV to RGB, as the files' own readers have it.
+/// Matrix from YUV to RGB, as the files' own readers have it.
 const RGB_FROM_YUV: [[f32; 3]; 3] = [[1.0, 0.0, 1.13983], [1.0, -0.39465, -0.5806], [1.0, 2.03211, 0.0]];
 
-/// From YCoCg to RGB.
+/// Matrix from YCoCg to RGB.
 const RGB_FROM_YCOCG: [[f32; 3]; 3] = [[1.0, 1.0, -1.0], [1.0, 0.0, 1.0], [1.0, -1.0, -1.0]];
 
-/// XYZ of the white D50, 2-degree observer, that Lab values are relative to in colour profiles
-/// [CIE 015:2018].
+/// XYZ of the white point D50, 2-degree observer, that Lab values of colour profiles are relative to [CIE 015:2018].
 const XYZ_OF_D50: [f32; 3] = [0.964_22, 1.0, 0.825_21];
 
-/// From XYZ relative to D50 to linear sRGB, the white adapted by Bradford [IEC 61966-2-1, ICC.1].
+/// Matrix from XYZ relative to D50 to linear sRGB, with Bradford adaptation of the white point [IEC 61966-2-1, ICC.1].
 const RGB_FROM_XYZ_D50: [[f32; 3]; 3] = [
     [3.133_856, -1.616_866_7, -0.490_614_6],
     [-0.978_768_4, 1.916_141_5, 0.033_454],
     [0.071_945_3, -0.228_991_4, 1.405_242_7],
 ];
 
-/// How the values of the channels came from colours.
+/// Colour model by which colours became the values of the channels; numbers are those of the files.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Model {
-    /// 0: colours or reflectances as they are.
+    /// Model 0: colours or reflectances without conversion.
     Plain,
-    /// 1.
+    /// Model 1: YUV.
     Yuv,
-    /// 2.
+    /// Model 2: CIE L*a*b*.
     Lab,
-    /// 3: principal axes of the colours, row by row, and their mean.
+    /// Model 3: principal axes of the colours, row by row, and their mean.
     Axes { matrix: [f32; 9], mean: [f32; 3] },
-    /// 4.
+    /// Model 4: YCoCg.
     YCoCg,
-    /// 5: the sum, then each other channel's share of it.
+    /// Model 5: the sum, then each other channel's share of it.
     Shares,
-    /// 6: the mean, then each other channel's relative difference from it.
+    /// Model 6: the mean, then each other channel's relative difference from it.
     Differences,
-    /// 9: YUV with the logarithm of Y.
+    /// Model 9: YUV with the logarithm of Y.
     LogYuv,
-    /// 10: YUV with the logarithms of all three, with their signs.
+    /// Model 10: YUV with the logarithms of all three, with their signs.
     AllLogYuv,
-    /// 11: the logarithm of Y, U/Y and V/Y.
+    /// Model 11: the logarithm of Y, U/Y and V/Y.
     LogYuvRatios,
-    /// 12: the logarithm of each channel.
+    /// Model 12: the logarithm of each channel.
     Log,
 }
 
-/// What the channels are once the model is undone.
+/// Meaning of the channels after the colour model is undone.
 #[derive(Debug, Clone, PartialEq)]
 enum Channels {
-    /// Places of red, green and blue.
+    /// Indices of red, green and blue.
     Rgb([usize; 3]),
-    /// One channel for all three.
+    /// One channel for red, green and blue.
     Grey,
-    /// Weights of wavelengths, `[channel][rgb]`.
+    /// Spectrum with the weights of its wavelengths, `[channel][rgb]`.
     Spectrum(Vec<[f32; 3]>),
 }
 
-/// Turns the values of one texel's channels into linear sRGB.
+/// Converter of the values of one texel's channels to linear sRGB.
 #[derive(Debug, Clone)]
 pub(super) struct ToRgb {
     model: Model,
-    /// Whether the logarithm was taken of everything, under the model.
+    /// Whether the logarithm of everything was taken, beneath the colour model.
     logarithmic: bool,
     channels: Channels,
 }
 
 impl ToRgb {
-    /// For files that say nothing of colour models.
+    /// Returns the converter of a file that names no colour model.
     pub(super) fn plain(header: &Header, logarithmic: bool) -> Result<ToRgb, String> {
         Ok(ToRgb { model: Model::Plain, logarithmic, channels: channels_of(header)? })
     }
 
-    /// For colour model `number` with its `mean` and `matrix`.
+    /// Returns the converter of colour model `number` with its `mean` and `matrix`.
     pub(super) fn of_model(header: &Header, number: i32, mean: [f32; 3], matrix: [f32; 9]) -> Result<ToRgb, String> {
         let model = match number {
             0 => Model::Plain,
@@ -106,7 +105,7 @@ impl ToRgb {
         Ok(ToRgb { model, logarithmic: false, channels: channels_of(header)? })
     }
 
-    /// Linear sRGB of one texel; `values`, one per channel, are used up.
+    /// Returns linear sRGB of one texel. `values`, one per channel, are overwritten.
     #[inline]
     pub(super) fn rgb(&self, values: &mut [f32]) -> [f32; 3] {
         undo(self.model, values);

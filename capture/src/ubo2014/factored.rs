@@ -1,5 +1,5 @@
-//! The three factorised kinds: DFMF, FMF and PVF. Each image is a product of a matrix over texels and one over
-//! directions, computed for several lights of a view at a time.
+//! Reads the three factorised kinds of files: DFMF, FMF and PVF. Each image is a product of a matrix over texels and
+//! one over directions, computed for several lights of a view at a time.
 
 use ndarray::ArrayView2;
 use ndarray::linalg::general_mat_mul;
@@ -8,51 +8,51 @@ use super::colour_model::ToRgb;
 use super::header::{Cursor, Header};
 use super::matrix::{Matrix, Scalar, push_numbers};
 
-/// Numbers of the matrix over texels that are worked on at a time.
+/// Numbers of the matrix over texels that are processed at a time.
 const TILE_NUMBERS: usize = 1 << 18;
 
-/// A product `over texels x over directions^T`.
+/// Product of a matrix over texels and the transpose of one over directions.
 ///
-/// Both matrices may run over the channels, too, which then change faster than texels or directions.
+/// Either matrix may run over the channels as well, which then change faster than texels or directions.
 #[derive(Debug)]
 struct Product {
     over_texels: Matrix,
     over_directions: Matrix,
-    /// Components, the columns of both that count.
+    /// Number of components, the columns of both matrices that are used.
     components: usize,
     place: Place,
-    /// What is added to the rows of the one that runs over the channels.
+    /// Mean that is added to the rows of the matrix that runs over the channels.
     mean: Option<Matrix>,
 }
 
-/// Where a product has its channels.
+/// Place of the channels in a product.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
-    /// It is one channel, this one.
+    /// Product of this one channel.
     Channel(usize),
-    /// In the rows over directions.
+    /// Channels in the rows over directions.
     InDirections,
-    /// In the rows over texels.
+    /// Channels in the rows over texels.
     InTexels,
 }
 
-/// The products of a file.
+/// Products of a file.
 #[derive(Debug)]
 pub(super) struct Factored {
-    /// Of PVF one for each view, else of all views.
+    /// One product for each view in PVF; products of all views in the others.
     products: Vec<Product>,
     by_view: bool,
-    /// Lights of the file.
+    /// Number of lights in the file.
     lights: usize,
     channels: usize,
     texels: usize,
     to_rgb: ToRgb,
-    /// Most components of a product.
+    /// Largest number of components of a product.
     pub(super) components: usize,
 }
 
-/// Which way round a factorisation lies: by the rows of its left and right matrix. `channels` run beside
-/// the left's.
+/// Returns where the channels of a factorisation lie, from the rows of its left and right matrix; `channels` run beside
+/// those of the left.
 fn place_of(rows: [usize; 2], texels: usize, directions: usize, channels: usize) -> Result<Place, String> {
     let [left, right] = rows;
     if Some(left) == directions.checked_mul(channels) && right == texels {
@@ -72,7 +72,7 @@ fn check_components(count: usize) -> Result<usize, String> {
 }
 
 impl Factored {
-    /// DFMF: a factorisation for each channel.
+    /// Reads DFMF: a factorisation for each channel. Also returns the number of the colour model.
     pub(super) fn read_dfmf(cursor: &mut Cursor, header: &Header) -> Result<(Factored, i32), String> {
         const WHAT: &str = "its colour model";
         cursor.u32(WHAT)?;
@@ -97,7 +97,7 @@ impl Factored {
         Ok((Factored::new(products, false, header, to_rgb), number))
     }
 
-    /// FMF: one factorisation.
+    /// Reads FMF: one factorisation.
     pub(super) fn read_fmf(cursor: &mut Cursor, header: &Header, to_rgb: ToRgb) -> Result<Factored, String> {
         const WHAT: &str = "its matrices";
         let asked = cursor.count(WHAT)?;
@@ -114,7 +114,7 @@ impl Factored {
         Ok(Factored::new(vec![product], false, header, to_rgb))
     }
 
-    /// PVF: a factorisation and a mean for each of `slots` views.
+    /// Reads PVF: a factorisation and a mean for each of `slots` views.
     pub(super) fn read_pvf(
         cursor: &mut Cursor,
         header: &Header,
@@ -156,9 +156,9 @@ impl Factored {
         }
     }
 
-    /// Linear sRGB, `[light, texel, channel]`, of the file's view `view` under its lights `lights`.
+    /// Returns linear sRGB, `[light, texel, channel]`, of the view `view` of the file under its lights `lights`.
     ///
-    /// Cost: channels x components multiplications a sample, at the rate of a matrix product.
+    /// Cost: channels x components multiplications per sample, at the rate of a matrix product.
     pub(super) fn images(&self, bytes: &[u8], view: usize, lights: &[usize]) -> Vec<f32> {
         let products = if self.by_view { &self.products[view..=view] } else { &self.products[..] };
         // A view's own product counts its directions from 0.
@@ -200,7 +200,7 @@ impl Factored {
         images
     }
 
-    /// Rows of the matrix over texels that `texels` texels take.
+    /// Returns the number of rows of the matrix over texels that `texels` texels take.
     fn texel_rows(&self, product: &Product, texels: usize) -> usize {
         if product.place == Place::InTexels { texels * self.channels } else { texels }
     }
@@ -220,7 +220,7 @@ impl Factored {
         found
     }
 
-    /// Puts `result`, `[texel row, direction row]` of a tile, in its places in `samples`.
+    /// Adds `result`, `[texel row, direction row]` of a tile, to its places in `samples`.
     fn add(
         &self,
         bytes: &[u8],
@@ -260,23 +260,23 @@ impl Factored {
     }
 }
 
-/// Rows over directions in single precision.
+/// Rows of the matrix over directions in single precision.
 struct DirectionRows {
     count: usize,
-    /// `[row, component]`.
+    /// Values `[row, component]`.
     rows: Vec<f32>,
-    /// One per row, or none.
+    /// Mean of each row, or none.
     mean: Vec<f32>,
 }
 
-/// `result[i, j] = sum over k of a[i, k] b[j, k]`.
+/// Computes `result[i, j] = sum over k of a[i, k] b[j, k]`.
 fn multiply(a: &[f32], b: &[f32], result: &mut [f32], rows: usize, columns: usize, inner: usize) {
     let shaped = |values, count| ArrayView2::from_shape((count, inner), values).expect("as many numbers as shaped");
     let mut result = ndarray::ArrayViewMut2::from_shape((rows, columns), result).expect("as many numbers as shaped");
     general_mat_mul(1.0, &shaped(a, rows), &shaped(b, columns).t(), 0.0, &mut result);
 }
 
-/// The height map of an extended FMF header: width, height and values, row by row.
+/// Returns the height map of an extended FMF header: width, height and values, row by row.
 pub(super) fn read_height_map(cursor: &mut Cursor) -> Result<Option<(usize, usize, Vec<f32>)>, String> {
     const WHAT: &str = "its height map";
     let (width, height) = (cursor.count(WHAT)?, cursor.count(WHAT)?);

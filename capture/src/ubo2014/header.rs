@@ -1,23 +1,22 @@
-//! What stands before the data of every UBO2014 file: signature, description, directions, size.
+//! Reads what precedes the data of every UBO2014 file: signature, description, directions, size.
 
 use crate::direction::{Direction, DirectionSet};
 use crate::error::CaptureError;
-use crate::images::images::check_size;
+use crate::images::decoded::check_size;
 
-/// The largest number of colour channels that is read.
+/// Largest number of colour channels that is read.
 const MAX_CHANNELS: usize = 4096;
 
-/// Bytes of each of the three texts of fixed length.
+/// Bytes of each of the three fixed-length texts.
 const TEXT_BYTES: usize = 80;
 
-/// What follows the signature of the oldest PVF files in place of a description.
+/// Number that follows the signature of the oldest PVF files in place of a description.
 const LEGACY_PVF: u32 = 301_074;
 
-/// Directions are rounded to this many parts of a degree: files hold radians in single precision, 2e-5
-/// degrees apart.
+/// Parts of a degree that directions are rounded to; files hold radians in single precision, 2e-5 degrees apart.
 const PARTS_OF_A_DEGREE: f64 = 1000.0;
 
-/// Reads a file from its start to its end, never beyond.
+/// Reading position in a file, which never passes the end.
 #[derive(Debug, Clone)]
 pub(super) struct Cursor<'a> {
     bytes: &'a [u8],
@@ -29,7 +28,8 @@ impl<'a> Cursor<'a> {
         Cursor { bytes, at: 0 }
     }
 
-    /// The next `count` bytes; `what` is for the message of a file that ends before.
+    /// Returns the next `count` bytes and moves past them. `what` names them in the message about a file that ends
+    /// before.
     pub(super) fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8], String> {
         let end = self.at.checked_add(count).filter(|&end| end <= self.bytes.len());
         let end = end.ok_or_else(|| {
@@ -41,7 +41,7 @@ impl<'a> Cursor<'a> {
         Ok(taken)
     }
 
-    /// As [`Cursor::take`] for `count` things of `size` bytes.
+    /// Returns the bytes of `count` items of `size` bytes, as [`Cursor::take`] does.
     pub(super) fn take_many(&mut self, count: usize, size: usize, what: &str) -> Result<&'a [u8], String> {
         let bytes = count.checked_mul(size).ok_or_else(|| format!("its {what} would have {count} x {size} bytes"))?;
         self.take(bytes, what)
@@ -61,7 +61,7 @@ impl<'a> Cursor<'a> {
         Ok(u32::from_le_bytes(self.array(what)?))
     }
 
-    /// A count, as the machine's own size.
+    /// Returns the next 32-bit count.
     pub(super) fn count(&mut self, what: &str) -> Result<usize, String> {
         Ok(self.u32(what)? as usize)
     }
@@ -78,7 +78,7 @@ impl<'a> Cursor<'a> {
         Ok(numbers)
     }
 
-    /// Whether everything was read.
+    /// Checks that the whole file was read.
     pub(super) fn expect_end(&self) -> Result<(), String> {
         match self.bytes.len() - self.at {
             0 => Ok(()),
@@ -87,7 +87,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// How a UBO2014 file holds its samples.
+/// Kind of a UBO2014 file: how it holds its samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ContainerKind {
     /// Decorrelated full matrix factorisation: one factorisation per colour channel.
@@ -101,7 +101,7 @@ pub enum ContainerKind {
 }
 
 impl ContainerKind {
-    /// Its name, as in signatures.
+    /// Returns the name of the kind, as in signatures.
     pub fn name(self) -> &'static str {
         match self {
             ContainerKind::Dfmf => "DFMF",
@@ -112,18 +112,18 @@ impl ContainerKind {
     }
 }
 
-/// A kind of file by its first bytes.
+/// Kind of a file by its first bytes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Signature {
     text: &'static str,
     pub(super) kind: ContainerKind,
-    /// Whether rotations stand in the file.
+    /// Whether the file has rotations.
     pub(super) rotations: bool,
-    /// Whether FMF has the longer header.
+    /// Whether an FMF file has the longer header.
     pub(super) extended: bool,
 }
 
-/// Longer ones before those that they start with.
+/// Signatures that are known; a longer one precedes those that it starts with.
 const SIGNATURES: [Signature; 7] = [
     Signature { text: "!DFMF08FCR", kind: ContainerKind::Dfmf, rotations: true, extended: false },
     Signature { text: "!FMF12FCER", kind: ContainerKind::Fmf, rotations: true, extended: true },
@@ -134,13 +134,13 @@ const SIGNATURES: [Signature; 7] = [
     Signature { text: "!BDIF06R2!", kind: ContainerKind::Bdi, rotations: true, extended: false },
 ];
 
-/// Whether a file that starts with `bytes` claims to be one of these. Every signature starts with an
+/// Returns whether a file that starts with `bytes` claims to be a UBO2014 file. Every signature starts with an
 /// exclamation mark, which no zip archive does.
 pub(crate) fn is_container(bytes: &[u8]) -> bool {
     bytes.starts_with(b"!")
 }
 
-/// The signature that `cursor` stands before.
+/// Reads the signature at `cursor`.
 pub(super) fn read_signature(cursor: &mut Cursor) -> Result<Signature, String> {
     let bytes = cursor.bytes;
     let found = SIGNATURES.into_iter().find(|signature| bytes.starts_with(signature.text.as_bytes()));
@@ -153,12 +153,12 @@ pub(super) fn read_signature(cursor: &mut Cursor) -> Result<Signature, String> {
     Ok(found)
 }
 
-/// The part before the data.
+/// Header of a file: everything before the data.
 #[derive(Debug)]
 pub(super) struct Header {
     /// Set-up, sensor and light in words, where given.
     pub(super) words: Vec<String>,
-    /// 0 where unknown.
+    /// Texels per millimetre; 0 where unknown.
     pub(super) texels_per_mm: f32,
     pub(super) rgb_scale: [f32; 3],
     pub(super) cosine_included: bool,
@@ -167,7 +167,7 @@ pub(super) struct Header {
     pub(super) height: usize,
     pub(super) views: Directions,
     pub(super) lights: Directions,
-    /// Row-major 3 x 3.
+    /// Rotations of local frames, row-major 3 x 3.
     pub(super) rotations: Vec<[f32; 9]>,
 }
 
@@ -181,16 +181,16 @@ impl Header {
     }
 }
 
-/// A set of directions and where the file has each.
+/// Set of directions, with their order in the file.
 #[derive(Debug)]
 pub(super) struct Directions {
     pub(super) set: DirectionSet,
-    /// Number in the file of each direction of the set.
+    /// Index in the file of each direction of the set.
     pub(super) in_file: Vec<usize>,
 }
 
 impl Directions {
-    /// From angles in radians, polar angle first.
+    /// Sorts angles in radians, polar angle first, to a set.
     fn new(angles: &[[f32; 2]]) -> Result<Directions, String> {
         let degrees = |radians: f32| (f64::from(radians).to_degrees() * PARTS_OF_A_DEGREE).round() / PARTS_OF_A_DEGREE;
         let mut order: Vec<(Direction, usize)> = angles
@@ -209,8 +209,8 @@ impl Directions {
     }
 }
 
-/// Reads all of it but for the data of the kind. For the oldest PVF also gives the number of components and of
-/// view slots, which stand in the middle.
+/// Reads the header up to the data of the file's kind. Also returns the number of components and of view slots of the
+/// oldest PVF files, which have them inside the header.
 pub(super) fn read_header(cursor: &mut Cursor, signature: Signature) -> Result<(Header, Option<[usize; 2]>), String> {
     let mut ahead = cursor.clone();
     if signature.kind == ContainerKind::Pvf && ahead.u32("its description") == Ok(LEGACY_PVF) {

@@ -1,4 +1,4 @@
-//! Matrices that stay in the file, row after row in half, single or double precision.
+//! Reads matrices that stay in the file, row after row in half, single or double precision.
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
@@ -32,17 +32,17 @@ impl Scalar {
     }
 }
 
-/// A matrix in the file's bytes.
+/// Matrix in the bytes of a file.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Matrix {
     at: usize,
-    /// Numbers of a row in the file.
+    /// Number of values per row in the file.
     pub(super) columns: usize,
     scalar: Scalar,
 }
 
 impl Matrix {
-    /// The matrix that `cursor` stands before; it is passed over.
+    /// Returns the matrix at `cursor` and moves past its data.
     pub(super) fn skip(
         cursor: &mut Cursor,
         rows: usize,
@@ -74,7 +74,7 @@ impl Matrix {
     }
 }
 
-/// Appends all of `bytes`, little endian, to `out`.
+/// Appends all numbers in `bytes`, little endian, to `out`.
 pub(super) fn push_numbers(bytes: &[u8], scalar: Scalar, out: &mut Vec<f32>) {
     match scalar {
         Scalar::Half => {

@@ -1,8 +1,8 @@
-//! UBO2014 files (`.btf`): DFMF, FMF, PVF and BDI, whose images are computed when they are asked for.
+//! Reads UBO2014 files (`.btf`): DFMF, FMF, PVF and BDI, whose images are computed when they are asked for.
 //!
-//! The layout is the one that the published readers agree on [Weinmann 2014]; docs/CAPTURES.md tells it.
-//! Little endian throughout. The file is mapped, never loaded: what is in memory beside it is the
-//! directions, a few numbers per matrix, and the blocks of images asked for last.
+//! The layout is the one that the published readers agree on [Weinmann 2014]; docs/CAPTURES.md describes it. Numbers
+//! are little endian. The file is mapped, never loaded: memory holds the directions, a few numbers per matrix, and the
+//! blocks of images that were asked for last.
 
 mod bdi;
 mod blocks;
@@ -23,44 +23,45 @@ pub use header::ContainerKind;
 pub(crate) use header::is_container;
 
 use crate::error::CaptureError;
-use crate::images::images::{DecodedImage, Samples};
+use crate::images::decoded::{DecodedImage, Samples};
 use crate::info::{CaptureInfo, Cosine, ImageFormat};
-use crate::layout::source::SharedBytes;
+use crate::shared_bytes::SharedBytes;
 
-/// Bytes of the images that a factorised file computes at a time, and their largest number: enough that
-/// reading the matrix over texels costs little beside the product.
+/// Bytes, and largest number, of the images that a factorised file computes at a time: enough that reading the matrix
+/// over texels costs little beside the product.
 const FACTORED_BLOCK: (usize, usize) = (32 << 20, 16);
 
-/// The same for BDI, where the samples of a view stand together and each block walks over all texels.
+/// Bytes, and largest number, of the images that a BDI file computes at a time. The samples of a view stand together
+/// there, and each block walks over all texels.
 const BDI_BLOCK: (usize, usize) = (64 << 20, 256);
 
-/// A relief that lies in a file beside the samples.
+/// Displacement map that lies in a file beside the samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeightMap {
-    /// Values per row.
+    /// Number of values per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// `[row, column]`, in the file's own unit.
+    /// Heights `[row, column]`, in the unit of the file.
     pub values: Vec<f32>,
 }
 
-/// What a UBO2014 file says beside what [`CaptureInfo`] holds.
+/// Description of a UBO2014 file beyond its [`CaptureInfo`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContainerInfo {
-    /// How it holds its samples.
+    /// Kind of the file.
     pub kind: ContainerKind,
-    /// Names of its colour channels: wavelengths in nanometres, or R, G and B.
+    /// Names of the colour channels: wavelengths in nanometres, or R, G and B.
     pub channels: Vec<String>,
-    /// Number of the colour model of a DFMF, see docs/CAPTURES.md; 0 for others.
+    /// Number of the colour model of a DFMF file, see docs/CAPTURES.md; 0 for other kinds.
     pub colour_model: i32,
-    /// Most components of its factorisations; 0 for BDI.
+    /// Largest number of components of the factorisations; 0 for BDI.
     pub components: usize,
-    /// Factors of red, green and blue that the measurement notes; they are not applied.
+    /// Factors of red, green and blue that the measurement notes. They are not applied.
     pub rgb_scale: [f32; 3],
     /// Rotations of local frames, row-major; usually none. They are not applied.
     pub rotations: Vec<[f32; 9]>,
-    /// The relief of an FMF.
+    /// Displacement map of an FMF file.
     pub height_map: Option<HeightMap>,
 }
 
@@ -70,7 +71,7 @@ enum Data {
     Bdi(Bdi),
 }
 
-/// An opened file.
+/// An open UBO2014 file.
 #[derive(Debug)]
 pub(crate) struct Container {
     path: PathBuf,
@@ -78,10 +79,10 @@ pub(crate) struct Container {
     data: Data,
     info: ContainerInfo,
     size: (usize, usize),
-    /// Numbers in the file of the views and lights of the sorted sets.
+    /// Indices in the file of the views and lights of the sorted sets.
     views: Vec<usize>,
     lights: Vec<usize>,
-    /// Lights of a block.
+    /// Number of lights in a block.
     block_lights: usize,
     blocks: Blocks,
 }
@@ -120,7 +121,7 @@ impl Container {
         &self.path
     }
 
-    /// The image of a pair; neighbouring lights are computed with it and kept for a while.
+    /// Returns the image of a pair. Images of neighbouring lights are computed with it and kept for a while.
     pub(crate) fn image(&self, view: usize, light: usize) -> DecodedImage {
         let block = light / self.block_lights;
         let first = block * self.block_lights;

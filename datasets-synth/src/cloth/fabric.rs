@@ -1,4 +1,4 @@
-//! A patch of cloth: its grids, and what a point of it does with light.
+//! A patch of cloth: its grids, and its shading at a point.
 
 use rayon::prelude::*;
 
@@ -8,15 +8,15 @@ use crate::cloth::yarn::Yarns;
 use crate::error::SynthError;
 use crate::surface::bounce::Bounce;
 use crate::surface::height_field::HeightField;
-use crate::surface::rig::{Hit, Material, dot};
+use crate::surface::rig::{Hit, Material};
+use crate::vector::dot;
 
 /// A patch of woven cloth. Holes between yarns are black: nothing lies behind the cloth.
 #[derive(Debug, Clone)]
 pub struct Cloth {
     size: usize,
     face: HeightField,
-    /// Fibre direction seen from above, x and y; 1 for warp and 0 for weft; factor on the dye;
-    /// cover.
+    /// Per node: fibre direction seen from above, x and y; 1 for warp and 0 for weft; factor on the dye; cover.
     yarns: Vec<[f32; 5]>,
     fibre: Fibre,
     /// Optical depth of the dye of weft and warp.
@@ -24,7 +24,7 @@ pub struct Cloth {
     bounce: Option<Bounce>,
 }
 
-/// The view's half of a point's shading.
+/// View-dependent half of the shading at a point.
 #[derive(Debug, Clone, Copy)]
 pub struct ClothPoint {
     tangent: [f32; 3],
@@ -34,7 +34,7 @@ pub struct ClothPoint {
     diffuse: [f32; 3],
 }
 
-/// The constants of one image.
+/// Constants of one image.
 #[derive(Debug, Clone, Copy)]
 pub struct ClothPair {
     wi: [f32; 3],
@@ -79,7 +79,8 @@ impl Cloth {
         Ok(cloth)
     }
 
-    /// The dye's optical depth between the weft's and the warp's.
+    /// Returns the optical depth of the dye, interpolated between that of the weft (`warp` 0) and that of the warp (1),
+    /// times `dye`.
     fn depth(&self, warp: f32, dye: f32) -> [f32; 3] {
         let [of_weft, of_warp] = self.dye_depth;
         std::array::from_fn(|k| dye * (of_weft[k] + (of_warp[k] - of_weft[k]) * warp))

@@ -1,5 +1,5 @@
-//! Light scattered by a layer of parallel fibres: reflection at their surfaces, scattering inside
-//! dyed fibres, and what goes on from fibre to fibre.
+//! Scattering by a layer of parallel fibres: reflection at their surfaces, scattering inside dyed fibres, and multiple
+//! scattering between fibres.
 //!
 //! | parameter | symbol | unit | default | valid |
 //! |---|---|---|---|---|
@@ -27,30 +27,27 @@
 //! from the product of both cosines to the smaller of them as the two directions meet
 //! [Sadeghi 2013, eq. 12].
 //!
-//! What this lacks to one for white fibres goes down into the yarn and comes back after many fibres,
-//! `(1 - E_i)(1 - E_o) / (pi (1 - E_mean))` of it [Kulla & Conty 2017], dyed by the two-stream
-//! reflectance `(1 - q)/(1 + q)`, `q = sqrt(1 - exp(-tau))`, of a deep pad [Hapke 1981].
+//! The energy that white fibres lose this way goes down into the yarn and comes back after many fibres,
+//! `(1 - E_i)(1 - E_o) / (pi (1 - E_mean))` of it [Kulla & Conty 2017], dyed by the two-stream reflectance
+//! `(1 - q)/(1 + q)`, `q = sqrt(1 - exp(-tau))`, of a deep pad [Hapke 1981].
 //!
-//! Differs from the paper in: lobes are Gaussians over sines with `max(cos)` below them instead of
-//! over angles with `cos^2 theta_d`, so that no fibre sends out more than it takes in at any angle;
-//! inner scattering is normalised; the dye is an optical depth instead of a factor; scattering
-//! between fibres is added.
+//! Differs from the paper in: lobes are Gaussians over sines divided by `max(cos)` instead of over angles divided by
+//! `cos^2 theta_d`, so that no fibre scatters more light than it receives at any angle; inner scattering is normalised;
+//! the dye is an optical depth instead of a factor; scattering between fibres is added.
 //!
-//! Energy and reciprocity: white fibres give back all light, up to the tables (5e-3 within 82
-//! degrees); swapping wi and
-//! wo changes nothing but rounding (1e-4).
+//! Energy and reciprocity: white fibres scatter all light, up to the precision of the tables (5e-3 within 82 degrees);
+//! swapping wi and wo changes nothing but rounding (1e-4).
 //!
-//! When it is wrong: fibres are round and smooth (cotton is a twisted ribbon, wool has scales); the
-//! azimuth of inner scattering is even, so nothing shines through against the light; one tangent
-//! per point.
+//! When it is wrong: fibres are round and smooth (cotton is a twisted ribbon, wool has scales); the azimuth of inner
+//! scattering is uniform, so no light is transmitted towards an eye behind the cloth; there is one tangent per point.
 
 use std::f64::consts::PI;
 
 use crate::error::SynthError;
 use crate::error::check_ranges;
 use crate::optics::fresnel::fresnel;
-use crate::surface::rig::dot;
 use crate::surface::table::CosineTable;
+use crate::vector::dot;
 
 /// Entries per axis of the tables of directional albedo.
 const ALBEDO_ENTRIES: usize = 25;
@@ -58,13 +55,13 @@ const ALBEDO_ENTRIES: usize = 25;
 /// Samples per axis of the quadrature of one entry.
 const QUADRATURE: usize = 40;
 
-/// Largest optical depth of a fibre: blacker cannot be told from black.
+/// Largest optical depth of a fibre; a larger one cannot be told from it.
 const MAX_OPTICAL_DEPTH: f64 = 9.0;
 
 /// Lower clamp of cos theta, where a direction runs along the fibre.
 const MIN_COS_THETA: f32 = 1e-3;
 
-/// What fibres are made of; see the module's table.
+/// Parameters of a fibre; see the table of the module.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FibreParams {
     /// Refractive index, 1.2 to 2.
@@ -80,7 +77,7 @@ pub struct FibreParams {
 }
 
 impl Default for FibreParams {
-    /// Cotton.
+    /// Returns the parameters of cotton.
     fn default() -> FibreParams {
         FibreParams {
             index: 1.53,
@@ -108,22 +105,22 @@ impl FibreParams {
     }
 }
 
-/// A fibre with its tables; serves fibres of every dye.
+/// A fibre with its tables, which serve fibres of every dye.
 #[derive(Debug, Clone)]
 pub struct Fibre {
     index: f64,
-    /// Surface and inner scattering: factor and exponent of the Gaussian.
+    /// Gaussians of the surface and of the inner scattering: factor and exponent.
     surface: Gaussian,
     volume: Gaussian,
     even_share: f32,
     inverse_correlation: f32,
     inverse_index_squared: f32,
-    /// T over cos theta.
+    /// T over the cosine of theta.
     enters: CosineTable,
     inverse_enters_at_0: f32,
-    /// Directional albedo of one scattering, white: by the surface, from inside. `[|s|][cos phi]`.
+    /// Directional albedo of single scattering by white fibres, `[|s|][cos phi]`: at the surface, from inside.
     albedo: Vec<[f32; 2]>,
-    /// Their means over the hemisphere.
+    /// Means of the directional albedo over the hemisphere.
     mean_albedo: [f64; 2],
 }
 
@@ -145,19 +142,19 @@ impl Gaussian {
     }
 }
 
-/// A direction against a fibre.
+/// Direction relative to a fibre.
 #[derive(Debug, Clone, Copy)]
 pub struct FibreDirection {
     /// s = sin theta.
     sine: f32,
     cos_theta: f32,
-    /// Not negative.
+    /// Cosine of the azimuth, not negative.
     cos_phi: f32,
 }
 
 impl FibreDirection {
-    /// The direction `w` with the fibre's unit tangent and the cosine of `w` against the layer's
-    /// normal, which is perpendicular to the tangent.
+    /// Returns the direction `w` with the fibre's unit tangent and the cosine of `w` against the layer's normal, which
+    /// is perpendicular to the tangent.
     #[inline]
     pub fn new(w: [f32; 3], tangent: [f32; 3], cos_normal: f32) -> FibreDirection {
         let sine = dot(w, tangent).clamp(-1.0, 1.0);
@@ -166,23 +163,23 @@ impl FibreDirection {
     }
 }
 
-/// What the dye and the view decide of a point's shading.
+/// Part of the shading at a point that depends on the dye and the view.
 #[derive(Debug, Clone, Copy)]
 pub struct FibreView {
     out: FibreDirection,
     /// T(theta_o) / T(0).
     leaves: f32,
-    /// Half of the way to the view inside the fibre, in fibre widths.
+    /// Half of the path inside the fibre towards the view, in fibre widths.
     half_way_out: f32,
     /// `1 - E_o`.
     missing: f32,
-    /// The dye's optical depth per channel.
+    /// Optical depth of the dye per channel.
     depth: [f32; 3],
     /// Reflectance of the deep yarn over `1 - E_mean`.
     deep: [f32; 3],
 }
 
-/// The constants of one image.
+/// Constants of one image.
 #[derive(Debug, Clone, Copy)]
 pub struct FibrePair {
     cosine: f32,
@@ -190,7 +187,7 @@ pub struct FibrePair {
 }
 
 impl FibrePair {
-    /// The image of the directions `wi` and `wo`.
+    /// Returns the constants of the image of the directions `wi` and `wo`.
     pub fn new(fibre: &Fibre, wi: [f32; 3], wo: [f32; 3]) -> FibrePair {
         let cosine = dot(wi, wo).clamp(-1.0, 1.0);
         let half = f64::from(0.5 * (1.0 + cosine)).sqrt();
@@ -199,7 +196,7 @@ impl FibrePair {
 }
 
 impl Fibre {
-    /// The fibre of `params`, with its tables: some hundredths of a second.
+    /// Returns the fibre of `params` with its tables. Cost: some hundredths of a second.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
@@ -242,8 +239,8 @@ impl Fibre {
         Ok(fibre)
     }
 
-    /// Optical depth of a dye per channel that gives flat cloth the diffuse albedo `colour`, linear
-    /// sRGB; albedos out of reach give the nearest dye.
+    /// Returns the optical depth of a dye per channel that gives flat cloth the diffuse albedo `colour`, linear sRGB;
+    /// albedos out of reach give the nearest dye.
     pub fn depth_from_albedo(&self, colour: [f64; 3]) -> [f32; 3] {
         colour.map(|albedo| {
             let (mut low, mut high) = (0.0, MAX_OPTICAL_DEPTH);
@@ -255,13 +252,14 @@ impl Fibre {
         })
     }
 
-    /// Diffuse albedo of a layer of fibres whose dye has the optical depth `depth`.
+    /// Returns the diffuse albedo of a layer of fibres whose dye has the optical depth `depth`.
     pub fn mean_reflectance(&self, depth: f64) -> f64 {
         let [surface, volume] = self.mean_albedo;
         surface + volume * (-depth).exp() + (1.0 - surface - volume) * deep_reflectance(depth as f32) as f64
     }
 
-    /// The view's half of the shading, for a direction towards the eye and the dye's optical depth.
+    /// Returns the view-dependent half of the shading, for a direction towards the eye and the optical depth of the
+    /// dye.
     pub fn view(&self, out: FibreDirection, depth: [f32; 3]) -> FibreView {
         let [surface, volume] = self.mean_albedo;
         let inverse_mean = (1.0 / (1.0 - surface - volume)) as f32;
@@ -276,8 +274,7 @@ impl Fibre {
         }
     }
 
-    /// `pi * BRDF * cos_i` per channel for light from the direction `incoming`. Finite and not
-    /// negative.
+    /// Returns `pi * BRDF * cos_i` per channel for light from the direction `incoming`. Finite and not negative.
     #[inline]
     pub fn pi_brdf_cos(&self, pair: &FibrePair, view: &FibreView, incoming: FibreDirection) -> [f32; 3] {
         let cos_i = incoming.cos_theta * incoming.cos_phi;
@@ -289,7 +286,7 @@ impl Fibre {
         std::array::from_fn(|k| surface + volume * (-view.depth[k] * way).exp() + deep * view.deep[k])
     }
 
-    /// Share of diffuse light that leaves towards the view, per channel.
+    /// Returns the share of diffuse light that leaves towards the view, per channel.
     pub fn diffuse_reflectance(&self, view: &FibreView) -> [f32; 3] {
         let [surface, volume] = self.albedo_at(view.out);
         let mean_missing = (1.0 - self.mean_albedo[0] - self.mean_albedo[1]) as f32;
@@ -300,7 +297,7 @@ impl Fibre {
         })
     }
 
-    /// BRDF of one scattering by white fibres: at the surface, inside. `leaves` = T(theta_o) / T(0).
+    /// Returns the BRDF of single scattering by white fibres: at the surface, inside. `leaves` = T(theta_o) / T(0).
     #[inline]
     fn scattered(&self, pair: &FibrePair, leaves: f32, i: FibreDirection, o: FibreDirection) -> [f32; 2] {
         let cos_phi_d = ((pair.cosine - i.sine * o.sine) / (i.cos_theta * o.cos_theta)).clamp(-1.0, 1.0);
@@ -316,13 +313,13 @@ impl Fibre {
         [surface * seen, self.enters.at(i.cos_theta) * leaves * lobe * seen]
     }
 
-    /// Half of the way inside the fibre of a ray refracted along it, in widths.
+    /// Returns half of the path inside the fibre of a ray refracted along it, in widths.
     #[inline]
     fn half_way(&self, w: FibreDirection) -> f32 {
         0.5 / (1.0 - w.sine * w.sine * self.inverse_index_squared).sqrt()
     }
 
-    /// The tabulated directional albedo.
+    /// Returns the tabulated directional albedo.
     #[inline]
     fn albedo_at(&self, w: FibreDirection) -> [f32; 2] {
         let last = (ALBEDO_ENTRIES - 1) as f32;
@@ -336,7 +333,7 @@ impl Fibre {
         })
     }
 
-    /// Share of the light from `incoming` that one scattering of white fibres sends out.
+    /// Returns the share of the light from `incoming` that one scattering of white fibres sends out.
     fn directional_albedo(&self, incoming: FibreDirection) -> [f32; 2] {
         let wi = vector_of(incoming, 1.0);
         let mut sum = [0f64; 2];
@@ -364,7 +361,7 @@ impl Fibre {
     }
 }
 
-/// Two-stream reflectance of a deep pad of fibres of an optical depth [Hapke 1981].
+/// Returns the two-stream reflectance of a deep pad of fibres of an optical depth [Hapke 1981].
 #[inline]
 fn deep_reflectance(depth: f32) -> f32 {
     let q = (1.0 - (-depth).exp()).max(0.0).sqrt();
@@ -375,15 +372,14 @@ fn direction_of(sine: f32, cos_phi: f32) -> FibreDirection {
     FibreDirection { sine, cos_theta: (1.0 - sine * sine).sqrt().max(MIN_COS_THETA), cos_phi }
 }
 
-/// The vector of a direction about the tangent x and the normal z, to the side of y that `sign`
-/// says.
+/// Returns the vector of a direction about the tangent x and the normal z, to the side of y that `sign` says.
 fn vector_of(w: FibreDirection, sign: f32) -> [f32; 3] {
     let sin_phi = (1.0 - w.cos_phi * w.cos_phi).max(0.0).sqrt();
     [w.sine, sign * w.cos_theta * sin_phi, w.cos_theta * w.cos_phi]
 }
 
-/// Directions over half of the hemisphere (one side of the plane of tangent and normal), with
-/// their solid angle times the cosine to the normal.
+/// Returns the directions over half of the hemisphere (one side of the plane of tangent and normal), with their solid
+/// angle times the cosine to the normal.
 fn hemisphere() -> impl Iterator<Item = (FibreDirection, f64)> {
     (0..2 * QUADRATURE * QUADRATURE).map(|i| {
         // The solid angle is dsine dphi.
@@ -411,8 +407,8 @@ mod tests {
         fibre.pi_brdf_cos(&FibrePair::new(fibre, wi, wo), &view, FibreDirection::new(wi, TANGENT, wi[2]))
     }
 
-    /// Share of the light from `wi` that leaves, by even steps of polar angle and azimuth: another
-    /// quadrature than the tables'.
+    /// Returns the share of the light from `wi` that leaves, by even steps of polar angle and azimuth, which is another
+    /// quadrature than that of the tables.
     fn albedo(fibre: &Fibre, depth: [f32; 3], wi: [f32; 3]) -> [f64; 3] {
         let steps = 90;
         let mut sum = [0f64; 3];

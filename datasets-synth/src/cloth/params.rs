@@ -1,4 +1,4 @@
-//! What cloth to weave and how to photograph it.
+//! Parameters of cloth and of its capture.
 //!
 //! | parameter | unit | default | valid |
 //! |---|---|---|---|
@@ -11,19 +11,19 @@
 //! | irregularity | - | 0.35 | 0 to 1 |
 //! | warp, weft colour (diffuse albedo) | linear sRGB | blue, near white | 0 to 0.9 |
 //!
-//! The fibre's own parameters stand in [`FibreParams`].
+//! For the parameters of the fibre see [`FibreParams`].
 
 use crate::cloth::fibre::FibreParams;
 use crate::cloth::weave::Weave;
 use crate::error::{SynthError, check_ranges};
 use crate::surface::capture_params::CaptureParams;
 
-/// What cloth to weave; see the module's table.
+/// Parameters of cloth; see the table of the module.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClothParams {
-    /// How to photograph it.
+    /// Patch, directions and images of the capture.
     pub capture: CaptureParams,
-    /// How it is woven.
+    /// Interlacing of warp and weft.
     pub weave: Weave,
     /// Warp yarns per centimetre, 4 to 80; they run along y.
     pub warp_per_cm: f64,
@@ -31,28 +31,28 @@ pub struct ClothParams {
     pub weft_per_cm: f64,
     /// Thickness of a yarn over its width, 0.2 to 1.
     pub flatness: f64,
-    /// Angle of the outermost fibres of a single yarn, or of the plies of a plied one, against
-    /// the yarn in degrees, -50 to 50; the sign is the sense of twist.
+    /// Angle of the outermost fibres of a single yarn, or of the plies of a plied one, against the yarn in degrees, -50
+    /// to 50; the sign is the sense of twist.
     pub twist_deg: f64,
     /// Strands that a yarn is plied of, 1 to 4.
     pub plies: u32,
     /// Root mean square height of the smallest bumps in micrometres, 0 to 30.
     pub fuzz_um: f64,
-    /// How much yarns differ and wander, 0 to 1.
+    /// Variation of the width and course of yarns, 0 to 1.
     pub irregularity: f64,
-    /// Diffuse albedo of flat cloth of the warp's fibres, linear sRGB, 0 to 0.9. What a fibre
-    /// reflects at its surface (some percent) bounds it from below.
+    /// Diffuse albedo of flat cloth of the fibres of the warp, linear sRGB, 0 to 0.9. The surface reflection of a fibre
+    /// (some percent) is its lower bound.
     pub warp_colour: [f64; 3],
-    /// The same of the weft.
+    /// Diffuse albedo of flat cloth of the fibres of the weft, linear sRGB, 0 to 0.9.
     pub weft_colour: [f64; 3],
-    /// What both are spun of.
+    /// Fibre that warp and weft are spun of.
     pub fibre: FibreParams,
-    /// Whether light that comes by way of other yarns is counted.
+    /// Whether light that was reflected by other yarns is counted.
     pub bounce: bool,
 }
 
 impl Default for ClothParams {
-    /// A blue and white cotton twill, 256 x 256 texels of 10 x 10 mm.
+    /// Returns a blue and white cotton twill, 256 x 256 texels of 10 x 10 mm.
     fn default() -> ClothParams {
         ClothParams {
             capture: CaptureParams::new(10.0),
@@ -95,7 +95,7 @@ impl ClothParams {
         Ok(())
     }
 
-    /// What was asked for in one line, for the capture's provenance.
+    /// Describes the parameters in one line, for the provenance of the capture.
     pub fn provenance(&self) -> String {
         format!(
             "btf-synth cloth: {} weave of {} warp and {} weft yarns per cm, flatness {}, twist {} degrees, {} plies, \

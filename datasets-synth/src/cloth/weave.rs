@@ -2,20 +2,19 @@
 
 use std::fmt;
 
-/// How warp and weft are interlaced.
+/// Interlacing of warp and weft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Weave {
-    /// Over one, under one.
+    /// Plain weave: over one, under one.
     Plain,
-    /// Over two, under two, one further in every row: diagonal ribs.
+    /// Twill: over two, under two, one further in every row, which gives diagonal ribs.
     Twill,
-    /// Warp over four, under one, the bindings scattered by a counter of two: long floats.
+    /// Satin: warp over four, under one, the bindings scattered by a counter of two, which gives long floats.
     Satin,
 }
 
 impl Weave {
-    /// Whether warp yarn `warp` (counted to the right) lies on top of weft yarn `weft` (counted
-    /// upwards).
+    /// Returns whether warp yarn `warp` (counted to the right) lies on top of weft yarn `weft` (counted upwards).
     pub fn warp_on_top(self, warp: i32, weft: i32) -> bool {
         match self {
             Weave::Plain => (warp + weft).rem_euclid(2) == 0,

@@ -9,7 +9,7 @@ use crate::surface::noise::{carried_by_texels, gradient_noise, lattice_unit};
 const COVER: f32 = 0.97;
 /// Depth of the groove between plies over half a yarn's thickness.
 const PLY_GROOVE: f32 = 0.42;
-/// Angle of the fibres in a plied yarn over that of its plies: spun the other way, they come to lie
+/// Angle of the fibres in a plied yarn over that of its plies. They are spun the other way, so that they come to lie
 /// nearly along the yarn.
 const PLIED_FIBRE_ANGLE: f32 = -0.35;
 /// Length and width of the bundles of fibres that show as streaks, in millimetres.
@@ -18,19 +18,19 @@ const STREAK_MM: [f32; 2] = [0.55, 0.10];
 const STREAK_HEIGHT: f32 = 0.10;
 /// Wavelength of the fuzz in millimetres.
 const FUZZ_MM: f32 = 0.16;
-/// How much narrower a yarn is where it passes from one side of the cloth to the other, squeezed
-/// between the crossing ones.
+/// Relative loss of width of a yarn where it passes from one side of the cloth to the other, squeezed between the
+/// crossing ones.
 const SQUEEZE: f32 = 0.28;
 /// Root mean square of the gradient noise.
 const NOISE_RMS: f32 = 0.3;
 
-/// One point of a cloth seen from above.
+/// Point of a cloth seen from above.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct YarnPoint {
     /// Height in millimetres, 0 in the middle of the cloth.
     pub height_mm: f32,
-    /// Direction of the fibres seen from above; its length is that of the unit tangent's shadow on a
-    /// level yarn.
+    /// Direction of the fibres seen from above, projected: its length is that of the projection of the unit tangent on
+    /// a level yarn.
     pub direction: [f32; 2],
     /// 1 for warp, 0 for weft.
     pub warp: f32,
@@ -40,7 +40,7 @@ pub(crate) struct YarnPoint {
     pub cover: f32,
 }
 
-/// All yarns of a cloth.
+/// Yarns of a cloth.
 #[derive(Debug, Clone)]
 pub(crate) struct Yarns {
     weave: Weave,
@@ -56,7 +56,7 @@ pub(crate) struct Yarns {
     seed: u32,
 }
 
-/// Which yarns: those along y or those along x.
+/// Set of parallel yarns: those along y or those along x.
 #[derive(Clone, Copy)]
 enum Set {
     Warp = 0,
@@ -82,12 +82,12 @@ impl Yarns {
         }
     }
 
-    /// Greatest distance of the relief from its mean, a safe bound.
+    /// Returns an upper bound of the distance of the surface from its mean in millimetres.
     pub fn bound_mm(&self) -> f32 {
         2.6 * self.half_thickness_mm + 3.0 * self.fuzz_mm
     }
 
-    /// The uppermost point of the cloth over a position in millimetres.
+    /// Returns the uppermost point of the cloth at a position in millimetres.
     pub fn at(&self, p: [f32; 2]) -> YarnPoint {
         let hole =
             YarnPoint { height_mm: -self.half_thickness_mm, direction: [0.0, 1.0], warp: 0.5, dye: 1.0, cover: 0.0 };
@@ -104,7 +104,7 @@ impl Yarns {
         top
     }
 
-    /// The top of one yarn over a position, where the position is over it.
+    /// Returns the top of one yarn at a position; `None` where the yarn is not there.
     fn yarn_point(&self, set: Set, number: i32, p: [f32; 2]) -> Option<YarnPoint> {
         let (across_axis, along_axis) = (set as usize, 1 - set as usize);
         let (spacing, crossing) = (self.spacing_mm[across_axis], self.spacing_mm[along_axis]);
@@ -162,7 +162,7 @@ impl Yarns {
         })
     }
 
-    /// 0 on a ply, 1 at the bottom of the groove between two plies, which winds around the yarn.
+    /// Returns the depth of the groove between two plies, which winds around the yarn: 0 on a ply, 1 at the bottom.
     fn ply_groove(&self, number: i32, along: f32, around: f32, half_width: f32) -> f32 {
         if self.plies < 2 {
             return 0.0;
@@ -173,7 +173,7 @@ impl Yarns {
         (1.0 - on_ply).powi(2)
     }
 
-    /// Streaks of fibre bundles, about -1 to 1, long along the fibres.
+    /// Returns the noise of streaks of fibre bundles, about -1 to 1, long along the fibres.
     fn streak(&self, number: i32, along: f32, around_mm: f32, stream: u32) -> f32 {
         let (sin, cos) = self.fibre_angle_rad.sin_cos();
         let (x, y) = (along * cos + around_mm * sin, around_mm * cos - along * sin);

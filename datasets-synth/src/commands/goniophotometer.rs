@@ -9,13 +9,14 @@ use btf_synth::{
     plate_n_inside, plate_spectrum,
 };
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::model::{Model, Side, TissueArgs};
-use super::spectrum::side_name;
-use super::{Failure, RunArgs, write_text};
+use super::arguments::whole_number;
+use super::failure::Failure;
+use super::model::{ContentsArgs, Model, Side, TissueArgs, side_name};
+use super::run_args::{RunArgs, write_text};
 
-/// Rays of the count of interactions, as in the paper's figure 8.
+/// Number of rays for which interactions are counted, as in the paper's figure 8.
 const INTERACTION_RAYS: u64 = 10_000;
 
 #[derive(Args)]
@@ -27,7 +28,7 @@ pub struct GoniophotometerArgs {
     #[arg(long, value_enum, default_value_t = Model::Abm97)]
     model: Model,
     #[command(flatten)]
-    contents: super::model::ContentsArgs,
+    contents: ContentsArgs,
     #[command(flatten)]
     tissue: TissueArgs,
     #[command(flatten)]
@@ -45,7 +46,7 @@ pub struct GoniophotometerArgs {
     #[arg(long, default_value_t = 550.0)]
     wavelength_nm: f64,
     /// Rays per incidence, such as 1e7
-    #[arg(long, value_parser = super::whole_number, default_value = "1e6")]
+    #[arg(long, value_parser = whole_number, default_value = "1e6")]
     rays: u64,
     /// Patches of the whole sphere along the latitude (even)
     #[arg(long, default_value_t = 20)]
@@ -67,12 +68,30 @@ pub struct GoniophotometerArgs {
     interactions_plot: Option<PathBuf>,
 }
 
-/// Measures and writes.
+/// Results of a measurement, for the plots, the JSON result and the table.
+struct Measured {
+    /// Goniograms, one for each angle of incidence.
+    grams: Vec<Goniogram>,
+    /// Wavelengths in nanometres, each with the counts of its interactions; none for the plates.
+    counted: Vec<(f64, Interactions)>,
+    /// Number of rays of all incidences together.
+    rays: usize,
+    seconds: f64,
+}
+
+/// Measures the model and writes the results.
 pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
     if !(400.0..=2500.0).contains(&args.wavelength_nm) {
         let given = args.wavelength_nm;
         return Err(Failure::Usage(format!("--wavelength-nm is {given}, which is out of range; give 400 to 2500")));
     }
+    let measured = measure(args)?;
+    write_plots(args, &measured)?;
+    args.run.report(&json_result(args, &measured), table(args, &measured).trim_end())
+}
+
+/// Measures the model under every incidence.
+fn measure(args: &GoniophotometerArgs) -> Result<Measured, Failure> {
     let model = args.tissue.leaf_model(args.model, args.contents.cab, args.contents.car)?;
     let wavelength = Nanometres(args.wavelength_nm);
     let instrument = |incidence_deg: f64| Goniophotometer {
@@ -106,11 +125,14 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
         }
         (_, None) => unreachable!("a model without a tissue is made of plates"),
     };
-    let seconds = started.elapsed().as_secs_f64();
+    Ok(Measured { grams, counted, rays: total, seconds: started.elapsed().as_secs_f64() })
+}
 
+/// Writes the plots that were asked for.
+fn write_plots(args: &GoniophotometerArgs, Measured { grams, counted, .. }: &Measured) -> Result<(), Failure> {
     let in_plane = |pick: fn(&Goniogram) -> &[f64]| -> Vec<Series> {
         let label = |deg: &f64| format!("incidence {deg}\u{b0}");
-        let angles = args.incidence_deg.iter().zip(&grams);
+        let angles = args.incidence_deg.iter().zip(grams);
         angles.map(|(deg, gram)| Series { label: label(deg), points: gram.in_plane(pick(gram)) }).collect()
     };
     if let Some(path) = &args.plot {
@@ -133,11 +155,15 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
         let title = format!("{}: interfaces met by {INTERACTION_RAYS} rays", args.model);
         write_text(path, &counts_svg(&title, "interactions per ray", "rays", &series))?;
     }
+    Ok(())
+}
 
-    let measured: Vec<_> = args
+/// Returns the result for `--json`.
+fn json_result(args: &GoniophotometerArgs, Measured { grams, counted, rays, seconds }: &Measured) -> Value {
+    let goniograms: Vec<_> = args
         .incidence_deg
         .iter()
-        .zip(&grams)
+        .zip(grams)
         .map(|(deg, gram)| {
             let rows = |values: &[f64]| values.chunks(args.longitudes).map(<[f64]>::to_vec).collect::<Vec<_>>();
             json!({
@@ -166,31 +192,35 @@ pub fn run(args: &GoniophotometerArgs) -> Result<(), Failure> {
             })
         })
         .collect();
-    let result = json!({
+    json!({
         "model": args.model.to_string(),
         "side": side_name(args.side),
         "wavelength_nm": args.wavelength_nm,
         "rays": grams.iter().map(|gram| gram.rays).max(),
         "seed": args.seed,
         "seconds": seconds,
-        "rays_per_second": total as f64 / seconds,
-        "goniograms": measured,
+        "rays_per_second": *rays as f64 / seconds,
+        "goniograms": goniograms,
         "interactions": interactions,
-    });
+    })
+}
+
+/// Returns the figures for a reader, one line per incidence.
+fn table(args: &GoniophotometerArgs, Measured { grams, counted, rays, seconds }: &Measured) -> String {
     let mut text = String::from("incidence  reflectance  transmittance  BRDF at the mirror direction\n");
-    for (deg, gram) in args.incidence_deg.iter().zip(&grams) {
+    for (deg, gram) in args.incidence_deg.iter().zip(grams) {
         let plane = gram.in_plane(&gram.brdf);
         let mirror = plane.iter().min_by(|a, b| (a.0 - deg).abs().total_cmp(&(b.0 - deg).abs()));
         let f = mirror.map_or(0.0, |p| p.1);
         text += &format!("{deg:>9}  {:>11.4}  {:>13.4}  {f:>8.4} / sr\n", gram.reflectance, gram.transmittance);
     }
     if !counted.is_empty() {
-        text += &format!("{:.2e} rays/s", total as f64 / seconds);
+        text += &format!("{:.2e} rays/s", *rays as f64 / seconds);
     }
-    args.run.report(&result, text.trim_end())
+    text
 }
 
-/// A plate's shares of entered light at the wavelength, and the gloss on top.
+/// Returns the shares of entered light of a plate at the wavelength, and the specular lobe on top of it.
 fn plate_and_gloss(args: &GoniophotometerArgs, model: PlateModel) -> Result<(PlateOptics, CookTorrance), Failure> {
     let contents = args.contents.over(LeafContents::default());
     let table = model.default_table();

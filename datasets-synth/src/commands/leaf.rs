@@ -6,9 +6,11 @@ use btf_synth::{
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::capture_args::CaptureArgs;
+use super::failure::Failure;
 use super::leaf_look::{LookArgs, Looked};
 use super::model::{ContentsArgs, Model, Side, TissueArgs};
-use super::{CaptureArgs, Failure, RunArgs};
+use super::run_args::RunArgs;
 
 #[derive(Args)]
 #[command(after_help = "Examples:
@@ -104,7 +106,7 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
     })
 }
 
-/// The leaf of the options.
+/// Returns the leaf that the options describe.
 fn describe(args: &LeafArgs) -> Result<Looked, Failure> {
     let mut looked = args.look.leaf()?;
     let leaf = &mut looked.leaf;

@@ -1,11 +1,11 @@
-//! A leaf's description as an option, and as a file that is written.
+//! Description of a leaf as an option, and as a file that is written.
 
 use std::path::{Component, Path, PathBuf};
 
 use btf_synth::{LeafContents, LeafDescription};
 use clap::Args;
 
-use super::Failure;
+use super::failure::Failure;
 use super::model::ContentsArgs;
 
 #[derive(Args)]
@@ -16,21 +16,21 @@ pub(super) struct LeafFileArgs {
 }
 
 impl LeafFileArgs {
-    /// The description, where one is given.
+    /// Returns the description, where one is given.
     pub fn read(&self) -> Result<Option<LeafDescription>, Failure> {
         let read = |file| LeafDescription::read(file).map_err(|error| Failure::Failed(error.to_string()));
         self.file.as_ref().map(read).transpose()
     }
 
-    /// The folder of textures that a description names that was read.
+    /// Returns the folder of textures that the description that was read names.
     pub fn textures(&self, leaf: &LeafDescription) -> Option<PathBuf> {
         leaf.textures_beside(self.file.as_ref()?)
     }
 }
 
 impl ContentsArgs {
-    /// Chlorophyll and carotenoids for the algorithmic models, which keep their own leaf's unless the user has
-    /// others, by options or as the contents of a whole leaf.
+    /// Returns chlorophyll and carotenoids for the algorithmic models, from the options or from the contents of a whole
+    /// leaf. Without either, the models keep those of their own leaf.
     pub(super) fn own_pigments(&self, whole: Option<&LeafContents>) -> [Option<f64>; 2] {
         [
             self.cab.or(whole.map(|contents| contents.chlorophyll_ug_per_cm2)),
@@ -39,14 +39,14 @@ impl ContentsArgs {
     }
 }
 
-/// Writes a description to `file`, with its `textures` as seen from there.
+/// Writes a description to `file`, with the path of its `textures` relative to the folder of `file`.
 pub(super) fn write(leaf: &LeafDescription, textures: Option<&Path>, file: &Path) -> Result<(), Failure> {
     let textures = textures.map(|folder| seen_from(file, folder));
     let leaf = LeafDescription { textures, ..leaf.clone() };
     leaf.write(file).map_err(|error| Failure::Failed(error.to_string()))
 }
 
-/// The path of `folder` relative to the folder that holds `file`; absolute where there is no such way.
+/// Returns the path of `folder` relative to the folder that holds `file`; absolute where there is no relative one.
 fn seen_from(file: &Path, folder: &Path) -> PathBuf {
     // Links are followed where they exist, so that `..` leads where it says.
     let whole =

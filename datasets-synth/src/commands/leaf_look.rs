@@ -1,11 +1,12 @@
-//! Options of what a leaf looks like: species, deficiency, and textures as images.
+//! Options for the look of a leaf: species, deficiency, and textures as images.
 
 use std::path::{Path, PathBuf};
 
 use btf_synth::{AppearanceTextures, Deficiency, LeafDescription, LeafParams, Species, TextureImages};
 use clap::{Args, ValueEnum};
 
-use super::Failure;
+use super::failure::Failure;
+use super::leaf_file;
 use super::leaf_file::LeafFileArgs;
 
 #[derive(Args)]
@@ -74,18 +75,18 @@ impl From<DeficiencyName> for Deficiency {
     }
 }
 
-/// A leaf as the options of its look describe it.
+/// Leaf that the options of its look describe.
 pub(super) struct Looked {
-    /// The leaf; its textures are those below.
+    /// Description of the leaf without its textures.
     pub leaf: LeafDescription,
-    /// Folder of textures, from here.
+    /// Folder of textures, relative to the current folder.
     pub textures: Option<PathBuf>,
-    /// Whether its pigments are the user's, or those that a species has.
+    /// Whether the user gave the pigments, instead of a species.
     pub own_pigments: bool,
 }
 
 impl LookArgs {
-    /// The leaf of the file, the species or the plain one, with the look asked for.
+    /// Returns the leaf of the file, of the species or the plain one, with the look that the options ask for.
     pub(super) fn leaf(&self) -> Result<Looked, Failure> {
         let (species, deficiency) = (self.species.map(Species::from), self.deficiency.map(Deficiency::from));
         let file = self.file.read()?;
@@ -109,21 +110,21 @@ impl LookArgs {
         Ok(Looked { leaf, textures, own_pigments })
     }
 
-    /// Writes the textures of a leaf, and its description, where that is asked for.
+    /// Writes the textures of a leaf, and its description, if the options ask for them.
     pub(super) fn export(&self, looked: &Looked, params: &LeafParams) -> Result<Option<&Path>, Failure> {
         let exported = self.export_textures.as_deref();
         if let Some(dir) = exported {
             AppearanceTextures::new(params)?.export(dir)?;
         }
         if let Some(file) = &self.write_leaf {
-            super::leaf_file::write(&looked.leaf, exported.or(looked.textures.as_deref()), file)?;
+            leaf_file::write(&looked.leaf, exported.or(looked.textures.as_deref()), file)?;
         }
         Ok(exported)
     }
 }
 
 impl Looked {
-    /// The textures as images.
+    /// Returns the textures as images.
     pub(super) fn images(&self) -> Result<TextureImages, Failure> {
         let read = |dir| TextureImages::read(dir).map_err(|error| Failure::Failed(error.to_string()));
         self.textures.as_ref().map_or(Ok(TextureImages::default()), read)

@@ -4,7 +4,10 @@ use btf_synth::{FinishParams, LeatherParams, write_leather_capture};
 use clap::Args;
 use serde_json::json;
 
-use super::{CaptureArgs, Failure, RunArgs, parse_colour};
+use super::arguments::parse_colour;
+use super::capture_args::CaptureArgs;
+use super::failure::Failure;
+use super::run_args::RunArgs;
 
 #[derive(Args)]
 #[command(after_help = "Examples:

@@ -6,7 +6,7 @@ use btf_synth::{
 };
 use clap::{Args, ValueEnum};
 
-use super::Failure;
+use super::failure::Failure;
 
 /// Models of a blade's optics.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -53,6 +53,14 @@ impl From<Side> for btf_synth::Face {
             Side::Adaxial => btf_synth::Face::Adaxial,
             Side::Abaxial => btf_synth::Face::Abaxial,
         }
+    }
+}
+
+/// Returns the name of a face in titles and JSON keys.
+pub(super) fn side_name(side: Side) -> &'static str {
+    match side {
+        Side::Adaxial => "adaxial",
+        Side::Abaxial => "abaxial",
     }
 }
 
@@ -135,8 +143,8 @@ impl TissueArgs {
         }
     }
 
-    /// The model with its parameters; contents in ug/cm2 where they are given, else those of the model's
-    /// own leaf.
+    /// Returns the model with its parameters. `cab` and `car`, in ug/cm2, replace the contents of the model's own leaf
+    /// where they are given.
     pub fn leaf_model(&self, model: Model, cab: Option<f64>, car: Option<f64>) -> Result<LeafModel, Failure> {
         let specimen = |default| self.specimen(default, cab, car);
         Ok(match model {
@@ -247,7 +255,7 @@ pub struct ContentsArgs {
 }
 
 impl ContentsArgs {
-    /// Contents for the plate models, over `default`.
+    /// Returns the contents for the plate models, over `default`.
     pub fn over(&self, default: LeafContents) -> LeafContents {
         LeafContents {
             chlorophyll_ug_per_cm2: self.cab.unwrap_or(default.chlorophyll_ug_per_cm2),

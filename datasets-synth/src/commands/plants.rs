@@ -10,9 +10,11 @@ use btf_synth::{
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::arguments::whole_number;
+use super::failure::Failure;
 use super::leaf_file::LeafFileArgs;
 use super::leaf_look::SpeciesName;
-use super::{Failure, RunArgs, whole_number};
+use super::run_args::RunArgs;
 
 #[derive(Args)]
 #[command(after_help = "Examples:

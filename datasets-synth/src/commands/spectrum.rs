@@ -10,9 +10,11 @@ use btf_synth::{
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
+use super::arguments::whole_number;
+use super::failure::Failure;
 use super::leaf_file::LeafFileArgs;
-use super::model::{Model, Side, TissueArgs};
-use super::{Failure, RunArgs, write_text};
+use super::model::{ContentsArgs, Model, Side, TissueArgs, side_name};
+use super::run_args::{RunArgs, write_text};
 
 #[derive(Args)]
 #[command(after_help = "Examples:
@@ -26,7 +28,7 @@ pub struct SpectrumArgs {
     #[arg(long, value_enum, default_value_t = Model::PlateN)]
     model: Model,
     #[command(flatten)]
-    contents: super::model::ContentsArgs,
+    contents: ContentsArgs,
     #[command(flatten)]
     leaf: LeafFileArgs,
     #[command(flatten)]
@@ -55,7 +57,7 @@ pub struct SpectrumArgs {
     #[arg(long, value_enum, default_value_t = BeamName::Parallel)]
     beam: BeamName,
     /// Rays per trace, such as 1e6 [default: 1e6]
-    #[arg(long, value_parser = super::whole_number, conflicts_with = "precision")]
+    #[arg(long, value_parser = whole_number, conflicts_with = "precision")]
     rays: Option<u64>,
     /// As many rays as keep 95 of 100 repetitions within this, such as 0.001
     #[arg(long)]
@@ -87,17 +89,43 @@ enum MethodName {
     Direct,
 }
 
-/// Measures and writes.
+/// Measures the model and writes the results.
 pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
+    let mut sides = vec![args.side];
+    if args.both_sides {
+        sides.push(if args.side == Side::Adaxial { Side::Abaxial } else { Side::Adaxial });
+    }
+    let (spectra, seconds) = measure(args, &sides)?;
+    if let Some(path) = &args.plot {
+        write_text(path, &plot(args, &sides, &spectra))?;
+    }
+    let mut result = figures(&spectra[0]);
+    result["model"] = json!(args.model.to_string());
+    result["side"] = json!(side_name(args.side));
+    result["incidence_deg"] = json!(args.incidence_deg);
+    result["seed"] = json!(args.seed);
+    result["seconds"] = json!(seconds);
+    if let Some(other) = spectra.get(1) {
+        result[side_name(sides[1])] = figures(other);
+    }
+    let tables: Vec<String> = spectra
+        .iter()
+        .zip(&sides)
+        .map(|(spectrum, side)| {
+            let heading = if args.both_sides { format!("{}\n", side_name(*side)) } else { String::new() };
+            heading + &table(spectrum)
+        })
+        .collect();
+    args.run.report(&result, tables.concat().trim_end())
+}
+
+/// Measures the spectrum of each of `sides`. Also returns the seconds that it took.
+fn measure(args: &SpectrumArgs, sides: &[Side]) -> Result<(Vec<Spectrum>, f64), Failure> {
     let wavelength_nm = wavelengths(args)?;
     let leaf = args.leaf.read()?;
     let [cab, car] = args.contents.own_pigments(leaf.as_ref().map(|leaf| &leaf.contents));
     let model = args.tissue.leaf_model(args.model, cab, car)?;
     let started = Instant::now();
-    let mut sides = vec![args.side];
-    if args.both_sides {
-        sides.push(if args.side == Side::Adaxial { Side::Abaxial } else { Side::Adaxial });
-    }
     let spectra: Vec<Spectrum> = match (model, model.tissue()) {
         (LeafModel::Plate(model), _) => {
             let exact = |mean| Estimate { mean, standard_error: 0.0 };
@@ -139,31 +167,10 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
             })?
         }
     };
-    let seconds = started.elapsed().as_secs_f64();
-    if let Some(path) = &args.plot {
-        write_text(path, &plot(args, &sides, &spectra))?;
-    }
-    let mut result = figures(&spectra[0]);
-    result["model"] = json!(args.model.to_string());
-    result["side"] = json!(side_name(args.side));
-    result["incidence_deg"] = json!(args.incidence_deg);
-    result["seed"] = json!(args.seed);
-    result["seconds"] = json!(seconds);
-    if let Some(other) = spectra.get(1) {
-        result[side_name(sides[1])] = figures(other);
-    }
-    let tables: Vec<String> = spectra
-        .iter()
-        .zip(&sides)
-        .map(|(spectrum, side)| {
-            let heading = if args.both_sides { format!("{}\n", side_name(*side)) } else { String::new() };
-            heading + &table(spectrum)
-        })
-        .collect();
-    args.run.report(&result, tables.concat().trim_end())
+    Ok((spectra, started.elapsed().as_secs_f64()))
 }
 
-/// A spectrum as the JSON result has it.
+/// Returns the JSON form of a spectrum.
 fn figures(spectrum: &Spectrum) -> Value {
     let mean = |values: &[Estimate]| values.iter().map(|e| e.mean).collect::<Vec<f64>>();
     let error = |values: &[Estimate]| values.iter().map(|e| e.standard_error).collect::<Vec<f64>>();
@@ -175,13 +182,6 @@ fn figures(spectrum: &Spectrum) -> Value {
         "transmittance_standard_error": error(&spectrum.transmittance),
         "rays": spectrum.rays,
     })
-}
-
-pub(super) fn side_name(side: Side) -> &'static str {
-    match side {
-        Side::Adaxial => "adaxial",
-        Side::Abaxial => "abaxial",
-    }
 }
 
 fn wavelengths(args: &SpectrumArgs) -> Result<Vec<f64>, Failure> {
@@ -222,7 +222,7 @@ fn plot(args: &SpectrumArgs, sides: &[Side], spectra: &[Spectrum]) -> String {
     .svg()
 }
 
-/// The figures for a reader, one line per wavelength.
+/// Returns the figures for a reader, one line per wavelength.
 fn table(spectrum: &Spectrum) -> String {
     let mut text = String::from("   nm  reflectance  transmittance\n");
     for (i, nm) in spectrum.wavelength_nm.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! A goniophotometer: BRDF and BTDF of a tissue model from rays that patches of a sphere around the
-//! specimen collect, and the interactions of each ray [Baranoski 1997, sec. 4.1, fig. 7 and 8].
+//! Goniophotometer: BRDF and BTDF of a tissue model from rays that patches of a sphere around the specimen collect, and
+//! the number of interactions of each ray [Baranoski 1997, sec. 4.1, fig. 7 and 8].
 //!
 //! | parameter | unit | default (the paper's) |
 //! |---|---|---|
@@ -8,10 +8,10 @@
 //! | incidence | deg | 45 |
 //! | wavelength | nm | 550 |
 //!
-//! `f = weight / (N projected solid angle)` [eq. 12]. Differs from the paper in: the projected solid angle
-//! is the integral over the patch, `dphi (sin^2 th_2 - sin^2 th_1) / 2`, where eq. 13 takes the middle;
-//! so that the patches at the horizon are right too. Rays are weighted by their way through the mesophyll
-//! (`path_lengths`) instead of ending there.
+//! `f = weight / (N projected solid angle)` [eq. 12]. Differs from the paper in: the projected solid angle is the
+//! integral over the patch, `dphi (sin^2 th_2 - sin^2 th_1) / 2`, where eq. 13 takes the middle, so that the patches at
+//! the horizon are right as well. Rays are weighted by their path through the mesophyll (`path_lengths`) instead of
+//! being absorbed there.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::ControlFlow;
@@ -19,21 +19,21 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use crate::error::{SynthError, check_range};
-use crate::optics::gloss::{CookTorrance, LobeAngles};
-use crate::optics::path_lengths::{BLOCK, Beam, Face, Parallel, block_random};
-use crate::optics::plate_model::PlateOptics;
-use crate::optics::tissue::Tissue;
+use crate::optics::abm::path_lengths::{BLOCK, Beam, Face, Parallel, block_random};
+use crate::optics::abm::tissue::Tissue;
+use crate::optics::abm::walk::{Absorption, End, walk};
+use crate::optics::gloss::lobe::{CookTorrance, LobeAngles};
+use crate::optics::plates::shares::PlateOptics;
 use crate::optics::units::Nanometres;
-use crate::optics::walk::{Absorption, End, walk};
 use crate::surface::capture::Progress;
 
 /// Blocks of rays between two reports of progress.
 const BLOCKS_PER_STEP: u64 = 128;
 
-/// Interactions of a ray that are counted one by one; more are counted together.
+/// Largest number of interactions that has a count of its own; rays with more are counted together.
 const MAX_INTERACTIONS: usize = 100;
 
-/// The instrument. See the table at the top of this file.
+/// Goniophotometer; see the table of the module.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Goniophotometer {
     /// Patches along the latitude of the whole sphere, even, 2 to 360.
@@ -47,16 +47,16 @@ pub struct Goniophotometer {
 }
 
 impl Default for Goniophotometer {
-    /// The paper's sphere, 45 degrees, the adaxial face.
+    /// Returns the sphere of the paper with light at 45 degrees on the adaxial face.
     fn default() -> Goniophotometer {
         Goniophotometer { latitudes: 20, longitudes: 40, incidence_deg: 45.0, face: Face::Adaxial }
     }
 }
 
-/// What the patches collected.
+/// Measurement of the patches.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Goniogram {
-    /// Rays sent.
+    /// Number of rays that were sent.
     pub rays: u64,
     /// Polar angle of the patches' middles from the normal on their side, in degrees.
     pub theta_deg: Vec<f64>,
@@ -70,14 +70,14 @@ pub struct Goniogram {
     pub brdf_error: Vec<f64>,
     /// Standard error of `btdf`.
     pub btdf_error: Vec<f64>,
-    /// All light that left on the light's side.
+    /// Share of all light that left on the side of the light.
     pub reflectance: f64,
-    /// All light that left on the other side.
+    /// Share of all light that left on the other side.
     pub transmittance: f64,
 }
 
 impl Goniogram {
-    /// A patch's value in the plane of incidence: signed angle in degrees (negative on the light's side,
+    /// Returns the values in the plane of incidence: signed angle in degrees (negative on the side of the light,
     /// positive forward) and BRDF or BTDF, ascending. The two patches next to the plane are averaged.
     pub fn in_plane(&self, values: &[f64]) -> Vec<(f64, f64)> {
         let n = self.phi_deg.len();
@@ -90,19 +90,19 @@ impl Goniogram {
     }
 }
 
-/// Interactions per ray: how often each number of interfaces was met [Baranoski 1997, fig. 8].
+/// Histogram of the interfaces that rays met [Baranoski 1997, fig. 8].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interactions {
-    /// `counts[n]`: rays that met n interfaces; the last entry counts all longer ones too.
+    /// Number of rays that met n interfaces, as `counts[n]`; the last entry counts all longer paths as well.
     pub counts: Vec<u64>,
-    /// Mean number.
+    /// Mean number of interfaces.
     pub mean: f64,
-    /// Largest number.
+    /// Largest number of interfaces.
     pub most: u32,
 }
 
 impl Interactions {
-    /// Number that 99 of 100 rays do not exceed.
+    /// Returns the number that 99 of 100 rays do not exceed.
     pub fn percentile_99(&self) -> usize {
         let total: u64 = self.counts.iter().sum();
         let mut seen = 0;
@@ -132,11 +132,11 @@ impl Goniophotometer {
         check_range("--incidence-deg", self.incidence_deg, 0.0, 89.9)
     }
 
-    /// Sends `rays` rays at `wavelength` onto `tissue`, in parallel on the current pool. The same seed gives
-    /// the same figures on any number of threads. `progress` is told the rays sent.
+    /// Sends `rays` rays at `wavelength` onto `tissue`, in parallel on the current pool. Equal seeds give equal figures
+    /// on any number of threads. `progress` gets the number of rays sent.
     ///
     /// # Errors
-    /// [`SynthError::BadParameter`]; [`SynthError::Stopped`] if `progress` asked for it.
+    /// [`SynthError::BadParameter`]; [`SynthError::Stopped`] if `progress` asks for it.
     pub fn measure(
         &self,
         tissue: &dyn Tissue,
@@ -209,9 +209,9 @@ impl Goniophotometer {
         })
     }
 
-    /// The same of a plate below a gloss, from the equations: a patch's value is the mean over 4 x 4 directions
-    /// in it. `inside` holds the shares of entered light that leave in front and behind
-    /// ([`crate::plate_inside`], [`crate::plate_n_inside`]). Isotropic roughness; `rays` is 0.
+    /// Evaluates the goniogram of a plate below a specular lobe from the equations: the value of a patch is the mean
+    /// over 4 x 4 directions in it. `inside` holds the shares of entered light that leave in front and behind
+    /// ([`crate::plate_inside`], [`crate::plate_n_inside`]). The roughness is isotropic; `rays` is 0.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
@@ -293,18 +293,18 @@ impl Goniophotometer {
         Ok(result)
     }
 
-    /// Squared sine of the polar angle at which ring `i` starts.
+    /// Returns the squared sine of the polar angle at which ring `i` starts.
     fn sin2_of_ring(&self, i: usize) -> f64 {
         (PI * i as f64 / self.latitudes as f64).sin().powi(2)
     }
 
-    /// Integral of the cosine over a patch.
+    /// Returns the integral of the cosine over a patch.
     fn projected_solid_angle(&self, patch: usize) -> f64 {
         let i = patch / self.longitudes;
         TAU / self.longitudes as f64 * (self.sin2_of_ring(i + 1) - self.sin2_of_ring(i)) / 2.0
     }
 
-    /// The patch, on either side, that a direction of travel meets.
+    /// Returns the patch, on either side, that a direction of travel meets.
     fn patch(&self, direction: [f64; 3]) -> usize {
         let rings = self.latitudes / 2;
         let theta = direction[2].abs().min(1.0).acos();
@@ -314,7 +314,7 @@ impl Goniophotometer {
     }
 }
 
-/// Middles of `count` even parts of `whole_deg`.
+/// Returns the middles of `count` even parts of `whole_deg`.
 fn middles(count: usize, whole_deg: f64) -> Vec<f64> {
     (0..count).map(|i| whole_deg * (i as f64 + 0.5) / count as f64).collect()
 }
@@ -322,15 +322,15 @@ fn middles(count: usize, whole_deg: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::stack::{Crossing, Interface, PathRule, Spread, Stack};
-    use crate::optics::tissue::DepthParts;
+    use crate::optics::abm::abm97::Abm97;
+    use crate::optics::abm::stack::{Crossing, Interface, PathRule, Spread, Stack};
+    use crate::optics::abm::tissue::DepthParts;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
 
-    /// A surface whose refracted light, all of it, comes out below as a cosine lobe.
+    /// Surface whose refracted light all comes out below as a cosine lobe.
     struct Lambertian;
     impl Tissue for Lambertian {
         fn stack(&self, _: Nanometres) -> Stack {

@@ -1,4 +1,4 @@
-//! Virtual instruments: what a laboratory would measure on a leaf model.
+//! Virtual instruments that measure leaf models as a laboratory measures leaves.
 
 pub(crate) mod goniophotometer;
 pub(crate) mod plot;

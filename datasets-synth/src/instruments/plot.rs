@@ -1,18 +1,18 @@
-//! Plots of measurements as SVG files that stand alone: lines, goniograms, bars.
+//! Plots of measurements as self-contained SVG files: lines, goniograms, bars.
 
 use std::f64::consts::PI;
 
 use maud::{Markup, html};
 
-/// Colours of series in their order, told apart by colour-blind readers too [Okabe & Ito].
+/// Colours of series in their order, distinguishable by colour-blind readers [Okabe & Ito].
 const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#333333"];
 
-/// Size of a picture and its margins in pixels: left, right, top, bottom.
+/// Size of a plot and its margins in pixels: left, right, top, bottom.
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 420.0;
 const MARGIN: [f64; 4] = [64.0, 20.0, 40.0, 52.0];
 
-/// A named line.
+/// Named line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     /// Name in the legend.
@@ -21,20 +21,20 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
-/// A plot of lines over two axes.
+/// Plot of lines over two axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinePlot {
-    /// Above the plot.
+    /// Title above the plot.
     pub title: String,
-    /// Below the horizontal axis, with the unit.
+    /// Label below the horizontal axis, with the unit.
     pub x_label: String,
-    /// Beside the vertical axis, with the unit.
+    /// Label beside the vertical axis, with the unit.
     pub y_label: String,
     /// Lines.
     pub series: Vec<Series>,
 }
 
-/// Round numbers between `least` and `most`, some five of them.
+/// Returns some five round numbers between `least` and `most`.
 fn ticks(least: f64, most: f64) -> Vec<f64> {
     let span = (most - least).max(1e-12);
     let power = 10f64.powf((span / 5.0).log10().floor());
@@ -44,7 +44,7 @@ fn ticks(least: f64, most: f64) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
-/// A tick's number without digits that the step does not have.
+/// Formats the number of a tick without digits that the step does not have.
 fn number(x: f64, step: f64) -> String {
     let decimals = (-step.log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{x:.decimals$}")
@@ -54,7 +54,7 @@ fn px(x: f64) -> String {
     format!("{x:.1}")
 }
 
-/// A whole file around the content.
+/// Returns the whole SVG file around `content`.
 fn file(width: f64, height: f64, title: &str, content: &Markup) -> String {
     let svg = html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox=(format!("0 0 {width} {height}")) width=(width) height=(height)
@@ -67,7 +67,7 @@ fn file(width: f64, height: f64, title: &str, content: &Markup) -> String {
     format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}\n", svg.into_string())
 }
 
-/// The frame of a plot: where data stand in the picture.
+/// Frame of a plot: where data lie in the picture.
 struct Frame {
     x: [f64; 2],
     y: [f64; 2],
@@ -121,7 +121,7 @@ fn path(points: impl Iterator<Item = (f64, f64)>) -> String {
 }
 
 impl LinePlot {
-    /// The plot as an SVG file. The vertical axis starts at 0, or below if data do.
+    /// Returns the plot as an SVG file. The vertical axis starts at 0, or below if data do.
     pub fn svg(&self) -> String {
         let points = || self.series.iter().flat_map(|s| &s.points).filter(|p| p.0.is_finite() && p.1.is_finite());
         let range = |pick: fn(&(f64, f64)) -> f64| {
@@ -143,8 +143,8 @@ impl LinePlot {
     }
 }
 
-/// A plot in polar coordinates: `above` (BRDF) over the horizon, `below` (BTDF) under it, both as
-/// (signed angle from the normal in degrees, value); series of the same index share a colour.
+/// Returns a plot in polar coordinates: `above` (BRDF) over the horizon, `below` (BTDF) under it, both as (signed angle
+/// from the normal in degrees, value); series of the same index share a colour.
 pub fn goniogram_svg(title: &str, unit: &str, above: &[Series], below: &[Series]) -> String {
     const SIZE: f64 = 640.0;
     const MIDDLE: (f64, f64) = (320.0, 335.0);
@@ -196,7 +196,8 @@ pub fn goniogram_svg(title: &str, unit: &str, above: &[Series], below: &[Series]
     file(SIZE, SIZE, title, &content)
 }
 
-/// Bars over whole numbers with a logarithmic vertical axis from 1: one group per x, one bar of each series.
+/// Returns a plot of bars over whole numbers with a logarithmic vertical axis from 1: one group per x, one bar of each
+/// series.
 pub fn counts_svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> String {
     let most = series.iter().flat_map(|s| &s.points).map(|p| p.1).fold(10.0, f64::max);
     let last = series.iter().flat_map(|s| &s.points).map(|p| p.0).fold(0.0, f64::max);
@@ -224,7 +225,8 @@ pub fn counts_svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) 
     file(WIDTH, HEIGHT, title, &content)
 }
 
-/// Values over the hemisphere of directions as a disk: radius is the polar angle, brightness the value.
+/// Returns a plot of values over the hemisphere of directions as a disk: radius is the polar angle, brightness the
+/// value.
 pub fn disk_svg(title: &str, theta_edges_deg: usize, phi_count: usize, values: &[f64]) -> String {
     const SIZE: f64 = 420.0;
     const RADIUS: f64 = 170.0;

@@ -1,8 +1,8 @@
-//! A spectrophotometer with an integrating sphere: spectral reflectance and transmittance of a tissue
-//! model [Baranoski 1997, sec. 4.1].
+//! Spectrophotometer with an integrating sphere: spectral reflectance and transmittance of a tissue model [Baranoski
+//! 1997, sec. 4.1].
 //!
-//! Rays start at even places of an emitter disk and aim at even places of a square specimen in its two
-//! triangles [eq. 14-16]; the sphere collects everything that leaves on a side [eq. 11].
+//! Rays start at uniformly distributed points of an emitter disk and aim at uniformly distributed points of a square
+//! specimen in its two triangles [eq. 14-16]; the sphere collects everything that leaves on a side [eq. 11].
 //!
 //! | parameter | unit | default (the paper's) |
 //! |---|---|---|
@@ -11,9 +11,9 @@
 //! | specimen area | mm2 | 40 |
 //! | incidence | deg | 8 |
 //!
-//! That is a cone of some 15 degrees half-angle about the incidence. Against a parallel beam at 8 degrees it
-//! changes the 1997 soybean leaf by less than 0.001 from its face, but its back reflects 0.205 instead of
-//! 0.199 at 550 nm; [`Spectrophotometer::parallel`] is the instrument without that cone.
+//! The defaults give a cone of some 15 degrees half-angle about the incidence. Against a parallel beam at 8 degrees,
+//! the cone changes the 1997 soybean leaf by less than 0.001 from its face, but its back reflects 0.205 instead of
+//! 0.199 at 550 nm. [`Spectrophotometer::parallel`] is the instrument without that cone.
 
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -23,30 +23,30 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
 use crate::error::{SynthError, check_range};
-use crate::optics::path_lengths::{
+use crate::optics::abm::path_lengths::{
     BLOCK, Beam, Estimate, Face, TracedBeam, block_random, trace_path_lengths, trace_splitting,
 };
-use crate::optics::stack::Stack;
-use crate::optics::tissue::Tissue;
+use crate::optics::abm::stack::Stack;
+use crate::optics::abm::tissue::Tissue;
+use crate::optics::abm::walk::{Absorption, End, walk};
 use crate::optics::units::Nanometres;
-use crate::optics::walk::{Absorption, End, walk};
 use crate::surface::capture::Progress;
 
-/// Rays of the first try when a precision is asked for.
+/// Number of rays of the first trace when a precision is asked for.
 const PILOT_RAYS: u64 = 100_000;
 
-/// Most rays that a precision may cost.
+/// Largest number of rays that a precision may cost.
 const MAX_RAYS: u64 = 1_000_000_000;
 
-/// Standard errors on either side of a mean that hold 95 of 100 repetitions.
+/// Number of standard errors on either side of a mean that hold 95 of 100 repetitions.
 const TWO_SIDED_95: f64 = 1.96;
 
-/// The instrument. See the table at the top of this file.
+/// Spectrophotometer; see the table of the module.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spectrophotometer {
     /// Radius of the emitter in mm.
     pub emitter_radius_mm: f64,
-    /// Distance of its middle from the specimen's middle in mm.
+    /// Distance of the middle of the emitter from that of the specimen in mm.
     pub emitter_distance_mm: f64,
     /// Area of the square specimen in mm2.
     pub specimen_mm2: f64,
@@ -57,7 +57,7 @@ pub struct Spectrophotometer {
 }
 
 impl Default for Spectrophotometer {
-    /// The paper's, on the adaxial face.
+    /// Returns the instrument of the paper with light on the adaxial face.
     fn default() -> Spectrophotometer {
         Spectrophotometer {
             emitter_radius_mm: 8.0,
@@ -70,7 +70,7 @@ impl Default for Spectrophotometer {
 }
 
 impl Spectrophotometer {
-    /// A collimated beam at 8 degrees.
+    /// Returns an instrument with a collimated beam at 8 degrees.
     pub fn parallel() -> Spectrophotometer {
         Spectrophotometer { emitter_radius_mm: 0.0, specimen_mm2: 0.0, ..Spectrophotometer::default() }
     }
@@ -101,39 +101,39 @@ impl Beam for Spectrophotometer {
     }
 }
 
-/// How many rays to send.
+/// Number of rays to send.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rays {
-    /// This many for every trace.
+    /// Number of rays for every trace.
     Count(u64),
-    /// As many as keep reflectance and transmittance within this of the mean in 95 of 100 repetitions; the
+    /// Number that keeps reflectance and transmittance within this distance of the mean in 95 of 100 repetitions; the
     /// paper asks for 0.001.
     Precision(f64),
 }
 
-/// How absorption is simulated.
+/// Simulation of absorption.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
-    /// One absorption-free trace, then a weighted sum per wavelength. A model whose indices change with
-    /// the wavelength is traced once for each.
+    /// One trace without absorption, then a weighted sum per wavelength. A model whose indices change with the
+    /// wavelength is traced once for each.
     #[default]
     PathLengths,
-    /// The same with rays that split at every interface.
+    /// One trace without absorption of rays that split at every interface, then a weighted sum per wavelength.
     Splitting,
-    /// The paper's: every wavelength simulated by itself, absorption drawn for every crossing.
+    /// One trace for every wavelength, with absorption drawn for every crossing, as in the paper.
     Direct,
 }
 
-/// A measured spectrum.
+/// Measured spectrum.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
     /// Wavelengths in nm.
     pub wavelength_nm: Vec<f64>,
-    /// Reflectance at each.
+    /// Reflectance at each wavelength.
     pub reflectance: Vec<Estimate>,
-    /// Transmittance at each.
+    /// Transmittance at each wavelength.
     pub transmittance: Vec<Estimate>,
-    /// Rays per trace.
+    /// Number of rays per trace.
     pub rays: u64,
 }
 
@@ -149,8 +149,8 @@ impl Spectrophotometer {
         check_range("--incidence-deg", self.incidence_deg, 0.0, 89.9)
     }
 
-    /// Measures `tissue` at `wavelengths_nm`, in parallel on the current pool. The same seed gives the same
-    /// spectrum on any number of threads.
+    /// Measures `tissue` at `wavelengths_nm`, in parallel on the current pool. Equal seeds give equal spectra on any
+    /// number of threads.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`]; [`SynthError::Stopped`] if `progress` asked for it.
@@ -197,7 +197,7 @@ impl Spectrophotometer {
         Ok(spectrum)
     }
 
-    /// Rays that the precision takes at the worst wavelength, from a pilot.
+    /// Returns the number of rays that `precision` needs at the worst wavelength, from a pilot trace.
     fn rays_for(&self, tissue: &dyn Tissue, wavelengths_nm: &[f64], precision: f64, seed: u64) -> u64 {
         let mut worst = 0f64;
         let mut shared: Option<TracedBeam> = None;
@@ -216,7 +216,8 @@ impl Spectrophotometer {
     }
 }
 
-/// Reflectance and transmittance by drawing absorption for every crossing; exact binomial errors.
+/// Returns reflectance and transmittance by drawing absorption for every crossing. The standard errors are those of a
+/// binomial distribution.
 fn direct(stack: &Stack, beam: &dyn Beam, depth: f64, rays: u64, seed: u64) -> (Estimate, Estimate) {
     let absorption = Absorption::Sampled(depth);
     let (reflected, transmitted) = (0..rays.div_ceil(BLOCK))
@@ -244,9 +245,9 @@ fn direct(stack: &Stack, beam: &dyn Beam, depth: f64, rays: u64, seed: u64) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::abm_b::AbmB;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::tissue::DepthParts;
+    use crate::optics::abm::abm_b::AbmB;
+    use crate::optics::abm::abm97::Abm97;
+    use crate::optics::abm::tissue::DepthParts;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {
         ControlFlow::Continue(())

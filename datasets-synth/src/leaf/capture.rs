@@ -1,25 +1,26 @@
-//! From a leaf's parameters to a capture folder.
+//! Writes the capture of a leaf.
 
 use std::path::Path;
 
 use crate::error::SynthError;
 use crate::leaf::model::LeafModel;
-use crate::leaf::patch::{Leaf, LeafParams};
+use crate::leaf::params::LeafParams;
+use crate::leaf::patch::Leaf;
 use crate::leaf::plate_leaf::PlateLeaf;
 use crate::leaf::tissue_leaf::{TABLE_RAYS, TissueLeaf};
+use crate::optics::abm::scatter_table::Passage;
 use crate::optics::colour::RgbBands;
-use crate::optics::gloss::CookTorrance;
-use crate::optics::gloss_params::{GlossCoupling, GlossParams};
-use crate::optics::plate_body::PlateBody;
-use crate::optics::plate_model::PlateModel;
-use crate::optics::scatter_table::Passage;
+use crate::optics::gloss::lobe::CookTorrance;
+use crate::optics::gloss::params::{GlossCoupling, GlossParams};
+use crate::optics::plates::body::PlateBody;
+use crate::optics::plates::model::PlateModel;
 use crate::surface::capture::{Progress, write_capture};
 
-/// Makes the leaf of `params` and writes its capture to the folder `dir`, with its height map; see
-/// [`write_capture`]. The same parameters give the same files on any number of threads.
+/// Generates the leaf of `params` and writes its capture to the folder `dir`, with its height map; see
+/// [`write_capture`]. Equal parameters give equal files on any number of threads.
 ///
 /// # Errors
-/// [`SynthError::BadParameter`]; otherwise as [`write_capture`].
+/// [`SynthError::BadParameter`], and the errors of [`write_capture`].
 pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: Progress) -> Result<(), SynthError> {
     params.check()?;
     let mut info = params.capture.info("leaf", params.provenance());
@@ -43,7 +44,7 @@ pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: 
     }
 }
 
-/// The material of a plate model.
+/// Returns the material of a plate model.
 fn plate_leaf(model: PlateModel, params: &LeafParams) -> Result<PlateLeaf, SynthError> {
     let leaf = Leaf::new(params)?;
     let bands = if model == PlateModel::Paper { RgbBands::ThreeWavelength } else { params.bands };
@@ -64,8 +65,8 @@ mod tests {
     use btf_models::Species;
 
     use super::*;
-    use crate::leaf::patch::tests::small;
-    use crate::optics::path_lengths::Face;
+    use crate::leaf::params::tests::small;
+    use crate::optics::abm::path_lengths::Face;
     use crate::surface::capture_params::CaptureParams;
 
     fn go_on(_: usize, _: usize) -> ControlFlow<()> {

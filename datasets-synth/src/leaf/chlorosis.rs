@@ -26,27 +26,27 @@ use btf_models::Deficiency;
 
 use crate::error::SynthError;
 
-/// A deficiency and how far it has gone.
+/// Deficiency with its severity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chlorosis {
-    /// What the leaf lacks.
+    /// Kind of the deficiency.
     pub deficiency: Deficiency,
-    /// How much, 0 (healthy) to 1.
+    /// Severity, 0 (healthy) to 1.
     pub severity: f64,
 }
 
-/// Where on a leaf pigments are asked for.
+/// Place on a leaf at which pigments are evaluated.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LeafPlace {
-    /// From the base to the tip, 0 to 1 over the patch.
+    /// Position from the base to the tip, 0 to 1 over the patch.
     pub up: f32,
     /// Distance from the main vein as a share of the patch.
     pub across: f32,
-    /// How near the great veins are: 1 on them, towards 0 in the middle between them.
+    /// Nearness of the great veins: 1 on them, towards 0 in the middle between them.
     pub near_vein: f32,
-    /// Slow noise about 0, root mean square near 0.3: what blurs borders.
+    /// Slow noise about 0, root mean square near 0.3, which blurs borders.
     pub noise: f32,
-    /// The leaf is a grass.
+    /// Whether the leaf is a grass.
     pub grass: bool,
 }
 
@@ -61,7 +61,7 @@ impl Chlorosis {
         Err(SynthError::BadParameter { name: "--severity", value: self.severity.to_string(), allowed })
     }
 
-    /// `[V_a, V_c, V_b]` of a deficient leaf from those of the healthy one.
+    /// Returns the factors `[V_a, V_c, V_b]` of a deficient leaf from those of the healthy one.
     pub(crate) fn pigments(&self, healthy: [f32; 3], place: &LeafPlace) -> [f32; 3] {
         let s = self.severity as f32;
         let [green_loss, yellow_loss, dead] = match (self.deficiency, place.grass) {
@@ -81,9 +81,10 @@ impl Chlorosis {
     }
 }
 
-/// Loss of green, loss of yellow and the dead share: a V from the tip.
+/// Returns the loss of chlorophyll, the loss of carotenoids and the dead share of a grass without nitrogen: a V from
+/// the tip.
 fn nitrogen_grass(s: f32, place: &LeafPlace) -> [f32; 3] {
-    /// How much lower the yellow reaches at the midrib than a whole patch's width beside it.
+    /// Difference between how low the yellow reaches at the midrib and a whole patch's width beside it.
     const V_SLOPE: f32 = 1.15;
     // Height over the V's border, which the severity draws from beyond the tip to below the base.
     let border = 1.15 - 1.3 * s + V_SLOPE * place.across;
@@ -94,7 +95,8 @@ fn nitrogen_grass(s: f32, place: &LeafPlace) -> [f32; 3] {
     [paling + (0.94 - paling) * yellow, 0.15 * s + 0.30 * yellow, dead]
 }
 
-/// The same: between the veins, and at the margins.
+/// Returns the loss of chlorophyll, the loss of carotenoids and the dead share of a leaf without magnesium: between the
+/// veins, and at the margins.
 fn magnesium(s: f32, place: &LeafPlace, grass: bool) -> [f32; 3] {
     // The green along the veins narrows as it gets worse.
     let open = 1.0 - place.near_vein;
@@ -105,7 +107,7 @@ fn magnesium(s: f32, place: &LeafPlace, grass: bool) -> [f32; 3] {
     [0.92 * chlorosis + 0.10 * s, 0.30 * chlorosis, dead]
 }
 
-/// 0 below `from`, 1 above `to`, smooth between.
+/// Returns 0 below `from`, 1 above `to`, and a smooth step between.
 fn smooth(from: f32, to: f32, x: f32) -> f32 {
     let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

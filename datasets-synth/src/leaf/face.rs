@@ -1,47 +1,47 @@
-//! The seen face of a leaf, the other one behind it, and where the light comes from.
+//! The visible face of a leaf, the other one behind it, and the side of the light.
 
-use crate::optics::path_lengths::Face;
-use crate::optics::scatter_table::Passage;
+use crate::optics::abm::path_lengths::Face;
+use crate::optics::abm::scatter_table::Passage;
 use crate::surface::height_field::{HeightField, LightVisibility};
-use crate::surface::rig::dot;
+use crate::vector::dot;
 
 /// Factors of the appearance textures on a leaf's contents at one node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Tint {
-    /// On chlorophyll.
+    /// Factor on chlorophyll.
     pub chlorophyll: f32,
-    /// On carotenoids.
+    /// Factor on carotenoids.
     pub carotenoid: f32,
-    /// On brown pigment and anthocyanins.
+    /// Factor on brown pigment and anthocyanins.
     pub brown: f32,
-    /// On the absorption, for thickness.
+    /// Factor on all absorption, for thickness.
     pub thickness: f32,
 }
 
-/// A leaf's two faces as the camera has them. Both lie on one grid, in the seen face's lateral frame; the
-/// far one's heights stand out of its own face.
+/// The two faces of a leaf as the camera sees them. Both lie on one grid, in the lateral frame of the visible face; the
+/// heights of the far face are along its own normal.
 #[derive(Debug, Clone)]
 pub(crate) struct Seen {
-    /// Which face is seen.
+    /// Face that is seen.
     pub side: Face,
-    /// Whether the light is on the eye's side.
+    /// Whether the light is on the side of the eye or on the other one.
     pub passage: Passage,
     /// Side of the images in texels.
     pub size: usize,
-    /// The seen face.
+    /// Height field of the visible face.
     pub face: HeightField,
-    /// The other face.
+    /// Height field of the far face.
     pub far: HeightField,
 }
 
-/// A direction in the far face's frame.
+/// Returns a direction in the frame of the far face.
 #[inline]
 fn turned(w: [f32; 3]) -> [f32; 3] {
     [w[0], w[1], -w[2]]
 }
 
 impl Seen {
-    /// What of the light `wi` reaches the face that it falls on.
+    /// Returns the visibility of the light `wi` from the face that it falls on.
     pub fn visibility(&self, wi: [f32; 3]) -> LightVisibility {
         match self.passage {
             Passage::Reflection => LightVisibility::new(&self.face, wi),
@@ -49,7 +49,7 @@ impl Seen {
         }
     }
 
-    /// Normal of the far face at a place, in its own frame; needed for transmission only.
+    /// Returns the normal of the far face at a place, in its own frame; needed for transmission only.
     #[inline]
     pub fn far_normal(&self, place: [f32; 2]) -> [f32; 3] {
         match self.passage {
@@ -58,7 +58,7 @@ impl Seen {
         }
     }
 
-    /// Cosine of incidence on the lit face.
+    /// Returns the cosine of incidence on the lit face.
     #[inline]
     pub fn cos_i(&self, normal: [f32; 3], far_normal: [f32; 3], wi: [f32; 3]) -> f32 {
         match self.passage {

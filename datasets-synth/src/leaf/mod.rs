@@ -1,16 +1,15 @@
-//! Leaves: veins, relief and appearance textures, and the capture of a patch.
+//! Leaves: veins, displacement and appearance textures, and the capture of a patch.
 
 pub(crate) mod capture;
 pub(crate) mod chlorosis;
 pub(crate) mod face;
+pub(crate) mod look;
 pub(crate) mod model;
-pub(crate) mod parallel_venation;
+pub(crate) mod params;
 pub(crate) mod patch;
-pub(crate) mod pinnate_venation;
 pub(crate) mod plate_leaf;
 pub(crate) mod relief;
 pub(crate) mod species;
 pub(crate) mod textures;
 pub(crate) mod tissue_leaf;
-pub(crate) mod vein;
 pub(crate) mod venation;

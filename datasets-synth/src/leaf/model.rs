@@ -1,15 +1,15 @@
-//! The models that a leaf's blade can be made of.
+//! Optical models of a blade.
 
-use crate::optics::abm_b::AbmB;
-use crate::optics::abm_u::AbmU;
-use crate::optics::abm97::Abm97;
-use crate::optics::plate_model::PlateModel;
-use crate::optics::tissue::Tissue;
+use crate::optics::abm::abm_b::AbmB;
+use crate::optics::abm::abm_u::AbmU;
+use crate::optics::abm::abm97::Abm97;
+use crate::optics::abm::tissue::Tissue;
+use crate::optics::plates::model::PlateModel;
 
-/// Optics of a blade.
+/// Optical model of a blade.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LeafModel {
-    /// Absorbing plates below a Cook-Torrance gloss; contents by [`crate::LeafContents`].
+    /// Absorbing plates below a Cook-Torrance lobe, with contents by [`crate::LeafContents`].
     Plate(PlateModel),
     /// Random walk of 1997, with its own surface and contents.
     Abm97(Abm97),
@@ -20,14 +20,14 @@ pub enum LeafModel {
 }
 
 impl Default for LeafModel {
-    /// `plate-n`.
+    /// Returns `plate-n`.
     fn default() -> LeafModel {
         LeafModel::Plate(PlateModel::N)
     }
 }
 
 impl LeafModel {
-    /// Its name on the command line.
+    /// Returns the name of the model on the command line.
     pub fn name(&self) -> &'static str {
         match self {
             LeafModel::Plate(model) => model.name(),
@@ -37,7 +37,7 @@ impl LeafModel {
         }
     }
 
-    /// The tissue that rays walk through, for the algorithmic models.
+    /// Returns the tissue that rays walk through, for the algorithmic models.
     pub fn tissue(&self) -> Option<&dyn Tissue> {
         match self {
             LeafModel::Plate(_) => None,

@@ -1,181 +1,29 @@
-//! A leaf patch: what was asked for, and the grids that rendering reads.
-
-use btf_capture::Side;
-use btf_models::{LeafContents, LeafDescription, Species, TextureImages};
+//! Patch of a leaf: the grids that rendering reads.
 
 use crate::error::SynthError;
-use crate::leaf::chlorosis::Chlorosis;
 use crate::leaf::face::{Seen, Tint};
-use crate::leaf::model::LeafModel;
-use crate::leaf::relief::{RELIEF_BOUND_MM, TextureSample};
-use crate::leaf::textures::{AppearanceTextures, LeafLook};
-use crate::optics::abm_b::AbmB;
-use crate::optics::abm_u::AbmU;
-use crate::optics::colour::RgbBands;
-use crate::optics::gloss_params::GlossParams;
-use crate::optics::path_lengths::Face;
-use crate::optics::scatter_table::Passage;
-use crate::surface::capture_params::CaptureParams;
-use crate::surface::grid::Grid;
+use crate::leaf::params::LeafParams;
+use crate::leaf::relief::TextureSample;
+use crate::leaf::textures::AppearanceTextures;
+use crate::optics::abm::path_lengths::Face;
 use crate::surface::height_field::HeightField;
 
-/// What leaf to make and how to photograph it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LeafParams {
-    /// Patch, directions and images. For transmission the lights are turned to the far side, `theta` to
-    /// `180 - theta`.
-    pub capture: CaptureParams,
-    /// Optics of the blade.
-    pub model: LeafModel,
-    /// What the blade holds, for the plate models; veins deviate from it. The algorithmic models carry
-    /// their own contents.
-    pub contents: LeafContents,
-    /// Wavelengths of the plate models' colour.
-    pub bands: RgbBands,
-    /// Gloss of the plate models. For `plate-paper` nothing is coupled, whatever this says.
-    pub gloss: GlossParams,
-    /// Species, deficiency, and textures of the user's own.
-    pub look: LeafLook,
-    /// Face that is seen.
-    pub side: Face,
-    /// Whether the light falls on the seen face or on the other one.
-    pub passage: Passage,
-}
-
-impl Default for LeafParams {
-    /// A green leaf of `plate-n`, its face in reflection, 256 x 256 texels of 20 x 20 mm, Bonn's 81 x 81
-    /// directions, png, seed 1.
-    fn default() -> LeafParams {
-        LeafParams {
-            capture: CaptureParams::new(20.0),
-            model: LeafModel::default(),
-            contents: LeafContents::default(),
-            bands: RgbBands::Spectral31,
-            gloss: GlossParams::default(),
-            look: LeafLook::default(),
-            side: Face::Adaxial,
-            passage: Passage::Reflection,
-        }
-    }
-}
-
-impl LeafParams {
-    /// The patch, contents and gloss of a species' preset, otherwise as the default.
-    pub fn of(species: Species) -> LeafParams {
-        LeafParams::described(&LeafDescription::of(Some(species), None), TextureImages::default())
-    }
-
-    /// The leaf of a description with the textures that it names ([`LeafDescription::textures_beside`]), otherwise
-    /// as the default. A description's variation is for those who make many leaves.
-    pub fn described(leaf: &LeafDescription, images: TextureImages) -> LeafParams {
-        let chlorosis = leaf.deficiency.map(|deficiency| Chlorosis { deficiency, severity: leaf.severity });
-        LeafParams {
-            capture: CaptureParams { seed: leaf.seed, ..CaptureParams::new(leaf.size_mm as f32) },
-            contents: leaf.contents,
-            gloss: leaf.gloss.into(),
-            look: LeafLook { species: leaf.species, chlorosis, images, ..LeafLook::default() },
-            ..LeafParams::default()
-        }
-    }
-
-    /// The nodes of the patch with the margin that its steepest view needs.
-    pub(crate) fn grid(&self) -> Grid {
-        self.capture.grid(RELIEF_BOUND_MM)
-    }
-
-    /// Checks every range.
-    ///
-    /// # Errors
-    /// [`SynthError::BadParameter`] for the first that is out of its range.
-    pub fn check(&self) -> Result<(), SynthError> {
-        self.capture.check()?;
-        self.gloss.check()?;
-        self.look.check()?;
-        match &self.model {
-            LeafModel::Plate(model) => model.check(model.default_table(), &self.contents)?,
-            LeafModel::Abm97(leaf) => leaf.check()?,
-            LeafModel::AbmB(leaf) => leaf.specimen.check()?,
-            LeafModel::AbmU(leaf) => leaf.specimen.check()?,
-        }
-        self.capture.check_grid(RELIEF_BOUND_MM)
-    }
-
-    /// The sides of light and eye in a capture's terms.
-    pub fn capture_side(&self) -> Side {
-        match (self.side, self.passage) {
-            (Face::Adaxial, Passage::Reflection) => Side::Front,
-            (Face::Abaxial, Passage::Reflection) => Side::Back,
-            (Face::Adaxial, Passage::Transmission) => Side::TransmissionBack,
-            (Face::Abaxial, Passage::Transmission) => Side::TransmissionFront,
-        }
-    }
-
-    /// What was asked for in one line, for the capture's provenance.
-    pub fn provenance(&self) -> String {
-        let face = match self.side {
-            Face::Adaxial => "adaxial",
-            Face::Abaxial => "abaxial",
-        };
-        let light = match self.passage {
-            Passage::Reflection => "reflection",
-            Passage::Transmission => "transmission",
-        };
-        let c = &self.contents;
-        let optics = match &self.model {
-            LeafModel::Plate(_) => format!(
-                "chlorophyll {} ug/cm2, carotenoids {} ug/cm2, anthocyanins {} ug/cm2, brown {}, water {} cm, dry \
-                 matter {} g/cm2, N {}, gloss {} of index {}, roughness {} along and {} across the veins, {}",
-                c.chlorophyll_ug_per_cm2,
-                c.carotenoid_ug_per_cm2,
-                c.anthocyanin_ug_per_cm2,
-                c.brown,
-                c.water_cm,
-                c.dry_matter_g_per_cm2,
-                c.structure,
-                self.gloss.form.name(),
-                self.gloss.index,
-                self.gloss.gamma_along,
-                self.gloss.gamma_across,
-                self.bands.name(),
-            ),
-            LeafModel::Abm97(leaf) => format!(
-                "chlorophyll {} ug/cm2, carotenoids {} ug/cm2, mesophyll {:.4} cm",
-                leaf.chlorophyll.0,
-                leaf.carotenoid.0,
-                leaf.mesophyll_thickness().0
-            ),
-            LeafModel::AbmB(AbmB { specimen, .. }) | LeafModel::AbmU(AbmU { specimen, .. }) => format!(
-                "chlorophyll {:.2} ug/cm2, carotenoids {:.2} ug/cm2, mesophyll {:.4} cm",
-                specimen.chlorophyll_per_area().0,
-                specimen.carotenoid_per_area().0,
-                specimen.mesophyll_thickness().0
-            ),
-        };
-        let model = self.model.name();
-        let look = self.look.provenance();
-        format!(
-            "btf-synth leaf: model {model}, {optics}{look}, {face} face in {light}, seed {}, synthetic",
-            self.capture.seed
-        )
-    }
-}
-
-/// A leaf patch without its optics: the two faces' relief and the appearance textures, on one grid, in the
-/// seen face's frame. Lengths in millimetres, the origin at the patch's lower left corner, x to the right,
-/// y up, z out of the face.
+/// Patch of a leaf without its optics: the displacement of both faces and the appearance textures, on one grid, in the
+/// frame of the visible face. Lengths are in millimetres, the origin is the lower left corner of the patch, x points to
+/// the right, y up, z out of the face.
 #[derive(Debug, Clone)]
 pub(crate) struct Leaf {
     pub seen: Seen,
     /// Factors on the contents, per node.
     pub tints: Vec<Tint>,
-    /// Strength of the gloss of the seen and of the far face, 0 to 1, per node.
+    /// Strength of the specular lobe of the visible and of the far face, 0 to 1, per node.
     pub gloss: Vec<[f32; 2]>,
     /// Cosine and sine of twice the angle of the veins in the plane, per node.
     pub veins: Vec<[f32; 2]>,
 }
 
 impl Leaf {
-    /// Grows the leaf. Deterministic by seed, on all threads of the current pool.
+    /// Generates the leaf, deterministic by seed, on all threads of the current pool.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
@@ -213,55 +61,10 @@ impl Leaf {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use btf_capture::DirectionSet;
-
+mod tests {
     use super::*;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::units::Centimetres;
-
-    /// The default leaf under other conditions.
-    pub(crate) fn with(change: impl FnOnce(&mut CaptureParams)) -> LeafParams {
-        let mut params = LeafParams::default();
-        change(&mut params.capture);
-        params
-    }
-
-    pub(crate) fn small() -> LeafParams {
-        with(|capture| {
-            capture.size = 48;
-            capture.views = DirectionSet::random(4, 1).unwrap();
-            capture.lights = DirectionSet::random(5, 2).unwrap();
-        })
-    }
-
-    #[test]
-    fn parameters_out_of_range_are_named() {
-        let named = |params: LeafParams| params.check().unwrap_err().to_string();
-        assert!(named(with(|capture| capture.size = 7)).contains("--size is 7"));
-        assert!(named(LeafParams { gloss: GlossParams::isotropic(1.42, f64::NAN), ..small() }).contains("--gamma"));
-        let contents = LeafContents { structure: 0.5, ..LeafContents::default() };
-        assert!(named(LeafParams { contents, ..small() }).contains("--n is 0.5"));
-        let lights = DirectionSet::new(vec![btf_capture::Direction::new(89.0, 0.0)]).unwrap();
-        assert!(named(with(|capture| capture.lights = lights)).contains("--directions"));
-        let thin = Abm97 { leaf_thickness: Centimetres(0.0), ..Abm97::default() };
-        assert!(named(LeafParams { model: LeafModel::Abm97(thin), ..small() }).contains("--thickness-cm"));
-        let tiny = with(|capture| (capture.size, capture.size_mm) = (2048, 1.0));
-        assert!(named(tiny).contains("--size-mm is 1 for 2048 texels"));
-        with(|capture| capture.size = 2048).check().unwrap();
-        small().check().unwrap();
-    }
-
-    #[test]
-    fn every_species_is_valid_parameters() {
-        for species in Species::ALL {
-            let (params, preset) = (LeafParams::of(species), species.preset());
-            params.check().unwrap();
-            assert_eq!((f64::from(params.capture.size_mm), params.contents), (preset.size_mm, preset.contents));
-            assert_eq!((params.gloss, params.look.species), (preset.gloss.into(), Some(species)));
-        }
-        assert_eq!(LeafParams::described(&LeafDescription::default(), TextureImages::default()), LeafParams::default());
-    }
+    use crate::leaf::params::tests::small;
+    use crate::surface::capture_params::CaptureParams;
 
     #[test]
     fn the_same_seed_gives_the_same_leaf_on_any_number_of_threads() {

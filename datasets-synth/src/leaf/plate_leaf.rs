@@ -1,4 +1,4 @@
-//! A leaf of a plate model before the camera: a Lambertian body below a gloss, coupled by what the gloss
+//! Material of a leaf of a plate model: a Lambertian body below a specular lobe, coupled by the light that the lobe
 //! lets in and out.
 //!
 //! Reflection: `pi f cos_i = a c(i, o) cos_i + g pi f_s cos_i` with the body's share `a` of entered light and
@@ -10,38 +10,39 @@ use btf_models::LeafContents;
 use rayon::prelude::*;
 
 use crate::leaf::face::{Seen, Tint};
-use crate::leaf::vein::direction_of;
-use crate::optics::gloss::{CookTorrance, LobeAngles, vein_frame};
-use crate::optics::plate_body::PlateBody;
-use crate::optics::scatter_table::Passage;
+use crate::leaf::venation::vein::direction_of;
+use crate::optics::abm::scatter_table::Passage;
+use crate::optics::gloss::lobe::{CookTorrance, LobeAngles, vein_frame};
+use crate::optics::plates::body::PlateBody;
 use crate::surface::height_field::{HeightField, LightVisibility};
-use crate::surface::rig::{Hit, Material, dot};
+use crate::surface::rig::{Hit, Material};
+use crate::vector::dot;
 
-/// The leaf. See the notes at the top of this file.
+/// Material of a leaf of a plate model; see the notes of the module.
 pub(crate) struct PlateLeaf {
     seen: Seen,
-    /// Per node: the body's share on the eye's side, linear sRGB; gloss of the seen and of the far face.
+    /// Per node: share of the body on the side of the eye, linear sRGB; strength of the lobe of the visible and of the
+    /// far face.
     surface: Vec<[f32; 5]>,
-    /// Per node: cosine and sine of twice the angle of the veins in the plane, which averages as it should.
+    /// Per node: cosine and sine of twice the angle of the veins in the plane, a form that can be averaged.
     veins: Vec<[f32; 2]>,
     lobe: CookTorrance,
 }
 
-/// The view's half of a point's shading.
+/// View-dependent half of the shading at a point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PlatePoint {
     cos_o: f32,
     far_normal: [f32; 3],
-    /// Body colour, times what the gloss lets out towards the view.
+    /// Body colour, times the share that the specular lobe lets out towards the view.
     body: [f32; 3],
-    /// Of the face that the light falls on.
+    /// Strength of the lobe of the face that the light falls on.
     gloss: f32,
-    /// Unit vectors along and across the veins; read where the lobe is anisotropic.
+    /// Unit vectors along and across the veins; used where the lobe is anisotropic.
     frame: [[f32; 3]; 2],
 }
 
-/// The constants of one image. Light and view are parallel, so the angle at the facets is one for
-/// the whole image.
+/// Constants of one image. Light and view are parallel, so the angle to the half vector is one for the whole image.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PlatePair {
     half: [f32; 3],
@@ -51,8 +52,8 @@ pub(crate) struct PlatePair {
 }
 
 impl PlateLeaf {
-    /// Colours the nodes of `seen`: `tints` scale `contents`, `gloss` holds the strengths of the seen and of
-    /// the far face, `veins` twice the angle of their direction in the plane.
+    /// Computes the colours of the nodes of `seen`: `tints` scale `contents`, `gloss` holds the strengths of the lobe
+    /// of the visible and of the far face, `veins` twice the angle of their direction in the plane.
     pub fn new(
         seen: Seen,
         contents: &LeafContents,
@@ -84,7 +85,7 @@ impl PlateLeaf {
         PlateLeaf { seen, surface, veins, lobe }
     }
 
-    /// Directional albedo of the lobe towards `w` at cosine `cosine`.
+    /// Returns the directional albedo of the lobe towards `w` at cosine `cosine`.
     #[inline]
     fn albedo(&self, cosine: f32, w: [f32; 3], frame: &[[f32; 3]; 2]) -> f32 {
         match self.lobe.is_anisotropic() {
@@ -167,12 +168,14 @@ pub(crate) mod tests {
     use btf_capture::{Direction, DirectionSet};
 
     use super::*;
-    use crate::leaf::patch::{Leaf, LeafParams, tests::small};
-    use crate::leaf::vein::double_angle;
+    use crate::leaf::params::LeafParams;
+    use crate::leaf::params::tests::small;
+    use crate::leaf::patch::Leaf;
+    use crate::leaf::venation::vein::double_angle;
+    use crate::optics::abm::path_lengths::Face;
     use crate::optics::colour::RgbBands;
-    use crate::optics::gloss_params::GlossParams;
-    use crate::optics::path_lengths::Face;
-    use crate::optics::plate_model::PlateModel;
+    use crate::optics::gloss::params::GlossParams;
+    use crate::optics::plates::model::PlateModel;
     use crate::surface::capture_params::CaptureParams;
     use crate::surface::height_field;
     use crate::surface::rig::{Illumination, ViewHits, render};
@@ -181,7 +184,7 @@ pub(crate) mod tests {
         CookTorrance::new(1.42, 0.3)
     }
 
-    /// A leaf of 64 x 64 texels as it grows.
+    /// Returns a generated leaf of 64 x 64 texels.
     pub(crate) fn grown(side: Face, passage: Passage) -> PlateLeaf {
         let set = DirectionSet::new(vec![Direction::new(75.0, 0.0)]).unwrap();
         let params = LeafParams {
@@ -195,8 +198,8 @@ pub(crate) mod tests {
         PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, leaf.veins, &body, lobe())
     }
 
-    /// A leaf of 64 x 64 texels whose face has `height` in millimetres over the position, one body colour
-    /// and gloss; its far face is flat.
+    /// Returns a leaf of 64 x 64 texels whose face has `height` in millimetres over the position, one body colour and
+    /// gloss; its far face is flat.
     pub(crate) fn shaped(height: impl Fn([f32; 2]) -> f32, gloss: f32, passage: Passage) -> PlateLeaf {
         let face = height_field::tests::shaped(height);
         let far = height_field::tests::shaped(|_| 0.0);

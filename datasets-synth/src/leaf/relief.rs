@@ -1,38 +1,40 @@
-//! Both faces' relief and the pigment, gloss and thickness of the tissue, from the veins.
+//! Displacement of both faces, and pigment, specular strength and thickness of the tissue, from the veins.
 //!
-//! Veins are sunk into the upper face and stand out of the lower one, the blade bulges between them, the
-//! finest structure are bumps of the epidermis. The blade is one sheet: its waves and bulges are the same on
-//! both faces with opposite sign, and pigments and thickness belong to the place, not to the face. Structure
-//! finer than the texels can carry is faded out here, so that a capture does not alias; what it would have
-//! done to the gloss is the roughness' part.
+//! Veins are sunk into the upper face and stand out of the lower one, the blade bulges between them, and the finest
+//! structure is the bumps of the epidermis. The blade is one sheet: its waves and bulges are equal on both faces with
+//! opposite sign, and pigments and thickness belong to the place, not to the face. Structure that is finer than the
+//! texels can carry is faded out here, so that a capture does not alias; its effect on the highlight is left to the
+//! roughness.
 
 use crate::leaf::chlorosis::{Chlorosis, LeafPlace};
-use crate::leaf::species::{Traits, VenationTraits};
-use crate::leaf::vein::double_angle;
-use crate::leaf::venation::{VeinSite, Venation};
+use crate::leaf::species::Traits;
+use crate::leaf::venation::site::VeinSite;
+use crate::leaf::venation::traits::VenationTraits;
+use crate::leaf::venation::vein::double_angle;
+use crate::leaf::venation::veins::Venation;
 use crate::surface::noise::{carried_by_texels, gradient_noise};
 
-/// Greatest distance of the relief from its mean in millimetres, a safe bound for margins.
+/// Upper bound of the distance of the surface from its mean in millimetres, for margins.
 pub(crate) const RELIEF_BOUND_MM: f32 = 0.6;
 
-/// Distance from a great vein over which magnesium-starved tissue stays green, pinnate and parallel.
+/// Distance in millimetres from a great vein over which tissue without magnesium stays green, pinnate and parallel.
 const GREEN_REACH_MM: [f32; 2] = [1.5, 0.30];
 
-/// How much green in the structure texture a tertiary and a finest vein are worth; a secondary is 1.
+/// Green in the structure texture of a tertiary and of a finest vein; that of a secondary is 1.
 const FINE_STRUCTURE: [f32; 2] = [0.5, 0.25];
 
-/// Everything that the appearance textures hold at one point of a leaf.
+/// Values of all appearance textures at one point of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TextureSample {
-    /// Main vein, lesser veins, mesophyll; together 1.
+    /// Shares of main vein, lesser veins and mesophyll; together 1.
     pub structure: [f32; 3],
     /// Factors on chlorophyll, carotenoids and brown pigment: V_a, V_c, V_b.
     pub pigment: [f32; 3],
-    /// Strength of the gloss, V_g, 0 to 1, adaxial and abaxial.
+    /// Strength of the specular lobe, V_g, 0 to 1, adaxial and abaxial.
     pub gloss: [f32; 2],
     /// Factor on the absorption for thickness, V_t.
     pub thickness: f32,
-    /// Height of the adaxial and of the abaxial face, each out of its face.
+    /// Height of the adaxial and of the abaxial face, each along its own normal.
     pub height_mm: [f32; 2],
     /// Cosine and sine of twice the angle of the veins' direction.
     pub double_direction: [f32; 2],
@@ -45,11 +47,11 @@ pub(crate) struct VeinMasks {
     pub secondary: f32,
     pub tertiary: f32,
     pub quaternary: f32,
-    /// How near the great veins are, for deficiencies.
+    /// Nearness of the great veins, for deficiencies.
     pub near: f32,
 }
 
-/// Relief and tissue of one leaf.
+/// Displacement and tissue of one leaf.
 #[derive(Debug, Clone)]
 pub(crate) struct Relief {
     venation: Venation,
@@ -61,7 +63,7 @@ pub(crate) struct Relief {
 }
 
 impl Relief {
-    /// The relief over `venation`, for a patch of `size_mm` of texels of `texel_mm`.
+    /// Returns the displacement and tissue over `venation`, for a patch of `size_mm` with texels of `texel_mm`.
     pub fn new(
         venation: Venation,
         traits: Traits,
@@ -73,7 +75,7 @@ impl Relief {
         Relief { venation, traits, chlorosis, size_mm, texel_mm, seed: (seed ^ (seed >> 29)) as u32 }
     }
 
-    /// All textures at a position, seen from the adaxial side.
+    /// Returns the values of all textures at a position, seen from the adaxial side.
     pub fn at(&self, position_mm: [f32; 2]) -> TextureSample {
         let site = self.venation.site(position_mm);
         let masks = self.masks(site);
@@ -85,8 +87,8 @@ impl Relief {
         }
     }
 
-    /// Pigment, gloss and thickness at a position whose veins are given; relief and structure of a bare blade.
-    /// `across_mm` is the distance from the main vein.
+    /// Returns pigment, specular strength and thickness at a position whose veins are given; displacement and structure
+    /// are those of a bare blade. `across_mm` is the distance from the main vein.
     pub fn tissue(&self, p: [f32; 2], masks: VeinMasks, across_mm: f32) -> TextureSample {
         let t = &self.traits.tissue;
         // Towards the value on each order of vein, the finest first.
@@ -116,8 +118,8 @@ impl Relief {
         }
     }
 
-    /// Relief of both faces where the veins are known as shares only: `main` and `secondary` after a slight
-    /// blur, `near` after one as wide as the blade's bulge.
+    /// Returns the heights of both faces where the veins are known as shares only: `main` and `secondary` after a
+    /// slight blur, `near` after one as wide as the bulge of the blade.
     pub fn heights_from_masks_mm(&self, p: [f32; 2], masks: VeinMasks) -> [f32; 2] {
         let r = &self.traits.relief;
         let sheet = r.bulge_mm * (1.0 - masks.near) + self.waves_mm(p);
@@ -128,12 +130,12 @@ impl Relief {
         ]
     }
 
-    /// Distance to the right of the main vein.
+    /// Returns the distance to the right of the main vein.
     pub fn across_mm(&self, p: [f32; 2]) -> f32 {
         self.venation.site(p).across
     }
 
-    /// Distance over which the blade bulges between veins.
+    /// Returns the distance over which the blade bulges between veins.
     pub fn bulge_reach_mm(&self) -> f32 {
         self.traits.relief.bulge_reach_mm
     }
@@ -167,7 +169,7 @@ impl Relief {
         }
     }
 
-    /// Of the adaxial and of the abaxial face.
+    /// Returns the heights of the adaxial and of the abaxial face.
     fn heights_mm(&self, p: [f32; 2], site: VeinSite) -> [f32; 2] {
         let r = &self.traits.relief;
         let taper = site.secondary_half_width / self.traits.venation.secondary_half_width_mm();
@@ -190,33 +192,33 @@ impl Relief {
         ]
     }
 
-    /// Slow waves of the whole sheet.
+    /// Returns the height of the slow waves of the whole sheet.
     fn waves_mm(&self, p: [f32; 2]) -> f32 {
         let waves = self.traits.relief.waves_mm.iter().enumerate();
         waves.map(|(i, (wavelength, amplitude))| amplitude * self.wave(p, *wavelength, 100 + i as u32)).sum()
     }
 
-    /// Bumps of one face's epidermis.
+    /// Returns the height of the bumps of the epidermis of one face.
     fn bumps_mm(&self, p: [f32; 2], stream: u32, gain: f32) -> f32 {
         let bumps = self.traits.relief.bumps_mm.iter().enumerate();
         bumps.map(|(i, (wavelength, amplitude))| gain * amplitude * self.wave(p, *wavelength, stream + i as u32)).sum()
     }
 
-    /// A bell across a fine line, 1 in its middle; a line thinner than a texel is widened and
-    /// weakened alike.
+    /// Returns a bell curve across a fine line, 1 in its middle. A line thinner than a texel is widened and weakened
+    /// alike.
     fn line(&self, distance: f32, half_width: f32) -> f32 {
         let wide = half_width.max(0.7 * self.texel_mm);
         half_width / wide * (-(distance / wide).powi(2)).exp()
     }
 
-    /// 1 inside a vein, 0 outside, with an edge of a third of its width but never below a texel.
+    /// Returns 1 inside a vein and 0 outside, with an edge of a third of its width but never below a texel.
     fn band(&self, distance: f32, half_width: f32) -> f32 {
         let edge = (0.6 * half_width).max(self.texel_mm);
         let t = ((half_width + 0.5 * edge - distance) / edge).clamp(0.0, 1.0);
         (half_width / edge * 2.0).min(1.0) * t * t * (3.0 - 2.0 * t)
     }
 
-    /// Noise of one wavelength, faded out where texels cannot carry it.
+    /// Returns noise of one wavelength, faded out where texels cannot carry it.
     fn wave(&self, p: [f32; 2], wavelength_mm: f32, stream: u32) -> f32 {
         let t = carried_by_texels(wavelength_mm / self.texel_mm);
         if t == 0.0 {
@@ -227,13 +229,13 @@ impl Relief {
     }
 }
 
-/// The smaller of two numbers, rounded where they differ by less than `width`.
+/// Returns the smaller of two numbers, with a smooth transition where they differ by less than `width`.
 fn rounded_min(a: f32, b: f32, width: f32) -> f32 {
     let h = (width - (a - b).abs()).max(0.0);
     if h > 0.0 { a.min(b) - h * h / (4.0 * width) } else { a.min(b) }
 }
 
-/// The structure texture's colour: the paper's three, and lesser veins as a part of green.
+/// Returns the colour of the structure texture: the three of the paper, with lesser veins as a part of green.
 fn structure(masks: VeinMasks) -> [f32; 3] {
     let fine = (FINE_STRUCTURE[0] * masks.tertiary).max(FINE_STRUCTURE[1] * masks.quaternary);
     let lesser = masks.secondary.max(fine);

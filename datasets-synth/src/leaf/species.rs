@@ -1,5 +1,5 @@
-//! Species: how the veins run, how deep they lie, how the tissue differs from place to place. What a species holds and
-//! how it shines: [`Species::preset`].
+//! Species: course and depth of the veins, and variation of the tissue. For contents and specular lobe of a species see
+//! [`Species::preset`].
 //!
 //! | species | veins |
 //! |---|---|
@@ -9,21 +9,21 @@
 //! | grass | parallel, narrow midrib: maize at a quarter of its lengths |
 //! | none | pinnate, two Voronoi networks |
 //!
-//! Where the numbers come from: lengths are the usual sizes of such leaves to a tenth or so (maize: laterals 1 to 2 mm
-//! apart with some ten small veins between, of which a texel of 0.1 mm can carry three; midrib 2 to 4 mm; broad leaves:
-//! secondaries 5 to 10 mm apart on either side, tertiaries 1 to 3 mm).
+//! Where the numbers come from: lengths are the usual sizes of such leaves within a tenth or so (maize: laterals 1 to 2
+//! mm apart with some ten small veins between, of which a texel of 0.1 mm can carry three; midrib 2 to 4 mm; broad
+//! leaves: secondaries 5 to 10 mm apart on either side, tertiaries 1 to 3 mm).
 //!
-//! Differs from the paper in: it gives veins more carotenoids than the mesophyll (V_c); maize's midrib has
+//! Differs from the paper in: the paper gives veins more carotenoids than the mesophyll (V_c); the midrib of maize has
 //! less here, because it is white and not yellow.
 //!
-//! When it is wrong: a look, no botanical measurement; cultivar, age and growth change every number by half. Hairs are
-//! a duller, rougher gloss and not hairs.
+//! When it is wrong: a species is a look, no botanical measurement; cultivar, age and growth change every number by
+//! half. Hairs are a weaker, rougher lobe and not hairs.
 
 use btf_models::Species;
 
-use crate::leaf::pinnate_venation::RungTraits;
+use crate::leaf::venation::traits::{ParallelTraits, PinnateTraits, RungTraits, TertiaryTraits, VenationTraits};
 
-/// Everything that shapes a leaf's faces.
+/// Traits of a species that shape the faces of a leaf.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Traits {
     pub venation: VenationTraits,
@@ -31,70 +31,14 @@ pub(crate) struct Traits {
     pub tissue: TissueTraits,
 }
 
-/// Which way veins run, with their sizes.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum VenationTraits {
-    Pinnate(PinnateTraits),
-    Parallel(ParallelTraits),
-}
-
-/// Sizes of pinnate veins. Lengths in millimetres.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct PinnateTraits {
-    /// Half the width of the main vein at the patch's lower edge.
-    pub main_half_width_mm: f32,
-    /// Relative loss of that width per millimetre towards the tip.
-    pub main_taper_per_mm: f32,
-    /// Half the width of a secondary vein where it leaves the main one.
-    pub secondary_half_width_mm: f32,
-    /// Length over which a secondary vein thins to its end.
-    pub secondary_length_mm: f32,
-    /// The same as a share of the patch, if that is longer.
-    pub secondary_share_of_patch: f32,
-    /// Distance between secondary veins along the main one, both sides counted.
-    pub secondary_spacing_mm: f32,
-    /// Angle between a secondary vein and the main one at its start and at its end, in degrees.
-    pub secondary_angles_deg: [f32; 2],
-    /// Relative jitter of those angles.
-    pub secondary_angle_jitter: f32,
-    /// How far a secondary swings about its course, in degrees.
-    pub secondary_wave_deg: f32,
-    pub tertiary: TertiaryTraits,
-    /// Mean size of the areas that the finest veins enclose.
-    pub finest_cell_mm: f32,
-}
-
-/// What lies between secondaries.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum TertiaryTraits {
-    /// A network of cells of a mean size.
-    Network { cell_mm: f32 },
-    /// Curves from secondary to secondary.
-    Rungs(RungTraits),
-}
-
-/// Sizes of parallel veins. Lengths in millimetres.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct ParallelTraits {
-    /// Half the width of the midrib at the patch's lower edge.
-    pub main_half_width_mm: f32,
-    /// Relative loss of that width per millimetre towards the tip.
-    pub main_taper_per_mm: f32,
-    pub lateral_half_width_mm: f32,
-    pub lateral_spacing_mm: f32,
-    pub fine_spacing_mm: f32,
-    /// Length of the stretch of a strip that holds one commissural vein.
-    pub commissure_spacing_mm: f32,
-}
-
-/// Depths and heights in millimetres. Four numbers are the main, secondary, tertiary and finest veins.
+/// Depths and heights in millimetres. Four numbers are for the main, secondary, tertiary and finest veins.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ReliefTraits {
     /// Depth of the grooves over the veins in the adaxial face.
     pub groove_mm: [f32; 4],
     /// Height of the ridges under the veins on the abaxial face.
     pub ridge_mm: [f32; 4],
-    /// Width of groove and ridge over the vein's, of the two great orders.
+    /// Width of groove and ridge over that of the vein, of the two great orders.
     pub groove_widths: [f32; 2],
     /// Half-width of tertiary and of the finest veins.
     pub fine_half_widths_mm: [f32; 2],
@@ -106,19 +50,19 @@ pub(crate) struct ReliefTraits {
     pub axil_mm: f32,
     /// Height of the blade inside a tertiary area over its border.
     pub areole_bulge_mm: f32,
-    /// Distance from a tertiary vein over which it rises.
+    /// Distance from a tertiary vein over which the area rises.
     pub areole_reach_mm: f32,
     /// Wavelength and amplitude of the slow waves of the whole blade.
     pub waves_mm: [(f32, f32); 2],
     /// Wavelength and amplitude of the epidermis' bumps.
     pub bumps_mm: [(f32, f32); 3],
-    /// How many times the bumps of the abaxial face are higher.
+    /// Ratio of the heights of the bumps of the abaxial and of the adaxial face.
     pub abaxial_bumps: f32,
-    /// How many times longer waves, bumps and mottle are along the blade than across.
+    /// Ratio of the lengths of waves, bumps and mottle along the blade and across it.
     pub stretch: f32,
 }
 
-/// Factors on the contents. Four numbers are the finest, tertiary, secondary and main veins.
+/// Factors on the contents. Four numbers are for the finest, tertiary, secondary and main veins.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TissueTraits {
     pub chlorophyll: [f32; 4],
@@ -126,17 +70,17 @@ pub(crate) struct TissueTraits {
     pub brown: [f32; 4],
     pub gloss: [f32; 4],
     pub thickness: [f32; 4],
-    /// How much of a fine vein shows, tertiary and finest.
+    /// Visibility of a tertiary and of a finest vein.
     pub fine_strength: [f32; 2],
-    /// Gloss of the blade.
+    /// Strength of the specular lobe of the blade.
     pub blade_gloss: f32,
-    /// Gloss of the abaxial face over the adaxial one's.
+    /// Strength of the specular lobe of the abaxial face over that of the adaxial one.
     pub abaxial_gloss: f32,
-    /// How uneven the chlorophyll is, 1 for the plain leaf.
+    /// Unevenness of the chlorophyll, 1 for the plain leaf.
     pub mottle: f32,
 }
 
-/// The plain leaf: what no species is asked for.
+/// Plain leaf, used without a species.
 const PLAIN: Traits = Traits {
     venation: VenationTraits::Pinnate(PinnateTraits {
         main_half_width_mm: 0.42,
@@ -315,7 +259,7 @@ const MAIZE: Traits = Traits {
     },
 };
 
-/// A lawn's grass, whose blades are a twentieth as wide as maize's: a shallow midrib, ribs close together.
+/// Grass of a lawn, whose blades are a twentieth as wide as those of maize: a shallow midrib, ribs close together.
 const GRASS: Traits = Traits {
     venation: VenationTraits::Parallel(ParallelTraits {
         main_half_width_mm: 0.22,
@@ -339,7 +283,7 @@ const GRASS: Traits = Traits {
 };
 
 impl VenationTraits {
-    /// Half the width of a secondary vein at its start.
+    /// Returns half the width of a secondary vein at its start.
     pub fn secondary_half_width_mm(&self) -> f32 {
         match self {
             VenationTraits::Pinnate(traits) => traits.secondary_half_width_mm,
@@ -349,7 +293,7 @@ impl VenationTraits {
 }
 
 impl Traits {
-    /// The traits of a species, or of the plain leaf.
+    /// Returns the traits of a species, or of the plain leaf.
     pub fn of(species: Option<Species>) -> Traits {
         match species {
             None => PLAIN,

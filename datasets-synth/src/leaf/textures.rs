@@ -1,5 +1,5 @@
-//! The appearance textures of a leaf: structure, pigment, gloss, thickness, and both faces' relief, on the
-//! patch's grid [Miao, Fig. 1, eq. 9].
+//! Appearance textures of a leaf: structure, pigment, specular strength, thickness, and the displacement of both faces,
+//! on the grid of the patch [Miao, Fig. 1, eq. 9].
 //!
 //! | texture | symbol | multiplies | procedural range |
 //! |---|---|---|---|
@@ -10,88 +10,46 @@
 //!
 //! `k = V_t (K_ab V_a C_ab + K_r V_c C_r + K_b V_b C_b + K_m C_m) / N`.
 //!
-//! Two sources: the leaf is grown ([`crate::Species`], [`crate::Chlorosis`]), and any texture can be the
-//! user's own image ([`TextureImages`]). As in the paper the structure comes first: where the user gives
-//! only a structure image, pigment, gloss, thickness, relief and vein direction are made from it. An image
-//! is final: deficiencies shape what is grown, never what is given.
+//! There are two sources: the leaf is generated ([`crate::Species`], [`crate::Chlorosis`]), and any texture can be the
+//! user's own image ([`TextureImages`]). As in the paper the structure comes first: where the user gives only a
+//! structure image, pigment, specular strength, thickness, displacement and vein direction are made from it. An image
+//! is final: deficiencies change what is generated, never what is given.
 //!
-//! Differs from the paper in: V_t is inside k and not a factor on the transmittance, where thicker would be
-//! brighter (erratum); veins of third and finest order are parts of the structure's green; relief and the
-//! vein direction are textures, too.
+//! Differs from the paper in: V_t is inside k and not a factor on the transmittance, where thicker would be brighter
+//! (erratum); veins of third and finest order are parts of the green of the structure; displacement and vein direction
+//! are textures as well.
 //!
 //! When it is wrong: the factors are one set for both faces, while a real blade holds more chlorophyll
 //! towards its upper one.
 
 use std::path::Path;
 
-use btf_models::{MAX_TEXTURE_TEXELS, ModelError, Species, TextureGrid, TextureImages, TextureKind, write_textures};
+use btf_models::{MAX_TEXTURE_TEXELS, ModelError, TextureGrid, TextureImages, TextureKind, write_textures};
 use rayon::prelude::*;
 
 use crate::error::SynthError;
-use crate::leaf::chlorosis::Chlorosis;
-use crate::leaf::patch::LeafParams;
+use crate::leaf::look::BladePlace;
+use crate::leaf::params::LeafParams;
 use crate::leaf::relief::{Relief, TextureSample, VeinMasks};
 use crate::leaf::species::Traits;
-use crate::leaf::vein::double_angle;
-use crate::leaf::venation::Venation;
+use crate::leaf::venation::vein::double_angle;
+use crate::leaf::venation::veins::Venation;
 use crate::surface::grid::Grid;
 
-/// How a leaf looks apart from its contents: what its textures are made of.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct LeafLook {
-    /// Veins, relief and tissue; `None` is a plain pinnate leaf.
-    pub species: Option<Species>,
-    /// A deficiency.
-    pub chlorosis: Option<Chlorosis>,
-    /// The user's own textures.
-    pub images: TextureImages,
-    /// Which place of the blade the patch is.
-    pub place: BladePlace,
-}
-
-/// Which place of the blade a patch is.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum BladePlace {
-    /// A place beside the main vein, which crosses it left of the middle.
-    #[default]
-    Beside,
-    /// The blade from margin to margin: the main vein runs up the middle.
-    Whole,
-}
-
-impl LeafLook {
-    /// # Errors
-    /// [`SynthError::BadParameter`] for a severity out of its range.
-    pub fn check(&self) -> Result<(), SynthError> {
-        self.chlorosis.map_or(Ok(()), |chlorosis| chlorosis.check())
-    }
-
-    /// The look in words for a provenance, each part with a comma before it; nothing for the plain leaf.
-    pub fn provenance(&self) -> String {
-        let species = self.species.map_or(String::new(), |species| format!(", species {}", species.name()));
-        let chlorosis = self.chlorosis.map_or(String::new(), |chlorosis| {
-            format!(", {} deficiency of severity {}", chlorosis.deficiency.name(), chlorosis.severity)
-        });
-        let own: Vec<&str> = self.images.kinds().map(TextureKind::name).collect();
-        let own = if own.is_empty() { String::new() } else { format!(", own textures for {}", own.join(" and ")) };
-        format!("{species}{chlorosis}{own}")
-    }
-}
-
-/// A leaf's textures at every node of its grid, the margin included. Lengths in millimetres, the origin at the
-/// patch's lower left corner, x to the right, y up.
+/// Textures of a leaf at every node of its grid, the margin included. Lengths are in millimetres, the origin is the
+/// lower left corner of the patch, x points to the right, y up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AppearanceTextures {
     pub(crate) grid: Grid,
     size_mm: f32,
     about: String,
-    /// By node. The first of two faces is the one that is seen: the adaxial one, unless turned over.
+    /// Values by node. The first of two faces is the one that is seen: the adaxial one, unless turned over.
     pub(crate) samples: Vec<TextureSample>,
 }
 
 impl AppearanceTextures {
-    /// Grows the textures of a leaf, and puts the user's in their places, seen from the adaxial side
-    /// whatever face `params` ask for. Deterministic by seed, on all threads of the current pool.
+    /// Generates the textures of a leaf and replaces those that the user supplies, seen from the adaxial side whatever
+    /// face `params` ask for. Deterministic by seed, on all threads of the current pool.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
@@ -124,7 +82,7 @@ impl AppearanceTextures {
         Ok(AppearanceTextures { grid, size_mm, about, samples })
     }
 
-    /// The textures with the leaf turned over about y: columns mirrored, the faces swapped.
+    /// Returns the textures of the leaf turned over about y: columns mirrored, the faces swapped.
     pub fn turned_over(mut self) -> AppearanceTextures {
         self.samples.par_chunks_exact_mut(self.grid.side).for_each(|row| {
             row.reverse();
@@ -137,9 +95,9 @@ impl AppearanceTextures {
         self
     }
 
-    /// Writes every texture as an image into the folder `dir`, which must be new or empty, with
-    /// `textures.toml`, so that [`TextureImages::read`] gives the same leaf again to 1/65535 of each range.
-    /// One texel per grid node; the structure has 8 bits, the others 16.
+    /// Writes every texture as an image into the folder `dir`, which must be new or empty, with `textures.toml`.
+    /// [`TextureImages::read`] returns the same leaf again to 1/65535 of each range. There is one texel per grid node;
+    /// the structure has 8 bits, the others 16.
     ///
     /// # Errors
     /// [`SynthError::Capture`] if the folder is not empty, the textures are too many, or a file cannot be written.
@@ -173,12 +131,12 @@ impl AppearanceTextures {
     }
 }
 
-/// Position of a node in millimetres.
+/// Returns the position of a node in millimetres.
 fn position(grid: &Grid, node: usize) -> [f32; 2] {
     grid.position_mm(node % grid.side, node / grid.side)
 }
 
-/// The channels of a kind; those beyond its number are 0.
+/// Returns the channels of a kind; those beyond its number are 0.
 fn values_of(sample: &TextureSample, kind: TextureKind) -> [f32; 3] {
     match kind {
         TextureKind::Structure => sample.structure,
@@ -192,7 +150,7 @@ fn values_of(sample: &TextureSample, kind: TextureKind) -> [f32; 3] {
     }
 }
 
-/// Replaces what the user has images of.
+/// Replaces the values of a sample that the user has images of.
 fn put_in(sample: &mut TextureSample, images: &TextureImages, position_mm: [f32; 2], size_mm: f32) {
     for kind in images.kinds() {
         let Some(value) = images.sample(kind, position_mm, size_mm) else { continue };
@@ -209,7 +167,7 @@ fn put_in(sample: &mut TextureSample, images: &TextureImages, position_mm: [f32;
     }
 }
 
-/// Lowest and highest value, a little apart even if the face is flat, within what reading allows.
+/// Returns the lowest and highest value, a little apart even if the face is flat, within the range that readers accept.
 fn height_range(values: &[f32]) -> [f64; 2] {
     let low = values.iter().copied().fold(f32::MAX, f32::min);
     let high = values.iter().copied().fold(f32::MIN, f32::max);
@@ -218,13 +176,13 @@ fn height_range(values: &[f32]) -> [f64; 2] {
     [low, f64::from(high).clamp(low + 1e-3, most)]
 }
 
-/// The textures that follow from the user's structure image.
+/// Returns the textures that follow from the structure image of the user.
 fn from_structure(grid: &Grid, relief: &Relief, size_mm: f32, images: &TextureImages) -> Vec<TextureSample> {
-    /// Blur of the veins in relief, and of what their direction is taken from, in millimetres.
+    /// Blur of the veins in the displacement, and of the image that their direction is taken from, in millimetres.
     const SOFT_MM: [f32; 2] = [0.06, 0.15];
-    /// Blur over which directions agree with their neighbours.
+    /// Blur in millimetres over which directions agree with their neighbours.
     const DIRECTION_MM: f32 = 0.5;
-    /// From the blurred share of veins to nearness: a vein of 0.3 mm alone comes to four fifths.
+    /// Factor from the blurred share of veins to nearness: a single vein of 0.3 mm comes to four fifths.
     const NEARNESS: f32 = 6.0;
     let side = grid.side;
     let veins: Vec<[f32; 2]> = (0..grid.len())
@@ -272,7 +230,8 @@ fn from_structure(grid: &Grid, relief: &Relief, size_mm: f32, images: &TextureIm
         .collect()
 }
 
-/// Three box blurs of `radius` cells, nearly a Gaussian of that standard deviation; edges are held.
+/// Applies three box blurs of `radius` cells, nearly a Gaussian of that standard deviation. Values beyond the edges are
+/// those of the edges.
 fn blurred(mut values: Vec<f32>, side: usize, radius: usize) -> Vec<f32> {
     let mut other = vec![0f32; values.len()];
     for _ in 0..3 {
@@ -311,10 +270,12 @@ mod tests {
     use std::ops::ControlFlow;
 
     use btf_capture::{Capture, DirectionSet, ImageFormat, Pixels};
-    use btf_models::{Deficiency, LeafContents};
+    use btf_models::{Deficiency, LeafContents, Species};
 
     use super::*;
-    use crate::leaf::vein::direction_of;
+    use crate::leaf::chlorosis::Chlorosis;
+    use crate::leaf::look::LeafLook;
+    use crate::leaf::venation::vein::direction_of;
     use crate::surface::capture_params::CaptureParams;
     use crate::write_leaf_capture;
 
@@ -338,8 +299,8 @@ mod tests {
         LeafParams { look: LeafLook { images, ..params.look.clone() }, ..params.clone() }
     }
 
-    /// Textures as a user would give them, over a patch of 30 mm: values from 0 (black) to 1 (white) in square
-    /// images of `side` texels.
+    /// Returns textures as a user would supply them, over a patch of 30 mm: values from 0 (black) to 1 (white) in
+    /// square images of `side` texels.
     fn given(side: usize, images: &[(TextureKind, Vec<f32>)]) -> TextureImages {
         let dir = tempfile::tempdir().unwrap();
         let grid = |(kind, shares): &(TextureKind, Vec<f32>)| {

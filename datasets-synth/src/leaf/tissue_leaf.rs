@@ -1,38 +1,39 @@
-//! A leaf of an algorithmic model before the camera: per texel the colour of every class of ways through
-//! the mesophyll, per direction pair the weight of every class.
+//! Material of a leaf of an algorithmic model: per texel the colour of every class of paths through the mesophyll, per
+//! direction pair the weight of every class.
 //!
-//! The model's own surface reflection (ways of length 0) is the gloss, so gloss texture and roughness of
-//! the plates do not apply. Maps of pigment and thickness act on the optical depth. The table is traced
-//! at one wavelength: models with spectral indices take those of 550 nm for all (error in docs/LEAF.md).
+//! The surface reflection of the model itself (paths of length 0) is the highlight, so the gloss texture and the
+//! roughness of the plates do not apply. Maps of pigment and thickness act on the optical depth. The table is traced at
+//! one wavelength: models with spectral indices use those of 550 nm for all (error in docs/LEAF.md).
 
 use rayon::prelude::*;
 
 use crate::leaf::face::{Seen, Tint};
+use crate::optics::abm::path_lengths::Face;
+use crate::optics::abm::scatter_table::{Passage, ScatterTable, WAYS};
+use crate::optics::abm::tissue::{DepthParts, Tissue};
 use crate::optics::colour::{RgbBands, RgbFromSpectrum};
-use crate::optics::path_lengths::Face;
-use crate::optics::scatter_table::{Passage, ScatterTable, WAYS};
-use crate::optics::tissue::{DepthParts, Tissue};
 use crate::optics::units::Nanometres;
 use crate::surface::height_field::{HeightField, LightVisibility};
-use crate::surface::rig::{Hit, Material, dot};
+use crate::surface::rig::{Hit, Material};
+use crate::vector::dot;
 
 /// Wavelength whose refractive indices the table is traced with.
 const TABLE_WAVELENGTH: Nanometres = Nanometres(550.0);
 
-/// Rays of each of the table's incidences.
+/// Number of rays for each incidence of the table.
 pub(crate) const TABLE_RAYS: u64 = 1_000_000;
 
-/// Linear sRGB of every class of ways, white for no absorption.
+/// Linear sRGB of every class of paths, white for no absorption.
 type WayColours = [[f32; 3]; WAYS];
 
-/// The leaf. See the notes at the top of this file.
+/// Material of a leaf of an algorithmic model; see the notes of the module.
 pub(crate) struct TissueLeaf {
     seen: Seen,
     table: ScatterTable,
     colours: Vec<[f32; 3 * WAYS]>,
 }
 
-/// The view's half of a point's shading.
+/// View-dependent half of the shading at a point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TissuePoint {
     cos_o: f32,
@@ -49,7 +50,7 @@ pub(crate) struct TissuePair {
 }
 
 impl TissueLeaf {
-    /// Traces the table with `rays` rays an incidence and colours the nodes of `seen` by `tints`.
+    /// Traces the table with `rays` rays per incidence and computes the colours of the nodes of `seen` by `tints`.
     pub fn new(tissue: &dyn Tissue, seen: Seen, tints: &[Tint], rays: u64, seed: u64) -> TissueLeaf {
         let light = match (seen.side, seen.passage) {
             (side, Passage::Reflection) => side,
@@ -70,7 +71,7 @@ impl TissueLeaf {
     }
 }
 
-/// Colour of each class of ways, `sum over wavelengths of weight exp(-k way)`.
+/// Returns the colour of each class of paths, `sum over wavelengths of weight exp(-k way)`.
 fn way_colours(bands: &[(DepthParts, [f64; 3])], ways: &[f32; WAYS], tint: &Tint) -> [f32; 3 * WAYS] {
     let mut colours = [0f64; 3 * WAYS];
     for (depth, weights) in bands {
@@ -151,8 +152,8 @@ mod tests {
     use btf_capture::Direction;
 
     use super::*;
-    use crate::optics::abm97::Abm97;
-    use crate::optics::path_lengths::{Parallel, trace_path_lengths};
+    use crate::optics::abm::abm97::Abm97;
+    use crate::optics::abm::path_lengths::{Parallel, trace_path_lengths};
     use crate::surface::height_field;
     use crate::surface::rig::{Illumination, ViewHits, render};
 

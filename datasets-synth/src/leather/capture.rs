@@ -1,4 +1,4 @@
-//! From a leather's parameters to a capture folder.
+//! Writes the capture of leather.
 
 use std::path::Path;
 
@@ -7,11 +7,11 @@ use crate::leather::hide::Leather;
 use crate::leather::params::LeatherParams;
 use crate::surface::capture::{Progress, write_capture};
 
-/// Makes the leather of `params` and writes its capture to the folder `dir`, with its height map; see
-/// [`write_capture`]. The same parameters give the same files on any number of threads.
+/// Generates the leather of `params` and writes its capture to the folder `dir`, with its height map; see
+/// [`write_capture`]. Equal parameters give equal files on any number of threads.
 ///
 /// # Errors
-/// [`SynthError::BadParameter`]; otherwise as [`write_capture`].
+/// [`SynthError::BadParameter`], and the errors of [`write_capture`].
 pub fn write_leather_capture(
     dir: impl AsRef<Path>,
     params: &LeatherParams,

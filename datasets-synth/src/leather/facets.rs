@@ -1,5 +1,4 @@
-//! A rough dielectric surface whose facets' slopes have a Student t distribution, with the light
-//! that several facets pass on.
+//! Rough dielectric surface whose facet slopes have a Student t distribution, with multiple reflection between facets.
 //!
 //! | parameter | symbol | unit | default | valid |
 //! |---|---|---|---|---|
@@ -13,45 +12,45 @@
 //! `L = tan th integral from cot th of (m - cot th) P(m) dm` over the slopes' marginal P
 //! [Walter 2007; Heitz 2014], tabulated. `f = F(wi.h) D G / (4 cos_i cos_o)`.
 //!
-//! What one reflection lacks to one for perfect mirrors is added back as
-//! `(1 - E_i)(1 - E_o) / (pi (1 - E_mean))` times `F_m^2 E_mean / (1 - F_m (1 - E_mean))` with the
-//! mean Fresnel reflectance F_m [Kulla & Conty 2017].
+//! The energy that single reflection loses for perfect mirrors is added back as
+//! `(1 - E_i)(1 - E_o) / (pi (1 - E_mean))` times `F_m^2 E_mean / (1 - F_m (1 - E_mean))` with the mean Fresnel
+//! reflectance F_m [Kulla & Conty 2017].
 //!
 //! Differs from the paper in: the masking integral is taken numerically from its definition.
 //!
-//! When it is wrong: facets are isotropic; several reflections are spread evenly.
+//! When it is wrong: facets are isotropic; multiple reflection is spread evenly.
 
 use std::f64::consts::PI;
 
 use crate::optics::fresnel::fresnel;
 use crate::surface::table::CosineTable;
 
-/// Steps of the integral of the slopes' tail.
+/// Number of steps of the integral over the tail of the slopes.
 const TAIL_STEPS: usize = 400;
 
 /// Strata per axis of the quadrature of the albedo.
 const QUADRATURE: usize = 48;
 
-/// A rough dielectric surface.
+/// Rough dielectric surface with its tables.
 #[derive(Debug, Clone)]
 pub struct Facets {
-    /// (gamma - 1) alpha^2.
+    /// Constant (gamma - 1) alpha^2.
     spread: f32,
     tail: f32,
     /// Constant of pi D.
     factor: f32,
-    /// cos L over the cosine: finite at grazing, where L is not.
+    /// Product of the cosine and Smith's L over the cosine: finite at grazing, where L is not.
     shadow: CosineTable,
-    /// `1 - E` of perfect mirrors.
+    /// Table of `1 - E` of perfect mirrors.
     missing: CosineTable,
-    /// Directional albedo, one and several reflections.
+    /// Directional albedo of single and multiple reflection.
     albedo: CosineTable,
     mean_albedo: f32,
-    /// Factor of several reflections: Fresnel's, over `1 - E_mean`.
+    /// Factor of multiple reflection: the Fresnel term over `1 - E_mean`.
     several: f32,
 }
 
-/// One direction's part of the shading.
+/// Part of the shading that depends on one direction.
 #[derive(Debug, Clone, Copy)]
 pub struct FacetDirection {
     cosine: f32,
@@ -60,7 +59,7 @@ pub struct FacetDirection {
 }
 
 impl Facets {
-    /// The surface of `index`, `roughness` and `tail`, with its tables: some hundredths of a second.
+    /// Returns the surface of `index`, `roughness` and `tail` with its tables. Cost: some hundredths of a second.
     pub fn new(index: f64, roughness: f64, tail: f64) -> Facets {
         let spread = (tail - 1.0) * roughness * roughness;
         let shadow = CosineTable::new(|cosine| cosine_lambda(cosine, spread, tail));
@@ -88,14 +87,13 @@ impl Facets {
         facets
     }
 
-    /// A direction's part, for its positive cosine to the normal.
+    /// Returns the part of the shading of a direction, for its positive cosine to the normal.
     #[inline]
     pub fn direction(&self, cosine: f32) -> FacetDirection {
         FacetDirection { cosine, shadow: self.shadow.at(cosine), missing: self.missing.at(cosine) }
     }
 
-    /// `pi * BRDF * cos_i` for the Fresnel reflectance at `wi.h` and the cosine `n.h`. Finite and not
-    /// negative.
+    /// Returns `pi * BRDF * cos_i` for the Fresnel reflectance at `wi.h` and the cosine `n.h`. Finite and not negative.
     #[inline]
     pub fn pi_brdf_cos(&self, fresnel: f32, cos_h: f32, i: FacetDirection, o: FacetDirection) -> f32 {
         let several = self.several * i.missing * o.missing * i.cosine;
@@ -107,7 +105,7 @@ impl Facets {
         fresnel * self.pi_d(cos_h) * geometry * i.cosine + several
     }
 
-    /// pi times the density of facets.
+    /// Returns pi times the density of facets.
     #[inline]
     fn pi_d(&self, cos_h: f32) -> f32 {
         let cos2 = cos_h * cos_h;
@@ -115,18 +113,18 @@ impl Facets {
         self.factor * (self.spread + tan2).powf(-self.tail) / (cos2 * cos2)
     }
 
-    /// Share of the light from an angle of this cosine that is reflected.
+    /// Returns the share of the light from an angle of this cosine that is reflected.
     #[inline]
     pub fn albedo(&self, cosine: f32) -> f32 {
         self.albedo.at(cosine)
     }
 
-    /// Mean of [`Facets::albedo`] over the hemisphere.
+    /// Returns the mean of [`Facets::albedo`] over the hemisphere.
     pub fn mean_albedo(&self) -> f32 {
         self.mean_albedo
     }
 
-    /// Directional albedo of one reflection with the Fresnel factor `f`, by facets drawn from their
+    /// Returns the directional albedo of single reflection with the Fresnel factor `f`, by facets drawn from their
     /// density.
     fn single_albedo(&self, cos_o: f64, f: impl Fn(f64) -> f64) -> f64 {
         let (spread, tail) = (f64::from(self.spread), f64::from(self.tail));
@@ -156,7 +154,7 @@ impl Facets {
     }
 }
 
-/// cos th times Smith's L: `sin th integral from cot th of (m - cot th) P(m) dm`, with the marginal
+/// Returns cos th times Smith's L: `sin th integral from cot th of (m - cot th) P(m) dm`, with the marginal
 /// `P = C (1 + m^2 / spread)^(1/2 - tail)` of the slopes.
 fn cosine_lambda(cosine: f64, spread: f64, tail: f64) -> f64 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();

@@ -1,5 +1,4 @@
-//! The finish of leather: a clear coat of two roughnesses over pigmented, absorbing layers on a
-//! diffuse hide.
+//! Finish of leather: a clear coat of two roughnesses over pigmented, absorbing layers on a diffuse hide.
 //!
 //! | parameter | symbol | unit | default | valid |
 //! |---|---|---|---|---|
@@ -8,25 +7,24 @@
 //! | roughness where it is broken | alpha_b | - | 0.5 | 0.03 to 1 |
 //! | tail of both | gamma | - | 2.6 | 1.55 to 20 |
 //!
-//! A share w of the surface at a point is finished, the rest is broken; each reflects as
-//! [`Facets`], `E(cos) = w E_whole + (1 - w) E_broken` in all. What is not reflected enters, passes
-//! pigment of the optical depth tau twice on its slanted ways, meets the hide of reflectance
-//! `rho` = 0.92 and leaves as
+//! A share w of the surface at a point is finished, the rest is broken; each reflects as [`Facets`], together
+//! `E(cos) = w E_whole + (1 - w) E_broken`. Light that is not reflected enters, passes pigment of the optical depth tau
+//! twice on its slanted paths, meets the hide of reflectance `rho` = 0.92 and leaves as
 //!
 //! ```text
 //! pi f = (1 - E_i)(1 - E_o) / (1 - E_mean)
 //!        rho exp(-tau (1/cos_it + 1/cos_ot)) (1 - r) / (1 - rho r exp(-4 tau))
 //! ```
 //!
-//! with the refracted cosines, the inner reflectance `r = 1 - (1 - E_mean) / eta^2` of diffuse light
-//! [Stern 1964], and the mean way of diffuse light, two depths each way, between inner reflections.
-//! The normalisation of the first factor is that of [Kelemen 2001].
+//! with the refracted cosines, the inner reflectance `r = 1 - (1 - E_mean) / eta^2` of diffuse light [Stern 1964], and
+//! the mean path of diffuse light, two depths each way, between inner reflections. The normalisation of the first
+//! factor is that of [Kelemen 2001].
 //!
-//! Energy and reciprocity: without pigment on a white hide all light comes back, up to the tables
+//! Energy and reciprocity: without pigment on a white hide all light comes back, up to the precision of the tables
 //! (2e-3 within 84 degrees); swapping directions changes nothing but rounding.
 //!
-//! When it is wrong: the hide scatters where light enters (no translucency), the coat's interface is
-//! rough for reflection and flat for the refracted ways, and pigment does not scatter.
+//! When it is wrong: the hide scatters where light enters (no translucency), the interface of the coat is rough for
+//! reflection and flat for the refracted paths, and pigment does not scatter.
 
 use crate::error::SynthError;
 use crate::error::check_ranges;
@@ -39,21 +37,21 @@ const HIDE_REFLECTANCE: f64 = 0.92;
 /// Largest optical depth of the pigment.
 const MAX_OPTICAL_DEPTH: f64 = 6.0;
 
-/// What finish lies on a leather; see the module's table.
+/// Parameters of a finish; see the table of the module.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FinishParams {
     /// Refractive index, 1.05 to 3.
     pub index: f64,
     /// Roughness where the finish is whole, 0.03 to 1.
     pub roughness: f64,
-    /// Roughness where it is broken, 0.03 to 1.
+    /// Roughness where the finish is broken, 0.03 to 1.
     pub broken_roughness: f64,
-    /// Length of the tail of both, 1.55 (long) to 20.
+    /// Length of the tail of both roughnesses, 1.55 (long) to 20.
     pub tail: f64,
 }
 
 impl Default for FinishParams {
-    /// A satin acrylic finish.
+    /// Returns the parameters of a satin acrylic finish.
     fn default() -> FinishParams {
         FinishParams { index: 1.49, roughness: 0.24, broken_roughness: 0.5, tail: 2.6 }
     }
@@ -74,29 +72,29 @@ impl FinishParams {
     }
 }
 
-/// A finish with its tables; serves pigments of every colour.
+/// A finish with its tables, which serve pigments of every colour.
 #[derive(Debug, Clone)]
 pub struct Finish {
     index: f64,
     inverse_index_squared: f32,
     hide: f32,
-    /// Whole, broken.
+    /// Facets of the whole and of the broken finish.
     facets: [Facets; 2],
 }
 
-/// The view's half of a point's shading.
+/// View-dependent half of the shading at a point.
 #[derive(Debug, Clone, Copy)]
 pub struct FinishView {
-    /// Against whole and broken finish.
+    /// Parts of the view direction for the whole and the broken finish.
     out: [FacetDirection; 2],
     whole: f32,
     depth: [f32; 3],
-    /// All of the body's formula that the light has no part in.
+    /// Factors of the body that do not depend on the light.
     body: [f32; 3],
 }
 
 impl Finish {
-    /// The finish of `params`, with its tables.
+    /// Returns the finish of `params`, with its tables.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
@@ -111,13 +109,13 @@ impl Finish {
         })
     }
 
-    /// Fresnel reflectance at the cosine `wi.h`.
+    /// Returns the Fresnel reflectance at the cosine `wi.h`.
     pub fn fresnel(&self, cosine: f32) -> f32 {
         fresnel(self.index, f64::from(cosine)) as f32
     }
 
-    /// Optical depth per channel of the pigment that gives the body, lit and seen from above below
-    /// whole finish, this colour; colours out of reach give the nearest pigment.
+    /// Returns the optical depth per channel of the pigment that gives the body this colour, lit and seen from above
+    /// below whole finish; colours out of reach give the nearest pigment.
     pub fn depth_from_colour(&self, colour: [f64; 3]) -> [f32; 3] {
         colour.map(|wanted| {
             let (mut low, mut high) = (0.0, MAX_OPTICAL_DEPTH);
@@ -131,8 +129,8 @@ impl Finish {
         })
     }
 
-    /// The view's half of the shading: cosine towards the eye, share of whole finish, optical depth of
-    /// the pigment.
+    /// Returns the view-dependent half of the shading, from the cosine towards the eye, the share of whole finish and
+    /// the optical depth of the pigment.
     pub fn view(&self, cos_o: f32, whole: f32, depth: [f32; 3]) -> FinishView {
         let mean_enters = 1.0 - self.mean_albedo(whole);
         let inner = 1.0 - mean_enters * self.inverse_index_squared;
@@ -149,8 +147,7 @@ impl Finish {
         }
     }
 
-    /// `pi * BRDF * cos_i` per channel, for the Fresnel reflectance at `wi.h` and the cosines `n.h`
-    /// and `n.wi`.
+    /// Returns `pi * BRDF * cos_i` per channel, for the Fresnel reflectance at `wi.h` and the cosines `n.h` and `n.wi`.
     #[inline]
     pub fn pi_brdf_cos(&self, fresnel: f32, cos_h: f32, cos_i: f32, view: &FinishView) -> [f32; 3] {
         let gloss: f32 = [view.whole, 1.0 - view.whole]
@@ -163,7 +160,7 @@ impl Finish {
         std::array::from_fn(|k| gloss + enters * view.body[k] * (-view.depth[k] * way).exp())
     }
 
-    /// Share of diffuse light that leaves towards an angle of cosine `cos_o`.
+    /// Returns the share of diffuse light that leaves towards an angle of cosine `cos_o`.
     pub fn diffuse_reflectance(&self, cos_o: f32, view: &FinishView) -> [f32; 3] {
         let gloss = self.albedo(cos_o, view.whole);
         let enters = 1.0 - self.mean_albedo(view.whole);
@@ -172,13 +169,13 @@ impl Finish {
         std::array::from_fn(|k| gloss + enters * view.body[k] * (-view.depth[k] * way).exp())
     }
 
-    /// The reflectance of diffuse light to all sides, for a share of whole finish and a pigment.
+    /// Returns the reflectance of diffuse light to all sides, for a share of whole finish and a pigment.
     pub fn mean_reflectance(&self, whole: f32, depth: [f32; 3]) -> [f32; 3] {
         let cos_o = 2.0 / 3.0;
         self.diffuse_reflectance(cos_o, &self.view(cos_o, whole, depth))
     }
 
-    /// Way of a ray through a layer of unit depth, for its cosine outside.
+    /// Returns the path of a ray through a layer of unit depth, for its cosine outside.
     #[inline]
     fn way(&self, cosine: f32) -> f32 {
         1.0 / (1.0 - (1.0 - cosine * cosine) * self.inverse_index_squared).sqrt()
@@ -199,7 +196,7 @@ mod tests {
     use std::f64::consts::PI;
 
     use super::*;
-    use crate::surface::rig::dot;
+    use crate::vector::dot;
 
     fn unit(theta_deg: f32, phi_deg: f32) -> [f32; 3] {
         let ((st, ct), (sp, cp)) = (theta_deg.to_radians().sin_cos(), phi_deg.to_radians().sin_cos());
@@ -213,7 +210,7 @@ mod tests {
         finish.pi_brdf_cos(finish.fresnel(dot(wo, half)), half[2], wi[2], &finish.view(wo[2], whole, depth))
     }
 
-    /// Share of the light from `wi` that leaves.
+    /// Returns the share of the light from `wi` that leaves.
     fn albedo(finish: &Finish, whole: f32, depth: [f32; 3], wi: [f32; 3]) -> [f64; 3] {
         let steps = 120;
         let mut sum = [0f64; 3];

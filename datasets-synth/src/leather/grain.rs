@@ -1,13 +1,13 @@
-//! The grain of a hide: pebbles between creases, finer cells on them, wrinkles, pores.
+//! Grain of a hide: pebbles between creases, finer cells on them, wrinkles, pores.
 
 use crate::leather::params::LeatherParams;
 use crate::surface::noise::{carried_by_texels, cell, gradient_noise};
 
 /// Distance from a crease over which a pebble rises, over the size of a pebble.
 const PEBBLE_REACH: f32 = 0.27;
-/// Size of the finer cells over that of the pebbles, and their height over the pebbles'.
+/// Size of the finer cells over that of the pebbles, and their height over that of the pebbles.
 const FINE_CELLS: [f32; 2] = [0.31, 0.22];
-/// How far pebbles are pushed about by noise, over their size.
+/// Displacement of pebbles in the plane by noise, over their size.
 const PUSH: f32 = 0.42;
 /// Size of the wrinkles in millimetres and their height at strength 1.
 const WRINKLES_MM: [(f32, f32); 3] = [(0.48, 0.012), (0.27, 0.009), (0.17, 0.005)];
@@ -15,21 +15,21 @@ const WRINKLES_MM: [(f32, f32); 3] = [(0.48, 0.012), (0.27, 0.009), (0.17, 0.005
 const FOLLICLE_SPACING_MM: f32 = 0.62;
 const FOLLICLE_RADIUS_MM: f32 = 0.09;
 const FOLLICLE_DEPTH_MM: f32 = 0.06;
-/// Height of the slow waves of the hide over the pebbles', and their wavelength in pebbles.
+/// Height of the slow waves of the hide over that of the pebbles, and their wavelength in pebbles.
 const WAVES: [(f32, f32); 2] = [(0.35, 3.1), (0.5, 9.0)];
 
-/// One point of a leather.
+/// Grain of a leather at one point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct GrainPoint {
     /// Height in millimetres.
     pub height_mm: f32,
-    /// Factor on the pigment's optical depth.
+    /// Factor on the optical depth of the pigment.
     pub pigment: f32,
     /// Share of whole finish, 0 to 1.
     pub finish: f32,
 }
 
-/// The grain of one leather.
+/// Grain of one leather.
 #[derive(Debug, Clone)]
 pub(crate) struct Grain {
     size_mm: f32,
@@ -55,12 +55,12 @@ impl Grain {
         }
     }
 
-    /// Greatest distance of the relief from its mean, a safe bound.
+    /// Returns an upper bound of the distance of the surface from its mean in millimetres.
     pub fn bound_mm(&self) -> f32 {
         1.7 * self.relief_mm + 0.025 * self.wrinkles + FOLLICLE_DEPTH_MM
     }
 
-    /// The grain at a position in millimetres.
+    /// Returns the grain at a position in millimetres.
     pub fn at(&self, p: [f32; 2]) -> GrainPoint {
         // Pebbles are no regular cells: the place is pushed about before it is looked up, and
         // stretched along a direction that turns slowly.

@@ -1,4 +1,4 @@
-//! A patch of leather: its grids, and what a point of it does with light.
+//! A patch of leather: its grids, and its shading at a point.
 
 use rayon::prelude::*;
 
@@ -8,14 +8,15 @@ use crate::leather::grain::Grain;
 use crate::leather::params::LeatherParams;
 use crate::surface::bounce::Bounce;
 use crate::surface::height_field::HeightField;
-use crate::surface::rig::{Hit, Material, dot};
+use crate::surface::rig::{Hit, Material};
+use crate::vector::dot;
 
 /// A patch of pebbled leather.
 #[derive(Debug, Clone)]
 pub struct Leather {
     size: usize,
     face: HeightField,
-    /// Factor on the pigment; share of whole finish.
+    /// Per node: factor on the pigment; share of whole finish.
     coat: Vec<[f32; 2]>,
     finish: Finish,
     /// Optical depth of the pigment.
@@ -23,7 +24,7 @@ pub struct Leather {
     bounce: Option<Bounce>,
 }
 
-/// The view's half of a point's shading.
+/// View-dependent half of the shading at a point.
 #[derive(Debug, Clone, Copy)]
 pub struct LeatherPoint {
     finish: FinishView,
@@ -31,7 +32,7 @@ pub struct LeatherPoint {
     diffuse: [f32; 3],
 }
 
-/// The constants of one image.
+/// Constants of one image.
 #[derive(Debug, Clone, Copy)]
 pub struct LeatherPair {
     half: [f32; 3],
@@ -39,13 +40,13 @@ pub struct LeatherPair {
 }
 
 impl Leather {
-    /// Makes the leather. Deterministic by seed, on all threads of the current pool.
+    /// Generates the leather, deterministic by seed, on all threads of the current pool.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
     ///
-    /// Cost: a few microseconds per grid node, of which there are four per texel and some in the
-    /// margin, and the bounce's rays.
+    /// Cost: a few microseconds per grid node, of which there are four per texel and some in the margin, and the rays
+    /// of the bounce.
     pub fn new(params: &LeatherParams) -> Result<Leather, SynthError> {
         params.check()?;
         let finish = Finish::new(&params.finish)?;

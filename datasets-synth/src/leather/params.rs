@@ -1,4 +1,4 @@
-//! What leather to make and how to photograph it.
+//! Parameters of leather and of its capture.
 //!
 //! | parameter | unit | default | valid |
 //! |---|---|---|---|
@@ -9,16 +9,16 @@
 //! | colour (body, lit and seen from above) | linear sRGB | cognac | 0.002 to 0.8 |
 //! | antique (pigment gathered in creases) | - | 0.6 | 0 to 2 |
 //!
-//! The finish's own parameters stand in [`FinishParams`].
+//! For the parameters of the finish see [`FinishParams`].
 
 use crate::error::{SynthError, check_ranges};
 use crate::leather::finish::FinishParams;
 use crate::surface::capture_params::CaptureParams;
 
-/// What leather to make; see the module's table.
+/// Parameters of leather; see the table of the module.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeatherParams {
-    /// How to photograph it.
+    /// Patch, directions and images of the capture.
     pub capture: CaptureParams,
     /// Mean size of a pebble in millimetres, 0.2 to 10.
     pub grain_mm: f64,
@@ -30,16 +30,16 @@ pub struct LeatherParams {
     pub pores: f64,
     /// Colour of the body below the finish, lit and seen from above, linear sRGB, 0.002 to 0.8.
     pub colour: [f64; 3],
-    /// How much more pigment lies in the creases, 0 to 2.
+    /// Additional pigment in the creases, 0 to 2.
     pub antique: f64,
-    /// The finish on top.
+    /// Finish on top of the grain.
     pub finish: FinishParams,
-    /// Whether light that comes by way of other pebbles is counted.
+    /// Whether light that was reflected by other pebbles is counted.
     pub bounce: bool,
 }
 
 impl Default for LeatherParams {
-    /// A cognac-brown pebbled leather, 256 x 256 texels of 16 x 16 mm.
+    /// Returns a cognac-brown pebbled leather, 256 x 256 texels of 16 x 16 mm.
     fn default() -> LeatherParams {
         LeatherParams {
             capture: CaptureParams::new(16.0),
@@ -73,7 +73,7 @@ impl LeatherParams {
         check_ranges(&self.colour.map(|c| ("--colour", c, 0.002, 0.8)))
     }
 
-    /// What was asked for in one line, for the capture's provenance.
+    /// Describes the parameters in one line, for the provenance of the capture.
     pub fn provenance(&self) -> String {
         format!(
             "btf-synth leather: grain {} mm, relief {} mm, wrinkles {}, pores {}, body colour {:?}, antique {}, \

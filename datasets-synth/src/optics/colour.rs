@@ -1,10 +1,12 @@
 //! From spectra to linear sRGB: 31 wavelengths under D65, or the paper's three.
 
 use crate::error::SynthError;
-use crate::optics::plate_paper::PAPER_WAVELENGTHS_NM;
 use crate::optics::specific_absorption::check_wavelengths;
 use crate::optics::tables::interpolated;
 use btf_capture::cie;
+
+/// The paper's wavelengths in nanometres for red, green and blue.
+pub const PAPER_WAVELENGTHS_NM: [f64; 3] = [675.0, 546.0, 435.0];
 
 /// At which wavelengths a colour is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -91,12 +93,12 @@ impl RgbFromSpectrum {
         RgbFromSpectrum { wavelengths_nm, weights, uncorrected_white }
     }
 
-    /// The wavelengths in nanometres that spectra are given at.
+    /// Returns the wavelengths in nanometres that spectra are given at.
     pub fn wavelengths_nm(&self) -> &[f64] {
         &self.wavelengths_nm
     }
 
-    /// Linear sRGB of a spectrum at [`RgbFromSpectrum::wavelengths_nm`], signed.
+    /// Returns the linear sRGB of a spectrum at [`RgbFromSpectrum::wavelengths_nm`], signed.
     ///
     /// # Panics
     /// If the spectrum has another number of wavelengths.
@@ -111,12 +113,12 @@ impl RgbFromSpectrum {
         rgb
     }
 
-    /// Linear sRGB of a perfect reflector before the correction that makes it (1, 1, 1).
+    /// Returns the linear sRGB of a perfect reflector before the correction that makes it (1, 1, 1).
     pub fn uncorrected_white(&self) -> [f64; 3] {
         self.uncorrected_white
     }
 
-    /// `[band][channel]`: what [`RgbFromSpectrum::rgb`] multiplies with.
+    /// Returns `[band][channel]`: what [`RgbFromSpectrum::rgb`] multiplies with.
     pub(crate) fn weights(&self) -> &[[f64; 3]] {
         &self.weights
     }

@@ -17,8 +17,10 @@
 //! When it is wrong: real indices only (in leaves the imaginary part is below 1e-4), no polarisation, no
 //! thin films.
 
-/// Reflectance of unpolarised light at an interface from air into `index` (>= 1), at an angle of
-/// cosine `cosine` in [0, 1] [Cook & Torrance 1982].
+use crate::vector::dot;
+
+/// Returns the reflectance of unpolarised light at an interface from air into `index` (>= 1), at an angle of cosine
+/// `cosine` in [0, 1] [Cook & Torrance 1982].
 pub fn fresnel(index: f64, cosine: f64) -> f64 {
     let c = cosine.clamp(0.0, 1.0);
     let g = (index * index + c * c - 1.0).max(0.0).sqrt();
@@ -31,16 +33,16 @@ pub fn fresnel(index: f64, cosine: f64) -> f64 {
     0.5 * ratio * ratio * (1.0 + other * other)
 }
 
-/// Squared cosine of the refracted ray; negative under total internal reflection.
+/// Returns the squared cosine of the refracted ray; negative under total internal reflection.
 #[inline]
 fn refract_cos_squared(n_incident: f64, n_transmitted: f64, cos_incident: f64) -> f64 {
     let ratio = n_incident / n_transmitted;
     1.0 - ratio * ratio * (1.0 - cos_incident * cos_incident)
 }
 
-/// Reflectance of unpolarised light that comes through a medium of index `n_incident` to one of
-/// `n_transmitted` (both > 0) at `cos_incident` in [0, 1]; 1 under total internal reflection, 0 between
-/// equal indices, always finite [Baranoski & Rokne 1997, eq. 2]. Costs a root and two divisions.
+/// Returns the reflectance of unpolarised light that comes through a medium of index `n_incident` to one of
+/// `n_transmitted` (both > 0) at `cos_incident` in [0, 1]; 1 under total internal reflection, 0 between equal indices,
+/// always finite [Baranoski & Rokne 1997, eq. 2]. Costs a root and two divisions.
 #[inline]
 pub fn fresnel_between(n_incident: f64, n_transmitted: f64, cos_incident: f64) -> f64 {
     if n_incident == n_transmitted {
@@ -60,7 +62,7 @@ pub fn fresnel_between(n_incident: f64, n_transmitted: f64, cos_incident: f64) -
     (a * a + b * b) / (root * root)
 }
 
-/// Cosine of the refracted ray against the normal on its side, 0 to 1; `None` under total internal
+/// Returns the cosine of the refracted ray against the normal on its side, 0 to 1; `None` under total internal
 /// reflection [Baranoski & Rokne 1997, eq. 1]. The same arguments as [`fresnel_between`].
 #[inline]
 pub fn refract_cos(n_incident: f64, n_transmitted: f64, cos_incident: f64) -> Option<f64> {
@@ -86,16 +88,16 @@ pub(crate) fn interface_optics(n_incident: f64, n_transmitted: f64, cosine: f64)
     (0.5 * (s * s + p * p), cos_t)
 }
 
-/// The ray of direction `direction` (unit, the way it flies) after a mirror of unit normal `normal`, which
-/// may point to either side [Baranoski & Rokne 1997, eq. 3].
+/// Returns the ray of direction `direction` (unit, the way it flies) after a mirror of unit normal `normal`, which may
+/// point to either side [Baranoski & Rokne 1997, eq. 3].
 #[inline]
 pub fn reflect(direction: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     let twice = 2.0 * dot(direction, normal);
     std::array::from_fn(|k| direction[k] - twice * normal[k])
 }
 
-/// The ray of direction `direction` (unit, the way it flies) behind an interface of unit normal `normal`,
-/// which may point to either side; `None` under total internal reflection [Baranoski & Rokne 1997, eq. 4].
+/// Returns the ray of direction `direction` (unit, the way it flies) behind an interface of unit normal `normal`, which
+/// may point to either side; `None` under total internal reflection [Baranoski & Rokne 1997, eq. 4].
 #[inline]
 pub fn refract(direction: [f64; 3], normal: [f64; 3], n_incident: f64, n_transmitted: f64) -> Option<[f64; 3]> {
     let along = dot(direction, normal);
@@ -108,11 +110,6 @@ pub fn refract(direction: [f64; 3], normal: [f64; 3], n_incident: f64, n_transmi
     Some(std::array::from_fn(|k| ratio * direction[k] + share * normal[k]))
 }
 
-#[inline]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,7 +117,7 @@ mod tests {
     const INDICES: [f64; 7] = [1.0, 1.1, 1.33, 1.41, 1.42, 1.6, 3.0];
     const THETAS_DEG: [f64; 11] = [0.0, 1e-3, 10.0, 30.0, 45.0, 60.0, 75.0, 85.0, 89.0, 89.9, 90.0];
 
-    /// The textbook form, from the amplitudes of both polarisations.
+    /// Returns the textbook form, from the amplitudes of both polarisations.
     fn mean_of_polarisations(ni: f64, nt: f64, theta_deg: f64) -> f64 {
         let sin = theta_deg.to_radians().sin() * ni / nt;
         if sin >= 1.0 {
@@ -146,7 +143,7 @@ mod tests {
         }
     }
 
-    /// A ray at `theta_deg` against a normal that opposes it; both turned out of the axes.
+    /// Returns a ray at `theta_deg` against a normal that opposes it; both turned out of the axes.
     fn ray_and_normal(theta_deg: f64, turn: f64) -> ([f64; 3], [f64; 3]) {
         let (s, c) = theta_deg.to_radians().sin_cos();
         let rotate = |v: [f64; 3]| {

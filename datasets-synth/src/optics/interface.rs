@@ -8,9 +8,9 @@ const MIN_CONE_DEG: f64 = 0.1;
 /// Indices nearer to 1 than this are taken as no interface at all.
 const MIN_INDEX_STEP: f64 = 1e-9;
 
-/// Mean transmittance of the interface between air and a medium of index `index` (>= 1) for light
-/// that fills a cone of half-angle `cone_deg` (0 to 90 degrees) about the normal, `t_av(alpha, n)`
-/// [Stern 1964; Allen 1973, closed form].
+/// Returns the mean transmittance of the interface between air and a medium of index `index` (>= 1) for light that
+/// fills a cone of half-angle `cone_deg` (0 to 90 degrees) about the normal, `t_av(alpha, n)` [Stern 1964; Allen 1973,
+/// closed form].
 pub fn mean_interface_transmittance(cone_deg: f64, index: f64) -> f64 {
     let n = index;
     if n - 1.0 < MIN_INDEX_STEP {
@@ -57,7 +57,7 @@ impl DiffuseFaces {
         DiffuseFaces { entry, exit: entry / (index * index) }
     }
 
-    /// Reflectance from inside.
+    /// Returns the reflectance from inside.
     pub(crate) fn inner_reflectance(self) -> f64 {
         1.0 - self.exit
     }

@@ -38,17 +38,17 @@ impl SpecificAbsorption {
         }
     }
 
-    /// Refractive index of the leaf's material.
+    /// Returns the refractive index of the leaf's material.
     pub fn index(self, wavelength_nm: f64) -> f64 {
         interpolated(&self.table().index, LEAF_FIRST_NM, 1.0, wavelength_nm)
     }
 
-    /// Absorption of the whole leaf, `sum K C`: divide by N for one layer's k.
+    /// Returns the absorption of the whole leaf, `sum K C`: divide by N for one layer's k.
     pub fn absorption(self, contents: &LeafContents, wavelength_nm: f64) -> f64 {
         absorption_of(&self.coefficients(wavelength_nm), contents)
     }
 
-    /// What [`SpecificAbsorption::absorption`] multiplies the contents with.
+    /// Returns what [`SpecificAbsorption::absorption`] multiplies the contents with.
     pub(crate) fn coefficients(self, wavelength_nm: f64) -> Coefficients {
         let table = self.table();
         [&table.chlorophyll, &table.carotenoid, &table.anthocyanin, &table.brown, &table.water, &table.dry_matter]
@@ -56,7 +56,7 @@ impl SpecificAbsorption {
     }
 }
 
-/// `sum K C` for coefficients that were looked up.
+/// Returns `sum K C` for coefficients that were looked up.
 #[inline]
 pub(crate) fn absorption_of(coefficients: &Coefficients, contents: &LeafContents) -> f64 {
     coefficients[0] * contents.chlorophyll_ug_per_cm2

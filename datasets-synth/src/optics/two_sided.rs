@@ -14,7 +14,7 @@
 //! When it is wrong: real leaves transmit a little more straight on than to the side, and a leaf whose faces differ
 //! has another rho on each (tau is the same from both sides).
 
-/// `pi * f * |n.wi|` of a body of reflectance `reflectance` and transmittance `transmittance`, for the cosines
+/// Returns `pi * f * |n.wi|` of a body of reflectance `reflectance` and transmittance `transmittance`, for the cosines
 /// `cos_i` of the light and `cos_o` of the eye against one normal: the sign says the side, so light from behind is
 /// negative. 0 where either is edge-on.
 #[inline]

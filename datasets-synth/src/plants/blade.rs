@@ -18,7 +18,8 @@
 
 use std::f64::consts::TAU;
 
-use crate::plants::vec3::{UP, Vec3, along, cross, direction_or, length, scale, sub, turned};
+use crate::plants::vec3::{UP, Vec3, along, direction_or, length, scale, sub, turned};
+use crate::vector::cross;
 
 /// Nodes and weights of Gauss and Legendre's rule of five points on 0 to 1.
 const GAUSS: [[f64; 2]; 5] = [
@@ -48,7 +49,7 @@ pub(crate) enum Outline {
 }
 
 impl Outline {
-    /// Share of the greatest width at the share `v` of the length.
+    /// Returns the share of the greatest width at the share `v` of the length.
     pub fn width(self, v: f64) -> f64 {
         let v = v.clamp(0.0, 1.0);
         match self {
@@ -119,7 +120,7 @@ pub(crate) struct BladePoint {
 }
 
 impl Blade {
-    /// Area of one face over its outline, in square metres.
+    /// Returns the area of one face over its outline, in square metres.
     pub fn area_m2(&self) -> f64 {
         /// Strips of the midpoint rule.
         const STRIPS: usize = 64;
@@ -128,7 +129,7 @@ impl Blade {
         strips.sum::<f64>() / STRIPS as f64 * self.shape.length_m * self.shape.width_m
     }
 
-    /// The texture coordinate of the share `v` of the length: it grows towards the tip.
+    /// Returns the texture coordinate of the share `v` of the length: it grows towards the tip.
     pub fn texture_v(&self, v: f64) -> f64 {
         match self.shape.texture {
             TextureAlong::Whole => v,
@@ -136,8 +137,8 @@ impl Blade {
         }
     }
 
-    /// The point at `u` across (0 left margin, 0.5 midrib, 1 right margin, seen from above with the tip up) and `v`
-    /// along (0 base, 1 tip).
+    /// Returns the point at `u` across (0 left margin, 0.5 midrib, 1 right margin, seen from above with the tip up) and
+    /// `v` along (0 base, 1 tip).
     pub fn point(&self, u: f64, v: f64) -> BladePoint {
         let across = 2.0 * u - 1.0;
         let half_width = |v: f64| 0.5 * self.shape.width_m * self.shape.outline.width(v);
@@ -156,7 +157,8 @@ impl Blade {
         BladePoint { position_m: at(across, v), normal, tangent }
     }
 
-    /// How the midrib goes on at its share `v`, before its twist: its derivative over the length, of a bent one unit.
+    /// Returns how the midrib goes on at its share `v`, before its twist: its derivative over the length, of a bent one
+    /// unit.
     fn advance(&self, v: f64) -> Vec3 {
         match self.shape.course {
             Course::Bent { bend_rad, power, sway_rad } => {
@@ -212,7 +214,7 @@ impl Blade {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plants::vec3::dot;
+    use crate::vector::dot;
 
     fn blade() -> Blade {
         let shape = BladeShape {

@@ -65,7 +65,7 @@ pub(crate) struct Canopy {
     pub is_field: bool,
 }
 
-/// One plant of the species; the same number gives the same plant.
+/// Returns one plant of the species; the same number gives the same plant.
 pub(crate) fn plant(params: &PlantsParams, number: usize) -> Plant {
     let mut random = generator(params.seed, 1 + number as u64);
     match params.species {
@@ -77,7 +77,7 @@ pub(crate) fn plant(params: &PlantsParams, number: usize) -> Plant {
 }
 
 fn generator(seed: u64, stream: u64) -> Xoshiro256PlusPlus {
-    crate::optics::path_lengths::block_random(seed, stream)
+    crate::optics::abm::path_lengths::block_random(seed, stream)
 }
 
 impl Canopy {
@@ -133,13 +133,13 @@ impl Canopy {
         Ok(Canopy { variants, instances, ground, area_per_plant_m2: spacing_m[0] * spacing_m[1], field_m, is_field })
     }
 
-    /// Triangles that are drawn.
+    /// Returns the triangles that are drawn.
     pub fn instanced_triangles(&self) -> u64 {
         let ground = self.ground.as_ref().map_or(0, Mesh::triangle_count) as u64;
         ground + self.instances.iter().map(|one| self.variants[one.variant].triangle_count() as u64).sum::<u64>()
     }
 
-    /// Triangles that the file holds.
+    /// Returns the triangles that the file holds.
     pub fn unique_triangles(&self) -> u64 {
         let ground = self.ground.as_ref().map_or(0, Mesh::triangle_count);
         (ground + self.variants.iter().map(Variant::triangle_count).sum::<usize>()) as u64
@@ -155,14 +155,14 @@ impl Canopy {
         self.instances.iter().map(|one| self.variants[one.variant].plant.flowers() as u64).sum()
     }
 
-    /// Area of one face of all blades in square metres.
+    /// Returns the area of one face of all blades in square metres.
     pub fn leaf_area_m2(&self) -> f64 {
         let areas_m2: Vec<f64> = self.variants.iter().map(|variant| variant.plant.leaf_area_m2()).collect();
         self.instances.iter().map(|one| areas_m2[one.variant] * one.scale.powi(2)).sum()
     }
 }
 
-/// The variant of every plant: `wanted` plants, or as many as bring the triangles that are asked for.
+/// Returns the variant of every plant: `wanted` plants, or as many as bring the triangles that are asked for.
 fn choose(params: &PlantsParams, variants: &[Variant], wanted: usize) -> Result<Vec<usize>, SynthError> {
     let mut random = generator(params.seed, 0);
     let mut draw = |number: usize| match params.species {
@@ -185,7 +185,7 @@ fn choose(params: &PlantsParams, variants: &[Variant], wanted: usize) -> Result<
     Ok(choices)
 }
 
-/// Places around the origin: rows along x, one behind the other along z.
+/// Returns the places around the origin: rows along x, one behind the other along z.
 fn set_out(params: &PlantsParams, choices: &[usize], columns: usize, spacing_m: [f64; 2]) -> Vec<Instance> {
     if let [variant] = choices {
         return vec![Instance { variant: *variant, x_m: 0.0, z_m: 0.0, yaw_rad: 0.0, scale: 1.0 }];
@@ -220,7 +220,8 @@ mod tests {
 
     use super::*;
     use crate::plants::blade::Blade;
-    use crate::plants::vec3::{Vec3, cross, dot, length, sub};
+    use crate::plants::vec3::{Vec3, length, sub};
+    use crate::vector::{cross, dot};
 
     fn of(species: Species) -> PlantsParams {
         PlantsParams { branches: 150, leaves: 500, ..PlantsParams::of(species) }
@@ -311,7 +312,7 @@ mod tests {
         assert!(canopy(1) == canopy(3));
     }
 
-    /// Height, number of blades and leaf area.
+    /// Returns the height, number of blades and leaf area.
     fn counts(species: Species, stage: f64) -> (f64, usize, f64) {
         let plant = plant(&PlantsParams { stage, ..of(species) }, 0);
         let parts = meshes(&plant, 40);

@@ -7,8 +7,8 @@ use serde_json::{Map, Value, json};
 
 use crate::error::SynthError;
 use crate::optics::colour::RgbBands;
-use crate::optics::plate_body::PlateBody;
-use crate::optics::plate_model::PlateModel;
+use crate::optics::plates::body::PlateBody;
+use crate::optics::plates::model::PlateModel;
 use crate::plants::canopy::Canopy;
 use crate::plants::mesh::Mesh;
 use crate::plants::plant::Part;
@@ -19,7 +19,7 @@ pub const LEAF_EXTENSION: &str = "BTF_materials_leaf";
 /// Khronos' extension for instances.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-/// The file's bytes. `leaf_uri` is the description's address, relative to the file.
+/// Returns the file's bytes. `leaf_uri` is the description's address, relative to the file.
 ///
 /// # Errors
 /// [`SynthError::BadParameter`] for a canopy of 4 GiB and more.
@@ -76,14 +76,14 @@ pub(crate) fn canopy_glb(canopy: &Canopy, leaf: &LeafDescription, leaf_uri: &str
     })
 }
 
-/// Linear colour of the lit face of a leaf.
+/// Returns the linear colour of the lit face of a leaf.
 fn leaf_colour(leaf: &LeafDescription) -> Result<[f32; 3], SynthError> {
     let model = PlateModel::N;
     let body = PlateBody::new(model, model.default_table(), RgbBands::Spectral31)?;
     Ok(body.rgb(&leaf.contents, 1.0).reflectance.map(|x| x.clamp(0.0, 1.0)))
 }
 
-/// What a part looks like: linear base colour by eye, and roughness. A leaf's colour is that of its contents.
+/// Returns what a part looks like: linear base colour by eye, and roughness. A leaf's colour is that of its contents.
 pub(crate) fn look(part: Part) -> ([f32; 3], f64) {
     match part {
         Part::Leaf => ([0.05, 0.12, 0.03], 0.5),
@@ -97,7 +97,7 @@ pub(crate) fn look(part: Part) -> ([f32; 3], f64) {
     }
 }
 
-/// A part's material where nobody knows the leaf's extension.
+/// Returns a part's material where nobody knows the leaf's extension.
 fn material(part: Part, leaf_colour: [f32; 3], leaf_uri: &str) -> Value {
     let (colour, roughness) = look(part);
     let colour = if part == Part::Leaf { leaf_colour } else { colour };
@@ -158,7 +158,7 @@ impl Writer {
         json!({ "attributes": attributes, "indices": indices, "material": material, "mode": TRIANGLES })
     }
 
-    /// The attributes of all instances of a variant.
+    /// Returns the attributes of all instances of a variant.
     fn instances(&mut self, canopy: &Canopy, variant: usize) -> Value {
         let instances: Vec<_> = canopy.instances.iter().filter(|one| one.variant == variant).collect();
         let translations: Vec<[f32; 3]> = instances.iter().map(|one| [one.x_m as f32, 0.0, one.z_m as f32]).collect();

@@ -27,7 +27,8 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use crate::plants::blade::{Blade, BladeShape, Course, Outline, TextureAlong};
 use crate::plants::params::{PlantsParams, smooth};
 use crate::plants::plant::{Axis, Node, Part, Plant};
-use crate::plants::vec3::{UP, Vec3, along, cross, direction_or, scale};
+use crate::plants::vec3::{UP, Vec3, along, direction_or, scale};
+use crate::vector::cross;
 
 /// Width of the widest blade in metres: what the texture covers, and its height along the blade.
 pub(crate) const BLADE_WIDTH_M: f64 = 0.005;
@@ -61,7 +62,7 @@ pub(crate) fn grow(params: &PlantsParams, number: usize, random: &mut Xoshiro256
     plant
 }
 
-/// Places of `count` roots: cells of a grid, drawn without putting back, and anywhere in each.
+/// Returns the places of `count` roots: cells of a grid, drawn without putting back, and anywhere in each.
 fn roots(count: usize, sides_m: [f64; 2], random: &mut Xoshiro256PlusPlus) -> Vec<Vec3> {
     let across = (count as f64).sqrt().ceil() as usize;
     let along = count.div_ceil(across);

@@ -19,8 +19,8 @@ pub(crate) enum Module<S> {
     Draw(Command),
 }
 
-/// The word after `steps` derivation steps from `axiom`. `produce` gives a symbol's successor, or `None` where no
-/// production fits.
+/// Returns the word after `steps` derivation steps from `axiom`. `produce` gives a symbol's successor, or `None` where
+/// no production fits.
 ///
 /// Cost: the sum of all words' lengths.
 pub(crate) fn derive<S: Clone>(

@@ -119,7 +119,7 @@ impl Maize<'_> {
         }
     }
 
-    /// How many leaves have appeared since the leaf of a rank did.
+    /// Returns how many leaves have appeared since the leaf of a rank did.
     fn age(&self, rank: usize) -> f64 {
         self.appeared - rank as f64 + 1.0
     }
@@ -137,7 +137,7 @@ impl Maize<'_> {
         self.largest_rank().round() as usize
     }
 
-    /// Area of a leaf over that of the largest.
+    /// Returns the area of a leaf over that of the largest.
     fn relative_area(&self, rank: usize) -> f64 {
         let k = 4.2 * self.leaves as f64 / LEAVES as f64;
         (-(rank as f64 - self.largest_rank()).powi(2) / (2.0 * k * k)).exp()
@@ -213,7 +213,7 @@ impl Maize<'_> {
         ]
     }
 
-    /// The ear in its husk, in the axil of its leaf.
+    /// Returns the ear in its husk, in the axil of its leaf.
     fn ear(&self) -> Vec<Command> {
         /// Radius along the ear over the greatest.
         const OUTLINE: [f64; 8] = [0.35, 0.75, 0.95, 1.0, 0.93, 0.75, 0.48, 0.14];
@@ -225,7 +225,7 @@ impl Maize<'_> {
         start.into_iter().chain(husk).collect()
     }
 
-    /// A spike and its branches.
+    /// Returns a spike and its branches.
     fn tassel(&self, random: &mut Xoshiro256PlusPlus) -> Vec<Command> {
         let open = self.flowering();
         let top_m = self.stalk_radius_m(self.leaves);
@@ -249,7 +249,7 @@ impl Maize<'_> {
     }
 }
 
-/// A spike of spikelets: thick and thin by turns, bending by `tropism` at each.
+/// Returns a spike of spikelets: thick and thin by turns, bending by `tropism` at each.
 fn spike(spikelets: usize, length_m: f64, tropism_rad: f64) -> Vec<Command> {
     let step_m = length_m / (2 * spikelets) as f64;
     let taper = |i: usize| 1.0 - 0.6 * i as f64 / (2 * spikelets) as f64;

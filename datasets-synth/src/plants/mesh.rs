@@ -8,7 +8,8 @@ use std::f64::consts::TAU;
 
 use crate::plants::blade::{Blade, BladePoint, Outline};
 use crate::plants::plant::{Axis, Part, Plant};
-use crate::plants::vec3::{Vec3, along, cross, direction_or, dot, scale, sub};
+use crate::plants::vec3::{Vec3, along, direction_or, scale, sub};
+use crate::vector::{cross, dot};
 
 /// Radius of an axis that has eight sides, in metres; thinner ones have fewer.
 const EIGHT_SIDES_RADIUS_M: f64 = 0.012;
@@ -51,7 +52,7 @@ impl Mesh {
         (self.positions.len() - 1) as u32
     }
 
-    /// A square of soil around `[x, z]` positions' bounds.
+    /// Returns a square of soil around `[x, z]` positions' bounds.
     pub fn ground(least_m: [f64; 2], most_m: [f64; 2]) -> Mesh {
         let mut mesh = Mesh::default();
         let corners = [[least_m[0], most_m[1]], most_m, [most_m[0], least_m[1]], least_m];
@@ -63,7 +64,7 @@ impl Mesh {
     }
 }
 
-/// The meshes of a plant, by part and in the parts' order; `detail` is the number of triangles of a blade.
+/// Returns the meshes of a plant, by part and in the parts' order; `detail` is the number of triangles of a blade.
 pub(crate) fn meshes(plant: &Plant, detail: usize) -> Vec<(Part, Mesh)> {
     let mut parts: Vec<Part> = plant.axes.iter().map(|axis| axis.part).collect();
     let sheets = [(Part::Leaf, &plant.blades), (Part::Petal, &plant.petals)];
@@ -89,7 +90,8 @@ pub(crate) struct BladeVertex {
     pub point: BladePoint,
 }
 
-/// A blade as rows of vertices, an even number of columns, so that the midrib is a line; an end of no width is a point.
+/// Returns a blade as rows of vertices, an even number of columns, so that the midrib is a line; an end of no width is
+/// a point.
 pub(crate) fn blade_rows(blade: &Blade, detail: usize) -> impl Iterator<Item = Vec<BladeVertex>> {
     let columns = match detail {
         0..24 => 2,

@@ -76,7 +76,7 @@ pub struct PlantsParams {
 }
 
 impl PlantsParams {
-    /// One full-grown plant of a species, at its usual distances.
+    /// Returns one full-grown plant of a species, at its usual distances.
     pub fn of(species: Species) -> PlantsParams {
         let (leaf_angle_deg, detail, row_spacing_mm, spacing_mm) = match species {
             Species::Maize => (35.0, 200, 750.0, 180.0),

@@ -25,7 +25,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// The material's name.
+    /// Returns the material's name.
     pub fn name(self) -> &'static str {
         match self {
             Part::Leaf => "leaf",
@@ -65,7 +65,7 @@ pub(crate) struct Plant {
 }
 
 impl Plant {
-    /// Area of one face of all blades in square metres.
+    /// Returns the area of one face of all blades in square metres.
     pub fn leaf_area_m2(&self) -> f64 {
         self.blades.iter().map(Blade::area_m2).sum()
     }

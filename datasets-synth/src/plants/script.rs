@@ -22,7 +22,7 @@ const SPECULAR: f64 = 0.04;
 /// Least extent of a box in metres.
 const MIN_EXTENT_M: f64 = 1e-4;
 
-/// The script of a canopy; `leaf` is the description's name beside it, `detail` the triangles of a blade.
+/// Returns the script of a canopy; `leaf` is the description's name beside it, `detail` the triangles of a blade.
 ///
 /// # Errors
 /// [`SynthError::BadParameter`] for more than [`MAX_SHAPES`].
@@ -78,7 +78,7 @@ pub(crate) fn canopy_script(canopy: &Canopy, detail: usize, leaf: &str) -> Resul
     Ok(Script { space, materials, strokes })
 }
 
-/// A place of a plant in the script, in whole micrometres.
+/// Returns a place of a plant in the script, in whole micrometres.
 fn place(position_m: Vec3, one: &Instance) -> Point {
     let [x, y, z] = turned(scale(position_m, one.scale), UP, one.yaw_rad);
     [x + one.x_m, -(z + one.z_m), y].map(micrometres)
@@ -148,7 +148,8 @@ mod tests {
     use super::*;
     use crate::plants::mesh::Mesh;
     use crate::plants::params::{CanopySize, Ground, PlantsParams};
-    use crate::plants::vec3::{cross, length};
+    use crate::plants::vec3::length;
+    use crate::vector::cross;
 
     fn script(params: &PlantsParams) -> (Canopy, Script) {
         let canopy = Canopy::new(params).unwrap();
@@ -156,7 +157,7 @@ mod tests {
         (canopy, script)
     }
 
-    /// Area of triangles between rows, as a reader of scripts has it.
+    /// Returns the area of triangles between rows, as a reader of scripts has it.
     fn sheet_area_m2(rows_m: &[Vec<Point>]) -> f64 {
         let area = |a: Point, b: Point, c: Point| 0.5 * length(cross(sub(b, a), sub(c, a)));
         let pair = |below: &Vec<Point>, above: &Vec<Point>| match (below.as_slice(), above.as_slice()) {

@@ -130,7 +130,7 @@ impl Soybean<'_> {
         0.0045 * self.vigour * thickness * taper * if order == 0 { 1.0 } else { 0.7 }
     }
 
-    /// A petiole with one leaflet (at the first node) or three.
+    /// Returns a petiole with one leaflet (at the first node) or three.
     fn leaf(&self, node: usize, age: f64, random: &mut Xoshiro256PlusPlus) -> Vec<Command> {
         let grown = 0.15 + 0.85 * smooth(0.0, 3.0, age);
         let single = node == 1;
@@ -183,7 +183,7 @@ impl Soybean<'_> {
         }
     }
 
-    /// Two or three pods that hang from a node.
+    /// Returns two or three pods that hang from a node.
     fn pods(&self, age: f64, random: &mut Xoshiro256PlusPlus) -> Vec<Command> {
         /// Radius along a pod over the greatest: three seeds.
         const OUTLINE: [f64; 9] = [0.55, 0.95, 0.75, 1.0, 0.78, 1.0, 0.75, 0.6, 0.12];

@@ -89,13 +89,13 @@ fn orders(branches: usize) -> [usize; TWIG + 1] {
     [1, first, second, rest - first - second]
 }
 
-/// The `number`-th of `parts` nearly equal runs of `count`.
+/// Returns the `number`-th of `parts` nearly equal runs of `count`.
 fn run(number: usize, parts: usize, count: usize) -> Range<usize> {
     number * count / parts..(number + 1) * count / parts
 }
 
 impl Tree<'_> {
-    /// The shoots of the next order that a shoot bears. Without a next order none.
+    /// Returns the shoots of the next order that a shoot bears. Without a next order none.
     fn children(&self, shoot: &Shoot) -> Range<usize> {
         match shoot.order {
             TWIG => 0..0,
@@ -103,7 +103,8 @@ impl Tree<'_> {
         }
     }
 
-    /// The leaves that a shoot bears itself: those of a twig, or of a branch where there are no twigs of its own.
+    /// Returns the leaves that a shoot bears itself: those of a twig, or of a branch where there are no twigs of its
+    /// own.
     fn own_leaves(&self, shoot: &Shoot) -> usize {
         if !self.children(shoot).is_empty() {
             return 0;
@@ -111,7 +112,7 @@ impl Tree<'_> {
         self.leaves_above(shoot)
     }
 
-    /// The leaves of a shoot and all that it bears.
+    /// Returns the leaves of a shoot and all that it bears.
     fn leaves_above(&self, shoot: &Shoot) -> usize {
         let mut run_of = shoot.number..shoot.number + 1;
         // Leaves go by twigs; a tree of too few branches has its last order's instead.
@@ -175,7 +176,7 @@ impl Tree<'_> {
         word
     }
 
-    /// Length of a shoot at the share `t` of its bearer's.
+    /// Returns the length of a shoot at the share `t` of its bearer's.
     fn length_m(&self, bearer: &Shoot, t: f64, random: &mut Xoshiro256PlusPlus) -> f64 {
         let share = match bearer.order {
             // The crown's outline, widest at half the height.
@@ -186,7 +187,7 @@ impl Tree<'_> {
         bearer.length_m * share * random.gen_range(0.82..1.12)
     }
 
-    /// Leaves around the end of a twig; the turtle stands at it.
+    /// Returns the leaves around the end of a twig; the turtle stands at it.
     fn foliage(&self, leaves: usize, length_m: f64, random: &mut Xoshiro256PlusPlus) -> Vec<Command> {
         let mut commands = Vec::new();
         for i in 0..leaves {
@@ -224,12 +225,12 @@ impl Tree<'_> {
     }
 }
 
-/// Leaves of a run of `count` shoots that bear `leaves` together.
+/// Returns the leaves of a run of `count` shoots that bear `leaves` together.
 fn leaves_of(run: &Range<usize>, count: usize, leaves: usize) -> usize {
     run.end * leaves / count - run.start * leaves / count
 }
 
-/// Angle between a branch and its bearer's axis at the share `t` of it: flat below, steep above.
+/// Returns the angle between a branch and its bearer's axis at the share `t` of it: flat below, steep above.
 fn angle_rad(bearer_order: usize, t: f64) -> f64 {
     match bearer_order {
         0 => 1.30 - 0.80 * t,

@@ -5,7 +5,8 @@
 
 use crate::plants::blade::{Blade, BladeShape};
 use crate::plants::plant::{Axis, Node, Part, Plant};
-use crate::plants::vec3::{UP, Vec3, along, cross, direction_or, dot, scale, sub, turned};
+use crate::plants::vec3::{UP, Vec3, along, direction_or, scale, sub, turned};
+use crate::vector::{cross, dot};
 
 /// What the turtle can be told. Angles in radians, lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,7 +78,7 @@ impl State {
     }
 }
 
-/// The organs that commands draw. A bracket that is closed without being open is passed over.
+/// Returns the organs that commands draw. A bracket that is closed without being open is passed over.
 pub(crate) fn interpret(commands: impl IntoIterator<Item = Command>) -> Plant {
     let mut plant = Plant::default();
     let start = State { position_m: [0.0; 3], heading: UP, left: [-1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0], axis: None };

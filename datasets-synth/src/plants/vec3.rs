@@ -1,5 +1,7 @@
 //! Vectors of three numbers, as plants need them.
 
+use crate::vector::{cross, dot};
+
 /// A position or direction; metres, y up.
 pub(crate) type Vec3 = [f64; 3];
 
@@ -18,30 +20,22 @@ pub(crate) fn scale(a: Vec3, factor: f64) -> Vec3 {
     a.map(|x| x * factor)
 }
 
-/// `a + factor b`.
+/// Returns `a + factor b`.
 pub(crate) fn along(a: Vec3, b: Vec3, factor: f64) -> Vec3 {
     add(a, scale(b, factor))
-}
-
-pub(crate) fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 pub(crate) fn length(a: Vec3) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// The direction of `a`; where it has none, `otherwise`.
+/// Returns the direction of `a`; where it has none, `otherwise`.
 pub(crate) fn direction_or(a: Vec3, otherwise: Vec3) -> Vec3 {
     let length = length(a);
     if length > 1e-12 { scale(a, 1.0 / length) } else { otherwise }
 }
 
-/// `a` turned about the unit vector `axis` [Rodrigues].
+/// Returns `a` turned about the unit vector `axis` [Rodrigues].
 pub(crate) fn turned(a: Vec3, axis: Vec3, angle_rad: f64) -> Vec3 {
     let (sin, cos) = angle_rad.sin_cos();
     let parallel = scale(axis, dot(axis, a) * (1.0 - cos));

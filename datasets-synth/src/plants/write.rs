@@ -10,8 +10,9 @@ use btf_models::{
 };
 
 use crate::error::SynthError;
-use crate::leaf::patch::LeafParams;
-use crate::leaf::textures::{AppearanceTextures, BladePlace, LeafLook};
+use crate::leaf::look::{BladePlace, LeafLook};
+use crate::leaf::params::LeafParams;
+use crate::leaf::textures::AppearanceTextures;
 use crate::plants::canopy::Canopy;
 use crate::plants::gltf::canopy_glb;
 use crate::plants::grass;
@@ -130,7 +131,8 @@ pub fn write_plants(
     })
 }
 
-/// Width and height of what a species' textures cover: a blade from margin to margin, or a leaflet from base to tip.
+/// Returns the width and height of what a species' textures cover: a blade from margin to margin, or a leaflet from
+/// base to tip.
 fn texture_size_mm(species: Species) -> f64 {
     let metres = match species {
         Species::Maize => BLADE_WIDTH_M,
@@ -141,7 +143,7 @@ fn texture_size_mm(species: Species) -> f64 {
     (1000.0 * metres).round()
 }
 
-/// What the textures are grown for: seen from straight above, so that they have next to no margin.
+/// Returns what the textures are grown for: seen from straight above, so that they have next to no margin.
 fn texture_params(leaf: &LeafDescription, images: TextureImages) -> Result<LeafParams, SynthError> {
     let described = LeafParams::described(leaf, images);
     let above = DirectionSet::new(vec![Direction::new(0.0, 0.0)])?;

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use crate::surface::grid::Grid;
 use crate::surface::height_field::{HeightField, LightVisibility};
 use crate::surface::noise::lattice_unit;
-use crate::surface::rig::dot;
+use crate::vector::dot;
 
 /// Relief nodes per bounce node and axis.
 const STRIDE: usize = 2;
@@ -78,8 +78,8 @@ impl Bounce {
         Bounce { grid, albedo, met }
     }
 
-    /// The bounced light of the lamp `wi`, of which `visibility` reaches `field` directly, on the
-    /// calling thread.
+    /// Returns the bounced light of the lamp `wi`, of which `visibility` reaches `field` directly, on the calling
+    /// thread.
     pub(crate) fn gather(&self, field: &HeightField, visibility: &LightVisibility, wi: [f32; 3]) -> BouncedLight {
         let grid = self.grid;
         let sent: Vec<[f32; 3]> = (0..grid.len())
@@ -109,21 +109,21 @@ impl Bounce {
         BouncedLight { grid, scale: 1.0 / STRIDE as f32, irradiance }
     }
 
-    /// Bytes that one lamp's bounced light takes.
+    /// Returns the bytes that one lamp's bounced light takes.
     pub(crate) fn bytes_per_light(&self) -> usize {
         self.grid.len() * size_of::<[f32; 3]>()
     }
 }
 
 impl BouncedLight {
-    /// Irradiance at a place in cells of the relief's grid.
+    /// Returns the irradiance at a place in cells of the relief's grid.
     #[inline]
     pub(crate) fn at(&self, place: [f32; 2]) -> [f32; 3] {
         self.grid.corners(place.map(|x| x * self.scale)).sample_all(&self.irradiance)
     }
 }
 
-/// Direction `i` of a cosine density about z: a golden spiral over the unit disk, lifted.
+/// Returns the direction `i` of a cosine density about z: a golden spiral over the unit disk, lifted.
 fn spiral(i: usize, turn: f32) -> [f32; 3] {
     let radius2 = (i as f32 + 0.5) / DIRECTIONS as f32;
     let (sin, cos) = (i as f32 * GOLDEN_ANGLE_RAD + turn).sin_cos();
@@ -131,7 +131,7 @@ fn spiral(i: usize, turn: f32) -> [f32; 3] {
     [radius * cos, radius * sin, (1.0 - radius2).sqrt()]
 }
 
-/// A direction given about z, about `normal` instead [Duff 2017]; normals point upwards here.
+/// Returns a direction given about z, about `normal` instead [Duff 2017]; normals point upwards here.
 fn about(normal: [f32; 3], local: [f32; 3]) -> [f32; 3] {
     let a = -1.0 / (1.0 + normal[2]);
     let b = normal[0] * normal[1] * a;
@@ -151,7 +151,7 @@ mod tests {
         Bounce::new(field, |_| ALBEDO).gather(field, &LightVisibility::new(field, wi), wi)
     }
 
-    /// Mean irradiance along y at one x, over nodes away from the ends of the patch.
+    /// Returns the mean irradiance along y at one x, over nodes away from the ends of the patch.
     fn along_y(field: &HeightField, light: &BouncedLight, x: f32) -> [f32; 3] {
         let mut mean = [0.0; 3];
         for i in 0..200 {

@@ -60,12 +60,12 @@ impl CaptureParams {
         Ok(())
     }
 
-    /// Width of a texel in millimetres.
+    /// Returns the width of a texel in millimetres.
     pub(crate) fn texel_mm(&self) -> f32 {
         self.size_mm / self.size as f32
     }
 
-    /// The grid for a relief that stays within `relief_bound_mm` of its mean.
+    /// Returns the grid for a relief that stays within `relief_bound_mm` of its mean.
     pub(crate) fn grid(&self, relief_bound_mm: f32) -> Grid {
         Grid::for_patch(self.size, self.size_mm, relief_bound_mm, &self.views)
     }
@@ -83,7 +83,7 @@ impl CaptureParams {
         Err(SynthError::BadParameter { name: "--size-mm", value, allowed })
     }
 
-    /// The capture's description.
+    /// Returns the capture's description.
     pub(crate) fn info(&self, name: &str, provenance: String) -> CaptureInfo {
         let mut info =
             CaptureInfo::new(name, self.size, self.size, self.views.clone(), self.lights.clone(), self.format);

@@ -27,15 +27,15 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// A grid over a square patch of `size_mm`, of at least `margin_mm` around.
+    /// Returns a grid over a square patch of `size_mm`, of at least `margin_mm` around.
     pub fn new(size_mm: f32, cell_mm: f32, margin_mm: f32) -> Grid {
         let margin_cells = (margin_mm / cell_mm).ceil();
         let side = (size_mm / cell_mm).round() as usize + 2 * margin_cells as usize + 1;
         Grid { side, cell_mm, margin_mm: margin_cells * cell_mm }
     }
 
-    /// The grid of a patch of `size` x `size` texels and `size_mm` whose relief stays within
-    /// `relief_bound_mm` of its mean, photographed from `views`.
+    /// Returns the grid of a patch of `size` x `size` texels and `size_mm` whose relief stays within `relief_bound_mm`
+    /// of its mean, photographed from `views`.
     pub fn for_patch(size: usize, size_mm: f32, relief_bound_mm: f32, views: &DirectionSet) -> Grid {
         let steepest = views.directions().iter().map(|d| d.theta_deg).fold(0.0, f64::max);
         let slope = steepest.min(MARGIN_THETA_DEG).to_radians().tan() as f32;
@@ -43,7 +43,7 @@ impl Grid {
         Grid::new(size_mm, texel_mm / NODES_PER_TEXEL, relief_bound_mm * slope + SHADOW_MARGIN_MM)
     }
 
-    /// The grid of every `stride`-th node.
+    /// Returns the grid of every `stride`-th node.
     pub fn coarse(&self, stride: usize) -> Grid {
         Grid {
             side: ((self.side - 1) / stride + 1).max(2),
@@ -52,23 +52,23 @@ impl Grid {
         }
     }
 
-    /// Position of a node in millimetres.
+    /// Returns the position of a node in millimetres.
     pub fn position_mm(&self, column: usize, row: usize) -> [f32; 2] {
         [column as f32 * self.cell_mm - self.margin_mm, row as f32 * self.cell_mm - self.margin_mm]
     }
 
-    /// Place in cells from the first node, of a position in millimetres.
+    /// Returns the place in cells from the first node, of a position in millimetres.
     #[inline]
     pub fn cells(&self, position_mm: [f32; 2]) -> [f32; 2] {
         position_mm.map(|x| (x + self.margin_mm) / self.cell_mm)
     }
 
-    /// Number of nodes.
+    /// Returns the number of nodes.
     pub fn len(&self) -> usize {
         self.side * self.side
     }
 
-    /// The four nodes around a place and their weights; places outside are drawn to the edge.
+    /// Returns the four nodes around a place and their weights; places outside are drawn to the edge.
     #[inline]
     pub fn corners(&self, place: [f32; 2]) -> Corners {
         let last = (self.side - 1) as f32;
@@ -99,14 +99,14 @@ impl Corners {
         [self.first, self.first + 1, self.first + self.side, self.first + self.side + 1]
     }
 
-    /// The interpolated value of one field.
+    /// Returns the interpolated value of one field.
     #[inline]
     pub fn sample(&self, values: &[f32]) -> f32 {
         let nodes = self.nodes();
         (0..4).map(|i| self.weights[i] * values[nodes[i]]).sum()
     }
 
-    /// The interpolated value of a field of shares, 0 to 255 standing for 0 to 1.
+    /// Returns the interpolated value of a field of shares, 0 to 255 standing for 0 to 1.
     #[inline]
     pub fn sample_share(&self, values: &[u8]) -> f32 {
         let nodes = self.nodes();
@@ -114,7 +114,7 @@ impl Corners {
         sum * (1.0 / 255.0)
     }
 
-    /// The interpolated value of a field of several channels.
+    /// Returns the interpolated value of a field of several channels.
     #[inline]
     pub fn sample_all<const N: usize>(&self, values: &[[f32; N]]) -> [f32; N] {
         let nodes = self.nodes();

@@ -38,8 +38,8 @@ pub struct LightVisibility {
 }
 
 impl HeightField {
-    /// The relief of heights in millimetres at the nodes of `grid`, moved to mean height 0 over
-    /// the patch of `size_mm`. Slopes are central differences.
+    /// Returns the relief of heights in millimetres at the nodes of `grid`, moved to mean height 0 over the patch of
+    /// `size_mm`. Slopes are central differences.
     pub(crate) fn new(grid: Grid, size_mm: f32, mut height_mm: Vec<f32>) -> HeightField {
         // Summed in order, so threads do not matter.
         let inside = |node: usize| {
@@ -71,28 +71,28 @@ impl HeightField {
         HeightField { grid, size_mm, height_mm, slopes, lowest_mm, highest_mm }
     }
 
-    /// Width and height of the patch in millimetres.
+    /// Returns the width and height of the patch in millimetres.
     pub fn size_mm(&self) -> f32 {
         self.size_mm
     }
 
-    /// Lowest and highest node in millimetres, margin included.
+    /// Returns the lowest and highest node in millimetres, margin included.
     pub fn range_mm(&self) -> [f32; 2] {
         [self.lowest_mm, self.highest_mm]
     }
 
-    /// Height in millimetres at a position in millimetres.
+    /// Returns the height in millimetres at a position in millimetres.
     pub fn height_mm(&self, position_mm: [f32; 2]) -> f32 {
         self.grid.corners(self.grid.cells(position_mm)).sample(&self.height_mm)
     }
 
-    /// Unit normal at a position in millimetres.
+    /// Returns the unit normal at a position in millimetres.
     pub fn normal(&self, position_mm: [f32; 2]) -> [f32; 3] {
         self.normal_at(self.grid.cells(position_mm))
     }
 
-    /// The heights at the middles of `size` x `size` texels, `[row, column]`, row 0 at the top:
-    /// the map that is saved beside a capture.
+    /// Returns the heights at the middles of `size` x `size` texels, `[row, column]`, row 0 at the top: the map that is
+    /// saved beside a capture.
     pub fn height_map_mm(&self, size: usize) -> Vec<f32> {
         let texel_mm = self.size_mm / size as f32;
         (0..size * size)
@@ -103,7 +103,7 @@ impl HeightField {
             .collect()
     }
 
-    /// Unit normal at a place on the grid in cells.
+    /// Returns the unit normal at a place on the grid in cells.
     #[inline]
     pub(crate) fn normal_at(&self, place: [f32; 2]) -> [f32; 3] {
         let [slope_x, slope_y] = self.grid.corners(place).sample_all(&self.slopes);
@@ -170,8 +170,8 @@ impl HeightField {
         Some(at(0.5 * (free + blocked)))
     }
 
-    /// Share of the lamp that a node sees: from how far the relief keeps clear of the way to the
-    /// lamp's middle.
+    /// Returns the share of the lamp that a node sees: from how far the relief keeps clear of the way to the lamp's
+    /// middle.
     fn march_up(&self, column: usize, row: usize, wi: [f32; 3]) -> f32 {
         let sin2 = wi[0] * wi[0] + wi[1] * wi[1];
         if sin2 < 1e-10 {
@@ -215,13 +215,13 @@ impl LightVisibility {
         LightVisibility { share }
     }
 
-    /// Share of the lamp seen from `field` (the one that this was made of) at a position in
-    /// millimetres, 0 to 1.
+    /// Returns the share of the lamp seen from `field` (the one that this was made of) at a position in millimetres, 0
+    /// to 1.
     pub fn share_at(&self, field: &HeightField, position_mm: [f32; 2]) -> f32 {
         field.grid.corners(field.grid.cells(position_mm)).sample_share(&self.share)
     }
 
-    /// Bytes that the visibility of one light takes for this field.
+    /// Returns the bytes that the visibility of one light takes for this field.
     pub(crate) fn bytes(field: &HeightField) -> usize {
         field.grid.len()
     }
@@ -233,8 +233,7 @@ pub(crate) mod tests {
 
     use super::*;
 
-    /// A relief of 20 x 20 mm on a grid of 0.15625 mm, from its height in millimetres over the
-    /// position.
+    /// Returns a relief of 20 x 20 mm on a grid of 0.15625 mm, from its height in millimetres over the position.
     pub(crate) fn shaped(height: impl Fn([f32; 2]) -> f32) -> HeightField {
         let grid = Grid::new(20.0, 20.0 / 128.0, 3.3);
         let heights =
@@ -242,7 +241,7 @@ pub(crate) mod tests {
         HeightField::new(grid, 20.0, heights)
     }
 
-    /// A wall along y of 0.4 mm height and 1 mm width in the middle of the patch.
+    /// Returns a wall along y of 0.4 mm height and 1 mm width in the middle of the patch.
     fn wall() -> HeightField {
         shaped(|p| if (p[0] - 10.0).abs() < 0.5 { 0.4 } else { 0.0 })
     }

@@ -3,8 +3,8 @@
 /// A wave shorter than this many texels is left out, one longer than the second number is whole.
 const FADE_TEXELS: [f32; 2] = [2.5, 4.0];
 
-/// Share of a wave of so many texels' length that a picture should show, 0 to 1: what texels
-/// cannot carry would only alias.
+/// Returns the share of a wave of so many texels' length that a picture should show, 0 to 1: what texels cannot carry
+/// would only alias.
 pub(crate) fn carried_by_texels(texels: f32) -> f32 {
     ((texels - FADE_TEXELS[0]) / (FADE_TEXELS[1] - FADE_TEXELS[0])).clamp(0.0, 1.0)
 }
@@ -22,7 +22,7 @@ fn hash(x: i32, y: i32, seed: u32) -> u32 {
     mix(mix(mix(seed.wrapping_add(0x9E37_79B9)) ^ x as u32).wrapping_add(0x7F4A_7C15) ^ (y as u32).rotate_left(16))
 }
 
-/// The upper half of the bits as a number in [0, 1), and the lower half as another.
+/// Returns the upper half of the bits as a number in [0, 1), and the lower half as another.
 fn two_units(bits: u32) -> [f32; 2] {
     [(bits >> 16) as f32 / 65536.0, (bits & 0xFFFF) as f32 / 65536.0]
 }
@@ -45,7 +45,7 @@ pub(crate) fn gradient_noise(x: f32, y: f32, seed: u32) -> f32 {
     1.4 * (bottom * (1.0 - v) + top * v)
 }
 
-/// A number in [0, 1) of a lattice point.
+/// Returns a number in [0, 1) of a lattice point.
 pub(crate) fn lattice_unit(x: i32, y: i32, seed: u32) -> f32 {
     two_units(hash(x, y, seed))[0]
 }
@@ -61,14 +61,14 @@ pub(crate) struct Cell {
     pub unit: f32,
 }
 
-/// Distance from a point to the nearest border between Voronoi cells of one jittered site per unit
-/// square [Worley 1996; exact border distance by the bisectors].
+/// Returns the distance from a point to the nearest border between Voronoi cells of one jittered site per unit square
+/// [Worley 1996; exact border distance by the bisectors].
 pub(crate) fn cell_border_distance(x: f32, y: f32, seed: u32) -> f32 {
     cell(x, y, seed).border
 }
 
-/// The cell that a point lies in, among cells of one jittered site per unit square [Worley 1996;
-/// exact border distance by the bisectors].
+/// Returns the cell that a point lies in, among cells of one jittered site per unit square [Worley 1996; exact border
+/// distance by the bisectors].
 pub(crate) fn cell(x: f32, y: f32, seed: u32) -> Cell {
     /// How far a site may stand from the middle of its square: less than half keeps cells of
     /// like size.

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use crate::surface::bounce::{Bounce, BouncedLight};
 use crate::surface::height_field::{HeightField, LightVisibility};
+use crate::vector::dot;
 
 /// Points per texel and axis.
 pub(crate) const SUPERSAMPLES: usize = 2;
@@ -27,38 +28,38 @@ pub trait Material: Sync {
     /// Side of the images in texels.
     fn size(&self) -> usize;
 
-    /// The face that the eye sees.
+    /// Returns the face that the eye sees.
     fn face(&self) -> &HeightField;
 
-    /// What of the light `wi` reaches the face that it falls on: the seen one here. A material
-    /// that lets light through asks its other face, which must lie on the same grid.
+    /// Returns what of the light `wi` reaches the face that it falls on: the seen one here. A material that lets light
+    /// through asks its other face, which must lie on the same grid.
     fn visibility(&self, wi: [f32; 3]) -> LightVisibility {
         LightVisibility::new(self.face(), wi)
     }
 
-    /// The half of the shading at `place` (in cells of the face's grid) that the view decides.
+    /// Returns the half of the shading at `place` (in cells of the face's grid) that the view decides.
     fn point(&self, place: [f32; 2], normal: [f32; 3], wo: [f32; 3]) -> Self::Point;
 
-    /// The constants of the image under the light `wi` in the view `wo`.
+    /// Returns the constants of the image under the light `wi` in the view `wo`.
     fn pair(&self, wi: [f32; 3], wo: [f32; 3]) -> Self::Pair;
 
-    /// Cosine of incidence of the light `wi` at a point; where it is not positive the point is
-    /// unlit. Taken against the seen face's normal here.
+    /// Returns the cosine of incidence of the light `wi` at a point; where it is not positive the point is unlit. Taken
+    /// against the seen face's normal here.
     #[inline]
     fn cos_i(&self, hit: &Hit<Self::Point>, wi: [f32; 3]) -> f32 {
         dot(hit.normal, wi)
     }
 
-    /// `pi * BSDF * cos_i` of the fully lit point, linear sRGB; `cos_i` is positive.
+    /// Returns `pi * BSDF * cos_i` of the fully lit point, linear sRGB; `cos_i` is positive.
     fn shade(&self, pair: &Self::Pair, hit: &Hit<Self::Point>, cos_i: f32) -> [f32; 3];
 
-    /// The transport of light from the surface to itself; none here.
+    /// Returns the transport of light from the surface to itself; none here.
     fn bounce(&self) -> Option<&Bounce> {
         None
     }
 
-    /// Share of diffuse light at a point that leaves towards the eye, linear sRGB: what bounced
-    /// light is multiplied with.
+    /// Returns the share of diffuse light at a point that leaves towards the eye, linear sRGB: what bounced light is
+    /// multiplied with.
     fn diffuse_reflectance(&self, _hit: &Hit<Self::Point>) -> [f32; 3] {
         [0.0; 3]
     }
@@ -125,7 +126,7 @@ impl Illumination {
         Illumination { wi, visibility, bounced }
     }
 
-    /// Bytes that one light takes for this material.
+    /// Returns the bytes that one light takes for this material.
     pub(crate) fn bytes<M: Material>(material: &M) -> usize {
         LightVisibility::bytes(material.face()) + material.bounce().map_or(0, Bounce::bytes_per_light)
     }
@@ -165,19 +166,14 @@ pub fn render<M: Material>(material: &M, view: &ViewHits<M::Point>, light: &Illu
     image
 }
 
-#[inline]
-pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 #[cfg(test)]
 mod tests {
     use btf_capture::Direction;
 
     use super::*;
     use crate::leaf::plate_leaf::{PlateLeaf, tests as plate_leaf};
-    use crate::optics::path_lengths::Face;
-    use crate::optics::scatter_table::Passage;
+    use crate::optics::abm::path_lengths::Face;
+    use crate::optics::abm::scatter_table::Passage;
 
     fn leaf() -> PlateLeaf {
         plate_leaf::grown(Face::Adaxial, Passage::Reflection)

@@ -19,7 +19,7 @@ impl CosineTable {
         CosineTable { values: (0..ENTRIES).map(entry).collect() }
     }
 
-    /// The value at a cosine; cosines outside [0, 1] are drawn to the ends.
+    /// Returns the value at a cosine; cosines outside [0, 1] are drawn to the ends.
     #[inline]
     pub fn at(&self, cosine: f32) -> f32 {
         let position = cosine.clamp(0.0, 1.0).sqrt() * (ENTRIES - 1) as f32;
@@ -28,7 +28,7 @@ impl CosineTable {
         self.values[cell] * (1.0 - t) + self.values[cell + 1] * t
     }
 
-    /// Mean over the hemisphere with the cosine's weight.
+    /// Returns the mean over the hemisphere with the cosine's weight.
     pub fn mean(&self) -> f64 {
         let count = 4096;
         // Even steps of sin^2.

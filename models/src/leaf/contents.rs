@@ -1,8 +1,8 @@
-//! What a leaf holds.
+//! Contents of a leaf.
 
 use btf_leaf_quantities::{ANTHOCYANINS, BROWN, CAROTENOIDS, CHLOROPHYLL, DRY_MATTER, STRUCTURE, WATER};
 
-/// What a leaf holds per area of leaf. Ranges: [`crate::LEAF_QUANTITIES`].
+/// Contents of a leaf per area of its blade. Ranges: [`crate::LEAF_QUANTITIES`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafContents {
     /// Chlorophyll a + b in ug/cm2, 0 to 100.
@@ -22,8 +22,8 @@ pub struct LeafContents {
 }
 
 impl Default for LeafContents {
-    /// A green leaf: 40 ug/cm2 chlorophyll, 8 ug/cm2 carotenoids, no anthocyanins, no brown pigment,
-    /// 0.01 cm water, 0.005 g/cm2 dry matter, N = 1.5.
+    /// Returns a green leaf: 40 ug/cm2 chlorophyll, 8 ug/cm2 carotenoids, no anthocyanins, no brown pigment, 0.01 cm
+    /// water, 0.005 g/cm2 dry matter, N = 1.5.
     fn default() -> LeafContents {
         LeafContents {
             chlorophyll_ug_per_cm2: CHLOROPHYLL.default,
@@ -38,7 +38,7 @@ impl Default for LeafContents {
 }
 
 impl LeafContents {
-    /// The same leaf without any pigment: an albino [Miao, Fig. 2f].
+    /// Returns this leaf without any pigment, an albino [Miao, Fig. 2f].
     pub fn without_pigments(self) -> LeafContents {
         LeafContents {
             chlorophyll_ug_per_cm2: 0.0,

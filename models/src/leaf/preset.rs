@@ -1,4 +1,4 @@
-//! Physiological states of a leaf by name: contents of a whole blade.
+//! Named physiological states of a leaf: contents of a whole blade.
 //!
 //! | preset | Cab | Car | Cant | brown | water | dry | N | reason |
 //! |---|---|---|---|---|---|---|---|---|
@@ -8,25 +8,25 @@
 //! | senescent | 4 | 8 | 0.5 | 0.50 | 0.004 | 0.005 | 2.2 | chlorophyll goes before carotenoids; drying opens air gaps: N rises |
 //! | albino | 0 | 0 | 0 | 0 | 0.010 | 0.005 | 1.5 | no pigment at all [Miao, Fig. 2f] |
 //!
-//! Units as in [`LeafContents`]. These are means over a blade. Where on the blade a deficiency shows is the
-//! business of its appearance textures: [`crate::LeafDescription::deficiency`] grows them, and then the contents
-//! stay those of the healthy leaf. When it is wrong: a look within the ranges that leaf models are used in, no
-//! diagnosis; the two deficiencies beyond their cited number are round figures.
+//! Units are those of [`LeafContents`]. The contents are means over a blade. Where on the blade a deficiency shows
+//! belongs to its appearance textures: [`crate::LeafDescription::deficiency`] generates them, and then the contents
+//! stay those of the healthy leaf. When it is wrong: a preset is a look within the ranges that leaf models are used in,
+//! no diagnosis; the two deficiencies beyond their cited number are round figures.
 
 use crate::leaf::contents::LeafContents;
 
-/// A physiological state with a name.
+/// Named physiological state of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LeafPreset {
-    /// Green.
+    /// Green leaf.
     Healthy,
-    /// Pale: little of everything that holds nitrogen.
+    /// Pale leaf with little of everything that holds nitrogen.
     NitrogenDeficient,
-    /// Yellowish green, reddish at the margins.
+    /// Yellowish green leaf, reddish at the margins.
     MagnesiumDeficient,
-    /// Yellow to brown: an old leaf.
+    /// Old leaf, yellow to brown.
     Senescent,
-    /// White.
+    /// White leaf.
     Albino,
 }
 
@@ -40,7 +40,7 @@ impl LeafPreset {
         LeafPreset::Albino,
     ];
 
-    /// The name in files and panels.
+    /// Returns the name in files and panels.
     pub fn name(self) -> &'static str {
         match self {
             LeafPreset::Healthy => "healthy",
@@ -51,7 +51,7 @@ impl LeafPreset {
         }
     }
 
-    /// What such a blade holds.
+    /// Returns the contents of a blade in this state.
     pub fn contents(self) -> LeafContents {
         let healthy = LeafContents::default();
         match self {

@@ -27,7 +27,7 @@ pub struct LeafQuantity {
 }
 
 impl LeafQuantity {
-    /// The number of a leaf.
+    /// Returns the number of a leaf.
     pub fn of(&self, leaf: &LeafDescription) -> f64 {
         (self.get)(leaf)
     }
@@ -37,7 +37,7 @@ impl LeafQuantity {
         (self.set)(leaf, value);
     }
 
-    /// What is wrong with a value, as a verb phrase for a sentence that starts with the file: nothing for one
+    /// Returns what is wrong with a value, as a verb phrase for a sentence that starts with the file: nothing for one
     /// within the range.
     pub fn fault(&self, value: f64) -> Option<String> {
         let [least, most] = self.range;

@@ -1,4 +1,4 @@
-//! Leaves with a name: what a species holds and how it shines, and what a leaf may lack.
+//! Named leaves: contents and specular lobe of a species, and deficiencies.
 //!
 //! | species | patch | contents | gloss |
 //! |---|---|---|---|
@@ -8,15 +8,15 @@
 //! | grass | 5 mm | Cab 35, Car 7, N 1.4 | rougher across the veins |
 //! | none | 20 mm | Cab 40, Car 8, N 1.5 | 0.3 |
 //!
-//! Where the numbers come from: the contents as cited, otherwise from the middle of the ranges that leaf models
-//! are used in (Cab 0 to 100, Car 0 to 25 ug/cm2, N 1 to 3). Roughness along and across veins differ as in
-//! [Comar 2014] for grasses. When it is wrong: a preset is a look, no botanical measurement; cultivar, age and
-//! growth change every number by half.
+//! Where the numbers come from: the contents as cited, otherwise the middle of the ranges that leaf models are used in
+//! (Cab 0 to 100, Car 0 to 25 ug/cm2, N 1 to 3). Roughness along and across veins differ as in [Comar 2014] for
+//! grasses. When it is wrong: a preset is a look, no botanical measurement; cultivar, age and growth change every
+//! number by half.
 
 use crate::leaf::contents::LeafContents;
 use btf_leaf_quantities::{GAMMA_ACROSS, GAMMA_ALONG, GLOSS_INDEX};
 
-/// A leaf with a name.
+/// Species of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Species {
     /// *Zea mays*: a grass with parallel veins.
@@ -29,38 +29,38 @@ pub enum Species {
     Grass,
 }
 
-/// Gloss of a leaf's cuticle: a Cook-Torrance lobe of two roughnesses.
+/// Specular lobe of a leaf's cuticle: Cook-Torrance with two roughnesses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafGloss {
     /// Refractive index, 1.01 to 3.
     pub index: f64,
     /// Roughness along the vein direction, 0.05 to 1.
     pub gamma_along: f64,
-    /// Roughness across the vein direction, the same.
+    /// Roughness across the vein direction, 0.05 to 1.
     pub gamma_across: f64,
 }
 
 impl LeafGloss {
-    /// Least roughness: a narrower lobe falls between the directions of a capture.
+    /// Smallest roughness; a narrower lobe falls between the directions of a capture.
     pub const MIN_ROUGHNESS: f64 = GAMMA_ALONG.range[0];
 
     /// Refractive index of the cuticle [Miao, section 2].
     pub const CUTICLE_INDEX: f64 = GLOSS_INDEX.default;
 
-    /// The usual cuticle with a roughness along and one across the veins.
+    /// Returns the usual cuticle with a roughness along and one across the veins.
     pub const fn cuticle(gamma_along: f64, gamma_across: f64) -> LeafGloss {
         LeafGloss { index: LeafGloss::CUTICLE_INDEX, gamma_along, gamma_across }
     }
 }
 
 impl Default for LeafGloss {
-    /// Roughness 0.3 both ways.
+    /// Returns the roughness 0.3 both ways.
     fn default() -> LeafGloss {
         LeafGloss::cuticle(GAMMA_ALONG.default, GAMMA_ACROSS.default)
     }
 }
 
-/// What a species sets where nothing else is asked for.
+/// Defaults of a species, used where nothing else is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpeciesPreset {
     /// Width and height of the patch in millimetres.
@@ -72,7 +72,7 @@ pub struct SpeciesPreset {
 }
 
 impl Default for SpeciesPreset {
-    /// The plain leaf's.
+    /// Returns the defaults of the plain leaf.
     fn default() -> SpeciesPreset {
         SpeciesPreset { size_mm: 20.0, contents: LeafContents::default(), gloss: LeafGloss::default() }
     }
@@ -82,7 +82,7 @@ impl Species {
     /// Every species.
     pub const ALL: [Species; 4] = [Species::Maize, Species::Soybean, Species::Tree, Species::Grass];
 
-    /// The name on the command line and in files.
+    /// Returns the name on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {
             Species::Maize => "maize",
@@ -92,7 +92,7 @@ impl Species {
         }
     }
 
-    /// Its preset.
+    /// Returns the defaults of the species.
     pub fn preset(self) -> SpeciesPreset {
         let of = |chlorophyll, carotenoid, structure, gloss| SpeciesPreset {
             size_mm: 30.0,
@@ -113,12 +113,12 @@ impl Species {
     }
 }
 
-/// What a leaf lacks.
+/// Deficiency of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Deficiency {
-    /// Yellow from the tip along the midrib (maize), pale all over (others).
+    /// Lack of nitrogen: yellow from the tip along the midrib (maize), pale all over (others).
     Nitrogen,
-    /// Yellow between green veins.
+    /// Lack of magnesium: yellow between green veins.
     Magnesium,
 }
 
@@ -126,13 +126,13 @@ impl Deficiency {
     /// Every deficiency.
     pub const ALL: [Deficiency; 2] = [Deficiency::Nitrogen, Deficiency::Magnesium];
 
-    /// How far a deficiency has gone where nobody says.
+    /// Default severity of a deficiency.
     pub const SEVERITY: f64 = 0.7;
 
-    /// The brown pigment of a deficient leaf where nobody says: how brown its dead parts are.
+    /// Default brown pigment of a deficient leaf: how brown its dead parts are.
     pub const BROWN: f64 = 0.35;
 
-    /// The name on the command line and in files.
+    /// Returns the name on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {
             Deficiency::Nitrogen => "nitrogen",

@@ -1,5 +1,5 @@
-//! A folder of appearance textures: `structure.png`, `pigment.png` and so on, and `textures.toml`, which says
-//! what place on the leaf they cover and what black and white mean.
+//! Reads and writes a folder of appearance textures: `structure.png`, `pigment.png` and so on, and `textures.toml`,
+//! which says what place on the leaf they cover and what black and white mean.
 //!
 //! ```toml
 //! size_mm = 20.0      # width and height of the patch
@@ -15,9 +15,9 @@
 //! high = 2.0          # value of white
 //! ```
 //!
-//! Without the file, or a part of it, images cover the patch exactly and have each kind's usual range. Every
-//! image may have its own resolution. Millimetres of a patch run from its lower left corner, x to the right, y up
-//! to the tip.
+//! Without the file, or a part of it, images cover the patch exactly and have the usual range of their kind. Every
+//! image may have its own resolution. Positions on a patch are in millimetres from its lower left corner, x to the
+//! right, y up to the tip.
 
 use std::fmt::Write;
 use std::fs;
@@ -34,44 +34,44 @@ pub const TEXTURES_NAME: &str = "textures.toml";
 /// Largest description file in bytes.
 const MAX_DESCRIPTION_BYTES: u64 = 1 << 16;
 
-/// How far an image's shape may be from its area's before it is taken for a mistake.
+/// Relative difference between the shape of an image and that of its area above which the image is taken for a mistake.
 const SHAPE_TOLERANCE: f64 = 0.02;
 
-/// The place that textures cover: x and y of the lower left corner, width and height, in millimetres.
+/// Area that textures cover: x and y of the lower left corner, width and height, in millimetres.
 type AreaMm = [f64; 4];
 
 /// One texture as numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TextureGrid {
-    /// What it holds.
+    /// Kind of the texture.
     pub kind: TextureKind,
-    /// Texels in a row.
+    /// Number of texels in a row.
     pub width: usize,
-    /// The values that black and white stand for in the file; those of a grid to be written are clamped to them.
+    /// Values that black and white stand for in the file. Values of a grid to be written are clamped to this range.
     pub range: [f64; 2],
-    /// `[texel, channel]`, as many channels as [`TextureKind::channels`] says, row 0 at the top.
+    /// Values `[texel, channel]`, with [`TextureKind::channels`] channels, row 0 at the top.
     pub values: Vec<f32>,
 }
 
-/// Textures of the user's own. Empty: everything is grown.
+/// Textures that the user supplies. Without any, all textures are generated.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TextureImages {
-    /// Width and height of the patch, where the description says it.
+    /// Width and height of the patch in millimetres, where the description says it.
     size_mm: Option<f32>,
-    /// `None`: the patch.
+    /// Area that the images cover; `None` is the patch.
     area_mm: Option<AreaMm>,
-    /// By [`TextureKind`].
+    /// Images with their ranges, by [`TextureKind`].
     images: [Option<(Arc<TextureImage>, [f64; 2])>; TextureKind::ALL.len()],
 }
 
 impl TextureImages {
-    /// Reads the textures that the folder `dir` holds. Any may be missing, not all.
+    /// Reads the textures in the folder `dir`. Any may be missing, but not all.
     ///
     /// # Errors
-    /// [`ModelError::Leaf`]: a folder without textures, an image that is damaged, too large, of another
-    /// format or of a shape that its area has not, a description that does not make sense.
+    /// [`ModelError::Leaf`] for a folder without textures, an image that is damaged, too large, of another format or of
+    /// another shape than its area, or an invalid description.
     ///
-    /// Cost: 6 bytes per texel, at most 8192 x 8192 texels an image.
+    /// Cost: 6 bytes per texel, at most 8192 x 8192 texels per image.
     pub fn read(dir: impl AsRef<Path>) -> Result<TextureImages, ModelError> {
         let dir = dir.as_ref();
         let listing = fs::read_dir(dir).map_err(|error| {
@@ -107,46 +107,46 @@ impl TextureImages {
         Ok(textures)
     }
 
-    /// Whether there is no image at all.
+    /// Returns whether there is no image at all.
     pub fn is_empty(&self) -> bool {
         self.images.iter().all(Option::is_none)
     }
 
-    /// The kinds that there are.
+    /// Returns the kinds of the images that there are.
     pub fn kinds(&self) -> impl Iterator<Item = TextureKind> {
         TextureKind::ALL.into_iter().filter(|kind| self.has(*kind))
     }
 
-    /// Whether there is an image of a kind.
+    /// Returns whether there is an image of a kind.
     pub fn has(&self, kind: TextureKind) -> bool {
         self.images[kind as usize].is_some()
     }
 
-    /// Width and height of the patch in millimetres, where `textures.toml` says it.
+    /// Returns the width and height of the patch in millimetres, where `textures.toml` says it.
     pub fn size_mm(&self) -> Option<f32> {
         self.size_mm
     }
 
-    /// The place that every image covers on a patch of `size_mm`: x and y of the lower left corner, width and
-    /// height, in millimetres. It may be larger than the patch: what oblique views see beside it.
+    /// Returns the area that every image covers on a patch of `size_mm`: x and y of the lower left corner, width and
+    /// height, in millimetres. The area may be larger than the patch, because oblique views see beside it.
     pub fn area_mm(&self, size_mm: f32) -> [f64; 4] {
         let size = f64::from(size_mm);
         self.area_mm.unwrap_or([0.0, 0.0, size, size])
     }
 
-    /// Texels in a row of the widest image; `None` without any.
+    /// Returns the number of texels in a row of the widest image; `None` without images.
     pub fn finest_width(&self) -> Option<usize> {
         self.images.iter().flatten().map(|(image, _)| image.size()[0]).max()
     }
 
-    /// The texture of a kind as numbers, if there is an image of it. Costs 4 bytes per texel and channel.
+    /// Returns the texture of a kind as numbers, if there is an image of it. Costs 4 bytes per texel and channel.
     pub fn grid(&self, kind: TextureKind) -> Option<TextureGrid> {
         let (image, range) = self.images[kind as usize].as_ref()?;
         Some(TextureGrid { kind, width: image.size()[0], range: *range, values: image.values(*range) })
     }
 
-    /// The bilinear value of a kind at a position in millimetres of a patch of `size_mm`, if there is an image
-    /// of it; beyond the area the image is mirrored, channels that it lacks are 0.
+    /// Returns the bilinearly interpolated value of a kind at a position in millimetres of a patch of `size_mm`, if
+    /// there is an image of it. Beyond the area the image is mirrored; channels that it lacks are 0.
     pub fn sample(&self, kind: TextureKind, position_mm: [f32; 2], size_mm: f32) -> Option<[f32; 3]> {
         let (image, range) = self.images[kind as usize].as_ref()?;
         let [left, bottom, width, height] = self.area_mm(size_mm);
@@ -155,13 +155,13 @@ impl TextureImages {
     }
 }
 
-/// Writes textures of a patch of `size_mm` into the new folder `dir`, with `textures.toml`: all cover `area_mm`
-/// (x and y of the lower left corner, width and height). `about` is a line for people. The structure has 8 bits,
-/// the others 16. The folder appears whole or not at all.
+/// Writes textures of a patch of `size_mm` into the new folder `dir`, with `textures.toml`. All cover `area_mm` (x and
+/// y of the lower left corner, width and height). `about` is a line for people. The structure has 8 bits, the others
+/// 16. The folder appears whole or not at all.
 ///
 /// # Errors
-/// [`ModelError::Leaf`] if `dir` holds files already or cannot be made, [`ModelError::File`] if a file
-/// cannot be written.
+/// [`ModelError::Leaf`] if `dir` holds files already or cannot be created, [`ModelError::File`] if a file cannot be
+/// written.
 pub fn write_textures(
     dir: impl AsRef<Path>,
     area_mm: [f64; 4],
@@ -215,7 +215,7 @@ fn check_shape(path: &Path, image: &TextureImage, area_mm: Option<AreaMm>) -> Re
     Err(ModelError::leaf(path, fault, "crop or scale it to that shape"))
 }
 
-/// What `textures.toml` says.
+/// Contents of `textures.toml`.
 struct Description {
     size_mm: Option<f32>,
     area_mm: Option<AreaMm>,
@@ -223,7 +223,7 @@ struct Description {
 }
 
 impl Description {
-    /// Reads the file, or takes the defaults where there is none.
+    /// Reads the file, or returns the defaults where there is none.
     fn read(path: &Path) -> Result<Description, ModelError> {
         let bad = |fault: String| {
             ModelError::leaf(path, fault, "correct or delete it, then images cover the patch in their usual range")

@@ -1,4 +1,4 @@
-//! One appearance texture as an image: which there are, and how a PNG is read and written.
+//! Kinds of appearance textures, and one of them as an image, read from and written to PNG.
 
 use std::fs::File;
 use std::io::{Cursor, Read};
@@ -6,24 +6,24 @@ use std::path::Path;
 
 use crate::error::ModelError;
 
-/// Most texels of a texture: 8192 x 8192.
+/// Largest number of texels of a texture: 8192 x 8192.
 pub const MAX_TEXTURE_TEXELS: usize = 1 << 26;
 
-/// Largest texture file in bytes: that many texels of 16-bit RGB, stored plainly.
+/// Largest texture file in bytes: [`MAX_TEXTURE_TEXELS`] of 16-bit RGB without compression.
 const MAX_FILE_BYTES: u64 = 6 * MAX_TEXTURE_TEXELS as u64 + (1 << 20);
 
-/// What an appearance texture holds.
+/// Kind of an appearance texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TextureKind {
     /// Main vein, lesser veins and mesophyll as red, green and blue.
     Structure,
-    /// V_a, V_c and V_b as red, green and blue.
+    /// Factors V_a, V_c and V_b on chlorophyll, carotenoids and brown pigment as red, green and blue.
     Pigment,
-    /// V_g of the adaxial face.
+    /// Factor V_g on the specular lobe of the adaxial face.
     Gloss,
-    /// V_g of the abaxial face.
+    /// Factor V_g on the specular lobe of the abaxial face.
     GlossAbaxial,
-    /// V_t.
+    /// Factor V_t on the thickness.
     Thickness,
     /// Height of the adaxial face in millimetres.
     Height,
@@ -46,7 +46,7 @@ impl TextureKind {
         TextureKind::Direction,
     ];
 
-    /// The file's name without `.png`, and the table's in the description file.
+    /// Returns the name of the file without `.png`, which is also the name of its table in the description file.
     pub fn name(self) -> &'static str {
         match self {
             TextureKind::Structure => "structure",
@@ -60,7 +60,7 @@ impl TextureKind {
         }
     }
 
-    /// What the channels mean, for people.
+    /// Returns the meaning of the channels for people.
     pub fn meaning(self) -> &'static str {
         match self {
             TextureKind::Structure => {
@@ -84,7 +84,7 @@ impl TextureKind {
         }
     }
 
-    /// Number of channels: 1 or 3.
+    /// Returns the number of channels: 1 or 3.
     pub fn channels(self) -> usize {
         match self {
             TextureKind::Structure | TextureKind::Pigment | TextureKind::Direction => 3,
@@ -92,7 +92,7 @@ impl TextureKind {
         }
     }
 
-    /// Values of black and of white where no description file says otherwise.
+    /// Returns the default values of black and of white.
     pub fn default_range(self) -> [f64; 2] {
         match self {
             TextureKind::Structure | TextureKind::Gloss | TextureKind::GlossAbaxial => [0.0, 1.0],
@@ -102,7 +102,7 @@ impl TextureKind {
         }
     }
 
-    /// The widest range that makes sense.
+    /// Returns the widest range that is accepted.
     pub fn allowed_range(self) -> [f64; 2] {
         match self {
             TextureKind::Pigment | TextureKind::Thickness => [0.0, 20.0],
@@ -112,23 +112,23 @@ impl TextureKind {
     }
 }
 
-/// A decoded texture: 16 bits a channel, channels as its kind needs, row 0 at the top.
+/// Decoded texture with 16 bits a channel, the channels that its kind needs, and row 0 at the top.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct TextureImage {
     width: usize,
     height: usize,
     channels: usize,
-    /// `[texel, channel]`.
+    /// Values `[texel, channel]`.
     values: Vec<u16>,
 }
 
 impl TextureImage {
-    /// Reads a PNG of 1 to 16 bits, grey, RGB or with a palette. Grey serves all channels, RGB where one
-    /// channel is wanted is averaged, transparency is ignored; colour profiles are not applied: pixels are
+    /// Reads a PNG of 1 to 16 bits, grey, RGB or with a palette. Grey is copied to all channels, and RGB is averaged
+    /// where one channel is needed. Transparency is ignored. Colour profiles are not applied, because pixels are
     /// numbers.
     ///
     /// # Errors
-    /// [`ModelError::Leaf`] for what cannot be read, is damaged or cut, or is too large.
+    /// [`ModelError::Leaf`] for a file that cannot be read, is damaged or cut, or is too large.
     pub fn read(path: &Path, channels: usize) -> Result<TextureImage, ModelError> {
         let bad = |fault: String, remedy: &'static str| ModelError::leaf(path, fault, remedy);
         let unreadable =
@@ -184,7 +184,7 @@ impl TextureImage {
         Ok(TextureImage { width: width as usize, height: height as usize, channels, values })
     }
 
-    /// An image of values in `range`, `[texel, channel]`, which are clamped to it and rounded.
+    /// Returns an image of `values`, `[texel, channel]`, which are clamped to `range` and rounded.
     pub fn from_values(width: usize, channels: usize, values: &[f32], range: [f64; 2]) -> TextureImage {
         let scale = 65535.0 / (range[1] - range[0]);
         // `as` saturates and maps NaN to 0.
@@ -192,7 +192,7 @@ impl TextureImage {
         TextureImage { width, height: values.len() / channels / width, channels, values }
     }
 
-    /// The image as a PNG of 16 bits, or of 8.
+    /// Encodes the image as a PNG of 16 or of 8 bits.
     pub fn encode(&self, sixteen_bits: bool) -> Result<Vec<u8>, png::EncodingError> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
@@ -209,18 +209,18 @@ impl TextureImage {
         Ok(bytes)
     }
 
-    /// Width and height in texels.
+    /// Returns the width and height in texels.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// All values in `range`, `[texel, channel]`, row 0 at the top.
+    /// Returns all values, `[texel, channel]`, scaled to `range`, row 0 at the top.
     pub fn values(&self, range: [f64; 2]) -> Vec<f32> {
         self.values.iter().map(|&value| value_of(f64::from(value), range)).collect()
     }
 
-    /// The bilinear value at a place from 0 (left, top) to 1 (right, bottom) in `range`; beyond the edges the
-    /// image is mirrored. Channels that the image lacks are 0.
+    /// Returns the bilinearly interpolated value, scaled to `range`, at a place from 0 (left, top) to 1 (right,
+    /// bottom). Beyond the edges the image is mirrored. Channels that the image lacks are 0.
     pub fn sample(&self, place: [f64; 2], range: [f64; 2]) -> [f32; 3] {
         let along = |u: f64, count: usize| {
             let u = u.rem_euclid(2.0);
@@ -243,12 +243,12 @@ impl TextureImage {
     }
 }
 
-/// What a number from 0 to 65535 stands for.
+/// Returns the value in `range` that a number from 0 to 65535 stands for.
 fn value_of(code: f64, range: [f64; 2]) -> f32 {
     (range[0] + code / 65535.0 * (range[1] - range[0])) as f32
 }
 
-/// What is wrong with the bytes of a PNG.
+/// Fault of the bytes of a PNG.
 #[derive(Debug)]
 enum Fault {
     Size(u32, u32),
@@ -259,7 +259,7 @@ enum Fault {
 pub(crate) mod tests {
     use super::*;
 
-    /// A PNG of `data` in one of the library's colour types.
+    /// Returns a PNG of `data` in one of the library's colour types.
     pub(crate) fn png_bytes(size: [u32; 2], colour: png::ColorType, depth: png::BitDepth, data: &[u8]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, size[0], size[1]);

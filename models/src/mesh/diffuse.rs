@@ -1,7 +1,7 @@
-//! What a diffuse surface does with light.
+//! Reflectance and transmittance of diffuse surfaces.
 
-/// Shares of the light that falls on a diffuse surface which leave it on the side where it came from and on the other, linear
-/// sRGB; of either side alike. Together at most 1, or the surface would shine.
+/// Shares of the light on a diffuse surface that are reflected and transmitted, linear sRGB, equal for both sides.
+/// Their sum is at most 1, or the surface would emit light.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DiffuseColour {
     /// Hemispherical reflectance.
@@ -11,13 +11,13 @@ pub struct DiffuseColour {
 }
 
 impl DiffuseColour {
-    /// Of an opaque surface.
+    /// Returns the colour of an opaque surface.
     pub const fn opaque(reflectance: [f32; 3]) -> DiffuseColour {
         DiffuseColour { reflectance, transmittance: [0.0; 3] }
     }
 
-    /// Of the diffuse part of a glTF material: `base` is reflected, but for the share that `KHR_materials_diffuse_transmission`
-    /// lets through in a colour of its own.
+    /// Returns the colour of the diffuse part of a glTF material. `base` is reflected, except for the share that
+    /// `KHR_materials_diffuse_transmission` transmits in a colour of its own.
     pub(super) fn of_gltf(base: [f32; 3], transmission: f32, transmission_colour: [f32; 3]) -> DiffuseColour {
         let share = transmission.clamp(0.0, 1.0);
         DiffuseColour {
@@ -26,7 +26,7 @@ impl DiffuseColour {
         }
     }
 
-    /// With both shares times `tint`, and together no more than all light, if they were not before.
+    /// Returns the colour with both shares multiplied by `tint`. Their sum stays at most 1 if it was before.
     #[must_use]
     pub fn tinted(self, tint: [f32; 3]) -> DiffuseColour {
         let factor: [f32; 3] = std::array::from_fn(|channel| {

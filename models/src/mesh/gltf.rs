@@ -1,28 +1,26 @@
-//! glTF files.
+//! Reads meshes from glTF files.
 
-use super::{DiffuseColour, ModelMesh, ModelPart, beside, checked, fault};
+use super::accessors::Accessors;
+use super::address::beside;
+use super::diffuse::DiffuseColour;
+use super::gltf_file::{gltf_buffers, open_gltf};
+use super::model::{ModelMesh, ModelPart, checked, fault};
 use crate::error::ModelError;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;
 use std::path::Path;
 
-/// The extension with which a node places its mesh many times.
+/// Name of the extension with which a node places its mesh many times.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
-/// The extension with which a material lets light through diffusely.
+/// Name of the extension with which a material transmits light diffusely.
 const TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
 
-/// The meshes of a glTF file that are placed, in the file's order. Geometry only: pictures inside the file are not decoded.
+/// Reads the meshes of a glTF file that are placed, in the order of the file. Images inside the file are not decoded.
 pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, ModelError> {
     let fault = |reason: String| fault(path, reason);
-    let gltf = gltf::Gltf::open(path)
-        .map_err(|error| fault(format!("the glTF file cannot be read: {error}; copy or export it again")))?;
-    let buffers = gltf::import_buffers(&gltf.document, path.parent(), gltf.blob.clone())
-        .map_err(|error| fault(format!("the glTF file's buffers cannot be read: {error}; copy or export it again")))?;
-    for accessor in gltf.accessors() {
-        if !accessor_fits(&accessor, &buffers) {
-            return Err(fault(format!("accessor {} reaches beyond its buffer, export it again", accessor.index())));
-        }
-    }
+    let gltf = open_gltf(path)?;
+    let buffers = gltf_buffers(path, &gltf)?;
+    let mut accessors = Accessors::new(path, &gltf, &buffers)?;
     let scene = gltf
         .default_scene()
         .or_else(|| gltf.scenes().next())
@@ -31,10 +29,15 @@ pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, ModelError> {
     let mut places: Vec<Vec<Mat4>> = vec![Vec::new(); gltf.meshes().count()];
     let mut open: Vec<(gltf::Node, Mat4)> = scene.nodes().map(|node| (node, Mat4::IDENTITY)).collect();
     open.reverse();
+    let mut visited = vec![false; gltf.nodes().count()];
     while let Some((node, parent)) = open.pop() {
+        // Nodes are trees; a cycle would have no end, and shared children could double with every level.
+        if std::mem::replace(&mut visited[node.index()], true) {
+            return Err(fault(format!("node {} stands below two nodes, export it again", node.index())));
+        }
         let matrix = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
         if let Some(mesh) = node.mesh() {
-            let own = instances_of(&node, &gltf, &buffers).ok_or_else(|| {
+            let own = instances_of(&node, &gltf, &mut accessors).ok_or_else(|| {
                 fault(format!("{INSTANCING} of node {} cannot be followed, export it again", node.index()))
             })?;
             for place in own.into_iter().map(|own| matrix * own) {
@@ -57,29 +60,31 @@ pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, ModelError> {
         }
         let mut parts = Vec::new();
         for primitive in mesh.primitives() {
-            parts.extend(part_of(path, &primitive, &buffers)?);
+            parts.extend(part_of(path, &primitive, &mut accessors)?);
         }
         meshes.push(ModelMesh { parts, places });
     }
     Ok(meshes)
 }
 
-/// Where a node places its mesh, in the node's own space: once, or as [`INSTANCING`] says; `None` if that makes no sense.
-fn instances_of(node: &gltf::Node, gltf: &gltf::Gltf, buffers: &[gltf::buffer::Data]) -> Option<Vec<Mat4>> {
+/// Returns the transforms with which a node places its mesh, in the node's own space: one, or those of [`INSTANCING`].
+/// Returns `None` if the extension is invalid.
+fn instances_of(node: &gltf::Node, gltf: &gltf::Gltf, accessors: &mut Accessors) -> Option<Vec<Mat4>> {
     use gltf::accessor::{DataType, Dimensions, Iter};
     let Some(extension) = node.extension_value(INSTANCING) else { return Some(vec![Mat4::IDENTITY]) };
-    let buffer = |buffer: gltf::Buffer| buffers.get(buffer.index()).map(|data| data.0.as_slice());
-    let accessor = |name: &str, dimensions: Dimensions| match &extension["attributes"][name] {
+    let mut accessor = |name: &str, dimensions: Dimensions| match &extension["attributes"][name] {
         Value::Null => Some(None),
         number => {
             let accessor = gltf.accessors().nth(usize::try_from(number.as_u64()?).ok()?)?;
-            (accessor.data_type() == DataType::F32 && accessor.dimensions() == dimensions).then_some(Some(accessor))
+            accessors.take(&accessor, &[DataType::F32], dimensions, "instances").ok()?;
+            Some(Some(accessor))
         }
     };
     let [translations, turns, scales] =
         [("TRANSLATION", Dimensions::Vec3), ("ROTATION", Dimensions::Vec4), ("SCALE", Dimensions::Vec3)]
             .map(|(name, dimensions)| accessor(name, dimensions));
     let (translations, turns, scales) = (translations?, turns?, scales?);
+    let buffer = |buffer: gltf::Buffer| accessors.bytes(&buffer);
     let counts: Vec<usize> =
         [&translations, &turns, &scales].into_iter().flatten().map(gltf::Accessor::count).collect();
     let count = *counts.first()?;
@@ -98,25 +103,14 @@ fn instances_of(node: &gltf::Node, gltf: &gltf::Gltf, buffers: &[gltf::buffer::D
     Some(placed.map(|((at, turn), scale)| Mat4::from_scale_rotation_translation(scale, turn, at)).collect())
 }
 
-/// Whether all elements lie within the buffer view and that within its buffer; the crate's readers take it on trust.
-fn accessor_fits(accessor: &gltf::Accessor, buffers: &[gltf::buffer::Data]) -> bool {
-    let Some(view) = accessor.view() else { return true };
-    let stride = view.stride().unwrap_or(accessor.size());
-    let span = accessor
-        .count()
-        .checked_sub(1)
-        .map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(accessor.size())?.checked_add(accessor.offset()));
-    let end = view.offset().checked_add(view.length());
-    span.is_some_and(|span| span <= view.length())
-        && end.is_some_and(|end| buffers.get(view.buffer().index()).is_some_and(|buffer| end <= buffer.len()))
-}
-
 fn part_of(
     path: &Path,
     primitive: &gltf::Primitive,
-    buffers: &[gltf::buffer::Data],
+    accessors: &mut Accessors,
 ) -> Result<Option<ModelPart>, ModelError> {
-    use gltf::mesh::Mode;
+    use gltf::accessor::DataType::{F32, U8, U16, U32};
+    use gltf::accessor::Dimensions::{Scalar, Vec2, Vec3, Vec4};
+    use gltf::mesh::{Mode, Semantic};
     let fault = |reason: &str| fault(path, reason);
     if primitive.mode() != Mode::Triangles {
         return match primitive.mode() {
@@ -127,7 +121,15 @@ fn part_of(
             _ => Ok(None),
         };
     }
-    let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|data| data.0.as_slice()));
+    let mut take = |accessor: Option<gltf::Accessor>, types: &[gltf::accessor::DataType], dimensions, what| {
+        accessor.map_or(Ok(()), |accessor| accessors.take(&accessor, types, dimensions, what))
+    };
+    take(primitive.get(&Semantic::Positions), &[F32], Vec3, "positions")?;
+    take(primitive.get(&Semantic::Normals), &[F32], Vec3, "normals")?;
+    take(primitive.get(&Semantic::Tangents), &[F32], Vec4, "tangents")?;
+    take(primitive.get(&Semantic::TexCoords(0)), &[U8, U16, F32], Vec2, "texture coordinates")?;
+    take(primitive.indices(), &[U8, U16, U32], Scalar, "indices")?;
+    let reader = primitive.reader(|buffer| accessors.bytes(&buffer));
     let positions: Vec<[f32; 3]> =
         reader.read_positions().ok_or_else(|| fault("a primitive has no positions, export it again"))?.collect();
     let normals: Option<Vec<[f32; 3]>> = reader.read_normals().map(Iterator::collect);
@@ -162,13 +164,14 @@ fn part_of(
     checked(path, part).map(Some)
 }
 
-/// The address of what a material points at beside the file.
+/// Returns the address of the leaf or asset beside the file that a material points at.
 fn shown<'a>(material: &'a gltf::Material) -> Option<&'a str> {
     let leaf = material.extension_value("BTF_materials_leaf").map(|told| &told["leaf"]);
     leaf.or_else(|| material.extension_value("BTF_materials_spmm").map(|told| &told["asset"]["uri"]))?.as_str()
 }
 
-/// What a material reflects and, by [`TRANSMISSION`], lets through. A share that is a picture is not known: none.
+/// Returns what a material reflects and, by [`TRANSMISSION`], transmits. A share that is given as a texture counts as
+/// none.
 fn colour(material: &gltf::Material) -> DiffuseColour {
     let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();
     let extension = material.extension_value(TRANSMISSION).filter(|told| told["diffuseTransmissionTexture"].is_null());

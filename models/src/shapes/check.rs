@@ -1,25 +1,27 @@
-//! What must hold in a script beyond its form: ranges, names, counts, and which shape may stand where.
+//! Checks what must hold in a script beyond its form: ranges, names, counts, and which shape may stand where.
 
-use crate::shapes::material::{Material, Noise, Tint};
+use crate::shapes::material::{Material, Tint};
+use crate::shapes::noise::Noise;
+use crate::shapes::point::{Point, cross, length};
 use crate::shapes::script::{PaintMode, Script, Stroke};
-use crate::shapes::shape::{BlendElement, DensityData, MAX_NESTING, Point, Shape};
+use crate::shapes::shape::{BlendElement, DensityData, MAX_NESTING, Shape};
 
 /// Largest coordinate in metres: a thousand kilometres.
 const MAX_COORDINATE_M: f64 = 1e6;
 
-/// Least length in metres that is no slip of the pen: below an atom.
+/// Smallest length in metres, below an atom; a smaller one is a mistake.
 const MIN_LENGTH_M: f64 = 1e-9;
 
-/// Most materials: more than a volumetric texture tells apart.
+/// Largest number of materials, more than a volumetric texture tells apart.
 const MAX_MATERIALS: usize = 256;
 
-/// Most numbers of a scanned volume: 1024 in each direction.
+/// Largest number of values of a scanned volume: 1024 in each direction.
 const MAX_DENSITY_CELLS: u64 = 1 << 30;
 
-/// Range of lengths that must not be nothing.
+/// Range of lengths that must not be 0.
 const LENGTHS_M: [f64; 2] = [MIN_LENGTH_M, MAX_COORDINATE_M];
 
-/// Checks everything; what is wrong is a verb phrase.
+/// Checks a whole script. The error is a verb phrase.
 pub(super) fn check(script: &Script) -> Result<(), String> {
     let space = &script.space;
     corners("space", space.least_m, space.most_m).map_err(|fault| format!("has {fault} in [space]"))?;
@@ -135,7 +137,7 @@ fn check_stroke(script: &Script, stroke: &Stroke) -> Result<(), String> {
     Ok(())
 }
 
-/// Checks a shape `nesting` deep; the fault ends with the kind that it is of.
+/// Checks a shape at depth `nesting`. The error ends with the kind of the shape.
 fn check_shape(shape: &Shape, nesting: usize) -> Result<(), String> {
     if nesting > MAX_NESTING {
         return Err(format!("shapes more than {MAX_NESTING} deep"));
@@ -203,33 +205,7 @@ fn check_numbers(shape: &Shape) -> Result<(), String> {
             turn_deg.iter().try_for_each(|&turn| within("turn_deg", turn, [-360.0, 360.0]))?;
             place("move_m", *move_m)
         }
-        Shape::Fur {
-            strands_per_m2,
-            length_m,
-            radius_m,
-            lean_deg,
-            lean_towards,
-            bend_deg,
-            curl_turns,
-            curl_radius_m,
-            jitter,
-            segments,
-            seed: first,
-            ..
-        } => {
-            within("strands_per_m2", *strands_per_m2, [1e-6, 1e12])?;
-            within("length_m", *length_m, LENGTHS_M)?;
-            within("radius_m", *radius_m, LENGTHS_M)?;
-            within("lean_deg", *lean_deg, [0.0, 89.0])?;
-            place("lean_towards", *lean_towards)?;
-            within("length of `lean_towards`", length(*lean_towards), LENGTHS_M)?;
-            within("bend_deg", *bend_deg, [-180.0, 180.0])?;
-            within("curl_turns", *curl_turns, [0.0, 100.0])?;
-            within("curl_radius_m", *curl_radius_m, [0.0, MAX_COORDINATE_M])?;
-            within("jitter", *jitter, [0.0, 1.0])?;
-            within("segments", f64::from(*segments), [1.0, 64.0])?;
-            seed(*first)
-        }
+        Shape::Fur { .. } => check_fur(shape),
         Shape::Hypertexture { rim_m, amplitude_m, noise, area_per_m3, .. } => {
             within("rim_m", *rim_m, LENGTHS_M)?;
             within("amplitude_m", *amplitude_m, [0.0, MAX_COORDINATE_M])?;
@@ -239,23 +215,59 @@ fn check_numbers(shape: &Shape) -> Result<(), String> {
         Shape::Density { data, least_m, most_m, range, area_per_m3 } => {
             corners("density", *least_m, *most_m)?;
             within("area_per_m3", *area_per_m3, [1e-9, 1e9])?;
-            if !(range.iter().all(|end| end.is_finite()) && range[0] != range[1]) {
-                return Err(format!("`range` as {range:?}, which is not two different numbers"));
-            }
-            match data {
-                DensityData::Raw { cells, .. } => {
-                    let count = cells.iter().try_fold(1u64, |product, &n| product.checked_mul(u64::from(n)));
-                    match count {
-                        Some(1..=MAX_DENSITY_CELLS) => Ok(()),
-                        _ => {
-                            Err(format!("`cells` as {cells:?}, which is not within 1 and {MAX_DENSITY_CELLS} of them"))
-                        }
-                    }
-                }
-                DensityData::Slices { .. } => Ok(()),
-            }
+            check_density(data, range)
         }
         Shape::Union { .. } | Shape::Intersection { .. } | Shape::Difference { .. } | Shape::Mesh { .. } => Ok(()),
+    }
+}
+
+/// Checks the numbers of a [`Shape::Fur`].
+fn check_fur(shape: &Shape) -> Result<(), String> {
+    let Shape::Fur {
+        strands_per_m2,
+        length_m,
+        radius_m,
+        lean_deg,
+        lean_towards,
+        bend_deg,
+        curl_turns,
+        curl_radius_m,
+        jitter,
+        segments,
+        seed: first,
+        ..
+    } = shape
+    else {
+        return Ok(());
+    };
+    within("strands_per_m2", *strands_per_m2, [1e-6, 1e12])?;
+    within("length_m", *length_m, LENGTHS_M)?;
+    within("radius_m", *radius_m, LENGTHS_M)?;
+    within("lean_deg", *lean_deg, [0.0, 89.0])?;
+    place("lean_towards", *lean_towards)?;
+    within("length of `lean_towards`", length(*lean_towards), LENGTHS_M)?;
+    within("bend_deg", *bend_deg, [-180.0, 180.0])?;
+    within("curl_turns", *curl_turns, [0.0, 100.0])?;
+    within("curl_radius_m", *curl_radius_m, [0.0, MAX_COORDINATE_M])?;
+    within("jitter", *jitter, [0.0, 1.0])?;
+    within("segments", f64::from(*segments), [1.0, 64.0])?;
+    seed(*first)
+}
+
+/// Checks how the file of a [`Shape::Density`] is read.
+fn check_density(data: &DensityData, range: &[f64; 2]) -> Result<(), String> {
+    if !(range.iter().all(|end| end.is_finite()) && range[0] != range[1]) {
+        return Err(format!("`range` as {range:?}, which is not two different numbers"));
+    }
+    match data {
+        DensityData::Raw { cells, .. } => {
+            let count = cells.iter().try_fold(1u64, |product, &n| product.checked_mul(u64::from(n)));
+            match count {
+                Some(1..=MAX_DENSITY_CELLS) => Ok(()),
+                _ => Err(format!("`cells` as {cells:?}, which is not within 1 and {MAX_DENSITY_CELLS} of them")),
+            }
+        }
+        DensityData::Slices { .. } => Ok(()),
     }
 }
 
@@ -267,12 +279,12 @@ fn check_element(element: &BlendElement) -> Result<(), String> {
     within("weight_m2", element.weight_m2, [MIN_LENGTH_M * MIN_LENGTH_M, MAX_COORDINATE_M * MAX_COORDINATE_M])
 }
 
-/// What can be scaled and turned: neither fur, whose lengths are its own, nor fields.
+/// Returns whether a shape can be scaled and turned. Fur, whose lengths are its own, and fields cannot.
 fn is_placeable(shape: &Shape) -> bool {
     !matches!(shape, Shape::Fur { .. } | Shape::Hypertexture { .. } | Shape::Density { .. })
 }
 
-/// What fur can grow on: what has a surface that places can be drawn from.
+/// Returns whether fur can grow on a shape, which needs a surface that points can be drawn from.
 fn is_ground(shape: &Shape) -> bool {
     match shape {
         Shape::Sheet { .. } | Shape::Mesh { .. } | Shape::Sphere { .. } | Shape::Box { .. } => true,
@@ -302,7 +314,7 @@ fn axis(ends_m: &[Point; 2]) -> Result<(), String> {
     within("distance between `ends_m`", length(between), LENGTHS_M)
 }
 
-/// Radii of which all but one may be 0.
+/// Checks radii, of which all but one may be 0.
 fn radii(radii_m: &[f64]) -> Result<(), String> {
     radii_m.iter().try_for_each(|&radius| within("radii_m", radius, [0.0, MAX_COORDINATE_M]))?;
     within("greatest of `radii_m`", radii_m.iter().copied().fold(0.0, f64::max), LENGTHS_M)
@@ -328,12 +340,4 @@ fn within(key: &str, value: f64, [least, most]: [f64; 2]) -> Result<(), String> 
     }
     let key = if key.contains('`') { key.to_string() } else { format!("`{key}`") };
     Err(format!("{key} as {value}, which is not within {least} to {most}"))
-}
-
-fn length(v: Point) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -1,65 +1,66 @@
-//! What shapes are made of, and colours that change from place to place within the volume.
+//! Materials of shapes, and colours that change from place to place within the volume.
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::shapes::shape::Point;
+use crate::shapes::noise::Noise;
+use crate::shapes::point::Point;
 
-/// A material: numbers, or the leaf or asset that it is taken from.
+/// Material given by numbers, or by the leaf or asset that it is taken from.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
-    /// What strokes call it.
+    /// Name by which strokes refer to the material.
     pub name: String,
-    /// Diffuse reflectance, hemispherical, linear with sRGB primaries; without `from` it must be there.
+    /// Diffuse reflectance, hemispherical, linear with sRGB primaries; required without `from`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reflectance: Option<[f64; 3]>,
-    /// Diffuse transmittance, the same; none without it.
+    /// Diffuse transmittance, hemispherical, linear with sRGB primaries; 0 by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transmittance: Option<[f64; 3]>,
-    /// Specular reflectance at normal incidence, 0 to 1; 0 without it.
+    /// Specular reflectance at normal incidence, 0 to 1; 0 by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub specular: Option<f64>,
-    /// Roughness of that reflection, 0.05 to 1; 0.5 without it.
+    /// Roughness of the specular reflection, 0.05 to 1; 0.5 by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub roughness: Option<f64>,
-    /// A leaf's description (.toml) or an asset (.spmm) that stands for the numbers, relative to the script.
+    /// Description of a leaf (.toml) or asset (.spmm) that gives the material, relative to the script.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<PathBuf>,
-    /// What reflectance and transmittance are multiplied by, from place to place.
+    /// Tint that reflectance and transmittance are multiplied by, from place to place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tint: Option<Tint>,
 }
 
-/// A colour that changes from place to place, as factors: pictures and procedural textures inside the volume
-/// [Neyret 1996, section 3.3].
+/// Factor on a colour that changes from place to place: pictures and procedural textures inside the volume [Neyret
+/// 1996, section 3.3].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Tint {
-    /// A picture (PNG or JPEG, sRGB), repeated beyond its edges.
+    /// Picture (PNG or JPEG, sRGB), repeated beyond its edges.
     Picture {
-        /// The file, relative to the script.
+        /// Path of the file, relative to the script.
         file: PathBuf,
-        /// How it is projected; without it texture coordinates of sheets and meshes tell the place.
+        /// Projection of the picture; without it texture coordinates of sheets and meshes give the place.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         projection: Option<Projection>,
     },
-    /// From the first colour to the second as the noise goes from -1/2 to 1/2.
+    /// Blend from the first colour to the second as the noise goes from -1/2 to 1/2.
     Noise {
         /// The noise.
         noise: Noise,
         /// Both colours, linear factors, 0 to 1.
         colours: [[f64; 3]; 2],
     },
-    /// Two colours by turns, half a period each.
+    /// Two alternating colours, half a period each.
     Stripes {
-        /// Across the stripes, as long as a period.
+        /// Vector across the stripes, one period long.
         period_m: Point,
         /// Both colours, linear factors, 0 to 1.
         colours: [[f64; 3]; 2],
     },
-    /// Boxes of two colours by turns.
+    /// Boxes of two alternating colours.
     Checker {
         /// Size of a box.
         box_m: Point,
@@ -68,66 +69,36 @@ pub enum Tint {
     },
 }
 
-/// Where a projected picture lies. It is the same along the normal of its plane.
+/// Plane of a projected picture, which is constant along the normal of the plane.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Projection {
-    /// The picture's lower left corner.
+    /// Lower left corner of the picture.
     pub corner_m: Point,
-    /// From there along its lower edge to the right corner.
+    /// Vector from the lower left corner along the lower edge to the right corner.
     pub right_m: Point,
-    /// From there along its left edge to the upper corner.
+    /// Vector from the lower left corner along the left edge to the upper corner.
     pub up_m: Point,
 }
 
-/// Gradient noise over the script's space [Perlin 1985, 2002], which it repeats at in every direction: sum of octaves,
-/// each of twice the frequency and `gain` times the height of the one before.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Noise {
-    /// Lattice cells of the first octave along the space's x, y and z, 1 to 256 each.
-    pub cells: [u32; 3],
-    /// Number of octaves, 1 to 8.
-    #[serde(default = "one_octave")]
-    pub octaves: u32,
-    /// Height of an octave over that of the one before, 0 to 1.
-    #[serde(default = "half")]
-    pub gain: f64,
-    /// Seed of its gradients.
-    #[serde(default = "first_seed")]
-    pub seed: u64,
-}
-
 impl Material {
-    /// Diffuse reflectance by numbers; black for what is taken from a file.
+    /// Returns the diffuse reflectance that is given by numbers; black for a material that is taken from a file.
     pub fn reflectance(&self) -> [f64; 3] {
         self.reflectance.unwrap_or_default()
     }
 
-    /// Diffuse transmittance by numbers.
+    /// Returns the diffuse transmittance that is given by numbers.
     pub fn transmittance(&self) -> [f64; 3] {
         self.transmittance.unwrap_or_default()
     }
 
-    /// Specular reflectance at normal incidence by numbers.
+    /// Returns the specular reflectance at normal incidence that is given by numbers.
     pub fn specular(&self) -> f64 {
         self.specular.unwrap_or(0.0)
     }
 
-    /// Roughness of that reflection.
+    /// Returns the roughness of the specular reflection.
     pub fn roughness(&self) -> f64 {
         self.roughness.unwrap_or(0.5)
     }
-}
-
-fn one_octave() -> u32 {
-    1
-}
-
-fn half() -> f64 {
-    0.5
-}
-
-fn first_seed() -> u64 {
-    1
 }

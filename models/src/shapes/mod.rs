@@ -1,5 +1,5 @@
-//! A script of shapes, `NAME.shapes.toml`: a model for a volumetric texture, painted into a box stroke by stroke
-//! [Neyret 1996, section 3].
+//! Scripts of shapes, `NAME.shapes.toml`: models for volumetric textures, painted into a box stroke by stroke [Neyret
+//! 1996, section 3].
 //!
 //! ```toml
 //! [space]                         # the box that is painted; z is up, the texture's w
@@ -32,14 +32,20 @@
 //! ```
 //!
 //! [`Script`] is the file, [`Shape`] what can be drawn, [`PaintMode`] how, [`Material`] in what. Files that a script
-//! names are relative to it. Unknown keys are refused, so that no slip of the pen stays unseen. Who reads a script
-//! builds nothing here: distances, microflakes and voxels are the builder's.
+//! names are relative to it. Unknown keys are refused, so that a misspelt key is noticed. Reading a script builds
+//! nothing: distances, microflakes and voxels are made by the voxelizer.
 
 mod check;
 mod material;
+mod noise;
+mod point;
 mod script;
+mod script_file;
 mod shape;
 
-pub use material::{Material, Noise, Projection, Tint};
-pub use script::{MAX_SCRIPT_BYTES, PaintMode, SCRIPT_ENDING, Script, Space, Stroke};
-pub use shape::{BlendElement, DensityData, MAX_NESTING, NumberType, Point, Shape, UpAxis};
+pub use material::{Material, Projection, Tint};
+pub use noise::Noise;
+pub use point::Point;
+pub use script::{PaintMode, Script, Space, Stroke};
+pub use script_file::{MAX_SCRIPT_BYTES, SCRIPT_ENDING};
+pub use shape::{BlendElement, DensityData, MAX_NESTING, NumberType, Shape, UpAxis};

@@ -1,4 +1,4 @@
-//! What can be drawn: solids, surfaces, fields and fur.
+//! Shapes that can be drawn: solids, surfaces, fields and fur.
 //!
 //! | kind | is | keys |
 //! |---|---|---|
@@ -20,21 +20,19 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::shapes::material::Noise;
+use crate::shapes::noise::Noise;
+use crate::shapes::point::Point;
 
-/// A position in metres, z up.
-pub type Point = [f64; 3];
-
-/// How deep shapes may lie in shapes.
+/// Largest depth of shapes within shapes.
 pub const MAX_NESTING: usize = 16;
 
-/// Something that a stroke draws; see the module's table. Lengths in metres.
+/// Shape that a stroke draws; see the table of the module. Lengths are in metres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Shape {
     /// All points within `radius_m` of the centre.
     Sphere {
-        /// Centre.
+        /// Centre of the sphere.
         centre_m: Point,
         /// Radius.
         radius_m: f64,
@@ -43,7 +41,7 @@ pub enum Shape {
     Box {
         /// Corner of the least coordinates.
         least_m: Point,
-        /// Corner of the greatest.
+        /// Corner of the greatest coordinates.
         most_m: Point,
     },
     /// A cylinder with flat ends.
@@ -57,28 +55,28 @@ pub enum Shape {
     Cone {
         /// Centres of both ends.
         ends_m: [Point; 2],
-        /// Radii there.
+        /// Radii at both ends.
         radii_m: [f64; 2],
     },
-    /// What lies in any of these solids.
+    /// Points in any of these solids.
     Union {
-        /// The solids.
+        /// Solids that are combined.
         of: Vec<Shape>,
     },
-    /// What lies in all of these solids.
+    /// Points in all of these solids.
     Intersection {
-        /// The solids.
+        /// Solids that are combined.
         of: Vec<Shape>,
     },
-    /// What lies in the first of these solids and in none of the others.
+    /// Points in the first of these solids and in none of the others.
     Difference {
-        /// The solids.
+        /// Solids that are combined.
         of: Vec<Shape>,
     },
     /// An implicit surface around a skeleton: points where `sum weight_m2 / d^2 >= threshold`, d being the distance to
     /// an element [Neyret 1996, section 3.1]. An element alone is a tube of radius `sqrt(weight_m2 / threshold)`.
     Blend {
-        /// The skeleton.
+        /// Elements of the skeleton.
         elements: Vec<BlendElement>,
         /// Potential on the surface.
         #[serde(default = "one")]
@@ -86,167 +84,167 @@ pub enum Shape {
     },
     /// A shape in another place.
     Placed {
-        /// What is placed: a solid, a sheet, a limb or a mesh.
+        /// Shape that is placed: a solid, a sheet, a limb or a mesh.
         of: Box<Shape>,
-        /// Size over that of `of`, about its origin.
+        /// Scale factor about the origin of `of`.
         #[serde(default = "one")]
         scale: f64,
-        /// Turns about x, then y, then z, counterclockwise seen against the axis.
+        /// Rotations about x, then y, then z in degrees, counterclockwise seen against the axis.
         #[serde(default)]
         turn_deg: [f64; 3],
-        /// Then moved by.
+        /// Translation after scale and rotation.
         #[serde(default)]
         move_m: Point,
     },
     /// A branch or stem: cones from point to point, with a disc at each end and no faces between.
     Limb {
-        /// Its axis, two points and more.
+        /// Points of the axis, at least two.
         points_m: Vec<Point>,
-        /// Radius at each.
+        /// Radius at each point.
         radii_m: Vec<f64>,
     },
-    /// A blade, petal or any thin sheet, whose faces look alike: quads between rows of points. A row of one point is
-    /// the tip of a fan. Counterclockwise as seen with the rows upwards and their points to the right. Texture
-    /// coordinates run from 0 to 1, u along rows, v from the first to the last.
+    /// A blade, petal or any thin sheet with two equal faces: quads between rows of points. A row of one point is the
+    /// tip of a fan. The quads are counterclockwise as seen with the rows upwards and their points to the right.
+    /// Texture coordinates run from 0 to 1, u along rows, v from the first row to the last.
     Sheet {
-        /// Rows of as many points each, or of one.
+        /// Rows with equal numbers of points, or of one point.
         rows_m: Vec<Vec<Point>>,
     },
     /// The surface of a mesh.
     Mesh {
-        /// A .glb, .gltf or .obj file, relative to the script.
+        /// Path of a .glb, .gltf or .obj file, relative to the script.
         file: PathBuf,
-        /// Which of its axes is up; glTF's is y.
+        /// Axis of the mesh that is up; y in glTF.
         #[serde(default)]
         up: UpAxis,
     },
     /// Strands of hair or grass on a surface: cylinders from segment to segment [Kajiya & Kay 1989].
     Fur {
-        /// The ground: a sheet, a mesh, a sphere, a box, or one of these placed.
+        /// Ground of the fur: a sheet, a mesh, a sphere, a box, or one of these placed.
         on: Box<Shape>,
-        /// Strands on a square metre of it.
+        /// Number of strands on a square metre of the ground.
         strands_per_m2: f64,
         /// Length of a strand.
         length_m: f64,
-        /// Radius at its root; it thins to none at its tip.
+        /// Radius of a strand at its root; the radius falls to 0 at the tip.
         radius_m: f64,
-        /// Angle between a strand's root and the normal of its ground.
+        /// Angle between the root of a strand and the normal of its ground, in degrees.
         #[serde(default)]
         lean_deg: f64,
-        /// Where strands lean to; needs no length.
+        /// Direction that strands lean to, of any length.
         #[serde(default = "along_x")]
         lean_towards: Point,
-        /// How far a strand's tip turns further down than its root.
+        /// Angle by which the tip of a strand turns further down than its root, in degrees.
         #[serde(default)]
         bend_deg: f64,
-        /// Turns of the strand about its own course, from root to tip.
+        /// Number of turns of the strand about its own course, from root to tip.
         #[serde(default)]
         curl_turns: f64,
-        /// Radius of those turns at the tip; it grows from none at the root.
+        /// Radius of those turns at the tip; the radius grows from 0 at the root.
         #[serde(default)]
         curl_radius_m: f64,
-        /// How far lengths and angles of strands go apart, 0 to 1.
+        /// Relative variation of lengths and angles of strands, 0 to 1.
         #[serde(default)]
         jitter: f64,
-        /// Cylinders of a strand, 1 to 64.
+        /// Number of cylinders of a strand, 1 to 64.
         #[serde(default = "eight")]
         segments: u32,
         /// Seed of roots and jitter.
         #[serde(default = "first_seed")]
         seed: u64,
     },
-    /// A solid with a soft rim: its density is `1/2 - (d + amplitude_m noise) / rim_m`, held to 0 and 1, d being the
-    /// signed distance, negative inside.
+    /// A solid with a soft rim. The density is `1/2 - (d + amplitude_m noise) / rim_m`, clamped to 0 and 1, where d is
+    /// the signed distance, negative inside.
     Hypertexture {
-        /// The solid.
+        /// Solid that gets the rim.
         of: Box<Shape>,
         /// Width of the rim.
         rim_m: f64,
-        /// How far noise moves it.
+        /// Largest distance by which noise moves the rim.
         amplitude_m: f64,
-        /// The noise.
+        /// Noise that is evaluated.
         noise: Noise,
-        /// Area of microflakes in a cubic metre of density 1, one face of each counted.
+        /// Area of microflakes in a cubic metre of density 1, with one face of each counted.
         area_per_m3: f64,
     },
     /// A scanned volume of density that fills a box.
     Density {
-        /// Its numbers.
+        /// Values of the volume.
         data: DensityData,
         /// Corner of the least coordinates.
         least_m: Point,
-        /// Corner of the greatest.
+        /// Corner of the greatest coordinates.
         most_m: Point,
-        /// Numbers of the file that are density 0 and 1; beyond these it is held to them.
+        /// Values of the file that mean density 0 and 1; values beyond are clamped.
         range: [f64; 2],
-        /// Area of microflakes in a cubic metre of density 1, one face of each counted.
+        /// Area of microflakes in a cubic metre of density 1, with one face of each counted.
         area_per_m3: f64,
     },
 }
 
-/// A part of a blend's skeleton.
+/// Element of a blend's skeleton.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlendElement {
     /// One point, the ends of a segment, or the corners of a triangle.
     pub points_m: Vec<Point>,
-    /// Its weight: the square of the radius that it has alone at threshold 1.
+    /// Weight of the element: the square of its radius when it is alone and the threshold is 1.
     pub weight_m2: f64,
 }
 
-/// The axis of a mesh that is up.
+/// Axis of a mesh that is up.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
-    /// y, as in glTF: the script's (x, y, z) is the mesh's (x, -z, y).
+    /// The y axis, as in glTF: (x, y, z) of the script is (x, -z, y) of the mesh.
     #[default]
     Y,
-    /// z, as in the script.
+    /// The z axis, as in the script.
     Z,
 }
 
-/// Where the numbers of a scanned volume are.
+/// Source of the values of a scanned volume.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum DensityData {
-    /// A file of numbers, x fastest, then y, then z.
+    /// A file of values, x fastest, then y, then z.
     Raw {
         /// The file, relative to the script.
         file: PathBuf,
-        /// Numbers along x, y and z.
+        /// Numbers of values along x, y and z.
         cells: [u32; 3],
-        /// What a number is.
+        /// Type of a value.
         number: NumberType,
         /// Bytes before the first number.
         #[serde(default)]
         header_bytes: u64,
     },
-    /// A folder of pictures of one size, from the least z on in the order of their names, their upper edges at the
-    /// greatest y. Numbers are those stored: 0 to 255, or to 65535 with 16 bits.
+    /// A folder of images of one size, one for each z from the least on, in the order of their names, with their upper
+    /// edges at the greatest y. Values are those stored: 0 to 255, or to 65535 with 16 bits.
     Slices {
-        /// The folder, relative to the script.
+        /// Path of the folder, relative to the script.
         folder: PathBuf,
     },
 }
 
-/// How a number is stored.
+/// Storage type of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NumberType {
-    /// One byte.
+    /// One unsigned byte.
     U8,
-    /// Two bytes, the low one first.
+    /// Unsigned 16 bits, little endian.
     U16le,
-    /// Two bytes, the high one first.
+    /// Unsigned 16 bits, big endian.
     U16be,
-    /// Single precision, the low byte first.
+    /// Single precision, little endian.
     F32le,
-    /// Single precision, the high byte first.
+    /// Single precision, big endian.
     F32be,
 }
 
 impl NumberType {
-    /// Bytes of a number.
+    /// Returns the size of a number in bytes.
     pub fn bytes(self) -> usize {
         match self {
             NumberType::U8 => 1,
@@ -255,7 +253,7 @@ impl NumberType {
         }
     }
 
-    /// The number in its bytes; 0 where there are too few.
+    /// Decodes a number from its bytes; returns 0 where there are too few.
     pub fn number(self, bytes: &[u8]) -> f32 {
         match (self, bytes) {
             (NumberType::U8, &[byte, ..]) => f32::from(byte),
@@ -269,7 +267,7 @@ impl NumberType {
 }
 
 impl Shape {
-    /// The name of its kind in the file.
+    /// Returns the name of the shape's kind in the file.
     pub fn kind(&self) -> &'static str {
         match self {
             Shape::Sphere { .. } => "sphere",
@@ -290,7 +288,7 @@ impl Shape {
         }
     }
 
-    /// Whether it has an inside that can be told from its outside by a distance.
+    /// Returns whether the shape has an inside that a signed distance can tell from its outside.
     pub fn is_solid(&self) -> bool {
         match self {
             Shape::Sphere { .. }
@@ -306,7 +304,7 @@ impl Shape {
         }
     }
 
-    /// The shapes that it is made of.
+    /// Returns the shapes that the shape is made of.
     pub fn parts(&self) -> &[Shape] {
         match self {
             Shape::Union { of } | Shape::Intersection { of } | Shape::Difference { of } => of,

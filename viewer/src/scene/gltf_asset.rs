@@ -5,7 +5,7 @@ use crate::error::ViewerError;
 use crate::scene::asset::SceneAsset;
 use crate::scene::leaf::SceneLeaf;
 use crate::scene::material::{Body, OwnBodies};
-use btf_models::beside;
+use btf_models::{beside, gltf_buffers, open_gltf};
 use btf_runtime::{VERSION, read_directory};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -18,8 +18,8 @@ const LEAF_EXTENSION: &str = "BTF_materials_leaf";
 /// What the materials of a glTF file show; nothing of files of other kinds.
 ///
 /// # Errors
-/// [`ViewerError::Mesh`] for an extension that cannot be followed or an asset that is not the one it tells of; the errors of
-/// [`SceneAsset::load`] and [`SceneLeaf::load`].
+/// [`ViewerError::Model`] for a file that cannot be read, [`ViewerError::Mesh`] for an extension that cannot be followed or an
+/// asset that is not the one it tells of; the errors of [`SceneAsset::load`] and [`SceneLeaf::load`].
 pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
     let mut own = OwnBodies::default();
     let Some(gltf) = open(path)? else { return Ok(own) };
@@ -82,7 +82,7 @@ pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
 /// Numbers of the materials of a glTF file that show something of their own, be it there or not; none of files of other kinds.
 ///
 /// # Errors
-/// [`ViewerError::Mesh`] for a file that cannot be read.
+/// [`ViewerError::Model`] for a file that cannot be read.
 pub(crate) fn groups_with_own_bodies(path: &Path) -> Result<Vec<usize>, ViewerError> {
     let Some(gltf) = open(path)? else { return Ok(Vec::new()) };
     let has_own = |material: &gltf::Material| {
@@ -97,14 +97,13 @@ fn open(path: &Path) -> Result<Option<gltf::Gltf>, ViewerError> {
     if !["gltf", "glb"].contains(&extension.as_str()) {
         return Ok(None);
     }
-    let fault = |error| ViewerError::mesh(path, format!("the glTF file cannot be read: {error}"));
-    gltf::Gltf::open(path).map(Some).map_err(fault)
+    Ok(Some(open_gltf(path)?))
 }
 
 /// The bytes of a buffer view.
 fn view_bytes(gltf: &gltf::Gltf, path: &Path, view: u64) -> Option<Vec<u8>> {
     let view = gltf.views().nth(usize::try_from(view).ok()?)?;
-    let buffers = gltf::import_buffers(&gltf.document, path.parent(), gltf.blob.clone()).ok()?;
+    let buffers = gltf_buffers(path, gltf).ok()?;
     let end = view.offset().checked_add(view.length())?;
     buffers.get(view.buffer().index())?.get(view.offset()..end).map(<[u8]>::to_vec)
 }

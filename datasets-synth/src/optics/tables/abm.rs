@@ -14,7 +14,7 @@ pub(crate) const FIRST: Nanometres = Nanometres(400.0);
 /// Distance between wavelengths in nm.
 const STEP_NM: f64 = 5.0;
 
-/// Value of a table at a wavelength: linear between its entries, held beyond its ends. (The tables of
+/// Returns the value of a table at a wavelength: linear between its entries, held beyond its ends. (The tables of
 /// pigments end where the rest is 0.)
 fn at(table: &[f64], wavelength: Nanometres) -> f64 {
     let last = table.len() - 1;
@@ -24,42 +24,42 @@ fn at(table: &[f64], wavelength: Nanometres) -> f64 {
     table[cell] * (1.0 - t) + table[cell + 1] * t
 }
 
-/// Specific absorption of chlorophyll a + b.
+/// Returns the specific absorption of chlorophyll a + b.
 pub(crate) fn chlorophyll(wavelength: Nanometres) -> SquareCentimetresPerGram {
     SquareCentimetresPerGram(at(CHLOROPHYLL, wavelength))
 }
 
-/// Specific absorption of carotenoids.
+/// Returns the specific absorption of carotenoids.
 pub(crate) fn carotenoid(wavelength: Nanometres) -> SquareCentimetresPerGram {
     SquareCentimetresPerGram(at(CAROTENOID, wavelength))
 }
 
-/// Specific absorption of protein.
+/// Returns the specific absorption of protein.
 pub(crate) fn protein(wavelength: Nanometres) -> SquareCentimetresPerGram {
     SquareCentimetresPerGram(at(PROTEIN, wavelength))
 }
 
-/// Specific absorption of cellulose, used for lignin too for want of a table.
+/// Returns the specific absorption of cellulose, used for lignin too for want of a table.
 pub(crate) fn cellulose(wavelength: Nanometres) -> SquareCentimetresPerGram {
     SquareCentimetresPerGram(at(CELLULOSE, wavelength))
 }
 
-/// Absorption of pure water.
+/// Returns the absorption of pure water.
 pub(crate) fn water(wavelength: Nanometres) -> PerCentimetre {
     PerCentimetre(at(WATER, wavelength))
 }
 
-/// Refractive index of the epicuticular wax.
+/// Returns the refractive index of the epicuticular wax.
 pub(crate) fn cuticle_index(wavelength: Nanometres) -> f64 {
     at(CUTICLE_INDEX, wavelength)
 }
 
-/// Refractive index of the wet mesophyll wall.
+/// Returns the refractive index of the wet mesophyll wall.
 pub(crate) fn mesophyll_index(wavelength: Nanometres) -> f64 {
     at(MESOPHYLL_INDEX, wavelength)
 }
 
-/// Refractive index of the antidermal wall.
+/// Returns the refractive index of the antidermal wall.
 pub(crate) fn antidermal_index(wavelength: Nanometres) -> f64 {
     at(ANTIDERMAL_INDEX, wavelength)
 }

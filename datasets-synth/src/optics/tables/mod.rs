@@ -32,7 +32,7 @@ pub(crate) struct LeafTable {
     pub(crate) dry_matter: [f64; LEAF_ROWS],
 }
 
-/// A column's value between its rows, linear; NaN outside of them, so that a slip shows.
+/// Returns a column's value between its rows, linear; NaN outside of them, so that a slip shows.
 pub(crate) fn interpolated(column: &[f64], first_nm: f64, step_nm: f64, wavelength_nm: f64) -> f64 {
     let position = (wavelength_nm - first_nm) / step_nm;
     let last = column.len() - 1;

@@ -1,0 +1,66 @@
+//! A decoded image, the reasons why a file is not one, and the largest size that any decoder accepts.
+
+/// Largest number of texels of an image: 8192 x 8192. Larger claims are refused before anything
+/// is allocated.
+pub(crate) const MAX_TEXELS: usize = 1 << 26;
+
+/// File values of a decoded image, `[texel, channel]`, three channels.
+#[derive(Debug)]
+pub(crate) enum Samples {
+    U8(Vec<u8>),
+    /// 16-bit PNG, 0 to 65535.
+    U16(Vec<u16>),
+    /// EXR, Radiance.
+    F32(Vec<f32>),
+    /// Linear RGB computed from a spectrum or a factorisation. A negative value is then no sign of a damaged file:
+    /// values below what captures hold are clamped, not refused.
+    Computed(Vec<f32>),
+}
+
+#[derive(Debug)]
+pub(crate) struct DecodedImage {
+    pub width: usize,
+    pub height: usize,
+    pub samples: Samples,
+}
+
+/// Reason why an image was not decoded.
+#[derive(Debug, PartialEq)]
+pub(crate) enum ImageFault {
+    /// Damaged file, with the decoder's reason.
+    Damaged(String),
+    /// Header with another size than was asked for.
+    WrongSize { width: usize, height: usize },
+}
+
+impl ImageFault {
+    pub(crate) fn damaged(reason: impl ToString) -> ImageFault {
+        // Decoders' reasons come with line breaks, quotes and a full stop; an error message is
+        // one sentence.
+        let reason = reason.to_string();
+        let one_line: Vec<&str> = reason.split_whitespace().collect();
+        ImageFault::Damaged(one_line.join(" ").trim_end_matches('.').to_string())
+    }
+}
+
+/// Checks the size in a header against the one that was asked for and against the largest allowed.
+pub(crate) fn check_size(width: usize, height: usize, expected: Option<(usize, usize)>) -> Result<(), ImageFault> {
+    if expected.is_some_and(|size| size != (width, height)) {
+        return Err(ImageFault::WrongSize { width, height });
+    }
+    if width == 0 || height == 0 || width.checked_mul(height).is_none_or(|texels| texels > MAX_TEXELS) {
+        let reason = format!("it claims {width} x {height} texels; 1 to {MAX_TEXELS} texels are allowed");
+        return Err(ImageFault::damaged(reason));
+    }
+    Ok(())
+}
+
+/// Repeats grey, drops alpha, and passes RGB through without a copy.
+pub(crate) fn three_channels<T: Copy>(values: Vec<T>, channels: usize) -> Vec<T> {
+    match channels {
+        1 => values.iter().flat_map(|&grey| [grey; 3]).collect(),
+        2 => values.chunks_exact(2).flat_map(|texel| [texel[0]; 3]).collect(),
+        4 => values.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect(),
+        _ => values,
+    }
+}

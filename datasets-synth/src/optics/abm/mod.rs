@@ -1,0 +1,11 @@
+//! Algorithmic models: random walks of rays through the interfaces of a leaf's tissue (ABM).
+
+pub(crate) mod abm97;
+pub(crate) mod abm_b;
+pub(crate) mod abm_u;
+pub(crate) mod path_lengths;
+pub(crate) mod scatter_table;
+pub(crate) mod specimen;
+pub(crate) mod stack;
+pub(crate) mod tissue;
+pub(crate) mod walk;

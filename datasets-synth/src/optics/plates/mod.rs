@@ -1,0 +1,9 @@
+//! Plate models: a leaf as one absorbing plate, or as a pile of them.
+
+pub(crate) mod body;
+pub(crate) mod exact;
+pub(crate) mod model;
+pub(crate) mod paper;
+pub(crate) mod pile;
+pub(crate) mod shares;
+pub(crate) mod theta;
