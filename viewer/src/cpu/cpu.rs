@@ -3,8 +3,8 @@
 use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::lod_transition::LodTransition;
 use crate::geometry::surface::{MIN_EYE_COS, Surface};
-use crate::gpu::tracer::{GpuPixel, PixelHit};
 use crate::options::{RenderMode, ShadeOptions, SkyLight};
+use crate::picture::PixelHit;
 use crate::sampler;
 use crate::scene::camera::{CameraFrame, jitter};
 use crate::scene::material::{Body, Material};
@@ -105,19 +105,6 @@ impl CpuPicture {
             row_done().then_some(())
         });
         self.samples += 1;
-    }
-
-    /// As the GPU's tracer has them, for the window to show.
-    pub(crate) fn gpu_pixels(&self) -> Vec<GpuPixel> {
-        let count = self.samples as f32;
-        let pixel = |([r, g, b], hit): (&[f32; 3], &PixelHit)| GpuPixel {
-            sum: [*r, *g, *b, count],
-            seen: hit.primitive,
-            rays: hit.rays,
-            evaluations: hit.evaluations,
-            depth: 0,
-        };
-        self.sums.iter().zip(&self.hits).map(pixel).collect()
     }
 
     /// Mean linear radiance per pixel.

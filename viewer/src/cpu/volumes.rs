@@ -3,8 +3,8 @@
 
 use crate::cpu::cpu::{FAR, MIN_LIGHT_DISTANCE2, Numbers, SPHERE_DENSITY, Shader, seed_of};
 use crate::geometry::bvh::{AnyHit, NO_HIT};
-use crate::gpu::tracer::PixelHit;
 use crate::options::RenderMode;
+use crate::picture::PixelHit;
 use crate::sampler;
 use crate::volume::light::{AROUND_ROUGHNESS, VolumePoint, asks_anew};
 use crate::volume::volumes::Volumes;

@@ -1,19 +1,8 @@
 //! The adapter and the device.
 
 use crate::error::ViewerError;
-use crate::gpu::modules::GpuTracer;
+use crate::gpu::backend::GpuTracer;
 use std::sync::{Arc, Mutex};
-
-/// Which renderer was asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BackendChoice {
-    /// Ray query where the adapter has it, else the BVH; the CPU where there is no adapter.
-    Auto,
-    /// This tracer on a GPU, or an error.
-    Gpu(GpuTracer),
-    /// The CPU decoder and BVH.
-    Cpu,
-}
 
 /// An open device.
 pub struct Gpu {

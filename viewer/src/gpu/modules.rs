@@ -1,5 +1,6 @@
 //! The shader texts, joined as plain text in a fixed order.
 
+use crate::gpu::backend::GpuTracer;
 use crate::gpu::pieces::{ASSETS, NODES, PieceLayout, TRIANGLES, VERTICES};
 
 const SCENE: &str = include_str!("../shaders/scene.wgsl");
@@ -23,29 +24,10 @@ const VOLUMES: &str = include_str!("../volume/volumes.wgsl");
 const VOLUME_LIGHT: &str = include_str!("../volume/light.wgsl");
 const VOLUME_SHADE: &str = include_str!("../cpu/volumes.wgsl");
 const NO_VOLUMES: &str = include_str!("../shaders/no_volumes.wgsl");
-const SKIN_QUERIES: &str = include_str!("../shaders/skin_queries.wgsl");
+const WALK_QUERIES: &str = include_str!("../shaders/walk_queries.wgsl");
 const DECODE_QUERIES: &str = include_str!("../shaders/decode_queries.wgsl");
 /// Shows a picture in a window.
 pub(crate) const BLIT: &str = include_str!("../window/blit.wgsl");
-
-/// How a GPU finds what a ray hits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum GpuTracer {
-    /// Acceleration structures and ray queries; needs an adapter that has them.
-    RayQuery,
-    /// A bounding volume hierarchy in storage buffers; runs everywhere.
-    Bvh,
-}
-
-impl GpuTracer {
-    /// The backend's name on the command line and in JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            GpuTracer::RayQuery => "ray-query",
-            GpuTracer::Bvh => "bvh",
-        }
-    }
-}
 
 /// How the large arrays of a module are cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,15 +96,16 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
     .join("\n")
 }
 
-/// The module that walks rays through a shell (`skin_queries.wgsl`); a tracer's module has the same texts but for the last.
+/// The module that walks rays through a shell (`walk_queries.wgsl`); a tracer's module has the same texts but for the last.
 pub(crate) fn walk_module(assets: PieceLayout) -> String {
-    [&assets.wgsl(&ASSETS) as &str, SAMPLER, SHEAR, SKIN_WALK, SKIN_CELL, SKIN_PATTERN, SKIN_QUERIES].join("\n")
+    [&assets.wgsl(&ASSETS) as &str, SAMPLER, SHEAR, SKIN_WALK, SKIN_CELL, SKIN_PATTERN, WALK_QUERIES].join("\n")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::bvh::{BvhNode, NO_HIT, STACK};
+    use crate::geometry::bvh::{NO_HIT, STACK};
+    use crate::geometry::bvh_node::BvhNode;
     use crate::geometry::geometry::{Instance, Triangle, Vertex};
     use crate::gpu::acceleration_structure::{HANDED_OVER, MESHES, PROXIES};
     use crate::gpu::decode_queries::{GpuQuery, GpuQueryParams};
@@ -252,7 +235,8 @@ mod tests {
         use crate::NO_LINK;
         use crate::WalkQuery;
         use crate::WalkSum;
-        use crate::volume::skin::{CELL_CONSTANTS, GpuWalkPlace, PATTERN_CONSTANTS, SHELL_CONSTANTS, WALK_CONSTANTS};
+        use crate::gpu::walk_queries::GpuWalkPlace;
+        use crate::volume::skin::{CELL_CONSTANTS, PATTERN_CONSTANTS, SHELL_CONSTANTS, WALK_CONSTANTS};
         let module = parse(&walk_module(PieceLayout::WHOLE)).unwrap();
         for (name, (size, fields)) in [
             ("WalkQuery", fields!(WalkQuery; origin, link, direction, t_min, t_max, pad0, pad1, pad2)),

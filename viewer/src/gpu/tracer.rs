@@ -1,16 +1,19 @@
 //! The GPU tracer: a scene's buffers, and the passes of a sample over the bands of a picture.
 
 use crate::error::ViewerError;
-use crate::geometry::bvh::BvhNode;
+use crate::geometry::bvh_node::BvhNode;
 use crate::geometry::geometry::Geometry;
 use crate::gpu::acceleration_structure::acceleration_structure;
 use crate::gpu::arena::{Arena, ArenaAsset, room_for_edits};
+use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
 use crate::gpu::expand::LayerBases;
-use crate::gpu::modules::{GpuTracer, ModuleLayout, trace_module};
+use crate::gpu::layout::{bind, scene_layout, structure_layout};
+use crate::gpu::modules::{ModuleLayout, trace_module};
 use crate::gpu::pieces::{ASSETS, NODES, PieceLayout, Pieces, TRIANGLES, VERTICES};
 use crate::gpu::timer::{GpuTimer, Pass, PassTimes};
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
+use crate::picture::PixelHit;
 use crate::scene::asset::SceneAsset;
 use crate::scene::camera::jitter;
 use crate::scene::material::{Body, Material};
@@ -123,15 +126,17 @@ pub(crate) struct GpuPixel {
     pub depth: u32,
 }
 
-/// What the last sample of a pixel did.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PixelHit {
-    /// Triangle that the primary ray hit, or [`crate::NO_HIT`].
-    pub primitive: u32,
-    /// Rays traced: the eye's, mirror and shadow rays.
-    pub rays: u32,
-    /// Asset decodes.
-    pub evaluations: u32,
+impl GpuPixel {
+    /// Returns a pixel that the CPU drew, from the sum of its samples.
+    pub(crate) fn of_sum([r, g, b]: [f32; 3], samples: u32, hit: &PixelHit) -> GpuPixel {
+        GpuPixel {
+            sum: [r, g, b, samples as f32],
+            seen: hit.primitive,
+            rays: hit.rays,
+            evaluations: hit.evaluations,
+            depth: 0,
+        }
+    }
 }
 
 /// A scene on a GPU.
@@ -741,52 +746,4 @@ fn bases_to_expand(gpu: &Gpu, asset: &SceneAsset) -> Option<Vec<LayerBases>> {
 
 fn light_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, ViewerError> {
     gpu.empty_buffer("lights", (count * size_of::<GpuLight>()) as u64, BufferUsages::STORAGE)
-}
-
-pub(crate) fn buffer_entry(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntry {
-    wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-        count: None,
-    }
-}
-
-pub(crate) const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
-pub(crate) const WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
-
-fn scene_layout(gpu: &Gpu, assets: PieceLayout) -> wgpu::BindGroupLayout {
-    let mut entries = [0, 3].map(|binding| buffer_entry(binding, wgpu::BufferBindingType::Uniform)).to_vec();
-    entries.extend([(4, READ), (6, WRITE), (7, WRITE)].map(|(binding, ty)| buffer_entry(binding, ty)));
-    entries.extend(assets.bindings(&ASSETS).map(|binding| buffer_entry(binding, READ)));
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("scene"), entries: &entries })
-}
-
-fn structure_layout(gpu: &Gpu, tracer: GpuTracer, layout: ModuleLayout) -> wgpu::BindGroupLayout {
-    let mut entries = vec![buffer_entry(1, READ)];
-    entries.extend(layout.vertices.bindings(&VERTICES).map(|binding| buffer_entry(binding, READ)));
-    entries.extend(layout.triangles.bindings(&TRIANGLES).map(|binding| buffer_entry(binding, READ)));
-    match tracer {
-        GpuTracer::RayQuery => entries.push(wgpu::BindGroupLayoutEntry {
-            binding: 0,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::AccelerationStructure { vertex_return: false },
-            count: None,
-        }),
-        GpuTracer::Bvh => entries.extend(layout.nodes.bindings(&NODES).map(|binding| buffer_entry(binding, READ))),
-    }
-    gpu.device
-        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("structure"), entries: &entries })
-}
-
-pub(crate) fn bind(
-    gpu: &Gpu,
-    layout: &wgpu::BindGroupLayout,
-    resources: &[(u32, wgpu::BindingResource)],
-) -> wgpu::BindGroup {
-    let entries: Vec<_> = resources
-        .iter()
-        .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
-        .collect();
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }

@@ -2,11 +2,14 @@
 
 use crate::cpu::cpu::CpuPicture;
 use crate::error::ViewerError;
-use crate::gpu::device::{BackendChoice, Gpu};
+use crate::gpu::backend::BackendChoice;
+use crate::gpu::device::Gpu;
 use crate::gpu::timer::{GpuTimer, PassTimes};
-use crate::gpu::tracer::{PixelHit, Tracer};
+use crate::gpu::tracer::Tracer;
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
 use crate::picture::Picture;
+use crate::picture::PixelHit;
+use crate::render::control::Control;
 use crate::render::engine::Engine;
 use crate::render::governor::{Governor, Spending};
 use crate::scene::scene::Scene;
@@ -32,21 +35,6 @@ pub struct RenderParams {
     pub shade: ShadeOptions,
     /// Milliseconds that a frame may take; what frames then save in components, lobes and lights, they learn from one another.
     pub target_ms: Option<f64>,
-}
-
-/// How a rendering talks to its caller while it runs.
-pub struct Control<'a> {
-    /// Asked between rows and frames; `true` ends the rendering with [`ViewerError::Interrupted`].
-    pub cancelled: &'a (dyn Fn() -> bool + Sync),
-    /// Told the share of the work that is done, 0 to 1.
-    pub progress: &'a (dyn Fn(f32) + Sync),
-    /// Told what the user should know although it is not an error, one sentence.
-    pub notice: &'a (dyn Fn(&str) + Sync),
-}
-
-impl Control<'_> {
-    /// Neither stops nor says anything.
-    pub const SILENT: Control<'static> = Control { cancelled: &|| false, progress: &|_| (), notice: &|_| () };
 }
 
 /// The figures of a rendering; the keys of `--json`.

@@ -8,7 +8,8 @@ use crate::cpu::cpu::levels_seen;
 use crate::error::ViewerError;
 use crate::options::RenderMode;
 use crate::picture::psnr_db;
-use crate::render::headless::{Control, RenderParams, Session};
+use crate::render::control::Control;
+use crate::render::headless::{RenderParams, Session};
 use crate::scene::asset::{FileForm, SceneAsset};
 use crate::scene::scene::Scene;
 use btf_runtime::{Asset, DecodeOptions, LobeRole, pack};
@@ -315,7 +316,7 @@ mod tests {
     use super::*;
     use crate::Camera;
     use crate::MeshChoice;
-    use crate::gpu::device::BackendChoice;
+    use crate::gpu::backend::BackendChoice;
     use crate::options::ShadeOptions;
     use glam::Vec3;
 

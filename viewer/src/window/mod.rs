@@ -20,8 +20,8 @@ mod wind_panel;
 
 use crate::cpu::cpu::{Picked, pick};
 use crate::error::ViewerError;
-use crate::gpu::device::BackendChoice;
-use crate::gpu::modules::GpuTracer;
+use crate::gpu::backend::BackendChoice;
+use crate::gpu::backend::GpuTracer;
 use crate::gpu::timer::{GpuTimer, PassTimes};
 use crate::options::{RenderMode, ShadeOptions};
 use crate::picture::Picture;

@@ -106,7 +106,10 @@ impl Side {
                 }
                 if let Some((picture, buffer)) = &mut self.cpu {
                     picture.add_sample(scene, shade, &|| true);
-                    gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&picture.gpu_pixels()));
+                    let drawn = picture.sums.iter().zip(&picture.hits);
+                    let pixels: Vec<GpuPixel> =
+                        drawn.map(|(sum, hit)| GpuPixel::of_sum(*sum, picture.samples, hit)).collect();
+                    gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&pixels));
                 }
                 Ok(Took { ms: start.elapsed().as_secs_f64() * 1e3, passes: None, first: false })
             }
