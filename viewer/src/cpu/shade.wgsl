@@ -547,7 +547,7 @@ fn go_on(at: vec2<u32>, before: Pixel, given: Path) {
     pixel.rays += 1u;
     pixel.depth += 1u;
     if pixel.depth == 1u {
-        pixel.seen = hit.primitive;
+        pixel.primitive = hit.primitive;
     }
     if !WITH_VOLUMES {
         arrive(hit.t, &path, &pixel);

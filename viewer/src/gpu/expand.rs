@@ -40,14 +40,14 @@ impl LayerBases {
     fn fits(&self, gpu: &Gpu) -> bool {
         let ExpansionInput { shape, terms, factors, mixtures, .. } = &self.input;
         let inputs = [terms.len(), factors.len(), mixtures.len()].map(|count| 4 * count as u64);
-        let most = gpu.most_binding_bytes();
+        let most = gpu.max_binding_bytes();
         inputs.iter().chain(&shape.scratch_bytes()).all(|bytes| *bytes <= most)
             && shape.items().iter().all(|items| *items < MAX_ITEMS)
     }
 
     /// Clusters that are made together.
     fn slice(&self, gpu: &Gpu) -> u32 {
-        let most = MAX_SCRATCH_BYTES.min(gpu.most_binding_bytes());
+        let most = MAX_SCRATCH_BYTES.min(gpu.max_binding_bytes());
         let largest = self.input.shape.scratch_bytes().into_iter().fold(1, u64::max);
         ((most / largest) as u32).clamp(1, self.input.clusters.max(1))
     }
@@ -62,6 +62,7 @@ pub(crate) fn other_words(words: usize, layers: &[LayerBases]) -> Vec<Range<usiz
 
 /// The passes, compiled.
 pub(crate) struct Expander {
+    gpu: Gpu,
     layout: wgpu::BindGroupLayout,
     /// In the order in which they run.
     pipelines: [wgpu::ComputePipeline; 3],
@@ -94,20 +95,15 @@ impl Expander {
                 cache: None,
             })
         });
-        Expander { layout, pipelines }
+        Expander { gpu: gpu.clone(), layout, pipelines }
     }
 
     /// Submits the passes that fill in a layer's bases; the asset's words begin at word `asset_at` of `pieces`.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the driver has no memory for what lies between the passes.
-    pub(crate) fn expand(
-        &self,
-        gpu: &Gpu,
-        layer: &LayerBases,
-        asset_at: u32,
-        pieces: &Pieces,
-    ) -> Result<(), ViewerError> {
+    pub(crate) fn expand(&self, layer: &LayerBases, asset_at: u32, pieces: &Pieces) -> Result<(), ViewerError> {
+        let gpu = &self.gpu;
         let ExpansionInput { shape, clusters, terms, factors, mixtures } = &layer.input;
         let bases_at = asset_at as usize + layer.place.start;
         let slice = layer.slice(gpu);

@@ -109,7 +109,7 @@ mod tests {
     use crate::geometry::geometry::{Instance, Triangle, Vertex};
     use crate::gpu::acceleration_structure::{HANDED_OVER, MESHES, PROXIES};
     use crate::gpu::decode_queries::{GpuQuery, GpuQueryParams};
-    use crate::gpu::tracer::{Frame, GpuLight, GpuMaterial, GpuPath, GpuPixel};
+    use crate::gpu::frame::{GpuFrame, GpuLight, GpuMaterial, GpuPath, GpuPixel};
     use naga::valid::{Capabilities, ValidationFlags, Validator};
     use std::mem::{offset_of, size_of};
 
@@ -195,7 +195,7 @@ mod tests {
         let all = [
             (
                 "Frame",
-                fields!(Frame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, pad0, pad1),
+                fields!(GpuFrame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, pad0, pad1),
             ),
             ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
             ("Triangle", fields!(Triangle; vertices, material)),
@@ -208,7 +208,7 @@ mod tests {
                 "Path",
                 fields!(GpuPath; origin, primitive, direction, u, throughput, v, instance, density, travelled, sunk),
             ),
-            ("Pixel", fields!(GpuPixel; sum, seen, rays, evaluations, depth)),
+            ("Pixel", fields!(GpuPixel; sum, primitive, rays, evaluations, depth)),
             ("BvhNode", fields!(BvhNode; lo, first, hi, count)),
             (
                 "Instance",
@@ -333,9 +333,9 @@ mod tests {
         assert_eq!(constant(&module, "NO_HIT"), Some(naga::Literal::U32(NO_HIT)));
         assert_eq!(
             constant(&module, "MAX_MATERIALS"),
-            Some(naga::Literal::U32(crate::gpu::tracer::MAX_MATERIALS as u32))
+            Some(naga::Literal::U32(crate::gpu::frame::MAX_MATERIALS as u32))
         );
-        assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::gpu::tracer::NO_ASSET)));
+        assert_eq!(constant(&module, "NO_ASSET"), Some(naga::Literal::U32(crate::gpu::frame::NO_ASSET)));
         assert_eq!(
             constant(&module, "LIGHT_CANDIDATES"),
             Some(naga::Literal::U32(crate::cpu::cpu::LIGHT_CANDIDATES as u32))

@@ -4,6 +4,8 @@ use crate::cpu::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::backend::BackendChoice;
 use crate::gpu::device::Gpu;
+use crate::gpu::frame::FrameRequest;
+use crate::gpu::scene_change::SceneChange;
 use crate::gpu::timer::{GpuTimer, PassTimes};
 use crate::gpu::tracer::Tracer;
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
@@ -206,7 +208,7 @@ impl Session {
     /// Those of [`render`].
     fn take_over_skins(&mut self, scene: &Scene) -> Result<(), ViewerError> {
         match (&self.engine, &mut self.tracer) {
-            (Engine::Gpu(gpu, _), Some(tracer)) => tracer.update_skins(gpu, scene),
+            (Engine::Gpu(..), Some(tracer)) => tracer.update(scene, &SceneChange::Skins).map(|_| ()),
             _ => Ok(()),
         }
     }
@@ -268,15 +270,17 @@ fn render_gpu(
     control: &Control,
 ) -> Result<(Drawn, FrameTimes), ViewerError> {
     let mut timer = GpuTimer::new(gpu);
-    tracer.warm_up(gpu, scene, params.size, &params.shade)?;
+    let first = FrameRequest { scene, size: params.size, options: params.shade, sample: 0 };
+    tracer.warm_up(&first)?;
     let (mut frame_ms, mut passes) = (0.0, None);
     let mut governor = governor(scene, params);
     for frame in 0..params.frames {
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
-        let shade = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
-        let (ms, of_frame) = tracer.timed_sample(gpu, scene, params.size, &shade, frame, timer.as_mut())?;
+        let options = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
+        let request = FrameRequest { options, sample: frame, ..first };
+        let (ms, of_frame) = tracer.timed_sample(&request, timer.as_mut())?;
         frame_ms += ms / f64::from(params.frames);
         if let Some(of_frame) = of_frame {
             passes.get_or_insert_with(PassTimes::default).add(&of_frame, 1.0 / f64::from(params.frames));
@@ -284,7 +288,7 @@ fn render_gpu(
         governor.iter_mut().for_each(|governor| governor.observe(ms));
         (control.progress)((frame + 1) as f32 / params.frames as f32);
     }
-    Ok(((tracer.read_radiance(gpu)?, tracer.read_hits(gpu)?), (frame_ms, passes, governor)))
+    Ok(((tracer.read_radiance()?, tracer.read_hits()?), (frame_ms, passes, governor)))
 }
 
 fn governor(scene: &Scene, params: &RenderParams) -> Option<Governor> {

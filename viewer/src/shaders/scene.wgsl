@@ -140,7 +140,7 @@ struct Pixel {
     // Sum of the samples' linear radiance; w counts them.
     sum: vec4<f32>,
     // What the last sample did: the triangle that the eye sees or NO_HIT, rays, decodes, rays of its path.
-    seen: u32,
+    primitive: u32,
     rays: u32,
     evaluations: u32,
     depth: u32,
