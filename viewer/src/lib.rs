@@ -34,7 +34,8 @@ pub use bench::bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_
 pub use bench::instanced_scene::instanced_scene;
 pub use bench::leaf_modes::{LeafModeRow, leaf_mode_rows};
 pub use bench::plot::bench_svg;
-pub use cpu::cpu::{CpuPicture, Picked, pick};
+pub use cpu::pick::{Picked, pick};
+pub use cpu::picture::CpuPicture;
 pub use error::ViewerError;
 pub use geometry::bvh::{AnyHit, Hit, NO_HIT};
 pub use geometry::bvh_node::BvhNode;

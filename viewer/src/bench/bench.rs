@@ -3,7 +3,7 @@
 
 use crate::bench::instanced_scene::instanced_scene;
 use crate::bench::leaf_modes::{LeafModeRow, leaf_mode_rows};
-use crate::cpu::cpu::CpuPicture;
+use crate::cpu::picture::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::backend::BackendChoice;
 use crate::gpu::frame::FrameRequest;

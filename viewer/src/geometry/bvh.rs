@@ -29,7 +29,7 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
 /// Primitive number of a ray that hits nothing. Twin: `NO_HIT` in `surface.wgsl`.
 pub const NO_HIT: u32 = u32::MAX;
 /// Instance number of a ray that is in none.
-const NO_INSTANCE: u32 = u32::MAX;
+pub(crate) const NO_INSTANCE: u32 = u32::MAX;
 
 /// Where a ray meets a triangle. Twin: `Hit` in `surface.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq)]

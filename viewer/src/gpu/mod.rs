@@ -16,6 +16,8 @@ pub(crate) mod scene_change;
 pub(crate) mod scene_words;
 pub(crate) mod structure;
 pub(crate) mod target;
+#[cfg(test)]
+mod tests;
 pub(crate) mod timer;
 pub(crate) mod tracer;
 pub(crate) mod walk_queries;

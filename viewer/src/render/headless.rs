@@ -1,6 +1,6 @@
 //! Renders a scene without a window, on whichever backend was asked for.
 
-use crate::cpu::cpu::CpuPicture;
+use crate::cpu::picture::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::backend::BackendChoice;
 use crate::gpu::device::Gpu;

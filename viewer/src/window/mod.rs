@@ -18,7 +18,7 @@ mod split;
 mod thumbnails;
 mod wind_panel;
 
-use crate::cpu::cpu::{Picked, pick};
+use crate::cpu::pick::{Picked, pick};
 use crate::error::ViewerError;
 use crate::gpu::backend::BackendChoice;
 use crate::gpu::backend::GpuTracer;

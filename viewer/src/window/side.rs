@@ -1,7 +1,7 @@
 //! A picture in the making in the window: on the GPU by a tracer, or on the CPU. A split view has two.
 
 use super::panel::Renderer;
-use crate::cpu::cpu::CpuPicture;
+use crate::cpu::picture::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
 use crate::gpu::frame::{FrameRequest, GpuPixel};
