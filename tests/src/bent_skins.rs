@@ -93,7 +93,7 @@ impl LeavesInCube {
                     |[s, t]: [f32; 2]| f64::from(u8::from(!occluder.occluded(origin(x + s, y + t), direction, 40.0)));
                 let truth = mean(RAYS[0], &passed);
                 let seen = |[s, t]: [f32; 2]| {
-                    f64::from(volumes.see(
+                    f64::from(volumes.march(
                         origin(x + s, y + t),
                         direction,
                         40.0,

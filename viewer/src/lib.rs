@@ -34,28 +34,33 @@ pub use bench::bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_
 pub use bench::instanced_scene::instanced_scene;
 pub use bench::leaf_modes::{LeafModeRow, leaf_mode_rows};
 pub use bench::plot::bench_svg;
-pub use cpu::cpu::{CpuPicture, Picked, pick};
+pub use cpu::pick::{Picked, pick};
+pub use cpu::picture::CpuPicture;
 pub use error::ViewerError;
-pub use geometry::bvh::{AnyHit, BvhNode, Hit, NO_HIT};
+pub use geometry::bvh::{AnyHit, Hit, NO_HIT};
+pub use geometry::bvh_node::BvhNode;
 pub use geometry::geometry::{Geometry, Instance, MAX_INSTANCES, Mesh, Placement, Triangle, Vertex};
 pub use geometry::lod_transition::{LodTransition, MESH_PIXELS, VOLUME_PIXELS};
+pub use gpu::backend::{BackendChoice, GpuTracer};
 pub use gpu::decode_queries::{DecodeQuery, gpu_decode};
-pub use gpu::device::{BackendChoice, Gpu};
-pub use gpu::expand::{gpu_expand, time_gpu_expand, time_upload};
-pub use gpu::modules::{GpuTracer, ModuleLayout, trace_module};
+pub use gpu::device::Gpu;
+pub use gpu::expand_queries::{gpu_expand, time_gpu_expand, time_upload};
+pub use gpu::frame::FrameRequest;
+pub use gpu::modules::{ModuleLayout, trace_module};
 pub use gpu::pieces::PieceLayout;
+pub use gpu::scene_change::{SceneChange, Updated};
 pub use gpu::timer::{GpuTimer, PassTimes};
-pub use gpu::tracer::{NO_ASSET, PixelHit, Tracer};
+pub use gpu::tracer::Tracer;
+pub use gpu::walk_queries::{WalkQuery, WalkSum, cpu_walk, gpu_walk};
 pub use light::daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
 pub use light::environment::{Environment, MAX_COLUMNS};
 pub use light::solar_spectrum::WHITE_ILLUMINANCE_LUX;
 pub use light::sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
-pub use picture::Picture;
+pub use picture::{Picture, PixelHit};
+pub use render::control::Control;
 pub use render::governor::{Governor, Spending};
-pub use render::headless::{
-    Control, MAX_SIDE, RenderParams, RenderReport, Rendered, Sequence, render, render_sequence,
-};
+pub use render::headless::{MAX_SIDE, RenderParams, RenderReport, Rendered, Sequence, render, render_sequence};
 pub use render::plan::{Plan, PlannedAsset, plan};
 pub use scene::asset::{FileForm, SceneAsset, UNKNOWN_SIZE_MM};
 pub use scene::camera::{Camera, CameraFrame, jitter};
@@ -75,7 +80,7 @@ pub use scene::volume::{load_volume, standing};
 pub use volume::skin::{
     CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MAX_CELLS, MAX_MERGED, Merged, NO_LINK,
     NO_VOLUME, Noise, Pattern, Shell, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet, TextureMap,
-    TextureRay, Variant, Walk, WalkQuery, WalkSum, Wind, cpu_walk, gpu_walk, pattern_words,
+    TextureRay, Variant, Walk, Wind, pattern_words,
 };
 pub use volume::volumes::{SceneSkin, VolumePlace, Volumes};
 pub use window::{WindowParams, run_window};

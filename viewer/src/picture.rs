@@ -18,6 +18,17 @@ pub struct Picture {
     pub radiance: Vec<[f32; 3]>,
 }
 
+/// What the last sample of a pixel did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PixelHit {
+    /// Triangle that the primary ray hit, or [`crate::NO_HIT`].
+    pub primitive: u32,
+    /// Rays traced: the eye's, mirror and shadow rays.
+    pub rays: u32,
+    /// Asset decodes.
+    pub evaluations: u32,
+}
+
 impl Picture {
     /// Exposure, then the sRGB curve, then rounding to 0..255; brighter is cut off. `[pixel, channel]`.
     pub fn srgb8(&self, exposure_ev: f32) -> Vec<u8> {

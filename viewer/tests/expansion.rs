@@ -6,7 +6,10 @@ use btf_runtime::testing::{Random, sample_asset};
 use btf_runtime::{
     Asset, Basis, Edit, Edits, Factors, Resident, ResidualKind, SharedBases, SurfaceSide, serial, with_levels,
 };
-use btf_viewer::{CpuPicture, Gpu, GpuTracer, MeshChoice, Scene, SceneAsset, ShadeOptions, Tracer, gpu_expand};
+use btf_viewer::{
+    CpuPicture, FrameRequest, Gpu, GpuTracer, MeshChoice, Scene, SceneAsset, SceneChange, ShadeOptions, Tracer,
+    Updated, gpu_expand,
+};
 use half::f16;
 use std::sync::Arc;
 use support::{count_differences, gpu};
@@ -179,10 +182,11 @@ fn drawn(gpu: &mut Gpu, here: bool, asset: &Asset, edits: &Edits) -> Vec<[f32; 3
     let mut scene = scene(asset);
     let mut tracer = Tracer::new(gpu, &scene, GpuTracer::Bvh).unwrap();
     Arc::make_mut(&mut scene.assets[0]).set_edits(edits.clone());
-    assert!(tracer.update_edits(gpu, &scene, 0));
-    tracer.sample(gpu, &scene, [64, 48], &ShadeOptions::default(), 0, None).unwrap();
+    assert_eq!(tracer.update(&scene, &SceneChange::Edits(0)).unwrap(), Updated::InPlace);
+    let request = FrameRequest { scene: &scene, size: [64, 48], options: ShadeOptions::default(), sample: 0 };
+    tracer.sample(&request, None).unwrap();
     assert_eq!(scene.assets[0].is_expanded(), !here);
-    let picture = tracer.read_radiance(gpu).unwrap();
+    let picture = tracer.read_radiance().unwrap();
     // The CPU can still draw what the GPU has expanded, edits included.
     let mut cpu = CpuPicture::new([64, 48]);
     cpu.add_sample(&scene, &ShadeOptions::default(), &|| true);

@@ -6,9 +6,9 @@ mod support;
 use btf_runtime::testing::{sample_asset, sample_heights};
 use btf_runtime::{Edit, Edits, Interpolation, ResidualKind};
 use btf_viewer::{
-    Ambient, BackendChoice, Camera, Control, Geometry, Gpu, GpuTracer, Material, MeshChoice, MeshPart, PointLight,
-    RenderMode, RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, Tracer, Triangle, Vertex, plane,
-    render, sphere,
+    Ambient, BackendChoice, Camera, Control, FrameRequest, Geometry, Gpu, GpuTracer, Material, MeshChoice, MeshPart,
+    PointLight, RenderMode, RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, Tracer, Triangle,
+    Vertex, plane, render, sphere,
 };
 use glam::{Mat4, Vec3};
 use std::path::Path;
@@ -174,8 +174,9 @@ fn pictures_of_one_pixel_and_in_bands() {
         let mut gpu = Gpu::headless(None).unwrap();
         limit.into_iter().for_each(|limit| gpu.limit_bindings(limit));
         let mut tracer = Tracer::new(&gpu, &scene, kind)?;
-        tracer.sample(&gpu, &scene, [100, 80], &ShadeOptions::default(), 0, None)?;
-        Ok::<_, btf_viewer::ViewerError>((tracer.read_radiance(&gpu)?, tracer.read_hits(&gpu)?))
+        let request = FrameRequest { scene: &scene, size: [100, 80], options: ShadeOptions::default(), sample: 0 };
+        tracer.sample(&request, None)?;
+        Ok::<_, btf_viewer::ViewerError>((tracer.read_radiance()?, tracer.read_hits()?))
     };
     for kind in [GpuTracer::RayQuery, GpuTracer::Bvh] {
         // Bands of 46 rows; vertices, triangles and nodes lie in pieces, too.
@@ -198,9 +199,10 @@ fn a_lost_device_is_an_error_and_no_crash() {
     let scene = scene(plane());
     let mut tracer = Tracer::new(&gpu, &scene, GpuTracer::Bvh).unwrap();
     let shade = ShadeOptions::default();
-    tracer.sample(&gpu, &scene, [8, 8], &shade, 0, None).unwrap();
+    let request = FrameRequest { scene: &scene, size: [8, 8], options: shade, sample: 0 };
+    tracer.sample(&request, None).unwrap();
     gpu.device.destroy();
-    let result = tracer.sample(&gpu, &scene, [16, 8], &shade, 0, None).and_then(|()| tracer.read_radiance(&gpu));
+    let result = tracer.sample(&FrameRequest { size: [16, 8], ..request }, None).and_then(|()| tracer.read_radiance());
     let message = result.unwrap_err().to_string();
     assert!(message.contains("--backend cpu"), "{message}");
 }

@@ -6,8 +6,8 @@ mod support;
 use btf_models::{LeafDescription, LeafPreset, PlantVariation};
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
 use btf_viewer::{
-    Body, Daylight, DaylightParts, Gpu, GpuTracer, Material, Outdoors, Scene, SceneLeaf, SceneMesh, SceneObject,
-    ShadeOptions, Shown, Tracer, plane, plant_factors,
+    Body, Daylight, DaylightParts, FrameRequest, GpuTracer, Material, Outdoors, Scene, SceneChange, SceneLeaf,
+    SceneMesh, SceneObject, ShadeOptions, Shown, Tracer, Updated, plane, plant_factors,
 };
 use glam::{Mat4, Vec3};
 use std::path::Path;
@@ -33,55 +33,51 @@ fn scene() -> Scene {
     scene
 }
 
-fn picture(gpu: &Gpu, tracer: &mut Tracer, scene: &Scene) -> Vec<[f32; 3]> {
+fn picture(tracer: &mut Tracer, scene: &Scene) -> Vec<[f32; 3]> {
     for sample in 0..4 {
-        tracer.sample(gpu, scene, SIZE, &ShadeOptions::default(), sample, None).unwrap();
+        let request = FrameRequest { scene, size: SIZE, options: ShadeOptions::default(), sample };
+        tracer.sample(&request, None).unwrap();
     }
-    tracer.read_radiance(gpu).unwrap()
+    tracer.read_radiance().unwrap()
 }
 
 #[test]
 fn leaf_plants_and_sky_change_in_place() {
     let Some(gpu) = gpu("leaf_plants_and_sky_change_in_place") else { return };
-    type Change = fn(&Gpu, &mut Scene, Option<&Tracer>);
+    type Change = fn(&mut Scene) -> SceneChange;
     let changes: [(&str, Change); 3] = [
-        ("leaf", |gpu, scene, tracer| {
+        ("leaf", |scene| {
             let mut description = scene.leaves[0].description.clone();
             description.contents = LeafPreset::Senescent.contents();
             description.gloss.gamma_along = 0.1;
             let words = scene.leaves[0].describe(description, LeafMode::Rational).unwrap();
-            if let Some(tracer) = tracer {
-                tracer.update_leaf(gpu, scene, 0, words);
-            }
+            SceneChange::Leaf { leaf: 0, words }
         }),
-        ("plants", |gpu, scene, tracer| {
+        ("plants", |scene| {
             let variation = PlantVariation { chlorophyll: 0.8, ..PlantVariation::default() };
             Arc::make_mut(&mut scene.geometry).set_factors(|_, placement| plant_factors(&variation, placement));
-            if let Some(tracer) = tracer {
-                tracer.update_instances(gpu, scene);
-            }
+            SceneChange::Instances
         }),
-        ("sky", |gpu, scene, tracer| {
+        ("sky", |scene| {
             // The sun alone left as much room as a sky takes.
             stand(scene, "19:00", DaylightParts::Both);
-            if let Some(tracer) = tracer {
-                assert!(tracer.update_environment(gpu, scene));
-            }
+            SceneChange::Environment
         }),
     ];
     for (name, change) in changes {
         let mut changed = scene();
-        change(&gpu, &mut changed, None);
-        let expected = picture(&gpu, &mut Tracer::new(&gpu, &changed, GpuTracer::Bvh).unwrap(), &changed);
+        change(&mut changed);
+        let expected = picture(&mut Tracer::new(&gpu, &changed, GpuTracer::Bvh).unwrap(), &changed);
         let mut live = scene();
         let mut tracer = Tracer::new(&gpu, &live, GpuTracer::Bvh).unwrap();
-        let before = picture(&gpu, &mut tracer, &live);
-        change(&gpu, &mut live, Some(&tracer));
-        assert_eq!(count_differences(&expected, &picture(&gpu, &mut tracer, &live)), 0, "{name}");
+        let before = picture(&mut tracer, &live);
+        let change = change(&mut live);
+        assert_eq!(tracer.update(&live, &change).unwrap(), Updated::InPlace);
+        assert_eq!(count_differences(&expected, &picture(&mut tracer, &live)), 0, "{name}");
         // Planted: what was not uploaded is not seen.
         assert!(count_differences(&expected, &before) > expected.len() / 20, "{name}");
         let mut stale = Tracer::new(&gpu, &scene(), GpuTracer::Bvh).unwrap();
-        assert!(count_differences(&expected, &picture(&gpu, &mut stale, &live)) > expected.len() / 50, "{name}");
+        assert!(count_differences(&expected, &picture(&mut stale, &live)) > expected.len() / 50, "{name}");
     }
 }
 
@@ -90,8 +86,8 @@ fn a_larger_sky_than_there_is_room_for_is_told() {
     let Some(gpu) = gpu("a_larger_sky_than_there_is_room_for_is_told") else { return };
     let mut lit = scene();
     lit.surround(btf_viewer::Environment::new(2, 1, &[1.0; 6]));
-    let tracer = Tracer::new(&gpu, &lit, GpuTracer::Bvh).unwrap();
-    assert!(tracer.update_environment(&gpu, &lit));
+    let mut tracer = Tracer::new(&gpu, &lit, GpuTracer::Bvh).unwrap();
+    assert_eq!(tracer.update(&lit, &SceneChange::Environment).unwrap(), Updated::InPlace);
     stand(&mut lit, "13:00", DaylightParts::Sky);
-    assert!(!tracer.update_environment(&gpu, &lit));
+    assert_eq!(tracer.update(&lit, &SceneChange::Environment).unwrap(), Updated::NeedsUpload);
 }

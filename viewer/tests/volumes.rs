@@ -5,9 +5,10 @@ mod support;
 use btf_runtime::testing::{Random, random_volume};
 use btf_runtime::voltex::Voltex;
 use btf_viewer::{
-    Ambient, Camera, CpuPicture, DiscreteJitter, Environment, GpuTracer, Jitter, Landscape, LandscapeParams, Material,
-    NO_VOLUME, Noise, Pattern, PointLight, RenderMode, Scene, SceneMesh, SceneObject, SceneSkin, ShadeOptions, Shell,
-    ShellParams, Shown, Skin, SkinVertex, Sun, Tracer, VolumePlace, Volumes, Wind, plane, sphere,
+    Ambient, Camera, CpuPicture, DiscreteJitter, Environment, FrameRequest, GpuTracer, Jitter, Landscape,
+    LandscapeParams, Material, NO_VOLUME, Noise, Pattern, PointLight, RenderMode, Scene, SceneChange, SceneMesh,
+    SceneObject, SceneSkin, ShadeOptions, Shell, ShellParams, Shown, Skin, SkinVertex, Sun, Tracer, Updated,
+    VolumePlace, Volumes, Wind, plane, sphere,
 };
 use glam::{Mat4, Quat, Vec3};
 use std::path::Path;
@@ -212,11 +213,12 @@ fn compare(kind: GpuTracer, cases: &[Case], test: &str) {
     // One for all, whose pipelines then are compiled once: it is uploaded with the sky that others may do without.
     let mut tracer = Tracer::new(&gpu, &cases[0].scene, kind).unwrap();
     for Case { name, scene, options, expected } in cases {
-        tracer.update_skins(&gpu, scene).unwrap();
+        assert_eq!(tracer.update(scene, &SceneChange::Skins).unwrap(), Updated::InPlace);
         for sample in 0..SAMPLES {
-            tracer.sample(&gpu, scene, SIZE, options, sample, None).unwrap();
+            let request = FrameRequest { scene, size: SIZE, options: *options, sample };
+            tracer.sample(&request, None).unwrap();
         }
-        let found = count_differences(expected, &tracer.read_radiance(&gpu).unwrap());
+        let found = count_differences(expected, &tracer.read_radiance().unwrap());
         println!("{name}, {kind:?}: {found} of {} pixels differ", expected.len());
         assert!(found <= ALLOWED, "{name}, {kind:?}: {found}");
     }

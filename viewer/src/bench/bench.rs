@@ -3,16 +3,18 @@
 
 use crate::bench::instanced_scene::instanced_scene;
 use crate::bench::leaf_modes::{LeafModeRow, leaf_mode_rows};
-use crate::cpu::cpu::CpuPicture;
+use crate::cpu::picture::CpuPicture;
 use crate::error::ViewerError;
-use crate::gpu::device::BackendChoice;
+use crate::gpu::backend::BackendChoice;
+use crate::gpu::frame::FrameRequest;
 use crate::gpu::timer::{GpuTimer, PassTimes};
-use crate::gpu::tracer::{PixelHit, Tracer};
+use crate::gpu::tracer::Tracer;
 use crate::light::daylight::Daylight;
 use crate::options::{DecoderForm, RenderMode, ShadeOptions, SkyLight};
+use crate::picture::PixelHit;
 use crate::picture::psnr_db;
+use crate::render::control::Control;
 use crate::render::engine::Engine;
-use crate::render::headless::Control;
 use crate::scene::asset::SceneAsset;
 use crate::scene::landscape::{Landscape, LandscapeParams};
 use crate::scene::scene::{Ambient, DaylightParts, MeshChoice, Outdoors, Scene};
@@ -219,6 +221,11 @@ struct Point {
 }
 
 impl Point {
+    /// Returns the request of the first frame.
+    fn frame(&self) -> FrameRequest<'_> {
+        FrameRequest { scene: &self.scene, size: self.size, options: self.shade, sample: 0 }
+    }
+
     /// Number of the sample that a frame adds.
     fn sample(&self, frame: usize) -> u32 {
         if self.moves { 0 } else { frame as u32 }
@@ -442,12 +449,12 @@ impl Engine {
                 let mut tracer = Tracer::with_decoder(gpu, &point.scene, *kind, point.decoder)?;
                 for sample in samples.clone() {
                     stopped()?;
-                    tracer.sample(gpu, &point.scene, point.size, &point.shade, sample, None)?;
+                    tracer.sample(&FrameRequest { sample, ..point.frame() }, None)?;
                     gpu.wait()?;
                 }
                 // The first sample of a fresh tracer adds to zeros, whatever its number.
                 let count = samples.len() as f32;
-                sums.extend(tracer.read_radiance(gpu)?.iter().map(|mean| mean.map(|x| x * count)));
+                sums.extend(tracer.read_radiance()?.iter().map(|mean| mean.map(|x| x * count)));
             }
         }
         let count = samples.len() as f32;
@@ -483,22 +490,15 @@ impl Engine {
             Engine::Gpu(gpu, kind) => {
                 let mut tracer = Tracer::with_decoder(gpu, &point.scene, *kind, point.decoder)?;
                 let mut timer = GpuTimer::new(gpu);
-                tracer.warm_up(gpu, &point.scene, point.size, &point.shade)?;
+                tracer.warm_up(&point.frame())?;
                 // One whole frame more, for caches and clocks.
-                tracer.sample(gpu, &point.scene, point.size, &point.shade, 0, None)?;
+                tracer.sample(&point.frame(), None)?;
                 gpu.wait()?;
                 while !enough(&times) {
                     let sample = point.sample(times.len());
-                    times.push(tracer.timed_sample(
-                        gpu,
-                        &point.scene,
-                        point.size,
-                        &point.shade,
-                        sample,
-                        timer.as_mut(),
-                    )?);
+                    times.push(tracer.timed_sample(&FrameRequest { sample, ..point.frame() }, timer.as_mut())?);
                 }
-                tracer.read_hits(gpu)?
+                tracer.read_hits()?
             }
         };
         times.sort_by(|a, b| a.0.total_cmp(&b.0));

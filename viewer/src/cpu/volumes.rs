@@ -1,30 +1,40 @@
-//! Volumetric textures on the CPU: what a ray sees in them, and what of a light passes them. Twin:
-//! `shaders/volume_shade.wgsl`.
+//! Volumetric textures on the CPU: the light that a ray meets in them, and what of a light passes them. Twin: `volumes.wgsl`.
 
-use crate::cpu::cpu::{FAR, MIN_LIGHT_DISTANCE2, Numbers, SPHERE_DENSITY, Shader, seed_of};
+use crate::cpu::path::{Numbers, Path, PathVertex, roulette};
+use crate::cpu::shader::{FAR, MIN_LIGHT_DISTANCE2, Shader};
 use crate::geometry::bvh::{AnyHit, NO_HIT};
-use crate::gpu::tracer::PixelHit;
 use crate::options::RenderMode;
+use crate::picture::PixelHit;
 use crate::sampler;
 use crate::volume::light::{AROUND_ROUGHNESS, VolumePoint, asks_anew};
 use crate::volume::volumes::Volumes;
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Rays along a pixel's side, for more of which voxels do not grow narrower: it was not measured for more.
-const MAX_RAYS_ACROSS: f32 = 4.0;
+/// Density of directions that are drawn over the whole sphere, per steradian.
+const SPHERE_DENSITY: f32 = 0.25 / PI;
 /// The constant that the shader has too.
 #[cfg(test)]
-pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MAX_RAYS_ACROSS", MAX_RAYS_ACROSS)];
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[("SPHERE_DENSITY", SPHERE_DENSITY)];
 
-/// What a ray sees in volumes.
-pub(crate) struct SeenInVolumes {
+/// What a ray meets in volumes.
+struct VolumeRadiance {
     /// Light from them.
-    pub radiance: Vec3,
+    radiance: Vec3,
     /// Share of what is behind them that passes.
-    pub through: f32,
-    /// One of the places that are seen, as likely as its share of the pixel.
-    pub point: Option<VolumePoint>,
+    transmittance: f32,
+    /// One of the places that are met, as likely as its share of the pixel.
+    point: Option<VolumePoint>,
+}
+
+/// What becomes of a path's latest ray in volumes.
+pub(crate) enum AfterVolumes {
+    /// The ray goes on to what it hit.
+    Passed,
+    /// The path goes on from a place within.
+    Scattered,
+    /// The path ends.
+    Ended,
 }
 
 /// Places along a ray that hide a part of the pixel together. How much light passes to them is asked for at one, as likely as
@@ -49,30 +59,27 @@ impl NearPoints {
     }
 }
 
+/// Light from one direction as a volume meets it.
+#[derive(Clone, Copy)]
+struct VolumeSource {
+    towards: Vec3,
+    distance: f32,
+    /// Irradiance over pi; 0 for none.
+    incident: Vec3,
+}
+
+/// A place within a volume that a ray along `direction` meets.
+struct MetPoint<'a> {
+    volumes: &'a Volumes,
+    point: &'a VolumePoint,
+    direction: Vec3,
+    position: Vec3,
+    /// Width of voxels for shadow rays.
+    width: f32,
+}
+
 impl Shader<'_> {
-    /// The scene's lights, then `sun` (towards it, and irradiance over pi): direction, distance and irradiance over pi at a
-    /// place; none of a light that is too near, and of a sun that is not there.
-    fn lights_at(&self, position: Vec3, sun: Option<(Vec3, Vec3)>) -> impl Iterator<Item = (Vec3, f32, Vec3)> {
-        let lamps = self.scene.lights.iter().map(move |light| {
-            let way = light.position - position;
-            let distance2 = way.length_squared();
-            if distance2 <= MIN_LIGHT_DISTANCE2 {
-                return (Vec3::Z, 0.0, Vec3::ZERO);
-            }
-            let distance = distance2.sqrt();
-            (way / distance, distance, Vec3::from(light.intensity) / (distance2 * PI))
-        });
-        let (towards, incident) = sun.unwrap_or((Vec3::Z, Vec3::ZERO));
-        lamps.chain([(towards, FAR, incident)])
-    }
-
-    /// How wide voxels should be at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so many. Rays miss
-    /// narrower ones, and wider ones blur (docs/VOLTEX_FIGURES.md).
-    pub(crate) fn ray_width(&self) -> f32 {
-        self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MAX_RAYS_ACROSS)
-    }
-
-    /// Share of light that passes the scene's volumes on the way from a surface.
+    /// Returns the share of light that passes the scene's volumes on the way from a surface.
     pub(crate) fn past_volumes(&self, origin: Vec3, direction: Vec3, distance: f32, width: f32) -> f32 {
         match &self.scene.volumes {
             Some(volumes) if distance > 0.0 => {
@@ -82,63 +89,44 @@ impl Shader<'_> {
         }
     }
 
-    /// What a ray sees in the scene's volumes up to `t_max`, `travelled` from the eye.
-    pub(crate) fn seen_in_volumes(
+    /// Returns the light that a path's ray meets in the scene's volumes up to `t_max`.
+    fn trace_volumes(
         &self,
         volumes: &Volumes,
-        origin: Vec3,
-        direction: Vec3,
+        path: &Path,
         t_max: f32,
-        travelled: f32,
-        pixel: [u32; 2],
-        depth: u32,
+        vertex: PathVertex,
         done: &mut PixelHit,
-    ) -> SeenInVolumes {
-        let scene = self.scene;
+    ) -> VolumeRadiance {
         let ray_width = self.ray_width();
-        let [sun_at, sky_at] =
-            [Numbers::Sun, Numbers::Ambient].map(|numbers| sampler::two(self.sample, seed_of(pixel, depth, numbers)));
-        let seed = sampler::hash(seed_of(pixel, depth, Numbers::VolumeLight).wrapping_add(self.sample));
-        let sun = scene.sun.as_ref().map(|sun| (sun.sun_sample(sun_at), Vec3::from(sun.irradiance) / PI));
+        let [sun_at, sky_at] = [Numbers::Sun, Numbers::Ambient].map(|numbers| self.two_numbers(vertex, numbers));
+        let seed = self.light_seed(vertex, Numbers::VolumeLight);
+        let sun = self.scene.sun.as_ref();
+        let sun = sun.map_or(VolumeSource { towards: Vec3::Z, distance: FAR, incident: Vec3::ZERO }, |sun| {
+            VolumeSource { towards: sun.sun_sample(sun_at), distance: FAR, incident: Vec3::from(sun.irradiance) / PI }
+        });
         let mut radiance = Vec3::ZERO;
-        let mut near = NearPoints::new(scene.lights.len() + 1);
+        let mut near = NearPoints::new(self.scene.lights.len() + 1);
         let (mut total, mut chosen, mut draws) = (0.0, None, 0u32);
         // Whether a point that counts `weight` of `sum` is the one that is drawn.
         let mut is_drawn = |weight: f32, sum: f32| {
             draws += 1;
             sampler::one(seed.wrapping_add(draws)) * sum < weight
         };
-        // Light of the points that were gathered, through what one of them is shadowed by.
-        let lit = |near: &mut NearPoints, done: &mut PixelHit| {
-            let mut sum = Vec3::ZERO;
-            if let Some(point) = near.drawn.take() {
-                let position = origin + direction * point.t;
-                let width = (travelled + point.t) * ray_width;
-                for ((towards, distance, _), unshadowed) in self.lights_at(position, sun).zip(&near.unshadowed) {
-                    if unshadowed.max_element() > 0.0 {
-                        done.rays += 1;
-                        sum += *unshadowed
-                            * self.light_passed(volumes, &point, position, -direction, towards, distance, width);
-                    }
-                }
-            }
-            near.clear();
-            sum
-        };
-        let through = volumes.see(
-            origin,
-            direction,
+        let transmittance = volumes.march(
+            path.origin,
+            path.direction,
             t_max,
             &self.lod_transition,
-            |t| (travelled + t) * ray_width,
+            |t| (path.travelled + t) * ray_width,
             |point| {
                 if asks_anew(near.weight) {
-                    radiance += lit(&mut near, done);
+                    radiance += self.shadowed_light(volumes, path, sun, &mut near, done);
                 }
-                let position = origin + direction * point.t;
-                for ((towards, _, incident), unshadowed) in self.lights_at(position, sun).zip(&mut near.unshadowed) {
-                    if incident.max_element() > 0.0 {
-                        *unshadowed += point.weight * incident * point.reflected(volumes, towards, 0.0);
+                let position = path.origin + path.direction * point.t;
+                for (light, unshadowed) in self.lights_at(position, sun).zip(&mut near.unshadowed) {
+                    if light.incident.max_element() > 0.0 {
+                        *unshadowed += point.weight * light.incident * point.reflected(volumes, light.towards, 0.0);
                     }
                 }
                 near.weight += point.weight;
@@ -152,50 +140,122 @@ impl Shader<'_> {
                 }
             },
         );
-        radiance += lit(&mut near, done);
-        if let Some(point) = &chosen {
-            let path = self.options.mode == RenderMode::Path;
-            let position = origin + direction * point.t;
-            let width = (travelled + point.t) * ray_width;
-            let around = match &scene.environment {
-                Some(sky) => {
-                    let towards = sky.sample(sky_at);
-                    let density = sky.density(towards) + if path { SPHERE_DENSITY } else { 0.0 };
-                    let distance = if path { FAR } else { scene.ambient.distance };
-                    (density > 0.0).then(|| (towards, sky.radiance(towards) / (PI * density), distance))
-                }
-                None if path => None,
-                None => {
-                    let incident = Vec3::from(scene.ambient.radiance) / (PI * SPHERE_DENSITY);
-                    Some((sampler::sphere(sky_at), incident, scene.ambient.distance))
-                }
-            };
-            if let Some((towards, incident, distance)) = around.filter(|(_, incident, _)| incident.max_element() > 0.0)
-            {
-                done.rays += 1;
-                let passed = self.light_passed(volumes, point, position, -direction, towards, distance, width);
-                radiance += total * passed * incident * point.reflected(volumes, towards, AROUND_ROUGHNESS);
-            }
+        radiance += self.shadowed_light(volumes, path, sun, &mut near, done);
+        if let Some(point) = &chosen
+            && let Some(light) = self.surroundings(sky_at).filter(|light| light.incident.max_element() > 0.0)
+        {
+            done.rays += 1;
+            let passed = self.light_passed(&self.met_point(volumes, path, point), &light);
+            radiance += total * passed * light.incident * point.reflected(volumes, light.towards, AROUND_ROUGHNESS);
         }
-        SeenInVolumes { radiance, through, point: chosen }
+        VolumeRadiance { radiance, transmittance, point: chosen }
     }
 
-    /// Share of light from a direction that reaches a place within a volume and is seen from another.
-    fn light_passed(
+    /// Returns the light of the points that were gathered, through what one of them is shadowed by, and forgets the points.
+    fn shadowed_light(
         &self,
         volumes: &Volumes,
-        point: &VolumePoint,
-        position: Vec3,
-        to_eye: Vec3,
-        towards: Vec3,
-        distance: f32,
-        width: f32,
-    ) -> f32 {
-        let origin = position + point.shadow_offset(volumes, towards);
-        if self.trace(origin, towards, distance, AnyHit::Yes).primitive != NO_HIT {
+        path: &Path,
+        sun: VolumeSource,
+        near: &mut NearPoints,
+        done: &mut PixelHit,
+    ) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        if let Some(point) = near.drawn.take() {
+            let met = self.met_point(volumes, path, &point);
+            for (light, unshadowed) in self.lights_at(met.position, sun).zip(&near.unshadowed) {
+                if unshadowed.max_element() > 0.0 {
+                    done.rays += 1;
+                    sum += *unshadowed * self.light_passed(&met, &light);
+                }
+            }
+        }
+        near.clear();
+        sum
+    }
+
+    fn met_point<'a>(&self, volumes: &'a Volumes, path: &Path, point: &'a VolumePoint) -> MetPoint<'a> {
+        let position = path.origin + path.direction * point.t;
+        let width = (path.travelled + point.t) * self.ray_width();
+        MetPoint { volumes, point, direction: path.direction, position, width }
+    }
+
+    /// Returns the share of a light that reaches a place within a volume and is seen from where the path's ray begins.
+    fn light_passed(&self, met: &MetPoint, light: &VolumeSource) -> f32 {
+        let MetPoint { volumes, point, direction, position, width } = *met;
+        let origin = position + point.shadow_offset(volumes, light.towards);
+        if self.trace(origin, light.towards, light.distance, AnyHit::Yes).primitive != NO_HIT {
             return 0.0;
         }
-        let shared = point.shared(volumes, to_eye.dot(towards));
-        (-(1.0 - shared) * volumes.depth(origin, towards, distance, &self.lod_transition, width)).exp()
+        let shared = point.shared(volumes, (-direction).dot(light.towards));
+        let depth = volumes.depth(origin, light.towards, light.distance, &self.lod_transition, width);
+        (-(1.0 - shared) * depth).exp()
+    }
+
+    /// Iterates over the scene's lights as a place meets them, then over `sun`; a light that is too near gives none.
+    fn lights_at(&self, position: Vec3, sun: VolumeSource) -> impl Iterator<Item = VolumeSource> {
+        let lamps = self.scene.lights.iter().map(move |light| {
+            let way = light.position - position;
+            let distance2 = way.length_squared();
+            if distance2 <= MIN_LIGHT_DISTANCE2 {
+                return VolumeSource { towards: Vec3::Z, distance: 0.0, incident: Vec3::ZERO };
+            }
+            let distance = distance2.sqrt();
+            let incident = Vec3::from(light.intensity) / (distance2 * PI);
+            VolumeSource { towards: way / distance, distance, incident }
+        });
+        lamps.chain([sun])
+    }
+
+    /// Returns the light of what surrounds the scene, from the direction that the numbers `at` draw; `None` where a path meets
+    /// that by itself.
+    fn surroundings(&self, at: [f32; 2]) -> Option<VolumeSource> {
+        let path = self.options.mode == RenderMode::Path;
+        let distance = if path { FAR } else { self.scene.ambient.distance };
+        match &self.scene.environment {
+            Some(sky) => {
+                let towards = sky.sample(at);
+                let density = sky.density(towards) + if path { SPHERE_DENSITY } else { 0.0 };
+                let incident = || sky.radiance(towards) / (PI * density);
+                (density > 0.0).then(|| VolumeSource { towards, distance, incident: incident() })
+            }
+            None if path => None,
+            None => {
+                let incident = Vec3::from(self.scene.ambient.radiance) / (PI * SPHERE_DENSITY);
+                Some(VolumeSource { towards: sampler::sphere(at), distance, incident })
+            }
+        }
+    }
+
+    /// Adds the light that a path's ray meets in volumes before `t_max`, and lets the path pass them, scatter or end.
+    pub(crate) fn pass_volumes(
+        &self,
+        volumes: &Volumes,
+        path: &mut Path,
+        t_max: f32,
+        vertex: PathVertex,
+        radiance: &mut Vec3,
+        done: &mut PixelHit,
+    ) -> AfterVolumes {
+        let met = self.trace_volumes(volumes, path, t_max, vertex, done);
+        *radiance += path.throughput * met.radiance;
+        if self.options.mode != RenderMode::Path {
+            path.throughput *= met.transmittance;
+            return if met.transmittance <= 0.0 { AfterVolumes::Ended } else { AfterVolumes::Passed };
+        }
+        let [choice, kept_at] = self.two_numbers(vertex, Numbers::VolumeChoice);
+        if choice < met.transmittance {
+            return AfterVolumes::Passed;
+        }
+        let Some(point) = met.point else { return AfterVolumes::Ended };
+        let next = sampler::sphere(self.two_numbers(vertex, Numbers::VolumeScatter));
+        let throughput = path.throughput * (4.0 * point.reflected(volumes, next, AROUND_ROUGHNESS));
+        let Some(throughput) = roulette(throughput, kept_at) else { return AfterVolumes::Ended };
+        path.throughput = throughput;
+        (path.scattered, path.density) = (true, SPHERE_DENSITY);
+        path.travelled += point.t;
+        path.origin += path.direction * point.t + point.shadow_offset(volumes, next);
+        path.direction = next;
+        AfterVolumes::Scattered
     }
 }

@@ -1,4 +1,4 @@
-// Volumetric textures: what a ray sees in them, and what of a light passes them. Twin: cpu_volumes.rs.
+// Volumetric textures: the light that a ray meets in them, and what of a light passes them. Twin: volumes.rs.
 
 const VOLUME_CHOICE_NUMBERS: u32 = 5u;
 const VOLUME_SCATTER_NUMBERS: u32 = 6u;
@@ -9,13 +9,13 @@ const SPHERE_DENSITY: f32 = 0.07957747;
 // Whether rays may meet volumes. Where a scene has none, no_volumes.wgsl stands in for this file.
 const WITH_VOLUMES: bool = true;
 
-// What a ray sees in volumes.
-struct SeenInVolumes {
+// What a ray meets in volumes.
+struct VolumeRadiance {
     // Light from them.
     radiance: vec3<f32>,
     // Share of what is behind them that passes.
-    through: f32,
-    // One of the places that are seen, as likely as its share of the pixel.
+    transmittance: f32,
+    // One of the places that are met, as likely as its share of the pixel.
     point: VolumePoint,
     rays: u32,
 }
@@ -28,7 +28,7 @@ struct VolumeSource {
     incident: vec3<f32>,
 }
 
-// Share of light that passes the scene's meshes and volumes on the way from a surface.
+// Returns the share of light that passes the scene's meshes and volumes on the way from a surface.
 fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f32) -> f32 {
     if distance <= 0.0 {
         return 1.0;
@@ -44,150 +44,194 @@ struct VolumeWay {
     walk: VoltexWalk,
 }
 
-// What the path's ray sees in the scene's volumes up to `t_max`. It and the rays from there to the light take their steps in the
-// same lines, because compilers copy what is called into its place.
-fn seen_in_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> SeenInVolumes {
+// The places along a path's ray that hide a part of the pixel together, under one light.
+struct NearPoints {
+    // 0 is the sun, then each light, then what surrounds the scene.
+    source: u32,
+    seed: u32,
+    draws: u32,
+    // Share of the pixel that they hide.
+    weight: f32,
+    // Their light without shadow.
+    unshadowed: vec3<f32>,
+    // The one at which is asked how much light passes, as likely as what it hides, and the light there.
+    drawn: VolumePoint,
+    light: VolumeSource,
+    // Of the whole ray: the share of the pixel that is hidden, and one place, as likely as its share.
+    total: f32,
+    chosen: VolumePoint,
+}
+
+// Returns the light that the path's ray meets in the scene's volumes up to `t_max`.
+fn trace_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> VolumeRadiance {
     let sun_at = sampler_two(frame.sample, seed_of(pixel, depth, SUN_NUMBERS));
     let sky_at = sampler_two(frame.sample, seed_of(pixel, depth, AMBIENT_NUMBERS));
-    let seed = sampler_hash(seed_of(pixel, depth, VOLUME_LIGHT_NUMBERS) + frame.sample);
-    var seen: SeenInVolumes;
-    var total = 0.0;
+    let sun = VolumeSource(sun_sample(sun_at), TRACE_FAR, frame.sun_irradiance / TRACE_PI);
+    var met: VolumeRadiance;
+    var near: NearPoints;
+    near.seed = sampler_hash(seed_of(pixel, depth, VOLUME_LIGHT_NUMBERS) + frame.sample);
     var open: array<Passage, PASSAGE_SLOTS>;
     let around = frame.light_count + 1u;
-    // The sun, then each light by itself along the whole ray, then what surrounds at the place that was drawn. There may be any
-    // number of lights; the twin goes along the ray once.
+    // The sun, then each light by itself along the whole ray, then what surrounds the scene at the place that was drawn. There
+    // may be any number of lights; the twin goes along the ray once.
     for (var source = 0u; source <= around; source++) {
-        var light = VolumeSource(sun_sample(sun_at), TRACE_FAR, frame.sun_irradiance / TRACE_PI);
-        var draws = 0u;
-        // Places that hide a part of the pixel together: how much, their light without shadow, and the one at which is asked how
-        // much passes, as likely as what it hides.
-        var near = 0.0;
-        var unshadowed = vec3<f32>(0.0);
-        var drawn = seen.point;
-        var drawn_light = light;
-        // The latest place, which waits while that is asked; and whether there will be no other.
-        var point = seen.point;
-        var waits = false;
-        var is_last = source == around;
-        var through = 1.0;
-        if is_last {
-            drawn_light = volume_surroundings(sky_at);
-            if most(drawn_light.incident) > 0.0 {
-                let reflected = volume_reflected(drawn, drawn_light.towards, VOLUME_AROUND_ROUGHNESS);
-                unshadowed = total * drawn_light.incident * reflected;
+        near.source = source;
+        near.draws = 0u;
+        near.weight = 0.0;
+        near.unshadowed = vec3<f32>(0.0);
+        near.drawn = near.chosen;
+        near.light = sun;
+        if source == around {
+            near.light = volume_surroundings(sky_at);
+            if most(near.light.incident) > 0.0 {
+                let reflected = volume_reflected(near.drawn, near.light.towards, VOLUME_AROUND_ROUGHNESS);
+                near.unshadowed = near.total * near.light.incident * reflected;
             }
         }
-        var stretches = volume_stretches(path.origin, path.direction, t_max);
-        var stretch: Stretch;
-        var level: VolumeLevel;
-        var walk: VoltexWalk;
-        // While a ray to the light is followed: where the path's ray is, and the optical depth so far.
-        var to_light = false;
-        var kept: VolumeWay;
-        var optical_depth = 0.0;
-        loop {
-            if waits && near <= VOLUME_SHADOW_STEP {
-                waits = false;
-                if source > 0u {
-                    light = volume_point_light(source - 1u, path.origin + path.direction * point.t);
-                }
-                if most(light.incident) > 0.0 {
-                    unshadowed += point.weight * light.incident * volume_reflected(point, light.towards, 0.0);
-                }
-                near += point.weight;
-                if sampler_one(seed + draws + 1u) * near < point.weight {
-                    drawn = point;
-                    drawn_light = light;
-                }
-                // One place for everything that takes a ray of its own.
-                if source == 0u {
-                    total += point.weight;
-                    if sampler_one(seed + draws + 2u) * total < point.weight {
-                        seen.point = point;
-                    }
-                }
-                draws += 2u;
-                is_last = through <= 0.0;
-            }
-            if !to_light && (waits || is_last) {
-                if most(unshadowed) > 0.0 {
-                    seen.rays += 1u;
-                    let towards = drawn_light.towards;
-                    let origin = path.origin + path.direction * drawn.t + volume_shadow_offset(drawn, towards);
-                    to_light = true;
-                    optical_depth = 0.0;
-                    kept = VolumeWay(stretches, stretch, level, walk);
-                    stretches = volume_stretches_in_turn(origin, towards, drawn_light.distance);
-                    walk.t_end = walk.t;
-                } else if is_last {
-                    break;
-                } else {
-                    near = 0.0;
-                    continue;
-                }
-            }
-            if walk.t < walk.t_end {
-                let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
-                let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
-                let way = segment.t1 - segment.t0;
-                if !to_light {
-                    let opacity = 1.0 - exp(-parts.sigma * way);
-                    if opacity > VOLUME_MIN_OPACITY {
-                        let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
-                        let weight = through * opacity;
-                        point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
-                        waits = true;
-                        through *= 1.0 - opacity;
-                        if through < VOLUME_END {
-                            through = 0.0;
-                        }
-                    }
-                    continue;
-                }
-                optical_depth += parts.sigma * way;
-                if optical_depth <= VOLUME_MAX_DEPTH {
-                    continue;
-                }
-                optical_depth = VOLUME_BLACK;
-            } else {
-                stretch = volume_next(&stretches, &open, stretch);
-                if stretch.volume != NO_VOLUME {
-                    let t = select(0.5 * (stretch.t0 + stretch.t1), drawn.t, to_light);
-                    let width = (path.travelled + t) * ray_width();
-                    level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
-                    walk = volume_walk_of(stretch);
-                    continue;
-                }
-                if !to_light {
-                    is_last = true;
-                    continue;
-                }
-                optical_depth = select(optical_depth, VOLUME_BLACK, stretches.entries.is_hidden);
-            }
-            // The ray to the light has ended.
-            let both_see = volume_shared(drawn, -dot(path.direction, drawn_light.towards));
-            seen.radiance += unshadowed * exp(-(1.0 - both_see) * optical_depth);
-            if is_last {
-                break;
-            }
-            near = 0.0;
-            unshadowed = vec3<f32>(0.0);
-            to_light = false;
-            stretches = kept.stretches;
-            stretch = kept.stretch;
-            level = kept.level;
-            walk = kept.walk;
-        }
+        let transmittance = volume_march(path, t_max, sun, &near, &open, &met);
         if source == 0u {
-            seen.through = through;
+            met.transmittance = transmittance;
         }
-        if total <= 0.0 {
+        if near.total <= 0.0 {
             break;
         }
     }
-    return seen;
+    met.point = near.chosen;
+    return met;
 }
 
+// Marches along the path's ray under one light and adds what it meets; returns the transmittance. Shader compilers inline every
+// call: the path's ray and the rays from there to the light therefore share one loop. Do not add a second call site.
+fn volume_march(
+    path: Path,
+    t_max: f32,
+    sun: VolumeSource,
+    near: ptr<function, NearPoints>,
+    open: ptr<function, array<Passage, PASSAGE_SLOTS>>,
+    met: ptr<function, VolumeRadiance>,
+) -> f32 {
+    // The latest place, which waits while light is asked for; and whether there will be no other.
+    var point = (*near).chosen;
+    var waits = false;
+    var is_last = (*near).source == frame.light_count + 1u;
+    var through = 1.0;
+    var stretches = volume_stretches(path.origin, path.direction, t_max);
+    var stretch: Stretch;
+    var level: VolumeLevel;
+    var walk: VoltexWalk;
+    // While a ray to the light is followed: where the path's ray is, and the optical depth so far.
+    var to_light = false;
+    var kept: VolumeWay;
+    var optical_depth = 0.0;
+    loop {
+        if waits && (*near).weight <= VOLUME_SHADOW_STEP {
+            waits = false;
+            volume_gather(path, point, sun, near);
+            is_last = through <= 0.0;
+        }
+        if !to_light && (waits || is_last) {
+            if most((*near).unshadowed) > 0.0 {
+                (*met).rays += 1u;
+                let towards = (*near).light.towards;
+                let origin = path.origin + path.direction * (*near).drawn.t + volume_shadow_offset((*near).drawn, towards);
+                to_light = true;
+                optical_depth = 0.0;
+                kept = VolumeWay(stretches, stretch, level, walk);
+                stretches = volume_stretches_in_turn(origin, towards, (*near).light.distance);
+                walk.t_end = walk.t;
+            } else if is_last {
+                break;
+            } else {
+                (*near).weight = 0.0;
+                continue;
+            }
+        }
+        if walk.t < walk.t_end {
+            let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
+            let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
+            let way = segment.t1 - segment.t0;
+            if !to_light {
+                let opacity = 1.0 - exp(-parts.sigma * way);
+                if opacity > VOLUME_MIN_OPACITY {
+                    let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
+                    let weight = through * opacity;
+                    point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
+                    waits = true;
+                    through *= 1.0 - opacity;
+                    if through < VOLUME_END {
+                        through = 0.0;
+                    }
+                }
+                continue;
+            }
+            optical_depth += parts.sigma * way;
+            if optical_depth <= VOLUME_MAX_DEPTH {
+                continue;
+            }
+            optical_depth = VOLUME_BLACK;
+        } else {
+            stretch = volume_next(&stretches, open, stretch);
+            if stretch.volume != NO_VOLUME {
+                let t = select(0.5 * (stretch.t0 + stretch.t1), (*near).drawn.t, to_light);
+                let width = (path.travelled + t) * ray_width();
+                level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
+                walk = volume_walk_of(stretch);
+                continue;
+            }
+            if !to_light {
+                is_last = true;
+                continue;
+            }
+            optical_depth = select(optical_depth, VOLUME_BLACK, stretches.entries.is_hidden);
+        }
+        // The ray to the light has ended.
+        (*met).radiance += volume_shadowed_light(path, near, optical_depth);
+        if is_last {
+            break;
+        }
+        to_light = false;
+        stretches = kept.stretches;
+        stretch = kept.stretch;
+        level = kept.level;
+        walk = kept.walk;
+    }
+    return through;
+}
+
+// Adds a place to those that hide a part of the pixel together.
+fn volume_gather(path: Path, point: VolumePoint, sun: VolumeSource, near: ptr<function, NearPoints>) {
+    var light = sun;
+    if (*near).source > 0u {
+        light = volume_point_light((*near).source - 1u, path.origin + path.direction * point.t);
+    }
+    if most(light.incident) > 0.0 {
+        (*near).unshadowed += point.weight * light.incident * volume_reflected(point, light.towards, 0.0);
+    }
+    (*near).weight += point.weight;
+    if sampler_one((*near).seed + (*near).draws + 1u) * (*near).weight < point.weight {
+        (*near).drawn = point;
+        (*near).light = light;
+    }
+    // One place for everything that takes a ray of its own.
+    if (*near).source == 0u {
+        (*near).total += point.weight;
+        if sampler_one((*near).seed + (*near).draws + 2u) * (*near).total < point.weight {
+            (*near).chosen = point;
+        }
+    }
+    (*near).draws += 2u;
+}
+
+// Returns the light of the places that were gathered, through what one of them is shadowed by, and forgets the places.
+fn volume_shadowed_light(path: Path, near: ptr<function, NearPoints>, optical_depth: f32) -> vec3<f32> {
+    let both_see = volume_shared((*near).drawn, -dot(path.direction, (*near).light.towards));
+    let radiance = (*near).unshadowed * exp(-(1.0 - both_see) * optical_depth);
+    (*near).weight = 0.0;
+    (*near).unshadowed = vec3<f32>(0.0);
+    return radiance;
+}
+
+// Returns a point light as a place meets it.
 fn volume_point_light(number: u32, position: vec3<f32>) -> VolumeSource {
     let way = lights[number].position - position;
     let distance2 = dot(way, way);
@@ -198,7 +242,7 @@ fn volume_point_light(number: u32, position: vec3<f32>) -> VolumeSource {
     return VolumeSource(way / distance, distance, lights[number].intensity / (distance2 * TRACE_PI));
 }
 
-// What surrounds the scene, from one direction.
+// Returns the light of what surrounds the scene, from the direction that the numbers `at` draw.
 fn volume_surroundings(at: vec2<f32>) -> VolumeSource {
     let path = frame.mode == MODE_PATH;
     let distance = select(frame.occlusion_distance, TRACE_FAR, path);
@@ -216,7 +260,7 @@ fn volume_surroundings(at: vec2<f32>) -> VolumeSource {
     return source;
 }
 
-// Pass: volumes before what the latest ray hit.
+// Adds what the latest ray meets in volumes before what it hit.
 fn volume_pass(at: vec2<u32>) {
     let index = at.y * frame.width + at.x;
     var path = paths[index];
@@ -232,46 +276,45 @@ fn volume_pass(at: vec2<u32>) {
         t = dot(surface_at(hit, path.direction).position - path.origin, path.direction);
     }
     if pass_volumes(whole_picture(at), t, &path, &pixel) {
-        arrive(t, &path, &pixel);
+        end_ray(t, &path, &pixel);
     }
     pixels[index] = pixel;
     paths[index] = path;
 }
 
-// Adds what the path's ray sees in volumes before `t_max`; false where it ends or scatters there.
+// Adds the light that the path's ray meets in volumes before `t_max`; returns false where the path ends or scatters there.
 fn pass_volumes(at: vec2<u32>, t_max: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) -> bool {
     let depth = (*pixel).depth;
-    let seen = seen_in_volumes(*path, t_max, at, depth);
-    (*pixel).sum += vec4<f32>((*path).throughput * seen.radiance, 0.0);
-    (*pixel).rays += seen.rays;
+    let met = trace_volumes(*path, t_max, at, depth);
+    (*pixel).sum += vec4<f32>((*path).throughput * met.radiance, 0.0);
+    (*pixel).rays += met.rays;
     if frame.mode != MODE_PATH {
-        (*path).throughput *= seen.through;
-        if seen.through <= 0.0 {
+        (*path).throughput *= met.transmittance;
+        if met.transmittance <= 0.0 {
             (*path).primitive = NO_HIT;
         }
-        return seen.through > 0.0;
+        return met.transmittance > 0.0;
     }
     let choice = sampler_two(frame.sample, seed_of(at, depth, VOLUME_CHOICE_NUMBERS));
-    if choice.x < seen.through {
+    if choice.x < met.transmittance {
         return true;
     }
     (*path).primitive = NO_HIT;
-    if seen.point.weight <= 0.0 {
+    if met.point.weight <= 0.0 {
         return false;
     }
     let next = sampler_sphere(sampler_two(frame.sample, seed_of(at, depth, VOLUME_SCATTER_NUMBERS)));
-    let throughput = (*path).throughput * (4.0 * volume_reflected(seen.point, next, VOLUME_AROUND_ROUGHNESS));
-    // Russian roulette, as at surfaces.
-    let kept = clamp(most(throughput), MIN_KEPT, 1.0);
-    if most(throughput) <= 0.0 || choice.y >= kept {
+    let scattered = (*path).throughput * (4.0 * volume_reflected(met.point, next, VOLUME_AROUND_ROUGHNESS));
+    let throughput = roulette(scattered, choice.y);
+    if most(throughput) <= 0.0 {
         return false;
     }
     (*path).primitive = IN_VOLUME;
-    (*path).throughput = throughput / kept;
+    (*path).throughput = throughput;
     (*path).instance |= SCATTERED;
     (*path).density = SPHERE_DENSITY;
-    (*path).travelled += seen.point.t;
-    (*path).origin += (*path).direction * seen.point.t + volume_shadow_offset(seen.point, next);
+    (*path).travelled += met.point.t;
+    (*path).origin += (*path).direction * met.point.t + volume_shadow_offset(met.point, next);
     (*path).direction = next;
     return false;
 }

@@ -1,7 +1,7 @@
 //! Traversal of the hierarchies: one over the instances, whose leaves hold one instance each, and one over the triangles of
 //! each mesh, in the mesh's own space. All lie in one array of nodes. Twin: `shaders/bvh.wgsl`, over the same arrays.
 
-use crate::geometry::bvh_build::Bounds;
+use crate::geometry::bvh_node::BvhNode;
 use crate::geometry::geometry::{Geometry, Instance};
 use crate::geometry::lod_transition::LodTransition;
 use crate::geometry::shear::Shear;
@@ -29,28 +29,7 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
 /// Primitive number of a ray that hits nothing. Twin: `NO_HIT` in `surface.wgsl`.
 pub const NO_HIT: u32 = u32::MAX;
 /// Instance number of a ray that is in none.
-const NO_INSTANCE: u32 = u32::MAX;
-
-/// A node. Twin: `BvhNode` in `bvh.wgsl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct BvhNode {
-    /// Least corner.
-    pub lo: [f32; 3],
-    /// Leaf: its first triangle, or its instance. Inner node: its left child; the right one follows.
-    pub first: u32,
-    /// Greatest corner.
-    pub hi: [f32; 3],
-    /// Leaf: number of triangles, or 1. Inner node: 0.
-    pub count: u32,
-}
-
-impl BvhNode {
-    /// Its box.
-    pub(crate) fn bounds(&self) -> Bounds {
-        Bounds { lo: self.lo.into(), hi: self.hi.into() }
-    }
-}
+pub(crate) const NO_INSTANCE: u32 = u32::MAX;
 
 /// Where a ray meets a triangle. Twin: `Hit` in `surface.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq)]

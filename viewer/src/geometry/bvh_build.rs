@@ -1,45 +1,10 @@
 //! Builds hierarchies: two children per node, split by the surface-area heuristic over bins [Wald 2007].
 
-use crate::geometry::bvh::BvhNode;
+use crate::geometry::bvh_node::{Bounds, BvhNode};
 use glam::Vec3;
 
 /// Bins per axis of the split search.
 const BINS: usize = 16;
-
-/// A box.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Bounds {
-    pub lo: Vec3,
-    pub hi: Vec3,
-}
-
-impl Bounds {
-    /// Around nothing.
-    pub(crate) const EMPTY: Bounds = Bounds { lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY };
-
-    /// Around both.
-    pub(crate) fn add(self, other: Bounds) -> Bounds {
-        Bounds { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
-    }
-
-    /// Around a point as well.
-    pub(crate) fn add_point(self, point: Vec3) -> Bounds {
-        self.add(Bounds { lo: point, hi: point })
-    }
-
-    /// The eight corners.
-    pub(crate) fn corners(self) -> [Vec3; 8] {
-        std::array::from_fn(|i| {
-            let pick = |axis: usize| if i >> axis & 1 == 0 { self.lo[axis] } else { self.hi[axis] };
-            Vec3::new(pick(0), pick(1), pick(2))
-        })
-    }
-
-    fn half_area(self) -> f32 {
-        let d = (self.hi - self.lo).max(Vec3::ZERO);
-        d.x * d.y + d.y * d.z + d.z * d.x
-    }
-}
 
 /// What a hierarchy is built over.
 pub(crate) struct Item {

@@ -2,8 +2,8 @@
 //! primitive has one number on the CPU, in the compute BVH and in the acceleration structure; and instances, which place
 //! meshes in the world.
 
-use crate::geometry::bvh::BvhNode;
-use crate::geometry::bvh_build::{Bounds, BuildParams, Item, build};
+use crate::geometry::bvh_build::{BuildParams, Item, build};
+use crate::geometry::bvh_node::{Bounds, BvhNode};
 use glam::{Mat4, Vec3, Vec4};
 
 /// Of a mesh: 2^24 triangles in leaves of 4 add 22 levels at most to the depth of halving.

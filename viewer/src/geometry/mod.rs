@@ -2,8 +2,8 @@
 
 pub(crate) mod bvh;
 pub(crate) mod bvh_build;
+pub(crate) mod bvh_node;
 pub(crate) mod geometry;
-pub(crate) mod leaf_width;
 pub(crate) mod lod_transition;
 pub(crate) mod shear;
 pub(crate) mod surface;

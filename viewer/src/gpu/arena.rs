@@ -62,16 +62,16 @@ impl Arena {
     /// # Errors
     /// [`ViewerError::Gpu`] where the adapter binds too few buffers for so many pieces, or has no memory for them.
     pub(crate) fn new(gpu: &Gpu, assets: &[ArenaAsset], room: fn(usize) -> usize) -> Result<Arena, ViewerError> {
-        let most_bytes = gpu.most_binding_bytes();
-        let most_buffers = gpu.most_pieces();
+        let max_bytes = gpu.max_binding_bytes();
+        let max_buffers = gpu.max_pieces();
         let room: Vec<usize> = assets.iter().map(|asset| asset.words.len() + room(asset.words.len())).collect();
-        let (bases, layout, total) = place(&room, (most_bytes / 4) as usize);
-        if layout.pieces > most_buffers || total > u32::MAX as usize {
+        let (bases, layout, total) = place(&room, (max_bytes / 4) as usize);
+        if layout.pieces > max_buffers || total > u32::MAX as usize {
             return Err(gpu.error(format!(
                 "the assets take {:.1} MiB and this adapter binds at most {:.1}; render with --backend cpu, or fit \
                  smaller assets (btf-fit fit --bytes)",
                 total as f64 * 4.0 / f64::from(1 << 20),
-                f64::from(most_buffers) * most_bytes as f64 / f64::from(1 << 20)
+                f64::from(max_buffers) * max_bytes as f64 / f64::from(1 << 20)
             )));
         }
         let buffers = (0..layout.pieces)
@@ -80,26 +80,26 @@ impl Arena {
                 gpu.empty_buffer("assets", 4 * words as u64, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC)
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let arena = Arena { pieces: Pieces { layout, buffers, count: total }, bases, room };
+        let arena = Arena { pieces: Pieces::of_buffers(gpu, layout, buffers, total), bases, room };
         let mut expander = None;
         for (number, asset) in assets.iter().enumerate() {
             for range in other_words(asset.words.len(), asset.bases) {
-                arena.write(gpu, number, asset.words, range);
+                arena.write(number, asset.words, range);
             }
             for layer in asset.bases {
                 let expander = expander.get_or_insert_with(|| Expander::new(gpu));
-                expander.expand(gpu, layer, arena.bases[number], &arena.pieces)?;
+                expander.expand(layer, arena.bases[number], &arena.pieces)?;
             }
         }
         Ok(arena)
     }
 
     /// Writes a `range` of an asset's words anew; `false` if the asset has outgrown its place.
-    pub(crate) fn write(&self, gpu: &Gpu, asset: usize, words: &[u32], range: std::ops::Range<usize>) -> bool {
+    pub(crate) fn write(&self, asset: usize, words: &[u32], range: std::ops::Range<usize>) -> bool {
         if words.len() > self.room[asset] {
             return false;
         }
-        self.pieces.write(gpu, self.bases[asset] as usize + range.start, &words[range]);
+        self.pieces.write(self.bases[asset] as usize + range.start, &words[range]);
         true
     }
 }

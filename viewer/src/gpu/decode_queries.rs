@@ -2,8 +2,9 @@
 
 use crate::error::ViewerError;
 use crate::gpu::arena::{Arena, ArenaAsset};
+use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
-use crate::gpu::modules::{GpuTracer, ModuleLayout, trace_module};
+use crate::gpu::modules::{ModuleLayout, trace_module};
 use crate::gpu::queries::gpu_queries;
 use btf_runtime::{DecodeOptions, Resident};
 

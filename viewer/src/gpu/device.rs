@@ -1,21 +1,11 @@
 //! The adapter and the device.
 
 use crate::error::ViewerError;
-use crate::gpu::modules::GpuTracer;
+use crate::gpu::backend::GpuTracer;
 use std::sync::{Arc, Mutex};
 
-/// Which renderer was asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BackendChoice {
-    /// Ray query where the adapter has it, else the BVH; the CPU where there is no adapter.
-    Auto,
-    /// This tracer on a GPU, or an error.
-    Gpu(GpuTracer),
-    /// The CPU decoder and BVH.
-    Cpu,
-}
-
-/// An open device.
+/// An open device. A clone stands for the same device.
+#[derive(Clone)]
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
@@ -25,7 +15,7 @@ pub struct Gpu {
     pub(crate) adapter: wgpu::Adapter,
     info: wgpu::AdapterInfo,
     /// Bytes of one binding at most.
-    most_binding_bytes: u64,
+    max_binding_bytes: u64,
     /// Whether it expands assets' bases itself.
     expands_bases: bool,
     /// First error that the driver reported outside a call.
@@ -147,10 +137,10 @@ impl Gpu {
             }
         });
         let limits = device.limits();
-        let most_binding_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let max_binding_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         // Software drivers compute on the CPU, which is faster at it with its own vectors.
         let expands_bases = info.device_type != wgpu::DeviceType::Cpu;
-        Ok(Gpu { device, queue, instance, adapter, info, most_binding_bytes, expands_bases, fault })
+        Ok(Gpu { device, queue, instance, adapter, info, max_binding_bytes, expands_bases, fault })
     }
 
     /// Adapter name as the driver gives it.
@@ -175,7 +165,7 @@ impl Gpu {
 
     /// Has assets cut into pieces of at most `bytes` and pictures into bands, as on an adapter that binds no more at once.
     pub fn limit_bindings(&mut self, bytes: u64) {
-        self.most_binding_bytes = self.most_binding_bytes.min(bytes);
+        self.max_binding_bytes = self.max_binding_bytes.min(bytes);
     }
 
     /// Has the bases of assets in file form expanded here, or by the CPU and uploaded. At first GPUs expand them, and the CPU does
@@ -188,12 +178,12 @@ impl Gpu {
         self.expands_bases
     }
 
-    pub(crate) fn most_binding_bytes(&self) -> u64 {
-        self.most_binding_bytes
+    pub(crate) fn max_binding_bytes(&self) -> u64 {
+        self.max_binding_bytes
     }
 
     /// Pieces of assets, vertices, triangles and nodes that can be bound together, beside the other buffers of a stage.
-    pub(crate) fn most_pieces(&self) -> u32 {
+    pub(crate) fn max_pieces(&self) -> u32 {
         self.device.limits().max_storage_buffers_per_shader_stage - OTHER_STORAGE_BUFFERS
     }
 

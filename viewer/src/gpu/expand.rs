@@ -2,10 +2,9 @@
 //! from, 7 to 16 % of their bytes on three materials of 2 MB. The passes are `btf_runtime::EXPANSION_WGSL`.
 
 use crate::error::ViewerError;
-use crate::gpu::arena::{Arena, ArenaAsset};
 use crate::gpu::device::Gpu;
+use crate::gpu::layout::{READ, WRITE, bind, buffer_entry};
 use crate::gpu::pieces::Pieces;
-use crate::gpu::tracer::{READ, WRITE, bind, buffer_entry};
 use btf_runtime::{
     Asset, EXPANSION_WGSL, EXPANSION_WORKGROUP, ExpansionInput, ExpansionShape, ExpansionSlice, Resident,
 };
@@ -41,14 +40,14 @@ impl LayerBases {
     fn fits(&self, gpu: &Gpu) -> bool {
         let ExpansionInput { shape, terms, factors, mixtures, .. } = &self.input;
         let inputs = [terms.len(), factors.len(), mixtures.len()].map(|count| 4 * count as u64);
-        let most = gpu.most_binding_bytes();
+        let most = gpu.max_binding_bytes();
         inputs.iter().chain(&shape.scratch_bytes()).all(|bytes| *bytes <= most)
             && shape.items().iter().all(|items| *items < MAX_ITEMS)
     }
 
     /// Clusters that are made together.
     fn slice(&self, gpu: &Gpu) -> u32 {
-        let most = MAX_SCRATCH_BYTES.min(gpu.most_binding_bytes());
+        let most = MAX_SCRATCH_BYTES.min(gpu.max_binding_bytes());
         let largest = self.input.shape.scratch_bytes().into_iter().fold(1, u64::max);
         ((most / largest) as u32).clamp(1, self.input.clusters.max(1))
     }
@@ -63,6 +62,7 @@ pub(crate) fn other_words(words: usize, layers: &[LayerBases]) -> Vec<Range<usiz
 
 /// The passes, compiled.
 pub(crate) struct Expander {
+    gpu: Gpu,
     layout: wgpu::BindGroupLayout,
     /// In the order in which they run.
     pipelines: [wgpu::ComputePipeline; 3],
@@ -95,20 +95,15 @@ impl Expander {
                 cache: None,
             })
         });
-        Expander { layout, pipelines }
+        Expander { gpu: gpu.clone(), layout, pipelines }
     }
 
     /// Submits the passes that fill in a layer's bases; the asset's words begin at word `asset_at` of `pieces`.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the driver has no memory for what lies between the passes.
-    pub(crate) fn expand(
-        &self,
-        gpu: &Gpu,
-        layer: &LayerBases,
-        asset_at: u32,
-        pieces: &Pieces,
-    ) -> Result<(), ViewerError> {
+    pub(crate) fn expand(&self, layer: &LayerBases, asset_at: u32, pieces: &Pieces) -> Result<(), ViewerError> {
+        let gpu = &self.gpu;
         let ExpansionInput { shape, clusters, terms, factors, mixtures } = &layer.input;
         let bases_at = asset_at as usize + layer.place.start;
         let slice = layer.slice(gpu);
@@ -164,47 +159,4 @@ impl Expander {
 fn groups(shape: &ExpansionShape, pass: usize) -> [u32; 2] {
     let groups = shape.items()[pass].div_ceil(EXPANSION_WORKGROUP.into());
     [groups.min(ROW) as u32, groups.div_ceil(ROW) as u32]
-}
-
-/// Expands `asset` on `gpu` and reads its words back: for comparison with [`Resident::from_asset`].
-///
-/// # Errors
-/// [`ViewerError::Gpu`], also where the adapter binds less than a cluster takes.
-pub fn gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<Vec<u32>, ViewerError> {
-    let arena = expanded_arena(gpu, asset)?;
-    let mut words = Vec::new();
-    for (buffer, place) in arena.pieces.buffers.iter().zip(arena.pieces.places()) {
-        words.extend(gpu.read::<u32>(buffer, place.len())?);
-    }
-    Ok(words)
-}
-
-/// Milliseconds from `asset` in memory to its words in the adapter's, expanded there, compiling included.
-///
-/// # Errors
-/// Those of [`gpu_expand`].
-pub fn time_gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<f64, ViewerError> {
-    let start = std::time::Instant::now();
-    expanded_arena(gpu, asset)?;
-    gpu.wait()?;
-    Ok(1e3 * start.elapsed().as_secs_f64())
-}
-
-/// Milliseconds that the upload of `resident` takes, bases included.
-///
-/// # Errors
-/// [`ViewerError::Gpu`] where the adapter has no room for it.
-pub fn time_upload(gpu: &Gpu, resident: &Resident) -> Result<f64, ViewerError> {
-    let start = std::time::Instant::now();
-    Arena::new(gpu, &[ArenaAsset::whole(resident.words())], |_| 0)?;
-    gpu.queue.submit([]);
-    gpu.wait()?;
-    Ok(1e3 * start.elapsed().as_secs_f64())
-}
-
-fn expanded_arena(gpu: &Gpu, asset: &Asset) -> Result<Arena, ViewerError> {
-    let head = Resident::without_bases(asset);
-    let bases = LayerBases::of_asset(gpu, &head, asset)
-        .ok_or_else(|| gpu.error("it binds less than a cluster of this asset takes while it is expanded"))?;
-    Arena::new(gpu, &[ArenaAsset { words: head.words(), bases: &bases }], |_| 0)
 }

@@ -2,11 +2,22 @@
 
 pub(crate) mod acceleration_structure;
 pub(crate) mod arena;
+pub(crate) mod backend;
 pub(crate) mod decode_queries;
 pub(crate) mod device;
 pub(crate) mod expand;
+pub(crate) mod expand_queries;
+pub(crate) mod frame;
+pub(crate) mod layout;
 pub(crate) mod modules;
 pub(crate) mod pieces;
 pub(crate) mod queries;
+pub(crate) mod scene_change;
+pub(crate) mod scene_words;
+pub(crate) mod structure;
+pub(crate) mod target;
+#[cfg(test)]
+mod tests;
 pub(crate) mod timer;
 pub(crate) mod tracer;
+pub(crate) mod walk_queries;

@@ -105,13 +105,19 @@ pub(crate) const NODES: PieceArray =
 
 /// An array on a GPU.
 pub(crate) struct Pieces {
+    queue: wgpu::Queue,
     pub layout: PieceLayout,
     pub buffers: Vec<wgpu::Buffer>,
     /// Elements in all.
-    pub count: usize,
+    count: usize,
 }
 
 impl Pieces {
+    /// Returns an array of `count` elements that lie in `buffers`.
+    pub(crate) fn of_buffers(gpu: &Gpu, layout: PieceLayout, buffers: Vec<wgpu::Buffer>, count: usize) -> Pieces {
+        Pieces { queue: gpu.queue.clone(), layout, buffers, count }
+    }
+
     /// Uploads `values`; `label` is what messages call them.
     ///
     /// # Errors
@@ -122,18 +128,18 @@ impl Pieces {
         values: &[T],
         usage: wgpu::BufferUsages,
     ) -> Result<Pieces, ViewerError> {
-        let layout = PieceLayout::of(values.len(), gpu.most_binding_bytes() as usize / size_of::<T>());
+        let layout = PieceLayout::of(values.len(), gpu.max_binding_bytes() as usize / size_of::<T>());
         let buffers = (0..layout.pieces)
             .map(|piece| {
                 let part = &values[layout.range(piece, values.len())];
                 gpu.buffer(label, bytemuck::cast_slice(part), wgpu::BufferUsages::STORAGE | usage)
             })
             .collect::<Result<_, _>>()?;
-        Ok(Pieces { layout, buffers, count: values.len() })
+        Ok(Pieces::of_buffers(gpu, layout, buffers, values.len()))
     }
 
     /// Writes `values` over those from number `first` on.
-    pub(crate) fn write<T: bytemuck::Pod>(&self, gpu: &Gpu, first: usize, values: &[T]) {
+    pub(crate) fn write<T: bytemuck::Pod>(&self, first: usize, values: &[T]) {
         let piece_size = match self.layout.pieces {
             1 => usize::MAX,
             _ => 1usize << self.layout.shift,
@@ -143,7 +149,7 @@ impl Pieces {
             let within = at % piece_size;
             let (now, later) = rest.split_at(rest.len().min(piece_size - within));
             let offset = (within * size_of::<T>()) as u64;
-            gpu.queue.write_buffer(&self.buffers[at / piece_size], offset, bytemuck::cast_slice(now));
+            self.queue.write_buffer(&self.buffers[at / piece_size], offset, bytemuck::cast_slice(now));
             at += now.len();
             rest = later;
         }

@@ -3,8 +3,8 @@
 use crate::error::ViewerError;
 use crate::gpu::arena::Arena;
 use crate::gpu::device::Gpu;
+use crate::gpu::layout::bind;
 use crate::gpu::pieces::ASSETS;
-use crate::gpu::tracer::bind;
 use wgpu::BufferUsages;
 
 /// Queries per workgroup. Twin: `@workgroup_size` of the entry points.

@@ -33,6 +33,7 @@ impl Pass {
 
 /// Measures a sample's passes by GPU timestamps.
 pub struct GpuTimer {
+    gpu: Gpu,
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     capacity: usize,
@@ -78,14 +79,14 @@ impl GpuTimer {
         }
         let (queries, resolved) = timer_buffers(gpu, USUAL_PASSES).ok()?;
         let period_ns = gpu.queue.get_timestamp_period();
-        Some(GpuTimer { queries, resolved, capacity: USUAL_PASSES, period_ns, timed: Vec::new() })
+        Some(GpuTimer { gpu: gpu.clone(), queries, resolved, capacity: USUAL_PASSES, period_ns, timed: Vec::new() })
     }
 
-    pub(crate) fn begin(&mut self, gpu: &Gpu, passes: usize) -> Result<(), ViewerError> {
+    pub(crate) fn begin(&mut self, passes: usize) -> Result<(), ViewerError> {
         self.timed.clear();
         if passes > self.capacity {
             self.capacity = passes.next_power_of_two();
-            (self.queries, self.resolved) = timer_buffers(gpu, self.capacity)?;
+            (self.queries, self.resolved) = timer_buffers(&self.gpu, self.capacity)?;
         }
         Ok(())
     }
@@ -100,18 +101,18 @@ impl GpuTimer {
         }
     }
 
-    pub(crate) fn resolve(&self, gpu: &Gpu) {
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    pub(crate) fn resolve(&self) {
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         encoder.resolve_query_set(&self.queries, 0..2 * self.timed.len() as u32, &self.resolved, 0);
-        gpu.queue.submit([encoder.finish()]);
+        self.gpu.queue.submit([encoder.finish()]);
     }
 
     /// Waits for the last sample and returns how long its passes took.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] with what the driver reported.
-    pub fn read(&self, gpu: &Gpu) -> Result<PassTimes, ViewerError> {
-        let ticks: Vec<u64> = gpu.read(&self.resolved, 2 * self.timed.len())?;
+    pub fn read(&self) -> Result<PassTimes, ViewerError> {
+        let ticks: Vec<u64> = self.gpu.read(&self.resolved, 2 * self.timed.len())?;
         let mut times = PassTimes::default();
         for (pass, ticks) in self.timed.iter().zip(ticks.chunks_exact(2)) {
             let time = match pass {

@@ -1,9 +1,10 @@
 //! The renderer that was asked for, opened.
 
 use crate::error::ViewerError;
-use crate::gpu::device::{BackendChoice, Gpu};
-use crate::gpu::modules::GpuTracer;
-use crate::render::headless::Control;
+use crate::gpu::backend::BackendChoice;
+use crate::gpu::backend::GpuTracer;
+use crate::gpu::device::Gpu;
+use crate::render::control::Control;
 
 /// A device and how it traces, or the CPU.
 pub(crate) enum Engine {

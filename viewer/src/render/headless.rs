@@ -1,12 +1,17 @@
 //! Renders a scene without a window, on whichever backend was asked for.
 
-use crate::cpu::cpu::CpuPicture;
+use crate::cpu::picture::CpuPicture;
 use crate::error::ViewerError;
-use crate::gpu::device::{BackendChoice, Gpu};
+use crate::gpu::backend::BackendChoice;
+use crate::gpu::device::Gpu;
+use crate::gpu::frame::FrameRequest;
+use crate::gpu::scene_change::SceneChange;
 use crate::gpu::timer::{GpuTimer, PassTimes};
-use crate::gpu::tracer::{PixelHit, Tracer};
+use crate::gpu::tracer::Tracer;
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
 use crate::picture::Picture;
+use crate::picture::PixelHit;
+use crate::render::control::Control;
 use crate::render::engine::Engine;
 use crate::render::governor::{Governor, Spending};
 use crate::scene::scene::Scene;
@@ -32,21 +37,6 @@ pub struct RenderParams {
     pub shade: ShadeOptions,
     /// Milliseconds that a frame may take; what frames then save in components, lobes and lights, they learn from one another.
     pub target_ms: Option<f64>,
-}
-
-/// How a rendering talks to its caller while it runs.
-pub struct Control<'a> {
-    /// Asked between rows and frames; `true` ends the rendering with [`ViewerError::Interrupted`].
-    pub cancelled: &'a (dyn Fn() -> bool + Sync),
-    /// Told the share of the work that is done, 0 to 1.
-    pub progress: &'a (dyn Fn(f32) + Sync),
-    /// Told what the user should know although it is not an error, one sentence.
-    pub notice: &'a (dyn Fn(&str) + Sync),
-}
-
-impl Control<'_> {
-    /// Neither stops nor says anything.
-    pub const SILENT: Control<'static> = Control { cancelled: &|| false, progress: &|_| (), notice: &|_| () };
 }
 
 /// The figures of a rendering; the keys of `--json`.
@@ -218,7 +208,7 @@ impl Session {
     /// Those of [`render`].
     fn take_over_skins(&mut self, scene: &Scene) -> Result<(), ViewerError> {
         match (&self.engine, &mut self.tracer) {
-            (Engine::Gpu(gpu, _), Some(tracer)) => tracer.update_skins(gpu, scene),
+            (Engine::Gpu(..), Some(tracer)) => tracer.update(scene, &SceneChange::Skins).map(|_| ()),
             _ => Ok(()),
         }
     }
@@ -280,15 +270,17 @@ fn render_gpu(
     control: &Control,
 ) -> Result<(Drawn, FrameTimes), ViewerError> {
     let mut timer = GpuTimer::new(gpu);
-    tracer.warm_up(gpu, scene, params.size, &params.shade)?;
+    let first = FrameRequest { scene, size: params.size, options: params.shade, sample: 0 };
+    tracer.warm_up(&first)?;
     let (mut frame_ms, mut passes) = (0.0, None);
     let mut governor = governor(scene, params);
     for frame in 0..params.frames {
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
-        let shade = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
-        let (ms, of_frame) = tracer.timed_sample(gpu, scene, params.size, &shade, frame, timer.as_mut())?;
+        let options = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
+        let request = FrameRequest { options, sample: frame, ..first };
+        let (ms, of_frame) = tracer.timed_sample(&request, timer.as_mut())?;
         frame_ms += ms / f64::from(params.frames);
         if let Some(of_frame) = of_frame {
             passes.get_or_insert_with(PassTimes::default).add(&of_frame, 1.0 / f64::from(params.frames));
@@ -296,7 +288,7 @@ fn render_gpu(
         governor.iter_mut().for_each(|governor| governor.observe(ms));
         (control.progress)((frame + 1) as f32 / params.frames as f32);
     }
-    Ok(((tracer.read_radiance(gpu)?, tracer.read_hits(gpu)?), (frame_ms, passes, governor)))
+    Ok(((tracer.read_radiance()?, tracer.read_hits()?), (frame_ms, passes, governor)))
 }
 
 fn governor(scene: &Scene, params: &RenderParams) -> Option<Governor> {

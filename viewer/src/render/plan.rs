@@ -4,11 +4,12 @@
 //! assets at once, until an asset's own pixels differ too much from those of the whole assets. What is left is written,
 //! loaded and drawn again: the error that is told is that of the files.
 
-use crate::cpu::cpu::levels_seen;
+use crate::cpu::pick::count_levels;
 use crate::error::ViewerError;
 use crate::options::RenderMode;
 use crate::picture::psnr_db;
-use crate::render::headless::{Control, RenderParams, Session};
+use crate::render::control::Control;
+use crate::render::headless::{RenderParams, Session};
 use crate::scene::asset::{FileForm, SceneAsset};
 use crate::scene::scene::Scene;
 use btf_runtime::{Asset, DecodeOptions, LobeRole, pack};
@@ -69,7 +70,7 @@ pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Contro
     let mut planner = Planner::new(scene, &forms, params, control)?;
     let mut seen: Vec<Vec<u64>> = Vec::new();
     for view in views(scene) {
-        let of_view = levels_seen(&view, params.size, &params.shade);
+        let of_view = count_levels(&view, params.size, &params.shade);
         if seen.is_empty() {
             seen = of_view;
         } else {
@@ -315,7 +316,7 @@ mod tests {
     use super::*;
     use crate::Camera;
     use crate::MeshChoice;
-    use crate::gpu::device::BackendChoice;
+    use crate::gpu::backend::BackendChoice;
     use crate::options::ShadeOptions;
     use glam::Vec3;
 

@@ -7,6 +7,7 @@ pub(crate) mod file;
 pub(crate) mod gltf_asset;
 pub(crate) mod landscape;
 pub(crate) mod leaf;
+pub(crate) mod leaf_width;
 pub(crate) mod material;
 pub(crate) mod mesh;
 pub(crate) mod mesh_file;

@@ -2,8 +2,8 @@
 //! [`scene_file`](crate::scene::file).
 
 use crate::error::ViewerError;
-use crate::geometry::leaf_width::leaf_width;
 use crate::scene::file::one;
+use crate::scene::leaf_width::leaf_width;
 use crate::scene::mesh_file::{FileMesh, load_meshes};
 use crate::volume::volumes::VolumePlace;
 use btf_models::DiffuseColour;

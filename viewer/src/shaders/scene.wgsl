@@ -140,7 +140,7 @@ struct Pixel {
     // Sum of the samples' linear radiance; w counts them.
     sum: vec4<f32>,
     // What the last sample did: the triangle that the eye sees or NO_HIT, rays, decodes, rays of its path.
-    seen: u32,
+    primitive: u32,
     rays: u32,
     evaluations: u32,
     depth: u32,
@@ -151,8 +151,6 @@ const MISSED: u32 = 0xfffffffdu;
 const IN_VOLUME: u32 = 0xfffffffeu;
 const SCATTERED: u32 = 0x80000000u;
 const MAX_MATERIALS: u32 = 1024u;
-// Rays along a pixel's side, for more of which voxels do not grow narrower.
-const MAX_RAYS_ACROSS: f32 = 4.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(3) var<uniform> materials: array<Material, MAX_MATERIALS>;

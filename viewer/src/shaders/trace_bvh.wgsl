@@ -1,9 +1,11 @@
 // The tracer that runs everywhere: a bounding volume hierarchy in storage buffers.
 
-fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
+// Returns the nearest hit of a mesh.
+fn trace_mesh(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
     return bvh_trace(frame.root, origin, direction, TRACE_FAR, HIT_NEAREST);
 }
 
+// Returns whether a mesh is in the way.
 fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool {
     return bvh_trace(frame.root, origin, direction, distance, HIT_ANY).primitive != NO_HIT;
 }

@@ -12,7 +12,8 @@ const RAY_FLAG_TERMINATE_ON_FIRST_HIT: u32 = 4u;
 // Fronts and backs are told in the mesh's own space, where mirrored instances have theirs as others do.
 const RAY_FLAG_CULL_BACK_FACING: u32 = 0x10u;
 
-fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
+// Returns the nearest hit of a mesh.
+fn trace_mesh(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
     return trace_with(0u, RAY_MESHES, origin, direction, TRACE_FAR);
 }
 
@@ -58,6 +59,7 @@ fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_
     return hit;
 }
 
+// Returns whether a mesh is in the way.
 fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool {
     return trace_with(RAY_FLAG_TERMINATE_ON_FIRST_HIT, RAY_MESHES, origin, direction, distance).primitive != NO_HIT;
 }

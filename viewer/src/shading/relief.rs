@@ -178,7 +178,7 @@ mod tests {
     use crate::RenderParams;
     use crate::Rendered;
     use crate::geometry::geometry::Vertex;
-    use crate::gpu::device::BackendChoice;
+    use crate::gpu::backend::BackendChoice;
     use crate::options::ShadeOptions;
     use crate::render;
     use crate::scene::asset::SceneAsset;

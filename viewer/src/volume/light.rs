@@ -155,9 +155,9 @@ fn walk_of(voltex: &Voltex, stretch: &Stretch) -> Walk {
 }
 
 impl Volumes {
-    /// Goes along a ray from the eye and calls `each` for the places that hide a share of the pixel together; returns what
-    /// passes. `width_at` is how wide voxels should be at a distance.
-    pub fn see(
+    /// Marches along a ray from the eye and calls `each` for the places that hide a share of the pixel together; returns the
+    /// transmittance. `width_at` is how wide voxels should be at a distance.
+    pub fn march(
         &self,
         origin: Vec3,
         direction: Vec3,
@@ -311,7 +311,7 @@ mod tests {
             assert!(far(sum, depth(&both, origin, towards)) < 3e-3);
             let mut weights = 0.0;
             let through =
-                both.see(origin, towards, 1e30, &LodTransition::MESHES, |_| 0.0, |point| weights += point.weight);
+                both.march(origin, towards, 1e30, &LodTransition::MESHES, |_| 0.0, |point| weights += point.weight);
             assert!((through - (-sum).exp()).abs() < 0.01 && (weights + through - 1.0).abs() < 0.01);
             // What lies beyond t_max hides nothing.
             assert!(both.depth(origin, towards, 0.2, &LodTransition::MESHES, 0.0) <= sum + 1e-3);
@@ -364,7 +364,7 @@ mod tests {
             let found = all.depth(origin, towards, 1e30, &lod_transition, 0.0);
             assert!(far(expected, found) < 6e-3, "{expected} {found}");
             // What the eye sees is hidden by the same.
-            let through = all.see(origin, towards, 1e30, &lod_transition, |_| 0.0, |_| ());
+            let through = all.march(origin, towards, 1e30, &lod_transition, |_| 0.0, |_| ());
             assert!(far(-through.max(1e-9).ln(), found) < 6e-3);
         }
         assert!(counts.iter().all(|count| *count > 20), "{counts:?}");

@@ -1,6 +1,8 @@
 // The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them. Twin:
 // volumes.rs. Where they lie among the words: volume_words.rs. The includer defines trace_any_or_front.
 
+// The patterns of a volume that stands on its own.
+const NO_PATTERNS: u32 = 0xffffffffu;
 // Volumes and skins that a ray is in at once.
 const MAX_PASSAGES: u32 = 4u;
 // Slots for them, and one for a ray to the light, which goes through them in turn.
@@ -32,7 +34,7 @@ struct Stretch {
 // A way through one volume or skin.
 struct Passage {
     stretch: Stretch,
-    // Of a skin; NO_ASSET where it is a volume that stands on its own.
+    // Of a skin; NO_PATTERNS where it is a volume that stands on its own.
     patterns: u32,
     tet: u32,
     walk: ShellWalk,
@@ -127,7 +129,7 @@ fn volume_enter(entries: Entries, hit: Hit) -> Passage {
     passage.patterns = asset_word(at + 1u);
     let leaf_width = instances[hit.instance].leaf_width;
     passage.stretch.leaf_width = leaf_width;
-    if passage.patterns != NO_ASSET {
+    if passage.patterns != NO_PATTERNS {
         let link = triangle_at(hit.primitive).material;
         passage.walk = shell_enter(asset_word(at), entries.origin, entries.direction, link, start, entries.t_max);
         return passage;
@@ -146,7 +148,7 @@ fn volume_enter(entries: Entries, hit: Hit) -> Passage {
 
 // Goes on to the next stretch of a passage, if there is one.
 fn volume_advance(entries: Entries, passage: ptr<function, Passage>) -> bool {
-    if (*passage).patterns == NO_ASSET {
+    if (*passage).patterns == NO_PATTERNS {
         return false;
     }
     loop {

@@ -1,9 +1,11 @@
 //! The volumetric textures of a scene as words for a GPU: those of each volume, of each skin's shell and patterns, and a table
 //! that says where they begin. Twin: `shaders/volumes.wgsl`, which reads the table.
 
-use crate::gpu::tracer::NO_ASSET;
 use crate::volume::volumes::{Proxy, Volumes};
 use std::borrow::Cow;
+
+/// The patterns of a volume that stands on its own. Twin: `NO_PATTERNS` in `volumes.wgsl`.
+pub(crate) const NO_PATTERNS: u32 = u32::MAX;
 
 impl Volumes {
     /// How many arrays of words there are: one of each volume, two of each skin, and the table.
@@ -32,12 +34,12 @@ impl Volumes {
     }
 
     /// The table, where the arrays begin at the words `bases`: that of each volume; then of each proxy the content, a volume or
-    /// a shell, and the patterns, [`NO_ASSET`] where it is a volume.
+    /// a shell, and the patterns, [`NO_PATTERNS`] where it is a volume.
     pub(crate) fn table(&self, bases: &[u32]) -> Vec<u32> {
         let mut words = bases[..self.volume_count()].to_vec();
         for instance in 0..self.proxies().instances().len() {
             words.extend(match self.proxy(instance) {
-                Proxy::Box(volume) => [bases[volume], NO_ASSET],
+                Proxy::Box(volume) => [bases[volume], NO_PATTERNS],
                 Proxy::Skin(skin) => [0, 1].map(|array| bases[self.shell_array(skin) + array]),
             });
         }

@@ -2,8 +2,8 @@
 
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
+use crate::gpu::layout::bind;
 use crate::gpu::modules::BLIT;
-use crate::gpu::tracer::bind;
 
 /// Twin: `Blit` in `blit.wgsl`.
 #[repr(C)]

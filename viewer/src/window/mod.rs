@@ -18,10 +18,12 @@ mod split;
 mod thumbnails;
 mod wind_panel;
 
-use crate::cpu::cpu::{Picked, pick};
+use crate::cpu::pick::{Picked, pick};
 use crate::error::ViewerError;
-use crate::gpu::device::BackendChoice;
-use crate::gpu::modules::GpuTracer;
+use crate::gpu::backend::BackendChoice;
+use crate::gpu::backend::GpuTracer;
+use crate::gpu::frame::FrameRequest;
+use crate::gpu::scene_change::SceneChange;
 use crate::gpu::timer::{GpuTimer, PassTimes};
 use crate::options::{RenderMode, ShadeOptions};
 use crate::picture::Picture;
@@ -414,20 +416,20 @@ impl View {
         }
         if let Some(asset) = edited {
             changed = true;
-            self.side.update_edits(&self.canvas.gpu, &self.scene, asset);
-            self.split.update_edits(&self.canvas.gpu, &self.scene, asset);
+            self.side.update(&self.scene, &SceneChange::Edits(asset));
+            self.split.update(&self.scene, &SceneChange::Edits(asset));
         }
         if let Some(change) = leaf_change {
             changed = true;
             self.take_over(&change);
         }
         if surroundings {
-            self.side.update_environment(&self.canvas.gpu, &self.scene);
-            self.split.update_environment(&self.canvas.gpu, &self.scene);
+            self.side.update(&self.scene, &SceneChange::Environment);
+            self.split.update(&self.scene, &SceneChange::Environment);
         }
         if skins {
-            self.side.update_skins(&self.canvas.gpu, &self.scene);
-            self.split.update_skins(&self.canvas.gpu, &self.scene);
+            self.side.update(&self.scene, &SceneChange::Skins);
+            self.split.update(&self.scene, &SceneChange::Skins);
         }
         let moving = response.dragged_by(egui::PointerButton::Secondary)
             || response.dragged_by(egui::PointerButton::Middle)
@@ -492,8 +494,11 @@ impl View {
 
     /// Shows a leaf as it is after a change.
     fn take_over(&mut self, change: &LeafChange) {
-        self.side.update_leaf(&self.canvas.gpu, &self.scene, change);
-        self.split.update_leaf(&self.canvas.gpu, &self.scene, change);
+        let leaf = SceneChange::Leaf { leaf: change.leaf, words: change.words.clone() };
+        for change in [Some(leaf), change.plants.then_some(SceneChange::Instances)].into_iter().flatten() {
+            self.side.update(&self.scene, &change);
+            self.split.update(&self.scene, &change);
+        }
     }
 
     /// Shows an asset in place of what is at hand in the split view.
@@ -581,7 +586,7 @@ impl View {
     /// The picture as it is.
     fn picture(&self) -> Result<Picture, ViewerError> {
         let [width, height] = self.side.size().unwrap_or([0, 0]);
-        Ok(Picture { width, height, radiance: self.side.radiance(&self.canvas.gpu)? })
+        Ok(Picture { width, height, radiance: self.side.radiance()? })
     }
 
     fn save_picture(&mut self) {
@@ -664,21 +669,16 @@ impl View {
             self.governed = self.governor.as_ref().map_or(self.panel.shade, |it| it.settings(&self.panel.shade));
         }
         let (shade, renderer) = (self.governed, self.panel.renderer);
-        let side::Took { ms, passes, first } = self.side.add_sample(
-            &self.canvas.gpu,
-            &self.scene,
-            renderer,
-            size,
-            &shade,
-            self.samples,
-            self.timer.as_mut(),
-        )?;
+        let request = FrameRequest { scene: &self.scene, size, options: shade, sample: self.samples };
+        let side::Took { ms, passes, first } =
+            self.side.add_sample(&self.canvas.gpu, renderer, &request, self.timer.as_mut())?;
         self.passes = passes;
         if self.split.on {
-            let shade = self.split.against.shade(&shade);
+            let options = self.split.against.shade(&shade);
             let at_hand = self.at_hand();
             let (side, scene) = self.split.scene(&self.scene, at_hand);
-            side.add_sample(&self.canvas.gpu, scene, renderer, size, &shade, self.samples, None)?;
+            let request = FrameRequest { scene, size, options, sample: self.samples };
+            side.add_sample(&self.canvas.gpu, renderer, &request, None)?;
         }
         if let (Some(governor), false) = (&mut self.governor, first) {
             governor.observe(ms);

@@ -7,7 +7,7 @@ use super::settings::Settings;
 use super::split::Split;
 use super::thumbnails::Thumbnails;
 use super::wind_panel::WindPanel;
-use crate::gpu::modules::GpuTracer;
+use crate::gpu::backend::GpuTracer;
 use crate::gpu::timer::PassTimes;
 use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions};
 use crate::render::governor::{Governor, Spending};

@@ -1,13 +1,13 @@
 //! A picture in the making in the window: on the GPU by a tracer, or on the CPU. A split view has two.
 
 use super::panel::Renderer;
-use super::physiology::LeafChange;
-use crate::cpu::cpu::CpuPicture;
+use crate::cpu::picture::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
+use crate::gpu::frame::{FrameRequest, GpuPixel};
+use crate::gpu::scene_change::{SceneChange, Updated};
 use crate::gpu::timer::{GpuTimer, PassTimes};
-use crate::gpu::tracer::{GpuPixel, Tracer};
-use crate::options::ShadeOptions;
+use crate::gpu::tracer::Tracer;
 use crate::scene::scene::Scene;
 use std::time::Instant;
 
@@ -42,49 +42,24 @@ impl Side {
         }
     }
 
-    /// Takes over an asset's edits.
-    pub(crate) fn update_edits(&mut self, gpu: &Gpu, scene: &Scene, asset: usize) {
-        // Where the edits have outgrown their place the scene is uploaded anew.
-        if self.tracer.as_ref().is_some_and(|tracer| !tracer.update_edits(gpu, scene, asset)) {
-            self.tracer = None;
-        }
-    }
-
-    /// Takes over a leaf that changed.
-    pub(crate) fn update_leaf(&self, gpu: &Gpu, scene: &Scene, change: &LeafChange) {
-        let Some(tracer) = &self.tracer else { return };
-        tracer.update_leaf(gpu, scene, change.leaf, change.words.clone());
-        if change.plants {
-            tracer.update_instances(gpu, scene);
-        }
-    }
-
-    /// Takes over the light that surrounds the scene.
-    pub(crate) fn update_environment(&mut self, gpu: &Gpu, scene: &Scene) {
-        if self.tracer.as_ref().is_some_and(|tracer| !tracer.update_environment(gpu, scene)) {
-            self.tracer = None;
-        }
-    }
-
-    /// Takes over where the wind has moved skins.
-    pub(crate) fn update_skins(&mut self, gpu: &Gpu, scene: &Scene) {
+    /// Takes over a change of the scene.
+    pub(crate) fn update(&mut self, scene: &Scene, change: &SceneChange) {
+        let Some(tracer) = &mut self.tracer else { return };
         // What cannot be taken over is uploaded anew, which tells why.
-        if self.tracer.as_mut().is_some_and(|tracer| tracer.update_skins(gpu, scene).is_err()) {
+        if !matches!(tracer.update(scene, change), Ok(Updated::InPlace)) {
             self.tracer = None;
         }
     }
 
-    /// Adds sample number `sample`; 0 starts anew.
+    /// Adds a sample to every pixel.
     pub(crate) fn add_sample(
         &mut self,
         gpu: &Gpu,
-        scene: &Scene,
         renderer: Renderer,
-        size: [u32; 2],
-        shade: &ShadeOptions,
-        sample: u32,
+        request: &FrameRequest,
         timer: Option<&mut GpuTimer>,
     ) -> Result<Took, ViewerError> {
+        let FrameRequest { scene, size, options, sample } = *request;
         match renderer {
             Renderer::Gpu(kind) => {
                 self.cpu = None;
@@ -93,7 +68,7 @@ impl Side {
                     Some(tracer) => tracer,
                     none => none.insert(Tracer::new(gpu, scene, kind)?),
                 };
-                let (ms, passes) = tracer.timed_sample(gpu, scene, size, shade, sample, timer)?;
+                let (ms, passes) = tracer.timed_sample(request, timer)?;
                 Ok(Took { ms, passes, first })
             }
             Renderer::Cpu => {
@@ -105,8 +80,11 @@ impl Side {
                     self.cpu = Some((CpuPicture::new(size), buffer));
                 }
                 if let Some((picture, buffer)) = &mut self.cpu {
-                    picture.add_sample(scene, shade, &|| true);
-                    gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&picture.gpu_pixels()));
+                    picture.add_sample(scene, &options, &|| true);
+                    let drawn = picture.sums.iter().zip(&picture.hits);
+                    let pixels: Vec<GpuPixel> =
+                        drawn.map(|(sum, hit)| GpuPixel::of_sum(*sum, picture.samples, hit)).collect();
+                    gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&pixels));
                 }
                 Ok(Took { ms: start.elapsed().as_secs_f64() * 1e3, passes: None, first: false })
             }
@@ -114,9 +92,9 @@ impl Side {
     }
 
     /// Mean linear radiance of the picture at hand.
-    pub(crate) fn radiance(&self, gpu: &Gpu) -> Result<Vec<[f32; 3]>, ViewerError> {
+    pub(crate) fn radiance(&self) -> Result<Vec<[f32; 3]>, ViewerError> {
         match (&self.tracer, &self.cpu) {
-            (Some(tracer), _) => tracer.read_radiance(gpu),
+            (Some(tracer), _) => tracer.read_radiance(),
             (None, Some((picture, _))) => Ok(picture.radiance()),
             (None, None) => Ok(Vec::new()),
         }

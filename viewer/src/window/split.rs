@@ -1,8 +1,7 @@
 //! The split view: the picture beside another one of the same scene, or the difference of both.
 
-use super::physiology::LeafChange;
 use super::side::Side;
-use crate::gpu::device::Gpu;
+use crate::gpu::scene_change::SceneChange;
 use crate::options::{RenderMode, ShadeOptions};
 use crate::scene::asset::SceneAsset;
 use crate::scene::material::Body;
@@ -134,37 +133,18 @@ impl Split {
         label(egui::pos2(x + 8.0, top), egui::Align2::LEFT_TOP, self.name(self.against, scene));
     }
 
-    /// Takes over an asset's edits, where the other picture shows them.
-    pub(crate) fn update_edits(&mut self, gpu: &Gpu, scene: &Scene, asset: usize) {
-        if let (Some(other), true) = (&mut self.scene, self.against != Against::Measured) {
-            other.assets[asset].clone_from(&scene.assets[asset]);
-            self.side.update_edits(gpu, other, asset);
+    /// Takes over a change of the scene, where the other picture shows what changed.
+    pub(crate) fn update(&mut self, scene: &Scene, change: &SceneChange) {
+        let Some(other) = &mut self.scene else { return };
+        match change {
+            SceneChange::Edits(_) if self.against == Against::Measured => return,
+            SceneChange::Edits(asset) => other.assets[*asset].clone_from(&scene.assets[*asset]),
+            SceneChange::Leaf { leaf, .. } => other.leaves[*leaf].clone_from(&scene.leaves[*leaf]),
+            SceneChange::Environment => other.environment.clone_from(&scene.environment),
+            SceneChange::Instances => other.geometry.clone_from(&scene.geometry),
+            SceneChange::Skins => other.volumes.clone_from(&scene.volumes),
         }
-    }
-
-    /// Takes over a leaf that changed.
-    pub(crate) fn update_leaf(&mut self, gpu: &Gpu, scene: &Scene, change: &LeafChange) {
-        if let Some(other) = &mut self.scene {
-            other.leaves[change.leaf].clone_from(&scene.leaves[change.leaf]);
-            other.geometry.clone_from(&scene.geometry);
-            self.side.update_leaf(gpu, other, change);
-        }
-    }
-
-    /// Takes over the light that surrounds the scene.
-    pub(crate) fn update_environment(&mut self, gpu: &Gpu, scene: &Scene) {
-        if let Some(other) = &mut self.scene {
-            other.environment.clone_from(&scene.environment);
-            self.side.update_environment(gpu, other);
-        }
-    }
-
-    /// Takes over where the wind has moved skins.
-    pub(crate) fn update_skins(&mut self, gpu: &Gpu, scene: &Scene) {
-        if let Some(other) = &mut self.scene {
-            other.volumes.clone_from(&scene.volumes);
-            self.side.update_skins(gpu, other);
-        }
+        self.side.update(other, change);
     }
 
     /// The other picture's scene, with the camera, lights and surroundings of `scene`.

@@ -1,6 +1,6 @@
 //! Small pictures of a scene's assets.
 
-use crate::cpu::cpu::CpuPicture;
+use crate::cpu::picture::CpuPicture;
 use crate::options::ShadeOptions;
 use crate::picture::Picture;
 use crate::scene::asset::SceneAsset;

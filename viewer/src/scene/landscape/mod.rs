@@ -352,7 +352,7 @@ fn look(eye: Vec3, target: Vec3, fov_deg: f32) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::cpu::CpuPicture;
+    use crate::cpu::picture::CpuPicture;
     use crate::geometry::bvh::AnyHit;
     use crate::geometry::geometry::Geometry;
     use crate::options::ShadeOptions;

@@ -12,7 +12,6 @@
 //! straight ray stays straight: `o + t d`, d not unit.
 
 mod cell;
-mod gpu_walk;
 mod height_noise;
 mod jitter;
 mod layers;
@@ -29,7 +28,6 @@ mod weld;
 mod wind;
 
 pub use cell::{CellSpan, CellWalk, MAX_CELLS};
-pub use gpu_walk::{WalkQuery, WalkSum, cpu_walk, gpu_walk};
 pub use height_noise::Noise;
 pub use jitter::Jitter;
 pub use layers::LayerSpan;
@@ -44,6 +42,6 @@ pub use wind::Wind;
 
 #[cfg(test)]
 pub(crate) use {
-    cell::CONSTANTS as CELL_CONSTANTS, gpu_walk::GpuWalkPlace, pattern::CONSTANTS as PATTERN_CONSTANTS,
+    cell::CONSTANTS as CELL_CONSTANTS, pattern::CONSTANTS as PATTERN_CONSTANTS,
     shell_words::CONSTANTS as SHELL_CONSTANTS, walk::CONSTANTS as WALK_CONSTANTS,
 };

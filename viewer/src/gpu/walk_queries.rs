@@ -1,16 +1,14 @@
 //! Walks a list of rays through a shell and its texels, on the GPU by the text that draws and on the CPU: for comparison.
 
-use super::cell::CellWalk;
-use super::pattern::{Pattern, pattern_words};
-use super::shell::Shell;
 use crate::error::ViewerError;
 use crate::gpu::arena::{Arena, ArenaAsset};
 use crate::gpu::device::Gpu;
 use crate::gpu::modules::walk_module;
 use crate::gpu::queries::gpu_queries;
+use crate::volume::skin::{CellWalk, Pattern, Shell, pattern_words};
 use glam::Vec3;
 
-/// A ray that enters a shell. Twin: `WalkQuery` in `skin_queries.wgsl`.
+/// A ray that enters a shell. Twin: `WalkQuery` in `walk_queries.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct WalkQuery {

@@ -1,0 +1,225 @@
+// Light that comes to a surface straight from lamps, from the sun and from what surrounds the scene. Twin: direct_light.rs.
+
+// Set apart the numbers that are drawn from a light's seed.
+const ENVIRONMENT_CHOICE: u32 = 0x68bc21ebu;
+const LOBE_CHOICE: u32 = 0x02e5be93u;
+const SIDE_CHOICE: u32 = 0x1b873593u;
+// Lights that are looked at for each that is drawn.
+const LIGHT_CANDIDATES: u32 = 8u;
+
+// Random numbers for the light at one point.
+struct LightNumbers {
+    ambient_at: vec2<f32>,
+    sun_at: vec2<f32>,
+    seed: u32,
+}
+
+// A point of a surface that light reaches from one side.
+struct LitPoint {
+    s: Surface,
+    // The displaced surface there, and the point of it that is met; of scale 0 where there is none.
+    relief: Relief,
+    point: vec3<f32>,
+    material: Material,
+    // View-dependent half of the shading, for light on this side.
+    viewed: ViewedBody,
+    // Whether light comes from the back.
+    light_back: bool,
+    // Width of voxels for shadow rays.
+    width: f32,
+    numbers: LightNumbers,
+}
+
+// Light from one direction.
+struct LightSample {
+    // Unit direction to the light, texel frame.
+    wi: vec3<f32>,
+    // Irradiance at normal incidence over pi, over the density of the direction where that was drawn: decoded values hold the
+    // cosine.
+    incident: vec3<f32>,
+    // Unit direction to the light, world.
+    direction: vec3<f32>,
+    // Distance up to which something may be in the way; 0 for none.
+    distance: f32,
+    // Whether the sample adds anything.
+    is_lit: bool,
+}
+
+// Light that a point sends to the eye of what reaches it from one side, and what it took.
+struct SideLight {
+    radiance: vec3<f32>,
+    rays: u32,
+    evaluations: u32,
+}
+
+// A light and how many lights' share it stands for; 0 for none.
+struct ChosenLight {
+    index: u32,
+    scale: f32,
+}
+
+// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some candidates
+// spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005].
+fn choose_light(s: Surface, light_back: bool, stratum: u32, strata: u32, seed: u32) -> ChosenLight {
+    let cell = f32(frame.light_count) / f32(strata * LIGHT_CANDIDATES);
+    var total = 0.0;
+    var kept = 0.0;
+    var chosen = ChosenLight(0u, 0.0);
+    for (var k = 0u; k < LIGHT_CANDIDATES; k++) {
+        let number = stratum * LIGHT_CANDIDATES + k;
+        let at = (f32(number) + sampler_one(seed + 2u * number)) * cell;
+        let index = min(u32(at), frame.light_count - 1u);
+        let to_light = lights[index].position - s.position;
+        let distance2 = dot(to_light, to_light);
+        let cosine = dot(s.normal, to_light) * inverseSqrt(max(distance2, MIN_LIGHT_DISTANCE2));
+        let could_add = most(lights[index].intensity) * max(select(cosine, -cosine, light_back), 0.0)
+            / max(distance2, MIN_LIGHT_DISTANCE2);
+        total += could_add;
+        if sampler_one(seed + 2u * number + 1u) * total < could_add {
+            chosen.index = index;
+            kept = could_add;
+        }
+    }
+    if kept > 0.0 {
+        chosen.scale = total * cell / kept;
+    }
+    return chosen;
+}
+
+// Samples point light `i` of `asked`.
+fn sample_point_light(lit: LitPoint, i: u32, asked: u32) -> LightSample {
+    var sample = LightSample();
+    var chosen = ChosenLight(i, 1.0);
+    if asked < frame.light_count {
+        chosen = choose_light(lit.s, lit.light_back, i, asked, lit.numbers.seed);
+        if chosen.scale <= 0.0 {
+            return sample;
+        }
+    }
+    let light = lights[chosen.index];
+    let to_light = light.position - lit.s.position;
+    let distance2 = dot(to_light, to_light);
+    if distance2 < MIN_LIGHT_DISTANCE2 {
+        return sample;
+    }
+    sample.wi = local_from_world(lit.s, to_light * inverseSqrt(distance2));
+    // The decoded value holds the cosine already.
+    sample.incident = light.intensity * chosen.scale / (distance2 * TRACE_PI);
+    let lifted = light.position - light_origin(lit);
+    sample.distance = length(lifted);
+    sample.direction = lifted / max(sample.distance, 1e-30);
+    sample.is_lit = (sample.wi.z < 0.0) == lit.light_back;
+    return sample;
+}
+
+// Samples the sun's disc.
+fn sample_sun_light(lit: LitPoint) -> LightSample {
+    let direction = sun_sample(lit.numbers.sun_at);
+    let wi = local_from_world(lit.s, direction);
+    return LightSample(wi, frame.sun_irradiance / TRACE_PI, direction, TRACE_FAR, (wi.z < 0.0) == lit.light_back);
+}
+
+// Returns the radiance that comes from everywhere alike, if anything does; a sky counts where it lights by its irradiance.
+fn uniform_light(lit: LitPoint) -> vec3<f32> {
+    let path = frame.mode == MODE_PATH;
+    let surrounded = frame.environment.x > 0u;
+    if !path && surrounded && frame.sky == SKY_IRRADIANCE {
+        return environment_irradiance(select(lit.s.normal, -lit.s.normal, lit.light_back)) / TRACE_PI;
+    }
+    if !path && !surrounded {
+        return frame.ambient;
+    }
+    return vec3<f32>(0.0);
+}
+
+// Samples light of the radiance `uniform_radiance` from everywhere.
+fn sample_uniform_light(lit: LitPoint, uniform_radiance: vec3<f32>) -> LightSample {
+    // A leaf has two sides and takes them in turn.
+    let turns = lit.viewed.kind == BODY_LEAF;
+    let is_lit = !turns || (sampler_one(lit.numbers.seed ^ SIDE_CHOICE) < 0.5) == lit.light_back;
+    var wi = sampler_cosine(lit.numbers.ambient_at);
+    // The density of wi is its cosine over pi.
+    let incident = uniform_radiance * select(1.0, 2.0, turns) / max(wi.z, 1e-6);
+    wi.z = select(wi.z, -wi.z, lit.light_back);
+    return LightSample(wi, incident, world_from_local(lit.s, wi), frame.occlusion_distance, is_lit);
+}
+
+// Samples the picture that surrounds the scene.
+fn sample_environment_light(lit: LitPoint) -> LightSample {
+    var sample = LightSample();
+    let numbers = lit.numbers;
+    let path = frame.mode == MODE_PATH;
+    // Drawn from the picture or, where no path goes on to it, from the surface as often. A path meets the picture by itself,
+    // but seldom where it is small and bright.
+    var wi: vec3<f32>;
+    if path || sampler_one(numbers.seed ^ ENVIRONMENT_CHOICE) < 0.5 {
+        wi = local_from_world(lit.s, environment_sample(numbers.ambient_at));
+    } else {
+        let at = vec3<f32>(numbers.ambient_at, sampler_one(numbers.seed ^ LOBE_CHOICE));
+        wi = body_sample(lit.viewed, at, lit.light_back);
+    }
+    if (wi.z < 0.0) != lit.light_back {
+        return sample;
+    }
+    let direction = world_from_local(lit.s, wi);
+    let density = body_density(lit.viewed, wi);
+    // Balance heuristic [Veach 1995].
+    var sum = environment_density(direction);
+    if path {
+        sum += side_share(lit.s, lit.material, lit.light_back) * density;
+    } else {
+        sum = 0.5 * (sum + density);
+    }
+    if sum <= 0.0 {
+        return sample;
+    }
+    let incident = environment_radiance(direction) / (TRACE_PI * sum);
+    return LightSample(wi, incident, direction, select(frame.occlusion_distance, TRACE_FAR, path), true);
+}
+
+// Returns the light that a point sends to the eye of what reaches it from one side: of point lights and the sun with their
+// shadows, then of what surrounds the scene along one ray. Shader compilers inline every call, so all of them share one shadow
+// ray and one evaluation.
+fn direct_light(lit: LitPoint) -> SideLight {
+    var done = SideLight(vec3<f32>(0.0), 0u, 0u);
+    var rows: LightRows;
+    let origin = light_origin(lit);
+    let uniform_radiance = uniform_light(lit);
+    let lit_evenly = most(uniform_radiance) > 0.0;
+    let by_normal = frame.mode != MODE_PATH && frame.sky == SKY_IRRADIANCE;
+    let asked = min(frame.light_samples, frame.light_count);
+    let sunny = select(0u, 1u, most(frame.sun_irradiance) > 0.0);
+    let around = select(0u, 1u, lit_evenly || (frame.environment.x > 0u && !by_normal));
+    for (var i = 0u; i < asked + sunny + around; i++) {
+        var light: LightSample;
+        if i < asked {
+            light = sample_point_light(lit, i, asked);
+        } else if i < asked + sunny {
+            light = sample_sun_light(lit);
+        } else if lit_evenly {
+            light = sample_uniform_light(lit, uniform_radiance);
+        } else {
+            light = sample_environment_light(lit);
+        }
+        if !light.is_lit {
+            continue;
+        }
+        done.rays += 1u;
+        let passed = past_volumes(origin, light.direction, light.distance, lit.width);
+        if passed <= 0.0 {
+            continue;
+        }
+        if with_assets && lit.relief.scale > 0.0 && !lit.light_back
+            && relief_shadowed(lit.relief, lit.point, light.wi, lit.viewed.bare) {
+            continue;
+        }
+        done.evaluations += select(1u, 0u, lit.viewed.kind == BODY_PLAIN);
+        done.radiance += passed * light.incident * body_light(lit.viewed, lit.material.asset, lit.s.wo, &rows, light.wi);
+    }
+    return done;
+}
+
+// Returns where rays to lights begin.
+fn light_origin(lit: LitPoint) -> vec3<f32> {
+    return select(lit.s.above, lit.s.below, lit.light_back);
+}

@@ -1,0 +1,77 @@
+//! What the middle of a pixel shows, and which levels of assets a picture asks for.
+
+use crate::cpu::scatter::mirror_direction;
+use crate::cpu::shader::{FAR, Shader};
+use crate::geometry::bvh::{AnyHit, NO_HIT};
+use crate::geometry::surface::Surface;
+use crate::options::ShadeOptions;
+use crate::scene::scene::Scene;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+/// What a pixel's middle shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Picked {
+    /// Number of the asset.
+    pub asset: usize,
+    /// Texel of its finest level.
+    pub texel: u32,
+    /// Where the surface is.
+    pub position: Vec3,
+}
+
+/// Returns the asset that the eye sees at `pixel`, pixels from the top left corner of a picture of this size, if any.
+pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option<Picked> {
+    let [x, y] = pixel;
+    if !(0.0..width as f32).contains(&x) || !(0.0..height as f32).contains(&y) {
+        return None;
+    }
+    let shader = Shader::of_middles(scene, [width, height], ShadeOptions::default());
+    let direction = shader.camera.direction(x as u32, y as u32, [x.fract() - 0.5, y.fract() - 0.5]);
+    let (hit, sunk) = shader.trace_closest(shader.camera.eye, direction);
+    if hit.primitive == NO_HIT {
+        return None;
+    }
+    let (s, _) = shader.surface_of(&hit, sunk, direction);
+    let material = &scene.materials[s.material];
+    let asset = material.asset()?;
+    let texel = scene.assets[asset].head().texel(0, (s.uv * Vec2::from(material.uv_scale)).to_array());
+    Some(Picked { asset, texel, position: s.position })
+}
+
+/// Counts for each asset of a scene how many pixels of a picture ask for each level, the finest first: those in which the
+/// eye sees the asset, directly or in mirrors. `[asset][level]`.
+pub(crate) fn count_levels(scene: &Scene, [width, height]: [u32; 2], options: &ShadeOptions) -> Vec<Vec<u64>> {
+    let shader = Shader::of_middles(scene, [width, height], *options);
+    let empty = || scene.assets.iter().map(|asset| vec![0u64; asset.head().levels() as usize]).collect::<Vec<_>>();
+    let row = |y: u32| {
+        let mut seen = empty();
+        for x in 0..width {
+            let (mut origin, mut direction) = (shader.camera.eye, shader.camera.direction(x, y, [0.0; 2]));
+            let mut travelled = 0.0;
+            for _ in 0..options.depth {
+                let hit = shader.trace(origin, direction, FAR, AnyHit::No);
+                if hit.primitive == NO_HIT {
+                    break;
+                }
+                travelled += hit.t;
+                let s = Surface::surface_at(&scene.geometry, &hit, direction);
+                let material = &scene.materials[s.material];
+                if let Some(asset) = material.asset() {
+                    seen[asset][shader.level_of(&s, material, travelled, 0) as usize] += 1;
+                }
+                if material.mirror == [0.0; 3] {
+                    break;
+                }
+                direction = mirror_direction(&s, direction);
+                origin = if s.view_back { s.below } else { s.above };
+            }
+        }
+        seen
+    };
+    let add = |mut sum: Vec<Vec<u64>>, other: Vec<Vec<u64>>| {
+        sum.iter_mut().flatten().zip(other.into_iter().flatten()).for_each(|(a, b)| *a += b);
+        sum
+    };
+    (0..height).into_par_iter().map(row).reduce(empty, add)
+}

@@ -1,0 +1,74 @@
+//! A picture that the CPU draws, sample by sample.
+
+use crate::cpu::shader::Shader;
+use crate::geometry::bvh::NO_HIT;
+use crate::geometry::lod_transition::LodTransition;
+use crate::options::ShadeOptions;
+use crate::picture::PixelHit;
+use crate::scene::camera::jitter;
+use crate::scene::scene::Scene;
+use rayon::prelude::*;
+
+/// A picture as the sum of its samples.
+#[derive(Debug, Clone)]
+pub struct CpuPicture {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Sum of linear radiance, row-major from the top left.
+    pub sums: Vec<[f32; 3]>,
+    /// Samples in the sums.
+    pub samples: u32,
+    /// What the last sample of every pixel did.
+    pub hits: Vec<PixelHit>,
+}
+
+impl CpuPicture {
+    /// Returns a picture without samples.
+    pub fn new([width, height]: [u32; 2]) -> CpuPicture {
+        let pixels = width as usize * height as usize;
+        let nothing = PixelHit { primitive: NO_HIT, rays: 0, evaluations: 0 };
+        CpuPicture { width, height, sums: vec![[0.0; 3]; pixels], samples: 0, hits: vec![nothing; pixels] }
+    }
+
+    /// Adds one sample to every pixel, rows in parallel. `row_done` is called after every row; once it returns
+    /// `false` the remaining rows are left out.
+    pub fn add_sample(&mut self, scene: &Scene, options: &ShadeOptions, row_done: &(dyn Fn() -> bool + Sync)) {
+        // Before the rows, so that no two expand the same.
+        scene.assets.iter().for_each(|asset| {
+            asset.resident();
+        });
+        let shader = Shader {
+            scene,
+            camera: scene.camera.frame(self.width, self.height),
+            jitter: jitter(self.samples),
+            sample: self.samples,
+            options: *options,
+            lod_transition: LodTransition::MESHES,
+        };
+        let width = self.width as usize;
+        let rows = self.sums.par_chunks_mut(width).zip(self.hits.par_chunks_mut(width)).enumerate();
+        // An early end is not an error here; the caller knows that it asked for it.
+        let _ = rows.try_for_each(|(y, (sums, hits))| {
+            for x in 0..width {
+                let pixel = [x as u32, y as u32];
+                let eye = shader.camera.eye;
+                let lod_transition = LodTransition::of_path(eye, shader.camera.pixel_width(), pixel, shader.sample);
+                let (radiance, hit) = Shader { lod_transition, ..shader }.path_radiance(pixel);
+                for channel in 0..3 {
+                    sums[x][channel] += radiance[channel];
+                }
+                hits[x] = hit;
+            }
+            row_done().then_some(())
+        });
+        self.samples += 1;
+    }
+
+    /// Returns the mean linear radiance per pixel.
+    pub fn radiance(&self) -> Vec<[f32; 3]> {
+        let count = self.samples.max(1) as f32;
+        self.sums.iter().map(|sum| sum.map(|x| x / count)).collect()
+    }
+}

@@ -1,0 +1,188 @@
+//! One sample of every pixel: its random numbers, what its rays meet, and what they see there. Twin: `shader.wgsl`.
+
+use crate::cpu::path::{Numbers, PathVertex, seed_of};
+use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
+use crate::geometry::lod_transition::LodTransition;
+use crate::geometry::surface::Surface;
+use crate::options::ShadeOptions;
+use crate::sampler;
+use crate::scene::camera::CameraFrame;
+use crate::scene::material::{Body, Material};
+use crate::scene::scene::Scene;
+use crate::shading::relief::Relief;
+use crate::shading::viewed_body::ViewedBody;
+use btf_runtime::{ViewedLeaf, ViewedTexel};
+use glam::{Vec2, Vec3};
+
+/// Distance to which rays reach. Twin: `TRACE_FAR`.
+pub(crate) const FAR: f32 = 1e30;
+/// A light nearer than this (squared) to the surface is left out.
+pub(crate) const MIN_LIGHT_DISTANCE2: f32 = 1e-12;
+/// Sets apart the number that a level is drawn with from the others of a light's seed. Twin: `LEVEL_CHOICE`.
+pub(crate) const LEVEL_CHOICE: u32 = 0x967a_889b;
+/// Shells that a ray may pass. Twin: `SHELL_TRIES`.
+pub(crate) const SHELL_TRIES: usize = 8;
+/// Rays along a pixel's side, for more of which voxels do not grow narrower: it was not measured for more.
+const MAX_RAYS_ACROSS: f32 = 4.0;
+
+/// The constants that the shader has too, by name.
+#[cfg(test)]
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[
+    ("TRACE_FAR", FAR),
+    ("TRACE_PI", std::f32::consts::PI),
+    ("MIN_LIGHT_DISTANCE2", MIN_LIGHT_DISTANCE2),
+    ("MAX_RAYS_ACROSS", MAX_RAYS_ACROSS),
+];
+
+/// One sample of every pixel.
+pub(crate) struct Shader<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) camera: CameraFrame,
+    pub(crate) jitter: [f32; 2],
+    pub(crate) sample: u32,
+    pub(crate) options: ShadeOptions,
+    /// What is a mesh and what a volume.
+    pub(crate) lod_transition: LodTransition,
+}
+
+impl Shader<'_> {
+    /// Returns the sample of the middle of each pixel, with meshes wherever one is seen in any.
+    pub(crate) fn of_middles<'a>(scene: &'a Scene, [width, height]: [u32; 2], options: ShadeOptions) -> Shader<'a> {
+        let camera = scene.camera.frame(width, height);
+        let lod_transition = LodTransition::new(camera.eye, camera.pixel_width(), 1.0);
+        Shader { scene, camera, jitter: [0.0; 2], sample: 0, options, lod_transition }
+    }
+
+    /// Returns two numbers in [0, 1) for a purpose at a vertex.
+    pub(crate) fn two_numbers(&self, vertex: PathVertex, purpose: Numbers) -> [f32; 2] {
+        sampler::two(self.sample, seed_of(vertex, purpose))
+    }
+
+    /// Returns the seed of numbers without order for the light at a vertex.
+    pub(crate) fn light_seed(&self, vertex: PathVertex, purpose: Numbers) -> u32 {
+        sampler::hash(seed_of(vertex, purpose).wrapping_add(self.sample))
+    }
+
+    /// Returns the width of voxels at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so many.
+    /// Rays miss narrower ones, and wider ones blur (docs/VOLTEX_FIGURES.md).
+    pub(crate) fn ray_width(&self) -> f32 {
+        self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MAX_RAYS_ACROSS)
+    }
+
+    /// Returns the nearest hit of a mesh, or any hit, before `t_max`.
+    pub(crate) fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
+        self.scene.geometry.trace_handed_over(origin, direction, t_max, any, &self.lod_transition)
+    }
+
+    /// Returns what a ray meets, displacement included, and the way below the surface to the displaced one, texels.
+    pub(crate) fn trace_closest(&self, origin: Vec3, direction: Vec3) -> (Hit, f32) {
+        let (mut start, mut gone) = (origin, 0.0);
+        // Length of the way through the shell just before.
+        let mut through = 0.0;
+        for _ in 0..SHELL_TRIES {
+            let mut hit = self.trace(start, direction, FAR, AnyHit::No);
+            if hit.primitive == NO_HIT {
+                return (hit, 0.0);
+            }
+            gone += hit.t;
+            let s = Surface::surface_at(&self.scene.geometry, &hit, direction);
+            let relief = Relief::relief_new(self.scene, &hit, &s);
+            // What was entered between the hills is left through its lid.
+            let leaving = s.view_back && hit.t < through;
+            hit.t = gone;
+            let Some(relief) = relief.filter(|_| !s.view_back || leaving) else {
+                return (hit, 0.0);
+            };
+            if leaving {
+                (start, through) = (s.above, 0.0);
+                continue;
+            }
+            let way = relief.relief_enter(-s.wo);
+            if way >= 0.0 {
+                return (hit, way);
+            }
+            through = -way / relief.texels_per_unit;
+            start = s.position + direction * through;
+            gone += through;
+        }
+        (Hit::none(FAR), 0.0)
+    }
+
+    /// Returns the surface that a ray hit and, where it is displaced, the relief and the point of that which is met.
+    pub(crate) fn surface_of(&self, hit: &Hit, sunk: f32, direction: Vec3) -> (Surface, Option<(Relief<'_>, Vec3)>) {
+        let mut s = Surface::surface_at(&self.scene.geometry, hit, direction);
+        let relief = Relief::relief_new(self.scene, hit, &s).filter(|_| !s.view_back);
+        let relief = relief.map(|relief| (relief, relief.relief_point(-s.wo, sunk)));
+        if let Some((relief, point)) = &relief {
+            s.uv = relief.relief_uv(&self.scene.materials[s.material], *point, s.wo);
+        }
+        (s, relief)
+    }
+
+    /// Returns the level of the material's asset or leaf whose texels are about as large as what a pixel sees of the surface,
+    /// `travelled` from the eye.
+    pub(crate) fn level_of(&self, s: &Surface, material: &Material, travelled: f32, seed: u32) -> u32 {
+        if !self.options.uses_levels() {
+            return 0;
+        }
+        let (size, levels) = match material.body {
+            Body::Plain(_) => return 0,
+            Body::Asset(asset) => {
+                let head = self.scene.assets[asset].head();
+                ([head.width() as f32, head.height() as f32], head.levels())
+            }
+            Body::Leaf(leaf) => {
+                let leaf = &self.scene.leaves[leaf].leaf;
+                (leaf.size().map(|side| side as f32), leaf.levels())
+            }
+        };
+        // Side of a square of the area that the pixel sees.
+        let width = travelled * self.camera.pixel_width() / s.wo.z.abs().sqrt();
+        let tiles = Vec2::from(size) * Vec2::from(material.uv_scale).abs();
+        let texels = width * s.texture_per_unit * (tiles.x * tiles.y).sqrt();
+        let part = if self.sample > 0 { sampler::one(seed ^ LEVEL_CHOICE) } else { 0.5 };
+        let level = (texels.clamp(1e-6, 1e6).log2() + part).floor();
+        (level.max(0.0) as u32).min(levels - 1)
+    }
+
+    /// Returns the view-dependent half of the leaf that a material shows at a point, if it shows one.
+    pub(crate) fn viewed_leaf(
+        &self,
+        s: &Surface,
+        material: &Material,
+        hit: &Hit,
+        level: u32,
+    ) -> Option<ViewedLeaf<'_>> {
+        let Body::Leaf(number) = material.body else { return None };
+        let factors = self.scene.geometry.instances()[hit.instance as usize].factors;
+        let uv = (s.uv * Vec2::from(material.uv_scale)).to_array();
+        let words = self.scene.leaves[number].leaf.words();
+        Some(ViewedLeaf::new(words, uv, level, factors, s.wo.to_array()).tinted(material.tint))
+    }
+
+    /// Returns the view-dependent half of a point's shading for light on one side, `None` where nothing of that reaches the
+    /// eye.
+    pub(crate) fn viewed_body<'a>(
+        &'a self,
+        s: &Surface,
+        material: &Material,
+        leaf: Option<&'a ViewedLeaf<'a>>,
+        level: u32,
+        light_back: bool,
+    ) -> Option<ViewedBody<'a>> {
+        match material.body {
+            Body::Plain(colour) if light_back == s.view_back => Some(ViewedBody::Plain(colour.reflectance.into())),
+            Body::Plain(colour) => {
+                Some(Vec3::from(colour.transmittance)).filter(|share| share.max_element() > 0.0).map(ViewedBody::Plain)
+            }
+            Body::Asset(asset) => {
+                let resident = self.scene.assets[asset].resident();
+                let layer = resident.layer_for_sides(level, light_back.into(), s.view_back.into())?;
+                let texel = resident.texel(layer, (s.uv * Vec2::from(material.uv_scale)).to_array());
+                let viewed = ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode);
+                Some(ViewedBody::Asset(Box::new(viewed), material.tint.into()))
+            }
+            Body::Leaf(_) => leaf.map(ViewedBody::Leaf),
+        }
+    }
+}

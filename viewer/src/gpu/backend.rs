@@ -1,0 +1,31 @@
+//! The renderers that can be asked for.
+
+/// How a GPU finds what a ray hits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GpuTracer {
+    /// Acceleration structures and ray queries; needs an adapter that has them.
+    RayQuery,
+    /// A bounding volume hierarchy in storage buffers; runs everywhere.
+    Bvh,
+}
+
+impl GpuTracer {
+    /// The backend's name on the command line and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            GpuTracer::RayQuery => "ray-query",
+            GpuTracer::Bvh => "bvh",
+        }
+    }
+}
+
+/// Which renderer was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BackendChoice {
+    /// Ray query where the adapter has it, else the BVH; the CPU where there is no adapter.
+    Auto,
+    /// This tracer on a GPU, or an error.
+    Gpu(GpuTracer),
+    /// The CPU decoder and BVH.
+    Cpu,
+}

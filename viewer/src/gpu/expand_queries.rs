@@ -1,0 +1,50 @@
+//! Expands single assets on a GPU: for comparison with the CPU, and to time it.
+
+use crate::error::ViewerError;
+use crate::gpu::arena::{Arena, ArenaAsset};
+use crate::gpu::device::Gpu;
+use crate::gpu::expand::LayerBases;
+use btf_runtime::{Asset, Resident};
+
+/// Expands `asset` on `gpu` and reads its words back: for comparison with [`Resident::from_asset`].
+///
+/// # Errors
+/// [`ViewerError::Gpu`], also where the adapter binds less than a cluster takes.
+pub fn gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<Vec<u32>, ViewerError> {
+    let arena = expanded_arena(gpu, asset)?;
+    let mut words = Vec::new();
+    for (buffer, place) in arena.pieces.buffers.iter().zip(arena.pieces.places()) {
+        words.extend(gpu.read::<u32>(buffer, place.len())?);
+    }
+    Ok(words)
+}
+
+/// Milliseconds from `asset` in memory to its words in the adapter's, expanded there, compiling included.
+///
+/// # Errors
+/// Those of [`gpu_expand`].
+pub fn time_gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<f64, ViewerError> {
+    let start = std::time::Instant::now();
+    expanded_arena(gpu, asset)?;
+    gpu.wait()?;
+    Ok(1e3 * start.elapsed().as_secs_f64())
+}
+
+/// Milliseconds that the upload of `resident` takes, bases included.
+///
+/// # Errors
+/// [`ViewerError::Gpu`] where the adapter has no room for it.
+pub fn time_upload(gpu: &Gpu, resident: &Resident) -> Result<f64, ViewerError> {
+    let start = std::time::Instant::now();
+    Arena::new(gpu, &[ArenaAsset::whole(resident.words())], |_| 0)?;
+    gpu.queue.submit([]);
+    gpu.wait()?;
+    Ok(1e3 * start.elapsed().as_secs_f64())
+}
+
+fn expanded_arena(gpu: &Gpu, asset: &Asset) -> Result<Arena, ViewerError> {
+    let head = Resident::without_bases(asset);
+    let bases = LayerBases::of_asset(gpu, &head, asset)
+        .ok_or_else(|| gpu.error("it binds less than a cluster of this asset takes while it is expanded"))?;
+    Arena::new(gpu, &[ArenaAsset { words: head.words(), bases: &bases }], |_| 0)
+}
