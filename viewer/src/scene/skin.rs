@@ -1,7 +1,7 @@
 //! Thick skins of a scene file: `[[skin]]`, see [`scene_file`](crate::scene::file).
 
 use crate::error::ViewerError;
-use crate::scene::file::{ones2, ones3};
+use crate::scene::file::defaults::{ones2, ones3};
 use crate::scene::mesh_file::FileMesh;
 use crate::scene::volume::{AS_IT_IS, VolumeFiles};
 use crate::volume::skin::{

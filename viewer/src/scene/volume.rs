@@ -3,7 +3,7 @@
 
 use crate::error::ViewerError;
 use crate::geometry::leaf_width::leaf_width;
-use crate::scene::file::one;
+use crate::scene::file::defaults::one;
 use crate::scene::mesh_file::{FileMesh, load_meshes};
 use crate::volume::volumes::VolumePlace;
 use btf_models::DiffuseColour;

@@ -3,8 +3,9 @@
 //! Both are within their texel, on no line of its symmetry: in eight ways, by turns and mirrors, they stand in 16 places, and
 //! no rows are seen.
 
+use super::counts::LandscapeCounts;
+use super::planted::{Plant, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, TURNED, look};
 use super::terrain::{Terrain, texels_of, with_border_of};
-use super::{LandscapeCounts, Plant, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, TURNED, look};
 use crate::scene::volume::AS_IT_IS;
 use crate::volume::skin::{Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};

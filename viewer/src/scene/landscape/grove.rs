@@ -1,7 +1,8 @@
 //! Trees that stand apart on flat land: 512 on 1,024 patches, each another size, turn, place and colour of one tree.
 
+use super::counts::LandscapeCounts;
+use super::planted::{Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, half_of_pairs, look};
 use super::terrain::Terrain;
-use super::{LandscapeCounts, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, half_of_pairs, look};
 use crate::volume::skin::{DiscreteJitter, NO_VOLUME, Pattern, Wind};
 use glam::{Vec2, Vec3};
 

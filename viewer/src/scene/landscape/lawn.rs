@@ -1,7 +1,8 @@
 //! A lawn on a hill: 1,400 patches with a texel of 16 blades each and a flower in half of them.
 
+use super::counts::LandscapeCounts;
+use super::planted::{Planted, TURNED, half_of_pairs, look};
 use super::terrain::Terrain;
-use super::{LandscapeCounts, Planted, TURNED, half_of_pairs, look};
 use crate::volume::skin::{Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
