@@ -1,6 +1,7 @@
 //! A bench as a picture: time of a frame over what was varied.
 
-use crate::bench::bench::{BenchKind, BenchReport, BenchRow};
+use crate::bench::params::BenchKind;
+use crate::bench::report::{BenchReport, BenchRow};
 use plotters::prelude::*;
 
 /// What a bench varies, as a number above 0.
