@@ -1,7 +1,7 @@
 //! A picture in the making in the window: on the GPU by a tracer, or on the CPU. A split view has two.
 
-use super::panel::Renderer;
-use super::physiology::LeafChange;
+use super::editing::physiology::LeafChange;
+use super::renderer::Renderer;
 use crate::cpu::cpu::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
@@ -18,22 +18,35 @@ pub(crate) struct Side {
     cpu: Option<(CpuPicture, wgpu::Buffer)>,
 }
 
+/// A sample that a picture is asked for.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sample {
+    pub renderer: Renderer,
+    /// Width and height of the picture, pixels.
+    pub size: [u32; 2],
+    pub shade: ShadeOptions,
+    /// Number of the sample, from 0.
+    pub number: u32,
+}
+
 /// What a sample took.
 pub(crate) struct Took {
+    /// Milliseconds.
     pub ms: f64,
+    /// The sample by kind of pass, where the GPU has timestamps.
     pub passes: Option<PassTimes>,
-    /// It was the first one of a renderer, which holds its compilation on some drivers.
+    /// Whether it was the first sample of a renderer, which holds its compilation on some drivers.
     pub first: bool,
 }
 
 impl Side {
-    /// Width and height of the picture.
+    /// Returns width and height of the picture, pixels.
     pub(crate) fn size(&self) -> Option<[u32; 2]> {
         let cpu = self.cpu.as_ref().map(|(picture, _)| [picture.width, picture.height]);
         self.tracer.as_ref().and_then(Tracer::size).or(cpu)
     }
 
-    /// Rows of the picture in buffers: the first row, how many, and the buffer.
+    /// Returns the rows of the picture in buffers: the first row, how many, and the buffer.
     pub(crate) fn bands(&self) -> Vec<(u32, u32, &wgpu::Buffer)> {
         match (&self.tracer, &self.cpu) {
             (Some(tracer), _) => tracer.bands().iter().map(|band| (band.first_row, band.rows, &band.pixels)).collect(),
@@ -74,17 +87,18 @@ impl Side {
         }
     }
 
-    /// Adds sample number `sample`; 0 starts anew.
+    /// Adds a sample to the picture; number 0 starts anew.
+    ///
+    /// # Errors
+    /// What the driver reported; those of uploading the scene.
     pub(crate) fn add_sample(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
-        renderer: Renderer,
-        size: [u32; 2],
-        shade: &ShadeOptions,
-        sample: u32,
+        sample: &Sample,
         timer: Option<&mut GpuTimer>,
     ) -> Result<Took, ViewerError> {
+        let Sample { renderer, size, shade, number: sample } = *sample;
         match renderer {
             Renderer::Gpu(kind) => {
                 self.cpu = None;
@@ -93,7 +107,7 @@ impl Side {
                     Some(tracer) => tracer,
                     none => none.insert(Tracer::new(gpu, scene, kind)?),
                 };
-                let (ms, passes) = tracer.timed_sample(gpu, scene, size, shade, sample, timer)?;
+                let (ms, passes) = tracer.timed_sample(gpu, scene, size, &shade, sample, timer)?;
                 Ok(Took { ms, passes, first })
             }
             Renderer::Cpu => {
@@ -105,7 +119,7 @@ impl Side {
                     self.cpu = Some((CpuPicture::new(size), buffer));
                 }
                 if let Some((picture, buffer)) = &mut self.cpu {
-                    picture.add_sample(scene, shade, &|| true);
+                    picture.add_sample(scene, &shade, &|| true);
                     gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&picture.gpu_pixels()));
                 }
                 Ok(Took { ms: start.elapsed().as_secs_f64() * 1e3, passes: None, first: false })
@@ -113,7 +127,7 @@ impl Side {
         }
     }
 
-    /// Mean linear radiance of the picture at hand.
+    /// Reads the mean linear radiance of the picture at hand.
     pub(crate) fn radiance(&self, gpu: &Gpu) -> Result<Vec<[f32; 3]>, ViewerError> {
         match (&self.tracer, &self.cpu) {
             (Some(tracer), _) => tracer.read_radiance(gpu),

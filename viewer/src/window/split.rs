@@ -1,6 +1,6 @@
 //! The split view: the picture beside another one of the same scene, or the difference of both.
 
-use super::physiology::LeafChange;
+use super::editing::physiology::LeafChange;
 use super::side::Side;
 use crate::gpu::device::Gpu;
 use crate::options::{RenderMode, ShadeOptions};

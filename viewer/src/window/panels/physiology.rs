@@ -1,8 +1,8 @@
 //! The panel of a scene with leaves: contents, structure, gloss and variation under sliders, states by name, the spectrum.
 
-use super::physiology::{LeafChange, LeafSettings, Physiology};
-use super::spectrum_plot::show_spectrum;
+use super::spectrum::show_spectrum;
 use crate::scene::scene::Scene;
+use crate::window::editing::physiology::{LeafChange, LeafSettings, Physiology};
 use btf_models::{LEAF_QUANTITIES, LeafPreset, LeafQuantity};
 use btf_runtime::LeafMode;
 
