@@ -4,6 +4,7 @@ use super::controls::Controls;
 use super::editing::document::Document;
 use super::editing::editor::Tool;
 use super::panels::asked::{Asked, Export};
+use super::pressed::is_pressed;
 use super::split::Split;
 use egui::{Key, Modifiers};
 
@@ -26,15 +27,6 @@ const KEYS: &str = "drag: turn; Shift or right drag: move; wheel: nearer\n\
     Ctrl+S: all edits saved; Ctrl+Q: window closed\n\
     drop .spmm on what it is to cover, or to compare a leaf with; .obj .gltf .glb, .hdr .exr, .toml anywhere\n\
     H or F1: this";
-
-/// Tells whether a key went down in this frame, without Ctrl.
-pub(super) fn is_pressed(ui: &egui::Ui, wanted: Key) -> bool {
-    let is = |event: &egui::Event| {
-        matches!(event, egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. }
-            if *key == wanted && !modifiers.command)
-    };
-    ui.input(|input| input.events.iter().any(is))
-}
 
 /// Takes steps of editing back, or does them again, where Ctrl+Z and Ctrl+Shift+Z ask for it; returns `true` if one of them did.
 pub(super) fn undo_and_redo(ui: &egui::Ui, document: &mut Document, asked: &mut Asked) -> bool {

@@ -11,6 +11,7 @@ mod mouse;
 mod panels;
 mod params;
 mod pictures;
+mod pressed;
 mod progress;
 mod renderer;
 mod settings;

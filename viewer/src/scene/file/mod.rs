@@ -88,30 +88,32 @@
 //! ```
 
 mod camera;
-pub(crate) mod defaults;
+mod defaults;
 mod light;
 mod material;
 mod mesh_name;
 mod object;
+mod skin;
 mod source;
 mod transform;
+mod volume;
 mod volumetric;
 mod write;
 
 use crate::error::ViewerError;
 use crate::scene::material::Shown;
 use crate::scene::scene::{Scene, SceneMesh};
-use crate::scene::skin::SkinEntry;
-use crate::scene::volume::{VolumeEntry, VolumeFiles, models_of, places_of};
 use crate::volume::skin::Wind;
 use camera::Cameras;
 use light::{AmbientEntry, DaylightEntry, EnvironmentEntry, LightEntry, put_lights_into};
 use material::{MaterialEntry, Materials};
 use object::{Dresser, ObjectEntry};
 use serde::Deserialize;
+use skin::SkinEntry;
 use source::Source;
 use std::path::Path;
 use std::sync::Arc;
+use volume::{VolumeEntry, VolumeFiles, models_of, places_of};
 use volumetric::{put_volumes_into, put_wind_into};
 pub use write::scene_with_assets;
 

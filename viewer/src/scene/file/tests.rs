@@ -1,6 +1,6 @@
+use super::volume::tests::folder_with_volume;
 use super::*;
 use crate::scene::asset::SceneAsset;
-use crate::scene::volume::tests::folder_with_volume;
 use crate::volume::volumes::Volumes;
 use glam::Vec3;
 

@@ -1,12 +1,12 @@
 //! `[[volume]]`, `[[skin]]` and `[wind]` of a scene file.
 
 use super::mesh_name::meshes_of;
+use super::skin::SkinEntry;
 use super::source::Source;
 use super::transform::world_from_entry;
+use super::volume::VolumeFiles;
 use crate::error::ViewerError;
 use crate::scene::scene::Scene;
-use crate::scene::skin::SkinEntry;
-use crate::scene::volume::VolumeFiles;
 use crate::volume::skin::Wind;
 use crate::volume::volumes::{SceneSkin, VolumePlace, Volumes};
 use std::sync::Arc;

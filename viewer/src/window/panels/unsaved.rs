@@ -1,7 +1,7 @@
 //! The dialog that asks what becomes of unsaved edits before they are lost.
 
 use crate::window::editing::document::Unsaved;
-use crate::window::keys::is_pressed;
+use crate::window::pressed::is_pressed;
 use std::path::{Path, PathBuf};
 
 /// Width of the fields with the files' names, points.

@@ -1,9 +1,10 @@
-//! Thick skins of a scene file: `[[skin]]`, see [`scene_file`](crate::scene::file).
+//! `[[skin]]` of a scene file: thick skins with volumetric textures.
 
+use super::defaults::{ones2, ones3};
+use super::volume::VolumeFiles;
 use crate::error::ViewerError;
-use crate::scene::file::defaults::{ones2, ones3};
 use crate::scene::mesh_file::FileMesh;
-use crate::scene::volume::{AS_IT_IS, VolumeFiles};
+use crate::scene::volume::AS_IT_IS;
 use crate::volume::skin::{
     DiscreteJitter, Jitter, MAX_MERGED, Merged, NO_VOLUME, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex,
 };
