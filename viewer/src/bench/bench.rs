@@ -1,5 +1,6 @@
-//! How the time of a frame grows: with lights, materials, coverage, resolution, residual components and triangles, and what
-//! the decoder's short cuts are worth. After figures 4 and 5 of Silva & Santos [silva2012]. And what landscapes take.
+//! How the time of a frame grows: with lights, materials, coverage, resolution, residual components and triangles, and
+//! what the decoder's short cuts are worth. After figures 4 and 5 of Silva & Santos [silva2012]. And what landscapes
+//! take.
 
 use crate::bench::leaf_modes::leaf_mode_rows;
 pub use crate::bench::params::{BenchKind, BenchParams};
@@ -27,16 +28,16 @@ const ROW_MS: f64 = 1000.0;
 
 /// Samples of a picture whose error `trade` tells.
 pub const TRADE_SAMPLES: u32 = 16;
-/// Samples of the path-traced picture that it is measured against; they are others.
+/// Samples of the path-traced picture that errors are measured against; their numbers are others.
 pub const REFERENCE_SAMPLES: u32 = 256;
-/// Rays of its paths at most.
+/// Rays of a path of that picture at most.
 const REFERENCE_DEPTH: u32 = 6;
 
-/// Times every point of a bench; the report has what was measured, in a fixed order. `assets` are shown by the scenes in
-/// turn and must not be empty.
+/// Times every point of a bench; the report has what was measured, in a fixed order. `assets` are shown by the scenes
+/// in turn and must not be empty.
 ///
 /// # Errors
-/// Those of [`crate::render`].
+/// The errors of [`crate::render`].
 pub fn run_bench(
     assets: &[Arc<SceneAsset>],
     params: &BenchParams,
@@ -76,7 +77,7 @@ pub fn run_bench(
 }
 
 impl Engine {
-    /// Mean radiance of some samples.
+    /// Computes the mean radiance of some samples.
     fn picture(
         &self,
         point: &Point,
@@ -111,8 +112,8 @@ impl Engine {
         Ok(sums.iter().map(|sum| sum.map(|x| x / count)).collect())
     }
 
-    /// The path-traced picture of a point's scene, every component and the exact rule; its samples are not those of the
-    /// points.
+    /// Computes the path-traced picture of a point's scene, every component and the exact rule; its samples are not
+    /// those of the points.
     fn reference(&self, point: &Point, control: &Control) -> Result<Vec<[f32; 3]>, ViewerError> {
         let mut shade = ShadeOptions { mode: RenderMode::Path, depth: REFERENCE_DEPTH, ..point.shade };
         shade.decode = DecodeOptions { interpolation: Interpolation::Exact, ..DecodeOptions::default() };

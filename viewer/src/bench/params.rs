@@ -23,7 +23,8 @@ pub enum BenchKind {
     Ablations,
     /// Triangles: a model placed ever more often, under sun and sky with one ray each.
     Triangles,
-    /// Error against the path-traced picture over time, for every setting of the dials; and of the modes of a live leaf.
+    /// Error against the path-traced picture over time, for every setting of the dials; and of the modes of a live
+    /// leaf.
     Trade,
     /// Lawn, grove and forest of volumetric textures, from afar, nearer and from close by.
     Landscapes,

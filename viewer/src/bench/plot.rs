@@ -4,7 +4,7 @@ use crate::bench::params::BenchKind;
 use crate::bench::report::{BenchReport, BenchRow};
 use plotters::prelude::*;
 
-/// What a bench varies, as a number above 0.
+/// Returns what a bench varies, as a number above 0.
 fn varied(kind: BenchKind, row: &BenchRow) -> f64 {
     match kind {
         BenchKind::Lights | BenchKind::Ablations => row.lights as f64,
@@ -32,7 +32,7 @@ fn axis(kind: BenchKind) -> &'static str {
     }
 }
 
-/// The report as SVG: both axes logarithmic, one line a mesh or variant.
+/// Draws the report as SVG: both axes logarithmic, one line a mesh or variant.
 ///
 /// # Errors
 /// A sentence, where the report has no rows or a time of 0.

@@ -37,7 +37,8 @@ pub(super) struct Point {
     pub shade: ShadeOptions,
     /// The decoder in the GPU's tracer.
     pub decoder: DecoderForm,
-    /// Whether each frame is the first of its picture, as while the camera moves: volumes are coarser in it than in later ones.
+    /// Whether each frame is the first of its picture, as while the camera moves: volumes are coarser in it than in
+    /// later ones.
     pub moves: bool,
 }
 
@@ -264,7 +265,8 @@ fn by_normal(shade: ShadeOptions) -> ShadeOptions {
     ShadeOptions { sky: SkyLight::Irradiance, ..shade }
 }
 
-/// Gives the scene's triangles to `count` materials in turn, one asset each: every material is everywhere in the picture.
+/// Gives the scene's triangles to `count` materials in turn, one asset each: every material is everywhere in the
+/// picture.
 fn dealt_out(mut scene: Scene, count: usize) -> Scene {
     let old = scene.materials.clone();
     scene.materials = (0..count * old.len())

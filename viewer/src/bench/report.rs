@@ -10,18 +10,19 @@ use serde::Serialize;
 pub struct BenchRow {
     /// The mesh, `instances` for a model of the user's, or the landscape.
     pub mesh: &'static str,
-    /// What was changed, for `ablations`, which light is followed, for `trade`, and from where it is seen, for `landscapes`.
+    /// What was changed, for `ablations`, which light is followed, for `trade`, and from where it is seen, for
+    /// `landscapes`.
     pub variant: &'static str,
     /// `fast` or `exact`.
     pub interpolation: &'static str,
-    /// For `trade`: error of the mean of [`TRADE_SAMPLES`](crate::TRADE_SAMPLES) samples against the path-traced picture, of 8-bit sRGB values, peak
-    /// 255.
+    /// For `trade`: error of the mean of [`TRADE_SAMPLES`](crate::TRADE_SAMPLES) samples against the path-traced
+    /// picture, of 8-bit sRGB values, peak 255.
     pub psnr_db: Option<f64>,
     /// For `trade`: on the front of error over time.
     pub front: bool,
     /// Median time of a frame, milliseconds.
     pub frame_ms: f64,
-    /// That frame by kind of pass, where the GPU has timestamps.
+    /// The median frame by kind of pass, where the GPU has timestamps.
     pub passes: Option<PassTimes>,
     /// Frames that were timed.
     pub frames: usize,

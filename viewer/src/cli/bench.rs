@@ -35,7 +35,7 @@ pub(super) struct BenchArguments {
 /// Runs the command.
 ///
 /// # Errors
-/// Those of [`run_bench`] and of writing files.
+/// The errors of [`run_bench`] and of writing files.
 pub(super) fn run(arguments: &BenchArguments) -> Result<(), ViewerError> {
     let common = &arguments.common;
     let mut assets = load_assets(&arguments.assets)?;

@@ -21,7 +21,7 @@ struct PictureReport {
 /// Renders one picture, a turntable or a sequence, writes PNG files and reports the figures.
 ///
 /// # Errors
-/// Those of [`render_sequence`]; [`ViewerError::Write`].
+/// The errors of [`render_sequence`]; [`ViewerError::Write`].
 pub(super) fn write_pictures(
     arguments: &PictureArguments,
     scene: &Scene,

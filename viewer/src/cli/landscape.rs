@@ -14,12 +14,12 @@ pub(super) struct LandscapeArguments {
     /// So many times the published counts, on so much more land
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
     pub(super) times: u32,
-    /// Finer volumes in place of those that come with the program, by `btf-fit voltex`; the lawn takes two, without and with
-    /// a flower
+    /// Finer volumes in place of those that come with the program, by `btf-fit voltex`; the lawn takes two, without and
+    /// with a flower
     #[arg(long, value_name = "FILE.voltex")]
     pub(super) volume: Vec<PathBuf>,
-    /// Models of the plants, by `btf-synth plants`, which are seen where leaves are wider than pixels; the lawn takes two, without
-    /// and with a flower, the forest its two trees
+    /// Models of the plants, by `btf-synth plants`, which are seen where leaves are wider than pixels; the lawn takes
+    /// two, without and with a flower, the forest its two trees
     #[arg(long, value_name = "FILE")]
     pub(super) mesh: Vec<PathBuf>,
     /// 1 from afar, 2 nearer, 3 from close by
@@ -35,7 +35,7 @@ pub(super) struct LandscapeArguments {
 /// Runs the command.
 ///
 /// # Errors
-/// Those of [`Landscape::scene`], and of the window or the picture.
+/// The errors of [`Landscape::scene`], and of the window or the picture.
 pub(super) fn run(arguments: &LandscapeArguments) -> Result<(), ViewerError> {
     let params = LandscapeParams {
         times: arguments.times,

@@ -3,10 +3,11 @@
 use btf_viewer::{Control, ViewerError};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Runs `work` with a progress bar, prints its notices on stderr and cancels it on Ctrl-C. With `quiet` nothing is printed.
+/// Runs `work` with a progress bar, prints its notices on stderr and cancels it on Ctrl-C. With `quiet` nothing is
+/// printed.
 ///
 /// # Errors
-/// Those of `work`; [`ViewerError::Interrupted`] after Ctrl-C.
+/// The errors of `work`; [`ViewerError::Interrupted`] after Ctrl-C.
 pub(super) fn with_progress<T>(
     quiet: bool,
     work: impl FnOnce(&Control) -> Result<T, ViewerError>,

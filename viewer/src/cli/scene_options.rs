@@ -89,7 +89,7 @@ pub(super) fn choose_camera(scene: &mut Scene, number: u32) -> Result<(), Viewer
 /// Gives the scene the lights and the exposure that the command line asks for.
 ///
 /// # Errors
-/// Those of [`Environment::load`], [`Daylight::new`] and [`Daylight::sun_and_sky`].
+/// The errors of [`Environment::load`], [`Daylight::new`] and [`Daylight::sun_and_sky`].
 pub(super) fn light_scene(scene: &mut Scene, arguments: &PictureArguments) -> Result<(), ViewerError> {
     if let Some(path) = &arguments.environment {
         scene.surround(Environment::load(path, 1.0)?);

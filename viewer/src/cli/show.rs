@@ -5,11 +5,12 @@ use super::scene_options::PictureArguments;
 use btf_viewer::{LandscapeCounts, RenderParams, Scene, SceneAsset, ViewerError, WindowParams, run_window};
 use std::sync::Arc;
 
-/// Writes the picture that the command line asks for, or opens a window. `compare` is the asset that the window's split view
-/// shows; `counts` are those of a landscape.
+/// Writes the picture that the command line asks for, or opens a window. `compare` is the asset that the window's split
+/// view shows; `counts` are those of a landscape.
 ///
 /// # Errors
-/// [`ViewerError::Usage`] where a time is given and nothing in the scene moves; those of [`run_window`] and of rendering.
+/// [`ViewerError::Usage`] where a time is given and nothing in the scene moves; those of [`run_window`] and of
+/// rendering.
 pub(super) fn show(
     arguments: &PictureArguments,
     mut scene: Scene,

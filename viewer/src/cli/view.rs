@@ -40,13 +40,14 @@ pub(super) struct ViewArguments {
 /// Runs the command.
 ///
 /// # Errors
-/// Those of the files that it names, and of the window or the picture.
+/// The errors of the files that it names, and of the window or the picture.
 pub(super) fn run(arguments: &ViewArguments) -> Result<(), ViewerError> {
     let compare = arguments.compare.iter().map(|path| SceneAsset::load(path).map(Arc::new)).next().transpose()?;
     show(&arguments.picture, make_scene(arguments)?, compare, None)
 }
 
-/// Makes the scene of a file, or the built-in one with the mesh that is asked for, as the options light and displace it.
+/// Makes the scene of a file, or the built-in one with the mesh that is asked for, as the options light and displace
+/// it.
 fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
     let leaves = arguments.leaf.iter().map(|path| SceneLeaf::load(path)).collect::<Result<_, _>>()?;
     let shown = Shown { assets: load_assets(&arguments.assets)?, leaves };

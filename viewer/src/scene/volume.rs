@@ -1,5 +1,5 @@
-//! Volumetric textures of a scene: read from files, tinted, stood upright in the world, and compared with the models that they were
-//! made of.
+//! Volumetric textures of a scene: read from files, tinted, stood upright in the world, and compared with the models
+//! that they were made of.
 
 use crate::error::ViewerError;
 use crate::geometry::leaf_width::leaf_width;
@@ -21,14 +21,14 @@ pub fn load_volume(path: &Path) -> Result<Arc<Voltex>, ViewerError> {
 /// Reads a volumetric texture as its file has it.
 ///
 /// # Errors
-/// Those of [`load_volume`].
+/// The errors of [`load_volume`].
 pub(crate) fn read_volume(path: &Path) -> Result<Volume, ViewerError> {
     let bytes = std::fs::read(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
     Volume::parse(&bytes).map_err(|source| ViewerError::Volume { path: path.into(), source })
 }
 
-/// A volume whose materials reflect and transmit `tint` times as much, and no brighter than all light, if they were not
-/// before.
+/// Returns a volume whose materials reflect and transmit `tint` times as much, and no brighter than all light, if they
+/// were not before.
 pub(crate) fn tinted(volume: &Volume, tint: [f32; 3]) -> Volume {
     let mut tinted = volume.clone();
     for material in &mut tinted.materials {
@@ -38,11 +38,11 @@ pub(crate) fn tinted(volume: &Volume, tint: [f32; 3]) -> Volume {
     tinted
 }
 
-/// No tint.
+/// The tint that changes nothing.
 pub(crate) const AS_IT_IS: [f32; 3] = [1.0; 3];
 
-/// The map from a volume's unit cube, whose z points up, to the world, whose y does: the middle of its floor stands at `foot`,
-/// turned `yaw_rad` about the vertical, `scale` times as large as the model that it was made of.
+/// Returns the map from a volume's unit cube, whose z points up, to the world, whose y does: the middle of its floor
+/// stands at `foot`, turned `yaw_rad` about the vertical, `scale` times as large as the model that it was made of.
 pub fn standing(voltex: &Voltex, foot: Vec3, yaw_rad: f32, scale: f32) -> Mat4 {
     // Of the cube, what is used.
     let [along_x, along_y, _] = voltex.extent();
@@ -60,8 +60,8 @@ const MARGIN: f32 = 1.001;
 /// Share by which a model's size may differ from what its volume tells.
 const SIZE_SLACK: f32 = 0.002;
 
-/// The map from a model's space, whose y points up, to the unit cube of the volume that was made of it, where it stands in the
-/// middle of the floor.
+/// Returns the map from a model's space, whose y points up, to the unit cube of the volume that was made of it, where
+/// it stands in the middle of the floor.
 ///
 /// # Errors
 /// A sentence where the volume is not as large as one that is made of these meshes.
@@ -87,8 +87,8 @@ pub(crate) fn volume_from_model(voltex: &Voltex, meshes: &[FileMesh]) -> Result<
     Ok(standing(voltex, foot, 0.0, 1.0).inverse())
 }
 
-/// How wide the leaves of a model count where it is handed over to a volume, metres: as wide as they are, or as a voxel where
-/// that is wider, so that no voxel is larger than a pixel where it takes over alone.
+/// Returns how wide the leaves of a model count where it is handed over to a volume, metres: as wide as they are, or as
+/// a voxel where that is wider, so that no voxel is larger than a pixel where it takes over alone.
 pub(crate) fn usual_leaf_width_m(voltex: &Voltex, meshes: &[FileMesh]) -> f32 {
     let voxel_m = voltex.side_m() / (1u32 << voltex.level_count()) as f32;
     leaf_width(meshes).max(voxel_m)

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use winit::event_loop::ActiveEventLoop;
 use winit::window::Window;
 
-/// Makes the error of a window that cannot be opened. winit puts the place in its own source before what happened; a user needs
-/// only the latter.
+/// Makes the error of a window that cannot be opened. winit puts the place in its own source before what happened; a
+/// user needs only the latter.
 pub(super) fn no_window(error: &dyn std::fmt::Display) -> ViewerError {
     let message = one_line(&error.to_string());
     let what = match message.split_once(".rs:") {
@@ -100,7 +100,7 @@ impl Canvas {
     /// Shows what `draw` draws, and the user interface on top.
     ///
     /// # Errors
-    /// Those of `draw`, and what the driver reported.
+    /// The errors of `draw`, and what the driver reported.
     pub fn present(
         &mut self,
         mut output: egui::FullOutput,

@@ -64,8 +64,8 @@ impl Controls {
     }
 }
 
-/// Returns the renderers of an adapter, and the one to begin with: the one that is asked for, else the one that was used last, else the
-/// adapter's best.
+/// Returns the renderers of an adapter, and the one to begin with: the one that is asked for, else the one that was
+/// used last, else the adapter's best.
 ///
 /// # Errors
 /// [`ViewerError::NoAdapter`] where the adapter has not what is asked for.

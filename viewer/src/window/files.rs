@@ -56,7 +56,7 @@ fn extension(path: &Path) -> String {
 /// around it, or another scene.
 ///
 /// # Errors
-/// Those of the file's kind; [`ViewerError::Usage`] for another kind. The scene is then as it was.
+/// The errors of the file's kind; [`ViewerError::Usage`] for another kind. The scene is then as it was.
 pub(crate) fn open_file(scene: &mut Scene, asset: usize, path: &Path) -> Result<(), ViewerError> {
     match extension(path).as_str() {
         "spmm" => {
@@ -137,7 +137,7 @@ impl Turntable {
     /// Writes the next picture; returns `true` if it was the last one.
     ///
     /// # Errors
-    /// Those of [`Picture::write_png`].
+    /// The errors of [`Picture::write_png`].
     pub(crate) fn write(&mut self, picture: &Picture, exposure_ev: f32) -> Result<bool, ViewerError> {
         picture.write_png(&self.folder.join(format!("{:03}.png", self.done)), exposure_ev)?;
         self.done += 1;

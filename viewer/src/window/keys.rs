@@ -28,7 +28,8 @@ const KEYS: &str = "drag: turn; Shift or right drag: move; wheel: nearer\n\
     drop .spmm on what it is to cover, or to compare a leaf with; .obj .gltf .glb, .hdr .exr, .toml anywhere\n\
     H or F1: this";
 
-/// Takes steps of editing back, or does them again, where Ctrl+Z and Ctrl+Shift+Z ask for it; returns `true` if one of them did.
+/// Takes steps of editing back, or does them again, where Ctrl+Z and Ctrl+Shift+Z ask for it; returns `true` if one of
+/// them did.
 pub(super) fn undo_and_redo(ui: &egui::Ui, document: &mut Document, asked: &mut Asked) -> bool {
     // The keys' own modifiers: when a frame is slow they are up again at its end.
     let typing = ui.ctx().egui_wants_keyboard_input();
@@ -50,7 +51,8 @@ pub(super) fn undo_and_redo(ui: &egui::Ui, document: &mut Document, asked: &mut 
     undo || redo
 }
 
-/// Does what the other keys ask for: flies the camera, turns options of the window on and off, and notes the rest in `asked`.
+/// Does what the other keys ask for: flies the camera, turns options of the window on and off, and notes the rest in
+/// `asked`.
 pub(super) fn follow_keys(
     ui: &egui::Ui,
     document: &mut Document,

@@ -1,4 +1,5 @@
-//! The window: the camera under the mouse, panels, progressive rendering, and edits that are saved before they are lost.
+//! The window: the camera under the mouse, panels, progressive rendering, and edits that are saved before they are
+//! lost.
 
 mod blit;
 mod canvas;
@@ -31,8 +32,8 @@ use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::WindowId;
 
-/// Opens a window and returns when the user closes it, which asks where edits are unsaved. Needs an adapter even for the CPU
-/// renderer, to show its picture.
+/// Opens a window and returns when the user closes it, which asks where edits are unsaved. Needs an adapter even for
+/// the CPU renderer, to show its picture.
 ///
 /// # Errors
 /// [`ViewerError::Window`] where there is no display, [`ViewerError::NoAdapter`], [`ViewerError::Gpu`].

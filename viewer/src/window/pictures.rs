@@ -87,8 +87,12 @@ impl Pictures {
         self.split.update_skins(gpu, scene);
     }
 
-    /// Adds a sample to pictures for an area of `view` pixels, unless they have all they need. `is_changed` says that what they show
-    /// is not what it was.
+    /// Begins anew, because the pictures are to show something else.
+    pub fn restart(&mut self) {
+        self.progress.samples = 0;
+    }
+
+    /// Adds a sample to pictures for an area of `view` pixels, unless they have all they need.
     pub fn advance(
         &mut self,
         gpu: &Gpu,
@@ -96,11 +100,10 @@ impl Pictures {
         renderer: Renderer,
         shade: &ShadeOptions,
         view: [u32; 2],
-        is_changed: bool,
     ) {
         let size = picture_size(renderer, view);
-        if is_changed || self.side.size() != Some(size) {
-            self.progress.samples = 0;
+        if self.side.size() != Some(size) {
+            self.restart();
         }
         if self.progress.samples < self.most_samples(&document.scene)
             && let Err(error) = self.add_sample(gpu, document, renderer, shade, size)
@@ -158,7 +161,7 @@ impl Pictures {
     /// Reads the scene's own picture as it is.
     ///
     /// # Errors
-    /// Those of reading from the GPU.
+    /// The errors of reading from the GPU.
     pub fn read(&self, gpu: &Gpu) -> Result<Picture, ViewerError> {
         let [width, height] = self.side.size().unwrap_or([0, 0]);
         Ok(Picture { width, height, radiance: self.side.radiance(gpu)? })

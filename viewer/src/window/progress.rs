@@ -35,8 +35,8 @@ impl Progress {
         (self.frame_ms, self.passes, self.problem) = (None, None, None);
     }
 
-    /// Settles with which settings the next samples are computed. Settings change with the picture only, so that its samples are
-    /// alike.
+    /// Settles with which settings the next samples are computed. Settings change with the picture only, so that its
+    /// samples are alike.
     pub(super) fn settle(&mut self, shade: &ShadeOptions, lights: u32) {
         if self.samples == 0 {
             self.governor.iter_mut().for_each(|governor| governor.set_lights(lights));

@@ -132,7 +132,10 @@ impl View {
             self.pictures.switch_renderer(&self.document);
         }
         let Frame { size, mut changed } = frame;
-        self.pictures.advance(&self.canvas.gpu, &self.document, panel.renderer, &panel.shade, size, changed);
+        if changed {
+            self.pictures.restart();
+        }
+        self.pictures.advance(&self.canvas.gpu, &self.document, panel.renderer, &panel.shade, size);
         changed |= self.go_round();
         // Show them.
         self.show_title();
@@ -397,7 +400,7 @@ impl View {
         controls.message = Some(match written {
             Ok(last) => {
                 document.scene.camera.orbit(std::f32::consts::TAU / Turntable::PICTURES as f32, 0.0);
-                pictures.progress.samples = 0;
+                pictures.restart();
                 let told = format!(
                     "turntable: {} of {} in {}",
                     turntable.done,

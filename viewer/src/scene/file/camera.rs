@@ -33,8 +33,8 @@ pub(super) struct CameraEntry {
 }
 
 impl Cameras {
-    /// Gives the scene these cameras, the first one in use, and a light that suits it; without cameras the scene stays framed as it
-    /// is.
+    /// Gives the scene these cameras, the first one in use, and a light that suits it; without cameras the scene stays
+    /// framed as it is.
     ///
     /// # Errors
     /// [`ViewerError::Scene`] for a camera that sees nothing, see [`Camera::fault`].

@@ -48,8 +48,8 @@ impl<'a> Materials<'a> {
     /// Reads all materials with the assets and leaves that they name, which are appended to `shown`.
     ///
     /// # Errors
-    /// [`ViewerError::Scene`] for a material that is there twice, contradicts itself or is out of range; the error of an asset or a
-    /// leaf.
+    /// [`ViewerError::Scene`] for a material that is there twice, contradicts itself or is out of range; the error of
+    /// an asset or a leaf.
     pub(super) fn read(
         entries: &'a [MaterialEntry],
         source: Source,
@@ -83,8 +83,8 @@ impl<'a> Materials<'a> {
 }
 
 impl MaterialEntry {
-    /// Makes the material; its asset and its leaf are appended to `shown`, the first `named` assets of which are those of the
-    /// command line.
+    /// Makes the material; its asset and its leaf are appended to `shown`, the first `named` assets of which are those
+    /// of the command line.
     fn material(&self, named: usize, source: Source, shown: &mut Shown) -> Result<Material, ViewerError> {
         let asset = self.asset_number(named, source, shown)?;
         self.check_kind(asset, source)?;

@@ -14,7 +14,7 @@ pub(super) const BUILT_IN_MESHES: [&str; 8] =
 /// Returns the meshes that a name stands for: built in, or of a file beside the scene file.
 ///
 /// # Errors
-/// Those of [`load_meshes`].
+/// The errors of [`load_meshes`].
 pub(super) fn meshes_of(name: &str, source: Source) -> Result<Vec<FileMesh>, ViewerError> {
     let built_in = |parts| Ok(vec![FileMesh { parts, places: vec![Mat4::IDENTITY] }]);
     match name {

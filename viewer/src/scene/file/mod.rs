@@ -177,7 +177,8 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
     Ok(scene)
 }
 
-/// Makes a scene of meshes, of whose instances those from `first_model` on stand in for volumes and have leaves of `leaf_widths`.
+/// Makes a scene of meshes, of whose instances those from `first_model` on stand in for volumes and have leaves of
+/// `leaf_widths`.
 fn scene_of(
     path: &Path,
     meshes: Vec<SceneMesh>,

@@ -53,12 +53,12 @@ struct Dress<'a> {
 }
 
 impl Dresser<'_> {
-    /// Loads the objects. The first mesh holds all objects that stand once, in the coordinates of the world; the others stand more
-    /// often.
+    /// Loads the objects. The first mesh holds all objects that stand once, in the coordinates of the world; the others
+    /// stand more often.
     ///
     /// # Errors
-    /// [`ViewerError::Scene`] for a part or a material that is not there and for an object without volume; the error of a mesh's
-    /// file.
+    /// [`ViewerError::Scene`] for a part or a material that is not there and for an object without volume; the error of
+    /// a mesh's file.
     pub(super) fn objects(&mut self, entries: &[ObjectEntry]) -> Result<Vec<SceneMesh>, ViewerError> {
         let (mut objects, mut meshes) = (Vec::new(), Vec::new());
         for entry in entries {
@@ -83,7 +83,7 @@ impl Dresser<'_> {
     /// Gives a model that volumes stand in for its materials.
     ///
     /// # Errors
-    /// Those of [`Dresser::objects`].
+    /// The errors of [`Dresser::objects`].
     pub(super) fn model(&mut self, model: Model) -> Result<Vec<SceneMesh>, ViewerError> {
         self.dressed(model.meshes, &Dress { mesh: model.file, material: model.material, parts: model.parts })
     }
@@ -117,8 +117,8 @@ impl Dresser<'_> {
         Ok(meshes)
     }
 
-    /// Scales the texture coordinates of a part so that its material has the size that it tells. A part that stands in several places
-    /// has that size in the first of them.
+    /// Scales the texture coordinates of a part so that its material has the size that it tells. A part that stands in
+    /// several places has that size in the first of them.
     fn scale_to_size(&self, part: &mut MeshPart, material: &Material, first_place: Mat4) -> Result<(), ViewerError> {
         if matches!(material.body, Body::Plain(_)) {
             return Ok(());

@@ -15,20 +15,21 @@ use std::sync::Arc;
 pub(crate) struct VolumeFiles {
     scene: PathBuf,
     names: Vec<(String, [f32; 3])>,
-    /// In the order in which they were first named.
+    /// The volumes in the order in which they were first named.
     pub volumes: Vec<Arc<Voltex>>,
 }
 
 impl VolumeFiles {
-    /// None yet, of a scene's file.
+    /// Begins without volumes; `scene` is the scene's file.
     pub(crate) fn new(scene: &Path) -> VolumeFiles {
         VolumeFiles { scene: scene.into(), names: Vec::new(), volumes: Vec::new() }
     }
 
-    /// Number of the volume with this name, relative to the scene's file, with its materials' colours times `tint`.
+    /// Returns the number of the volume with this name, relative to the scene's file, with its materials' colours times
+    /// `tint`.
     ///
     /// # Errors
-    /// As [`load_volume`].
+    /// The errors of [`load_volume`].
     pub(crate) fn number(&mut self, name: &str, tint: [f32; 3]) -> Result<usize, ViewerError> {
         if let Some(known) = self.names.iter().position(|known| *known == (name.into(), tint)) {
             return Ok(known);
@@ -39,12 +40,12 @@ impl VolumeFiles {
         Ok(self.volumes.len() - 1)
     }
 
-    /// The folder that the scene's file is in.
+    /// Returns the folder that the scene's file is in.
     fn folder(&self) -> &Path {
         self.scene.parent().unwrap_or(Path::new("."))
     }
 
-    /// An error of the scene's file.
+    /// Makes an error of the scene's file.
     pub(crate) fn fault(&self, reason: impl Into<String>) -> ViewerError {
         ViewerError::scene(&self.scene, reason)
     }
@@ -69,7 +70,7 @@ pub(crate) struct VolumeEntry {
 }
 
 impl VolumeEntry {
-    /// Whether the same model with the same materials stands for both.
+    /// Tells whether the same model with the same materials stands for both.
     fn has_mesh_of(&self, other: &VolumeEntry) -> bool {
         (&self.file, &self.mesh, &self.material, &self.parts, self.leaf_size)
             == (&other.file, &other.mesh, &other.material, &other.parts, other.leaf_size)
@@ -79,7 +80,7 @@ impl VolumeEntry {
 /// Least and greatest side of a volume in the world: beyond them its map has no inverse in single precision.
 const VOLUME_SIDES: [f32; 2] = [1e-9, 1e9];
 
-/// Where volumes stand on their own.
+/// Returns where volumes stand on their own.
 ///
 /// # Errors
 /// [`ViewerError::Scene`] for what is out of range; the errors of a volume's file.
@@ -107,17 +108,18 @@ pub(crate) fn places_of(entries: &[VolumeEntry], files: &mut VolumeFiles) -> Res
 
 /// A model that volumes stand in for.
 pub(crate) struct Model<'a> {
-    /// As the scene's file has it, as are material and parts.
+    /// The model's file as the scene's file names it; material and parts are as there, too.
     pub file: &'a str,
     pub material: Option<&'a String>,
     pub parts: &'a BTreeMap<String, String>,
-    /// Wherever one of its volumes stands.
+    /// The model's meshes, wherever one of its volumes stands.
     pub meshes: Vec<FileMesh>,
-    /// How wide its leaves are in the world, of each place of each mesh.
+    /// Width of the leaves in the world, of each place of each mesh.
     pub leaf_widths: Vec<f32>,
 }
 
-/// The models that volumes stand in for, each once. `places`, those of the entries, are told how wide the leaves are.
+/// Loads the models that volumes stand in for, each once. `places`, those of the entries, are told how wide the leaves
+/// are.
 ///
 /// # Errors
 /// [`ViewerError::Scene`] for what is out of range and where volume and model differ; the errors of a model's file.

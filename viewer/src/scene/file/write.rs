@@ -6,9 +6,9 @@ use crate::scene::asset::SceneAsset;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Returns the text of the scene description at `path` with other asset files: `files[i]` in place of `assets[i]`, which are
-/// those that [`load_scene`](super::load_scene) made of the description. The text is meant for a file in `folder`: other paths are
-/// written so that they are found from there.
+/// Returns the text of the scene description at `path` with other asset files: `files[i]` in place of `assets[i]`,
+/// which are those that [`load_scene`](super::load_scene) made of the description. The text is meant for a file in
+/// `folder`: other paths are written so that they are found from there.
 ///
 /// # Errors
 /// [`ViewerError::Read`], [`ViewerError::Scene`].

@@ -1,5 +1,5 @@
-//! The three landscapes of [Neyret 1996, section 5], in metres, under the sky of a summer's day: a lawn, a grove and a forest,
-//! which are thick skins with volumetric textures over bilinear patches.
+//! The three landscapes of [Neyret 1996, section 5], in metres, under the sky of a summer's day: a lawn, a grove and a
+//! forest, which are thick skins with volumetric textures over bilinear patches.
 //!
 //! | landscape | patches | texels | stands for |
 //! |---|---|---|---|
@@ -7,8 +7,8 @@
 //! | grove | 1,024 | half of them empty | 512 trees of 2,154 branches and 6,336 leaves; size, turn, place and material jittered |
 //! | forest | 1,404 | 12,500 | 25,000 of these trees, two to a texel; turn, coordinates and height jittered |
 //!
-//! `times` grows the land: so many times more patches, each with what a patch has. The volumes that come with the viewer are
-//! made by `cargo xtask volumes`.
+//! `times` grows the land: so many times more patches, each with what a patch has. The volumes that come with the
+//! viewer are made by `cargo xtask volumes`.
 
 mod counts;
 mod forest;
@@ -55,28 +55,28 @@ pub enum Landscape {
 /// What a landscape is asked for.
 #[derive(Debug, Clone)]
 pub struct LandscapeParams {
-    /// So many times the published counts, 1 to 100, on so much more land.
+    /// Factor on the published counts, 1 to 100, on so much more land.
     pub times: u32,
-    /// Files in place of the volumes that come with the viewer; none, or as many as these: two for the lawn (without and with
-    /// a flower), one for grove and forest.
+    /// Files in place of the volumes that come with the viewer; none, or as many as these: two for the lawn (without
+    /// and with a flower), one for grove and forest.
     pub volumes: Vec<PathBuf>,
-    /// The models of the plants, which are seen where leaves are wider than pixels; none, or two for the lawn (without and with
-    /// a flower) and for the forest (its two trees), one for the grove. Their origins are in the middle of the volumes' floors, as
-    /// `btf-synth plants` has them.
+    /// The models of the plants, which are seen where leaves are wider than pixels; none, or two for the lawn (without
+    /// and with a flower) and for the forest (its two trees), one for the grove. Their origins are in the middle of the
+    /// volumes' floors, as `btf-synth plants` has them.
     pub meshes: Vec<PathBuf>,
     /// Mean speed of the wind that blows over it from the west, m/s, 0 to 60; none for a calm.
     pub wind_m_per_s: Option<f32>,
 }
 
 impl Default for LandscapeParams {
-    /// The published counts, with the volumes that come with the viewer, in a calm.
+    /// Returns the published counts, with the volumes that come with the viewer, in a calm.
     fn default() -> LandscapeParams {
         LandscapeParams { times: 1, volumes: Vec::new(), meshes: Vec::new(), wind_m_per_s: None }
     }
 }
 
 impl Landscape {
-    /// Its name as a user writes it.
+    /// Returns the name of the landscape as a user writes it.
     pub fn name(self) -> &'static str {
         match self {
             Landscape::Lawn => "lawn",
@@ -93,7 +93,7 @@ impl Landscape {
         }
     }
 
-    /// The scene with three cameras, far, middle and close, under the sun and the sky; and what is in it.
+    /// Makes the scene with three cameras, far, middle and close, under the sun and the sky; and what is in it.
     ///
     /// # Errors
     /// [`ViewerError::Usage`] for another number of times or of volumes, and for volumes that the landscape cannot use;
@@ -155,7 +155,7 @@ impl Landscape {
         Ok((scene, counts))
     }
 
-    /// What there is a model of, in the order of the models.
+    /// Returns the plants that there are models of, in the order of the models.
     fn plants(self) -> &'static [Plant] {
         const TEXEL: Plant = Plant { volume: 0, scale: 1.0, foot_m: Vec3::ZERO, tints: &[AS_IT_IS] };
         match self {
@@ -165,7 +165,7 @@ impl Landscape {
         }
     }
 
-    /// The volumes, and the bytes of their files.
+    /// Loads the volumes; also returns the bytes of their files.
     fn volumes(self, params: &LandscapeParams) -> Result<(Vec<Arc<Voltex>>, u64), ViewerError> {
         let files = params.volumes.as_slice();
         let wanted = self.built_in().len();

@@ -35,8 +35,8 @@ pub(super) struct Models {
     pub stand_ins: Vec<SkinPlace>,
 }
 
-/// Places the models of `files`, one for each of the landscape's `plants` or none, wherever the skin has the plants' volumes.
-/// `name` is the landscape's, for messages.
+/// Places the models of `files`, one for each of the landscape's `plants` or none, wherever the skin has the plants'
+/// volumes. `name` is the landscape's, for messages.
 ///
 /// # Errors
 /// [`ViewerError::Usage`] for another number of files; the errors of a model's file.

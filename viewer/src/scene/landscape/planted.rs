@@ -47,8 +47,8 @@ pub(super) struct Planted {
     pub counts: LandscapeCounts,
 }
 
-/// Tells whether a patch is the chosen one of its pair: of two neighbours from west to east one is, by chance, so that exactly half
-/// of the patches are where their number of columns is even.
+/// Tells whether a patch is the chosen one of its pair: of two neighbours from west to east one is, by chance, so that
+/// exactly half of the patches are where their number of columns is even.
 pub(super) fn half_of_pairs([column, row]: [u32; 2], seed: u32) -> bool {
     let drawn = hash(hash(hash(seed) ^ (column / 2)) ^ row) >> 16 & 1;
     column & 1 == drawn

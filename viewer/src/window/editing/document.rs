@@ -56,7 +56,7 @@ impl Document {
     /// Takes a file into the scene; an asset takes the place of number `asset`. What it replaces is lost, saved or not.
     ///
     /// # Errors
-    /// Those of [`open_file`]. The scene is then as it was.
+    /// The errors of [`open_file`]. The scene is then as it was.
     pub(crate) fn open(&mut self, path: &Path, asset: usize) -> Result<(), ViewerError> {
         let replaced = Replaced::by(path, asset);
         open_file(&mut self.scene, asset, path)?;

@@ -73,7 +73,8 @@ impl Editor {
         edits_of(scene, asset) == self.saved.get(asset).and_then(Option::as_ref)
     }
 
-    /// Returns the file that an asset is saved in: the one that the panel names for the asset that it shows, else one beside its own.
+    /// Returns the file that an asset is saved in: the one that the panel names for the asset that it shows, else one
+    /// beside its own.
     pub(crate) fn file_of(&self, scene: &Scene, asset: usize) -> String {
         match asset == self.asset {
             true => self.file.clone(),

@@ -58,9 +58,9 @@ pub(crate) struct Physiology {
     pub message: Option<String>,
     /// What the last change took on the CPU, milliseconds.
     pub step_ms: Option<f64>,
-    /// Of each leaf, as the scene was opened.
+    /// Settings of each leaf as the scene was opened.
     opened: Vec<LeafSettings>,
-    /// Of each leaf, as it was opened or saved last.
+    /// Description of each leaf as it was opened or saved last.
     saved: Vec<LeafDescription>,
     history: History<LeafSettings>,
 }
@@ -74,7 +74,8 @@ impl Physiology {
         physiology
     }
 
-    /// Makes what edits the leaves of the scene after a file was opened. What is unsaved of leaves that were not replaced stays so.
+    /// Makes what edits the leaves of the scene after a file was opened. What is unsaved of leaves that were not
+    /// replaced stays so.
     pub(crate) fn reopened(&self, scene: &Scene, replaced: Replaced) -> Physiology {
         let mut physiology = Physiology::new(scene);
         if replaced.keeps_leaves() {
@@ -83,12 +84,14 @@ impl Physiology {
         physiology
     }
 
-    /// Tells whether a leaf's description is as it was opened or saved last. How the leaf is evaluated is no part of it.
+    /// Tells whether a leaf's description is as it was opened or saved last. How the leaf is evaluated is no part of
+    /// it.
     pub(crate) fn is_saved(&self, scene: &Scene, leaf: usize) -> bool {
         scene.leaves.get(leaf).map(|leaf| &leaf.description) == self.saved.get(leaf)
     }
 
-    /// Returns the file that a leaf is saved in: the one that the panel names for the leaf that it shows, else one beside its own.
+    /// Returns the file that a leaf is saved in: the one that the panel names for the leaf that it shows, else one
+    /// beside its own.
     pub(crate) fn file_of(&self, scene: &Scene, leaf: usize) -> String {
         match leaf == self.leaf {
             true => self.file.clone(),
@@ -197,7 +200,7 @@ impl Physiology {
     /// Writes the description of a leaf to a file.
     ///
     /// # Errors
-    /// Those of [`SceneLeaf::save`].
+    /// The errors of [`SceneLeaf::save`].
     pub(crate) fn save_as(&mut self, scene: &Scene, leaf: usize, path: &Path) -> Result<(), ViewerError> {
         scene.leaves[leaf].save(path)?;
         self.saved[leaf].clone_from(&scene.leaves[leaf].description);

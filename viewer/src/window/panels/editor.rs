@@ -4,7 +4,7 @@ use crate::scene::scene::Scene;
 use crate::window::editing::editor::{Editor, Extent, Tool};
 use btf_runtime::Edit;
 
-/// Draws it; the asset that changed, if one did.
+/// Draws the edits of an asset; returns the asset that changed, if one did.
 pub(crate) fn show_editor(ui: &mut egui::Ui, editor: &mut Editor, scene: &mut Scene) -> Option<usize> {
     if scene.assets.is_empty() {
         ui.small("nothing here carries an asset");

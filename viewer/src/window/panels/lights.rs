@@ -74,7 +74,8 @@ impl LightsPanel {
         scene.lights[number] = light.light(self.centre);
     }
 
-    /// Draws the list of lights and the sliders of the selected one; returns `true` and changes the scene if a light changed.
+    /// Draws the list of lights and the sliders of the selected one; returns `true` and changes the scene if a light
+    /// changed.
     pub(crate) fn show(&mut self, ui: &mut egui::Ui, scene: &mut Scene) -> bool {
         let before = self.lights.clone();
         self.show_list(ui);

@@ -164,7 +164,8 @@ impl Panel {
         }
     }
 
-    /// Draws how assets are decoded and how bright the picture is; returns `true` if surfaces are displaced otherwise than before.
+    /// Draws how assets are decoded and how bright the picture is; returns `true` if surfaces are displaced otherwise
+    /// than before.
     fn show_decoding(&mut self, ui: &mut egui::Ui, scene: &mut Scene) -> bool {
         let mut displaced = false;
         let mut components = self.shade.decode.components.min(self.max_components);

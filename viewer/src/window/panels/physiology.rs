@@ -1,4 +1,5 @@
-//! The panel of a scene with leaves: contents, structure, gloss and variation under sliders, states by name, the spectrum.
+//! The panel of a scene with leaves: contents, structure, gloss and variation under sliders, states by name, the
+//! spectrum.
 
 use super::spectrum::show_spectrum;
 use crate::scene::scene::Scene;
@@ -20,7 +21,7 @@ const GROUPS: [Group; 5] = [
     ("patch, for captures of this leaf", false, |quantity| quantity.section == "look"),
 ];
 
-/// Draws it; what changed, if anything did. `None` in a scene without leaves, where nothing is drawn.
+/// Draws the panel; returns what changed, if anything did. `None` in a scene without leaves, where nothing is drawn.
 pub(crate) fn show_physiology(ui: &mut egui::Ui, physiology: &mut Physiology, scene: &mut Scene) -> Option<LeafChange> {
     choose_leaf(ui, physiology, scene);
     let mut settings = physiology.settings(scene)?;
@@ -134,7 +135,7 @@ fn mode_meaning(mode: LeafMode) -> &'static str {
     }
 }
 
-/// What a quantity is, for people.
+/// Returns what a quantity is, in words.
 fn meaning(quantity: &LeafQuantity) -> &'static str {
     match (quantity.section, quantity.key) {
         ("contents", "chlorophyll_ug_per_cm2") => "chlorophyll a and b, which absorb blue and red",

@@ -43,7 +43,8 @@ impl UnsavedDialog {
         UnsavedDialog { loss, unsaved, problem: None }
     }
 
-    /// Draws the question over everything else; returns the answer when there is one. Enter saves, D discards, Escape cancels.
+    /// Draws the question over everything else; returns the answer when there is one. Enter saves, D discards, Escape
+    /// cancels.
     pub(crate) fn show(&mut self, ui: &egui::Ui) -> Option<Answer> {
         let typing = ui.ctx().egui_wants_keyboard_input();
         let mut answer = None;
