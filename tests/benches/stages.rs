@@ -117,7 +117,12 @@ fn decoding(criterion: &mut Criterion, asset: &Asset) {
         bench.iter(|| {
             for (i, (texel, ..)) in queries.iter().enumerate() {
                 let texel = *texel as usize;
-                black_box(decode_from_file_form(asset, TexelPlace { layer: 0, texel, first_ref: first[texel] }, i % views, i % lights));
+                black_box(decode_from_file_form(
+                    asset,
+                    TexelPlace { layer: 0, texel, first_ref: first[texel] },
+                    i % views,
+                    i % lights,
+                ));
             }
         });
     });

@@ -86,7 +86,8 @@ fn error(loaded: &Resident, wis: &[[f32; 3]], wos: &[[f32; 3]], rule: Interpolat
     let options = DecodeOptions { interpolation: rule, ..DecodeOptions::default() };
     let (mut error, mut energy) = (0.0, 0.0);
     for (&wi, &wo) in wis.iter().flat_map(|wi| wos.iter().map(move |wo| (wi, wo))) {
-        let layer = loaded.layer_for_sides(0, SurfaceSide::of(wi), SurfaceSide::of(wo)).expect("the asset has all four layers");
+        let layer =
+            loaded.layer_for_sides(0, SurfaceSide::of(wi), SurfaceSide::of(wo)).expect("the asset has all four layers");
         for texel in 0..WIDTH * HEIGHT {
             let truth = leaf(texel % WIDTH, texel / WIDTH, wi, wo);
             let found = decode(loaded, layer, texel as u32, wi, wo, &options);

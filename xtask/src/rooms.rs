@@ -7,8 +7,18 @@ use syn::spanned::Spanned;
 use syn::visit::Visit;
 
 /// The packages whose `src` is checked, as folders of the repository.
-const PACKAGES: [&str; 10] =
-    ["capture", "models", "models/leaf-quantities", "datasets-synth", "fit", "fit/voxelize", "runtime", "runtime/shaders", "viewer", "xtask"];
+const PACKAGES: [&str; 10] = [
+    "capture",
+    "models",
+    "models/leaf-quantities",
+    "datasets-synth",
+    "fit",
+    "fit/voxelize",
+    "runtime",
+    "runtime/shaders",
+    "viewer",
+    "xtask",
+];
 
 /// Source files beside each other in a folder at most; the tests of a file do not count.
 const MAX_FILES: usize = 20;

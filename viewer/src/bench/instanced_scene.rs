@@ -15,12 +15,12 @@ const FIELD_OF_VIEW_DEG: f32 = 40.0;
 /// The camera looks down by this share of the way to the ground.
 const LOOK_DOWN: f32 = 0.55;
 
-/// The meshes of the file at `path` with what its materials show, the file's whole world repeated side by side, of which
-/// those placements nearest to the middle are kept that have about `triangles` triangles together (at least one). The camera
-/// sees them all from above.
+/// Makes a scene of the meshes of the file at `path` with what its materials show, the file's whole world repeated side
+/// by side, of which those placements nearest to the middle are kept that have about `triangles` triangles together (at
+/// least one). The camera sees them all from above.
 ///
 /// # Errors
-/// Those of [`load_meshes`] and [`Scene::from_meshes`].
+/// The errors of [`load_meshes`] and [`Scene::from_meshes`].
 pub fn instanced_scene(path: &Path, triangles: u64) -> Result<Scene, ViewerError> {
     let meshes = load_meshes(path)?;
     let mut shown = Shown::default();
@@ -60,7 +60,7 @@ pub fn instanced_scene(path: &Path, triangles: u64) -> Result<Scene, ViewerError
     Ok(scene)
 }
 
-/// How far the file's world reaches along x and z.
+/// Returns how far the file's world reaches along x and z.
 fn extent(meshes: &[FileMesh]) -> [f32; 2] {
     let (mut lo, mut hi) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for mesh in meshes {

@@ -1,4 +1,4 @@
-//! What each mode of a live leaf costs and loses.
+//! Measures what each mode of a live leaf costs and loses.
 
 use crate::error::ViewerError;
 use btf_capture::{delta_e00, lab_from_linear, rgb_of, rgb_weights};
@@ -24,7 +24,7 @@ pub struct LeafModeRow {
     /// Mean CIEDE2000 of the body's reflected and transmitted colours against N layers in double precision under 31
     /// wavelengths, over random leaves from green to brown.
     pub delta_e00_mean: f64,
-    /// The largest.
+    /// Largest CIEDE2000 over these leaves.
     pub delta_e00_max: f64,
     /// Nanoseconds of what depends on place and eye, one thread of the CPU.
     pub view_ns: f64,
@@ -85,14 +85,15 @@ fn leaf_of(state: &LeafState, texel: LeafTexel) -> Result<Leaf, ViewerError> {
     Leaf::new(state, &LeafTexture::uniform(texel)).map_err(named)
 }
 
-/// Linear sRGB of what a leaf without gloss reflects and transmits along its normal.
+/// Computes the linear sRGB of what a leaf without gloss reflects and transmits along its normal.
 fn body_colours(state: &LeafState) -> Result<[[f64; 3]; 2], ViewerError> {
     let leaf = leaf_of(state, LeafTexel { gloss: [0.0; 2], ..LeafTexel::default() })?;
     let viewed = ViewedLeaf::new(leaf.words(), [0.5; 2], 0, [1.0; 4], [0.0, 0.0, 1.0]);
     Ok([1.0, -1.0].map(|z| viewed.light([0.0, 0.0, z]).map(f64::from)))
 }
 
-/// The same from the spectrum; in a channel both together at most 1, as the leaf has it.
+/// Computes from the spectrum what a leaf without gloss reflects and transmits, linear sRGB; in a channel both together
+/// at most 1, as the leaf has it.
 fn reference_colours(state: &LeafState) -> [[f64; 3]; 2] {
     let rows: Vec<_> = leaf_body_spectrum(state).into_iter().filter(|row| row.wavelength_nm <= LAST_NM).collect();
     let wavelengths: Vec<f64> = rows.iter().map(|row| row.wavelength_nm.into()).collect();
@@ -105,14 +106,14 @@ fn reference_colours(state: &LeafState) -> [[f64; 3]; 2] {
     [front, behind].map(|rgb| std::array::from_fn(|c| rgb[c] * scale[c]))
 }
 
-/// Number `index` of a sequence that fills the unit interval evenly, one for each dimension.
+/// Returns number `index` of a sequence that fills the unit interval evenly, one for each dimension.
 fn spread(index: u32, dimension: u32) -> f32 {
     // Steps that are the least alike [Roberts 2018]: powers of the root of x^9 = x + 1.
     const STEP: f64 = 0.926_7;
     ((0.5 + f64::from(index + 1) * STEP.powi(dimension as i32 + 1)) % 1.0) as f32
 }
 
-/// A leaf within the ranges, two of five without red and brown pigments; few pigments as often as many.
+/// Returns a leaf within the ranges, two of five without red and brown pigments; few pigments as often as many.
 fn state_of(number: u32) -> LeafState {
     let plain = number % 5 < 2;
     let at = |dimension| spread(number, dimension);
@@ -132,7 +133,7 @@ fn uv_of(place: u32) -> [f32; 2] {
     [spread(place, 0), spread(place, 1)]
 }
 
-/// Either side of the surface as often.
+/// Returns a direction; either side of the surface is as likely.
 fn direction_of(place: u32) -> [f32; 3] {
     let (z, angle) = (0.02 + 0.97 * spread(place, 2), std::f32::consts::TAU * spread(place, 3));
     let radius = (1.0 - z * z).sqrt();

@@ -3,4 +3,7 @@
 pub(crate) mod bench;
 pub(crate) mod instanced_scene;
 pub(crate) mod leaf_modes;
+pub(crate) mod params;
 pub(crate) mod plot;
+mod points;
+mod report;

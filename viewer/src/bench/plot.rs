@@ -1,9 +1,10 @@
 //! A bench as a picture: time of a frame over what was varied.
 
-use crate::bench::bench::{BenchKind, BenchReport, BenchRow};
+use crate::bench::params::BenchKind;
+use crate::bench::report::{BenchReport, BenchRow};
 use plotters::prelude::*;
 
-/// What a bench varies, as a number above 0.
+/// Returns what a bench varies, as a number above 0.
 fn varied(kind: BenchKind, row: &BenchRow) -> f64 {
     match kind {
         BenchKind::Lights | BenchKind::Ablations => row.lights as f64,
@@ -31,7 +32,7 @@ fn axis(kind: BenchKind) -> &'static str {
     }
 }
 
-/// The report as SVG: both axes logarithmic, one line a mesh or variant.
+/// Draws the report as SVG: both axes logarithmic, one line a mesh or variant.
 ///
 /// # Errors
 /// A sentence, where the report has no rows or a time of 0.

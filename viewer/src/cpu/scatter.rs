@@ -44,7 +44,9 @@ pub(crate) fn side_share(scene: &Scene, s: &Surface, material: &Material, back: 
     match material.body {
         Body::Plain(colour) if back == s.view_back => share * (1.0 - share_through(&colour)),
         Body::Plain(colour) => share * share_through(&colour),
-        Body::Asset(asset) if scene.assets[asset].head().layer_for_sides(0, (!back).into(), s.view_back.into()).is_some() => {
+        Body::Asset(asset)
+            if scene.assets[asset].head().layer_for_sides(0, (!back).into(), s.view_back.into()).is_some() =>
+        {
             0.5 * share
         }
         // A leaf's density is over both sides.

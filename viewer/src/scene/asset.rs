@@ -15,7 +15,7 @@ pub const UNKNOWN_SIZE_MM: f32 = 100.0;
 pub struct SceneAsset {
     /// File stem, for messages and the panel.
     pub name: String,
-    /// Its file, if it was read from one.
+    /// File of the asset, if it was read from one.
     pub path: Option<PathBuf>,
     /// Physical width and height in millimetres, where the asset tells them.
     pub size_mm: Option<[f32; 2]>,
@@ -23,7 +23,7 @@ pub struct SceneAsset {
     pub file: Option<FileForm>,
     /// The asset with its levels in resident form; the bases of one that came in file form are zeros.
     head: Resident,
-    /// With its bases, once somebody has asked for them.
+    /// The asset with its bases, once somebody has asked for them.
     expanded: OnceLock<Resident>,
     most_lobes: u32,
 }
@@ -31,20 +31,20 @@ pub struct SceneAsset {
 /// An asset in its file form: what editing and planning go by.
 #[derive(Debug, Clone)]
 pub struct FileForm {
-    /// As the file has it.
+    /// The asset as the file has it.
     pub asset: Asset,
-    /// The same with coarser levels, made here where the file has none.
+    /// The asset with coarser levels, made here where the file has none.
     pub whole: Asset,
 }
 
 impl FileForm {
-    /// The asset at a level, 0 the finest; the coarsest beyond them all. Cost: a copy.
+    /// Returns the asset at a level, 0 the finest; the coarsest beyond them all. Cost: a copy.
     pub fn level(&self, level: usize) -> Asset {
         if level == 0 { self.asset.clone() } else { self.whole.level(level) }
     }
 }
 
-/// Work of the runtime on all threads.
+/// Does `count` pieces of the runtime's work on all threads.
 fn parallel(count: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..count).into_par_iter().for_each(work);
 }
@@ -89,7 +89,7 @@ impl SceneAsset {
         SceneAsset { name, path: None, size_mm, file: None, head, expanded: OnceLock::new(), most_lobes }
     }
 
-    /// The file form, for what needs it.
+    /// Returns the file form, for what needs it.
     ///
     /// # Errors
     /// [`ViewerError::Usage`] where only the resident form is at hand.
@@ -103,7 +103,7 @@ impl SceneAsset {
         })
     }
 
-    /// A small asset that comes with the viewer: 64 x 64 texels of woven cloth, 4 components. It was made by
+    /// Makes the small asset that comes with the viewer: 64 x 64 texels of woven cloth, 4 components. It was made by
     /// `btf-synth cloth C --size 64 --size-mm 4` and `btf-fit fit C -o weave.spmm --bytes 48kB`.
     pub fn built_in() -> SceneAsset {
         let asset = Asset::parse(include_bytes!("builtin/weave.spmm"));
@@ -111,7 +111,7 @@ impl SceneAsset {
         SceneAsset::new("weave", asset.expect("the built-in asset is whole"))
     }
 
-    /// An asset that is already in memory, whose levels are made.
+    /// Makes an asset of one that is already in memory, with its levels.
     pub fn new(name: impl Into<String>, asset: Asset) -> SceneAsset {
         let whole = with_levels(&asset, &parallel);
         let head = Resident::without_bases(&whole);
@@ -127,23 +127,25 @@ impl SceneAsset {
         }
     }
 
-    /// The asset with its levels in resident form, but for the bases: those of one that came in file form are zeros.
+    /// Returns the asset with its levels in resident form, but for the bases: those of one that came in file form are
+    /// zeros.
     pub fn head(&self) -> &Resident {
         &self.head
     }
 
-    /// The asset with its levels in resident form, as decoders on the CPU take it. Cost: the first time, for one that came in
-    /// file form, its bases are expanded on all threads.
+    /// Returns the asset with its levels in resident form, as decoders on the CPU take it. Cost: the first time, for
+    /// one that came in file form, its bases are expanded on all threads.
     pub fn resident(&self) -> &Resident {
         let Some(file) = &self.file else { return &self.head };
         self.expanded.get().unwrap_or_else(|| {
-            // Made before the cell is locked: a thread that waits for others may take up work that asks for this as well.
+            // Made before the cell is locked: a thread that waits for others may take up work that asks for this as
+            // well.
             let made = Resident::from_asset_on(&file.whole, &parallel);
             self.expanded.get_or_init(|| made)
         })
     }
 
-    /// Whether [`SceneAsset::resident`] has its bases at hand.
+    /// Tells whether [`SceneAsset::resident`] has its bases at hand.
     pub fn is_expanded(&self) -> bool {
         self.file.is_none() || self.expanded.get().is_some()
     }
@@ -157,23 +159,24 @@ impl SceneAsset {
         file.asset.edits = edits;
     }
 
-    /// Residual components of the layer that has most.
+    /// Returns the residual components of the layer that has most.
     pub fn most_components(&self) -> u32 {
         self.head.most_components()
     }
 
-    /// Whether its front has heights.
+    /// Tells whether the asset's front has heights.
     pub fn has_heights(&self) -> bool {
         let heights = |layer| HeightField::of_resident(&self.head, layer).is_some();
         self.head.layer_for_sides(0, SurfaceSide::Front, SurfaceSide::Front).is_some_and(heights)
     }
 
-    /// Lobes of the texel that has most.
+    /// Returns the lobes of the texel that has most.
     pub fn most_lobes(&self) -> u32 {
         self.most_lobes
     }
 
-    /// How often the asset's picture fits into a millimetre, along u and v; [`UNKNOWN_SIZE_MM`] where it does not tell.
+    /// Returns how often the asset's picture fits into a millimetre, along u and v; [`UNKNOWN_SIZE_MM`] where it does
+    /// not tell.
     pub fn tiles_per_mm(&self) -> [f32; 2] {
         self.size_mm.unwrap_or([UNKNOWN_SIZE_MM; 2]).map(|size| 1.0 / size)
     }

@@ -36,21 +36,21 @@ pub struct CameraFrame {
 }
 
 impl CameraFrame {
-    /// Width of a pixel at distance 1.
+    /// Returns the width of a pixel at distance 1.
     pub fn pixel_width(&self) -> f32 {
         2.0 * self.up.length() / self.height as f32
     }
 }
 
 impl Camera {
-    /// A camera in `direction` (from the object to the eye) of a sphere, far enough to see all of it.
+    /// Makes a camera in `direction` (from the object to the eye) of a sphere, far enough to see all of it.
     pub fn framing(centre: Vec3, radius: f32, direction: Vec3, fov_deg: f32) -> Camera {
         const MARGIN: f32 = 1.08;
         let distance = MARGIN * radius.max(1e-6) / (fov_deg.to_radians() * 0.5).sin();
         Camera { eye: centre + direction.normalize() * distance, target: centre, up: Vec3::Y, fov_deg }
     }
 
-    /// The reason why this camera cannot be used, if there is one.
+    /// Returns the reason why this camera cannot be used, if there is one.
     pub fn fault(&self) -> Option<&'static str> {
         let finite = self.eye.is_finite() && self.target.is_finite() && self.up.is_finite();
         let forward = self.target - self.eye;
@@ -67,7 +67,7 @@ impl Camera {
         }
     }
 
-    /// The camera for a picture of `width` x `height` pixels, both at least 1.
+    /// Returns the camera for a picture of `width` x `height` pixels, both at least 1.
     pub fn frame(&self, width: u32, height: u32) -> CameraFrame {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(self.up).normalize();
@@ -133,7 +133,7 @@ impl Camera {
 }
 
 impl CameraFrame {
-    /// Where a point is seen, pixels from the picture's top left corner; `None` behind the eye.
+    /// Returns where a point is seen, pixels from the picture's top left corner; `None` behind the eye.
     pub fn pixel_of(&self, point: Vec3) -> Option<[f32; 2]> {
         let towards = point - self.eye;
         let depth = towards.dot(self.forward);
@@ -144,8 +144,8 @@ impl CameraFrame {
         })
     }
 
-    /// Unit direction of the ray through pixel (`x`, `y`), row 0 at the top, moved by `jitter` pixels from the
-    /// pixel's middle. Twin: `camera_direction` in `shade.wgsl`.
+    /// Returns the unit direction of the ray through pixel (`x`, `y`), row 0 at the top, moved by `jitter` pixels from
+    /// the pixel's middle. Twin: `camera_direction` in `shade.wgsl`.
     pub fn direction(&self, x: u32, y: u32, jitter: [f32; 2]) -> Vec3 {
         let px = 2.0 * (x as f32 + 0.5 + jitter[0]) / self.width as f32 - 1.0;
         let py = 1.0 - 2.0 * (y as f32 + 0.5 + jitter[1]) / self.height as f32;
@@ -153,8 +153,8 @@ impl CameraFrame {
     }
 }
 
-/// Where sample `index` of a pixel lies, as an offset from its middle in -0.5 to 0.5: sample 0 in the middle, the
-/// others on the R2 low-discrepancy sequence [Roberts 2018], so that a picture of one frame is unjittered.
+/// Returns where sample `index` of a pixel lies, as an offset from its middle in -0.5 to 0.5: sample 0 in the middle,
+/// the others on the R2 low-discrepancy sequence [Roberts 2018], so that a picture of one frame is unjittered.
 pub fn jitter(index: u32) -> [f32; 2] {
     // 1/g and 1/g^2 of the plastic number g = 1.32471795724...
     const STEP: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];

@@ -15,7 +15,7 @@ use std::sync::Arc;
 const EXTENSION: &str = "BTF_materials_spmm";
 const LEAF_EXTENSION: &str = "BTF_materials_leaf";
 
-/// What the materials of a glTF file show; nothing of files of other kinds.
+/// Loads what the materials of a glTF file show; nothing of files of other kinds.
 ///
 /// # Errors
 /// [`ViewerError::Model`] for a file that cannot be read, [`ViewerError::Mesh`] for an extension that cannot be followed or an
@@ -79,7 +79,8 @@ pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
     Ok(own)
 }
 
-/// Numbers of the materials of a glTF file that show something of their own, be it there or not; none of files of other kinds.
+/// Returns the numbers of the materials of a glTF file that show something of their own, be it there or not; none of
+/// files of other kinds.
 ///
 /// # Errors
 /// [`ViewerError::Model`] for a file that cannot be read.
@@ -91,7 +92,7 @@ pub(crate) fn groups_with_own_bodies(path: &Path) -> Result<Vec<usize>, ViewerEr
     Ok(gltf.materials().enumerate().filter(|(_, material)| has_own(material)).map(|(number, _)| number).collect())
 }
 
-/// A glTF file, `None` for files of other kinds.
+/// Opens a glTF file; `None` for files of other kinds.
 fn open(path: &Path) -> Result<Option<gltf::Gltf>, ViewerError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     if !["gltf", "glb"].contains(&extension.as_str()) {
@@ -100,7 +101,7 @@ fn open(path: &Path) -> Result<Option<gltf::Gltf>, ViewerError> {
     Ok(Some(open_gltf(path)?))
 }
 
-/// The bytes of a buffer view.
+/// Returns the bytes of a buffer view.
 fn view_bytes(gltf: &gltf::Gltf, path: &Path, view: u64) -> Option<Vec<u8>> {
     let view = gltf.views().nth(usize::try_from(view).ok()?)?;
     let buffers = gltf_buffers(path, gltf).ok()?;

@@ -14,11 +14,11 @@ const MAX_TEXELS: usize = 512;
 pub struct SceneLeaf {
     /// File stem of its description, or what it is called.
     pub name: String,
-    /// Its description's file, if it was read from one.
+    /// File of the leaf's description, if it was read from one.
     pub path: Option<PathBuf>,
-    /// What it holds and how it looks.
+    /// Contents and looks of the leaf.
     pub description: LeafDescription,
-    /// As it is evaluated.
+    /// The leaf as decoders evaluate it.
     pub leaf: Leaf,
 }
 
@@ -26,7 +26,7 @@ impl SceneLeaf {
     /// Reads a leaf's description and the textures that it names.
     ///
     /// # Errors
-    /// Those of [`LeafDescription::read`] and [`TextureImages::read`].
+    /// The errors of [`LeafDescription::read`] and [`TextureImages::read`].
     pub fn load(path: &Path) -> Result<SceneLeaf, ViewerError> {
         let description = LeafDescription::read(path)?;
         let images = match description.textures_beside(path) {
@@ -38,7 +38,7 @@ impl SceneLeaf {
         Ok(SceneLeaf { path: Some(path.into()), ..SceneLeaf::new(name, description, &texture)? })
     }
 
-    /// A leaf with textures that are in memory.
+    /// Makes a leaf with textures that are in memory.
     ///
     /// # Errors
     /// [`ViewerError::Leaf`] for textures that fill no rectangle or numbers that are not finite.
@@ -53,7 +53,7 @@ impl SceneLeaf {
         Ok(SceneLeaf { name, path: None, description, leaf })
     }
 
-    /// Takes over what the description says of contents and gloss; the words that changed.
+    /// Takes over what the description says of contents and gloss; returns the words that changed.
     ///
     /// # Errors
     /// [`ViewerError::Leaf`] for numbers that are not finite.
@@ -69,7 +69,8 @@ impl SceneLeaf {
         Ok(changed)
     }
 
-    /// Writes the description so that it can be read again from `path`: its folder of textures is named as seen from there.
+    /// Writes the description so that it can be read again from `path`: its folder of textures is named as seen from
+    /// there.
     ///
     /// # Errors
     /// [`ViewerError::Usage`] for a file that is there and no leaf's description; those of [`LeafDescription::write`].
@@ -88,7 +89,7 @@ impl SceneLeaf {
     }
 }
 
-/// A folder as the file `path` names it: relative where it lies beside or below it, else absolute.
+/// Returns a folder as the file `path` names it: relative where it lies beside or below it, else absolute.
 fn folder_from(path: &Path, folder: &Path) -> PathBuf {
     let (Ok(path), Ok(folder)) = (absolute(path), absolute(folder)) else { return folder.into() };
     match path.parent().and_then(|parent| folder.strip_prefix(parent).ok()) {
@@ -97,7 +98,8 @@ fn folder_from(path: &Path, folder: &Path) -> PathBuf {
     }
 }
 
-/// The textures of a patch of `size_mm` on the decoder's grid; what there is no image of is as in a leaf without textures.
+/// Samples the textures of a patch of `size_mm` on the decoder's grid; what there is no image of is as in a leaf
+/// without textures.
 fn texture_of(images: &TextureImages, size_mm: f32) -> LeafTexture {
     let [_, _, area_mm, _] = images.area_mm(size_mm);
     let Some(finest) = images.finest_width() else { return LeafTexture::uniform(LeafTexel::default()) };

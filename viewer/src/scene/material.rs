@@ -23,12 +23,12 @@ impl From<Vec<Arc<SceneAsset>>> for Shown {
 }
 
 impl Shown {
-    /// All of it in order: assets, then leaves.
+    /// Returns all bodies in order: assets, then leaves.
     pub(crate) fn bodies(&self) -> Vec<Body> {
         (0..self.assets.len()).map(Body::Asset).chain((0..self.leaves.len()).map(Body::Leaf)).collect()
     }
 
-    /// Whether a body is plain or one of these.
+    /// Tells whether a body is plain or one of these assets and leaves.
     pub(crate) fn has(&self, body: Body) -> bool {
         match body {
             Body::Plain(_) => true,
@@ -37,7 +37,7 @@ impl Shown {
         }
     }
 
-    /// How often the picture of a body fits into a millimetre, along u and v.
+    /// Returns how often the picture of a body fits into a millimetre, along u and v.
     pub(crate) fn tiles_per_mm(&self, body: Body) -> [f32; 2] {
         match body {
             Body::Plain(_) => [1.0; 2],
@@ -91,33 +91,34 @@ pub struct Material {
     pub mirror: [f32; 3],
     /// Factors on the texture coordinates: how often the asset is repeated.
     pub uv_scale: [f32; 2],
-    /// What the asset's heights are multiplied by where they displace the surface: 1 as they are, 0 for none. The mesh is
-    /// where the highest point lies.
+    /// What the asset's heights are multiplied by where they displace the surface: 1 as they are, 0 for none. The mesh
+    /// is where the highest point lies.
     pub displacement: f32,
 }
 
 impl Material {
-    /// A material without a mirror.
+    /// Makes a material without a mirror.
     pub fn new(body: Body, uv_scale: [f32; 2]) -> Material {
         Material { body, tint: [1.0; 3], mirror: [0.0; 3], uv_scale, displacement: 0.0 }
     }
 
-    /// A material that shows asset number `asset`.
+    /// Makes a material that shows asset number `asset`.
     pub fn from_asset(asset: usize, uv_scale: [f32; 2]) -> Material {
         Material::new(Body::Asset(asset), uv_scale)
     }
 
-    /// An opaque diffuse material of a linear sRGB reflectance, 0 to 1.
+    /// Makes an opaque diffuse material of a linear sRGB reflectance, 0 to 1.
     pub fn plain(reflectance: [f32; 3]) -> Material {
         Material::diffuse(DiffuseColour::opaque(reflectance))
     }
 
-    /// A diffuse material.
+    /// Makes a diffuse material.
     pub fn diffuse(colour: DiffuseColour) -> Material {
         Material::new(Body::Plain(colour), [1.0; 2])
     }
 
-    /// That of a part of a file: `body`, if the part has texture coordinates, else plain in its own colour.
+    /// Makes the material of a part of a file: `body`, if the part has texture coordinates, else plain in its own
+    /// colour.
     pub(crate) fn of_part(part: &MeshPart, body: Option<Body>, uv_scale: [f32; 2]) -> Material {
         match body {
             Some(body) if part.has_uv => Material::new(body, uv_scale),
@@ -125,7 +126,7 @@ impl Material {
         }
     }
 
-    /// The same with its body's colour times `tint`; a plain one never sends on more than all light.
+    /// Returns the material with its body's colour times `tint`; a plain one never sends on more than all light.
     pub(crate) fn tinted(self, tint: [f32; 3]) -> Material {
         match self.body {
             Body::Plain(colour) => Material { body: Body::Plain(colour.tinted(tint)), ..self },
@@ -133,7 +134,7 @@ impl Material {
         }
     }
 
-    /// Number of the asset that it shows.
+    /// Returns the number of the asset that the material shows.
     pub fn asset(&self) -> Option<usize> {
         match self.body {
             Body::Asset(asset) => Some(asset),

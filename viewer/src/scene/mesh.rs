@@ -27,7 +27,7 @@ pub struct MeshPart {
 }
 
 impl MeshPart {
-    /// One that no file describes: grey, with texture coordinates.
+    /// Makes a part that no file describes: grey, with texture coordinates.
     pub(crate) fn built_in(name: &str, vertices: Vec<Vertex>, triangles: Vec<[u32; 3]>) -> MeshPart {
         MeshPart {
             name: name.into(),
@@ -56,8 +56,8 @@ impl MeshPart {
         }
     }
 
-    /// Length that a unit of the texture coordinates covers in the mean over the part's area, world units; `None` where the
-    /// texture has no area.
+    /// Returns the length that a unit of the texture coordinates covers in the mean over the part's area, world units;
+    /// `None` where the texture has no area.
     pub fn tile_length(&self) -> Option<f32> {
         let (mut area, mut texture) = (0.0f64, 0.0f64);
         for triangle in &self.triangles {
@@ -79,7 +79,7 @@ impl MeshPart {
     }
 }
 
-/// `tangent` made perpendicular to the unit `normal`, or any perpendicular where it is parallel or zero.
+/// Returns `tangent` made perpendicular to the unit `normal`, or any perpendicular where it is parallel or zero.
 pub(crate) fn tangent_of(normal: Vec3, tangent: Vec3, sign: f32) -> [f32; 4] {
     let flat = tangent - normal * normal.dot(tangent);
     let unit = if flat.length() > 1e-6 * tangent.length() && flat.length() > 1e-30 {
@@ -90,12 +90,12 @@ pub(crate) fn tangent_of(normal: Vec3, tangent: Vec3, sign: f32) -> [f32; 4] {
     [unit.x, unit.y, unit.z, if sign < 0.0 { -1.0 } else { 1.0 }]
 }
 
-/// A rectangle of 2 x 2 about the origin in the plane z = 0, facing +z; the texture lies on it once.
+/// Makes a rectangle of 2 x 2 about the origin in the plane z = 0, facing +z; the texture lies on it once.
 pub fn plane() -> MeshPart {
     quad("plane", Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0)
 }
 
-/// A rectangle with `corner`, edges `u` and `v`, facing `u` x `v`.
+/// Makes a rectangle with `corner`, edges `u` and `v`, facing `u` x `v`.
 pub fn quad(name: &str, corner: Vec3, u: Vec3, v: Vec3) -> MeshPart {
     let normal = u.cross(v).normalize();
     let vertices = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -110,8 +110,8 @@ pub fn quad(name: &str, corner: Vec3, u: Vec3, v: Vec3) -> MeshPart {
     MeshPart::built_in(name, vertices, vec![[0, 1, 2], [0, 2, 3]])
 }
 
-/// The unit sphere about the origin, poles at +y and -y; the texture goes round it twice and from pole to pole once,
-/// so that its texels are square at the equator. u = 0.5 of a tile faces +z.
+/// Makes the unit sphere about the origin, poles at +y and -y; the texture goes round it twice and from pole to pole
+/// once, so that its texels are square at the equator. u = 0.5 of a tile faces +z.
 pub fn sphere() -> MeshPart {
     use std::f32::consts::{PI, TAU};
     let mut vertices = Vec::new();
@@ -149,7 +149,7 @@ pub fn sphere() -> MeshPart {
     MeshPart::built_in("sphere", vertices, triangles)
 }
 
-/// A box of 2 x 2 x 2 about the origin; the texture lies on every side once.
+/// Makes a box of 2 x 2 x 2 about the origin; the texture lies on every side once.
 pub fn cube(name: &str) -> MeshPart {
     let mut cube = MeshPart::built_in(name, Vec::new(), Vec::new());
     let sides = [

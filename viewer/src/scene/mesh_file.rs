@@ -10,7 +10,7 @@ use std::path::Path;
 /// A mesh of a file, and where it stands in the file's world.
 #[derive(Debug, Clone)]
 pub struct FileMesh {
-    /// Its parts, in the mesh's own space.
+    /// Parts of the mesh, in its own space.
     pub parts: Vec<MeshPart>,
     /// At least one.
     pub places: Vec<Mat4>,
@@ -27,9 +27,9 @@ impl FileMesh {
     }
 }
 
-/// Reads `.obj`, `.gltf` or `.glb`; texture coordinates grow upwards in v, missing normals and tangents are filled in. Parts
-/// without texture coordinates come with `has_uv = false`. What the file places once comes together as one mesh in the world;
-/// what it places more often, by several nodes or by `EXT_mesh_gpu_instancing`, as a mesh each.
+/// Reads `.obj`, `.gltf` or `.glb`; texture coordinates grow upwards in v, missing normals and tangents are filled in.
+/// Parts without texture coordinates come with `has_uv = false`. What the file places once comes together as one mesh
+/// in the world; what it places more often, by several nodes or by `EXT_mesh_gpu_instancing`, as a mesh each.
 ///
 /// # Errors
 /// [`ViewerError::Mesh`] for names of other kinds, and the errors of [`read_model`].
@@ -121,7 +121,7 @@ pub(crate) mod tests {
         dir.join("t.gltf")
     }
 
-    /// The same with a material, which its triangle has.
+    /// Writes a glTF file of a triangle that has a material.
     pub(crate) fn write_gltf_with_material(dir: &Path, material: &Value) -> std::path::PathBuf {
         let path = write_gltf(dir, 2);
         let text = std::fs::read_to_string(&path).unwrap();
@@ -177,7 +177,7 @@ pub(crate) mod tests {
         assert_eq!(told(serde_json::json!({ "diffuseTransmissionTexture": { "index": 0 } })), opaque);
     }
 
-    /// The same triangle, placed by the extension with the attributes given.
+    /// Writes a glTF file of a triangle, placed by the extension with the attributes given.
     fn write_instanced(dir: &Path, attributes: &Value) -> std::path::PathBuf {
         let path = write_gltf(dir, 2);
         let text = std::fs::read_to_string(&path).unwrap();

@@ -13,5 +13,4 @@ pub(crate) mod mesh;
 pub(crate) mod mesh_file;
 pub(crate) mod plant_variation;
 pub(crate) mod scene;
-pub(crate) mod skin;
 pub(crate) mod volume;

@@ -8,8 +8,9 @@ use btf_models::PlantVariation;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Factors on chlorophyll, carotenoids, brown pigment and thickness of plant number `plant`: log-normal with mean 1 and the
-/// coefficients of variation that are asked for, drawn from the seed and the number alone. What does not vary has exactly 1.
+/// Factors on chlorophyll, carotenoids, brown pigment and thickness of plant number `plant`: log-normal with mean 1 and
+/// the coefficients of variation that are asked for, drawn from the seed and the number alone. What does not vary has
+/// exactly 1.
 pub fn plant_factors(variation: &PlantVariation, plant: usize) -> [f32; 4] {
     let PlantVariation { chlorophyll, carotenoid, brown, thickness, seed } = *variation;
     // Normal numbers come in pairs [Box and Muller 1958], so two streams do.
@@ -25,15 +26,17 @@ pub fn plant_factors(variation: &PlantVariation, plant: usize) -> [f32; 4] {
     [chlorophyll, carotenoid, brown, thickness]
 }
 
-/// The log-normal number of mean 1 and coefficient of variation `variation` that belongs to a standard normal one.
+/// Returns the log-normal number of mean 1 and coefficient of variation `variation` that belongs to a standard normal
+/// one.
 fn log_normal(variation: f64, normal: f64) -> f32 {
     let variance = (variation * variation).ln_1p();
     (variance.sqrt() * normal - 0.5 * variance).exp() as f32
 }
 
-/// Gives every instance of a geometry the factors of its plant, by its number among the placements and the variation of the
-/// first leaf that its mesh carries. What stands in the world alone is as its leaves are described: nothing varies within a
-/// plant. Cost: a pass over the triangles and the instances; a copy of the geometry where somebody else holds it, too.
+/// Gives every instance of a geometry the factors of its plant, by its number among the placements and the variation of
+/// the first leaf that its mesh carries. What stands in the world alone is as its leaves are described: nothing varies
+/// within a plant. Cost: a pass over the triangles and the instances; a copy of the geometry where somebody else holds
+/// it, too.
 pub(crate) fn vary_plants(geometry: &mut Arc<Geometry>, materials: &[Material], leaves: &[SceneLeaf]) {
     if leaves.is_empty() || geometry.instances().len() < 2 {
         return;

@@ -27,7 +27,8 @@ pub const BACKGROUND: [f32; 3] = [0.18; 3];
 const FIELD_OF_VIEW_DEG: f32 = 30.0;
 /// From the object to the first light: upper left, in front. In camera axes (right, up, towards the eye).
 const KEY_LIGHT: Vec3 = Vec3::new(-0.65, 0.75, 0.9);
-/// Radius of the ring of lights in the Cornell box, half of whose width is 1: the half width of the original's luminaire.
+/// Radius of the ring of lights in the Cornell box, half of whose width is 1: the half width of the original's
+/// luminaire.
 const LUMINAIRE_RADIUS: f32 = 0.22;
 /// Distance of the lights from the object's centre, in radii of its bounding sphere.
 const LIGHT_DISTANCE_RADII: f32 = 4.0;
@@ -52,15 +53,15 @@ const BEYOND_EVERYTHING: f32 = 1e30;
 pub enum LightRig {
     /// On the half sphere around the scene that faces the camera, the first at the upper left.
     Around,
-    /// In a ring under the ceiling of the Cornell box.
+    /// Lamps in a ring under the ceiling of the Cornell box.
     Ceiling,
 }
 
 /// Light from everywhere that nothing near keeps off: ambient occlusion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ambient {
-    /// Linear RGB radiance from every direction; 0 for no ambient light. A white Lambertian surface that nothing occludes
-    /// has this value.
+    /// Linear RGB radiance from every direction; 0 for no ambient light. A white Lambertian surface that nothing
+    /// occludes has this value.
     pub radiance: [f32; 3],
     /// What lies farther away does not occlude, world units, above 0.
     pub distance: f32,
@@ -125,8 +126,8 @@ pub struct Scene {
     pub light_rig: LightRig,
     /// Ambient light, one stratified ray per pixel and sample.
     pub ambient: Ambient,
-    /// A picture of light from all around, which then is background and, within the ambient light's distance, stands for
-    /// that.
+    /// A picture of light from all around, which then is background and, within the ambient light's distance, stands
+    /// for that.
     pub environment: Option<Arc<Environment>>,
     /// Camera.
     pub camera: Camera,
@@ -147,8 +148,8 @@ pub enum MeshChoice {
     Plane,
     /// The blade of a leaf, which shows the first asset once, from edge to edge.
     Leaf,
-    /// The Cornell box with two spheres, seen so that it fills a square picture: the first asset on the spheres, the next
-    /// ones on floor, back wall and the other walls, and again from the first where there are fewer.
+    /// The Cornell box with two spheres, seen so that it fills a square picture: the first asset on the spheres, the
+    /// next ones on floor, back wall and the other walls, and again from the first where there are fewer.
     Cornell,
     /// A cloth draped over a round table. This and what follows is in metres and shows assets at their physical size.
     Cloth,
@@ -163,7 +164,7 @@ pub enum MeshChoice {
 }
 
 impl MeshChoice {
-    /// The meaning of `--mesh`: a built-in name, or else a path.
+    /// Returns the meaning of `--mesh`: a built-in name, or else a path.
     pub fn from_argument(argument: &str) -> MeshChoice {
         match argument {
             "sphere" => MeshChoice::Sphere,
@@ -183,7 +184,7 @@ impl MeshChoice {
 pub struct SceneObject {
     /// Geometry, in its mesh's space.
     pub part: MeshPart,
-    /// Its material.
+    /// Material of the part.
     pub material: Material,
 }
 
@@ -196,7 +197,7 @@ pub struct SceneMesh {
 }
 
 impl SceneMesh {
-    /// The parts of a file's mesh with the materials that `material` gives them.
+    /// Makes a mesh of the parts of a file's mesh, with the materials that `material` gives them.
     pub(crate) fn of_file(mesh: FileMesh, mut material: impl FnMut(&MeshPart) -> Material) -> SceneMesh {
         let object = |part: MeshPart| SceneObject { material: material(&part), part };
         SceneMesh { objects: mesh.parts.into_iter().map(object).collect(), places: mesh.places }
@@ -204,7 +205,8 @@ impl SceneMesh {
 }
 
 impl Scene {
-    /// Joins objects, which are in world space, into a scene with the default camera, one light and the default background.
+    /// Joins objects, which are in world space, into a scene with the default camera, one light and the default
+    /// background.
     ///
     /// # Errors
     /// [`ViewerError::Mesh`] naming `origin` if a part that carries an asset has no texture coordinates, or if no
@@ -217,10 +219,10 @@ impl Scene {
         Scene::from_meshes(origin, vec![SceneMesh { objects, places: vec![Mat4::IDENTITY] }], shown)
     }
 
-    /// The same with meshes that may stand in many places, each of which costs memory once.
+    /// Makes a scene of meshes that may stand in many places, each of which costs memory once.
     ///
     /// # Errors
-    /// As [`Scene::from_objects`].
+    /// The errors of [`Scene::from_objects`].
     pub fn from_meshes(origin: &Path, meshes: Vec<SceneMesh>, shown: impl Into<Shown>) -> Result<Scene, ViewerError> {
         let shown = shown.into();
         let mut materials = Vec::new();
@@ -258,16 +260,16 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Whether volumes stand in for meshes where their leaves are small.
+    /// Tells whether volumes stand in for meshes where their leaves are small.
     pub(crate) fn hands_over(&self) -> bool {
         let proxies = self.volumes.iter().map(|volumes| volumes.proxies());
         proxies.chain([&*self.geometry]).any(|geometry| geometry.widest_leaf() > 0.0)
     }
 
-    /// One of the built-in scenes, or a mesh file: in a file with one asset or leaf every part with texture coordinates gets
-    /// it, or, where materials of the file point at some themselves, the parts that have these; with several, material number i
-    /// of the file gets number i, leaves after assets. The rest stays plain in its own colour. Without any, materials get what
-    /// a glTF file itself points at.
+    /// Makes one of the built-in scenes, or a mesh file: in a file with one asset or leaf every part with texture
+    /// coordinates gets it, or, where materials of the file point at some themselves, the parts that have these; with
+    /// several, material number i of the file gets number i, leaves after assets. The rest stays plain in its own
+    /// colour. Without any, materials get what a glTF file itself points at.
     ///
     /// # Errors
     /// [`ViewerError::Usage`] without anything to show; [`ViewerError::Mesh`] for files.
@@ -343,7 +345,7 @@ impl Scene {
         }
     }
 
-    /// A mesh file; see [`Scene::built_in`].
+    /// Makes the scene of a mesh file; see [`Scene::built_in`].
     fn of_file(path: &Path, mut shown: Shown, uv_scale: [f32; 2]) -> Result<Scene, ViewerError> {
         let given = shown.bodies();
         let bodies: BTreeMap<usize, Body> = match given.as_slice() {
@@ -371,15 +373,16 @@ impl Scene {
         Scene::from_meshes(path, meshes, shown)
     }
 
-    /// Surrounds the scene by a picture of light, which nothing but the scene itself keeps off; takes its lamps and the sun away.
+    /// Surrounds the scene by a picture of light, which nothing but the scene itself keeps off; takes its lamps and the
+    /// sun away.
     pub fn surround(&mut self, environment: Environment) {
         (self.environment, self.sun, self.outdoors) = (Some(Arc::new(environment)), None, None);
         self.ambient = Ambient { radiance: [0.0; 3], distance: BEYOND_EVERYTHING };
         self.lights.clear();
     }
 
-    /// Stands the scene under the sun and the clear sky of a day, as far as `parts` says; takes its lamps away. `light` is
-    /// what [`Daylight::sun_and_sky`] gives.
+    /// Stands the scene under the sun and the clear sky of a day, as far as `parts` says; takes its lamps away. `light`
+    /// is what [`Daylight::sun_and_sky`] gives.
     pub fn stand_outdoors(&mut self, outdoors: Outdoors, light: SunAndSky) {
         // As large as a sky, so that one can take its place in a tracer.
         let [width, height] = SKY_SIZE;
@@ -389,11 +392,11 @@ impl Scene {
         self.outdoors = Some(outdoors);
     }
 
-    /// Shows the scene at another moment: its wind moves the skins of its volumes and the models that these stand in for. Without
-    /// a wind nothing moves.
+    /// Shows the scene at another moment: its wind moves the skins of its volumes and the models that these stand in
+    /// for. Without a wind nothing moves.
     ///
     /// # Errors
-    /// As [`Wind::blow`].
+    /// The errors of [`Wind::blow`].
     pub fn blow(&mut self, time_s: f64) -> Result<(), ViewerError> {
         if let (Some(wind), Some(volumes)) = (&self.wind, &mut self.volumes) {
             let volumes = Arc::make_mut(volumes);
@@ -406,7 +409,8 @@ impl Scene {
         Ok(())
     }
 
-    /// `count` lights where the scene has them; their intensities add up to the same brightness whatever the count.
+    /// Puts `count` lights where the scene has them; their intensities add up to the same brightness whatever the
+    /// count.
     pub fn place_lights(&mut self, count: usize) {
         match self.light_rig {
             LightRig::Around => self.place_lights_around(count),
@@ -432,7 +436,7 @@ impl Scene {
             .collect();
     }
 
-    /// Residual components of the asset that has most.
+    /// Returns the residual components of the asset that has most.
     pub fn most_components(&self) -> u32 {
         self.assets.iter().map(|asset| asset.most_components()).max().unwrap_or(0)
     }
@@ -450,7 +454,7 @@ impl Scene {
         }
     }
 
-    /// The ambient light that the scene's size suggests.
+    /// Returns the ambient light that the scene's size suggests.
     pub fn usual_ambient(&self) -> Ambient {
         Ambient { radiance: [AMBIENT_RADIANCE; 3], distance: OCCLUSION_RADII * self.geometry.bounding_sphere().1 }
     }
@@ -515,12 +519,13 @@ fn joined_mesh(
     Ok(mesh)
 }
 
-/// Intensity with which a white Lambertian surface at `distance`, lit at normal incidence, has `brightness`.
+/// Returns the intensity with which a white Lambertian surface at `distance`, lit at normal incidence, has
+/// `brightness`.
 pub fn intensity_for(distance: f32, brightness: f32) -> f32 {
     std::f32::consts::PI * distance * distance * brightness
 }
 
-/// Direction `index` of `count` on a golden-angle spiral over the half sphere z > 0.
+/// Returns direction `index` of `count` on a golden-angle spiral over the half sphere z > 0.
 fn spiral_direction(index: usize, count: usize) -> Vec3 {
     const GOLDEN_ANGLE: f32 = 2.399_963;
     // From just above the horizon to near the axis.

@@ -55,7 +55,8 @@ impl<'a> Relief<'a> {
             return None;
         }
         let resident = scene.assets[material.asset()?].head();
-        let field = HeightField::of_resident(resident, resident.layer_for_sides(0, SurfaceSide::Front, SurfaceSide::Front)?)?;
+        let field =
+            HeightField::of_resident(resident, resident.layer_for_sides(0, SurfaceSide::Front, SurfaceSide::Front)?)?;
         let size = Vec2::new(resident.width() as f32, resident.height() as f32);
         let scale = Vec2::from(material.uv_scale);
         let tiles = size * scale.abs();

@@ -56,8 +56,8 @@ impl Blit {
         Ok(Blit { pipeline })
     }
 
-    /// Draws a band of a picture, whose place in it `params` tells, and of the `other` one of a split view over the pass'
-    /// viewport.
+    /// Draws a band of a picture, whose place in it `params` tells, and of the `other` one of a split view over the
+    /// pass' viewport.
     pub(crate) fn draw(
         &self,
         gpu: &Gpu,

@@ -1,11 +1,21 @@
 //! The window as what is drawn on: its surface, the GPU behind it, and the user interface's painter.
 
-use super::no_window;
 use crate::error::ViewerError;
-use crate::gpu::device::{Gpu, instance};
+use crate::gpu::device::{Gpu, instance, one_line};
 use std::sync::Arc;
 use winit::event_loop::ActiveEventLoop;
 use winit::window::Window;
+
+/// Makes the error of a window that cannot be opened. winit puts the place in its own source before what happened; a
+/// user needs only the latter.
+pub(super) fn no_window(error: &dyn std::fmt::Display) -> ViewerError {
+    let message = one_line(&error.to_string());
+    let what = match message.split_once(".rs:") {
+        Some((_, rest)) => rest.split_once(": ").map_or(rest, |(_, what)| what),
+        None => &message,
+    };
+    ViewerError::Window(what.trim_end_matches('.').into())
+}
 
 /// A window and what draws in it.
 pub(super) struct Canvas {
@@ -19,17 +29,18 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// Opens a window of a size in pixels on an adapter that can show it.
+    /// Opens a window of a title and a size in pixels on an adapter that can show it.
     ///
     /// # Errors
     /// [`ViewerError::Window`], [`ViewerError::NoAdapter`] and [`ViewerError::Gpu`].
     pub fn open(
         event_loop: &ActiveEventLoop,
+        title: &str,
         [width, height]: [u32; 2],
         adapter: Option<&str>,
     ) -> Result<Canvas, ViewerError> {
         let size = winit::dpi::PhysicalSize::new(width, height);
-        let attributes = Window::default_attributes().with_title("BTF viewer").with_inner_size(size);
+        let attributes = Window::default_attributes().with_title(title).with_inner_size(size);
         let window = Arc::new(event_loop.create_window(attributes).map_err(|error| no_window(&error))?);
         let instance = instance(Some(Box::new(event_loop.owned_display_handle())));
         let surface = instance.create_surface(window.clone()).map_err(|error| no_window(&error))?;
@@ -65,17 +76,17 @@ impl Canvas {
         Ok(Canvas { window, gpu, context, input, surface, config, painter })
     }
 
-    /// Of its pixels.
+    /// Returns the format of the pixels.
     pub fn format(&self) -> wgpu::TextureFormat {
         self.config.format
     }
 
-    /// Width and height of what is drawn on, pixels.
+    /// Returns width and height of what is drawn on, pixels.
     pub fn size(&self) -> [u32; 2] {
         [self.config.width, self.config.height]
     }
 
-    /// A minimised window has size 0, which a surface does not take.
+    /// Follows the window to another size in pixels. A minimised window has size 0, which a surface does not take.
     pub fn resize(&mut self, width: u32, height: u32) {
         if width == 0 || height == 0 {
             return;
@@ -89,7 +100,7 @@ impl Canvas {
     /// Shows what `draw` draws, and the user interface on top.
     ///
     /// # Errors
-    /// Those of `draw`, and what the driver reported.
+    /// The errors of `draw`, and what the driver reported.
     pub fn present(
         &mut self,
         mut output: egui::FullOutput,

@@ -11,14 +11,54 @@ use btf_capture::atomic::create_folder;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// What a file takes the place of where it is opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Replaced {
+    /// No asset and no leaf.
+    Nothing,
+    /// The asset of a number.
+    Asset(usize),
+    /// The whole scene.
+    Scene,
+}
+
+impl Replaced {
+    /// Returns what a file replaces, where it is an asset that of number `asset`; see [`open_file`].
+    pub(crate) fn by(path: &Path, asset: usize) -> Replaced {
+        match extension(path).as_str() {
+            "spmm" => Replaced::Asset(asset),
+            "toml" => Replaced::Scene,
+            _ => Replaced::Nothing,
+        }
+    }
+
+    /// Tells whether the scene still has the asset of a number.
+    pub(crate) fn keeps_asset(self, number: usize) -> bool {
+        match self {
+            Replaced::Nothing => true,
+            Replaced::Asset(asset) => asset != number,
+            Replaced::Scene => false,
+        }
+    }
+
+    /// Tells whether the scene still has its leaves.
+    pub(crate) fn keeps_leaves(self) -> bool {
+        self != Replaced::Scene
+    }
+}
+
+/// Returns the extension of a file in small letters, without the dot.
+fn extension(path: &Path) -> String {
+    path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
 /// Takes a file into the scene: an asset in place of number `asset`, a mesh in place of all objects, a picture of light
 /// around it, or another scene.
 ///
 /// # Errors
-/// Those of the file's kind; [`ViewerError::Usage`] for another kind. The scene is then as it was.
+/// The errors of the file's kind; [`ViewerError::Usage`] for another kind. The scene is then as it was.
 pub(crate) fn open_file(scene: &mut Scene, asset: usize, path: &Path) -> Result<(), ViewerError> {
-    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default();
-    match extension.as_str() {
+    match extension(path).as_str() {
         "spmm" => {
             let loaded = Arc::new(SceneAsset::load(path)?);
             match scene.assets.get_mut(asset) {
@@ -65,7 +105,7 @@ pub(crate) fn open_file(scene: &mut Scene, asset: usize, path: &Path) -> Result<
     Ok(())
 }
 
-/// `name_001suffix`, with the first number that is free in the folder where the program runs.
+/// Returns `name_001suffix`, with the first number that is free in the folder where the program runs.
 pub(crate) fn free_name(name: &str, suffix: &str) -> PathBuf {
     let numbered = |number: u32| PathBuf::from(format!("{name}_{number:03}{suffix}"));
     (1..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(0))
@@ -81,10 +121,10 @@ pub(crate) struct Turntable {
 impl Turntable {
     /// Pictures of a whole turn.
     pub(crate) const PICTURES: u32 = 36;
-    /// Samples of each.
+    /// Samples per pixel of each picture.
     pub(crate) const SAMPLES: u32 = 16;
 
-    /// In a new folder.
+    /// Begins a turntable in a new folder.
     ///
     /// # Errors
     /// [`ViewerError::Write`] where it cannot be made.
@@ -94,10 +134,10 @@ impl Turntable {
         Ok(Turntable { folder, done: 0 })
     }
 
-    /// Writes the next picture; `true` if it was the last one.
+    /// Writes the next picture; returns `true` if it was the last one.
     ///
     /// # Errors
-    /// Those of [`Picture::write_png`].
+    /// The errors of [`Picture::write_png`].
     pub(crate) fn write(&mut self, picture: &Picture, exposure_ev: f32) -> Result<bool, ViewerError> {
         picture.write_png(&self.folder.join(format!("{:03}.png", self.done)), exposure_ev)?;
         self.done += 1;

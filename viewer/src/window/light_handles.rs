@@ -1,6 +1,6 @@
 //! Handles of the lights: circles around the scene, in the lights' directions, that the mouse drags.
 
-use super::panel::Panel;
+use super::panels::lights::LightsPanel;
 use crate::scene::scene::Scene;
 
 /// Distance of the handles from the scene's centre, in its radii.
@@ -12,8 +12,13 @@ const DEGREES_A_POINT: f32 = 0.5;
 /// Most lights that have handles.
 const MAX_HANDLES: usize = 16;
 
-/// Draws them over the picture in `area`; `true` if a light was moved.
-pub(crate) fn show_light_handles(ui: &mut egui::Ui, area: egui::Rect, panel: &mut Panel, scene: &mut Scene) -> bool {
+/// Draws the handles over the picture in `area`; returns `true` if the user moved a light.
+pub(crate) fn show_light_handles(
+    ui: &mut egui::Ui,
+    area: egui::Rect,
+    lights: &mut LightsPanel,
+    scene: &mut Scene,
+) -> bool {
     let (centre, radius) = scene.geometry.bounding_sphere();
     let frame = scene.camera.frame(area.width().max(1.0) as u32, area.height().max(1.0) as u32);
     let mut moved = false;
@@ -29,7 +34,7 @@ pub(crate) fn show_light_handles(ui: &mut egui::Ui, area: egui::Rect, panel: &mu
         let response = ui.interact(rect, ui.scope_id().with(("light", number)), egui::Sense::drag());
         if response.dragged() {
             let drag = response.drag_delta();
-            panel.turn_light(number, drag.x * DEGREES_A_POINT, -drag.y * DEGREES_A_POINT, scene);
+            lights.turn(number, drag.x * DEGREES_A_POINT, -drag.y * DEGREES_A_POINT, scene);
             moved = true;
         }
         let peak = light.intensity.iter().fold(1e-6f32, |a, b| a.max(*b));

@@ -34,7 +34,7 @@ impl Default for Settings {
     }
 }
 
-/// `btf-view/settings.toml` in the user's folder for settings, where there is one.
+/// Returns `btf-view/settings.toml` in the user's folder for settings, where there is one.
 fn path() -> Option<PathBuf> {
     let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let folder = variable("XDG_CONFIG_HOME")
@@ -61,7 +61,7 @@ impl Settings {
         }
     }
 
-    /// Remembers them; that it cannot is no reason to keep the user.
+    /// Writes the settings. A failure is no reason to keep the user, and is ignored.
     pub(crate) fn save(&self) {
         let Some(path) = path() else { return };
         let (Some(folder), Ok(text)) = (path.parent(), toml::to_string(self)) else { return };

@@ -1,6 +1,6 @@
 //! A picture in the making in the window: on the GPU by a tracer, or on the CPU. A split view has two.
 
-use super::panel::Renderer;
+use super::renderer::Renderer;
 use crate::cpu::picture::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
@@ -20,20 +20,22 @@ pub(crate) struct Side {
 
 /// What a sample took.
 pub(crate) struct Took {
+    /// Milliseconds.
     pub ms: f64,
+    /// The sample by kind of pass, where the GPU has timestamps.
     pub passes: Option<PassTimes>,
-    /// It was the first one of a renderer, which holds its compilation on some drivers.
+    /// Whether it was the first sample of a renderer, which holds its compilation on some drivers.
     pub first: bool,
 }
 
 impl Side {
-    /// Width and height of the picture.
+    /// Returns width and height of the picture, pixels.
     pub(crate) fn size(&self) -> Option<[u32; 2]> {
         let cpu = self.cpu.as_ref().map(|(picture, _)| [picture.width, picture.height]);
         self.tracer.as_ref().and_then(Tracer::size).or(cpu)
     }
 
-    /// Rows of the picture in buffers: the first row, how many, and the buffer.
+    /// Returns the rows of the picture in buffers: the first row, how many, and the buffer.
     pub(crate) fn bands(&self) -> Vec<(u32, u32, &wgpu::Buffer)> {
         match (&self.tracer, &self.cpu) {
             (Some(tracer), _) => tracer.bands().iter().map(|band| (band.first_row, band.rows, &band.pixels)).collect(),
@@ -51,7 +53,10 @@ impl Side {
         }
     }
 
-    /// Adds a sample to every pixel.
+    /// Adds a sample to the picture; number 0 starts anew.
+    ///
+    /// # Errors
+    /// What the driver reported; those of uploading the scene.
     pub(crate) fn add_sample(
         &mut self,
         gpu: &Gpu,
@@ -91,7 +96,7 @@ impl Side {
         }
     }
 
-    /// Mean linear radiance of the picture at hand.
+    /// Reads the mean linear radiance of the picture at hand.
     pub(crate) fn radiance(&self) -> Result<Vec<[f32; 3]>, ViewerError> {
         match (&self.tracer, &self.cpu) {
             (Some(tracer), _) => tracer.read_radiance(),

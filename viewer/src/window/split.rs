@@ -26,7 +26,7 @@ pub(crate) enum Against {
 }
 
 impl Against {
-    /// Settings of the other picture.
+    /// Returns the settings of the other picture.
     pub(crate) fn shade(self, shade: &ShadeOptions) -> ShadeOptions {
         match self {
             Against::Everything => {
@@ -51,7 +51,7 @@ pub(crate) struct Split {
     pub side: Side,
     /// An asset to compare with that is no part of the scene.
     pub opened: Option<Arc<SceneAsset>>,
-    /// Of the text field that names one.
+    /// Text of the field that names an asset to open.
     pub file: String,
     scene: Option<Scene>,
 }
@@ -77,7 +77,7 @@ impl Split {
         self.reset(scene, at_hand);
     }
 
-    /// What can be compared with in a scene.
+    /// Returns what the picture of a scene can be compared with.
     pub(crate) fn choices(&self, scene: &Scene, at_hand: Body) -> Vec<Against> {
         let ways = [Against::Everything, Against::Paths, Against::Measured].into_iter();
         // The others are ways to decode assets.
@@ -87,7 +87,7 @@ impl Split {
         ways.chain(others).chain(opened).collect()
     }
 
-    /// What is compared with, for people.
+    /// Returns the name of what the picture is compared with.
     pub(crate) fn name(&self, against: Against, scene: &Scene) -> String {
         let name = |asset: Option<&Arc<SceneAsset>>| asset.map_or_else(String::new, |asset| asset.name.clone());
         match against {
@@ -147,7 +147,7 @@ impl Split {
         self.side.update(other, change);
     }
 
-    /// The other picture's scene, with the camera, lights and surroundings of `scene`.
+    /// Returns the other picture and its scene, with the camera, lights and surroundings of `scene`.
     pub(crate) fn scene(&mut self, scene: &Scene, at_hand: Body) -> (&mut Side, &Scene) {
         let (against, opened) = (self.against, &self.opened);
         let other = self.scene.get_or_insert_with(|| compared(against, opened.as_ref(), scene, at_hand));
@@ -161,7 +161,7 @@ impl Split {
     }
 }
 
-/// The scene of the other picture as it begins.
+/// Makes the scene of the other picture as it begins.
 fn compared(against: Against, opened: Option<&Arc<SceneAsset>>, scene: &Scene, at_hand: Body) -> Scene {
     let mut other = scene.clone();
     let in_its_place = match against {

@@ -11,13 +11,19 @@ use std::io::Write;
 pub fn gpu_is_left_out(what: &str) -> bool {
     let left_out = std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1");
     if left_out {
-        println!("skipped: {what} (BTF_SKIP_GPU=1)");
-        if let Some(log) = std::env::var_os("BTF_SKIP_LOG") {
-            let mut file = std::fs::OpenOptions::new().create(true).append(true).open(log).expect("the skip log opens");
-            writeln!(file, "{what} (BTF_SKIP_GPU=1)").expect("the skip log is written");
-        }
+        skip(&format!("{what} (BTF_SKIP_GPU=1)"));
     }
     left_out
+}
+
+/// Says visibly that a test was skipped: on stdout and in the file that `BTF_SKIP_LOG` names, whose lines `cargo xtask test`
+/// counts.
+pub fn skip(what: &str) {
+    println!("skipped: {what}");
+    if let Some(log) = std::env::var_os("BTF_SKIP_LOG") {
+        let mut file = std::fs::OpenOptions::new().create(true).append(true).open(log).expect("the skip log opens");
+        writeln!(file, "{what}").expect("the skip log is written");
+    }
 }
 
 /// The CPU and both tracers, for test `test`.

@@ -27,8 +27,8 @@ fn hanging(down: f32) -> (f32, f32) {
     })
 }
 
-/// The cloth. Where it hangs, a ring of it is longer than the circle on which it hangs: the rest goes into folds, so that
-/// lengths along the rings are kept to second order in the folds' slope.
+/// Makes the cloth. Where it hangs, a ring of it is longer than the circle on which it hangs: the rest goes into folds,
+/// so that lengths along the rings are kept to second order in the folds' slope.
 pub(crate) fn cloth() -> Vec<MeshPart> {
     let position = |s: f32, t: f32| {
         let flat = Vec2::new(s - 0.5, 0.5 - t) * EDGE;

@@ -8,8 +8,8 @@ pub(crate) const HALF_LENGTH: f32 = 0.14;
 /// Roundness of outlines: 2 is an ellipse.
 const ROUNDNESS: f32 = 2.5;
 
-/// Point of the sole's outline at `s`, 0 at the heel, 0.5 at the toe, clockwise seen from above; `y` is its height,
-/// `margin` how far it lies outside.
+/// Returns the point of the sole's outline at `s`, 0 at the heel, 0.5 at the toe, clockwise seen from above; `y` is its
+/// height, `margin` how far it lies outside.
 pub(crate) fn outline(s: f32, y: f32, margin: f32) -> Vec3 {
     let (sin, cos) = (TAU * s).sin_cos();
     let round = |x: f32| x.signum() * x.abs().powf(2.0 / ROUNDNESS);
@@ -22,19 +22,20 @@ pub(crate) fn outline(s: f32, y: f32, margin: f32) -> Vec3 {
     Vec3::new(x, y, half_width * round(sin) + bent)
 }
 
-/// Point of an upright ellipse about `centre`, at the same `s` as the outline's.
+/// Returns the point of an upright ellipse about `centre`, at the same `s` as the outline's.
 pub(crate) fn ring(s: f32, centre: Vec3, half_length: f32, half_width: f32) -> Vec3 {
     let (sin, cos) = (TAU * s).sin_cos();
     centre + Vec3::new(-half_length * cos, 0.0, half_width * sin)
 }
 
-/// A cubic Bezier curve.
+/// Returns the point at `t` of a cubic Bezier curve.
 pub(crate) fn bezier([a, b, c, d]: [Vec3; 4], t: f32) -> Vec3 {
     let r = 1.0 - t;
     a * (r * r * r) + b * (3.0 * r * r * t) + c * (3.0 * r * t * t) + d * (t * t * t)
 }
 
-/// Surface of the sole: from the middle of its underside (t = 0) over the edge and up the side to under the upper (t = 1).
+/// Returns a point on the surface of the sole: from the middle of its underside (t = 0) over the edge and up the side
+/// to under the upper (t = 1).
 pub(crate) fn sole(s: f32, t: f32, height: f32) -> Vec3 {
     const UNDERSIDE: f32 = 0.55;
     const SIDE: f32 = 0.85;

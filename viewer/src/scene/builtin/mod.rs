@@ -1,8 +1,8 @@
 //! The scenes that come with the viewer: made by formulas, in metres, y up. No asset files.
 //!
-//! Every part of a model is one chart: a grid over the unit square, seams at its borders. Texture coordinates are lengths
-//! along the surface in units of [`TILE_M`], so that an asset of 256 x 256 texels lies on it with 2.56 texels a millimetre
-//! at `uv_scale` 1.
+//! Every part of a model is one chart: a grid over the unit square, seams at its borders. Texture coordinates are
+//! lengths along the surface in units of [`TILE_M`], so that an asset of 256 x 256 texels lies on it with 2.56 texels a
+//! millimetre at `uv_scale` 1.
 
 mod boots;
 mod cloth;

@@ -19,12 +19,12 @@ pub(crate) struct Patch<F> {
 }
 
 impl<F: Fn(f32, f32) -> Vec3> Patch<F> {
-    /// The whole surface.
+    /// Makes a part of the whole surface.
     pub(crate) fn whole(&self, name: &str) -> MeshPart {
         self.part(name, &[(0..self.cells[0], 0..self.cells[1])])
     }
 
-    /// The cells within any of some ranges along s and t.
+    /// Makes a part of the cells within any of some ranges along s and t.
     pub(crate) fn part(&self, name: &str, ranges: &[(Range<u32>, Range<u32>)]) -> MeshPart {
         let [columns, rows] = self.cells;
         let at = |i: u32, j: u32| (self.position)(i as f32 / columns as f32, j as f32 / rows as f32);
@@ -62,7 +62,7 @@ impl<F: Fn(f32, f32) -> Vec3> Patch<F> {
         without_unused_vertices(MeshPart::built_in(name, vertices, triangles))
     }
 
-    /// By differences over a grid cell, across the seam of a closed surface.
+    /// Estimates the normal by differences over a grid cell, across the seam of a closed surface.
     fn normal(&self, s: f32, t: f32) -> Vec3 {
         let [ds, dt] = self.cells.map(|cells| 0.5 / cells as f32);
         let along_s = if self.closed {

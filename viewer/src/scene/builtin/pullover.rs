@@ -10,7 +10,7 @@ const SLEEVE_RIBS: f32 = 26.0;
 /// Depth of the ribs, metres.
 const RIB: f32 = 0.0025;
 
-/// From 0 to 1 between two values, smoothly.
+/// Rises from 0 to 1 between two values, smoothly.
 fn rise(from: f32, to: f32, x: f32) -> f32 {
     let part = ((x - from) / (to - from)).clamp(0.0, 1.0);
     part * part * (3.0 - 2.0 * part)

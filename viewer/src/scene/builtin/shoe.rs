@@ -7,7 +7,7 @@ use glam::Vec3;
 
 const SOLE_HEIGHT: f32 = 0.022;
 
-/// Surface of the upper, from the sole (t = 0) to the opening (t = 1).
+/// Returns a point on the surface of the upper, from the sole (t = 0) to the opening (t = 1).
 fn upper(s: f32, t: f32) -> Vec3 {
     let foot = outline(s, SOLE_HEIGHT - 0.003, 0.0);
     let front = 0.5 - 0.5 * (std::f32::consts::TAU * s).cos();

@@ -1,10 +1,11 @@
 //! Mountains under forest: 25,000 trees on 1,404 patches, two to a texel.
 //!
-//! Both are within their texel, on no line of its symmetry: in eight ways, by turns and mirrors, they stand in 16 places, and
-//! no rows are seen.
+//! Both are within their texel, on no line of its symmetry: in eight ways, by turns and mirrors, they stand in 16
+//! places, and no rows are seen.
 
+use super::counts::LandscapeCounts;
+use super::planted::{Plant, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, TURNED, look};
 use super::terrain::{Terrain, texels_of, with_border_of};
-use super::{LandscapeCounts, Plant, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, TURNED, look};
 use crate::scene::volume::AS_IT_IS;
 use crate::volume::skin::{Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
@@ -34,7 +35,7 @@ pub(super) const PLANTS: [Plant; TREES as usize] = [
     Plant { volume: 0, scale: 0.85, foot_m: Vec3::new(1.45, 0.0, -1.3), tints: &[AS_IT_IS] },
 ];
 
-/// The forest; `side_m` is that of the volume, a texel's width.
+/// Plants the forest; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let texels_of_patch = [TEXELS[0] / PATCHES[0] as f32, TEXELS[1] / PATCHES[1] as f32];
     let terrain = Terrain::times(PATCHES, Vec2::from(texels_of_patch) * side_m, times, |size_m| {

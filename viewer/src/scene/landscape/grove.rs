@@ -1,7 +1,8 @@
 //! Trees that stand apart on flat land: 512 on 1,024 patches, each another size, turn, place and colour of one tree.
 
+use super::counts::LandscapeCounts;
+use super::planted::{Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, half_of_pairs, look};
 use super::terrain::Terrain;
-use super::{LandscapeCounts, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, half_of_pairs, look};
 use crate::volume::skin::{DiscreteJitter, NO_VOLUME, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
@@ -21,7 +22,7 @@ const MARGIN: f32 = 0.14;
 /// The volume that comes with the viewer: a tree in the middle of a cube.
 pub(super) const VOLUMES: [&[u8]; 1] = [include_bytes!("../builtin/tree.voltex")];
 
-/// The grove; `side_m` is that of the volume, a texel's width.
+/// Plants the grove; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let terrain = Terrain::times(PATCHES, Vec2::splat(side_m), times, |_| Box::new(|_| 0.0));
     // Of two neighbouring patches one has a tree, so that they stand apart and are exactly half as many.

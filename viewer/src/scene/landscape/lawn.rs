@@ -1,7 +1,8 @@
 //! A lawn on a hill: 1,400 patches with a texel of 16 blades each and a flower in half of them.
 
+use super::counts::LandscapeCounts;
+use super::planted::{Planted, TURNED, half_of_pairs, look};
 use super::terrain::Terrain;
-use super::{LandscapeCounts, Planted, TURNED, half_of_pairs, look};
 use crate::volume::skin::{Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
@@ -26,7 +27,7 @@ const FLOWERING: u32 = 1;
 pub(super) const VOLUMES: [&[u8]; 2] =
     [include_bytes!("../builtin/lawn.voltex"), include_bytes!("../builtin/lawn_flower.voltex")];
 
-/// The lawn; `side_m` is that of the volumes, a texel's width.
+/// Plants the lawn; `side_m` is that of the volumes, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let swell = Noise { wavelength: 12.0 * side_m, period: [0; 3], seed: 5 };
     let terrain = Terrain::times(PATCHES, Vec2::splat(side_m), times, |size_m| {

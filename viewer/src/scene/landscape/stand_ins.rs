@@ -4,8 +4,8 @@ use crate::volume::skin::{Merged, NO_VOLUME, Pattern, Shell, SkinPlace, TetPoint
 use glam::{Mat3, Mat4, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// Where a plant is as its volume is, in shares of that: at its foot, which on the floor itself would be at an end of the skin, and
-/// where its crown is.
+/// Where a plant is as its volume is, in shares of that: at its foot, which on the floor itself would be at an end of
+/// the skin, and where its crown is.
 const HEIGHTS: [f32; 2] = [1e-3, 0.7];
 /// How far outside of a tetrahedron, in shares of it, a foot counts as within.
 const SLACK: f32 = 1e-4;
@@ -22,8 +22,9 @@ struct Found {
     volumes: Merged,
 }
 
-/// Of every texel that is not empty its volumes, and where their unit cubes stand, right where `foot` is in them and above that. A
-/// texel that the skin shows in several places stands in one of them. Sorted by texel. Cost: a pass over the tetrahedra.
+/// Returns, of every texel that is not empty, its volumes, and where their unit cubes stand, right where `foot` is in
+/// them and above that. A texel that the skin shows in several places stands in one of them. Sorted by texel. Cost: a
+/// pass over the tetrahedra.
 pub(super) fn plant_places(shell: &Shell, patterns: &[Pattern], foot: Vec3) -> Vec<(u32, SkinPlace)> {
     let mut found: HashMap<Texel, Found> = HashMap::new();
     for (number, tet) in shell.tets().iter().enumerate() {

@@ -24,8 +24,8 @@ pub(super) struct Terrain {
 }
 
 impl Terrain {
-    /// `patches` times `times` in number, and as much more land: the factors of `times` that are nearest to a square, the
-    /// larger one from west to east.
+    /// Makes land of `patches` times `times` in number, and as much more land: the factors of `times` that are nearest
+    /// to a square, the larger one from west to east.
     pub fn times(
         patches: [u32; 2],
         patch_m: Vec2,
@@ -38,33 +38,34 @@ impl Terrain {
         Terrain { size_m, patches, height_m: height_m(size_m) }
     }
 
-    /// How many patches there are.
+    /// Returns how many patches there are.
     pub fn count(&self) -> u32 {
         self.patches[0] * self.patches[1]
     }
 
-    /// The place on the land above a point.
+    /// Returns the place on the land above a point.
     pub fn at(&self, east_north: Vec2) -> Vec3 {
         Vec3::new(east_north.x, (self.height_m)(east_north), -east_north.y)
     }
 
-    /// Which way the land faces at a point.
+    /// Returns the normal of the land at a point.
     pub fn normal(&self, east_north: Vec2) -> Vec3 {
         let step = SLOPE_STEP * (self.size_m / self.patch_counts()).min_element();
         let slope = |along: Vec2| self.at(east_north + along * step) - self.at(east_north - along * step);
         slope(Vec2::X).cross(slope(Vec2::Y)).normalize()
     }
 
-    /// Corner of patches as metres east and north of the middle.
+    /// Returns a corner of patches as metres east and north of the middle.
     fn corner(&self, column: u32, row: u32) -> Vec2 {
         let share = Vec2::new(column as f32 / self.patches[0] as f32, row as f32 / self.patches[1] as f32);
         (share - 0.5) * self.size_m
     }
 
-    /// The skin, `texels` from west to east and from south to north; `height` gives the height vectors.
+    /// Makes the thick skin over the land, `texels` from west to east and from south to north; `height` gives the
+    /// height vectors.
     ///
     /// # Errors
-    /// As [`Skin::new`].
+    /// The errors of [`Skin::new`].
     pub fn skin(
         &self,
         texels: [f32; 2],
@@ -81,7 +82,7 @@ impl Terrain {
         Skin::from_grid(columns, rows, vertex, pattern)
     }
 
-    /// The ground: the skin's base, and level land around it to the horizon.
+    /// Makes the ground: the skin's base, and level land around it to the horizon.
     pub fn ground(&self, diffuse: [f32; 3]) -> MeshPart {
         let [columns, rows] = self.patches.map(|count| CUTS * count + 3);
         let beyond = BEYOND * self.size_m.max_element();
@@ -126,7 +127,7 @@ impl Terrain {
         Vec2::from(self.patches.map(|count| count as f32))
     }
 
-    /// Height of the bilinear patches at a line of the ground's cuts.
+    /// Returns the height of the bilinear patches at a line of the ground's cuts.
     fn bilinear_height(&self, x: u32, y: u32) -> f32 {
         let [column, row] = [(x / CUTS).min(self.patches[0] - 1), (y / CUTS).min(self.patches[1] - 1)];
         let [s, t] = [(x - CUTS * column) as f32 / CUTS as f32, (y - CUTS * row) as f32 / CUTS as f32];
@@ -136,7 +137,8 @@ impl Terrain {
     }
 }
 
-/// Texels that a skin covers: the area of its faces in the texture, which jitter within the skin does not change.
+/// Returns how many texels a skin covers: the area of its faces in the texture, which jitter within the skin does not
+/// change.
 pub(super) fn texels_of(skin: &Skin) -> f64 {
     let area = |corners: &[u32]| -> f64 {
         let place = |i: usize| skin.vertices()[corners[i % corners.len()] as usize].texture.truncate().as_dvec2();
@@ -145,10 +147,11 @@ pub(super) fn texels_of(skin: &Skin) -> f64 {
     skin.faces().iter().map(|face| area(face.corners.indices())).sum()
 }
 
-/// Jitter moves the texture of what lies at the border of a grid, too; this puts it back, so that whole texels stay whole.
+/// Puts the texture of what lies at the border of a grid back to where it was before jitter moved it, so that whole
+/// texels stay whole.
 ///
 /// # Errors
-/// As [`Skin::new`].
+/// The errors of [`Skin::new`].
 pub(super) fn with_border_of(moved: &Skin, rest: &Skin) -> Result<Skin, String> {
     let mut faces_at = vec![0u8; rest.vertices().len()];
     for face in rest.faces() {

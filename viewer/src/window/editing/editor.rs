@@ -1,13 +1,13 @@
 //! Editing an asset while it is drawn: which edit is at hand, where it is put, and the way back.
 
 use super::history::History;
+use crate::error::ViewerError;
 use crate::scene::asset::SceneAsset;
 use crate::scene::scene::Scene;
+use crate::window::files::Replaced;
 use btf_runtime::{Asset, Edit, Edits, MAX_EDITS, pack};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-use crate::error::ViewerError;
 
 /// Where a click puts the edit at hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,17 +34,52 @@ pub(crate) struct Editor {
     /// Radius of the brush, texels.
     pub radius: f32,
     pub file: String,
-    /// What saving said.
+    /// What saving said, or what is wrong.
     pub message: Option<String>,
     history: History<Edits>,
+    /// Edits of each asset as they were opened or saved last; `None` where the asset cannot be edited.
+    saved: Vec<Option<Edits>>,
+}
+
+/// Where an edit is put without a brush.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Extent {
+    /// On all texels.
+    Everywhere,
+    /// On no texel.
+    Nowhere,
 }
 
 impl Editor {
-    /// With a brush of `radius` texels.
+    /// Makes an editor of a scene, with a brush of `radius` texels. Edits that assets have are taken as saved.
     pub(crate) fn new(scene: &Scene, radius: f32) -> Editor {
-        let mut editor = Editor { radius, ..Editor::default() };
+        let saved = (0..scene.assets.len()).map(|asset| edits_of(scene, asset).cloned()).collect();
+        let mut editor = Editor { radius, saved, ..Editor::default() };
         editor.show(scene, 0);
         editor
+    }
+
+    /// Makes an editor of the scene after a file was opened. What is unsaved of assets that were not replaced stays so.
+    pub(crate) fn reopened(&self, scene: &Scene, replaced: Replaced) -> Editor {
+        let mut editor = Editor::new(scene, self.radius);
+        for (asset, saved) in editor.saved.iter_mut().enumerate().filter(|(asset, _)| replaced.keeps_asset(*asset)) {
+            saved.clone_from(self.saved.get(asset).unwrap_or(&None));
+        }
+        editor
+    }
+
+    /// Tells whether an asset is as it was opened or saved last.
+    pub(crate) fn is_saved(&self, scene: &Scene, asset: usize) -> bool {
+        edits_of(scene, asset) == self.saved.get(asset).and_then(Option::as_ref)
+    }
+
+    /// Returns the file that an asset is saved in: the one that the panel names for the asset that it shows, else one
+    /// beside its own.
+    pub(crate) fn file_of(&self, scene: &Scene, asset: usize) -> String {
+        match asset == self.asset {
+            true => self.file.clone(),
+            false => edited_path(&scene.assets[asset]).display().to_string(),
+        }
     }
 
     /// Turns to an asset.
@@ -56,15 +91,15 @@ impl Editor {
     }
 
     fn edits<'a>(&self, scene: &'a Scene) -> Option<&'a Edits> {
-        scene.assets.get(self.asset)?.file.as_ref().map(|file| &file.asset.edits)
+        edits_of(scene, self.asset)
     }
 
-    /// The edit at hand.
+    /// Returns the edit at hand.
     pub(crate) fn edit(&self, scene: &Scene) -> Option<Edit> {
         self.edits(scene)?.list.get(self.selected).copied()
     }
 
-    /// Number of edits of the asset.
+    /// Returns the number of edits of the asset.
     pub(crate) fn count(&self, scene: &Scene) -> usize {
         self.edits(scene).map_or(0, |edits| edits.list.len())
     }
@@ -96,7 +131,7 @@ impl Editor {
 
     /// Ends a step: a stroke of the brush, a drag of a slider, a click.
     pub(crate) fn close(&mut self, scene: &Scene) {
-        self.history.close(|asset| Some(scene.assets.get(asset)?.file.as_ref()?.asset.edits.clone()));
+        self.history.close(|asset| edits_of(scene, asset).cloned());
     }
 
     pub(crate) fn can_undo(&self) -> bool {
@@ -107,14 +142,14 @@ impl Editor {
         self.history.can_redo()
     }
 
-    /// Takes the last step back; the asset that it changed.
+    /// Takes the last step back; returns the asset that it changed.
     pub(crate) fn undo(&mut self, scene: &mut Scene) -> Option<usize> {
         self.close(scene);
         let (asset, edits) = self.history.undo()?;
         self.go_to(scene, asset, edits)
     }
 
-    /// Does a step again that was taken back.
+    /// Does a step again that was taken back; returns the asset that it changed.
     pub(crate) fn redo(&mut self, scene: &mut Scene) -> Option<usize> {
         self.close(scene);
         let (asset, edits) = self.history.redo()?;
@@ -168,7 +203,8 @@ impl Editor {
     }
 
     /// Puts the edit at hand on all texels, or on none.
-    pub(crate) fn fill(&mut self, scene: &mut Scene, everywhere: bool) {
+    pub(crate) fn fill(&mut self, scene: &mut Scene, extent: Extent) {
+        let everywhere = extent == Extent::Everywhere;
         let number = self.selected as u8 + 1;
         self.change(scene, |edits, _| {
             for texel in &mut edits.texels {
@@ -179,7 +215,7 @@ impl Editor {
         });
     }
 
-    /// Uses the tool at hand at a texel of an asset; `true` if something changed.
+    /// Uses the tool at hand at a texel of an asset; returns `true` if something changed.
     pub(crate) fn touch(&mut self, scene: &mut Scene, asset: usize, texel: u32) -> bool {
         if self.asset != asset {
             self.close(scene);
@@ -187,7 +223,7 @@ impl Editor {
         }
         if self.count(scene) == 0 && self.tool != Tool::Eraser {
             self.add(scene);
-            self.fill(scene, false);
+            self.fill(scene, Extent::Nowhere);
         }
         let before = self.edits(scene).cloned();
         let (tool, radius) = (self.tool, self.radius);
@@ -209,15 +245,32 @@ impl Editor {
     /// Writes the asset with its edits to [`Editor::file`].
     pub(crate) fn save(&mut self, scene: &Scene) {
         let path = PathBuf::from(&self.file);
-        let Some(asset) = scene.assets.get(self.asset) else { return };
-        self.message = Some(match save(scene, asset, &path) {
+        if self.asset >= scene.assets.len() {
+            return;
+        }
+        self.message = Some(match self.save_as(scene, self.asset, &path) {
             Ok(()) => format!("saved {}", path.display()),
             Err(error) => error.to_string(),
         });
     }
+
+    /// Writes an asset with its edits to a file.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`] for the file of an asset of the scene, its own or another; [`ViewerError::Write`].
+    pub(crate) fn save_as(&mut self, scene: &Scene, asset: usize, path: &Path) -> Result<(), ViewerError> {
+        save(scene, &scene.assets[asset], path)?;
+        self.saved[asset] = edits_of(scene, asset).cloned();
+        Ok(())
+    }
 }
 
-/// Where an asset's edits are saved unless another file is named: beside it.
+/// Returns the edits of an asset of a scene; `None` where only its resident form is at hand, or where there is none.
+fn edits_of(scene: &Scene, asset: usize) -> Option<&Edits> {
+    scene.assets.get(asset)?.file.as_ref().map(|file| &file.asset.edits)
+}
+
+/// Returns where an asset is saved unless another file is named: beside its own file.
 fn edited_path(asset: &SceneAsset) -> PathBuf {
     let name = format!("{}_edited.spmm", asset.name.trim_end_matches("_edited"));
     asset.path.as_deref().unwrap_or(Path::new(&name)).with_file_name(&name)
@@ -307,14 +360,14 @@ mod tests {
         assert!(!editor.can_redo() && editor.can_undo());
         // A new step after one that was taken back takes its place.
         editor.undo(&mut scene);
-        editor.fill(&mut scene, true);
+        editor.fill(&mut scene, Extent::Everywhere);
         editor.close(&scene);
         assert!(!editor.can_redo());
         // A step that changes nothing is none.
         editor.undo(&mut scene);
         let before = edits(&scene);
         editor.redo(&mut scene);
-        editor.fill(&mut scene, true);
+        editor.fill(&mut scene, Extent::Everywhere);
         editor.close(&scene);
         editor.undo(&mut scene);
         assert_eq!(edits(&scene), before);

@@ -1,5 +1,5 @@
-//! The panel's part for a scene under the sky: when, where, which air, and which of the light shines. The sky is computed on a
-//! thread of its own, so that the window stays at hand.
+//! The panel's part for a scene under the sky: when, where, which air, and which of the light shines. The sky is
+//! computed on a thread of its own, so that the window stays at hand.
 
 use crate::error::ViewerError;
 use crate::light::daylight::{Daylight, SunAndSky};
@@ -19,7 +19,7 @@ struct Work {
 
 /// What the panel knows of the scene's sky.
 pub(crate) struct OutdoorsPanel {
-    /// As the panel shows it; the scene follows.
+    /// The day as the panel shows it; the scene follows.
     shown: Outdoors,
     date_time: String,
     place: String,
@@ -30,7 +30,7 @@ pub(crate) struct OutdoorsPanel {
 }
 
 impl OutdoorsPanel {
-    /// `None` for a scene that is not under a sky of a known day.
+    /// Takes over the day of a scene; `None` for one that is not under a sky of a known day.
     pub(crate) fn new(scene: &Scene) -> Option<OutdoorsPanel> {
         let shown = scene.outdoors.clone()?;
         let place = shown.daylight.place;
@@ -45,7 +45,7 @@ impl OutdoorsPanel {
         })
     }
 
-    /// Draws it; `true` if the scene's light changed.
+    /// Draws the panel; returns `true` if the scene's light changed.
     pub(crate) fn show(&mut self, ui: &mut egui::Ui, scene: &mut Scene, sky: &mut SkyLight) -> bool {
         let daylight = &mut self.shown.daylight;
         let mut text_changed = false;
@@ -105,8 +105,8 @@ impl OutdoorsPanel {
         changed
     }
 
-    /// Brings the scene nearer to what is shown: takes over a sky that is there, asks for one that is not; `true` if the
-    /// scene's light changed.
+    /// Brings the scene nearer to what is shown: takes over a sky that is there, asks for one that is not; `true` if
+    /// the scene's light changed.
     fn follow(&mut self, scene: &mut Scene) -> bool {
         if let Some(work) = &self.work {
             match work.light.try_recv() {
@@ -151,7 +151,7 @@ impl OutdoorsPanel {
     }
 }
 
-/// Minutes since midnight, where the day has a time.
+/// Returns the minutes since midnight, where the day has a time.
 fn minutes_of(daylight: &Daylight) -> Option<u32> {
     daylight.date_time.time.map(|time| 60 * u32::from(time.hour) + u32::from(time.minute))
 }

@@ -1,10 +1,10 @@
 //! The panel's part that edits assets.
 
-use super::editor::{Editor, Tool};
 use crate::scene::scene::Scene;
+use crate::window::editing::editor::{Editor, Extent, Tool};
 use btf_runtime::Edit;
 
-/// Draws it; the asset that changed, if one did.
+/// Draws the edits of an asset; returns the asset that changed, if one did.
 pub(crate) fn show_editor(ui: &mut egui::Ui, editor: &mut Editor, scene: &mut Scene) -> Option<usize> {
     if scene.assets.is_empty() {
         ui.small("nothing here carries an asset");
@@ -78,11 +78,11 @@ pub(crate) fn show_editor(ui: &mut egui::Ui, editor: &mut Editor, scene: &mut Sc
     }
     ui.horizontal(|ui| {
         if ui.button("everywhere").clicked() {
-            editor.fill(scene, true);
+            editor.fill(scene, Extent::Everywhere);
             changed = Some(editor.asset);
         }
         if ui.button("nowhere").clicked() {
-            editor.fill(scene, false);
+            editor.fill(scene, Extent::Nowhere);
             changed = Some(editor.asset);
         }
     });

@@ -1,9 +1,10 @@
-//! Thick skins of a scene file: `[[skin]]`, see [`scene_file`](crate::scene::file).
+//! `[[skin]]` of a scene file: thick skins with volumetric textures.
 
+use super::defaults::{ones2, ones3};
+use super::volume::VolumeFiles;
 use crate::error::ViewerError;
-use crate::scene::file::{ones2, ones3};
 use crate::scene::mesh_file::FileMesh;
-use crate::scene::volume::{AS_IT_IS, VolumeFiles};
+use crate::scene::volume::AS_IT_IS;
 use crate::volume::skin::{
     DiscreteJitter, Jitter, MAX_MERGED, Merged, NO_VOLUME, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex,
 };
@@ -52,7 +53,7 @@ enum Alternative {
     Merged(Vec<String>),
 }
 
-/// See [`Jitter`].
+/// `jitter` of a `[[skin]]`, see [`Jitter`].
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct JitterEntry {
@@ -67,7 +68,7 @@ struct JitterEntry {
     seed: u32,
 }
 
-/// See [`DiscreteJitter`].
+/// `texels` of a `[[skin]]`, see [`DiscreteJitter`].
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TexelsEntry {
@@ -88,7 +89,7 @@ struct TexelsEntry {
 }
 
 impl SkinEntry {
-    /// The skin with its volumes, over `meshes` where it names one.
+    /// Makes the skin with its volumes, over `meshes` where it names one.
     ///
     /// # Errors
     /// A sentence for what is out of range; the errors of a volume's file.
@@ -145,7 +146,7 @@ impl SkinEntry {
         Ok(Pattern { alternatives, jitter, seed })
     }
 
-    /// The skin in the world, jittered.
+    /// Makes the skin in the world, jittered.
     fn mapped(&self, meshes: Vec<FileMesh>, world_from_skin: Mat4) -> Result<Skin, String> {
         let straight = match (self.patches, meshes.is_empty()) {
             (Some(patches), true) => self.over_patches(patches, world_from_skin)?,
@@ -169,7 +170,7 @@ impl SkinEntry {
         }
     }
 
-    /// Unit patches on the floor about the origin; u grows with x, v against z.
+    /// Makes unit patches on the floor about the origin; u grows with x, v against z.
     fn over_patches(&self, [columns, rows]: [u32; 2], world_from_skin: Mat4) -> Result<Skin, String> {
         let up = world_from_skin.inverse().transpose().transform_vector3(Vec3::Y).normalize_or_zero() * self.height;
         let vertex = |column: u32, row: u32| {

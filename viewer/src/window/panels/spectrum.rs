@@ -40,8 +40,8 @@ fn is_visible(row: &LeafSpectrumRow) -> bool {
     (ENDS_NM[0]..=ENDS_NM[1]).contains(&row.wavelength_nm)
 }
 
-/// Draws the spectrum of a leaf without textures: curves of the N layers, and, where the mode is another one, what that has
-/// at its three wavelengths. Cost: two calls of [`leaf_spectrum`], some 50 microseconds.
+/// Draws the spectrum of a leaf without textures: curves of the N layers, and, where the mode is another one, what that
+/// has at its three wavelengths. Cost: two calls of [`leaf_spectrum`], some 50 microseconds.
 pub(crate) fn show_spectrum(ui: &mut egui::Ui, state: &LeafState) {
     let curve = leaf_spectrum(&LeafState { mode: LeafMode::NLayers, ..*state });
     let marks = if state.mode == LeafMode::NLayers { Vec::new() } else { leaf_spectrum(state) };
@@ -99,7 +99,7 @@ pub(crate) fn show_spectrum(ui: &mut egui::Ui, state: &LeafState) {
     }
 }
 
-/// The row nearest to a wavelength.
+/// Returns the row nearest to a wavelength.
 fn nearest(rows: &[LeafSpectrumRow], wavelength_nm: f32) -> Option<&LeafSpectrumRow> {
     let distance = |row: &&LeafSpectrumRow| (row.wavelength_nm - wavelength_nm).abs();
     rows.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))

@@ -1,8 +1,9 @@
-//! The panel of a scene with leaves: contents, structure, gloss and variation under sliders, states by name, the spectrum.
+//! The panel of a scene with leaves: contents, structure, gloss and variation under sliders, states by name, the
+//! spectrum.
 
-use super::physiology::{LeafChange, LeafSettings, Physiology};
-use super::spectrum_plot::show_spectrum;
+use super::spectrum::show_spectrum;
 use crate::scene::scene::Scene;
+use crate::window::editing::physiology::{LeafChange, LeafSettings, Physiology};
 use btf_models::{LEAF_QUANTITIES, LeafPreset, LeafQuantity};
 use btf_runtime::LeafMode;
 
@@ -20,7 +21,7 @@ const GROUPS: [Group; 5] = [
     ("patch, for captures of this leaf", false, |quantity| quantity.section == "look"),
 ];
 
-/// Draws it; what changed, if anything did. `None` in a scene without leaves, where nothing is drawn.
+/// Draws the panel; returns what changed, if anything did. `None` in a scene without leaves, where nothing is drawn.
 pub(crate) fn show_physiology(ui: &mut egui::Ui, physiology: &mut Physiology, scene: &mut Scene) -> Option<LeafChange> {
     choose_leaf(ui, physiology, scene);
     let mut settings = physiology.settings(scene)?;

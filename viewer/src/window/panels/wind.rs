@@ -1,5 +1,5 @@
-//! The panel's part for a scene with a wind: how hard it blows, and whether time goes on. While it does, every frame is of a
-//! moment of its own and has one sample.
+//! The panel's part for a scene with a wind: how hard it blows, and whether time goes on. While it does, every frame is
+//! of a moment of its own and has one sample.
 
 use crate::scene::scene::Scene;
 use crate::volume::skin::MAX_WIND_SPEED;
@@ -13,17 +13,17 @@ const LONGEST_STEP_S: f64 = 0.25;
 pub(crate) struct WindPanel {
     /// Whether time goes on.
     pub plays: bool,
-    /// When it last did.
+    /// When time last went on.
     last: Option<Instant>,
 }
 
 impl WindPanel {
-    /// That of a scene, whose wind blows from the beginning.
+    /// Makes the clock of a scene, whose wind blows from the beginning.
     pub(crate) fn new(scene: &Scene) -> WindPanel {
         WindPanel { plays: scene.wind.is_some(), last: None }
     }
 
-    /// Draws it where there is a wind; `true` if it moved the scene's skins.
+    /// Draws the panel where there is a wind; returns `true` if the wind moved the scene's skins.
     pub(crate) fn show(&mut self, ui: &mut egui::Ui, scene: &mut Scene) -> bool {
         let Some(wind) = &mut scene.wind else { return false };
         ui.checkbox(&mut self.plays, format!("wind blows (B), {:.1} s", scene.time_s));
@@ -37,7 +37,7 @@ impl WindPanel {
         (stronger || passed_s > 0.0) && scene.blow(scene.time_s + passed_s).is_ok()
     }
 
-    /// Seconds of the wind since it was last asked.
+    /// Returns the seconds of the wind since the last call.
     fn step(&mut self, now: Instant) -> f64 {
         let last = std::mem::replace(&mut self.last, self.plays.then_some(now));
         let passed = last.filter(|_| self.plays).map_or(0.0, |last| now.saturating_duration_since(last).as_secs_f64());

@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Pixels of a side.
 const SIDE: u32 = 56;
 
-/// One for each asset that was seen last.
+/// A picture for each asset that was seen last.
 #[derive(Default)]
 pub(crate) struct Thumbnails {
     /// Names and pictures.
@@ -18,7 +18,7 @@ pub(crate) struct Thumbnails {
 }
 
 impl Thumbnails {
-    /// Makes those of assets that are new. Cost: a picture of 56 x 56 pixels on the CPU for each.
+    /// Makes the pictures of assets that are new. Cost: a picture of 56 x 56 pixels on the CPU for each.
     pub(crate) fn update(&mut self, context: &egui::Context, scene: &Scene) {
         self.made.truncate(scene.assets.len());
         for (number, asset) in scene.assets.iter().enumerate() {
@@ -35,7 +35,7 @@ impl Thumbnails {
         }
     }
 
-    /// Draws them, the one at hand marked; the asset that was clicked, if one was.
+    /// Draws the pictures, that of the asset at hand marked; returns the asset that was clicked, if one was.
     pub(crate) fn show(&self, ui: &mut egui::Ui, selected: usize) -> Option<usize> {
         let mut clicked = None;
         ui.horizontal_wrapped(|ui| {
@@ -51,7 +51,7 @@ impl Thumbnails {
     }
 }
 
-/// The asset on a sphere.
+/// Draws the asset on a sphere.
 fn thumbnail(asset: &Arc<SceneAsset>) -> Option<Picture> {
     let scene = Scene::built_in(&MeshChoice::Sphere, vec![asset.clone()], [1.0; 2]).ok()?;
     let mut picture = CpuPicture::new([SIDE; 2]);

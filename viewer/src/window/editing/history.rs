@@ -28,7 +28,8 @@ impl<T> Default for History<T> {
 }
 
 impl<T: Clone + PartialEq> History<T> {
-    /// Something was changed that was `before`; what follows belongs to the same step until [`History::close`].
+    /// Notes that a thing was changed that was `before`; what follows belongs to the same step until
+    /// [`History::close`].
     pub(crate) fn begin(&mut self, of: usize, before: T) {
         self.open.get_or_insert((of, before));
     }

@@ -1,9 +1,11 @@
 //! Changing a leaf while it is drawn: which leaf is at hand, what it holds, how it is evaluated, and the way back.
 
 use super::history::History;
+use crate::error::ViewerError;
 use crate::scene::leaf::SceneLeaf;
 use crate::scene::plant_variation::vary_plants;
 use crate::scene::scene::Scene;
+use crate::window::files::Replaced;
 use btf_models::{LeafDescription, LeafPreset, LeafQuantity};
 use btf_runtime::LeafMode;
 use std::ops::Range;
@@ -56,17 +58,45 @@ pub(crate) struct Physiology {
     pub message: Option<String>,
     /// What the last change took on the CPU, milliseconds.
     pub step_ms: Option<f64>,
-    /// Of each leaf, as the scene was opened.
+    /// Settings of each leaf as the scene was opened.
     opened: Vec<LeafSettings>,
+    /// Description of each leaf as it was opened or saved last.
+    saved: Vec<LeafDescription>,
     history: History<LeafSettings>,
 }
 
 impl Physiology {
     pub(crate) fn new(scene: &Scene) -> Physiology {
         let opened = scene.leaves.iter().map(LeafSettings::of).collect();
-        let mut physiology = Physiology { opened, ..Physiology::default() };
+        let saved = scene.leaves.iter().map(|leaf| leaf.description.clone()).collect();
+        let mut physiology = Physiology { opened, saved, ..Physiology::default() };
         physiology.show(scene, 0);
         physiology
+    }
+
+    /// Makes what edits the leaves of the scene after a file was opened. What is unsaved of leaves that were not
+    /// replaced stays so.
+    pub(crate) fn reopened(&self, scene: &Scene, replaced: Replaced) -> Physiology {
+        let mut physiology = Physiology::new(scene);
+        if replaced.keeps_leaves() {
+            physiology.saved.iter_mut().zip(&self.saved).for_each(|(new, known)| new.clone_from(known));
+        }
+        physiology
+    }
+
+    /// Tells whether a leaf's description is as it was opened or saved last. How the leaf is evaluated is no part of
+    /// it.
+    pub(crate) fn is_saved(&self, scene: &Scene, leaf: usize) -> bool {
+        scene.leaves.get(leaf).map(|leaf| &leaf.description) == self.saved.get(leaf)
+    }
+
+    /// Returns the file that a leaf is saved in: the one that the panel names for the leaf that it shows, else one
+    /// beside its own.
+    pub(crate) fn file_of(&self, scene: &Scene, leaf: usize) -> String {
+        match leaf == self.leaf {
+            true => self.file.clone(),
+            false => edited_path(&scene.leaves[leaf]).display().to_string(),
+        }
     }
 
     /// Turns to a leaf.
@@ -76,12 +106,12 @@ impl Physiology {
         self.file = scene.leaves.get(leaf).map_or_else(String::new, |leaf| edited_path(leaf).display().to_string());
     }
 
-    /// The leaf at hand as it is; `None` in a scene without leaves.
+    /// Returns the leaf at hand as it is; `None` in a scene without leaves.
     pub(crate) fn settings(&self, scene: &Scene) -> Option<LeafSettings> {
         scene.leaves.get(self.leaf).map(LeafSettings::of)
     }
 
-    /// Whether the leaf at hand is as it was opened.
+    /// Tells whether the leaf at hand is as it was opened.
     pub(crate) fn is_as_opened(&self, scene: &Scene) -> bool {
         self.settings(scene).as_ref() == self.opened.get(self.leaf)
     }
@@ -157,16 +187,28 @@ impl Physiology {
 
     /// Writes the description of the leaf at hand to [`Physiology::file`].
     pub(crate) fn save(&mut self, scene: &Scene) {
-        let Some(leaf) = scene.leaves.get(self.leaf) else { return };
-        let path = Path::new(&self.file);
-        self.message = Some(match leaf.save(path) {
+        if self.leaf >= scene.leaves.len() {
+            return;
+        }
+        let path = PathBuf::from(&self.file);
+        self.message = Some(match self.save_as(scene, self.leaf, &path) {
             Ok(()) => format!("saved {}", path.display()),
             Err(error) => error.to_string(),
         });
     }
+
+    /// Writes the description of a leaf to a file.
+    ///
+    /// # Errors
+    /// The errors of [`SceneLeaf::save`].
+    pub(crate) fn save_as(&mut self, scene: &Scene, leaf: usize, path: &Path) -> Result<(), ViewerError> {
+        scene.leaves[leaf].save(path)?;
+        self.saved[leaf].clone_from(&scene.leaves[leaf].description);
+        Ok(())
+    }
 }
 
-/// Where a leaf is saved unless another file is named: beside its own.
+/// Returns where a leaf is saved unless another file is named: beside its own file.
 fn edited_path(leaf: &SceneLeaf) -> PathBuf {
     let name = format!("{}_edited.toml", leaf.name.trim_end_matches("_edited"));
     leaf.path.as_deref().unwrap_or(Path::new(&name)).with_file_name(&name)

@@ -1,0 +1,96 @@
+//! The options that every command has.
+
+use btf_runtime::{DecodeOptions, Interpolation};
+use btf_viewer::{BackendChoice, GpuTracer, RenderMode, ShadeOptions, SkyLight};
+use clap::ValueEnum;
+
+/// What every command understands.
+#[derive(clap::Args)]
+pub(super) struct CommonArguments {
+    /// What traces rays and decodes
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    pub(super) backend: BackendName,
+    /// Part of the name of the adapter to use, where there are several
+    #[arg(long, value_name = "NAME")]
+    pub(super) adapter: Option<String>,
+    /// Residual components at most [default: all]
+    #[arg(long, value_name = "N")]
+    pub(super) components: Option<u32>,
+    /// Lobes per texel at most [default: all]
+    #[arg(long, value_name = "N")]
+    pub(super) lobes: Option<u32>,
+    /// How the residual is carried between measured directions
+    #[arg(long, value_enum, default_value_t = InterpolationName::Fast)]
+    pub(super) interpolation: InterpolationName,
+    /// Leave the parallax of eyes beyond the measured views, also where an asset has heights
+    #[arg(long)]
+    pub(super) no_parallax: bool,
+    /// Which light is followed: straight from lamps and surroundings, or on any way
+    #[arg(long, value_enum, default_value_t = RenderMode::Direct)]
+    pub(super) mode: RenderMode,
+    /// Point lights of which a frame asks at most; of more it draws those that matter
+    #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().light_samples,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_LIGHT_SAMPLES)))]
+    pub(super) light_samples: u32,
+    /// Rays of a path at most: 1 shows no mirror images
+    #[arg(long, value_name = "N", default_value_t = ShadeOptions::default().depth,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_DEPTH)))]
+    pub(super) depth: u32,
+    /// Always the finest texels, however small they are in the picture
+    #[arg(long)]
+    pub(super) no_levels: bool,
+    /// How a sky lights surfaces: by rays to its parts, or by the irradiance of the normal times how much is open
+    #[arg(long, value_enum, default_value_t = SkyLight::Rays)]
+    pub(super) sky: SkyLight,
+    /// Threads of the CPU decoder [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(super) threads: Option<u32>,
+    /// Prints nothing but errors
+    #[arg(long)]
+    pub(super) quiet: bool,
+}
+
+impl CommonArguments {
+    pub(super) fn shade(&self) -> ShadeOptions {
+        let decode = DecodeOptions {
+            components: self.components.unwrap_or(u32::MAX),
+            lobes: self.lobes.unwrap_or(u32::MAX),
+            interpolation: match self.interpolation {
+                InterpolationName::Fast => Interpolation::Fast,
+                InterpolationName::Exact => Interpolation::Exact,
+            },
+            parallax: !self.no_parallax,
+        };
+        ShadeOptions {
+            decode,
+            mode: self.mode,
+            light_samples: self.light_samples,
+            depth: self.depth,
+            levels: !self.no_levels,
+            sky: self.sky,
+        }
+    }
+
+    pub(super) fn backend(&self) -> BackendChoice {
+        match self.backend {
+            BackendName::Auto => BackendChoice::Auto,
+            BackendName::RayQuery => BackendChoice::Gpu(GpuTracer::RayQuery),
+            BackendName::Bvh => BackendChoice::Gpu(GpuTracer::Bvh),
+            BackendName::Cpu => BackendChoice::Cpu,
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(super) enum BackendName {
+    Auto,
+    RayQuery,
+    Bvh,
+    Cpu,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(super) enum InterpolationName {
+    Fast,
+    Exact,
+}

@@ -1,0 +1,108 @@
+//! The command line of `btf-view`: one file per command, and what they share.
+
+mod assets;
+mod bench;
+mod common;
+mod headless;
+mod landscape;
+mod parse;
+mod plan;
+mod progress;
+mod report;
+mod scene_options;
+mod show;
+mod view;
+
+use bench::BenchArguments;
+use btf_viewer::ViewerError;
+use clap::Parser;
+use common::CommonArguments;
+use landscape::LandscapeArguments;
+use plan::PlanArguments;
+use std::process::ExitCode;
+use view::ViewArguments;
+
+const EXAMPLES: &str = "\
+Examples:
+  btf-view leaf.spmm
+  btf-view leaf.spmm --headless --out leaf.png --size 512x512
+  btf-view leaf.spmm cloth.spmm --mesh cornell --lights 3
+  btf-view --scene scene.toml --headless --out picture.png --json -
+  btf-view bench lights cloth.spmm --plot lights.svg
+
+In the window: drag turns, the wheel zooms, Shift or the right button moves.";
+
+/// Shows packed BTF assets (.spmm) on a mesh, lit by point lights.
+#[derive(Parser)]
+#[command(name = "btf-view", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true,
+          subcommand_help_heading = "Other commands")]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    view: ViewArguments,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    /// Measures how the time of a frame grows, and with what
+    #[command(after_help = "Example: btf-view bench lights cloth.spmm --json lights.json --plot lights.svg")]
+    Bench(BenchArguments),
+    /// Says what a scene's pictures need of its assets, and writes assets that hold no more
+    #[command(after_help = "Example: btf-view plan scene.toml -o trimmed && btf-view --scene trimmed/scene.toml")]
+    Plan(PlanArguments),
+    /// Shows a lawn, a grove or a forest of volumetric textures
+    #[command(after_help = "Examples:
+  btf-view scene lawn
+  btf-view scene forest --headless --out forest.png --size 768x576 --frames 16
+  btf-view scene grove --times 10 --camera 3 --headless --out grove.png --json -
+  btf-view scene lawn --wind 4 --camera 2 --headless --out wind.png --sequence 50")]
+    Scene(LandscapeArguments),
+}
+
+/// Runs the command that the arguments name and returns the program's exit code; an error is one line on stderr.
+pub(crate) fn run(arguments: &Arguments) -> ExitCode {
+    match run_command(arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+impl Arguments {
+    /// Returns the options that every command has.
+    fn common(&self) -> &CommonArguments {
+        match &self.command {
+            Some(Command::Bench(bench)) => &bench.common,
+            Some(Command::Plan(plan)) => &plan.common,
+            Some(Command::Scene(landscape)) => &landscape.picture.common,
+            None => &self.view.picture.common,
+        }
+    }
+}
+
+fn run_command(arguments: &Arguments) -> Result<(), ViewerError> {
+    if let Some(threads) = arguments.common().threads {
+        // The pool can only be set once, and this is the first use.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
+    }
+    match &arguments.command {
+        Some(Command::Bench(bench)) => bench::run(bench),
+        Some(Command::Plan(plan)) => plan::run(plan),
+        Some(Command::Scene(landscape)) => landscape::run(landscape),
+        None => view::run(&arguments.view),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Arguments::command().debug_assert();
+    }
+}

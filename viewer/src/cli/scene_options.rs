@@ -1,0 +1,118 @@
+//! The options about lights, camera and exposure, and the scene that follows them.
+
+use super::common::CommonArguments;
+use super::parse::{parse_positive, parse_seconds, parse_size};
+use btf_viewer::{Ambient, Daylight, DaylightParts, Environment, Outdoors, Scene, ViewerError};
+use std::path::PathBuf;
+
+/// How a scene is lit, and the picture or window that shows it.
+#[derive(clap::Args)]
+pub(super) struct PictureArguments {
+    /// Number of point lights, of the same brightness together [default: 1, or the scene's own]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub(super) lights: Option<u32>,
+    /// Light from all around, an equirectangular .exr or .hdr picture; --lights then adds lamps
+    #[arg(long, value_name = "FILE")]
+    pub(super) environment: Option<PathBuf>,
+    /// Sun and clear sky of this moment, as in 2026-06-21T12:00+02:00; --lights then adds lamps
+    #[arg(long, value_name = "DATE-TIME", requires = "place", conflicts_with = "environment")]
+    pub(super) daylight: Option<String>,
+    /// Where: latitude and longitude in degrees, north and east positive, as in 52.5,13.4
+    #[arg(long, value_name = "LAT,LON", requires = "daylight", allow_hyphen_values = true)]
+    pub(super) place: Option<String>,
+    /// Turbidity of the air, 1 (none but the air itself) to 10 (haze) [default: 3]
+    #[arg(long, value_name = "T", requires = "daylight")]
+    pub(super) turbidity: Option<f64>,
+    /// Sun and sky, or one of them
+    #[arg(long, value_enum, default_value_t = DaylightParts::Both, requires = "daylight")]
+    pub(super) daylight_parts: DaylightParts,
+    /// Ambient light with progressive occlusion: one stratified ray per pixel and frame
+    #[arg(long)]
+    pub(super) ao: bool,
+    /// Radiance of the ambient light, where a white surface has 1 [default: 0.4, or the scene's own]; turns --ao on
+    #[arg(long, value_name = "R", value_parser = parse_positive)]
+    pub(super) ambient: Option<f32>,
+    /// What lies farther away does not occlude, scene units [default: half the scene's radius]; turns --ao on
+    #[arg(long, value_name = "D", value_parser = parse_positive)]
+    pub(super) ao_distance: Option<f32>,
+    /// Exposure in stops [default: 0, or the scene's own]
+    #[arg(long, value_name = "EV", allow_hyphen_values = true)]
+    pub(super) exposure: Option<f32>,
+    /// Renders a picture instead of opening a window
+    #[arg(long, requires = "out")]
+    pub(super) headless: bool,
+    /// The picture, 8-bit sRGB PNG
+    #[arg(long, value_name = "FILE.png", requires = "headless")]
+    pub(super) out: Option<PathBuf>,
+    /// Size of the picture or window in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(super) size: Option<[u32; 2]>,
+    /// Renders N pictures around the scene, FILE_000.png and so on
+    #[arg(long, value_name = "N", requires = "headless", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(super) turntable: Option<u32>,
+    /// The moment at which a scene with a wind is seen, seconds [default: 0]
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, allow_hyphen_values = true)]
+    pub(super) time: Option<f64>,
+    /// Renders N pictures of the wind, one after the other, FILE_000.png and so on
+    #[arg(long, value_name = "N", requires = "headless", conflicts_with = "turntable",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(super) sequence: Option<u32>,
+    /// Pictures of a sequence in a second [default: 25]
+    #[arg(long, value_name = "N", requires = "sequence", value_parser = parse_positive)]
+    pub(super) fps: Option<f32>,
+    /// Milliseconds that a frame may take: components, lobes and lights are saved until it does
+    #[arg(long, value_name = "N", value_parser = parse_positive)]
+    pub(super) target_ms: Option<f32>,
+    /// Frames to average: each adds a sample per pixel, the first through its middle
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) frames: u32,
+    /// Writes the figures as JSON; - is stdout
+    #[arg(long, value_name = "FILE", requires = "headless")]
+    pub(super) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) common: CommonArguments,
+}
+
+/// Makes one of the scene's cameras, counted from 1, the one in use.
+///
+/// # Errors
+/// [`ViewerError::Usage`] where the scene has fewer.
+pub(super) fn choose_camera(scene: &mut Scene, number: u32) -> Result<(), ViewerError> {
+    if number > 1 {
+        scene.camera = *scene.more_cameras.get(number as usize - 2).ok_or_else(|| {
+            ViewerError::Usage(format!("--camera {number}: the scene has {}", scene.more_cameras.len() + 1))
+        })?;
+    }
+    Ok(())
+}
+
+/// Gives the scene the lights and the exposure that the command line asks for.
+///
+/// # Errors
+/// The errors of [`Environment::load`], [`Daylight::new`] and [`Daylight::sun_and_sky`].
+pub(super) fn light_scene(scene: &mut Scene, arguments: &PictureArguments) -> Result<(), ViewerError> {
+    if let Some(path) = &arguments.environment {
+        scene.surround(Environment::load(path, 1.0)?);
+    }
+    if let (Some(date_time), Some(place)) = (&arguments.daylight, &arguments.place) {
+        let mut daylight = Daylight::new(date_time, place)?;
+        daylight.turbidity = arguments.turbidity.unwrap_or(daylight.turbidity);
+        let light = daylight.sun_and_sky()?;
+        scene.stand_outdoors(Outdoors { daylight, parts: arguments.daylight_parts }, light);
+    }
+    if let Some(count) = arguments.lights {
+        scene.place_lights(count as usize);
+    }
+    if arguments.ao || arguments.ambient.is_some() || arguments.ao_distance.is_some() {
+        let usual = scene.usual_ambient();
+        if scene.ambient == Ambient::NONE {
+            scene.ambient = usual;
+        }
+        if let Some(radiance) = arguments.ambient {
+            scene.ambient.radiance = [radiance; 3];
+        }
+        scene.ambient.distance = arguments.ao_distance.unwrap_or(scene.ambient.distance);
+    }
+    scene.exposure_ev = arguments.exposure.unwrap_or(scene.exposure_ev);
+    Ok(())
+}

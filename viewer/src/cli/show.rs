@@ -1,0 +1,38 @@
+//! Shows a scene: in a window, or as pictures in files.
+
+use super::headless::write_pictures;
+use super::scene_options::PictureArguments;
+use btf_viewer::{LandscapeCounts, RenderParams, Scene, SceneAsset, ViewerError, WindowParams, run_window};
+use std::sync::Arc;
+
+/// Writes the picture that the command line asks for, or opens a window. `compare` is the asset that the window's split
+/// view shows; `counts` are those of a landscape.
+///
+/// # Errors
+/// [`ViewerError::Usage`] where a time is given and nothing in the scene moves; those of [`run_window`] and of
+/// rendering.
+pub(super) fn show(
+    arguments: &PictureArguments,
+    mut scene: Scene,
+    compare: Option<Arc<SceneAsset>>,
+    counts: Option<LandscapeCounts>,
+) -> Result<(), ViewerError> {
+    let common = &arguments.common;
+    let (backend, adapter, shade) = (common.backend(), common.adapter.clone(), common.shade());
+    let target_ms = arguments.target_ms.map(f64::from);
+    if scene.wind.is_none() && (arguments.time.is_some() || arguments.sequence.is_some()) {
+        return Err(ViewerError::Usage(
+            "nothing moves in this scene: give `btf-view scene` a --wind, or the scene's file skins and a [wind]"
+                .into(),
+        ));
+    }
+    scene.blow(arguments.time.unwrap_or(0.0))?;
+    match &arguments.out {
+        Some(out) => {
+            let size = arguments.size.unwrap_or([512, 512]);
+            let params = RenderParams { size, frames: arguments.frames, backend, adapter, shade, target_ms };
+            write_pictures(arguments, &scene, params, out, counts)
+        }
+        None => run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms, compare }),
+    }
+}

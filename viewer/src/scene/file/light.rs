@@ -1,0 +1,102 @@
+//! `[environment]`, `[daylight]`, `[[light]]` and `[ambient]` of a scene file.
+
+use super::defaults::one;
+use super::source::Source;
+use crate::error::ViewerError;
+use crate::light::daylight::Daylight;
+use crate::light::environment::Environment;
+use crate::scene::scene::{Ambient, DaylightParts, Outdoors, PointLight, Scene};
+use glam::Vec3;
+use serde::Deserialize;
+
+/// `[environment]`: a picture of light from all around.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EnvironmentEntry {
+    file: String,
+    #[serde(default = "one")]
+    gain: f32,
+}
+
+/// `[daylight]`: sun and clear sky of a moment at a place.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DaylightEntry {
+    date_time: String,
+    place: String,
+    turbidity: Option<f64>,
+    ground_albedo: Option<f64>,
+    #[serde(default)]
+    parts: DaylightParts,
+}
+
+/// `[ambient]`: uniform light that near surfaces occlude.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AmbientEntry {
+    radiance: [f32; 3],
+    distance: Option<f32>,
+}
+
+/// `[[light]]`: a point light.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LightEntry {
+    position: [f32; 3],
+    intensity: [f32; 3],
+}
+
+impl EnvironmentEntry {
+    /// Surrounds the scene with the picture.
+    ///
+    /// # Errors
+    /// [`ViewerError::Scene`] for a gain that is not above 0; those of [`Environment::load`].
+    pub(super) fn put_into(&self, scene: &mut Scene, source: Source) -> Result<(), ViewerError> {
+        if !(self.gain.is_finite() && self.gain > 0.0) {
+            return Err(source.fault("[environment] needs a gain above 0"));
+        }
+        scene.surround(Environment::load(&source.beside(&self.file), self.gain)?);
+        Ok(())
+    }
+}
+
+impl DaylightEntry {
+    /// Puts the scene under sun and sky.
+    ///
+    /// # Errors
+    /// [`ViewerError::Scene`] for a moment, a place or an air that is none.
+    pub(super) fn put_into(&self, scene: &mut Scene, source: Source) -> Result<(), ViewerError> {
+        let wrong = |error: ViewerError| source.fault(error.to_string());
+        let mut daylight = Daylight::new(&self.date_time, &self.place).map_err(wrong)?;
+        daylight.turbidity = self.turbidity.unwrap_or(daylight.turbidity);
+        daylight.ground_albedo = self.ground_albedo.unwrap_or(daylight.ground_albedo);
+        let light = daylight.sun_and_sky().map_err(wrong)?;
+        scene.stand_outdoors(Outdoors { daylight, parts: self.parts }, light);
+        Ok(())
+    }
+}
+
+impl AmbientEntry {
+    /// Gives the scene this ambient light.
+    ///
+    /// # Errors
+    /// [`ViewerError::Scene`] for a radiance below 0 or a distance that is not above 0.
+    pub(super) fn put_into(&self, scene: &mut Scene, source: Source) -> Result<(), ViewerError> {
+        let AmbientEntry { radiance, distance } = *self;
+        let distance = distance.unwrap_or(scene.usual_ambient().distance);
+        if !(radiance.iter().all(|x| x.is_finite() && *x >= 0.0) && distance.is_finite() && distance > 0.0) {
+            return Err(source.fault("[ambient] needs a radiance of at least 0 and a distance above 0"));
+        }
+        scene.ambient = Ambient { radiance, distance };
+        Ok(())
+    }
+}
+
+/// Gives the scene the point lights of the file, where it has any.
+pub(super) fn put_lights_into(scene: &mut Scene, lights: &[LightEntry]) {
+    if !lights.is_empty() {
+        let light =
+            |light: &LightEntry| PointLight { position: Vec3::from(light.position), intensity: light.intensity };
+        scene.lights = lights.iter().map(light).collect();
+    }
+}

@@ -1,0 +1,94 @@
+//! What the user holds in hand beside the scene: the panel, what the window remembers, and what goes on.
+
+use super::files::Turntable;
+use super::panels::panel::Panel;
+use super::panels::thumbnails::Thumbnails;
+use super::panels::unsaved::UnsavedDialog;
+use super::renderer::Renderer;
+use super::settings::Settings;
+use crate::error::ViewerError;
+use crate::gpu::backend::BackendChoice;
+use crate::gpu::backend::GpuTracer;
+use crate::gpu::device::Gpu;
+use crate::scene::scene::Scene;
+
+/// What the user holds in hand beside the scene.
+pub(super) struct Controls {
+    pub panel: Panel,
+    /// The renderers that the adapter has, the CPU's last.
+    pub renderers: Vec<Renderer>,
+    pub settings: Settings,
+    pub thumbnails: Thumbnails,
+    /// The turntable that is being written.
+    pub turntable: Option<Turntable>,
+    /// The question what becomes of unsaved edits, while it is asked.
+    pub dialog: Option<UnsavedDialog>,
+    /// Whether the keys are explained.
+    pub help: bool,
+    /// What saving or opening said.
+    pub message: Option<String>,
+}
+
+impl Controls {
+    pub fn new(panel: Panel, renderers: Vec<Renderer>, settings: Settings) -> Controls {
+        Controls {
+            panel,
+            renderers,
+            settings,
+            thumbnails: Thumbnails::default(),
+            turntable: None,
+            dialog: None,
+            help: false,
+            message: None,
+        }
+    }
+
+    /// Follows another scene.
+    pub fn switch_scene(&mut self, scene: &Scene) {
+        self.panel = Panel::new(scene, self.panel.shade, self.panel.renderer);
+        self.thumbnails = Thumbnails::default();
+    }
+
+    /// Begins a turntable, unless one is being written.
+    pub fn begin_turntable(&mut self) {
+        if self.turntable.is_some() {
+            return;
+        }
+        match Turntable::new() {
+            Ok(turntable) => {
+                // The pictures of a turntable are of one moment.
+                self.panel.wind.plays = false;
+                self.turntable = Some(turntable);
+            }
+            Err(error) => self.message = Some(error.to_string()),
+        }
+    }
+}
+
+/// Returns the renderers of an adapter, and the one to begin with: the one that is asked for, else the one that was
+/// used last, else the adapter's best.
+///
+/// # Errors
+/// [`ViewerError::NoAdapter`] where the adapter has not what is asked for.
+pub(super) fn renderers_of(
+    gpu: &Gpu,
+    asked: BackendChoice,
+    settings: &Settings,
+) -> Result<(Vec<Renderer>, Renderer), ViewerError> {
+    let mut renderers = vec![Renderer::Gpu(GpuTracer::Bvh), Renderer::Cpu];
+    if gpu.has_ray_query() {
+        renderers.insert(0, Renderer::Gpu(GpuTracer::RayQuery));
+    }
+    let renderer = match asked {
+        BackendChoice::Auto => {
+            let last = renderers.iter().find(|renderer| settings.renderer.as_deref() == Some(renderer.name()));
+            last.copied().unwrap_or(Renderer::Gpu(gpu.best_tracer()))
+        }
+        BackendChoice::Cpu => Renderer::Cpu,
+        BackendChoice::Gpu(tracer) => {
+            gpu.require(tracer)?;
+            Renderer::Gpu(tracer)
+        }
+    };
+    Ok((renderers, renderer))
+}

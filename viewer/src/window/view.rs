@@ -1,0 +1,421 @@
+//! What exists once the window does, drawn frame by frame: what the user works on, its pictures, and the controls.
+
+use super::blit::Blit;
+use super::canvas::Canvas;
+use super::controls::{Controls, renderers_of};
+use super::editing::document::{Document, Unsaved};
+use super::files::{Turntable, free_name};
+use super::keys::{follow_keys, show_help, undo_and_redo};
+use super::light_handles::show_light_handles;
+use super::mouse::{PictureArea, is_painting};
+use super::panels::asked::{Asked, Export};
+use super::panels::panel::Panel;
+use super::panels::physiology::show_physiology;
+use super::panels::status::Status;
+use super::panels::unsaved::{Answer, Loss, UnsavedDialog};
+use super::params::WindowParams;
+use super::pictures::Pictures;
+use super::settings::Settings;
+use super::split::Split;
+use crate::error::ViewerError;
+use crate::gpu::scene_change::SceneChange;
+use crate::scene::asset::SceneAsset;
+use crate::scene::material::Body;
+use crate::scene::scene::Scene;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::event_loop::{ActiveEventLoop, ControlFlow};
+
+/// Width of the panel in points.
+const PANEL_WIDTH: f32 = 290.0;
+/// Width of the panel of leaves.
+const PHYSIOLOGY_WIDTH: f32 = 340.0;
+/// Title of a window whose edits are saved.
+const TITLE: &str = "BTF viewer";
+/// Title of a window with unsaved edits.
+const UNSAVED_TITLE: &str = "* BTF viewer";
+
+/// Everything that exists once the window does.
+pub(super) struct View {
+    pub canvas: Canvas,
+    /// Whether other windows cover this one.
+    pub occluded: bool,
+    /// Whether the window is to be closed after this frame.
+    pub closing: bool,
+    blit: Blit,
+    document: Document,
+    pictures: Pictures,
+    controls: Controls,
+    title: &'static str,
+}
+
+/// What a frame came to.
+struct Frame {
+    /// Width and height of the area beside the panels, pixels.
+    size: [u32; 2],
+    /// Whether the picture must begin anew.
+    changed: bool,
+}
+
+impl View {
+    /// Opens the window on a scene.
+    ///
+    /// # Errors
+    /// [`ViewerError::Window`], [`ViewerError::NoAdapter`] and [`ViewerError::Gpu`].
+    pub fn new(event_loop: &ActiveEventLoop, scene: Scene, params: &WindowParams) -> Result<View, ViewerError> {
+        let settings = Settings::load();
+        let size = params.size.unwrap_or(settings.size);
+        let canvas = Canvas::open(event_loop, TITLE, size, params.adapter.as_deref())?;
+        let gpu = &canvas.gpu;
+        let blit = Blit::new(gpu, canvas.format())?;
+        let (renderers, renderer) = renderers_of(gpu, params.backend, &settings)?;
+        let panel = Panel::new(&scene, params.shade, renderer);
+        let mut split = Split::new(settings.difference_gain);
+        let document = Document::new(scene, settings.brush_radius);
+        if let Some(asset) = &params.compare {
+            split.compare_with(asset.clone(), &document.scene, document.at_hand());
+        }
+        Ok(View {
+            pictures: Pictures::new(gpu, &document.scene, params.shade, params.target_ms, split),
+            controls: Controls::new(panel, renderers, settings),
+            occluded: false,
+            closing: false,
+            title: TITLE,
+            canvas,
+            blit,
+            document,
+        })
+    }
+
+    /// Closes the window after this frame, or asks first where edits are unsaved.
+    pub fn close(&mut self) {
+        self.lose(Loss::Close, self.document.unsaved());
+        self.canvas.window.request_redraw();
+    }
+
+    /// Writes what the next run begins with.
+    pub fn remember(&mut self) {
+        let size = self.canvas.window.inner_size();
+        let settings = &mut self.controls.settings;
+        settings.size = [size.width, size.height];
+        settings.renderer = Some(self.controls.panel.renderer.name().into());
+        settings.brush_radius = self.document.editor.radius;
+        settings.difference_gain = self.pictures.split.gain;
+        settings.save();
+    }
+
+    fn hidden(&self) -> bool {
+        let size = self.canvas.window.inner_size();
+        self.occluded || size.width == 0 || size.height == 0
+    }
+
+    /// Draws a frame, and asks for the next one where there is more to draw.
+    ///
+    /// # Errors
+    /// What the driver reported.
+    pub fn redraw(&mut self, event_loop: &ActiveEventLoop) -> Result<(), ViewerError> {
+        if self.hidden() {
+            return Ok(());
+        }
+        // Take what the user did.
+        let input = self.canvas.input.take_egui_input(&self.canvas.window);
+        let renderer_before = self.controls.panel.renderer;
+        let context = self.canvas.context.clone();
+        let mut frame = Frame { size: [1, 1], changed: false };
+        let mut output = context.run_ui(input, |ui| {
+            let Frame { size, changed } = self.ui(ui);
+            frame = Frame { size, changed: changed || frame.changed };
+        });
+        // Advance the pictures.
+        let panel = &self.controls.panel;
+        if panel.renderer != renderer_before {
+            self.pictures.switch_renderer(&self.document);
+        }
+        let Frame { size, mut changed } = frame;
+        if changed {
+            self.pictures.restart();
+        }
+        self.pictures.advance(&self.canvas.gpu, &self.document, panel.renderer, &panel.shade, size);
+        changed |= self.go_round();
+        // Show them.
+        self.show_title();
+        self.canvas.input.handle_platform_output(&self.canvas.window, std::mem::take(&mut output.platform_output));
+        let root = output.viewport_output.get(&egui::ViewportId::ROOT);
+        let delay = root.map_or(Duration::MAX, |viewport| viewport.repaint_delay);
+        let View { canvas, blit, pictures, document, .. } = self;
+        canvas.present(output, |gpu, pass| pictures.draw(gpu, pass, blit, document.scene.exposure_ev, size))?;
+
+        if !self.pictures.are_finished(&self.document.scene) || changed || delay.is_zero() {
+            self.canvas.window.request_redraw();
+        }
+        // A far deadline overflows; then nothing but an event wakes us.
+        event_loop
+            .set_control_flow(Instant::now().checked_add(delay).map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
+        Ok(())
+    }
+
+    /// Marks the title of a window with unsaved edits.
+    fn show_title(&mut self) {
+        let title = if self.document.has_unsaved() { UNSAVED_TITLE } else { TITLE };
+        if title != self.title {
+            self.title = title;
+            self.canvas.window.set_title(title);
+        }
+    }
+
+    /// Draws the panels and does what the user asks for.
+    fn ui(&mut self, ui: &mut egui::Ui) -> Frame {
+        let (at_hand, camera) = (self.document.at_hand(), self.document.scene.camera);
+        let mut asked = self.show_panels(ui);
+        let area = PictureArea::of(ui, self.canvas.size());
+        self.edit(ui, &area, &mut asked);
+        self.take_over(&mut asked, at_hand);
+        let View { document, pictures, controls, .. } = self;
+        area.move_camera(ui, document, &controls.settings);
+        if controls.dialog.is_none() {
+            follow_keys(ui, document, &mut pictures.split, controls, &mut asked);
+        }
+        if controls.settings.light_handles && !is_painting(ui, document) {
+            asked.changed |= show_light_handles(ui, area.rect, &mut controls.panel.lights, &mut document.scene);
+        }
+        pictures.split.show_line(ui, area.rect, &document.scene);
+        if controls.help {
+            show_help(ui, area.rect);
+        }
+        self.take_files(ui, &area, &mut asked);
+        self.do_the_rest(&mut asked);
+        self.ask_about_unsaved(ui, &mut asked);
+        Frame { size: area.size, changed: asked.changed || self.document.scene.camera != camera }
+    }
+
+    /// Draws the panels, from the window's right edge on.
+    fn show_panels(&mut self, ui: &mut egui::Ui) -> Asked {
+        let View { document, pictures, controls, .. } = self;
+        let panel = &mut controls.panel;
+        controls.thumbnails.update(&canvas.context, &document.scene);
+        let timer = pictures.timer_name(panel.renderer);
+        let Pictures { side, split, progress, .. } = pictures;
+        let status = Status {
+            adapter: canvas.gpu.adapter_name(),
+            renderers: &controls.renderers,
+            progress,
+            timer,
+            picture: side.size().unwrap_or([0, 0]),
+            max_components: panel.max_components,
+            message: controls.message.as_deref(),
+            at_hand: document.at_hand(),
+        };
+        let (settings, thumbnails) = (&mut controls.settings, &controls.thumbnails);
+        let side_panel = egui::Panel::right("panel").exact_size(PANEL_WIDTH).resizable(false);
+        let shown = side_panel.show(ui, |ui| {
+            let area = egui::ScrollArea::vertical();
+            area.show(ui, |ui| panel.show(ui, document, split, settings, thumbnails, &status)).inner
+        });
+        let mut asked = shown.inner;
+        let Document { scene, physiology, .. } = document;
+        if !scene.leaves.is_empty() {
+            let side_panel = egui::Panel::right("physiology").exact_size(PHYSIOLOGY_WIDTH).resizable(false);
+            let shown = side_panel.show(ui, |ui| {
+                egui::ScrollArea::vertical().show(ui, |ui| show_physiology(ui, physiology, scene)).inner
+            });
+            asked.leaf = shown.inner;
+        }
+        asked
+    }
+
+    /// Paints, takes steps back and does them again; ends the step that goes on when the mouse is up.
+    fn edit(&mut self, ui: &egui::Ui, area: &PictureArea, asked: &mut Asked) {
+        let document = &mut self.document;
+        if let Some(asset) = area.paint(ui, document) {
+            asked.edited = Some(asset);
+        }
+        let moved = self.controls.dialog.is_none() && undo_and_redo(ui, document, asked);
+        if !moved && !ui.input(|input| input.pointer.any_down()) {
+            document.editor.close(&document.scene);
+            document.physiology.close(&document.scene);
+        }
+        document.leaf_at_hand = asked.leaf.is_some() || document.leaf_at_hand && asked.edited.is_none();
+    }
+
+    /// Shows what changed of assets, leaves, surroundings and skins; `at_hand` is what was at hand before.
+    fn take_over(&mut self, asked: &mut Asked, at_hand: Body) {
+        let View { document, pictures, .. } = self;
+        let scene = &document.scene;
+        if document.at_hand() != at_hand {
+            // What another asset is compared with is what is at hand.
+            pictures.split.reset(scene, document.at_hand());
+            asked.changed |= pictures.split.on;
+        }
+        if let Some(asset) = asked.edited {
+            pictures.update(scene, &SceneChange::Edits(asset));
+        }
+        if let Some(change) = &asked.leaf {
+            pictures.update(scene, &SceneChange::Leaf { leaf: change.leaf, words: change.words.clone() });
+            if change.plants {
+                pictures.update(scene, &SceneChange::Instances);
+            }
+        }
+        if asked.surroundings {
+            pictures.update(scene, &SceneChange::Environment);
+        }
+        if asked.skins {
+            pictures.update(scene, &SceneChange::Skins);
+        }
+        asked.changed |= asked.edited.is_some() || asked.leaf.is_some();
+    }
+
+    /// Opens files that are dropped or named in the panel; an asset covers what it is dropped on.
+    fn take_files(&mut self, ui: &egui::Ui, area: &PictureArea, asked: &mut Asked) {
+        let dropped: Vec<PathBuf> =
+            ui.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_path_buf()).collect());
+        let pointer = ui.input(|input| input.pointer.latest_pos()).filter(|_| asked.open.is_none());
+        for path in dropped.into_iter().chain(asked.open.take()) {
+            let under = pointer.and_then(|at| area.pick(&self.document.scene, at)).map(|picked| picked.asset);
+            let lost = self.document.lost_by_opening(&path, under.unwrap_or(self.document.editor.asset));
+            self.lose(Loss::Open(path, under), lost);
+            asked.changed = true;
+        }
+        if let Some(path) = asked.compare_with.take() {
+            self.compare_with(&path);
+            asked.changed = true;
+        }
+    }
+
+    /// Writes pictures, saves edits and closes the window, where the user asks for it.
+    fn do_the_rest(&mut self, asked: &mut Asked) {
+        for export in asked.exports.drain(..) {
+            match export {
+                Export::Picture => self.save_picture(),
+                Export::Turntable => self.controls.begin_turntable(),
+            }
+        }
+        if asked.save {
+            self.save_edits();
+        }
+        if asked.close {
+            self.close();
+        }
+    }
+
+    /// Goes on with what loses edits, or asks first where any are `unsaved`. A question that is being asked stays.
+    fn lose(&mut self, loss: Loss, unsaved: Vec<Unsaved>) {
+        if self.controls.dialog.is_some() {
+            return;
+        }
+        if unsaved.is_empty() {
+            self.go_on(loss);
+        } else {
+            self.controls.dialog = Some(UnsavedDialog::new(loss, unsaved));
+        }
+    }
+
+    /// Asks what becomes of unsaved edits while that is a question, and follows the answer.
+    fn ask_about_unsaved(&mut self, ui: &egui::Ui, asked: &mut Asked) {
+        let Some(mut dialog) = self.controls.dialog.take() else { return };
+        let answer = dialog.show(ui);
+        match answer {
+            None => self.controls.dialog = Some(dialog),
+            Some(Answer::Cancel) => {}
+            Some(Answer::Discard) => self.go_on(dialog.loss),
+            Some(Answer::Save) => match self.document.save(&dialog.unsaved) {
+                Ok(files) => {
+                    self.controls.message = Some(format!("saved {files}"));
+                    self.go_on(dialog.loss);
+                }
+                Err(error) => {
+                    dialog.problem = Some(error.to_string());
+                    self.controls.dialog = Some(dialog);
+                }
+            },
+        }
+        if answer.is_some() {
+            asked.changed = true;
+            ui.ctx().request_repaint();
+        }
+    }
+
+    /// Does what loses edits.
+    fn go_on(&mut self, loss: Loss) {
+        match loss {
+            Loss::Close => self.closing = true,
+            Loss::Open(path, asset) => self.open(&path, asset),
+        }
+    }
+
+    /// Saves all unsaved edits.
+    fn save_edits(&mut self) {
+        let unsaved = self.document.unsaved();
+        self.controls.message = Some(match self.document.save(&unsaved) {
+            Ok(_) if unsaved.is_empty() => "no edits to save".into(),
+            Ok(files) => format!("saved {files}"),
+            Err(error) => error.to_string(),
+        });
+    }
+
+    /// Shows an asset in place of what is at hand in the split view.
+    fn compare_with(&mut self, path: &Path) {
+        let document = &self.document;
+        self.controls.message = Some(match SceneAsset::load(path) {
+            Ok(asset) => {
+                self.pictures.split.compare_with(Arc::new(asset), &document.scene, document.at_hand());
+                format!("comparing with {}", path.display())
+            }
+            Err(error) => error.to_string(),
+        });
+    }
+
+    /// Takes in a file; `asset` is that which another one replaces.
+    fn open(&mut self, path: &Path, asset: Option<usize>) {
+        let is_asset = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("spmm"));
+        if is_asset && self.document.scene.assets.is_empty() {
+            // Nothing here could carry it.
+            self.compare_with(path);
+            return;
+        }
+        let asset = asset.unwrap_or(self.document.editor.asset);
+        self.controls.message = Some(match self.document.open(path, asset) {
+            Ok(()) => {
+                self.controls.switch_scene(&self.document.scene);
+                self.pictures.switch_scene(&self.document);
+                format!("opened {}", path.display())
+            }
+            Err(error) => error.to_string(),
+        });
+    }
+
+    fn save_picture(&mut self) {
+        let path = free_name("btf-view", ".png");
+        let exposure_ev = self.document.scene.exposure_ev;
+        let written = self.pictures.read().and_then(|picture| picture.write_png(&path, exposure_ev));
+        self.controls.message = Some(match written {
+            Ok(()) => format!("saved {}", path.display()),
+            Err(error) => error.to_string(),
+        });
+    }
+
+    /// Writes a turntable's picture where one is finished, and turns the camera on; returns `true` if it did.
+    fn go_round(&mut self) -> bool {
+        let View { document, pictures, controls, .. } = self;
+        let ready = pictures.have(Turntable::SAMPLES, &document.scene);
+        let Some(mut turntable) = controls.turntable.take_if(|_| ready) else { return false };
+        let exposure_ev = document.scene.exposure_ev;
+        let written = pictures.read().and_then(|picture| turntable.write(&picture, exposure_ev));
+        controls.message = Some(match written {
+            Ok(last) => {
+                document.scene.camera.orbit(std::f32::consts::TAU / Turntable::PICTURES as f32, 0.0);
+                pictures.restart();
+                let told = format!(
+                    "turntable: {} of {} in {}",
+                    turntable.done,
+                    Turntable::PICTURES,
+                    turntable.folder.display()
+                );
+                controls.turntable = (!last).then_some(turntable);
+                told
+            }
+            Err(error) => error.to_string(),
+        });
+        true
+    }
+}

@@ -1,0 +1,285 @@
+//! The window of the real program, under Xvfb, with a real mouse and real keys (xdotool): a light is dragged, an asset
+//! is painted on and saved, and closing asks where edits are unsaved.
+//!
+//! Where Xvfb, xdotool or a Vulkan driver are missing, the test says so and is counted as skipped; in CI (`CI` is set)
+//! and with `BTF_REQUIRE_ALL` it fails instead. `BTF_SKIP_GPU=1` leaves it out, because the window needs a driver to
+//! show pictures.
+
+mod support;
+
+use btf_runtime::Asset;
+use btf_viewer::{Gpu, MeshChoice, Scene, SceneAsset};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Width and height of the window, pixels.
+const SIZE: [u32; 2] = [900, 640];
+/// Width of the panel beside the picture, pixels.
+const PANEL_WIDTH: u32 = 290;
+/// Distance of a light's handle from the scene's centre, in the scene's radii.
+const HANDLE_RADII: f32 = 1.15;
+/// Longest time that anything is waited for: a loaded machine without a graphics card compiles shaders that long.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// Time after which a window that does not ask would have closed.
+const HESITATION: Duration = Duration::from_secs(3);
+/// Names of the window, without and with unsaved edits.
+const TITLES: [&str; 2] = ["BTF viewer", "* BTF viewer"];
+
+/// Tells whether the test cannot run here, and says why.
+///
+/// # Panics
+/// Where everything must be there.
+fn is_left_out() -> bool {
+    if support::gpu_is_left_out("the window") {
+        return true;
+    }
+    let is_missing = |tool: &&str| Command::new(tool).arg("-version").stderr(Stdio::null()).output().is_err();
+    let missing: Vec<&str> = ["Xvfb", "xdotool"].into_iter().filter(|tool| is_missing(tool)).collect();
+    let driver = Gpu::headless(None).err().map(|error| error.to_string());
+    let missing = missing.into_iter().map(|tool| format!("{tool} is not installed")).chain(driver);
+    let missing = missing.collect::<Vec<_>>().join(", ");
+    if missing.is_empty() {
+        return false;
+    }
+    let all = ["CI", "BTF_REQUIRE_ALL"].into_iter().find(|name| std::env::var_os(name).is_some());
+    assert!(all.is_none(), "the window cannot be tested: {missing}");
+    support::skip(&format!("the window: {missing}"));
+    true
+}
+
+/// A program that ends with its owner.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// An X server without a screen.
+struct Display {
+    _server: Running,
+    name: String,
+}
+
+impl Display {
+    fn open() -> Display {
+        let size = format!("{}x{}x24", SIZE[0] + 100, SIZE[1] + 100);
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", &size, "-nolisten", "tcp"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        Display { _server: Running(server), name: format!(":{}", number.trim()) }
+    }
+
+    /// Moves the mouse, presses keys and asks about windows; returns what xdotool prints.
+    fn xdotool(&self, arguments: &[&str]) -> String {
+        let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.name).output().unwrap();
+        String::from_utf8_lossy(&output.stdout).trim().into()
+    }
+}
+
+/// The program with its window.
+struct Viewer<'a> {
+    display: &'a Display,
+    program: Running,
+    window: String,
+    folder: PathBuf,
+}
+
+impl Viewer<'_> {
+    /// Opens an asset in `folder`, where the program also keeps its settings and its pictures.
+    fn open<'a>(display: &'a Display, folder: &Path, asset: &str) -> Viewer<'a> {
+        let program = Command::new(env!("CARGO_BIN_EXE_btf-view"))
+            .args([asset, "--backend", "cpu", "--size", &format!("{}x{}", SIZE[0], SIZE[1])])
+            .current_dir(folder)
+            .env("DISPLAY", &display.name)
+            .env("XDG_CONFIG_HOME", folder)
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("WAYLAND_SOCKET")
+            .spawn()
+            .unwrap();
+        let mut viewer =
+            Viewer { display, program: Running(program), window: String::new(), folder: folder.to_path_buf() };
+        viewer.wait_until("the window is there", |viewer| {
+            viewer.window = display.xdotool(&["search", "--onlyvisible", "--name", TITLES[0]]);
+            !viewer.window.is_empty()
+        });
+        // Without a window manager nobody else gives the window the keyboard.
+        display.xdotool(&["windowfocus", "--sync", &viewer.window]);
+        // Keys are lost until the window has the keyboard.
+        viewer.wait_until("the window follows its keys", |viewer| {
+            viewer.press("p");
+            std::thread::sleep(Duration::from_millis(500));
+            viewer.picture_path(1).exists()
+        });
+        // Of keys that were late, pictures may still come.
+        for _ in 0..3 {
+            viewer.settle();
+        }
+        viewer
+    }
+
+    fn wait_until(&mut self, what: &str, mut is_so: impl FnMut(&mut Self) -> bool) {
+        let start = Instant::now();
+        while !is_so(self) {
+            if let Some(status) = self.exit_status() {
+                panic!("the program ended with {status} before {what}");
+            }
+            assert!(start.elapsed() < PATIENCE, "{what}: not after {PATIENCE:?}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn exit_status(&mut self) -> Option<ExitStatus> {
+        self.program.0.try_wait().unwrap()
+    }
+
+    /// Waits until the program has ended; returns its exit code.
+    fn exit_code(&mut self) -> Option<i32> {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
+            if let Some(status) = self.exit_status() {
+                return status.code();
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        panic!("the program did not end in {PATIENCE:?}");
+    }
+
+    fn press(&self, key: &str) {
+        self.display.xdotool(&["key", key]);
+    }
+
+    fn title(&self) -> String {
+        self.display.xdotool(&["getwindowname", &self.window])
+    }
+
+    fn wait_for_title(&mut self, title: &str) {
+        self.wait_until(&format!("the title is '{title}'"), |viewer| viewer.title() == title);
+    }
+
+    fn picture_path(&self, number: u32) -> PathBuf {
+        self.folder.join(format!("btf-view_{number:03}.png"))
+    }
+
+    /// Waits until the window has drawn what it was told so far: the key P writes a picture, after all earlier keys and
+    /// mouse moves. Returns that picture's file.
+    fn settle(&mut self) -> PathBuf {
+        // Pictures are numbered without gaps, and written whole.
+        let number = (1..).find(|number| !self.picture_path(*number).exists()).unwrap();
+        self.press("p");
+        self.wait_until("a picture is written", |viewer| viewer.picture_path(number).exists());
+        self.picture_path(number)
+    }
+
+    /// Returns the picture as it is after all earlier keys and mouse moves.
+    fn picture(&mut self) -> image::RgbImage {
+        // A frame writes the picture of the one before it.
+        self.settle();
+        image::open(self.settle()).unwrap().to_rgb8()
+    }
+
+    /// Drags the mouse with the left button, places in pixels of the window.
+    fn drag(&mut self, from: [f32; 2], by: [f32; 2]) {
+        let mut move_to = |viewer: &mut Self, share: f32| {
+            let [x, y] = [0, 1].map(|i| (from[i] + share * by[i]).round().to_string());
+            viewer.display.xdotool(&["mousemove", "--window", &viewer.window, &x, &y]);
+            viewer.settle();
+        };
+        move_to(self, 0.0);
+        self.display.xdotool(&["mousedown", "1"]);
+        self.settle();
+        [0.25, 0.5, 0.75, 1.0].map(|share| move_to(self, share));
+        self.display.xdotool(&["mouseup", "1"]);
+        self.settle();
+    }
+
+    /// Chooses the brush and paints on the middle of the picture, where the asset is.
+    fn paint(&mut self) {
+        self.press("2");
+        self.drag([0.5 * (SIZE[0] - PANEL_WIDTH) as f32, 0.5 * SIZE[1] as f32], [20.0, 0.0]);
+        self.wait_for_title(TITLES[1]);
+    }
+}
+
+/// Where the handle of the first light is in the window at first, pixels.
+fn light_handle(asset: SceneAsset) -> [f32; 2] {
+    let scene = Scene::built_in(&MeshChoice::Sphere, vec![Arc::new(asset)], [1.0; 2]).unwrap();
+    let (centre, radius) = scene.geometry.bounding_sphere();
+    let towards = (scene.lights[0].position - centre).normalize() * (HANDLE_RADII * radius);
+    scene.camera.frame(SIZE[0] - PANEL_WIDTH, SIZE[1]).pixel_of(centre + towards).unwrap()
+}
+
+/// Mean difference of two pictures, steps of 8 bits.
+fn difference(a: &image::RgbImage, b: &image::RgbImage) -> f64 {
+    assert_eq!(a.dimensions(), b.dimensions());
+    let sum: f64 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| f64::from(a.abs_diff(*b))).sum();
+    sum / a.as_raw().len() as f64
+}
+
+fn folder_with_asset() -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("weave.spmm");
+    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/src/scene/builtin/weave.spmm"), &path).unwrap();
+    (dir, path)
+}
+
+#[test]
+fn a_light_is_dragged_edits_are_saved_and_closing_asks_about_unsaved_ones() {
+    if is_left_out() {
+        return;
+    }
+    let (dir, path) = folder_with_asset();
+    let edited = dir.path().join("weave_edited.spmm");
+    let original = std::fs::read(&path).unwrap();
+    let display = Display::open();
+
+    // First run: drag the light, paint, save, close.
+    let mut viewer = Viewer::open(&display, dir.path(), "weave.spmm");
+    let (before, again) = (viewer.picture(), viewer.picture());
+    viewer.drag(light_handle(SceneAsset::load(&path).unwrap()), [90.0, 60.0]);
+    let after = viewer.picture();
+    let [same, other] = [&again, &after].map(|picture| difference(&before, picture));
+    assert!(other > 3.0 && same < 1.0, "the dragged light changes the picture by {other}, nothing by {same}");
+    assert_eq!(viewer.title(), TITLES[0], "a light is no edit");
+    viewer.paint();
+    assert!(!edited.exists());
+    viewer.press("ctrl+s");
+    viewer.wait_for_title(TITLES[0]);
+    let [measured, saved] = [&path, &edited].map(|path| Asset::parse(&std::fs::read(path).unwrap()).unwrap());
+    let painted = saved.edits.texels.iter().filter(|edit| **edit == 1).count();
+    assert!(saved.edits.list.len() == 1 && (10..2000).contains(&painted), "{painted} texels");
+    assert!(saved.layers == measured.layers && measured.edits.list.is_empty());
+    viewer.press("ctrl+q");
+    assert_eq!(viewer.exit_code(), Some(0));
+    let settings = std::fs::read_to_string(dir.path().join("btf-view/settings.toml")).unwrap();
+    assert!(settings.contains(&format!("size = [{}, {}]", SIZE[0], SIZE[1])), "{settings}");
+
+    // Second run: with unsaved edits the window asks; Escape keeps it open, D closes it without saving.
+    let (dir, path) = folder_with_asset();
+    let mut viewer = Viewer::open(&display, dir.path(), "weave.spmm");
+    viewer.paint();
+    viewer.press("ctrl+q");
+    std::thread::sleep(HESITATION);
+    assert_eq!((viewer.exit_status(), viewer.title().as_str()), (None, TITLES[1]));
+    viewer.press("Escape");
+    // The question is gone: the window follows its keys again, and D closes nothing.
+    viewer.press("d");
+    viewer.settle();
+    assert_eq!(viewer.title(), TITLES[1]);
+    viewer.press("ctrl+q");
+    std::thread::sleep(HESITATION);
+    assert_eq!(viewer.exit_status(), None);
+    viewer.press("d");
+    assert_eq!(viewer.exit_code(), Some(0));
+    assert!(!dir.path().join("weave_edited.spmm").exists() && std::fs::read(&path).unwrap() == original);
+}
