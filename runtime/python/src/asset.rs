@@ -127,6 +127,7 @@ fn queries(uv: &Bound<'_, PyAny>, wi: &Bound<'_, PyAny>, wo: &Bound<'_, PyAny>) 
     Ok((shape, queries))
 }
 
+#[allow(clippy::too_many_arguments, reason = "each is an argument of the Python function, most by keyword")]
 #[pymethods]
 impl PyAsset {
     /// Returns pi x BRDF x |cosine of wi|, linear RGB, at least 0: float32 of the shape (..., 3). A white Lambertian
