@@ -190,7 +190,7 @@ impl Viewer<'_> {
 
     /// Drags the mouse with the left button, places in pixels of the window.
     fn drag(&mut self, from: [f32; 2], by: [f32; 2]) {
-        let mut move_to = |viewer: &mut Self, share: f32| {
+        let move_to = |viewer: &mut Self, share: f32| {
             let [x, y] = [0, 1].map(|i| (from[i] + share * by[i]).round().to_string());
             viewer.display.xdotool(&["mousemove", "--window", &viewer.window, &x, &y]);
             viewer.settle();
@@ -198,7 +198,7 @@ impl Viewer<'_> {
         move_to(self, 0.0);
         self.display.xdotool(&["mousedown", "1"]);
         self.settle();
-        [0.25, 0.5, 0.75, 1.0].map(|share| move_to(self, share));
+        [0.25, 0.5, 0.75, 1.0].into_iter().for_each(|share| move_to(self, share));
         self.display.xdotool(&["mouseup", "1"]);
         self.settle();
     }

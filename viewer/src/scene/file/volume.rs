@@ -167,7 +167,6 @@ pub(crate) fn models_of<'a>(
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::*;
     use crate::geometry::bvh::{AnyHit, NO_HIT};
     use crate::geometry::lod_transition::LodTransition;
     use crate::scene::file::{load_scene, scene_with_assets};

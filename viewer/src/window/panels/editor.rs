@@ -11,34 +11,8 @@ pub(crate) fn show_editor(ui: &mut egui::Ui, editor: &mut Editor, scene: &mut Sc
         return None;
     }
     let mut changed = None;
-    if scene.assets.len() > 1 {
-        let mut asset = editor.asset;
-        egui::ComboBox::from_label("asset").selected_text(&scene.assets[asset].name).show_ui(ui, |ui| {
-            for (number, known) in scene.assets.iter().enumerate() {
-                ui.selectable_value(&mut asset, number, &known.name);
-            }
-        });
-        if asset != editor.asset {
-            editor.close(scene);
-            editor.show(scene, asset);
-        }
-    }
-    ui.horizontal(|ui| {
-        if ui.add_enabled(editor.can_undo(), egui::Button::new("undo")).on_hover_text("Ctrl+Z").clicked() {
-            changed = editor.undo(scene);
-        }
-        if ui.add_enabled(editor.can_redo(), egui::Button::new("redo")).on_hover_text("Ctrl+Shift+Z").clicked() {
-            changed = editor.redo(scene);
-        }
-        if ui.button("add edit").clicked() {
-            editor.add(scene);
-            changed = Some(editor.asset);
-        }
-        if ui.add_enabled(editor.count(scene) > 0, egui::Button::new("remove")).clicked() {
-            editor.remove(scene);
-            changed = Some(editor.asset);
-        }
-    });
+    choose_asset(ui, editor, scene);
+    show_steps(ui, editor, scene, &mut changed);
     let Some(before) = editor.edit(scene) else {
         ui.small("no edits: add one, or choose the brush and paint");
         show_tools(ui, editor);
@@ -51,7 +25,59 @@ pub(crate) fn show_editor(ui: &mut egui::Ui, editor: &mut Editor, scene: &mut Sc
         ui.add(egui::Slider::new(&mut number, 1..=count).text("edit"));
         editor.selected = number - 1;
     }
-    let Some(mut edit) = editor.edit(scene) else { return changed };
+    show_edit(ui, editor, scene, before, &mut changed);
+    show_tools(ui, editor);
+    ui.horizontal(|ui| {
+        ui.add(egui::TextEdit::singleline(&mut editor.file).desired_width(190.0));
+        if ui.button("save").clicked() {
+            editor.save(scene);
+        }
+    });
+    if let Some(message) = &editor.message {
+        ui.small(message);
+    }
+    changed
+}
+
+/// Draws which asset is edited, where there are several.
+fn choose_asset(ui: &mut egui::Ui, editor: &mut Editor, scene: &Scene) {
+    if scene.assets.len() > 1 {
+        let mut asset = editor.asset;
+        egui::ComboBox::from_label("asset").selected_text(&scene.assets[asset].name).show_ui(ui, |ui| {
+            for (number, known) in scene.assets.iter().enumerate() {
+                ui.selectable_value(&mut asset, number, &known.name);
+            }
+        });
+        if asset != editor.asset {
+            editor.close(scene);
+            editor.show(scene, asset);
+        }
+    }
+}
+
+/// Draws the buttons that take steps back, do them again, add an edit and remove one.
+fn show_steps(ui: &mut egui::Ui, editor: &mut Editor, scene: &mut Scene, changed: &mut Option<usize>) {
+    ui.horizontal(|ui| {
+        if ui.add_enabled(editor.can_undo(), egui::Button::new("undo")).on_hover_text("Ctrl+Z").clicked() {
+            *changed = editor.undo(scene);
+        }
+        if ui.add_enabled(editor.can_redo(), egui::Button::new("redo")).on_hover_text("Ctrl+Shift+Z").clicked() {
+            *changed = editor.redo(scene);
+        }
+        if ui.button("add edit").clicked() {
+            editor.add(scene);
+            *changed = Some(editor.asset);
+        }
+        if ui.add_enabled(editor.count(scene) > 0, egui::Button::new("remove")).clicked() {
+            editor.remove(scene);
+            *changed = Some(editor.asset);
+        }
+    });
+}
+
+/// Draws the sliders of the edit at hand, which was `before` when the frame began.
+fn show_edit(ui: &mut egui::Ui, editor: &mut Editor, scene: &mut Scene, before: Edit, changed: &mut Option<usize>) {
+    let Some(mut edit) = editor.edit(scene) else { return };
     let shown = edit;
     ui.horizontal(|ui| {
         ui.color_edit_button_rgb(&mut edit.tint);
@@ -74,31 +100,21 @@ pub(crate) fn show_editor(ui: &mut egui::Ui, editor: &mut Editor, scene: &mut Sc
     });
     if edit != shown && before == shown {
         editor.set(scene, edit);
-        changed = Some(editor.asset);
+        *changed = Some(editor.asset);
     }
     ui.horizontal(|ui| {
         if ui.button("everywhere").clicked() {
             editor.fill(scene, Extent::Everywhere);
-            changed = Some(editor.asset);
+            *changed = Some(editor.asset);
         }
         if ui.button("nowhere").clicked() {
             editor.fill(scene, Extent::Nowhere);
-            changed = Some(editor.asset);
+            *changed = Some(editor.asset);
         }
     });
-    show_tools(ui, editor);
-    ui.horizontal(|ui| {
-        ui.add(egui::TextEdit::singleline(&mut editor.file).desired_width(190.0));
-        if ui.button("save").clicked() {
-            editor.save(scene);
-        }
-    });
-    if let Some(message) = &editor.message {
-        ui.small(message);
-    }
-    changed
 }
 
+/// Draws the choice of a tool, and the radius of the brush.
 fn show_tools(ui: &mut egui::Ui, editor: &mut Editor) {
     ui.horizontal(|ui| {
         ui.radio_value(&mut editor.tool, Tool::Look, "look");

@@ -4,6 +4,8 @@ use crate::window::editing::document::Unsaved;
 use crate::window::pressed::is_pressed;
 use std::path::{Path, PathBuf};
 
+/// Width of the dialog, points.
+const WIDTH: f32 = 480.0;
 /// Width of the fields with the files' names, points.
 const FILE_WIDTH: f32 = 320.0;
 
@@ -49,20 +51,20 @@ impl UnsavedDialog {
         let typing = ui.ctx().egui_wants_keyboard_input();
         let mut answer = None;
         egui::Modal::new(egui::Id::unique("unsaved edits")).show(ui.ctx(), |ui| {
+            ui.set_width(WIDTH);
             ui.heading(match self.loss {
                 Loss::Close => "Save the edits before the window closes?",
                 Loss::Open(..) => "Save the edits before the file takes their place?",
             });
-            egui::Grid::new("unsaved files").show(ui, |ui| {
-                for Unsaved { name, file, .. } in &mut self.unsaved {
-                    ui.label(name.as_str());
+            for Unsaved { name, file, .. } in &mut self.unsaved {
+                ui.horizontal(|ui| {
                     ui.add(egui::TextEdit::singleline(file).desired_width(FILE_WIDTH));
-                    if Path::new(file.as_str()).exists() {
-                        ui.small("is replaced");
-                    }
-                    ui.end_row();
+                    ui.label(name.as_str());
+                });
+                if Path::new(file.as_str()).exists() {
+                    ui.small("this file is there and will be replaced");
                 }
-            });
+            }
             if let Some(problem) = &self.problem {
                 ui.colored_label(egui::Color32::LIGHT_RED, problem);
             }
