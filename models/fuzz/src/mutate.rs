@@ -127,7 +127,7 @@ fn changed_text(text: &str, random: &mut Random, change_bytes: &mut dyn FnMut(&m
     for _ in 0..1 + random.below(3) {
         match random.below(10) {
             0 => text = with_line(&text, random, |lines, at, _| lines.insert(at, lines[at])),
-            1 => text = with_line(&text, random, |lines, at, _| drop(lines.remove(at))),
+            1 => text = with_line(&text, random, |lines, at, _| _ = lines.remove(at)),
             2 => text = with_line(&text, random, |lines, at, other| lines.swap(at, other)),
             3 => {
                 let mut bytes = text.into_bytes();
@@ -140,7 +140,7 @@ fn changed_text(text: &str, random: &mut Random, change_bytes: &mut dyn FnMut(&m
                     words[at] = NUMBERS[random.below(NUMBERS.len())].to_string();
                 })
             }
-            7 => text = with_word(&text, random, |words, at, _| drop(words.remove(at))),
+            7 => text = with_word(&text, random, |words, at, _| _ = words.remove(at)),
             _ => {
                 text =
                     with_word(&text, random, |words, at, random| words[at] = words[random.below(words.len())].clone())
