@@ -1,4 +1,5 @@
-//! Parametric, bracketed, stochastic L-systems without context [Prusinkiewicz & Lindenmayer 1990, sections 1.6, 1.7, 1.10].
+//! Parametric, bracketed, stochastic L-systems without context [Prusinkiewicz & Lindenmayer 1990, sections 1.6, 1.7,
+//! 1.10].
 //!
 //! A word is a string of modules, each a symbol with its parameters. In a derivation step all modules are rewritten at
 //! once, from left to right, by the production that fits them; a module without a fitting production stays. Productions

@@ -123,6 +123,8 @@ pub struct Stack {
 }
 
 impl Stack {
+    /// Returns a stack.
+    ///
     /// # Panics
     /// If the numbers of interfaces and media do not fit, which is a mistake in a model's file.
     pub(crate) fn new(interfaces: Vec<Interface>, media: Vec<Medium>, path: PathRule, crossing: Crossing) -> Stack {

@@ -10,8 +10,7 @@
 //! - [`walk_splitting`]: both outcomes at every interface, weighted by Fresnel's coefficient, thinned by
 //!   Russian roulette, as the paper's section 5 proposes.
 
-use rand::Rng;
-use rand::RngCore;
+use rand::{Rng, RngCore};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::optics::abm::stack::{Crossing, Interface, Medium, Spread, Stack};
