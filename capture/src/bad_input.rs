@@ -10,19 +10,12 @@ use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use crate::Capture;
-use crate::CaptureError;
-use crate::CaptureInfo;
-use crate::CaptureWriter;
-use crate::Cosine;
-use crate::Direction;
-use crate::DirectionSet;
-use crate::ImageFormat;
-use crate::Pixels;
-use crate::Side;
 use crate::images::exr;
 use crate::images::file_format::encode_8_bit;
 use crate::images::file_format::tests::picture;
+use crate::{
+    Capture, CaptureError, CaptureInfo, CaptureWriter, Cosine, Direction, DirectionSet, ImageFormat, Pixels, Side,
+};
 
 const WIDTH: usize = 6;
 const HEIGHT: usize = 5;

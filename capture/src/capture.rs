@@ -6,11 +6,10 @@ use crate::error::CaptureError;
 use crate::images::decoded::{DecodedImage, ImageFault, Samples};
 use crate::images::file_format::{self, FileFormat};
 use crate::info::CaptureInfo;
-use crate::layout::bonn;
 use crate::layout::grid::grid_of;
-use crate::layout::list;
 use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES};
 use crate::layout::source::{MAX_FILE_BYTES, Source};
+use crate::layout::{bonn, list};
 use crate::ubo2014::{Container, ContainerInfo, is_container};
 
 /// Most negative linear value that is accepted as a colour outside the gamut; an image with a lower value is refused.

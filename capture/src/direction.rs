@@ -210,7 +210,7 @@ impl DirectionSet {
     /// the path of a file for [`DirectionSet::from_file`].
     ///
     /// # Errors
-    /// Those of the constructor that the name stands for.
+    /// Errors are those of the constructor that the name stands for.
     pub fn by_name(name: &str) -> Result<DirectionSet, CaptureError> {
         match name {
             "bonn81" => return Ok(DirectionSet::bonn81()),

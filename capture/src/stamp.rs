@@ -60,10 +60,7 @@ impl Capture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::CaptureInfo;
-    use crate::CaptureWriter;
-    use crate::DirectionSet;
-    use crate::ImageFormat;
+    use crate::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
 
     #[test]
     fn a_changed_a_renamed_and_an_added_file_show() {

@@ -26,7 +26,7 @@
 //!
 //! Everything random comes from a seed; the number of threads never matters.
 //!
-//! This package is independent of the fitter and the decoder on purpose: nothing here knows the lobes that a capture is
+//! The package is independent of the fitter and the decoder on purpose: nothing here knows the lobes that a capture is
 //! fitted with, so that fitting a capture measures more than self-consistency.
 //!
 //! ```

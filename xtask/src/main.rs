@@ -6,7 +6,7 @@
 //! | `check` | `check.rs`: format and clippy |
 //! | `demo` | `demo.rs`: capture, fit, compare, picture |
 //! | `bench` | `bench.rs` |
-//! | `fuzz` | `fuzz.rs`: the fuzz targets of runtime/fuzz, by libFuzzer |
+//! | `fuzz` | `fuzz.rs`: the fuzz targets of runtime/fuzz and models/fuzz, by libFuzzer |
 //! | `python` | `python.rs`: the Python module, by maturin, in the environment of `peers.rs` |
 //! | `header` | `header.rs`: the C header, by cbindgen |
 //! | `shaders` | `shaders.rs`: the decoder in the languages of engines |
@@ -54,7 +54,7 @@ Chores:
   test    everything that CI runs; --quick is the tier for every edit
   check   format and clippy only
   bench   time reading, clustering, fitting and decoding (criterion)
-  fuzz    fuzz the packed format with libFuzzer
+  fuzz    fuzz the packed formats and the readers of models and captures with libFuzzer
   python  build, install and test the Python module
   header  write the C header from the sources of the C interface
   shaders write the decoder in WGSL, HLSL, MSL, GLSL and SPIR-V

@@ -97,9 +97,7 @@ fn smallest_stored_above(transfer: Transfer, value: u8) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Cosine;
-    use crate::DirectionSet;
-    use crate::ImageFormat;
+    use crate::{Cosine, DirectionSet, ImageFormat};
 
     #[test]
     fn the_table_equals_the_definition_everywhere_and_at_every_threshold() {

@@ -109,10 +109,7 @@ pub(crate) fn to_text(info: &CaptureInfo) -> Result<String, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Cosine;
-    use crate::DirectionSet;
-    use crate::Side;
-    use crate::Transfer;
+    use crate::{Cosine, DirectionSet, Side, Transfer};
 
     fn info() -> CaptureInfo {
         let set = DirectionSet::bonn81();

@@ -61,19 +61,27 @@ enum Channels {
     Spectrum(Vec<[f32; 3]>),
 }
 
+/// Dynamic range reduction of all values, beneath the colour model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Reduction {
+    /// No reduction.
+    None,
+    /// Logarithm of every value.
+    Logarithm,
+}
+
 /// Converter of the values of one texel's channels to linear sRGB.
 #[derive(Debug, Clone)]
 pub(super) struct ToRgb {
     model: Model,
-    /// Whether the logarithm of everything was taken, beneath the colour model.
-    logarithmic: bool,
+    reduction: Reduction,
     channels: Channels,
 }
 
 impl ToRgb {
     /// Returns the converter of a file that names no colour model.
-    pub(super) fn plain(header: &Header, logarithmic: bool) -> Result<ToRgb, String> {
-        Ok(ToRgb { model: Model::Plain, logarithmic, channels: channels_of(header)? })
+    pub(super) fn plain(header: &Header, reduction: Reduction) -> Result<ToRgb, String> {
+        Ok(ToRgb { model: Model::Plain, reduction, channels: channels_of(header)? })
     }
 
     /// Returns the converter of colour model `number` with its `mean` and `matrix`.
@@ -102,14 +110,14 @@ impl ToRgb {
         {
             return Err("its colour matrix is not finite".into());
         }
-        Ok(ToRgb { model, logarithmic: false, channels: channels_of(header)? })
+        Ok(ToRgb { model, reduction: Reduction::None, channels: channels_of(header)? })
     }
 
     /// Returns linear sRGB of one texel. `values`, one per channel, are overwritten.
     #[inline]
     pub(super) fn rgb(&self, values: &mut [f32]) -> [f32; 3] {
         undo(self.model, values);
-        if self.logarithmic {
+        if self.reduction == Reduction::Logarithm {
             values.iter_mut().for_each(|value| *value = value.exp() - LOG_OFFSET);
         }
         match &self.channels {

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use bdi::Bdi;
 use blocks::Blocks;
-use colour_model::ToRgb;
+use colour_model::{Reduction, ToRgb};
 use factored::{Factored, read_height_map};
 use header::{Cursor, Header, read_header, read_signature};
 
@@ -156,12 +156,13 @@ fn read(bytes: &[u8]) -> Result<(Header, Data, ContainerInfo), String> {
             if version > 2 {
                 return Err(format!("its header has version {version}; 0 to 2 are read"));
             }
-            let logarithmic = version >= 1 && cursor.u32("its extended header")? != 0;
+            let is_reduced = version >= 1 && cursor.u32("its extended header")? != 0;
+            let reduction = if is_reduced { Reduction::Logarithm } else { Reduction::None };
             if version == 2 {
                 height_map =
                     read_height_map(cursor)?.map(|(width, height, values)| HeightMap { width, height, values });
             }
-            let to_rgb = ToRgb::plain(&header, logarithmic)?;
+            let to_rgb = ToRgb::plain(&header, reduction)?;
             Data::Factored(Factored::read_fmf(cursor, &header, to_rgb)?)
         }
         ContainerKind::Pvf => {
@@ -172,11 +173,11 @@ fn read(bytes: &[u8]) -> Result<(Header, Data, ContainerInfo), String> {
                     cursor.count("its number of view slots")?
                 }
             };
-            let to_rgb = ToRgb::plain(&header, false)?;
+            let to_rgb = ToRgb::plain(&header, Reduction::None)?;
             Data::Factored(Factored::read_pvf(cursor, &header, slots, to_rgb)?)
         }
         ContainerKind::Bdi => {
-            let to_rgb = ToRgb::plain(&header, false)?;
+            let to_rgb = ToRgb::plain(&header, Reduction::None)?;
             Data::Bdi(Bdi::read(cursor, &mut header, to_rgb)?)
         }
     };

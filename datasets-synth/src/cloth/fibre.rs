@@ -43,8 +43,7 @@
 
 use std::f64::consts::PI;
 
-use crate::error::SynthError;
-use crate::error::check_ranges;
+use crate::error::{SynthError, check_ranges};
 use crate::optics::fresnel::fresnel;
 use crate::surface::table::CosineTable;
 use crate::vector::dot;

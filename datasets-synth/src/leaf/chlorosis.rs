@@ -51,6 +51,8 @@ pub(crate) struct LeafPlace {
 }
 
 impl Chlorosis {
+    /// Checks the severity.
+    ///
     /// # Errors
     /// [`SynthError::BadParameter`] for a severity outside 0 to 1.
     pub fn check(&self) -> Result<(), SynthError> {

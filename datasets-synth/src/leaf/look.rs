@@ -29,6 +29,8 @@ pub enum BladePlace {
 }
 
 impl LeafLook {
+    /// Checks the severity of the deficiency.
+    ///
     /// # Errors
     /// [`SynthError::BadParameter`] for a severity out of its range.
     pub fn check(&self) -> Result<(), SynthError> {

@@ -26,8 +26,7 @@
 //! When it is wrong: the hide scatters where light enters (no translucency), the interface of the coat is rough for
 //! reflection and flat for the refracted paths, and pigment does not scatter.
 
-use crate::error::SynthError;
-use crate::error::check_ranges;
+use crate::error::{SynthError, check_ranges};
 use crate::leather::facets::{FacetDirection, Facets};
 use crate::optics::fresnel::fresnel;
 

@@ -1,26 +1,26 @@
-//! From spectra to linear sRGB: 31 wavelengths under D65, or the paper's three.
+//! Converts spectra to linear sRGB: 31 wavelengths under D65, or the three of the paper.
 
 use crate::error::SynthError;
 use crate::optics::specific_absorption::check_wavelengths;
 use crate::optics::tables::interpolated;
 use btf_capture::cie;
 
-/// The paper's wavelengths in nanometres for red, green and blue.
+/// Wavelengths of the paper in nanometres for red, green and blue.
 pub const PAPER_WAVELENGTHS_NM: [f64; 3] = [675.0, 546.0, 435.0];
 
-/// At which wavelengths a colour is computed.
+/// Wavelengths at which a colour is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RgbBands {
-    /// 400, 410, ... 700 nm under D65, CIE 1931 2-degree observer.
+    /// Wavelengths 400, 410, ... 700 nm under D65, CIE 1931 2-degree observer.
     #[default]
     Spectral31,
-    /// Red is what happens at 675 nm, green at 546 and blue at 435 [Miao, after eq. 5]: no colour that an eye
-    /// would see. 675 nm is where chlorophyll absorbs most, so red comes out too dark.
+    /// Red at 675 nm, green at 546 and blue at 435 [Miao, after eq. 5]: no colour that an eye would see. 675 nm is
+    /// where chlorophyll absorbs most, so red comes out too dark.
     ThreeWavelength,
 }
 
 impl RgbBands {
-    /// Its name: `spectral` or `three-wavelength`.
+    /// Returns the name: `spectral` or `three-wavelength`.
     pub fn name(self) -> &'static str {
         match self {
             RgbBands::Spectral31 => "spectral",
@@ -29,22 +29,22 @@ impl RgbBands {
     }
 }
 
-/// Turns spectra of reflectance or transmittance into linear sRGB.
+/// Converter of spectra of reflectance or transmittance to linear sRGB.
 ///
-/// Under D65 each channel is divided by what a perfect reflector gives, so that one is (1, 1, 1)
-/// exactly; for [`RgbBands::Spectral31`] that corrects the cut at 400 and 700 nm and the 10 nm steps
-/// by below 0.3 % in every channel. Colours outside the gamut keep their negative values.
+/// Under D65 each channel is divided by what a perfect reflector gives, so that a perfect reflector is (1, 1, 1)
+/// exactly; for [`RgbBands::Spectral31`] that corrects the cut at 400 and 700 nm and the 10 nm steps by below 0.3 % in
+/// every channel. Colours outside the gamut keep their negative values.
 #[derive(Debug, Clone)]
 pub struct RgbFromSpectrum {
     wavelengths_nm: Vec<f64>,
-    /// `[band][channel]`.
+    /// Weights `[band][channel]`.
     weights: Vec<[f64; 3]>,
-    /// What a perfect reflector gave before the correction.
+    /// Linear sRGB of a perfect reflector before the correction.
     uncorrected_white: [f64; 3],
 }
 
 impl RgbFromSpectrum {
-    /// For spectra at `bands`.
+    /// Returns the converter of spectra at `bands`.
     pub fn new(bands: RgbBands) -> RgbFromSpectrum {
         match bands {
             RgbBands::Spectral31 => RgbFromSpectrum::under_d65((0..31).map(|i| 400.0 + 10.0 * f64::from(i)).collect()),
@@ -56,7 +56,7 @@ impl RgbFromSpectrum {
         }
     }
 
-    /// For spectra under D65 at `count` (2 or more) evenly spaced wavelengths from `first_nm` to
+    /// Returns the converter of spectra under D65 at `count` (2 or more) evenly spaced wavelengths from `first_nm` to
     /// `last_nm`, both included and within 400 to 780 nm.
     ///
     /// # Errors
@@ -72,7 +72,7 @@ impl RgbFromSpectrum {
         Ok(RgbFromSpectrum::under_d65(wavelengths_nm))
     }
 
-    /// Of evenly spaced wavelengths inside the tables.
+    /// Returns the converter of evenly spaced wavelengths inside the tables.
     fn under_d65(wavelengths_nm: Vec<f64>) -> RgbFromSpectrum {
         let at = |column: &[f64], nm: f64| interpolated(column, cie::FIRST_NM, cie::STEP_NM, nm);
         let luminance: f64 = wavelengths_nm.iter().map(|&nm| at(&cie::D65, nm) * at(&cie::Y, nm)).sum();
@@ -98,7 +98,7 @@ impl RgbFromSpectrum {
         &self.wavelengths_nm
     }
 
-    /// Returns the linear sRGB of a spectrum at [`RgbFromSpectrum::wavelengths_nm`], signed.
+    /// Returns linear sRGB of a spectrum at [`RgbFromSpectrum::wavelengths_nm`], signed.
     ///
     /// # Panics
     /// If the spectrum has another number of wavelengths.
@@ -113,12 +113,12 @@ impl RgbFromSpectrum {
         rgb
     }
 
-    /// Returns the linear sRGB of a perfect reflector before the correction that makes it (1, 1, 1).
+    /// Returns linear sRGB of a perfect reflector before the correction that makes it (1, 1, 1).
     pub fn uncorrected_white(&self) -> [f64; 3] {
         self.uncorrected_white
     }
 
-    /// Returns `[band][channel]`: what [`RgbFromSpectrum::rgb`] multiplies with.
+    /// Returns the weights `[band][channel]` of [`RgbFromSpectrum::rgb`].
     pub(crate) fn weights(&self) -> &[[f64; 3]] {
         &self.weights
     }

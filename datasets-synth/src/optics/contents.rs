@@ -1,14 +1,14 @@
-//! The ranges of contents that are taken for a leaf's, by the command line's names.
+//! Checks the contents of leaves, by the names of the command line.
 
 use btf_models::{LEAF_QUANTITIES, LeafContents, LeafDescription};
 
 use crate::error::SynthError;
 
-/// Options of the contents, in the order of [`LEAF_QUANTITIES`].
+/// Names of the options of the contents, in the order of [`LEAF_QUANTITIES`].
 const OPTIONS: [&str; 7] = ["--cab", "--car", "--cant", "--cbrown", "--cw", "--cm", "--n"];
 
-/// Checks every range. The models themselves survive any contents from 0 up; beyond these ranges
-/// lies no leaf, but often a slip of the unit (dry matter in mg/cm2, say).
+/// Checks every range. The models themselves accept any contents from 0 up. Contents beyond these ranges are those of
+/// no leaf, but often a wrong unit (dry matter in mg/cm2, for example).
 ///
 /// # Errors
 /// [`SynthError::BadParameter`] for the first out of its range, named as on the command line.

@@ -1,4 +1,4 @@
-//! What a smooth interface between two media does with unpolarised light: reflect, refract, how much.
+//! Reflection and refraction of unpolarised light at a smooth interface between two media.
 //!
 //! | parameter | symbol | unit | valid |
 //! |---|---|---|---|
@@ -10,9 +10,9 @@
 //! `F = ((eta_i^2 - eta_t^2)^2 (c_i c_t)^2 + (c_i^2 - c_t^2)^2 (eta_i eta_t)^2) / (c_i c_t (eta_i^2 + eta_t^2) +
 //! eta_i eta_t (c_i^2 + c_t^2))^2` [Baranoski & Rokne 1997, eq. 2]. Rays are bent by its eq. 3 and 4.
 //!
-//! Differs from the paper in: where `c_t` is imaginary its eq. 2 has no value, here `F = 1` (total internal
-//! reflection); its eq. 4 returns a ray of unit length on the wrong side where the normal does not oppose
-//! the ray, here the normal is turned round first.
+//! Differs from the paper in: where `c_t` is imaginary, eq. 2 has no value, and here `F = 1` (total internal
+//! reflection); eq. 4 returns a ray of unit length on the wrong side where the normal does not oppose the ray, and here
+//! the normal is turned round first.
 //!
 //! When it is wrong: real indices only (in leaves the imaginary part is below 1e-4), no polarisation, no
 //! thin films.
@@ -63,15 +63,15 @@ pub fn fresnel_between(n_incident: f64, n_transmitted: f64, cos_incident: f64) -
 }
 
 /// Returns the cosine of the refracted ray against the normal on its side, 0 to 1; `None` under total internal
-/// reflection [Baranoski & Rokne 1997, eq. 1]. The same arguments as [`fresnel_between`].
+/// reflection [Baranoski & Rokne 1997, eq. 1]. The arguments are those of [`fresnel_between`].
 #[inline]
 pub fn refract_cos(n_incident: f64, n_transmitted: f64, cos_incident: f64) -> Option<f64> {
     let squared = refract_cos_squared(n_incident, n_transmitted, cos_incident.clamp(0.0, 1.0));
     (squared >= 0.0).then(|| squared.sqrt())
 }
 
-/// [`fresnel_between`] and [`refract_cos`] (0 under total internal reflection) in one go, from the amplitudes
-/// of both polarisations, for `cosine` in [0, 1]: what a random walk asks at every interface.
+/// Returns [`fresnel_between`] and [`refract_cos`] (0 under total internal reflection) together, from the amplitudes of
+/// both polarisations, for `cosine` in [0, 1]. A random walk needs both at every interface.
 #[inline]
 pub(crate) fn interface_optics(n_incident: f64, n_transmitted: f64, cosine: f64) -> (f64, f64) {
     let ratio = n_incident / n_transmitted;
@@ -88,16 +88,16 @@ pub(crate) fn interface_optics(n_incident: f64, n_transmitted: f64, cosine: f64)
     (0.5 * (s * s + p * p), cos_t)
 }
 
-/// Returns the ray of direction `direction` (unit, the way it flies) after a mirror of unit normal `normal`, which may
-/// point to either side [Baranoski & Rokne 1997, eq. 3].
+/// Returns the ray of direction `direction` (unit, the direction of travel) after a mirror of unit normal `normal`,
+/// which may point to either side [Baranoski & Rokne 1997, eq. 3].
 #[inline]
 pub fn reflect(direction: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     let twice = 2.0 * dot(direction, normal);
     std::array::from_fn(|k| direction[k] - twice * normal[k])
 }
 
-/// Returns the ray of direction `direction` (unit, the way it flies) behind an interface of unit normal `normal`, which
-/// may point to either side; `None` under total internal reflection [Baranoski & Rokne 1997, eq. 4].
+/// Returns the ray of direction `direction` (unit, the direction of travel) behind an interface of unit normal
+/// `normal`, which may point to either side; `None` under total internal reflection [Baranoski & Rokne 1997, eq. 4].
 #[inline]
 pub fn refract(direction: [f64; 3], normal: [f64; 3], n_incident: f64, n_transmitted: f64) -> Option<[f64; 3]> {
     let along = dot(direction, normal);

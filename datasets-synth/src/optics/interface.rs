@@ -1,11 +1,10 @@
-//! The interface between air and leaf material under light that fills a cone, and its two faces
-//! under diffuse light.
+//! Interface between air and leaf material under light that fills a cone, and its two faces under diffuse light.
 
-/// Below this half-angle the mean over the cone equals normal incidence to 1e-11, while the closed
-/// form loses digits to cancellation.
+/// Half-angle in degrees below which the mean over the cone equals normal incidence to 1e-11, while the closed form
+/// loses digits to cancellation.
 const MIN_CONE_DEG: f64 = 0.1;
 
-/// Indices nearer to 1 than this are taken as no interface at all.
+/// Distance of an index from 1 below which there is no interface at all.
 const MIN_INDEX_STEP: f64 = 1e-9;
 
 /// Returns the mean transmittance of the interface between air and a medium of index `index` (>= 1) for light that
@@ -39,19 +38,18 @@ pub fn mean_interface_transmittance(cone_deg: f64, index: f64) -> f64 {
     (perpendicular + parallel) / (2.0 * sin2)
 }
 
-/// Diffuse light at the interface of a plate, from either side: all that a plate's optics need of
-/// its index.
+/// Diffuse transmittances of the interface of a plate from either side: all that the optics of a plate need of its
+/// index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DiffuseFaces {
     /// Transmittance from the air, `t_av(90, n)`.
     pub(crate) entry: f64,
-    /// Transmittance from inside, `t_av(90, n) / n^2` [Stern 1964]: the rest is reflected, most of
-    /// it totally.
+    /// Transmittance from inside, `t_av(90, n) / n^2` [Stern 1964]. The rest is reflected, most of it totally.
     pub(crate) exit: f64,
 }
 
 impl DiffuseFaces {
-    /// Of a medium of index `index` (>= 1).
+    /// Returns the interface of a medium of index `index` (>= 1).
     pub(crate) fn new(index: f64) -> DiffuseFaces {
         let entry = mean_interface_transmittance(90.0, index);
         DiffuseFaces { entry, exit: entry / (index * index) }

@@ -1,4 +1,4 @@
-//! Leaf optics: what a point of a leaf does with light, in double precision.
+//! Leaf optics: reflection and transmission at a point of a leaf, in double precision.
 
 pub(crate) mod abm;
 pub(crate) mod colour;

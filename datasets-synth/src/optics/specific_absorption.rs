@@ -1,4 +1,4 @@
-//! Which table of specific absorptions and refractive index a plate model reads.
+//! Tables of specific absorptions and refractive index that a plate model can use.
 
 use btf_models::LeafContents;
 
@@ -7,19 +7,19 @@ use crate::optics::tables::prospect_5::PROSPECT_5;
 use crate::optics::tables::prospect_d::PROSPECT_D;
 use crate::optics::tables::{LEAF_FIRST_NM, LEAF_LAST_NM, LeafTable, interpolated};
 
-/// A table of what leaf tissue does to light, 400 to 780 nm at 1 nm, linear in between.
+/// Table of specific absorptions and refractive index of leaf tissue, 400 to 780 nm at 1 nm, linear in between.
 ///
-/// Outside of these wavelengths its functions return NaN; [`check_wavelengths`] refuses them first.
+/// Outside of these wavelengths the functions return NaN; [`check_wavelengths`] refuses them first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SpecificAbsorption {
-    /// PROSPECT-5 [Feret 2008]: no anthocyanins, which count as colourless.
+    /// Table of PROSPECT-5 [Feret 2008], without anthocyanins, which count as colourless.
     Prospect5,
-    /// PROSPECT-D [Feret 2017].
+    /// Table of PROSPECT-D [Feret 2017].
     #[default]
     ProspectD,
 }
 
-/// Absorptions per content at one wavelength, in the order of the fields of [`LeafContents`].
+/// Specific absorptions at one wavelength, in the order of the fields of [`LeafContents`].
 pub(crate) type Coefficients = [f64; 6];
 
 impl SpecificAbsorption {
@@ -30,7 +30,7 @@ impl SpecificAbsorption {
         }
     }
 
-    /// Its name: `prospect-5` or `prospect-d`.
+    /// Returns the name: `prospect-5` or `prospect-d`.
     pub fn name(self) -> &'static str {
         match self {
             SpecificAbsorption::Prospect5 => "prospect-5",
@@ -48,7 +48,7 @@ impl SpecificAbsorption {
         absorption_of(&self.coefficients(wavelength_nm), contents)
     }
 
-    /// Returns what [`SpecificAbsorption::absorption`] multiplies the contents with.
+    /// Returns the coefficients by which [`SpecificAbsorption::absorption`] multiplies the contents.
     pub(crate) fn coefficients(self, wavelength_nm: f64) -> Coefficients {
         let table = self.table();
         [&table.chlorophyll, &table.carotenoid, &table.anthocyanin, &table.brown, &table.water, &table.dry_matter]

@@ -1,4 +1,4 @@
-//! The body of a leaf: diffuse on the light's side and, through it, on the other.
+//! Body of a leaf: diffuse reflection on the side of the light and diffuse transmission on the other.
 //!
 //! | parameter | symbol | unit | valid |
 //! |---|---|---|---|
@@ -8,15 +8,15 @@
 //! `f_r = rho / pi` where light and eye stand on the same side of the leaf, `f_t = tau / pi` where they do not; either
 //! is lit by `|n.wi|` [Miao, eq. 8].
 //!
-//! Differs from the paper in: its thickness texture multiplies `f_t`, which makes thick places brighter; here
-//! thickness belongs to the absorption that rho and tau were computed with.
+//! Differs from the paper in: the thickness texture of the paper multiplies `f_t`, which makes thick places brighter;
+//! here thickness belongs to the absorption that rho and tau were computed with.
 //!
-//! When it is wrong: real leaves transmit a little more straight on than to the side, and a leaf whose faces differ
-//! has another rho on each (tau is the same from both sides).
+//! When it is wrong: real leaves transmit a little more straight on than to the side, and a leaf whose faces differ has
+//! another rho on each (tau is the same from both sides).
 
 /// Returns `pi * f * |n.wi|` of a body of reflectance `reflectance` and transmittance `transmittance`, for the cosines
-/// `cos_i` of the light and `cos_o` of the eye against one normal: the sign says the side, so light from behind is
-/// negative. 0 where either is edge-on.
+/// `cos_i` of the light and `cos_o` of the eye against one normal. The sign of a cosine says the side, so light from
+/// behind is negative. Returns 0 where either is edge-on.
 #[inline]
 pub fn two_sided_diffuse(reflectance: f32, transmittance: f32, cos_i: f32, cos_o: f32) -> f32 {
     let sides = cos_i * cos_o;

@@ -35,11 +35,11 @@ macro_rules! unit {
 }
 
 unit!(
-    /// Lengths in cm.
+    /// Length in cm.
     Centimetres
 );
 unit!(
-    /// Wavelengths in nm.
+    /// Wavelength in nm.
     Nanometres
 );
 unit!(
@@ -64,7 +64,7 @@ unit!(
 );
 
 unit!(
-    /// `-ln` of the share of light that a straight crossing leaves: `A_g t_m`, a plain number.
+    /// Optical depth, `-ln` of the share of light that a straight crossing leaves: `A_g t_m`, a plain number.
     OpticalDepth
 );
 

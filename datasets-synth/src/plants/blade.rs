@@ -1,4 +1,4 @@
-//! A blade: a curved, folded, wavy surface over an outline, by two numbers: across and along.
+//! Blades: curved, folded, wavy surfaces over an outline, by two numbers: across and along.
 //!
 //! | parameter | unit | valid |
 //! |---|---|---|
@@ -11,10 +11,10 @@
 //! | twist: turn about the midrib from base to tip | rad | -2 to 2 |
 //! | wave: height of the margin's waves as a share of half the width, and their number | - | 0 to 0.5, 0 to 20 |
 //!
-//! A bent midrib is an elastica's likeness, `phi(s) = bend s^power` over the share s of its length: what [Stewart & Dwyer
-//! 1993] fit with quadratics. A thrown one is the parabola of a particle under gravity, by the share of its time [Reeves &
-//! Blau 1985]. When it is wrong: the surface is not developable, so a strongly curved blade is stretched
-//! a little at its margins, and it never touches another.
+//! A bent midrib resembles an elastica, `phi(s) = bend s^power` over the share s of its length, which [Stewart & Dwyer
+//! 1993] fit with quadratics. A thrown one is the parabola of a particle under gravity, by the share of its time
+//! [Reeves & Blau 1985]. When it is wrong: the surface is not developable, so a strongly curved blade is stretched a
+//! little at its margins, and blades may intersect.
 
 use std::f64::consts::TAU;
 
@@ -30,7 +30,7 @@ const GAUSS: [[f64; 2]; 5] = [
     [0.953_089_922_969_332, 0.118_463_442_528_095],
 ];
 
-/// The greatest width of a grass's outline before it is scaled to 1.
+/// Greatest width of the outline of a grass before it is scaled to 1.
 const GRASS_WIDEST: f64 = 0.9299;
 
 /// Width of the rounding at the midrib, as a share of half the width.
@@ -39,12 +39,12 @@ const MIDRIB_ROUNDING: f64 = 0.12;
 /// Step of the differences that normals are made of.
 const STEP: f64 = 1e-4;
 
-/// How wide a blade is from base to tip.
+/// Outline of a blade: its width from base to tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Outline {
-    /// A grass: wide at the base, widest at a third, drawn out to the tip.
+    /// Outline of a grass: wide at the base, widest at a third, drawn out to the tip.
     Grass,
-    /// `v^base (1 - v)^tip`, scaled to 1: an egg's outline, pointed at both ends.
+    /// Outline `v^base (1 - v)^tip`, scaled to 1: an egg, pointed at both ends.
     Egg { base: f64, tip: f64 },
 }
 
@@ -65,29 +65,29 @@ impl Outline {
     }
 }
 
-/// How a blade's texture lies along it.
+/// Texture coordinates along a blade.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum TextureAlong {
-    /// Once from base to tip.
+    /// Texture that covers the blade once from base to tip.
     Whole,
-    /// Repeated at every so many metres.
+    /// Texture that repeats at this distance in metres.
     Every(f64),
 }
 
-/// How a midrib runs.
+/// Course of a midrib.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Course {
-    /// Like an elastica.
+    /// Course that resembles an elastica.
     Bent { bend_rad: f64, power: f64, sway_rad: f64 },
-    /// Like a particle that is thrown: a parabola that falls straight down by so much of the length.
+    /// Course of a particle that is thrown: a parabola that falls straight down by this share of the length.
     Thrown { fall: f64 },
 }
 
-/// What a blade is like; see the module's table.
+/// Shape of a blade; see the table of the module.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BladeShape {
     pub outline: Outline,
-    /// Length of a bent midrib; how far a thrown one would go without gravity.
+    /// Length of a bent midrib in metres, or of the throw without gravity.
     pub length_m: f64,
     pub width_m: f64,
     pub course: Course,
@@ -95,23 +95,23 @@ pub(crate) struct BladeShape {
     pub twist_rad: f64,
     pub wave: f64,
     pub waves: f64,
-    /// Where the waves start, 0 to 1.
+    /// Phase at which the waves start, 0 to 1.
     pub wave_phase: f64,
     pub texture: TextureAlong,
 }
 
-/// A blade in its place.
+/// Blade in its place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Blade {
     pub origin_m: Vec3,
     /// Direction of the midrib at the base.
     pub along: Vec3,
-    /// Out of the upper face at the base.
+    /// Normal of the upper face at the base.
     pub normal: Vec3,
     pub shape: BladeShape,
 }
 
-/// A point of a blade and its frame: unit normal of the upper face, unit tangent across it.
+/// Point of a blade with its frame: unit normal of the upper face, unit tangent across it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BladePoint {
     pub position_m: Vec3,
@@ -122,14 +122,14 @@ pub(crate) struct BladePoint {
 impl Blade {
     /// Returns the area of one face over its outline, in square metres.
     pub fn area_m2(&self) -> f64 {
-        /// Strips of the midpoint rule.
+        /// Number of strips of the midpoint rule.
         const STRIPS: usize = 64;
         let middles = (0..STRIPS).map(|i| (i as f64 + 0.5) / STRIPS as f64);
         let strips = middles.map(|v| self.shape.outline.width(v) * length(self.advance(v)));
         strips.sum::<f64>() / STRIPS as f64 * self.shape.length_m * self.shape.width_m
     }
 
-    /// Returns the texture coordinate of the share `v` of the length: it grows towards the tip.
+    /// Returns the texture coordinate at the share `v` of the length, which grows towards the tip.
     pub fn texture_v(&self, v: f64) -> f64 {
         match self.shape.texture {
             TextureAlong::Whole => v,
@@ -157,8 +157,8 @@ impl Blade {
         BladePoint { position_m: at(across, v), normal, tangent }
     }
 
-    /// Returns how the midrib goes on at its share `v`, before its twist: its derivative over the length, of a bent one
-    /// unit.
+    /// Returns the derivative of the midrib at its share `v` over the length, before the twist; a unit vector for a
+    /// bent midrib.
     fn advance(&self, v: f64) -> Vec3 {
         match self.shape.course {
             Course::Bent { bend_rad, power, sway_rad } => {
@@ -177,7 +177,7 @@ impl Blade {
         along(self.origin_m, GAUSS.into_iter().fold([0.0; 3], step), v * self.shape.length_m)
     }
 
-    /// Along the midrib, across to the right, and out of the upper face.
+    /// Returns the frame at the share `v`: along the midrib, across to the right, and out of the upper face.
     fn frame(&self, v: f64) -> [Vec3; 3] {
         let advance = self.advance(v);
         let (forwards, upright) = match self.shape.course {
@@ -196,7 +196,7 @@ impl Blade {
         [forwards, side, cross(side, forwards)]
     }
 
-    /// From the midrib to the place `across`, -1 to 1, in units of half the width.
+    /// Returns the vector from the midrib to the place `across`, -1 to 1, in units of half the width.
     fn section(&self, across: f64, v: f64) -> Vec3 {
         let shape = &self.shape;
         let [_, side, normal] = self.frame(v);

@@ -1,4 +1,4 @@
-//! A canopy: some different plants, and where instances of them stand.
+//! Canopies: some different plants, and the places of their instances.
 
 use std::f64::consts::TAU;
 
@@ -14,13 +14,13 @@ use crate::plants::params::{CanopySize, Ground, MAX_PLANTS, MAX_UNIQUE_TRIANGLES
 use crate::plants::plant::{Part, Plant};
 use crate::plants::{grass, maize, soybean, tree};
 
-/// How far plants stand from their places, as a share of the distance between them.
+/// Distance of plants from their regular places, as a share of the spacing.
 const SCATTER: f64 = 0.12;
 
-/// How far sizes of instances go apart: each is `1 - SIZES` to `1 + SIZES` times its variant.
+/// Relative variation of the sizes of instances: each is `1 - SIZES` to `1 + SIZES` times its variant.
 const SIZES: f64 = 0.07;
 
-/// One of the different plants.
+/// One of the different plants of a canopy.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Variant {
     pub plant: Plant,
@@ -37,35 +37,35 @@ impl Variant {
     }
 }
 
-/// A plant's place.
+/// Place of a plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Instance {
     pub variant: usize,
-    /// On the ground, metres.
+    /// Position on the ground in metres.
     pub x_m: f64,
     pub z_m: f64,
-    /// Turn about the vertical.
+    /// Rotation about the vertical in radians.
     pub yaw_rad: f64,
     pub scale: f64,
 }
 
-/// Plants and their places.
+/// Plants with their places.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Canopy {
     pub variants: Vec<Variant>,
-    /// Row by row.
+    /// Instances, row by row.
     pub instances: Vec<Instance>,
-    /// The soil, where it was asked for.
+    /// Soil, if it was asked for.
     pub ground: Option<Mesh>,
-    /// Ground that a plant has to itself in square metres.
+    /// Area of the ground of one plant in square metres.
     pub area_per_plant_m2: f64,
-    /// Extent of all their grounds together along x and z in metres.
+    /// Extent of the grounds of all plants together along x and z in metres.
     pub field_m: [f64; 2],
-    /// Whether it goes on beyond, as a lone plant does not unless it is a patch of lawn.
+    /// Whether the field continues beyond its border. A single plant does not, unless it is a patch of lawn.
     pub is_field: bool,
 }
 
-/// Returns one plant of the species; the same number gives the same plant.
+/// Returns one plant of the species; equal numbers give equal plants.
 pub(crate) fn plant(params: &PlantsParams, number: usize) -> Plant {
     let mut random = generator(params.seed, 1 + number as u64);
     match params.species {
@@ -81,10 +81,10 @@ fn generator(seed: u64, stream: u64) -> Xoshiro256PlusPlus {
 }
 
 impl Canopy {
-    /// Grows the plants and sets them out. The same parameters give the same canopy on any number of threads.
+    /// Generates the plants and places them. Equal parameters give equal canopies on any number of threads.
     ///
     /// # Errors
-    /// [`SynthError::BadParameter`]: out of range, or more triangles or plants than a file should hold.
+    /// [`SynthError::BadParameter`] for a parameter out of range, or more triangles or plants than a file should hold.
     ///
     /// Cost: a millisecond per maize plant, some tens per tree, of each variant.
     pub fn new(params: &PlantsParams) -> Result<Canopy, SynthError> {
@@ -133,24 +133,24 @@ impl Canopy {
         Ok(Canopy { variants, instances, ground, area_per_plant_m2: spacing_m[0] * spacing_m[1], field_m, is_field })
     }
 
-    /// Returns the triangles that are drawn.
+    /// Returns the number of triangles that are drawn.
     pub fn instanced_triangles(&self) -> u64 {
         let ground = self.ground.as_ref().map_or(0, Mesh::triangle_count) as u64;
         ground + self.instances.iter().map(|one| self.variants[one.variant].triangle_count() as u64).sum::<u64>()
     }
 
-    /// Returns the triangles that the file holds.
+    /// Returns the number of triangles that the file holds.
     pub fn unique_triangles(&self) -> u64 {
         let ground = self.ground.as_ref().map_or(0, Mesh::triangle_count);
         (ground + self.variants.iter().map(Variant::triangle_count).sum::<usize>()) as u64
     }
 
-    /// Blades of all plants.
+    /// Returns the number of blades of all plants.
     pub fn leaves(&self) -> u64 {
         self.instances.iter().map(|one| self.variants[one.variant].plant.blades.len() as u64).sum()
     }
 
-    /// Flowers of all plants.
+    /// Returns the number of flowers of all plants.
     pub fn flowers(&self) -> u64 {
         self.instances.iter().map(|one| self.variants[one.variant].plant.flowers() as u64).sum()
     }
@@ -162,7 +162,7 @@ impl Canopy {
     }
 }
 
-/// Returns the variant of every plant: `wanted` plants, or as many as bring the triangles that are asked for.
+/// Returns the variant of every plant: `wanted` plants, or as many as give the requested number of triangles.
 fn choose(params: &PlantsParams, variants: &[Variant], wanted: usize) -> Result<Vec<usize>, SynthError> {
     let mut random = generator(params.seed, 0);
     let mut draw = |number: usize| match params.species {
@@ -185,7 +185,7 @@ fn choose(params: &PlantsParams, variants: &[Variant], wanted: usize) -> Result<
     Ok(choices)
 }
 
-/// Returns the places around the origin: rows along x, one behind the other along z.
+/// Returns the places of plants around the origin: rows along x, one behind the other along z.
 fn set_out(params: &PlantsParams, choices: &[usize], columns: usize, spacing_m: [f64; 2]) -> Vec<Instance> {
     if let [variant] = choices {
         return vec![Instance { variant: *variant, x_m: 0.0, z_m: 0.0, yaw_rad: 0.0, scale: 1.0 }];
@@ -349,7 +349,7 @@ mod tests {
 
     #[test]
     fn the_leaf_angle_is_what_is_asked_for() {
-        /// From the first triangles of a blade's mesh: the midrib's direction at the base, and the normal.
+        /// Returns the direction of the midrib at the base and the normal, from the first triangles of a blade's mesh.
         fn at_base(blade: &Blade) -> (Vec3, Vec3) {
             let mesh = &meshes(&Plant { blades: vec![*blade], ..Plant::default() }, 3000)[0].1;
             let midrib: Vec<usize> = (0..mesh.uvs.len()).filter(|&i| mesh.uvs[i][0] == 0.5).collect();

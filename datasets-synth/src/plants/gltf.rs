@@ -1,5 +1,5 @@
-//! A canopy as a binary glTF file: a mesh for every variant, instances by `EXT_mesh_gpu_instancing`, and the leaf's
-//! description in the extension `BTF_materials_leaf`. docs/PLANTS.md specifies it.
+//! Writes a canopy as a binary glTF file: a mesh for every variant, instances by `EXT_mesh_gpu_instancing`, and the
+//! description of the leaf in the extension `BTF_materials_leaf`. docs/PLANTS.md specifies it.
 
 use btf_models::LeafDescription;
 use btf_models::glb::{F32, GlbBuffer, INDICES, TRIANGLES, U32, VERTICES, glb_from};
@@ -13,13 +13,13 @@ use crate::plants::canopy::Canopy;
 use crate::plants::mesh::Mesh;
 use crate::plants::plant::Part;
 
-/// Extension of the leaf's material: `{ "leaf": URI of its description }`.
+/// Name of the extension of the leaf's material: `{ "leaf": URI of its description }`.
 pub const LEAF_EXTENSION: &str = "BTF_materials_leaf";
 
-/// Khronos' extension for instances.
+/// Name of the Khronos extension for instances.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-/// Returns the file's bytes. `leaf_uri` is the description's address, relative to the file.
+/// Returns the bytes of the file. `leaf_uri` is the address of the description, relative to the file.
 ///
 /// # Errors
 /// [`SynthError::BadParameter`] for a canopy of 4 GiB and more.
@@ -83,7 +83,8 @@ fn leaf_colour(leaf: &LeafDescription) -> Result<[f32; 3], SynthError> {
     Ok(body.rgb(&leaf.contents, 1.0).reflectance.map(|x| x.clamp(0.0, 1.0)))
 }
 
-/// Returns what a part looks like: linear base colour by eye, and roughness. A leaf's colour is that of its contents.
+/// Returns the look of a part: linear base colour chosen by eye, and roughness. The colour of a leaf is that of its
+/// contents.
 pub(crate) fn look(part: Part) -> ([f32; 3], f64) {
     match part {
         Part::Leaf => ([0.05, 0.12, 0.03], 0.5),
@@ -97,7 +98,7 @@ pub(crate) fn look(part: Part) -> ([f32; 3], f64) {
     }
 }
 
-/// Returns a part's material where nobody knows the leaf's extension.
+/// Returns the material of a part for readers that do not know the leaf extension.
 fn material(part: Part, leaf_colour: [f32; 3], leaf_uri: &str) -> Value {
     let (colour, roughness) = look(part);
     let colour = if part == Part::Leaf { leaf_colour } else { colour };
@@ -119,7 +120,7 @@ fn material(part: Part, leaf_colour: [f32; 3], leaf_uri: &str) -> Value {
     material
 }
 
-/// Accessors and what they read.
+/// Writer of accessors and their data.
 #[derive(Default)]
 struct Writer {
     buffer: GlbBuffer,
@@ -127,7 +128,7 @@ struct Writer {
 }
 
 impl Writer {
-    /// Puts numbers in; the number of their accessor comes back.
+    /// Appends numbers and returns the index of their accessor.
     fn floats<const N: usize>(&mut self, values: &[[f32; N]], target: Option<u32>) -> usize {
         let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
         let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][N - 1];

@@ -1,4 +1,4 @@
-//! A patch of lawn: blades on the paths of particles that are thrown up, and on some patches a flower [Neyret 1996,
+//! Patches of lawn: blades on the paths of particles that are thrown up, and on some patches a flower [Neyret 1996,
 //! section 5].
 //!
 //! | what | value | from |
@@ -10,11 +10,11 @@
 //! | roots | one in each cell of a grid over the patch, anywhere in it | even across the borders of patches |
 //! | flower | 13 petals of 9 mm on a stalk of 30 mm | usual: *Bellis perennis* in a lawn |
 //!
-//! A patch fills the square of its plant's spacing around the origin, and nothing of it knows the patch's borders but
-//! roots: blades lean across, so that patches side by side, or one repeated, are one lawn. At the usual spacing of 40 mm
-//! it is no higher than wide.
+//! A patch fills the square of its plant's spacing around the origin. Only roots keep within its borders: blades lean
+//! across, so that patches side by side, or one repeated, are one lawn. At the usual spacing of 40 mm a patch is no
+//! higher than wide.
 //!
-//! Growth: `stage` lengthens blades; the flower comes at 0.6 of it.
+//! Growth: `stage` lengthens blades; the flower appears at a stage of 0.6.
 //!
 //! When it is wrong: no tillers, no sheaths, no mown tips; blades pass through each other.
 
@@ -30,7 +30,7 @@ use crate::plants::plant::{Axis, Node, Part, Plant};
 use crate::plants::vec3::{UP, Vec3, along, direction_or, scale};
 use crate::vector::cross;
 
-/// Width of the widest blade in metres: what the texture covers, and its height along the blade.
+/// Width of the widest blade in metres, which is the width of its texture and its period along the blade.
 pub(crate) const BLADE_WIDTH_M: f64 = 0.005;
 
 /// Length of the throw of the longest blade in metres.
@@ -39,13 +39,13 @@ const BLADE_LENGTH_M: f64 = 0.045;
 /// Length of a flower's stalk in metres.
 const STALK_M: f64 = 0.03;
 
-/// Petals of a flower.
+/// Number of petals of a flower.
 const PETALS: usize = 13;
 
 /// Length of a petal in metres.
 const PETAL_LENGTH_M: f64 = 0.009;
 
-/// Grows the `number`-th patch.
+/// Generates the `number`-th patch.
 pub(crate) fn grow(params: &PlantsParams, number: usize, random: &mut Xoshiro256PlusPlus) -> Plant {
     let sides_m = [params.spacing_mm / 1000.0, params.row_spacing_mm / 1000.0];
     let mut plant = Plant::default();
@@ -62,7 +62,7 @@ pub(crate) fn grow(params: &PlantsParams, number: usize, random: &mut Xoshiro256
     plant
 }
 
-/// Returns the places of `count` roots: cells of a grid, drawn without putting back, and anywhere in each.
+/// Returns the positions of `count` roots: cells of a grid, drawn without replacement, and a random position in each.
 fn roots(count: usize, sides_m: [f64; 2], random: &mut Xoshiro256PlusPlus) -> Vec<Vec3> {
     let across = (count as f64).sqrt().ceil() as usize;
     let along = count.div_ceil(across);
@@ -100,9 +100,9 @@ fn blade(params: &PlantsParams, origin_m: Vec3, random: &mut Xoshiro256PlusPlus)
     Blade { origin_m, along: along(scale(UP, cos), out, sin), normal: along(scale(UP, sin), out, -cos), shape }
 }
 
-/// A daisy; `open` is how far it has come, 0 to 1.
+/// Adds a daisy to `plant`; `open` is its stage, 0 to 1.
 fn flower(plant: &mut Plant, foot_m: Vec3, open: f64, random: &mut Xoshiro256PlusPlus) {
-    /// Pieces of the stalk.
+    /// Number of pieces of the stalk.
     const PIECES: usize = 5;
     let azimuth = random.gen_range(0.0..TAU);
     let lean = random.gen_range(0.05..0.3);

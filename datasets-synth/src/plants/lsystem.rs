@@ -1,28 +1,29 @@
-//! Parametric, bracketed, stochastic L-systems without context [Prusinkiewicz & Lindenmayer 1990, sections 1.6, 1.7, 1.10].
+//! Parametric, bracketed, stochastic L-systems without context [Prusinkiewicz & Lindenmayer 1990, sections 1.6, 1.7,
+//! 1.10].
 //!
 //! A word is a string of modules, each a symbol with its parameters. In a derivation step all modules are rewritten at
-//! once, from left to right, by the production that fits them; what no production fits stays. Productions are one Rust
-//! function from a module to its successor: its `match` is the list of predecessors and conditions, and what it draws
-//! from a seeded generator makes it stochastic. Brackets are [`Command::Push`] and [`Command::Pop`]: the turtle reads
-//! them, rewriting passes them on.
+//! once, from left to right, by the production that fits them; a module without a fitting production stays. Productions
+//! are one Rust function from a module to its successor: its `match` is the list of predecessors and conditions, and
+//! random numbers from a seeded generator make it stochastic. Brackets are [`Command::Push`] and [`Command::Pop`]: the
+//! turtle reads them, rewriting copies them.
 //!
 //! When it is wrong: productions see no neighbours (context-sensitive systems), and neither light nor other organs.
 
 use crate::plants::turtle::Command;
 
-/// A module of a word: a symbol of the species' own, or what the turtle does.
+/// Module of a word: a symbol of the species, or a command to the turtle.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Module<S> {
-    /// Rewritten, and passed over by the turtle.
+    /// Symbol that is rewritten, and ignored by the turtle.
     Symbol(S),
-    /// Read by the turtle, and never rewritten.
+    /// Command that the turtle reads, and that is never rewritten.
     Draw(Command),
 }
 
-/// Returns the word after `steps` derivation steps from `axiom`. `produce` gives a symbol's successor, or `None` where
-/// no production fits.
+/// Returns the word after `steps` derivation steps from `axiom`. `produce` returns the successor of a symbol, or `None`
+/// where no production fits.
 ///
-/// Cost: the sum of all words' lengths.
+/// Cost: the sum of the lengths of all words.
 pub(crate) fn derive<S: Clone>(
     axiom: Vec<Module<S>>,
     steps: usize,

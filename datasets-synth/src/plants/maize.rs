@@ -26,7 +26,7 @@ use crate::plants::params::{PlantsParams, smooth};
 use crate::plants::plant::{Part, Plant};
 use crate::plants::turtle::{Command, interpret};
 
-/// Width of the largest blade in metres: what the texture covers, and its height along the blade.
+/// Width of the largest blade in metres, which is the width of its texture and its period along the blade.
 pub(crate) const BLADE_WIDTH_M: f64 = 0.1;
 
 /// Length of the largest blade in metres.
@@ -35,18 +35,18 @@ const BLADE_LENGTH_M: f64 = 0.88;
 /// Radius of the stalk at its foot in metres.
 const STALK_RADIUS_M: f64 = 0.014;
 
-/// Leaves of a plant, one more or less.
+/// Number of leaves of a plant, one more or less.
 const LEAVES: usize = 18;
 
-/// From the last leaf's appearance to flowering, in leaves' times.
+/// Time from the appearance of the last leaf to flowering, in times between leaves.
 const AFTER_LAST_LEAF: f64 = 7.0;
 
-/// A leaf dies when so many have appeared after it.
+/// Number of leaves that appear after a leaf before it dies.
 const LIFE_IN_LEAVES: f64 = 20.5;
 
 #[derive(Debug, Clone, PartialEq)]
 enum Symbol {
-    /// What makes the phytomer of a rank, from 1.
+    /// Apex that makes the phytomer of a rank, from 1.
     Apex(usize),
     Internode(usize),
     Leaf(usize),
@@ -54,17 +54,17 @@ enum Symbol {
     Tassel,
 }
 
-/// A plant that grows.
+/// Plant that grows.
 struct Maize<'a> {
     params: &'a PlantsParams,
     leaves: usize,
-    /// Leaves that have appeared, and what would have after the last.
+    /// Number of leaves that have appeared, continued beyond the last.
     appeared: f64,
-    /// Size of all organs, about 1.
+    /// Factor on the size of all organs, about 1.
     vigour: f64,
 }
 
-/// Grows a plant.
+/// Generates a plant.
 pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Plant {
     let leaves = LEAVES - 1 + random.gen_range(0..3);
     // At least the first leaf's tip.
@@ -119,12 +119,12 @@ impl Maize<'_> {
         }
     }
 
-    /// Returns how many leaves have appeared since the leaf of a rank did.
+    /// Returns the number of leaves that have appeared since the leaf of a rank did.
     fn age(&self, rank: usize) -> f64 {
         self.appeared - rank as f64 + 1.0
     }
 
-    /// From 0 when the tassel comes out to 1 when it is open.
+    /// Returns the stage of flowering: from 0 when the tassel appears to 1 when it is open.
     fn flowering(&self) -> f64 {
         smooth(2.0, AFTER_LAST_LEAF, self.appeared - self.leaves as f64)
     }
@@ -167,7 +167,7 @@ impl Maize<'_> {
         ]
     }
 
-    /// Sheath and blade; the turtle stands on the node, its U away from where the blade goes.
+    /// Returns sheath and blade; the turtle stands on the node, with its U away from the direction of the blade.
     fn leaf(&self, rank: usize, random: &mut Xoshiro256PlusPlus) -> Vec<Command> {
         let (age, area) = (self.age(rank), self.relative_area(rank));
         let grown = smooth(-0.8, 4.0, age);
@@ -215,7 +215,7 @@ impl Maize<'_> {
 
     /// Returns the ear in its husk, in the axil of its leaf.
     fn ear(&self) -> Vec<Command> {
-        /// Radius along the ear over the greatest.
+        /// Radius along the ear over its greatest radius.
         const OUTLINE: [f64; 8] = [0.35, 0.75, 0.95, 1.0, 0.93, 0.75, 0.48, 0.14];
         let (length_m, radius_m) = (0.23 * self.vigour, 0.024 * self.vigour);
         let size = 0.35 + 0.65 * self.flowering();
@@ -249,7 +249,7 @@ impl Maize<'_> {
     }
 }
 
-/// Returns a spike of spikelets: thick and thin by turns, bending by `tropism` at each.
+/// Returns a spike of spikelets: alternately thick and thin, bent by `tropism` at each.
 fn spike(spikelets: usize, length_m: f64, tropism_rad: f64) -> Vec<Command> {
     let step_m = length_m / (2 * spikelets) as f64;
     let taper = |i: usize| 1.0 - 0.6 * i as f64 / (2 * spikelets) as f64;

@@ -1,8 +1,8 @@
-//! From organs to triangles: blades as grids, axes as closed tubes.
+//! Converts organs to triangles: blades to grids, axes to closed tubes.
 //!
-//! Triangles are wound counterclockwise seen from where their normals point: from a blade's upper face, from outside an
-//! axis. Tangents run along u; with w = 1, the cross product of normal and tangent points along the organ. Texture
-//! coordinates are glTF's, whose v counts downwards: `1 - v` grows towards the tip.
+//! Triangles are wound counterclockwise seen from where their normals point: from the upper face of a blade, from
+//! outside an axis. Tangents run along u; with w = 1, the cross product of normal and tangent points along the organ.
+//! Texture coordinates are those of glTF, whose v counts downwards: `1 - v` grows towards the tip.
 
 use std::f64::consts::TAU;
 
@@ -14,23 +14,23 @@ use crate::vector::{cross, dot};
 /// Radius of an axis that has eight sides, in metres; thinner ones have fewer.
 const EIGHT_SIDES_RADIUS_M: f64 = 0.012;
 
-/// Least distance between the rings of an axis, in radii.
+/// Smallest distance between the rings of an axis, in radii.
 const MIN_STEP_IN_RADII: f64 = 0.25;
 
-/// What a texture on axes repeats at, in metres.
+/// Period of a texture on axes, in metres.
 const AXIS_TEXTURE_M: f64 = 0.1;
 
 /// Triangles of one material, as arrays by vertex.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Mesh {
-    /// Metres.
+    /// Positions in metres.
     pub positions: Vec<[f32; 3]>,
-    /// Unit.
+    /// Unit normals.
     pub normals: Vec<[f32; 3]>,
-    /// Unit, and 1.
+    /// Unit tangents, with w = 1.
     pub tangents: Vec<[f32; 4]>,
     pub uvs: Vec<[f32; 2]>,
-    /// Three for each triangle.
+    /// Indices, three for each triangle.
     pub indices: Vec<u32>,
 }
 
@@ -39,7 +39,7 @@ impl Mesh {
         self.indices.len() / 3
     }
 
-    /// Puts a vertex in; its number comes back. `along` is the texture's coordinate that grows along the organ.
+    /// Appends a vertex and returns its index. `along` is the texture coordinate that grows along the organ.
     fn push(&mut self, position_m: Vec3, normal: Vec3, tangent: Vec3, across: f64, along: f64) -> u32 {
         // Orthogonal in the precision that is stored, too.
         let tangent = direction_or(sub(tangent, scale(normal, dot(tangent, normal))), tangent);
@@ -52,7 +52,7 @@ impl Mesh {
         (self.positions.len() - 1) as u32
     }
 
-    /// Returns a square of soil around `[x, z]` positions' bounds.
+    /// Returns a rectangle of soil around the bounds of `[x, z]` positions.
     pub fn ground(least_m: [f64; 2], most_m: [f64; 2]) -> Mesh {
         let mut mesh = Mesh::default();
         let corners = [[least_m[0], most_m[1]], most_m, [most_m[0], least_m[1]], least_m];
@@ -64,7 +64,8 @@ impl Mesh {
     }
 }
 
-/// Returns the meshes of a plant, by part and in the parts' order; `detail` is the number of triangles of a blade.
+/// Returns the meshes of a plant, by part and in the order of the parts; `detail` is the number of triangles of a
+/// blade.
 pub(crate) fn meshes(plant: &Plant, detail: usize) -> Vec<(Part, Mesh)> {
     let mut parts: Vec<Part> = plant.axes.iter().map(|axis| axis.part).collect();
     let sheets = [(Part::Leaf, &plant.blades), (Part::Petal, &plant.petals)];
@@ -83,15 +84,15 @@ pub(crate) fn meshes(plant: &Plant, detail: usize) -> Vec<(Part, Mesh)> {
     parts.into_iter().map(of).filter(|(_, mesh)| !mesh.indices.is_empty()).collect()
 }
 
-/// A vertex of a blade: across, along, and what is there.
+/// Vertex of a blade: position across and along, and the point there.
 pub(crate) struct BladeVertex {
     pub u: f64,
     pub v: f64,
     pub point: BladePoint,
 }
 
-/// Returns a blade as rows of vertices, an even number of columns, so that the midrib is a line; an end of no width is
-/// a point.
+/// Returns a blade as rows of vertices with an even number of columns, so that the midrib is a line; an end of no width
+/// is a point.
 pub(crate) fn blade_rows(blade: &Blade, detail: usize) -> impl Iterator<Item = Vec<BladeVertex>> {
     let columns = match detail {
         0..24 => 2,
@@ -135,7 +136,7 @@ fn push_blade(mesh: &mut Mesh, blade: &Blade, detail: usize) {
     }
 }
 
-/// An axis as a tube with both ends closed.
+/// Appends an axis as a tube with both ends closed.
 fn push_axis(mesh: &mut Mesh, axis: &Axis) {
     let mut nodes = axis.nodes.clone();
     // Rings nearer than this would cut through each other where the axis bends.
@@ -221,7 +222,7 @@ mod tests {
         mesh
     }
 
-    /// Every edge between two places is run through as often one way as the other.
+    /// Returns whether every edge between two positions is traversed as often in one direction as in the other.
     fn is_closed(mesh: &Mesh) -> bool {
         let mut edges = std::collections::HashMap::new();
         let place = |index: u32| mesh.positions[index as usize].map(f32::to_bits);

@@ -1,5 +1,5 @@
-//! Plants: L-systems that a turtle turns into organs, organs into meshes, meshes into a canopy in a glTF
-//! file, or all of them into a script of shapes.
+//! Plants: L-systems that a turtle interprets as organs, organs as meshes, meshes as a canopy in a glTF file, or all of
+//! them as a script of shapes.
 
 pub(crate) mod blade;
 pub(crate) mod canopy;

@@ -1,27 +1,27 @@
-//! What plants are asked for.
+//! Parameters of plants and canopies.
 
 use btf_models::Species;
 
 use crate::error::{SynthError, check_range, check_ranges};
 
-/// Most plants of a canopy.
+/// Largest number of plants of a canopy.
 pub const MAX_PLANTS: usize = 10_000_000;
 
-/// Most unique triangles of a file: beyond, its indices and bytes no longer make sense for one.
+/// Largest number of unique triangles of a file; with more, its indices and bytes no longer make sense for one file.
 pub const MAX_UNIQUE_TRIANGLES: usize = 50_000_000;
 
-/// How many plants stand in a canopy.
+/// Number of plants in a canopy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CanopySize {
-    /// So many, in a field as square as rows allow.
+    /// Number of plants, in a field as square as rows allow.
     Plants(usize),
-    /// Rows and plants in each.
+    /// Number of rows, and of plants in each.
     Rows(usize, usize),
-    /// As many as bring the instanced triangles to at least this number.
+    /// Smallest number of plants that gives at least this number of instanced triangles.
     Triangles(u64),
 }
 
-/// What is written of plants.
+/// Form in which plants are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
     /// Triangles and instances, as binary glTF.
@@ -30,16 +30,16 @@ pub enum Form {
     Shapes,
 }
 
-/// What lies below the plants.
+/// Ground below the plants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ground {
-    /// Nothing.
+    /// No ground.
     None,
     /// A rectangle of soil under the whole field.
     Soil,
 }
 
-/// What plants to make, and where they stand. docs/PLANTS.md tells what each parameter does to each species.
+/// Parameters of plants and their places. docs/PLANTS.md describes the effect of each parameter on each species.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlantsParams {
     /// Species.
@@ -49,34 +49,34 @@ pub struct PlantsParams {
     /// Mean leaf angle in degrees, 5 to 85. Maize: between stalk and midrib at the collar. Grass: between the vertical
     /// and the blade's base. Others: between the horizontal and the blade.
     pub leaf_angle_deg: f64,
-    /// Triangles of a blade, 4 to 4000; rounded to whole rows.
+    /// Number of triangles of a blade, 4 to 4000; rounded to whole rows.
     pub detail: usize,
-    /// Different plants, of which the canopy has instances; 1 to 1000, no more than there are plants.
+    /// Number of different plants, of which the canopy has instances; 1 to 1000, no more than there are plants.
     pub variants: usize,
-    /// How many plants.
+    /// Number of plants.
     pub size: CanopySize,
     /// Distance between rows in millimetres, 20 to 100000.
     pub row_spacing_mm: f64,
-    /// Distance between plants in a row, the same.
+    /// Distance between plants in a row in millimetres, 20 to 100000.
     pub spacing_mm: f64,
-    /// Branches of a full-grown tree, its trunk among them, 1 to 100000.
+    /// Number of branches of a full-grown tree, its trunk included, 1 to 100000.
     pub branches: usize,
-    /// Leaves of a full-grown tree, 1 to 1000000.
+    /// Number of leaves of a full-grown tree, 1 to 1000000.
     pub leaves: usize,
-    /// Blades of a patch of grass, 1 to 100000.
+    /// Number of blades of a patch of grass, 1 to 100000.
     pub blades: usize,
     /// Share of patches of grass that have a flower, 0 to 1.
     pub flowers: f64,
-    /// What lies below.
+    /// Ground below the plants.
     pub ground: Ground,
-    /// What is written.
+    /// Form in which the plants are written.
     pub form: Form,
     /// Seed of everything random.
     pub seed: u64,
 }
 
 impl PlantsParams {
-    /// Returns one full-grown plant of a species, at its usual distances.
+    /// Returns the parameters of one full-grown plant of a species, at its usual distances.
     pub fn of(species: Species) -> PlantsParams {
         let (leaf_angle_deg, detail, row_spacing_mm, spacing_mm) = match species {
             Species::Maize => (35.0, 200, 750.0, 180.0),
@@ -132,7 +132,7 @@ impl PlantsParams {
     }
 }
 
-/// 0 below `from`, 1 above `to`, smooth between.
+/// Returns 0 below `from`, 1 above `to`, and a smooth step between.
 pub(crate) fn smooth(from: f64, to: f64, x: f64) -> f64 {
     let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

@@ -1,22 +1,22 @@
-//! A plant as organs: what an interpretation of its word gives, and meshes or other pictures are made of.
+//! A plant as organs: the result of interpreting a word, from which meshes and scripts are made.
 
 use crate::plants::blade::Blade;
 use crate::plants::vec3::Vec3;
 
-/// What an organ is: its material.
+/// Kind of an organ, which is its material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
     /// Blades.
     Leaf,
     /// Green stems, sheaths, petioles, husks.
     Stem,
-    /// A maize plant's male flower.
+    /// Male flower of maize.
     Tassel,
-    /// A soybean's pods.
+    /// Pods of soybean.
     Pod,
-    /// A daisy's white petals.
+    /// White petals of a daisy.
     Petal,
-    /// And its yellow middle.
+    /// Yellow middle of a daisy.
     Disc,
     /// Trunk, branches and twigs.
     Bark,
@@ -25,7 +25,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// Returns the material's name.
+    /// Returns the name of the material.
     pub fn name(self) -> &'static str {
         match self {
             Part::Leaf => "leaf",
@@ -40,7 +40,7 @@ impl Part {
     }
 }
 
-/// A place on an axis.
+/// Node of an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Node {
     /// Centre in metres.
@@ -49,14 +49,14 @@ pub(crate) struct Node {
     pub radius_m: f64,
 }
 
-/// Something round and long: nodes in the direction of growth, between each two a cone.
+/// Long organ of round section: nodes in the direction of growth, with a cone between each two.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Axis {
     pub part: Part,
     pub nodes: Vec<Node>,
 }
 
-/// A plant: metres, y up, its foot at the origin.
+/// Plant in metres, y up, its foot at the origin.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Plant {
     pub axes: Vec<Axis>,
@@ -70,12 +70,12 @@ impl Plant {
         self.blades.iter().map(Blade::area_m2).sum()
     }
 
-    /// Flowers: their middles are counted.
+    /// Returns the number of flowers, by their middles.
     pub fn flowers(&self) -> usize {
         self.axes.iter().filter(|axis| axis.part == Part::Disc).count()
     }
 
-    /// Axes, blades and petals.
+    /// Returns the number of organs: axes, blades and petals.
     pub fn organs(&self) -> usize {
         self.axes.len() + self.blades.len() + self.petals.len()
     }

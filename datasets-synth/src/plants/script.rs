@@ -1,7 +1,7 @@
-//! A canopy as a script of shapes: axes as chains of cones, blades as sheets.
+//! Writes a canopy as a script of shapes: axes as chains of cones, blades as sheets.
 //!
-//! The script's z is up where a plant's y is: (x, y, z) of a plant is (x, -z, y) there. Its space is one period of the
-//! field, for a lone plant that is no patch of lawn the box around it.
+//! The script has z up where a plant has y up: (x, y, z) of a plant is (x, -z, y) there. The space of the script is one
+//! period of the field; for a lone plant that is no patch of lawn it is the box around the plant.
 
 use btf_models::shapes::{Material, PaintMode, Point, Script, Shape, Space, Stroke};
 
@@ -13,16 +13,17 @@ use crate::plants::mesh::{BladeVertex, blade_rows};
 use crate::plants::plant::{Axis, Part};
 use crate::plants::vec3::{UP, Vec3, direction_or, scale, sub, turned};
 
-/// Most shapes of a script: beyond, its text no longer makes sense for a model.
+/// Largest number of shapes of a script; with more, its text no longer makes sense for a model.
 pub const MAX_SHAPES: usize = 500_000;
 
-/// Specular reflectance of what is no leaf: an index of 1.5.
+/// Specular reflectance of everything but leaves: an index of 1.5.
 const SPECULAR: f64 = 0.04;
 
-/// Least extent of a box in metres.
+/// Smallest extent of a box in metres.
 const MIN_EXTENT_M: f64 = 1e-4;
 
-/// Returns the script of a canopy; `leaf` is the description's name beside it, `detail` the triangles of a blade.
+/// Returns the script of a canopy; `leaf` is the name of the description beside it, `detail` the number of triangles of
+/// a blade.
 ///
 /// # Errors
 /// [`SynthError::BadParameter`] for more than [`MAX_SHAPES`].
@@ -78,7 +79,7 @@ pub(crate) fn canopy_script(canopy: &Canopy, detail: usize, leaf: &str) -> Resul
     Ok(Script { space, materials, strokes })
 }
 
-/// Returns a place of a plant in the script, in whole micrometres.
+/// Returns a position of a plant in the script, in whole micrometres.
 fn place(position_m: Vec3, one: &Instance) -> Point {
     let [x, y, z] = turned(scale(position_m, one.scale), UP, one.yaw_rad);
     [x + one.x_m, -(z + one.z_m), y].map(micrometres)
@@ -89,7 +90,7 @@ fn micrometres(x: f64) -> f64 {
     (x * 1e6).round() / 1e6 + 0.0
 }
 
-/// Through the decimal form, so that the file has no digits of single precision's noise.
+/// Converts a number through its decimal form, so that the file has no digits of single-precision noise.
 fn decimal(x: f32) -> f64 {
     format!("{x:.4}").parse().unwrap_or_default()
 }

@@ -26,19 +26,19 @@ use crate::plants::params::{PlantsParams, smooth};
 use crate::plants::plant::{Part, Plant};
 use crate::plants::turtle::{Command, interpret};
 
-/// Length of the largest leaflet in metres: what the texture covers.
+/// Length of the largest leaflet in metres, which is the length of its texture.
 pub(crate) const LEAFLET_LENGTH_M: f64 = 0.1;
 
 /// Width of a leaflet over its length.
 const LEAFLET_WIDTH: f64 = 0.6;
 
-/// Nodes of the main stem, one more or less.
+/// Number of nodes of the main stem, one more or less.
 const NODES: usize = 16;
 
 #[derive(Debug, Clone, PartialEq)]
 enum Symbol {
-    /// What makes a node: its number on its stem, the stem's order (0: main), and the main stem's node at which this
-    /// stem's first one appeared.
+    /// Apex that makes a node: its number on its stem, the order of the stem (0: main), and the node of the main stem
+    /// at which the first node of this stem appeared.
     Apex {
         node: usize,
         order: usize,
@@ -56,12 +56,12 @@ enum Symbol {
 struct Soybean<'a> {
     params: &'a PlantsParams,
     nodes: usize,
-    /// Nodes that have appeared on the main stem, and what would have after the last.
+    /// Number of nodes that have appeared on the main stem, continued beyond the last.
     appeared: f64,
     vigour: f64,
 }
 
-/// Grows a plant.
+/// Generates a plant.
 pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Plant {
     let nodes = NODES - 1 + random.gen_range(0..3);
     let appeared = (params.stage * (nodes as f64 + 4.0)).max(1.5);
@@ -185,7 +185,7 @@ impl Soybean<'_> {
 
     /// Returns two or three pods that hang from a node.
     fn pods(&self, age: f64, random: &mut Xoshiro256PlusPlus) -> Vec<Command> {
-        /// Radius along a pod over the greatest: three seeds.
+        /// Radius along a pod of three seeds over its greatest radius.
         const OUTLINE: [f64; 9] = [0.55, 0.95, 0.75, 1.0, 0.78, 1.0, 0.75, 0.6, 0.12];
         let size = self.vigour * smooth(4.0, 9.0, age) * smooth(0.6, 0.95, self.params.stage);
         let count = random.gen_range(2..4);

@@ -1,4 +1,4 @@
-//! A broad-leaved tree: trunk, branches, twigs, and leaves on the twigs, in numbers that are asked for.
+//! Broad-leaved trees: trunk, branches, twigs, and leaves on the twigs, in requested numbers.
 //!
 //! | what | value | from |
 //! |---|---|---|
@@ -26,7 +26,7 @@ use crate::plants::params::PlantsParams;
 use crate::plants::plant::{Part, Plant};
 use crate::plants::turtle::{Command, interpret};
 
-/// Length of the largest leaf in metres: what the texture covers.
+/// Length of the largest leaf in metres, which is the length of its texture.
 pub(crate) const LEAF_LENGTH_M: f64 = 0.1;
 
 /// Width of a leaf over its length.
@@ -38,13 +38,13 @@ const PIPE_RADIUS_M: f64 = 1.1e-3;
 /// Height of a tree per root of its leaves, in metres: 6000 leaves on 4.5 m.
 const HEIGHT_PER_ROOT_M: f64 = 0.058;
 
-/// The golden angle.
+/// Golden angle in radians.
 const GOLDEN_RAD: f64 = 2.399_963_229_728_653;
 
-/// The last order: what bears leaves.
+/// Last order, which bears leaves.
 const TWIG: usize = 3;
 
-/// A branch that is to grow: which of its order it is, and its length.
+/// Branch that is to grow: its number within its order, and its length.
 #[derive(Debug, Clone, PartialEq)]
 struct Shoot {
     order: usize,
@@ -52,16 +52,16 @@ struct Shoot {
     length_m: f64,
 }
 
-/// Numbers of a tree's parts.
+/// Numbers of the parts of a tree.
 struct Tree<'a> {
     params: &'a PlantsParams,
-    /// Branches of each order; the trunk is order 0.
+    /// Number of branches of each order; the trunk is order 0.
     counts: [usize; TWIG + 1],
     leaves: usize,
     height_m: f64,
 }
 
-/// Grows a tree.
+/// Generates a tree.
 pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Plant {
     let share = params.stage.max(0.05).powi(2);
     let of = |count: usize| ((count as f64 * share).round() as usize).max(1);
@@ -81,7 +81,7 @@ pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Pl
     }))
 }
 
-/// Branches of each order, together `branches`.
+/// Returns the number of branches of each order, together `branches`.
 fn orders(branches: usize) -> [usize; TWIG + 1] {
     let rest = branches - 1;
     let first = ((0.8 * (branches as f64).sqrt()).round() as usize).min(rest);
@@ -95,7 +95,7 @@ fn run(number: usize, parts: usize, count: usize) -> Range<usize> {
 }
 
 impl Tree<'_> {
-    /// Returns the shoots of the next order that a shoot bears. Without a next order none.
+    /// Returns the shoots of the next order that a shoot bears; none without a next order.
     fn children(&self, shoot: &Shoot) -> Range<usize> {
         match shoot.order {
             TWIG => 0..0,
@@ -103,7 +103,7 @@ impl Tree<'_> {
         }
     }
 
-    /// Returns the leaves that a shoot bears itself: those of a twig, or of a branch where there are no twigs of its
+    /// Returns the number of leaves that a shoot bears itself: those of a twig, or of a branch without twigs of its
     /// own.
     fn own_leaves(&self, shoot: &Shoot) -> usize {
         if !self.children(shoot).is_empty() {
@@ -112,7 +112,7 @@ impl Tree<'_> {
         self.leaves_above(shoot)
     }
 
-    /// Returns the leaves of a shoot and all that it bears.
+    /// Returns the number of leaves of a shoot and of everything that it bears.
     fn leaves_above(&self, shoot: &Shoot) -> usize {
         let mut run_of = shoot.number..shoot.number + 1;
         // Leaves go by twigs; a tree of too few branches has its last order's instead.
@@ -176,7 +176,7 @@ impl Tree<'_> {
         word
     }
 
-    /// Returns the length of a shoot at the share `t` of its bearer's.
+    /// Returns the length of a shoot at the share `t` of the length of its bearer.
     fn length_m(&self, bearer: &Shoot, t: f64, random: &mut Xoshiro256PlusPlus) -> f64 {
         let share = match bearer.order {
             // The crown's outline, widest at half the height.
@@ -230,7 +230,8 @@ fn leaves_of(run: &Range<usize>, count: usize, leaves: usize) -> usize {
     run.end * leaves / count - run.start * leaves / count
 }
 
-/// Returns the angle between a branch and its bearer's axis at the share `t` of it: flat below, steep above.
+/// Returns the angle between a branch and the axis of its bearer at the share `t` of that axis: flat below, steep
+/// above.
 fn angle_rad(bearer_order: usize, t: f64) -> f64 {
     match bearer_order {
         0 => 1.30 - 0.80 * t,

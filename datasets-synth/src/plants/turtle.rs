@@ -1,37 +1,37 @@
-//! The turtle: from a word's commands to organs [Prusinkiewicz & Lindenmayer 1990, sections 1.3 and 1.5].
+//! Turtle that interprets the commands of a word as organs [Prusinkiewicz & Lindenmayer 1990, sections 1.3 and 1.5].
 //!
-//! It has a position and a frame of heading H, left L and up U, with H x L = U. It starts at the origin, heading up (y),
-//! its left along -x and its own up along z.
+//! The turtle has a position and a frame of heading H, left L and up U, with H x L = U. It starts at the origin,
+//! heading up (y), with L along -x and U along z.
 
 use crate::plants::blade::{Blade, BladeShape};
 use crate::plants::plant::{Axis, Node, Part, Plant};
 use crate::plants::vec3::{UP, Vec3, along, direction_or, scale, sub, turned};
 use crate::vector::{cross, dot};
 
-/// What the turtle can be told. Angles in radians, lengths in metres.
+/// Command to the turtle. Angles are in radians, lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Command {
-    /// Remembers where it is: `[`.
+    /// Remember the state: `[`.
     Push,
-    /// Goes back to where it was: `]`.
+    /// Return to the last remembered state: `]`.
     Pop,
-    /// Turns left about U: `+`.
+    /// Turn left about U: `+`.
     Turn(f64),
-    /// Pitches down about L: `&`.
+    /// Pitch down about L: `&`.
     Pitch(f64),
-    /// Rolls about H: `\`.
+    /// Roll about H: `\`.
     Roll(f64),
-    /// Heads where it did, but at an elevation over the horizon, with L level: for leaves that face the sky.
+    /// Keep the azimuth of the heading, at an elevation over the horizon, with L level: for leaves that face the sky.
     Level(f64),
-    /// Turns towards straight up by at most so much; down where negative.
+    /// Turn towards straight up by at most this angle; towards straight down where negative.
     Tropism(f64),
-    /// Goes ahead without a trace: `f`.
+    /// Move ahead without drawing: `f`.
     Move(f64),
-    /// Starts an axis where it is.
+    /// Start an axis at the position.
     Axis { part: Part, radius_m: f64 },
-    /// Goes ahead and lengthens the axis, to a radius at its new end: `F`.
+    /// Move ahead and lengthen the axis, to a radius at its new end: `F`.
     Stem { length_m: f64, radius_m: f64 },
-    /// Puts a blade where it is: it grows along H, its upper face along U.
+    /// Place a blade at the position: it grows along H, its upper face along U.
     Blade(BladeShape),
 }
 
@@ -41,7 +41,7 @@ struct State {
     heading: Vec3,
     left: Vec3,
     up: Vec3,
-    /// Number of the axis that grows.
+    /// Index of the axis that grows.
     axis: Option<usize>,
 }
 
@@ -78,7 +78,7 @@ impl State {
     }
 }
 
-/// Returns the organs that commands draw. A bracket that is closed without being open is passed over.
+/// Returns the organs that commands draw. A closing bracket without an opening one is ignored.
 pub(crate) fn interpret(commands: impl IntoIterator<Item = Command>) -> Plant {
     let mut plant = Plant::default();
     let start = State { position_m: [0.0; 3], heading: UP, left: [-1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0], axis: None };

@@ -1,11 +1,11 @@
-//! Vectors of three numbers, as plants need them.
+//! Operations on vectors of three numbers that plants need.
 
 use crate::vector::{cross, dot};
 
-/// A position or direction; metres, y up.
+/// Position or direction; metres, y up.
 pub(crate) type Vec3 = [f64; 3];
 
-/// Straight up.
+/// Direction straight up.
 pub(crate) const UP: Vec3 = [0.0, 1.0, 0.0];
 
 pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
@@ -29,13 +29,13 @@ pub(crate) fn length(a: Vec3) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// Returns the direction of `a`; where it has none, `otherwise`.
+/// Returns the direction of `a`, or `otherwise` where `a` has none.
 pub(crate) fn direction_or(a: Vec3, otherwise: Vec3) -> Vec3 {
     let length = length(a);
     if length > 1e-12 { scale(a, 1.0 / length) } else { otherwise }
 }
 
-/// Returns `a` turned about the unit vector `axis` [Rodrigues].
+/// Returns `a` rotated about the unit vector `axis` [Rodrigues].
 pub(crate) fn turned(a: Vec3, axis: Vec3, angle_rad: f64) -> Vec3 {
     let (sin, cos) = angle_rad.sin_cos();
     let parallel = scale(axis, dot(axis, a) * (1.0 - cos));

@@ -1,4 +1,4 @@
-//! The files of a canopy: the `.glb` or script, the description of its leaves and their textures.
+//! Writes the files of a canopy: the `.glb` or script, the description of its leaves and their textures.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,58 +24,58 @@ use crate::plants::tree::LEAF_LENGTH_M;
 use crate::surface::capture::Progress;
 use crate::surface::capture_params::CaptureParams;
 
-/// Texels that a leaf's textures have beside the few of their margin; grids have two nodes a texel.
+/// Number of texels along a side of the textures of a leaf, beside the few of their margin; grids have two nodes per
+/// texel.
 const TEXTURE_TEXELS: usize = 256;
 
-/// What is done with files that are there already.
+/// Treatment of files that exist already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Existing {
-    /// They stay, and nothing is written.
+    /// Keep them and write nothing.
     Refuse,
-    /// They are replaced: a `.glb` or script, a description, a folder that holds nothing but textures.
+    /// Replace them: a `.glb` or script, a description, a folder that holds nothing but textures.
     Replace,
 }
 
-/// The files of a canopy and what is in them. Triangles are those of the meshes, whatever is written.
+/// Files of a canopy and their contents. Triangles are those of the meshes, whatever is written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlantsReport {
-    /// Description of the leaves, beside the file.
+    /// Path of the description of the leaves, beside the file.
     pub leaf: PathBuf,
-    /// Folder of their textures.
+    /// Path of the folder of their textures.
     pub textures: PathBuf,
-    /// Plants.
+    /// Number of plants.
     pub plants: usize,
-    /// Different plants.
+    /// Number of different plants.
     pub variants: usize,
-    /// Triangles in the file.
+    /// Number of triangles in the file.
     pub triangles_unique: u64,
-    /// Triangles that are drawn.
+    /// Number of triangles that are drawn.
     pub triangles_instanced: u64,
-    /// Shapes in the file, none in a mesh.
+    /// Number of shapes in the file; none in a mesh.
     pub shapes: usize,
-    /// Blades of all plants.
+    /// Number of blades of all plants.
     pub leaves: u64,
-    /// Flowers of all plants.
+    /// Number of flowers of all plants.
     pub flowers: u64,
-    /// Area of one face of all blades.
+    /// Area of one face of all blades in square metres.
     pub leaf_area_m2: f64,
-    /// That area over the ground's.
+    /// Leaf area over the area of the ground.
     pub leaf_area_index: f64,
-    /// Size of the `.glb` or script.
+    /// Size of the `.glb` or script in bytes.
     pub bytes: usize,
 }
 
-/// How plants of a canopy differ where the leaf's description does not say.
+/// Default variation of the plants of a canopy, where the description of the leaf gives none.
 pub const CANOPY_VARIATION: PlantVariation =
     PlantVariation { chlorophyll: 0.12, carotenoid: 0.12, brown: 0.3, thickness: 0.06, seed: 1 };
 
-/// Grows a canopy and writes `out` (its name ends in .glb, or for [`Form::Shapes`] in .shapes.toml), beside it
-/// `NAME-leaf.toml` and the folder `NAME-textures`.
-/// `leaf` says what the leaves hold and lack; the species and the patch's size are the plants'. The same parameters give
-/// the same bytes on any number of threads.
+/// Generates a canopy and writes `out` (its name ends in .glb, or for [`Form::Shapes`] in .shapes.toml), beside it
+/// `NAME-leaf.toml` and the folder `NAME-textures`. `leaf` gives contents and deficiency of the leaves; species and
+/// patch size are those of the plants. Equal parameters give equal bytes on any number of threads.
 ///
 /// # Errors
-/// [`SynthError::BadParameter`]; [`SynthError::Capture`] for files that are there or cannot be written;
+/// [`SynthError::BadParameter`]; [`SynthError::Capture`] for files that exist or cannot be written;
 /// [`SynthError::Stopped`]. Every file is whole or not there.
 pub fn write_plants(
     out: impl AsRef<Path>,
@@ -131,8 +131,8 @@ pub fn write_plants(
     })
 }
 
-/// Returns the width and height of what a species' textures cover: a blade from margin to margin, or a leaflet from
-/// base to tip.
+/// Returns the width and height of the textures of a species in millimetres: a blade from margin to margin, or a
+/// leaflet from base to tip.
 fn texture_size_mm(species: Species) -> f64 {
     let metres = match species {
         Species::Maize => BLADE_WIDTH_M,
@@ -143,7 +143,8 @@ fn texture_size_mm(species: Species) -> f64 {
     (1000.0 * metres).round()
 }
 
-/// Returns what the textures are grown for: seen from straight above, so that they have next to no margin.
+/// Returns the parameters that the textures are generated for: seen from straight above, so that they have next to no
+/// margin.
 fn texture_params(leaf: &LeafDescription, images: TextureImages) -> Result<LeafParams, SynthError> {
     let described = LeafParams::described(leaf, images);
     let above = DirectionSet::new(vec![Direction::new(0.0, 0.0)])?;
@@ -152,7 +153,7 @@ fn texture_params(leaf: &LeafDescription, images: TextureImages) -> Result<LeafP
     Ok(LeafParams { capture, look, ..described })
 }
 
-/// What is written.
+/// Paths of the files that are written.
 struct Files {
     out: PathBuf,
     leaf: PathBuf,
@@ -177,7 +178,7 @@ impl Files {
         Ok(Files { out: out.into(), leaf, leaf_name, textures, textures_name })
     }
 
-    /// Refuses what must not be replaced.
+    /// Refuses files that must not be replaced.
     fn check(&self, existing: Existing) -> Result<(), SynthError> {
         let bad =
             |path: &Path, fault: &str, remedy| ModelError::Leaf { path: path.into(), fault: fault.into(), remedy };

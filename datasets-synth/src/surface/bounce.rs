@@ -1,16 +1,15 @@
-//! One indirect bounce: light that reaches a point by way of the surface's other points.
+//! One indirect bounce: light that reaches a point by way of other points of the surface.
 //!
-//! `E(p) = integral over the hemisphere of L(q(w)) cos dw`, where the ray from p along w meets the
-//! surface at q and `pi L(q) = albedo(q) V(q) max(0, n_q.wi)` for a lamp of unit normal irradiance.
-//! With K directions of cosine density that is the mean of `albedo V cos` over the K points q: a
-//! sparse matrix of node x K, traced once per material and applied once per light.
+//! `E(p) = integral over the hemisphere of L(q(w)) cos dw`, where the ray from p along w meets the surface at q and
+//! `pi L(q) = albedo(q) V(q) max(0, n_q.wi)` for a lamp of unit normal irradiance. With K directions of cosine density
+//! this is the mean of `albedo V cos` over the K points q: a sparse matrix of node x K, traced once per material and
+//! applied once per light.
 //!
-//! Nodes are every [`STRIDE`]-th of the relief's grid, one per texel; each has the same spiral of
-//! directions about its own normal, turned by an angle of its own.
+//! Nodes are every [`STRIDE`]-th of the grid of heights, one per texel; each has the same spiral of directions about
+//! its own normal, turned by an angle of its own.
 //!
-//! When it is wrong: points reflect diffusely on the way (a glossy one throws caustics that are
-//! missing here), only one bounce is counted, a point q is drawn to the nearest node, and rays that
-//! leave the grid count as escaped.
+//! When it is wrong: points reflect diffusely on the way (a specular one would throw caustics that are missing here),
+//! only one bounce is counted, a point q is moved to the nearest node, and rays that leave the grid count as escaped.
 
 use rayon::prelude::*;
 
@@ -19,25 +18,25 @@ use crate::surface::height_field::{HeightField, LightVisibility};
 use crate::surface::noise::lattice_unit;
 use crate::vector::dot;
 
-/// Relief nodes per bounce node and axis.
+/// Number of nodes of heights per bounce node and axis.
 const STRIDE: usize = 2;
 
-/// Directions per node.
+/// Number of directions per node.
 const DIRECTIONS: usize = 48;
 
-/// Turn from one point of the spiral to the next: the golden angle in radians.
+/// Angle from one point of the spiral to the next: the golden angle in radians.
 const GOLDEN_ANGLE_RAD: f32 = 2.399_963;
 
-/// Marks a ray that meets nothing.
+/// Marker of a ray that meets nothing.
 const ESCAPED: u32 = u32::MAX;
 
-/// Where light goes from the surface to itself.
+/// Transport of light from the surface to itself.
 #[derive(Debug, Clone)]
 pub struct Bounce {
     grid: Grid,
-    /// Share of arriving light that each node sends on, linear sRGB.
+    /// Share of incident light that each node reflects, linear sRGB.
     albedo: Vec<[f32; 3]>,
-    /// `[node, direction]`: the node that is met, or [`ESCAPED`].
+    /// Node that the ray of each direction meets, `[node, direction]`, or [`ESCAPED`].
     met: Vec<u32>,
 }
 
@@ -45,16 +44,16 @@ pub struct Bounce {
 #[derive(Debug, Clone)]
 pub struct BouncedLight {
     grid: Grid,
-    /// Cells of the relief's grid to cells of this one.
+    /// Factor from cells of the grid of heights to cells of this grid.
     scale: f32,
     /// Irradiance at each node over the lamp's normal irradiance, linear sRGB.
     irradiance: Vec<[f32; 3]>,
 }
 
 impl Bounce {
-    /// Traces every node's directions over `field`, whose point at a position in millimetres
-    /// reflects `albedo` of the light that arrives, linear sRGB. In parallel; the number of threads
-    /// never matters. Cost: 48 marched rays per texel.
+    /// Traces the directions of every node over `field`, whose point at a position in millimetres reflects `albedo` of
+    /// the incident light, linear sRGB. Runs in parallel; the number of threads never matters. Cost: 48 marched rays
+    /// per texel.
     pub fn new(field: &HeightField, albedo: impl Fn([f32; 2]) -> [f32; 3] + Sync) -> Bounce {
         let grid = field.grid.coarse(STRIDE);
         let positions = |node: usize| grid.position_mm(node % grid.side, node / grid.side);
@@ -78,7 +77,7 @@ impl Bounce {
         Bounce { grid, albedo, met }
     }
 
-    /// Returns the bounced light of the lamp `wi`, of which `visibility` reaches `field` directly, on the calling
+    /// Returns the bounced light of the lamp `wi`, of which `visibility` reaches `field` directly. Runs on the calling
     /// thread.
     pub(crate) fn gather(&self, field: &HeightField, visibility: &LightVisibility, wi: [f32; 3]) -> BouncedLight {
         let grid = self.grid;
@@ -109,14 +108,14 @@ impl Bounce {
         BouncedLight { grid, scale: 1.0 / STRIDE as f32, irradiance }
     }
 
-    /// Returns the bytes that one lamp's bounced light takes.
+    /// Returns the size in bytes of the bounced light of one lamp.
     pub(crate) fn bytes_per_light(&self) -> usize {
         self.grid.len() * size_of::<[f32; 3]>()
     }
 }
 
 impl BouncedLight {
-    /// Returns the irradiance at a place in cells of the relief's grid.
+    /// Returns the irradiance at a place in cells of the grid of heights.
     #[inline]
     pub(crate) fn at(&self, place: [f32; 2]) -> [f32; 3] {
         self.grid.corners(place.map(|x| x * self.scale)).sample_all(&self.irradiance)
@@ -131,7 +130,7 @@ fn spiral(i: usize, turn: f32) -> [f32; 3] {
     [radius * cos, radius * sin, (1.0 - radius2).sqrt()]
 }
 
-/// Returns a direction given about z, about `normal` instead [Duff 2017]; normals point upwards here.
+/// Returns a direction given about z, rotated to `normal` [Duff 2017]; normals point upwards here.
 fn about(normal: [f32; 3], local: [f32; 3]) -> [f32; 3] {
     let a = -1.0 / (1.0 + normal[2]);
     let b = normal[0] * normal[1] * a;

@@ -1,4 +1,4 @@
-//! From a material to a capture folder.
+//! Photographs a material into a capture folder.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -10,25 +10,24 @@ use rayon::prelude::*;
 use crate::error::SynthError;
 use crate::surface::rig::{Illumination, Material, ViewHits, render};
 
-/// Lights that are held at a time may take this many bytes; more lights are done in blocks, each
-/// of which marches the views again.
+/// Bytes that the lights held at a time may take; more lights are processed in blocks, each of which marches the views
+/// again.
 const LIGHT_BYTES: usize = 256 << 20;
 
 /// Name of the height map in a capture folder.
 pub const HEIGHT_MAP_NAME: &str = "height.exr";
 
-/// Called now and then with the number of images done and of all images; `Break` stops the work.
+/// Callback that is called now and then with the number of images done and of all images; `Break` stops the work.
 pub type Progress<'a> = &'a (dyn Fn(usize, usize) -> ControlFlow<()> + Sync);
 
-/// Photographs the material that `make` makes under every pair of `info`'s views and lights into
-/// the folder `dir`, and saves the seen face's heights beside the images ([`HEIGHT_MAP_NAME`],
-/// millimetres). In parallel on the current thread pool; the number of threads never matters.
-/// `make` is called once the folder is known to be free.
+/// Photographs the material that `make` returns under every pair of the views and lights of `info` into the folder
+/// `dir`, and saves the heights of the visible face beside the images ([`HEIGHT_MAP_NAME`], millimetres). Runs in
+/// parallel on the current thread pool; the number of threads never matters. `make` is called once the folder is known
+/// to be free.
 ///
 /// # Errors
-/// What `make` returns; [`SynthError::Stopped`] if `progress` asked for it;
-/// [`SynthError::Capture`] if the folder is not empty or cannot be written. In each case nothing
-/// is left behind.
+/// The error of `make`; [`SynthError::Stopped`] if `progress` asks for it; [`SynthError::Capture`] if the folder is not
+/// empty or cannot be written. In each case nothing is left behind.
 pub fn write_capture<M: Material>(
     dir: impl AsRef<Path>,
     info: CaptureInfo,

@@ -1,4 +1,4 @@
-//! What a capture of any material is asked for, apart from the material itself.
+//! Parameters of a capture of any material, apart from the material itself.
 
 use btf_capture::{CaptureInfo, DirectionSet, ImageFormat};
 
@@ -8,11 +8,11 @@ use crate::surface::grid::{Grid, MAX_SIDE};
 /// Largest side of a capture in texels.
 pub const MAX_CAPTURE_SIZE: usize = 2048;
 
-/// Steepest direction that a material is rendered under, in degrees: beyond it a ray crosses more
-/// relief than a patch has.
+/// Steepest direction that a material is rendered under, in degrees; beyond it a ray crosses more surface than a patch
+/// has.
 pub const MAX_CAPTURE_THETA_DEG: f64 = 88.0;
 
-/// How to photograph a material.
+/// Patch, directions and images of a capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CaptureParams {
     /// Width and height of the images in texels, 8 to [`MAX_CAPTURE_SIZE`].
@@ -23,14 +23,14 @@ pub struct CaptureParams {
     pub seed: u64,
     /// Directions towards the eye, polar angle at most [`MAX_CAPTURE_THETA_DEG`].
     pub views: DirectionSet,
-    /// Directions towards the light, the same.
+    /// Directions towards the light, polar angle at most [`MAX_CAPTURE_THETA_DEG`].
     pub lights: DirectionSet,
     /// Format of the images.
     pub format: ImageFormat,
 }
 
 impl CaptureParams {
-    /// 256 x 256 texels of a patch of `size_mm`, Bonn's 81 x 81 directions, png, seed 1.
+    /// Returns 256 x 256 texels of a patch of `size_mm`, Bonn's 81 x 81 directions, png, seed 1.
     pub fn new(size_mm: f32) -> CaptureParams {
         CaptureParams {
             size: 256,
@@ -65,12 +65,12 @@ impl CaptureParams {
         self.size_mm / self.size as f32
     }
 
-    /// Returns the grid for a relief that stays within `relief_bound_mm` of its mean.
+    /// Returns the grid for heights that stay within `relief_bound_mm` of their mean.
     pub(crate) fn grid(&self, relief_bound_mm: f32) -> Grid {
         Grid::for_patch(self.size, self.size_mm, relief_bound_mm, &self.views)
     }
 
-    /// Refuses a patch so small for its texels that the margin which oblique views need would dwarf it.
+    /// Refuses a patch so small for its texels that the margin for oblique views would be far larger than the patch.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`].
@@ -83,7 +83,7 @@ impl CaptureParams {
         Err(SynthError::BadParameter { name: "--size-mm", value, allowed })
     }
 
-    /// Returns the capture's description.
+    /// Returns the description of the capture.
     pub(crate) fn info(&self, name: &str, provenance: String) -> CaptureInfo {
         let mut info =
             CaptureInfo::new(name, self.size, self.size, self.views.clone(), self.lights.clone(), self.format);

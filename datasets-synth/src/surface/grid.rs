@@ -2,23 +2,23 @@
 
 use btf_capture::DirectionSet;
 
-/// Nodes of a patch's grid per texel and axis.
+/// Number of nodes of a patch's grid per texel and axis.
 const NODES_PER_TEXEL: f32 = 2.0;
 
-/// Most nodes along a side: a leaf takes some 150 bytes a node while it is made.
+/// Largest number of nodes along a side; a leaf takes some 150 bytes per node while it is generated.
 pub(crate) const MAX_SIDE: usize = 8192;
 
-/// Margins are made for directions up to this polar angle; steeper rays read the edge.
+/// Polar angle in degrees up to which margins suffice; steeper rays read the edge.
 const MARGIN_THETA_DEG: f64 = 82.0;
 
-/// Margin beyond what the view's parallax needs, in millimetres: for shadows from outside.
+/// Margin beyond that for the parallax of the view, in millimetres, for shadows from outside.
 const SHADOW_MARGIN_MM: f32 = 1.0;
 
-/// Where the nodes of a field stand. Lengths in millimetres, the origin at the patch's lower
-/// left corner, x to the right, y up.
+/// Positions of the nodes of a field. Lengths are in millimetres, the origin is the lower left corner of the patch, x
+/// points to the right, y up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Grid {
-    /// Nodes along x and along y.
+    /// Number of nodes along x and along y.
     pub side: usize,
     /// Distance between nodes in millimetres.
     pub cell_mm: f32,
@@ -27,15 +27,15 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// Returns a grid over a square patch of `size_mm`, of at least `margin_mm` around.
+    /// Returns a grid over a square patch of `size_mm` with at least `margin_mm` around it.
     pub fn new(size_mm: f32, cell_mm: f32, margin_mm: f32) -> Grid {
         let margin_cells = (margin_mm / cell_mm).ceil();
         let side = (size_mm / cell_mm).round() as usize + 2 * margin_cells as usize + 1;
         Grid { side, cell_mm, margin_mm: margin_cells * cell_mm }
     }
 
-    /// Returns the grid of a patch of `size` x `size` texels and `size_mm` whose relief stays within `relief_bound_mm`
-    /// of its mean, photographed from `views`.
+    /// Returns the grid of a patch of `size` x `size` texels and `size_mm` whose heights stay within `relief_bound_mm`
+    /// of their mean, photographed from `views`.
     pub fn for_patch(size: usize, size_mm: f32, relief_bound_mm: f32, views: &DirectionSet) -> Grid {
         let steepest = views.directions().iter().map(|d| d.theta_deg).fold(0.0, f64::max);
         let slope = steepest.min(MARGIN_THETA_DEG).to_radians().tan() as f32;
@@ -68,7 +68,7 @@ impl Grid {
         self.side * self.side
     }
 
-    /// Returns the four nodes around a place and their weights; places outside are drawn to the edge.
+    /// Returns the four nodes around a place and their weights; places outside are moved to the edge.
     #[inline]
     pub fn corners(&self, place: [f32; 2]) -> Corners {
         let last = (self.side - 1) as f32;
@@ -85,7 +85,7 @@ impl Grid {
     }
 }
 
-/// A cell of a grid with bilinear weights of its nodes.
+/// Cell of a grid, with bilinear weights of its nodes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Corners {
     first: usize,

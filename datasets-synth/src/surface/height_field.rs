@@ -1,4 +1,4 @@
-//! A relief on a grid: heights and slopes, rays that march over it, and what of a lamp its nodes see.
+//! Height field on a grid: heights and slopes, rays that march over it, and the visibility of a lamp from its nodes.
 
 use rayon::prelude::*;
 
@@ -13,18 +13,18 @@ const REFINEMENTS: usize = 6;
 /// Angular radius of the lamp in radians (half a degree).
 const LAMP_RADIUS_RAD: f32 = 0.00873;
 
-/// One face of a patch as heights over its reference plane. Lengths in millimetres, the origin at
-/// the patch's lower left corner, x to the right, y up, z out of the face, mean height 0 over the
-/// patch. A margin around the patch holds what oblique views and shadows reach.
+/// One face of a patch as heights over its reference plane. Lengths are in millimetres, the origin is the lower left
+/// corner of the patch, x points to the right, y up, z out of the face, and the mean height over the patch is 0. A
+/// margin around the patch holds what oblique views and shadows reach.
 ///
-/// The far face of a thin sheet is a second height field on the same grid, in the same lateral
-/// frame, its z out of that face: directions then change the sign of z and nothing else.
+/// The far face of a thin sheet is a second height field on the same grid, in the same lateral frame, with z out of
+/// that face: directions then change the sign of z and nothing else.
 #[derive(Debug, Clone)]
 pub struct HeightField {
     pub(crate) grid: Grid,
     size_mm: f32,
     height_mm: Vec<f32>,
-    /// dz/dx, dz/dy.
+    /// Slopes dz/dx, dz/dy.
     slopes: Vec<[f32; 2]>,
     lowest_mm: f32,
     highest_mm: f32,
@@ -33,13 +33,13 @@ pub struct HeightField {
 /// Share of the lamp that each node of a height field sees.
 #[derive(Debug, Clone)]
 pub struct LightVisibility {
-    /// 0 to 255.
+    /// Share of the lamp per node, 0 to 255.
     pub(crate) share: Vec<u8>,
 }
 
 impl HeightField {
-    /// Returns the relief of heights in millimetres at the nodes of `grid`, moved to mean height 0 over the patch of
-    /// `size_mm`. Slopes are central differences.
+    /// Returns the height field of heights in millimetres at the nodes of `grid`, moved to mean height 0 over the patch
+    /// of `size_mm`. Slopes are central differences.
     pub(crate) fn new(grid: Grid, size_mm: f32, mut height_mm: Vec<f32>) -> HeightField {
         // Summed in order, so threads do not matter.
         let inside = |node: usize| {
@@ -91,7 +91,7 @@ impl HeightField {
         self.normal_at(self.grid.cells(position_mm))
     }
 
-    /// Returns the heights at the middles of `size` x `size` texels, `[row, column]`, row 0 at the top: the map that is
+    /// Returns the heights at the middles of `size` x `size` texels, `[row, column]`, row 0 at the top, as they are
     /// saved beside a capture.
     pub fn height_map_mm(&self, size: usize) -> Vec<f32> {
         let texel_mm = self.size_mm / size as f32;
@@ -111,8 +111,8 @@ impl HeightField {
         [-slope_x * scale, -slope_y * scale, scale]
     }
 
-    /// From the top of the relief down along the ray that passes the reference plane at `start`
-    /// (in cells) towards `wo`, to the first surface point: its place in cells.
+    /// Marches from the top of the heights down along the ray that passes the reference plane at `start` (in cells)
+    /// towards `wo`, to the first surface point. Returns its place in cells.
     pub(crate) fn march_down(&self, start: [f32; 2], wo: [f32; 3]) -> [f32; 2] {
         // Way on the grid per millimetre of height.
         let drift = [wo[0] / wo[2] / self.grid.cell_mm, wo[1] / wo[2] / self.grid.cell_mm];
@@ -138,8 +138,8 @@ impl HeightField {
         at(0.5 * (free + blocked))
     }
 
-    /// From the surface at `place` (in cells) along `direction` (unit) to where the ray meets the
-    /// surface again: its place in cells. `None` where the ray escapes upwards or past the edge.
+    /// Marches from the surface at `place` (in cells) along `direction` (unit) to where the ray meets the surface
+    /// again. Returns its place in cells, or `None` where the ray escapes upwards or past the edge.
     pub(crate) fn march_out(&self, place: [f32; 2], direction: [f32; 3]) -> Option<[f32; 2]> {
         let sin = (direction[0] * direction[0] + direction[1] * direction[1]).sqrt();
         if sin < 1e-5 {
@@ -170,8 +170,8 @@ impl HeightField {
         Some(at(0.5 * (free + blocked)))
     }
 
-    /// Returns the share of the lamp that a node sees: from how far the relief keeps clear of the way to the lamp's
-    /// middle.
+    /// Returns the share of the lamp that a node sees, from the clearance between the heights and the ray to the middle
+    /// of the lamp.
     fn march_up(&self, column: usize, row: usize, wi: [f32; 3]) -> f32 {
         let sin2 = wi[0] * wi[0] + wi[1] * wi[1];
         if sin2 < 1e-10 {
@@ -205,8 +205,8 @@ impl HeightField {
 }
 
 impl LightVisibility {
-    /// Marches from every node of the field's grid towards the light `wi` (unit, in front of the
-    /// field's face), on the calling thread.
+    /// Marches from every node of the grid of `field` towards the light `wi` (unit, in front of the face of the field),
+    /// on the calling thread.
     pub fn new(field: &HeightField, wi: [f32; 3]) -> LightVisibility {
         let side = field.grid.side;
         let share = (0..field.grid.len())
@@ -215,13 +215,13 @@ impl LightVisibility {
         LightVisibility { share }
     }
 
-    /// Returns the share of the lamp seen from `field` (the one that this was made of) at a position in millimetres, 0
-    /// to 1.
+    /// Returns the share of the lamp, 0 to 1, seen from a position in millimetres of `field`, which must be the one
+    /// that this visibility was computed for.
     pub fn share_at(&self, field: &HeightField, position_mm: [f32; 2]) -> f32 {
         field.grid.corners(field.grid.cells(position_mm)).sample_share(&self.share)
     }
 
-    /// Returns the bytes that the visibility of one light takes for this field.
+    /// Returns the size in bytes of the visibility of one light for this field.
     pub(crate) fn bytes(field: &HeightField) -> usize {
         field.grid.len()
     }
@@ -233,7 +233,7 @@ pub(crate) mod tests {
 
     use super::*;
 
-    /// Returns a relief of 20 x 20 mm on a grid of 0.15625 mm, from its height in millimetres over the position.
+    /// Returns a height field of 20 x 20 mm on a grid of 0.15625 mm, from its height in millimetres over the position.
     pub(crate) fn shaped(height: impl Fn([f32; 2]) -> f32) -> HeightField {
         let grid = Grid::new(20.0, 20.0 / 128.0, 3.3);
         let heights =

@@ -1,4 +1,4 @@
-//! Mesostructure: what a relief of any material needs to be photographed.
+//! Mesostructure: height fields of any material, and their photography.
 
 pub(crate) mod bounce;
 pub(crate) mod capture;

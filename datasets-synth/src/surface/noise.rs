@@ -1,16 +1,14 @@
 //! Deterministic two-dimensional noise: smooth gradient noise and cells with their borders.
 
-/// A wave shorter than this many texels is left out, one longer than the second number is whole.
+/// Lengths of a wave in texels: a shorter one than the first is left out, a longer one than the second is whole.
 const FADE_TEXELS: [f32; 2] = [2.5, 4.0];
 
-/// Returns the share of a wave of so many texels' length that a picture should show, 0 to 1: what texels cannot carry
-/// would only alias.
+/// Returns the share of a wave of length `texels` that an image should show, 0 to 1; shorter waves would only alias.
 pub(crate) fn carried_by_texels(texels: f32) -> f32 {
     ((texels - FADE_TEXELS[0]) / (FADE_TEXELS[1] - FADE_TEXELS[0])).clamp(0.0, 1.0)
 }
 
-/// Mixes a lattice point and a seed to 32 well-scattered bits (finaliser of MurmurHash3, applied
-/// between the inputs).
+/// Mixes a lattice point and a seed to 32 well-scattered bits (finaliser of MurmurHash3, applied between the inputs).
 fn hash(x: i32, y: i32, seed: u32) -> u32 {
     let mix = |mut h: u32| {
         h ^= h >> 16;
@@ -27,8 +25,8 @@ fn two_units(bits: u32) -> [f32; 2] {
     [(bits >> 16) as f32 / 65536.0, (bits & 0xFFFF) as f32 / 65536.0]
 }
 
-/// Gradient noise [Perlin 2002] of lattice step 1, about -1 to 1 with mean 0 and a root mean
-/// square near 0.3; twice differentiable.
+/// Returns gradient noise [Perlin 2002] of lattice step 1, about -1 to 1 with mean 0 and a root mean square near 0.3;
+/// twice differentiable.
 pub(crate) fn gradient_noise(x: f32, y: f32, seed: u32) -> f32 {
     let (x0, y0) = (x.floor(), y.floor());
     let (fx, fy) = (x - x0, y - y0);
@@ -45,19 +43,19 @@ pub(crate) fn gradient_noise(x: f32, y: f32, seed: u32) -> f32 {
     1.4 * (bottom * (1.0 - v) + top * v)
 }
 
-/// Returns a number in [0, 1) of a lattice point.
+/// Returns a random number in [0, 1) for a lattice point.
 pub(crate) fn lattice_unit(x: i32, y: i32, seed: u32) -> f32 {
     two_units(hash(x, y, seed))[0]
 }
 
-/// Where a point lies in its cell of a Voronoi diagram.
+/// Place of a point in its cell of a Voronoi diagram.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cell {
     /// Distance to the nearest border of the cell.
     pub border: f32,
-    /// Distance to the cell's site.
+    /// Distance to the site of the cell.
     pub site: f32,
-    /// A number in [0, 1) of the cell's own.
+    /// Random number in [0, 1) of the cell.
     pub unit: f32,
 }
 
@@ -70,8 +68,7 @@ pub(crate) fn cell_border_distance(x: f32, y: f32, seed: u32) -> f32 {
 /// Returns the cell that a point lies in, among cells of one jittered site per unit square [Worley 1996; exact border
 /// distance by the bisectors].
 pub(crate) fn cell(x: f32, y: f32, seed: u32) -> Cell {
-    /// How far a site may stand from the middle of its square: less than half keeps cells of
-    /// like size.
+    /// Largest distance of a site from the middle of its square; less than half keeps cells of like size.
     const JITTER: f32 = 0.8;
     let (ix, iy) = (x.floor() as i32, y.floor() as i32);
     let site = |dx: i32, dy: i32| {

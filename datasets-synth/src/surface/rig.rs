@@ -1,11 +1,10 @@
-//! The virtual camera and lamp: what each texel of the reference plane sees of a material.
+//! Virtual camera and lamp: what each texel of the reference plane shows of a material.
 //!
-//! The reference plane is the mean height. For a view, the ray through each of four points in a
-//! texel is marched along the relief to the first surface point: parallax and masking. For a
-//! light, the way from each node of the relief towards it is marched for what stands in the way:
-//! shadows, with the penumbra of a lamp of half a degree radius. A texel is the mean over its
-//! points of `pi f_r cos_i` times visibility, and where the material has it, of the light that
-//! comes by way of the surface itself ([`Bounce`]).
+//! The reference plane is the mean height. For a view, the ray through each of four points in a texel is marched over
+//! the heights to the first surface point, which gives parallax and masking. For a light, the ray from each node
+//! towards it is marched for occluders, which gives shadows with the penumbra of a lamp of half a degree radius. A
+//! texel is the mean over its points of `pi f_r cos_i` times visibility, and where the material has it, of the light
+//! that comes by way of the surface itself ([`Bounce`]).
 
 use rayon::prelude::*;
 
@@ -13,38 +12,38 @@ use crate::surface::bounce::{Bounce, BouncedLight};
 use crate::surface::height_field::{HeightField, LightVisibility};
 use crate::vector::dot;
 
-/// Points per texel and axis.
+/// Number of points per texel and axis.
 pub(crate) const SUPERSAMPLES: usize = 2;
 
-/// A surface that the rig can photograph: its relief, and what a point of it does with light.
-/// What depends on the view alone is taken once per view ([`Material::point`]), what depends on
-/// the two directions alone once per image ([`Material::pair`]).
+/// Surface that the rig can photograph: its height field and its shading at a point. What depends on the view alone is
+/// computed once per view ([`Material::point`]), what depends on the two directions alone once per image
+/// ([`Material::pair`]).
 pub trait Material: Sync {
-    /// What one point of the surface shows in one view, before any light.
+    /// View-dependent part of the shading at one point.
     type Point: Copy + Send + Sync;
-    /// The constants of one image.
+    /// Constants of one image.
     type Pair: Sync;
 
-    /// Side of the images in texels.
+    /// Returns the side of the images in texels.
     fn size(&self) -> usize;
 
-    /// Returns the face that the eye sees.
+    /// Returns the height field of the face that the eye sees.
     fn face(&self) -> &HeightField;
 
-    /// Returns what of the light `wi` reaches the face that it falls on: the seen one here. A material that lets light
-    /// through asks its other face, which must lie on the same grid.
+    /// Returns the visibility of the light `wi` from the face that it falls on, by default the visible one. A material
+    /// that transmits light uses its other face, which must lie on the same grid.
     fn visibility(&self, wi: [f32; 3]) -> LightVisibility {
         LightVisibility::new(self.face(), wi)
     }
 
-    /// Returns the half of the shading at `place` (in cells of the face's grid) that the view decides.
+    /// Returns the view-dependent half of the shading at `place` (in cells of the face's grid).
     fn point(&self, place: [f32; 2], normal: [f32; 3], wo: [f32; 3]) -> Self::Point;
 
     /// Returns the constants of the image under the light `wi` in the view `wo`.
     fn pair(&self, wi: [f32; 3], wo: [f32; 3]) -> Self::Pair;
 
-    /// Returns the cosine of incidence of the light `wi` at a point; where it is not positive the point is unlit. Taken
-    /// against the seen face's normal here.
+    /// Returns the cosine of incidence of the light `wi` at a point, by default against the normal of the visible face.
+    /// A point where it is not positive is unlit.
     #[inline]
     fn cos_i(&self, hit: &Hit<Self::Point>, wi: [f32; 3]) -> f32 {
         dot(hit.normal, wi)
@@ -53,38 +52,38 @@ pub trait Material: Sync {
     /// Returns `pi * BSDF * cos_i` of the fully lit point, linear sRGB; `cos_i` is positive.
     fn shade(&self, pair: &Self::Pair, hit: &Hit<Self::Point>, cos_i: f32) -> [f32; 3];
 
-    /// Returns the transport of light from the surface to itself; none here.
+    /// Returns the transport of light from the surface to itself, by default none.
     fn bounce(&self) -> Option<&Bounce> {
         None
     }
 
-    /// Returns the share of diffuse light at a point that leaves towards the eye, linear sRGB: what bounced light is
-    /// multiplied with.
+    /// Returns the share of diffuse light at a point that leaves towards the eye, linear sRGB, which bounced light is
+    /// multiplied by.
     fn diffuse_reflectance(&self, _hit: &Hit<Self::Point>) -> [f32; 3] {
         [0.0; 3]
     }
 }
 
-/// What one point of a texel sees under one view.
+/// Surface point that one point of a texel sees in one view.
 #[derive(Debug, Clone, Copy)]
 pub struct Hit<P> {
     /// Place on the face's grid in cells.
     pub place: [f32; 2],
     /// Unit normal of the seen face.
     pub normal: [f32; 3],
-    /// What the material made of them.
+    /// View-dependent part of the shading.
     pub point: P,
 }
 
-/// Everything that a material shows in one view, before any light.
+/// View-dependent part of a whole image.
 #[derive(Debug, Clone)]
 pub struct ViewHits<P> {
     wo: [f32; 3],
-    /// `[texel, point]`.
+    /// Hits `[texel, point]`.
     hits: Vec<Hit<P>>,
 }
 
-/// A light and what of it reaches the material.
+/// Light with its visibility from the material.
 #[derive(Debug, Clone)]
 pub struct Illumination {
     wi: [f32; 3],
@@ -126,7 +125,7 @@ impl Illumination {
         Illumination { wi, visibility, bounced }
     }
 
-    /// Returns the bytes that one light takes for this material.
+    /// Returns the size in bytes of one light for this material.
     pub(crate) fn bytes<M: Material>(material: &M) -> usize {
         LightVisibility::bytes(material.face()) + material.bounce().map_or(0, Bounce::bytes_per_light)
     }

@@ -1,16 +1,16 @@
-//! Functions of a cosine as tables, dense towards grazing.
+//! Tables of functions of a cosine, dense towards grazing.
 
-/// Entries of a table, even in the root of the cosine.
+/// Number of entries of a table, even in the root of the cosine.
 const ENTRIES: usize = 129;
 
-/// A function of a cosine in [0, 1], linearly interpolated over the root of it.
+/// Function of a cosine in [0, 1], linearly interpolated over its root.
 #[derive(Debug, Clone)]
 pub(crate) struct CosineTable {
     values: Vec<f32>,
 }
 
 impl CosineTable {
-    /// Tabulates `function`; its value at 0 is taken a little above.
+    /// Tabulates `function`; the value at 0 is taken a little above.
     pub fn new(function: impl Fn(f64) -> f64) -> CosineTable {
         let entry = |i: usize| {
             let root = i as f64 / (ENTRIES - 1) as f64;
@@ -19,7 +19,7 @@ impl CosineTable {
         CosineTable { values: (0..ENTRIES).map(entry).collect() }
     }
 
-    /// Returns the value at a cosine; cosines outside [0, 1] are drawn to the ends.
+    /// Returns the value at a cosine; cosines outside [0, 1] are clamped.
     #[inline]
     pub fn at(&self, cosine: f32) -> f32 {
         let position = cosine.clamp(0.0, 1.0).sqrt() * (ENTRIES - 1) as f32;
@@ -28,7 +28,7 @@ impl CosineTable {
         self.values[cell] * (1.0 - t) + self.values[cell + 1] * t
     }
 
-    /// Returns the mean over the hemisphere with the cosine's weight.
+    /// Returns the mean over the hemisphere with the cosine as weight.
     pub fn mean(&self) -> f64 {
         let count = 4096;
         // Even steps of sin^2.

@@ -1,8 +1,9 @@
-//! What the fuzz targets do with one input, as plain functions: `fuzz_targets` hands them what libFuzzer makes up,
-//! `models/tests/corpus.rs` the corpus and its own mutations, on any toolchain. A function that returns has found nothing.
+//! Fuzz targets as plain functions of one input: `fuzz_targets` passes them what libFuzzer makes up,
+//! `models/tests/corpus.rs` the corpus and its own mutations, on any toolchain. A function that returns has found
+//! nothing.
 //!
-//! An input is written to a file, because the functions that users call take paths. What cannot be read must be refused in one
-//! line that names the file.
+//! An input is written to a file, because the functions that users call take paths. A file that cannot be read must be
+//! refused in one line that names it.
 
 mod mutate;
 
@@ -14,16 +15,17 @@ use btf_models::{LeafDescription, read_model};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Images of a capture that are read, and texels of an image above which they are not.
+/// Largest number of images of a capture that are read.
 const MAX_IMAGES: usize = 32;
+/// Largest number of texels of an image that is read.
 const MAX_TEXELS: usize = 1 << 12;
 
-/// The files that the inputs of one thread are written to.
+/// Files that the inputs of one thread are written to.
 struct Files {
     folder: TempDir,
-    /// A capture of 2 x 2 images of 2 x 2 texels, for manifests.
+    /// Folder of a capture of 2 x 2 images of 2 x 2 texels, for manifests.
     capture: PathBuf,
-    /// Four images that a list can name.
+    /// Folder of four images that a list can name.
     listed: PathBuf,
 }
 

@@ -1,10 +1,11 @@
-//! Changes to an input that keep its form for longer than changes of bytes do: a text changes by lines, words and numbers, a
-//! binary glTF file in the text of its document, with its lengths put right.
+//! Mutates inputs in ways that keep their form for longer than changes of bytes do: a text changes by lines, words and
+//! numbers, a binary glTF file in the text of its document, with its lengths corrected.
 
-/// One input in so many is changed as plain bytes, so that the checks at the door are tried as well.
+/// Ratio of all inputs to those that are changed as plain bytes, so that the first checks of a reader are tried as
+/// well.
 const RAW_ONE_IN: usize = 8;
 
-/// Numbers that stand at borders.
+/// Numbers at borders of types and ranges.
 const NUMBERS: [&str; 16] = [
     "0",
     "-1",
@@ -75,8 +76,9 @@ pub fn mutate(bytes: &[u8], seed: u64, most: usize, change_bytes: &mut dyn FnMut
     if changed.len() <= most { changed } else { bytes.to_vec() }
 }
 
-/// [`mutate`] as libFuzzer asks for it: within `data`, of which `size` bytes are the input and `most` may be. `change_bytes` is
-/// its own mutator, which takes the same and returns the new size. So does this.
+/// Changes an input by [`mutate`] in place, as libFuzzer asks for it: `data` holds the input in its first `size` bytes
+/// and has room for `most`. `change_bytes` is libFuzzer's own mutator, which has the same arguments and result. Returns
+/// the new size.
 pub fn mutate_in_place(
     data: &mut [u8],
     size: usize,
@@ -127,7 +129,7 @@ fn changed_text(text: &str, random: &mut Random, change_bytes: &mut dyn FnMut(&m
     for _ in 0..1 + random.below(3) {
         match random.below(10) {
             0 => text = with_line(&text, random, |lines, at, _| lines.insert(at, lines[at])),
-            1 => text = with_line(&text, random, |lines, at, _| drop(lines.remove(at))),
+            1 => text = with_line(&text, random, |lines, at, _| _ = lines.remove(at)),
             2 => text = with_line(&text, random, |lines, at, other| lines.swap(at, other)),
             3 => {
                 let mut bytes = text.into_bytes();
@@ -140,7 +142,7 @@ fn changed_text(text: &str, random: &mut Random, change_bytes: &mut dyn FnMut(&m
                     words[at] = NUMBERS[random.below(NUMBERS.len())].to_string();
                 })
             }
-            7 => text = with_word(&text, random, |words, at, _| drop(words.remove(at))),
+            7 => text = with_word(&text, random, |words, at, _| _ = words.remove(at)),
             _ => {
                 text =
                     with_word(&text, random, |words, at, random| words[at] = words[random.below(words.len())].clone())

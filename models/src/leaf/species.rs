@@ -65,9 +65,9 @@ impl Default for LeafGloss {
 pub struct SpeciesPreset {
     /// Width and height of the patch in millimetres.
     pub size_mm: f64,
-    /// What the blade holds.
+    /// Contents of the blade.
     pub contents: LeafContents,
-    /// Its gloss.
+    /// Specular lobe of the cuticle.
     pub gloss: LeafGloss,
 }
 

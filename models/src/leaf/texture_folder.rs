@@ -189,7 +189,8 @@ pub fn write_textures(
     for TextureGrid { kind, width, range, values } in textures {
         let image = TextureImage::from_values(*width, kind.channels(), values, *range);
         let path = staging.path().join(format!("{}.png", kind.name()));
-        let bytes = image.encode(*kind != TextureKind::Structure).map_err(|error| {
+        let depth = if *kind == TextureKind::Structure { png::BitDepth::Eight } else { png::BitDepth::Sixteen };
+        let bytes = image.encode(depth).map_err(|error| {
             ModelError::leaf(&path, format!("cannot be encoded ({error})"), "report this with the command line")
         })?;
         write_file_atomically(&path, &bytes)?;

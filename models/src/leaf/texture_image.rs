@@ -192,8 +192,9 @@ impl TextureImage {
         TextureImage { width, height: values.len() / channels / width, channels, values }
     }
 
-    /// Encodes the image as a PNG of 16 or of 8 bits.
-    pub fn encode(&self, sixteen_bits: bool) -> Result<Vec<u8>, png::EncodingError> {
+    /// Encodes the image as a PNG of 16 bits a channel, or of 8 for any other depth.
+    pub fn encode(&self, depth: png::BitDepth) -> Result<Vec<u8>, png::EncodingError> {
+        let sixteen_bits = depth == png::BitDepth::Sixteen;
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
         encoder.set_color(if self.channels == 1 { png::ColorType::Grayscale } else { png::ColorType::Rgb });
@@ -287,8 +288,8 @@ pub(crate) mod tests {
     #[test]
     fn every_prefix_and_an_enormous_claim_is_refused() {
         let image = TextureImage::from_values(5, 3, &(0..75).map(|i| i as f32).collect::<Vec<_>>(), [0.0, 75.0]);
-        for sixteen_bits in [true, false] {
-            let bytes = image.encode(sixteen_bits).unwrap();
+        for depth in [png::BitDepth::Sixteen, png::BitDepth::Eight] {
+            let bytes = image.encode(depth).unwrap();
             for length in 0..bytes.len() {
                 assert!(TextureImage::decode(&bytes[..length], 3).is_err(), "prefix of {length}");
             }
@@ -307,7 +308,7 @@ pub(crate) mod tests {
     #[test]
     fn a_flipped_bit_is_refused_or_harmless() {
         let image = TextureImage::from_values(4, 1, &(0..16).map(|i| i as f32).collect::<Vec<_>>(), [0.0, 16.0]);
-        let bytes = image.encode(true).unwrap();
+        let bytes = image.encode(png::BitDepth::Sixteen).unwrap();
         for position in 0..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[position] ^= 0x10;

@@ -49,23 +49,23 @@ use crate::optics::tables::prospect_5::PROSPECT_5;
 use crate::optics::tables::{LEAF_FIRST_NM, LEAF_LAST_NM, interpolated};
 use crate::optics::units::{Centimetres, MicrogramsPerSquareCentimetre, Nanometres, SquareCentimetresPerMicrogram};
 
-/// One epidermis.
+/// Epidermis of one face.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Epidermis {
     /// Refractive index of the outer wall, eta_c.
     pub index: f64,
-    /// Oblateness of its cells, ob: large is nearly specular.
+    /// Oblateness of the cells, ob; large is nearly specular.
     pub oblateness: f64,
 }
 
 impl Default for Epidermis {
-    /// Returns the table 1 of the paper.
+    /// Returns the epidermis of the paper's Table 1.
     fn default() -> Epidermis {
         Epidermis { index: 1.6, oblateness: 5.0 }
     }
 }
 
-/// Which share of the leaf's thickness is pigmented [Baranoski 1997, sec. 3.2].
+/// Kind of mesophyll, which sets the pigmented share of the thickness [Baranoski 1997, sec. 3.2].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MesophyllKind {
     /// Palisade tissue over spongy tissue: 45 %.
@@ -84,7 +84,7 @@ impl MesophyllKind {
     }
 }
 
-/// How light that enters through state 1 is spread.
+/// Spread of light that enters through state 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum EntryLobe {
     /// Diffusely, eq. 6: "when light passes to the mesophyll its direction of travel is randomized". Gives
@@ -95,25 +95,25 @@ pub enum EntryLobe {
     Oblateness,
 }
 
-/// Which states are walked.
+/// States that are walked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum States {
-    /// All four.
+    /// All four states.
     #[default]
     All,
-    /// The paper's reduced form for scenes with many leaves: states 1 and 2 alone, so the leaf ends below
-    /// its mesophyll [Baranoski 1997, sec. 5].
+    /// Reduced form of the paper for scenes with many leaves: states 1 and 2 alone, so the leaf ends below its
+    /// mesophyll [Baranoski 1997, sec. 5].
     Reduced,
 }
 
-/// Readings of what the paper leaves open.
+/// Choices where the paper leaves the reading open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Abm97Switches {
-    /// State 1, refracted ray.
+    /// Spread of the refracted ray in state 1.
     pub entry: EntryLobe,
-    /// States 3 and 4 spread by the oblateness (the text says so; unspread they meet measured backs better).
+    /// Whether states 3 and 4 spread by the oblateness, as the text says; unspread they fit measured backs better.
     pub spongy_side_spreads: bool,
-    /// Lobes that cross the interface they have just left.
+    /// Rule for lobes that cross the interface which they have just left.
     pub crossing: Crossing,
     /// Length of a slanted crossing; the paper's is [`PathRule::Slant`].
     pub path: PathRule,
@@ -133,7 +133,7 @@ impl Default for Abm97Switches {
     }
 }
 
-/// A leaf of the 1997 model. See the parameter table at the top of this file.
+/// Leaf of the 1997 model; see the table of the module.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Abm97 {
     /// Upper epidermis.
@@ -150,11 +150,11 @@ pub struct Abm97 {
     pub carotenoid: MicrogramsPerSquareCentimetre,
     /// Share of the mesophyll's volume that is water.
     pub water_share: f64,
-    /// Whole leaf.
+    /// Thickness of the whole leaf.
     pub leaf_thickness: Centimetres,
-    /// Which share of it is pigmented.
+    /// Kind of mesophyll, which sets the pigmented share of the thickness.
     pub mesophyll: MesophyllKind,
-    /// Readings.
+    /// Choices where the paper leaves the reading open.
     pub switches: Abm97Switches,
 }
 
@@ -182,7 +182,7 @@ impl Abm97 {
         self.leaf_thickness * self.mesophyll.share()
     }
 
-    /// Checks every range; wider than the table where the walk itself still means something.
+    /// Checks every range. The ranges are wider than those of the table where the walk itself still means something.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`] for the first that is out of range.
@@ -267,7 +267,7 @@ fn carotenoid(wavelength: Nanometres) -> SquareCentimetresPerMicrogram {
     SquareCentimetresPerMicrogram(prospect_5(&PROSPECT_5.carotenoid, wavelength))
 }
 
-/// Returns a pigment's column of PROSPECT-5; 0 beyond 780 nm, where pigments have vanished.
+/// Returns the value of a pigment's column of PROSPECT-5; 0 beyond 780 nm, where pigments no longer absorb.
 fn prospect_5(column: &[f64], wavelength: Nanometres) -> f64 {
     let nm = wavelength.0.max(LEAF_FIRST_NM);
     if nm > LEAF_LAST_NM { 0.0 } else { interpolated(column, LEAF_FIRST_NM, 1.0, nm) }

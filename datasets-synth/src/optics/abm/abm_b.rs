@@ -29,12 +29,12 @@
 //! 6  cuticle | air                epidermal caps above, cuticle undulations outside
 //! ```
 //!
-//! Differs from the papers in: tables are read linearly between their entries every 5 nm, not as steps.
-//! Compared at the published wavelengths it agrees with figures of the authors' own program to its noise.
+//! Differs from the papers in: tables are interpolated linearly between their entries every 5 nm, not read as steps. At
+//! the published wavelengths the model agrees with figures of the authors' own program within its noise.
 //!
-//! When it is wrong: interfaces are smooth planes with lobes about slanted rays, so two of its readings
-//! remain: lobes that cross are drawn again, and `PathRule::Sieve` gives an oblique ray a *shorter* way than
-//! Beer's law (`1 / cos(cos theta)`). Reflectance at 450 and 680 nm is near its floor for any pigment.
+//! When it is wrong: interfaces are smooth planes with lobes about slanted rays, so two questions of reading remain:
+//! lobes that cross are drawn again, and `PathRule::Sieve` gives an oblique ray a *shorter* path than Beer's law
+//! (`1 / cos(cos theta)`). Reflectance at 450 and 680 nm is near its floor for any pigment.
 
 use crate::optics::abm::specimen::Specimen;
 use crate::optics::abm::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
@@ -42,17 +42,17 @@ use crate::optics::abm::tissue::{DepthParts, Tissue};
 use crate::optics::tables::abm as tables;
 use crate::optics::units::Nanometres;
 
-/// A bifacial leaf: palisade above, spongy tissue below.
+/// Bifacial leaf: palisade above, spongy tissue below.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AbmB {
-    /// The leaf.
+    /// Specimen of the leaf.
     pub specimen: Specimen,
     /// Length of a slanted crossing; the authors' default is the sieve rule.
     pub path: PathRule,
 }
 
 impl Default for AbmB {
-    /// Returns the soybean leaf, sieve rule on.
+    /// Returns the soybean leaf with the sieve rule.
     fn default() -> AbmB {
         AbmB { specimen: Specimen::soybean(), path: PathRule::Sieve }
     }

@@ -29,17 +29,17 @@ use crate::optics::abm::tissue::{DepthParts, Tissue};
 use crate::optics::tables::abm as tables;
 use crate::optics::units::Nanometres;
 
-/// A unifacial leaf.
+/// Unifacial leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AbmU {
-    /// The leaf.
+    /// Specimen of the leaf.
     pub specimen: Specimen,
     /// Length of a slanted crossing; the authors' default is the sieve rule.
     pub path: PathRule,
 }
 
 impl Default for AbmU {
-    /// Returns the maize leaf, sieve rule on.
+    /// Returns the maize leaf with the sieve rule.
     fn default() -> AbmU {
         AbmU { specimen: Specimen::maize(), path: PathRule::Sieve }
     }

@@ -1,4 +1,4 @@
-//! Algorithmic models: random walks of rays through the interfaces of a leaf's tissue (ABM).
+//! Algorithmic models (ABM): random walks of rays through the interfaces of a leaf's tissue.
 
 pub(crate) mod abm97;
 pub(crate) mod abm_b;

@@ -1,11 +1,10 @@
-//! One absorption-free trace for every wavelength and pigment level: the distribution of the way that
-//! rays take through the mesophyll.
+//! One trace without absorption for every wavelength and pigment level: the distribution of the path lengths of rays
+//! through the mesophyll.
 //!
-//! Without absorption the walk does not depend on the pigments, so the ways `L` (in thicknesses of the
-//! mesophyll) of the rays that leave on one side are drawn once, and for any optical depth `k` of a
-//! straight crossing the share of light that leaves there is the mean of `exp(-k L)`. It equals the
-//! direct simulation in the mean, with less variance. Needs refractive indices that do not change
-//! between the wavelengths that share a trace.
+//! Without absorption the walk does not depend on the pigments, so the path lengths `L` (in thicknesses of the
+//! mesophyll) of the rays that leave on one side are drawn once, and for any optical depth `k` of a straight crossing
+//! the share of light that leaves there is the mean of `exp(-k L)`. The result equals the direct simulation in the
+//! mean, with less variance. The refractive indices must not change between the wavelengths that share a trace.
 
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -14,26 +13,26 @@ use rayon::prelude::*;
 use crate::optics::abm::stack::Stack;
 use crate::optics::abm::walk::{Absorption, End, walk, walk_splitting};
 
-/// Bins per doubling of the way. Each keeps the mean of its ways, so the error of a bin's weight is of
-/// second order: below 2e-5 of its rays at any absorption.
+/// Number of bins per doubling of the path length. Each bin keeps the mean of its lengths, so the error of its weight
+/// is of second order: below 2e-5 of its rays at any absorption.
 const BINS_PER_DOUBLING: f64 = 32.0;
 
-/// Shortest way that has a bin of its own; shorter ones (possible where the mesophyll is split) join it.
+/// Shortest path that has a bin of its own; shorter ones (possible where the mesophyll is split) join it.
 const SHORTEST: f64 = 1.0 / 1024.0;
 
-/// Bins: up to 2^20 thicknesses. Longer ways join the last.
+/// Number of bins, up to 2^20 thicknesses. Longer paths join the last.
 const BINS: usize = 30 * BINS_PER_DOUBLING as usize;
 
-/// Rays per block: a block has its own random numbers, so that threads do not matter.
+/// Number of rays per block. A block has its own random numbers, so that the number of threads does not matter.
 pub(crate) const BLOCK: u64 = 8192;
 
-/// How light comes to the leaf: a distribution of directions of travel.
+/// Incident light: a distribution of directions of travel.
 pub trait Beam: Sync {
     /// Draws a unit direction of travel (z < 0 meets the adaxial face).
     fn direction(&self, random: &mut Xoshiro256PlusPlus) -> [f64; 3];
 }
 
-/// All rays in one direction.
+/// Beam with all rays in one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parallel {
     /// Unit direction of travel.
@@ -42,7 +41,7 @@ pub struct Parallel {
 
 impl Parallel {
     /// Returns the light at `theta_deg` from the normal of a face and azimuth 0, 0 to 90 (taken as just above the
-    /// horizon): it travels towards negative x, so that its mirror direction has the azimuth 180.
+    /// horizon). It travels towards negative x, so that its mirror direction has the azimuth 180.
     pub fn onto(face: Face, theta_deg: f64) -> Parallel {
         let (sin, cos) = theta_deg.to_radians().sin_cos();
         Parallel { direction: [-sin, 0.0, -face.sign() * cos.max(1e-9)] }
@@ -55,7 +54,7 @@ impl Beam for Parallel {
     }
 }
 
-/// Light from everywhere on a face's side, evenly (Lambertian): what bihemispherical quantities need.
+/// Light from everywhere on the side of a face, evenly (Lambertian), as bihemispherical quantities need it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Diffuse {
     /// Face towards the light.
@@ -75,15 +74,15 @@ impl Beam for Diffuse {
 /// Faces of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Face {
-    /// The upper one.
+    /// The upper face.
     #[default]
     Adaxial,
-    /// The lower one.
+    /// The lower face.
     Abaxial,
 }
 
 impl Face {
-    /// z of the face's outward normal.
+    /// Returns z of the outward normal of the face.
     pub fn sign(self) -> f64 {
         match self {
             Face::Adaxial => 1.0,
@@ -92,7 +91,7 @@ impl Face {
     }
 }
 
-/// Mean of a weight over rays and its standard error.
+/// Mean of a weight over rays, with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
     /// Mean.
@@ -101,12 +100,12 @@ pub struct Estimate {
     pub standard_error: f64,
 }
 
-/// Ways of the rays that left on one side.
+/// Path lengths of the rays that left on one side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathLengths {
     /// Weight of rays that met no mesophyll at all.
     straight: f64,
-    /// Per bin: weight, weight times way.
+    /// Weight, and weight times length, per bin.
     bins: Vec<[f64; 2]>,
 }
 
@@ -139,8 +138,8 @@ impl PathLengths {
         self.straight + self.bins.iter().map(|bin| bin[0]).sum::<f64>()
     }
 
-    /// Returns the distribution as (way, weight), the ways in thicknesses of the mesophyll, ascending; empty bins are
-    /// left out.
+    /// Returns the distribution as (length, weight), the lengths in thicknesses of the mesophyll, ascending. Empty bins
+    /// are left out.
     pub fn ways(&self) -> impl Iterator<Item = (f64, f64)> {
         let straight = (self.straight > 0.0).then_some((0.0, self.straight));
         straight.into_iter().chain(self.bins.iter().filter(|bin| bin[0] > 0.0).map(|bin| (bin[1] / bin[0], bin[0])))
@@ -161,16 +160,16 @@ impl PathLengths {
     }
 }
 
-/// What a beam on one face becomes, for any absorption.
+/// Result of tracing a beam on one face, for any absorption.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TracedBeam {
-    /// Rays that were sent.
+    /// Number of rays that were sent.
     pub rays: u64,
-    /// Rays that met more interfaces than any path should; 0 in every model here.
+    /// Number of rays that met more interfaces than any path should; 0 in every model here.
     pub lost: u64,
-    /// Leaving on the beam's side.
+    /// Rays that left on the side of the beam.
     pub reflected: PathLengths,
-    /// Leaving on the other side.
+    /// Rays that left on the other side.
     pub transmitted: PathLengths,
 }
 
@@ -180,14 +179,14 @@ impl TracedBeam {
         self.reflected.escaping(k, self.rays as f64)
     }
 
-    /// Returns the transmittance, the same.
+    /// Returns the transmittance for the optical depth `k` of a straight crossing of the mesophyll.
     pub fn transmittance(&self, k: f64) -> Estimate {
         self.transmitted.escaping(k, self.rays as f64)
     }
 }
 
-/// Traces `rays` rays of `beam`, in parallel on the current pool; the same seed gives the same result on
-/// any number of threads.
+/// Traces `rays` rays of `beam`, in parallel on the current pool. Equal seeds give equal results on any number of
+/// threads.
 ///
 /// Cost: some 100 to 800 ns a ray, more the less a stack lets through.
 pub fn trace_path_lengths(stack: &Stack, beam: &dyn Beam, rays: u64, seed: u64) -> TracedBeam {
@@ -206,7 +205,7 @@ pub fn trace_path_lengths(stack: &Stack, beam: &dyn Beam, rays: u64, seed: u64) 
     })
 }
 
-/// The same by splitting every ray at every interface. Its weights are not single rays', so the standard
+/// Traces a beam by splitting every ray at every interface. The weights are not those of single rays, so the standard
 /// errors of [`PathLengths::escaping`] are upper bounds.
 pub fn trace_splitting(stack: &Stack, beam: &dyn Beam, rays: u64, seed: u64) -> TracedBeam {
     in_blocks(rays, seed, |count, random, traced| {
@@ -249,7 +248,7 @@ fn in_blocks(rays: u64, seed: u64, block: impl Fn(u64, &mut Xoshiro256PlusPlus, 
     total
 }
 
-/// Returns the random numbers of block `i`: seeds are mixed by the generator's own seeding (SplitMix64).
+/// Returns the random generator of block `i`. The generator's own seeding (SplitMix64) mixes the seeds.
 pub(crate) fn block_random(seed: u64, i: u64) -> Xoshiro256PlusPlus {
     Xoshiro256PlusPlus::seed_from_u64(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ i)
 }

@@ -1,20 +1,18 @@
-//! BRDF and BTDF of a tissue model for all directions, pigments and wavelengths at once: the table that
-//! makes captures of the algorithmic models affordable.
+//! BRDF and BTDF of a tissue model for all directions, pigments and wavelengths at once: the table that makes captures
+//! of the algorithmic models affordable.
 //!
-//! For every incidence a beam is traced without absorption; each escaping ray is filed by its direction
-//! and by the way that it took through the mesophyll. At a texel the pigments turn every class of ways
-//! into a colour once (`sum over wavelengths of the weight times exp(-k way)`), so that a direction pair
-//! costs an interpolation and a sum over the classes.
+//! For every incidence a beam is traced without absorption; each escaping ray is counted by its direction and by the
+//! length of its path through the mesophyll. At a texel the pigments turn every class of lengths into a colour once
+//! (`sum over wavelengths of the weight times exp(-k way)`), so that a direction pair costs an interpolation and a sum
+//! over the classes.
 //!
-//! Grid: incidence at 20 cosines, even in their root (dense towards grazing, where the surface reflects
-//! more); outgoing in 16 even classes of the cosine and 12 of `cos(phi / 2)`, phi being the azimuth
-//! between light and eye, so that forward directions (180 degrees) are the finest; ways in 16 classes:
-//! none at all, then by factors of 1.55 from 0.32 thicknesses. The model is symmetric about the plane of
-//! incidence, so phi is folded.
+//! Grid: incidence at 20 cosines, even in their root (dense towards grazing, where the surface reflects more); outgoing
+//! in 16 even classes of the cosine and 12 of `cos(phi / 2)`, phi being the azimuth between light and eye, so that
+//! forward directions (180 degrees) are the finest; lengths in 16 classes: none at all, then by factors of 1.55 from
+//! 0.32 thicknesses. The model is symmetric about the plane of incidence, so phi is folded.
 //!
-//! Limits: a class of ways is represented by its mean, which makes the sum too dark by less than 0.5 % of
-//! the light that the class carries; lobes narrower than a class are widened (cells of an oblateness
-//! above some 20).
+//! Limits: a class of lengths is represented by its mean, which makes the sum too dark by less than 0.5 % of the light
+//! that the class carries; lobes narrower than a class are widened (cells of an oblateness above some 20).
 
 use std::f64::consts::TAU;
 
@@ -24,46 +22,46 @@ use crate::optics::abm::path_lengths::{BLOCK, Beam, Face, Parallel, block_random
 use crate::optics::abm::stack::Stack;
 use crate::optics::abm::walk::{Absorption, End, walk};
 
-/// Incidences.
+/// Number of incidences.
 const INCIDENCES: usize = 20;
-/// Classes of the outgoing cosine.
+/// Number of classes of the outgoing cosine.
 const COSINES: usize = 16;
-/// Classes of the azimuth.
+/// Number of classes of the azimuth.
 const AZIMUTHS: usize = 12;
-/// Classes of ways.
+/// Number of classes of path lengths.
 pub(crate) const WAYS: usize = 16;
 
-/// Upper end of the first class of ways that are not 0, in thicknesses.
+/// Upper end of the first class of lengths that are not 0, in thicknesses.
 const FIRST_WAY: f64 = 0.32;
 /// Ratio of the ends of a class.
 const WAY_RATIO: f64 = 1.55;
 
-/// Cosine that stands for grazing incidence.
+/// Smallest cosine, used for grazing incidence.
 const MIN_COSINE: f64 = 1e-3;
 
-/// Where light and eye are against each other.
+/// Position of light and eye relative to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Passage {
-    /// On the same side: BRDF.
+    /// Light and eye on the same side: BRDF.
     Reflection,
-    /// On opposite sides: BTDF.
+    /// Light and eye on opposite sides: BTDF.
     Transmission,
 }
 
-/// The table of one face and one passage.
+/// Table of one face and one passage.
 #[derive(Debug, Clone)]
 pub struct ScatterTable {
-    /// Mean way of each class.
+    /// Mean path length of each class.
     ways: [f32; WAYS],
-    /// `pi f` by class of ways, `[incidence, cosine, azimuth]`.
+    /// Values of `pi f` by class of lengths, `[incidence, cosine, azimuth]`.
     cells: Vec<[f32; WAYS]>,
 }
 
-/// What the rays of one incidence became.
+/// Counts of the rays of one incidence.
 struct Incidence {
-    /// Number of rays by cell and class of ways.
+    /// Number of rays by cell and class of lengths.
     cells: Vec<[f64; WAYS]>,
-    /// Per class of ways: rays and the sum of their ways.
+    /// Number of rays and sum of their lengths, per class of lengths.
     means: [[f64; 2]; WAYS],
 }
 
@@ -81,9 +79,9 @@ fn incidence_cosine(i: usize) -> f64 {
 }
 
 impl ScatterTable {
-    /// Traces the table of `stack` for light on `face`, `rays` for each of 20 incidences, in parallel on
-    /// the current pool; the same seed gives the same table on any number of threads. A million rays take
-    /// some 5 s on one core for both passages together; noise of a cell is then below 3 %.
+    /// Traces the table of `stack` for light on `face`, `rays` for each of 20 incidences, in parallel on the current
+    /// pool. Equal seeds give equal tables on any number of threads. A million rays take some 5 s on one core for both
+    /// passages together; the noise of a cell is then below 3 %.
     pub fn trace(stack: &Stack, face: Face, passage: Passage, rays: u64, seed: u64) -> ScatterTable {
         let wanted = passage == Passage::Reflection;
         let traced: Vec<Incidence> = (0..INCIDENCES)
@@ -145,13 +143,13 @@ impl ScatterTable {
         ScatterTable { ways, cells }
     }
 
-    /// Returns the mean way of each class in thicknesses of the mesophyll.
+    /// Returns the mean path length of each class in thicknesses of the mesophyll.
     pub fn ways(&self) -> [f32; WAYS] {
         self.ways
     }
 
-    /// Returns `pi f` by class of ways, for the cosines of light and eye from the normals of their own sides (in (0,
-    /// 1]) and the cosine of the azimuth between them. Linear between the middles of cells.
+    /// Returns `pi f` by class of lengths, for the cosines of light and eye from the normals of their own sides (in (0,
+    /// 1]) and the cosine of the azimuth between them. Interpolates linearly between the middles of cells.
     #[inline]
     pub fn pi_f(&self, cos_i: f32, cos_o: f32, cos_phi: f32) -> [f32; WAYS] {
         let clamp = |x: f32, last: usize| {

@@ -6,7 +6,7 @@ use crate::optics::abm::tissue::DepthParts;
 use crate::optics::tables::abm as tables;
 use crate::optics::units::{Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres};
 
-/// What a mesophyll holds, per volume.
+/// Contents of a mesophyll per volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Composition {
     /// Chlorophyll a and b together.
@@ -19,7 +19,7 @@ pub struct Composition {
     pub cellulose: GramsPerCubicCentimetre,
     /// Lignin, which absorbs as cellulose for want of a table.
     pub lignin: GramsPerCubicCentimetre,
-    /// Share of the volume that is water; the authors' program takes 1.
+    /// Share of the volume that is water; the program of the authors uses 1.
     pub water_share: f64,
 }
 
@@ -37,7 +37,7 @@ impl Composition {
     }
 }
 
-/// Aspect ratios of what spreads the rays.
+/// Aspect ratios of the cells that spread the rays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AspectRatios {
     /// Undulations of the cuticle.
@@ -50,10 +50,10 @@ pub struct AspectRatios {
     pub spongy: f64,
 }
 
-/// A leaf specimen of the later models.
+/// Leaf specimen of the later models.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Specimen {
-    /// Whole leaf.
+    /// Thickness of the whole leaf.
     pub thickness: Centimetres,
     /// Share of the thickness that is mesophyll.
     pub mesophyll_share: f64,
@@ -64,7 +64,7 @@ pub struct Specimen {
 }
 
 impl Specimen {
-    /// LOPEX 0141/0142, soybean.
+    /// Returns the soybean leaf LOPEX 0141/0142.
     pub fn soybean() -> Specimen {
         Specimen {
             thickness: Centimetres(2.04e-2),
@@ -81,7 +81,7 @@ impl Specimen {
         }
     }
 
-    /// LOPEX 0219/0220, maize.
+    /// Returns the maize leaf LOPEX 0219/0220.
     pub fn maize() -> Specimen {
         Specimen {
             thickness: Centimetres(1.66e-2),
@@ -103,12 +103,12 @@ impl Specimen {
         self.thickness * self.mesophyll_share
     }
 
-    /// Returns the chlorophyll per area of leaf.
+    /// Returns the content of chlorophyll per area of leaf.
     pub fn chlorophyll_per_area(&self) -> MicrogramsPerSquareCentimetre {
         MicrogramsPerSquareCentimetre(self.composition.chlorophyll.0 * self.mesophyll_thickness().0 * 1e6)
     }
 
-    /// Returns the carotenoids per area of leaf.
+    /// Returns the content of carotenoids per area of leaf.
     pub fn carotenoid_per_area(&self) -> MicrogramsPerSquareCentimetre {
         MicrogramsPerSquareCentimetre(self.composition.carotenoid.0 * self.mesophyll_thickness().0 * 1e6)
     }

@@ -1,21 +1,21 @@
-//! A leaf as a stack of plane interfaces: what the random walk of the algorithmic models walks on.
+//! Leaf as a stack of plane interfaces, through which the random walk of the algorithmic models goes.
 //!
 //! The stack stands with its adaxial face up: z points out of it, interface 0 is the topmost. Between
 //! interface i and i + 1 lies medium i, clear or mesophyll. Every interface has its own pair of indices
 //! (in the 1997 model neighbouring interfaces disagree on the medium between them, see `abm97`) and
 //! says for each of its four outcomes how the ray's direction is spread.
 
-/// How the direction of a ray is spread about the ideal one: an exponentiated cosine, density
-/// `(e + 1) / (2 pi) cos^e` about the ray [Baranoski 1997, eq. 5; eq. 6 is `e` = 1].
+/// Spread of the direction of a ray about the ideal one: an exponentiated cosine, density `(e + 1) / (2 pi) cos^e`
+/// about the ray [Baranoski 1997, eq. 5; eq. 6 is `e` = 1].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Spread {
-    /// Not spread: mirror reflection, Snell's refraction.
+    /// No spread: mirror reflection, Snell's refraction.
     None,
-    /// Spread with this exponent, at least 0; holds `1 / (exponent + 1)`.
+    /// Spread with an exponent of at least 0; holds `1 / (exponent + 1)`.
     Cosine(InverseExponent),
 }
 
-/// `1 / (exponent + 1)`, what drawing from the lobe needs.
+/// Number `1 / (exponent + 1)`, which drawing from the lobe needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InverseExponent(pub(crate) f64);
 
@@ -31,7 +31,7 @@ impl Spread {
     }
 }
 
-/// A plane between two media.
+/// Plane between two media.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interface {
     /// Refractive index above.
@@ -40,16 +40,16 @@ pub struct Interface {
     pub index_below: f64,
     /// Spread of a ray that came from above and is reflected.
     pub reflected_above: Spread,
-    /// Spread of a ray that came from above and goes on below.
+    /// Spread of a ray that came from above and is transmitted below.
     pub refracted_below: Spread,
     /// Spread of a ray that came from below and is reflected.
     pub reflected_below: Spread,
-    /// Spread of a ray that came from below and goes on above.
+    /// Spread of a ray that came from below and is transmitted above.
     pub refracted_above: Spread,
 }
 
 impl Interface {
-    /// Returns an interface that spreads nothing.
+    /// Returns an interface without spread.
     pub fn plain(index_above: f64, index_below: f64) -> Interface {
         Interface {
             index_above,
@@ -62,44 +62,44 @@ impl Interface {
     }
 }
 
-/// What lies between two interfaces.
+/// Medium between two interfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Medium {
-    /// Nothing that absorbs.
+    /// Medium that does not absorb.
     Clear,
-    /// All of the pigmented tissue.
+    /// Whole pigmented tissue.
     Mesophyll,
-    /// The upper part of it: a share that is drawn for every ray, evenly from 0 to 1.
+    /// Upper part of the pigmented tissue: a share that is drawn for every ray, evenly from 0 to 1.
     UpperPart,
-    /// The rest.
+    /// Lower part of the pigmented tissue: the rest.
     LowerPart,
 }
 
-/// What happens to a spread ray that would cross the interface which it has just left.
+/// Treatment of a spread ray that would cross the interface which it has just left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Crossing {
-    /// Drawn again until it stays on its side, as the authors' later code does.
+    /// Draw again until the ray stays on its side, as the later code of the authors does.
     #[default]
     Resample,
-    /// Mirrored at the interface.
+    /// Mirror the ray at the interface.
     Mirror,
-    /// Left unspread.
+    /// Leave the ray unspread.
     Keep,
 }
 
 /// Length of a crossing at angle theta in units of the layer's thickness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PathRule {
-    /// `1 / cos theta`: Beer's law on the slant ray [Baranoski 1997, eq. 7-8].
+    /// Rule `1 / cos theta`: Beer's law on the slant ray [Baranoski 1997, eq. 7-8].
     #[default]
     Slant,
-    /// `1 / cos(cos theta)`: the authors' later form, meant for the sieve and detour effects of
-    /// pigments in grains: at most 1.85 thicknesses, and least for oblique rays.
+    /// Rule `1 / cos(cos theta)`: the later form of the authors, meant for the sieve and detour effects of pigments in
+    /// grains: at most 1.85 thicknesses, and least for oblique rays.
     Sieve,
 }
 
 impl PathRule {
-    /// Returns the thicknesses crossed at a cosine in (0, 1].
+    /// Returns the length of a crossing in thicknesses at a cosine in (0, 1].
     #[inline]
     pub(crate) fn crossings(self, cosine: f64) -> f64 {
         match self {
@@ -109,12 +109,12 @@ impl PathRule {
     }
 }
 
-/// Interfaces, the media between them, and the rules of the walk.
+/// Stack of interfaces with the media between them, and the rules of the walk.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stack {
-    /// From the adaxial face down; at least one.
+    /// Interfaces from the adaxial face down; at least one.
     pub interfaces: Vec<Interface>,
-    /// Between them; one fewer.
+    /// Media between the interfaces; one fewer.
     pub media: Vec<Medium>,
     /// Length of a crossing.
     pub path: PathRule,
@@ -123,6 +123,8 @@ pub struct Stack {
 }
 
 impl Stack {
+    /// Returns a stack.
+    ///
     /// # Panics
     /// If the numbers of interfaces and media do not fit, which is a mistake in a model's file.
     pub(crate) fn new(interfaces: Vec<Interface>, media: Vec<Medium>, path: PathRule, crossing: Crossing) -> Stack {

@@ -1,4 +1,4 @@
-//! What the instruments and the captures ask of a tissue model.
+//! Interface of a tissue model for instruments and captures.
 
 use crate::optics::abm::stack::Stack;
 use crate::optics::units::{Nanometres, OpticalDepth};
@@ -14,12 +14,12 @@ pub struct DepthParts {
     pub rest: OpticalDepth,
 }
 
-/// A leaf as a stack of interfaces around an absorbing mesophyll.
+/// Leaf as a stack of interfaces around an absorbing mesophyll.
 pub trait Tissue: Sync {
-    /// Returns the interfaces at a wavelength.
+    /// Returns the stack of interfaces at a wavelength.
     fn stack(&self, wavelength: Nanometres) -> Stack;
 
-    /// Returns the optical depth of a straight crossing of the whole mesophyll, by what absorbs.
+    /// Returns the optical depth of a straight crossing of the whole mesophyll, by absorber.
     fn depth_parts(&self, wavelength: Nanometres) -> DepthParts;
 
     /// Returns the optical depth of a straight crossing of the whole mesophyll, `A_g t_m`.

@@ -2,70 +2,69 @@
 //! interface, directions spread as the interface says, absorption by free path in the mesophyll
 //! [Baranoski 1997, sec. 3].
 //!
-//! Three ways to walk the same stack:
+//! There are three ways to walk a stack:
 //!
 //! - [`walk`] with [`Absorption::Sampled`]: the paper's, every ray ends absorbed or escaped;
-//! - [`walk`] with [`Absorption::None`]: every ray escapes and tells the length of its way through the
-//!   mesophyll, from which any absorption follows (see `path_lengths`);
+//! - [`walk`] with [`Absorption::None`]: every ray escapes and reports the length of its path through the mesophyll,
+//!   from which any absorption follows (see `path_lengths`);
 //! - [`walk_splitting`]: both outcomes at every interface, weighted by Fresnel's coefficient, thinned by
 //!   Russian roulette, as the paper's section 5 proposes.
 
-use rand::Rng;
-use rand::RngCore;
+use rand::{Rng, RngCore};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::optics::abm::stack::{Crossing, Interface, Medium, Spread, Stack};
 use crate::optics::fresnel::interface_optics;
 
-/// A ray that has met this many interfaces is given up: a guard against indices that trap light.
+/// Number of interfaces after which a ray is given up: a guard against indices that trap light.
 const MAX_INTERACTIONS: u32 = 10_000;
 
-/// Branches lighter than this are thinned by roulette, survivors are given it.
+/// Weight below which branches are thinned by Russian roulette; survivors get this weight.
 const ROULETTE_WEIGHT: f64 = 0.05;
 
-/// Most branches that wait at a time; the roulette keeps them far below.
+/// Largest number of branches that wait at a time; the roulette keeps them far below.
 const MAX_BRANCHES: usize = 64;
 
-/// How the mesophyll absorbs.
+/// Absorption of the mesophyll.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Absorption {
-    /// Not at all.
+    /// No absorption.
     None,
-    /// A ray ends where its free path, drawn for every crossing, is shorter than the crossing; the number
-    /// is the optical depth of a straight crossing.
+    /// Absorption where the free path of a ray, drawn for every crossing, is shorter than the crossing. The number is
+    /// the optical depth of a straight crossing.
     Sampled(f64),
 }
 
-/// The end of a ray.
+/// End of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {
-    /// It left above or below in `direction` (unit; z > 0 is above).
+    /// Escape above or below in `direction` (unit; z > 0 is above).
     Escaped {
         /// Unit direction of travel.
         direction: [f64; 3],
-        /// Way through the mesophyll in thicknesses of it.
+        /// Length of the path through the mesophyll in thicknesses.
         path: f64,
     },
-    /// It was absorbed, or met more interfaces than any path should.
+    /// Absorption, or more interfaces than any path should meet.
     Absorbed,
 }
 
-/// End of a ray and the number of interfaces that it met.
+/// End of a ray, with the number of interfaces that it met.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Walked {
-    /// The end.
+    /// End of the ray.
     pub end: End,
-    /// Interfaces met, the first included.
+    /// Number of interfaces that the ray met, the first included.
     pub interactions: u32,
 }
 
-/// Returns a number in (0, 1]: a logarithm of it is finite.
+/// Returns a random number in (0, 1], so that its logarithm is finite.
 #[inline]
 fn positive_unit(random: &mut Xoshiro256PlusPlus) -> f64 {
     ((random.next_u64() >> 11) + 1) as f64 * (1.0 / (1u64 << 53) as f64)
 }
 
-/// Spreads the unit direction `ray` (z not 0) as `spread` says, on its side of the plane.
+/// Spreads the unit direction `ray` (z not 0) by `spread`, on its side of the plane.
 #[inline]
 fn spread_ray(ray: [f64; 3], spread: Spread, crossing: Crossing, random: &mut Xoshiro256PlusPlus) -> [f64; 3] {
     let Spread::Cosine(inverse) = spread else { return ray };
@@ -96,7 +95,7 @@ fn spread_ray(ray: [f64; 3], spread: Spread, crossing: Crossing, random: &mut Xo
     }
 }
 
-/// Returns the cosine and sine of an even angle.
+/// Returns the cosine and sine of a uniformly distributed angle.
 #[inline]
 fn unit_circle(random: &mut Xoshiro256PlusPlus) -> (f64, f64) {
     // Marsaglia's rejection: cheaper than a sine and a cosine.
@@ -112,7 +111,8 @@ fn unit_circle(random: &mut Xoshiro256PlusPlus) -> (f64, f64) {
     }
 }
 
-/// Returns the four numbers of an interface that matter to a ray from one side.
+/// Returns the four properties of an interface for a ray from one side: index on the side of the ray, index behind,
+/// spread of the reflected and of the refracted ray.
 #[inline]
 fn seen_from(interface: &Interface, down: bool) -> (f64, f64, Spread, Spread) {
     let i = interface;
@@ -144,8 +144,7 @@ fn draws_parts(stack: &Stack) -> bool {
     stack.media.contains(&Medium::UpperPart)
 }
 
-/// Follows one ray from outside, `direction` being its unit direction of travel (z < 0 meets the adaxial
-/// face), to its end.
+/// Follows one ray from outside to its end. `direction` is its unit direction of travel (z < 0 meets the adaxial face).
 pub fn walk(stack: &Stack, direction: [f64; 3], absorption: Absorption, random: &mut Xoshiro256PlusPlus) -> Walked {
     let count = stack.interfaces.len();
     let upper = if draws_parts(stack) { random.r#gen::<f64>() } else { 0.0 };
@@ -181,10 +180,9 @@ pub fn walk(stack: &Stack, direction: [f64; 3], absorption: Absorption, random: 
     Walked { end: End::Absorbed, interactions: MAX_INTERACTIONS }
 }
 
-/// Follows both outcomes at every interface, of weights F and 1 - F; branches lighter than a twentieth
-/// end by roulette. `escape` is given each escaped branch: weight, direction of travel, path, as in
-/// [`End::Escaped`]; weights times `exp(-depth path)` add up to the same means as single rays give.
-/// Returns the number of interfaces met.
+/// Follows both outcomes at every interface, of weights F and 1 - F; branches lighter than a twentieth end by Russian
+/// roulette. `escape` gets each escaped branch: weight, direction of travel, path, as in [`End::Escaped`]. Weights
+/// times `exp(-depth path)` add up to the same means as single rays give. Returns the number of interfaces met.
 pub fn walk_splitting(
     stack: &Stack,
     direction: [f64; 3],

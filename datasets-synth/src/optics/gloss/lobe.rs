@@ -1,4 +1,5 @@
-//! Gloss: Cook-Torrance with Beckmann facets, corrected, and its coupling to what lies below. Parameters: [`GlossParams`].
+//! Specular lobe of the cuticle: Cook-Torrance with Beckmann facets, corrected, and its coupling to the body below.
+//! Parameters: [`GlossParams`].
 //!
 //! `f_s = F(v.h) D(h) G / (4 cos_i cos_o)` with the facets' distribution
 //! `D = exp(-((h_along / gamma_along)^2 + (h_across / gamma_across)^2) / (n.h)^2) / (pi gamma_along gamma_across
@@ -26,58 +27,58 @@ use crate::optics::fresnel::fresnel;
 use crate::optics::gloss::params::{GlossCoupling, GlossForm, GlossParams};
 use crate::vector::cross;
 
-/// Entries of the table of directional albedo, even in the root of the cosine: dense towards
-/// grazing, where the albedo rises.
+/// Number of entries of the table of directional albedo for one roughness, even in the root of the cosine: dense
+/// towards grazing, where the albedo rises.
 const ALBEDO_ENTRIES: usize = 257;
 
-/// The same for two roughnesses, where every entry is a row.
+/// Number of entries of the table of directional albedo for two roughnesses, where every entry is a row.
 const ALONG_ENTRIES: usize = 129;
 
-/// Entries of a row, even in the roughness that the plane of incidence cuts ([`CookTorrance::cut`]), from the
-/// smaller to the larger: what the albedo at one cosine depends on.
+/// Number of entries of a row, even in the roughness that the plane of incidence cuts ([`CookTorrance::cut`]), from the
+/// smaller to the larger, on which the albedo at one cosine depends.
 const CUT_ENTRIES: usize = 17;
 
 /// Strata per axis of the quadrature of one entry.
 const QUADRATURE: usize = 96;
 
-/// Least n.h: facets this steep have density 0 in single precision, and below it its fourth power is lost.
+/// Smallest n.h; steeper facets have density 0 in single precision, and the fourth power of a smaller n.h underflows.
 const MIN_COS_H: f32 = 1e-4;
 
-/// Least v.h: for v = -l there is no half vector.
+/// Smallest v.h; for v = -l there is no half vector.
 const MIN_O_DOT_H: f32 = 1e-6;
 
-/// Exponents below this count as no lobe: the sample is below 1e-31, and the way there is through denormal
+/// Exponent below which the lobe counts as 0: the sample is below 1e-31, and smaller results pass through denormal
 /// numbers, which are slow.
 const MIN_EXPONENT: f32 = -80.0;
 
 impl GlossParams {
-    /// Returns the directional albedo of the lobe as asked for, `printed` above 1 and all: the share of light from (or
-    /// towards) the angle of cosine `cosine` (0 to 1), at `azimuth_rad` from the vein direction, that it reflects.
-    /// Costs 0.1 to 0.5 ms.
+    /// Returns the directional albedo of the lobe in the requested form, `printed` above 1 included: the share of light
+    /// from (or towards) the angle of cosine `cosine` (0 to 1), at `azimuth_rad` from the vein direction, that the lobe
+    /// reflects. Costs 0.1 to 0.5 ms.
     pub fn directional_albedo(&self, cosine: f64, azimuth_rad: f64) -> f64 {
         let squared = azimuth_rad.cos().powi(2);
         self.form.gain() * lobe_albedo(self, self.form, cosine.clamp(1e-6, 1.0), squared)
     }
 }
 
-/// A gloss lobe with its directional albedo tabulated.
+/// Specular lobe with its directional albedo tabulated.
 #[derive(Debug, Clone)]
 pub struct CookTorrance {
     params: GlossParams,
-    /// 1/4 of the corrected lobe, times what the form multiplies it with.
+    /// Factor 1/4 of the corrected lobe, times the gain of the form.
     scale: f32,
-    /// 1 where coupled, 0 where not.
+    /// Coupling to the body: 1 where coupled, 0 where not.
     coupled: f32,
-    /// Of the one roughness, or of the one with the mean slope variance.
+    /// Inverse square of the one roughness, or of the one with the mean slope variance.
     inverse_roughness_squared: f32,
-    /// 1 / gamma_along^2, 1 / gamma_across^2, 1 / (gamma_along gamma_across).
+    /// Factors 1 / gamma_along^2, 1 / gamma_across^2, 1 / (gamma_along gamma_across).
     inverse_along: f32,
     inverse_across: f32,
     inverse_product: f32,
     /// Directional albedo of the corrected form over the root of the cosine; with two roughnesses, its mean
     /// over the azimuth.
     albedo: Vec<f32>,
-    /// With two roughnesses, `[root of the cosine, roughness cut by the plane of incidence]`.
+    /// Directional albedo of two roughnesses, `[root of the cosine, roughness cut by the plane of incidence]`.
     albedo_along: Option<Vec<[f32; CUT_ENTRIES]>>,
     mean_albedo: f32,
 }
@@ -102,9 +103,9 @@ impl CookTorrance {
         CookTorrance::from_params(&GlossParams::isotropic(index, roughness))
     }
 
-    /// Returns the lobe of `params`, with roughness below [`MIN_ROUGHNESS`](crate::MIN_ROUGHNESS) raised to it;
-    /// [`GlossParams::check`] is the caller's. Takes some tens of milliseconds for the table, with two roughnesses some
-    /// hundreds over the threads of the current pool.
+    /// Returns the lobe of `params`, with roughness below [`MIN_ROUGHNESS`](crate::MIN_ROUGHNESS) raised to it. The
+    /// caller must have called [`GlossParams::check`]. Takes some tens of milliseconds for the table, with two
+    /// roughnesses some hundreds over the threads of the current pool.
     pub fn from_params(params: &GlossParams) -> CookTorrance {
         let [along, across] = params.gammas();
         let params = GlossParams { gamma_along: along, gamma_across: across, ..*params };
@@ -125,7 +126,7 @@ impl CookTorrance {
         lobe
     }
 
-    /// Fills the tables of directional albedo. They are the corrected form's under every form, because the
+    /// Fills the tables of directional albedo. They are those of the corrected form under every form, because the
     /// coupling needs a share below 1.
     fn tabulate(&mut self) {
         let params = self.params;
@@ -170,7 +171,7 @@ impl CookTorrance {
         self.mean_albedo = mean as f32;
     }
 
-    /// Returns what was asked for, with the roughness after the floor.
+    /// Returns the parameters with the roughness after the floor.
     pub fn params(&self) -> &GlossParams {
         &self.params
     }
@@ -191,20 +192,20 @@ impl CookTorrance {
         fresnel(self.params.index, f64::from(o_dot_h)) as f32
     }
 
-    /// Returns `pi * f_s * cos_i`, for the Fresnel reflectance `fresnel` at `angles.o_dot_h` (constant over a surface
-    /// under parallel light and view, so the caller takes it once; `printed` does not use it). 0 where a cosine is not
-    /// positive or not a number; finite everywhere.
+    /// Returns `pi * f_s * cos_i`, for the Fresnel reflectance `fresnel` at `angles.o_dot_h`, which is constant over a
+    /// surface under parallel light and view, so the caller computes it once; `printed` does not use it. Returns 0
+    /// where a cosine is not positive or not a number; the result is finite everywhere.
     ///
-    /// Of a lobe with two roughnesses, this is the stand-in of one roughness with the same mean slope variance,
-    /// for a surface whose vein direction is not known.
+    /// A lobe with two roughnesses is replaced by one of a single roughness with the same mean slope variance, for a
+    /// surface whose vein direction is not known.
     #[inline]
     pub fn pi_brdf_cos(&self, fresnel: f32, angles: LobeAngles) -> f32 {
         let slope2_over_gamma2 = |cos2_h: f32| (1.0 - cos2_h).max(0.0) / cos2_h * self.inverse_roughness_squared;
         self.facets_seen(fresnel, angles, self.inverse_roughness_squared, slope2_over_gamma2)
     }
 
-    /// [`CookTorrance::pi_brdf_cos`] where the vein direction is known: `half_tangent` holds h's components
-    /// along and across it, both in the tangent plane ([`vein_frame`]).
+    /// Returns [`CookTorrance::pi_brdf_cos`] for a known vein direction: `half_tangent` holds the components of h along
+    /// and across it, both in the tangent plane ([`vein_frame`]).
     #[inline]
     pub fn pi_brdf_cos_along(&self, fresnel: f32, angles: LobeAngles, half_tangent: [f32; 2]) -> f32 {
         let [along, across] = half_tangent;
@@ -244,7 +245,7 @@ impl CookTorrance {
         self.scale * fresnel * pi_d * g_over_cos_o
     }
 
-    /// Eq. 7 to the letter.
+    /// Evaluates eq. 7 to the letter.
     #[cold]
     fn printed(&self, angles: LobeAngles, pi_d: f32) -> f32 {
         let LobeAngles { cos_i, cos_o, cos_h, .. } = angles;
@@ -262,8 +263,8 @@ impl CookTorrance {
         self.albedo[cell] * (1.0 - t) + self.albedo[cell + 1] * t
     }
 
-    /// [`CookTorrance::albedo`] where the vein direction is known: `tangent` holds the components along and
-    /// across it of the way to the light or eye; only their ratio counts.
+    /// Returns [`CookTorrance::albedo`] for a known vein direction: `tangent` holds the components along and across it
+    /// of the direction to the light or eye; only their ratio counts.
     #[inline]
     pub fn albedo_along(&self, cosine: f32, tangent: [f32; 2]) -> f32 {
         let Some(rows) = &self.albedo_along else {
@@ -279,8 +280,9 @@ impl CookTorrance {
         row(cell) * (1.0 - t) + row(cell + 1) * t
     }
 
-    /// Returns the roughness that a vertical plane through `tangent` cuts, whose square is the mean of both squares
-    /// with the squared direction cosines as weights: 0 for the smaller roughness, 1 for the larger.
+    /// Returns the roughness that a vertical plane through `tangent` cuts, scaled so that 0 is the smaller and 1 the
+    /// larger roughness. The square of the cut roughness is the mean of both squares with the squared direction cosines
+    /// as weights.
     #[inline]
     fn cut(&self, tangent: [f32; 2]) -> f32 {
         let [a, c] = self.params.gammas().map(|gamma| gamma as f32);
@@ -292,22 +294,22 @@ impl CookTorrance {
         ((cut - a.min(c)) / (a - c).abs()).clamp(0.0, 1.0)
     }
 
-    /// Returns the mean of [`CookTorrance::albedo`] over the hemisphere, with the cosine's weight.
+    /// Returns the mean of [`CookTorrance::albedo`] over the hemisphere with the cosine as weight.
     pub fn mean_albedo(&self) -> f32 {
         self.mean_albedo
     }
 
-    /// Returns the share of the light from one direction that enters the body below a gloss of strength `gloss` (0 to
-    /// 1) and directional albedo `albedo_i`; 1 where not coupled.
+    /// Returns the share of the light from one direction that enters the body below a lobe of strength `gloss` (0 to 1)
+    /// and directional albedo `albedo_i`; 1 where not coupled.
     #[inline]
     pub fn lets_in(&self, gloss: f32, albedo_i: f32) -> f32 {
         1.0 - self.coupled * gloss * albedo_i
     }
 
-    /// Returns the factor on a Lambertian body of albedo `a` below a gloss layer of strength `gloss` (0 to 1):
-    /// `pi f_d = a * (1 - g E(i)) (1 - g E(o)) / (1 - g E_mean)`. Reciprocal, and together with the gloss it reflects
-    /// `g E(i) + a (1 - g E(i))`, never more than what came in [after Kelemen & Szirmay-Kalos 2001]. 1 where not
-    /// coupled.
+    /// Returns the factor on a Lambertian body of albedo `a` below a lobe of strength `gloss` (0 to 1):
+    /// `pi f_d = a * (1 - g E(i)) (1 - g E(o)) / (1 - g E_mean)`. The sum of body and lobe is reciprocal and reflects
+    /// `g E(i) + a (1 - g E(i))`, never more than what came in [after Kelemen & Szirmay-Kalos 2001]. Returns 1 where
+    /// not coupled.
     #[inline]
     pub fn coupling(&self, gloss: f32, albedo_i: f32, albedo_o: f32) -> f32 {
         self.lets_in(gloss, albedo_i) * self.lets_in(gloss, albedo_o) / (1.0 - self.coupled * gloss * self.mean_albedo)
@@ -315,10 +317,10 @@ impl CookTorrance {
 }
 
 /// Returns the unit vectors along and across the vein in the tangent plane of the unit `normal`, for a vein that runs
-/// along `vein` (any length, either sense) seen from above: the components that [`CookTorrance::pi_brdf_cos_along`] and
-/// [`CookTorrance::albedo_along`] want are dot products with them. No vein, `[0, 0]`, is taken as along x.
+/// along `vein` (any length, either sense) seen from above. The components that [`CookTorrance::pi_brdf_cos_along`] and
+/// [`CookTorrance::albedo_along`] need are dot products with them. No vein, `[0, 0]`, is taken as along x.
 ///
-/// The normal's z must be positive.
+/// The z of `normal` must be positive.
 #[inline]
 pub fn vein_frame(normal: [f32; 3], vein: [f32; 2]) -> [[f32; 3]; 2] {
     let length = (vein[0] * vein[0] + vein[1] * vein[1]).sqrt();
@@ -331,7 +333,7 @@ pub fn vein_frame(normal: [f32; 3], vein: [f32; 2]) -> [[f32; 3]; 2] {
     [along, across]
 }
 
-/// G of Miao's eq. 7 to the letter, with the half angle in radians below the line.
+/// Evaluates G of Miao's eq. 7 to the letter, with the half angle in radians in the denominator.
 fn printed_masking(cos_i: f64, cos_o: f64, cos_h: f64) -> f64 {
     let theta_h = cos_h.clamp(0.0, 1.0).acos();
     if theta_h == 0.0 {

@@ -1,4 +1,4 @@
-//! What a gloss lobe is asked for.
+//! Parameters of a specular lobe.
 //!
 //! | parameter | symbol | unit | default | valid |
 //! |---|---|---|---|---|
@@ -12,23 +12,24 @@ use btf_models::LeafGloss;
 
 use crate::error::{SynthError, check_ranges};
 
-/// Smallest roughness: a narrower lobe falls between the directions of every known sampling.
+/// Smallest roughness; a narrower lobe falls between the directions of every known sampling.
 pub const MIN_ROUGHNESS: f64 = LeafGloss::MIN_ROUGHNESS;
 
-/// Refractive index of a leaf's cuticle, for the gloss [Miao, text after eq. 6].
+/// Refractive index of a leaf's cuticle, for the specular lobe [Miao, text after eq. 6].
 pub const CUTICLE_INDEX: f64 = LeafGloss::CUTICLE_INDEX;
 
-/// Which reading of Miao's eq. 7 a lobe follows.
+/// Form of the lobe: the reading of Miao's eq. 7 that it follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GlossForm {
-    /// Factor 1/4, Fresnel at v.h, G over v.h.
+    /// Corrected form: factor 1/4, Fresnel at v.h, G over v.h.
     #[default]
     Corrected,
-    /// The printed factor alone, which is four times the corrected lobe exactly. Fresnel and G are as corrected.
+    /// Form with the printed factor alone, which is four times the corrected lobe exactly. Fresnel and G are as
+    /// corrected.
     Legacy4x,
-    /// Everything as printed: four times too bright, Fresnel at n.h (no rise towards grazing), and G's
-    /// denominator the angle between normal and half vector in radians. Costs an arc cosine and a Fresnel term
-    /// per sample; to report the error of `plate-paper`, for nothing else.
+    /// Form as printed: four times too bright, Fresnel at n.h (no rise towards grazing), and the angle between normal
+    /// and half vector in radians as the denominator of G. Costs an arc cosine and a Fresnel term per sample; only for
+    /// reporting the error of `plate-paper`.
     Printed,
 }
 
@@ -45,7 +46,7 @@ impl GlossForm {
         }
     }
 
-    /// Returns what the printed prefactor multiplies the lobe with, over the right one.
+    /// Returns the ratio of the form's prefactor and the right one.
     pub(super) fn gain(self) -> f64 {
         match self {
             GlossForm::Corrected => 1.0,
@@ -54,26 +55,26 @@ impl GlossForm {
     }
 }
 
-/// Whether light that the gloss reflects is missing from what enters the body below.
+/// Coupling of the lobe to the body: whether light that the lobe reflects is missing from what enters the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GlossCoupling {
-    /// It is: together they reflect at most what came in.
+    /// Coupled: lobe and body together reflect at most what came in.
     #[default]
     Energy,
-    /// It is not, as in the papers: the gloss is added on top.
+    /// Not coupled, as in the papers: the lobe is added on top.
     None,
 }
 
-/// What gloss is asked for.
+/// Parameters of a specular lobe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GlossParams {
     /// Refractive index, 1.01 to 3.
     pub index: f64,
-    /// Roughness along the vein direction, [`MIN_ROUGHNESS`] to 1; less is raised.
+    /// Roughness along the vein direction, [`MIN_ROUGHNESS`] to 1; a smaller one is raised.
     pub gamma_along: f64,
-    /// Roughness across the vein direction, the same.
+    /// Roughness across the vein direction, [`MIN_ROUGHNESS`] to 1; a smaller one is raised.
     pub gamma_across: f64,
-    /// Corrected or as printed.
+    /// Form of the lobe, corrected or as printed.
     pub form: GlossForm,
     /// Coupling to the body.
     pub coupling: GlossCoupling,

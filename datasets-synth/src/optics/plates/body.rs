@@ -1,4 +1,4 @@
-//! A plate model prepared for millions of texels: from contents to the colour of a leaf's body.
+//! Plate model prepared for millions of texels: from contents to the colour of a leaf's body.
 
 use btf_models::LeafContents;
 
@@ -14,27 +14,27 @@ use crate::optics::specific_absorption::{Coefficients, SpecificAbsorption, absor
 
 /// Colour of a leaf's body in linear sRGB, signed.
 ///
-/// For `plate-exact` and `plate-n` shares of the light that *entered* the leaf, the surface's own
-/// reflection left out, so that a gloss lobe that says how much enters couples to it. For
-/// `plate-paper` shares of the light that fell in, the surface included, as printed.
+/// For `plate-exact` and `plate-n` the colours are shares of the light that *entered* the leaf, without the reflection
+/// of the surface, so that a specular lobe that says how much enters can be coupled. For `plate-paper` they are shares
+/// of the incident light, the surface included, as printed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyRgb {
-    /// Leaves in front.
+    /// Share that leaves in front.
     pub reflectance: [f32; 3],
-    /// Leaves behind.
+    /// Share that leaves behind.
     pub transmittance: [f32; 3],
 }
 
-/// One wavelength.
+/// Properties at one wavelength.
 #[derive(Debug, Clone)]
 struct Band {
     coefficients: Coefficients,
     faces: DiffuseFaces,
-    /// Share of each channel.
+    /// Weights of the wavelength in each channel.
     weights: [f64; 3],
 }
 
-/// A plate model with all that does not depend on the contents looked up.
+/// Plate model with everything looked up that does not depend on the contents.
 #[derive(Debug, Clone)]
 pub struct PlateBody {
     model: PlateModel,
@@ -66,17 +66,17 @@ impl PlateBody {
         Ok(PlateBody { model, theta: ThetaForm::Single, bands })
     }
 
-    /// The same with theta(k) computed in another form than [`ThetaForm::Single`], whose error no
-    /// image can hold: for measuring what a form costs and loses. `plate-paper` keeps its own.
+    /// Returns the model with theta(k) computed in another form than [`ThetaForm::Single`], whose error no image can
+    /// hold, to measure what a form costs and loses. `plate-paper` keeps its own form.
     pub fn with_theta(self, theta: ThetaForm) -> PlateBody {
         PlateBody { theta, ..self }
     }
 
-    /// Returns the body's colour where the leaf holds `contents` and is `thickness` times as thick as they say:
-    /// `k = thickness sum K C / N`. For `plate-paper` `thickness` multiplies the transmittance instead, as printed.
+    /// Returns the colour of the body where the leaf holds `contents` and is `thickness` times as thick as they say:
+    /// `k = thickness sum K C / N`. For `plate-paper`, `thickness` multiplies the transmittance instead, as printed.
     ///
-    /// Finite for any contents and thickness from 0 up and N from 1 up, which the caller checks once
-    /// with [`PlateModel::check`]. Cost: see docs/TRADE.md.
+    /// The colour is finite for any contents and thickness from 0 up and N from 1 up; the caller checks them once with
+    /// [`PlateModel::check`]. Cost: see docs/TRADE.md.
     pub fn rgb(&self, contents: &LeafContents, thickness: f64) -> BodyRgb {
         match self.model {
             PlateModel::Paper => {

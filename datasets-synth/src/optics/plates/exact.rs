@@ -24,7 +24,7 @@ use crate::optics::interface::{DiffuseFaces, mean_interface_transmittance};
 use crate::optics::plates::shares::PlateOptics;
 use crate::optics::plates::theta::diffuse_transmission;
 
-/// Returns the reflectance and transmittance of a plate of absorption `k >= 0` and index `index`, lit over a cone of
+/// Returns reflectance and transmittance of a plate of absorption `k >= 0` and index `index`, lit over a cone of
 /// half-angle `cone_deg` [Miao, eq. 3-4].
 pub fn plate(k: f64, index: f64, cone_deg: f64) -> PlateOptics {
     let inside = plate_inside(k, index);
@@ -36,16 +36,16 @@ pub fn plate(k: f64, index: f64, cone_deg: f64) -> PlateOptics {
 }
 
 /// Returns the shares of the light that has *entered* the plate through its first surface: what leaves again in front,
-/// and what leaves behind. Independent of how the light fell in, so it couples to a gloss lobe that says how much
-/// enters. At `k = 0` the two add up to 1.
+/// and what leaves behind. They do not depend on the direction of the light, so they couple to a specular lobe that
+/// says how much enters. At `k = 0` the two add up to 1.
 pub fn plate_inside(k: f64, index: f64) -> PlateOptics {
     plate_inside_of(diffuse_transmission(k), DiffuseFaces::new(index))
 }
 
-/// [`plate_inside`] of what depends on the pigments, `theta = 2 E3(k)`, and what does not.
+/// Evaluates [`plate_inside`] from `theta = 2 E3(k)`, which depends on the pigments, and from the faces, which do not.
 ///
-/// The same as eq. 3-4 divided by `n^4`: every crossing of the plate costs theta, every meeting with
-/// a face either [`DiffuseFaces::exit`] or [`DiffuseFaces::inner_reflectance`].
+/// The expressions are eq. 3-4 divided by `n^4`: every crossing of the plate costs theta, every meeting with a face
+/// either [`DiffuseFaces::exit`] or [`DiffuseFaces::inner_reflectance`].
 #[inline]
 pub(crate) fn plate_inside_of(theta: f64, faces: DiffuseFaces) -> PlateOptics {
     let back = theta * faces.inner_reflectance();

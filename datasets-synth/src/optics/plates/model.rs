@@ -1,4 +1,4 @@
-//! The three plate models behind one door: reflectance and transmittance of a whole leaf.
+//! The three plate models behind one function: reflectance and transmittance of a whole leaf.
 
 use btf_models::LeafContents;
 
@@ -14,14 +14,14 @@ use crate::optics::specific_absorption::{SpecificAbsorption, check_wavelengths};
 /// Half-angle of the cone of incident light that PROSPECT assumes, in degrees [Jacquemoud 1990].
 pub const PROSPECT_CONE_DEG: f64 = 40.0;
 
-/// How a leaf is made of plates.
+/// Kind of plate model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PlateModel {
-    /// `plate-paper`, [`crate::plate_paper`]: one plate as printed, slips included.
+    /// Model `plate-paper`, [`crate::plate_paper`]: one plate as printed, misprints included.
     Paper,
-    /// `plate-exact`, [`crate::plate`]: one plate.
+    /// Model `plate-exact`, [`crate::plate`]: one plate.
     Exact,
-    /// `plate-n`, [`crate::plate_n`]: N plates, PROSPECT.
+    /// Model `plate-n`, [`crate::plate_n`]: N plates, PROSPECT.
     #[default]
     N,
 }
@@ -30,7 +30,7 @@ impl PlateModel {
     /// All models, the simplest first.
     pub const ALL: [PlateModel; 3] = [PlateModel::Paper, PlateModel::Exact, PlateModel::N];
 
-    /// Its name: `plate-paper`, `plate-exact`, `plate-n`.
+    /// Returns the name: `plate-paper`, `plate-exact`, `plate-n`.
     pub fn name(self) -> &'static str {
         match self {
             PlateModel::Paper => "plate-paper",
@@ -39,7 +39,7 @@ impl PlateModel {
         }
     }
 
-    /// Returns the half-angle of the cone of incident light in degrees that its authors assume: 0 or
+    /// Returns the half-angle of the cone of incident light in degrees that the authors of the model assume: 0 or
     /// [`PROSPECT_CONE_DEG`].
     pub fn default_cone_deg(self) -> f64 {
         match self {
@@ -48,7 +48,7 @@ impl PlateModel {
         }
     }
 
-    /// Returns the table that its authors read. `plate-paper` has its own numbers and needs none.
+    /// Returns the table that the authors of the model use. `plate-paper` has its own numbers and needs none.
     pub fn default_table(self) -> SpecificAbsorption {
         match self {
             PlateModel::Paper | PlateModel::Exact => SpecificAbsorption::Prospect5,
@@ -56,11 +56,11 @@ impl PlateModel {
         }
     }
 
-    /// Checks the contents' ranges and that the model knows all their pigments.
+    /// Checks the ranges of the contents, and that the model knows all their pigments.
     ///
     /// # Errors
-    /// [`SynthError::BadParameter`] for the first that is out of its range, and for anthocyanins
-    /// where they would be left out in silence.
+    /// [`SynthError::BadParameter`] for the first that is out of its range, and for anthocyanins that the model would
+    /// ignore silently.
     pub fn check(self, table: SpecificAbsorption, contents: &LeafContents) -> Result<(), SynthError> {
         check_contents(contents)?;
         let anthocyanin = contents.anthocyanin_ug_per_cm2;
@@ -74,11 +74,11 @@ impl PlateModel {
     }
 }
 
-/// Returns the reflectance and transmittance of a whole leaf at each of `wavelengths_nm` (400 to 780; for `plate-paper`
-/// any of [`PAPER_WAVELENGTHS_NM`]), lit over a cone of half-angle `cone_deg` (0 to 90; `plate-paper` is printed for 0
-/// and ignores it, and `table`, too).
+/// Returns reflectance and transmittance of a whole leaf at each of `wavelengths_nm` (400 to 780; for `plate-paper` any
+/// of [`PAPER_WAVELENGTHS_NM`]), lit over a cone of half-angle `cone_deg` (0 to 90). `plate-paper` is printed for 0 and
+/// ignores `cone_deg` and `table`.
 ///
-/// Contents beyond a leaf's ranges are computed as they stand: [`PlateModel::check`] refuses them.
+/// Contents beyond the ranges of a leaf are computed as they stand: [`PlateModel::check`] refuses them.
 ///
 /// # Errors
 /// [`SynthError::BadParameter`] for a wavelength or a cone out of range, and an N below 1.

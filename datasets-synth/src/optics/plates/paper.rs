@@ -33,16 +33,16 @@ use btf_models::LeafContents;
 use crate::optics::plates::shares::PlateOptics;
 use crate::optics::plates::theta::three_piece_fit;
 
-/// Specific absorptions at the three wavelengths as printed: chlorophyll a + b in cm2/ug.
+/// Specific absorption of chlorophyll a + b at the three wavelengths as printed, in cm2/ug.
 const CHLOROPHYLL: [f64; 3] = [0.05914, 0.01221, 0.0716];
 
-/// Carotenoids in cm2/ug.
+/// Specific absorption of carotenoids in cm2/ug.
 const CAROTENOID: [f64; 3] = [0.0, 0.0073, 0.168];
 
-/// Brown pigment, per arbitrary unit.
+/// Specific absorption of brown pigment, per arbitrary unit.
 const BROWN: [f64; 3] = [0.1572, 0.3568, 0.4912];
 
-/// Dry matter in cm2/g, the last a tenth of its source.
+/// Specific absorption of dry matter in cm2/g; the last is a tenth of that in its source.
 const DRY_MATTER: [f64; 3] = [2.3, 2.3, 1.481];
 
 /// Returns the absorption k at the [`PAPER_WAVELENGTHS_NM`] with the printed coefficients.
@@ -56,7 +56,7 @@ pub fn plate_paper_absorption(contents: &LeafContents) -> [f64; 3] {
     })
 }
 
-/// Returns the printed eq. 6 of a given theta, which the print takes from [`three_piece_fit`].
+/// Evaluates the printed eq. 6 for a given theta, which the paper takes from [`three_piece_fit`].
 pub fn plate_paper_of_theta(theta: f64) -> PlateOptics {
     let theta2 = theta * theta;
     PlateOptics {
@@ -65,8 +65,8 @@ pub fn plate_paper_of_theta(theta: f64) -> PlateOptics {
     }
 }
 
-/// Returns the printed eq. 9 without its gloss, at the [`PAPER_WAVELENGTHS_NM`]: `thickness` V_t multiplies the
-/// transmittance. The three may add up to more than the light that fell in.
+/// Evaluates the printed eq. 9 without its specular lobe, at the [`PAPER_WAVELENGTHS_NM`]: `thickness` V_t multiplies
+/// the transmittance. The shares may add up to more than the incident light.
 pub fn plate_paper(contents: &LeafContents, thickness: f64) -> [PlateOptics; 3] {
     plate_paper_absorption(contents).map(|k| {
         let PlateOptics { reflectance, transmittance } = plate_paper_of_theta(three_piece_fit(k));

@@ -34,8 +34,8 @@ use crate::optics::plates::exact::plate_inside_of;
 use crate::optics::plates::shares::PlateOptics;
 use crate::optics::plates::theta::diffuse_transmission;
 
-/// Returns the reflectance and transmittance of a pile of `structure` (N, at least 1) plates, each of absorption
-/// `k >= 0` and index `index` (>= 1), lit over a cone of half-angle `cone_deg`.
+/// Returns reflectance and transmittance of a pile of `structure` (N, at least 1) plates, each of absorption `k >= 0`
+/// and index `index` (>= 1), lit over a cone of half-angle `cone_deg`.
 ///
 /// # Errors
 /// [`SynthError::BadParameter`] for an N below 1 or not a number.
@@ -49,10 +49,10 @@ pub fn plate_n(k: f64, index: f64, cone_deg: f64, structure: f64) -> Result<Plat
 }
 
 /// Returns the shares of the light that has *entered* the pile through its first surface: what leaves again in front,
-/// and what leaves behind. Independent of how the light fell in; at `k = 0` they add up to 1.
+/// and what leaves behind. They do not depend on the direction of the light; at `k = 0` they add up to 1.
 ///
 /// # Errors
-/// As [`plate_n`].
+/// [`SynthError::BadParameter`] for an N below 1 or not a number.
 pub fn plate_n_inside(k: f64, index: f64, structure: f64) -> Result<PlateOptics, SynthError> {
     check_structure(structure)?;
     Ok(plate_n_inside_of(diffuse_transmission(k), DiffuseFaces::new(index), structure))
@@ -68,8 +68,8 @@ pub(crate) fn check_structure(structure: f64) -> Result<(), SynthError> {
     Err(SynthError::BadParameter { name: "--n", value: structure.to_string(), allowed })
 }
 
-/// [`plate_n_inside`] of what depends on the pigments, `theta = 2 E3(k)`, and what does not, for a
-/// `structure` that was checked.
+/// Evaluates [`plate_n_inside`] from `theta = 2 E3(k)`, which depends on the pigments, and from the faces, which do
+/// not. `structure` must have been checked.
 #[inline]
 pub(crate) fn plate_n_inside_of(theta: f64, faces: DiffuseFaces, structure: f64) -> PlateOptics {
     let first = plate_inside_of(theta, faces);
@@ -88,8 +88,8 @@ pub(crate) fn plate_n_inside_of(theta: f64, faces: DiffuseFaces, structure: f64)
     }
 }
 
-/// Returns `count > 0` layers that reflect `r`, transmit `t` and absorb `absorbed` (r + t + absorbed = 1; it is passed
-/// because the difference loses its digits).
+/// Returns reflectance and transmittance of `count > 0` layers that reflect `r`, transmit `t` and absorb `absorbed` (r
+/// + t + absorbed = 1; it is a parameter because the difference loses its digits).
 #[inline]
 fn pile(r: f64, t: f64, absorbed: f64, count: f64) -> PlateOptics {
     if absorbed <= 0.0 {
@@ -121,7 +121,7 @@ mod tests {
         plate_n(k, index, cone_deg, structure).unwrap()
     }
 
-    /// Whole layers put one above the other: the slow obvious way.
+    /// Computes a whole number of layers one above the other, the slow and obvious way.
     fn layer_by_layer(k: f64, index: f64, cone_deg: f64, layers: usize) -> PlateOptics {
         let layer = plate(k, index, 90.0);
         // From the bottom up: `below` is what lies under the layer that is put on.

@@ -1,10 +1,10 @@
 //! Reflectance and transmittance of plates.
 
-/// Share of incident light.
+/// Shares of incident light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlateOptics {
-    /// Reflected, the first surface's part included.
+    /// Reflected share, that of the first surface included.
     pub reflectance: f64,
-    /// Transmitted.
+    /// Transmitted share.
     pub transmittance: f64,
 }

@@ -20,24 +20,24 @@
 /// Euler's constant.
 const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
 
-/// Up to this absorption the power series is used: beyond it cancellation eats digits, below it the
-/// continued fraction converges slowly.
+/// Absorption up to which the power series is used; beyond it cancellation costs digits, below it the continued
+/// fraction converges slowly.
 const SERIES_LIMIT: f64 = 2.0;
 
-/// Terms of the series: at the limit the first one left out is below 1e-18.
+/// Number of terms of the series; at the limit the first one left out is below 1e-18.
 const SERIES_TERMS: usize = 24;
 
-/// A term below this no longer counts.
+/// Value below which a term no longer counts.
 const SERIES_END: f64 = 1e-18;
 
-/// The continued fraction converges as exp(-4 sqrt(k depth)): depth * k, at which what is left out
-/// is below 1e-14 of the value for every k beyond the series.
+/// Depth of the continued fraction times k. The fraction converges as exp(-4 sqrt(k depth)), and at this depth the
+/// remainder is below 1e-14 of the value for every k beyond the series.
 const FRACTION_DEPTH: f64 = 100.0;
 
-/// Added to that depth.
+/// Depth of the continued fraction that is added to that of [`FRACTION_DEPTH`].
 const FRACTION_MIN_DEPTH: usize = 4;
 
-/// 1 / j; a division costs more than the rest of a term.
+/// Inverses 1 / j, because a division costs more than the rest of a term.
 const INVERSES: [f64; SERIES_TERMS + 1] = {
     let mut inverses = [0.0; SERIES_TERMS + 1];
     let mut j = 1;
@@ -48,44 +48,44 @@ const INVERSES: [f64; SERIES_TERMS + 1] = {
     inverses
 };
 
-/// Of the rational form P1/Q2: coefficients of k and k^2 in the denominator.
+/// Coefficients of k and k^2 in the denominator of the rational form P1/Q2.
 const P1Q2: [f64; 2] = [2.333_055, 0.710_283];
 
-/// Of the rational form P2/Q3: coefficient of k in the numerator.
+/// Coefficient of k in the numerator of the rational form P2/Q3.
 const P2: f64 = 7.243_35;
 
-/// Of the rational form P2/Q3: coefficients of k, k^2 and k^3 in the denominator.
+/// Coefficients of k, k^2 and k^3 in the denominator of the rational form P2/Q3.
 const Q3: [f64; 3] = [8.220_059, 9.686_888, 2.157_773];
 
-/// Where the single-precision form changes over.
+/// Absorption at which the single-precision form changes from its lower to its upper piece.
 const SINGLE_LIMIT: f32 = 1.0;
 
-/// Up to [`SINGLE_LIMIT`], theta = 1 - 2k + k^2 (sum c_j k^j - ln k): what is left after the
-/// logarithm is smooth. Fitted to the least largest error, 1.1e-8 before rounding.
+/// Coefficients c_j of the piece up to [`SINGLE_LIMIT`], theta = 1 - 2k + k^2 (sum c_j k^j - ln k): the remainder after
+/// the logarithm is smooth. Fitted to the smallest largest error, 1.1e-8 before rounding.
 const SINGLE_LOW: [f32; 5] = [0.922_787_86, 0.333_296_85, -0.041_529_246, 0.005_312_009, -0.000_483_555];
 
-/// Beyond it, theta = e^-k (2k^2 + a1 k + a0) / (k^3 + b2 k^2 + b1 k + b0): numerator a0, a1. Fitted
-/// to the least largest error, 2.8e-8 before rounding.
+/// Numerator a0, a1 of the piece beyond [`SINGLE_LIMIT`], theta = e^-k (2k^2 + a1 k + a0) / (k^3 + b2 k^2 + b1 k + b0).
+/// Fitted to the smallest largest error, 2.8e-8 before rounding.
 const SINGLE_HIGH_NUMERATOR: [f32; 2] = [6.263_321, 9.478_249];
 
-/// Denominator b0, b1, b2.
+/// Denominator b0, b1, b2 of the piece beyond [`SINGLE_LIMIT`].
 const SINGLE_HIGH_DENOMINATOR: [f32; 3] = [6.347_897, 14.679_689, 7.722_814];
 
-/// Beyond this the single-precision form is 0: so is `e^-k` in single precision.
+/// Absorption beyond which the single-precision form is 0, as is `e^-k` in single precision.
 const SINGLE_END: f32 = 104.0;
 
-/// How theta(k) is computed.
+/// Form in which theta(k) is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ThetaForm {
-    /// [`diffuse_transmission`].
+    /// Form [`diffuse_transmission`].
     Exact,
-    /// [`diffuse_transmission_f32`].
+    /// Form [`diffuse_transmission_f32`].
     Single,
-    /// [`rational_p2q3`].
+    /// Form [`rational_p2q3`].
     RationalP2Q3,
-    /// [`rational_p1q2`].
+    /// Form [`rational_p1q2`].
     RationalP1Q2,
-    /// [`three_piece_fit`].
+    /// Form [`three_piece_fit`].
     ThreePiece,
 }
 
@@ -94,7 +94,7 @@ impl ThetaForm {
     pub const ALL: [ThetaForm; 5] =
         [ThetaForm::Exact, ThetaForm::Single, ThetaForm::RationalP2Q3, ThetaForm::RationalP1Q2, ThetaForm::ThreePiece];
 
-    /// Its name for tables and messages.
+    /// Returns the name for tables and messages.
     pub fn name(self) -> &'static str {
         match self {
             ThetaForm::Exact => "exact 2 E3",
@@ -105,7 +105,7 @@ impl ThetaForm {
         }
     }
 
-    /// Returns the theta for absorption `k >= 0`, 0 to 1.
+    /// Returns theta for absorption `k >= 0`, 0 to 1.
     #[inline]
     pub fn at(self, k: f64) -> f64 {
         match self {
@@ -164,8 +164,8 @@ pub fn diffuse_transmission(k: f64) -> f64 {
     2.0 * numerator / denominator * decay
 }
 
-/// [`diffuse_transmission`] in single precision, for `k >= 0`: absolute error below 3e-7, most of
-/// it rounding. One logarithm or one exponential.
+/// Returns [`diffuse_transmission`] in single precision, for `k >= 0`: absolute error below 3e-7, most of it rounding.
+/// Costs one logarithm or one exponential.
 pub fn diffuse_transmission_f32(k: f32) -> f32 {
     if k <= 0.0 {
         return 1.0;
@@ -205,7 +205,7 @@ fn decayed(k: f64, numerator: f64, denominator: f64) -> f64 {
 }
 
 /// Returns the paper's fit of theta in three pieces, as printed [Miao, after eq. 5]: for reproducing the paper and for
-/// measuring its error (see the head of this file), not for use.
+/// measuring its error (see the notes of the module), not for use.
 pub fn three_piece_fit(k: f64) -> f64 {
     if k <= 1.0 {
         0.951 * (-1.463 * k).exp()
@@ -220,7 +220,7 @@ pub fn three_piece_fit(k: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// `2 E3(k)` computed in extended precision outside this project's code.
+    /// Values of `2 E3(k)` computed in extended precision outside this project's code.
     const THETA: [(f64, f64); 22] = [
         (0.0, 1.0),
         (1e-8, 0.9999999800000019),

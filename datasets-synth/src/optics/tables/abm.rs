@@ -1,5 +1,5 @@
-//! Tables of the later algorithmic models, 400 to 2500 nm every 5 nm: specific absorption of what a
-//! mesophyll holds, and refractive indices of cuticle, mesophyll wall and antidermal wall.
+//! Tables of the later algorithmic models, 400 to 2500 nm every 5 nm: specific absorption of the contents of a
+//! mesophyll, and refractive indices of cuticle, mesophyll wall and antidermal wall.
 //!
 //! Figures of the Natural Phenomena Simulation Group, University of Waterloo, as published with their
 //! ABM-B and ABM-U (BSD-3, notice in NOTICE) [Baranoski 2006; Baranoski 2007].
@@ -8,13 +8,13 @@
 
 use crate::optics::units::{Nanometres, PerCentimetre, SquareCentimetresPerGram};
 
-/// First wavelength.
+/// First wavelength of the tables.
 pub(crate) const FIRST: Nanometres = Nanometres(400.0);
 
 /// Distance between wavelengths in nm.
 const STEP_NM: f64 = 5.0;
 
-/// Returns the value of a table at a wavelength: linear between its entries, held beyond its ends. (The tables of
+/// Returns the value of a table at a wavelength: linear between its entries, constant beyond its ends. (The tables of
 /// pigments end where the rest is 0.)
 fn at(table: &[f64], wavelength: Nanometres) -> f64 {
     let last = table.len() - 1;
@@ -64,7 +64,7 @@ pub(crate) fn antidermal_index(wavelength: Nanometres) -> f64 {
     at(ANTIDERMAL_INDEX, wavelength)
 }
 
-/// Chlorophyll a + b in cm2/g.
+/// Specific absorption of chlorophyll a + b in cm2/g.
 const CHLOROPHYLL: &[f64] = &[
     73400.0, 67700.0, 62300.0, 58000.0, 55600.0, 53400.0, 52700.0, 52200.0, 51000.0, 49400.0, 46700.0, 44400.0,
     43500.0, 43500.0, 43000.0, 42600.0, 42100.0, 41300.0, 40000.0, 37900.0, 34800.0, 30700.0, 26500.0, 22100.0,
@@ -74,7 +74,7 @@ const CHLOROPHYLL: &[f64] = &[
     12600.0, 8700.0, 6200.0, 4500.0, 3200.0, 2200.0, 1500.0, 1000.0, 600.0, 300.0, 100.0, 0.0,
 ];
 
-/// Carotenoids in cm2/g.
+/// Specific absorption of carotenoids in cm2/g.
 const CAROTENOID: &[f64] = &[
     26140.0, 28830.0, 32070.0, 34240.0, 37320.0, 39770.0, 42680.0, 46250.0, 47900.0, 49480.0, 51380.0, 52650.0,
     54380.0, 56230.0, 57530.0, 58200.0, 57960.0, 56990.0, 55090.0, 54670.0, 54480.0, 52710.0, 50160.0, 43960.0,
@@ -84,7 +84,7 @@ const CAROTENOID: &[f64] = &[
     1430.0, 1073.0, 715.2, 357.6, 0.0,
 ];
 
-/// Protein in cm2/g.
+/// Specific absorption of protein in cm2/g.
 const PROTEIN: &[f64] = &[
     9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96,
     9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96, 9.96,
@@ -112,7 +112,7 @@ const PROTEIN: &[f64] = &[
     69.09, 71.18, 75.81, 76.4, 79.19, 80.45, 80.71, 79.9, 77.83, 80.85, 82.27, 80.66, 78.93,
 ];
 
-/// Cellulose in cm2/g.
+/// Specific absorption of cellulose in cm2/g.
 const CELLULOSE: &[f64] = &[
     4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38,
     4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38, 4.38,
@@ -140,7 +140,7 @@ const CELLULOSE: &[f64] = &[
     67.35, 66.18, 67.9, 70.75, 68.61, 68.2,
 ];
 
-/// Water in 1/cm.
+/// Absorption of water in 1/cm.
 const WATER: &[f64] = &[
     6.6e-05, 5.3e-05, 4.7e-05, 4.4e-05, 4.5e-05, 4.8e-05, 4.9e-05, 5.3e-05, 6.3e-05, 7.5e-05, 9.2e-05, 9.6e-05,
     9.8e-05, 0.000101, 0.000106, 0.000114, 0.000127, 0.000136, 0.00015, 0.000173, 0.000204, 0.000256, 0.000325,
@@ -173,7 +173,7 @@ const WATER: &[f64] = &[
     90.42, 93.06, 95.7,
 ];
 
-/// Cuticle.
+/// Refractive index of the cuticle.
 const CUTICLE_INDEX: &[f64] = &[
     1.54, 1.539, 1.537, 1.536, 1.534, 1.533, 1.532, 1.531, 1.529, 1.528, 1.527, 1.526, 1.525, 1.524, 1.523, 1.522,
     1.521, 1.52, 1.519, 1.518, 1.517, 1.516, 1.515, 1.514, 1.514, 1.513, 1.512, 1.511, 1.511, 1.51, 1.509, 1.508,
@@ -203,7 +203,7 @@ const CUTICLE_INDEX: &[f64] = &[
     1.412, 1.412, 1.412, 1.412, 1.411, 1.411, 1.411, 1.411, 1.411, 1.41, 1.41, 1.41, 1.41,
 ];
 
-/// Mesophyll wall.
+/// Refractive index of the mesophyll wall.
 const MESOPHYLL_INDEX: &[f64] = &[
     1.424, 1.424, 1.423, 1.422, 1.422, 1.421, 1.421, 1.42, 1.419, 1.419, 1.419, 1.418, 1.418, 1.417, 1.417, 1.417,
     1.417, 1.417, 1.417, 1.416, 1.416, 1.416, 1.416, 1.416, 1.416, 1.416, 1.416, 1.416, 1.416, 1.416, 1.416, 1.416,
@@ -233,7 +233,7 @@ const MESOPHYLL_INDEX: &[f64] = &[
     1.381, 1.381, 1.381, 1.381, 1.38, 1.38, 1.379, 1.379, 1.379, 1.378, 1.378, 1.377, 1.377, 1.376,
 ];
 
-/// Antidermal wall.
+/// Refractive index of the antidermal wall.
 const ANTIDERMAL_INDEX: &[f64] = &[
     1.419, 1.419, 1.418, 1.417, 1.417, 1.416, 1.415, 1.415, 1.414, 1.414, 1.414, 1.413, 1.413, 1.412, 1.412, 1.412,
     1.412, 1.412, 1.412, 1.411, 1.411, 1.411, 1.411, 1.411, 1.411, 1.411, 1.411, 1.411, 1.411, 1.411, 1.411, 1.411,

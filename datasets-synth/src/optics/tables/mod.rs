@@ -5,7 +5,7 @@ pub(crate) mod prospect_5;
 #[allow(clippy::approx_constant, reason = "one refractive index happens to start with log2(e)'s digits")]
 pub(crate) mod prospect_d;
 
-/// Wavelengths of a leaf table: 400 to 780 nm.
+/// Number of rows of a leaf table: 400 to 780 nm.
 pub(crate) const LEAF_ROWS: usize = 381;
 
 /// Wavelength of a leaf table's first row in nanometres; the rows are 1 nm apart.
@@ -14,7 +14,7 @@ pub(crate) const LEAF_FIRST_NM: f64 = 400.0;
 /// Wavelength of a leaf table's last row in nanometres.
 pub(crate) const LEAF_LAST_NM: f64 = 780.0;
 
-/// What leaf tissue is made of, by wavelength.
+/// Refractive index and specific absorptions of leaf tissue, by wavelength.
 pub(crate) struct LeafTable {
     /// Refractive index.
     pub(crate) index: [f64; LEAF_ROWS],
@@ -32,7 +32,7 @@ pub(crate) struct LeafTable {
     pub(crate) dry_matter: [f64; LEAF_ROWS],
 }
 
-/// Returns a column's value between its rows, linear; NaN outside of them, so that a slip shows.
+/// Returns the value of a column, linear between its rows; NaN outside of them, so that a mistake shows.
 pub(crate) fn interpolated(column: &[f64], first_nm: f64, step_nm: f64, wavelength_nm: f64) -> f64 {
     let position = (wavelength_nm - first_nm) / step_nm;
     let last = column.len() - 1;

@@ -5,7 +5,7 @@
 
 use super::LeafTable;
 
-/// One row per nanometre, 400 to 780.
+/// Table with one row per nanometre, 400 to 780.
 #[rustfmt::skip]
 pub(crate) static PROSPECT_D: LeafTable = LeafTable {
     index: [
