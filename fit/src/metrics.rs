@@ -4,6 +4,7 @@
 //! integers and the floating-point ones are added in a fixed order, so that a figure does not depend
 //! on the number of threads.
 
+use crate::resume::stored::stored_structs;
 use serde::{Deserialize, Serialize};
 
 /// Largest 8-bit value: the peak of `psnr_db`.
@@ -79,6 +80,10 @@ pub struct ErrorSums {
     pub delta_e00: f64,
     /// How many colours that sum holds.
     pub colours: u64,
+}
+
+stored_structs! {
+    ErrorSums { samples, code_error, linear_error, linear_square, linear_peak, worst_texel, delta_e00, colours }
 }
 
 impl ErrorSums {

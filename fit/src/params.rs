@@ -1,7 +1,7 @@
-//! What a fit is asked for, and what it gives.
+//! What a fit is asked for.
 
 use crate::error::FitError;
-use btf_runtime::{Asset, MAX_LOG, ROOT, ResidualKind};
+use btf_runtime::{MAX_LOG, ROOT, ResidualKind};
 use std::path::PathBuf;
 
 /// Largest number of half precision.
@@ -129,34 +129,4 @@ impl FitParams {
         }
         Ok(())
     }
-}
-
-/// Tone-weighted squared error of the lobes alone, relative to the energy of what they predict.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct LobeFigures {
-    /// Representatives, dictionary as the Lasso selected it.
-    pub selected: f64,
-    /// Representatives, after the refinement of parameters and normals.
-    pub refined: f64,
-    /// Every texel with its own sparse selection, mean.
-    pub sparse: f64,
-}
-
-/// What a fit gives.
-#[derive(Debug, Clone)]
-pub struct FitOutcome {
-    /// The asset.
-    pub asset: Asset,
-    /// Its bytes.
-    pub bytes: Vec<u8>,
-    /// Mean number of lobes of a texel, all layers.
-    pub lobes_per_texel_mean: f64,
-    /// What the lobes achieve, the first layer's.
-    pub lobes: LobeFigures,
-    /// Residual components, the first layer's.
-    pub components: usize,
-    /// Clusters, the first layer's.
-    pub clusters: usize,
-    /// Held-back pairs (`view * lights + light`), the first layer's; empty without `--leave-out`.
-    pub left_out: Vec<usize>,
 }

@@ -3,11 +3,11 @@
 //! gives the same bytes.
 
 use crate::error::FitError;
-use crate::input::layer_frame::capture_directions;
+use crate::input::layer_frame::{capture_directions, side_of_layer};
 use crate::metrics::Metrics;
 use crate::params::{ErrorMeasure, FitParams, KMeansEngine};
 use btf_capture::{CaptureInfo, Cosine, ImageFormat, Side, Transfer};
-use btf_runtime::{Asset, Layer, SurfaceSide};
+use btf_runtime::Asset;
 use serde::{Deserialize, Serialize};
 
 /// What an asset says about itself. Every key may be absent: another program may have written it.
@@ -224,29 +224,12 @@ impl CaptureRecord {
     }
 }
 
-/// Sides of light and eye of a capture, as a layer stores them.
-pub fn sides_of_capture(side: Side) -> (SurfaceSide, SurfaceSide) {
-    match side {
-        Side::Front => (SurfaceSide::Front, SurfaceSide::Front),
-        Side::Back => (SurfaceSide::Back, SurfaceSide::Back),
-        Side::TransmissionBack => (SurfaceSide::Back, SurfaceSide::Front),
-        Side::TransmissionFront => (SurfaceSide::Front, SurfaceSide::Back),
-    }
-}
-
-/// The capture side that a layer's sides stand for.
-pub fn side_of_layer(layer: &Layer) -> Side {
-    Side::ALL
-        .into_iter()
-        .find(|side| sides_of_capture(*side) == (layer.light_side, layer.view_side))
-        .unwrap_or(Side::Front)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::sample_asset::sample_asset;
     use btf_capture::DirectionSet;
+    use btf_runtime::SurfaceSide;
 
     fn info() -> CaptureInfo {
         let set = DirectionSet::bonn81();

@@ -1,7 +1,9 @@
 //! `btf-fit compare` of a volumetric texture.
 
+use super::failure::Failure;
+use super::options::Shared;
 use super::output::{check_file, tell};
-use super::{Failure, Shared, progress};
+use super::progress;
 use btf_runtime::voltex::{Voltex, Volume};
 use btf_voxelize::{Ablation, TRIANGLE_BYTES, TriangleModel, VoltexRow, measure_voltex};
 use std::ops::ControlFlow;

@@ -1,7 +1,8 @@
 //! `btf-fit convert`.
 
+use super::failure::Failure;
+use super::options::Shared;
 use super::output::{check_file, tell};
-use super::{Failure, Shared};
 use btf_capture::write_file_atomically;
 use btf_fit::{Shape, convert, load_asset, text_from_bytes};
 use clap::{Args, ValueEnum};

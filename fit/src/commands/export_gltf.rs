@@ -1,7 +1,9 @@
 //! `btf-fit export-gltf`.
 
+use super::failure::Failure;
+use super::options::Shared;
 use super::output::{check_distinct, check_file, tell};
-use super::{Failure, Shared, progress};
+use super::progress;
 use btf_capture::write_file_atomically;
 use btf_fit::{AssetPlace, GltfExport, Maps, export_gltf, read_file, text_from_bytes, with_path};
 use clap::{Args, ValueEnum};

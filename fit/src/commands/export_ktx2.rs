@@ -1,7 +1,8 @@
 //! `btf-fit export-ktx2`.
 
+use super::failure::Failure;
+use super::options::Shared;
 use super::output::{check_distinct, check_file, tell};
-use super::{Failure, Shared};
 use btf_capture::write_file_atomically;
 use btf_fit::{export_ktx2, read_file, text_from_bytes, with_path};
 use clap::Args;

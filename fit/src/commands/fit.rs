@@ -1,7 +1,9 @@
 //! `btf-fit fit`.
 
+use super::failure::Failure;
+use super::options::Shared;
 use super::output::{check_distinct, check_file, complain, is_stdout, tell};
-use super::{Failure, Shared, progress};
+use super::progress;
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
     ErrorMeasure, FitError, FitParams, Fitted, Forecast, KMeansEngine, Metrics, Monitor, ReportInput, ReportLayer,

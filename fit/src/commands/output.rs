@@ -1,6 +1,6 @@
 //! Writing results: checks before the work, whole files after it, text that survives a closed pipe.
 
-use super::Failure;
+use super::failure::Failure;
 use btf_capture::{AtomicFile, write_file_atomically};
 use serde::Serialize;
 use std::io::{Write, stderr, stdout};

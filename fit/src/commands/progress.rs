@@ -1,7 +1,8 @@
 //! Progress on a terminal, silence elsewhere, and Ctrl-C.
 
+use super::failure::Failure;
+use super::options::Shared;
 use super::output::complain;
-use super::{Failure, Shared};
 use btf_fit::{Forecast, Monitor};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::{Arc, Mutex};

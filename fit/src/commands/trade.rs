@@ -1,7 +1,9 @@
 //! `btf-fit trade`.
 
+use super::failure::Failure;
+use super::options::Shared;
 use super::output::{check_distinct, check_file, is_stdout, tell};
-use super::{Failure, Shared, progress};
+use super::progress;
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
     FitParams, GpuChoice, Limit, Precision, Role, Rule, Stage, Trade, TradeParams, bytes_from_text, peak_memory_bytes,

@@ -1,7 +1,8 @@
 //! `btf-fit validate`.
 
+use super::failure::Failure;
+use super::options::Shared;
 use super::output::{check_file, is_stdout, say, write_json};
-use super::{Failure, Shared};
 use btf_fit::{FitError, Validation, validate_file};
 use clap::Args;
 use std::path::{Path, PathBuf};

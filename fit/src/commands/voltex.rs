@@ -1,7 +1,8 @@
 //! `btf-fit voltex`.
 
+use super::failure::Failure;
+use super::options::Shared;
 use super::output::{check_file, tell};
-use super::{Failure, Shared};
 use btf_capture::write_file_atomically;
 use btf_fit::{FitError, text_from_bytes};
 use btf_models::shapes::{SCRIPT_ENDING, Script};

@@ -9,7 +9,25 @@
 
 use crate::error::FitError;
 use btf_capture::{Direction, DirectionSet, Side};
-use btf_runtime::{Layer, Sphere};
+use btf_runtime::{Layer, Sphere, SurfaceSide};
+
+/// Sides of light and eye of a capture, as a layer stores them.
+pub fn sides_of_capture(side: Side) -> (SurfaceSide, SurfaceSide) {
+    match side {
+        Side::Front => (SurfaceSide::Front, SurfaceSide::Front),
+        Side::Back => (SurfaceSide::Back, SurfaceSide::Back),
+        Side::TransmissionBack => (SurfaceSide::Back, SurfaceSide::Front),
+        Side::TransmissionFront => (SurfaceSide::Front, SurfaceSide::Back),
+    }
+}
+
+/// The capture side that a layer's sides stand for.
+pub fn side_of_layer(layer: &Layer) -> Side {
+    Side::ALL
+        .into_iter()
+        .find(|side| sides_of_capture(*side) == (layer.light_side, layer.view_side))
+        .unwrap_or(Side::Front)
+}
 
 /// The unit vectors that a layer stores for `set`, views or lights of a capture of `side`, in the
 /// set's order. A direction on the other side of the surface than the capture's is not told apart.

@@ -1,7 +1,7 @@
 //! Other shapes of an asset: with coarser levels, or in its resident form.
 
 use crate::error::FitError;
-use crate::inspect::describe::parallel;
+use crate::inspect::load::parallel;
 use btf_runtime::{Asset, ResidentFile, pack, with_levels};
 
 /// What [`convert`] makes.

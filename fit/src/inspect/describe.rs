@@ -1,19 +1,14 @@
 //! What is in an asset: for `info`, for the report, and for anyone who wants to know where the bytes go.
 
 use crate::error::FitError;
-use crate::inspect::describe_voltex::{VoltexDescription, describe_voltex, is_voltex};
-use crate::provenance::{Material, side_of_layer, sides_of_capture};
+use crate::input::layer_frame::side_of_layer;
+use crate::inspect::load::resident_in_parallel;
+use crate::inspect::sections::{SectionSize, section_sizes};
+use crate::provenance::Material;
 use crate::units::text_from_bytes;
-use btf_capture::Side;
-use btf_runtime::{
-    Asset, Heights, Layer, LobeFamily, Resident, ResidentFile, ResidualKind, SectionEntry, SectionKind, SurfaceSide,
-    VERSION, read_directory,
-};
-use rayon::prelude::*;
+use btf_runtime::{Asset, Heights, Layer, LobeFamily, ResidualKind, SectionKind, VERSION, read_directory};
 use serde::Serialize;
 use std::fmt::{self, Display};
-use std::path::Path;
-use std::sync::Arc;
 
 /// What is in an asset. The names are the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -51,17 +46,6 @@ pub struct TierDescription {
     pub bytes: u64,
     /// Residual components of the first layer that it reaches; `None` for lobes without residual.
     pub components: Option<usize>,
-}
-
-/// Bytes of one kind of section.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SectionSize {
-    /// The kind's name in FORMAT.md.
-    pub kind: String,
-    /// How many there are.
-    pub count: usize,
-    /// Bytes of all of them, without padding.
-    pub bytes: u64,
 }
 
 /// What is in a layer.
@@ -139,113 +123,6 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
         layers: asset.layers.iter().map(describe_layer).collect(),
         material: Material::from_asset(&asset)?,
     })
-}
-
-/// Sizes by kind of the sections that are at hand, in their order.
-pub(crate) fn section_sizes(
-    entries: &[SectionEntry],
-    bytes: usize,
-    kind_name: impl Fn(u32) -> Option<String>,
-) -> Vec<SectionSize> {
-    let mut sections: Vec<SectionSize> = Vec::new();
-    for entry in entries.iter().filter(|entry| (entry.offset as usize) < bytes) {
-        let kind = kind_name(entry.kind).unwrap_or(format!("kind {}", entry.kind));
-        let at = sections.iter().position(|size| size.kind == kind).unwrap_or_else(|| {
-            sections.push(SectionSize { kind, count: 0, bytes: 0 });
-            sections.len() - 1
-        });
-        sections[at].count += 1;
-        sections[at].bytes += u64::from(entry.length);
-    }
-    sections
-}
-
-/// Work of the runtime on all threads of the pool.
-pub(crate) fn parallel(count: usize, work: &(dyn Fn(usize) + Sync)) {
-    (0..count).into_par_iter().for_each(work);
-}
-
-/// The resident form, its clusters expanded on all threads of the pool.
-pub fn resident_in_parallel(asset: &Asset) -> Resident {
-    Resident::from_asset_on(asset, &parallel)
-}
-
-/// What is in an asset's resident form. The names are the keys of `info --json`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ResidentDescription {
-    /// `resident`.
-    pub form: &'static str,
-    /// Bytes of the file.
-    pub bytes: u64,
-    /// Format version.
-    pub version: u32,
-    /// Texels per row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Physical width and height in millimetres, where known.
-    pub size_mm: Option<[f32; 2]>,
-    /// Width and height of each level, the finest first.
-    pub levels: Vec<[u32; 2]>,
-    /// Sides of its layers, in order.
-    pub layers: Vec<String>,
-    /// Residual components of the layer that has most.
-    pub components: u32,
-    /// Lobes of the texel that has most.
-    pub lobes: u32,
-    /// The asset's own description.
-    pub material: Material,
-}
-
-/// Describes the resident form in `bytes`.
-///
-/// # Errors
-/// As [`ResidentFile::open`]; a description that is not understood.
-pub fn describe_resident(bytes: Vec<u8>) -> Result<ResidentDescription, FitError> {
-    let length = bytes.len() as u64;
-    let file = ResidentFile::open(Arc::new(bytes), &parallel)?;
-    let resident = &file.resident;
-    Ok(ResidentDescription {
-        form: "resident",
-        bytes: length,
-        version: VERSION,
-        width: resident.width(),
-        height: resident.height(),
-        size_mm: file.size_mm,
-        levels: (0..resident.levels()).map(|level| resident.size(level * resident.layers())).collect(),
-        layers: sides_of_resident(resident).iter().map(ToString::to_string).collect(),
-        components: resident.most_components(),
-        lobes: resident.most_lobes(),
-        material: Material::from_text(&file.material)?,
-    })
-}
-
-impl Display for ResidentDescription {
-    /// What `info` prints.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = if self.material.name.is_empty() { "(none)" } else { &self.material.name };
-        let size = self.size_mm.map_or(String::new(), |[w, h]| format!(", {w} x {h} mm"));
-        writeln!(f, "name        {name}")?;
-        writeln!(f, "texels      {} x {}{size}", self.width, self.height)?;
-        writeln!(f, "form        resident, {} ({} bytes)", text_from_bytes(self.bytes), self.bytes)?;
-        writeln!(f, "format      version {}", self.version)?;
-        writeln!(f, "levels      {}", self.levels.len())?;
-        writeln!(f, "layers      {}", self.layers.join(", "))?;
-        writeln!(f, "residual    {} components", self.components)?;
-        write!(f, "lobes       at most {} a texel", self.lobes)
-    }
-}
-
-/// What the layers' sides are, in order.
-pub(crate) fn sides_of_resident(resident: &Resident) -> Vec<Side> {
-    let mut sides: Vec<(u32, Side)> = Vec::new();
-    for side in Side::ALL {
-        let (light, view) = sides_of_capture(side);
-        let back = |of: SurfaceSide| of == SurfaceSide::Back;
-        sides.extend(resident.layer_for_sides(0, back(light), back(view)).map(|layer| (layer, side)));
-    }
-    sides.sort_by_key(|(layer, _)| *layer);
-    sides.into_iter().map(|(_, side)| side).collect()
 }
 
 /// The name of a lobe family as people write it.
@@ -386,83 +263,12 @@ impl Display for Description {
     }
 }
 
-/// Reads and checks an asset file: its bytes and what is in them.
-///
-/// # Errors
-/// If it cannot be read or is no good asset; the message names the file.
-pub fn load_asset(path: &Path) -> Result<(Vec<u8>, Asset), FitError> {
-    let bytes = read_file(path)?;
-    let asset = Asset::parse(&bytes).map_err(|source| FitError::Asset { path: path.to_path_buf(), source })?;
-    Ok((bytes, asset))
-}
-
-/// What is in a file, an asset's in either form or a volumetric texture's.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum FileDescription {
-    /// The file form.
-    File(Box<Description>),
-    /// The resident form.
-    Resident(Box<ResidentDescription>),
-    /// A volumetric texture.
-    Voltex(Box<VoltexDescription>),
-}
-
-impl Display for FileDescription {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            FileDescription::File(description) => description.fmt(f),
-            FileDescription::Resident(description) => description.fmt(f),
-            FileDescription::Voltex(description) => description.fmt(f),
-        }
-    }
-}
-
-/// [`describe`], [`describe_resident`] or [`describe_voltex`] of a file.
-///
-/// # Errors
-/// As they, or if it cannot be read; the message names the file.
-pub fn describe_file(path: &Path) -> Result<FileDescription, FitError> {
-    let bytes = read_file(path)?;
-    let described = if is_voltex(path, &bytes) {
-        describe_voltex(&bytes).map(|description| FileDescription::Voltex(Box::new(description)))
-    } else if ResidentFile::is_one(&bytes) {
-        describe_resident(bytes).map(|description| FileDescription::Resident(Box::new(description)))
-    } else {
-        describe(&bytes).map(|description| FileDescription::File(Box::new(description)))
-    };
-    described.map_err(|error| with_path(path, error))
-}
-
-/// The same error with the name of the asset that it is about.
-pub fn with_path(path: &Path, error: FitError) -> FitError {
-    match error {
-        FitError::Pack(source) => FitError::Asset { path: path.to_path_buf(), source },
-        FitError::PackVolume(source) => FitError::Volume { path: path.to_path_buf(), source },
-        FitError::Params(text) => FitError::Params(format!("{}: {text}", path.display())),
-        other => other,
-    }
-}
-
-/// The bytes of an asset, not looked at.
-///
-/// # Errors
-/// If the file cannot be read; the message names it.
-pub fn read_file(path: &Path) -> Result<Vec<u8>, FitError> {
-    std::fs::read(path).map_err(|source| FitError::File {
-        path: path.to_path_buf(),
-        action: "reading the asset",
-        source,
-        remedy: "check the path",
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::provenance::FitRecord;
     use crate::sample_asset::sample_asset;
-    use btf_runtime::pack;
+    use btf_runtime::{Resident, pack};
 
     fn bytes() -> Vec<u8> {
         let material = Material { name: "felt".into(), fit: Some(FitRecord::default()), ..Material::default() };
@@ -510,21 +316,5 @@ mod tests {
         assert!(tier.sections.iter().map(|s| s.bytes).sum::<u64>() < whole.sections.iter().map(|s| s.bytes).sum());
         let lobes = describe(&bytes[..whole.tiers[0].bytes as usize]).unwrap();
         assert_eq!(lobes.layers[0].residual, "none");
-    }
-
-    #[test]
-    fn a_message_names_the_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let (absent, junk) = (folder.path().join("absent.spmm"), folder.path().join("junk.spmm"));
-        std::fs::write(&junk, b"junk").unwrap();
-        let nameless = folder.path().join("nameless.spmm");
-        std::fs::write(&nameless, pack(&Asset { material: "[]x".into(), ..sample_asset() }).unwrap()).unwrap();
-        for (path, name) in [(&absent, "absent.spmm"), (&junk, "junk.spmm"), (&nameless, "nameless.spmm")] {
-            let message = describe_file(path).unwrap_err().to_string();
-            assert!(message.contains(name) && !message.contains('\n'), "{message}");
-        }
-        assert!(load_asset(&junk).unwrap_err().to_string().contains("junk.spmm"));
-        std::fs::write(&junk, bytes()).unwrap();
-        assert!(load_asset(&junk).is_ok());
     }
 }

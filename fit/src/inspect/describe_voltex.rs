@@ -1,7 +1,8 @@
 //! What is in a volumetric texture's file: for `info`.
 
 use crate::error::FitError;
-use crate::inspect::describe::{SectionSize, parallel, read_file, section_sizes};
+use crate::inspect::load::{parallel, read_file};
+use crate::inspect::sections::{SectionSize, section_sizes};
 use crate::units::text_from_bytes;
 use btf_runtime::voltex::{
     MicroflakeMaterial, VOLTEX_VERSION, Voltex, VoltexSection, Volume, VolumeLevel, read_voltex_directory,
@@ -219,7 +220,7 @@ impl Display for VoltexDescription {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inspect::describe::describe_file;
+    use crate::inspect::describe_file::describe_file;
     use btf_runtime::testing::sample_volume;
 
     #[test]

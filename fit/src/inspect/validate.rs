@@ -2,9 +2,10 @@
 //! material or the volume. The numbers of the findings are those of docs/FINDINGS.md and docs/VOLTEX.md.
 
 use crate::error::FitError;
-use crate::inspect::describe::{parallel, read_file};
+use crate::input::layer_frame::sides_of_capture;
 use crate::inspect::describe_voltex::is_voltex;
-use crate::provenance::{Material, sides_of_capture};
+use crate::inspect::load::{parallel, read_file};
+use crate::provenance::Material;
 use btf_capture::Side;
 use btf_runtime::{Finding, Report, Severity, rule, voltex};
 use serde::Serialize;

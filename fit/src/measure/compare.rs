@@ -5,12 +5,13 @@
 //! per texel and per pair, and a byte per texel and component.
 
 use crate::error::FitError;
-use crate::input::layer_frame::{turn_image, turn_map};
+use crate::input::layer_frame::{side_of_layer, sides_of_capture, turn_image, turn_map};
+use crate::input::pair_stride::stride_over_pairs;
 use crate::measure::image_decoder::{ImageDecoder, Spot};
 use crate::measure::tile_errors::{Coding, PairWork, TileErrors, TiledImage};
 use crate::metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 use crate::monitor::Monitor;
-use crate::provenance::{side_of_layer, sides_of_capture};
+use crate::resume::stored::stored_structs;
 use btf_capture::{Capture, CaptureInfo, Pixels};
 use btf_runtime::{Asset, DecodeOptions, Interpolation, Resident};
 use rayon::prelude::*;
@@ -78,6 +79,12 @@ pub struct Comparison {
     pub pair_code_error: Vec<u64>,
 }
 
+stored_structs! {
+    Comparison {
+        width, height, views, lights, pairs, interpolated, sums, texel_code_error, texel_linear_error, pair_code_error,
+    }
+}
+
 impl Comparison {
     /// The figures.
     pub fn metrics(&self) -> Metrics {
@@ -143,18 +150,6 @@ impl Comparison {
 /// and, the stride being prime to the number of lights, over all lights and views alike.
 pub fn colour_pair_stride(views: usize, lights: usize) -> usize {
     stride_over_pairs((views * lights / COLOUR_PAIRS).max(1), lights)
-}
-
-/// The smallest stride from `least` on that is prime to the number of lights: every so many pairs then
-/// visit all lights and views alike.
-pub fn stride_over_pairs(least: usize, lights: usize) -> usize {
-    let common = |mut a: usize, mut b: usize| {
-        while b > 0 {
-            (a, b) = (b, a % b);
-        }
-        a
-    };
-    (least.max(1)..).find(|stride| common(*stride, lights) == 1).unwrap_or(least)
 }
 
 /// The layer of `asset` whose sides of light and eye are those of the capture.

@@ -118,8 +118,9 @@ fn show_edits(asset: &Asset, resident: &Resident, params: &ExpandParams, view: S
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::input::layer_frame::sides_of_capture;
     use crate::measure::compare::{MeasureParams, measure, measure_images};
-    use crate::provenance::{CaptureRecord, FitRecord, MaterialLayer, sides_of_capture};
+    use crate::provenance::{CaptureRecord, FitRecord, MaterialLayer};
     use crate::sample_asset::{number, sample_asset};
     use btf_capture::{Capture, Pixels, Side};
     use btf_runtime::{Interpolation, pack};

@@ -1,18 +1,20 @@
 //! A fit with its error: fits, measures what was packed, and writes the figures into the asset.
 
 use crate::error::FitError;
-use crate::inspect::describe::resident_in_parallel;
+use crate::inspect::load::resident_in_parallel;
 #[cfg(doc)]
 use crate::measure::compare::measure;
 use crate::measure::compare::{Comparison, MeasureParams, measure_images};
 use crate::metrics::{ErrorSums, Metrics};
 use crate::monitor::Monitor;
-use crate::params::{FitOutcome, FitParams, LobeFigures};
+use crate::params::FitParams;
+use crate::pipeline::outcome::FitOutcome;
 use crate::pipeline::pipeline::{fit_from, read_images};
 use crate::provenance::{FitRecord, Material};
 use crate::resume::checkpoint::Checkpoint;
 #[cfg(doc)]
 use crate::resume::checkpoint::remove_finished_stages;
+use crate::stages::lobe_dictionaries::LobeFigures;
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{Asset, Resident, pack};
 

@@ -2,4 +2,5 @@
 
 pub(crate) mod fitted;
 pub(crate) mod forecast;
+pub(crate) mod outcome;
 pub(crate) mod pipeline;

@@ -2,31 +2,31 @@
 
 use crate::error::FitError;
 use crate::input::holdout::Holdout;
-use crate::input::layer_frame::layer_directions;
+use crate::input::layer_frame::{layer_directions, sides_of_capture};
 use crate::input::residual_curve::Curve;
 use crate::input::texel_sample::texel_sample;
 use crate::input::tile_cache::{DecodedImages, Mapping, TileCache};
-use crate::inspect::describe::resident_in_parallel;
-use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_images, stride_over_pairs};
+use crate::inspect::load::resident_in_parallel;
+use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_images};
 use crate::monitor::Monitor;
-use crate::params::{FitOutcome, FitParams, LobeFigures};
-use crate::provenance::{FitRecord, Material, sides_of_capture};
+use crate::params::FitParams;
+use crate::pipeline::outcome::FitOutcome;
+use crate::provenance::{FitRecord, Material};
 use crate::resume::checkpoint::{Checkpoint, Stages};
 use crate::resume::stored::{Input, Stored};
 use crate::stages::budget::{Candidate, SEARCH_ROUNDS, within_bytes};
-use crate::stages::candidates::candidate_lobes;
-use crate::stages::dictionary::{Dictionary, Pairs, Target, build_dictionary};
 use crate::stages::encode::Model;
 use crate::stages::factor::Rotated;
 use crate::stages::features::features;
 use crate::stages::heights::{self, find_heights};
 use crate::stages::kmeans::kmeans;
+use crate::stages::lobe_dictionaries::{DICTIONARY_SIZE, LobeFigures, dictionaries};
 use crate::stages::local_pca::{local_pca, reassign};
 use crate::stages::residual_source::{ResidualSource, TexelLobes};
-use crate::stages::sparse::{ClusterLobes, Correlations, LobesOf, drop_unused, select};
+use crate::stages::sparse::{Correlations, LobesOf, drop_unused, select};
 use crate::stages::texel_coordinates::Coordinates;
 use btf_capture::{Capture, CaptureInfo, Pixels};
-use btf_runtime::{Asset, Layer, LobeRole, MAX_COMPONENTS, MAX_LAYERS, ResidualKind, Sphere, lobe_tables, pack};
+use btf_runtime::{Asset, Layer, LobeRole, MAX_COMPONENTS, MAX_LAYERS, Sphere, pack};
 use ndarray::{Array2, ArrayView2, s};
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -51,8 +51,6 @@ const SHARED_BASES: usize = 320;
 const SHARED_SAMPLE: usize = 8192;
 /// Representative texels per cluster.
 const REPRESENTATIVES: usize = 12;
-/// Lobes per dictionary.
-const DICTIONARY_SIZE: usize = 32;
 /// Pairs that a dictionary is fitted on at most.
 const DICTIONARY_PAIRS: usize = 3400;
 /// The same where lobes only guide: a third of the time, and their error stays the same.
@@ -61,8 +59,6 @@ const GUIDE_PAIRS: usize = 1100;
 const MEAN_SAMPLE: usize = 4096;
 /// Texels that predicting held-back pairs is learnt from.
 const HOLDOUT_SAMPLE: usize = 512;
-/// Added to a reflectance before its tone weight is taken.
-const TONE_EPSILON: f32 = 0.02;
 /// The relative error that one more lobe must remove.
 const LOBE_PRICE: f64 = 0.002;
 /// Without a goal: components, and the step in the residual's curve relative to the root of the number of samples: a
@@ -692,99 +688,4 @@ fn representatives(labels: &[u32], clusters: usize, scores: ArrayView2<f32>, see
             chosen
         })
         .collect()
-}
-
-fn tone_weight(kind: ResidualKind, mean: f32) -> f32 {
-    let x = mean.max(0.0) + TONE_EPSILON;
-    match kind {
-        ResidualKind::Additive => 1.0,
-        ResidualKind::Log => x.powi(-2),
-        ResidualKind::Root => x.powf(2.0 / btf_runtime::ROOT - 2.0),
-    }
-}
-
-fn dictionaries(
-    cache: &TileCache,
-    representatives: &[Vec<usize>],
-    views: &Sphere,
-    lights: &Sphere,
-    holdout: &Holdout,
-    kind: ResidualKind,
-    lobes: usize,
-    most_pairs: usize,
-    monitor: &Monitor,
-) -> Result<(Vec<ClusterLobes>, LobeFigures), FitError> {
-    let pairs = cache.pair_count();
-    let mut functions: Vec<Array2<f32>> =
-        representatives.iter().map(|chosen| Array2::zeros((pairs, 3 * chosen.len()))).collect();
-    let mut chosen: Vec<usize> = representatives.iter().flatten().copied().collect();
-    chosen.sort_unstable();
-    let block = cache.gather(&chosen)?;
-    functions.par_iter_mut().zip(representatives).for_each(|(functions, own)| {
-        let mut row = vec![0.0; 3 * pairs];
-        for (slot, texel) in own.iter().enumerate() {
-            // Clusters share no texel.
-            let number = chosen.partition_point(|other| other < texel);
-            block.texel_linear(number, &mut row);
-            for (p, rgb) in row.chunks_exact(3).enumerate() {
-                for c in 0..3 {
-                    functions[[p, 3 * slot + c]] = rgb[c];
-                }
-            }
-        }
-    });
-    drop(block);
-    monitor.check()?;
-
-    // A stride that shares no factor with the number of lights visits all of them.
-    let stride = stride_over_pairs(pairs.div_ceil(most_pairs), lights.len());
-    let used: Vec<usize> = (0..pairs).step_by(stride).collect();
-    let light_count = lights.len();
-    let sampled = Pairs {
-        wi: used.iter().map(|pair| lights.direction((pair % light_count) as u32)).collect(),
-        wo: used.iter().map(|pair| views.direction((pair / light_count) as u32)).collect(),
-    };
-    let candidates = if lobes == 0 { Vec::new() } else { candidate_lobes() };
-    let columns: Vec<Vec<f32>> = candidates.par_iter().map(|lobe| sampled.table(lobe)).collect();
-    let tables = Array2::from_shape_fn((used.len(), candidates.len()), |(p, i)| columns[i][p]);
-    drop(columns);
-
-    let done = std::sync::atomic::AtomicUsize::new(0);
-    let built: Vec<(ClusterLobes, Dictionary)> = functions
-        .par_iter()
-        .map(|functions| {
-            monitor.check()?;
-            let mut weights: Vec<f32> = functions
-                .rows()
-                .into_iter()
-                .map(|row| tone_weight(kind, if row.is_empty() { 0.0 } else { row.mean().unwrap_or(0.0) }))
-                .collect();
-            holdout.zero(&mut weights);
-            let mean = weights.iter().map(|w| f64::from(*w)).sum::<f64>() / weights.len() as f64;
-            weights.iter_mut().for_each(|w| *w /= mean.max(1e-12) as f32);
-            let found = if candidates.is_empty() || functions.ncols() == 0 {
-                Dictionary { lobes: Vec::new(), energy: 0.0, error_selected: 0.0, error_refined: 0.0 }
-            } else {
-                let target = Target {
-                    root_weights: used.iter().map(|pair| weights[*pair].sqrt()).collect(),
-                    functions: Array2::from_shape_fn((used.len(), functions.ncols()), |(p, column)| {
-                        functions[[used[p], column]]
-                    }),
-                };
-                build_dictionary(&target, &sampled, &candidates, &tables, DICTIONARY_SIZE)
-            };
-            let tables = lobe_tables(&found.lobes, views, lights);
-            let count = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-            monitor.report("dictionary", count, representatives.len())?;
-            Ok((ClusterLobes::new(found.lobes.clone(), tables, weights), found))
-        })
-        .collect::<Result<_, FitError>>()?;
-    let total = |part: fn(&Dictionary) -> f64| built.iter().map(|(_, found)| part(found)).sum::<f64>();
-    let energy = total(|found| found.energy).max(1e-30);
-    let figures = LobeFigures {
-        selected: total(|found| found.error_selected) / energy,
-        refined: total(|found| found.error_refined) / energy,
-        sparse: 0.0,
-    };
-    Ok((built.into_iter().map(|(lobes, _)| lobes).collect(), figures))
 }

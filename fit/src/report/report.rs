@@ -3,7 +3,8 @@
 
 use crate::error::FitError;
 use crate::input::layer_frame::{turn_image, turn_map};
-use crate::inspect::describe::{Description, describe, resident_in_parallel};
+use crate::inspect::describe::{Description, describe};
+use crate::inspect::load::resident_in_parallel;
 use crate::measure::compare::{Comparison, MeasureParams, colour_pair_stride, measure};
 use crate::measure::heatmap::{Raster, scale_top};
 use crate::measure::image_decoder::{ImageDecoder, Spot};
@@ -504,7 +505,8 @@ mod tests {
         let monitor = Monitor::default();
         for side in btf_capture::Side::ALL {
             let mut source = sample_asset();
-            (source.layers[0].light_side, source.layers[0].view_side) = crate::provenance::sides_of_capture(side);
+            (source.layers[0].light_side, source.layers[0].view_side) =
+                crate::input::layer_frame::sides_of_capture(side);
             let bytes = pack(&source).unwrap();
             let asset = Asset::parse(&bytes).unwrap();
             let resident = Resident::from_asset(&asset);

@@ -4,7 +4,7 @@ use crate::error::FitError;
 use crate::input::holdout::Holdout;
 use crate::input::residual_curve::Curve;
 use crate::input::tile_cache::{Mapping, Tile, TileCache};
-use crate::stages::features::ROW_BLOCK;
+use crate::stages::principal_directions::ROW_BLOCK;
 use crate::stages::sparse::{ClusterLobes, Selection};
 use btf_runtime::lobe_sum_at_pairs;
 use ndarray::Array2;

@@ -5,6 +5,7 @@ use crate::error::FitError;
 use crate::input::texel_sample::texel_sample;
 use crate::input::tile_cache::{Tile, TileCache};
 use crate::monitor::Monitor;
+use crate::resume::stored::stored_structs;
 use crate::stages::dictionary::NEGLIGIBLE;
 use crate::stages::lasso::{LassoParams, LassoProblem, non_negative_weights, stagewise_lasso};
 use btf_runtime::{DictionaryLobe, Lobe, LobeRef, byte_from_weight, weight_from_byte};
@@ -29,6 +30,10 @@ pub struct ClusterLobes {
     pub weights: Vec<f32>,
     /// `A' W A`, row-major.
     pub gram: Vec<f64>,
+}
+
+stored_structs! {
+    ClusterLobes { lobes, tables, weights, gram }
 }
 
 impl ClusterLobes {
@@ -259,6 +264,10 @@ pub struct Selection {
     pub dictionary: Vec<Vec<DictionaryLobe>>,
     /// Mean relative weighted error that the lobes leave.
     pub mean_relative_error: f64,
+}
+
+stored_structs! {
+    Selection { counts, refs, first, dictionary, mean_relative_error }
 }
 
 /// Whose lobes are chosen.

@@ -4,7 +4,8 @@
 use crate::error::FitError;
 use crate::input::texel_sample::texel_sample;
 use crate::monitor::Monitor;
-use crate::stages::features::{Rows, principal_directions, rows_made};
+use crate::resume::stored::stored_structs;
+use crate::stages::principal_directions::{Rows, principal_directions, rows_made};
 use crate::stages::residual_source::ResidualSource;
 use ndarray::{Array2, s};
 use rand::SeedableRng;
@@ -21,6 +22,10 @@ pub struct Coordinates {
     pub squares: f64,
     /// Sum over texels of each squared coordinate.
     pub energies: Vec<f64>,
+}
+
+stored_structs! {
+    Coordinates { scores, directions, squares, energies }
 }
 
 impl Coordinates {

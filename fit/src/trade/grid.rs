@@ -1,7 +1,7 @@
 //! The grid of a trade: which settings there are, and what measuring and timing each of them takes.
 
 use crate::error::FitError;
-use crate::inspect::describe::{parallel, resident_in_parallel};
+use crate::inspect::load::{parallel, resident_in_parallel};
 use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_decoder};
 use crate::measure::image_decoder::ImageDecoder;
 use crate::measure::thinned_grid::{ThinnedGrid, thinned_grid};
@@ -12,8 +12,9 @@ use crate::pipeline::pipeline::PreparedFit;
 use crate::provenance::{FitRecord, Material};
 use crate::trade::evaluation_time::{Query, least_nanoseconds, random_queries};
 use crate::trade::gpu_clock::{GpuAsset, GpuClock};
+use crate::trade::params::TradeParams;
 use crate::trade::pareto::spread;
-use crate::trade::trade::{BETWEEN_PAIRS, Limit, Precision, Role, Rule, TradeParams, TradePoint};
+use crate::trade::point::{Limit, Precision, Role, Rule, TradePoint};
 use btf_capture::{Capture, CaptureInfo, Pixels};
 use btf_runtime::{
     Asset, DecodeOptions, MAX_COMPONENTS, Resident, SectionKind, SingleBases, decode, decode_single, pack,
@@ -28,6 +29,8 @@ const MIN_BITS: f64 = 1.0;
 const MAX_BITS: f64 = 16.0;
 /// A step that gains less than this many dB over the one before ends the sweep: the components are used up.
 const MIN_GAIN_DB: f64 = 0.05;
+/// Pairs that interpolation is measured on at most.
+pub(crate) const BETWEEN_PAIRS: usize = 32;
 /// Pairs that a point's colour difference is taken over at most: it costs more than all else that is measured.
 const COLOUR_PAIRS: usize = 8;
 /// Without a limit: bytes per texel, and beside them, of the largest asset.

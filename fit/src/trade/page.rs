@@ -2,7 +2,8 @@
 
 use crate::report::page::{decibel_text, page, tile};
 use crate::report::plot::{Dot, Mark, scatter};
-use crate::trade::trade::{Limit, Precision, Role, Rule, Trade, TradePoint};
+use crate::trade::point::{Limit, Precision, Role, Rule, TradePoint};
+use crate::trade::trade::Trade;
 use crate::units::text_from_bytes;
 use maud::{Markup, html};
 

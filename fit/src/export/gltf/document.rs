@@ -4,7 +4,8 @@
 use crate::error::FitError;
 use crate::export::gltf::fit::{GltfFit, Maps, PairList, TriedPart, fit_gltf, front_layer, transmission_layer};
 use crate::export::gltf::textures::{GltfImage, GltfTextures};
-use crate::inspect::describe::{parallel, sides_of_resident};
+use crate::inspect::describe_resident::sides_of_resident;
+use crate::inspect::load::parallel;
 use crate::metrics::psnr_db_from_codes;
 use crate::monitor::Monitor;
 use btf_capture::Transfer;

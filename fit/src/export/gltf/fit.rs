@@ -7,7 +7,7 @@
 
 use crate::error::FitError;
 use crate::export::gltf::brdf::{Cosines, DIELECTRIC_F0, GltfTexel, Sheen, dot, ggx, half_vector, schlick};
-use crate::measure::compare::stride_over_pairs;
+use crate::input::pair_stride::stride_over_pairs;
 use crate::monitor::Monitor;
 use crate::stages::lasso::non_negative_weights;
 use btf_runtime::{DecodeOptions, LightRows, Resident, ViewedTexel, root};

@@ -4,7 +4,8 @@
 
 use crate::error::FitError;
 use crate::export::ktx2::file::{Ktx2Array, Ktx2Format};
-use crate::inspect::describe::{parallel, sides_of_resident};
+use crate::inspect::describe_resident::sides_of_resident;
+use crate::inspect::load::parallel;
 use btf_runtime::{
     ASSET_LAYERS, DIRECTION_WORDS, EDGE_WORDS, EDIT_WORDS, LOBE_RESIDENT_WORDS, Levels, Resident, SPHERE_HEADER_WORDS,
     TRIANGLE_WORDS, block, open,

@@ -7,10 +7,11 @@ use crate::build::refit::{RefitParams, refit};
 use crate::build::sggx_correction::{GlossTruth, GlossyMicroflake};
 use crate::build::shadow::{Lit, ShadowParams, fit_shadow};
 use crate::error::VoxelizeError;
+use crate::model::frame::Frame;
 use crate::model::microflakes::{CellMicroflakes, MicroflakeSums, grey};
 use crate::model::triangle_model::TriangleModel;
 use crate::rays::occluder::Occluder;
-use btf_runtime::voltex::{MAX_SIDE_M, Voltex, Volume, VolumeLevel, Voxel, order};
+use btf_runtime::voltex::{Voltex, Volume, VolumeLevel, Voxel, order};
 use glam::Vec3;
 
 /// How a volume is built.
@@ -44,51 +45,8 @@ impl Lit for TriangleModel {
     }
 }
 
-/// Where a model lies in the unit cube.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Frame {
-    /// The corner of the cube, metres.
-    pub origin: Vec3,
-    /// Its side, metres.
-    pub side_m: f32,
-}
-
-impl Frame {
-    /// The cube over a model: it stands on the cube's floor, in the middle.
-    ///
-    /// # Errors
-    /// [`VoxelizeError::Model`] for a model without extent, and for one that is larger than a file can say.
-    pub fn around([lo, hi]: [Vec3; 2]) -> Result<Frame, VoxelizeError> {
-        let side_m = (hi - lo).max_element() * MARGIN;
-        // Without triangles it is less than nothing.
-        if side_m.is_nan() || side_m <= 0.0 {
-            return Err(VoxelizeError::Model(
-                "the model has no extent, so there is nothing to make a volume of".into(),
-            ));
-        }
-        if side_m > MAX_SIDE_M {
-            return Err(VoxelizeError::Model(format!(
-                "the model is {side_m} m large and a volume at most {MAX_SIDE_M} m: scale it to metres"
-            )));
-        }
-        let middle = 0.5 * (lo + hi);
-        Ok(Frame {
-            origin: Vec3::new(middle.x - 0.5 * side_m, middle.y - 0.5 * side_m, lo.z - 0.5 * (MARGIN - 1.0) * side_m),
-            side_m,
-        })
-    }
-
-    /// A point in metres as one of the cube.
-    pub fn cube_from_m(&self, p: Vec3) -> Vec3 {
-        (p - self.origin) / self.side_m
-    }
-}
-
 /// Share of a side's square that a model's triangles must cover at least: ten times what rounding makes of a line.
 const MIN_AREA: f64 = 1e-6;
-
-/// How much larger than the model the cube is, so that nothing lies on its faces.
-const MARGIN: f32 = 1.001;
 
 /// Builds a volume of triangles.
 ///

@@ -1,12 +1,12 @@
 //! How well a volume stands for its model: both are looked at along parallel rays, from directions and under lights that
 //! volumes are not fitted to, in pixels of several sizes.
 
-use crate::build::build::Frame;
 use crate::build::shadow::met_light;
 use crate::error::VoxelizeError;
 use crate::measure::ablations::Ablation;
 use crate::measure::march::{March, MarchParams};
 use crate::measure::simplify::simplify;
+use crate::model::frame::Frame;
 use crate::model::triangle_model::TriangleModel;
 use crate::rays::occluder::{Met, Occluder};
 use crate::rays::projection::{HALF_SIDE, Projection};

@@ -1,7 +1,7 @@
 //! A model as triangles with what they are made of.
 
-use crate::build::build::Frame;
 use crate::error::VoxelizeError;
+use crate::model::frame::Frame;
 use crate::model::leaf_colour::colour_of_file;
 use crate::model::microflakes::MicroflakeColour;
 use btf_models::{DiffuseColour, ModelPart, read_model};
