@@ -1,21 +1,25 @@
-//! What is in an asset: for `info`, for the report, and for anyone who wants to know where the bytes go.
+//! Description of an asset's contents: for `info`, for the report, and for anyone who wants to know where the bytes go.
 
 use crate::error::FitError;
 use crate::input::layer_frame::side_of_layer;
 use crate::inspect::load::resident_in_parallel;
+use crate::inspect::lobe_use::LobeUse;
 use crate::inspect::sections::{SectionSize, section_sizes};
+use crate::params::Role;
 use crate::provenance::Material;
 use crate::units::text_from_bytes;
-use btf_runtime::{Asset, Heights, Layer, LobeFamily, ResidualKind, SectionKind, VERSION, read_directory};
+use btf_runtime::{
+    Asset, Heights, Layer, LobeFamily, ResidualKind, SectionEntry, SectionKind, VERSION, read_directory,
+};
 use serde::Serialize;
 use std::fmt::{self, Display};
 
-/// What is in an asset. The names are the keys of `info --json`.
+/// Contents of an asset. The names are the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Description {
-    /// Bytes at hand.
+    /// Bytes that were read.
     pub bytes: u64,
-    /// Bytes of the whole asset; more than `bytes` where only a tier is at hand.
+    /// Bytes of the whole asset; more than `bytes` where only a tier was read.
     pub whole_bytes: u64,
     /// Bytes that a decoder holds once the asset is loaded.
     pub resident_bytes: u64,
@@ -23,7 +27,7 @@ pub struct Description {
     pub version: u32,
     /// Texels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows of texels.
     pub height: usize,
     /// Physical width and height in millimetres, where known.
     pub size_mm: Option<[f32; 2]>,
@@ -33,7 +37,7 @@ pub struct Description {
     pub tiers: Vec<TierDescription>,
     /// Sizes by kind of section, all layers, in the order of the file.
     pub sections: Vec<SectionSize>,
-    /// Layers.
+    /// The asset's layers.
     pub layers: Vec<LayerDescription>,
     /// The asset's own description.
     pub material: Material,
@@ -44,34 +48,35 @@ pub struct Description {
 pub struct TierDescription {
     /// Length of the prefix.
     pub bytes: u64,
-    /// Residual components of the first layer that it reaches; `None` for lobes without residual.
+    /// Residual components of the first layer that the prefix holds; `None` for lobes without residual.
     pub components: Option<usize>,
 }
 
-/// What is in a layer.
+/// Contents of a layer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LayerDescription {
-    /// `front`, `back`, `transmission-back` or `transmission-front`.
+    /// Side: `front`, `back`, `transmission-back` or `transmission-front`.
     pub side: String,
     /// Number of view directions.
     pub views: usize,
     /// Number of light directions.
     pub lights: usize,
-    /// Clusters.
+    /// Number of clusters.
     pub clusters: usize,
     /// Lobes in all dictionaries.
     pub dictionary_lobes: usize,
-    /// Mean number of lobes of a texel.
-    pub lobes_per_texel_mean: f64,
-    /// Largest number of lobes of a texel.
+    /// How many lobes there are, what they are to the residual, and their bytes.
+    #[serde(flatten)]
+    pub lobe_use: LobeUse,
+    /// Largest number of lobes that a texel refers to: its own, or its cluster's where lobes guide.
     pub lobes_per_texel_max: usize,
-    /// How many texels have 0, 1, 2, ... lobes.
+    /// How many texels refer to 0, 1, 2, ... lobes.
     pub lobe_counts: Vec<u64>,
     /// Use of each lobe family that occurs.
     pub families: Vec<FamilyUse>,
-    /// `additive`, `log`, `root`, or `none`.
+    /// Curve of the residual: `additive`, `log`, `root`, or `none`.
     pub residual: String,
-    /// Residual components.
+    /// Number of residual components.
     pub components: usize,
     /// Bases that all clusters share.
     pub shared_bases: usize,
@@ -88,7 +93,7 @@ pub struct FamilyUse {
     pub family: &'static str,
     /// Lobes of this family in the dictionaries.
     pub dictionary: usize,
-    /// References to them from texels.
+    /// References from texels to lobes of this family.
     pub texels: usize,
 }
 
@@ -120,12 +125,14 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
         sections: section_sizes(&directory.sections, bytes.len(), |kind| {
             SectionKind::from_number(kind).map(|kind| format!("{kind:?}"))
         }),
-        layers: asset.layers.iter().map(describe_layer).collect(),
+        layers: (0..asset.layers.len())
+            .map(|number| describe_layer(&asset.layers[number..=number], number, &directory.sections))
+            .collect(),
         material: Material::from_asset(&asset)?,
     })
 }
 
-/// The name of a lobe family as people write it.
+/// Returns the name of a lobe family as people write it.
 pub fn family_name(family: LobeFamily) -> &'static str {
     match family {
         LobeFamily::Lambertian => "Lambertian",
@@ -140,7 +147,9 @@ pub fn family_name(family: LobeFamily) -> &'static str {
     }
 }
 
-fn describe_layer(layer: &Layer) -> LayerDescription {
+/// Describes layer `number` of an asset, which is the only one in `layers`.
+fn describe_layer(layers: &[Layer], number: usize, sections: &[SectionEntry]) -> LayerDescription {
+    let layer = &layers[0];
     let mut lobe_counts = vec![0; layer.most_lobes() + 1];
     layer.texel_lobe_counts.iter().for_each(|count| lobe_counts[usize::from(*count)] += 1);
     let mut dictionary = [0; LobeFamily::ALL.len()];
@@ -160,7 +169,7 @@ fn describe_layer(layer: &Layer) -> LayerDescription {
         lights: layer.lights.len(),
         clusters: layer.dictionary.len(),
         dictionary_lobes: dictionary.iter().sum(),
-        lobes_per_texel_mean: layer.lobe_refs.len() as f64 / layer.texel_clusters.len().max(1) as f64,
+        lobe_use: LobeUse::of(layers, number, sections),
         lobes_per_texel_max: layer.most_lobes(),
         lobe_counts,
         families: LobeFamily::ALL
@@ -187,7 +196,7 @@ fn describe_layer(layer: &Layer) -> LayerDescription {
 }
 
 impl Display for Description {
-    /// What `info` prints.
+    /// Writes what `info` prints.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let material = &self.material;
         writeln!(f, "name        {}", if material.name.is_empty() { "(none)" } else { &material.name })?;
@@ -215,17 +224,13 @@ impl Display for Description {
                 )?;
             }
             writeln!(f, "  clusters  {} with {} lobes", layer.clusters, layer.dictionary_lobes)?;
-            writeln!(
-                f,
-                "  lobes     {:.2} per texel, at most {}",
-                layer.lobes_per_texel_mean, layer.lobes_per_texel_max
-            )?;
+            writeln!(f, "  lobes     {}; at most {}", layer.lobe_use, layer.lobes_per_texel_max)?;
             for family in &layer.families {
-                writeln!(
-                    f,
-                    "            {:18} {:5} in dictionaries {:9} in texels",
-                    family.family, family.dictionary, family.texels
-                )?;
+                write!(f, "            {:18} {:5} in dictionaries", family.family, family.dictionary)?;
+                match layer.lobe_use.role {
+                    Role::Base => writeln!(f, " {:9} in texels", family.texels)?,
+                    Role::Guide => writeln!(f)?,
+                }
             }
             write!(f, "  residual  {}, {} components", layer.residual, layer.components)?;
             if layer.components > 0 {
@@ -284,7 +289,7 @@ mod tests {
         assert_eq!((layer.views, layer.lights, layer.clusters, layer.dictionary_lobes), (7, 9, 3, 9));
         assert_eq!(layer.lobe_counts.iter().sum::<u64>(), 15);
         let refs: usize = layer.families.iter().map(|family| family.texels).sum();
-        assert_eq!(refs as f64, layer.lobes_per_texel_mean * 15.0);
+        assert_eq!(refs as f64, layer.lobe_use.per_texel_mean * 15.0);
         // Every dictionary has the same three families and every texel takes its lobes from the front.
         assert!(layer.families[0].texels > layer.families[2].texels);
         assert_eq!(layer.shared_bases, 5);

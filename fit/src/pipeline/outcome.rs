@@ -1,23 +1,36 @@
-//! What a fit gives.
+//! Result of a fit.
 
+use crate::error::FitError;
+use crate::inspect::lobe_use::LobeUse;
 use crate::stages::lobe_dictionaries::LobeFigures;
-use btf_runtime::Asset;
+use btf_runtime::{Asset, read_directory};
 
-/// What a fit gives.
+/// Result of a fit.
 #[derive(Debug, Clone)]
 pub struct FitOutcome {
     /// The asset.
     pub asset: Asset,
-    /// Its bytes.
+    /// Bytes of the asset.
     pub bytes: Vec<u8>,
-    /// Mean number of lobes of a texel, all layers.
-    pub lobes_per_texel_mean: f64,
-    /// What the lobes achieve, the first layer's.
+    /// Number, role and bytes of the lobes of all layers.
+    pub lobe_use: LobeUse,
+    /// Error of the lobes alone, of the first layer.
     pub lobes: LobeFigures,
-    /// Residual components, the first layer's.
+    /// Residual components of the first layer.
     pub components: usize,
-    /// Clusters, the first layer's.
+    /// Clusters of the first layer.
     pub clusters: usize,
-    /// Held-back pairs (`view * lights + light`), the first layer's; empty without `--leave-out`.
+    /// Held-back pairs of the first layer (`view * lights + light`); empty without `--leave-out`.
     pub left_out: Vec<usize>,
+}
+
+impl FitOutcome {
+    /// Reads the figures of the packed asset in `bytes`.
+    pub(crate) fn new(bytes: Vec<u8>, lobes: LobeFigures, left_out: Vec<usize>) -> Result<FitOutcome, FitError> {
+        let asset = Asset::parse(&bytes)?;
+        let lobe_use = LobeUse::of(&asset.layers, 0, &read_directory(&bytes)?.sections);
+        let components = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+        let clusters = asset.layers[0].dictionary.len();
+        Ok(FitOutcome { asset, bytes, lobe_use, lobes, components, clusters, left_out })
+    }
 }
