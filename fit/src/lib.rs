@@ -40,16 +40,18 @@ pub use export::gltf::fit::{GltfFit, MIN_SAVED, Maps, TriedPart, fit_gltf};
 pub use export::gltf::textures::{GltfImage, GltfTextures};
 pub use export::ktx2::file::{Ktx2Array, Ktx2Format};
 pub use export::ktx2::planes::{KTX2_KEY, Ktx2Export, export_ktx2};
-pub use input::layer_frame::{capture_directions, layer_directions};
+pub use input::layer_frame::{capture_directions, layer_directions, side_of_layer, sides_of_capture};
 pub use input::tile_cache::{Mapping, Tile, TileCache};
 pub use inspect::convert::{Shape, convert};
-pub use inspect::describe::{
-    Description, FamilyUse, FileDescription, LayerDescription, ResidentDescription, SectionSize, TierDescription,
-    describe, describe_file, describe_resident, family_name, load_asset, read_file, resident_in_parallel, with_path,
-};
+pub use inspect::describe::{Description, FamilyUse, LayerDescription, TierDescription, describe, family_name};
+pub use inspect::describe_file::{FileDescription, describe_file};
+pub use inspect::describe_resident::{ResidentDescription, describe_resident};
 pub use inspect::describe_voltex::{
     LevelDescription, MaterialUse, VoltexDescription, VoltexTier, describe_voltex, load_voltex,
 };
+pub use inspect::load::{load_asset, read_file, resident_in_parallel, with_path};
+pub use inspect::lobe_use::LobeUse;
+pub use inspect::sections::SectionSize;
 pub use inspect::validate::{FindingCounts, FindingRecord, Validation, validate, validate_file, validate_voltex};
 pub use measure::compare::{
     Comparison, MeasureParams, colour_pair_stride, layer_for_capture, measure, measure_images, side_words,
@@ -60,20 +62,25 @@ pub use measure::image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spo
 pub use measure::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb};
 pub use metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 pub use monitor::{Monitor, Stage};
-pub use params::{ErrorMeasure, FitOutcome, FitParams, KMeansEngine, LobeFigures};
+pub use params::{ErrorMeasure, FitParams, Goal, KMeansEngine, Role, ValidFitParams};
 pub use peak_memory::peak_memory_bytes;
+pub use pipeline::description::description_bytes;
+pub use pipeline::fit::fit;
 pub use pipeline::fitted::{Fitted, fit_and_measure};
-pub use pipeline::forecast::{Forecast, Left};
-pub use pipeline::pipeline::{description_bytes, fit};
-pub use provenance::{CaptureRecord, FitRecord, Material, MaterialLayer, side_of_layer, sides_of_capture};
+pub use pipeline::forecast::{Forecast, LastStage, Left};
+pub use pipeline::outcome::FitOutcome;
+pub use provenance::{CaptureRecord, FitRecord, Material, MaterialLayer};
 pub use report::report::{ReportInput, ReportLayer, report_html};
 pub use resume::checkpoint::remove_finished_stages;
 pub use stages::kmeans::{Clustering, kmeans};
 pub use stages::lasso::{
     LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso,
 };
+pub use stages::lobe_dictionaries::LobeFigures;
 pub use trade::gpu_clock::GpuChoice;
 pub use trade::page::{trade_csv, trade_html, trade_plots};
+pub use trade::params::TradeParams;
 pub use trade::pareto::{CostAndGain, pareto_front};
-pub use trade::trade::{Limit, Precision, Role, Rule, Trade, TradeParams, TradePoint, trade};
+pub use trade::point::{Limit, Precision, Rule, TradePoint};
+pub use trade::trade::{Trade, trade};
 pub use units::{bytes_from_text, text_from_bytes};

@@ -1,8 +1,10 @@
 //! `btf-fit compare`.
 
 use super::compare_voltex::{self, Compared};
+use super::failure::Failure;
+use super::options::{Decoding, Shared};
 use super::output::{check_distinct, check_file, tell};
-use super::{Decoding, Failure, Shared, progress};
+use super::progress;
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
     MeasureParams, Metrics, ReportInput, ReportLayer, bytes_from_text, layer_for_capture, load_asset, load_voltex,
@@ -52,13 +54,13 @@ pub(super) struct CompareArgs {
     json: Option<PathBuf>,
 }
 
-/// What `compare --json` writes.
+/// Result that `compare --json` writes.
 #[derive(Debug, serde::Serialize)]
 struct CompareResult {
     capture: String,
     asset: String,
     layer: usize,
-    /// The side of the capture, in its own words.
+    /// Side of the capture, in its own words.
     side: String,
     bytes: usize,
     #[serde(flatten)]

@@ -1,7 +1,9 @@
 //! `btf-fit expand`.
 
+use super::failure::Failure;
+use super::options::{Decoding, Shared};
 use super::output::{check_file, tell};
-use super::{Decoding, Failure, Shared, progress};
+use super::progress;
 use btf_capture::{DirectionSet, ImageFormat};
 use btf_fit::{ExpandParams, expand, load_asset, resident_in_parallel};
 use clap::{Args, ValueEnum};
@@ -48,7 +50,7 @@ enum FormatArg {
     Exr,
 }
 
-/// What `expand --json` writes.
+/// Result that `expand --json` writes.
 #[derive(Debug, serde::Serialize)]
 struct ExpandResult {
     directory: String,

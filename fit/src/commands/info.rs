@@ -1,6 +1,6 @@
 //! `btf-fit info`.
 
-use super::Failure;
+use super::failure::Failure;
 use super::output::{check_file, is_stdout, say, write_json};
 use btf_fit::describe_file;
 use clap::Args;

@@ -1,12 +1,12 @@
 //! Writing results: checks before the work, whole files after it, text that survives a closed pipe.
 
-use super::Failure;
+use super::failure::Failure;
 use btf_capture::{AtomicFile, write_file_atomically};
 use serde::Serialize;
 use std::io::{Write, stderr, stdout};
 use std::path::{Path, PathBuf};
 
-/// Where `--json` writes: a file, or standard output for `-`.
+/// Tells whether `--json` writes to standard output: its target is `-`.
 pub(super) fn is_stdout(target: &Path) -> bool {
     target == Path::new("-")
 }
@@ -71,7 +71,7 @@ pub(super) fn check_distinct(paths: &[&Path]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The path with its folder resolved; the file itself need not exist.
+/// Returns the path with its folder resolved; the file itself need not exist.
 fn real_path(path: &Path) -> PathBuf {
     if let Ok(real) = std::fs::canonicalize(path) {
         return real;

@@ -2,6 +2,7 @@
 
 pub(crate) mod holdout;
 pub(crate) mod layer_frame;
+pub(crate) mod pair_stride;
 pub(crate) mod residual_curve;
 pub(crate) mod texel_sample;
 pub(crate) mod tile_cache;

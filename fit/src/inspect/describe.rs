@@ -1,26 +1,25 @@
-//! What is in an asset: for `info`, for the report, and for anyone who wants to know where the bytes go.
+//! Description of an asset's contents: for `info`, for the report, and for anyone who wants to know where the bytes go.
 
 use crate::error::FitError;
-use crate::inspect::describe_voltex::{VoltexDescription, describe_voltex, is_voltex};
-use crate::provenance::{Material, side_of_layer, sides_of_capture};
+use crate::input::layer_frame::side_of_layer;
+use crate::inspect::load::resident_in_parallel;
+use crate::inspect::lobe_use::LobeUse;
+use crate::inspect::sections::{SectionSize, section_sizes};
+use crate::params::Role;
+use crate::provenance::Material;
 use crate::units::text_from_bytes;
-use btf_capture::Side;
 use btf_runtime::{
-    Asset, Heights, Layer, LobeFamily, Resident, ResidentFile, ResidualKind, SectionEntry, SectionKind, VERSION,
-    read_directory,
+    Asset, Heights, Layer, LobeFamily, ResidualKind, SectionEntry, SectionKind, VERSION, read_directory,
 };
-use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::{self, Display};
-use std::path::Path;
-use std::sync::Arc;
 
-/// What is in an asset. The names are the keys of `info --json`.
+/// Contents of an asset. The names are the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Description {
-    /// Bytes at hand.
+    /// Bytes that were read.
     pub bytes: u64,
-    /// Bytes of the whole asset; more than `bytes` where only a tier is at hand.
+    /// Bytes of the whole asset; more than `bytes` where only a tier was read.
     pub whole_bytes: u64,
     /// Bytes that a decoder holds once the asset is loaded.
     pub resident_bytes: u64,
@@ -28,7 +27,7 @@ pub struct Description {
     pub version: u32,
     /// Texels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows of texels.
     pub height: usize,
     /// Physical width and height in millimetres, where known.
     pub size_mm: Option<[f32; 2]>,
@@ -38,7 +37,7 @@ pub struct Description {
     pub tiers: Vec<TierDescription>,
     /// Sizes by kind of section, all layers, in the order of the file.
     pub sections: Vec<SectionSize>,
-    /// Layers.
+    /// The asset's layers.
     pub layers: Vec<LayerDescription>,
     /// The asset's own description.
     pub material: Material,
@@ -49,45 +48,35 @@ pub struct Description {
 pub struct TierDescription {
     /// Length of the prefix.
     pub bytes: u64,
-    /// Residual components of the first layer that it reaches; `None` for lobes without residual.
+    /// Residual components of the first layer that the prefix holds; `None` for lobes without residual.
     pub components: Option<usize>,
 }
 
-/// Bytes of one kind of section.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SectionSize {
-    /// The kind's name in FORMAT.md.
-    pub kind: String,
-    /// How many there are.
-    pub count: usize,
-    /// Bytes of all of them, without padding.
-    pub bytes: u64,
-}
-
-/// What is in a layer.
+/// Contents of a layer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LayerDescription {
-    /// `front`, `back`, `transmission-back` or `transmission-front`.
+    /// Side: `front`, `back`, `transmission-back` or `transmission-front`.
     pub side: String,
     /// Number of view directions.
     pub views: usize,
     /// Number of light directions.
     pub lights: usize,
-    /// Clusters.
+    /// Number of clusters.
     pub clusters: usize,
     /// Lobes in all dictionaries.
     pub dictionary_lobes: usize,
-    /// Mean number of lobes of a texel.
-    pub lobes_per_texel_mean: f64,
-    /// Largest number of lobes of a texel.
+    /// How many lobes there are, what they are to the residual, and their bytes.
+    #[serde(flatten)]
+    pub lobe_use: LobeUse,
+    /// Largest number of lobes that a texel refers to: its own, or its cluster's where lobes guide.
     pub lobes_per_texel_max: usize,
-    /// How many texels have 0, 1, 2, ... lobes.
+    /// How many texels refer to 0, 1, 2, ... lobes.
     pub lobe_counts: Vec<u64>,
     /// Use of each lobe family that occurs.
     pub families: Vec<FamilyUse>,
-    /// `additive`, `log`, `root`, or `none`.
+    /// Curve of the residual: `additive`, `log`, `root`, or `none`.
     pub residual: String,
-    /// Residual components.
+    /// Number of residual components.
     pub components: usize,
     /// Bases that all clusters share.
     pub shared_bases: usize,
@@ -104,7 +93,7 @@ pub struct FamilyUse {
     pub family: &'static str,
     /// Lobes of this family in the dictionaries.
     pub dictionary: usize,
-    /// References to them from texels.
+    /// References from texels to lobes of this family.
     pub texels: usize,
 }
 
@@ -136,118 +125,14 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
         sections: section_sizes(&directory.sections, bytes.len(), |kind| {
             SectionKind::from_number(kind).map(|kind| format!("{kind:?}"))
         }),
-        layers: asset.layers.iter().map(describe_layer).collect(),
+        layers: (0..asset.layers.len())
+            .map(|number| describe_layer(&asset.layers[number..=number], number, &directory.sections))
+            .collect(),
         material: Material::from_asset(&asset)?,
     })
 }
 
-/// Sizes by kind of the sections that are at hand, in their order.
-pub(crate) fn section_sizes(
-    entries: &[SectionEntry],
-    bytes: usize,
-    kind_name: impl Fn(u32) -> Option<String>,
-) -> Vec<SectionSize> {
-    let mut sections: Vec<SectionSize> = Vec::new();
-    for entry in entries.iter().filter(|entry| (entry.offset as usize) < bytes) {
-        let kind = kind_name(entry.kind).unwrap_or(format!("kind {}", entry.kind));
-        let at = sections.iter().position(|size| size.kind == kind).unwrap_or_else(|| {
-            sections.push(SectionSize { kind, count: 0, bytes: 0 });
-            sections.len() - 1
-        });
-        sections[at].count += 1;
-        sections[at].bytes += u64::from(entry.length);
-    }
-    sections
-}
-
-/// Work of the runtime on all threads of the pool.
-pub(crate) fn parallel(count: usize, work: &(dyn Fn(usize) + Sync)) {
-    (0..count).into_par_iter().for_each(work);
-}
-
-/// The resident form, its clusters expanded on all threads of the pool.
-pub fn resident_in_parallel(asset: &Asset) -> Resident {
-    Resident::from_asset_on(asset, &parallel)
-}
-
-/// What is in an asset's resident form. The names are the keys of `info --json`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ResidentDescription {
-    /// `resident`.
-    pub form: &'static str,
-    /// Bytes of the file.
-    pub bytes: u64,
-    /// Format version.
-    pub version: u32,
-    /// Texels per row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Physical width and height in millimetres, where known.
-    pub size_mm: Option<[f32; 2]>,
-    /// Width and height of each level, the finest first.
-    pub levels: Vec<[u32; 2]>,
-    /// Sides of its layers, in order.
-    pub layers: Vec<String>,
-    /// Residual components of the layer that has most.
-    pub components: u32,
-    /// Lobes of the texel that has most.
-    pub lobes: u32,
-    /// The asset's own description.
-    pub material: Material,
-}
-
-/// Describes the resident form in `bytes`.
-///
-/// # Errors
-/// As [`ResidentFile::open`]; a description that is not understood.
-pub fn describe_resident(bytes: Vec<u8>) -> Result<ResidentDescription, FitError> {
-    let length = bytes.len() as u64;
-    let file = ResidentFile::open(Arc::new(bytes), &parallel)?;
-    let resident = &file.resident;
-    Ok(ResidentDescription {
-        form: "resident",
-        bytes: length,
-        version: VERSION,
-        width: resident.width(),
-        height: resident.height(),
-        size_mm: file.size_mm,
-        levels: (0..resident.levels()).map(|level| resident.size(level * resident.layers())).collect(),
-        layers: sides_of_resident(resident).iter().map(ToString::to_string).collect(),
-        components: resident.most_components(),
-        lobes: resident.most_lobes(),
-        material: Material::from_text(&file.material)?,
-    })
-}
-
-impl Display for ResidentDescription {
-    /// What `info` prints.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = if self.material.name.is_empty() { "(none)" } else { &self.material.name };
-        let size = self.size_mm.map_or(String::new(), |[w, h]| format!(", {w} x {h} mm"));
-        writeln!(f, "name        {name}")?;
-        writeln!(f, "texels      {} x {}{size}", self.width, self.height)?;
-        writeln!(f, "form        resident, {} ({} bytes)", text_from_bytes(self.bytes), self.bytes)?;
-        writeln!(f, "format      version {}", self.version)?;
-        writeln!(f, "levels      {}", self.levels.len())?;
-        writeln!(f, "layers      {}", self.layers.join(", "))?;
-        writeln!(f, "residual    {} components", self.components)?;
-        write!(f, "lobes       at most {} a texel", self.lobes)
-    }
-}
-
-/// What the layers' sides are, in order.
-pub(crate) fn sides_of_resident(resident: &Resident) -> Vec<Side> {
-    let mut sides: Vec<(u32, Side)> = Vec::new();
-    for side in Side::ALL {
-        let (light, view) = sides_of_capture(side);
-        sides.extend(resident.layer_for_sides(0, light, view).map(|layer| (layer, side)));
-    }
-    sides.sort_by_key(|(layer, _)| *layer);
-    sides.into_iter().map(|(_, side)| side).collect()
-}
-
-/// The name of a lobe family as people write it.
+/// Returns the name of a lobe family as people write it.
 pub fn family_name(family: LobeFamily) -> &'static str {
     match family {
         LobeFamily::Lambertian => "Lambertian",
@@ -262,7 +147,9 @@ pub fn family_name(family: LobeFamily) -> &'static str {
     }
 }
 
-fn describe_layer(layer: &Layer) -> LayerDescription {
+/// Describes layer `number` of an asset, which is the only one in `layers`.
+fn describe_layer(layers: &[Layer], number: usize, sections: &[SectionEntry]) -> LayerDescription {
+    let layer = &layers[0];
     let mut lobe_counts = vec![0; layer.most_lobes() + 1];
     layer.texel_lobe_counts.iter().for_each(|count| lobe_counts[usize::from(*count)] += 1);
     let mut dictionary = [0; LobeFamily::ALL.len()];
@@ -282,7 +169,7 @@ fn describe_layer(layer: &Layer) -> LayerDescription {
         lights: layer.lights.len(),
         clusters: layer.dictionary.len(),
         dictionary_lobes: dictionary.iter().sum(),
-        lobes_per_texel_mean: layer.lobe_refs.len() as f64 / layer.texel_clusters.len().max(1) as f64,
+        lobe_use: LobeUse::of(layers, number, sections),
         lobes_per_texel_max: layer.most_lobes(),
         lobe_counts,
         families: LobeFamily::ALL
@@ -309,7 +196,7 @@ fn describe_layer(layer: &Layer) -> LayerDescription {
 }
 
 impl Display for Description {
-    /// What `info` prints.
+    /// Writes what `info` prints.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let material = &self.material;
         writeln!(f, "name        {}", if material.name.is_empty() { "(none)" } else { &material.name })?;
@@ -337,17 +224,13 @@ impl Display for Description {
                 )?;
             }
             writeln!(f, "  clusters  {} with {} lobes", layer.clusters, layer.dictionary_lobes)?;
-            writeln!(
-                f,
-                "  lobes     {:.2} per texel, at most {}",
-                layer.lobes_per_texel_mean, layer.lobes_per_texel_max
-            )?;
+            writeln!(f, "  lobes     {}; at most {}", layer.lobe_use, layer.lobes_per_texel_max)?;
             for family in &layer.families {
-                writeln!(
-                    f,
-                    "            {:18} {:5} in dictionaries {:9} in texels",
-                    family.family, family.dictionary, family.texels
-                )?;
+                write!(f, "            {:18} {:5} in dictionaries", family.family, family.dictionary)?;
+                match layer.lobe_use.role {
+                    Role::Base => writeln!(f, " {:9} in texels", family.texels)?,
+                    Role::Guide => writeln!(f)?,
+                }
             }
             write!(f, "  residual  {}, {} components", layer.residual, layer.components)?;
             if layer.components > 0 {
@@ -385,83 +268,12 @@ impl Display for Description {
     }
 }
 
-/// Reads and checks an asset file: its bytes and what is in them.
-///
-/// # Errors
-/// If it cannot be read or is no good asset; the message names the file.
-pub fn load_asset(path: &Path) -> Result<(Vec<u8>, Asset), FitError> {
-    let bytes = read_file(path)?;
-    let asset = Asset::parse(&bytes).map_err(|source| FitError::Asset { path: path.to_path_buf(), source })?;
-    Ok((bytes, asset))
-}
-
-/// What is in a file, an asset's in either form or a volumetric texture's.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum FileDescription {
-    /// The file form.
-    File(Box<Description>),
-    /// The resident form.
-    Resident(Box<ResidentDescription>),
-    /// A volumetric texture.
-    Voltex(Box<VoltexDescription>),
-}
-
-impl Display for FileDescription {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            FileDescription::File(description) => description.fmt(f),
-            FileDescription::Resident(description) => description.fmt(f),
-            FileDescription::Voltex(description) => description.fmt(f),
-        }
-    }
-}
-
-/// [`describe`], [`describe_resident`] or [`describe_voltex`] of a file.
-///
-/// # Errors
-/// As they, or if it cannot be read; the message names the file.
-pub fn describe_file(path: &Path) -> Result<FileDescription, FitError> {
-    let bytes = read_file(path)?;
-    let described = if is_voltex(path, &bytes) {
-        describe_voltex(&bytes).map(|description| FileDescription::Voltex(Box::new(description)))
-    } else if ResidentFile::is_one(&bytes) {
-        describe_resident(bytes).map(|description| FileDescription::Resident(Box::new(description)))
-    } else {
-        describe(&bytes).map(|description| FileDescription::File(Box::new(description)))
-    };
-    described.map_err(|error| with_path(path, error))
-}
-
-/// The same error with the name of the asset that it is about.
-pub fn with_path(path: &Path, error: FitError) -> FitError {
-    match error {
-        FitError::Pack(source) => FitError::Asset { path: path.to_path_buf(), source },
-        FitError::PackVolume(source) => FitError::Volume { path: path.to_path_buf(), source },
-        FitError::Params(text) => FitError::Params(format!("{}: {text}", path.display())),
-        other => other,
-    }
-}
-
-/// The bytes of an asset, not looked at.
-///
-/// # Errors
-/// If the file cannot be read; the message names it.
-pub fn read_file(path: &Path) -> Result<Vec<u8>, FitError> {
-    std::fs::read(path).map_err(|source| FitError::File {
-        path: path.to_path_buf(),
-        action: "reading the asset",
-        source,
-        remedy: "check the path",
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::provenance::FitRecord;
     use crate::sample_asset::sample_asset;
-    use btf_runtime::pack;
+    use btf_runtime::{Resident, pack};
 
     fn bytes() -> Vec<u8> {
         let material = Material { name: "felt".into(), fit: Some(FitRecord::default()), ..Material::default() };
@@ -477,7 +289,7 @@ mod tests {
         assert_eq!((layer.views, layer.lights, layer.clusters, layer.dictionary_lobes), (7, 9, 3, 9));
         assert_eq!(layer.lobe_counts.iter().sum::<u64>(), 15);
         let refs: usize = layer.families.iter().map(|family| family.texels).sum();
-        assert_eq!(refs as f64, layer.lobes_per_texel_mean * 15.0);
+        assert_eq!(refs as f64, layer.lobe_use.per_texel_mean * 15.0);
         // Every dictionary has the same three families and every texel takes its lobes from the front.
         assert!(layer.families[0].texels > layer.families[2].texels);
         assert_eq!(layer.shared_bases, 5);
@@ -509,21 +321,5 @@ mod tests {
         assert!(tier.sections.iter().map(|s| s.bytes).sum::<u64>() < whole.sections.iter().map(|s| s.bytes).sum());
         let lobes = describe(&bytes[..whole.tiers[0].bytes as usize]).unwrap();
         assert_eq!(lobes.layers[0].residual, "none");
-    }
-
-    #[test]
-    fn a_message_names_the_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let (absent, junk) = (folder.path().join("absent.spmm"), folder.path().join("junk.spmm"));
-        std::fs::write(&junk, b"junk").unwrap();
-        let nameless = folder.path().join("nameless.spmm");
-        std::fs::write(&nameless, pack(&Asset { material: "[]x".into(), ..sample_asset() }).unwrap()).unwrap();
-        for (path, name) in [(&absent, "absent.spmm"), (&junk, "junk.spmm"), (&nameless, "nameless.spmm")] {
-            let message = describe_file(path).unwrap_err().to_string();
-            assert!(message.contains(name) && !message.contains('\n'), "{message}");
-        }
-        assert!(load_asset(&junk).unwrap_err().to_string().contains("junk.spmm"));
-        std::fs::write(&junk, bytes()).unwrap();
-        assert!(load_asset(&junk).is_ok());
     }
 }

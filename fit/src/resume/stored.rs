@@ -1,22 +1,16 @@
-//! What a stage of a fit gives, as bytes and back, so that a later run can go on from it: little-endian numbers,
-//! counts before lists, fields in a fixed order. The bytes are for the same program on the same kind of machine
-//! only; `checkpoint.rs` sees to that.
+//! Results of a fit's stages as bytes and back, so that a later run can go on from them: little-endian numbers, counts
+//! before lists, fields in a fixed order. The bytes are for the same program on the same kind of machine only;
+//! `checkpoint.rs` sees to that.
 
-use crate::measure::compare::Comparison;
-use crate::metrics::ErrorSums;
-use crate::params::LobeFigures;
-use crate::stages::features::Features;
-use crate::stages::sparse::{ClusterLobes, Selection};
-use crate::stages::texel_coordinates::Coordinates;
 use btf_runtime::{DictionaryLobe, Lobe, LobeFamily, LobeRef};
 use ndarray::Array2;
 use std::io::{Error, ErrorKind, Read, Result, Write};
 
-/// Bytes to read values from, of a known number: no count in them makes a reader allocate more.
+/// A known number of bytes to read values from. No count in them makes a reader allocate more.
 pub struct Input<'a> {
-    /// Where they come from.
+    /// Source of the bytes.
     pub from: &'a mut dyn Read,
-    /// How many are left.
+    /// Bytes that are left.
     pub left: u64,
 }
 
@@ -28,18 +22,18 @@ impl Input<'_> {
         Ok(bytes)
     }
 
-    /// A count of things that take at least a byte each.
+    /// Reads a count of things that take at least a byte each.
     fn count(&mut self) -> Result<usize> {
         let count = usize::take(self)?;
         if count as u64 > self.left { Err(ErrorKind::UnexpectedEof.into()) } else { Ok(count) }
     }
 }
 
-/// A value that can be kept.
+/// A value that can be kept as bytes.
 pub trait Stored: Sized {
-    /// Writes it.
+    /// Writes the value.
     fn put(&self, to: &mut dyn Write) -> Result<()>;
-    /// Reads what [`Stored::put`] wrote.
+    /// Reads a value that [`Stored::put`] wrote.
     fn take(from: &mut Input) -> Result<Self>;
 }
 
@@ -158,40 +152,34 @@ impl Stored for LobeFamily {
     }
 }
 
+/// Implements [`Stored`] for structs, field by field in the order given: `stored_structs! { Name { field, other } }`
+/// stands beside each type. A field that is left out does not compile.
 macro_rules! stored_structs {
-    ($($name:ident { $($field:ident),* })*) => {$(
-        impl Stored for $name {
-            fn put(&self, to: &mut dyn Write) -> Result<()> {
-                $(self.$field.put(to)?;)*
+    ($($name:ident { $($field:ident),* $(,)? })*) => {$(
+        impl $crate::resume::stored::Stored for $name {
+            fn put(&self, to: &mut dyn std::io::Write) -> std::io::Result<()> {
+                $($crate::resume::stored::Stored::put(&self.$field, to)?;)*
                 Ok(())
             }
 
-            fn take(from: &mut Input) -> Result<$name> {
-                Ok($name { $($field: Stored::take(from)?),* })
+            fn take(from: &mut $crate::resume::stored::Input) -> std::io::Result<$name> {
+                Ok($name { $($field: $crate::resume::stored::Stored::take(from)?),* })
             }
         }
     )*};
 }
+pub(crate) use stored_structs;
 
-// A field that is missing here does not compile.
 stored_structs! {
     Lobe { family, normal_xy, tangent_rad, params }
     DictionaryLobe { lobe, weight_scale }
     LobeRef { lobe, weight }
-    LobeFigures { selected, refined, sparse }
-    Features { scores }
-    ClusterLobes { lobes, tables, weights, gram }
-    Selection { counts, refs, first, dictionary, mean_relative_error }
-    Coordinates { scores, directions, squares, energies }
-    ErrorSums { samples, code_error, linear_error, linear_square, linear_peak, worst_texel, delta_e00, colours }
-    Comparison {
-        width, height, views, lights, pairs, interpolated, sums, texel_code_error, texel_linear_error, pair_code_error
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stages::sparse::Selection;
 
     fn bytes_of(value: &impl Stored) -> Vec<u8> {
         let mut bytes = Vec::new();

@@ -4,215 +4,33 @@
 //! `fit` searches in); each step and each limit of components is then encoded, packed, read back, measured and timed.
 
 use crate::error::FitError;
-use crate::inspect::describe::resident_in_parallel;
+use crate::inspect::load::resident_in_parallel;
 use crate::measure::compare::{MeasureParams, measure_decoder};
-use crate::metrics::Metrics;
 use crate::monitor::Monitor;
-use crate::params::FitParams;
-use crate::trade::gpu_clock::{GpuChoice, GpuClock};
-use crate::trade::grid::{Between, Grid, Images, decoder, options, singles_in_parallel, strided_pairs};
+use crate::params::Role;
+use crate::trade::gpu_clock::GpuClock;
+use crate::trade::grid::{BETWEEN_PAIRS, Between, Grid, Images, decoder, options, singles_in_parallel, strided_pairs};
+use crate::trade::params::TradeParams;
 use crate::trade::pareto::{CostAndGain, pareto_front, spread};
+use crate::trade::point::{Precision, Rule, TradePoint};
 use btf_capture::{Capture, CaptureInfo};
-use btf_runtime::{Asset, Interpolation, MAX_COMPONENTS};
+use btf_runtime::Asset;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Pairs that interpolation is measured on at most.
-pub(crate) const BETWEEN_PAIRS: usize = 32;
 /// Points of each front that are measured over all pairs at most.
 const MAX_SUMMARY: usize = 8;
 
-/// What to measure.
-#[derive(Debug, Clone)]
-pub struct TradeParams {
-    /// How to fit. Its bytes, PSNR, lobes, components and share left out do not count.
-    pub fit: FitParams,
-    /// Numbers of lobes per texel, as `--lobes` of a fit.
-    pub lobes: Vec<usize>,
-    /// Roles that lobes are tried in. Without lobes there is no role, and one sweep.
-    pub roles: Vec<Role>,
-    /// Limits of components, tried while encoding and while decoding, beside no limit.
-    pub components: Vec<usize>,
-    /// Steps per bit: 1 for a factor of two between steps.
-    pub steps_per_bit: usize,
-    /// Largest asset; `None`: 64 bytes a texel and 200 kB.
-    pub most_bytes: Option<u64>,
-    /// About how many pairs each point is measured on, 1 to 256.
-    pub pairs: usize,
-    /// Random evaluations per timed pass.
-    pub evaluations: usize,
-    /// Timed passes, of which the least time is taken.
-    pub repeats: usize,
-    /// Adapter to time on as well.
-    pub gpu: GpuChoice,
-}
-
-impl Default for TradeParams {
-    fn default() -> TradeParams {
-        TradeParams {
-            fit: FitParams::default(),
-            lobes: vec![0, 2, 8],
-            roles: vec![Role::Guide, Role::Base],
-            components: vec![4, 16, 32],
-            steps_per_bit: 1,
-            most_bytes: None,
-            pairs: 64,
-            evaluations: 2048,
-            repeats: 5,
-            gpu: GpuChoice::Best,
-        }
-    }
-}
-
-impl TradeParams {
-    /// A coarse grid: two numbers of lobes, one limit of components, fewer pairs.
-    pub fn quick() -> TradeParams {
-        TradeParams {
-            lobes: vec![0, 2],
-            components: vec![8],
-            pairs: 32,
-            evaluations: 1024,
-            repeats: 3,
-            ..TradeParams::default()
-        }
-    }
-
-    /// Checks every range.
-    ///
-    /// # Errors
-    /// One sentence that names the option.
-    pub fn check(&self) -> Result<(), FitError> {
-        let refuse = |text: &str| Err(FitError::Params(text.to_string()));
-        if self.lobes.is_empty() || self.lobes.iter().any(|lobes| *lobes > 32) {
-            return refuse("--lobes must be numbers from 0 to 32, as in 0,1,2,4");
-        }
-        if self.roles.is_empty() {
-            return refuse("--roles must be guide, base or both");
-        }
-        if self.components.iter().any(|components| *components > MAX_COMPONENTS) {
-            return refuse(&format!("--components must be numbers from 0 to {MAX_COMPONENTS}, as in 4,8,16"));
-        }
-        if !(1..=256).contains(&self.pairs) {
-            return refuse("--pairs must be 1 to 256");
-        }
-        if !(1..=8).contains(&self.steps_per_bit) {
-            return refuse("--steps-per-bit must be 1 to 8");
-        }
-        self.fit.check()
-    }
-}
-
-/// How the number of components is held down.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Limit {
-    /// Not at all: all that are worth their bytes.
-    None,
-    /// The file never had more.
-    Encode,
-    /// The file has more; it is read up to the tier with these, and the decoder is told to use no others.
-    Decode,
-    /// The file's first tier: lobes without residual.
-    Lobes,
-}
-
-/// What lobes are to the residual.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Role {
-    /// The residual stands alone, lobes guide interpolation: what a fit with `--bytes` or `--psnr` makes.
-    Guide,
-    /// The residual is what the lobes leave: what a fit without a goal makes.
-    Base,
-}
-
-/// Precision of the expanded bases in memory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// 16 bits: the resident form.
-    Half,
-    /// 32 bits.
-    Single,
-}
-
-/// How directions that were not measured are decoded, as `--interpolation`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Rule {
-    /// [`Interpolation::Fast`].
-    Fast,
-    /// [`Interpolation::Exact`].
-    Exact,
-}
-
-impl Rule {
-    /// The decoder's name for it.
-    pub(crate) fn interpolation(self) -> Interpolation {
-        match self {
-            Rule::Fast => Interpolation::Fast,
-            Rule::Exact => Interpolation::Exact,
-        }
-    }
-}
-
-/// A setting with its figures.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TradePoint {
-    /// Lobes per texel, as asked for.
-    pub lobes: usize,
-    /// What they are to the residual; [`Role::Guide`] without lobes.
-    pub role: Role,
-    /// Lobes per texel, as chosen.
-    pub lobes_per_texel_mean: f64,
-    /// The step of the quantisers in bits: the step is the length of a texel's coefficients (root mean square over the
-    /// texels) over two to this power. One more bit halves the error of rounding. `None` for lobes alone.
-    pub bits: Option<f64>,
-    /// Bits that a coefficient takes in the file, on average, after entropy coding; `None` without components.
-    pub bits_per_coefficient: Option<f64>,
-    /// How components are limited.
-    pub limit: Limit,
-    /// Components that are decoded.
-    pub components: usize,
-    /// How directions between measured ones are decoded.
-    pub interpolation: Rule,
-    /// Precision of the expanded bases.
-    pub precision: Precision,
-    /// Bytes of the file, or of the tier of it.
-    pub bytes: usize,
-    /// Bytes in the decoder's memory.
-    pub resident_bytes: usize,
-    /// Error on the share of pairs, the colour difference on at most eight of them. Measured directions are decoded alike by both rules.
-    #[serde(flatten)]
-    pub metrics: Metrics,
-    /// `psnr_db` at directions that the asset has to interpolate ([`Trade::between`] says which); `None` where that
-    /// was not measured.
-    pub psnr_between_db: Option<f64>,
-    /// Nanoseconds of an evaluation at random directions on one thread of the CPU.
-    pub cpu_ns: f64,
-    /// The same on the GPU; `None` without a measurement of it.
-    pub gpu_ns: Option<f64>,
-    /// Whether nothing has fewer bytes at this PSNR; of points with the fast rule and half precision, because the
-    /// others have the same file.
-    pub front_bytes_psnr: bool,
-    /// Whether nothing is faster at this PSNR.
-    pub front_ns_psnr: bool,
-    /// Whether nothing is faster at this PSNR between measured directions.
-    pub front_ns_between: bool,
-    /// Error over all pairs, of the points of the summary.
-    pub all_pairs: Option<Metrics>,
-}
-
-/// What [`trade`] found.
+/// Result of [`trade`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Trade {
-    /// The capture's name.
+    /// Name of the capture.
     pub capture: String,
     /// Texels per row, rows.
     pub size: [usize; 2],
-    /// Direction pairs of the capture.
+    /// Number of direction pairs of the capture.
     pub capture_pairs: usize,
-    /// Pairs that each point was measured on.
+    /// Number of pairs that each point was measured on.
     pub pairs: usize,
     /// Seed of the fits and of the random evaluations.
     pub seed: u64,
@@ -220,9 +38,9 @@ pub struct Trade {
     pub clusters: usize,
     /// Evaluations per timed pass, and passes.
     pub timing: [usize; 2],
-    /// What `psnr_between_db` was measured on, in words.
+    /// Pairs that `psnr_between_db` was measured on, in words.
     pub between: String,
-    /// Where `gpu_ns` comes from, or why it is empty, in words.
+    /// Adapter of `gpu_ns`, or the reason why there are no such times, in words.
     pub gpu: String,
     /// Whether `gpu_ns` are times of a software driver, which computes on the CPU.
     pub gpu_is_software: bool,
@@ -232,8 +50,8 @@ pub struct Trade {
     pub summary: Vec<usize>,
 }
 
-/// Measures `capture`'s trade. `reference` is a capture of the same texels in other directions, on which interpolation
-/// is measured; without one, on a thinned grid.
+/// Measures the trade of `capture`. `reference` is a capture of the same texels in other directions, on which
+/// interpolation is measured; without one, interpolation is measured on a thinned grid.
 ///
 /// Figures but times are the same for the same arguments. Cost: a fit per number of lobes and role, and per step and
 /// limit an encoding, an expansion of bases in four forms, and six timings. Memory: as a fit, and all files of the
@@ -307,7 +125,7 @@ pub fn trade(
     })
 }
 
-/// Fits that the grid needs: without lobes one.
+/// Returns the number of lobes and the role of each fit that the grid needs: without lobes one fit.
 fn sweeps(lobes: &[usize], roles: &[Role]) -> Vec<(usize, Role)> {
     let mut found = Vec::new();
     for &lobes in lobes {
@@ -330,7 +148,7 @@ fn check_reference(info: &CaptureInfo, other: &CaptureInfo) -> Result<(), FitErr
     )))
 }
 
-/// Marks the three fronts.
+/// Marks the points on the three fronts.
 fn mark_fronts(points: &mut [TradePoint]) {
     let front = |points: &[TradePoint], cost: &dyn Fn(&TradePoint) -> f64, gain: &dyn Fn(&TradePoint) -> f64| {
         pareto_front(&points.iter().map(|p| CostAndGain { cost: cost(p), gain: gain(p) }).collect::<Vec<_>>())
@@ -347,7 +165,7 @@ fn mark_fronts(points: &mut [TradePoint]) {
     }
 }
 
-/// Points of the fronts, thinned, by bytes, then time.
+/// Returns the points of the fronts, thinned, by bytes and then by time.
 fn summary(points: &[TradePoint]) -> Vec<usize> {
     let mut chosen = Vec::new();
     let fronts: [&dyn Fn(&TradePoint) -> bool; 3] =
@@ -366,7 +184,7 @@ fn summary(points: &[TradePoint]) -> Vec<usize> {
     chosen
 }
 
-/// Measures the points of the summary over all pairs; points that decode alike there once.
+/// Measures the points of the summary over all pairs; of points that decode alike only one is measured.
 fn measure_summary(
     capture: &Capture,
     files: &[Arc<Vec<u8>>],
@@ -402,6 +220,8 @@ fn measure_summary(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metrics::Metrics;
+    use crate::trade::point::Limit;
 
     fn point(bytes: usize, psnr_db: f64, cpu_ns: f64, interpolation: Rule, precision: Precision) -> TradePoint {
         let metrics =
@@ -410,6 +230,7 @@ mod tests {
             lobes: 0,
             role: Role::Guide,
             lobes_per_texel_mean: 0.0,
+            lobes_per_cluster_mean: 0.0,
             bits: Some(5.0),
             bits_per_coefficient: None,
             limit: Limit::None,
@@ -451,21 +272,5 @@ mod tests {
         use Role::{Base, Guide};
         assert_eq!(sweeps(&[0, 2, 0], &[Guide, Base]), [(0, Guide), (2, Guide), (2, Base)]);
         assert_eq!(sweeps(&[0, 2], &[Base]), [(0, Guide), (2, Base)]);
-    }
-
-    #[test]
-    fn what_is_out_of_range_is_named() {
-        let refused = |params: TradeParams| params.check().unwrap_err().to_string();
-        TradeParams::default().check().unwrap();
-        TradeParams::quick().check().unwrap();
-        assert!(refused(TradeParams { lobes: Vec::new(), ..TradeParams::default() }).contains("--lobes"));
-        assert!(refused(TradeParams { lobes: vec![33], ..TradeParams::default() }).contains("--lobes"));
-        assert!(
-            refused(TradeParams { components: vec![MAX_COMPONENTS + 1], ..TradeParams::default() })
-                .contains("--components")
-        );
-        assert!(refused(TradeParams { roles: Vec::new(), ..TradeParams::default() }).contains("--roles"));
-        assert!(refused(TradeParams { pairs: 0, ..TradeParams::default() }).contains("--pairs"));
-        assert!(refused(TradeParams { steps_per_bit: 0, ..TradeParams::default() }).contains("--steps-per-bit"));
     }
 }

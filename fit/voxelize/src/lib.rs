@@ -1,8 +1,8 @@
 //! Builds volumetric textures from meshes and scripts of shapes, and measures how well they stand for their models.
 //!
 //! ```text
-//! TriangleModel | Canvas (painted script) --gather--> voxels of microflakes --filter--> levels --refit to rays--> Volume
-//! TriangleModel + Volume --measure_voltex--> VoltexRow
+//! TriangleModel | Canvas (painted script) --gather--> voxels of microflakes --filter--> levels --refit to rays-->
+//! Volume TriangleModel + Volume --measure_voltex--> VoltexRow
 //! ```
 //!
 //! Every level is fitted to what parallel rays past the model see: extinction, then shadows, then the specular lobe
@@ -15,7 +15,7 @@ mod model;
 mod rays;
 pub mod shapes;
 
-pub use build::build::{Frame, VoltexParams, build_voltex};
+pub use build::build::{VoltexParams, build_voltex};
 pub use build::clip::{Polygon, clip_polygon, clip_triangle};
 pub use build::extinction::extinction_of;
 pub use build::gather::{Gather, VoxelSums};
@@ -28,6 +28,7 @@ pub use measure::ablations::Ablation;
 pub use measure::march::{March, MarchParams, Reflection};
 pub use measure::measure::{AngleFigures, PixelFigures, TRIANGLE_BYTES, VoltexRow, VoltexTruth, measure_voltex};
 pub use measure::simplify::simplify;
+pub use model::frame::Frame;
 pub use model::leaf_colour::{colour_of_asset, colour_of_file, colour_of_leaf};
 pub use model::microflakes::{CellMicroflakes, DIRECTIONS, MicroflakeColour, MicroflakeSums, grey};
 pub use model::triangle_model::TriangleModel;

@@ -191,7 +191,7 @@ impl View {
 
     /// Draws the panels, from the window's right edge on.
     fn show_panels(&mut self, ui: &mut egui::Ui) -> Asked {
-        let View { document, pictures, controls, .. } = self;
+        let View { canvas, document, pictures, controls, .. } = self;
         let panel = &mut controls.panel;
         controls.thumbnails.update(&canvas.context, &document.scene);
         let timer = pictures.timer_name(panel.renderer);

@@ -1,5 +1,6 @@
-//! A model as triangles, and what they are made of.
+//! Models as triangles, and what they are made of.
 
+pub(crate) mod frame;
 pub(crate) mod leaf_colour;
 pub(crate) mod microflakes;
 pub(crate) mod triangle_model;

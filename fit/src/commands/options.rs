@@ -1,0 +1,73 @@
+//! Options that several subcommands share.
+
+use btf_fit::Role;
+use clap::{Args, ValueEnum};
+
+/// Options of every subcommand.
+#[derive(Debug, Clone, Args)]
+pub(super) struct Shared {
+    /// Threads to compute on; all cores if not given. The result does not depend on it
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(super) threads: Option<u16>,
+    /// Print nothing but errors and what --json asks for
+    #[arg(long, global = true)]
+    pub(super) quiet: bool,
+}
+
+/// How decoded values are carried to directions that were not measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Interpolation {
+    /// Interpolate the residual, then add it to the lobes
+    Fast,
+    /// Decode the neighbours, interpolate those, follow the lobes between them
+    Exact,
+}
+
+/// How much of an asset is decoded.
+#[derive(Debug, Clone, Args)]
+pub(super) struct Decoding {
+    /// Use at most this many residual components
+    #[arg(long, value_name = "N")]
+    pub(super) components: Option<u32>,
+    /// Use at most this many lobes per texel
+    #[arg(long, value_name = "N")]
+    pub(super) lobes: Option<u32>,
+    /// Rule for directions that the asset has not measured
+    #[arg(long, value_enum, default_value = "exact")]
+    pub(super) interpolation: Interpolation,
+    /// Leave the parallax of eyes beyond the measured views, also where the asset has heights
+    #[arg(long)]
+    pub(super) no_parallax: bool,
+}
+
+impl Decoding {
+    pub(super) fn options(&self) -> btf_runtime::DecodeOptions {
+        btf_runtime::DecodeOptions {
+            components: self.components.unwrap_or(u32::MAX),
+            lobes: self.lobes.unwrap_or(u32::MAX),
+            interpolation: match self.interpolation {
+                Interpolation::Fast => btf_runtime::Interpolation::Fast,
+                Interpolation::Exact => btf_runtime::Interpolation::Exact,
+            },
+            parallax: !self.no_parallax,
+        }
+    }
+}
+
+/// [`Role`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum RoleName {
+    /// The residual holds the whole value; one set of lobes for each cluster guides interpolation, sampling and editing
+    Guide,
+    /// Each texel has lobes of its own, and the residual is what they leave
+    Base,
+}
+
+impl From<RoleName> for Role {
+    fn from(name: RoleName) -> Role {
+        match name {
+            RoleName::Guide => Role::Guide,
+            RoleName::Base => Role::Base,
+        }
+    }
+}
