@@ -5,7 +5,7 @@
 //! pvPPP.EXT` with the angles in degrees, as a folder or as a zip of one that is read in place,
 //! and beside the images an optional `capture.toml` with what the names cannot say. Read, but not
 //! written, are images of any names with a list of their directions, Radiance and spectral EXR images,
-//! and UBO2014 files; docs/CAPTURES.md tells of each what is taken from where.
+//! and UBO2014 files; docs/guide/captures.md tells of each what is taken from where.
 //!
 //! The quantity everywhere is reflectance x cosine, `pi * BRDF * |n.wi|`, linear, with sRGB
 //! primaries: 1.0 is a white Lambertian surface lit at normal incidence. Texels are row-major from

@@ -73,7 +73,7 @@ pub enum FormatError {
     },
     /// A header field out of its documented range.
     Field {
-        /// The field's name in FORMAT.md.
+        /// The field's name in format.md.
         field: &'static str,
         /// The value found.
         got: u64,
@@ -90,14 +90,14 @@ pub enum FormatError {
         /// The kind's number.
         kind: u32,
     },
-    /// A section whose content breaks a rule of FORMAT.md.
+    /// A section whose content breaks a rule of format.md.
     Section {
         /// The section's name.
         section: String,
         /// What does not hold.
         reason: Rule,
     },
-    /// The source handed to the packer breaks a rule of FORMAT.md.
+    /// The source handed to the packer breaks a rule of format.md.
     Pack {
         /// What does not hold.
         reason: String,

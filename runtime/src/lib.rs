@@ -1,7 +1,7 @@
 //! The packed BTF asset (`.spmm`) and its decoder, in Rust and WGSL.
 //!
 //! Bytes in, numbers out, and bytes out of the packer: no files, no threads, no GPU, no image codecs.
-//! The byte layout is docs/FORMAT.md; the model is docs/MODEL.md.
+//! The byte layout is docs/reference/format.md; the model is docs/reference/model.md.
 //!
 //! ```text
 //! bytes --Asset::parse--> Asset (file form) --Resident::from_asset--> Resident --decode--> RGB

@@ -1,4 +1,4 @@
-//! The rules of docs/FORMAT.md that a file can break, and what else may be said of one, by number. docs/FINDINGS.md lists them,
+//! The rules of docs/reference/format.md that a file can break, and what else may be said of one, by number. docs/reference/findings.md lists them,
 //! and a test holds the two together. A number is never used again for something else.
 
 use std::fmt::{self, Display};

@@ -1,4 +1,4 @@
-//! Executes the worked example of docs/FORMAT.md: its bytes are parsed, every field that it names is
+//! Executes the worked example of docs/reference/format.md: its bytes are parsed, every field that it names is
 //! compared, its values are decoded, and the same asset packed from parts gives the same bytes. A second
 //! reader, written in Python from the document alone, finds the same numbers (`second_reader`)
 //! and decodes the same values (`second_decoder`).
@@ -16,7 +16,7 @@ use btf_runtime::{
 };
 use half::f16;
 
-const DOCUMENT: &str = include_str!("../../docs/FORMAT.md");
+const DOCUMENT: &str = include_str!("../../docs/reference/format.md");
 
 /// The lines of the document's fenced block with this info string.
 fn block(name: &str) -> Vec<&'static str> {

@@ -1,4 +1,4 @@
-//! Executes the worked example of docs/VOLTEX.md: its bytes are what the example is packed to and are read as it, and its words
+//! Executes the worked example of docs/reference/voltex.md: its bytes are what the example is packed to and are read as it, and its words
 //! are those that decoders bind. A second reader, written in Python from the document alone, finds the same numbers in it and in
 //! volumes at random, and refuses what this crate does.
 
@@ -13,7 +13,7 @@ use half::f16;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-const DOCUMENT: &str = include_str!("../../docs/VOLTEX.md");
+const DOCUMENT: &str = include_str!("../../docs/reference/voltex.md");
 
 /// Two levels: two voxels of two materials, and one around them.
 fn example() -> Volume {

@@ -1,6 +1,6 @@
 //! UBO2014 files (`.btf`): DFMF, FMF, PVF and BDI, whose images are computed when they are asked for.
 //!
-//! The layout is the one that the published readers agree on [Weinmann 2014]; docs/CAPTURES.md tells it.
+//! The layout is the one that the published readers agree on [Weinmann 2014]; docs/guide/captures.md tells it.
 //! Little endian throughout. The file is mapped, never loaded: what is in memory beside it is the
 //! directions, a few numbers per matrix, and the blocks of images asked for last.
 
@@ -52,7 +52,7 @@ pub struct ContainerInfo {
     pub kind: ContainerKind,
     /// Names of its colour channels: wavelengths in nanometres, or R, G and B.
     pub channels: Vec<String>,
-    /// Number of the colour model of a DFMF, see docs/CAPTURES.md; 0 for others.
+    /// Number of the colour model of a DFMF, see docs/guide/captures.md; 0 for others.
     pub colour_model: i32,
     /// Most components of its factorisations; 0 for BDI.
     pub components: usize,

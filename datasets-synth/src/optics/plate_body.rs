@@ -77,7 +77,7 @@ impl PlateBody {
     /// instead, as printed.
     ///
     /// Finite for any contents and thickness from 0 up and N from 1 up, which the caller checks once
-    /// with [`PlateModel::check`]. Cost: see docs/TRADE.md.
+    /// with [`PlateModel::check`]. Cost: see docs/results/trade.md.
     pub fn rgb(&self, contents: &LeafContents, thickness: f64) -> BodyRgb {
         match self.model {
             PlateModel::Paper => {

@@ -39,7 +39,7 @@ pub enum Ground {
     Soil,
 }
 
-/// What plants to make, and where they stand. docs/PLANTS.md tells what each parameter does to each species.
+/// What plants to make, and where they stand. docs/guide/plants.md tells what each parameter does to each species.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlantsParams {
     /// Species.

@@ -56,7 +56,7 @@ pub struct TierDescription {
 /// Bytes of one kind of section.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SectionSize {
-    /// The kind's name in FORMAT.md.
+    /// The kind's name in format.md.
     pub kind: String,
     /// How many there are.
     pub count: usize,

@@ -1,5 +1,5 @@
 //! Everything that can be said of a file: what the runtime finds in its bytes, and what this package finds in the description of the
-//! material or the volume. The numbers of the findings are those of docs/FINDINGS.md and docs/VOLTEX.md.
+//! material or the volume. The numbers of the findings are those of docs/reference/findings.md and docs/reference/voltex.md.
 
 use crate::error::FitError;
 use crate::inspect::describe::{parallel, read_file};

@@ -40,7 +40,7 @@ const FEATURE_SAMPLE: usize = 2048;
 const REASSIGN_COMPONENTS: usize = 8;
 const REASSIGN_ROUNDS: usize = 3;
 /// Shared bases at most: the least and the most that are looked for, and how many more than the least per byte of
-/// the texels' budget. Too few bound the error of a large asset (docs/RESULTS.md); more than a small one can use cost
+/// the texels' budget. Too few bound the error of a large asset (docs/results/results.md); more than a small one can use cost
 /// time.
 const MIN_SHARED_BASES: usize = 170;
 const SHARED_BASES_PER_BYTE: f64 = 6.5;

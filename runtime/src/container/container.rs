@@ -1,6 +1,6 @@
 //! The container that every file of this package is: header, section table, tier table, sections. Each format has its own magic
 //! number, words of the header and kinds of sections, told by [`FileFormat`]; what holds of all of them is here, once. Normative
-//! text: docs/FORMAT.md, chapter "File".
+//! text: docs/reference/format.md, chapter "File".
 //!
 //! A file is an array of little-endian `u32` words: header, section table, tier table, then the sections, each aligned and
 //! zero-padded.

@@ -246,7 +246,7 @@ mod tests {
         sum
     }
 
-    /// FORMAT.md's decode rules, word by word, from the file form in double precision.
+    /// format.md's decode rules, word by word, from the file form in double precision.
     fn decode_by_the_book(asset: &Asset, texel: usize, wi: [f32; 3], wo: [f32; 3], rule: Interpolation) -> [f32; 3] {
         let layer = &asset.layers[0];
         let epsilon = f64::from(layer.epsilon);

@@ -1,5 +1,5 @@
 //! What an asset's file has of its own within the container: words of the header, kinds of sections, limits. Normative text:
-//! docs/FORMAT.md.
+//! docs/reference/format.md.
 
 use crate::container::container::{
     ALIGNMENT, Directory, FileFormat, HEADER_WORDS, HeaderReader, SectionEntry, read_directory_of,

@@ -32,7 +32,7 @@ fn push_halves(bytes: &mut Vec<u8>, halves: &[f16]) {
 /// The asset's bytes: what `btf-fit` writes to an `.spmm` file.
 ///
 /// Sections that every tier needs come first, then the residual of all layers component by component,
-/// each of which ends a tier, then the levels, which end one together. Errors name the rule of FORMAT.md that the asset breaks.
+/// each of which ends a tier, then the levels, which end one together. Errors name the rule of format.md that the asset breaks.
 pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     let in_side = |side: usize| side >= 1 && side <= MAX_SIDE as usize;
     if !in_side(asset.width) || !in_side(asset.height) {

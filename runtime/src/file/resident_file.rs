@@ -39,7 +39,7 @@ impl ResidentFile {
     /// Checks a file and takes its words as they lie: `bytes` are kept, not copied, unless they lie at an address that is no
     /// multiple of 4.
     ///
-    /// Errors: as [`crate::Asset::parse`], by the rules of FORMAT.md, chapter "Resident form". Never panics.
+    /// Errors: as [`crate::Asset::parse`], by the rules of format.md, chapter "Resident form". Never panics.
     /// Cost: one hash of the bytes and one pass over the words; on `threads`.
     pub fn open(bytes: ResidentBytes, threads: Threads) -> Result<ResidentFile, FormatError> {
         let directory = read_directory_of::<Spmm>((*bytes).as_ref(), threads)?;

@@ -65,7 +65,7 @@ impl Leaf {
         f32::from_bits(self.words[STATE_AT + 5])
     }
 
-    /// Changes the state and says which words changed; the textures stay. docs/TRADE.md has the times: contents and
+    /// Changes the state and says which words changed; the textures stay. docs/results/trade.md has the times: contents and
     /// structure are for every frame, two unequal roughnesses are not.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use crate::leaf::error::LeafError;
 
-/// How a leaf's body is evaluated. docs/TRADE.md has each one's error and time.
+/// How a leaf's body is evaluated. docs/results/trade.md has each one's error and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u32)]
 pub enum LeafMode {

@@ -29,7 +29,7 @@ pub(crate) struct BrokenWords {
     pub word: usize,
 }
 
-/// Checks the words of an asset of `width`, `height` and `layers` by the rules of FORMAT.md, chapter "Resident form". What does
+/// Checks the words of an asset of `width`, `height` and `layers` by the rules of format.md, chapter "Resident form". What does
 /// not hold comes back, nothing where the words are fine; of coarser levels only where the finest, which they refer to, is.
 pub(crate) fn check_resident(words: &[u32], head: [u32; 3], threads: Threads) -> Vec<BrokenWords> {
     let (levels, layers) = match check_head(words, head) {

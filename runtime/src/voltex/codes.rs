@@ -1,5 +1,5 @@
 //! What a file keeps of a voxel: whole numbers, chosen so that any of them are a positive semidefinite matrix. Normative text:
-//! docs/VOLTEX.md, chapter "Voxels".
+//! docs/reference/voltex.md, chapter "Voxels".
 
 use super::matrix::Sym3;
 use super::voxel::Voxel;

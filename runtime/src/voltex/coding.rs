@@ -1,5 +1,5 @@
 //! How a file codes a level: which children the voxels of the level before have, then the codes of those. One routine both ways,
-//! as in [`crate::container::entropy`]. Normative text: docs/VOLTEX.md, chapter "Levels".
+//! as in [`crate::container::entropy`]. Normative text: docs/reference/voltex.md, chapter "Levels".
 
 use super::codes::{ANGLE_BITS, DENSITY_STEPS, RATIO_BITS, VoxelCodes};
 use crate::container::entropy::{BinaryCoder, Bit, Signed, Tree};

@@ -1,5 +1,5 @@
 //! A volume's file, `.voltex`: the container of [`crate::container::container`] with a description, the materials and the levels, the coarsest
-//! first, each of which ends a tier. Normative text: docs/VOLTEX.md.
+//! first, each of which ends a tier. Normative text: docs/reference/voltex.md.
 
 use super::codes::{DENSITY_STEPS, VoxelCodes};
 use super::coding::{CodedVoxel, MIN_DECISIONS, code_masks, code_others, code_voxels, density_of_children};
@@ -201,7 +201,7 @@ impl Volume {
 
     /// The volume's bytes: what is written to a `.voltex` file. Voxels lose what [`VoxelCodes`] do not hold.
     ///
-    /// Errors name the rule of docs/VOLTEX.md that the volume breaks.
+    /// Errors name the rule of docs/reference/voltex.md that the volume breaks.
     pub fn pack(&self) -> Result<Vec<u8>, VoltexError> {
         self.check().map_err(|reason| FormatError::Pack { reason: reason.into() })?;
         let section = |kind, index: usize, bytes, ends_tier| SectionSource {

@@ -5,7 +5,7 @@
 //! `sqrt(d' S d)` is their area projected along d per volume [Heitz 2015], and the moment N = sum of `a n n'`, by which
 //! light is reflected in closed form. Both are looked up at levels, each half as fine as the one before.
 //!
-//! A volume is stored as a `.voltex` file, docs/VOLTEX.md.
+//! A volume is stored as a `.voltex` file, docs/reference/voltex.md.
 //!
 //! ```text
 //! bytes <--pack, parse--> Volume (levels of voxels)

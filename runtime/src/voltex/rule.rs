@@ -1,4 +1,4 @@
-//! The rules of docs/VOLTEX.md that a file can break, and what else may be said of one, by number. Rules that all files share keep
+//! The rules of docs/reference/voltex.md that a file can break, and what else may be said of one, by number. Rules that all files share keep
 //! their numbers. A number is never used again for something else.
 
 use crate::rule::{self as shared, COPY, NOTHING, Rule, rules};

@@ -1,4 +1,4 @@
-//! The reader that was written in Python from docs/FORMAT.md alone decodes the values that this crate does.
+//! The reader that was written in Python from docs/reference/format.md alone decodes the values that this crate does.
 
 use super::second_reader::{Lines, add_extreme_lobes, edits, parsed, read_by_the_document, resident_bytes, wide};
 use super::{document_bytes, named};

@@ -1,4 +1,4 @@
-//! The reader that was written in Python from docs/FORMAT.md alone (`tests/peers/spmm_reader.py`) finds the numbers and
+//! The reader that was written in Python from docs/reference/format.md alone (`tests/peers/spmm_reader.py`) finds the numbers and
 //! decodes the values that this crate does, in the worked example and in random assets, in both forms.
 
 use super::document::{output_of, python};

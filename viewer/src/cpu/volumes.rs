@@ -67,7 +67,7 @@ impl Shader<'_> {
     }
 
     /// How wide voxels should be at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so many. Rays miss
-    /// narrower ones, and wider ones blur (docs/VOLTEX_FIGURES.md).
+    /// narrower ones, and wider ones blur (docs/results/voltex.md).
     pub(crate) fn ray_width(&self) -> f32 {
         self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MAX_RAYS_ACROSS)
     }
