@@ -103,7 +103,8 @@ fn with_and_without_goal(row: &str, folder: &TempDir, asked: &FitParams, bytes: 
 fn told<T: AsRef<str>>(row: &str, figures: &[T]) {
     let cells: Vec<&str> = figures.iter().map(AsRef::as_ref).collect();
     println!("| {row} | {} |", cells.join(" | "));
-    let table = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/results/trade.md")).unwrap();
+    let table =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/results/trade.md")).unwrap();
     let line = table.lines().find(|line| line.starts_with(&format!("| {row} |")));
     let line = line.unwrap_or_else(|| panic!("docs/results/trade.md has no row `{row}`"));
     let printed: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).skip(1).collect();

@@ -3,7 +3,7 @@
 //!
 //! The model's own surface reflection (ways of length 0) is the gloss, so gloss texture and roughness of
 //! the plates do not apply. Maps of pigment and thickness act on the optical depth. The table is traced
-//! at one wavelength: models with spectral indices take those of 550 nm for all (error in docs/guide/leaves.md).
+//! at one wavelength: models with spectral indices take those of 550 nm for all (error in docs/results/leaf-optics.md).
 
 use rayon::prelude::*;
 
