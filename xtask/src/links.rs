@@ -1,4 +1,5 @@
-//! Every link of the documents leads somewhere, every page stands in the book, and every document that a source names exists.
+//! Every link of the documents leads somewhere, every page stands in the book, and every file that a page or a source
+//! names exists.
 
 use crate::words;
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,6 +11,8 @@ const DOCUMENTS: &str = "docs";
 const SUMMARY: &str = "SUMMARY.md";
 /// Ends of the names of files that may name a document.
 const NAMING: [&str; 10] = ["md", "rs", "wgsl", "py", "toml", "c", "h", "js", "json", "yml"];
+/// Folders of the packages: a span of code that begins with one names a path.
+const FOLDERS: [&str; 8] = ["capture", "datasets-synth", "fit", "models", "runtime", "tests", "viewer", "xtask"];
 /// Beginnings of links that lead out of the repository; nothing is asked of a network.
 const ELSEWHERE: [&str; 3] = ["http://", "https://", "mailto:"];
 
@@ -45,7 +48,8 @@ fn offences(texts: &BTreeMap<PathBuf, String>, exists: &dyn Fn(&Path) -> bool) -
                 }
             }
         }
-        for (line, name) in documents_named(text) {
+        let spans = if is_page(file) { paths_in_spans(text) } else { Vec::new() };
+        for (line, name) in documents_named(text).into_iter().chain(spans) {
             count += 1;
             if !exists(Path::new(&name)) {
                 offences.push(format!("{}:{line}: there is no {name}", file.display()));
@@ -193,6 +197,22 @@ fn documents_named(text: &str) -> Vec<(usize, String)> {
     names
 }
 
+/// Paths that a page names in spans of code, from the repository's root, with the numbers of their lines.
+fn paths_in_spans(text: &str) -> Vec<(usize, String)> {
+    let is_path = |span: &str| {
+        let of_path = |c: char| c.is_alphanumeric() || "/_-.".contains(c);
+        span.split_once('/').is_some_and(|(folder, _)| FOLDERS.contains(&folder)) && span.chars().all(of_path)
+    };
+    let mut is_code = false;
+    let mut names = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        is_code ^= line.trim_start().starts_with("```");
+        let spans = line.split('`').skip(1).step_by(2).filter(|span| !is_code && is_path(span));
+        names.extend(spans.map(|span| (number + 1, span.to_string())));
+    }
+    names
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -247,6 +267,16 @@ mod tests {
     fn a_page_of_the_book_may_not_link_out_of_it() {
         let offences = found(&[SUMMARY_OF_ONE, ("docs/README.md", "[r](../README.md)\n"), ("README.md", "# R\n")]);
         assert!(offences.len() == 1 && offences[0].contains("out of docs"), "{offences:?}");
+    }
+
+    #[test]
+    fn a_path_in_a_span_of_code_must_exist_from_the_root() {
+        assert_eq!(
+            found(&[("README.md", "`fit/a.rs` and `fit/b.rs x` and `light/c.rs`\n"), ("fit/a.rs", "")]).len(),
+            0
+        );
+        assert_eq!(found(&[("README.md", "# R\n`fit/b.rs`\n")]), ["README.md:2: there is no fit/b.rs"]);
+        assert_eq!(found(&[("README.md", "```\n`fit/b.rs`\n```\n")]).len(), 0);
     }
 
     #[test]
