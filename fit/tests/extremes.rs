@@ -1,4 +1,4 @@
-//! Numerical extremes: each row of the table in docs/TRADE.md is a test here. Every one gives a finite asset with its
+//! Numerical extremes: each row of the table in docs/results/trade.md is a test here. Every one gives a finite asset with its
 //! error figure, without a goal, with `--bytes` and with `--psnr`, or a clear error.
 //! `cargo test -p btf-fit --test extremes -- --nocapture --test-threads 1` prints the table's lines.
 
@@ -99,16 +99,17 @@ fn with_and_without_goal(row: &str, folder: &TempDir, asked: &FitParams, bytes: 
     told(row, &figures);
 }
 
-/// Prints a row, and sees that docs/TRADE.md has it with about these figures.
+/// Prints a row, and sees that docs/results/trade.md has it with about these figures.
 fn told<T: AsRef<str>>(row: &str, figures: &[T]) {
     let cells: Vec<&str> = figures.iter().map(AsRef::as_ref).collect();
     println!("| {row} | {} |", cells.join(" | "));
-    let table = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/TRADE.md")).unwrap();
+    let table =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/results/trade.md")).unwrap();
     let line = table.lines().find(|line| line.starts_with(&format!("| {row} |")));
-    let line = line.unwrap_or_else(|| panic!("docs/TRADE.md has no row `{row}`"));
+    let line = line.unwrap_or_else(|| panic!("docs/results/trade.md has no row `{row}`"));
     let printed: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).skip(1).collect();
     let same = printed.len() == cells.len() && printed.iter().zip(&cells).all(|(printed, cell)| agrees(printed, cell));
-    assert!(same, "docs/TRADE.md says `{line}`, now it is {cells:?}");
+    assert!(same, "docs/results/trade.md says `{line}`, now it is {cells:?}");
 }
 
 /// Whether two cells tell the same: within 3 dB and a factor of 2, because machines round differently. Above 60 dB a
@@ -372,7 +373,7 @@ fn small_negative_values() {
     let btf_capture::Pixels::Linear(kept) = capture.read(0, 0).unwrap() else { panic!("EXR is linear") };
     assert!((kept[1] + 0.02).abs() < 1e-4, "the capture keeps the sign: {}", kept[1]);
     with_and_without_goal("small negative input", &folder, &params(&folder), 20_000, &|fitted| {
-        // The asset gives 0 there (docs/MODEL.md, section 4); the error that is told is that against -0.02.
+        // The asset gives 0 there (docs/reference/model.md, section 4); the error that is told is that against -0.02.
         let quarter = 0.02 / (3.0f64).sqrt();
         let worst = fitted.metrics.worst_texel_rmse;
         assert!(worst > 0.8 * quarter && worst < 1.5 * quarter, "{:?}", fitted.metrics);

@@ -149,7 +149,7 @@ fn every_scale_gives_the_same_volume() {
     assert!(sizes.iter().all(|(_, found)| (found / sizes[1].1 - 1.0).abs() < 0.01), "{sizes:?}");
 }
 
-/// docs/VOLTEX_FIGURES.md has time and memory of 10 million.
+/// docs/results/voltex.md has time and memory of 10 million.
 #[test]
 fn many_triangles_are_few_voxels() {
     let mut random = Random::new(9);

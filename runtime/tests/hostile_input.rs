@@ -9,7 +9,7 @@ use btf_runtime::{
     decode, pack, read_directory, rule, serial, with_levels,
 };
 
-/// Header words that the tests rewrite (docs/FORMAT.md, "Header").
+/// Header words that the tests rewrite (docs/reference/format.md, "Header").
 const VERSION_WORD: usize = 1;
 const LENGTH_LOW_WORD: usize = 2;
 const LENGTH_HIGH_WORD: usize = 3;

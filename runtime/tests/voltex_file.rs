@@ -397,7 +397,7 @@ fn the_packer_refuses_every_volume_that_is_none() {
 
 #[test]
 fn the_document_lists_every_number_and_no_other() {
-    let text = include_str!("../../docs/VOLTEX.md");
+    let text = include_str!("../../docs/reference/voltex.md");
     let mut listed: Vec<(String, String, String)> = Vec::new();
     for line in text.lines().filter(|line| line.starts_with("| VTEX")) {
         let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();

@@ -1,4 +1,4 @@
-//! Prints the error of the share of light that passes a bent skin, docs/VOLTEX_FIGURES.md, "Bent skins":
+//! Prints the error of the share of light that passes a bent skin, docs/results/voltex.md, "Bent skins":
 //! `cargo run --release -p btf-tests --example bent_skins [-- PIXELS]`.
 
 use btf_tests::bent_skins::{BENDS, LeavesInCube};

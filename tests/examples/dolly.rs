@@ -1,4 +1,4 @@
-//! Rows of docs/VOLTEX_FIGURES.md, "Level-of-detail transition": `cargo run --release -p btf-tests --example dolly -- MODEL FILE.voltex [PATHS]`.
+//! Rows of docs/results/voltex.md, "Level-of-detail transition": `cargo run --release -p btf-tests --example dolly -- MODEL FILE.voltex [PATHS]`.
 //!
 //! For each of two suns, light of the plant at distances that grow by the fourth root of two, as it is handed over, as a mesh
 //! everywhere, and as a volume everywhere.

@@ -4,7 +4,7 @@
     halve_capture.py CAPTURE OUT_DIR N
 
 For png images of gamma-encoded sRGB values with sides that are multiples of 2^N; capture.toml is copied. What an asset's levels
-are measured against (docs/RESULTS.md, "Levels"). Needs numpy and pillow.
+are measured against (docs/results/results.md, "Levels"). Needs numpy and pillow.
 """
 import shutil
 import sys

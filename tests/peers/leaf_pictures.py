@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws the pictures of docs/LEAF_LIVE.md.
+"""Draws the pictures of docs/results/leaf-live.md.
 
     leaf_pictures.py FOLDER canopy|contents|deficiencies|fitted|directions [FRAMES]
 

@@ -1,5 +1,5 @@
 """What Mitsuba 3's emitter `sunsky` (3.7 or newer), the model of Hosek and Wilkie, makes of a clear sky: Rust tables for
-viewer/src/sky.rs, and the plain sums that docs/MODEL.md shows.
+viewer/src/sky.rs, and the plain sums that docs/reference/model.md shows.
 
     python tests/peers/sky.py > table.rs
 

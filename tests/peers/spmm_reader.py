@@ -1,4 +1,4 @@
-"""A reader of .spmm files, written from docs/FORMAT.md (and section 3 of docs/MODEL.md for the lobes) alone, with
+"""A reader of .spmm files, written from docs/reference/format.md (and section 3 of docs/reference/model.md for the lobes) alone, with
 Python's whole numbers and double precision.
 
     python3 spmm_reader.py FILE... [--residuals] [--decisions] [--decode QUERIES]
@@ -12,7 +12,7 @@ code, probability, bound, result. QUERIES is a file with
 a line; of each the decoded value is printed, and its spread: how far it moves where the lobes' normals are shorter by
 2^-23, which is what a decoder in single precision cannot tell.
 
-A file that ends in `.ktx2` is the first of those that `btf-fit export-ktx2` writes (docs/KTX2.md); of it and of those that it
+A file that ends in `.ktx2` is the first of those that `btf-fit export-ktx2` writes (docs/reference/ktx2.md); of it and of those that it
 names the same is printed about texels, dictionaries, edits and values.
 
 The package `spmm` follows the document chapter by chapter; any Python from 3.9 on does, nothing needs to be installed.

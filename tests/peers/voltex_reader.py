@@ -1,5 +1,5 @@
-"""A reader of .voltex files, written from docs/VOLTEX.md alone, with the chapters "File" and "Entropy coder" of
-docs/FORMAT.md that it stands on.
+"""A reader of .voltex files, written from docs/reference/voltex.md alone, with the chapters "File" and "Entropy coder" of
+docs/reference/format.md that it stands on.
 
     python3 voltex_reader.py FILE...
 

@@ -32,7 +32,7 @@ fn leaf(column: usize, row: usize, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|c| tint[c] * mark[c] * texture * shape * wi[2].abs())
 }
 
-/// The rule of docs/MODEL.md, section 7, written out once more.
+/// The rule of docs/reference/model.md, section 7, written out once more.
 fn front_frame(side: Side, direction: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = direction;
     match side {

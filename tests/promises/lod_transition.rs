@@ -21,7 +21,7 @@ const BAR: f64 = 0.02;
 /// The volume is alone there, and as fine as it is.
 const FAR_PIXELS: f32 = 0.5;
 /// Largest step beyond, from one of the volume's levels to the next: these are not as bright as each other, see
-/// docs/VOLTEX_FIGURES.md, "Level-of-detail transition".
+/// docs/results/voltex.md, "Level-of-detail transition".
 const LEVELS_BAR: f64 = 0.06;
 /// Paths of one distance.
 const PATHS: usize = 1 << 16;

@@ -37,7 +37,7 @@ struct Bars {
     energy: [f64; 2],
 }
 
-/// What holds of this tree; docs/VOLTEX_FIGURES.md tells of larger plants, and which bars they miss.
+/// What holds of this tree; docs/results/voltex.md tells of larger plants, and which bars they miss.
 const BARS: [Bars; 2] = [
     Bars { pixels: 16, opacity: [0.97, 1.03], transmittance_rmse: 0.05, rel_rmse: 0.22, energy: [0.9, 1.1] },
     Bars { pixels: 8, opacity: [0.97, 1.03], transmittance_rmse: 0.04, rel_rmse: 0.20, energy: [0.9, 1.1] },

@@ -6,6 +6,7 @@
 //! | `check` | `check.rs`: format and clippy |
 //! | `demo` | `demo.rs`: capture, fit, compare, picture |
 //! | `bench` | `bench.rs` |
+//! | `book` | `book.rs`: the documents as a site, by mdBook |
 //! | `fuzz` | `fuzz.rs`: the fuzz targets of runtime/fuzz and models/fuzz, by libFuzzer |
 //! | `python` | `python.rs`: the Python module, by maturin, in the environment of `peers.rs` |
 //! | `header` | `header.rs`: the C header, by cbindgen |
@@ -13,7 +14,7 @@
 //! | `volumes` | `volumes.rs`: the volumes of the viewer's landscapes |
 //! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `memcheck.rs`: valgrind for those in C; `shader_tools.rs`: what checks shaders; `asset_tools.rs`: what checks exported files |
 //!
-//! The checks that are ours stand in `arrows.rs`, `licences.rs` (over `spdx.rs`) and `words.rs`; all of them read
+//! The checks that are ours stand in `arrows.rs`, `licences.rs` (over `spdx.rs`), `links.rs` and `words.rs`; all of them read
 //! `cargo metadata` through `metadata.rs`.
 //!
 //! Exit codes: 0 success, 1 a failure, 2 bad usage; a program that a chore started passes its own code on.
@@ -21,6 +22,7 @@
 mod arrows;
 mod asset_tools;
 mod bench;
+mod book;
 mod check;
 mod counts;
 mod demo;
@@ -29,6 +31,7 @@ mod failure;
 mod fuzz;
 mod header;
 mod licences;
+mod links;
 mod memcheck;
 mod metadata;
 mod npm;
@@ -54,6 +57,7 @@ Chores:
   test    everything that CI runs; --quick is the tier for every edit
   check   format and clippy only
   bench   time reading, clustering, fitting and decoding (criterion)
+  book    make a site of the documents, target/book
   fuzz    fuzz the packed formats and the readers of models and captures with libFuzzer
   python  build, install and test the Python module
   header  write the C header from the sources of the C interface
@@ -87,6 +91,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "test" => test::run(rest),
         "check" => check::run(rest),
         "bench" => bench::run(rest),
+        "book" => book::run(rest),
         "fuzz" => fuzz::run(rest),
         "python" => python::run(rest),
         "header" => header::run(rest),
@@ -120,7 +125,9 @@ mod tests {
         let failure = run(&["brew".to_string()]).unwrap_err();
         assert_eq!(failure.exit_code(), 2);
         assert!(failure.to_string().contains("no chore 'brew'"));
-        for chore in ["demo", "test", "check", "bench", "fuzz", "python", "header", "shaders", "volumes", "setup"] {
+        for chore in
+            ["demo", "test", "check", "bench", "book", "fuzz", "python", "header", "shaders", "volumes", "setup"]
+        {
             assert!(failure.to_string().contains(chore), "{chore} is not in the list");
         }
     }
@@ -132,6 +139,7 @@ mod tests {
         assert_eq!(exit_code_of(&["demo", "--size", "large"]), 2);
         assert_eq!(exit_code_of(&["demo", "--out"]), 2);
         assert_eq!(exit_code_of(&["check", "now"]), 2);
+        assert_eq!(exit_code_of(&["book", "now"]), 2);
         assert_eq!(exit_code_of(&["fuzz", "now"]), 2);
         assert_eq!(exit_code_of(&["fuzz", "--runs", "many"]), 2);
         assert_eq!(exit_code_of(&["python", "now"]), 2);
@@ -143,7 +151,9 @@ mod tests {
     #[test]
     fn help_is_no_failure() {
         assert_eq!(exit_code_of(&["--help"]), 0);
-        for chore in ["demo", "test", "check", "bench", "fuzz", "python", "header", "shaders", "volumes", "setup"] {
+        for chore in
+            ["demo", "test", "check", "bench", "book", "fuzz", "python", "header", "shaders", "volumes", "setup"]
+        {
             assert_eq!(exit_code_of(&[chore, "--help"]), 0);
         }
     }

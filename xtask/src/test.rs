@@ -5,13 +5,15 @@ use crate::counts::{Counts, cargo_test_failures, from_cargo_test, from_nextest, 
 use crate::failure::Failure;
 use crate::metadata::{Metadata, has_subcommand};
 use crate::shell::{self, cargo, root, run_and_read};
-use crate::{arrows, asset_tools, driver, fuzz, header, licences, memcheck, peers, python, rooms, shader_tools, words};
+use crate::{
+    arrows, asset_tools, driver, fuzz, header, licences, links, memcheck, peers, python, rooms, shader_tools, words,
+};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const HELP: &str = "\
-Runs everything that CI runs: format, clippy, dependency arrows, licences, words, the C header, the software Vulkan
-driver, compiler and valgrind for the tests in C, shader compilers, Mitsuba for comparison and the Python module (under
+Runs everything that CI runs: format, clippy, dependency arrows, licences, words, links of the documents, the C header, the
+software Vulkan driver, compiler and valgrind for the tests in C, shader compilers, Mitsuba for comparison and the Python module (under
 the target folder), fuzz targets for some seconds, tests, doc tests, docs. The last line sums it up: N passed, N failed, N skipped.
 
 Usage: cargo xtask test [--quick]
@@ -114,6 +116,7 @@ fn run_suite(quick: bool) -> Result<(), Failure> {
     }
     suite.check("rooms", || rooms::check(&root()));
     suite.check("words", || words::check(&root()));
+    suite.check("links", || links::check(&root()));
     suite.check("header", header::check);
     if quick {
         suite.step("unit tests", |_| tests(&["--workspace", "--lib", "--bins"], None));

@@ -21,11 +21,7 @@ const LARGEST_BYTES: u64 = 4 << 20;
 
 /// Checks every file that git tracks or would track. `Ok` holds one line that says what was read; `Err` every offence.
 pub fn check(root: &Path) -> Result<String, String> {
-    let (files, how) = match tracked_files(root) {
-        Some(files) => (files, "git lists"),
-        // An unpacked archive, or a machine without git.
-        None => (walked_files(root), "are here (without git, so ignored ones are among them)"),
-    };
+    let (files, how) = files(root);
     let mut offences = Vec::new();
     for file in &files {
         let path = root.join(file);
@@ -37,6 +33,15 @@ pub fn check(root: &Path) -> Result<String, String> {
     match offences.is_empty() {
         true => Ok(format!("no local path in the {} files that {how}", files.len())),
         false => Err(offences.join("\n")),
+    }
+}
+
+/// Lists the repository's files, relative to `root`, and says where the list comes from.
+pub fn files(root: &Path) -> (Vec<PathBuf>, &'static str) {
+    match tracked_files(root) {
+        Some(files) => (files, "git lists"),
+        // An unpacked archive, or a machine without git.
+        None => (walked_files(root), "are here (without git, so ignored ones are among them)"),
     }
 }
 
@@ -117,7 +122,7 @@ mod tests {
     fn the_temporary_folder_is_for_tests_only() {
         let line = format!("let path = \"{TEMPORARY}a\";");
         assert_eq!(offences("fit/src/pipeline.rs", &line), 1);
-        assert_eq!(offences("docs/USAGE.md", &line), 1);
+        assert_eq!(offences("docs/README.md", &line), 1);
         assert_eq!(offences("tests/src/bytes.rs", &line), 0);
         assert_eq!(offences("fit/src/pipeline.rs", &format!("#[cfg(test)]\nmod tests {{ {line} }}")), 0);
     }

@@ -19,7 +19,7 @@ use std::time::Instant;
 /// Fit captures and pack them into one asset
 ///
 /// CAPTURE is a folder or a zip of images in Bonn's layout (UBO2003, ATRIUM, spectral sets) or with a list
-/// of its images (a .csv), or a UBO2014 file (.btf); docs/CAPTURES.md. Several captures of the same texel
+/// of its images (a .csv), or a UBO2014 file (.btf); docs/guide/captures.md. Several captures of the same texel
 /// grid, which differ in the sides of light and eye, become the layers of one asset. Those of the back
 /// (side back or transmission-front in capture.toml) are as a camera sees the sample turned over about
 /// its vertical axis; their columns and x are mirrored here.

@@ -23,7 +23,7 @@ const PLOTS: [&str; 4] = ["bytes-psnr.svg", "ns-psnr.svg", "ns-between.svg", "gp
 ///
 /// Varies lobes and what they are to the residual, step of the quantisers (bits), components (limited while
 /// encoding and while decoding), interpolation and precision in memory; measures bytes, errors and nanoseconds of
-/// each setting, and marks those that no other one beats. docs/TRADE.md tells how to choose from them.
+/// each setting, and marks those that no other one beats. docs/results/trade.md tells how to choose from them.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit trade WOOL --out wool-trade --quick

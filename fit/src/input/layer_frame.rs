@@ -4,7 +4,7 @@
 //! directions as the camera saw the sample turned over about its y axis: a direction (x, y, z) there
 //! is (-x, y, -z) in the front's frame, and column `c` is column `width - 1 - c`. An asset's layers
 //! have the front's texel grid and the front's x and y; directions behind the surface are stored
-//! mirrored in its plane, so that z > 0 (docs/MODEL.md, section 7). Together: columns and x are mirrored
+//! mirrored in its plane, so that z > 0 (docs/reference/model.md, section 7). Together: columns and x are mirrored
 //! where the capture is turned over, z loses its sign, and nothing else changes.
 
 use crate::error::FitError;

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Every level is fitted to what parallel rays past the model see: extinction, then shadows, then the specular lobe
-//! [Neyret 1996; Heitz 2015]. docs/VOLTEX.md is the format.
+//! [Neyret 1996; Heitz 2015]. docs/reference/voltex.md is the format.
 
 mod build;
 mod error;

@@ -3,7 +3,7 @@
 //! | preset | Cab | Car | Cant | brown | water | dry | N | reason |
 //! |---|---|---|---|---|---|---|---|---|
 //! | healthy | 40 | 8 | 0 | 0 | 0.010 | 0.005 | 1.5 | the default leaf |
-//! | nitrogen-deficient | 12 | 3.5 | 0 | 0.05 | 0.010 | 0.004 | 1.5 | Miao's sample 4 refitted: Cab 11.6, Car 3.2 (docs/LEAF.md) |
+//! | nitrogen-deficient | 12 | 3.5 | 0 | 0.05 | 0.010 | 0.004 | 1.5 | Miao's sample 4 refitted: Cab 11.6, Car 3.2 (docs/results/leaf-optics.md) |
 //! | magnesium-deficient | 18 | 7 | 1.5 | 0.10 | 0.010 | 0.005 | 1.5 | half of the chlorophyll gone, carotenoids kept, reddish margins |
 //! | senescent | 4 | 8 | 0.5 | 0.50 | 0.004 | 0.005 | 2.2 | chlorophyll goes before carotenoids; drying opens air gaps: N rises |
 //! | albino | 0 | 0 | 0 | 0 | 0.010 | 0.005 | 1.5 | no pigment at all [Miao, Fig. 2f] |

@@ -1,5 +1,5 @@
 /**
- * libbtf: packed BTF assets (.spmm, docs/FORMAT.md) for programs in C, C++ and whatever calls C.
+ * libbtf: packed BTF assets (.spmm, docs/reference/format.md) for programs in C, C++ and whatever calls C.
  *
  * Build and link
  *
@@ -109,7 +109,7 @@ enum btf_code
    */
   BTF_DAMAGED = 7,
   /**
-   * The bytes break another rule of docs/FORMAT.md.
+   * The bytes break another rule of docs/reference/format.md.
    */
   BTF_INVALID = 8,
   /**

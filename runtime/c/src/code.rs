@@ -24,7 +24,7 @@ pub enum Code {
     Length = 6,
     /// A checksum does not match: the bytes were changed in transit.
     Damaged = 7,
-    /// The bytes break another rule of docs/FORMAT.md.
+    /// The bytes break another rule of docs/reference/format.md.
     Invalid = 8,
     /// A mistake of this library. The handle may be used further; please report the sentence.
     Internal = 9,

@@ -35,7 +35,7 @@ fn head() -> String {
          list of answers out.\n\n\
          `{VOLTEX_LIBRARY_FILE}` and `{DEPTHS_NAME}.*` are the same of volumetric textures: rays in, optical depths out. A volume \
          is bound as the words that `btf_runtime::voltex::Voltex::words` has.\n\n\
-         An asset is bound in resident form: the words that `btf_runtime::Resident::words` has (docs/FORMAT.md, \
+         An asset is bound in resident form: the words that `btf_runtime::Resident::words` has (docs/reference/format.md, \
          \"Resident \
          form\"). `{EXPANSION_FILE}` makes the bases in there from a file form, in WGSL alone: its head says what is bound, and \
          `btf_runtime::ExpansionInput` has that. Values are pi times BRDF times |n.wi|, linear RGB: the cosine is inside.\n"

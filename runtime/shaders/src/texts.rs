@@ -27,7 +27,7 @@ const LIBRARY_HEAD: &str = "\
 //
 //     fn asset_word(index: u32) -> u32
 //
-// which returns word `index` of a buffer with one or several assets in resident form (docs/FORMAT.md, \"Resident
+// which returns word `index` of a buffer with one or several assets in resident form (docs/reference/format.md, \"Resident
 // form\"), little-endian 32-bit words as they lie in memory. Functions take the number of an asset's first word there
 // as `base`. It may read from several bindings where a buffer is larger than one may be. Example: btf_queries.wgsl.
 //

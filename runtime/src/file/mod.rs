@@ -1,4 +1,4 @@
-//! The bytes of an asset file (docs/FORMAT.md): packing, parsing, validation.
+//! The bytes of an asset file (docs/reference/format.md): packing, parsing, validation.
 
 pub(crate) mod format;
 pub(crate) mod pack;

@@ -6,7 +6,7 @@
 //! moment N = sum of `a n n'`, by which light is reflected in closed form. Both are looked up at levels, each half as
 //! fine as the one before.
 //!
-//! A volume is stored as a `.voltex` file, docs/VOLTEX.md.
+//! A volume is stored as a `.voltex` file, docs/reference/voltex.md.
 //!
 //! ```text
 //! bytes <--pack, parse--> Volume (levels of voxels)

@@ -1,4 +1,4 @@
-"""The first 64 bits of BLAKE3, the checksums of docs/FORMAT.md, after the paper "BLAKE3: one function, fast everywhere"
+"""The first 64 bits of BLAKE3, the checksums of docs/reference/format.md, after the paper "BLAKE3: one function, fast everywhere"
 (O'Connor, Aumasson, Neves and Wilcox-O'Hearn 2020). Slow: a megabyte takes some seconds."""
 
 import struct

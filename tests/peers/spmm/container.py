@@ -1,4 +1,4 @@
-"""The chapter "File" of docs/FORMAT.md: header, tables, checksums, and how a section is read."""
+"""The chapter "File" of docs/reference/format.md: header, tables, checksums, and how a section is read."""
 
 import struct
 

@@ -1,4 +1,4 @@
-"""The chapter "Decoding" of docs/FORMAT.md and the lobes of docs/MODEL.md, section 3, in double precision.
+"""The chapter "Decoding" of docs/reference/format.md and the lobes of docs/reference/model.md, section 3, in double precision.
 
 `decode` takes the layers that file_form.py or resident_form.py has made of a file; its comments name the steps of the
 chapter. Directions are three numbers, colours lists of three.
@@ -110,7 +110,7 @@ class Layer:
     residual: Optional[Callable] = None
 
 
-# MODEL.md, section 3
+# model.md, section 3
 
 
 def carried(normal, angle):

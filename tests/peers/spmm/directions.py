@@ -1,4 +1,4 @@
-"""The section "Directions" of docs/FORMAT.md, with all that follows from the directions."""
+"""The section "Directions" of docs/reference/format.md, with all that follows from the directions."""
 
 import math
 import struct

@@ -1,4 +1,4 @@
-"""The chapter "Entropy coder" of docs/FORMAT.md with Python's whole numbers."""
+"""The chapter "Entropy coder" of docs/reference/format.md with Python's whole numbers."""
 
 
 def must(condition, reason):

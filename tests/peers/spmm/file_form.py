@@ -1,4 +1,4 @@
-"""The chapter "Sections" of docs/FORMAT.md: the layers of a file of the file form, by level."""
+"""The chapter "Sections" of docs/reference/format.md: the layers of a file of the file form, by level."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""docs/KTX2.md: the layers by level, from an exported KTX2 file and those that it names. Uncompressed 2-D arrays alone."""
+"""docs/reference/ktx2.md: the layers by level, from an exported KTX2 file and those that it names. Uncompressed 2-D arrays alone."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The chapter "Resident form" of docs/FORMAT.md: the layers by level, from the words alone."""
+"""The chapter "Resident form" of docs/reference/format.md: the layers by level, from the words alone."""
 
 import struct
 import sys

@@ -3,7 +3,7 @@
 //!
 //! Components and lobes together are the *detail* of decoding. The time of a frame is taken as
 //! `fixed + per_detail x detail`, both learned with old frames forgotten; the share of the lights' rays is in both.
-//! Components go first, because they cost least to the eye (docs/SCALABILITY.md), then lobes; with one lobe left, fewer
+//! Components go first, because they cost least to the eye (docs/results/scalability.md), then lobes; with one lobe left, fewer
 //! lights are drawn a frame.
 
 use crate::options::ShadeOptions;

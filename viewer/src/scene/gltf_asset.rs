@@ -1,5 +1,5 @@
-//! Assets and leaves that a glTF file's materials point at: the extensions `BTF_materials_spmm` (docs/GLTF.md) and
-//! `BTF_materials_leaf` (docs/PLANTS.md).
+//! Assets and leaves that a glTF file's materials point at: the extensions `BTF_materials_spmm` (docs/reference/gltf.md) and
+//! `BTF_materials_leaf` (docs/guide/plants.md).
 
 use crate::error::ViewerError;
 use crate::scene::asset::SceneAsset;

@@ -1,5 +1,5 @@
 //! A `.glb` file that shows an asset: a quad of its physical size, whose material points at the asset in the extension
-//! `BTF_materials_spmm` and has, for everyone else, the textures of a fitted glTF material. docs/GLTF.md specifies it.
+//! `BTF_materials_spmm` and has, for everyone else, the textures of a fitted glTF material. docs/reference/gltf.md specifies it.
 
 use crate::error::FitError;
 use crate::export::gltf::fit::{GltfFit, Maps, PairList, TriedPart, fit_gltf, front_layer, transmission_layer};
@@ -325,7 +325,7 @@ mod tests {
         assert_eq!(told["byteLength"], bytes.len());
         assert_eq!(told["size"], json!([0.03, 0.018]));
         assert_eq!((&told["layers"], &told["seamless"]), (&json!(["front"]), &json!([true, false])));
-        // The checksum is bytes 48 to 55, as FORMAT.md has them, the last one first.
+        // The checksum is bytes 48 to 55, as format.md has them, the last one first.
         let hex: String = bytes[48..56].iter().rev().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(told["checksum"], hex);
         assert_eq!(told["tiers"].as_array().unwrap().last().unwrap(), bytes.len());

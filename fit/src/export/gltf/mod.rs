@@ -1,4 +1,4 @@
-//! glTF files with a fitted fallback material (docs/GLTF.md).
+//! glTF files with a fitted fallback material (docs/reference/gltf.md).
 
 pub(crate) mod brdf;
 pub(crate) mod document;

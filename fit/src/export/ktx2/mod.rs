@@ -1,4 +1,4 @@
-//! KTX2 textures (docs/KTX2.md).
+//! KTX2 textures (docs/reference/ktx2.md).
 
 pub(crate) mod file;
 pub(crate) mod planes;
