@@ -5,7 +5,7 @@
 //! has Bonn's layout (UBO2003), as a folder or as a zip of one that is read in place:
 //! `tvTTT_pvPPP/NNNNN tlTTT plPPP tvTTT pvPPP.EXT` with the angles in degrees. An optional `capture.toml` beside the
 //! images holds what the names cannot say. This package also reads, but does not write, images of any names with a list
-//! of their directions, Radiance and spectral EXR images, and UBO2014 files; docs/CAPTURES.md says for each what is
+//! of their directions, Radiance and spectral EXR images, and UBO2014 files; docs/guide/captures.md says for each what is
 //! taken from where.
 //!
 //! The quantity everywhere is reflectance x cosine, `pi * BRDF * |n.wi|`, linear, with sRGB

@@ -12,7 +12,7 @@ pub(crate) const MAX_ASKED_COMPONENTS: usize = 64;
 /// Residual components at most without a goal.
 const DEFAULT_COMPONENTS: usize = 8;
 /// Bytes that a texel's own lobe takes in the file after entropy coding, about: 2.5 to 2.9 at 256 x 256 texels
-/// (docs/TRADE.md), up to 3.9 in captures of a few thousand texels, where the dictionaries weigh more.
+/// (docs/results/trade.md), up to 3.9 in captures of a few thousand texels, where the dictionaries weigh more.
 const BYTES_PER_OWN_LOBE: f64 = 3.5;
 /// Share of the bytes that lobes as base may take by [`FitParams::lobes_for`]. The residual gets the rest, and brings
 /// more dB per byte.

@@ -73,7 +73,7 @@ pub enum FormatError {
     },
     /// A header field is out of its documented range.
     Field {
-        /// Name of the field in FORMAT.md.
+        /// Name of the field in format.md.
         field: &'static str,
         /// Value of the field.
         got: u64,
@@ -90,14 +90,14 @@ pub enum FormatError {
         /// Number of the kind.
         kind: u32,
     },
-    /// The content of a section breaks a rule of FORMAT.md.
+    /// The content of a section breaks a rule of format.md.
     Section {
         /// Name of the section.
         section: String,
         /// Rule that is broken.
         reason: Rule,
     },
-    /// The asset or volume handed to the packer breaks a rule of FORMAT.md or VOLTEX.md.
+    /// The asset or volume handed to the packer breaks a rule of format.md or voltex.md.
     Pack {
         /// Rule that is broken, as a clause.
         reason: String,

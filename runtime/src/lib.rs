@@ -1,7 +1,7 @@
 //! The packed BTF asset (`.spmm`) and its decoder, in Rust and WGSL.
 //!
 //! The package turns bytes into numbers, and an asset into bytes. It uses no files, no threads of its own, no GPU and
-//! no image codecs. The byte layout is docs/FORMAT.md; the model is docs/MODEL.md.
+//! no image codecs. The byte layout is docs/reference/format.md; the model is docs/reference/model.md.
 //!
 //! ```text
 //! bytes --Asset::parse--> Asset (file form) --Resident::from_asset--> Resident --decode--> RGB

@@ -1,5 +1,5 @@
-//! The rules of docs/FORMAT.md that a file can break, and the warnings and information about files, by number.
-//! docs/FINDINGS.md lists them, and a test compares the two. A number is never reused for another rule.
+//! The rules of docs/reference/format.md that a file can break, and the warnings and information about files, by number.
+//! docs/reference/findings.md lists them, and a test compares the two. A number is never reused for another rule.
 
 use std::fmt::{self, Display};
 

@@ -1,4 +1,4 @@
-//! Tests that docs/FINDINGS.md lists the number of every finding, and that a planted fault reports each.
+//! Tests that docs/reference/findings.md lists the number of every finding, and that a planted fault reports each.
 
 use btf_runtime::testing::{
     FileParts, SectionPart, huge_asset, repair_header_checksum, ring_directions, sample_asset, sample_heights,
@@ -407,7 +407,7 @@ fn several_damaged_sections_are_all_named_and_the_intact_ones_are_read_on() {
 
 #[test]
 fn the_document_lists_every_number_and_no_other() {
-    let text = include_str!("../../docs/FINDINGS.md");
+    let text = include_str!("../../docs/reference/findings.md");
     let mut listed: Vec<(String, String, String)> = Vec::new();
     for line in text.lines().filter(|line| line.starts_with("| SPMM")) {
         let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();

@@ -1,4 +1,4 @@
-//! Executes the worked example of docs/FORMAT.md: parses its bytes, compares every field that it names, decodes its
+//! Executes the worked example of docs/reference/format.md: parses its bytes, compares every field that it names, decodes its
 //! values, and packs the same asset from parts to the same bytes. A second reader, written in Python from the document
 //! alone, finds the same numbers (`second_reader`) and decodes the same values (`second_decoder`).
 
@@ -15,7 +15,7 @@ use btf_runtime::{
 };
 use half::f16;
 
-const DOCUMENT: &str = include_str!("../../docs/FORMAT.md");
+const DOCUMENT: &str = include_str!("../../docs/reference/format.md");
 
 /// Returns the lines of the document's fenced block with this info string.
 fn block(name: &str) -> Vec<&'static str> {

@@ -1,4 +1,4 @@
-//! Executes the worked example of docs/VOLTEX.md: the example packs to the document's bytes, is read from them, and has
+//! Executes the worked example of docs/reference/voltex.md: the example packs to the document's bytes, is read from them, and has
 //! the document's words. A second reader, written in Python from the document alone, finds the same numbers in the
 //! example and in random volumes, and refuses what this crate refuses.
 
@@ -13,7 +13,7 @@ use half::f16;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-const DOCUMENT: &str = include_str!("../../docs/VOLTEX.md");
+const DOCUMENT: &str = include_str!("../../docs/reference/voltex.md");
 
 /// Builds the example: two levels, the finest with two voxels of two materials, the other with one around them.
 fn example() -> Volume {

@@ -1,6 +1,6 @@
 //! Reads UBO2014 files (`.btf`): DFMF, FMF, PVF and BDI, whose images are computed when they are asked for.
 //!
-//! The layout is the one that the published readers agree on [Weinmann 2014]; docs/CAPTURES.md describes it. Numbers
+//! The layout is the one that the published readers agree on [Weinmann 2014]; docs/guide/captures.md describes it. Numbers
 //! are little endian. The file is mapped, never loaded: memory holds the directions, a few numbers per matrix, and the
 //! blocks of images that were asked for last.
 
@@ -53,7 +53,7 @@ pub struct ContainerInfo {
     pub kind: ContainerKind,
     /// Names of the colour channels: wavelengths in nanometres, or R, G and B.
     pub channels: Vec<String>,
-    /// Number of the colour model of a DFMF file, see docs/CAPTURES.md; 0 for other kinds.
+    /// Number of the colour model of a DFMF file, see docs/guide/captures.md; 0 for other kinds.
     pub colour_model: i32,
     /// Largest number of components of the factorisations; 0 for BDI.
     pub components: usize,

@@ -3,7 +3,7 @@
 //!
 //! The surface reflection of the model itself (paths of length 0) is the highlight, so the gloss texture and the
 //! roughness of the plates do not apply. Maps of pigment and thickness act on the optical depth. The table is traced at
-//! one wavelength: models with spectral indices use those of 550 nm for all (error in docs/LEAF.md).
+//! one wavelength: models with spectral indices use those of 550 nm for all (error in docs/guide/leaves.md).
 
 use rayon::prelude::*;
 

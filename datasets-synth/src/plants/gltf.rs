@@ -1,5 +1,5 @@
 //! Writes a canopy as a binary glTF file: a mesh for every variant, instances by `EXT_mesh_gpu_instancing`, and the
-//! description of the leaf in the extension `BTF_materials_leaf`. docs/PLANTS.md specifies it.
+//! description of the leaf in the extension `BTF_materials_leaf`. docs/guide/plants.md specifies it.
 
 use btf_models::LeafDescription;
 use btf_models::glb::{F32, GlbBuffer, INDICES, TRIANGLES, U32, VERTICES, glb_from};

@@ -39,7 +39,7 @@ pub enum Ground {
     Soil,
 }
 
-/// Parameters of plants and their places. docs/PLANTS.md describes the effect of each parameter on each species.
+/// Parameters of plants and their places. docs/guide/plants.md describes the effect of each parameter on each species.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlantsParams {
     /// Species.

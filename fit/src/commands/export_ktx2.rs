@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 ///
 /// FILE holds what each texel has, as planes of one array with mip levels, and says in its key/value data where
 /// everything lies. The bases of each layer stand beside it, in FILE's name with .bases-front.ktx2 and so on in place
-/// of .ktx2. docs/KTX2.md tells how a value is decoded from them.
+/// of .ktx2. docs/reference/ktx2.md tells how a value is decoded from them.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   btf-fit export-ktx2 wool.spmm -o wool.ktx2")]

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Check an asset or a volumetric texture: everything in it, checksums included
 ///
-/// Every error and every warning is a line with a number that docs/FINDINGS.md or docs/VOLTEX.md explains. Exits with 0
+/// Every error and every warning is a line with a number that docs/reference/findings.md or docs/reference/voltex.md explains. Exits with 0
 /// if there is no error and with 1 if there is one.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:

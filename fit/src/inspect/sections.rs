@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Bytes of one kind of section.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SectionSize {
-    /// Name of the kind in FORMAT.md.
+    /// Name of the kind in format.md.
     pub kind: String,
     /// Number of sections.
     pub count: usize,

@@ -1,5 +1,5 @@
 //! Validation of files: the runtime's findings about the bytes, and this package's findings about the description of
-//! the material or the volume. The numbers of the findings are those of docs/FINDINGS.md and docs/VOLTEX.md.
+//! the material or the volume. The numbers of the findings are those of docs/reference/findings.md and docs/reference/voltex.md.
 
 use crate::error::FitError;
 use crate::input::layer_frame::sides_of_capture;

@@ -15,7 +15,7 @@ pub const FEATURE_DIMENSIONS: usize = 64;
 pub const DICTIONARY_PAIRS: usize = 3400;
 /// Shared bases that are looked for at least where the size of the asset is given.
 const MIN_SHARED_BASES: usize = 170;
-/// Further shared bases per byte of a texel's budget: too few bound the error of a large asset (docs/RESULTS.md), and
+/// Further shared bases per byte of a texel's budget: too few bound the error of a large asset (docs/results/results.md), and
 /// more than a small one can use cost time.
 const SHARED_BASES_PER_BYTE: f64 = 6.5;
 /// Shared bases that are looked for at most.

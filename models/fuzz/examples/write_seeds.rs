@@ -149,7 +149,7 @@ const OBJ: [&str; 10] = [
 
 /// The documented scripts of the gallery, and one that nests.
 fn scripts() -> Vec<String> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/voltex");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/results/voltex");
     let mut paths: Vec<PathBuf> =
         std::fs::read_dir(folder).expect("the gallery is there").map(|e| e.unwrap().path()).collect();
     paths.sort();

@@ -200,9 +200,9 @@ mod tests {
         assert_eq!(script.strokes[0].shapes[1].parts()[1].kind(), "cylinder");
         let leaf = Script::beside("some/where/a.shapes.toml", script.materials[1].from.as_ref().unwrap());
         assert_eq!(leaf, PathBuf::from("some/where/petal-leaf.toml"));
-        let script = example(include_str!("../../../docs/SHAPES.md"), "");
+        let script = example(include_str!("../../../docs/guide/shapes.md"), "");
         assert_eq!((script.materials.len(), script.strokes[1].shapes[0].kind()), (2, "fur"));
-        let gallery = fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/voltex")).unwrap();
+        let gallery = fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/results/voltex")).unwrap();
         let scripts = gallery.map(|entry| entry.unwrap().path());
         let scripts: Vec<_> = scripts.filter(|path| path.to_string_lossy().ends_with(SCRIPT_ENDING)).collect();
         assert!(scripts.len() > 9 && scripts.iter().all(|path| !Script::read(path).unwrap().strokes.is_empty()));

@@ -1,4 +1,4 @@
-//! The limits of an asset. Normative text: docs/FORMAT.md.
+//! The limits of an asset. Normative text: docs/reference/format.md.
 
 /// Largest physical side of an asset, millimetres.
 pub const MAX_SIDE_MM: f32 = 1e6;

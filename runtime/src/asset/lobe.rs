@@ -1,5 +1,5 @@
 //! The nine lobe families: `pi * BRDF * max(0, n.wi)` of an analytic reflection model about a rotated normal. Twin:
-//! `asset/lobe.wgsl`. Equations and symbols: docs/MODEL.md, section 3.
+//! `asset/lobe.wgsl`. Equations and symbols: docs/reference/model.md, section 3.
 //!
 //! The seven families of [Wu 2011] (Lambertian, Oren-Nayar, Blinn-Phong, Ward, Cook-Torrance, Lafortune,
 //! Ashikhmin-Shirley), GGX [Walter 2007] and a view-windowed cosine that absorbs masking and parallax. Every lobe is

@@ -1,4 +1,4 @@
-// The nine lobe families. Twin: asset/lobe.rs; equations in docs/MODEL.md, section 3.
+// The nine lobe families. Twin: asset/lobe.rs; equations in docs/reference/model.md, section 3.
 
 const MIN_COS_VIEW: f32 = 0.02;
 const MIN_HALF: f32 = 1e-3;

@@ -1,4 +1,4 @@
-//! Reads and checks the header and the tables of a file of any format. Normative text: docs/FORMAT.md, chapter "File".
+//! Reads and checks the header and the tables of a file of any format. Normative text: docs/reference/format.md, chapter "File".
 
 use crate::container::fault::Faults;
 use crate::container::file_format::{

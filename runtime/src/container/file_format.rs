@@ -2,7 +2,7 @@
 //!
 //! A file is an array of little-endian `u32` words: header, section table, tier table, then the sections, each aligned
 //! and zero-padded. Each format has its own magic number, header words and kinds of sections. Normative text:
-//! docs/FORMAT.md, chapter "File".
+//! docs/reference/format.md, chapter "File".
 
 use crate::container::fault::Faults;
 use crate::error::{FormatError, Names};

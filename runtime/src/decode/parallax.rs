@@ -4,7 +4,7 @@
 //! A capture is rectified: the mean plane of the surface stays where it is, and a point at height `z` above texel `p`
 //! is seen at `p - z s(v)` from view `v`, with `s(v) = (v.x, -v.y) / v.z` in columns and rows. Texel `x` therefore
 //! shows different points from different views. Between the measured views their mean predicts a texel best all the
-//! same (docs/RESULTS.md); outside, where slopes grow fast, the neighbours are shifted.
+//! same (docs/results/results.md); outside, where slopes grow fast, the neighbours are shifted.
 
 use crate::asset::heights::Heights;
 use crate::numeric::quantize::coefficient_from_byte;

@@ -56,7 +56,7 @@ fn book_residual(layer: &Layer, texel: usize, view: u32, light: u32) -> [f64; 3]
     sum
 }
 
-/// Decodes a value by FORMAT.md's rules, word by word, from the file form in double precision.
+/// Decodes a value by format.md's rules, word by word, from the file form in double precision.
 fn decode_by_the_book(asset: &Asset, texel: usize, wi: [f32; 3], wo: [f32; 3], rule: Interpolation) -> [f32; 3] {
     let layer = &asset.layers[0];
     let epsilon = f64::from(layer.epsilon);

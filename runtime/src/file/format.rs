@@ -1,4 +1,4 @@
-//! The file format of assets within the container: header words and kinds of sections. Normative text: docs/FORMAT.md.
+//! The file format of assets within the container: header words and kinds of sections. Normative text: docs/reference/format.md.
 
 use crate::asset::limits::{MAX_LAYERS, MAX_SIDE, MAX_SIDE_MM};
 use crate::container::directory::{Directory, SectionEntry, read_directory_of};

@@ -41,7 +41,7 @@ impl ResidentFile {
     /// Checks a file and uses its words where they lie: `bytes` are kept, and copied only if their address is no
     /// multiple of 4.
     ///
-    /// Errors: as [`crate::Asset::parse`], by the rules of FORMAT.md, chapter "Resident form". Never panics. Cost: one
+    /// Errors: as [`crate::Asset::parse`], by the rules of format.md, chapter "Resident form". Never panics. Cost: one
     /// hash of the bytes and one pass over the words; on `threads`.
     pub fn open(bytes: ResidentBytes, threads: Threads) -> Result<ResidentFile, FormatError> {
         let directory = read_directory_of::<Spmm>((*bytes).as_ref(), threads)?;

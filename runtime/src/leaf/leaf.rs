@@ -65,7 +65,7 @@ impl Leaf {
         f32::from_bits(self.words[STATE_AT + 5])
     }
 
-    /// Changes the state and returns the range of words that changed; the textures stay. docs/TRADE.md has the times:
+    /// Changes the state and returns the range of words that changed; the textures stay. docs/results/trade.md has the times:
     /// contents and structure can change in every frame, two unequal roughnesses cannot.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Plates of leaf tissue in double precision, for tables and spectra [Allen 1969; Jacquemoud 1990].
 //!
 //! Reflectances and transmittances are shares of the light that has *entered* through the first surface, so that a
-//! gloss, which tells how much enters, couples to them; without absorption they add up to 1. docs/MODEL.md has the
+//! gloss, which tells how much enters, couples to them; without absorption they add up to 1. docs/reference/model.md has the
 //! equations.
 
 use crate::leaf::body::printed_plate;

@@ -3,7 +3,7 @@
 use crate::leaf::error::LeafError;
 use btf_leaf_quantities::{Part, QUANTITIES, Quantity};
 
-/// The mode in which a leaf's body is evaluated. docs/TRADE.md has each one's error and time.
+/// The mode in which a leaf's body is evaluated. docs/results/trade.md has each one's error and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u32)]
 pub enum LeafMode {

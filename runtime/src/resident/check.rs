@@ -31,7 +31,7 @@ pub(crate) struct BrokenWords {
     pub word: usize,
 }
 
-/// Checks the words of an asset of `width`, `height` and `layers` by the rules of FORMAT.md, chapter "Resident form".
+/// Checks the words of an asset of `width`, `height` and `layers` by the rules of format.md, chapter "Resident form".
 /// Returns the rules that do not hold. Coarser levels are checked only if the finest, which they refer to, is correct.
 pub(crate) fn check_resident(words: &[u32], head: [u32; 3], threads: Threads) -> Vec<BrokenWords> {
     let (levels, layers) = match check_head(words, head) {

@@ -1,5 +1,5 @@
 //! The integers that a file stores of a voxel. They are chosen so that any codes give a positive semidefinite matrix.
-//! Normative text: docs/VOLTEX.md, chapter "Voxels".
+//! Normative text: docs/reference/voltex.md, chapter "Voxels".
 
 use super::matrix::Sym3;
 use super::voxel::Voxel;

@@ -1,5 +1,5 @@
 //! Codes a level of a file: which children the voxels of the coarser level have, then the codes of those children. One
-//! routine serves encoder and decoder, as in [`crate::container::entropy`]. Normative text: docs/VOLTEX.md, chapter
+//! routine serves encoder and decoder, as in [`crate::container::entropy`]. Normative text: docs/reference/voltex.md, chapter
 //! "Levels".
 
 use super::codes::{ANGLE_BITS, DENSITY_STEPS, RATIO_BITS, VoxelCodes};

@@ -1,5 +1,5 @@
 //! The file of a volume, `.voltex`: the container of [`crate::container`] with a description, the materials and the
-//! levels, the coarsest first, each of which ends a tier. Normative text: docs/VOLTEX.md.
+//! levels, the coarsest first, each of which ends a tier. Normative text: docs/reference/voltex.md.
 
 use super::codes::{DENSITY_STEPS, VoxelCodes};
 use super::coding::{CodedVoxel, MIN_DECISIONS, code_masks, code_others, code_voxels, density_of_children};
@@ -202,7 +202,7 @@ impl Volume {
 
     /// Packs the volume into bytes, which are written to a `.voltex` file. Voxels are rounded to [`VoxelCodes`].
     ///
-    /// Errors name the rule of docs/VOLTEX.md that the volume breaks.
+    /// Errors name the rule of docs/reference/voltex.md that the volume breaks.
     pub fn pack(&self) -> Result<Vec<u8>, VoltexError> {
         self.check().map_err(|reason| FormatError::Pack { reason: reason.into() })?;
         let section = |kind, index: usize, bytes, ends_tier| SectionSource {

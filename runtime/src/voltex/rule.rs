@@ -1,4 +1,4 @@
-//! The rules of docs/VOLTEX.md that a file can break, and the warnings and information about files, by number. Rules
+//! The rules of docs/reference/voltex.md that a file can break, and the warnings and information about files, by number. Rules
 //! that all files share keep their numbers. A number is never reused for another rule.
 
 use crate::rule::{self as shared, COPY, NOTHING, Rule, rules};

@@ -1,4 +1,4 @@
-//! Compares the values of this crate with those of the reader that was written in Python from docs/FORMAT.md alone.
+//! Compares the values of this crate with those of the reader that was written in Python from docs/reference/format.md alone.
 
 use super::second_reader::{Lines, add_extreme_lobes, edits, parsed, read_by_the_document, resident_bytes, wide};
 use super::{document_bytes, named};

@@ -1,4 +1,4 @@
-//! Compares the numbers of this crate with those of the reader that was written in Python from docs/FORMAT.md alone
+//! Compares the numbers of this crate with those of the reader that was written in Python from docs/reference/format.md alone
 //! (`tests/peers/spmm_reader.py`), in the worked example and in random assets, in both forms.
 
 use super::document::{output_of, python};

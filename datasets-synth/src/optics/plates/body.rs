@@ -76,7 +76,7 @@ impl PlateBody {
     /// `k = thickness sum K C / N`. For `plate-paper`, `thickness` multiplies the transmittance instead, as printed.
     ///
     /// The colour is finite for any contents and thickness from 0 up and N from 1 up; the caller checks them once with
-    /// [`PlateModel::check`]. Cost: see docs/TRADE.md.
+    /// [`PlateModel::check`]. Cost: see docs/results/trade.md.
     pub fn rgb(&self, contents: &LeafContents, thickness: f64) -> BodyRgb {
         match self.model {
             PlateModel::Paper => {

@@ -1,6 +1,6 @@
 //! Export of an asset as KTX2 textures for engines that load those and have no reader of `.spmm`: what each texel has
 //! as planes of one array with mip levels, the expanded bases as an array for each layer, and everything else as JSON
-//! in the first file's key/value data. docs/KTX2.md specifies it.
+//! in the first file's key/value data. docs/reference/ktx2.md specifies it.
 
 use crate::error::FitError;
 use crate::export::ktx2::file::{Ktx2Array, Ktx2Format};
@@ -119,7 +119,7 @@ impl Planes {
     }
 }
 
-/// A layer's block of the resident form at one level (docs/FORMAT.md, "Resident form").
+/// A layer's block of the resident form at one level (docs/reference/format.md, "Resident form").
 struct LayerWords<'a> {
     words: &'a [u32],
     at: usize,

@@ -18,7 +18,7 @@
 //!
 //! [[material]]
 //! name = "live"
-//! leaf = "leaf.toml"                # a leaf whose optics are evaluated live, see docs/LEAF_LIVE.md
+//! leaf = "leaf.toml"                # a leaf whose optics are evaluated live, see docs/results/leaf-live.md
 //!
 //! [[material]]
 //! name = "grey"
@@ -36,7 +36,7 @@
 //! parts = { laces = "grey" }        # parts of the file by material name, where they differ
 //! translate = [0.0, 1.0, 0.0]       # after rotate_deg (about x, then y, then z) and scale
 //!
-//! [[volume]]                        # optional: a volumetric texture that stands on its own, see docs/VOLTEX.md
+//! [[volume]]                        # optional: a volumetric texture that stands on its own, see docs/reference/voltex.md
 //! file = "tree.voltex"
 //! translate = [0.0, 0.0, 0.0]       # where the middle of its floor stands
 //! yaw_deg = 0.0                     # optional: about the vertical
@@ -45,7 +45,7 @@
 //! material = "leaf"                 # optional, as is parts, as with [[object]]: what the volume was made with
 //! leaf_size = 0.05                  # optional: how wide leaves are, metres of the model; else as its triangles tell
 //!
-//! [[skin]]                          # optional: a thick skin of volumetric textures, see docs/VOLTEX_GALLERY.md
+//! [[skin]]                          # optional: a thick skin of volumetric textures, see docs/results/gallery.md
 //! patches = [8, 6]                  # bilinear patches of one unit, on the floor about the origin; or mesh = as of an object
 //! height = 0.5                      # length of its height vectors, along the normals
 //! lean = [0.2, 0.0, 0.0]            # optional: combs them, by this in heights
