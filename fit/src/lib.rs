@@ -50,6 +50,7 @@ pub use inspect::describe_voltex::{
     LevelDescription, MaterialUse, VoltexDescription, VoltexTier, describe_voltex, load_voltex,
 };
 pub use inspect::load::{load_asset, read_file, resident_in_parallel, with_path};
+pub use inspect::lobe_use::LobeUse;
 pub use inspect::sections::SectionSize;
 pub use inspect::validate::{FindingCounts, FindingRecord, Validation, validate, validate_file, validate_voltex};
 pub use measure::compare::{
@@ -61,12 +62,13 @@ pub use measure::image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spo
 pub use measure::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb};
 pub use metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 pub use monitor::{Monitor, Stage};
-pub use params::{ErrorMeasure, FitParams, KMeansEngine};
+pub use params::{ErrorMeasure, FitParams, Goal, KMeansEngine, Role, ValidFitParams};
 pub use peak_memory::peak_memory_bytes;
+pub use pipeline::description::description_bytes;
+pub use pipeline::fit::fit;
 pub use pipeline::fitted::{Fitted, fit_and_measure};
-pub use pipeline::forecast::{Forecast, Left};
+pub use pipeline::forecast::{Forecast, LastStage, Left};
 pub use pipeline::outcome::FitOutcome;
-pub use pipeline::pipeline::{description_bytes, fit};
 pub use provenance::{CaptureRecord, FitRecord, Material, MaterialLayer};
 pub use report::report::{ReportInput, ReportLayer, report_html};
 pub use resume::checkpoint::remove_finished_stages;
@@ -79,6 +81,6 @@ pub use trade::gpu_clock::GpuChoice;
 pub use trade::page::{trade_csv, trade_html, trade_plots};
 pub use trade::params::TradeParams;
 pub use trade::pareto::{CostAndGain, pareto_front};
-pub use trade::point::{Limit, Precision, Role, Rule, TradePoint};
+pub use trade::point::{Limit, Precision, Rule, TradePoint};
 pub use trade::trade::{Trade, trade};
 pub use units::{bytes_from_text, text_from_bytes};

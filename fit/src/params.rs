@@ -1,25 +1,35 @@
 //! What a fit is asked for.
 
 use crate::error::FitError;
-use btf_runtime::{MAX_LOG, ROOT, ResidualKind};
-use std::path::PathBuf;
+use btf_runtime::{LobeRole, MAX_COMPONENTS, MAX_LOG, ROOT, ResidualKind};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
 
 /// Largest number of half precision.
 pub(crate) const MAX_HALF: f32 = 65504.0;
+/// Residual components that a fit can be limited to at most.
+pub(crate) const MAX_ASKED_COMPONENTS: usize = 64;
+/// Residual components at most without a goal.
+const DEFAULT_COMPONENTS: usize = 8;
+/// Bytes that a texel's own lobe takes in the file after entropy coding, about: 2.5 to 2.9 where docs/TRADE.md has lobes
+/// alone.
+const BYTES_PER_OWN_LOBE: f64 = 2.8;
+/// Share of the bytes that lobes as base may take by [`FitParams::lobes_for`]; the residual gets the rest.
+const OWN_LOBE_SHARE: f64 = 0.5;
 
 /// The error that a fit minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorMeasure {
-    /// Gamma-encoded values, as `psnr_db` counts them: root residual.
+    /// Error of gamma-encoded values, as `psnr_db` counts them: root residual.
     Gamma,
-    /// Linear values: additive residual.
+    /// Error of linear values: additive residual.
     Linear,
-    /// Relative values: log residual.
+    /// Relative error: log residual.
     Log,
 }
 
 impl ErrorMeasure {
-    /// The residual's curve and its epsilon.
+    /// Returns the residual's curve and its epsilon.
     pub fn residual(self) -> (ResidualKind, f32) {
         match self {
             ErrorMeasure::Gamma => (ResidualKind::Root, 0.003),
@@ -28,13 +38,43 @@ impl ErrorMeasure {
         }
     }
 
-    /// The largest sample that an asset can hold whose residual alone must carry it: a decoder keeps bases in half
-    /// precision and ends the log curve at [`MAX_LOG`].
+    /// Returns the largest sample that an asset can hold whose residual alone must carry it: a decoder keeps bases in
+    /// half precision and ends the log curve at [`MAX_LOG`].
     pub fn most(self) -> f32 {
         match self {
             ErrorMeasure::Gamma => MAX_HALF.powf(ROOT),
             ErrorMeasure::Linear => MAX_HALF,
             ErrorMeasure::Log => MAX_LOG.exp(),
+        }
+    }
+}
+
+/// What lobes are to the residual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// The residual holds the whole value. Each cluster has one set of lobes, which guides interpolation, sampling and
+    /// editing and adds nothing to the value.
+    Guide,
+    /// Each texel has lobes of its own, and the residual is what they leave.
+    Base,
+}
+
+impl Role {
+    /// Returns the role as a layer of an asset stores it.
+    pub(crate) fn of_layer(self) -> LobeRole {
+        match self {
+            Role::Guide => LobeRole::Guide,
+            Role::Base => LobeRole::Base,
+        }
+    }
+}
+
+impl From<LobeRole> for Role {
+    fn from(role: LobeRole) -> Role {
+        match role {
+            LobeRole::Guide => Role::Guide,
+            LobeRole::Base => Role::Base,
         }
     }
 }
@@ -48,7 +88,18 @@ pub enum KMeansEngine {
     Linfa,
 }
 
-/// What is asked for.
+/// What a fit is to reach.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Goal {
+    /// Neither a size nor an error: 8 components and a fine step.
+    None,
+    /// The least error within so many bytes.
+    Bytes(u64),
+    /// The smallest asset with this `psnr_db` at least.
+    PsnrDb(f64),
+}
+
+/// What a fit is asked for. [`FitParams::check`] makes parameters of it that [`crate::fit()`] runs with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitParams {
     /// Largest asset in bytes.
@@ -57,9 +108,11 @@ pub struct FitParams {
     pub psnr_db: Option<f64>,
     /// Clusters, 1 to 256.
     pub clusters: usize,
-    /// Most lobes per texel, 0 to 32.
+    /// Most lobes of a texel ([`Role::Base`]) or of a cluster ([`Role::Guide`]), 0 to 32.
     pub lobes: usize,
-    /// Residual components, 0 to 64; `None`: what the budget gives, else 8.
+    /// What lobes are to the residual; `None`: [`Role::Guide`] with a size or a PSNR as goal, else [`Role::Base`].
+    pub role: Option<Role>,
+    /// Residual components, 0 to 64; `None`: what the goal gives, 8 without a goal.
     pub components: Option<usize>,
     /// Peak memory in bytes.
     pub memory_bytes: u64,
@@ -67,7 +120,7 @@ pub struct FitParams {
     pub error: ErrorMeasure,
     /// Share of the direction pairs that is held back, 0 to 0.9.
     pub leave_out: f64,
-    /// Find the texels' heights and store them, where they predict steep views.
+    /// Whether to find the texels' heights and store them, where they predict steep views.
     pub heights: bool,
     /// Seed of every random choice.
     pub seed: u64,
@@ -86,6 +139,7 @@ impl Default for FitParams {
             psnr_db: None,
             clusters: 32,
             lobes: 8,
+            role: None,
             components: None,
             memory_bytes: 4_000_000_000,
             error: ErrorMeasure::Gamma,
@@ -100,14 +154,28 @@ impl Default for FitParams {
 }
 
 impl FitParams {
-    /// The clusters that a fit of `texels` texels a layer does best with when it may spend `bytes` on each layer: with
-    /// less than 2 bytes a texel, ids of 32 clusters take bytes that coefficients use better.
+    /// Returns the clusters that a fit of `texels` texels a layer does best with when it may spend `bytes` on each
+    /// layer: with less than 2 bytes a texel, ids of 32 clusters take bytes that coefficients use better.
     pub fn clusters_for(bytes: Option<u64>, texels: usize) -> usize {
         if bytes.is_some_and(|bytes| bytes < 2 * texels as u64) { 16 } else { FitParams::default().clusters }
     }
 
+    /// Returns the most lobes that a fit of `texels` texels a layer should have when it may spend `bytes` on each layer:
+    /// as base so few, at least 1, that they take about half of the bytes.
+    pub fn lobes_for(role: Option<Role>, bytes: Option<u64>, texels: usize) -> usize {
+        let most = FitParams::default().lobes;
+        let (Some(Role::Base), Some(bytes)) = (role, bytes) else {
+            return most;
+        };
+        let affordable = OWN_LOBE_SHARE * bytes as f64 / (BYTES_PER_OWN_LOBE * texels.max(1) as f64);
+        (affordable as usize).clamp(1, most)
+    }
+
     /// Checks every range.
-    pub fn check(&self) -> Result<(), FitError> {
+    ///
+    /// # Errors
+    /// [`FitError::Params`], one sentence that names the option.
+    pub fn check(&self) -> Result<ValidFitParams, FitError> {
         let refuse = |text: &str| Err(FitError::Params(text.to_string()));
         if !(1..=256).contains(&self.clusters) {
             return refuse("--clusters must be 1 to 256");
@@ -115,7 +183,7 @@ impl FitParams {
         if self.lobes > 32 {
             return refuse("--lobes must be 0 to 32");
         }
-        if self.components.is_some_and(|components| components > 64) {
+        if self.components.is_some_and(|components| components > MAX_ASKED_COMPONENTS) {
             return refuse("--components must be 0 to 64");
         }
         if !(0.0..=0.9).contains(&self.leave_out) {
@@ -127,6 +195,146 @@ impl FitParams {
         if self.psnr_db.is_some_and(|db| !(5.0..=80.0).contains(&db)) {
             return refuse("--psnr must be 5 to 80 (dB)");
         }
-        Ok(())
+        Ok(ValidFitParams { asked: self.clone() })
+    }
+}
+
+/// Parameters whose ranges [`FitParams::check`] has checked: what a fit runs with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ValidFitParams {
+    asked: FitParams,
+}
+
+impl ValidFitParams {
+    /// Returns the parameters as they were asked for.
+    pub fn asked(&self) -> &FitParams {
+        &self.asked
+    }
+
+    /// Returns the goal.
+    pub fn goal(&self) -> Goal {
+        match (self.asked.bytes, self.asked.psnr_db) {
+            (Some(bytes), _) => Goal::Bytes(bytes),
+            (None, Some(db)) => Goal::PsnrDb(db),
+            (None, None) => Goal::None,
+        }
+    }
+
+    /// Returns what lobes are to the residual: as asked for, else a guide with a goal and a base without.
+    pub fn role(&self) -> Role {
+        let usual = if self.goal() == Goal::None { Role::Base } else { Role::Guide };
+        self.asked.role.unwrap_or(usual)
+    }
+
+    /// Returns the largest asset in bytes, where the goal is a size.
+    pub fn bytes(&self) -> Option<u64> {
+        self.asked.bytes
+    }
+
+    /// Returns the number of clusters, 1 to 256.
+    pub fn clusters(&self) -> usize {
+        self.asked.clusters
+    }
+
+    /// Returns the most lobes of a texel or, as guide, of a cluster, 0 to 32.
+    pub fn lobes(&self) -> usize {
+        self.asked.lobes
+    }
+
+    /// Returns the residual components that were asked for, 0 to 64.
+    pub fn components(&self) -> Option<usize> {
+        self.asked.components
+    }
+
+    /// Returns the residual components that are encoded at most: those asked for, else all that are worth their bytes
+    /// with a goal and 8 without.
+    pub fn most_components(&self) -> usize {
+        let usual = if self.goal() == Goal::None { DEFAULT_COMPONENTS } else { MAX_COMPONENTS };
+        self.asked.components.unwrap_or(usual)
+    }
+
+    /// Returns the limit of the peak memory in bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        self.asked.memory_bytes
+    }
+
+    /// Returns the error to minimise.
+    pub fn error(&self) -> ErrorMeasure {
+        self.asked.error
+    }
+
+    /// Returns the share of the direction pairs that is held back, 0 to 0.9.
+    pub fn leave_out(&self) -> f64 {
+        self.asked.leave_out
+    }
+
+    /// Tells whether the texels' heights are looked for.
+    pub fn finds_heights(&self) -> bool {
+        self.asked.heights
+    }
+
+    /// Returns the seed of every random choice.
+    pub fn seed(&self) -> u64 {
+        self.asked.seed
+    }
+
+    /// Returns which k-means runs.
+    pub fn kmeans(&self) -> KMeansEngine {
+        self.asked.kmeans
+    }
+
+    /// Returns the folder for the temporary cache.
+    pub fn cache_directory(&self) -> &Path {
+        &self.asked.cache_directory
+    }
+
+    /// Returns the folder in which the results of finished stages are kept and looked for.
+    pub fn resume(&self) -> Option<&Path> {
+        self.asked.resume.as_deref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lobes_guide_with_a_goal_and_are_the_base_without_unless_it_is_said_otherwise() {
+        let role = |params: FitParams| params.check().unwrap().role();
+        let plain = FitParams::default();
+        assert_eq!(role(plain.clone()), Role::Base);
+        for goal in
+            [FitParams { bytes: Some(1_000), ..plain.clone() }, FitParams { psnr_db: Some(30.0), ..plain.clone() }]
+        {
+            assert_eq!(role(goal.clone()), Role::Guide);
+            assert_eq!(role(FitParams { role: Some(Role::Base), ..goal }), Role::Base);
+        }
+        assert_eq!(role(FitParams { role: Some(Role::Guide), ..plain }), Role::Guide);
+    }
+
+    #[test]
+    fn own_lobes_take_half_of_the_bytes_and_there_is_always_one() {
+        let texels = 256 * 256;
+        let lobes = |bytes| FitParams::lobes_for(Some(Role::Base), Some(bytes), texels);
+        assert_eq!([lobes(100_000), lobes(1_000_000), lobes(2_000_000), lobes(20_000_000)], [1, 2, 5, 8]);
+        for (role, bytes) in [(None, Some(100_000)), (Some(Role::Guide), Some(100_000)), (Some(Role::Base), None)] {
+            assert_eq!(FitParams::lobes_for(role, bytes, texels), FitParams::default().lobes);
+        }
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_named() {
+        let plain = FitParams::default();
+        for (params, option) in [
+            (FitParams { clusters: 0, ..plain.clone() }, "--clusters"),
+            (FitParams { lobes: 33, ..plain.clone() }, "--lobes"),
+            (FitParams { components: Some(65), ..plain.clone() }, "--components"),
+            (FitParams { leave_out: 0.95, ..plain.clone() }, "--leave-out"),
+            (FitParams { bytes: Some(1), psnr_db: Some(30.0), ..plain.clone() }, "--bytes and --psnr"),
+            (FitParams { psnr_db: Some(f64::NAN), ..plain }, "--psnr"),
+        ] {
+            let message = params.check().unwrap_err().to_string();
+            assert!(message.contains(option), "{message}");
+        }
     }
 }

@@ -276,7 +276,7 @@ mod tests {
         let material = Material::new(&[&long, &long, &long, &long], FitRecord::new(&params, 64));
         let before = material.to_json().len();
         let text = Material { error: Some(error.rounded()), ..material }.to_json();
-        assert!(text.len() < before + crate::pipeline::pipeline::FIGURES_RESERVE - 32, "{} {before}", text.len());
+        assert!(text.len() < before + crate::pipeline::description::FIGURES_RESERVE - 32, "{} {before}", text.len());
         assert!(text.len() < 4096, "{}", text.len());
         assert!(text.contains("\\\"é"), "the text is cut between letters: {text}");
     }

@@ -51,7 +51,7 @@ fn open(folder: &TempDir) -> Capture {
 }
 
 fn fit(capture: Capture, params: &FitParams) -> Result<Fitted, FitError> {
-    fit_and_measure(&[capture], params, &Monitor::default())
+    fit_and_measure(&[capture], &params.check()?, &Monitor::default())
 }
 
 /// Checks that the packed asset decodes to finite numbers from everywhere, and gives its figures for the table.

@@ -120,7 +120,7 @@ fn run(capture: &Path, params: &FitParams, stop: &'static str) -> Run {
         })
         .on_remark(move |text| heard.lock().unwrap().push(text.to_string()))
     });
-    let bytes = match fit_and_measure(&[Capture::open(capture).unwrap()], params, &monitor) {
+    let bytes = match fit_and_measure(&[Capture::open(capture).unwrap()], &params.check().unwrap(), &monitor) {
         Ok(fitted) => Some(fitted.bytes),
         Err(FitError::Interrupted) => None,
         Err(error) => panic!("{error}"),
@@ -266,6 +266,7 @@ fn a_capture_that_does_not_fit_into_memory_is_not_decoded_twice() {
     let (here, capture) = (folder.path(), folder.path().join("capture"));
     write_capture(&capture, 64, 16, 1.0);
     let small = FitParams { memory_bytes: 1, ..params(here) };
+    let small = small.check().unwrap();
     let refused = fit_and_measure(&[Capture::open(&capture).unwrap()], &small, &Monitor::default()).err().unwrap();
     let needed = refused.to_string();
     let needed = needed.split("at least ").nth(1).unwrap().split(' ').next().unwrap().parse::<u64>().unwrap();

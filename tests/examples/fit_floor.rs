@@ -67,7 +67,8 @@ fn main() -> ExitCode {
             ..FitParams::default()
         };
         let (start, monitor) = (Instant::now(), Monitor::default());
-        if let Err(error) = fit_and_measure(&[capture], &params, &monitor) {
+        let fitted = params.check().and_then(|params| fit_and_measure(&[capture], &params, &monitor));
+        if let Err(error) = fitted {
             eprintln!("{path}: {error}");
             return ExitCode::FAILURE;
         }

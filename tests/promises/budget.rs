@@ -35,10 +35,11 @@ fn more_bytes_give_less_error_and_no_budget_is_passed() {
     assert!(reached >= wanted && reached < wanted + 1.0, "{reached} for {wanted}");
     assert!(outcome.bytes.len() < 26_000);
 
-    let refused = |params: FitParams| match fit(std::slice::from_ref(&capture), &params, &Monitor::default()) {
-        Err(FitError::Budget(text)) => text,
-        other => panic!("expected a refusal, got {:?}", other.map(|outcome| outcome.bytes.len())),
-    };
+    let refused =
+        |params: FitParams| match fit(std::slice::from_ref(&capture), &params.check().unwrap(), &Monitor::default()) {
+            Err(FitError::Budget(text)) => text,
+            other => panic!("expected a refusal, got {:?}", other.map(|outcome| outcome.bytes.len())),
+        };
     assert!(refused(FitParams { bytes: Some(900), ..base.clone() }).contains("--bytes"));
     assert!(refused(FitParams { psnr_db: Some(75.0), ..base }).contains("--psnr"));
 }
@@ -51,7 +52,7 @@ fn a_cancelled_fit_leaves_no_file_behind() {
     let monitor = Monitor::default();
     monitor.cancel();
     assert!(matches!(
-        fit(std::slice::from_ref(&capture), &small_fit(folder.path()), &monitor),
+        fit(std::slice::from_ref(&capture), &small_fit(folder.path()).check().unwrap(), &monitor),
         Err(FitError::Interrupted)
     ));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
@@ -63,7 +64,7 @@ fn a_memory_limit_that_is_too_small_is_refused_with_what_is_needed() {
     let set = DirectionSet::random(6, 9).unwrap();
     let capture = leaf_capture(&folder.path().join("leaf"), 16, &set, &set, ImageFormat::Png);
     let params = FitParams { memory_bytes: 10_000_000, ..small_fit(folder.path()) };
-    match fit(std::slice::from_ref(&capture), &params, &Monitor::default()) {
+    match fit(std::slice::from_ref(&capture), &params.check().unwrap(), &Monitor::default()) {
         Err(FitError::Memory { needed, .. }) => assert!(needed.ends_with("MB")),
         other => panic!("expected a refusal, got {:?}", other.map(|outcome| outcome.bytes.len())),
     }

@@ -100,7 +100,7 @@ fn error(loaded: &Resident, wis: &[[f32; 3]], wos: &[[f32; 3]], rule: Interpolat
 }
 
 fn fit_all(captures: &[Capture], params: &FitParams) -> FitOutcome {
-    fit(captures, params, &Monitor::default()).expect("the captures are fitted")
+    fit(captures, &params.check().unwrap(), &Monitor::default()).expect("the captures are fitted")
 }
 
 /// Light and view directions of a capture in the front's frame.
@@ -228,7 +228,7 @@ fn a_budget_over_four_layers_is_kept_goes_by_need_and_gives_the_same_bytes_on_an
     assert!(components[1..].iter().all(|count| *count < components[0]), "{components:?}");
 
     let few = FitParams { bytes: Some(5_000), ..params };
-    let refused = fit(&captures, &few, &Monitor::default()).unwrap_err().to_string();
+    let refused = fit(&captures, &few.check().unwrap(), &Monitor::default()).unwrap_err().to_string();
     assert!(refused.contains("--bytes is too small"), "{refused}");
 }
 
@@ -239,7 +239,7 @@ fn captures_that_are_no_layers_of_one_asset_are_refused_before_anything_is_fitte
     let params = small_fit(folder.path());
     let refusal = |captures: Vec<Capture>| {
         let monitor = Monitor::default();
-        let message = fit(&captures, &params, &monitor).unwrap_err().to_string();
+        let message = fit(&captures, &params.check().unwrap(), &monitor).unwrap_err().to_string();
         assert!(monitor.stages().is_empty(), "nothing was fitted");
         message
     };

@@ -101,7 +101,7 @@ fn a_lambertian_texel_needs_one_lobe_and_a_wrong_material_is_told_apart() {
     let outcome = fitted(&capture, &lobes_only(folder.path()));
     let db = psnr(&capture, &outcome);
     assert!(db > 45.0, "{db} dB");
-    assert!(outcome.lobes_per_texel_mean < 2.0, "{}", outcome.lobes_per_texel_mean);
+    assert!(outcome.lobe_use.per_texel_mean < 2.0, "{}", outcome.lobe_use);
     // Planted difference: another red.
     let other = flat(&folder.path().join("b"), 0.4);
     assert!(psnr(&other, &outcome) < db - 10.0);

@@ -88,7 +88,8 @@ pub fn small_fit(folder: &Path) -> FitParams {
 /// # Panics
 /// If it cannot be fitted.
 pub fn fitted(capture: &Capture, params: &FitParams) -> FitOutcome {
-    fit(std::slice::from_ref(capture), params, &Monitor::default()).expect("the capture is fitted")
+    let params = params.check().expect("the parameters are in range");
+    fit(std::slice::from_ref(capture), &params, &Monitor::default()).expect("the capture is fitted")
 }
 
 /// The resident form, expanded on all threads.

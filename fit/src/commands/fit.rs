@@ -1,15 +1,16 @@
 //! `btf-fit fit`.
 
 use super::failure::Failure;
-use super::options::Shared;
+use super::options::{RoleName, Shared};
 use super::output::{check_distinct, check_file, complain, is_stdout, tell};
 use super::progress;
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
-    ErrorMeasure, FitError, FitParams, Fitted, Forecast, KMeansEngine, Metrics, Monitor, ReportInput, ReportLayer,
-    Stage, bytes_from_text, fit_and_measure, peak_memory_bytes, remove_finished_stages, report_html, side_of_layer,
-    text_from_bytes,
+    ErrorMeasure, FitError, FitParams, Fitted, Forecast, KMeansEngine, LastStage, LobeUse, Metrics, Monitor,
+    ReportInput, ReportLayer, Role, Stage, ValidFitParams, bytes_from_text, fit_and_measure, peak_memory_bytes,
+    remove_finished_stages, report_html, side_of_layer, text_from_bytes,
 };
+use btf_runtime::read_directory;
 use clap::{Args, ValueEnum};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use std::path::{Path, PathBuf};
@@ -25,6 +26,7 @@ use std::time::Instant;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit fit WOOL -o wool.spmm --bytes 2MB --report wool.html
+  btf-fit fit WOOL -o wool.spmm --bytes 2MB --role base # lobes of each texel's own are part of the value
   btf-fit fit WOOL -o wool.spmm --bytes 2MB --resume    # again after a crash: goes on where that was
   btf-fit fit LEAF_FRONT LEAF_BACK LEAF_THROUGH_BACK LEAF_THROUGH_FRONT -o leaf.spmm --bytes 6MB --json -")]
 pub(super) struct FitArgs {
@@ -34,7 +36,7 @@ pub(super) struct FitArgs {
     /// The asset to write
     #[arg(short, long, value_name = "ASSET.spmm")]
     output: PathBuf,
-    /// Largest size of the asset, as 2MB or 2MiB; lobes, components and bits are chosen to fit
+    /// Largest size of the asset, as 2MB or 2MiB; components and bits are chosen to fit
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, conflicts_with = "psnr")]
     bytes: Option<u64>,
     /// Least PSNR of the 8-bit values in dB; the smallest asset that reaches it is chosen
@@ -44,10 +46,16 @@ pub(super) struct FitArgs {
     /// than 2 bytes a texel
     #[arg(long, value_name = "N")]
     clusters: Option<usize>,
-    /// Most lobes of a texel, 0 to 32
-    #[arg(long, value_name = "N", default_value_t = FitParams::default().lobes)]
-    lobes: usize,
-    /// Residual components, 0 to 64; what --bytes or --psnr gives, else 8
+    /// Most lobes, 0 to 32: of a texel as base, of a cluster as guide; 8 if not given, with --role base and --bytes as
+    /// few as take about half of the bytes
+    #[arg(long, value_name = "N")]
+    lobes: Option<usize>,
+    /// What lobes are to the residual; guide with --bytes or --psnr and base without, if not given. base costs up to 2.6
+    /// times the bytes at the same PSNR and up to six times the time; it is better between measured directions with the
+    /// fast rule, and edits of lobes change the value itself
+    #[arg(long, value_enum)]
+    role: Option<RoleName>,
+    /// Residual components, 0 to 64; what --bytes or --psnr gives, 8 without either
     #[arg(long, value_name = "N")]
     components: Option<usize>,
     /// Most memory to use
@@ -96,8 +104,8 @@ enum KMeansArg {
     Linfa,
 }
 
-/// What `fit --json` writes. Of an asset of several layers the error keys and `lobes_per_texel_mean` are of
-/// all of them; `clusters`, `components`, `lobe_error` and `psnr_left_out_db` are the first layer's, and
+/// What `fit --json` writes. Of an asset of several layers the error keys and those of [`LobeUse`] are of all of them;
+/// `clusters`, `components`, `lobe_error` and `psnr_left_out_db` are the first layer's, and
 /// `by_layer` has each layer's own.
 #[derive(Debug, serde::Serialize)]
 struct FitResult<'a> {
@@ -114,7 +122,8 @@ struct FitResult<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     psnr_left_out_db: Option<f64>,
     clusters: usize,
-    lobes_per_texel_mean: f64,
+    #[serde(flatten)]
+    lobe_use: LobeUse,
     components: usize,
     layers: usize,
     by_layer: Vec<LayerResult>,
@@ -128,16 +137,14 @@ struct LayerResult {
     psnr_db: f64,
     rel_rmse: f64,
     clusters: usize,
-    lobes_per_texel_mean: f64,
+    #[serde(flatten)]
+    lobe_use: LobeUse,
     components: usize,
 }
 
 impl LayerResult {
     fn model(&self) -> String {
-        format!(
-            "{} clusters, {:.2} lobes per texel, {} components",
-            self.clusters, self.lobes_per_texel_mean, self.components
-        )
+        format!("{} clusters, {} components", self.clusters, self.components)
     }
 }
 
@@ -167,7 +174,7 @@ impl Serialize for Stages<'_> {
 pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     let start = Instant::now();
     let mut params = params(args);
-    params.check().map_err(|error| Failure::Usage(error.to_string()))?;
+    check(&params)?;
     let outputs: Vec<&Path> = [Some(&args.output), args.report.as_ref(), args.json.as_ref()]
         .into_iter()
         .flatten()
@@ -181,12 +188,16 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     for path in &outputs {
         check_file(path, &args.captures)?;
     }
-    if let (None, Some(first)) = (args.clusters, captures.first()) {
+    if let Some(first) = captures.first() {
         let bytes = params.bytes.map(|bytes| bytes / captures.len() as u64);
-        params.clusters = FitParams::clusters_for(bytes, first.info().texel_count());
+        let texels = first.info().texel_count();
+        params.clusters = args.clusters.unwrap_or(FitParams::clusters_for(bytes, texels));
+        params.lobes = args.lobes.unwrap_or(FitParams::lobes_for(params.role, bytes, texels));
     }
+    let params = check(&params)?;
 
-    let monitor = progress::monitor(shared, Some(Forecast::new(captures.len(), &params, args.report.is_some())))?;
+    let last = if args.report.is_some() { LastStage::Report } else { LastStage::Measure };
+    let monitor = progress::monitor(shared, Some(Forecast::new(captures.len(), &params, last)))?;
     let fitted = fit_and_measure(&captures, &params, &monitor).map_err(|error| match error {
         FitError::Interrupted if args.resume => Failure::Suspended,
         other => other.into(),
@@ -201,7 +212,7 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     if let (Some(path), Some(page)) = (&args.report, page) {
         write_file_atomically(path, page.as_bytes())?;
     }
-    if let Some(folder) = &params.resume {
+    if let Some(folder) = params.resume() {
         remove_finished_stages(folder);
     }
     let stages = monitor.stages();
@@ -215,10 +226,10 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         metrics: fitted.metrics,
         psnr_left_out_db: fitted.psnr_left_out_db,
         clusters: fitted.clusters,
-        lobes_per_texel_mean: fitted.lobes_per_texel_mean,
+        lobe_use: fitted.lobe_use,
         components: fitted.components,
         layers: fitted.asset.layers.len(),
-        by_layer: layer_results(&fitted),
+        by_layer: layer_results(&fitted)?,
         lobe_error: LobeError {
             selected: fitted.lobes.selected,
             refined: fitted.lobes.refined,
@@ -235,19 +246,25 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     Ok(())
 }
 
-fn layer_results(fitted: &Fitted) -> Vec<LayerResult> {
-    let figures = fitted.asset.layers.iter().zip(&fitted.comparisons).map(|(layer, comparison)| {
+fn check(params: &FitParams) -> Result<ValidFitParams, Failure> {
+    params.check().map_err(|error| Failure::Usage(error.to_string()))
+}
+
+fn layer_results(fitted: &Fitted) -> Result<Vec<LayerResult>, FitError> {
+    let sections = read_directory(&fitted.bytes)?.sections;
+    let layers = &fitted.asset.layers;
+    let figures = layers.iter().zip(&fitted.comparisons).enumerate().map(|(number, (layer, comparison))| {
         let metrics = comparison.metrics();
         LayerResult {
             side: side_of_layer(layer).to_string(),
             psnr_db: metrics.psnr_db,
             rel_rmse: metrics.rel_rmse,
             clusters: layer.dictionary.len(),
-            lobes_per_texel_mean: layer.lobe_refs.len() as f64 / layer.texel_clusters.len() as f64,
+            lobe_use: LobeUse::of(&layers[number..=number], number, &sections),
             components: layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len()),
         }
     });
-    figures.collect()
+    Ok(figures.collect())
 }
 
 fn params(args: &FitArgs) -> FitParams {
@@ -256,7 +273,8 @@ fn params(args: &FitArgs) -> FitParams {
         bytes: args.bytes,
         psnr_db: args.psnr,
         clusters: args.clusters.unwrap_or(FitParams::default().clusters),
-        lobes: args.lobes,
+        lobes: args.lobes.unwrap_or(FitParams::default().lobes),
+        role: args.role.map(Role::from),
         components: args.components,
         memory_bytes: args.memory,
         error: match args.error {
@@ -320,6 +338,7 @@ fn summary(result: &FitResult, args: &FitArgs) -> String {
             lines.push(format!("  {:18}  {:.2} dB, {}", layer.side, layer.psnr_db, layer.model()));
         }
     }
+    lines.push(format!("  lobes       {}", result.lobe_use));
     let memory = result.peak_memory_bytes.map_or(String::new(), |bytes| format!(", {} memory", text_from_bytes(bytes)));
     lines.push(format!("  time        {:.1} s{memory}", result.seconds));
     if let Some(path) = &args.report {
@@ -382,7 +401,7 @@ mod tests {
             metrics,
             psnr_left_out_db: None,
             clusters: 32,
-            lobes_per_texel_mean: 2.5,
+            lobe_use: LobeUse { role: Role::Base, bytes: 3, per_texel_mean: 2.5, per_cluster_mean: 0.0 },
             components: 8,
             layers: 1,
             by_layer: Vec::new(),
@@ -399,6 +418,8 @@ mod tests {
             "rel_rmse",
             "worst_texel_rmse",
             "clusters",
+            "lobe_role",
+            "lobe_bytes",
             "lobes_per_texel_mean",
             "components",
             "delta_e00_mean",
@@ -406,6 +427,7 @@ mod tests {
             assert!(text.contains(&format!("\"{key}\":")), "{key} in {text}");
         }
         assert!(!text.contains("psnr_left_out_db"));
+        assert!(text.contains(r#""lobe_role":"base""#), "{text}");
         assert!(text.contains(r#""stages":{"read":1.0,"cluster":2.0}"#), "{text}");
     }
 }

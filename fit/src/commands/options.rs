@@ -1,5 +1,6 @@
 //! Options that several subcommands share.
 
+use btf_fit::Role;
 use clap::{Args, ValueEnum};
 
 /// Options of every subcommand.
@@ -49,6 +50,24 @@ impl Decoding {
                 Interpolation::Exact => btf_runtime::Interpolation::Exact,
             },
             parallax: !self.no_parallax,
+        }
+    }
+}
+
+/// [`Role`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum RoleName {
+    /// The residual holds the whole value; one set of lobes for each cluster guides interpolation, sampling and editing
+    Guide,
+    /// Each texel has lobes of its own, and the residual is what they leave
+    Base,
+}
+
+impl From<RoleName> for Role {
+    fn from(name: RoleName) -> Role {
+        match name {
+            RoleName::Guide => Role::Guide,
+            RoleName::Base => Role::Base,
         }
     }
 }

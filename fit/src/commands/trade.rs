@@ -1,7 +1,7 @@
 //! `btf-fit trade`.
 
 use super::failure::Failure;
-use super::options::Shared;
+use super::options::{RoleName, Shared};
 use super::output::{check_distinct, check_file, is_stdout, tell};
 use super::progress;
 use btf_capture::{Capture, write_file_atomically};
@@ -9,7 +9,7 @@ use btf_fit::{
     FitParams, GpuChoice, Limit, Precision, Role, Rule, Stage, Trade, TradeParams, bytes_from_text, peak_memory_bytes,
     text_from_bytes, trade, trade_csv, trade_html, trade_plots,
 };
-use clap::{Args, ValueEnum};
+use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -37,10 +37,10 @@ pub(super) struct TradeArgs {
     /// Write trade.csv, trade.html and the plots into this folder
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Lobes per texel to try, as --lobes of fit; 0,2,8 if not given
+    /// Numbers of lobes to try, as --lobes of fit; 0,2,8 if not given
     #[arg(long, value_name = "N,N", value_delimiter = ',')]
     lobes: Option<Vec<usize>>,
-    /// What lobes are to the residual; both if not given
+    /// What lobes are to the residual, as --role of fit; both if not given
     #[arg(long, value_name = "ROLE,ROLE", value_delimiter = ',', value_enum)]
     roles: Option<Vec<RoleName>>,
     /// Limits of components to try beside none, 0 to 128; 4,16,32 if not given
@@ -82,15 +82,6 @@ pub(super) struct TradeArgs {
     /// Write all settings as JSON; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-}
-
-/// [`Role`] on the command line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum RoleName {
-    /// The residual stands alone, lobes guide interpolation: as fit with --bytes or --psnr
-    Guide,
-    /// The residual is what the lobes leave: as fit without a goal
-    Base,
 }
 
 /// What `trade --json` writes.
@@ -183,10 +174,10 @@ fn params(args: &TradeArgs) -> TradeParams {
             ..FitParams::default()
         },
         lobes: args.lobes.clone().unwrap_or(base.lobes.clone()),
-        roles: args.roles.as_ref().map_or(base.roles.clone(), |roles| {
-            let role = |name: &RoleName| if *name == RoleName::Guide { Role::Guide } else { Role::Base };
-            roles.iter().map(role).collect()
-        }),
+        roles: args
+            .roles
+            .as_ref()
+            .map_or(base.roles.clone(), |roles| roles.iter().map(|name| Role::from(*name)).collect()),
         gpu: match args.gpu.as_deref() {
             None => GpuChoice::Best,
             Some("none") => GpuChoice::Off,

@@ -163,6 +163,18 @@ impl DecodedImages {
     }
 }
 
+/// Returns what reads the image of a view and a light of a capture: from `decoded` where the images are at hand, else from
+/// its files.
+pub fn read_images<'a>(
+    capture: &'a Capture,
+    decoded: Option<&'a DecodedImages>,
+) -> impl Fn(usize, usize) -> Result<Pixels, FitError> + Sync + 'a {
+    move |view, light| match decoded {
+        Some(images) => images.read(view * capture.info().lights.len() + light),
+        None => Ok(capture.read(view, light)?),
+    }
+}
+
 /// What is kept of a decoded capture beside its file: by it a later run sees that the file is whole.
 struct Record {
     form: u8,
@@ -663,7 +675,7 @@ mod tests {
         let run = || {
             let heard = Arc::clone(&remarks);
             let monitor = Monitor::default().on_remark(move |text| heard.lock().unwrap().push(text.to_string()));
-            let checkpoint = Checkpoint::open(std::slice::from_ref(&capture), &params, &monitor).unwrap();
+            let checkpoint = Checkpoint::open(std::slice::from_ref(&capture), &params.check().unwrap(), &monitor).unwrap();
             let stages = checkpoint.layer(0, 1);
             let cache = TileCache::new(&capture, 1000, folder.path(), f32::INFINITY, Some(&stages), &monitor).unwrap();
             (samples(&cache), monitor.skipped(), monitor.stages().len())

@@ -3,10 +3,14 @@
 use crate::error::FitError;
 use crate::input::layer_frame::side_of_layer;
 use crate::inspect::load::resident_in_parallel;
+use crate::inspect::lobe_use::LobeUse;
 use crate::inspect::sections::{SectionSize, section_sizes};
+use crate::params::Role;
 use crate::provenance::Material;
 use crate::units::text_from_bytes;
-use btf_runtime::{Asset, Heights, Layer, LobeFamily, ResidualKind, SectionKind, VERSION, read_directory};
+use btf_runtime::{
+    Asset, Heights, Layer, LobeFamily, ResidualKind, SectionEntry, SectionKind, VERSION, read_directory,
+};
 use serde::Serialize;
 use std::fmt::{self, Display};
 
@@ -61,11 +65,12 @@ pub struct LayerDescription {
     pub clusters: usize,
     /// Lobes in all dictionaries.
     pub dictionary_lobes: usize,
-    /// Mean number of lobes of a texel.
-    pub lobes_per_texel_mean: f64,
-    /// Largest number of lobes of a texel.
+    /// How many lobes there are, what they are to the residual, and their bytes.
+    #[serde(flatten)]
+    pub lobe_use: LobeUse,
+    /// Largest number of lobes that a texel refers to: its own, or its cluster's where lobes guide.
     pub lobes_per_texel_max: usize,
-    /// How many texels have 0, 1, 2, ... lobes.
+    /// How many texels refer to 0, 1, 2, ... lobes.
     pub lobe_counts: Vec<u64>,
     /// Use of each lobe family that occurs.
     pub families: Vec<FamilyUse>,
@@ -120,7 +125,9 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
         sections: section_sizes(&directory.sections, bytes.len(), |kind| {
             SectionKind::from_number(kind).map(|kind| format!("{kind:?}"))
         }),
-        layers: asset.layers.iter().map(describe_layer).collect(),
+        layers: (0..asset.layers.len())
+            .map(|number| describe_layer(&asset.layers[number..=number], number, &directory.sections))
+            .collect(),
         material: Material::from_asset(&asset)?,
     })
 }
@@ -140,7 +147,9 @@ pub fn family_name(family: LobeFamily) -> &'static str {
     }
 }
 
-fn describe_layer(layer: &Layer) -> LayerDescription {
+/// Describes layer `number`, the one of the slice.
+fn describe_layer(layers: &[Layer], number: usize, sections: &[SectionEntry]) -> LayerDescription {
+    let layer = &layers[0];
     let mut lobe_counts = vec![0; layer.most_lobes() + 1];
     layer.texel_lobe_counts.iter().for_each(|count| lobe_counts[usize::from(*count)] += 1);
     let mut dictionary = [0; LobeFamily::ALL.len()];
@@ -160,7 +169,7 @@ fn describe_layer(layer: &Layer) -> LayerDescription {
         lights: layer.lights.len(),
         clusters: layer.dictionary.len(),
         dictionary_lobes: dictionary.iter().sum(),
-        lobes_per_texel_mean: layer.lobe_refs.len() as f64 / layer.texel_clusters.len().max(1) as f64,
+        lobe_use: LobeUse::of(layers, number, sections),
         lobes_per_texel_max: layer.most_lobes(),
         lobe_counts,
         families: LobeFamily::ALL
@@ -215,17 +224,13 @@ impl Display for Description {
                 )?;
             }
             writeln!(f, "  clusters  {} with {} lobes", layer.clusters, layer.dictionary_lobes)?;
-            writeln!(
-                f,
-                "  lobes     {:.2} per texel, at most {}",
-                layer.lobes_per_texel_mean, layer.lobes_per_texel_max
-            )?;
+            writeln!(f, "  lobes     {}; at most {}", layer.lobe_use, layer.lobes_per_texel_max)?;
             for family in &layer.families {
-                writeln!(
-                    f,
-                    "            {:18} {:5} in dictionaries {:9} in texels",
-                    family.family, family.dictionary, family.texels
-                )?;
+                write!(f, "            {:18} {:5} in dictionaries", family.family, family.dictionary)?;
+                match layer.lobe_use.role {
+                    Role::Base => writeln!(f, " {:9} in texels", family.texels)?,
+                    Role::Guide => writeln!(f)?,
+                }
             }
             write!(f, "  residual  {}, {} components", layer.residual, layer.components)?;
             if layer.components > 0 {
@@ -284,7 +289,7 @@ mod tests {
         assert_eq!((layer.views, layer.lights, layer.clusters, layer.dictionary_lobes), (7, 9, 3, 9));
         assert_eq!(layer.lobe_counts.iter().sum::<u64>(), 15);
         let refs: usize = layer.families.iter().map(|family| family.texels).sum();
-        assert_eq!(refs as f64, layer.lobes_per_texel_mean * 15.0);
+        assert_eq!(refs as f64, layer.lobe_use.per_texel_mean * 15.0);
         // Every dictionary has the same three families and every texel takes its lobes from the front.
         assert!(layer.families[0].texels > layer.families[2].texels);
         assert_eq!(layer.shared_bases, 5);

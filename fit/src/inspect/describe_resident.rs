@@ -73,7 +73,7 @@ impl Display for ResidentDescription {
         writeln!(f, "levels      {}", self.levels.len())?;
         writeln!(f, "layers      {}", self.layers.join(", "))?;
         writeln!(f, "residual    {} components", self.components)?;
-        write!(f, "lobes       at most {} a texel", self.lobes)
+        write!(f, "lobes       at most {} looked up for a texel, its own or, as guide, its cluster's", self.lobes)
     }
 }
 

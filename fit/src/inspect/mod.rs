@@ -6,5 +6,6 @@ pub(crate) mod describe_file;
 pub(crate) mod describe_resident;
 pub(crate) mod describe_voltex;
 pub(crate) mod load;
+pub(crate) mod lobe_use;
 pub(crate) mod sections;
 pub(crate) mod validate;

@@ -1,15 +1,17 @@
 //! A fit with its error: fits, measures what was packed, and writes the figures into the asset.
 
 use crate::error::FitError;
+use crate::input::tile_cache::read_images;
 use crate::inspect::load::resident_in_parallel;
+use crate::inspect::lobe_use::LobeUse;
 #[cfg(doc)]
 use crate::measure::compare::measure;
 use crate::measure::compare::{Comparison, MeasureParams, measure_images};
 use crate::metrics::{ErrorSums, Metrics};
 use crate::monitor::Monitor;
-use crate::params::FitParams;
+use crate::params::ValidFitParams;
+use crate::pipeline::fit::fit_from;
 use crate::pipeline::outcome::FitOutcome;
-use crate::pipeline::pipeline::{fit_from, read_images};
 use crate::provenance::{FitRecord, Material};
 use crate::resume::checkpoint::Checkpoint;
 #[cfg(doc)]
@@ -32,8 +34,8 @@ pub struct Fitted {
     pub metrics: Metrics,
     /// `psnr_db` of the pairs of the first capture that were held back; `None` without `leave_out`.
     pub psnr_left_out_db: Option<f64>,
-    /// Mean number of lobes of a texel, all layers.
-    pub lobes_per_texel_mean: f64,
+    /// How many lobes there are and what they are to the residual, all layers.
+    pub lobe_use: LobeUse,
     /// What the lobes of the first layer achieve without the residual.
     pub lobes: LobeFigures,
     /// Residual components of the first layer.
@@ -46,19 +48,18 @@ pub struct Fitted {
 /// again with its description and error figures.
 ///
 /// The same captures, parameters and seed give the same bytes on any number of threads, also where a run goes on
-/// from the stages that `params.resume` keeps: [`remove_finished_stages`] once the asset is written.
+/// from the stages that `params` tells to keep: [`remove_finished_stages`] once the asset is written.
 ///
 /// # Errors
 /// As [`crate::fit()`] and [`measure`]; [`FitError::Budget`] if the description does not fit into the bytes asked for.
-pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
-    params.check()?;
+pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
     let (outcome, images) = fit_from(captures, params, &checkpoint, monitor)?;
-    let FitOutcome { mut asset, lobes_per_texel_mean, lobes, components, clusters, left_out, .. } = outcome;
+    let FitOutcome { mut asset, lobe_use, lobes, components, clusters, left_out, .. } = outcome;
     let resident = resident_in_parallel(&asset);
     let comparisons: Vec<Comparison> = checkpoint.whole().run("measure", || {
         let comparisons = captures.iter().enumerate().map(|(layer, capture)| {
-            let measuring = MeasureParams { layer, memory_bytes: params.memory_bytes, ..MeasureParams::default() };
+            let measuring = MeasureParams { layer, memory_bytes: params.memory_bytes(), ..MeasureParams::default() };
             let read = read_images(capture, images.as_ref());
             measure_images(capture.info(), &read, &asset, &resident, &measuring, monitor)
         });
@@ -71,29 +72,18 @@ pub fn fit_and_measure(captures: &[Capture], params: &FitParams, monitor: &Monit
     }
     let metrics = sums.metrics();
     let infos: Vec<&CaptureInfo> = captures.iter().map(Capture::info).collect();
-    let material = Material::new(&infos, FitRecord::new(params, components));
+    let material = Material::new(&infos, FitRecord::new(params.asked(), components));
     asset.size_mm = captures.iter().find_map(|capture| capture.info().size_mm);
     asset.material = Material { error: Some(metrics.rounded()), ..material }.to_json();
     let bytes = pack(&asset)?;
-    if params.bytes.is_some_and(|most| bytes.len() as u64 > most) {
+    if params.bytes().is_some_and(|most| bytes.len() as u64 > most) {
         return Err(FitError::Budget(format!(
             "the asset has {} bytes with its description, more than --bytes allows; raise --bytes",
             bytes.len()
         )));
     }
     let psnr_left_out_db = comparisons.first().and_then(|comparison| comparison.psnr_of_pairs(left_out));
-    Ok(Fitted {
-        asset,
-        bytes,
-        resident,
-        comparisons,
-        metrics,
-        psnr_left_out_db,
-        lobes_per_texel_mean,
-        lobes,
-        components,
-        clusters,
-    })
+    Ok(Fitted { asset, bytes, resident, comparisons, metrics, psnr_left_out_db, lobe_use, lobes, components, clusters })
 }
 
 #[cfg(test)]
@@ -101,6 +91,7 @@ mod tests {
     use super::*;
     use crate::measure::compare::measure;
     use crate::measure::expand::{ExpandParams, expand};
+    use crate::params::FitParams;
     use crate::sample_asset::sample_asset_with;
     use btf_capture::DirectionSet;
     use btf_runtime::ResidualKind;
@@ -120,7 +111,9 @@ mod tests {
             leave_out: 0.2,
             cache_directory: folder.path().to_path_buf(),
             ..FitParams::default()
-        };
+        }
+        .check()
+        .unwrap();
         let fitted = fit_and_measure(&captures, &params, &monitor).unwrap();
         let read = Asset::parse(&fitted.bytes).unwrap();
         let material = Material::from_asset(&read).unwrap();

@@ -1,19 +1,19 @@
 //! How long a fit will still take: the share of each stage in a fit is known roughly, the time so far tells how fast
 //! this machine and this capture are.
 
-use crate::params::FitParams;
+use crate::params::{Goal, Role, ValidFitParams};
 
-/// A stage with its seconds in a fit of 256 x 256 texels of cloth, 81 x 81 directions, two cores: with `--bytes 2MB`,
-/// and without a goal (those of a smaller leaf). Only their ratios matter, and errors in those wear off as the fit goes
-/// on.
+/// A stage with its seconds in a fit of 256 x 256 texels of cloth, 81 x 81 directions, two cores: with `--bytes 2MB` and
+/// lobes that guide, and without a goal and lobes as base (those of a smaller leaf). Only their ratios matter, and errors
+/// in those wear off as the fit goes on.
 struct Known {
     name: &'static str,
-    goal_s: f64,
-    plain_s: f64,
+    guide_s: f64,
+    base_s: f64,
 }
 
-const fn known(name: &'static str, goal_s: f64, plain_s: f64) -> Known {
-    Known { name, goal_s, plain_s }
+const fn known(name: &'static str, guide_s: f64, base_s: f64) -> Known {
+    Known { name, guide_s, base_s }
 }
 
 /// The stages of a layer, in order.
@@ -26,8 +26,11 @@ const LAYER_STAGES: [Known; 7] = [
     known("residual", 0.5, 36.1),
     known(HEIGHTS, 8.6, 8.6),
 ];
-/// Those that follow the stages of all layers.
-const LAST_STAGES: [Known; 3] = [known("encode", 2.5, 0.9), known("measure", 5.2, 22.2), known(REPORT, 4.3, 11.1)];
+/// The stages that follow those of all layers.
+const LAST_STAGES: [Known; 3] = [known(ENCODE, 2.5, 0.9), known("measure", 5.2, 22.2), known(REPORT, 4.3, 11.1)];
+const ENCODE: &str = "encode";
+/// Seconds of the stage `encode` in the same fit where lobes are the base and a goal is searched for.
+const ENCODE_BASE_WITH_GOAL_S: f64 = 2.5;
 const HEIGHTS: &str = "heights";
 const REPORT: &str = "report";
 /// A stage that does not tell how far it is counts at most to this share of itself.
@@ -63,6 +66,15 @@ struct Planned {
     seconds: f64,
 }
 
+/// The stage that a fit ends with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LastStage {
+    /// The measurement of the packed asset.
+    Measure,
+    /// The report's page, which follows the measurement.
+    Report,
+}
+
 /// Follows a fit's progress. Clocks are the caller's: seconds from any start on, never falling.
 #[derive(Debug, Clone)]
 pub struct Forecast {
@@ -74,17 +86,28 @@ pub struct Forecast {
 }
 
 impl Forecast {
-    /// For a fit of `layers` captures with `params`; `report` tells whether a report follows.
-    pub fn new(layers: usize, params: &FitParams, report: bool) -> Forecast {
-        let goal = params.bytes.is_some() || params.psnr_db.is_some();
+    /// Plans a fit of `layers` captures with `params` that ends with the stage `last`.
+    pub fn new(layers: usize, params: &ValidFitParams, last: LastStage) -> Forecast {
+        let report = last == LastStage::Report;
+        let seconds = |known: &Known| match (params.role(), params.goal()) {
+            (Role::Guide, _) => known.guide_s,
+            (Role::Base, Goal::None) => known.base_s,
+            (Role::Base, _) => {
+                if known.name == ENCODE {
+                    ENCODE_BASE_WITH_GOAL_S
+                } else {
+                    known.base_s
+                }
+            }
+        };
         let planned = |known: &Known, layer: usize, times: usize| Planned {
             name: known.name,
             layer,
-            share: if goal { known.goal_s } else { known.plain_s } * times as f64,
+            share: seconds(known) * times as f64,
             state: State::Waiting,
             seconds: 0.0,
         };
-        let of_layer = LAYER_STAGES.iter().filter(|known| params.heights || known.name != HEIGHTS);
+        let of_layer = LAYER_STAGES.iter().filter(|known| params.finds_heights() || known.name != HEIGHTS);
         let of_layers = (0..layers).flat_map(|layer| of_layer.clone().map(move |known| (known, layer, 1)));
         let last = LAST_STAGES.iter().filter(|known| report || known.name != REPORT);
         // Each of these takes its time for every layer.
@@ -167,19 +190,20 @@ impl Forecast {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::params::FitParams;
 
-    fn plain() -> FitParams {
-        FitParams { heights: true, ..FitParams::default() }
+    fn plain() -> ValidFitParams {
+        FitParams { heights: true, ..FitParams::default() }.check().unwrap()
     }
 
-    fn goal() -> FitParams {
-        FitParams { bytes: Some(500_000), ..plain() }
+    fn goal() -> ValidFitParams {
+        FitParams { bytes: Some(500_000), ..plain().asked().clone() }.check().unwrap()
     }
 
     /// Plays a fit whose stages take `seconds(name)`, and gives the worst ratio of what was forecast to what was
     /// left, from `from` of the whole on. Each stage of `there` is reported as done at once.
-    fn worst(params: &FitParams, from: f64, there: &[&str], seconds: impl Fn(&str) -> f64) -> f64 {
-        let mut forecast = Forecast::new(1, params, true);
+    fn worst(params: &ValidFitParams, from: f64, there: &[&str], seconds: impl Fn(&str) -> f64) -> f64 {
+        let mut forecast = Forecast::new(1, params, LastStage::Report);
         let plan: Vec<&str> = forecast.plan.iter().map(|planned| planned.name).collect();
         let takes = |name: &str| if there.contains(&name) { 0.0 } else { seconds(name) };
         let whole: f64 = plan.iter().map(|name| takes(name)).sum();
@@ -208,7 +232,7 @@ mod tests {
     }
 
     fn share(name: &str) -> f64 {
-        LAYER_STAGES.iter().chain(&LAST_STAGES).find(|known| known.name == name).map_or(0.0, |known| known.plain_s)
+        LAYER_STAGES.iter().chain(&LAST_STAGES).find(|known| known.name == name).map_or(0.0, |known| known.base_s)
     }
 
     #[test]
@@ -238,7 +262,7 @@ mod tests {
 
     #[test]
     fn a_stage_that_does_not_tell_moves_on_by_the_clock() {
-        let mut forecast = Forecast::new(1, &plain(), false);
+        let mut forecast = Forecast::new(1, &plain(), LastStage::Measure);
         assert_eq!(forecast.report("read", 0, 0, 0.0), Left { stage_s: None, whole_s: None });
         // As fast as the known shares.
         let read_s = share("read");
@@ -255,13 +279,13 @@ mod tests {
     fn images_that_are_read_inside_another_stage_count_as_reading() {
         // From the start, then after an earlier run that had found the directions already.
         for first in ["project", "dictionary"] {
-            let mut forecast = Forecast::new(2, &plain(), false);
+            let mut forecast = Forecast::new(2, &plain(), LastStage::Measure);
             let there = LAYER_STAGES.iter().map(|known| known.name).skip(1).take_while(|name| *name != first);
             there.for_each(|name| {
                 forecast.report(name, 1, 1, 0.0);
             });
-            let after = LAYER_STAGES.iter().skip_while(|known| known.name != first).map(|known| known.plain_s);
-            let second: f64 = LAYER_STAGES.iter().map(|known| known.plain_s).sum();
+            let after = LAYER_STAGES.iter().skip_while(|known| known.name != first).map(|known| known.base_s);
+            let second: f64 = LAYER_STAGES.iter().map(|known| known.base_s).sum();
             let to_come = after.sum::<f64>() + second + 2.0 * (share("encode") + share("measure"));
             forecast.report(first, 0, 0, 0.0);
             forecast.report("read", 0, 0, 0.0);
@@ -280,7 +304,7 @@ mod tests {
 
     #[test]
     fn a_layer_that_was_there_already_is_not_taken_for_the_next() {
-        let mut forecast = Forecast::new(2, &plain(), false);
+        let mut forecast = Forecast::new(2, &plain(), LastStage::Measure);
         LAYER_STAGES.iter().skip(1).for_each(|known| {
             forecast.report(known.name, 1, 1, 0.0);
         });

@@ -5,11 +5,13 @@ use crate::error::FitError;
 use crate::input::layer_frame::{turn_image, turn_map};
 use crate::inspect::describe::{Description, describe};
 use crate::inspect::load::resident_in_parallel;
+use crate::inspect::lobe_use::LobeUse;
 use crate::measure::compare::{Comparison, MeasureParams, colour_pair_stride, measure};
 use crate::measure::heatmap::{Raster, scale_top};
 use crate::measure::image_decoder::{ImageDecoder, Spot};
 use crate::metrics::ErrorSums;
 use crate::monitor::{Monitor, Stage};
+use crate::params::Role;
 use crate::report::page::{decibel_text, page, tile};
 use crate::report::plot::{bars, finite_range, histogram, legend, line, polar};
 use crate::units::text_from_bytes;
@@ -177,6 +179,7 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
         .filter(|f| f.texels > 0)
         .map(|f| (f.family.to_string(), f.texels as f64, format!("{} of {}", f.texels, source.lobe_refs.len())))
         .collect();
+    let guides = facts.lobe_use.role == Role::Guide;
     Ok(html! {
         section {
             h2 { (heading("Beside the originals")) }
@@ -211,17 +214,28 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
                     (picture(&cluster_map(source, info), SHOWN_SIDE)?)
                 }
                 figure {
-                    figcaption { "Lobes of each texel, mean " (format!("{:.2}", facts.lobes_per_texel_mean)) }
+                    figcaption { (lobe_caption(&facts.lobe_use)) }
                     (picture(&lobe_map(source, info), SHOWN_SIDE)?)
                     (legend((0.0, facts.lobes_per_texel_max as f64), "lobes"))
                 }
-                figure { figcaption { "How many texels have how many lobes" } (histogram(&counts, "lobes per texel")) }
+                figure { figcaption { "How many texels have how many lobes" @if guides { " in their cluster's set" } } (histogram(&counts, if guides { "lobes per cluster" } else { "lobes per texel" })) }
                 @if !families.is_empty() {
-                    figure { figcaption { "Lobe families by their use in texels" } (bars(&families)) }
+                    figure { figcaption { "Lobe families by the texels " @if guides { "of the clusters that use them" } @else { "that use them" } } (bars(&families)) }
                 }
             }
         }
     })
+}
+
+/// Says under the map of lobe counts whose lobes are counted.
+fn lobe_caption(lobes: &LobeUse) -> String {
+    match lobes.role {
+        Role::Base => format!("Lobes of each texel, mean {:.2}: the residual is what they leave", lobes.per_texel_mean),
+        Role::Guide => format!(
+            "Lobes of each texel's cluster, mean {:.2} per cluster: they guide interpolation, sampling and editing and add nothing to the value",
+            lobes.per_cluster_mean
+        ),
+    }
 }
 
 /// Each cluster in a colour of its own: hues a golden angle apart, so that neighbours in number differ.
@@ -256,7 +270,7 @@ fn section_bars(description: &Description) -> Markup {
         "TexelClusters" => "cluster per texel".into(),
         "TexelLobeCounts" => "lobe counts".into(),
         "Dictionary" => "dictionaries".into(),
-        "LobeRefs" => "lobes per texel".into(),
+        "LobeRefs" => "lobe references".into(),
         "Factors" => "basis factors".into(),
         "Basis" => "basis cores".into(),
         "Coefficients" => "coefficients".into(),
@@ -274,6 +288,7 @@ fn stage_bars(stages: &[Stage]) -> Markup {
 
 fn fit_section(description: &Description) -> Markup {
     let material = &description.material;
+    let guides = description.layers.first().is_some_and(|layer| layer.lobe_use.role == Role::Guide);
     html! {
         section {
             h2 { "How it was made" }
@@ -292,7 +307,7 @@ fn fit_section(description: &Description) -> Markup {
                     tr {
                         th { "Fit" }
                         td {
-                            (fit.clusters) " clusters, at most " (fit.lobes) " lobes a texel, " (fit.components) " components, error " (fit.error)
+                            (fit.clusters) " clusters, at most " (fit.lobes) " lobes " (if guides { "a cluster, " } else { "a texel, " }) (fit.components) " components, error " (fit.error)
                             ", k-means " (fit.kmeans) ", seed " (fit.seed)
                             @if let Some(bytes) = fit.bytes { ", at most " (text_from_bytes(bytes)) }
                             @if let Some(db) = fit.psnr_db { ", at least " (db) " dB" }
@@ -301,6 +316,7 @@ fn fit_section(description: &Description) -> Markup {
                     }
                 }
                 @for layer in &description.layers {
+                    tr { th { "Lobes" } td { (layer.lobe_use) } }
                     tr {
                         th { "Residual" }
                         td {

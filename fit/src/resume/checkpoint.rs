@@ -7,7 +7,7 @@
 
 use crate::error::FitError;
 use crate::monitor::Monitor;
-use crate::params::FitParams;
+use crate::params::{FitParams, ValidFitParams};
 use crate::resume::stored::{Input, Stored};
 use blake3::{Hash, Hasher};
 use btf_capture::{AtomicFile, Capture};
@@ -45,7 +45,7 @@ struct Identity {
 }
 
 impl Identity {
-    fn new(captures: &[Capture], params: &FitParams) -> Result<Identity, FitError> {
+    fn new(captures: &[Capture], params: &ValidFitParams) -> Result<Identity, FitError> {
         let mut program = Hasher::new();
         program.update(env!("CARGO_PKG_VERSION").as_bytes());
         // Another build may round otherwise.
@@ -64,8 +64,9 @@ impl Identity {
                 stamped.update(&stamp.modified_ns.to_le_bytes());
             }
         }
-        // Where files lie decides on nothing.
-        let asked = FitParams { cache_directory: PathBuf::new(), resume: None, ..params.clone() };
+        // Where files lie decides on nothing, nor whether a role was asked for that is the usual one.
+        let role = Some(params.role());
+        let asked = FitParams { role, cache_directory: PathBuf::new(), resume: None, ..params.asked().clone() };
         let params = blake3::hash(format!("{asked:?}").as_bytes());
         Ok(Identity { program: program.finalize(), captures: stamped.finalize(), params })
     }
@@ -80,18 +81,22 @@ impl Identity {
 }
 
 impl<'a> Checkpoint<'a> {
-    /// Opens (and makes) the folder `params.resume` for a fit of `captures`; without one, keeps nothing. Stages of
+    /// Opens (and makes) the folder `params.resume()` for a fit of `captures`; without one, keeps nothing. Stages of
     /// another program, capture or parameters are removed, with a remark.
     ///
     /// # Errors
     /// If the folder cannot be made or another run works in it, or a capture's files are gone.
-    pub fn open(captures: &[Capture], params: &FitParams, monitor: &'a Monitor) -> Result<Checkpoint<'a>, FitError> {
-        let Some(folder) = &params.resume else {
+    pub fn open(
+        captures: &[Capture],
+        params: &ValidFitParams,
+        monitor: &'a Monitor,
+    ) -> Result<Checkpoint<'a>, FitError> {
+        let Some(folder) = params.resume() else {
             return Ok(Checkpoint { folder: None, key: blake3::hash(&[]), monitor, _lock: None });
         };
         let identity = Identity::new(captures, params)?;
         let failed = |source| FitError::File {
-            path: folder.clone(),
+            path: folder.to_path_buf(),
             action: "making the folder for finished stages",
             source,
             remedy: "check that you may write there, or leave --resume out",
@@ -104,7 +109,8 @@ impl<'a> Checkpoint<'a> {
                 folder.display()
             )));
         }
-        let checkpoint = Checkpoint { folder: Some(folder.clone()), key: identity.key(), monitor, _lock: Some(lock) };
+        let checkpoint =
+            Checkpoint { folder: Some(folder.to_path_buf()), key: identity.key(), monitor, _lock: Some(lock) };
         checkpoint.keep_only(folder, &identity);
         Ok(checkpoint)
     }
@@ -368,6 +374,7 @@ mod tests {
     fn a_folder_in_use_is_refused_and_free_again_after() {
         let folder = tempfile::tempdir().unwrap();
         let params = FitParams { resume: Some(folder.path().join("a.spmm.resume")), ..FitParams::default() };
+        let params = params.check().unwrap();
         let monitor = Monitor::default();
         let first = Checkpoint::open(&[], &params, &monitor).unwrap();
         let refused = Checkpoint::open(&[], &params, &monitor).err().unwrap().to_string();
@@ -380,7 +387,7 @@ mod tests {
     fn removing_the_stages_leaves_what_is_somebody_elses() {
         let folder = tempfile::tempdir().unwrap();
         let own = folder.path().join("a.spmm.resume");
-        let params = FitParams { resume: Some(own.clone()), ..FitParams::default() };
+        let params = FitParams { resume: Some(own.clone()), ..FitParams::default() }.check().unwrap();
         let monitor = Monitor::default();
         for other in [true, false] {
             let checkpoint = Checkpoint::open(&[], &params, &monitor).unwrap();

@@ -24,7 +24,10 @@ fn directions_xy(rings: &[(f32, usize)]) -> Vec<[f32; 2]> {
         .collect()
 }
 
-/// All candidates (about 860), Lambertian about the macroscopic normal first.
+/// Candidates at most: room for [`candidate_lobes`], of which there are 867.
+pub const MAX_CANDIDATES: usize = 900;
+
+/// All candidates, Lambertian about the macroscopic normal first.
 pub fn candidate_lobes() -> Vec<Lobe> {
     let parameters: [(LobeFamily, &[[f32; 4]]); 8] = [
         (LobeFamily::Lambertian, &[[0.0; 4]]),
@@ -111,6 +114,7 @@ mod tests {
     #[test]
     fn every_family_is_offered_and_survives_its_own_vector() {
         let lobes = candidate_lobes();
+        assert!(lobes.len() <= MAX_CANDIDATES && lobes.len() + 50 > MAX_CANDIDATES, "{}", lobes.len());
         for family in LobeFamily::ALL {
             assert!(lobes.iter().any(|lobe| lobe.family == family), "{family:?}");
         }

@@ -2,19 +2,20 @@
 
 use crate::error::FitError;
 use crate::inspect::load::{parallel, resident_in_parallel};
+use crate::inspect::lobe_use::LobeUse;
 use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_decoder};
 use crate::measure::image_decoder::ImageDecoder;
 use crate::measure::thinned_grid::{ThinnedGrid, thinned_grid};
 use crate::metrics::Metrics;
 use crate::monitor::Monitor;
-use crate::params::FitParams;
-use crate::pipeline::pipeline::PreparedFit;
+use crate::params::{FitParams, Role, ValidFitParams};
+use crate::pipeline::prepare::PreparedFit;
 use crate::provenance::{FitRecord, Material};
 use crate::trade::evaluation_time::{Query, least_nanoseconds, random_queries};
 use crate::trade::gpu_clock::{GpuAsset, GpuClock};
 use crate::trade::params::TradeParams;
 use crate::trade::pareto::spread;
-use crate::trade::point::{Limit, Precision, Role, Rule, TradePoint};
+use crate::trade::point::{Limit, Precision, Rule, TradePoint};
 use btf_capture::{Capture, CaptureInfo, Pixels};
 use btf_runtime::{
     Asset, DecodeOptions, MAX_COMPONENTS, Resident, SectionKind, SingleBases, decode, decode_single, pack,
@@ -140,12 +141,14 @@ impl Grid<'_> {
         let params = FitParams {
             lobes,
             components: None,
-            // A goal is what makes lobes a guide; how large it is matters to the choice of the step alone.
-            bytes: (role == Role::Guide).then_some(self.most_bytes() as u64),
+            role: Some(role),
+            // As a fit with `--bytes`; how large it is matters to the number of shared bases alone.
+            bytes: Some(self.most_bytes() as u64),
             psnr_db: None,
             leave_out: 0.0,
             ..self.params.fit.clone()
         };
+        let params = params.check()?;
         let fit = PreparedFit::prepare(std::slice::from_ref(self.capture), &params, self.monitor)?;
         let monitor = self.monitor;
         monitor.stage("grid", || self.steps(&fit, &params, role, at))
@@ -160,7 +163,7 @@ impl Grid<'_> {
     fn steps(
         &mut self,
         fit: &PreparedFit,
-        params: &FitParams,
+        params: &ValidFitParams,
         role: Role,
         [number, sweeps]: [usize; 2],
     ) -> Result<(), FitError> {
@@ -176,7 +179,7 @@ impl Grid<'_> {
             let make = |components: usize| -> Result<Made, FitError> {
                 let asset = fit.asset(step, components);
                 let chosen = asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len());
-                let material = Material::new(&[info], FitRecord::new(params, chosen)).to_json();
+                let material = Material::new(&[info], FitRecord::new(params.asked(), chosen)).to_json();
                 Made::from_bytes(pack(&Asset { material, ..asset })?)
             };
             let whole = make(MAX_COMPONENTS)?;
@@ -190,8 +193,8 @@ impl Grid<'_> {
                 break;
             }
             let setting =
-                |limit, components| Setting { lobes: params.lobes, role, bits: Some(bits), limit, components };
-            if before.is_none() && params.lobes > 0 {
+                |limit, components| Setting { lobes: params.lobes(), role, bits: Some(bits), limit, components };
+            if before.is_none() && params.lobes() > 0 {
                 self.lobes_alone(&whole, &setting(Limit::Lobes, 0))?;
             }
             let psnr = self.measure_made(&whole, &[setting(Limit::None, all)])?;
@@ -240,7 +243,7 @@ impl Grid<'_> {
             Some((clock, clock.upload(&made.resident, &queries)?))
         });
         let file = Arc::new(made.bytes.clone());
-        let references: usize = layer.lobe_refs.len();
+        let lobe_use = LobeUse::of(&made.asset.layers[..1], 0, &[]);
         for setting in settings {
             let (bytes, coefficient_bytes) = tier_bytes(&made.bytes, setting)?;
             let coefficients = setting.components * made.asset.texel_count();
@@ -259,7 +262,8 @@ impl Grid<'_> {
                     self.points.push(TradePoint {
                         lobes: setting.lobes,
                         role: setting.role,
-                        lobes_per_texel_mean: references as f64 / made.asset.texel_count() as f64,
+                        lobes_per_texel_mean: lobe_use.per_texel_mean,
+                        lobes_per_cluster_mean: lobe_use.per_cluster_mean,
                         bits: setting.bits,
                         bits_per_coefficient: (coefficients > 0)
                             .then(|| 8.0 * coefficient_bytes as f64 / coefficients as f64),

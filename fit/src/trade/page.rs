@@ -1,17 +1,19 @@
 //! A trade as a table (CSV), plots (SVG) and a page (HTML) that needs nothing else.
 
+use crate::params::{MAX_ASKED_COMPONENTS, Role};
 use crate::report::page::{decibel_text, page, tile};
 use crate::report::plot::{Dot, Mark, scatter};
-use crate::trade::point::{Limit, Precision, Role, Rule, TradePoint};
+use crate::trade::point::{Limit, Precision, Rule, TradePoint};
 use crate::trade::trade::Trade;
 use crate::units::text_from_bytes;
 use maud::{Markup, html};
 
 /// Columns of the table, in order.
-const COLUMNS: [&str; 28] = [
+const COLUMNS: [&str; 29] = [
     "lobes",
     "role",
     "lobes_per_texel_mean",
+    "lobes_per_cluster_mean",
     "bits",
     "bits_per_coefficient",
     "limit",
@@ -89,6 +91,7 @@ pub fn trade_csv(trade: &Trade) -> String {
             point.lobes.to_string(),
             role_word(point.role).into(),
             format!("{:.3}", point.lobes_per_texel_mean),
+            format!("{:.3}", point.lobes_per_cluster_mean),
             optional(point.bits, 3),
             optional(point.bits_per_coefficient, 4),
             limit_word(point.limit).into(),
@@ -267,7 +270,7 @@ fn table(trade: &Trade) -> Markup {
     let optional = |x: Option<f64>, decimals: usize| x.map_or("–".to_string(), |x| format!("{x:.decimals$}"));
     let gpu = if trade.gpu_is_software { "Software driver, ns" } else { "GPU, ns" };
     let heads = ["Lobes", "Bits", "Components", "Rule", "Bases", "Size", "In memory", "PSNR, dB", "Linear PSNR, dB"];
-    let more = ["ΔE00", "PSNR between, dB", "CPU, ns", gpu, "Best in"];
+    let more = ["ΔE00", "PSNR between, dB", "CPU, ns", gpu, "Best in", "Options of fit"];
     html! {
         div.wide { table.figures {
             tr { @for head in heads.iter().chain(&more) { th { (head) } } }
@@ -293,10 +296,26 @@ fn table(trade: &Trade) -> Markup {
                             @if on { span.mark { (word) } " " }
                         }
                     }
+                    td { @match fit_options(trade, point) { Some(options) => code { (options) }, None => "–" } }
                 }
             }
         } }
     }
+}
+
+/// Returns the options with which `btf-fit fit` makes about the file of `point`, or `None` for rows that are a part of a
+/// larger file and for more components than `fit` can be limited to.
+fn fit_options(trade: &Trade, point: &TradePoint) -> Option<String> {
+    let components = match point.limit {
+        Limit::None => String::new(),
+        Limit::Encode if point.components <= MAX_ASKED_COMPONENTS => format!(" --components {}", point.components),
+        Limit::Encode | Limit::Decode | Limit::Lobes => return None,
+    };
+    let lobes = match point.lobes {
+        0 => "--lobes 0".to_string(),
+        lobes => format!("--role {} --lobes {lobes}", role_word(point.role)),
+    };
+    Some(format!("{lobes} --clusters {} --seed {}{components} --bytes {}", trade.clusters, trade.seed, point.bytes))
 }
 
 const MORE_STYLE: &str = "
@@ -341,11 +360,12 @@ pub fn trade_html(trade: &Trade) -> String {
         section {
             h2 { "What the names mean" }
             ul {
-                li { b { "Lobes" } ": most lobes per texel, as " code { "--lobes" } ". As guide they stand beside a residual that holds the whole value and lead interpolation by the exact rule (" code { "fit --bytes" } " and " code { "fit --psnr" } " make this); as base the residual is what they leave (" code { "fit" } " without a goal). Alone: the file's first tier, without residual." }
+                li { b { "Lobes" } ": as " code { "--lobes" } " and " code { "--role" } " of " code { "fit" } ". As guide, each cluster has one set of at most so many lobes; the residual holds the whole value, and the lobes lead interpolation by the exact rule, sampling and editing. As base, each texel has at most so many of its own, and the residual is what they leave. Alone: the file's first tier, without residual." }
                 li { b { "Bits" } ": the one step that quantises everything is the length of a texel's coefficients (root mean square over the texels) over two to this power. One more bit halves the error of rounding." }
                 li { b { "Components" } " of the residual: all that are worth their bytes at this step; fewer in the file; or all in the file and fewer decoded." }
                 li { b { "Rule" } ": how directions between measured ones are decoded, " code { "--interpolation" } "." }
                 li { b { "Bases" } ": precision of the expanded bases in memory. Half is what decoders hold; single is there to tell what half costs." }
+                li { b { "Options of fit" } ": with them, " code { "btf-fit fit CAPTURE -o ASSET.spmm" } " makes a file of at most this size and about this error; its step is searched for the size and lies between those that were swept over here. A row without options is a prefix of a larger file or is decoded with fewer components than its file has: no fit makes it." }
                 li { b { "Best in" } ": size, speed at measured directions, speed between them: no other setting has less of it at this accuracy." }
             }
         }
@@ -377,7 +397,8 @@ mod tests {
         TradePoint {
             lobes,
             role: Role::Guide,
-            lobes_per_texel_mean: 1.25,
+            lobes_per_texel_mean: 0.0,
+            lobes_per_cluster_mean: 1.25,
             bits: Some(3.5),
             bits_per_coefficient: Some(2.5),
             limit: Limit::Decode,
@@ -437,6 +458,12 @@ mod tests {
         }
         assert!(page.contains("empty: no GPU") && page.contains("wool &lt;1&gt;"));
         assert_eq!(page.matches("<svg").count(), 3);
+        // A row that is decoded with fewer components than its file has is nothing that `fit` makes.
+        assert!(!page.contains("--bytes 1000"));
+        let mut whole = sample();
+        (whole.points[0].limit, whole.points[0].lobes, whole.points[0].role) = (Limit::Encode, 2, Role::Base);
+        let options = "--role base --lobes 2 --clusters 2 --seed 1 --components 8 --bytes 1000";
+        assert!(trade_html(&whole).contains(&format!("<code>{options}</code>")));
         // The table has the summary's points alone.
         assert_eq!(page.matches("<td>no lobes").count(), 1);
         assert_eq!(page.matches("<td>2 lobes").count(), 0);

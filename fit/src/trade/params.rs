@@ -1,15 +1,14 @@
 //! What a trade measures.
 
 use crate::error::FitError;
-use crate::params::FitParams;
+use crate::params::{FitParams, Role};
 use crate::trade::gpu_clock::GpuChoice;
-use crate::trade::point::Role;
 use btf_runtime::MAX_COMPONENTS;
 
 /// What to measure.
 #[derive(Debug, Clone)]
 pub struct TradeParams {
-    /// How to fit. Its bytes, PSNR, lobes, components and share left out do not count.
+    /// How to fit. Its bytes, PSNR, lobes, role, components and share left out do not count.
     pub fit: FitParams,
     /// Numbers of lobes per texel, as `--lobes` of a fit.
     pub lobes: Vec<usize>,
@@ -82,7 +81,7 @@ impl TradeParams {
         if !(1..=8).contains(&self.steps_per_bit) {
             return refuse("--steps-per-bit must be 1 to 8");
         }
-        self.fit.check()
+        self.fit.check().map(drop)
     }
 }
 

@@ -1,6 +1,7 @@
 //! A setting of a trade with its figures.
 
 use crate::metrics::Metrics;
+use crate::params::Role;
 use btf_runtime::Interpolation;
 use serde::Serialize;
 
@@ -16,16 +17,6 @@ pub enum Limit {
     Decode,
     /// The file's first tier: lobes without residual.
     Lobes,
-}
-
-/// What lobes are to the residual.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Role {
-    /// The residual stands alone, lobes guide interpolation: what a fit with `--bytes` or `--psnr` makes.
-    Guide,
-    /// The residual is what the lobes leave: what a fit without a goal makes.
-    Base,
 }
 
 /// Precision of the expanded bases in memory.
@@ -61,12 +52,14 @@ impl Rule {
 /// A setting with its figures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TradePoint {
-    /// Lobes per texel, as asked for.
+    /// Most lobes of a texel or, as guide, of a cluster, as asked for.
     pub lobes: usize,
-    /// What they are to the residual; [`Role::Guide`] without lobes.
+    /// What lobes are to the residual; [`Role::Guide`] without lobes.
     pub role: Role,
-    /// Lobes per texel, as chosen.
+    /// Mean number of a texel's own lobes, as chosen; 0 where lobes guide.
     pub lobes_per_texel_mean: f64,
+    /// Mean number of lobes in a cluster's set, as chosen; 0 where lobes are the base.
+    pub lobes_per_cluster_mean: f64,
     /// The step of the quantisers in bits: the step is the length of a texel's coefficients (root mean square over the
     /// texels) over two to this power. One more bit halves the error of rounding. `None` for lobes alone.
     pub bits: Option<f64>,

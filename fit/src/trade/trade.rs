@@ -7,11 +7,12 @@ use crate::error::FitError;
 use crate::inspect::load::resident_in_parallel;
 use crate::measure::compare::{MeasureParams, measure_decoder};
 use crate::monitor::Monitor;
+use crate::params::Role;
 use crate::trade::gpu_clock::GpuClock;
 use crate::trade::grid::{BETWEEN_PAIRS, Between, Grid, Images, decoder, options, singles_in_parallel, strided_pairs};
 use crate::trade::params::TradeParams;
 use crate::trade::pareto::{CostAndGain, pareto_front, spread};
-use crate::trade::point::{Precision, Role, Rule, TradePoint};
+use crate::trade::point::{Precision, Rule, TradePoint};
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::Asset;
 use serde::Serialize;
@@ -229,6 +230,7 @@ mod tests {
             lobes: 0,
             role: Role::Guide,
             lobes_per_texel_mean: 0.0,
+            lobes_per_cluster_mean: 0.0,
             bits: Some(5.0),
             bits_per_coefficient: None,
             limit: Limit::None,

@@ -1,0 +1,85 @@
+//! The fit, stage by stage: read, project, cluster, dictionary, weights, residual, encode.
+
+use crate::error::FitError;
+use crate::input::tile_cache::DecodedImages;
+use crate::monitor::Monitor;
+use crate::params::{Goal, ValidFitParams};
+use crate::pipeline::description::byte_budget;
+use crate::pipeline::outcome::FitOutcome;
+use crate::pipeline::prepare::{PreparedFit, check_layers};
+use crate::pipeline::search::StepSearch;
+use crate::resume::checkpoint::Checkpoint;
+use crate::resume::stored::stored_structs;
+use crate::stages::lobe_dictionaries::LobeFigures;
+use btf_capture::Capture;
+use btf_runtime::pack;
+
+/// The step in the residual's curve without a goal, relative to the root of the number of samples: a third of it is the
+/// error of a sample that each component's rounding leaves.
+const DEFAULT_STEP: f64 = 0.001;
+
+/// Fits captures (the layers of one asset) and packs them.
+///
+/// Same captures, parameters and seed give the same bytes on any number of threads. Memory: at most
+/// `params.memory_bytes()`. One step size quantises all layers, so that a byte budget goes where it takes away most
+/// error; a PSNR goal is one over all samples of all layers. The material text is empty: the caller describes the
+/// asset and packs it again.
+///
+/// # Errors
+/// What is wrong with a capture, or with several together; a budget or a memory limit that is too small.
+pub fn fit(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<FitOutcome, FitError> {
+    let checkpoint = Checkpoint::open(captures, params, monitor)?;
+    Ok(fit_from(captures, params, &checkpoint, monitor)?.0)
+}
+
+/// Runs [`fit()`] from the finished stages in `checkpoint`. Also returns the decoded images when there is one capture and
+/// it was read.
+pub(crate) fn fit_from(
+    captures: &[Capture],
+    params: &ValidFitParams,
+    checkpoint: &Checkpoint,
+    monitor: &Monitor,
+) -> Result<(FitOutcome, Option<DecodedImages>), FitError> {
+    check_layers(captures)?;
+    let mut images = None;
+    let encoded = checkpoint.whole().load_or("encode", || {
+        let (encoded, decoded) = prepare_and_encode(captures, params, checkpoint, monitor)?;
+        images = decoded;
+        Ok(encoded)
+    })?;
+    let Encoded { bytes, lobes, left_out } = encoded;
+    Ok((FitOutcome::new(bytes, lobes, left_out)?, images))
+}
+
+/// A packed asset and what is not read off it.
+struct Encoded {
+    bytes: Vec<u8>,
+    lobes: LobeFigures,
+    left_out: Vec<usize>,
+}
+
+stored_structs! {
+    Encoded { bytes, lobes, left_out }
+}
+
+fn prepare_and_encode(
+    captures: &[Capture],
+    params: &ValidFitParams,
+    checkpoint: &Checkpoint,
+    monitor: &Monitor,
+) -> Result<(Encoded, Option<DecodedImages>), FitError> {
+    let mut prepared = PreparedFit::prepare_from(captures, params, checkpoint, monitor)?;
+    let search = StepSearch { captures, prepared: &prepared, params, monitor };
+    let asset = monitor.stage("encode", || match params.goal() {
+        Goal::Bytes(bytes) => search.within_bytes(byte_budget(captures, params, bytes)),
+        Goal::PsnrDb(db) => search.within_error(db),
+        Goal::None => {
+            let step = DEFAULT_STEP * (3.0 * captures[0].info().pair_count() as f64).sqrt();
+            Ok(search.assemble(step).asset)
+        }
+    })?;
+    let bytes = pack(&asset)?;
+    let first = &mut prepared.layers[0];
+    let (lobes, left_out) = (first.figures, std::mem::take(&mut first.left_out));
+    Ok((Encoded { bytes, lobes, left_out }, prepared.images))
+}

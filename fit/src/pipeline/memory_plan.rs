@@ -1,0 +1,103 @@
+//! Shares the memory limit of a fit out before anything is read.
+
+use crate::error::FitError;
+use crate::params::ValidFitParams;
+use crate::pipeline::representatives::REPRESENTATIVES;
+use crate::stages::candidates::MAX_CANDIDATES;
+use crate::stages::heights;
+use crate::stages::lobe_dictionaries::DICTIONARY_SIZE;
+use crate::stages::principal_directions::ROW_BLOCK;
+use btf_capture::CaptureInfo;
+
+/// Principal directions that clusters are found in.
+pub const FEATURE_DIMENSIONS: usize = 64;
+/// Direction pairs that a dictionary is fitted on at most.
+pub const DICTIONARY_PAIRS: usize = 3400;
+/// Shared bases that are looked for at least where the size of the asset is given.
+const MIN_SHARED_BASES: usize = 170;
+/// Further shared bases per byte of a texel's budget: too few bound the error of a large asset (docs/RESULTS.md), and
+/// more than a small one can use cost time.
+const SHARED_BASES_PER_BYTE: f64 = 6.5;
+/// Shared bases that are looked for at most.
+const MAX_SHARED_BASES: usize = 640;
+/// Shared bases that are looked for where no size is given.
+const SHARED_BASES: usize = 320;
+/// Texels that shared bases are found from at most.
+const SHARED_SAMPLE: usize = 8192;
+
+/// Bytes of a texel's choices beside its coordinates: labels, lobe references and weights, codes of the coefficients
+/// and their planes while they are packed.
+const CHOICE_BYTES: usize = 1024;
+/// Texels of a block of the capture that is being read ([`crate::TileCache`]).
+const BLOCK_TEXELS: usize = 1024;
+/// Bytes of a sample in a block: half precision at most.
+const SAMPLE_BYTES: usize = 2;
+/// Bytes of the program itself: code, threads' stacks, decoders of images, and what the allocator keeps.
+const PROGRAM_BYTES: usize = 100_000_000;
+
+/// Returns how many shared bases are looked for in a capture of `texels` texels.
+pub fn shared_bases(params: &ValidFitParams, texels: usize) -> usize {
+    let Some(bytes) = params.bytes() else {
+        return SHARED_BASES;
+    };
+    let more = SHARED_BASES_PER_BYTE * bytes as f64 / texels as f64;
+    (MIN_SHARED_BASES + more as usize).min(MAX_SHARED_BASES)
+}
+
+/// What the memory limit leaves for the parts of a layer's fit whose size can be chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MemoryPlan {
+    /// Texels of the sample that shared bases are found from.
+    pub sample: usize,
+    /// Bytes for the decoded capture; where it needs more, it lies in a file.
+    pub cache_bytes: u64,
+}
+
+/// Plans the memory of one layer's fit, while `waiting` other layers wait for their step with their coordinates in
+/// memory.
+///
+/// # Errors
+/// [`FitError::Memory`] with the least limit that suffices.
+pub fn plan_memory(info: &CaptureInfo, params: &ValidFitParams, waiting: usize) -> Result<MemoryPlan, FitError> {
+    let (texels, samples) = (info.texel_count(), info.pair_count() * 3);
+    let rank = shared_bases(params, texels).min(samples).min(texels);
+    let fixed = fixed_bytes(info, params, rank, waiting);
+    let limit = params.memory_bytes() as usize;
+    let least_sample = (2 * rank).min(SHARED_SAMPLE).min(texels);
+    // Sampled texels lie in the form of the cache.
+    let needed = fixed + SAMPLE_BYTES * least_sample * samples;
+    if limit < needed {
+        return Err(FitError::Memory { given: bytes_in_words(limit), needed: bytes_in_words(needed) });
+    }
+    let sample = ((limit - fixed) / 2 / (SAMPLE_BYTES * samples).max(1)).clamp(least_sample, SHARED_SAMPLE.min(texels));
+    Ok(MemoryPlan { sample, cache_bytes: (limit - fixed - SAMPLE_BYTES * sample * samples) as u64 })
+}
+
+/// Returns the bytes of all parts of a layer's fit whose size is given, at the stage that needs most.
+fn fixed_bytes(info: &CaptureInfo, params: &ValidFitParams, rank: usize, waiting: usize) -> usize {
+    let (texels, pairs) = (info.texel_count(), info.pair_count());
+    let samples = pairs * 3;
+    let clusters = params.clusters().min(texels);
+    let threads = rayon::current_num_threads();
+    const FLOAT: usize = size_of::<f32>();
+    const DOUBLE: usize = size_of::<f64>();
+    // Features, coordinates (those of one layer three times while it is encoded), products with the lobes and choices.
+    let of_texels = texels
+        * (FLOAT * FEATURE_DIMENSIONS + FLOAT * rank * (3 + waiting) + 3 * FLOAT * DICTIONARY_SIZE + CHOICE_BYTES);
+    // One block as it is read and as it is cut into texels, and its rows as floats on every thread.
+    let of_blocks =
+        BLOCK_TEXELS.min(texels) * samples * 2 * SAMPLE_BYTES + threads * FLOAT * ROW_BLOCK.min(texels) * samples;
+    // Tables of all candidate lobes, two per thread beside the common one, and their Gram matrix.
+    let of_candidates = (2 * threads + 1) * FLOAT * DICTIONARY_PAIRS.min(pairs) * MAX_CANDIDATES
+        + threads * DOUBLE * MAX_CANDIDATES * MAX_CANDIDATES;
+    // Representatives' functions and the chosen lobes' tables.
+    let of_clusters = clusters * samples * FLOAT * (REPRESENTATIVES / 2 + (1 + waiting) * DICTIONARY_SIZE / 3);
+    // Shared bases, and what finds and factors them.
+    let of_bases = (6 + waiting) * FLOAT * rank * samples;
+    let of_heights = if params.finds_heights() { texels * heights::bytes_per_texel() } else { 0 };
+    of_texels + of_blocks + of_candidates + of_clusters + of_bases + of_heights + PROGRAM_BYTES
+}
+
+fn bytes_in_words(bytes: usize) -> String {
+    format!("{:.0} MB", bytes as f64 / 1e6)
+}

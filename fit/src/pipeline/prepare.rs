@@ -1,0 +1,92 @@
+//! A fit up to the choice of its step: what `fit` searches in and `trade` sweeps over.
+
+use crate::error::FitError;
+use crate::input::tile_cache::{DecodedImages, TileCache};
+use crate::monitor::Monitor;
+use crate::params::ValidFitParams;
+use crate::pipeline::assemble::{assemble, greatest_coefficient};
+use crate::pipeline::memory_plan::{MemoryPlan, plan_memory};
+use crate::pipeline::prepare_layer::{PreparedLayer, prepare_layer};
+use crate::resume::checkpoint::Checkpoint;
+use btf_capture::Capture;
+use btf_runtime::{Asset, MAX_LAYERS};
+
+/// A fit up to the choice of its step.
+pub struct PreparedFit {
+    /// The layers without residual, with what their residuals are quantised from.
+    pub layers: Vec<PreparedLayer>,
+    /// Texels per row, rows.
+    pub grid: [usize; 2],
+    /// Decoded images of a single capture. With several captures each would take its room until all are fitted.
+    pub images: Option<DecodedImages>,
+}
+
+impl PreparedFit {
+    /// Runs every stage but the last. Memory: at most `params.memory_bytes()`; four bytes per texel and shared basis
+    /// stay.
+    ///
+    /// # Errors
+    /// As [`crate::fit()`], without those about a budget.
+    pub fn prepare(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<PreparedFit, FitError> {
+        check_layers(captures)?;
+        PreparedFit::prepare_from(captures, params, &Checkpoint::open(captures, params, monitor)?, monitor)
+    }
+
+    /// Runs every stage but the last from the finished stages in `checkpoint`. [`check_layers`] must have passed.
+    pub fn prepare_from(
+        captures: &[Capture],
+        params: &ValidFitParams,
+        checkpoint: &Checkpoint,
+        monitor: &Monitor,
+    ) -> Result<PreparedFit, FitError> {
+        let first = captures[0].info();
+        let mut prepared = PreparedFit { layers: Vec::new(), grid: [first.width, first.height], images: None };
+        for (number, capture) in captures.iter().enumerate() {
+            let MemoryPlan { sample, cache_bytes } = plan_memory(capture.info(), params, captures.len() - 1)?;
+            let stages = checkpoint.layer(number, sample);
+            // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
+            let (most, kept) = (params.error().most(), Some(&stages));
+            let cache = TileCache::new(capture, 2 * cache_bytes, params.cache_directory(), most, kept, monitor)?;
+            prepared.layers.push(prepare_layer(capture.info(), &cache, params, sample, &stages)?);
+            if captures.len() == 1 {
+                prepared.images = cache.into_images();
+            }
+        }
+        Ok(prepared)
+    }
+
+    /// Returns the asset, without description, whose residuals are quantised with `step` and have at most `components`
+    /// components.
+    pub fn asset(&self, step: f64, components: usize) -> Asset {
+        assemble(&self.layers, step, self.grid, components).asset
+    }
+
+    /// Returns the size of the greatest coefficient: steps are told relative to it.
+    pub fn greatest_coefficient(&self) -> f64 {
+        greatest_coefficient(&self.layers)
+    }
+}
+
+/// Checks that captures can become layers of one asset: at least one, all with one texel grid and each of another side.
+pub fn check_layers(captures: &[Capture]) -> Result<(), FitError> {
+    let Some(first) = captures.first() else {
+        return Err(FitError::Params("give at least one capture".to_string()));
+    };
+    let (width, height) = (first.info().width, first.info().height);
+    if captures.len() > MAX_LAYERS {
+        let path = captures[MAX_LAYERS].path_of(0, 0).into();
+        return Err(FitError::Layers { path, reason: format!("an asset has at most {MAX_LAYERS} layers") });
+    }
+    for (number, capture) in captures.iter().enumerate() {
+        let info = capture.info();
+        let reason = if (info.width, info.height) != (width, height) {
+            format!("it is {} x {} texels, the first is {width} x {height}", info.width, info.height)
+        } else if captures[..number].iter().any(|other| other.info().side == info.side) {
+            format!("it shows the same side as another, `{}`", info.side)
+        } else {
+            continue;
+        };
+        return Err(FitError::Layers { path: capture.path_of(0, 0).into(), reason });
+    }
+    Ok(())
+}

@@ -1,0 +1,220 @@
+//! The step of a fit: the finest that a size allows, or the coarsest that reaches an error.
+
+use crate::error::FitError;
+use crate::input::tile_cache::read_images;
+use crate::inspect::load::resident_in_parallel;
+use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_images};
+use crate::monitor::Monitor;
+use crate::params::{Role, ValidFitParams};
+use crate::pipeline::assemble::{Assembled, assemble};
+use crate::pipeline::description::description_bytes;
+use crate::pipeline::prepare::PreparedFit;
+use crate::stages::budget::{Candidate, SEARCH_ROUNDS, within_bytes};
+use btf_capture::Capture;
+use btf_runtime::{Asset, MAX_COMPONENTS, pack};
+
+/// Rounds of encoding and measurement that a PSNR goal gets.
+const PSNR_ROUNDS: usize = 8;
+/// How far above a PSNR goal the figure over a share of the pairs must lie, so that the figure over all pairs reaches
+/// it, in dB.
+const PSNR_MARGIN_DB: f64 = 0.03;
+/// Evaluations of the predicted error that choose the first step for a PSNR goal.
+const PREDICTION_ROUNDS: usize = 8;
+/// log2 of the finest and of the coarsest step, relative to the greatest coefficient, that a PSNR is looked for with.
+const FINEST_EXPONENT: f64 = -16.0;
+const COARSEST_EXPONENT: f64 = 2.0;
+
+/// A prepared fit whose step is searched for.
+pub struct StepSearch<'a> {
+    /// One per layer.
+    pub captures: &'a [Capture],
+    /// The layers.
+    pub prepared: &'a PreparedFit,
+    /// What is asked for.
+    pub params: &'a ValidFitParams,
+    /// Where progress goes.
+    pub monitor: &'a Monitor,
+}
+
+impl StepSearch<'_> {
+    /// Returns the asset of least error within `bytes`, everything but the description included.
+    ///
+    /// # Errors
+    /// [`FitError::Budget`] if even the coarsest step gives more.
+    pub fn within_bytes(&self, bytes: usize) -> Result<Asset, FitError> {
+        let mut round = 0;
+        let mut search = |components: Option<usize>| {
+            within_bytes(bytes, self.prepared.greatest_coefficient(), |step| {
+                self.monitor.report("encode", round, 2 * SEARCH_ROUNDS)?;
+                round += 1;
+                let made = self.assemble_with(step, components.unwrap_or(MAX_COMPONENTS));
+                Ok::<_, FitError>(Candidate { bytes: pack(&made.asset)?.len(), value: made })
+            })
+        };
+        let mut found = search(self.params.components())?;
+        // A component more is a jump in size: what is left in front of it goes to a smaller step.
+        if let Ok(best) = &mut found {
+            let residuals = best.value.asset.layers.iter().flat_map(|layer| &layer.residual);
+            let components = residuals.map(|residual| residual.coefficients.len()).max().unwrap_or(0);
+            if best.bytes < bytes - bytes / 50
+                && let Ok(other) = search(Some(components))?
+                && other.value.error < best.value.error
+            {
+                *best = other;
+            }
+        }
+        found.map(|best| best.value.asset).map_err(|least| self.too_small(least))
+    }
+
+    /// Says that even `least` bytes and the description are more than is allowed, and what to do.
+    fn too_small(&self, least: usize) -> FitError {
+        let [width, height] = self.prepared.grid;
+        let texels = width * height * self.prepared.layers.len();
+        let least = least + description_bytes(self.captures, self.params.asked());
+        FitError::Budget(match self.params.role() {
+            Role::Base if self.params.lobes() > 0 => format!(
+                "--bytes is too small for {texels} texels with lobes of their own: the smallest asset has about {least} \
+                 bytes; raise --bytes, lower --lobes or take --role guide"
+            ),
+            _ => format!(
+                "--bytes is too small for {texels} texels: the smallest asset has about {least} bytes; raise --bytes or lower --clusters"
+            ),
+        })
+    }
+
+    /// Returns the smallest asset whose measured `psnr_db` over all layers is at least `db`: the first step is the one
+    /// that is predicted to give it, the others follow from what was measured.
+    ///
+    /// # Errors
+    /// [`FitError::Budget`] if no step reaches it.
+    pub fn within_error(&self, db: f64) -> Result<Asset, FitError> {
+        let greatest = self.prepared.greatest_coefficient();
+        let (mut exponent, first) = self.coarsest_within_error(error_for_psnr(db) * self.samples(), greatest)?;
+        let mut first = Some(first.asset);
+        let mut found: Option<(usize, Asset)> = None;
+        // What meets the goal without the margin, if nothing does with it.
+        let mut nearest: Option<Asset> = None;
+        let mut reached = 0.0f64;
+        let mut bracket = Bracket { goal: db + 3.0 * PSNR_MARGIN_DB, ..Bracket::default() };
+        for round in 0..PSNR_ROUNDS {
+            self.monitor.report("encode", round, PSNR_ROUNDS)?;
+            let asset = first.take().unwrap_or_else(|| self.assemble(greatest * exponent.exp2()).asset);
+            let bytes = pack(&asset)?.len();
+            let last_resort = exponent <= FINEST_EXPONENT;
+            let measured = self.psnr_on_share(&asset)?;
+            let enough = measured >= db + PSNR_MARGIN_DB;
+            if enough && found.as_ref().is_none_or(|(least, _)| bytes < *least) {
+                found = Some((bytes, asset));
+            } else if measured >= db && measured > reached {
+                nearest = Some(asset);
+            }
+            reached = reached.max(measured);
+            if (measured < db && last_resort) || (enough && measured <= db + 6.0 * PSNR_MARGIN_DB) {
+                break;
+            }
+            exponent = bracket.next((exponent, measured), db).clamp(FINEST_EXPONENT, COARSEST_EXPONENT);
+        }
+        found.map(|(_, asset)| asset).or(nearest).ok_or_else(|| {
+            FitError::Budget(format!(
+                "--psnr {db} cannot be reached with these clusters and components (the best was {reached:.2} dB); lower it or raise --clusters"
+            ))
+        })
+    }
+
+    /// Returns the asset of `step` with as many components as the parameters allow.
+    pub fn assemble(&self, step: f64) -> Assembled {
+        self.assemble_with(step, self.params.most_components())
+    }
+
+    fn assemble_with(&self, step: f64, most_components: usize) -> Assembled {
+        assemble(&self.prepared.layers, step, self.prepared.grid, most_components)
+    }
+
+    /// Returns the number of samples of all captures.
+    fn samples(&self) -> f64 {
+        self.captures.iter().map(|c| (c.info().texel_count() * c.info().pair_count() * 3) as f64).sum()
+    }
+
+    /// Measures `psnr_db` of `asset` over all layers on a share of the pairs.
+    fn psnr_on_share(&self, asset: &Asset) -> Result<f64, FitError> {
+        let resident = resident_in_parallel(asset);
+        let mut errors = (0.0, 0.0);
+        for capture in self.captures {
+            let info = capture.info();
+            let stride = colour_pair_stride(info.views.len(), info.lights.len());
+            let measure_params = MeasureParams {
+                pairs: Some((0..info.pair_count()).step_by(stride).collect()),
+                memory_bytes: self.params.memory_bytes() / 8,
+                ..MeasureParams::default()
+            };
+            let read = read_images(capture, self.prepared.images.as_ref());
+            let metrics = measure_images(info, &read, asset, &resident, &measure_params, self.monitor)?.metrics();
+            let weight = (info.texel_count() * info.pair_count()) as f64;
+            errors = (errors.0 + weight * 10f64.powf(-metrics.psnr_db / 10.0), errors.1 + weight);
+        }
+        Ok(-10.0 * (errors.0 / errors.1).log10())
+    }
+
+    /// Returns log2 of the coarsest step, relative to `greatest`, whose predicted error is at most `target`, and its
+    /// asset; the finest step where none is.
+    fn coarsest_within_error(&self, target: f64, greatest: f64) -> Result<(f64, Assembled), FitError> {
+        let mut exponents = [FINEST_EXPONENT, COARSEST_EXPONENT];
+        let mut best = None;
+        for _ in 0..PREDICTION_ROUNDS {
+            self.monitor.check()?;
+            let middle = 0.5 * (exponents[0] + exponents[1]);
+            let candidate = self.assemble(greatest * middle.exp2());
+            if candidate.error <= target {
+                exponents[0] = middle;
+                best = Some(candidate);
+            } else {
+                exponents[1] = middle;
+            }
+        }
+        let best = best.unwrap_or_else(|| self.assemble(greatest * exponents[0].exp2()));
+        Ok((exponents[0], best))
+    }
+}
+
+/// The steps on either side of a PSNR, each as log2 of the step and the `psnr_db` that it gave.
+#[derive(Debug, Default)]
+struct Bracket {
+    /// The PSNR that the next step is chosen for, in dB: a little above the goal.
+    goal: f64,
+    above: Option<(f64, f64)>,
+    below: Option<(f64, f64)>,
+    /// Whether the last step gave too much.
+    last_above: Option<bool>,
+}
+
+impl Bracket {
+    /// Takes in `point` and returns log2 of the next step for the goal `db`: on the line between what was too much and
+    /// what was too little; else as if halving the step halved the error. (Near the rounding of 8-bit captures the error
+    /// falls much faster.)
+    fn next(&mut self, point: (f64, f64), db: f64) -> f64 {
+        let measured = point.1;
+        if measured > db {
+            self.above = Some(point)
+        } else {
+            self.below = Some(point)
+        }
+        let next = match (self.above, self.below) {
+            (Some(above), Some(below)) if above.1 > below.1 && self.goal > below.1 => {
+                let along = ((self.goal - below.1) / (above.1 - below.1)).clamp(0.05, 0.95);
+                // Twice on one side: the line misleads.
+                let along = if self.last_above == Some(measured > db) { 0.5 } else { along };
+                below.0 + along * (above.0 - below.0)
+            }
+            _ => point.0 + ((measured - self.goal) / (20.0 * 2f64.log10())).clamp(-4.0, 4.0),
+        };
+        self.last_above = Some(measured > db);
+        next
+    }
+}
+
+/// Returns the mean squared error in the root domain at which `psnr_db` is `db`: the 8-bit code is about
+/// `255 (1.055 g - 0.055)`, and rounding adds 1/12.
+fn error_for_psnr(db: f64) -> f64 {
+    let code_error = 255.0f64.powi(2) / 10f64.powf(db / 10.0);
+    (code_error - 1.0 / 12.0).max(1e-3) / (255.0f64 * 1.055).powi(2)
+}
