@@ -1,57 +1,57 @@
-//! Everything that can go wrong while fitting, expanding or comparing.
+//! Errors of fitting, expanding and comparing.
 
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Why a fit, an expansion or a comparison stopped. Each message is one sentence with its remedy.
+/// Reason why a fit, an expansion or a comparison stopped. Each message is one sentence with its remedy.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum FitError {
-    /// The capture is not usable.
+    /// A capture that is not usable.
     #[error(transparent)]
     Capture(#[from] btf_capture::CaptureError),
-    /// An asset is not usable.
+    /// An asset that is not usable.
     #[error("{path}: {source}")]
     Asset {
-        /// The asset's file.
+        /// Path of the asset's file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault that the runtime found in the asset.
         source: btf_runtime::FormatError,
     },
-    /// A validated file has errors.
+    /// A validated file with errors.
     #[error("{path} is not valid: {errors} {}, the first {first}", if *.errors == 1 { "error" } else { "errors" })]
     Invalid {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// How many there are.
+        /// Number of errors.
         errors: usize,
-        /// The first, with its remedy.
+        /// The first error, with its remedy.
         first: String,
     },
-    /// The asset that was built breaks a rule of the format.
+    /// An asset that was built and breaks a rule of the format.
     #[error(transparent)]
     Pack(#[from] btf_runtime::FormatError),
-    /// A volumetric texture's file is not usable.
+    /// A volumetric texture's file that is not usable.
     #[error("{path}: {source}")]
     Volume {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault that the runtime found in the volume.
         source: btf_runtime::voltex::VoltexError,
     },
-    /// The volume that was built breaks a rule of its format.
+    /// A volume that was built and breaks a rule of its format.
     #[error(transparent)]
     PackVolume(#[from] btf_runtime::voltex::VoltexError),
-    /// A file could not be read or written.
+    /// A file that could not be read or written.
     #[error("{path}: {action} failed ({source}); {remedy}")]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What was tried.
+        /// Action that failed, as a participle: "reading the asset".
         action: &'static str,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
-        /// What helps.
+        /// Remedy, as a clause.
         remedy: &'static str,
     },
     /// A volumetric texture that cannot be built or measured.
@@ -60,40 +60,40 @@ pub enum FitError {
     /// Options that do not go together or are out of range.
     #[error("{0}")]
     Params(String),
-    /// The memory limit is below what the capture needs.
+    /// A memory limit below what the capture needs.
     #[error(
         "--memory {given} is too little for this capture: it needs at least {needed} (one block of texels and the features of all texels); raise --memory"
     )]
     Memory {
-        /// The limit, in words.
+        /// The limit in words, as `500 MB`.
         given: String,
-        /// The least that works, in words.
+        /// The least limit that suffices, in words.
         needed: String,
     },
     /// A sample that the residual's curve cannot hold.
     #[error("{path} has the value {value:e}, and assets made with this --error hold at most {most}; {remedy}")]
     TooBright {
-        /// The image.
+        /// Name of the image.
         path: String,
-        /// Its sample.
+        /// The sample that is too bright.
         value: f32,
-        /// The largest that fits.
+        /// Largest sample that the curve can hold.
         most: f32,
-        /// What helps.
+        /// Remedy, as a clause.
         remedy: &'static str,
     },
-    /// No setting reaches what `--bytes` or `--psnr` asked for.
+    /// A goal of `--bytes` or `--psnr` that no setting reaches.
     #[error("{0}")]
     Budget(String),
-    /// The captures of one asset do not fit each other.
+    /// Captures of one asset that do not fit each other.
     #[error("{path}: {reason}; the captures of one asset must share one texel grid and differ in their sides")]
     Layers {
-        /// The capture that does not fit.
+        /// Path of an image of the capture that does not fit.
         path: PathBuf,
-        /// What differs.
+        /// Difference from the other captures.
         reason: String,
     },
-    /// Ctrl-C.
+    /// Interruption by Ctrl-C.
     #[error("interrupted; nothing was written")]
     Interrupted,
 }

@@ -19,10 +19,11 @@ pub struct Metrics {
     /// Of a capture with linear images (EXR) both sides are encoded with the sRGB curve first.
     #[serde(with = "decibel")]
     pub psnr_db: f64,
-    /// The same ratio of linear reflectance x cosine; the peak is the capture's largest sample.
+    /// Peak signal-to-noise ratio in dB of linear reflectance x cosine; the peak is the capture's largest sample.
     #[serde(with = "decibel")]
     pub psnr_linear_db: f64,
-    /// `sqrt(sum (x' - x)^2 / sum x^2)`, linear. Where the capture is black, `x` of the divisor and the peak above are 1.
+    /// `sqrt(sum (x' - x)^2 / sum x^2)`, linear. Where the capture is black, `x` of the divisor and the peak above are
+    /// 1.
     pub rel_rmse: f64,
     /// Largest root mean square error of one texel over its pairs and channels, linear.
     pub worst_texel_rmse: f64,
@@ -32,7 +33,7 @@ pub struct Metrics {
     pub delta_e00_mean: Option<f64>,
 }
 
-/// Decibels in JSON, which has no infinity: null there.
+/// Serialises decibels: infinity is null in JSON.
 mod decibel {
     use serde::{Deserialize, Deserializer, Serializer};
 
@@ -46,8 +47,8 @@ mod decibel {
 }
 
 impl Metrics {
-    /// The figures rounded as an asset's own description holds them: decibels to 4 decimals, the rest to
-    /// 6 significant digits.
+    /// Returns the figures rounded as an asset's own description holds them: decibels to 4 decimals, the rest to 6
+    /// significant digits.
     pub fn rounded(&self) -> Metrics {
         let decibels = |x: f64| if x.is_finite() { (x * 1e4).round() / 1e4 } else { x };
         let digits = |x: f64| format!("{x:.5e}").parse().unwrap_or(x);
@@ -78,7 +79,7 @@ pub struct ErrorSums {
     pub worst_texel: f64,
     /// Sum of CIEDE2000 differences.
     pub delta_e00: f64,
-    /// How many colours that sum holds.
+    /// Number of colours whose differences `delta_e00` sums.
     pub colours: u64,
 }
 
@@ -87,7 +88,7 @@ stored_structs! {
 }
 
 impl ErrorSums {
-    /// Takes in the sums of another part or layer.
+    /// Adds the sums of another part or layer.
     pub fn add(&mut self, other: &ErrorSums) {
         self.samples += other.samples;
         self.code_error += other.code_error;
@@ -99,7 +100,7 @@ impl ErrorSums {
         self.colours += other.colours;
     }
 
-    /// The figures of these sums.
+    /// Returns the figures of these sums.
     pub fn metrics(&self) -> Metrics {
         let samples = self.samples.max(1) as f64;
         // Where all is black, white takes the place of what errors are relative to.
@@ -115,7 +116,7 @@ impl ErrorSums {
     }
 }
 
-/// `psnr_db` of a sum of squared differences of `samples` 8-bit values; infinite where the sum is 0.
+/// Returns `psnr_db` of a sum of squared differences of `samples` 8-bit values; infinite where the sum is 0.
 pub fn psnr_db_from_codes(code_error: u64, samples: u64) -> f64 {
     decibels(PEAK_CODE * PEAK_CODE, code_error as f64 / samples.max(1) as f64)
 }

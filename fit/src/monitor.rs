@@ -1,17 +1,17 @@
-//! Progress and Ctrl-C, as the library sees them.
+//! Progress and cancellation (Ctrl-C) as the library sees them.
 
 use crate::error::FitError;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// What a long computation reports to, and where it learns that it should stop.
+/// Receiver of a computation's progress, through which the computation also learns that it should stop.
 #[derive(Default)]
 pub struct Monitor {
     cancelled: AtomicBool,
     listener: Option<Box<Listener>>,
     hearer: Option<Box<Hearer>>,
-    /// The stages that run now, outermost first, each with the seconds of those that ran inside it.
+    /// Stages that run now, outermost first, each with the seconds of the stages that ran inside it.
     running: Mutex<Vec<(String, f64)>>,
     stages: Mutex<Vec<Stage>>,
     skipped: Mutex<Vec<String>>,
@@ -23,19 +23,20 @@ type Hearer = dyn Fn(&str) + Send + Sync;
 /// A finished stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stage {
-    /// Its name, as in `stages` of `fit --json`.
+    /// Name of the stage, a key of `stages` in `fit --json`.
     pub name: String,
-    /// Wall-clock seconds.
+    /// Wall-clock seconds without stages that ran inside it.
     pub seconds: f64,
 }
 
 impl Monitor {
-    /// A monitor that calls `listener(stage, done, total)` from any thread.
+    /// Returns a monitor that calls `listener(stage, done, total)` from any thread.
     pub fn with_listener(listener: impl Fn(&str, usize, usize) + Send + Sync + 'static) -> Monitor {
         Monitor { listener: Some(Box::new(listener)), ..Monitor::default() }
     }
 
-    /// The same monitor, which calls `hearer(sentence)` for what a user should know though it stops nothing.
+    /// Returns this monitor with a `hearer(sentence)` that is called for remarks: what a user should know though it
+    /// stops nothing.
     pub fn on_remark(self, hearer: impl Fn(&str) + Send + Sync + 'static) -> Monitor {
         Monitor { hearer: Some(Box::new(hearer)), ..self }
     }
@@ -47,7 +48,7 @@ impl Monitor {
         }
     }
 
-    /// Notes that the result of a stage was there already, and reports it as done.
+    /// Notes that the result of a stage was kept from an earlier run, and reports the stage as done.
     pub fn skip(&self, stage: &str) {
         if let Some(listener) = &self.listener {
             listener(stage, 1, 1);
@@ -57,7 +58,7 @@ impl Monitor {
         }
     }
 
-    /// The stages whose results were there already, in order.
+    /// Returns the stages whose results were kept from an earlier run, in order.
     pub fn skipped(&self) -> Vec<String> {
         self.skipped.lock().map(|skipped| skipped.clone()).unwrap_or_default()
     }
@@ -67,7 +68,7 @@ impl Monitor {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// `Err(Interrupted)` once [`Monitor::cancel`] was called.
+    /// Returns `Err(Interrupted)` once [`Monitor::cancel`] was called.
     pub fn check(&self) -> Result<(), FitError> {
         if self.cancelled.load(Ordering::Relaxed) { Err(FitError::Interrupted) } else { Ok(()) }
     }
@@ -84,8 +85,8 @@ impl Monitor {
         self.check()
     }
 
-    /// Runs `work` as the stage `name` and keeps its time, without that of stages inside it. Begin of the stage, and end
-    /// of one inside it, are reported as 0 of 0 of the stage.
+    /// Runs `work` as the stage `name` and keeps its time, without the time of stages inside it. The begin of the
+    /// stage, and the end of a stage inside it, are reported as 0 of 0.
     pub fn stage<T>(&self, name: &str, work: impl FnOnce() -> Result<T, FitError>) -> Result<T, FitError> {
         if let Ok(mut running) = self.running.lock() {
             running.push((name.to_string(), 0.0));
@@ -114,7 +115,7 @@ impl Monitor {
         result
     }
 
-    /// The finished stages, in order.
+    /// Returns the finished stages, in order.
     pub fn stages(&self) -> Vec<Stage> {
         self.stages.lock().map(|stages| stages.clone()).unwrap_or_default()
     }

@@ -11,11 +11,12 @@ pub(crate) const MAX_HALF: f32 = 65504.0;
 pub(crate) const MAX_ASKED_COMPONENTS: usize = 64;
 /// Residual components at most without a goal.
 const DEFAULT_COMPONENTS: usize = 8;
-/// Bytes that a texel's own lobe takes in the file after entropy coding, about: 2.5 to 2.9 where docs/TRADE.md has lobes
-/// alone.
-const BYTES_PER_OWN_LOBE: f64 = 2.8;
-/// Share of the bytes that lobes as base may take by [`FitParams::lobes_for`]; the residual gets the rest.
-const OWN_LOBE_SHARE: f64 = 0.5;
+/// Bytes that a texel's own lobe takes in the file after entropy coding, about: 2.5 to 2.9 at 256 x 256 texels
+/// (docs/TRADE.md), up to 3.9 in captures of a few thousand texels, where the dictionaries weigh more.
+const BYTES_PER_OWN_LOBE: f64 = 3.5;
+/// Share of the bytes that lobes as base may take by [`FitParams::lobes_for`]. The residual gets the rest, and brings
+/// more dB per byte.
+const OWN_LOBE_SHARE: f64 = 0.25;
 
 /// The error that a fit minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -160,8 +161,8 @@ impl FitParams {
         if bytes.is_some_and(|bytes| bytes < 2 * texels as u64) { 16 } else { FitParams::default().clusters }
     }
 
-    /// Returns the most lobes that a fit of `texels` texels a layer should have when it may spend `bytes` on each layer:
-    /// as base so few, at least 1, that they take about half of the bytes.
+    /// Returns the most lobes that a fit of `texels` texels a layer should have when it may spend `bytes` on each
+    /// layer: as base so few, at least 1, that they take about a quarter of the bytes.
     pub fn lobes_for(role: Option<Role>, bytes: Option<u64>, texels: usize) -> usize {
         let most = FitParams::default().lobes;
         let (Some(Role::Base), Some(bytes)) = (role, bytes) else {
@@ -313,10 +314,10 @@ mod tests {
     }
 
     #[test]
-    fn own_lobes_take_half_of_the_bytes_and_there_is_always_one() {
+    fn own_lobes_take_a_quarter_of_the_bytes_and_there_is_always_one() {
         let texels = 256 * 256;
         let lobes = |bytes| FitParams::lobes_for(Some(Role::Base), Some(bytes), texels);
-        assert_eq!([lobes(100_000), lobes(1_000_000), lobes(2_000_000), lobes(20_000_000)], [1, 2, 5, 8]);
+        assert_eq!([lobes(100_000), lobes(1_000_000), lobes(2_000_000), lobes(20_000_000)], [1, 1, 2, 8]);
         for (role, bytes) in [(None, Some(100_000)), (Some(Role::Guide), Some(100_000)), (Some(Role::Base), None)] {
             assert_eq!(FitParams::lobes_for(role, bytes, texels), FitParams::default().lobes);
         }

@@ -1,7 +1,7 @@
 //! Peak memory of the running program, as the operating system counts it.
 
-/// Most memory that this process has held so far, in bytes: resident pages, mapped ones included.
-/// `None` where the system does not tell.
+/// Returns the peak resident memory of this process so far in bytes, mapped pages included. `None` where the system
+/// does not tell.
 pub fn peak_memory_bytes() -> Option<u64> {
     peak_from_system()
 }
@@ -11,7 +11,7 @@ fn peak_from_system() -> Option<u64> {
     high_water_mark(&std::fs::read_to_string("/proc/self/status").ok()?)
 }
 
-/// `VmHWM` of a `/proc/PID/status`, which is in KiB.
+/// Returns `VmHWM` (KiB) of the text of `/proc/PID/status` in bytes.
 #[cfg(any(target_os = "linux", test))]
 fn high_water_mark(status: &str) -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

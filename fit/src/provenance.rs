@@ -10,29 +10,29 @@ use btf_capture::{CaptureInfo, Cosine, ImageFormat, Side, Transfer};
 use btf_runtime::Asset;
 use serde::{Deserialize, Serialize};
 
-/// What an asset says about itself. Every key may be absent: another program may have written it.
+/// Description that an asset holds of itself. Every key may be absent, because another program may have written it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Material {
-    /// Short name for people.
+    /// Short name of the material, for people.
     pub name: String,
     /// One entry per layer, in the asset's order.
     pub layers: Vec<MaterialLayer>,
-    /// How it was fitted.
+    /// How the asset was fitted.
     pub fit: Option<FitRecord>,
     /// Error of the whole asset against its captures, all layers, as decoded from the file.
     pub error: Option<Metrics>,
 }
 
-/// Where a layer comes from.
+/// Origin of a layer.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct MaterialLayer {
-    /// The capture's conventions.
+    /// Conventions of the capture.
     pub capture: CaptureRecord,
-    /// Number of views.
+    /// Number of view directions.
     pub views: usize,
-    /// Number of lights.
+    /// Number of light directions.
     pub lights: usize,
 }
 
@@ -40,24 +40,24 @@ pub struct MaterialLayer {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CaptureRecord {
-    /// The capture's name.
+    /// Name of the capture.
     pub name: String,
-    /// `srgb`, `linear` or `gamma:2.2`.
+    /// Transfer curve: `srgb`, `linear` or `gamma:2.2`.
     pub transfer: String,
     /// Factor from linear file values to reflectance.
     pub scale: f32,
-    /// `included` or `excluded`.
+    /// Cosine of the light in the values: `included` or `excluded`.
     pub cosine: String,
-    /// `front`, `back`, `transmission-back` or `transmission-front`.
+    /// Side: `front`, `back`, `transmission-back` or `transmission-front`.
     pub side: String,
-    /// `png`, `jpg` or `exr`.
+    /// Format of the images: `png`, `jpg` or `exr`.
     pub format: String,
-    /// Where the capture comes from, in words.
+    /// Provenance of the capture in words.
     pub provenance: String,
 }
 
 impl Default for CaptureRecord {
-    /// A capture without `capture.toml`.
+    /// Returns the conventions of a capture without `capture.toml`.
     fn default() -> CaptureRecord {
         CaptureRecord {
             name: String::new(),
@@ -77,29 +77,29 @@ impl Default for CaptureRecord {
 pub struct FitRecord {
     /// Clusters, as asked for.
     pub clusters: usize,
-    /// Most lobes per texel, as asked for.
+    /// Most lobes of a texel or, as guide, of a cluster, as asked for.
     pub lobes: usize,
     /// Residual components, as chosen.
     pub components: usize,
-    /// `gamma`, `linear` or `log`.
+    /// Error that was minimised: `gamma`, `linear` or `log`.
     pub error: String,
-    /// `product` or `linfa`.
+    /// Which k-means ran: `product` or `linfa`.
     pub kmeans: String,
-    /// Seed.
+    /// Seed of every random choice.
     pub seed: u64,
     /// Share of the direction pairs held back; absent for none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leave_out: Option<f64>,
-    /// `--bytes`, where given.
+    /// Size given by `--bytes`; absent for none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
-    /// `--psnr`, where given.
+    /// PSNR given by `--psnr` in dB; absent for none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub psnr_db: Option<f64>,
 }
 
 impl FitRecord {
-    /// The record of a fit with `params` that ended with `components` residual components.
+    /// Returns the record of a fit with `params` that ended with `components` residual components.
     pub fn new(params: &FitParams, components: usize) -> FitRecord {
         FitRecord {
             clusters: params.clusters,
@@ -124,12 +124,12 @@ impl FitRecord {
     }
 }
 
-/// Most bytes of a name and of a provenance that are kept: the room for the description is reserved
-/// before its figures are known.
+/// Bytes of a name and of a provenance that are kept at most: the room for the description is reserved before its
+/// figures are known.
 const MAX_NAME: usize = 100;
 const MAX_PROVENANCE: usize = 300;
 
-/// `text` in one line, cut at `most` bytes.
+/// Returns `text` in one line, cut at `most` bytes.
 fn shortened(text: &str, most: usize) -> String {
     let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     let end = (0..=most.min(line.len())).rev().find(|end| line.is_char_boundary(*end)).unwrap_or(0);
@@ -137,7 +137,7 @@ fn shortened(text: &str, most: usize) -> String {
 }
 
 impl Material {
-    /// The description of a fit of `captures`, one per layer, without the error figures.
+    /// Returns the description of a fit of `captures`, one per layer, without the error figures.
     pub fn new(captures: &[&CaptureInfo], fit: FitRecord) -> Material {
         Material {
             name: captures.first().map(|info| shortened(&info.name, MAX_NAME)).unwrap_or_default(),
@@ -154,7 +154,7 @@ impl Material {
         }
     }
 
-    /// Reads an asset's description.
+    /// Reads the description of `asset`.
     ///
     /// # Errors
     /// If it is not JSON or a known key has a value of another type. Absent and unknown keys are fine.
@@ -162,7 +162,7 @@ impl Material {
         Material::from_text(&asset.material)
     }
 
-    /// The same of the text alone.
+    /// Reads a description from its JSON text.
     ///
     /// # Errors
     /// As [`Material::from_asset`].
@@ -174,15 +174,15 @@ impl Material {
         })
     }
 
-    /// The JSON that stands in the asset. The same description always gives the same text.
+    /// Returns the JSON that an asset holds. Equal descriptions give equal texts.
     pub fn to_json(&self) -> String {
         // Plain data of numbers and strings: serialising cannot fail.
         serde_json::to_string(self).unwrap_or_default()
     }
 
-    /// The capture that layer `number` of `asset` was fitted from, as far as the asset tells: its
-    /// directions as the file names had them, in the frame of the face that is seen, its conventions from this description or, where that is
-    /// silent, those of a capture without `capture.toml`.
+    /// Returns the capture that layer `number` of `asset` was fitted from, as far as the asset tells: directions as the
+    /// file names had them, in the frame of the face that is seen, and conventions from this description or, where it
+    /// has none, those of a capture without `capture.toml`.
     ///
     /// # Errors
     /// If a convention is a word that is not known.
@@ -210,7 +210,7 @@ impl Material {
 }
 
 impl CaptureRecord {
-    /// The conventions of `info`.
+    /// Returns the conventions of a capture.
     pub fn of(info: &CaptureInfo) -> CaptureRecord {
         CaptureRecord {
             name: shortened(&info.name, MAX_NAME),

@@ -1,5 +1,4 @@
-//! A small asset made by hand for the tests of this crate: every section, odd counts, all of it within
-//! the ranges of the format.
+//! A small hand-made asset for the tests of this crate: every section, odd counts, all within the ranges of the format.
 
 use btf_capture::DirectionSet;
 use btf_runtime::{
@@ -8,7 +7,7 @@ use btf_runtime::{
 };
 use half::f16;
 
-/// Numbers in [-1, 1) that look random and are the same everywhere.
+/// Returns a number in [-1, 1) that looks random and depends on `seed` alone.
 pub(crate) fn number(seed: usize) -> f32 {
     let mut x = (seed as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x5851_F42D_4C95_7F2D;
     x ^= x >> 31;
@@ -17,15 +16,15 @@ pub(crate) fn number(seed: usize) -> f32 {
     (x >> 40) as f32 / (1 << 23) as f32 - 1.0
 }
 
-/// 5 x 3 texels, 7 views, 9 lights, 3 clusters, 0 to 3 lobes a texel, 3 components
-/// mixed from 5 shared bases.
+/// Returns an asset of 5 x 3 texels, 7 views, 9 lights, 3 clusters, 0 to 3 lobes a texel, and 3 components mixed from 5
+/// shared bases.
 pub(crate) fn sample_asset() -> Asset {
     let views = DirectionSet::random(7, 3).unwrap_or_else(|error| panic!("{error}"));
     let lights = DirectionSet::random(9, 4).unwrap_or_else(|error| panic!("{error}"));
     sample_asset_with(5, 3, &views, &lights, ResidualKind::Root)
 }
 
-/// The same of another size.
+/// Returns an asset as [`sample_asset`] does, of another size, other directions and another curve.
 pub(crate) fn sample_asset_with(
     width: usize,
     height: usize,

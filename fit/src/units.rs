@@ -1,4 +1,4 @@
-//! Sizes as people type them: `2MB`, `1.5 MiB`, `4GB`.
+//! Sizes in bytes as people type and read them: `2MB`, `1.5 MiB`, `4GB`.
 
 /// Units and their bytes: decimal ones by powers of ten, binary ones by powers of two.
 const UNITS: [(&str, u64); 9] = [
@@ -13,8 +13,8 @@ const UNITS: [(&str, u64); 9] = [
     ("gib", 1 << 30),
 ];
 
-/// Bytes of a size: a number and B, kB, MB, GB, TB (powers of ten) or KiB, MiB, GiB (powers of two), in
-/// any case; a number alone is bytes.
+/// Returns the bytes of a size in words: a number and B, kB, MB, GB, TB (powers of ten) or KiB, MiB, GiB (powers of
+/// two), in any case; a number alone is bytes.
 ///
 /// # Errors
 /// One sentence for what is not such a size, is not positive, or is below one byte.
@@ -34,7 +34,7 @@ pub fn bytes_from_text(text: &str) -> Result<u64, String> {
     if (1.0..9e15).contains(&bytes) { Ok(bytes.round() as u64) } else { Err(refuse()) }
 }
 
-/// Bytes for people: `1.75 MB`.
+/// Returns a number of bytes for people, as `1.75 MB`.
 pub fn text_from_bytes(bytes: u64) -> String {
     match bytes {
         0..1_000 => format!("{bytes} B"),

@@ -54,13 +54,13 @@ pub(super) struct CompareArgs {
     json: Option<PathBuf>,
 }
 
-/// What `compare --json` writes.
+/// Result that `compare --json` writes.
 #[derive(Debug, serde::Serialize)]
 struct CompareResult {
     capture: String,
     asset: String,
     layer: usize,
-    /// The side of the capture, in its own words.
+    /// Side of the capture, in its own words.
     side: String,
     bytes: usize,
     #[serde(flatten)]

@@ -10,25 +10,25 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-/// What is compared.
+/// A volumetric texture and the model that it is compared with.
 pub(super) struct Compared<'a> {
     pub model: &'a Path,
     pub file: &'a Path,
-    /// Of the file.
+    /// Bytes of the file.
     pub bytes: usize,
     pub volume: &'a Volume,
 }
 
-/// What `compare --json` writes of a volumetric texture.
+/// Result that `compare --json` writes for a volumetric texture.
 #[derive(Debug, serde::Serialize)]
 struct VoltexResult {
     model: String,
     asset: String,
     bytes: usize,
-    /// Of what a decoder holds.
+    /// Bytes that a decoder holds.
     resident_bytes: usize,
     triangles: usize,
-    /// Of the triangles' corners.
+    /// Bytes of the triangles' corners.
     mesh_bytes: usize,
     rows: Vec<VoltexRow>,
     seconds: f64,

@@ -10,9 +10,9 @@ use std::path::PathBuf;
 
 /// Write an asset in another shape: with coarser levels, or as a renderer holds it
 ///
-/// A fitted asset is small and holds its finest level; renderers make the coarser ones when they load it.
-/// `levels` stores them, too, for about a quarter more bytes. `resident` is what renderers hold in memory: many times the
-/// bytes, and nothing to decode; it is mapped and bound as it lies. `--level` writes one level for what is never seen closer.
+/// A fitted asset is small and holds its finest level; renderers make the coarser ones when they load it. `levels`
+/// stores them, too, for about a quarter more bytes. `resident` is what renderers hold in memory: many times the bytes,
+/// and nothing to decode; it is mapped and bound as it lies. `--level` writes one level for what is never seen closer.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit convert wool.spmm --to levels -o wool_levels.spmm
@@ -25,7 +25,7 @@ pub(super) struct ConvertArgs {
     /// The file to write
     #[arg(short = 'o', long, value_name = "FILE")]
     out: PathBuf,
-    /// Its shape
+    /// The shape to write
     #[arg(long, value_enum, default_value = "resident")]
     to: ShapeArg,
     /// Write one level alone as an asset of its own: 0 is the finest, 1 has half its side, and so on
@@ -46,7 +46,7 @@ enum ShapeArg {
     Resident,
 }
 
-/// What `convert --json` writes.
+/// Result that `convert --json` writes.
 #[derive(Debug, serde::Serialize)]
 struct Converted {
     file: String,

@@ -50,7 +50,7 @@ enum FormatArg {
     Exr,
 }
 
-/// What `expand --json` writes.
+/// Result that `expand --json` writes.
 #[derive(Debug, serde::Serialize)]
 struct ExpandResult {
     directory: String,

@@ -13,10 +13,10 @@ use std::time::Instant;
 
 /// Write a .glb that shows an asset in every glTF viewer
 ///
-/// The material points at the asset in the extension BTF_materials_spmm, for viewers that decode it, btf-view among them. For all
-/// others it has textures of glTF's own material model, fitted to the asset: base colour, roughness, normal and, where
-/// they help, specular, sheen and diffuse transmission. The mesh is a quad of the asset's physical size, 0.1 m wide where
-/// that is not known.
+/// The material points at the asset in the extension BTF_materials_spmm, for viewers that decode it, btf-view among
+/// them. For all others it has textures of glTF's own material model, fitted to the asset: base colour, roughness,
+/// normal and, where they help, specular, sheen and diffuse transmission. The mesh is a quad of the asset's physical
+/// size, 0.1 m wide where that is not known.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit export-gltf wool.spmm -o wool.glb
@@ -41,13 +41,13 @@ pub(super) struct ExportGltfArgs {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum MapsArg {
-    /// Those that save a twentieth of the squared error
+    /// Only textures that save a twentieth of the squared error
     Auto,
-    /// All
+    /// All textures
     All,
 }
 
-/// What `export-gltf --json` writes.
+/// Result that `export-gltf --json` writes.
 #[derive(Debug, Serialize)]
 struct Exported<'a> {
     file: String,
@@ -84,7 +84,7 @@ pub(super) fn run(args: &ExportGltfArgs, shared: &Shared) -> Result<(), Failure>
     tell(args.json.as_deref(), shared.quiet, &result, || text(&args.out, &export))
 }
 
-/// What is said to people.
+/// Returns the summary of an export for people.
 fn text(file: &Path, export: &GltfExport) -> String {
     let mut lines = vec![format!(
         "{}: {}, {} x {} texels on {:.4} x {:.4} m",

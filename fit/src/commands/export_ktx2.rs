@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// Write an asset as KTX2 textures, for engines without a reader of .spmm
 ///
-/// FILE holds what each texel has, as planes of one array with mip levels, and says in its key/value data where everything lies.
-/// The bases of each layer stand beside it, in FILE's name with .bases-front.ktx2 and so on in place of .ktx2.
-/// docs/KTX2.md tells how a value is decoded from them.
+/// FILE holds what each texel has, as planes of one array with mip levels, and says in its key/value data where
+/// everything lies. The bases of each layer stand beside it, in FILE's name with .bases-front.ktx2 and so on in place
+/// of .ktx2. docs/KTX2.md tells how a value is decoded from them.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   btf-fit export-ktx2 wool.spmm -o wool.ktx2")]
@@ -29,7 +29,7 @@ pub(super) struct ExportKtx2Args {
     json: Option<PathBuf>,
 }
 
-/// What `export-ktx2 --json` writes.
+/// Result that `export-ktx2 --json` writes.
 #[derive(Debug, Serialize)]
 struct Exported {
     files: Vec<Written>,

@@ -1,17 +1,17 @@
-//! How a command ends, and why one did not succeed.
+//! Exit codes of the program, and reasons why a command did not succeed.
 
 use btf_capture::CaptureError;
 use btf_fit::FitError;
 use std::process::ExitCode;
 
-/// How the program ends.
+/// Exit code of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Exit {
     Success = 0,
     Failure = 1,
     Usage = 2,
-    /// 128 + SIGINT, as shells count.
+    /// Interrupted: 128 + SIGINT, as shells count.
     Interrupted = 130,
 }
 
@@ -21,7 +21,7 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// Why a command did not succeed; its text is what stands behind `error: `.
+/// Reason why a command did not succeed; its text follows `error: `.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Failure {
     /// Options that do not go together or are out of range.

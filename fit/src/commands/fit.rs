@@ -47,12 +47,13 @@ pub(super) struct FitArgs {
     #[arg(long, value_name = "N")]
     clusters: Option<usize>,
     /// Most lobes, 0 to 32: of a texel as base, of a cluster as guide; 8 if not given, with --role base and --bytes as
-    /// few as take about half of the bytes
+    /// few as take about a quarter of the bytes
     #[arg(long, value_name = "N")]
     lobes: Option<usize>,
-    /// What lobes are to the residual; guide with --bytes or --psnr and base without, if not given. base costs up to 2.6
-    /// times the bytes at the same PSNR and up to six times the time; it is better between measured directions with the
-    /// fast rule, and edits of lobes change the value itself
+    /// What lobes are to the residual; if not given, guide with --bytes or --psnr, and base without. base stores lobes
+    /// of each texel's own: at the same PSNR it costs 2 to 6 times the bytes (the fewer --lobes, the less) and the fit
+    /// takes longer; in return the fast rule is better between measured directions, and edits of lobes change the value
+    /// itself. --bytes and --psnr are reached by the quantisers' step alone, with as many lobes as --lobes says
     #[arg(long, value_enum)]
     role: Option<RoleName>,
     /// Residual components, 0 to 64; what --bytes or --psnr gives, 8 without either
@@ -104,9 +105,9 @@ enum KMeansArg {
     Linfa,
 }
 
-/// What `fit --json` writes. Of an asset of several layers the error keys and those of [`LobeUse`] are of all of them;
-/// `clusters`, `components`, `lobe_error` and `psnr_left_out_db` are the first layer's, and
-/// `by_layer` has each layer's own.
+/// Result that `fit --json` writes. For an asset of several layers the error keys and those of [`LobeUse`] are of all
+/// layers; `clusters`, `components`, `lobe_error` and `psnr_left_out_db` are the first layer's, and `by_layer` has each
+/// layer's own.
 #[derive(Debug, serde::Serialize)]
 struct FitResult<'a> {
     asset: String,
@@ -130,7 +131,7 @@ struct FitResult<'a> {
     lobe_error: LobeError,
 }
 
-/// One layer's figures.
+/// Figures of one layer.
 #[derive(Debug, serde::Serialize)]
 struct LayerResult {
     side: String,

@@ -6,7 +6,7 @@ use serde::Serialize;
 use std::io::{Write, stderr, stdout};
 use std::path::{Path, PathBuf};
 
-/// Where `--json` writes: a file, or standard output for `-`.
+/// Tells whether `--json` writes to standard output: its target is `-`.
 pub(super) fn is_stdout(target: &Path) -> bool {
     target == Path::new("-")
 }
@@ -71,7 +71,7 @@ pub(super) fn check_distinct(paths: &[&Path]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The path with its folder resolved; the file itself need not exist.
+/// Returns the path with its folder resolved; the file itself need not exist.
 fn real_path(path: &Path) -> PathBuf {
     if let Ok(real) = std::fs::canonicalize(path) {
         return real;

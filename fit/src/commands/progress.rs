@@ -8,11 +8,11 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// How often the elapsed time is redrawn.
+/// Time between two redraws of the elapsed time.
 const TICK: Duration = Duration::from_millis(200);
 
-/// A monitor that draws a bar on stderr where that is a terminal, and that Ctrl-C cancels. With a forecast the bar
-/// also tells how long the whole will still take. Remarks go to stderr, a line each, unless `--quiet`.
+/// Returns a monitor that draws a bar on stderr where that is a terminal, and that Ctrl-C cancels. With a forecast the
+/// bar also tells how long the whole fit will still take. Remarks go to stderr, one line each, unless `--quiet`.
 pub(super) fn monitor(shared: &Shared, forecast: Option<Forecast>) -> Result<Arc<Monitor>, Failure> {
     let target = if shared.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(None, target);
@@ -61,7 +61,7 @@ pub(super) fn monitor(shared: &Shared, forecast: Option<Forecast>) -> Result<Arc
     Ok(monitor)
 }
 
-/// What stands behind a stage's own bar.
+/// Returns the text behind a stage's own bar: the rounded time that the whole fit still takes.
 fn whole(seconds: f64) -> String {
     // A guess to the second would promise too much.
     let rounded = if seconds > 120.0 { (seconds / 60.0).ceil() * 60.0 } else { (seconds / 5.0).ceil() * 5.0 };

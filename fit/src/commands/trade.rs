@@ -16,7 +16,7 @@ use std::time::Instant;
 /// Files that `--out` gets beside the plots.
 const TABLE: &str = "trade.csv";
 const PAGE: &str = "trade.html";
-/// All plots there may be.
+/// Names of all plots that `--out` may get.
 const PLOTS: [&str; 4] = ["bytes-psnr.svg", "ns-psnr.svg", "ns-between.svg", "gpu-psnr.svg"];
 
 /// Measure speed against accuracy against size over a grid of settings
@@ -84,7 +84,7 @@ pub(super) struct TradeArgs {
     json: Option<PathBuf>,
 }
 
-/// What `trade --json` writes.
+/// Result that `trade --json` writes.
 #[derive(Debug, serde::Serialize)]
 struct TradeResult<'a> {
     #[serde(flatten)]
@@ -191,7 +191,7 @@ fn params(args: &TradeArgs) -> TradeParams {
     }
 }
 
-/// The front of size, a line each.
+/// Returns the settings on the front of size, one line each.
 fn summary(result: &TradeResult) -> String {
     let trade = result.trade;
     let software = if trade.gpu_is_software { " (software)" } else { "" };

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 /// Check an asset or a volumetric texture: everything in it, checksums included
 ///
-/// Every error and every warning is a line with a number that docs/FINDINGS.md or docs/VOLTEX.md explains. Exits with 0 if there is no error
-/// and with 1 if there is one.
+/// Every error and every warning is a line with a number that docs/FINDINGS.md or docs/VOLTEX.md explains. Exits with 0
+/// if there is no error and with 1 if there is one.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   btf-fit validate wool.spmm
@@ -24,7 +24,7 @@ pub(super) struct ValidateArgs {
     json: Option<PathBuf>,
 }
 
-/// What `validate --json` writes.
+/// Result that `validate --json` writes.
 #[derive(Debug, serde::Serialize)]
 struct Verdict<'a> {
     file: &'a Path,

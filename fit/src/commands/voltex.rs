@@ -13,8 +13,8 @@ use std::path::PathBuf;
 
 /// Make a volumetric texture of a model: a small volume that looks like it from afar
 ///
-/// Leaves, stems and whatever else the model has become voxels of microflakes, at levels from fine to coarse, fitted to what rays
-/// past the model see. A renderer draws them with one ray a pixel.
+/// Leaves, stems and whatever else the model has become voxels of microflakes, at levels from fine to coarse, fitted to
+/// what rays past the model see. A renderer draws them with one ray a pixel.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-synth plants tree.glb --species tree
@@ -39,7 +39,7 @@ pub(super) struct VoltexArgs {
     json: Option<PathBuf>,
 }
 
-/// Most voxels a side.
+/// Most voxels along a side.
 const MAX_RESOLUTION: u32 = 1 << btf_runtime::voltex::MAX_LEVELS;
 
 fn resolution(text: &str) -> Result<u32, String> {
@@ -51,7 +51,7 @@ fn resolution(text: &str) -> Result<u32, String> {
     }
 }
 
-/// What `voltex --json` writes.
+/// Result that `voltex --json` writes.
 #[derive(Debug, serde::Serialize)]
 struct Built {
     file: String,
@@ -60,7 +60,7 @@ struct Built {
     mesh_bytes: usize,
     side_m: f32,
     materials: usize,
-    /// Finest first.
+    /// Voxels of each level, finest first.
     voxels: Vec<usize>,
     seconds: f64,
 }

@@ -1,5 +1,5 @@
-//! Direction pairs that a fit does not look at (`--leave-out`), so that their error can be measured, and how they are
-//! predicted from the pairs that it sees.
+//! Direction pairs that a fit does not use (`--leave-out`), so that their error can be measured, and how they are
+//! predicted from the pairs that it uses.
 
 use btf_capture::CaptureInfo;
 use btf_runtime::Sphere;
@@ -10,27 +10,28 @@ use rand::seq::SliceRandom;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-/// Seen pairs that predict a held-back one.
+/// Number of measured pairs that predict a held-back one.
 const SOURCES: usize = 64;
-/// Rounds of predicting and learning covariances.
+/// Rounds of predicting held-back samples and estimating covariances.
 const ROUNDS: usize = 4;
-/// What the samples have of their own, relative to their mean square.
+/// Variance of a sample's own noise, relative to the samples' mean square.
 const NOISE: f64 = 1e-3;
 
-/// The held-back pairs and how their samples are filled from those that are seen.
+/// Held-back pairs and how their samples are filled from the others.
 #[derive(Debug, Clone, Default)]
 pub struct Holdout {
     /// Held-back pairs, ascending (`view * lights + light`).
     pub pairs: Vec<usize>,
-    /// Per held-back pair: the seen pairs whose weighted sum stands in for it.
+    /// For each held-back pair the pairs, with weights, whose weighted sum stands in for it.
     pub sources: Vec<Vec<(usize, f32)>>,
-    /// Views, lights.
+    /// Number of views and of lights.
     shape: [usize; 2],
 }
 
 impl Holdout {
-    /// Holds back `share` of the pairs, by `seed`. The fill of a pair is at first the mean of its seen neighbours:
-    /// same view and a neighbouring light, or same light and a neighbouring view (Delaunay neighbours).
+    /// Holds back `share` of the pairs, chosen by `seed`. A held-back pair is at first filled with the mean of its
+    /// neighbours that are not held back: the pairs of the same view and a neighbouring light, or of the same light and
+    /// a neighbouring view (Delaunay neighbours).
     pub fn new(info: &CaptureInfo, lights: &Sphere, views: &Sphere, share: f64, seed: u64) -> Holdout {
         let count = (info.pair_count() as f64 * share).round() as usize;
         if count == 0 {
@@ -57,9 +58,10 @@ impl Holdout {
         Holdout { pairs, sources, shape: [views.len(), light_count] }
     }
 
-    /// Sources learnt from rows `[texel, pair x channel]` that are filled already: the best linear prediction from
-    /// the nearest seen pairs (simple kriging), nearness and weights from covariances separable in view and light,
-    /// which are estimated from the rows and their fill in turns (expectation-maximisation).
+    /// Returns the pairs and weights that predict each held-back pair, learnt from rows `[texel, pair x channel]` that
+    /// are filled already: the best linear prediction from the nearest pairs (simple kriging). Nearness and weights
+    /// come from covariances separable in view and light, which are estimated from the rows and their fill in turns
+    /// (expectation-maximisation).
     ///
     /// Cost: `4 rounds x (6 texels views lights (views + lights) + held pairs x 64^3 / 3)` operations.
     pub fn learn(&self, mut rows: Array2<f32>) -> Vec<Vec<(usize, f32)>> {
@@ -113,7 +115,8 @@ fn flags(pairs: &[usize], count: usize) -> Vec<bool> {
     flags
 }
 
-/// Second moments between views and between lights over all texels and channels, of mean diagonal 1.
+/// Returns the second moments between views and between lights over all texels and channels, each scaled to a mean
+/// diagonal of 1.
 fn covariances(rows: ArrayView2<f32>, [views, lights]: [usize; 2]) -> (Array2<f64>, Array2<f64>) {
     let mut view = Array2::<f64>::zeros((views, views));
     let mut light = Array2::<f64>::zeros((lights, lights));
@@ -142,7 +145,7 @@ fn covariances(rows: ArrayView2<f32>, [views, lights]: [usize; 2]) -> (Array2<f6
     (view, light)
 }
 
-/// Weights of `near` that predict `pair` best.
+/// Returns the weights of the pairs `near` that predict `pair` with least expected squared error.
 fn weights(near: &[usize], pair: usize, covariance: &impl Fn(usize, usize) -> f64) -> Vec<(usize, f32)> {
     let n = near.len();
     let among = DMatrix::from_fn(n, n, |i, j| covariance(near[i], near[j]) + if i == j { NOISE } else { 0.0 });
@@ -158,7 +161,7 @@ mod tests {
     use super::*;
     use btf_capture::{DirectionSet, ImageFormat};
 
-    /// Rows of rank one in view and light for each texel, with a common shape.
+    /// Returns the rows of rank one in view and light for each texel, with a common shape.
     fn rows(texels: usize, views: usize, lights: usize) -> Array2<f32> {
         let wave = |i: usize, j: usize, k: f32| 1.5 + (i as f32 * 0.7 + j as f32 * k).sin();
         Array2::from_shape_fn((texels, views * lights * 3), |(texel, i)| {

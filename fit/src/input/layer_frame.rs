@@ -1,4 +1,4 @@
-//! Between a capture's own frame and the one frame that all layers of an asset share.
+//! Conversion between a capture's own frame and the one frame that all layers of an asset share.
 //!
 //! A capture of a face that is seen from behind ([`Side::is_turned_over`]) has its images and
 //! directions as the camera saw the sample turned over about its y axis: a direction (x, y, z) there
@@ -11,7 +11,7 @@ use crate::error::FitError;
 use btf_capture::{Direction, DirectionSet, Side};
 use btf_runtime::{Layer, Sphere, SurfaceSide};
 
-/// Sides of light and eye of a capture, as a layer stores them.
+/// Returns the sides of light and eye of a capture of `side`, as a layer stores them.
 pub fn sides_of_capture(side: Side) -> (SurfaceSide, SurfaceSide) {
     match side {
         Side::Front => (SurfaceSide::Front, SurfaceSide::Front),
@@ -21,7 +21,7 @@ pub fn sides_of_capture(side: Side) -> (SurfaceSide, SurfaceSide) {
     }
 }
 
-/// The capture side that a layer's sides stand for.
+/// Returns the capture side that a layer's sides stand for.
 pub fn side_of_layer(layer: &Layer) -> Side {
     Side::ALL
         .into_iter()
@@ -29,14 +29,14 @@ pub fn side_of_layer(layer: &Layer) -> Side {
         .unwrap_or(Side::Front)
 }
 
-/// The unit vectors that a layer stores for `set`, views or lights of a capture of `side`, in the
-/// set's order. A direction on the other side of the surface than the capture's is not told apart.
+/// Returns the unit vectors that a layer stores for `set`, views or lights of a capture of `side`, in the set's order.
+/// A direction and its mirror image in the surface give the same vector.
 pub fn layer_directions(set: &DirectionSet, side: Side) -> Vec<[f32; 3]> {
     set.units().into_iter().map(|[x, y, z]| [mirrored_x(x, side), y, z.abs()]).collect()
 }
 
-/// View and light directions of a layer as the file names of a capture of `side` give them: the
-/// inverse of [`layer_directions`].
+/// Returns the view and light directions of a layer as the file names of a capture of `side` give them: the inverse of
+/// [`layer_directions`].
 ///
 /// # Errors
 /// If two directions of the layer have the same angles.
@@ -51,8 +51,8 @@ pub fn capture_directions(layer: &Layer, side: Side) -> Result<(DirectionSet, Di
     Ok((set(&layer.views, false)?, set(&layer.lights, side.is_transmission())?))
 }
 
-/// Turns an image of `width` columns, `[row, column, sample]`, between the frame of a capture of `side`
-/// and the front's, in place; both ways are the same. One that is not turned over stays as it is.
+/// Mirrors the columns of an image `[row, column, channel]` of `width` columns, in place, where a capture of `side` is
+/// turned over: from the capture's frame to the front's and back alike.
 pub(crate) fn turn_image<T>(image: &mut [T], width: usize, side: Side) {
     if !side.is_turned_over() {
         return;
@@ -64,7 +64,8 @@ pub(crate) fn turn_image<T>(image: &mut [T], width: usize, side: Side) {
     }
 }
 
-/// The same for a map with one value per texel.
+/// Mirrors the columns of a map with one value per texel, in place, where a capture of `side` is turned over
+/// ([`turn_image`] does so for images).
 pub(crate) fn turn_map<T>(map: &mut [T], width: usize, side: Side) {
     if side.is_turned_over() {
         map.chunks_exact_mut(width).for_each(<[T]>::reverse);
@@ -83,8 +84,8 @@ fn mirrored_x(x: f32, side: Side) -> f32 {
 /// roundings of single precision near 1.
 const SAME_COMPONENT: f64 = 1.2e-7;
 
-/// The direction of a unit vector of single precision, with the fewest decimals of a degree that give
-/// the same vector again; five where none of them does.
+/// Returns the direction of a unit vector of single precision, with the fewest decimals of a degree that give the same
+/// vector again; five where none of them does.
 fn angles_from_unit(unit: [f32; 3]) -> Direction {
     let [x, y, z] = unit.map(f64::from);
     let theta = (x * x + y * y).sqrt().atan2(z).to_degrees();

@@ -8,16 +8,16 @@ const STEP_BITS: u32 = 12;
 const LEAST: f32 = 9.313_226e-10;
 const MOST: f32 = 131_072.0;
 
-/// `g(x)` of [`ResidualKind::encode`] at table speed.
+/// The residual's curve `g` ([`ResidualKind::encode`]) as a table with linear interpolation.
 pub struct Curve {
     kind: ResidualKind,
     epsilon: f32,
-    /// Value at every table step from `LEAST` on; empty for the additive kind.
+    /// Value of `g` at every table step from `LEAST` on; empty for the additive kind.
     table: Vec<f32>,
 }
 
 impl Curve {
-    /// Tabulates the curve.
+    /// Tabulates the curve of `kind`.
     pub fn new(kind: ResidualKind, epsilon: f32) -> Curve {
         let steps = (MOST.to_bits() - LEAST.to_bits()) >> STEP_BITS;
         let table = match kind {
@@ -29,7 +29,7 @@ impl Curve {
         Curve { kind, epsilon, table }
     }
 
-    /// `g(x)`.
+    /// Returns `g(x)` within 2e-6 of the exact value, relative to values above 0.1.
     #[inline]
     pub fn encode(&self, x: f32) -> f32 {
         if self.table.is_empty() {
@@ -44,7 +44,7 @@ impl Curve {
         self.table[index] + t * (self.table[index + 1] - self.table[index])
     }
 
-    /// The exact curve, for tables of samples.
+    /// Returns the exact curve `g`, for tables of samples.
     pub fn exact(&self) -> impl Fn(f32) -> f32 + Sync + Send + 'static {
         let (kind, epsilon) = (self.kind, self.epsilon);
         move |x| kind.encode(x, epsilon)

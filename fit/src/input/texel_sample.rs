@@ -3,7 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-/// At most `count` of `texels` texels, ascending: one drawn from each of `count` equal runs.
+/// Returns at most `count` of `texels` texels in ascending order: one drawn from each of `count` equal runs.
 ///
 /// Every n-th texel would be the same few columns again and again, and miss what lies between them; drawn freely, some
 /// places would have no texel at all.

@@ -1,7 +1,7 @@
-//! A capture turned from images into blocks of texels, once, so that every later pass reads a texel's
-//! whole function at a stretch. In memory where it fits, else in a file beside the output that is
-//! gone when the cache is dropped, unless finished stages are kept. Texels are in the asset's order: the images of a
-//! capture that is turned over are mirrored here.
+//! A capture turned once from images into blocks of texels, so that every later pass reads a texel's whole function in
+//! one piece. The blocks lie in memory where they fit, else in a file beside the output, which is removed when the
+//! cache is dropped unless finished stages are kept. Texels are in the asset's order: the images of a capture that is
+//! turned over are mirrored here.
 
 use crate::error::FitError;
 use crate::input::layer_frame::turn_image;
@@ -21,7 +21,7 @@ use std::sync::OnceLock;
 /// Texels of a block: 20 MB of 8-bit samples for Bonn's 6,561 pairs.
 const TILE_TEXELS: usize = 1024;
 
-/// The samples of `pair` at all texels, put together from the blocks.
+/// Returns the samples of `pair` at all `texels` texels, put together from the blocks.
 fn image_bytes(decoded: &Decoded, texels: usize, pairs: usize, pair: usize) -> Result<Vec<u8>, FitError> {
     let unit = decoded.form.unit();
     let mut bytes = vec![0; texels * unit];
@@ -33,7 +33,7 @@ fn image_bytes(decoded: &Decoded, texels: usize, pairs: usize, pair: usize) -> R
     Ok(bytes)
 }
 
-/// Texels of block `tile` of `texels`.
+/// Returns which of `texels` texels lie in block `tile`.
 fn tile_texels(tile: usize, texels: usize) -> Range<usize> {
     tile * TILE_TEXELS..((tile + 1) * TILE_TEXELS).min(texels)
 }
@@ -42,36 +42,36 @@ fn tile_texels(tile: usize, texels: usize) -> Range<usize> {
 pub struct TileCache<'a> {
     capture: &'a Capture,
     monitor: &'a Monitor,
-    /// Where a decoded capture in a file is kept, if it is.
+    /// Finished stages among which a decoded capture in a file is kept, if any.
     stages: Option<&'a Stages<'a>>,
     memory_bytes: u64,
     directory: PathBuf,
-    /// Largest sample that is taken.
+    /// Largest linear sample that is accepted.
     most: f32,
     texels: usize,
     pairs: usize,
     lights: usize,
-    /// Samples as they are, linear.
+    /// Mapping to linear samples.
     linear: Mapping,
     decoded: OnceLock<Decoded>,
 }
 
-/// How a sample is held.
+/// Form in which samples are held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 enum Form {
-    /// The file's own code.
+    /// The file's own 8-bit code.
     Encoded8 = 0,
-    /// Linear, half precision.
+    /// Linear samples in half precision.
     Half = 1,
-    /// Linear, single precision: where a sample is above half precision's range.
+    /// Linear samples in single precision, where one is above the range of half precision.
     Single = 2,
 }
 
 impl Form {
     const ALL: [Form; 3] = [Form::Encoded8, Form::Half, Form::Single];
 
-    /// Bytes of a texel's three samples.
+    /// Returns the bytes of a texel's three samples.
     fn unit(self) -> usize {
         match self {
             Form::Encoded8 => 3,
@@ -142,7 +142,7 @@ pub struct DecodedImages {
 }
 
 impl DecodedImages {
-    /// The image of `pair` (`view * lights + light`).
+    /// Returns the image of `pair` (`view * lights + light`).
     ///
     /// # Errors
     /// If the temporary file cannot be read back.
@@ -163,8 +163,8 @@ impl DecodedImages {
     }
 }
 
-/// Returns what reads the image of a view and a light of a capture: from `decoded` where the images are at hand, else from
-/// its files.
+/// Returns a function that reads the image of a view and a light of `capture`: from `decoded` where the images are in
+/// memory, else from the capture's files.
 pub fn read_images<'a>(
     capture: &'a Capture,
     decoded: Option<&'a DecodedImages>,
@@ -175,7 +175,7 @@ pub fn read_images<'a>(
     }
 }
 
-/// What is kept of a decoded capture beside its file: by it a later run sees that the file is whole.
+/// Record beside a decoded capture's file, by which a later run sees that the file is whole.
 struct Record {
     form: u8,
     /// Hash of each block.
@@ -197,9 +197,9 @@ impl Stored for Record {
 pub struct Tile<'a> {
     cache: &'a TileCache<'a>,
     form: Form,
-    /// Which texels.
+    /// Range of the block's texels.
     pub texels: Range<usize>,
-    /// `[texel, pair, channel]`.
+    /// Samples, `[texel, pair, channel]`.
     samples: Vec<u8>,
 }
 
@@ -219,8 +219,9 @@ impl<'a> TileCache<'a> {
         Ok(cache)
     }
 
-    /// The same, but images are read (as the stage `read`) only when the first block is asked for, and a decoded
-    /// capture that does not fit into memory is kept among `stages`. A sample above `most` is an error.
+    /// Returns a cache whose images are read (as the stage `read`) only when the first block is asked for;
+    /// [`TileCache::build`] reads them at once. A decoded capture that does not fit into memory is kept among `stages`.
+    /// A sample above `most` is an error.
     pub(crate) fn new(
         capture: &'a Capture,
         memory_bytes: u64,
@@ -250,7 +251,7 @@ impl<'a> TileCache<'a> {
         })
     }
 
-    /// The samples: those at hand, else those that an earlier run kept, else the images decoded.
+    /// Returns the decoded samples: from memory, else from what an earlier run kept, else by decoding the images.
     fn decoded(&self) -> Result<&Decoded, FitError> {
         if let Some(decoded) = self.decoded.get() {
             return Ok(decoded);
@@ -270,7 +271,7 @@ impl<'a> TileCache<'a> {
         Ok(self.decoded.get_or_init(|| found))
     }
 
-    /// What an earlier run decoded into a file, if every block of it is as it was.
+    /// Returns what an earlier run decoded into a file, if every block of it is unchanged.
     fn kept(&self) -> Option<Decoded> {
         let stages = self.stages?;
         let path = stages.texels_path()?;
@@ -306,7 +307,7 @@ impl<'a> TileCache<'a> {
         }
     }
 
-    /// A new file for the decoded capture: among the kept stages, else a temporary one.
+    /// Returns a new file for the decoded capture: among the kept stages, else a temporary one.
     fn make_file(&self, bytes: usize) -> Result<Place, FitError> {
         let kept = self.stages.and_then(Stages::texels_path);
         let shown = kept.as_deref().unwrap_or(&self.directory).to_path_buf();
@@ -398,35 +399,35 @@ impl<'a> TileCache<'a> {
         Ok(Some(decoded))
     }
 
-    /// Blocks.
+    /// Returns the number of blocks.
     pub fn tile_count(&self) -> usize {
         self.texels.div_ceil(TILE_TEXELS)
     }
 
-    /// Texels of the whole capture.
+    /// Returns the number of texels of the capture.
     pub fn texel_count(&self) -> usize {
         self.texels
     }
 
-    /// Direction pairs.
+    /// Returns the number of direction pairs.
     pub fn pair_count(&self) -> usize {
         self.pairs
     }
 
-    /// Byte range of a block; within it samples lie `[pair, texel, channel]`.
+    /// Returns the byte range of block `tile`; within it samples lie `[pair, texel, channel]`.
     fn tile_range(&self, tile: usize, form: Form) -> Range<usize> {
         let texels = self.tile_texels(tile);
         let texel_bytes = self.pairs * form.unit();
         texels.start * texel_bytes..texels.end * texel_bytes
     }
 
-    /// Texels of block `tile`.
+    /// Returns which texels lie in block `tile`.
     pub fn tile_texels(&self, tile: usize) -> Range<usize> {
         tile_texels(tile, self.texels)
     }
 
-    /// The images, if they are all at hand as they were read: halves are rounded, and a run that went on from kept
-    /// stages may have read none.
+    /// Returns the decoded images if all of them are held exactly as they were read. `None` where they are rounded to
+    /// half precision, or where a resumed run read none.
     pub fn into_images(self) -> Option<DecodedImages> {
         let (texels, pairs, info) = (self.texels, self.pairs, self.capture.info());
         let decoded = self.decoded.into_inner().filter(|decoded| decoded.form != Form::Half)?;
@@ -458,7 +459,7 @@ impl<'a> TileCache<'a> {
         Ok(())
     }
 
-    /// The texels `chosen` (ascending) as one block: its texel `i` is `chosen[i]`. Memory: their samples.
+    /// Returns the texels `chosen` (ascending) as one block: its texel `i` is `chosen[i]`. Memory: their samples.
     pub fn gather(&self, chosen: &[usize]) -> Result<Tile<'_>, FitError> {
         let form = self.decoded()?.form;
         let unit = form.unit();
@@ -487,7 +488,7 @@ impl<'a> TileCache<'a> {
         Ok(Tile { cache: self, form, texels: 0..chosen.len(), samples })
     }
 
-    /// The image of `pair` through `mapping`, `[texel, channel]`, texels in the asset's order.
+    /// Returns the image of `pair` through `mapping`, `[texel, channel]`, texels in the asset's order.
     pub fn image(&self, pair: usize, mapping: &Mapping) -> Result<Vec<f32>, FitError> {
         let (decoded, light) = (self.decoded()?, pair % self.lights);
         let bytes = image_bytes(decoded, self.texels, self.pairs, pair)?;
@@ -504,7 +505,7 @@ impl<'a> TileCache<'a> {
         })
     }
 
-    /// Block `tile` as it lies: `[pair, texel, channel]`.
+    /// Calls `work` with block `tile` as it is stored, `[pair, texel, channel]`, and returns its result.
     fn with_pair_major<R>(&self, tile: usize, work: impl FnOnce(&[u8]) -> R) -> Result<R, FitError> {
         let decoded = self.decoded()?;
         let range = self.tile_range(tile, decoded.form);
@@ -553,7 +554,7 @@ impl<'a> TileCache<'a> {
 }
 
 impl Tile<'_> {
-    /// Samples of the block's texel `index` through `mapping`: `out` is `[pair, channel]`.
+    /// Writes the samples of the block's texel `index` through `mapping` into `out`, `[pair, channel]`.
     pub fn texel_mapped(&self, index: usize, out: &mut [f32], mapping: &Mapping) {
         let stride = self.cache.pairs * self.form.unit();
         let samples = &self.samples[index * stride..(index + 1) * stride];
@@ -577,7 +578,7 @@ impl Tile<'_> {
         }
     }
 
-    /// Linear reflectance times cosine of the block's texel `index`, `[pair, channel]`.
+    /// Writes linear reflectance times cosine of the block's texel `index` into `out`, `[pair, channel]`.
     pub fn texel_linear(&self, index: usize, out: &mut [f32]) {
         self.texel_mapped(index, out, &self.cache.linear);
     }
@@ -590,7 +591,7 @@ pub struct Mapping {
 }
 
 impl Mapping {
-    /// `curve` of the linear sample.
+    /// Returns the mapping of a sample to `curve` of its linear value.
     pub fn new(cache: &TileCache, curve: impl Fn(f32) -> f32 + Sync + Send + 'static) -> Mapping {
         let tables = cache.linear.tables.iter().map(|table| table.map(&curve)).collect();
         Mapping { tables, curve: Box::new(curve) }
@@ -631,72 +632,4 @@ fn read_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> std::io::Resul
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::params::FitParams;
-    use crate::resume::checkpoint::Checkpoint;
-    use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
-    use std::sync::{Arc, Mutex};
-
-    fn capture(path: &Path) -> Capture {
-        let set = DirectionSet::random(4, 1).unwrap();
-        // More than one block.
-        let info = CaptureInfo::new("noise", 40, 33, set.clone(), set, ImageFormat::Png);
-        let writer = CaptureWriter::create(path, info).unwrap();
-        for pair in 0..16 {
-            let image: Vec<f32> =
-                (0..40 * 33 * 3).map(|i| ((i * 7919 + pair * 104_729) % 256) as f32 / 255.0).collect();
-            writer.write(pair / 4, pair % 4, &image).unwrap();
-        }
-        writer.finish().unwrap();
-        Capture::open(path).unwrap()
-    }
-
-    fn samples(cache: &TileCache) -> Vec<f32> {
-        let mut all = Vec::new();
-        let mut row = vec![0.0; cache.pair_count() * 3];
-        for tile in 0..cache.tile_count() {
-            let tile = cache.read(tile).unwrap();
-            for index in 0..tile.texels.len() {
-                tile.texel_linear(index, &mut row);
-                all.extend_from_slice(&row);
-            }
-        }
-        all
-    }
-
-    #[test]
-    fn a_decoded_capture_in_a_file_is_kept_taken_again_and_refused_when_damaged() {
-        let folder = tempfile::tempdir().unwrap();
-        let capture = capture(&folder.path().join("capture"));
-        let resume = folder.path().join("a.spmm.resume");
-        let params = FitParams { resume: Some(resume.clone()), ..FitParams::default() };
-        let remarks = Arc::new(Mutex::new(Vec::<String>::new()));
-        let run = || {
-            let heard = Arc::clone(&remarks);
-            let monitor = Monitor::default().on_remark(move |text| heard.lock().unwrap().push(text.to_string()));
-            let checkpoint = Checkpoint::open(std::slice::from_ref(&capture), &params.check().unwrap(), &monitor).unwrap();
-            let stages = checkpoint.layer(0, 1);
-            let cache = TileCache::new(&capture, 1000, folder.path(), f32::INFINITY, Some(&stages), &monitor).unwrap();
-            (samples(&cache), monitor.skipped(), monitor.stages().len())
-        };
-        let (first, skipped, stages) = run();
-        assert_eq!((skipped.len(), stages), (0, 1));
-        let (again, skipped, stages) = run();
-        assert_eq!((again == first, skipped, stages), (true, vec!["read".to_string()], 0));
-        assert!(remarks.lock().unwrap().is_empty());
-        let file = std::fs::read_dir(&resume).unwrap().map(|entry| entry.unwrap().path());
-        let file = file.into_iter().find(|path| path.extension().is_some_and(|end| end == "texels")).unwrap();
-        let whole = std::fs::read(&file).unwrap();
-        let mut flipped = whole.clone();
-        flipped[whole.len() / 2] ^= 4;
-        for damaged in [&flipped[..], &whole[..whole.len() - 1], &[]] {
-            std::fs::write(&file, damaged).unwrap();
-            let (again, skipped, _) = run();
-            assert_eq!((again == first, skipped.len()), (true, 0));
-            assert_eq!(std::mem::take(&mut *remarks.lock().unwrap()).len(), 1);
-        }
-        std::fs::remove_file(&file).unwrap();
-        assert!(run().0 == first);
-    }
-}
+mod tests;

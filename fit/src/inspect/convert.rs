@@ -1,23 +1,23 @@
-//! Other shapes of an asset: with coarser levels, or in its resident form.
+//! Conversion of an asset to other shapes: with coarser levels, or in its resident form.
 
 use crate::error::FitError;
 use crate::inspect::load::parallel;
 use btf_runtime::{Asset, ResidentFile, pack, with_levels};
 
-/// What [`convert`] makes.
+/// Shape that [`convert`] makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
-    /// The file form without levels.
+    /// The file form with levels: about a quarter more bytes, and a reader need not make the levels.
     Plain,
-    /// The file form with levels: about a quarter more bytes; a reader need not make them.
+    /// The file form with levels: about a quarter more bytes, and a reader need not make the levels.
     Levels,
-    /// The resident form with levels: to be mapped, nothing to be decoded; many times the bytes.
+    /// The resident form with levels: many times the bytes; it is mapped into memory and nothing is decoded.
     Resident,
-    /// One level alone, 0 the finest, as an asset of its own; the coarsest beyond them all.
+    /// One level alone as an asset of its own; 0 is the finest, and numbers beyond the last give the coarsest.
     Level(usize),
 }
 
-/// The bytes of `asset` in another shape. The same asset gives the same bytes on any number of threads.
+/// Returns the bytes of `asset` in another shape. The same asset gives the same bytes on any number of threads.
 ///
 /// Cost: making levels takes some seconds for 256 x 256 texels.
 ///

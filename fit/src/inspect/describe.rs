@@ -1,4 +1,4 @@
-//! What is in an asset: for `info`, for the report, and for anyone who wants to know where the bytes go.
+//! Description of an asset's contents: for `info`, for the report, and for anyone who wants to know where the bytes go.
 
 use crate::error::FitError;
 use crate::input::layer_frame::side_of_layer;
@@ -14,12 +14,12 @@ use btf_runtime::{
 use serde::Serialize;
 use std::fmt::{self, Display};
 
-/// What is in an asset. The names are the keys of `info --json`.
+/// Contents of an asset. The names are the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Description {
-    /// Bytes at hand.
+    /// Bytes that were read.
     pub bytes: u64,
-    /// Bytes of the whole asset; more than `bytes` where only a tier is at hand.
+    /// Bytes of the whole asset; more than `bytes` where only a tier was read.
     pub whole_bytes: u64,
     /// Bytes that a decoder holds once the asset is loaded.
     pub resident_bytes: u64,
@@ -27,7 +27,7 @@ pub struct Description {
     pub version: u32,
     /// Texels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows of texels.
     pub height: usize,
     /// Physical width and height in millimetres, where known.
     pub size_mm: Option<[f32; 2]>,
@@ -37,7 +37,7 @@ pub struct Description {
     pub tiers: Vec<TierDescription>,
     /// Sizes by kind of section, all layers, in the order of the file.
     pub sections: Vec<SectionSize>,
-    /// Layers.
+    /// The asset's layers.
     pub layers: Vec<LayerDescription>,
     /// The asset's own description.
     pub material: Material,
@@ -48,20 +48,20 @@ pub struct Description {
 pub struct TierDescription {
     /// Length of the prefix.
     pub bytes: u64,
-    /// Residual components of the first layer that it reaches; `None` for lobes without residual.
+    /// Residual components of the first layer that the prefix holds; `None` for lobes without residual.
     pub components: Option<usize>,
 }
 
-/// What is in a layer.
+/// Contents of a layer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LayerDescription {
-    /// `front`, `back`, `transmission-back` or `transmission-front`.
+    /// Side: `front`, `back`, `transmission-back` or `transmission-front`.
     pub side: String,
     /// Number of view directions.
     pub views: usize,
     /// Number of light directions.
     pub lights: usize,
-    /// Clusters.
+    /// Number of clusters.
     pub clusters: usize,
     /// Lobes in all dictionaries.
     pub dictionary_lobes: usize,
@@ -74,9 +74,9 @@ pub struct LayerDescription {
     pub lobe_counts: Vec<u64>,
     /// Use of each lobe family that occurs.
     pub families: Vec<FamilyUse>,
-    /// `additive`, `log`, `root`, or `none`.
+    /// Curve of the residual: `additive`, `log`, `root`, or `none`.
     pub residual: String,
-    /// Residual components.
+    /// Number of residual components.
     pub components: usize,
     /// Bases that all clusters share.
     pub shared_bases: usize,
@@ -93,7 +93,7 @@ pub struct FamilyUse {
     pub family: &'static str,
     /// Lobes of this family in the dictionaries.
     pub dictionary: usize,
-    /// References to them from texels.
+    /// References from texels to lobes of this family.
     pub texels: usize,
 }
 
@@ -132,7 +132,7 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
     })
 }
 
-/// The name of a lobe family as people write it.
+/// Returns the name of a lobe family as people write it.
 pub fn family_name(family: LobeFamily) -> &'static str {
     match family {
         LobeFamily::Lambertian => "Lambertian",
@@ -147,7 +147,7 @@ pub fn family_name(family: LobeFamily) -> &'static str {
     }
 }
 
-/// Describes layer `number`, the one of the slice.
+/// Describes layer `number` of an asset, which is the only one in `layers`.
 fn describe_layer(layers: &[Layer], number: usize, sections: &[SectionEntry]) -> LayerDescription {
     let layer = &layers[0];
     let mut lobe_counts = vec![0; layer.most_lobes() + 1];
@@ -196,7 +196,7 @@ fn describe_layer(layers: &[Layer], number: usize, sections: &[SectionEntry]) ->
 }
 
 impl Display for Description {
-    /// What `info` prints.
+    /// Writes what `info` prints.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let material = &self.material;
         writeln!(f, "name        {}", if material.name.is_empty() { "(none)" } else { &material.name })?;

@@ -1,4 +1,4 @@
-//! What is in a file of any of the toolkit's forms: for `info`.
+//! Description of a file of any of the toolkit's forms: for `info`.
 
 use crate::error::FitError;
 use crate::inspect::describe::{Description, describe};
@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::fmt::{self, Display};
 use std::path::Path;
 
-/// What is in a file, an asset's in either form or a volumetric texture's.
+/// Contents of a file: an asset in either form, or a volumetric texture.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum FileDescription {
@@ -32,7 +32,7 @@ impl Display for FileDescription {
     }
 }
 
-/// [`describe`], [`describe_resident`] or [`describe_voltex`] of a file.
+/// Describes a file by [`describe`], [`describe_resident`] or [`describe_voltex`], as its first bytes say.
 ///
 /// # Errors
 /// As they, or if it cannot be read; the message names the file.

@@ -1,4 +1,4 @@
-//! What is in an asset's resident form: for `info`.
+//! Description of an asset's resident form: for `info`.
 
 use crate::error::FitError;
 use crate::input::layer_frame::sides_of_capture;
@@ -11,10 +11,10 @@ use serde::Serialize;
 use std::fmt::{self, Display};
 use std::sync::Arc;
 
-/// What is in an asset's resident form. The names are the keys of `info --json`.
+/// Contents of an asset's resident form. The names are the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ResidentDescription {
-    /// `resident`.
+    /// Always `resident`.
     pub form: &'static str,
     /// Bytes of the file.
     pub bytes: u64,
@@ -22,17 +22,17 @@ pub struct ResidentDescription {
     pub version: u32,
     /// Texels per row.
     pub width: u32,
-    /// Rows.
+    /// Number of rows of texels.
     pub height: u32,
     /// Physical width and height in millimetres, where known.
     pub size_mm: Option<[f32; 2]>,
     /// Width and height of each level, the finest first.
     pub levels: Vec<[u32; 2]>,
-    /// Sides of its layers, in order.
+    /// Sides of the layers, in order.
     pub layers: Vec<String>,
     /// Residual components of the layer that has most.
     pub components: u32,
-    /// Lobes of the texel that has most.
+    /// Lobes that the texel with most of them refers to.
     pub lobes: u32,
     /// The asset's own description.
     pub material: Material,
@@ -62,7 +62,7 @@ pub fn describe_resident(bytes: Vec<u8>) -> Result<ResidentDescription, FitError
 }
 
 impl Display for ResidentDescription {
-    /// What `info` prints.
+    /// Writes what `info` prints.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = if self.material.name.is_empty() { "(none)" } else { &self.material.name };
         let size = self.size_mm.map_or(String::new(), |[w, h]| format!(", {w} x {h} mm"));
@@ -77,7 +77,7 @@ impl Display for ResidentDescription {
     }
 }
 
-/// What the layers' sides are, in order.
+/// Returns the sides of the layers, in order.
 pub(crate) fn sides_of_resident(resident: &Resident) -> Vec<Side> {
     let mut sides: Vec<(u32, Side)> = Vec::new();
     for side in Side::ALL {

@@ -1,4 +1,4 @@
-//! What is in a volumetric texture's file: for `info`.
+//! Description of a volumetric texture's file: for `info`.
 
 use crate::error::FitError;
 use crate::inspect::load::{parallel, read_file};
@@ -11,14 +11,14 @@ use serde::Serialize;
 use std::fmt::{self, Display};
 use std::path::Path;
 
-/// What is in a volumetric texture. The names are the keys of `info --json`.
+/// Contents of a volumetric texture. The names are the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct VoltexDescription {
-    /// `voltex`.
+    /// Always `voltex`.
     pub form: &'static str,
-    /// Bytes at hand.
+    /// Bytes that were read.
     pub bytes: u64,
-    /// Bytes of the whole file; more than `bytes` where only a tier is at hand.
+    /// Bytes of the whole file; more than `bytes` where only a tier was read.
     pub whole_bytes: u64,
     /// Bytes that a decoder holds once the volume is loaded.
     pub resident_bytes: u64,
@@ -26,42 +26,43 @@ pub struct VoltexDescription {
     pub version: u32,
     /// Metres per side of the unit cube.
     pub side_m: f32,
-    /// How much of the unit cube is used.
+    /// Part of the unit cube that is used.
     pub extent: [f32; 3],
-    /// The same in metres.
+    /// Part of the cube that is used, in metres.
     pub extent_m: [f32; 3],
-    /// Whether it continues itself in x and in y.
+    /// Whether the volume repeats in x and in y.
     pub cyclic: [bool; 2],
-    /// Voxels of all levels at hand.
+    /// Number of voxels of all levels that were read.
     pub voxels: usize,
-    /// The levels at hand, finest first.
+    /// Levels that were read, finest first.
     pub levels: Vec<LevelDescription>,
     /// Prefixes of the file that are volumes of their own, the last the whole file.
     pub tiers: Vec<VoltexTier>,
     /// Sizes by kind of section, in the order of the file.
     pub sections: Vec<SectionSize>,
-    /// What its microflakes are made of, with how many voxels are.
+    /// Materials of the microflakes, with the number of voxels of each.
     pub materials: Vec<MaterialUse>,
     /// The volume's own description; `null` where it is not JSON.
     pub description: serde_json::Value,
 }
 
-/// What is in a level.
+/// Contents of a level.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LevelDescription {
-    /// Voxels a side.
+    /// Voxels along a side.
     pub side: u32,
-    /// How many are not empty.
+    /// Voxels that are not empty.
     pub voxels: usize,
-    /// How many of these have microflakes of two sorts.
+    /// Voxels with microflakes of two sorts.
     pub of_two_sorts: usize,
-    /// Bytes of its section.
+    /// Bytes of the level's section.
     pub bytes: u64,
-    /// How far from the microflakes its rays to the light begin, voxels.
+    /// Distance from the microflakes at which rays to the light begin, in voxels.
     pub shadow_offset: f32,
-    /// The shares by which eye and light see the same gaps, at 0 to 180 degrees between them.
+    /// Share of the gaps that eye and light have in common, at angles of 0 to 180 degrees between them.
     pub shadow_shared: [f32; 10],
-    /// Entries xx, yy, zz, xy, xz, yz of C: along a unit vector d depths are `exp(d' C d)` times those of microflakes at random.
+    /// Entries xx, yy, zz, xy, xz, yz of the clumping matrix C: along a unit vector d, optical depths are `exp(d' C d)`
+    /// times those of microflakes at random places.
     pub clumping: [f32; 6],
 }
 
@@ -70,7 +71,7 @@ pub struct LevelDescription {
 pub struct VoltexTier {
     /// Length of the prefix.
     pub bytes: u64,
-    /// Voxels a side of its finest level.
+    /// Voxels along a side of the finest level in the prefix.
     pub side: u32,
 }
 
@@ -79,17 +80,17 @@ pub struct VoltexTier {
 pub struct MaterialUse {
     /// Share of light that leaves on the side where it came from.
     pub reflectance: [f32; 3],
-    /// Share that leaves on the other.
+    /// Share of light that leaves on the other side.
     pub transmittance: [f32; 3],
     /// Reflectance of the smooth surface at normal incidence.
     pub specular: f32,
-    /// Its roughness.
+    /// Roughness of the smooth surface.
     pub roughness: f32,
-    /// Voxels of all levels at hand.
+    /// Number of voxels of all levels that were read.
     pub voxels: usize,
 }
 
-/// Whether a file is a volumetric texture: by its first bytes, or else by its name.
+/// Tells whether a file is a volumetric texture: by its first bytes, or else by its name.
 pub(crate) fn is_voltex(path: &Path, bytes: &[u8]) -> bool {
     Volume::is_one(bytes) || path.extension().is_some_and(|extension| extension == "voltex")
 }
@@ -166,11 +167,11 @@ fn use_of(material: &MicroflakeMaterial, voxels: usize) -> MaterialUse {
     MaterialUse { reflectance, transmittance, specular, roughness, voxels }
 }
 
-/// Materials that are printed.
+/// Materials that are printed at most.
 const MAX_PRINTED: usize = 8;
 
 impl Display for VoltexDescription {
-    /// What `info` prints.
+    /// Writes what `info` prints.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.description["name"].as_str().filter(|name| !name.is_empty()).unwrap_or("(none)");
         writeln!(f, "name        {name}")?;

@@ -5,17 +5,17 @@ use btf_runtime::{Asset, Resident};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Work of the runtime on all threads of the pool.
+/// Runs `work(0..count)` of the runtime on all threads of the pool.
 pub(crate) fn parallel(count: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..count).into_par_iter().for_each(work);
 }
 
-/// The resident form, its clusters expanded on all threads of the pool.
+/// Returns the resident form of `asset`, whose clusters are expanded on all threads of the pool.
 pub fn resident_in_parallel(asset: &Asset) -> Resident {
     Resident::from_asset_on(asset, &parallel)
 }
 
-/// Reads and checks an asset file: its bytes and what is in them.
+/// Reads and parses an asset file; returns its bytes and the asset.
 ///
 /// # Errors
 /// If it cannot be read or is no good asset; the message names the file.
@@ -25,7 +25,7 @@ pub fn load_asset(path: &Path) -> Result<(Vec<u8>, Asset), FitError> {
     Ok((bytes, asset))
 }
 
-/// The same error with the name of the asset that it is about.
+/// Returns `error` with the path of the file that it is about.
 pub fn with_path(path: &Path, error: FitError) -> FitError {
     match error {
         FitError::Pack(source) => FitError::Asset { path: path.to_path_buf(), source },
@@ -35,7 +35,7 @@ pub fn with_path(path: &Path, error: FitError) -> FitError {
     }
 }
 
-/// The bytes of an asset, not looked at.
+/// Returns the bytes of a file, unchecked.
 ///
 /// # Errors
 /// If the file cannot be read; the message names it.

@@ -1,5 +1,4 @@
-//! How many lobes an asset has, what they are to its residual and which bytes they take: for every sign that tells of
-//! them.
+//! Counts of an asset's lobes, their role and their bytes: for every report that mentions them.
 
 use crate::params::Role;
 use crate::units::text_from_bytes;
@@ -7,7 +6,7 @@ use btf_runtime::{Layer, SectionEntry, SectionKind};
 use serde::Serialize;
 use std::fmt::{self, Display};
 
-/// Sections that lobes stand in.
+/// Kinds of sections that lobes are stored in.
 const LOBE_SECTIONS: [SectionKind; 3] = [SectionKind::TexelLobeCounts, SectionKind::Dictionary, SectionKind::LobeRefs];
 
 /// Lobes of a layer or of an asset. The names are keys of `fit --json` and of the layers in `info --json`.
@@ -28,8 +27,8 @@ pub struct LobeUse {
 }
 
 impl LobeUse {
-    /// Counts the lobes of `layers`, of which layer `first` of the asset is the first; `sections` is the directory of the
-    /// asset's file.
+    /// Counts the lobes of `layers`, of which layer `first` of the asset is the first; `sections` is the directory of
+    /// the asset's file.
     pub fn of(layers: &[Layer], first: usize, sections: &[SectionEntry]) -> LobeUse {
         let role = layers.first().map_or(Role::Guide, |layer| layer.lobe_role.into());
         let numbers = first..first + layers.len();

@@ -6,15 +6,15 @@ use serde::Serialize;
 /// Bytes of one kind of section.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SectionSize {
-    /// The kind's name in FORMAT.md.
+    /// Name of the kind in FORMAT.md.
     pub kind: String,
-    /// How many there are.
+    /// Number of sections.
     pub count: usize,
     /// Bytes of all of them, without padding.
     pub bytes: u64,
 }
 
-/// Sizes by kind of the sections that are at hand, in their order.
+/// Returns the sizes by kind of the sections within the first `bytes` bytes, in the order of the file.
 pub(crate) fn section_sizes(
     entries: &[SectionEntry],
     bytes: usize,

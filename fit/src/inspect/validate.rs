@@ -1,5 +1,5 @@
-//! Everything that can be said of a file: what the runtime finds in its bytes, and what this package finds in the description of the
-//! material or the volume. The numbers of the findings are those of docs/FINDINGS.md and docs/VOLTEX.md.
+//! Validation of files: the runtime's findings about the bytes, and this package's findings about the description of
+//! the material or the volume. The numbers of the findings are those of docs/FINDINGS.md and docs/VOLTEX.md.
 
 use crate::error::FitError;
 use crate::input::layer_frame::sides_of_capture;
@@ -12,47 +12,47 @@ use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What is in the file, good or bad. The names are the keys of `validate --json`.
+/// Result of a validation. The names are the keys of `validate --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Validation {
-    /// Whether readers take it: nothing found is an error.
+    /// Whether readers accept the file: no finding is an error.
     pub valid: bool,
-    /// The first error in a sentence; `null` where it is valid.
+    /// The first error in a sentence; `null` where the file is valid.
     pub error: Option<String>,
-    /// The layers' sides, in order; empty where it is not valid.
+    /// Sides of the layers, in order; empty where the file is not valid.
     pub layers: Vec<String>,
-    /// What it holds, for people; empty where it is not valid.
+    /// Summary of the contents for people; empty where the file is not valid.
     #[serde(skip)]
     pub holds: String,
     /// Errors in the order in which a reader meets them, then warnings, then information.
     pub findings: Vec<FindingRecord>,
-    /// How many there are of each.
+    /// Number of findings of each severity.
     pub counts: FindingCounts,
 }
 
-/// A finding, flat.
+/// A finding as one flat record.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FindingRecord {
-    /// `error`, `warning` or `information`.
+    /// Severity: `error`, `warning` or `information`.
     pub severity: &'static str,
-    /// `SPMM1201`.
+    /// Number of the finding, as `SPMM1201`.
     pub number: String,
-    /// The rule's sentence.
+    /// Sentence of the rule that is broken.
     pub message: &'static str,
-    /// What was found.
+    /// Detail of what was found.
     pub detail: String,
-    /// What helps.
+    /// Remedy.
     pub remedy: &'static str,
-    /// The section's name, where it is one's.
+    /// Name of the section, where the finding is about one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub section: Option<String>,
-    /// The layer, where it is one's.
+    /// Layer, where the finding is about one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layer: Option<u32>,
-    /// Byte of the file, where there is one.
+    /// Offset in the file in bytes, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset: Option<u64>,
-    /// All of it in a line.
+    /// The whole finding in a line.
     #[serde(skip)]
     pub line: String,
 }
@@ -60,11 +60,11 @@ pub struct FindingRecord {
 /// Findings by severity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct FindingCounts {
-    /// Errors.
+    /// Number of errors.
     pub error: usize,
-    /// Warnings.
+    /// Number of warnings.
     pub warning: usize,
-    /// Information.
+    /// Number of findings for information.
     pub information: usize,
 }
 
@@ -84,8 +84,8 @@ impl FindingRecord {
     }
 }
 
-/// Examines the asset in `bytes`, in either form, or the tier of one: header, tables, checksums, every section's content, and the
-/// description of the material. `bytes` are not copied.
+/// Examines the asset in `bytes`, in either form, or the tier of one: header, tables, checksums, every section's
+/// content, and the description of the material. `bytes` are not copied.
 pub fn validate(bytes: Vec<u8>) -> Validation {
     let report = btf_runtime::validate(Arc::new(bytes), &parallel);
     let about = report.material.as_deref().and_then(about_description);
@@ -97,7 +97,8 @@ pub fn validate(bytes: Vec<u8>) -> Validation {
     Validation::new(report, about, layers, holds)
 }
 
-/// Examines the volumetric texture in `bytes`, or the tier of one, likewise.
+/// Examines the volumetric texture in `bytes`, or the tier of one: header, tables, checksums, every section's content,
+/// and the description.
 pub fn validate_voltex(bytes: &[u8]) -> Validation {
     let report = voltex::validate(bytes, &parallel);
     let not_json = |text: &String| serde_json::from_str::<serde_json::Value>(text).err();
@@ -129,7 +130,8 @@ impl Validation {
     }
 }
 
-/// What may be said of the material's description. Decoders do without it, so it is no error.
+/// Returns a finding about the material's description, if there is one. Decoders do without the description, so it is
+/// no error.
 fn about_description(text: &str) -> Option<Finding> {
     match serde_json::from_str::<Material>(text) {
         Err(error) => Some(Finding::new(rule::DESCRIPTION, error.to_string())),
@@ -140,7 +142,7 @@ fn about_description(text: &str) -> Option<Finding> {
     }
 }
 
-/// [`validate`] or [`validate_voltex`] of a file.
+/// Examines a file by [`validate`] or [`validate_voltex`], as its first bytes say.
 ///
 /// # Errors
 /// If it cannot be read; the message names it.

@@ -1,5 +1,5 @@
-//! Decodes an asset back into a capture folder, so that anyone can measure the error with their own
-//! script, or render a table of any directions.
+//! Decoding of an asset back into a capture folder, so that anyone can measure the error with an own script, or render
+//! a table of any directions.
 
 use crate::error::FitError;
 use crate::input::layer_frame::turn_image;
@@ -12,12 +12,12 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What [`expand`] should write.
+/// Parameters of [`expand`].
 #[derive(Debug, Clone, Default)]
 pub struct ExpandParams {
     /// Layer of the asset.
     pub layer: usize,
-    /// Components, lobes and, for directions that the asset has not measured, the interpolation rule.
+    /// Components and lobes to decode and, for directions that the asset has not measured, the interpolation rule.
     pub options: DecodeOptions,
     /// Directions of view and light, all in front of the face that is seen; `None` for the asset's own.
     /// For a layer with light and eye on different sides the lights are put behind the surface (180
@@ -27,8 +27,8 @@ pub struct ExpandParams {
     pub format: Option<ImageFormat>,
 }
 
-/// What [`expand`] would write: the capture's conventions as the asset tells them (transfer curve,
-/// cosine, scale, side, size), with the directions and the format that `params` ask for.
+/// Returns the capture that [`expand`] would write: the conventions as the asset tells them (transfer curve, cosine,
+/// scale, side, size), with the directions and the format that `params` ask for.
 ///
 /// # Errors
 /// If there is no such layer, or the asset's description names a convention that is not known.
@@ -55,13 +55,12 @@ pub fn expand_info(asset: &Asset, params: &ExpandParams) -> Result<CaptureInfo, 
     Ok(info.in_format(params.format.unwrap_or(own)))
 }
 
-/// Decodes layer `params.layer` into the capture folder `dir`, which must be empty or absent. A layer of
-/// the back is written in the turned-over frame that a camera sees, as [`btf_capture::Side`] tells.
+/// Decodes layer `params.layer` into the capture folder `dir`, which must be empty or absent. A layer of the back is
+/// written in the turned-over frame that a camera sees ([`btf_capture::Side`]).
 ///
-/// The 8-bit values of measured directions are those that `psnr_db` is computed from, but for texels that were edited, which
-/// are shown as edited. `resident` must
-/// be `asset`'s. Parallel over images; memory: about 20 bytes per texel and thread, and one per texel
-/// and component.
+/// The 8-bit values of measured directions are those that `psnr_db` is computed from, but for texels that were edited,
+/// which are shown as edited. `resident` must be `asset`'s. Parallel over images; memory: about 20 bytes per texel and
+/// thread, and one per texel and component.
 ///
 /// # Errors
 /// As [`expand_info`], or where the folder cannot be written; then nothing is left of it.
@@ -97,7 +96,7 @@ pub fn expand(
     Ok(info)
 }
 
-/// Decodes the texels that were edited anew, with their edits.
+/// Decodes texels that were edited once more, with their edits.
 fn show_edits(asset: &Asset, resident: &Resident, params: &ExpandParams, view: Spot, light: Spot, image: &mut [f32]) {
     let layer = &asset.layers[params.layer];
     let unit = |spot: Spot, sphere: &Sphere, side: SurfaceSide| {
@@ -217,7 +216,7 @@ mod tests {
         }
     }
 
-    /// The sample asset with its one layer on `side`.
+    /// Returns the sample asset with its one layer on `side`.
     fn on_side(side: Side) -> Asset {
         let mut asset = sample_asset();
         (asset.layers[0].light_side, asset.layers[0].view_side) = sides_of_capture(side);

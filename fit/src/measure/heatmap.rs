@@ -8,9 +8,9 @@ use image::codecs::png::PngEncoder;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Share of the values that a map's scale covers; what lies above has the last colour.
+/// Share of the values that a map's scale covers; values above have the last colour.
 const COVERED: f64 = 0.995;
-/// Smallest side of a written map in pixels: maps are enlarged by a whole factor up to it.
+/// Smallest side of a written map in pixels; smaller maps are enlarged by a whole factor.
 const MIN_SIDE: usize = 320;
 /// Pixels per dot of a letter.
 const LETTER_SCALE: usize = 2;
@@ -23,8 +23,8 @@ const VIRIDIS: [[f32; 7]; 3] = [
     [0.334_099_8, 1.384_590_2, 0.095_095_16, -19.332_441, 56.690_55, -65.353_03, 26.312_435],
 ];
 
-/// The colour of `t` in [0, 1] on the map viridis: dark blue to yellow, lightness rising evenly. Values
-/// outside are clamped, NaN is 0.
+/// Returns the colour of `t` in [0, 1] on the map viridis: dark blue to yellow, lightness rising evenly. Values outside
+/// are clamped, NaN is 0.
 pub fn viridis(t: f32) -> [u8; 3] {
     let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
     VIRIDIS.map(|row| {
@@ -38,20 +38,20 @@ pub fn viridis(t: f32) -> [u8; 3] {
 pub struct Raster {
     /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// `[pixel, channel]`, top left first.
+    /// Samples `[pixel, channel]`, top left first.
     pub rgb: Vec<u8>,
 }
 
 impl Raster {
-    /// A picture from a function of column and row.
+    /// Returns a picture from a function of column and row.
     pub fn from_fn(width: usize, height: usize, colour: impl Fn(usize, usize) -> [u8; 3]) -> Raster {
         let rgb = (0..width * height).flat_map(|i| colour(i % width, i / width)).collect();
         Raster { width, height, rgb }
     }
 
-    /// Values on the colour map from 0 to `top`; `None` is grey.
+    /// Returns a picture of values on the colour map from 0 to `top`; `None` is grey.
     pub fn of_values(values: &[Option<f32>], width: usize, top: f32) -> Raster {
         let grey = [128; 3];
         Raster::from_fn(width, values.len() / width, |x, y| {
@@ -59,12 +59,12 @@ impl Raster {
         })
     }
 
-    /// Each pixel repeated `factor` x `factor` times.
+    /// Returns the picture with each pixel repeated `factor` x `factor` times.
     pub fn enlarged(&self, factor: usize) -> Raster {
         Raster::from_fn(self.width * factor, self.height * factor, |x, y| self.pixel(x / factor, y / factor))
     }
 
-    /// The picture with a title above and a colour bar with numbers from 0 to `top` at its right.
+    /// Returns the picture with a title above and a colour bar with numbers from 0 to `top` at its right.
     pub fn with_legend(&self, title: &str, top: f32) -> Raster {
         const MARGIN: usize = 12;
         const BAR: usize = 18;
@@ -94,7 +94,7 @@ impl Raster {
         out
     }
 
-    /// The picture as a PNG file.
+    /// Returns the picture as a PNG file.
     ///
     /// # Errors
     /// If it is larger than PNG allows.
@@ -137,7 +137,7 @@ fn text_width(text: &str) -> usize {
     text.chars().count() * 4 * LETTER_SCALE
 }
 
-/// Three significant digits without an exponent where that is short.
+/// Returns a number with three significant digits, without an exponent where that is short.
 pub(crate) fn short_number(x: f32) -> String {
     match x.abs() {
         a if a == a.trunc() && a < 1e6 => format!("{x:.0}"),
@@ -149,7 +149,7 @@ pub(crate) fn short_number(x: f32) -> String {
     }
 }
 
-/// A letter of 3 x 5 dots: one octal digit a row, from the top.
+/// Returns a letter of 3 x 5 dots: one octal digit a row, from the top.
 fn glyph(letter: char) -> u16 {
     const LETTERS: &str = "0123456789.-+ABCDEFGHIJKLMNOPQRSTUVWXYZ";
     const ROWS: [u16; 39] = [
@@ -162,8 +162,8 @@ fn glyph(letter: char) -> u16 {
     LETTERS.find(letter).map_or(0, |at| ROWS[at])
 }
 
-/// The value below which 99.5 % of `values` lie: the top of a map's scale, so that a few outliers do
-/// not darken everything else.
+/// Returns the value below which 99.5 % of `values` lie, for the top of a map's scale, so that a few outliers do not
+/// darken everything else.
 pub fn scale_top(values: impl Iterator<Item = f32>) -> f32 {
     let mut sorted: Vec<f32> = values.collect();
     sorted.sort_by(f32::total_cmp);
@@ -171,9 +171,9 @@ pub fn scale_top(values: impl Iterator<Item = f32>) -> f32 {
     sorted.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
 }
 
-/// Writes a comparison into the folder `dir`, made if need be: `texel_rmse.png` (error per texel, in
-/// steps of 8-bit values), `pair_rmse.png` (error per pair, a row per view and a column per light) and
-/// `pairs.csv` (angles and `psnr_db` of each pair). Files of these names are replaced.
+/// Writes a comparison into the folder `dir`, which is made if need be: `texel_rmse.png` (error per texel in steps of
+/// 8-bit values), `pair_rmse.png` (error per pair, a row per view and a column per light) and `pairs.csv` (angles and
+/// `psnr_db` of each pair). Files of these names are replaced.
 ///
 /// # Errors
 /// If the folder cannot be made or written.

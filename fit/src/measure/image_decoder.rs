@@ -1,5 +1,5 @@
-//! An asset decoded image by image: all texels for one pair of directions. What measuring and
-//! expanding use; [`btf_runtime::decode`] is the slow definition that it is tested against.
+//! Decoder of whole images: all texels for one pair of directions, for measuring and expanding. [`btf_runtime::decode`]
+//! is the slow definition that it is tested against.
 //!
 //! A pair is planned once (lobe values and residual rows of every cluster), then the texels of a cluster are
 //! decoded tile by tile, in vectors over the texels.
@@ -16,26 +16,26 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Directions closer than this count as the same, in degrees.
+/// Angle in degrees below which two directions count as the same.
 pub const SAME_DIRECTION_DEG: f64 = 0.01;
 
 /// A direction as a layer knows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Spot {
-    /// Direction number so-and-so of the layer's own set.
+    /// Direction of the layer's own set, by number.
     Measured(usize),
-    /// Another one: a unit vector in the layer's frame.
+    /// Any other direction: a unit vector in the layer's frame.
     Other([f32; 3]),
 }
 
 impl Spot {
-    /// The direction of `sphere` within [`SAME_DIRECTION_DEG`] of `unit`, or else `unit` itself.
+    /// Returns the direction of `sphere` within [`SAME_DIRECTION_DEG`] of `unit`, or else `unit` itself.
     pub fn find(sphere: &Sphere, unit: [f32; 3]) -> Spot {
         let same = |id: &usize| is_same_direction(sphere.direction(*id as u32), unit);
         (0..sphere.len()).find(same).map_or(Spot::Other(unit), Spot::Measured)
     }
 
-    /// One spot per direction of a set of a capture of `side`.
+    /// Returns one spot per direction of the set of a capture of `side`.
     pub fn of_set(sphere: &Sphere, set: &DirectionSet, side: Side) -> Vec<Spot> {
         layer_directions(set, side).into_iter().map(|unit| Spot::find(sphere, unit)).collect()
     }
@@ -60,37 +60,38 @@ pub struct ImageDecoder<'a> {
     basis_at: usize,
     /// Words per pair and channel in the resident form.
     channel_words: usize,
-    /// The same bases in single precision, if those are to be used.
+    /// Bases in single precision, where those are to be used.
     singles: Option<&'a [f32]>,
     /// Words per pair and channel that the options use; 0 without residual.
     used_words: usize,
     interpolation: Interpolation,
-    /// The layer's heights as words, where parallax is to be removed.
+    /// Heights of the layer, also as words, where parallax is to be removed.
     heights: Option<(&'a Heights, Vec<u32>)>,
-    /// What the last eye beyond the measured views saw in each texel: its lights follow one another.
+    /// Eye beyond the measured views that was asked for last, and what it saw in each texel: its lights follow one
+    /// another.
     last_seen: Mutex<([f32; 3], Arc<Vec<SeenBy>>)>,
     setups: Vec<LobeSetup>,
-    /// Per cluster the number of its first lobe in `setups`.
+    /// Number of each cluster's first lobe in `setups`.
     first_lobe: Vec<usize>,
     tiles: Vec<TexelTile>,
 }
 
-/// What all texels share at one pair of directions.
+/// Everything that all texels share at one pair of directions.
 pub struct PairPlan {
-    /// Each neighbour pair.
+    /// Neighbour pairs that are interpolated.
     taps: Vec<Tap>,
-    /// Exact interpolation only: the lobe values at the pair itself.
+    /// Lobe values at the pair itself; only for exact interpolation.
     here: Option<Vec<f32>>,
     /// Factor of the residual outside the hull.
     residual_scale: f32,
     /// Factor of everything towards the horizon.
     fade: f32,
-    /// The whole image, done: where parallax is removed a texel shows others'.
+    /// Finished image, where parallax is removed and a texel shows other texels.
     image: Option<Vec<[f32; 3]>>,
 }
 
 impl PairPlan {
-    /// Black, and what every other plan starts from.
+    /// Plan of a black image, which every other plan starts from.
     const NOTHING: PairPlan = PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 1.0, image: None };
 }
 
@@ -103,7 +104,7 @@ struct Tap {
 }
 
 impl<'a> ImageDecoder<'a> {
-    /// A decoder of layer `layer`. `resident` must be `asset`'s.
+    /// Returns a decoder of layer `layer`. `resident` must be `asset`'s.
     ///
     /// # Panics
     /// If `layer` is out of range.
@@ -135,19 +136,19 @@ impl<'a> ImageDecoder<'a> {
         }
     }
 
-    /// The same decoder with layer `layer` of `bases`, which must be of the same asset, in place of the resident
-    /// form's halves.
+    /// Returns this decoder with layer `layer` of `bases`, which must be of the same asset, in place of the resident
+    /// form's half-precision bases.
     pub fn with_single_bases(self, bases: &'a SingleBases, layer: usize) -> ImageDecoder<'a> {
         ImageDecoder { singles: Some(bases.layer(layer)), ..self }
     }
 
-    /// All texels of the layer, each once.
+    /// Returns the tiles of all texels of the layer, each texel once.
     pub fn tiles(&self) -> &[TexelTile] {
         &self.tiles
     }
 
-    /// Prepares a pair. Cost: an evaluation of every dictionary lobe, ten where neither direction is
-    /// measured and the interpolation is exact.
+    /// Plans a pair. Cost: an evaluation of every dictionary lobe, ten where neither direction is measured and the
+    /// interpolation is exact.
     pub fn plan(&self, view: Spot, light: Spot) -> PairPlan {
         let (lights, views) = (&self.layer.lights, &self.layer.views);
         if let (Spot::Measured(v), Spot::Measured(l)) = (view, light) {
@@ -195,7 +196,7 @@ impl<'a> ImageDecoder<'a> {
         PairPlan { taps, residual_scale, fade, ..PairPlan::NOTHING }
     }
 
-    /// What an eye at `wo` sees in every texel.
+    /// Returns for every texel the texels that an eye at `wo` sees in its place.
     fn seen_by(&self, field: &HeightField, wo: [f32; 3], view: &Neighbours) -> Arc<Vec<SeenBy>> {
         let last = || self.last_seen.lock().unwrap_or_else(PoisonError::into_inner);
         let (of, seen) = last().clone();
@@ -210,8 +211,9 @@ impl<'a> ImageDecoder<'a> {
         seen
     }
 
-    /// The image at `[wi, wo]`, whose neighbours are `[light, view]`, with the parallax between the views removed:
-    /// an image as each of them has it, then every texel from those that show what is `seen` in it.
+    /// Returns the image at `[wi, wo]`, whose neighbours are `[light, view]`, with the parallax between the views
+    /// removed: it decodes the image of each neighbour view, then takes every texel from those that show what is `seen`
+    /// in its place.
     fn shifted_image(
         &self,
         [wi, wo]: [[f32; 3]; 2],
@@ -269,7 +271,7 @@ impl<'a> ImageDecoder<'a> {
             .collect()
     }
 
-    /// What one measured view has at lights between the measured ones: the residual interpolated, or, for the exact
+    /// Returns one measured view at lights between the measured ones: the residual interpolated, or, for the exact
     /// rule, values and lobes.
     #[inline(always)]
     fn parts_of_view<S: Simd>(&self, simd: S, taps: &[Tap], exact: bool) -> ViewParts {
@@ -304,7 +306,7 @@ impl<'a> ImageDecoder<'a> {
         parts
     }
 
-    /// The lobes alone, of all texels.
+    /// Returns the image of the lobes alone, of all texels.
     #[inline(always)]
     fn lobe_image(&self, values: &[f32]) -> Vec<[f32; 3]> {
         let mut image = vec![[0.0; 3]; self.layer.texel_clusters.len()];
@@ -318,7 +320,7 @@ impl<'a> ImageDecoder<'a> {
         image
     }
 
-    /// Linear reflectance x cosine of `tile`'s texels at `plan`'s pair. `weights` are those of this tile.
+    /// Decodes linear reflectance x cosine of `tile`'s texels at `plan`'s pair. `weights` must be those of this tile.
     ///
     /// At a measured pair the same operations in the same order as [`btf_runtime::decode_measured`].
     /// Cost: about 3 ns and 0.2 ns per basis a sample on one core.
@@ -347,7 +349,7 @@ impl<'a> ImageDecoder<'a> {
         }
     }
 
-    /// A whole image at `plan`'s pair, `[texel, channel]`: every tile through [`ImageDecoder::decode_tile`].
+    /// Decodes a whole image at `plan`'s pair, `[texel, channel]`: every tile through [`ImageDecoder::decode_tile`].
     pub fn decode_image(&self, plan: &PairPlan, out: &mut [f32]) {
         Arch::new().dispatch(DecodeTiles { decoder: self, plan, out });
     }
@@ -366,8 +368,8 @@ impl<'a> ImageDecoder<'a> {
         }
     }
 
-    /// The exact rule: the neighbours decoded and interpolated, times the clamped ratio of the lobes here
-    /// to the lobes interpolated.
+    /// Decodes by the exact rule: the neighbours decoded and interpolated, times the clamped ratio of the lobes at the
+    /// pair to the lobes interpolated.
     #[inline(always)]
     fn decode_exact<S: Simd>(
         &self,
@@ -400,7 +402,7 @@ impl<'a> ImageDecoder<'a> {
         }
     }
 
-    /// Lobes and residual at `tap`, combined.
+    /// Combines lobes and residual at `tap`.
     #[inline(always)]
     fn combine<S: Simd>(
         &self,
@@ -463,7 +465,7 @@ impl<'a> ImageDecoder<'a> {
     }
 }
 
-/// What [`ImageDecoder::decode_image`] does, as a type: a closure would not be inlined where the wide vectors are.
+/// Body of [`ImageDecoder::decode_image`] as a type: a closure would not be inlined where the wide vectors are.
 struct DecodeTiles<'a> {
     decoder: &'a ImageDecoder<'a>,
     plan: &'a PairPlan,
@@ -479,7 +481,7 @@ impl WithSimd for DecodeTiles<'_> {
     }
 }
 
-/// Images as one measured view has them, `[texel, channel]`.
+/// Images of one measured view, `[texel, channel]`.
 struct ViewParts {
     values: Vec<[f32; 3]>,
     lobes: Vec<[f32; 3]>,
@@ -514,7 +516,7 @@ impl WithSimd for LobeImage<'_> {
     }
 }
 
-/// A spot's unit vector and its neighbours in the set.
+/// Returns a spot's unit vector and its neighbours in the set.
 fn neighbours(sphere: &Sphere, spot: Spot) -> ([f32; 3], Neighbours) {
     match spot {
         Spot::Measured(id) => {
@@ -527,124 +529,4 @@ fn neighbours(sphere: &Sphere, spot: Spot) -> ([f32; 3], Neighbours) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::sample_asset::{sample_asset, sample_asset_with};
-    use btf_runtime::testing::sample_heights;
-    use btf_runtime::{ResidualKind, decode, decode_measured, lobe_tables, pack};
-
-    const KINDS: [ResidualKind; 3] = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
-
-    const ROLES: [LobeRole; 2] = [LobeRole::Base, LobeRole::Guide];
-
-    /// One asset per curve and role.
-    fn assets() -> impl Iterator<Item = (ResidualKind, LobeRole, Asset)> {
-        KINDS.into_iter().flat_map(|kind| ROLES.map(|role| (kind, role, asset(kind, role))))
-    }
-
-    fn asset(kind: ResidualKind, role: LobeRole) -> Asset {
-        let (views, lights) = (DirectionSet::random(7, 3).unwrap(), DirectionSet::random(9, 4).unwrap());
-        let mut asset = sample_asset_with(5, 3, &views, &lights, kind);
-        asset.layers[0].lobe_role = role;
-        if kind == ResidualKind::Root {
-            asset.layers[0].heights = Some(sample_heights(1, 15));
-        }
-        Asset::parse(&pack(&asset).unwrap()).unwrap()
-    }
-
-    fn image(decoder: &ImageDecoder, texels: usize, view: Spot, light: Spot) -> Vec<f32> {
-        let mut out = vec![f32::NAN; texels * 3];
-        decoder.decode_image(&decoder.plan(view, light), &mut out);
-        out
-    }
-
-    #[test]
-    fn measured_pairs_are_bit_for_bit_those_of_the_runtime() {
-        for (kind, role, asset) in assets() {
-            let resident = Resident::from_asset(&asset);
-            let layer = &asset.layers[0];
-            for (components, lobes) in [(u32::MAX, u32::MAX), (2, u32::MAX), (1, 1), (0, 2)] {
-                let options = DecodeOptions { components, lobes, ..DecodeOptions::default() };
-                let decoder = ImageDecoder::new(&asset, &resident, 0, &options);
-                let mut first_ref = 0;
-                for texel in 0..asset.texel_count() {
-                    let cluster = usize::from(layer.texel_clusters[texel]);
-                    let lobes: Vec<_> = layer.dictionary[cluster].iter().map(|entry| entry.lobe).collect();
-                    let tables = lobe_tables(&lobes, &layer.views, &layer.lights);
-                    let mut slow = vec![0.0; 7 * 9 * 3];
-                    decode_measured(&resident, &asset, 0, texel, first_ref, &tables, &options, &mut slow);
-                    first_ref += usize::from(layer.texel_lobe_counts[texel]);
-                    for pair in 0..7 * 9 {
-                        let fast = image(&decoder, 15, Spot::Measured(pair / 9), Spot::Measured(pair % 9));
-                        assert_eq!(fast[texel * 3..texel * 3 + 3], slow[pair * 3..pair * 3 + 3], "{kind:?} {role:?}");
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn other_directions_agree_with_the_runtime_under_both_rules_and_at_the_horizon() {
-        let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 + 1e-4 * b.abs();
-        let directions = DirectionSet::random(12, 99).unwrap().units();
-        let grazing = [[1.0, 0.0, 0.0], [0.9999, 0.0, 0.014_141], [0.0, -0.6, -0.8]];
-        for (kind, role, asset) in assets() {
-            let resident = Resident::from_asset(&asset);
-            let (lights, views) = (&asset.layers[0].lights, &asset.layers[0].views);
-            for interpolation in [Interpolation::Fast, Interpolation::Exact] {
-                let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
-                let decoder = ImageDecoder::new(&asset, &resident, 0, &options);
-                let (mut rules_differ, mut heights_matter) = (false, false);
-                for wi in directions.iter().chain(&grazing).chain([&lights.direction(4)]) {
-                    for wo in directions.iter().chain(&grazing).chain([&views.direction(2)]) {
-                        let fast = image(&decoder, 15, Spot::find(views, *wo), Spot::find(lights, *wi));
-                        for texel in 0..15 {
-                            let slow = decode(&resident, 0, texel as u32, *wi, *wo, &options);
-                            let other = match interpolation {
-                                Interpolation::Fast => Interpolation::Exact,
-                                Interpolation::Exact => Interpolation::Fast,
-                            };
-                            let other = DecodeOptions { interpolation: other, ..options };
-                            let planted = decode(&resident, 0, texel as u32, *wi, *wo, &other);
-                            let flat = DecodeOptions { parallax: false, ..options };
-                            let flat = decode(&resident, 0, texel as u32, *wi, *wo, &flat);
-                            for c in 0..3 {
-                                let got = fast[texel * 3 + c];
-                                assert!(near(got, slow[c]), "{kind:?} {role:?} {wi:?} {wo:?}: {got} {slow:?}");
-                                rules_differ |= !near(got, planted[c]);
-                                heights_matter |= !near(got, flat[c]);
-                            }
-                        }
-                    }
-                }
-                assert!(rules_differ, "the planted rule must not agree");
-                assert_eq!(heights_matter, asset.layers[0].heights.is_some());
-            }
-        }
-    }
-
-    #[test]
-    fn an_asset_without_residual_decodes_to_its_lobes() {
-        let mut asset = sample_asset();
-        asset.layers[0].residual = None;
-        let resident = Resident::from_asset(&asset);
-        let options = DecodeOptions::default();
-        let decoder = ImageDecoder::new(&asset, &resident, 0, &options);
-        let (wi, wo) = (asset.layers[0].lights.direction(3), asset.layers[0].views.direction(5));
-        let fast = image(&decoder, 15, Spot::Measured(5), Spot::Measured(3));
-        for texel in 0..15 {
-            assert_eq!(fast[texel * 3..texel * 3 + 3], decode(&resident, 0, texel as u32, wi, wo, &options));
-        }
-        assert!(fast.iter().any(|x| *x > 0.0));
-    }
-
-    #[test]
-    fn a_direction_is_measured_within_a_hundredth_of_a_degree_only() {
-        let set = DirectionSet::bonn81();
-        let sphere = Sphere::new(&set.units()).unwrap();
-        let shifted = |by: f64| btf_capture::Direction::new(75.0 + by, 345.0).unit();
-        assert_eq!(Spot::find(&sphere, shifted(0.009)), Spot::Measured(80));
-        assert!(matches!(Spot::find(&sphere, shifted(0.011)), Spot::Other(_)));
-        assert_eq!(Spot::of_set(&sphere, &set, Side::Front), (0..81).map(Spot::Measured).collect::<Vec<_>>());
-    }
-}
+mod tests;

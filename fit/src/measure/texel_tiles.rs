@@ -1,5 +1,5 @@
-//! The texels of a layer in tiles of one cluster each, laid out so that a decoder's loops run over neighbouring
-//! texels in vectors: at one pair all texels of a tile share their lobes' values and their bases' rows.
+//! Texels of a layer in tiles of one cluster each, laid out so that a decoder's loops run over neighbouring texels in
+//! vectors: at one pair all texels of a tile share their lobes' values and their bases' rows.
 
 use btf_runtime::{Layer, weight_from_byte};
 use pulp::Simd;
@@ -10,20 +10,20 @@ pub const TILE_TEXELS: usize = 64;
 /// waits for the one before.
 const STRIP: usize = 2;
 
-/// A number per channel and texel of a tile. Places behind the tile's last texel hold anything finite.
+/// A number per channel and texel of a tile. Places behind the tile's last texel hold any finite number.
 pub type TileRgb = [[f32; TILE_TEXELS]; 3];
 
 /// Rows of two successive bases at one pair: `[channel][basis]`.
 pub type RowWord = [[f32; 2]; 3];
 
-/// Texels of one cluster.
+/// A tile: texels of one cluster.
 pub struct TexelTile {
-    /// Their cluster.
+    /// Cluster of the texels.
     pub cluster: usize,
-    /// Their numbers.
+    /// Numbers of the texels in the layer.
     pub texels: Vec<u32>,
     slots: Vec<LobeSlot>,
-    /// `[basis, texel]`: the mean's 1, then coefficient codes, then 0 up to an even number of bases.
+    /// Codes `[basis, texel]`: 1 for the mean, then coefficient codes, then 0 up to an even number of bases.
     codes: Vec<[i8; TILE_TEXELS]>,
 }
 
@@ -41,8 +41,8 @@ pub struct BasisWeights {
     weights: Vec<[f32; TILE_TEXELS]>,
 }
 
-/// All texels of `layer`, tiled, with at most `most_lobes` lobes and `bases` bases (0 without residual; the first is
-/// the mean).
+/// Returns all texels of `layer` in tiles, with at most `most_lobes` lobes and `bases` bases (0 without residual; the
+/// first is the mean).
 ///
 /// Memory: a byte per texel and basis, and 13 per texel and lobe.
 pub fn texel_tiles(layer: &Layer, bases: usize, most_lobes: usize) -> Vec<TexelTile> {
@@ -94,19 +94,19 @@ fn codes(layer: &Layer, bases: usize, texels: &[u32]) -> Vec<[i8; TILE_TEXELS]> 
 }
 
 impl TexelTile {
-    /// Whether any texel has a lobe.
+    /// Tells whether any texel has a lobe.
     pub fn has_lobes(&self) -> bool {
         !self.slots.is_empty()
     }
 
-    /// Unpacks the weights of the bases.
+    /// Unpacks the weights of the tile's bases.
     #[inline(always)]
     pub fn unpack(&self, into: &mut BasisWeights) {
         into.weights.clear();
         into.weights.extend(self.codes.iter().map(|codes| codes.map(f32::from)));
     }
 
-    /// Sums of the lobes; `values` are those of the cluster's dictionary at one pair.
+    /// Sums the lobes of every texel into `sums`; `values` are those of the cluster's dictionary at one pair.
     ///
     /// A texel's additions have the order of its lobes; places without texel get 0.
     #[inline(always)]
@@ -124,7 +124,8 @@ impl TexelTile {
 }
 
 impl BasisWeights {
-    /// Sums of the bases; `rows` are those of the tile's cluster at one pair, one per two bases.
+    /// Sums the bases of every texel into `sums`; `rows` are those of the tile's cluster at one pair, one per two
+    /// bases.
     ///
     /// A texel's additions have the order of the bases, two by two; products are rounded before they are added.
     #[inline(always)]
@@ -150,7 +151,7 @@ impl BasisWeights {
     }
 }
 
-/// The vectors of `row` from texel `first` on.
+/// Returns the vectors of `row` from texel `first` on.
 #[inline(always)]
 fn strip<S: Simd>(row: &[f32; TILE_TEXELS], first: usize) -> [S::f32s; STRIP] {
     let (vectors, _) = S::as_simd_f32s(&row[first..first + STRIP * S::F32_LANES]);

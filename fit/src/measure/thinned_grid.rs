@@ -1,26 +1,26 @@
-//! How well an asset interpolates, told by its own capture: some directions are taken out of the asset's grid, and the
-//! capture's images there are compared with what is interpolated from the rest.
+//! Estimate of how well an asset interpolates, from its own capture: some directions are taken out of the asset's grid,
+//! and the capture's images there are compared with what is interpolated from the rest.
 
 use btf_runtime::{Asset, Layer, Residual, Sphere};
 use half::f16;
 
 /// One direction in this many is a candidate to be taken out.
 const EVERY: usize = 5;
-/// Where the first candidate is: never the zenith, which Bonn's sets begin with.
+/// Number of the first candidate: never the zenith, which Bonn's sets begin with.
 const FIRST: usize = 2;
 
 /// An asset without some of its directions.
 pub(crate) struct ThinnedGrid {
-    /// The asset; a single layer, of fewer views and lights.
+    /// The asset: a single layer, of fewer views and lights.
     pub(crate) asset: Asset,
     /// Pairs of the whole grid (`view * lights + light`) whose directions were taken out, both where both kinds could
     /// be spared, ascending.
     pub(crate) pairs: Vec<usize>,
 }
 
-/// Layer `layer` of `asset` without every fifth view and light that has measured ones all around; where no view can be
-/// spared, as in a capture of one, without lights only, and the other way round. `None` where no direction at all can
-/// be spared or the layer has no residual.
+/// Returns layer `layer` of `asset` without every fifth view and light that has measured ones all around. Where no view
+/// can be spared, as in a capture of one view, only lights are taken out, and the other way round. `None` where no
+/// direction at all can be spared or the layer has no residual.
 pub(crate) fn thinned_grid(asset: &Asset, layer: usize) -> Option<ThinnedGrid> {
     let whole = &asset.layers[layer];
     let residual = whole.residual.as_ref()?;
@@ -55,8 +55,8 @@ fn rows(matrix: &[f16], width: usize, kept: &[usize]) -> Vec<f16> {
     kept.iter().flat_map(|row| matrix[row * width..(row + 1) * width].iter().copied()).collect()
 }
 
-/// The directions that stay, and their numbers. A direction that the others do not surround stays: beyond them it
-/// would be extrapolated.
+/// Returns the directions that stay, and their numbers. A direction that the others do not surround stays: beyond them
+/// it would be extrapolated.
 fn thinned(sphere: &Sphere) -> Option<(Sphere, Vec<usize>)> {
     let rest = |out: &[usize]| -> Option<(Sphere, Vec<usize>)> {
         let kept: Vec<usize> = (0..sphere.len()).filter(|id| !out.contains(id)).collect();

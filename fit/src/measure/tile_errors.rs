@@ -1,4 +1,4 @@
-//! The error of a tile of texels, pair by pair, in loops that run over neighbouring texels in vectors.
+//! Error of a tile of texels, pair by pair, in loops that run over neighbouring texels in vectors.
 //!
 //! A sum belongs to a texel or a tile and grows in the order of the pairs, so that no number depends on threads.
 
@@ -12,7 +12,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// 8-bit values per channel and texel of a tile; 0 behind the tile's last texel.
 pub type TileCodes = [[u8; TILE_TEXELS]; 3];
 
-/// How samples become 8-bit values and back, and those colours.
+/// Conversion of samples to 8-bit values and back, and the colours of those values.
 pub struct Coding {
     encoder: Encoder8,
     /// Per light.
@@ -21,8 +21,8 @@ pub struct Coding {
 }
 
 impl Coding {
-    /// The coding of the files of `info`; linear images have no 8-bit values of their own, they get those of a PNG
-    /// of the same capture.
+    /// Returns the coding of the files of `info`. Linear images have no 8-bit values of their own and get those of a
+    /// PNG of the same capture.
     pub fn new(info: &CaptureInfo) -> Coding {
         let info = if info.format == ImageFormat::Exr { info.in_format(ImageFormat::Png) } else { info.clone() };
         Coding {
@@ -42,7 +42,7 @@ pub enum TiledImage {
 }
 
 impl TiledImage {
-    /// `pixels`, `[texel, channel]`, cut into `tiles`.
+    /// Returns `pixels`, `[texel, channel]`, cut into `tiles`.
     pub fn new(pixels: &Pixels, tiles: &[TexelTile]) -> TiledImage {
         match pixels {
             Pixels::Encoded8(codes) => TiledImage::Codes(tiles.iter().map(|tile| cut(codes, tile)).collect()),
@@ -67,22 +67,22 @@ fn cut<T: Copy + Default>(image: &[T], tile: &TexelTile) -> [[T; TILE_TEXELS]; 3
 pub struct PairWork {
     /// Light of the capture.
     pub light: usize,
-    /// What the decoder does there.
+    /// Plan of the decoder for the pair.
     pub plan: PairPlan,
     /// The capture's image.
     pub image: TiledImage,
-    /// If the colour difference is taken here: at every so many texels.
+    /// Step between the texels whose colour difference is taken here; `None` for no colour difference.
     pub colour_every: Option<usize>,
 }
 
 /// Sums of a tile's errors so far.
 #[derive(Clone)]
 pub struct TileErrors {
-    /// Per texel the sum of squared differences of 8-bit values.
+    /// Sum of squared differences of 8-bit values, per texel.
     pub code_error: [u64; TILE_TEXELS],
-    /// Per texel the sum of squared linear differences.
+    /// Sum of squared linear differences, per texel.
     pub linear_error: [f64; TILE_TEXELS],
-    /// Per texel the sum of squared linear samples of the capture.
+    /// Sum of squared linear samples of the capture, per texel.
     linear_square: [f64; TILE_TEXELS],
     linear_peak: f32,
     delta_e00: f64,
@@ -102,7 +102,7 @@ impl Default for TileErrors {
     }
 }
 
-/// What [`TileErrors::take`] does, as a type: a closure would not be inlined where the wide vectors are.
+/// Body of [`TileErrors::take`] as a type: a closure would not be inlined where the wide vectors are.
 struct TakePairs<'a> {
     errors: &'a mut TileErrors,
     decoder: &'a ImageDecoder<'a>,
@@ -121,8 +121,8 @@ impl WithSimd for TakePairs<'_> {
 }
 
 impl TileErrors {
-    /// Adds `batch` for tile number `number` of `decoder`; the squared differences of 8-bit values of each of its
-    /// pairs come back.
+    /// Adds the pairs of `batch` for tile number `number` of `decoder`; returns the squared differences of 8-bit values
+    /// of each pair.
     ///
     /// Compiled for the processor's widest vectors: the operations and their order, and so the bits, stay the same.
     pub fn take(&mut self, decoder: &ImageDecoder, number: usize, coding: &Coding, batch: &[PairWork]) -> Vec<u64> {
@@ -188,7 +188,7 @@ impl TileErrors {
         errors
     }
 
-    /// What adds up over tiles; the linear errors per texel do not stand in it.
+    /// Returns the sums that add up over tiles; the linear errors per texel are not among them.
     pub fn sums(&self) -> ErrorSums {
         ErrorSums {
             linear_square: self.linear_square.iter().sum(),
@@ -233,7 +233,7 @@ impl TileErrors {
     }
 }
 
-/// Adds the squared differences of one pair to `sums` and gives their total.
+/// Adds the squared differences of one pair to `sums` and returns their total.
 #[inline(always)]
 fn add_codes(original: &TileCodes, decoded: &TileCodes, sums: &mut [u32; TILE_TEXELS]) -> u64 {
     let mut total = [0u32; TILE_TEXELS];

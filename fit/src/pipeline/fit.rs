@@ -32,8 +32,8 @@ pub fn fit(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> 
     Ok(fit_from(captures, params, &checkpoint, monitor)?.0)
 }
 
-/// Runs [`fit()`] from the finished stages in `checkpoint`. Also returns the decoded images when there is one capture and
-/// it was read.
+/// Runs [`fit()`] from the finished stages in `checkpoint`. Also returns the decoded images when there is one capture
+/// and it was read.
 pub(crate) fn fit_from(
     captures: &[Capture],
     params: &ValidFitParams,

@@ -1,4 +1,4 @@
-//! A fit with its error: fits, measures what was packed, and writes the figures into the asset.
+//! A fit with its error: it fits, measures what was packed, and writes the figures into the asset.
 
 use crate::error::FitError;
 use crate::input::tile_cache::read_images;
@@ -24,9 +24,9 @@ use btf_runtime::{Asset, Resident, pack};
 pub struct Fitted {
     /// The asset, as [`Asset::parse`] reads it back.
     pub asset: Asset,
-    /// Its bytes: what is written to a file.
+    /// Bytes of the asset: what is written to a file.
     pub bytes: Vec<u8>,
-    /// Its resident form.
+    /// Resident form of the asset.
     pub resident: Resident,
     /// Error of each layer against its capture.
     pub comparisons: Vec<Comparison>,
@@ -34,9 +34,9 @@ pub struct Fitted {
     pub metrics: Metrics,
     /// `psnr_db` of the pairs of the first capture that were held back; `None` without `leave_out`.
     pub psnr_left_out_db: Option<f64>,
-    /// How many lobes there are and what they are to the residual, all layers.
+    /// Number, role and bytes of the lobes of all layers.
     pub lobe_use: LobeUse,
-    /// What the lobes of the first layer achieve without the residual.
+    /// Error of the first layer's lobes alone.
     pub lobes: LobeFigures,
     /// Residual components of the first layer.
     pub components: usize,

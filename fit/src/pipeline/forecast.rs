@@ -1,11 +1,11 @@
-//! How long a fit will still take: the share of each stage in a fit is known roughly, the time so far tells how fast
-//! this machine and this capture are.
+//! Forecast of the time that a fit still takes: the share of each stage in a fit is known roughly, and the time so far
+//! tells how fast this machine and this capture are.
 
 use crate::params::{Goal, Role, ValidFitParams};
 
-/// A stage with its seconds in a fit of 256 x 256 texels of cloth, 81 x 81 directions, two cores: with `--bytes 2MB` and
-/// lobes that guide, and without a goal and lobes as base (those of a smaller leaf). Only their ratios matter, and errors
-/// in those wear off as the fit goes on.
+/// A stage with its seconds in a fit of 256 x 256 texels of cloth, 81 x 81 directions, two cores: with `--bytes 2MB`
+/// and lobes that guide, and without a goal and lobes as base (those of a smaller leaf). Only their ratios matter, and
+/// errors in those wear off as the fit goes on.
 struct Known {
     name: &'static str,
     guide_s: f64,
@@ -33,36 +33,36 @@ const ENCODE: &str = "encode";
 const ENCODE_BASE_WITH_GOAL_S: f64 = 2.5;
 const HEIGHTS: &str = "heights";
 const REPORT: &str = "report";
-/// A stage that does not tell how far it is counts at most to this share of itself.
+/// Share of itself up to which a stage counts at most that does not tell how far it is.
 const MAX_UNTOLD: f64 = 0.95;
 
-/// What a fit still needs, in seconds.
+/// Time that a fit still needs, in seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Left {
-    /// The stage at hand; `None` where it does not tell how far it is.
+    /// Seconds of the current stage; `None` where it does not tell how far it is.
     pub stage_s: Option<f64>,
-    /// The whole fit; `None` at its very start.
+    /// Seconds of the whole fit; `None` at its very start.
     pub whole_s: Option<f64>,
 }
 
-/// What is known of a stage's course.
+/// Progress of a stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum State {
     Waiting,
-    /// It has begun, and perhaps ended; this share of it is done.
+    /// A stage that has begun, and perhaps ended; this share of it is done.
     Begun(f64),
-    /// Its result was there already.
+    /// A stage whose result was kept from an earlier run.
     Passed,
 }
 
 #[derive(Debug, Clone)]
 struct Planned {
     name: &'static str,
-    /// Which layer's; one behind the last for the stages that follow.
+    /// Layer of the stage; one behind the last layer for the stages that follow.
     layer: usize,
     share: f64,
     state: State,
-    /// Spent in it so far.
+    /// Seconds spent in the stage so far.
     seconds: f64,
 }
 
@@ -75,7 +75,7 @@ pub enum LastStage {
     Report,
 }
 
-/// Follows a fit's progress. Clocks are the caller's: seconds from any start on, never falling.
+/// Follower of a fit's progress. Clocks are the caller's: seconds from any start on, never falling.
 #[derive(Debug, Clone)]
 pub struct Forecast {
     /// Stages in order.
@@ -116,7 +116,8 @@ impl Forecast {
         Forecast { plan, at: 0, last_s: None }
     }
 
-    /// Takes in that `stage` has done `done` of `total` parts (0 of 0: it does not tell) at `now_s`.
+    /// Takes in that `stage` has done `done` of `total` parts (0 of 0: it does not tell) at `now_s`; returns the time
+    /// left.
     ///
     /// Stages whose results were there already do not count: those that are passed over, and those whose first report
     /// is that they are done. A stage may run inside another, as images are read when they are asked for first.
@@ -148,7 +149,7 @@ impl Forecast {
         Left { stage_s, whole_s }
     }
 
-    /// Makes `stage` the one at hand, if it is in the plan.
+    /// Makes `stage` the current one, if it is in the plan.
     fn turn_to(&mut self, stage: &str) {
         let layer = self.plan[self.at].layer;
         // One that was to come earlier and runs only now, inside the one at hand.
@@ -167,7 +168,7 @@ impl Forecast {
         }
     }
 
-    /// Shares that are still to come. A stage that waits before the one at hand will hardly be needed.
+    /// Returns the shares that are still to come. A stage that waits before the current one will hardly be needed.
     fn to_come(&self) -> f64 {
         let of = |(number, planned): (usize, &Planned)| match planned.state {
             State::Begun(done) => (1.0 - done) * planned.share,
@@ -177,7 +178,7 @@ impl Forecast {
         self.plan.iter().enumerate().map(of).sum()
     }
 
-    /// Seconds and done shares of the chosen stages that have begun.
+    /// Returns the seconds and done shares of the chosen stages that have begun.
     fn spent(&self, which: impl Fn(usize) -> bool) -> (f64, f64) {
         let chosen = self.plan.iter().enumerate().filter(|(number, _)| which(*number));
         chosen.fold((0.0, 0.0), |(seconds, made), (_, planned)| match planned.state {

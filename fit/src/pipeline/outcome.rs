@@ -1,31 +1,31 @@
-//! What a fit gives.
+//! Result of a fit.
 
 use crate::error::FitError;
 use crate::inspect::lobe_use::LobeUse;
 use crate::stages::lobe_dictionaries::LobeFigures;
 use btf_runtime::{Asset, read_directory};
 
-/// What a fit gives.
+/// Result of a fit.
 #[derive(Debug, Clone)]
 pub struct FitOutcome {
     /// The asset.
     pub asset: Asset,
-    /// Its bytes.
+    /// Bytes of the asset.
     pub bytes: Vec<u8>,
-    /// How many lobes there are and what they are to the residual, all layers.
+    /// Number, role and bytes of the lobes of all layers.
     pub lobe_use: LobeUse,
-    /// What the lobes achieve, the first layer's.
+    /// Error of the lobes alone, of the first layer.
     pub lobes: LobeFigures,
-    /// Residual components, the first layer's.
+    /// Residual components of the first layer.
     pub components: usize,
-    /// Clusters, the first layer's.
+    /// Clusters of the first layer.
     pub clusters: usize,
-    /// Held-back pairs (`view * lights + light`), the first layer's; empty without `--leave-out`.
+    /// Held-back pairs of the first layer (`view * lights + light`); empty without `--leave-out`.
     pub left_out: Vec<usize>,
 }
 
 impl FitOutcome {
-    /// Reads the figures of the packed asset in `bytes` off it.
+    /// Reads the figures of the packed asset in `bytes`.
     pub(crate) fn new(bytes: Vec<u8>, lobes: LobeFigures, left_out: Vec<usize>) -> Result<FitOutcome, FitError> {
         let asset = Asset::parse(&bytes)?;
         let lobe_use = LobeUse::of(&asset.layers, 0, &read_directory(&bytes)?.sections);

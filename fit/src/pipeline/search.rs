@@ -189,8 +189,8 @@ struct Bracket {
 
 impl Bracket {
     /// Takes in `point` and returns log2 of the next step for the goal `db`: on the line between what was too much and
-    /// what was too little; else as if halving the step halved the error. (Near the rounding of 8-bit captures the error
-    /// falls much faster.)
+    /// what was too little; else as if halving the step halved the error. (Near the rounding of 8-bit captures the
+    /// error falls much faster.)
     fn next(&mut self, point: (f64, f64), db: f64) -> f64 {
         let measured = point.1;
         if measured > db {

@@ -1,8 +1,8 @@
-//! What the HTML pages share: one file each, with its style, opened without a network.
+//! Frame of the HTML pages: one file each, with its style, opened without a network.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// A whole page of `body`, its style sheet followed by `more_style`.
+/// Returns a whole page of `body`, whose style sheet is followed by `more_style`.
 pub(crate) fn page(title: &str, more_style: &str, body: &Markup) -> String {
     let page = html! {
         (DOCTYPE)
@@ -37,12 +37,12 @@ table { border-collapse: collapse; font-size: 14px; } td, th { text-align: left;
 footer { color: #68727a; font-size: 13px; }
 ";
 
-/// A number in a box.
+/// Returns a number in a box, with a label above and a note below.
 pub(crate) fn tile(label: &str, value: &str, note: &str) -> Markup {
     html! { div.tile { span { (label) } b { (value) } span { (note) } } }
 }
 
-/// Decibels, also none of error.
+/// Returns decibels as text, an infinite number as a sign.
 pub(crate) fn decibel_text(db: f64) -> String {
     if db.is_finite() { format!("{db:.2}") } else { "∞".into() }
 }

@@ -8,18 +8,18 @@ use maud::{Markup, html};
 /// Colour of bars and lines.
 const ACCENT: &str = "#2a788e";
 
-/// Colour on the map viridis as `#rrggbb`.
+/// Returns the colour of `t` on the map viridis as `#rrggbb`.
 fn colour(t: f64) -> String {
     let [r, g, b] = viridis(t as f32);
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// A coordinate with one decimal: enough for a screen, and the page stays small.
+/// Returns a coordinate with one decimal: enough for a screen, and the page stays small.
 fn px(x: f64) -> String {
     format!("{x:.1}")
 }
 
-/// A horizontal bar per row: label, value, what is written behind the bar.
+/// Returns a chart with a horizontal bar per row: label, value, text behind the bar.
 pub(crate) fn bars(rows: &[(String, f64, String)]) -> Markup {
     const LABEL: f64 = 130.0;
     const BAR: f64 = 280.0;
@@ -38,7 +38,7 @@ pub(crate) fn bars(rows: &[(String, f64, String)]) -> Markup {
     }
 }
 
-/// A vertical bar per bin, with its label below and its share in percent above.
+/// Returns a chart with a vertical bar per bin, its label below and its share in percent above.
 pub(crate) fn histogram(bins: &[(String, u64)], x_label: &str) -> Markup {
     const WIDTH: f64 = 440.0;
     const PLOT: f64 = 150.0;
@@ -68,7 +68,7 @@ pub(crate) fn histogram(bins: &[(String, u64)], x_label: &str) -> Markup {
     }
 }
 
-/// Round numbers between `least` and `most`, about `count` of them.
+/// Returns round numbers between `least` and `most`, about `count` of them.
 fn ticks(least: f64, most: f64, count: usize) -> Vec<f64> {
     let span = (most - least).max(1e-9);
     let raw = span / count as f64;
@@ -79,12 +79,12 @@ fn ticks(least: f64, most: f64, count: usize) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
-/// A tick without the rounding noise of its multiplication.
+/// Returns the text of a tick without the rounding noise of its multiplication.
 fn tick_text(tick: f64) -> String {
     format!("{}", (tick * 1e6).round() / 1e6)
 }
 
-/// Points joined by a line, axes with round numbers.
+/// Returns a plot of points joined by a line, with round numbers on the axes.
 pub(crate) fn line(points: &[(f64, f64)], x_label: &str, y_label: &str) -> Markup {
     const WIDTH: f64 = 440.0;
     const HEIGHT: f64 = 240.0;
@@ -130,7 +130,7 @@ pub(crate) enum Mark {
 }
 
 impl Mark {
-    /// The shape around a place, as wide as a circle of this radius.
+    /// Returns the shape around a place, as wide as a circle of this radius.
     fn at(self, x: f64, y: f64, radius: f64, paint: Paint, title: Option<&str>) -> Markup {
         let Paint { fill, opacity, stroke } = paint;
         let title = html! { @if let Some(title) = title { title { (title) } } };
@@ -155,7 +155,7 @@ impl Mark {
     }
 }
 
-/// How a shape is filled and edged.
+/// Fill and edge of a shape.
 struct Paint {
     fill: &'static str,
     opacity: &'static str,
@@ -164,23 +164,24 @@ struct Paint {
 
 /// A point of a [`scatter`].
 pub(crate) struct Dot {
-    /// Above 0: the axis is logarithmic.
+    /// Horizontal place, above 0 because the axis is logarithmic.
     pub(crate) x: f64,
     pub(crate) y: f64,
-    /// Index into the groups.
+    /// Index of the group.
     pub(crate) group: usize,
     pub(crate) mark: Mark,
-    /// Drawn large, and joined with the others of its kind by a line.
+    /// Whether the dot is drawn large and joined with the others of its front by a line.
     pub(crate) front: bool,
-    /// Shown where the pointer rests.
+    /// Text that is shown where the pointer rests on the dot.
     pub(crate) title: String,
 }
 
 /// Colours of groups: distinct in hue and in lightness.
 const GROUPS: [&str; 6] = ["#440154", "#2a788e", "#5ab55a", "#d8a016", "#c2452d", "#7a7a7a"];
 
-/// Dots over a logarithmic x axis, those of the front joined by a line; a legend of the groups and, where there are
-/// several, of the marks. Dots without a finite place are left out. Complete in itself: also as a file.
+/// Returns a plot of dots over a logarithmic x axis, those of the front joined by a line, with a legend of the groups
+/// and, where there are several, of the marks. Dots without a finite place are left out. The SVG is complete, so that
+/// it can also be a file.
 pub(crate) fn scatter(dots: &[Dot], groups: &[String], marks: &[(Mark, &str)], x_label: &str, y_label: &str) -> Markup {
     const WIDTH: f64 = 560.0;
     const HEIGHT: f64 = 360.0;
@@ -254,7 +255,7 @@ pub(crate) fn scatter(dots: &[Dot], groups: &[String], marks: &[(Mark, &str)], x
     }
 }
 
-/// Round numbers between the powers of ten `least` and `most`.
+/// Returns round numbers between the powers of ten `least` and `most`.
 fn logarithmic_ticks(least: f64, most: f64) -> Vec<f64> {
     let steps: &[f64] = if most - least > 2.5 { &[1.0] } else { &[1.0, 2.0, 5.0] };
     let decades = least.floor() as i32..=most.ceil() as i32;
@@ -262,8 +263,8 @@ fn logarithmic_ticks(least: f64, most: f64) -> Vec<f64> {
     all.filter(|tick| (least..=most).contains(&tick.log10())).collect()
 }
 
-/// A value per direction as a dot on the disk seen from above: radius = polar angle with rings at 30, 60
-/// and 90 degrees, phi = 0 to the right, counter-clockwise. `range` is the colour map's.
+/// Returns a plot of a value per direction as a dot on the disk seen from above: radius = polar angle with rings at 30,
+/// 60 and 90 degrees, phi = 0 to the right, counter-clockwise. `range` is the colour map's.
 pub(crate) fn polar(directions: &[Direction], values: &[Option<f64>], range: (f64, f64)) -> Markup {
     const SIDE: f64 = 250.0;
     const RADIUS: f64 = 118.0;
@@ -291,7 +292,7 @@ pub(crate) fn polar(directions: &[Direction], values: &[Option<f64>], range: (f6
     }
 }
 
-/// The colour map as a bar with its range.
+/// Returns the colour map as a bar with its range.
 pub(crate) fn legend(range: (f64, f64), unit: &str) -> Markup {
     const STEPS: usize = 48;
     const WIDTH: f64 = 250.0;
@@ -309,7 +310,7 @@ pub(crate) fn legend(range: (f64, f64), unit: &str) -> Markup {
     }
 }
 
-/// Least and largest finite value; (0, 1) where there is none.
+/// Returns the least and largest finite value; (0, 1) where there is none.
 pub(crate) fn finite_range<'a>(values: impl IntoIterator<Item = &'a Option<f64>>) -> (f64, f64) {
     let range = values
         .into_iter()

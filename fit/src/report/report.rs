@@ -1,5 +1,5 @@
-//! A page about a fit: figures, pictures beside their originals, where the error is, what the asset is
-//! made of. One HTML file that needs nothing else, neither network nor other files.
+//! Page about a fit: figures, pictures beside their originals, where the error is, what the asset is made of. One HTML
+//! file that needs nothing else, neither network nor other files.
 
 use crate::error::FitError;
 use crate::input::layer_frame::{turn_image, turn_map};
@@ -25,12 +25,13 @@ const MAX_SIDE: usize = 256;
 const SHOWN_SIDE: usize = 250;
 /// Factor by which the difference pictures are brightened.
 const DIFFERENCE_GAIN: u8 = 8;
-/// Most points of the curve of size against quality.
+/// Points of the curve of size against quality at most.
 const MAX_TIERS: usize = 12;
-/// Every how many of the colour difference's pairs that curve is measured on: about 64 in all.
+/// Stride among the colour difference's pairs of the pairs that the curve of size against quality is measured on: about
+/// 64 in all.
 const TIER_PAIR_SHARE: usize = 4;
 
-/// What a pair is called with light and eye on one side, and on two.
+/// Names of a pair with light and eye on one side, and on two.
 struct Title {
     reflected: &'static str,
     through: &'static str,
@@ -54,13 +55,13 @@ const SHOWN: [(Title, [f64; 2], [f64; 2]); 4] = [
     ),
 ];
 
-/// What a page is made from.
+/// Input of a page.
 pub struct ReportInput<'a> {
-    /// The asset's file.
+    /// Bytes of the asset's file.
     pub bytes: &'a [u8],
-    /// What [`Asset::parse`] makes of it.
+    /// The asset, as [`Asset::parse`] reads it.
     pub asset: &'a Asset,
-    /// Its resident form.
+    /// Resident form of the asset.
     pub resident: &'a Resident,
     /// Captures with the layers that they belong to and how they compare.
     pub layers: Vec<ReportLayer<'a>>,
@@ -78,11 +79,11 @@ pub struct ReportLayer<'a> {
     pub capture: &'a Capture,
     /// Layer of the asset.
     pub layer: usize,
-    /// The measured error.
+    /// Measured error of the layer.
     pub comparison: &'a Comparison,
 }
 
-/// The page. Reads four images of each capture and about 64 for the curve of size against quality.
+/// Returns the page. Reads four images of each capture and about 64 for the curve of size against quality.
 ///
 /// # Errors
 /// If the asset's bytes are damaged, an image cannot be read, or the monitor was cancelled.
@@ -155,7 +156,7 @@ fn direction_words(description: &Description) -> String {
     layers.join("; ")
 }
 
-/// Everything about one layer.
+/// Returns the sections about one layer.
 fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Description) -> Result<Markup, FitError> {
     let (info, comparison) = (layer.capture.info(), layer.comparison);
     let source = &input.asset.layers[layer.layer];
@@ -227,7 +228,7 @@ fn layer_section(input: &ReportInput, layer: &ReportLayer, description: &Descrip
     })
 }
 
-/// Says under the map of lobe counts whose lobes are counted.
+/// Returns the caption of the map of lobe counts, which says whose lobes are counted.
 fn lobe_caption(lobes: &LobeUse) -> String {
     match lobes.role {
         Role::Base => format!("Lobes of each texel, mean {:.2}: the residual is what they leave", lobes.per_texel_mean),
@@ -238,8 +239,8 @@ fn lobe_caption(lobes: &LobeUse) -> String {
     }
 }
 
-/// Each cluster in a colour of its own: hues a golden angle apart, so that neighbours in number differ.
-/// Turned as the capture is.
+/// Returns a map with each cluster in a colour of its own: hues a golden angle apart, so that neighbours in number
+/// differ. Columns are in the capture's order.
 fn cluster_map(layer: &Layer, info: &CaptureInfo) -> Raster {
     let mut clusters = layer.texel_clusters.clone();
     turn_map(&mut clusters, info.width, info.side);
@@ -334,7 +335,7 @@ fn fit_section(description: &Description) -> Markup {
     }
 }
 
-/// Originals, decoded images and differences of a few pairs.
+/// Returns a table of originals, decoded images and differences of a few pairs.
 fn pictures(input: &ReportInput, layer: &ReportLayer) -> Result<Markup, FitError> {
     let info = layer.capture.info();
     let source = &input.asset.layers[layer.layer];
@@ -399,7 +400,8 @@ fn pictures(input: &ReportInput, layer: &ReportLayer) -> Result<Markup, FitError
     })
 }
 
-/// The direction of `set` nearest to theta and phi; behind the surface counts as in front.
+/// Returns the number of the direction of `set` nearest to theta and phi in degrees; a direction behind the surface
+/// counts as its mirror image in front.
 fn nearest(set: &DirectionSet, angles: [f64; 2]) -> usize {
     let wanted = Direction::new(angles[0], angles[1]).unit_f64();
     let closeness = |direction: &Direction| {
@@ -411,7 +413,7 @@ fn nearest(set: &DirectionSet, angles: [f64; 2]) -> usize {
     (0..all.len()).rev().max_by(|a, b| closeness(&all[*a]).total_cmp(&closeness(&all[*b]))).unwrap_or(0)
 }
 
-/// The centre of an image, at most [`MAX_SIDE`] texels wide and high.
+/// Returns the centre of an image, at most [`MAX_SIDE`] texels wide and high.
 fn crop(pixels: &[u8], width: usize, height: usize) -> Raster {
     let (w, h) = (width.min(MAX_SIDE), height.min(MAX_SIDE));
     let (x0, y0) = ((width - w) / 2, (height - h) / 2);
@@ -421,7 +423,7 @@ fn crop(pixels: &[u8], width: usize, height: usize) -> Raster {
     })
 }
 
-/// An inlined PNG, shown `side` pixels wide or high, whichever is longer.
+/// Returns an image element with an inlined PNG, whose longer side is shown `side` pixels long.
 fn picture(raster: &Raster, side: usize) -> Result<Markup, FitError> {
     // Maps of large captures are shown smaller than they are; a picture of their size would only weigh.
     let factor = raster.width.max(raster.height).div_ceil(2 * MAX_SIDE);
@@ -440,7 +442,7 @@ fn picture(raster: &Raster, side: usize) -> Result<Markup, FitError> {
     Ok(html! { img src=(source) width=(scaled(raster.width)) height=(scaled(raster.height)) alt=""; })
 }
 
-/// Size in MB and `psnr_db` of the file's tiers, on a share of the pairs of the first layer.
+/// Returns size in MB and `psnr_db` of the file's tiers, on a share of the pairs of the first layer.
 fn tier_curve(input: &ReportInput, description: &Description, monitor: &Monitor) -> Result<Vec<(f64, f64)>, FitError> {
     let Some(layer) = input.layers.first() else {
         return Ok(Vec::new());
@@ -468,7 +470,7 @@ fn tier_curve(input: &ReportInput, description: &Description, monitor: &Monitor)
     Ok(points)
 }
 
-/// Base64 with padding, RFC 4648.
+/// Returns the Base64 text of `bytes` with padding, RFC 4648.
 fn base64(bytes: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
@@ -484,112 +486,4 @@ fn base64(bytes: &[u8]) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::measure::expand::{ExpandParams, expand};
-    use crate::sample_asset::sample_asset;
-    use btf_runtime::pack;
-
-    #[test]
-    fn base64_follows_the_test_vectors_of_rfc_4648() {
-        for (plain, coded) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("fooba", "Zm9vYmE="),
-            ("foobar", "Zm9vYmFy"),
-        ] {
-            assert_eq!(base64(plain.as_bytes()), coded);
-        }
-        assert_eq!(base64(&[0xfb, 0xff]), "+/8=");
-    }
-
-    #[test]
-    fn the_nearest_direction_is_found_on_either_side() {
-        let set = DirectionSet::bonn81();
-        assert_eq!(set.directions()[nearest(&set, [44.0, 181.0])], Direction::new(45.0, 180.0));
-        assert_eq!(nearest(&set, [0.0, 0.0]), 0);
-        let behind = DirectionSet::new(vec![Direction::new(170.0, 0.0), Direction::new(120.0, 90.0)]).unwrap();
-        assert_eq!(behind.directions()[nearest(&behind, [60.0, 90.0])], Direction::new(120.0, 90.0));
-    }
-
-    #[test]
-    fn a_capture_of_any_side_stands_beside_its_own_picture_and_not_a_mirrored_one() {
-        let folder = tempfile::tempdir().unwrap();
-        let monitor = Monitor::default();
-        for side in btf_capture::Side::ALL {
-            let mut source = sample_asset();
-            (source.layers[0].light_side, source.layers[0].view_side) =
-                crate::input::layer_frame::sides_of_capture(side);
-            let bytes = pack(&source).unwrap();
-            let asset = Asset::parse(&bytes).unwrap();
-            let resident = Resident::from_asset(&asset);
-            let dir = folder.path().join(side.to_string());
-            expand(&asset, &resident, &dir, &ExpandParams::default(), &monitor).unwrap();
-            let capture = Capture::open(dir).unwrap();
-            let comparison = measure(&capture, &asset, &resident, &MeasureParams::default(), &monitor).unwrap();
-            let input = ReportInput {
-                bytes: &bytes,
-                asset: &asset,
-                resident: &resident,
-                layers: vec![ReportLayer { capture: &capture, layer: 0, comparison: &comparison }],
-                stages: &[],
-                peak_memory_bytes: None,
-                psnr_left_out_db: None,
-            };
-            let page = report_html(&input, &monitor).unwrap();
-            let row = |label: &str| {
-                let (_, rest) = page.split_once(&format!("<th>{label}</th>")).unwrap();
-                rest.split_once("</tr>").unwrap().0.to_string()
-            };
-            // The files hold exactly what is decoded, and five columns of different texels are no mirror image.
-            assert_eq!(row("original"), row("decoded"), "{side}");
-            assert_eq!(page.contains("Straight through"), side.is_transmission());
-            let mut clusters = source.layers[0].texel_clusters.clone();
-            turn_map(&mut clusters, 5, side);
-            assert_eq!(clusters != source.layers[0].texel_clusters, side.is_turned_over());
-            let turned = Layer { texel_clusters: clusters, ..source.layers[0].clone() };
-            let front = CaptureInfo { side: btf_capture::Side::Front, ..capture.info().clone() };
-            assert_eq!(cluster_map(&source.layers[0], capture.info()), cluster_map(&turned, &front));
-        }
-    }
-
-    #[test]
-    fn the_page_stands_alone_and_shows_the_figures() {
-        let folder = tempfile::tempdir().unwrap();
-        let bytes = pack(&sample_asset()).unwrap();
-        let asset = Asset::parse(&bytes).unwrap();
-        let resident = Resident::from_asset(&asset);
-        let monitor = Monitor::default();
-        let fewer = ExpandParams {
-            options: DecodeOptions { components: 1, ..DecodeOptions::default() },
-            ..ExpandParams::default()
-        };
-        expand(&asset, &resident, &folder.path().join("capture"), &fewer, &monitor).unwrap();
-        let capture = Capture::open(folder.path().join("capture")).unwrap();
-        let comparison = measure(&capture, &asset, &resident, &MeasureParams::default(), &monitor).unwrap();
-        let stages = [Stage { name: "cluster".into(), seconds: 1.5 }];
-        let input = ReportInput {
-            bytes: &bytes,
-            asset: &asset,
-            resident: &resident,
-            layers: vec![ReportLayer { capture: &capture, layer: 0, comparison: &comparison }],
-            stages: &stages,
-            peak_memory_bytes: Some(123_456_789),
-            psnr_left_out_db: Some(12.34),
-        };
-        let page = report_html(&input, &monitor).unwrap();
-        assert!(page.contains(&format!("{:.2}", comparison.metrics().psnr_db)));
-        assert!(page.contains("123.46 MB") && page.contains("12.34") && page.contains("cluster"));
-        for outside in ["http:", "https:", "src=\"/", "<link", "<script", "url("] {
-            assert!(!page.contains(outside), "{outside}");
-        }
-        assert!(!page.contains("NaN"));
-        // Four pairs at most, three pictures each, and four maps.
-        let pictures = page.matches("data:image/png;base64,").count();
-        assert!((4 + 3..=4 + 12).contains(&pictures), "{pictures}");
-        assert!(page.len() < 400_000, "{}", page.len());
-    }
-}
+mod tests;

@@ -1,6 +1,6 @@
-//! `--resume`: the finished stages of a fit, each in a file of its own beside the asset, so that a run that was
-//! killed can be taken up again. A fit is deterministic, so taking a stage's result from its file or computing it
-//! anew ends in the same bytes.
+//! Finished stages of a fit (`--resume`), each in a file of its own beside the asset, so that a run that was killed can
+//! be taken up again. A fit is deterministic, so taking a stage's result from its file and computing it anew end in the
+//! same bytes.
 //!
 //! A file appears whole or not at all, and is taken only if its key (program, captures, parameters) and its checksum
 //! are right; whatever else lies there is ignored with one remark and computed anew.
@@ -17,19 +17,19 @@ use std::path::{Path, PathBuf};
 
 /// First bytes of a stage's file; the digit is the version of its layout.
 const MAGIC: [u8; 8] = *b"BTFSTEP1";
-/// Bytes of a key and of a checksum.
+/// Bytes of a key, and of a checksum.
 const HASH_BYTES: u64 = 32;
-/// Ends of the names of a stage's file and of a decoded capture.
+/// Ends of the file names of a stage and of a decoded capture.
 const STAGE_END: &str = ".stage";
 const TEXELS_END: &str = ".texels";
-/// Held by the run that works in the folder; goes with its process, however that ends.
+/// Name of the file that the running fit locks. The lock goes with the process, however that ends.
 const LOCK_NAME: &str = "lock";
-/// Says of what the stages are.
+/// Name of the file that says which program, captures and parameters the stages belong to.
 const IDENTITY_NAME: &str = "identity.stage";
-/// Buffer of a stage's file.
+/// Bytes of the buffer for a stage's file.
 const BUFFER_BYTES: usize = 1 << 20;
 
-/// The folder of the finished stages of one fit; without one nothing is kept and nothing is found.
+/// Folder of the finished stages of one fit. Without a folder nothing is kept and nothing is found.
 pub struct Checkpoint<'a> {
     folder: Option<PathBuf>,
     key: Hash,
@@ -37,7 +37,7 @@ pub struct Checkpoint<'a> {
     _lock: Option<File>,
 }
 
-/// What a fit's stages depend on.
+/// Everything that the results of a fit's stages depend on, hashed.
 struct Identity {
     program: Hash,
     captures: Hash,
@@ -81,8 +81,8 @@ impl Identity {
 }
 
 impl<'a> Checkpoint<'a> {
-    /// Opens (and makes) the folder `params.resume()` for a fit of `captures`; without one, keeps nothing. Stages of
-    /// another program, capture or parameters are removed, with a remark.
+    /// Opens the folder `params.resume()` for a fit of `captures`, and makes it if need be; without one, keeps nothing.
+    /// Stages of another program, capture or parameters are removed, with a remark.
     ///
     /// # Errors
     /// If the folder cannot be made or another run works in it, or a capture's files are gone.
@@ -115,7 +115,7 @@ impl<'a> Checkpoint<'a> {
         Ok(checkpoint)
     }
 
-    /// Removes what other fits, and runs that were killed while they wrote, have left.
+    /// Removes what other fits, and runs that were killed while they wrote, left in `folder`.
     fn keep_only(&self, folder: &Path, identity: &Identity) {
         let found = read_stage::<[[u8; 32]; 3]>(&folder.join(IDENTITY_NAME), &blake3::hash(&MAGIC));
         let own = identity.parts();
@@ -155,12 +155,13 @@ impl<'a> Checkpoint<'a> {
         }
     }
 
-    /// The stages of the whole fit.
+    /// Returns the stages of the whole fit.
     pub fn whole(&self) -> Stages<'_> {
         Stages { checkpoint: self, prefix: "whole".to_string(), key: self.key }
     }
 
-    /// The stages of one layer; `sample` is what the memory plan made of it, which the results depend on.
+    /// Returns the stages of one layer. Results also depend on `sample`, the texels that the memory plan gives to the
+    /// sample of shared bases.
     pub fn layer(&self, number: usize, sample: usize) -> Stages<'_> {
         let mut hasher = Hasher::new();
         hasher.update(self.key.as_bytes());
@@ -170,8 +171,8 @@ impl<'a> Checkpoint<'a> {
     }
 }
 
-/// Removes the finished stages in `folder` after the asset was written: its files, and the folder if it holds no
-/// others. What cannot be removed stays; a later run sees by its key whether it can use it.
+/// Removes the finished stages in `folder` after the asset was written: their files, and the folder if it holds no
+/// others. What cannot be removed stays; a later run sees by its key whether it can be used.
 pub fn remove_finished_stages(folder: &Path) {
     for name in in_order_of_removal(names_in(folder)) {
         let _ = fs::remove_file(folder.join(name));
@@ -179,7 +180,8 @@ pub fn remove_finished_stages(folder: &Path) {
     let _ = fs::remove_dir(folder);
 }
 
-/// Stages first, then what says of what they are: a run that is killed in between leaves none that nothing is known of.
+/// Returns `names` in the order in which they are removed: stages first, then the file that says what they belong to,
+/// so that a run that is killed in between leaves no stage of unknown origin.
 fn in_order_of_removal(mut names: Vec<String>) -> Vec<String> {
     names.retain(|name| is_stage(name) || name == LOCK_NAME);
     names.sort_by_key(|name| (name == LOCK_NAME, name == IDENTITY_NAME));
@@ -200,7 +202,7 @@ fn is_stage(name: &str) -> bool {
     !name.starts_with('.') && (name.ends_with(STAGE_END) || name.ends_with(TEXELS_END))
 }
 
-/// The kept stages of a layer or of the whole fit.
+/// Kept stages of a layer or of the whole fit.
 pub struct Stages<'a> {
     checkpoint: &'a Checkpoint<'a>,
     prefix: String,
@@ -208,17 +210,17 @@ pub struct Stages<'a> {
 }
 
 impl Stages<'_> {
-    /// Where progress goes.
+    /// Returns the monitor that progress goes to.
     pub fn monitor(&self) -> &Monitor {
         self.checkpoint.monitor
     }
 
-    /// The kept result of stage `name`, else that of `work`, run as that stage and kept.
+    /// Returns the kept result of stage `name`; else runs `work` as that stage and keeps its result.
     pub fn run<T: Stored>(&self, name: &str, work: impl FnOnce() -> Result<T, FitError>) -> Result<T, FitError> {
         self.load_or(name, || self.monitor().stage(name, work))
     }
 
-    /// The kept result `name`, else that of `work`, which is kept.
+    /// Returns the kept result `name`; else runs `work`, without making it a stage, and keeps its result.
     pub fn load_or<T: Stored>(&self, name: &str, work: impl FnOnce() -> Result<T, FitError>) -> Result<T, FitError> {
         if let Some(found) = self.load(name) {
             self.monitor().skip(name);
@@ -229,7 +231,7 @@ impl Stages<'_> {
         Ok(made)
     }
 
-    /// The kept result `name`; a file that cannot be used is named in a remark.
+    /// Returns the kept result `name`. A file that cannot be used is named in a remark.
     pub fn load<T: Stored>(&self, name: &str) -> Option<T> {
         let path = self.path(name, STAGE_END)?;
         match read_stage(&path, &self.key) {
@@ -242,7 +244,7 @@ impl Stages<'_> {
         }
     }
 
-    /// Says that `path` is not used.
+    /// Makes the remark that the file `path` is not used.
     pub fn ignore(&self, path: &Path) {
         self.monitor().remark(&format!(
             "{} is cut, damaged or of another fit; it is not used and the stage is computed anew",
@@ -250,7 +252,7 @@ impl Stages<'_> {
         ));
     }
 
-    /// Keeps a result. A failure is a remark, not an error: the fit can go on.
+    /// Keeps a result. A failure is a remark, not an error, because the fit can go on.
     pub fn keep(&self, name: &str, value: &impl Stored) {
         if let Some(path) = self.path(name, STAGE_END) {
             let written = write_stage(&path, &self.key, value);
@@ -258,7 +260,7 @@ impl Stages<'_> {
         }
     }
 
-    /// Where a decoded capture that does not fit into memory is kept; `None` if nothing is.
+    /// Returns the path at which a decoded capture that does not fit into memory is kept; `None` if nothing is kept.
     pub fn texels_path(&self) -> Option<PathBuf> {
         self.path("read", TEXELS_END)
     }
@@ -268,7 +270,7 @@ impl Stages<'_> {
     }
 }
 
-/// Hashes what passes through.
+/// Reader or writer that hashes what passes through.
 struct Hashed<T> {
     inner: T,
     hasher: Hasher,
@@ -294,7 +296,7 @@ impl<T: Read> Read for Hashed<T> {
     }
 }
 
-/// Magic, key, value, checksum of all that.
+/// Writes a stage's file: magic, key, value, and a checksum of all three.
 fn write_stage(path: &Path, key: &Hash, value: &impl Stored) -> io::Result<()> {
     let file = AtomicFile::create(path).map_err(io::Error::other)?;
     let mut to = BufWriter::with_capacity(BUFFER_BYTES, Hashed { inner: file, hasher: Hasher::new() });

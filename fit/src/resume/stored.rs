@@ -1,16 +1,16 @@
-//! What a stage of a fit gives, as bytes and back, so that a later run can go on from it: little-endian numbers,
-//! counts before lists, fields in a fixed order. The bytes are for the same program on the same kind of machine
-//! only; `checkpoint.rs` sees to that.
+//! Results of a fit's stages as bytes and back, so that a later run can go on from them: little-endian numbers, counts
+//! before lists, fields in a fixed order. The bytes are for the same program on the same kind of machine only;
+//! `checkpoint.rs` sees to that.
 
 use btf_runtime::{DictionaryLobe, Lobe, LobeFamily, LobeRef};
 use ndarray::Array2;
 use std::io::{Error, ErrorKind, Read, Result, Write};
 
-/// Bytes to read values from, of a known number: no count in them makes a reader allocate more.
+/// A known number of bytes to read values from. No count in them makes a reader allocate more.
 pub struct Input<'a> {
-    /// Where they come from.
+    /// Source of the bytes.
     pub from: &'a mut dyn Read,
-    /// How many are left.
+    /// Bytes that are left.
     pub left: u64,
 }
 
@@ -22,18 +22,18 @@ impl Input<'_> {
         Ok(bytes)
     }
 
-    /// A count of things that take at least a byte each.
+    /// Reads a count of things that take at least a byte each.
     fn count(&mut self) -> Result<usize> {
         let count = usize::take(self)?;
         if count as u64 > self.left { Err(ErrorKind::UnexpectedEof.into()) } else { Ok(count) }
     }
 }
 
-/// A value that can be kept.
+/// A value that can be kept as bytes.
 pub trait Stored: Sized {
-    /// Writes it.
+    /// Writes the value.
     fn put(&self, to: &mut dyn Write) -> Result<()>;
-    /// Reads what [`Stored::put`] wrote.
+    /// Reads a value that [`Stored::put`] wrote.
     fn take(from: &mut Input) -> Result<Self>;
 }
 

@@ -1,24 +1,24 @@
-//! The step of the quantisers for a size: everything else follows from the step, so that one number is searched.
+//! Search of the quantisers' step for a size: everything else follows from the step, so that one number is searched.
 
 /// Evaluations that a search gets at most.
 pub const SEARCH_ROUNDS: usize = 9;
-/// A size within this share below the limit ends the search.
+/// Share below the limit within which a size ends the search.
 const CLOSE: f64 = 0.005;
-/// Halvings below and doublings above the greatest coefficient that a step may have.
+/// log2 of the finest and of the coarsest step relative to the greatest coefficient.
 const FINEST: f64 = -24.0;
 const COARSEST: f64 = 2.0;
 
-/// What an evaluation of a step gives: its bytes and the thing itself.
+/// Result of evaluating a step: its bytes and the thing itself.
 pub struct Candidate<T> {
     /// Bytes.
     pub bytes: usize,
-    /// What was made.
+    /// Thing that was made.
     pub value: T,
 }
 
-/// The finest step whose outcome has at most `limit` bytes, as far as a bracketed search over powers of two of
+/// Returns the finest step whose outcome has at most `limit` bytes, as far as a bracketed search over powers of two of
 /// `greatest` (the size of the greatest coefficient) finds it: sizes fall about inversely with the step. `Err` holds
-/// the least size where even the coarsest step is too large.
+/// the least size where even the coarsest step gives more.
 pub fn within_bytes<T, E>(
     limit: usize,
     greatest: f64,

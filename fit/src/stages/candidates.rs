@@ -1,4 +1,4 @@
-//! The coarse, infinite dictionary's sampling: every family at a few parameters about every normal.
+//! Candidate lobes of a dictionary: every family at a few parameters about every normal.
 
 use btf_runtime::{Lobe, LobeFamily};
 
@@ -27,7 +27,7 @@ fn directions_xy(rings: &[(f32, usize)]) -> Vec<[f32; 2]> {
 /// Candidates at most: room for [`candidate_lobes`], of which there are 867.
 pub const MAX_CANDIDATES: usize = 900;
 
-/// All candidates, Lambertian about the macroscopic normal first.
+/// Returns all candidates; the first is the Lambertian lobe about the macroscopic normal.
 pub fn candidate_lobes() -> Vec<Lobe> {
     let parameters: [(LobeFamily, &[[f32; 4]]); 8] = [
         (LobeFamily::Lambertian, &[[0.0; 4]]),
@@ -57,7 +57,7 @@ pub fn candidate_lobes() -> Vec<Lobe> {
     lobes.iter().map(Lobe::rounded).collect()
 }
 
-/// How a lobe's free parameters stand in an unconstrained vector.
+/// Places of a lobe's free parameters in an unconstrained vector.
 pub struct Freedom {
     /// Index into `params`, and true where the parameter varies by ratio (roughness, exponent).
     slots: Vec<(usize, bool)>,
@@ -65,7 +65,7 @@ pub struct Freedom {
 }
 
 impl Freedom {
-    /// Which parameters of `family` a refinement moves, beside the normal.
+    /// Returns the parameters of `family` that a refinement moves, beside the normal.
     pub fn of(family: LobeFamily) -> Freedom {
         let (slots, tangent): (&[(usize, bool)], bool) = match family {
             LobeFamily::Lambertian => (&[], false),
@@ -80,7 +80,7 @@ impl Freedom {
         Freedom { slots: slots.to_vec(), tangent }
     }
 
-    /// Free numbers: normal x and y, the parameters, the tangent.
+    /// Returns the free numbers of a lobe: normal x and y, the parameters, the tangent.
     pub fn vector(&self, lobe: &Lobe) -> Vec<f64> {
         let mut vector = vec![f64::from(lobe.normal_xy[0]), f64::from(lobe.normal_xy[1])];
         vector.extend(self.slots.iter().map(|&(slot, ratio)| {
@@ -93,7 +93,7 @@ impl Freedom {
         vector
     }
 
-    /// The lobe with the free numbers `vector`, brought into its ranges.
+    /// Returns a lobe like `like` with the free numbers `vector`, brought into its ranges.
     pub fn lobe(&self, like: &Lobe, vector: &[f64]) -> Lobe {
         let mut lobe = *like;
         lobe.normal_xy = [vector[0] as f32, vector[1] as f32];

@@ -1,6 +1,6 @@
-//! A cluster's dictionary of rotated lobes: stagewise Lasso over the candidates for every
-//! representative texel, a non-linear search about the strongest atoms (Nelder-Mead on normalised
-//! correlation), then damped Gauss-Newton steps on all parameters and normals together.
+//! Fit of a cluster's dictionary of rotated lobes: stagewise Lasso over the candidates for every representative texel,
+//! a non-linear search about the strongest atoms (Nelder-Mead on normalised correlation), then damped Gauss-Newton
+//! steps on all parameters and normals together.
 
 use crate::stages::candidates::Freedom;
 use crate::stages::lasso::{LassoParams, LassoProblem, non_negative_weights, stagewise_lasso};
@@ -11,31 +11,31 @@ use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, ArrayView1, s};
 use std::ops::ControlFlow;
 
-/// Stagewise step and end of the path, relative to the strongest correlation.
+/// Stagewise step, and end of the path, relative to the strongest correlation.
 const STEP: f64 = 0.02;
 const MIN_PENALTY: f64 = 0.03;
-/// The path of one representative ends at this many atoms.
+/// Atoms at which the path of a representative ends.
 const MAX_ACTIVE: usize = 12;
-/// Atoms that the single-lobe search refines.
+/// Atoms that the search of a single lobe refines.
 const SEARCHED_ATOMS: usize = 8;
-/// Iterations of that search.
+/// Iterations of the search of a single lobe.
 const SEARCH_ITERATIONS: u64 = 25;
-/// Smaller values of a lobe count as 0: products of numbers near the end of single precision's range take many times
-/// as long, and a narrow lobe is that small almost everywhere.
+/// Value of a lobe below which it counts as 0: products of numbers near the end of single precision's range take many
+/// times as long, and a narrow lobe is that small almost everywhere.
 pub const NEGLIGIBLE: f32 = 1e-20;
 /// Gauss-Newton steps.
 const GAUSS_NEWTON_STEPS: usize = 6;
 
 /// The direction pairs that a dictionary is fitted on.
 pub struct Pairs {
-    /// Light per pair.
+    /// Direction to the light, per pair.
     pub wi: Vec<[f32; 3]>,
-    /// Eye per pair.
+    /// Direction to the eye, per pair.
     pub wo: Vec<[f32; 3]>,
 }
 
 impl Pairs {
-    /// A lobe's values; negligible ones as 0.
+    /// Returns a lobe's value at each pair; negligible values are 0.
     pub fn table(&self, lobe: &Lobe) -> Vec<f32> {
         let setup = lobe.setup();
         let value = |(wi, wo): (&[f32; 3], &[f32; 3])| setup.eval(*wi, *wo);
@@ -43,7 +43,7 @@ impl Pairs {
     }
 }
 
-/// What a cluster's dictionary must reproduce.
+/// Functions that a cluster's dictionary must reproduce.
 pub struct Target {
     /// Root of each pair's weight (tone weight; 0 for held-back pairs).
     pub root_weights: Vec<f32>,
@@ -59,7 +59,7 @@ pub struct Dictionary {
     pub energy: f64,
     /// Weighted squared error with the lobes that the Lasso chose.
     pub error_selected: f64,
-    /// The same after refinement.
+    /// Weighted squared error after refinement.
     pub error_refined: f64,
 }
 
@@ -93,7 +93,7 @@ pub fn build_dictionary(
     }
 }
 
-/// Candidates by their share in the representatives' Lasso paths.
+/// Returns the candidates with the greatest share in the representatives' Lasso paths.
 fn select(
     target: &Target,
     functions: &Array2<f32>,
@@ -157,17 +157,17 @@ fn select(
     chosen
 }
 
-/// Lobes, their weighted tables, the representatives' weights and what is left.
+/// State of the refinement: lobes, their weighted tables, the representatives' weights, and the residual.
 struct Refinement<'a> {
     lobes: Vec<Lobe>,
     pairs: &'a Pairs,
     root_weights: &'a [f32],
     functions: &'a Array2<f32>,
-    /// `[pair, lobe]`.
+    /// Weighted tables, `[pair, lobe]`.
     tables: Array2<f32>,
-    /// `[lobe, column]`.
+    /// Weights, `[lobe, column]`; a column is a representative and a channel.
     weights: Array2<f32>,
-    /// `[pair, column]`.
+    /// Residual, `[pair, column]`.
     residual: Array2<f32>,
     error: f64,
 }
@@ -202,7 +202,7 @@ impl<'a> Refinement<'a> {
         self.lobes[index] = *lobe;
     }
 
-    /// Non-negative weights of all representatives, and the residual.
+    /// Solves for the non-negative weights of all representatives, and computes the residual.
     fn solve(&mut self) {
         let n = self.lobes.len();
         let gram: Vec<f64> = self.tables.t().dot(&self.tables).iter().map(|x| f64::from(*x)).collect();
@@ -217,8 +217,8 @@ impl<'a> Refinement<'a> {
         self.error = self.residual.iter().map(|x| f64::from(*x).powi(2)).sum();
     }
 
-    /// Moves each of the strongest lobes, the others fixed, to the parameters and normal of largest
-    /// normalised correlation with what the others leave.
+    /// Moves each of the strongest lobes, the others fixed, to the parameters and normal of largest normalised
+    /// correlation with what the others leave.
     fn search_strongest(&mut self) {
         let mut order: Vec<usize> = (0..self.lobes.len()).collect();
         let strength: Vec<f64> = (0..self.lobes.len())
@@ -266,8 +266,8 @@ impl<'a> Refinement<'a> {
         self.solve();
     }
 
-    /// Damped Gauss-Newton on all free numbers of all lobes. The normal matrix is
-    /// `(J'J) o (W W')`: its cost does not depend on the number of representatives.
+    /// Runs damped Gauss-Newton steps on all free numbers of all lobes. The normal matrix is `(J'J) o (W W')`: its cost
+    /// does not depend on the number of representatives.
     fn gauss_newton(&mut self) {
         let mut damping = 1e-2;
         for _ in 0..GAUSS_NEWTON_STEPS {
@@ -344,7 +344,7 @@ impl<'a> Refinement<'a> {
     }
 }
 
-/// The forward step's search over a lobe's own parameters.
+/// Search over one lobe's own parameters, the forward step of the refinement.
 struct LobeSearch<'a, 'b> {
     like: Lobe,
     freedom: &'a Freedom,
@@ -353,7 +353,7 @@ struct LobeSearch<'a, 'b> {
 }
 
 impl LobeSearch<'_, '_> {
-    /// Squared length of the projection of what is left onto the lobe.
+    /// Returns the squared length of the projection of the residual onto the lobe.
     fn correlation(&self, vector: &[f64]) -> f64 {
         let table = self.state.weighted_table(&self.freedom.lobe(&self.like, vector));
         let table = ArrayView1::from(&table);

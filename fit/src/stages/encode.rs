@@ -1,5 +1,5 @@
-//! Turns a residual's model into what the format stores. One step size decides on everything: coefficients, the
-//! clusters' mixtures and the shared bases are each quantised so that a code's error moves the samples by as much
+//! Quantisation of a residual's model into what the format stores. One step size decides on everything: coefficients,
+//! the clusters' mixtures and the shared bases are each quantised so that a code's error moves the samples by as much
 //! as a coefficient's does. Equal slopes of error against bytes follow from that [Shoham 1988], within a layer and
 //! between layers.
 
@@ -13,29 +13,28 @@ use nalgebra::DMatrix;
 use ndarray::{Array1, Array2, Axis, s};
 use rayon::prelude::*;
 
-/// A value is rounded towards 0 by this much more than to the nearest code: what a code near 0 costs in bytes, its
-/// small gain does not pay.
+/// Shift of the rounding towards 0, in steps: what a code near 0 costs in bytes, its small gain does not pay.
 const DEAD_ZONE: f32 = 0.1;
 /// Squared error that a byte must remove to be worth it, in squared steps: the slope of an entropy-coded uniform
 /// quantiser, `2 ln 2 / 12` a bit, 8 bits.
 const SQUARED_STEPS_PER_BYTE: f64 = 0.92;
-/// A component of a cluster whose coefficients have less than this root mean square, in steps, is left out: nearly
-/// all of its codes would be 0.
+/// Root mean square, in steps, of a component's coefficients in a cluster below which the component is left out there:
+/// nearly all of its codes would be 0.
 const MIN_RMS: f64 = 0.3;
 /// Ridge of the refit, relative to the mean diagonal of the bases' Gram matrix.
 const RIDGE: f64 = 1e-6;
 /// Largest code of a shared basis or a mixture.
 const MAX_CODE: f32 = 32_000.0;
 
-/// What is quantised: a layer's residual up to the choice of a step.
+/// A layer's residual before the choice of a step.
 pub struct Model {
-    /// Where every texel lies, without the directions (`rotated` holds them).
+    /// Every texel's coordinates, without the directions (`rotated` holds them).
     pub coordinates: Coordinates,
-    /// The directions, factored.
+    /// Factored directions.
     pub rotated: Rotated,
-    /// The clusters' models in coordinates.
+    /// Models of the clusters in coordinates.
     pub clusters: Vec<LocalPca>,
-    /// Texels a row.
+    /// Texels per row.
     pub width: usize,
 }
 
@@ -47,13 +46,13 @@ pub struct Encoded {
     pub error: f64,
 }
 
-/// The code nearest to `value / step`, with a dead zone around 0.
+/// Returns the code nearest to `value / step`, with a dead zone around 0.
 fn code(value: f32, step: f32) -> f32 {
     let steps = value / step;
     (steps.abs() + 0.5 - DEAD_ZONE).floor().copysign(steps)
 }
 
-/// Codes of `values` with steps of about `step`, larger where the codes would need more than 16 bits.
+/// Returns the codes of `values` and their step: about `step`, larger where the codes would need more than 16 bits.
 fn quantize(values: &[f32], step: f64) -> (f32, Vec<i16>) {
     let peak = values.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
     let step = (step as f32).max(peak / MAX_CODE).clamp(1e-20, MAX_BASIS_STEP);
@@ -151,7 +150,7 @@ impl Model {
         Shared { bases, ranks }
     }
 
-    /// Products of the decoded shared bases among themselves and with the exact directions.
+    /// Returns the products of the decoded shared bases among themselves and with the exact directions.
     fn products(&self, shared: &Shared) -> Products {
         let used = shared.bases.steps.len();
         let len: usize = shared.ranks.iter().map(|[rv, rl]| rv * rl).sum();
@@ -174,7 +173,7 @@ impl Model {
         Products { mixtures, cross, gram }
     }
 
-    /// A cluster's mean and components on the decoded shared bases, and its texels' coefficients on the result.
+    /// Returns a cluster's mean and components on the decoded shared bases, and its texels' coefficients on those.
     fn fit(&self, cluster: &LocalPca, on: &Products, step: f64, count: usize) -> Fitted {
         let Products { gram, cross, mixtures } = on;
         let used = gram.nrows();
@@ -214,7 +213,7 @@ impl Model {
         Fitted { members: cluster.members.clone(), bases, mean, own_gram, products, coefficients }
     }
 
-    /// Component `j`'s codes for all texels, and the squared error that they take away.
+    /// Returns the codes of component `j` for all texels, and the squared error that they take away.
     fn plane(&self, fitted: &[Fitted], j: usize, texels: usize, step: f64) -> (Coefficients, f64) {
         let mut peak = 0.0f32;
         for cluster in fitted.iter().filter(|cluster| j < cluster.coefficients.ncols()) {
@@ -239,7 +238,7 @@ impl Model {
         (Coefficients { step, codes }, energy - left)
     }
 
-    /// Predicted squared error of the whole.
+    /// Returns the predicted squared error over all texels and samples.
     fn error(&self, fitted: &[Fitted], planes: &[Coefficients], on: &Products) -> f64 {
         let Products { gram, cross, .. } = on;
         let sums: Vec<f64> = fitted
@@ -276,26 +275,26 @@ struct Shared {
 
 /// Products of the decoded shared bases.
 struct Products {
-    /// `[shared basis, shared basis]`.
+    /// Products among the shared bases, `[shared basis, shared basis]`.
     gram: Array2<f32>,
-    /// With the exact directions: `[direction, shared basis]`.
+    /// Products with the exact directions, `[direction, shared basis]`.
     cross: Array2<f32>,
-    /// `gram^-1 cross'`: times a vector of coordinates, the mixture of shared bases nearest to it.
+    /// `gram^-1 cross'`: times a vector of coordinates, this is the mixture of shared bases nearest to the vector.
     mixtures: Array2<f32>,
 }
 
-/// A cluster on the decoded shared bases.
+/// A cluster's model on the decoded shared bases.
 struct Fitted {
     members: Vec<usize>,
-    /// Step and codes of the mean and of each component; empty mixtures for components that it does without.
+    /// Step and codes of the mean and of each component; empty for components that the cluster does without.
     bases: Vec<(f32, Vec<i16>)>,
-    /// Decoded mean.
+    /// Mean as it is decoded.
     mean: Array1<f32>,
     /// Gram matrix of the decoded components.
     own_gram: Array2<f32>,
-    /// Per member, products of its residual about the mean with the components.
+    /// Products of each member's residual about the mean with the components, `[member, component]`.
     products: Array2<f32>,
-    /// Per member, coefficients of least squares.
+    /// Least-squares coefficients of each member, `[member, component]`.
     coefficients: Array2<f32>,
 }
 
@@ -306,7 +305,7 @@ fn collect_basis(fitted: &[Fitted], index: usize) -> Basis {
     }
 }
 
-/// Inverse of a Gram matrix with a ridge.
+/// Returns the inverse of a Gram matrix with a ridge.
 fn ridged_inverse(gram: &Array2<f32>) -> Array2<f64> {
     let n = gram.nrows();
     let trace: f64 = (0..n).map(|i| f64::from(gram[[i, i]])).sum();

@@ -1,4 +1,4 @@
-//! Factors the shared bases over light x view: two matrices a colour channel by a weighted higher-order SVD
+//! Factorisation of the shared bases over light x view: two matrices a colour channel by a weighted higher-order SVD
 //! [De Lathauwer 2000] in a luma-chroma frame, and each basis' core in them.
 
 use crate::stages::principal_directions::sorted_eigen;
@@ -7,15 +7,15 @@ use half::f16;
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
-/// All shared bases in the full rotated frame: nothing is lost yet, ranks only cut.
+/// All shared bases in the full rotated frame: nothing is lost yet, only the choice of ranks cuts.
 pub struct Rotated {
-    /// Views and lights.
+    /// Number of views and of lights.
     pub shape: [usize; 2],
-    /// Per channel the view rotation `[view, rank]`, most important rank first.
+    /// View rotation `[view, rank]` of each channel, most important rank first.
     view: [Array2<f32>; 3],
-    /// Per channel the light rotation `[light, rank]`.
+    /// Light rotation `[light, rank]` of each channel.
     light: [Array2<f32>; 3],
-    /// `[basis][channel]` core `[view rank, light rank]`.
+    /// Cores `[basis][channel]`, each `[view rank, light rank]`.
     cores: Vec<[Array2<f32>; 3]>,
 }
 
@@ -28,8 +28,8 @@ fn channel_slice(basis: ArrayView1<f32>, shape: [usize; 2], channel: usize) -> A
 }
 
 impl Rotated {
-    /// Finds the rotations of `bases` (`[sample, basis]`), weighting each by the energy that it carries, and
-    /// rotates every one.
+    /// Finds the rotations of `bases` (`[sample, basis]`), each weighted by the energy that it carries, and rotates
+    /// every basis.
     pub fn new(bases: &Array2<f32>, energies: &[f64], shape: [usize; 2]) -> Rotated {
         let rotation = |channel: usize| -> (Array2<f32>, Array2<f32>) {
             let grams: Vec<(Array2<f32>, Array2<f32>)> = (0..bases.ncols())
@@ -58,17 +58,17 @@ impl Rotated {
         Rotated { shape, view, light, cores }
     }
 
-    /// Number of bases.
+    /// Returns the number of bases.
     pub fn count(&self) -> usize {
         self.cores.len()
     }
 
-    /// The core of `basis` in `channel`, all ranks.
+    /// Returns the core of `basis` in `channel` at all ranks.
     pub fn core(&self, basis: usize, channel: usize) -> &Array2<f32> {
         &self.cores[basis][channel]
     }
 
-    /// Factor matrices cut to `ranks` (`[view, light]` per channel).
+    /// Returns the factor matrices cut to `ranks` (`[view, light]` per channel).
     pub fn factors(&self, ranks: [[usize; 2]; 3]) -> Factors {
         let cut = |matrix: &Array2<f32>, rank: usize| -> Vec<f16> {
             matrix

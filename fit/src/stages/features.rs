@@ -13,9 +13,9 @@ use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-/// Scores of every texel, `[texel, dimension]`.
+/// Features of every texel.
 pub struct Features {
-    /// `[texel, dimension]`.
+    /// Scores, `[texel, dimension]`.
     pub scores: Array2<f32>,
 }
 

@@ -1,7 +1,7 @@
-//! Heights of the texels, found in the capture itself: a plane sweep over the measured views [Collins 1996] that says
-//! at which height a texel looks alike from most of them, smoothed along rows and columns by semi-global matching
-//! [Hirschmuller 2008]. Several ways of comparing views are tried; the one that predicts the steepest views best is
-//! taken, and none if no one predicts them better than no heights at all.
+//! Displacement of the texels, found in the capture itself: a plane sweep over the measured views [Collins 1996] tells
+//! at which height a texel looks alike from most of them, and semi-global matching smooths the heights along rows and
+//! columns [Hirschmuller 2008]. Several ways of comparing views are tried; the one that predicts the steepest views
+//! best is taken, and none if no one predicts them better than no heights at all.
 
 use crate::error::FitError;
 use crate::input::layer_frame::layer_directions;
@@ -11,32 +11,34 @@ use btf_capture::CaptureInfo;
 use btf_runtime::{HeightField, Heights, SeenBy, Sphere};
 use rayon::prelude::*;
 
-/// Least cosine of the views that are compared, 61 degrees, and of the one that they are compared with, 20 degrees:
-/// from there every point is seen.
+/// Least cosine with the normal of the views that are compared (61 degrees), and of the view that they are compared
+/// with (20 degrees), from which every point is seen.
 const MIN_COS: f32 = 0.484;
 const REFERENCE_COS: f32 = 0.939;
-/// Views at most, and lights, which are between 15 and 65 degrees off the pole: shadows are short, slopes show.
+/// Number of views at most; number of lights, which are between 15 and 65 degrees off the pole, where shadows are short
+/// and slopes show.
 const MAX_VIEWS: usize = 56;
 const LIGHTS: usize = 12;
 const LIGHT_COS: [f32; 2] = [0.42, 0.97];
-/// Heights that are tried: so far up and down, in texel widths, in such steps.
+/// Greatest height up and down that is tried, and the step between heights, in texel widths.
 const MAX_HEIGHT: f32 = 10.0;
 const SWEEP_STEP: f32 = 0.5;
 /// Share of the heights that is cut at either end of their range.
 const STANDING_OUT: f32 = 0.002;
-/// Finest step of the stored heights, texel widths.
+/// Finest step of the stored heights in texel widths.
 const MIN_STEP: f32 = 0.125;
-/// A difference of encoded values that counts no more if it grows: what is hidden is not different by how much.
+/// Limit of a difference of encoded values: where a texel is hidden, the size of the difference says nothing.
 const MAX_DIFFERENCE: f32 = 0.16;
-/// A texel's cost is the mean over this share of the views in which it looks most alike: from the others it is hidden.
+/// Shares of the views, those in which a texel looks most alike, whose mean is its cost: in the other views the texel
+/// is hidden.
 const SHARES: [f32; 3] = [0.1, 0.2, 1.0];
-/// Costs of a step of height and of a jump between neighbours.
+/// Cost of a step of height, and of a jump, between neighbours.
 const STEP_COST: f32 = 0.002;
 const JUMP_COST: f32 = 0.01;
-/// Radius of the mean that the high-pass comparison takes off.
+/// Radius in texels of the mean that the high-pass comparison takes off.
 const SMOOTH_RADIUS: usize = 4;
-/// The steepest share of the views is predicted from the others, as eyes outside the hull are from all; views of them,
-/// lights, and texels, one in so many.
+/// Share of the views, the steepest, that is predicted from the others, as eyes outside the hull are from all; strides
+/// of the views, lights and texels that the prediction is measured on.
 const STEEPEST: f32 = 0.25;
 const FORETOLD_VIEWS: usize = 8;
 const FORETOLD_LIGHTS: usize = 6;
@@ -44,30 +46,30 @@ const FORETOLD_EVERY: usize = 5;
 /// Share of the error without heights that heights must take away to be worth their bytes.
 const MIN_GAIN: f64 = 0.03;
 
-/// What is compared.
+/// Quantity by which views are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Feature {
     /// Encoded luma: diffuse materials.
     Value,
-    /// The same over the image's mean.
+    /// Encoded luma over the image's mean.
     Gain,
-    /// The same less what is around it: glossy ones.
+    /// Encoded luma over the image's mean, less its surroundings: for glossy materials.
     Detail,
 }
 
 /// A luma image, row by row.
 type Image = Vec<f32>;
 
-/// Gives the images of some views and lights, `[view][light]`.
+/// Function that reads the images of some views and lights, `[view][light]`.
 type ReadImages<'a> = dyn Fn(&[usize], &[usize]) -> Result<Vec<Vec<Image>>, FitError> + 'a;
 
-/// Bytes a texel that [`find_heights`] needs: images as they are and as they are compared, and costs of all heights
-/// for each share, as they are and smoothed along lines.
+/// Returns the bytes per texel that [`find_heights`] needs: images as they are and as they are compared, and costs of
+/// all heights for each share, as they are and smoothed along lines.
 pub fn bytes_per_texel() -> usize {
     4 * (2 * (MAX_VIEWS + 1) * LIGHTS + (SHARES.len() + 2) * tried().len())
 }
 
-/// The heights of a capture's texels; `None` if they do not predict views better than no heights.
+/// Finds the heights of a capture's texels; `None` if they do not predict views better than no heights.
 ///
 /// Cost: views x lights x heights x texels differences for each of three comparisons. Memory: [`bytes_per_texel`].
 pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) -> Result<Option<Heights>, FitError> {
@@ -119,18 +121,19 @@ pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) ->
     Ok(best.1)
 }
 
-/// At most `count` of `all`, evenly.
+/// Returns at most `count` of `all`, evenly spread.
 fn spread(all: &[usize], count: usize) -> Vec<usize> {
     let kept = count.min(all.len());
     (0..kept).map(|i| all[(2 * i + 1) * all.len() / (2 * kept)]).collect()
 }
 
-/// Columns and rows by which a point one texel width up is moved towards the eye's side.
+/// Returns the columns and rows by which a point one texel width above the surface appears moved towards the eye's
+/// side.
 fn slope(direction: [f32; 3]) -> [f32; 2] {
     [direction[0] / direction[2], -direction[1] / direction[2]]
 }
 
-/// Heights that the sweep tries.
+/// Returns the heights that the sweep tries.
 fn tried() -> Vec<f32> {
     let count = (MAX_HEIGHT / SWEEP_STEP) as i32;
     (-count..=count).map(|i| i as f32 * SWEEP_STEP).collect()
@@ -178,7 +181,7 @@ impl Sweep {
         }
     }
 
-    /// One volume per share of views.
+    /// Returns the costs of all heights and texels for each of [`SHARES`].
     fn costs(&self, monitor: &Monitor) -> Result<Vec<Costs>, FitError> {
         let [width, height] = self.size;
         let by_height: Vec<Vec<Vec<f32>>> = tried()
@@ -207,7 +210,8 @@ impl Sweep {
         Ok(by_share)
     }
 
-    /// Mean over the lights of the limited difference between a row of the reference and of `images` moved by `shift`.
+    /// Adds to `sums` the mean over the lights of the limited difference between a row of the reference and of `images`
+    /// moved by `shift`.
     fn row_differences(&self, images: &[Image], row: usize, shift: [f32; 2], sums: &mut [f32]) {
         let [width, height] = self.size;
         sums.fill(0.0);
@@ -242,7 +246,7 @@ impl Sweep {
     }
 }
 
-/// `take(share, mean)` of the least of `values`, by each of [`SHARES`].
+/// Calls `take(share, mean)` with the mean of the least values for each of [`SHARES`].
 fn means_of_least(values: &mut [f32], mut take: impl FnMut(usize, f32)) {
     let counts = SHARES.map(|share| ((share * values.len() as f32) as usize).max(1));
     let middle = counts[SHARES.len() - 2];
@@ -255,7 +259,7 @@ fn means_of_least(values: &mut [f32], mut take: impl FnMut(usize, f32)) {
     }
 }
 
-/// Every value becomes the mean of those within [`SMOOTH_RADIUS`] of it in its row.
+/// Replaces every value by the mean of the values within [`SMOOTH_RADIUS`] of it in its row.
 fn box_mean(image: &mut [f32], width: usize) {
     let mut sums = vec![0.0f64; width + 1];
     for row in image.chunks_exact_mut(width) {
@@ -274,8 +278,8 @@ fn transposed(image: &[f32], width: usize) -> Image {
     (0..width).flat_map(|column| (0..height).map(move |row| image[row * width + column])).collect()
 }
 
-/// Semi-global matching along rows and columns, both ways: neighbours may differ by a step at little cost and by any
-/// jump at a larger one.
+/// Returns costs smoothed by semi-global matching along rows and columns, both ways: neighbours may differ by a step at
+/// little cost and by any jump at a larger one.
 fn smoothed(costs: &Costs, [width, height]: [usize; 2]) -> Costs {
     let levels = costs.len();
     let lines = |start: &(dyn Fn(usize) -> usize + Sync), stride: isize, count: usize, length: usize| {
@@ -324,7 +328,7 @@ fn smoothed(costs: &Costs, [width, height]: [usize; 2]) -> Costs {
     total
 }
 
-/// Per texel the height of least cost, between the tried ones by a parabola.
+/// Returns the height of least cost of each texel, refined between the tried heights by a parabola.
 fn lowest(costs: &Costs) -> Vec<f32> {
     let tried = tried();
     (0..costs[0].len())
@@ -340,8 +344,8 @@ fn lowest(costs: &Costs) -> Vec<f32> {
         .collect()
 }
 
-/// Codes of `heights`; the few that stand out are cut to the rest's range: most are mistakes, and every ray walks
-/// through that range.
+/// Returns `heights` as codes. The few that stand out are cut to the others' range: most are mistakes, and every ray
+/// walks through that range.
 fn quantized(heights: &[f32]) -> Heights {
     let mut sorted = heights.to_vec();
     sorted.sort_unstable_by(f32::total_cmp);
@@ -363,7 +367,7 @@ struct Foretold {
     truth: Vec<Image>,
     views: [[f32; 3]; 3],
     weights: [f32; 3],
-    /// `[neighbour][light]`.
+    /// Images of the neighbours, `[neighbour][light]`.
     images: Vec<Vec<Image>>,
 }
 
@@ -390,7 +394,7 @@ impl Score {
         Ok(Score { predicted })
     }
 
-    /// Mean squared error of the predicted views.
+    /// Returns the mean squared error of the predicted views.
     fn error(&self, heights: Option<&Heights>, size: [usize; 2]) -> f64 {
         let words = heights.map(Heights::to_words).unwrap_or_default();
         let errors: Vec<f64> = self
@@ -418,98 +422,4 @@ impl Score {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use btf_capture::{Capture, CaptureWriter, Direction, DirectionSet, ImageFormat};
-    use std::path::Path;
-
-    const SIZE: [usize; 2] = [48, 40];
-
-    /// Smooth noise, the same at every call.
-    fn texture(column: f32, row: f32) -> f32 {
-        let waves = [(0.9, 0.4, 0.0), (-0.5, 1.1, 1.0), (1.7, 0.3, 2.0), (0.2, -1.9, 3.0), (1.3, 1.4, 4.0)];
-        let sum: f32 = waves.iter().map(|(a, b, phase)| (a * column + b * row + phase).sin()).sum();
-        0.4 + 0.07 * sum
-    }
-
-    fn relief(column: f32, height: f32) -> f32 {
-        height * (column * std::f32::consts::TAU / SIZE[0] as f32).sin()
-    }
-
-    /// A textured relief, the same under every light; a height of 0 is a flat picture.
-    fn capture(path: &Path, height: f32) -> Capture {
-        let ring =
-            |theta: f64, count: usize| (0..count).map(move |i| Direction::new(theta, 360.0 * i as f64 / count as f64));
-        let views: Vec<Direction> =
-            [(0.0, 1), (25.0, 6), (45.0, 10), (60.0, 12)].iter().flat_map(|&(t, n)| ring(t, n)).collect();
-        let views = DirectionSet::new(views).unwrap();
-        let lights = DirectionSet::new([(30.0, 4), (60.0, 3)].iter().flat_map(|&(t, n)| ring(t, n)).collect()).unwrap();
-        let info = CaptureInfo::new("relief", SIZE[0], SIZE[1], views.clone(), lights.clone(), ImageFormat::Png);
-        let writer = CaptureWriter::create(path, info).unwrap();
-        for (v, direction) in views.units().into_iter().enumerate() {
-            let s = slope(direction);
-            for l in 0..lights.len() {
-                let mut image = Vec::new();
-                for row in 0..SIZE[1] {
-                    for column in 0..SIZE[0] {
-                        // The point that is seen: slopes are gentle enough for this to settle.
-                        let (mut z, x) = (0.0, column as f32);
-                        for _ in 0..40 {
-                            z = 0.5 * z + 0.5 * relief(x + z * s[0], height);
-                        }
-                        image.extend([texture(x + z * s[0], row as f32 + z * s[1]); 3]);
-                    }
-                }
-                writer.write(v, l, &image).unwrap();
-            }
-        }
-        writer.finish().unwrap();
-        Capture::open(path).unwrap()
-    }
-
-    fn found(height: f32) -> Option<Heights> {
-        let folder = tempfile::tempdir().unwrap();
-        let capture = capture(&folder.path().join("capture"), height);
-        let monitor = Monitor::default();
-        let cache = TileCache::build(&capture, 1_000_000_000, folder.path(), &monitor).unwrap();
-        find_heights(&cache, capture.info(), &monitor).unwrap()
-    }
-
-    #[test]
-    fn a_relief_is_found_in_its_capture() {
-        let heights = found(2.0).unwrap();
-        let mut errors: Vec<f32> = (0..SIZE[0] * SIZE[1])
-            .map(|texel| (f32::from(heights.codes[texel]) * heights.step - relief((texel % SIZE[0]) as f32, 2.0)).abs())
-            .collect();
-        errors.sort_by(f32::total_cmp);
-        assert!(errors[errors.len() / 2] < 0.2, "half within {}", errors[errors.len() / 2]);
-        assert!(errors[errors.len() * 8 / 10] < 0.5, "four of five within {}", errors[errors.len() * 8 / 10]);
-        // Planted difference: turned upside down, which the wrong sign of a slope would give.
-        let upside_down =
-            |texel: usize| f32::from(heights.codes[texel]) * heights.step + relief((texel % SIZE[0]) as f32, 2.0);
-        assert!((0..SIZE[0] * SIZE[1]).filter(|&texel| upside_down(texel).abs() < 0.5).count() < 800);
-    }
-
-    #[test]
-    fn a_flat_material_gets_none() {
-        assert_eq!(found(0.0), None);
-    }
-
-    #[test]
-    fn an_even_choice_has_no_doubles() {
-        assert_eq!(spread(&[1, 2, 3], 5), [1, 2, 3]);
-        assert_eq!(spread(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9], 2), [2, 7]);
-        assert!(spread(&[], 3).is_empty());
-    }
-
-    #[test]
-    fn smoothing_carries_what_is_sure_to_what_is_not() {
-        // One texel knows its height, the others of its row do not care.
-        let levels = tried().len();
-        let mut costs = vec![vec![0.1; 9]; levels];
-        (0..levels).filter(|level| *level != 7).for_each(|level| costs[level][4] = 0.5);
-        costs[7][4] = 0.0;
-        let heights = lowest(&smoothed(&costs, [9, 1]));
-        assert!(heights.iter().all(|z| (z - tried()[7]).abs() < 0.01), "{heights:?}");
-    }
-}
+mod tests;

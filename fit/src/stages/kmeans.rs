@@ -1,6 +1,6 @@
-//! k-means over the texels' features: Lloyd by matrix products with greedy k-means++ seeding
-//! [Arthur 2007] and re-seeding of empty clusters; linfa-clustering's beside it, as an engine and as
-//! the oracle that the fast one is tested against.
+//! k-means over the texels' features: Lloyd by matrix products with greedy k-means++ seeding [Arthur 2007] and
+//! re-seeding of empty clusters. The k-means of linfa-clustering stands beside it, as an engine and as the oracle that
+//! the fast one is tested against.
 
 use crate::error::FitError;
 use crate::params::KMeansEngine;
@@ -12,7 +12,7 @@ use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-/// Most Lloyd iterations.
+/// Lloyd iterations at most.
 const ITERATIONS: usize = 30;
 /// Rows of a block whose partial sums are added in order.
 const BLOCK: usize = 4096;
@@ -22,9 +22,9 @@ const BLOCK: usize = 4096;
 pub struct Clustering {
     /// Cluster per point.
     pub labels: Vec<u32>,
-    /// `[cluster, dimension]`.
+    /// Centroids, `[cluster, dimension]`.
     pub centroids: Array2<f32>,
-    /// Sum of squared distances to the own centroid.
+    /// Sum of squared distances of the points to their centroids.
     pub inertia: f64,
 }
 
@@ -43,7 +43,7 @@ pub fn kmeans(
     }
 }
 
-/// Labels, inertia, and per cluster sum and count.
+/// Result of an assignment: labels, inertia, and sum and count of each cluster.
 struct Assignment {
     labels: Vec<u32>,
     distances: Vec<f32>,
@@ -132,7 +132,7 @@ fn lloyd(points: ArrayView2<f32>, mut centroids: Array2<f32>) -> Clustering {
     Clustering { labels: assignment.labels, centroids, inertia: assignment.inertia }
 }
 
-/// k-means++ with `2 + ln k` trials a step, the best of which is kept.
+/// Returns centroids by k-means++ with `2 + ln k` trials a step, the best of which is kept.
 fn seed_greedily(points: ArrayView2<f32>, clusters: usize, seed: u64) -> Array2<f32> {
     let n = points.nrows();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
@@ -193,7 +193,7 @@ fn linfa_kmeans(points: ArrayView2<f32>, clusters: usize, seed: u64) -> Result<C
 mod tests {
     use super::*;
 
-    /// Forty blobs, as DEPENDENCIES-style benchmarks use, with a known best inertia.
+    /// Returns forty blobs, as DEPENDENCIES-style benchmarks use, with a known best inertia.
     fn blobs(n: usize, d: usize, spread: f32) -> Array2<f32> {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(7);
         let centres = Array2::from_shape_simple_fn((20, d), || random.gen_range(-10.0..10.0f32));

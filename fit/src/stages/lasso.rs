@@ -11,18 +11,18 @@ pub struct LassoProblem<'a> {
     pub gram: &'a [f64],
     /// `b = X'y`.
     pub correlation: &'a [f64],
-    /// Coefficients stay at or above 0.
+    /// Whether coefficients stay at or above 0.
     pub non_negative: bool,
 }
 
-/// How the path is walked.
+/// Parameters of a path.
 #[derive(Debug, Clone, Copy)]
 pub struct LassoParams {
     /// Step size, in units of a coefficient.
     pub epsilon: f64,
-    /// The path ends when the penalty falls to this.
+    /// Penalty at which the path ends.
     pub least_penalty: f64,
-    /// Most steps.
+    /// Steps at most.
     pub most_steps: usize,
 }
 
@@ -33,7 +33,7 @@ pub struct LassoPoint<'a> {
     pub beta: &'a [f64],
     /// Penalty lambda for which `beta` is (within the step size) the Lasso's solution.
     pub penalty: f64,
-    /// True if the last step went backward.
+    /// Whether the last step went backward.
     pub backward: bool,
     /// Number of coefficients that are not 0.
     pub active: usize,
@@ -105,7 +105,7 @@ pub fn stagewise_lasso(
     beta
 }
 
-/// The Lasso's solution for one penalty by cyclic coordinate descent [Friedman 2010]: the oracle.
+/// Returns the Lasso's solution for one penalty by cyclic coordinate descent [Friedman 2010]: the oracle of the tests.
 pub fn coordinate_descent(problem: &LassoProblem, penalty: f64, sweeps: usize) -> Vec<f64> {
     let n = problem.correlation.len();
     let mut beta = vec![0.0f64; n];
@@ -135,7 +135,7 @@ pub fn coordinate_descent(problem: &LassoProblem, penalty: f64, sweeps: usize) -
     beta
 }
 
-/// Non-negative least squares on the atoms `active` (no penalty), a few atoms, by coordinate descent.
+/// Solves non-negative least squares on the atoms `active` (no penalty), a few atoms, by coordinate descent.
 ///
 /// Returns the weights in the order of `active`. A ridge of 1e-4 of the diagonal keeps twins apart.
 pub fn non_negative_weights(gram: &[f64], n: usize, correlation: &[f64], active: &[usize]) -> Vec<f64> {
@@ -167,7 +167,7 @@ pub fn non_negative_weights(gram: &[f64], n: usize, correlation: &[f64], active:
 mod tests {
     use super::*;
 
-    /// Gram matrix and correlations of a design given by columns.
+    /// Returns Gram matrix and correlations of a design given by columns.
     fn problem(columns: &[Vec<f64>], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let gram = columns.iter().flat_map(|a| columns.iter().map(move |b| dot(a, b))).collect();
@@ -196,7 +196,7 @@ mod tests {
             .collect()
     }
 
-    /// Largest distance between the stagewise path and coordinate descent, over the path.
+    /// Returns the largest distance between the stagewise path and coordinate descent, over the path.
     fn path_distance(
         gram: &[f64],
         b: &[f64],

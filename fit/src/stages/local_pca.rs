@@ -1,24 +1,24 @@
-//! Local PCA [Muller 2003] in coordinates: per cluster a mean and principal components, and texels moved to the
-//! cluster whose model leaves the least of them.
+//! Local PCA [Muller 2003] in coordinates: a mean and principal components per cluster, and texels moved to the cluster
+//! whose model leaves the least of them.
 
 use crate::stages::principal_directions::{orthonormalize, sorted_eigen, transposed_product};
 use ndarray::{Array1, Array2, ArrayView2, Axis, s};
 use rayon::prelude::*;
 
-/// Subspace iterations for the leading eigenvectors, and columns beyond those that are wanted.
+/// Subspace iterations for the leading eigenvectors, and columns beyond the eigenvectors that are wanted.
 const ITERATIONS: usize = 4;
 const OVERSAMPLING: usize = 8;
 
 /// A cluster's model.
 #[derive(Debug, Clone)]
 pub struct LocalPca {
-    /// Texels.
+    /// Texels of the cluster.
     pub members: Vec<usize>,
-    /// Mean of their coordinates.
+    /// Mean of the texels' coordinates.
     pub mean: Array1<f32>,
     /// Orthonormal components in columns, most important first.
     pub components: Array2<f32>,
-    /// Sum over members of each component's squared coefficient.
+    /// Sum over the texels of each component's squared coefficient.
     pub variances: Vec<f64>,
 }
 
@@ -56,7 +56,7 @@ fn model(scores: ArrayView2<f32>, members: Vec<usize>, components: usize) -> Loc
     LocalPca { members, mean, components: vectors, variances }
 }
 
-/// At most `count` leading eigenvectors of a positive semi-definite matrix, and their eigenvalues.
+/// Returns at most `count` leading eigenvectors of a positive semi-definite matrix, and their eigenvalues.
 fn leading_eigenvectors(matrix: &Array2<f32>, count: usize) -> (Array2<f32>, Vec<f64>) {
     let n = matrix.nrows();
     let wide = (count + OVERSAMPLING).min(n);

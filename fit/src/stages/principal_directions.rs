@@ -7,15 +7,15 @@ use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-/// Rows that are turned into floats at a time: 20 MB for Bonn's 6,561 pairs.
+/// Rows that are made as floats at a time: 20 MB for Bonn's 6,561 pairs.
 pub const ROW_BLOCK: usize = 256;
-/// Oversampling of the range finder.
+/// Columns of the range finder beyond the directions that are wanted.
 const OVERSAMPLING: usize = 16;
-/// The range finder's first two products are taken of every so many blocks of rows: they only choose where the power
-/// iteration starts.
+/// Stride between the blocks of rows that the range finder's first two products are taken of: they only choose where
+/// the power iteration starts.
 const START_EVERY: usize = 4;
 
-/// `n` standard normal numbers (Box-Muller).
+/// Returns a matrix of standard normal numbers (Box-Muller).
 fn gaussian(rows: usize, columns: usize, random: &mut Xoshiro256PlusPlus) -> Array2<f32> {
     Array2::from_shape_simple_fn((rows, columns), || {
         let radius = (-2.0 * (1.0 - random.r#gen::<f64>()).ln()).sqrt();
@@ -23,7 +23,8 @@ fn gaussian(rows: usize, columns: usize, random: &mut Xoshiro256PlusPlus) -> Arr
     })
 }
 
-/// `a^T b` of two tall matrices, in f64 partial sums over fixed row blocks: the same on any number of threads.
+/// Returns `a^T b` of two tall matrices, in f64 partial sums over fixed row blocks: the result is the same on any
+/// number of threads.
 pub fn transposed_product(a: ArrayView2<f32>, b: ArrayView2<f32>) -> Array2<f32> {
     let blocks: Vec<usize> = (0..a.nrows()).step_by(2048).collect();
     let parts: Vec<Array2<f32>> = blocks
@@ -40,8 +41,8 @@ pub fn transposed_product(a: ArrayView2<f32>, b: ArrayView2<f32>) -> Array2<f32>
     sum.mapv(|x| x as f32)
 }
 
-/// Orthonormal columns with the span of `a` (tall): twice Gram matrix and its inverse square root,
-/// dropping directions below rounding, so that rank-deficient input is fine.
+/// Returns orthonormal columns with the span of `a` (tall), by two rounds of the Gram matrix' inverse square root.
+/// Directions below rounding are dropped, so that rank-deficient input is allowed.
 pub fn orthonormalize(a: &Array2<f32>) -> Array2<f32> {
     let once = orthonormalize_once(a);
     orthonormalize_once(&once)
@@ -63,8 +64,8 @@ fn orthonormalize_once(a: &Array2<f32>) -> Array2<f32> {
     a.dot(&rotation)
 }
 
-/// Eigenvectors of a symmetric matrix, largest eigenvalue first, `(values, vectors in columns)`;
-/// each vector's largest entry is positive, so that the result does not depend on the solver's mood.
+/// Returns the eigenvalues, largest first, and the eigenvectors (in columns) of a symmetric matrix. Each vector's
+/// largest entry is positive, so that the result does not depend on the solver's choice of sign.
 pub fn sorted_eigen(matrix: &Array2<f64>) -> (Vec<f64>, Array2<f64>) {
     let n = matrix.nrows();
     if n == 0 {
@@ -86,16 +87,16 @@ pub fn sorted_eigen(matrix: &Array2<f64>) -> (Vec<f64>, Array2<f64>) {
 
 /// Rows that are made when they are needed: `rows(range)` gives `[row, sample]`.
 pub struct Rows<'a, E> {
-    /// How many.
+    /// Number of rows.
     pub count: usize,
-    /// Samples a row.
+    /// Samples per row.
     pub samples: usize,
-    /// Makes a range of them.
+    /// Function that makes a range of the rows.
     pub make: &'a (dyn Fn(std::ops::Range<usize>) -> Result<Array2<f32>, E> + Sync),
 }
 
 impl<E: Send> Rows<'_, E> {
-    /// `work(rows)` of blocks of [`ROW_BLOCK`] rows, in order.
+    /// Returns `work(rows)` of each block of [`ROW_BLOCK`] rows, in order.
     fn map<R: Send>(&self, work: impl Fn(Array2<f32>) -> R + Sync) -> Result<Vec<R>, E> {
         (0..self.count)
             .step_by(ROW_BLOCK)
@@ -105,14 +106,14 @@ impl<E: Send> Rows<'_, E> {
             .collect()
     }
 
-    /// `X q`.
+    /// Returns `X q`, where X are the rows.
     fn times(&self, q: &Array2<f32>) -> Result<Array2<f32>, E> {
         let parts = self.map(|rows| rows.dot(q))?;
         let views: Vec<_> = parts.iter().map(|part| part.view()).collect();
         Ok(ndarray::concatenate(ndarray::Axis(0), &views).unwrap_or_else(|_| Array2::zeros((0, q.ncols()))))
     }
 
-    /// `X' q`, blocks added in order whatever the threads.
+    /// Returns `X' q`, where X are the rows, with blocks added in an order that does not depend on threads.
     fn transposed_times(&self, q: &Array2<f32>) -> Result<Array2<f32>, E> {
         let blocks: Vec<usize> = (0..self.count).step_by(ROW_BLOCK).collect();
         let mut sum = Array2::<f32>::zeros((self.samples, q.ncols()));
@@ -136,19 +137,19 @@ impl<E: Send> Rows<'_, E> {
     }
 }
 
-/// Blocks between two that the range finder of `rank` columns starts with.
+/// Returns the stride between the blocks that the range finder of `rank` columns starts with.
 fn start_every(count: usize, rank: usize) -> usize {
     // Twice as many rows as columns at least.
     if count >= 2 * START_EVERY * (rank + ROW_BLOCK) { START_EVERY } else { 1 }
 }
 
-/// Rows that [`principal_directions`] asks for, about.
+/// Returns about how many rows [`principal_directions`] asks for.
 pub fn rows_made(rows: usize, count: usize) -> usize {
     2 * rows + 2 * rows / start_every(rows, count + OVERSAMPLING)
 }
 
-/// The `count` leading right singular vectors of `rows` in columns, fewer where their rank is lower, one at least: a
-/// randomised range finder with a power iteration [Halko 2011].
+/// Returns the `count` leading right singular vectors of `rows` in columns, fewer where the rank is lower but at least
+/// one, by a randomised range finder with a power iteration [Halko 2011].
 ///
 /// Cost: [`rows_made`] rows are made, and multiplied by `samples x count` each.
 pub fn principal_directions<E: Send>(

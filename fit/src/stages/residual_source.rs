@@ -1,4 +1,4 @@
-//! What the lobes leave of every texel, in the residual's curve, made when it is read.
+//! Residual of every texel, in the residual's curve, computed when it is read.
 
 use crate::error::FitError;
 use crate::input::holdout::Holdout;
@@ -11,37 +11,37 @@ use ndarray::Array2;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The lobes of every texel.
+/// Lobes of every texel.
 pub struct TexelLobes<'a> {
-    /// Dictionaries on the measured pairs.
+    /// Dictionaries, tabulated on the measured pairs.
     pub clusters: &'a [ClusterLobes],
-    /// Lobes of the texels.
+    /// Lobes that each texel refers to.
     pub selection: &'a Selection,
     /// Cluster per texel.
     pub labels: &'a [u32],
 }
 
-/// The residual of every texel.
+/// Source of every texel's residual.
 pub struct ResidualSource<'a> {
     /// The capture.
     pub cache: &'a TileCache<'a>,
     /// The residual's curve applied to samples.
     pub mapping: &'a Mapping,
-    /// The same for lobe sums.
+    /// The residual's curve for sums of lobes.
     pub curve: &'a Curve,
-    /// What is taken off: nothing where lobes only guide.
+    /// Lobes whose sum is subtracted; `None` where lobes only guide.
     pub lobes: Option<TexelLobes<'a>>,
     /// Held-back pairs.
     pub holdout: &'a Holdout,
 }
 
 impl ResidualSource<'_> {
-    /// Length of a row: pairs times channels.
+    /// Returns the length of a row: pairs times channels.
     pub fn row_len(&self) -> usize {
         self.cache.pair_count() * 3
     }
 
-    /// `g(X) - g(S)` of `texel`, which is number `index` of the block.
+    /// Writes `g(X) - g(S)` of `texel`, which is number `index` of the block, into `row`.
     fn row(&self, tile: &Tile, index: usize, texel: usize, row: &mut [f32], scratch: &mut [f32]) {
         tile.texel_mapped(index, row, self.mapping);
         if let Some(TexelLobes { clusters, selection, labels }) = &self.lobes {
@@ -57,7 +57,8 @@ impl ResidualSource<'_> {
         self.holdout.fill(row);
     }
 
-    /// The rows of numbers `range` of a block, `[number, sample]`; `texel` tells which texel a number is.
+    /// Returns the rows of the texels with numbers `range` in a block, `[number, sample]`; `texel` tells which texel of
+    /// the capture a number is.
     pub fn rows(&self, block: &Tile, range: Range<usize>, texel: impl Fn(usize) -> usize) -> Array2<f32> {
         let len = self.row_len();
         let mut rows = Array2::<f32>::zeros((range.len(), len));
@@ -68,8 +69,8 @@ impl ResidualSource<'_> {
         rows
     }
 
-    /// Calls `work(texels, rows)` for blocks of at most [`ROW_BLOCK`] texels, in parallel, and gives what it
-    /// returns in the order of the blocks. `done(texels)` follows the progress and may end it.
+    /// Calls `work(texels, rows)` for blocks of at most [`ROW_BLOCK`] texels in parallel, and `take` with the results
+    /// in the order of the blocks. `done(texels)` reports the progress and may end the work.
     pub fn for_each_block<R: Send>(
         &self,
         done: impl Fn(usize) -> Result<(), FitError>,

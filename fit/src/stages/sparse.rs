@@ -1,5 +1,5 @@
-//! Every texel's own sparse selection from its cluster's dictionary: a stagewise Lasso path in the
-//! dictionary's Gram matrix, then non-negative RGB weights on the chosen lobes.
+//! Sparse selection of every texel's lobes from its cluster's dictionary: a stagewise Lasso path in the dictionary's
+//! Gram matrix, then non-negative RGB weights on the chosen lobes.
 
 use crate::error::FitError;
 use crate::input::texel_sample::texel_sample;
@@ -14,21 +14,21 @@ use ndarray::{Array2, s};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
-/// Stagewise step and end of a texel's path, relative to its strongest correlation.
+/// Stagewise step, and end of a texel's path, relative to the texel's strongest correlation.
 const STEP: f64 = 0.03;
 const MIN_PENALTY: f64 = 0.02;
-/// Texels of a product.
+/// Texels of one matrix product.
 const BATCH: usize = 64;
 
-/// A cluster's dictionary on the measured pairs, under its tone weights.
+/// A cluster's dictionary tabulated on the measured pairs, under the cluster's tone weights.
 pub struct ClusterLobes {
     /// Lobes, as the file form rounds them.
     pub lobes: Vec<Lobe>,
-    /// `[lobe][pair]`, unweighted.
+    /// Values `[lobe][pair]`, unweighted.
     pub tables: Vec<Vec<f32>>,
     /// Weight per pair (0 for held-back pairs).
     pub weights: Vec<f32>,
-    /// `A' W A`, row-major.
+    /// Gram matrix `A' W A`, row-major.
     pub gram: Vec<f64>,
 }
 
@@ -58,14 +58,14 @@ impl ClusterLobes {
 pub struct Correlations {
     /// Cluster per texel.
     pub labels: Vec<u32>,
-    /// `[texel, 3 * lobe + channel]`, `A' W x`, lobes padded to the largest dictionary.
+    /// `A' W x`, `[texel, 3 * lobe + channel]`, lobes padded to the largest dictionary.
     pub products: Array2<f32>,
-    /// `x' W x` over all channels.
+    /// `x' W x` of each texel over all channels.
     pub energy: Vec<f64>,
 }
 
 impl Correlations {
-    /// Of every texel, in one pass over the capture.
+    /// Computes the correlations of every texel in one pass over the capture.
     pub fn of_all(
         cache: &TileCache,
         clusters: &[ClusterLobes],
@@ -82,7 +82,8 @@ impl Correlations {
         Ok(all)
     }
 
-    /// Of about `count` texels, as many of each cluster as of any other: enough for the clusters' means.
+    /// Computes the correlations of about `count` texels, as many of each cluster as of any other: enough for the
+    /// clusters' means.
     pub fn of_some(
         cache: &TileCache,
         clusters: &[ClusterLobes],
@@ -110,7 +111,7 @@ impl Correlations {
         Correlations { labels, products: Array2::zeros((count, 3 * most)), energy: vec![0.0; count] }
     }
 
-    /// Enters the texels of `block`, whose first is number `first` here.
+    /// Computes the correlations of the texels of `block`, whose first is number `first` here.
     fn add_block(&mut self, block: &Tile, first: usize, clusters: &[ClusterLobes], weighted: &[Array2<f32>]) {
         let Correlations { labels, products, energy } = self;
         let mut order: Vec<usize> = (0..block.texels.len()).collect();
@@ -153,7 +154,7 @@ impl Correlations {
     }
 }
 
-/// `W A` of every cluster, `[pair, lobe]`.
+/// Returns `W A` of every cluster, `[pair, lobe]`.
 fn weighted_tables(clusters: &[ClusterLobes]) -> Vec<Array2<f32>> {
     clusters
         .par_iter()
@@ -167,9 +168,9 @@ fn weighted_tables(clusters: &[ClusterLobes]) -> Vec<Array2<f32>> {
         .collect()
 }
 
-/// A texel's nested choices: after `m` lobes the weighted error that is left, relative to its energy.
+/// Nested choices of a texel: lobe sets of growing size and the relative weighted error that each leaves.
 struct Choice {
-    /// Lobe sets by size, 1 first; each with its weights `[lobe][channel]`.
+    /// Lobe sets of 1, 2, ... lobes, each with its weights `[lobe][channel]`.
     sets: Vec<(Vec<usize>, Vec<[f64; 3]>)>,
     /// Relative error with 0, 1, ... lobes; never rising.
     errors: Vec<f64>,
@@ -225,7 +226,7 @@ fn choose(cluster: &ClusterLobes, products: &[f32], energy: f64, most: usize) ->
     choice
 }
 
-/// The choice for each cluster's mean function.
+/// Returns the choice for each cluster's mean function.
 fn choose_for_means(clusters: &[ClusterLobes], correlations: &Correlations, most: usize) -> Vec<Choice> {
     let mut sums = vec![(vec![0.0f64; correlations.products.ncols()], 0usize); clusters.len()];
     for (label, products) in correlations.labels.iter().zip(correlations.products.rows()) {
@@ -254,11 +255,11 @@ fn choose_for_means(clusters: &[ClusterLobes], correlations: &Correlations, most
 
 /// Lobe references of all texels.
 pub struct Selection {
-    /// Number of lobes per texel.
+    /// Number of lobes of each texel.
     pub counts: Vec<u8>,
     /// References, texel after texel, most important first.
     pub refs: Vec<LobeRef>,
-    /// First reference per texel.
+    /// Number of each texel's first reference.
     pub first: Vec<usize>,
     /// Dictionaries with weight scales.
     pub dictionary: Vec<Vec<DictionaryLobe>>,
@@ -270,7 +271,7 @@ stored_structs! {
     Selection { counts, refs, first, dictionary, mean_relative_error }
 }
 
-/// Whose lobes are chosen.
+/// Unit that lobes are chosen for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LobesOf {
     /// Each texel has lobes and weights of its own.
@@ -280,8 +281,8 @@ pub enum LobesOf {
     Clusters,
 }
 
-/// Chooses at most `most` lobes for every texel: another one is taken while it lowers the relative error by more than
-/// `price`. `correlations` are those of all texels, for [`LobesOf::Clusters`] also of some.
+/// Chooses at most `most` lobes for every texel: one more is taken while it lowers the relative error by more than
+/// `price`. `correlations` must be those of all texels, or of some for [`LobesOf::Clusters`].
 pub fn select(
     clusters: &[ClusterLobes],
     labels: &[u32],
@@ -316,33 +317,8 @@ pub fn select(
     let choices: Vec<&Choice> = (0..labels.len()).map(|texel| &choices[choice_of(texel)]).collect();
     let sizes: Vec<usize> = (0..labels.len()).map(|texel| chosen_sizes[choice_of(texel)]).collect();
 
-    // A lobe's scale is its largest weight.
-    let mut peaks: Vec<Vec<f64>> = clusters.iter().map(|cluster| vec![0.0; cluster.lobes.len()]).collect();
-    let mut error_sum = 0.0;
-    for (texel, &size) in sizes.iter().enumerate() {
-        error_sum += choices[texel].errors[size];
-        if size > 0 {
-            let (set, weights) = &choices[texel].sets[size - 1];
-            for (lobe, rgb) in set.iter().zip(weights) {
-                let peak = &mut peaks[labels[texel] as usize][*lobe];
-                *peak = rgb.iter().fold(*peak, |peak, w| peak.max(*w));
-            }
-        }
-    }
-    let dictionary: Vec<Vec<DictionaryLobe>> = clusters
-        .iter()
-        .zip(&peaks)
-        .map(|(cluster, peaks)| {
-            let entry = |(lobe, peak): (&Lobe, &f64)| {
-                let rounded = f16::from_f64(peak.min(60_000.0));
-                // Rounded up, so that the largest weight still fits.
-                let up =
-                    if f64::from(rounded.to_f32()) < *peak { f16::from_bits(rounded.to_bits() + 1) } else { rounded };
-                DictionaryLobe { lobe: *lobe, weight_scale: up.to_f32() }
-            };
-            cluster.lobes.iter().zip(peaks).map(entry).collect()
-        })
-        .collect();
+    let dictionary = scaled_dictionaries(clusters, labels, &choices, &sizes);
+    let error_sum: f64 = choices.iter().zip(&sizes).map(|(choice, size)| choice.errors[*size]).sum();
     let mut selection = Selection {
         counts: Vec::with_capacity(labels.len()),
         refs: Vec::new(),
@@ -353,28 +329,56 @@ pub fn select(
     for (texel, &size) in sizes.iter().enumerate() {
         selection.first.push(selection.refs.len());
         let cluster = labels[texel] as usize;
-        let mut own: Vec<(f64, LobeRef)> = Vec::with_capacity(size);
-        if size > 0 {
-            let n = clusters[cluster].lobes.len();
-            let (set, weights) = &choices[texel].sets[size - 1];
-            for (&lobe, rgb) in set.iter().zip(weights) {
-                let scale = selection.dictionary[cluster][lobe].weight_scale;
-                let codes = [0, 1, 2].map(|c| byte_from_weight(rgb[c] as f32, scale));
-                if codes != [0; 3] {
-                    let size2: f64 =
-                        codes.iter().map(|q| f64::from(weight_from_byte((*q).into(), scale)).powi(2)).sum();
-                    own.push((
-                        size2 * clusters[cluster].gram[lobe * n + lobe],
-                        LobeRef { lobe: lobe as u8, weight: codes },
-                    ));
-                }
-            }
-        }
-        own.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.lobe.cmp(&b.1.lobe)));
+        let own = references(&clusters[cluster], &selection.dictionary[cluster], choices[texel], size);
         selection.counts.push(own.len() as u8);
-        selection.refs.extend(own.into_iter().map(|(_, reference)| reference));
+        selection.refs.extend(own);
     }
     selection
+}
+
+/// Returns the dictionaries with the weight scale of each lobe: the largest weight that a texel gives to it.
+fn scaled_dictionaries(
+    clusters: &[ClusterLobes],
+    labels: &[u32],
+    choices: &[&Choice],
+    sizes: &[usize],
+) -> Vec<Vec<DictionaryLobe>> {
+    let mut peaks: Vec<Vec<f64>> = clusters.iter().map(|cluster| vec![0.0; cluster.lobes.len()]).collect();
+    for (texel, &size) in sizes.iter().enumerate().filter(|(_, size)| **size > 0) {
+        let (set, weights) = &choices[texel].sets[size - 1];
+        for (lobe, rgb) in set.iter().zip(weights) {
+            let peak = &mut peaks[labels[texel] as usize][*lobe];
+            *peak = rgb.iter().fold(*peak, |peak, w| peak.max(*w));
+        }
+    }
+    let entry = |(lobe, peak): (&Lobe, &f64)| {
+        let rounded = f16::from_f64(peak.min(60_000.0));
+        // Rounded up, so that the largest weight still fits.
+        let up = if f64::from(rounded.to_f32()) < *peak { f16::from_bits(rounded.to_bits() + 1) } else { rounded };
+        DictionaryLobe { lobe: *lobe, weight_scale: up.to_f32() }
+    };
+    clusters.iter().zip(&peaks).map(|(cluster, peaks)| cluster.lobes.iter().zip(peaks).map(entry).collect()).collect()
+}
+
+/// Returns the references of a texel that chose `size` lobes of its cluster, most important first; lobes whose weights
+/// are all coded as 0 are left out.
+fn references(cluster: &ClusterLobes, dictionary: &[DictionaryLobe], choice: &Choice, size: usize) -> Vec<LobeRef> {
+    if size == 0 {
+        return Vec::new();
+    }
+    let n = cluster.lobes.len();
+    let (set, weights) = &choice.sets[size - 1];
+    let mut own: Vec<(f64, LobeRef)> = Vec::with_capacity(size);
+    for (&lobe, rgb) in set.iter().zip(weights) {
+        let scale = dictionary[lobe].weight_scale;
+        let codes = [0, 1, 2].map(|c| byte_from_weight(rgb[c] as f32, scale));
+        if codes != [0; 3] {
+            let size2: f64 = codes.iter().map(|q| f64::from(weight_from_byte((*q).into(), scale)).powi(2)).sum();
+            own.push((size2 * cluster.gram[lobe * n + lobe], LobeRef { lobe: lobe as u8, weight: codes }));
+        }
+    }
+    own.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.lobe.cmp(&b.1.lobe)));
+    own.into_iter().map(|(_, reference)| reference).collect()
 }
 
 /// Drops lobes that no texel takes from the dictionaries, and numbers the others anew.

@@ -1,4 +1,4 @@
-//! The residual in few numbers a texel: principal directions of a sample of texels, and every texel's place along
+//! The residual in few numbers a texel: principal directions of a sample of texels, and every texel's coordinates along
 //! them. All that follows (clusters' models, quantisation, the search for a size) works on these numbers.
 
 use crate::error::FitError;
@@ -12,15 +12,15 @@ use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// A residual's coordinates.
+/// Coordinates of a residual.
 pub struct Coordinates {
-    /// `[texel, direction]`.
+    /// Coordinates, `[texel, direction]`.
     pub scores: Array2<f32>,
-    /// `[sample, direction]`, orthonormal columns, most important first.
+    /// Directions, `[sample, direction]`: orthonormal columns, most important first.
     pub directions: Array2<f32>,
     /// Sum over texels of each texel's squared residual.
     pub squares: f64,
-    /// Sum over texels of each squared coordinate.
+    /// Sum over texels of the squared coordinate along each direction.
     pub energies: Vec<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! What one evaluation of the resident decoder costs on one thread.
+//! Cost of one evaluation of the resident decoder on one thread.
 
 use btf_runtime::{Layer, SurfaceSide};
 use rand::{Rng, SeedableRng};
@@ -10,8 +10,8 @@ use std::time::Instant;
 /// Texel, direction to the light, direction to the eye.
 pub(crate) type Query = (u32, [f32; 3], [f32; 3]);
 
-/// `count` random texels of `texels`, each with a light and an eye uniform on `layer`'s sides. Same arguments, same
-/// queries: all points of a trade are timed on one set.
+/// Returns `count` random texels of `texels`, each with a light and an eye uniform on `layer`'s sides. Equal arguments
+/// give equal queries, so that all points of a trade are timed on one set.
 pub(crate) fn random_queries(count: usize, texels: usize, layer: &Layer, seed: u64) -> Vec<Query> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x71ae_5eed);
     let direction = |side: SurfaceSide, random: &mut Xoshiro256PlusPlus| {
@@ -29,8 +29,8 @@ pub(crate) fn random_queries(count: usize, texels: usize, layer: &Layer, seed: u
         .collect()
 }
 
-/// Least of `repeats` passes of the nanoseconds that `eval` takes per query, after one pass that is not counted: what
-/// else the machine does can only add to it. Runs on the calling thread.
+/// Returns the nanoseconds that `eval` takes per query: the least of `repeats` passes after one that is not counted,
+/// because other work of the machine can only add to it. Runs on the calling thread.
 pub(crate) fn least_nanoseconds(queries: &[Query], repeats: usize, eval: impl Fn(&Query) -> [f32; 3]) -> f64 {
     let pass = || {
         let start = Instant::now();

@@ -1,4 +1,4 @@
-//! What one evaluation of the resident decoder costs on a GPU: the library's WGSL over a list of queries.
+//! Cost of one evaluation of the resident decoder on a GPU: the library's WGSL over a list of queries.
 
 use crate::error::FitError;
 use crate::trade::evaluation_time::Query;
@@ -7,15 +7,15 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 use wgpu::BufferUsages;
 
-/// Which adapter a trade is timed on.
+/// Choice of the adapter that a trade is timed on.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum GpuChoice {
-    /// The best there is; none where none answers.
+    /// The best adapter; none where none answers.
     #[default]
     Best,
-    /// The first whose name contains this, in any case; an error where there is none.
+    /// The first adapter whose name contains this text in any case; an error where there is none.
     Named(String),
-    /// None.
+    /// No adapter.
     Off,
 }
 
@@ -28,7 +28,7 @@ const SOFTWARE: [usize; 2] = [1 << 13, 1];
 /// Backends that the decoder's shaders are tested for.
 const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
 
-/// Twin: `Query` in `time_queries.wgsl`.
+/// A query as the shader reads it. Twin: `Query` in `time_queries.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct GpuQuery {
@@ -58,7 +58,7 @@ pub(crate) struct GpuAsset {
 }
 
 impl GpuClock {
-    /// The adapter of `choice`; `Ok(Err(...))` says in words why there is none.
+    /// Opens the adapter of `choice`; `Ok(Err(...))` says in words why there is none.
     ///
     /// # Errors
     /// A named adapter that does not exist, with the names of those that do.
@@ -136,12 +136,12 @@ impl GpuClock {
         }
     }
 
-    /// Whether the adapter is a driver that computes on the CPU.
+    /// Tells whether the adapter is a driver that computes on the CPU.
     pub(crate) fn is_software(&self) -> bool {
         self.software
     }
 
-    /// Where the times come from, in words.
+    /// Returns the name and kind of the adapter, in words.
     pub(crate) fn words(&self) -> String {
         let [count, dispatches] = self.amount();
         let kind = if self.software {
@@ -159,17 +159,17 @@ impl GpuClock {
         if self.software { SOFTWARE } else { HARDWARE }
     }
 
-    /// The driver's error since the last call, if any.
+    /// Returns the driver's error since the last call, if any.
     fn fault(&self) -> Option<String> {
         self.fault.lock().ok().and_then(|mut fault| fault.take())
     }
 
-    /// How many queries [`GpuClock::upload`] wants.
+    /// Returns the number of queries that [`GpuClock::upload`] expects.
     pub(crate) fn query_count(&self) -> usize {
         self.amount()[0]
     }
 
-    /// Brings an asset and queries into the adapter's memory; `None` where they do not fit.
+    /// Uploads an asset and queries to the adapter; `None` where they do not fit.
     pub(crate) fn upload(&self, resident: &Resident, queries: &[Query]) -> Option<GpuAsset> {
         let listed: Vec<GpuQuery> =
             queries.iter().map(|(texel, wi, wo)| GpuQuery { wi: *wi, texel: *texel, wo: *wo, pad: 0 }).collect();
@@ -234,7 +234,7 @@ impl GpuClock {
         self.device.poll(wgpu::PollType::wait_indefinitely()).is_ok() && self.fault().is_none()
     }
 
-    /// Least of `repeats` passes of the nanoseconds of an evaluation, after one pass that is not counted; `None`
+    /// Returns the nanoseconds of an evaluation: the least of `repeats` passes after one that is not counted; `None`
     /// after an error of the driver.
     pub(crate) fn nanoseconds(&self, asset: &GpuAsset, options: &DecodeOptions, repeats: usize) -> Option<f64> {
         let group = self.bind(asset, options);
@@ -250,12 +250,12 @@ impl GpuClock {
     }
 }
 
-/// The decoder's text with the entry point that is timed.
+/// Returns the decoder's WGSL with the entry point that is timed.
 fn module_text() -> String {
     format!("{}\n{}", wgsl_library(), include_str!("time_queries.wgsl"))
 }
 
-/// Drivers explain errors over several lines.
+/// Returns an error in one line: drivers explain errors over several lines.
 fn one_line(error: &dyn std::error::Error) -> String {
     error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -267,7 +267,7 @@ mod tests {
     use crate::trade::evaluation_time::random_queries;
     use btf_runtime::{Interpolation, decode};
 
-    /// What the last pass decoded.
+    /// Returns what the last pass decoded.
     fn values(clock: &GpuClock, asset: &GpuAsset) -> Vec<[f32; 4]> {
         let bytes = 16 * asset.count as u64;
         let staging = clock.buffer(bytes, BufferUsages::MAP_READ);

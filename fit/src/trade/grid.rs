@@ -1,4 +1,4 @@
-//! The grid of a trade: which settings there are, and what measuring and timing each of them takes.
+//! Grid of a trade: its settings, and the measurement and timing of each of them.
 
 use crate::error::FitError;
 use crate::inspect::load::{parallel, resident_in_parallel};
@@ -25,21 +25,21 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Bits of the coarsest step and of the finest.
+/// Bits of the coarsest step, and of the finest.
 const MIN_BITS: f64 = 1.0;
 const MAX_BITS: f64 = 16.0;
-/// A step that gains less than this many dB over the one before ends the sweep: the components are used up.
+/// Gain in dB of a step over the one before below which the sweep ends: the components are used up.
 const MIN_GAIN_DB: f64 = 0.05;
 /// Pairs that interpolation is measured on at most.
 pub(crate) const BETWEEN_PAIRS: usize = 32;
-/// Pairs that a point's colour difference is taken over at most: it costs more than all else that is measured.
+/// Pairs that a point's colour difference is taken over at most: it costs more than everything else that is measured.
 const COLOUR_PAIRS: usize = 8;
-/// Without a limit: bytes per texel, and beside them, of the largest asset.
+/// Bytes of the largest asset where no limit is given: per texel, and beside them.
 const MAX_BYTES_PER_TEXEL: usize = 64;
 const MAX_BYTES_BESIDE: usize = 200_000;
 
-/// Pairs whose index is a multiple of the colour difference's stride, thinned to about `count`: all lights and views
-/// alike, and each has a colour difference.
+/// Returns the pairs whose index is a multiple of the colour difference's stride, thinned to about `count`: all lights
+/// and views alike, and each with a colour difference.
 pub(crate) fn strided_pairs(info: &CaptureInfo, count: usize) -> Vec<usize> {
     let stride = colour_pair_stride(info.views.len(), info.lights.len());
     let all: Vec<usize> = (0..info.pair_count()).step_by(stride).collect();
@@ -47,7 +47,7 @@ pub(crate) fn strided_pairs(info: &CaptureInfo, count: usize) -> Vec<usize> {
     all.into_iter().step_by(share).collect()
 }
 
-/// Images of a few pairs, held for the whole grid.
+/// Images of a few pairs, held in memory for the whole grid.
 pub(crate) struct Images(HashMap<(usize, usize), Pixels>);
 
 impl Images {
@@ -76,7 +76,7 @@ pub(crate) struct Between<'a> {
     pub(crate) info: &'a CaptureInfo,
 }
 
-/// An asset of the grid with what is decoded from.
+/// An asset of the grid with everything that decoders need.
 struct Made {
     bytes: Vec<u8>,
     asset: Asset,
@@ -95,7 +95,8 @@ impl Made {
         self.asset.layers[0].residual.as_ref().map_or(0, |residual| residual.coefficients.len())
     }
 
-    /// Bytes in memory: the words, with the bases' part doubled for single precision.
+    /// Returns the bytes in a decoder's memory: the words of the resident form, with the bases' part doubled for single
+    /// precision.
     fn resident_bytes(&self, precision: Precision) -> usize {
         let words = 4 * self.resident.words().len();
         match precision {
@@ -105,12 +106,12 @@ impl Made {
     }
 }
 
-/// The bases in single precision, expanded on all threads of the pool.
+/// Returns the bases of `asset` in single precision, expanded on all threads of the pool.
 pub(crate) fn singles_in_parallel(asset: &Asset) -> SingleBases {
     SingleBases::from_asset_on(asset, &parallel)
 }
 
-/// The grid while it is filled.
+/// A grid that is being filled.
 pub(crate) struct Grid<'a> {
     pub(crate) capture: &'a Capture,
     pub(crate) params: &'a TradeParams,
@@ -118,15 +119,15 @@ pub(crate) struct Grid<'a> {
     pub(crate) strided: Vec<usize>,
     pub(crate) held: Images,
     pub(crate) reference: Option<Between<'a>>,
-    /// In place of a reference; read with the first asset.
+    /// Pairs of a thinned grid, in place of a reference; read with the first asset.
     pub(crate) thinned: Option<Between<'a>>,
     pub(crate) points: Vec<TradePoint>,
-    /// Of each point the bytes that it is decoded from.
+    /// File that each point is decoded from.
     pub(crate) files: Vec<Arc<Vec<u8>>>,
     pub(crate) monitor: &'a Monitor,
 }
 
-/// What the points of one asset and one limit share.
+/// Setting that the points of one asset and one limit share.
 struct Setting {
     lobes: usize,
     role: Role,
@@ -136,7 +137,7 @@ struct Setting {
 }
 
 impl Grid<'_> {
-    /// All steps and limits for one number of lobes in one role; the sweep is number `at[0]` of `at[1]`.
+    /// Measures all steps and limits for one number of lobes in one role; the sweep is number `at[0]` of `at[1]`.
     pub(crate) fn sweep(&mut self, lobes: usize, role: Role, at: [usize; 2]) -> Result<(), FitError> {
         let params = FitParams {
             lobes,
@@ -154,7 +155,7 @@ impl Grid<'_> {
         monitor.stage("grid", || self.steps(&fit, &params, role, at))
     }
 
-    /// Size of the largest asset that is tried.
+    /// Returns the bytes of the largest asset that is tried.
     fn most_bytes(&self) -> usize {
         let usual = MAX_BYTES_PER_TEXEL * self.capture.info().texel_count() + MAX_BYTES_BESIDE;
         self.params.most_bytes.map_or(usual, |x| x as usize)
@@ -217,7 +218,7 @@ impl Grid<'_> {
         Ok(())
     }
 
-    /// The tier without residual.
+    /// Measures the tier without residual.
     fn lobes_alone(&mut self, whole: &Made, setting: &Setting) -> Result<(), FitError> {
         let directory = read_directory(&whole.bytes)?;
         let Some(first) = directory.tiers.first() else { return Ok(()) };
@@ -227,7 +228,7 @@ impl Grid<'_> {
         Ok(())
     }
 
-    /// Adds the points of `settings`, all of them of `made`; `psnr_db` of the last one comes back.
+    /// Adds the points of `settings`, all of them of `made`; returns `psnr_db` of the last one.
     fn measure_made(&mut self, made: &Made, settings: &[Setting]) -> Result<f64, FitError> {
         let mut last = f64::INFINITY;
         if settings.is_empty() {
@@ -289,7 +290,7 @@ impl Grid<'_> {
         Ok(last)
     }
 
-    /// The asset on a thinned grid, where there is no reference; its images are read with the first one.
+    /// Returns the asset on a thinned grid where there is no reference; reads its images with the first asset.
     fn thinned_of(&mut self, made: &Made) -> Result<Option<(ThinnedGrid, Resident, SingleBases)>, FitError> {
         if self.reference.is_some() {
             return Ok(None);
@@ -304,7 +305,7 @@ impl Grid<'_> {
         Ok(Some((thin, resident, singles)))
     }
 
-    /// Error on the share of pairs.
+    /// Measures the error on the share of pairs.
     fn metrics(&self, made: &Made, components: u32, precision: Precision) -> Result<Metrics, FitError> {
         let options = DecodeOptions { components, ..MeasureParams::default().options };
         // The pairs are multiples of the step between them.
@@ -317,7 +318,7 @@ impl Grid<'_> {
         Ok(measure_decoder(self.capture.info(), &read, &made.asset, &decoder, &measuring, &quiet)?.metrics())
     }
 
-    /// `psnr_db` where the asset interpolates.
+    /// Measures `psnr_db` where the asset interpolates.
     fn between(
         &self,
         made: &Made,
@@ -338,7 +339,7 @@ impl Grid<'_> {
         Ok(Some(measure_decoder(between.info, &read, asset, &decoder, &measuring, &quiet)?.metrics().psnr_db))
     }
 
-    /// Nanoseconds of an evaluation.
+    /// Times an evaluation, in nanoseconds.
     fn time(&self, made: &Made, queries: &[Query], options: &DecodeOptions, precision: Precision) -> f64 {
         let repeats = self.params.repeats;
         match precision {
@@ -352,12 +353,12 @@ impl Grid<'_> {
     }
 }
 
-/// What decodes a point.
+/// Returns the decoder's options for a point.
 pub(crate) fn options(components: usize, rule: Rule) -> DecodeOptions {
     DecodeOptions { components: components as u32, interpolation: rule.interpolation(), ..DecodeOptions::default() }
 }
 
-/// A decoder of images with bases of this precision.
+/// Returns a decoder of images with bases of `precision`.
 pub(crate) fn decoder<'a>(
     asset: &'a Asset,
     resident: &'a Resident,
@@ -372,7 +373,7 @@ pub(crate) fn decoder<'a>(
     decoder.with_single_bases(singles, 0)
 }
 
-/// Bytes of the tier with `setting`'s components, and of its coefficients.
+/// Returns the bytes of the tier with `setting`'s components, and of that tier's coefficients.
 fn tier_bytes(bytes: &[u8], setting: &Setting) -> Result<(usize, usize), FitError> {
     let directory = read_directory(bytes)?;
     let within = |kind: SectionKind, length: u32| {

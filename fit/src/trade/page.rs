@@ -71,7 +71,7 @@ fn precision_word(precision: Precision) -> &'static str {
     }
 }
 
-/// All points, one a row under one row of names, separated by commas; empty where there is no figure, `inf` for an
+/// Returns all points as CSV: one row each under one row of names; empty where there is no figure, `inf` for an
 /// infinite PSNR. Columns `all_...` are errors over all pairs, of the points of the summary. `gpu_kind` is `software`
 /// where `gpu_ns` is the time of a driver that computes on the CPU.
 pub fn trade_csv(trade: &Trade) -> String {
@@ -114,12 +114,12 @@ pub fn trade_csv(trade: &Trade) -> String {
     text
 }
 
-/// A number of bits without needless zeros.
+/// Returns a number of bits without needless zeros.
 fn bits_text(bits: f64) -> String {
     format!("{}", (bits * 100.0).round() / 100.0)
 }
 
-/// What a point's lobes are, in words.
+/// Returns the lobes of a point, in words.
 fn lobe_words(point: &TradePoint) -> String {
     let count = match point.lobes {
         1 => "1 lobe".to_string(),
@@ -134,7 +134,7 @@ fn lobe_words(point: &TradePoint) -> String {
     }
 }
 
-/// The components of a point, in words.
+/// Returns the components of a point, in words.
 fn component_words(point: &TradePoint) -> String {
     match point.limit {
         Limit::Lobes => "none".into(),
@@ -144,7 +144,7 @@ fn component_words(point: &TradePoint) -> String {
     }
 }
 
-/// The setting of a point in words.
+/// Returns the setting of a point in words.
 fn words(point: &TradePoint) -> String {
     let lobes = lobe_words(point);
     let Some(bits) = point.bits else { return lobes };
@@ -257,7 +257,7 @@ fn plots(trade: &Trade) -> Vec<Plot> {
     plots
 }
 
-/// The plots as files: name and content.
+/// Returns the plots as files: name and content.
 pub fn trade_plots(trade: &Trade) -> Vec<(&'static str, String)> {
     let files = plots(trade).into_iter().map(|plot| {
         let svg = plot.picture.into_string();
@@ -303,8 +303,8 @@ fn table(trade: &Trade) -> Markup {
     }
 }
 
-/// Returns the options with which `btf-fit fit` makes about the file of `point`, or `None` for rows that are a part of a
-/// larger file and for more components than `fit` can be limited to.
+/// Returns the options with which `btf-fit fit` makes about the file of `point`, or `None` for rows that are a part of
+/// a larger file and for more components than `fit` can be limited to.
 fn fit_options(trade: &Trade, point: &TradePoint) -> Option<String> {
     let components = match point.limit {
         Limit::None => String::new(),
@@ -325,7 +325,7 @@ const MORE_STYLE: &str = "
 .row figcaption { max-width: 560px; } ul { margin: 0; padding-left: 20px; }
 ";
 
-/// The page: plots, the summary's table with errors over all pairs, and how everything was measured.
+/// Returns the page: plots, the summary's table with errors over all pairs, and how everything was measured.
 pub fn trade_html(trade: &Trade) -> String {
     let points = || trade.points.iter();
     let best = points().map(|p| p.metrics.psnr_db).fold(f64::NEG_INFINITY, f64::max);

@@ -1,16 +1,16 @@
-//! What a trade measures.
+//! Parameters of a trade.
 
 use crate::error::FitError;
 use crate::params::{FitParams, Role};
 use crate::trade::gpu_clock::GpuChoice;
 use btf_runtime::MAX_COMPONENTS;
 
-/// What to measure.
+/// Settings of a trade and how they are measured.
 #[derive(Debug, Clone)]
 pub struct TradeParams {
-    /// How to fit. Its bytes, PSNR, lobes, role, components and share left out do not count.
+    /// Parameters of the fits. Their bytes, PSNR, lobes, role, components and share left out do not count.
     pub fit: FitParams,
-    /// Numbers of lobes per texel, as `--lobes` of a fit.
+    /// Numbers of lobes, as `--lobes` of a fit.
     pub lobes: Vec<usize>,
     /// Roles that lobes are tried in. Without lobes there is no role, and one sweep.
     pub roles: Vec<Role>,
@@ -48,7 +48,7 @@ impl Default for TradeParams {
 }
 
 impl TradeParams {
-    /// A coarse grid: two numbers of lobes, one limit of components, fewer pairs.
+    /// Returns the parameters of a coarse grid: two numbers of lobes, one limit of components, fewer pairs.
     pub fn quick() -> TradeParams {
         TradeParams {
             lobes: vec![0, 2],

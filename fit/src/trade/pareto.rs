@@ -1,16 +1,16 @@
-//! Which points nothing else beats in two measures at once.
+//! Pareto fronts: the points that nothing else beats in two measures at once.
 
-/// One point: what it costs and what it gives. Neither may be NaN for the point to be on a front.
+/// A point's cost and gain. Neither may be NaN for the point to be on a front.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CostAndGain {
-    /// Less is better: bytes or nanoseconds.
+    /// Cost, as bytes or nanoseconds: less is better.
     pub cost: f64,
-    /// More is better: decibels; may be infinite.
+    /// Gain in decibels, which may be infinite: more is better.
     pub gain: f64,
 }
 
-/// Per point whether no other one costs at most as much and gives at least as much, better in one of the two
-/// [Pareto 1906]. Equal points are on the front together. Cost: a sort.
+/// Tells for each point whether it is on the front: no other point costs at most as much and gives at least as much,
+/// and is better in one of the two [Pareto 1906]. Equal points are on the front together. Cost: a sort.
 pub fn pareto_front(points: &[CostAndGain]) -> Vec<bool> {
     let mut order: Vec<usize> =
         (0..points.len()).filter(|i| !points[*i].cost.is_nan() && !points[*i].gain.is_nan()).collect();
@@ -29,7 +29,7 @@ pub fn pareto_front(points: &[CostAndGain]) -> Vec<bool> {
     front
 }
 
-/// At most `most` of `items`, evenly spread, the first and the last among them.
+/// Returns at most `most` of `items`, evenly spread, the first and the last among them.
 pub(crate) fn spread<T: Copy>(items: &[T], most: usize) -> Vec<T> {
     let count = items.len().min(most);
     (0..count).map(|i| items[i * (items.len() - 1) / count.saturating_sub(1).max(1)]).collect()

@@ -5,15 +5,15 @@ use crate::params::Role;
 use btf_runtime::Interpolation;
 use serde::Serialize;
 
-/// How the number of components is held down.
+/// Limit of the number of components.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Limit {
-    /// Not at all: all that are worth their bytes.
+    /// No limit: all components that are worth their bytes.
     None,
-    /// The file never had more.
+    /// A file that was encoded with fewer components.
     Encode,
-    /// The file has more; it is read up to the tier with these, and the decoder is told to use no others.
+    /// A file with more components, read up to the tier with these; the decoder is told to use no others.
     Decode,
     /// The file's first tier: lobes without residual.
     Lobes,
@@ -23,24 +23,24 @@ pub enum Limit {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
-    /// 16 bits: the resident form.
+    /// 16 bits, as in the resident form.
     Half,
     /// 32 bits.
     Single,
 }
 
-/// How directions that were not measured are decoded, as `--interpolation`.
+/// Rule by which directions that were not measured are decoded, as `--interpolation`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Rule {
-    /// [`Interpolation::Fast`].
+    /// The fast rule, [`Interpolation::Fast`].
     Fast,
-    /// [`Interpolation::Exact`].
+    /// The exact rule, [`Interpolation::Exact`].
     Exact,
 }
 
 impl Rule {
-    /// The decoder's name for it.
+    /// Returns the rule as the decoder names it.
     pub(crate) fn interpolation(self) -> Interpolation {
         match self {
             Rule::Fast => Interpolation::Fast,
@@ -65,35 +65,36 @@ pub struct TradePoint {
     pub bits: Option<f64>,
     /// Bits that a coefficient takes in the file, on average, after entropy coding; `None` without components.
     pub bits_per_coefficient: Option<f64>,
-    /// How components are limited.
+    /// Limit of the components.
     pub limit: Limit,
-    /// Components that are decoded.
+    /// Number of components that are decoded.
     pub components: usize,
-    /// How directions between measured ones are decoded.
+    /// Rule by which directions between measured ones are decoded.
     pub interpolation: Rule,
     /// Precision of the expanded bases.
     pub precision: Precision,
-    /// Bytes of the file, or of the tier of it.
+    /// Bytes of the file, or of its tier.
     pub bytes: usize,
     /// Bytes in the decoder's memory.
     pub resident_bytes: usize,
-    /// Error on the share of pairs, the colour difference on at most eight of them. Measured directions are decoded alike by both rules.
+    /// Error on the share of pairs; the colour difference is taken on at most eight of them. Both rules decode measured
+    /// directions alike.
     #[serde(flatten)]
     pub metrics: Metrics,
-    /// `psnr_db` at directions that the asset has to interpolate ([`crate::Trade::between`] says which); `None` where that
-    /// was not measured.
+    /// `psnr_db` at directions that the asset has to interpolate ([`crate::Trade::between`] says which); `None` where
+    /// that was not measured.
     pub psnr_between_db: Option<f64>,
     /// Nanoseconds of an evaluation at random directions on one thread of the CPU.
     pub cpu_ns: f64,
-    /// The same on the GPU; `None` without a measurement of it.
+    /// Nanoseconds of an evaluation on the GPU; `None` without a measurement.
     pub gpu_ns: Option<f64>,
-    /// Whether nothing has fewer bytes at this PSNR; of points with the fast rule and half precision, because the
-    /// others have the same file.
+    /// Whether no other point has fewer bytes at this PSNR; only for points with the fast rule and half precision,
+    /// because the others have the same file.
     pub front_bytes_psnr: bool,
-    /// Whether nothing is faster at this PSNR.
+    /// Whether no other point is faster at this PSNR.
     pub front_ns_psnr: bool,
-    /// Whether nothing is faster at this PSNR between measured directions.
+    /// Whether no other point is faster at this PSNR between measured directions.
     pub front_ns_between: bool,
-    /// Error over all pairs, of the points of the summary.
+    /// Error over all pairs, for the points of the summary.
     pub all_pairs: Option<Metrics>,
 }

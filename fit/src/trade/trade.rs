@@ -21,16 +21,16 @@ use std::sync::Arc;
 /// Points of each front that are measured over all pairs at most.
 const MAX_SUMMARY: usize = 8;
 
-/// What [`trade`] found.
+/// Result of [`trade`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Trade {
-    /// The capture's name.
+    /// Name of the capture.
     pub capture: String,
     /// Texels per row, rows.
     pub size: [usize; 2],
-    /// Direction pairs of the capture.
+    /// Number of direction pairs of the capture.
     pub capture_pairs: usize,
-    /// Pairs that each point was measured on.
+    /// Number of pairs that each point was measured on.
     pub pairs: usize,
     /// Seed of the fits and of the random evaluations.
     pub seed: u64,
@@ -38,9 +38,9 @@ pub struct Trade {
     pub clusters: usize,
     /// Evaluations per timed pass, and passes.
     pub timing: [usize; 2],
-    /// What `psnr_between_db` was measured on, in words.
+    /// Pairs that `psnr_between_db` was measured on, in words.
     pub between: String,
-    /// Where `gpu_ns` comes from, or why it is empty, in words.
+    /// Adapter of `gpu_ns`, or the reason why there are no such times, in words.
     pub gpu: String,
     /// Whether `gpu_ns` are times of a software driver, which computes on the CPU.
     pub gpu_is_software: bool,
@@ -50,8 +50,8 @@ pub struct Trade {
     pub summary: Vec<usize>,
 }
 
-/// Measures `capture`'s trade. `reference` is a capture of the same texels in other directions, on which interpolation
-/// is measured; without one, on a thinned grid.
+/// Measures the trade of `capture`. `reference` is a capture of the same texels in other directions, on which
+/// interpolation is measured; without one, interpolation is measured on a thinned grid.
 ///
 /// Figures but times are the same for the same arguments. Cost: a fit per number of lobes and role, and per step and
 /// limit an encoding, an expansion of bases in four forms, and six timings. Memory: as a fit, and all files of the
@@ -125,7 +125,7 @@ pub fn trade(
     })
 }
 
-/// Fits that the grid needs: without lobes one.
+/// Returns the number of lobes and the role of each fit that the grid needs: without lobes one fit.
 fn sweeps(lobes: &[usize], roles: &[Role]) -> Vec<(usize, Role)> {
     let mut found = Vec::new();
     for &lobes in lobes {
@@ -148,7 +148,7 @@ fn check_reference(info: &CaptureInfo, other: &CaptureInfo) -> Result<(), FitErr
     )))
 }
 
-/// Marks the three fronts.
+/// Marks the points on the three fronts.
 fn mark_fronts(points: &mut [TradePoint]) {
     let front = |points: &[TradePoint], cost: &dyn Fn(&TradePoint) -> f64, gain: &dyn Fn(&TradePoint) -> f64| {
         pareto_front(&points.iter().map(|p| CostAndGain { cost: cost(p), gain: gain(p) }).collect::<Vec<_>>())
@@ -165,7 +165,7 @@ fn mark_fronts(points: &mut [TradePoint]) {
     }
 }
 
-/// Points of the fronts, thinned, by bytes, then time.
+/// Returns the points of the fronts, thinned, by bytes and then by time.
 fn summary(points: &[TradePoint]) -> Vec<usize> {
     let mut chosen = Vec::new();
     let fronts: [&dyn Fn(&TradePoint) -> bool; 3] =
@@ -184,7 +184,7 @@ fn summary(points: &[TradePoint]) -> Vec<usize> {
     chosen
 }
 
-/// Measures the points of the summary over all pairs; points that decode alike there once.
+/// Measures the points of the summary over all pairs; of points that decode alike only one is measured.
 fn measure_summary(
     capture: &Capture,
     files: &[Arc<Vec<u8>>],

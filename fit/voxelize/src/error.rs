@@ -1,42 +1,42 @@
-//! Everything that can go wrong while a volumetric texture is built or measured.
+//! Errors of building and measuring volumetric textures.
 
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Why no volumetric texture was built or measured. Each message is one sentence with its remedy.
+/// Reason why no volumetric texture was built or measured. Each message is one sentence with its remedy.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum VoxelizeError {
     /// A model of which no volume can be made. Remedy: as the message says.
     #[error("{0}")]
     Model(String),
-    /// A mesh, a leaf or a script of shapes cannot be read.
+    /// A mesh, a leaf or a script of shapes that cannot be read.
     #[error(transparent)]
     Input(#[from] btf_models::ModelError),
-    /// An asset that a material points at is not usable.
+    /// An asset that a material points at and that is not usable.
     #[error("{path}: {source}")]
     Asset {
-        /// The asset's file.
+        /// Path of the asset's file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault that the runtime found.
         source: btf_runtime::FormatError,
     },
-    /// The volume that was built breaks a rule of its format.
+    /// A volume that was built and breaks a rule of its format.
     #[error(transparent)]
     Pack(#[from] btf_runtime::voltex::VoltexError),
-    /// A file could not be read.
+    /// A file that could not be read.
     #[error("{path}: {action} failed ({source}); {remedy}")]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What was tried.
+        /// Action that failed, as a participle.
         action: &'static str,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
-        /// What helps.
+        /// Remedy, as a clause.
         remedy: &'static str,
     },
-    /// The caller asked to stop.
+    /// Interruption by the caller.
     #[error("interrupted; nothing was written")]
     Interrupted,
 }

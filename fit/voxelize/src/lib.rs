@@ -1,8 +1,8 @@
 //! Builds volumetric textures from meshes and scripts of shapes, and measures how well they stand for their models.
 //!
 //! ```text
-//! TriangleModel | Canvas (painted script) --gather--> voxels of microflakes --filter--> levels --refit to rays--> Volume
-//! TriangleModel + Volume --measure_voltex--> VoltexRow
+//! TriangleModel | Canvas (painted script) --gather--> voxels of microflakes --filter--> levels --refit to rays-->
+//! Volume TriangleModel + Volume --measure_voltex--> VoltexRow
 //! ```
 //!
 //! Every level is fitted to what parallel rays past the model see: extinction, then shadows, then the specular lobe

@@ -1,4 +1,4 @@
-//! What a glTF 2.0 material reflects: the metallic-roughness model as appendix B of the specification defines it, with
+//! Reflectance of a glTF 2.0 material: the metallic-roughness model as appendix B of the specification defines it, with
 //! KHR_materials_specular, KHR_materials_sheen and KHR_materials_diffuse_transmission.
 
 use std::f32::consts::PI;
@@ -10,31 +10,31 @@ const MIN_COS: f32 = 1e-3;
 /// Least alpha: a mirror's highlight falls between all measured pairs.
 const MIN_ALPHA: f32 = 1e-3;
 
-/// A texel of a material; colours linear.
+/// A texel of a material; colours are linear.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GltfTexel {
     /// Base colour, 0 to 1.
     pub base_colour: [f32; 3],
-    /// 0 dielectric, 1 metal.
+    /// Metalness: 0 for a dielectric, 1 for a metal.
     pub metallic: f32,
     /// Perceptual roughness, 0 to 1; alpha is its square.
     pub roughness: f32,
     /// Unit normal in the tangent frame.
     pub normal: [f32; 3],
-    /// Strength of the dielectric's gloss, 0 to 1.
+    /// Strength of the dielectric's specular lobe, 0 to 1.
     pub specular: f32,
-    /// Its colour at normal incidence, in units of a plain dielectric's, 0.04; 0 to 25.
+    /// Colour of the dielectric's specular lobe at normal incidence, in units of a plain dielectric's 0.04; 0 to 25.
     pub specular_colour: [f32; 3],
     /// Colour of the sheen, 0 to 1.
     pub sheen_colour: [f32; 3],
     /// Share of the diffuse light that comes out at the other side, 0 to 1.
     pub transmission: f32,
-    /// Its colour, 0 to 1.
+    /// Colour of the transmitted light, 0 to 1.
     pub transmission_colour: [f32; 3],
 }
 
 impl GltfTexel {
-    /// What a material without textures and extensions is: white, rough, flat.
+    /// Texel of a material without textures and extensions: white, rough, flat.
     pub const PLAIN: GltfTexel = GltfTexel {
         base_colour: [1.0; 3],
         metallic: 0.0,
@@ -47,13 +47,13 @@ impl GltfTexel {
         transmission_colour: [1.0; 3],
     };
 
-    /// Reflectance at normal incidence and at grazing incidence of the dielectric's gloss.
+    /// Returns the reflectance of the dielectric's specular lobe at normal incidence and at grazing incidence.
     fn dielectric_fresnel(&self) -> ([f32; 3], f32) {
         (self.specular_colour.map(|x| self.specular * (DIELECTRIC_F0 * x).min(1.0)), self.specular)
     }
 
-    /// `pi * BRDF * cosine` for light and eye at unit vectors in the tangent frame, on the front; with
-    /// `sheen` the sheen of that roughness lies on it.
+    /// Returns `pi * BRDF * cosine` for light and eye at unit vectors in the tangent frame, on the front. With `sheen`,
+    /// a sheen of that roughness lies on the surface.
     pub fn reflected(&self, sheen: Option<&Sheen>, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
         let half = half_vector(wi, wo);
         let cos = Cosines::new(self.normal, wi, wo, half);
@@ -74,8 +74,9 @@ impl GltfTexel {
         })
     }
 
-    /// `pi * BTDF * cosine` for a light on the other side than the eye, `cos_light` from the tangent plane. The layers above the
-    /// diffuse one are left out, since the specification does not say what of them a transmitted ray meets.
+    /// Returns `pi * BTDF * cosine` for a light on the other side than the eye, whose cosine with the normal is
+    /// `cos_light`. The layers above the diffuse one are left out, since the specification does not say what of them a
+    /// transmitted ray meets.
     pub fn transmitted(&self, cos_light: f32) -> [f32; 3] {
         self.transmission_colour.map(|x| (1.0 - self.metallic) * self.transmission * x * cos_light)
     }
@@ -84,30 +85,30 @@ impl GltfTexel {
 /// Cosines between the normal and light, eye and the vector halfway between them; those of light and eye at least 0.
 #[derive(Debug, Clone, Copy)]
 pub struct Cosines {
-    /// Normal and light.
+    /// Cosine between normal and light.
     pub light: f32,
-    /// Normal and eye.
+    /// Cosine between normal and eye.
     pub eye: f32,
-    /// Normal and half vector.
+    /// Cosine between normal and half vector.
     pub half: f32,
 }
 
 impl Cosines {
-    /// Of unit vectors.
+    /// Returns the cosines of unit vectors.
     #[inline(always)]
     pub fn new(normal: [f32; 3], wi: [f32; 3], wo: [f32; 3], half: [f32; 3]) -> Cosines {
         Cosines { light: dot(normal, wi).max(0.0), eye: dot(normal, wo).max(0.0), half: dot(normal, half).max(0.0) }
     }
 }
 
-/// `(1 - cos)^5`: what Schlick's Fresnel term goes by.
+/// Returns `(1 - cos)^5`, the term of Schlick's approximation of Fresnel reflectance.
 #[inline(always)]
 pub fn schlick(cos_half: f32) -> f32 {
     let x = 1.0 - cos_half.clamp(0.0, 1.0);
     x * x * x * x * x
 }
 
-/// `pi D V` of GGX with Smith's separable shadowing.
+/// Returns `pi D V` of GGX with Smith's separable shadowing.
 #[inline(always)]
 pub fn ggx(roughness: f32, cos: &Cosines) -> f32 {
     let alpha = (roughness * roughness).max(MIN_ALPHA);
@@ -118,14 +119,14 @@ pub fn ggx(roughness: f32, cos: &Cosines) -> f32 {
     alpha2 / (fall * fall * shadow(cos.light) * shadow(cos.eye))
 }
 
-/// The vector halfway between two unit vectors.
+/// Returns the vector halfway between two unit vectors.
 pub fn half_vector(wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
     let sum = [0, 1, 2].map(|i| wi[i] + wo[i]);
     let length = dot(sum, sum).sqrt().max(1e-6);
     sum.map(|x| x / length)
 }
 
-/// Scalar product.
+/// Returns the scalar product.
 #[inline(always)]
 pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -133,7 +134,7 @@ pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 /// Entries of a sheen's tables, for cosines from 0 to 1.
 const TABLE: usize = 257;
-/// Entries of its albedo, a smooth function.
+/// Entries of a sheen's albedo table, a smooth function.
 const ALBEDOS: usize = 33;
 /// Steps per angle of the sums that make the albedo.
 const ALBEDO_STEPS: usize = 48;
@@ -143,16 +144,16 @@ const ALBEDO_STEPS: usize = 48;
 pub struct Sheen {
     /// Sheen roughness, 0 to 1.
     pub roughness: f32,
-    /// `pi D` by the half vector's squared sine.
+    /// Table of `pi D` over the half vector's squared sine.
     distribution: Vec<f32>,
-    /// Shadowing's lambda by the cosine of light or eye.
+    /// Table of the shadowing's lambda over the cosine of light or eye.
     lambda: Vec<f32>,
-    /// Directional albedo.
+    /// Table of the directional albedo over the cosine.
     albedo: Vec<f32>,
 }
 
 impl Sheen {
-    /// Cost: some 10^5 evaluations for the albedo.
+    /// Tabulates the sheen of a roughness. Cost: some 10^5 evaluations for the albedo.
     pub fn new(roughness: f32) -> Sheen {
         let alpha = (roughness * roughness).max(MIN_ALPHA);
         let mut sheen = Sheen {
@@ -179,7 +180,7 @@ impl Sheen {
         sheen
     }
 
-    /// `pi D V` of a white sheen.
+    /// Returns `pi D V` of a white sheen.
     #[inline(always)]
     pub fn value(&self, cos: &Cosines) -> f32 {
         let (light, eye) = (cos.light.max(MIN_COS), cos.eye.max(MIN_COS));
@@ -187,19 +188,20 @@ impl Sheen {
         looked_up(&self.distribution, 1.0 - cos.half * cos.half) / (shadowed * 4.0 * light * eye)
     }
 
-    /// Share of the light that the sheen takes from what lies below: its albedo towards light or eye, whichever is more.
+    /// Returns the share of the light that the sheen takes from the layers below: the greater of the sheen's albedos
+    /// towards light and eye.
     #[inline(always)]
     pub fn albedo_seen(&self, cos: &Cosines) -> f32 {
         looked_up(&self.albedo, cos.light).max(looked_up(&self.albedo, cos.eye))
     }
 }
 
-/// `pi D` of the distribution by the squared sine between normal and half vector.
+/// Returns `pi D` of the distribution by the squared sine between normal and half vector.
 fn charlie(alpha: f32, sin2: f32) -> f32 {
     (2.0 + 1.0 / alpha) * sin2.powf(0.5 / alpha) / 2.0
 }
 
-/// Shadowing of the distribution, a fit of [Kulla 2017].
+/// Returns the shadowing of the distribution, a fit of [Kulla 2017].
 fn charlie_lambda(alpha: f32, cos: f32) -> f32 {
     let part = (1.0 - alpha) * (1.0 - alpha);
     let mix = |x: f32, y: f32| x + (y - x) * part;
@@ -209,7 +211,8 @@ fn charlie_lambda(alpha: f32, cos: f32) -> f32 {
     if cos < 0.5 { curve(cos).exp() } else { (2.0 * curve(0.5) - curve(1.0 - cos)).exp() }
 }
 
-/// Values of a function at even steps of its argument's square root: what it does happens near 0.
+/// Returns the values of a function at even steps of its argument's square root, because the functions change most near
+/// 0.
 fn table(entries: usize, of: impl Fn(f32) -> f32) -> Vec<f32> {
     (0..entries).map(|i| (i as f32 / (entries - 1) as f32).powi(2)).map(of).collect()
 }
@@ -226,7 +229,8 @@ mod tests {
     use super::*;
     use btf_runtime::testing::{Random, direction_from_degrees};
 
-    /// Mean of `value` over light directions that are even in projected solid angle: the directional albedo.
+    /// Returns the mean of `value` over light directions that are even in projected solid angle: the directional
+    /// albedo.
     fn albedo(value: impl Fn([f32; 3]) -> f32) -> f32 {
         let steps = 200;
         let mut sum = 0.0;

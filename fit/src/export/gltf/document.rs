@@ -28,17 +28,18 @@ const REPEAT: u32 = 10497;
 const LINEAR: u32 = 9729;
 const LINEAR_MIPMAP_LINEAR: u32 = 9987;
 
-/// Where a viewer finds the asset.
+/// Place where a viewer finds the asset.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum AssetPlace {
-    /// A file: its address relative to the `.glb`.
+    /// Address of a file relative to the `.glb`.
     Uri(String),
-    /// In the `.glb` itself.
+    /// Inside the `.glb` itself.
     Embedded,
 }
 
 impl AssetPlace {
-    /// The file `asset` as `glb`, which need not exist yet, names it: relative, with what an address cannot hold escaped.
+    /// Returns the address by which the file `glb` names the file `asset`, relative to itself and with characters
+    /// escaped that an address cannot hold. `glb` need not exist yet.
     ///
     /// # Errors
     /// [`FitError::File`] where a folder of theirs cannot be found.
@@ -61,15 +62,15 @@ impl AssetPlace {
     }
 }
 
-/// A `.glb` file and what is to be said about it.
+/// A `.glb` file and figures about it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GltfExport {
-    /// The file.
+    /// Bytes of the `.glb` file.
     #[serde(skip)]
     pub glb: Vec<u8>,
-    /// Texels a row.
+    /// Texels a row of the textures.
     pub width: usize,
-    /// Rows.
+    /// Rows of the textures.
     pub height: usize,
     /// Physical size of the quad in metres.
     pub size_m: [f32; 2],
@@ -77,18 +78,18 @@ pub struct GltfExport {
     pub tried: Vec<TriedPart>,
     /// Extensions that the file uses.
     pub extensions: Vec<String>,
-    /// Error of the fallback against the asset: 8-bit sRGB values of all texels, each at some of the measured pairs, all
-    /// pairs alike; peak 255.
+    /// Error of the fallback against the asset: 8-bit sRGB values of all texels, each at some of the measured pairs,
+    /// all pairs alike; peak 255.
     pub psnr_db: f64,
-    /// The same of the light that comes through, where the asset has such a layer.
+    /// Error of the transmitted light in the same measure as `psnr_db`; `None` where the asset has no such layer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub psnr_transmitted_db: Option<f64>,
 }
 
-/// Fits the fallback of the asset in `bytes`, of either form, and makes the `.glb`. `name` is the material's.
+/// Fits the fallback of the asset in `bytes`, of either form, and makes the `.glb`. `name` names the material.
 ///
-/// The same asset gives the same bytes on any number of threads. Cost: that of [`fit_gltf`], and measuring about a third
-/// of it.
+/// The same asset gives the same bytes on any number of threads. Cost: that of [`fit_gltf`], and measuring about a
+/// third of it.
 ///
 /// # Errors
 /// What is wrong with the bytes; an asset without a front; a file of 4 GiB and more.
@@ -148,7 +149,8 @@ pub fn export_gltf(
     })
 }
 
-/// PSNR of the textures against `layer`: all texels, each at some of the measured pairs, so that all pairs count alike.
+/// Measures the PSNR of the textures against `layer` in dB over all texels, each at some of the measured pairs, so that
+/// all pairs count alike.
 fn measure(resident: &Resident, layer: u32, textures: &GltfTextures, monitor: &Monitor) -> Result<f64, FitError> {
     let lists = PairList::split(resident, layer, MEASURED_PAIRS);
     let through = transmission_layer(resident) == Some(layer);
@@ -181,7 +183,7 @@ fn metres(mm: f32) -> f64 {
     format!("{mm}").parse::<f64>().unwrap_or(f64::from(mm)) / 1000.0
 }
 
-/// Physical size of the quad, metres.
+/// Returns the physical size of the quad in metres.
 fn size_m(size_mm: Option<[f32; 2]>, texels: [usize; 2]) -> [f32; 2] {
     match size_mm {
         Some(size) => size.map(|side| side / 1000.0),
@@ -189,17 +191,17 @@ fn size_m(size_mm: Option<[f32; 2]>, texels: [usize; 2]) -> [f32; 2] {
     }
 }
 
-/// What the document is made of.
+/// Parts of the document.
 struct Material<'a> {
     name: &'a str,
     fit: &'a GltfFit,
     textures: &'a GltfTextures,
-    /// The object of [`EXTENSION`].
+    /// Content of the extension [`EXTENSION`].
     extension: Value,
 }
 
 impl Material<'_> {
-    /// The JSON, with everything binary put into `buffer`; and the extensions that it uses.
+    /// Returns the JSON document and the extensions that it uses; writes everything binary into `buffer`.
     fn document(self, buffer: &mut GlbBuffer, size_m: [f32; 2]) -> Result<(Value, Vec<String>), FitError> {
         let textures = self.textures;
         let mut images = Vec::new();
@@ -302,7 +304,7 @@ mod tests {
         export_gltf(pack(asset).unwrap(), "felt", place, Maps::All, &Monitor::default()).unwrap()
     }
 
-    /// The document and the binary chunk.
+    /// Returns the document and the binary chunk.
     fn parts(glb: &[u8]) -> (Value, Vec<u8>) {
         let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
         assert_eq!((&glb[..4], word(4), word(8)), (&b"glTF"[..], 2, glb.len()));

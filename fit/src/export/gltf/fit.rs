@@ -1,9 +1,9 @@
 //! The fallback of a glTF export: per texel the glTF material that comes nearest to what an asset decodes to.
 //!
-//! For a normal and a roughness the model is linear in its colours, but for what its upper layers leave to those below, which
-//! is taken from the estimate before. So a texel's fit is a search over normals and roughnesses with non-negative least
-//! squares inside. The error is that of gamma-encoded values: least squares over linear ones, weighted by the curve's slope at
-//! the estimate before.
+//! For a normal and a roughness the model is linear in its colours, but for what its upper layers leave to those below,
+//! which is taken from the estimate before. So a texel's fit is a search over normals and roughnesses with non-negative
+//! least squares inside. The error is that of gamma-encoded values: least squares over linear ones, weighted by the
+//! curve's slope at the estimate before.
 
 use crate::error::FitError;
 use crate::export::gltf::brdf::{Cosines, DIELECTRIC_F0, GltfTexel, Sheen, dot, ggx, half_vector, schlick};
@@ -17,11 +17,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Pairs of directions that a texel is fitted to.
 const FIT_PAIRS: usize = 192;
-/// Texels on which it is decided which parts of the model the material needs.
+/// Texels of the sample that decides which parts of the model the material needs.
 const TRIAL_TEXELS: usize = 512;
 /// Share of the squared error that a part of the model must save to be written.
 pub const MIN_SAVED: f64 = 0.05;
-/// What stands beside a linear value under the root, so that the curve has the slope of sRGB at black.
+/// Added to a linear value under the root, so that the curve has the slope of sRGB at black.
 const EPSILON: f32 = 0.003;
 /// Roughnesses that a texel tries first.
 const ROUGHNESSES: [f32; 7] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.75, 1.0];
@@ -34,10 +34,10 @@ const MAX_TILT: f32 = 0.75;
 /// Sheen roughnesses that a material tries; one serves all its texels.
 const SHEEN_ROUGHNESSES: [f32; 4] = [0.3, 0.5, 0.7, 1.0];
 
-/// Which of the model's optional parts are used.
+/// Choice of the model's optional parts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Maps {
-    /// Those that save [`MIN_SAVED`] of the squared error or more.
+    /// Parts that save [`MIN_SAVED`] of the squared error or more.
     #[default]
     Auto,
     /// All.
@@ -47,11 +47,11 @@ pub enum Maps {
 /// A part of the model that was tried.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TriedPart {
-    /// `metal`, `specular` or `sheen`.
+    /// Name of the part: `metal`, `specular` or `sheen`.
     pub name: &'static str,
-    /// Share of the squared error of gamma-encoded values that it saves, on a sample of the texels.
+    /// Share of the squared error of gamma-encoded values that the part saves, on a sample of the texels.
     pub saved: f64,
-    /// Whether it is used.
+    /// Whether the part is used.
     pub used: bool,
 }
 
@@ -60,21 +60,21 @@ pub struct TriedPart {
 pub struct GltfFit {
     /// Texels a row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// All texels, row by row.
     pub texels: Vec<GltfTexel>,
-    /// Whether strength and colour of the gloss differ from a plain dielectric's.
+    /// Whether strength and colour of the specular lobe differ from a plain dielectric's.
     pub specular: bool,
     /// The sheen, where there is one.
     pub sheen: Option<Sheen>,
-    /// Whether light comes through, as a layer of the asset says.
+    /// Whether light comes through: the asset has a layer of transmission.
     pub transmission: bool,
-    /// The parts that were tried, in order.
+    /// Optional parts that the model has.
     pub tried: Vec<TriedPart>,
 }
 
-/// Fits the front of `resident`'s finest level. Deterministic on any number of threads.
+/// Fits a material to the front of `resident`'s finest level. Deterministic on any number of threads.
 ///
 /// Cost: some 30 evaluations of the model at 192 pairs a texel.
 ///
@@ -119,7 +119,7 @@ pub fn fit_gltf(resident: &Resident, maps: Maps, monitor: &Monitor) -> Result<Gl
     Ok(GltfFit { width, height, texels, specular, sheen, transmission: transmission.is_some(), tried })
 }
 
-/// The layer that is lit and seen from the front.
+/// Returns the layer that is lit and seen from the front.
 ///
 /// # Errors
 /// [`FitError::Params`] where there is none.
@@ -132,7 +132,7 @@ pub fn front_layer(resident: &Resident) -> Result<u32, FitError> {
     })
 }
 
-/// The layer of the light that comes through: towards the front, or else towards the back.
+/// Returns the layer of transmission, seen from the front or else from the back.
 pub fn transmission_layer(resident: &Resident) -> Option<u32> {
     resident.layer_for_sides(0, true, false).or_else(|| resident.layer_for_sides(0, false, true))
 }
@@ -184,12 +184,12 @@ fn choose_model(
 /// Pairs of a layer's measured directions, those of one view together.
 #[derive(Clone)]
 pub struct PairList {
-    /// Light and eye, unit, as the decoder takes them.
+    /// Unit vectors to light and eye, as the decoder takes them.
     pub directions: Vec<[[f32; 3]; 2]>,
 }
 
 impl PairList {
-    /// All measured pairs of `layer`, dealt into lists of about `count`, each over all views and lights alike.
+    /// Returns all measured pairs of `layer`, dealt into lists of about `count`, each over all views and lights alike.
     pub fn split(resident: &Resident, layer: u32, count: usize) -> Vec<PairList> {
         let (views, lights) = (resident.views(layer), resident.lights(layer));
         let behind = |of: [f32; 3], back: bool| [of[0], of[1], if back { -of[2] } else { of[2] }];
@@ -210,7 +210,7 @@ impl PairList {
         (0..stride).map(list).filter(|list| !list.directions.is_empty()).collect()
     }
 
-    /// What `texel` of `layer` decodes to at each pair: per channel `pi * BRDF * cosine`.
+    /// Writes what `texel` of `layer` decodes to at each pair into `out`: per channel `pi * BRDF * cosine`.
     pub fn decode(&self, resident: &Resident, layer: u32, texel: usize, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(Vec::clear);
         let options = DecodeOptions::default();
@@ -225,13 +225,13 @@ impl PairList {
     }
 }
 
-/// Pairs with what of them does not depend on the normal, by component.
+/// Pairs with the quantities that do not depend on the normal, by component.
 struct Pairs {
     list: PairList,
     wi: [Vec<f32>; 3],
     wo: [Vec<f32>; 3],
     half: [Vec<f32>; 3],
-    /// Schlick's term.
+    /// Schlick's term of Fresnel reflectance.
     grazing: Vec<f32>,
 }
 
@@ -255,7 +255,7 @@ impl Pairs {
     }
 }
 
-/// The parts that the model has.
+/// Optional parts that the model has.
 #[derive(Debug, Clone)]
 struct Model {
     metal: bool,
@@ -263,7 +263,8 @@ struct Model {
     sheen: Option<Sheen>,
 }
 
-/// Unknowns of the least squares: base colour, gloss at normal incidence, gloss at grazing incidence, sheen colour.
+/// First unknowns of the least squares, three each: base colour, specular lobe at normal incidence, specular lobe at
+/// grazing incidence, sheen colour.
 const BASE: usize = 0;
 const F0: usize = 3;
 const F90: usize = 6;
@@ -273,10 +274,10 @@ const UNKNOWNS: usize = 10;
 /// A texel under search.
 #[derive(Debug, Clone, Copy)]
 struct Estimate {
-    /// x and y of the normal.
+    /// x and y of the unit normal.
     tilt: [f32; 2],
     roughness: f32,
-    /// By unknown.
+    /// Weight of each unknown.
     weights: [f32; UNKNOWNS],
     /// Squared error of root-encoded values, summed over pairs and channels.
     error: f64,
@@ -288,7 +289,7 @@ impl Estimate {
         [x, y, (1.0 - x * x - y * y).max(0.0).sqrt()]
     }
 
-    /// Reflectance at normal incidence of the channel that has most.
+    /// Returns the greatest reflectance at normal incidence of the three channels.
     fn most_f0(&self) -> f32 {
         most(&self.weights[F0..F0 + 3])
     }
@@ -314,26 +315,27 @@ fn most(numbers: &[f32]) -> f32 {
     numbers.iter().copied().fold(0.0, f32::max)
 }
 
-/// What a texel's search works on, by pair; kept from texel to texel.
+/// Scratch arrays of a texel's search, by pair; kept from texel to texel.
 #[derive(Default)]
 struct Scratch {
     /// Decoded values, by channel.
     target: [Vec<f32>; 3],
-    /// The same on the curve, whites cut.
+    /// Decoded values on the root curve, cut at white.
     encoded: [Vec<f32>; 3],
     /// Weights of the squared linear differences.
     slopes: [Vec<f32>; 3],
-    /// The model's values.
+    /// Values of the model.
     values: [Vec<f32>; 3],
-    /// Cosine of the light; gloss and sheen without colour, times it; share of the light that the sheen takes.
+    /// Cosine of the light; specular lobe and sheen without colour, times that cosine; share of the light that the
+    /// sheen takes.
     cos: Vec<f32>,
     gloss: Vec<f32>,
     fuzz: Vec<f32>,
     taken: Vec<f32>,
-    /// What the unknowns are multiplied by, and what is there without them.
+    /// Factors of the unknowns, and what is reflected without them.
     atoms: [Vec<f32>; 4],
     fixed: Vec<f32>,
-    /// A product of two columns.
+    /// Product of two columns.
     product: Vec<f32>,
 }
 
@@ -344,7 +346,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Fits the texel whose values are the scratch's target.
+    /// Fits the texel whose values are in `target`.
     fn run(mut self) -> Estimate {
         let scratch = &mut *self.scratch;
         for c in 0..3 {
@@ -394,7 +396,7 @@ impl Search<'_> {
         best
     }
 
-    /// The weights that fit best at `next`'s normal and roughness; `best` becomes that, if its error is smaller.
+    /// Solves for the weights at `next`'s normal and roughness, and replaces `best` if the error is smaller.
     fn improve(&mut self, best: &mut Estimate, next: Estimate) {
         self.fill_columns(&next);
         self.fill_atoms(&next);
@@ -408,8 +410,8 @@ impl Search<'_> {
         }
     }
 
-    /// A normal from the values as if the surface were diffuse: least squares for the vector whose product with the light is
-    /// the luminance.
+    /// Returns x and y of a normal as if the surface were diffuse: least squares for the vector whose product with the
+    /// light is the luminance.
     fn lambert_tilt(&self) -> [f32; 2] {
         let (pairs, scratch) = (self.pairs, &*self.scratch);
         let mut matrix = nalgebra::Matrix3::<f64>::zeros();
@@ -431,7 +433,7 @@ impl Search<'_> {
         tilt.map(|x| x * (MAX_TILT / far).min(1.0))
     }
 
-    /// Sets the slopes of the curve between target and values.
+    /// Sets the weights of the squared linear differences to the slopes of the curve between target and values.
     fn reweigh(&mut self) {
         let scratch = &mut *self.scratch;
         for c in 0..3 {
@@ -446,7 +448,7 @@ impl Search<'_> {
         }
     }
 
-    /// Cosine, gloss and sheen at `estimate`'s normal and roughness.
+    /// Computes cosine, specular lobe and sheen at `estimate`'s normal and roughness.
     fn fill_columns(&mut self, estimate: &Estimate) {
         let (pairs, scratch, normal) = (self.pairs, &mut *self.scratch, estimate.normal());
         let n = pairs.len();
@@ -470,7 +472,7 @@ impl Search<'_> {
         }
     }
 
-    /// Factors of the unknowns, with the upper layers of `estimate`.
+    /// Computes the factors of the unknowns, with the upper layers of `estimate`.
     fn fill_atoms(&mut self, estimate: &Estimate) {
         let (pairs, scratch) = (self.pairs, &mut *self.scratch);
         let n = pairs.len();
@@ -498,7 +500,7 @@ impl Search<'_> {
         }
     }
 
-    /// The model's values with `estimate`'s weights; the atoms are its own.
+    /// Computes the model's values with `estimate`'s weights; the factors must be those of `estimate`.
     fn fill_values(&mut self, estimate: &Estimate) {
         let (w, n) = (&estimate.weights, self.pairs.len());
         let (gloss, f90) = if self.free_gloss() { (1.0, w[F90]) } else { (0.0, 0.0) };
@@ -522,7 +524,7 @@ impl Search<'_> {
         self.model.specular && !self.model.metal
     }
 
-    /// Weighted non-negative least squares over the atoms, brought into the ranges of a material.
+    /// Solves the weighted non-negative least squares and clamps the solution to the ranges of a material.
     fn solve(&mut self) -> [f32; UNKNOWNS] {
         let (free_gloss, fuzzy) = (self.free_gloss(), self.model.sheen.is_some());
         let scratch = &mut *self.scratch;
@@ -574,7 +576,7 @@ fn refill(column: &mut Vec<f32>, numbers: impl Iterator<Item = f32>) {
     column.extend(numbers);
 }
 
-/// Lanes in which sums run.
+/// Number of lanes in which sums run.
 const LANES: usize = 8;
 
 fn sum_of_products(a: &[f32], b: &[f32]) -> f64 {
@@ -587,7 +589,7 @@ fn sum_of_products(a: &[f32], b: &[f32]) -> f64 {
     f64::from(lanes.iter().sum::<f32>() + rest)
 }
 
-/// Squared difference of linear `values` on the curve from values that are on it.
+/// Returns the squared difference between linear `values`, encoded by the curve, and `encoded`.
 fn encoded_error(values: &[f32], encoded: &[f32]) -> f64 {
     let mut lanes = [0.0f32; LANES];
     let square = |x: f32, y: f32| {
@@ -602,7 +604,7 @@ fn encoded_error(values: &[f32], encoded: &[f32]) -> f64 {
     f64::from(lanes.iter().sum::<f32>() + rest)
 }
 
-/// Splits the diffuse light of `texel` so that what comes through is, in the mean over the pairs, what `values` say.
+/// Splits the diffuse light of `texel` so that the transmitted light is, in the mean over the pairs, what `values` say.
 fn set_transmission(texel: &mut GltfTexel, list: &PairList, values: &[Vec<f32>; 3]) {
     let colour = [0, 1, 2].map(|c| {
         let (mut sum, mut square) = (0.0f32, 0.0f32);
@@ -619,143 +621,8 @@ fn set_transmission(texel: &mut GltfTexel, list: &PairList, values: &[Vec<f32>; 
     texel.base_colour = texel.base_colour.map(|x| (x / (1.0 - share)).min(1.0));
 }
 
-/// Base colour beyond which nothing is left to come through.
+/// Base colour above which nothing is left to be transmitted.
 const MAX_REFLECTED: f32 = 0.98;
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use btf_runtime::testing::direction_from_degrees;
-
-    /// A grid of directions as a capture has.
-    fn list() -> PairList {
-        let mut directions = Vec::new();
-        for view in [[0, 0], [30, 0], [30, 120], [30, 240], [60, 60], [60, 180], [60, 300], [75, 20]] {
-            for theta in [0, 15, 30, 45, 60, 75] {
-                for phi in (0..360).step_by(45) {
-                    let at = |d: [i32; 2]| direction_from_degrees(d[0].into(), d[1].into());
-                    directions.push([at([theta, phi]), at(view)]);
-                }
-            }
-        }
-        PairList { directions }
-    }
-
-    fn found(texel: &GltfTexel, model: &Model) -> (GltfTexel, f64) {
-        let pairs = Pairs::new(&list());
-        let mut scratch = Scratch::default();
-        for [wi, wo] in &pairs.list.directions {
-            let value = texel.reflected(model.sheen.as_ref(), *wi, *wo);
-            (0..3).for_each(|c| scratch.target[c].push(value[c]));
-        }
-        let estimate = Search { pairs: &pairs, model, scratch: &mut scratch }.run();
-        let samples = (3 * pairs.len()) as f64;
-        (estimate.texel(model), (estimate.error / samples).sqrt())
-    }
-
-    fn texel() -> GltfTexel {
-        let normal = [0.2, -0.15, (1.0f32 - 0.04 - 0.0225).sqrt()];
-        GltfTexel { base_colour: [0.5, 0.3, 0.1], roughness: 0.45, normal, ..GltfTexel::PLAIN }
-    }
-
-    #[test]
-    fn the_search_evaluates_the_model_that_a_viewer_does() {
-        let sheen = Some(Sheen::new(0.5));
-        let model = Model { metal: false, specular: true, sheen };
-        let made =
-            GltfTexel { specular: 0.8, specular_colour: [3.0, 2.0, 1.0], sheen_colour: [0.1, 0.2, 0.3], ..texel() };
-        for (model, made) in [
-            (model.clone(), made),
-            (Model { metal: true, ..model.clone() }, GltfTexel { metallic: 1.0, ..made }),
-            (Model { specular: false, sheen: None, ..model.clone() }, texel()),
-        ] {
-            let pairs = Pairs::new(&list());
-            let mut scratch = Scratch::default();
-            let mut weights = [0.0; UNKNOWNS];
-            for c in 0..3 {
-                weights[BASE + c] = made.base_colour[c];
-                weights[F0 + c] = made.specular * DIELECTRIC_F0 * made.specular_colour[c];
-                weights[SHEEN + c] = made.sheen_colour[c];
-            }
-            weights[F90] = made.specular;
-            let tilt = [made.normal[0], made.normal[1]];
-            let estimate = Estimate { tilt, roughness: made.roughness, weights, error: 0.0 };
-            let mut search = Search { pairs: &pairs, model: &model, scratch: &mut scratch };
-            search.fill_columns(&estimate);
-            search.fill_atoms(&estimate);
-            search.fill_values(&estimate);
-            let mut differs = 0;
-            for (pair, [wi, wo]) in pairs.list.directions.iter().enumerate() {
-                let slow = made.reflected(model.sheen.as_ref(), *wi, *wo);
-                let planted = GltfTexel { roughness: 0.5, ..made }.reflected(model.sheen.as_ref(), *wi, *wo);
-                for c in 0..3 {
-                    let fast = scratch.values[c][pair];
-                    assert!((fast - slow[c]).abs() <= 1e-5 + 1e-4 * slow[c], "{fast} {slow:?}");
-                    differs += usize::from((fast - planted[c]).abs() > 1e-3);
-                }
-            }
-            assert!(differs > 20, "the planted roughness must not agree: {differs}");
-        }
-    }
-
-    #[test]
-    fn a_material_of_the_model_is_found_again() {
-        let model = Model { metal: false, specular: true, sheen: None };
-        let made = GltfTexel { specular: 1.0, specular_colour: [2.0, 2.0, 2.0], ..texel() };
-        let (again, error) = found(&made, &model);
-        assert!(error < 0.01, "{error} {again:?}");
-        assert!((0..2).all(|i| (again.normal[i] - made.normal[i]).abs() < 0.05), "{again:?}");
-        assert!((again.roughness - made.roughness).abs() < 0.08, "{again:?}");
-        assert!((0..3).all(|c| (again.base_colour[c] - made.base_colour[c]).abs() < 0.05), "{again:?}");
-        // Planted difference: without its gloss it is another material.
-        assert!(found(&made, &Model { specular: false, ..model }).1 > 1.5 * error);
-    }
-
-    #[test]
-    fn parts_are_used_where_they_help_and_left_out_where_they_do_not() {
-        let choose = |made: GltfTexel, sheen: Option<Sheen>, maps: Maps| {
-            let pairs = Pairs::new(&list());
-            let error_of = |model: &Model| {
-                let mut scratch = Scratch::default();
-                for [wi, wo] in &pairs.list.directions {
-                    let value = made.reflected(sheen.as_ref(), *wi, *wo);
-                    (0..3).for_each(|c| scratch.target[c].push(value[c]));
-                }
-                // What no model explains.
-                Ok(Search { pairs: &pairs, model, scratch: &mut scratch }.run().error + 2.0)
-            };
-            let (model, _) = choose_model(maps, error_of).unwrap();
-            (model.metal, model.specular, model.sheen.is_some())
-        };
-        assert_eq!(choose(texel(), None, Maps::Auto), (false, false, false));
-        assert_eq!(choose(texel(), None, Maps::All), (false, true, true));
-        let metal = GltfTexel { metallic: 1.0, base_colour: [0.9, 0.7, 0.3], roughness: 0.75, ..texel() };
-        assert_eq!(choose(metal, None, Maps::Auto), (true, false, false));
-        let glossy = GltfTexel { specular_colour: [6.0; 3], ..texel() };
-        assert_eq!(choose(glossy, None, Maps::Auto), (false, true, false));
-        let velvet = GltfTexel { sheen_colour: [0.8, 0.2, 0.2], base_colour: [0.05; 3], ..texel() };
-        assert!(choose(velvet, Some(Sheen::new(0.5)), Maps::Auto).2);
-    }
-
-    #[test]
-    fn what_comes_through_and_what_is_reflected_stay_what_they_were() {
-        let list = PairList {
-            directions: [10, 40, 70]
-                .map(|theta| {
-                    let [x, y, z] = direction_from_degrees(theta.into(), 30.0);
-                    [[x, y, -z], [0.0, 0.0, 1.0]]
-                })
-                .to_vec(),
-        };
-        let through = [0.1, 0.3, 0.05];
-        let values = through.map(|x| list.directions.iter().map(|[wi, _]| x * wi[2].abs()).collect());
-        let mut texel = texel();
-        let before = texel.base_colour;
-        set_transmission(&mut texel, &list, &values);
-        for c in 0..3 {
-            assert!((texel.transmission * texel.transmission_colour[c] - through[c]).abs() < 1e-5, "{texel:?}");
-            assert!(((1.0 - texel.transmission) * texel.base_colour[c] - before[c]).abs() < 1e-5, "{texel:?}");
-        }
-        assert!((texel.transmission - 0.3).abs() < 1e-5, "{texel:?}");
-    }
-}
+mod tests;

@@ -1,5 +1,5 @@
-//! A glTF material's textures: 8-bit channels as the specification and its extensions lay them out, and what a viewer reads
-//! from them.
+//! A glTF material's textures: 8-bit channels as the specification and its extensions lay them out, and what a viewer
+//! reads from them.
 
 use crate::error::FitError;
 use crate::export::gltf::brdf::{GltfTexel, Sheen};
@@ -11,11 +11,11 @@ use image::{ExtendedColorType, ImageEncoder};
 /// A picture of one texture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GltfImage {
-    /// What it shows, in camel case.
+    /// Name of the image's content in camel case.
     pub name: &'static str,
     /// 3 or 4 channels a texel, row by row.
     pub channels: usize,
-    /// The samples.
+    /// Samples of the image.
     pub samples: Vec<u8>,
 }
 
@@ -24,7 +24,7 @@ pub struct GltfImage {
 pub struct GltfTextures {
     /// Texels a row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Base colour, sRGB.
     pub base_colour: GltfImage,
@@ -86,14 +86,14 @@ impl GltfTextures {
         }
     }
 
-    /// The images that there are.
+    /// Returns the images that there are.
     pub fn images(&self) -> Vec<&GltfImage> {
         let always = [&self.base_colour, &self.metallic_roughness, &self.normal];
         let sheen = self.sheen.as_ref().map(|(image, _)| image);
         always.into_iter().chain(&self.specular).chain(sheen).chain(&self.transmission).collect()
     }
 
-    /// What a viewer that knows all extensions reads at a texel.
+    /// Returns what a viewer that knows all extensions reads at a texel.
     pub fn texel(&self, texel: usize) -> GltfTexel {
         let linear = |image: &GltfImage, factor: f32| {
             let at = &image.samples[texel * image.channels..];
@@ -122,12 +122,12 @@ impl GltfTextures {
         read
     }
 
-    /// The sheen that lies on all texels.
+    /// Returns the sheen that lies on all texels.
     pub fn sheen(&self) -> Option<&Sheen> {
         self.sheen.as_ref().map(|(_, sheen)| sheen)
     }
 
-    /// An image as a PNG file.
+    /// Returns an image as a PNG file.
     ///
     /// # Errors
     /// If it is larger than PNG allows.

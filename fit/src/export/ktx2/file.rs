@@ -1,7 +1,7 @@
 //! A KTX 2.0 file (Khronos Texture, version 2.0 of the specification): header, index, data format descriptor, key/value
 //! data, mip levels. As much of it as uncompressed two-dimensional arrays need.
 
-/// What a texel is.
+/// Format of a texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ktx2Format {
     /// `VK_FORMAT_R8_UINT`.
@@ -11,7 +11,7 @@ pub enum Ktx2Format {
 }
 
 impl Ktx2Format {
-    /// Number of the format in Vulkan.
+    /// Returns the number of the format in Vulkan (`VkFormat`).
     pub fn vulkan(self) -> u32 {
         match self {
             Ktx2Format::R8Uint => 13,
@@ -19,7 +19,7 @@ impl Ktx2Format {
         }
     }
 
-    /// Bytes of a channel.
+    /// Returns the bytes of a channel of a texel.
     fn channel_bytes(self) -> usize {
         match self {
             Ktx2Format::R8Uint => 1,
@@ -27,7 +27,7 @@ impl Ktx2Format {
         }
     }
 
-    /// Channels, by their numbers in the data format descriptor.
+    /// Returns the numbers of the channels in the data format descriptor.
     fn channels(self) -> &'static [u32] {
         match self {
             Ktx2Format::R8Uint => &[0],
@@ -35,7 +35,7 @@ impl Ktx2Format {
         }
     }
 
-    /// Bytes of a texel.
+    /// Returns the bytes of a texel.
     pub fn texel_bytes(self) -> usize {
         self.channel_bytes() * self.channels().len()
     }
@@ -44,25 +44,25 @@ impl Ktx2Format {
 /// A two-dimensional array with its mip levels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ktx2Array {
-    /// What its texels are.
+    /// Format of the texels.
     pub format: Ktx2Format,
     /// Texels a row of the finest level.
     pub width: usize,
     /// Rows of the finest level.
     pub height: usize,
-    /// Layers.
+    /// Number of layers.
     pub layers: usize,
-    /// `[layer, row, column]` of each level, the finest first; sides halve.
+    /// Texels `[layer, row, column]` of each level, the finest first; sides halve from level to level.
     pub levels: Vec<Vec<u8>>,
     /// Key and value, UTF-8; `KTXwriter` is added.
     pub notes: Vec<(String, String)>,
 }
 
-/// What every file begins with.
+/// First bytes of every file.
 const IDENTIFIER: [u8; 12] = [0xAB, b'K', b'T', b'X', b' ', b'2', b'0', 0xBB, b'\r', b'\n', 0x1A, b'\n'];
 /// Bytes of identifier, header and index before the levels' places.
 const HEAD_BYTES: usize = 80;
-/// Bytes of a level's place.
+/// Bytes of a level's entry in the index.
 const LEVEL_BYTES: usize = 24;
 /// Words of the data format descriptor: red, green and blue without primaries, linear.
 const RGB_MODEL: u32 = 1;
@@ -71,7 +71,7 @@ const LINEAR_TRANSFER: u32 = 1;
 const SIGNED_FLOAT: u32 = 0xC;
 
 impl Ktx2Array {
-    /// The file. The same array gives the same bytes.
+    /// Returns the bytes of the file. Equal arrays give equal bytes.
     ///
     /// # Panics
     /// If a level has not the bytes that its size asks for.
@@ -115,7 +115,7 @@ impl Ktx2Array {
         out
     }
 
-    /// The data format descriptor: its length and one basic block.
+    /// Returns the data format descriptor: its length and one basic block.
     fn descriptor(&self) -> Vec<u8> {
         let (bits, channels) = (8 * self.format.channel_bytes() as u32, self.format.channels());
         let block_bytes = 24 + 16 * channels.len() as u32;
@@ -135,7 +135,7 @@ impl Ktx2Array {
         out
     }
 
-    /// The key/value data: keys ascending, each entry padded to whole words.
+    /// Returns the key/value data: keys ascending, each entry padded to whole words.
     fn key_values(&self) -> Vec<u8> {
         let mut notes = self.notes.clone();
         notes.push(("KTXwriter".into(), concat!("btf-fit ", env!("CARGO_PKG_VERSION")).into()));

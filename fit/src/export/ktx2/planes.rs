@@ -1,6 +1,6 @@
-//! An asset as KTX2 textures, for engines that load those and have no reader of `.spmm`: what each texel has as planes of one
-//! array with mip levels, the expanded bases as an array for each layer, and everything else as JSON in the first file's
-//! key/value data. docs/KTX2.md specifies it.
+//! Export of an asset as KTX2 textures for engines that load those and have no reader of `.spmm`: what each texel has
+//! as planes of one array with mip levels, the expanded bases as an array for each layer, and everything else as JSON
+//! in the first file's key/value data. docs/KTX2.md specifies it.
 
 use crate::error::FitError;
 use crate::export::ktx2::file::{Ktx2Array, Ktx2Format};
@@ -15,11 +15,11 @@ use std::sync::Arc;
 
 /// Key of the JSON in the key/value data.
 pub const KTX2_KEY: &str = "BTFspmm";
-/// Version of what the files hold.
+/// Version of the files' layout.
 const LAYOUT: u32 = 1;
 /// Largest side of a texture on common Vulkan adapters.
 const MAX_SIDE: usize = 16384;
-/// A plane's byte for the number 0, where its numbers have signs.
+/// Byte of a plane that stands for the number 0, where the plane's numbers have signs.
 const ZERO: u8 = 128;
 
 /// The files of an export: the first holds the planes and names the others.
@@ -29,14 +29,14 @@ pub struct Ktx2Export {
     pub files: Vec<(String, Vec<u8>)>,
     /// Texels a row and rows of the planes' finest level.
     pub size: [usize; 2],
-    /// Planes.
+    /// Number of planes.
     pub planes: usize,
-    /// Mip levels.
+    /// Number of mip levels.
     pub levels: usize,
 }
 
-/// The asset in `bytes`, of either form, as KTX2 files; `stem` is the first file's name without `.ktx2`. A file form without levels
-/// gets them.
+/// Returns the asset in `bytes`, of either form, as KTX2 files; `stem` is the first file's name without `.ktx2`. A file
+/// form without levels gets them.
 ///
 /// # Errors
 /// What is wrong with the bytes; bases that make a texture of more than 16384 texels a side.
@@ -94,18 +94,18 @@ pub fn export_ktx2(bytes: Vec<u8>, stem: &str) -> Result<Ktx2Export, FitError> {
     Ok(Ktx2Export { files, size, planes, levels })
 }
 
-/// Where the planes of a layer lie.
+/// Numbers of the planes of a layer.
 struct Planes {
     first: usize,
     edits: bool,
-    /// Lobes of the texel that has most: four planes each.
+    /// Lobes of the texel that has most, four planes each.
     lobes: usize,
     components: usize,
     heights: bool,
 }
 
 impl Planes {
-    /// Places of edits, lobes, coefficients and heights, and the end.
+    /// Returns the places of edits, lobes, coefficients and heights, and the end.
     fn places(&self) -> [usize; 5] {
         let edits = self.first + 1;
         let lobes = edits + usize::from(self.edits);
@@ -139,7 +139,7 @@ impl<'a> LayerWords<'a> {
         f32::from_bits(self.words[self.at + field])
     }
 
-    /// Texel widths a height code; 0 where the level has no heights.
+    /// Returns the texel widths a height code; 0 where the level has no heights.
     fn height_step(&self) -> f32 {
         if self.field(block::HEIGHTS) > 0 { self.float(block::HEIGHT_STEP) } else { 0.0 }
     }
@@ -152,7 +152,7 @@ impl<'a> LayerWords<'a> {
         self.field(block::WIDTH) * self.field(block::ROWS)
     }
 
-    /// A texel's record: cluster, edit and lobe count, then the first reference.
+    /// Returns a texel's record: cluster, edit and lobe count, then the first reference.
     fn records(&self) -> impl Iterator<Item = &'a [u32]> {
         let at = self.field(block::RECORDS);
         self.words[at..at + 2 * self.texels()].chunks_exact(2)
@@ -162,8 +162,8 @@ impl<'a> LayerWords<'a> {
         self.records().map(|record| record[0] as usize >> 16).max().unwrap_or(0)
     }
 
-    /// The planes' bytes at this level. Of a lobe: its number and three weight codes. What a texel does not have is 0, or the byte of
-    /// the number 0.
+    /// Returns the planes' bytes at this level. Of a lobe: its number and three weight codes. What a texel does not
+    /// have is 0, or the byte of the number 0.
     fn planes(&self, plan: &Planes) -> Vec<u8> {
         let mut out: Vec<u8> = self.records().map(|record| record[0] as u8).collect();
         if plan.edits {
@@ -193,7 +193,7 @@ impl<'a> LayerWords<'a> {
         out
     }
 
-    /// Everything about the layer that is no texture.
+    /// Returns everything about the layer that is no texture, as JSON.
     fn describe(&self, plan: &Planes) -> Value {
         let [edits, lobes, coefficients, heights, _] = plan.places();
         let mut planes = json!({
@@ -231,7 +231,7 @@ impl<'a> LayerWords<'a> {
         })
     }
 
-    /// Of each cluster its lobes: family, normal, tangent, four parameters, weight scale.
+    /// Returns the lobes of each cluster: family, normal, tangent, four parameters, weight scale.
     fn dictionaries(&self, table: usize) -> Vec<Vec<Value>> {
         let lobe = |at: usize| {
             let numbers: Vec<f32> = self.words[at + 1..at + 12].iter().map(|word| f32::from_bits(*word)).collect();
@@ -245,7 +245,7 @@ impl<'a> LayerWords<'a> {
             .collect()
     }
 
-    /// A set's unit vectors, and the corners of its triangles and edges.
+    /// Returns a set's unit vectors, and the corners of its triangles and edges.
     fn directions(&self, set: usize) -> Value {
         let at = self.field(set);
         let [n, t, e] = [0, 1, 2].map(|i| self.words[at + i] as usize);
@@ -266,8 +266,8 @@ impl<'a> LayerWords<'a> {
         })
     }
 
-    /// The expanded bases: a layer for each, in it a block of views x lights for each cluster, row by row of blocks; and how many
-    /// blocks stand in a row.
+    /// Returns the expanded bases: a layer for each, in it a block of views x lights for each cluster, row by row of
+    /// blocks; and how many blocks stand in a row.
     fn bases(&self) -> Result<(Ktx2Array, usize), FitError> {
         let (clusters, lights, pairs) =
             (self.field(block::CLUSTERS), self.field(block::LIGHT_COUNT), self.field(block::PAIRS));
@@ -301,7 +301,7 @@ impl<'a> LayerWords<'a> {
     }
 }
 
-/// Byte `number` of those from word `at` on, the lowest of a word first.
+/// Returns the byte `number` of those from word `at` on, the lowest of a word first.
 fn byte_of(words: &[u32], at: usize, number: usize) -> u8 {
     (words[at + number / 4] >> (8 * (number % 4))) as u8
 }

@@ -1,4 +1,4 @@
-//! From a model to a volume.
+//! Building of a volume from a model of triangles.
 
 use crate::build::extinction::extinction_of;
 use crate::build::gather::{Gather, VoxelSums};
@@ -14,14 +14,14 @@ use crate::rays::occluder::Occluder;
 use btf_runtime::voltex::{Voltex, Volume, VolumeLevel, Voxel, order};
 use glam::Vec3;
 
-/// How a volume is built.
+/// Parameters of building a volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VoltexParams {
     /// Voxels a side of the finest level, a power of two from 1 to 4096.
     pub resolution: u32,
-    /// How extinction is refitted.
+    /// Parameters of refitting the extinction.
     pub refit: RefitParams,
-    /// How shadows are fitted.
+    /// Parameters of fitting the shadows.
     pub shadow: ShadowParams,
 }
 
@@ -45,7 +45,8 @@ impl Lit for TriangleModel {
     }
 }
 
-/// Share of a side's square that a model's triangles must cover at least: ten times what rounding makes of a line.
+/// Share of the square of the cube's side that a model's triangles must cover at least: ten times what rounding makes
+/// of a line.
 const MIN_AREA: f64 = 1e-6;
 
 /// Builds a volume of triangles.
@@ -56,12 +57,12 @@ pub fn build_voltex(model: &TriangleModel, params: &VoltexParams) -> Result<Volu
     build_with(model, params, BuildRule::default())
 }
 
-/// How voxels are made of microflakes.
+/// Rule by which voxels are made of microflakes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BuildRule {
-    /// Of microflakes in a cell of a volume, and of the number of their material.
+    /// Makes the voxel of microflakes in a cell of a volume, with the number of their material.
     pub voxel: fn(&MicroflakeSums, f32, u32) -> Voxel,
-    /// Whether sorts of microflakes stand apart.
+    /// Whether microflakes of two sorts stay apart.
     pub sorted: bool,
 }
 
@@ -72,7 +73,7 @@ impl Default for BuildRule {
     }
 }
 
-/// As [`build_voltex`], with another rule.
+/// Builds a volume of triangles by `rule`; [`build_voltex`] has the usual one.
 pub(crate) fn build_with(
     model: &TriangleModel,
     params: &VoltexParams,
@@ -98,7 +99,8 @@ pub(crate) fn build_with(
     Ok(volume)
 }
 
-/// The volume of levels of microflakes, finest first, as if microflakes lay anywhere in their voxels. It fills the cube.
+/// Returns the volume of levels of microflakes, finest first, as if microflakes lay anywhere in their voxels. The
+/// volume fills the cube.
 pub(crate) fn volume_of(levels: &[VoxelSums]) -> Volume {
     volume_with(levels, BuildRule::default())
 }
@@ -126,7 +128,8 @@ fn volume_with(levels: &[VoxelSums], rule: BuildRule) -> Volume {
     Volume { side_m: 1.0, extent: [1.0; 3], levels, materials: palette.materials(), ..Volume::default() }
 }
 
-/// Fits facets, extinction and shadows of every level to the triangles that the volume was made of and to rays past them.
+/// Fits SGGX correction, extinction and shadows of every level to the triangles that the volume was made of and to rays
+/// past them.
 pub(crate) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl Lit, params: &VoltexParams) {
     let mut voltex = Voltex::new(volume);
     let gloss = GlossTruth::new(&lit.glossy_microflakes());
@@ -154,7 +157,7 @@ mod tests {
     use btf_runtime::testing::Random;
     use btf_runtime::voltex::{NO_VOXEL, VoltexRay, Walk};
 
-    /// Square leaves about a ball's middle.
+    /// Returns the square leaves about a ball's middle.
     fn bush(leaves: usize, size: f32) -> TriangleModel {
         let mut random = Random::new(5);
         let mut vector = |reach: f32| Vec3::from([0; 3].map(|_| random.within(-reach, reach)));
@@ -173,7 +176,7 @@ mod tests {
         model
     }
 
-    /// What the model hides and what the volume does, in views of which none was fitted.
+    /// Returns what the model hides and what the volume does, in views of which none was fitted.
     fn hidden(volume: &Volume, occluder: &Occluder, level: u32) -> Vec<[f32; 2]> {
         let voltex = Voltex::new(volume);
         let of_view = |direction: Vec3| {
@@ -235,7 +238,8 @@ mod tests {
 
     #[test]
     fn leaves_in_rows_hide_each_other_along_the_rows() {
-        // 4 x 4 rows along x, in every one 40 leaves, each of them smaller than a voxel and right behind the one before.
+        // 4 x 4 rows along x, in every one 40 leaves, each of them smaller than a voxel and right behind the one
+        // before.
         let mut model = bush(640, 0.03);
         for (i, triangle) in model.triangles.iter_mut().enumerate() {
             let (row, place) = (i / 2 / 40, i / 2 % 40);

@@ -1,8 +1,8 @@
-//! Cuts a polygon along the planes of a grid of voxels.
+//! Clipping of polygons to the cells of a grid of voxels.
 
 use glam::Vec3;
 
-/// Most corners of a triangle cut by six planes.
+/// Corners of a triangle cut by six planes at most.
 const MAX_CORNERS: usize = 10;
 
 /// A convex polygon.
@@ -13,24 +13,24 @@ pub struct Polygon {
 }
 
 impl Polygon {
-    /// A triangle.
+    /// Returns a polygon of three corners.
     pub fn triangle(corners: [Vec3; 3]) -> Polygon {
         let mut all = [Vec3::ZERO; MAX_CORNERS];
         all[..3].copy_from_slice(&corners);
         Polygon { corners: all, count: 3 }
     }
 
-    /// The part of it in a box.
+    /// Returns the part of the polygon inside a box.
     pub fn within(self, least: Vec3, most: Vec3) -> Polygon {
         (0..3).fold(self, |polygon, axis| polygon.cut(axis, least[axis])[1].cut(axis, most[axis])[0])
     }
 
-    /// Its corners in order.
+    /// Returns the corners in order.
     pub fn corners(&self) -> &[Vec3] {
         &self.corners[..self.count]
     }
 
-    /// The parts below and above the plane where coordinate `axis` is `at`.
+    /// Returns the part of the polygon inside a box.
     fn cut(&self, axis: usize, at: f32) -> [Polygon; 2] {
         let mut parts = [Polygon { corners: [Vec3::ZERO; MAX_CORNERS], count: 0 }; 2];
         for i in 0..self.count {
@@ -60,20 +60,21 @@ impl Polygon {
         }
     }
 
-    /// Twice its area as a vector along its normal.
+    /// Returns twice the area as a vector along the normal.
     pub fn double_area(&self) -> Vec3 {
         let c = self.corners();
         (2..self.count).fold(Vec3::ZERO, |sum, i| sum + (c[i - 1] - c[0]).cross(c[i] - c[0]))
     }
 }
 
-/// Calls `each(cell, polygon)` for the part of a triangle in each cell of the unit grid, whose cell (0, 0, 0) begins at the
-/// origin.
+/// Calls `each(cell, polygon)` for the part of a triangle in each cell of the unit grid, whose cell (0, 0, 0) begins at
+/// the origin.
 pub fn clip_triangle(corners: [Vec3; 3], each: &mut impl FnMut([i32; 3], &Polygon)) {
     clip_polygon(Polygon::triangle(corners), each);
 }
 
-/// The same for a triangle of which a part has been cut off ([`Polygon::within`]).
+/// Calls `each(cell, polygon)` for the part in each cell of the unit grid of a triangle of which a part has been cut
+/// off ([`Polygon::within`]).
 pub fn clip_polygon(polygon: Polygon, each: &mut impl FnMut([i32; 3], &Polygon)) {
     if polygon.count >= 3 {
         along(polygon, 0, [0; 3], each);
@@ -119,7 +120,7 @@ mod tests {
         Vec3::new(random.within(-reach, reach), random.within(-reach, reach), random.within(-reach, reach))
     }
 
-    /// Sum of the areas of the parts, after checking that each lies in its cell.
+    /// Returns the sum of the areas of the parts, after checking that each lies in its cell.
     fn clipped_area(corners: [Vec3; 3]) -> f64 {
         let mut sum = 0.0;
         clip_triangle(corners, &mut |cell, polygon| {

@@ -1,4 +1,4 @@
-//! The extinction matrix that has nearly the projected areas of a voxel's microflakes.
+//! Extinction matrix that has nearly the projected areas of a voxel's microflakes.
 
 use crate::model::microflakes::{DIRECTIONS, MicroflakeSums};
 use btf_runtime::voltex::Sym3;
@@ -6,12 +6,12 @@ use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
 use std::sync::OnceLock;
 
-/// What each entry of a symmetric matrix S counts for in `d' S d`.
+/// Returns the factor of each entry of a symmetric matrix S in `d' S d`.
 pub(crate) fn entries_along(d: DVec3) -> [f64; 6] {
     [d.x * d.x, d.y * d.y, d.z * d.z, 2.0 * d.x * d.y, 2.0 * d.x * d.z, 2.0 * d.y * d.z]
 }
 
-/// Least squares from squared projected areas to the matrix.
+/// Returns the matrix of least squares from squared projected areas to the entries of S.
 fn solver() -> &'static SMatrix<f64, 6, 13> {
     static SOLVER: OnceLock<SMatrix<f64, 6, 13>> = OnceLock::new();
     SOLVER.get_or_init(|| {
@@ -21,7 +21,8 @@ fn solver() -> &'static SMatrix<f64, 6, 13> {
     })
 }
 
-/// S of microflakes per volume `volume`: `d' S d` is nearly the square of what they project along d.
+/// Returns S of microflakes in a space of `volume`: `d' S d` is nearly the square of the area per volume that they
+/// project along d.
 pub fn extinction_of(sums: &MicroflakeSums, volume: f32) -> Sym3 {
     let squares = SVector::<f64, 13>::from_fn(|i, _| f64::from(sums.projected[i] / volume).powi(2));
     let s = solver() * squares;

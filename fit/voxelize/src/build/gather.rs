@@ -16,17 +16,17 @@ pub struct Gather {
 }
 
 impl Gather {
-    /// An empty cube of `resolution` voxels a side.
+    /// Returns an empty cube of `resolution` voxels a side.
     pub fn new(resolution: u32) -> Gather {
         Gather { resolution, voxels: BTreeMap::new() }
     }
 
-    /// A cube of voxels that have been gathered already.
+    /// Returns a cube of `resolution` voxels a side with microflakes that have been gathered already.
     pub fn of(resolution: u32, voxels: VoxelSums) -> Gather {
         Gather { resolution, voxels }
     }
 
-    /// Adds microflakes of one sort to a voxel; those beyond the cube are dropped.
+    /// Adds microflakes of one sort to a voxel; those outside the cube are dropped.
     pub fn add(&mut self, cell: [i32; 3], microflakes: &MicroflakeSums) {
         if cell.iter().all(|x| (0..self.resolution as i32).contains(x)) {
             self.voxels.entry(cell.map(|x| x as u32)).or_default().add(microflakes);
@@ -46,7 +46,7 @@ impl Gather {
         });
     }
 
-    /// The voxels of all levels, finest first, down to one.
+    /// Returns the voxels of all levels, finest first, down to one.
     pub fn levels(self) -> Vec<VoxelSums> {
         let mut levels = vec![self.voxels];
         let mut resolution = self.resolution;

@@ -1,22 +1,23 @@
-//! Materials of voxels, made few.
+//! Palette of the voxels' materials, in which similar materials become one.
 
 use crate::model::microflakes::MicroflakeSums;
 use btf_runtime::voltex::MicroflakeMaterial;
 use std::collections::BTreeMap;
 
-/// Steps of the roots of shares and roughness within which voxels share a material.
+/// Steps between 0 and 1 of the roots of shares and of roughness, within which voxels share a material.
 const STEPS: f32 = 40.0;
 
-/// Numbers materials as they are met.
+/// Palette that numbers materials in the order in which they are met.
 #[derive(Debug, Default)]
 pub struct Palette {
     numbers: BTreeMap<[u8; 8], usize>,
-    /// Sums of area and of what it sends on.
+    /// Sums of area, and of what that reflects and transmits, of each material.
     sums: Vec<MicroflakeSums>,
 }
 
 impl Palette {
-    /// The number of the material of some microflakes. Those whose colours lie in one cell of a grid share it.
+    /// Returns the number of the material of `microflakes`. Microflakes whose colours lie in one cell of a grid share
+    /// it.
     pub fn number(&mut self, microflakes: &MicroflakeSums) -> u32 {
         let colour = mean_of(microflakes);
         let code = |x: f32| (x.clamp(0.0, 1.0).sqrt() * STEPS).round() as u8;
@@ -34,7 +35,7 @@ impl Palette {
         number as u32
     }
 
-    /// The materials: means over the microflakes that share them.
+    /// Returns the materials: means over the microflakes that share them.
     pub fn materials(&self) -> Vec<MicroflakeMaterial> {
         self.sums.iter().map(mean_of).collect()
     }

@@ -1,5 +1,6 @@
-//! Scales the extinction of voxels until parallel rays through the volume let through what rays past the model do: a
-//! tomography by ordered subsets, one view a subset [Hudson & Larkin 1994], with the steps of SART [Andersen & Kak 1984].
+//! Refit of the extinction: voxels are scaled until parallel rays through the volume let through what rays past the
+//! model do, by a tomography with ordered subsets, one view a subset [Hudson & Larkin 1994], and the steps of SART
+//! [Andersen & Kak 1984].
 
 use crate::build::extinction::entries_along;
 use crate::rays::occluder::Occluder;
@@ -8,14 +9,14 @@ use btf_runtime::voltex::{MAX_CLUMPING, NO_VOXEL, Sym3, Voltex, VoltexRay, Voxel
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 
-/// How a level is refitted.
+/// Parameters of refitting a level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RefitParams {
-    /// Directions from which is looked, spread over the sphere; none leaves the voxels as they are.
+    /// Views, spread over the sphere; 0 leaves the voxels as they are.
     pub views: usize,
-    /// Times that all views are gone through.
+    /// Passes over all views.
     pub passes: usize,
-    /// Rays along each side of a pixel, which is as large as a voxel; more where all pixels are few.
+    /// Rays along each side of a pixel, which is as large as a voxel; more where a view has few pixels.
     pub rays: usize,
 }
 
@@ -25,15 +26,15 @@ impl Default for RefitParams {
     }
 }
 
-/// Share of a step that is gone in the first pass; in the last a tenth of it.
+/// Share of a step that is taken in the first pass; in the last pass a tenth of it.
 const RELAXATION: f32 = 0.5;
-/// What of a step's weight stands for doubt.
+/// Share of a step's weight that is added for uncertainty.
 const DOUBT: f32 = 1e-3;
 /// Blocks of rows that are summed apart, so that sums do not depend on threads.
 const BLOCKS: usize = 8;
 /// Optical depth beyond which a ray is dark.
 const DARK: f32 = 14.0;
-/// Steps by which the clumping is found after each pass.
+/// Steps by which the clumping is fitted after each pass.
 const CLUMPING_STEPS: usize = 2;
 /// Largest change of a voxel as a logarithm.
 const MAX_CHANGE: f32 = 4.0;
@@ -42,9 +43,9 @@ const MAX_CHANGE: f32 = 4.0;
 struct Level<'a> {
     voltex: &'a Voltex,
     level: u32,
-    /// Of each voxel of the volume its place among the cells of the level.
+    /// Place of each voxel of the volume among the cells of the level.
     place: Vec<u32>,
-    /// Of each cell its voxel.
+    /// Voxel of each cell.
     numbers: Vec<u32>,
     rays: usize,
     pixel: f32,
@@ -52,21 +53,22 @@ struct Level<'a> {
     count: usize,
 }
 
-/// How voxels should change by what is seen in a view.
+/// Changes of the voxels that a view asks for.
 #[derive(Clone)]
 struct Sums {
     slope: Vec<f32>,
     weight: Vec<f32>,
 }
 
-/// What is hidden in a view: by the volume more than by the model, and how that grows with the logarithm of all extinction.
+/// Difference of what volume and model hide in a view, and its growth with the logarithm of all extinction.
 #[derive(Clone, Copy, Default)]
 struct Hidden {
     excess: f64,
     growth: f64,
 }
 
-/// What the rays of a pixel meet: voxel and length; where among these each ray ends, and what passes it.
+/// Everything that the rays of a pixel meet: voxel and length; where among these each ray ends, and the light that
+/// passes.
 #[derive(Default)]
 struct Met {
     parts: Vec<(u32, f32)>,
@@ -74,7 +76,7 @@ struct Met {
 }
 
 impl Level<'_> {
-    /// Share of light that passes the model in each pixel of a view.
+    /// Returns the share of light that passes the model in each pixel of a view.
     fn truth(&self, view: &Projection, occluder: &Occluder) -> Vec<f32> {
         let through = |i: usize| {
             let rays = self.rays * self.rays;
@@ -84,13 +86,13 @@ impl Level<'_> {
         (0..self.count * self.count).into_par_iter().map(through).collect()
     }
 
-    /// Where ray `s` of pixel `i` begins.
+    /// Returns the origin of ray `s` of pixel `i`.
     fn origin(&self, view: &Projection, i: usize, s: usize) -> glam::Vec3 {
         let at = |x: usize, s: usize| (x as f32 + (s as f32 + 0.5) / self.rays as f32) * self.pixel - HALF_SIDE;
         view.origin(at(i % self.count, s % self.rays), at(i / self.count, s / self.rays))
     }
 
-    /// Extinction of the voxels along a view, scaled by `logs` and by `clumping`.
+    /// Returns the extinction of the voxels along a view, scaled by `logs` and by `clumping`.
     fn sigmas(&self, view: &Projection, logs: &[f32], clumping: &Sym3) -> Vec<f32> {
         let d = view.direction.to_array();
         let common = clumping.form(d, d);
@@ -98,7 +100,7 @@ impl Level<'_> {
         self.numbers.par_iter().zip(logs).map(extinction).collect()
     }
 
-    /// What is met in pixel `i`, and what passes it.
+    /// Writes what the rays of pixel `i` meet into `met`, and returns the share of light that passes.
     fn look(&self, view: &Projection, i: usize, sigmas: &[f32], met: &mut Met) -> f32 {
         met.parts.clear();
         met.ends.clear();
@@ -123,7 +125,7 @@ impl Level<'_> {
         met.ends.iter().map(|(_, through)| through).sum::<f32>() / met.ends.len() as f32
     }
 
-    /// How the voxels should change by what is seen in a view.
+    /// Returns the changes of the voxels that a view asks for.
     fn sums(&self, view: &Projection, truth: &[f32], sigmas: &[f32]) -> Sums {
         let rows = self.count.div_ceil(BLOCKS);
         let none = Sums { slope: vec![0.0; sigmas.len()], weight: vec![0.0; sigmas.len()] };
@@ -148,7 +150,7 @@ impl Level<'_> {
         })
     }
 
-    /// What is hidden in a view.
+    /// Returns what volume and model hide in a view.
     fn hidden(&self, view: &Projection, truth: &[f32], sigmas: &[f32]) -> Hidden {
         let row = |y: usize| {
             let (mut sum, mut met) = (Hidden::default(), Met::default());
@@ -167,7 +169,8 @@ impl Level<'_> {
 }
 
 impl Met {
-    /// For each part of a ray its voxel, and how much more the pixel hides for the logarithm of that voxel's extinction.
+    /// Returns for each part of a ray its voxel, and how much more the pixel hides per logarithm of that voxel's
+    /// extinction.
     fn hiding(&self, sigmas: &[f32]) -> impl Iterator<Item = (usize, f32)> {
         let share = 1.0 / self.ends.len() as f32;
         let starts = std::iter::once(0).chain(self.ends.iter().map(|(end, _)| *end));
@@ -182,8 +185,8 @@ impl Met {
 
 /// Refits `level` of `voltex`, its voxels and its clumping, to what the `occluder` in the same unit cube hides.
 ///
-/// Deterministic. Cost: `views * (passes + CLUMPING_STEPS * (passes + 1))` times (1.7 voxels a side)^2 times `rays^2` rays
-/// through the volume.
+/// Deterministic. Cost: `views * (passes + CLUMPING_STEPS * (passes + 1))` times (1.7 voxels a side)^2 times `rays^2`
+/// rays through the volume.
 pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &RefitParams) {
     let numbers = voltex.numbers_at(level);
     let mut place = vec![u32::MAX; voltex.voxel_count()];
@@ -217,9 +220,9 @@ pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &Refi
     voltex.set_clumping(level, &clumping);
 }
 
-/// Steps of Newton's, each of them least squares over the views: until the volume hides in each of them what the model does, as
-/// far as six numbers can, and in all of them together as much. Leaves that stand behind each other in some directions and
-/// beside each other in others are what voxels on their own do not know of.
+/// Fits the clumping by steps of Newton's method, each of them least squares over the views: until the volume hides in
+/// each view what the model does, as far as six numbers can, and in all views together as much. Leaves that stand
+/// behind each other in some directions and beside each other in others are what voxels on their own cannot express.
 fn fit_clumping(own: &Level, views: &[Projection], truths: &[Vec<f32>], logs: &[f32], clumping: &mut Sym3) {
     for _ in 0..CLUMPING_STEPS {
         let (mut gram, mut right) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
@@ -240,7 +243,7 @@ fn fit_clumping(own: &Level, views: &[Projection], truths: &[Vec<f32>], logs: &[
     }
 }
 
-/// A step through `count` views that meets all of them, about a third of them on.
+/// Returns a stride through `count` views that visits all of them, about a third of them apart.
 fn coprime_stride(count: usize) -> usize {
     fn gcd(a: usize, b: usize) -> usize {
         if b == 0 { a } else { gcd(b, a % b) }

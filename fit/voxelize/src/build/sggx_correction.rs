@@ -1,4 +1,5 @@
-//! How the facets of a level are spread, beyond what the ellipsoids of its voxels know: fitted to the microflakes themselves.
+//! SGGX correction of fourth degree: how the normals of a level are spread beyond what the ellipsoids of its voxels
+//! express, fitted to the microflakes themselves.
 //!
 //! An ellipsoid has its most normals along one axis; leaves that are all inclined alike have none there.
 
@@ -9,31 +10,31 @@ use glam::Vec3;
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
-/// Directions half way between light and eye, over the sphere; for each light and eye are so far from it, degrees.
+/// Half vectors between light and eye, spread over the sphere; angles in degrees of light and eye to each of them.
 const HALF_WAYS: usize = 80;
 const APART_DEG: [f32; 3] = [10.0, 30.0, 50.0];
-/// Microflakes that are summed over at most: of more every n-th.
-const MAX_FLAKES: usize = 1 << 16;
-/// Of the mean weight, what stands for doubt.
+/// Microflakes that are summed over at most: of more, every n-th is taken.
+const MAX_MICROFLAKES: usize = 1 << 16;
+/// Share of the mean weight that is added for uncertainty.
 const DOUBT: f64 = 1e-4;
 
-/// A microflake that shines.
+/// A microflake with a specular lobe.
 #[derive(Debug, Clone, Copy)]
 pub struct GlossyMicroflake {
     /// Area that counts.
     pub area: f32,
-    /// Unit vector.
+    /// Unit normal.
     pub normal: Vec3,
-    /// Reflectance of its smooth surface at normal incidence, above 0.
+    /// Reflectance of the smooth surface at normal incidence, above 0.
     pub specular: f32,
     /// GGX alpha.
     pub roughness: f32,
 }
 
-/// What all microflakes of a model send from lights to eyes, without shadow.
+/// Light that all microflakes of a model reflect specularly from lights to eyes, without shadow.
 #[derive(Debug)]
 pub struct GlossTruth {
-    /// Eye, light, and the sum.
+    /// Direction to the eye, direction to the light, and the sum.
     pairs: Vec<(Vec3, Vec3, f64)>,
 }
 
@@ -41,7 +42,7 @@ impl GlossTruth {
     /// Sums over microflakes. Cost: 16 million evaluations at most.
     pub fn new(microflakes: &[GlossyMicroflake]) -> GlossTruth {
         let chosen: Vec<&GlossyMicroflake> =
-            microflakes.iter().step_by(microflakes.len().div_ceil(MAX_FLAKES).max(1)).collect();
+            microflakes.iter().step_by(microflakes.len().div_ceil(MAX_MICROFLAKES).max(1)).collect();
         let pairs = spread_directions(HALF_WAYS, 0.3).into_iter().enumerate().flat_map(|(i, half)| {
             let across = half.any_orthonormal_vector();
             // In no plane twice.
@@ -60,7 +61,8 @@ impl GlossTruth {
         GlossTruth { pairs: pairs.par_iter().map(light).collect() }
     }
 
-    /// The facets of a level: least squares of the logarithm of what microflakes send over what its voxels do, as they were gathered.
+    /// Returns the SGGX correction of a level: least squares of the logarithm of what microflakes reflect over what its
+    /// voxels do, as they were gathered.
     pub fn fit(&self, voltex: &Voltex, level: u32) -> Facets {
         let cells = voltex.numbers_at(level);
         let voxels: Vec<_> =
@@ -102,7 +104,7 @@ impl GlossTruth {
 }
 
 impl GlossyMicroflake {
-    /// A triangle, of whose area `weight` counts, if it shines.
+    /// Returns a triangle, of whose area `weight` counts, as a microflake, if its colour has a specular lobe.
     pub fn of([a, b, c]: &[Vec3; 3], weight: f32, colour: &MicroflakeColour) -> Option<GlossyMicroflake> {
         let across = (*b - *a).cross(*c - *a);
         let MicroflakeColour { specular, roughness, .. } = *colour;
@@ -110,7 +112,7 @@ impl GlossyMicroflake {
         Some(GlossyMicroflake { area: 0.5 * weight * across.length(), normal, specular, roughness })
     }
 
-    /// What it sends from a light to an eye on the same side.
+    /// Returns the light that the microflake reflects specularly from `light` to `eye` on the same side.
     fn shine(&self, eye: Vec3, light: Vec3) -> f32 {
         if self.normal.dot(eye) * self.normal.dot(light) <= 0.0 {
             return 0.0;
@@ -129,7 +131,7 @@ mod tests {
     const SHINY: MicroflakeColour =
         MicroflakeColour { reflectance: [0.1; 3], transmittance: [0.1; 3], specular: 0.04, roughness: 0.25 };
 
-    /// One cell of microflakes as a volume, and they themselves.
+    /// Returns one cell of microflakes as a volume, and they themselves.
     fn one_cell(normals: &[Vec3], colour: &MicroflakeColour) -> (Voltex, Vec<GlossyMicroflake>) {
         let mut cell = CellMicroflakes::default();
         normals.iter().for_each(|normal| cell.add(&MicroflakeSums::microflake(0.01, *normal, colour)));
@@ -143,8 +145,8 @@ mod tests {
         (Voltex::new(&volume), normals.iter().map(microflake).collect())
     }
 
-    /// Root mean square of the logarithm of what a cell sends over what its microflakes do, scaled to as much in all, over pairs of
-    /// directions that nothing was fitted to; without `facets` and with them.
+    /// Returns the root mean square of the logarithm of what a cell sends over what its microflakes do, scaled to as
+    /// much in all, over pairs of directions that nothing was fitted to; without `facets` and with them.
     fn errors(voltex: &Voltex, microflakes: &[GlossyMicroflake], facets: &Facets) -> [f64; 2] {
         let mut random = Random::new(4);
         let mut rows = Vec::new();

@@ -1,5 +1,5 @@
-//! How shadows fall within a level: from where rays to the light begin, and how much eye and light see the same gaps, fitted
-//! to what the model itself shows.
+//! Fit of the shadows within a level: the distance at which rays to the light begin, and how many of their gaps eye and
+//! light share, fitted to what the model itself shows.
 
 use crate::build::sggx_correction::GlossyMicroflake;
 use crate::model::microflakes::grey;
@@ -10,14 +10,14 @@ use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, MIN_SHARED, Voltex, shade};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// How the shadows are fitted.
+/// Parameters of fitting the shadows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShadowParams {
-    /// Directions of the eye.
+    /// Number of directions of the eye.
     pub views: usize,
-    /// Lights around the eye for each angle.
+    /// Number of lights around the eye for each angle.
     pub turns: usize,
-    /// Pixels on a side of a picture at most; of larger ones every n-th is taken.
+    /// Pixels along a side of a picture at most; of larger pictures every n-th pixel is taken.
     pub pixels: usize,
 }
 
@@ -27,30 +27,31 @@ impl Default for ShadowParams {
     }
 }
 
-/// Offsets that are tried, voxels.
+/// Offsets that are tried, in voxels.
 const OFFSETS: [f32; 7] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3];
-/// Rays along each side of a pixel past the model, and through the volume; more where all pixels are few.
+/// Rays along each side of a pixel past the model, and through the volume; more where a view has few pixels.
 const MODEL_RAYS: usize = 4;
 const VOLUME_RAYS: usize = 2;
-/// Side of a pixel, voxels: as a level is looked at.
+/// Side of a pixel in voxels, as a renderer looks at a level.
 const PIXEL_VOXELS: f32 = 2.0;
 
-/// Reflected and transmitted light of what a ray past the model meets; 1 is a white surface lit along its normal.
+/// A model that is lit: reflected and transmitted light of what a ray past the model meets; 1 is a white surface lit
+/// along its normal.
 pub trait Lit: Sync {
-    /// Grey reflectance and transmittance, and the unit normal, of a triangle.
+    /// Returns the grey reflectance and transmittance, and the unit normal, of a triangle.
     fn surface(&self, triangle: usize) -> ([f32; 2], Vec3);
 
-    /// All triangles that shine.
+    /// Returns all triangles with a specular lobe.
     fn glossy_microflakes(&self) -> Vec<GlossyMicroflake>;
 }
 
-/// Light of the model along a ray, lit from `light`.
+/// Returns the light of the model along a ray, lit from `light`.
 pub fn model_light(occluder: &Occluder, lit: &impl Lit, origin: Vec3, direction: Vec3, light: Vec3) -> f32 {
     let met = occluder.trace(origin, direction, 4.0);
     met.map_or(0.0, |met| met_light(occluder, lit, &met, origin, direction, light))
 }
 
-/// Light of what that ray has met.
+/// Returns the light of the triangle that a ray has met, lit from `light`.
 pub(crate) fn met_light(
     occluder: &Occluder,
     lit: &impl Lit,
@@ -69,7 +70,8 @@ pub(crate) fn met_light(
     if occluder.occluded(lifted, light, 4.0) { 0.0 } else { value }
 }
 
-/// What a part of a pixel's ray adds to that: its light without shadow, and the optical depth towards the light for each offset.
+/// Contribution of a part of a pixel's ray: its light without shadow, and the optical depth towards the light for each
+/// offset.
 type Part = (f32, [f32; OFFSETS.len()]);
 
 /// Fits the shadows of `level`.

@@ -1,4 +1,5 @@
-//! Volumes without one of their terms each, and by the rule that they replace: what each term is worth.
+//! Volumes that lack one of their terms each, and volumes by the rule of 1996 that the terms replace: what each term is
+//! worth.
 
 use crate::build::build::{BuildRule, VoltexParams, build_voltex, build_with};
 use crate::build::extinction::extinction_of;
@@ -10,27 +11,27 @@ use crate::model::microflakes::MicroflakeSums;
 use crate::model::triangle_model::TriangleModel;
 use btf_runtime::voltex::{LevelShadow, Sym3, Volume, Voxel, moment_of};
 
-/// What is left out.
+/// Term that is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ablation {
-    /// Extinction as the microflakes' areas say.
+    /// Extinction as the microflakes' areas give it, without a refit.
     NoRefit,
-    /// S as the sum of the microflakes' own in place of what least squares make of their projected areas.
+    /// Linear S: the sum of the microflakes' own matrices in place of least squares of their projected areas.
     LinearS,
-    /// That without the refit, which makes up for a part.
+    /// Linear S without the refit, which makes up for a part.
     LinearSNoRefit,
-    /// The same extinction in all directions.
+    /// Isotropic extinction: equal in all directions.
     Isotropic,
-    /// That without the refit.
+    /// Isotropic extinction without the refit.
     IsotropicNoRefit,
-    /// Rays to the light begin at the microflakes, and eye and light share no gaps.
+    /// Shadows without a fit: rays to the light begin at the microflakes, and eye and light share no gaps.
     NoShadowFit,
-    /// The same extinction in all directions, light summed over an ellipsoid's normals, nothing fitted, voxels of a pixel and
-    /// one ray [Neyret 1996].
+    /// The rule of 1996: the same extinction in all directions, light summed over an ellipsoid's normals, nothing
+    /// fitted, voxels of a pixel and one ray [Neyret 1996].
     Rule1996,
     /// Leaves and what bears them as microflakes of one sort.
     OneSort,
-    /// The same clumping in all directions.
+    /// Clumping that is equal in all directions.
     EvenClumping,
     /// Four rays a pixel through voxels of one pixel in place of half of one.
     WideVoxels,
@@ -45,7 +46,7 @@ pub enum Ablation {
 }
 
 impl Ablation {
-    /// All of them.
+    /// All ablations.
     pub const ALL: [Ablation; 14] = [
         Ablation::NoRefit,
         Ablation::LinearS,
@@ -63,7 +64,7 @@ impl Ablation {
         Ablation::SixteenRaysWideVoxels,
     ];
 
-    /// What it is called.
+    /// Returns the name of the ablation.
     pub fn name(self) -> &'static str {
         match self {
             Ablation::NoRefit => "extinction not refitted",
@@ -83,12 +84,12 @@ impl Ablation {
         }
     }
 
-    /// The volume of a model without it, as fine as `volume`, and how that is looked at.
+    /// Returns the volume of a model without the term, as fine as `volume`, and how to look at it.
     ///
     /// Cost: that of building one, for those that differ in the volume.
     ///
     /// # Errors
-    /// Those of [`build_voltex`].
+    /// As [`build_voltex`].
     pub fn apply(self, model: &TriangleModel, volume: &Volume) -> Result<(Volume, MarchParams), VoxelizeError> {
         let params = VoltexParams { resolution: 1 << volume.level_count(), ..VoltexParams::default() };
         let not_refitted = VoltexParams { refit: RefitParams { views: 0, ..params.refit }, ..params };
@@ -134,12 +135,12 @@ fn evenly_clumped(mut volume: Volume) -> Volume {
 const LINEAR: BuildRule = BuildRule { voxel: linear, sorted: true };
 const ISOTROPIC: BuildRule = BuildRule { voxel: isotropic, sorted: true };
 
-/// S of microflakes of area A is A times the sum of `a n n'`, per volume squared [Heitz 2015].
+/// Returns a voxel with the linear S: area A times the sum of `a n n'`, per volume squared [Heitz 2015].
 fn linear(sums: &MicroflakeSums, volume: f32, material: u32) -> Voxel {
     Voxel::new(Sym3(sums.moment).scale(sums.area / (volume * volume)), material)
 }
 
-/// Microflakes that hide half of their area from everywhere, and reflect as they lie.
+/// Returns a voxel whose microflakes hide half of their area from everywhere, and reflect as they lie.
 fn isotropic(sums: &MicroflakeSums, volume: f32, material: u32) -> Voxel {
     let square = (0.5 * sums.area / volume).powi(2);
     let moment = moment_of(&extinction_of(sums, volume));

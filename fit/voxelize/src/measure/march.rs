@@ -1,4 +1,4 @@
-//! What an eye sees of a volume along a ray, under lights far away: what passes and what is reflected.
+//! Ray marching through a volume under lights far away: what passes and what is reflected along a ray.
 
 use crate::model::microflakes::grey;
 use crate::rays::along_ray::{depth_along, seen_along};
@@ -6,14 +6,14 @@ use crate::rays::projection::spread_directions;
 use btf_runtime::voltex::{LevelShadow, Sym3, Voltex, shade};
 use glam::Vec3;
 
-/// How a volume is looked at.
+/// Parameters of looking at a volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MarchParams {
     /// Rays along each side of a pixel.
     pub rays: usize,
     /// Voxels along each side of a pixel, as a binary logarithm: best as many as rays.
     pub finer: u32,
-    /// How microflakes reflect.
+    /// Rule by which microflakes reflect.
     pub reflection: Reflection,
 }
 
@@ -23,31 +23,32 @@ impl Default for MarchParams {
     }
 }
 
-/// How the light of a voxel's microflakes is summed.
+/// Rule by which the light of a voxel's microflakes is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reflection {
-    /// [`shade`].
+    /// The closed form, [`shade`].
     ClosedForm,
-    /// Over normals of the ellipsoid that the microflakes are spread on [Neyret 1996].
+    /// A sum over normals of the ellipsoid that the microflakes are spread on [Neyret 1996].
     Ellipsoid,
 }
 
 /// Normals that an ellipsoid's light is summed over.
 const NORMALS: usize = 64;
 
-/// A volume to look at.
+/// A volume that rays march through.
 pub struct March<'a> {
     voltex: &'a Voltex,
     level: u32,
     /// Side of a voxel.
     side: f32,
     shadow: LevelShadow,
-    /// Where light is summed over ellipsoids: of each voxel the matrix that makes a sphere one, and the sphere's normals.
+    /// For sums over ellipsoids: the matrix of each voxel that makes an ellipsoid of a sphere, and the sphere's
+    /// normals.
     ellipsoids: Option<(Vec<Sym3>, Vec<Vec3>)>,
 }
 
 impl March<'_> {
-    /// At `level` of a volume.
+    /// Prepares rays through `level` of a volume.
     pub fn new(voltex: &Voltex, level: u32, reflection: Reflection) -> March<'_> {
         let ellipsoids = (reflection == Reflection::Ellipsoid).then(|| {
             // The moment is S to the power of 3/4; an ellipsoid of extinction S is the sphere under its root.
@@ -57,8 +58,8 @@ impl March<'_> {
         March { voltex, level, side: voltex.voxel_side(level), shadow: voltex.shadow(level), ellipsoids }
     }
 
-    /// The share of light that passes a ray, and, added to `seen`, what it sees under each of `lights`; 1 is a white
-    /// surface lit along its normal.
+    /// Returns the share of light that passes a ray, and adds to `seen` the light that is seen under each of `lights`;
+    /// 1 is a white surface lit along its normal.
     pub fn ray(&self, origin: Vec3, direction: Vec3, lights: &[Vec3], seen: &mut [f32]) -> f32 {
         seen_along(self.voltex, self.level, origin, direction, |part| {
             for (light, seen) in lights.iter().zip(&mut *seen) {
@@ -83,8 +84,8 @@ impl March<'_> {
     }
 }
 
-/// Of microflakes spread on an ellipsoid, the light that those in view send on, where it comes from their side and from the other:
-/// means over what they show.
+/// Returns the light that microflakes in view, spread on an ellipsoid, reflect from a light on their side and transmit
+/// from a light on the other: means over the area in view.
 fn ellipsoid_light(root: &Sym3, normals: &[Vec3], v: Vec3, l: Vec3) -> [f32; 2] {
     let (mut sums, mut shown) = ([0.0; 2], 0.0);
     for normal in normals {

@@ -1,4 +1,4 @@
-//! How well a volume stands for its model: both are looked at along parallel rays, from directions and under lights that
+//! Comparison of a volume with its model: both are looked at along parallel rays, from directions and under lights that
 //! volumes are not fitted to, in pixels of several sizes.
 
 use crate::build::shadow::met_light;
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::ControlFlow;
 
-/// Directions of the eye, of any length. The fits' are spread over the sphere by another rule.
+/// Directions of the eye, of any length. The views of the fits are spread over the sphere by another rule.
 const VIEWS: [Vec3; 5] = [
     Vec3::new(0.9, 0.3, 0.2),
     Vec3::new(-0.3, 0.7, -0.5),
@@ -24,9 +24,9 @@ const VIEWS: [Vec3; 5] = [
     Vec3::new(0.5, 0.5, -0.7),
     Vec3::new(-0.7, -0.1, 0.3),
 ];
-/// Angles between light and eye, degrees: none that shadows are fitted at.
+/// Angles between light and eye in degrees, none of which shadows are fitted at.
 const LIGHT_DEG: [f32; 7] = [1.0, 3.5, 7.0, 28.0, 55.0, 90.0, 149.0];
-/// Turns of the light round the eye, radians; one view's are a radian on from those of the view before.
+/// Turns of the light round the eye in radians; the turns of each view are a radian on from those of the view before.
 const TURNS: [f32; 2] = [0.7, 3.9];
 /// Pixels along the side of the unit cube, each half of the one before.
 const PIXELS: [u32; 3] = [32, 16, 8];
@@ -35,43 +35,43 @@ const MODEL_RAYS: usize = 8;
 /// Bytes of a triangle's three corners.
 pub const TRIANGLE_BYTES: usize = 36;
 
-/// What is seen in pixels of one size.
+/// Pictures in pixels of one size.
 #[derive(Clone)]
 struct Pictures {
-    /// Of each view and pixel the share of light that passes.
+    /// Share of light that passes, of each view and pixel.
     through: Vec<Vec<f32>>,
-    /// Of each view, light and pixel the light that is seen.
+    /// Light that is seen, of each view, light and pixel.
     light: Vec<Vec<f32>>,
 }
 
-/// How far pictures are from those of the model, in pixels of one size. The names are the keys of `compare --json`.
+/// Differences of pictures from those of the model, in pixels of one size. The names are the keys of `compare --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PixelFigures {
     /// Pixels along the side of the unit cube.
     pub pixels: u32,
-    /// What is hidden, of what the model hides.
+    /// Opacity of the volume over that of the model.
     pub opacity_ratio: f64,
-    /// Root of the mean squared error of the share of light that passes, of pixels that are not clear in both.
+    /// Root of the mean squared error of the share of light that passes, over pixels that are not clear in both.
     pub transmittance_rmse: f64,
     /// `sqrt(sum of squared errors / sum of squares)` of the light over all views and lights.
     pub rel_rmse: f64,
-    /// By the angle between light and eye.
+    /// Figures by the angle between light and eye.
     pub angles: Vec<AngleFigures>,
 }
 
-/// The same under lights of one angle to the eye.
+/// Figures under lights of one angle to the eye.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AngleFigures {
-    /// The angle, degrees.
+    /// Angle between light and eye in degrees.
     pub angle_deg: f32,
-    /// Light in all, of the model's.
+    /// Light in all over the light of the model.
     pub energy_ratio: f64,
-    /// As above, of this angle.
+    /// `sqrt(sum of squared errors / sum of squares)` of the light at this angle.
     pub rel_rmse: f64,
 }
 
 impl PixelFigures {
-    /// Least and greatest energy of all angles.
+    /// Returns the least and greatest energy of all angles.
     pub fn energy(&self) -> [f64; 2] {
         self.angles.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], angle| {
             [least.min(angle.energy_ratio), most.max(angle.energy_ratio)]
@@ -79,23 +79,23 @@ impl PixelFigures {
     }
 }
 
-/// What stands for the model, and how well.
+/// A substitute of the model, and how well it stands for the model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct VoltexRow {
-    /// What it is: `volume`, or how it differs from that.
+    /// Name of the substitute: `volume`, or how it differs from that.
     pub rule: String,
-    /// By pixels, the smallest first; none where the volume has no voxels so small.
+    /// Figures by pixel size, the smallest first; none where the volume has no voxels so small.
     pub pixels: Vec<PixelFigures>,
 }
 
-/// A model as it is looked at.
+/// Pictures of a model, and the model itself.
 pub struct VoltexTruth {
     cube: TriangleModel,
     pictures: Vec<Pictures>,
 }
 
 impl VoltexTruth {
-    /// Looks at a model.
+    /// Renders the pictures of a model.
     ///
     /// Cost: a hundred million rays at most.
     ///
@@ -107,7 +107,7 @@ impl VoltexTruth {
         Ok(VoltexTruth { cube, pictures })
     }
 
-    /// How well a volume stands for it, looked at by `params`.
+    /// Measures how well a volume stands for the model, looked at by `params`.
     pub fn measure(&self, rule: &str, voltex: &Voltex, params: &MarchParams) -> VoltexRow {
         let pixels = PIXELS.iter().zip(&self.pictures).filter_map(|(pixels, truth)| {
             // The finest where there is none of the voxels that are asked for.
@@ -118,7 +118,8 @@ impl VoltexTruth {
         VoltexRow { rule: rule.into(), pixels: pixels.collect() }
     }
 
-    /// How well a share of its triangles does, enlarged in the others' place: as many as fit into `bytes`.
+    /// Measures how well a share of the model's triangles, enlarged in place of the others, stands for the model: as
+    /// many as fit into `bytes`.
     pub fn measure_simplified(&self, rule: &str, bytes: usize) -> VoltexRow {
         let found = pictures_of_model(&simplify(&self.cube, bytes / TRIANGLE_BYTES));
         let pixels = PIXELS.iter().zip(found.iter().zip(&self.pictures));
@@ -129,8 +130,8 @@ impl VoltexTruth {
     }
 }
 
-/// Measures how well a volume of `bytes` bytes stands for the model that it was built of. Every one of `ablations` adds a row;
-/// if there is any, so does a part of the triangles in as many bytes. `progress(done, total)` can stop the work.
+/// Measures how well a volume of `bytes` bytes stands for the model that it was built of. Every one of `ablations` adds
+/// a row; if there is any, so does a part of the triangles in as many bytes. `progress(done, total)` can stop the work.
 ///
 /// # Errors
 /// [`VoxelizeError::Model`] if the model has no extent or another one than the volume; [`VoxelizeError::Interrupted`].
@@ -174,14 +175,14 @@ pub fn measure_voltex(
     Ok(rows)
 }
 
-/// How far sides in metres may be from each other: both come from the same arithmetic.
+/// Differences of pictures from those of the model, in pixels of one size. The names are the keys of `compare --json`.
 const SIDE_TOLERANCE: f32 = 1e-5;
 
 fn projections() -> [Projection; VIEWS.len()] {
     VIEWS.map(|view| Projection::new(view.normalize()))
 }
 
-/// The lights of a view, in the order of their angles.
+/// Returns the lights of a view, in the order of their angles.
 fn lights(view: usize, projection: &Projection) -> Vec<Vec3> {
     let light = |angle: f32, turn: f32| {
         let (sin, cos) = angle.to_radians().sin_cos();
@@ -190,14 +191,15 @@ fn lights(view: usize, projection: &Projection) -> Vec<Vec3> {
     LIGHT_DEG.iter().flat_map(|angle| TURNS.map(|turn| light(*angle, turn))).collect()
 }
 
-/// Pixels on a side of a picture.
+/// Returns the pixels along a side of a picture.
 fn count(pixels: u32) -> usize {
     // Whole pixels of the largest size, so that pixels of all sizes cover the same square.
     let largest = PIXELS[PIXELS.len() - 1];
     (2.0 * HALF_SIDE * largest as f32).ceil() as usize * (pixels / largest) as usize
 }
 
-/// Pictures of `rays`^2 rays a pixel by what a ray lets pass and adds to the light of each of a view's lights.
+/// Renders pictures with `rays`^2 rays a pixel; `ray` returns the share of light that passes and adds to the light of
+/// each of a view's lights.
 fn pictures(pixels: u32, rays: usize, ray: impl Fn(Vec3, Vec3, &[Vec3], &mut [f32]) -> f32 + Sync) -> Pictures {
     let count = count(pixels);
     let mut pictures = Pictures { through: Vec::new(), light: Vec::new() };
@@ -225,7 +227,7 @@ fn pictures_of_volume(march: &March, pixels: u32, rays: usize) -> Pictures {
     pictures(pixels, rays, |origin, direction, lights, seen| march.ray(origin, direction, lights, seen))
 }
 
-/// Of a model in the unit cube, for each of [`PIXELS`].
+/// Renders the pictures of a model in the unit cube for each of [`PIXELS`].
 fn pictures_of_model(cube: &TriangleModel) -> Vec<Pictures> {
     let occluder = Occluder::new(&cube.triangles);
     let finest = pictures(PIXELS[0], MODEL_RAYS, |origin, direction, lights, seen| {
@@ -244,7 +246,7 @@ fn pictures_of_model(cube: &TriangleModel) -> Vec<Pictures> {
     all
 }
 
-/// A picture of `count` pixels a side, each the mean of four.
+/// Returns a picture of `count` pixels a side, each the mean of four.
 fn halved(picture: &[f32], count: usize) -> Vec<f32> {
     let mean = |i: usize| {
         let first = 4 * (i / count) * count + 2 * (i % count);
@@ -281,10 +283,10 @@ fn figures(pixels: u32, found: &Pictures, truth: &Pictures) -> PixelFigures {
     }
 }
 
-/// Share of light that passes clear pixels, at least.
+/// Share of light that passes clear pixels at least.
 const CLEAR: f32 = 0.9999;
 
-/// Of pairs of what was found and what is true.
+/// Sums over pairs of what was found and what is true.
 #[derive(Clone, Default)]
 struct Sums {
     count: f64,
@@ -330,7 +332,7 @@ mod tests {
     use crate::build::refit::RefitParams;
     use crate::model::microflakes::MicroflakeColour;
 
-    /// Leaves in all directions within a cube.
+    /// Returns the leaves in all directions within a cube.
     fn shrub() -> TriangleModel {
         let directions = crate::rays::projection::spread_directions(300, 0.4);
         let colour = MicroflakeColour { reflectance: [0.5; 3], transmittance: [0.3; 3], ..MicroflakeColour::default() };

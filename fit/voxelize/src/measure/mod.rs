@@ -1,4 +1,4 @@
-//! How well a volume stands for its model.
+//! Comparison of volumes with their models.
 
 pub(crate) mod ablations;
 pub(crate) mod march;

@@ -1,5 +1,5 @@
-//! A part of a model's leaves that stands for all: the others are dropped at random, and what is left is made larger
-//! [Cook 2007].
+//! Stochastic simplification: a part of a model's leaves stands for all. The others are dropped at random, and what is
+//! left is made larger [Cook 2007].
 
 use crate::model::triangle_model::TriangleModel;
 use glam::Vec3;
@@ -7,8 +7,9 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use std::collections::HashMap;
 
-/// Of `model` at most `triangles` triangles. Leaves are dropped as a whole and enlarged about their middle, so that the area
-/// stays; triangles of closed parts, as stems are, each by themselves. Both keep the same share.
+/// Returns at most `triangles` triangles of `model`. Leaves are dropped as a whole and the others enlarged about their
+/// middles, so that the area stays; triangles of closed parts, as stems are, are dropped each by themselves. Both keep
+/// the same share.
 ///
 /// Deterministic.
 pub fn simplify(model: &TriangleModel, triangles: usize) -> TriangleModel {
@@ -44,7 +45,7 @@ fn area([a, b, c]: &[Vec3; 3]) -> f32 {
     0.5 * (*b - *a).cross(*c - *a).length()
 }
 
-/// Triangles of open parts that hang together by corners of one place, and all others alone.
+/// Returns the triangles of open parts grouped by shared corners, and all others alone.
 fn elements_of(model: &TriangleModel) -> Vec<Vec<usize>> {
     let mut first_at: HashMap<(u32, [u32; 3]), usize> = HashMap::new();
     let mut parents: Vec<usize> = (0..model.triangles.len()).collect();
@@ -78,7 +79,7 @@ mod tests {
     use super::*;
     use crate::model::microflakes::MicroflakeColour;
 
-    /// Leaves of two triangles, and a closed part's triangles.
+    /// Returns the leaves of two triangles, and a closed part's triangles.
     fn model(leaves: usize) -> TriangleModel {
         let mut model = TriangleModel {
             colours: vec![MicroflakeColour::default(); 2],

@@ -1,23 +1,23 @@
-//! Where a model lies in the unit cube of its volume.
+//! Place of a model in the unit cube of its volume.
 
 use crate::error::VoxelizeError;
 use btf_runtime::voltex::MAX_SIDE_M;
 use glam::Vec3;
 
-/// How much larger than the model the cube is, so that nothing lies on its faces.
+/// Size of the cube over that of the model, so that nothing lies on the cube's faces.
 const MARGIN: f32 = 1.001;
 
-/// Where a model lies in the unit cube.
+/// Place of a model in the unit cube.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
-    /// The corner of the cube, metres.
+    /// Corner of the cube in metres.
     pub origin: Vec3,
-    /// Its side, metres.
+    /// Side of the cube in metres.
     pub side_m: f32,
 }
 
 impl Frame {
-    /// The cube over a model: it stands on the cube's floor, in the middle.
+    /// Returns the cube over a model, which stands on the cube's floor, in the middle.
     ///
     /// # Errors
     /// [`VoxelizeError::Model`] for a model without extent, and for one that is larger than a file can say.
@@ -41,7 +41,7 @@ impl Frame {
         })
     }
 
-    /// A point in metres as one of the cube.
+    /// Converts a point from metres to the unit cube.
     pub fn cube_from_m(&self, p: Vec3) -> Vec3 {
         (p - self.origin) / self.side_m
     }

@@ -1,5 +1,5 @@
-//! What microflakes of a leaf or of an asset reflect and let through: the hemispherical integrals of the same material that is
-//! shaded near by, so that colours do not jump where a volume takes over.
+//! Reflectance and transmittance of microflakes of a leaf or of an asset: the hemispherical integrals of the same
+//! material that is shaded near by, so that colours do not jump where a volume takes over.
 
 use crate::error::VoxelizeError;
 use crate::model::microflakes::MicroflakeColour;
@@ -11,10 +11,10 @@ use btf_runtime::{
 use std::f32::consts::TAU;
 use std::path::Path;
 
-/// Places and directions over which is integrated: errors of some tenths of a per cent.
+/// Number of places and directions of an integral: errors are some tenths of a per cent.
 const SAMPLES: u32 = 1 << 14;
 
-/// Roberts' additive recurrence in six dimensions: powers of the root of `x^7 = x + 1`, inverted.
+/// Steps of Roberts' additive recurrence in six dimensions: powers of the root of `x^7 = x + 1`, inverted.
 const STEPS: [f64; 6] = {
     const ROOT: f64 = 1.112_775_684_278_705_5;
     let mut steps = [1.0 / ROOT; 6];
@@ -29,7 +29,7 @@ const STEPS: [f64; 6] = {
 /// Texels of a leaf along its textures.
 const LEAF_TEXELS: usize = 32;
 
-/// The colour of a material by its file: a leaf's description (.toml) with its textures, or an asset (.spmm).
+/// Returns the colour of a material from its file: a leaf's description (.toml) with its textures, or an asset (.spmm).
 ///
 /// # Errors
 /// For files that cannot be read.
@@ -55,10 +55,11 @@ pub fn colour_of_file(path: &Path) -> Result<MicroflakeColour, VoxelizeError> {
     })?)
 }
 
-/// The colour of a leaf under `texture`. Its gloss stands apart: what that reflects of diffuse light is none of the reflectance.
+/// Returns the colour of a leaf with `texture`. The specular lobe is apart: what it reflects of diffuse light is not
+/// part of the reflectance.
 ///
 /// # Errors
-/// Those of [`Leaf::new`].
+/// As [`Leaf::new`].
 pub fn colour_of_leaf(state: &LeafState, texture: &LeafTexture) -> Result<MicroflakeColour, LeafError> {
     let leaf = Leaf::new(state, texture)?;
     let all = integrate(|query| ViewedLeaf::new(leaf.words(), query.uv, 0, [1.0; 4], query.wo).light(query.wi));
@@ -75,13 +76,13 @@ pub fn colour_of_leaf(state: &LeafState, texture: &LeafTexture) -> Result<Microf
     })
 }
 
-/// The colour of an asset, its gloss as if it were diffuse. Where it has no layer for a side, the other stands for both; without
-/// transmission it is opaque.
+/// Returns the colour of an asset, whose specular reflection counts as diffuse. Where the asset has no layer for a
+/// side, the other side's stands for both; without transmission it is opaque.
 pub fn colour_of_asset(asset: &Resident) -> MicroflakeColour {
     integrate(|query| evaluate(asset, 0, query, &DecodeOptions::default()))
 }
 
-/// The shares of diffuse light that `light`, `pi f |cos_i|`, sends back to its side and through, means of both sides.
+/// Returns the shares of diffuse light that `light`, `pi f |cos_i|`, reflects and transmits, as means of both sides.
 fn integrate(light: impl Fn(&Query) -> [f32; 3]) -> MicroflakeColour {
     // Reflection of the front and of the back, transmission to each.
     let mut sums = [[0f64; 3]; 4];
@@ -120,8 +121,8 @@ fn uniform_direction(a: f32, b: f32) -> [f32; 3] {
     [radius * cos, radius * sin, z]
 }
 
-/// Pigment, thickness and gloss of textures on a coarse grid; relief and veins' directions change no hemispherical share
-/// to speak of.
+/// Returns pigment, thickness and roughness of textures on a coarse grid; displacement and the directions of veins
+/// hardly change hemispherical shares.
 fn texture_of(images: &TextureImages, size_mm: f32) -> LeafTexture {
     let texel = |number: usize| {
         let at = [number % LEAF_TEXELS, number / LEAF_TEXELS].map(|i| size_mm * (i as f32 + 0.5) / LEAF_TEXELS as f32);

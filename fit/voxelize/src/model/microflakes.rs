@@ -1,4 +1,4 @@
-//! What is summed over the microflakes of a voxel while a volume is built.
+//! Sums over the microflakes of a voxel while a volume is built.
 
 use glam::Vec3;
 
@@ -24,7 +24,7 @@ pub const DIRECTIONS: [Vec3; 13] = {
     ]
 };
 
-/// The mean of the three channels.
+/// Returns the mean of the three channels.
 pub fn grey(rgb: [f32; 3]) -> f32 {
     (rgb[0] + rgb[1] + rgb[2]) / 3.0
 }
@@ -32,41 +32,41 @@ pub fn grey(rgb: [f32; 3]) -> f32 {
 /// Sums over microflakes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MicroflakeSums {
-    /// Of area.
+    /// Sum of area.
     pub area: f32,
-    /// Of area projected along each of [`DIRECTIONS`].
+    /// Sum of area projected along each of [`DIRECTIONS`].
     pub projected: [f32; 13],
-    /// Of `area n n'`: xx, yy, zz, xy, xz, yz.
+    /// Sum of `area n n'`: xx, yy, zz, xy, xz, yz.
     pub moment: [f32; 6],
-    /// Of area times reflectance.
+    /// Sum of area times reflectance.
     pub reflected: [f32; 3],
-    /// Of area times transmittance.
+    /// Sum of area times transmittance.
     pub transmitted: [f32; 3],
-    /// Of area times the gloss's reflectance, and of that times its roughness.
+    /// Sum of area times specular reflectance, and of that times roughness.
     pub gloss: [f32; 2],
 }
 
-/// What a microflake is made of, linear sRGB.
+/// Material of a microflake, linear sRGB.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MicroflakeColour {
-    /// Hemispherical reflectance without gloss, mean of both sides.
+    /// Hemispherical reflectance without the specular lobe, mean of both sides.
     pub reflectance: [f32; 3],
     /// Hemispherical transmittance.
     pub transmittance: [f32; 3],
     /// Reflectance of the smooth surface at normal incidence; 0 for none.
     pub specular: f32,
-    /// Its roughness, GGX alpha.
+    /// Roughness of the specular lobe, GGX alpha.
     pub roughness: f32,
 }
 
 impl MicroflakeSums {
-    /// One microflake with a unit normal.
+    /// Returns the sums of one microflake with a unit normal.
     pub fn microflake(area: f32, n: Vec3, colour: &MicroflakeColour) -> MicroflakeSums {
         let moment = [n.x * n.x, n.y * n.y, n.z * n.z, n.x * n.y, n.x * n.z, n.y * n.z].map(|x| x * area);
         MicroflakeSums::new(area, DIRECTIONS.map(|d| area * n.dot(d).abs()), moment, colour)
     }
 
-    /// Microflakes of one colour, of which area, projected areas and moment are known.
+    /// Returns the sums of microflakes of one colour, whose area, projected areas and moment are known.
     pub fn new(area: f32, projected: [f32; 13], moment: [f32; 6], colour: &MicroflakeColour) -> MicroflakeSums {
         MicroflakeSums {
             area,
@@ -78,7 +78,7 @@ impl MicroflakeSums {
         }
     }
 
-    /// So many times these microflakes.
+    /// Returns the sums of `factor` times as many microflakes.
     pub fn scaled(&self, factor: f32) -> MicroflakeSums {
         let times = |x: f32| x * factor;
         MicroflakeSums {
@@ -91,7 +91,7 @@ impl MicroflakeSums {
         }
     }
 
-    /// Adds others.
+    /// Adds the sums of other microflakes.
     pub fn add(&mut self, other: &MicroflakeSums) {
         self.area += other.area;
         let pairs = [
@@ -107,15 +107,15 @@ impl MicroflakeSums {
     }
 }
 
-/// Of a cell's microflakes, the share below which a sort is none of its own.
+/// Share of a cell's microflakes below which a sort is none of its own.
 const MIN_SORT: f32 = 0.02;
 
-/// Sums over the microflakes of a cell, of two sorts that lie otherwise: leaves and what bears them.
+/// Sums over the microflakes of a cell, apart for two sorts that lie differently: leaves and what bears them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CellMicroflakes {
-    /// Those that let light through.
+    /// Sums of microflakes that let light through.
     pub translucent: MicroflakeSums,
-    /// The others.
+    /// Sums of the other microflakes.
     pub opaque: MicroflakeSums,
 }
 
@@ -126,25 +126,25 @@ impl CellMicroflakes {
         if lets_through { &mut self.translucent } else { &mut self.opaque }.add(microflakes);
     }
 
-    /// Adds those of another cell.
+    /// Adds the microflakes of another cell.
     pub fn add_cell(&mut self, other: &CellMicroflakes) {
         self.translucent.add(&other.translucent);
         self.opaque.add(&other.opaque);
     }
 
-    /// So many times these microflakes.
+    /// Returns the sums of `factor` times as many microflakes of each sort.
     pub fn scaled(&self, factor: f32) -> CellMicroflakes {
         CellMicroflakes { translucent: self.translucent.scaled(factor), opaque: self.opaque.scaled(factor) }
     }
 
-    /// Both sorts together.
+    /// Returns the sums of both sorts together.
     pub fn all(&self) -> MicroflakeSums {
         let mut all = self.translucent;
         all.add(&self.opaque);
         all
     }
 
-    /// The sorts that matter: both together where one of them is next to nothing.
+    /// Returns the sorts that matter: both together where one of them is next to nothing.
     pub fn sorts(&self) -> (MicroflakeSums, Option<MicroflakeSums>) {
         let (all, least) = (self.all(), self.translucent.area.min(self.opaque.area));
         if least < MIN_SORT * all.area { (all, None) } else { (self.translucent, Some(self.opaque)) }

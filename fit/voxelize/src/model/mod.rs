@@ -1,4 +1,4 @@
-//! A model as triangles, and what they are made of.
+//! Models as triangles, and what they are made of.
 
 pub(crate) mod frame;
 pub(crate) mod leaf_colour;

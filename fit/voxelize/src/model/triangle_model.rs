@@ -1,4 +1,4 @@
-//! A model as triangles with what they are made of.
+//! Models as triangles with their materials.
 
 use crate::error::VoxelizeError;
 use crate::model::frame::Frame;
@@ -9,25 +9,25 @@ use glam::{Mat4, Vec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Triangles in metres.
+/// A model of triangles in metres.
 #[derive(Debug, Clone, Default)]
 pub struct TriangleModel {
     /// Corners; z points up.
     pub triangles: Vec<[Vec3; 3]>,
-    /// Of each triangle the number of its material.
+    /// Number of each triangle's material.
     pub materials: Vec<u32>,
     /// The materials.
     pub colours: Vec<MicroflakeColour>,
-    /// Of each material the share of its area that counts: half where surfaces are closed, whose backs nobody sees.
+    /// Share of each material's area that counts: half where surfaces are closed, whose backs nobody sees.
     pub weights: Vec<f32>,
 }
 
 impl TriangleModel {
-    /// Reads `.obj`, `.gltf` or `.glb` with all instances. Materials that point at a leaf or an asset have its hemispherical
-    /// integrals for colours.
+    /// Reads `.obj`, `.gltf` or `.glb` with all instances. Materials that point at a leaf or an asset have its
+    /// hemispherical integrals for colours.
     ///
     /// # Errors
-    /// Those of [`read_model`] and [`colour_of_file`].
+    /// As [`read_model`] and [`colour_of_file`].
     pub fn read(path: &Path) -> Result<TriangleModel, VoxelizeError> {
         let mut model = TriangleModel::default();
         // Leaves and assets that several parts show are integrated once.
@@ -63,13 +63,13 @@ impl TriangleModel {
         self.materials.resize(self.triangles.len(), material);
     }
 
-    /// Least and greatest corner.
+    /// Returns the least and the greatest corner of the bounding box.
     pub fn bounds(&self) -> [Vec3; 2] {
         let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         self.triangles.iter().flatten().fold(start, |[lo, hi], p| [lo.min(*p), hi.max(*p)])
     }
 
-    /// Area of all triangles, squares of the corners' unit.
+    /// Returns the area of all triangles in squares of the corners' unit.
     pub fn area(&self) -> f64 {
         let area = |[a, b, c]: &[Vec3; 3]| {
             let [along, across] = [*b - *a, *c - *a].map(Vec3::as_dvec3);
@@ -78,7 +78,7 @@ impl TriangleModel {
         self.triangles.iter().map(area).sum()
     }
 
-    /// The same in the unit cube.
+    /// Returns the model in the unit cube.
     pub fn in_cube(&self, frame: &Frame) -> TriangleModel {
         let triangles = self.triangles.iter().map(|t| t.map(|p| frame.cube_from_m(p))).collect();
         TriangleModel {
@@ -89,19 +89,19 @@ impl TriangleModel {
         }
     }
 
-    /// Unit normal of a triangle, zero where it has no area.
+    /// Returns the unit normal of a triangle; zero where the triangle has no area.
     pub fn normal(&self, triangle: usize) -> Vec3 {
         let [a, b, c] = self.triangles[triangle];
         (b - a).cross(c - a).normalize_or_zero()
     }
 }
 
-/// From the files' axes, whose y points up, to the volume's, whose z does.
+/// Converts from the files' axes, whose y points up, to the volume's, whose z does.
 fn z_up(p: Vec3) -> Vec3 {
     Vec3::new(p.x, -p.z, p.y)
 }
 
-/// Whether nearly every edge has a triangle on both sides, so that the part encloses a volume.
+/// Tells whether nearly every edge has a triangle on both sides, so that the part encloses a volume.
 pub(crate) fn is_closed(part: &ModelPart) -> bool {
     if part.double_sided {
         return false;

@@ -1,4 +1,4 @@
-//! What a ray meets of one level of a volume.
+//! Rays through one level of a volume.
 
 use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Walk, seen_at};
 use glam::Vec3;
@@ -7,29 +7,30 @@ use glam::Vec3;
 const END: f32 = 1.0 / 255.0;
 /// Optical depth beyond which light is gone.
 const DARK: f32 = 14.0;
-/// Where rays that begin beside or in the unit cube have left it.
+/// Length after which rays that begin beside or in the unit cube have left it.
 const BEYOND: f32 = 4.0;
 
 /// One cell on a ray from the eye.
 pub(crate) struct Seen {
-    /// Its voxel's number.
+    /// Number of the cell's voxel.
     pub number: u32,
-    /// Its microflakes' extinction along the ray.
+    /// Extinction of the microflakes along the ray.
     pub sigma: f32,
-    /// The middle of what is seen of them.
+    /// Middle of the part of them that is seen.
     pub at: Vec3,
     /// Share of the ray that they hide.
     pub weight: f32,
 }
 
 impl Seen {
-    /// Sum of its microflakes' normals on the side of the light from `l`, as long as their area towards that.
+    /// Returns the sum of the microflakes' normals on the side of the light from `l`, whose length is their area
+    /// towards `l`.
     pub fn towards(&self, voltex: &Voltex, l: Vec3) -> Vec3 {
         voltex.microflakes(self.number).map(|(_, voxel)| Vec3::from(voxel.moment.times(l.into()))).sum()
     }
 }
 
-/// Calls `each` for the voxels of `level` that are not empty, until it says that it has enough.
+/// Calls `each` for the voxels of `level` that are not empty, until it returns that it has enough.
 fn filled(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3, mut each: impl FnMut(Segment) -> bool) {
     let ray = VoltexRay { origin: origin.into(), direction: direction.into() };
     let mut walk = Walk::new(ray, 0.0, BEYOND, voltex.level_count());
@@ -40,7 +41,7 @@ fn filled(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3, mut each: 
     }
 }
 
-/// What an eye sees along a ray, front to back; the share of light that passes comes back.
+/// Calls `each` with the cells that an eye sees along a ray, front to back; returns the share of light that passes.
 pub(crate) fn seen_along(
     voltex: &Voltex,
     level: u32,
@@ -65,7 +66,7 @@ pub(crate) fn seen_along(
     if through < END { 0.0 } else { through }
 }
 
-/// Optical depth from a point on.
+/// Returns the optical depth from a point on.
 pub(crate) fn depth_along(voltex: &Voltex, level: u32, origin: Vec3, direction: Vec3) -> f32 {
     let clumping = voltex.clumping_along(level, direction.into());
     let mut depth = 0.0;

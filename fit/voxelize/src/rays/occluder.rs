@@ -1,4 +1,4 @@
-//! What a model hides and shows along rays, by which its volume is fitted.
+//! Rays past a model, by which its volume is fitted: what the model hides and shows.
 
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -6,23 +6,23 @@ use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 
-/// Triangles in a hierarchy.
+/// Triangles of a model in a bounding volume hierarchy.
 pub struct Occluder {
     bvh: CwBvh,
     triangles: Vec<Triangle>,
 }
 
-/// What a ray meets first.
+/// First triangle that a ray meets.
 #[derive(Debug, Clone, Copy)]
 pub struct Met {
-    /// Where.
+    /// Distance along the ray.
     pub t: f32,
     /// Number of the triangle.
     pub triangle: usize,
 }
 
 impl Occluder {
-    /// Over triangles.
+    /// Builds the hierarchy over triangles.
     pub fn new(triangles: &[[Vec3; 3]]) -> Occluder {
         let triangles: Vec<Triangle> =
             triangles.iter().map(|t| Triangle { v0: t[0].into(), v1: t[1].into(), v2: t[2].into() }).collect();
@@ -31,7 +31,7 @@ impl Occluder {
         Occluder { bvh, triangles }
     }
 
-    /// The nearest triangle.
+    /// Returns the nearest triangle along a ray.
     pub fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<Met> {
         let ray = Ray::new(Vec3A::from(origin), Vec3A::from(direction), 0.0, t_max);
         let mut hit = RayHit::none();
@@ -42,7 +42,7 @@ impl Occluder {
             .then(|| Met { t: hit.t, triangle: self.bvh.primitive_indices[hit.primitive_id as usize] as usize })
     }
 
-    /// Whether anything is met.
+    /// Tells whether a ray meets any triangle.
     pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32) -> bool {
         let ray = Ray::new(Vec3A::from(origin), Vec3A::from(direction), 0.0, t_max);
         !self

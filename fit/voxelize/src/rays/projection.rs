@@ -8,7 +8,7 @@ pub const HALF_SIDE: f32 = 0.867;
 /// Rays of one direction over a square across the middle of the unit cube.
 #[derive(Debug, Clone, Copy)]
 pub struct Projection {
-    /// Unit vector.
+    /// Unit vector along the rays.
     pub direction: Vec3,
     right: Vec3,
     up: Vec3,
@@ -17,30 +17,30 @@ pub struct Projection {
 /// Rays along the side of a view at least, so that views of a few large pixels see what is in them.
 const MIN_RAYS: usize = 32;
 
-/// Rays along each side of a pixel: as many as are asked for, or more where there are few pixels on a side.
+/// Returns the number of rays along each side of a pixel: `asked`, or more where there are few pixels on a side.
 pub fn rays_of_pixel(asked: usize, pixels: usize) -> usize {
     asked.max(MIN_RAYS.div_ceil(pixels))
 }
 
 impl Projection {
-    /// Along a unit vector.
+    /// Returns the rays along a unit vector.
     pub fn new(direction: Vec3) -> Projection {
         let right = direction.any_orthonormal_vector();
         Projection { direction, right, up: direction.cross(right) }
     }
 
-    /// Where the ray at `u`, `v` (within [`HALF_SIDE`] of 0) begins, outside the cube.
+    /// Returns the origin of the ray at `u`, `v` (within [`HALF_SIDE`] of 0), outside the cube.
     pub fn origin(&self, u: f32, v: f32) -> Vec3 {
         Vec3::splat(0.5) + self.right * u + self.up * v - self.direction
     }
 
-    /// A unit vector across the rays, `turn` radians round.
+    /// Returns a unit vector across the rays, turned by `turn` radians.
     pub fn across(&self, turn: f32) -> Vec3 {
         self.right * turn.cos() + self.up * turn.sin()
     }
 }
 
-/// Unit vectors spread over the sphere in a spiral, `turn` radians round its axis.
+/// Returns `count` unit vectors spread over the sphere in a spiral, turned by `turn` radians round its axis.
 pub fn spread_directions(count: usize, turn: f32) -> Vec<Vec3> {
     let golden = std::f32::consts::PI * (3.0 - 5f32.sqrt());
     (0..count)

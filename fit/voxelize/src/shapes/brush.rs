@@ -1,4 +1,4 @@
-//! The colour that a shape is painted in, from place to place.
+//! Colour in which a shape is painted, from place to place.
 
 use glam::{DVec2, DVec3};
 
@@ -8,14 +8,14 @@ use crate::model::microflakes::MicroflakeColour;
 /// A material's colour and what tints it.
 #[derive(Debug, Clone, Default)]
 pub struct Brush {
-    /// Of the untinted material.
+    /// Colour of the untinted material.
     pub colour: MicroflakeColour,
-    /// What both of its numbers are multiplied by.
+    /// Factors of reflectance and transmittance.
     pub tint: Option<TintMap>,
 }
 
 impl Brush {
-    /// The colour at a place, whose texture coordinates are `uv` where it has some.
+    /// Returns the colour at a place, whose texture coordinates are `uv` where it has some.
     pub fn colour(&self, place_m: DVec3, uv: Option<DVec2>) -> MicroflakeColour {
         let Some(tint) = &self.tint else { return self.colour };
         let factor = tint.at(place_m, uv);

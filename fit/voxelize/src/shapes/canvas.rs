@@ -1,4 +1,5 @@
-//! What shapes are painted on: voxels of microflakes over the box of a script, and the triangles that rays meet there.
+//! Canvas that shapes are painted on: voxels of microflakes over the box of a script, and the triangles that rays meet
+//! there.
 
 use btf_models::shapes::Space;
 use glam::{DVec2, DVec3, Vec3};
@@ -11,26 +12,26 @@ use crate::model::microflakes::{MicroflakeColour, MicroflakeSums};
 /// Share of a closed surface's area that counts: a ray that passes a body crosses two of its faces and is stopped once.
 pub const CLOSED: f64 = 0.5;
 
-/// Most periods of a cyclic space that one thing may cover.
+/// Periods of a cyclic space that one thing may cover at most.
 const MAX_PERIODS: f64 = 64.0;
 
 /// A triangle in metres, with texture coordinates where it has some.
 #[derive(Debug, Clone, Copy)]
 pub struct Facet {
-    /// Corners, counterclockwise.
+    /// Corners in metres, counterclockwise.
     pub corners_m: [DVec3; 3],
-    /// Texture coordinates at them.
+    /// Texture coordinates at the corners.
     pub uvs: Option<[DVec2; 3]>,
 }
 
 impl Facet {
-    /// Twice its area along its normal.
+    /// Returns twice the area along the normal.
     fn across(&self) -> DVec3 {
         let [a, b, c] = self.corners_m;
         (b - a).cross(c - a)
     }
 
-    /// Texture coordinates at a place of it.
+    /// Returns the texture coordinates at a place of the triangle.
     fn uv(&self, place_m: DVec3) -> Option<DVec2> {
         let [a, b, c] = self.corners_m.map(|corner| corner - place_m);
         let across = self.across();
@@ -44,20 +45,20 @@ impl Facet {
 pub struct Canvas {
     space: Space,
     resolution: u32,
-    /// Metres of the cube's side.
+    /// Side of the cube in metres.
     pub side_m: f64,
     /// Microflakes in the finest voxels; areas in units of the cube's face.
     pub voxels: VoxelSums,
-    /// What rays meet in the unit cube.
+    /// Triangles that rays meet in the unit cube.
     pub triangles: Vec<[Vec3; 3]>,
-    /// The colour of each of these.
+    /// Colour of each of the triangles.
     pub colours: Vec<MicroflakeColour>,
     /// Whether there are fields, which rays do not meet.
     pub has_fields: bool,
 }
 
 impl Canvas {
-    /// An empty canvas of `resolution` voxels along the longest side.
+    /// Returns an empty canvas of `resolution` voxels along the longest side.
     pub fn new(space: &Space, resolution: u32) -> Canvas {
         let side_m = (0..3).map(|k| space.most_m[k] - space.least_m[k]).fold(0.0, f64::max);
         Canvas {
@@ -71,63 +72,64 @@ impl Canvas {
         }
     }
 
-    /// Another one of the same space without anything on it.
+    /// Returns a canvas of the same space without anything on it.
     pub fn blank(&self) -> Canvas {
         Canvas::new(&self.space, self.resolution)
     }
 
-    /// The space.
+    /// Returns the space.
     pub fn space(&self) -> &Space {
         &self.space
     }
 
-    /// The part of the unit cube that the space takes.
+    /// Returns the part of the unit cube that the space takes.
     pub fn extent(&self) -> DVec3 {
         (DVec3::from(self.space.most_m) - DVec3::from(self.space.least_m)) / self.side_m
     }
 
-    /// Corner of the space's least coordinates, in metres.
+    /// Returns the corner of the space's least coordinates, in metres.
     pub fn least_m(&self) -> DVec3 {
         self.space.least_m.into()
     }
 
-    /// Corner of its greatest.
+    /// Returns the corner of the space's greatest coordinates, in metres.
     pub fn most_m(&self) -> DVec3 {
         self.space.most_m.into()
     }
 
-    /// Whether the space is one period along x and along y.
+    /// Tells whether the space is one period along x and along y.
     pub fn cyclic(&self) -> [bool; 2] {
         self.space.cyclic
     }
 
-    /// Side of a voxel in metres.
+    /// Returns the side of a voxel in metres.
     pub fn voxel_m(&self) -> f64 {
         self.side_m / f64::from(self.resolution)
     }
 
-    /// Voxels along the longest side.
+    /// Returns the number of voxels along the longest side.
     pub fn resolution(&self) -> u32 {
         self.resolution
     }
 
-    /// Whether something between two corners, in metres, covers no more periods of a cyclic space than is sensible.
+    /// Tells whether something between two corners, in metres, covers no more periods of a cyclic space than is
+    /// sensible.
     pub fn holds(&self, least_m: DVec3, most_m: DVec3) -> bool {
         let size_m = self.most_m() - self.least_m();
         (0..2).all(|k| !self.space.cyclic[k] || most_m[k] - least_m[k] <= MAX_PERIODS * size_m[k])
     }
 
-    /// From metres to voxels.
+    /// Converts a place from metres to voxels.
     pub fn grid_from_m(&self, place_m: DVec3) -> DVec3 {
         (place_m - self.least_m()) / self.voxel_m()
     }
 
-    /// From voxels to metres.
+    /// Converts a place from voxels to metres.
     pub fn m_from_grid(&self, place: DVec3) -> DVec3 {
         self.least_m() + place * self.voxel_m()
     }
 
-    /// The space's greatest corner in voxels.
+    /// Returns the space's greatest corner in voxels.
     pub fn size(&self) -> DVec3 {
         self.extent() * f64::from(self.resolution)
     }
@@ -152,7 +154,7 @@ impl Canvas {
         }
     }
 
-    /// Adds microflakes of one sort to a voxel. One that the canvas ends in front of is the last.
+    /// Adds microflakes of one sort to a voxel. Beyond the end of the canvas they go to the last voxel.
     pub fn add(&mut self, cell: [i32; 3], microflakes: &MicroflakeSums) {
         let cells = self.size().ceil().as_ivec3().to_array();
         let inside: [u32; 3] = std::array::from_fn(|k| cell[k].clamp(0, cells[k] - 1) as u32);
@@ -181,7 +183,7 @@ impl Canvas {
         }
     }
 
-    /// Puts a triangle where rays meet it, and no microflakes. Its parts on the canvas come back, in voxels, with the shifts
+    /// Adds a triangle that rays meet, without microflakes. Returns its parts on the canvas in voxels, with the shifts
     /// that brought them there.
     pub fn occlude(&mut self, facet: &Facet, brush: &Brush) -> Vec<(Polygon, DVec3)> {
         let corners = facet.corners_m.map(|corner| self.grid_from_m(corner));
@@ -245,7 +247,7 @@ impl Canvas {
         });
     }
 
-    /// Area of all microflakes in square metres.
+    /// Returns the area of all microflakes in square metres.
     pub fn area_m2(&self) -> f64 {
         self.voxels.values().map(|sums| f64::from(sums.all().area)).sum::<f64>() * self.side_m * self.side_m
     }

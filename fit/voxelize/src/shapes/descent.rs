@@ -1,6 +1,6 @@
-//! From a solid to the facets of its surface: a descent that splits only what the surface may pass [Neyret 1996,
-//! section 3.1], to a grid that is up to four times as fine as the voxels, where tetrahedra are cut by the plane on which
-//! the solid's function is zero [Doi & Koide 1991].
+//! Facets of a solid's surface: a descent splits only what the surface may pass [Neyret 1996, section 3.1], to a grid
+//! that is up to four times as fine as the voxels, where tetrahedra are cut by the plane on which the solid's function
+//! is zero [Doi & Koide 1991].
 //!
 //! Facets share their edges, so no ray passes between them. Edges and tips of the solid are blunted by a cell of that
 //! grid.
@@ -10,7 +10,7 @@ use glam::{DVec3, I64Vec3};
 use super::canvas::Canvas;
 use super::solid::Solid;
 
-/// Most cells of the finer grid along a voxel.
+/// Cells of the finer grid along a voxel at most.
 const MAX_CELLS: u32 = 4;
 
 /// Cells along the canvas that are fine enough: a body as large as it has two million facets then.
@@ -25,7 +25,7 @@ const TETRAHEDRA: [[usize; 4]; 6] =
     [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
 /// Calls `each` for every facet of a solid's surface that may lie on the canvas or be a copy of what does, in metres,
-/// counterclockwise seen from outside. Gives the volume inside, in cubic metres, of what has been looked at.
+/// counterclockwise seen from outside. Returns the volume inside, in cubic metres, of what has been looked at.
 ///
 /// Cost: some 100 values of the solid's function for each voxel that the surface passes, and `log` of the size.
 pub fn polygonise(solid: &Solid, canvas: &Canvas, each: &mut impl FnMut([DVec3; 3])) -> f64 {
@@ -50,7 +50,7 @@ pub fn polygonise(solid: &Solid, canvas: &Canvas, each: &mut impl FnMut([DVec3; 
     descent.volume_m3
 }
 
-/// Share of a voxel's volume that lies inside, its least corner at `from` in voxels: 1 and 0 are exact.
+/// Returns the share of a voxel's volume that lies inside, its least corner at `from` in voxels: 1 and 0 are exact.
 pub fn coverage(solid: &Solid, canvas: &Canvas, from: DVec3) -> f64 {
     let middle_m = canvas.m_from_grid(from + 0.5);
     let [low, high] = solid.range(middle_m, 0.5 * 3f64.sqrt() * canvas.voxel_m());
@@ -70,7 +70,7 @@ struct Descent<'a> {
     solid: &'a Solid,
     origin_m: DVec3,
     cell_m: f64,
-    /// Where blocks end.
+    /// End of the blocks.
     to: I64Vec3,
     volume_m3: f64,
 }
@@ -117,7 +117,7 @@ impl Descent<'_> {
     }
 }
 
-/// Cuts a tetrahedron where the linear function through its corners is zero; gives the share of its volume that is
+/// Cuts a tetrahedron where the linear function through its corners is zero; returns the share of its volume that is
 /// inside.
 fn cut(corners: [(DVec3, f64); 4], each: &mut impl FnMut([DVec3; 3])) -> f64 {
     let inside = |i: &usize| corners[*i].1 < 0.0;
@@ -172,7 +172,7 @@ mod tests {
         0.5 * (facet[1] - facet[0]).cross(facet[2] - facet[0])
     }
 
-    /// Area, volume, and the sum of facets' area vectors over the area: 0 of what is closed.
+    /// Returns the area, volume, and the sum of facets' area vectors over the area: 0 of what is closed.
     fn measured(shape: &Shape, resolution: u32) -> [f64; 3] {
         let (mut sum, mut across) = (0.0, DVec3::ZERO);
         let volume = polygonise(&Solid::of(shape).unwrap(), &canvas(resolution), &mut |facet| {

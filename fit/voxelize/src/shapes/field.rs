@@ -1,8 +1,8 @@
 //! Fields of density: hypertexture and scanned volumes [Neyret 1996, section 3.2].
 //!
-//! A density d stands for `area_per_m3 d` of microflakes in a cubic metre. Where it changes, microflakes lie across its gradient:
-//! between densities 0 and 1 its level surfaces have the area `|grad d|` per volume [Federer 1959, the coarea formula], so
-//! that much of the area, if there is as much, has the gradient's normal. The rest looks everywhere.
+//! A density d stands for `area_per_m3 d` of microflakes in a cubic metre. Where it changes, microflakes lie across its
+//! gradient: between densities 0 and 1 its level surfaces have the area `|grad d|` per volume [Federer 1959, the coarea
+//! formula], so that much of the area, if there is as much, has the gradient's normal. The rest looks everywhere.
 //!
 //! When it is wrong: a field is no surface that a ray meets, so nothing is added to the canvas' triangles.
 
@@ -23,18 +23,18 @@ use crate::model::microflakes::{MicroflakeColour, MicroflakeSums};
 /// Samples along a voxel, at least and at most.
 const SAMPLES: [f64; 2] = [4.0, 16.0];
 
-/// Most numbers of a scanned volume that are read; `btf_models::shapes` allows no more either.
+/// Numbers of a scanned volume that are read at most; `btf_models::shapes` allows no more either.
 const MAX_NUMBERS: u64 = 1 << 30;
 
 /// A density and its gradient per metre.
 pub trait Field {
-    /// At a place in metres.
+    /// Returns the density and its gradient per metre at a place in metres.
     fn at(&self, place_m: DVec3) -> (f64, DVec3);
-    /// Whether the density is 0 in a ball; a field that cannot tell says no.
+    /// Tells whether the density is 0 in a ball; a field that cannot tell says no.
     fn is_empty(&self, centre_m: DVec3, radius_m: f64) -> bool;
-    /// Corners of a box beyond which it is 0.
+    /// Returns the corners of a box outside which the density is 0.
     fn bounds(&self) -> [DVec3; 2];
-    /// Length over which it changes, where it is known.
+    /// Returns the length over which the density changes, where it is known.
     fn detail_m(&self) -> Option<f64>;
 }
 
@@ -141,19 +141,19 @@ impl<F: Field> Painter<'_, F> {
     }
 }
 
-/// Microflakes that look everywhere.
+/// Returns microflakes whose normals are spread evenly over all directions.
 pub fn isotropic_microflakes(area: f32, colour: &MicroflakeColour) -> MicroflakeSums {
     let third = area / 3.0;
     MicroflakeSums::new(area, [0.5 * area; 13], [third, third, third, 0.0, 0.0, 0.0], colour)
 }
 
-/// A solid whose rim noise moves [Perlin & Hoffert 1989].
+/// A solid whose rim is displaced by noise [Perlin & Hoffert 1989].
 pub struct Hypertexture {
     /// The solid.
     pub solid: Solid,
-    /// Width of its rim.
+    /// Width of the rim in metres.
     pub rim_m: f64,
-    /// What noise of height 1 moves it by.
+    /// Displacement in metres by noise of height 1.
     pub amplitude_m: f64,
     /// The noise.
     pub noise: NoiseField,
@@ -190,7 +190,7 @@ impl Field for Hypertexture {
 }
 
 impl Hypertexture {
-    /// Values of the solid's function beyond which there is nothing.
+    /// Returns the value of the solid's function, in metres, above which the density is 0.
     fn reach_m(&self) -> f64 {
         0.5 * self.rim_m + self.amplitude_m * self.noise.bound()
     }
@@ -295,7 +295,7 @@ fn read_numbers(path: &Path, cells: [u32; 3], number: NumberType, header_bytes: 
     Ok(bytes)
 }
 
-/// Pictures in the order of their names, rows turned so that y counts upwards.
+/// Reads the pictures of a folder in the order of their names, rows turned so that y counts upwards.
 fn read_slices(folder: &Path) -> Result<([usize; 3], NumberType, Vec<u8>), VoxelizeError> {
     const REMEDY: &str = "name a folder that holds nothing but PNG or JPEG pictures of one size";
     let failed = |source| VoxelizeError::File { path: folder.into(), action: "listing", source, remedy: REMEDY };

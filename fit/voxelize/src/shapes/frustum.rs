@@ -1,7 +1,8 @@
 //! Round sticks: a piece of a branch, a stem or a hair, between two discs.
 //!
-//! A stick that is thinner than a voxel is a distribution of normals around its axis: what it projects and its moment are
-//! known in closed form [Kajiya & Kay 1989, for the cylinder]. A thicker one is facets, whose area is scaled to its own.
+//! A stick that is thinner than a voxel is a distribution of normals around its axis: what it projects and its moment
+//! are known in closed form [Kajiya & Kay 1989, for the cylinder]. A thicker one is facets, whose area is scaled to its
+//! own.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,30 +18,30 @@ const THIN: f64 = 0.5;
 /// Sides of a thick stick, at least and at most.
 const SIDES: [f64; 2] = [16.0, 64.0];
 
-/// Sides that rays meet of a thin one.
+/// Sides of a thin stick for the triangles that rays meet.
 const THIN_SIDES: usize = 3;
 
 /// A cone between two points, without its ends.
 #[derive(Debug, Clone, Copy)]
 pub struct Frustum {
-    /// Middles of both ends.
+    /// Middles of both ends in metres.
     pub ends_m: [DVec3; 2],
-    /// Radii there.
+    /// Radii at both ends in metres.
     pub radii_m: [f64; 2],
 }
 
 impl Frustum {
-    /// Length along the slope.
+    /// Returns the length along the slope in metres.
     fn slant_m(&self) -> f64 {
         self.ends_m[0].distance(self.ends_m[1]).hypot(self.radii_m[1] - self.radii_m[0])
     }
 
-    /// Area of its side.
+    /// Returns the area of the side in square metres.
     pub fn area_m2(&self) -> f64 {
         PI * (self.radii_m[0] + self.radii_m[1]) * self.slant_m()
     }
 
-    /// Paints its side.
+    /// Paints the side.
     pub fn paint(&self, canvas: &mut Canvas, brush: &Brush) {
         let along = self.ends_m[1] - self.ends_m[0];
         let axis = along.normalize_or_zero();
@@ -108,7 +109,7 @@ impl Frustum {
     }
 }
 
-/// Points around an axis, counterclockwise seen against it.
+/// Returns points on a circle around an axis, counterclockwise seen against it.
 fn ring(middle: DVec3, axis: DVec3, radius: f64, sides: usize) -> Vec<DVec3> {
     let (right, up) = axis.any_orthonormal_pair();
     let (right, up) = if right.cross(up).dot(axis) > 0.0 { (right, up) } else { (up, right) };
@@ -119,10 +120,10 @@ fn ring(middle: DVec3, axis: DVec3, radius: f64, sides: usize) -> Vec<DVec3> {
     (0..sides).map(point).collect()
 }
 
-/// Microflakes all around an axis, whose normals lean along it with the sine `slope`.
+/// Returns the microflakes all around an axis, whose normals lean along the axis with the sine `slope`.
 ///
-/// Normals are `c e + s a` with e around the axis a; along d they project `|A cos t + B|` with `A = c |d - (d.a) a|` and
-/// `B = s d.a`, of which the mean over the circle is `2/pi (sqrt(A^2 - B^2) + B asin(B / A))`, or |B| where that is
+/// Normals are `c e + s a` with e around the axis a; along d they project `|A cos t + B|` with `A = c |d - (d.a) a|`
+/// and `B = s d.a`, of which the mean over the circle is `2/pi (sqrt(A^2 - B^2) + B asin(B / A))`, or |B| where that is
 /// greater than A.
 pub fn round_microflakes(area: f32, axis: DVec3, slope: f64, colour: &MicroflakeColour) -> MicroflakeSums {
     let upright = 1.0 - slope * slope;

@@ -10,10 +10,10 @@ use super::brush::Brush;
 use super::canvas::Canvas;
 use super::frustum::Frustum;
 
-/// Most cylinders of a fur.
+/// Cylinders of a fur at most.
 pub const MAX_CYLINDERS: u64 = 1 << 20;
 
-/// What strands are like; see [`Shape::Fur`].
+/// Parameters of strands; see [`Shape::Fur`].
 #[derive(Debug, Clone, Copy)]
 pub struct Fur {
     strands_per_m2: f64,
@@ -30,7 +30,7 @@ pub struct Fur {
 }
 
 impl Fur {
-    /// The fur of a shape; `None` for what is none.
+    /// Returns the fur of a shape; `None` for a shape that is not fur.
     pub fn of(shape: &Shape) -> Option<Fur> {
         let Shape::Fur {
             on: _,
@@ -64,17 +64,17 @@ impl Fur {
         })
     }
 
-    /// How far a strand reaches from its root, at most.
+    /// Returns the greatest distance of a strand from its root in metres.
     pub fn reach_m(&self) -> f64 {
         self.length_m * (1.0 + self.jitter) + self.curl_radius_m
     }
 
-    /// Strands on ground of an area.
+    /// Returns the number of strands on ground of an area.
     pub fn strands(&self, area_m2: f64) -> u64 {
         (self.strands_per_m2 * area_m2).round() as u64
     }
 
-    /// Cylinders of so many strands.
+    /// Returns the number of cylinders of so many strands.
     pub fn cylinders(&self, strands: u64) -> u64 {
         strands.saturating_mul(u64::from(self.segments))
     }
@@ -104,7 +104,7 @@ impl Fur {
         }
     }
 
-    /// A strand from root to tip.
+    /// Returns the pieces of a strand from root to tip.
     fn strand(&self, root: DVec3, normal: DVec3, random: &mut Xoshiro256PlusPlus) -> Vec<Frustum> {
         let mut vary = |value: f64| value * (1.0 + self.jitter * random.gen_range(-1.0..1.0));
         let [length_m, lean, bend] = [self.length_m, self.lean_rad, self.bend_rad].map(&mut vary);

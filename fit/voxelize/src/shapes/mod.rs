@@ -1,8 +1,8 @@
 //! Volumetric textures from a script of shapes ([`btf_models::shapes`]): its strokes painted into the finest voxels.
 //!
-//! Surfaces become facets that are cut at voxels' faces ([`Canvas::facet`]); solids are descended into and cut into such
-//! facets ([`polygonise`]); limbs and strands are distributions of normals around their axes ([`Frustum`]); fields are
-//! sampled ([`paint_field`]). [`paint`] does all of it, [`build_painted`] makes a volume of the canvas.
+//! Surfaces become facets that are cut at voxels' faces ([`Canvas::facet`]); solids are descended into and cut into
+//! such facets ([`polygonise`]); limbs and strands are distributions of normals around their axes ([`Frustum`]); fields
+//! are sampled ([`paint_field`]). [`paint`] does all of it, [`build_painted`] makes a volume of the canvas.
 
 mod brush;
 mod canvas;
@@ -33,7 +33,7 @@ use std::path::Path;
 
 use crate::error::VoxelizeError;
 
-/// A script, or a file that it names, that cannot be used.
+/// Returns the error of a script, or of a file that it names, that cannot be used.
 fn unusable(path: &Path, fault: String, remedy: &'static str) -> VoxelizeError {
     btf_models::ModelError::Shapes { path: path.into(), fault, remedy }.into()
 }

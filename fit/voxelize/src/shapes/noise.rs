@@ -19,8 +19,8 @@ const GRADIENTS: [[f64; 3]; 12] = [
     [0.0, -1.0, -1.0],
 ];
 
-/// No octave is farther from 0: in the middle of a cell all eight corners can agree on 3/4 of `root 2`, elsewhere on less
-/// than this.
+/// Bound of an octave's distance from 0: in the middle of a cell all eight corners can agree on 3/4 of `root 2`,
+/// elsewhere on less than this.
 const BOUND: f64 = 1.1;
 
 /// Noise over a box.
@@ -32,13 +32,13 @@ pub struct NoiseField {
 }
 
 impl NoiseField {
-    /// Over a script's space.
+    /// Returns the noise over a script's space.
     pub fn new(noise: &Noise, space: &Space) -> NoiseField {
         let least = DVec3::from(space.least_m);
         NoiseField { noise: noise.clone(), least, size: DVec3::from(space.most_m) - least }
     }
 
-    /// Height and its gradient per metre.
+    /// Returns the height of the noise and its gradient per metre at a place in metres.
     pub fn at(&self, place_m: DVec3) -> (f64, DVec3) {
         let share = (place_m - self.least) / self.size;
         let (mut height, mut gradient, mut gain) = (0.0, DVec3::ZERO, 1.0);
@@ -53,7 +53,7 @@ impl NoiseField {
         (height, gradient)
     }
 
-    /// What the height never exceeds.
+    /// Returns the bound of the height.
     pub fn bound(&self) -> f64 {
         BOUND * (0..self.noise.octaves).map(|octave| self.noise.gain.powi(octave as i32)).sum::<f64>()
     }
@@ -80,7 +80,7 @@ impl NoiseField {
         (value, gradient)
     }
 
-    /// SplitMix64's finaliser over the lattice point, seed and octave.
+    /// Returns SplitMix64's finaliser over the lattice point, seed and octave.
     fn hash(&self, octave: u32, [x, y, z]: [u64; 3]) -> u64 {
         let mut h = self.noise.seed ^ u64::from(octave) << 56;
         for part in [x, y, z] {

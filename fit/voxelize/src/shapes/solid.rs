@@ -11,54 +11,54 @@ use glam::{DMat3, DVec3};
 /// A solid.
 #[derive(Debug, Clone)]
 pub enum Solid {
-    /// Within a radius of a point.
+    /// All places within a radius of a point.
     Sphere {
         /// Centre.
         centre: DVec3,
         /// Radius.
         radius: f64,
     },
-    /// Along the axes.
+    /// A box along the axes.
     Box {
         /// Middle.
         middle: DVec3,
-        /// Half its sides.
+        /// Half of the sides.
         half: DVec3,
     },
-    /// Round, with flat ends.
+    /// A cone with flat ends.
     Cone {
         /// Middle of the first end.
         foot: DVec3,
-        /// Unit vector to the other.
+        /// Unit vector to the other end.
         along: DVec3,
         /// Distance of the ends.
         height: f64,
-        /// Radius at both.
+        /// Radius at both ends.
         radii: [f64; 2],
     },
-    /// In any of them.
+    /// All places in any of the solids.
     Union(Vec<Solid>),
-    /// In all of them.
+    /// All places in all of the solids.
     Intersection(Vec<Solid>),
-    /// In the first alone.
+    /// All places in the first solid and in none of the others.
     Difference(Vec<Solid>),
-    /// Around a skeleton.
+    /// All places around a skeleton.
     Blend {
         /// Points, segments or triangles with their radii.
         elements: Vec<(Vec<DVec3>, f64)>,
         /// The least of the radii.
         least_radius: f64,
     },
-    /// In another place: a point's place in the solid is `turn^T (p - moved) / scale`.
+    /// A solid in another place: a point's place in the solid is `turn^T (p - moved) / scale`.
     Placed {
-        /// What is placed.
+        /// Solid that is placed.
         of: Box<Solid>,
-        /// Its place.
+        /// Place of the solid.
         place: Placement,
     },
 }
 
-/// Scale, turn and move.
+/// Scaling, rotation and translation.
 #[derive(Debug, Clone, Copy)]
 pub struct Placement {
     scale: f64,
@@ -67,27 +67,27 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Nothing is moved.
+    /// Placement that moves nothing.
     pub const NONE: Placement = Placement { scale: 1.0, turn: DMat3::IDENTITY, moved: DVec3::ZERO };
 
-    /// Scaled, turned about x, then y, then z, and moved.
+    /// Returns the placement that scales, turns about x, then y, then z, and moves.
     pub fn new(scale: f64, turn_deg: [f64; 3], move_m: [f64; 3]) -> Placement {
         let [x, y, z] = turn_deg.map(f64::to_radians);
         let turn = DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
         Placement { scale, turn, moved: move_m.into() }
     }
 
-    /// This one after another.
+    /// Returns this placement after `first`.
     pub fn after(&self, first: &Placement) -> Placement {
         Placement { scale: self.scale * first.scale, turn: self.turn * first.turn, moved: self.apply(first.moved) }
     }
 
-    /// Lengths over those before.
+    /// Returns the factor of lengths.
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// Where a point of the placed thing is.
+    /// Returns the place of a point of the placed thing.
     pub fn apply(&self, place: DVec3) -> DVec3 {
         self.turn * (place * self.scale) + self.moved
     }
@@ -98,7 +98,7 @@ impl Placement {
 }
 
 impl Solid {
-    /// The solid that a shape is; `None` for what is none ([`Shape::is_solid`]).
+    /// Returns the solid of a shape; `None` for a shape that is not solid ([`Shape::is_solid`]).
     pub fn of(shape: &Shape) -> Option<Solid> {
         let all = |shapes: &[Shape]| shapes.iter().map(Solid::of).collect::<Option<Vec<Solid>>>();
         let cone = |ends_m: &[[f64; 3]; 2], radii: [f64; 2]| {
@@ -133,7 +133,8 @@ impl Solid {
         })
     }
 
-    /// Negative inside, 0 on the surface; near it the distance in metres, nowhere more than that.
+    /// Returns the solid's function: negative inside, 0 on the surface; near the surface the distance in metres,
+    /// nowhere more than that.
     pub fn value(&self, p: DVec3) -> f64 {
         let values = |of: &[Solid]| of.iter().map(|solid| solid.value(p)).collect::<Vec<f64>>();
         match self {
@@ -161,7 +162,7 @@ impl Solid {
         }
     }
 
-    /// Bounds of the value in a ball.
+    /// Returns the least and the greatest value that the function may have in a ball.
     pub fn range(&self, centre: DVec3, radius: f64) -> [f64; 2] {
         let ranges = |of: &[Solid]| of.iter().map(|solid| solid.range(centre, radius)).collect::<Vec<_>>();
         let both = |ranges: Vec<[f64; 2]>, pick: fn(f64, f64) -> f64| {
@@ -194,7 +195,7 @@ impl Solid {
         }
     }
 
-    /// Corners of a box around all places where the value is at most `level_m`, which is not negative.
+    /// Returns the corners of a box around all places where the value is at most `level_m`, which is not negative.
     pub fn bounds(&self, level_m: f64) -> [DVec3; 2] {
         let all = |of: &[Solid]| of.iter().map(|solid| solid.bounds(level_m)).collect::<Vec<_>>();
         match self {
@@ -237,8 +238,8 @@ impl Solid {
     }
 }
 
-/// Signed distance, at `[from the axis, along it]`, of a cone from radius `radii[0]` at 0 to `radii[1]` at `height`: that
-/// of a trapezium.
+/// Returns the signed distance, at `[from the axis, along it]`, to a cone from radius `radii[0]` at 0 to `radii[1]` at
+/// `height`: the distance to a trapezium.
 fn cone_distance([r, t]: [f64; 2], height: f64, radii: [f64; 2]) -> f64 {
     // To the flat ends.
     let radius = if t < 0.5 * height { radii[0] } else { radii[1] };
@@ -252,7 +253,7 @@ fn cone_distance([r, t]: [f64; 2], height: f64, radii: [f64; 2]) -> f64 {
     if inside { -nearest } else { nearest }
 }
 
-/// Distance of a point to a point, segment or triangle.
+/// Returns the distance of a point to a point, segment or triangle.
 fn distance(points: &[DVec3], p: DVec3) -> f64 {
     match *points {
         [a] => p.distance(a),

@@ -14,7 +14,7 @@ use crate::model::triangle_model::is_closed;
 /// Pieces of a sphere from pole to pole; twice as many around.
 const SPHERE_PIECES: usize = 64;
 
-/// The facets between a sheet's rows of points, with u along the rows and v from row to row.
+/// Returns the facets between a sheet's rows of points, with u along the rows and v from row to row.
 pub fn sheet_facets(rows_m: &[Vec<Point>]) -> Vec<Facet> {
     let vertex = |row: usize, i: usize| {
         let points = &rows_m[row];
@@ -41,10 +41,10 @@ pub fn sheet_facets(rows_m: &[Vec<Point>]) -> Vec<Facet> {
     facets
 }
 
-/// The facets of a mesh's file, with the share of their area that counts: [`CLOSED`] where its parts are.
+/// Returns the facets of a mesh's file, with the share of their area that counts: [`CLOSED`] where its parts are.
 ///
 /// # Errors
-/// Those of [`read_model`].
+/// As [`read_model`].
 pub fn mesh_facets(path: &Path, up: UpAxis) -> Result<Vec<(Facet, f64)>, VoxelizeError> {
     let mut facets = Vec::new();
     for mesh in read_model(path)? {
@@ -65,7 +65,7 @@ pub fn mesh_facets(path: &Path, up: UpAxis) -> Result<Vec<(Facet, f64)>, Voxeliz
     Ok(facets)
 }
 
-/// Triangles of a sphere.
+/// Returns the triangles of a sphere.
 pub fn sphere_triangles(centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
     let point = |row: usize, column: usize| {
         let (sin, cos) = (PI * row as f64 / SPHERE_PIECES as f64).sin_cos();
@@ -83,7 +83,7 @@ pub fn sphere_triangles(centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
     triangles
 }
 
-/// Triangles of a box.
+/// Returns the triangles of a box.
 pub fn box_triangles(least: DVec3, most: DVec3) -> Vec<[DVec3; 3]> {
     let mut triangles = Vec::new();
     for axis in 0..3 {

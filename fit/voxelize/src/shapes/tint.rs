@@ -1,4 +1,4 @@
-//! Colours inside the volume: pictures and procedural textures [Neyret 1996, section 3.3].
+//! Tints inside the volume: pictures and procedural textures [Neyret 1996, section 3.3].
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,28 +11,28 @@ use super::noise::NoiseField;
 use super::unusable;
 use crate::error::VoxelizeError;
 
-/// Most texels along a side of a picture.
+/// Texels along a side of a picture at most.
 const MAX_TEXELS: u32 = 1 << 14;
 
-/// Factors by place.
+/// Factors of a colour by place.
 #[derive(Debug, Clone)]
 pub enum TintMap {
-    /// A picture, where it lies.
+    /// A picture, and the plane that it lies on.
     Picture(Arc<Picture>, Option<Plane>),
-    /// From one colour to the other with the noise.
+    /// Colours from one to the other by the noise.
     Noise(NoiseField, [[f64; 3]; 2]),
-    /// By turns along a vector, whose length is a period.
+    /// Stripes of two colours along a vector, whose length is a period.
     Stripes(DVec3, [[f64; 3]; 2]),
-    /// Boxes by turns.
+    /// Boxes of two colours by turns.
     Checker(DVec3, [[f64; 3]; 2]),
 }
 
-/// Texels from the top left.
+/// A picture, whose texels begin at the top left.
 #[derive(Debug)]
 pub struct Picture {
     width: u32,
     height: u32,
-    /// Encoded with the sRGB curve.
+    /// Texels, encoded with the sRGB curve.
     texels: Vec<[u8; 3]>,
     linear: [f32; 256],
 }
@@ -41,12 +41,12 @@ pub struct Picture {
 #[derive(Debug, Clone, Copy)]
 pub struct Plane {
     corner: DVec3,
-    /// Whose products with a vector from the corner are its coordinates.
+    /// Vectors whose products with a vector from the corner are its coordinates.
     duals: [DVec3; 2],
 }
 
 impl TintMap {
-    /// The tint of a material; `script` is the path that its files stand beside.
+    /// Returns the tint of a material; `script` is the path that its files stand beside.
     ///
     /// # Errors
     /// For a picture that cannot be read.
@@ -62,8 +62,8 @@ impl TintMap {
         })
     }
 
-    /// The factors at a place with texture coordinates `uv`; where a picture needs these and there are none, its first
-    /// texel's.
+    /// Returns the factors at a place with texture coordinates `uv`; where a picture needs coordinates and there are
+    /// none, those of its first texel.
     pub fn at(&self, place_m: DVec3, uv: Option<DVec2>) -> [f32; 3] {
         let mix = |colours: &[[f64; 3]; 2], share: f64| -> [f32; 3] {
             std::array::from_fn(|k| (colours[0][k] + (colours[1][k] - colours[0][k]) * share) as f32)
@@ -117,7 +117,7 @@ impl Picture {
         Ok(Picture { width, height, texels: picture.pixels().map(|texel| texel.0).collect(), linear })
     }
 
-    /// Between the four nearest texels; v counts upwards.
+    /// Interpolates between the four nearest texels; v counts upwards.
     fn at(&self, uv: DVec2) -> [f32; 3] {
         let at = DVec2::new(uv.x, 1.0 - uv.y) * DVec2::new(f64::from(self.width), f64::from(self.height)) - 0.5;
         let (corner, share) = (at.floor(), at - at.floor());

@@ -1,4 +1,4 @@
-//! From a painted canvas to a volume.
+//! Building of a volume from a painted canvas.
 
 use btf_runtime::voltex::Volume;
 use glam::Vec3;
@@ -26,8 +26,8 @@ impl Lit for Canvas {
     }
 }
 
-/// The volume of what has been painted at `params.resolution`. Where there are fields nothing is fitted to rays: their
-/// densities are what they say, and rays do not meet them.
+/// Builds the volume of what has been painted at `params.resolution`. A canvas with fields is not fitted to rays: its
+/// densities are given, and rays do not meet them.
 ///
 /// # Errors
 /// [`VoxelizeError::Model`] for a canvas on which nothing is.
