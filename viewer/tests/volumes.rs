@@ -93,7 +93,7 @@ fn garden(balls: &[Vec3]) -> Scene {
 /// The garden's own ball.
 const BALL: Vec3 = Vec3::new(0.2, 0.7, 0.0);
 
-/// The same under a sky that is bright in the west.
+/// Returns the scene under a sky that is bright in the west.
 fn outdoors(balls: &[Vec3]) -> Scene {
     let mut scene = garden(balls);
     let level = |pixel: usize| match (pixel / 32 < 8, pixel % 32 < 10) {

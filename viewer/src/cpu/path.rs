@@ -10,7 +10,7 @@ const MIN_KEPT: f32 = 0.05;
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MIN_KEPT", MIN_KEPT)];
 
-/// What random numbers are for. Twins: `AMBIENT_NUMBERS` and the like.
+/// The purposes of random numbers. Twins: `AMBIENT_NUMBERS` and the like.
 #[derive(Clone, Copy)]
 pub(crate) enum Numbers {
     Ambient = 0,
@@ -41,7 +41,7 @@ pub(crate) fn seed_of(PathVertex { pixel: [x, y], depth }: PathVertex, purpose: 
 pub(crate) struct Path {
     pub origin: Vec3,
     pub direction: Vec3,
-    /// What radiance along the latest ray counts for in the pixel.
+    /// Weight of radiance along the latest ray in the pixel.
     pub throughput: Vec3,
     /// Whether the path left a surface in another way than by a mirror.
     pub scattered: bool,

@@ -9,14 +9,14 @@ use crate::scene::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// What a pixel's middle shows.
+/// A point of an asset that a pixel shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Picked {
     /// Number of the asset.
     pub asset: usize,
     /// Texel of its finest level.
     pub texel: u32,
-    /// Where the surface is.
+    /// Position of the point, world.
     pub position: Vec3,
 }
 

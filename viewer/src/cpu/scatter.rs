@@ -10,7 +10,7 @@ use btf_runtime::{LightRows, ViewedLeaf};
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// How a path goes on from a surface.
+/// The next ray of a path from a surface.
 pub(crate) struct Scattered {
     pub direction: Vec3,
     /// The direction leaves on the back.

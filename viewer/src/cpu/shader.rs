@@ -41,7 +41,7 @@ pub(crate) struct Shader<'a> {
     pub(crate) jitter: [f32; 2],
     pub(crate) sample: u32,
     pub(crate) options: ShadeOptions,
-    /// What is a mesh and what a volume.
+    /// The level-of-detail transition of the sample's path.
     pub(crate) lod_transition: LodTransition,
 }
 

@@ -17,7 +17,7 @@ const SPHERE_DENSITY: f32 = 0.25 / PI;
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[("SPHERE_DENSITY", SPHERE_DENSITY)];
 
-/// What a ray meets in volumes.
+/// The light that a ray meets in volumes.
 struct VolumeRadiance {
     /// Light from them.
     radiance: Vec3,
@@ -27,7 +27,7 @@ struct VolumeRadiance {
     point: Option<VolumePoint>,
 }
 
-/// What becomes of a path's latest ray in volumes.
+/// The fate of a path's latest ray in volumes.
 pub(crate) enum AfterVolumes {
     /// The ray goes on to what it hit.
     Passed,

@@ -17,7 +17,7 @@ use wgpu::BufferUsages;
 struct Arrays {
     vertices: Pieces,
     triangles: Pieces,
-    /// Of [`GpuTracer::Bvh`].
+    /// The hierarchies of [`GpuTracer::Bvh`].
     nodes: Option<Pieces>,
     instances: wgpu::Buffer,
 }

@@ -156,7 +156,7 @@ fn the_walks_structs_are_equal_in_rust_and_wgsl() {
 fn function_names(text: &str) -> Vec<&str> {
     let name = |line: &'_ str| -> Option<usize> {
         let code = line.trim_start();
-        let head = ["fn ", "pub fn ", "pub(crate) fn "].iter().find(|head| code.starts_with(**head))?;
+        let head = ["fn ", "pub fn ", "pub(crate) fn ", "pub(super) fn "].iter().find(|head| code.starts_with(**head))?;
         Some(line.len() - code.len() + head.len())
     };
     let names = text.lines().filter_map(|line| name(line).map(|start| &line[start..]));

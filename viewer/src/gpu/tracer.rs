@@ -26,11 +26,11 @@ pub struct Tracer {
     gpu: Gpu,
     tracer: GpuTracer,
     module: wgpu::ShaderModule,
-    /// Of bind group 0.
+    /// The layout of bind group 0.
     scene_layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
     decoder: DecoderForm,
-    /// By number of the pass, made when first asked for: drivers take their time to compile.
+    /// Pipelines by number of the pass, made when first asked for: drivers take their time to compile.
     pipelines: [Option<wgpu::ComputePipeline>; 5],
     frame: wgpu::Buffer,
     materials: wgpu::Buffer,

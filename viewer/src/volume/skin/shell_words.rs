@@ -30,7 +30,7 @@ pub(crate) const CONSTANTS: &[(&str, usize)] = &[
 ];
 
 impl Shell {
-    /// All words of the shell.
+    /// Returns all words of the shell.
     ///
     /// # Errors
     /// A sentence if they are more than a word can number.
@@ -58,7 +58,7 @@ impl Shell {
         Ok(words)
     }
 
-    /// The words that [`refresh`](Shell::refresh) changes.
+    /// Returns the words that [`refresh`](Shell::refresh) changes.
     pub fn moving_words(&self) -> Range<usize> {
         HEADER_WORDS..HEADER_WORDS + 3 * (self.positions().len() + self.textures().len())
     }
