@@ -5,11 +5,11 @@
 //!                                                      \---run_window--> a window
 //! ```
 //!
-//! One primary ray per pixel and sample, point lights and the sun with shadow rays, skies, perfect mirrors, progressive ambient
-//! occlusion, traced paths. Surfaces are plain, packed assets, or leaves whose optics are evaluated live. Three backends trace the
-//! same rays over the same instances of meshes and decode the same bytes: ray query (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in
-//! storage buffers (`shaders/trace_bvh.wgsl`), and the CPU (`cpu.rs`), which is the reference. What they share on the
-//! GPU is `shaders/shade.wgsl`.
+//! One primary ray per pixel and sample, point lights and the sun with shadow rays, skies, perfect mirrors, progressive
+//! ambient occlusion, traced paths. Surfaces are plain, packed assets, or leaves whose optics are evaluated live. Three
+//! backends trace the same rays over the same instances of meshes and decode the same bytes: ray query
+//! (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in storage buffers (`shaders/trace_bvh.wgsl`), and the
+//! CPU (`cpu.rs`), which is the reference. What they share on the GPU is `shaders/shade.wgsl`.
 //!
 //! Decoded values hold the cosine: radiance = intensity / distance^2 x visibility x decoded / pi.
 //!
@@ -41,7 +41,7 @@ pub use geometry::bvh::{AnyHit, Hit, NO_HIT};
 pub use geometry::bvh_node::BvhNode;
 pub use geometry::geometry::{Geometry, Instance, MAX_INSTANCES, Mesh, Placement, Triangle, Vertex};
 pub use geometry::lod_transition::{LodTransition, MESH_PIXELS, VOLUME_PIXELS};
-pub use gpu::backend::{BackendChoice, GpuTracer};
+pub use gpu::backend::{BackendChoice, Expansion, GpuTracer};
 pub use gpu::decode_queries::{DecodeQuery, gpu_decode};
 pub use gpu::device::Gpu;
 pub use gpu::expand_queries::{gpu_expand, time_gpu_expand, time_upload};

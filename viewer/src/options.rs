@@ -48,7 +48,8 @@ impl SkyLight {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 #[repr(u32)]
 pub enum RenderMode {
-    /// Light that comes straight from a lamp or, within the occlusion distance, from the surroundings; and perfect mirrors.
+    /// Light that comes straight from a lamp or, within the occlusion distance, from the surroundings; and perfect
+    /// mirrors.
     #[default]
     Direct = 0,
     /// Light on any way up to the depth: progressive path tracing, what the other is measured against. What goes past

@@ -1,5 +1,5 @@
-// Well-spread random numbers: Sobol's sequence in two dimensions, its digits and its order scrambled after Owen by a hash
-// [Burley 2020]. Twin: sampler.rs.
+// Well-spread random numbers: Sobol's sequence in two dimensions, its digits and its order scrambled after Owen by a
+// hash [Burley 2020]. Twin: sampler.rs.
 
 // Hashes a word.
 fn sampler_hash(given: u32) -> u32 {

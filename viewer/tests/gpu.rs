@@ -155,8 +155,9 @@ fn draw(scene: &Scene, backend: BackendChoice, frames: u32) -> Rendered {
     render(scene, &params, &Control::SILENT).unwrap()
 }
 
-/// Pixels whose primitives differ, and of those the ones that do not lie on an edge. On an edge, within rounding, a ray may
-/// go to either side: the two triangles have a corner in common, or (silhouettes) a pixel beside this one hits the other.
+/// Pixels whose primitives differ, and of those the ones that do not lie on an edge. On an edge, within rounding, a ray
+/// may go to either side: the two triangles have a corner in common, or (silhouettes) a pixel beside this one hits the
+/// other.
 fn primitive_differences(scene: &Scene, a: &Rendered, b: &Rendered) -> (usize, usize) {
     let (width, height) = (a.report.width as usize, a.report.height as usize);
     let mut differences = (0, 0);

@@ -51,8 +51,8 @@ pub(crate) struct Path {
     pub travelled: f32,
 }
 
-/// Plays Russian roulette with the number `at` in [0, 1): dim paths end, the others carry the share of those. Returns the
-/// throughput of a path that goes on.
+/// Plays Russian roulette with the number `at` in [0, 1): dim paths end, the others carry the share of those. Returns
+/// the throughput of a path that goes on.
 pub(crate) fn roulette(throughput: Vec3, at: f32) -> Option<Vec3> {
     let kept = throughput.max_element().clamp(MIN_KEPT, 1.0);
     if at >= kept || throughput.max_element() <= 0.0 { None } else { Some(throughput / kept) }

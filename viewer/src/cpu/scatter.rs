@@ -61,8 +61,8 @@ pub(crate) fn mirror_direction(s: &Surface, direction: Vec3) -> Vec3 {
 }
 
 impl Shader<'_> {
-    /// Draws how a path along `direction` goes on from a surface, from the numbers `at` and `choice` in [0, 1); `None` where
-    /// the path ends.
+    /// Draws how a path along `direction` goes on from a surface, from the numbers `at` and `choice` in [0, 1); `None`
+    /// where the path ends.
     pub(crate) fn scatter(
         &self,
         s: &Surface,

@@ -1,5 +1,6 @@
-//! Traversal of the hierarchies: one over the instances, whose leaves hold one instance each, and one over the triangles of
-//! each mesh, in the mesh's own space. All lie in one array of nodes. Twin: `bvh.wgsl`, over the same arrays.
+//! Traversal of the hierarchies: one over the instances, whose leaves hold one instance each, and one over the
+//! triangles of each mesh, in the mesh's own space. All lie in one array of nodes. Twin: `bvh.wgsl`, over the same
+//! arrays.
 
 use crate::geometry::bvh_node::BvhNode;
 use crate::geometry::geometry::{Geometry, Instance};

@@ -28,13 +28,13 @@ pub(crate) struct BuildParams {
     pub least_items: usize,
     /// Items that a leaf may keep where no split pays.
     pub most_items: usize,
-    /// Depth from which nodes are halved by count, which bounds the depth: by as many levels more as the binary logarithm of
-    /// the number of items.
+    /// Depth from which nodes are halved by count, which bounds the depth: by as many levels more as the binary
+    /// logarithm of the number of items.
     pub halving_depth: usize,
 }
 
-/// Sorts `items` (not empty) into leaf order and builds the hierarchy over them. Nodes and items are numbered from `first_node`
-/// and `first_item`; the root is the first node.
+/// Sorts `items` (not empty) into leaf order and builds the hierarchy over them. Nodes and items are numbered from
+/// `first_node` and `first_item`; the root is the first node.
 ///
 /// Deterministic. Cost: O(n log n), about 1 us per item.
 pub(crate) fn build(items: &mut [Item], params: BuildParams, first_node: usize, first_item: usize) -> Vec<BvhNode> {

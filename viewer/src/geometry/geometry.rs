@@ -1,6 +1,6 @@
-//! Triangles as both tracers see them: meshes with shared vertices, triangles in the order of the BVH's leaves, so that a
-//! primitive has one number on the CPU, in the compute BVH and in the acceleration structure; and instances, which place
-//! meshes in the world.
+//! Triangles as both tracers see them: meshes with shared vertices, triangles in the order of the BVH's leaves, so that
+//! a primitive has one number on the CPU, in the compute BVH and in the acceleration structure; and instances, which
+//! place meshes in the world.
 
 use crate::geometry::bvh_build::{BuildParams, Item, build};
 use crate::geometry::bvh_node::{Bounds, BvhNode};
@@ -269,8 +269,8 @@ impl Geometry {
         })
     }
 
-    /// Moves the vertices from number `first` on to `positions`. Triangles and hierarchies keep their order, which is as good as
-    /// a new one where nothing moves far; boxes follow. Cost: a pass over the nodes.
+    /// Moves the vertices from number `first` on to `positions`. Triangles and hierarchies keep their order, which is
+    /// as good as a new one where nothing moves far; boxes follow. Cost: a pass over the nodes.
     pub(crate) fn move_vertices(&mut self, first: usize, positions: impl Iterator<Item = Vec3>) {
         for (vertex, position) in self.vertices[first..].iter_mut().zip(positions) {
             vertex.position = position.to_array();
@@ -288,8 +288,9 @@ impl Geometry {
         self.refit_instances();
     }
 
-    /// Moves instances to where `place` has them, by their number among the placements; those that it says nothing of, or a map
-    /// without an inverse, stay. The hierarchy over the instances keeps its order. Cost: a pass over the instances.
+    /// Moves instances to where `place` has them, by their number among the placements; those that it says nothing of,
+    /// or a map without an inverse, stay. The hierarchy over the instances keeps its order. Cost: a pass over the
+    /// instances.
     pub(crate) fn move_instances(&mut self, place: impl Fn(usize) -> Option<Mat4>) {
         for (instance, [_, number]) in self.instances.iter_mut().zip(&self.origins) {
             let Some(map) = place(*number) else { continue };
@@ -337,8 +338,9 @@ impl Geometry {
         }
     }
 
-    /// Says of which instances a volume stands in for the mesh where it is small ([`LodTransition`](crate::LodTransition)): `widths` gives,
-    /// for a mesh and a number among the placements, how wide its leaves are in the world, 0 where none does.
+    /// Says of which instances a volume stands in for the mesh where it is small
+    /// ([`LodTransition`](crate::LodTransition)): `widths` gives, for a mesh and a number among the placements, how
+    /// wide its leaves are in the world, 0 where none does.
     pub fn set_leaf_widths(&mut self, widths: impl Fn(usize, usize) -> f32) {
         for (instance, [mesh, number]) in self.instances.iter_mut().zip(&self.origins) {
             instance.leaf_width = widths(*mesh, *number);

@@ -1,19 +1,20 @@
-//! Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin:
-//! `lod_transition.wgsl`.
+//! Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the
+//! picture. Twin: `lod_transition.wgsl`.
 //!
-//! A leaf `w` wide at distance d is `w / (d * pixel_width)` pixels wide. Where that is [`MESH_PIXELS`] or more, the mesh is
-//! seen; where it is [`VOLUME_PIXELS`] or less, its volume; between, both in shares that change with the logarithm of d. Each
-//! path from the eye draws one radius for each leaf width: within that sphere about the eye the scene has the meshes, beyond it
-//! the volumes, for the path's further rays and those to lights as well. Every place has one of the two, so nothing is there
-//! twice and nothing is lost, even where the eye is within a plant; and no instance needs a state of its own.
+//! A leaf `w` wide at distance d is `w / (d * pixel_width)` pixels wide. Where that is [`MESH_PIXELS`] or more, the
+//! mesh is seen; where it is [`VOLUME_PIXELS`] or less, its volume; between, both in shares that change with the
+//! logarithm of d. Each path from the eye draws one radius for each leaf width: within that sphere about the eye the
+//! scene has the meshes, beyond it the volumes, for the path's further rays and those to lights as well. Every place
+//! has one of the two, so nothing is there twice and nothing is lost, even where the eye is within a plant; and no
+//! instance needs a state of its own.
 
 use crate::sampler;
 use glam::Vec3;
 
 /// Width in pixels from which on a leaf is shown by its mesh.
 pub const MESH_PIXELS: f32 = 2.0;
-/// Width in pixels up to which a leaf is shown by its volume. Two octaves of distance: from one side and under one light the two differ in
-/// brightness by up to 15 %, which is 2 % for each quarter of an octave.
+/// Width in pixels up to which a leaf is shown by its volume. Two octaves of distance: from one side and under one
+/// light the two differ in brightness by up to 15 %, which is 2 % for each quarter of an octave.
 pub const VOLUME_PIXELS: f32 = 0.5;
 /// Stream of the sampler from which radii are drawn.
 pub(crate) const STREAM: u32 = 0x5bd1_e995;

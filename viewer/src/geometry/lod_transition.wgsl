@@ -1,4 +1,5 @@
-// Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin: lod_transition.rs.
+// Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the
+// picture. Twin: lod_transition.rs.
 
 // A leaf that is so many pixels wide is a mesh's.
 const MESH_PIXELS: f32 = 2.0;

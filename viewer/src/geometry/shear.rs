@@ -1,5 +1,5 @@
-//! Rays as the z axis [Woop 2013]: seen along itself a ray is a point, and a triangle around it a triangle around the origin.
-//! Twin: `shear.wgsl`.
+//! Rays as the z axis [Woop 2013]: seen along itself a ray is a point, and a triangle around it a triangle around the
+//! origin. Twin: `shear.wgsl`.
 
 use glam::Vec3;
 

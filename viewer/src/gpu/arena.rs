@@ -1,5 +1,5 @@
-//! All assets of a scene, and the picture that surrounds it, in the buffers that shaders read: one array of words, in as
-//! many pieces as the adapter's largest binding asks for.
+//! All assets of a scene, and the picture that surrounds it, in the buffers that shaders read: one array of words, in
+//! as many pieces as the adapter's largest binding asks for.
 
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
@@ -57,8 +57,8 @@ pub(crate) struct Arena {
 }
 
 impl Arena {
-    /// Uploads the words of `assets`, with `room` for more behind an asset of so many words, and has their bases expanded
-    /// where they lack them.
+    /// Uploads the words of `assets`, with `room` for more behind an asset of so many words, and has their bases
+    /// expanded where they lack them.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the adapter binds too few buffers for so many pieces, or has no memory for them.

@@ -29,3 +29,12 @@ pub enum BackendChoice {
     /// The CPU decoder and BVH.
     Cpu,
 }
+
+/// The processor that expands the bases of assets in file form.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Expansion {
+    /// The GPU, which is sent what the bases are made from.
+    OnGpu,
+    /// The CPU, which uploads the expanded bases.
+    OnCpu,
+}

@@ -1,7 +1,7 @@
 //! The adapter and the device.
 
 use crate::error::ViewerError;
-use crate::gpu::backend::GpuTracer;
+use crate::gpu::backend::{Expansion, GpuTracer};
 use std::sync::{Arc, Mutex};
 
 /// An open device. A clone stands for the same device.
@@ -163,15 +163,16 @@ impl Gpu {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }
 
-    /// Has assets cut into pieces of at most `bytes` and pictures into bands, as on an adapter that binds no more at once.
+    /// Has assets cut into pieces of at most `bytes` and pictures into bands, as on an adapter that binds no more at
+    /// once.
     pub fn limit_bindings(&mut self, bytes: u64) {
         self.max_binding_bytes = self.max_binding_bytes.min(bytes);
     }
 
-    /// Has the bases of assets in file form expanded here, or by the CPU and uploaded. At first GPUs expand them, and the CPU does
-    /// for software drivers.
-    pub fn expand_bases(&mut self, here: bool) {
-        self.expands_bases = here;
+    /// Chooses where the bases of assets in file form are expanded. At first GPUs expand them, and the CPU does for software
+    /// drivers.
+    pub fn expand_bases(&mut self, expansion: Expansion) {
+        self.expands_bases = expansion == Expansion::OnGpu;
     }
 
     pub(crate) fn expands_bases(&self) -> bool {

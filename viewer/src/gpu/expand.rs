@@ -1,5 +1,5 @@
-//! Expands an asset's bases on the GPU, straight into the words that decoders bind: what goes to it is what they are made
-//! from, 7 to 16 % of their bytes on three materials of 2 MB. The passes are `btf_runtime::EXPANSION_WGSL`.
+//! Expands an asset's bases on the GPU, straight into the words that decoders bind: what goes to it is what they are
+//! made from, 7 to 16 % of their bytes on three materials of 2 MB. The passes are `btf_runtime::EXPANSION_WGSL`.
 
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
@@ -11,7 +11,8 @@ use btf_runtime::{
 use std::ops::Range;
 use wgpu::BufferUsages;
 
-/// Bytes that the passes may hold between them: clusters are taken together while theirs fit, so that small ones fill a GPU.
+/// Bytes that the passes may hold between them: clusters are taken together while theirs fit, so that small ones fill a
+/// GPU.
 const MAX_SCRATCH_BYTES: u64 = 32 << 20;
 /// Workgroups per row of a dispatch, below the least limit of 65535.
 const ROW: u64 = 32768;

@@ -35,8 +35,8 @@ impl PieceLayout {
         first..((piece as usize + 1) << self.shift).min(count)
     }
 
-    /// Declares the pieces of `array<ty>` in `group` at `binding` and the next ones, and `fn reader(index) -> ty`, or of
-    /// the element's `field`.
+    /// Declares the pieces of `array<ty>` in `group` at `binding` and the next ones, and `fn reader(index) -> ty`, or
+    /// of the element's `field`.
     pub(crate) fn wgsl(self, array: &PieceArray) -> String {
         let PieceArray { group, name, ty, .. } = array;
         let mut text = String::new();

@@ -1,4 +1,5 @@
-//! Walks a list of rays through a shell and its texels, on the GPU by the text that draws and on the CPU: for comparison.
+//! Walks a list of rays through a shell and its texels, on the GPU by the text that draws and on the CPU: for
+//! comparison.
 
 use crate::error::ViewerError;
 use crate::gpu::arena::{Arena, ArenaAsset};

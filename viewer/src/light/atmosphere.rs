@@ -36,8 +36,8 @@ const AEROSOL_SCALE_KM: f64 = 1.2;
 pub(crate) const AEROSOL_ALBEDO: f32 = 0.95;
 /// Mean cosine of the angle that aerosol scatters by: continental [Hess 1998].
 pub(crate) const AEROSOL_ASYMMETRY: f32 = 0.70;
-/// Share of its scattering that counts as none, because it goes so nearly ahead that three moments do not tell it from light
-/// that passed: the fourth moment [Wiscombe 1977].
+/// Share of its scattering that counts as none, because it goes so nearly ahead that three moments do not tell it from
+/// light that passed: the fourth moment [Wiscombe 1977].
 const AEROSOL_AHEAD: f32 = AEROSOL_ASYMMETRY * AEROSOL_ASYMMETRY * AEROSOL_ASYMMETRY;
 
 /// Middle and half width of the ozone layer, and its column [Bruneton 2017].
@@ -138,8 +138,8 @@ impl Atmosphere {
     /// Returns the column towards the sun from a height, and how much of the disc stands above the earth's edge, 0 to
     /// 1. `sine`: of the elevation of the disc's middle there.
     ///
-    /// Interpolated: what passes is within 0.01 of the integral's (a test). Of a disc that is cut the column is that to the
-    /// middle of what is left.
+    /// Interpolated: what passes is within 0.01 of the integral's (a test). Of a disc that is cut the column is that to
+    /// the middle of what is left.
     pub(crate) fn towards_sun(&self, height_km: f32, sine: f32) -> (Column, f32) {
         let above_rad = sine.clamp(-1.0, 1.0).asin() + dip_rad(height_km);
         let visible = visible_share(above_rad);
@@ -310,7 +310,8 @@ fn air_density(above_sea_km: f32) -> f32 {
     exp(low + (at - below as f32) * (high - low))
 }
 
-/// Kilometres of air at sea level's density above sea level: the exact integral of exponentials between the table's heights.
+/// Kilometres of air at sea level's density above sea level: the exact integral of exponentials between the table's
+/// heights.
 fn air_column_km() -> f64 {
     let step = |pair: &[f32]| {
         let (low, high) = (f64::from(pair[0]), f64::from(pair[1]));

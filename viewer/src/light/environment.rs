@@ -1,8 +1,8 @@
 //! Light from all around: a picture of the sky, looked up by direction and drawn where it is bright. Twin:
 //! `environment.wgsl`.
 //!
-//! Equirectangular: the top row is up (+y), the middle column lies towards -z, and columns go on to the right as seen from
-//! within. Directions are drawn from a table of the brightest of each pixel's neighbourhood, so that whatever is
+//! Equirectangular: the top row is up (+y), the middle column lies towards -z, and columns go on to the right as seen
+//! from within. Directions are drawn from a table of the brightest of each pixel's neighbourhood, so that whatever is
 //! interpolated from can be drawn.
 
 use crate::light::sky_irradiance::{irradiance_from_table, irradiance_table};
@@ -21,8 +21,8 @@ const IRRADIANCE_PICTURE_COLUMNS: usize = 256;
 pub struct Environment {
     width: usize,
     height: usize,
-    /// The table as the GPU has it: distribution of the rows (height + 1), of the columns of each row (width + 1 a row), radiance
-    /// (3 a pixel); then irradiance by normal (see `sky_irradiance.rs`).
+    /// The table as the GPU has it: distribution of the rows (height + 1), of the columns of each row (width + 1 a
+    /// row), radiance (3 a pixel); then irradiance by normal (see `sky_irradiance.rs`).
     table: Vec<f32>,
 }
 

@@ -1,9 +1,10 @@
-//! Radiance of the clear sky: the sun's light scattered once, exactly along each ray of a round earth, and what is scattered
-//! again, from the first moments of the radiance at every height and between night and day.
+//! Radiance of the clear sky: the sun's light scattered once, exactly along each ray of a round earth, and what is
+//! scattered again, from the first moments of the radiance at every height and between night and day.
 //!
 //! Each order of scattering is integrated over all directions from the one before, as in [Bruneton 2008], but kept as
-//! spherical harmonics of three degrees instead of a table of directions: air's scattering has no more, and of aerosol's the
-//! narrow rest counts as not scattered [Wiscombe 1977]. What aerosol scatters once has its whole lobe [Nakajima 1988].
+//! spherical harmonics of three degrees instead of a table of directions: air's scattering has no more, and of
+//! aerosol's the narrow rest counts as not scattered [Wiscombe 1977]. What aerosol scatters once has its whole lobe
+//! [Nakajima 1988].
 
 use crate::light::atmosphere::{
     AEROSOL_MOMENTS, AIR_MOMENTS, Atmosphere, Ray, RayStep, TOP_KM, aerosol_phase, dip_rad, phase_of,
@@ -195,7 +196,8 @@ impl Sky {
                     scattered_by_air + atmosphere.ozone[band] * ozone + atmosphere.aerosol_scaled[band] * aerosol;
                 let depth = extinction * step.length_km;
                 let passes = exp(-depth);
-                // Over which length the step's light still reaches its start: in thin air 1 - passes would be all rounding.
+                // Over which length the step's light still reaches its start: in thin air 1 - passes would be all
+                // rounding.
                 let length = if depth > 0.02 {
                     (1.0 - passes) / extinction.max(f32::MIN_POSITIVE)
                 } else {
@@ -343,8 +345,8 @@ mod tests {
     use crate::light::solar_spectrum::{RgbFromSunlight, WHITE_ILLUMINANCE_LUX, luminance};
     use glam::DVec3;
 
-    /// The sky by random walks from the eye: every scattering with its own density, nothing tabulated, nothing scaled. It shares
-    /// with the above what air consists of, and no more.
+    /// The sky by random walks from the eye: every scattering with its own density, nothing tabulated, nothing scaled.
+    /// It shares with the above what air consists of, and no more.
     struct Walk<'a> {
         atmosphere: &'a Atmosphere,
         band: usize,
@@ -372,7 +374,8 @@ mod tests {
             [by_air, by_aerosol, by_air + at(&self.atmosphere.ozone, ozone) + by_aerosol / f64::from(AEROSOL_ALBEDO)]
         }
 
-        /// Where a ray has passed this optical depth; else where it ends and whether it does so at the ground. Third: the depth passed.
+        /// Where a ray has passed this optical depth; else where it ends and whether it does so at the ground. Third:
+        /// the depth passed.
         fn pass(&self, from: DVec3, towards: DVec3, depth: f64) -> (DVec3, Option<bool>, f64) {
             let (mut position, mut passed) = (from, 0.0);
             loop {

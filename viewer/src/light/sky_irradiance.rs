@@ -12,9 +12,9 @@ pub(crate) const IRRADIANCE_COLUMNS: usize = 32;
 /// Computes the irradiance by normal, without shadows, of an equirectangular picture as [`crate::Environment`] has it:
 /// radiance, `[row, column, rgb]`. Cost: the sum over all its pixels for each entry, 544 a pixel.
 ///
-/// `[row][column][channel]`, 17 x 32 x 3 words, linear sRGB, pi for what makes a white diffuser 1. Row r stands at the angle
-/// `pi r / 16` from +y, column c at the azimuth `2 pi c / 32` from -z towards +x; every entry of a pole's row is the same.
-/// Between entries it is bilinear; columns go round.
+/// `[row][column][channel]`, 17 x 32 x 3 words, linear sRGB, pi for what makes a white diffuser 1. Row r stands at the
+/// angle `pi r / 16` from +y, column c at the azimuth `2 pi c / 32` from -z towards +x; every entry of a pole's row is
+/// the same. Between entries it is bilinear; columns go round.
 pub(crate) fn irradiance_table(width: usize, height: usize, rgb: &[f32]) -> Vec<f32> {
     let light = arriving(width, height, rgb);
     let entry = |at: usize| {

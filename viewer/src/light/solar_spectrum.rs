@@ -12,8 +12,8 @@ const BAND_STEP_NM: f64 = 20.0;
 /// A number for each band.
 pub(crate) type Spectrum = [f32; BANDS];
 
-/// A white diffuser (BRDF 1 / pi) under this illuminance has the linear sRGB radiance 1. A round number near what a clear
-/// noon gives: exposures stay ordinary, and sun, sky and twilight keep their ratios.
+/// A white diffuser (BRDF 1 / pi) under this illuminance has the linear sRGB radiance 1. A round number near what a
+/// clear noon gives: exposures stay ordinary, and sun, sky and twilight keep their ratios.
 pub const WHITE_ILLUMINANCE_LUX: f64 = 100_000.0;
 
 /// Luminous efficacy of radiation at 540 THz, lm/W [CIE 015:2018].
@@ -39,8 +39,8 @@ pub(crate) fn band_nm() -> [f64; BANDS] {
     std::array::from_fn(|band| FIRST_BAND_NM + BAND_STEP_NM * band as f64)
 }
 
-/// From what becomes of the sun's light in each band (radiance over irradiance outside the atmosphere, 1/sr, or a share of
-/// the irradiance) to linear sRGB.
+/// From what becomes of the sun's light in each band (radiance over irradiance outside the atmosphere, 1/sr, or a share
+/// of the irradiance) to linear sRGB.
 #[derive(Debug, Clone)]
 pub(crate) struct RgbFromSunlight {
     /// `[band][channel]`, for radiance.

@@ -18,8 +18,8 @@ pub struct Sun {
     pub direction: Vec3,
     /// Angular diameter of the disc, degrees.
     pub angular_diameter_deg: f32,
-    /// Irradiance on a surface that faces the sun at the ground, through the air: linear sRGB; pi makes a white diffuser 1. Goes to 0
-    /// without a step as the disc sets.
+    /// Irradiance on a surface that faces the sun at the ground, through the air: linear sRGB; pi makes a white
+    /// diffuser 1. Goes to 0 without a step as the disc sets.
     pub irradiance: [f32; 3],
 }
 
@@ -92,8 +92,8 @@ pub(crate) fn sun_position(
 /// Returns how much higher air lifts what stands at a geometric elevation, at 10 degrees Celsius and standard pressure
 /// [Saemundsson 1986].
 ///
-/// Differs from the source below -1 degree, where it is no longer meant: there the lift fades to 0 at -6 degrees, because twilight's light
-/// comes through high, thin air. So it has no step anywhere.
+/// Differs from the source below -1 degree, where it is no longer meant: there the lift fades to 0 at -6 degrees,
+/// because twilight's light comes through high, thin air. So it has no step anywhere.
 fn refraction_deg(geometric_deg: f64, height_m: f64) -> f64 {
     let elevation = geometric_deg.max(-1.0);
     let minutes = 1.02 / ((elevation + 10.3 / (elevation + 5.11)) * PI / 180.0).tan();

@@ -1,5 +1,5 @@
-//! Holds a frame-time budget: what a frame costs is learned from frames, and components, then lobes, then lights, are what
-//! it may spend.
+//! Holds a frame-time budget: what a frame costs is learned from frames, and components, then lobes, then lights, are
+//! what it may spend.
 //!
 //! Components and lobes together are the *detail* of decoding. The time of a frame is taken as
 //! `fixed + per_detail x detail`, both learned with old frames forgotten; the share of the lights' rays is in both.

@@ -35,7 +35,8 @@ pub struct RenderParams {
     pub adapter: Option<String>,
     /// The settings that trade speed for accuracy.
     pub shade: ShadeOptions,
-    /// Milliseconds that a frame may take; what frames then save in components, lobes and lights, they learn from one another.
+    /// Milliseconds that a frame may take; what frames then save in components, lobes and lights, they learn from one
+    /// another.
     pub target_ms: Option<f64>,
 }
 
@@ -104,8 +105,8 @@ pub struct Rendered {
     pub report: RenderReport,
 }
 
-/// Renders `scene`. Cost: on a GPU the passes of each frame; on the CPU about one BVH traversal and one decode per pixel
-/// and light on every thread.
+/// Renders `scene`. Cost: on a GPU the passes of each frame; on the CPU about one BVH traversal and one decode per
+/// pixel and light on every thread.
 ///
 /// # Errors
 /// [`ViewerError::Usage`] for sizes out of range, [`ViewerError::NoAdapter`] where a GPU is asked for by name and there

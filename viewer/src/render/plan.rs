@@ -1,8 +1,8 @@
 //! `btf-view plan`: what a scene's pictures need of its assets, and assets that hold no more.
 //!
-//! The cameras' rays tell the finest level that an asset is asked for. Fewer components and lobes are then tried, for all
-//! assets at once, until an asset's own pixels differ too much from those of the whole assets. What is left is written,
-//! loaded and drawn again: the error that is told is that of the files.
+//! The cameras' rays tell the finest level that an asset is asked for. Fewer components and lobes are then tried, for
+//! all assets at once, until an asset's own pixels differ too much from those of the whole assets. What is left is
+//! written, loaded and drawn again: the error that is told is that of the files.
 
 use crate::cpu::pick::count_levels;
 use crate::error::ViewerError;
@@ -58,8 +58,8 @@ pub struct Plan {
     pub bytes: [usize; 2],
 }
 
-/// Finds what `scene` needs of its assets, seen from each of `cameras` times `params.size` pixels, for pictures whose assets'
-/// pixels are within `goal_db` of those with whole assets.
+/// Finds what `scene` needs of its assets, seen from each of `cameras` times `params.size` pixels, for pictures whose
+/// assets' pixels are within `goal_db` of those with whole assets.
 ///
 /// Cost: up to 32 pictures of each camera, and packing, reading and expanding the assets.
 ///

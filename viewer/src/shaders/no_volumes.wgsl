@@ -1,4 +1,5 @@
-// Stands in for volumetric textures in scenes that have none: what compilers do not see costs nothing. The other text: cpu/volumes.wgsl.
+// Stands in for volumetric textures in scenes that have none: what compilers do not see costs nothing. The other text:
+// cpu/volumes.wgsl.
 
 const WITH_VOLUMES: bool = false;
 

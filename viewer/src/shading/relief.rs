@@ -1,10 +1,10 @@
-//! Displacement: an asset's heights as relief in a shell below the mesh, met by marching [Policarpo 2005], with the mesh's
-//! curvature, so that rays near a silhouette pass between the hills and leave the shell again [Oliveira 2005]. Twin:
-//! `relief.wgsl`.
+//! Displacement: an asset's heights as relief in a shell below the mesh, met by marching [Policarpo 2005], with the
+//! mesh's curvature, so that rays near a silhouette pass between the hills and leave the shell again [Oliveira 2005].
+//! Twin: `relief.wgsl`.
 //!
-//! The mesh is the shell's lid, where the highest point lies. What is decoded is the texel at which the capture shows the
-//! point that the ray meets: at scale 1 where the ray crosses the plane that the capture is rectified to, so that what was
-//! measured is seen as it was measured, parallax and all.
+//! The mesh is the shell's lid, where the highest point lies. What is decoded is the texel at which the capture shows
+//! the point that the ray meets: at scale 1 where the ray crosses the plane that the capture is rectified to, so that
+//! what was measured is seen as it was measured, parallax and all.
 
 use crate::geometry::bvh::Hit;
 use crate::geometry::geometry::Geometry;
@@ -211,7 +211,8 @@ mod tests {
         SceneAsset::new("hills", asset)
     }
 
-    /// Returns the surface as geometry: a fine grid over `place(u, v) -> (point, normal)`, lowered from the highest point.
+    /// Returns the surface as geometry: a fine grid over `place(u, v) -> (point, normal)`, lowered from the highest
+    /// point.
     fn explicit(
         place: impl Fn(f32, f32) -> (Vec3, Vec3),
         tiles: [f32; 2],

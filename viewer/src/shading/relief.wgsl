@@ -1,4 +1,5 @@
-// Displacement: an asset's heights as relief in a shell below the mesh, met by marching. Twin: relief.rs, which says more.
+// Displacement: an asset's heights as relief in a shell below the mesh, met by marching. Twin: relief.rs, which says
+// more.
 
 // Sideways way of a step, texels.
 const RELIEF_STEP: f32 = 0.5;

@@ -14,8 +14,8 @@ const MAX_DEPTH: f32 = 7.824_046;
 const MIN_OPACITY: f32 = 1e-5;
 /// Share of a pixel that must be hidden before light is asked for anew.
 const SHADOW_STEP: f32 = 1.0 / 16.0;
-/// Least roughness of microflakes in light from all around, of which one direction is drawn at one place of all that a ray sees: without
-/// it a microflake that is seen from its edge, and rarely drawn, would be as bright as all of them.
+/// Least roughness of microflakes in light from all around, of which one direction is drawn at one place of all that a
+/// ray sees: without it a microflake that is seen from its edge, and rarely drawn, would be as bright as all of them.
 pub(crate) const AROUND_ROUGHNESS: f32 = 0.7;
 /// The constants that the shader has too, by name.
 #[cfg(test)]
@@ -157,8 +157,8 @@ fn walk_of(voltex: &Voltex, stretch: &Stretch) -> Walk {
 }
 
 impl Volumes {
-    /// Marches along a ray from the eye and calls `each` for the places that hide a share of the pixel together; returns the
-    /// transmittance. `width_at` is how wide voxels should be at a distance.
+    /// Marches along a ray from the eye and calls `each` for the places that hide a share of the pixel together;
+    /// returns the transmittance. `width_at` is how wide voxels should be at a distance.
     pub fn march(
         &self,
         origin: Vec3,

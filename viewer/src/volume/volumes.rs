@@ -103,10 +103,11 @@ fn plain_vertex(position: Vec3) -> Vertex {
     Vertex { position: position.into(), u: 0.0, normal: [0.0, 0.0, 1.0], v: 0.0, tangent: [1.0, 0.0, 0.0, 1.0] }
 }
 
-/// Overlapping volumes are taken in turn in slices of this share of the largest volume's diagonal, or of the thickest skin.
+/// Overlapping volumes are taken in turn in slices of this share of the largest volume's diagonal, or of the thickest
+/// skin.
 const SLICE: f32 = 1.0 / 8.0;
-/// Volumes and skins that a ray is in at once: it enters no further one before it has left one of those. What overlaps five times
-/// is met in a slightly other order, and nothing is left out.
+/// Volumes and skins that a ray is in at once: it enters no further one before it has left one of those. What overlaps
+/// five times is met in a slightly other order, and nothing is left out.
 pub(crate) const MAX_PASSAGES: usize = 4;
 
 impl Volumes {
@@ -156,8 +157,8 @@ impl Volumes {
         Ok(Volumes { volumes, skins, stand_ins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
     }
 
-    /// Moves the skins to where a wind has them at a time, seconds. Cost: some noises a vertex of the skins, and a pass over
-    /// their shells.
+    /// Moves the skins to where a wind has them at a time, seconds. Cost: some noises a vertex of the skins, and a pass
+    /// over their shells.
     ///
     /// # Errors
     /// As [`Wind::displace`].

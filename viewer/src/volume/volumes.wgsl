@@ -69,7 +69,8 @@ struct Stretches {
     count: u32,
     // Where the next stretch of each begins, VOLTEX_FAR where the slot is free.
     begins: vec4<f32>,
-    // From where to where the latest stretch goes on behind the mesh that its volume stands in for; none where that is nowhere.
+    // From where to where the latest stretch goes on behind the mesh that its volume stands in for; none where that is
+    // nowhere.
     behind: vec2<f32>,
 }
 

@@ -1,5 +1,5 @@
-//! The volumetric textures of a scene as words for a GPU: those of each volume, of each skin's shell and patterns, and a table
-//! that says where they begin. Twin: `volumes.wgsl`, which reads the table.
+//! The volumetric textures of a scene as words for a GPU: those of each volume, of each skin's shell and patterns, and
+//! a table that says where they begin. Twin: `volumes.wgsl`, which reads the table.
 
 use crate::volume::volumes::{Proxy, Volumes};
 use std::borrow::Cow;

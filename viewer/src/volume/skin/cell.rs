@@ -4,8 +4,8 @@ use super::walk::TextureRay;
 use crate::sampler::{hash, one};
 use glam::Vec3;
 
-/// Texels of one stretch at most; what lies behind is told as part of the last one. A tetrahedron that is wider has texels
-/// far below a pixel. Twin: `MAX_CELLS`.
+/// Texels of one stretch at most; what lies behind is told as part of the last one. A tetrahedron that is wider has
+/// texels far below a pixel. Twin: `MAX_CELLS`.
 pub const MAX_CELLS: u32 = 4096;
 /// Largest number of a texel along u and v. Twin: `MAX_COORDINATE`.
 const MAX_COORDINATE: f32 = (1 << 24) as f32;
@@ -24,8 +24,8 @@ pub struct CellSpan {
     pub cell: [i32; 2],
 }
 
-/// Goes from texel to texel. An iterator over spans that follow each other without gaps within 0 <= w <= 1. The texels are
-/// counted in whole numbers from that of the first point to that of the last, so it ends whatever rounding does.
+/// Goes from texel to texel. An iterator over spans that follow each other without gaps within 0 <= w <= 1. The texels
+/// are counted in whole numbers from that of the first point to that of the last, so it ends whatever rounding does.
 /// Twin: `CellWalk`.
 #[derive(Debug, Clone, Copy)]
 pub struct CellWalk {

@@ -1,4 +1,5 @@
-//! Continuous jitter: noise on texture coordinates, and on length and direction of height vectors [Neyret 1996, section 4.3].
+//! Continuous jitter: noise on texture coordinates, and on length and direction of height vectors [Neyret 1996, section
+//! 4.3].
 
 use super::height_noise::Noise;
 use super::thick_skin::{Skin, SkinVertex};

@@ -1,5 +1,5 @@
-//! What is mapped on a skin: volumes, and how they differ from texel to texel by discrete jitter [Neyret 1996, section 4.3].
-//! Twin: `pattern.wgsl`, over the words of [`pattern_words`].
+//! What is mapped on a skin: volumes, and how they differ from texel to texel by discrete jitter [Neyret 1996, section
+//! 4.3]. Twin: `pattern.wgsl`, over the words of [`pattern_words`].
 
 use super::cell::{cell_hash, cell_share};
 use super::walk::TextureRay;
@@ -51,9 +51,11 @@ pub struct DiscreteJitter {
     pub empty: f32,
     /// Least and greatest scale of the content about the middle of its floor, above 0 and up to 2.
     pub scale: [f32; 2],
-    /// Largest displacement along u and v, texels, 0 to 0.5. What would carry the content out of its texel is taken off.
+    /// Largest displacement along u and v, texels, 0 to 0.5. What would carry the content out of its texel is taken
+    /// off.
     pub displacement: f32,
-    /// Room between content and the sides of its volume, 0 to 0.5 of its edge: content may go so far nearer to the sides.
+    /// Room between content and the sides of its volume, 0 to 0.5 of its edge: content may go so far nearer to the
+    /// sides.
     pub margin: f32,
     /// Whether texels are turned about w by 0, 90, 180 or 270 degrees.
     pub turns: bool,
@@ -64,7 +66,8 @@ pub struct DiscreteJitter {
 /// The content that is mapped on faces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pattern {
-    /// One of these is in each texel, chosen by chance; at least one. What differs in its materials alone is another volume.
+    /// One of these is in each texel, chosen by chance; at least one. What differs in its materials alone is another
+    /// volume.
     pub alternatives: Vec<Merged>,
     /// None for cyclic patterns, whose texels continue each other.
     pub jitter: Option<DiscreteJitter>,

@@ -1,10 +1,10 @@
 //! How finely a skin is cut, so that tetrahedra say where the texture lies as well as its trilinear boxes do.
 //!
-//! A box maps (U, V, W) to the world and to the texture trilinearly [Neyret 1996, section 4.1]; a tetrahedron maps affinely.
-//! Along the axes both agree. What differs are the mixed terms: that in U and V, of patches that are no parallelograms, falls
-//! with the square of the cuts along the sides; those with W, of height vectors that differ between corners, fall with the
-//! cuts along the sides times those along the height. Triangles have none in U and V. So all faces share one count along
-//! their sides and one along the height: neighbours agree without asking each other.
+//! A box maps (U, V, W) to the world and to the texture trilinearly [Neyret 1996, section 4.1]; a tetrahedron maps
+//! affinely. Along the axes both agree. What differs are the mixed terms: that in U and V, of patches that are no
+//! parallelograms, falls with the square of the cuts along the sides; those with W, of height vectors that differ
+//! between corners, fall with the cuts along the sides times those along the height. Triangles have none in U and V. So
+//! all faces share one count along their sides and one along the height: neighbours agree without asking each other.
 
 use super::thick_skin::{Corners, Skin, SkinVertex, orientation};
 use glam::{DMat3, DVec3};
@@ -29,8 +29,8 @@ pub struct ShellParams {
     /// Greatest distance of a point from where its trilinear box has it in the texture, in texels; half a voxel is
     /// 0.5 / (voxels along an edge of the volume).
     pub tolerance: f32,
-    /// Tetrahedra at most. A skin that would need more is cut less and [`ShellReport::deviation`](super::ShellReport) tells
-    /// what that leaves; the least is 3 for each triangle and 6 for each patch. 52 bytes each.
+    /// Tetrahedra at most. A skin that would need more is cut less and [`ShellReport::deviation`](super::ShellReport)
+    /// tells what that leaves; the least is 3 for each triangle and 6 for each patch. 52 bytes each.
     pub most_tets: usize,
 }
 
@@ -90,8 +90,8 @@ pub(super) fn cuts(skin: &Skin, params: &ShellParams) -> Cuts {
     best
 }
 
-/// Cuts along sides and height for which `terms` (falling with the square of the first, and with both) come to `tolerance` with
-/// the fewest parts; or nearest to it with at most so many.
+/// Cuts along sides and height for which `terms` (falling with the square of the first, and with both) come to
+/// `tolerance` with the fewest parts; or nearest to it with at most so many.
 fn cheapest(terms: [f64; 2], tolerance: f64, most: usize) -> (u32, u32) {
     let mut best = (f64::INFINITY, 0, (1, 1));
     for (sides, layers) in (1..=MAX_CUTS).flat_map(|sides| (1..=MAX_CUTS).map(move |layers| (sides, layers))) {
@@ -106,8 +106,8 @@ fn cheapest(terms: [f64; 2], tolerance: f64, most: usize) -> (u32, u32) {
     best.2
 }
 
-/// A face cut `sides` times along its sides: points by their places (i, j), U = i / sides and V = j / sides, and triangles
-/// over them, counter-clockwise in (U, V).
+/// A face cut `sides` times along its sides: points by their places (i, j), U = i / sides and V = j / sides, and
+/// triangles over them, counter-clockwise in (U, V).
 pub(super) struct Lattice {
     pub points: Vec<[u32; 2]>,
     pub triangles: Vec<[u32; 3]>,
@@ -178,10 +178,10 @@ pub(super) fn weights(corners: Corners, [i, j]: [u32; 2], sides: u32) -> [u32; 4
     }
 }
 
-/// The tetrahedra of a prism over the triangle 0, 1, 2 with the top 3, 4, 5; the vertical edge comes first, which keeps the
-/// determinants of thin skins exact. The diagonal of a side runs from the lower of its vertices at the bottom to the higher
-/// at the top, so that neighbours agree if triangles are given in ascending order of their vertices [Dompierre 1999; so
-/// Porumbescu 2005]. Positive where the triangle is counter-clockwise seen from the top.
+/// The tetrahedra of a prism over the triangle 0, 1, 2 with the top 3, 4, 5; the vertical edge comes first, which keeps
+/// the determinants of thin skins exact. The diagonal of a side runs from the lower of its vertices at the bottom to
+/// the higher at the top, so that neighbours agree if triangles are given in ascending order of their vertices
+/// [Dompierre 1999; so Porumbescu 2005]. Positive where the triangle is counter-clockwise seen from the top.
 pub(super) const PRISM: [[usize; 4]; 3] = [[2, 5, 0, 1], [1, 4, 5, 0], [0, 3, 4, 5]];
 
 /// The trilinear maps of a face's box.

@@ -16,8 +16,8 @@ pub(super) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Tet {
-    /// Numbers of its positions; (1 - 0) x (2 - 0) . (3 - 0) is positive unless the skin is folded, and the edge from 0 to 1
-    /// runs along a height vector.
+    /// Numbers of its positions; (1 - 0) x (2 - 0) . (3 - 0) is positive unless the skin is folded, and the edge from 0
+    /// to 1 runs along a height vector.
     pub positions: [u32; 4],
     /// Link behind the face opposite of each position: 4 x the tetrahedron + the number of its face, or [`NO_LINK`].
     pub links: [u32; 4],
@@ -54,8 +54,8 @@ pub struct ShellReport {
     pub sides: u32,
     /// Cuts of height vectors.
     pub layers: u32,
-    /// Greatest distance of a point from where its trilinear box has it in the texture, texels. As measured when the shell was
-    /// made, by the diagonals of all tetrahedra.
+    /// Greatest distance of a point from where its trilinear box has it in the texture, texels. As measured when the
+    /// shell was made, by the diagonals of all tetrahedra.
     pub deviation: f32,
 }
 
@@ -115,8 +115,8 @@ impl Shell {
     }
 
     /// Moves the shell to where `skin` has gone: the one that it was made of, with other positions, height vectors and
-    /// texture coordinates, as jitter and wind return it. Tetrahedra, neighbours and boundary stay. Cost: a pass over the
-    /// positions.
+    /// texture coordinates, as jitter and wind return it. Tetrahedra, neighbours and boundary stay. Cost: a pass over
+    /// the positions.
     ///
     /// # Errors
     /// A sentence if the skin has another number of vertices.

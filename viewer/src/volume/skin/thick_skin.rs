@@ -1,5 +1,5 @@
-//! The thick skin as a user maps it: faces of three or four corners with a height vector and texture coordinates at each
-//! vertex [Neyret 1996, section 4.1].
+//! The thick skin as a user maps it: faces of three or four corners with a height vector and texture coordinates at
+//! each vertex [Neyret 1996, section 4.1].
 
 use super::weld::weld;
 use crate::geometry::geometry::Vertex;
@@ -9,8 +9,8 @@ use std::collections::HashMap;
 /// Sine of the angle between a face and its mean height vector below which the face's box has no volume: some ten times
 /// what rounding leaves of a right angle.
 const MIN_RISE: f32 = 1e-6;
-/// Cosine of the angle between two normals at one place up to which they are parts of one rounded corner: 120 degrees, so
-/// that the three sides at a box's corner share a height vector and the two sides of a sheet do not.
+/// Cosine of the angle between two normals at one place up to which they are parts of one rounded corner: 120 degrees,
+/// so that the three sides at a box's corner share a height vector and the two sides of a sheet do not.
 const SAME_SIDE: f32 = -0.5;
 
 /// A vertex of the skin.
@@ -22,8 +22,8 @@ pub struct SkinVertex {
     pub height: Vec3,
     /// Texture coordinates (u, v, w) at the surface, in texels; w = 0 is the volume's floor and 1 its lid.
     pub texture: Vec3,
-    /// Texture coordinates that are added at the top. Neyret's dw is its third component; the first two lean the texture without moving
-    /// the skin.
+    /// Texture coordinates that are added at the top. Neyret's dw is its third component; the first two lean the
+    /// texture without moving the skin.
     pub rise: Vec3,
 }
 

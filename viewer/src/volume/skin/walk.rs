@@ -1,13 +1,13 @@
 //! A ray's way through a shell, from one tetrahedron to the next. Twin: `walk.wgsl`.
 //!
-//! Seen along the ray the ray is a point. It lies within the face through which a tetrahedron was entered; the fourth vertex
-//! joins that face's corners by three edges, and the sides on which the ray passes them tell which of the other three faces it
-//! leaves by [Aman 2022]. Each edge is judged once and its sign is kept while the ray is beside it, so what two
-//! tetrahedra share has one answer: the walk cannot fall between them. A point on an edge is moved aside by less than any
-//! number [Edelsbrunner 1990]. What rounding still makes contradictory takes the likeliest face.
+//! Seen along the ray the ray is a point. It lies within the face through which a tetrahedron was entered; the fourth
+//! vertex joins that face's corners by three edges, and the sides on which the ray passes them tell which of the other
+//! three faces it leaves by [Aman 2022]. Each edge is judged once and its sign is kept while the ray is beside it, so
+//! what two tetrahedra share has one answer: the walk cannot fall between them. A point on an edge is moved aside by
+//! less than any number [Edelsbrunner 1990]. What rounding still makes contradictory takes the likeliest face.
 //!
-//! A line's way through tetrahedra, folded or not, visits each at most once; where the skin is folded t runs back for a while,
-//! and what was passed already is not told again.
+//! A line's way through tetrahedra, folded or not, visits each at most once; where the skin is folded t runs back for a
+//! while, and what was passed already is not told again.
 
 use super::shell::{NO_LINK, Shell};
 use crate::geometry::shear::Shear;
@@ -55,8 +55,8 @@ pub struct TextureRay {
     pub direction: Vec3,
 }
 
-/// The walk of one ray. An iterator over disjoint intervals in the order of t; between the first and the last nothing is
-/// missing. Twin: `ShellWalk`.
+/// The walk of one ray. An iterator over disjoint intervals in the order of t; between the first and the last nothing
+/// is missing. Twin: `ShellWalk`.
 #[derive(Debug, Clone)]
 pub struct Walk<'a> {
     shell: &'a Shell,
@@ -323,7 +323,8 @@ mod tests {
         intervals.windows(2).all(|pair| pair[0].t1 <= pair[1].t0) && intervals.iter().all(|one| one.t0 < one.t1)
     }
 
-    /// The chord of a line, and how far rounding may move its ends, which grows where it meets the boundary at a flat angle.
+    /// The chord of a line, and how far rounding may move its ends, which grows where it meets the boundary at a flat
+    /// angle.
     fn chord(found: &[Crossing], span: f64) -> (f64, f64) {
         let flattest = found.iter().fold(1f64, |least, crossing| least.min(crossing.cosine.abs()));
         let chord = found.iter().map(|crossing| crossing.t * crossing.cosine.signum()).sum();

@@ -1,5 +1,6 @@
-// A ray's way through a shell, from one tetrahedron to the next. Twin: walk.rs, which also says where the constants come
-// from. The includer defines asset_word(index); `shell` is the first of the shell's words, laid out in skin/shell_words.rs.
+// A ray's way through a shell, from one tetrahedron to the next. Twin: walk.rs, which also says where the constants
+// come from. The includer defines asset_word(index); `shell` is the first of the shell's words, laid out in
+// skin/shell_words.rs.
 
 const NO_LINK: u32 = 0xffffffffu;
 const MIN_UPRIGHT: f32 = 1e-7;

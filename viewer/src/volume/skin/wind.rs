@@ -1,16 +1,17 @@
 //! Wind: height vectors and texture coordinates as functions of time [Neyret 1995]; the volumes stay as they are.
 //!
-//! Gusts are carried along at the mean wind's speed as they are [Taylor 1938]. At a place x along the wind and a time t the
-//! wind is
+//! Gusts are carried along at the mean wind's speed as they are [Taylor 1938]. At a place x along the wind and a time t
+//! the wind is
 //!
 //! u = U (1 + g (sin(2 pi s / L) + noise((x - U t w) / L)) / 2), s = x . w - U t,
 //!
-//! and a height vector leans towards it as what its own weight holds upright: drag, which grows with u^2, against weight gives
+//! and a height vector leans towards it as what its own weight holds upright: drag, which grows with u^2, against
+//! weight gives
 //!
 //! tan(lean) = (u / u45)^2.
 //!
-//! The height vector keeps its length. The displacement grows along it, from nothing at the surface. Flutter swings the texture's top within
-//! the skin, which needs no other tetrahedra nor another hierarchy of the scene.
+//! The height vector keeps its length. The displacement grows along it, from nothing at the surface. Flutter swings the
+//! texture's top within the skin, which needs no other tetrahedra nor another hierarchy of the scene.
 //!
 //! | Quantity | Unit | Range | Default |
 //! |---|---|---|---|
@@ -21,7 +22,8 @@
 //! | flutter | texels | 0 to 0.5 | 0 |
 //! | flutter's period | s | above 0 | 0.7 |
 //!
-//! Wrong where stalks swing: they follow the wind at once, without inertia or resonance; and where one shelters the other.
+//! Wrong where stalks swing: they follow the wind at once, without inertia or resonance; and where one shelters the
+//! other.
 
 use super::height_noise::Noise;
 use super::thick_skin::{Skin, SkinVertex};
@@ -114,7 +116,8 @@ impl Wind {
         let wavelength = f64::from(self.gust_wavelength_m);
         let carried_m = f64::from(self.speed_m_per_s) * time_s;
         let phase = ((f64::from(position.dot(to)) - carried_m) / wavelength).rem_euclid(1.0);
-        // The noise repeats along the wind's axes far away, and its lattice stays within what single precision tells apart.
+        // The noise repeats along the wind's axes far away, and its lattice stays within what single precision tells
+        // apart.
         let lattice = Noise { wavelength: self.gust_wavelength_m, period: [PERIOD; 3], seed: self.seed };
         let carried = to.as_dvec3() * carried_m;
         let repeat = f64::from(PERIOD) * wavelength;
