@@ -3,7 +3,8 @@
 //! each.
 
 use btf_runtime::{Asset, ExpansionInput, Resident};
-use btf_viewer::{Gpu, gpu_expand, time_gpu_expand, time_upload};
+use btf_viewer::Gpu;
+use btf_viewer::testing::{gpu_expand, time_gpu_expand, time_upload};
 use half::f16;
 use rayon::prelude::*;
 use std::time::Instant;

@@ -7,9 +7,10 @@ use btf_runtime::testing::{Random, sample_asset};
 use btf_runtime::{
     Asset, Basis, Edit, Edits, Factors, Resident, ResidualKind, SharedBases, SurfaceSide, serial, with_levels,
 };
+use btf_viewer::testing::gpu_expand;
 use btf_viewer::{
     CpuPicture, Expansion, FrameRequest, Gpu, GpuTracer, MeshChoice, Scene, SceneAsset, SceneChange, ShadeOptions,
-    Tracer, Updated, gpu_expand,
+    Tracer, Updated,
 };
 use half::f16;
 use std::sync::Arc;

@@ -8,9 +8,10 @@ use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, Heights, Interpolation, LobeRole, Resident, ResidualKind, decode, pack, serial,
     with_levels,
 };
+use btf_viewer::testing::{DecodeQuery, gpu_decode};
 use btf_viewer::{
-    BackendChoice, Camera, Control, DecodeQuery, Environment, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
-    RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, gpu_decode, render,
+    BackendChoice, Camera, Control, Environment, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode, RenderParams,
+    Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, render,
 };
 use std::sync::Arc;
 use support::{ABSOLUTE, RELATIVE, count_differences, gpu};

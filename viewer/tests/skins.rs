@@ -3,10 +3,8 @@
 mod support;
 
 use btf_runtime::testing::Random;
-use btf_viewer::{
-    DiscreteJitter, Jitter, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex, WalkQuery, WalkSum, Wind, cpu_walk,
-    gpu_walk,
-};
+use btf_viewer::testing::{WalkQuery, WalkSum, cpu_walk, gpu_walk};
+use btf_viewer::{DiscreteJitter, Jitter, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex, Wind};
 use glam::Vec3;
 use support::gpu;
 

@@ -28,7 +28,7 @@ mod walk;
 mod weld;
 mod wind;
 
-pub use cell::{CellSpan, CellWalk, MAX_CELLS};
+pub use cell::{CellSpan, CellWalk};
 pub use height_noise::Noise;
 pub use jitter::Jitter;
 pub use layers::LayerSpan;
@@ -43,6 +43,6 @@ pub use wind::Wind;
 
 #[cfg(test)]
 pub(crate) use {
-    cell::CONSTANTS as CELL_CONSTANTS, pattern::CONSTANTS as PATTERN_CONSTANTS,
+    cell::CONSTANTS as CELL_CONSTANTS, cell::MAX_CELLS, pattern::CONSTANTS as PATTERN_CONSTANTS,
     shell_words::CONSTANTS as SHELL_CONSTANTS, walk::CONSTANTS as WALK_CONSTANTS,
 };
