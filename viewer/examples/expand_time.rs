@@ -1,8 +1,10 @@
-//! Times how the bases of assets in file form come into an adapter's memory, expanded by the CPU and uploaded or expanded there:
-//! `cargo run --release -p btf-viewer --example expand_time FILE.spmm ...`. The least of five runs each.
+//! Times how the bases of assets in file form come into an adapter's memory, expanded by the CPU and uploaded or
+//! expanded there: `cargo run --release -p btf-viewer --example expand_time FILE.spmm ...`. The least of five runs
+//! each.
 
 use btf_runtime::{Asset, ExpansionInput, Resident};
-use btf_viewer::{Gpu, gpu_expand, time_gpu_expand, time_upload};
+use btf_viewer::Gpu;
+use btf_viewer::testing::{gpu_expand, time_gpu_expand, time_upload};
 use half::f16;
 use rayon::prelude::*;
 use std::time::Instant;

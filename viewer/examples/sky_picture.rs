@@ -1,5 +1,5 @@
-//! Writes fisheye pictures of a clear sky, the zenith in the middle, north above and east to the left, exposed by themselves:
-//! `cargo run --release -p btf-viewer --example sky_picture OUT_DIR 52.5,13.4 2026-06-21T12:00+02:00 ...`.
+//! Writes fisheye pictures of a clear sky, the zenith in the middle, north above and east to the left, exposed by
+//! themselves: `cargo run --release -p btf-viewer --example sky_picture OUT_DIR 52.5,13.4 2026-06-21T12:00+02:00 ...`.
 
 use btf_viewer::{Daylight, Picture};
 use glam::Vec3;

@@ -1,4 +1,4 @@
-//! What can go wrong, each as one sentence that names the file or the missing thing.
+//! The errors of the viewer, each as one sentence that names the file or the missing thing.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ pub enum ViewerError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// A file is not a whole asset. Remedy: fit it again, or copy it again.
@@ -19,7 +19,7 @@ pub enum ViewerError {
     Asset {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault that was found.
         source: btf_runtime::FormatError,
     },
     /// A file is not a whole volumetric texture. Remedy: build it again, or copy it again.
@@ -27,7 +27,7 @@ pub enum ViewerError {
     Volume {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault that was found.
         source: btf_runtime::voltex::VoltexError,
     },
     /// A leaf cannot be evaluated. Remedy: correct its description.
@@ -35,7 +35,7 @@ pub enum ViewerError {
     Leaf {
         /// The leaf's name.
         name: String,
-        /// What is wrong with it.
+        /// Fault that was found.
         source: btf_runtime::LeafError,
     },
     /// A mesh file cannot be used. Remedy: export it again as the message says.
@@ -43,7 +43,7 @@ pub enum ViewerError {
     Mesh {
         /// The file, or the built-in mesh's name.
         path: PathBuf,
-        /// What is wrong and what to do.
+        /// Fault and remedy.
         reason: String,
     },
     /// A scene description is wrong. Remedy: correct the named key.
@@ -51,7 +51,7 @@ pub enum ViewerError {
     Scene {
         /// The file.
         path: PathBuf,
-        /// What is wrong and what to do.
+        /// Fault and remedy.
         reason: String,
     },
     /// Options contradict each other or are out of range; the program exits with 2.
@@ -65,7 +65,7 @@ pub enum ViewerError {
     Gpu {
         /// Adapter name.
         adapter: String,
-        /// What the driver or the limit check said.
+        /// Message of the driver or of the limit check.
         reason: String,
     },
     /// A leaf's description or textures cannot be read.
@@ -79,7 +79,7 @@ pub enum ViewerError {
     Encode {
         /// The file.
         path: PathBuf,
-        /// What the encoder said.
+        /// Message of the encoder.
         reason: String,
     },
     /// No window can be opened. Remedy: `--headless`.
@@ -99,7 +99,7 @@ impl ViewerError {
         ViewerError::Scene { path: path.as_ref().to_path_buf(), reason: reason.into() }
     }
 
-    /// The exit status that COMMANDS promises: 2 usage, 130 Ctrl-C, else 1.
+    /// Returns the exit status that COMMANDS promises: 2 usage, 130 Ctrl-C, else 1.
     pub fn exit_code(&self) -> u8 {
         match self {
             ViewerError::Usage(_) => 2,

@@ -5,11 +5,12 @@
 //!                                                      \---run_window--> a window
 //! ```
 //!
-//! One primary ray per pixel and sample, point lights and the sun with shadow rays, skies, perfect mirrors, progressive ambient
-//! occlusion, traced paths. Surfaces are plain, packed assets, or leaves whose optics are evaluated live. Three backends trace the
-//! same rays over the same instances of meshes and decode the same bytes: ray query (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in
-//! storage buffers (`shaders/trace_bvh.wgsl`), and the CPU (`cpu.rs`), which is the reference. What they share on the
-//! GPU is `shaders/shade.wgsl`.
+//! One primary ray per pixel and sample, point lights and the sun with shadow rays, skies, perfect mirrors, progressive
+//! ambient occlusion, traced paths. Surfaces are plain, packed assets, or leaves whose optics are evaluated live;
+//! volumetric textures stand alone or lie on skins. Three backends trace the same rays over the same instances of meshes
+//! and decode the same bytes: ray query (`shaders/trace_ray_query.wgsl`), a bounding volume hierarchy in storage buffers
+//! (`shaders/trace_bvh.wgsl`), and the CPU (`cpu/`), which is the reference. Each `.wgsl` file with formulas is the twin of
+//! the `.rs` file beside it.
 //!
 //! Decoded values hold the cosine: radiance = intensity / distance^2 x visibility x decoded / pi.
 //!
@@ -31,27 +32,20 @@ mod volume;
 mod window;
 
 pub use bench::bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};
-pub use bench::instanced_scene::instanced_scene;
-pub use bench::leaf_modes::{LeafModeRow, leaf_mode_rows};
+pub use bench::leaf_modes::LeafModeRow;
 pub use bench::plot::bench_svg;
-pub use cpu::pick::{Picked, pick};
 pub use cpu::picture::CpuPicture;
 pub use error::ViewerError;
 pub use geometry::bvh::{AnyHit, Hit, NO_HIT};
 pub use geometry::bvh_node::BvhNode;
 pub use geometry::geometry::{Geometry, Instance, MAX_INSTANCES, Mesh, Placement, Triangle, Vertex};
 pub use geometry::lod_transition::{LodTransition, MESH_PIXELS, VOLUME_PIXELS};
-pub use gpu::backend::{BackendChoice, GpuTracer};
-pub use gpu::decode_queries::{DecodeQuery, gpu_decode};
+pub use gpu::backend::{BackendChoice, Expansion, GpuTracer};
 pub use gpu::device::Gpu;
-pub use gpu::expand_queries::{gpu_expand, time_gpu_expand, time_upload};
 pub use gpu::frame::FrameRequest;
-pub use gpu::modules::{ModuleLayout, trace_module};
-pub use gpu::pieces::PieceLayout;
 pub use gpu::scene_change::{SceneChange, Updated};
 pub use gpu::timer::{GpuTimer, PassTimes};
 pub use gpu::tracer::Tracer;
-pub use gpu::walk_queries::{WalkQuery, WalkSum, cpu_walk, gpu_walk};
 pub use light::daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
 pub use light::environment::{Environment, MAX_COLUMNS};
 pub use light::solar_spectrum::WHITE_ILLUMINANCE_LUX;
@@ -59,28 +53,36 @@ pub use light::sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
 pub use picture::{Picture, PixelHit};
 pub use render::control::Control;
-pub use render::governor::{Governor, Spending};
+pub use render::governor::Spending;
 pub use render::headless::{MAX_SIDE, RenderParams, RenderReport, Rendered, Sequence, render, render_sequence};
 pub use render::plan::{Plan, PlannedAsset, plan};
 pub use scene::asset::{FileForm, SceneAsset, UNKNOWN_SIZE_MM};
-pub use scene::camera::{Camera, CameraFrame, jitter};
+pub use scene::camera::{Camera, CameraFrame};
 pub use scene::file::{load_scene, scene_with_assets};
-pub use scene::gltf_asset::own_bodies;
 pub use scene::landscape::{Landscape, LandscapeCounts, LandscapeParams};
 pub use scene::leaf::SceneLeaf;
 pub use scene::material::{Body, Material, OwnBodies, Shown};
 pub use scene::mesh::{MeshPart, cube, plane, quad, sphere};
 pub use scene::mesh_file::{FileMesh, load_meshes};
-pub use scene::plant_variation::plant_factors;
 pub use scene::scene::{
     AMBIENT_RADIANCE, Ambient, BACKGROUND, DaylightParts, LightRig, MeshChoice, Outdoors, PointLight, Scene, SceneMesh,
     SceneObject, intensity_for,
 };
 pub use scene::volume::{load_volume, standing};
 pub use volume::skin::{
-    CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MAX_CELLS, MAX_MERGED, Merged, NO_LINK,
-    NO_VOLUME, Noise, Pattern, Shell, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet, TextureMap,
-    TextureRay, Variant, Walk, Wind, pattern_words,
+    CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MAX_MERGED, Merged, NO_LINK, NO_VOLUME,
+    Noise, Pattern, Shell, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet, TextureMap, TextureRay, Variant,
+    Walk, Wind,
 };
 pub use volume::volumes::{SceneSkin, VolumePlace, Volumes};
 pub use window::{WindowParams, run_window};
+
+/// Ways into single parts of the renderers, for tests and measurements; no part of the interface.
+#[doc(hidden)]
+pub mod testing {
+    pub use crate::gpu::decode_queries::{DecodeQuery, gpu_decode};
+    pub use crate::gpu::expand_queries::{gpu_expand, time_gpu_expand, time_upload};
+    pub use crate::gpu::walk_queries::{WalkQuery, WalkSum, cpu_walk, gpu_walk};
+    pub use crate::scene::camera::jitter;
+    pub use crate::scene::plant_variation::plant_factors;
+}

@@ -1,13 +1,13 @@
-//! How a picture is computed: what costs time and changes accuracy.
+//! The settings of a rendering: what costs time and changes accuracy.
 
 use btf_runtime::DecodeOptions;
 
 /// The settings of a rendering that trade speed for accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ShadeOptions {
-    /// How assets are decoded.
+    /// Options of the decoder of assets.
     pub decode: DecodeOptions,
-    /// Which light is followed.
+    /// The light that is followed.
     pub mode: RenderMode,
     /// Point lights of which a sample asks at most: where there are more, they are drawn by what each could add, 1 to
     /// [`MAX_LIGHT_SAMPLES`].
@@ -18,24 +18,24 @@ pub struct ShadeOptions {
     /// nearest level at first, then levels at random, in the mean between the two nearest. Traced paths, the reference,
     /// take the finest level always.
     pub levels: bool,
-    /// How a sky lights surfaces, where it is not a path's.
+    /// The way in which a sky lights surfaces, where no path goes on to it.
     pub sky: SkyLight,
 }
 
-/// How a sky lights a surface.
+/// A way in which a sky lights a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 #[repr(u32)]
 pub enum SkyLight {
-    /// By rays towards its parts, each with its own radiance and its own occlusion: exact in the mean.
+    /// Rays towards parts of the sky, each with its own radiance and its own occlusion: exact in the mean.
     #[default]
     Rays = 0,
-    /// By the irradiance of the surface's normal, times how much of the half space is open (Miao): less noise, but what is
+    /// Irradiance of the surface's normal, times how much of the half space is open (Miao): less noise, but what is
     /// bright and what is occluded are not told apart.
     Irradiance = 1,
 }
 
 impl SkyLight {
-    /// As on the command line and in JSON.
+    /// Returns the name on the command line and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             SkyLight::Rays => "rays",
@@ -44,11 +44,12 @@ impl SkyLight {
     }
 }
 
-/// Which light is followed.
+/// The light that is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 #[repr(u32)]
 pub enum RenderMode {
-    /// Light that comes straight from a lamp or, within the occlusion distance, from the surroundings; and perfect mirrors.
+    /// Light that comes straight from a lamp or, within the occlusion distance, from the surroundings; and perfect
+    /// mirrors.
     #[default]
     Direct = 0,
     /// Light on any way up to the depth: progressive path tracing, what the other is measured against. What goes past
@@ -57,7 +58,7 @@ pub enum RenderMode {
 }
 
 impl RenderMode {
-    /// As on the command line and in JSON.
+    /// Returns the name on the command line and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             RenderMode::Direct => "direct",
@@ -66,10 +67,10 @@ impl RenderMode {
     }
 }
 
-/// How the GPU decodes a texel that several lights shine on.
+/// A way in which the GPU decodes a texel that several lights shine on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DecoderForm {
-    /// What depends on texel and eye once, and for each light the rest.
+    /// The view-dependent half once, and for each light the rest.
     #[default]
     Halves,
     /// Everything anew for every light: what the halves are measured by.
@@ -82,7 +83,7 @@ pub const MAX_LIGHT_SAMPLES: u32 = 4096;
 pub const MAX_DEPTH: u32 = 256;
 
 impl ShadeOptions {
-    /// Whether assets' coarser levels are used.
+    /// Returns whether assets' coarser levels are used.
     pub fn uses_levels(&self) -> bool {
         self.levels && self.mode == RenderMode::Direct
     }

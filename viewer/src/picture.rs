@@ -1,4 +1,4 @@
-//! From linear radiance to an 8-bit sRGB picture.
+//! Pictures in linear radiance, and their conversion to 8-bit sRGB.
 
 use crate::error::ViewerError;
 use btf_capture::Transfer;
@@ -18,7 +18,7 @@ pub struct Picture {
     pub radiance: Vec<[f32; 3]>,
 }
 
-/// What the last sample of a pixel did.
+/// The hit and the cost of the last sample of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PixelHit {
     /// Triangle that the primary ray hit, or [`crate::NO_HIT`].
@@ -30,7 +30,7 @@ pub struct PixelHit {
 }
 
 impl Picture {
-    /// Exposure, then the sRGB curve, then rounding to 0..255; brighter is cut off. `[pixel, channel]`.
+    /// Applies the exposure, then the sRGB curve, then rounds to 0..255; brighter is cut off. `[pixel, channel]`.
     pub fn srgb8(&self, exposure_ev: f32) -> Vec<u8> {
         let gain = exposure_ev.exp2();
         let encode = |x: &f32| (Transfer::Srgb.encoded_from_linear((x * gain).clamp(0.0, 1.0)) * 255.0).round() as u8;
@@ -51,7 +51,8 @@ impl Picture {
     }
 }
 
-/// Peak signal-to-noise ratio of two pictures' linear radiance as 8-bit sRGB values, dB; at most 200, for equal ones.
+/// Returns the peak signal-to-noise ratio of two pictures' linear radiance as 8-bit sRGB values, dB; at most 200, for
+/// equal ones.
 pub(crate) fn psnr_db(a: &[[f32; 3]], b: &[[f32; 3]], exposure_ev: f32) -> f64 {
     let codes = |radiance: &[[f32; 3]]| {
         Picture { width: radiance.len() as u32, height: 1, radiance: radiance.to_vec() }.srgb8(exposure_ev)

@@ -1,8 +1,9 @@
 //! Well-spread random numbers: Sobol's sequence in two dimensions, its digits and its order scrambled after Owen by a
-//! hash [Burley 2020]. Twin: `shaders/sampler.wgsl`; both give the same bits.
+//! hash [Burley 2020]. Twin: `sampler.wgsl`; both give the same bits.
 
 use glam::Vec3;
 
+/// Hashes a word.
 pub(crate) fn hash(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x7feb_352d);
@@ -20,12 +21,12 @@ fn permute(x: u32, seed: u32) -> u32 {
     x ^ x.wrapping_mul(0x8d22_f6e6)
 }
 
-/// The same from the highest digit down.
+/// Scrambles the digits of `x` from the highest down, each by those above it.
 fn scramble(x: u32, seed: u32) -> u32 {
     permute(x.reverse_bits(), seed).reverse_bits()
 }
 
-/// Number `index` of Sobol's second dimension, binary digits behind the point.
+/// Returns the number `index` of Sobol's second dimension, binary digits behind the point.
 fn second(mut index: u32) -> u32 {
     let mut direction = 1u32 << 31;
     let mut x = 0;
@@ -39,7 +40,8 @@ fn second(mut index: u32) -> u32 {
     x
 }
 
-/// Two numbers in [0, 1): those of `sample` in the stream `seed`. Any power of two of samples in a row is stratified.
+/// Returns two numbers in [0, 1): those of `sample` in the stream `seed`. Any power of two of samples in a row is
+/// stratified.
 pub(crate) fn two(sample: u32, seed: u32) -> [f32; 2] {
     let hashed = hash(seed);
     let index = scramble(sample, hashed);
@@ -49,19 +51,19 @@ pub(crate) fn two(sample: u32, seed: u32) -> [f32; 2] {
     [x, y].map(|x| (x >> 8) as f32 * 5.960_464_5e-8)
 }
 
-/// A number in [0, 1) without any order.
+/// Returns a number in [0, 1) without any order.
 pub(crate) fn one(seed: u32) -> f32 {
     (hash(seed) >> 8) as f32 * 5.960_464_5e-8
 }
 
-/// Direction about +z whose density is its cosine over pi.
+/// Draws a direction about +z whose density is its cosine over pi.
 pub(crate) fn cosine(at: [f32; 2]) -> Vec3 {
     let angle = std::f32::consts::TAU * at[1];
     let radius = at[0].sqrt();
     Vec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - at[0]).sqrt())
 }
 
-/// Direction with the same density everywhere on the sphere.
+/// Draws a direction with the same density everywhere on the sphere.
 pub(crate) fn sphere(at: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * at[0];
     let angle = std::f32::consts::TAU * at[1];

@@ -1,6 +1,7 @@
-// Well-spread random numbers: Sobol's sequence in two dimensions, its digits and its order scrambled after Owen by a hash
-// [Burley 2020]. Twin: sampler.rs.
+// Well-spread random numbers: Sobol's sequence in two dimensions, its digits and its order scrambled after Owen by a
+// hash [Burley 2020]. Twin: sampler.rs.
 
+// Hashes a word.
 fn sampler_hash(given: u32) -> u32 {
     var x = given;
     x ^= x >> 16u;
@@ -19,12 +20,12 @@ fn sampler_permute(given: u32, seed: u32) -> u32 {
     return x ^ (x * 0x8d22f6e6u);
 }
 
-// The same from the highest digit down.
+// Scrambles the digits of x from the highest down, each by those above it.
 fn sampler_scramble(x: u32, seed: u32) -> u32 {
     return reverseBits(sampler_permute(reverseBits(x), seed));
 }
 
-// Number `index` of Sobol's second dimension, binary digits behind the point.
+// Returns the number `index` of Sobol's second dimension, binary digits behind the point.
 fn sampler_second(given: u32) -> u32 {
     var index = given;
     var direction = 0x80000000u;
@@ -39,7 +40,8 @@ fn sampler_second(given: u32) -> u32 {
     return x;
 }
 
-// Two numbers in [0, 1): those of `sample` in the stream `seed`. Any power of two of samples in a row is stratified.
+// Returns two numbers in [0, 1): those of `sample` in the stream `seed`. Any power of two of samples in a row is
+// stratified.
 fn sampler_two(sample: u32, seed: u32) -> vec2<f32> {
     let hashed = sampler_hash(seed);
     let index = sampler_scramble(sample, hashed);
@@ -49,19 +51,19 @@ fn sampler_two(sample: u32, seed: u32) -> vec2<f32> {
     return vec2<f32>(vec2<u32>(x, y) >> vec2<u32>(8u)) * 5.9604645e-8;
 }
 
-// A number in [0, 1) without any order.
+// Returns a number in [0, 1) without any order.
 fn sampler_one(seed: u32) -> f32 {
     return f32(sampler_hash(seed) >> 8u) * 5.9604645e-8;
 }
 
-// Direction about +z whose density is its cosine over pi.
+// Draws a direction about +z whose density is its cosine over pi.
 fn sampler_cosine(at: vec2<f32>) -> vec3<f32> {
     let angle = 6.2831855 * at.y;
     let radius = sqrt(at.x);
     return vec3<f32>(radius * cos(angle), radius * sin(angle), sqrt(1.0 - at.x));
 }
 
-// Direction with the same density everywhere on the sphere.
+// Draws a direction with the same density everywhere on the sphere.
 fn sampler_sphere(at: vec2<f32>) -> vec3<f32> {
     let z = 1.0 - 2.0 * at.x;
     let angle = 6.2831855 * at.y;

@@ -1,4 +1,5 @@
-//! Bases that the GPU expands are those that the CPU does, wherever they lie. See `gpu.rs` for what a missing adapter means.
+//! Bases that the GPU expands are those that the CPU does, wherever they lie. See `gpu.rs` for what a missing adapter
+//! means.
 
 mod support;
 
@@ -6,9 +7,10 @@ use btf_runtime::testing::{Random, sample_asset};
 use btf_runtime::{
     Asset, Basis, Edit, Edits, Factors, Resident, ResidualKind, SharedBases, SurfaceSide, serial, with_levels,
 };
+use btf_viewer::testing::gpu_expand;
 use btf_viewer::{
-    CpuPicture, FrameRequest, Gpu, GpuTracer, MeshChoice, Scene, SceneAsset, SceneChange, ShadeOptions, Tracer,
-    Updated, gpu_expand,
+    CpuPicture, Expansion, FrameRequest, Gpu, GpuTracer, MeshChoice, Scene, SceneAsset, SceneChange, ShadeOptions,
+    Tracer, Updated,
 };
 use half::f16;
 use std::sync::Arc;
@@ -17,8 +19,8 @@ use support::{count_differences, gpu};
 /// Rounding of f32 sums in another order, relative to the largest basis value of a layer.
 const OF_PEAK: f32 = 2e-6;
 
-/// Asset words that differ, but for the bases; and halves of the bases that differ by more than one step at their size and
-/// [`OF_PEAK`].
+/// Asset words that differ, but for the bases; and halves of the bases that differ by more than one step at their size
+/// and [`OF_PEAK`].
 fn differences(expected: &Resident, found: &[u32]) -> (usize, usize) {
     let words = expected.words();
     assert_eq!(words.len(), found.len());
@@ -83,7 +85,8 @@ fn enlarge(asset: &mut Asset, seed: u64, clusters: usize, components: usize) {
     residual.coefficients = vec![plane; components];
 }
 
-/// Assets of every kind: odd sizes, with the levels' own cluster, edits, three layers of which one has no residual, many clusters.
+/// Assets of every kind: odd sizes, with the levels' own cluster, edits, three layers of which one has no residual,
+/// many clusters.
 fn assets() -> Vec<Asset> {
     let kinds = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
     let mut assets: Vec<Asset> = kinds
@@ -177,15 +180,15 @@ fn scene(asset: &Asset) -> Scene {
 }
 
 /// The asset as a device draws it that expands bases itself or has the CPU do it, with edits that come later.
-fn drawn(gpu: &mut Gpu, here: bool, asset: &Asset, edits: &Edits) -> Vec<[f32; 3]> {
-    gpu.expand_bases(here);
+fn drawn(gpu: &mut Gpu, expansion: Expansion, asset: &Asset, edits: &Edits) -> Vec<[f32; 3]> {
+    gpu.expand_bases(expansion);
     let mut scene = scene(asset);
     let mut tracer = Tracer::new(gpu, &scene, GpuTracer::Bvh).unwrap();
     Arc::make_mut(&mut scene.assets[0]).set_edits(edits.clone());
     assert_eq!(tracer.update(&scene, &SceneChange::Edits(0)).unwrap(), Updated::InPlace);
     let request = FrameRequest { scene: &scene, size: [64, 48], options: ShadeOptions::default(), sample: 0 };
     tracer.sample(&request, None).unwrap();
-    assert_eq!(scene.assets[0].is_expanded(), !here);
+    assert_eq!(scene.assets[0].is_expanded(), expansion == Expansion::OnCpu);
     let picture = tracer.read_radiance().unwrap();
     // The CPU can still draw what the GPU has expanded, edits included.
     let mut cpu = CpuPicture::new([64, 48]);
@@ -199,18 +202,18 @@ fn pictures_of_bases_expanded_by_the_gpu_are_those_of_the_cpus() {
     let Some(mut gpu) = gpu("pictures_of_bases_expanded_by_the_gpu_are_those_of_the_cpus") else { return };
     let asset = sample_asset(5, 24, 16, ResidualKind::Root);
     let edits = Edits { list: vec![Edit { tint: [0.2, 0.9, 1.4], ..Edit::default() }], texels: vec![1; 24 * 16] };
-    let by_cpu = drawn(&mut gpu, false, &asset, &edits);
-    assert_eq!(count_differences(&by_cpu, &drawn(&mut gpu, true, &asset, &edits)), 0);
+    let by_cpu = drawn(&mut gpu, Expansion::OnCpu, &asset, &edits);
+    assert_eq!(count_differences(&by_cpu, &drawn(&mut gpu, Expansion::OnGpu, &asset, &edits)), 0);
     // Planted difference: another asset's bases.
     let mut other = asset.clone();
     other.layers[0].residual.as_mut().unwrap().bases[0].steps.rotate_left(1);
-    assert!(count_differences(&by_cpu, &drawn(&mut gpu, true, &other, &edits)) > by_cpu.len() / 50);
+    assert!(count_differences(&by_cpu, &drawn(&mut gpu, Expansion::OnGpu, &other, &edits)) > by_cpu.len() / 50);
 }
 
 #[test]
 fn the_cpu_expands_what_a_gpu_cannot_bind() {
     let Some(mut gpu) = gpu("the_cpu_expands_what_a_gpu_cannot_bind") else { return };
-    gpu.expand_bases(true);
+    gpu.expand_bases(Expansion::OnGpu);
     let mut asset = sample_asset(5, 24, 16, ResidualKind::Root);
     enlarge(&mut asset, 3, 2, 20);
     let expanded = |gpu: &Gpu| {

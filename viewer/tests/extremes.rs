@@ -1,5 +1,5 @@
-//! Pictures at the edge of what numbers and buffers hold: no pixel that is not a number, no crash, a clear message where a
-//! limit is reached. On the CPU and, where there is an adapter (see `gpu.rs`), on both tracers.
+//! Pictures at the edge of what numbers and buffers hold: no pixel that is not a number, no crash, a clear message
+//! where a limit is reached. On the CPU and, where there is an adapter (see `gpu.rs`), on both tracers.
 
 mod support;
 

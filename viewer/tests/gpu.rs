@@ -8,9 +8,10 @@ use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, Heights, Interpolation, LobeRole, Resident, ResidualKind, decode, pack, serial,
     with_levels,
 };
+use btf_viewer::testing::{DecodeQuery, gpu_decode};
 use btf_viewer::{
-    BackendChoice, Camera, Control, DecodeQuery, Environment, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
-    RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, gpu_decode, render,
+    BackendChoice, Camera, Control, Environment, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode, RenderParams,
+    Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, render,
 };
 use std::sync::Arc;
 use support::{ABSOLUTE, RELATIVE, count_differences, gpu};
@@ -155,8 +156,9 @@ fn draw(scene: &Scene, backend: BackendChoice, frames: u32) -> Rendered {
     render(scene, &params, &Control::SILENT).unwrap()
 }
 
-/// Pixels whose primitives differ, and of those the ones that do not lie on an edge. On an edge, within rounding, a ray may
-/// go to either side: the two triangles have a corner in common, or (silhouettes) a pixel beside this one hits the other.
+/// Pixels whose primitives differ, and of those the ones that do not lie on an edge. On an edge, within rounding, a ray
+/// may go to either side: the two triangles have a corner in common, or (silhouettes) a pixel beside this one hits the
+/// other.
 fn primitive_differences(scene: &Scene, a: &Rendered, b: &Rendered) -> (usize, usize) {
     let (width, height) = (a.report.width as usize, a.report.height as usize);
     let mut differences = (0, 0);

@@ -6,9 +6,10 @@ mod support;
 
 use btf_runtime::testing::sample_asset;
 use btf_runtime::{Asset, DecodeOptions, Layer, Resident, ResidualKind, SurfaceSide, decode, pack};
+use btf_viewer::testing::jitter;
 use btf_viewer::{
     BackendChoice, Camera, Control, Material, PointLight, RenderParams, Scene, SceneAsset, SceneObject, ShadeOptions,
-    jitter, plane, quad, render,
+    plane, quad, render,
 };
 use glam::Vec3;
 use std::f32::consts::PI;

@@ -1,4 +1,5 @@
-//! Leaves that are evaluated live, placed many times, under sun and sky: every backend draws the same, at the extremes too.
+//! Leaves that are evaluated live, placed many times, under sun and sky: every backend draws the same, at the extremes
+//! too.
 
 mod support;
 

@@ -5,9 +5,10 @@ mod support;
 
 use btf_models::{LeafDescription, LeafPreset, PlantVariation};
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
+use btf_viewer::testing::plant_factors;
 use btf_viewer::{
     Body, Daylight, DaylightParts, FrameRequest, GpuTracer, Material, Outdoors, Scene, SceneChange, SceneLeaf,
-    SceneMesh, SceneObject, ShadeOptions, Shown, Tracer, Updated, plane, plant_factors,
+    SceneMesh, SceneObject, ShadeOptions, Shown, Tracer, Updated, plane,
 };
 use glam::{Mat4, Vec3};
 use std::path::Path;

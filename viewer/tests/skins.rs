@@ -3,10 +3,8 @@
 mod support;
 
 use btf_runtime::testing::Random;
-use btf_viewer::{
-    DiscreteJitter, Jitter, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex, WalkQuery, WalkSum, Wind, cpu_walk,
-    gpu_walk,
-};
+use btf_viewer::testing::{WalkQuery, WalkSum, cpu_walk, gpu_walk};
+use btf_viewer::{DiscreteJitter, Jitter, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex, Wind};
 use glam::Vec3;
 use support::gpu;
 
@@ -86,7 +84,7 @@ fn gpu_walks_100_000_rays_through_a_skin_like_the_cpu() {
     for time_s in [None, Some(2.5)] {
         if let Some(time_s) = time_s {
             let wind = Wind { speed_m_per_s: 8.0, gust_wavelength_m: 5.0, flutter: 0.1, ..Wind::default() };
-            shell.refresh(&wind.blow(&skin, time_s).unwrap()).unwrap();
+            shell.refresh(&wind.displace(&skin, time_s).unwrap()).unwrap();
         }
         let queries = queries(&shell, 50_000);
         let expected: Vec<WalkSum> = queries.iter().map(|query| cpu_walk(&shell, &patterns, query)).collect();

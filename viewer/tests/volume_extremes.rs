@@ -1,5 +1,6 @@
-//! Pictures of volumetric textures at the edge: an eye within, light along the shell, patches without area, volumes smaller
-//! than a pixel and than the spacing of numbers. Every picture is finite and shows something, or a sentence says why not.
+//! Pictures of volumetric textures at the edge: an eye within, light along the shell, patches without area, volumes
+//! smaller than a pixel and than the spacing of numbers. Every picture is finite and shows something, or a sentence
+//! says why not.
 
 use btf_viewer::{BackendChoice, Control, RenderMode, RenderParams, Scene, ShadeOptions, load_scene, render};
 use std::fs;
@@ -58,8 +59,8 @@ fn mean(pixels: &[[f32; 3]]) -> f32 {
     pixels.as_flattened().iter().sum::<f32>() / (3 * pixels.len()) as f32
 }
 
-/// Draws in both modes, sees that all pixels are numbers, and tells how bright the direct one is. Without its volumes the
-/// scene is black.
+/// Draws in both modes, sees that all pixels are numbers, and tells how bright the direct one is. Without its volumes
+/// the scene is black.
 fn brightness(what: &str, scene: &Scene) -> f32 {
     let [direct, path] = [RenderMode::Direct, RenderMode::Path].map(|mode| pixels(scene, mode, 2));
     assert_eq!(faults(&direct) + faults(&path), 0, "{what}");
@@ -216,7 +217,8 @@ fn volumes_smaller_than_a_pixel_are_as_bright_as_their_share_of_it() {
 #[test]
 fn voxels_smaller_than_the_spacing_of_numbers() {
     let folder = folder();
-    // A tree of some metres as far from the origin as a number of single precision has steps of a metre, and small ones.
+    // A tree of some metres as far from the origin as a number of single precision has steps of a metre, and small
+    // ones.
     for (at, scale) in [(1e7f32, 1.0f32), (1e5, 0.01), (1e3, 1e-5), (1e12, 1e6)] {
         let reach = 30.0 * scale.max(at * 3e-7);
         let place = camera([at, 0.3 * reach, at + reach], [at, 0.0, at], 30.0);

@@ -49,8 +49,8 @@ pub(crate) struct LitPoint<'a> {
 struct LightSample {
     /// Unit direction to the light, texel frame.
     wi: Vec3,
-    /// Irradiance at normal incidence over pi, over the density of the direction where that was drawn: decoded values hold
-    /// the cosine.
+    /// Irradiance at normal incidence over pi, over the density of the direction where that was drawn: decoded values
+    /// hold the cosine.
     incident: Vec3,
     /// Unit direction to the light, world.
     direction: Vec3,
@@ -60,8 +60,8 @@ struct LightSample {
 
 impl Shader<'_> {
     /// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some
-    /// candidates spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005]. Returns the number of
-    /// the light and how many lights' share it stands for; `None` where none could add anything.
+    /// candidates spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005]. Returns the
+    /// number of the light and how many lights' share it stands for; `None` where none could add anything.
     fn choose_light(
         &self,
         s: &Surface,
@@ -156,8 +156,8 @@ impl Shader<'_> {
     fn sample_environment_light(&self, lit: &LitPoint, sky: &Environment) -> Option<LightSample> {
         let (s, viewed, numbers) = (lit.s, lit.viewed, lit.numbers);
         let path = self.options.mode == RenderMode::Path;
-        // Drawn from the picture or, where no path goes on to it, from the surface as often. A path meets the picture by
-        // itself, but seldom where it is small and bright.
+        // Drawn from the picture or, where no path goes on to it, from the surface as often. A path meets the picture
+        // by itself, but seldom where it is small and bright.
         let wi = if path || sampler::one(numbers.seed ^ ENVIRONMENT_CHOICE) < 0.5 {
             s.local_from_world(sky.sample(numbers.ambient_at))
         } else {
@@ -191,8 +191,8 @@ impl Shader<'_> {
         self.scene.environment.as_ref().filter(|_| !by_normal).and_then(|sky| self.sample_environment_light(lit, sky))
     }
 
-    /// Returns the light that a point sends to the eye of what reaches it from one side: of point lights and the sun with
-    /// their shadows, then of what surrounds the scene along one ray.
+    /// Returns the light that a point sends to the eye of what reaches it from one side: of point lights and the sun
+    /// with their shadows, then of what surrounds the scene along one ray.
     pub(crate) fn direct_light(&self, lit: &LitPoint, done: &mut PixelHit) -> Vec3 {
         let (origin, viewed) = (lit.origin(), lit.viewed);
         // Values without a residual hold no shadows.

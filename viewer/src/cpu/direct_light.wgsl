@@ -1,4 +1,5 @@
-// Light that comes to a surface straight from lamps, from the sun and from what surrounds the scene. Twin: direct_light.rs.
+// Light that comes to a surface straight from lamps, from the sun and from what surrounds the scene. Twin:
+// direct_light.rs.
 
 // Set apart the numbers that are drawn from a light's seed.
 const ENVIRONMENT_CHOICE: u32 = 0x68bc21ebu;
@@ -34,8 +35,8 @@ struct LitPoint {
 struct LightSample {
     // Unit direction to the light, texel frame.
     wi: vec3<f32>,
-    // Irradiance at normal incidence over pi, over the density of the direction where that was drawn: decoded values hold the
-    // cosine.
+    // Irradiance at normal incidence over pi, over the density of the direction where that was drawn: decoded values
+    // hold the cosine.
     incident: vec3<f32>,
     // Unit direction to the light, world.
     direction: vec3<f32>,
@@ -58,8 +59,8 @@ struct ChosenLight {
     scale: f32,
 }
 
-// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some candidates
-// spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005].
+// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some
+// candidates spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005].
 fn choose_light(s: Surface, light_back: bool, stratum: u32, strata: u32, seed: u32) -> ChosenLight {
     let cell = f32(frame.light_count) / f32(strata * LIGHT_CANDIDATES);
     var total = 0.0;
@@ -119,7 +120,8 @@ fn sample_sun_light(lit: LitPoint) -> LightSample {
     return LightSample(wi, frame.sun_irradiance / TRACE_PI, direction, TRACE_FAR, (wi.z < 0.0) == lit.light_back);
 }
 
-// Returns the radiance that comes from everywhere alike, if anything does; a sky counts where it lights by its irradiance.
+// Returns the radiance that comes from everywhere alike, if anything does; a sky counts where it lights by its
+// irradiance.
 fn uniform_light(lit: LitPoint) -> vec3<f32> {
     let path = frame.mode == MODE_PATH;
     let surrounded = frame.environment.x > 0u;
@@ -149,8 +151,8 @@ fn sample_environment_light(lit: LitPoint) -> LightSample {
     var sample = LightSample();
     let numbers = lit.numbers;
     let path = frame.mode == MODE_PATH;
-    // Drawn from the picture or, where no path goes on to it, from the surface as often. A path meets the picture by itself,
-    // but seldom where it is small and bright.
+    // Drawn from the picture or, where no path goes on to it, from the surface as often. A path meets the picture by
+    // itself, but seldom where it is small and bright.
     var wi: vec3<f32>;
     if path || sampler_one(numbers.seed ^ ENVIRONMENT_CHOICE) < 0.5 {
         wi = local_from_world(lit.s, environment_sample(numbers.ambient_at));
@@ -177,9 +179,9 @@ fn sample_environment_light(lit: LitPoint) -> LightSample {
     return LightSample(wi, incident, direction, select(frame.occlusion_distance, TRACE_FAR, path), true);
 }
 
-// Returns the light that a point sends to the eye of what reaches it from one side: of point lights and the sun with their
-// shadows, then of what surrounds the scene along one ray. Shader compilers inline every call, so all of them share one shadow
-// ray and one evaluation.
+// Returns the light that a point sends to the eye of what reaches it from one side: of point lights and the sun with
+// their shadows, then of what surrounds the scene along one ray. Shader compilers inline every call, so all of them
+// share one shadow ray and one evaluation.
 fn direct_light(lit: LitPoint) -> SideLight {
     var done = SideLight(vec3<f32>(0.0), 0u, 0u);
     var rows: LightRows;

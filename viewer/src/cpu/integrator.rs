@@ -1,5 +1,5 @@
-//! Follows the path of a pixel's sample from the eye. Twin: `integrator.wgsl`, which goes pass by pass over all pixels where
-//! this follows a whole path.
+//! Follows the path of a pixel's sample from the eye. Twin: `integrator.wgsl`, which goes pass by pass over all pixels
+//! where this follows a whole path.
 
 use crate::cpu::direct_light::{LightNumbers, LitPoint};
 use crate::cpu::path::{Numbers, Path, PathVertex, roulette};

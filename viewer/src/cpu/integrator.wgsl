@@ -1,5 +1,6 @@
-// Follows the path of a pixel's sample in passes over all pixels: the ray from the eye, the light at what it hits, then ray and
-// light again for each mirror, or each step of a path, on the way. Twin: integrator.rs, which follows a whole path.
+// Follows the path of a pixel's sample in passes over all pixels: the ray from the eye, the light at what it hits, then
+// ray and light again for each mirror, or each step of a path, on the way. Twin: integrator.rs, which follows a whole
+// path.
 
 // Paths whose radiance counts for less than this in the pixel end at a mirror.
 const MIN_THROUGHPUT: f32 = 1e-3;
@@ -125,7 +126,8 @@ fn whole_picture(at: vec2<u32>) -> vec2<u32> {
     return vec2<u32>(at.x, at.y + frame.first_row);
 }
 
-// Traces the path's ray and adds what comes along it from beyond everything; where there are volumes, their pass does that.
+// Traces the path's ray and adds what comes along it from beyond everything; where there are volumes, their pass does
+// that.
 fn advance_path(at: vec2<u32>, before: Pixel, given: Path) {
     let index = at.y * frame.width + at.x;
     var path = given;

@@ -10,7 +10,7 @@ const MIN_KEPT: f32 = 0.05;
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MIN_KEPT", MIN_KEPT)];
 
-/// What random numbers are for. Twins: `AMBIENT_NUMBERS` and the like.
+/// The purposes of random numbers. Twins: `AMBIENT_NUMBERS` and the like.
 #[derive(Clone, Copy)]
 pub(crate) enum Numbers {
     Ambient = 0,
@@ -41,7 +41,7 @@ pub(crate) fn seed_of(PathVertex { pixel: [x, y], depth }: PathVertex, purpose: 
 pub(crate) struct Path {
     pub origin: Vec3,
     pub direction: Vec3,
-    /// What radiance along the latest ray counts for in the pixel.
+    /// Weight of radiance along the latest ray in the pixel.
     pub throughput: Vec3,
     /// Whether the path left a surface in another way than by a mirror.
     pub scattered: bool,
@@ -51,8 +51,8 @@ pub(crate) struct Path {
     pub travelled: f32,
 }
 
-/// Plays Russian roulette with the number `at` in [0, 1): dim paths end, the others carry the share of those. Returns the
-/// throughput of a path that goes on.
+/// Plays Russian roulette with the number `at` in [0, 1): dim paths end, the others carry the share of those. Returns
+/// the throughput of a path that goes on.
 pub(crate) fn roulette(throughput: Vec3, at: f32) -> Option<Vec3> {
     let kept = throughput.max_element().clamp(MIN_KEPT, 1.0);
     if at >= kept || throughput.max_element() <= 0.0 { None } else { Some(throughput / kept) }

@@ -14,8 +14,8 @@ fn seed_of(pixel: vec2<u32>, depth: u32, purpose: u32) -> u32 {
     return sampler_hash(pixel.x + sampler_hash(pixel.y + sampler_hash(depth + (purpose << 16u))));
 }
 
-// Plays Russian roulette with the number `at` in [0, 1): dim paths end, the others carry the share of those. Returns the
-// throughput of a path that goes on, 0 of one that ends.
+// Plays Russian roulette with the number `at` in [0, 1): dim paths end, the others carry the share of those. Returns
+// the throughput of a path that goes on, 0 of one that ends.
 fn roulette(throughput: vec3<f32>, at: f32) -> vec3<f32> {
     let kept = clamp(most(throughput), MIN_KEPT, 1.0);
     if most(throughput) <= 0.0 || at >= kept {

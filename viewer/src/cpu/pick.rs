@@ -9,14 +9,14 @@ use crate::scene::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// What a pixel's middle shows.
+/// A point of an asset that a pixel shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Picked {
     /// Number of the asset.
     pub asset: usize,
     /// Texel of its finest level.
     pub texel: u32,
-    /// Where the surface is.
+    /// Position of the point, world.
     pub position: Vec3,
 }
 
@@ -39,8 +39,8 @@ pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option
     Some(Picked { asset, texel, position: s.position })
 }
 
-/// Counts for each asset of a scene how many pixels of a picture ask for each level, the finest first: those in which the
-/// eye sees the asset, directly or in mirrors. `[asset][level]`.
+/// Counts for each asset of a scene how many pixels of a picture ask for each level, the finest first: those in which
+/// the eye sees the asset, directly or in mirrors. `[asset][level]`.
 pub(crate) fn count_levels(scene: &Scene, [width, height]: [u32; 2], options: &ShadeOptions) -> Vec<Vec<u64>> {
     let shader = Shader::of_middles(scene, [width, height], *options);
     let empty = || scene.assets.iter().map(|asset| vec![0u64; asset.head().levels() as usize]).collect::<Vec<_>>();

@@ -10,7 +10,7 @@ use btf_runtime::{LightRows, ViewedLeaf};
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// How a path goes on from a surface.
+/// The next ray of a path from a surface.
 pub(crate) struct Scattered {
     pub direction: Vec3,
     /// The direction leaves on the back.
@@ -63,8 +63,8 @@ pub(crate) fn mirror_direction(s: &Surface, direction: Vec3) -> Vec3 {
 }
 
 impl Shader<'_> {
-    /// Draws how a path along `direction` goes on from a surface, from the numbers `at` and `choice` in [0, 1); `None` where
-    /// the path ends.
+    /// Draws how a path along `direction` goes on from a surface, from the numbers `at` and `choice` in [0, 1); `None`
+    /// where the path ends.
     pub(crate) fn scatter(
         &self,
         s: &Surface,

@@ -41,7 +41,7 @@ pub(crate) struct Shader<'a> {
     pub(crate) jitter: [f32; 2],
     pub(crate) sample: u32,
     pub(crate) options: ShadeOptions,
-    /// What is a mesh and what a volume.
+    /// The level-of-detail transition of the sample's path.
     pub(crate) lod_transition: LodTransition,
 }
 
@@ -63,8 +63,8 @@ impl Shader<'_> {
         sampler::hash(seed_of(vertex, purpose).wrapping_add(self.sample))
     }
 
-    /// Returns the width of voxels at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so many.
-    /// Rays miss narrower ones, and wider ones blur (docs/results/voltex.md).
+    /// Returns the width of voxels at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so
+    /// many. Rays miss narrower ones, and wider ones blur (docs/VOLTEX_FIGURES.md).
     pub(crate) fn ray_width(&self) -> f32 {
         self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MAX_RAYS_ACROSS)
     }
@@ -119,8 +119,8 @@ impl Shader<'_> {
         (s, relief)
     }
 
-    /// Returns the level of the material's asset or leaf whose texels are about as large as what a pixel sees of the surface,
-    /// `travelled` from the eye.
+    /// Returns the level of the material's asset or leaf whose texels are about as large as what a pixel sees of the
+    /// surface, `travelled` from the eye.
     pub(crate) fn level_of(&self, s: &Surface, material: &Material, travelled: f32, seed: u32) -> u32 {
         if !self.options.uses_levels() {
             return 0;
@@ -160,8 +160,8 @@ impl Shader<'_> {
         Some(ViewedLeaf::new(words, uv, level, factors, s.wo.to_array()).tinted(material.tint))
     }
 
-    /// Returns the view-dependent half of a point's shading for light on one side, `None` where nothing of that reaches the
-    /// eye.
+    /// Returns the view-dependent half of a point's shading for light on one side, `None` where nothing of that reaches
+    /// the eye.
     pub(crate) fn viewed_body<'a>(
         &'a self,
         s: &Surface,

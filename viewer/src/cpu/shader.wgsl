@@ -32,7 +32,8 @@ fn most(v: vec3<f32>) -> f32 {
     return max(v.x, max(v.y, v.z));
 }
 
-// Returns the width of voxels at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so many.
+// Returns the width of voxels at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so
+// many.
 fn ray_width() -> f32 {
     return frame.pixel_width / min(sqrt(f32(frame.sample + 1u)), MAX_RAYS_ACROSS);
 }
@@ -82,8 +83,8 @@ fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> DisplacedHit {
     return DisplacedHit(Hit(TRACE_FAR, NO_HIT, 0.0, 0.0, 0u), 0.0);
 }
 
-// Returns the surface that a path's latest ray hit. Where it is displaced, the relief is put into `relief` and the point that
-// is met into `point`.
+// Returns the surface that a path's latest ray hit. Where it is displaced, the relief is put into `relief` and the
+// point that is met into `point`.
 fn surface_of(path: Path, relief: ptr<function, Relief>, point: ptr<function, vec3<f32>>) -> Surface {
     let hit = Hit(0.0, path.primitive, path.u, path.v, path.instance & ~SCATTERED);
     var s = surface_at(hit, path.direction);
@@ -97,8 +98,8 @@ fn surface_of(path: Path, relief: ptr<function, Relief>, point: ptr<function, ve
     return s;
 }
 
-// Returns the level of the material's asset or leaf whose texels are about as large as what a pixel sees of the surface,
-// `travelled` from the eye.
+// Returns the level of the material's asset or leaf whose texels are about as large as what a pixel sees of the
+// surface, `travelled` from the eye.
 fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
     if frame.levels == 0u || (material.asset == NO_ASSET && material.leaf == NO_ASSET) {
         return 0u;
@@ -124,7 +125,8 @@ fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
     return min(u32(max(level, 0.0)), levels - 1u);
 }
 
-// Returns the view-dependent half of the leaf that a material shows at a point; nothing that is read where it shows none.
+// Returns the view-dependent half of the leaf that a material shows at a point; nothing that is read where it shows
+// none.
 fn viewed_leaf(s: Surface, material: Material, instance: u32, level: u32) -> ViewedLeaf {
     var leaf: ViewedLeaf;
     if with_leaves && material.leaf != NO_ASSET {

@@ -1,4 +1,5 @@
-//! Volumetric textures on the CPU: the light that a ray meets in them, and what of a light passes them. Twin: `volumes.wgsl`.
+//! Volumetric textures on the CPU: the light that a ray meets in them, and what of a light passes them. Twin:
+//! `volumes.wgsl`.
 
 use crate::cpu::path::{Numbers, Path, PathVertex, roulette};
 use crate::cpu::shader::{FAR, MIN_LIGHT_DISTANCE2, Shader};
@@ -17,7 +18,7 @@ const SPHERE_DENSITY: f32 = 0.25 / PI;
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[("SPHERE_DENSITY", SPHERE_DENSITY)];
 
-/// What a ray meets in volumes.
+/// The light that a ray meets in volumes.
 struct VolumeRadiance {
     /// Light from them.
     radiance: Vec3,
@@ -27,7 +28,7 @@ struct VolumeRadiance {
     point: Option<VolumePoint>,
 }
 
-/// What becomes of a path's latest ray in volumes.
+/// The fate of a path's latest ray in volumes.
 pub(crate) enum AfterVolumes {
     /// The ray goes on to what it hit.
     Passed,
@@ -37,8 +38,9 @@ pub(crate) enum AfterVolumes {
     Ended,
 }
 
-/// Places along a ray that hide a part of the pixel together. How much light passes to them is asked for at one, as likely as
-/// what it hides: the first would be too bright where light comes from the eye's side and too dark where it comes from behind.
+/// Places along a ray that hide a part of the pixel together. How much light passes to them is asked for at one, as
+/// likely as what it hides: the first would be too bright where light comes from the eye's side and too dark where it
+/// comes from behind.
 struct NearPoints {
     /// Share of the pixel that they hide.
     weight: f32,
@@ -151,7 +153,8 @@ impl Shader<'_> {
         VolumeRadiance { radiance, transmittance, point: chosen }
     }
 
-    /// Returns the light of the points that were gathered, through what one of them is shadowed by, and forgets the points.
+    /// Returns the light of the points that were gathered, through what one of them is shadowed by, and forgets the
+    /// points.
     fn shadowed_light(
         &self,
         volumes: &Volumes,
@@ -207,8 +210,8 @@ impl Shader<'_> {
         lamps.chain([sun])
     }
 
-    /// Returns the light of what surrounds the scene, from the direction that the numbers `at` draw; `None` where a path meets
-    /// that by itself.
+    /// Returns the light of what surrounds the scene, from the direction that the numbers `at` draw; `None` where a
+    /// path meets that by itself.
     fn surroundings(&self, at: [f32; 2]) -> Option<VolumeSource> {
         let path = self.options.mode == RenderMode::Path;
         let distance = if path { FAR } else { self.scene.ambient.distance };

@@ -72,8 +72,8 @@ fn trace_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Volume
     near.seed = sampler_hash(seed_of(pixel, depth, VOLUME_LIGHT_NUMBERS) + frame.sample);
     var open: array<Passage, PASSAGE_SLOTS>;
     let around = frame.light_count + 1u;
-    // The sun, then each light by itself along the whole ray, then what surrounds the scene at the place that was drawn. There
-    // may be any number of lights; the twin goes along the ray once.
+    // The sun, then each light by itself along the whole ray, then what surrounds the scene at the place that was
+    // drawn. There may be any number of lights; the twin goes along the ray once.
     for (var source = 0u; source <= around; source++) {
         near.source = source;
         near.draws = 0u;
@@ -100,8 +100,9 @@ fn trace_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Volume
     return met;
 }
 
-// Marches along the path's ray under one light and adds what it meets; returns the transmittance. Shader compilers inline every
-// call: the path's ray and the rays from there to the light therefore share one loop. Do not add a second call site.
+// Marches along the path's ray under one light and adds what it meets; returns the transmittance. Shader compilers
+// inline every call: the path's ray and the rays from there to the light therefore share one loop. Do not add a second
+// call site.
 fn volume_march(
     path: Path,
     t_max: f32,
@@ -282,7 +283,8 @@ fn volume_pass(at: vec2<u32>) {
     paths[index] = path;
 }
 
-// Adds the light that the path's ray meets in volumes before `t_max`; returns false where the path ends or scatters there.
+// Adds the light that the path's ray meets in volumes before `t_max`; returns false where the path ends or scatters
+// there.
 fn pass_volumes(at: vec2<u32>, t_max: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) -> bool {
     let depth = (*pixel).depth;
     let met = trace_volumes(*path, t_max, at, depth);

@@ -1,5 +1,6 @@
-//! Traversal of the hierarchies: one over the instances, whose leaves hold one instance each, and one over the triangles of
-//! each mesh, in the mesh's own space. All lie in one array of nodes. Twin: `shaders/bvh.wgsl`, over the same arrays.
+//! Traversal of the hierarchies: one over the instances, whose leaves hold one instance each, and one over the
+//! triangles of each mesh, in the mesh's own space. All lie in one array of nodes. Twin: `bvh.wgsl`, over the same
+//! arrays.
 
 use crate::geometry::bvh_node::BvhNode;
 use crate::geometry::geometry::{Geometry, Instance};
@@ -31,7 +32,7 @@ pub const NO_HIT: u32 = u32::MAX;
 /// Instance number of a ray that is in none.
 pub(crate) const NO_INSTANCE: u32 = u32::MAX;
 
-/// Where a ray meets a triangle. Twin: `Hit` in `surface.wgsl`.
+/// The point at which a ray meets a triangle. Twin: `Hit` in `surface.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Distance along the ray.
@@ -47,31 +48,31 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// Nothing up to the distance `t`.
+    /// Returns a miss up to the distance `t`.
     pub(crate) fn none(t: f32) -> Hit {
         Hit { t, primitive: NO_HIT, u: 0.0, v: 0.0, instance: 0 }
     }
 }
 
-/// Which hit a traversal is for. Twins: `HIT_ANY`, `HIT_NEAREST`, `HIT_FRONT` in `surface.wgsl`.
+/// The hit that a traversal is for. Twins: `HIT_ANY`, `HIT_NEAREST`, `HIT_FRONT` in `surface.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyHit {
     /// Any hit will do (shadow rays).
     Yes,
-    /// Only the nearest hit.
+    /// The nearest hit.
     No,
-    /// Only the nearest of those whose front the ray meets.
+    /// The nearest hit of those whose front the ray meets.
     Front,
 }
 
 impl Geometry {
-    /// The nearest hit with 0 < t < `t_max`, or any hit if `any`. `direction` is unit.
+    /// Traces a ray: returns the nearest hit with 0 < t < `t_max`, or the hit that `any` asks for. `direction` is unit.
     pub fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
         self.trace_handed_over(origin, direction, t_max, any, &LodTransition::MESHES)
     }
 
-    /// The same where meshes that volumes stand in for are there within their spheres only. Twin: `bvh_trace` in
-    /// `bvh.wgsl`.
+    /// Traces a ray where meshes that volumes stand in for exist only within the spheres of `lod_transition`, see
+    /// [`Geometry::trace`]. Twin: `bvh_trace` in `bvh.wgsl`.
     pub fn trace_handed_over(
         &self,
         origin: Vec3,
@@ -151,7 +152,7 @@ impl Geometry {
 }
 
 impl Instance {
-    /// A point (`w` 1) or a direction (`w` 0) of the world in the mesh's space. Twin: `object_from_world`.
+    /// Transforms a point (`w` 1) or a direction (`w` 0) of the world into the mesh's space. Twin: `object_from_world`.
     pub(crate) fn object_from_world(&self, v: Vec3, w: f32) -> Vec3 {
         let v = v.extend(w);
         Vec3::from(self.object_from_world.map(|row| v.dot(row.into())))
@@ -172,7 +173,7 @@ impl BoxRay {
     }
 }
 
-/// Distance at which a ray enters a box, or `t_max` if it does not before that. Twin: `bvh_enter`.
+/// Returns the distance at which a ray enters a box, or `t_max` if it does not before that. Twin: `bvh_enter`.
 fn enter(node: &BvhNode, ray: &BoxRay, t_max: f32) -> f32 {
     let a = (Vec3::from(node.lo) - ray.origin) * ray.inverse;
     let b = (Vec3::from(node.hi) - ray.origin) * ray.inverse;
@@ -181,15 +182,15 @@ fn enter(node: &BvhNode, ray: &BoxRay, t_max: f32) -> f32 {
     if near <= far && near < t_max { near } else { t_max }
 }
 
-/// Twice the signed area of the origin, p and q, and how much of it is rounding. Twin: `bvh_edge`.
+/// Returns twice the signed area of the origin, p and q, and how much of it is rounding. Twin: `bvh_edge`.
 fn edge(p: Vec3, q: Vec3) -> (f32, f32) {
     let (a, b) = (p.x * q.y, p.y * q.x);
     (a - b, EDGE_SLACK * (a.abs() + b.abs()))
 }
 
-/// (t, u, v) of a ray and a triangle, seen from either side, without gaps between triangles that share an edge
-/// [Woop 2013]. Differs from the paper in the slack, which stands for its double-precision fallback.
-/// Of fronts alone where asked: those are seen counter-clockwise. Twin: `bvh_intersect`.
+/// Intersects a ray and a triangle: returns (t, u, v), seen from either side, without gaps between triangles that share
+/// an edge [Woop 2013]. Differs from the paper in the slack, which stands for its double-precision fallback. With
+/// `front`, only triangles that are seen counter-clockwise count. Twin: `bvh_intersect`.
 fn intersect(origin: Vec3, shear: &Shear, corners: [Vec3; 3], front: bool) -> Option<(f32, f32, f32)> {
     let [a, b, c] = corners.map(|corner| shear.apply(corner - origin));
     let ((wa, sa), (wb, sb), (wc, sc)) = (edge(c, b), edge(a, c), edge(b, a));

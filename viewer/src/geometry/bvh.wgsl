@@ -14,6 +14,7 @@ const MIN_DETERMINANT: f32 = 1e-30;
 const EDGE_SLACK: f32 = 2.4e-7;
 const NO_INSTANCE: u32 = 0xffffffffu;
 
+// Traces a ray from node `root` on: returns the hit that `which` asks for, one of HIT_ANY, HIT_NEAREST and HIT_FRONT.
 fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, which: u32) -> Hit {
     var best = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     let spheres = lod_transition_along(lod_transition, origin, direction);
@@ -98,11 +99,13 @@ struct BoxRay {
     inverse: vec3<f32>,
 }
 
+// Prepares a ray for boxes.
 fn box_ray(origin: vec3<f32>, direction: vec3<f32>) -> BoxRay {
     let least = select(vec3<f32>(MIN_DIRECTION), vec3<f32>(-MIN_DIRECTION), direction < vec3<f32>(0.0));
     return BoxRay(origin, 1.0 / select(direction, least, abs(direction) < vec3<f32>(MIN_DIRECTION)));
 }
 
+// Returns the distance at which a ray enters a box, or `t_max` if it does not before that.
 fn bvh_enter(node: BvhNode, ray: BoxRay, t_max: f32) -> f32 {
     let a = (node.lo - ray.origin) * ray.inverse;
     let b = (node.hi - ray.origin) * ray.inverse;
@@ -113,14 +116,15 @@ fn bvh_enter(node: BvhNode, ray: BoxRay, t_max: f32) -> f32 {
     return select(t_max, near, near <= far && near < t_max);
 }
 
-// (edge function, how much of it is rounding).
+// Returns twice the signed area of the origin, p and q, and how much of it is rounding.
 fn bvh_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
     let a = p.x * q.y;
     let b = p.y * q.x;
     return vec2<f32>(a - b, EDGE_SLACK * (abs(a) + abs(b)));
 }
 
-// Of fronts alone where asked: those are seen counter-clockwise.
+// Intersects a ray and a triangle: returns (t, u, v), seen from either side, without gaps between triangles that share
+// an edge [Woop 2013]. With `front`, only triangles that are seen counter-clockwise count.
 fn bvh_intersect(origin: vec3<f32>, shear: Shear, primitive: u32, front: bool) -> Hit {
     let miss = Hit(0.0, NO_HIT, 0.0, 0.0, 0u);
     let corner = triangle_at(primitive).vertices;

@@ -6,35 +6,35 @@ use glam::Vec3;
 /// Bins per axis of the split search.
 const BINS: usize = 16;
 
-/// What a hierarchy is built over.
+/// An item that a hierarchy is built over.
 pub(crate) struct Item {
     bounds: Bounds,
     centre: Vec3,
-    /// Its number before sorting.
+    /// Number of the item before sorting.
     pub index: u32,
 }
 
 impl Item {
-    /// Item number `index` with its bounds.
+    /// Returns item number `index` with its bounds.
     pub(crate) fn new(index: usize, bounds: Bounds) -> Item {
         Item { bounds, centre: (bounds.lo + bounds.hi) * 0.5, index: index as u32 }
     }
 }
 
-/// How deep and how finely is split.
+/// The limits of splitting.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BuildParams {
     /// Items up to which a node is not split.
     pub least_items: usize,
     /// Items that a leaf may keep where no split pays.
     pub most_items: usize,
-    /// Depth from which nodes are halved by count, which bounds the depth: by as many levels more as the binary logarithm of
-    /// the number of items.
+    /// Depth from which nodes are halved by count, which bounds the depth: by as many levels more as the binary
+    /// logarithm of the number of items.
     pub halving_depth: usize,
 }
 
-/// Sorts `items` (not empty) into leaf order and builds the hierarchy over them. Nodes and items are numbered from `first_node`
-/// and `first_item`; the root is the first node.
+/// Sorts `items` (not empty) into leaf order and builds the hierarchy over them. Nodes and items are numbered from
+/// `first_node` and `first_item`; the root is the first node.
 ///
 /// Deterministic. Cost: O(n log n), about 1 us per item.
 pub(crate) fn build(items: &mut [Item], params: BuildParams, first_node: usize, first_item: usize) -> Vec<BvhNode> {
@@ -64,7 +64,7 @@ pub(crate) fn build(items: &mut [Item], params: BuildParams, first_node: usize, 
     nodes
 }
 
-/// Number of items that go to the left, after sorting the slice so; `None` for a leaf.
+/// Sorts the slice for a split and returns the number of items that go to the left; `None` for a leaf.
 fn split(items: &mut [Item], params: BuildParams, bounds: Bounds, depth: usize) -> Option<usize> {
     if items.len() <= params.least_items {
         return None;

@@ -1,14 +1,14 @@
-//! Triangles as both tracers see them: meshes with shared vertices, triangles in the order of the BVH's leaves, so that a
-//! primitive has one number on the CPU, in the compute BVH and in the acceleration structure; and instances, which place
-//! meshes in the world.
+//! Triangles as both tracers see them: meshes with shared vertices, triangles in the order of the BVH's leaves, so that
+//! a primitive has one number on the CPU, in the compute BVH and in the acceleration structure; and instances, which
+//! place meshes in the world.
 
 use crate::geometry::bvh_build::{BuildParams, Item, build};
 use crate::geometry::bvh_node::{Bounds, BvhNode};
 use glam::{Mat4, Vec3, Vec4};
 
-/// Of a mesh: 2^24 triangles in leaves of 4 add 22 levels at most to the depth of halving.
+/// Limits of a mesh's hierarchy: 2^24 triangles in leaves of 4 add 22 levels at most to the depth of halving.
 const TRIANGLES: BuildParams = BuildParams { least_items: 4, most_items: 16, halving_depth: 24 };
-/// Over the instances: 2^20 add 20 levels.
+/// Limits of the hierarchy over the instances: 2^20 add 20 levels.
 const INSTANCES: BuildParams = BuildParams { least_items: 1, most_items: 1, halving_depth: 13 };
 /// Triangles that all meshes have together at most.
 const MAX_TRIANGLES: usize = 1 << 24;
@@ -50,7 +50,7 @@ pub struct Instance {
     pub object_from_world: [[f32; 4]; 3],
     /// Rows of the map back.
     pub world_from_object: [[f32; 4]; 3],
-    /// What multiplies the contents of its leaves: chlorophyll, carotenoids, brown pigment, thickness.
+    /// Factors of the contents of the instance's leaves: chlorophyll, carotenoids, brown pigment, thickness.
     pub factors: [f32; 4],
     /// Node where the mesh's hierarchy begins.
     pub root: u32,
@@ -58,7 +58,7 @@ pub struct Instance {
     pub first_triangle: u32,
     /// 0 where the mesh's space is the world; else -1 where it is mirrored, 1 where it is not.
     pub handedness: f32,
-    /// How wide its leaves are in the world; 0 where no volume stands in for it.
+    /// Width of the instance's leaves in the world; 0 where no volume stands in for them.
     pub leaf_width: f32,
 }
 
@@ -71,7 +71,7 @@ pub struct Mesh {
     pub triangles: Vec<Triangle>,
 }
 
-/// Where a mesh stands in the world.
+/// The place of a mesh in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// Number of the mesh.
@@ -80,7 +80,7 @@ pub struct Placement {
     pub world_from_object: Mat4,
 }
 
-/// Where a mesh lies in the arrays.
+/// The place of a mesh in the arrays.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MeshRange {
     pub first_triangle: u32,
@@ -96,7 +96,7 @@ pub struct Geometry {
     triangles: Vec<Triangle>,
     meshes: Vec<MeshRange>,
     instances: Vec<Instance>,
-    /// Of each instance: its mesh, and its number among the placements that were given.
+    /// For each instance: the number of its mesh, and its number among the placements that were given.
     origins: Vec<[usize; 2]>,
     /// The meshes' hierarchies one after the other, then the one over the instances.
     nodes: Vec<BvhNode>,
@@ -104,7 +104,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// One mesh where it is.
+    /// Builds the geometry of one mesh that stands where it is.
     ///
     /// # Errors
     /// As [`Geometry::placed`].
@@ -115,8 +115,8 @@ impl Geometry {
         )
     }
 
-    /// Meshes, each as often as `placements` say. Leaves out triangles without an area, sorts the others into the leaves of
-    /// a hierarchy for each mesh, and builds one over the instances.
+    /// Builds the geometry of meshes that are placed as often as `placements` say. Leaves out triangles without an
+    /// area, sorts the others into the leaves of a hierarchy for each mesh, and builds one over the instances.
     ///
     /// # Errors
     /// A sentence if a number is not finite, a vertex or mesh number is out of range, a placement flattens its mesh, no
@@ -225,8 +225,8 @@ impl Geometry {
         Ok(())
     }
 
-    /// This and behind it `other`, in one set of arrays where what was in this keeps its numbers; the node where the hierarchy
-    /// over the instances of `other` begins.
+    /// Appends `other` to a copy of `self`, whose elements keep their numbers. Also returns the node where the
+    /// hierarchy over the instances of `other` begins.
     pub(crate) fn followed_by(&self, other: &Geometry) -> (Geometry, u32) {
         let mut all = self.clone();
         let [vertices, triangles, nodes] =
@@ -254,7 +254,7 @@ impl Geometry {
         (all, other.root + nodes)
     }
 
-    /// The nodes of `other` where it stands behind this, see [`followed_by`](Geometry::followed_by).
+    /// Iterates over the nodes of `other`, numbered as [`followed_by`](Geometry::followed_by) appends them.
     pub(crate) fn nodes_behind(&self, other: &Geometry) -> impl Iterator<Item = BvhNode> {
         let [triangles, nodes, instances] =
             [self.triangles.len(), self.nodes.len(), self.instances.len()].map(|count| count as u32);
@@ -269,8 +269,8 @@ impl Geometry {
         })
     }
 
-    /// Moves the vertices from number `first` on to `positions`. Triangles and hierarchies keep their order, which is as good as
-    /// a new one where nothing moves far; boxes follow. Cost: a pass over the nodes.
+    /// Moves the vertices from number `first` on to `positions`. Triangles and hierarchies keep their order, which is
+    /// as good as a new one where nothing moves far; boxes follow. Cost: a pass over the nodes.
     pub(crate) fn move_vertices(&mut self, first: usize, positions: impl Iterator<Item = Vec3>) {
         for (vertex, position) in self.vertices[first..].iter_mut().zip(positions) {
             vertex.position = position.to_array();
@@ -288,8 +288,9 @@ impl Geometry {
         self.refit_instances();
     }
 
-    /// Moves instances to where `place` has them, by their number among the placements; those that it says nothing of, or a map
-    /// without an inverse, stay. The hierarchy over the instances keeps its order. Cost: a pass over the instances.
+    /// Moves instances to where `place` has them, by their number among the placements; those that it says nothing of,
+    /// or a map without an inverse, stay. The hierarchy over the instances keeps its order. Cost: a pass over the
+    /// instances.
     pub(crate) fn move_instances(&mut self, place: impl Fn(usize) -> Option<Mat4>) {
         for (instance, [_, number]) in self.instances.iter_mut().zip(&self.origins) {
             let Some(map) = place(*number) else { continue };
@@ -323,7 +324,7 @@ impl Geometry {
         (self.nodes[number].lo, self.nodes[number].hi) = (bounds.lo.to_array(), bounds.hi.to_array());
     }
 
-    /// The same surface with `triangles` that differ from its own in their materials only.
+    /// Returns a copy with `triangles` that differ from the present ones in their materials only.
     pub(crate) fn with_triangles(&self, triangles: Vec<Triangle>) -> Geometry {
         Geometry { triangles, ..self.clone() }
     }
@@ -337,8 +338,9 @@ impl Geometry {
         }
     }
 
-    /// Says of which instances a volume stands in for the mesh where it is small ([`LodTransition`](crate::LodTransition)): `widths` gives,
-    /// for a mesh and a number among the placements, how wide its leaves are in the world, 0 where none does.
+    /// Says of which instances a volume stands in for the mesh where it is small
+    /// ([`LodTransition`](crate::LodTransition)): `widths` gives, for a mesh and a number among the placements, how
+    /// wide its leaves are in the world, 0 where none does.
     pub fn set_leaf_widths(&mut self, widths: impl Fn(usize, usize) -> f32) {
         for (instance, [mesh, number]) in self.instances.iter_mut().zip(&self.origins) {
             instance.leaf_width = widths(*mesh, *number);
@@ -346,74 +348,75 @@ impl Geometry {
         }
     }
 
-    /// How wide leaves of instances are at most that volumes stand in for, in the world; 0 where there are none.
+    /// Returns the greatest leaf width of all instances that volumes stand in for, in the world; 0 where there are
+    /// none.
     pub fn widest_leaf(&self) -> f32 {
         self.instances.iter().map(|instance| instance.leaf_width).fold(0.0, f32::max)
     }
 
-    /// All vertices.
+    /// Returns all vertices.
     pub fn vertices(&self) -> &[Vertex] {
         &self.vertices
     }
 
-    /// All triangles; a hit's primitive number is an index into these.
+    /// Returns all triangles; a hit's primitive number is an index into these.
     pub fn triangles(&self) -> &[Triangle] {
         &self.triangles
     }
 
-    /// All instances; a hit's instance number is an index into these.
+    /// Returns all instances; a hit's instance number is an index into these.
     pub fn instances(&self) -> &[Instance] {
         &self.instances
     }
 
-    /// Least and greatest corner of a mesh, in its space.
+    /// Returns the least and greatest corner of a mesh, in its space.
     pub(crate) fn mesh_bounds(&self, mesh: usize) -> [Vec3; 2] {
         let Bounds { lo, hi } = self.meshes[mesh].bounds;
         [lo, hi]
     }
 
-    /// Number of the mesh that an instance places.
+    /// Returns the number of the mesh that an instance places.
     pub(crate) fn mesh_of(&self, instance: usize) -> usize {
         self.origins[instance][0]
     }
 
-    /// Where the meshes lie in the arrays.
+    /// Returns where the meshes lie in the arrays.
     pub(crate) fn meshes(&self) -> &[MeshRange] {
         &self.meshes
     }
 
-    /// The triangles of each mesh.
+    /// Iterates over the triangles of each mesh.
     pub(crate) fn mesh_triangles(&self) -> impl Iterator<Item = &[Triangle]> {
         self.meshes.iter().map(|mesh| &self.triangles[mesh.first_triangle as usize..][..mesh.triangles as usize])
     }
 
-    /// Triangles that can be hit: those of each mesh as often as it is placed.
+    /// Counts the triangles that can be hit: those of each mesh as often as it is placed.
     pub fn placed_triangles(&self) -> u64 {
         self.origins.iter().map(|[mesh, _]| u64::from(self.meshes[*mesh].triangles)).sum()
     }
 
-    /// The hierarchies.
+    /// Returns the hierarchies.
     pub fn nodes(&self) -> &[BvhNode] {
         &self.nodes
     }
 
-    /// For tests that break them.
+    /// Returns the nodes for tests that break them.
     #[cfg(test)]
     pub(crate) fn nodes_mut(&mut self) -> &mut [BvhNode] {
         &mut self.nodes
     }
 
-    /// The node where the hierarchy over the instances begins.
+    /// Returns the node where the hierarchy over the instances begins.
     pub fn root(&self) -> u32 {
         self.root
     }
 
-    /// Corners of a triangle, in its mesh's space.
+    /// Returns the corners of a triangle, in its mesh's space.
     pub fn corners(&self, primitive: u32) -> [Vec3; 3] {
         self.triangles[primitive as usize].vertices.map(|index| Vec3::from(self.vertices[index as usize].position))
     }
 
-    /// Centre and radius of a sphere around everything.
+    /// Returns the centre and radius of a sphere around everything.
     pub fn bounding_sphere(&self) -> (Vec3, f32) {
         let Bounds { lo, hi } = self.nodes[self.root as usize].bounds();
         let centre = (lo + hi) * 0.5;
@@ -431,13 +434,13 @@ impl Geometry {
     }
 }
 
-/// The affine map of three rows.
+/// Returns the affine map of three rows.
 fn affine(rows: [[f32; 4]; 3]) -> Mat4 {
     let [x, y, z] = rows.map(Vec4::from);
     Mat4::from_cols(x, y, z, Vec4::W).transpose()
 }
 
-/// The three rows of an affine map.
+/// Returns the three rows of an affine map.
 fn rows(map: Mat4) -> [[f32; 4]; 3] {
     [0, 1, 2].map(|row| map.row(row).to_array())
 }

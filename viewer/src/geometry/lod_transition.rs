@@ -1,26 +1,27 @@
-//! Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin:
-//! `shaders/lod_transition.wgsl`.
+//! Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the
+//! picture. Twin: `lod_transition.wgsl`.
 //!
-//! A leaf `w` wide at distance d is `w / (d * pixel_width)` pixels wide. Where that is [`MESH_PIXELS`] or more, the mesh is
-//! seen; where it is [`VOLUME_PIXELS`] or less, its volume; between, both in shares that change with the logarithm of d. Each
-//! path from the eye draws one radius for each leaf width: within that sphere about the eye the scene has the meshes, beyond it
-//! the volumes, for the path's further rays and those to lights as well. Every place has one of the two, so nothing is there
-//! twice and nothing is lost, even where the eye is within a plant; and no instance needs a state of its own.
+//! A leaf `w` wide at distance d is `w / (d * pixel_width)` pixels wide. Where that is [`MESH_PIXELS`] or more, the
+//! mesh is seen; where it is [`VOLUME_PIXELS`] or less, its volume; between, both in shares that change with the
+//! logarithm of d. Each path from the eye draws one radius for each leaf width: within that sphere about the eye the
+//! scene has the meshes, beyond it the volumes, for the path's further rays and those to lights as well. Every place
+//! has one of the two, so nothing is there twice and nothing is lost, even where the eye is within a plant; and no
+//! instance needs a state of its own.
 
 use crate::sampler;
 use glam::Vec3;
 
-/// A leaf that is so many pixels wide is a mesh's.
+/// Width in pixels from which on a leaf is shown by its mesh.
 pub const MESH_PIXELS: f32 = 2.0;
-/// A leaf that is so many pixels wide is a volume's. Two octaves of distance: from one side and under one light the two differ in
-/// brightness by up to 15 %, which is 2 % for each quarter of an octave.
+/// Width in pixels up to which a leaf is shown by its volume. Two octaves of distance: from one side and under one
+/// light the two differ in brightness by up to 15 %, which is 2 % for each quarter of an octave.
 pub const VOLUME_PIXELS: f32 = 0.5;
 /// Stream of the sampler from which radii are drawn.
 pub(crate) const STREAM: u32 = 0x5bd1_e995;
 /// Steps of the R2 sequence [Roberts 2018] in fractions of 2^32: radii of neighbouring pixels are far from each other.
 pub(crate) const PIXEL_STEPS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
 
-/// What is a mesh and what a volume, for one path.
+/// The transition of one path: what is a mesh, and what a volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LodTransition {
     eye: Vec3,
@@ -32,14 +33,15 @@ impl LodTransition {
     /// Every mesh is one, however far away.
     pub const MESHES: LodTransition = LodTransition { eye: Vec3::ZERO, radius_widths: f32::INFINITY };
 
-    /// About an eye, where a pixel is `pixel_width` wide at distance 1; `share` is how far from the inner sphere to the outer
-    /// one, 0 to 1.
+    /// Returns the transition about an eye, where a pixel is `pixel_width` wide at distance 1. `share` is how far the
+    /// radius lies from the inner sphere to the outer one, 0 to 1.
     pub fn new(eye: Vec3, pixel_width: f32, share: f32) -> LodTransition {
         let pixels = MESH_PIXELS * (VOLUME_PIXELS / MESH_PIXELS).powf(share);
         LodTransition { eye, radius_widths: 1.0 / (pixels * pixel_width) }
     }
 
-    /// That of a sample of a pixel: stratified over any power of two of samples, and over pixels beside each other.
+    /// Draws the transition of a sample of a pixel: stratified over any power of two of samples, and over neighbouring
+    /// pixels.
     pub(crate) fn of_path(eye: Vec3, pixel_width: f32, [x, y]: [u32; 2], sample: u32) -> LodTransition {
         let lattice = x.wrapping_mul(PIXEL_STEPS[0]).wrapping_add(y.wrapping_mul(PIXEL_STEPS[1]));
         let [own, _] = sampler::two(sample, STREAM);
@@ -47,7 +49,7 @@ impl LodTransition {
         LodTransition::new(eye, pixel_width, share)
     }
 
-    /// Of a ray, whose direction is unit.
+    /// Returns where a ray of unit direction lies within the spheres.
     pub(crate) fn along(&self, origin: Vec3, direction: Vec3) -> SpheresAlong {
         let to_eye = self.eye - origin;
         let nearest = to_eye.dot(direction);
@@ -56,18 +58,18 @@ impl LodTransition {
     }
 }
 
-/// Where a ray is within the spheres about the eye.
+/// The places at which a ray passes the spheres about the eye.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SpheresAlong {
-    /// Where it is nearest to the eye, and how near, squared.
+    /// Distance along the ray to where it is nearest to the eye, and the distance from there to the eye, squared.
     nearest: f32,
     apart2: f32,
     radius_widths: f32,
 }
 
 impl SpheresAlong {
-    /// From where to where a mesh is one whose leaves are so wide; all the way where that is 0, for what no volume stands in
-    /// for. The end lies before the start where the ray passes the sphere.
+    /// Returns from where to where along the ray a mesh exists whose leaves are so wide; the whole ray for width 0,
+    /// which no volume stands in for. The end lies before the start where the ray passes the sphere.
     pub fn mesh(&self, leaf_width: f32) -> [f32; 2] {
         if leaf_width <= 0.0 {
             return [f32::NEG_INFINITY, f32::INFINITY];
@@ -81,8 +83,8 @@ impl SpheresAlong {
         [self.nearest - half, self.nearest + half]
     }
 
-    /// What of the stretch from `t0` to `t1` is before and behind the mesh that a volume stands in for: two stretches, of which
-    /// those that end where they begin or before are none.
+    /// Returns the parts of the stretch from `t0` to `t1` that lie before and behind the mesh that a volume stands in
+    /// for: two stretches, of which those that end where they begin or before are empty.
     pub fn volume(&self, leaf_width: f32, [t0, t1]: [f32; 2]) -> [[f32; 2]; 2] {
         let [enter, leave] = self.mesh(leaf_width);
         if leaf_width <= 0.0 || leave <= enter {

@@ -1,4 +1,5 @@
-// Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the picture. Twin: lod_transition.rs.
+// Level-of-detail transition from meshes to the volumes that stand in for them where their leaves are small in the
+// picture. Twin: lod_transition.rs.
 
 // A leaf that is so many pixels wide is a mesh's.
 const MESH_PIXELS: f32 = 2.0;
@@ -30,20 +31,21 @@ override with_lod_transition: bool = true;
 // That of the path which this invocation follows.
 var<private> lod_transition: LodTransition;
 
-// About an eye, where a pixel is `pixel_width` wide at distance 1; `share` is how far from the inner sphere to the outer one.
+// Returns the transition about an eye, where a pixel is `pixel_width` wide at distance 1. `share` is how far the radius
+// lies from the inner sphere to the outer one.
 fn lod_transition_new(eye: vec3<f32>, pixel_width: f32, share: f32) -> LodTransition {
     let leaf_pixels = MESH_PIXELS * pow(VOLUME_PIXELS / MESH_PIXELS, share);
     return LodTransition(eye, 1.0 / (leaf_pixels * pixel_width));
 }
 
-// That of a sample of a pixel.
+// Draws the transition of a sample of a pixel.
 fn lod_transition_of_path(eye: vec3<f32>, pixel_width: f32, pixel: vec2<u32>, sample: u32) -> LodTransition {
     let lattice = pixel.x * PIXEL_STEP_X + pixel.y * PIXEL_STEP_Y;
     let own = sampler_two(sample, LOD_TRANSITION_STREAM).x;
     return lod_transition_new(eye, pixel_width, fract(own + f32(lattice >> 8u) * 5.9604645e-8));
 }
 
-// Of a ray, whose direction is unit.
+// Returns where a ray of unit direction lies within the spheres.
 fn lod_transition_along(own: LodTransition, origin: vec3<f32>, direction: vec3<f32>) -> SpheresAlong {
     let to_eye = own.eye - origin;
     let nearest = dot(to_eye, direction);
@@ -51,8 +53,8 @@ fn lod_transition_along(own: LodTransition, origin: vec3<f32>, direction: vec3<f
     return SpheresAlong(nearest, dot(apart, apart), own.radius_widths);
 }
 
-// From where to where a mesh is one whose leaves are so wide; all the way where that is 0, for what no volume stands in for. The
-// end lies before the start where the ray passes the sphere.
+// Returns from where to where along the ray a mesh exists whose leaves are so wide; the whole ray for width 0, which no
+// volume stands in for. The end lies before the start where the ray passes the sphere.
 fn lod_transition_mesh(spheres: SpheresAlong, leaf_width: f32) -> vec2<f32> {
     if leaf_width <= 0.0 {
         return vec2<f32>(-TRACE_FAR, TRACE_FAR);
@@ -66,8 +68,8 @@ fn lod_transition_mesh(spheres: SpheresAlong, leaf_width: f32) -> vec2<f32> {
     return vec2<f32>(spheres.nearest - half, spheres.nearest + half);
 }
 
-// What of the stretch from `t0` to `t1` is before (x, y) and behind (z, w) the mesh that a volume stands in for; those that end
-// where they begin or before are none.
+// Returns the parts of the stretch from `t0` to `t1` that lie before (x, y) and behind (z, w) the mesh that a volume
+// stands in for; those that end where they begin or before are empty.
 fn lod_transition_volume(spheres: SpheresAlong, leaf_width: f32, t0: f32, t1: f32) -> vec4<f32> {
     let there = lod_transition_mesh(spheres, leaf_width);
     if leaf_width <= 0.0 || there.y <= there.x {

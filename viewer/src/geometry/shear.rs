@@ -1,5 +1,5 @@
-//! Rays as the z axis [Woop 2013]: seen along itself a ray is a point, and a triangle around it a triangle around the origin.
-//! Twin: `shaders/shear.wgsl`.
+//! Rays as the z axis [Woop 2013]: seen along itself a ray is a point, and a triangle around it a triangle around the
+//! origin. Twin: `shear.wgsl`.
 
 use glam::Vec3;
 
@@ -11,7 +11,7 @@ pub(crate) struct Shear {
 }
 
 impl Shear {
-    /// For a direction that need not be unit, but not zero.
+    /// Prepares a direction that need not be unit, but not zero.
     pub(crate) fn new(direction: Vec3) -> Shear {
         let size = direction.abs();
         let axis = if size.x > size.y && size.x > size.z {
@@ -26,19 +26,20 @@ impl Shear {
         Shear { axis, factors: Vec3::new(d.x * inverse, d.y * inverse, inverse) }
     }
 
-    /// A point relative to the ray's origin: two coordinates across the ray, and t.
+    /// Shears a point relative to the ray's origin: returns two coordinates across the ray, and t.
     pub(crate) fn apply(&self, v: Vec3) -> Vec3 {
         let v = turn(v, self.axis);
         Vec3::new(v.x - self.factors.x * v.z, v.y - self.factors.y * v.z, v.z * self.factors.z)
     }
 
-    /// Whether a triangle that is counter-clockwise from outside, and is seen with this area, has its outside towards the ray.
+    /// Returns whether a triangle that is counter-clockwise from outside, and is seen with this area, has its outside
+    /// towards the ray.
     pub(crate) fn is_towards(&self, area: f32) -> bool {
         area * self.factors.z < 0.0
     }
 }
 
-/// The components in cyclic order so that `axis` becomes z.
+/// Turns the components in cyclic order so that `axis` becomes z.
 fn turn(v: Vec3, axis: usize) -> Vec3 {
     match axis {
         0 => Vec3::new(v.y, v.z, v.x),

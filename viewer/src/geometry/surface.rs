@@ -1,4 +1,4 @@
-//! The surface where a ray hits it. Twin: `shaders/surface.wgsl`.
+//! The surface where a ray hits it. Twin: `surface.wgsl`.
 
 use crate::geometry::bvh::Hit;
 use crate::geometry::geometry::{Geometry, Instance, Vertex};
@@ -19,18 +19,18 @@ pub(crate) struct Surface {
     pub material: usize,
     /// Normal of the triangle, on the side of the shading normal.
     pub flat: Vec3,
-    /// The ray came from behind.
+    /// Whether the ray came from behind.
     pub view_back: bool,
     /// Frame of the texel: x, y, z.
     pub tangent: Vec3,
     pub bitangent: Vec3,
     pub normal: Vec3,
-    /// Towards the eye, in that frame.
+    /// Unit direction to the eye, texel frame.
     pub wo: Vec3,
     pub uv: Vec2,
     /// Length of the texture on a unit of length, in the mean over the triangle.
     pub texture_per_unit: f32,
-    /// Where rays begin that leave on the front, and on the back.
+    /// Origins of rays that leave on the front, and on the back.
     pub above: Vec3,
     pub below: Vec3,
 }
@@ -40,7 +40,7 @@ fn normalize_or(v: Vec3, other: Vec3) -> Vec3 {
     if length2 > 1e-20 { v * (1.0 / length2.sqrt()) } else { other }
 }
 
-/// A vector perpendicular to the unit `n`.
+/// Returns a vector perpendicular to the unit `n`.
 pub(crate) fn perpendicular(n: Vec3) -> Vec3 {
     if n.x.abs() < 0.9 { Vec3::new(0.0, -n.z, n.y).normalize() } else { Vec3::new(n.z, 0.0, -n.x).normalize() }
 }
@@ -69,7 +69,7 @@ fn lift(p: Vec3, weights: Vec3, corners: &[Vertex; 3], side: f32) -> Vec3 {
     at
 }
 
-/// A vertex of a mesh where an instance has it.
+/// Transforms a vertex of a mesh to where an instance has it.
 fn vertex_in_world(vertex: Vertex, instance: &Instance) -> Vertex {
     let to_world = |v: Vec4| Vec3::from(instance.world_from_object.map(|row| v.dot(row.into())));
     let position = to_world(Vec3::from(vertex.position).extend(1.0));
@@ -86,7 +86,7 @@ fn vertex_in_world(vertex: Vertex, instance: &Instance) -> Vertex {
     }
 }
 
-/// The corners of the triangle that a ray hit, in the world.
+/// Returns the corners of the triangle that a ray hit, in the world.
 pub(crate) fn corners_of(geometry: &Geometry, hit: &Hit) -> [Vertex; 3] {
     let corners =
         geometry.triangles()[hit.primitive as usize].vertices.map(|index| geometry.vertices()[index as usize]);
@@ -94,14 +94,14 @@ pub(crate) fn corners_of(geometry: &Geometry, hit: &Hit) -> [Vertex; 3] {
     if instance.handedness == 0.0 { corners } else { corners.map(|corner| vertex_in_world(corner, instance)) }
 }
 
-/// `area` is twice the triangle's.
+/// Returns the length of the texture on a unit of length; `area` is twice that of the triangle.
 fn texture_per_unit(corners: &[Vertex; 3], area: f32) -> f32 {
     let [a, b, c] = corners.each_ref().map(|vertex| Vec2::new(vertex.u, vertex.v));
     ((b - a).perp_dot(c - a).abs() / area.max(1e-20)).sqrt()
 }
 
 impl Surface {
-    /// The surface that a ray along `direction` hit.
+    /// Returns the surface that a ray along `direction` hit.
     pub(crate) fn surface_at(geometry: &Geometry, hit: &Hit, direction: Vec3) -> Surface {
         let corners = corners_of(geometry, hit);
         let weights = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
@@ -141,12 +141,12 @@ impl Surface {
         }
     }
 
-    /// A direction of the world in the frame of the texel.
+    /// Transforms a direction of the world into the frame of the texel.
     pub(crate) fn local_from_world(&self, d: Vec3) -> Vec3 {
         Vec3::new(self.tangent.dot(d), self.bitangent.dot(d), self.normal.dot(d))
     }
 
-    /// And back.
+    /// Transforms a direction from the frame of the texel into the world.
     pub(crate) fn world_from_local(&self, d: Vec3) -> Vec3 {
         self.tangent * d.x + self.bitangent * d.y + self.normal * d.z
     }

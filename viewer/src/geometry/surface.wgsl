@@ -37,6 +37,7 @@ struct Surface {
     below: vec3<f32>,
 }
 
+// Returns the unit vector along v, or `other` where v is nearly zero.
 fn normalize_or(v: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
     let length2 = dot(v, v);
     if length2 > 1e-20 {
@@ -45,7 +46,7 @@ fn normalize_or(v: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
     return other;
 }
 
-// A vector perpendicular to the unit n.
+// Returns a vector perpendicular to the unit n.
 fn perpendicular(n: vec3<f32>) -> vec3<f32> {
     if abs(n.x) < 0.9 {
         return normalize(vec3<f32>(0.0, -n.z, n.y));
@@ -71,13 +72,13 @@ fn lift(p: vec3<f32>, weights: vec3<f32>, corners: array<Vertex, 3>, side: f32) 
     return at;
 }
 
-// A point (w 1) or a direction (w 0) of the world in an instance's space.
+// Transforms a point (w 1) or a direction (w 0) of the world into an instance's space.
 fn object_from_world(instance: u32, v: vec4<f32>) -> vec3<f32> {
     let rows = instances[instance].object_from_world;
     return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
 }
 
-// A vertex of a mesh where an instance has it.
+// Transforms a vertex of a mesh to where an instance has it.
 fn vertex_in_world(given: Vertex, instance: Instance) -> Vertex {
     var vertex = given;
     let rows = instance.world_from_object;
@@ -97,7 +98,7 @@ fn vertex_in_world(given: Vertex, instance: Instance) -> Vertex {
     return vertex;
 }
 
-// The corners of the triangle that a ray hit, in the world.
+// Returns the corners of the triangle that a ray hit, in the world.
 fn corners_of(hit: Hit) -> array<Vertex, 3> {
     let corner = triangle_at(hit.primitive).vertices;
     var corners = array<Vertex, 3>(vertex_at(corner.x), vertex_at(corner.y), vertex_at(corner.z));
@@ -110,7 +111,7 @@ fn corners_of(hit: Hit) -> array<Vertex, 3> {
     return corners;
 }
 
-// `area` is twice the triangle's.
+// Returns the length of the texture on a unit of length; `area` is twice that of the triangle.
 fn texture_per_unit(corners: array<Vertex, 3>, area: f32) -> f32 {
     let a = corners[0];
     let e = vec2<f32>(corners[1].u - a.u, corners[1].v - a.v);
@@ -118,7 +119,7 @@ fn texture_per_unit(corners: array<Vertex, 3>, area: f32) -> f32 {
     return sqrt(abs(e.x * f.y - e.y * f.x) / max(area, 1e-20));
 }
 
-// The surface that a ray along `direction` hit.
+// Returns the surface that a ray along `direction` hit.
 fn surface_at(hit: Hit, direction: vec3<f32>) -> Surface {
     let corners = corners_of(hit);
     let a = corners[0];
@@ -161,11 +162,12 @@ fn surface_at(hit: Hit, direction: vec3<f32>) -> Surface {
     );
 }
 
-// A direction of the world in the frame of the texel, and back.
+// Transforms a direction of the world into the frame of the texel.
 fn local_from_world(s: Surface, d: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(s.tangent, d), dot(s.bitangent, d), dot(s.normal, d));
 }
 
+// Transforms a direction from the frame of the texel into the world.
 fn world_from_local(s: Surface, d: vec3<f32>) -> vec3<f32> {
     return s.tangent * d.x + s.bitangent * d.y + s.normal * d.z;
 }

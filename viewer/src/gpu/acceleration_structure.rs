@@ -13,8 +13,8 @@ pub(crate) const PROXIES: u8 = 2;
 /// Mask of instances that are surfaces which volumes stand in for. Twin: `RAY_HANDED_OVER`.
 pub(crate) const HANDED_OVER: u8 = 4;
 
-/// A structure for each mesh and one over the instances, which are numbered as `geometry` has them; those that `scene` has
-/// not itself are proxies.
+/// Builds a structure for each mesh and one over the instances, which are numbered as `geometry` has them. Instances
+/// that `scene` does not have itself are proxies.
 ///
 /// # Errors
 /// [`ViewerError::Gpu`] where the adapter takes fewer triangles or instances.

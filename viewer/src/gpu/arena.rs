@@ -1,12 +1,13 @@
-//! All assets of a scene, and the picture that surrounds it, in the buffers that shaders read: one array of words, in as
-//! many pieces as the adapter's largest binding asks for.
+//! All assets of a scene, and the picture that surrounds it, in the buffers that shaders read: one array of words, in
+//! as many pieces as the adapter's largest binding asks for.
 
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
 use crate::gpu::expand::{Expander, LayerBases, other_words};
 use crate::gpu::pieces::{PieceLayout, Pieces};
 
-/// Words that are left free behind an asset of so many words, for edits: some sixteen of an asset of 240 lobes.
+/// Returns the words that are left free behind an asset of so many words, for edits: some sixteen of an asset of 240
+/// lobes.
 pub(crate) fn room_for_edits(words: usize) -> usize {
     (words / 8).min(1 << 16)
 }
@@ -14,10 +15,10 @@ pub(crate) fn room_for_edits(words: usize) -> usize {
 /// Assets begin at multiples of this many words, so that their sections stay aligned to 256 bytes.
 const ALIGNMENT_WORDS: usize = 64;
 
-/// Where assets of so many `words` begin in pieces of at most `most_words`, and the pieces. An asset that fits into a
-/// piece lies in one, so that neighbouring reads go to the same buffer.
-fn place(words: &[usize], most_words: usize) -> (Vec<u32>, PieceLayout, usize) {
-    let piece = 1usize << most_words.max(1).ilog2();
+/// Returns where arrays of so many `words` begin in pieces of at most `max_words`, and the pieces. An array that fits
+/// into a piece lies in one, so that neighbouring reads go to the same buffer.
+fn place(words: &[usize], max_words: usize) -> (Vec<u32>, PieceLayout, usize) {
+    let piece = 1usize << max_words.max(1).ilog2();
     let mut at = 0usize;
     let mut bases = Vec::new();
     for words in words {
@@ -29,18 +30,18 @@ fn place(words: &[usize], most_words: usize) -> (Vec<u32>, PieceLayout, usize) {
         at += words;
     }
     // Where all fits into one piece none ends within, and the gaps that were left are harmless.
-    (bases, PieceLayout::of(at, most_words), at)
+    (bases, PieceLayout::of(at, max_words), at)
 }
 
-/// What is uploaded as one asset.
+/// One array of words to upload.
 pub(crate) struct ArenaAsset<'a> {
     pub words: &'a [u32],
-    /// What of the words is not uploaded but expanded there.
+    /// The bases among the words that are expanded on the GPU in place of being uploaded.
     pub bases: &'a [LayerBases],
 }
 
 impl<'a> ArenaAsset<'a> {
-    /// All of `words`, as they are.
+    /// Returns all of `words`, to be uploaded as they are.
     pub(crate) fn whole(words: &'a [u32]) -> ArenaAsset<'a> {
         ArenaAsset { words, bases: &[] }
     }
@@ -51,13 +52,13 @@ pub(crate) struct Arena {
     pub pieces: Pieces,
     /// First word of each asset.
     pub bases: Vec<u32>,
-    /// Words that each may have.
+    /// Words that each array may have.
     room: Vec<usize>,
 }
 
 impl Arena {
-    /// Uploads the words of `assets`, with `room` for more behind an asset of so many words, and has their bases expanded
-    /// where they lack them.
+    /// Uploads the words of `assets`, with `room` for more behind an asset of so many words, and has their bases
+    /// expanded where they lack them.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the adapter binds too few buffers for so many pieces, or has no memory for them.

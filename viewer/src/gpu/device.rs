@@ -1,7 +1,7 @@
 //! The adapter and the device.
 
 use crate::error::ViewerError;
-use crate::gpu::backend::GpuTracer;
+use crate::gpu::backend::{Expansion, GpuTracer};
 use std::sync::{Arc, Mutex};
 
 /// An open device. A clone stands for the same device.
@@ -9,20 +9,20 @@ use std::sync::{Arc, Mutex};
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
-    /// Its queue.
+    /// The queue of the device.
     pub queue: wgpu::Queue,
     pub(crate) instance: wgpu::Instance,
     pub(crate) adapter: wgpu::Adapter,
     info: wgpu::AdapterInfo,
     /// Bytes of one binding at most.
     max_binding_bytes: u64,
-    /// Whether it expands assets' bases itself.
+    /// Whether the device expands assets' bases, and not the CPU.
     expands_bases: bool,
     /// First error that the driver reported outside a call.
     fault: Arc<Mutex<Option<String>>>,
 }
 
-/// What to install or check where no adapter answers.
+/// The remedy where no adapter answers.
 const NO_ADAPTER_REMEDY: &str = "to have one, install the graphics driver's Vulkan part (on Debian and Ubuntu the \
                                  package mesa-vulkan-drivers, which also has a software driver); --headless with \
                                  --backend cpu renders without";
@@ -51,7 +51,7 @@ impl Gpu {
         Gpu::open(instance(None), None, adapter_name)
     }
 
-    /// The same for an adapter that can present to `surface`.
+    /// Opens the best adapter that can present to `surface`, or the first whose name contains `adapter_name`.
     pub(crate) fn open(
         instance: wgpu::Instance,
         surface: Option<&wgpu::Surface>,
@@ -143,7 +143,7 @@ impl Gpu {
         Ok(Gpu { device, queue, instance, adapter, info, max_binding_bytes, expands_bases, fault })
     }
 
-    /// Adapter name as the driver gives it.
+    /// Returns the adapter name as the driver gives it.
     pub fn adapter_name(&self) -> &str {
         &self.info.name
     }
@@ -153,25 +153,26 @@ impl Gpu {
         format!("{} {:?}", self.info.backend.to_str(), self.info.device_type)
     }
 
-    /// Whether the device has ray queries.
+    /// Returns whether the device has ray queries.
     pub fn has_ray_query(&self) -> bool {
         self.device.features().contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY)
     }
 
-    /// Whether the device has timestamps.
+    /// Returns whether the device has timestamps.
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }
 
-    /// Has assets cut into pieces of at most `bytes` and pictures into bands, as on an adapter that binds no more at once.
+    /// Has assets cut into pieces of at most `bytes` and pictures into bands, as on an adapter that binds no more at
+    /// once.
     pub fn limit_bindings(&mut self, bytes: u64) {
         self.max_binding_bytes = self.max_binding_bytes.min(bytes);
     }
 
-    /// Has the bases of assets in file form expanded here, or by the CPU and uploaded. At first GPUs expand them, and the CPU does
-    /// for software drivers.
-    pub fn expand_bases(&mut self, here: bool) {
-        self.expands_bases = here;
+    /// Chooses where the bases of assets in file form are expanded. At first GPUs expand them, and the CPU does for software
+    /// drivers.
+    pub fn expand_bases(&mut self, expansion: Expansion) {
+        self.expands_bases = expansion == Expansion::OnGpu;
     }
 
     pub(crate) fn expands_bases(&self) -> bool {
@@ -182,16 +183,19 @@ impl Gpu {
         self.max_binding_bytes
     }
 
-    /// Pieces of assets, vertices, triangles and nodes that can be bound together, beside the other buffers of a stage.
+    /// Returns how many pieces of assets, vertices, triangles and nodes can be bound together, beside the other buffers
+    /// of a stage.
     pub(crate) fn max_pieces(&self) -> u32 {
         self.device.limits().max_storage_buffers_per_shader_stage - OTHER_STORAGE_BUFFERS
     }
 
-    /// The tracer that `auto` means here.
+    /// Returns the tracer that `auto` means here.
     pub fn best_tracer(&self) -> GpuTracer {
         if self.has_ray_query() { GpuTracer::RayQuery } else { GpuTracer::Bvh }
     }
 
+    /// Checks that the device can run `tracer`.
+    ///
     /// # Errors
     /// [`ViewerError::NoAdapter`] if this device cannot run `tracer`.
     pub fn require(&self, tracer: GpuTracer) -> Result<(), ViewerError> {
@@ -205,7 +209,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// The error that the driver reported since the last call, if any.
+    /// Checks that the driver reported no error since the last call.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`].
@@ -228,7 +232,8 @@ impl Gpu {
         self.check()
     }
 
-    /// A storage or other buffer that holds `bytes`; at least 32 bytes long, because empty bindings are not allowed.
+    /// Creates a storage or other buffer that holds `bytes`; at least 64 bytes long, because empty bindings are not
+    /// allowed.
     pub(crate) fn buffer(
         &self,
         label: &str,
@@ -299,7 +304,7 @@ fn note(fault: &Mutex<Option<String>>, message: &str) {
     }
 }
 
-/// wgpu explains errors over several lines.
+/// Joins the lines of a message: wgpu explains errors over several.
 pub(crate) fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -1,5 +1,5 @@
-//! Expands an asset's bases on the GPU, straight into the words that decoders bind: what goes to it is what they are made
-//! from, 7 to 16 % of their bytes on three materials of 2 MB. The passes are `btf_runtime::EXPANSION_WGSL`.
+//! Expands an asset's bases on the GPU, straight into the words that decoders bind: what goes to it is what they are
+//! made from, 7 to 16 % of their bytes on three materials of 2 MB. The passes are `btf_runtime::EXPANSION_WGSL`.
 
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
@@ -11,7 +11,8 @@ use btf_runtime::{
 use std::ops::Range;
 use wgpu::BufferUsages;
 
-/// Bytes that the passes may hold between them: clusters are taken together while theirs fit, so that small ones fill a GPU.
+/// Bytes that the passes may hold between them: clusters are taken together while theirs fit, so that small ones fill a
+/// GPU.
 const MAX_SCRATCH_BYTES: u64 = 32 << 20;
 /// Workgroups per row of a dispatch, below the least limit of 65535.
 const ROW: u64 = 32768;
@@ -20,14 +21,15 @@ const MAX_ITEMS: u64 = 1 << 31;
 
 /// The bases of a layer that a GPU is to expand.
 pub(crate) struct LayerBases {
-    /// Where they belong in the asset's words.
+    /// The range of the asset's words that the bases fill.
     place: Range<usize>,
     input: ExpansionInput,
 }
 
 impl LayerBases {
-    /// Those of all layers of `asset`; `head` is [`Resident::without_bases`] of it. `None` where a single cluster takes more than
-    /// the adapter binds at once, which no asset of sensible ranks does. Cost: that of [`ExpansionInput::new`].
+    /// Returns the bases of all layers of `asset`; `head` is [`Resident::without_bases`] of it. `None` where a single
+    /// cluster takes more than the adapter binds at once, which no asset of sensible ranks does. Cost: that of
+    /// [`ExpansionInput::new`].
     pub(crate) fn of_asset(gpu: &Gpu, head: &Resident, asset: &Asset) -> Option<Vec<LayerBases>> {
         let layers = asset.layers.iter().enumerate().filter_map(|(number, layer)| {
             let input = ExpansionInput::new(layer.residual.as_ref()?, layer.dictionary.len());
@@ -45,7 +47,7 @@ impl LayerBases {
             && shape.items().iter().all(|items| *items < MAX_ITEMS)
     }
 
-    /// Clusters that are made together.
+    /// Returns how many clusters are expanded together.
     fn slice(&self, gpu: &Gpu) -> u32 {
         let most = MAX_SCRATCH_BYTES.min(gpu.max_binding_bytes());
         let largest = self.input.shape.scratch_bytes().into_iter().fold(1, u64::max);
@@ -53,7 +55,7 @@ impl LayerBases {
     }
 }
 
-/// Parts of `words` without the bases of `layers`, which are in order.
+/// Returns the parts of `words` without the bases of `layers`, which are in order.
 pub(crate) fn other_words(words: usize, layers: &[LayerBases]) -> Vec<Range<usize>> {
     let ends = std::iter::once(0).chain(layers.iter().map(|layer| layer.place.end));
     let starts = layers.iter().map(|layer| layer.place.start).chain(std::iter::once(words));
@@ -64,7 +66,7 @@ pub(crate) fn other_words(words: usize, layers: &[LayerBases]) -> Vec<Range<usiz
 pub(crate) struct Expander {
     gpu: Gpu,
     layout: wgpu::BindGroupLayout,
-    /// In the order in which they run.
+    /// The pipelines in the order in which they run.
     pipelines: [wgpu::ComputePipeline; 3],
 }
 

@@ -19,10 +19,10 @@ pub fn gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<Vec<u32>, ViewerError> {
     Ok(words)
 }
 
-/// Milliseconds from `asset` in memory to its words in the adapter's, expanded there, compiling included.
+/// Measures the milliseconds from `asset` in memory to the expanded words in the adapter's memory, compiling included.
 ///
 /// # Errors
-/// Those of [`gpu_expand`].
+/// As [`gpu_expand`].
 pub fn time_gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<f64, ViewerError> {
     let start = std::time::Instant::now();
     expanded_arena(gpu, asset)?;
@@ -30,7 +30,7 @@ pub fn time_gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<f64, ViewerError> {
     Ok(1e3 * start.elapsed().as_secs_f64())
 }
 
-/// Milliseconds that the upload of `resident` takes, bases included.
+/// Measures the milliseconds that the upload of `resident` takes, bases included.
 ///
 /// # Errors
 /// [`ViewerError::Gpu`] where the adapter has no room for it.

@@ -144,7 +144,7 @@ impl GpuPixel {
     }
 }
 
-/// Where a scene lies in the buffers of a tracer.
+/// The places of a scene in the buffers of a tracer.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScenePlaces {
     /// First words of the environment and of the table of the volumes; 0 where there is none.

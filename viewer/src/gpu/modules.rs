@@ -33,16 +33,16 @@ pub(super) const DECODE_QUERIES: &str = include_str!("../shaders/decode_queries.
 /// Shows a picture in a window.
 pub(crate) const BLIT: &str = include_str!("../window/blit.wgsl");
 
-/// How the large arrays of a module are cut.
+/// The cuts of the large arrays of a module, and what the module has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ModuleLayout {
-    /// The assets' words.
+    /// Cut of the assets' words.
     pub assets: PieceLayout,
-    /// Vertices.
+    /// Cut of the vertices.
     pub vertices: PieceLayout,
-    /// Triangles.
+    /// Cut of the triangles.
     pub triangles: PieceLayout,
-    /// Nodes of the hierarchy, for the tracer that has one.
+    /// Cut of the nodes of the hierarchy, for the tracer that has one.
     pub nodes: PieceLayout,
     /// Whether there are volumetric textures.
     pub volumes: bool,
@@ -59,7 +59,8 @@ impl ModuleLayout {
     };
 }
 
-/// The whole module of a tracer: entry points that draw (`passes.wgsl`) and `decode_main`, which decodes a list of samples.
+/// Joins the module of a tracer: entry points that draw (`passes.wgsl`) and `decode_main`, which decodes a list of
+/// samples.
 pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
     let mut arrays =
         [layout.assets.wgsl(&ASSETS), layout.vertices.wgsl(&VERTICES), layout.triangles.wgsl(&TRIANGLES)].join("\n");
@@ -100,7 +101,8 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
     .join("\n")
 }
 
-/// The module that walks rays through a shell (`walk_queries.wgsl`); a tracer's module has the same texts but for the last.
+/// Joins the module that walks rays through a shell (`walk_queries.wgsl`); a tracer's module has the same texts but for
+/// the last.
 pub(crate) fn walk_module(assets: PieceLayout) -> String {
     [&assets.wgsl(&ASSETS) as &str, SAMPLER, SHEAR, SKIN_WALK, SKIN_CELL, SKIN_PATTERN, WALK_QUERIES].join("\n")
 }

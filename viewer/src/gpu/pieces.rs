@@ -4,7 +4,7 @@ use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
 use std::fmt::Write;
 
-/// How an array is cut: all pieces hold 2^shift elements, but for the last.
+/// The cut of an array: all pieces hold 2^shift elements, but for the last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PieceLayout {
     /// Pieces, at least 1.
@@ -17,7 +17,7 @@ impl PieceLayout {
     /// Everything in one piece: as many elements as a word can number.
     pub const WHOLE: PieceLayout = PieceLayout { pieces: 1, shift: 32 };
 
-    /// For `count` elements in bindings of at most `most` elements.
+    /// Cuts `count` elements into bindings of at most `most` elements.
     pub(crate) fn of(count: usize, most: usize) -> PieceLayout {
         if count <= most {
             return PieceLayout::WHOLE;
@@ -26,7 +26,7 @@ impl PieceLayout {
         PieceLayout { pieces: count.div_ceil(1 << shift) as u32, shift }
     }
 
-    /// Elements of piece `piece` of `count`.
+    /// Returns the elements of piece `piece` of `count`.
     pub(crate) fn range(self, piece: u32, count: usize) -> std::ops::Range<usize> {
         if self.pieces == 1 {
             return 0..count;
@@ -35,8 +35,8 @@ impl PieceLayout {
         first..((piece as usize + 1) << self.shift).min(count)
     }
 
-    /// Declares the pieces of `array<ty>` in `group` at `binding` and the next ones, and `fn reader(index) -> ty`, or of
-    /// the element's `field`.
+    /// Declares the pieces of `array<ty>` in `group` at `binding` and the next ones, and `fn reader(index) -> ty`, or
+    /// of the element's `field`.
     pub(crate) fn wgsl(self, array: &PieceArray) -> String {
         let PieceArray { group, name, ty, .. } = array;
         let mut text = String::new();
@@ -60,7 +60,7 @@ impl PieceLayout {
         text
     }
 
-    /// The bindings of the pieces, in order.
+    /// Returns the bindings of the pieces, in order.
     pub(crate) fn bindings(self, array: &PieceArray) -> impl Iterator<Item = u32> {
         let first = array.binding;
         (0..self.pieces).map(move |piece| first + piece)
@@ -155,12 +155,12 @@ impl Pieces {
         }
     }
 
-    /// Elements of each piece.
+    /// Returns the elements of each piece.
     pub(crate) fn places(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
         (0..self.layout.pieces).map(|piece| self.layout.range(piece, self.count))
     }
 
-    /// What a bind group of `array` holds.
+    /// Returns what a bind group of `array` holds.
     pub(crate) fn entries(&self, array: &PieceArray) -> Vec<(u32, wgpu::BindingResource<'_>)> {
         self.layout.bindings(array).zip(self.buffers.iter().map(wgpu::Buffer::as_entire_binding)).collect()
     }

@@ -12,8 +12,8 @@ const GROUP: u32 = 64;
 /// Workgroups per row of a dispatch, below the least limit of 65535.
 const ROW: u32 = 32768;
 
-/// What entry point `name`_main of `source` answers to `queries`, in their order: it has `params` at binding 8, the queries at 9, the
-/// answers at 10 and what lies in the arena.
+/// Runs entry point `name`_main of `source` over `queries` and returns the answers in their order. The module has
+/// `params` at binding 8, the queries at 9, the answers at 10 and the words of the arena.
 ///
 /// # Errors
 /// [`ViewerError::Gpu`] for what the driver reports.

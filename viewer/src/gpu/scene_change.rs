@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// What changed in a scene since it was uploaded. Camera, lights, materials, ambient light and background need no such
+/// A change of a scene since it was uploaded. Camera, lights, materials, ambient light and background need no such
 /// notice: every frame reads them anew.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SceneChange {
@@ -19,12 +19,13 @@ pub enum SceneChange {
     Environment,
     /// The factors of the instances and where the instances stand.
     Instances,
-    /// Where the wind has moved the skins and the instances that these stand in for. Cost: the words of the skins, the
-    /// proxies and the instances are uploaded again, and with ray queries the whole acceleration structure is built anew.
+    /// The places to which the wind has moved the skins and the instances that these stand in for. Cost: the words of
+    /// the skins, the proxies and the instances are uploaded again, and with ray queries the whole acceleration
+    /// structure is built anew.
     Skins,
 }
 
-/// Whether a [`Tracer`](crate::Tracer) could take over a [`SceneChange`].
+/// The outcome of [`Tracer::update`](crate::Tracer::update).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use]
 pub enum Updated {

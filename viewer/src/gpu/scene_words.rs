@@ -1,4 +1,5 @@
-//! The words that shaders read of a scene: assets, then leaves, then what volumes need, then the environment, one array each.
+//! The words that shaders read of a scene: assets, then leaves, then what volumes need, then the environment, one array
+//! each.
 
 use crate::error::ViewerError;
 use crate::gpu::arena::{Arena, ArenaAsset, room_for_edits};

@@ -1,5 +1,5 @@
-//! What rays are traced against: vertices, triangles and instances, with a hierarchy in storage buffers or an acceleration
-//! structure over them.
+//! What rays are traced against: vertices, triangles and instances, with a hierarchy in storage buffers or an
+//! acceleration structure over them.
 
 use crate::error::ViewerError;
 use crate::geometry::bvh_node::BvhNode;
@@ -17,7 +17,7 @@ use wgpu::BufferUsages;
 struct Arrays {
     vertices: Pieces,
     triangles: Pieces,
-    /// Of [`GpuTracer::Bvh`].
+    /// The hierarchies of [`GpuTracer::Bvh`].
     nodes: Option<Pieces>,
     instances: wgpu::Buffer,
 }
@@ -105,8 +105,8 @@ impl Arrays {
         })
     }
 
-    /// Returns the bind group of the arrays, and with ray queries the acceleration structure over them. `geometry` has the
-    /// volumes' proxies behind what the scene has.
+    /// Returns the bind group of the arrays, and with ray queries the acceleration structure over them. `geometry` has
+    /// the volumes' proxies behind what the scene has.
     fn bind(
         &self,
         gpu: &Gpu,

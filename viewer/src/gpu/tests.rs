@@ -156,7 +156,8 @@ fn the_walks_structs_are_equal_in_rust_and_wgsl() {
 fn function_names(text: &str) -> Vec<&str> {
     let name = |line: &'_ str| -> Option<usize> {
         let code = line.trim_start();
-        let head = ["fn ", "pub fn ", "pub(crate) fn "].iter().find(|head| code.starts_with(**head))?;
+        let head =
+            ["fn ", "pub fn ", "pub(crate) fn ", "pub(super) fn "].iter().find(|head| code.starts_with(**head))?;
         Some(line.len() - code.len() + head.len())
     };
     let names = text.lines().filter_map(|line| name(line).map(|start| &line[start..]));
@@ -350,8 +351,8 @@ fn all_texts() -> Vec<String> {
     texts
 }
 
-/// What is wrong with the constants of `texts`: one that has neither a twin nor a reason to be without, one of another value
-/// than its twin, and twins and reasons of none.
+/// What is wrong with the constants of `texts`: one that has neither a twin nor a reason to be without, one of another
+/// value than its twin, and twins and reasons of none.
 fn constant_faults(texts: &[String], twins: &[(&str, naga::Literal)]) -> Vec<String> {
     let of_tracers = [
         parse(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE)).unwrap(),

@@ -38,7 +38,7 @@ pub struct GpuTimer {
     resolved: wgpu::Buffer,
     capacity: usize,
     period_ns: f32,
-    /// What was timed since `begin`.
+    /// The passes that were timed since `begin`.
     timed: Vec<Pass>,
 }
 
@@ -47,7 +47,7 @@ pub struct GpuTimer {
 pub struct PassTimes {
     /// Rays from the eye.
     pub camera_ms: f64,
-    /// What the rays meet of volumes, with its light; 0 where there are none.
+    /// Volumes that the rays meet, with their light; 0 where there are none.
     pub volume_ms: f64,
     /// Light: decoding and shadow rays, ambient occlusion in them.
     pub light_ms: f64,
@@ -64,14 +64,14 @@ impl PassTimes {
         self.bounce_ms += share * other.bounce_ms;
     }
 
-    /// All of it.
+    /// Returns the sum of all passes, milliseconds.
     pub fn sum_ms(&self) -> f64 {
         self.camera_ms + self.volume_ms + self.light_ms + self.bounce_ms
     }
 }
 
 impl GpuTimer {
-    /// `None` where the device has no timestamps.
+    /// Returns a timer; `None` where the device has no timestamps.
     pub fn new(gpu: &Gpu) -> Option<GpuTimer> {
         const USUAL_PASSES: usize = 8;
         if !gpu.has_timestamps() {

@@ -26,11 +26,11 @@ pub struct Tracer {
     gpu: Gpu,
     tracer: GpuTracer,
     module: wgpu::ShaderModule,
-    /// Of bind group 0.
+    /// The layout of bind group 0.
     scene_layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
     decoder: DecoderForm,
-    /// By number of the pass, made when first asked for: drivers take their time to compile.
+    /// Pipelines by number of the pass, made when first asked for: drivers take their time to compile.
     pipelines: [Option<wgpu::ComputePipeline>; 5],
     frame: wgpu::Buffer,
     materials: wgpu::Buffer,
@@ -63,8 +63,9 @@ fn passes_of(scene: &Scene, options: &ShadeOptions) -> Vec<Pass> {
 }
 
 impl Tracer {
-    /// Uploads `scene`. Geometry, volumes but for where their skins are, the number of materials and assets are then fixed;
-    /// materials, lights, camera, ambient light and background are not. [`Tracer::update`] takes over further changes.
+    /// Uploads `scene`. Geometry, volumes but for where their skins are, the number of materials and assets are then
+    /// fixed; materials, lights, camera, ambient light and background are not. [`Tracer::update`] takes over further
+    /// changes.
     ///
     /// # Errors
     /// [`ViewerError::NoAdapter`] without ray queries where they are asked for, [`ViewerError::Gpu`] where the scene
@@ -159,7 +160,8 @@ impl Tracer {
         self.target.as_ref().map(|target| target.size)
     }
 
-    /// Adds a sample to every pixel and submits the work. `timer` is where the GPU writes when each pass begins and ends.
+    /// Adds a sample to every pixel and submits the work. `timer` is where the GPU writes when each pass begins and
+    /// ends.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the driver has no memory for a picture of this size.
@@ -182,8 +184,8 @@ impl Tracer {
         Ok(())
     }
 
-    /// Runs [`Tracer::sample`] and waits: returns how long it took, milliseconds, and by kind of pass. With a `timer` that is
-    /// the GPU's time for the passes, else the time until they were finished.
+    /// Runs [`Tracer::sample`] and waits: returns how long it took, milliseconds, and by kind of pass. With a `timer`
+    /// that is the GPU's time for the passes, else the time until they were finished.
     ///
     /// # Errors
     /// As [`Tracer::sample`], and what the driver reported.

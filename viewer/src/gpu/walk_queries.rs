@@ -1,4 +1,5 @@
-//! Walks a list of rays through a shell and its texels, on the GPU by the text that draws and on the CPU: for comparison.
+//! Walks a list of rays through a shell and its texels, on the GPU by the text that draws and on the CPU: for
+//! comparison.
 
 use crate::error::ViewerError;
 use crate::gpu::arena::{Arena, ArenaAsset};
@@ -12,25 +13,25 @@ use glam::Vec3;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct WalkQuery {
-    /// Its origin, world units.
+    /// Origin of the ray, world units.
     pub origin: [f32; 3],
-    /// The face by which it enters, 4 x the tetrahedron + its face.
+    /// The face by which the ray enters, 4 x the tetrahedron + its face.
     pub link: u32,
-    /// Its direction, not necessarily unit.
+    /// Direction of the ray, not necessarily unit.
     pub direction: [f32; 3],
-    /// Where it begins.
+    /// Where the ray begins.
     pub t_min: f32,
-    /// Where it ends.
+    /// Where the ray ends.
     pub t_max: f32,
-    /// Zero,
+    /// Zero.
     pub pad0: u32,
-    /// zero
+    /// Zero.
     pub pad1: u32,
-    /// and zero.
+    /// Zero.
     pub pad2: u32,
 }
 
-/// What a ray met. Twin: `WalkSum`.
+/// Sums over what a ray met. Twin: `WalkSum`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct WalkSum {
@@ -48,15 +49,15 @@ pub struct WalkSum {
     pub spans: u32,
     /// Integral over t of the width in texels of a cone that is one world unit wide.
     pub width: f32,
-    /// Zero,
+    /// Zero.
     pub pad0: u32,
-    /// zero
+    /// Zero.
     pub pad1: u32,
-    /// and zero.
+    /// Zero.
     pub pad2: u32,
 }
 
-/// Twin: `WalkPlace`.
+/// The first words of shell and patterns, and the number of queries. Twin: `WalkPlace`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct GpuWalkPlace {
@@ -66,7 +67,7 @@ pub(crate) struct GpuWalkPlace {
     pub pad0: u32,
 }
 
-/// The walk of `query` on the CPU. The pattern numbers of the shell's faces are indices into `patterns`.
+/// Walks `query` on the CPU. The pattern numbers of the shell's faces are indices into `patterns`.
 pub fn cpu_walk(shell: &Shell, patterns: &[Pattern], query: &WalkQuery) -> WalkSum {
     let (origin, direction) = (Vec3::from(query.origin), Vec3::from(query.direction));
     let mut sum = WalkSum::default();
@@ -93,7 +94,7 @@ pub fn cpu_walk(shell: &Shell, patterns: &[Pattern], query: &WalkQuery) -> WalkS
     WalkSum { volume: volume.to_array(), ..sum }
 }
 
-/// The walks of `queries` on a GPU, in their order.
+/// Walks `queries` on a GPU and returns the sums in their order.
 ///
 /// # Errors
 /// [`ViewerError::Gpu`] where the shell is larger than the adapter binds.

@@ -36,8 +36,8 @@ const AEROSOL_SCALE_KM: f64 = 1.2;
 pub(crate) const AEROSOL_ALBEDO: f32 = 0.95;
 /// Mean cosine of the angle that aerosol scatters by: continental [Hess 1998].
 pub(crate) const AEROSOL_ASYMMETRY: f32 = 0.70;
-/// Share of its scattering that counts as none, because it goes so nearly ahead that three moments do not tell it from light
-/// that passed: the fourth moment [Wiscombe 1977].
+/// Share of its scattering that counts as none, because it goes so nearly ahead that three moments do not tell it from
+/// light that passed: the fourth moment [Wiscombe 1977].
 const AEROSOL_AHEAD: f32 = AEROSOL_ASYMMETRY * AEROSOL_ASYMMETRY * AEROSOL_ASYMMETRY;
 
 /// Middle and half width of the ozone layer, and its column [Bruneton 2017].
@@ -56,13 +56,13 @@ const OZONE_CROSS_SECTION_M2: [f64; BANDS] = [
 /// Half of the sun's mean angular diameter, 0.533 degrees.
 pub(crate) const SUN_RADIUS_RAD: f32 = 0.004_652;
 
-/// How much air, ozone and aerosol: km of each at its greatest density.
+/// Amounts of air, ozone and aerosol: km of each at its greatest density.
 pub(crate) type Column = [f32; 3];
 
 /// The air above a place.
 #[derive(Debug, Clone)]
 pub(crate) struct Atmosphere {
-    /// Of the ground above sea level.
+    /// Height of the ground above sea level.
     ground_km: f32,
     /// Scattering of air, 1/km at sea level.
     pub(crate) air: Spectrum,
@@ -86,7 +86,8 @@ const MAX_ABOVE_HORIZON_RAD: f32 = 101.0 * PI / 180.0;
 const COLUMN_STEPS: usize = 64;
 
 impl Atmosphere {
-    /// Above a ground at `ground_km` over sea level; `turbidity` from 1 (air alone) to 10. Cost: some 30 ms of one core.
+    /// Returns the atmosphere above a ground at `ground_km` over sea level; `turbidity` is from 1 (air alone) to 10.
+    /// Cost: some 30 ms of one core.
     pub(crate) fn new(turbidity: f64, ground_km: f64) -> Atmosphere {
         let nm = band_nm();
         let air_column_km = air_column_km();
@@ -113,14 +114,15 @@ impl Atmosphere {
         atmosphere
     }
 
-    /// How dense air, ozone and aerosol are at a height above the ground, of their greatest density.
+    /// Returns the densities of air, ozone and aerosol at a height above the ground, as shares of their greatest
+    /// densities.
     pub(crate) fn density(&self, height_km: f32) -> Column {
         let above_sea_km = height_km + self.ground_km;
         let ozone = 1.0 - (above_sea_km - OZONE_MIDDLE_KM).abs() / OZONE_HALF_WIDTH_KM as f32;
         [air_density(above_sea_km), ozone.max(0.0), exp(-height_km / AEROSOL_SCALE_KM as f32)]
     }
 
-    /// The column from a height to the top along a ray of this cosine from the vertical, which meets no ground.
+    /// Returns the column from a height to the top along a ray of this cosine from the vertical, which meets no ground.
     fn column(&self, height_km: f32, cosine: f32) -> Column {
         let ray = Ray::new(height_km, cosine, true);
         let mut column = [0.0; 3];
@@ -133,11 +135,11 @@ impl Atmosphere {
         column
     }
 
-    /// The column towards the sun from a height, and how much of the disc stands above the earth's edge, 0 to 1. `sine`: of the
-    /// elevation of the disc's middle there.
+    /// Returns the column towards the sun from a height, and how much of the disc stands above the earth's edge, 0 to
+    /// 1. `sine`: of the elevation of the disc's middle there.
     ///
-    /// Interpolated: what passes is within 0.01 of the integral's (a test). Of a disc that is cut the column is that to the
-    /// middle of what is left.
+    /// Interpolated: what passes is within 0.01 of the integral's (a test). Of a disc that is cut the column is that to
+    /// the middle of what is left.
     pub(crate) fn towards_sun(&self, height_km: f32, sine: f32) -> (Column, f32) {
         let above_rad = sine.clamp(-1.0, 1.0).asin() + dip_rad(height_km);
         let visible = visible_share(above_rad);
@@ -158,7 +160,7 @@ impl Atmosphere {
         (std::array::from_fn(|part| mix(mix(a[part], b[part], along), mix(c[part], d[part], along), down)), visible)
     }
 
-    /// What a column leaves of each band of a narrow beam.
+    /// Returns the share that a column leaves of each band of a narrow beam.
     pub(crate) fn transmittance(&self, column: Column) -> Spectrum {
         std::array::from_fn(|band| {
             exp(-(self.air[band] * column[0]
@@ -167,7 +169,8 @@ impl Atmosphere {
         })
     }
 
-    /// The same where light that aerosol scatters ahead counts as not scattered [Nakajima 1988].
+    /// Returns [`Atmosphere::transmittance`] where light that aerosol scatters ahead counts as not scattered [Nakajima
+    /// 1988].
     #[inline(always)]
     pub(crate) fn scaled_transmittance(&self, column: Column) -> Spectrum {
         std::array::from_fn(|band| {
@@ -183,22 +186,23 @@ pub(crate) struct Ray {
     cosine: f32,
     /// To its end.
     pub(crate) length_km: f32,
-    /// Whether the ground ends it.
+    /// Whether the ground ends the ray.
     pub(crate) meets_ground: bool,
 }
 
 /// A piece of a [`Ray`].
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RayStep {
-    /// From the ray's start to the middle of the step.
+    /// Distance from the ray's start to the middle of the step.
     pub(crate) distance_km: f32,
     pub(crate) length_km: f32,
-    /// Of its middle above the ground.
+    /// Height of the step's middle above the ground.
     pub(crate) height_km: f32,
 }
 
 impl Ray {
-    /// From `height_km` with the cosine from the vertical. `grazes`: it passes the ground even if rounding says that it meets it.
+    /// Returns the ray from `height_km` with this cosine from the vertical. `grazes` says that it passes the ground
+    /// even if rounding says that it meets it.
     pub(crate) fn new(height_km: f32, cosine: f32, grazes: bool) -> Ray {
         // In double precision: a metre counts in the lowest haze, and is 2e-7 of the radius.
         let (radius, cosine_64) = (EARTH_RADIUS_KM + f64::from(height_km), f64::from(cosine));
@@ -215,7 +219,7 @@ impl Ray {
         Ray { height_km, cosine, length_km: length.max(0.0) as f32, meets_ground }
     }
 
-    /// The height at a distance.
+    /// Returns the height at a distance.
     fn height_at_km(&self, distance_km: f32) -> f32 {
         let (start, s, cosine) = (f64::from(self.height_km), f64::from(distance_km), f64::from(self.cosine));
         let radius = EARTH_RADIUS_KM + start;
@@ -224,24 +228,24 @@ impl Ray {
         (square / ((EARTH_RADIUS_KM * EARTH_RADIUS_KM + square).sqrt() + EARTH_RADIUS_KM)).max(0.0) as f32
     }
 
-    /// Cosine from the vertical of a place on the ray, of a direction that has the cosine `vertical` from the vertical at the
-    /// ray's start and `along` from the ray.
+    /// Returns the cosine from the vertical of a place on the ray, of a direction that has the cosine `vertical` from
+    /// the vertical at the ray's start and `along` from the ray.
     pub(crate) fn cosine_there(&self, place: &RayStep, vertical: f32, along: f32) -> f32 {
         let radius = EARTH_RADIUS_KM as f32;
         ((radius + self.height_km) * vertical + place.distance_km * along) / (radius + place.height_km)
     }
 
-    /// The ray's own cosine from the vertical of a place on it.
+    /// Returns the cosine between the ray and the vertical of a place on it.
     pub(crate) fn cosine_at(&self, place: &RayStep) -> f32 {
         self.cosine_there(place, self.cosine, 1.0).clamp(-1.0, 1.0)
     }
 
-    /// Where it ends.
+    /// Returns the distance at which the ray ends.
     pub(crate) fn end(&self) -> RayStep {
         RayStep { distance_km: self.length_km, length_km: 0.0, height_km: self.height_at_km(self.length_km) }
     }
 
-    /// Pieces that are shortest at both ends, where the air may be thick.
+    /// Divides the ray into pieces that are shortest at both ends, where the air may be thick.
     pub(crate) fn steps(self, count: usize) -> impl Iterator<Item = RayStep> {
         let at = move |i: usize| {
             let share = i as f32 / count as f32;
@@ -255,19 +259,19 @@ impl Ray {
     }
 }
 
-/// How far below the level the horizon lies at a height above the ground.
+/// Returns how far below the level the horizon lies at a height above the ground.
 pub(crate) fn dip_rad(height_km: f32) -> f32 {
     let radius = EARTH_RADIUS_KM as f32;
     ((height_km * (2.0 * radius + height_km)).sqrt() / (radius + height_km)).asin()
 }
 
-/// How much of the sun's disc stands above the horizon, whose middle is `above_rad` above it.
+/// Returns how much of the sun's disc stands above the horizon, whose middle is `above_rad` above it.
 pub(crate) fn visible_share(above_rad: f32) -> f32 {
     let x = (above_rad / SUN_RADIUS_RAD).clamp(-1.0, 1.0);
     0.5 + (x * (1.0 - x * x).sqrt() + x.asin()) / PI
 }
 
-/// Height above the horizon of the middle between the upper edge and what cuts the disc below.
+/// Returns the height above the horizon of the middle between the upper edge and what cuts the disc below.
 pub(crate) fn middle_above_horizon_rad(above_rad: f32) -> f32 {
     if above_rad < SUN_RADIUS_RAD { (0.5 * (above_rad + SUN_RADIUS_RAD)).max(0.0) } else { above_rad }
 }
@@ -287,18 +291,18 @@ pub(crate) const AEROSOL_MOMENTS: [f32; 3] = {
     [1.0 - AEROSOL_AHEAD, g - AEROSOL_AHEAD, g * g - AEROSOL_AHEAD]
 };
 
-/// A density of scattering of these moments by the cosine of its angle, 1/sr.
+/// Returns a density of scattering of these moments by the cosine of its angle, 1/sr.
 pub(crate) fn phase_of(moments: [f32; 3], cosine: f32) -> f32 {
     (moments[0] + 3.0 * moments[1] * cosine + 2.5 * moments[2] * (3.0 * cosine * cosine - 1.0)) / (4.0 * PI)
 }
 
-/// Density of aerosol's whole scattering by the cosine of its angle, 1/sr [Henyey 1941].
+/// Returns the density of aerosol's whole scattering by the cosine of its angle, 1/sr [Henyey 1941].
 pub(crate) fn aerosol_phase(cosine: f32) -> f32 {
     let g = AEROSOL_ASYMMETRY;
     (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * cosine).powf(1.5))
 }
 
-/// Of a height above sea level, over that at sea level.
+/// Returns the density of air at a height above sea level, over that at sea level.
 fn air_density(above_sea_km: f32) -> f32 {
     let at = (above_sea_km / AIR_STEP_KM).min((LN_AIR_DENSITY.len() - 1) as f32);
     let below = (at.max(0.0) as usize).min(LN_AIR_DENSITY.len() - 2);
@@ -306,7 +310,8 @@ fn air_density(above_sea_km: f32) -> f32 {
     exp(low + (at - below as f32) * (high - low))
 }
 
-/// Kilometres of air at sea level's density above sea level: the exact integral of exponentials between the table's heights.
+/// Kilometres of air at sea level's density above sea level: the exact integral of exponentials between the table's
+/// heights.
 fn air_column_km() -> f64 {
     let step = |pair: &[f32]| {
         let (low, high) = (f64::from(pair[0]), f64::from(pair[1]));
@@ -315,15 +320,15 @@ fn air_column_km() -> f64 {
     LN_AIR_DENSITY.windows(2).map(step).sum()
 }
 
-/// Of the air above sea level [Bodhaine 1999, eq. 30].
+/// Returns the optical depth of the air above sea level [Bodhaine 1999, eq. 30].
 fn air_optical_depth(nm: f64) -> f64 {
     let square = (nm / 1000.0).powi(2);
     0.002_152_0 * (1.045_599_6 - 341.290_61 / square - 0.902_308_50 * square)
         / (1.0 + 0.002_705_988_9 / square - 85.968_563 * square)
 }
 
-/// Of the aerosol above the ground. Differs from [Preetham 1999, appendix A.1], 0.04608 T - 0.04586, by the constant:
-/// turbidity 1 is pure air.
+/// Returns the optical depth of the aerosol above the ground. Differs from [Preetham 1999, appendix A.1], 0.04608 T -
+/// 0.04586, by the constant: turbidity 1 is pure air.
 fn aerosol_optical_depth(turbidity: f64, nm: f64) -> f64 {
     0.046_08 * (turbidity - 1.0) * (nm / 1000.0).powf(-1.3)
 }

@@ -17,7 +17,7 @@ use toml::value::{Datetime, Offset};
 /// Columns and rows of a sky's picture.
 pub const SKY_SIZE: [usize; 2] = [256, 128];
 
-/// Where on earth.
+/// A place on earth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     /// North of the equator, -90 to 90.
@@ -33,15 +33,15 @@ pub struct Place {
 pub struct Daylight {
     /// Date, time of day and offset from UTC, years 1000 to 2999.
     pub date_time: Datetime,
-    /// Where.
+    /// Place of the scene.
     pub place: Place,
-    /// How much haze, 1 (air alone) to 10 [Preetham 1999]; 2 is very clear, 3 clear, 6 hazy.
+    /// Turbidity of the air, 1 (air alone) to 10 [Preetham 1999]; 2 is very clear, 3 clear, 6 hazy.
     pub turbidity: f64,
-    /// Of the ground all around, 0 to 1; 0.15 is grass and soil, 0.8 snow.
+    /// Albedo of the ground all around, 0 to 1; 0.15 is grass and soil, 0.8 snow.
     pub ground_albedo: f64,
 }
 
-/// What lights a scene on a clear day. All radiance is linear sRGB in units in which a white diffuser under
+/// The light of a clear day. All radiance is linear sRGB in units in which a white diffuser under
 /// [`crate::WHITE_ILLUMINANCE_LUX`] has 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SunAndSky {
@@ -54,7 +54,7 @@ pub struct SunAndSky {
 impl FromStr for Place {
     type Err = ViewerError;
 
-    /// From `latitude,longitude` or `latitude,longitude,height`, degrees and metres.
+    /// Parses `latitude,longitude` or `latitude,longitude,height`, degrees and metres.
     fn from_str(text: &str) -> Result<Place, ViewerError> {
         let numbers: Vec<f64> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
         let parts = text.split(',').count();
@@ -69,7 +69,8 @@ impl FromStr for Place {
 }
 
 impl Daylight {
-    /// At a date and time such as `2026-06-21T12:00+02:00` and a place such as `52.5,13.4`: turbidity 3, ground albedo 0.15.
+    /// Returns the daylight of a date and time such as `2026-06-21T12:00+02:00` and a place such as `52.5,13.4`, with
+    /// turbidity 3 and ground albedo 0.15.
     ///
     /// # Errors
     /// [`ViewerError::Usage`] for text that is neither, or out of range.
@@ -84,6 +85,8 @@ impl Daylight {
         Ok(daylight)
     }
 
+    /// Checks date, place, turbidity and albedo.
+    ///
     /// # Errors
     /// [`ViewerError::Usage`] names what is missing or out of range.
     pub fn check(&self) -> Result<(), ViewerError> {
@@ -104,20 +107,21 @@ impl Daylight {
         self.julian_date().map(|_| ())
     }
 
-    /// Where the sun stands.
+    /// Computes where the sun stands.
     ///
     /// # Errors
-    /// Those of [`Daylight::check`].
+    /// As [`Daylight::check`].
     pub fn sun_position(&self) -> Result<SunPosition, ViewerError> {
         self.check()?;
         let place = [self.place.latitude_deg, self.place.longitude_deg];
         sun_position(self.julian_date()?, place, self.place.height_m).map_err(|error| self.bad_date(&error.to_string()))
     }
 
-    /// The sun and the clear sky. Cost: some 0.5 s of one core, shared by all; the same on any number of threads.
+    /// Computes the sun and the clear sky. Cost: some 0.5 s of one core, shared by all; the result is the same on any
+    /// number of threads.
     ///
     /// # Errors
-    /// Those of [`Daylight::check`].
+    /// As [`Daylight::check`].
     pub fn sun_and_sky(&self) -> Result<SunAndSky, ViewerError> {
         let position = self.sun_position()?;
         let atmosphere = Atmosphere::new(self.turbidity, self.place.height_m / 1000.0);
@@ -147,7 +151,7 @@ impl Daylight {
     }
 }
 
-/// The light of a sun at a position, below an atmosphere.
+/// Computes the light of a sun at a position, below an atmosphere.
 fn sun_and_sky(atmosphere: Atmosphere, position: SunPosition, ground_albedo: f32) -> SunAndSky {
     let elevation_rad = position.elevation_deg.to_radians() as f32;
     let azimuth_rad = position.azimuth_deg.to_radians() as f32;

@@ -1,8 +1,8 @@
 //! Light from all around: a picture of the sky, looked up by direction and drawn where it is bright. Twin:
-//! `shaders/environment.wgsl`.
+//! `environment.wgsl`.
 //!
-//! Equirectangular: the top row is up (+y), the middle column lies towards -z, and columns go on to the right as seen from
-//! within. Directions are drawn from a table of the brightest of each pixel's neighbourhood, so that whatever is
+//! Equirectangular: the top row is up (+y), the middle column lies towards -z, and columns go on to the right as seen
+//! from within. Directions are drawn from a table of the brightest of each pixel's neighbourhood, so that whatever is
 //! interpolated from can be drawn.
 
 use crate::light::sky_irradiance::{irradiance_from_table, irradiance_table};
@@ -21,8 +21,8 @@ const IRRADIANCE_PICTURE_COLUMNS: usize = 256;
 pub struct Environment {
     width: usize,
     height: usize,
-    /// As the GPU has it: distribution of the rows (height + 1), of the columns of each row (width + 1 a row), radiance
-    /// (3 a pixel); then irradiance by normal (see `sky_irradiance.rs`).
+    /// The table as the GPU has it: distribution of the rows (height + 1), of the columns of each row (width + 1 a
+    /// row), radiance (3 a pixel); then irradiance by normal (see `sky_irradiance.rs`).
     table: Vec<f32>,
 }
 
@@ -30,13 +30,13 @@ impl Environment {
     /// Reads an `.exr` or `.hdr` file; `gain` multiplies it.
     ///
     /// # Errors
-    /// Those of [`RadianceMap::read`].
+    /// As [`RadianceMap::read`].
     pub fn load(path: &Path, gain: f32) -> Result<Environment, CaptureError> {
         let map = RadianceMap::read(path)?;
         Ok(Environment::new(map.width, map.height, &map.rgb.iter().map(|x| x * gain).collect::<Vec<_>>()))
     }
 
-    /// From linear radiance, `[row, column, rgb]`, finite and at least 0. Neither side is 0.
+    /// Returns the environment of linear radiance, `[row, column, rgb]`, finite and at least 0. Neither side is 0.
     pub fn new(width: usize, height: usize, rgb: &[f32]) -> Environment {
         let (width, height, rgb) = averaged_down(width, height, rgb, MAX_COLUMNS);
         let brightest = |row: usize, column: usize| {
@@ -63,12 +63,12 @@ impl Environment {
         Environment { width, height, table }
     }
 
-    /// Columns and rows.
+    /// Returns the columns and rows.
     pub(crate) fn size(&self) -> [u32; 2] {
         [self.width as u32, self.height as u32]
     }
 
-    /// What the GPU reads.
+    /// Returns the table that the GPU reads.
     pub(crate) fn table(&self) -> &[f32] {
         &self.table
     }
@@ -85,7 +85,7 @@ impl Environment {
         Vec3::from_slice(&self.table[self.pixels_at() + (row * self.width + column) * 3..])
     }
 
-    /// Radiance from a unit direction, bilinear.
+    /// Returns the radiance from a unit direction, bilinear.
     pub fn radiance(&self, d: Vec3) -> Vec3 {
         let [x, y] = place(d);
         let (x, y) = (x * self.width as f32 - 0.5, (y * self.height as f32 - 0.5).clamp(0.0, self.height as f32 - 1.0));
@@ -98,13 +98,13 @@ impl Environment {
         top.lerp(bottom, down)
     }
 
-    /// Irradiance of a unit normal, without shadows.
+    /// Returns the irradiance of a unit normal, without shadows.
     pub fn irradiance(&self, normal: Vec3) -> Vec3 {
         let pixels = 3 * self.width * self.height;
         irradiance_from_table(&self.table[self.pixels_at() + pixels..], normal)
     }
 
-    /// A direction from two numbers in [0, 1).
+    /// Draws a direction from two numbers in [0, 1).
     pub(crate) fn sample(&self, at: [f32; 2]) -> Vec3 {
         let (row, y) = self.find(0, self.height, at[1]);
         let (column, x) = self.find(self.columns_at() + row * (self.width + 1), self.width, at[0]);
@@ -113,7 +113,7 @@ impl Environment {
         Vec3::new(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos())
     }
 
-    /// Density of [`Environment::sample`], per steradian.
+    /// Returns the density of [`Environment::sample`], per steradian.
     pub(crate) fn density(&self, d: Vec3) -> f32 {
         let [x, y] = place(d);
         let row = ((y * self.height as f32) as usize).min(self.height - 1);
@@ -124,7 +124,7 @@ impl Environment {
         share * (self.width * self.height) as f32 / (2.0 * PI * PI * sin)
     }
 
-    /// The step of the distribution at `first` with `count` steps in which `x` lies, and where in it.
+    /// Returns the step of the distribution at `first` with `count` steps in which `x` lies, and where in it.
     fn find(&self, first: usize, count: usize, x: f32) -> (usize, f32) {
         let (mut low, mut high) = (0, count);
         while high - low > 1 {
@@ -140,7 +140,7 @@ impl Environment {
     }
 }
 
-/// Where in the picture a unit direction lies, 0 to 1 to the right and downwards.
+/// Returns where in the picture a unit direction lies, 0 to 1 to the right and downwards.
 fn place(d: Vec3) -> [f32; 2] {
     [0.5 + d.x.atan2(-d.z) / TAU, d.y.clamp(-1.0, 1.0).acos() / PI]
 }
@@ -159,7 +159,7 @@ fn distribution(weights: &[f64]) -> Vec<f32> {
     sums
 }
 
-/// A picture of at most `most_columns` columns and half as many rows, by the mean of square blocks.
+/// Averages a picture down to at most `most_columns` columns and half as many rows, by the mean of square blocks.
 fn averaged_down(width: usize, height: usize, rgb: &[f32], most_columns: usize) -> (usize, usize, Vec<f32>) {
     let block = width.div_ceil(most_columns).max(height.div_ceil(most_columns / 2)).max(1);
     if block == 1 {

@@ -3,18 +3,19 @@
 const ENVIRONMENT_PI: f32 = 3.14159265;
 const ENVIRONMENT_TAU: f32 = 6.2831853;
 
-// Of the table: distribution of the rows, of the columns of each row, radiance.
+// Reads a number of the table: distribution of the rows, of the columns of each row, radiance.
 fn environment_number(index: u32) -> f32 {
     return asset_f32(frame.environment_at + index);
 }
 
+// Reads the radiance of a pixel.
 fn environment_pixel(row: u32, column: u32) -> vec3<f32> {
     let size = frame.environment;
     let at = size.y + 1u + size.y * (size.x + 1u) + (row * size.x + column) * 3u;
     return vec3<f32>(environment_number(at), environment_number(at + 1u), environment_number(at + 2u));
 }
 
-// Radiance from a unit direction, bilinear.
+// Returns the radiance from a unit direction, bilinear.
 fn environment_radiance(d: vec3<f32>) -> vec3<f32> {
     let size = frame.environment;
     let at = environment_place(d);
@@ -34,6 +35,7 @@ fn environment_radiance(d: vec3<f32>) -> vec3<f32> {
 const IRRADIANCE_ROWS: u32 = 17u;
 const IRRADIANCE_COLUMNS: u32 = 32u;
 
+// Reads an entry of the table of irradiance by normal.
 fn irradiance_entry(row: u32, column: u32) -> vec3<f32> {
     let size = frame.environment;
     let pixels_at = size.y + 1u + size.y * (size.x + 1u);
@@ -41,7 +43,7 @@ fn irradiance_entry(row: u32, column: u32) -> vec3<f32> {
     return vec3<f32>(environment_number(at), environment_number(at + 1u), environment_number(at + 2u));
 }
 
-// Irradiance of a unit normal, without shadows.
+// Returns the irradiance of a unit normal, without shadows.
 fn environment_irradiance(normal: vec3<f32>) -> vec3<f32> {
     let place = environment_place(normal);
     // Its columns begin at -z.
@@ -56,7 +58,7 @@ fn environment_irradiance(normal: vec3<f32>) -> vec3<f32> {
     return mix(top, bottom, y - f32(upper));
 }
 
-// A direction from two numbers in [0, 1).
+// Draws a direction from two numbers in [0, 1).
 fn environment_sample(at: vec2<f32>) -> vec3<f32> {
     let size = frame.environment;
     let row = environment_find(0u, size.y, at.y);
@@ -66,7 +68,7 @@ fn environment_sample(at: vec2<f32>) -> vec3<f32> {
     return vec3<f32>(sin(polar) * sin(azimuth), cos(polar), -sin(polar) * cos(azimuth));
 }
 
-// Its density, per steradian.
+// Returns the density of environment_sample, per steradian.
 fn environment_density(d: vec3<f32>) -> f32 {
     let size = frame.environment;
     let at = environment_place(d);
@@ -77,7 +79,7 @@ fn environment_density(d: vec3<f32>) -> f32 {
     return share * f32(size.x * size.y) / (2.0 * ENVIRONMENT_PI * ENVIRONMENT_PI * sqrt(max(1.0 - d.y * d.y, 1e-8)));
 }
 
-// The step of the distribution at `first` with `count` steps in which `x` lies, and where in it.
+// Returns the step of the distribution at `first` with `count` steps in which `x` lies, and where in it.
 fn environment_find(first: u32, count: u32, x: f32) -> vec2<f32> {
     var low = 0u;
     var high = count;
@@ -96,7 +98,7 @@ fn environment_find(first: u32, count: u32, x: f32) -> vec2<f32> {
     return vec2<f32>(f32(low), 0.5);
 }
 
-// Where in the picture a unit direction lies, 0 to 1 to the right and downwards.
+// Returns where in the picture a unit direction lies, 0 to 1 to the right and downwards.
 fn environment_place(d: vec3<f32>) -> vec2<f32> {
     // The zenith has no azimuth; WGSL's atan2 has no value there.
     let azimuth = select(atan2(d.x, -d.z), 0.0, abs(d.x) + abs(d.z) < 1e-12);

@@ -1,9 +1,10 @@
-//! Radiance of the clear sky: the sun's light scattered once, exactly along each ray of a round earth, and what is scattered
-//! again, from the first moments of the radiance at every height and between night and day.
+//! Radiance of the clear sky: the sun's light scattered once, exactly along each ray of a round earth, and what is
+//! scattered again, from the first moments of the radiance at every height and between night and day.
 //!
 //! Each order of scattering is integrated over all directions from the one before, as in [Bruneton 2008], but kept as
-//! spherical harmonics of three degrees instead of a table of directions: air's scattering has no more, and of aerosol's the
-//! narrow rest counts as not scattered [Wiscombe 1977]. What aerosol scatters once has its whole lobe [Nakajima 1988].
+//! spherical harmonics of three degrees instead of a table of directions: air's scattering has no more, and of
+//! aerosol's the narrow rest counts as not scattered [Wiscombe 1977]. What aerosol scatters once has its whole lobe
+//! [Nakajima 1988].
 
 use crate::light::atmosphere::{
     AEROSOL_MOMENTS, AIR_MOMENTS, Atmosphere, Ray, RayStep, TOP_KM, aerosol_phase, dip_rad, phase_of,
@@ -17,7 +18,7 @@ use std::f32::consts::{PI, TAU};
 const HEIGHTS: usize = 16;
 /// Elevations of the sun at which it is kept: that of the place in the middle, denser near it.
 const ELEVATIONS: usize = 29;
-/// How far the outermost lie from the middle one: no ray crosses more of the earth.
+/// Greatest distance from the middle one: no ray crosses more of the earth.
 const MAX_APART_RAD: f32 = 21.0 * PI / 180.0;
 /// Directions of a node: from the horizon to the vertical, up and down each, and over half a circle.
 const POLAR: usize = 6;
@@ -63,7 +64,7 @@ struct Field {
     ground: Vec<Spectrum>,
 }
 
-/// What a ray gathers.
+/// The light that a ray gathers.
 enum Sources<'a> {
     /// Sunlight, which aerosol scatters with as many moments as a field has.
     Sun,
@@ -83,8 +84,8 @@ struct View {
 }
 
 impl Sky {
-    /// For the sun's disc at an elevation over a level ground, whose albedo is the same everywhere. Cost: some 0.3 s of
-    /// one core, shared by all.
+    /// Computes the sky for the sun's disc at an elevation over a level ground, whose albedo is the same everywhere.
+    /// Cost: some 0.3 s of one core, shared by all.
     pub(crate) fn new(atmosphere: Atmosphere, sun_elevation_rad: f32, ground_albedo: f32) -> Sky {
         let nothing = Field { harmonics: Vec::new(), ground: Vec::new() };
         let mut sky = Sky { atmosphere, sun_elevation_rad, ground_albedo, scattered: nothing };
@@ -99,8 +100,8 @@ impl Sky {
         sky
     }
 
-    /// Radiance from a direction above the horizon, over the sun's irradiance outside the atmosphere, 1/sr, without the sun's
-    /// disc. `cosine`: from the vertical; `azimuth_rad`: from the sun's.
+    /// Returns the radiance from a direction above the horizon, over the sun's irradiance outside the atmosphere, 1/sr,
+    /// without the sun's disc. `cosine`: from the vertical; `azimuth_rad`: from the sun's.
     pub(crate) fn radiance(&self, cosine: f32, azimuth_rad: f32) -> Spectrum {
         let sun_sine = self.sun_elevation_rad.sin();
         let view = View {
@@ -111,13 +112,14 @@ impl Sky {
         self.march(&view, &Sources::Both(&self.scattered), SKY_STEPS).map(|x| x.max(0.0))
     }
 
-    /// Share of the sun's irradiance outside the atmosphere that reaches the ground, on a surface that faces the disc.
+    /// Returns the share of the sun's irradiance outside the atmosphere that reaches the ground, on a surface that
+    /// faces the disc.
     pub(crate) fn sunlight(&self) -> Spectrum {
         let (column, visible) = self.atmosphere.towards_sun(0.0, self.sun_elevation_rad.sin());
         self.atmosphere.transmittance(column).map(|x| x * visible)
     }
 
-    /// The field of the light that `sources` send, once on its way.
+    /// Gathers the field of the light that `sources` send, once on its way.
     fn gather(&self, sources: &Sources) -> Field {
         let (harmonics, ground): (Vec<_>, Vec<_>) = (0..HEIGHTS * ELEVATIONS)
             .into_par_iter()
@@ -154,7 +156,7 @@ impl Sky {
         (found, level)
     }
 
-    /// Radiance at a ray's start.
+    /// Marches along a ray and returns the radiance at its start.
     fn march(&self, view: &View, sources: &Sources, steps: usize) -> Spectrum {
         let atmosphere = &self.atmosphere;
         let (sun, field) = match *sources {
@@ -194,7 +196,8 @@ impl Sky {
                     scattered_by_air + atmosphere.ozone[band] * ozone + atmosphere.aerosol_scaled[band] * aerosol;
                 let depth = extinction * step.length_km;
                 let passes = exp(-depth);
-                // Over which length the step's light still reaches its start: in thin air 1 - passes would be all rounding.
+                // Over which length the step's light still reaches its start: in thin air 1 - passes would be all
+                // rounding.
                 let length = if depth > 0.02 {
                     (1.0 - passes) / extinction.max(f32::MIN_POSITIVE)
                 } else {
@@ -213,7 +216,7 @@ impl Sky {
         radiance
     }
 
-    /// Radiance of the ground where the sun's elevation has this sine, lit by the sun, a field, or both.
+    /// Returns the radiance of the ground where the sun's elevation has this sine, lit by the sun, a field, or both.
     fn sent_by_ground(&self, sun_sine: f32, sunlit: bool, field: Option<&Field>) -> Spectrum {
         let mut irradiance = [0.0; BANDS];
         if let Some(field) = field {
@@ -231,14 +234,14 @@ impl Sky {
         irradiance.map(|x| x * self.ground_albedo / PI)
     }
 
-    /// Elevation of the sun at a node; beyond the vertical it is that on the other side.
+    /// Returns the elevation of the sun at a node; beyond the vertical it is that on the other side.
     fn node_elevation_rad(&self, node: usize) -> f32 {
         let middle = (ELEVATIONS / 2) as f32;
         let share = (node as f32 - middle) / middle;
         self.sun_elevation_rad + MAX_APART_RAD * share * share.abs()
     }
 
-    /// Between which nodes an elevation lies, and where.
+    /// Returns between which nodes an elevation lies, and where.
     fn place(&self, sun_sine: f32) -> (usize, f32) {
         let apart = (sun_sine.clamp(-1.0, 1.0).asin() - self.sun_elevation_rad) / MAX_APART_RAD;
         let share = apart.abs().min(1.0).sqrt().copysign(apart);
@@ -247,7 +250,7 @@ impl Sky {
         (below, at - below as f32)
     }
 
-    /// A field's radiance in a direction, by degree.
+    /// Returns a field's radiance in a direction, by degree.
     #[inline(always)]
     fn degrees_at(&self, field: &Field, height_km: f32, sun_sine: f32, basis: &[f32; HARMONICS]) -> [Spectrum; 3] {
         let (first, along) = self.place(sun_sine);
@@ -301,7 +304,7 @@ impl Field {
 }
 
 impl View {
-    /// Sine of the sun's elevation above the level of a place on the ray.
+    /// Returns the sine of the sun's elevation above the level of a place on the ray.
     fn sun_sine_at(&self, step: &RayStep) -> f32 {
         self.ray.cosine_there(step, self.sun_sine, self.towards_sun)
     }
@@ -311,14 +314,14 @@ fn node_height_km(node: usize) -> f32 {
     TOP_KM * (node as f32 / (HEIGHTS - 1) as f32).powi(2)
 }
 
-/// Cosine between a direction of this cosine from the vertical and the sun, at an azimuth from it.
+/// Returns the cosine between a direction of this cosine from the vertical and the sun, at an azimuth from it.
 fn between(cosine: f32, sun_sine: f32, azimuth_rad: f32) -> f32 {
     let across = ((1.0 - cosine * cosine) * (1.0 - sun_sine * sun_sine)).max(0.0).sqrt();
     (cosine * sun_sine + across * azimuth_rad.cos()).clamp(-1.0, 1.0)
 }
 
-/// Real harmonics of a direction of this cosine from the vertical (z) where the sun (in x and z) has this sine and lies at the
-/// angle of this cosine from it.
+/// Returns the real harmonics of a direction of this cosine from the vertical (z) where the sun (in x and z) has this
+/// sine and lies at the angle of this cosine from it.
 fn harmonics(cosine: f32, sun_sine: f32, towards_sun: f32) -> [f32; HARMONICS] {
     let level = (1.0 - sun_sine * sun_sine).max(1e-6).sqrt();
     let widest = (1.0 - cosine * cosine).max(0.0).sqrt();
@@ -342,8 +345,8 @@ mod tests {
     use crate::light::solar_spectrum::{RgbFromSunlight, WHITE_ILLUMINANCE_LUX, luminance};
     use glam::DVec3;
 
-    /// The sky by random walks from the eye: every scattering with its own density, nothing tabulated, nothing scaled. It shares
-    /// with the above what air consists of, and no more.
+    /// The sky by random walks from the eye: every scattering with its own density, nothing tabulated, nothing scaled.
+    /// It shares with the above what air consists of, and no more.
     struct Walk<'a> {
         atmosphere: &'a Atmosphere,
         band: usize,
@@ -371,7 +374,8 @@ mod tests {
             [by_air, by_aerosol, by_air + at(&self.atmosphere.ozone, ozone) + by_aerosol / f64::from(AEROSOL_ALBEDO)]
         }
 
-        /// Where a ray has passed this optical depth; else where it ends and whether it does so at the ground. Third: the depth passed.
+        /// Where a ray has passed this optical depth; else where it ends and whether it does so at the ground. Third:
+        /// the depth passed.
         fn pass(&self, from: DVec3, towards: DVec3, depth: f64) -> (DVec3, Option<bool>, f64) {
             let (mut position, mut passed) = (from, 0.0);
             loop {

@@ -9,12 +9,12 @@ pub(crate) const IRRADIANCE_ROWS: usize = 17;
 /// Columns of the table, once round.
 pub(crate) const IRRADIANCE_COLUMNS: usize = 32;
 
-/// Irradiance by normal, without shadows, of an equirectangular picture as [`crate::Environment`] has it: radiance,
-/// `[row, column, rgb]`. Cost: the sum over all its pixels for each entry, 544 a pixel.
+/// Computes the irradiance by normal, without shadows, of an equirectangular picture as [`crate::Environment`] has it:
+/// radiance, `[row, column, rgb]`. Cost: the sum over all its pixels for each entry, 544 a pixel.
 ///
-/// `[row][column][channel]`, 17 x 32 x 3 words, linear sRGB, pi for what makes a white diffuser 1. Row r stands at the angle
-/// `pi r / 16` from +y, column c at the azimuth `2 pi c / 32` from -z towards +x; every entry of a pole's row is the same.
-/// Between entries it is bilinear; columns go round.
+/// `[row][column][channel]`, 17 x 32 x 3 words, linear sRGB, pi for what makes a white diffuser 1. Row r stands at the
+/// angle `pi r / 16` from +y, column c at the azimuth `2 pi c / 32` from -z towards +x; every entry of a pole's row is
+/// the same. Between entries it is bilinear; columns go round.
 pub(crate) fn irradiance_table(width: usize, height: usize, rgb: &[f32]) -> Vec<f32> {
     let light = arriving(width, height, rgb);
     let entry = |at: usize| {
@@ -26,7 +26,8 @@ pub(crate) fn irradiance_table(width: usize, height: usize, rgb: &[f32]) -> Vec<
     entries.iter().flat_map(|entry| entry.to_array()).collect()
 }
 
-/// Of a unit normal, from what [`irradiance_table`] gives. Twin: `environment_irradiance` in `environment.wgsl`.
+/// Returns the irradiance of a unit normal, from what [`irradiance_table`] gives. Twin: `environment_irradiance` in
+/// `environment.wgsl`.
 pub(crate) fn irradiance_from_table(table: &[f32], normal: Vec3) -> Vec3 {
     let x = (normal.x.atan2(-normal.z) / TAU).rem_euclid(1.0) * IRRADIANCE_COLUMNS as f32;
     let y = normal.y.clamp(-1.0, 1.0).acos() / PI * (IRRADIANCE_ROWS - 1) as f32;
@@ -38,12 +39,12 @@ pub(crate) fn irradiance_from_table(table: &[f32], normal: Vec3) -> Vec3 {
     row(upper).lerp(row(upper + 1), down)
 }
 
-/// Of one unit normal, the exact sum over a picture's pixels.
+/// Returns the irradiance of one unit normal, the exact sum over a picture's pixels.
 pub(crate) fn irradiance_at(width: usize, height: usize, rgb: &[f32], normal: Vec3) -> Vec3 {
     irradiance_of(&arriving(width, height, rgb), normal)
 }
 
-/// Direction of each pixel's middle, and its radiance times its solid angle.
+/// Returns the direction of each pixel's middle, and its radiance times its solid angle.
 fn arriving(width: usize, height: usize, rgb: &[f32]) -> Vec<[Vec3; 2]> {
     let light = |at: usize| {
         let (row, column) = (at / width, at % width);
@@ -56,7 +57,7 @@ fn arriving(width: usize, height: usize, rgb: &[f32]) -> Vec<[Vec3; 2]> {
     (0..width * height).map(light).collect()
 }
 
-/// The sum over all light that arrives on the side of the normal.
+/// Returns the sum over all light that arrives on the side of the normal.
 fn irradiance_of(light: &[[Vec3; 2]], normal: Vec3) -> Vec3 {
     light.iter().map(|[from, light]| *light * normal.dot(*from).max(0.0)).sum()
 }

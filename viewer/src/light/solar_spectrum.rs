@@ -6,14 +6,14 @@ use btf_capture::cie;
 pub(crate) const BANDS: usize = 16;
 /// Middle of the first band.
 const FIRST_BAND_NM: f64 = 400.0;
-/// From one band's middle to the next: the last is at 700 nm.
+/// Width from one band's middle to the next, nm: the last is at 700 nm.
 const BAND_STEP_NM: f64 = 20.0;
 
 /// A number for each band.
 pub(crate) type Spectrum = [f32; BANDS];
 
-/// A white diffuser (BRDF 1 / pi) under this illuminance has the linear sRGB radiance 1. A round number near what a clear
-/// noon gives: exposures stay ordinary, and sun, sky and twilight keep their ratios.
+/// A white diffuser (BRDF 1 / pi) under this illuminance has the linear sRGB radiance 1. A round number near what a
+/// clear noon gives: exposures stay ordinary, and sun, sky and twilight keep their ratios.
 pub const WHITE_ILLUMINANCE_LUX: f64 = 100_000.0;
 
 /// Luminous efficacy of radiation at 540 THz, lm/W [CIE 015:2018].
@@ -34,13 +34,13 @@ const SOLAR_IRRADIANCE: [f64; 41] = [
     1.18737,
 ];
 
-/// Middle of each band in nanometres.
+/// Returns the middle of each band in nanometres.
 pub(crate) fn band_nm() -> [f64; BANDS] {
     std::array::from_fn(|band| FIRST_BAND_NM + BAND_STEP_NM * band as f64)
 }
 
-/// From what becomes of the sun's light in each band (radiance over irradiance outside the atmosphere, 1/sr, or a share of
-/// the irradiance) to linear sRGB.
+/// From what becomes of the sun's light in each band (radiance over irradiance outside the atmosphere, 1/sr, or a share
+/// of the irradiance) to linear sRGB.
 #[derive(Debug, Clone)]
 pub(crate) struct RgbFromSunlight {
     /// `[band][channel]`, for radiance.
@@ -48,8 +48,9 @@ pub(crate) struct RgbFromSunlight {
 }
 
 impl RgbFromSunlight {
-    /// At `distance_au` from the sun. A spectrum is taken as linear between the bands and constant beyond the first and the
-    /// last, so that the sun's own lines keep their weight; CIE 1931, 380 to 780 nm in steps of 5 nm [CIE 015:2018].
+    /// Returns the spectrum at `distance_au` from the sun. A spectrum is taken as linear between the bands and constant
+    /// beyond the first and the last, so that the sun's own lines keep their weight; CIE 1931, 380 to 780 nm in steps
+    /// of 5 nm [CIE 015:2018].
     pub(crate) fn new(distance_au: f64) -> RgbFromSunlight {
         let scale = LUMENS_PER_WATT * std::f64::consts::PI / WHITE_ILLUMINANCE_LUX / distance_au.powi(2);
         let mut weights = [[0.0; 3]; BANDS];
@@ -70,7 +71,7 @@ impl RgbFromSunlight {
         RgbFromSunlight { weights }
     }
 
-    /// Linear sRGB, in the gamut.
+    /// Converts to linear sRGB, in the gamut.
     pub(crate) fn rgb(&self, spectrum: &Spectrum) -> [f32; 3] {
         let mut rgb = [0.0; 3];
         for (weight, value) in self.weights.iter().zip(spectrum) {
@@ -86,12 +87,12 @@ fn linear_srgb(xyz: [f64; 3]) -> [f64; 3] {
     cie::RGB_FROM_XYZ.map(|row| row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2])
 }
 
-/// Luminance of linear sRGB as a share of white's [IEC 61966-2-1].
+/// Returns the luminance of linear sRGB as a share of white's [IEC 61966-2-1].
 pub(crate) fn luminance(rgb: [f64; 3]) -> f64 {
     0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 }
 
-/// A colour that sRGB does not hold (a negative channel) becomes paler until it does; its luminance stays.
+/// Makes a colour that sRGB does not hold (a negative channel) paler until it does; its luminance stays.
 fn in_gamut(rgb: [f64; 3]) -> [f32; 3] {
     let grey = luminance(rgb).max(0.0);
     let least = rgb.into_iter().fold(f64::MAX, f64::min);

@@ -16,41 +16,42 @@ const PRESSURE_SCALE_M: f64 = 8400.0;
 pub struct Sun {
     /// Unit vector towards the middle of what is visible of the disc: +y is up, -z north, +x east.
     pub direction: Vec3,
-    /// Of the disc.
+    /// Angular diameter of the disc, degrees.
     pub angular_diameter_deg: f32,
-    /// On a surface that faces it at the ground, through the air: linear sRGB; pi makes a white diffuser 1. Goes to 0
-    /// without a step as the disc sets.
+    /// Irradiance on a surface that faces the sun at the ground, through the air: linear sRGB; pi makes a white
+    /// diffuser 1. Goes to 0 without a step as the disc sets.
     pub irradiance: [f32; 3],
 }
 
-/// Where the sun stands in a sky.
+/// The position of the sun in a sky.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SunPosition {
-    /// From north over east, 0 to 360.
+    /// Azimuth from north over east, 0 to 360 degrees.
     pub azimuth_deg: f64,
-    /// Of the disc's middle over the level as one sees it, with refraction.
+    /// Elevation of the disc's middle over the level as one sees it, with refraction, degrees.
     pub elevation_deg: f64,
-    /// The same without air.
+    /// Elevation without refraction by air, degrees.
     pub geometric_elevation_deg: f64,
-    /// From the earth to the sun, in astronomical units.
+    /// Distance from the earth to the sun, in astronomical units.
     pub distance_au: f64,
 }
 
 impl SunPosition {
-    /// Unit vector towards the sun: +y is up, -z north, +x east.
+    /// Returns the unit vector towards the sun: +y is up, -z north, +x east.
     pub fn direction(&self) -> Vec3 {
         direction(self.azimuth_deg, self.elevation_deg)
     }
 }
 
-/// Unit vector of an azimuth (from north over east) and an elevation: +y is up, -z north, +x east.
+/// Returns the unit vector of an azimuth (from north over east) and an elevation: +y is up, -z north, +x east.
 pub(crate) fn direction(azimuth_deg: f64, elevation_deg: f64) -> Vec3 {
     let (azimuth, elevation) = (azimuth_deg * PI / 180.0, elevation_deg * PI / 180.0);
     let level = elevation.cos();
     Vec3::new((level * azimuth.sin()) as f32, elevation.sin() as f32, (-level * azimuth.cos()) as f32)
 }
 
-/// A moment in days: `year`, `month`, `day`, `hour`, `minute`, `second` on a clock that is `offset_minutes` ahead of UTC.
+/// Returns a moment in days: `year`, `month`, `day`, `hour`, `minute`, `second` on a clock that is `offset_minutes`
+/// ahead of UTC.
 ///
 /// # Errors
 /// What is wrong with the date or the time.
@@ -66,8 +67,8 @@ pub(crate) fn julian_date(
     JulianDate::new(local.julian_date() - f64::from(offset_minutes) / (24.0 * 60.0), delta_t_s)
 }
 
-/// Where the sun stands, by NREL's SPA [Reda 2004] (0.0003 degrees) and refraction of standard air [Saemundsson 1986] (some
-/// 0.1 minutes of arc; at the horizon weather makes more).
+/// Computes where the sun stands, by NREL's SPA [Reda 2004] (0.0003 degrees) and refraction of standard air
+/// [Saemundsson 1986] (some 0.1 minutes of arc; at the horizon weather makes more).
 ///
 /// # Errors
 /// What is wrong with the place or the time.
@@ -88,11 +89,11 @@ pub(crate) fn sun_position(
     })
 }
 
-/// How much higher air lifts what stands at a geometric elevation, at 10 degrees Celsius and standard pressure
+/// Returns how much higher air lifts what stands at a geometric elevation, at 10 degrees Celsius and standard pressure
 /// [Saemundsson 1986].
 ///
-/// Differs from the source below -1 degree, where it is no longer meant: there the lift fades to 0 at -6 degrees, because twilight's light
-/// comes through high, thin air. So it has no step anywhere.
+/// Differs from the source below -1 degree, where it is no longer meant: there the lift fades to 0 at -6 degrees,
+/// because twilight's light comes through high, thin air. So it has no step anywhere.
 fn refraction_deg(geometric_deg: f64, height_m: f64) -> f64 {
     let elevation = geometric_deg.max(-1.0);
     let minutes = 1.02 / ((elevation + 10.3 / (elevation + 5.11)) * PI / 180.0).tan();

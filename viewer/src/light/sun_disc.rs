@@ -1,4 +1,4 @@
-//! The sun's disc as a light at infinity: soft shadows by rays to its points. Twin: `shaders/sun_disc.wgsl`.
+//! The sun's disc as a light at infinity: soft shadows by rays to its points. Twin: `sun_disc.wgsl`.
 
 use crate::geometry::surface::perpendicular;
 use crate::light::sun::Sun;
@@ -6,14 +6,14 @@ use glam::Vec3;
 use std::f32::consts::TAU;
 
 impl Sun {
-    /// Share of a full turn's solid angle that the disc covers, times 2: 1 less the cosine of its angular radius, without
-    /// losing digits.
+    /// Returns the share of a full turn's solid angle that the disc covers, times 2: 1 less the cosine of its angular
+    /// radius, without losing digits.
     pub(crate) fn sun_part(&self) -> f32 {
         let sin_half = (0.25 * self.angular_diameter_deg.to_radians()).sin();
         2.0 * sin_half * sin_half
     }
 
-    /// A direction to a point of the disc from two numbers in [0, 1), every part of the disc as likely.
+    /// Draws a direction to a point of the disc from two numbers in [0, 1), every part of the disc as likely.
     pub(crate) fn sun_sample(&self, at: [f32; 2]) -> Vec3 {
         let cos = 1.0 - at[0] * self.sun_part();
         let radius = (1.0 - cos * cos).max(0.0).sqrt();
@@ -23,7 +23,7 @@ impl Sun {
         (self.direction * cos + (across * cos_angle + other * sin_angle) * radius).normalize()
     }
 
-    /// Radiance of the disc where it lies in `direction`, 0 beside it.
+    /// Returns the radiance of the disc where it lies in `direction`, 0 beside it.
     pub(crate) fn sun_radiance(&self, direction: Vec3) -> Vec3 {
         if 1.0 - direction.dot(self.direction) > self.sun_part() {
             return Vec3::ZERO;

@@ -2,7 +2,7 @@
 
 const SUN_TAU: f32 = 6.2831853;
 
-// A direction to a point of the disc from two numbers in [0, 1), every part of the disc as likely.
+// Draws a direction to a point of the disc from two numbers in [0, 1), every part of the disc as likely.
 fn sun_sample(at: vec2<f32>) -> vec3<f32> {
     let cos_here = 1.0 - at.x * frame.sun_part;
     let radius = sqrt(max(1.0 - cos_here * cos_here, 0.0));
@@ -12,7 +12,7 @@ fn sun_sample(at: vec2<f32>) -> vec3<f32> {
     return normalize(frame.sun_direction * cos_here + (across * cos(angle) + other * sin(angle)) * radius);
 }
 
-// Radiance of the disc where it lies in `direction`, 0 beside it.
+// Returns the radiance of the disc where it lies in `direction`, 0 beside it.
 fn sun_radiance(direction: vec3<f32>) -> vec3<f32> {
     if 1.0 - dot(direction, frame.sun_direction) > frame.sun_part {
         return vec3<f32>(0.0);

@@ -1,8 +1,9 @@
 //! How a running computation talks to its caller.
 
-/// How a rendering talks to its caller while it runs.
+/// The callbacks by which a rendering talks to its caller while it runs.
 pub struct Control<'a> {
-    /// Asked between rows and frames; `true` ends the rendering with [`ViewerError::Interrupted`](crate::ViewerError::Interrupted).
+    /// Asked between rows and frames; `true` ends the rendering with
+    /// [`ViewerError::Interrupted`](crate::ViewerError::Interrupted).
     pub cancelled: &'a (dyn Fn() -> bool + Sync),
     /// Told the share of the work that is done, 0 to 1.
     pub progress: &'a (dyn Fn(f32) + Sync),

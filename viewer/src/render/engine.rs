@@ -41,7 +41,7 @@ impl Engine {
         }
     }
 
-    /// Adapter name, or the number of threads.
+    /// Returns the adapter name, or the number of threads.
     pub(crate) fn adapter(&self) -> String {
         match self {
             Engine::Gpu(gpu, _) => gpu.adapter_name().to_string(),
@@ -57,7 +57,7 @@ impl Engine {
         }
     }
 
-    /// As on the command line.
+    /// Returns the backend's name on the command line.
     pub(crate) fn backend(&self) -> &'static str {
         match self {
             Engine::Gpu(_, tracer) => tracer.name(),
@@ -65,7 +65,8 @@ impl Engine {
         }
     }
 
-    /// What times a frame: begin and end of its passes on a GPU that tells them, or submission until it is finished.
+    /// Returns what times a frame: begin and end of its passes on a GPU that tells them, or submission until it is
+    /// finished.
     pub(crate) fn timer(&self) -> &'static str {
         match self {
             Engine::Gpu(gpu, _) if gpu.has_timestamps() => "gpu-timestamps",

@@ -1,5 +1,5 @@
-//! Holds a frame-time budget: what a frame costs is learned from frames, and components, then lobes, then lights, are what
-//! it may spend.
+//! Holds a frame-time budget: what a frame costs is learned from frames, and components, then lobes, then lights, are
+//! what it may spend.
 //!
 //! Components and lobes together are the *detail* of decoding. The time of a frame is taken as
 //! `fixed + per_detail x detail`, both learned with old frames forgotten; the share of the lights' rays is in both.
@@ -13,12 +13,12 @@ use crate::scene::scene::Scene;
 const LEARNING: f64 = 0.3;
 /// Deviation from the budget that is left alone, so that settings do not flutter.
 const DEAD_BAND: f64 = 0.05;
-/// What is aimed at, as a share of the budget.
+/// The share of the budget that is aimed at.
 const AIM: f64 = 0.97;
 /// Detail by which a setting is changed to learn what it costs.
 const PROBE: u32 = 4;
 
-/// What a frame may ask for.
+/// The limits of what a frame may ask for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Spending {
     /// Residual components.
@@ -30,13 +30,13 @@ pub struct Spending {
 }
 
 impl Spending {
-    /// As much as there is to spend in a scene.
+    /// Returns as much as there is to spend in a scene.
     pub fn all_of(scene: &Scene) -> Spending {
         Spending { components: scene.most_components(), lobes: scene.most_lobes(), lights: scene.lights.len() as u32 }
     }
 }
 
-/// What frames may spend, and what they were seen to cost.
+/// The limits of what frames may spend, and the times that frames were seen to take.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Governor {
     budget_ms: f64,
@@ -52,7 +52,8 @@ pub struct Governor {
 }
 
 impl Governor {
-    /// For frames of `budget_ms`, above 0, in a scene that has `most` to spend; begins with all of it.
+    /// Returns a governor for frames of `budget_ms`, above 0, in a scene that has `most` to spend; begins with all of
+    /// it.
     pub fn new(budget_ms: f64, most: Spending) -> Governor {
         let most = Spending { components: most.components, lobes: most.lobes.max(1), lights: most.lights.max(1) };
         Governor {
@@ -73,7 +74,7 @@ impl Governor {
         }
     }
 
-    /// `asked` within what the budget allows.
+    /// Limits `asked` to what the budget allows.
     pub fn settings(&self, asked: &ShadeOptions) -> ShadeOptions {
         let (mut shade, spends) = (*asked, self.spends());
         shade.decode.components = shade.decode.components.min(spends.components);
@@ -82,12 +83,12 @@ impl Governor {
         shade
     }
 
-    /// The budget, milliseconds.
+    /// Returns the budget, milliseconds.
     pub fn budget_ms(&self) -> f64 {
         self.budget_ms
     }
 
-    /// What a frame may ask for.
+    /// Returns what a frame may ask for.
     pub fn spends(&self) -> Spending {
         let lobes = self.detail.min(self.most.lobes);
         Spending { components: self.detail - lobes, lobes, lights: self.lights }

@@ -21,7 +21,7 @@ use std::time::Instant;
 /// Largest picture side, pixels.
 pub const MAX_SIDE: u32 = 16384;
 
-/// What to render.
+/// The parameters of a rendering.
 #[derive(Debug, Clone)]
 pub struct RenderParams {
     /// Width and height, pixels, 1 to [`MAX_SIDE`].
@@ -29,13 +29,14 @@ pub struct RenderParams {
     /// Frames, at least 1. Each adds one sample per pixel, the first through the pixel's middle, the others spread over
     /// it; the picture is their mean and the frame time their mean.
     pub frames: u32,
-    /// Which renderer.
+    /// The renderer.
     pub backend: BackendChoice,
     /// Part of the adapter's name, where there are several.
     pub adapter: Option<String>,
-    /// What costs time and changes accuracy.
+    /// The settings that trade speed for accuracy.
     pub shade: ShadeOptions,
-    /// Milliseconds that a frame may take; what frames then save in components, lobes and lights, they learn from one another.
+    /// Milliseconds that a frame may take; what frames then save in components, lobes and lights, they learn from one
+    /// another.
     pub target_ms: Option<f64>,
 }
 
@@ -70,9 +71,9 @@ pub struct RenderReport {
     pub triangles: u64,
     /// Instances of meshes.
     pub instances: usize,
-    /// If there is ambient light.
+    /// Whether there is ambient light.
     pub ambient_occlusion: bool,
-    /// If a picture of light surrounds the scene.
+    /// Whether a picture of light surrounds the scene.
     pub environment: bool,
     /// Lights of which a sample asks at most.
     pub light_samples: u32,
@@ -88,9 +89,9 @@ pub struct RenderReport {
     pub interpolation: &'static str,
     /// The frame-time budget, milliseconds.
     pub target_ms: Option<f64>,
-    /// What a frame of that budget may ask for, as far as it was learned.
+    /// The spending of a frame of that budget, as far as it was learned.
     pub spends: Option<Spending>,
-    /// If parallax between views is removed where assets have heights.
+    /// Whether parallax between views is removed where assets have heights.
     pub parallax: bool,
 }
 
@@ -104,8 +105,8 @@ pub struct Rendered {
     pub report: RenderReport,
 }
 
-/// Renders `scene`. Cost: on a GPU the passes of each frame; on the CPU about one BVH traversal and one decode per pixel
-/// and light on every thread.
+/// Renders `scene`. Cost: on a GPU the passes of each frame; on the CPU about one BVH traversal and one decode per
+/// pixel and light on every thread.
 ///
 /// # Errors
 /// [`ViewerError::Usage`] for sizes out of range, [`ViewerError::NoAdapter`] where a GPU is asked for by name and there
@@ -120,19 +121,19 @@ pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result
     last.ok_or(ViewerError::Interrupted)
 }
 
-/// How the pictures of a scene follow one another; the first is that of [`render`].
+/// The pictures of a scene one after the other; the first is that of [`render`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sequence {
-    /// How many there are.
+    /// Number of pictures.
     pub pictures: u32,
-    /// By how much the camera turns about its target from one to the next, radians.
+    /// Angle by which the camera turns about its target from one picture to the next, radians.
     pub turn_rad: f32,
-    /// How much later each is than the one before, seconds.
+    /// Time from one picture to the next, seconds.
     pub interval_s: f64,
 }
 
 impl Sequence {
-    /// Once around the scene.
+    /// Returns a sequence of `pictures` pictures once around the scene.
     pub fn turntable(pictures: u32) -> Sequence {
         Sequence { pictures, turn_rad: std::f32::consts::TAU / pictures as f32, interval_s: 0.0 }
     }
@@ -141,7 +142,7 @@ impl Sequence {
 /// Renders the pictures of a sequence and gives each to `each` with its number. Uploads and compiles once.
 ///
 /// # Errors
-/// Those of [`render`], and those of `each`, which end it.
+/// As [`render`], and those of `each`, which end the sequence.
 pub fn render_sequence(
     scene: &Scene,
     params: &RenderParams,
@@ -174,8 +175,10 @@ pub(crate) struct Session {
 }
 
 impl Session {
+    /// Opens the renderer, uploads the scene and compiles.
+    ///
     /// # Errors
-    /// Those of [`render`].
+    /// As [`render`].
     pub(crate) fn new(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Session, ViewerError> {
         if params.size.iter().any(|side| *side == 0 || *side > MAX_SIDE) {
             return Err(ViewerError::Usage(format!(
@@ -205,7 +208,7 @@ impl Session {
     /// Takes over where the wind has moved the scene's skins.
     ///
     /// # Errors
-    /// Those of [`render`].
+    /// As [`render`].
     fn take_over_skins(&mut self, scene: &Scene) -> Result<(), ViewerError> {
         match (&self.engine, &mut self.tracer) {
             (Engine::Gpu(..), Some(tracer)) => tracer.update(scene, &SceneChange::Skins).map(|_| ()),
@@ -216,7 +219,7 @@ impl Session {
     /// Draws the scene, whose camera, lights and surroundings may have changed since [`Session::new`].
     ///
     /// # Errors
-    /// Those of [`render`].
+    /// As [`render`].
     pub(crate) fn render(
         &mut self,
         scene: &Scene,

@@ -1,8 +1,8 @@
 //! `btf-view plan`: what a scene's pictures need of its assets, and assets that hold no more.
 //!
-//! The cameras' rays tell the finest level that an asset is asked for. Fewer components and lobes are then tried, for all
-//! assets at once, until an asset's own pixels differ too much from those of the whole assets. What is left is written,
-//! loaded and drawn again: the error that is told is that of the files.
+//! The cameras' rays tell the finest level that an asset is asked for. Fewer components and lobes are then tried, for
+//! all assets at once, until an asset's own pixels differ too much from those of the whole assets. What is left is
+//! written, loaded and drawn again: the error that is told is that of the files.
 
 use crate::cpu::pick::count_levels;
 use crate::error::ViewerError;
@@ -20,10 +20,10 @@ use std::sync::Arc;
 const LEVEL_SHARE: f64 = 0.01;
 /// Limits that are tried, from the largest down.
 const LADDER: [u32; 16] = [0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 80, 96, 112];
-/// How often limits are raised again where together they cost more than each alone.
+/// Rounds in which limits are raised again where together they cost more than each alone.
 const MAX_ROUNDS: usize = 6;
 
-/// What a scene needs of one asset.
+/// The part of one asset that a scene needs.
 #[derive(Debug, Clone, Serialize)]
 pub struct PlannedAsset {
     /// The asset's name.
@@ -40,7 +40,7 @@ pub struct PlannedAsset {
     pub lobes: [u32; 2],
     /// Bytes of the file, of the asset and of what is kept.
     pub bytes: [usize; 2],
-    /// Of the asset's pixels against those of the whole asset, 8-bit sRGB, dB; `null` where it is not seen.
+    /// PSNR of the asset's pixels against those of the whole asset, 8-bit sRGB, dB; `null` where it is not seen.
     pub psnr_db: Option<f64>,
     /// The file.
     #[serde(skip)]
@@ -52,19 +52,19 @@ pub struct PlannedAsset {
 pub struct Plan {
     /// One for each of [`Scene::assets`].
     pub assets: Vec<PlannedAsset>,
-    /// Of whole pictures, 8-bit sRGB, dB.
+    /// PSNR of whole pictures, 8-bit sRGB, dB.
     pub psnr_db: f64,
     /// Bytes of all files, before and after.
     pub bytes: [usize; 2],
 }
 
-/// Finds what `scene` needs of its assets, seen from each of `cameras` times `params.size` pixels, for pictures whose assets'
-/// pixels are within `goal_db` of those with whole assets.
+/// Finds what `scene` needs of its assets, seen from each of `cameras` times `params.size` pixels, for pictures whose
+/// assets' pixels are within `goal_db` of those with whole assets.
 ///
 /// Cost: up to 32 pictures of each camera, and packing, reading and expanding the assets.
 ///
 /// # Errors
-/// Those of [`crate::render`].
+/// As [`crate::render`].
 pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Control) -> Result<Plan, ViewerError> {
     let forms = scene.assets.iter().map(|asset| asset.file_form()).collect::<Result<Vec<_>, _>>()?;
     let mut planner = Planner::new(scene, &forms, params, control)?;
@@ -129,7 +129,7 @@ impl Limit {
     }
 }
 
-/// What is kept of an asset.
+/// The part of an asset that is kept.
 #[derive(Debug, Clone, Copy)]
 struct Need {
     pixels: u64,
@@ -150,7 +150,7 @@ impl Need {
         Need { pixels, level, components: most[0], lobes: most[1], most }
     }
 
-    /// The next larger limits or, where there are none, the next finer level; `false` where all is kept.
+    /// Takes the next larger limits or, where there are none, the next finer level; returns `false` where all is kept.
     fn raise(&mut self, asset: &FileForm) -> bool {
         let next = |now: u32, most: u32| LADDER.into_iter().find(|rung| *rung > now).unwrap_or(most).min(most);
         let before = [self.components, self.lobes];
@@ -191,7 +191,7 @@ struct Planner<'a> {
     shown: Vec<Option<usize>>,
 }
 
-/// The scene from each of its cameras.
+/// Returns the scene from each of its cameras.
 fn views(scene: &Scene) -> impl Iterator<Item = Scene> {
     let cameras = std::iter::once(&scene.camera).chain(&scene.more_cameras);
     cameras.map(|camera| Scene { camera: *camera, ..scene.clone() })
@@ -230,7 +230,7 @@ impl<'a> Planner<'a> {
         Ok(planner)
     }
 
-    /// Error of each asset's pixels.
+    /// Returns the error of each asset's pixels.
     fn errors(&self, radiance: &Radiance) -> Vec<Option<f64>> {
         let of = |asset: usize| {
             let pixels: Vec<usize> = (0..radiance.len()).filter(|pixel| self.shown[*pixel] == Some(asset)).collect();

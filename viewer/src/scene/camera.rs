@@ -145,7 +145,7 @@ impl CameraFrame {
     }
 
     /// Returns the unit direction of the ray through pixel (`x`, `y`), row 0 at the top, moved by `jitter` pixels from
-    /// the pixel's middle. Twin: `camera_direction` in `shade.wgsl`.
+    /// the pixel's middle. Twin: `camera_direction` in `shader.wgsl`.
     pub fn direction(&self, x: u32, y: u32, jitter: [f32; 2]) -> Vec3 {
         let px = 2.0 * (x as f32 + 0.5 + jitter[0]) / self.width as f32 - 1.0;
         let py = 1.0 - 2.0 * (y as f32 + 0.5 + jitter[1]) / self.height as f32;

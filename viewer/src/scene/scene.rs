@@ -396,11 +396,11 @@ impl Scene {
     /// for. Without a wind nothing moves.
     ///
     /// # Errors
-    /// The errors of [`Wind::blow`].
+    /// The errors of [`Wind::displace`].
     pub fn blow(&mut self, time_s: f64) -> Result<(), ViewerError> {
         if let (Some(wind), Some(volumes)) = (&self.wind, &mut self.volumes) {
             let volumes = Arc::make_mut(volumes);
-            volumes.blow(wind, time_s).map_err(ViewerError::Usage)?;
+            volumes.advance_wind(wind, time_s).map_err(ViewerError::Usage)?;
             if volumes.has_stand_ins() {
                 Arc::make_mut(&mut self.geometry).move_instances(|placement| volumes.stand_in_place(placement));
             }

@@ -20,6 +20,7 @@ struct QueryParams {
 @group(0) @binding(9) var<storage, read> queries: array<Query>;
 @group(0) @binding(10) var<storage, read_write> decoded: array<vec4<f32>>;
 
+// Decodes one sample.
 @compute @workgroup_size(64)
 fn decode_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let index = id.y * groups.x * 64u + id.x;

@@ -1,6 +1,6 @@
 // Entry points that draw: each is one pass over the pixels of a band.
 
-// Whether there is such a pixel; what is a mesh and what a volume for its path is then known.
+// Returns whether the band has such a pixel, and draws what is a mesh and what a volume for its path.
 fn in_band(pixel: vec2<u32>) -> bool {
     if with_lod_transition {
         lod_transition = lod_transition_of_path(frame.eye, frame.pixel_width, whole_picture(pixel), frame.sample);
@@ -8,6 +8,7 @@ fn in_band(pixel: vec2<u32>) -> bool {
     return pixel.x < frame.width && pixel.y < frame.rows;
 }
 
+// Traces the ray from the eye.
 @compute @workgroup_size(8, 8)
 fn camera_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if in_band(id.xy) {
@@ -15,6 +16,7 @@ fn camera_main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
+// Adds the light at what the latest ray hit.
 @compute @workgroup_size(8, 8)
 fn light_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if in_band(id.xy) {
@@ -22,6 +24,7 @@ fn light_main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
+// Traces the next ray of a traced path.
 @compute @workgroup_size(8, 8)
 fn scatter_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if in_band(id.xy) {
@@ -29,6 +32,7 @@ fn scatter_main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
+// Traces the next ray from a mirror.
 @compute @workgroup_size(8, 8)
 fn mirror_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if in_band(id.xy) {
@@ -36,6 +40,7 @@ fn mirror_main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
+// Adds what the latest ray meets in volumes.
 @compute @workgroup_size(8, 8)
 fn volume_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if in_band(id.xy) {

@@ -1,4 +1,5 @@
-// What the tracers read and write, but for the assets, vertices, triangles and nodes, which pieces.rs declares. The structs' twins: trace.rs, geometry.rs; compared by a test.
+// What the tracers read and write, but for the assets, vertices, triangles and nodes, which pieces.rs declares. The
+// structs' twins: trace.rs, geometry.rs; compared by a test.
 
 struct Frame {
     eye: vec3<f32>,
@@ -117,8 +118,8 @@ struct Light {
 // The path of a pixel's sample: its latest ray and what that hit.
 struct Path {
     origin: vec3<f32>,
-    // Triangle that the latest ray hit; MISSED where it hit none and volumes are still to be seen; IN_VOLUME where the path
-    // scattered before it and goes on from there; NO_HIT where it ended.
+    // Triangle that the latest ray hit; MISSED where it hit none and volumes are still to be seen; IN_VOLUME where the
+    // path scattered before it and goes on from there; NO_HIT where it ended.
     primitive: u32,
     direction: vec3<f32>,
     // Barycentric weights of the triangle's second and third corner.

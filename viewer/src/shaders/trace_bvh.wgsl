@@ -10,7 +10,7 @@ fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> boo
     return bvh_trace(frame.root, origin, direction, distance, HIT_ANY).primitive != NO_HIT;
 }
 
-// Any hit of a mesh, or the nearest face by which the ray enters a volume's proxy.
+// Returns any hit of a mesh, or the nearest face by which the ray enters a volume's proxy.
 fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
     let root = select(frame.volume_root, frame.root, meshes);
     return bvh_trace(root, origin, direction, t_max, select(HIT_FRONT, HIT_ANY, meshes));

@@ -17,12 +17,13 @@ fn trace_mesh(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
     return trace_with(0u, RAY_MESHES, origin, direction, TRACE_FAR);
 }
 
-// Any hit of a mesh, or the nearest face by which the ray enters a volume's proxy.
+// Returns any hit of a mesh, or the nearest face by which the ray enters a volume's proxy.
 fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
     let flags = select(RAY_FLAG_CULL_BACK_FACING, RAY_FLAG_TERMINATE_ON_FIRST_HIT, meshes);
     return trace_with(flags, select(RAY_PROXIES, RAY_MESHES, meshes), origin, direction, t_max);
 }
 
+// Traces a ray through the instances of `mask`; meshes that volumes stand in for count within their spheres only.
 fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
     var hit = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     let spheres = lod_transition_along(lod_transition, origin, direction);

@@ -36,6 +36,7 @@ struct WalkPlace {
 @group(0) @binding(9) var<storage, read> walk_queries: array<WalkQuery>;
 @group(0) @binding(10) var<storage, read_write> walk_sums: array<WalkSum>;
 
+// Walks one ray.
 @compute @workgroup_size(64)
 fn walk_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let index = id.y * groups.x * 64u + id.x;

@@ -1,10 +1,10 @@
-//! Displacement: an asset's heights as relief in a shell below the mesh, met by marching [Policarpo 2005], with the mesh's
-//! curvature, so that rays near a silhouette pass between the hills and leave the shell again [Oliveira 2005]. Twin:
-//! `shaders/relief.wgsl`.
+//! Displacement: an asset's heights as relief in a shell below the mesh, met by marching [Policarpo 2005], with the
+//! mesh's curvature, so that rays near a silhouette pass between the hills and leave the shell again [Oliveira 2005].
+//! Twin: `relief.wgsl`.
 //!
-//! The mesh is the shell's lid, where the highest point lies. What is decoded is the texel at which the capture shows the
-//! point that the ray meets: at scale 1 where the ray crosses the plane that the capture is rectified to, so that what was
-//! measured is seen as it was measured, parallax and all.
+//! The mesh is the shell's lid, where the highest point lies. What is decoded is the texel at which the capture shows
+//! the point that the ray meets: at scale 1 where the ray crosses the plane that the capture is rectified to, so that
+//! what was measured is seen as it was measured, parallax and all.
 
 use crate::geometry::bvh::Hit;
 use crate::geometry::geometry::Geometry;
@@ -19,7 +19,7 @@ const RELIEF_STEP: f32 = 0.5;
 /// Steps of a ray, at least and at most.
 const MIN_RELIEF_STEPS: f32 = 8.0;
 const MAX_RELIEF_STEPS: f32 = 128.0;
-/// How far above the relief a shadow ray begins, texels.
+/// Height above the relief at which a shadow ray begins, texels.
 const RELIEF_BIAS: f32 = 0.05;
 
 /// The constants that the shader has too, by name.
@@ -35,11 +35,11 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Relief<'a> {
     field: HeightField<'a>,
-    /// What heights are multiplied by.
+    /// Factor of the heights.
     scale: f32,
     /// Texels on a unit of length.
     pub texels_per_unit: f32,
-    /// Where the point is: column and row, texel centres at whole numbers.
+    /// Place of the point: column and row, texel centres at whole numbers.
     place: Vec2,
     /// Change of the normal along tangent and bitangent, per texel: xx, xy, yy.
     curvature: Vec3,
@@ -48,7 +48,7 @@ pub(crate) struct Relief<'a> {
 }
 
 impl<'a> Relief<'a> {
-    /// `None` where the material has no relief.
+    /// Returns the relief below a point; `None` where the material has none.
     pub(crate) fn relief_new(scene: &'a Scene, hit: &Hit, s: &Surface) -> Option<Relief<'a>> {
         let material = &scene.materials[s.material];
         if material.displacement <= 0.0 {
@@ -74,18 +74,18 @@ impl<'a> Relief<'a> {
         })
     }
 
-    /// How much faster than straight a ray along `l` rises above the surface, per texel of its way.
+    /// Returns how much faster than straight a ray along `l` rises above the surface, per texel of its way.
     fn relief_bend(&self, l: Vec3) -> f32 {
         self.curvature.x * l.x * l.x + 2.0 * self.curvature.y * l.x * l.y + self.curvature.z * l.y * l.y
     }
 
-    /// Column and row after the way `way` along `l`.
+    /// Returns the column and row after the way `way` along `l`.
     fn relief_place(&self, from: Vec2, l: Vec3, way: f32) -> Vec2 {
         from + way * Vec2::new(l.x, -l.y)
     }
 
-    /// Way of a ray that enters the shell at the point along `l`, a unit vector of the texel's frame with z < 0, to what it
-    /// meets, texels; negative where it leaves the shell, by the way to there.
+    /// Returns the way of a ray that enters the shell at the point along `l`, a unit vector of the texel's frame with z
+    /// < 0, to what it meets, texels; negative where it leaves the shell, by the way to there.
     pub(crate) fn relief_enter(&self, l: Vec3) -> f32 {
         let [least, most] = self.field.range().map(|z| z * self.scale);
         let (depth, bend) = (most - least, self.relief_bend(l));
@@ -111,20 +111,20 @@ impl<'a> Relief<'a> {
         if leaves { -end } else { end }
     }
 
-    /// Column, row and height (unscaled) of the point after the way `way` along `l`.
+    /// Returns the column, row and height (unscaled) of the point after the way `way` along `l`.
     pub(crate) fn relief_point(&self, l: Vec3, way: f32) -> Vec3 {
         let z = self.field.range()[1] * self.scale + way * l.z + 0.5 * self.relief_bend(l) * way * way;
         self.relief_place(self.place, l, way).extend(z / self.scale)
     }
 
-    /// Texture coordinates of the mesh at which the capture shows `point` to an eye at `wo`.
+    /// Returns the texture coordinates of the mesh at which the capture shows `point` to an eye at `wo`.
     pub(crate) fn relief_uv(&self, material: &Material, point: Vec3, wo: Vec3) -> Vec2 {
         let shown = point.truncate() - point.z * Vec2::from(HeightField::slope(wo.to_array()));
         let at = (shown + 0.5) / self.size;
         Vec2::new(at.x, 1.0 - at.y) / Vec2::from(material.uv_scale)
     }
 
-    /// Whether relief of heights times `scale` stands between the point and the light at `wi`.
+    /// Returns whether relief of heights times `scale` stands between the point and the light at `wi`.
     pub(crate) fn relief_blocked(&self, point: Vec3, wi: Vec3, scale: f32) -> bool {
         let most = self.field.range()[1] * scale;
         let from = point.z * scale + RELIEF_BIAS;
@@ -147,8 +147,8 @@ impl<'a> Relief<'a> {
         false
     }
 
-    /// Whether relief takes the light at `wi` from the point, which is more than the measured values know: they hold the
-    /// shadows of the relief as it was measured. `bare` values hold none.
+    /// Returns whether relief takes the light at `wi` from the point, which is more than the measured values know: they
+    /// hold the shadows of the relief as it was measured. `bare` values hold none.
     pub(crate) fn relief_shadowed(&self, point: Vec3, wi: Vec3, bare: bool) -> bool {
         if bare {
             return self.relief_blocked(point, wi, self.scale);
@@ -157,7 +157,7 @@ impl<'a> Relief<'a> {
     }
 }
 
-/// Change of the interpolated normal along tangent and bitangent, per unit of length: xx, xy, yy.
+/// Returns the change of the interpolated normal along tangent and bitangent, per unit of length: xx, xy, yy.
 fn relief_curvature(geometry: &Geometry, hit: &Hit, s: &Surface) -> Vec3 {
     let [a, b, c] = &corners_of(geometry, hit);
     let [na, nb, nc] = [a, b, c].map(|vertex| Vec3::from(vertex.normal));
@@ -212,7 +212,8 @@ mod tests {
         SceneAsset::new("hills", asset)
     }
 
-    /// The same surface as geometry: a fine grid over `place(u, v) -> (point, normal)`, lowered from the highest point.
+    /// Returns the surface as geometry: a fine grid over `place(u, v) -> (point, normal)`, lowered from the highest
+    /// point.
     fn explicit(
         place: impl Fn(f32, f32) -> (Vec3, Vec3),
         tiles: [f32; 2],

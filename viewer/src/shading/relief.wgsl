@@ -1,4 +1,5 @@
-// Displacement: an asset's heights as relief in a shell below the mesh, met by marching. Twin: relief.rs, which says more.
+// Displacement: an asset's heights as relief in a shell below the mesh, met by marching. Twin: relief.rs, which says
+// more.
 
 // Sideways way of a step, texels.
 const RELIEF_STEP: f32 = 0.5;
@@ -21,6 +22,7 @@ struct Relief {
     curvature: vec3<f32>,
 }
 
+// Returns the relief below a point; of scale 0 where the material has none.
 fn relief_new(hit: Hit, s: Surface, material: Material) -> Relief {
     var relief: Relief;
     if material.displacement <= 0.0 || material.asset == NO_ASSET {
@@ -44,19 +46,19 @@ fn relief_new(hit: Hit, s: Surface, material: Material) -> Relief {
     return relief;
 }
 
-// How much faster than straight a ray along `l` rises above the surface, per texel of its way.
+// Returns how much faster than straight a ray along `l` rises above the surface, per texel of its way.
 fn relief_bend(relief: Relief, l: vec3<f32>) -> f32 {
     let c = relief.curvature;
     return c.x * l.x * l.x + 2.0 * c.y * l.x * l.y + c.z * l.y * l.y;
 }
 
-// Column and row after the way `way` along `l`.
+// Returns the column and row after the way `way` along `l`.
 fn relief_place(at: vec2<f32>, l: vec3<f32>, way: f32) -> vec2<f32> {
     return at + way * vec2<f32>(l.x, -l.y);
 }
 
-// Way of a ray that enters the shell at the point along `l`, with z < 0, to what it meets, texels; negative where it leaves
-// the shell, by the way to there.
+// Returns the way of a ray that enters the shell at the point along `l`, with z < 0, to what it meets, texels; negative
+// where it leaves the shell, by the way to there.
 fn relief_enter(relief: Relief, l: vec3<f32>) -> f32 {
     let highest = relief.field.range.y * relief.scale;
     let depth = highest - relief.field.range.x * relief.scale;
@@ -84,20 +86,20 @@ fn relief_enter(relief: Relief, l: vec3<f32>) -> f32 {
     return select(end, -end, root2 < 0.0);
 }
 
-// Column, row and height (unscaled) of the point after the way `way` along `l`.
+// Returns the column, row and height (unscaled) of the point after the way `way` along `l`.
 fn relief_point(relief: Relief, l: vec3<f32>, way: f32) -> vec3<f32> {
     let z = relief.field.range.y * relief.scale + way * l.z + 0.5 * relief_bend(relief, l) * way * way;
     return vec3<f32>(relief_place(relief.place, l, way), z / relief.scale);
 }
 
-// Texture coordinates of the mesh at which the capture shows `point` to an eye at `wo`.
+// Returns the texture coordinates of the mesh at which the capture shows `point` to an eye at `wo`.
 fn relief_uv(relief: Relief, material: Material, point: vec3<f32>, wo: vec3<f32>) -> vec2<f32> {
     let shown = point.xy - point.z * height_slope(wo);
     let at = (shown + 0.5) / vec2<f32>(relief.field.size);
     return vec2<f32>(at.x, 1.0 - at.y) / material.uv_scale;
 }
 
-// Whether relief of heights times `scale` stands between the point and the light at `wi`.
+// Returns whether relief of heights times `scale` stands between the point and the light at `wi`.
 fn relief_blocked(relief: Relief, point: vec3<f32>, wi: vec3<f32>, scale: f32) -> bool {
     let lowest = point.z * scale + RELIEF_BIAS;
     let bend = relief_bend(relief, wi);
@@ -122,8 +124,8 @@ fn relief_blocked(relief: Relief, point: vec3<f32>, wi: vec3<f32>, scale: f32) -
     return false;
 }
 
-// Whether relief takes the light at `wi` from the point, which is more than the measured values know: they hold the shadows
-// of the relief as it was measured. `bare` values hold none.
+// Returns whether relief takes the light at `wi` from the point, which is more than the measured values know: they hold
+// the shadows of the relief as it was measured. `bare` values hold none.
 fn relief_shadowed(relief: Relief, point: vec3<f32>, wi: vec3<f32>, bare: bool) -> bool {
     if relief.scale <= 0.0 || (relief.scale == 1.0 && !bare) {
         return false;
@@ -134,7 +136,7 @@ fn relief_shadowed(relief: Relief, point: vec3<f32>, wi: vec3<f32>, bare: bool) 
     return bare || !relief_blocked(relief, point, wi, 1.0);
 }
 
-// Change of the interpolated normal along tangent and bitangent, per unit of length: xx, xy, yy.
+// Returns the change of the interpolated normal along tangent and bitangent, per unit of length: xx, xy, yy.
 fn relief_curvature(hit: Hit, s: Surface) -> vec3<f32> {
     let corners = corners_of(hit);
     let a = corners[0];

@@ -1,5 +1,5 @@
 //! What a surface is made of at a point, as the eye sees it: any kind of body behind one set of functions. Twin:
-//! `shaders/viewed_body.wgsl`.
+//! `viewed_body.wgsl`.
 
 use crate::sampler;
 use btf_runtime::{LightRows, ViewedLeaf, ViewedTexel};
@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 
 /// The view's half of a point's shading, for light on one side of the surface.
 pub(crate) enum ViewedBody<'a> {
-    /// What a diffuse surface reflects or, with the light on the other side than the eye, lets through.
+    /// The share that a diffuse surface reflects or, with the light on the other side than the eye, lets through.
     Plain(Vec3),
     /// A texel of a layer, and its tint.
     Asset(Box<ViewedTexel<'a>>, Vec3),
@@ -17,7 +17,7 @@ pub(crate) enum ViewedBody<'a> {
 }
 
 impl ViewedBody<'_> {
-    /// `pi * f * |cos|` for light at `wi`, which is on the side that this is for.
+    /// Returns `pi * f * |cos|` for light at `wi`, which is on the side that this body is viewed for.
     pub(crate) fn body_light(&self, rows: &mut LightRows, wi: Vec3) -> Vec3 {
         match self {
             ViewedBody::Plain(share) => *share * wi.z.abs(),
@@ -26,18 +26,18 @@ impl ViewedBody<'_> {
         }
     }
 
-    /// Whether the relief's shadows are missing in its values.
+    /// Returns whether the values lack the relief's shadows.
     pub(crate) fn is_bare(&self) -> bool {
         matches!(self, ViewedBody::Asset(viewed, _) if !viewed.has_residual())
     }
 
-    /// Whether it counts as an evaluation.
+    /// Returns whether light on the body counts as an evaluation.
     pub(crate) fn is_evaluated(&self) -> bool {
         !matches!(self, ViewedBody::Plain(_))
     }
 
-    /// A direction on the back (`back`) or the front of the surface, drawn from three numbers in [0, 1); a leaf's may lie on
-    /// either side.
+    /// Draws a direction on the back (`back`) or the front of the surface from three numbers in [0, 1); a leaf's may
+    /// lie on either side.
     pub(crate) fn body_sample(&self, at: [f32; 3], back: bool) -> Vec3 {
         match self {
             ViewedBody::Plain(_) => {
@@ -49,7 +49,7 @@ impl ViewedBody<'_> {
         }
     }
 
-    /// Density of [`ViewedBody::body_sample`], per steradian.
+    /// Returns the density of [`ViewedBody::body_sample`], per steradian.
     pub(crate) fn body_density(&self, wi: Vec3) -> f32 {
         match self {
             ViewedBody::Plain(_) => wi.z.abs() / PI,

@@ -20,8 +20,8 @@ struct ViewedBody {
     leaf: ViewedLeaf,
 }
 
-// What the eye sees there by light on one side, of the kind BODY_NONE where that is nothing. `leaf` is the leaf there, if the
-// material is one.
+// Returns the view-dependent half of a point's shading for light on one side, of the kind BODY_NONE where nothing of
+// that reaches the eye. `leaf` is the leaf there, if the material is one.
 fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, light_back: bool) -> ViewedBody {
     var viewed: ViewedBody;
     viewed.diffuse = material.diffuse;
@@ -51,11 +51,12 @@ fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, lig
     return viewed;
 }
 
+// Returns how assets are decoded in this frame.
 fn decode_options() -> BtfOptions {
     return BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
 }
 
-// pi * f * |cos| for light at `wi`, which is on the side that this is for.
+// Returns pi * f * |cos| for light at `wi`, which is on the side that this body is viewed for.
 fn body_light(viewed: ViewedBody, asset: u32, wo: vec3<f32>, rows: ptr<function, LightRows>, wi: vec3<f32>) -> vec3<f32> {
     if with_leaves && viewed.kind == BODY_LEAF {
         return leaf_light(viewed.leaf, wi);
@@ -69,8 +70,8 @@ fn body_light(viewed: ViewedBody, asset: u32, wo: vec3<f32>, rows: ptr<function,
     return viewed.diffuse * viewed_light(viewed.texel, rows, wi);
 }
 
-// A direction on the back (`back`) or the front of the surface, drawn from three numbers in [0, 1); a leaf's may lie on either
-// side.
+// Draws a direction on the back (`back`) or the front of the surface from three numbers in [0, 1); a leaf's may lie on
+// either side.
 fn body_sample(viewed: ViewedBody, at: vec3<f32>, back: bool) -> vec3<f32> {
     if with_leaves && viewed.kind == BODY_LEAF {
         return leaf_sample_direction(viewed.leaf, at);
@@ -82,7 +83,7 @@ fn body_sample(viewed: ViewedBody, at: vec3<f32>, back: bool) -> vec3<f32> {
     return sample_direction(viewed.texel, at);
 }
 
-// Its density, per steradian.
+// Returns the density of body_sample, per steradian.
 fn body_density(viewed: ViewedBody, wi: vec3<f32>) -> f32 {
     if with_leaves && viewed.kind == BODY_LEAF {
         return leaf_sample_density(viewed.leaf, wi);

@@ -1,5 +1,5 @@
 //! Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin:
-//! `shaders/volume_light.wgsl`.
+//! `light.wgsl`.
 
 use crate::geometry::lod_transition::LodTransition;
 use crate::volume::volumes::{Stretch, Volumes};
@@ -8,14 +8,14 @@ use glam::{Mat3, Vec3};
 
 /// Transmittance below which a ray ends.
 const END: f32 = 1.0 / 255.0;
-/// Optical depth beyond which a ray to a light does.
+/// Optical depth beyond which a ray to a light ends.
 const MAX_DEPTH: f32 = 7.824_046;
-/// What hides less of a pixel is left out: it may be there or not by rounding.
+/// Least share of a pixel that a segment must hide to count: less may be there or not by rounding.
 const MIN_OPACITY: f32 = 1e-5;
 /// Share of a pixel that must be hidden before light is asked for anew.
 const SHADOW_STEP: f32 = 1.0 / 16.0;
-/// Least roughness of microflakes in light from all around, of which one direction is drawn at one place of all that a ray sees: without
-/// it a microflake that is seen from its edge, and rarely drawn, would be as bright as all of them.
+/// Least roughness of microflakes in light from all around, of which one direction is drawn at one place of all that a
+/// ray sees: without it a microflake that is seen from its edge, and rarely drawn, would be as bright as all of them.
 pub(crate) const AROUND_ROUGHNESS: f32 = 0.7;
 /// The constants that the shader has too, by name.
 #[cfg(test)]
@@ -27,12 +27,12 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("VOLUME_AROUND_ROUGHNESS", AROUND_ROUGHNESS),
 ];
 
-/// What a ray sees at one place of a volume.
+/// The content of a volume that a ray meets at one place.
 #[derive(Debug, Clone, Copy)]
 pub struct VolumePoint {
     /// Along the ray.
     pub t: f32,
-    /// Share of the pixel that it is.
+    /// Share of the pixel that the place hides.
     pub weight: f32,
     volume: usize,
     map: Mat3,
@@ -50,14 +50,14 @@ struct Parts {
 }
 
 impl Parts {
-    /// All microflakes, with what they count for.
+    /// Iterates over all microflakes, with what they count for.
     fn microflakes(&self, voltex: &Voltex) -> impl Iterator<Item = (f32, Voxel)> {
         let cells = self.shares.into_iter().zip(self.numbers);
         cells.flat_map(move |(share, number)| voltex.microflakes(number).map(move |(_, voxel)| (share, voxel)))
     }
 }
 
-/// Which levels a ray sees.
+/// The two levels between which a ray sees voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Level {
     finer: u32,
@@ -66,7 +66,7 @@ struct Level {
 }
 
 impl Level {
-    /// Where voxels should be `width` wide in the world.
+    /// Returns the levels at which voxels are about `width` wide in the world.
     fn of(voltex: &Voltex, map: &Mat3, width: f32) -> Level {
         let scale = map.determinant().abs().cbrt();
         let voxels = width * scale * (1u32 << voltex.level_count()) as f32;
@@ -75,7 +75,8 @@ impl Level {
         Level { finer: finer as u32, part: level - finer }
     }
 
-    /// What the microflakes of it and of the next coarser one count for along `d`, which differ in clumping.
+    /// Returns what the microflakes of the finer and of the next coarser level count for along `d`, which differ in
+    /// clumping.
     fn shares(&self, voltex: &Voltex, d: [f32; 3]) -> [f32; 2] {
         let along = |level: u32| voltex.clumping_along(level, d);
         [(1.0 - self.part) * along(self.finer), self.part * along(self.finer + 1)]
@@ -83,8 +84,9 @@ impl Level {
 }
 
 impl VolumePoint {
-    /// Light that it reflects and transmits of what comes from `light` (a unit vector towards it) with irradiance pi, without
-    /// shadow; gloss as if it were of `least_roughness` at least.
+    /// Returns the light that the point reflects and transmits of what comes from `light` (a unit vector towards it)
+    /// with irradiance pi, without shadow. The specular lobe counts as if the roughness were at least
+    /// `least_roughness`.
     pub fn reflected(&self, volumes: &Volumes, light: Vec3, least_roughness: f32) -> Vec3 {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light * self.map.determinant().abs().cbrt().recip();
@@ -92,7 +94,7 @@ impl VolumePoint {
         self.parts.shares.into_iter().enumerate().map(of_cell).sum::<Vec3>() / self.parts.sigma
     }
 
-    /// Sum over the microflakes of the cell of the finer level, or of the coarser one.
+    /// Returns the sum over the microflakes of the cell of the finer level, or of the coarser one.
     fn cell_light(&self, voltex: &Voltex, cell: usize, l: Vec3, least_roughness: f32) -> Vec3 {
         let mut sum = Vec3::ZERO;
         for (_, voxel) in voltex.microflakes(self.parts.numbers[cell]) {
@@ -111,7 +113,7 @@ impl VolumePoint {
         sum
     }
 
-    /// From where a ray to a light begins, relative to the point, in the world.
+    /// Returns where a ray to a light begins, relative to the point, in the world.
     pub fn shadow_offset(&self, volumes: &Volumes, light: Vec3) -> Vec3 {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light;
@@ -127,7 +129,7 @@ impl VolumePoint {
         inverse * (towards.normalize_or_zero() * offset)
     }
 
-    /// The share c by which eye and light see the same gaps, where the angle between them has this cosine.
+    /// Returns the share c by which eye and light see the same gaps, where the angle between them has this cosine.
     pub fn shared(&self, volumes: &Volumes, cos: f32) -> f32 {
         let voltex = volumes.volume(self.volume);
         let at = |level: u32| voltex.shadow(level.min(voltex.level_count())).shared_at(cos);
@@ -135,7 +137,7 @@ impl VolumePoint {
     }
 }
 
-/// A segment's parts, of which each level's count for its share.
+/// Returns a segment's parts, of which each level's count for its share.
 fn parts_of(voltex: &Voltex, segment: &Segment, shares: [f32; 2], d: [f32; 3]) -> Parts {
     let there = |number: u32, share: f32| if share > 0.0 { number } else { NO_VOXEL };
     let numbers = [there(segment.cell.voxel, shares[0]), there(segment.cell.parent, shares[1])];
@@ -143,7 +145,7 @@ fn parts_of(voltex: &Voltex, segment: &Segment, shares: [f32; 2], d: [f32; 3]) -
     Parts { shares, numbers, sigma: shares[0] * finer + shares[1] * coarser }
 }
 
-/// The ray of a stretch, t counted from its own start.
+/// Returns the ray of a stretch, t counted from its own start.
 fn walk_of(voltex: &Voltex, stretch: &Stretch) -> Walk {
     let VoltexRay { origin, direction } = stretch.ray;
     Walk::new(
@@ -155,8 +157,8 @@ fn walk_of(voltex: &Voltex, stretch: &Stretch) -> Walk {
 }
 
 impl Volumes {
-    /// Marches along a ray from the eye and calls `each` for the places that hide a share of the pixel together; returns the
-    /// transmittance. `width_at` is how wide voxels should be at a distance.
+    /// Marches along a ray from the eye and calls `each` for the places that hide a share of the pixel together;
+    /// returns the transmittance. `width_at` is how wide voxels should be at a distance.
     pub fn march(
         &self,
         origin: Vec3,
@@ -200,7 +202,7 @@ impl Volumes {
         through
     }
 
-    /// Optical depth along a ray, through voxels `width` wide.
+    /// Returns the optical depth along a ray, through voxels `width` wide.
     pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, lod_transition: &LodTransition, width: f32) -> f32 {
         let mut sum = 0.0;
         for stretch in self.stretches_in_turn(origin, direction, t_max).handed_over(lod_transition) {
@@ -220,7 +222,7 @@ impl Volumes {
     }
 }
 
-/// Whether light must be asked for anew, after so much was hidden since it last was.
+/// Returns whether light must be asked for anew, after so much was hidden since it last was.
 pub(crate) fn asks_anew(hidden: f32) -> bool {
     hidden > SHADOW_STEP
 }

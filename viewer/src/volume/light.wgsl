@@ -1,4 +1,4 @@
-// Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin: volume_light.rs.
+// Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin: light.rs.
 
 // Transmittance below which a ray ends.
 const VOLUME_END: f32 = 0.003921569;
@@ -42,21 +42,23 @@ struct VolumeParts {
     sigma: f32,
 }
 
-// A direction of the world in the volume.
+// Transforms a direction of the world into the volume.
 fn volume_times(map: VolumeMap, direction: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(map.x, direction), dot(map.y, direction), dot(map.z, direction));
 }
 
+// Returns the determinant of a map.
 fn volume_determinant(map: VolumeMap) -> f32 {
     return dot(map.x, cross(map.y, map.z));
 }
 
-// Length in the volume of what is one long in the world, in the mean of all directions.
+// Returns the length in the volume of what is one long in the world, in the mean of all directions.
 fn volume_scale(map: VolumeMap) -> f32 {
     return pow(max(abs(volume_determinant(map)), 1e-37), 1.0 / 3.0);
 }
 
-// Where voxels should be `width` wide in the world, along `d` in the volume.
+// Returns the levels at which voxels are about `width` wide in the world, and what they count for along `d` in the
+// volume.
 fn volume_level_of(volume: u32, map: VolumeMap, width: f32, d: vec3<f32>) -> VolumeLevel {
     let most = voltex_level_count(volume);
     let voxels = width * volume_scale(map) * f32(1u << most);
@@ -65,14 +67,14 @@ fn volume_level_of(volume: u32, map: VolumeMap, width: f32, d: vec3<f32>) -> Vol
     return VolumeLevel(u32(finer), level - finer, volume_shares(volume, u32(finer), level - finer, d));
 }
 
-// What the microflakes of a level and of the next coarser one count for along `d`, which differ in clumping.
+// Returns what the microflakes of a level and of the next coarser one count for along `d`, which differ in clumping.
 fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> {
     let along = vec2<f32>(voltex_clumping_along(volume, finer, d), voltex_clumping_along(volume, finer + 1u, d));
     return vec2<f32>(1.0 - part, part) * along;
 }
 
-// Light that the point reflects and transmits of what comes from `light` (a unit vector towards it) with irradiance pi, without
-// shadow.
+// Returns the light that the point reflects and transmits of what comes from `light` (a unit vector towards it) with
+// irradiance pi, without shadow. The specular lobe counts as if the roughness were at least `least_roughness`.
 fn volume_reflected(point: VolumePoint, light: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     let l = volume_times(point.map, light) / volume_scale(point.map);
     let finer = point.parts.shares.x * volume_cell_light(point, 0u, l, least_roughness);
@@ -80,7 +82,7 @@ fn volume_reflected(point: VolumePoint, light: vec3<f32>, least_roughness: f32) 
     return (finer + coarser) / max(point.parts.sigma, 1e-30);
 }
 
-// Sum over the microflakes of the cell of the finer level, or of the coarser one.
+// Returns the sum over the microflakes of the cell of the finer level, or of the coarser one.
 fn volume_cell_light(point: VolumePoint, cell: u32, l: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var own = point.parts.numbers[cell]; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
@@ -102,7 +104,7 @@ fn volume_cell_light(point: VolumePoint, cell: u32, l: vec3<f32>, least_roughnes
     return sum;
 }
 
-// From where a ray to a light begins, relative to the point, in the world.
+// Returns where a ray to a light begins, relative to the point, in the world.
 fn volume_shadow_offset(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
     let l = volume_times(point.map, light);
     // Between the levels', as all that is seen is: no step where one takes over.
@@ -121,7 +123,7 @@ fn volume_shadow_offset(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
     return columns / determinant;
 }
 
-// Sum of the microflakes' normals on the side of the light, as long as their area towards it.
+// Returns the sum of the microflakes' normals on the side of the light, as long as their area towards it.
 fn volume_normal_towards(volume: u32, number: u32, l: vec3<f32>) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var own = number; own != VOLTEX_NO_VOXEL; own = voltex_other(volume, own)) {
@@ -130,14 +132,14 @@ fn volume_normal_towards(volume: u32, number: u32, l: vec3<f32>) -> vec3<f32> {
     return sum;
 }
 
-// How far from the microflakes a ray to the light begins, sides of the volume.
+// Returns how far from the microflakes a ray to the light begins, sides of the volume.
 fn volume_offset(volume: u32, level: u32) -> f32 {
     let most = voltex_level_count(volume);
     let own = min(level, most);
     return voltex_shadow_offset(volume, own) * (f32(1u << own) / f32(1u << most));
 }
 
-// The share c by which eye and light see the same gaps, where the angle between them has this cosine.
+// Returns the share c by which eye and light see the same gaps, where the angle between them has this cosine.
 fn volume_shared(point: VolumePoint, cosine: f32) -> f32 {
     let most = voltex_level_count(point.volume);
     let finer = voltex_shared_at(point.volume, min(point.level.finer, most), cosine);
@@ -145,6 +147,7 @@ fn volume_shared(point: VolumePoint, cosine: f32) -> f32 {
     return finer + (coarser - finer) * point.level.part;
 }
 
+// Returns a segment's parts, of which each level's count for its share.
 fn volume_parts_of(volume: u32, cell: VoltexCell, shares: vec2<f32>, d: vec3<f32>) -> VolumeParts {
     let numbers = select(vec2<u32>(VOLTEX_NO_VOXEL), vec2<u32>(cell.voxel, cell.parent), shares > vec2<f32>(0.0));
     let finer = voltex_extinction_along(volume, numbers.x, d);
@@ -152,13 +155,13 @@ fn volume_parts_of(volume: u32, cell: VoltexCell, shares: vec2<f32>, d: vec3<f32
     return VolumeParts(shares, numbers, shares.x * finer + shares.y * coarser);
 }
 
-// The ray of a stretch, t counted from its own start.
+// Returns the ray of a stretch, t counted from its own start.
 fn volume_walk_of(stretch: Stretch) -> VoltexWalk {
     let t0 = stretch.t0 - stretch.start;
     return voltex_walk_new(stretch.volume, stretch.origin, stretch.direction, t0, stretch.t1 - stretch.start);
 }
 
-// Optical depth along a ray, as far as it matters for a pixel `width` wide; of meshes too.
+// Returns the optical depth along a ray, as far as it matters for a pixel `width` wide; of meshes too.
 fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32) -> f32 {
     var sum = 0.0;
     var open: array<Passage, PASSAGE_SLOTS>;

@@ -1,5 +1,5 @@
 //! The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them. Twin:
-//! `shaders/volumes.wgsl`.
+//! `volumes.wgsl`.
 
 use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
@@ -9,14 +9,14 @@ use btf_runtime::voltex::{Voltex, VoltexRay};
 use glam::{Mat3, Mat4, Vec3};
 use std::sync::Arc;
 
-/// Where a volume stands on its own.
+/// The place of a volume that stands on its own.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VolumePlace {
     /// Number of the volume.
     pub volume: usize,
-    /// From its unit cube, whose z points up, to the world. Invertible.
+    /// Map from the unit cube of the volume, whose z points up, to the world. Invertible.
     pub world_from_volume: Mat4,
-    /// How wide the leaves are of the mesh that it stands in for, in the world; 0 where there is none.
+    /// Width of the leaves of the mesh that the volume stands in for, in the world; 0 where there is none.
     pub leaf_width: f32,
 }
 
@@ -25,11 +25,11 @@ pub struct VolumePlace {
 pub struct SceneSkin {
     /// The skin at rest.
     pub rest: Skin,
-    /// Its tetrahedra, where the wind has moved them.
+    /// The tetrahedra of the skin, where the wind has moved them.
     pub shell: Shell,
-    /// What its faces name.
+    /// Patterns that the faces of the skin name.
     pub patterns: Vec<Pattern>,
-    /// How wide the leaves are of the meshes that it stands in for, in the world; 0 where there are none.
+    /// Width of the leaves of the meshes that the skin stands in for, in the world; 0 where there are none.
     pub leaf_width: f32,
 }
 
@@ -40,9 +40,9 @@ pub struct Volumes {
     skins: Vec<SceneSkin>,
     /// The scene's first placement that the first skin has somewhere, and where it has that and those behind it.
     stand_ins: (usize, Vec<SkinPlace>),
-    /// What rays enter: a box for each volume that stands on its own, and the outer faces of each skin.
+    /// The proxies that rays enter: a box for each volume that stands on its own, and the outer faces of each skin.
     proxies: Geometry,
-    /// Of each mesh of `proxies`.
+    /// The kind of each mesh of `proxies`.
     kinds: Vec<Proxy>,
     /// Length of the longest box's sides together.
     reach_of_boxes: f32,
@@ -50,7 +50,7 @@ pub struct Volumes {
     slice: f32,
 }
 
-/// What a mesh of the proxies stands for.
+/// The content that a mesh of the proxies stands for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Proxy {
     /// A volume on its own.
@@ -62,23 +62,23 @@ pub(crate) enum Proxy {
 /// A part of a ray within one volume.
 #[derive(Debug, Clone, Copy)]
 pub struct Stretch {
-    /// Where it begins, along the ray.
+    /// Begin of the stretch, along the ray.
     pub t0: f32,
-    /// Where it ends.
+    /// End of the stretch, along the ray.
     pub t1: f32,
     /// Number of the volume.
     pub volume: usize,
     /// The ray in the volume, from `start` on.
     pub ray: VoltexRay,
-    /// Where `ray` has its origin, along the world's ray.
+    /// Origin of `ray`, along the world's ray.
     pub start: f32,
     /// Directions of the volume from those of the world.
     pub volume_from_world: Mat3,
-    /// How wide the leaves are of the mesh that the volume stands in for, in the world; 0 where there is none.
+    /// Width of the leaves of the mesh that the volume stands in for, in the world; 0 where there is none.
     pub leaf_width: f32,
 }
 
-/// Corners of the unit cube, bit i of the number is coordinate i.
+/// Returns a corner of the unit cube; bit i of the number is coordinate i.
 fn cube_corner(number: usize) -> Vec3 {
     Vec3::from([0, 1, 2].map(|axis| (number >> axis & 1) as f32))
 }
@@ -103,14 +103,15 @@ fn plain_vertex(position: Vec3) -> Vertex {
     Vertex { position: position.into(), u: 0.0, normal: [0.0, 0.0, 1.0], v: 0.0, tangent: [1.0, 0.0, 0.0, 1.0] }
 }
 
-/// Overlapping volumes are taken in turn in slices of this share of the largest volume's diagonal, or of the thickest skin.
+/// Overlapping volumes are taken in turn in slices of this share of the largest volume's diagonal, or of the thickest
+/// skin.
 const SLICE: f32 = 1.0 / 8.0;
-/// Volumes and skins that a ray is in at once: it enters no further one before it has left one of those. What overlaps five times
-/// is met in a slightly other order, and nothing is left out.
+/// Volumes and skins that a ray is in at once: it enters no further one before it has left one of those. What overlaps
+/// five times is met in a slightly other order, and nothing is left out.
 pub(crate) const MAX_PASSAGES: usize = 4;
 
 impl Volumes {
-    /// Volumes that stand on their own, and skins; one of either at least.
+    /// Returns volumes that stand on their own, and skins; one of either at least.
     ///
     /// # Errors
     /// A sentence for numbers out of range and for maps that cannot be inverted.
@@ -156,14 +157,14 @@ impl Volumes {
         Ok(Volumes { volumes, skins, stand_ins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
     }
 
-    /// Moves the skins to where a wind has them at a time, seconds. Cost: some noises a vertex of the skins, and a pass over
-    /// their shells.
+    /// Moves the skins to where a wind has them at a time, seconds. Cost: some noises a vertex of the skins, and a pass
+    /// over their shells.
     ///
     /// # Errors
-    /// As [`Wind::blow`].
-    pub fn blow(&mut self, wind: &Wind, time_s: f64) -> Result<(), String> {
+    /// As [`Wind::displace`].
+    pub fn advance_wind(&mut self, wind: &Wind, time_s: f64) -> Result<(), String> {
         for skin in &mut self.skins {
-            skin.shell.refresh(&wind.blow(&skin.rest, time_s)?)?;
+            skin.shell.refresh(&wind.displace(&skin.rest, time_s)?)?;
         }
         // The boxes' corners come first.
         let first = self.proxies.vertices().len()
@@ -181,39 +182,39 @@ impl Volumes {
         !self.stand_ins.1.is_empty()
     }
 
-    /// Where the skin has what a placement of the scene places; none for what stands still.
+    /// Returns where the skin has what a placement of the scene places; none for what stands still.
     pub(crate) fn stand_in_place(&self, placement: usize) -> Option<Mat4> {
         let (first, places) = &self.stand_ins;
         let place = places.get(placement.checked_sub(*first)?)?;
         Some(place.world_from_object(&self.skins.first()?.shell))
     }
 
-    /// A volume by its number.
+    /// Returns a volume by its number.
     pub fn volume(&self, number: usize) -> &Voltex {
         &self.volumes[number]
     }
 
-    /// How many volumes there are.
+    /// Returns how many volumes there are.
     pub(crate) fn volume_count(&self) -> usize {
         self.volumes.len()
     }
 
-    /// The skins.
+    /// Returns the skins.
     pub fn skins(&self) -> &[SceneSkin] {
         &self.skins
     }
 
-    /// What rays enter. A triangle's material is the face of its skin's shell.
+    /// Returns what rays enter. The material of a triangle is the face of its skin's shell.
     pub(crate) fn proxies(&self) -> &Geometry {
         &self.proxies
     }
 
-    /// What an instance of the proxies stands for.
+    /// Returns what an instance of the proxies stands for.
     pub(crate) fn proxy(&self, instance: usize) -> Proxy {
         self.kinds[self.proxies.mesh_of(instance)]
     }
 
-    /// How far before its origin a ray may have entered what it is in.
+    /// Returns how far before its origin a ray may have entered what it is in.
     pub(crate) fn reach(&self) -> f32 {
         // A ray along the land may have been within the skin all the way.
         let of_skin = |number: usize| {
@@ -223,23 +224,23 @@ impl Volumes {
         (0..self.skins.len()).map(of_skin).fold(self.reach_of_boxes, f32::max)
     }
 
-    /// Length of the slices in which overlapping volumes are taken.
+    /// Returns the length of the slices in which overlapping volumes are taken.
     pub(crate) fn slice(&self) -> f32 {
         self.slice
     }
 
-    /// How many stand on their own, and how many skins there are.
+    /// Counts the volumes that stand on their own, and the skins.
     pub fn counts(&self) -> [usize; 2] {
         let all = self.proxies.instances().len();
         [all - self.skins.len().min(all), self.skins.len()]
     }
 
-    /// Centre and radius of a sphere around them.
+    /// Returns the centre and radius of a sphere around them.
     pub fn bounding_sphere(&self) -> (Vec3, f32) {
         self.proxies.bounding_sphere()
     }
 
-    /// The stretches of a ray between 0 and `t_max`, in the order in which they begin.
+    /// Iterates over the stretches of a ray between 0 and `t_max`, in the order in which they begin.
     pub fn stretches(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
         let open = [const { None }; MAX_PASSAGES];
         let reach = self.reach();
@@ -258,7 +259,7 @@ impl Volumes {
         stretches
     }
 
-    /// The same volume by volume, for sums that need no order.
+    /// Iterates over the stretches of a ray volume by volume, for sums that need no order.
     pub(crate) fn stretches_in_turn(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
         Stretches { most: 1, ..self.stretches(origin, direction, t_max) }
     }
@@ -299,14 +300,15 @@ pub struct Stretches<'a> {
     /// Entries are looked for from here on.
     from: f32,
     entry: Option<(f32, Hit)>,
-    /// What it is in.
+    /// Volumes and skins that the ray is in.
     open: [Option<(Stretch, Passage<'a>)>; MAX_PASSAGES],
-    /// How much of that it may be in at once.
+    /// Volumes and skins that the ray may be in at once.
     most: usize,
 }
 
 impl<'a> Stretches<'a> {
-    /// The same where volumes that stand in for meshes are there beyond their spheres only.
+    /// Iterates over the parts of the stretches in which volumes that stand in for meshes exist: beyond the spheres of
+    /// `lod_transition` only.
     pub(crate) fn handed_over(self, lod_transition: &LodTransition) -> impl Iterator<Item = Stretch> + use<'a> {
         let spheres = lod_transition.along(self.origin, self.direction);
         self.flat_map(move |stretch| {
@@ -334,7 +336,7 @@ impl<'a> Stretches<'a> {
         self.entry = Some((t, hit));
     }
 
-    /// The passage into what was found.
+    /// Returns the passage into what was found.
     fn enter(&self, (t, hit): (f32, Hit)) -> Option<(Stretch, Passage<'a>)> {
         let volumes = self.volumes;
         match volumes.proxy(hit.instance as usize) {
@@ -370,7 +372,7 @@ impl<'a> Stretches<'a> {
         }
     }
 
-    /// The next stretch of a passage.
+    /// Advances a passage to its next stretch.
     fn advance(&self, passage: Passage<'a>) -> Option<(Stretch, Passage<'a>)> {
         let Passage::Skin(mut way) = passage else { return None };
         let SkinPassage { skin, walk, cells } = &mut *way;

@@ -1,5 +1,5 @@
 // The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them. Twin:
-// volumes.rs. Where they lie among the words: volume_words.rs. The includer defines trace_any_or_front.
+// volumes.rs. Where they lie among the words: words.rs. The includer defines trace_any_or_front.
 
 // The patterns of a volume that stands on its own.
 const NO_PATTERNS: u32 = 0xffffffffu;
@@ -69,17 +69,18 @@ struct Stretches {
     count: u32,
     // Where the next stretch of each begins, VOLTEX_FAR where the slot is free.
     begins: vec4<f32>,
-    // From where to where the latest stretch goes on behind the mesh that its volume stands in for; none where that is nowhere.
+    // From where to where the latest stretch goes on behind the mesh that its volume stands in for; none where that is
+    // nowhere.
     behind: vec2<f32>,
 }
 
-// The stretches of a ray between 0 and `t_max`, in the order in which they begin.
+// Returns the stretches of a ray between 0 and `t_max`, in the order in which they begin.
 fn volume_stretches(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Stretches {
     let entries = Entries(origin, t_max, direction, -frame.volume_reach, false, false);
     return Stretches(entries, Hit(), false, 0u, MAX_PASSAGES, vec4<f32>(VOLTEX_FAR), vec2<f32>(0.0));
 }
 
-// The same volume by volume, for sums that need no order; none where a mesh is in the way.
+// Returns the stretches of a ray volume by volume, for sums that need no order; none where a mesh is in the way.
 fn volume_stretches_in_turn(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Stretches {
     var stretches = volume_stretches(origin, direction, t_max);
     stretches.entries.asks_meshes = true;
@@ -88,7 +89,7 @@ fn volume_stretches_in_turn(origin: vec3<f32>, direction: vec3<f32>, t_max: f32)
     return stretches;
 }
 
-// A stretch as far as the mesh that its volume stands in for; what is behind that waits.
+// Cuts a stretch off at the mesh that its volume stands in for; what is behind that waits.
 fn volume_handed_over(stretches: ptr<function, Stretches>, given: Stretch) -> Stretch {
     let spheres = lod_transition_along(lod_transition, (*stretches).entries.origin, (*stretches).entries.direction);
     let parts = lod_transition_volume(spheres, given.leaf_width, given.t0, given.t1);
@@ -98,7 +99,7 @@ fn volume_handed_over(stretches: ptr<function, Stretches>, given: Stretch) -> St
     return own;
 }
 
-// The next face that the ray enters by, none where its primitive is NO_HIT; or whether a mesh hides everything.
+// Finds the next face that the ray enters by, none where its primitive is NO_HIT; or whether a mesh hides everything.
 fn volume_find_entry(entries: ptr<function, Entries>) -> Hit {
     let origin = (*entries).origin;
     let direction = (*entries).direction;
@@ -121,7 +122,7 @@ fn volume_find_entry(entries: ptr<function, Entries>) -> Hit {
     return hit;
 }
 
-// The passage into what was found; its stretch is nowhere where that is a skin, or is missed.
+// Returns the passage into what was found; its stretch is nowhere where that is a skin, or is missed.
 fn volume_enter(entries: Entries, hit: Hit) -> Passage {
     let at = frame.proxies_at + 2u * (hit.instance - frame.first_proxy);
     let start = max(hit.t, 0.0);
@@ -208,14 +209,14 @@ fn volume_advance(entries: Entries, passage: ptr<function, Passage>) -> bool {
     return false;
 }
 
-// Number of the first component that is `value`, 4 for none.
+// Returns the number of the first component that is `value`, 4 for none.
 fn volume_slot_of(begins: vec4<f32>, value: f32) -> u32 {
     let found = begins == vec4<f32>(value);
     return select(select(select(select(4u, 3u, found.w), 2u, found.z), 1u, found.y), 0u, found.x);
 }
 
-// The stretch after `latest`; nowhere where its volume is NO_VOLUME, and empty where all of it is a mesh. Each step is written
-// once, because compilers copy what is called into its place.
+// Returns the stretch after `latest`; nowhere where its volume is NO_VOLUME, and empty where all of it is a mesh.
+// Shader compilers inline every call, so each step is written once.
 fn volume_next(
     stretches: ptr<function, Stretches>,
     open: ptr<function, array<Passage, PASSAGE_SLOTS>>,

@@ -1,5 +1,5 @@
-//! The volumetric textures of a scene as words for a GPU: those of each volume, of each skin's shell and patterns, and a table
-//! that says where they begin. Twin: `shaders/volumes.wgsl`, which reads the table.
+//! The volumetric textures of a scene as words for a GPU: those of each volume, of each skin's shell and patterns, and
+//! a table that says where they begin. Twin: `volumes.wgsl`, which reads the table.
 
 use crate::volume::volumes::{Proxy, Volumes};
 use std::borrow::Cow;
@@ -8,12 +8,12 @@ use std::borrow::Cow;
 pub(crate) const NO_PATTERNS: u32 = u32::MAX;
 
 impl Volumes {
-    /// How many arrays of words there are: one of each volume, two of each skin, and the table.
+    /// Counts the arrays of words: one of each volume, two of each skin, and the table.
     pub(crate) fn array_count(&self) -> usize {
         self.volume_count() + 2 * self.skins().len() + 1
     }
 
-    /// The arrays, the table last and still empty.
+    /// Returns the arrays, the table last and still empty.
     ///
     /// # Errors
     /// A sentence if a shell's are more than a word can number.
@@ -28,13 +28,13 @@ impl Volumes {
         Ok(arrays)
     }
 
-    /// Number of the array of a skin's shell; that of its patterns follows.
+    /// Returns the number of the array of a skin's shell; that of its patterns follows.
     pub(crate) fn shell_array(&self, skin: usize) -> usize {
         self.volume_count() + 2 * skin
     }
 
-    /// The table, where the arrays begin at the words `bases`: that of each volume; then of each proxy the content, a volume or
-    /// a shell, and the patterns, [`NO_PATTERNS`] where it is a volume.
+    /// Returns the table, where the arrays begin at the words `bases`: that of each volume; then of each proxy the
+    /// content, a volume or a shell, and the patterns, [`NO_PATTERNS`] where it is a volume.
     pub(crate) fn table(&self, bases: &[u32]) -> Vec<u32> {
         let mut words = bases[..self.volume_count()].to_vec();
         for instance in 0..self.proxies().instances().len() {

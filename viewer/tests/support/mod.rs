@@ -1,13 +1,13 @@
-//! What the test files share: which backends are tested, and that a missing adapter is a failure unless `BTF_SKIP_GPU=1`
-//! leaves the GPU out, visibly.
+//! What the test files share: which backends are tested, and that a missing adapter is a failure unless
+//! `BTF_SKIP_GPU=1` leaves the GPU out, visibly.
 
 #![allow(dead_code, reason = "each test file takes what it needs of this one")]
 
 use btf_viewer::{BackendChoice, Gpu, GpuTracer};
 use std::io::Write;
 
-/// Whether GPU tests are left out on purpose; says of `what` that it is, and `cargo xtask test` counts the lines of its log
-/// as skipped tests.
+/// Whether GPU tests are left out on purpose; says of `what` that it is, and `cargo xtask test` counts the lines of its
+/// log as skipped tests.
 pub fn gpu_is_left_out(what: &str) -> bool {
     let left_out = std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1");
     if left_out {
@@ -34,8 +34,9 @@ pub fn backends(test: &str) -> Vec<BackendChoice> {
     vec![BackendChoice::Cpu, BackendChoice::Gpu(GpuTracer::RayQuery), BackendChoice::Gpu(GpuTracer::Bvh)]
 }
 
-/// Absolute and relative tolerance of a decoded channel. Half-precision bases are steps of 2^-11 relative; both decoders
-/// read the same bytes, so what is left is the rounding of f32 sums and of the drivers' powers and exponentials.
+/// Absolute and relative tolerance of a decoded channel. Half-precision bases are steps of 2^-11 relative; both
+/// decoders read the same bytes, so what is left is the rounding of f32 sums and of the drivers' powers and
+/// exponentials.
 pub const ABSOLUTE: f32 = 1e-3;
 pub const RELATIVE: f32 = 1e-3;
 

@@ -1,11 +1,11 @@
-//! The texels that a straight stretch of a ray meets in texture space. Twin: `shaders/skin_cell.wgsl`.
+//! The texels that a straight stretch of a ray meets in texture space. Twin: `cell.wgsl`.
 
 use super::walk::TextureRay;
 use crate::sampler::{hash, one};
 use glam::Vec3;
 
-/// Texels of one stretch at most; what lies behind is told as part of the last one. A tetrahedron that is wider has texels
-/// far below a pixel. Twin: `MAX_CELLS`.
+/// Texels of one stretch at most; what lies behind is told as part of the last one. A tetrahedron that is wider has
+/// texels far below a pixel. Twin: `MAX_CELLS`.
 pub const MAX_CELLS: u32 = 4096;
 /// Largest number of a texel along u and v. Twin: `MAX_COORDINATE`.
 const MAX_COORDINATE: f32 = (1 << 24) as f32;
@@ -16,23 +16,23 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MAX_COORDINATE", MAX_COORDINATE
 /// A stretch of a ray within one texel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellSpan {
-    /// Where it begins, in units of the ray's direction.
+    /// Begin of the span, in units of the ray's direction.
     pub t0: f32,
-    /// Where it ends, beyond `t0`.
+    /// End of the span, beyond `t0`.
     pub t1: f32,
     /// The texel's (i, j).
     pub cell: [i32; 2],
 }
 
-/// Goes from texel to texel. An iterator over spans that follow each other without gaps within 0 <= w <= 1. The texels are
-/// counted in whole numbers from that of the first point to that of the last, so it ends whatever rounding does.
+/// Goes from texel to texel. An iterator over spans that follow each other without gaps within 0 <= w <= 1. The texels
+/// are counted in whole numbers from that of the first point to that of the last, so it ends whatever rounding does.
 /// Twin: `CellWalk`.
 #[derive(Debug, Clone, Copy)]
 pub struct CellWalk {
     ray: TextureRay,
     /// t of the ray's point.
     t0: f32,
-    /// Where it is and where it ends, from there.
+    /// Present place and end of the walk, from there.
     at: f32,
     end: f32,
     cell: [i32; 2],
@@ -41,7 +41,7 @@ pub struct CellWalk {
 }
 
 impl CellWalk {
-    /// The texels of `ray` between `t0`, where its point is, and `t1`.
+    /// Returns the walk over the texels of `ray` between `t0`, where its point is, and `t1`.
     pub fn new(ray: TextureRay, t0: f32, t1: f32) -> CellWalk {
         let whole = (t1 - t0).max(0.0);
         let (mut at, mut end) = (0.0, whole);
@@ -74,7 +74,7 @@ impl CellWalk {
         }
     }
 
-    /// The next span that is longer than nothing.
+    /// Returns the next span that is longer than nothing.
     fn step(&mut self) -> Option<CellSpan> {
         while self.left > 0 {
             self.left -= 1;
@@ -97,7 +97,7 @@ impl CellWalk {
         None
     }
 
-    /// Where the ray leaves the texel along an axis on which it has not arrived.
+    /// Returns where the ray leaves the texel along an axis on which it has not arrived.
     fn crossing(&self, axis: usize) -> f32 {
         if self.cell[axis] == self.last[axis] {
             return self.end;
@@ -115,17 +115,17 @@ impl Iterator for CellWalk {
     }
 }
 
-/// The texel around a point of the texture.
+/// Returns the texel around a point of the texture.
 pub(super) fn cell_of(texture: Vec3) -> [i32; 2] {
     [texture.x, texture.y].map(|x| x.floor().clamp(-MAX_COORDINATE, MAX_COORDINATE) as i32)
 }
 
-/// What is drawn for a texel comes from this alone.
+/// Hashes a texel: everything that is drawn for it comes from this number alone.
 pub(super) fn cell_hash(cell: [i32; 2], seed: u32) -> u32 {
     hash(cell[0] as u32 ^ hash(cell[1] as u32 ^ hash(seed)))
 }
 
-/// The share in [0, 1) that a texel has drawn.
+/// Returns the share in [0, 1) that a texel has drawn.
 pub(super) fn cell_share(hashed: u32, draw: u32) -> f32 {
     one(hashed ^ (draw << 24 | draw))
 }

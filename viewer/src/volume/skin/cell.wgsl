@@ -1,4 +1,4 @@
-// The texels that a straight stretch of a ray meets in texture space. Twin: skin/cell.rs.
+// The texels that a straight stretch of a ray meets in texture space. Twin: cell.rs.
 
 const MAX_CELLS: u32 = 4096u;
 const MAX_COORDINATE: f32 = 16777216.0;
@@ -20,7 +20,7 @@ struct CellWalk {
     last: vec2<i32>,
 }
 
-// The texels of `ray` between t0, where its point is, and t1.
+// Returns the walk over the texels of `ray` between t0, where its point is, and t1.
 fn cell_new(ray: TextureRay, t0: f32, t1: f32) -> CellWalk {
     let whole = max(t1 - t0, 0.0);
     var at = 0.0;
@@ -48,7 +48,7 @@ fn cell_new(ray: TextureRay, t0: f32, t1: f32) -> CellWalk {
     return CellWalk(ray, t0, at, end, select(0u, MAX_CELLS, is_full), first, last);
 }
 
-// The next span that is longer than nothing.
+// Returns the next span that is longer than nothing.
 fn cell_step(walk: ptr<function, CellWalk>) -> CellSpan {
     var span = CellSpan(0.0, 0.0, vec2<i32>(0));
     while (*walk).left > 0u {
@@ -77,7 +77,7 @@ fn cell_step(walk: ptr<function, CellWalk>) -> CellSpan {
     return span;
 }
 
-// Where a ray leaves the texel along an axis on which it has not arrived.
+// Returns where a ray leaves the texel along an axis on which it has not arrived.
 fn cell_crossing(end: f32, cell: i32, last: i32, point: f32, direction: f32) -> f32 {
     if cell == last {
         return end;
@@ -85,16 +85,17 @@ fn cell_crossing(end: f32, cell: i32, last: i32, point: f32, direction: f32) -> 
     return (f32(cell + select(0, 1, last > cell)) - point) / direction;
 }
 
-// The texel around a point of the texture.
+// Returns the texel around a point of the texture.
 fn cell_of(texture: vec3<f32>) -> vec2<i32> {
     return vec2<i32>(clamp(floor(texture.xy), vec2<f32>(-MAX_COORDINATE), vec2<f32>(MAX_COORDINATE)));
 }
 
+// Hashes a texel: everything that is drawn for it comes from this number alone.
 fn cell_hash(cell: vec2<i32>, seed: u32) -> u32 {
     return sampler_hash(bitcast<u32>(cell.x) ^ sampler_hash(bitcast<u32>(cell.y) ^ sampler_hash(seed)));
 }
 
-// The share in [0, 1) that a texel has drawn.
+// Returns the share in [0, 1) that a texel has drawn.
 fn cell_share(hashed: u32, draw: u32) -> f32 {
     return sampler_one(hashed ^ ((draw << 24u) | draw));
 }

@@ -18,6 +18,8 @@ pub struct Noise {
 const MAX_CELLS: f32 = (1 << 23) as f32;
 
 impl Noise {
+    /// Checks the parameters.
+    ///
     /// # Errors
     /// A sentence if the wavelength is not a positive number.
     pub fn check(&self) -> Result<(), String> {
@@ -27,7 +29,7 @@ impl Noise {
         Err(format!("a noise's wavelength is {}, and must be above 0", self.wavelength))
     }
 
-    /// The noise at a position.
+    /// Returns the noise at a position.
     pub fn at(&self, position: Vec3) -> f32 {
         let place = (position / self.wavelength).clamp(Vec3::splat(-MAX_CELLS), Vec3::splat(MAX_CELLS));
         let cell = place.floor();
@@ -45,12 +47,12 @@ impl Noise {
         sum
     }
 
-    /// Three independent noises at a position.
+    /// Returns three independent noises at a position.
     pub fn three_at(&self, position: Vec3) -> Vec3 {
         Vec3::from([0, 1, 2].map(|axis| Noise { seed: hash(self.seed ^ axis), ..*self }.at(position)))
     }
 
-    /// The gradient at a lattice point: to the middle of one of a cube's twelve edges.
+    /// Returns the gradient at a lattice point: to the middle of one of a cube's twelve edges.
     fn gradient(&self, point: [i32; 3]) -> Vec3 {
         let hashed = (0..3).fold(hash(self.seed), |hashed, axis| {
             let period = self.period[axis];

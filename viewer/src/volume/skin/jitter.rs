@@ -1,4 +1,5 @@
-//! Continuous jitter: noise on texture coordinates, and on length and direction of height vectors [Neyret 1996, section 4.3].
+//! Continuous jitter: noise on texture coordinates, and on length and direction of height vectors [Neyret 1996, section
+//! 4.3].
 
 use super::height_noise::Noise;
 use super::thick_skin::{Skin, SkinVertex};
@@ -9,7 +10,7 @@ const MAX_LENGTH: f32 = 0.95;
 /// Furthest that a height vector is turned: jitter alone does not lay it down.
 const MAX_ANGLE_DEG: f32 = 80.0;
 
-/// How a skin differs from place to place. Vertices at one place stay one: all is a function of the position.
+/// Random differences of a skin from place to place. Vertices at one place stay one: all is a function of the position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jitter {
     /// The noise, over positions in world units.
@@ -23,6 +24,8 @@ pub struct Jitter {
 }
 
 impl Jitter {
+    /// Checks the parameters.
+    ///
     /// # Errors
     /// A sentence that names the quantity that is out of range.
     pub fn check(&self) -> Result<(), String> {
@@ -39,7 +42,7 @@ impl Jitter {
         Ok(())
     }
 
-    /// The jittered skin. Cost: a few noises a vertex.
+    /// Jitters a skin. Cost: a few noises a vertex.
     ///
     /// # Errors
     /// As [`Jitter::check`].

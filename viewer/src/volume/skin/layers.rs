@@ -6,9 +6,9 @@ use glam::Vec3;
 /// A layer of a skin, as a part of its height vectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LayerSpan {
-    /// Where it begins: 0 at the surface, 1 on top of the height vectors, or anywhere else.
+    /// Begin of the layer: 0 at the surface, 1 on top of the height vectors, or anywhere else.
     pub from: f32,
-    /// Where it ends, not where it begins.
+    /// End of the layer; differs from the begin.
     pub to: f32,
     /// Number of the pattern that is mapped there.
     pub pattern: u32,
@@ -28,8 +28,8 @@ impl LayerSpan {
 }
 
 impl Skin {
-    /// A skin for each layer over the same faces: along the same height vectors, with u and v as they are at that height,
-    /// w from 0 to 1. Layers may touch, overlap or leave room.
+    /// Returns a skin for each layer over the same faces: along the same height vectors, with u and v as they are at
+    /// that height, w from 0 to 1. Layers may touch, overlap or leave room.
     ///
     /// # Errors
     /// A sentence if a layer has no thickness or a number of it is not finite.

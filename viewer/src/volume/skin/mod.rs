@@ -1,15 +1,16 @@
-//! The thick skin on which volumetric textures lie [Neyret 1996, section 4]: what a user maps, the tetrahedra that rays walk
-//! through, and the texels that they meet in texture space.
+//! The thick skin on which volumetric textures lie [Neyret 1996, section 4]: what a user maps, the tetrahedra that rays
+//! walk through, and the texels that they meet in texture space.
 //!
 //! ```text
-//! Skin --Jitter, Wind, layers--> Skin --Shell::new--> Shell --Walk--> Interval --CellWalk--> CellSpan --Pattern--> Variant
-//! vertices, faces of 3 or 4      again                tetrahedra      t0, t1, tet           one texel           its volume
+//! Skin --Jitter, Wind, layers--> Skin --Shell::new--> Shell --Walk--> Interval --CellWalk--> CellSpan --Pattern-->
+//! Variant vertices, faces of 3 or 4      again                tetrahedra      t0, t1, tet           one texel
+//! its volume
 //! ```
 //!
-//! Three spaces [Neyret 1996, section 4.1]: the world (x, y, z); the skin's own (U, V, W), U and V within a face, W from 0 on
-//! the face to 1 on top of the height vectors; the texture's (u, v, w), where texel (i, j) is the unit cube
-//! i <= u <= i + 1, j <= v <= j + 1, 0 <= w <= 1. Within a tetrahedron the map from the world to the texture is affine, so a
-//! straight ray stays straight: `o + t d`, d not unit.
+//! Three spaces [Neyret 1996, section 4.1]: the world (x, y, z); the skin's own (U, V, W), U and V within a face, W
+//! from 0 on the face to 1 on top of the height vectors; the texture's (u, v, w), where texel (i, j) is the unit cube i
+//! <= u <= i + 1, j <= v <= j + 1, 0 <= w <= 1. Within a tetrahedron the map from the world to the texture is affine,
+//! so a straight ray stays straight: `o + t d`, d not unit.
 
 mod cell;
 mod height_noise;
@@ -27,7 +28,7 @@ mod walk;
 mod weld;
 mod wind;
 
-pub use cell::{CellSpan, CellWalk, MAX_CELLS};
+pub use cell::{CellSpan, CellWalk};
 pub use height_noise::Noise;
 pub use jitter::Jitter;
 pub use layers::LayerSpan;
@@ -42,6 +43,6 @@ pub use wind::Wind;
 
 #[cfg(test)]
 pub(crate) use {
-    cell::CONSTANTS as CELL_CONSTANTS, pattern::CONSTANTS as PATTERN_CONSTANTS,
+    cell::CONSTANTS as CELL_CONSTANTS, cell::MAX_CELLS, pattern::CONSTANTS as PATTERN_CONSTANTS,
     shell_words::CONSTANTS as SHELL_CONSTANTS, walk::CONSTANTS as WALK_CONSTANTS,
 };

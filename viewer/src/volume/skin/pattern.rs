@@ -1,5 +1,5 @@
-//! What is mapped on a skin: volumes, and how they differ from texel to texel by discrete jitter [Neyret 1996, section 4.3].
-//! Twin: `shaders/skin_pattern.wgsl`, over the words of [`pattern_words`].
+//! What is mapped on a skin: volumes, and how they differ from texel to texel by discrete jitter [Neyret 1996, section
+//! 4.3]. Twin: `pattern.wgsl`, over the words of [`pattern_words`].
 
 use super::cell::{cell_hash, cell_share};
 use super::walk::TextureRay;
@@ -7,7 +7,7 @@ use glam::Vec3;
 
 /// Volumes that a pattern merges at most.
 pub const MAX_MERGED: usize = 4;
-/// In a list of merged volumes: none.
+/// The end of a list of merged volumes.
 pub const NO_VOLUME: u32 = u32::MAX;
 /// Words of a pattern before its volumes. Twin: `PATTERN_WORDS`.
 const PATTERN_WORDS: usize = 8;
@@ -17,7 +17,7 @@ const PATTERN_TURNS: u32 = 1;
 const PATTERN_MIRRORS: u32 = 2;
 /// Largest scale of a volume: its middle half fills a texel.
 const MAX_SCALE: f32 = 2.0;
-/// What is added to a texel's hash for each thing that is drawn from it.
+/// Numbers that are added to a texel's hash for each thing that is drawn from it.
 const EMPTY: u32 = 0;
 const ALTERNATIVE: u32 = 1;
 const TURN: u32 = 3;
@@ -44,16 +44,18 @@ pub(crate) const CONSTANTS: &[(&str, u32)] = &[
 /// Volumes that are present in the same place, each with materials of its own: their numbers, then [`NO_VOLUME`].
 pub type Merged = [u32; MAX_MERGED];
 
-/// How isolated objects differ from texel to texel.
+/// The discrete jitter of isolated objects from texel to texel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DiscreteJitter {
     /// Share of texels without content, 0 to 1.
     pub empty: f32,
     /// Least and greatest scale of the content about the middle of its floor, above 0 and up to 2.
     pub scale: [f32; 2],
-    /// Largest displacement along u and v, texels, 0 to 0.5. What would carry the content out of its texel is taken off.
+    /// Largest displacement along u and v, texels, 0 to 0.5. What would carry the content out of its texel is taken
+    /// off.
     pub displacement: f32,
-    /// Room between content and the sides of its volume, 0 to 0.5 of its edge: content may go so far nearer to the sides.
+    /// Room between content and the sides of its volume, 0 to 0.5 of its edge: content may go so far nearer to the
+    /// sides.
     pub margin: f32,
     /// Whether texels are turned about w by 0, 90, 180 or 270 degrees.
     pub turns: bool,
@@ -61,10 +63,11 @@ pub struct DiscreteJitter {
     pub mirrors: bool,
 }
 
-/// What is mapped on faces.
+/// The content that is mapped on faces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pattern {
-    /// One of these is in each texel, chosen by chance; at least one. What differs in its materials alone is another volume.
+    /// One of these is in each texel, chosen by chance; at least one. What differs in its materials alone is another
+    /// volume.
     pub alternatives: Vec<Merged>,
     /// None for cyclic patterns, whose texels continue each other.
     pub jitter: Option<DiscreteJitter>,
@@ -72,7 +75,7 @@ pub struct Pattern {
     pub seed: u32,
 }
 
-/// What is in one texel, and where.
+/// The content of one texel, and its place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Variant {
     /// Number of the alternative.
@@ -88,16 +91,18 @@ pub struct Variant {
 }
 
 impl Pattern {
-    /// A pattern of one volume that continues itself from texel to texel.
+    /// Returns a pattern of one volume that continues itself from texel to texel.
     pub fn cyclic(volume: u32) -> Pattern {
         Pattern { alternatives: vec![merged(&[volume])], jitter: None, seed: 0 }
     }
 
-    /// A pattern of one isolated object.
+    /// Returns a pattern of one isolated object.
     pub fn isolated(volume: u32, jitter: DiscreteJitter, seed: u32) -> Pattern {
         Pattern { jitter: Some(jitter), seed, ..Pattern::cyclic(volume) }
     }
 
+    /// Checks the numbers of the pattern.
+    ///
     /// # Errors
     /// A sentence that names what is out of range.
     pub fn check(&self) -> Result<(), String> {
@@ -121,7 +126,8 @@ impl Pattern {
         Ok(())
     }
 
-    /// What is in texel (i, j); nothing where it is empty. A function of the texel and the seed alone. Twin: `pattern_variant`.
+    /// Returns what texel (i, j) holds; `None` where it is empty. A function of the texel and the seed alone. Twin:
+    /// `pattern_variant`.
     pub fn variant(&self, cell: [i32; 2]) -> Option<Variant> {
         let jitter = self.jitter.unwrap_or(NO_JITTER);
         let hashed = cell_hash(cell, self.seed);
@@ -151,7 +157,7 @@ impl Pattern {
     }
 }
 
-/// One of so many, by chance.
+/// Returns one of so many, by chance.
 fn among(hashed: u32, draw: u32, count: u32) -> u32 {
     ((cell_share(hashed, draw) * count as f32) as u32).min(count.max(1) - 1)
 }
@@ -164,25 +170,27 @@ const NO_JITTER: DiscreteJitter =
     DiscreteJitter { empty: 0.0, scale: [1.0; 2], displacement: 0.0, margin: 0.0, turns: false, mirrors: false };
 
 impl Variant {
-    /// A point of the texture in the volume's unit cube, or outside where there is no content. Twin: `pattern_point`.
+    /// Transforms a point of the texture into the volume's unit cube, or outside where there is no content. Twin:
+    /// `pattern_point`.
     pub fn point(&self, texture: Vec3) -> Vec3 {
         let local = Vec3::new(texture.x - self.cell[0] as f32, texture.y - self.cell[1] as f32, texture.z);
         self.direction(local) + Vec3::new(self.offset[0], self.offset[1], 0.0)
     }
 
-    /// A direction of the texture in the volume; not unit. Twin: `pattern_direction`.
+    /// Transforms a direction of the texture into the volume; not unit. Twin: `pattern_direction`.
     pub fn direction(&self, direction: Vec3) -> Vec3 {
         let [[a, b], [c, d]] = self.rows;
         let Vec3 { x, y, z } = direction;
         Vec3::new(a * x + b * y, c * x + d * y, self.upright * z)
     }
 
-    /// A ray of the texture in the volume, with the same t.
+    /// Transforms a ray of the texture into the volume, with the same t.
     pub fn ray(&self, ray: TextureRay) -> TextureRay {
         TextureRay { point: self.point(ray.point), direction: self.direction(ray.direction) }
     }
 
-    /// The three rows of the map, to compose with [`TextureMap::texture_from_world`](super::TextureMap::texture_from_world).
+    /// Returns the three rows of the map, to compose with
+    /// [`TextureMap::texture_from_world`](super::TextureMap::texture_from_world).
     pub fn volume_from_texture(&self) -> [[f32; 4]; 3] {
         let origin = self.point(Vec3::ZERO);
         let [[a, b], [c, d]] = self.rows;
@@ -190,7 +198,7 @@ impl Variant {
     }
 }
 
-/// Up to four volumes in one place.
+/// Merges up to four volumes in one place.
 fn merged(volumes: &[u32]) -> Merged {
     std::array::from_fn(|i| volumes.get(i).copied().unwrap_or(NO_VOLUME))
 }

@@ -1,4 +1,4 @@
-// What is in a texel, and where. Twin: skin/pattern.rs. `patterns` is the first of the words of pattern_words.
+// What is in a texel, and where. Twin: pattern.rs. `patterns` is the first of the words of pattern_words.
 
 const PATTERN_WORDS: u32 = 8u;
 const PATTERN_TURNS: u32 = 1u;
@@ -23,7 +23,7 @@ struct PatternVariant {
     volumes: u32,
 }
 
-// What is in a texel of pattern `number`.
+// Returns what is in a texel of pattern `number`.
 fn pattern_variant(patterns: u32, number: u32, cell: vec2<i32>) -> PatternVariant {
     let at = patterns + asset_word(patterns + 1u + number);
     let hashed = cell_hash(cell, asset_word(at));
@@ -59,23 +59,23 @@ fn pattern_variant(patterns: u32, number: u32, cell: vec2<i32>) -> PatternVarian
     return variant;
 }
 
-// One of so many, by chance.
+// Returns one of so many, by chance.
 fn pattern_among(hashed: u32, draw: u32, count: u32) -> u32 {
     return min(u32(cell_share(hashed, draw) * f32(count)), max(count, 1u) - 1u);
 }
 
-// A point of the texture in the volume's unit cube, or outside where there is no content.
+// Transforms a point of the texture into the volume's unit cube, or outside where there is no content.
 fn pattern_point(variant: PatternVariant, texture: vec3<f32>) -> vec3<f32> {
     let local = vec3<f32>(texture.xy - vec2<f32>(variant.cell), texture.z);
     return pattern_direction(variant, local) + vec3<f32>(variant.offset, 0.0);
 }
 
-// A direction of the texture in the volume; not unit.
+// Transforms a direction of the texture into the volume; not unit.
 fn pattern_direction(variant: PatternVariant, direction: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(variant.x, direction.xy), dot(variant.y, direction.xy), variant.upright * direction.z);
 }
 
-// A ray of the texture in the volume, with the same t.
+// Transforms a ray of the texture into the volume, with the same t.
 fn pattern_ray(variant: PatternVariant, ray: TextureRay) -> TextureRay {
     return TextureRay(pattern_point(variant, ray.point), pattern_direction(variant, ray.direction));
 }

@@ -10,7 +10,7 @@ pub(crate) struct TetPoint {
     pub texture: Vec3,
 }
 
-/// Where a skin has something that stands upright in its texture: it goes where its foot and a point above that go.
+/// The place in a skin of something that stands upright in the texture: it follows its foot and a point above that.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SkinPlace {
     foot: TetPoint,
@@ -19,18 +19,18 @@ pub(crate) struct SkinPlace {
 }
 
 impl SkinPlace {
-    /// Something whose texture coordinates are known; `above` differs from `foot` in w alone.
+    /// Returns the place of something whose texture coordinates are known; `above` differs from `foot` in w alone.
     pub(crate) fn new(foot: TetPoint, above: TetPoint, texture_from_object: Mat4) -> SkinPlace {
         SkinPlace { foot, above, texture_from_object }
     }
 
-    /// What stands so in it.
+    /// Returns the place of a part that stands in the object as `object_from_part` says.
     pub(crate) fn with(self, object_from_part: Mat4) -> SkinPlace {
         SkinPlace { texture_from_object: self.texture_from_object * object_from_part, ..self }
     }
 
-    /// Where the shell has it now: an affine map, right at the foot and at the point above, since tetrahedra one above the other
-    /// lean differently. Not finite where the texture is flat.
+    /// Returns where the shell has the object now: an affine map, right at the foot and at the point above, since
+    /// tetrahedra one above the other lean differently. Not finite where the texture is flat.
     pub(crate) fn world_from_object(&self, shell: &Shell) -> Mat4 {
         let (foot, mut linear) = in_world(shell, &self.foot);
         let (above, _) = in_world(shell, &self.above);
@@ -42,7 +42,7 @@ impl SkinPlace {
     }
 }
 
-/// Where a point of the texture is, and how the world changes with the texture there.
+/// Returns where a point of the texture is, and how the world changes with the texture there.
 fn in_world(shell: &Shell, point: &TetPoint) -> (Vec3, Mat3) {
     let tet = &shell.tets()[point.tet];
     let edges = |[a, b, c, d]: [Vec3; 4]| Mat3::from_cols(b - a, c - a, d - a);

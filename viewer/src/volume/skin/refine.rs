@@ -1,10 +1,10 @@
 //! How finely a skin is cut, so that tetrahedra say where the texture lies as well as its trilinear boxes do.
 //!
-//! A box maps (U, V, W) to the world and to the texture trilinearly [Neyret 1996, section 4.1]; a tetrahedron maps affinely.
-//! Along the axes both agree. What differs are the mixed terms: that in U and V, of patches that are no parallelograms, falls
-//! with the square of the cuts along the sides; those with W, of height vectors that differ between corners, fall with the
-//! cuts along the sides times those along the height. Triangles have none in U and V. So all faces share one count along
-//! their sides and one along the height: neighbours agree without asking each other.
+//! A box maps (U, V, W) to the world and to the texture trilinearly [Neyret 1996, section 4.1]; a tetrahedron maps
+//! affinely. Along the axes both agree. What differs are the mixed terms: that in U and V, of patches that are no
+//! parallelograms, falls with the square of the cuts along the sides; those with W, of height vectors that differ
+//! between corners, fall with the cuts along the sides times those along the height. Triangles have none in U and V. So
+//! all faces share one count along their sides and one along the height: neighbours agree without asking each other.
 
 use super::thick_skin::{Corners, Skin, SkinVertex, orientation};
 use glam::{DMat3, DVec3};
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 const MAX_CUTS: u32 = 32;
 /// Rounds of measuring and cutting further.
 const ROUNDS: usize = 10;
-/// How much finer a round cuts at most: flat tetrahedra of large boxes tell more than is there.
+/// Greatest factor by which a round cuts finer: flat tetrahedra of large boxes tell more than is there.
 const FINER: u32 = 2;
 /// Share of the tolerance that the next round aims at, because terms add up to a little more than their sum.
 const AIM: f64 = 0.9;
@@ -23,25 +23,27 @@ pub(super) const MIN_VOLUME: f64 = 1e-9;
 /// Share by which one diagonal of a patch is better than the other before vertex numbers no longer decide.
 const BETTER_DIAGONAL: f64 = 1e-3;
 
-/// How a skin becomes tetrahedra.
+/// The parameters by which a skin becomes tetrahedra.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShellParams {
-    /// How far a point may lie from where its trilinear box has it in the texture, in texels; half a voxel is
+    /// Greatest distance of a point from where its trilinear box has it in the texture, in texels; half a voxel is
     /// 0.5 / (voxels along an edge of the volume).
     pub tolerance: f32,
-    /// Tetrahedra at most. A skin that would need more is cut less and [`ShellReport::deviation`](super::ShellReport) tells
-    /// what that leaves; the least is 3 for each triangle and 6 for each patch. 52 bytes each.
+    /// Tetrahedra at most. A skin that would need more is cut less and [`ShellReport::deviation`](super::ShellReport)
+    /// tells what that leaves; the least is 3 for each triangle and 6 for each patch. 52 bytes each.
     pub most_tets: usize,
 }
 
 impl Default for ShellParams {
-    /// Half a voxel of a volume of 64^3, and 54 MB.
+    /// Returns a tolerance of half a voxel of a volume of 64^3, and a budget of 54 MB.
     fn default() -> ShellParams {
         ShellParams { tolerance: 0.5 / 64.0, most_tets: 1 << 20 }
     }
 }
 
 impl ShellParams {
+    /// Checks the parameters.
+    ///
     /// # Errors
     /// A sentence if the tolerance is not a positive number.
     pub fn check(&self) -> Result<(), String> {
@@ -52,7 +54,7 @@ impl ShellParams {
     }
 }
 
-/// How often all faces are cut along each side, and all height vectors; and what that leaves, in texels.
+/// The cuts of all faces along each side and of all height vectors, and the deviation that these leave, in texels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Cuts {
     pub sides: u32,
@@ -60,7 +62,7 @@ pub(super) struct Cuts {
     pub deviation: f32,
 }
 
-/// The fewest tetrahedra that keep the tolerance, or what the budget has best.
+/// Returns the fewest cuts that keep the tolerance, or the best that the budget allows.
 pub(super) fn cuts(skin: &Skin, params: &ShellParams) -> Cuts {
     let triangles = skin.faces().iter().filter(|face| matches!(face.corners, Corners::Triangle(_))).count();
     let prisms = triangles + 2 * (skin.faces().len() - triangles);
@@ -88,8 +90,8 @@ pub(super) fn cuts(skin: &Skin, params: &ShellParams) -> Cuts {
     best
 }
 
-/// Cuts along sides and height for which `terms` (falling with the square of the first, and with both) come to `tolerance` with
-/// the fewest parts; or nearest to it with at most so many.
+/// Cuts along sides and height for which `terms` (falling with the square of the first, and with both) come to
+/// `tolerance` with the fewest parts; or nearest to it with at most so many.
 fn cheapest(terms: [f64; 2], tolerance: f64, most: usize) -> (u32, u32) {
     let mut best = (f64::INFINITY, 0, (1, 1));
     for (sides, layers) in (1..=MAX_CUTS).flat_map(|sides| (1..=MAX_CUTS).map(move |layers| (sides, layers))) {
@@ -104,14 +106,14 @@ fn cheapest(terms: [f64; 2], tolerance: f64, most: usize) -> (u32, u32) {
     best.2
 }
 
-/// A face cut `sides` times along its sides: points by their places (i, j), U = i / sides and V = j / sides, and triangles
-/// over them, counter-clockwise in (U, V).
+/// A face cut `sides` times along its sides: points by their places (i, j), U = i / sides and V = j / sides, and
+/// triangles over them, counter-clockwise in (U, V).
 pub(super) struct Lattice {
     pub points: Vec<[u32; 2]>,
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// How a face is cut in two: not at all, or between two of its corners.
+/// The diagonal by which a face is cut in two: none, or between two of its corners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Diagonal {
     None,
@@ -119,8 +121,8 @@ pub(super) enum Diagonal {
     FromSecond,
 }
 
-/// The diagonal of a patch that keeps both triangles from turning over where it is not convex, and otherwise that from its
-/// least vertex number.
+/// Returns the diagonal of a patch that keeps both triangles from turning over where it is not convex, and otherwise
+/// that from its least vertex number.
 pub(super) fn diagonal(vertices: &[SkinVertex], corners: Corners) -> Diagonal {
     let Corners::Patch(four) = corners else { return Diagonal::None };
     let p = four.map(|i| vertices[i as usize].position.as_dvec3());
@@ -136,7 +138,7 @@ pub(super) fn diagonal(vertices: &[SkinVertex], corners: Corners) -> Diagonal {
 }
 
 impl Lattice {
-    /// Of a triangle ([`Diagonal::None`]) or a patch.
+    /// Prepares a triangle ([`Diagonal::None`]) or a patch.
     pub(super) fn new(diagonal: Diagonal, sides: u32) -> Lattice {
         let n = sides;
         let is_triangle = diagonal == Diagonal::None;
@@ -176,15 +178,15 @@ pub(super) fn weights(corners: Corners, [i, j]: [u32; 2], sides: u32) -> [u32; 4
     }
 }
 
-/// The tetrahedra of a prism over the triangle 0, 1, 2 with the top 3, 4, 5; the vertical edge comes first, which keeps the
-/// determinants of thin skins exact. The diagonal of a side runs from the lower of its vertices at the bottom to the higher
-/// at the top, so that neighbours agree if triangles are given in ascending order of their vertices [Dompierre 1999; so
-/// Porumbescu 2005]. Positive where the triangle is counter-clockwise seen from the top.
+/// The tetrahedra of a prism over the triangle 0, 1, 2 with the top 3, 4, 5; the vertical edge comes first, which keeps
+/// the determinants of thin skins exact. The diagonal of a side runs from the lower of its vertices at the bottom to
+/// the higher at the top, so that neighbours agree if triangles are given in ascending order of their vertices
+/// [Dompierre 1999; so Porumbescu 2005]. Positive where the triangle is counter-clockwise seen from the top.
 pub(super) const PRISM: [[usize; 4]; 3] = [[2, 5, 0, 1], [1, 4, 5, 0], [0, 3, 4, 5]];
 
 /// The trilinear maps of a face's box.
 struct Trilinear {
-    /// Of each corner, at the bottom and at the top: position and texture coordinates.
+    /// For each corner, at the bottom and at the top: position and texture coordinates.
     corners: [[(DVec3, DVec3); 2]; 4],
     is_triangle: bool,
 }
@@ -200,7 +202,7 @@ impl Trilinear {
         Trilinear { corners: [0, 1, 2, 3].map(of_corner), is_triangle: indices.len() == 3 }
     }
 
-    /// Position and texture coordinates at (U, V, W).
+    /// Returns the position and texture coordinates at (U, V, W).
     fn at(&self, skin: DVec3) -> (DVec3, DVec3) {
         let DVec3 { x: u, y: v, z: w } = skin;
         let weights = match self.is_triangle {
@@ -215,8 +217,8 @@ impl Trilinear {
         sum
     }
 
-    /// How far the affine map of the tetrahedron over four points (U, V, W) is off in the middles of its edges, in texels:
-    /// of edges with one W, and of the others. Nothing for a tetrahedron that is flat or inverted.
+    /// Returns how far the affine map of the tetrahedron over four points (U, V, W) is off in the middles of its edges,
+    /// in texels: of edges with one W, and of the others. Nothing for a tetrahedron that is flat or inverted.
     fn deviation(&self, points: [DVec3; 4], orientation: f64) -> [f64; 2] {
         let [(p0, t0), others @ ..] = points.map(|point| self.at(point));
         let edges = DMat3::from_cols_slice(&others.map(|(p, _)| (p - p0).to_array()).concat());
@@ -237,7 +239,7 @@ impl Trilinear {
     }
 }
 
-/// The largest deviation over a skin that is cut so often: of edges with one W, and of the others.
+/// Returns the largest deviation over a skin that is cut so often: of edges with one W, and of the others.
 fn deviation(skin: &Skin, sides: u32, layers: u32) -> [f64; 2] {
     let vertices = skin.vertices();
     let lattices =

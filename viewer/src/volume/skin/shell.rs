@@ -16,10 +16,10 @@ pub(super) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Tet {
-    /// Numbers of its positions; (1 - 0) x (2 - 0) . (3 - 0) is positive unless the skin is folded, and the edge from 0 to 1
-    /// runs along a height vector.
+    /// Numbers of its positions; (1 - 0) x (2 - 0) . (3 - 0) is positive unless the skin is folded, and the edge from 0
+    /// to 1 runs along a height vector.
     pub positions: [u32; 4],
-    /// What lies behind the face opposite of each position: 4 x the tetrahedron + the number of its face, or [`NO_LINK`].
+    /// Link behind the face opposite of each position: 4 x the tetrahedron + the number of its face, or [`NO_LINK`].
     pub links: [u32; 4],
     /// Numbers of its texture coordinates.
     pub textures: [u32; 4],
@@ -34,7 +34,7 @@ struct Column {
     weights: [f32; 4],
 }
 
-/// What a shell is like.
+/// The figures of a shell.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ShellReport {
     /// Tetrahedra.
@@ -50,12 +50,12 @@ pub struct ShellReport {
     pub ambiguous: usize,
     /// Faces that were there twice and count once.
     pub repeated: usize,
-    /// How often faces are cut along each side.
+    /// Cuts of faces along each side.
     pub sides: u32,
-    /// How often height vectors are cut.
+    /// Cuts of height vectors.
     pub layers: u32,
-    /// How far a point may lie from where its trilinear box has it in the texture, texels. As measured when the shell was
-    /// made, by the diagonals of all tetrahedra.
+    /// Greatest distance of a point from where its trilinear box has it in the texture, texels. As measured when the
+    /// shell was made, by the diagonals of all tetrahedra.
     pub deviation: f32,
 }
 
@@ -74,9 +74,9 @@ pub struct Shell {
 }
 
 impl Shell {
-    /// The shell of `skin`. Vertices at one place with one height vector are one to it, whatever their texture coordinates:
-    /// a texture seam is no end of the skin. The same skin gives the same shell. Cost: a few measurements of every box, and a
-    /// sort of the faces of all tetrahedra.
+    /// Builds the shell of `skin`. Vertices at one place with one height vector are one to it, whatever their texture
+    /// coordinates: a texture seam is no end of the skin. The same skin gives the same shell. Cost: a few measurements
+    /// of every box, and a sort of the faces of all tetrahedra.
     ///
     /// # Errors
     /// A sentence if the parameters are out of range or there would be more than 2^28 tetrahedra.
@@ -115,8 +115,8 @@ impl Shell {
     }
 
     /// Moves the shell to where `skin` has gone: the one that it was made of, with other positions, height vectors and
-    /// texture coordinates, as jitter and wind return it. Tetrahedra, neighbours and boundary stay. Cost: a pass over the
-    /// positions.
+    /// texture coordinates, as jitter and wind return it. Tetrahedra, neighbours and boundary stay. Cost: a pass over
+    /// the positions.
     ///
     /// # Errors
     /// A sentence if the skin has another number of vertices.
@@ -140,48 +140,48 @@ impl Shell {
         Ok(())
     }
 
-    /// All positions, world units.
+    /// Returns all positions, world units.
     pub fn positions(&self) -> &[Vec3] {
         &self.positions
     }
 
-    /// All texture coordinates (u, v, w), texels.
+    /// Returns all texture coordinates (u, v, w), texels.
     pub fn textures(&self) -> &[Vec3] {
         &self.textures
     }
 
-    /// All tetrahedra.
+    /// Returns all tetrahedra.
     pub fn tets(&self) -> &[Tet] {
         &self.tets
     }
 
-    /// The boundary: for each of its triangles, 4 x the tetrahedron behind it + the number of its face.
+    /// Returns the boundary: for each of its triangles, 4 x the tetrahedron behind it + the number of its face.
     pub fn boundary(&self) -> &[u32] {
         &self.boundary
     }
 
-    /// Position numbers of a face, given as a link, counter-clockwise from outside its tetrahedron.
+    /// Returns the position numbers of a face, given as a link, counter-clockwise from outside its tetrahedron.
     pub fn face(&self, link: u32) -> [u32; 3] {
         let tet = &self.tets[link as usize / 4];
         FACES[link as usize % 4].map(|corner| tet.positions[corner])
     }
 
-    /// Corners of a triangle of the boundary, counter-clockwise from outside.
+    /// Returns the corners of a triangle of the boundary, counter-clockwise from outside.
     pub fn boundary_triangle(&self, boundary: usize) -> [Vec3; 3] {
         self.face(self.boundary[boundary]).map(|i| self.positions[i as usize])
     }
 
-    /// The corners of all triangles of the boundary, three of each.
+    /// Returns the corners of all triangles of the boundary, three of each.
     pub fn boundary_corners(&self) -> impl Iterator<Item = Vec3> {
         (0..self.boundary.len()).flat_map(|i| self.boundary_triangle(i))
     }
 
-    /// What the shell was like when it was made.
+    /// Returns what the shell was like when it was made.
     pub fn report(&self) -> ShellReport {
         self.report
     }
 
-    /// The report with the counts of now, after the shell was moved. Cost: a pass over the tetrahedra.
+    /// Returns the report with the counts of now, after the shell was moved. Cost: a pass over the tetrahedra.
     pub fn counted(&self) -> ShellReport {
         let mut report = ShellReport { tets: self.tets.len(), boundary: self.boundary.len(), ..self.report };
         (report.inverted, report.flat) = (0, 0);
@@ -196,8 +196,8 @@ impl Shell {
         report
     }
 
-    /// A tetrahedron around `point` that is not turned over, if there is one: where an eye inside the skin starts. Cost: a
-    /// pass over the tetrahedra.
+    /// Finds a tetrahedron around `point` that is not turned over, if there is one: where an eye inside the skin
+    /// starts. Cost: a pass over the tetrahedra.
     pub fn locate(&self, point: Vec3) -> Option<u32> {
         let point = point.as_dvec3();
         let is_around = |tet: &Tet| {
@@ -212,21 +212,22 @@ impl Shell {
         tet.positions.map(|i| self.positions[i as usize].as_dvec3())
     }
 
-    /// Signed share of the box of its edges that a tetrahedron fills; 0 where an edge has no length.
+    /// Returns the signed share of the box of its edges that a tetrahedron fills; 0 where an edge has no length.
     fn volume_share(&self, tet: &Tet) -> f64 {
         let [p, q, r, s] = self.corners(tet);
         let [a, b, c] = [q - p, r - p, s - p].map(|edge| edge.normalize_or_zero());
         a.cross(b).dot(c)
     }
 
-    /// For tests that break it.
+    /// Returns the tetrahedra for tests that break them.
     #[cfg(test)]
     pub(super) fn tets_mut(&mut self) -> &mut [Tet] {
         &mut self.tets
     }
 }
 
-/// The points of `columns` at every layer: `at` gives what a skin vertex has at the bottom, and what the top adds.
+/// Returns the points of `columns` at every layer: `at` gives what a skin vertex has at the bottom, and what the top
+/// adds.
 fn raise(points: &mut Vec<Vec3>, columns: &[Column], layers: u32, at: impl Fn(u32) -> (Vec3, Vec3)) {
     points.clear();
     for Column { vertices, weights } in columns {
@@ -248,7 +249,7 @@ struct ColumnTable {
 }
 
 impl ColumnTable {
-    /// Number of the column with these vertices and weights; vertices may repeat.
+    /// Returns the number of the column with these vertices and weights; vertices may repeat.
     fn number(&mut self, vertices: [u32; 4], weights: [u32; 4]) -> u32 {
         const NONE: [u32; 2] = [u32::MAX, 0];
         let mut key = [NONE; 4];
@@ -353,7 +354,7 @@ impl Builder<'_> {
     }
 }
 
-/// Sorts, and tells whether that took an even number of exchanges.
+/// Sorts, and returns whether that took an even number of exchanges.
 fn sort_three(values: &mut [[u32; 2]; 3]) -> bool {
     let mut is_even = true;
     for (i, j) in [(0, 1), (1, 2), (0, 1)] {
@@ -390,7 +391,7 @@ fn link(tets: &mut [Tet]) -> usize {
     ambiguous
 }
 
-/// All faces without a link.
+/// Returns all faces without a link.
 fn boundary_of(tets: &[Tet]) -> Vec<u32> {
     let faces = tets.iter().flat_map(|tet| tet.links).zip(0..);
     faces.filter(|(link, _)| *link == NO_LINK).map(|(_, face)| face).collect()

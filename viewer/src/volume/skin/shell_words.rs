@@ -1,10 +1,11 @@
-//! A shell as words for a GPU: the header, positions, texture coordinates, tetrahedra and the boundary, in this order. What
-//! moves comes first, so that a refreshed shell is one upload.
+//! A shell as words for a GPU: the header, positions, texture coordinates, tetrahedra and the boundary, in this order.
+//! What moves comes first, so that a refreshed shell is one upload.
 
 use super::shell::{Shell, Tet};
 use std::ops::Range;
 
-/// Words of the header, by their places. Twins: the constants of `skin_walk.wgsl`. All places count from the shell's first word.
+/// Words of the header, by their places. Twins: the constants of `skin_walk.wgsl`. All places count from the shell's
+/// first word.
 const TETS: usize = 0;
 const POSITIONS_AT: usize = 1;
 const TEXTURES_AT: usize = 2;
@@ -30,7 +31,7 @@ pub(crate) const CONSTANTS: &[(&str, usize)] = &[
 ];
 
 impl Shell {
-    /// All words of the shell.
+    /// Returns all words of the shell.
     ///
     /// # Errors
     /// A sentence if they are more than a word can number.
@@ -58,7 +59,7 @@ impl Shell {
         Ok(words)
     }
 
-    /// The words that [`refresh`](Shell::refresh) changes.
+    /// Returns the words that [`refresh`](Shell::refresh) changes.
     pub fn moving_words(&self) -> Range<usize> {
         HEADER_WORDS..HEADER_WORDS + 3 * (self.positions().len() + self.textures().len())
     }

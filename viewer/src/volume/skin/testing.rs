@@ -6,7 +6,7 @@ use super::walk::Interval;
 use btf_runtime::testing::Random;
 use glam::{DVec3, Vec3};
 
-/// A flat skin of unit patches, one texel each, one high.
+/// Returns a flat skin of unit patches, one texel each, one high.
 pub(super) fn grid(columns: u32, rows: u32) -> Skin {
     let vertex = |x: u32, y: u32| {
         let [x, y] = [x as f32, y as f32];
@@ -15,7 +15,8 @@ pub(super) fn grid(columns: u32, rows: u32) -> Skin {
     Skin::from_grid(columns, rows, vertex, |_, _| 0).unwrap()
 }
 
-/// The same, lifted to a hill whose patches are twisted, with height vectors combed this way and that.
+/// Returns a skin of unit patches lifted to a hill whose patches are twisted, with height vectors combed this way and
+/// that.
 pub(super) fn twisted(side: u32) -> Skin {
     grid(side, side).with_vertices(|vertex| {
         let Vec3 { x, y, .. } = vertex.position;
@@ -24,12 +25,12 @@ pub(super) fn twisted(side: u32) -> Skin {
     })
 }
 
-/// Flat, with height vectors that lean.
+/// Returns a flat skin with height vectors that lean.
 pub(super) fn sheared(side: u32) -> Skin {
     grid(side, side).with_vertices(|vertex| SkinVertex { height: Vec3::new(0.4, -0.7, 0.5), ..*vertex })
 }
 
-/// Unit texels with height vectors that lean apart and together by up to 40 degrees.
+/// Returns a skin of unit texels with height vectors that lean apart and together by up to 40 degrees.
 pub(super) fn combed(side: u32) -> Skin {
     grid(side, side).with_vertices(|vertex| {
         let Vec3 { x, y, .. } = vertex.position;
@@ -37,7 +38,7 @@ pub(super) fn combed(side: u32) -> Skin {
     })
 }
 
-/// The same skin at another size.
+/// Scales a skin.
 pub(super) fn scaled(skin: &Skin, size: f32, thickness: f32) -> Skin {
     skin.with_vertices(|vertex| SkinVertex {
         position: vertex.position * size,
@@ -46,7 +47,7 @@ pub(super) fn scaled(skin: &Skin, size: f32, thickness: f32) -> Skin {
     })
 }
 
-/// Where a line meets the boundary of a shell, in double precision.
+/// A point at which a line meets the boundary of a shell, in double precision.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
     pub t: f64,
@@ -56,12 +57,12 @@ pub(super) struct Crossing {
     pub cosine: f64,
 }
 
-/// The boundary's triangles.
+/// Returns the boundary's triangles.
 pub(super) fn triangles(shell: &Shell) -> Vec<[DVec3; 3]> {
     (0..shell.boundary().len()).map(|i| shell.boundary_triangle(i).map(|p| p.as_dvec3())).collect()
 }
 
-/// All crossings of a line and triangles in the order of t [Möller 1997].
+/// Returns all crossings of a line and triangles in the order of t [Möller 1997].
 pub(super) fn crossings(triangles: &[[DVec3; 3]], origin: Vec3, direction: Vec3) -> Vec<Crossing> {
     let (o, d) = (origin.as_dvec3(), direction.as_dvec3());
     let meets = |(boundary, [a, b, c]): (usize, &[DVec3; 3])| {
@@ -83,7 +84,7 @@ pub(super) fn crossings(triangles: &[[DVec3; 3]], origin: Vec3, direction: Vec3)
     found
 }
 
-/// All intervals of a line: each entry that is not behind the last exit is walked, from there on.
+/// Returns all intervals of a line: each entry that is not behind the last exit is walked, from there on.
 pub(super) fn intervals(shell: &Shell, origin: Vec3, direction: Vec3, found: &[Crossing]) -> Vec<Interval> {
     let slack = 1e-5 * (origin.length() / direction.length() + 1.0);
     let mut t = f32::MIN;
@@ -98,7 +99,7 @@ pub(super) fn intervals(shell: &Shell, origin: Vec3, direction: Vec3, found: &[C
     all
 }
 
-/// A vector within a cube about the origin.
+/// Returns a vector within a cube about the origin.
 pub(super) fn vector(random: &mut Random, range: f32) -> Vec3 {
     Vec3::from([(); 3].map(|()| random.within(-range, range)))
 }

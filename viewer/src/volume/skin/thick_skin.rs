@@ -1,5 +1,5 @@
-//! The thick skin as a user maps it: faces of three or four corners with a height vector and texture coordinates at each
-//! vertex [Neyret 1996, section 4.1].
+//! The thick skin as a user maps it: faces of three or four corners with a height vector and texture coordinates at
+//! each vertex [Neyret 1996, section 4.1].
 
 use super::weld::weld;
 use crate::geometry::geometry::Vertex;
@@ -9,8 +9,8 @@ use std::collections::HashMap;
 /// Sine of the angle between a face and its mean height vector below which the face's box has no volume: some ten times
 /// what rounding leaves of a right angle.
 const MIN_RISE: f32 = 1e-6;
-/// Cosine of the angle between two normals at one place up to which they are parts of one rounded corner: 120 degrees, so
-/// that the three sides at a box's corner share a height vector and the two sides of a sheet do not.
+/// Cosine of the angle between two normals at one place up to which they are parts of one rounded corner: 120 degrees,
+/// so that the three sides at a box's corner share a height vector and the two sides of a sheet do not.
 const SAME_SIDE: f32 = -0.5;
 
 /// A vertex of the skin.
@@ -22,13 +22,13 @@ pub struct SkinVertex {
     pub height: Vec3,
     /// Texture coordinates (u, v, w) at the surface, in texels; w = 0 is the volume's floor and 1 its lid.
     pub texture: Vec3,
-    /// What is added to them at the top. Neyret's dw is its third component; the first two lean the texture without moving
-    /// the skin.
+    /// Texture coordinates that are added at the top. Neyret's dw is its third component; the first two lean the
+    /// texture without moving the skin.
     pub rise: Vec3,
 }
 
 impl SkinVertex {
-    /// A vertex over which the texture stands upright, once: w = 0, dw = 1.
+    /// Returns a vertex over which the texture stands upright, once: w = 0, dw = 1.
     pub fn new(position: Vec3, height: Vec3, uv: [f32; 2]) -> SkinVertex {
         SkinVertex { position, height, texture: Vec3::new(uv[0], uv[1], 0.0), rise: Vec3::Z }
     }
@@ -48,7 +48,7 @@ pub enum Corners {
 }
 
 impl Corners {
-    /// The vertex numbers.
+    /// Returns the vertex numbers.
     pub fn indices(&self) -> &[u32] {
         match self {
             Corners::Triangle(corners) => corners,
@@ -60,7 +60,7 @@ impl Corners {
 /// A face of the skin; what stands over it is called its box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SkinFace {
-    /// Its vertices.
+    /// Vertices of the face.
     pub corners: Corners,
     /// Number of the pattern that is mapped there.
     pub pattern: u32,
@@ -71,15 +71,15 @@ pub struct SkinFace {
 pub struct Skin {
     vertices: Vec<SkinVertex>,
     faces: Vec<SkinFace>,
-    /// For each vertex, the first at its place with its height.
+    /// For each vertex, the number of the first one at its place with its height vector.
     welded: Vec<u32>,
     dropped: usize,
 }
 
 impl Skin {
-    /// A skin of `faces` over `vertices`. Faces whose boxes have no volume are left out: without an area, or with height
-    /// vectors that are zero in the mean or lie in the face. A patch with two neighbouring corners at one place becomes the
-    /// triangle that it is. Cost: a pass over the faces.
+    /// Returns a skin of `faces` over `vertices`. Faces whose boxes have no volume are left out: without an area, or
+    /// with height vectors that are zero in the mean or lie in the face. A patch with two neighbouring corners at one
+    /// place becomes the triangle that it is. Cost: a pass over the faces.
     ///
     /// # Errors
     /// A sentence if a number is not finite, a face names a vertex that is not there, or no face is left.
@@ -111,9 +111,9 @@ impl Skin {
         Ok(Skin { dropped: given - faces.len(), vertices, faces, welded })
     }
 
-    /// A skin `thickness` thick (world units; negative grows inwards) over a mesh. Height vectors follow the normals; where
-    /// vertices lie at one place, as at hard edges and texture seams, they share the mean of the normals within 120 degrees
-    /// of theirs, so that the skin has no gap.
+    /// Returns a skin `thickness` thick (world units; negative grows inwards) over a mesh. Height vectors follow the
+    /// normals; where vertices lie at one place, as at hard edges and texture seams, they share the mean of the normals
+    /// within 120 degrees of theirs, so that the skin has no gap.
     ///
     /// # Errors
     /// As [`Skin::new`].
@@ -138,8 +138,8 @@ impl Skin {
         Skin::new(vertices.collect(), faces.collect())
     }
 
-    /// A skin of `columns` x `rows` bilinear patches; `vertex(column, row)` tells the vertices, for columns up to and with
-    /// `columns` and rows up to and with `rows`, and `pattern(column, row)` what is mapped on a patch.
+    /// Returns a skin of `columns` x `rows` bilinear patches; `vertex(column, row)` tells the vertices, for columns up
+    /// to and with `columns` and rows up to and with `rows`, and `pattern(column, row)` what is mapped on a patch.
     ///
     /// # Errors
     /// As [`Skin::new`], and if there would be more than 2^24 patches.
@@ -162,48 +162,48 @@ impl Skin {
         Skin::new(vertices, faces.collect())
     }
 
-    /// All vertices, also those that no face uses.
+    /// Returns all vertices, also those that no face uses.
     pub fn vertices(&self) -> &[SkinVertex] {
         &self.vertices
     }
 
-    /// Length of the longest height vector.
+    /// Returns the length of the longest height vector.
     pub fn thickness(&self) -> f32 {
         self.vertices.iter().map(|vertex| vertex.height.length()).fold(0.0, f32::max)
     }
 
-    /// All faces with a volume over them.
+    /// Returns all faces with a volume over them.
     pub fn faces(&self) -> &[SkinFace] {
         &self.faces
     }
 
-    /// For each vertex, the number of the first one at its place with its height vector, as the skin was given; jitter, wind
-    /// and layers keep what was one together.
+    /// Returns for each vertex the number of the first one at its place with its height vector, as the skin was given;
+    /// jitter, wind and layers keep what was one together.
     pub fn welded(&self) -> &[u32] {
         &self.welded
     }
 
-    /// Faces that were given and left out.
+    /// Counts the faces that were given and left out.
     pub fn dropped(&self) -> usize {
         self.dropped
     }
 
-    /// The same faces over moved vertices: what jitter and wind return. Faces stay even where they have lost their volume,
-    /// so that a shell over them can be refreshed.
+    /// Returns the same faces over moved vertices: what jitter and wind return. Faces stay even where they have lost
+    /// their volume, so that a shell over them can be refreshed.
     pub(crate) fn with_vertices(&self, change: impl Fn(&SkinVertex) -> SkinVertex) -> Skin {
         // What a far too strong change makes of a vertex is not taken over.
         let change = |vertex: &SkinVertex| Some(change(vertex)).filter(SkinVertex::is_finite).unwrap_or(*vertex);
         Skin { vertices: self.vertices.iter().map(change).collect(), ..self.clone() }
     }
 
-    /// The same with one pattern everywhere.
+    /// Returns the skin with one pattern everywhere.
     pub(crate) fn with_pattern(&self, pattern: u32) -> Skin {
         let faces = self.faces.iter().map(|face| SkinFace { pattern, ..*face }).collect();
         Skin { faces, ..self.clone() }
     }
 }
 
-/// A patch of which two neighbouring corners lie at one place, as a triangle.
+/// Turns a patch of which two neighbouring corners lie at one place into a triangle.
 fn without_repeats(welded: &[u32], corners: Corners) -> Corners {
     let Corners::Patch(four) = corners else { return corners };
     let place = |i: usize| welded[four[i % 4] as usize];
@@ -213,14 +213,14 @@ fn without_repeats(welded: &[u32], corners: Corners) -> Corners {
     }
 }
 
-/// Whether no two corners lie at one place.
+/// Returns whether no two corners lie at one place.
 fn are_apart(welded: &[u32], corners: Corners) -> bool {
     let places: Vec<u32> = corners.indices().iter().map(|i| welded[*i as usize]).collect();
     (1..places.len()).all(|i| !places[..i].contains(&places[i]))
 }
 
-/// +1 where a face runs counter-clockwise as seen from the top of its mean height vector, -1 where clockwise, 0 where its box
-/// has no volume.
+/// Returns +1 where a face runs counter-clockwise as seen from the top of its mean height vector, -1 where clockwise, 0
+/// where its box has no volume.
 pub(crate) fn orientation(vertices: &[SkinVertex], corners: Corners) -> f32 {
     let vertex = |i: &u32| &vertices[*i as usize];
     let indices = corners.indices();

@@ -1,13 +1,13 @@
-//! A ray's way through a shell, from one tetrahedron to the next. Twin: `shaders/skin_walk.wgsl`.
+//! A ray's way through a shell, from one tetrahedron to the next. Twin: `walk.wgsl`.
 //!
-//! Seen along the ray the ray is a point. It lies within the face through which a tetrahedron was entered; the fourth vertex
-//! joins that face's corners by three edges, and the sides on which the ray passes them tell which of the other three faces it
-//! leaves by [Aman 2022]. Each edge is judged once and its sign is kept while the ray is beside it, so what two
-//! tetrahedra share has one answer: the walk cannot fall between them. A point on an edge is moved aside by less than any
-//! number [Edelsbrunner 1990]. What rounding still makes contradictory takes the likeliest face.
+//! Seen along the ray the ray is a point. It lies within the face through which a tetrahedron was entered; the fourth
+//! vertex joins that face's corners by three edges, and the sides on which the ray passes them tell which of the other
+//! three faces it leaves by [Aman 2022]. Each edge is judged once and its sign is kept while the ray is beside it, so
+//! what two tetrahedra share has one answer: the walk cannot fall between them. A point on an edge is moved aside by
+//! less than any number [Edelsbrunner 1990]. What rounding still makes contradictory takes the likeliest face.
 //!
-//! A line's way through tetrahedra, folded or not, visits each at most once; where the skin is folded t runs back for a while,
-//! and what was passed already is not told again.
+//! A line's way through tetrahedra, folded or not, visits each at most once; where the skin is folded t runs back for a
+//! while, and what was passed already is not told again.
 
 use super::shell::{NO_LINK, Shell};
 use crate::geometry::shear::Shear;
@@ -27,9 +27,9 @@ pub(crate) const CONSTANTS: &[(&str, f32)] =
 /// A stretch of a ray within one tetrahedron.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
-    /// Where it begins, in units of the ray's direction.
+    /// Begin of the interval, in units of the ray's direction.
     pub t0: f32,
-    /// Where it ends, beyond `t0`.
+    /// End of the interval, beyond `t0`.
     pub t1: f32,
     /// The tetrahedron.
     pub tet: u32,
@@ -55,14 +55,14 @@ pub struct TextureRay {
     pub direction: Vec3,
 }
 
-/// The walk of one ray. An iterator over disjoint intervals in the order of t; between the first and the last nothing is
-/// missing. Twin: `ShellWalk`.
+/// The walk of one ray. An iterator over disjoint intervals in the order of t; between the first and the last nothing
+/// is missing. Twin: `ShellWalk`.
 #[derive(Debug, Clone)]
 pub struct Walk<'a> {
     shell: &'a Shell,
     origin: Vec3,
     shear: Shear,
-    /// Where it is: 4 x the tetrahedron + the face that it came through, or [`NO_LINK`].
+    /// Present face: 4 x the tetrahedron + the face that it came through, or [`NO_LINK`].
     link: u32,
     /// Position numbers of that face, around the ray, and the positions as the ray sees them.
     face: [u32; 3],
@@ -78,8 +78,9 @@ pub struct Walk<'a> {
 }
 
 impl Shell {
-    /// The walk of a ray from `t_min` on that enters the tetrahedron of `link` (4 x its number + its face) by that face, as
-    /// one of [`boundary`](Shell::boundary) that faces the ray. The face may lie before `t_min`, as where an eye is inside.
+    /// Starts the walk of a ray from `t_min` on that enters the tetrahedron of `link` (4 x its number + its face) by
+    /// that face, as one of [`boundary`](Shell::boundary) that faces the ray. The face may lie before `t_min`, as where
+    /// an eye is inside.
     pub fn enter(&self, origin: Vec3, direction: Vec3, link: u32, t_min: f32, t_max: f32) -> Walk<'_> {
         let mut walk = self.facing(origin, direction, link, t_max);
         if walk.edges.iter().sum::<f32>() < 0.0 {
@@ -92,7 +93,8 @@ impl Shell {
         walk
     }
 
-    /// The walk of a ray that is inside `tet` at `t_min`, as after [`locate`](Shell::locate) or from a point of an interval.
+    /// Starts the walk of a ray that is inside `tet` at `t_min`, as after [`locate`](Shell::locate) or from a point of
+    /// an interval.
     pub fn start(&self, origin: Vec3, direction: Vec3, tet: u32, t_min: f32, t_max: f32) -> Walk<'_> {
         // By the face through which the ray came: of those that face it the one that it is deepest within.
         let mut best = (4 * tet, f32::NEG_INFINITY);
@@ -107,7 +109,7 @@ impl Shell {
         self.enter(origin, direction, best.0, t_min, t_max)
     }
 
-    /// A walk at the face of `link`, as that is seen.
+    /// Returns a walk at the face of `link`, as that is seen.
     fn facing(&self, origin: Vec3, direction: Vec3, link: u32, t_max: f32) -> Walk<'_> {
         let size = direction.abs().max_element();
         let is_ray = size > MIN_RAY && size < MAX_RAY;
@@ -126,13 +128,13 @@ impl Shell {
             left: self.tets().len() as u32,
             exit: NO_LINK,
         };
-        let [a, b, c] = face.map(|position| walk.seen(position));
+        let [a, b, c] = face.map(|position| walk.sheared(position));
         walk.corners = [a, b, c];
         walk.edges = [edge(a, b), edge(b, c), edge(c, a)];
         walk
     }
 
-    /// The map of a tetrahedron, from its positions and texture coordinates alone.
+    /// Returns the map of a tetrahedron, from its positions and texture coordinates alone.
     pub fn map(&self, tet: u32) -> TextureMap {
         let tet = &self.tets()[tet as usize];
         let [p, a, b, c] = tet.positions.map(|i| self.positions()[i as usize]);
@@ -155,33 +157,33 @@ impl Shell {
 }
 
 impl TextureMap {
-    /// Texture coordinates of a position.
+    /// Returns the texture coordinates of a position.
     pub fn point(&self, position: Vec3) -> Vec3 {
         self.texture + self.direction(position - self.position)
     }
 
-    /// A direction, or a difference of positions, in texels.
+    /// Transforms a direction, or a difference of positions, into texels.
     pub fn direction(&self, direction: Vec3) -> Vec3 {
         Vec3::from(self.gradients.map(|gradient| gradient.dot(direction)))
     }
 
-    /// A ray from where its interval begins.
+    /// Transforms a ray from where its interval begins into the texture.
     pub fn ray(&self, origin: Vec3, direction: Vec3, t0: f32) -> TextureRay {
         // What is near the ray stays exact far from the world's origin.
         let from_position = (origin - self.position) + t0 * direction;
         TextureRay { point: self.texture + self.direction(from_position), direction: self.direction(direction) }
     }
 
-    /// Width in texels of a cone that is `width` world units wide about `direction`, where its disc is as large as the ellipse
-    /// that it becomes: volumes grow by |det J^-1| and lengths along the ray by |J^-1 d| / |d|, so areas across it by their
-    /// quotient. 0 in a flat tetrahedron.
+    /// Returns the width in texels of a cone that is `width` world units wide about `direction`, where its disc is as
+    /// large as the ellipse that it becomes: volumes grow by |det J^-1| and lengths along the ray by |J^-1 d| / |d|, so
+    /// areas across it by their quotient. 0 in a flat tetrahedron.
     pub fn width(&self, direction: Vec3, width: f32) -> f32 {
         let [u, v, w] = self.gradients;
         let along = self.direction(direction).length();
         if along > 0.0 { width * (u.dot(v.cross(w)).abs() * direction.length() / along).sqrt() } else { 0.0 }
     }
 
-    /// The three rows of the map.
+    /// Returns the three rows of the map.
     pub fn texture_from_world(&self) -> [[f32; 4]; 3] {
         [0, 1, 2].map(|row| {
             let gradient = self.gradients[row];
@@ -191,14 +193,14 @@ impl TextureMap {
 }
 
 impl Walk<'_> {
-    /// The next interval that is longer than nothing.
+    /// Returns the next interval that is longer than nothing.
     fn step(&mut self) -> Option<Interval> {
         while self.link != NO_LINK && self.left > 0 && self.t < self.t_max {
             self.left -= 1;
             let (number, apex) = (self.link / 4, self.link as usize % 4);
             let tet = &self.shell.tets()[number as usize];
             let position = tet.positions[apex];
-            let corner = self.seen(position);
+            let corner = self.sheared(position);
             // From the face's corners to the new one, and whether the ray passes on the far side.
             let edges = self.corners.map(|other| edge(other, corner));
             let behind = [0, 1, 2].map(|i| is_behind(edges[i], self.corners[i], corner));
@@ -220,17 +222,17 @@ impl Walk<'_> {
         None
     }
 
-    /// A position as the ray sees it.
-    fn seen(&self, position: u32) -> Vec3 {
+    /// Returns a position relative to the origin of the ray, sheared along it.
+    fn sheared(&self, position: u32) -> Vec3 {
         self.shear.apply(self.shell.positions()[position as usize] - self.origin)
     }
 
-    /// Where the ray is: the end of the last interval.
+    /// Returns where the ray is: the end of the last interval.
     pub fn t(&self) -> f32 {
         self.t
     }
 
-    /// The face by which the ray has left the shell (4 x the tetrahedron + its face), if it has.
+    /// Returns the face by which the ray has left the shell (4 x the tetrahedron + its face), if it has.
     pub fn exit(&self) -> Option<u32> {
         (self.link == NO_LINK && self.exit != NO_LINK).then_some(self.exit)
     }
@@ -244,8 +246,8 @@ impl Iterator for Walk<'_> {
     }
 }
 
-/// Number of the corner from which the edge runs that the ray's face keeps; the one two further is dropped. `edges` run from
-/// the corners to the new one, and the ray passes those `behind` on the far side.
+/// Returns the number of the corner from which the edge runs that the ray's face keeps; the one two further is dropped.
+/// `edges` run from the corners to the new one, and the ray passes those `behind` on the far side.
 fn kept_edge(edges: [f32; 3], behind: [bool; 3]) -> usize {
     if let Some(kept) = (0..3).find(|i| behind[*i] && !behind[(i + 1) % 3]) {
         return kept;
@@ -263,17 +265,19 @@ fn kept_edge(edges: [f32; 3], behind: [bool; 3]) -> usize {
     if behind[0] { (least + 2) % 3 } else { least }
 }
 
-/// Twice the signed area of the origin, p and q: on which side of their edge the ray passes.
+/// Returns twice the signed area of the origin, p and q: on which side of their edge the ray passes.
 fn edge(p: Vec3, q: Vec3) -> f32 {
     p.x * q.y - p.y * q.x
 }
 
-/// Whether an edge function is negative, or becomes so when all corners move by (e, e^2) for a positive e below any number.
+/// Returns whether an edge function is negative, or becomes so when all corners move by (e, e^2) for a positive e below
+/// any number.
 fn is_behind(edge: f32, p: Vec3, q: Vec3) -> bool {
     edge < 0.0 || (edge == 0.0 && (q.y < p.y || (q.y == p.y && p.x < q.x)))
 }
 
-/// t at which the ray meets a face around it, within what the corners have; `otherwise` where the face is seen on edge.
+/// Returns t at which the ray meets a face around it, within what the corners have; `otherwise` where the face is seen
+/// on edge.
 fn crossing([a, b, c]: [Vec3; 3], edges: [f32; 3], otherwise: f32) -> f32 {
     let area = edges[0] + edges[1] + edges[2];
     if area > 0.0 {
@@ -319,7 +323,8 @@ mod tests {
         intervals.windows(2).all(|pair| pair[0].t1 <= pair[1].t0) && intervals.iter().all(|one| one.t0 < one.t1)
     }
 
-    /// The chord of a line, and how far rounding may move its ends, which grows where it meets the boundary at a flat angle.
+    /// The chord of a line, and how far rounding may move its ends, which grows where it meets the boundary at a flat
+    /// angle.
     fn chord(found: &[Crossing], span: f64) -> (f64, f64) {
         let flattest = found.iter().fold(1f64, |least, crossing| least.min(crossing.cosine.abs()));
         let chord = found.iter().map(|crossing| crossing.t * crossing.cosine.signum()).sum();

@@ -1,5 +1,6 @@
-// A ray's way through a shell, from one tetrahedron to the next. Twin: skin/walk.rs, which also says where the constants come
-// from. The includer defines asset_word(index); `shell` is the first of the shell's words, laid out in skin/shell_words.rs.
+// A ray's way through a shell, from one tetrahedron to the next. Twin: walk.rs, which also says where the constants
+// come from. The includer defines asset_word(index); `shell` is the first of the shell's words, laid out in
+// skin/shell_words.rs.
 
 const NO_LINK: u32 = 0xffffffffu;
 const MIN_UPRIGHT: f32 = 1e-7;
@@ -53,38 +54,42 @@ struct ShellWalk {
     exit: u32,
 }
 
+// Reads a number of the shell.
 fn shell_float(index: u32) -> f32 {
     return bitcast<f32>(asset_word(index));
 }
 
+// Reads three numbers of the shell.
 fn shell_vector(index: u32) -> vec3<f32> {
     return vec3<f32>(shell_float(index), shell_float(index + 1u), shell_float(index + 2u));
 }
 
+// Reads a position, world units.
 fn shell_position(shell: u32, number: u32) -> vec3<f32> {
     return shell_vector(shell + asset_word(shell + SHELL_POSITIONS_AT) + 3u * number);
 }
 
+// Reads texture coordinates (u, v, w), texels.
 fn shell_texture(shell: u32, number: u32) -> vec3<f32> {
     return shell_vector(shell + asset_word(shell + SHELL_TEXTURES_AT) + 3u * number);
 }
 
-// First word of a tetrahedron.
+// Returns the first word of a tetrahedron.
 fn shell_tet(shell: u32, tet: u32) -> u32 {
     return shell + asset_word(shell + SHELL_TETS_AT) + TET_WORDS * tet;
 }
 
-// Number of the pattern that is mapped in a tetrahedron.
+// Returns the number of the pattern that is mapped in a tetrahedron.
 fn shell_pattern(shell: u32, tet: u32) -> u32 {
     return asset_word(shell_tet(shell, tet) + TET_PATTERN);
 }
 
-// The face behind triangle `number` of the boundary: 4 x the tetrahedron + its face.
+// Returns the face behind triangle `number` of the boundary: 4 x the tetrahedron + its face.
 fn shell_boundary(shell: u32, number: u32) -> u32 {
     return asset_word(shell + asset_word(shell + SHELL_BOUNDARY_AT) + number);
 }
 
-// Position numbers of a face, counter-clockwise from outside.
+// Returns the position numbers of a face, counter-clockwise from outside.
 fn shell_face(shell: u32, link: u32) -> vec3<u32> {
     let tet = shell_tet(shell, link / 4u);
     var corners = vec3<u32>(1u, 2u, 3u);
@@ -97,7 +102,7 @@ fn shell_face(shell: u32, link: u32) -> vec3<u32> {
     return vec3<u32>(asset_word(tet + corners.x), asset_word(tet + corners.y), asset_word(tet + corners.z));
 }
 
-// The walk of a ray from t_min on that enters by the face of `link`, which may lie before t_min.
+// Starts the walk of a ray from t_min on that enters by the face of `link`, which may lie before t_min.
 fn shell_enter(shell: u32, origin: vec3<f32>, direction: vec3<f32>, link: u32, t_min: f32, t_max: f32) -> ShellWalk {
     var walk = shell_facing(shell, origin, direction, link, t_max);
     if walk.edges.x + walk.edges.y + walk.edges.z < 0.0 {
@@ -111,7 +116,7 @@ fn shell_enter(shell: u32, origin: vec3<f32>, direction: vec3<f32>, link: u32, t
     return walk;
 }
 
-// The walk of a ray that is inside `tet` at t_min.
+// Starts the walk of a ray that is inside `tet` at t_min.
 fn shell_start(shell: u32, origin: vec3<f32>, direction: vec3<f32>, tet: u32, t_min: f32, t_max: f32) -> ShellWalk {
     var best = 4u * tet;
     var deepest = -3e38;
@@ -130,6 +135,7 @@ fn shell_start(shell: u32, origin: vec3<f32>, direction: vec3<f32>, tet: u32, t_
     return shell_enter(shell, origin, direction, best, t_min, t_max);
 }
 
+// Returns a walk at the face of `link`, as that is seen.
 fn shell_facing(shell: u32, origin: vec3<f32>, direction: vec3<f32>, link: u32, t_max: f32) -> ShellWalk {
     let size = max(abs(direction.x), max(abs(direction.y), abs(direction.z)));
     let is_ray = size > MIN_RAY && size < MAX_RAY;
@@ -143,14 +149,14 @@ fn shell_facing(shell: u32, origin: vec3<f32>, direction: vec3<f32>, link: u32, 
     walk.t_max = t_max;
     walk.left = asset_word(shell + SHELL_TETS);
     walk.exit = NO_LINK;
-    walk.a = shell_seen(walk, walk.face.x);
-    walk.b = shell_seen(walk, walk.face.y);
-    walk.c = shell_seen(walk, walk.face.z);
+    walk.a = shell_sheared(walk, walk.face.x);
+    walk.b = shell_sheared(walk, walk.face.y);
+    walk.c = shell_sheared(walk, walk.face.z);
     walk.edges = vec3<f32>(shell_edge(walk.a, walk.b), shell_edge(walk.b, walk.c), shell_edge(walk.c, walk.a));
     return walk;
 }
 
-// The map of a tetrahedron from the world to the texture.
+// Returns the map of a tetrahedron from the world to the texture.
 fn shell_map(shell: u32, number: u32) -> ShellMap {
     let tet = shell_tet(shell, number);
     let p = shell_position(shell, asset_word(tet));
@@ -183,21 +189,23 @@ fn shell_map(shell: u32, number: u32) -> ShellMap {
     );
 }
 
+// Returns the texture coordinates of a position.
 fn shell_point(map: ShellMap, position: vec3<f32>) -> vec3<f32> {
     return map.texture + shell_direction(map, position - map.position);
 }
 
+// Transforms a direction, or a difference of positions, into texels.
 fn shell_direction(map: ShellMap, direction: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(map.gradient_u, direction), dot(map.gradient_v, direction), dot(map.gradient_w, direction));
 }
 
-// A ray in the texture, from where its interval begins.
+// Transforms a ray from where its interval begins into the texture.
 fn shell_ray(map: ShellMap, origin: vec3<f32>, direction: vec3<f32>, t0: f32) -> TextureRay {
     let from_position = (origin - map.position) + t0 * direction;
     return TextureRay(map.texture + shell_direction(map, from_position), shell_direction(map, direction));
 }
 
-// Width in texels of a cone that is `width` world units wide about `direction`.
+// Returns the width in texels of a cone that is `width` world units wide about `direction`.
 fn shell_width(map: ShellMap, direction: vec3<f32>, width: f32) -> f32 {
     let volume = abs(dot(map.gradient_u, cross(map.gradient_v, map.gradient_w)));
     let along = length(shell_direction(map, direction));
@@ -207,7 +215,7 @@ fn shell_width(map: ShellMap, direction: vec3<f32>, width: f32) -> f32 {
     return 0.0;
 }
 
-// The next interval that is longer than nothing.
+// Returns the next interval that is longer than nothing.
 fn shell_step(walk: ptr<function, ShellWalk>) -> ShellInterval {
     var at = *walk;
     var interval = ShellInterval(at.t, at.t, NO_LINK);
@@ -219,7 +227,7 @@ fn shell_step(walk: ptr<function, ShellWalk>) -> ShellInterval {
         let positions =
             vec4<u32>(asset_word(tet), asset_word(tet + 1u), asset_word(tet + 2u), asset_word(tet + 3u));
         let position = select(select(positions.x, positions.y, apex == 1u), select(positions.z, positions.w, apex == 3u), apex > 1u);
-        let corner = shell_seen(at, position);
+        let corner = shell_sheared(at, position);
         // From the face's corners to the new one, and whether the ray passes on the far side.
         let edges = vec3<f32>(shell_edge(at.a, corner), shell_edge(at.b, corner), shell_edge(at.c, corner));
         let behind = vec3<bool>(
@@ -269,12 +277,12 @@ fn shell_step(walk: ptr<function, ShellWalk>) -> ShellInterval {
     return interval;
 }
 
-// A position as the ray sees it.
-fn shell_seen(walk: ShellWalk, position: u32) -> vec3<f32> {
+// Returns a position relative to the origin of the ray, sheared along it.
+fn shell_sheared(walk: ShellWalk, position: u32) -> vec3<f32> {
     return shear_apply(walk.shear, shell_position(walk.shell, position) - walk.origin);
 }
 
-// Number of the corner from which the edge runs that the ray's face keeps; the one two further is dropped.
+// Returns the number of the corner from which the edge runs that the ray's face keeps; the one two further is dropped.
 fn shell_kept_edge(edges: vec3<f32>, behind: vec3<bool>) -> u32 {
     if behind.x && !behind.y {
         return 0u;
@@ -292,17 +300,18 @@ fn shell_kept_edge(edges: vec3<f32>, behind: vec3<bool>) -> u32 {
     return select(least, (least + 2u) % 3u, behind.x);
 }
 
-// Twice the signed area of the origin, p and q: on which side of their edge the ray passes.
+// Returns twice the signed area of the origin, p and q: on which side of their edge the ray passes.
 fn shell_edge(p: vec3<f32>, q: vec3<f32>) -> f32 {
     return p.x * q.y - p.y * q.x;
 }
 
-// Whether an edge function is negative, or becomes so when all corners move by (e, e^2) for a positive e below any number.
+// Returns whether an edge function is negative, or becomes so when all corners move by (e, e^2) for a positive e below
+// any number.
 fn shell_is_behind(edge: f32, p: vec3<f32>, q: vec3<f32>) -> bool {
     return edge < 0.0 || (edge == 0.0 && (q.y < p.y || (q.y == p.y && p.x < q.x)));
 }
 
-// t at which the ray meets the walk's face; `otherwise` where that is seen on edge.
+// Returns t at which the ray meets the walk's face; `otherwise` where that is seen on edge.
 fn shell_crossing(walk: ShellWalk, otherwise: f32) -> f32 {
     let edges = walk.edges;
     let area = edges.x + edges.y + edges.z;

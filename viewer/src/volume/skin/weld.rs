@@ -5,10 +5,11 @@ use std::collections::HashMap;
 
 /// Distance up to which positions are one, as a share of the largest coordinate: four roundings.
 const SAME_POSITION: f32 = 4e-7;
-/// The same of height vectors, as a share of the longest component: normals are rounded more than once.
+/// Tolerance of height vectors, as a share of the longest component: normals are rounded more than once.
 const SAME_HEIGHT: f32 = 1e-5;
 
-/// For each point, the number of the first one with its position and height vector. Cost: a hash table of the points.
+/// Returns for each point the number of the first one with its position and height vector. Cost: a hash table of the
+/// points.
 pub(super) fn weld(points: impl Iterator<Item = (Vec3, Vec3)>) -> Vec<u32> {
     let points: Vec<(Vec3, Vec3)> = points.collect();
     let largest = points.iter().fold((0f32, 0f32), |(position, height), (p, h)| {

@@ -1,16 +1,17 @@
 //! Wind: height vectors and texture coordinates as functions of time [Neyret 1995]; the volumes stay as they are.
 //!
-//! Gusts are carried along at the mean wind's speed as they are [Taylor 1938]. At a place x along the wind and a time t the
-//! wind is
+//! Gusts are carried along at the mean wind's speed as they are [Taylor 1938]. At a place x along the wind and a time t
+//! the wind is
 //!
 //! u = U (1 + g (sin(2 pi s / L) + noise((x - U t w) / L)) / 2), s = x . w - U t,
 //!
-//! and a height vector leans towards it as what its own weight holds upright: drag, which grows with u^2, against weight gives
+//! and a height vector leans towards it as what its own weight holds upright: drag, which grows with u^2, against
+//! weight gives
 //!
 //! tan(lean) = (u / u45)^2.
 //!
-//! It keeps its length. The displacement grows along it, from nothing at the surface. Flutter swings the texture's top within
-//! the skin, which needs no other tetrahedra nor another hierarchy of the scene.
+//! The height vector keeps its length. The displacement grows along it, from nothing at the surface. Flutter swings the
+//! texture's top within the skin, which needs no other tetrahedra nor another hierarchy of the scene.
 //!
 //! | Quantity | Unit | Range | Default |
 //! |---|---|---|---|
@@ -21,7 +22,8 @@
 //! | flutter | texels | 0 to 0.5 | 0 |
 //! | flutter's period | s | above 0 | 0.7 |
 //!
-//! Wrong where stalks swing: they follow the wind at once, without inertia or resonance; and where one shelters the other.
+//! Wrong where stalks swing: they follow the wind at once, without inertia or resonance; and where one shelters the
+//! other.
 
 use super::height_noise::Noise;
 use super::thick_skin::{Skin, SkinVertex};
@@ -43,7 +45,7 @@ pub struct Wind {
     /// Mean wind speed, m/s.
     #[serde(rename = "speed")]
     pub speed_m_per_s: f32,
-    /// Where it blows to; any length but zero.
+    /// Direction that the wind blows to; any length but zero.
     #[serde(deserialize_with = "vector")]
     pub direction: Vec3,
     /// Distance from gust to gust, m.
@@ -68,7 +70,7 @@ fn vector<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec3, D::Error> 
 }
 
 impl Default for Wind {
-    /// A fresh breeze along x over grass.
+    /// Returns a fresh breeze along x over grass.
     fn default() -> Wind {
         Wind {
             speed_m_per_s: 5.0,
@@ -84,6 +86,8 @@ impl Default for Wind {
 }
 
 impl Wind {
+    /// Checks the parameters.
+    ///
     /// # Errors
     /// A sentence that names the quantity that is out of range.
     pub fn check(&self) -> Result<(), String> {
@@ -106,13 +110,14 @@ impl Wind {
         }
     }
 
-    /// Wind speed at a place and time, m/s.
+    /// Returns the wind speed at a place and time, m/s.
     pub fn speed_at(&self, position: Vec3, time_s: f64) -> f32 {
         let to = self.direction.normalize_or_zero();
         let wavelength = f64::from(self.gust_wavelength_m);
         let carried_m = f64::from(self.speed_m_per_s) * time_s;
         let phase = ((f64::from(position.dot(to)) - carried_m) / wavelength).rem_euclid(1.0);
-        // The noise repeats along the wind's axes far away, and its lattice stays within what single precision tells apart.
+        // The noise repeats along the wind's axes far away, and its lattice stays within what single precision tells
+        // apart.
         let lattice = Noise { wavelength: self.gust_wavelength_m, period: [PERIOD; 3], seed: self.seed };
         let carried = to.as_dvec3() * carried_m;
         let repeat = f64::from(PERIOD) * wavelength;
@@ -121,11 +126,12 @@ impl Wind {
         self.speed_m_per_s * (1.0 + self.gustiness * gust)
     }
 
-    /// The skin at a time, from the skin at rest. Vertices at one place stay one. Cost: some noises a vertex.
+    /// Displaces a skin at rest to where the wind has it at a time, seconds. Vertices at one place stay one. Cost: some
+    /// noises a vertex.
     ///
     /// # Errors
     /// As [`Wind::check`], and if the time is not finite.
-    pub fn blow(&self, rest: &Skin, time_s: f64) -> Result<Skin, String> {
+    pub fn displace(&self, rest: &Skin, time_s: f64) -> Result<Skin, String> {
         self.check()?;
         if !time_s.is_finite() {
             return Err(format!("the wind's time is {time_s}, and must be a number of seconds"));
@@ -183,7 +189,7 @@ mod tests {
         let skin = grid(20, 20);
         let mut speeds = Vec::new();
         for time in [0.0, 0.3, 1e7] {
-            let blown = WIND.blow(&skin, time).unwrap();
+            let blown = WIND.displace(&skin, time).unwrap();
             for (rest, vertex) in skin.vertices().iter().zip(blown.vertices()) {
                 let speed = WIND.speed_at(vertex.position, time);
                 speeds.push(speed);
@@ -202,11 +208,11 @@ mod tests {
     fn a_calm_changes_nothing_a_storm_lays_the_skin_down_and_it_stays_walkable() {
         let skin = grid(4, 4);
         let calm = Wind { speed_m_per_s: 0.0, ..WIND };
-        let still = calm.blow(&skin, 5.0).unwrap();
+        let still = calm.displace(&skin, 5.0).unwrap();
         assert!(still.vertices().iter().zip(skin.vertices()).all(|(a, b)| (a.height - b.height).length() < 1e-6));
         let storm = Wind { speed_m_per_s: 60.0, leaning_speed_m_per_s: 0.01, ..WIND };
         let mut shell = Shell::new(&skin, &Default::default()).unwrap();
-        shell.refresh(&storm.blow(&skin, 1.0).unwrap()).unwrap();
+        shell.refresh(&storm.displace(&skin, 1.0).unwrap()).unwrap();
         let report = shell.counted();
         assert_eq!(report.tets, 96);
         assert!(shell.positions().iter().all(|position| position.is_finite()));
@@ -216,8 +222,8 @@ mod tests {
             (Wind { gustiness: f32::NAN, ..WIND }, "gustiness"),
             (Wind { direction: Vec3::ZERO, ..WIND }, "blow somewhere"),
         ] {
-            assert!(wind.blow(&skin, 0.0).unwrap_err().contains(name), "{name}");
+            assert!(wind.displace(&skin, 0.0).unwrap_err().contains(name), "{name}");
         }
-        assert!(WIND.blow(&skin, f64::NAN).is_err());
+        assert!(WIND.displace(&skin, f64::NAN).is_err());
     }
 }
