@@ -64,7 +64,7 @@ impl Shader<'_> {
     }
 
     /// Returns the width of voxels at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so
-    /// many. Rays miss narrower ones, and wider ones blur (docs/VOLTEX_FIGURES.md).
+    /// many. Rays miss narrower ones, and wider ones blur (docs/results/voltex.md).
     pub(crate) fn ray_width(&self) -> f32 {
         self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MAX_RAYS_ACROSS)
     }
