@@ -2,6 +2,7 @@
 //! cargo-fuzz as well; this needs neither it nor a nightly toolchain, only a C++ compiler, because the format's crate has no unsafe
 //! code that a sanitizer would have to watch.
 
+use crate::arguments::asks_for_help;
 use crate::failure::Failure;
 use crate::shell::{self, answer_of, root, run_and_read, run_checked};
 use std::path::Path;
@@ -40,7 +41,7 @@ Example: cargo xtask fuzz parse --runs 3000000";
 
 /// The chore.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
-    if crate::asks_for_help(arguments) {
+    if asks_for_help(arguments) {
         println!("{HELP}");
         return Ok(());
     }

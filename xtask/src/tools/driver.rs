@@ -1,13 +1,11 @@
-//! `cargo xtask setup`: the software Vulkan driver with ray queries that the GPU tests run on; `memcheck.rs` and
-//! `shader_tools.rs` and `asset_tools.rs` have the programs that it installs besides.
+//! The software Vulkan driver with ray queries that the GPU tests run on.
 //!
 //! Mesa's lavapipe has ray queries from version 25 on. Debian 12 carries that version in its backports;
 //! as root on Debian it is installed, elsewhere the user is told what to install.
 
+use super::apt::{self, is_root_on_debian};
 use crate::failure::Failure;
-use crate::metadata::Metadata;
-use crate::shell::{answer_of, is_root_on_debian, os_release, run_checked};
-use crate::{asset_tools, memcheck, peers, shader_tools};
+use crate::shell::{answer_of, os_release};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -16,31 +14,7 @@ const MIN_MESA: u32 = 25;
 const ICD_FOLDERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
 const BACKPORTS_FILE: &str = "/etc/apt/sources.list.d/btf-backports.sources";
 
-/// Installs what is missing.
-pub fn run(arguments: &[String]) -> Result<(), Failure> {
-    if crate::asks_for_help(arguments) {
-        println!(
-            "Installs the software Vulkan driver of the GPU tests, compiler and valgrind of those in C, and the programs\n\
-             that check shaders and exported files (Debian, as root), or says what to install. BTF_SKIP_PEERS=1 leaves the\n\
-             latter out.\n\n\
-             Usage: cargo xtask setup"
-        );
-        return Ok(());
-    }
-    if let Some(unknown) = arguments.first() {
-        return Err(Failure::usage(format!("`setup` takes no argument, it was given '{unknown}'")));
-    }
-    println!("{}", ensure()?);
-    println!("{}", memcheck::ensure()?);
-    if !peers::left_out() {
-        let target = Metadata::read()?.target_directory;
-        println!("{}", shader_tools::ensure(&target)?);
-        println!("{}", asset_tools::ensure(&target)?);
-    }
-    Ok(())
-}
-
-/// Finds or installs the driver; the sentence says which.
+/// Finds or installs the driver. Returns one line that names the driver.
 pub fn ensure() -> Result<String, Failure> {
     if let Some(found) = present() {
         return Ok(found);
@@ -53,7 +27,7 @@ pub fn ensure() -> Result<String, Failure> {
     Err(Failure::new(advice()))
 }
 
-/// The manifest of lavapipe, which a test run points the Vulkan loader to.
+/// Returns the path of lavapipe's manifest, to which a test run points the Vulkan loader.
 pub fn software_manifest() -> Option<PathBuf> {
     ICD_FOLDERS
         .iter()
@@ -78,13 +52,13 @@ fn present() -> Option<String> {
     info.contains("VK_KHR_ray_query").then(|| "a Vulkan adapter with ray queries answers".to_string())
 }
 
-/// The Vulkan loader, which the driver package does not bring along.
+/// Returns whether the Vulkan loader is installed, which the driver's package does not bring along.
 fn has_loader() -> bool {
     answer_of(Command::new("dpkg-query").args(["-W", "-f", "${Status}", "libvulkan1"]))
         .is_some_and(|s| s.contains("ok installed"))
 }
 
-/// `25` of `25.0.7-2~bpo12+1` or `1:25.0.7`.
+/// Returns the major version: 25 of `25.0.7-2~bpo12+1` or `1:25.0.7`.
 fn major(version: &str) -> Option<u32> {
     version.rsplit(':').next()?.split('.').next()?.parse().ok()
 }
@@ -98,7 +72,6 @@ fn advice() -> String {
 }
 
 fn install(codename: &str) -> Result<(), Failure> {
-    println!("installing Mesa's software Vulkan driver (packages libvulkan1 and mesa-vulkan-drivers)");
     let backports = codename == "bookworm";
     if backports && !backports_listed(codename) {
         let source = backports_source(&present_sources(), codename).ok_or_else(|| {
@@ -108,19 +81,18 @@ fn install(codename: &str) -> Result<(), Failure> {
         std::fs::write(BACKPORTS_FILE, source)
             .map_err(|error| Failure::new(format!("{BACKPORTS_FILE} cannot be written: {error}")))?;
     }
-    let apt = |arguments: &[&str]| {
-        run_checked(Command::new("apt-get").args(arguments).env("DEBIAN_FRONTEND", "noninteractive"))
-    };
-    apt(&["update"])?;
-    apt(&["install", "-y", "--no-install-recommends", "libvulkan1"])?;
+    if backports {
+        apt::refresh()?;
+    }
+    apt::install(&["libvulkan1"])?;
     let release = format!("{codename}-backports");
     match backports {
-        true => apt(&["install", "-y", "--no-install-recommends", "-t", &release, "mesa-vulkan-drivers"]),
-        false => apt(&["install", "-y", "--no-install-recommends", "mesa-vulkan-drivers"]),
+        true => apt::install(&["-t", &release, "mesa-vulkan-drivers"]),
+        false => apt::install(&["mesa-vulkan-drivers"]),
     }
 }
 
-/// The text of every package source file.
+/// Returns the text of every file that lists package sources.
 fn present_sources() -> Vec<String> {
     let folder =
         std::fs::read_dir("/etc/apt/sources.list.d").into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
@@ -136,7 +108,7 @@ fn backports_listed(codename: &str) -> bool {
     present_sources().iter().any(|text| text.lines().any(lists))
 }
 
-/// A backports source on the mirror that the machine already uses for `codename`.
+/// Returns a stanza for backports on the mirror that the machine already uses for `codename`.
 fn backports_source(sources: &[String], codename: &str) -> Option<String> {
     const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
     let stanza = |uri: &str, key: &str| {

@@ -1,39 +1,15 @@
-//! `cargo xtask python`: the Python module's wheel, by maturin, installed under the target folder and tested there.
+//! The Python module: builds its wheel with maturin, installs the wheel below the target folder and runs its tests there.
 
+use super::peers;
 use crate::failure::Failure;
-use crate::metadata::Metadata;
-use crate::peers;
 use crate::shell::{root, run_and_read};
 use std::path::Path;
 use std::process::Command;
 
-const HELP: &str = "\
-Builds the wheel of the Python module, installs it under the target folder (peers/btf) and runs its tests there. Python,
-maturin and numpy are those of the comparisons with Mitsuba (peers/mitsuba), which are installed where they are missing.
-
-Usage: cargo xtask python
-
-The wheel is in target/peers/wheels: pip install target/peers/wheels/btf-*.whl";
-
-/// Relative to the repository's root.
+/// The package's folder, relative to the repository's root.
 const PACKAGE: &str = "runtime/python";
 
-/// The chore.
-pub fn run(arguments: &[String]) -> Result<(), Failure> {
-    if crate::asks_for_help(arguments) {
-        println!("{HELP}");
-        return Ok(());
-    }
-    if let Some(unknown) = arguments.first() {
-        return Err(Failure::usage(format!("`python` takes no argument, it was given '{unknown}'")));
-    }
-    let target = Metadata::read()?.target_directory;
-    println!("{}", peers::ensure(&target)?);
-    println!("{}", build_and_test(&target)?);
-    Ok(())
-}
-
-/// Builds, installs and tests the module with the Python of `peers::ensure`; the sentence says which wheel it is.
+/// Builds, installs and tests the module with the Python of [`peers::ensure`]. Returns one line that names the wheel.
 pub fn build_and_test(target: &Path) -> Result<String, Failure> {
     let python = peers::interpreter(target);
     let (wheels, module) = (target.join("peers/wheels"), target.join("peers/btf"));
@@ -81,7 +57,7 @@ pub fn build_and_test(target: &Path) -> Result<String, Failure> {
     Ok(format!("{wheel}: {}", ran.to_lowercase()))
 }
 
-/// The one file name in the folder, which must be that of a wheel for all Pythons from 3.9 on.
+/// Returns the name of the one file in the folder, which must be a wheel for every Python from 3.9 on.
 fn the_wheel(folder: &Path) -> Result<String, Failure> {
     let names = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut names: Vec<String> = names.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();

@@ -1,27 +1,27 @@
 //! Packages of npm that judge what we write, each in a folder of its own under the target folder.
 
+use super::peers::LEAVE_OUT;
 use crate::failure::Failure;
-use crate::peers::LEAVE_OUT;
 use crate::shell::{answer_of, root, run_and_read};
 use std::path::Path;
 use std::process::Command;
 
-/// In the folder of a package when it is complete: the package file that it was made from.
+/// The copy of package.json that marks a complete installation, in the package's folder.
 const STAMP: &str = "package-installed.json";
 
 /// A package that npm installs.
 pub struct Package {
-    /// What people call it.
+    /// What people call the package.
     pub name: &'static str,
-    /// Its package file with the version, relative to the repository's root.
+    /// The package.json that names the version, relative to the repository's root.
     pub file: &'static str,
-    /// The folder below `target`/peers.
+    /// The folder below `target`/peers in which the package is installed.
     pub folder: &'static str,
-    /// What it is for, as the beginning of a sentence.
+    /// What the package is for, as the beginning of a sentence.
     pub purpose: &'static str,
 }
 
-/// Finds the package or installs it below `target`; the sentence says so.
+/// Finds the package below `target` or installs it there. Returns one line that says so.
 pub fn ensure(target: &Path, package: &Package) -> Result<String, Failure> {
     let Package { name, file, purpose, .. } = package;
     let folder = target.join("peers").join(package.folder);

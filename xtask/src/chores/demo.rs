@@ -1,5 +1,6 @@
 //! `cargo xtask demo`: the toolkit's main job on a capture that it makes itself.
 
+use crate::arguments::asks_for_help;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
 use crate::shell::{cargo, root, run_checked};
@@ -30,7 +31,7 @@ struct Options {
 
 /// Runs the demo.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
-    if crate::asks_for_help(arguments) {
+    if asks_for_help(arguments) {
         println!("{HELP}");
         return Ok(());
     }

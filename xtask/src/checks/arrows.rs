@@ -109,7 +109,7 @@ fn forbidden_arrows(declared: &[(&str, BTreeSet<&str>)]) -> Vec<String> {
     for (package, uses) in declared {
         let Some((_, allowed)) = ALLOWED.iter().find(|(name, _)| name == package) else {
             offences.push(format!(
-                "{package} is no package of xtask/src/arrows.rs: add it there and to docs/ARCHITECTURE.md"
+                "{package} is no package of xtask/src/checks/arrows.rs: add it there and to docs/ARCHITECTURE.md"
             ));
             continue;
         };

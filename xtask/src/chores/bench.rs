@@ -1,5 +1,6 @@
 //! `cargo xtask bench`.
 
+use crate::arguments::asks_for_help;
 use crate::failure::Failure;
 use crate::shell::{cargo, run_checked};
 
@@ -12,7 +13,7 @@ Example: cargo xtask bench decode";
 
 /// Passes its arguments on to the benches of the tests package.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
-    if crate::asks_for_help(arguments) {
+    if asks_for_help(arguments) {
         println!("{HELP}");
         return Ok(());
     }

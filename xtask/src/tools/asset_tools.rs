@@ -1,7 +1,7 @@
-//! Programs of others that judge the files we export: the Khronos glTF validator, and a strict reader of KTX2.
+//! Programs that judge the files we export: the Khronos glTF validator, and a strict reader of KTX2.
 
+use super::npm::{self, Package};
 use crate::failure::Failure;
-use crate::npm::{self, Package};
 use std::path::Path;
 
 const VALIDATORS: Package = Package {
@@ -11,7 +11,7 @@ const VALIDATORS: Package = Package {
     purpose: "exported files are checked by Khronos' glTF validator",
 };
 
-/// Finds or installs them in `target`/peers/gltf; the sentence says so.
+/// Finds the validators in `target`/peers/gltf or installs them there with npm. Returns one line that says so.
 pub fn ensure(target: &Path) -> Result<String, Failure> {
     npm::ensure(target, &VALIDATORS)
 }

@@ -1,5 +1,6 @@
 //! `cargo xtask volumes`: the volumetric textures that come with the viewer, grown by btf-synth and built by btf-fit.
 
+use crate::arguments::asks_for_help;
 use crate::failure::Failure;
 use crate::shell::{cargo, root, run_checked};
 use std::path::Path;
@@ -38,7 +39,7 @@ const FOREST: [(&str, f64, [f64; 3]); 2] = [("tree", 0.9, [1.85, 2.5, 0.0]), ("t
 
 /// The chore.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
-    if crate::asks_for_help(arguments) {
+    if asks_for_help(arguments) {
         println!("{HELP}");
         return Ok(());
     }

@@ -1,5 +1,6 @@
 //! `cargo xtask shaders`: the decoder as complete compute shaders, written to a folder.
 
+use crate::arguments::asks_for_help;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
 use crate::shell::{cargo, run_checked};
@@ -17,7 +18,7 @@ Example: cargo xtask shaders -o ../engine/shaders/btf";
 
 /// Writes the folder; files of these names that are there already are written anew.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
-    if crate::asks_for_help(arguments) {
+    if asks_for_help(arguments) {
         println!("{HELP}");
         return Ok(());
     }

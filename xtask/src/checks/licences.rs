@@ -1,7 +1,7 @@
 //! The licences of everything that we build on, on every platform: each must be one that we may ship.
 
+use crate::checks::spdx;
 use crate::metadata::{Metadata, Package};
-use crate::spdx;
 
 /// Licences that ask for no more than naming the authors, so that MIT OR Apache-2.0 can stand over the whole.
 ///
@@ -63,7 +63,7 @@ fn offence(package: &Package) -> Option<String> {
     let accepts = |licence: &str| ACCEPTED.contains(&licence) || TOOLS.contains(&(&*package.name, licence));
     match spdx::is_satisfied(expression, &accepts) {
         Ok(true) => None,
-        Ok(false) => Some(format!("{who} is under '{expression}', which xtask/src/licences.rs does not accept")),
+        Ok(false) => Some(format!("{who} is under '{expression}', which xtask/src/checks/licences.rs does not accept")),
         Err(reason) => {
             Some(format!("{who} has the licence text '{expression}', which is no SPDX expression: {reason}"))
         }
@@ -101,6 +101,7 @@ mod tests {
             license: license.map(str::to_string),
             license_file: license_file.map(str::to_string),
             dependencies: Vec::new(),
+            targets: Vec::new(),
         }
     }
 

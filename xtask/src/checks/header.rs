@@ -1,41 +1,26 @@
-//! `cargo xtask header`: the C header, made by cbindgen from the sources of the C interface.
+//! The C header, made by cbindgen from the sources of the C interface: writes it, and checks that the repository has it as it is made.
 
 use crate::failure::Failure;
 use crate::shell::root;
 use std::path::Path;
 
-const HELP: &str = "\
-Writes the C header runtime/c/include/btf.h from runtime/c/src.
-
-Usage: cargo xtask header
-
-`cargo xtask test` fails where the header in the repository is another one.";
-
-/// The C interface, relative to the repository's root.
+/// The folder of the C interface, relative to the repository's root.
 const PACKAGE: &str = "runtime/c";
 /// The header, relative to the package.
 const HEADER: &str = "include/btf.h";
-/// The sources in the order of their parts in the header; what C does not see is left out.
+/// The sources in the order of their parts in the header. Files with nothing that C sees are not listed.
 const SOURCES: [&str; 3] = ["src/code.rs", "src/asset.rs", "src/evaluate.rs"];
 /// Variants of the enum of codes are `BTF_OK`, not `BTF_CODE_OK`: an error code is known by its prefix alone.
 const SHORTER: (&str, &str) = ("BTF_CODE_", "BTF_");
 
-/// The chore.
-pub fn run(arguments: &[String]) -> Result<(), Failure> {
-    if crate::asks_for_help(arguments) {
-        println!("{HELP}");
-        return Ok(());
-    }
-    if let Some(unknown) = arguments.first() {
-        return Err(Failure::usage(format!("`header` takes no argument, it was given '{unknown}'")));
-    }
+/// Writes the header into the repository. Returns one line that names the file.
+pub fn write() -> Result<String, Failure> {
     let path = root().join(PACKAGE).join(HEADER);
     let text = header_of(&root().join(PACKAGE))?;
     let cannot = |error| Failure::new(format!("{} cannot be written: {error}", path.display()));
     std::fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).map_err(cannot)?;
     std::fs::write(&path, text).map_err(cannot)?;
-    println!("wrote {PACKAGE}/{HEADER}");
-    Ok(())
+    Ok(format!("wrote {PACKAGE}/{HEADER}"))
 }
 
 /// Checks that the header in the repository is what its sources make. `Ok` holds one line, `Err` the first difference.
@@ -50,7 +35,7 @@ pub fn check() -> Result<String, String> {
     }
 }
 
-/// The header that the sources in `package` make.
+/// Returns the header that the sources in `package` make.
 fn header_of(package: &Path) -> Result<String, Failure> {
     let config = cbindgen::Config::from_file(package.join("cbindgen.toml"))
         .map_err(|reason| Failure::new(format!("{PACKAGE}/cbindgen.toml is not right: {reason}")))?;
@@ -64,7 +49,7 @@ fn header_of(package: &Path) -> Result<String, Failure> {
     Ok(text.replace(SHORTER.0, SHORTER.1))
 }
 
-/// What is wrong with the header in the repository, if anything.
+/// Returns the first difference of the header in the repository from the one that was made.
 fn difference(made: &str, present: &str) -> Option<String> {
     let (mut made, mut present) = (made.lines(), present.lines());
     let mut number = 1;
