@@ -73,6 +73,19 @@ pub fn run_and_read(command: &mut Command) -> Result<(ExitStatus, String), Failu
     Ok((status, from_stdout + &from_stderr))
 }
 
+/// Runs a program whose messages are passed on line by line, each as `map` makes it. Standard output is not touched.
+pub fn run_and_map(command: &mut Command, mut map: impl FnMut(&str) -> String) -> Result<ExitStatus, Failure> {
+    println!("$ {}", line_of(command));
+    let _ = std::io::stdout().flush();
+    let mut child = command.stderr(Stdio::piped()).spawn().map_err(|error| cannot_start(command, &error))?;
+    if let Some(messages) = child.stderr.take() {
+        for line in BufReader::new(messages).lines().map_while(Result::ok) {
+            eprintln!("{}", map(&line));
+        }
+    }
+    child.wait().map_err(|error| cannot_start(command, &error))
+}
+
 /// Returns the standard output of a program that only answers a question, or `None` where the program is absent or fails.
 pub fn answer_of(command: &mut Command) -> Option<String> {
     let output = command.stdin(Stdio::null()).output().ok()?;
@@ -123,6 +136,16 @@ mod tests {
         assert!(status.success() && text.starts_with("cargo "), "{text}");
         let (status, text) = run_and_read(&mut cargo(&["no-such-command"])).unwrap();
         assert!(!status.success() && text.contains("no-such-command"), "{text}");
+    }
+
+    #[test]
+    fn messages_are_mapped_line_by_line_and_the_status_kept() {
+        let mut lines = 0;
+        let status = run_and_map(&mut cargo(&["no-such-command"]), |line| {
+            lines += 1;
+            format!("{lines}: {line}")
+        });
+        assert!(!status.unwrap().success() && lines > 0);
     }
 
     #[test]

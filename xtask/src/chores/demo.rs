@@ -3,7 +3,8 @@
 use crate::arguments::asks_for_help;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
-use crate::shell::{cargo, root, run_checked};
+use crate::shell::{answer_of, cargo, root, run_and_map, run_checked};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -18,6 +19,8 @@ Usage: cargo xtask demo [--size TEXELS] [--out FOLDER]
 
 Example: cargo xtask demo --size 256 --out leaf-demo";
 
+/// The packages that the demo needs.
+const PROGRAMS: [&str; 3] = ["btf-synth", "btf-fit", "btf-viewer"];
 /// Names that the demo makes in its folder, and removes before it makes them again.
 const OUTPUTS: [&str; 7] = ["leaf", "leaf.spmm", "leaf.png", "leaf.html", "fit.json", "compare.json", "view.json"];
 /// Marks a folder as the demo's own.
@@ -40,16 +43,7 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     let out = options.out.unwrap_or_else(|| target.join("demo"));
     prepare(&out)?;
 
-    run_checked(&mut cargo(&[
-        "build",
-        "--release",
-        "--package",
-        "btf-synth",
-        "--package",
-        "btf-fit",
-        "--package",
-        "btf-viewer",
-    ]))?;
+    build()?;
     let program = |name: &str| {
         let mut command = Command::new(target.join("release").join(format!("{name}{}", std::env::consts::EXE_SUFFIX)));
         command.current_dir(root());
@@ -86,6 +80,34 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
             .arg(path("view.json")),
     )?;
     summary(&out, options.size)
+}
+
+/// Builds the three programs, the viewer without its window. Prints every crate with its number among all.
+fn build() -> Result<(), Failure> {
+    let packages = PROGRAMS.iter().flat_map(|name| ["--package", name]);
+    let packages: Vec<&str> = packages.chain(["--no-default-features"]).collect();
+    // The tree lists a crate wherever it is used, and marks repetitions with a star.
+    let tree = ["tree", "--edges", "normal,build", "--prefix", "none"];
+    let tree = answer_of(cargo(&tree).args(&packages)).unwrap_or_default();
+    let crates: BTreeSet<&str> = tree.lines().map(|line| line.trim_end_matches(" (*)")).collect();
+    let total = crates.iter().filter(|line| !line.is_empty()).count();
+    println!(
+        "building {} without a window: {total} crates, those that are built already are not listed",
+        PROGRAMS.join(", ")
+    );
+    let mut count = 0;
+    let mut build = cargo(&["build", "--release"]);
+    let status = run_and_map(build.args(&packages), |line| match line.trim_start().strip_prefix("Compiling ") {
+        Some(name) => {
+            count += 1;
+            format!("{count:4} of {total}  {name}")
+        }
+        None => line.to_string(),
+    })?;
+    match status.success() {
+        true => Ok(()),
+        false => Err(Failure::of_program("the programs of the demo could not be built", status.code())),
+    }
 }
 
 fn parse(arguments: &[String]) -> Result<Options, Failure> {
