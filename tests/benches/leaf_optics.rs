@@ -1,5 +1,5 @@
 //! Times leaf optics: `cargo bench -p btf-tests --bench leaf_optics`. What each form loses beside its
-//! time is printed by the example `leaf_trade`.
+//! time is printed by the study `leaf_trade`.
 
 use btf_synth::{LeafContents, PlateBody, PlateModel, RgbBands, SpecificAbsorption, ThetaForm};
 use btf_tests::leaf_trade::contents_grid;

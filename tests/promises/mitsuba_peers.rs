@@ -31,7 +31,7 @@ pub fn interpreter() -> Option<PathBuf> {
     if matches!((wanted, present), (Ok(wanted), Ok(present)) if wanted == present) {
         return Some(folder.join(program));
     }
-    btf_tests::skip("Mitsuba is not in target/peers (`cargo xtask test` installs it, or set BTF_PEERS_PYTHON)");
+    btf_tests::absent("Mitsuba is not in target/peers (`cargo xtask test` installs it, or set BTF_PEERS_PYTHON)");
     None
 }
 

@@ -16,6 +16,8 @@
 //!
 //! Limits: an asset's nearest texel; at most 2^24 triangles, in at most 2^20 places.
 
+#![cfg_attr(not(feature = "window"), allow(dead_code, reason = "some of it serves the window alone"))]
+
 mod bench;
 mod cpu;
 mod error;
@@ -29,6 +31,10 @@ mod sampler;
 mod scene;
 mod shading;
 mod volume;
+#[cfg(feature = "window")]
+mod window;
+#[cfg(not(feature = "window"))]
+#[path = "without_window.rs"]
 mod window;
 
 pub use bench::bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};

@@ -1,51 +1,24 @@
 //! `cargo xtask CHORE`: every chore of the repository, in Rust, with nothing to install first.
 //!
-//! | Chore | File |
+//! | Folder | Contents |
 //! |---|---|
-//! | `test` | `test.rs`: the steps of CI; `counts.rs` reads the test runners' output, `peers.rs` installs Mitsuba |
-//! | `check` | `check.rs`: format and clippy |
-//! | `demo` | `demo.rs`: capture, fit, compare, picture |
-//! | `bench` | `bench.rs` |
-//! | `book` | `book.rs`: the documents as a site, by mdBook |
-//! | `fuzz` | `fuzz.rs`: the fuzz targets of runtime/fuzz and models/fuzz, by libFuzzer |
-//! | `python` | `python.rs`: the Python module, by maturin, in the environment of `peers.rs` |
-//! | `header` | `header.rs`: the C header, by cbindgen |
-//! | `shaders` | `shaders.rs`: the decoder in the languages of engines |
-//! | `volumes` | `volumes.rs`: the volumes of the viewer's landscapes |
-//! | `setup` | `driver.rs`: the software Vulkan driver of the GPU tests; `memcheck.rs`: valgrind for those in C; `shader_tools.rs`: what checks shaders; `asset_tools.rs`: what checks exported files |
+//! | `chores` | the chores, one file each |
+//! | `suite` | `cargo xtask test`: the steps of CI, and how many tests passed, failed and were skipped |
+//! | `checks` | our own checks: arrows between packages, folders, licences, words, the C header |
+//! | `tools` | programs of others that tests need: finds or installs them |
 //!
-//! The checks that are ours stand in `arrows.rs`, `licences.rs` (over `spdx.rs`), `links.rs` and `words.rs`; all of them read
-//! `cargo metadata` through `metadata.rs`.
-//!
-//! Exit codes: 0 success, 1 a failure, 2 bad usage; a program that a chore started passes its own code on.
+//! Exit codes: 0 success, 1 a failure, 2 bad usage. Where a program fails that a chore started, its exit code is passed on.
 
-mod arrows;
-mod asset_tools;
-mod bench;
-mod book;
-mod check;
-mod counts;
-mod demo;
-mod driver;
+mod arguments;
+mod checks;
+mod chores;
 mod failure;
-mod fuzz;
-mod header;
-mod licences;
-mod links;
-mod memcheck;
 mod metadata;
-mod npm;
-mod peers;
-mod python;
-mod rooms;
-mod shader_tools;
-mod shaders;
 mod shell;
-mod spdx;
-mod test;
-mod volumes;
-mod words;
+mod suite;
+mod tools;
 
+use chores::{bench, check, demo, fuzz, header, python, setup, shaders, volumes};
 use failure::Failure;
 use std::process::ExitCode;
 
@@ -63,7 +36,7 @@ Chores:
   header  write the C header from the sources of the C interface
   shaders write the decoder in WGSL, HLSL, MSL, GLSL and SPIR-V
   volumes build the volumes of `btf-view scene`
-  setup   install the software Vulkan driver that the GPU tests run on, valgrind, and what checks shaders
+  setup   install what the tests need besides Rust: a software Vulkan driver, valgrind, judges of shaders and files
 
 `cargo xtask CHORE --help` tells more, with an example.";
 
@@ -88,14 +61,14 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
     };
     match chore.as_str() {
         "demo" => demo::run(rest),
-        "test" => test::run(rest),
+        "test" => suite::run(rest),
         "check" => check::run(rest),
         "bench" => bench::run(rest),
         "book" => book::run(rest),
         "fuzz" => fuzz::run(rest),
         "python" => python::run(rest),
         "header" => header::run(rest),
-        "setup" => driver::run(rest),
+        "setup" => setup::run(rest),
         "shaders" => shaders::run(rest),
         "volumes" => volumes::run(rest),
         "-h" | "--help" | "help" => {
@@ -104,11 +77,6 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         }
         unknown => Err(Failure::usage(format!("there is no chore '{unknown}'\n\n{HELP}"))),
     }
-}
-
-/// Whether the user asks for a chore's own help.
-fn asks_for_help(arguments: &[String]) -> bool {
-    arguments.iter().take_while(|argument| *argument != "--").any(|argument| argument == "-h" || argument == "--help")
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What `cargo metadata` says of our packages and of everything that they stand on.
+//! What `cargo metadata` says of our packages and of everything that they depend on.
 
 use crate::failure::Failure;
 use crate::shell;
@@ -26,6 +26,16 @@ pub struct Package {
     pub license_file: Option<String>,
     /// As declared in Cargo.toml: normal, for tests and for build scripts, optional ones too.
     pub dependencies: Vec<Dependency>,
+    /// What cargo builds of the package: library, programs, tests, examples.
+    #[serde(default)]
+    pub targets: Vec<Target>,
+}
+
+#[derive(Deserialize)]
+pub struct Target {
+    pub name: String,
+    /// `lib`, `bin`, `test`, `example` and others.
+    pub kind: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -60,7 +70,7 @@ pub struct DependencyKind {
 }
 
 impl Metadata {
-    /// Asks cargo. Works without a network where the dependencies are downloaded.
+    /// Asks cargo. Needs no network where the dependencies are downloaded.
     pub fn read() -> Result<Metadata, Failure> {
         let mut command = shell::cargo(&["metadata", "--format-version", "1"]);
         let output = command
@@ -74,7 +84,17 @@ impl Metadata {
             .map_err(|error| Failure::new(format!("`cargo metadata` answered something unexpected: {error}")))
     }
 
-    /// Names of all packages that `name` is linked with: its normal dependencies and theirs, itself left out.
+    /// Returns the names of the integration tests of our packages, sorted.
+    pub fn integration_tests(&self) -> Vec<&str> {
+        let targets =
+            self.packages.iter().filter(|package| package.source.is_none()).flat_map(|package| &package.targets);
+        let tests = targets.filter(|target| target.kind.iter().any(|kind| kind == "test"));
+        let mut names: Vec<&str> = tests.map(|target| target.name.as_str()).collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// Returns the names of all packages that `name` is linked with: its normal dependencies and theirs, itself left out.
     ///
     /// Cargo metadata unites the features that all packages of the workspace ask for, so the set may be larger than what
     /// a build of `name` alone links, never smaller.
@@ -98,7 +118,7 @@ impl Metadata {
     }
 }
 
-/// Whether `cargo NAME` is there (an installed subcommand).
+/// Returns whether the subcommand `cargo NAME` is installed.
 pub fn has_subcommand(name: &str) -> bool {
     shell::answer_of(&mut shell::cargo(&[name, "--version"])).is_some()
 }

@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 
-/// The repository's root: the folder above this package.
+/// Returns the repository's root, which is the folder above this package.
 pub fn root() -> PathBuf {
     // Cargo sets the variable when it runs the program, so a checkout that was moved is found too.
     let package =
@@ -13,7 +13,7 @@ pub fn root() -> PathBuf {
     package.parent().map_or(package.clone(), Path::to_path_buf)
 }
 
-/// `cargo ARGUMENTS` in the repository's root, with the cargo that started us.
+/// Returns the command `cargo ARGUMENTS` in the repository's root, with the cargo that started this program.
 pub fn cargo(arguments: &[&str]) -> Command {
     let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(program);
@@ -21,7 +21,7 @@ pub fn cargo(arguments: &[&str]) -> Command {
     command
 }
 
-/// The command line as a user would type it.
+/// Returns the command line as a user would type it.
 pub fn line_of(command: &Command) -> String {
     let mut words = vec![
         Path::new(command.get_program()).file_stem().unwrap_or(command.get_program()).to_string_lossy().into_owned(),
@@ -35,7 +35,7 @@ pub fn line_of(command: &Command) -> String {
     words.join(" ")
 }
 
-/// Runs a program with our own input and output, after printing its command line.
+/// Prints the command line of a program and runs it with this program's input and output.
 pub fn run(command: &mut Command) -> Result<ExitStatus, Failure> {
     println!("$ {}", line_of(command));
     // Otherwise our line may come after the program's where output is piped.
@@ -43,7 +43,7 @@ pub fn run(command: &mut Command) -> Result<ExitStatus, Failure> {
     command.status().map_err(|error| cannot_start(command, &error))
 }
 
-/// [`run`], where anything but success is a failure that carries the program's exit code.
+/// Calls [`run`] and turns anything but success into a failure with the program's exit code.
 pub fn run_checked(command: &mut Command) -> Result<(), Failure> {
     let status = run(command)?;
     match status.success() {
@@ -73,19 +73,26 @@ pub fn run_and_read(command: &mut Command) -> Result<(ExitStatus, String), Failu
     Ok((status, from_stdout + &from_stderr))
 }
 
-/// The standard output of a program that only answers a question; `None` where it is absent or fails.
+/// Runs a program whose messages are passed on line by line, each as `map` makes it. Standard output is not touched.
+pub fn run_and_map(command: &mut Command, mut map: impl FnMut(&str) -> String) -> Result<ExitStatus, Failure> {
+    println!("$ {}", line_of(command));
+    let _ = std::io::stdout().flush();
+    let mut child = command.stderr(Stdio::piped()).spawn().map_err(|error| cannot_start(command, &error))?;
+    if let Some(messages) = child.stderr.take() {
+        for line in BufReader::new(messages).lines().map_while(Result::ok) {
+            eprintln!("{}", map(&line));
+        }
+    }
+    child.wait().map_err(|error| cannot_start(command, &error))
+}
+
+/// Returns the standard output of a program that only answers a question, or `None` where the program is absent or fails.
 pub fn answer_of(command: &mut Command) -> Option<String> {
     let output = command.stdin(Stdio::null()).output().ok()?;
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// Whether packages can be installed with apt-get.
-pub fn is_root_on_debian() -> bool {
-    let is_root = answer_of(Command::new("id").arg("-u")).is_some_and(|id| id.trim() == "0");
-    is_root && os_release("ID").as_deref() == Some("debian")
-}
-
-/// What the operating system says of itself.
+/// Returns a field of /etc/os-release, in which an operating system describes itself.
 pub fn os_release(name: &str) -> Option<String> {
     field(&std::fs::read_to_string("/etc/os-release").unwrap_or_default(), name)
 }
@@ -98,7 +105,7 @@ fn cannot_start(command: &Command, error: &std::io::Error) -> Failure {
     Failure::new(format!("`{}` does not start: {error}", line_of(command)))
 }
 
-/// Copies `from` to `to` line by line and returns all of it. A reader of ours that went away (`| head`) is no reason to stop.
+/// Copies `from` to `to` line by line and returns the whole text. A closed `to` (`| head`) does not stop the copying.
 fn pass_on(from: impl Read, mut to: impl Write) -> String {
     let mut reader = BufReader::new(from);
     let mut all = String::new();
@@ -129,6 +136,16 @@ mod tests {
         assert!(status.success() && text.starts_with("cargo "), "{text}");
         let (status, text) = run_and_read(&mut cargo(&["no-such-command"])).unwrap();
         assert!(!status.success() && text.contains("no-such-command"), "{text}");
+    }
+
+    #[test]
+    fn messages_are_mapped_line_by_line_and_the_status_kept() {
+        let mut lines = 0;
+        let status = run_and_map(&mut cargo(&["no-such-command"]), |line| {
+            lines += 1;
+            format!("{lines}: {line}")
+        });
+        assert!(!status.unwrap().success() && lines > 0);
     }
 
     #[test]

@@ -266,6 +266,17 @@ mod tests {
     use crate::sample_asset::sample_asset;
     use crate::trade::evaluation_time::random_queries;
     use btf_runtime::{Interpolation, decode};
+    use std::io::Write;
+
+    /// Returns whether `BTF_SKIP_GPU=1` leaves `test` out, and has `cargo xtask test` count it as a skipped test.
+    fn gpu_is_left_out(test: &str) -> bool {
+        let left_out = std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1");
+        if let (true, Some(log)) = (left_out, std::env::var_os("BTF_SKIP_LOG")) {
+            let mut file = std::fs::OpenOptions::new().create(true).append(true).open(log).unwrap();
+            writeln!(file, "{test} (BTF_SKIP_GPU=1)").unwrap();
+        }
+        left_out
+    }
 
     /// Returns what the last pass decoded.
     fn values(clock: &GpuClock, asset: &GpuAsset) -> Vec<[f32; 4]> {
@@ -281,8 +292,7 @@ mod tests {
 
     #[test]
     fn what_is_timed_decodes_as_the_cpu_does() {
-        if std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1") {
-            println!("skipped: what_is_timed_decodes_as_the_cpu_does on the GPU (BTF_SKIP_GPU=1)");
+        if gpu_is_left_out("what_is_timed_decodes_as_the_cpu_does") {
             return;
         }
         let clock = match GpuClock::open(&GpuChoice::Best).unwrap() {

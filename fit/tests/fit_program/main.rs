@@ -1,0 +1,11 @@
+//! `btf-fit` as a user runs it, and fits of extreme captures: one module per subject, one program, because each program links the
+//! whole of the fitter.
+
+mod command_line;
+mod containers;
+mod extremes;
+mod painted;
+mod resume;
+mod support;
+mod trade;
+mod volume_extremes;

@@ -1,0 +1,17 @@
+//! Studies: what methods cost and how far off they are, as tables of the documentation; and what promises and benches share.
+//!
+//! A module that promises use as well has its calculation in public functions, and `run` prints what they return.
+
+pub mod abm_trade;
+pub mod bent_skins;
+pub mod beside;
+pub mod dolly;
+pub mod fit_floor;
+mod fixtures;
+pub mod landscape_costs;
+pub mod leaf_fits;
+pub mod leaf_live;
+pub mod leaf_trade;
+pub mod volume_costs;
+
+pub use fixtures::{absent, capture_from, capture_of, fitted, leaf_capture, measured_data, resident, skip, small_fit};

@@ -1,0 +1,42 @@
+//! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
+
+use btf_tests::{
+    abm_trade, bent_skins, dolly, fit_floor, landscape_costs, leaf_fits, leaf_live, leaf_trade, volume_costs,
+};
+use std::error::Error;
+use std::process::ExitCode;
+
+type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
+
+/// Name, arguments and entry of every study.
+const STUDIES: [(&str, &str, Study); 9] = [
+    ("abm_trade", "", abm_trade::run),
+    ("bent_skins", "[PIXELS]", bent_skins::run),
+    ("dolly", "MODEL FILE.voltex [PATHS]", dolly::run),
+    ("fit_floor", "CAPTURE...", fit_floor::run),
+    ("landscape_costs", "[WIDTH [CAMERA [both|sun|sky [BACKEND ...]]]]", landscape_costs::run),
+    ("leaf_fits", "", leaf_fits::run),
+    ("leaf_live", "", leaf_live::run),
+    ("leaf_trade", "", leaf_trade::run),
+    ("volume_costs", "[WIDTH]", volume_costs::run),
+];
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let asked = arguments.split_first().and_then(|(name, rest)| {
+        let (_, _, run) = STUDIES.iter().find(|(known, ..)| known == name)?;
+        Some((run, rest))
+    });
+    let Some((run, rest)) = asked else {
+        eprintln!("Usage: cargo run --release -p btf-tests -- STUDY [ARGUMENTS]\n\nStudies:");
+        STUDIES.iter().for_each(|(name, arguments, _)| eprintln!("  {name} {arguments}"));
+        return ExitCode::from(2);
+    };
+    match run(rest) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! What changes while a picture is drawn is uploaded in place: the picture is then that of a scene that was so from the
+//! beginning.
+
+use crate::support::{count_differences, gpu};
+use btf_models::{LeafDescription, LeafPreset, PlantVariation};
+use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
+use btf_viewer::testing::plant_factors;
+use btf_viewer::{
+    Body, Daylight, DaylightParts, FrameRequest, GpuTracer, Material, Outdoors, Scene, SceneChange, SceneLeaf,
+    SceneMesh, SceneObject, ShadeOptions, Shown, Tracer, Updated, plane,
+};
+use glam::{Mat4, Vec3};
+use std::path::Path;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [48, 32];
+
+fn stand(scene: &mut Scene, time: &str, parts: DaylightParts) {
+    let daylight = Daylight::new(&format!("2026-06-21T{time}+02:00"), "52.5,13.4").unwrap();
+    let light = daylight.sun_and_sky().unwrap();
+    scene.stand_outdoors(Outdoors { daylight, parts }, light);
+}
+
+/// Leaves in a row, in the sun of noon.
+fn scene() -> Scene {
+    let leaf = SceneLeaf::new("leaf", LeafDescription::default(), &LeafTexture::uniform(LeafTexel::default())).unwrap();
+    let objects = vec![SceneObject { part: plane(), material: Material::new(Body::Leaf(0), [1.0; 2]) }];
+    let places = (0..4).map(|i| Mat4::from_translation(Vec3::X * 2.5 * i as f32)).collect();
+    let shown = Shown { assets: Vec::new(), leaves: vec![leaf] };
+    let mut scene = Scene::from_meshes(Path::new("row"), vec![SceneMesh { objects, places }], shown).unwrap();
+    stand(&mut scene, "13:00", DaylightParts::Sun);
+    scene
+}
+
+fn picture(tracer: &mut Tracer, scene: &Scene) -> Vec<[f32; 3]> {
+    for sample in 0..4 {
+        let request = FrameRequest { scene, size: SIZE, options: ShadeOptions::default(), sample };
+        tracer.sample(&request, None).unwrap();
+    }
+    tracer.read_radiance().unwrap()
+}
+
+#[test]
+fn leaf_plants_and_sky_change_in_place() {
+    let Some(gpu) = gpu("leaf_plants_and_sky_change_in_place") else { return };
+    type Change = fn(&mut Scene) -> SceneChange;
+    let changes: [(&str, Change); 3] = [
+        ("leaf", |scene| {
+            let mut description = scene.leaves[0].description.clone();
+            description.contents = LeafPreset::Senescent.contents();
+            description.gloss.gamma_along = 0.1;
+            let words = scene.leaves[0].describe(description, LeafMode::Rational).unwrap();
+            SceneChange::Leaf { leaf: 0, words }
+        }),
+        ("plants", |scene| {
+            let variation = PlantVariation { chlorophyll: 0.8, ..PlantVariation::default() };
+            Arc::make_mut(&mut scene.geometry).set_factors(|_, placement| plant_factors(&variation, placement));
+            SceneChange::Instances
+        }),
+        ("sky", |scene| {
+            // The sun alone left as much room as a sky takes.
+            stand(scene, "19:00", DaylightParts::Both);
+            SceneChange::Environment
+        }),
+    ];
+    for (name, change) in changes {
+        let mut changed = scene();
+        change(&mut changed);
+        let expected = picture(&mut Tracer::new(&gpu, &changed, GpuTracer::Bvh).unwrap(), &changed);
+        let mut live = scene();
+        let mut tracer = Tracer::new(&gpu, &live, GpuTracer::Bvh).unwrap();
+        let before = picture(&mut tracer, &live);
+        let change = change(&mut live);
+        assert_eq!(tracer.update(&live, &change).unwrap(), Updated::InPlace);
+        assert_eq!(count_differences(&expected, &picture(&mut tracer, &live)), 0, "{name}");
+        // Planted: what was not uploaded is not seen.
+        assert!(count_differences(&expected, &before) > expected.len() / 20, "{name}");
+        let mut stale = Tracer::new(&gpu, &scene(), GpuTracer::Bvh).unwrap();
+        assert!(count_differences(&expected, &picture(&mut stale, &live)) > expected.len() / 50, "{name}");
+    }
+}
+
+#[test]
+fn a_larger_sky_than_there_is_room_for_is_told() {
+    let Some(gpu) = gpu("a_larger_sky_than_there_is_room_for_is_told") else { return };
+    let mut lit = scene();
+    lit.surround(btf_viewer::Environment::new(2, 1, &[1.0; 6]));
+    let mut tracer = Tracer::new(&gpu, &lit, GpuTracer::Bvh).unwrap();
+    assert_eq!(tracer.update(&lit, &SceneChange::Environment).unwrap(), Updated::InPlace);
+    stand(&mut lit, "13:00", DaylightParts::Sky);
+    assert_eq!(tracer.update(&lit, &SceneChange::Environment).unwrap(), Updated::NeedsUpload);
+}

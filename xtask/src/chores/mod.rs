@@ -1,0 +1,11 @@
+//! The chores, one file each: help, options, and the programs that the chore starts.
+
+pub mod bench;
+pub mod check;
+pub mod demo;
+pub mod fuzz;
+pub mod header;
+pub mod python;
+pub mod setup;
+pub mod shaders;
+pub mod volumes;

@@ -1,0 +1,131 @@
+//! `cargo xtask volumes`: the volumetric textures that come with the viewer, grown by btf-synth and built by btf-fit.
+
+use crate::arguments::asks_for_help;
+use crate::failure::Failure;
+use crate::shell::{cargo, root, run_checked};
+use std::path::Path;
+
+const HELP: &str = "\
+Writes the volumes of `btf-view scene`, viewer/src/scene/builtin/*.voltex.
+
+Usage: cargo xtask volumes [--resolution N]
+
+With --resolution, finer or coarser ones are written into target/volumes instead, for `btf-view scene --volume`.
+
+Example:
+  cargo xtask volumes --resolution 256 && btf-view scene forest --volume target/volumes/forest.voltex";
+
+/// Where scripts and volumes are made, relative to the repository's root.
+const FOLDER: &str = "target/volumes";
+/// Where the viewer has its own.
+const MODELS: &str = "viewer/src/scene/builtin";
+/// What is grown: name and options.
+const GROWN: [(&str, &str); 4] = [
+    ("lawn", "--species grass --flowers 0"),
+    ("lawn_flower", "--species grass --flowers 1 --seed 2"),
+    ("tree", "--species tree --branches 2154 --leaves 6336"),
+    ("tree2", "--species tree --branches 2154 --leaves 6336 --seed 7"),
+];
+/// What is built, with how many voxels a side, and fitted from how many directions.
+const BUILT: [(&str, u32, u32); 4] =
+    [("lawn", 128, 24), ("lawn_flower", 128, 24), ("tree", 64, 12), ("forest", 64, 12)];
+/// Space of the tree, which stands in its middle.
+const TREE_SPACE: &str = "least_m = [-3.0, -3.0, 0.0]\nmost_m = [3.0, 3.0, 6.0]\ncyclic = [false, false]";
+/// Space of the two trees of the forest, one period.
+const FOREST_SPACE: &str = "least_m = [0.0, 0.0, 0.0]\nmost_m = [6.0, 6.0, 6.0]\ncyclic = [true, true]";
+/// Size and foot of the forest's trees, as the viewer's `landscape/forest.rs` has them: so large that next to nothing of them goes
+/// on opposite, since texels are turned, and on no line of symmetry, so that turns move them.
+const FOREST: [(&str, f64, [f64; 3]); 2] = [("tree", 0.9, [1.85, 2.5, 0.0]), ("tree2", 0.85, [4.45, 4.3, 0.0])];
+
+/// The chore.
+pub fn run(arguments: &[String]) -> Result<(), Failure> {
+    if asks_for_help(arguments) {
+        println!("{HELP}");
+        return Ok(());
+    }
+    let resolution = match arguments {
+        [] => None,
+        [option, number] if option == "--resolution" => Some(
+            number
+                .parse::<u32>()
+                .map_err(|_| Failure::usage(format!("--resolution takes a number, it was given '{number}'")))?,
+        ),
+        _ => return Err(Failure::usage(format!("`volumes` takes --resolution N\n\n{HELP}"))),
+    };
+    let folder = root().join(FOLDER);
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Failure::new(format!("{} cannot be made: {error}", folder.display())))?;
+    for (name, options) in GROWN {
+        let script = format!("{FOLDER}/{name}.shapes.toml");
+        let mut synth = cargo(&["run", "--release", "--quiet", "-p", "btf-synth", "--", "plants", &script]);
+        run_checked(synth.args(["--form", "shapes", "--force"]).args(options.split(' ')))?;
+    }
+    let [tree, other] = FOREST.map(|(name, ..)| read(&folder, name));
+    let [tree, other] = [tree?, other?];
+    write(&folder, "forest", &forest_of([&tree, &other])?)?;
+    write(&folder, "tree", &in_space(&tree, TREE_SPACE)?)?;
+    for (name, usual, views) in BUILT {
+        let [script, volume] = ["shapes.toml", "voltex"].map(|ending| format!("{FOLDER}/{name}.{ending}"));
+        let voxels = resolution.unwrap_or(usual).to_string();
+        let mut fit = cargo(&["run", "--release", "--quiet", "-p", "btf-fit", "--", "voltex", &script, "-o", &volume]);
+        run_checked(fit.args(["--resolution", &voxels, "--views", &views.to_string()]))?;
+        if resolution.is_none() {
+            let model = root().join(MODELS).join(format!("{name}.voltex"));
+            std::fs::copy(root().join(&volume), &model)
+                .map_err(|error| Failure::new(format!("{} cannot be written: {error}", model.display())))?;
+        }
+    }
+    Ok(())
+}
+
+fn read(folder: &Path, name: &str) -> Result<String, Failure> {
+    let path = folder.join(format!("{name}.shapes.toml"));
+    std::fs::read_to_string(&path).map_err(|error| Failure::new(format!("{} cannot be read: {error}", path.display())))
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> Result<(), Failure> {
+    let path = folder.join(format!("{name}.shapes.toml"));
+    std::fs::write(&path, text).map_err(|error| Failure::new(format!("{} cannot be written: {error}", path.display())))
+}
+
+/// A script's materials, and its strokes.
+fn parts_of(script: &str) -> Result<[&str; 2], Failure> {
+    let at = |head: &str| script.find(head).ok_or_else(|| Failure::new(format!("a plant's script has no {head}")));
+    let (materials, strokes) = (at("[[materials]]")?, at("[[strokes]]")?);
+    Ok([&script[materials..strokes], &script[strokes..]])
+}
+
+/// The same script in another space.
+fn in_space(script: &str, space: &str) -> Result<String, Failure> {
+    let [materials, strokes] = parts_of(script)?;
+    Ok(format!("[space]\n{space}\n\n{materials}{strokes}"))
+}
+
+/// The two trees in one space; both have the first one's materials.
+fn forest_of(trees: [&str; 2]) -> Result<String, Failure> {
+    let mut forest = format!("[space]\n{FOREST_SPACE}\n\n{}", parts_of(trees[0])?[0]);
+    for (script, (_, scale, foot)) in trees.iter().zip(FOREST) {
+        let placed = format!(
+            "[[strokes.shapes]]\nkind = \"placed\"\nscale = {scale:?}\nmove_m = {foot:?}\n[strokes.shapes.of]\n"
+        );
+        forest.push_str(&parts_of(script)?[1].replace("[[strokes.shapes]]\n", &placed));
+    }
+    Ok(forest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_forest_has_the_shapes_of_both_trees_each_in_its_place() {
+        let tree =
+            "[space]\na = 1\n\n[[materials]]\nname = \"leaf\"\n\n[[strokes]]\n[[strokes.shapes]]\nkind = \"limb\"\n";
+        let forest = forest_of([tree, tree]).unwrap_or_default();
+        assert_eq!([forest.matches("[[materials]]").count(), forest.matches("kind = \"limb\"").count()], [1, 2]);
+        assert!(
+            forest.starts_with("[space]\nleast_m") && forest.contains("move_m = [4.45, 4.3, 0.0]\n[strokes.shapes.of]")
+        );
+        assert!(forest_of([tree, "nothing"]).is_err());
+    }
+}

@@ -1,0 +1,113 @@
+//! `cargo xtask test`: everything that CI runs, and its quick tier.
+
+mod counts;
+mod runners;
+mod steps;
+
+use crate::arguments::asks_for_help;
+use crate::checks::{arrows, header, licences, rooms, words};
+use crate::chores::check::{CLIPPY, FORMAT};
+use crate::chores::fuzz;
+use crate::failure::Failure;
+use crate::metadata::Metadata;
+use crate::shell::root;
+use crate::tools::{asset_tools, compilers, driver, peers, python_module, shader_tools, window_tools};
+use counts::Counts;
+use std::path::Path;
+use steps::Suite;
+
+const HELP: &str = "\
+Runs everything that CI runs and goes on after a failure. First come the tests that need nothing but Rust, then format,
+dependency arrows, folders, licences, words, the C header, doc tests, clippy and docs; then what other programs need is
+installed (a software Vulkan driver, Xvfb, compilers and valgrind; below the target folder judges of shaders and files,
+Mitsuba and the Python module), and the tests run that use it, and the fuzz targets for some seconds. At the end everything
+that failed is listed; the last line sums it up: N passed, N failed, N skipped.
+
+Usage: cargo xtask test [--quick]
+
+  --quick   the tier for every edit: no GPU, no integration tests, no docs (under 5 minutes)
+
+BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba, the Python module and what
+shader compilers say, BTF_SKIP_VALGRIND=1 the C interface under valgrind; all are counted as skipped. A program that is
+not there and cannot be installed (a C compiler, valgrind, Node.js, Python) leaves out what needs it, which is counted as
+skipped, too; in CI, where CI or BTF_CI is set, that is a failure. BTF_PEERS_PYTHON names a Python that has Mitsuba and
+maturin already. BTF_DATA names the folder of the measured data, without which the tests that use it are skipped.
+
+Example: BTF_SKIP_GPU=1 cargo xtask test";
+
+/// Runs the chore.
+pub fn run(arguments: &[String]) -> Result<(), Failure> {
+    if asks_for_help(arguments) {
+        println!("{HELP}");
+        return Ok(());
+    }
+    let quick = match arguments {
+        [] => false,
+        [quick] if quick == "--quick" => true,
+        _ => return Err(Failure::usage(format!("`test` does not know '{}'\n\n{HELP}", arguments.join(" ")))),
+    };
+    let mut suite = Suite::default();
+    match Metadata::read() {
+        Ok(metadata) if quick => run_quick(&mut suite, &metadata),
+        Ok(metadata) => run_all(&mut suite, &metadata),
+        Err(failure) => suite.step("metadata", || Err(failure.to_string())),
+    }
+    suite.finish()
+}
+
+fn run_quick(suite: &mut Suite, metadata: &Metadata) {
+    suite.tests("unit tests", || runners::unit_tests(metadata));
+    check(suite, metadata);
+    suite.cargo("clippy", CLIPPY, &[]);
+    suite.step("left out by --quick", || {
+        println!("integration tests, GPU tests, doc tests and docs: `cargo xtask test` runs them");
+        Ok(Counts::SKIPPED)
+    });
+}
+
+fn run_all(suite: &mut Suite, metadata: &Metadata) {
+    let target = metadata.target_directory.as_path();
+    suite.tests("tests that need nothing but Rust", || runners::independent_tests(metadata));
+    check(suite, metadata);
+    suite.tests("doc tests", runners::doc_tests);
+    suite.cargo("clippy", CLIPPY, &[]);
+    suite.cargo("docs", &["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")]);
+    install(suite, target);
+    suite.tests("tests with other programs", || runners::dependent_tests(metadata));
+    suite.tests("unit tests on the GPU", || runners::gpu_unit_tests(metadata));
+    suite.step("fuzz", || {
+        if !fuzz::has_compiler() {
+            return steps::absent("no C++ compiler");
+        }
+        println!("{}", fuzz::fuzz(target, None, fuzz::RUNS).map_err(|failure| failure.to_string())?);
+        Ok(Counts::PASSED)
+    });
+}
+
+/// Runs the checks that take a second each.
+fn check(suite: &mut Suite, metadata: &Metadata) {
+    suite.cargo("format", FORMAT, &[]);
+    suite.check("arrows", || arrows::check(metadata, &root()));
+    suite.check("licences", || licences::check(metadata));
+    suite.check("rooms", || rooms::check(&root()));
+    suite.check("words", || words::check(&root()));
+    suite.check("header", header::check);
+}
+
+/// Finds or installs what other programs the tests need, and runs the tests of the Python module and of the rival codecs.
+fn install(suite: &mut Suite, target: &Path) {
+    const NO_GPU: Option<&str> = Some("BTF_SKIP_GPU");
+    const NO_PEERS: Option<&str> = Some("BTF_SKIP_PEERS");
+    // Without a driver the tests fail and say how to get one: a renderer that was never drawn with is no renderer.
+    suite.required_tool("driver", NO_GPU, driver::ensure);
+    suite.tool("window tools", NO_GPU, window_tools::ensure);
+    suite.tool("tools for C", None, compilers::ensure);
+    suite.tool("shader tools", NO_PEERS, shader_tools::ensure_validators);
+    suite.tool("shader compiler", NO_PEERS, || shader_tools::ensure_dawn(target));
+    suite.tool("asset tools", NO_PEERS, || asset_tools::ensure(target));
+    if suite.tool("peers", NO_PEERS, || peers::ensure(target)) {
+        let said = |result: Result<String, Failure>| result.map_err(|failure| failure.to_string());
+        suite.check("rival codecs", || said(peers::check_rivals(target)));
+        suite.check("python", || said(python_module::build_and_test(target)));
+    }
+}

@@ -1,0 +1,175 @@
+//! The software Vulkan driver with ray queries that the GPU tests run on.
+//!
+//! Mesa's lavapipe has ray queries from version 25 on. Debian 12 carries that version in its backports;
+//! as root on Debian it is installed, elsewhere the user is told what to install.
+
+use super::apt::{self, is_root_on_debian};
+use crate::failure::Failure;
+use crate::shell::{answer_of, os_release};
+use std::path::PathBuf;
+use std::process::Command;
+
+/// First Mesa whose lavapipe answers ray queries.
+const MIN_MESA: u32 = 25;
+const ICD_FOLDERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
+const BACKPORTS_FILE: &str = "/etc/apt/sources.list.d/btf-backports.sources";
+
+/// Finds or installs the driver. Returns one line that names the driver.
+pub fn ensure() -> Result<String, Failure> {
+    if let Some(found) = present() {
+        return Ok(found);
+    }
+    if is_root_on_debian() {
+        install(os_release("VERSION_CODENAME").as_deref().unwrap_or("bookworm"))?;
+        return present()
+            .ok_or_else(|| Failure::new(format!("the driver was installed but does not answer; {}", advice())));
+    }
+    Err(Failure::new(advice()))
+}
+
+/// Returns the path of lavapipe's manifest, to which a test run points the Vulkan loader.
+pub fn software_manifest() -> Option<PathBuf> {
+    ICD_FOLDERS
+        .iter()
+        .filter_map(|folder| std::fs::read_dir(folder).ok())
+        .flat_map(|entries| entries.filter_map(|entry| entry.ok().map(|entry| entry.path())))
+        .find(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("lvp_icd")))
+}
+
+fn present() -> Option<String> {
+    if software_manifest().is_some() {
+        match answer_of(Command::new("dpkg-query").args(["-W", "-f", "${Version}", "mesa-vulkan-drivers"])) {
+            Some(version) if major(&version).is_some_and(|major| major >= MIN_MESA) && has_loader() => {
+                return Some(format!("software driver: lavapipe of Mesa {version}"));
+            }
+            // Too old: another adapter may still answer.
+            Some(_) => {}
+            // Not Debian: take lavapipe at its word, the tests name an adapter without ray queries.
+            None => return Some("software driver: lavapipe".to_string()),
+        }
+    }
+    let info = answer_of(&mut Command::new("vulkaninfo"))?;
+    info.contains("VK_KHR_ray_query").then(|| "a Vulkan adapter with ray queries answers".to_string())
+}
+
+/// Returns whether the Vulkan loader is installed, which the driver's package does not bring along.
+fn has_loader() -> bool {
+    answer_of(Command::new("dpkg-query").args(["-W", "-f", "${Status}", "libvulkan1"]))
+        .is_some_and(|s| s.contains("ok installed"))
+}
+
+/// Returns the major version: 25 of `25.0.7-2~bpo12+1` or `1:25.0.7`.
+fn major(version: &str) -> Option<u32> {
+    version.rsplit(':').next()?.split('.').next()?.parse().ok()
+}
+
+fn advice() -> String {
+    format!(
+        "the GPU tests need a Vulkan adapter with ray queries: install Mesa's software driver, version {MIN_MESA} or newer \
+         (Debian 12: libvulkan1, and mesa-vulkan-drivers from bookworm-backports; Debian 13, Ubuntu 25.04 and newer, Fedora: \
+         mesa-vulkan-drivers), or set BTF_SKIP_GPU=1 to leave these tests out"
+    )
+}
+
+fn install(codename: &str) -> Result<(), Failure> {
+    let backports = codename == "bookworm";
+    if backports && !backports_listed(codename) {
+        let source = backports_source(&present_sources(), codename).ok_or_else(|| {
+            Failure::new("no Debian archive was found in the package sources: add bookworm-backports by hand and run `cargo xtask setup` again")
+        })?;
+        println!("adding {BACKPORTS_FILE}");
+        std::fs::write(BACKPORTS_FILE, source)
+            .map_err(|error| Failure::new(format!("{BACKPORTS_FILE} cannot be written: {error}")))?;
+    }
+    if backports {
+        apt::refresh()?;
+    }
+    apt::install(&["libvulkan1"])?;
+    let release = format!("{codename}-backports");
+    match backports {
+        true => apt::install(&["-t", &release, "mesa-vulkan-drivers"]),
+        false => apt::install(&["mesa-vulkan-drivers"]),
+    }
+}
+
+/// Returns the text of every file that lists package sources.
+fn present_sources() -> Vec<String> {
+    let folder =
+        std::fs::read_dir("/etc/apt/sources.list.d").into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    folder
+        .chain([PathBuf::from("/etc/apt/sources.list")])
+        .filter_map(|path| std::fs::read_to_string(path).ok())
+        .collect()
+}
+
+fn backports_listed(codename: &str) -> bool {
+    let suite = format!("{codename}-backports");
+    let lists = |line: &str| !line.trim_start().starts_with('#') && line.split_whitespace().any(|word| word == suite);
+    present_sources().iter().any(|text| text.lines().any(lists))
+}
+
+/// Returns a stanza for backports on the mirror that the machine already uses for `codename`.
+fn backports_source(sources: &[String], codename: &str) -> Option<String> {
+    const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
+    let stanza = |uri: &str, key: &str| {
+        format!("Types: deb\nURIs: {uri}\nSuites: {codename}-backports\nComponents: main\nSigned-By: {key}\n")
+    };
+    for text in sources {
+        // The newer form: stanzas of `Key: value`.
+        for block in text.split("\n\n") {
+            let value = |key: &str| {
+                block.lines().find_map(|line| Some(line.strip_prefix(key)?.strip_prefix(':')?.trim().to_string()))
+            };
+            if let (Some(uri), Some(suites)) = (value("URIs"), value("Suites"))
+                && suites.split_whitespace().any(|suite| suite == codename)
+                && uri.contains("debian")
+            {
+                return Some(stanza(
+                    uri.split_whitespace().next()?,
+                    &value("Signed-By").unwrap_or(KEYRING.to_string()),
+                ));
+            }
+        }
+        // The older form: `deb [options] uri suite components`.
+        for line in text.lines().filter(|line| line.starts_with("deb ")) {
+            let words: Vec<&str> = line
+                .split_whitespace()
+                .skip(1)
+                .skip_while(|word| word.starts_with('[') || word.ends_with(']'))
+                .collect();
+            if let [uri, suite, ..] = words[..]
+                && suite == codename
+                && uri.contains("debian")
+            {
+                return Some(stanza(uri, KEYRING));
+            }
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mirror_in_use_is_used_for_backports() {
+        let new = "Types: deb\n# a comment\nURIs: http://mirror.example/debian\nSuites: bookworm bookworm-updates\nComponents: main\nSigned-By: /k.gpg\n";
+        let source =
+            backports_source(&["deb http://tools.example/apt cloud main\n".into(), new.into()], "bookworm").unwrap();
+        assert!(
+            source.contains("URIs: http://mirror.example/debian\nSuites: bookworm-backports\n")
+                && source.contains("/k.gpg"),
+            "{source}"
+        );
+        let old = "deb [signed-by=/x.gpg] http://old.example/debian bookworm main\n";
+        assert!(backports_source(&[old.into()], "bookworm").unwrap().contains("http://old.example/debian"));
+        assert_eq!(backports_source(&["deb http://tools.example/apt nodistro main\n".into()], "bookworm"), None);
+    }
+
+    #[test]
+    fn versions_are_read() {
+        assert_eq!(major("25.0.7-2~bpo12+1"), Some(25));
+        assert_eq!(major("1:22.3.6-1+deb12u1"), Some(22));
+    }
+}

@@ -1,0 +1,12 @@
+//! Programs that others have written and that tests need: finds them, installs them (Debian packages as root; packages of npm and pip
+//! below the target folder), or says in one sentence what to install.
+
+pub mod apt;
+pub mod asset_tools;
+pub mod compilers;
+pub mod driver;
+mod npm;
+pub mod peers;
+pub mod python_module;
+pub mod shader_tools;
+pub mod window_tools;
