@@ -76,7 +76,7 @@ fn the_worked_example_is_what_it_says() {
     assert!(alike, "the example's words are\n{}", rows.collect::<Vec<_>>().join("\n"));
 }
 
-/// The same word, or halves within their last bits: moments are computed in floating point.
+/// Returns whether words are the same, or halves within their last bits: moments are computed in floating point.
 fn is_close(a: u32, b: u32) -> bool {
     let halves = |word: u32| [word as u16, (word >> 16) as u16].map(|half| f16::from_bits(half).to_f32());
     a == b || halves(a).iter().zip(halves(b)).all(|(x, y)| (x - y).abs() <= 2e-3 * x.abs())
@@ -95,7 +95,7 @@ fn read_by_the_document(name: &str, bytes: &[u8]) -> BTreeMap<String, String> {
     String::from_utf8(output.stdout).expect("UTF-8").lines().map(pair).collect()
 }
 
-/// The same numbers as this crate reads them.
+/// Returns the numbers as this crate reads them.
 fn numbers_of(bytes: &[u8]) -> BTreeMap<String, Vec<f64>> {
     let volume = Volume::parse(bytes).unwrap();
     let directory = read_voltex_directory(bytes).unwrap();

@@ -1,5 +1,5 @@
-//! Volumes of models at the edge: open, inside out, cut by themselves, without area, of very many triangles. Each becomes a
-//! finite volume that hides what its model hides, or a sentence that names the file.
+//! Volumes of models at the edge: open, inside out, cut by themselves, without area, of very many triangles. Each
+//! becomes a finite volume that hides what its model hides, or a sentence that names the file.
 
 use crate::support::{btf_fit, refusal};
 use btf_runtime::testing::Random;

@@ -51,7 +51,7 @@ fn reader() -> Command {
 /// What [`numbers_of`] finds: numbers by name.
 type Numbers = BTreeMap<String, Vec<f64>>;
 
-/// The same numbers as this crate reads them: whole ones and halves exact, others to be compared within rounding.
+/// Returns the numbers as this crate reads them: whole ones and halves exact, others to be compared within rounding.
 fn numbers_of(asset: &Asset) -> Numbers {
     let mut all = Numbers::new();
     for (number, edit) in asset.edits.list.iter().enumerate() {

@@ -90,7 +90,7 @@ fn garden(balls: &[Vec3]) -> Scene {
 /// The garden's own ball.
 const BALL: Vec3 = Vec3::new(0.2, 0.7, 0.0);
 
-/// The same under a sky that is bright in the west.
+/// Returns the scene under a sky that is bright in the west.
 fn outdoors(balls: &[Vec3]) -> Scene {
     let mut scene = garden(balls);
     let level = |pixel: usize| match (pixel / 32 < 8, pixel % 32 < 10) {
@@ -115,8 +115,8 @@ const TREES: [(Vec3, f32); 7] = [
     (Vec3::new(-1.4, 1.0, -0.8), 0.0),
 ];
 
-/// Trees that are balls where they are near and volumes where they are far, on a ground whose skin is handed over too; leaves
-/// are `size` times as wide.
+/// Trees that are balls where they are near and volumes where they are far, on a ground whose skin is handed over too;
+/// leaves are `size` times as wide.
 fn orchard(size: f32) -> Scene {
     let mut scene = outdoors(&TREES.map(|(at, _)| at));
     let widths = |mesh, number: usize| if mesh == 0 { 0.0 } else { size * TREES[number - 1].1 };

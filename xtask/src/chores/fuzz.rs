@@ -1,6 +1,6 @@
 //! `cargo xtask fuzz`: the fuzz targets of the format with libFuzzer, on the toolchain at hand. The crate is laid out for
-//! cargo-fuzz as well; this needs neither it nor a nightly toolchain, only a C++ compiler, because the format's crate has no unsafe
-//! code that a sanitizer would have to watch.
+//! cargo-fuzz as well; this needs neither it nor a nightly toolchain, only a C++ compiler, because the format's crate
+//! has no unsafe code that a sanitizer would have to watch.
 
 use crate::arguments::asks_for_help;
 use crate::failure::Failure;
@@ -8,7 +8,7 @@ use crate::shell::{self, answer_of, root, run_and_read, run_checked};
 use std::path::Path;
 use std::process::Command;
 
-/// Targets, and where each begins: folders of runtime/fuzz/corpus.
+/// Names of the fuzz targets, each with the folders of runtime/fuzz/corpus that it starts from.
 const TARGETS: [(&str, &[&str]); 5] = [
     ("parse", &["parse"]),
     ("resident", &["resident"]),
@@ -17,13 +17,14 @@ const TARGETS: [(&str, &[&str]); 5] = [
     ("voltex", &["voltex"]),
 ];
 
-/// Executions of a target where nobody says otherwise: some seconds.
+/// Default number of executions of a target, which take some seconds.
 pub const RUNS: u64 = 20_000;
 
-/// Most bytes of an input.
+/// Argument of libFuzzer that bounds an input, bytes.
 const MAX_BYTES: &str = "-max_len=32768";
 
-/// What makes rustc tell libFuzzer where a run has been and what it compared: cargo-fuzz's flags for `--sanitizer none`.
+/// Flags of rustc that record which code a run reaches and what it compares: those of cargo-fuzz for
+/// `--sanitizer none`.
 const COVERAGE: &str = "--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
     -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
     -Cllvm-args=-sanitizer-coverage-trace-compares";
@@ -39,7 +40,7 @@ Usage: cargo xtask fuzz [TARGET] [--runs N]
 
 Example: cargo xtask fuzz parse --runs 3000000";
 
-/// The chore.
+/// Runs the chore.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if asks_for_help(arguments) {
         println!("{HELP}");
@@ -65,12 +66,13 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether a C++ compiler is there.
+/// Returns whether a C++ compiler is installed.
 pub fn has_compiler() -> bool {
     answer_of(Command::new("c++").arg("--version")).is_some()
 }
 
-/// Builds the targets and runs all or one; one line that says how much was run.
+/// Builds the fuzz targets and runs all of them, or the one that is named. Returns one line with the number of
+/// executions.
 pub fn fuzz(target: &Path, only: Option<&str>, runs: u64) -> Result<String, Failure> {
     let package = root().join("runtime/fuzz");
     let host = answer_of(Command::new("rustc").arg("-vV")).unwrap_or_default();
@@ -102,7 +104,7 @@ pub fn fuzz(target: &Path, only: Option<&str>, runs: u64) -> Result<String, Fail
     Ok(format!("executions without a finding: {}", said.join(", ")))
 }
 
-/// Executions that libFuzzer counts in its closing words; `None` for none.
+/// Returns the number of executions from libFuzzer's closing statistics, or `None` where nothing was executed.
 fn executed(output: &str) -> Option<u64> {
     let number = |line: &str| line.strip_prefix("stat::number_of_executed_units:")?.trim().parse().ok();
     output.lines().find_map(number).filter(|count| *count > 0)

@@ -11,7 +11,8 @@ use crate::chores::fuzz;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
 use crate::shell::root;
-use crate::tools::{asset_tools, compilers, driver, peers, python_module, shader_tools, window_tools};
+use crate::tools::python_module::{self, Build};
+use crate::tools::{asset_tools, compilers, driver, peers, shader_tools, window_tools};
 use counts::Counts;
 use std::path::Path;
 use steps::Suite;
@@ -94,7 +95,8 @@ fn check(suite: &mut Suite, metadata: &Metadata) {
     suite.check("header", header::check);
 }
 
-/// Finds or installs what other programs the tests need, and runs the tests of the Python module and of the rival codecs.
+/// Finds or installs what other programs the tests need, and runs the tests of the Python module and of the rival
+/// codecs.
 fn install(suite: &mut Suite, target: &Path) {
     const NO_GPU: Option<&str> = Some("BTF_SKIP_GPU");
     const NO_PEERS: Option<&str> = Some("BTF_SKIP_PEERS");
@@ -108,6 +110,6 @@ fn install(suite: &mut Suite, target: &Path) {
     if suite.tool("peers", NO_PEERS, || peers::ensure(target)) {
         let said = |result: Result<String, Failure>| result.map_err(|failure| failure.to_string());
         suite.check("rival codecs", || said(peers::check_rivals(target)));
-        suite.check("python", || said(python_module::build_and_test(target)));
+        suite.check("python", || said(python_module::build_and_test(target, Build::Tests)));
     }
 }

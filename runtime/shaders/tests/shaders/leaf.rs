@@ -1,5 +1,5 @@
-//! What the shaders answer of a leaf whose optics are evaluated live is what `btf_runtime` answers: colours, directions and
-//! densities, by the software driver.
+//! What the shaders answer of a leaf whose optics are evaluated live is what `btf_runtime` answers: colours, directions
+//! and densities, by the software driver.
 
 use crate::support::gpu::{Program, open};
 use btf_runtime::testing::Random;
@@ -8,8 +8,8 @@ use btf_runtime::{
 };
 use btf_shaders::{Answer, Options, Query};
 
-/// Absolute and relative tolerance. Both sides read the same words and add in f32; what is left is the order of sums and the
-/// driver's exponentials and roots, through a lobe that is 400 times the body at its narrowest.
+/// Absolute and relative tolerance. Both sides read the same words and add in f32; what is left is the order of sums
+/// and the driver's exponentials and roots, through a lobe that is 400 times the body at its narrowest.
 const ABSOLUTE: f32 = 2e-4;
 const RELATIVE: f32 = 2e-3;
 /// One question in this many may differ: the printed theta jumps at absorptions of 1 and 3.

@@ -1,5 +1,5 @@
-//! What the shaders answer of a volumetric texture is what `btf_runtime::voltex` answers: cells along rays, optical depths and
-//! light, by the software driver; optical depths in every language that it runs.
+//! What the shaders answer of a volumetric texture is what `btf_runtime::voltex` answers: cells along rays, optical
+//! depths and light, by the software driver; optical depths in every language that it runs.
 
 use crate::support::gpu::{Program, open};
 use crate::support::tools::{self, Tool};
@@ -227,8 +227,8 @@ fn rays_meet_the_same_cells_in_shaders_and_in_rust() {
     let other: Vec<_> = (0..RAYS).filter(|i| found[*i] == Compared::Other).collect();
     assert!(other.is_empty(), "{} differ, first {:?} kind {}", other.len(), rays[other[0]], other[0] % RAY_KINDS);
     assert!(reordered <= RAYS / REORDERED, "{reordered}");
-    // Planted: zeros that go down, a cell's rank by one, a byte of the mask left out, extinction with one scale, and clumping
-    // of long vectors.
+    // Planted: zeros that go down, a cell's rank by one, a byte of the mask left out, extinction with one scale, and
+    // clumping of long vectors.
     for (right, wrong) in [
         ("let ahead = (*walk).inverse >", "let ahead = (*walk).direction >"),
         ("countOneBits(node.mask.x & below)", "countOneBits(node.mask.x & (2u * below))"),
