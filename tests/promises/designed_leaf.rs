@@ -1,4 +1,5 @@
-//! A leaf that is designed live is one that btf-synth photographs: what a slider turned goes through a file into a capture.
+//! A leaf that is designed live is one that btf-synth photographs: what a slider turned goes through a file into a
+//! capture.
 
 use btf_capture::{Capture, Direction, DirectionSet, ImageFormat, Pixels};
 use btf_models::{LeafDescription, LeafPreset, Species, TextureImages};

@@ -1,5 +1,5 @@
-//! An exported `.glb` passes the Khronos glTF validator, with the asset beside it and within it, and so do plants. Exported KTX2 files are
-//! read by a strict reader of others, and decoded from them alone, values are the asset's.
+//! An exported `.glb` passes the Khronos glTF validator, with the asset beside it and within it, and so do plants.
+//! Exported KTX2 files are read by a strict reader of others, and decoded from them alone, values are the asset's.
 //!
 //! `cargo xtask setup` installs the validator under the target folder; without it these tests are skipped, and counted
 //! as such.

@@ -1,4 +1,5 @@
-//! Plants that btf-synth grows are what the viewer draws: their triangles, their leaves, and no more light than falls in.
+//! Plants that btf-synth grows are what the viewer draws: their triangles, their leaves, and no more light than falls
+//! in.
 
 use btf_models::{DiffuseColour, LeafDescription, Species, TextureImages};
 use btf_synth::{CanopySize, Existing, Ground, PlantsParams, write_plants};

@@ -91,8 +91,8 @@ fn spectra_of_every_mode_are_the_reference_models() {
 
 #[test]
 fn the_papers_table_1_comes_from_the_rational_mode() {
-    // Reflectance and transmittance of red, green and blue from the contents of four samples [Miao, Table 1; contents by
-    // least squares]: the exact plate with the paper's indices, of which the third digit at 675 nm is another.
+    // Reflectance and transmittance of red, green and blue from the contents of four samples [Miao, Table 1; contents
+    // by least squares]: the exact plate with the paper's indices, of which the third digit at 675 nm is another.
     const SAMPLES: [([f32; 2], [[f64; 3]; 2]); 4] = [
         ([31.683, 10.573], [[0.0437, 0.1252, 0.0436], [0.0632, 0.2875, 0.0095]]),
         ([59.204, 7.284], [[0.0382, 0.0788, 0.0435], [0.0159, 0.1990, 0.0031]]),

@@ -16,7 +16,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Largest step of luminance where the distance grows by the fourth root of two, up to where leaves are [`FAR_PIXELS`] wide.
+/// Largest step of luminance where the distance grows by the fourth root of two, up to where leaves are [`FAR_PIXELS`]
+/// wide.
 const BAR: f64 = 0.02;
 /// The volume is alone there, and as fine as it is.
 const FAR_PIXELS: f32 = 0.5;
@@ -88,6 +89,7 @@ fn a_dolly_from_a_mesh_to_its_volume_has_no_step() {
     assert!((last.leaf_pixels * 64.0 / first.leaf_pixels - 1.0).abs() < 1e-4);
     let near = rows.partition_point(|row| row.leaf_pixels >= 0.99 * FAR_PIXELS);
     let [near, far] = [&rows[..near], &rows[near - 1..]].map(largest_step);
+    println!("largest steps {near:.4}, {far:.4}");
     assert!(luminance(first) > 0.0 && near < BAR && far < LEVELS_BAR, "{near} {far}");
     // Planted: a volume that reflects a half more, and one of half the microflakes; over the band they come in.
     let brighter = |volume: &mut Volume| {
@@ -129,6 +131,7 @@ fn leaves_that_a_gltf_file_makes_translucent_have_one_brightness_as_a_mesh_and_a
         let (mesh, volume) = (seen(&both, towards, 2.0), seen(&both, towards, 0.5));
         println!("towards {towards}: mesh {:?}, volume {:?}", mesh.radiance, volume.radiance);
         let apart = largest_step(&[mesh, volume]);
+        println!("apart {apart:.4}");
         assert!(apart < PLAIN_BAR, "{apart}");
     }
     // Planted: a mesh that lets nothing through is dark before the sun.
@@ -136,8 +139,9 @@ fn leaves_that_a_gltf_file_makes_translucent_have_one_brightness_as_a_mesh_and_a
     assert!(apart > 5.0 * PLAIN_BAR, "{apart}");
 }
 
-/// Largest difference of the mean colours of a plant as a mesh and as its volume, as a share of the brighter channel: in red and
-/// green, since what passes a leaf is so green that sRGB has less than no blue for it, and volumes have none.
+/// Largest difference of the mean colours of a plant as a mesh and as its volume, as a share of the brighter channel:
+/// in red and green, since what passes a leaf is so green that sRGB has less than no blue for it, and volumes have
+/// none.
 const COLOUR_BAR: f32 = 0.1;
 
 /// From a plant to the eye, m: mostly from above, where no other one is in the way.

@@ -6,6 +6,7 @@ mod budget;
 mod bytes_are_repeatable;
 mod designed_leaf;
 mod expand_and_measure;
+mod fitted_on_gpu;
 mod gltf_export;
 mod leaf_colour;
 mod leaf_layers;

@@ -28,7 +28,7 @@ const SAME: f64 = 0.005;
 /// Difference of half of the channels: what single precision leaves of a camera's ray and a light's direction.
 const ROUNDING: f64 = 1e-4;
 
-/// The newest file below a folder.
+/// Returns the time of the newest file below a folder.
 fn newest(folder: &Path) -> SystemTime {
     let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     let times = entries.map(|entry| {
@@ -39,7 +39,7 @@ fn newest(folder: &Path) -> SystemTime {
     times.max().unwrap_or(SystemTime::UNIX_EPOCH)
 }
 
-/// A Python that finds the module, with a script of tests/peers; `None` where there is none.
+/// Returns a Python that finds the module, with a script of tests/peers, or `None` where there is none.
 fn python(script: &str) -> Option<Command> {
     let program = interpreter()?;
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("the target folder holds its tmp");

@@ -1,5 +1,5 @@
-//! A volume stands for the plant that it was built of: measured where it was not fitted, against explicit triangles, against
-//! the rule of 1996 and against fewer triangles; and the triangles' own pictures are what Mitsuba's rays see.
+//! A volume stands for the plant that it was built of: measured where it was not fitted, against explicit triangles,
+//! against the rule of 1996 and against fewer triangles; and the triangles' own pictures are what Mitsuba's rays see.
 
 use crate::mitsuba_peers::ask_script;
 use btf_models::{LeafDescription, Species, TextureImages};

@@ -1,4 +1,5 @@
-//! What a volume hides on a bent skin, and what its triangles hide when they are bent with it: sheared, twisted, combed.
+//! What a volume hides on a bent skin, and what its triangles hide when they are bent with it: sheared, twisted,
+//! combed.
 //!
 //! Prints the error of the share of light that passes a bent skin, docs/VOLTEX_FIGURES.md, "Bent skins":
 //! `cargo run --release -p btf-tests -- bent_skins [PIXELS]`.
@@ -59,7 +60,8 @@ impl LeavesInCube {
         LeavesInCube { leaves, volume: Arc::new(Voltex::new(&volume)) }
     }
 
-    /// Root mean square error of the share of light that passes, over pixels that are not clear in both: of leaves that are bent as
+    /// Root mean square error of the share of light that passes, over pixels that are not clear in both: of leaves that
+    /// are bent as
     /// `bend` says, and of a skin bent as `mapped` says, three views of `pixels` x `pixels`.
     ///
     /// # Panics

@@ -1,5 +1,5 @@
-//! Volumetric textures beside the triangles that they stand in for: how far from the triangles a picture is, and how many rays a
-//! pixel the triangles themselves need to come as near.
+//! Volumetric textures beside the triangles that they stand in for: how far from the triangles a picture is, and how
+//! many rays a pixel the triangles themselves need to come as near.
 
 use crate::dolly::luminance_of;
 use btf_viewer::{CpuPicture, Scene, ShadeOptions};
@@ -33,8 +33,8 @@ pub struct Explicit {
 }
 
 impl Explicit {
-    /// Draws `rays` rays a pixel past a scene's triangles, and others for errors. Only pixels count in which a ray meets a
-    /// triangle with a number from `first_triangle` on.
+    /// Draws `rays` rays a pixel past a scene's triangles, and others for errors. Only pixels count in which a ray
+    /// meets a triangle with a number from `first_triangle` on.
     pub fn new(scene: &Scene, size: [u32; 2], rays: u32, first_triangle: u32) -> Explicit {
         let mut picture = CpuPicture::new(size);
         let mut counted = vec![false; picture.sums.len()];
@@ -90,7 +90,8 @@ impl Explicit {
         &self.curve
     }
 
-    /// Rays a pixel with which triangles have an error, one at least: between measured numbers as a power of the number.
+    /// Rays a pixel with which triangles have an error, one at least: between measured numbers as a power of the
+    /// number.
     pub fn rays_for(&self, error: f64) -> f64 {
         let (last_rays, last) = self.curve[self.curve.len() - 1];
         if error >= self.curve[0].1 {

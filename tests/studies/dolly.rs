@@ -1,17 +1,19 @@
-//! A dolly past the level-of-detail transition of a plant: how much of its light reaches the eye, from where its leaves are many
-//! pixels wide to where they are a small part of one.
+//! A dolly past the level-of-detail transition of a plant: how much of its light reaches the eye, from where its leaves
+//! are many pixels wide to where they are a small part of one.
 //!
-//! Rows of docs/VOLTEX_FIGURES.md, "Level-of-detail transition": `cargo run --release -p btf-tests -- dolly MODEL FILE.voltex [PATHS]`.
+//! Rows of docs/VOLTEX_FIGURES.md, "Level-of-detail transition":
+//! `cargo run --release -p btf-tests -- dolly MODEL FILE.voltex [PATHS]`.
 //!
-//! For each of two suns, light of the plant at distances that grow by the fourth root of two, as it is handed over, as a mesh
-//! everywhere, and as a volume everywhere.
+//! For each of two suns, light of the plant at distances that grow by the fourth root of two, as it is handed over, as
+//! a mesh everywhere, and as a volume everywhere.
 
 use btf_viewer::{Camera, CpuPicture, Scene, ShadeOptions, load_scene};
 use glam::Vec3;
 use std::error::Error;
 use std::path::Path;
 
-/// Leaves are so many pixels wide where the dolly begins, and as much less than one where it ends: 64 times the distance.
+/// Leaves are so many pixels wide where the dolly begins, and as much less than one where it ends: 64 times the
+/// distance.
 pub const MAX_LEAF_PIXELS: f32 = 8.0;
 /// Places in which the distance doubles.
 pub const STEPS: i32 = 4;

@@ -18,7 +18,7 @@ const RANK: usize = 128;
 /// Texels that are multiplied at a time.
 const BLOCK: usize = 256;
 
-/// Seconds of reading every image once.
+/// Measures the seconds of reading every image once.
 fn decode_seconds(capture: &Capture) -> f64 {
     let (start, lights) = (Instant::now(), capture.info().lights.len());
     let pairs = capture.info().pair_count();
@@ -27,7 +27,8 @@ fn decode_seconds(capture: &Capture) -> f64 {
     start.elapsed().as_secs_f64()
 }
 
-/// Floating-point operations a second of `[texels, samples] x [samples, rank]`, block by block on all threads.
+/// Measures the floating-point operations a second of `[texels, samples] x [samples, rank]`, block by block on all
+/// threads.
 fn product_rate(samples: usize) -> f64 {
     let directions = Array2::<f32>::from_shape_fn((samples, RANK), |(i, j)| ((i * 7 + j * 13) % 101) as f32 * 0.01);
     let rows = Array2::<f32>::from_shape_fn((BLOCK, samples), |(i, j)| ((i * 11 + j * 5) % 97) as f32 * 0.01);

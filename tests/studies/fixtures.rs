@@ -4,6 +4,7 @@ use btf_capture::{Capture, CaptureInfo, CaptureWriter, DirectionSet, ImageFormat
 use btf_fit::{FitOutcome, FitParams, Monitor, fit};
 use btf_runtime::{Asset, Resident};
 use btf_synth::{CaptureParams, LeafParams, write_leaf_capture};
+use btf_viewer::Gpu;
 use rayon::prelude::*;
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -66,7 +67,38 @@ pub fn capture_from(
     Capture::open(folder).expect("the capture is read")
 }
 
-/// Parameters that fit a small capture in seconds, with the cache in `folder`.
+/// Writes a capture of a plain weave, `size` x `size` texels in 8 bits, and opens it. Threads are four texels wide and
+/// two alternate on top; each is curved across, has a colour of its own and a highlight that is narrow along it.
+///
+/// # Panics
+/// If it cannot be written or read.
+pub fn cloth_capture(folder: &Path, size: usize, views: &DirectionSet, lights: &DirectionSet) -> Capture {
+    const THREAD: usize = 4;
+    capture_of(folder, size, views, lights, ImageFormat::Png, |texel, wi, wo| {
+        let [column, row] = [texel % size, texel / size];
+        let is_warp = (column / THREAD + row / THREAD).is_multiple_of(2);
+        // -1 to 1 across and along the part of the thread that is on top.
+        let within = |place: usize| (2 * (place % THREAD) + 1) as f32 / THREAD as f32 - 1.0;
+        let (across, along) = if is_warp { (within(column), within(row)) } else { (within(row), within(column)) };
+        let turned = |[x, y, z]: [f32; 3]| if is_warp { [x, y, z] } else { [y, x, z] };
+        let (wi, wo) = (turned(wi), turned(wo));
+        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let normal = [0.7 * across, 0.25 * along, 1.0];
+        let normal = normal.map(|x| x / dot(normal, normal).sqrt());
+        let half = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
+        // Slopes of the half vector against the fibre: six times as wide across the thread as along.
+        let slopes = [half[0] / half[2] - normal[0] / normal[2], half[1] / half[2] - normal[1] / normal[2]];
+        let gloss = (-(slopes[0] / 0.6).powi(2) - (slopes[1] / 0.1).powi(2)).exp();
+        // Every thread is dyed a little differently.
+        let thread = if is_warp { column / THREAD } else { 7 + row / THREAD };
+        let dye = 0.8 + 0.05 * (thread * 5 % 7) as f32;
+        let colour = if is_warp { [0.35, 0.12, 0.08] } else { [0.10, 0.16, 0.34] };
+        let lit = dot(normal, wi).max(0.0);
+        colour.map(|c| c * dye * lit + 0.15 * gloss * wi[2])
+    })
+}
+
+/// Returns parameters that fit a small capture in seconds, with the cache in `folder`.
 pub fn small_fit(folder: &Path) -> FitParams {
     FitParams {
         clusters: 3,
@@ -86,12 +118,24 @@ pub fn fitted(capture: &Capture, params: &FitParams) -> FitOutcome {
     fit(std::slice::from_ref(capture), &params, &Monitor::default()).expect("the capture is fitted")
 }
 
-/// The resident form, expanded on all threads.
+/// Returns the resident form, expanded on all threads.
 pub fn resident(asset: &Asset) -> Resident {
     Resident::from_asset_on(asset, &|count, work| (0..count).into_par_iter().for_each(work))
 }
 
-/// A file or folder of the measured data that is handed around outside of the repository, or `None`, with a
+/// Returns the GPU for test `test`, or `None`, with a line for the skip count, where `BTF_SKIP_GPU=1` leaves it out.
+///
+/// # Panics
+/// If no adapter answers, with how to get one.
+pub fn gpu(test: &str) -> Option<Gpu> {
+    if std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1") {
+        skip(&format!("{test} (BTF_SKIP_GPU=1)"));
+        return None;
+    }
+    Some(Gpu::headless(None).unwrap_or_else(|error| panic!("{error}; BTF_SKIP_GPU=1 skips this test")))
+}
+
+/// Returns a file or folder of the measured data that is handed around outside of the repository, or `None` with a
 /// line for the skip count: `BTF_DATA` names its folder, `../shared/data` is looked at without it.
 pub fn measured_data(name: &str) -> Option<PathBuf> {
     let root = std::env::var_os("BTF_DATA")

@@ -1,9 +1,9 @@
 //! Prints what `btf-view scene lawn|grove|forest` cost as volumes and as triangles with the same error, as Markdown:
 //! `cargo run --release -p btf-tests -- landscape_costs [WIDTH [CAMERA [both|sun|sky [BACKEND ...]]]]`.
 //!
-//! Triangles are the plants that the volumes are made of, each where the skin has its volume, by the affine map of its texel:
-//! trees and tufts lean and stretch, and are not bent. Both stand under the landscape's own sun and sky, or one of them, whose noise
-//! counts in both. Times are of this machine and run: compare them with each other.
+//! Triangles are the plants that the volumes are made of, each where the skin has its volume, by the affine map of its
+//! texel: trees and tufts lean and stretch, and are not bent. Both stand under the landscape's own sun and sky, or one
+//! of them, whose noise counts in both. Times are of this machine and run: compare them with each other.
 
 use crate::beside::{Explicit, drawn, scaled};
 use btf_models::{LeafDescription, Species, TextureImages};

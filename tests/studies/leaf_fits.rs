@@ -40,8 +40,8 @@ fn rational(k: f64, [a, q1, q2, q3]: [f64; 4]) -> (f64, [f64; 4]) {
     (value, per.map(|x| x / q))
 }
 
-/// The rational form of least largest error over 0 <= k <= 14, and that error: least squares first, then exchanges of the
-/// five places where the error is largest, at which it is levelled with alternating signs [Remez 1934].
+/// The rational form of least largest error over 0 <= k <= 14, and that error: least squares first, then exchanges of
+/// the five places where the error is largest, at which it is levelled with alternating signs [Remez 1934].
 fn fit_theta() -> ([f64; 4], f64) {
     const POINTS: usize = 20_000;
     const SQUARES: usize = 200;

@@ -1,6 +1,7 @@
 //! Colours of the live leaf's body and of the reference's. Promises hold one against the other.
 //!
-//! Prints what each mode of the live leaf costs and loses, as Markdown: `cargo run --release -p btf-tests -- leaf_live`.
+//! Prints what each mode of the live leaf costs and loses, as Markdown:
+//! `cargo run --release -p btf-tests -- leaf_live`.
 //!
 //! Times are of one thread and of this run: compare them with each other.
 
@@ -17,7 +18,8 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// States of leaves within the ranges, two fifths of them without red and brown pigments; few pigments as often as many.
+/// States of leaves within the ranges, two fifths of them without red and brown pigments; few pigments as often as
+/// many.
 pub fn random_states(seed: u64, count: usize) -> Vec<LeafState> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     (0..count)
@@ -81,7 +83,8 @@ pub fn reference_spectra(state: &LeafState) -> [Vec<f64>; 2] {
     [front, behind]
 }
 
-/// Their colours, with the limit that the live leaf has: reflectance and transmittance together at most 1 in each channel.
+/// Their colours, with the limit that the live leaf has: reflectance and transmittance together at most 1 in each
+/// channel.
 pub fn reference_colours(state: &LeafState) -> [[f64; 3]; 2] {
     limited(reference_spectra(state).map(|spectrum| RgbFromSpectrum::new(RgbBands::Spectral31).rgb(&spectrum)))
 }

@@ -159,7 +159,7 @@ pub struct SinglePlateRow {
     pub exact: [f64; 2],
     /// Printed eq. 6 and three-piece fit, with the dry matter absorption of the source.
     pub printed: [f64; 2],
-    /// The same with the paper's slip in that absorption at 435 nm.
+    /// Reflectance and transmittance as printed, with the paper's slip in the absorption at 435 nm.
     pub printed_slip: [f64; 2],
 }
 

@@ -1,4 +1,5 @@
-//! Studies: what methods cost and how far off they are, as tables of the documentation; and what promises and benches share.
+//! Studies: what methods cost and how far off they are, as tables of the documentation; and what promises and benches
+//! share.
 //!
 //! A module that promises use as well has its calculation in public functions, and `run` prints what they return.
 
@@ -14,4 +15,7 @@ pub mod leaf_live;
 pub mod leaf_trade;
 pub mod volume_costs;
 
-pub use fixtures::{absent, capture_from, capture_of, fitted, leaf_capture, measured_data, resident, skip, small_fit};
+pub use fixtures::{
+    absent, capture_from, capture_of, cloth_capture, fitted, gpu, leaf_capture, measured_data, resident, skip,
+    small_fit,
+};

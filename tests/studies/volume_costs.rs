@@ -5,8 +5,8 @@
 //! - equal error: rays a pixel that triangles need for the error of the volumes' picture;
 //! - noise: how much a pixel's value changes while the picture moves on by sub-pixel steps, beside what it should change.
 //!
-//! Everything is grey, diffuse and lit by one lamp, so that nothing is drawn by chance but places within pixels. Times are of this
-//! machine and run: compare them with each other.
+//! Everything is grey, diffuse and lit by one lamp, so that nothing is drawn by chance but places within pixels. Times
+//! are of this machine and run: compare them with each other.
 
 use crate::beside::{Explicit, Radiance, drawn};
 use btf_models::{LeafDescription, Species, TextureImages};
@@ -125,7 +125,7 @@ fn land_skin(tree: &Tree, side: u32) -> Volumes {
     Volumes::new(vec![tree.voltex.clone()], &[], vec![skin]).expect("volumes")
 }
 
-/// The same trees one by one: from the volume's cube to the world.
+/// Returns the matrices that place the trees of the land one by one, from the volume's cube to the world.
 fn land_places(side: u32) -> Vec<Mat4> {
     let texel = 2.0 / side as f32;
     // Texture: u to the east, v to the north, w up.
@@ -177,7 +177,7 @@ fn growth_and_equal_error(tree: &Tree, size: [u32; 2]) {
     );
 }
 
-/// The same land with the trees' triangles.
+/// Returns the scene of the land with the trees' triangles.
 fn with_triangles(tree: &Tree, side: u32) -> Scene {
     let model_from_cube = standing(&tree.voltex, Vec3::ZERO, 0.0, 1.0);
     let places = land_places(side).iter().map(|place| *place * model_from_cube.inverse()).collect();

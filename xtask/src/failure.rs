@@ -10,28 +10,29 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// The chore could not do its work: exit code 1.
+    /// Makes a failure of a chore that could not do its work: exit code 1.
     pub fn new(message: impl Into<String>) -> Failure {
         Failure { message: message.into(), exit_code: 1 }
     }
 
-    /// Exit code 1 without a sentence: everything has been said already.
+    /// Makes a failure with exit code 1 and no sentence, where everything has been said already.
     pub fn silent() -> Failure {
         Failure::new("")
     }
 
-    /// The arguments are wrong: exit code 2.
+    /// Makes a failure for wrong arguments: exit code 2.
     pub fn usage(message: impl Into<String>) -> Failure {
         Failure { message: message.into(), exit_code: 2 }
     }
 
-    /// A program that the chore started failed: its exit code, or 1 where a signal ended it.
+    /// Makes a failure of a program that the chore started: with the exit code of the program, or 1 where a signal
+    /// ended it.
     pub fn of_program(message: impl Into<String>, code: Option<i32>) -> Failure {
         let exit_code = code.and_then(|code| u8::try_from(code).ok()).filter(|code| *code != 0).unwrap_or(1);
         Failure { message: message.into(), exit_code }
     }
 
-    /// What `main` ends with; never 0.
+    /// Returns the exit code of the chore, which is never 0.
     pub fn exit_code(&self) -> u8 {
         self.exit_code
     }

@@ -7,7 +7,8 @@
 //! | `checks` | our own checks: arrows between packages, folders, licences, words, the C header |
 //! | `tools` | programs of others that tests need: finds or installs them |
 //!
-//! Exit codes: 0 success, 1 a failure, 2 bad usage. Where a program fails that a chore started, its exit code is passed on.
+//! Exit codes: 0 success, 1 a failure, 2 bad usage. Where a program fails that a chore started, its exit code is passed
+//! on.
 
 mod arguments;
 mod checks;
@@ -18,7 +19,7 @@ mod shell;
 mod suite;
 mod tools;
 
-use chores::{bench, check, demo, fuzz, header, python, setup, shaders, volumes};
+use chores::{bench, book, check, demo, fuzz, header, python, setup, shaders, volumes};
 use failure::Failure;
 use std::process::ExitCode;
 

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 
-/// The parts of `cargo metadata --format-version 1` that our checks read. It covers the dependencies of every platform.
+/// The parts of `cargo metadata --format-version 1` that the checks read. Dependencies of every platform are included.
 #[derive(Deserialize)]
 pub struct Metadata {
     pub packages: Vec<Package>,
@@ -19,12 +19,12 @@ pub struct Package {
     pub name: String,
     pub version: String,
     pub id: String,
-    /// The registry; `None` for a package of this workspace.
+    /// The registry, or `None` for a package of this workspace.
     pub source: Option<String>,
-    /// SPDX expression.
+    /// The licence as an SPDX expression.
     pub license: Option<String>,
     pub license_file: Option<String>,
-    /// As declared in Cargo.toml: normal, for tests and for build scripts, optional ones too.
+    /// Dependencies as Cargo.toml declares them: normal ones, those of tests and build scripts, and optional ones.
     pub dependencies: Vec<Dependency>,
     /// What cargo builds of the package: library, programs, tests, examples.
     #[serde(default)]
@@ -41,7 +41,7 @@ pub struct Target {
 #[derive(Deserialize)]
 pub struct Dependency {
     pub name: String,
-    /// Where a dependency is a folder: one of ours.
+    /// The folder of a dependency that is one of our packages.
     pub path: Option<String>,
 }
 
@@ -94,10 +94,11 @@ impl Metadata {
         names
     }
 
-    /// Returns the names of all packages that `name` is linked with: its normal dependencies and theirs, itself left out.
+    /// Returns the names of all packages that `name` is linked with: its normal dependencies and theirs, itself left
+    /// out.
     ///
-    /// Cargo metadata unites the features that all packages of the workspace ask for, so the set may be larger than what
-    /// a build of `name` alone links, never smaller.
+    /// Cargo metadata unites the features that all packages of the workspace ask for, so the set may be larger than
+    /// what a build of `name` alone links, never smaller.
     pub fn linked_with(&self, name: &str) -> BTreeSet<&str> {
         let nodes: HashMap<&str, &Node> = self.resolve.nodes.iter().map(|node| (node.id.as_str(), node)).collect();
         let names: HashMap<&str, &str> = self.packages.iter().map(|p| (p.id.as_str(), p.name.as_str())).collect();

@@ -86,7 +86,8 @@ pub fn run_and_map(command: &mut Command, mut map: impl FnMut(&str) -> String) -
     child.wait().map_err(|error| cannot_start(command, &error))
 }
 
-/// Returns the standard output of a program that only answers a question, or `None` where the program is absent or fails.
+/// Returns the standard output of a program that only answers a question, or `None` where the program is absent or
+/// fails.
 pub fn answer_of(command: &mut Command) -> Option<String> {
     let output = command.stdin(Stdio::null()).output().ok()?;
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())

@@ -1,6 +1,6 @@
-//! Numerical extremes: each row of the table in docs/results/trade.md is a test here. Every one gives a finite asset with its
-//! error figure, without a goal, with `--bytes` and with `--psnr`, or a clear error.
-//! `cargo test -p btf-fit --test extremes -- --nocapture --test-threads 1` prints the table's lines.
+//! Numerical extremes: each row of the table in docs/TRADE.md is a test here. Every one gives a finite asset with its
+//! error figure, without a goal, with `--bytes` a tenth of the samples, and with `--psnr`, or a clear error.
+//! `cargo test -p btf-fit --test fit_program extremes:: -- --nocapture --test-threads 1` prints the table's lines.
 
 use btf_capture::{Capture, CaptureInfo, CaptureWriter, Direction, DirectionSet, ImageFormat};
 use btf_fit::{ErrorMeasure, FitError, FitParams, Fitted, Monitor, fit_and_measure};
@@ -83,8 +83,18 @@ fn finite(row: &str, fitted: &Fitted) -> String {
     format!("{:.2} dB, {:.1e}", m.psnr_db, m.rel_rmse)
 }
 
-/// Fits what lies in `folder` without a goal, within `bytes` and to 40 dB; `check` sees the first two fits.
-fn with_and_without_goal(row: &str, folder: &TempDir, asked: &FitParams, bytes: u64, check: &dyn Fn(&Fitted)) {
+/// Returns a tenth of the bytes that the samples of the capture in `folder` take: 8 bits each, or half precision.
+fn tenth_of_the_samples(folder: &TempDir) -> u64 {
+    let capture = open(folder);
+    let info = capture.info();
+    let unit = if info.format == ImageFormat::Png { 1 } else { 2 };
+    (info.texel_count() * info.pair_count() * 3 * unit / 10) as u64
+}
+
+/// Fits what lies in `folder` without a goal, within a tenth of its samples' bytes and to 40 dB; `check` sees the first
+/// two fits.
+fn with_and_without_goal(row: &str, folder: &TempDir, asked: &FitParams, check: &dyn Fn(&Fitted)) {
+    let bytes = tenth_of_the_samples(folder);
     let small = FitParams { bytes: Some(bytes), ..asked.clone() };
     let figures = [asked, &small].map(|params| {
         let fitted = fit(open(folder), params).unwrap();
@@ -136,6 +146,11 @@ fn a_figure_that_changed_is_seen() {
     }
 }
 
+/// Texels of most captures here: with [`VIEWS`] and [`LIGHTS`] a tenth of the samples is 17 kB.
+const GRID: [usize; 2] = [16, 16];
+const VIEWS: usize = 10;
+const LIGHTS: usize = 11;
+
 fn lambertian(albedo: f32, wi: [f32; 3]) -> [f32; 3] {
     [albedo * wi[2], 0.7 * albedo * wi[2], 0.4 * albedo * wi[2]]
 }
@@ -143,8 +158,8 @@ fn lambertian(albedo: f32, wi: [f32; 3]) -> [f32; 3] {
 #[test]
 fn a_constant_capture() {
     let folder = tempfile::tempdir().unwrap();
-    exr(folder.path(), [8, 8], &set(6), &set(7), &|_, _, _| [0.25; 3]);
-    with_and_without_goal("constant capture", &folder, &params(&folder), 20_000, &|fitted| {
+    exr(folder.path(), GRID, &set(VIEWS), &set(LIGHTS), &|_, _, _| [0.25; 3]);
+    with_and_without_goal("constant capture", &folder, &params(&folder), &|fitted| {
         assert!(fitted.metrics.psnr_db > 55.0 && fitted.metrics.rel_rmse < 0.003, "{:?}", fitted.metrics);
     });
 }
@@ -153,8 +168,8 @@ fn a_constant_capture() {
 fn a_black_capture() {
     for (format, row) in [(ImageFormat::Exr, "black capture"), (ImageFormat::Png, "black capture, 8 bits")] {
         let folder = tempfile::tempdir().unwrap();
-        capture_with(folder.path(), [8, 8], &set(6), &set(7), format, &|_, _, _| [0.0; 3]);
-        with_and_without_goal(row, &folder, &params(&folder), 20_000, &|fitted| {
+        capture_with(folder.path(), GRID, &set(VIEWS), &set(LIGHTS), format, &|_, _, _| [0.0; 3]);
+        with_and_without_goal(row, &folder, &params(&folder), &|fitted| {
             let black = fitted.metrics.psnr_db == f64::INFINITY && fitted.metrics.worst_texel_rmse < 1e-4;
             assert!(black, "{:?}", fitted.metrics);
         });
@@ -164,8 +179,9 @@ fn a_black_capture() {
 #[test]
 fn one_texel() {
     let folder = tempfile::tempdir().unwrap();
-    exr(folder.path(), [1, 1], &set(6), &set(7), &|_, wi, _| lambertian(0.5, wi));
-    with_and_without_goal("one texel", &folder, &params(&folder), 20_000, &|fitted| {
+    let many = DirectionSet::bonn81();
+    exr(folder.path(), [1, 1], &many, &many, &|_, wi, _| lambertian(0.5, wi));
+    with_and_without_goal("one texel", &folder, &params(&folder), &|fitted| {
         assert!(fitted.metrics.psnr_db > 50.0, "{:?}", fitted.metrics);
     });
 }
@@ -178,8 +194,8 @@ fn one_direction() {
         [(&one, &one, "one direction"), (&one, &set(5), "one view"), (&set(5), &one, "one light")]
     {
         let folder = tempfile::tempdir().unwrap();
-        exr(folder.path(), [9, 7], views, lights, &value);
-        with_and_without_goal(row, &folder, &params(&folder), 20_000, &|fitted| {
+        exr(folder.path(), [96, 96], views, lights, &value);
+        with_and_without_goal(row, &folder, &params(&folder), &|fitted| {
             assert!(fitted.metrics.psnr_db > 50.0, "{:?}", fitted.metrics);
         });
     }
@@ -191,9 +207,9 @@ fn two_identical_clusters() {
     // Two kinds of texels that no 8-bit code tells apart, and two clusters for them.
     let value =
         |texel: usize, wi: [f32; 3], _: [f32; 3]| lambertian(if texel.is_multiple_of(2) { 0.5 } else { 0.501 }, wi);
-    exr(folder.path(), [8, 8], &set(6), &set(7), &value);
+    exr(folder.path(), GRID, &set(VIEWS), &set(LIGHTS), &value);
     let asked = FitParams { clusters: 2, ..params(&folder) };
-    with_and_without_goal("two identical clusters", &folder, &asked, 20_000, &|fitted| {
+    with_and_without_goal("two identical clusters", &folder, &asked, &|fitted| {
         let labels = &fitted.asset.layers[0].texel_clusters;
         assert!(fitted.clusters == 2 && labels.contains(&0) && labels.contains(&1), "{labels:?}");
         assert!(fitted.metrics.psnr_db > 50.0, "{:?}", fitted.metrics);
@@ -205,7 +221,7 @@ fn two_identical_clusters() {
 }
 
 fn exr_again(folder: &TempDir, value: &(dyn Fn(usize, [f32; 3]) -> [f32; 3] + Sync)) {
-    rewrite(folder.path(), &set(7), [8, 8], value);
+    rewrite(folder.path(), &set(LIGHTS), GRID, value);
 }
 
 #[test]
@@ -215,8 +231,8 @@ fn all_texels_equal() {
         let base = lambertian(0.4, wi);
         base.map(|x| x + 0.3 * (wi[2] * wo[2] - wi[0] * wo[0] - wi[1] * wo[1]).max(0.0).powi(8))
     };
-    exr(folder.path(), [8, 8], &set(8), &set(9), &gloss);
-    with_and_without_goal("all texels equal", &folder, &params(&folder), 20_000, &|fitted| {
+    exr(folder.path(), GRID, &set(VIEWS), &set(LIGHTS), &gloss);
+    with_and_without_goal("all texels equal", &folder, &params(&folder), &|fitted| {
         assert!(fitted.metrics.psnr_db > 50.0, "{:?}", fitted.metrics);
     });
 }
@@ -225,9 +241,10 @@ fn all_texels_equal() {
 fn more_clusters_than_texels() {
     let folder = tempfile::tempdir().unwrap();
     let value = |texel: usize, wi: [f32; 3], _: [f32; 3]| lambertian(0.1 + 0.1 * texel as f32, wi);
-    exr(folder.path(), [3, 2], &set(6), &set(7), &value);
+    let many = DirectionSet::bonn81();
+    exr(folder.path(), [3, 2], &many, &many, &value);
     let asked = FitParams { clusters: 256, ..params(&folder) };
-    with_and_without_goal("more clusters than texels", &folder, &asked, 20_000, &|fitted| {
+    with_and_without_goal("more clusters than texels", &folder, &asked, &|fitted| {
         assert!(fitted.metrics.psnr_db > 50.0 && fitted.clusters <= 6, "{:?}", fitted.metrics);
     });
 }
@@ -248,8 +265,8 @@ fn a_mirror_sharp_highlight() {
         let peak = if half_z > 0.0 { 200.0 * (f64::from(half_z).min(1.0).powf(2e5) as f32) } else { 0.0 };
         lambertian(0.2 + 0.002 * (texel % 30) as f32, wi).map(|x| x + peak * wi[2])
     };
-    exr(folder.path(), [8, 8], &views, &lights, &value);
-    with_and_without_goal("mirror-sharp highlight", &folder, &params(&folder), 20_000, &|fitted| {
+    exr(folder.path(), GRID, &views, &lights, &value);
+    with_and_without_goal("mirror-sharp highlight", &folder, &params(&folder), &|fitted| {
         // The highlight itself, 200 and more, is where linear values say how well it is met.
         assert!(fitted.metrics.psnr_db > 40.0 && fitted.metrics.rel_rmse < 0.05, "{:?}", fitted.metrics);
     });
@@ -258,14 +275,14 @@ fn a_mirror_sharp_highlight() {
 #[test]
 fn a_million_beside_a_millionth() {
     let folder = tempfile::tempdir().unwrap();
-    let (views, lights) = (set(5), set(6));
+    let (views, lights) = (set(VIEWS), set(LIGHTS));
     // Texel by texel, single precision: half ends at 65504.
     let value = |texel: usize, wi: [f32; 3]| if texel.is_multiple_of(3) { 1e6 * wi[2] } else { 1e-6 };
-    exr(folder.path(), [6, 6], &views, &lights, &|_, _, _| [0.0; 3]);
-    rewrite(folder.path(), &lights, [6, 6], &|texel, wi| [value(texel, wi); 3]);
-    let zenith = (0..6).max_by(|a, b| lights.units()[*a][2].total_cmp(&lights.units()[*b][2])).unwrap();
+    exr(folder.path(), GRID, &views, &lights, &|_, _, _| [0.0; 3]);
+    rewrite(folder.path(), &lights, GRID, &|texel, wi| [value(texel, wi); 3]);
+    let zenith = (0..LIGHTS).max_by(|a, b| lights.units()[*a][2].total_cmp(&lights.units()[*b][2])).unwrap();
     let (wi, wo) = (lights.units()[zenith], views.units()[2]);
-    with_and_without_goal("1e6 beside 1e-6", &folder, &params(&folder), 20_000, &|fitted| {
+    with_and_without_goal("1e6 beside 1e-6", &folder, &params(&folder), &|fitted| {
         assert!(fitted.metrics.rel_rmse < 0.01, "{:?}", fitted.metrics);
         // Where the asset must be a million it is, and where it must be nothing it is nearly that.
         let asset = Asset::parse(&fitted.bytes).unwrap();
@@ -284,7 +301,7 @@ fn a_million_beside_a_millionth() {
     let refused = "refused: the file is named, with 65,504 and 162,754 as what fits";
     told("1e6 beside 1e-6, `--error linear` or `log`", &[refused, refused]);
 
-    rewrite(folder.path(), &lights, [6, 6], &|texel, _| [if texel == 7 { 3e38 } else { 0.5 }; 3]);
+    rewrite(folder.path(), &lights, GRID, &|texel, _| [if texel == 7 { 3e38 } else { 0.5 }; 3]);
     let refused = fit(open(&folder), &params(&folder)).err().unwrap().to_string();
     assert!(
         refused.contains(".exr")
@@ -338,8 +355,8 @@ fn grazing_light() {
         let sheen = 0.5 * (1.0 - wi[2]).powi(5) * (1.0 - wo[2]).powi(5);
         lambertian(0.3 + 0.02 * (texel % 8) as f32, wi).map(|x| x + sheen)
     };
-    exr(folder.path(), [8, 8], &low, &low, &value);
-    with_and_without_goal("light and view at 89.9 degrees", &folder, &params(&folder), 20_000, &|fitted| {
+    exr(folder.path(), GRID, &low, &low, &value);
+    with_and_without_goal("light and view at 89.9 degrees", &folder, &params(&folder), &|fitted| {
         assert!(fitted.metrics.psnr_db > 40.0, "{:?}", fitted.metrics);
     });
 }
@@ -369,11 +386,11 @@ fn small_negative_values() {
     let folder = tempfile::tempdir().unwrap();
     let value =
         |texel: usize, wi: [f32; 3], _: [f32; 3]| [0.4 * wi[2], if texel.is_multiple_of(4) { -0.02 } else { 0.1 }, 0.2];
-    let capture = exr(folder.path(), [8, 8], &set(5), &set(6), &value);
+    let capture = exr(folder.path(), GRID, &set(VIEWS), &set(LIGHTS), &value);
     let btf_capture::Pixels::Linear(kept) = capture.read(0, 0).unwrap() else { panic!("EXR is linear") };
     assert!((kept[1] + 0.02).abs() < 1e-4, "the capture keeps the sign: {}", kept[1]);
-    with_and_without_goal("small negative input", &folder, &params(&folder), 20_000, &|fitted| {
-        // The asset gives 0 there (docs/reference/model.md, section 4); the error that is told is that against -0.02.
+    with_and_without_goal("small negative input", &folder, &params(&folder), &|fitted| {
+        // The asset gives 0 there (docs/MODEL.md, section 4); the error that is told is that against -0.02.
         let quarter = 0.02 / (3.0f64).sqrt();
         let worst = fitted.metrics.worst_texel_rmse;
         assert!(worst > 0.8 * quarter && worst < 1.5 * quarter, "{:?}", fitted.metrics);
@@ -383,17 +400,17 @@ fn small_negative_values() {
 }
 
 fn exr_below(folder: &Path) -> String {
-    rewrite(folder, &set(6), [8, 8], &|_, _| [-0.2; 3]);
+    rewrite(folder, &set(LIGHTS), GRID, &|_, _| [-0.2; 3]);
     Capture::open(folder.join("capture")).unwrap_err().to_string()
 }
 
 #[test]
 fn a_weight_above_half_precision() {
     let folder = tempfile::tempdir().unwrap();
-    let (views, lights) = (set(5), set(6));
-    exr(folder.path(), [6, 6], &views, &lights, &|_, _, _| [0.0; 3]);
-    rewrite(folder.path(), &lights, [6, 6], &|texel, wi| [3e5 * wi[2] * (1.0 + 0.05 * (texel % 5) as f32); 3]);
-    with_and_without_goal("weight above half precision", &folder, &params(&folder), 20_000, &|fitted| {
+    let (views, lights) = (set(VIEWS), set(LIGHTS));
+    exr(folder.path(), GRID, &views, &lights, &|_, _, _| [0.0; 3]);
+    rewrite(folder.path(), &lights, GRID, &|texel, wi| [3e5 * wi[2] * (1.0 + 0.05 * (texel % 5) as f32); 3]);
+    with_and_without_goal("weight above half precision", &folder, &params(&folder), &|fitted| {
         let scales = fitted.asset.layers[0].dictionary.iter().flatten().map(|entry| entry.weight_scale);
         let most = scales.fold(0.0f32, f32::max);
         // Half precision's last step; what the lobes cannot carry the residual does.
@@ -412,7 +429,7 @@ fn more_texels_and_references_than_16_bits() {
     };
     capture_with(folder.path(), [SIDE, SIDE], &set(2), &set(4), ImageFormat::Png, &value);
     let asked = FitParams { clusters: 4, ..params(&folder) };
-    with_and_without_goal("more than 65,536 texels", &folder, &asked, 200_000, &|fitted| {
+    with_and_without_goal("more than 65,536 texels", &folder, &asked, &|fitted| {
         let references = fitted.asset.layers[0].lobe_refs.len();
         assert!(SIDE * SIDE > 1 << 16 && references > 1 << 16, "{references} references");
         assert!(fitted.metrics.psnr_db > 45.0 && fitted.metrics.worst_texel_rmse < 0.02, "{:?}", fitted.metrics);

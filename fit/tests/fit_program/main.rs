@@ -4,6 +4,7 @@
 mod command_line;
 mod containers;
 mod extremes;
+mod memory;
 mod painted;
 mod resume;
 mod support;

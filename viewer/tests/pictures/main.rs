@@ -1,5 +1,5 @@
-//! What is drawn, measured against other ways of drawing it: one module per subject, one program, because each program links the
-//! whole of the renderer.
+//! What is drawn, measured against other ways of drawing it: one module per subject, one program, because each program
+//! links the whole of the renderer.
 
 mod diffuse_sheets;
 mod expansion;

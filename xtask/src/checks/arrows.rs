@@ -21,7 +21,7 @@ const ALLOWED: [(&str, &[&str]); 13] = [
     ("xtask", &[]),
 ];
 
-/// The package that is bytes in, numbers out.
+/// Name of the package that reads bytes and returns numbers, and does nothing else.
 const RUNTIME: &str = "btf-runtime";
 
 /// Crates (and families, `name-*`) that would bring the runtime a GPU, an image codec, threads, files or a window.
@@ -95,7 +95,7 @@ pub fn check(metadata: &Metadata, root: &Path) -> Result<String, String> {
     ))
 }
 
-/// `[(package, ours that it declares)]`, for normal use, tests and build scripts alike.
+/// Returns each of our packages with those of ours that it declares, for normal use, tests and build scripts alike.
 fn arrows_of(metadata: &Metadata) -> Vec<(&str, BTreeSet<&str>)> {
     let ours = metadata.packages.iter().filter(|package| package.source.is_none());
     ours.map(|package| {
@@ -133,7 +133,7 @@ fn forbidden_crates(linked: &BTreeSet<&str>) -> Vec<String> {
         .collect()
 }
 
-/// Lines of a source file that name a forbidden module. Comments and the test module at the file's end are left out.
+/// Finds the lines of a source file that name a forbidden module. Comments and the test module at the end are left out.
 fn forbidden_words(name: &str, text: &str) -> Vec<String> {
     let mut offences = Vec::new();
     for (index, line) in text.lines().enumerate() {
@@ -151,13 +151,14 @@ fn forbidden_words(name: &str, text: &str) -> Vec<String> {
     offences
 }
 
-/// `std::module` or `std::{.., module, ..}` on one line.
+/// Returns whether a line has `std::module` or `std::{.., module, ..}`.
 fn names_std_module(code: &str, module: &str) -> bool {
     code.match_indices("std::").any(|(at, found)| {
         let rest = &code[at + found.len()..];
         match rest.strip_prefix('{') {
             None => words_of(rest).next() == Some(module),
-            // The first word of each member of the group; nested groups are further members, which is on the strict side.
+            // The first word of each member of the group; nested groups are further members, which is on the strict
+            // side.
             Some(group) => {
                 group.split(['{', ',', '}']).any(|member| words_of(member.trim_start()).next() == Some(module))
             }
@@ -169,7 +170,7 @@ fn words_of(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| !c.is_alphanumeric() && c != '_')
 }
 
-/// All `.rs` files below a folder, sorted.
+/// Returns all `.rs` files below a folder, sorted.
 fn rust_files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -188,7 +189,7 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
 mod tests {
     use super::*;
 
-    /// A made-up answer of `cargo metadata`: a package of ours with its arrows, and what the runtime resolves to.
+    /// Makes up an answer of `cargo metadata`: a package of ours with its arrows, and what the runtime resolves to.
     fn metadata(package: &str, uses: &[&str], runtime_links: &str, kind: Option<&str>) -> Metadata {
         let dependencies: Vec<_> =
             uses.iter().map(|name| serde_json::json!({ "name": name, "path": format!("../{name}") })).collect();

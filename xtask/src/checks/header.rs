@@ -1,4 +1,5 @@
-//! The C header, made by cbindgen from the sources of the C interface: writes it, and checks that the repository has it as it is made.
+//! The C header, made by cbindgen from the sources of the C interface: writes it, and checks that the repository has it
+//! as it is made.
 
 use crate::failure::Failure;
 use crate::shell::root;

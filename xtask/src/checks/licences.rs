@@ -28,7 +28,7 @@ const ACCEPTED: [&str; 13] = [
 /// cbindgen's licence covers its own files, not the headers that it writes.
 const TOOLS: [(&str, &str); 1] = [("cbindgen", "MPL-2.0")];
 
-/// The package that may link those.
+/// Name of the package that may link [`TOOLS`].
 const CHORES: &str = "xtask";
 
 /// Checks every package. `Ok` holds one line that says what was found; `Err` holds every offence, one a line.
@@ -38,7 +38,8 @@ pub fn check(metadata: &Metadata) -> Result<String, String> {
     if !offences.is_empty() {
         return Err(offences.join("\n"));
     }
-    // Which of the accepted licences some package really leaves no way around, so that the list above can be kept short.
+    // Which of the accepted licences some package really leaves no way around, so that the list above can be kept
+    // short.
     let mut needed: Vec<&str> = ACCEPTED
         .into_iter()
         .filter(|licence| metadata.packages.iter().any(|package| !is_accepted_without(package, licence)))
@@ -51,7 +52,7 @@ pub fn check(metadata: &Metadata) -> Result<String, String> {
     ))
 }
 
-/// What is wrong with a package's licence, with the package's name.
+/// Returns what is wrong with a package's licence, with the package's name.
 fn offence(package: &Package) -> Option<String> {
     let who = format!("{} {}", package.name, package.version);
     let Some(expression) = package.license.as_deref().filter(|text| !text.trim().is_empty()) else {
@@ -70,7 +71,7 @@ fn offence(package: &Package) -> Option<String> {
     }
 }
 
-/// Our packages but [`CHORES`] that link one of [`TOOLS`].
+/// Finds our packages besides [`CHORES`] that link one of [`TOOLS`].
 fn shipped_tools(metadata: &Metadata) -> Vec<String> {
     let ours = metadata.packages.iter().filter(|package| package.source.is_none() && package.name != CHORES);
     let linked = ours.flat_map(|package| {

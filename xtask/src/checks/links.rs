@@ -1,7 +1,7 @@
 //! Every link of the documents leads somewhere, every page stands in the book, and every file that a page or a source
 //! names exists.
 
-use crate::words;
+use crate::checks::words;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 

@@ -1,5 +1,5 @@
-//! Checks the folders inside the packages: their modules use each other without cycles, no folder is crowded, no function
-//! is long.
+//! Checks the folders inside the packages: their modules use each other without cycles, no folder is crowded, no
+//! function is long.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -47,9 +47,10 @@ pub fn check(root: &Path) -> Result<String, String> {
     }
 }
 
-/// `[(path below src, text)]`, sorted. The names of WGSL files stand in with an empty text, because they fill a folder, too.
+/// Source files as `[(path below src, text)]`, sorted. WGSL files are listed with an empty text, because they fill a
+/// folder, too.
 type Sources = Vec<(String, String)>;
-/// What each file uses: file -> file -> names.
+/// The names that each file uses of each other file.
 type Graph = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
 
 fn sources_of(src: &Path) -> Result<Sources, String> {
@@ -92,19 +93,19 @@ fn examine(package: &str, sources: &Sources) -> Result<(Vec<String>, Graph), Str
 
 /// A file as a module of its package.
 struct Module {
-    /// Below `src`.
+    /// Path of the file below `src`.
     file: String,
-    /// From the root of the package.
+    /// Path of the module from the root of the package.
     path: Vec<String>,
-    /// Names of the items that it defines.
+    /// Names of the items that the module defines.
     items: BTreeSet<String>,
-    /// Names that it brings in: name, path, and whether others can see it.
+    /// Names that the module imports.
     imports: Vec<Import>,
-    /// Paths in its code, tests left out.
+    /// Paths in the module's code, tests left out.
     mentions: Vec<Vec<String>>,
-    /// Modules that it declares for tests alone.
+    /// Modules that the module declares for tests alone.
     test_modules: Vec<Vec<String>>,
-    /// `(name, lines)` of its functions.
+    /// Name and number of lines of each function.
     functions: Vec<(String, usize)>,
 }
 
@@ -197,7 +198,7 @@ impl Module {
     }
 }
 
-/// Whether an item is compiled for tests alone.
+/// Returns whether an item is compiled for tests alone.
 fn is_test(attributes: &[syn::Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
         syn::Meta::Path(path) => path.is_ident("test"),
@@ -270,7 +271,8 @@ struct Names<'a> {
 }
 
 impl<'a> Names<'a> {
-    /// A path as the code of `module` has it, from the root of the package; `None` for other crates' and for local names.
+    /// Resolves a path in the code of `module` to a path from the root of the package. Returns `None` for other crates
+    /// and local names.
     fn absolute(&self, module: &Module, path: &[String]) -> Option<Vec<String>> {
         let (first, rest) = path.split_first()?;
         match first.as_str() {
@@ -292,7 +294,7 @@ impl<'a> Names<'a> {
         }
     }
 
-    /// The file that defines what an absolute path names; `None` where it names a module alone.
+    /// Returns the file that defines what an absolute path names, or `None` where the path names a module.
     fn file_of(&self, path: &[String], depth: usize) -> Option<&'a str> {
         let deepest = (0..=path.len()).rev().find(|&length| self.modules.contains_key(&path[..length]))?;
         let module = self.modules[&path[..deepest]];
@@ -346,7 +348,7 @@ fn graph_of(modules: &[Module]) -> Graph {
     graph
 }
 
-/// Folders with too many files beside each other, and folders with a name that says nothing.
+/// Finds folders with too many files beside each other, and folders with a name that says nothing.
 fn crowded_folders(package: &str, sources: &Sources) -> Vec<String> {
     let mut folders: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for (file, _) in sources {
@@ -399,7 +401,7 @@ fn forbidden_arrows(package: &str, graph: &Graph) -> Vec<String> {
     offences
 }
 
-/// Cycles between the files of a package, and between the folders at every depth.
+/// Finds cycles between the files of a package, and between its folders at every depth.
 fn cycles(package: &str, graph: &Graph) -> Vec<String> {
     let mut offences = Vec::new();
     let allowed = |files: &[&str]| {
@@ -431,12 +433,12 @@ fn cycles(package: &str, graph: &Graph) -> Vec<String> {
     offences
 }
 
-/// The folders that a file lies in, outermost first: "", "a/", "a/b/".
+/// Returns the folders that a file lies in, outermost first: "", "a/", "a/b/".
 fn ancestors(file: &str) -> Vec<&str> {
     std::iter::once("").chain(file.match_indices('/').map(|(at, _)| &file[..=at])).collect()
 }
 
-/// What lies directly in `parent` and holds `file`: a folder with its slash, or the file.
+/// Returns what lies directly in `parent` and holds `file`: a folder with its slash, or the file itself.
 fn child<'a>(parent: &str, file: &'a str) -> &'a str {
     let below = &file[parent.len()..];
     below.find('/').map_or(file, |at| &file[..=parent.len() + at])
@@ -459,7 +461,7 @@ fn list(names: &BTreeSet<String>) -> String {
     names.iter().map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
-/// The strongly connected components of more than one node [Tarjan 1972], each sorted.
+/// Finds the strongly connected components of more than one node [Tarjan 1972]. Sorts each.
 fn circles<'a>(graph: &BTreeMap<&'a str, BTreeSet<&'a str>>) -> Vec<Vec<&'a str>> {
     /// The numbering of one search.
     struct Search<'a, 'g> {
@@ -531,7 +533,8 @@ mod tests {
         ];
         assert_eq!(offences(&good), Vec::<String>::new());
         let mut bad = good;
-        // Through the package's own public name, and through another file of the folder than the one that closes the circle.
+        // Through the package's own public name, and through another file of the folder than the one that closes the
+        // circle.
         bad[3].1 = "use crate::gpu; pub struct Pixel; fn f() { gpu::pass::run() }";
         bad[5].1 = "pub fn run() {}";
         let found = offences(&bad);

@@ -3,7 +3,7 @@
 //! Grammar (SPDX 2.3, annex D), strongest binding first: an identifier, optionally `+`, optionally `WITH` an exception;
 //! `AND`; `OR`. Old crates write `MIT/Apache-2.0`; crates.io took the slash for `OR`, and so do we.
 
-/// Whether `expression` can be satisfied with licences that `accepts` says yes to.
+/// Returns whether `expression` can be satisfied with the licences that `accepts` allows.
 ///
 /// `OR` leaves the choice to us, so one accepted side is enough; `AND` binds us to both. An exception (`WITH`) only adds
 /// permissions, so the licence before it decides. Returns an error where the text is not such an expression.

@@ -45,7 +45,7 @@ pub fn files(root: &Path) -> (Vec<PathBuf>, &'static str) {
     }
 }
 
-/// Every line of `text` that names a local path, as `file:line: ...`.
+/// Finds the lines of `text` that name a local path. Returns them as `file:line: ...`.
 fn local_paths(file: &Path, text: &str) -> Vec<String> {
     let mut in_tests = file.components().any(|part| part.as_os_str() == "tests");
     let mut offences = Vec::new();
@@ -63,7 +63,7 @@ fn local_paths(file: &Path, text: &str) -> Vec<String> {
     offences
 }
 
-/// Whether `word` starts a path in `line`, rather than going on from one, as in an address or a relative path.
+/// Returns whether `word` starts a path in `line`, rather than going on from one, as in an address or a relative path.
 fn names_path(line: &str, word: &str) -> bool {
     line.match_indices(word).any(|(at, _)| {
         let before = line[..at].chars().next_back();
@@ -71,7 +71,8 @@ fn names_path(line: &str, word: &str) -> bool {
     })
 }
 
-/// Files that git tracks, and new ones that it does not ignore; `None` without git or outside a checkout.
+/// Returns the files that git tracks, and new ones that it does not ignore. Returns `None` without git or outside a
+/// checkout.
 fn tracked_files(root: &Path) -> Option<Vec<PathBuf>> {
     let arguments = ["ls-files", "-z", "--cached", "--others", "--exclude-standard"];
     let list = shell::answer_of(Command::new("git").args(arguments).current_dir(root))?;
@@ -80,7 +81,7 @@ fn tracked_files(root: &Path) -> Option<Vec<PathBuf>> {
     (!files.is_empty()).then_some(files)
 }
 
-/// All files below `root`, relative to it, build outputs and git's own folder left out.
+/// Returns all files below `root`, relative to it, without build outputs and git's own folder.
 fn walked_files(root: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     let mut folders = vec![PathBuf::new()];

@@ -11,7 +11,7 @@ Usage: cargo xtask bench [CRITERION ARGUMENTS]
 
 Example: cargo xtask bench decode";
 
-/// Passes its arguments on to the benches of the tests package.
+/// Runs the benches of the tests package. Passes all arguments on to them.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if asks_for_help(arguments) {
         println!("{HELP}");

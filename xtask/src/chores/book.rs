@@ -1,7 +1,7 @@
 //! `cargo xtask book`: the documents as a site, by mdBook.
 
+use crate::checks::links;
 use crate::failure::Failure;
-use crate::links;
 use crate::metadata::Metadata;
 use crate::shell::{answer_of, cargo, root, run_checked};
 use std::path::Path;

@@ -21,12 +21,12 @@ Example: cargo xtask demo --size 256 --out leaf-demo";
 
 /// The packages that the demo needs.
 const PROGRAMS: [&str; 3] = ["btf-synth", "btf-fit", "btf-viewer"];
-/// Names that the demo makes in its folder, and removes before it makes them again.
+/// Files and folders that the demo writes, and removes before it writes them again.
 const OUTPUTS: [&str; 7] = ["leaf", "leaf.spmm", "leaf.png", "leaf.html", "fit.json", "compare.json", "view.json"];
-/// Marks a folder as the demo's own.
+/// Name of the file that marks a folder as written by the demo.
 const MARK: &str = ".btf-demo";
 
-/// What the user asked for.
+/// Options of the demo.
 struct Options {
     size: u32,
     out: Option<PathBuf>,
@@ -130,7 +130,7 @@ fn parse(arguments: &[String]) -> Result<Options, Failure> {
     Ok(options)
 }
 
-/// Makes the folder, or empties it of an earlier demo's outputs; a folder with other content is refused.
+/// Makes the output folder, or removes the outputs of an earlier demo from it. Refuses a folder with other content.
 fn prepare(out: &Path) -> Result<(), Failure> {
     let failed =
         |error: std::io::Error| Failure::new(format!("{}: {error}; choose another folder with --out", out.display()));

@@ -43,13 +43,14 @@ const WORKSPACES: [Workspace; 2] = [
     },
 ];
 
-/// Executions of a target where nobody says otherwise: some seconds.
+/// Default number of executions of a target, which take some seconds.
 pub const RUNS: u64 = 20_000;
 
-/// Most bytes of an input.
+/// Argument of libFuzzer that bounds an input, bytes.
 const MAX_BYTES: &str = "-max_len=32768";
 
-/// What makes rustc tell libFuzzer where a run has been and what it compared: cargo-fuzz's flags for `--sanitizer none`.
+/// Flags of rustc that record which code a run reaches and what it compares: those of cargo-fuzz for
+/// `--sanitizer none`.
 const COVERAGE: &str = "--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
     -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
     -Cllvm-args=-sanitizer-coverage-trace-compares";
@@ -66,7 +67,7 @@ Usage: cargo xtask fuzz [TARGET] [--runs N]
 
 Example: cargo xtask fuzz parse --runs 3000000";
 
-/// The chore.
+/// Runs the chore.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if asks_for_help(arguments) {
         println!("{HELP}");
@@ -92,7 +93,7 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether a C++ compiler is there.
+/// Returns whether a C++ compiler is installed.
 pub fn has_compiler() -> bool {
     answer_of(Command::new("c++").arg("--version")).is_some()
 }

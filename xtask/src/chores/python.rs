@@ -3,7 +3,8 @@
 use crate::arguments;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
-use crate::tools::{peers, python_module};
+use crate::tools::peers;
+use crate::tools::python_module::{self, Build};
 
 const HELP: &str = "\
 Builds the wheel of the Python module, installs it under the target folder (peers/btf) and runs its tests there. Python,
@@ -18,7 +19,7 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if arguments::none("python", HELP, arguments)? {
         let target = Metadata::read()?.target_directory;
         println!("{}", peers::ensure(&target)?);
-        println!("{}", python_module::build_and_test(&target)?);
+        println!("{}", python_module::build_and_test(&target, Build::Release)?);
     }
     Ok(())
 }

@@ -16,7 +16,7 @@ Usage: cargo xtask shaders [-o FOLDER]
 
 Example: cargo xtask shaders -o ../engine/shaders/btf";
 
-/// Writes the folder; files of these names that are there already are written anew.
+/// Runs the chore. Overwrites files of the same names.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if asks_for_help(arguments) {
         println!("{HELP}");
@@ -31,7 +31,7 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     run_checked(cargo(&["run", "--quiet", "--package", "btf-shaders", "--"]).arg(out))
 }
 
-/// The folder that the user names.
+/// Returns the folder that the user names.
 fn parse(arguments: &[String]) -> Result<Option<PathBuf>, Failure> {
     match arguments {
         [] => Ok(None),

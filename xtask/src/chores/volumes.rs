@@ -15,29 +15,29 @@ With --resolution, finer or coarser ones are written into target/volumes instead
 Example:
   cargo xtask volumes --resolution 256 && btf-view scene forest --volume target/volumes/forest.voltex";
 
-/// Where scripts and volumes are made, relative to the repository's root.
+/// Folder in which scripts and volumes are made, relative to the repository's root.
 const FOLDER: &str = "target/volumes";
-/// Where the viewer has its own.
+/// Folder of the volumes that come with the viewer.
 const MODELS: &str = "viewer/src/scene/builtin";
-/// What is grown: name and options.
+/// Plants that are grown: name, and options of btf-synth.
 const GROWN: [(&str, &str); 4] = [
     ("lawn", "--species grass --flowers 0"),
     ("lawn_flower", "--species grass --flowers 1 --seed 2"),
     ("tree", "--species tree --branches 2154 --leaves 6336"),
     ("tree2", "--species tree --branches 2154 --leaves 6336 --seed 7"),
 ];
-/// What is built, with how many voxels a side, and fitted from how many directions.
+/// Volumes that are built: name, voxels along each side, and number of view directions of the fit.
 const BUILT: [(&str, u32, u32); 4] =
     [("lawn", 128, 24), ("lawn_flower", 128, 24), ("tree", 64, 12), ("forest", 64, 12)];
-/// Space of the tree, which stands in its middle.
+/// Space of the volume with one tree, which stands in the middle.
 const TREE_SPACE: &str = "least_m = [-3.0, -3.0, 0.0]\nmost_m = [3.0, 3.0, 6.0]\ncyclic = [false, false]";
-/// Space of the two trees of the forest, one period.
+/// Space of the volume with the two trees of the forest: one period.
 const FOREST_SPACE: &str = "least_m = [0.0, 0.0, 0.0]\nmost_m = [6.0, 6.0, 6.0]\ncyclic = [true, true]";
-/// Size and foot of the forest's trees, as the viewer's `landscape/forest.rs` has them: so large that next to nothing of them goes
-/// on opposite, since texels are turned, and on no line of symmetry, so that turns move them.
+/// Size and foot of the forest's trees, as the viewer's `landscape/forest.rs` has them: so large that next to nothing
+/// of them goes on opposite, since texels are turned, and on no line of symmetry, so that turns move them.
 const FOREST: [(&str, f64, [f64; 3]); 2] = [("tree", 0.9, [1.85, 2.5, 0.0]), ("tree2", 0.85, [4.45, 4.3, 0.0])];
 
-/// The chore.
+/// Runs the chore.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
     if asks_for_help(arguments) {
         println!("{HELP}");
@@ -88,20 +88,20 @@ fn write(folder: &Path, name: &str, text: &str) -> Result<(), Failure> {
     std::fs::write(&path, text).map_err(|error| Failure::new(format!("{} cannot be written: {error}", path.display())))
 }
 
-/// A script's materials, and its strokes.
+/// Splits a script into its materials and its strokes.
 fn parts_of(script: &str) -> Result<[&str; 2], Failure> {
     let at = |head: &str| script.find(head).ok_or_else(|| Failure::new(format!("a plant's script has no {head}")));
     let (materials, strokes) = (at("[[materials]]")?, at("[[strokes]]")?);
     Ok([&script[materials..strokes], &script[strokes..]])
 }
 
-/// The same script in another space.
+/// Returns a script with its space replaced.
 fn in_space(script: &str, space: &str) -> Result<String, Failure> {
     let [materials, strokes] = parts_of(script)?;
     Ok(format!("[space]\n{space}\n\n{materials}{strokes}"))
 }
 
-/// The two trees in one space; both have the first one's materials.
+/// Returns a script with both trees in one space. Both have the materials of the first.
 fn forest_of(trees: [&str; 2]) -> Result<String, Failure> {
     let mut forest = format!("[space]\n{FOREST_SPACE}\n\n{}", parts_of(trees[0])?[0]);
     for (script, (_, scale, foot)) in trees.iter().zip(FOREST) {

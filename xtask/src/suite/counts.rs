@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::AddAssign;
 
-/// Shown as the last line of `cargo xtask test`; scripts read that line.
+/// Numbers of tests, printed as the last line of `cargo xtask test`. Scripts read that line.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
     pub passed: usize,
@@ -60,8 +60,8 @@ pub fn from_cargo_test(output: &str) -> Option<Counts> {
     sum
 }
 
-/// Reads nextest's `Summary [   1.234s] 10 tests run: 8 passed (1 slow), 1 failed, 1 timed out, 2 skipped`. Whatever ran
-/// and did not pass has failed. `None` where there is no such line.
+/// Reads nextest's `Summary [   1.234s] 10 tests run: 8 passed (1 slow), 1 failed, 1 timed out, 2 skipped`. Whatever
+/// ran and did not pass has failed. `None` where there is no such line.
 pub fn from_nextest(output: &str) -> Option<Counts> {
     let line = output.lines().rev().find(|line| line.trim_start().starts_with("Summary ["))?;
     let (_, parts) = line.split_once(" run: ")?;
@@ -76,7 +76,8 @@ pub fn from_nextest(output: &str) -> Option<Counts> {
     Some(counts)
 }
 
-/// The tests that failed, as `package: test`, from nextest's lines `FAIL [   0.003s] (1/2) package test`. Sorted.
+/// Returns the tests that failed as `package: test`, from nextest's lines `FAIL [   0.003s] (1/2) package test`.
+/// Sorted.
 pub fn nextest_failures(output: &str) -> Vec<String> {
     // What nextest prints instead of PASS: FAIL, FAIL + LEAK, TIMEOUT, ABORT, SIGSEGV, XFAIL (could not be started).
     let is_failure = |status: &str| {
@@ -98,7 +99,7 @@ pub fn nextest_failures(output: &str) -> Vec<String> {
     names
 }
 
-/// The tests that failed, from cargo test's lines `test name ... FAILED`. Sorted.
+/// Returns the tests that failed, from cargo test's lines `test name ... FAILED`. Sorted.
 pub fn cargo_test_failures(output: &str) -> Vec<String> {
     let name_of = |line: &str| Some(line.strip_prefix("test ")?.strip_suffix(" ... FAILED")?.to_string());
     let mut names: Vec<String> = output.lines().filter_map(name_of).collect();
@@ -107,7 +108,7 @@ pub fn cargo_test_failures(output: &str) -> Vec<String> {
     names
 }
 
-/// `3 filtered out` -> `(3, "filtered")`.
+/// Reads `3 filtered out` as `(3, "filtered")`.
 fn number_and_word(part: &str) -> Option<(usize, &str)> {
     let mut words = part.split_whitespace();
     Some((words.next()?.parse().ok()?, words.next()?))

@@ -5,20 +5,21 @@ mod runners;
 mod steps;
 
 use crate::arguments::asks_for_help;
-use crate::checks::{arrows, header, licences, rooms, words};
+use crate::checks::{arrows, header, licences, links, rooms, words};
 use crate::chores::check::{CLIPPY, FORMAT};
 use crate::chores::fuzz;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
 use crate::shell::root;
-use crate::tools::{asset_tools, compilers, driver, peers, python_module, shader_tools, window_tools};
+use crate::tools::python_module::{self, Build};
+use crate::tools::{asset_tools, compilers, driver, peers, shader_tools, window_tools};
 use counts::Counts;
 use std::path::Path;
 use steps::Suite;
 
 const HELP: &str = "\
 Runs everything that CI runs and goes on after a failure. First come the tests that need nothing but Rust, then format,
-dependency arrows, folders, licences, words, the C header, doc tests, clippy and docs; then what other programs need is
+dependency arrows, folders, licences, words, links of the documents, the C header, doc tests, clippy and docs; then what other programs need is
 installed (a software Vulkan driver, Xvfb, compilers and valgrind; below the target folder judges of shaders and files,
 Mitsuba and the Python module), and the tests run that use it, and the fuzz targets for some seconds. At the end everything
 that failed is listed; the last line sums it up: N passed, N failed, N skipped.
@@ -91,10 +92,12 @@ fn check(suite: &mut Suite, metadata: &Metadata) {
     suite.check("licences", || licences::check(metadata));
     suite.check("rooms", || rooms::check(&root()));
     suite.check("words", || words::check(&root()));
+    suite.check("links", || links::check(&root()));
     suite.check("header", header::check);
 }
 
-/// Finds or installs what other programs the tests need, and runs the tests of the Python module and of the rival codecs.
+/// Finds or installs what other programs the tests need, and runs the tests of the Python module and of the rival
+/// codecs.
 fn install(suite: &mut Suite, target: &Path) {
     const NO_GPU: Option<&str> = Some("BTF_SKIP_GPU");
     const NO_PEERS: Option<&str> = Some("BTF_SKIP_PEERS");
@@ -108,6 +111,6 @@ fn install(suite: &mut Suite, target: &Path) {
     if suite.tool("peers", NO_PEERS, || peers::ensure(target)) {
         let said = |result: Result<String, Failure>| result.map_err(|failure| failure.to_string());
         suite.check("rival codecs", || said(peers::check_rivals(target)));
-        suite.check("python", || said(python_module::build_and_test(target)));
+        suite.check("python", || said(python_module::build_and_test(target, Build::Tests)));
     }
 }

@@ -1,7 +1,7 @@
 //! Runs tests with nextest or cargo, and reads how many passed, failed and were skipped.
 //!
-//! Tests that need nothing but Rust run first, those with other programs or a GPU when these have been installed. The two are told
-//! apart by the names of test programs, so that all run in one build of the workspace.
+//! Tests that need nothing but Rust run first, those with other programs or a GPU when these have been installed. The
+//! two are told apart by the names of test programs, so that all run in one build of the workspace.
 
 use super::counts::{self, Counts};
 use crate::metadata::{Metadata, has_subcommand};
@@ -50,8 +50,9 @@ fn selected(metadata: &Metadata, wanted: impl Fn(&str) -> bool) -> Vec<String> {
     names.into_iter().filter(|name| wanted(name)).flat_map(|name| ["--test".to_string(), name.to_string()]).collect()
 }
 
-/// Runs the test programs of `selection` with `filter` as the arguments of each. Tests that had nothing to work with write a line to
-/// a file, and are counted as skipped. Tests that the filter leaves out are counted in the run that has them.
+/// Runs the test programs of `selection` with `filter` as the arguments of each. Tests that had nothing to work with
+/// write a line to a file, and are counted as skipped. Tests that the filter leaves out are counted in the run that has
+/// them.
 fn run(selection: &[String], filter: &[&str], metadata: &Metadata) -> Result<Tested, String> {
     let nextest = has_subcommand("nextest");
     let base: &[&str] = if nextest { &["nextest", "run", "--no-fail-fast"] } else { &["test", "--no-fail-fast"] };

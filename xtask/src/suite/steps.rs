@@ -64,8 +64,8 @@ impl Suite {
         });
     }
 
-    /// Finds or installs a tool, unless `switch` is 1. A tool that is not there is a failure in CI, elsewhere counted as skipped.
-    /// Returns whether the tool is there.
+    /// Finds or installs a tool, unless `switch` is 1. A tool that is not there is a failure in CI, elsewhere counted
+    /// as skipped. Returns whether the tool is there.
     pub fn tool(&mut self, name: &str, switch: Option<&str>, find: impl FnOnce() -> Result<String, Failure>) -> bool {
         let mut found = false;
         self.step(name, || {
@@ -109,7 +109,8 @@ impl Suite {
     }
 }
 
-/// Returns whether this is a run of CI, where everything must be there. `.ci/run` sets `BTF_CI`; the runners of others set `CI`.
+/// Returns whether this is a run of CI, where everything must be there. `.ci/run` sets `BTF_CI`; the runners of others
+/// set `CI`.
 fn is_ci() -> bool {
     ["CI", "BTF_CI"].iter().any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()))
 }
@@ -134,13 +135,14 @@ fn left_out(switch: Option<&str>) -> Option<Counts> {
     Some(Counts::SKIPPED)
 }
 
-/// Returns the processor time of all programs that this one has started and waited for, in seconds. `None` but on Linux.
+/// Returns the processor time of all programs that this one has started and waited for, in seconds. `None` but on
+/// Linux.
 fn processor_seconds() -> Option<f64> {
     processor_seconds_of(&std::fs::read_to_string("/proc/self/stat").ok()?)
 }
 
-/// Reads fields 16 and 17 of a `stat` file, user and system time of the children, in the hundredths of a second in which Linux
-/// counts for programs. The name in field 2 may have blanks, so fields are counted from behind it.
+/// Reads fields 16 and 17 of a `stat` file, user and system time of the children, in the hundredths of a second in
+/// which Linux counts for programs. The name in field 2 may have blanks, so fields are counted from behind it.
 fn processor_seconds_of(stat: &str) -> Option<f64> {
     let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(13).map(str::parse::<f64>);
     Some((fields.next()?.ok()? + fields.next()?.ok()?) / 100.0)

@@ -23,8 +23,8 @@ impl Program {
     }
 }
 
-/// Finds programs or installs the packages of those that are missing. Returns one line with their versions; a failure is the
-/// sentence that `advice` makes of the packages that are still missing.
+/// Finds programs or installs the packages of those that are missing. Returns one line with their versions; a failure
+/// is the sentence that `advice` makes of the packages that are still missing.
 pub fn ensure(programs: &[&Program], advice: &dyn Fn(&[&str]) -> String) -> Result<String, Failure> {
     let missing = || -> Vec<&str> {
         programs.iter().filter(|program| program.version().is_none()).map(|program| program.package).collect()

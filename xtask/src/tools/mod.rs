@@ -1,5 +1,5 @@
-//! Programs that others have written and that tests need: finds them, installs them (Debian packages as root; packages of npm and pip
-//! below the target folder), or says in one sentence what to install.
+//! Programs that others have written and that tests need: finds them, installs them (Debian packages as root; packages
+//! of npm and pip below the target folder), or says in one sentence what to install.
 
 pub mod apt;
 pub mod asset_tools;

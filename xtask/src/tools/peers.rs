@@ -5,22 +5,22 @@ use crate::shell::{answer_of, root, run_and_read};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Relative to the repository's root: what is installed, with versions.
+/// List of the Python packages with their versions, relative to the repository's root.
 const REQUIREMENTS: &str = "tests/peers/requirements.txt";
 
-/// Written into the environment when it is complete: the requirements that it was made from.
+/// The copy of the requirements that marks a complete environment.
 const STAMP: &str = "requirements-installed.txt";
 
-/// What every failure ends with.
+/// End of every sentence about a missing tool that comparisons use.
 pub const LEAVE_OUT: &str = "or set BTF_SKIP_PEERS=1 to leave these comparisons out";
 
-/// Whether the user leaves the comparisons out.
+/// Returns whether `BTF_SKIP_PEERS=1` leaves the comparisons out.
 pub fn left_out() -> bool {
     std::env::var_os("BTF_SKIP_PEERS").is_some_and(|value| value == "1")
 }
 
-/// Finds or makes the environment in `target`/peers; the sentence says which. An interpreter that `BTF_PEERS_PYTHON`
-/// names is taken as it is.
+/// Finds or makes the environment in `target`/peers. Returns one line that says which. An interpreter that
+/// `BTF_PEERS_PYTHON` names is taken as it is.
 pub fn ensure(target: &Path) -> Result<String, Failure> {
     if let Some(named) = std::env::var_os("BTF_PEERS_PYTHON") {
         let python = PathBuf::from(named);
@@ -57,7 +57,8 @@ pub fn ensure(target: &Path) -> Result<String, Failure> {
     Ok(format!("Mitsuba {version} was installed in {}", folder.display()))
 }
 
-/// Runs the self-check of the rival codecs with the Python that [`ensure`] found or made; the sentence says so.
+/// Runs the self-check of the rival codecs with the Python that [`ensure`] found or made. Returns one line that says
+/// so.
 pub fn check_rivals(target: &Path) -> Result<String, Failure> {
     let mut command = Command::new(interpreter(target));
     command.args(["-m", "unittest", "test_rivals"]).current_dir(root().join("tests").join("peers"));
@@ -71,7 +72,7 @@ pub fn check_rivals(target: &Path) -> Result<String, Failure> {
     }
 }
 
-/// The Python that [`ensure`] found or made.
+/// Returns the Python that [`ensure`] found or made.
 pub fn interpreter(target: &Path) -> PathBuf {
     match std::env::var_os("BTF_PEERS_PYTHON") {
         Some(named) => PathBuf::from(named),
@@ -103,7 +104,7 @@ fn make(folder: &Path, python: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Why `python3 -m venv` failed.
+/// Returns a sentence that says why `python3 -m venv` failed.
 fn venv_sentence(output: &str) -> String {
     // Debian packs the module that venv needs apart from Python.
     match output.contains("ensurepip") || output.contains("No module named venv") {
@@ -118,7 +119,7 @@ fn venv_sentence(output: &str) -> String {
     }
 }
 
-/// Why pip failed.
+/// Returns a sentence that says why pip failed.
 fn pip_sentence(output: &str) -> String {
     format!(
         "Mitsuba could not be installed ({}): check the network, the proxy and that {REQUIREMENTS} has wheels for this \
@@ -127,7 +128,7 @@ fn pip_sentence(output: &str) -> String {
     )
 }
 
-/// The last line that says something, shortened.
+/// Returns the last line that is not empty, shortened.
 fn last_line(output: &str) -> String {
     let line = output.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
     line.trim().chars().take(200).collect()
@@ -137,7 +138,7 @@ fn interpreter_in(folder: &Path) -> PathBuf {
     folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" })
 }
 
-/// Mitsuba's version, where the interpreter has it.
+/// Returns Mitsuba's version, where the interpreter has it.
 fn answer_of_mitsuba(python: &Path) -> Option<String> {
     let version = answer_of(Command::new(python).args(["-c", "import mitsuba; print(mitsuba.__version__)"]))?;
     Some(version.trim().to_string())

@@ -1,4 +1,5 @@
-//! The Python module: builds its wheel with maturin, installs the wheel below the target folder and runs its tests there.
+//! The Python module: builds its wheel with maturin, installs the wheel below the target folder and runs its tests
+//! there.
 
 use super::peers;
 use crate::failure::Failure;
@@ -9,8 +10,27 @@ use std::process::Command;
 /// The package's folder, relative to the repository's root.
 const PACKAGE: &str = "runtime/python";
 
+/// How the module is compiled.
+#[derive(Clone, Copy)]
+pub enum Build {
+    /// As users get the module.
+    Release,
+    /// As tests are compiled, so that what both need is built once.
+    Tests,
+}
+
+impl Build {
+    /// The name of cargo's profile.
+    fn profile(self) -> &'static str {
+        match self {
+            Build::Release => "release",
+            Build::Tests => "dev",
+        }
+    }
+}
+
 /// Builds, installs and tests the module with the Python of [`peers::ensure`]. Returns one line that names the wheel.
-pub fn build_and_test(target: &Path) -> Result<String, Failure> {
+pub fn build_and_test(target: &Path, kind: Build) -> Result<String, Failure> {
     let python = peers::interpreter(target);
     let (wheels, module) = (target.join("peers/wheels"), target.join("peers/btf"));
     for folder in [&wheels, &module] {
@@ -21,7 +41,8 @@ pub fn build_and_test(target: &Path) -> Result<String, Failure> {
     }
 
     let mut build = Command::new(&python);
-    build.args(["-m", "maturin", "build", "--release", "--manifest-path"]).arg(root().join(PACKAGE).join("Cargo.toml"));
+    build.args(["-m", "maturin", "build", "--profile", kind.profile(), "--manifest-path"]);
+    build.arg(root().join(PACKAGE).join("Cargo.toml"));
     build.arg("--target-dir").arg(target).arg("--out").arg(&wheels).arg("--interpreter").arg(&python);
     let (status, output) = run_and_read(&mut build)?;
     if !status.success() {

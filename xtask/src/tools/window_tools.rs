@@ -1,4 +1,5 @@
-//! An X server without a screen (Xvfb) and a hand for mouse and keys (xdotool), for the test that opens the viewer's window.
+//! An X server without a screen (Xvfb) and a hand for mouse and keys (xdotool), for the test that opens the viewer's
+//! window.
 
 use super::apt::{self, Program};
 use crate::failure::Failure;

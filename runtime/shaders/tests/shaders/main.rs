@@ -1,5 +1,5 @@
-//! The shaders that `cargo xtask shaders` writes, judged by compilers of others and run on the software driver: one module per
-//! subject.
+//! The shaders that `cargo xtask shaders` writes, judged by compilers of others and run on the software driver: one
+//! module per subject.
 
 mod golden;
 mod leaf;

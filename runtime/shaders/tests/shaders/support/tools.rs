@@ -1,4 +1,5 @@
-//! Compilers and validators that did not come from us. What needs one that is absent is skipped, visibly; in CI that is a failure.
+//! Compilers and validators that did not come from us. What needs one that is absent is skipped, visibly; in CI that is
+//! a failure.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
