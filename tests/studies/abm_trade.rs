@@ -1,5 +1,5 @@
-//! What each form of the algorithmic leaf models costs and how far it is off: rows of docs/TRADE.md and
-//! docs/LEAF.md as Markdown. `cargo run --release -p btf-tests -- abm_trade`
+//! What each form of the algorithmic leaf models costs and how far it is off: rows of docs/results/trade.md and
+//! docs/guide/leaves.md as Markdown. `cargo run --release -p btf-tests -- abm_trade`
 
 use std::error::Error;
 use std::hint::black_box;

@@ -1,7 +1,7 @@
 //! What a volume hides on a bent skin, and what its triangles hide when they are bent with it: sheared, twisted,
 //! combed.
 //!
-//! Prints the error of the share of light that passes a bent skin, docs/VOLTEX_FIGURES.md, "Bent skins":
+//! Prints the error of the share of light that passes a bent skin, docs/results/voltex.md, "Bent skins":
 //! `cargo run --release -p btf-tests -- bent_skins [PIXELS]`.
 
 use btf_runtime::testing::Random;

@@ -1,7 +1,7 @@
 //! A dolly past the level-of-detail transition of a plant: how much of its light reaches the eye, from where its leaves
 //! are many pixels wide to where they are a small part of one.
 //!
-//! Rows of docs/VOLTEX_FIGURES.md, "Level-of-detail transition":
+//! Rows of docs/results/voltex.md, "Level-of-detail transition":
 //! `cargo run --release -p btf-tests -- dolly MODEL FILE.voltex [PATHS]`.
 //!
 //! For each of two suns, light of the plant at distances that grow by the fourth root of two, as it is handed over, as

@@ -1,4 +1,4 @@
-//! Numerical extremes: each row of the table in docs/TRADE.md is a test here. Every one gives a finite asset with its
+//! Numerical extremes: each row of the table in docs/results/trade.md is a test here. Every one gives a finite asset with its
 //! error figure, without a goal, with `--bytes` a tenth of the samples, and with `--psnr`, or a clear error.
 //! `cargo test -p btf-fit --test fit_program extremes:: -- --nocapture --test-threads 1` prints the table's lines.
 
@@ -390,7 +390,7 @@ fn small_negative_values() {
     let btf_capture::Pixels::Linear(kept) = capture.read(0, 0).unwrap() else { panic!("EXR is linear") };
     assert!((kept[1] + 0.02).abs() < 1e-4, "the capture keeps the sign: {}", kept[1]);
     with_and_without_goal("small negative input", &folder, &params(&folder), &|fitted| {
-        // The asset gives 0 there (docs/MODEL.md, section 4); the error that is told is that against -0.02.
+        // The asset gives 0 there (docs/reference/model.md, section 4); the error that is told is that against -0.02.
         let quarter = 0.02 / (3.0f64).sqrt();
         let worst = fitted.metrics.worst_texel_rmse;
         assert!(worst > 0.8 * quarter && worst < 1.5 * quarter, "{:?}", fitted.metrics);

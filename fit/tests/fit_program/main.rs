@@ -7,6 +7,7 @@ mod extremes;
 mod memory;
 mod painted;
 mod resume;
+mod roles;
 mod support;
 mod trade;
 mod volume_extremes;

@@ -90,7 +90,7 @@ pub const LEAF_BANDS: usize = 12;
 ///
 /// The shares are fitted so that their sum is the colour that 31 wavelengths under D65 give for leaves of any contents
 /// (CIEDE2000 of 3000 held-out colours: 0.02 in the mean, 0.19 at most); each column adds up to 1. Reproduce with
-/// `cargo run --release -p btf-tests --example leaf_fits`.
+/// `cargo run --release -p btf-tests -- leaf_fits`.
 #[rustfmt::skip]
 pub static BAND_SHARES: [(f32, [f32; 3]); LEAF_BANDS] = [
     (420.0, [0.039788, -0.023886, 0.145188]),

@@ -5,7 +5,7 @@
 pub const MAX_ABSORPTION: f32 = 80.0;
 
 /// Coefficient of k in the numerator of [`rational_theta`]; the numerator's k^2 has twice the last of [`THETA_Q`].
-/// Fitted to the least largest error by `cargo run --release -p btf-tests --example leaf_fits`.
+/// Fitted to the least largest error by `cargo run --release -p btf-tests -- leaf_fits`.
 pub const THETA_P: f32 = 7.24335;
 /// Coefficients of k, k^2 and k^3 in the denominator of [`rational_theta`], fitted together with [`THETA_P`].
 pub const THETA_Q: [f32; 3] = [8.220058, 9.686885, 2.157772];

@@ -1,11 +1,8 @@
 //! `btf-fit fit --role`: both roles with and without a goal, and what the program says about them.
 
-mod bumpy;
-mod support;
-
+use crate::support::{btf_fit, bumpy_capture};
 use serde_json::Value;
 use std::path::Path;
-use support::btf_fit;
 
 /// Fits the capture with `options`; returns what `--json` says.
 fn fit(here: &Path, name: &str, options: &[&str]) -> Value {
@@ -42,7 +39,7 @@ fn says(here: &Path, name: &str, json: &Value, role: &str) {
 fn either_role_reaches_a_size_and_is_told_as_what_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    bumpy::capture(here, "capture", 14, 7);
+    bumpy_capture(here, "capture", 14, 7);
     let size = 9_000;
     for role in ["base", "guide"] {
         let (name, page) = (format!("{role}.spmm"), format!("{role}.html"));
@@ -65,7 +62,7 @@ fn either_role_reaches_a_size_and_is_told_as_what_it_is() {
 fn either_role_reaches_a_psnr_and_works_without_a_goal() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    bumpy::capture(here, "capture", 10, 7);
+    bumpy_capture(here, "capture", 10, 7);
     for role in ["base", "guide"] {
         let json = fit(here, "a.spmm", &["--role", role, "--lobes=2", "--psnr=34"]);
         assert!(json["psnr_db"].as_f64().unwrap() >= 34.0, "{json}");
@@ -78,7 +75,7 @@ fn either_role_reaches_a_psnr_and_works_without_a_goal() {
 fn without_a_role_a_goal_makes_lobes_a_guide_and_no_goal_makes_them_the_base() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    bumpy::capture(here, "capture", 8, 7);
+    bumpy_capture(here, "capture", 8, 7);
     for (goal, role) in [("--bytes=8000", "guide"), ("--components=8", "base")] {
         let json = fit(here, "usual.spmm", &[goal]);
         assert_eq!(json["lobe_role"], role);
@@ -92,7 +89,7 @@ fn without_a_role_a_goal_makes_lobes_a_guide_and_no_goal_makes_them_the_base() {
 fn a_size_that_the_lobes_of_the_texels_alone_exceed_is_refused_with_a_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    bumpy::capture(here, "capture", 8, 7);
+    bumpy_capture(here, "capture", 8, 7);
     let output = btf_fit(&["fit", "capture", "-o", "a.spmm", "--clusters=2", "--role=base", "--bytes=1500"], here);
     let (code, text) = support::refusal(&output);
     assert!(code == 1 && text.contains("--bytes is too small") && text.contains("--role guide"), "{code} {text}");
