@@ -105,7 +105,7 @@ pub struct LeafSpectrumRow {
 
 /// Returns reflectance and transmittance by wavelength of a leaf without textures, as shares of the incident light
 /// including the surface's own reflection, for a plot. They are computed by the state's mode: N layers give 400 to 780
-/// nm every 10 nm under a cone of [`CONE_DEG`], the others red, green and blue lit along the normal. Costs 514 Fresnel
+/// nm every 10 nm under a cone of 40 degrees, the others red, green and blue lit along the normal. Costs 514 Fresnel
 /// terms a row. Finite for every finite state.
 pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
     let state = state.evaluable();

@@ -8,7 +8,7 @@
 //! The WGSL twin has the language's `pow`, which is less exact (WGSL allows `exp2(y * log2(x))`, whose relative error
 //! is a few 1e-6 between 1e-3 and 10): Rust and shaders agree within a tolerance, not bit for bit.
 
-/// Largest relative error of [`root`] and [`from_root`] where the result is a normal number.
+/// Largest relative error of [`root`] and of its inverse where the result is a normal number.
 pub const POWER_RELATIVE_ERROR: f64 = 4e-7;
 
 /// Returns `x^(1 / 2.4)`. Numbers below `f32::MIN_POSITIVE` and NaN give 0, infinity a finite number.
