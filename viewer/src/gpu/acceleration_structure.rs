@@ -24,43 +24,13 @@ pub(crate) fn acceleration_structure(
     scene: &Scene,
     vertices: &wgpu::Buffer,
 ) -> Result<(wgpu::Tlas, Vec<wgpu::Blas>), ViewerError> {
-    let limits = gpu.device.limits();
-    let (most, largest) = (limits.max_blas_primitive_count, geometry.meshes().iter().map(|mesh| mesh.triangles).max());
-    if largest.is_some_and(|triangles| triangles > most) {
-        return Err(gpu.error(format!(
-            "a mesh has {} triangles and this adapter's ray query takes at most {most}, use --backend bvh",
-            largest.unwrap_or(0)
-        )));
-    }
-    let (most, instances) = (limits.max_tlas_instance_count, geometry.instances());
-    if instances.len() > most as usize {
-        return Err(gpu.error(format!(
-            "the scene has {} instances and this adapter's ray query takes at most {most}, use --backend bvh",
-            instances.len()
-        )));
-    }
+    check_limits(gpu, geometry)?;
+    let instances = geometry.instances();
     let indices: Vec<u32> = geometry.triangles().iter().flat_map(|triangle| triangle.vertices).collect();
     let index_buffer = gpu.buffer("indices", bytemuck::cast_slice(&indices), BufferUsages::BLAS_INPUT)?;
     let flags = wgpu::AccelerationStructureFlags::PREFER_FAST_TRACE;
     let update_mode = wgpu::AccelerationStructureUpdateMode::Build;
-    // What volumes stand in for is there within a sphere only: the shader decides on each of its hits.
-    let mut is_handed_over = vec![false; geometry.meshes().len()];
-    for (number, instance) in scene.geometry.instances().iter().enumerate() {
-        is_handed_over[geometry.mesh_of(number)] |= instance.leaf_width > 0.0;
-    }
-    let opaque = wgpu::AccelerationStructureGeometryFlags::OPAQUE;
-    let sizes: Vec<_> = geometry
-        .meshes()
-        .iter()
-        .zip(is_handed_over)
-        .map(|(mesh, is_handed_over)| wgpu::BlasTriangleGeometrySizeDescriptor {
-            vertex_format: wgpu::VertexFormat::Float32x3,
-            vertex_count: geometry.vertices().len() as u32,
-            index_format: Some(wgpu::IndexFormat::Uint32),
-            index_count: Some(3 * mesh.triangles),
-            flags: if is_handed_over { wgpu::AccelerationStructureGeometryFlags::empty() } else { opaque },
-        })
-        .collect();
+    let sizes = mesh_sizes(geometry, scene);
     let blas: Vec<wgpu::Blas> = sizes
         .iter()
         .map(|size| {
@@ -111,4 +81,46 @@ pub(crate) fn acceleration_structure(
     encoder.build_acceleration_structures(&built, [&tlas]);
     gpu.queue.submit([encoder.finish()]);
     Ok((tlas, blas))
+}
+
+/// Checks that the adapter takes as many triangles and instances.
+fn check_limits(gpu: &Gpu, geometry: &Geometry) -> Result<(), ViewerError> {
+    let limits = gpu.device.limits();
+    let (most, largest) = (limits.max_blas_primitive_count, geometry.meshes().iter().map(|mesh| mesh.triangles).max());
+    if largest.is_some_and(|triangles| triangles > most) {
+        return Err(gpu.error(format!(
+            "a mesh has {} triangles and this adapter's ray query takes at most {most}, use --backend bvh",
+            largest.unwrap_or(0)
+        )));
+    }
+    let (most, instances) = (limits.max_tlas_instance_count, geometry.instances());
+    if instances.len() > most as usize {
+        return Err(gpu.error(format!(
+            "the scene has {} instances and this adapter's ray query takes at most {most}, use --backend bvh",
+            instances.len()
+        )));
+    }
+    Ok(())
+}
+
+/// Returns the size of each mesh, and whether the shader decides on the hits of it.
+fn mesh_sizes(geometry: &Geometry, scene: &Scene) -> Vec<wgpu::BlasTriangleGeometrySizeDescriptor> {
+    // What volumes stand in for is there within a sphere only: the shader decides on each of its hits.
+    let mut is_handed_over = vec![false; geometry.meshes().len()];
+    for (number, instance) in scene.geometry.instances().iter().enumerate() {
+        is_handed_over[geometry.mesh_of(number)] |= instance.leaf_width > 0.0;
+    }
+    let opaque = wgpu::AccelerationStructureGeometryFlags::OPAQUE;
+    geometry
+        .meshes()
+        .iter()
+        .zip(is_handed_over)
+        .map(|(mesh, is_handed_over)| wgpu::BlasTriangleGeometrySizeDescriptor {
+            vertex_format: wgpu::VertexFormat::Float32x3,
+            vertex_count: geometry.vertices().len() as u32,
+            index_format: Some(wgpu::IndexFormat::Uint32),
+            index_count: Some(3 * mesh.triangles),
+            flags: if is_handed_over { wgpu::AccelerationStructureGeometryFlags::empty() } else { opaque },
+        })
+        .collect()
 }
