@@ -7,7 +7,8 @@ use btf_fit::FitParams;
 use btf_runtime::testing::Random;
 use btf_runtime::{DecodeOptions, Interpolation, decode};
 use btf_tests::{cloth_capture, fitted, gpu, resident};
-use btf_viewer::{DecodeQuery, GpuTracer, gpu_decode};
+use btf_viewer::GpuTracer;
+use btf_viewer::testing::{DecodeQuery, gpu_decode};
 
 /// Direction pairs that are decoded.
 const SAMPLES: usize = 20_000;

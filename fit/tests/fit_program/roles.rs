@@ -1,6 +1,6 @@
 //! `btf-fit fit --role`: both roles with and without a goal, and what the program says about them.
 
-use crate::support::{btf_fit, bumpy_capture};
+use crate::support::{btf_fit, bumpy_capture, refusal};
 use serde_json::Value;
 use std::path::Path;
 
@@ -91,6 +91,6 @@ fn a_size_that_the_lobes_of_the_texels_alone_exceed_is_refused_with_a_remedy() {
     let here = folder.path();
     bumpy_capture(here, "capture", 8, 7);
     let output = btf_fit(&["fit", "capture", "-o", "a.spmm", "--clusters=2", "--role=base", "--bytes=1500"], here);
-    let (code, text) = support::refusal(&output);
+    let (code, text) = refusal(&output);
     assert!(code == 1 && text.contains("--bytes is too small") && text.contains("--role guide"), "{code} {text}");
 }

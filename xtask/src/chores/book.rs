@@ -1,5 +1,6 @@
 //! `cargo xtask book`: the documents as a site, by mdBook.
 
+use crate::arguments::asks_for_help;
 use crate::checks::links;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
@@ -20,7 +21,7 @@ const MDBOOK_VERSION: &str = "0.5.4";
 
 /// The chore.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
-    if crate::asks_for_help(arguments) {
+    if asks_for_help(arguments) {
         println!("{HELP}");
         return Ok(());
     }
