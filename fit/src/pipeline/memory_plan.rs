@@ -32,8 +32,10 @@ const CHOICE_BYTES: usize = 1024;
 const BLOCK_TEXELS: usize = 1024;
 /// Bytes of a sample in a block: half precision at most.
 const SAMPLE_BYTES: usize = 2;
-/// Bytes of the program itself: code, threads' stacks, decoders of images, and what the allocator keeps.
-const PROGRAM_BYTES: usize = 100_000_000;
+/// Bytes of the program itself: code, its pages, and what the allocator keeps.
+const PROGRAM_BYTES: usize = 40_000_000;
+/// Bytes of a thread: its stack, a decoder of images, and what the allocator keeps for it.
+const THREAD_BYTES: usize = 8_000_000;
 
 /// Returns how many shared bases are looked for in a capture of `texels` texels.
 pub fn shared_bases(params: &ValidFitParams, texels: usize) -> usize {
@@ -95,7 +97,7 @@ fn fixed_bytes(info: &CaptureInfo, params: &ValidFitParams, rank: usize, waiting
     // Shared bases, and what finds and factors them.
     let of_bases = (6 + waiting) * FLOAT * rank * samples;
     let of_heights = if params.finds_heights() { texels * heights::bytes_per_texel() } else { 0 };
-    of_texels + of_blocks + of_candidates + of_clusters + of_bases + of_heights + PROGRAM_BYTES
+    of_texels + of_blocks + of_candidates + of_clusters + of_bases + of_heights + PROGRAM_BYTES + threads * THREAD_BYTES
 }
 
 fn bytes_in_words(bytes: usize) -> String {

@@ -83,12 +83,16 @@ fn finite(row: &str, fitted: &Fitted) -> String {
     format!("{:.2} dB, {:.1e}", m.psnr_db, m.rel_rmse)
 }
 
-/// Returns a tenth of the bytes that the samples of the capture in `folder` take: 8 bits each, or half precision.
+/// Bytes of an asset that hold its directions, lobes and description, however few its texels are.
+const MIN_BYTES: u64 = 6_000;
+
+/// Returns a tenth of the bytes that the samples of the capture in `folder` take, 8 bits each or half precision; at least
+/// [`MIN_BYTES`].
 fn tenth_of_the_samples(folder: &TempDir) -> u64 {
     let capture = open(folder);
     let info = capture.info();
     let unit = if info.format == ImageFormat::Png { 1 } else { 2 };
-    (info.texel_count() * info.pair_count() * 3 * unit / 10) as u64
+    ((info.texel_count() * info.pair_count() * 3 * unit / 10) as u64).max(MIN_BYTES)
 }
 
 /// Fits what lies in `folder` without a goal, within a tenth of its samples' bytes and to 40 dB; `check` sees the first

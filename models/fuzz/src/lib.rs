@@ -1,5 +1,5 @@
 //! Fuzz targets as plain functions of one input: `fuzz_targets` passes them what libFuzzer makes up,
-//! `models/tests/corpus.rs` the corpus and its own mutations, on any toolchain. A function that returns has found
+//! `models/tests/model_corpus.rs` the corpus and its own mutations, on any toolchain. A function that returns has found
 //! nothing.
 //!
 //! An input is written to a file, because the functions that users call take paths. A file that cannot be read must be
