@@ -3,7 +3,7 @@
  *     cargo build --release --package btf-runtime-c
  *     cc -std=c99 -Iruntime/c/include runtime/c/examples/evaluate.c target/release/libbtf.a \
  *        -lpthread -ldl -lm -o evaluate
- *     ./evaluate viewer/src/models/weave.spmm
+ *     ./evaluate viewer/src/scene/builtin/weave.spmm
  */
 
 #include "btf.h"

@@ -13,7 +13,7 @@ from pathlib import Path
 import btf
 import numpy as np
 
-ASSET = Path(__file__).resolve().parents[3] / "viewer" / "src" / "models" / "weave.spmm"
+ASSET = Path(__file__).resolve().parents[3] / "viewer" / "src" / "scene" / "builtin" / "weave.spmm"
 
 
 def directions(rng, shape):

@@ -45,7 +45,7 @@ const BROWN: [f64; 3] = [0.1572, 0.3568, 0.4912];
 /// Specific absorption of dry matter in cm2/g; the last is a tenth of that in its source.
 const DRY_MATTER: [f64; 3] = [2.3, 2.3, 1.481];
 
-/// Returns the absorption k at the [`PAPER_WAVELENGTHS_NM`] with the printed coefficients.
+/// Returns the absorption k at the [`PAPER_WAVELENGTHS_NM`](crate::PAPER_WAVELENGTHS_NM) with the printed coefficients.
 pub fn plate_paper_absorption(contents: &LeafContents) -> [f64; 3] {
     std::array::from_fn(|band| {
         (CHLOROPHYLL[band] * contents.chlorophyll_ug_per_cm2
@@ -65,7 +65,8 @@ pub fn plate_paper_of_theta(theta: f64) -> PlateOptics {
     }
 }
 
-/// Evaluates the printed eq. 9 without its specular lobe, at the [`PAPER_WAVELENGTHS_NM`]: `thickness` V_t multiplies
+/// Evaluates the printed eq. 9 without its specular lobe, at the
+/// [`PAPER_WAVELENGTHS_NM`](crate::PAPER_WAVELENGTHS_NM): `thickness` V_t multiplies
 /// the transmittance. The shares may add up to more than the incident light.
 pub fn plate_paper(contents: &LeafContents, thickness: f64) -> [PlateOptics; 3] {
     plate_paper_absorption(contents).map(|k| {
