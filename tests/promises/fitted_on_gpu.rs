@@ -29,7 +29,7 @@ fn a_fitted_asset_decodes_on_the_gpu_as_on_the_cpu() {
     let set = DirectionSet::bonn81();
     let capture = cloth_capture(&folder.path().join("cloth"), 40, &set, &set);
     let params =
-        FitParams { bytes: Some(200_000), cache_directory: folder.path().to_path_buf(), ..FitParams::default() };
+        FitParams { components: Some(64), cache_directory: folder.path().to_path_buf(), ..FitParams::default() };
     let outcome = fitted(&capture, &params);
     println!("{} clusters, {} components, {} bytes", outcome.clusters, outcome.components, outcome.bytes.len());
     assert!(outcome.clusters == 32 && outcome.components >= 64, "{} {}", outcome.clusters, outcome.components);
