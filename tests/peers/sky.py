@@ -1,9 +1,9 @@
 """What Mitsuba 3's emitter `sunsky` (3.7 or newer), the model of Hosek and Wilkie, makes of a clear sky: Rust tables for
-viewer/src/sky.rs, and the plain sums that docs/reference/model.md shows.
+viewer/src/light/sky.rs, and the plain sums that docs/reference/model.md shows.
 
     python tests/peers/sky.py > table.rs
 
-It needs mitsuba and numpy, and the CIE tables of capture/src/cie.rs, which it reads from there. Turbidity 3, albedo 0.15, sun
+It needs mitsuba and numpy, and the CIE tables of capture/src/colour/cie.rs, which it reads from there. Turbidity 3, albedo 0.15, sun
 at 10, 30 and 60 degrees. Luminance in cd/m^2 from 400 to 700 nm every 10 nm.
 """
 
@@ -25,7 +25,7 @@ SUN_RADIUS_DEG = 0.5358 / 2
 
 def luminosity():
     """CIE 1931 y at WAVELENGTHS_NM, times 683 lm/W and the step."""
-    text = (pathlib.Path(__file__).parents[2] / "capture/src/cie.rs").read_text()
+    text = (pathlib.Path(__file__).parents[2] / "capture/src/colour/cie.rs").read_text()
     numbers = re.search(r"pub static Y: .*?= \[(.*?)\];", text, re.S).group(1)
     y = np.array([float(x) for x in numbers.split(",") if x.strip()])
     return 683.0 * 10.0 * np.interp(WAVELENGTHS_NM, 380.0 + 5.0 * np.arange(len(y)), y)

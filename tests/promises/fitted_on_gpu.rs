@@ -2,13 +2,14 @@
 //! x 81 directions. (What holds of random assets of a few components, in every combination of options, is tested in the
 //! viewer.)
 
-use btf_capture::DirectionSet;
+use btf_capture::{Capture, DirectionSet, ImageFormat};
 use btf_fit::FitParams;
 use btf_runtime::testing::Random;
 use btf_runtime::{DecodeOptions, Interpolation, decode};
-use btf_tests::{cloth_capture, fitted, gpu, resident};
+use btf_tests::{capture_of, fitted, gpu, resident};
 use btf_viewer::GpuTracer;
 use btf_viewer::testing::{DecodeQuery, gpu_decode};
+use std::path::Path;
 
 /// Direction pairs that are decoded.
 const SAMPLES: usize = 20_000;
@@ -22,14 +23,37 @@ fn differences(expected: &[[f32; 3]], found: &[[f32; 3]]) -> usize {
     expected.iter().zip(found).filter(|(a, b)| !a.iter().zip(*b).all(near)).count()
 }
 
+/// Texels along a side: a cluster has 72 of them on average, more than the components that are asked for.
+const SIZE: usize = 48;
+
+/// Writes a capture of flakes of glitter, of which no two texels have the same normal, width or colour: a cluster needs
+/// as many components as it has texels.
+fn glitter_capture(folder: &Path) -> Capture {
+    let set = DirectionSet::bonn81();
+    let mut random = Random::new(2);
+    let flakes: Vec<[f32; 6]> = (0..SIZE * SIZE)
+        .map(|_| {
+            let mut within = |least, most| random.within(least, most);
+            let slopes = [within(-0.8, 0.8), within(-0.8, 0.8)];
+            [slopes[0], slopes[1], within(0.1, 0.5), within(0.1, 0.5), within(0.05, 0.3), within(0.05, 0.3)]
+        })
+        .collect();
+    capture_of(folder, SIZE, &set, &set, ImageFormat::Png, |texel, wi, wo| {
+        let [slope_x, slope_y, width_x, width_y, red, blue] = flakes[texel];
+        let half = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
+        let off = [half[0] / half[2] - slope_x, half[1] / half[2] - slope_y];
+        let glint = 0.4 * (-(off[0] / width_x).powi(2) - (off[1] / width_y).powi(2)).exp();
+        [red + glint, 0.1 + glint, blue + glint].map(|x| x * wi[2])
+    })
+}
+
 #[test]
 fn a_fitted_asset_decodes_on_the_gpu_as_on_the_cpu() {
     let Some(gpu) = gpu("a_fitted_asset_decodes_on_the_gpu_as_on_the_cpu") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let set = DirectionSet::bonn81();
-    let capture = cloth_capture(&folder.path().join("cloth"), 40, &set, &set);
+    let capture = glitter_capture(&folder.path().join("glitter"));
     let params =
-        FitParams { components: Some(64), cache_directory: folder.path().to_path_buf(), ..FitParams::default() };
+        FitParams { bytes: Some(2_400_000), cache_directory: folder.path().to_path_buf(), ..FitParams::default() };
     let outcome = fitted(&capture, &params);
     println!("{} clusters, {} components, {} bytes", outcome.clusters, outcome.components, outcome.bytes.len());
     assert!(outcome.clusters == 32 && outcome.components >= 64, "{} {}", outcome.clusters, outcome.components);

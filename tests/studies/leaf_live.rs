@@ -83,7 +83,7 @@ pub fn reference_spectra(state: &LeafState) -> [Vec<f64>; 2] {
     [front, behind]
 }
 
-/// Their colours, with the limit that the live leaf has: reflectance and transmittance together at most 1 in each
+/// Returns the colours of the reference spectra in front and behind, with the limit that the live leaf has: reflectance and transmittance together at most 1 in each
 /// channel.
 pub fn reference_colours(state: &LeafState) -> [[f64; 3]; 2] {
     limited(reference_spectra(state).map(|spectrum| RgbFromSpectrum::new(RgbBands::Spectral31).rgb(&spectrum)))

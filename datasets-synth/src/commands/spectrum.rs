@@ -83,7 +83,7 @@ enum BeamName {
 enum MethodName {
     /// One absorption-free trace serves all wavelengths
     PathLengths,
-    /// The same with rays that split at every interface
+    /// One absorption-free trace whose rays split at every interface
     Splitting,
     /// Every wavelength simulated by itself, as in the paper
     Direct,

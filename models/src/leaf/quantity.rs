@@ -10,11 +10,11 @@ use btf_leaf_quantities::{
 /// One number of a [`LeafDescription`].
 #[derive(Debug, Clone, Copy)]
 pub struct LeafQuantity {
-    /// Its table in the file.
+    /// Table of the leaf file in which the number stands.
     pub section: &'static str,
-    /// Its key there.
+    /// Key of the number in its table.
     pub key: &'static str,
-    /// What it is, for people, without the unit.
+    /// Name for people, without the unit.
     pub name: &'static str,
     /// Unit; empty for what has none.
     pub unit: &'static str,

@@ -1,9 +1,9 @@
 //! `btf-view bench`: measures how the time of a frame grows.
 
 use super::assets::load_assets;
-use super::common::CommonArguments;
 use super::parse::parse_size;
 use super::progress::with_progress;
+use super::render_arguments::RenderArguments;
 use super::report::write_json;
 use btf_viewer::{BenchKind, BenchParams, BenchReport, SceneAsset, ViewerError, bench_svg, run_bench};
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ pub(super) struct BenchArguments {
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "512x512")]
     pub(super) size: [u32; 2],
     #[command(flatten)]
-    pub(super) common: CommonArguments,
+    pub(super) render: RenderArguments,
     /// Writes the rows as JSON; - is stdout
     #[arg(long, value_name = "FILE")]
     pub(super) json: Option<PathBuf>,
@@ -37,7 +37,7 @@ pub(super) struct BenchArguments {
 /// # Errors
 /// The errors of [`run_bench`] and of writing files.
 pub(super) fn run(arguments: &BenchArguments) -> Result<(), ViewerError> {
-    let common = &arguments.common;
+    let render = &arguments.render;
     let mut assets = load_assets(&arguments.assets)?;
     if assets.is_empty() {
         assets.push(Arc::new(SceneAsset::built_in()));
@@ -46,18 +46,18 @@ pub(super) fn run(arguments: &BenchArguments) -> Result<(), ViewerError> {
         kind: arguments.kind,
         mesh: arguments.mesh.clone(),
         size: arguments.size,
-        backend: common.backend(),
-        adapter: common.adapter.clone(),
-        shade: common.shade(),
+        backend: render.backend(),
+        adapter: render.adapter.clone(),
+        shade: render.shade(),
     };
-    let report = with_progress(common.quiet, |control| run_bench(&assets, &params, control))?;
+    let report = with_progress(render.quiet, |control| run_bench(&assets, &params, control))?;
     if let Some(path) = &arguments.plot {
         let svg = bench_svg(&report).map_err(ViewerError::Usage)?;
         btf_capture::atomic::write_file_atomically(path, svg.as_bytes())?;
     }
     match arguments.json.as_deref() {
         path @ Some(_) => write_json(path, &report)?,
-        None if common.quiet => {}
+        None if render.quiet => {}
         None => print_rows(&report),
     }
     Ok(())

@@ -29,7 +29,7 @@ pub(super) fn write_pictures(
     out: &Path,
     counts: Option<LandscapeCounts>,
 ) -> Result<(), ViewerError> {
-    let quiet = arguments.common.quiet;
+    let quiet = arguments.render.quiet;
     let mut reports = Vec::new();
     let several = arguments.turntable.or(arguments.sequence).is_some();
     let sequence = match arguments.sequence {

@@ -11,7 +11,7 @@ pub(super) struct LandscapeArguments {
     /// Which landscape
     #[arg(value_enum)]
     pub(super) landscape: Landscape,
-    /// So many times the published counts, on so much more land
+    /// Factor of the published numbers of plants, and of the land they stand on
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
     pub(super) times: u32,
     /// Finer volumes in place of those that come with the program, by `btf-fit voltex`; the lawn takes two, without and

@@ -2,12 +2,12 @@
 
 mod assets;
 mod bench;
-mod common;
 mod headless;
 mod landscape;
 mod parse;
 mod plan;
 mod progress;
+mod render_arguments;
 mod report;
 mod scene_options;
 mod show;
@@ -16,9 +16,9 @@ mod view;
 use bench::BenchArguments;
 use btf_viewer::ViewerError;
 use clap::Parser;
-use common::CommonArguments;
 use landscape::LandscapeArguments;
 use plan::PlanArguments;
+use render_arguments::RenderArguments;
 use std::process::ExitCode;
 use view::ViewArguments;
 
@@ -73,18 +73,18 @@ pub(crate) fn run(arguments: &Arguments) -> ExitCode {
 
 impl Arguments {
     /// Returns the options that every command has.
-    fn common(&self) -> &CommonArguments {
+    fn render(&self) -> &RenderArguments {
         match &self.command {
-            Some(Command::Bench(bench)) => &bench.common,
-            Some(Command::Plan(plan)) => &plan.common,
-            Some(Command::Scene(landscape)) => &landscape.picture.common,
-            None => &self.view.picture.common,
+            Some(Command::Bench(bench)) => &bench.render,
+            Some(Command::Plan(plan)) => &plan.render,
+            Some(Command::Scene(landscape)) => &landscape.picture.render,
+            None => &self.view.picture.render,
         }
     }
 }
 
 fn run_command(arguments: &Arguments) -> Result<(), ViewerError> {
-    if let Some(threads) = arguments.common().threads {
+    if let Some(threads) = arguments.render().threads {
         // The pool can only be set once, and this is the first use.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
     }

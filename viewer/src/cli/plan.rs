@@ -1,9 +1,9 @@
 //! `btf-view plan`: trims assets to what a scene's pictures need of them.
 
 use super::assets::load_assets;
-use super::common::CommonArguments;
 use super::parse::{parse_positive, parse_size};
 use super::progress::with_progress;
+use super::render_arguments::RenderArguments;
 use super::report::write_json;
 use btf_viewer::{Plan, RenderParams, Scene, ViewerError, load_scene, plan, scene_with_assets};
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ pub(super) struct PlanArguments {
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) frames: u32,
     #[command(flatten)]
-    pub(super) common: CommonArguments,
+    pub(super) render: RenderArguments,
     /// Writes the figures as JSON; - is stdout
     #[arg(long, value_name = "FILE")]
     pub(super) json: Option<PathBuf>,
@@ -38,21 +38,21 @@ pub(super) struct PlanArguments {
 /// # Errors
 /// [`ViewerError::Usage`] where a file that is read would be overwritten; those of [`plan`] and of writing files.
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
-    let common = &arguments.common;
+    let render = &arguments.render;
     let scene = load_scene(&arguments.scene, load_assets(&arguments.assets)?)?;
     let params = RenderParams {
         size: arguments.size,
         frames: arguments.frames,
-        backend: common.backend(),
-        adapter: common.adapter.clone(),
-        shade: common.shade(),
+        backend: render.backend(),
+        adapter: render.adapter.clone(),
+        shade: render.shade(),
         target_ms: None,
     };
     let folder = &arguments.out;
     // Before the work, so that nobody waits for a refusal.
     let files = planned_files(&scene, arguments)?;
     btf_capture::atomic::create_folder(folder)?;
-    let plan = with_progress(common.quiet, |control| plan(&scene, &params, arguments.psnr.into(), control))?;
+    let plan = with_progress(render.quiet, |control| plan(&scene, &params, arguments.psnr.into(), control))?;
     let text = scene_with_assets(&arguments.scene, &scene.assets, &files, folder)?;
     for (asset, file) in plan.assets.iter().zip(&files) {
         let path = folder.join(file);
@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
     }
     btf_capture::atomic::write_file_atomically(folder.join("scene.toml"), text.as_bytes())?;
     write_json(arguments.json.as_deref(), &plan)?;
-    if arguments.json.as_deref().is_some_and(|path| path.as_os_str() == "-") || common.quiet {
+    if arguments.json.as_deref().is_some_and(|path| path.as_os_str() == "-") || render.quiet {
         return Ok(());
     }
     print_plan(&plan, arguments);

@@ -1,7 +1,7 @@
 //! The options about lights, camera and exposure, and the scene that follows them.
 
-use super::common::CommonArguments;
 use super::parse::{parse_positive, parse_seconds, parse_size};
+use super::render_arguments::RenderArguments;
 use btf_viewer::{Ambient, Daylight, DaylightParts, Environment, Outdoors, Scene, ViewerError};
 use std::path::PathBuf;
 
@@ -70,7 +70,7 @@ pub(super) struct PictureArguments {
     #[arg(long, value_name = "FILE", requires = "headless")]
     pub(super) json: Option<PathBuf>,
     #[command(flatten)]
-    pub(super) common: CommonArguments,
+    pub(super) render: RenderArguments,
 }
 
 /// Makes one of the scene's cameras, counted from 1, the one in use.

@@ -17,8 +17,8 @@ pub(super) fn show(
     compare: Option<Arc<SceneAsset>>,
     counts: Option<LandscapeCounts>,
 ) -> Result<(), ViewerError> {
-    let common = &arguments.common;
-    let (backend, adapter, shade) = (common.backend(), common.adapter.clone(), common.shade());
+    let render = &arguments.render;
+    let (backend, adapter, shade) = (render.backend(), render.adapter.clone(), render.shade());
     let target_ms = arguments.target_ms.map(f64::from);
     if scene.wind.is_none() && (arguments.time.is_some() || arguments.sequence.is_some()) {
         return Err(ViewerError::Usage(

@@ -42,11 +42,11 @@ pub(crate) enum AfterVolumes {
 /// likely as what it hides: the first would be too bright where light comes from the eye's side and too dark where it
 /// comes from behind.
 struct NearPoints {
-    /// Share of the pixel that they hide.
+    /// Share of the pixel that the places hide together, 0 to 1.
     weight: f32,
-    /// The one that is asked.
+    /// The place whose light without shadow and transmittance are asked for.
     drawn: Option<VolumePoint>,
-    /// Their light without shadow, of each light and of the sun.
+    /// Light of all places without shadow, an entry for each light and one for the sun.
     unshadowed: Vec<Vec3>,
 }
 

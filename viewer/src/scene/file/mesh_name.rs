@@ -8,8 +8,8 @@ use crate::scene::mesh_file::{FileMesh, load_meshes};
 use glam::Mat4;
 
 /// Names that a scene can say instead of a mesh file.
-pub(super) const BUILT_IN_MESHES: [&str; 8] =
-    ["sphere", "plane", "cube", "cornell", "cloth", "shoe", "boots", "pullover"];
+pub(super) const BUILT_IN_MESHES: [&str; 9] =
+    ["sphere", "plane", "cube", "leaf", "cornell", "cloth", "shoe", "boots", "pullover"];
 
 /// Returns the meshes that a name stands for: built in, or of a file beside the scene file.
 ///
@@ -22,6 +22,7 @@ pub(super) fn meshes_of(name: &str, source: Source) -> Result<Vec<FileMesh>, Vie
         "sphere" => built_in(vec![mesh::sphere()]),
         "plane" => built_in(vec![mesh::plane()]),
         "cube" => built_in(vec![mesh::cube("cube")]),
+        "leaf" => built_in(builtin::leaf_blade()),
         "cornell" => built_in(builtin::cornell()),
         "cloth" => built_in(builtin::cloth()),
         "shoe" => built_in(builtin::shoe()),

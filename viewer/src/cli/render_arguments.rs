@@ -1,12 +1,12 @@
-//! The options that every command has.
+//! The options of every command that renders: backend, decoder, light, threads.
 
 use btf_runtime::{DecodeOptions, Interpolation};
 use btf_viewer::{BackendChoice, GpuTracer, RenderMode, ShadeOptions, SkyLight};
 use clap::ValueEnum;
 
-/// What every command understands.
+/// Options of every command that renders.
 #[derive(clap::Args)]
-pub(super) struct CommonArguments {
+pub(super) struct RenderArguments {
     /// What traces rays and decodes
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     pub(super) backend: BackendName,
@@ -50,7 +50,7 @@ pub(super) struct CommonArguments {
     pub(super) quiet: bool,
 }
 
-impl CommonArguments {
+impl RenderArguments {
     pub(super) fn shade(&self) -> ShadeOptions {
         let decode = DecodeOptions {
             components: self.components.unwrap_or(u32::MAX),
