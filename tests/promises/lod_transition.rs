@@ -8,8 +8,7 @@ use btf_tests::dolly::{MAX_LEAF_PIXELS, STEPS, dolly, largest_step, luminance, r
 use btf_viewer::{
     Body, Camera, CpuPicture, Instance, Landscape, LandscapeParams, Material, Scene, ShadeOptions, load_scene,
 };
-use btf_voxelize::TriangleModel;
-use btf_voxelize::{VoltexParams, build_voltex};
+use btf_voxelize::{TriangleModel, VoltexParams, build_voltex};
 use glam::{Vec3, Vec4};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
@@ -29,8 +28,8 @@ const PATHS: usize = 1 << 16;
 /// From the plant to the eye; the sun is behind the eye.
 const TOWARDS: Vec3 = Vec3::new(-0.5, 0.3, 1.0);
 
-/// Index of leaves that have next to no gloss.
-const MATT: f64 = 1.01;
+/// Refractive index of leaves that have next to no specular lobe.
+const DULL_INDEX: f64 = 1.01;
 
 /// Writes a bush, its leaves with the gloss of an index.
 fn write_model(folder: &Path, index: f64) -> Volume {
@@ -116,7 +115,7 @@ const PLAIN_BAR: f64 = 0.08;
 #[test]
 fn leaves_that_a_gltf_file_makes_translucent_have_one_brightness_as_a_mesh_and_as_a_volume() {
     let folder = tempfile::tempdir().unwrap();
-    write_mesh(folder.path(), MATT);
+    write_mesh(folder.path(), DULL_INDEX);
     make_leaves_plain(folder.path());
     let (both, leaf_width) = scene(folder.path(), &volume_of_mesh(folder.path()));
     let mut opaque = both.clone();
@@ -169,7 +168,7 @@ fn mean_radiance(scene: &Scene, plant: &Instance, middle_m: f32, as_mesh: bool) 
 #[test]
 fn a_tinted_plant_has_the_same_colour_as_a_mesh_and_as_its_volume() {
     let folder = tempfile::tempdir().unwrap();
-    let volume = write_model(folder.path(), MATT);
+    let volume = write_model(folder.path(), DULL_INDEX);
     let file = folder.path().join("bush.voltex");
     std::fs::write(&file, volume.pack().unwrap()).unwrap();
     let grove = |meshes: Vec<PathBuf>| {

@@ -1,7 +1,7 @@
 //! Stands in for the window where this package is built without its cargo feature `window`, as the demo builds it.
 
 use crate::error::ViewerError;
-use crate::gpu::device::BackendChoice;
+use crate::gpu::backend::BackendChoice;
 use crate::options::ShadeOptions;
 use crate::scene::asset::SceneAsset;
 use crate::scene::scene::Scene;

@@ -4,13 +4,10 @@
 use crate::support::{btf_fit, refusal};
 use btf_runtime::testing::Random;
 use btf_runtime::voltex::{NO_VOXEL, Voltex, VoltexRay, Volume, Walk};
-use btf_voxelize::MicroflakeColour;
-use btf_voxelize::Occluder;
-use btf_voxelize::RefitParams;
-use btf_voxelize::ShadowParams;
-use btf_voxelize::TriangleModel;
-use btf_voxelize::{Frame, VoltexParams, build_voltex};
-use btf_voxelize::{HALF_SIDE, Projection, spread_directions};
+use btf_voxelize::{
+    Frame, HALF_SIDE, MicroflakeColour, Occluder, Projection, RefitParams, ShadowParams, TriangleModel, VoltexParams,
+    build_voltex, spread_directions,
+};
 use glam::Vec3;
 use std::f32::consts::PI;
 use std::fs;

@@ -9,6 +9,9 @@ use crate::shell::{cargo, root, run_checked};
 pub const FORMAT: &[&str] = &["fmt", "--all", "--check"];
 /// Arguments of cargo that run clippy with warnings as errors.
 pub const CLIPPY: &[&str] = &["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"];
+/// Arguments of cargo that run clippy over the viewer as the demo builds it.
+pub const CLIPPY_WITHOUT_WINDOW: &[&str] =
+    &["clippy", "--package", "btf-viewer", "--no-default-features", "--", "-D", "warnings"];
 
 const HELP: &str = "\
 Checks format, lints, and that the folders inside the packages use each other without cycles.
@@ -22,5 +25,6 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     }
     println!("{}", rooms::check(&root()).map_err(Failure::new)?);
     run_checked(&mut cargo(FORMAT))?;
-    run_checked(&mut cargo(CLIPPY))
+    run_checked(&mut cargo(CLIPPY))?;
+    run_checked(&mut cargo(CLIPPY_WITHOUT_WINDOW))
 }

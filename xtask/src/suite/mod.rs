@@ -6,7 +6,7 @@ mod steps;
 
 use crate::arguments::asks_for_help;
 use crate::checks::{arrows, header, licences, links, rooms, words};
-use crate::chores::check::{CLIPPY, FORMAT};
+use crate::chores::check::{CLIPPY, CLIPPY_WITHOUT_WINDOW, FORMAT};
 use crate::chores::fuzz;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
@@ -72,6 +72,7 @@ fn run_all(suite: &mut Suite, metadata: &Metadata) {
     check(suite, metadata);
     suite.tests("doc tests", runners::doc_tests);
     suite.cargo("clippy", CLIPPY, &[]);
+    suite.cargo("clippy without the window", CLIPPY_WITHOUT_WINDOW, &[]);
     suite.cargo("docs", &["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")]);
     install(suite, target);
     suite.tests("tests with other programs", || runners::dependent_tests(metadata));

@@ -38,8 +38,10 @@ pub use refine::ShellParams;
 pub use shell::{NO_LINK, Shell, ShellReport, Tet};
 pub use thick_skin::{Corners, Skin, SkinFace, SkinVertex};
 pub use walk::{Interval, TextureMap, TextureRay, Walk};
-pub(crate) use wind::MAX_WIND_SPEED;
 pub use wind::Wind;
+
+#[cfg(feature = "window")]
+pub(crate) use wind::MAX_WIND_SPEED;
 
 #[cfg(test)]
 pub(crate) use {
