@@ -207,7 +207,7 @@ pub struct ValidFitParams {
 }
 
 impl ValidFitParams {
-    /// Returns the parameters as they were asked for.
+    /// Returns the parameters that were checked, with `None` where the goal decides.
     pub fn asked(&self) -> &FitParams {
         &self.asked
     }

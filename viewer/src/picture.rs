@@ -30,7 +30,7 @@ pub struct PixelHit {
 }
 
 impl Picture {
-    /// Applies the exposure, then the sRGB curve, then rounds to 0..255; brighter is cut off. `[pixel, channel]`.
+    /// Returns 8-bit sRGB values, `[pixel, channel]`: applies the exposure, clips to 1, applies the sRGB curve and rounds.
     pub fn srgb8(&self, exposure_ev: f32) -> Vec<u8> {
         let gain = exposure_ev.exp2();
         let encode = |x: &f32| (Transfer::Srgb.encoded_from_linear((x * gain).clamp(0.0, 1.0)) * 255.0).round() as u8;

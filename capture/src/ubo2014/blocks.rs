@@ -17,8 +17,8 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Calls `read` with the block of `key`, which `make` computes unless it is still kept. Threads that ask for the
-    /// same block wait for the one that computes it; `make` must not wait for other threads itself.
+    /// Calls `read` with the block for `key` and returns its result. On a cache miss `make` computes the block. Threads
+    /// that ask for the same block wait for the one that computes it; `make` must not wait for other threads itself.
     pub(super) fn with<T>(
         &self,
         key: (usize, usize),

@@ -55,7 +55,7 @@ pub struct ContainerInfo {
     pub channels: Vec<String>,
     /// Number of the colour model of a DFMF file, see docs/guide/captures.md; 0 for other kinds.
     pub colour_model: i32,
-    /// Largest number of components of the factorisations; 0 for BDI.
+    /// Maximum number of components over all matrix factorisations of the file; 0 for BDI files, which have none.
     pub components: usize,
     /// Factors of red, green and blue that the measurement notes. They are not applied.
     pub rgb_scale: [f32; 3],

@@ -30,7 +30,7 @@ use crate::error::{SynthError, check_ranges};
 use crate::leather::facets::{FacetDirection, Facets};
 use crate::optics::fresnel::fresnel;
 
-/// Reflectance of the hide below the pigment (bleached collagen).
+/// Diffuse reflectance of the hide without pigment, which is bleached collagen, at all wavelengths.
 const HIDE_REFLECTANCE: f64 = 0.92;
 
 /// Largest optical depth of the pigment.

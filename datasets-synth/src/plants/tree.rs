@@ -26,7 +26,7 @@ use crate::plants::params::PlantsParams;
 use crate::plants::plant::{Part, Plant};
 use crate::plants::turtle::{Command, interpret};
 
-/// Length of the largest leaf in metres, which is the length of its texture.
+/// Length of the largest leaf in metres. Its texture covers the same length.
 pub(crate) const LEAF_LENGTH_M: f64 = 0.1;
 
 /// Width of a leaf over its length.

@@ -34,8 +34,9 @@ impl Grid {
         Grid { side, cell_mm, margin_mm: margin_cells * cell_mm }
     }
 
-    /// Returns the grid of a patch of `size` x `size` texels and `size_mm` whose heights stay within `relief_bound_mm`
-    /// of their mean, photographed from `views`.
+    /// Returns the grid of heights for a square patch, `size` texels and `size_mm` long on each side. The grid
+    /// continues beyond the patch by what the steepest of `views` sees across heights within `relief_bound_mm` of
+    /// their mean.
     pub fn for_patch(size: usize, size_mm: f32, relief_bound_mm: f32, views: &DirectionSet) -> Grid {
         let steepest = views.directions().iter().map(|d| d.theta_deg).fold(0.0, f64::max);
         let slope = steepest.min(MARGIN_THETA_DEG).to_radians().tan() as f32;

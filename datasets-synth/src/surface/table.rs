@@ -19,7 +19,7 @@ impl CosineTable {
         CosineTable { values: (0..ENTRIES).map(entry).collect() }
     }
 
-    /// Returns the value at a cosine; cosines outside [0, 1] are clamped.
+    /// Returns the tabulated function at `cosine`, clamped to [0, 1].
     #[inline]
     pub fn at(&self, cosine: f32) -> f32 {
         let position = cosine.clamp(0.0, 1.0).sqrt() * (ENTRIES - 1) as f32;

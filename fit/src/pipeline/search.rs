@@ -176,7 +176,7 @@ impl StepSearch<'_> {
     }
 }
 
-/// The steps on either side of a PSNR, each as log2 of the step and the `psnr_db` that it gave.
+/// Two quantisation steps whose PSNRs enclose the wanted one, each as log2 of the step and the PSNR in dB.
 #[derive(Debug, Default)]
 struct Bracket {
     /// The PSNR that the next step is chosen for, in dB: a little above the goal.

@@ -28,7 +28,8 @@ pub struct ClusterLobes {
     pub tables: Vec<Vec<f32>>,
     /// Weight per pair (0 for held-back pairs).
     pub weights: Vec<f32>,
-    /// Gram matrix `A' W A`, row-major.
+    /// Gram matrix of the dictionary, weighted: the transpose of `A` times `W` times `A`, with a column of `A` for each
+    /// lobe and `weights` on the diagonal of `W`; row-major.
     pub gram: Vec<f64>,
 }
 

@@ -257,7 +257,7 @@ fn plots(trade: &Trade) -> Vec<Plot> {
     plots
 }
 
-/// Returns the plots as files: name and content.
+/// Returns the rate-distortion plots as SVG files, each as its name and content.
 pub fn trade_plots(trade: &Trade) -> Vec<(&'static str, String)> {
     let files = plots(trade).into_iter().map(|plot| {
         let svg = plot.picture.into_string();

@@ -181,7 +181,7 @@ pub fn list(bytes: &[u8]) {
     );
 }
 
-/// Opens anything as a UBO2014 file.
+/// Fuzz target: reads arbitrary bytes as a UBO2014 file.
 pub fn ubo2014(bytes: &[u8]) {
     const NAME: &str = "input.btf";
     with_file(

@@ -151,7 +151,8 @@ pub const GLOSS_INDEX: Quantity = Quantity {
 /// Least roughness of a gloss: a narrower lobe falls between the directions of a capture.
 const MIN_ROUGHNESS: f64 = 0.05;
 
-/// Roughness of the gloss along the veins: the root of twice the facets' slope variance.
+/// Roughness of the gloss along the veins: the square root of twice the variance of its facets' slopes, which is
+/// Beckmann's alpha.
 pub const GAMMA_ALONG: Quantity = Quantity {
     part: Part::Gloss,
     key: "gamma_along",
@@ -163,7 +164,8 @@ pub const GAMMA_ALONG: Quantity = Quantity {
     default: 0.3,
 };
 
-/// Roughness of the gloss across the veins: the root of twice the facets' slope variance.
+/// Roughness of the gloss across the veins: the square root of twice the variance of its facets' slopes, which is
+/// Beckmann's alpha.
 pub const GAMMA_ACROSS: Quantity = Quantity {
     part: Part::Gloss,
     key: "gamma_across",

@@ -21,7 +21,7 @@ pub struct PlantVariation {
 }
 
 impl Default for PlantVariation {
-    /// Returns no variation, with seed 1.
+    /// Returns a variation of 0, so that all leaves are alike, with seed 1.
     fn default() -> PlantVariation {
         PlantVariation { chlorophyll: 0.0, carotenoid: 0.0, brown: 0.0, thickness: 0.0, seed: 1 }
     }

@@ -1,7 +1,7 @@
 //! Reflectance and transmittance of diffuse surfaces.
 
-/// Shares of the light on a diffuse surface that are reflected and transmitted, linear sRGB, equal for both sides.
-/// Their sum is at most 1, or the surface would emit light.
+/// Shares of the incident light that a diffuse surface reflects and transmits, linear sRGB, the same for front and
+/// back. In each channel they add up to at most 1, so that energy is conserved.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DiffuseColour {
     /// Hemispherical reflectance.

@@ -17,7 +17,7 @@ pub struct Query {
     pub level: u32,
     /// Unit vector to the eye.
     pub wo: [f32; 3],
-    /// First word of the asset in the buffer of asset words.
+    /// Index of the asset's first word in the buffer of assets.
     pub asset: u32,
     /// Texture coordinate.
     pub uv: [f32; 2],

@@ -53,7 +53,7 @@ pub enum LobeRole {
     Guide = 1,
 }
 
-/// The part of an asset for one combination of light side and eye side.
+/// The part of an asset for one combination of light side and eye side, such as lit from behind and seen from in front.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
     /// Side of the light.

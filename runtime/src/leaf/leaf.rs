@@ -60,7 +60,8 @@ impl Leaf {
         &self.state
     }
 
-    /// Returns the share of diffuse light that a face of full gloss reflects before any light enters, 0 to 1.
+    /// Returns the share of light from all directions that the leaf's surface reflects before any enters the leaf,
+    /// where the weight of gloss is 1: 0 to 1.
     pub fn gloss_albedo(&self) -> f32 {
         f32::from_bits(self.words[STATE_AT + 5])
     }

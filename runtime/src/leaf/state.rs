@@ -81,9 +81,9 @@ pub struct LeafState {
     pub structure: f32,
     /// Refractive index of the cuticle, for the gloss, 1.01 to 3.
     pub gloss_index: f32,
-    /// Roughness of the gloss along the veins (root of twice the facets' slope variance), 0.05 to 1.
+    /// Roughness of the gloss along the veins (square root of twice the slope variance of its facets, Beckmann's alpha), 0.05 to 1.
     pub gamma_along: f32,
-    /// Roughness of the gloss across the veins (root of twice the facets' slope variance), 0.05 to 1.
+    /// Roughness of the gloss across the veins (square root of twice the slope variance of its facets, Beckmann's alpha), 0.05 to 1.
     pub gamma_across: f32,
 }
 

@@ -124,7 +124,7 @@ impl Resident {
         words[words[ASSET_LAYERS + layer as usize] as usize + field]
     }
 
-    /// Returns the number of components of the residual of `layer`, as [`Resident::layer_for_sides`] numbers it.
+    /// Returns the number of components of the residual of a layer; [`Resident::layer_for_sides`] gives its index.
     pub fn components(&self, layer: u32) -> u32 {
         self.field(layer, block::BASES).saturating_sub(1)
     }
@@ -154,14 +154,14 @@ impl Resident {
         })
     }
 
-    /// Returns the measured light directions of `layer`, as [`Resident::layer_for_sides`] numbers it: unit vectors in
-    /// the layer's frame, z above 0.
+    /// Returns the measured light directions of a layer, whose index [`Resident::layer_for_sides`] gives: unit
+    /// vectors in the layer's frame, z above 0.
     pub fn lights(&self, layer: u32) -> Vec<[f32; 3]> {
         self.directions(layer, block::LIGHTS)
     }
 
-    /// Returns the measured view directions of `layer`, as [`Resident::layer_for_sides`] numbers it: unit vectors in
-    /// the layer's frame, z above 0.
+    /// Returns the measured view directions of a layer, whose index [`Resident::layer_for_sides`] gives: unit
+    /// vectors in the layer's frame, z above 0.
     pub fn views(&self, layer: u32) -> Vec<[f32; 3]> {
         self.directions(layer, block::VIEWS)
     }
@@ -171,7 +171,7 @@ impl Resident {
         (0..words[at]).map(|id| direction(words, at, id)).collect()
     }
 
-    /// Returns columns and rows of `layer`, as [`Resident::layer_for_sides`] numbers it.
+    /// Returns columns and rows of a layer; [`Resident::layer_for_sides`] gives its index.
     pub fn size(&self, layer: u32) -> [u32; 2] {
         let words = self.words();
         level_size(words, words[ASSET_LAYERS + layer as usize] as usize).map(|side| side as u32)

@@ -188,8 +188,8 @@ fn facets_in_range(facets: &Facets) -> bool {
     facets.0.iter().all(|x| (-MAX_FACETS..=MAX_FACETS).contains(x))
 }
 
-/// Checks header, tables, section bounds, padding and the checksum of every section at hand, like
-/// [`crate::read_directory`].
+/// Reads the directory of a `.voltex` file. Checks header, tables, section bounds, padding and the checksum of every
+/// section that `bytes` holds whole, as [`crate::read_directory`] does for an asset.
 pub fn read_voltex_directory(bytes: &[u8]) -> Result<Directory<VoltexHead>, VoltexError> {
     Ok(read_directory_of::<VoltexFormat>(bytes, &serial)?)
 }

@@ -30,9 +30,10 @@ const ROW_MS: f64 = 1000.0;
 
 /// Samples of a picture whose error `trade` tells.
 pub const TRADE_SAMPLES: u32 = 16;
-/// Samples of the path-traced picture that errors are measured against; their numbers are others.
+/// Samples of the path-traced reference picture that errors are measured against. Its random numbers differ from those
+/// of the measured pictures.
 pub const REFERENCE_SAMPLES: u32 = 256;
-/// Rays of a path of that picture at most.
+/// Maximum number of rays in a path of the reference picture.
 const REFERENCE_DEPTH: u32 = 6;
 
 /// Times every point of a bench; the report has what was measured, in a fixed order. `assets` are shown by the scenes

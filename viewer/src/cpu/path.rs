@@ -3,7 +3,7 @@
 use crate::sampler;
 use glam::Vec3;
 
-/// Least probability with which Russian roulette keeps a path.
+/// Minimum probability with which Russian roulette keeps a path.
 const MIN_KEPT: f32 = 0.05;
 
 /// The constant that the shader has too.
@@ -41,7 +41,7 @@ pub(crate) fn seed_of(PathVertex { pixel: [x, y], depth }: PathVertex, purpose: 
 pub(crate) struct Path {
     pub origin: Vec3,
     pub direction: Vec3,
-    /// Weight of radiance along the latest ray in the pixel.
+    /// Factor by which radiance along the latest ray contributes to the pixel.
     pub throughput: Vec3,
     /// Whether the path left a surface in another way than by a mirror.
     pub scattered: bool,

@@ -19,7 +19,7 @@ const ROW: u64 = 32768;
 /// Items of a pass a cluster, which it numbers in 32 bits.
 const MAX_ITEMS: u64 = 1 << 31;
 
-/// The bases of a layer that a GPU is to expand.
+/// The factored PCA bases of a layer, which the GPU multiplies out.
 pub(crate) struct LayerBases {
     /// The range of the asset's words that the bases fill.
     place: Range<usize>,

@@ -84,8 +84,8 @@ struct View {
 }
 
 impl Sky {
-    /// Computes the sky for the sun's disc at an elevation over a level ground, whose albedo is the same everywhere.
-    /// Cost: some 0.3 s of one core, shared by all.
+    /// Computes the radiance that the air scatters, without the sun's disc, for a sun at `sun_elevation_rad` over flat
+    /// ground of uniform albedo. Takes about 0.3 s of processor time, shared by all cores.
     pub(crate) fn new(atmosphere: Atmosphere, sun_elevation_rad: f32, ground_albedo: f32) -> Sky {
         let nothing = Field { harmonics: Vec::new(), ground: Vec::new() };
         let mut sky = Sky { atmosphere, sun_elevation_rad, ground_albedo, scattered: nothing };

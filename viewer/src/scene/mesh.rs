@@ -213,7 +213,8 @@ pub(crate) fn fill_tangents(vertices: &mut [Vertex], triangles: &[[u32; 3]]) {
 mod tests {
     use super::*;
 
-    /// Largest deviation of a part's frames from right ones: unit, perpendicular, outward, along u and v.
+    /// Returns the largest error of a part's tangent frames, which must be orthonormal, with the normal outward and the
+    /// tangents along u and v.
     fn frame_fault(part: &MeshPart) -> f32 {
         let mut derived = part.clone();
         fill_tangents(&mut derived.vertices, &derived.triangles);

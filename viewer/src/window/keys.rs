@@ -12,7 +12,7 @@ use egui::{Key, Modifiers};
 const RADII_PER_SECOND: f32 = 1.0;
 /// Longest time that a key moves the eye in one frame, seconds: slow frames do not make it jump.
 const LONGEST_FLIGHT_S: f32 = 0.1;
-/// Keys that choose what drags on the picture do.
+/// Keys that choose the tool of a mouse drag on the picture.
 const TOOL_KEYS: [(Key, Tool); 4] =
     [(Key::Num1, Tool::Look), (Key::Num2, Tool::Brush), (Key::Num3, Tool::Cluster), (Key::Num4, Tool::Eraser)];
 /// Keys of the window, for its help.

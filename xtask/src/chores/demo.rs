@@ -15,10 +15,10 @@ GPU and no root.
 
 Usage: cargo xtask demo [--size TEXELS] [--out FOLDER]
 
-  --size TEXELS   width and height of the capture, 128 to 1024 [default: 128]
+  --size TEXELS   width and height of the capture, 128 to 1024 [default: 256]
   --out FOLDER    where the results go [default: target/demo]
 
-Example: cargo xtask demo --size 256 --out leaf-demo";
+Example: cargo xtask demo --size 128 --out leaf-demo";
 
 /// The packages that the demo needs.
 const PROGRAMS: [&str; 3] = ["btf-synth", "btf-fit", "btf-viewer"];
@@ -39,11 +39,13 @@ const PICTURE: [&str; 14] = [
     "1.2",
     "--headless",
     "--size",
-    "768x768",
+    "512x512",
     "--frames",
-    "16",
+    "32",
     "--out",
 ];
+/// Bytes of the asset for each texel, both layers together.
+const BYTES_PER_TEXEL: u64 = 32;
 /// Name of the file that marks a folder as written by the demo.
 const MARK: &str = ".btf-demo";
 
@@ -76,14 +78,15 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     for (capture, light) in captures.iter().zip([None, Some("--transmission")]) {
         run_checked(program("btf-synth").arg("leaf").arg(capture).args(LEAF).args(["--size", &size]).args(light))?;
     }
-    // Twelve clusters: at 128 x 128 texels the bases, which every cluster has, weigh more than the texels.
+    let bytes = (BYTES_PER_TEXEL * u64::from(options.size).pow(2)).to_string();
+    // Twelve clusters: in so few texels the bases, which every cluster has, weigh more than the texels.
     run_checked(
         program("btf-fit")
             .arg("fit")
             .args(&captures)
             .arg("-o")
             .arg(path("leaf.spmm"))
-            .args(["--bytes", "800kB", "--clusters", "12", "--report"])
+            .args(["--bytes", &bytes, "--clusters", "12", "--report"])
             .arg(path("leaf.html"))
             .arg("--json")
             .arg(path("fit.json")),
@@ -135,7 +138,7 @@ fn build() -> Result<(), Failure> {
 }
 
 fn parse(arguments: &[String]) -> Result<Options, Failure> {
-    let mut options = Options { size: 128, out: None };
+    let mut options = Options { size: 256, out: None };
     let mut rest = arguments.iter();
     while let Some(name) = rest.next() {
         let value = rest.next().ok_or_else(|| Failure::usage(format!("`{name}` needs a value\n\n{HELP}")))?;

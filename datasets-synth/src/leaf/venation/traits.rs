@@ -1,6 +1,6 @@
 //! Sizes of veins.
 
-/// Kind of venation with its sizes.
+/// Pattern of the veins, with their numbers, spacings and widths.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum VenationTraits {
     Pinnate(PinnateTraits),

@@ -3,7 +3,7 @@
 //! | parameter | symbol | unit | default | valid |
 //! |---|---|---|---|---|
 //! | index | n | - | 1.42 | 1.01 to 3 |
-//! | roughness along the vein direction (root of twice the facets' slope variance) | gamma_along | - | 0.3 | 0.05 to 1 |
+//! | roughness along the vein direction (square root of twice the slope variance of its facets, Beckmann's alpha) | gamma_along | - | 0.3 | 0.05 to 1 |
 //! | roughness across it | gamma_across | - | 0.3 | 0.05 to 1 |
 //! | form | - | - | corrected | corrected, legacy-4x, printed |
 //! | coupling to the body below | - | - | energy | energy, none |

@@ -141,7 +141,7 @@ impl<F: Field> Painter<'_, F> {
     }
 }
 
-/// Returns microflakes whose normals are spread evenly over all directions.
+/// Returns the summed moments of microflakes of total `area` whose normals are uniformly distributed over the sphere.
 pub fn isotropic_microflakes(area: f32, colour: &MicroflakeColour) -> MicroflakeSums {
     let third = area / 3.0;
     MicroflakeSums::new(area, [0.5 * area; 13], [third, third, third, 0.0, 0.0, 0.0], colour)

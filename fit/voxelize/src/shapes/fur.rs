@@ -64,7 +64,7 @@ impl Fur {
         })
     }
 
-    /// Returns the greatest distance of a strand from its root in metres.
+    /// Returns the greatest distance in metres from a strand's root to any point of the strand.
     pub fn reach_m(&self) -> f64 {
         self.length_m * (1.0 + self.jitter) + self.curl_radius_m
     }
