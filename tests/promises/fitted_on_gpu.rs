@@ -35,14 +35,14 @@ fn glitter_capture(folder: &Path) -> Capture {
         .map(|_| {
             let mut within = |least, most| random.within(least, most);
             let slopes = [within(-0.8, 0.8), within(-0.8, 0.8)];
-            [slopes[0], slopes[1], within(0.1, 0.5), within(0.1, 0.5), within(0.05, 0.3), within(0.05, 0.3)]
+            [slopes[0], slopes[1], within(0.05, 0.2), within(0.05, 0.2), within(0.05, 0.3), within(0.05, 0.3)]
         })
         .collect();
     capture_of(folder, SIZE, &set, &set, ImageFormat::Png, |texel, wi, wo| {
         let [slope_x, slope_y, width_x, width_y, red, blue] = flakes[texel];
         let half = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
         let off = [half[0] / half[2] - slope_x, half[1] / half[2] - slope_y];
-        let glint = 0.4 * (-(off[0] / width_x).powi(2) - (off[1] / width_y).powi(2)).exp();
+        let glint = 0.6 * (-(off[0] / width_x).powi(2) - (off[1] / width_y).powi(2)).exp();
         [red + glint, 0.1 + glint, blue + glint].map(|x| x * wi[2])
     })
 }

@@ -20,8 +20,9 @@ use std::sync::Arc;
 const BAR: f64 = 0.02;
 /// The volume is alone there, and as fine as it is.
 const FAR_PIXELS: f32 = 0.5;
-/// Largest step beyond, from one of the volume's levels to the next: these are not as bright as each other, see
-/// docs/results/voltex.md, "Level-of-detail transition".
+/// Largest step beyond, from one of the volume's levels to the next. Each level is fitted on its own to rays through
+/// the model, so neighbouring levels differ in brightness: by 3.4 % in this dolly, and the bar leaves room for another
+/// seed of the plant. See docs/results/voltex.md, "Level-of-detail transition".
 const LEVELS_BAR: f64 = 0.06;
 /// Paths of one distance.
 const PATHS: usize = 1 << 16;
@@ -110,6 +111,8 @@ fn a_dolly_from_a_mesh_to_its_volume_has_no_step() {
 }
 
 /// Largest relative difference of luminance of a plant as a mesh and as its volume, lit from behind or from in front.
+/// It is 6.4 % with the sun behind the plant and 1.2 % with the sun behind the eye: what passes several leaves depends
+/// most on where they are, and a volume knows only how many there are in a voxel.
 const PLAIN_BAR: f64 = 0.08;
 
 #[test]
@@ -138,9 +141,9 @@ fn leaves_that_a_gltf_file_makes_translucent_have_one_brightness_as_a_mesh_and_a
     assert!(apart > 5.0 * PLAIN_BAR, "{apart}");
 }
 
-/// Largest difference of the mean colours of a plant as a mesh and as its volume, as a share of the brighter channel:
-/// in red and green, since what passes a leaf is so green that sRGB has less than no blue for it, and volumes have
-/// none.
+/// Largest difference of the mean colours of a plant as a mesh and as its volume, as a share of the brighter channel,
+/// in red and green. Light that passes a leaf is so green that its blue is below 0 in sRGB, which a volume cannot store.
+/// The three plants differ by 2.1, 1.3 and 6.1 %, the darkest tint most.
 const COLOUR_BAR: f32 = 0.1;
 
 /// From a plant to the eye, m: mostly from above, where no other one is in the way.
