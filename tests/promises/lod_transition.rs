@@ -1,4 +1,4 @@
-//! A plant is handed over from its mesh to its volume without a step, in a dolly over 64 times the distance.
+//! A plant changes from its mesh to its volume without a step, in a dolly over 64 times the distance.
 
 use btf_models::glb::glb_from;
 use btf_models::{LeafDescription, Species, TextureImages};

@@ -71,7 +71,7 @@ impl Shader<'_> {
 
     /// Returns the nearest hit of a mesh, or any hit, before `t_max`.
     pub(crate) fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
-        self.scene.geometry.trace_handed_over(origin, direction, t_max, any, &self.lod_transition)
+        self.scene.geometry.trace_with_lod(origin, direction, t_max, any, &self.lod_transition)
     }
 
     /// Returns what a ray meets, displacement included, and the way below the surface to the displaced one, texels.

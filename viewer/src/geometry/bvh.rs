@@ -68,12 +68,12 @@ pub enum AnyHit {
 impl Geometry {
     /// Traces a ray: returns the nearest hit with 0 < t < `t_max`, or the hit that `any` asks for. `direction` is unit.
     pub fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32, any: AnyHit) -> Hit {
-        self.trace_handed_over(origin, direction, t_max, any, &LodTransition::MESHES)
+        self.trace_with_lod(origin, direction, t_max, any, &LodTransition::MESHES)
     }
 
     /// Traces a ray where meshes that volumes stand in for exist only within the spheres of `lod_transition`, see
     /// [`Geometry::trace`]. Twin: `bvh_trace` in `bvh.wgsl`.
-    pub fn trace_handed_over(
+    pub fn trace_with_lod(
         &self,
         origin: Vec3,
         direction: Vec3,
@@ -252,7 +252,7 @@ mod tests {
     }
 
     /// Two meshes, placed 200 times turned, scaled and mirrored.
-    fn crowd() -> Geometry {
+    fn instanced() -> Geometry {
         let mut random = Random(0x1234_5678_9abc_def1);
         let placement = |i: usize| {
             let size = 0.05 + 0.1 * random.unit();
@@ -297,7 +297,7 @@ mod tests {
         geometry.trace(origin, direction, 10.0, any)
     }
 
-    /// About an eye within the scenes; leaves 1 wide are handed over at a radius of 1.4.
+    /// About an eye within the scenes; leaves 1 wide change from mesh to volume at a radius of 1.4.
     fn lod_transition() -> LodTransition {
         LodTransition::new(Vec3::new(0.3, -0.2, 0.1), 0.5, 0.5)
     }
@@ -312,7 +312,7 @@ mod tests {
                 let direction = if i % 7 == 0 { Vec3::AXES[i % 3] } else { random.vector().normalize() };
                 let expected = brute_force(geometry, origin, direction, 10.0, lod_transition);
                 let [found, any] = [AnyHit::No, AnyHit::Yes]
-                    .map(|any| geometry.trace_handed_over(origin, direction, 10.0, any, lod_transition));
+                    .map(|any| geometry.trace_with_lod(origin, direction, 10.0, any, lod_transition));
                 found != expected || (any.primitive == NO_HIT) != (expected.primitive == NO_HIT)
             })
             .count()
@@ -324,21 +324,21 @@ mod tests {
             let geometry = soup(count, size);
             assert_eq!(differences(&geometry, &LodTransition::MESHES), 0, "{count} triangles");
         }
-        assert_eq!(differences(&crowd(), &LodTransition::MESHES), 0, "instances");
+        assert_eq!(differences(&instanced(), &LodTransition::MESHES), 0, "instances");
     }
 
     #[test]
     fn meshes_with_stand_ins_are_met_within_their_spheres_alone() {
-        let mut handed_over = crowd();
+        let mut mixed = instanced();
         // Of four instances one is kept, the others differ.
-        handed_over.set_leaf_widths(|_, number| 0.25 * (number % 4) as f32);
-        assert_eq!(differences(&handed_over, &lod_transition()), 0);
-        assert_eq!(differences(&handed_over, &LodTransition::MESHES), 0);
+        mixed.set_leaf_widths(|_, number| 0.25 * (number % 4) as f32);
+        assert_eq!(differences(&mixed, &lod_transition()), 0);
+        assert_eq!(differences(&mixed, &LodTransition::MESHES), 0);
         let mut random = Random(3);
         let changed = (0..500).filter(|_| {
             let (origin, direction) = (random.vector() * 1.5, random.vector().normalize());
-            let all = trace(&handed_over, origin, direction, AnyHit::No);
-            handed_over.trace_handed_over(origin, direction, 10.0, AnyHit::No, &lod_transition()) != all
+            let all = trace(&mixed, origin, direction, AnyHit::No);
+            mixed.trace_with_lod(origin, direction, 10.0, AnyHit::No, &lod_transition()) != all
         });
         let changed = changed.count();
         assert!(changed > 20, "{changed}");
@@ -394,7 +394,7 @@ mod tests {
 
     #[test]
     fn a_box_that_is_too_small_is_noticed() {
-        for mut broken in [soup(3000, 0.05), crowd()] {
+        for mut broken in [soup(3000, 0.05), instanced()] {
             let root = broken.root() as usize;
             for (number, node) in broken.nodes_mut().iter_mut().enumerate() {
                 if number % 16 == 1 || number == root + 1 {

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_stand_in_is_never_handed_over_and_every_mesh_can_be_kept() {
+    fn what_has_no_volume_is_always_a_mesh_and_every_mesh_can_be_kept() {
         let along = LodTransition::new(Vec3::ZERO, 1.0, 0.3).along(Vec3::X, Vec3::Y);
         assert_eq!(along.mesh(0.0), [f32::NEG_INFINITY, f32::INFINITY]);
         assert_eq!(along.volume(0.0, [2.0, 3.0]), [[2.0, 3.0], [3.0, 3.0]]);

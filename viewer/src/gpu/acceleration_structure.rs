@@ -10,8 +10,8 @@ use wgpu::BufferUsages;
 pub(crate) const MESHES: u8 = 1;
 /// Mask of instances that are proxies of volumes. Twin: `RAY_PROXIES`.
 pub(crate) const PROXIES: u8 = 2;
-/// Mask of instances that are surfaces which volumes stand in for. Twin: `RAY_HANDED_OVER`.
-pub(crate) const HANDED_OVER: u8 = 4;
+/// Mask of instances that are surfaces which volumes stand in for. Twin: `RAY_WITH_VOLUMES`.
+pub(crate) const WITH_VOLUMES: u8 = 4;
 
 /// Builds a structure for each mesh and one over the instances, which are numbered as `geometry` has them. Instances
 /// that `scene` does not have itself are proxies.
@@ -52,7 +52,7 @@ pub(crate) fn acceleration_structure(
         map.copy_from_slice(&rows);
         let mask = match (number < scene.geometry.instances().len(), instance.leaf_width > 0.0) {
             (true, false) => MESHES,
-            (true, true) => HANDED_OVER,
+            (true, true) => WITH_VOLUMES,
             (false, _) => PROXIES,
         };
         tlas[number] = Some(wgpu::TlasInstance::new(&blas[geometry.mesh_of(number)], map, number as u32, mask));
@@ -106,21 +106,21 @@ fn check_limits(gpu: &Gpu, geometry: &Geometry) -> Result<(), ViewerError> {
 /// Returns the size of each mesh, and whether the shader decides on the hits of it.
 fn mesh_sizes(geometry: &Geometry, scene: &Scene) -> Vec<wgpu::BlasTriangleGeometrySizeDescriptor> {
     // What volumes stand in for is there within a sphere only: the shader decides on each of its hits.
-    let mut is_handed_over = vec![false; geometry.meshes().len()];
+    let mut has_volume = vec![false; geometry.meshes().len()];
     for (number, instance) in scene.geometry.instances().iter().enumerate() {
-        is_handed_over[geometry.mesh_of(number)] |= instance.leaf_width > 0.0;
+        has_volume[geometry.mesh_of(number)] |= instance.leaf_width > 0.0;
     }
     let opaque = wgpu::AccelerationStructureGeometryFlags::OPAQUE;
     geometry
         .meshes()
         .iter()
-        .zip(is_handed_over)
-        .map(|(mesh, is_handed_over)| wgpu::BlasTriangleGeometrySizeDescriptor {
+        .zip(has_volume)
+        .map(|(mesh, has_volume)| wgpu::BlasTriangleGeometrySizeDescriptor {
             vertex_format: wgpu::VertexFormat::Float32x3,
             vertex_count: geometry.vertices().len() as u32,
             index_format: Some(wgpu::IndexFormat::Uint32),
             index_count: Some(3 * mesh.triangles),
-            flags: if is_handed_over { wgpu::AccelerationStructureGeometryFlags::empty() } else { opaque },
+            flags: if has_volume { wgpu::AccelerationStructureGeometryFlags::empty() } else { opaque },
         })
         .collect()
 }

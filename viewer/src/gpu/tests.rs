@@ -6,7 +6,7 @@ use crate::geometry::bvh::{AnyHit, NO_HIT, NO_INSTANCE, STACK};
 use crate::geometry::bvh_node::BvhNode;
 use crate::geometry::geometry::{Instance, Triangle, Vertex};
 use crate::geometry::lod_transition::{self, MESH_PIXELS, VOLUME_PIXELS};
-use crate::gpu::acceleration_structure::{HANDED_OVER, MESHES, PROXIES};
+use crate::gpu::acceleration_structure::{MESHES, PROXIES, WITH_VOLUMES};
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::decode_queries::{GpuQuery, GpuQueryParams};
 use crate::gpu::frame::{GpuFrame, GpuLight, GpuMaterial, GpuPath, GpuPixel, MAX_MATERIALS, NO_ASSET};
@@ -285,7 +285,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("MAX_CELLS", MAX_CELLS),
         ("RAY_MESHES", MESHES.into()),
         ("RAY_PROXIES", PROXIES.into()),
-        ("RAY_HANDED_OVER", HANDED_OVER.into()),
+        ("RAY_WITH_VOLUMES", WITH_VOLUMES.into()),
     ];
     let numbers = [
         ("MESH_PIXELS", MESH_PIXELS),

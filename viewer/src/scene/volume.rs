@@ -87,7 +87,7 @@ pub(crate) fn volume_from_model(voltex: &Voltex, meshes: &[FileMesh]) -> Result<
     Ok(standing(voltex, foot, 0.0, 1.0).inverse())
 }
 
-/// Returns how wide the leaves of a model count where it is handed over to a volume, metres: as wide as they are, or as
+/// Returns how wide the leaves of a model count where a volume takes its place, metres: as wide as they are, or as
 /// a voxel where that is wider, so that no voxel is larger than a pixel where it takes over alone.
 pub(crate) fn usual_leaf_width_m(voltex: &Voltex, meshes: &[FileMesh]) -> f32 {
     let voxel_m = voltex.side_m() / (1u32 << voltex.level_count()) as f32;

@@ -4,10 +4,10 @@ enable wgpu_ray_query;
 
 @group(1) @binding(0) var acceleration: acceleration_structure;
 
-// Masks of the instances. Twins: MESHES, PROXIES and HANDED_OVER in acceleration_structure.rs.
+// Masks of the instances. Twins: MESHES, PROXIES and WITH_VOLUMES in acceleration_structure.rs.
 const RAY_MESHES: u32 = 1u;
 const RAY_PROXIES: u32 = 2u;
-const RAY_HANDED_OVER: u32 = 4u;
+const RAY_WITH_VOLUMES: u32 = 4u;
 const RAY_FLAG_TERMINATE_ON_FIRST_HIT: u32 = 4u;
 // Fronts and backs are told in the mesh's own space, where mirrored instances have theirs as others do.
 const RAY_FLAG_CULL_BACK_FACING: u32 = 0x10u;
@@ -38,7 +38,7 @@ fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_
         if is_enough || from_t >= reach {
             break;
         }
-        let asked = select(RAY_HANDED_OVER, mask, part == 0u);
+        let asked = select(RAY_WITH_VOLUMES, mask, part == 0u);
         rayQueryInitialize(&query, acceleration, RayDesc(flags, asked, from_t, reach, origin, direction));
         while (rayQueryProceed(&query)) {
             // What is handed over is not opaque: it is there within its own sphere only.

@@ -90,7 +90,7 @@ fn volume_stretches_in_turn(origin: vec3<f32>, direction: vec3<f32>, t_max: f32)
 }
 
 // Cuts a stretch off at the mesh that its volume stands in for; what is behind that waits.
-fn volume_handed_over(stretches: ptr<function, Stretches>, given: Stretch) -> Stretch {
+fn volume_beyond_mesh(stretches: ptr<function, Stretches>, given: Stretch) -> Stretch {
     let spheres = lod_transition_along(lod_transition, (*stretches).entries.origin, (*stretches).entries.direction);
     let parts = lod_transition_volume(spheres, given.leaf_width, given.t0, given.t1);
     (*stretches).behind = parts.zw;
@@ -292,7 +292,7 @@ fn volume_next(
         *stretches = here;
     }
     if with_lod_transition {
-        own = volume_handed_over(stretches, own);
+        own = volume_beyond_mesh(stretches, own);
     }
     return own;
 }

@@ -122,14 +122,14 @@ fn orchard(size: f32) -> Scene {
     let mut scene = outdoors(&TREES.map(|(at, _)| at));
     let widths = |mesh, number: usize| if mesh == 0 { 0.0 } else { size * TREES[number - 1].1 };
     Arc::make_mut(&mut scene.geometry).set_leaf_widths(widths);
-    let handed_over = TREES.iter().enumerate().filter(|(_, (_, width))| *width > 0.0);
+    let mixed = TREES.iter().enumerate().filter(|(_, (_, width))| *width > 0.0);
     let place = |(number, (at, width)): (usize, &(Vec3, f32))| {
         let turn = Quat::from_axis_angle(Vec3::Y, number as f32);
         let middle = Mat4::from_translation(Vec3::splat(-0.5));
         let world_from_volume = Mat4::from_scale_rotation_translation(Vec3::splat(0.9), turn, *at) * middle;
         VolumePlace { volume: number % 2, world_from_volume, leaf_width: size * width }
     };
-    let places: Vec<VolumePlace> = handed_over.map(place).collect();
+    let places: Vec<VolumePlace> = mixed.map(place).collect();
     scene.volumes = Some(volumes(&places, SceneSkin { leaf_width: size * 0.09, ..skin(77) }));
     scene
 }

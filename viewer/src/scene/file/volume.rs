@@ -211,7 +211,7 @@ pub(crate) mod tests {
         // The tip is over the middle of the volume's floor, to half of the triangle's width.
         let is_met = |x: f32, y: f32, z: f32, lod_transition: &LodTransition| {
             let from = Vec3::new(x, y, z + 1.0);
-            let hit = scene.geometry.trace_handed_over(from, Vec3::NEG_Z, 2.0, AnyHit::Yes, lod_transition);
+            let hit = scene.geometry.trace_with_lod(from, Vec3::NEG_Z, 2.0, AnyHit::Yes, lod_transition);
             hit.primitive != NO_HIT
         };
         let all = LodTransition::MESHES;
