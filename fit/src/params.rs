@@ -50,7 +50,7 @@ impl ErrorMeasure {
     }
 }
 
-/// What lobes are to the residual.
+/// Role of the lobes: whether the residual holds the whole value or what the lobes leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
@@ -89,7 +89,7 @@ pub enum KMeansEngine {
     Linfa,
 }
 
-/// What a fit is to reach.
+/// Goal of a fit: a size, a PSNR, or neither.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
     /// Neither a size nor an error: 8 components and a fine step.
@@ -100,7 +100,8 @@ pub enum Goal {
     PsnrDb(f64),
 }
 
-/// What a fit is asked for. [`FitParams::check`] makes parameters of it that [`crate::fit()`] runs with.
+/// Parameters of a fit as the user gives them. [`FitParams::check`] makes parameters of them that [`crate::fit()`] runs
+/// with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitParams {
     /// Largest asset in bytes.

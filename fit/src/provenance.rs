@@ -18,7 +18,7 @@ pub struct Material {
     pub name: String,
     /// One entry per layer, in the asset's order.
     pub layers: Vec<MaterialLayer>,
-    /// How the asset was fitted.
+    /// Options of the fit and what the fit chose.
     pub fit: Option<FitRecord>,
     /// Error of the whole asset against its captures, all layers, as decoded from the file.
     pub error: Option<Metrics>,
@@ -71,7 +71,7 @@ impl Default for CaptureRecord {
     }
 }
 
-/// How an asset was fitted: what was asked for and what was chosen.
+/// Options of a fit, and what the fit chose by itself.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FitRecord {

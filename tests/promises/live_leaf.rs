@@ -9,7 +9,7 @@ use btf_synth::{
 use btf_tests::leaf_live::{body_colours, contents_of, random_states, reference_colours};
 use btf_tests::leaf_trade::{Spread, delta_e00_linear};
 
-/// What the tables hold of one unit of each content.
+/// Returns the absorption of one unit of each content in the tables.
 fn coefficients(table: SpecificAbsorption, nm: f64) -> [f64; 6] {
     let none = LeafContents {
         chlorophyll_ug_per_cm2: 0.0,

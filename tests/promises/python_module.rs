@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::time::SystemTime;
 
 const SIZE: [u32; 2] = [96, 64];
-/// How often the asset lies on the plane, along each side.
+/// Repetitions of the asset along each side of the plane.
 const UV_SCALE: f32 = 2.0;
 /// Difference of two pictures that are the same: in the mean, and of all channels but the hundredth that differs
 /// most, which leaves room for pixels whose middle lies on the border of two texels.
@@ -126,7 +126,7 @@ fn python_gets_the_values_and_densities_that_rust_gets() {
     }
 }
 
-/// How two pictures differ.
+/// Differences of two pictures.
 #[derive(Debug)]
 struct Difference {
     /// Mean absolute difference over the first one's mean.

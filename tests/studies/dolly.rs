@@ -20,10 +20,10 @@ pub const STEPS: i32 = 4;
 /// Width of a pixel at distance 1: so small that the plant is seen from one side all the way.
 pub const PIXEL_WIDTH: f32 = 2e-4;
 
-/// What is seen at one distance.
+/// Measurement at one distance.
 #[derive(Debug, Clone, Copy)]
 pub struct DollyRow {
-    /// How many pixels wide a leaf is.
+    /// Width of a leaf in pixels.
     pub leaf_pixels: f32,
     /// Pixels across the plant.
     pub pixels: u32,

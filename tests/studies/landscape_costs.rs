@@ -68,7 +68,7 @@ fn frame_s(scene: &Scene, size: [u32; 2], frames: u32, backend: BackendChoice) -
     Ok(least)
 }
 
-/// How a landscape is looked at.
+/// View of a landscape: size, camera, and parts of daylight.
 #[derive(Clone, Copy)]
 struct View {
     size: [u32; 2],

@@ -41,7 +41,7 @@ pub fn random_states(seed: u64, count: usize) -> Vec<LeafState> {
         .collect()
 }
 
-/// What the state's leaf holds, for the reference.
+/// Returns the contents of the state's leaf in the units of the reference.
 pub fn contents_of(state: &LeafState) -> LeafContents {
     LeafContents {
         chlorophyll_ug_per_cm2: state.chlorophyll_ug_per_cm2.into(),

@@ -71,7 +71,7 @@ pub fn contents_grid() -> Vec<LeafContents> {
     grid
 }
 
-/// What a form of theta loses.
+/// Errors of a form of theta.
 #[derive(Debug, Clone, Copy)]
 pub struct ThetaErrors {
     /// In theta, over 0 <= k <= 10 in even steps.

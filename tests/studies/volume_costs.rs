@@ -24,7 +24,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What everything reflects.
+/// Reflectance of all surfaces.
 const GREY: f32 = 0.5;
 /// Samples of the picture that errors are against.
 const TRUTH: u32 = 256;
@@ -34,7 +34,7 @@ const SIDES: [u32; 2] = [23, 158];
 const PAN: (u32, f32) = (64, 1.0 / 16.0);
 /// Size of the pan's picture.
 const PAN_SIZE: [u32; 2] = [64, 64];
-/// How trees differ.
+/// Variation among the trees.
 const JITTER: DiscreteJitter =
     DiscreteJitter { empty: 0.0, scale: [0.6, 1.0], displacement: 0.0, margin: 0.0, turns: true, mirrors: true };
 

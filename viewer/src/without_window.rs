@@ -7,7 +7,7 @@ use crate::scene::asset::SceneAsset;
 use crate::scene::scene::Scene;
 use std::sync::Arc;
 
-/// What the window would show. The fields are those of the window itself.
+/// Parameters of the window, with the same fields as in a build with the window.
 pub struct WindowParams {
     /// Width and height in pixels.
     pub size: Option<[u32; 2]>,
@@ -15,7 +15,7 @@ pub struct WindowParams {
     pub backend: BackendChoice,
     /// Part of the adapter's name, where there are several.
     pub adapter: Option<String>,
-    /// What costs time and changes accuracy.
+    /// Settings that trade time for accuracy.
     pub shade: ShadeOptions,
     /// Milliseconds that a frame may take.
     pub target_ms: Option<f64>,

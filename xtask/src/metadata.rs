@@ -26,7 +26,7 @@ pub struct Package {
     pub license_file: Option<String>,
     /// Dependencies as Cargo.toml declares them: normal ones, those of tests and build scripts, and optional ones.
     pub dependencies: Vec<Dependency>,
-    /// What cargo builds of the package: library, programs, tests, examples.
+    /// Targets that cargo builds of the package: library, programs, tests, examples.
     #[serde(default)]
     pub targets: Vec<Target>,
 }

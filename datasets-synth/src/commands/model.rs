@@ -224,7 +224,7 @@ impl TissueArgs {
     }
 }
 
-/// What the leaf holds.
+/// Contents of the leaf.
 #[derive(Args, Clone)]
 #[command(next_help_heading = "Contents")]
 pub struct ContentsArgs {

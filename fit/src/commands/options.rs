@@ -14,7 +14,7 @@ pub(super) struct Shared {
     pub(super) quiet: bool,
 }
 
-/// How decoded values are carried to directions that were not measured.
+/// Rule of interpolation between measured directions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum Interpolation {
     /// Interpolate the residual, then add it to the lobes
@@ -23,7 +23,7 @@ pub(super) enum Interpolation {
     Exact,
 }
 
-/// How much of an asset is decoded.
+/// Options of decoding: numbers of components and lobes, and interpolation.
 #[derive(Debug, Clone, Args)]
 pub(super) struct Decoding {
     /// Use at most this many residual components

@@ -65,12 +65,12 @@ pub struct LayerDescription {
     pub clusters: usize,
     /// Lobes in all dictionaries.
     pub dictionary_lobes: usize,
-    /// How many lobes there are, what they are to the residual, and their bytes.
+    /// Number of lobes, their role and their bytes.
     #[serde(flatten)]
     pub lobe_use: LobeUse,
     /// Largest number of lobes that a texel refers to: its own, or its cluster's where lobes guide.
     pub lobes_per_texel_max: usize,
-    /// How many texels refer to 0, 1, 2, ... lobes.
+    /// Histogram of the lobes per texel: numbers of texels with 0, 1, 2, ... lobes.
     pub lobe_counts: Vec<u64>,
     /// Use of each lobe family that occurs.
     pub families: Vec<FamilyUse>,
@@ -86,7 +86,7 @@ pub struct LayerDescription {
     pub heights: Option<[f32; 2]>,
 }
 
-/// How often a lobe family occurs.
+/// Use of one lobe family in an asset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FamilyUse {
     /// The family's name.

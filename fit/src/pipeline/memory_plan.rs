@@ -46,7 +46,7 @@ pub fn shared_bases(params: &ValidFitParams, texels: usize) -> usize {
     (MIN_SHARED_BASES + more as usize).min(MAX_SHARED_BASES)
 }
 
-/// What the memory limit leaves for the parts of a layer's fit whose size can be chosen.
+/// Bytes that the memory limit leaves for those parts of a layer's fit whose size can be chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemoryPlan {
     /// Texels of the sample that shared bases are found from.

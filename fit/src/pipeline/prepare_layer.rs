@@ -46,7 +46,7 @@ pub struct PreparedLayer {
     pub layer: Layer,
     /// The residual before it is quantised.
     pub model: Model,
-    /// What the lobes achieve without the residual.
+    /// Figures of the lobes alone, without the residual.
     pub figures: LobeFigures,
     /// Direction pairs that were held back (`view * lights + light`).
     pub left_out: Vec<usize>,
@@ -90,7 +90,7 @@ pub fn prepare_layer(
     Ok(PreparedLayer { layer, model, figures, left_out: holdout.pairs })
 }
 
-/// What a recipe gives: clusters, lobes, and the coordinates of the residual.
+/// Result of a recipe: clusters, lobes, and the coordinates of the residual.
 struct FittedLobes {
     /// Cluster of each texel.
     labels: Vec<u32>,

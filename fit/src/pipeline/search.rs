@@ -26,13 +26,13 @@ const COARSEST_EXPONENT: f64 = 2.0;
 
 /// A prepared fit whose step is searched for.
 pub struct StepSearch<'a> {
-    /// One per layer.
+    /// Captures, one for each layer, in the asset's order.
     pub captures: &'a [Capture],
     /// The layers.
     pub prepared: &'a PreparedFit,
-    /// What is asked for.
+    /// Parameters of the fit.
     pub params: &'a ValidFitParams,
-    /// Where progress goes.
+    /// Receiver of progress.
     pub monitor: &'a Monitor,
 }
 

@@ -44,7 +44,7 @@ fn tone_weight(kind: ResidualKind, mean: f32) -> f32 {
     }
 }
 
-/// What the dictionaries of a layer are fitted to.
+/// Samples and clusters to which the dictionaries of a layer are fitted.
 pub struct DictionaryTask<'a> {
     /// The capture.
     pub cache: &'a TileCache<'a>,

@@ -5,7 +5,7 @@ use crate::options::ShadeOptions;
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// What is varied.
+/// Quantity that the bench varies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum BenchKind {
@@ -47,10 +47,10 @@ impl BenchKind {
     }
 }
 
-/// What to measure.
+/// Parameters of a bench.
 #[derive(Debug, Clone)]
 pub struct BenchParams {
-    /// What is varied.
+    /// Quantity that the bench varies.
     pub kind: BenchKind,
     /// For `triangles`, and for `resolution` where it is given: the model that is placed.
     pub mesh: Option<PathBuf>,
@@ -60,6 +60,6 @@ pub struct BenchParams {
     pub backend: BackendChoice,
     /// Part of the adapter's name, where there are several.
     pub adapter: Option<String>,
-    /// How pictures are computed, where that is not what is varied.
+    /// Shading options of all pictures; the bench changes the one that it varies.
     pub shade: ShadeOptions,
 }

@@ -34,7 +34,7 @@ pub(super) struct Point {
     pub scene: Scene,
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
-    /// How the picture is computed.
+    /// Shading options of the picture.
     pub shade: ShadeOptions,
     /// The decoder in the GPU's tracer.
     pub decoder: DecoderForm,
@@ -74,7 +74,7 @@ pub(super) fn points(assets: &[Arc<SceneAsset>], params: &BenchParams) -> Result
     }
 }
 
-/// What the points of a bench are made of.
+/// Assets and parameters that the points of a bench are made from.
 struct Bench<'a> {
     assets: &'a [Arc<SceneAsset>],
     params: &'a BenchParams,

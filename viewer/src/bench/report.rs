@@ -51,7 +51,7 @@ pub struct BenchRow {
 /// A whole bench; the keys of `--json`.
 #[derive(Debug, Clone, Serialize)]
 pub struct BenchReport {
-    /// What was varied.
+    /// Quantity that was varied.
     pub bench: BenchKind,
     /// Adapter name, or the number of threads of the CPU backend.
     pub adapter: String,

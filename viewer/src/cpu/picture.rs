@@ -20,7 +20,7 @@ pub struct CpuPicture {
     pub sums: Vec<[f32; 3]>,
     /// Samples in the sums.
     pub samples: u32,
-    /// What the last sample of every pixel did.
+    /// Hit and cost of the last sample of each pixel, row-major from the top left.
     pub hits: Vec<PixelHit>,
 }
 

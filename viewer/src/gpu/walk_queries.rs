@@ -19,9 +19,9 @@ pub struct WalkQuery {
     pub link: u32,
     /// Direction of the ray, not necessarily unit.
     pub direction: [f32; 3],
-    /// Where the ray begins.
+    /// Distance at which the ray begins.
     pub t_min: f32,
-    /// Where the ray ends.
+    /// Distance at which the ray ends.
     pub t_max: f32,
     /// Zero.
     pub pad0: u32,

@@ -99,7 +99,7 @@ pub struct RenderReport {
 pub struct Rendered {
     /// The picture, linear.
     pub picture: Picture,
-    /// What the last sample of every pixel did, row-major from the top left.
+    /// Hit and cost of the last sample of each pixel, row-major from the top left.
     pub hits: Vec<PixelHit>,
     /// The figures.
     pub report: RenderReport,

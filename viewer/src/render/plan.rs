@@ -50,7 +50,7 @@ pub struct PlannedAsset {
 /// A plan for all assets of a scene.
 #[derive(Debug, Clone, Serialize)]
 pub struct Plan {
-    /// One for each of [`Scene::assets`].
+    /// Plans of the assets, in the order of [`Scene::assets`].
     pub assets: Vec<PlannedAsset>,
     /// PSNR of whole pictures, 8-bit sRGB, dB.
     pub psnr_db: f64,
@@ -106,7 +106,7 @@ pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Contro
     }
 }
 
-/// What is searched for.
+/// The number that the search lowers.
 #[derive(Debug, Clone, Copy)]
 enum Limit {
     Components,

@@ -7,7 +7,7 @@ use btf_models::DiffuseColour;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What a scene's materials show, by number.
+/// Assets and live leaves that a scene's materials refer to by index.
 #[derive(Debug, Clone, Default)]
 pub struct Shown {
     /// Packed assets.
@@ -60,10 +60,10 @@ impl Shown {
     }
 }
 
-/// What a file's own materials show.
+/// Assets and leaves of a file, and the bodies of its materials that use them.
 #[derive(Debug, Clone, Default)]
 pub struct OwnBodies {
-    /// What there is.
+    /// Assets and leaves of the file.
     pub shown: Shown,
     /// By number of the material, which is a part's group.
     pub bodies: BTreeMap<usize, Body>,
@@ -80,7 +80,7 @@ pub enum Body {
     Leaf(usize),
 }
 
-/// What a triangle is made of.
+/// Material of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     /// What reflects and transmits.

@@ -48,7 +48,7 @@ pub struct PointLight {
 /// A distance that no ray within a scene reaches.
 const BEYOND_EVERYTHING: f32 = 1e30;
 
-/// Where a scene's own lights are.
+/// Arrangement of the lights that a scene places by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LightRig {
     /// On the half sphere around the scene that faces the camera, the first at the upper left.
@@ -63,7 +63,7 @@ pub struct Ambient {
     /// Linear RGB radiance from every direction; 0 for no ambient light. A white Lambertian surface that nothing
     /// occludes has this value.
     pub radiance: [f32; 3],
-    /// What lies farther away does not occlude, world units, above 0.
+    /// Largest distance of an occluder, world units, above 0.
     pub distance: f32,
 }
 
@@ -112,7 +112,7 @@ pub struct Scene {
     pub leaves: Vec<SceneLeaf>,
     /// Volumetric textures among the triangles.
     pub volumes: Option<Arc<Volumes>>,
-    /// What blows over the skins of the volumes.
+    /// Wind over the skins of the volumes.
     pub wind: Option<Wind>,
     /// The moment at which it is seen, seconds; [`Scene::blow`] changes it.
     pub time_s: f64,
@@ -122,7 +122,7 @@ pub struct Scene {
     pub sun: Option<Sun>,
     /// The day that sun and environment are of, where they are.
     pub outdoors: Option<Outdoors>,
-    /// Where [`Scene::place_lights`] puts them.
+    /// Arrangement by which [`Scene::place_lights`] places lights.
     pub light_rig: LightRig,
     /// Ambient light, one stratified ray per pixel and sample.
     pub ambient: Ambient,

@@ -12,7 +12,7 @@ use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
 use crate::scene::scene::Scene;
 
-/// What the user holds in hand beside the scene.
+/// State of the window's controls beside the scene.
 pub(super) struct Controls {
     pub panel: Panel,
     /// The renderers that the adapter has, the CPU's last.
@@ -25,7 +25,7 @@ pub(super) struct Controls {
     pub dialog: Option<UnsavedDialog>,
     /// Whether the keys are explained.
     pub help: bool,
-    /// What saving or opening said.
+    /// Message of the latest saving or opening.
     pub message: Option<String>,
 }
 

@@ -11,10 +11,10 @@ use btf_capture::atomic::create_folder;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a file takes the place of where it is opened.
+/// The part of the scene that an opened file replaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Replaced {
-    /// No asset and no leaf.
+    /// Neither an asset nor a leaf.
     Nothing,
     /// The asset of a number.
     Asset(usize),

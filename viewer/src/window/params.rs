@@ -5,7 +5,7 @@ use crate::options::ShadeOptions;
 use crate::scene::asset::SceneAsset;
 use std::sync::Arc;
 
-/// What the window starts with.
+/// Parameters that the window starts with.
 #[derive(Debug, Clone)]
 pub struct WindowParams {
     /// Width and height, pixels; the last run's where there is none.
@@ -14,7 +14,7 @@ pub struct WindowParams {
     pub backend: BackendChoice,
     /// Part of the adapter's name, where there are several.
     pub adapter: Option<String>,
-    /// What costs time and changes accuracy; the panel changes it.
+    /// Settings that trade time for accuracy; the panel changes them.
     pub shade: ShadeOptions,
     /// Milliseconds that a frame may take; components, lobes and lights are what is saved.
     pub target_ms: Option<f64>,

@@ -8,7 +8,7 @@ use crate::render::governor::Governor;
 /// Weight of the newest frame in the shown frame time.
 const FRAME_TIME_WEIGHT: f64 = 0.2;
 
-/// How far a picture is, and how fast its samples are.
+/// Progress of a picture, and the time of its samples.
 pub(crate) struct Progress {
     /// Samples per pixel that the picture has.
     pub samples: u32,

@@ -15,7 +15,7 @@ pub(crate) struct Settings {
     pub light_handles: bool,
     /// Radius of the brush, texels.
     pub brush_radius: f32,
-    /// What differences are multiplied by.
+    /// Factor on displayed differences.
     pub difference_gain: f32,
     /// Drags turn the view about the eye.
     pub fly: bool,

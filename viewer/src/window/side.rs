@@ -18,7 +18,7 @@ pub(crate) struct Side {
     cpu: Option<(CpuPicture, wgpu::Buffer)>,
 }
 
-/// What a sample took.
+/// Time of a sample.
 pub(crate) struct Took {
     /// Milliseconds.
     pub ms: f64,

@@ -9,7 +9,7 @@ use crate::scene::scene::Scene;
 use btf_runtime::{DecodeOptions, Edits, Interpolation};
 use std::sync::Arc;
 
-/// What the picture is compared with.
+/// The picture on the other side of the split view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum Against {
     /// Everything that the assets have: all components and lobes, exact interpolation, the finest texels.
@@ -46,7 +46,7 @@ pub(crate) struct Split {
     /// Show `|a - b|` times [`Split::gain`] in place of both.
     pub difference: bool,
     pub gain: f32,
-    /// Where the other picture begins, share of the width.
+    /// Position of the dividing line, as a share of the width.
     pub place: f32,
     pub side: Side,
     /// An asset to compare with that is no part of the scene.

@@ -50,7 +50,7 @@ pub(super) struct View {
     title: &'static str,
 }
 
-/// What a frame came to.
+/// Result of a frame.
 struct Frame {
     /// Width and height of the area beside the panels, pixels.
     size: [u32; 2],

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::shell::{self, cargo};
 use std::time::Instant;
 
-/// What has happened so far.
+/// Counts and failures of the steps so far.
 #[derive(Default)]
 pub struct Suite {
     counts: Counts,

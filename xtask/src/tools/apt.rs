@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 /// A program that tests start.
 pub struct Program {
-    /// What is typed.
+    /// Name of the program on the command line.
     pub name: &'static str,
     /// Debian's package of it.
     pub package: &'static str,

@@ -11,13 +11,13 @@ const STAMP: &str = "package-installed.json";
 
 /// A package that npm installs.
 pub struct Package {
-    /// What people call the package.
+    /// Usual name of the package.
     pub name: &'static str,
     /// The package.json that names the version, relative to the repository's root.
     pub file: &'static str,
     /// The folder below `target`/peers in which the package is installed.
     pub folder: &'static str,
-    /// What the package is for, as the beginning of a sentence.
+    /// Purpose of the package, as the beginning of a sentence.
     pub purpose: &'static str,
 }
 

@@ -10,12 +10,12 @@ use std::process::Command;
 /// The package's folder, relative to the repository's root.
 const PACKAGE: &str = "runtime/python";
 
-/// How the module is compiled.
+/// Profile in which the module is compiled.
 #[derive(Clone, Copy)]
 pub enum Build {
-    /// As users get the module.
+    /// The profile of the module that users get.
     Release,
-    /// As tests are compiled, so that what both need is built once.
+    /// The profile of the tests, so that common dependencies are built once.
     Tests,
 }
 

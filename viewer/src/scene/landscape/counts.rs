@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// How much there is in a landscape.
+/// Numbers of the parts of a landscape.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
 pub struct LandscapeCounts {
     /// `lawn`, `grove` or `forest`.

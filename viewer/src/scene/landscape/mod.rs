@@ -52,7 +52,7 @@ pub enum Landscape {
     Forest,
 }
 
-/// What a landscape is asked for.
+/// Parameters of a landscape.
 #[derive(Debug, Clone)]
 pub struct LandscapeParams {
     /// Factor on the published counts, 1 to 100, on so much more land.

@@ -15,7 +15,7 @@ type Texel = ([i32; 2], u32);
 
 /// The tetrahedra in which a texel's foot lies and the point above it.
 struct Found {
-    /// How far inside.
+    /// Distance inside, in shares of the tetrahedron.
     inside: [f32; 2],
     points: [TetPoint; 2],
     texture_from_volume: Mat4,

@@ -404,7 +404,7 @@ mod tests {
     use super::*;
     use crate::scene::mesh;
 
-    /// What a shell's links lack of being right.
+    /// Returns the number of wrong links of a shell.
     fn faults(shell: &Shell) -> usize {
         let links = shell.tets().iter().flat_map(|tet| tet.links).zip(0u32..);
         let wrong = links.filter(|(link, face)| {

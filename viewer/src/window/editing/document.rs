@@ -29,7 +29,7 @@ pub(crate) struct Unsaved {
     pub file: String,
 }
 
-/// What can be edited and saved.
+/// Assets and leaves that can be edited and saved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Edited {
     /// Number of an asset of the scene, whose edits are saved with it.

@@ -9,7 +9,7 @@ use btf_runtime::{Asset, Edit, Edits, MAX_EDITS, pack};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Where a click puts the edit at hand.
+/// Effect of a click or drag on the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum Tool {
     /// Nowhere: drags turn the camera.
@@ -34,14 +34,14 @@ pub(crate) struct Editor {
     /// Radius of the brush, texels.
     pub radius: f32,
     pub file: String,
-    /// What saving said, or what is wrong.
+    /// Message of the latest saving, or the error.
     pub message: Option<String>,
     history: History<Edits>,
     /// Edits of each asset as they were opened or saved last; `None` where the asset cannot be edited.
     saved: Vec<Option<Edits>>,
 }
 
-/// Where an edit is put without a brush.
+/// Target of an edit without a brush.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Extent {
     /// On all texels.

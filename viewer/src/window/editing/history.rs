@@ -3,7 +3,7 @@
 /// Steps that can be taken back.
 const MAX_STEPS: usize = 200;
 
-/// What a thing was before a step and after it.
+/// States before and after a step of the history.
 #[derive(Debug)]
 struct Step<T> {
     of: usize,
@@ -17,7 +17,7 @@ pub(crate) struct History<T> {
     steps: Vec<Step<T>>,
     /// Steps that are in force; the others can be done again.
     done: usize,
-    /// What the gesture that goes on began with.
+    /// State before the current gesture.
     open: Option<(usize, T)>,
 }
 

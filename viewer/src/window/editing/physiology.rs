@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What the panel turns of a leaf.
+/// Parameters of a leaf that the panel changes.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LeafSettings {
     pub description: LeafDescription,
@@ -38,7 +38,7 @@ impl LeafSettings {
     }
 }
 
-/// What a change of a leaf asks of a renderer.
+/// Change of a leaf that a renderer has to follow.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct LeafChange {
     pub leaf: usize,
@@ -54,9 +54,9 @@ pub(crate) struct Physiology {
     /// Number of the leaf that is shown.
     pub leaf: usize,
     pub file: String,
-    /// What saving said, or what is wrong.
+    /// Message of the latest saving, or the error.
     pub message: Option<String>,
-    /// What the last change took on the CPU, milliseconds.
+    /// Time of the last change on the CPU, milliseconds.
     pub step_ms: Option<f64>,
     /// Settings of each leaf as the scene was opened.
     opened: Vec<LeafSettings>,

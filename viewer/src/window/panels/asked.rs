@@ -12,14 +12,14 @@ pub(crate) enum Export {
     Turntable,
 }
 
-/// What the user asked for in a frame.
+/// Requests that the user made in a frame.
 #[derive(Debug, Default)]
 pub(crate) struct Asked {
     /// The picture must begin anew (exposure does not need that).
     pub changed: bool,
     /// The asset whose edits changed.
     pub edited: Option<usize>,
-    /// What changed of a leaf.
+    /// Changes of a leaf.
     pub leaf: Option<LeafChange>,
     /// The light that surrounds the scene changed.
     pub surroundings: bool,

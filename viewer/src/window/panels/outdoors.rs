@@ -8,7 +8,7 @@ use crate::scene::scene::{DaylightParts, Outdoors, Scene};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Duration;
 
-/// How often a thread is asked whether its sky is there.
+/// Interval at which the window asks whether the thread has computed its sky.
 const ASK_AGAIN: Duration = Duration::from_millis(30);
 
 /// A sky in the making.
@@ -17,7 +17,7 @@ struct Work {
     light: Receiver<Result<SunAndSky, ViewerError>>,
 }
 
-/// What the panel knows of the scene's sky.
+/// State of the panel for sun and sky.
 pub(crate) struct OutdoorsPanel {
     /// The day as the panel shows it; the scene follows.
     shown: Outdoors,

@@ -22,7 +22,7 @@ const LOBES_ALL: u32 = 17;
 
 /// The panel's state.
 pub(crate) struct Panel {
-    /// What costs time and changes accuracy.
+    /// Settings that trade time for accuracy.
     pub shade: ShadeOptions,
     /// The renderer that is chosen.
     pub renderer: Renderer,

@@ -16,7 +16,7 @@ const MARGIN: [f32; 2] = [34.0, 32.0];
 const REFLECTED: Color32 = Color32::from_rgb(110, 200, 90);
 const TRANSMITTED: Color32 = Color32::from_rgb(235, 180, 60);
 
-/// What is drawn: shares of the light over wavelengths, and where they are on the screen.
+/// Axes of the plot of shares of light over wavelengths, and its rectangle on the screen.
 struct Plot {
     area: Rect,
     top: f32,

@@ -6,13 +6,13 @@ use crate::scene::material::Body;
 use crate::window::progress::Progress;
 use crate::window::renderer::Renderer;
 
-/// What the panel shows but does not change.
+/// Values that the panel shows but does not change.
 pub(crate) struct Status<'a> {
     /// Name of the GPU.
     pub adapter: &'a str,
     /// The renderers to choose from.
     pub renderers: &'a [Renderer],
-    /// How far the picture is.
+    /// Progress of the picture.
     pub progress: &'a Progress,
     /// Clock of the frame times.
     pub timer: &'static str,
@@ -20,7 +20,7 @@ pub(crate) struct Status<'a> {
     pub picture: [u32; 2],
     /// Residual components of the asset that has most.
     pub max_components: u32,
-    /// What saving or opening said.
+    /// Message of the latest saving or opening.
     pub message: Option<&'a str>,
     /// What split views show something else in place of.
     pub at_hand: Body,

@@ -9,7 +9,7 @@ const WIDTH: f32 = 480.0;
 /// Width of the fields with the files' names, points.
 const FILE_WIDTH: f32 = 320.0;
 
-/// What loses the edits, and goes on after the question.
+/// Action that would lose unsaved edits and waits for the answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Loss {
     /// The window closes.
@@ -18,7 +18,7 @@ pub(crate) enum Loss {
     Open(PathBuf, Option<usize>),
 }
 
-/// What the user answered.
+/// Answer of the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Answer {
     /// Save the edits, then go on.
@@ -31,9 +31,9 @@ pub(crate) enum Answer {
 
 /// The question what becomes of unsaved edits.
 pub(crate) struct UnsavedDialog {
-    /// What goes on after the question.
+    /// Action that waits for the answer.
     pub loss: Loss,
-    /// What would be lost; the user may name other files.
+    /// Unsaved documents with their files, which the user may rename.
     pub unsaved: Vec<Unsaved>,
     /// Why saving failed, if it did.
     pub problem: Option<String>,
