@@ -169,7 +169,7 @@ impl Volumes {
         mut each: impl FnMut(VolumePoint),
     ) -> f32 {
         let mut through = 1.0;
-        for stretch in self.stretches(origin, direction, t_max).mixed(lod_transition) {
+        for stretch in self.stretches(origin, direction, t_max).beyond_mesh(lod_transition) {
             let voltex = self.volume(stretch.volume);
             let map = stretch.volume_from_world;
             let level = Level::of(voltex, &map, width_at(0.5 * (stretch.t0 + stretch.t1)));
@@ -205,7 +205,7 @@ impl Volumes {
     /// Returns the optical depth along a ray, through voxels `width` wide.
     pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, lod_transition: &LodTransition, width: f32) -> f32 {
         let mut sum = 0.0;
-        for stretch in self.stretches_in_turn(origin, direction, t_max).mixed(lod_transition) {
+        for stretch in self.stretches_in_turn(origin, direction, t_max).beyond_mesh(lod_transition) {
             let voltex = self.volume(stretch.volume);
             let level = Level::of(voltex, &stretch.volume_from_world, width);
             let d = stretch.ray.direction;

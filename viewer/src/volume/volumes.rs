@@ -309,7 +309,7 @@ pub struct Stretches<'a> {
 impl<'a> Stretches<'a> {
     /// Iterates over the parts of the stretches in which volumes that stand in for meshes exist: beyond the spheres of
     /// `lod_transition` only.
-    pub(crate) fn mixed(self, lod_transition: &LodTransition) -> impl Iterator<Item = Stretch> + use<'a> {
+    pub(crate) fn beyond_mesh(self, lod_transition: &LodTransition) -> impl Iterator<Item = Stretch> + use<'a> {
         let spheres = lod_transition.along(self.origin, self.direction);
         self.flat_map(move |stretch| {
             let parts = spheres.volume(stretch.leaf_width, [stretch.t0, stretch.t1]);
