@@ -118,16 +118,22 @@ impl Viewer<'_> {
         // Without a window manager nobody else gives the window the keyboard.
         display.xdotool(&["windowfocus", "--sync", &viewer.window]);
         // Keys are lost until the window has the keyboard.
-        viewer.wait_until("the window follows its keys", |viewer| {
+        viewer.wait_until_keys_are_followed();
+        viewer
+    }
+
+    /// Presses P until a picture is written.
+    fn wait_until_keys_are_followed(&mut self) {
+        let next = self.picture_path(self.next_picture());
+        self.wait_until("the window follows its keys", |viewer| {
             viewer.press("p");
             std::thread::sleep(Duration::from_millis(500));
-            viewer.picture_path(1).exists()
+            next.exists()
         });
         // Of keys that were late, pictures may still come.
         for _ in 0..3 {
-            viewer.settle();
+            self.settle();
         }
-        viewer
     }
 
     fn wait_until(&mut self, what: &str, mut is_so: impl FnMut(&mut Self) -> bool) {
@@ -173,11 +179,15 @@ impl Viewer<'_> {
         self.folder.join(format!("btf-view_{number:03}.png"))
     }
 
+    /// Returns the number of the next picture: pictures are numbered without gaps, and written whole.
+    fn next_picture(&self) -> u32 {
+        (1..).find(|number| !self.picture_path(*number).exists()).unwrap()
+    }
+
     /// Waits until the window has drawn what it was told so far: the key P writes a picture, after all earlier keys and
     /// mouse moves. Returns that picture's file.
     fn settle(&mut self) -> PathBuf {
-        // Pictures are numbered without gaps, and written whole.
-        let number = (1..).find(|number| !self.picture_path(*number).exists()).unwrap();
+        let number = self.next_picture();
         self.press("p");
         self.wait_until("a picture is written", |viewer| viewer.picture_path(number).exists());
         self.picture_path(number)
@@ -274,7 +284,8 @@ fn a_light_is_dragged_edits_are_saved_and_closing_asks_about_unsaved_ones() {
     std::thread::sleep(HESITATION);
     assert_eq!((viewer.exit_status(), viewer.title().as_str()), (None, TITLES[1]));
     viewer.press("Escape");
-    // The question is gone: the window follows its keys again, and D closes nothing.
+    // The question, which takes all keys while it is there, is gone: D closes nothing.
+    viewer.wait_until_keys_are_followed();
     viewer.press("d");
     viewer.settle();
     assert_eq!(viewer.title(), TITLES[1]);
