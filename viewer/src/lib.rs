@@ -36,6 +36,7 @@ mod window;
 #[cfg(not(feature = "window"))]
 #[path = "without_window.rs"]
 mod window;
+mod window_params;
 
 pub use bench::bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};
 pub use bench::leaf_modes::LeafModeRow;
@@ -81,7 +82,8 @@ pub use volume::skin::{
     Walk, Wind,
 };
 pub use volume::volumes::{SceneSkin, VolumePlace, Volumes};
-pub use window::{WindowParams, run_window};
+pub use window::run_window;
+pub use window_params::WindowParams;
 
 /// Ways into single parts of the renderers, for tests and measurements; no part of the interface.
 #[doc(hidden)]

@@ -10,7 +10,6 @@ mod keys;
 mod light_handles;
 mod mouse;
 mod panels;
-mod params;
 mod pictures;
 mod pressed;
 mod progress;
@@ -22,10 +21,10 @@ mod view;
 
 use crate::error::ViewerError;
 use crate::scene::scene::Scene;
+use crate::window_params::WindowParams;
 #[cfg(test)]
 pub(crate) use blit::GpuBlit;
 use canvas::no_window;
-pub use params::WindowParams;
 use view::View;
 use winit::application::ApplicationHandler;
 use winit::event::WindowEvent;

@@ -1,4 +1,4 @@
-//! What the window starts with.
+//! Parameters of the window, in builds with and without it.
 
 use crate::gpu::backend::BackendChoice;
 use crate::options::ShadeOptions;
