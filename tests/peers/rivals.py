@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measures the rival codecs on a capture folder: bytes, psnr_db over all 8-bit values, parameters, seconds.
 
-    python tests/peers/rivals.py CAPTURE --json OUT.json [--codec published,strong,plus,stacks]
+    python tests/peers/rivals.py CAPTURE --json OUT.json [--codec published,strong,plus,stacks,av1]
     python tests/peers/rivals.py envelope OUT.json
 
 See tests/peers/README.md.
@@ -126,9 +126,12 @@ def measure(arguments):
             report.add(published.lpca_points(data, domain, frame, seed, (clusters,), components, log))
         del frame
     if "stacks" in codecs:
-        report.replace(["jpeg", "jpeg xl", "av1"])
+        report.replace(["jpeg", "jpeg xl"])
         report.add(stacks.still_points(data, log))
-        report.add(stacks.av1_points(data, log))
+    if "stacks" in codecs or "av1" in codecs:
+        report.replace(["av1"])
+        crf = [int(number) for number in arguments.crf.split(",")] if arguments.crf else stacks.AV1_CRF
+        report.add(stacks.av1_points(data, crf, arguments.quick, log))
     if arguments.book:
         report.replace(["book"])
         report.add([book_point(data, captures.read(arguments.book, arguments.cache), arguments.book_bytes)])
@@ -164,9 +167,10 @@ def main():
     parser.add_argument("capture", help="folder in the Bonn layout")
     parser.add_argument("--json", required=True, help="where the report goes")
     parser.add_argument("--add", action="store_true", help="keep what the report has of other codecs and measurements")
-    parser.add_argument("--codec", default="strong,published", help="of: strong, published, plus, stacks; or none")
+    parser.add_argument("--codec", default="strong,published", help="of: strong, published, plus, stacks, av1 (alone); or none")
     parser.add_argument("--domains", default="gamma", help="of the strong rival: gamma, log")
-    parser.add_argument("--quick", action="store_true", help="six sizes of strong, 32 x 4 and 32 x 8 of local PCA")
+    parser.add_argument("--quick", action="store_true", help="six sizes of strong, 32 x 4 and 32 x 8 of local PCA, AV1 by libsvtav1 in ring order alone")
+    parser.add_argument("--crf", metavar="LIST", help="AV1's rate factors, 0 to 63 (default: eight from 18 to 63)")
     parser.add_argument("--slice", type=int, metavar="VIEW", help="one view of the capture only")
     parser.add_argument("--leave-out", type=float, metavar="SHARE", help="hold back pairs as `btf-fit fit --leave-out` does")
     parser.add_argument("--held-out", metavar="FILE", help="hold back these pairs: JSON [[view, light], ...]")

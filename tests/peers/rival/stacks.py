@@ -87,8 +87,11 @@ def greedy(images):
     return order
 
 
-def av1_points(capture, log=print):
-    """libsvtav1 and libaom as imageio-ffmpeg carries them; frames are the lights of a view, views one after the other."""
+def av1_points(capture, rate_factors=AV1_CRF, quick=False, log=print):
+    """libsvtav1 and libaom as imageio-ffmpeg carries them; frames are the lights of a view, views one after the other.
+
+    `quick` measures libsvtav1 with the lights in ring order alone.
+    """
     try:
         import imageio_ffmpeg
     except ImportError:
@@ -100,6 +103,8 @@ def av1_points(capture, log=print):
     encoders = subprocess.run([ffmpeg, "-hide_banner", "-encoders"], capture_output=True, text=True).stdout
     tried = [("libsvtav1", "yuv420p", ["-preset", "2"]), ("libaom-av1", "yuv420p", ["-cpu-used", "4", "-b:v", "0"]),
              ("libaom-av1", "yuv444p", ["-cpu-used", "4", "-b:v", "0"])]
+    if quick:
+        tried, orders = tried[:1], {"rings": orders["rings"]}
     result = []
     for encoder, pixels, options in tried:
         if encoder not in encoders:
@@ -107,7 +112,7 @@ def av1_points(capture, log=print):
             continue
         # The slower encoder runs on one order only.
         for order_name, order in (orders if encoder == "libsvtav1" else {"rings": orders["rings"]}).items():
-            for crf in AV1_CRF:
+            for crf in rate_factors:
                 frames = images[:, order].reshape(-1, *images.shape[2:])
                 with tempfile.TemporaryDirectory() as folder:
                     path = Path(folder) / "stack.obu"
