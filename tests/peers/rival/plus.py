@@ -17,6 +17,9 @@ from .parallel import each
 from .strong import members_of
 from .tucker import quantise_half
 
+# Coefficient steps of the sweep, in 8-bit steps x sqrt(values): the last ones matter on smooth materials alone.
+STEPS = (12, 8, 5, 3.2, 2, 1.3, 0.8, 0.5, 0.3, 0.2)
+
 
 def symbols_bytes(symbols):
     """Bytes of small integers of any sign: folded to bytes, larger ones escaped into 16 bits more."""
@@ -110,7 +113,7 @@ def sweep(capture, domain, frame, spaces, largest, seed=1, log=print, clusters=(
     result = []
     for k in clusters:
         labels = None
-        for step in steps or [s * np.sqrt(width) for s in (12, 8, 5, 3.2, 2, 1.3)]:
+        for step in steps or [s * np.sqrt(width) for s in STEPS]:
             # A finer step pays for higher ranks and more components.
             at = max(0, min(len(spaces) - 1, int(len(spaces) * (0.25 + 0.5 * np.log(12 * np.sqrt(width) / step) / np.log(9)))))
             components = int(min(96, 6 * (12 * np.sqrt(width) / step) ** 1.3) * (2 if k == 1 else 1))
