@@ -27,7 +27,7 @@ pub(crate) const SPMM_NAMES: Names = Names {
     again: "fit the capture again",
 };
 
-/// Why an asset was refused. Each message is one sentence; the caller prefixes the file's name.
+/// Error that refuses an asset. Each message is one sentence; the caller prefixes the file's name.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum FormatError {

@@ -1,4 +1,4 @@
-//! What the command lines of all chores have in common.
+//! Parts of the command line that all chores share.
 
 use crate::failure::Failure;
 

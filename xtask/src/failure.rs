@@ -1,4 +1,4 @@
-//! How a chore ends when it does not succeed.
+//! The error that ends a chore, with its exit status.
 
 use std::fmt;
 

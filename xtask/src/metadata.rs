@@ -1,4 +1,4 @@
-//! What `cargo metadata` says of our packages and of everything that they depend on.
+//! Reads `cargo metadata`: our packages and everything that they depend on.
 
 use crate::failure::Failure;
 use crate::shell;

@@ -1,4 +1,4 @@
-//! What a fit reads: captures turned into blocks of texels, in the frame of the asset.
+//! Input of a fit: captures turned into blocks of texels, in the frame of the asset.
 
 pub(crate) mod holdout;
 pub(crate) mod layer_frame;

@@ -112,7 +112,7 @@ pub fn load_voltex(path: &Path) -> Result<Option<(Vec<u8>, Volume)>, FitError> {
 /// Describes the volumetric texture in `bytes`, or the tier of one.
 ///
 /// # Errors
-/// What is wrong with the bytes, as [`Volume::parse`].
+/// A fault of the bytes, as [`Volume::parse`].
 pub fn describe_voltex(bytes: &[u8]) -> Result<VoltexDescription, FitError> {
     let volume = Volume::parse_on(bytes, &parallel)?;
     let directory = read_voltex_directory(bytes)?;

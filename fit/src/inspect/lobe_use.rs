@@ -12,7 +12,7 @@ const LOBE_SECTIONS: [SectionKind; 3] = [SectionKind::TexelLobeCounts, SectionKi
 /// Lobes of a layer or of an asset. The names are keys of `fit --json` and of the layers in `info --json`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LobeUse {
-    /// What lobes are to the residual, `base` or `guide`; of an asset its first layer's.
+    /// Role of the lobes, `base` or `guide`; of an asset its first layer's.
     #[serde(rename = "lobe_role")]
     pub role: Role,
     /// Bytes of dictionaries, lobe counts and lobe references in the file, finest level.

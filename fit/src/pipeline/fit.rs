@@ -20,13 +20,13 @@ const DEFAULT_STEP: f64 = 0.001;
 
 /// Fits captures (the layers of one asset) and packs them.
 ///
-/// Same captures, parameters and seed give the same bytes on any number of threads. Memory: at most
+/// Deterministic: equal captures, parameters and seed give equal bytes on any number of threads. Memory: at most
 /// `params.memory_bytes()`. One step size quantises all layers, so that a byte budget goes where it takes away most
 /// error; a PSNR goal is one over all samples of all layers. The material text is empty: the caller describes the
 /// asset and packs it again.
 ///
 /// # Errors
-/// What is wrong with a capture, or with several together; a budget or a memory limit that is too small.
+/// A fault of a capture, or of several together; a budget or a memory limit that is too small.
 pub fn fit(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<FitOutcome, FitError> {
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
     Ok(fit_from(captures, params, &checkpoint, monitor)?.0)

@@ -47,8 +47,8 @@ pub struct Fitted {
 /// Fits `captures`, one per layer, measures the packed asset against them (stage `measure`) and packs it
 /// again with its description and error figures.
 ///
-/// The same captures, parameters and seed give the same bytes on any number of threads, also where a run goes on
-/// from the stages that `params` tells to keep: [`remove_finished_stages`] once the asset is written.
+/// Deterministic: equal captures, parameters and seed give equal bytes on any number of threads, also where a run goes
+/// on from the stages that `params` tells to keep: [`remove_finished_stages`] once the asset is written.
 ///
 /// # Errors
 /// As [`crate::fit()`] and [`measure`]; [`FitError::Budget`] if the description does not fit into the bytes asked for.

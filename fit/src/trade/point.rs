@@ -54,7 +54,7 @@ impl Rule {
 pub struct TradePoint {
     /// Most lobes of a texel or, as guide, of a cluster, as asked for.
     pub lobes: usize,
-    /// What lobes are to the residual; [`Role::Guide`] without lobes.
+    /// Role of the lobes; [`Role::Guide`] without lobes.
     pub role: Role,
     /// Mean number of a texel's own lobes, as chosen; 0 where lobes guide.
     pub lobes_per_texel_mean: f64,

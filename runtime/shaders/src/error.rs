@@ -1,6 +1,6 @@
 //! Errors of the translation.
 
-/// Why a WGSL text has no translation.
+/// Error of a WGSL text that has no translation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShaderError {

@@ -63,7 +63,7 @@ pub struct ShaderFile {
 }
 
 /// Translates `wgsl`, a whole module of compute entry points, to all languages; file names begin with `module_name`.
-/// The same text gives the same bytes.
+/// Deterministic: equal texts give equal bytes.
 ///
 /// Binding `b` of group 0 has number `b` in every language: HLSL's register of its kind, Metal's `[[buffer(b)]]`,
 /// GLSL's `binding = b`. naga adds no checks of indices and no bounds of loops: the library reads only words that

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-/// Why a leaf was refused. Each message is one sentence.
+/// Error that refuses a leaf. Each message is one sentence.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum LeafError {

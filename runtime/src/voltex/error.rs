@@ -1,4 +1,4 @@
-//! Why a volumetric texture's file was refused.
+//! Errors of readers and writers of volumetric textures.
 
 use super::rule;
 use crate::error::{FormatError, Names};
@@ -14,8 +14,8 @@ pub(crate) const VOLTEX_NAMES: Names = Names {
     again: "build it again with btf-fit voltex",
 };
 
-/// Why a volumetric texture was refused: the faults of [`FormatError`] in the words of this format. Each message is one
-/// sentence; the caller prefixes the file's name.
+/// Error that refuses a volumetric texture: the faults of [`FormatError`] in the words of this format. Each message is
+/// one sentence; the caller prefixes the file's name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoltexError(pub FormatError);
 

@@ -346,7 +346,7 @@ mod tests {
     use glam::DVec3;
 
     /// The sky by random walks from the eye: every scattering with its own density, nothing tabulated, nothing scaled.
-    /// It shares with the above what air consists of, and no more.
+    /// Shares the composition of the air with the code above, and nothing else.
     struct Walk<'a> {
         atmosphere: &'a Atmosphere,
         band: usize,

@@ -6,7 +6,7 @@ const RELIEF_STEP: f32 = 0.5;
 // Steps of a ray, at least and at most.
 const MIN_RELIEF_STEPS: f32 = 8.0;
 const MAX_RELIEF_STEPS: f32 = 128.0;
-// How far above the relief a shadow ray begins, texels.
+// Height above the relief at which a shadow ray begins, texels.
 const RELIEF_BIAS: f32 = 0.05;
 
 // The relief below a point of the mesh.

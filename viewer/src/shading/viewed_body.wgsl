@@ -1,4 +1,4 @@
-// What a surface is made of at a point, as the eye sees it: any kind of body behind one set of functions. Twin:
+// The material of a surface at a point, as the eye sees it: any kind of body behind one set of functions. Twin:
 // viewed_body.rs.
 
 const BODY_NONE: u32 = 0u;

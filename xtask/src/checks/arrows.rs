@@ -1,4 +1,4 @@
-//! Who may use whom: the arrows of docs/ARCHITECTURE.md, and what the runtime does without.
+//! Checks which package uses which against docs/ARCHITECTURE.md, and the crates that the runtime must not use.
 
 use crate::metadata::Metadata;
 use std::collections::BTreeSet;

@@ -155,7 +155,7 @@ fn links_of(text: &str) -> Vec<(usize, String)> {
     links
 }
 
-/// What a link can name in a page: its headings, as GitHub and mdBook write them.
+/// Returns the names that a link can have in a page: its headings, as GitHub and mdBook write them.
 fn anchors_of(text: &str) -> BTreeSet<String> {
     let mut anchors = BTreeSet::new();
     let mut is_code = false;

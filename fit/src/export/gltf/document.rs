@@ -88,11 +88,11 @@ pub struct GltfExport {
 
 /// Fits the fallback of the asset in `bytes`, of either form, and makes the `.glb`. `name` names the material.
 ///
-/// The same asset gives the same bytes on any number of threads. Cost: that of [`fit_gltf`], and measuring about a
-/// third of it.
+/// Deterministic: equal assets give equal bytes on any number of threads. Cost: that of [`fit_gltf`], and measuring about
+/// a third of it.
 ///
 /// # Errors
-/// What is wrong with the bytes; an asset without a front; a file of 4 GiB and more.
+/// A fault of the bytes; an asset without a front; a file of 4 GiB and more.
 pub fn export_gltf(
     bytes: Vec<u8>,
     name: &str,

@@ -39,7 +39,7 @@ pub struct Ktx2Export {
 /// form without levels gets them.
 ///
 /// # Errors
-/// What is wrong with the bytes; bases that make a texture of more than 16384 texels a side.
+/// A fault of the bytes; bases that make a texture of more than 16384 texels a side.
 pub fn export_ktx2(bytes: Vec<u8>, stem: &str) -> Result<Ktx2Export, FitError> {
     let file = open(Arc::new(bytes), Levels::All, &parallel)?;
     let resident = &file.resident;
