@@ -20,7 +20,11 @@ pub fn assemble(layers: &[PreparedLayer], step: f64, [width, height]: [usize; 2]
         .map(|prepared| {
             let encoded = prepared.model.encode(step, most_components);
             error += encoded.error;
-            Layer { residual: Some(encoded.residual), ..prepared.layer.clone() }
+            let mut layer = Layer { residual: Some(encoded.residual), ..prepared.layer.clone() };
+            if let Some(weights) = &prepared.free_weights {
+                weights.predict(&mut layer);
+            }
+            layer
         })
         .collect();
     Assembled {

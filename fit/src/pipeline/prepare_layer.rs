@@ -7,7 +7,7 @@ use crate::input::layer_frame::{layer_directions, sides_of_capture};
 use crate::input::residual_curve::Curve;
 use crate::input::texel_sample::texel_sample;
 use crate::input::tile_cache::{Mapping, TileCache};
-use crate::params::{Role, ValidFitParams};
+use crate::params::{Goal, Role, ValidFitParams};
 use crate::pipeline::memory_plan::{DICTIONARY_PAIRS, FEATURE_DIMENSIONS, shared_bases};
 use crate::pipeline::representatives::representatives;
 use crate::resume::checkpoint::Stages;
@@ -17,6 +17,7 @@ use crate::stages::features::features;
 use crate::stages::heights::find_heights;
 use crate::stages::kmeans::kmeans;
 use crate::stages::lobe_dictionaries::{DictionaryTask, LobeFigures};
+use crate::stages::lobe_weights::FreeWeights;
 use crate::stages::local_pca::{local_pca, reassign};
 use crate::stages::residual_source::{ResidualSource, TexelLobes};
 use crate::stages::sparse::{ClusterLobes, Correlations, LobesOf, Selection, drop_unused, select};
@@ -46,6 +47,8 @@ pub struct PreparedLayer {
     pub layer: Layer,
     /// The residual before it is quantised.
     pub model: Model,
+    /// Weights from which those of predicted lobes are learnt; `None` where texels' references are in the layer.
+    pub free_weights: Option<FreeWeights>,
     /// Figures of the lobes alone, without the residual.
     pub figures: LobeFigures,
     /// Direction pairs that were held back (`view * lights + light`).
@@ -62,10 +65,12 @@ pub fn prepare_layer(
     stages: &Stages,
 ) -> Result<PreparedLayer, FitError> {
     let source = LayerSource::new(info, cache, params, sample, stages)?;
+    let predicted = params.role() == Role::Base && params.goal() != Goal::None && params.lobes() > 0;
     let mut fitted = match params.role() {
-        Role::Guide => source.fit_guide()?,
-        Role::Base => source.fit_base()?,
+        Role::Base if !predicted => source.fit_base()?,
+        _ => source.fit_guide()?,
     };
+    let free_weights = if predicted { Some(source.free_weights(&fitted)?) } else { None };
     let model = source.model(&mut fitted)?;
     let heights = source.heights()?;
     let LayerSource { views, lights, kind, epsilon, holdout, .. } = source;
@@ -84,10 +89,11 @@ pub fn prepare_layer(
         texel_lobe_counts: selection.counts,
         dictionary: selection.dictionary,
         lobe_refs: selection.refs,
+        lobe_weights: None,
         residual: None,
     };
     let figures = LobeFigures { sparse: selection.mean_relative_error, ..figures };
-    Ok(PreparedLayer { layer, model, figures, left_out: holdout.pairs })
+    Ok(PreparedLayer { layer, model, free_weights, figures, left_out: holdout.pairs })
 }
 
 /// Result of a recipe: clusters, lobes, and the coordinates of the residual.
@@ -182,6 +188,14 @@ impl<'a> LayerSource<'a> {
         let lobes = TexelLobes { clusters: &dictionaries, selection: &selection, labels: &labels };
         let coordinates = self.coordinates("residual", Some(lobes))?;
         Ok(FittedLobes { labels, dictionaries, selection, figures, coordinates })
+    }
+
+    /// Finds the weights from which predicted ones are learnt.
+    fn free_weights(&self, fitted: &FittedLobes) -> Result<FreeWeights, FitError> {
+        self.stages.run("predict", || {
+            let some = MEAN_SAMPLE.min(self.sample);
+            FreeWeights::new(self.cache, &fitted.dictionaries, &fitted.labels, some, self.params.seed())
+        })
     }
 
     /// Returns what `lobes` leave of every texel, or the whole value without lobes.

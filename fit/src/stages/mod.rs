@@ -10,6 +10,7 @@ pub(crate) mod heights;
 pub(crate) mod kmeans;
 pub(crate) mod lasso;
 pub(crate) mod lobe_dictionaries;
+pub(crate) mod lobe_weights;
 pub(crate) mod local_pca;
 pub(crate) mod principal_directions;
 pub(crate) mod residual_source;

@@ -4,6 +4,7 @@ use crate::asset::dictionary::{DictionaryLobe, LobeRef};
 use crate::asset::edit::Edits;
 use crate::asset::heights::Heights;
 use crate::asset::limits::MAX_LEVELS;
+use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::residual::{Residual, ResidualKind};
 use crate::asset::sphere::Sphere;
 
@@ -80,6 +81,9 @@ pub struct Layer {
     pub dictionary: Vec<Vec<DictionaryLobe>>,
     /// Lobe references of all texels, one texel after the other, each texel's in order of importance.
     pub lobe_refs: Vec<LobeRef>,
+    /// Weights of the lobes as functions of the coefficients; `None` where every texel's references are stored. Where
+    /// they are there, the residual holds the whole value, and decoders subtract from its bases what the lobes give.
+    pub lobe_weights: Option<LobeWeights>,
     /// Residual; `None` if the asset has none or the tier at hand ends before it.
     pub residual: Option<Residual>,
 }
@@ -146,9 +150,16 @@ impl Asset {
     pub fn trimmed(&self, components: usize, lobes: usize) -> Asset {
         let mut asset = self.clone();
         for layer in &mut asset.layers {
+            let predicted = layer.has_predicted_lobes();
             if let Some(residual) = &mut layer.residual {
                 residual.coefficients.truncate(components);
                 residual.bases.truncate(residual.coefficients.len() + 1);
+            }
+            if let Some(weights) = &mut layer.lobe_weights {
+                weights.nodes.iter_mut().flatten().for_each(|node| node.truncate(components));
+            }
+            if predicted {
+                layer.predict_lobes();
             }
             keep_lobes(&mut layer.texel_lobe_counts, &mut layer.lobe_refs, lobes);
         }

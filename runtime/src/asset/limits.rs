@@ -14,6 +14,10 @@ pub const MAX_CLUSTERS: usize = 256;
 pub const MAX_DICTIONARY: usize = 256;
 /// Largest number of directions in a set.
 pub const MAX_DIRECTIONS: usize = 4096;
+/// Largest number of coefficients that lobe weights depend on.
+pub const MAX_WEIGHT_INPUTS: usize = 16;
+/// Largest number of nodes of a cluster.
+pub const MAX_NODES: usize = 256;
 /// Largest number of residual components of a layer.
 pub const MAX_COMPONENTS: usize = 128;
 /// Largest number of shared bases of a layer.

@@ -7,5 +7,7 @@ pub(crate) mod edit;
 pub(crate) mod heights;
 pub(crate) mod limits;
 pub(crate) mod lobe;
+pub(crate) mod lobe_tables;
+pub(crate) mod lobe_weights;
 pub(crate) mod residual;
 pub(crate) mod sphere;

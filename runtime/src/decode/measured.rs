@@ -1,48 +1,13 @@
 //! Decodes the measured pairs, without interpolation, for fitting and measuring.
 
 use crate::asset::asset::{Asset, LobeRole};
-use crate::asset::dictionary::LobeRef;
-use crate::asset::lobe::Lobe;
+use crate::asset::lobe_tables::lobe_sum_at_pairs;
 use crate::asset::residual::core_at_pair;
-use crate::asset::sphere::Sphere;
 use crate::decode::options::DecodeOptions;
 use crate::decode::texel::Texel;
 use crate::numeric::quantize::{half_at, weight_from_byte};
 use crate::resident::layout::block;
 use crate::resident::resident::Resident;
-
-/// Sums a texel's lobes at every measured pair: `out` is `[view, light, rgb]`. `tables` are the [`lobe_tables`] of the
-/// texel's cluster, `scales` the weight scales of its lobes. Fitting and measuring use these sums instead of
-/// [`crate::decode`].
-pub fn lobe_sum_at_pairs(refs: &[LobeRef], scales: &[f32], tables: &[Vec<f32>], out: &mut [f32]) {
-    out.fill(0.0);
-    for reference in refs {
-        let table = &tables[usize::from(reference.lobe)];
-        let weights = reference.weight.map(|q| weight_from_byte(q.into(), scales[usize::from(reference.lobe)]));
-        for (out, value) in out.chunks_exact_mut(3).zip(table) {
-            for c in 0..3 {
-                out[c] += weights[c] * value;
-            }
-        }
-    }
-}
-
-/// Evaluates each lobe at every pair of `views` x `lights`: `[lobe][view * L + light]` with L lights.
-pub fn lobe_tables(lobes: &[Lobe], views: &Sphere, lights: &Sphere) -> Vec<Vec<f32>> {
-    lobes
-        .iter()
-        .map(|lobe| {
-            let setup = lobe.setup();
-            let mut table = Vec::with_capacity(views.len() * lights.len());
-            for v in 0..views.len() as u32 {
-                for l in 0..lights.len() as u32 {
-                    table.push(setup.eval(lights.direction(l), views.direction(v)));
-                }
-            }
-            table
-        })
-        .collect()
-}
 
 /// A texel of an asset's finest level, as the file form numbers it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,7 +3,8 @@
 use crate::asset::asset::{Asset, Layer, LobeRole, SurfaceSide};
 use crate::asset::residual::{ResidualKind, core_at_pair};
 use crate::decode::decode::decode;
-use crate::decode::measured::{TexelPlace, decode_from_file_form, decode_measured, lobe_tables};
+use crate::asset::lobe_tables::lobe_tables;
+use crate::decode::measured::{TexelPlace, decode_from_file_form, decode_measured};
 use crate::decode::options::{DecodeOptions, Interpolation};
 use crate::error::FormatError;
 use crate::pack;

@@ -93,6 +93,8 @@ pub enum SectionKind {
     Edits = 14,
     /// Words of the resident form, [`PIECE_BYTES`] a section.
     Words = 15,
+    /// Lobe weights as functions of the coefficients.
+    LobeWeights = 16,
 }
 
 impl SectionKind {
@@ -115,6 +117,7 @@ impl SectionKind {
             Level,
             Edits,
             Words,
+            LobeWeights,
         ]
         .into_iter()
         .find(|known| *known as u32 == kind)

@@ -8,9 +8,10 @@ use crate::asset::limits::EPSILON_RANGE;
 use crate::asset::limits::MAX_HEIGHT_STEP;
 use crate::asset::limits::{
     MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS,
-    MAX_RANK, MAX_SHARED, MAX_SIDE, basis_words,
+    MAX_NODES, MAX_RANK, MAX_SHARED, MAX_SIDE, MAX_WEIGHT_INPUTS, basis_words,
 };
 use crate::asset::lobe::Lobe;
+use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::residual::Residual;
 use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
 use crate::container::writer::{SectionSource, write_file_of};
@@ -144,10 +145,34 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
     if !layer.dictionary.iter().flatten().all(readable) {
         return refuse("a lobe's parameter or weight scale is out of its range; use Lobe::clamped");
     }
+    if let Some(weights) = &layer.lobe_weights {
+        check_lobe_weights(weights, &layer.dictionary)?;
+    }
     match &layer.residual {
         Some(residual) => check_residual(residual, layer, texels),
         None => Ok(()),
     }
+}
+
+/// Checks the lobe weights of a layer.
+fn check_lobe_weights(weights: &LobeWeights, dictionary: &[Vec<DictionaryLobe>]) -> Result<(), FormatError> {
+    let lobes: usize = dictionary.iter().map(Vec::len).sum();
+    let positive = |x: &f32| *x > 0.0 && x.is_finite();
+    if weights.units.len() > MAX_WEIGHT_INPUTS
+        || weights.codes.len() != 3 * lobes * (1 + weights.units.len())
+        || !positive(&weights.step)
+        || !weights.units.iter().all(positive)
+    {
+        return refuse("the lobe weights do not fit the dictionaries, depend on more than 16 coefficients, or have a step or unit that is not above 0");
+    }
+    let nodes = &weights.nodes;
+    if nodes.len() > dictionary.len()
+        || nodes.iter().any(|nodes| nodes.len() > MAX_NODES)
+        || nodes.iter().flatten().any(|node| node.len() > weights.units.len())
+    {
+        return refuse("a cluster of the lobe weights has more than 256 nodes, or a node too many coefficients");
+    }
+    Ok(())
 }
 
 /// Checks the residual of a layer.
@@ -300,13 +325,45 @@ fn push_base_sections(
     }
     let ids = coded(|coder| code_clusters(coder, &mut layer.texel_clusters.clone(), width));
     push(SectionKind::TexelClusters, 0, ids, false);
-    let counts = coded(|coder| code_counts(coder, &mut layer.texel_lobe_counts.clone(), &layer.texel_clusters));
-    push(SectionKind::TexelLobeCounts, 0, counts, false);
+    let predicted = layer.has_predicted_lobes();
+    if !predicted {
+        let counts = coded(|coder| code_counts(coder, &mut layer.texel_lobe_counts.clone(), &layer.texel_clusters));
+        push(SectionKind::TexelLobeCounts, 0, counts, false);
+    }
     let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();
     words.extend(layer.dictionary.iter().flatten().flat_map(|entry| entry.lobe.to_words(entry.weight_scale)));
-    push(SectionKind::Dictionary, 0, bytes_from_words(&words), false);
+    push(SectionKind::Dictionary, 0, bytes_from_words(&words), predicted && ends_tier && layer.lobe_weights.is_none());
+    if let Some(weights) = &layer.lobe_weights {
+        push(SectionKind::LobeWeights, 0, lobe_weight_bytes(layer, weights), ends_tier && predicted);
+    }
+    if predicted {
+        return;
+    }
     let refs = encode_refs(&layer.lobe_refs, &layer.texel_clusters, &layer.texel_lobe_counts);
     push(SectionKind::LobeRefs, 0, refs, ends_tier);
+}
+
+/// Returns the bytes of the LobeWeights section.
+fn lobe_weight_bytes(layer: &Layer, weights: &LobeWeights) -> Vec<u8> {
+    let count = weights.nodes.iter().map(Vec::len).max().unwrap_or(0);
+    let of_texels = layer.nodes_of_texels(count).as_ref() == Some(&weights.nodes);
+    let mut words = vec![weights.units.len() as u32, count as u32, u32::from(!of_texels), weights.step.to_bits()];
+    words.extend(weights.units.iter().map(|unit| unit.to_bits()));
+    if !of_texels {
+        words.extend((0..layer.dictionary.len()).map(|k| weights.nodes.get(k).map_or(0, Vec::len) as u32));
+    }
+    let mut bytes = bytes_from_words(&words);
+    bytes.extend(coded(|coder| {
+        code_plane(coder, &mut Signed::new(), &mut weights.codes.clone(), 1 + weights.units.len());
+        if !of_texels {
+            let inputs = weights.units.len();
+            let padded = weights.nodes.iter().flatten().flat_map(|node| {
+                node.iter().copied().chain(std::iter::repeat(0)).take(inputs).collect::<Vec<i8>>()
+            });
+            code_plane(coder, &mut Signed::new(), &mut padded.collect::<Vec<i8>>(), inputs);
+        }
+    }));
+    bytes
 }
 
 fn push_residual_sections(

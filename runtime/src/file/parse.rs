@@ -7,10 +7,11 @@ use crate::asset::heights::Heights;
 use crate::asset::limits::EPSILON_RANGE;
 use crate::asset::limits::MAX_HEIGHT_STEP;
 use crate::asset::limits::{
-    MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_RANK,
-    MAX_SHARED, basis_words,
+    MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_DICTIONARY, MAX_NODES,
+    MAX_RANK, MAX_SHARED, MAX_WEIGHT_INPUTS, basis_words,
 };
 use crate::asset::lobe::{FILE_WORDS, Lobe};
+use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
 use crate::container::directory::{Directory, read_directory_of};
@@ -143,13 +144,18 @@ fn read_layer(
     let clusters = parameters.as_ref().map(|parameters| parameters.clusters);
     let reader = sections.get(SectionKind::TexelClusters, layer, 0, faults);
     let texel_clusters = reader.and_then(|reader| faults.keep(read_clusters(reader, texels, width, clusters)));
-    let reader = sections.get(SectionKind::TexelLobeCounts, layer, 0, faults);
+    let weights = sections.find(SectionKind::LobeWeights, layer, 0);
+    // Where weights follow from the coefficients, no references are stored.
+    let predicted = weights.is_some() && sections.find(SectionKind::TexelLobeCounts, layer, 0).is_none();
+    let reader = if predicted { None } else { sections.get(SectionKind::TexelLobeCounts, layer, 0, faults) };
     let texel_lobe_counts = reader
         .zip(texel_clusters.as_ref())
         .and_then(|(reader, texel_clusters)| faults.keep(read_lobe_counts(reader, texel_clusters)));
     let reader = sections.get(SectionKind::Dictionary, layer, 0, faults);
     let dictionary = reader.zip(clusters).and_then(|(reader, clusters)| faults.keep(read_dictionary(reader, clusters)));
-    let reader = sections.get(SectionKind::LobeRefs, layer, 0, faults);
+    let lobe_weights = weights.zip(dictionary.as_ref());
+    let lobe_weights = lobe_weights.and_then(|(reader, dictionary)| faults.keep(read_lobe_weights(reader, dictionary)));
+    let reader = if predicted { None } else { sections.get(SectionKind::LobeRefs, layer, 0, faults) };
     let lobe_refs = match (reader, &texel_clusters, &texel_lobe_counts, &dictionary) {
         (Some(reader), Some(clusters), Some(counts), Some(dictionary)) => {
             faults.keep(read_lobe_refs(reader, clusters, counts, dictionary))
@@ -167,7 +173,7 @@ fn read_layer(
         return None;
     }
     let Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, .. } = parameters?;
-    Some(Layer {
+    let mut layer = Layer {
         light_side,
         view_side,
         lobe_role,
@@ -177,11 +183,71 @@ fn read_layer(
         views: views?,
         heights: heights.flatten(),
         texel_clusters: texel_clusters?,
-        texel_lobe_counts: texel_lobe_counts?,
+        texel_lobe_counts: if predicted { Vec::new() } else { texel_lobe_counts? },
         dictionary: dictionary?,
-        lobe_refs: lobe_refs?,
+        lobe_refs: if predicted { Vec::new() } else { lobe_refs? },
+        lobe_weights: None,
         residual,
-    })
+    };
+    if let Some((weights, nodes)) = lobe_weights {
+        layer.lobe_weights = Some(weights);
+        if let Nodes::OfTexels(count) = nodes
+            && let Some(nodes) = layer.nodes_of_texels(count)
+            && let Some(weights) = &mut layer.lobe_weights
+        {
+            weights.nodes = nodes;
+        }
+        if predicted {
+            layer.predict_lobes();
+        }
+    }
+    Some(layer)
+}
+
+/// Source of the nodes of lobe weights.
+enum Nodes {
+    /// At most so many texels of each cluster.
+    OfTexels(usize),
+    /// Stored with the weights.
+    Stored,
+}
+
+/// Reads lobe weights; nodes of texels are left out.
+fn read_lobe_weights(
+    mut reader: Reader,
+    dictionary: &[Vec<DictionaryLobe>],
+) -> Result<(LobeWeights, Nodes), FormatError> {
+    let words = reader.words(4)?;
+    let (inputs, count, step) = (words[0] as usize, words[1] as usize, f32::from_bits(words[3]));
+    if inputs > MAX_WEIGHT_INPUTS || count > MAX_NODES || words[2] > 1 {
+        return reader.bad(rule::COUNT);
+    }
+    let units: Vec<f32> = reader.words(inputs)?.into_iter().map(f32::from_bits).collect();
+    if !std::iter::once(&step).chain(&units).all(|x| *x > 0.0 && x.is_finite()) {
+        return reader.bad(rule::STEP);
+    }
+    let counts = if words[2] == 1 { reader.words(dictionary.len())? } else { Vec::new() };
+    if counts.iter().any(|nodes| *nodes as usize > count) {
+        return reader.bad(rule::COUNT);
+    }
+    let lobes: usize = dictionary.iter().map(Vec::len).sum();
+    let (rows, of_nodes) = (3 * lobes * (1 + inputs), counts.iter().map(|nodes| *nodes as usize * inputs).sum::<usize>());
+    let bytes = reader.take(reader.bytes.len())?;
+    bounded(rows + of_nodes, bytes).or_else(|reason| reader.bad(reason))?;
+    let mut decoder = Decoder::new(bytes);
+    let (mut codes, mut values) = (vec![0i16; rows], vec![0i8; of_nodes]);
+    let mut fits = code_plane(&mut decoder, &mut Signed::new(), &mut codes, 1 + inputs);
+    if words[2] == 1 {
+        fits &= code_plane(&mut decoder, &mut Signed::new(), &mut values, inputs);
+    }
+    decoder.ended().or_else(|reason| reader.bad(reason))?;
+    if !fits {
+        return reader.bad(rule::NUMBER);
+    }
+    let mut values = values.chunks_exact(inputs.max(1)).map(<[i8]>::to_vec);
+    let nodes = counts.iter().map(|nodes| values.by_ref().take(*nodes as usize).collect()).collect();
+    let nodes_from = if words[2] == 1 { Nodes::Stored } else { Nodes::OfTexels(count) };
+    Ok((LobeWeights { step, units, codes, nodes }, nodes_from))
 }
 
 fn read_sphere(mut reader: Reader) -> Result<Sphere, FormatError> {

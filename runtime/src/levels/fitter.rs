@@ -4,7 +4,7 @@
 use crate::asset::asset::{Layer, LobeRole};
 use crate::asset::dictionary::{DictionaryLobe, LobeRef};
 use crate::asset::lobe::LobeSetup;
-use crate::decode::measured::lobe_sum_at_pairs;
+use crate::asset::lobe_tables::lobe_sum_at_pairs;
 use crate::levels::cluster::{Candidate, Cluster, OwnLobes, bases_at};
 use crate::levels::footprint::spread;
 use crate::numeric::algebra::{descend, gram_of};
@@ -62,7 +62,7 @@ impl<'a> Fitter<'a> {
             setup.eval(layer.lights.direction(light), layer.views.direction(view))
         };
         let table = |setup: LobeSetup| pairs.iter().map(|pair| lobe_at(&setup, *pair)).collect();
-        let expansion = layer.residual.as_ref().map(Expansion::new);
+        let expansion = Expansion::of_layer(layer);
         let bases = layer.residual.as_ref().map_or(0, |residual| residual.bases.len());
         let clusters = map(threads, layer.dictionary.len(), |cluster| {
             let dictionary: &Vec<DictionaryLobe> = &layer.dictionary[cluster];

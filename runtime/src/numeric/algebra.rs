@@ -65,6 +65,29 @@ pub(crate) fn cholesky(matrix: &[f32], count: usize) -> Option<Vec<f32>> {
     Some(factor)
 }
 
+/// Returns the inverse of a positive definite matrix with `count` rows in double precision, by Gauss-Jordan elimination
+/// without a search for pivots, which such a matrix does not need.
+pub(crate) fn inverse_of_positive(matrix: &[f64], count: usize) -> Vec<f64> {
+    let mut left = matrix.to_vec();
+    let mut inverse: Vec<f64> =
+        (0..count * count).map(|at| if at / count == at % count { 1.0 } else { 0.0 }).collect();
+    for pivot in 0..count {
+        let scale = 1.0 / left[pivot * count + pivot];
+        for column in 0..count {
+            left[pivot * count + column] *= scale;
+            inverse[pivot * count + column] *= scale;
+        }
+        for row in (0..count).filter(|row| *row != pivot) {
+            let factor = left[row * count + pivot];
+            for column in 0..count {
+                left[row * count + column] -= factor * left[pivot * count + column];
+                inverse[row * count + column] -= factor * inverse[pivot * count + column];
+            }
+        }
+    }
+    inverse
+}
+
 /// Solves `L L' x = products` for `x`; `factor` is `L` of [`cholesky`].
 pub(crate) fn solve(factor: &[f32], products: Vec<f32>) -> Vec<f32> {
     let (mut x, count) = (products, factor.len().isqrt());

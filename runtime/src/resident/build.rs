@@ -82,8 +82,7 @@ impl Resident {
         let places: Vec<_> = (0..asset.layers.len()).map(|layer| self.bases_of(layer as u32)).collect();
         let words = self.own_words();
         for (layer, place) in asset.layers.iter().zip(places) {
-            let Some(residual) = &layer.residual else { continue };
-            let expansion = Expansion::new(residual);
+            let (Some(residual), Some(expansion)) = (&layer.residual, Expansion::of_layer(layer)) else { continue };
             fill(threads, &mut words[place], cluster_words(residual), |cluster, words| {
                 let halves: &mut [u16] = bytemuck::cast_slice_mut(words);
                 let halves: &mut [f16] = halves.reinterpret_cast_mut();

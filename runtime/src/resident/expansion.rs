@@ -6,6 +6,7 @@
 //! basis as the innermost index, which is also the order of the resident form. Twin, as a compute pass:
 //! `resident/expansion.wgsl`, over `expansion_input.rs`.
 
+use crate::asset::asset::Layer;
 use crate::asset::residual::{COLOUR_FRAME, Residual};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -17,6 +18,8 @@ const BLOCK: usize = 6;
 /// The parts of an expansion that all clusters share.
 pub(crate) struct Expansion<'a> {
     residual: &'a Residual,
+    /// Layer whose lobes give a part of the residual that they are to be subtracted from.
+    layer: Option<&'a Layer>,
     pub channels: [Channel; 3],
     /// Length of a row: the bases, padded.
     row: usize,
@@ -36,7 +39,13 @@ pub(crate) struct Channel {
 }
 
 impl<'a> Expansion<'a> {
-    /// Prepares the expansion of a residual. Cost: a pass over the shared cores.
+    /// Prepares the expansion of a layer's bases, from which the part that predicted lobes give is subtracted. Returns
+    /// `None` where the layer has no residual.
+    pub(crate) fn of_layer(layer: &'a Layer) -> Option<Expansion<'a>> {
+        Some(Expansion { layer: Some(layer), ..Expansion::new(layer.residual.as_ref()?) })
+    }
+
+    /// Prepares the expansion of a residual as it is stored. Cost: a pass over the shared cores.
     pub(crate) fn new(residual: &'a Residual) -> Expansion<'a> {
         let (factors, shared) = (&residual.factors, &residual.shared);
         let core_len = factors.core_len();
@@ -55,7 +64,7 @@ impl<'a> Expansion<'a> {
             let [view, light] = [&factors.view[channel], &factors.light[channel]].map(|halves| singles(halves));
             Channel { ranks, view, light, starts, terms }
         });
-        Expansion { residual, channels, row: residual.bases.len().next_multiple_of(LANES) }
+        Expansion { residual, layer: None, channels, row: residual.bases.len().next_multiple_of(LANES) }
     }
 
     /// Returns the number of bases that [`Expansion::rows`] gives for each pair and channel, padded by a zero to an
@@ -124,6 +133,7 @@ impl<T: FnMut(usize, &[f32])> WithSimd for Rows<'_, T> {
                 }
             }
         }
+        let taken = self.expansion.layer.and_then(|layer| layer.taken_by_lobes(self.cluster));
         let mut lit = vec![0.0f32; 3 * row];
         let mut rgb = vec![0.0f32; lights * 3 * padded];
         for view in 0..views {
@@ -139,6 +149,12 @@ impl<T: FnMut(usize, &[f32])> WithSimd for Rows<'_, T> {
                     let (first, others) = lit.split_at(row);
                     let of_channels = first.iter().zip(others).zip(&others[row..]);
                     out.iter_mut().zip(of_channels).for_each(|(out, ((x, y), z))| *out = a * x + b * y + d * z);
+                }
+            }
+            if let Some((inputs, taken)) = &taken {
+                let of_view = taken.chunks_exact(1 + inputs).skip(3 * lights * view);
+                for (bases, taken) in rgb.chunks_exact_mut(padded).zip(of_view) {
+                    bases.iter_mut().zip(taken).for_each(|(basis, taken)| *basis -= taken);
                 }
             }
             (self.take)(view, &rgb);

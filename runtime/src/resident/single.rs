@@ -15,10 +15,9 @@ impl SingleBases {
     /// Expands the bases of `asset`. Cost: as [`crate::Resident::from_asset_on`].
     pub fn from_asset_on(asset: &Asset, threads: Threads) -> SingleBases {
         let layers = asset.layers.iter().map(|layer| {
-            let Some(residual) = &layer.residual else {
+            let Some(expansion) = Expansion::of_layer(layer) else {
                 return Vec::new();
             };
-            let expansion = Expansion::new(residual);
             let length = expansion.entries() * expansion.padded();
             let mut values = vec![0.0f32; layer.dictionary.len() * length];
             fill(threads, &mut values, length, |cluster, values| {

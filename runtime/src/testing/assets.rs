@@ -76,6 +76,7 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         texel_lobe_counts,
         dictionary,
         lobe_refs,
+        lobe_weights: None,
         residual: Some(residual),
     };
     let material = format!("{{\"name\":\"sample {seed}\"}}");
