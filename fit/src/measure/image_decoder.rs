@@ -76,6 +76,19 @@ pub struct ImageDecoder<'a> {
     tiles: Vec<TexelTile>,
 }
 
+/// Returns the direction of the measured lights' hull that is nearest to `wi`; `wi` itself within the hull.
+fn within_hull(lights: &Sphere, wi: [f32; 3], light: &Neighbours) -> [f32; 3] {
+    if light.beyond >= 1.0 {
+        return wi;
+    }
+    let mut at = [0.0f32; 2];
+    for (id, weight) in light.ids.iter().zip(light.weights).filter(|(_, weight)| *weight > 0.0) {
+        let direction = lights.direction(*id);
+        (0..2).for_each(|axis| at[axis] += weight * direction[axis]);
+    }
+    [at[0], at[1], (1.0 - at[0] * at[0] - at[1] * at[1]).max(0.0).sqrt()]
+}
+
 /// Everything that all texels share at one pair of directions.
 pub struct PairPlan {
     /// Neighbour pairs that are interpolated.
@@ -165,7 +178,8 @@ impl<'a> ImageDecoder<'a> {
             let image = self.shifted_image([wi, wo], [&into, &out], fade, &self.seen_by(&field, wo, &out));
             return PairPlan { image: Some(image), ..PairPlan::NOTHING };
         }
-        let here = self.lobe_values(wi, wo);
+        let exact = self.interpolation == Interpolation::Exact && self.used_words > 0;
+        let here = self.lobe_values(if exact { wi } else { within_hull(lights, wi, &into) }, wo);
         let mut taps = Vec::new();
         for v in 0..3 {
             for l in 0..3 {
@@ -175,7 +189,7 @@ impl<'a> ImageDecoder<'a> {
                 }
             }
         }
-        if self.interpolation == Interpolation::Exact && self.used_words > 0 {
+        if exact {
             return PairPlan { taps, here: Some(here), fade, ..PairPlan::NOTHING };
         }
         // The fast rule is linear in the residual, so its nine rows become one.
@@ -189,8 +203,7 @@ impl<'a> ImageDecoder<'a> {
         }
         let (residual_scale, fade) = match self.layer.lobe_role {
             _ if self.used_words == 0 => (1.0, fade),
-            LobeRole::Guide => (1.0, fade * into.beyond),
-            LobeRole::Base => (self.layer.residual_kind.scale_beyond(into.beyond), fade),
+            LobeRole::Guide | LobeRole::Base => (1.0, fade * into.beyond),
         };
         let taps = vec![Tap { weight: 1.0, values: here, rows }];
         PairPlan { taps, residual_scale, fade, ..PairPlan::NOTHING }
@@ -227,7 +240,7 @@ impl<'a> ImageDecoder<'a> {
         let arch = Arch::new();
         let here = match guide && self.used_words > 0 && !exact {
             true => vec![[0.0; 3]; seen.len()],
-            false => arch.dispatch(LobeImage { decoder: self, values: &self.lobe_values(wi, wo) }),
+            false => arch.dispatch(LobeImage { decoder: self, values: &self.lobe_values(if exact { wi } else { within_hull(&self.layer.lights, wi, light) }, wo) }),
         };
         let parts = [0, 1, 2].map(|v| {
             if view.weights[v] <= 0.0 || self.used_words == 0 {
@@ -248,7 +261,7 @@ impl<'a> ImageDecoder<'a> {
             sum
         };
         let share = if guide { 0.0 } else { 1.0 };
-        let (scaled, falling) = if guide { (1.0, light.beyond) } else { (light.beyond, 1.0) };
+        let (scaled, falling) = (1.0, light.beyond);
         seen.iter()
             .map(|seen| {
                 let at = |v: usize| seen.texels[v] as usize;
