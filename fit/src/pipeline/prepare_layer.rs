@@ -17,7 +17,7 @@ use crate::stages::features::features;
 use crate::stages::heights::find_heights;
 use crate::stages::kmeans::kmeans;
 use crate::stages::lobe_dictionaries::{DictionaryTask, LobeFigures};
-use crate::stages::lobe_weights::FreeWeights;
+use crate::stages::lobe_weights::{FreeWeights, add_upright_lambertian};
 use crate::stages::local_pca::{local_pca, reassign};
 use crate::stages::residual_source::{ResidualSource, TexelLobes};
 use crate::stages::sparse::{ClusterLobes, Correlations, LobesOf, Selection, drop_unused, select};
@@ -65,7 +65,7 @@ pub fn prepare_layer(
     stages: &Stages,
 ) -> Result<PreparedLayer, FitError> {
     let source = LayerSource::new(info, cache, params, sample, stages)?;
-    let predicted = params.role() == Role::Base && params.goal() != Goal::None && params.lobes() > 0;
+    let predicted = source.predicts_lobes();
     let mut fitted = match params.role() {
         Role::Base if !predicted => source.fit_base()?,
         _ => source.fit_guide()?,
@@ -164,11 +164,20 @@ impl<'a> LayerSource<'a> {
         let mut selection = self.stages.run("weights", || {
             let some = MEAN_SAMPLE.min(self.sample);
             let correlations = Correlations::of_some(self.cache, &dictionaries, &labels, some, self.params.seed())?;
-            Ok(select(&dictionaries, &labels, &correlations, LobesOf::Clusters, self.params.lobes(), LOBE_PRICE))
+            let most = self.params.lobes() - usize::from(self.predicts_lobes());
+            Ok(select(&dictionaries, &labels, &correlations, LobesOf::Clusters, most, LOBE_PRICE))
         })?;
         // Not part of the stage, because it changes what an earlier stage gave.
         drop_unused(&mut dictionaries, &mut selection, &labels);
+        if self.predicts_lobes() {
+            add_upright_lambertian(&mut dictionaries, &mut selection, &self.views, &self.lights);
+        }
         Ok(FittedLobes { labels, dictionaries, selection, figures, coordinates })
+    }
+
+    /// Returns whether the lobes' weights follow from the coefficients.
+    fn predicts_lobes(&self) -> bool {
+        self.params.role() == Role::Base && self.params.goal() != Goal::None && self.params.lobes() > 0
     }
 
     /// Fits lobes as base: every texel selects its own, and the residual is what they leave.

@@ -5,8 +5,8 @@ use crate::error::FitError;
 use crate::input::tile_cache::TileCache;
 use crate::resume::stored::stored_structs;
 use crate::stages::lasso::non_negative_weights;
-use crate::stages::sparse::{ClusterLobes, Correlations};
-use btf_runtime::{Layer, LobeWeights};
+use crate::stages::sparse::{ClusterLobes, Correlations, Selection};
+use btf_runtime::{DictionaryLobe, Layer, Lobe, LobeFamily, LobeWeights, Sphere, lobe_tables};
 use half::f16;
 use nalgebra::DMatrix;
 use ndarray::Array2;
@@ -116,6 +116,28 @@ impl FreeWeights {
             })
             .collect()
     }
+}
+
+/// Puts the Lambertian lobe about the macroscopic normal in front of every dictionary.
+///
+/// Its cosine is the greater part of what bends between the measured directions. A dictionary's own Lambertian lobe has
+/// a tilted normal, whose horizon stands elsewhere: with it, leather of 2 MB gains 0.2 dB at random directions, with the
+/// upright one 0.6 dB.
+pub fn add_upright_lambertian(
+    clusters: &mut [ClusterLobes],
+    selection: &mut Selection,
+    views: &Sphere,
+    lights: &Sphere,
+) {
+    let lobe = Lobe { family: LobeFamily::Lambertian, normal_xy: [0.0; 2], tangent_rad: 0.0, params: [0.0; 4] };
+    let tables = lobe_tables(&[lobe], views, lights);
+    for (cluster, dictionary) in clusters.iter_mut().zip(&mut selection.dictionary) {
+        let lobes = [&[lobe], &cluster.lobes[..]].concat();
+        let tables = tables.iter().cloned().chain(std::mem::take(&mut cluster.tables)).collect();
+        *cluster = ClusterLobes::new(lobes, tables, std::mem::take(&mut cluster.weights));
+        dictionary.insert(0, DictionaryLobe { lobe, weight_scale: 1.0 });
+    }
+    selection.refs.iter_mut().for_each(|reference| reference.lobe += 1);
 }
 
 /// Returns the root mean square of codes, at least a small number.
