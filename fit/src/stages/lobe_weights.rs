@@ -52,11 +52,15 @@ impl FreeWeights {
             |((mut weights, products), label)| {
                 let cluster = &clusters[*label as usize];
                 let n = cluster.lobes.len();
-                let all: Vec<usize> = (0..n).collect();
+                let others: Vec<usize> = (1..n).collect();
                 for channel in 0..3 {
-                    let correlation: Vec<f64> = (0..n).map(|i| f64::from(products[3 * i + channel])).collect();
-                    let solved = non_negative_weights(&cluster.gram, n, &correlation, &all);
-                    solved.iter().enumerate().for_each(|(i, w)| weights[3 * i + channel] = *w as f32);
+                    // The Lambertian lobe takes all that it can; the others share what it leaves.
+                    let mut correlation: Vec<f64> = (0..n).map(|i| f64::from(products[3 * i + channel])).collect();
+                    let first = (correlation[0] / cluster.gram[0].max(1e-30)).max(0.0);
+                    correlation.iter_mut().zip(&cluster.gram).for_each(|(x, g)| *x -= first * g);
+                    let solved = non_negative_weights(&cluster.gram, n, &correlation, &others);
+                    weights[channel] = first as f32;
+                    solved.iter().zip(&others).for_each(|(w, i)| weights[3 * i + channel] = *w as f32);
                 }
             },
         );
