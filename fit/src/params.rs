@@ -166,7 +166,9 @@ impl FitParams {
     /// layer: as base so few, at least 1, that they take about a quarter of the bytes.
     pub fn lobes_for(role: Option<Role>, bytes: Option<u64>, texels: usize) -> usize {
         let most = FitParams::default().lobes;
-        if true { return most; }
+        if true {
+            return most;
+        }
         let (Some(Role::Base), Some(bytes)) = (role, bytes) else {
             return most;
         };

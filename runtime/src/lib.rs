@@ -45,6 +45,8 @@ pub use asset::limits::{
     MAX_SHARED, MAX_SIDE_MM,
 };
 pub use asset::lobe::{Lobe, LobeFamily, LobeSetup, RESIDENT_WORDS as LOBE_RESIDENT_WORDS, ResidentLobe};
+pub use asset::lobe_tables::{lobe_sum_at_pairs, lobe_tables};
+pub use asset::lobe_weights::LobeWeights;
 pub use asset::residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases,
 };
@@ -56,8 +58,6 @@ pub use container::file_format::ALIGNMENT;
 pub use container::finding::Finding;
 pub use decode::decode::{decode, decode_single};
 pub use decode::evaluate::{Query, Sample, density, evaluate, evaluate_many, sample};
-pub use asset::lobe_tables::{lobe_sum_at_pairs, lobe_tables};
-pub use asset::lobe_weights::LobeWeights;
 pub use decode::measured::{TexelPlace, decode_from_file_form, decode_measured};
 pub use decode::options::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 pub use decode::parallax::{HeightField, SeenBy};

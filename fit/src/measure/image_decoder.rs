@@ -76,27 +76,12 @@ pub struct ImageDecoder<'a> {
     tiles: Vec<TexelTile>,
 }
 
-/// Returns the direction of the measured lights' hull that is nearest to `wi`; `wi` itself within the hull.
-fn within_hull(lights: &Sphere, wi: [f32; 3], light: &Neighbours) -> [f32; 3] {
-    if light.beyond >= 1.0 {
-        return wi;
-    }
-    let mut at = [0.0f32; 2];
-    for (id, weight) in light.ids.iter().zip(light.weights).filter(|(_, weight)| *weight > 0.0) {
-        let direction = lights.direction(*id);
-        (0..2).for_each(|axis| at[axis] += weight * direction[axis]);
-    }
-    [at[0], at[1], (1.0 - at[0] * at[0] - at[1] * at[1]).max(0.0).sqrt()]
-}
-
 /// Everything that all texels share at one pair of directions.
 pub struct PairPlan {
     /// Neighbour pairs that are interpolated.
     taps: Vec<Tap>,
     /// Lobe values at the pair itself; only for exact interpolation.
     here: Option<Vec<f32>>,
-    /// Factor of the residual outside the hull.
-    residual_scale: f32,
     /// Factor of everything towards the horizon.
     fade: f32,
     /// Finished image, where parallax is removed and a texel shows other texels.
@@ -105,7 +90,7 @@ pub struct PairPlan {
 
 impl PairPlan {
     /// Plan of a black image, which every other plan starts from.
-    const NOTHING: PairPlan = PairPlan { taps: Vec::new(), here: None, residual_scale: 1.0, fade: 1.0, image: None };
+    const NOTHING: PairPlan = PairPlan { taps: Vec::new(), here: None, fade: 1.0, image: None };
 }
 
 struct Tap {
@@ -179,7 +164,7 @@ impl<'a> ImageDecoder<'a> {
             return PairPlan { image: Some(image), ..PairPlan::NOTHING };
         }
         let exact = self.interpolation == Interpolation::Exact && self.used_words > 0;
-        let here = self.lobe_values(if exact { wi } else { within_hull(lights, wi, &into) }, wo);
+        let here = self.lobe_values(if exact || self.used_words == 0 { wi } else { lights.within_hull(wi, &into) }, wo);
         let mut taps = Vec::new();
         for v in 0..3 {
             for l in 0..3 {
@@ -201,12 +186,9 @@ impl<'a> ImageDecoder<'a> {
                 *sum += tap.weight * row;
             }
         }
-        let (residual_scale, fade) = match self.layer.lobe_role {
-            _ if self.used_words == 0 => (1.0, fade),
-            LobeRole::Guide | LobeRole::Base => (1.0, fade * into.beyond),
-        };
+        let fade = if self.used_words == 0 { fade } else { fade * into.beyond };
         let taps = vec![Tap { weight: 1.0, values: here, rows }];
-        PairPlan { taps, residual_scale, fade, ..PairPlan::NOTHING }
+        PairPlan { taps, fade, ..PairPlan::NOTHING }
     }
 
     /// Returns for every texel the texels that an eye at `wo` sees in its place.
@@ -238,9 +220,10 @@ impl<'a> ImageDecoder<'a> {
         let guide = self.layer.lobe_role == LobeRole::Guide;
         let exact = self.interpolation == Interpolation::Exact && self.used_words > 0;
         let arch = Arch::new();
+        let toward = if exact || self.used_words == 0 { wi } else { self.layer.lights.within_hull(wi, light) };
         let here = match guide && self.used_words > 0 && !exact {
             true => vec![[0.0; 3]; seen.len()],
-            false => arch.dispatch(LobeImage { decoder: self, values: &self.lobe_values(if exact { wi } else { within_hull(&self.layer.lights, wi, light) }, wo) }),
+            false => arch.dispatch(LobeImage { decoder: self, values: &self.lobe_values(toward, wo) }),
         };
         let parts = [0, 1, 2].map(|v| {
             if view.weights[v] <= 0.0 || self.used_words == 0 {
@@ -261,7 +244,6 @@ impl<'a> ImageDecoder<'a> {
             sum
         };
         let share = if guide { 0.0 } else { 1.0 };
-        let (scaled, falling) = (1.0, light.beyond);
         seen.iter()
             .map(|seen| {
                 let at = |v: usize| seen.texels[v] as usize;
@@ -271,9 +253,7 @@ impl<'a> ImageDecoder<'a> {
                 }
                 let value = blend(seen, &|v| parts[v].values[at(v)]);
                 if !exact {
-                    let scale = kind.scale_beyond(scaled);
-                    return [0, 1, 2]
-                        .map(|c| kind.combine(share * here[c], scale * value[c], epsilon) * falling * fade);
+                    return [0, 1, 2].map(|c| kind.combine(share * here[c], value[c], epsilon) * (light.beyond * fade));
                 }
                 let lobes = blend(seen, &|v| parts[v].lobes[at(v)]);
                 [0, 1, 2].map(|c| {
@@ -299,7 +279,7 @@ impl<'a> ImageDecoder<'a> {
             for tap in taps {
                 let (mut decoded, mut sums) = (zero, zero);
                 if exact {
-                    self.combine(simd, tile, &weights, tap, 1.0, &mut decoded);
+                    self.combine(simd, tile, &weights, tap, &mut decoded);
                     self.lobe_sums(tile, &tap.values, &mut sums);
                 } else {
                     weights.residual_sums(simd, &tap.rows[rows.clone()], &mut decoded);
@@ -354,7 +334,7 @@ impl<'a> ImageDecoder<'a> {
         }
         match (&plan.here, plan.taps.first()) {
             (_, None) => out.as_flattened_mut().fill(0.0),
-            (None, Some(tap)) => self.combine(simd, tile, weights, tap, plan.residual_scale, out),
+            (None, Some(tap)) => self.combine(simd, tile, weights, tap, out),
             (Some(here), _) => self.decode_exact(simd, tile, weights, here, &plan.taps, out),
         }
         if plan.fade != 1.0 {
@@ -398,7 +378,7 @@ impl<'a> ImageDecoder<'a> {
         out.as_flattened_mut().fill(0.0);
         for tap in taps {
             self.lobe_sums(tile, &tap.values, &mut sums);
-            self.combine(simd, tile, weights, tap, 1.0, &mut decoded);
+            self.combine(simd, tile, weights, tap, &mut decoded);
             for c in 0..3 {
                 for i in 0..TILE_TEXELS {
                     out[c][i] += tap.weight * decoded[c][i];
@@ -417,15 +397,7 @@ impl<'a> ImageDecoder<'a> {
 
     /// Combines lobes and residual at `tap`.
     #[inline(always)]
-    fn combine<S: Simd>(
-        &self,
-        simd: S,
-        tile: &TexelTile,
-        weights: &BasisWeights,
-        tap: &Tap,
-        scale: f32,
-        out: &mut TileRgb,
-    ) {
+    fn combine<S: Simd>(&self, simd: S, tile: &TexelTile, weights: &BasisWeights, tap: &Tap, out: &mut TileRgb) {
         let (kind, epsilon) = (self.layer.residual_kind, self.layer.epsilon);
         if self.used_words == 0 {
             return self.lobe_sums(tile, &tap.values, out);
@@ -441,7 +413,7 @@ impl<'a> ImageDecoder<'a> {
         let rows = tile.cluster * self.used_words..(tile.cluster + 1) * self.used_words;
         weights.residual_sums(simd, &tap.rows[rows], &mut residual);
         for (x, r) in out.as_flattened_mut().iter_mut().zip(residual.as_flattened()) {
-            *x += r * scale;
+            *x += r;
         }
         kind.decode_slice(out.as_flattened_mut(), epsilon);
     }

@@ -48,8 +48,14 @@ impl FreeWeights {
     ) -> Result<FreeWeights, FitError> {
         let some = Correlations::of_some(cache, clusters, labels, count, seed)?;
         let mut weights = Array2::<f32>::zeros(some.products.dim());
-        weights.rows_mut().into_iter().zip(some.products.rows()).zip(&some.labels).collect::<Vec<_>>().into_par_iter().for_each(
-            |((mut weights, products), label)| {
+        weights
+            .rows_mut()
+            .into_iter()
+            .zip(some.products.rows())
+            .zip(&some.labels)
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .for_each(|((mut weights, products), label)| {
                 let cluster = &clusters[*label as usize];
                 let n = cluster.lobes.len();
                 let others: Vec<usize> = (1..n).collect();
@@ -62,8 +68,7 @@ impl FreeWeights {
                     weights[channel] = first as f32;
                     solved.iter().zip(&others).for_each(|(w, i)| weights[3 * i + channel] = *w as f32);
                 }
-            },
-        );
+            });
         Ok(FreeWeights { texels: some.texels, labels: some.labels, weights })
     }
 
@@ -71,7 +76,8 @@ impl FreeWeights {
     /// weights that follow from the texels' coefficients. Weight scales of the dictionaries change with them.
     pub fn predict(&self, layer: &mut Layer) {
         let Some(residual) = &layer.residual else { return };
-        let planes: Vec<&[i8]> = residual.coefficients.iter().take(INPUTS).map(|plane| plane.codes.as_slice()).collect();
+        let planes: Vec<&[i8]> =
+            residual.coefficients.iter().take(INPUTS).map(|plane| plane.codes.as_slice()).collect();
         let units: Vec<f32> = planes.iter().map(|codes| root_mean_square(codes)).collect();
         let mut codes = Vec::new();
         let found: Vec<Vec<(f32, [Vec<i16>; 3])>> = (0..layer.dictionary.len())

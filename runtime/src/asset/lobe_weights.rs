@@ -38,7 +38,12 @@ pub struct LobeWeights {
 impl LobeWeights {
     /// Returns the nodes of a layer's clusters: at most `count` texels of each, evenly spaced among its texels in their
     /// order. `planes` are the coefficient codes of the components that weights depend on, `[component][texel]`.
-    pub fn nodes_of_texels(clusters: usize, texel_clusters: &[u8], planes: &[&[i8]], count: usize) -> Vec<Vec<Vec<i8>>> {
+    pub fn nodes_of_texels(
+        clusters: usize,
+        texel_clusters: &[u8],
+        planes: &[&[i8]],
+        count: usize,
+    ) -> Vec<Vec<Vec<i8>>> {
         let mut members = vec![Vec::new(); clusters];
         for (texel, cluster) in texel_clusters.iter().enumerate() {
             members[usize::from(*cluster)].push(texel);

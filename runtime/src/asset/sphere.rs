@@ -248,6 +248,12 @@ impl Sphere {
         locate(&self.words, 0, direction)
     }
 
+    /// Returns the direction within the hull that is nearest to `unit`, whose neighbours are `place`: `unit` itself
+    /// within the hull, else a point of the hull's edge.
+    pub fn within_hull(&self, unit: [f32; 3], place: &Neighbours) -> [f32; 3] {
+        within_hull(&self.words, 0, unit, place)
+    }
+
     /// Returns the neighbours of each direction in the triangulation and along the hull, ascending.
     pub fn neighbours(&self) -> Vec<Vec<usize>> {
         let mut near = vec![std::collections::BTreeSet::new(); self.len()];
@@ -380,6 +386,18 @@ pub(crate) fn locate(words: &[u32], at: usize, d: [f32; 3]) -> Neighbours {
         return inside;
     }
     outside
+}
+
+/// Returns the direction within the hull of the set whose words start at `at` that is nearest to `d`, whose neighbours
+/// are `place`.
+pub(crate) fn within_hull(words: &[u32], at: usize, d: [f32; 3], place: &Neighbours) -> [f32; 3] {
+    if place.beyond >= 1.0 {
+        return d;
+    }
+    let [p, q] = [0, 1].map(|i| direction(words, at, place.ids[i]));
+    let along = |axis: usize| place.weights[0] * p[axis] + place.weights[1] * q[axis];
+    let (x, y) = (along(0), along(1));
+    [x, y, (1.0 - x * x - y * y).max(1e-6).sqrt()]
 }
 
 #[cfg(test)]

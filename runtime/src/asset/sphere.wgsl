@@ -78,3 +78,14 @@ fn sphere_locate(at: u32, d: vec3<f32>) -> Neighbours {
     }
     return outside;
 }
+
+// Returns the direction within the hull that is nearest to `d`, whose neighbours are `place`.
+fn sphere_within_hull(at: u32, d: vec3<f32>, place: Neighbours) -> vec3<f32> {
+    if place.beyond >= 1.0 {
+        return d;
+    }
+    let p = sphere_direction(at, place.ids.x).xy;
+    let q = sphere_direction(at, place.ids.y).xy;
+    let xy = place.weights.x * p + place.weights.y * q;
+    return vec3<f32>(xy, sqrt(max(1.0 - dot(xy, xy), 1e-6)));
+}

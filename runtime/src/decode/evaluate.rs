@@ -106,7 +106,7 @@ pub fn evaluate_many(
         fetch(resident, &mut ahead);
 
         for (viewed, lit) in texels.iter().flatten() {
-            viewed.ask_lobes(|lobe| lobes.push(lobe, lit.wi(), viewed.eye()));
+            viewed.ask_lobes(|lobe| lobes.push(lobe, lit.toward(), viewed.eye()));
         }
         let mut lobes = lobes.finish();
         for (texel, value) in texels.iter().zip(values) {

@@ -1,9 +1,9 @@
 //! Tests of the decoders against the format's text and against each other.
 
 use crate::asset::asset::{Asset, Layer, LobeRole, SurfaceSide};
+use crate::asset::lobe_tables::lobe_tables;
 use crate::asset::residual::{ResidualKind, core_at_pair};
 use crate::decode::decode::decode;
-use crate::asset::lobe_tables::lobe_tables;
 use crate::decode::measured::{TexelPlace, decode_from_file_form, decode_measured};
 use crate::decode::options::{DecodeOptions, Interpolation};
 use crate::error::FormatError;

@@ -9,7 +9,7 @@ use crate::asset::asset::LobeRole;
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::lobe::{LobeSetup, ResidentLobe};
 use crate::asset::residual::ResidualKind;
-use crate::asset::sphere::{Neighbours, direction, locate};
+use crate::asset::sphere::{Neighbours, direction, locate, within_hull};
 use crate::decode::options::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 use crate::decode::parallax::{HeightField, SeenBy};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MAX_BLOCKS, residual_sum};
@@ -75,13 +75,17 @@ struct Row {
 pub(crate) struct Lit {
     /// Unit vector to the light in the layer's frame.
     wi: [f32; 3],
+    /// Direction for which the value is taken: that of the light, or by the fast rule the nearest one within the hull of
+    /// the measured lights.
+    toward: [f32; 3],
     /// Neighbours of the light among the measured ones, where there is a residual.
     place: Option<Neighbours>,
 }
 
 impl Lit {
-    pub(crate) fn wi(&self) -> [f32; 3] {
-        self.wi
+    /// Returns the direction for which lobes are evaluated.
+    pub(crate) fn toward(&self) -> [f32; 3] {
+        self.toward
     }
 }
 
@@ -248,12 +252,12 @@ impl<'a> ViewedTexel<'a> {
     ///
     /// Cost: a search among the measured lights, the lobes, and up to three rows of residual.
     pub fn light(&self, rows: &mut LightRows, wi: [f32; 3]) -> [f32; 3] {
-        self.lit(wi).map_or([0.0; 3], |lit| self.value(Some(rows), &lit, &mut self.lobes(lit.wi)))
+        self.lit(wi).map_or([0.0; 3], |lit| self.value(Some(rows), &lit, &mut self.lobes(lit.toward)))
     }
 
     /// Returns the value of [`ViewedTexel::light`] for a light that shares its rows with no other.
     pub fn light_alone(&self, wi: [f32; 3]) -> [f32; 3] {
-        self.lit(wi).map_or([0.0; 3], |lit| self.value(None, &lit, &mut self.lobes(lit.wi)))
+        self.lit(wi).map_or([0.0; 3], |lit| self.value(None, &lit, &mut self.lobes(lit.toward)))
     }
 
     /// Returns a function that evaluates one lobe for the light at `wi`.
@@ -265,9 +269,14 @@ impl<'a> ViewedTexel<'a> {
     /// Prepares the light at `wi`; `None` where light or eye are on another side than the layer's.
     pub(crate) fn lit(&self, wi: [f32; 3]) -> Option<Lit> {
         let wi = [wi[0], wi[1], wi[2] * self.light_sign()];
-        (wi[2] > 0.0 && self.wo[2] > 0.0).then(|| Lit {
-            wi,
-            place: (self.t.bases > 0).then(|| locate(self.t.words, self.t.field(block::LIGHTS), wi)),
+        (wi[2] > 0.0 && self.wo[2] > 0.0).then(|| {
+            let at = self.t.field(block::LIGHTS);
+            let place = (self.t.bases > 0).then(|| locate(self.t.words, at, wi));
+            let toward = match &place {
+                Some(place) if !self.exact => within_hull(self.t.words, at, wi, place),
+                _ => wi,
+            };
+            Lit { wi, toward, place }
         })
     }
 
@@ -320,7 +329,9 @@ impl<'a> ViewedTexel<'a> {
         if t.edit > 0 {
             value = self.edited(value, here, self.lobe_sum(t.edit, lobe));
         }
-        value.map(|x| x * fade)
+        // Beyond the measured lights the value at their hull falls with the light's cosine.
+        let falling = lit.place.as_ref().filter(|_| !self.exact).map_or(1.0, |place| place.beyond);
+        value.map(|x| x * (fade * falling))
     }
 
     /// Applies the texel's edit to a measured value, given the measured lobe sum `here` and the edited one; the
@@ -336,21 +347,18 @@ impl<'a> ViewedTexel<'a> {
         })
     }
 
-    /// Combines the lobes `here` with the interpolated residual by the fast rule. Outside the lights' hull the residual
-    /// falls with the light's cosine; for lobes that only guide, the decoded value does.
-    fn combined(&self, here: [f32; 3], residual: [f32; 3], beyond: f32) -> [f32; 3] {
-        let (base, scaled, falling) = if self.guide { ([0.0; 3], 1.0, beyond) } else { (here, beyond, 1.0) };
-        let scale = self.kind.scale_beyond(scaled);
-        let value = self.kind.combine_rgb(base, residual.map(|r| scale * r), self.t.float(block::EPSILON));
-        value.map(|x| x * falling)
+    /// Combines the lobes `here` with the interpolated residual by the fast rule.
+    fn combined(&self, here: [f32; 3], residual: [f32; 3]) -> [f32; 3] {
+        let base = if self.guide { [0.0; 3] } else { here };
+        self.kind.combine_rgb(base, residual, self.t.float(block::EPSILON))
     }
 
-    /// Returns the measured value for a `light`, without the fade to the horizon; `here` are the lobes, where they are
+    /// Returns the measured value for a `light`, without its fall towards the horizon; `here` are the lobes, where they are
     /// needed.
     fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, here: [f32; 3]) -> [f32; 3] {
         let epsilon = self.t.float(block::EPSILON);
         if rows.is_none() && !self.exact {
-            return self.combined(here, self.residual(light.ids, light.weights, self.weights), light.beyond);
+            return self.combined(here, self.residual(light.ids, light.weights, self.weights));
         }
         let wanted = light.weights.map(|weight| weight > 0.0);
         let found = match rows {
@@ -362,7 +370,7 @@ impl<'a> ViewedTexel<'a> {
         };
         let value = mix(|row| row.value);
         if !self.exact {
-            return self.combined(here, value, light.beyond);
+            return self.combined(here, value);
         }
         let lobes = mix(|row| row.lobes);
         [0, 1, 2].map(|c| {

@@ -118,7 +118,7 @@ fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsil
             if wanted[l] {
                 let wi = sphere_direction(t.base + asset_word(t.layer + BLOCK_LIGHTS), lights[l]);
                 let lobes = texel_lobe_sum(t, 0u, wi, measured[v]);
-                rows.values[l] += weight * residual_combine(viewed.kind, base_share * lobes, residual[l], epsilon, 1.0);
+                rows.values[l] += weight * residual_combine(viewed.kind, base_share * lobes, residual[l], epsilon);
                 rows.lobes[l] += weight * lobes;
             }
         }
@@ -137,7 +137,17 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     if wi.z <= 0.0 || viewed.wo.z <= 0.0 {
         return vec3<f32>(0.0);
     }
-    let fade = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
+    var falling = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
+    var light = Neighbours();
+    if t.bases > 0u {
+        let at = t.base + asset_word(t.layer + BLOCK_LIGHTS);
+        light = sphere_locate(at, wi);
+        if !viewed.exact {
+            // Beyond the measured lights the value at their hull falls with the light's cosine.
+            wi = sphere_within_hull(at, wi, light);
+            falling *= light.beyond;
+        }
+    }
     // The lobes as measured and as edited.
     var lobes = mat2x3<f32>();
     let asked = vec2<bool>(!viewed.guide || viewed.exact || t.bases == 0u || t.edit > 0u, t.edit > 0u);
@@ -148,12 +158,12 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     }
     var value = max(lobes[0], vec3<f32>(0.0));
     if t.bases > 0u {
-        value = viewed_measured(viewed, rows, wi, lobes[0]);
+        value = viewed_measured(viewed, rows, light, lobes[0]);
     }
     if t.edit > 0u {
         value = viewed_edited(viewed, value, lobes[0], lobes[1]);
     }
-    return value * fade;
+    return value * falling;
 }
 
 // Applies the texel's edit to a measured value, given the measured lobe sum `here` and the edited one; the equation is
@@ -164,15 +174,19 @@ fn viewed_edited(viewed: ViewedTexel, value: vec3<f32>, here: vec3<f32>, lobes: 
     let tint = vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
     let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
     let left = residual_encode(viewed.kind, value, epsilon) - residual_encode(viewed.kind, here, epsilon);
-    let value_edited = residual_combine(viewed.kind, lobes, asset_f32(at + 3u) * left, epsilon, 1.0);
+    let value_edited = residual_combine(viewed.kind, lobes, asset_f32(at + 3u) * left, epsilon);
     return tint * min(value_edited, vec3<f32>(1e37));
 }
 
-// Returns the measured value in the direction `wi` of the layer's frame, without the fade to the horizon; `here` are
-// the lobes, where they are needed.
-fn viewed_measured(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi: vec3<f32>, here: vec3<f32>) -> vec3<f32> {
+// Returns the measured value for a light with these neighbours, without its fall towards the horizon; `here` are the
+// lobes, where they are needed.
+fn viewed_measured(
+    viewed: ViewedTexel,
+    rows: ptr<function, LightRows>,
+    light: Neighbours,
+    here: vec3<f32>,
+) -> vec3<f32> {
     let t = viewed.t;
-    let light = sphere_locate(t.base + asset_word(t.layer + BLOCK_LIGHTS), wi);
     let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
 
     let place = light.ids % LIGHT_ROWS;
@@ -203,12 +217,7 @@ fn viewed_measured(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi: vec3
     }
     let value = found.values * light.weights;
     if !viewed.exact {
-        // Outside the lights' hull the residual falls with the light's cosine; for lobes that only guide, the decoded
-        // value does.
-        let base = select(here, vec3<f32>(0.0), viewed.guide);
-        let scaled = select(light.beyond, 1.0, viewed.guide);
-        let falling = select(1.0, light.beyond, viewed.guide);
-        return residual_combine(viewed.kind, base, value, epsilon, scaled) * falling;
+        return residual_combine(viewed.kind, select(here, vec3<f32>(0.0), viewed.guide), value, epsilon);
     }
     let lobes = found.lobes * light.weights;
     let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);

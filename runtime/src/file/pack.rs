@@ -163,7 +163,9 @@ fn check_lobe_weights(weights: &LobeWeights, dictionary: &[Vec<DictionaryLobe>])
         || !positive(&weights.step)
         || !weights.units.iter().all(positive)
     {
-        return refuse("the lobe weights do not fit the dictionaries, depend on more than 16 coefficients, or have a step or unit that is not above 0");
+        return refuse(
+            "the lobe weights do not fit the dictionaries, depend on more than 16 coefficients, or have a step or unit that is not above 0",
+        );
     }
     let nodes = &weights.nodes;
     if nodes.len() > dictionary.len()
@@ -357,9 +359,10 @@ fn lobe_weight_bytes(layer: &Layer, weights: &LobeWeights) -> Vec<u8> {
         code_plane(coder, &mut Signed::new(), &mut weights.codes.clone(), 1 + weights.units.len());
         if !of_texels {
             let inputs = weights.units.len();
-            let padded = weights.nodes.iter().flatten().flat_map(|node| {
-                node.iter().copied().chain(std::iter::repeat(0)).take(inputs).collect::<Vec<i8>>()
-            });
+            let padded =
+                weights.nodes.iter().flatten().flat_map(|node| {
+                    node.iter().copied().chain(std::iter::repeat(0)).take(inputs).collect::<Vec<i8>>()
+                });
             code_plane(coder, &mut Signed::new(), &mut padded.collect::<Vec<i8>>(), inputs);
         }
     }));

@@ -231,7 +231,8 @@ fn read_lobe_weights(
         return reader.bad(rule::COUNT);
     }
     let lobes: usize = dictionary.iter().map(Vec::len).sum();
-    let (rows, of_nodes) = (3 * lobes * (1 + inputs), counts.iter().map(|nodes| *nodes as usize * inputs).sum::<usize>());
+    let (rows, of_nodes) =
+        (3 * lobes * (1 + inputs), counts.iter().map(|nodes| *nodes as usize * inputs).sum::<usize>());
     let bytes = reader.take(reader.bytes.len())?;
     bounded(rows + of_nodes, bytes).or_else(|reason| reader.bad(reason))?;
     let mut decoder = Decoder::new(bytes);

@@ -69,8 +69,7 @@ pub(crate) fn cholesky(matrix: &[f32], count: usize) -> Option<Vec<f32>> {
 /// without a search for pivots, which such a matrix does not need.
 pub(crate) fn inverse_of_positive(matrix: &[f64], count: usize) -> Vec<f64> {
     let mut left = matrix.to_vec();
-    let mut inverse: Vec<f64> =
-        (0..count * count).map(|at| if at / count == at % count { 1.0 } else { 0.0 }).collect();
+    let mut inverse: Vec<f64> = (0..count * count).map(|at| if at / count == at % count { 1.0 } else { 0.0 }).collect();
     for pivot in 0..count {
         let scale = 1.0 / left[pivot * count + pivot];
         for column in 0..count {
