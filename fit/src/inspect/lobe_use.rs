@@ -7,7 +7,8 @@ use serde::Serialize;
 use std::fmt::{self, Display};
 
 /// Kinds of sections that lobes are stored in.
-const LOBE_SECTIONS: [SectionKind; 3] = [SectionKind::TexelLobeCounts, SectionKind::Dictionary, SectionKind::LobeRefs];
+const LOBE_SECTIONS: [SectionKind; 4] =
+    [SectionKind::TexelLobeCounts, SectionKind::Dictionary, SectionKind::LobeRefs, SectionKind::LobeWeights];
 
 /// Lobes of a layer or of an asset. The names are keys of `fit --json` and of the layers in `info --json`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -15,7 +16,7 @@ pub struct LobeUse {
     /// Role of the lobes, `base` or `guide`; of an asset its first layer's.
     #[serde(rename = "lobe_role")]
     pub role: Role,
-    /// Bytes of dictionaries, lobe counts and lobe references in the file, finest level.
+    /// Bytes of dictionaries, lobe counts, lobe references and lobe weights in the file, finest level.
     #[serde(rename = "lobe_bytes")]
     pub bytes: u64,
     /// Mean number of a texel's own lobes with a weight that is not 0; 0 where lobes guide.

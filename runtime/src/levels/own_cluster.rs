@@ -53,7 +53,8 @@ pub(super) fn make_room(layer: &mut Layer) -> Option<OwnLobes> {
         |(cluster, counts): (usize, &Vec<u32>)| (0..counts.len()).map(move |lobe| (cluster, lobe)).collect::<Vec<_>>();
     let mut ranked: Vec<(usize, usize)> = used.iter().enumerate().flat_map(lobes).collect();
     ranked.sort_by_key(|(cluster, lobe)| std::cmp::Reverse(used[*cluster][*lobe]));
-    ranked.truncate(OWN_LOBES);
+    // Bases that hold the whole value do not span what lobes would take from it, so there the cluster has none.
+    ranked.truncate(if layer.lobe_weights.is_some() { 0 } else { OWN_LOBES });
     let mut own: OwnLobes = used.iter().map(|counts| vec![None; counts.len()]).collect();
     ranked.iter().enumerate().for_each(|(number, (cluster, lobe))| own[*cluster][*lobe] = Some(number as u8));
     let dictionary = ranked.iter().map(|(cluster, lobe)| layer.dictionary[*cluster][*lobe]).collect();

@@ -28,9 +28,14 @@ pub(crate) struct LayerBases {
 
 impl LayerBases {
     /// Returns the bases of all layers of `asset`; `head` is [`Resident::without_bases`] of it. `None` where a single
-    /// cluster takes more than the adapter binds at once, which no asset of sensible ranks does. Cost: that of
+    /// cluster takes more than the adapter binds at once, which no asset of sensible ranks does, and where lobe weights
+    /// follow from the coefficients. Cost: that of
     /// [`ExpansionInput::new`].
     pub(crate) fn of_asset(gpu: &Gpu, head: &Resident, asset: &Asset) -> Option<Vec<LayerBases>> {
+        // What lobes take from the bases is computed on the CPU.
+        if asset.layers.iter().any(|layer| layer.lobe_weights.is_some()) {
+            return None;
+        }
         let layers = asset.layers.iter().enumerate().filter_map(|(number, layer)| {
             let input = ExpansionInput::new(layer.residual.as_ref()?, layer.dictionary.len());
             Some(LayerBases { place: head.bases_of(number as u32), input })
