@@ -112,6 +112,7 @@ pub(crate) fn sample_asset_with(
             texel_lobe_counts,
             dictionary,
             lobe_refs,
+            lobe_weights: None,
             residual: Some(Residual { factors, shared, bases, coefficients }),
         }],
     }

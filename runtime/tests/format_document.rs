@@ -78,6 +78,7 @@ fn example() -> Asset {
             reference(1, [240, 240, 240]),
             reference(0, [130, 122, 130]),
         ],
+        lobe_weights: None,
         residual: Some(residual),
     };
     Asset {

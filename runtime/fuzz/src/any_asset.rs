@@ -163,6 +163,7 @@ fn any_layer(source: &mut Source, number: usize, texels: usize) -> Layer {
         texel_lobe_counts,
         dictionary,
         lobe_refs,
+        lobe_weights: None,
         residual,
     }
 }

@@ -9,6 +9,7 @@
 
 use crate::asset::asset::Layer;
 use crate::asset::dictionary::{DictionaryLobe, LobeRef};
+use crate::asset::lobe::Lobe;
 use crate::asset::lobe_tables::{lobe_sum_at_pairs, lobe_tables};
 use crate::numeric::algebra::inverse_of_positive;
 use crate::numeric::quantize::byte_from_weight;
@@ -138,6 +139,13 @@ impl Layer {
     /// Cost: with n nodes of the cluster, m lobes and p inputs, `n (m + p)` multiply-adds and n powers a pair and
     /// channel.
     pub(crate) fn taken_by_lobes(&self, cluster: usize) -> Option<(usize, Vec<f32>)> {
+        self.lobe_weights.as_ref()?;
+        let lobes: Vec<Lobe> = self.dictionary[cluster].iter().map(|entry| entry.lobe).collect();
+        self.taken_at(cluster, &lobe_tables(&lobes, &self.views, &self.lights))
+    }
+
+    /// Returns what [`Layer::taken_by_lobes`] does at some pairs; `tables` are the lobes' values there, `[lobe][pair]`.
+    pub(crate) fn taken_at(&self, cluster: usize, tables: &[Vec<f32>]) -> Option<(usize, Vec<f32>)> {
         let weights = self.lobe_weights.as_ref()?;
         let lobes = &self.dictionary[cluster];
         let nodes = weights.nodes.get(cluster).filter(|nodes| !nodes.is_empty() && !lobes.is_empty())?;
@@ -146,15 +154,14 @@ impl Layer {
         let solve = nearest_affine(nodes, inputs);
         let first = first_lobes(&self.dictionary)[cluster];
         let scales: Vec<f32> = lobes.iter().map(|entry| entry.weight_scale).collect();
-        let tables = lobe_tables(&lobes.iter().map(|entry| entry.lobe).collect::<Vec<_>>(), &self.views, &self.lights);
-        let samples = 3 * self.views.len() * self.lights.len();
+        let samples = 3 * tables[0].len();
         let columns = 1 + inputs;
         let mut taken = vec![0.0f32; samples * columns];
         let mut values = vec![0.0f32; samples];
         let nothing = self.residual_kind.encode(0.0, self.epsilon);
         for (node, row) in nodes.iter().zip(solve.chunks_exact(columns)) {
             let references = weights.references(first, lobes.len(), &node[..inputs]);
-            lobe_sum_at_pairs(&references, &scales, &tables, &mut values);
+            lobe_sum_at_pairs(&references, &scales, tables, &mut values);
             self.residual_kind.encode_slice(&mut values, self.epsilon);
             for (taken, value) in taken.chunks_exact_mut(columns).zip(&values) {
                 taken.iter_mut().zip(row).for_each(|(sum, weight)| *sum += weight * (value - nothing));
@@ -203,4 +210,103 @@ fn nearest_affine(nodes: &[Vec<i8>], inputs: usize) -> Vec<f32> {
         weights.extend(slopes.iter().map(|slope| *slope as f32));
     }
     weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::asset::{Asset, LobeRole};
+    use crate::asset::residual::ResidualKind;
+    use crate::decode::measured::{TexelPlace, decode_from_file_form, decode_measured};
+    use crate::decode::options::DecodeOptions;
+    use crate::file::pack::pack;
+    use crate::resident::resident::Resident;
+    use crate::testing::{Random, sample_asset};
+
+    /// Returns an asset whose lobe weights depend on two coefficients.
+    fn predicted(seed: u64) -> Asset {
+        let mut asset = sample_asset(seed, 16, 12, ResidualKind::Root);
+        let mut random = Random::new(seed + 100);
+        let layer = &mut asset.layers[0];
+        layer.lobe_role = LobeRole::Base;
+        for lobes in &mut layer.dictionary {
+            lobes.truncate(3);
+        }
+        let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
+        let codes = (0..3 * 3 * lobes).map(|i| if i % 3 == 0 { 30 } else { random.below(21) as i16 - 10 }).collect();
+        layer.lobe_weights = Some(LobeWeights { step: 1.0 / 64.0, units: vec![40.0, 60.0], codes, nodes: Vec::new() });
+        let nodes = layer.nodes_of_texels(20).unwrap_or_default();
+        if let Some(weights) = &mut layer.lobe_weights {
+            weights.nodes = nodes;
+        }
+        layer.predict_lobes();
+        asset
+    }
+
+    #[test]
+    fn predicted_references_and_nodes_of_texels_are_not_stored_and_come_back() {
+        let asset = predicted(1);
+        let bytes = pack(&asset).unwrap();
+        assert_eq!(Asset::parse(&bytes).unwrap(), asset);
+        // References and nodes of others are stored.
+        let mut own = asset.clone();
+        own.layers[0].lobe_refs[5].weight[1] ^= 1;
+        if let Some(weights) = &mut own.layers[0].lobe_weights {
+            weights.nodes[1][3][0] ^= 1;
+        }
+        let stored = pack(&own).unwrap();
+        assert_eq!(Asset::parse(&stored).unwrap(), own);
+        assert!(stored.len() > bytes.len() + 100, "{} {}", stored.len(), bytes.len());
+    }
+
+    #[test]
+    fn fewer_components_predict_anew() {
+        let asset = predicted(2);
+        let trimmed = asset.trimmed(1, usize::MAX);
+        assert_ne!(trimmed.layers[0].lobe_refs, asset.layers[0].lobe_refs);
+        assert!(trimmed.layers[0].has_predicted_lobes());
+        assert_eq!(Asset::parse(&pack(&trimmed).unwrap()).unwrap(), trimmed);
+    }
+
+    /// The lobes' departure from the affine function that is subtracted is 0 on average over the nodes, because that
+    /// function is one of least squares: the mean of the encoded values there is that of the residual alone.
+    #[test]
+    fn lobes_take_from_the_residual_what_they_give_on_average_over_the_nodes() {
+        let asset = predicted(3);
+        let layer = &asset.layers[0];
+        let mut guide = asset.clone();
+        guide.layers[0].lobe_role = LobeRole::Guide;
+        guide.layers[0].lobe_weights = None;
+        // Planted difference: lobes beside a residual from which nothing was subtracted.
+        let mut doubled = asset.clone();
+        doubled.layers[0].lobe_weights = None;
+        let members: Vec<usize> = (0..asset.texel_count()).filter(|texel| layer.texel_clusters[*texel] == 0).collect();
+        let nodes: Vec<usize> =
+            (0..20.min(members.len())).map(|i| members[i * members.len() / 20.min(members.len())]).collect();
+        let lobes: Vec<_> = layer.dictionary[0].iter().map(|entry| entry.lobe).collect();
+        let tables = lobe_tables(&lobes, &layer.views, &layer.lights);
+        let encoded = |asset: &Asset| -> Vec<f64> {
+            let resident = Resident::from_asset(asset);
+            let mut sums = vec![0.0f64; 3 * layer.views.len() * layer.lights.len()];
+            let mut values = vec![0.0f32; sums.len()];
+            for texel in &nodes {
+                let counts = &asset.layers[0].texel_lobe_counts[..*texel];
+                let first_ref = counts.iter().map(|count| usize::from(*count)).sum();
+                let place = TexelPlace { layer: 0, texel: *texel, first_ref };
+                decode_measured(&resident, asset, place, &tables, &DecodeOptions::default(), &mut values);
+                layer.residual_kind.encode_slice(&mut values, layer.epsilon);
+                sums.iter_mut().zip(&values).for_each(|(sum, x)| *sum += f64::from(*x) / nodes.len() as f64);
+                let at = decode_from_file_form(asset, place, 3, 2);
+                let pair = 3 * (3 * layer.lights.len() + 2);
+                let close =
+                    |c: usize| (layer.residual_kind.encode(at[c], layer.epsilon) - values[pair + c]).abs() < 4e-3;
+                assert!((0..3).all(close), "{texel}: {at:?} {:?}", &values[pair..pair + 3]);
+            }
+            sums
+        };
+        let [own, alone, twice] = [&asset, &guide, &doubled].map(encoded);
+        let mean = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| (x - y).abs()).sum::<f64>() / a.len() as f64;
+        assert!(mean(&own, &alone) < 5e-3, "{}", mean(&own, &alone));
+        assert!(mean(&twice, &alone) > 5e-2, "{}", mean(&twice, &alone));
+    }
 }

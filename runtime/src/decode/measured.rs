@@ -88,6 +88,14 @@ pub fn decode_from_file_form(
             core.iter_mut().zip(basis).for_each(|(sum, x)| *sum += weight * x);
         }
     }
-    let r = core_at_pair(&residual.factors, &core, view, light);
+    let mut r = core_at_pair(&residual.factors, &core, view, light);
+    let here: Vec<Vec<f32>> =
+        layer.dictionary[cluster].iter().map(|entry| vec![entry.lobe.setup().eval(wi, wo)]).collect();
+    if let Some((inputs, taken)) = layer.taken_at(cluster, &here) {
+        for (r, taken) in r.iter_mut().zip(taken.chunks_exact(1 + inputs)) {
+            let slopes = residual.coefficients.iter().zip(&taken[1..]);
+            *r -= taken[0] + slopes.map(|(plane, slope)| slope * f32::from(plane.codes[texel])).sum::<f32>();
+        }
+    }
     [0, 1, 2].map(|c| layer.residual_kind.combine(share * s[c], r[c], layer.epsilon))
 }
