@@ -84,8 +84,8 @@ fn fixed_bytes(info: &CaptureInfo, params: &ValidFitParams, rank: usize, waiting
     const FLOAT: usize = size_of::<f32>();
     const DOUBLE: usize = size_of::<f64>();
     let (coordinates, bases) = (texels * FLOAT * rank, FLOAT * rank * samples);
-    // Tables of the chosen lobes, a third of a dictionary for each cluster.
-    let tables = clusters * samples * FLOAT * DICTIONARY_SIZE / 3;
+    // Tables of the dictionaries: a number for each lobe and pair.
+    let tables = clusters * pairs * FLOAT * DICTIONARY_SIZE;
     // Alive in every stage: coordinates, bases and tables of this layer and of those that wait, labels and references.
     let kept = (1 + waiting) * (coordinates + bases + tables) + texels * (CHOICE_BYTES / 8);
     // One block as it is read and as it is cut into texels, and its rows as floats on every thread.
