@@ -130,8 +130,7 @@ def measure(arguments):
         report.add(stacks.still_points(data, log))
     if "stacks" in codecs or "av1" in codecs:
         report.replace(["av1"])
-        crf = [int(number) for number in arguments.crf.split(",")] if arguments.crf else stacks.AV1_CRF
-        report.add(stacks.av1_points(data, crf, arguments.quick, log))
+        report.add(stacks.av1_points(data, arguments.crf, arguments.quick, log))
     if arguments.book:
         report.replace(["book"])
         report.add([book_point(data, captures.read(arguments.book, arguments.cache), arguments.book_bytes)])
@@ -158,6 +157,14 @@ def book_point(data, decoded, size):
             "psnr_db": psnr_db(float((difference.astype("f8") ** 2).sum()), difference.size)}
 
 
+def rate_factors(text):
+    """The numbers of a list `18,24,31`, each 0 to 63."""
+    factors = [int(number) for number in text.split(",")]
+    if not all(0 <= factor <= 63 for factor in factors):
+        raise argparse.ArgumentTypeError("rate factors are 0 to 63")
+    return factors
+
+
 def main():
     if sys.argv[1:2] == ["envelope"]:
         for path in sys.argv[2:]:
@@ -167,10 +174,13 @@ def main():
     parser.add_argument("capture", help="folder in the Bonn layout")
     parser.add_argument("--json", required=True, help="where the report goes")
     parser.add_argument("--add", action="store_true", help="keep what the report has of other codecs and measurements")
-    parser.add_argument("--codec", default="strong,published", help="of: strong, published, plus, stacks, av1 (alone); or none")
+    parser.add_argument("--codec", default="strong,published",
+                        help="of: strong, published, plus, stacks, av1 (alone); or none")
     parser.add_argument("--domains", default="gamma", help="of the strong rival: gamma, log")
-    parser.add_argument("--quick", action="store_true", help="six sizes of strong, 32 x 4 and 32 x 8 of local PCA, AV1 by libsvtav1 in ring order alone")
-    parser.add_argument("--crf", metavar="LIST", help="AV1's rate factors, 0 to 63 (default: eight from 18 to 63)")
+    parser.add_argument("--quick", action="store_true", help="six sizes of strong, 32 x 4 and 32 x 8 of local PCA, "
+                                                             "AV1 by libsvtav1 in ring order alone")
+    parser.add_argument("--crf", metavar="LIST", type=rate_factors, default=stacks.AV1_CRF,
+                        help="AV1's rate factors, 0 to 63 (default: eight from 18 to 63)")
     parser.add_argument("--slice", type=int, metavar="VIEW", help="one view of the capture only")
     parser.add_argument("--leave-out", type=float, metavar="SHARE", help="hold back pairs as `btf-fit fit --leave-out` does")
     parser.add_argument("--held-out", metavar="FILE", help="hold back these pairs: JSON [[view, light], ...]")

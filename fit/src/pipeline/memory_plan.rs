@@ -83,21 +83,28 @@ fn fixed_bytes(info: &CaptureInfo, params: &ValidFitParams, rank: usize, waiting
     let threads = rayon::current_num_threads();
     const FLOAT: usize = size_of::<f32>();
     const DOUBLE: usize = size_of::<f64>();
-    // Features, coordinates (those of one layer three times while it is encoded), products with the lobes and choices.
-    let of_texels = texels
-        * (FLOAT * FEATURE_DIMENSIONS + FLOAT * rank * (3 + waiting) + 3 * FLOAT * DICTIONARY_SIZE + CHOICE_BYTES);
+    let (coordinates, bases) = (texels * FLOAT * rank, FLOAT * rank * samples);
+    // Tables of the dictionaries: a number for each lobe and pair.
+    let tables = clusters * pairs * FLOAT * DICTIONARY_SIZE;
+    // Alive in every stage: coordinates, bases and tables of this layer and of those that wait, labels and references.
+    let kept = (1 + waiting) * (coordinates + bases + tables) + texels * (CHOICE_BYTES / 8);
     // One block as it is read and as it is cut into texels, and its rows as floats on every thread.
     let of_blocks =
         BLOCK_TEXELS.min(texels) * samples * 2 * SAMPLE_BYTES + threads * FLOAT * ROW_BLOCK.min(texels) * samples;
-    // Tables of all candidate lobes, two per thread beside the common one, and their Gram matrix.
-    let of_candidates = (2 * threads + 1) * FLOAT * DICTIONARY_PAIRS.min(pairs) * MAX_CANDIDATES
-        + threads * DOUBLE * MAX_CANDIDATES * MAX_CANDIDATES;
-    // Representatives' functions and the chosen lobes' tables.
-    let of_clusters = clusters * samples * FLOAT * (REPRESENTATIVES / 2 + (1 + waiting) * DICTIONARY_SIZE / 3);
-    // Shared bases, and what finds and factors them.
-    let of_bases = (6 + waiting) * FLOAT * rank * samples;
-    let of_heights = if params.finds_heights() { texels * heights::bytes_per_texel() } else { 0 };
-    of_texels + of_blocks + of_candidates + of_clusters + of_bases + of_heights + PROGRAM_BYTES + threads * THREAD_BYTES
+    let project = 5 * bases + of_blocks;
+    let cluster = 3 * texels * FLOAT * FEATURE_DIMENSIONS;
+    // Tables of all candidate lobes, two per thread beside the common one, their Gram matrix, and the representatives'
+    // functions.
+    let dictionary = (2 * threads + 1) * FLOAT * DICTIONARY_PAIRS.min(pairs) * MAX_CANDIDATES
+        + threads * DOUBLE * MAX_CANDIDATES * MAX_CANDIDATES
+        + clusters * samples * FLOAT * REPRESENTATIVES / 2;
+    // Products of every texel with the lobes.
+    let weights = of_blocks + tables + texels * 3 * FLOAT * DICTIONARY_SIZE + texels * CHOICE_BYTES / 2;
+    // Coordinates twice more, codes and their planes.
+    let encode = 2 * coordinates + 2 * bases + texels * CHOICE_BYTES;
+    let heights = if params.finds_heights() { texels * heights::bytes_per_texel() + bases } else { 0 };
+    let most = [project, cluster, dictionary, weights, encode, heights].into_iter().fold(0, usize::max);
+    kept + most + PROGRAM_BYTES + threads * THREAD_BYTES
 }
 
 fn bytes_in_words(bytes: usize) -> String {
