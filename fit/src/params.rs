@@ -75,7 +75,7 @@ impl From<LobeRole> for Role {
     fn from(role: LobeRole) -> Role {
         match role {
             LobeRole::Guide => Role::Guide,
-            LobeRole::Base => Role::Base,
+            LobeRole::OldBase | LobeRole::Base => Role::Base,
         }
     }
 }

@@ -62,7 +62,7 @@ fn lines(asset: &Asset, resident: &Resident, query: &Query) -> (Vec<u32>, usize)
     let cluster = (words[record] & 0xff) as usize;
     let mut parts =
         vec![(record, 2), (field(block::CODES) + texel * field(block::CODE_WORDS), field(block::CODE_WORDS))];
-    if layer.lobe_role == LobeRole::Base {
+    if layer.lobe_role != LobeRole::Guide {
         let (first, count) = (field(block::REFS) + words[record + 1] as usize, (words[record] >> 16) as usize);
         parts.push((first, count));
         let dictionary = words[field(block::DICTIONARIES) + cluster] as usize;
@@ -129,7 +129,7 @@ fn time(name: &str, asset: &Asset, queries: &[Query]) {
         "{name}: {:.1} lobes a texel, {}, {} components, {:.1} MB resident; {:.0} bytes an evaluation in {:.1} lines; \
          floor {floor:.0} ns, one {alone:.0} ns ({:.2} M/s), many {many:.0} ns ({:.2} M/s, {:.1} x the floor)",
         layer.lobe_refs.len() as f64 / layer.texel_clusters.len() as f64,
-        if layer.lobe_role == LobeRole::Base { "part of the value" } else { "which only guide" },
+        if layer.lobe_role != LobeRole::Guide { "part of the value" } else { "which only guide" },
         resident.components(0),
         4e-6 * words.len() as f64,
         needed as f64 / QUERIES as f64,

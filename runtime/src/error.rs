@@ -147,7 +147,7 @@ impl FormatError {
             }
             FormatError::Version { expected, got } => write!(
                 f,
-                "the {noun} has format version {got}, this program reads version {expected}; {again} or update the program"
+                "the {noun} has format version {got}, this program reads versions up to {expected}; {again} or update the program"
             ),
             FormatError::Form { expected, got } => write!(
                 f,

@@ -132,7 +132,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
     let mut list = vec![
         (rule::TOO_SHORT, good[..50].to_vec()),
         (rule::BAD_MAGIC, changed(&|bytes| bytes[0] = b'X')),
-        (rule::VERSION, changed(&|bytes| bytes[4] = 2)),
+        (rule::VERSION, changed(&|bytes| bytes[4] = 3)),
         (rule::HEADER_CHECKSUM, changed(&|bytes| bytes[90] ^= 1)),
         (rule::HEADER_FIELD, with_head(asset, 7, |_| 0)),
         (rule::LENGTH, good[..good.len() - 7].to_vec()),
@@ -277,7 +277,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         (rule::BLOCK_SIDES, with_field(asset, 0, block::LIGHT_SIDE, |_| 2)),
         (rule::BLOCK_ORDER, with_words(asset, |words| words.swap(ASSET_LAYERS + 2, ASSET_LAYERS + 3))),
         (rule::BLOCK_SIZE, with_field(asset, 1, block::WIDTH, |width| width + 1)),
-        (rule::BLOCK_PARAMETER, with_field(asset, 0, block::LOBE_ROLE, |_| 2)),
+        (rule::BLOCK_PARAMETER, with_field(asset, 0, block::LOBE_ROLE, |_| 3)),
         (rule::BLOCK_PAIRS, with_field(asset, 0, block::PAIRS, |pairs| pairs + 1)),
         (rule::PART_START, with_field(asset, 0, block::RECORDS, |at| at + 1)),
         (rule::PART_BEYOND, with_field(asset, 0, block::RECORDS, |_| FAR)),

@@ -59,7 +59,7 @@ fn example() -> Asset {
     let layer = Layer {
         light_side: SurfaceSide::Front,
         view_side: SurfaceSide::Front,
-        lobe_role: LobeRole::Base,
+        lobe_role: LobeRole::OldBase,
         residual_kind: ResidualKind::Additive,
         epsilon: 0.5,
         lights: Sphere::new(&[[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.6, 0.8]]).unwrap(),

@@ -150,11 +150,11 @@ fn each_damage_is_named() {
     assert!(matches!(Asset::parse(&[]), Err(FormatError::TooShort { got: 0, .. })));
     assert!(matches!(with(&|b| b[0] = b'X'), FormatError::BadMagic { got: [b'X', b'P', b'M', b'M'] }));
     assert!(matches!(Asset::parse(b"PNG, or anything"), Err(FormatError::BadMagic { .. })));
-    let version = with(&|b| set_word(b, VERSION_WORD, 2));
-    assert_eq!(version, FormatError::Version { expected: 1, got: 2 });
+    let version = with(&|b| set_word(b, VERSION_WORD, 3));
+    assert_eq!(version, FormatError::Version { expected: 2, got: 3 });
     assert_eq!(
         version.to_string(),
-        "the asset has format version 2, this program reads version 1; fit the capture again or update the program"
+        "the asset has format version 3, this program reads versions up to 2; fit the capture again or update the program"
     );
     assert_eq!(with(&|b| b[40] ^= 1), FormatError::HeaderChecksum);
     let last = bytes.len();

@@ -115,7 +115,7 @@ fn messages_speak_of_volumetric_textures_in_one_sentence() {
     );
     assert_eq!(
         with(&|bytes| set_word(bytes, 1, 2)),
-        "the volumetric texture has format version 2, this program reads version 1; build it again with btf-fit voltex or \
+        "the volumetric texture has format version 2, this program reads versions up to 1; build it again with btf-fit voltex or \
          update the program"
     );
     assert_eq!(

@@ -280,7 +280,7 @@ fn expansion_module() -> Module {
 }
 
 #[test]
-fn the_expansion_is_a_program_of_its_own_with_six_storage_buffers() {
+fn the_expansion_is_a_program_of_its_own_with_seven_storage_buffers() {
     let module = expansion_module();
     assert!(module_from(EXPANSION_WGSL, Capabilities::empty()).is_err(), "the capability is needed");
     assert!(module_from(&EXPANSION_WGSL.replace("WORKGROUP: u32", "WORKGROUP: f32"), CAPABILITIES).is_err());
@@ -289,7 +289,7 @@ fn the_expansion_is_a_program_of_its_own_with_six_storage_buffers() {
     assert!(module.entry_points.iter().all(|entry| entry.workgroup_size == [EXPANSION_WORKGROUP, 1, 1]));
     // WebGPU's default is eight a stage.
     let is_storage = |space| matches!(space, naga::AddressSpace::Storage { .. });
-    assert_eq!(module.global_variables.iter().filter(|(_, variable)| is_storage(variable.space)).count(), 6);
+    assert_eq!(module.global_variables.iter().filter(|(_, variable)| is_storage(variable.space)).count(), 7);
 }
 
 #[test]
@@ -318,7 +318,10 @@ fn the_expansions_structs_have_the_same_fields_at_the_same_offsets() {
         ),
         (
             "Shape",
-            fields!(ExpansionShape; channels, views, lights, channel_words, quads, shared_bases, cores, rows, pad0),
+            fields!(
+                ExpansionShape; channels, views, lights, channel_words, quads, shared_bases, cores, rows, taken_quads,
+                residual_kind, epsilon, pad0, pad1
+            ),
         ),
         ("Slice", fields!(ExpansionSlice; first_cluster, bases_at, piece_from, piece_words)),
     ];

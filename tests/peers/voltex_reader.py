@@ -22,7 +22,7 @@ DESCRIPTION, MATERIALS, LEVEL = 1, 2, 3
 
 class Head(Container):
     def __init__(self, data):
-        super().__init__(data, b"VTEX")
+        super().__init__(data, b"VTEX", (1,))
         words = self.words
         self.levels, self.materials, self.flags = words[6:9]
         must(1 <= self.levels <= 13 and 1 <= self.materials <= 65536, "a count of the header is out of its range")

@@ -9,7 +9,7 @@ use crate::params::Role;
 use crate::provenance::Material;
 use crate::units::text_from_bytes;
 use btf_runtime::{
-    Asset, Heights, Layer, LobeFamily, ResidualKind, SectionEntry, SectionKind, VERSION, read_directory,
+    Asset, Heights, Layer, LobeFamily, ResidualKind, SectionEntry, SectionKind, read_directory,
 };
 use serde::Serialize;
 use std::fmt::{self, Display};
@@ -114,7 +114,7 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
         bytes: bytes.len() as u64,
         whole_bytes: directory.tiers.last().copied().unwrap_or(0).into(),
         resident_bytes: 4 * resident_in_parallel(&asset).words().len() as u64,
-        version: VERSION,
+        version: directory.head.version,
         width: asset.width,
         height: asset.height,
         size_mm: asset.size_mm,

@@ -164,7 +164,7 @@ impl<'a> ImageDecoder<'a> {
             return PairPlan { image: Some(image), ..PairPlan::NOTHING };
         }
         let exact = self.interpolation == Interpolation::Exact && self.used_words > 0;
-        let here = self.lobe_values(if exact || self.used_words == 0 { wi } else { lights.within_hull(wi, &into) }, wo);
+        let here = self.lobe_values(self.toward(wi, &into), wo);
         let mut taps = Vec::new();
         for v in 0..3 {
             for l in 0..3 {
@@ -186,9 +186,26 @@ impl<'a> ImageDecoder<'a> {
                 *sum += tap.weight * row;
             }
         }
-        let fade = if self.used_words == 0 { fade } else { fade * into.beyond };
+        let (scale, falling) = self.beyond(&into);
+        rows.as_flattened_mut().as_flattened_mut().iter_mut().for_each(|row| *row *= scale);
+        let fade = fade * falling;
         let taps = vec![Tap { weight: 1.0, values: here, rows }];
         PairPlan { taps, fade, ..PairPlan::NOTHING }
+    }
+
+    /// Returns the direction for which lobes are evaluated with a light at `wi`, whose neighbours are `light`.
+    fn toward(&self, wi: [f32; 3], light: &Neighbours) -> [f32; 3] {
+        let nearest = self.layer.lobe_role == LobeRole::Base && self.interpolation == Interpolation::Fast;
+        if nearest && self.used_words > 0 { self.layer.lights.within_hull(wi, light) } else { wi }
+    }
+
+    /// Returns the factors of the residual and of the value by the fast rule, for a light with these neighbours.
+    fn beyond(&self, light: &Neighbours) -> (f32, f32) {
+        match self.layer.lobe_role {
+            _ if self.used_words == 0 => (1.0, 1.0),
+            LobeRole::OldBase => (self.layer.residual_kind.scale_beyond(light.beyond), 1.0),
+            LobeRole::Guide | LobeRole::Base => (1.0, light.beyond),
+        }
     }
 
     /// Returns for every texel the texels that an eye at `wo` sees in its place.
@@ -220,10 +237,10 @@ impl<'a> ImageDecoder<'a> {
         let guide = self.layer.lobe_role == LobeRole::Guide;
         let exact = self.interpolation == Interpolation::Exact && self.used_words > 0;
         let arch = Arch::new();
-        let toward = if exact || self.used_words == 0 { wi } else { self.layer.lights.within_hull(wi, light) };
+        let (scale, falling) = self.beyond(light);
         let here = match guide && self.used_words > 0 && !exact {
             true => vec![[0.0; 3]; seen.len()],
-            false => arch.dispatch(LobeImage { decoder: self, values: &self.lobe_values(toward, wo) }),
+            false => arch.dispatch(LobeImage { decoder: self, values: &self.lobe_values(self.toward(wi, light), wo) }),
         };
         let parts = [0, 1, 2].map(|v| {
             if view.weights[v] <= 0.0 || self.used_words == 0 {
@@ -253,7 +270,8 @@ impl<'a> ImageDecoder<'a> {
                 }
                 let value = blend(seen, &|v| parts[v].values[at(v)]);
                 if !exact {
-                    return [0, 1, 2].map(|c| kind.combine(share * here[c], value[c], epsilon) * (light.beyond * fade));
+                    let combined = |c: usize| kind.combine(share * here[c], scale * value[c], epsilon);
+                    return [0, 1, 2].map(|c| combined(c) * (falling * fade));
                 }
                 let lobes = blend(seen, &|v| parts[v].lobes[at(v)]);
                 [0, 1, 2].map(|c| {
@@ -403,7 +421,7 @@ impl<'a> ImageDecoder<'a> {
             return self.lobe_sums(tile, &tap.values, out);
         }
         // Guiding lobes add nothing.
-        if tile.has_lobes() && self.layer.lobe_role == LobeRole::Base {
+        if tile.has_lobes() && self.layer.lobe_role != LobeRole::Guide {
             self.lobe_sums(tile, &tap.values, out);
             kind.encode_slice(out.as_flattened_mut(), epsilon);
         } else {

@@ -94,11 +94,11 @@ impl FreeWeights {
                 rows.into_iter().for_each(|row| codes.extend(row));
             }
         }
-        let mut nodes = LobeWeights::nodes_of_texels(layer.dictionary.len(), &layer.texel_clusters, &planes, NODES);
-        let used = nodes.iter().rposition(|nodes| !nodes.is_empty()).map_or(0, |last| last + 1);
-        nodes.truncate(used);
-        layer.lobe_weights = Some(LobeWeights { step: STEP, units, codes, nodes });
-        layer.predict_lobes();
+        let mut weights = LobeWeights { step: STEP, units, codes, nodes: Vec::new() };
+        weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &planes, NODES);
+        let planes: Vec<Vec<i8>> = planes.iter().map(|plane| plane.to_vec()).collect();
+        layer.lobe_weights = Some(weights);
+        layer.predict_lobes(&planes.iter().map(Vec::as_slice).collect::<Vec<_>>());
     }
 
     /// Returns for each lobe of a cluster, whose texels are `rows` here, the weight scale and the codes of each

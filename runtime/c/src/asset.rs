@@ -3,7 +3,7 @@
 use crate::border::{Target, call, read, read_many};
 use crate::code::{Code, Fault};
 use crate::threads::spread;
-use btf_runtime::{Resident, ResidentBytes, SurfaceSide, VERSION};
+use btf_runtime::{Resident, ResidentBytes, SurfaceSide, read_version};
 use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -101,12 +101,12 @@ impl Handle {
                 return Err(Fault::new(Code::Argument, sentence));
             }
         };
+        let format_version = read_version((*bytes).as_ref()).unwrap_or_default();
         let file = btf_runtime::open(bytes, levels, &|count, work| spread(options.threads, count, work))?;
         let resident = file.resident;
         let sides = SIDES.into_iter().filter(|(_, light, view)| resident.layer_for_sides(0, *light, *view).is_some());
         let info = Info {
-            // The only one that is read.
-            format_version: VERSION,
+            format_version,
             width: resident.width(),
             height: resident.height(),
             layers: resident.layers(),

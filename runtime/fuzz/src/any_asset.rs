@@ -153,7 +153,7 @@ fn any_layer(source: &mut Source, number: usize, texels: usize) -> Layer {
     Layer {
         light_side: side(0),
         view_side: side(1),
-        lobe_role: [LobeRole::Base, LobeRole::Guide][source.below(2)],
+        lobe_role: [LobeRole::Base, LobeRole::Guide, LobeRole::OldBase][source.below(3)],
         residual_kind: [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root][source.below(3)],
         epsilon: source.within(1e-6, 1.0),
         heights: any_heights(source, texels),

@@ -48,10 +48,21 @@ impl From<bool> for SurfaceSide {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum LobeRole {
-    /// Lobes to which the residual is added: `X = g^-1(g(S) + R)`.
-    Base = 0,
+    /// Base of files of version 1: as [`LobeRole::Base`], but beyond the measured lights the lobes are evaluated where
+    /// the light is, and the residual falls instead of the value.
+    OldBase = 0,
     /// Lobes that only guide interpolation, sampling and editing; the residual stands alone: `X = g^-1(g(0) + R)`.
     Guide = 1,
+    /// Lobes to which the residual is added: `X = g^-1(g(S) + R)`. Beyond the measured lights the value at their hull
+    /// falls with the light's cosine.
+    Base = 2,
+}
+
+impl LobeRole {
+    /// Returns the role with a number of the file; `None` if this version does not know it.
+    pub fn from_number(number: u32) -> Option<LobeRole> {
+        [LobeRole::OldBase, LobeRole::Guide, LobeRole::Base].into_iter().find(|role| *role as u32 == number)
+    }
 }
 
 /// The part of an asset for one combination of light side and eye side, such as lit from behind and seen from in front.
@@ -150,16 +161,10 @@ impl Asset {
     pub fn trimmed(&self, components: usize, lobes: usize) -> Asset {
         let mut asset = self.clone();
         for layer in &mut asset.layers {
-            let predicted = layer.has_predicted_lobes();
+            keep_predicted_lobes(layer, lobes);
             if let Some(residual) = &mut layer.residual {
                 residual.coefficients.truncate(components);
                 residual.bases.truncate(residual.coefficients.len() + 1);
-            }
-            if let Some(weights) = &mut layer.lobe_weights {
-                weights.nodes.iter_mut().flatten().for_each(|node| node.truncate(components));
-            }
-            if predicted {
-                layer.predict_lobes();
             }
             keep_lobes(&mut layer.texel_lobe_counts, &mut layer.lobe_refs, lobes);
         }
@@ -229,6 +234,25 @@ impl Asset {
     pub fn texel_count(&self) -> usize {
         self.width * self.height
     }
+}
+
+/// Keeps the first `most` lobes of each cluster where the coefficients predict them. What the others take from the bases
+/// then stays in these.
+fn keep_predicted_lobes(layer: &mut Layer, most: usize) {
+    if layer.dictionary.iter().all(|lobes| lobes.len() <= most) || !layer.has_predicted_lobes() {
+        return;
+    }
+    let Some(mut weights) = layer.lobe_weights.take() else { return };
+    let columns = 3 * (1 + weights.units.len());
+    let numbers = layer.dictionary.iter().flat_map(|lobes| 0..lobes.len());
+    for (codes, number) in weights.codes.chunks_exact_mut(columns).zip(numbers) {
+        if number >= most {
+            codes.fill(0);
+        }
+    }
+    layer.lobe_weights = Some(weights);
+    let planes: Vec<Vec<i8>> = layer.coefficient_planes().iter().map(|plane| plane.to_vec()).collect();
+    layer.predict_lobes(&planes.iter().map(Vec::as_slice).collect::<Vec<_>>());
 }
 
 /// Keeps the first `most` references of each texel.

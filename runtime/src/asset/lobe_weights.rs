@@ -10,9 +10,9 @@
 use crate::asset::asset::Layer;
 use crate::asset::dictionary::{DictionaryLobe, LobeRef};
 use crate::asset::lobe::Lobe;
-use crate::asset::lobe_tables::{lobe_sum_at_pairs, lobe_tables};
+use crate::asset::lobe_tables::lobe_tables;
 use crate::numeric::algebra::inverse_of_positive;
-use crate::numeric::quantize::byte_from_weight;
+use crate::numeric::quantize::{byte_from_weight, weight_from_byte};
 
 /// Added to the diagonal of the nodes' normal matrix, for each node: a direction in which nodes do not differ gets the
 /// slope 0.
@@ -37,30 +37,31 @@ pub struct LobeWeights {
 }
 
 impl LobeWeights {
-    /// Returns the nodes of a layer's clusters: at most `count` texels of each, evenly spaced among its texels in their
-    /// order. `planes` are the coefficient codes of the components that weights depend on, `[component][texel]`.
-    pub fn nodes_of_texels(
-        clusters: usize,
-        texel_clusters: &[u8],
-        planes: &[&[i8]],
-        count: usize,
-    ) -> Vec<Vec<Vec<i8>>> {
-        let mut members = vec![Vec::new(); clusters];
-        for (texel, cluster) in texel_clusters.iter().enumerate() {
-            members[usize::from(*cluster)].push(texel);
+    /// Returns the nodes that follow from a layer's texels: of each cluster at most `count`, evenly spaced among its
+    /// texels in their order, without the clusters behind the last that has any. `planes` as in
+    /// [`Layer::predict_lobes`].
+    pub fn nodes_of_texels(&self, texel_clusters: &[u8], planes: &[&[i8]], count: usize) -> Vec<Vec<Vec<i8>>> {
+        let clusters = texel_clusters.iter().map(|cluster| usize::from(*cluster) + 1).max().unwrap_or(0);
+        let mut members = vec![Vec::new(); if count == 0 { 0 } else { clusters }];
+        if count > 0 {
+            texel_clusters.iter().enumerate().for_each(|(texel, k)| members[usize::from(*k)].push(texel));
         }
-        let node = |texel: usize| planes.iter().map(|plane| plane[texel]).collect();
         members
             .iter()
             .map(|texels: &Vec<usize>| {
                 let nodes = count.min(texels.len());
-                (0..nodes).map(|i| node(texels[i * texels.len() / nodes])).collect()
+                (0..nodes).map(|i| self.inputs(planes, texels[i * texels.len() / nodes])).collect()
             })
             .collect()
     }
 
-    /// Returns the references of a texel with the coefficient codes `inputs`, of which there may be fewer than units,
-    /// to the lobes of its cluster. `first` is the number of the cluster's first lobe among those of all dictionaries.
+    /// Returns the coefficient codes of a texel that weights depend on, 0 for those that `planes` lacks.
+    fn inputs(&self, planes: &[&[i8]], texel: usize) -> Vec<i8> {
+        (0..self.units.len()).map(|i| planes.get(i).map_or(0, |plane| plane[texel])).collect()
+    }
+
+    /// Returns the references of a texel with the coefficient codes `inputs` to the lobes of its cluster. `first` is the
+    /// number of the cluster's first lobe among those of all dictionaries.
     pub fn references(&self, first: usize, lobes: usize, inputs: &[i8]) -> Vec<LobeRef> {
         let scaled: Vec<f64> =
             inputs.iter().zip(&self.units).map(|(code, unit)| f64::from(*code) / f64::from(*unit)).collect();
@@ -83,32 +84,30 @@ impl LobeWeights {
 }
 
 impl Layer {
-    /// Sets the lobe references of every texel to those that its coefficients predict. A layer without predicted
+    /// Sets the lobe references of every texel to those that its coefficients predict. `planes` are the codes of the
+    /// first components, `[component][texel]`, as many as are at hand; others count as 0. A layer without predicted
     /// weights stays as it is.
     ///
     /// Cost: a multiplication for each texel, lobe, channel and unit.
-    pub fn predict_lobes(&mut self) {
-        if let Some((counts, references)) = self.predicted_lobes() {
+    pub fn predict_lobes(&mut self, planes: &[&[i8]]) {
+        if let Some((counts, references)) = self.predicted_lobes(planes) {
             (self.texel_lobe_counts, self.lobe_refs) = (counts, references);
         }
     }
 
     /// Returns whether the lobe references of all texels are those that their coefficients predict.
     pub(crate) fn has_predicted_lobes(&self) -> bool {
-        let predicted = self.predicted_lobes();
+        let predicted = self.predicted_lobes(&self.coefficient_planes());
         predicted.is_some_and(|(counts, references)| counts == self.texel_lobe_counts && references == self.lobe_refs)
     }
 
-    fn predicted_lobes(&self) -> Option<(Vec<u8>, Vec<LobeRef>)> {
+    fn predicted_lobes(&self, planes: &[&[i8]]) -> Option<(Vec<u8>, Vec<LobeRef>)> {
         let weights = self.lobe_weights.as_ref()?;
         let firsts = first_lobes(&self.dictionary);
-        let planes = self.coefficient_planes(weights.units.len());
         let (mut counts, mut all) = (Vec::with_capacity(self.texel_clusters.len()), Vec::new());
-        let mut inputs = Vec::new();
         for (texel, cluster) in self.texel_clusters.iter().enumerate() {
-            inputs.clear();
-            inputs.extend(planes.iter().map(|plane| plane[texel]));
             let cluster = usize::from(*cluster);
+            let inputs = weights.inputs(planes, texel);
             let references = weights.references(firsts[cluster], self.dictionary[cluster].len(), &inputs);
             counts.push(references.len() as u8);
             all.extend(references);
@@ -116,25 +115,35 @@ impl Layer {
         Some((counts, all))
     }
 
-    /// Returns the nodes that follow from the layer's texels, at most `count` of each cluster, without the clusters
-    /// behind the last that has any.
-    pub(crate) fn nodes_of_texels(&self, count: usize) -> Option<Vec<Vec<Vec<i8>>>> {
-        let planes = self.coefficient_planes(self.lobe_weights.as_ref()?.units.len());
-        let mut nodes = LobeWeights::nodes_of_texels(self.dictionary.len(), &self.texel_clusters, &planes, count);
-        let used = nodes.iter().rposition(|nodes| !nodes.is_empty()).map_or(0, |last| last + 1);
-        nodes.truncate(used);
-        Some(nodes)
+    /// Returns the coefficient codes of the layer's components, `[component][texel]`.
+    pub fn coefficient_planes(&self) -> Vec<&[i8]> {
+        let planes = self.residual.iter().flat_map(|residual| &residual.coefficients);
+        planes.map(|plane| plane.codes.as_slice()).collect()
     }
 
-    /// Returns the coefficient codes of the first `most` components, `[component][texel]`.
-    fn coefficient_planes(&self, most: usize) -> Vec<&[i8]> {
-        let planes = self.residual.iter().flat_map(|residual| &residual.coefficients);
-        planes.take(most).map(|plane| plane.codes.as_slice()).collect()
+    /// Returns the nodes of `cluster`; `None` where its lobes take nothing from the bases.
+    ///
+    /// Cost: with n nodes, m lobes and p inputs `n (m p + p^2) + p^3` multiply-adds.
+    pub(crate) fn lobe_nodes(&self, cluster: usize) -> Option<LobeNodes> {
+        let weights = self.lobe_weights.as_ref()?;
+        let lobes = &self.dictionary[cluster];
+        let nodes = weights.nodes.get(cluster).filter(|nodes| !nodes.is_empty() && !lobes.is_empty())?;
+        self.residual.as_ref()?;
+        let first = first_lobes(&self.dictionary)[cluster];
+        let mut of_lobes = vec![[0.0f32; 3]; nodes.len() * lobes.len()];
+        for (node, of_lobes) in nodes.iter().zip(of_lobes.chunks_exact_mut(lobes.len())) {
+            for reference in weights.references(first, lobes.len(), node) {
+                let lobe = usize::from(reference.lobe);
+                of_lobes[lobe] = reference.weight.map(|q| weight_from_byte(q.into(), lobes[lobe].weight_scale));
+            }
+        }
+        let inputs = weights.units.len();
+        Some(LobeNodes { lobes: lobes.len(), inputs, weights: of_lobes, rows: nearest_affine(nodes, inputs) })
     }
 
     /// Returns what a decoder subtracts from the bases of `cluster` because its lobes give it: `[pair, rgb][1 +
-    /// inputs]`, for the mean and for a code of 1 of each component, with the number of inputs. `None` where nothing is
-    /// subtracted.
+    /// inputs]`, for the mean and for a code of 1 of each component that weights depend on, with the number of these.
+    /// `None` where nothing is subtracted.
     ///
     /// Cost: with n nodes of the cluster, m lobes and p inputs, `n (m + p)` multiply-adds and n powers a pair and
     /// channel.
@@ -146,29 +155,37 @@ impl Layer {
 
     /// Returns what [`Layer::taken_by_lobes`] does at some pairs; `tables` are the lobes' values there, `[lobe][pair]`.
     pub(crate) fn taken_at(&self, cluster: usize, tables: &[Vec<f32>]) -> Option<(usize, Vec<f32>)> {
-        let weights = self.lobe_weights.as_ref()?;
-        let lobes = &self.dictionary[cluster];
-        let nodes = weights.nodes.get(cluster).filter(|nodes| !nodes.is_empty() && !lobes.is_empty())?;
-        let components = self.residual.as_ref()?.coefficients.len();
-        let inputs = weights.units.len().min(components);
-        let solve = nearest_affine(nodes, inputs);
-        let first = first_lobes(&self.dictionary)[cluster];
-        let scales: Vec<f32> = lobes.iter().map(|entry| entry.weight_scale).collect();
-        let samples = 3 * tables[0].len();
-        let columns = 1 + inputs;
-        let mut taken = vec![0.0f32; samples * columns];
-        let mut values = vec![0.0f32; samples];
+        let nodes = self.lobe_nodes(cluster)?;
+        let columns = 1 + nodes.inputs;
+        let mut values = vec![0.0f32; 3 * tables[0].len()];
+        let mut taken = vec![0.0f32; values.len() * columns];
         let nothing = self.residual_kind.encode(0.0, self.epsilon);
-        for (node, row) in nodes.iter().zip(solve.chunks_exact(columns)) {
-            let references = weights.references(first, lobes.len(), &node[..inputs]);
-            lobe_sum_at_pairs(&references, &scales, tables, &mut values);
+        for (weights, row) in nodes.weights.chunks_exact(nodes.lobes).zip(nodes.rows.chunks_exact(columns)) {
+            values.fill(0.0);
+            for (weights, table) in weights.iter().zip(tables) {
+                for (sum, lobe) in values.chunks_exact_mut(3).zip(table) {
+                    (0..3).for_each(|c| sum[c] += weights[c] * lobe);
+                }
+            }
             self.residual_kind.encode_slice(&mut values, self.epsilon);
             for (taken, value) in taken.chunks_exact_mut(columns).zip(&values) {
                 taken.iter_mut().zip(row).for_each(|(sum, weight)| *sum += weight * (value - nothing));
             }
         }
-        Some((inputs, taken))
+        Some((nodes.inputs, taken))
     }
+}
+
+/// The nodes of a cluster, as the bases' expansion takes them.
+pub(crate) struct LobeNodes {
+    /// Number of lobes.
+    pub lobes: usize,
+    /// Number of coefficients that weights depend on.
+    pub inputs: usize,
+    /// Weights of the lobes, `[node][lobe]`, linear RGB.
+    pub weights: Vec<[f32; 3]>,
+    /// Factors by which values at the nodes give the nearest affine function of the coefficients, `[node][1 + inputs]`.
+    pub rows: Vec<f32>,
 }
 
 /// Returns the number of each cluster's first lobe among those of all dictionaries.
@@ -221,26 +238,10 @@ mod tests {
     use crate::decode::options::DecodeOptions;
     use crate::file::pack::pack;
     use crate::resident::resident::Resident;
-    use crate::testing::{Random, sample_asset};
+    use crate::testing::sample_predicted_asset;
 
-    /// Returns an asset whose lobe weights depend on two coefficients.
     fn predicted(seed: u64) -> Asset {
-        let mut asset = sample_asset(seed, 16, 12, ResidualKind::Root);
-        let mut random = Random::new(seed + 100);
-        let layer = &mut asset.layers[0];
-        layer.lobe_role = LobeRole::Base;
-        for lobes in &mut layer.dictionary {
-            lobes.truncate(3);
-        }
-        let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
-        let codes = (0..3 * 3 * lobes).map(|i| if i % 3 == 0 { 30 } else { random.below(21) as i16 - 10 }).collect();
-        layer.lobe_weights = Some(LobeWeights { step: 1.0 / 64.0, units: vec![40.0, 60.0], codes, nodes: Vec::new() });
-        let nodes = layer.nodes_of_texels(20).unwrap_or_default();
-        if let Some(weights) = &mut layer.lobe_weights {
-            weights.nodes = nodes;
-        }
-        layer.predict_lobes();
-        asset
+        sample_predicted_asset(seed, 16, 12, ResidualKind::Root)
     }
 
     #[test]
@@ -260,12 +261,40 @@ mod tests {
     }
 
     #[test]
-    fn fewer_components_predict_anew() {
+    fn lobes_do_not_depend_on_the_components_that_are_kept() {
         let asset = predicted(2);
         let trimmed = asset.trimmed(1, usize::MAX);
-        assert_ne!(trimmed.layers[0].lobe_refs, asset.layers[0].lobe_refs);
-        assert!(trimmed.layers[0].has_predicted_lobes());
+        assert_eq!(trimmed.layers[0].lobe_refs, asset.layers[0].lobe_refs);
+        assert_eq!(trimmed.layers[0].lobe_weights, asset.layers[0].lobe_weights);
         assert_eq!(Asset::parse(&pack(&trimmed).unwrap()).unwrap(), trimmed);
+    }
+
+    #[test]
+    fn fewer_lobes_take_less_from_the_residual() {
+        let asset = predicted(4);
+        let trimmed = asset.trimmed(usize::MAX, 1);
+        assert!(trimmed.layers[0].has_predicted_lobes() && trimmed.most_lobes() == 1);
+        let (_, all) = asset.layers[0].taken_by_lobes(0).unwrap();
+        let (_, some) = trimmed.layers[0].taken_by_lobes(0).unwrap();
+        assert!(some[0] < all[0], "{} {}", some[0], all[0]);
+    }
+
+    /// The coefficients that weights depend on come first in a file: with every one of them the lobes come nearer to
+    /// those of the whole file.
+    #[test]
+    fn tiers_without_a_residual_have_lobes_of_the_coefficients_at_hand() {
+        let asset = predicted(5);
+        let bytes = pack(&asset).unwrap();
+        let tiers = crate::read_directory(&bytes).unwrap().tiers;
+        let at = |tier: usize| Asset::parse(&bytes[..tiers[tier] as usize]).unwrap().layers.remove(0);
+        assert!((0..3).all(|tier| at(tier).residual.is_none()));
+        assert_ne!(at(0).lobe_refs, at(1).lobe_refs);
+        assert_ne!(at(1).lobe_refs, asset.layers[0].lobe_refs);
+        for tier in 2..tiers.len() {
+            assert_eq!(at(tier).lobe_refs, asset.layers[0].lobe_refs, "{tier}");
+            assert_eq!(at(tier).lobe_weights, asset.layers[0].lobe_weights, "{tier}");
+            assert_eq!(at(tier).residual.map_or(0, |residual| residual.bases.len()), tier - 2, "{tier}");
+        }
     }
 
     /// The lobes' departure from the affine function that is subtracted is 0 on average over the nodes, because that

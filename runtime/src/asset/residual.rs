@@ -66,6 +66,19 @@ impl ResidualKind {
         [y[0], y[1], y[2]]
     }
 
+    /// Returns the factor on a residual outside the hull, `beyond` as in [`crate::Neighbours`]: `beyond` for an
+    /// additive residual, its root for a root residual (both then scale like the light's cosine), and 1 for a log
+    /// residual, which is a factor itself.
+    #[inline(always)]
+    pub fn scale_beyond(self, beyond: f32) -> f32 {
+        match self {
+            ResidualKind::Additive => beyond,
+            ResidualKind::Log => 1.0,
+            ResidualKind::Root if beyond == 1.0 => 1.0,
+            ResidualKind::Root => root(beyond.max(1e-12)),
+        }
+    }
+
     /// Applies [`ResidualKind::encode`] to many numbers in place, with the same bits; the root curve uses SIMD.
     #[inline(always)]
     pub fn encode_slice(self, values: &mut [f32], epsilon: f32) {

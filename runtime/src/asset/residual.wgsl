@@ -28,6 +28,12 @@ fn residual_decode(kind: u32, y: vec3<f32>, epsilon: f32) -> vec3<f32> {
     return y;
 }
 
-fn residual_combine(kind: u32, s: vec3<f32>, r: vec3<f32>, epsilon: f32) -> vec3<f32> {
-    return max(residual_decode(kind, residual_encode(kind, s, epsilon) + r, epsilon), vec3<f32>(0.0));
+fn residual_combine(kind: u32, s: vec3<f32>, r: vec3<f32>, epsilon: f32, beyond: f32) -> vec3<f32> {
+    var scaled = r;
+    if kind == RESIDUAL_ADDITIVE {
+        scaled = r * beyond;
+    } else if kind == RESIDUAL_ROOT {
+        scaled = r * pow(max(beyond, 1e-12), 1.0 / ROOT);
+    }
+    return max(residual_decode(kind, residual_encode(kind, s, epsilon) + scaled, epsilon), vec3<f32>(0.0));
 }

@@ -215,7 +215,7 @@ fn read_counts<F: FileFormat>(bytes: &[u8]) -> Result<[usize; 2], FormatError> {
         return Err(FormatError::TooShort { expected: head, got });
     }
     let version = word(bytes, header::VERSION);
-    if version != F::VERSION {
+    if !(1..=F::VERSION).contains(&version) {
         return Err(FormatError::Version { expected: F::VERSION, got: version });
     }
     let mut counts = [0; 2];

@@ -45,8 +45,13 @@ pub(crate) trait FileFormat {
     type Kind: Copy;
     /// Names of the format's files in messages.
     const NAMES: Names;
-    /// Format version that is written and read.
+    /// Newest format version that is read.
     const VERSION: u32;
+
+    /// Returns the version of a file with this header.
+    fn version(_head: &Self::Head) -> u32 {
+        Self::VERSION
+    }
 
     /// Reads the format's own header words. Returns `None` where one of them is out of its range.
     fn read_head(header: &mut HeaderReader) -> Option<Self::Head>;

@@ -68,7 +68,7 @@ fn detail_of(error: &FormatError, names: &Names) -> (String, Option<String>) {
             let magic = String::from_utf8_lossy(&names.magic);
             (format!("its first four bytes are {got:02x?}, not {magic:?}"), None)
         }
-        FormatError::Version { expected, got } => (format!("version {got}, this program reads {expected}"), None),
+        FormatError::Version { expected, got } => (format!("version {got}, this program reads up to {expected}"), None),
         FormatError::Length { expected, got } => {
             (format!("{got} bytes, the whole file has {expected} and no tier ends here"), None)
         }

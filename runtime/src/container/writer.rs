@@ -60,7 +60,7 @@ pub(crate) fn write_file_of<F: FileFormat>(
     let total = *tiers.last().unwrap_or(&0);
     F::write_head(head, &mut words);
     words[header::MAGIC] = u32::from_le_bytes(F::NAMES.magic);
-    words[header::VERSION] = F::VERSION;
+    words[header::VERSION] = F::version(head);
     words[header::LENGTH_LOW] = total;
     words[header::SECTIONS] = sections.len() as u32;
     words[header::TIERS] = tiers.len() as u32;

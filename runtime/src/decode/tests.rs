@@ -3,6 +3,7 @@
 use crate::asset::asset::{Asset, Layer, LobeRole, SurfaceSide};
 use crate::asset::lobe_tables::lobe_tables;
 use crate::asset::residual::{ResidualKind, core_at_pair};
+use crate::asset::sphere::Neighbours;
 use crate::decode::decode::decode;
 use crate::decode::measured::{TexelPlace, decode_from_file_form, decode_measured};
 use crate::decode::options::{DecodeOptions, Interpolation};
@@ -74,7 +75,9 @@ fn decode_by_the_book(asset: &Asset, texel: usize, wi: [f32; 3], wo: [f32; 3], r
     let (light, view) = (layer.lights.locate(wi), layer.views.locate(wo));
     let fade = (f64::from(wi[2]) / 0.1).min(1.0);
     let guide = layer.lobe_role == LobeRole::Guide;
-    let here = book_lobes(layer, texel, wi, wo);
+    let nearest = layer.lobe_role == LobeRole::Base && rule == Interpolation::Fast;
+    let toward = if nearest && light.beyond < 1.0 { nearest_in_hull(layer, &light) } else { wi };
+    let here = book_lobes(layer, texel, toward, wo);
     let (mut r, mut decoded, mut lobes) = ([0.0; 3], [0.0; 3], [0.0; 3]);
     for v in 0..3 {
         for l in 0..3 {
@@ -98,10 +101,10 @@ fn decode_by_the_book(asset: &Asset, texel: usize, wi: [f32; 3], wo: [f32; 3], r
                     ResidualKind::Log => 1.0,
                     ResidualKind::Root => beyond.powf(1.0 / 2.4),
                 };
-                if guide {
-                    beyond * inverse(curve(0.0) + r[c]).max(0.0)
-                } else {
-                    inverse(curve(here[c]) + scale * r[c]).max(0.0)
+                match layer.lobe_role {
+                    LobeRole::OldBase => inverse(curve(here[c]) + scale * r[c]).max(0.0),
+                    LobeRole::Guide => beyond * inverse(curve(0.0) + r[c]).max(0.0),
+                    LobeRole::Base => beyond * inverse(curve(here[c]) + r[c]).max(0.0),
                 }
             }
             Interpolation::Exact => decoded[c] * ((here[c] + 0.03) / (lobes[c] + 0.03)).clamp(0.3, 4.0),
@@ -110,9 +113,16 @@ fn decode_by_the_book(asset: &Asset, texel: usize, wi: [f32; 3], wo: [f32; 3], r
     })
 }
 
+/// Returns the direction of the lights' hull that the neighbours on its edge give.
+fn nearest_in_hull(layer: &Layer, light: &Neighbours) -> [f32; 3] {
+    let [p, q] = [0, 1].map(|i| layer.lights.direction(light.ids[i]));
+    let [x, y] = [0, 1].map(|axis| light.weights[0] * p[axis] + light.weights[1] * q[axis]);
+    [x, y, (1.0 - x * x - y * y).sqrt()]
+}
+
 #[test]
 fn every_kind_and_rule_decodes_as_the_format_says() {
-    let roles = [LobeRole::Base, LobeRole::Guide];
+    let roles = [LobeRole::Base, LobeRole::Guide, LobeRole::OldBase];
     for (seed, (kind, role)) in KINDS.into_iter().flat_map(|kind| roles.map(|role| (kind, role))).enumerate() {
         let mut asset = sample_asset(seed as u64, 6, 5, kind);
         asset.layers[0].lobe_role = role;
@@ -133,7 +143,7 @@ fn every_kind_and_rule_decodes_as_the_format_says() {
                 let other = if rule == Interpolation::Fast { Interpolation::Exact } else { Interpolation::Fast };
                 differs += u32::from(!close(expected, decode(&resident, 0, texel as u32, wi, wo, &options(other))));
             }
-            assert!(differs > 200, "{kind:?} {rule:?}: {differs}");
+            assert!(differs > 50, "{kind:?} {rule:?}: {differs}");
         }
     }
 }

@@ -1,7 +1,9 @@
 // A texel within a layer: everything that does not depend on the directions, its lobes and its residual. Twin:
 // decode/texel.rs.
 
+const LOBE_ROLE_OLD_BASE: u32 = 0u;
 const LOBE_ROLE_GUIDE: u32 = 1u;
+const LOBE_ROLE_BASE: u32 = 2u;
 
 // The options of one evaluation, from fast to exact.
 struct BtfOptions {

@@ -75,8 +75,8 @@ struct Row {
 pub(crate) struct Lit {
     /// Unit vector to the light in the layer's frame.
     wi: [f32; 3],
-    /// Direction for which the value is taken: that of the light, or by the fast rule the nearest one within the hull of
-    /// the measured lights.
+    /// Direction for which the value is taken: that of the light, or the nearest one within the hull of the measured
+    /// lights.
     toward: [f32; 3],
     /// Neighbours of the light among the measured ones, where there is a residual.
     place: Option<Neighbours>,
@@ -101,7 +101,7 @@ pub struct ViewedTexel<'a> {
     /// Texel that each neighbouring view shows, where the eye lies outside the views' hull and the asset has heights.
     shifted: Option<[Texel<'a>; 3]>,
     kind: ResidualKind,
-    guide: bool,
+    role: LobeRole,
     exact: bool,
 }
 
@@ -145,8 +145,7 @@ impl<'a> ViewedTexel<'a> {
             weights: view.weights,
             shifted: None,
             kind: ResidualKind::from_number(t.field(block::RESIDUAL_KIND) as u32).unwrap_or(ResidualKind::Additive),
-            // Lobes that only guide are not part of the value, and the fast rule does not ask them.
-            guide: t.field(block::LOBE_ROLE) == LobeRole::Guide as usize,
+            role: LobeRole::from_number(t.field(block::LOBE_ROLE) as u32).unwrap_or(LobeRole::Guide),
             exact: options.interpolation == Interpolation::Exact,
         };
         if options.parallax
@@ -210,7 +209,7 @@ impl<'a> ViewedTexel<'a> {
         let [wi, wo] = [(block::LIGHTS, light), (block::VIEWS, self.views[v])]
             .map(|(set, id)| direction(self.t.words, self.t.field(set), id));
         let lobes = self.shown_by(v).lobe_sum(0, |lobe| LobeSetup::from_resident_words(lobe).eval(wi, wo));
-        let value = self.kind.combine_rgb(if self.guide { [0.0; 3] } else { lobes }, residual, epsilon);
+        let value = self.kind.combine_rgb(if self.role == LobeRole::Guide { [0.0; 3] } else { lobes }, residual, epsilon);
         for c in 0..3 {
             row.value[c] += self.weights[v] * value[c];
             row.lobes[c] += self.weights[v] * lobes[c];
@@ -273,7 +272,7 @@ impl<'a> ViewedTexel<'a> {
             let at = self.t.field(block::LIGHTS);
             let place = (self.t.bases > 0).then(|| locate(self.t.words, at, wi));
             let toward = match &place {
-                Some(place) if !self.exact => within_hull(self.t.words, at, wi, place),
+                Some(place) if self.falls_at_last() => within_hull(self.t.words, at, wi, place),
                 _ => wi,
             };
             Lit { wi, toward, place }
@@ -292,8 +291,14 @@ impl<'a> ViewedTexel<'a> {
         }
     }
 
+    /// Returns whether the value is that at the lights' hull, and falls beyond it after all else.
+    fn falls_at_last(&self) -> bool {
+        self.role == LobeRole::Base && !self.exact
+    }
+
+    /// Lobes that only guide are not part of the value, and the fast rule does not ask them.
     fn asks_lobes(&self) -> bool {
-        !self.guide || self.exact || self.t.bases == 0 || self.t.edit > 0
+        self.role != LobeRole::Guide || self.exact || self.t.bases == 0 || self.t.edit > 0
     }
 
     /// Calls `take` with the words that [`ViewedTexel::value`] will read far from each other, for prefetching: the
@@ -329,8 +334,7 @@ impl<'a> ViewedTexel<'a> {
         if t.edit > 0 {
             value = self.edited(value, here, self.lobe_sum(t.edit, lobe));
         }
-        // Beyond the measured lights the value at their hull falls with the light's cosine.
-        let falling = lit.place.as_ref().filter(|_| !self.exact).map_or(1.0, |place| place.beyond);
+        let falling = lit.place.as_ref().filter(|_| self.falls_at_last()).map_or(1.0, |place| place.beyond);
         value.map(|x| x * (fade * falling))
     }
 
@@ -347,10 +351,17 @@ impl<'a> ViewedTexel<'a> {
         })
     }
 
-    /// Combines the lobes `here` with the interpolated residual by the fast rule.
-    fn combined(&self, here: [f32; 3], residual: [f32; 3]) -> [f32; 3] {
-        let base = if self.guide { [0.0; 3] } else { here };
-        self.kind.combine_rgb(base, residual, self.t.float(block::EPSILON))
+    /// Combines the lobes `here` with the interpolated residual by the fast rule. Outside the lights' hull the decoded
+    /// value falls with the light's cosine: at last, or here where lobes only guide; the residual does for an old base.
+    fn combined(&self, here: [f32; 3], residual: [f32; 3], beyond: f32) -> [f32; 3] {
+        let (base, scaled, falling) = match self.role {
+            LobeRole::OldBase => (here, beyond, 1.0),
+            LobeRole::Guide => ([0.0; 3], 1.0, beyond),
+            LobeRole::Base => (here, 1.0, 1.0),
+        };
+        let scale = self.kind.scale_beyond(scaled);
+        let value = self.kind.combine_rgb(base, residual.map(|r| scale * r), self.t.float(block::EPSILON));
+        value.map(|x| x * falling)
     }
 
     /// Returns the measured value for a `light`, without its fall towards the horizon; `here` are the lobes, where they are
@@ -358,7 +369,7 @@ impl<'a> ViewedTexel<'a> {
     fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, here: [f32; 3]) -> [f32; 3] {
         let epsilon = self.t.float(block::EPSILON);
         if rows.is_none() && !self.exact {
-            return self.combined(here, self.residual(light.ids, light.weights, self.weights));
+            return self.combined(here, self.residual(light.ids, light.weights, self.weights), light.beyond);
         }
         let wanted = light.weights.map(|weight| weight > 0.0);
         let found = match rows {
@@ -370,7 +381,7 @@ impl<'a> ViewedTexel<'a> {
         };
         let value = mix(|row| row.value);
         if !self.exact {
-            return self.combined(here, value);
+            return self.combined(here, value, light.beyond);
         }
         let lobes = mix(|row| row.lobes);
         [0, 1, 2].map(|c| {

@@ -30,7 +30,7 @@ struct ViewedTexel {
     wo: vec3<f32>,
     kind: u32,
     views: vec3<u32>,
-    guide: bool,
+    lobe_role: u32,
     weights: vec3<f32>,
     // Whether the neighbouring views show other texels than this one: those in `shown`.
     shifted: bool,
@@ -52,8 +52,7 @@ fn viewed_new(base: u32, layer: u32, texel: u32, wo_given: vec3<f32>, options: B
         wo,
         asset_word(t.layer + BLOCK_RESIDUAL_KIND),
         view.ids,
-        // Lobes that only guide are not part of the value, and the fast rule does not evaluate them.
-        asset_word(t.layer + BLOCK_LOBE_ROLE) == LOBE_ROLE_GUIDE,
+        asset_word(t.layer + BLOCK_LOBE_ROLE),
         view.weights,
         options.parallax != 0u && view.beyond < 1.0 && wo.z > 0.0 && asset_word(t.layer + BLOCK_HEIGHTS) != 0u,
         vec3<u32>(texel),
@@ -102,7 +101,7 @@ fn viewed_lobe_sum(viewed: ViewedTexel, edit: u32, wi: vec3<f32>) -> vec3<f32> {
 fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsilon: f32) -> ThreeRows {
     var rows = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
     var measured = viewed_measured_views(viewed);
-    let base_share = select(1.0, 0.0, viewed.guide);
+    let base_share = select(1.0, 0.0, viewed.lobe_role == LOBE_ROLE_GUIDE);
     for (var v = 0u; v < 3u; v++) {
         let weight = viewed.weights[v];
         if weight <= 0.0 {
@@ -118,7 +117,7 @@ fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsil
             if wanted[l] {
                 let wi = sphere_direction(t.base + asset_word(t.layer + BLOCK_LIGHTS), lights[l]);
                 let lobes = texel_lobe_sum(t, 0u, wi, measured[v]);
-                rows.values[l] += weight * residual_combine(viewed.kind, base_share * lobes, residual[l], epsilon);
+                rows.values[l] += weight * residual_combine(viewed.kind, base_share * lobes, residual[l], epsilon, 1.0);
                 rows.lobes[l] += weight * lobes;
             }
         }
@@ -142,7 +141,7 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     if t.bases > 0u {
         let at = t.base + asset_word(t.layer + BLOCK_LIGHTS);
         light = sphere_locate(at, wi);
-        if !viewed.exact {
+        if viewed.lobe_role == LOBE_ROLE_BASE && !viewed.exact {
             // Beyond the measured lights the value at their hull falls with the light's cosine.
             wi = sphere_within_hull(at, wi, light);
             falling *= light.beyond;
@@ -150,7 +149,9 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     }
     // The lobes as measured and as edited.
     var lobes = mat2x3<f32>();
-    let asked = vec2<bool>(!viewed.guide || viewed.exact || t.bases == 0u || t.edit > 0u, t.edit > 0u);
+    // Lobes that only guide are not part of the value, and the fast rule does not evaluate them.
+    let needed = viewed.lobe_role != LOBE_ROLE_GUIDE || viewed.exact || t.bases == 0u || t.edit > 0u;
+    let asked = vec2<bool>(needed, t.edit > 0u);
     for (var i = 0u; i < 2u; i++) {
         if asked[i] {
             lobes[i] = viewed_lobe_sum(viewed, i * t.edit, wi);
@@ -174,7 +175,7 @@ fn viewed_edited(viewed: ViewedTexel, value: vec3<f32>, here: vec3<f32>, lobes: 
     let tint = vec3<f32>(asset_f32(at), asset_f32(at + 1u), asset_f32(at + 2u));
     let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
     let left = residual_encode(viewed.kind, value, epsilon) - residual_encode(viewed.kind, here, epsilon);
-    let value_edited = residual_combine(viewed.kind, lobes, asset_f32(at + 3u) * left, epsilon);
+    let value_edited = residual_combine(viewed.kind, lobes, asset_f32(at + 3u) * left, epsilon, 1.0);
     return tint * min(value_edited, vec3<f32>(1e37));
 }
 
@@ -217,7 +218,10 @@ fn viewed_measured(
     }
     let value = found.values * light.weights;
     if !viewed.exact {
-        return residual_combine(viewed.kind, select(here, vec3<f32>(0.0), viewed.guide), value, epsilon);
+        let guide = viewed.lobe_role == LOBE_ROLE_GUIDE;
+        let base = select(here, vec3<f32>(0.0), guide);
+        let scaled = select(1.0, light.beyond, viewed.lobe_role == LOBE_ROLE_OLD_BASE);
+        return residual_combine(viewed.kind, base, value, epsilon, scaled) * select(1.0, light.beyond, guide);
     }
     let lobes = found.lobes * light.weights;
     let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);

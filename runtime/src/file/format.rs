@@ -8,8 +8,8 @@ use crate::threads::serial;
 
 /// Magic number `SPMM` as a little-endian word.
 pub const MAGIC: u32 = u32::from_le_bytes(SPMM_NAMES.magic);
-/// Format version that this crate writes and reads.
-pub const VERSION: u32 = 1;
+/// Newest format version that this crate writes; it reads all from 1 on.
+pub const VERSION: u32 = 2;
 /// Alignment of the sections of a resident form, bytes: that of a GPU's bindings.
 pub const RESIDENT_ALIGNMENT: usize = 256;
 /// Length in bytes of each section of the resident form's words but the last: the size that WebGPU binds at least.
@@ -142,6 +142,8 @@ pub(crate) fn in_mm_range(size: [f32; 2]) -> bool {
 /// The header of an asset: everything it says about the whole file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Head {
+    /// Format version: 2 where something is there that version 1 does not know, else 1.
+    pub version: u32,
     /// Form of the file.
     pub form: Form,
     /// Texels per row.
@@ -165,19 +167,23 @@ impl FileFormat for Spmm {
     const NAMES: Names = SPMM_NAMES;
     const VERSION: u32 = VERSION;
 
+    fn version(head: &Head) -> u32 {
+        head.version
+    }
+
     fn read_head(header: &mut HeaderReader) -> Option<Head> {
         let layers = header.within("layer_count", header::LAYERS, [1, MAX_LAYERS as u32], "1 to 4");
         let width = header.within("width", header::WIDTH, [1, MAX_SIDE], "1 to 16384");
         let height = header.within("height", header::HEIGHT, [1, MAX_SIDE], "1 to 16384");
-        header.within("channels", header::CHANNELS, [3, 3], "3 in version 1");
-        header.within("basis", header::BASIS, [0, 0], "0 (linear sRGB) in version 1");
+        header.within("channels", header::CHANNELS, [3, 3], "3");
+        header.within("basis", header::BASIS, [0, 0], "0 (linear sRGB)");
         let form = header.within("form", header::FORM, [0, 1], "0 or 1");
         for reserved in header::HEIGHT_MM + 1..HEADER_WORDS {
             header.within("reserved", reserved, [0, 0], "0");
         }
         let flags = header.word(header::FLAGS);
         if flags & !(3 << SEAMLESS_BIT) != 0 {
-            header.refuse("flags", header::FLAGS, "0, 2, 4 or 6 in version 1");
+            header.refuse("flags", header::FLAGS, "0, 2, 4 or 6");
         }
         let seamless = [0, 1].map(|axis| flags >> (SEAMLESS_BIT + axis) & 1 == 1);
         let size_words = [header::WIDTH_MM, header::HEIGHT_MM].map(|field| header.word(field));
@@ -187,7 +193,7 @@ impl FileFormat for Spmm {
             header.refuse("width_mm or height_mm", header::WIDTH_MM, allowed);
         }
         let form = if form == 0 { Form::File } else { Form::Resident };
-        Some(Head { form, width, height, layers, size_mm, seamless })
+        Some(Head { version: header.word(header::VERSION), form, width, height, layers, size_mm, seamless })
     }
 
     fn write_head(head: &Head, words: &mut [u32]) {
@@ -221,6 +227,12 @@ impl FileFormat for Spmm {
     fn section_name(kind: SectionKind, layer: u32, index: u32) -> String {
         format!("{kind:?} {index} of layer {layer}")
     }
+}
+
+/// Returns the format version that these bytes tell; `None` where they are too few.
+pub fn read_version(bytes: &[u8]) -> Option<u32> {
+    let word = bytes.get(4 * header::VERSION..4 * header::VERSION + 4)?;
+    Some(u32::from_le_bytes([word[0], word[1], word[2], word[3]]))
 }
 
 /// Checks header, tables, section bounds, padding and the checksum of every section at hand.

@@ -1,6 +1,6 @@
 //! Writes an [`Asset`] as bytes. The same asset always gives the same bytes.
 
-use crate::asset::asset::{Asset, Layer, LevelTexels, doubled_sides, level_sizes};
+use crate::asset::asset::{Asset, Layer, LevelTexels, LobeRole, doubled_sides, level_sizes};
 use crate::asset::dictionary::{DictionaryLobe, LobeRef, refs_exist};
 use crate::asset::edit::{Edit, MAX_EDITS};
 use crate::asset::heights::Heights;
@@ -12,7 +12,7 @@ use crate::asset::limits::{
 };
 use crate::asset::lobe::Lobe;
 use crate::asset::lobe_weights::LobeWeights;
-use crate::asset::residual::Residual;
+use crate::asset::residual::{Coefficients, Residual};
 use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
 use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::FormatError;
@@ -35,8 +35,8 @@ fn push_halves(bytes: &mut Vec<u8>, halves: &[f16]) {
 
 /// Packs an asset into bytes, which `btf-fit` writes to an `.spmm` file.
 ///
-/// Sections that every tier needs come first; then the residual of all layers component by component, each of which
-/// ends a tier; then the levels, which end one tier together. Errors name the rule of format.md that the asset breaks.
+/// Sections that every tier needs come first; then the coefficients that lobes depend on and then the residual of all
+/// layers, both component by component, each of which ends a tier; then the levels, which end one tier together. Errors name the rule of format.md that the asset breaks.
 pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     check_head(asset)?;
     let mut sections = vec![SectionSource {
@@ -54,6 +54,9 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     for (number, layer) in asset.layers.iter().enumerate() {
         check_layer(layer, asset.texel_count())?;
         push_base_sections(&mut sections, layer, asset.width, number as u32, number == last);
+    }
+    for index in 1..=asset.layers.iter().map(lobe_inputs).max().unwrap_or(0) {
+        push_lobe_inputs(&mut sections, asset, index);
     }
     let deepest = asset.layers.iter().filter_map(|layer| layer.residual.as_ref()).map(|r| r.bases.len()).max();
     for index in 0..deepest.unwrap_or(0) {
@@ -76,7 +79,9 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
             sections.push(SectionSource { kind, layer, index, bytes, ends_tier: false });
         }
     }
+    let is_new = |layer: &Layer| layer.lobe_role == LobeRole::Base || layer.lobe_weights.is_some();
     let head = Head {
+        version: if asset.layers.iter().any(is_new) { 2 } else { 1 },
         form: Form::File,
         width: asset.width as u32,
         height: asset.height as u32,
@@ -170,9 +175,9 @@ fn check_lobe_weights(weights: &LobeWeights, dictionary: &[Vec<DictionaryLobe>])
     let nodes = &weights.nodes;
     if nodes.len() > dictionary.len()
         || nodes.iter().any(|nodes| nodes.len() > MAX_NODES)
-        || nodes.iter().flatten().any(|node| node.len() > weights.units.len())
+        || nodes.iter().flatten().any(|node| node.len() != weights.units.len())
     {
-        return refuse("a cluster of the lobe weights has more than 256 nodes, or a node too many coefficients");
+        return refuse("a cluster of the lobe weights has more than 256 nodes, or a node not one code for each unit");
     }
     Ok(())
 }
@@ -334,7 +339,7 @@ fn push_base_sections(
     }
     let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();
     words.extend(layer.dictionary.iter().flatten().flat_map(|entry| entry.lobe.to_words(entry.weight_scale)));
-    push(SectionKind::Dictionary, 0, bytes_from_words(&words), predicted && ends_tier && layer.lobe_weights.is_none());
+    push(SectionKind::Dictionary, 0, bytes_from_words(&words), false);
     if let Some(weights) = &layer.lobe_weights {
         push(SectionKind::LobeWeights, 0, lobe_weight_bytes(layer, weights), ends_tier && predicted);
     }
@@ -348,7 +353,8 @@ fn push_base_sections(
 /// Returns the bytes of the LobeWeights section.
 fn lobe_weight_bytes(layer: &Layer, weights: &LobeWeights) -> Vec<u8> {
     let count = weights.nodes.iter().map(Vec::len).max().unwrap_or(0);
-    let of_texels = layer.nodes_of_texels(count).as_ref() == Some(&weights.nodes);
+    let of_texels =
+        weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), count) == weights.nodes;
     let mut words = vec![weights.units.len() as u32, count as u32, u32::from(!of_texels), weights.step.to_bits()];
     words.extend(weights.units.iter().map(|unit| unit.to_bits()));
     if !of_texels {
@@ -358,12 +364,8 @@ fn lobe_weight_bytes(layer: &Layer, weights: &LobeWeights) -> Vec<u8> {
     bytes.extend(coded(|coder| {
         code_plane(coder, &mut Signed::new(), &mut weights.codes.clone(), 1 + weights.units.len());
         if !of_texels {
-            let inputs = weights.units.len();
-            let padded =
-                weights.nodes.iter().flatten().flat_map(|node| {
-                    node.iter().copied().chain(std::iter::repeat(0)).take(inputs).collect::<Vec<i8>>()
-                });
-            code_plane(coder, &mut Signed::new(), &mut padded.collect::<Vec<i8>>(), inputs);
+            let mut inputs: Vec<i8> = weights.nodes.iter().flatten().flatten().copied().collect();
+            code_plane(coder, &mut Signed::new(), &mut inputs, weights.units.len());
         }
     }));
     bytes
@@ -404,11 +406,37 @@ fn push_residual_sections(
     let mut bytes = bytes_from_words(&bits(&basis.steps));
     bytes.extend(encode_plane(&basis.values, residual.shared.steps.len()));
     push(SectionKind::Basis, index, bytes);
-    if let Some(plane) = index.checked_sub(1).map(|component| &residual.coefficients[component]) {
-        let mut bytes = bytes_from_words(&bits(&[plane.step]));
-        bytes.extend(encode_plane(&plane.codes, width));
-        push(SectionKind::Coefficients, index, bytes);
+    // Coefficients that lobes depend on are there already.
+    if let Some(component) = index.checked_sub(1).filter(|component| *component >= lobe_inputs(layer)) {
+        push(SectionKind::Coefficients, index, coefficient_bytes(&residual.coefficients[component], width));
     }
+}
+
+/// Returns the number of components that predicted lobes depend on.
+fn lobe_inputs(layer: &Layer) -> usize {
+    let components = layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    layer.lobe_weights.as_ref().map_or(0, |weights| weights.units.len().min(components))
+}
+
+/// Pushes the coefficients of component `index`, counted from 1, of each layer whose lobes depend on it. They end a
+/// tier.
+fn push_lobe_inputs(sections: &mut Vec<SectionSource<SectionKind>>, asset: &Asset, index: usize) {
+    for (number, layer) in asset.layers.iter().enumerate().filter(|(_, layer)| index <= lobe_inputs(layer)) {
+        let Some(residual) = &layer.residual else { continue };
+        let bytes = coefficient_bytes(&residual.coefficients[index - 1], asset.width);
+        let (kind, layer) = (SectionKind::Coefficients, number as u32);
+        sections.push(SectionSource { kind, layer, index: index as u32, bytes, ends_tier: false });
+    }
+    if let Some(section) = sections.last_mut() {
+        section.ends_tier = true;
+    }
+}
+
+/// Returns the bytes of a Coefficients section.
+fn coefficient_bytes(plane: &Coefficients, width: usize) -> Vec<u8> {
+    let mut bytes = bytes_from_words(&[plane.step.to_bits()]);
+    bytes.extend(encode_plane(&plane.codes, width));
+    bytes
 }
 
 #[cfg(test)]

@@ -115,10 +115,12 @@ fn read_parameters(mut reader: Reader) -> Result<Parameters, FormatError> {
         return reader.bad(rule::EPSILON);
     }
     let (clusters, components) = (words[4] as usize, words[5] as usize);
-    if clusters == 0 || clusters > MAX_CLUSTERS || components > MAX_COMPONENTS || words[6] > 1 || words[7] > 1 {
+    if clusters == 0 || clusters > MAX_CLUSTERS || components > MAX_COMPONENTS || words[6] > 1 {
         return reader.bad(rule::COUNT);
     }
-    let lobe_role = if words[7] == 0 { LobeRole::Base } else { LobeRole::Guide };
+    let Some(lobe_role) = LobeRole::from_number(words[7]) else {
+        return reader.bad(rule::COUNT);
+    };
     let has_residual = words[6] == 1;
     Ok(Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, clusters, components, has_residual })
 }
@@ -169,6 +171,15 @@ fn read_layer(
         }
         _ => None,
     };
+    let inputs = match (&parameters, &lobe_weights) {
+        (Some(parameters), Some((weights, _))) if parameters.has_residual => {
+            let most = weights.units.len().min(parameters.components);
+            // A residual of fewer components lacks some that are there already.
+            let held = residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+            if held < most { read_lobe_inputs(sections, layer, [width, height], most, faults) } else { Vec::new() }
+        }
+        _ => Vec::new(),
+    };
     if faults.len() > before || sections.damage_in(layer) {
         return None;
     }
@@ -189,19 +200,36 @@ fn read_layer(
         lobe_weights: None,
         residual,
     };
-    if let Some((weights, nodes)) = lobe_weights {
-        layer.lobe_weights = Some(weights);
-        if let Nodes::OfTexels(count) = nodes
-            && let Some(nodes) = layer.nodes_of_texels(count)
-            && let Some(weights) = &mut layer.lobe_weights
-        {
-            weights.nodes = nodes;
+    if let Some((mut weights, nodes)) = lobe_weights {
+        let held = layer.residual.iter().flat_map(|residual| residual.coefficients.clone());
+        let inputs = if inputs.is_empty() { held.take(weights.units.len()).collect() } else { inputs };
+        let planes: Vec<&[i8]> = inputs.iter().map(|plane| plane.codes.as_slice()).collect();
+        if let Nodes::OfTexels(count) = nodes {
+            weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &planes, count);
         }
+        layer.lobe_weights = Some(weights);
         if predicted {
-            layer.predict_lobes();
+            layer.predict_lobes(&planes);
         }
     }
     Some(layer)
+}
+
+/// Reads the coefficients of the first `most` components, as far as they are at hand one after the other.
+fn read_lobe_inputs(
+    sections: &Sections<Spmm>,
+    layer: u32,
+    grid: [usize; 2],
+    most: usize,
+    faults: &mut Faults,
+) -> Vec<Coefficients> {
+    let at_hand = (1..=most as u32).map_while(|index| sections.find(SectionKind::Coefficients, layer, index));
+    at_hand.filter_map(|reader| faults.keep(read_coefficients(reader, grid))).collect()
+}
+
+fn read_coefficients(mut reader: Reader, [width, height]: [usize; 2]) -> Result<Coefficients, FormatError> {
+    let step = reader.steps(1, MAX_COEFFICIENT_STEP)?[0];
+    Ok(Coefficients { step, codes: reader.plane(width * height, width)? })
 }
 
 /// Source of the nodes of lobe weights.
@@ -462,9 +490,8 @@ fn read_residual(
             let values = reader.plane(clusters * bases_at_hand, bases_at_hand)?;
             return Ok(Plane::Basis(Basis { steps, values }));
         }
-        let Some(mut reader) = plane.clone() else { return Ok(Plane::Coefficients(None)) };
-        let step = reader.steps(1, MAX_COEFFICIENT_STEP)?[0];
-        Ok(Plane::Coefficients(Some(Coefficients { step, codes: reader.plane(grid[0] * grid[1], grid[0])? })))
+        let plane = plane.clone().map(|reader| read_coefficients(reader, grid));
+        plane.transpose().map(Plane::Coefficients)
     });
     let (mut values, mut bases, mut coefficients) = (Vec::new(), Vec::new(), Vec::new());
     for plane in decoded {

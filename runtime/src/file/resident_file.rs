@@ -1,6 +1,6 @@
 //! The resident form as a file: its words as they lie in memory, to be mapped, checked and bound without a copy.
 
-use crate::asset::asset::Asset;
+use crate::asset::asset::{Asset, LobeRole};
 use crate::container::directory::{Directory, SectionEntry, read_directory_of};
 use crate::container::fault::Faults;
 use crate::container::file_format::HEADER_WORDS;
@@ -70,7 +70,9 @@ impl ResidentFile {
             let (kind, index, bytes) = (SectionKind::Words, index as u32, piece.to_vec());
             sections.push(SectionSource { kind, layer: 0, index, bytes, ends_tier: false });
         }
+        let is_new = |layer| resident.lobe_role(layer) == LobeRole::Base as u32;
         let head = Head {
+            version: if (0..resident.layers()).any(is_new) { 2 } else { 1 },
             form: Form::Resident,
             width: resident.width(),
             height: resident.height(),

@@ -7,7 +7,7 @@ use crate::container::fault::Faults;
 use crate::container::file_format::FileFormat;
 use crate::container::finding::Finding;
 use crate::container::finding::about_container;
-use crate::file::format::{Form, Head, SectionKind, Spmm, VERSION};
+use crate::file::format::{Form, Head, SectionKind, Spmm};
 use crate::file::parse::examine_asset;
 use crate::file::resident_file::{ResidentFile, examine_resident};
 use crate::resident::resident::ResidentBytes;
@@ -99,7 +99,8 @@ fn form_of(directory: &Directory<Head>, bytes: usize) -> String {
         Form::File => "file",
         Form::Resident => "resident",
     };
-    format!("{form} form of version {VERSION}, {bytes} bytes in {} sections", directory.sections.len())
+    let version = directory.head.version;
+    format!("{form} form of version {version}, {bytes} bytes in {} sections", directory.sections.len())
 }
 
 /// Adds the findings about the header.

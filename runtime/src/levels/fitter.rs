@@ -122,7 +122,7 @@ impl<'a> Fitter<'a> {
 
     /// Returns whether lobes are part of the value, and do not only guide.
     pub(super) fn lobes_count(&self) -> bool {
-        self.layer.lobe_role == LobeRole::Base || self.layer.residual.is_none()
+        self.layer.lobe_role != LobeRole::Guide || self.layer.residual.is_none()
     }
 
     /// Encodes the lobes in the residual's curve, `[pair, rgb]`.

@@ -135,7 +135,7 @@ impl<'a> Block<'a> {
             rules.push(rule::BLOCK_SIZE);
         }
         if self.field(block::RESIDUAL_KIND) > 2
-            || self.field(block::LOBE_ROLE) > 1
+            || self.field(block::LOBE_ROLE) > 2
             || !EPSILON_RANGE.contains(&self.float(block::EPSILON))
             || !(MIN_HORIZON_COS..=HORIZON_COS).contains(&self.float(block::HORIZON))
             || bases > MAX_COMPONENTS + 1

@@ -134,6 +134,7 @@ impl<T: FnMut(usize, &[f32])> WithSimd for Rows<'_, T> {
             }
         }
         let taken = self.expansion.layer.and_then(|layer| layer.taken_by_lobes(self.cluster));
+        let stored = self.expansion.residual.bases.len();
         let mut lit = vec![0.0f32; 3 * row];
         let mut rgb = vec![0.0f32; lights * 3 * padded];
         for view in 0..views {
@@ -154,7 +155,7 @@ impl<T: FnMut(usize, &[f32])> WithSimd for Rows<'_, T> {
             if let Some((inputs, taken)) = &taken {
                 let of_view = taken.chunks_exact(1 + inputs).skip(3 * lights * view);
                 for (bases, taken) in rgb.chunks_exact_mut(padded).zip(of_view) {
-                    bases.iter_mut().zip(taken).for_each(|(basis, taken)| *basis -= taken);
+                    bases.iter_mut().zip(taken).take(stored).for_each(|(basis, taken)| *basis -= taken);
                 }
             }
             (self.take)(view, &rgb);

@@ -1,5 +1,6 @@
 // Expands the bases of a layer's clusters in three passes, from the file form to the resident form, on the GPU. Twin:
-// resident/expansion.rs. A program of its own and no part of the library, because decoders do not need it.
+// resident/expansion.rs. A program of its own and no part of the library, because decoders do not need it; it takes
+// asset/residual.wgsl from the library.
 //
 // A dispatch makes a slice of clusters, as many as its z counts. x and y count items, WORKGROUP of them a workgroup, in
 // any shape; surplus items do nothing. The buffers `cores` and `viewed` lie between the passes. Items are, with four
@@ -42,7 +43,12 @@ struct Shape {
     // Number of core entries, and of light ranks, of all channels.
     cores: u32,
     rows: u32,
+    // Number of quads from which lobes take a part, 0 for none.
+    taken_quads: u32,
+    residual_kind: u32,
+    epsilon: f32,
     pad0: u32,
+    pad1: u32,
 }
 
 // The part that a dispatch makes: `words` holds the words from `piece_from` on of an array in which the layer's bases
@@ -68,6 +74,10 @@ struct Slice {
 // [cluster of the slice, view, light rank, quad]
 @group(0) @binding(6) var<storage, read_write> viewed: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> words: array<u32>;
+// What predicted lobes take from the bases is made from this. For each cluster four words: its nodes, its lobes, the
+// index of its numbers (f32), 0. Its numbers are the lobes' values [lobe, pair], the lobes' weights [node, lobe, rgb] and
+// the nodes' factors [node, quad].
+@group(0) @binding(8) var<storage, read> nodes: array<u32>;
 
 fn item(id: vec3<u32>, groups: vec3<u32>) -> u32 {
     return id.x + id.y * groups.x * WORKGROUP;
@@ -170,12 +180,47 @@ fn outer(quad: vec4<f32>, weights: vec4<f32>) -> mat4x4<f32> {
     return mat4x4<f32>(quad * weights.x, quad * weights.y, quad * weights.z, quad * weights.w);
 }
 
-// Writes four bases of a pair.
+// Writes four bases of a pair, without what lobes take from them.
 fn put(pair: u32, quad: u32, red: vec4<f32>, green: vec4<f32>, blue: vec4<f32>) {
+    var taken = mat3x4<f32>();
+    if quad < shape.taken_quads {
+        taken = taken_by_lobes(pair, quad);
+    }
     let at = slice.bases_at + pair * 3u * shape.channel_words + 2u * quad;
-    put_colour(at, quad, red);
-    put_colour(at + shape.channel_words, quad, green);
-    put_colour(at + 2u * shape.channel_words, quad, blue);
+    put_colour(at, quad, red - taken[0]);
+    put_colour(at + shape.channel_words, quad, green - taken[1]);
+    put_colour(at + 2u * shape.channel_words, quad, blue - taken[2]);
+}
+
+// Returns what lobes take from four bases of a pair in red, green and blue: the sum over the nodes of their factors
+// times the lobes there, in the residual's curve.
+fn taken_by_lobes(pair: u32, quad: u32) -> mat3x4<f32> {
+    let pairs = shape.views * shape.lights;
+    let head = 4u * (pair / pairs);
+    let lobes = nodes[head + 1u];
+    let tables = nodes[head + 2u];
+    let weights = tables + lobes * pairs;
+    let factors_at = weights + 3u * nodes[head] * lobes;
+    let nothing = residual_encode(shape.residual_kind, vec3<f32>(0.0), shape.epsilon);
+    var sum = mat3x4<f32>();
+    for (var node = 0u; node < nodes[head]; node++) {
+        var value = vec3<f32>(0.0);
+        for (var lobe = 0u; lobe < lobes; lobe++) {
+            let at = weights + 3u * (node * lobes + lobe);
+            let weight = vec3<f32>(number(at), number(at + 1u), number(at + 2u));
+            value += weight * number(tables + lobe * pairs + pair % pairs);
+        }
+        let y = residual_encode(shape.residual_kind, value, shape.epsilon) - nothing;
+        let at = factors_at + 4u * (node * shape.taken_quads + quad);
+        let factor = vec4<f32>(number(at), number(at + 1u), number(at + 2u), number(at + 3u));
+        sum += mat3x4<f32>(factor * y.x, factor * y.y, factor * y.z);
+    }
+    return sum;
+}
+
+// Returns a number of the nodes.
+fn number(at: u32) -> f32 {
+    return bitcast<f32>(nodes[at]);
 }
 
 // Writes two words; the last quad has only one where the words of a pair and colour are odd.

@@ -1,6 +1,10 @@
 //! The input of the compute pass `resident/expansion.wgsl`: the numbers of `expansion.rs` in the layout of its
 //! bindings.
 
+use crate::asset::asset::Layer;
+use crate::asset::lobe::Lobe;
+use crate::asset::lobe_tables::lobe_tables;
+use crate::asset::lobe_weights::LobeNodes;
 use crate::asset::residual::Residual;
 use crate::resident::expansion::{Expansion, LANES};
 use bytemuck::{Pod, Zeroable};
@@ -8,8 +12,8 @@ use bytemuck::{Pod, Zeroable};
 /// The compute pass in WGSL: a program with bindings and the entry points `cores_main`, `viewed_main` and `lit_main`,
 /// to be dispatched in this order for each slice of clusters. The header of the text says what they count.
 ///
-/// The text is core WGSL with six storage buffers. It packs with `pack2x16float`, naga's `SHADER_FLOAT16_IN_FLOAT32`.
-pub const EXPANSION_WGSL: &str = include_str!("expansion.wgsl");
+/// The text is core WGSL with seven storage buffers. It packs with `pack2x16float`, naga's `SHADER_FLOAT16_IN_FLOAT32`.
+pub const EXPANSION_WGSL: &str = concat!(include_str!("expansion.wgsl"), "\n", include_str!("../asset/residual.wgsl"));
 /// Number of invocations of a workgroup. Twin: `WORKGROUP`.
 pub const EXPANSION_WORKGROUP: u32 = 64;
 /// Number of bases, views or lights that an invocation has side by side.
@@ -39,7 +43,7 @@ pub struct ExpansionChannel {
 
 /// The counts of an expansion. Twin: `Shape` in `expansion.wgsl`.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct ExpansionShape {
     /// Channels of the colour frame.
     pub channels: [ExpansionChannel; 3],
@@ -57,8 +61,16 @@ pub struct ExpansionShape {
     pub cores: u32,
     /// Number of light ranks of all channels.
     pub rows: u32,
+    /// Number of quads of bases from which predicted lobes take a part.
+    pub taken_quads: u32,
+    /// Number of the residual's curve, [`crate::ResidualKind`].
+    pub residual_kind: u32,
+    /// Epsilon of the residual's curve.
+    pub epsilon: f32,
     /// Padding: zero.
     pub pad0: u32,
+    /// Padding: zero.
+    pub pad1: u32,
 }
 
 /// The part that a dispatch makes. Twin: `Slice` in `expansion.wgsl`.
@@ -113,11 +125,48 @@ pub struct ExpansionInput {
     pub factors: Vec<f32>,
     /// `[cluster, shared basis, basis]`, bases padded to fours.
     pub mixtures: Vec<f32>,
+    /// What predicted lobes take from the bases is made from this; a word where there are none.
+    pub nodes: Vec<u32>,
 }
 
 impl ExpansionInput {
-    /// Prepares the input for a layer of `clusters` clusters. Cost: a pass over the shared cores and the mixtures.
-    pub fn new(residual: &Residual, clusters: usize) -> ExpansionInput {
+    /// Prepares the input for a layer; `None` where it has no residual. Cost: a pass over the shared cores and the
+    /// mixtures, and the predicted lobes at all pairs.
+    pub fn of_layer(layer: &Layer) -> Option<ExpansionInput> {
+        let input = ExpansionInput::new(layer.residual.as_ref()?, layer.dictionary.len());
+        Some(input.with_lobes(layer))
+    }
+
+    /// Returns the input with what the layer's predicted lobes take.
+    fn with_lobes(mut self, layer: &Layer) -> ExpansionInput {
+        let bases = layer.residual.as_ref().map_or(0, |residual| residual.bases.len());
+        let clusters: Vec<Option<LobeNodes>> =
+            (0..layer.dictionary.len()).map(|cluster| layer.lobe_nodes(cluster)).collect();
+        let Some(inputs) = clusters.iter().flatten().map(|nodes| nodes.inputs).max() else { return self };
+        let quads = (1 + inputs).min(bases).div_ceil(SIDE_BY_SIDE);
+        self.shape.taken_quads = quads as u32;
+        self.shape.residual_kind = layer.residual_kind as u32;
+        self.shape.epsilon = layer.epsilon;
+        self.nodes = vec![0; 4 * clusters.len()];
+        for (cluster, nodes) in clusters.iter().enumerate() {
+            let Some(nodes) = nodes else { continue };
+            let count = nodes.weights.len() / nodes.lobes;
+            let head = [count as u32, nodes.lobes as u32, self.nodes.len() as u32, 0];
+            self.nodes[4 * cluster..4 * cluster + 4].copy_from_slice(&head);
+            let lobes: Vec<Lobe> = layer.dictionary[cluster].iter().map(|entry| entry.lobe).collect();
+            let tables = lobe_tables(&lobes, &layer.views, &layer.lights);
+            let numbers = tables.iter().flatten().chain(nodes.weights.as_flattened());
+            self.nodes.extend(numbers.map(|x| x.to_bits()));
+            for row in nodes.rows.chunks_exact(1 + nodes.inputs) {
+                let padded = row.iter().take(bases).copied().chain(std::iter::repeat(0.0));
+                self.nodes.extend(padded.take(SIDE_BY_SIDE * quads).map(f32::to_bits));
+            }
+        }
+        self
+    }
+
+    /// Prepares the input of a residual with `clusters` clusters as it is stored.
+    fn new(residual: &Residual, clusters: usize) -> ExpansionInput {
         let expansion = Expansion::new(residual);
         let bases = residual.bases.len();
         let mut shape = ExpansionShape {
@@ -157,7 +206,7 @@ impl ExpansionInput {
                 mixtures.extend_from_slice(&row[..SIDE_BY_SIDE * shape.quads as usize]);
             }
         }
-        ExpansionInput { shape, clusters: clusters as u32, terms, factors, mixtures }
+        ExpansionInput { shape, clusters: clusters as u32, terms, factors, mixtures, nodes: vec![0] }
     }
 }
 

@@ -124,6 +124,11 @@ impl Resident {
         words[words[ASSET_LAYERS + layer as usize] as usize + field]
     }
 
+    /// Returns the number of the lobes' role in `layer`, see [`crate::LobeRole`].
+    pub(crate) fn lobe_role(&self, layer: u32) -> u32 {
+        self.field(layer, block::LOBE_ROLE)
+    }
+
     /// Returns the number of components of the residual of a layer; [`Resident::layer_for_sides`] gives its index.
     pub fn components(&self, layer: u32) -> u32 {
         self.field(layer, block::BASES).saturating_sub(1)

@@ -5,6 +5,7 @@ use crate::asset::dictionary::{DictionaryLobe, LobeRef};
 use crate::asset::edit::Edits;
 use crate::asset::heights::Heights;
 use crate::asset::lobe::{Lobe, LobeFamily};
+use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
 use crate::testing::random::{Random, direction_from_cos, ring_directions};
@@ -90,6 +91,24 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         levels: Vec::new(),
         edits: Edits::default(),
     }
+}
+
+/// Returns an asset like [`sample_asset`] whose lobes have weights that follow from two coefficients: 3 lobes a cluster
+/// and at most 20 nodes.
+pub fn sample_predicted_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) -> Asset {
+    let mut asset = sample_asset(seed, width, height, kind);
+    let mut random = Random::new(seed + 100);
+    let layer = &mut asset.layers[0];
+    layer.dictionary.iter_mut().for_each(|lobes| lobes.truncate(3));
+    let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
+    let codes = (0..3 * 3 * lobes).map(|i| if i % 3 == 0 { 30 } else { random.below(21) as i16 - 10 }).collect();
+    let mut weights = LobeWeights { step: 1.0 / 64.0, units: vec![40.0, 60.0], codes, nodes: Vec::new() };
+    let planes: Vec<Vec<i8>> = layer.coefficient_planes().iter().map(|plane| plane.to_vec()).collect();
+    let planes: Vec<&[i8]> = planes.iter().map(Vec::as_slice).collect();
+    weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &planes, 20);
+    layer.lobe_weights = Some(weights);
+    layer.predict_lobes(&planes);
+    asset
 }
 
 /// Returns a dictionary with a lobe of every family for each cluster.

@@ -2,7 +2,7 @@
 
 use super::second_reader::{Lines, add_extreme_lobes, edits, parsed, read_by_the_document, resident_bytes, wide};
 use super::{document_bytes, named};
-use btf_runtime::testing::{Random, sample_asset, sample_heights};
+use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_predicted_asset};
 use btf_runtime::{
     Asset, DecodeOptions, Interpolation, Layer, LobeRole, Resident, ResidualKind, SurfaceSide, decode, pack,
     read_directory, serial, with_levels,
@@ -65,6 +65,8 @@ fn assets_to_decode() -> Vec<Asset> {
         (4, ResidualKind::Root, LobeRole::Guide, true, true),
         (5, ResidualKind::Additive, LobeRole::Guide, false, true),
         (6, ResidualKind::Log, LobeRole::Base, true, false),
+        (7, ResidualKind::Additive, LobeRole::OldBase, true, true),
+        (8, ResidualKind::Root, LobeRole::OldBase, false, true),
     ]
     .map(|(seed, kind, role, has_heights, has_residual)| {
         let mut asset = sample_asset(seed, 9, 7, kind);
@@ -158,6 +160,45 @@ fn the_resident_form_decodes_to_the_values_of_a_decoder_written_from_the_documen
     }
     println!("{count} values, the largest difference {largest:.1e}, {wider} at the peak of a sharp lobe");
     assert!(count == 900 && wider <= count / 100, "{wider} of {count} values are known to less than 1e-6");
+}
+
+/// Lobes whose weights follow from the coefficients, of which a tier may hold some only, and whose part of the value the
+/// bases lack.
+#[test]
+fn predicted_lobes_of_every_tier_decode_to_the_second_readers_values() {
+    let mut random = Random::new(2);
+    for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
+        let mut asset = sample_predicted_asset(kind as u64, 9, 7, kind);
+        if kind == ResidualKind::Log {
+            // Nodes that are stored: those of texels without the last one.
+            let weights = asset.layers[0].lobe_weights.as_mut().unwrap();
+            weights.nodes[1].pop();
+        }
+        let bytes = pack(&asset).unwrap();
+        let tiers = read_directory(&bytes).unwrap().tiers;
+        assert_eq!(tiers.len(), 8);
+        for (number, tier) in tiers.iter().enumerate() {
+            let cut = &bytes[..*tier as usize];
+            let asset = Asset::parse(cut).unwrap();
+            let queries = random_queries(&asset, 30, &mut random);
+            let lines: String = queries.iter().map(|query| query.line() + "\n").collect();
+            let read = read_by_the_document(&format!("predicted-{}-{number}", kind as u32), cut, &[], &lines);
+            let other = |asset: &Asset| {
+                let resident = Resident::from_asset(asset);
+                let values: Vec<[f32; 3]> = queries.iter().map(|query| query.value(&resident)).collect();
+                // Bases are halves.
+                first_other_value(&read, &values, 4e-3)
+            };
+            assert_eq!(other(&asset), None, "{kind:?} {number}: {lines}");
+            // Planted differences: bases from which nothing is subtracted, and another weight.
+            let mut whole = asset.clone();
+            whole.layers[0].lobe_weights = None;
+            assert_eq!(other(&whole).is_some(), asset.layers[0].residual.is_some(), "{kind:?} {number}");
+            let mut weights = asset.clone();
+            weights.layers[0].lobe_refs.iter_mut().for_each(|reference| reference.weight[1] ^= 64);
+            assert!(other(&weights).is_some(), "{kind:?} {number}");
+        }
+    }
 }
 
 #[test]

@@ -39,7 +39,9 @@ fn decoder() -> [Constants; 2] {
         ("RESIDUAL_ADDITIVE", ResidualKind::Additive as usize),
         ("RESIDUAL_LOG", ResidualKind::Log as usize),
         ("RESIDUAL_ROOT", ResidualKind::Root as usize),
+        ("LOBE_ROLE_OLD_BASE", LobeRole::OldBase as usize),
         ("LOBE_ROLE_GUIDE", LobeRole::Guide as usize),
+        ("LOBE_ROLE_BASE", LobeRole::Base as usize),
         ("INTERPOLATION_EXACT", Interpolation::Exact as usize),
         ("ASSET_LAYERS", ASSET_LAYERS),
         ("LIGHT_ROWS", LIGHT_ROWS),
@@ -188,13 +190,20 @@ pub fn library() -> Constants {
 
 /// Returns the constants of the program that expands bases. Each row of the colour frame has one number there.
 pub fn expansion() -> Constants {
-    let mut all = of_words(&[("WORKGROUP", EXPANSION_WORKGROUP as usize)]);
+    let mut all = of_words(&[
+        ("WORKGROUP", EXPANSION_WORKGROUP as usize),
+        ("RESIDUAL_ADDITIVE", ResidualKind::Additive as usize),
+        ("RESIDUAL_LOG", ResidualKind::Log as usize),
+        ("RESIDUAL_ROOT", ResidualKind::Root as usize),
+    ]);
     let [grey, red_blue, green_magenta] = [COLOUR_FRAME[0][0], COLOUR_FRAME[1][0], COLOUR_FRAME[2][0]];
     all.extend(of_floats(&[
         ("GREY", grey),
         ("RED_BLUE", red_blue),
         ("GREEN_MAGENTA", green_magenta),
         ("MAX_HALF", half::f16::MAX.to_f32()),
+        ("ROOT", ROOT),
+        ("MAX_LOG", MAX_LOG),
     ]));
     all
 }

@@ -7,6 +7,7 @@ from spmm.entropy_coder import Decoder, must
 
 MATERIAL, LAYER, DIRECTIONS, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS, DICTIONARY, LOBE_REFS = range(1, 8)
 FACTORS, SHARED_BASES, BASIS, COEFFICIENTS, HEIGHT, LEVEL, EDITS, WORDS = range(8, 16)
+LOBE_WEIGHTS = 16
 
 
 class Section:
@@ -49,11 +50,11 @@ class Section:
 class Container:
     """Header, tables and the sections that are at hand: `found[kind, layer, index]`."""
 
-    def __init__(self, data, magic):
+    def __init__(self, data, magic, versions):
         must(len(data) >= 80, "the file is too short for a header")
         self.words = words = struct.unpack("<20I", data[:80])
         must(data[:4] == magic, f"this is no {magic.decode()} file")
-        must(words[1] == 1, f"version {words[1]} is not known")
+        must(words[1] in versions, f"version {words[1]} is not known")
         self.data, self.tables = data, 80 + 32 * words[4] + 4 * words[5]
         must(1 <= words[4] <= 4096 and 1 <= words[5] <= 4096, "a count of the header is out of its range")
         must(words[3] == 0, "a reserved word of the header is not zero")
@@ -103,7 +104,7 @@ class Header(Container):
     """An asset's."""
 
     def __init__(self, data):
-        super().__init__(data, b"SPMM")
+        super().__init__(data, b"SPMM", (1, 2))
         words = self.words
         self.layers, self.width, self.height, channels, basis, self.flags = words[6:12]
         ranges = (self.layers, 4), (self.width, 16384), (self.height, 16384)
@@ -113,7 +114,7 @@ class Header(Container):
         self.form, self.size_mm = words[14], struct.unpack("<2f", data[60:68])
         must(self.form <= 1, "the form is not known")
         must(self.size_mm == (0, 0) or all(0 < x <= 1e6 for x in self.size_mm), "the physical size is out of its range")
-        self.read_tables(256 if self.form == 1 else 16, self.layers, range(MATERIAL, WORDS + 1))
+        self.read_tables(256 if self.form == 1 else 16, self.layers, range(MATERIAL, LOBE_WEIGHTS + 1))
         must(self.form == 0 or len(self.tiers) == 1, "the resident form has one tier")
         self.material = str(self.section(MATERIAL, 0).data, "utf-8")
 

@@ -11,7 +11,7 @@ from typing import Callable, Optional
 LAMBERTIAN, OREN_NAYAR, BLINN_PHONG, WARD, COOK_TORRANCE = range(5)
 LAFORTUNE, ASHIKHMIN_SHIRLEY, GGX, WINDOWED_COSINE = range(5, 9)
 ADDITIVE, LOG, ROOT = range(3)
-BASE, GUIDE = range(2)
+OLD_BASE, GUIDE, BASE = range(3)
 
 # What "Dictionary" lists: of each family the range of each parameter, (0, 0) for those that it does not use.
 RANGES = [
@@ -269,8 +269,9 @@ def combine(layer, s, r, beyond):
     """Per channel; lobes that only guide are no part of the value."""
     if layer.lobe_role == GUIDE:
         return beyond * max(0, inverse(layer, curve(layer, 0) + r))
-    scaled = {ADDITIVE: beyond, LOG: 1, ROOT: max(1e-12, beyond) ** (1 / 2.4)}[layer.residual_kind] * r
-    return max(0, inverse(layer, curve(layer, s) + scaled))
+    if layer.lobe_role == OLD_BASE:
+        r *= {ADDITIVE: beyond, LOG: 1, ROOT: max(1e-12, beyond) ** (1 / 2.4)}[layer.residual_kind]
+    return max(0, inverse(layer, curve(layer, s) + r))
 
 
 # Step 8
@@ -357,12 +358,18 @@ def decode(levels, layer, level, texel, wi, wo, rule):
     fade = min(1, wi[2] / layer.horizon)
     # 4. Neighbours, 8. Parallax
     lights, beyond = neighbours(layer.lights, wi)
+    nearest = layer.residual and layer.lobe_role == BASE and rule == "fast" and beyond < 1
+    toward = wi
+    if nearest:
+        ends = [(layer.lights.directions[i], weight) for i, weight in lights]
+        x, y = (sum(weight * end[axis] for end, weight in ends) for axis in range(2))
+        toward = x, y, math.sqrt(max(1e-6, 1 - x * x - y * y))
     views = shown(layer, texel, wo, *neighbours(layer.views, wo))
     pairs = [(view, light, v * l, place) for view, v, place in views for light, l in lights]
 
     def lobes(dictionaries):
         """`S(wi, wo)` of the texels that the views show."""
-        sums = [(weight, lobe_sum(layer, dictionaries, place, wi, wo)) for _, weight, place in views]
+        sums = [(weight, lobe_sum(layer, dictionaries, place, toward, wo)) for _, weight, place in views]
         return [sum(weight * s[c] for weight, s in sums) for c in range(3)]
 
     s = lobes(layer.dictionaries)
@@ -390,4 +397,5 @@ def decode(levels, layer, level, texel, wi, wo, rule):
             tint * max(0, inverse(layer, curve(layer, s1) + edit.keep * (curve(layer, x) - curve(layer, s0))))
             for tint, x, s0, s1 in zip(edit.tint, value, s, changed)
         ]
-    return [x * fade for x in value]
+    # Beyond the measured lights the value at their hull falls.
+    return [x * fade * (beyond if nearest else 1) for x in value]

@@ -4,8 +4,9 @@ import math
 from dataclasses import replace
 
 from spmm.container import BASIS, COEFFICIENTS, DICTIONARY, DIRECTIONS, EDITS, FACTORS, HEIGHT, LAYER, LEVEL
-from spmm.container import LOBE_REFS, SHARED_BASES, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS, sides_of_levels
-from spmm.decoding import WINDOWED_COSINE, Edit, Layer, Lobe, carried, edited_lobe, keep, raised, within_ranges
+from spmm.container import LOBE_REFS, LOBE_WEIGHTS, SHARED_BASES, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS, sides_of_levels
+from spmm.decoding import WINDOWED_COSINE, Edit, Layer, Lobe, carried, clamp, curve, edited_lobe, keep, lobe_value, raised
+from spmm.decoding import within_ranges
 from spmm.directions import direction_set, single
 from spmm.entropy_coder import byte_plane, cluster_ids, lobe_counts, lobe_references, must, plane
 
@@ -45,7 +46,7 @@ def read_layer(header, number, edits, texel_edits, show):
     light_side, view_side, kind, _, clusters, components, has_residual, role = part.numbers("I", 8)
     part.end()
     epsilon = section(LAYER).numbers("f", 8)[3]
-    must(max(light_side, view_side, has_residual, role) <= 1 and kind <= 2, "a word of a layer is out of its range")
+    must(max(light_side, view_side, has_residual) <= 1 and max(kind, role) <= 2, "a word of a layer is out of its range")
     must(single(1e-6) <= epsilon <= 1, "a layer's epsilon is out of its range")
     must(1 <= clusters <= 256 and components <= 128, "a count of a layer is out of its range")
     lights, views = (direction_set(section(DIRECTIONS, index)) for index in range(2))
@@ -58,9 +59,15 @@ def read_layer(header, number, edits, texel_edits, show):
 
     ids = section(TEXEL_CLUSTERS).stream(texels, lambda stream: cluster_ids(stream, header.width, header.height))
     must(max(ids) < clusters, "a cluster is not there")
-    counts = section(TEXEL_LOBE_COUNTS).stream(texels, lambda stream: lobe_counts(stream, ids))
     dictionaries, angles = read_dictionary(section(DICTIONARY), clusters)
-    references = section(LOBE_REFS).stream(sum(counts), lambda stream: lobe_references(stream, ids, counts))
+    weights = None
+    if header.has(LOBE_WEIGHTS, number):
+        weights = Weights(header, number, components * has_residual, ids, dictionaries)
+    if weights and not header.has(TEXEL_LOBE_COUNTS, number):
+        references = [weights.references(k, inputs) for k, inputs in zip(ids, weights.of_texels)]
+    else:
+        counts = section(TEXEL_LOBE_COUNTS).stream(texels, lambda stream: lobe_counts(stream, ids))
+        references = section(LOBE_REFS).stream(sum(counts), lambda stream: lobe_references(stream, ids, counts))
     must_have_lobes(references, ids, dictionaries)
     lobes = sum(map(len, dictionaries))
     must(len(edits) * (9 + clusters + 16 * lobes) <= 2**24, "there are too many edits")
@@ -103,6 +110,8 @@ def read_layer(header, number, edits, texel_edits, show):
     if not has_residual or not complete:
         return layer, None
     bases = Bases(header, number, layer, components, show)
+    if weights:
+        weights.take_from(bases, layer)
     layer.codes, layer.residual = bases.codes, bases.residual(ids, bases.codes)
     return layer, bases
 
@@ -184,12 +193,110 @@ def read_level(part, finest, bases, size):
     )
 
 
+class Weights:
+    """The lobe weights of a layer: `codes[cluster][lobe][channel]`, and the inputs of texels and of clusters' nodes."""
+
+    def __init__(self, header, number, components, ids, dictionaries):
+        part = header.section(LOBE_WEIGHTS, number)
+        inputs, most, stored = part.numbers("I", 3)
+        (self.step,) = part.numbers("f", 1)
+        must(inputs <= 16 and most <= 256 and stored <= 1, "a count of the lobe weights is out of its range")
+        self.units = part.numbers("f", inputs)
+        must(all(0 < x < math.inf for x in [self.step, *self.units]), "a step or unit of lobe weights is not above 0")
+        counts = part.numbers("I", len(dictionaries)) if stored else []
+        must(all(count <= most for count in counts), "a cluster has too many nodes")
+        width, rows = 1 + inputs, 3 * sum(map(len, dictionaries))
+
+        def read(stream):
+            codes = plane(stream, width, rows, -32768, 32767)
+            return codes, byte_plane(stream, inputs, sum(counts)) if stored else []
+
+        codes, of_nodes = part.stream(rows * width + sum(counts) * inputs, read)
+        rows = iter([codes[i : i + width] for i in range(0, len(codes), width)])
+        self.codes = [[[next(rows) for _ in range(3)] for _ in lobes] for lobes in dictionaries]
+        planes = []
+        for j in range(1, min(inputs, components) + 1):
+            if not header.has(COEFFICIENTS, number, j):
+                break
+            part = header.section(COEFFICIENTS, number, j)
+            part.steps(1, 1e9)
+            planes.append(part.stream(len(ids), lambda stream: byte_plane(stream, header.width, header.height)))
+        self.of_texels = [[codes[texel] for codes in planes] + [0] * (inputs - len(planes)) for texel in range(len(ids))]
+        if stored:
+            nodes = iter(of_nodes[i * inputs : (i + 1) * inputs] for i in range(sum(counts)))
+            self.nodes = [[next(nodes) for _ in range(count)] for count in counts]
+        else:
+            self.nodes = []
+            for k in range(len(dictionaries)):
+                members = [texel for texel, cluster in enumerate(ids) if cluster == k]
+                count = min(most, len(members))
+                self.nodes.append([self.of_texels[members[i * len(members) // count]] for i in range(count)])
+
+    def references(self, k, inputs):
+        references = []
+        for lobe, channels in enumerate(self.codes[k]):
+            weights = []
+            for constant, *slopes in channels:
+                u = self.step * (constant + sum(q * (c / unit) for q, c, unit in zip(slopes, inputs, self.units)))
+                u = single(clamp(u, 0, 1))
+                weights.append(min(range(256), key=lambda code: abs((code / 255) ** 2 - u)))
+            if any(weights):
+                references.append([lobe, *weights])
+        return references
+
+    def take_from(self, bases, layer):
+        """Has the bases subtract what the lobes give."""
+        pairs = [(wo, wi) for wo in layer.views.directions for wi in layer.lights.directions]
+        for k, nodes in enumerate(self.nodes):
+            lobes = layer.dictionaries[k]
+            if not nodes or not lobes:
+                continue
+            references = [self.references(k, node) for node in nodes]
+            factors = nearest_affine(nodes)
+            for pair, (wo, wi) in enumerate(pairs):
+                values = [lobe.scale * lobe_value(lobe, wi, wo) for lobe in lobes]
+                for c in range(3):
+                    sums = [sum(values[own[0]] * (own[1 + c] / 255) ** 2 for own in lobes_) for lobes_ in references]
+                    y = [curve(layer, s) - curve(layer, 0) for s in sums]
+                    columns = range(1 + len(self.units))
+                    bases.taken[k, pair, c] = [sum(own[j] * x for own, x in zip(factors, y)) for j in columns]
+
+
+def nearest_affine(nodes):
+    """Of each node the factors of its value in the constant and the slopes of the nearest affine function."""
+    count, inputs = len(nodes), len(nodes[0])
+    means = [sum(node[i] for node in nodes) / count for i in range(inputs)]
+    centred = [[c - m for c, m in zip(node, means)] for node in nodes]
+    matrix = [[sum(node[i] * node[j] for node in centred) for j in range(inputs)] for i in range(inputs)]
+    for i in range(inputs):
+        matrix[i][i] += 0.001 * count
+    slopes = solve(matrix, [[node[i] for node in centred] for i in range(inputs)])
+    return [
+        [1 / count - sum(slopes[i][s] * means[i] for i in range(inputs)), *(slopes[i][s] for i in range(inputs))]
+        for s in range(count)
+    ]
+
+
+def solve(matrix, right):
+    """Gauss-Jordan elimination; the matrix is positive definite."""
+    rows = [own + other for own, other in zip(matrix, right)]
+    for i in range(len(rows)):
+        rows[i] = [x / rows[i][i] for x in rows[i]]
+        for j in range(len(rows)):
+            if j != i:
+                factor = rows[j][i]
+                rows[j] = [x - factor * y for x, y in zip(rows[j], rows[i])]
+    return [row[len(rows) :] for row in rows]
+
+
 class Bases:
     """The bases of a layer at all pairs, in double precision, and the codes of the finest level's texels."""
 
     def __init__(self, header, number, layer, components, show):
         lights, views, clusters = len(layer.lights.directions), len(layer.views.directions), len(layer.dictionaries)
         self.lights, self.views = lights, views
+        # What lobes take, by cluster, pair and channel: a constant, and for a code of 1 of each component.
+        self.taken = {}
         part = header.section(FACTORS, number)
         words = part.numbers("I", 8)
         must(max(words[:6]) <= 256 and words[6:] == [0, 0], "a rank is out of its range")
@@ -250,7 +357,9 @@ class Bases:
             pair, k = view * self.lights + light, clusters[texel]
             coefficients = [1.0] + [step * plane[texel] for step, plane in zip(self.steps[1:], codes)]
             values = [self.at_pairs[j][k][pair] for j in range(len(coefficients))]
-            return [sum(y * value[c] for y, value in zip(coefficients, values)) for c in range(3)]
+            inputs = [1, *(plane[texel] for plane in codes)]
+            taken = [sum(a * x for a, x in zip(self.taken.get((k, pair, c), []), inputs)) for c in range(3)]
+            return [sum(y * value[c] for y, value in zip(coefficients, values)) - taken[c] for c in range(3)]
 
         return at
 

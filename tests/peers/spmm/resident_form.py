@@ -74,7 +74,7 @@ def read_layer(words, at, size):
     block = words[words.part(at, 32) : at + 32]
     (epsilon,), (horizon,), heights = words.floats(at + 3, 1), words.floats(at + 16, 1), words.floats(at + 19, 3)
     clusters, references, edits, bases, stride = *block[25:28], *block[4:6]
-    must(max(block[0], block[1], block[17]) <= 1 and block[2] <= 2, "a word of a layer is out of its range")
+    must(max(block[0], block[1]) <= 1 and max(block[2], block[17]) <= 2, "a word of a layer is out of its range")
     must(single(1e-6) <= epsilon <= 1, "a layer's epsilon is out of its range")
     must(single(1e-6) <= horizon <= single(0.1), "h of the horizon is out of its range")
     must(1 <= clusters <= 256 and bases <= 129 and edits <= 255, "a count of a layer is out of its range")

@@ -28,25 +28,19 @@ pub(crate) struct LayerBases {
 
 impl LayerBases {
     /// Returns the bases of all layers of `asset`; `head` is [`Resident::without_bases`] of it. `None` where a single
-    /// cluster takes more than the adapter binds at once, which no asset of sensible ranks does, and where lobe weights
-    /// follow from the coefficients. Cost: that of
-    /// [`ExpansionInput::new`].
+    /// cluster takes more than the adapter binds at once, which no asset of sensible ranks does. Cost: that of
+    /// [`ExpansionInput::of_layer`].
     pub(crate) fn of_asset(gpu: &Gpu, head: &Resident, asset: &Asset) -> Option<Vec<LayerBases>> {
-        // What lobes take from the bases is computed on the CPU.
-        if asset.layers.iter().any(|layer| layer.lobe_weights.is_some()) {
-            return None;
-        }
         let layers = asset.layers.iter().enumerate().filter_map(|(number, layer)| {
-            let input = ExpansionInput::new(layer.residual.as_ref()?, layer.dictionary.len());
-            Some(LayerBases { place: head.bases_of(number as u32), input })
+            Some(LayerBases { place: head.bases_of(number as u32), input: ExpansionInput::of_layer(layer)? })
         });
         let layers: Vec<LayerBases> = layers.collect();
         layers.iter().all(|layer| layer.fits(gpu)).then_some(layers)
     }
 
     fn fits(&self, gpu: &Gpu) -> bool {
-        let ExpansionInput { shape, terms, factors, mixtures, .. } = &self.input;
-        let inputs = [terms.len(), factors.len(), mixtures.len()].map(|count| 4 * count as u64);
+        let ExpansionInput { shape, terms, factors, mixtures, nodes, .. } = &self.input;
+        let inputs = [terms.len(), factors.len(), mixtures.len(), nodes.len()].map(|count| 4 * count as u64);
         let most = gpu.max_binding_bytes();
         inputs.iter().chain(&shape.scratch_bytes()).all(|bytes| *bytes <= most)
             && shape.items().iter().all(|items| *items < MAX_ITEMS)
@@ -78,7 +72,7 @@ pub(crate) struct Expander {
 impl Expander {
     pub(crate) fn new(gpu: &Gpu) -> Expander {
         const UNIFORM: wgpu::BufferBindingType = wgpu::BufferBindingType::Uniform;
-        let kinds = [UNIFORM, UNIFORM, READ, READ, READ, WRITE, WRITE, WRITE];
+        let kinds = [UNIFORM, UNIFORM, READ, READ, READ, WRITE, WRITE, WRITE, READ];
         let entries: Vec<_> = (0..).zip(kinds).map(|(binding, kind)| buffer_entry(binding, kind)).collect();
         let layout = gpu
             .device
@@ -111,7 +105,7 @@ impl Expander {
     /// [`ViewerError::Gpu`] where the driver has no memory for what lies between the passes.
     pub(crate) fn expand(&self, layer: &LayerBases, asset_at: u32, pieces: &Pieces) -> Result<(), ViewerError> {
         let gpu = &self.gpu;
-        let ExpansionInput { shape, clusters, terms, factors, mixtures } = &layer.input;
+        let ExpansionInput { shape, clusters, terms, factors, mixtures, nodes } = &layer.input;
         let bases_at = asset_at as usize + layer.place.start;
         let slice = layer.slice(gpu);
         let uniform = |bytes: &[u8]| gpu.buffer("counts of the bases", bytes, BufferUsages::UNIFORM);
@@ -121,6 +115,7 @@ impl Expander {
             input(bytemuck::cast_slice(terms))?,
             input(bytemuck::cast_slice(factors))?,
             input(bytemuck::cast_slice(mixtures))?,
+            input(bytemuck::cast_slice(nodes))?,
         ];
         let scratch =
             |bytes: u64| gpu.empty_buffer("bases between passes", u64::from(slice) * bytes, BufferUsages::STORAGE);
@@ -144,7 +139,8 @@ impl Expander {
                     piece_from: piece.start as u32,
                     piece_words: piece.len() as u32,
                 }))?;
-                let bound = [&counts, &of_piece, &inputs[0], &inputs[1], &inputs[2], &cores, &viewed, buffer];
+                let [terms, factors, mixtures, nodes] = &inputs;
+                let bound = [&counts, &of_piece, terms, factors, mixtures, &cores, &viewed, buffer, nodes];
                 let resources: Vec<_> = (0..).zip(bound.map(wgpu::Buffer::as_entire_binding)).collect();
                 let group = bind(gpu, &self.layout, &resources);
                 let mut compute = encoder.begin_compute_pass(&Default::default());

@@ -245,7 +245,7 @@ impl<'a> Planner<'a> {
         // Lobes that only guide show in no picture, but rays are drawn by them and edits begin with them.
         let shows = |asset: &&FileForm| {
             matches!(limit, Limit::Components)
-                || asset.asset.layers.iter().any(|layer| layer.lobe_role == LobeRole::Base || layer.residual.is_none())
+                || asset.asset.layers.iter().any(|layer| layer.lobe_role != LobeRole::Guide || layer.residual.is_none())
         };
         let mut open: Vec<bool> = self.forms.iter().map(shows).collect();
         for (need, open) in needs.iter_mut().zip(&mut open).filter(|(need, _)| need.pixels == 0) {

@@ -2,7 +2,7 @@
 //! means.
 
 use crate::support::{count_differences, gpu};
-use btf_runtime::testing::{Random, sample_asset};
+use btf_runtime::testing::{Random, sample_asset, sample_predicted_asset};
 use btf_runtime::{
     Asset, Basis, Edit, Edits, Factors, Resident, ResidualKind, SharedBases, SurfaceSide, serial, with_levels,
 };
@@ -100,6 +100,7 @@ fn assets() -> Vec<Asset> {
         enlarge(&mut asset, seed, clusters, components);
         assets.push(asset);
     }
+    assets.extend(kinds.map(|kind| sample_predicted_asset(20 + kind as u64, 9, 7, kind)));
     let mut layers = assets[4].clone();
     let [mut bare, mut back] = [5, 6].map(|number: usize| Asset::clone(&assets[number]).layers[0].clone());
     bare.residual = None;
@@ -140,6 +141,12 @@ fn the_gpu_expands_bases_like_the_cpu() {
             }
         });
         assert!(last > 0, "{number}");
+        // Planted difference: nothing is taken by the lobes.
+        if asset.layers[0].lobe_weights.is_some() {
+            let mut other = asset.clone();
+            other.layers[0].lobe_weights = None;
+            assert!(differences(&Resident::from_asset(&other), &found).1 > 0, "{number}");
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use crate::metrics::psnr_db_from_codes;
 use crate::monitor::Monitor;
 use btf_capture::Transfer;
 use btf_models::glb::{F32, GlbBuffer, INDICES, TRIANGLES, U16, VERTICES, escaped, glb_from};
-use btf_runtime::{Form, Levels, Resident, VERSION, open, read_directory};
+use btf_runtime::{Form, Levels, Resident, open, read_directory};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -119,7 +119,7 @@ pub fn export_gltf(
     };
     let mut extension = json!({
         "asset": asset,
-        "version": VERSION,
+        "version": directory.head.version,
         "form": if directory.head.form == Form::Resident { "resident" } else { "file" },
         "byteLength": bytes.len(),
         "checksum": format!("{:016x}", directory.checksum),

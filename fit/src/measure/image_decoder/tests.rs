@@ -7,7 +7,7 @@ use btf_runtime::{ResidualKind, TexelPlace, decode, decode_measured, lobe_tables
 
 const KINDS: [ResidualKind; 3] = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
 
-const ROLES: [LobeRole; 2] = [LobeRole::Base, LobeRole::Guide];
+const ROLES: [LobeRole; 3] = [LobeRole::Base, LobeRole::Guide, LobeRole::OldBase];
 
 /// Returns one asset per curve and role.
 fn assets() -> impl Iterator<Item = (ResidualKind, LobeRole, Asset)> {
