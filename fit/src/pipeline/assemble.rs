@@ -21,8 +21,9 @@ pub fn assemble(layers: &[PreparedLayer], step: f64, [width, height]: [usize; 2]
             let encoded = prepared.model.encode(step, most_components);
             error += encoded.error;
             let mut layer = Layer { residual: Some(encoded.residual), ..prepared.layer.clone() };
-            if let Some(weights) = &prepared.free_weights {
-                weights.predict(&mut layer);
+            if let Some(weights) = &prepared.lobe_weights {
+                let samples = 3 * width * height * layer.views.len() * layer.lights.len();
+                weights.put_into(&mut layer, encoded.error / samples.max(1) as f64);
             }
             layer
         })

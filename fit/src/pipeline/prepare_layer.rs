@@ -17,7 +17,7 @@ use crate::stages::features::features;
 use crate::stages::heights::find_heights;
 use crate::stages::kmeans::kmeans;
 use crate::stages::lobe_dictionaries::{DictionaryTask, LobeFigures};
-use crate::stages::lobe_weights::{FreeWeights, add_upright_lambertian};
+use crate::stages::lobe_weights::{FittedWeights, add_upright_lambertian};
 use crate::stages::local_pca::{local_pca, reassign};
 use crate::stages::residual_source::{ResidualSource, TexelLobes};
 use crate::stages::sparse::{ClusterLobes, Correlations, LobesOf, Selection, drop_unused, select};
@@ -47,8 +47,8 @@ pub struct PreparedLayer {
     pub layer: Layer,
     /// The residual before it is quantised.
     pub model: Model,
-    /// Weights from which those of predicted lobes are learnt; `None` where texels' references are in the layer.
-    pub free_weights: Option<FreeWeights>,
+    /// Lobe weights as functions of the coefficients; `None` where texels' references are in the layer.
+    pub lobe_weights: Option<FittedWeights>,
     /// Figures of the lobes alone, without the residual.
     pub figures: LobeFigures,
     /// Direction pairs that were held back (`view * lights + light`).
@@ -70,8 +70,8 @@ pub fn prepare_layer(
         Role::Base if !predicted => source.fit_base()?,
         _ => source.fit_guide()?,
     };
-    let free_weights = if predicted { Some(source.free_weights(&fitted)?) } else { None };
     let model = source.model(&mut fitted)?;
+    let lobe_weights = if predicted { Some(source.lobe_weights(&fitted, &model)?) } else { None };
     let heights = source.heights()?;
     let LayerSource { views, lights, kind, epsilon, holdout, .. } = source;
     let FittedLobes { labels, selection, figures, .. } = fitted;
@@ -93,7 +93,7 @@ pub fn prepare_layer(
         residual: None,
     };
     let figures = LobeFigures { sparse: selection.mean_relative_error, ..figures };
-    Ok(PreparedLayer { layer, model, free_weights, figures, left_out: holdout.pairs })
+    Ok(PreparedLayer { layer, model, lobe_weights, figures, left_out: holdout.pairs })
 }
 
 /// Result of a recipe: clusters, lobes, and the coordinates of the residual.
@@ -199,11 +199,11 @@ impl<'a> LayerSource<'a> {
         Ok(FittedLobes { labels, dictionaries, selection, figures, coordinates })
     }
 
-    /// Finds the weights from which predicted ones are learnt.
-    fn free_weights(&self, fitted: &FittedLobes) -> Result<FreeWeights, FitError> {
+    /// Finds the lobes' weights as functions of the coefficients.
+    fn lobe_weights(&self, fitted: &FittedLobes, model: &Model) -> Result<FittedWeights, FitError> {
         self.stages.run("predict", || {
-            let some = MEAN_SAMPLE.min(self.sample);
-            FreeWeights::new(self.cache, &fitted.dictionaries, &fitted.labels, some, self.params.seed())
+            let (values, curve) = (self.residual(None), (self.kind, self.epsilon));
+            FittedWeights::new(&values, &fitted.dictionaries, model, curve, self.sample, self.params.seed())
         })
     }
 

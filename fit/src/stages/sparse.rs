@@ -57,8 +57,6 @@ impl ClusterLobes {
 
 /// Texels' correlations with their clusters' lobes.
 pub struct Correlations {
-    /// Texels, ascending.
-    pub texels: Vec<usize>,
     /// Cluster per texel.
     pub labels: Vec<u32>,
     /// `A' W x`, `[texel, 3 * lobe + channel]`, lobes padded to the largest dictionary.
@@ -76,7 +74,7 @@ impl Correlations {
         monitor: &Monitor,
     ) -> Result<Correlations, FitError> {
         let weighted = weighted_tables(clusters);
-        let mut all = Correlations::empty(clusters, (0..labels.len()).collect(), labels.to_vec());
+        let mut all = Correlations::empty(clusters, labels.to_vec());
         for tile in 0..cache.tile_count() {
             let loaded = cache.read(tile)?;
             all.add_block(&loaded, loaded.texels.start, clusters, &weighted);
@@ -103,22 +101,20 @@ impl Correlations {
             .flat_map(|members| texel_sample(members.len(), share, seed).into_iter().map(|i| members[i]))
             .collect();
         chosen.sort_unstable();
-        let block = cache.gather(&chosen)?;
-        let of_chosen = chosen.iter().map(|texel| labels[*texel]).collect();
-        let mut some = Correlations::empty(clusters, chosen, of_chosen);
-        some.add_block(&block, 0, clusters, &weighted_tables(clusters));
+        let mut some = Correlations::empty(clusters, chosen.iter().map(|texel| labels[*texel]).collect());
+        some.add_block(&cache.gather(&chosen)?, 0, clusters, &weighted_tables(clusters));
         Ok(some)
     }
 
-    fn empty(clusters: &[ClusterLobes], texels: Vec<usize>, labels: Vec<u32>) -> Correlations {
+    fn empty(clusters: &[ClusterLobes], labels: Vec<u32>) -> Correlations {
         let most = clusters.iter().map(|cluster| cluster.lobes.len()).max().unwrap_or(0);
         let count = labels.len();
-        Correlations { texels, labels, products: Array2::zeros((count, 3 * most)), energy: vec![0.0; count] }
+        Correlations { labels, products: Array2::zeros((count, 3 * most)), energy: vec![0.0; count] }
     }
 
     /// Computes the correlations of the texels of `block`, whose first is number `first` here.
     fn add_block(&mut self, block: &Tile, first: usize, clusters: &[ClusterLobes], weighted: &[Array2<f32>]) {
-        let Correlations { labels, products, energy, .. } = self;
+        let Correlations { labels, products, energy } = self;
         let mut order: Vec<usize> = (0..block.texels.len()).collect();
         order.sort_by_key(|&i| (labels[first + i], i));
         let batches: Vec<&[usize]> =

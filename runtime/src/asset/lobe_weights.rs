@@ -153,8 +153,8 @@ impl Layer {
         self.taken_at(cluster, &lobe_tables(&lobes, &self.views, &self.lights))
     }
 
-    /// Returns what [`Layer::taken_by_lobes`] does at some pairs; `tables` are the lobes' values there, `[lobe][pair]`.
-    pub(crate) fn taken_at(&self, cluster: usize, tables: &[Vec<f32>]) -> Option<(usize, Vec<f32>)> {
+    /// Returns what a decoder subtracts at some pairs, as `Layer::taken_by_lobes` does at all; `tables` are the lobes' values there, `[lobe][pair]`.
+    pub fn taken_at(&self, cluster: usize, tables: &[Vec<f32>]) -> Option<(usize, Vec<f32>)> {
         let nodes = self.lobe_nodes(cluster)?;
         let columns = 1 + nodes.inputs;
         let mut values = vec![0.0f32; 3 * tables[0].len()];
