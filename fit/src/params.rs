@@ -11,12 +11,13 @@ pub(crate) const MAX_HALF: f32 = 65504.0;
 pub(crate) const MAX_ASKED_COMPONENTS: usize = 64;
 /// Residual components at most without a goal.
 const DEFAULT_COMPONENTS: usize = 8;
-/// Bytes that a texel's own lobe takes in the file after entropy coding, about: 2.5 to 2.9 at 256 x 256 texels
-/// (docs/results/trade.md), up to 3.9 in captures of a few thousand texels, where the dictionaries weigh more.
-const BYTES_PER_OWN_LOBE: f64 = 3.5;
-/// Share of the bytes that lobes as base may take by [`FitParams::lobes_for`]. The residual gets the rest, and brings
-/// more dB per byte.
-const OWN_LOBE_SHARE: f64 = 0.25;
+/// Lobes of a cluster whose weights follow from the coefficients: more of them give 0.02 dB between the measured
+/// directions (leather of 2 MB) and take time in every evaluation.
+const PREDICTED_LOBES: usize = 4;
+/// Bytes that such a lobe takes in the file: itself 20, its weights 10 and a share of what sections cost.
+const BYTES_PER_PREDICTED_LOBE: f64 = 32.0;
+/// Share of the bytes that such lobes may take.
+const PREDICTED_LOBE_SHARE: f64 = 0.025;
 
 /// The error that a fit minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,7 +58,8 @@ pub enum Role {
     /// The residual holds the whole value. Each cluster has one set of lobes, which guides interpolation, sampling and
     /// editing and adds nothing to the value.
     Guide,
-    /// Each texel has lobes of its own, and the residual is what they leave.
+    /// Each texel has lobes of its own, and the residual is what they leave. With a size or a PSNR as goal their weights
+    /// follow from the residual's coefficients, else each texel stores its own.
     Base,
 }
 
@@ -112,7 +114,7 @@ pub struct FitParams {
     pub clusters: usize,
     /// Most lobes of a texel ([`Role::Base`]) or of a cluster ([`Role::Guide`]), 0 to 32.
     pub lobes: usize,
-    /// What lobes are to the residual; `None`: [`Role::Guide`] with a size or a PSNR as goal, else [`Role::Base`].
+    /// What lobes are to the residual; `None`: [`Role::Base`].
     pub role: Option<Role>,
     /// Residual components, 0 to 64; `None`: what the goal gives, 8 without a goal.
     pub components: Option<usize>,
@@ -162,18 +164,17 @@ impl FitParams {
         if bytes.is_some_and(|bytes| bytes < 2 * texels as u64) { 16 } else { FitParams::default().clusters }
     }
 
-    /// Returns the most lobes that a fit of `texels` texels a layer should have when it may spend `bytes` on each
-    /// layer: as base so few, at least 1, that they take about a quarter of the bytes.
-    pub fn lobes_for(role: Option<Role>, bytes: Option<u64>, texels: usize) -> usize {
-        let most = FitParams::default().lobes;
-        if true {
-            return most;
+    /// Returns the most lobes that a fit should have whose layers have `clusters` clusters and may take `bytes` each,
+    /// `None` for any size: where a file is small, so few, at least 1, that they take at most 2.5 % of it.
+    pub fn lobes_for(&self, bytes: Option<u64>, clusters: usize) -> usize {
+        let goal = self.bytes.is_some() || self.psnr_db.is_some();
+        if !goal || self.role == Some(Role::Guide) {
+            return FitParams::default().lobes;
         }
-        let (Some(Role::Base), Some(bytes)) = (role, bytes) else {
-            return most;
-        };
-        let affordable = OWN_LOBE_SHARE * bytes as f64 / (BYTES_PER_OWN_LOBE * texels.max(1) as f64);
-        (affordable as usize).clamp(1, most)
+        let affordable = bytes.map_or(f64::INFINITY, |bytes| {
+            PREDICTED_LOBE_SHARE * bytes as f64 / (BYTES_PER_PREDICTED_LOBE * clusters.max(1) as f64)
+        });
+        (affordable as usize).clamp(1, PREDICTED_LOBES)
     }
 
     /// Checks every range.
@@ -225,10 +226,19 @@ impl ValidFitParams {
         }
     }
 
-    /// Returns what lobes are to the residual: as asked for, else a guide with a goal and a base without.
+    /// Returns what lobes are to the residual: as asked for, else its base.
     pub fn role(&self) -> Role {
-        let usual = if self.goal() == Goal::None { Role::Base } else { Role::Guide };
-        self.asked.role.unwrap_or(usual)
+        self.asked.role.unwrap_or(Role::Base)
+    }
+
+    /// Returns whether every texel stores lobes of its own.
+    pub fn stores_lobes(&self) -> bool {
+        self.role() == Role::Base && self.goal() == Goal::None
+    }
+
+    /// Returns whether the weights of lobes follow from the residual's coefficients.
+    pub fn predicts_lobes(&self) -> bool {
+        self.role() == Role::Base && self.goal() != Goal::None && self.lobes() > 0
     }
 
     /// Returns the largest asset in bytes, where the goal is a size.
@@ -304,26 +314,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lobes_guide_with_a_goal_and_are_the_base_without_unless_it_is_said_otherwise() {
+    fn lobes_are_the_base_unless_it_is_said_otherwise() {
         let role = |params: FitParams| params.check().unwrap().role();
         let plain = FitParams::default();
-        assert_eq!(role(plain.clone()), Role::Base);
-        for goal in
-            [FitParams { bytes: Some(1_000), ..plain.clone() }, FitParams { psnr_db: Some(30.0), ..plain.clone() }]
-        {
-            assert_eq!(role(goal.clone()), Role::Guide);
-            assert_eq!(role(FitParams { role: Some(Role::Base), ..goal }), Role::Base);
+        for goal in [
+            plain.clone(),
+            FitParams { bytes: Some(1_000), ..plain.clone() },
+            FitParams { psnr_db: Some(30.0), ..plain.clone() },
+        ] {
+            assert_eq!(role(goal.clone()), Role::Base);
+            assert_eq!(role(FitParams { role: Some(Role::Guide), ..goal }), Role::Guide);
         }
-        assert_eq!(role(FitParams { role: Some(Role::Guide), ..plain }), Role::Guide);
     }
 
     #[test]
-    fn own_lobes_take_a_quarter_of_the_bytes_and_there_is_always_one() {
-        let texels = 256 * 256;
-        let lobes = |bytes| FitParams::lobes_for(Some(Role::Base), Some(bytes), texels);
-        assert_eq!([lobes(100_000), lobes(1_000_000), lobes(2_000_000), lobes(20_000_000)], [1, 1, 2, 8]);
-        for (role, bytes) in [(None, Some(100_000)), (Some(Role::Guide), Some(100_000)), (Some(Role::Base), None)] {
-            assert_eq!(FitParams::lobes_for(role, bytes, texels), FitParams::default().lobes);
+    fn a_small_file_gets_few_lobes_and_always_one() {
+        let sized = FitParams { bytes: Some(1), ..FitParams::default() };
+        let lobes = |bytes| sized.lobes_for(Some(bytes), 32);
+        assert_eq!([lobes(10_000), lobes(100_000), lobes(2_000_000)], [1, 2, 4]);
+        assert_eq!(sized.lobes_for(Some(100_000), 16), 4);
+        assert_eq!(FitParams { psnr_db: Some(30.0), ..FitParams::default() }.lobes_for(None, 32), 4);
+        for other in [FitParams::default(), FitParams { role: Some(Role::Guide), ..sized }] {
+            assert_eq!(other.lobes_for(Some(10_000), 32), FitParams::default().lobes);
         }
     }
 

@@ -64,7 +64,9 @@ pub use decode::parallax::{HeightField, SeenBy};
 pub use decode::sample::MIN_ALPHA;
 pub use decode::viewed_texel::{LightRows, ViewedTexel};
 pub use error::FormatError;
-pub use file::format::{Form, Head, MAGIC, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory, read_version};
+pub use file::format::{
+    Form, Head, MAGIC, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory, read_version,
+};
 pub use file::pack::pack;
 pub use file::resident_file::ResidentFile;
 pub use file::validate::{Report, validate};

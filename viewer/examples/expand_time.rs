@@ -35,8 +35,8 @@ fn main() {
             halves.map(|bits| f16::from_bits(bits).to_f32()).collect()
         };
         let inputs = asset.layers.iter().filter_map(|layer| {
-            let input = ExpansionInput::new(layer.residual.as_ref()?, layer.dictionary.len());
-            Some(4 * (input.terms.len() + input.factors.len() + input.mixtures.len()))
+            let input = ExpansionInput::of_layer(layer)?;
+            Some(4 * (input.terms.len() + input.factors.len() + input.mixtures.len() + input.nodes.len()))
         });
         let (mut peak, mut worst, mut count, mut other) = (0.0f32, 0.0f32, 0, 0);
         for place in (0..expected.layers()).map(|layer| expected.bases_of(layer)) {

@@ -26,7 +26,7 @@ use std::time::Instant;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit fit WOOL -o wool.spmm --bytes 2MB --report wool.html
-  btf-fit fit WOOL -o wool.spmm --bytes 2MB --role base # lobes of each texel's own are part of the value
+  btf-fit fit WOOL -o wool.spmm --psnr 36               # the smallest asset of this PSNR
   btf-fit fit WOOL -o wool.spmm --bytes 2MB --resume    # again after a crash: goes on where that was
   btf-fit fit LEAF_FRONT LEAF_BACK LEAF_THROUGH_BACK LEAF_THROUGH_FRONT -o leaf.spmm --bytes 6MB --json -")]
 pub(super) struct FitArgs {
@@ -46,14 +46,14 @@ pub(super) struct FitArgs {
     /// than 2 bytes a texel
     #[arg(long, value_name = "N")]
     clusters: Option<usize>,
-    /// Most lobes, 0 to 32: of a texel as base, of a cluster as guide; 8 if not given, with --role base and --bytes as
-    /// few as take about a quarter of the bytes
+    /// Most lobes, 0 to 32: of a texel as base, of a cluster as guide; 8 if not given, with --bytes or --psnr 4, and
+    /// fewer where they would take more than 2.5 % of a small file
     #[arg(long, value_name = "N")]
     lobes: Option<usize>,
-    /// What lobes are to the residual; if not given, guide with --bytes or --psnr, and base without. base stores lobes
-    /// of each texel's own: at the same PSNR it costs 2 to 6 times the bytes (the fewer --lobes, the less) and the fit
-    /// takes longer; in return the fast rule is better between measured directions, and edits of lobes change the value
-    /// itself. --bytes and --psnr are reached by the quantisers' step alone, with as many lobes as --lobes says
+    /// What lobes are to the residual; base if not given: every texel has lobes of its own, and the residual is what
+    /// they leave. With --bytes or --psnr their weights follow from the residual's coefficients and take hardly any
+    /// bytes, without either each texel stores its own. As guide lobes add nothing to the value: 0.1 dB better at the
+    /// measured directions at most, and worse between them
     #[arg(long, value_enum)]
     role: Option<RoleName>,
     /// Residual components, 0 to 64; what --bytes or --psnr gives, 8 without either
@@ -193,7 +193,7 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         let bytes = params.bytes.map(|bytes| bytes / captures.len() as u64);
         let texels = first.info().texel_count();
         params.clusters = args.clusters.unwrap_or(FitParams::clusters_for(bytes, texels));
-        params.lobes = args.lobes.unwrap_or(FitParams::lobes_for(params.role, bytes, texels));
+        params.lobes = args.lobes.unwrap_or(params.lobes_for(bytes, params.clusters));
     }
     let params = check(&params)?;
 

@@ -1,36 +1,36 @@
 //! Forecast of the time that a fit still takes: the share of each stage in a fit is known roughly, and the time so far
 //! tells how fast this machine and this capture are.
 
-use crate::params::{Goal, Role, ValidFitParams};
+use crate::params::ValidFitParams;
 
-/// A stage with its seconds in a fit of 256 x 256 texels of cloth, 81 x 81 directions, two cores: with `--bytes 2MB`
-/// and lobes that guide, and without a goal and lobes as base (those of a smaller leaf). Only their ratios matter, and
-/// errors in those wear off as the fit goes on.
+/// A stage with its seconds in a fit of 256 x 256 texels of cloth, 81 x 81 directions, two cores: with `--bytes 2MB`,
+/// where the residual holds the whole value, and without a goal, where every texel stores its lobes (those of a smaller
+/// leaf). Only their ratios matter, and errors in those wear off as the fit goes on.
 struct Known {
     name: &'static str,
-    guide_s: f64,
-    base_s: f64,
+    whole_s: f64,
+    stored_s: f64,
 }
 
-const fn known(name: &'static str, guide_s: f64, base_s: f64) -> Known {
-    Known { name, guide_s, base_s }
+const fn known(name: &'static str, whole_s: f64, stored_s: f64) -> Known {
+    Known { name, whole_s, stored_s }
 }
 
 /// The stages of a layer, in order.
-const LAYER_STAGES: [Known; 7] = [
+const LAYER_STAGES: [Known; 8] = [
     known("read", 2.6, 1.5),
     known("project", 7.5, 6.3),
     known("cluster", 0.7, 1.8),
     known("dictionary", 2.2, 43.2),
     known("weights", 0.4, 10.1),
     known("residual", 0.5, 36.1),
+    known(PREDICT, 1.5, 0.0),
     known(HEIGHTS, 8.6, 8.6),
 ];
 /// The stages that follow those of all layers.
 const LAST_STAGES: [Known; 3] = [known(ENCODE, 2.5, 0.9), known("measure", 5.2, 22.2), known(REPORT, 4.3, 11.1)];
 const ENCODE: &str = "encode";
-/// Seconds of the stage `encode` in the same fit where lobes are the base and a goal is searched for.
-const ENCODE_BASE_WITH_GOAL_S: f64 = 2.5;
+const PREDICT: &str = "predict";
 const HEIGHTS: &str = "heights";
 const REPORT: &str = "report";
 /// Share of itself up to which a stage counts at most that does not tell how far it is.
@@ -89,17 +89,7 @@ impl Forecast {
     /// Plans a fit of `layers` captures with `params` that ends with the stage `last`.
     pub fn new(layers: usize, params: &ValidFitParams, last: LastStage) -> Forecast {
         let report = last == LastStage::Report;
-        let seconds = |known: &Known| match (params.role(), params.goal()) {
-            (Role::Guide, _) => known.guide_s,
-            (Role::Base, Goal::None) => known.base_s,
-            (Role::Base, _) => {
-                if known.name == ENCODE {
-                    ENCODE_BASE_WITH_GOAL_S
-                } else {
-                    known.base_s
-                }
-            }
-        };
+        let seconds = |known: &Known| if params.stores_lobes() { known.stored_s } else { known.whole_s };
         let planned = |known: &Known, layer: usize, times: usize| Planned {
             name: known.name,
             layer,
@@ -107,7 +97,12 @@ impl Forecast {
             state: State::Waiting,
             seconds: 0.0,
         };
-        let of_layer = LAYER_STAGES.iter().filter(|known| params.finds_heights() || known.name != HEIGHTS);
+        let is_run = |known: &&Known| match known.name {
+            HEIGHTS => params.finds_heights(),
+            PREDICT => params.predicts_lobes(),
+            _ => true,
+        };
+        let of_layer = LAYER_STAGES.iter().filter(is_run);
         let of_layers = (0..layers).flat_map(|layer| of_layer.clone().map(move |known| (known, layer, 1)));
         let last = LAST_STAGES.iter().filter(|known| report || known.name != REPORT);
         // Each of these takes its time for every layer.
@@ -233,7 +228,7 @@ mod tests {
     }
 
     fn share(name: &str) -> f64 {
-        LAYER_STAGES.iter().chain(&LAST_STAGES).find(|known| known.name == name).map_or(0.0, |known| known.base_s)
+        LAYER_STAGES.iter().chain(&LAST_STAGES).find(|known| known.name == name).map_or(0.0, |known| known.stored_s)
     }
 
     #[test]
@@ -285,8 +280,8 @@ mod tests {
             there.for_each(|name| {
                 forecast.report(name, 1, 1, 0.0);
             });
-            let after = LAYER_STAGES.iter().skip_while(|known| known.name != first).map(|known| known.base_s);
-            let second: f64 = LAYER_STAGES.iter().map(|known| known.base_s).sum();
+            let after = LAYER_STAGES.iter().skip_while(|known| known.name != first).map(|known| known.stored_s);
+            let second: f64 = LAYER_STAGES.iter().map(|known| known.stored_s).sum();
             let to_come = after.sum::<f64>() + second + 2.0 * (share("encode") + share("measure"));
             forecast.report(first, 0, 0, 0.0);
             forecast.report("read", 0, 0, 0.0);

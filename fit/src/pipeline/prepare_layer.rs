@@ -7,7 +7,7 @@ use crate::input::layer_frame::{layer_directions, sides_of_capture};
 use crate::input::residual_curve::Curve;
 use crate::input::texel_sample::texel_sample;
 use crate::input::tile_cache::{Mapping, TileCache};
-use crate::params::{Goal, Role, ValidFitParams};
+use crate::params::ValidFitParams;
 use crate::pipeline::memory_plan::{DICTIONARY_PAIRS, FEATURE_DIMENSIONS, shared_bases};
 use crate::pipeline::representatives::representatives;
 use crate::resume::checkpoint::Stages;
@@ -65,13 +65,9 @@ pub fn prepare_layer(
     stages: &Stages,
 ) -> Result<PreparedLayer, FitError> {
     let source = LayerSource::new(info, cache, params, sample, stages)?;
-    let predicted = source.predicts_lobes();
-    let mut fitted = match params.role() {
-        Role::Base if !predicted => source.fit_base()?,
-        _ => source.fit_guide()?,
-    };
+    let mut fitted = if params.stores_lobes() { source.fit_base()? } else { source.fit_whole()? };
     let model = source.model(&mut fitted)?;
-    let lobe_weights = if predicted { Some(source.lobe_weights(&fitted, &model)?) } else { None };
+    let lobe_weights = if params.predicts_lobes() { Some(source.lobe_weights(&fitted, &model)?) } else { None };
     let heights = source.heights()?;
     let LayerSource { views, lights, kind, epsilon, holdout, .. } = source;
     let FittedLobes { labels, selection, figures, .. } = fitted;
@@ -155,8 +151,9 @@ impl<'a> LayerSource<'a> {
         })
     }
 
-    /// Fits lobes that guide: the residual stands alone, so that bytes go to it and texels are clustered by it.
-    fn fit_guide(&self) -> Result<FittedLobes, FitError> {
+    /// Fits a residual that holds the whole value, so that bytes go to it and texels are clustered by it; lobes guide or
+    /// follow from its coefficients.
+    fn fit_whole(&self) -> Result<FittedLobes, FitError> {
         let coordinates = self.coordinates("project", None)?;
         let dimensions = FEATURE_DIMENSIONS.min(coordinates.scores.ncols());
         let (labels, representatives) = self.cluster(coordinates.scores.slice(s![.., ..dimensions]).to_owned())?;
@@ -164,20 +161,15 @@ impl<'a> LayerSource<'a> {
         let mut selection = self.stages.run("weights", || {
             let some = MEAN_SAMPLE.min(self.sample);
             let correlations = Correlations::of_some(self.cache, &dictionaries, &labels, some, self.params.seed())?;
-            let most = self.params.lobes() - usize::from(self.predicts_lobes());
+            let most = self.params.lobes() - usize::from(self.params.predicts_lobes());
             Ok(select(&dictionaries, &labels, &correlations, LobesOf::Clusters, most, LOBE_PRICE))
         })?;
         // Not part of the stage, because it changes what an earlier stage gave.
         drop_unused(&mut dictionaries, &mut selection, &labels);
-        if self.predicts_lobes() {
+        if self.params.predicts_lobes() {
             add_upright_lambertian(&mut dictionaries, &mut selection, &self.views, &self.lights);
         }
         Ok(FittedLobes { labels, dictionaries, selection, figures, coordinates })
-    }
-
-    /// Returns whether the lobes' weights follow from the coefficients.
-    fn predicts_lobes(&self) -> bool {
-        self.params.role() == Role::Base && self.params.goal() != Goal::None && self.params.lobes() > 0
     }
 
     /// Fits lobes as base: every texel selects its own, and the residual is what they leave.

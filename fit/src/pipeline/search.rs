@@ -5,7 +5,7 @@ use crate::input::tile_cache::read_images;
 use crate::inspect::load::resident_in_parallel;
 use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_images};
 use crate::monitor::Monitor;
-use crate::params::{Role, ValidFitParams};
+use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{Assembled, assemble};
 use crate::pipeline::description::description_bytes;
 use crate::pipeline::prepare::PreparedFit;
@@ -71,15 +71,9 @@ impl StepSearch<'_> {
         let [width, height] = self.prepared.grid;
         let texels = width * height * self.prepared.layers.len();
         let least = least + description_bytes(self.captures, self.params.asked());
-        FitError::Budget(match self.params.role() {
-            Role::Base if self.params.lobes() > 0 => format!(
-                "--bytes is too small for {texels} texels with lobes of their own: the smallest asset has about {least} \
-                 bytes; raise --bytes, lower --lobes or take --role guide"
-            ),
-            _ => format!(
-                "--bytes is too small for {texels} texels: the smallest asset has about {least} bytes; raise --bytes or lower --clusters"
-            ),
-        })
+        FitError::Budget(format!(
+            "--bytes is too small for {texels} texels: the smallest asset has about {least} bytes; raise --bytes or lower --clusters"
+        ))
     }
 
     /// Returns the smallest asset whose measured `psnr_db` over all layers is at least `db`: the first step is the one

@@ -9,7 +9,9 @@ use crate::stages::lasso::non_negative_weights;
 use crate::stages::local_pca::LocalPca;
 use crate::stages::residual_source::ResidualSource;
 use crate::stages::sparse::{ClusterLobes, Selection};
-use btf_runtime::{DictionaryLobe, Layer, Lobe, LobeFamily, LobeWeights, ResidualKind, Sphere, lobe_sum_at_pairs, lobe_tables};
+use btf_runtime::{
+    DictionaryLobe, Layer, Lobe, LobeFamily, LobeWeights, ResidualKind, Sphere, lobe_sum_at_pairs, lobe_tables,
+};
 use half::f16;
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array1, Array2, ArrayView1, Axis, s};
@@ -106,9 +108,8 @@ impl FittedWeights {
                 }
             }
             let (tables, inputs) = (&tables, &inputs);
-            let of_channel = |values| {
-                Channel { kind, epsilon, tables, inputs, values, directions: orthonormal(inputs) }.fit()
-            };
+            let of_channel =
+                |values| Channel { kind, epsilon, tables, inputs, values, directions: orthonormal(inputs) }.fit();
             samples.into_par_iter().map(of_channel).collect()
         });
         // [cluster][channel][price]
@@ -370,7 +371,11 @@ impl Channel<'_> {
             });
             gram.iter_mut().zip(own.dot(&own.t()).iter()).for_each(|(to, x)| *to = *x);
             for (j, x) in own.dot(&pull.row(t)).iter().enumerate() {
-                self.inputs.row(t).iter().enumerate().for_each(|(a, input)| right[j * columns + a] += f64::from(x * input));
+                self.inputs
+                    .row(t)
+                    .iter()
+                    .enumerate()
+                    .for_each(|(a, input)| right[j * columns + a] += f64::from(x * input));
             }
         }
         let squares = Array2::from_shape_fn((texels, columns * columns), |(t, i)| {
@@ -451,4 +456,84 @@ pub fn add_upright_lambertian(
         dictionary.insert(0, DictionaryLobe { lobe, weight_scale: 1.0 });
     }
     selection.refs.iter_mut().for_each(|reference| reference.lobe += 1);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    /// Returns inputs of 60 texels, two lobes at 40 pairs, and the weights `[lobe, 1 + input]` of 2 inputs.
+    fn problem() -> (Array2<f32>, Array2<f32>, Array2<f64>) {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(3);
+        let inputs = Array2::from_shape_fn((60, 3), |(_, i)| if i == 0 { 1.0 } else { random.gen_range(-1.0..1.0) });
+        let tables = Array2::from_shape_fn((2, 40), |(j, k)| {
+            let cosine = 0.2 + k as f32 / 50.0;
+            if j == 0 { cosine } else { cosine.powi(20) }
+        });
+        let weights = ndarray::array![[0.5, 0.2, -0.1], [0.8, -0.3, 0.3]];
+        (inputs, tables, weights)
+    }
+
+    fn channel<'a>(
+        kind: ResidualKind,
+        inputs: &'a Array2<f32>,
+        tables: &'a Array2<f32>,
+        truth: &Array2<f64>,
+    ) -> Channel<'a> {
+        let nothing = kind.encode(0.0, 0.01);
+        let sums = inputs.dot(&truth.t().mapv(|x| x as f32)).mapv(|w| w.max(0.0)).dot(tables);
+        let values = sums.mapv(|s| kind.encode(s, 0.01) - nothing);
+        Channel { kind, epsilon: 0.01, tables, inputs, values, directions: orthonormal(inputs) }
+    }
+
+    #[test]
+    fn weights_that_give_the_values_are_found_where_the_curve_is_a_line() {
+        let (inputs, tables, truth) = problem();
+        let found = channel(ResidualKind::Additive, &inputs, &tables, &truth).fit().remove(0);
+        let off = (&found - &truth).iter().fold(0.0f64, |off, x| off.max(x.abs()));
+        assert!(off < 2e-3, "{off}: {found}");
+    }
+
+    #[test]
+    fn a_smaller_price_of_the_distance_leaves_less_of_the_lobes_in_the_error() {
+        let (inputs, tables, truth) = problem();
+        let channel = channel(ResidualKind::Root, &inputs, &tables, &truth);
+        // With the price 0 a point's cost is the departure from the affine function alone.
+        let bent: Vec<f64> = channel.fit().into_iter().map(|weights| channel.at(weights, 0.0).cost).collect();
+        assert!(bent[0] > 1.5 * bent[1] && bent[1] > 1.5 * bent[2] && bent[2] > 0.0, "{bent:?}");
+        let distance = |price: usize| channel.at(channel.fit().remove(price), 1.0).cost - bent[price];
+        assert!(distance(0) < distance(1) && distance(1) < distance(2));
+    }
+
+    #[test]
+    fn lobes_that_add_too_much_get_the_same_weights_in_all_texels_of_a_cluster() {
+        let mut layer = crate::sample_asset::sample_asset().layers.remove(0);
+        let lobes: Vec<Vec<Lobe>> =
+            layer.dictionary.iter().map(|lobes| lobes.iter().map(|entry| entry.lobe).collect()).collect();
+        let tables: Vec<_> = lobes.iter().map(|lobes| lobe_tables(lobes, &layer.views, &layer.lights)).collect();
+        let clusters = 0..layer.dictionary.len();
+        let of_cluster =
+            |k: usize| (0..layer.texel_clusters.len()).filter(|t| usize::from(layer.texel_clusters[*t]) == k).collect();
+        let row = [40.0, 25.0];
+        let codes = lobes.iter().flatten().flat_map(|_| [row; 3].concat()).collect();
+        let scales = lobes.iter().map(|lobes| vec![1.0; lobes.len()]).collect();
+        let fitted = FittedWeights {
+            inputs_rms: vec![1.0],
+            texels: clusters.map(of_cluster).collect(),
+            tables,
+            choices: vec![WeightCodes { scales, codes }],
+        };
+        let mut differ = |squared_error: f64| {
+            fitted.put_into(&mut layer, squared_error);
+            let added = fitted.added_error(&layer);
+            let firsts: Vec<_> = layer.lobe_refs.iter().map(|reference| reference.weight).collect();
+            (firsts.iter().any(|weight| *weight != firsts[0]), added)
+        };
+        let (varies, added) = differ(1e9);
+        assert!(varies && added > 1e-8, "{added}");
+        let (varies, added) = differ(added / 2.0);
+        assert!(!varies && added < 1e-12, "{added}");
+    }
 }

@@ -1,6 +1,6 @@
 //! `btf-fit fit --role`: both roles with and without a goal, and what the program says about them.
 
-use crate::support::{btf_fit, bumpy_capture, refusal};
+use crate::support::{btf_fit, bumpy_capture};
 use serde_json::Value;
 use std::path::Path;
 
@@ -72,25 +72,19 @@ fn either_role_reaches_a_psnr_and_works_without_a_goal() {
 }
 
 #[test]
-fn without_a_role_a_goal_makes_lobes_a_guide_and_no_goal_makes_them_the_base() {
+fn without_a_role_lobes_are_the_base_and_a_goal_stores_no_references() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
     bumpy_capture(here, "capture", 8, 7);
-    for (goal, role) in [("--bytes=8000", "guide"), ("--components=8", "base")] {
+    for (goal, stores) in [("--bytes=8000", false), ("--psnr=34", false), ("--components=8", true)] {
         let json = fit(here, "usual.spmm", &[goal]);
-        assert_eq!(json["lobe_role"], role);
-        fit(here, "asked.spmm", &[goal, "--role", role, "--lobes=8"]);
+        assert_eq!(json["lobe_role"], "base");
+        fit(here, "asked.spmm", &[goal, "--role", "base"]);
         let read = |name: &str| std::fs::read(here.join(name)).unwrap();
-        assert_eq!(read("usual.spmm"), read("asked.spmm"), "{role}");
+        assert_eq!(read("usual.spmm"), read("asked.spmm"), "{goal}");
+        let sections = btf_runtime::read_directory(&read("usual.spmm")).unwrap().sections;
+        let has = |kind: btf_runtime::SectionKind| sections.iter().any(|section| section.kind == kind as u32);
+        assert_eq!(has(btf_runtime::SectionKind::LobeRefs), stores, "{goal}");
+        assert_eq!(has(btf_runtime::SectionKind::LobeWeights), !stores, "{goal}");
     }
-}
-
-#[test]
-fn a_size_that_the_lobes_of_the_texels_alone_exceed_is_refused_with_a_remedy() {
-    let folder = tempfile::tempdir().unwrap();
-    let here = folder.path();
-    bumpy_capture(here, "capture", 8, 7);
-    let output = btf_fit(&["fit", "capture", "-o", "a.spmm", "--clusters=2", "--role=base", "--bytes=1500"], here);
-    let (code, text) = refusal(&output);
-    assert!(code == 1 && text.contains("--bytes is too small") && text.contains("--role guide"), "{code} {text}");
 }

@@ -2,7 +2,7 @@
 
 use btf_runtime::{
     Asset, Basis, Coefficients, DictionaryLobe, Edit, Edits, Factors, Heights, Layer, Level, LevelTexels, Lobe,
-    LobeFamily, LobeRef, LobeRole, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide,
+    LobeFamily, LobeRef, LobeRole, LobeWeights, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide,
 };
 
 /// A source of numbers taken from bytes; zeros when they are used up.
@@ -150,7 +150,7 @@ fn any_layer(source: &mut Source, number: usize, texels: usize) -> Layer {
     let (lights, views) = (any_sphere(source), any_sphere(source));
     let (texel_clusters, texel_lobe_counts, lobe_refs) = any_texels(source, texels, &dictionary);
     let residual = source.flag().then(|| any_residual(source, [views.len(), lights.len()], clusters, texels));
-    Layer {
+    let mut layer = Layer {
         light_side: side(0),
         view_side: side(1),
         lobe_role: [LobeRole::Base, LobeRole::Guide, LobeRole::OldBase][source.below(3)],
@@ -165,6 +165,36 @@ fn any_layer(source: &mut Source, number: usize, texels: usize) -> Layer {
         lobe_refs,
         lobe_weights: None,
         residual,
+    };
+    if source.flag() {
+        add_lobe_weights(source, &mut layer);
+    }
+    layer
+}
+
+/// Adds lobe weights, with nodes of texels or others, and with references that follow from them or others.
+fn add_lobe_weights(source: &mut Source, layer: &mut Layer) {
+    let inputs = source.below(4);
+    let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
+    let mut weights = LobeWeights {
+        step: source.within(1e-3, 1.0),
+        units: source.list(inputs, |source| source.within(1e-2, 100.0)),
+        codes: source.list(3 * lobes * (1 + inputs), |source| i16::from(source.byte()) - 100),
+        nodes: Vec::new(),
+    };
+    let planes: Vec<Vec<i8>> = layer.coefficient_planes().iter().map(|plane| plane.to_vec()).collect();
+    let planes: Vec<&[i8]> = planes.iter().map(Vec::as_slice).collect();
+    let most = source.below(5);
+    weights.nodes = match source.flag() {
+        true => weights.nodes_of_texels(&layer.texel_clusters, &planes, most),
+        false => source.list(layer.dictionary.len(), |source| {
+            let nodes = source.below(most + 1);
+            source.list(nodes, |source| source.list(inputs, |source| source.byte() as i8))
+        }),
+    };
+    layer.lobe_weights = Some(weights);
+    if source.flag() {
+        layer.predict_lobes(&planes);
     }
 }
 

@@ -17,7 +17,10 @@ pub const MAX_DIRECTIONS: usize = 4096;
 /// Largest number of coefficients that lobe weights depend on.
 pub const MAX_WEIGHT_INPUTS: usize = 16;
 /// Largest number of nodes of a cluster.
-pub const MAX_NODES: usize = 256;
+pub const MAX_NODES: usize = 64;
+/// Largest number of lobes that the texels of a layer may refer to by predicted weights together, for each byte of its
+/// cluster ids, dictionary and lobe weights: so no short file takes much memory.
+pub const MAX_REFS_PER_BYTE: usize = 4096;
 /// Largest number of residual components of a layer.
 pub const MAX_COMPONENTS: usize = 128;
 /// Largest number of shared bases of a layer.

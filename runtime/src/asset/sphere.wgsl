@@ -79,13 +79,15 @@ fn sphere_locate(at: u32, d: vec3<f32>) -> Neighbours {
     return outside;
 }
 
-// Returns the direction within the hull that is nearest to `d`, whose neighbours are `place`.
+// Returns the direction within the hull that is nearest to `d`, whose neighbours are `place`. It returns at its end
+// alone: with an early return glslang makes garbage of naga's HLSL.
 fn sphere_within_hull(at: u32, d: vec3<f32>, place: Neighbours) -> vec3<f32> {
-    if place.beyond >= 1.0 {
-        return d;
+    var nearest = d;
+    if place.beyond < 1.0 {
+        let p = sphere_direction(at, place.ids.x).xy;
+        let q = sphere_direction(at, place.ids.y).xy;
+        let xy = place.weights.x * p + place.weights.y * q;
+        nearest = vec3<f32>(xy, sqrt(max(1.0 - dot(xy, xy), 1e-6)));
     }
-    let p = sphere_direction(at, place.ids.x).xy;
-    let q = sphere_direction(at, place.ids.y).xy;
-    let xy = place.weights.x * p + place.weights.y * q;
-    return vec3<f32>(xy, sqrt(max(1.0 - dot(xy, xy), 1e-6)));
+    return nearest;
 }

@@ -209,7 +209,8 @@ impl<'a> ViewedTexel<'a> {
         let [wi, wo] = [(block::LIGHTS, light), (block::VIEWS, self.views[v])]
             .map(|(set, id)| direction(self.t.words, self.t.field(set), id));
         let lobes = self.shown_by(v).lobe_sum(0, |lobe| LobeSetup::from_resident_words(lobe).eval(wi, wo));
-        let value = self.kind.combine_rgb(if self.role == LobeRole::Guide { [0.0; 3] } else { lobes }, residual, epsilon);
+        let value =
+            self.kind.combine_rgb(if self.role == LobeRole::Guide { [0.0; 3] } else { lobes }, residual, epsilon);
         for c in 0..3 {
             row.value[c] += self.weights[v] * value[c];
             row.lobes[c] += self.weights[v] * lobes[c];

@@ -177,7 +177,7 @@ fn check_lobe_weights(weights: &LobeWeights, dictionary: &[Vec<DictionaryLobe>])
         || nodes.iter().any(|nodes| nodes.len() > MAX_NODES)
         || nodes.iter().flatten().any(|node| node.len() != weights.units.len())
     {
-        return refuse("a cluster of the lobe weights has more than 256 nodes, or a node not one code for each unit");
+        return refuse("a cluster of the lobe weights has more than 64 nodes, or a node not one code for each unit");
     }
     Ok(())
 }
@@ -331,17 +331,20 @@ fn push_base_sections(
         push(SectionKind::Height, 0, bytes, false);
     }
     let ids = coded(|coder| code_clusters(coder, &mut layer.texel_clusters.clone(), width));
+    let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();
+    words.extend(layer.dictionary.iter().flatten().flat_map(|entry| entry.lobe.to_words(entry.weight_scale)));
+    let dictionary = bytes_from_words(&words);
+    let weights = layer.lobe_weights.as_ref().map(|weights| lobe_weight_bytes(layer, weights));
+    let bytes = [&ids, &dictionary].into_iter().chain(&weights).map(Vec::len).sum();
+    let predicted = layer.may_predict_lobes(bytes) && layer.has_predicted_lobes();
     push(SectionKind::TexelClusters, 0, ids, false);
-    let predicted = layer.has_predicted_lobes();
     if !predicted {
         let counts = coded(|coder| code_counts(coder, &mut layer.texel_lobe_counts.clone(), &layer.texel_clusters));
         push(SectionKind::TexelLobeCounts, 0, counts, false);
     }
-    let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();
-    words.extend(layer.dictionary.iter().flatten().flat_map(|entry| entry.lobe.to_words(entry.weight_scale)));
-    push(SectionKind::Dictionary, 0, bytes_from_words(&words), false);
-    if let Some(weights) = &layer.lobe_weights {
-        push(SectionKind::LobeWeights, 0, lobe_weight_bytes(layer, weights), ends_tier && predicted);
+    push(SectionKind::Dictionary, 0, dictionary, false);
+    if let Some(bytes) = weights {
+        push(SectionKind::LobeWeights, 0, bytes, ends_tier && predicted);
     }
     if predicted {
         return;
@@ -353,8 +356,7 @@ fn push_base_sections(
 /// Returns the bytes of the LobeWeights section.
 fn lobe_weight_bytes(layer: &Layer, weights: &LobeWeights) -> Vec<u8> {
     let count = weights.nodes.iter().map(Vec::len).max().unwrap_or(0);
-    let of_texels =
-        weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), count) == weights.nodes;
+    let of_texels = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), count) == weights.nodes;
     let mut words = vec![weights.units.len() as u32, count as u32, u32::from(!of_texels), weights.step.to_bits()];
     words.extend(weights.units.iter().map(|unit| unit.to_bits()));
     if !of_texels {

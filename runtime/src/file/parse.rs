@@ -171,19 +171,12 @@ fn read_layer(
         }
         _ => None,
     };
-    let inputs = match (&parameters, &lobe_weights) {
-        (Some(parameters), Some((weights, _))) if parameters.has_residual => {
-            let most = weights.units.len().min(parameters.components);
-            // A residual of fewer components lacks some that are there already.
-            let held = residual.as_ref().map_or(0, |residual| residual.coefficients.len());
-            if held < most { read_lobe_inputs(sections, layer, [width, height], most, faults) } else { Vec::new() }
-        }
-        _ => Vec::new(),
-    };
     if faults.len() > before || sections.damage_in(layer) {
         return None;
     }
-    let Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, .. } = parameters?;
+    let Parameters { light_side, view_side, lobe_role, residual_kind, epsilon, components, has_residual, .. } =
+        parameters?;
+    let number = layer;
     let mut layer = Layer {
         light_side,
         view_side,
@@ -200,31 +193,58 @@ fn read_layer(
         lobe_weights: None,
         residual,
     };
-    if let Some((mut weights, nodes)) = lobe_weights {
-        let held = layer.residual.iter().flat_map(|residual| residual.coefficients.clone());
-        let inputs = if inputs.is_empty() { held.take(weights.units.len()).collect() } else { inputs };
-        let planes: Vec<&[i8]> = inputs.iter().map(|plane| plane.codes.as_slice()).collect();
-        if let Nodes::OfTexels(count) = nodes {
-            weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &planes, count);
-        }
-        layer.lobe_weights = Some(weights);
-        if predicted {
-            layer.predict_lobes(&planes);
-        }
+    if let Some((weights, nodes)) = lobe_weights {
+        let most = if has_residual { components } else { 0 };
+        add_lobe_weights(sections, number, &mut layer, (weights, nodes), most, [width, height], faults)?;
     }
     Some(layer)
 }
 
-/// Reads the coefficients of the first `most` components, as far as they are at hand one after the other.
+/// Adds lobe weights to layer `number`, and the references that follow from them to one without references. The layer
+/// has `components` components in the whole file. `None` if anything is at fault.
+fn add_lobe_weights(
+    sections: &Sections<Spmm>,
+    number: u32,
+    layer: &mut Layer,
+    (mut weights, nodes): (LobeWeights, Nodes),
+    components: usize,
+    grid: [usize; 2],
+    faults: &mut Faults,
+) -> Option<()> {
+    let most = weights.units.len().min(components);
+    // A residual of fewer components lacks coefficients that are there already.
+    let of_residual = layer.residual.as_ref().map_or(&[][..], |residual| &residual.coefficients);
+    let inputs = match of_residual.get(..most) {
+        Some(inputs) => inputs.to_vec(),
+        None => read_lobe_inputs(sections, number, grid, most, faults)?,
+    };
+    let planes: Vec<&[i8]> = inputs.iter().map(|plane| plane.codes.as_slice()).collect();
+    if let Nodes::OfTexels(count) = nodes {
+        weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &planes, count);
+    }
+    layer.lobe_weights = Some(weights);
+    if sections.find(SectionKind::TexelLobeCounts, number, 0).is_none() {
+        let kinds = [SectionKind::TexelClusters, SectionKind::Dictionary, SectionKind::LobeWeights];
+        let bytes = kinds.iter().filter_map(|kind| sections.find(*kind, number, 0)).map(|reader| reader.bytes.len());
+        if !layer.may_predict_lobes(bytes.sum()) {
+            return faults.keep(sections.find(SectionKind::LobeWeights, number, 0)?.bad(rule::COUNT));
+        }
+        layer.predict_lobes(&planes);
+    }
+    Some(())
+}
+
+/// Reads the coefficients of the first `most` components, as far as they are at hand one after the other; `None` if one
+/// of them is at fault.
 fn read_lobe_inputs(
     sections: &Sections<Spmm>,
     layer: u32,
     grid: [usize; 2],
     most: usize,
     faults: &mut Faults,
-) -> Vec<Coefficients> {
+) -> Option<Vec<Coefficients>> {
     let at_hand = (1..=most as u32).map_while(|index| sections.find(SectionKind::Coefficients, layer, index));
-    at_hand.filter_map(|reader| faults.keep(read_coefficients(reader, grid))).collect()
+    at_hand.map(|reader| faults.keep(read_coefficients(reader, grid))).collect()
 }
 
 fn read_coefficients(mut reader: Reader, [width, height]: [usize; 2]) -> Result<Coefficients, FormatError> {
@@ -273,8 +293,9 @@ fn read_lobe_weights(
     if !fits {
         return reader.bad(rule::NUMBER);
     }
-    let mut values = values.chunks_exact(inputs.max(1)).map(<[i8]>::to_vec);
-    let nodes = counts.iter().map(|nodes| values.by_ref().take(*nodes as usize).collect()).collect();
+    let mut values = values.into_iter();
+    let mut node = |_| values.by_ref().take(inputs).collect();
+    let nodes = counts.iter().map(|nodes| (0..*nodes).map(&mut node).collect()).collect();
     let nodes_from = if words[2] == 1 { Nodes::Stored } else { Nodes::OfTexels(count) };
     Ok((LobeWeights { step, units, codes, nodes }, nodes_from))
 }

@@ -4,7 +4,7 @@
 use crate::asset::asset::Layer;
 use crate::asset::lobe::Lobe;
 use crate::asset::lobe_tables::lobe_tables;
-use crate::asset::lobe_weights::LobeNodes;
+use crate::asset::predicted_lobes::LobeNodes;
 use crate::asset::residual::Residual;
 use crate::resident::expansion::{Expansion, LANES};
 use bytemuck::{Pod, Zeroable};

@@ -64,6 +64,9 @@ def read_layer(header, number, edits, texel_edits, show):
     if header.has(LOBE_WEIGHTS, number):
         weights = Weights(header, number, components * has_residual, ids, dictionaries)
     if weights and not header.has(TEXEL_LOBE_COUNTS, number):
+        kinds = TEXEL_CLUSTERS, DICTIONARY, LOBE_WEIGHTS
+        most = sum(len(dictionaries[k]) for k in ids)
+        must(most <= 4096 * sum(len(section(kind).data) for kind in kinds), "there are too many lobes")
         references = [weights.references(k, inputs) for k, inputs in zip(ids, weights.of_texels)]
     else:
         counts = section(TEXEL_LOBE_COUNTS).stream(texels, lambda stream: lobe_counts(stream, ids))
@@ -200,7 +203,7 @@ class Weights:
         part = header.section(LOBE_WEIGHTS, number)
         inputs, most, stored = part.numbers("I", 3)
         (self.step,) = part.numbers("f", 1)
-        must(inputs <= 16 and most <= 256 and stored <= 1, "a count of the lobe weights is out of its range")
+        must(inputs <= 16 and most <= 64 and stored <= 1, "a count of the lobe weights is out of its range")
         self.units = part.numbers("f", inputs)
         must(all(0 < x < math.inf for x in [self.step, *self.units]), "a step or unit of lobe weights is not above 0")
         counts = part.numbers("I", len(dictionaries)) if stored else []

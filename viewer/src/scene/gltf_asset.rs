@@ -43,7 +43,7 @@ pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
         }
         let Some(told) = material.extension_value(EXTENSION) else { continue };
         let wrong = |what: &str| fault(format!("{EXTENSION} of material {number} {what}, export it again"));
-        if told["version"] != VERSION {
+        if !told["version"].as_u64().is_some_and(|version| (1..=u64::from(VERSION)).contains(&version)) {
             return Err(wrong("names a version of the format that is not known"));
         }
         let source = told["asset"].to_string();
