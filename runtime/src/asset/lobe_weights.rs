@@ -16,9 +16,7 @@ const RIDGE: f64 = 1e-3;
 pub struct LobeWeights {
     /// Step of the codes, relative to the lobes' weight scales.
     pub step: f32,
-    /// Unit of each coefficient that weights depend on, in its codes, above 0; at most [`MAX_WEIGHT_INPUTS`].
-    ///
-    /// [`MAX_WEIGHT_INPUTS`]: crate::asset::limits::MAX_WEIGHT_INPUTS
+    /// Unit of each coefficient that weights depend on, in its codes, above 0; at most 16.
     pub units: Vec<f32>,
     /// Codes q, `[lobe of all dictionaries][channel][1 + units]`.
     pub codes: Vec<i16>,

@@ -22,7 +22,7 @@ pub struct TexelPlace {
 
 /// Decodes all measured pairs of one texel; `out` is `[view, light, rgb]`.
 ///
-/// `resident` must be made of `asset`, and `tables` are the [`lobe_tables`] of the texel's cluster. Agrees with
+/// `resident` must be made of `asset`, and `tables` are the [`crate::lobe_tables`] of the texel's cluster. Agrees with
 /// [`crate::decode`] at the measured directions up to rounding, but leaves edits out: the result is what was measured.
 pub fn decode_measured(
     resident: &Resident,
