@@ -45,7 +45,7 @@ pub enum FormatError {
     },
     /// The format version is not one that this decoder reads.
     Version {
-        /// Version that this decoder reads.
+        /// Newest version that this decoder reads.
         expected: u32,
         /// Version of the file.
         got: u32,

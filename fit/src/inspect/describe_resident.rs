@@ -6,7 +6,7 @@ use crate::inspect::load::parallel;
 use crate::provenance::Material;
 use crate::units::text_from_bytes;
 use btf_capture::Side;
-use btf_runtime::{Resident, ResidentFile, read_directory};
+use btf_runtime::{Resident, ResidentFile, read_version};
 use serde::Serialize;
 use std::fmt::{self, Display};
 use std::sync::Arc;
@@ -44,7 +44,7 @@ pub struct ResidentDescription {
 /// As [`ResidentFile::open`]; a description that is not understood.
 pub fn describe_resident(bytes: Vec<u8>) -> Result<ResidentDescription, FitError> {
     let length = bytes.len() as u64;
-    let version = read_directory(&bytes)?.head.version;
+    let version = read_version(&bytes).unwrap_or_default();
     let file = ResidentFile::open(Arc::new(bytes), &parallel)?;
     let resident = &file.resident;
     Ok(ResidentDescription {

@@ -51,7 +51,7 @@ macro_rules! stored_numbers {
     )*};
 }
 
-stored_numbers!(u8 u32 u64 f32 f64);
+stored_numbers!(u8 i16 u32 u64 f32 f64);
 
 impl Stored for usize {
     fn put(&self, to: &mut dyn Write) -> Result<()> {

@@ -10,7 +10,7 @@ use crate::stages::local_pca::LocalPca;
 use crate::stages::residual_source::ResidualSource;
 use crate::stages::sparse::{ClusterLobes, Selection};
 use btf_runtime::{
-    DictionaryLobe, Layer, Lobe, LobeFamily, LobeWeights, ResidualKind, Sphere, lobe_sum_at_pairs, lobe_tables,
+    DictionaryLobe, Layer, Lobe, LobeFamily, LobeWeights, ResidualKind, Sphere, first_lobes, lobe_sum_at_pairs, lobe_tables,
 };
 use half::f16;
 use nalgebra::{DMatrix, DVector};
@@ -58,7 +58,7 @@ struct WeightCodes {
     /// Weight scale of each lobe, `[cluster][lobe]`.
     scales: Vec<Vec<f32>>,
     /// Constants and slopes in steps of [`STEP`], `[lobe of all clusters][channel][1 + inputs]`.
-    codes: Vec<f32>,
+    codes: Vec<i16>,
 }
 
 stored_structs! {
@@ -130,35 +130,32 @@ impl FittedWeights {
     ///
     /// Cost: for each choice one evaluation of the lobes at the texels and pairs that weights were fitted to.
     pub fn put_into(&self, layer: &mut Layer, squared_error: f64) {
-        for choice in &self.choices {
-            self.put(layer, choice.clone());
-            if self.added_error(layer) <= MAX_ADDED * squared_error {
-                return;
+        let adds_little = |choice: &WeightCodes| {
+            self.put(layer, choice);
+            self.added_error(layer) <= MAX_ADDED * squared_error
+        };
+        if !self.choices.iter().any(adds_little) {
+            let Some(mut last) = self.choices.last().cloned() else { return };
+            for row in last.codes.chunks_exact_mut(1 + self.inputs_rms.len()) {
+                row[1..].fill(0);
             }
+            self.put(layer, &last);
         }
-        let Some(mut last) = self.choices.last().cloned() else { return };
-        for row in last.codes.chunks_exact_mut(1 + self.inputs_rms.len()) {
-            row[1..].fill(0.0);
-        }
-        self.put(layer, last);
+        layer.predict_lobes();
     }
 
-    fn put(&self, layer: &mut Layer, choice: WeightCodes) {
+    fn put(&self, layer: &mut Layer, choice: &WeightCodes) {
         let Some(residual) = &layer.residual else { return };
         let at_hand = residual.coefficients.iter().zip(&self.inputs_rms).take_while(|(plane, _)| plane.step > 0.0);
         let units: Vec<f32> = at_hand.map(|(plane, rms)| rms / plane.step).collect();
         let (columns, kept) = (1 + self.inputs_rms.len(), 1 + units.len());
-        let codes = choice.codes.chunks_exact(columns).flat_map(|row| &row[..kept]).map(|q| *q as i16).collect();
+        let codes = choice.codes.chunks_exact(columns).flat_map(|row| &row[..kept]).copied().collect();
         for (entry, scale) in layer.dictionary.iter_mut().flatten().zip(choice.scales.iter().flatten()) {
             entry.weight_scale = *scale;
         }
         let mut weights = LobeWeights { step: STEP, units, codes, nodes: Vec::new() };
-        let planes: Vec<Vec<i8>> =
-            residual.coefficients.iter().take(kept - 1).map(|plane| plane.codes.clone()).collect();
-        let planes: Vec<&[i8]> = planes.iter().map(Vec::as_slice).collect();
-        weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &planes, NODES);
+        weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), NODES);
         layer.lobe_weights = Some(weights);
-        layer.predict_lobes(&planes);
     }
 
     /// Returns the mean squared departure of the lobes of `layer` from what a decoder subtracts for them.
@@ -166,9 +163,7 @@ impl FittedWeights {
         let Some(weights) = &layer.lobe_weights else { return 0.0 };
         let planes = layer.coefficient_planes();
         let nothing = layer.residual_kind.encode(0.0, layer.epsilon);
-        let first: Vec<usize> = (0..layer.dictionary.len())
-            .scan(0, |next, cluster| Some(std::mem::replace(next, *next + layer.dictionary[cluster].len())))
-            .collect();
+        let first = first_lobes(&layer.dictionary);
         let sums = (0..layer.dictionary.len()).into_par_iter().map(|cluster| {
             let (lobes, tables) = (&layer.dictionary[cluster], &self.tables[cluster]);
             let Some((inputs, taken)) = layer.taken_at(cluster, tables) else { return (0.0, 0) };
@@ -210,7 +205,7 @@ impl WeightCodes {
             });
             let scales: Vec<f32> = scales.collect();
             for (lobe, scale) in scales.iter().enumerate() {
-                let code = |x: &f64| (x / f64::from(scale * STEP)).round().clamp(-32_000.0, 32_000.0) as f32;
+                let code = |x: &f64| (x / f64::from(scale * STEP)).round().clamp(-32_000.0, 32_000.0) as i16;
                 quantized.codes.extend(cluster.iter().flat_map(|channel| channel.row(lobe).map(code)));
             }
             quantized.scales.push(scales);
@@ -516,7 +511,7 @@ mod tests {
         let clusters = 0..layer.dictionary.len();
         let of_cluster =
             |k: usize| (0..layer.texel_clusters.len()).filter(|t| usize::from(layer.texel_clusters[*t]) == k).collect();
-        let row = [40.0, 25.0];
+        let row = [40, 25];
         let codes = lobes.iter().flatten().flat_map(|_| [row; 3].concat()).collect();
         let scales = lobes.iter().map(|lobes| vec![1.0; lobes.len()]).collect();
         let fitted = FittedWeights {

@@ -182,11 +182,9 @@ fn add_lobe_weights(source: &mut Source, layer: &mut Layer) {
         codes: source.list(3 * lobes * (1 + inputs), |source| i16::from(source.byte()) - 100),
         nodes: Vec::new(),
     };
-    let planes: Vec<Vec<i8>> = layer.coefficient_planes().iter().map(|plane| plane.to_vec()).collect();
-    let planes: Vec<&[i8]> = planes.iter().map(Vec::as_slice).collect();
     let most = source.below(5);
     weights.nodes = match source.flag() {
-        true => weights.nodes_of_texels(&layer.texel_clusters, &planes, most),
+        true => weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), most),
         false => source.list(layer.dictionary.len(), |source| {
             let nodes = source.below(most + 1);
             source.list(nodes, |source| source.list(inputs, |source| source.byte() as i8))
@@ -194,7 +192,7 @@ fn add_lobe_weights(source: &mut Source, layer: &mut Layer) {
     };
     layer.lobe_weights = Some(weights);
     if source.flag() {
-        layer.predict_lobes(&planes);
+        layer.predict_lobes();
     }
 }
 

@@ -251,8 +251,7 @@ fn keep_predicted_lobes(layer: &mut Layer, most: usize) {
         }
     }
     layer.lobe_weights = Some(weights);
-    let planes: Vec<Vec<i8>> = layer.coefficient_planes().iter().map(|plane| plane.to_vec()).collect();
-    layer.predict_lobes(&planes.iter().map(Vec::as_slice).collect::<Vec<_>>());
+    layer.predict_lobes();
 }
 
 /// Keeps the first `most` references of each texel.

@@ -12,18 +12,17 @@ use crate::asset::dictionary::{DictionaryLobe, LobeRef};
 use crate::asset::limits::MAX_REFS_PER_BYTE;
 use crate::asset::lobe::Lobe;
 use crate::asset::lobe_tables::lobe_tables;
-use crate::asset::lobe_weights::nearest_affine;
+use crate::asset::lobe_weights::{LobeWeights, nearest_affine};
 use crate::numeric::quantize::weight_from_byte;
 
 impl Layer {
-    /// Sets the lobe references of every texel to those that its coefficients predict. `planes` are the codes of the
-    /// first components, `[component][texel]`, as many as are at hand; others count as 0. A layer without predicted
+    /// Sets the lobe references of every texel to those that its coefficients predict. A layer without predicted
     /// weights stays as it is.
     ///
     /// Cost: a multiplication for each texel, lobe, channel and unit.
-    pub fn predict_lobes(&mut self, planes: &[&[i8]]) {
-        if let Some((counts, references)) = self.predicted_lobes(planes) {
-            (self.texel_lobe_counts, self.lobe_refs) = (counts, references);
+    pub fn predict_lobes(&mut self) {
+        if let Some(weights) = &self.lobe_weights {
+            (self.texel_lobe_counts, self.lobe_refs) = self.predicted_lobes(weights, &self.coefficient_planes());
         }
     }
 
@@ -35,12 +34,15 @@ impl Layer {
 
     /// Returns whether the lobe references of all texels are those that their coefficients predict.
     pub(crate) fn has_predicted_lobes(&self) -> bool {
-        let predicted = self.predicted_lobes(&self.coefficient_planes());
-        predicted.is_some_and(|(counts, references)| counts == self.texel_lobe_counts && references == self.lobe_refs)
+        self.lobe_weights.as_ref().is_some_and(|weights| {
+            let (counts, references) = self.predicted_lobes(weights, &self.coefficient_planes());
+            counts == self.texel_lobe_counts && references == self.lobe_refs
+        })
     }
 
-    fn predicted_lobes(&self, planes: &[&[i8]]) -> Option<(Vec<u8>, Vec<LobeRef>)> {
-        let weights = self.lobe_weights.as_ref()?;
+    /// Returns how many lobes each texel refers to, and the references, where `weights` predict them. `planes` are the
+    /// codes of the first components, `[component][texel]`, as many as are at hand; others count as 0.
+    pub(crate) fn predicted_lobes(&self, weights: &LobeWeights, planes: &[&[i8]]) -> (Vec<u8>, Vec<LobeRef>) {
         let firsts = first_lobes(&self.dictionary);
         let (mut counts, mut all) = (Vec::with_capacity(self.texel_clusters.len()), Vec::new());
         for (texel, cluster) in self.texel_clusters.iter().enumerate() {
@@ -50,7 +52,7 @@ impl Layer {
             counts.push(references.len() as u8);
             all.extend(references);
         }
-        Some((counts, all))
+        (counts, all)
     }
 
     /// Returns the coefficient codes of the layer's components, `[component][texel]`.
@@ -91,7 +93,8 @@ impl Layer {
         self.taken_at(cluster, &lobe_tables(&lobes, &self.views, &self.lights))
     }
 
-    /// Returns what a decoder subtracts at some pairs, as `Layer::taken_by_lobes` does at all; `tables` are the lobes' values there, `[lobe][pair]`.
+    /// Returns what a decoder subtracts at some pairs, as `Layer::taken_by_lobes` does at all; `tables` are the lobes'
+    /// values there, `[lobe][pair]`.
     pub fn taken_at(&self, cluster: usize, tables: &[Vec<f32>]) -> Option<(usize, Vec<f32>)> {
         let nodes = self.lobe_nodes(cluster)?;
         let columns = 1 + nodes.inputs;
@@ -127,7 +130,7 @@ pub(crate) struct LobeNodes {
 }
 
 /// Returns the number of each cluster's first lobe among those of all dictionaries.
-pub(crate) fn first_lobes(dictionary: &[Vec<DictionaryLobe>]) -> Vec<usize> {
+pub fn first_lobes(dictionary: &[Vec<DictionaryLobe>]) -> Vec<usize> {
     dictionary
         .iter()
         .scan(0, |next, lobes| {

@@ -138,7 +138,10 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     }
     var falling = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
     let at = t.base + asset_word(t.layer + BLOCK_LIGHTS);
-    let light = sphere_locate(at, wi);
+    var light = Neighbours();
+    if t.bases > 0u {
+        light = sphere_locate(at, wi);
+    }
     if viewed.lobe_role == LOBE_ROLE_BASE && !viewed.exact && t.bases > 0u {
         // Beyond the measured lights the value at their hull falls with the light's cosine.
         wi = sphere_within_hull(at, wi, light);

@@ -36,7 +36,8 @@ fn push_halves(bytes: &mut Vec<u8>, halves: &[f16]) {
 /// Packs an asset into bytes, which `btf-fit` writes to an `.spmm` file.
 ///
 /// Sections that every tier needs come first; then the coefficients that lobes depend on and then the residual of all
-/// layers, both component by component, each of which ends a tier; then the levels, which end one tier together. Errors name the rule of format.md that the asset breaks.
+/// layers, both component by component, each of which ends a tier; then the levels, which end one tier together. Errors
+/// name the rule of format.md that the asset breaks.
 pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     check_head(asset)?;
     let mut sections = vec![SectionSource {

@@ -213,24 +213,25 @@ fn add_lobe_weights(
 ) -> Option<()> {
     let most = weights.units.len().min(components);
     // A residual of fewer components lacks coefficients that are there already.
-    let of_residual = layer.residual.as_ref().map_or(&[][..], |residual| &residual.coefficients);
-    let inputs = match of_residual.get(..most) {
-        Some(inputs) => inputs.to_vec(),
-        None => read_lobe_inputs(sections, number, grid, most, faults)?,
+    let has_all = layer.residual.as_ref().is_some_and(|residual| residual.coefficients.len() >= most);
+    let read = if has_all { None } else { Some(read_lobe_inputs(sections, number, grid, most, faults)?) };
+    let planes = match &read {
+        Some(inputs) => inputs.iter().map(|plane| plane.codes.as_slice()).collect(),
+        None => layer.coefficient_planes(),
     };
-    let planes: Vec<&[i8]> = inputs.iter().map(|plane| plane.codes.as_slice()).collect();
     if let Nodes::OfTexels(count) = nodes {
         weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &planes, count);
     }
-    layer.lobe_weights = Some(weights);
     if sections.find(SectionKind::TexelLobeCounts, number, 0).is_none() {
         let kinds = [SectionKind::TexelClusters, SectionKind::Dictionary, SectionKind::LobeWeights];
         let bytes = kinds.iter().filter_map(|kind| sections.find(*kind, number, 0)).map(|reader| reader.bytes.len());
         if !layer.may_predict_lobes(bytes.sum()) {
             return faults.keep(sections.find(SectionKind::LobeWeights, number, 0)?.bad(rule::COUNT));
         }
-        layer.predict_lobes(&planes);
+        let (counts, references) = layer.predicted_lobes(&weights, &planes);
+        (layer.texel_lobe_counts, layer.lobe_refs) = (counts, references);
     }
+    layer.lobe_weights = Some(weights);
     Some(())
 }
 

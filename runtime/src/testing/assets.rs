@@ -103,11 +103,9 @@ pub fn sample_predicted_asset(seed: u64, width: usize, height: usize, kind: Resi
     let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
     let codes = (0..3 * 3 * lobes).map(|i| if i % 3 == 0 { 30 } else { random.below(21) as i16 - 10 }).collect();
     let mut weights = LobeWeights { step: 1.0 / 64.0, units: vec![40.0, 60.0], codes, nodes: Vec::new() };
-    let planes: Vec<Vec<i8>> = layer.coefficient_planes().iter().map(|plane| plane.to_vec()).collect();
-    let planes: Vec<&[i8]> = planes.iter().map(Vec::as_slice).collect();
-    weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &planes, 20);
+    weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), 20);
     layer.lobe_weights = Some(weights);
-    layer.predict_lobes(&planes);
+    layer.predict_lobes();
     asset
 }
 
