@@ -4,6 +4,7 @@
 //! integers and the floating-point ones are added in a fixed order, so that a figure does not depend
 //! on the number of threads.
 
+use crate::measure::tone_curve::ToneCurve;
 use crate::resume::stored::stored_structs;
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +17,8 @@ pub struct Metrics {
     /// Peak signal-to-noise ratio in dB of the 8-bit values that `expand` writes against the capture's,
     /// all texels, pairs and channels, peak 255. Infinite (null in JSON) where they are equal.
     ///
-    /// Of a capture with linear images (EXR) both sides are encoded with the sRGB curve first.
+    /// Of a capture with linear images (EXR) both sides are encoded with the sRGB curve first, and before that mapped by
+    /// `tone_curve`, where there is one.
     #[serde(with = "decibel")]
     pub psnr_db: f64,
     /// Peak signal-to-noise ratio in dB of linear reflectance x cosine; the peak is the capture's largest sample.
@@ -27,10 +29,18 @@ pub struct Metrics {
     pub rel_rmse: f64,
     /// Largest root mean square error of one texel over its pairs and channels, linear.
     pub worst_texel_rmse: f64,
+    /// Mean of the decoded linear samples over that of the capture's; 1 where the capture is black. Below 1 a decoder is
+    /// too dark, which decibels hide. 0 in descriptions of assets that were written before there was such a figure.
+    #[serde(default)]
+    pub energy_ratio: f64,
     /// Mean colour difference CIEDE2000 of the 8-bit values taken as sRGB under D65, over all texels and
     /// the pairs that [`crate::colour_pair_stride`] picks; `None` where it was not computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delta_e00_mean: Option<f64>,
+    /// Tone curve in front of the 8-bit values of `psnr_db` and `delta_e00_mean`; only of a capture of which more than one
+    /// sample in a thousand is above 1, or all are far below. Of several layers that of the first one that has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tone_curve: Option<ToneCurve>,
 }
 
 /// Serialises decibels: infinity is null in JSON.
@@ -47,6 +57,11 @@ mod decibel {
 }
 
 impl Metrics {
+    /// Returns what `psnr_db` and `delta_e00_mean` are of, in words.
+    pub fn coded_as(&self) -> &'static str {
+        if self.tone_curve.is_some() { "tone-mapped 8-bit values" } else { "8-bit values" }
+    }
+
     /// Returns the figures rounded as an asset's own description holds them: decibels to 4 decimals, the rest to 6
     /// significant digits.
     pub fn rounded(&self) -> Metrics {
@@ -57,7 +72,9 @@ impl Metrics {
             psnr_linear_db: decibels(self.psnr_linear_db),
             rel_rmse: digits(self.rel_rmse),
             worst_texel_rmse: digits(self.worst_texel_rmse),
+            energy_ratio: digits(self.energy_ratio),
             delta_e00_mean: self.delta_e00_mean.map(digits),
+            tone_curve: self.tone_curve,
         }
     }
 }
@@ -73,6 +90,10 @@ pub struct ErrorSums {
     pub linear_error: f64,
     /// Sum of squared linear samples of the capture.
     pub linear_square: f64,
+    /// Sum of the linear samples of the capture.
+    pub linear_sum: f64,
+    /// Sum of the decoded linear samples.
+    pub decoded_sum: f64,
     /// Largest linear sample of the capture.
     pub linear_peak: f64,
     /// Largest mean squared linear difference of one texel.
@@ -81,10 +102,15 @@ pub struct ErrorSums {
     pub delta_e00: f64,
     /// Number of colours whose differences `delta_e00` sums.
     pub colours: u64,
+    /// Tone curve in front of 8-bit values.
+    pub tone_curve: Option<ToneCurve>,
 }
 
 stored_structs! {
-    ErrorSums { samples, code_error, linear_error, linear_square, linear_peak, worst_texel, delta_e00, colours }
+    ErrorSums {
+        samples, code_error, linear_error, linear_square, linear_sum, decoded_sum, linear_peak, worst_texel, delta_e00,
+        colours, tone_curve,
+    }
 }
 
 impl ErrorSums {
@@ -94,10 +120,13 @@ impl ErrorSums {
         self.code_error += other.code_error;
         self.linear_error += other.linear_error;
         self.linear_square += other.linear_square;
+        self.linear_sum += other.linear_sum;
+        self.decoded_sum += other.decoded_sum;
         self.linear_peak = self.linear_peak.max(other.linear_peak);
         self.worst_texel = self.worst_texel.max(other.worst_texel);
         self.delta_e00 += other.delta_e00;
         self.colours += other.colours;
+        self.tone_curve = self.tone_curve.or(other.tone_curve);
     }
 
     /// Returns the figures of these sums.
@@ -111,7 +140,9 @@ impl ErrorSums {
             psnr_linear_db: decibels(peak * peak, self.linear_error / samples),
             rel_rmse: if self.linear_error > 0.0 { (self.linear_error / square).sqrt() } else { 0.0 },
             worst_texel_rmse: self.worst_texel.sqrt(),
+            energy_ratio: if self.linear_sum > 0.0 { self.decoded_sum / self.linear_sum } else { 1.0 },
             delta_e00_mean: (self.colours > 0).then(|| self.delta_e00 / self.colours as f64),
+            tone_curve: self.tone_curve,
         }
     }
 }
@@ -135,10 +166,13 @@ mod tests {
             code_error: 300 * 25,
             linear_error: 3.0,
             linear_square: 48.0,
+            linear_sum: 100.0,
+            decoded_sum: 95.0,
             linear_peak: 2.0,
             worst_texel: 0.04,
             delta_e00: 30.0,
             colours: 100,
+            tone_curve: None,
         }
     }
 
@@ -150,7 +184,7 @@ mod tests {
         assert!((metrics.psnr_linear_db - 10.0 * (4.0f64 / 0.01).log10()).abs() < 1e-12);
         assert_eq!(metrics.rel_rmse, 0.25);
         assert!((metrics.worst_texel_rmse - 0.2).abs() < 1e-12);
-        assert_eq!(metrics.delta_e00_mean, Some(0.3));
+        assert_eq!((metrics.delta_e00_mean, metrics.energy_ratio), (Some(0.3), 0.95));
         // Planted difference: one more step in one sample is seen.
         let other = ErrorSums { code_error: sums().code_error + 1, ..sums() };
         assert!(other.metrics().psnr_db < metrics.psnr_db);

@@ -7,8 +7,6 @@ use std::path::{Path, PathBuf};
 
 /// Largest number of half precision.
 pub(crate) const MAX_HALF: f32 = 65504.0;
-/// Residual components that a fit can be limited to at most.
-pub(crate) const MAX_ASKED_COMPONENTS: usize = 64;
 /// Residual components at most without a goal.
 const DEFAULT_COMPONENTS: usize = 8;
 /// Lobes of a cluster whose weights follow from the coefficients: 8 give 0.08 dB more at random directions
@@ -20,7 +18,8 @@ const BYTES_PER_PREDICTED_LOBE: f64 = 32.0;
 const PREDICTED_LOBE_SHARE: f64 = 0.025;
 
 /// The error that a fit minimises.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum ErrorMeasure {
     /// Error of gamma-encoded values, as `psnr_db` counts them: root residual.
     Gamma,
@@ -37,6 +36,15 @@ impl ErrorMeasure {
             ErrorMeasure::Gamma => (ResidualKind::Root, 0.003),
             ErrorMeasure::Linear => (ResidualKind::Additive, 0.001),
             ErrorMeasure::Log => (ResidualKind::Log, 0.01),
+        }
+    }
+
+    /// Returns what is minimised, in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            ErrorMeasure::Gamma => "error of gamma-encoded values",
+            ErrorMeasure::Linear => "error of linear values",
+            ErrorMeasure::Log => "relative error",
         }
     }
 
@@ -116,12 +124,12 @@ pub struct FitParams {
     pub lobes: usize,
     /// What lobes are to the residual; `None`: [`Role::Base`].
     pub role: Option<Role>,
-    /// Residual components, 0 to 64; `None`: what the goal gives, 8 without a goal.
+    /// Residual components, 0 to 128; `None`: what the goal gives, 8 without a goal.
     pub components: Option<usize>,
     /// Peak memory in bytes.
     pub memory_bytes: u64,
-    /// Error to minimise.
-    pub error: ErrorMeasure,
+    /// Error to minimise; `None`: chosen from the captures.
+    pub error: Option<ErrorMeasure>,
     /// Share of the direction pairs that is held back, 0 to 0.9.
     pub leave_out: f64,
     /// Whether to find the texels' heights and store them, where they predict steep views.
@@ -146,7 +154,7 @@ impl Default for FitParams {
             role: None,
             components: None,
             memory_bytes: 4_000_000_000,
-            error: ErrorMeasure::Gamma,
+            error: None,
             leave_out: 0.0,
             heights: false,
             seed: 1,
@@ -189,8 +197,8 @@ impl FitParams {
         if self.lobes > 32 {
             return refuse("--lobes must be 0 to 32");
         }
-        if self.components.is_some_and(|components| components > MAX_ASKED_COMPONENTS) {
-            return refuse("--components must be 0 to 64");
+        if self.components.is_some_and(|components| components > MAX_COMPONENTS) {
+            return refuse("--components must be 0 to 128");
         }
         if !(0.0..=0.9).contains(&self.leave_out) {
             return refuse("--leave-out must be 0 to 0.9");
@@ -256,7 +264,7 @@ impl ValidFitParams {
         self.asked.lobes
     }
 
-    /// Returns the residual components that were asked for, 0 to 64.
+    /// Returns the residual components that were asked for, 0 to 128.
     pub fn components(&self) -> Option<usize> {
         self.asked.components
     }
@@ -273,9 +281,14 @@ impl ValidFitParams {
         self.asked.memory_bytes
     }
 
-    /// Returns the error to minimise.
+    /// Returns the error to minimise: as asked for or chosen, else that of gamma-encoded values.
     pub fn error(&self) -> ErrorMeasure {
-        self.asked.error
+        self.asked.error.unwrap_or(ErrorMeasure::Gamma)
+    }
+
+    /// Returns the parameters with another error to minimise.
+    pub(crate) fn with_error(&self, error: ErrorMeasure) -> ValidFitParams {
+        ValidFitParams { asked: FitParams { error: Some(error), ..self.asked.clone() } }
     }
 
     /// Returns the share of the direction pairs that is held back, 0 to 0.9.
@@ -345,7 +358,7 @@ mod tests {
         for (params, option) in [
             (FitParams { clusters: 0, ..plain.clone() }, "--clusters"),
             (FitParams { lobes: 33, ..plain.clone() }, "--lobes"),
-            (FitParams { components: Some(65), ..plain.clone() }, "--components"),
+            (FitParams { components: Some(129), ..plain.clone() }, "--components"),
             (FitParams { leave_out: 0.95, ..plain.clone() }, "--leave-out"),
             (FitParams { bytes: Some(1), psnr_db: Some(30.0), ..plain.clone() }, "--bytes and --psnr"),
             (FitParams { psnr_db: Some(f64::NAN), ..plain }, "--psnr"),

@@ -105,7 +105,7 @@ impl FitRecord {
             clusters: params.clusters,
             lobes: params.lobes,
             components,
-            error: match params.error {
+            error: match params.error.unwrap_or(ErrorMeasure::Gamma) {
                 ErrorMeasure::Gamma => "gamma",
                 ErrorMeasure::Linear => "linear",
                 ErrorMeasure::Log => "log",
@@ -271,7 +271,9 @@ mod tests {
             psnr_linear_db: 34.123_456_789,
             rel_rmse: 1.234_567_89e-5,
             worst_texel_rmse: 1.234_567_89e-5,
+            energy_ratio: 0.987_654_321,
             delta_e00_mean: Some(1.234_567_89e-5),
+            tone_curve: None,
         };
         let material = Material::new(&[&long, &long, &long, &long], FitRecord::new(&params, 64));
         let before = material.to_json().len();

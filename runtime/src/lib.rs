@@ -46,8 +46,8 @@ pub use asset::limits::{
 };
 pub use asset::lobe::{Lobe, LobeFamily, LobeSetup, RESIDENT_WORDS as LOBE_RESIDENT_WORDS, ResidentLobe};
 pub use asset::lobe_tables::{lobe_sum_at_pairs, lobe_tables};
-pub use asset::predicted_lobes::first_lobes;
 pub use asset::lobe_weights::LobeWeights;
+pub use asset::predicted_lobes::first_lobes;
 pub use asset::residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases,
 };

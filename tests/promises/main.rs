@@ -8,6 +8,7 @@ mod designed_leaf;
 mod expand_and_measure;
 mod fitted_on_gpu;
 mod gltf_export;
+mod high_dynamic_range;
 mod leaf_colour;
 mod leaf_layers;
 mod live_canopy;

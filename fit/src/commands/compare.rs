@@ -5,7 +5,7 @@ use super::failure::Failure;
 use super::options::{Decoding, Shared};
 use super::output::{check_distinct, check_file, tell};
 use super::progress;
-use btf_capture::{Capture, write_file_atomically};
+use btf_capture::{Capture, CaptureInfo, Direction, write_file_atomically};
 use btf_fit::{
     MeasureParams, Metrics, ReportInput, ReportLayer, bytes_from_text, layer_for_capture, load_asset, load_voltex,
     measure, peak_memory_bytes, report_html, resident_in_parallel, write_heatmaps,
@@ -35,10 +35,13 @@ pub(super) struct CompareArgs {
     /// Layer of the asset, from 0; the one of the capture's side if not given
     #[arg(long, value_name = "N")]
     layer: Option<usize>,
+    /// Measure only the pairs whose light and view are both at most so many degrees from the normal
+    #[arg(long, value_name = "DEG")]
+    max_theta: Option<f64>,
     #[command(flatten)]
     decoding: Decoding,
     /// Of a volumetric texture also measure what each of its terms is worth, and simplified meshes; takes minutes
-    #[arg(long, conflicts_with_all = ["layer", "heatmap", "report"])]
+    #[arg(long, conflicts_with_all = ["layer", "max_theta", "heatmap", "report"])]
     ablate: bool,
     /// Most memory to use for images
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "4GB")]
@@ -80,10 +83,10 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         [args.report.as_ref(), args.json.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
     check_distinct(&outputs)?;
     if let Some((bytes, volume)) = load_voltex(&args.asset)? {
-        if args.layer.is_some() || args.heatmap.is_some() || args.report.is_some() {
+        if args.layer.is_some() || args.max_theta.is_some() || args.heatmap.is_some() || args.report.is_some() {
             let path = args.asset.display();
             return Err(Failure::Usage(format!(
-                "{path} is a volumetric texture: --layer, --heatmap and --report are for assets; leave them out"
+                "{path} is a volumetric texture: --layer, --max-theta, --heatmap and --report are for assets; leave them out"
             )));
         }
         let compared = Compared { model: &args.capture, file: &args.asset, bytes: bytes.len(), volume: &volume };
@@ -120,6 +123,7 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         layer,
         options: args.decoding.options(),
         memory_bytes: args.memory,
+        pairs: args.max_theta.map(|most| pairs_within(capture.info(), most)).transpose()?,
         ..MeasureParams::default()
     };
     let comparison = monitor.stage("measure", || measure(&capture, &asset, &resident, &params, &monitor))?;
@@ -162,13 +166,37 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
     tell(args.json.as_deref(), shared.quiet, &result, || summary(&result))
 }
 
+/// Returns the pairs of a capture whose light and view are at most `most_deg` degrees from the normal.
+fn pairs_within(info: &CaptureInfo, most_deg: f64) -> Result<Vec<usize>, Failure> {
+    let within = |direction: &Direction| {
+        // Lights of a transmission capture stand behind the surface.
+        direction.theta_deg.min(180.0 - direction.theta_deg) <= most_deg
+    };
+    let [views, lights] =
+        [&info.views, &info.lights].map(|set| set.directions().iter().map(within).collect::<Vec<_>>());
+    let count = lights.len();
+    let pairs: Vec<usize> = (0..info.pair_count()).filter(|pair| views[pair / count] && lights[pair % count]).collect();
+    match pairs.is_empty() {
+        false => Ok(pairs),
+        true => Err(Failure::Usage(format!(
+            "the capture {} has no pair within {most_deg} degrees of the normal; give a larger --max-theta",
+            info.name
+        ))),
+    }
+}
+
 fn summary(result: &CompareResult) -> String {
     let metrics = &result.metrics;
     let [x, y] = result.worst_texel;
     let mut text = format!(
-        "psnr            {:.3} dB (8-bit values)\npsnr, linear    {:.3} dB\nrelative RMSE   {:.5}\nworst texel     {:.5} RMSE at column {x}, row {y}",
-        metrics.psnr_db, metrics.psnr_linear_db, metrics.rel_rmse, metrics.worst_texel_rmse
+        "psnr            {:.3} dB ({})\npsnr, linear    {:.3} dB\nrelative RMSE   {:.5}\nworst texel     {:.5} RMSE at column {x}, row {y}",
+        metrics.psnr_db,
+        metrics.coded_as(),
+        metrics.psnr_linear_db,
+        metrics.rel_rmse,
+        metrics.worst_texel_rmse
     );
+    text += &format!("\nenergy          x {:.4}", metrics.energy_ratio);
     if let Some(delta_e) = metrics.delta_e00_mean {
         text += &format!("\nCIEDE2000       {delta_e:.3}, mean");
     }
@@ -176,4 +204,21 @@ fn summary(result: &CompareResult) -> String {
         text += "\nthe capture has directions that the asset has not measured; the asset was interpolated there";
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use btf_capture::{DirectionSet, ImageFormat};
+
+    #[test]
+    fn pairs_within_an_angle_are_those_of_upright_views_and_lights() {
+        let set = DirectionSet::bonn81();
+        let info = CaptureInfo::new("bonn", 1, 1, set.clone(), set, ImageFormat::Png);
+        let upright = pairs_within(&info, 20.0).ok().unwrap();
+        assert_eq!(upright.len(), 49);
+        assert!(upright.iter().all(|pair| pair / 81 < 7 && pair % 81 < 7));
+        assert_eq!(pairs_within(&info, 90.0).ok().unwrap().len(), 81 * 81);
+        assert!(pairs_within(&info, -1.0).is_err());
+    }
 }

@@ -10,7 +10,7 @@ use btf_fit::{
     ReportInput, ReportLayer, Role, Stage, ValidFitParams, bytes_from_text, fit_and_measure, peak_memory_bytes,
     remove_finished_stages, report_html, side_of_layer, text_from_bytes,
 };
-use btf_runtime::read_directory;
+use btf_runtime::{Layer, read_directory};
 use clap::{Args, ValueEnum};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use std::path::{Path, PathBuf};
@@ -39,7 +39,8 @@ pub(super) struct FitArgs {
     /// Largest size of the asset, as 2MB or 2MiB; components and bits are chosen to fit
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, conflicts_with = "psnr")]
     bytes: Option<u64>,
-    /// Least PSNR of the 8-bit values in dB; the smallest asset that reaches it is chosen
+    /// Least PSNR of the 8-bit values in dB, after a tone curve where the capture is brighter than white; the smallest
+    /// asset that reaches it is chosen
     #[arg(long, value_name = "DB")]
     psnr: Option<f64>,
     /// Clusters of texels, 1 to 256, each with its own lobes and bases; 32 if not given, 16 where --bytes leaves less
@@ -56,14 +57,15 @@ pub(super) struct FitArgs {
     /// measured directions at most, and worse between them
     #[arg(long, value_enum)]
     role: Option<RoleName>,
-    /// Residual components, 0 to 64; what --bytes or --psnr gives, 8 without either
+    /// Residual components, 0 to 128; what --bytes or --psnr gives, 8 without either
     #[arg(long, value_name = "N")]
     components: Option<usize>,
     /// Most memory to use
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "4GB")]
     memory: u64,
-    /// The error to make small: of gamma-encoded values, of linear ones, or relative
-    #[arg(long, value_enum, default_value = "gamma")]
+    /// The error to make small: of gamma-encoded values, of linear ones, or relative; auto chooses relative where a
+    /// capture holds values above 1 and spans orders of magnitude, else gamma
+    #[arg(long, value_enum, default_value = "auto")]
     error: ErrorArg,
     /// Hold this share of the direction pairs back, 0 to 0.9, and report their error apart
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
@@ -92,6 +94,7 @@ pub(super) struct FitArgs {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum ErrorArg {
+    Auto,
     Gamma,
     Linear,
     Log,
@@ -122,10 +125,14 @@ struct FitResult<'a> {
     metrics: Metrics,
     #[serde(skip_serializing_if = "Option::is_none")]
     psnr_left_out_db: Option<f64>,
+    /// Error that was minimised: `gamma`, `linear` or `log`.
+    error: ErrorMeasure,
     clusters: usize,
     #[serde(flatten)]
     lobe_use: LobeUse,
     components: usize,
+    /// Bases that the clusters of the first layer mix theirs from.
+    shared_bases: usize,
     layers: usize,
     by_layer: Vec<LayerResult>,
     lobe_error: LobeError,
@@ -141,11 +148,17 @@ struct LayerResult {
     #[serde(flatten)]
     lobe_use: LobeUse,
     components: usize,
+    shared_bases: usize,
+}
+
+fn shared_bases(layer: &Layer) -> usize {
+    layer.residual.as_ref().map_or(0, |residual| residual.shared.steps.len())
 }
 
 impl LayerResult {
     fn model(&self) -> String {
-        format!("{} clusters, {} components", self.clusters, self.components)
+        let LayerResult { clusters, components, shared_bases, .. } = self;
+        format!("{clusters} clusters, {components} components, {shared_bases} shared bases")
     }
 }
 
@@ -226,9 +239,11 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         peak_memory_bytes: peak_memory_bytes(),
         metrics: fitted.metrics,
         psnr_left_out_db: fitted.psnr_left_out_db,
+        error: fitted.error,
         clusters: fitted.clusters,
         lobe_use: fitted.lobe_use,
         components: fitted.components,
+        shared_bases: fitted.asset.layers.first().map_or(0, shared_bases),
         layers: fitted.asset.layers.len(),
         by_layer: layer_results(&fitted)?,
         lobe_error: LobeError {
@@ -263,6 +278,7 @@ fn layer_results(fitted: &Fitted) -> Result<Vec<LayerResult>, FitError> {
             clusters: layer.dictionary.len(),
             lobe_use: LobeUse::of(&layers[number..=number], number, &sections),
             components: layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len()),
+            shared_bases: shared_bases(layer),
         }
     });
     Ok(figures.collect())
@@ -279,9 +295,10 @@ fn params(args: &FitArgs) -> FitParams {
         components: args.components,
         memory_bytes: args.memory,
         error: match args.error {
-            ErrorArg::Gamma => ErrorMeasure::Gamma,
-            ErrorArg::Linear => ErrorMeasure::Linear,
-            ErrorArg::Log => ErrorMeasure::Log,
+            ErrorArg::Auto => None,
+            ErrorArg::Gamma => Some(ErrorMeasure::Gamma),
+            ErrorArg::Linear => Some(ErrorMeasure::Linear),
+            ErrorArg::Log => Some(ErrorMeasure::Log),
         },
         leave_out: args.leave_out,
         heights: args.heights,
@@ -323,8 +340,17 @@ fn summary(result: &FitResult, args: &FitArgs) -> String {
     let metrics = &result.metrics;
     let mut lines = vec![
         format!("{}: {}", args.output.display(), text_from_bytes(result.bytes as u64)),
-        format!("  psnr        {:.2} dB (8-bit values), {:.2} dB (linear)", metrics.psnr_db, metrics.psnr_linear_db),
-        format!("  error       {:.4} relative RMSE, {:.4} worst texel", metrics.rel_rmse, metrics.worst_texel_rmse),
+        format!(
+            "  psnr        {:.2} dB ({}), {:.2} dB (linear)",
+            metrics.psnr_db,
+            metrics.coded_as(),
+            metrics.psnr_linear_db
+        ),
+        format!(
+            "  error       {:.4} relative RMSE, {:.4} worst texel, energy x {:.3}",
+            metrics.rel_rmse, metrics.worst_texel_rmse, metrics.energy_ratio
+        ),
+        format!("  minimised   {}", result.error.words()),
     ];
     if let Some(delta_e) = metrics.delta_e00_mean {
         lines.push(format!("  colour      {delta_e:.2} CIEDE2000, mean"));
@@ -371,7 +397,7 @@ mod tests {
         assert_eq!((other.bytes, other.memory_bytes), (Some(1_750_000), 500 << 20));
         let kept = parse(&["c", "-o", "out/a.spmm", "--resume"]).unwrap().resume;
         assert_eq!((other.resume, kept), (None, Some(PathBuf::from("out/a.spmm.resume"))));
-        assert_eq!((other.error, other.cache_directory), (ErrorMeasure::Log, PathBuf::from("out")));
+        assert_eq!((other.error, other.cache_directory), (Some(ErrorMeasure::Log), PathBuf::from("out")));
     }
 
     #[test]
@@ -390,7 +416,9 @@ mod tests {
             psnr_linear_db: 40.0,
             rel_rmse: 0.1,
             worst_texel_rmse: 0.2,
+            energy_ratio: 1.0,
             delta_e00_mean: Some(1.0),
+            tone_curve: None,
         };
         let result = FitResult {
             asset: "a.spmm".into(),
@@ -401,9 +429,11 @@ mod tests {
             peak_memory_bytes: Some(7),
             metrics,
             psnr_left_out_db: None,
+            error: ErrorMeasure::Gamma,
             clusters: 32,
             lobe_use: LobeUse { role: Role::Base, bytes: 3, per_texel_mean: 2.5, per_cluster_mean: 0.0 },
             components: 8,
+            shared_bases: 90,
             layers: 1,
             by_layer: Vec::new(),
             lobe_error: LobeError { selected: 0.1, refined: 0.09, sparse: 0.08 },
@@ -418,6 +448,8 @@ mod tests {
             "psnr_linear_db",
             "rel_rmse",
             "worst_texel_rmse",
+            "energy_ratio",
+            "error",
             "clusters",
             "lobe_role",
             "lobe_bytes",

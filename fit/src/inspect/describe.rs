@@ -255,7 +255,8 @@ impl Display for Description {
         }
         if let Some(error) = &material.error {
             writeln!(f, "\nerror of the whole asset against its capture")?;
-            writeln!(f, "  psnr {:.2} dB (8-bit), {:.2} dB (linear)", error.psnr_db, error.psnr_linear_db)?;
+            let (db, linear_db) = (error.psnr_db, error.psnr_linear_db);
+            writeln!(f, "  psnr {db:.2} dB ({}), {linear_db:.2} dB (linear)", error.coded_as())?;
             write!(f, "  relative RMSE {:.4}, worst texel RMSE {:.4}", error.rel_rmse, error.worst_texel_rmse)?;
             if let Some(delta_e) = error.delta_e00_mean {
                 write!(f, ", CIEDE2000 {delta_e:.2}")?;

@@ -9,6 +9,7 @@ use crate::input::layer_frame::{side_of_layer, sides_of_capture, turn_image, tur
 use crate::input::pair_stride::stride_over_pairs;
 use crate::measure::image_decoder::{ImageDecoder, Spot};
 use crate::measure::tile_errors::{Coding, PairWork, TileErrors, TiledImage};
+use crate::measure::tone_curve::ToneCurve;
 use crate::metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 use crate::monitor::Monitor;
 use crate::resume::stored::stored_structs;
@@ -205,14 +206,15 @@ pub fn measure_images(
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
     let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
-    measure_decoder(info, read, asset, &decoder, params, monitor)
+    measure_decoder(info, read, ToneCurve::of_capture(info, read)?, asset, &decoder, params, monitor)
 }
 
 /// Measures with a `decoder` of layer `params.layer` of `asset`; the decoder's options count instead of
-/// `params.options`.
+/// `params.options`. `tone_curve` is the capture's. Images of pairs that are not measured are not read.
 pub(crate) fn measure_decoder(
     info: &CaptureInfo,
     read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
+    tone_curve: Option<ToneCurve>,
     asset: &Asset,
     decoder: &ImageDecoder,
     params: &MeasureParams,
@@ -228,7 +230,7 @@ pub(crate) fn measure_decoder(
     let (texels, lights) = (info.texel_count(), info.lights.len());
     let view_spots = Spot::of_set(&layer.views, &info.views, info.side);
     let light_spots = Spot::of_set(&layer.lights, &info.lights, info.side);
-    let coding = Coding::new(info);
+    let coding = Coding::new(info, tone_curve);
     let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
     let stride = params.colour_stride.unwrap_or_else(|| colour_pair_stride(info.views.len(), lights));
     let texel_stride = (texels * pairs.len().div_ceil(stride.max(1)) / COLOURS).max(1);
@@ -269,7 +271,7 @@ pub(crate) fn measure_decoder(
     monitor.report("measure", pairs.len(), pairs.len())?;
 
     let per_texel = (pairs.len() * 3) as f64;
-    let mut sums = ErrorSums { samples: (texels * pairs.len() * 3) as u64, ..ErrorSums::default() };
+    let mut sums = ErrorSums { samples: (texels * pairs.len() * 3) as u64, tone_curve, ..ErrorSums::default() };
     let (mut texel_linear_error, mut texel_code_error) = (vec![0.0; texels], vec![0; texels]);
     for (tile, errors) in decoder.tiles().iter().zip(&tile_errors) {
         sums.add(&errors.sums());

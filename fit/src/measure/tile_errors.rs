@@ -4,9 +4,9 @@
 
 use crate::measure::image_decoder::{ImageDecoder, PairPlan};
 use crate::measure::texel_tiles::{BasisWeights, TILE_TEXELS, TexelTile, TileRgb};
+use crate::measure::tone_curve::ToneCurve;
 use crate::metrics::ErrorSums;
-use btf_capture::{CaptureInfo, Encoder8, ImageFormat, Pixels};
-use btf_capture::{LabConverter, delta_e00};
+use btf_capture::{CaptureInfo, Cosine, Encoder8, ImageFormat, LabConverter, Pixels, delta_e00};
 use pulp::{Arch, Simd, WithSimd};
 
 /// 8-bit values per channel and texel of a tile; 0 behind the tile's last texel.
@@ -14,6 +14,7 @@ pub type TileCodes = [[u8; TILE_TEXELS]; 3];
 
 /// Conversion of samples to 8-bit values and back, and the colours of those values.
 pub struct Coding {
+    tone_curve: Option<ToneCurve>,
     encoder: Encoder8,
     /// Per light.
     tables: Vec<[f32; 256]>,
@@ -22,10 +23,14 @@ pub struct Coding {
 
 impl Coding {
     /// Returns the coding of the files of `info`. Linear images have no 8-bit values of their own and get those of a
-    /// PNG of the same capture.
-    pub fn new(info: &CaptureInfo) -> Coding {
-        let info = if info.format == ImageFormat::Exr { info.in_format(ImageFormat::Png) } else { info.clone() };
+    /// PNG of the same capture or, with a tone curve, of what that makes of them.
+    pub fn new(info: &CaptureInfo, tone_curve: Option<ToneCurve>) -> Coding {
+        let mut info = if info.format == ImageFormat::Exr { info.in_format(ImageFormat::Png) } else { info.clone() };
+        if tone_curve.is_some() {
+            (info.scale, info.cosine) = (1.0, Cosine::Included);
+        }
         Coding {
+            tone_curve,
             encoder: Encoder8::new(&info),
             tables: (0..info.lights.len()).map(|light| info.linear_from_encoded8(light)).collect(),
             lab: LabConverter::new(info.transfer),
@@ -84,6 +89,9 @@ pub struct TileErrors {
     pub linear_error: [f64; TILE_TEXELS],
     /// Sum of squared linear samples of the capture, per texel.
     linear_square: [f64; TILE_TEXELS],
+    /// Sums of the linear samples of the capture and of the decoder, per texel.
+    linear_sum: [f64; TILE_TEXELS],
+    decoded_sum: [f64; TILE_TEXELS],
     linear_peak: f32,
     delta_e00: f64,
     colours: u64,
@@ -95,6 +103,8 @@ impl Default for TileErrors {
             code_error: [0; TILE_TEXELS],
             linear_error: [0.0; TILE_TEXELS],
             linear_square: [0.0; TILE_TEXELS],
+            linear_sum: [0.0; TILE_TEXELS],
+            decoded_sum: [0.0; TILE_TEXELS],
             linear_peak: 0.0,
             delta_e00: 0.0,
             colours: 0,
@@ -147,7 +157,12 @@ impl TileErrors {
         let mut decoded_codes: TileCodes = [[0; TILE_TEXELS]; 3];
         let mut original_codes = decoded_codes;
         let encode = |light: usize, linear: &TileRgb, codes: &mut TileCodes| {
-            coding.encoder.encode_slice(light, linear.as_flattened(), codes.as_flattened_mut());
+            let Some(curve) = &coding.tone_curve else {
+                return coding.encoder.encode_slice(light, linear.as_flattened(), codes.as_flattened_mut());
+            };
+            let mut shown = *linear;
+            curve.apply(shown.as_flattened_mut());
+            coding.encoder.encode_slice(light, shown.as_flattened(), codes.as_flattened_mut());
         };
         let mut code_sums = [0u32; TILE_TEXELS];
         // A loop, not an iterator's closures: those would be compiled for the narrow vectors.
@@ -192,6 +207,8 @@ impl TileErrors {
     pub fn sums(&self) -> ErrorSums {
         ErrorSums {
             linear_square: self.linear_square.iter().sum(),
+            linear_sum: self.linear_sum.iter().sum(),
+            decoded_sum: self.decoded_sum.iter().sum(),
             linear_peak: self.linear_peak.into(),
             delta_e00: self.delta_e00,
             colours: self.colours,
@@ -208,6 +225,8 @@ impl TileErrors {
                 let (x, y) = (f64::from(original[c][i]), f64::from(decoded[c][i]));
                 self.linear_error[i] += (y - x) * (y - x);
                 self.linear_square[i] += x * x;
+                self.linear_sum[i] += x;
+                self.decoded_sum[i] += y;
             }
             for i in 0..TILE_TEXELS {
                 peaks[i] = if original[c][i] > peaks[i] { original[c][i] } else { peaks[i] };

@@ -4,6 +4,7 @@ use crate::error::FitError;
 use crate::input::tile_cache::DecodedImages;
 use crate::monitor::Monitor;
 use crate::params::{Goal, ValidFitParams};
+use crate::pipeline::choose_error::with_chosen_error;
 use crate::pipeline::description::byte_budget;
 use crate::pipeline::outcome::FitOutcome;
 use crate::pipeline::prepare::{PreparedFit, check_layers};
@@ -28,6 +29,7 @@ const DEFAULT_STEP: f64 = 0.001;
 /// # Errors
 /// A fault of a capture, or of several together; a budget or a memory limit that is too small.
 pub fn fit(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<FitOutcome, FitError> {
+    let params = &with_chosen_error(captures, params)?;
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
     Ok(fit_from(captures, params, &checkpoint, monitor)?.0)
 }

@@ -9,7 +9,8 @@ use crate::measure::compare::measure;
 use crate::measure::compare::{Comparison, MeasureParams, measure_images};
 use crate::metrics::{ErrorSums, Metrics};
 use crate::monitor::Monitor;
-use crate::params::ValidFitParams;
+use crate::params::{ErrorMeasure, ValidFitParams};
+use crate::pipeline::choose_error::with_chosen_error;
 use crate::pipeline::fit::fit_from;
 use crate::pipeline::outcome::FitOutcome;
 use crate::provenance::{FitRecord, Material};
@@ -42,6 +43,8 @@ pub struct Fitted {
     pub components: usize,
     /// Clusters of the first layer.
     pub clusters: usize,
+    /// Error that was minimised.
+    pub error: ErrorMeasure,
 }
 
 /// Fits `captures`, one per layer, measures the packed asset against them (stage `measure`) and packs it
@@ -53,6 +56,7 @@ pub struct Fitted {
 /// # Errors
 /// As [`crate::fit()`] and [`measure`]; [`FitError::Budget`] if the description does not fit into the bytes asked for.
 pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
+    let params = &with_chosen_error(captures, params)?;
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
     let (outcome, images) = fit_from(captures, params, &checkpoint, monitor)?;
     let FitOutcome { mut asset, lobe_use, lobes, components, clusters, left_out, .. } = outcome;
@@ -83,7 +87,20 @@ pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &
         )));
     }
     let psnr_left_out_db = comparisons.first().and_then(|comparison| comparison.psnr_of_pairs(left_out));
-    Ok(Fitted { asset, bytes, resident, comparisons, metrics, psnr_left_out_db, lobe_use, lobes, components, clusters })
+    let error = params.error();
+    Ok(Fitted {
+        asset,
+        bytes,
+        resident,
+        comparisons,
+        metrics,
+        psnr_left_out_db,
+        lobe_use,
+        lobes,
+        components,
+        clusters,
+        error,
+    })
 }
 
 #[cfg(test)]

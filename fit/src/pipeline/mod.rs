@@ -1,6 +1,7 @@
 //! The stages strung together: memory plan, both recipes, search for a size or an error, forecast of the time.
 
 pub(crate) mod assemble;
+pub(crate) mod choose_error;
 pub(crate) mod description;
 pub(crate) mod fit;
 pub(crate) mod fitted;

@@ -5,6 +5,7 @@ use crate::input::tile_cache::{DecodedImages, TileCache};
 use crate::monitor::Monitor;
 use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{assemble, greatest_coefficient};
+use crate::pipeline::choose_error::with_chosen_error;
 use crate::pipeline::memory_plan::{MemoryPlan, plan_memory};
 use crate::pipeline::prepare_layer::{PreparedLayer, prepare_layer};
 use crate::resume::checkpoint::Checkpoint;
@@ -29,6 +30,7 @@ impl PreparedFit {
     /// As [`crate::fit()`], without those about a budget.
     pub fn prepare(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<PreparedFit, FitError> {
         check_layers(captures)?;
+        let params = &with_chosen_error(captures, params)?;
         PreparedFit::prepare_from(captures, params, &Checkpoint::open(captures, params, monitor)?, monitor)
     }
 

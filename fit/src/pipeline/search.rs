@@ -106,7 +106,9 @@ impl StepSearch<'_> {
             if (measured < db && last_resort) || (enough && measured <= db + 6.0 * PSNR_MARGIN_DB) {
                 break;
             }
-            exponent = bracket.next((exponent, measured), db).clamp(FINEST_EXPONENT, COARSEST_EXPONENT);
+            // What misses the margin counts as too little: steps beside it would only meet it by chance.
+            exponent =
+                bracket.next((exponent, measured), db + PSNR_MARGIN_DB).clamp(FINEST_EXPONENT, COARSEST_EXPONENT);
         }
         found.map(|(_, asset)| asset).or(nearest).ok_or_else(|| {
             FitError::Budget(format!(
@@ -179,6 +181,8 @@ struct Bracket {
     below: Option<(f64, f64)>,
     /// Whether the last step gave too much.
     last_above: Option<bool>,
+    /// Factor of the last move that no line led.
+    stride: f64,
 }
 
 impl Bracket {
@@ -199,7 +203,11 @@ impl Bracket {
                 let along = if self.last_above == Some(measured > db) { 0.5 } else { along };
                 below.0 + along * (above.0 - below.0)
             }
-            _ => point.0 + ((measured - self.goal) / (20.0 * 2f64.log10())).clamp(-4.0, 4.0),
+            _ => {
+                // Again on that side: the error hardly follows the step, as where texels are equal.
+                self.stride = if self.last_above == Some(measured > db) { 2.0 * self.stride } else { 1.0 };
+                point.0 + (self.stride * (measured - self.goal) / (20.0 * 2f64.log10())).clamp(-4.0, 4.0)
+            }
         };
         self.last_above = Some(measured > db);
         next

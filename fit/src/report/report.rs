@@ -112,14 +112,14 @@ pub fn report_html(input: &ReportInput, monitor: &Monitor) -> Result<String, Fit
             p { (description.width) " × " (description.height) " texels, " (direction_words(&description)) }
         }
         div.tiles {
-            (tile("PSNR", &decibel_text(metrics.psnr_db), "8-bit values, dB"))
+            (tile("PSNR", &decibel_text(metrics.psnr_db), &format!("{}, dB", metrics.coded_as())))
             (tile("Size", &text_from_bytes(description.bytes), &format!("1 : {:.0} of {}", raw as f64 / description.bytes as f64, text_from_bytes(raw))))
             (tile("Colour difference", &metrics.delta_e00_mean.map_or("–".into(), |x| format!("{x:.2}")), "CIEDE2000, mean"))
             (tile("Relative RMSE", &format!("{:.2} %", 100.0 * metrics.rel_rmse), "linear"))
             (tile("PSNR, linear", &decibel_text(metrics.psnr_linear_db), "peak = brightest sample, dB"))
             (tile("Worst texel", &format!("{:.4}", metrics.worst_texel_rmse), "RMSE, linear"))
             @if let Some(db) = input.psnr_left_out_db {
-                (tile("PSNR of pairs held back", &decibel_text(db), "8-bit values, dB"))
+                (tile("PSNR of pairs held back", &decibel_text(db), &format!("{}, dB", metrics.coded_as())))
             }
             @if let Some(bytes) = input.peak_memory_bytes {
                 (tile("Peak memory", &text_from_bytes(bytes), "of the whole program"))

@@ -10,7 +10,8 @@ use crate::stages::local_pca::LocalPca;
 use crate::stages::residual_source::ResidualSource;
 use crate::stages::sparse::{ClusterLobes, Selection};
 use btf_runtime::{
-    DictionaryLobe, Layer, Lobe, LobeFamily, LobeWeights, ResidualKind, Sphere, first_lobes, lobe_sum_at_pairs, lobe_tables,
+    DictionaryLobe, Layer, Lobe, LobeFamily, LobeWeights, ResidualKind, Sphere, first_lobes, lobe_sum_at_pairs,
+    lobe_tables,
 };
 use half::f16;
 use nalgebra::{DMatrix, DVector};

@@ -6,6 +6,7 @@ use crate::inspect::lobe_use::LobeUse;
 use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_decoder};
 use crate::measure::image_decoder::ImageDecoder;
 use crate::measure::thinned_grid::{ThinnedGrid, thinned_grid};
+use crate::measure::tone_curve::ToneCurve;
 use crate::metrics::Metrics;
 use crate::monitor::Monitor;
 use crate::params::{FitParams, Role, ValidFitParams};
@@ -121,6 +122,8 @@ pub(crate) struct Grid<'a> {
     pub(crate) reference: Option<Between<'a>>,
     /// Pairs of a thinned grid, in place of a reference; read with the first asset.
     pub(crate) thinned: Option<Between<'a>>,
+    /// Tone curve of the capture, by which its reference is judged, too.
+    pub(crate) tone_curve: Option<ToneCurve>,
     pub(crate) points: Vec<TradePoint>,
     /// File that each point is decoded from.
     pub(crate) files: Vec<Arc<Vec<u8>>>,
@@ -224,7 +227,9 @@ impl Grid<'_> {
         let Some(first) = directory.tiers.first() else { return Ok(()) };
         let made = Made::from_bytes(whole.bytes[..*first as usize].to_vec())?;
         let setting = Setting { bits: None, ..*setting };
+        let before = self.points.len();
         self.measure_made(&made, &[setting])?;
+        self.points[before..].iter_mut().for_each(|point| point.file_bytes = whole.bytes.len());
         Ok(())
     }
 
@@ -273,6 +278,7 @@ impl Grid<'_> {
                         interpolation: rule,
                         precision,
                         bytes,
+                        file_bytes: made.bytes.len(),
                         resident_bytes: made.resident_bytes(precision),
                         metrics,
                         psnr_between_db: self.between(made, thin.as_ref(), &options, precision)?,
@@ -315,7 +321,8 @@ impl Grid<'_> {
         let decoder = decoder(&made.asset, &made.resident, &made.singles, &options, precision);
         let read = |view, light| self.held.get(view, light);
         let quiet = Monitor::default();
-        Ok(measure_decoder(self.capture.info(), &read, &made.asset, &decoder, &measuring, &quiet)?.metrics())
+        Ok(measure_decoder(self.capture.info(), &read, self.tone_curve, &made.asset, &decoder, &measuring, &quiet)?
+            .metrics())
     }
 
     /// Measures `psnr_db` where the asset interpolates.
@@ -336,7 +343,8 @@ impl Grid<'_> {
             MeasureParams { pairs: Some(between.pairs.clone()), colour_stride: Some(0), ..MeasureParams::default() };
         let read = |view, light| between.images.get(view, light);
         let quiet = Monitor::default();
-        Ok(Some(measure_decoder(between.info, &read, asset, &decoder, &measuring, &quiet)?.metrics().psnr_db))
+        let measured = measure_decoder(between.info, &read, self.tone_curve, asset, &decoder, &measuring, &quiet)?;
+        Ok(Some(measured.metrics().psnr_db))
     }
 
     /// Times an evaluation, in nanoseconds.

@@ -1,6 +1,6 @@
 //! A trade as a table (CSV), plots (SVG) and a page (HTML) that needs nothing else.
 
-use crate::params::{MAX_ASKED_COMPONENTS, Role};
+use crate::params::Role;
 use crate::report::page::{decibel_text, page, tile};
 use crate::report::plot::{Dot, Mark, scatter};
 use crate::trade::point::{Limit, Precision, Rule, TradePoint};
@@ -9,7 +9,7 @@ use crate::units::text_from_bytes;
 use maud::{Markup, html};
 
 /// Columns of the table, in order.
-const COLUMNS: [&str; 29] = [
+const COLUMNS: [&str; 30] = [
     "lobes",
     "role",
     "lobes_per_texel_mean",
@@ -39,6 +39,7 @@ const COLUMNS: [&str; 29] = [
     "all_delta_e00_mean",
     "all_rel_rmse",
     "all_worst_texel_rmse",
+    "fit",
 ];
 
 fn role_word(role: Role) -> &'static str {
@@ -73,7 +74,7 @@ fn precision_word(precision: Precision) -> &'static str {
 
 /// Returns all points as CSV: one row each under one row of names; empty where there is no figure, `inf` for an
 /// infinite PSNR. Columns `all_...` are errors over all pairs, of the points of the summary. `gpu_kind` is `software`
-/// where `gpu_ns` is the time of a driver that computes on the CPU.
+/// where `gpu_ns` is the time of a driver that computes on the CPU. `fit` has the options that make the row.
 pub fn trade_csv(trade: &Trade) -> String {
     let mut text = COLUMNS.join(",") + "\n";
     let optional = |x: Option<f64>, decimals: usize| x.map_or(String::new(), |x| format!("{x:.decimals$}"));
@@ -108,6 +109,7 @@ pub fn trade_csv(trade: &Trade) -> String {
         let fronts = [point.front_bytes_psnr, point.front_ns_psnr, point.front_ns_between];
         row.extend(fronts.map(|on| u8::from(on).to_string()));
         row.extend(metrics(point.all_pairs.as_ref()));
+        row.push(fit_options(trade, point));
         text += &row.join(",");
         text.push('\n');
     }
@@ -296,26 +298,27 @@ fn table(trade: &Trade) -> Markup {
                             @if on { span.mark { (word) } " " }
                         }
                     }
-                    td { @match fit_options(trade, point) { Some(options) => code { (options) }, None => "–" } }
+                    td { code { (fit_options(trade, point)) } }
                 }
             }
         } }
     }
 }
 
-/// Returns the options with which `btf-fit fit` makes about the file of `point`, or `None` for rows that are a part of
-/// a larger file and for more components than `fit` can be limited to.
-fn fit_options(trade: &Trade, point: &TradePoint) -> Option<String> {
-    let components = match point.limit {
-        Limit::None => String::new(),
-        Limit::Encode if point.components <= MAX_ASKED_COMPONENTS => format!(" --components {}", point.components),
-        Limit::Encode | Limit::Decode | Limit::Lobes => return None,
+/// Returns the options with which `btf-fit fit` makes about the file of `point`, and what of that file the row is.
+fn fit_options(trade: &Trade, point: &TradePoint) -> String {
+    let (components, part) = match point.limit {
+        Limit::None => (String::new(), String::new()),
+        Limit::Encode => (format!(" --components {}", point.components), String::new()),
+        Limit::Decode => (String::new(), format!("; decoded with --components {}", point.components)),
+        Limit::Lobes => (String::new(), "; its first tier".to_string()),
     };
     let lobes = match point.lobes {
         0 => "--lobes 0".to_string(),
         lobes => format!("--role {} --lobes {lobes}", role_word(point.role)),
     };
-    Some(format!("{lobes} --clusters {} --seed {}{components} --bytes {}", trade.clusters, trade.seed, point.bytes))
+    let Trade { clusters, seed, .. } = trade;
+    format!("{lobes} --clusters {clusters} --seed {seed}{components} --bytes {}{part}", point.file_bytes)
 }
 
 const MORE_STYLE: &str = "
@@ -365,7 +368,7 @@ pub fn trade_html(trade: &Trade) -> String {
                 li { b { "Components" } " of the residual: all that are worth their bytes at this step; fewer in the file; or all in the file and fewer decoded." }
                 li { b { "Rule" } ": how directions between measured ones are decoded, " code { "--interpolation" } "." }
                 li { b { "Bases" } ": precision of the expanded bases in memory. Half is what decoders hold; single is there to tell what half costs." }
-                li { b { "Options of fit" } ": with them, " code { "btf-fit fit CAPTURE -o ASSET.spmm" } " makes a file of at most this size and about this error; its step is searched for the size and lies between those that were swept over here. A row without options is a prefix of a larger file or is decoded with fewer components than its file has: no fit makes it." }
+                li { b { "Options of fit" } ": with them, " code { "btf-fit fit CAPTURE -o ASSET.spmm" } " makes a file of at most this size and about this error; its step is searched for the size and lies between those that were swept over here. Behind a semicolon stands what of that file the row is: a tier, which other commands read from a file of that length, or a decoding with fewer components." }
                 li { b { "Best in" } ": size, speed at measured directions, speed between them: no other setting has less of it at this accuracy." }
             }
         }
@@ -392,8 +395,15 @@ mod tests {
     use crate::metrics::Metrics;
 
     fn point(lobes: usize, bytes: usize, psnr_db: f64, front: bool) -> TradePoint {
-        let metrics =
-            Metrics { psnr_db, psnr_linear_db: 40.0, rel_rmse: 0.1, worst_texel_rmse: 0.2, delta_e00_mean: Some(1.5) };
+        let metrics = Metrics {
+            psnr_db,
+            psnr_linear_db: 40.0,
+            rel_rmse: 0.1,
+            worst_texel_rmse: 0.2,
+            energy_ratio: 1.0,
+            delta_e00_mean: Some(1.5),
+            tone_curve: None,
+        };
         TradePoint {
             lobes,
             role: Role::Guide,
@@ -406,6 +416,7 @@ mod tests {
             interpolation: Rule::Fast,
             precision: Precision::Half,
             bytes,
+            file_bytes: 3 * bytes,
             resident_bytes: 2 * bytes,
             metrics,
             psnr_between_db: Some(psnr_db - 3.0),
@@ -448,6 +459,7 @@ mod tests {
         assert_eq!((value(1, "all_psnr_db"), value(2, "all_psnr_db")), ("30.0000", ""));
         assert_eq!((value(2, "psnr_db"), value(2, "front_bytes_psnr")), ("inf", "0"));
         assert_eq!((value(2, "role"), value(2, "bits"), value(2, "gpu_kind")), ("guide", "3.500", ""));
+        assert!(value(1, "fit").starts_with("--lobes 0 --clusters 2"), "{}", value(1, "fit"));
     }
 
     #[test]
@@ -458,11 +470,11 @@ mod tests {
         }
         assert!(page.contains("empty: no GPU") && page.contains("wool &lt;1&gt;"));
         assert_eq!(page.matches("<svg").count(), 3);
-        // A row that is decoded with fewer components than its file has is nothing that `fit` makes.
-        assert!(!page.contains("--bytes 1000"));
+        // A row that is decoded with fewer components than its file has names the whole file.
+        assert!(page.contains("--bytes 3000; decoded with --components 8</code>"));
         let mut whole = sample();
         (whole.points[0].limit, whole.points[0].lobes, whole.points[0].role) = (Limit::Encode, 2, Role::Base);
-        let options = "--role base --lobes 2 --clusters 2 --seed 1 --components 8 --bytes 1000";
+        let options = "--role base --lobes 2 --clusters 2 --seed 1 --components 8 --bytes 3000";
         assert!(trade_html(&whole).contains(&format!("<code>{options}</code>")));
         // The table has the summary's points alone.
         assert_eq!(page.matches("<td>no lobes").count(), 1);

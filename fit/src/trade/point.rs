@@ -75,6 +75,8 @@ pub struct TradePoint {
     pub precision: Precision,
     /// Bytes of the file, or of its tier.
     pub bytes: usize,
+    /// Bytes of the whole file, also where `bytes` is of a tier.
+    pub file_bytes: usize,
     /// Bytes in the decoder's memory.
     pub resident_bytes: usize,
     /// Error on the share of pairs; the colour difference is taken on at most eight of them. Both rules decode measured

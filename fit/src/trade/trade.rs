@@ -6,6 +6,7 @@
 use crate::error::FitError;
 use crate::inspect::load::resident_in_parallel;
 use crate::measure::compare::{MeasureParams, measure_decoder};
+use crate::measure::tone_curve::ToneCurve;
 use crate::monitor::Monitor;
 use crate::params::Role;
 use crate::trade::gpu_clock::GpuClock;
@@ -70,6 +71,7 @@ pub fn trade(
     let gpu = GpuClock::open(&params.gpu)?;
     let strided = strided_pairs(info, params.pairs);
     let held = Images::read(capture, &strided, monitor)?;
+    let tone_curve = ToneCurve::of_capture(info, &|view, light| Ok(capture.read(view, light)?))?;
     let between = match reference {
         Some(reference) => {
             check_reference(info, reference.info())?;
@@ -87,6 +89,7 @@ pub fn trade(
         strided,
         reference: between,
         thinned: None,
+        tone_curve,
         points: Vec::new(),
         files: Vec::new(),
         monitor,
@@ -98,7 +101,8 @@ pub fn trade(
     let Grid { strided, mut points, files, reference, thinned, .. } = grid;
     mark_fronts(&mut points);
     let summary = summary(&points);
-    monitor.stage("measure", || measure_summary(capture, &files, &mut points, &summary, params, monitor))?;
+    monitor
+        .stage("measure", || measure_summary(capture, tone_curve, &files, &mut points, &summary, params, monitor))?;
     Ok(Trade {
         capture: info.name.clone(),
         size: [info.width, info.height],
@@ -187,6 +191,7 @@ fn summary(points: &[TradePoint]) -> Vec<usize> {
 /// Measures the points of the summary over all pairs; of points that decode alike only one is measured.
 fn measure_summary(
     capture: &Capture,
+    tone_curve: Option<ToneCurve>,
     files: &[Arc<Vec<u8>>],
     points: &mut [TradePoint],
     summary: &[usize],
@@ -209,7 +214,7 @@ fn measure_summary(
                 let decoder = decoder(&asset, &resident, &singles, &options, precision);
                 let measuring = MeasureParams { memory_bytes: params.fit.memory_bytes, ..MeasureParams::default() };
                 let read = |view, light| Ok(capture.read(view, light)?);
-                measure_decoder(capture.info(), &read, &asset, &decoder, &measuring, monitor)?.metrics()
+                measure_decoder(capture.info(), &read, tone_curve, &asset, &decoder, &measuring, monitor)?.metrics()
             }
         };
         points[i].all_pairs = Some(metrics);
@@ -224,8 +229,15 @@ mod tests {
     use crate::trade::point::Limit;
 
     fn point(bytes: usize, psnr_db: f64, cpu_ns: f64, interpolation: Rule, precision: Precision) -> TradePoint {
-        let metrics =
-            Metrics { psnr_db, psnr_linear_db: 0.0, rel_rmse: 0.0, worst_texel_rmse: 0.0, delta_e00_mean: None };
+        let metrics = Metrics {
+            psnr_db,
+            psnr_linear_db: 0.0,
+            rel_rmse: 0.0,
+            worst_texel_rmse: 0.0,
+            energy_ratio: 1.0,
+            delta_e00_mean: None,
+            tone_curve: None,
+        };
         TradePoint {
             lobes: 0,
             role: Role::Guide,
@@ -238,6 +250,7 @@ mod tests {
             interpolation,
             precision,
             bytes,
+            file_bytes: bytes,
             resident_bytes: 1,
             metrics,
             psnr_between_db: (interpolation == Rule::Exact).then_some(20.0),

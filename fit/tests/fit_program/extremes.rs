@@ -300,7 +300,8 @@ fn a_million_beside_a_millionth() {
 
     // The other curves end below that: better no asset than one that is wrong by a factor of eight.
     for (error, most) in [(ErrorMeasure::Linear, "65504"), (ErrorMeasure::Log, "162754")] {
-        let refused = fit(open(&folder), &FitParams { error, ..params(&folder) }).err().unwrap().to_string();
+        let refused =
+            fit(open(&folder), &FitParams { error: Some(error), ..params(&folder) }).err().unwrap().to_string();
         assert!(refused.contains(".exr") && refused.contains(most) && refused.contains("--error gamma"), "{refused}");
     }
     let refused = "refused: the file is named, with 65,504 and 162,754 as what fits";

@@ -57,19 +57,25 @@ pub fn ensure(target: &Path) -> Result<String, Failure> {
     Ok(format!("Mitsuba {version} was installed in {}", folder.display()))
 }
 
-/// Runs the self-check of the rival codecs with the Python that [`ensure`] found or made. Returns one line that says
-/// so.
-pub fn check_rivals(target: &Path) -> Result<String, Failure> {
-    let mut command = Command::new(interpreter(target));
-    command.args(["-m", "unittest", "test_rivals"]).current_dir(root().join("tests").join("peers"));
-    let (status, output) = run_and_read(&mut command)?;
-    match status.success() {
-        true => Ok("the rival codecs agree with themselves".to_string()),
-        false if output.contains("No module named 'numpy'") => {
-            Err(Failure::new(format!("the self-check of the rival codecs needs numpy: install it, {LEAVE_OUT}")))
+/// Runs the self-checks of the rival codecs and of the synthetic materials with the Python that [`ensure`] found or made.
+/// Returns one line that says so.
+pub fn check_peers(target: &Path) -> Result<String, Failure> {
+    let folder = root().join("tests").join("peers");
+    for (what, test, folder) in [
+        ("the rival codecs", "test_rivals", folder.clone()),
+        ("the synthetic materials", "test_materials", folder.join("materials")),
+    ] {
+        let mut command = Command::new(interpreter(target));
+        command.args(["-m", "unittest", test]).current_dir(folder);
+        let (status, output) = run_and_read(&mut command)?;
+        if !status.success() && output.contains("No module named 'numpy'") {
+            return Err(Failure::new(format!("the self-check of {what} needs numpy: install it, {LEAVE_OUT}")));
         }
-        false => Err(Failure::new("the self-check of the rival codecs failed: see tests/peers/test_rivals.py")),
+        if !status.success() {
+            return Err(Failure::new(format!("the self-check of {what} failed: see {test}.py in tests/peers")));
+        }
     }
+    Ok("the rival codecs and the synthetic materials agree with themselves".to_string())
 }
 
 /// Returns the Python that [`ensure`] found or made.

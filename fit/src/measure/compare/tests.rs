@@ -81,6 +81,7 @@ fn the_figures_are_those_of_the_plain_definitions() {
         let (linear, codes) = samples(&capture);
         let lab = LabConverter::new(info.transfer);
         let (mut code_error, mut error, mut square, mut peak) = (0.0, 0.0, 0.0, 0.0f64);
+        let (mut sum, mut decoded_sum) = (0.0, 0.0);
         let mut texel_error = vec![0.0; WIDTH * HEIGHT];
         let (mut colour, mut colours) = (0.0, 0);
         for pair in 0..20 {
@@ -96,6 +97,8 @@ fn the_figures_are_those_of_the_plain_definitions() {
                     texel_error[texel] += e;
                     error += e;
                     square += x * x;
+                    sum += x;
+                    decoded_sum += f64::from(decoded[c]);
                     peak = peak.max(x);
                 }
                 let original = [codes[pair][at], codes[pair][at + 1], codes[pair][at + 2]];
@@ -111,6 +114,7 @@ fn the_figures_are_those_of_the_plain_definitions() {
         assert!(near(metrics.psnr_db, 10.0 * (255.0 * 255.0 * count / code_error).log10()), "{metrics:?}");
         assert!(near(metrics.psnr_linear_db, 10.0 * (peak * peak * count / error).log10()), "{metrics:?}");
         assert!(near(metrics.rel_rmse, (error / square).sqrt()), "{metrics:?}");
+        assert!(near(metrics.energy_ratio, decoded_sum / sum) && metrics.energy_ratio < 0.99, "{metrics:?}");
         assert!(near(metrics.worst_texel_rmse, worst.sqrt()), "{metrics:?}");
         assert!(near(metrics.delta_e00_mean.unwrap(), colour / f64::from(colours)), "{metrics:?}");
         // Planted difference: the figures of fewer components are others.
