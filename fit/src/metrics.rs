@@ -4,7 +4,7 @@
 //! integers and the floating-point ones are added in a fixed order, so that a figure does not depend
 //! on the number of threads.
 
-use crate::measure::tone_curve::ToneCurve;
+use crate::input::tone_curve::ToneCurve;
 use crate::resume::stored::stored_structs;
 use serde::{Deserialize, Serialize};
 

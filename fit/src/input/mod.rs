@@ -7,3 +7,4 @@ pub(crate) mod pair_stride;
 pub(crate) mod residual_curve;
 pub(crate) mod texel_sample;
 pub(crate) mod tile_cache;
+pub(crate) mod tone_curve;

@@ -7,9 +7,9 @@
 use crate::error::FitError;
 use crate::input::layer_frame::{side_of_layer, sides_of_capture, turn_image, turn_map};
 use crate::input::pair_stride::stride_over_pairs;
+use crate::input::tone_curve::ToneCurve;
 use crate::measure::image_decoder::{ImageDecoder, Spot};
 use crate::measure::tile_errors::{Coding, PairWork, TileErrors, TiledImage};
-use crate::measure::tone_curve::ToneCurve;
 use crate::metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 use crate::monitor::Monitor;
 use crate::resume::stored::stored_structs;

@@ -7,4 +7,3 @@ pub(crate) mod image_decoder;
 pub(crate) mod texel_tiles;
 pub(crate) mod thinned_grid;
 pub(crate) mod tile_errors;
-pub(crate) mod tone_curve;

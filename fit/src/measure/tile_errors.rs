@@ -2,9 +2,9 @@
 //!
 //! A sum belongs to a texel or a tile and grows in the order of the pairs, so that no number depends on threads.
 
+use crate::input::tone_curve::ToneCurve;
 use crate::measure::image_decoder::{ImageDecoder, PairPlan};
 use crate::measure::texel_tiles::{BasisWeights, TILE_TEXELS, TexelTile, TileRgb};
-use crate::measure::tone_curve::ToneCurve;
 use crate::metrics::ErrorSums;
 use btf_capture::{CaptureInfo, Cosine, Encoder8, ImageFormat, LabConverter, Pixels, delta_e00};
 use pulp::{Arch, Simd, WithSimd};

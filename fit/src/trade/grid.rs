@@ -1,12 +1,12 @@
 //! Grid of a trade: its settings, and the measurement and timing of each of them.
 
 use crate::error::FitError;
+use crate::input::tone_curve::ToneCurve;
 use crate::inspect::load::{parallel, resident_in_parallel};
 use crate::inspect::lobe_use::LobeUse;
 use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_decoder};
 use crate::measure::image_decoder::ImageDecoder;
 use crate::measure::thinned_grid::{ThinnedGrid, thinned_grid};
-use crate::measure::tone_curve::ToneCurve;
 use crate::metrics::Metrics;
 use crate::monitor::Monitor;
 use crate::params::{FitParams, Role, ValidFitParams};

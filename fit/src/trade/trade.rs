@@ -4,9 +4,9 @@
 //! `fit` searches in); each step and each limit of components is then encoded, packed, read back, measured and timed.
 
 use crate::error::FitError;
+use crate::input::tone_curve::ToneCurve;
 use crate::inspect::load::resident_in_parallel;
 use crate::measure::compare::{MeasureParams, measure_decoder};
-use crate::measure::tone_curve::ToneCurve;
 use crate::monitor::Monitor;
 use crate::params::Role;
 use crate::trade::gpu_clock::GpuClock;
