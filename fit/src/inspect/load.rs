@@ -44,6 +44,10 @@ pub fn read_file(path: &Path) -> Result<Vec<u8>, FitError> {
         path: path.to_path_buf(),
         action: "reading the asset",
         source,
-        remedy: "check the path",
+        remedy: if path.is_dir() {
+            "give a file; a capture, which is a folder, is checked by btf-fit fit and btf-fit compare"
+        } else {
+            "check the path"
+        },
     })
 }

@@ -8,15 +8,14 @@ use btf_capture::Capture;
 /// Share of samples above white, and ratio of mean to logarithmic mean, from which on the relative error is minimised.
 ///
 /// In 200 kB a brushed metal has 51.3 dB and a relative RMSE of 0.0253 so, and with the error of gamma-encoded values 39.2
-/// dB and 0.0266; a bright stone, whose mean is less than three times the logarithmic one, 22.3 dB and 0.261, and 23.1 and 0.188
-/// (docs/results/results.md).
+/// dB and 0.0266; a bright stone, whose mean is less than three times the logarithmic one, 22.3 dB and 0.261, and 23.1 dB
+/// and 0.188 (docs/results/results.md).
 const LEAST_ABOVE_WHITE: f64 = 0.001;
 const LEAST_MEAN_OVER_LOG_MEAN: f64 = 3.0;
 
 /// Returns `params` with the error to minimise chosen from the captures, if they leave it open: relative where a capture
 /// holds values above white that the log curve can hold and spans orders of magnitude, else that of gamma-encoded
-/// values. Cost: a read of at most 64
-/// linear images of each capture.
+/// values. Cost: a read of at most 64 linear images of each capture.
 ///
 /// # Errors
 /// If an image cannot be read.

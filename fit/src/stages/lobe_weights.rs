@@ -143,6 +143,7 @@ impl FittedWeights {
             self.put(layer, &last);
         }
         layer.predict_lobes();
+        remove_unused_lobes(layer);
     }
 
     fn put(&self, layer: &mut Layer, choice: &WeightCodes) {
@@ -213,6 +214,26 @@ impl WeightCodes {
         }
         quantized
     }
+}
+
+/// Removes the lobes that no texel refers to, with their weights.
+fn remove_unused_lobes(layer: &mut Layer) {
+    let Some(mut weights) = layer.lobe_weights.take() else { return };
+    let first = first_lobes(&layer.dictionary);
+    let mut used = vec![false; layer.dictionary.iter().map(Vec::len).sum()];
+    let mut references = layer.lobe_refs.iter();
+    for (cluster, count) in layer.texel_clusters.iter().zip(&layer.texel_lobe_counts) {
+        for reference in references.by_ref().take(usize::from(*count)) {
+            used[first[usize::from(*cluster)] + usize::from(reference.lobe)] = true;
+        }
+    }
+    let rows = 3 * (1 + weights.units.len());
+    let kept = weights.codes.chunks_exact(rows).zip(&used).filter(|(_, used)| **used);
+    weights.codes = kept.flat_map(|(codes, _)| codes).copied().collect();
+    let mut used = used.into_iter();
+    layer.dictionary.iter_mut().for_each(|lobes| lobes.retain(|_| used.next().unwrap_or(true)));
+    layer.lobe_weights = Some(weights);
+    layer.predict_lobes();
 }
 
 /// Returns the root mean square of the first `count` coefficients over all texels.
@@ -501,6 +522,34 @@ mod tests {
         assert!(bent[0] > 1.5 * bent[1] && bent[1] > 1.5 * bent[2] && bent[2] > 0.0, "{bent:?}");
         let distance = |price: usize| channel.at(channel.fit().remove(price), 1.0).cost - bent[price];
         assert!(distance(0) < distance(1) && distance(1) < distance(2));
+    }
+
+    #[test]
+    fn lobes_of_no_texel_are_removed_and_the_others_stay_as_they_were() {
+        let mut layer = crate::sample_asset::sample_asset().layers.remove(0);
+        let lobes: usize = layer.dictionary.iter().map(Vec::len).sum();
+        // Every third lobe has no weight anywhere.
+        let code = |lobe: usize, i: usize| if lobe.is_multiple_of(3) { 0 } else { 20 + 5 * (i % 2) as i16 };
+        let codes = (0..lobes).flat_map(|lobe| (0..6).map(move |i| code(lobe, i))).collect();
+        layer.lobe_weights = Some(LobeWeights { step: STEP, units: vec![50.0], codes, nodes: Vec::new() });
+        layer.predict_lobes();
+        let seen = |layer: &Layer| -> Vec<(f32, [u8; 3])> {
+            let mut references = layer.lobe_refs.iter();
+            let texels = layer.texel_clusters.iter().zip(&layer.texel_lobe_counts);
+            let of_texel = texels.flat_map(|(cluster, count)| {
+                let dictionary = &layer.dictionary[usize::from(*cluster)];
+                let own: Vec<_> = references.by_ref().take(usize::from(*count)).collect();
+                own.into_iter()
+                    .map(|own| (dictionary[usize::from(own.lobe)].weight_scale, own.weight))
+                    .collect::<Vec<_>>()
+            });
+            of_texel.collect()
+        };
+        let before = seen(&layer);
+        remove_unused_lobes(&mut layer);
+        assert_eq!(layer.dictionary.iter().map(Vec::len).sum::<usize>(), lobes - lobes.div_ceil(3));
+        assert_eq!(seen(&layer), before);
+        assert_eq!(layer.lobe_weights.unwrap().codes.len(), 6 * (lobes - lobes.div_ceil(3)));
     }
 
     #[test]
