@@ -13,6 +13,7 @@ pub mod landscape_costs;
 pub mod leaf_fits;
 pub mod leaf_live;
 pub mod leaf_trade;
+pub mod lobe_worth;
 pub mod volume_costs;
 
 pub use fixtures::{

@@ -1,7 +1,8 @@
 //! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
 
 use btf_tests::{
-    abm_trade, bent_skins, dolly, fit_floor, landscape_costs, leaf_fits, leaf_live, leaf_trade, volume_costs,
+    abm_trade, bent_skins, dolly, fit_floor, landscape_costs, leaf_fits, leaf_live, leaf_trade, lobe_worth,
+    volume_costs,
 };
 use std::error::Error;
 use std::process::ExitCode;
@@ -9,7 +10,7 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 9] = [
+const STUDIES: [(&str, &str, Study); 10] = [
     ("abm_trade", "", abm_trade::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
     ("dolly", "MODEL FILE.voltex [PATHS]", dolly::run),
@@ -18,6 +19,7 @@ const STUDIES: [(&str, &str, Study); 9] = [
     ("leaf_fits", "", leaf_fits::run),
     ("leaf_live", "", leaf_live::run),
     ("leaf_trade", "", leaf_trade::run),
+    ("lobe_worth", "ASSET.spmm...", lobe_worth::run),
     ("volume_costs", "[WIDTH]", volume_costs::run),
 ];
 
