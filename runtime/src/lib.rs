@@ -37,7 +37,7 @@ pub mod voltex;
 mod wgsl;
 
 pub use asset::asset::{Asset, Layer, Level, LevelTexels, LobeRole, SurfaceSide};
-pub use asset::dictionary::{DictionaryLobe, LobeRef};
+pub use asset::dictionary::{DictionaryLobe, LobeRef, mark_used_lobes};
 pub use asset::edit::{EDIT_WORDS, Edit, Edits, MAX_EDIT_WORDS, MAX_EDITS};
 pub use asset::heights::Heights;
 pub use asset::limits::{

@@ -9,7 +9,9 @@ use rayon::prelude::*;
 /// Images that are looked at.
 const IMAGES: usize = 64;
 /// Smallest value that the logarithmic mean takes in, relative to the mean.
-const LEAST: f64 = 1e-3;
+const MIN_IN_LOG_MEAN: f64 = 1e-3;
+/// Share of the samples above white up to which 8-bit values show a capture.
+const MAX_ABOVE_WHITE: f64 = 0.001;
 
 /// Brightness of the linear samples of a capture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +27,11 @@ pub struct Brightness {
 }
 
 impl Brightness {
+    /// Returns whether more samples than one in a thousand are above white.
+    pub fn is_above_white(&self) -> bool {
+        self.above_white > MAX_ABOVE_WHITE
+    }
+
     /// Returns the brightness of a capture's linear images, from at most 64 of them, which show all views and lights
     /// alike; `None` for 8-bit images and where all is black.
     ///
@@ -54,7 +61,7 @@ impl Brightness {
         if mean <= 0.0 {
             return None;
         }
-        let logs = samples.iter().map(|x| f64::from(*x).max(LEAST * mean).ln()).sum::<f64>();
+        let logs = samples.iter().map(|x| f64::from(*x).max(MIN_IN_LOG_MEAN * mean).ln()).sum::<f64>();
         Some(Brightness {
             above_white: samples.iter().filter(|x| **x > white).count() as f64 / count,
             mean,
@@ -72,6 +79,7 @@ mod tests {
     fn brightness_is_that_of_the_samples() {
         let found = Brightness::of_samples(&[0.0, 1.0, 4.0, 3.0], 2.0).unwrap();
         assert_eq!((found.above_white, found.mean, found.largest), (0.5, 2.0, 4.0));
+        assert!(found.is_above_white());
         assert!((found.log_mean - (0.002f64 * 12.0).powf(0.25)).abs() < 1e-6, "{found:?}");
         assert_eq!(Brightness::of_samples(&[0.0, -0.1], 1.0), None);
     }

@@ -9,9 +9,8 @@ use serde::{Deserialize, Serialize};
 
 /// Display value of the logarithmic mean of a capture.
 const KEY: f64 = 0.18;
-/// A tone curve is asked for by a larger share of samples above white, and by a largest sample below this share of white.
-const MOST_ABOVE_WHITE: f64 = 0.001;
-const LEAST_LARGEST: f32 = 0.05;
+/// A largest sample below this share of white asks for a tone curve, too.
+const MIN_LARGEST: f32 = 0.05;
 
 /// Reinhard's global tone curve [reinhard2002, eq. 4], channel by channel: `L (1 + L / W^2) / (1 + L)` with
 /// `L = exposure x` and `W = exposure white`.
@@ -39,7 +38,7 @@ impl ToneCurve {
         read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
     ) -> Result<Option<ToneCurve>, FitError> {
         let Some(brightness) = Brightness::of_capture(info, read)? else { return Ok(None) };
-        let shown = brightness.above_white <= MOST_ABOVE_WHITE && brightness.largest >= LEAST_LARGEST * info.scale;
+        let shown = !brightness.is_above_white() && brightness.largest >= MIN_LARGEST * info.scale;
         Ok((!shown).then_some(ToneCurve { exposure: (KEY / brightness.log_mean) as f32, white: brightness.largest }))
     }
 

@@ -5,13 +5,12 @@ use crate::input::brightness::Brightness;
 use crate::params::{ErrorMeasure, ValidFitParams};
 use btf_capture::Capture;
 
-/// Share of samples above white, and ratio of mean to logarithmic mean, from which on the relative error is minimised.
+/// Ratio of mean to logarithmic mean from which on the relative error is minimised, where samples are above white.
 ///
 /// In 200 kB a brushed metal has 51.3 dB and a relative RMSE of 0.0253 so, and with the error of gamma-encoded values 39.2
 /// dB and 0.0266; a bright stone, whose mean is less than three times the logarithmic one, 22.3 dB and 0.261, and 23.1 dB
 /// and 0.188 (docs/results/results.md).
-const LEAST_ABOVE_WHITE: f64 = 0.001;
-const LEAST_MEAN_OVER_LOG_MEAN: f64 = 3.0;
+const MIN_MEAN_OVER_LOG_MEAN: f64 = 3.0;
 
 /// Returns `params` with the error to minimise chosen from the captures, if they leave it open: relative where a capture
 /// holds values above white that the log curve can hold and spans orders of magnitude, else that of gamma-encoded
@@ -34,8 +33,8 @@ pub fn with_chosen_error(captures: &[Capture], params: &ValidFitParams) -> Resul
 }
 
 fn spans_much(brightness: &Brightness) -> bool {
-    brightness.above_white > LEAST_ABOVE_WHITE
-        && brightness.mean > LEAST_MEAN_OVER_LOG_MEAN * brightness.log_mean
+    brightness.is_above_white()
+        && brightness.mean > MIN_MEAN_OVER_LOG_MEAN * brightness.log_mean
         // Images that were not looked at may be brighter.
         && brightness.largest < 0.25 * ErrorMeasure::Log.most()
 }

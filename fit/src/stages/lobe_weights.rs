@@ -11,7 +11,7 @@ use crate::stages::residual_source::ResidualSource;
 use crate::stages::sparse::{ClusterLobes, Selection};
 use btf_runtime::{
     DictionaryLobe, Layer, Lobe, LobeFamily, LobeWeights, ResidualKind, Sphere, first_lobes, lobe_sum_at_pairs,
-    lobe_tables,
+    lobe_tables, mark_used_lobes,
 };
 use half::f16;
 use nalgebra::{DMatrix, DVector};
@@ -218,21 +218,15 @@ impl WeightCodes {
 
 /// Removes the lobes that no texel refers to, with their weights.
 fn remove_unused_lobes(layer: &mut Layer) {
-    let Some(mut weights) = layer.lobe_weights.take() else { return };
-    let first = first_lobes(&layer.dictionary);
-    let mut used = vec![false; layer.dictionary.iter().map(Vec::len).sum()];
-    let mut references = layer.lobe_refs.iter();
-    for (cluster, count) in layer.texel_clusters.iter().zip(&layer.texel_lobe_counts) {
-        for reference in references.by_ref().take(usize::from(*count)) {
-            used[first[usize::from(*cluster)] + usize::from(reference.lobe)] = true;
-        }
-    }
+    let mut used: Vec<Vec<bool>> = layer.dictionary.iter().map(|lobes| vec![false; lobes.len()]).collect();
+    mark_used_lobes(&mut used, &layer.texel_clusters, &layer.texel_lobe_counts, &layer.lobe_refs);
+    let used = used.concat();
+    let Some(weights) = layer.lobe_weights.as_mut().filter(|_| used.contains(&false)) else { return };
     let rows = 3 * (1 + weights.units.len());
     let kept = weights.codes.chunks_exact(rows).zip(&used).filter(|(_, used)| **used);
     weights.codes = kept.flat_map(|(codes, _)| codes).copied().collect();
     let mut used = used.into_iter();
     layer.dictionary.iter_mut().for_each(|lobes| lobes.retain(|_| used.next().unwrap_or(true)));
-    layer.lobe_weights = Some(weights);
     layer.predict_lobes();
 }
 

@@ -28,3 +28,14 @@ pub(crate) fn refs_exist(clusters: &[u8], counts: &[u8], refs: &[LobeRef], dicti
         refs.by_ref().take(usize::from(*count)).all(|reference| usize::from(reference.lobe) < lobes)
     })
 }
+
+/// Marks the lobes that texels refer to in `used`, `[cluster][lobe]`. The texels have the clusters `clusters`, as many
+/// references as `counts` says, and the references `refs`, one texel after the other.
+pub fn mark_used_lobes(used: &mut [Vec<bool>], clusters: &[u8], counts: &[u8], refs: &[LobeRef]) {
+    let mut refs = refs.iter();
+    for (cluster, count) in clusters.iter().zip(counts) {
+        for reference in refs.by_ref().take(usize::from(*count)) {
+            used[usize::from(*cluster)][usize::from(reference.lobe)] = true;
+        }
+    }
+}

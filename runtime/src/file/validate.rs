@@ -2,6 +2,7 @@
 //! asset.
 
 use crate::asset::asset::{Asset, Layer, SurfaceSide};
+use crate::asset::dictionary::mark_used_lobes;
 use crate::container::directory::{Directory, SectionEntry, examine_directory_of};
 use crate::container::fault::Faults;
 use crate::container::file_format::FileFormat;
@@ -195,13 +196,8 @@ fn about_layer(asset: &Asset, number: usize, layer: &Layer, told: &mut Report) {
     let of_levels = coarser.map(|texels| (&texels.clusters, &texels.lobe_counts, &texels.lobe_refs));
     let finest = (&layer.texel_clusters, &layer.texel_lobe_counts, &layer.lobe_refs);
     for (clusters, counts, refs) in std::iter::once(finest).chain(of_levels) {
-        let mut refs = refs.iter();
-        for (cluster, count) in clusters.iter().zip(counts) {
-            used_clusters[usize::from(*cluster)] = true;
-            for reference in refs.by_ref().take(usize::from(*count)) {
-                used_lobes[usize::from(*cluster)][usize::from(reference.lobe)] = true;
-            }
-        }
+        clusters.iter().for_each(|cluster| used_clusters[usize::from(*cluster)] = true);
+        mark_used_lobes(&mut used_lobes, clusters, counts, refs);
     }
     let unused = |used: &[bool]| used.iter().filter(|used| !**used).count();
     told.count_of_layer(rule::CLUSTER_UNUSED, number, [unused(&used_clusters), used_clusters.len()]);
